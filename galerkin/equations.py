@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -30,9 +31,9 @@ from galerkin.bases import Basis
 from galerkin.bases.fourier import Fourier
 from galerkin.bases.kink import Array, Carried, Moving
 from galerkin.bases.riding import RidingSines
-from galerkin.equilibrium import Equilibrium
+from galerkin.equilibrium import Equilibrium, slopes_by
 from galerkin.models import FullCable, cable_model
-from galerkin.observe import Measures, direction, history, observe
+from galerkin.observe import Measures, direction, observe
 
 LOADS = ("mass", "force")
 
@@ -74,7 +75,8 @@ class GalerkinSystem(System):
     """
 
     strides = True
-    measures = Measures
+    measures: type[Measures] = Measures
+    by_force = False  # whether r' at the mass is shown by the tension from equilibrium
 
     def __init__(
         self, groups: Groups, basis: Basis | RidingSines, *, kink: bool = False, model: str = "full",
@@ -139,7 +141,9 @@ class GalerkinSystem(System):
 
     def sides(self, pointwise: Array, forces: Equilibrium, s_o: Array) -> Array:
         """r' behind and ahead of the mass, (2, n, 2)."""
-        return pointwise
+        T = self.groups.static(s_o)[0]
+        both = np.array([forces.behind, forces.ahead])
+        return slopes_by(both, pointwise, T, self.groups.alpha) if self.by_force else pointwise
 
     def in_time(self, states: States) -> States:
         return states
@@ -169,13 +173,11 @@ class GalerkinSystem(System):
         self.least_tension = self.cable.least(self.basis, x.place, pull)
         return self._residual(x, q, v, a, force)
 
-    def linearise(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
-    ) -> tuple[Array, Solve]:
+    def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
         x = self.instant(t, phase)
         force, pull, K = self.cable.linearise(x.place, self._fields(q))
         self.least_tension = self.cable.least(self.basis, x.place, pull)
-        return self._residual(x, q, v, a, force), factorised(self._tangent(x, K, c0, c1, c2))
+        return self._residual(x, q, v, a, force), factorised(self._tangent(x, K, *c))
 
     def _fields(self, y: Array) -> Array:
         return y[: self.n_modal].reshape(self.fields, self.n)
@@ -209,16 +211,31 @@ class GalerkinSystem(System):
         return np.block([[K, (c2 * self.mu) * to_mass.T], [-c0 * to_mass, c0 * np.eye(self.fields)]])
 
     @property
-    def _compiled(self) -> bool:
-        full = isinstance(self.cable, FullCable) and not self.path_form
-        return full and self.kink and isinstance(self.basis.basis, Fourier)
+    def waves(self) -> bool:
+        """Whether `lines` has the full cable over sines, with or without a hat."""
+        return isinstance(self.cable, FullCable) and isinstance(self.basis.basis, Fourier)
+
+    def lines(self, s_o: Array) -> Iterator[tuple[slice, kernels.Line]]:
+        """Runs of consecutive places s_o (m,) with equal points, and the cable there."""
+        for same, behind, ahead in self.sines.alike(s_o):
+            yield same, self._line(behind, ahead)
+
+    def _line(self, behind: Array, ahead: Array) -> kernels.Line:
+        assert isinstance(self.cable, FullCable)
+        kink = self.basis if self.kink else Moving(self.sines, kink=True)
+        return self.cable.line(kink, behind, ahead, self.inertia)
+
+    @property
+    def sines(self) -> Fourier:
+        assert isinstance(self.basis.basis, Fourier)
+        return self.basis.basis
 
     def settle(
         self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
     ) -> Settled:
-        if not self._compiled:
+        if not (self.waves and self.kink):
             return super().settle(t, phase, start, now, rule, bound, newton)
-        _, ends, told = self._stride(np.array([t]), phase, start, rule[None], bound, newton)
+        _, ends, told = self._step(np.array([t]), phase, start, rule[None], limits(bound, newton))
         now[:] = ends[0]
         return Settled(*told[0].tolist()[:4])
 
@@ -226,38 +243,27 @@ class GalerkinSystem(System):
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[Array, Array]:
         """For unchanged points and a taut cable."""
-        if not self._compiled:
+        if not (self.waves and self.kink):
             return NO_STEPS
-        taken, ends, told = self._stride(t, phase, start, rules, bound, newton)
+        taken, ends, told = self._stride(t, phase, start, rules, limits(bound, newton))
         return ends[:taken], told[:taken]
 
-    def _stride(
-        self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
+    def _step(
+        self, t: Array, phase: int, start: Array, rules: Array, bounds: tuple[float, ...]
     ) -> tuple[int, Array, Array]:
         places = self.motion.along(t, phase).T
-        same, line = self._lines(places[:, 0])
-        done = kernels.stride(line, np.ascontiguousarray(places[:same]), start, rules[:same], limits(bound, newton))
-        return self._told(*done)
+        same, line = next(self.lines(places[:, 0]))
+        return self._told(
+            *kernels.stride(None, None, line, np.ascontiguousarray(places[same]), start, rules[same], bounds)
+        )
 
-    def _lines(self, places: Array) -> tuple[int, kernels.Line]:
-        """How many of the first places share points, and these."""
-        alike, *points = next(self.sines.alike(places))
-        return alike.stop, self._line(*points)
+    _stride = _step
 
     def _told(self, taken: int, ends: Array, told: Array) -> tuple[int, Array, Array]:
         """Note the least tension of the last of these steps."""
         lowest, where = told[max(taken - 1, 0), 4:].tolist()
         self.least_tension = lowest, where
         return taken, ends, told
-
-    @property
-    def sines(self) -> Fourier:
-        assert isinstance(self.basis.basis, Fourier)
-        return self.basis.basis
-
-    def _line(self, behind: Array, ahead: Array) -> kernels.Line:
-        assert isinstance(self.cable, FullCable)
-        return self.cable.line(self.basis, behind, ahead, self.inertia)
 
     def start(self, phase: int, state: State | None) -> State:
         """Entry: the limit t -> 0+.  Later q and v go on; a jumps with dds_o."""
@@ -287,36 +293,41 @@ class GalerkinSystem(System):
         return other
 
     def _entry(self) -> State:
+        """The limit t -> 0+: q_hat = d s_o, d the slope of the cable behind the mass.
+
+        With what `_entrained` returns the row of the hat is
+            (mu + m) a_hat + (c_d m - ds_o b) ds_o d + [N t - T t_static](d) + mu (X.. - sigma j) = 0.
+        A mass that enters with speed falls freely, d = 0: there is no time to stretch the short piece behind.
+        """
         t = self.phases[0][0]
         s_o, ds_o, dds_o = self.motion.at(t, 0)
         q, v, a = np.zeros((3, self.n_dof))
         if not self.kink:
             return State(t, q, v, a, 0)
-        # Near the support q_hat = d s_o, d = slope of the cable behind the mass.  Rows of phi in the limit:
-        #   M0 v_phi + I v_hat = 0,  M0 a_phi + I a_hat + 2 I' ds_o v_hat = 0;  row of the hat:
-        #   m a_hat - c d + c_d (m - mu) v_hat + [N t - T t_static](d) + mu (X.. - sigma j) = 0.
-        value, first, _ = (y[0] for y in self.basis.overlap(np.array([0.0])))
-        M0 = self.basis.basis.mass()
-        rest, drag = np.linalg.solve(M0, np.stack([value, first], axis=1)).T
-        m = self.inertia + 1.0 / 3.0 - value @ rest
-        load = self.mu * self._load(s_o, ds_o, dds_o)
+        shape, drag, m, b = self._entrained()
+        m, load = self.inertia + m, self.mu * self._load(s_o, ds_o, dds_o)
         if self.inertia and ds_o > 0.0:
-            # falls freely: no time to stretch the short piece behind
-            d, a_hat = np.zeros(self.fields), -load / m
+            pulled, X = m * np.eye(self.fields), self.cable.static_slope(0.0)[0]
+            if self.groups.internal_damping:  # N_v t (t . d.) pulls, d. = a_hat/(2 ds_o)
+                pulled += self.cable.alpha * self.groups.internal_damping / (2.0 * ds_o) * np.multiply.outer(X, X)
+            v_hat, a_hat = np.zeros(self.fields), -np.linalg.solve(pulled, load)
         else:
-            # a force, or a start from rest, strains the piece behind at once
-            c = ds_o**2 * (1.0 / 3.0 + 2.0 * value @ drag)
-            lost = self.damping * ds_o * (1.0 / 3.0 - value @ rest)
-            d = self._slope_behind(m * dds_o - c + lost, load)
-            a_hat = d * dds_o
-        v_hat, whole = d * ds_o, np.append(-rest, 1.0)
-        v[: self.n_modal] = np.multiply.outer(v_hat, whole).ravel()
-        a[: self.n_modal] = (
-            np.multiply.outer(a_hat, whole) - np.multiply.outer(2.0 * ds_o * v_hat, np.append(drag, 0.0))
-        ).ravel()
+            d = self._slope_behind(m * dds_o + (self.damping * (m - self.inertia) - ds_o * b) * ds_o, load)
+            v_hat, a_hat = d * ds_o, d * dds_o
+        v[: self.n_modal] = np.multiply.outer(v_hat, shape).ravel()
+        a[: self.n_modal] = (np.multiply.outer(a_hat, shape) - np.multiply.outer(2.0 * ds_o * v_hat, drag)).ravel()
         if self.path_form:
             a[self.n_modal :] = a_hat
         return State(t, q, v, a, 0)
+
+    def _entrained(self) -> tuple[Array, Array, float, float]:
+        """The cable that moves with the mass at the left support: a = a_hat shape - 2 ds_o v_hat drag, m and b.
+
+        Rows of phi in the limit: M0 v_phi + I v_hat = 0,  M0 a_phi + I a_hat + 2 I' ds_o v_hat = 0.
+        """
+        value, first, _ = (y[0] for y in self.basis.overlap(np.array([0.0])))
+        rest, drag = np.linalg.solve(self.basis.basis.mass(), np.stack([value, first], axis=1)).T
+        return np.append(-rest, 1.0), np.append(drag, 0.0), 1.0 / 3.0 - value @ rest, 1.0 / 3.0 + 2.0 * value @ drag
 
     def _slope_behind(self, m: float, load: Array) -> Array:
         """Solve m d + [N t - T t_static](X' + d) + load = 0 at the left support by full Newton steps.
@@ -333,8 +344,8 @@ class GalerkinSystem(System):
         raise StepFailure(0.0, "no equilibrium of the start from rest was found", "let the mass start more gently")
 
     def path(self, states: States) -> tuple[Array, Array]:
-        x = history(self, states)
-        return x.s_o, self.measures.displaced(self, states, x) @ direction(self)
+        x = self.measures(self, states)
+        return x.s_o, x.displaced() @ direction(self)
 
     def observe(self, states: States, s: Array, frames: Array) -> Observation:
         return observe(self, states, s, frames)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from galerkin import kernels
-from galerkin.bases.fourier import Fourier
 from galerkin.bases.kink import Array, Moving
 from galerkin.models import FullCable
 
@@ -17,8 +16,7 @@ BLOCK = 1000  # states per batch
 STATIONS = 60  # for the least tension
 
 if TYPE_CHECKING:
-    from galerkin.equations import GalerkinSystem
-    from galerkin.observe import History
+    from galerkin.observe import Measures
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,61 +34,60 @@ class Equilibrium:
     lost: Any = 0.0  # (n,) power of internal damping along the cable
 
 
-def recover(system: GalerkinSystem, x: History, s: Array, frames: Array) -> Equilibrium:
+def recover(x: Measures, s: Array, frames: Array) -> Equilibrium:
     """Solve the balances of both pieces at every instant, and along the cable at the frames."""
-    cable, basis = system.cable, system.basis.basis
+    cable, basis, damping = x.system.cable, x.system.basis.basis, x.system.damping
     assert isinstance(cable, FullCable)
-    internal, strain = _sums(system, x)
-    s_o, rest = x.s_o[:, None], 1.0 - x.s_o[:, None]
-    first, second, ends = basis.phi(x.s_o, -1), basis.phi(x.s_o, -2), basis.phi(np.array([0.0, 1.0]), -2)
-    ray_behind, ray_ahead = (twice + system.damping * once for twice, once in zip(x.rays(2), x.rays(1), strict=True))
-    x = replace(x, A=x.A + system.damping * x.V)  # w.. + c_d w. from here on
-    moment_behind = combined(x.A, s_o * first - second + ends[0]) + ray_behind * s_o**3 / 3.0
-    moment_ahead = combined(x.A, ends[1] - second - rest * first) + ray_ahead * rest**3 / 3.0
-    behind = (internal[:, :, 0] + moment_behind) / s_o
-    ahead = (internal[:, :, 1] - moment_ahead) / rest
-    here = combined(x.A, first)
+    internal, strain, _ = sums(x)
+    s_o, rest, A = x.inside[:, None], 1.0 - x.inside[:, None], (x.a + damping * x.v)[..., :-1]  # w.. + c_d w.
+    first, second, ends = basis.phi(x.inside, -1), basis.phi(x.inside, -2), basis.phi(np.array([0.0, 1.0]), -2)
+    ray_behind, ray_ahead = (twice + damping * once for twice, once in zip(x.rays(2), x.rays(1), strict=True))
+    moment_behind = combined(A, s_o * first - second + ends[0]) + ray_behind * s_o**3 / 3.0
+    moment_ahead = combined(A, ends[1] - second - rest * first) + ray_ahead * rest**3 / 3.0
+    behind = (internal[:, 0] + moment_behind) / s_o
+    ahead = (internal[:, 1] - moment_ahead) / rest
+    here = combined(A, first)
 
     def along(k: Array, s: Array) -> Array:
-        standing = np.einsum("kfm,sm->ksf", x.A[k], basis.phi(s, -1), optimize=True) - here[k, None]
+        standing = np.einsum("kfm,sm->ksf", A[k], basis.phi(s, -1), optimize=True) - here[k, None]
         before = behind[k, None] - 0.5 * (s_o[k] ** 2 - s**2)[..., None] * ray_behind[k, None]
         after = ahead[k, None] + 0.5 * (rest[k] ** 2 - (1.0 - s) ** 2)[..., None] * ray_ahead[k, None]
         return standing + np.where((s <= s_o[k])[..., None], before, after) + static(cable, s)
 
-    least, where = least_along(cable, x, along, s)
+    least, where = least_along(cable, x.s_o.size, along, s)
     left, right = along(np.arange(x.s_o.size), np.array([0.0, 1.0])).swapaxes(0, 1)
-    at_mass = static(cable, x.s_o)
+    at_mass = static(cable, x.inside)
     return Equilibrium(behind + at_mass, ahead + at_mass, left, right, along(frames, s), strain, least, where)
 
 
-def least_along(cable: FullCable, x: History, along: Callable[[Array, Array], Array], s: Array) -> tuple[Array, Array]:
+def least_along(cable: FullCable, n: int, along: Callable[[Array, Array], Array], s: Array) -> tuple[Array, Array]:
     """Least tension of every instant and its s, (n,); along(k, s): N t at instants k and places s."""
-    least, where = np.empty(x.s_o.size), np.empty(x.s_o.size, int)
+    least, where = np.empty(n), np.empty(n, int)
     stations = np.concatenate([[0.0], s[:: 1 + s.size // STATIONS], [1.0]])
-    for k in np.array_split(np.arange(x.s_o.size), 1 + x.s_o.size // BLOCK):
+    for k in np.array_split(np.arange(n), 1 + n // BLOCK):
         T = tension(along(k, stations), static(cable, stations))
         where[k] = T.argmin(axis=1)
         least[k] = T.min(axis=1)
     return least, stations[where]
 
 
-def _sums(system: GalerkinSystem, x: History) -> tuple[Array, Array]:
-    """int (N t - T t_static) ds by fields and sides, (n, 2, 2); int W ds, (n,)."""
-    Q = np.concatenate([x.Q, x.q_hat[:, :, None]], axis=2)
-    internal, strain = np.empty((x.s_o.size, 2, 2)), np.empty(x.s_o.size)
-    kink = system.basis if system.kink else Moving(system.basis.basis, kink=True)
-    cable = system.cable
+def sums(x: Measures) -> tuple[Array, Array, Array]:
+    """int (N t - T t_static) ds by sides and fields, (n, 2, 2); int W ds and power of internal damping, (n,)."""
+    system, Q, V = x.system, x.q, x.v
+    internal, strain, lost = np.empty((x.s_o.size, 2, 2)), np.empty(x.s_o.size), np.zeros(x.s_o.size)
+    if system.waves:
+        places = np.stack([x.inside, x.ds_o, x.dds_o], axis=1)
+        for k, line in system.lines(x.inside):
+            kernels.surveyed(line, places[k], Q[k], V[k], internal[k], strain[k], lost[k])
+        return internal, strain, lost
+    cable, kink = system.cable, system.basis if system.kink else Moving(system.basis.basis, kink=True)
     assert isinstance(cable, FullCable)
-    if isinstance(kink.basis, Fourier):
-        for k, behind, ahead in kink.basis.alike(x.s_o):
-            kernels.surveyed(cable.line(kink, behind, ahead, 0.0), x.s_o[k], Q[k], internal[k], strain[k])
-    else:
-        for i, place in enumerate(x.s_o.tolist()):
-            points = cable.at(kink, place)
-            W = kernels.stress(points.T, points.r_static, Q[i] @ points.phi, cable.alpha, cable.law)[1]
-            internal[i] = cable.sides(points, Q[i]).T
-            strain[i] = points.weights @ W
-    return internal, strain
+    for i, place in enumerate(x.inside.tolist()):
+        points = cable.at(kink, place)
+        W = kernels.stress(points.T, points.r_static, Q[i] @ points.phi, cable.alpha, cable.law)[1]
+        internal[i] = cable.sides(points, Q[i])
+        strain[i] = points.weights @ W
+    return internal, strain, lost
 
 
 def static(cable: FullCable, s: Array) -> Array:

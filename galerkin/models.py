@@ -45,16 +45,20 @@ class FullCable:
         return self._last
 
     def line(self, kink: Moving, behind: Array, ahead: Array, inertia: float) -> kernels.Line:
-        g, sines = self.groups, kink.basis
+        sines = kink.basis
         assert isinstance(sines, Fourier)
-        constants = kernels.Cable(inertia, g.mu, self.alpha, self.law, g.sigma, g.c, g.damping)
-        return kernels.Line(constants, behind, ahead, kink.at_rest, kink.left, kink.chord, sines.grading)
+        rest = kink.at_rest, kink.left, kink.chord, sines.grading
+        return kernels.Line(self._constants(inertia), behind, ahead, *rest)
 
     def riding(self, of: Tables, inertia: float) -> kernels.Line:
-        g, n = self.groups, 2 * len(of.mass) - 1
-        constants = kernels.Cable(inertia, g.mu, self.alpha, self.law, g.sigma, g.c, g.damping)
+        n = 2 * len(of.mass) - 1
         rule, none = np.array([of.xi, of.weights]), np.zeros(n - 1)
-        return kernels.Line(constants, rule, rule, np.zeros((n, n)), none, none, 0.0, of, g.internal_damping or None)
+        rest = rule, rule, np.zeros((n, n)), none, none, 0.0, of, self.groups.internal_damping
+        return kernels.Line(self._constants(inertia), *rest)
+
+    def _constants(self, inertia: float) -> kernels.Cable:
+        g = self.groups
+        return kernels.Cable(inertia, g.mu, self.alpha, self.law, g.sigma, g.c, g.damping)
 
     def _stress(self, place: kernels.Points, Q: Array) -> Array:
         """Rows of `kernels.stress`, weighted but for the last, (8, n_q)."""
@@ -137,6 +141,11 @@ class ChordCable:
         _, h, g = self._increment(place, Q)
         J = (self.tau + self.kap * h) * place[0] + np.multiply.outer(self.alpha * self.lam * g, g)
         return *self.force(place, Q), J
+
+    def energy(self, place: tuple[Array, Array], Q: Array) -> tuple[float, float]:
+        """Strain energy and h."""
+        Sq, h, _ = self._increment(place, Q)
+        return 0.5 * self.tau * (Q[0] @ Sq) + 0.5 * h**2 / self.alpha, h
 
     def least(self, basis: Any, place: Any, h: Any) -> tuple[float, float]:
         return self.at_rest + h, self.least_at

@@ -10,11 +10,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from cablefem.newmark import NO_STEPS, Newton, Settled, Solve, State
+from cablefem.newmark import NO_STEPS, Solve, State
 from cablefem.newmark.equilibrium import APART, equilibrium
 from cablefem.response import States
 from cablefem.scene import Groups
@@ -23,10 +22,8 @@ from cablefem.stickslip import Look, RollingCar
 from galerkin import kernels
 from galerkin.bases import Basis, Fourier
 from galerkin.bases.kink import Array
-from galerkin.equations import Drives, GalerkinSystem, Instant, factorised, limits
-from galerkin.equilibrium import Equilibrium, slopes_by
+from galerkin.equations import Drives, GalerkinSystem, factorised
 from galerkin.kernels import Car
-from galerkin.models import FullCable
 
 WINDOW = 0.3  # of an axial round trip: for the mean acceleration of friction
 
@@ -40,7 +37,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
     ValueError unless the basis is sines with a hat, the model full and the load a mass.
     """
 
-    hears_itself = True
+    hears_itself = by_force = True
 
     def __init__(
         self, groups: Groups, basis: Basis, *, kink: bool = True, model: str = "full", load: str = "mass",
@@ -55,11 +52,9 @@ class RollingSystem(RollingCar, GalerkinSystem):
         self.board(groups)
         super().__init__(groups, basis, kink=kink, law=law)
         self.n_dof += 1
-        self._seen: tuple[State, Car] | None = None
         # rows t, p.; t, mean p.. and its rate
         self._past, self._smooth = np.empty((0, 3)), [0.0] * 5
         self._window = WINDOW * self.round_trip
-        self._parts: tuple[Any, Array, Array] | None = None  # state, residual and tangents of `_seen_at`
 
     def _phases(self) -> tuple[tuple[float, float], ...]:
         return self.drive.phases if self.free else super()._phases()
@@ -91,27 +86,17 @@ class RollingSystem(RollingCar, GalerkinSystem):
     def _thrust(self, t: float, phase: int, a: Array) -> float:
         return float(self.drive.thrust(t, phase)) if self.free else float(a[-1])
 
-    def car(self, x: State) -> Car:
-        """By the tension from equilibrium."""
-        ride, line = self._ride(*x)
-        rows, r, parts = np.array(x[1:4]), np.empty(self.n_dof), np.empty((0, self.n_dof, self.n_dof))
-        return kernels.look(ride, line, rows, r, parts)[0].car
+    def car(self, x: State, on: kernels.Rolling | None = None) -> Car:
+        """By the tension from equilibrium; with `on` it is held, and nothing else acts."""
+        ride, line, place = self._ride(*x)
+        ride = ride if on is None else kernels.Ride(kernels.STUCK, on, 0.0)
+        none = np.empty((0, 1, self.n_dof, self.n_dof))
+        return kernels.look(ride, line, place, np.array(x[1:4]), np.empty(self.n_dof), none)[0]
 
     def _car_at(self, x: State) -> Car:
         """By slopes of the basis, without thrust."""
-        if self._seen is None or self._seen[0] is not x:
-            self._seen = x, kernels.seen(*self._ride(*x), np.array(x[1:4]))
-        return self._seen[1]
-
-    @property
-    def _full(self) -> FullCable:
-        assert isinstance(self.cable, FullCable)
-        return self.cable
-
-    def sides(self, pointwise: Array, forces: Equilibrium, s_o: Array) -> Array:
-        return slopes_by(
-            np.array([forces.behind, forces.ahead]), pointwise, self.groups.static(s_o)[0], self._full.alpha
-        )
+        ride, line, place = self._ride(*x)
+        return kernels.seen(ride.on, line, place, np.array(x[1:4]))
 
     def begin_step(self, x: State) -> None:
         """Take the mean acceleration of the car over a while, for friction and lift-off.
@@ -122,7 +107,6 @@ class RollingSystem(RollingCar, GalerkinSystem):
         if not self.free or (self._past.size and x.t <= self._past[-1, 0]):
             return
         car = self._car_at(x)
-        self._seen = None
         past = np.concatenate([self._past, [[x.t, car.vx, car.vy]]])
         first, *self._smooth = kernels.averaged(past, 0, len(past) - 1, self._window)
         self._past = past[int(first) :]
@@ -138,7 +122,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         drive = self.drive
         F = drive.thrust(states.t, states.phase) if self.free else states.a[:, -1]
         on = kernels.Rolling(self.mu, self.groups.sigma, drive.k, drive.wind, 0.0, 0.0, 0.0)
-        car = kernels.weighed_car(on, F, velocity.T, acceleration.T, sides[0].T, sides[1].T)
+        car = kernels.weighed_car(on, F, velocity.T, acceleration.T, sides.transpose(0, 2, 1))
         rate = np.abs(ds_o) * car.stretch
         powers = {
             "thrust" if self.free else "haul": F * (car.tx * velocity[:, 0] + car.ty * velocity[:, 1]),
@@ -146,77 +130,60 @@ class RollingSystem(RollingCar, GalerkinSystem):
             "friction": -drive.mu_r * np.abs(car.pressing) * rate,
         }
         if self.free:
-            powers |= {
-                "brake": -drive.brake(s_o) * rate,
-                "hold": np.array([self.held(t) for t in states.t.tolist()]) * ds_o,
-            }
+            hold = np.array([self.held(t) for t in states.t.tolist()])
+            powers |= {"brake": -drive.brake(s_o) * rate, "hold": hold * ds_o}
         haul = F if drive.thrust_table or not self.free else np.full(F.shape, np.nan)
         return Drives(-np.stack([car.Cx, car.Cy], axis=1), haul, np.sum(list(powers.values()), axis=0), powers)
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
-        return self._seen_at(t, q, v, a, phase, False)[0]
+        return self._seen_at(t, q, v, a, phase, 0)[0]
 
-    def linearise(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
-    ) -> tuple[Array, Solve]:
-        r, parts = self._seen_at(t, q, v, a, phase, True)
-        return r, factorised(c0 * parts[0] + c1 * parts[1] + c2 * parts[2])
+    def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
+        r, parts = self._seen_at(t, q, v, a, phase, 3)
+        return r, factorised(np.tensordot(c, parts, 1))
 
-    def _seen_at(self, t: float, q: Array, v: Array, a: Array, phase: int, tangent: bool) -> tuple[Array, Array]:
-        travel, size = self._travel(t, q, v, a, phase), self.n_dof
-        parts = np.zeros((3 if tangent else 0, size, size))
-        if not 0.0 < travel[0] < 1.0:  # a trial off the cable
-            return np.full(size, np.nan), parts
-        ride, line = self._ride(t, q, v, a, phase)
-        rows, r = np.array([q, v, a]), np.empty(size)
-        key = ride, rows.tobytes()
-        if tangent and self._parts is not None and self._parts[0] == key:
-            return self._parts[1].copy(), self._parts[2]
-        _, self.least_tension = kernels.look(ride, line, rows, r, parts)
-        if tangent:
-            self._parts = key, r.copy(), parts
-        return r, parts
+    def _seen_at(self, t: float, q: Array, v: Array, a: Array, phase: int, count: int) -> tuple[Array, Array]:
+        r, parts = np.full(self.n_dof, np.nan), np.zeros((count, 1, self.n_dof, self.n_dof))
+        if 0.0 < self._travel(t, q, v, a, phase)[0] < 1.0:  # else a trial off the cable
+            ride, line, place = self._ride(t, q, v, a, phase)
+            _, self.least_tension = kernels.look(ride, line, place, np.array([q, v, a]), r, parts)
+        return r, parts[:, 0]
 
-    @property
-    def _rolls(self) -> bool:
-        return self.mode.sign != 0.0 or not self.free
-
-    def _ride(self, t: float, q: Array, v: Array, a: Array, phase: int) -> tuple[kernels.Ride, kernels.Line]:
-        travel = self._travel(t, q, v, a, phase)
-        mode = kernels.HAULED if not self.free else kernels.FREE if self._rolls else kernels.STUCK
+    def _ride(
+        self, t: float, q: Array, v: Array, a: Array, phase: int
+    ) -> tuple[kernels.Ride, kernels.Line, tuple[float, float, float]]:
+        place = self._travel(t, q, v, a, phase)
+        mode = kernels.HAULED if not self.free else kernels.FREE if self.mode.sign != 0.0 else kernels.STUCK
         thrust = float(self.drive.thrust(t, phase)) if self.free else 0.0
-        ride = kernels.Ride(mode, self._on(t, phase), thrust, *travel)
-        return ride, self._line(*self.sines.side_rules(travel[0]))
+        return kernels.Ride(mode, self._on(t, phase), thrust), self._line(*self.sines.side_rules(place[0])), place
 
-    def settle(
-        self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
-    ) -> Settled:
-        ride, line = self._ride(t, start[0], start[1], start[2], phase)
-        _, ends, told = self._told(*kernels.roll_on(ride, None, line, start, rule[None], limits(bound, newton)))
-        now[:] = ends[0]
-        return Settled(*told[0].tolist()[:4])
+    def _step(
+        self, t: Array, phase: int, start: Array, rules: Array, bounds: tuple[float, ...]
+    ) -> tuple[int, Array, Array]:
+        ride, line, place = self._ride(float(t[0]), start[0], start[1], start[2], phase)
+        return self._told(*kernels.stride(ride, None, line, np.array([place]), start, rules, bounds))
 
     def _stride(
-        self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
+        self, t: Array, phase: int, start: Array, rules: Array, bounds: tuple[float, ...]
     ) -> tuple[int, Array, Array]:
         """Steps up to an event.  A hauled car's sign of friction, and points, stay the same."""
         drive, (s_o, ds_o) = self.drive, start[:2, -1].tolist()
         if not self.under_way or t[0] < drive.release:
             return 0, *NO_STEPS
-        ride, _ = self._ride(t[0], start[0], start[1], start[2], phase)
+        ride, _, place = self._ride(t[0], start[0], start[1], start[2], phase)
         if self.free:
             reach = min(1.0, max(0.0, s_o + ds_o * float(rules[:, 0, 1].sum())))
-            rules_at, places = self.sines.side_rules, np.empty((0, 3))
+            rules_at, places = self.sines.side_rules, np.array([place])
             line = self._line(rules_at(max(s_o, reach))[0], rules_at(min(s_o, reach))[1])
         else:
             places = np.ascontiguousarray(self.motion.along(t, phase).T)
             turned = np.flatnonzero(np.signbit(places[:, 1]) != np.signbit(places[0, 1]))
-            same, line = self._lines(places[: turned[0] if turned.size else t.size, 0])
-            t, rules = t[:same], rules[:same]
+            same, line = next(self.lines(places[: turned[0] if turned.size else t.size, 0]))
+            t, rules = t[same], rules[same]
         thrust = drive.thrust(t, phase) if self.free else np.zeros(t.size)
-        past, smooth = np.concatenate([self._past, np.empty((t.size, 3))]), np.empty(6)
-        course = kernels.Course(t, places, thrust, past, self._window, smooth, *self.course(), self.mode.lifted)
-        taken, ends, told = kernels.roll_on(ride, course, line, start, rules, limits(bound, newton))
+        past, smooth = np.concatenate([self._past, np.empty((t.size, 3))]), np.zeros(6)
+        course = kernels.Course(t, thrust, past, self._window, smooth, *self.course(), self.mode.lifted)
+        taken, ends, told = kernels.stride(ride, course, line, places, start, rules, bounds)
         if taken:
             self._told(taken, ends, told)
             w, dt = float(rules[taken - 1, 0, 4]), float(rules[taken - 1, 0, 1])
@@ -235,34 +202,31 @@ class RollingSystem(RollingCar, GalerkinSystem):
         s_o, (q, v, a) = self.drive.start, np.zeros((3, self.n_dof))
         self.set_off()
         self._past, self._smooth = np.empty((0, 3)), [0.0] * 5
-        held = self.standing(s_o)
-        q[:-1] = equilibrium(held)
         if not self.free:
             d, speed = APART * min(s_o, 1.0 - s_o), self.motion.at(0.0, 0)[1]
+            q[:-1] = equilibrium(self.standing(s_o))[:-1]
             if speed:
-                before, after = (equilibrium(self.standing(s_o + x)) for x in (-d, d))
+                before, after = (equilibrium(self.standing(s_o + x))[:-1] for x in (-d, d))
                 v[:-1] = (speed / (2.0 * d)) * (after - before)
             return self._consistent(0.0, q, v, 0)
-        q[-1] = s_o
-        weight = kernels.Rolling(self.mu, self.groups.sigma, 0.0, 0.0, 0.0, 0.0, 0.0)  # without wind and thrust
-        sides = at_rest(self._full, held.instant(0.0, 0), s_o, self._fields(q))
-        car = kernels.car(weight, 0.0, np.zeros(2), np.zeros(2), *sides)
+        q[:-1], q[-1] = equilibrium(self.standing(s_o)), s_o
+        x = State(0.0, q, v, a, 0)
+        car = self.car(x, kernels.Rolling(self.mu, self.groups.sigma, 0.0, 0.0, 0.0, 0.0, 0.0))
         self.hold = car.along * car.stretch
-        return self.let_go(State(0.0, q, v, a, 0))
+        return self.let_go(x)
 
     def standing(self, s_o: float) -> GalerkinSystem:
         groups = replace(self.groups, motion=standing(s_o, 1.0))
-        return (GalerkinSystem if self.free else OnItsRope)(groups, self.sines, kink=True, law=self.law)
+        if self.free:
+            return GalerkinSystem(groups, self.sines, kink=True, law=self.law)
+        return OnItsRope(replace(groups, drive=replace(self.drive, k=0.0)), self.sines, law=self.law)
 
     def _consistent(self, t: float, q: Array, v: Array, phase: int) -> State:
         """Solve for a."""
         a = np.zeros(self.n_dof)
-        for _ in range(3):
+        for _ in range(3):  # friction is not linear
             r, solve = self.linearise(t, q, v, a, phase, 0.0, 0.0, 1.0)
-            step = solve(r.copy())
-            a = a - step
-            if np.abs(step).max() <= 1e-10 * np.abs(a).max():
-                break
+            a = a - solve(r.copy())
         return State(t, q, v, a, phase)
 
     def go_on(self, x: State) -> State:
@@ -283,34 +247,10 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return car.along - self.held(x.t) / car.stretch, car.normal
 
 
-class OnItsRope(GalerkinSystem):
-    """A hauled car at rest and about to move on: the cable carries its weight across tau, and its friction."""
+class OnItsRope(RollingSystem):
+    """A hauled car at rest and about to move on; its last unknown is the haul force."""
 
-    def linearise(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
-    ) -> tuple[Array, Solve]:
-        assert isinstance(self.cable, FullCable)
-        x, Q, s_o = self.instant(t, phase), self._fields(q), self.motion.at(t, phase)[0]
-        force, _, K = self.cable.linearise(x.place, Q)
-        sides = at_rest(self.cable, x, s_o, Q)
-        mean = sides.mean(axis=0)
-        size = math.hypot(*mean)
-        tau = mean / size
-        n = np.array([-tau[1], tau[0]])
-        across, along = self.mu * self.cable.weight @ n, self.mu * self.cable.weight @ tau
-        rub = self.groups.drive.mu_r * size / np.hypot(*sides.T).mean()
-        load = across * n + rub * abs(across) * tau
-        turn = across * tau - rub * abs(across) * n + along * (n + math.copysign(rub, across) * tau)
-        f, f_m = x.carried.f, x.carried.f_s.copy()
-        f_m[-1] += 0.5 / s_o - 0.5 / (1.0 - s_o)
-        K += np.einsum("a,b,i,j->aibj", turn, n / size, f, f_m).reshape(K.shape)
-        r = self._residual(replace(x, load=-load / self.mu), q, v, a, force)
-        return r, factorised(self._tangent(x, K, c0, c1, c2))
-
-
-def at_rest(cable: FullCable, x: Instant, s_o: float, Q: Array) -> Array:
-    """r' behind and ahead of a car at rest (2, 2), by the tension from equilibrium."""
-    slope, rays = cable.static_slope(s_o)[0], np.array([[1.0 / s_o], [-1.0 / (1.0 - s_o)]])
-    slopes = slope + Q @ x.carried.f_s + rays * Q[:, -1]
-    T = 1.0 / slope[0]
-    return slopes_by(T * slope + np.abs(rays) * cable.sides(x.place, Q), slopes, T, cable.alpha)
+    def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
+        r, parts = self._seen_at(t, q, v, np.append(a[:-1], q[-1]), phase, 3)
+        parts[0, :, -1] = parts[2, :, -1]
+        return r, factorised(np.tensordot(c, parts, 1))

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from cablefem.newmark import Solve, State
+from cablefem.newmark import Solve
 from cablefem.response import States
 from cablefem.scene import Groups
 from galerkin import kernels
 from galerkin.bases.kink import Array
 from galerkin.bases.riding import RidingSines, Tables, shapes
 from galerkin.equations import GalerkinSystem, factorised
-from galerkin.equilibrium import Equilibrium, least_along
+from galerkin.equilibrium import Equilibrium, least_along, sums
 from galerkin.models import FullCable
-from galerkin.observe import NEAR_SUPPORT, AtMass, Fields, History, Measures, hat_slopes
+from galerkin.observe import NEAR_SUPPORT, Measures
 
 BATCH = 64  # instants at once
 
@@ -24,6 +25,7 @@ class RidingSystem(GalerkinSystem):
     """`GalerkinSystem` over `RidingSines`; ValueError for a car that rolls."""
 
     basis: Any  # RidingSines
+    by_force = True
 
     def __init__(
         self, groups: Groups, terms: int, *, model: str = "full", load: str = "mass", law: str = "elastic"
@@ -42,93 +44,54 @@ class RidingSystem(GalerkinSystem):
         return self.basis.of
 
     @property
-    def _compiled(self) -> bool:
+    def waves(self) -> bool:
         return isinstance(self.cable, FullCable)
 
-    def _lines(self, places: Array) -> tuple[int, kernels.Line]:
-        return places.size, self.line()
-
-    def line(self) -> kernels.Line:
+    def lines(self, s_o: Array) -> Iterator[tuple[slice, kernels.Line]]:
         assert isinstance(self.cable, FullCable)
-        return self.cable.riding(self.of, self.inertia)
+        yield slice(0, s_o.size), self.cable.riding(self.of, self.inertia)
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         if not self.groups.internal_damping:
             return super().residual(t, q, v, a, phase)
         return self._weighed(t, np.array([q, v, a]), phase, 0)[0]
 
-    def linearise(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
-    ) -> tuple[Array, Solve]:
+    def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
         if not self.groups.internal_damping:
-            return super().linearise(t, q, v, a, phase, c0, c1, c2)
+            return super().linearise(t, q, v, a, phase, *c)
         r, sides = self._weighed(t, np.array([q, v, a]), phase, 3)
-        n, K = self.basis.terms, np.zeros((self.n_dof, self.n_dof), dtype=np.result_type(c0, c1, c2, float))
+        n, K = self.basis.terms, np.zeros((self.n_dof, self.n_dof), dtype=np.result_type(*c, float))
         for side in range(2):
             of = np.arange(n) + side * n
             rows = np.concatenate([of, of + self.n, [2 * n, self.n + 2 * n]])
-            K[np.ix_(rows, rows)] += np.tensordot((c0, c1, c2), sides[:, side], 1)
+            K[np.ix_(rows, rows)] += np.tensordot(c, sides[:, side], 1)
         return r, factorised(K)
 
     def _weighed(self, t: float, state: Array, phase: int, parts: int) -> tuple[Array, Array]:
         """r, and dr/dq, dr/dv, dr/da of both sides, by the compiled equations."""
-        r, K = np.empty(self.n_dof), np.empty((parts, 2, *(2 * self.basis.terms + 2,) * 2))
-        self.least_tension = kernels.weighed(self.line(), np.array(self.motion.at(t, phase)), state, r, K)
+        place, r = self.motion.at(t, phase), np.empty(self.n_dof)
+        (_, line), K = next(self.lines(np.empty(1))), np.empty((parts, 2, *(2 * self.basis.terms + 2,) * 2))
+        _, self.least_tension = kernels.look(None, line, place, state, r, K)
         return r, K
 
-    def sides(self, pointwise: Array, forces: Equilibrium, s_o: Array) -> Array:
-        """r' by the tension from equilibrium: slopes of sines converge slowly at the mass."""
-        T, out = self.groups.static(s_o)[0], pointwise.copy()
-        for side, force in zip(out, (forces.behind, forces.ahead), strict=True):
-            N = np.hypot(*force.T)
-            taut = N > 0.0
-            stretch = 1.0 + (N[taut] - T[taut]) / self.cable.alpha
-            side[taut] = (stretch / N[taut])[:, None] * force[taut]
-        return out
-
-    def _entry(self) -> State:
-        """The limit t -> 0+: the sines ahead are pushed along, the piece behind is straight.
-
-        q_hat = d s_o, d the slope behind the mass; m' is the inertia of the cable that is pushed.  The hat's row is
-        (mu + m') a_hat + (c_d - ds_o) ds_o m' d + [N t - T t_static](d) + mu (X.. - sigma j) = 0.  A mass that enters
-        with speed falls freely, d = 0.
-        """
-        t = self.phases[0][0]
-        s_o, ds_o, dds_o = self.motion.at(t, 0)
-        pushed = np.linalg.solve(self.of.mass, np.eye(len(self.of.mass))[-1])
-        shape, entrained = pushed / pushed[-1], 1.0 / pushed[-1]
-        m, load = self.inertia + entrained, self.mu * self._load(s_o, ds_o, dds_o)
-        q, v, a = np.zeros((3, self.n_dof))
-        if self.inertia and ds_o > 0.0:
-            v_hat, a_hat = np.zeros(self.fields), -load / m
-            if self.groups.internal_damping:  # N_v t (t . d.) pulls, d. = a_hat/(2 ds_o)
-                viscous, (X, _) = self.cable.alpha * self.groups.internal_damping, self.cable.static_slope(0.0)
-                pulled = m * np.eye(self.fields) + np.multiply.outer(X, viscous / (2.0 * ds_o) * X)
-                a_hat = -np.linalg.solve(pulled, load)
-        else:
-            d = self._slope_behind(m * dds_o + (self.damping - ds_o) * ds_o * entrained, load)
-            v_hat, a_hat = d * ds_o, d * dds_o
+    def _entrained(self) -> tuple[Array, Array, float, float]:
+        """The sines ahead are pushed along, the piece behind is straight."""
+        pushed, behind = np.linalg.solve(self.of.mass, np.eye(len(self.of.mass))[-1]), np.zeros(self.basis.terms)
+        shape, m = pushed / pushed[-1], 1.0 / pushed[-1]
         drag = np.linalg.solve(self.of.mass, self.of.drift @ shape)
-        behind = np.zeros(self.basis.terms)
-        v[:] = np.multiply.outer(v_hat, np.concatenate([behind, shape])).ravel()
-        a[:] = np.multiply.outer(a_hat, np.concatenate([behind, shape])).ravel()
-        a -= np.multiply.outer(2.0 * ds_o * v_hat, np.concatenate([behind, drag - drag[-1] * shape])).ravel()
-        return State(t, q, v, a, 0)
+        return np.concatenate([behind, shape]), np.concatenate([behind, drag - drag[-1] * shape]), m, m
 
 
 class _Side:
     """One side over n instants: behind the mass (sign 1) or ahead of it (-1); coefficients (n, fields, terms + 1)."""
 
-    def __init__(self, system: RidingSystem, x: History, sign: float) -> None:
-        n, self.damping = system.basis.terms, system.damping
-        own = slice(0, n) if sign > 0.0 else slice(n, 2 * n)
-        self.of, self.terms, self.sign = system.of, n, sign
+    def __init__(self, x: Measures, sign: float) -> None:
+        of: Any = x.system.basis
+        self.of, self.terms, self.damping, self.sign = of.of, of.terms, x.system.damping, sign
+        own = np.append(np.arange(of.terms) + (0 if sign > 0.0 else of.terms), -1)
         self.h = np.clip(x.s_o if sign > 0.0 else 1.0 - x.s_o, NEAR_SUPPORT, 1.0)[:, None]
         self.dh, self.ddh = sign * x.ds_o[:, None], sign * x.dds_o[:, None]
-        self.q, self.v, self.a = (
-            np.concatenate([y[..., own], hat[..., None]], axis=2)
-            for y, hat in ((x.Q, x.q_hat), (x.V, x.v_hat), (x.A, x.a_hat))
-        )
+        self.q, self.v, self.a = x.q[..., own], x.v[..., own], x.a[..., own]
 
     def at(self, k: Array, s: Array) -> tuple[Array, Array, Array]:
         """xi (k, m), and phi and phi' by xi (terms + 1, k, m), of places s at instants k."""
@@ -161,10 +124,6 @@ class _Side:
         vMv, vGq, qHq = (np.einsum("nfi,ij,nfj->n", a, matrix, b, optimize=True)[:, None] for a, matrix, b in parts)
         return (self.h * vMv - 2.0 * self.dh * vGq + self.dh**2 / self.h * qHq)[:, 0]
 
-    def steepness(self) -> Array:
-        slope = self.q[:, 0] @ self.of.slope
-        return slope**2 @ self.of.weights / self.h[:, 0]
-
     def factors(self, k: Any) -> tuple[Array, Array]:
         """a, b (k, fields, terms + 1) of a phi + b xi phi' + (h.^2/h) (xi^2 w_xi)_xi = h (w.. + c_d w.)."""
         h, dh, ddh = (y[k, :, None] for y in (self.h, self.dh, self.ddh))
@@ -190,62 +149,40 @@ class _Side:
         return at_mass[k, None] - self.sign * (rise[:, None] - up_to)
 
 
-def _sides(system: Any, x: History) -> tuple[_Side, _Side]:
-    return _Side(system, x, 1.0), _Side(system, x, -1.0)
-
-
 class RidingMeasures(Measures):
     """`Measures` over sines that ride with the mass."""
 
-    @staticmethod
-    def displaced(system: GalerkinSystem, states: States, x: History) -> Array:
-        return x.q_hat
+    def __init__(self, system: GalerkinSystem, states: States) -> None:
+        super().__init__(system, states)
+        self.sides = _Side(self, 1.0), _Side(self, -1.0)
 
-    @staticmethod
-    def at_mass(system: GalerkinSystem, states: States, x: History) -> AtMass:
-        slopes = np.array([side.slope_at_mass() for side in _sides(system, x)])
-        return AtMass(x.q_hat, x.v_hat, x.a_hat, slopes + hat_slopes(x))
+    def displaced(self) -> Array:
+        return self.q[..., -1]
 
-    @staticmethod
-    def fields(system: GalerkinSystem, x: History, s: Array, frames: Array) -> Fields:
-        sides, out = _sides(system, x), []
+    def at_mass(self) -> tuple[Array, Array, Array, Array]:
+        slopes = np.array([side.slope_at_mass() for side in self.sides]) + self.hat_slopes()
+        return self.q[..., -1], self.v[..., -1], self.a[..., -1], slopes
+
+    def fields(self, s: Array, frames: Array) -> Array:
+        out = []
         for k in np.array_split(frames, 1 + frames.size // BATCH):
-            behind = (s <= x.s_o[k, None])[:, None]
-            out.append(np.where(behind, *(side.shown(k, s) for side in sides)))
-        return Fields(*np.concatenate(out, axis=1))
+            behind = (s <= self.s_o[k, None])[:, None]
+            out.append(np.where(behind, *(side.shown(k, s) for side in self.sides)))
+        return np.concatenate(out, axis=1)
 
-    @staticmethod
-    def kinetic(system: GalerkinSystem, x: History) -> Array:
-        behind, ahead = _sides(system, x)
-        return 0.5 * (behind.twice_kinetic() + ahead.twice_kinetic())
+    def kinetic(self) -> Array:
+        return 0.5 * sum((side.twice_kinetic() for side in self.sides), np.zeros(self.s_o.size))
 
-    @staticmethod
-    def mean(system: GalerkinSystem, x: History) -> Array:
-        behind, ahead = _sides(system, x)
-        return behind.h * (behind.q @ behind.of.mean) + ahead.h * (ahead.q @ ahead.of.mean)
-
-    @staticmethod
-    def steepness(system: GalerkinSystem, x: History) -> Array:
-        return sum((side.steepness() for side in _sides(system, x)), np.zeros(x.s_o.size))
-
-    @staticmethod
-    def recover(system: Any, x: History, s: Array, frames: Array) -> Equilibrium:
+    def recover(self, s: Array, frames: Array) -> Equilibrium:
         """Balances of both pieces; N t - c^2 r' = (N (1 - c^2/alpha) - c^2 (1 - T/alpha)) t gives N without slopes."""
-        cable: FullCable = system.cable
-        Q = np.concatenate([x.Q, x.q_hat[:, :, None]], axis=2)
-        internal, strain = np.empty((x.s_o.size, 2, 2)), np.empty(x.s_o.size)
-        kernels.surveyed(system.line(), x.s_o, Q, internal, strain)
-        lost = np.zeros(x.s_o.size)
-        if system.groups.internal_damping:
-            rates = np.concatenate([x.V, x.v_hat[:, :, None]], axis=2)
-            states = np.stack([y.reshape(len(y), -1) for y in (Q, rates, 0.0 * Q)], axis=1)
-            kernels.lost(system.line(), np.stack([x.s_o, x.ds_o, x.dds_o], axis=1), states, internal, lost)
-        sides = _sides(system, x)
-        at_mass = [side.force_at_mass(internal[:, :, i]) for i, side in enumerate(sides)]
+        sides, groups, every = self.sides, self.system.groups, np.arange(self.s_o.size)
+        cable: Any = self.system.cable
+        internal, strain, lost = sums(self)
+        at_mass = [side.force_at_mass(internal[:, i]) for i, side in enumerate(sides)]
 
         def whole(side: _Side, force: Array, k: Array, s: Array) -> Array:
             """N t (k, m, fields) from `force` at places s (k, m)."""
-            T, xp, yp, _, _ = system.groups.static(s)
+            T, xp, yp, _, _ = groups.static(s)
             static_slope = np.stack([xp, yp], axis=-1)
             xi, _, slopes = side.at(k, s)
             w_s = side.sign * np.einsum("kfj,jkm->kmf", side.q[k], slopes) / side.h[k, None]
@@ -264,17 +201,16 @@ class RidingMeasures(Measures):
                     whole(side, side.force_along(at, some, places), some, places)
                     for side, at in zip(sides, at_mass, strict=True)
                 )
-                out.append(np.where((places <= x.s_o[some, None])[..., None], *parts))
+                out.append(np.where((places <= self.inside[some, None])[..., None], *parts))
             return np.concatenate(out)
 
-        every = np.arange(x.s_o.size)
         ends = [
             whole(side, side.force_along(at, every, place), every, place)[:, 0]
             for side, at in zip(sides, at_mass, strict=True)
-            for place in (x.s_o[:, None], np.full((every.size, 1), 0.5 - 0.5 * side.sign))
+            for place in (self.inside[:, None], np.full((every.size, 1), 0.5 - 0.5 * side.sign))
         ]
         behind, left, ahead, right = ends
-        least, where = least_along(cable, x, along, s)
+        least, where = least_along(cable, every.size, along, s)
         return Equilibrium(behind, ahead, left, right, along(frames, s), strain, least, where, lost)
 
 

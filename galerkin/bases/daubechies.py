@@ -8,12 +8,11 @@ Derivatives and primitives are sums over functions phi_m with masks 2 ((1 + z)/2
 
 from dataclasses import dataclass
 from functools import lru_cache
-from math import comb, sqrt
+from math import sqrt
 from typing import Literal, get_args
 
 import mpmath as mp
 import numpy as np
-import pywt
 from scipy.linalg import solve_triangular, svd
 
 from galerkin.law import compiled
@@ -35,26 +34,16 @@ def _solve(A: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _factor(p: int) -> np.ndarray:
-    """q of h(z) = 2 ((1 + z)/2)^p q(z): |q|^2 = sum_k binom(p-1+k, k) y^k, y = (2 - z - 1/z)/4 (Daubechies 1988)."""
-    y = np.array([mp.mpf("-0.25"), mp.mpf("0.5"), mp.mpf("-0.25")])  # times z
-    wanted, power = np.array([mp.mpf(0)] * (2 * p - 1)), np.array([mp.mpf(1)])
-    for k in range(p):
-        wanted[p - 1 - k : p + k] += comb(p - 1 + k, k) * power
-        power = np.convolve(power, y)
-    zeros = np.array([1.0])
-    for _ in range(p):
-        zeros = np.convolve(zeros, [0.5, 0.5])
-    deconvolve = np.array([np.convolve(2.0 * zeros, row) for row in np.eye(p)]).T
-    h = sqrt(2.0) * np.array(pywt.Wavelet(f"db{p}").rec_lo)
-    q = np.array([mp.mpf(c) for c in np.linalg.lstsq(deconvolve, h, rcond=None)[0].tolist()])
-    for _ in range(12):
-        residual = wanted[p - 1 :] - np.array([q[k:] @ q[: p - k] for k in range(p)])
-        if max(abs(residual)) < mp.mpf(10) ** (10 - DIGITS):
-            return q
-        pad = np.concatenate([np.full(p, mp.mpf(0)), q, np.full(p, mp.mpf(0))])
-        jacobian = np.array([pad[p + k : 2 * p + k] + pad[p - k : 2 * p - k] for k in range(p)])
-        q = q + _solve(jacobian, residual)
-    raise ArithmeticError(f"the filter db{p} does not polish")
+    """q of h(x) = 2 ((1 + x)/2)^p q(x), |q|^2 = sum_k binom(p-1+k, k) y^k, y = (2 - x - 1/x)/4 (Daubechies 1988).
+
+    The roots of q lie outside the unit circle.
+    """
+    q = np.array([mp.mpf(1)])
+    for y in mp.polyroots([mp.binomial(p - 1 + k, k) for k in range(p)][::-1], maxsteps=200, extraprec=200):
+        root = 1 - 2 * y + mp.sqrt((1 - 2 * y) ** 2 - 1)
+        q = np.convolve(q, np.array([1, -1 / root if abs(root) > 1 else -root]))
+    q = np.array([mp.re(c) for c in q])
+    return q / sum(q)
 
 
 def _transition(h: np.ndarray, digit: int) -> np.ndarray:
@@ -86,6 +75,21 @@ class _Mother:
     right: np.ndarray  # the same of int_-inf^0
 
 
+def _ends(h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`left` and `right` of `_Mother`.
+
+    W = (H W H^T + B B^T)/2, H = taps that stay cut, B = taps inside; summed by doubling (Smith 1968).
+    """
+    R = h.size - 1
+    taps = np.array(
+        [[h[t - 2 * l] if 0 <= t - 2 * l <= R else mp.mpf(0) for t in range(1 - R, R)] for l in range(1 - R, 0)]
+    )
+    step, W = taps[:, : R - 1] / mp.sqrt(2), taps[:, R - 1 :] @ taps[:, R - 1 :].T / 2
+    for _ in range(8):
+        W, step = W + step @ W @ step.T, step @ step
+    return _cholesky(W), _cholesky(np.diag([mp.mpf(1)] * (R - 1)) - W)
+
+
 @lru_cache(maxsize=16)
 def _mother(p: int) -> _Mother:
     R = 2 * p - 1
@@ -107,14 +111,7 @@ def _mother(p: int) -> _Mother:
             for _ in range(BLOCK - 1):
                 blocks = np.concatenate([T[0] @ blocks, T[1] @ blocks])
             walks[m] = _Walk(_solve(system, unit).astype(float), np.ascontiguousarray(blocks.transpose(0, 2, 1)), T)
-        # W = (H W H^T + B B^T)/2, H = taps that stay cut, B = taps inside; summed by doubling (Smith 1968)
-        taps = np.array(
-            [[h[t - 2 * l] if 0 <= t - 2 * l <= R else mp.mpf(0) for t in range(1 - R, R)] for l in range(1 - R, 0)]
-        )
-        step, W = taps[:, : R - 1] / mp.sqrt(2), taps[:, R - 1 :] @ taps[:, R - 1 :].T / 2
-        for _ in range(8):
-            W, step = W + step @ W @ step.T, step @ step
-        left, right = _cholesky(W), _cholesky(np.diag([mp.mpf(1)] * (R - 1)) - W)
+        left, right = _ends(h)
     g = np.array([(-1) ** k for k in range(R + 1)]) * h[::-1]
     return _Mother(h.astype(float), g.astype(float), walks, left, right)
 

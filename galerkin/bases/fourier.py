@@ -69,7 +69,7 @@ def derivatives(x, n, grading, out):
 
 @compiled
 def values_at(s, n, grading):
-    """`Basis.at`."""
+    """`Fourier.at`."""
     out, x = np.empty((5, n)), stretched(s, grading)
     derivatives(x, n, grading, out[:3])
     integrals(x, n, grading, out[3:])
@@ -87,7 +87,7 @@ def values_along(s, n, grading, row):
 
 @compiled
 def split(s_o, behind, ahead, n, grading):
-    """`Basis.split` with rules (2, m) on [0, 1], by k rotations of (cos, sin)."""
+    """`Fourier.split` with rules (2, m) on [0, 1], by k rotations of (cos, sin)."""
     m, both, x_o = behind.shape[1], behind.shape[1] + ahead.shape[1], stretched(s_o, grading)
     s, weights, phi = np.empty(both), np.empty(both), np.empty((n + 1, both))
     c1, s1, c, sn, dense = np.empty(both), np.empty(both), np.empty(both), np.empty(both), np.empty(both)
@@ -128,28 +128,34 @@ class Fourier:
         if self.grading and self.n < 2:
             raise ValueError("a graded basis takes two sines at least")
 
-    smooth = True
+    smooth = True  # phi'' exists, as (23) needs
 
     def at(self, s: float) -> np.ndarray:
+        """phi, phi', phi'' (or 0) and two primitives at one s, (5, n)."""
         return values_at(s, self.n, self.grading)
 
     def phi(self, s: np.ndarray, m: int = 0) -> np.ndarray:
+        """The m-th derivative of phi, (n_s, n); primitives for m < 0."""
         return values_along(s, self.n, self.grading, (0, 1, 2, 4, 3)[m])
 
     def mass(self) -> np.ndarray:
+        """int phi_m phi_n ds."""
         k = np.arange(1, self.n + 1)
         apart, sums = np.subtract.outer(k, k), np.add.outer(k, k)
         return 0.5 * (apart == 0) - 0.25 * self.grading * ((np.abs(apart) == 2) * 1.0 - (sums == 2))
 
     def stiffness(self) -> np.ndarray:
+        """int phi_m' phi_n' ds."""
         _, weights, phi = split(0.5, self.side_rule(1.0), self.side_rule(1.0), self.n, self.grading)
         return (phi[:-1] * weights) @ phi[:-1].T
 
     def integral(self) -> np.ndarray:
+        """int phi_n ds."""
         left, right = self.phi(np.array([0.0, 1.0]), -1)
         return right - left
 
     def quadrature(self) -> tuple[np.ndarray, np.ndarray]:
+        """Points and weights on [0, 1] for products of first derivatives."""
         x, w = _unit_gauss(2 * self.n + 40)
         turn = 2.0 * np.pi * x
         return x - self.grading * np.sin(turn) / (2.0 * np.pi), w * (1.0 - self.grading * np.cos(turn))
@@ -171,4 +177,5 @@ class Fourier:
         return _unit_gauss(20 + 16 * math.ceil(self.n * length / 8.0))
 
     def split(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Points and weights (n_q,) of both sides of s_o; phi' and the hat's slope, (n + 1, n_q)."""
         return split(s_o, *self.side_rules(s_o), self.n, self.grading)

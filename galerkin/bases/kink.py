@@ -52,15 +52,10 @@ def _overlaps(phi, first, second, left, chord, s_o):
 
 
 @compiled
-def carry(at, mass, left, chord, s_o, ds_o, dds_o, damping):
-    """M and the other entries of `Carried` as rows, (7, n); at : `Basis.at`."""
-    n, size = at.shape[1], mass.shape[0]
-    hat, M, rows = size > n, np.empty((size, size)), np.empty((7, size))
-    for k in range(size):
-        for i in range(size):
-            M[k, i] = mass[k, i]
-        for i in range(7):
-            rows[i, k] = 0.0
+def carry(at, mass, left, chord, place, damping):
+    """`Carried` of sines or wavelets at s_o, ds_o, dds_o; at : `Fourier.at`."""
+    n, size, (s_o, ds_o, dds_o) = at.shape[1], mass.shape[0], place
+    hat, M, rows = size > n, mass.copy(), np.zeros((7, size))
     for k in range(n):
         phi, first, second = at[0, k], at[1, k], at[2, k]
         rows[2, k], rows[3, k], rows[4, k] = phi, first, 2.0 * ds_o * first
@@ -72,7 +67,7 @@ def carry(at, mass, left, chord, s_o, ds_o, dds_o, damping):
             rows[6, k] = at[3, k] + (left[k] - at[4, k]) / s_o
     if hat:
         rows[1, n], rows[2, n], rows[6, n] = -ds_o * ds_o / (3.0 * s_o * (1.0 - s_o)), 1.0, s_o / 3.0
-    return M, rows
+    return Carried(M, rows[0:1], rows[1:2], rows[2], rows[3], rows[4], rows[5], rows[6])
 
 
 class Moving:
@@ -101,8 +96,8 @@ class Moving:
         return _overlaps(*tables, self.left, self.chord, s_o)
 
     def carried(self, s_o: float, ds_o: float, dds_o: float, damping: float = 0.0) -> Carried:
-        mass, rows = carry(self.basis.at(s_o), self.at_rest, self.left, self.chord, s_o, ds_o, dds_o, damping)
-        return Carried(mass, rows[:1], rows[1:2], *rows[2:])
+        place = s_o, ds_o, dds_o
+        return carry(self.basis.at(s_o), self.at_rest, self.left, self.chord, place, damping)
 
     def stiffness(self, s_o: float) -> Array:
         if not self.kink:

@@ -9,7 +9,7 @@ import numpy as np
 
 from galerkin.bases.fourier import _unit_gauss
 from galerkin.bases.kink import Array, Carried
-from galerkin.law import compiled
+from galerkin.law import compiled, inner
 
 
 class Tables(NamedTuple):
@@ -38,17 +38,9 @@ def tables(n: int) -> Tables:
     swirl -= at_mass @ slope_at_mass.T
     waves = np.pi * np.multiply.outer(np.arange(2 * n + 1), xi)
     return Tables(
-        xi,
-        weights,
-        slopes,
-        slopes + xi * bends,
-        tested.sum(axis=1),
-        np.cos(waves),
-        xi * np.sin(waves),
-        tested @ values.T,
-        tested @ (xi * slopes).T,
-        swirl,
-    )
+        xi, weights, slopes, slopes + xi * bends, tested.sum(axis=1), np.cos(waves), xi * np.sin(waves),
+        tested @ values.T, tested @ (xi * slopes).T, swirl,
+    )  # fmt: skip
 
 
 def shapes(n: int, xi: Array) -> tuple[Array, Array, Array]:
@@ -61,9 +53,22 @@ def shapes(n: int, xi: Array) -> tuple[Array, Array, Array]:
     )  # fmt: skip
 
 
+@inner
+def side_of(place, side):
+    """Length of the side behind the mass (0) or ahead of it (1), and its rates."""
+    s_o, ds_o, dds_o = place
+    return (s_o, ds_o, dds_o) if side == 0 else (1.0 - s_o, -ds_o, -dds_o)
+
+
+@inner
+def place_in(side, j, n):
+    """Index of sine j = 1 .. n of a side, or of the hat, j = 0."""
+    return side * n + j - 1 if j else 2 * n
+
+
 @compiled
-def ride(of, s_o, ds_o, dds_o, damping):
-    """M, and 2 A and A. - B + c_d A transposed, (2 n + 1, 2 n + 1); sines behind the mass, sines ahead of it, hat.
+def ride(of, place, damping):
+    """`Carried` at s_o, ds_o, dds_o: sines behind the mass, sines ahead of it, hat.
 
     On a side of length h, at fixed s,
         dphi/dt = -(h./h) xi phi',   d2phi/dt2 = -(h../h) xi phi' + (h./h)^2 (2 xi phi' + xi^2 phi'').
@@ -73,16 +78,18 @@ def ride(of, s_o, ds_o, dds_o, damping):
     size = 2 * n + 1
     M, gyroscopic, centrifugal = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
     for side in range(2):
-        h, dh, ddh = (s_o, ds_o, dds_o) if side == 0 else (1.0 - s_o, -ds_o, -dds_o)
+        h, dh, ddh = side_of(place, side)
         flux, ddh = dh * dh / h, ddh + damping * dh
         for i in range(n + 1):
-            row = side * n + i if i < n else 2 * n
+            row = place_in(side, i, n)
             for j in range(n + 1):
-                column = side * n + j if j < n else 2 * n
-                M[row, column] += h * of.mass[i, j]
-                gyroscopic[column, row] -= 2.0 * dh * of.drift[i, j]
-                centrifugal[column, row] += flux * of.swirl[i, j] - ddh * of.drift[i, j]
-    return M, gyroscopic, centrifugal
+                column = place_in(side, j, n)
+                M[row, column] += h * of.mass[i - 1, j - 1]
+                gyroscopic[column, row] -= 2.0 * dh * of.drift[i - 1, j - 1]
+                centrifugal[column, row] += flux * of.swirl[i - 1, j - 1] - ddh * of.drift[i - 1, j - 1]
+    at_mass, none = np.zeros(size), np.zeros(size)
+    at_mass[-1] = 1.0
+    return Carried(M, gyroscopic, centrifugal, at_mass, none, none, none, none)
 
 
 @compiled
@@ -91,15 +98,12 @@ def spread(of, slope, s_o):
     n, m = slope.shape[0] - 1, of.xi.size
     s, weights, phi = np.empty(2 * m), np.empty(2 * m), np.zeros((2 * n + 1, 2 * m))
     for side in range(2):
-        h = s_o if side == 0 else 1.0 - s_o
-        per_h = 1.0 / h if side == 0 else -1.0 / h
+        h, sign, _ = side_of((s_o, 1.0, 0.0), side)
         for q in range(m):
-            i = q if side == 0 else 2 * m - 1 - q  # s ascends
-            s[i], weights[i] = (h * of.xi[q] if side == 0 else 1.0 - h * of.xi[q]), h * of.weights[q]
-        for k in range(n + 1):
-            row = phi[side * n + k if k < n else 2 * n]
-            for q in range(m):
-                row[q if side == 0 else 2 * m - 1 - q] = per_h * slope[k, q]
+            i = q + side * (2 * m - 1 - 2 * q)  # s ascends
+            s[i], weights[i] = side + sign * h * of.xi[q], h * of.weights[q]
+            for k in range(n + 1):
+                phi[place_in(side, k, n), i] = sign / h * slope[k - 1, q]
     return s, weights, phi
 
 
@@ -118,9 +122,7 @@ class RidingSines:
         self.of = tables(terms)
 
     def carried(self, s_o: float, ds_o: float, dds_o: float, damping: float = 0.0) -> Carried:
-        M, gyroscopic, centrifugal = ride(self.of, s_o, ds_o, dds_o, damping)
-        none = np.zeros(self.n)
-        return Carried(M, gyroscopic, centrifugal, np.append(none[1:], 1.0), none, none, none, none)
+        return ride(self.of, (s_o, ds_o, dds_o), damping)
 
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
         return spread(self.of, self.of.slope, s_o)

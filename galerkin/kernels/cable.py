@@ -48,15 +48,18 @@ def static(s, sigma, c):
 
 
 @inner
-def at_point(T, xp, yp, ux, vy, alpha, law):
-    """N, W, N t - T t_static (2), k, d, and the elastic T + alpha eps.
+def at_point(T, viscous, X, w, alpha, law):
+    """N, W, N t - T t_static (2), k, d, and the tension of the elastic law, from X' and w'.
 
+    viscous : tension of internal damping
     k = N/|r'|, d = (dN/deps |r'| - N)/|r'|^3 of (28)-(32).  The force is (k - T) X' + k w', without cancellation.
     """
+    (xp, yp), (ux, vy) = X, w
     e = (2.0 * xp + ux) * ux + (2.0 * yp + vy) * vy
     stretch = math.sqrt(1.0 + e)
     eps = e / (1.0 + stretch)  # sqrt(1 + e) - 1 without cancellation
-    N, dN, W, elastic = tension(eps, T, alpha, law)
+    N, dN, _, elastic = tension(eps, T + viscous, alpha, law)
+    W = tension(eps, T, alpha, law)[2]
     k = N / stretch
     d = (dN - k) / (stretch * stretch)
     excess = (N - T - T * eps) / stretch
@@ -69,73 +72,59 @@ def stress(T, r_static, slope, alpha, law):
     out = np.empty((8, T.size))
     for i in range(T.size):
         xp, yp, ux, vy = r_static[0, i], r_static[1, i], slope[0, i], slope[1, i]
-        out[0, i], out[1, i], out[2, i], out[3, i], k, d, out[7, i] = at_point(T[i], xp, yp, ux, vy, alpha, law)
+        out[0, i], out[1, i], out[2, i], out[3, i], k, d, out[7, i] = at_point(
+            T[i], 0.0, (xp, yp), (ux, vy), alpha, law
+        )
         rx, ry = xp + ux, yp + vy
         out[4, i], out[5, i], out[6, i] = k + d * rx * rx, d * rx * ry, k + d * ry * ry
     return out
 
 
 @inner
-def balance(at, Q, cable, force, gram, pull, sides):
-    """Set the internal force (2, n).
-
-    gram : (3, m) weighted tangent xx, xy, yy;  pull : (m,) elastic tension
-    sides : (2, 2) int (N t - T t_static) ds behind and ahead of the mass
-    """
-    slope = np.empty((2, at.weights.size))
+def balance(at, Q, cable, force, of):
+    """Set the internal force (2, n) and gram, pull and sides of `Space`; return int W ds."""
+    slope, energy = np.empty((2, at.weights.size)), 0.0
     multiply(Q, at.phi, False, slope)
-    sides[:] = 0.0
+    of.sides[:] = 0.0
     for i in range(at.weights.size):
-        xp, yp, ux, vy, w = at.r_static[0, i], at.r_static[1, i], slope[0, i], slope[1, i], at.weights[i]
-        _, _, fx, fy, k, d, pull[i] = at_point(at.T[i], xp, yp, ux, vy, cable.alpha, cable.law)
-        rx, ry = xp + ux, yp + vy
-        gram[0, i], gram[1, i], gram[2, i] = w * (k + d * rx * rx), w * (d * rx * ry), w * (k + d * ry * ry)
-        slope[0, i], slope[1, i] = w * fx, w * fy
+        X, w, weight = (at.r_static[0, i], at.r_static[1, i]), (slope[0, i], slope[1, i]), at.weights[i]
+        _, W, fx, fy, k, d, of.pull[i] = at_point(at.T[i], of.viscous[i], X, w, cable.alpha, cable.law)
+        rx, ry = X[0] + w[0], X[1] + w[1]
+        of.gram[0, i], of.gram[1, i] = weight * (k + d * rx * rx), weight * (d * rx * ry)
+        of.gram[2, i] = weight * (k + d * ry * ry)
+        slope[0, i], slope[1, i] = weight * fx, weight * fy
         side = 0 if at.phi[-1, i] > 0.0 else 1
-        sides[side, 0] += w * fx
-        sides[side, 1] += w * fy
+        of.sides[side, 0] += weight * fx
+        of.sides[side, 1] += weight * fy
+        energy += weight * W
     multiply(slope, at.phi, True, force)
+    return energy
 
 
 @inner
-def add_rates(at, ground, Q, V, cable, tau, force, gram, pull, sides, rates):
-    """Add internal damping N = T + alpha (eps + tau deps/dt) to what `balance` set; return the power it takes.
+def damp(at, place, y, cable, tau, of):
+    """Set viscous = alpha tau deps/dt and rates of `Space`; return the power of internal damping.
 
     deps/dt = t . w.', w.' = V Phi' + Q dPhi'/dt at fixed s.
-    rates : (5, m) t, and weighted d(deps/dt)/dr' times dN/d(deps/dt), and dN/d(deps/dt)
     """
-    m = at.weights.size
-    slope, rate, moved, more = np.empty((2, m)), np.empty((2, m)), np.empty((2, m)), np.empty((2, m))
+    m, power, (Q, V) = at.weights.size, 0.0, y
+    slope, rate, moved = np.empty((2, m)), np.empty((2, m)), np.empty((2, m))
     multiply(Q, at.phi, False, slope)
     multiply(V, at.phi, False, rate)
     multiply(Q, at.bend, False, moved)
-    cut, power = cable.law == 1, 0.0
     for i in range(m):
-        side = 0 if at.phi[-1, i] > 0.0 else 1
-        grows = ground.ds_o / ground.s_o if side == 0 else -ground.ds_o / (1.0 - ground.s_o)
+        grows = place[1] / place[0] if at.phi[-1, i] > 0.0 else -place[1] / (1.0 - place[0])
         wx, wy = rate[0, i] - grows * moved[0, i], rate[1, i] - grows * moved[1, i]
-        rx, ry, w = at.r_static[0, i] + slope[0, i], at.r_static[1, i] + slope[1, i], at.weights[i]
+        rx, ry = at.r_static[0, i] + slope[0, i], at.r_static[1, i] + slope[1, i]
         stretch = math.sqrt(rx * rx + ry * ry)
-        x, y, elastic = rx / stretch, ry / stretch, pull[i]
-        deps = x * wx + y * wy
-        N = elastic + cable.alpha * tau * deps
-        slack = cut and N < 0.0
-        dN = 0.0 if slack else cable.alpha
-        added = (0.0 if slack else N) - (max(elastic, 0.0) if cut else elastic)
-        k, pull[i], b = (0.0 if slack else N) / stretch, N, w * tau * dN
-        gram[0, i], gram[1, i] = w * (k + (dN - k) * x * x), w * (dN - k) * x * y
-        gram[2, i] = w * (k + (dN - k) * y * y)
-        rates[0, i], rates[1, i], rates[4, i] = x, y, b
-        rates[2, i], rates[3, i] = b * (wx - deps * x) / stretch, b * (wy - deps * y) / stretch
-        more[0, i], more[1, i] = w * added * x, w * added * y
-        sides[side, 0] += more[0, i]
-        sides[side, 1] += more[1, i]
-        power += w * added * deps
-    extra = np.empty(force.shape)
-    multiply(more, at.phi, True, extra)
-    for a in range(2):
-        for k in range(force.shape[1]):
-            force[a, k] += extra[a, k]
+        tx, ty = rx / stretch, ry / stretch
+        deps = tx * wx + ty * wy
+        of.viscous[i] = cable.alpha * tau * deps
+        N, dN, _, _ = tension(stretch - 1.0, at.T[i] + of.viscous[i], cable.alpha, cable.law)
+        b = at.weights[i] * tau * dN
+        of.rates[0, i], of.rates[1, i], of.rates[4, i] = tx, ty, b
+        of.rates[2, i], of.rates[3, i] = b * (wx - deps * tx) / stretch, b * (wy - deps * ty) / stretch
+        power += at.weights[i] * (N - tension(stretch - 1.0, at.T[i], cable.alpha, cable.law)[0]) * deps
     return power
 
 
@@ -148,10 +137,9 @@ def stiffness(phi, gram, grading, out):
     """
     n, m = phi.shape
     N = n - 1
-    dense = np.ones(m)
-    if grading != 0.0:
-        for q in range(m):
-            dense[q] = 1.0 + grading * phi[1, q] / (2.0 * math.pi)
+    dense = np.empty(m)
+    for q in range(m):
+        dense[q] = 1.0 + grading * phi[1, q] / (2.0 * math.pi)
     rows, sums, c = np.empty((3, m)), np.empty((3, n)), np.empty(4 * N + 1)  # c_|m|, m = -2N .. 2N
     for i in range(3):
         a, b = i // 2, (i + 1) // 2
@@ -172,9 +160,7 @@ def stiffness(phi, gram, grading, out):
                 row[k - 1] = (0.5 * math.pi**2 * j) * k * (minus[k] + plus[k])
         for k in range(n):
             out[a * n + N, b * n + k] = out[a * n + k, b * n + N] = sums[2, k]
-    for j in range(n):
-        for k in range(n):
-            out[n + j, k] = out[j, n + k]
+    out[n:, :n] = out[:n, n:]
 
 
 @inner
@@ -206,15 +192,25 @@ def add_inertia(x, Q, V, A, damping, C, R):
 
 
 @inner
-def add_inertia_tangent(x, mu, damping, c0, c1, c2, K):
-    """Make c0 K, K = dR/dQ, the tangent c0 dr/dq + c1 dr/dv + c2 dr/da of cable and mass mu."""
-    n = x.f.size
-    for i in range(K.shape[0]):
+def grip(ground, y, cable, R):
+    """Add the cable's inertia and a mass that grips it, or a force, to R (2, n)."""
+    C = acceleration(ground.x, y.Q, y.V, y.A)
+    for a in range(2):
+        C[a] = cable.inertia * C[a] + cable.mu * ground.load[a]
+    add_inertia(ground.x, y.Q, y.V, y.A, cable.damping, C, R)
+
+
+@inner
+def grip_tangent(here, line, gram, c, K):
+    """Set K (2 n, 2 n) to the tangent c0 dr/dq + c1 dr/dv + c2 dr/da of cable and mass over sines and a hat."""
+    x, mu, (c0, c1, c2), n = here.ground.x, line.cable.inertia, c, here.ground.x.f.size
+    stiffness(here.at.phi, gram, line.grading, K)
+    for i in range(2 * n):
         k, first = i % n, (i // n) * n
-        for j in range(K.shape[1]):
+        for j in range(2 * n):
             K[i, j] *= c0
         for j in range(n):
-            K[i, first + j] += (c2 + c1 * damping) * x.mass[k, j] + mu * x.f[k] * (
+            K[i, first + j] += (c2 + c1 * line.cable.damping) * x.mass[k, j] + mu * x.f[k] * (
                 c2 * x.f[j] + c1 * x.f_v[j] + c0 * x.f_q[j]
             )
         K[i, first + n - 1] += c1 * x.gyroscopic[0, k] + c0 * x.centrifugal[0, k]
@@ -226,10 +222,7 @@ def least(at, s_o, pull, riding=None, hat=1):
 
     riding : not None where each side has its own sines;  hat : 0 for a basis without one
     """
-    s, where = at.s, 0
-    for i in range(pull.size):
-        if pull[i] < pull[where]:
-            where = i
+    s, where = at.s, pull.argmin()
     lowest, place = pull[where], s[where]
     if lowest >= 0.0:
         return lowest, place
@@ -249,21 +242,3 @@ def least(at, s_o, pull, riding=None, hat=1):
             if weight > 0.0 and mean < lowest * weight:
                 lowest, place = mean / weight, middle / weight
     return lowest, place
-
-
-@inner
-def survey(at, Q, cable, internal):
-    """int W ds; internal (2, 2) receives int (N t - T t_static) ds, sides in columns."""
-    slope = np.empty((2, at.weights.size))
-    multiply(Q, at.phi, False, slope)
-    energy = 0.0
-    internal[:] = 0.0
-    for i in range(at.weights.size):
-        _, W, fx, fy, _, _, _ = at_point(
-            at.T[i], at.r_static[0, i], at.r_static[1, i], slope[0, i], slope[1, i], cable.alpha, cable.law
-        )
-        side = 0 if at.phi[-1, i] > 0.0 else 1
-        internal[0, side] += at.weights[i] * fx
-        internal[1, side] += at.weights[i] * fy
-        energy += at.weights[i] * W
-    return energy

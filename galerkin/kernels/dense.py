@@ -37,14 +37,6 @@ def multiply(a, b, flip, out):
 
 
 @inner
-def solve(K, b, x):
-    """Set x to K^-1 b, to NaN if K is singular."""
-    for i in range(b.size):
-        x[i] = b[i]
-    solve_rows(K, b.size, x, 1)
-
-
-@inner
 def solve_rows(K, n, x, count):
     """Overwrite `count` rows of x (n,) by K[:n, :n]^-1 times them, by NaN if it is singular."""
     columns, pivots = np.empty((n, n)), np.empty(n, dtype=F_INT_nptype)

@@ -9,81 +9,76 @@ import math
 
 import numpy as np
 
+from galerkin.bases.riding import place_in, side_of
 from galerkin.kernels.dense import multiply, solve_rows
 from galerkin.law import inner
 
 
 @inner
-def riding_tangent(of, ground, gram, cable, c, K):
-    """Set K (2, 2 n + 2, 2 n + 2), by sides, to the tangent of cable and mass; gram as in `stiffness`.
-
-    phi_j' phi_k' = kappa_j kappa_k/2 (cos((j-k) pi xi) + cos((j+k) pi xi)); the hat is k = 0 with kappa_0 = 1.
-    """
-    x, (c0, c1, c2) = ground.x, c
-    of_mass = c2 + c1 * cable.damping
-    n, m = of.mass.shape[0] - 1, of.xi.size
-    part, sums = np.empty((3, m)), np.empty((3, 2 * n + 1))
+def riding_tangent(riding, ground, line, of, c):
+    """Set K of `Space` (2, 2 n + 2, 2 n + 2), by sides, to the tangent of cable and mass."""
+    x, K, (c0, c1, c2), n = ground.x, of.K, c, riding.mass.shape[0] - 1
+    of_mass = c2 + c1 * line.cable.damping
     for side in range(2):
-        h = ground.s_o if side == 0 else 1.0 - ground.s_o
-        for i in range(3):
-            for q in range(m):
-                part[i, q] = gram[i, q if side == 0 else 2 * m - 1 - q]
-        multiply(part, of.cosines, True, sums)
-        for a in range(2):
-            for b in range(2):
-                row_of_sums = sums[a + b]
-                for j in range(n + 1):
-                    wave = c0 * 0.5 / (h * h) * (j * math.pi if j else 1.0)
-                    i, at = (a * n + j - 1, side * n + j - 1) if j else (2 * n + a, 2 * n)
-                    for k in range(n + 1):
-                        to, of_x = (b * n + k - 1, side * n + k - 1) if k else (2 * n + b, 2 * n)
-                        kappa = k * math.pi if k else 1.0
-                        value = wave * kappa * (row_of_sums[abs(j - k)] + row_of_sums[j + k])
-                        if a == b and (j or k or side == 0):
-                            value += (
-                                of_mass * x.mass[at, of_x] + c1 * x.gyroscopic[of_x, at] + c0 * x.centrifugal[of_x, at]
-                            )
-                        K[side, i, to] = value
+        h, dh, _ = side_of((ground.s_o, ground.ds_o, 0.0), side)
+        cosine, sine = waves(riding, line.tau, of, c, side, dh / h)
+        for ab in range(4):
+            fill(cosine[ab], sine[ab], 0.5 / (h * h), line.tau, ab // 2, ab % 2, K[side])
+        for j in range(n + 1):
+            for k in range(n + 1):
+                at, to = place_in(side, j, n), place_in(side, k, n)
+                value = of_mass * x.mass[at, to] + c1 * x.gyroscopic[to, at] + c0 * x.centrifugal[to, at]
+                for a in range(2):
+                    if j or k or side == 0:
+                        K[side, slot(a, j, n), slot(a, k, n)] += value
     for a in range(2):
-        K[0, 2 * n + a, 2 * n + a] += c2 * cable.inertia
+        K[0, 2 * n + a, 2 * n + a] += c2 * line.cable.inertia
 
 
 @inner
-def add_rate_tangent(of, ground, rates, c, K):
-    """Add internal damping to `riding_tangent`, int Phi_i' t (c1 d(deps/dt)/dv + c0 d(deps/dt)/dq) ds.
+def slot(a, j, n):
+    """Row of sine j of field a, or of its hat, j = 0."""
+    return a * n + j - 1 if j else 2 * n + a
 
-    dPhi'/dt = -(h./h) (phi' + xi phi'')/h: products of cosines, and of a cosine and a sine.
+
+@inner
+def waves(riding, tau, of, c, side, grows):
+    """Sums of tangents xx, xy, yx, yy over cos(k pi xi) and xi sin(k pi xi), (4, 2 n + 1) each.
+
+    With internal damping also of t (c1 d(deps/dt)/dv + c0 d(deps/dt)/dq), dPhi'/dt = -(h./h) (phi' + xi phi'')/h.
     """
-    c0, c1, _ = c
-    n, m = of.mass.shape[0] - 1, of.xi.size
-    even, odd, cosine, sine = np.empty((4, m)), np.empty((4, m)), np.empty((4, 2 * n + 1)), np.empty((4, 2 * n + 1))
-    C, S = np.empty(3 * n + 1), np.empty(3 * n + 1)  # sums over cos(k pi xi) and xi sin(k pi xi), k = -n .. 2 n
-    for side in range(2):
-        h, dh = (ground.s_o, ground.ds_o) if side == 0 else (1.0 - ground.s_o, -ground.ds_o)
-        moves = c0 * dh / h
+    m, count, (c0, c1, _) = riding.xi.size, riding.cosines.shape[0], c
+    even, odd, cosine, sine = np.empty((4, m)), np.empty((4, m)), np.empty((4, count)), np.empty((4, count))
+    moves, rates = c0 * grows, of.rates
+    for ab in range(4):
+        a, b = ab // 2, ab % 2
         for q in range(m):
             p = q if side == 0 else 2 * m - 1 - q
-            for a in range(2):
-                for b in range(2):
-                    along = rates[4, p] * rates[a, p] * rates[b, p]
-                    even[2 * a + b, q] = (c1 - moves) * along + c0 * rates[a, p] * rates[2 + b, p]
-                    odd[2 * a + b, q] = moves * along
-        multiply(even, of.cosines, True, cosine)
-        multiply(odd, of.sines, True, sine)
-        for ab in range(4):
-            for k in range(2 * n + 1):
-                C[n + k], S[n + k] = cosine[ab, k], sine[ab, k]
-            for k in range(1, n + 1):
-                C[n - k], S[n - k] = C[n + k], -S[n + k]
-            a, b = ab // 2, ab % 2
-            for j in range(n + 1):
-                wave, i = 0.5 / (h * h) * (j * math.pi if j else 1.0), a * n + j - 1 if j else 2 * n + a
-                less, more, less_odd, more_odd = C[n - j :], C[n + j :], S[n - j :], S[n + j :]
-                row = K[side, i, b * n :]
-                for k in range(1, n + 1):
-                    kappa = k * math.pi
-                    row[k - 1] += wave * kappa * (less[k] + more[k] + kappa * (less_odd[k] + more_odd[k]))
-                K[side, i, 2 * n + b] += wave * (less[0] + more[0])
+            even[ab, q] = c0 * of.gram[a + b, p]
+            if tau > 0.0:
+                along = rates[4, p] * rates[a, p] * rates[b, p]
+                even[ab, q] += (c1 - moves) * along + c0 * rates[a, p] * rates[2 + b, p]
+                odd[ab, q] = moves * along
+    multiply(even, riding.cosines, True, cosine)
+    if tau > 0.0:
+        multiply(odd, riding.sines, True, sine)
+    return cosine, sine
+
+
+@inner
+def fill(C, S, scale, tau, a, b, K):
+    """Set the block of fields a, b from the sums of `waves`; the hat is k = 0 with kappa_0 = 1.
+
+    phi_j' phi_k' = kappa_j kappa_k/2 (cos((j-k) pi xi) + cos((j+k) pi xi)), and sines likewise.
+    """
+    n = C.size // 2
+    for j in range(n + 1):
+        wave = scale * (j * math.pi if j else 1.0)
+        for k in range(n + 1):
+            kappa, value = k * math.pi if k else 1.0, C[abs(j - k)] + C[j + k]
+            if tau > 0.0 and k:
+                value += kappa * (S[j + k] + (S[k - j] if k > j else -S[j - k]))
+            K[slot(a, j, n), slot(b, k, n)] = wave * kappa * value
 
 
 @inner

@@ -7,11 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from galerkin.bases.kink import Carried
 from galerkin.kernels.cable import Array, acceleration, add_inertia
 from galerkin.kernels.dense import multiply
+from galerkin.kernels.places import free_place, ground_at, place_of
 from galerkin.law import compiled, inner
 
+STUCK, FREE, HAULED = 0, 1, 2
 LEAST_PULL = 1e-3  # over H, of a taut cable
 STEP = 1e-6  # of differences
 LEAST_WINDOW = 6.0  # least length of the window of `averaged`, in steps
@@ -29,6 +30,14 @@ class Rolling(NamedTuple):
     brake: float  # with its sign
     ax: float = 0.0  # mean p.. for the friction; nan: the present one
     ay: float = 0.0
+
+
+class Ride(NamedTuple):
+    """A rolling car in a step."""
+
+    mode: int  # FREE, STUCK: the last unknown is s_o; HAULED: its acceleration is the haul force
+    on: Rolling
+    thrust: float
 
 
 class Car(NamedTuple):
@@ -54,26 +63,23 @@ class Car(NamedTuple):
         return (self.tx * self.Cx + self.ty * self.Cy) / self.cos_phi
 
 
-class Rolled(NamedTuple):
-    """A car, and how its defect follows the forces behind and ahead."""
-
-    car: Car
-    behind: tuple[float, float]
-    ahead: tuple[float, float]
+NO_CAR = Car(*(0.0,) * 14)
 
 
-NO_CAR = Rolled(Car(*(0.0,) * 14), (0.0, 0.0), (0.0, 0.0))
+class Course(NamedTuple):
+    """A car between two events."""
 
-
-class Ground(NamedTuple):
-    """What an instant brings at the mass."""
-
-    x: Carried
-    slope: Array  # X' at the mass, (2,)
-    load: Array  # X.. - sigma j, (2,)
-    s_o: float
-    ds_o: float
-    dds_o: float
+    t: Array  # (m,) balances of the steps
+    thrust: Array  # (m,) there
+    past: Array  # (k + m, 3) for `averaged`, m rows still empty
+    window: float
+    smooth: Array  # (6,) what `averaged` returns for the last step; zeros at first
+    low: float  # between these the car has to stay
+    high: float
+    sign: float  # of ds_o, 0 where it may turn round
+    forward: float  # of its speed
+    slow: float  # the least speed
+    lifted: bool
 
 
 class Coefficients(NamedTuple):
@@ -84,8 +90,19 @@ class Coefficients(NamedTuple):
     A: Array
 
 
-def weighed_car(on, thrust, velocity, acceleration, behind, ahead):
-    """The car from p., p.. and r' behind and ahead, (2,) or of n instants (2, n); thrust may be the haul force."""
+@inner
+def coefficients(state, n):
+    return Coefficients(
+        state[0, : 2 * n].reshape(2, n), state[1, : 2 * n].reshape(2, n), state[2, : 2 * n].reshape(2, n)
+    )
+
+
+def weighed_car(on, thrust, velocity, acceleration, sides):
+    """The car from p., p.. (2,) and r' of both sides (2, 2), or of n instants (2, n), (2, 2, n).
+
+    thrust : may be the haul force
+    """
+    behind, ahead = sides[0], sides[1]
     mx, my = 0.5 * (behind[0] + ahead[0]), 0.5 * (behind[1] + ahead[1])
     size = np.hypot(mx, my)
     tx, ty = mx / size, my / size
@@ -108,7 +125,7 @@ def weighed_car(on, thrust, velocity, acceleration, behind, ahead):
 car = compiled(weighed_car)
 
 
-@compiled
+@inner
 def taut(force, slope, T, alpha):
     """Turn r' (2,) into that of the force N t; return lam/N, 0 if slack."""
     N = math.hypot(force[0], force[1])
@@ -120,53 +137,49 @@ def taut(force, slope, T, alpha):
 
 
 @inner
-def recover(here, y, sides, cable, behind, ahead):
-    """Turn r' behind and ahead into those of the tension from equilibrium; return lam/N."""
-    x, ds_o, dds_o, alpha = here.x, here.ds_o, here.dds_o + cable.damping * here.ds_o, cable.alpha
-    last, near, far = x.f.size - 1, 1.0 / here.s_o, 1.0 / (1.0 - here.s_o)
-    T, force = 1.0 / here.slope[0], np.empty((2, 2))
-    for a in range(2):
-        v, q = 2.0 / 3.0 * ds_o * y.V[a, last], y.Q[a, last] / 3.0
-        force[0, a] = T * here.slope[a] + near * sides[0, a] - v + q * (2.0 * ds_o * ds_o * near - dds_o)
-        force[1, a] = T * here.slope[a] + far * sides[1, a] - v - q * (2.0 * ds_o * ds_o * far + dds_o)
-        for i in range(last + 1):
-            rate = y.A[a, i] + cable.damping * y.V[a, i]
-            force[0, a] += rate * x.behind[i]
-            force[1, a] -= rate * (x.mass[last, i] - x.behind[i])
-    return taut(force[0], behind, T, alpha), taut(force[1], ahead, T, alpha)
-
-
-@compiled
-def by_force(on, thrust, velocity, p, behind, ahead, turn, defect, side):
-    """Derivative of the defect of `car` by the force behind (0) or ahead; turn : lam/N."""
-    moved, got = np.empty((2, 2)), np.empty(2)
-    slope = behind if side == 0 else ahead
-    square = slope[0] * slope[0] + slope[1] * slope[1]
-    for a in range(2):
-        for b in range(2):
-            moved[0, b], moved[1, b] = behind[b], ahead[b]
-        for b in range(2):
-            moved[side, b] += STEP * ((1.0 if a == b else 0.0) - slope[a] * slope[b] / square)
-        got[a] = turn * (car(on, thrust, velocity, p, moved[0], moved[1]).defect - defect) / STEP
-    return got[0], got[1]
+def share(x, side, k):
+    """int hat Phi_k ds behind (0) or ahead (1) of the car."""
+    return x.behind[k] if side == 0 else x.mass[-1, k] - x.behind[k]
 
 
 @inner
-def motion(here, y):
-    """p., p.. - sigma j, and r' behind and ahead of the car by the slopes of the basis, (2,) each."""
+def motion(here, y, sigma):
+    """p., p.. (2,), and r' of both sides (2, 2) by the slopes of the basis."""
     x = here.x
     last, p = x.f.size - 1, acceleration(x, y.Q, y.V, y.A)
-    velocity, behind, ahead = np.empty(2), np.empty(2), np.empty(2)
+    velocity, sides = np.empty(2), np.empty((2, 2))
     for a in range(2):
         along, speed = here.slope[a], 0.0
         for i in range(last + 1):
             along += y.Q[a, i] * x.f_s[i]
             speed += y.V[a, i] * x.f[i]
         velocity[a] = speed + here.ds_o * along
-        behind[a] = along + y.Q[a, last] / here.s_o
-        ahead[a] = along - y.Q[a, last] / (1.0 - here.s_o)
+        sides[0, a] = along + y.Q[a, last] / here.s_o
+        sides[1, a] = along - y.Q[a, last] / (1.0 - here.s_o)
         p[a] += here.load[a]
-    return velocity, p, behind, ahead
+    p[1] += sigma
+    return velocity, p, sides
+
+
+@inner
+def recovered(here, y, internal, cable):
+    """`motion` with r' by the tension from equilibrium, and lam/N of both sides.
+
+    Slopes of sines are inaccurate on a short side.  internal : `sides` of `balance`
+    """
+    velocity, p, slopes = motion(here, y, cable.sigma)
+    x, ds_o, turns = here.x, here.ds_o, np.empty(2)
+    T, last, force = 1.0 / here.slope[0], x.f.size - 1, np.empty(2)
+    for side in range(2):
+        h, sign = (here.s_o, 1.0) if side == 0 else (1.0 - here.s_o, -1.0)
+        bends = sign * 2.0 * ds_o * ds_o / h - here.dds_o - cable.damping * ds_o
+        for a in range(2):
+            force[a] = T * here.slope[a] + internal[side, a] / h
+            force[a] += (bends * y.Q[a, last] - 2.0 * ds_o * y.V[a, last]) / 3.0
+            for i in range(last + 1):
+                force[a] += sign * share(x, side, i) * (y.A[a, i] + cable.damping * y.V[a, i])
+        turns[side] = taut(force, slopes[side], T, cable.alpha)
+    return velocity, p, slopes, turns
 
 
 @inner
@@ -204,56 +217,158 @@ def averaged(past, first, last, least):
 
 
 @inner
-def roll(here, y, sides, cable, on, thrust, R):
-    """Add the cable's inertia and the car to R (2, n); return it as `Rolled`.
-
-    tau belongs to the tension from equilibrium: slopes of sines are inaccurate on a short side.
-    """
-    velocity, p, behind, ahead = motion(here, y)
-    p[1] += on.sigma
-    turns = recover(here, y, sides, cable, behind, ahead)
-    out = car(on, thrust, velocity, p, behind, ahead)
-    by_behind = by_force(on, thrust, velocity, p, behind, ahead, turns[0], out.defect, 0)
-    by_ahead = by_force(on, thrust, velocity, p, behind, ahead, turns[1], out.defect, 1)
+def roll(here, y, internal, cable, on, thrust, R):
+    """Add the cable's inertia and the car to R (2, n); return the car."""
+    velocity, p, slopes, _ = recovered(here, y, internal, cable)
+    out = car(on, thrust, velocity, p, slopes)
     p[0], p[1] = out.Cx, out.Cy
     add_inertia(here.x, y.Q, y.V, y.A, cable.damping, p, R)
-    return Rolled(out, by_behind, by_ahead)
+    return out
 
 
 @inner
 def pulls(phi, gram):
-    """Derivative of int (N t - T t_static) ds by Q, (2, 2, 2, n): side, its field, Q's."""
+    """Derivative of `sides` of `balance` by Q, (6, n): xx, xy, yy behind, and ahead."""
     n, m = phi.shape
-    both, sums, out = np.zeros((6, m)), np.empty((6, n)), np.empty((2, 2, 2, n))
+    both, sums = np.zeros((6, m)), np.empty((6, n))
     for q in range(m):
         first = 0 if phi[n - 1, q] > 0.0 else 3
         for i in range(3):
             both[first + i, q] = gram[i, q]
     multiply(both, phi, True, sums)
+    return sums
+
+
+@inner
+def by_force(here, y, internal, cable, on, thrust, defect):
+    """Derivative of the defect by the forces N t of both sides, (2, 2), by differences."""
+    velocity, p, slopes, turns = recovered(here, y, internal, cable)
+    out = np.empty((2, 2))
     for side in range(2):
+        rx, ry = slopes[side, 0], slopes[side, 1]
+        square = rx * rx + ry * ry
         for a in range(2):
-            for b in range(2):
-                for k in range(n):
-                    out[side, a, b, k] = sums[3 * side + a + b, k]
+            turned = -(rx if a == 0 else ry) / square
+            slopes[side, 0], slopes[side, 1] = rx + STEP * turned * rx, ry + STEP * turned * ry
+            slopes[side, a] += STEP
+            out[side, a] = turns[side] * (car(on, thrust, velocity, p, slopes).defect - defect) / STEP
+        slopes[side, 0], slopes[side, 1] = rx, ry
     return out
 
 
 @inner
-def row(here, rolled, pulls, on, damping, c, into):
-    """The car's row of the tangent, (2 n + 1,)."""
-    x, ds_o, (c0, c1, c2), near, far = here.x, here.ds_o, c, 1.0 / here.s_o, 1.0 / (1.0 - here.s_o)
-    n, mu, car = x.f.size, on.mu, rolled.car
+def row(here, ride, line, of, car, c):
+    """Set the car's row of the tangent, last of `Space.K`."""
+    ground, on, damping, (c0, c1, c2) = here.ground, ride.on, line.cable.damping, c
+    x, ds_o, n = ground.x, ground.ds_o, ground.x.f.size
+    into, sums = of.K[0, 2 * n], pulls(here.at.phi, of.gram)
+    y = coefficients(of.balanced, n)
+    by = by_force(ground, y, of.sides, line.cable, on, pulled(ride, of), car.defect)
     rub = car.cos_phi * math.copysign(on.rub, on.rub * car.pressing) if math.isnan(on.ax) else 0.0
     along = car.tx - rub * car.ty, car.ty + rub * car.tx
     for b in range(2):
-        behind, ahead = rolled.behind[b], rolled.ahead[b]
         for j in range(n):
-            own = along[b] * mu * (c2 * x.f[j] + c1 * x.f_v[j] + c0 * x.f_q[j])
-            by_a = behind * x.behind[j] - ahead * (x.mass[n - 1, j] - x.behind[j])
-            by_q = 0.0
-            for a in range(2):
-                by_q += rolled.behind[a] * near * pulls[0, a, b, j] + rolled.ahead[a] * far * pulls[1, a, b, j]
-            into[b * n + j] = own + (c2 + c1 * damping) * by_a + c0 * by_q
-        by_v = -2.0 / 3.0 * ds_o * (behind + ahead)
-        by_q = 2.0 * ds_o * ds_o * (behind * near - ahead * far) - (here.dds_o + damping * ds_o) * (behind + ahead)
-        into[b * n + n - 1] += c1 * by_v + c0 * by_q / 3.0
+            into[b * n + j] = along[b] * on.mu * (c2 * x.f[j] + c1 * x.f_v[j] + c0 * x.f_q[j])
+        for side in range(2):
+            h, sign = (ground.s_o, 1.0) if side == 0 else (1.0 - ground.s_o, -1.0)
+            for j in range(n):
+                into[b * n + j] += (c2 + c1 * damping) * sign * by[side, b] * share(x, side, j)
+                for a in range(2):
+                    into[b * n + j] += c0 / h * by[side, a] * sums[3 * side + a + b, j]
+            bends = sign * 2.0 * ds_o * ds_o / h - ground.dds_o - damping * ds_o
+            into[b * n + n - 1] += by[side, b] * (c0 * bends - c1 * 2.0 * ds_o) / 3.0
+
+
+@inner
+def pulled(ride, of):
+    """Thrust or haul force."""
+    return of.balanced[2, -1] if ride.mode == HAULED else ride.thrust
+
+
+@inner
+def ride_on(ground, ride, line, of, R):
+    """Add the cable's inertia and the car to R (2, n), and set its row of the residual; return the car."""
+    n = R.shape[1]
+    for a in range(2):
+        for i in range(n):
+            of.internal[a, i] = R[a, i]
+    out = roll(ground, coefficients(of.balanced, n), of.sides, line.cable, ride.on, pulled(ride, of), R)
+    of.r[2 * n] = line.cable.mu * of.balanced[2, 2 * n] if ride.mode == STUCK else out.defect
+    return out
+
+
+@inner
+def ride_tangent(here, ride, line, of, out, c):
+    """Set row and column of the car in K of `Space` after `ride_on`, which returned `out`.
+
+    The column of s_o is a difference without dr/ds_o.
+    """
+    ground, K, (_, c1, c2) = here.ground, of.K[0], c
+    n, last = ground.x.f.size, K.shape[0] - 1
+    for i in range(last + 1):
+        K[last, i] = K[i, last] = 0.0
+    if ride.mode == STUCK:
+        K[last, last] = c2 * line.cable.mu
+        return
+    row(here, ride, line, of, out, c)
+    if ride.mode == HAULED:
+        for i in range(n):
+            K[i, last], K[n + i, last] = -c2 * out.tx * ground.x.f[i], -c2 * out.ty * ground.x.f[i]
+        K[last, last] = -c2
+    elif c1 + c2 != 0.0:
+        h, R = STEP / (c1 + c2), np.zeros((2, n))
+        moved = ground_at(line, (ground.s_o, ground.ds_o + h * c1, ground.dds_o + h * c2))
+        other = roll(moved, coefficients(of.balanced, n), of.sides, line.cable, ride.on, ride.thrust, R)
+        K[last, last] = (other.defect - out.defect) / h
+        for a in range(2):
+            for i in range(n):
+                K[a * n + i, last] = (R[a, i] + of.internal[a, i] - of.r[a * n + i]) / h
+
+
+@compiled
+def seen(on, line, place, state):
+    """`car` at a state, rows q, v, a, by the slopes of the basis and without thrust."""
+    velocity, p, sides = motion(ground_at(line, place), coefficients(state, line.left.size + 1), line.cable.sigma)
+    return car(on, 0.0, velocity, p, sides)
+
+
+@inner
+def begin_step(ride, course, rule, i, car):
+    """The `Ride` of step i, after the car at its start is noted."""
+    past, newest = course.past, course.past.shape[0] - course.t.size + i
+    past[newest, 0] = course.t[i] - rule[0, 4] * rule[0, 1]
+    past[newest, 1], past[newest, 2] = car.vx, car.vy
+    smooth = averaged(past, int(course.smooth[0]), newest, course.window)
+    for k in range(6):
+        course.smooth[k] = smooth[k]
+    return at_time(ride, course.smooth, course.t[i], course.thrust[i])
+
+
+@inner
+def end_step(ride, course, line, places, rule, i, end):
+    """The car at the end of step i; a hauled one where the step is balanced."""
+    if ride.mode == HAULED:
+        return seen(ride.on, line, place_of(places, i), end)
+    t = course.t[i] + (1.0 - rule[0, 4]) * rule[0, 1]
+    return seen(at_time(ride, course.smooth, t, 0.0).on, line, free_place(end), end)
+
+
+@inner
+def at_time(ride, smooth, t, thrust):
+    """`Ride` at t by `averaged`."""
+    d, on = t - smooth[1], ride.on
+    ax, ay = smooth[2] + d * smooth[4], smooth[3] + d * smooth[5]
+    on = Rolling(on.mu, on.sigma, on.drag, on.wind, on.hold, on.rub, on.brake, ax, ay)
+    return Ride(ride.mode, on, thrust)
+
+
+@inner
+def has_event(ride, course, end, car):
+    if not (course.lifted or max(car.pressing, car.normal) > 0.0):
+        return True
+    if ride.mode == HAULED:
+        return False
+    s_o, ds_o, _ = free_place(end)
+    if not course.low < s_o < course.high or (course.sign != 0.0 and not course.sign * ds_o > 0.0):
+        return True
+    return not course.forward * car.speed > course.slow
