@@ -8,7 +8,7 @@ Derivatives and primitives are sums over functions phi_m with masks 2 ((1 + z)/2
 
 from dataclasses import dataclass
 from functools import lru_cache
-from math import sqrt
+from math import comb, sqrt
 from typing import Literal, get_args
 
 import mpmath as mp
@@ -38,8 +38,9 @@ def _factor(p: int) -> np.ndarray:
 
     The roots of q lie outside the unit circle.
     """
-    q = np.array([mp.mpf(1)])
-    for y in mp.polyroots([mp.binomial(p - 1 + k, k) for k in range(p)][::-1], maxsteps=200, extraprec=200):
+    q, c = np.array([mp.mpf(1)]), [comb(p - 1 + k, k) for k in range(p)]
+    for near in np.roots(c[::-1]):
+        y = mp.findroot(lambda y: mp.fsum(x * y**k for k, x in enumerate(c)), mp.mpc(complex(near)))
         root = 1 - 2 * y + mp.sqrt((1 - 2 * y) ** 2 - 1)
         q = np.convolve(q, np.array([1, -1 / root if abs(root) > 1 else -root]))
     q = np.array([mp.re(c) for c in q])
