@@ -81,7 +81,9 @@ def values_along(s, n, grading, row):
     """One row of `values_at` at many places."""
     out = np.empty((s.size, n))
     for i in range(s.size):
-        out[i] = values_at(s[i], n, grading)[row]
+        values = values_at(s[i], n, grading)
+        for k in range(n):
+            out[i, k] = values[row, k]
     return out
 
 
