@@ -27,6 +27,9 @@ from galerkin.kernels import Car
 
 WINDOW = 0.3  # of an axial round trip: for the mean acceleration of friction
 
+# one step by itself: of the same types as other courses, it compiles nothing new
+ALONE = kernels.Course(*np.empty((2, 0)), np.empty((0, 3)), 0.0, np.zeros(6), 0.0, 1.0, 0.0, 0.0, 0.0, False)
+
 
 class RollingSystem(RollingCar, GalerkinSystem):
     """The equations (19) with a car that rolls and one more unknown, the last one.
@@ -161,7 +164,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         self, t: Array, phase: int, start: Array, rules: Array, bounds: tuple[float, ...]
     ) -> tuple[int, Array, Array]:
         ride, line, place = self._ride(float(t[0]), start[0], start[1], start[2], phase)
-        return self._told(*kernels.stride(ride, None, line, np.array([place]), start, rules, bounds))
+        return self._told(*kernels.stride(ride, ALONE, line, np.array([place]), start, rules, bounds))
 
     def _stride(
         self, t: Array, phase: int, start: Array, rules: Array, bounds: tuple[float, ...]

@@ -13,6 +13,7 @@ from typing import Literal, get_args
 
 import mpmath as mp
 import numpy as np
+import pywt
 from scipy.linalg import solve_triangular, svd
 
 from galerkin.law import compiled
@@ -34,17 +35,26 @@ def _solve(A: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _factor(p: int) -> np.ndarray:
-    """q of h(x) = 2 ((1 + x)/2)^p q(x), |q|^2 = sum_k binom(p-1+k, k) y^k, y = (2 - x - 1/x)/4 (Daubechies 1988).
-
-    The roots of q lie outside the unit circle.
-    """
-    q, c = np.array([mp.mpf(1)]), [comb(p - 1 + k, k) for k in range(p)]
-    for near in np.roots(c[::-1]):
-        y = mp.findroot(lambda y: mp.fsum(x * y**k for k, x in enumerate(c)), mp.mpc(complex(near)))
-        root = 1 - 2 * y + mp.sqrt((1 - 2 * y) ** 2 - 1)
-        q = np.convolve(q, np.array([1, -1 / root if abs(root) > 1 else -root]))
-    q = np.array([mp.re(c) for c in q])
-    return q / sum(q)
+    """q of h(z) = 2 ((1 + z)/2)^p q(z): |q|^2 = sum_k binom(p-1+k, k) y^k, y = (2 - z - 1/z)/4 (Daubechies 1988)."""
+    y = np.array([mp.mpf("-0.25"), mp.mpf("0.5"), mp.mpf("-0.25")])  # times z
+    wanted, power = np.array([mp.mpf(0)] * (2 * p - 1)), np.array([mp.mpf(1)])
+    for k in range(p):
+        wanted[p - 1 - k : p + k] += comb(p - 1 + k, k) * power
+        power = np.convolve(power, y)
+    zeros = np.array([1.0])
+    for _ in range(p):
+        zeros = np.convolve(zeros, [0.5, 0.5])
+    deconvolve = np.array([np.convolve(2.0 * zeros, row) for row in np.eye(p)]).T
+    h = sqrt(2.0) * np.array(pywt.Wavelet(f"db{p}").rec_lo)
+    q = np.array([mp.mpf(c) for c in np.linalg.lstsq(deconvolve, h, rcond=None)[0].tolist()])
+    for _ in range(12):
+        residual = wanted[p - 1 :] - np.array([q[k:] @ q[: p - k] for k in range(p)])
+        if max(abs(residual)) < mp.mpf(10) ** (10 - DIGITS):
+            return q
+        pad = np.concatenate([np.full(p, mp.mpf(0)), q, np.full(p, mp.mpf(0))])
+        jacobian = np.array([pad[p + k : 2 * p + k] + pad[p - k : 2 * p - k] for k in range(p)])
+        q = q + _solve(jacobian, residual)
+    raise ArithmeticError(f"the filter db{p} does not polish")
 
 
 def _transition(h: np.ndarray, digit: int) -> np.ndarray:

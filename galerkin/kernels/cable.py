@@ -160,7 +160,9 @@ def stiffness(phi, gram, grading, out):
                 row[k - 1] = (0.5 * math.pi**2 * j) * k * (minus[k] + plus[k])
         for k in range(n):
             out[a * n + N, b * n + k] = out[a * n + k, b * n + N] = sums[2, k]
-    out[n:, :n] = out[:n, n:]
+    for j in range(n):
+        for k in range(n):
+            out[n + j, k] = out[j, n + k]
 
 
 @inner

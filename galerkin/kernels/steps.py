@@ -41,6 +41,14 @@ def space_for(size, line):
 
 
 @inner
+def copy(values, into):
+    """Set all values; into[:] = values compiles for seconds, with the words of its error."""
+    a, b = values.reshape(values.size), into.reshape(into.size)
+    for i in range(a.size):
+        b[i] = a[i]
+
+
+@inner
 def strained(at, place, y, line, riding, R, of):
     """`balance` of y = Q, V with internal damping; return int W ds and the power of damping."""
     lost = 0.0
@@ -56,7 +64,7 @@ def surveyed(line, places, Q, V, internal, strain, lost):
     for i in range(strain.size):
         at, R = points_at(line, places[i, 0]), of.internal
         strain[i], lost[i] = strained(at, place_of(places, i), (Q[i], V[i]), line, line.riding, R, of)
-        internal[i] = of.sides
+        copy(of.sides, internal[i])
 
 
 @inner
@@ -78,13 +86,13 @@ def look(ride, line, place, state, r, parts):
     Return the car, the least tension and its s.
     """
     of, here = space_for(state.shape[1], line), moment(line, place)
-    of.balanced[:] = state
+    copy(state, of.balanced)
     out = evaluate(here, ride, line, of)
-    r[:] = of.r
+    copy(of.r, r)
     for k in range(parts.shape[0]):
         c = 1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0
         set_tangent(line.riding, here, ride, line, of, out, c)
-        parts[k] = of.K
+        copy(of.K, parts[k])
     return out, least(here.at, place[0], of.pull, line.riding)
 
 
@@ -121,7 +129,7 @@ def set_tangent(riding, here, ride, line, of, out, c):
 @inner
 def solve_for(riding, K, r, step):
     if riding is None:
-        step[:] = r
+        copy(r, step)
         solve_rows(K[0], r.size, step, 1)
     else:
         solve_sides(K, r, step)
@@ -176,7 +184,7 @@ def newton(here, ride, line, ends, rule, limits, of):
 
 @compiled
 def stride(ride, course, line, places, start, rules, limits):
-    """Steps until one fails, is slack, or with a `Course` ends in an event.
+    """Steps until one fails, is slack, or with the times of a `Course` ends in an event.
 
     places : (m, 3) s_o, ds_o, dds_o; of a free car for the first step alone
     Return how many are good, their ends (m, 3, n_dof), and results of `newton`, (m, 6).
@@ -188,7 +196,7 @@ def stride(ride, course, line, places, start, rules, limits):
         now_car = rolling.seen(ride.on, line, place_of(places, 0), start)
     for i in range(m):
         rule, begin = rules[i], start if i == 0 else now[i - 1]
-        if course is not None and ride.mode != rolling.HAULED:
+        if course is not None and course.t.size > 0 and ride.mode != rolling.HAULED:
             now_ride = rolling.begin_step(ride, course, rule, i, now_car)
         elif i > 0:
             here = moment(line, place_of(places, i))
@@ -196,7 +204,7 @@ def stride(ride, course, line, places, start, rules, limits):
         told[i, 0], told[i, 1], told[i, 2], told[i, 3], told[i, 4], told[i, 5] = found
         if not (found[0] <= limits[0] and found[4] >= 0.0):
             return i, now, told
-        if course is not None:
+        if course is not None and course.t.size > 0:
             now_car = rolling.end_step(ride, course, line, places, rule, i, now[i])
             if rolling.has_event(ride, course, now[i], now_car):
                 return i, now, told
