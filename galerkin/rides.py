@@ -28,7 +28,7 @@ from galerkin.kernels import Car
 WINDOW = 0.3  # of an axial round trip: for the mean acceleration of friction
 
 # one step by itself: of the same types as other courses, it compiles nothing new
-ALONE = kernels.Course(*np.empty((2, 0)), np.empty((0, 3)), 0.0, np.zeros(6), 0.0, 1.0, 0.0, 0.0, 0.0, False)
+ALONE = kernels.Course(np.empty(0), np.empty(0), np.empty((0, 3)), 0.0, np.zeros(6), 0.0, 1.0, 0.0, 0.0, 0.0, False)
 
 
 class RollingSystem(RollingCar, GalerkinSystem):
