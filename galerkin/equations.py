@@ -40,7 +40,7 @@ LOADS = ("mass", "force")
 
 @dataclass(frozen=True, slots=True)
 class Instant:
-    """Quantities that depend on place and speed of the mass alone."""
+    """Quantities fixed by the travel of the mass."""
 
     carried: Carried  # of the basis
     load: Array  # X.. - sigma j of (27), (fields,)
@@ -57,21 +57,14 @@ class Drives(NamedTuple):
 
 
 class GalerkinSystem(System):
-    """M q.. + C q. + K q + R(q) = F of (19).
-
-    The mass adds mu Phi_i(s_o) (p.. - sigma j), (21)-(23) and (27), with
-
-        p.. = Phi q.. + 2 ds_o Phi' q. + (dds_o Phi' + ds_o^2 Phi'') q + X.. .
-
-    Path form, for a basis without phi'': the last `fields` unknowns are the displacement w_p of the mass, with the
-    equation w_p - Phi(s_o) q = 0.
+    """M q.. + C q. + K q + R(q) = F of (19), with the mass of (21)-(23) and (27); see README.md.
 
     kink : add a hat that travels with the mass
     model : "string" | "sagged" | "stretching" (one field normal to the chord) | "full"
     load : "mass", or "force" = the weight mu sigma alone
     law : "elastic", or "tension-only" for the full model
 
-    Unknowns: all of U, then all of V; the hat comes last in each.
+    Unknowns: all of U, then all of V, the hat last in each; in path form then the displacement w_p of the mass.
     """
 
     strides = True
@@ -97,7 +90,7 @@ class GalerkinSystem(System):
         self.force_scale = (self.mu or 1.0) * groups.sigma
         # rounding of N, summed over points
         self.force_floor = float(np.finfo(float).eps) * groups.alpha
-        # of the last residual: least mean tension over the basis' shortest wave, and its s
+        # of the last residual, and its s; see `kernels.least`
         self.least_tension = np.inf, 0.0
         self._instants: dict[tuple[float, int], Instant] = {}
 
@@ -212,11 +205,11 @@ class GalerkinSystem(System):
 
     @property
     def waves(self) -> bool:
-        """Whether `lines` has the full cable over sines, with or without a hat."""
+        """Whether this is the full cable over sines, which `lines` needs."""
         return isinstance(self.cable, FullCable) and isinstance(self.basis.basis, Fourier)
 
     def lines(self, s_o: Array) -> Iterator[tuple[slice, kernels.Line]]:
-        """Runs of consecutive places s_o (m,) with equal points, and the cable there."""
+        """Runs of consecutive places s_o (m,) with the same rules, and their `Line`."""
         for same, behind, ahead in self.sines.alike(s_o):
             yield same, self._line(behind, ahead)
 
@@ -242,7 +235,7 @@ class GalerkinSystem(System):
     def stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[Array, Array]:
-        """For unchanged points and a taut cable."""
+        """Steps end where the quadrature rules change or the cable falls slack."""
         if not (self.waves and self.kink):
             return NO_STEPS
         taken, ends, told = self._stride(t, phase, start, rules, limits(bound, newton))
@@ -260,13 +253,13 @@ class GalerkinSystem(System):
     _stride = _step
 
     def _told(self, taken: int, ends: Array, told: Array) -> tuple[int, Array, Array]:
-        """Note the least tension of the last of these steps."""
+        """Note the least tension of the last step."""
         lowest, where = told[max(taken - 1, 0), 4:].tolist()
         self.least_tension = lowest, where
         return taken, ends, told
 
     def start(self, phase: int, state: State | None) -> State:
-        """Entry: the limit t -> 0+.  Later q and v go on; a jumps with dds_o."""
+        """At entry the limit t -> 0+; later q and v are continuous, a jumps with dds_o."""
         if state is None:
             s_o, ds_o, _ = self.motion.at(0.0, 0)
             if s_o > 0.0:
@@ -287,17 +280,16 @@ class GalerkinSystem(System):
         return State(t, state.q, state.v, state.a + np.concatenate([jump.ravel(), jump @ after.f + kick]), phase)
 
     def standing(self, s_o: float) -> GalerkinSystem:
-        """The same system with the mass held at s_o."""
+        """The system with the mass held at s_o."""
         other = self.with_law(self.law)
         other.groups = replace(self.groups, motion=standing(s_o, 1.0))
         return other
 
     def _entry(self) -> State:
-        """The limit t -> 0+: q_hat = d s_o, d the slope of the cable behind the mass.
+        """The limit t -> 0+; see README.md, "Start".
 
-        With what `_entrained` returns the row of the hat is
+        With m, b of `_entrained` the row of the hat is
             (mu + m) a_hat + (c_d m - ds_o b) ds_o d + [N t - T t_static](d) + mu (X.. - sigma j) = 0.
-        A mass that enters with speed falls freely, d = 0: there is no time to stretch the short piece behind.
         """
         t = self.phases[0][0]
         s_o, ds_o, dds_o = self.motion.at(t, 0)
@@ -330,9 +322,9 @@ class GalerkinSystem(System):
         return np.append(-rest, 1.0), np.append(drag, 0.0), 1.0 / 3.0 - value @ rest, 1.0 / 3.0 + 2.0 * value @ drag
 
     def _slope_behind(self, m: float, load: Array) -> Array:
-        """Solve m d + [N t - T t_static](X' + d) + load = 0 at the left support by full Newton steps.
+        """Solve m d + [N t - T t_static](X' + d) + load = 0 at the left support.
 
-        Halved steps are slow for a stiff cable.
+        Newton steps are not halved: that is slow for a stiff cable.
         """
         d = np.zeros(self.fields)
         for _ in range(50):

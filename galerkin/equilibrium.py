@@ -1,4 +1,4 @@
-"""Tension from equilibrium, i.e. from accelerations; see README.md, "Tension"."""
+"""Tension from equilibrium; see README.md, "Tension"."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Equilibrium:
-    """Internal forces N t of n instants, and other integrals."""
+    """Internal forces N t at n instants."""
 
     behind: Array  # (n, 2) at the mass
     ahead: Array
     left: Array  # (n, 2) at the supports
     right: Array
-    along: Array  # (k, m, 2) at s = s_o the side behind
+    along: Array  # (k, m, 2) at the frames; at s = s_o the side behind
     strain: Array  # (n,) int W ds
     least: Array  # (n,) least tension and its s
     least_at: Array
@@ -35,7 +35,7 @@ class Equilibrium:
 
 
 def recover(x: Measures, s: Array, frames: Array) -> Equilibrium:
-    """Solve the balances of both pieces at every instant, and along the cable at the frames."""
+    """Solve the balances of both pieces of cable."""
     cable, basis, damping = x.system.cable, x.system.basis.basis, x.system.damping
     assert isinstance(cable, FullCable)
     internal, strain, _ = sums(x)
@@ -101,10 +101,7 @@ def tension(force: Array, r: Array) -> Array:
 
 
 def slopes_by(force: Array, slopes: Array, T: Any, alpha: float) -> Array:
-    """r' (..., 2) along forces N t, in place of `slopes`, which stay where the cable is slack.
-
-    Slopes of sines converge slowly at the mass.
-    """
+    """r' (..., 2) from forces N t; where the cable is slack, `slopes`, which converge slowly at the mass."""
     N = np.hypot(force[..., 0], force[..., 1])
     taut = (N > kernels.LEAST_PULL) & (np.sum(force * slopes, axis=-1) > 0.0)
     stretch = (1.0 + (N - T) / alpha) / np.where(taut, N, 1.0)

@@ -25,10 +25,7 @@ MODELS = ("string", "sagged", "stretching", "full")
 
 
 class FullCable:
-    """The cable of (25)-(26) and (28)-(32): exact strain, both displacements.
-
-    N t - T t_static stands for N t: its static part balances the weight in (26).
-    """
+    """The cable of (25)-(26) and (28)-(32): exact strain, both displacements."""
 
     fields = 2
 
@@ -71,7 +68,6 @@ class FullCable:
         return x[2:4] @ place.phi.T, x[7]
 
     def linearise(self, place: kernels.Points, Q: Array) -> tuple[Array, Array, Array]:
-        """As `force`, with the gram matrix of (28)-(32)."""
         x = self._stress(place, Q)
         n, K = len(place.phi), np.empty((Q.size, Q.size))
         for (i, j), f in zip(((0, 0), (0, n), (n, n)), x[4:7], strict=True):
@@ -106,7 +102,7 @@ class FullCable:
 
 
 class ChordCable:
-    """One displacement w normal to the chord over a parabola: string, sagged (linear), stretching (Kirchhoff-Carrier).
+    """One displacement w normal to the chord: string, sagged (linear), stretching (Kirchhoff-Carrier).
 
     Force tau w' + h (y_n' + kap w'), h = alpha lam int( y_n' w' + kap w'^2/2 ) ds, tau = 1/chord_cos,
     y_n'' = -sigma chord_cos/tau (straight: 0), by S = int Phi' Phi' and b = -y_n'' int Phi.
@@ -119,7 +115,7 @@ class ChordCable:
         self.groups, self.alpha, self.tau = groups, groups.alpha, 1.0 / groups.chord_cos
         self.weight = np.array([groups.sigma * groups.chord_cos])
         self.curvature = 0.0 if model == "straight" else -self.weight[0] / self.tau  # y_n''
-        # h is constant: tension is least where the static one is
+        # h is the same along the cable
         self.least_at = min(1.0, max(0.0, groups.c / groups.sigma))
         self.at_rest = float(groups.static(self.least_at)[0])
 

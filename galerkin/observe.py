@@ -18,7 +18,7 @@ NEAR_SUPPORT = 1e-12  # least length of a side, for the hat's slope
 
 
 class Measures:
-    """A history of n instants over standing functions, with or without a hat, and what it shows.
+    """Quantities of n instants, over standing functions with or without a hat.
 
     q, v, a : coefficients (n, fields, N + 1); those of the hat come last, zero without one
     """
@@ -108,10 +108,7 @@ class Measures:
 
 
 def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> Observation:
-    """Measure a history; see `Observation`.
-
-    A single field w is shown as (u, v) = w (-chord_sin, chord_cos) on the catenary.
-    """
+    """Measure a history; see `Observation`."""
     groups, cable, along = system.groups, system.cable, direction(system)
     x = system.measures(system, states)
     w, w_t, w_tt, slopes = x.at_mass()
@@ -150,7 +147,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
 
 
 def direction(system: GalerkinSystem) -> Array:
-    """The fields as (u, v), (fields, 2)."""
+    """(u, v) of unit fields, (fields, 2)."""
     if system.fields == 2:
         return np.eye(2)
     return np.array([[-system.groups.chord_sin, system.groups.chord_cos]])
@@ -159,7 +156,7 @@ def direction(system: GalerkinSystem) -> Array:
 def _full(
     cable: FullCable, x: Measures, slopes: Array, w_s: Array, s: Array, frames: Array
 ) -> tuple[dict[str, Array], Array, Array, Any]:
-    """Forces as fields of `Observation`, r' at the mass, `working` of `drives`, and power of internal damping."""
+    """Forces by fields of `Observation`, r' at the mass, `working` of `drives`, power of internal damping."""
     T_o, static_o, static = cable.groups.static(x.s_o)[0], *(cable.static_slope(y)[0] for y in (x.s_o, s))
     balanced = x.recover(s, frames)
     off = np.where(x.s_o > 0.0, 0.0, np.nan), np.where(x.s_o < 1.0, 0.0, np.nan)

@@ -27,17 +27,15 @@ from galerkin.kernels import Car
 
 WINDOW = 0.3  # of an axial round trip: for the mean acceleration of friction
 
-# one step by itself: of the same types as other courses, it compiles nothing new
+# for one step, without events; of the types of other courses, so that nothing more is compiled
 ALONE = kernels.Course(np.empty(0), np.empty(0), np.empty((0, 3)), 0.0, np.zeros(6), 0.0, 1.0, 0.0, 0.0, 0.0, False)
 
 
 class RollingSystem(RollingCar, GalerkinSystem):
-    """The equations (19) with a car that rolls and one more unknown, the last one.
+    """The equations (19) with a car that rolls: the last row is its balance.
 
-    free : s_o.  haul : its acceleration is the haul force, s_o(t) is prescribed.  The last row is the car's balance.
-    Friction and brakes keep their sign between events.
-
-    ValueError unless the basis is sines with a hat, the model full and the load a mass.
+    The last unknown of a free car is s_o.  That of a hauled car has the haul force as acceleration; s_o(t) is given.
+    Friction and brakes keep their sign between events.  ValueError unless sines with a hat, full model and a mass.
     """
 
     hears_itself = by_force = True
@@ -55,7 +53,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         self.board(groups)
         super().__init__(groups, basis, kink=kink, law=law)
         self.n_dof += 1
-        # rows t, p.; t, mean p.. and its rate
+        # rows t, p.; then t, mean p.. and its rate
         self._past, self._smooth = np.empty((0, 3)), [0.0] * 5
         self._window = WINDOW * self.round_trip
 
@@ -90,21 +88,21 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return float(self.drive.thrust(t, phase)) if self.free else float(a[-1])
 
     def car(self, x: State, on: kernels.Rolling | None = None) -> Car:
-        """By the tension from equilibrium; with `on` it is held, and nothing else acts."""
+        """The car, by the tension from equilibrium; with `on` it is held."""
         ride, line, place = self._ride(*x)
         ride = ride if on is None else kernels.Ride(kernels.STUCK, on, 0.0)
         none = np.empty((0, 1, self.n_dof, self.n_dof))
         return kernels.look(ride, line, place, np.array(x[1:4]), np.empty(self.n_dof), none)[0]
 
     def _car_at(self, x: State) -> Car:
-        """By slopes of the basis, without thrust."""
+        """The car, by slopes of the basis and without thrust."""
         ride, line, place = self._ride(*x)
         return kernels.seen(ride.on, line, place, np.array(x[1:4]))
 
     def begin_step(self, x: State) -> None:
-        """Take the mean acceleration of the car over a while, for friction and lift-off.
+        """Update the car's mean acceleration, for friction and lift-off.
 
-        With the present one, friction has no solution on short steps (Painleve).
+        With the present acceleration, friction has no solution on short steps (Painleve).
         """
         super().begin_step(x)
         if not self.free or (self._past.size and x.t <= self._past[-1, 0]):
@@ -169,7 +167,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
     def _stride(
         self, t: Array, phase: int, start: Array, rules: Array, bounds: tuple[float, ...]
     ) -> tuple[int, Array, Array]:
-        """Steps up to an event.  A hauled car's sign of friction, and points, stay the same."""
+        """Steps end at an event, where the rules change, or where a hauled car turns."""
         drive, (s_o, ds_o) = self.drive, start[:2, -1].tolist()
         if not self.under_way or t[0] < drive.release:
             return 0, *NO_STEPS
@@ -196,9 +194,9 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return taken, ends, told
 
     def start(self, phase: int, state: State | None) -> State:
-        """In equilibrium, the car held (free) or on its rope (haul); later q, v go on and a jumps.
+        """In equilibrium, with a free car held, or a hauled one on its rope; later a jumps.
 
-        A travel that begins at speed begins with the velocities of equilibrium places.
+        A travel that begins at speed has the rate of change of the equilibrium.
         """
         if state is not None:
             return self.enter(state._replace(phase=phase))
@@ -225,7 +223,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return OnItsRope(replace(groups, drive=replace(self.drive, k=0.0)), self.sines, law=self.law)
 
     def _consistent(self, t: float, q: Array, v: Array, phase: int) -> State:
-        """Solve for a."""
+        """The state whose a balances q and v."""
         a = np.zeros(self.n_dof)
         for _ in range(3):  # friction is not linear
             r, solve = self.linearise(t, q, v, a, phase, 0.0, 0.0, 1.0)
@@ -236,10 +234,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return self._consistent(x.t, x.q, x.v.copy(), x.phase)
 
     def look(self, x: State) -> Look:
-        """The car at a state.
-
-        Its normal force oscillates near a support and the mean lags: the larger one counts.
-        """
+        """The larger of the present and mean normal force counts: one oscillates near a support, one lags."""
         car = self._car_at(x)
         thrust = self._thrust(x.t, x.phase, x.a) if self.free else 0.0
         along = thrust + car.tx * car.drag_x + car.ty * (car.drag_y + self.mu * self.groups.sigma)
@@ -251,7 +246,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
 
 
 class OnItsRope(RollingSystem):
-    """A hauled car at rest and about to move on; its last unknown is the haul force."""
+    """A hauled car at rest; its last unknown is the haul force."""
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
         r, parts = self._seen_at(t, q, v, np.append(a[:-1], q[-1]), phase, 3)

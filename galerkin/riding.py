@@ -83,7 +83,7 @@ class RidingSystem(GalerkinSystem):
 
 
 class _Side:
-    """One side over n instants: behind the mass (sign 1) or ahead of it (-1); coefficients (n, fields, terms + 1)."""
+    """One side over n instants, behind the mass (sign 1) or ahead (-1); coefficients (n, fields, terms + 1)."""
 
     def __init__(self, x: Measures, sign: float) -> None:
         of: Any = x.system.basis
@@ -94,7 +94,7 @@ class _Side:
         self.q, self.v, self.a = x.q[..., own], x.v[..., own], x.a[..., own]
 
     def at(self, k: Array, s: Array) -> tuple[Array, Array, Array]:
-        """xi (k, m), and phi and phi' by xi (terms + 1, k, m), of places s at instants k."""
+        """xi (k, m), phi and phi' by xi (terms + 1, k, m), of places s at instants k."""
         xi = np.clip((s if self.sign > 0.0 else 1.0 - s) / self.h[k], 0.0, 1.0)
         values, slopes, _ = (y.reshape(-1, *xi.shape) for y in shapes(self.terms, xi.ravel()))
         return xi, values, slopes
@@ -150,8 +150,6 @@ class _Side:
 
 
 class RidingMeasures(Measures):
-    """`Measures` over sines that ride with the mass."""
-
     def __init__(self, system: GalerkinSystem, states: States) -> None:
         super().__init__(system, states)
         self.sides = _Side(self, 1.0), _Side(self, -1.0)

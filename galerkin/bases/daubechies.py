@@ -1,8 +1,8 @@
 """Anti-derivatives of Daubechies wavelets (35)-(39), at any real s to rounding.
 
-Construction: Xu & Shann 1992; Chen, Hwang & Shih 1996; index sets as printed in (37).
+Construction: Xu & Shann 1992; Chen, Hwang & Shih 1996.
 With v(x) = [phi(x), phi(x + 1), ...] the refinement equation reads v(x) = T_d v(2x - d), d the first binary digit of x.
-So v(x) is a product of two matrices, in the order of its digits.
+So v(x) is a product of two matrices in the order of the digits.
 Derivatives and primitives are sums over functions phi_m with masks 2 ((1 + z)/2)^(p-m) q(z).
 """
 
@@ -77,7 +77,7 @@ class _Walk:
 
 @dataclass(frozen=True, slots=True)
 class _Mother:
-    """What depends on the order alone."""
+    """Tables of one order."""
 
     h: np.ndarray  # phi(x) = sum h_k phi(2x - k)
     g: np.ndarray  # psi(x) = sum g_k phi(2x - k), g_k = (-1)^k h_(R-k)
@@ -142,7 +142,7 @@ def _evaluate(y, at_integers, blocks, c, out):
             if digits[i] > 0:
                 last = i
         v[:] = at_integers
-        for i in range(last, -1, -1):  # T_0 v(0) = v(0): zeros at the end do nothing
+        for i in range(last, -1, -1):  # T_0 v(0) = v(0): trailing zeros change nothing
             w[:] = 0.0
             for j in range(n):
                 for k in range(n):
@@ -270,7 +270,7 @@ def _edges(cells: int) -> np.ndarray:
 
 @dataclass(frozen=True, slots=True)
 class Daubechies:
-    """The span of the anti-derivatives Theta_jk of Daubechies' wavelets, j = -1 .. level-1, made orthonormal.
+    """Orthonormal functions with the span of Theta_jk, j = -1 .. level-1.
 
         Theta_jk(x) = 2^(-j/2) [theta(2^j x - k) - theta(-k) - (x/R)(theta(2^j R - k) - theta(-k))],  x = R s     (39)
         1-R <= k <= order-1 for j = -1,   order-R <= k <= 2^j R - order for j >= 0,   R = 2 order - 1             (37)

@@ -1,4 +1,4 @@
-"""A basis with or without a hat that travels with the mass; see README.md, "Kink"."""
+"""The hat that travels with the mass; see README.md, "Kink"."""
 
 from typing import NamedTuple
 
@@ -71,7 +71,7 @@ def carry(at, mass, left, chord, place, damping):
 
 
 class Moving:
-    """A basis; with `kink` also the hat that is 1 at the mass and 0 at both supports, which comes last.
+    """A basis; with `kink` the hat comes last.
 
     I(s_o) = int hat phi ds = -E(s_o)/(s_o (1 - s_o)),  E'' = phi, E(0) = E(1) = 0;
     int phi dhat/dt ds = I' ds_o;    int phi d2hat/dt2 ds = I'' ds_o^2 + I' dds_o;

@@ -29,7 +29,7 @@ class Tables(NamedTuple):
 
 @lru_cache(maxsize=64)
 def tables(n: int) -> Tables:
-    """A product of two slopes has waves up to cos(2 n pi xi), which 2 n + 24 Gauss points integrate to rounding."""
+    """2 n + 24 Gauss points integrate cos(2 n pi xi), of a product of two slopes, to rounding."""
     xi, weights = _unit_gauss(2 * n + 24)
     values, slopes, bends = shapes(n, xi)
     tested = values * weights
@@ -68,8 +68,7 @@ def place_in(side, j, n):
 
 @compiled
 def ride(of, place, damping):
-    """`Carried` at s_o, ds_o, dds_o: sines behind the mass, sines ahead of it, hat.
-
+    """`Carried` at s_o, ds_o, dds_o.
     On a side of length h, at fixed s,
         dphi/dt = -(h./h) xi phi',   d2phi/dt2 = -(h../h) xi phi' + (h./h)^2 (2 xi phi' + xi^2 phi'').
     At the mass d2phi/dt2 holds -ds_o^2 [phi'] delta(s - s_o), which is the last term of `swirl`.
@@ -94,7 +93,7 @@ def ride(of, place, damping):
 
 @compiled
 def spread(of, slope, s_o):
-    """Points s, weights (2 m,) and `slope` by s on both sides (2 n + 1, 2 m): Phi' from phi'."""
+    """Points s and weights (2 m,), and Phi' (2 n + 1, 2 m) from `slope`, phi' by xi."""
     n, m = slope.shape[0] - 1, of.xi.size
     s, weights, phi = np.empty(2 * m), np.empty(2 * m), np.zeros((2 * n + 1, 2 * m))
     for side in range(2):
@@ -108,10 +107,7 @@ def spread(of, slope, s_o):
 
 
 class RidingSines:
-    """Phi = sin(k pi xi) on either side of the mass, xi = s/s_o and (1 - s)/(1 - s_o), k = 1 .. terms, and the hat.
-
-    Order: sines behind the mass, sines ahead of it, the hat.
-    """
+    """Riding sines behind the mass, k = 1 .. terms, those ahead of it, and the hat."""
 
     smooth, kink = True, True
 

@@ -1,5 +1,4 @@
-"""Compiled steps of the full cable over sines with a hat, as loops, which compile fast.
-
+"""Compiled steps of the full cable over sines; loops compile faster than array expressions.
 phi (n, m): Phi' at the points; x: a `Carried`; Q, V, A (2, n): coefficients and rates.
 """
 

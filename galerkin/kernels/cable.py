@@ -14,7 +14,7 @@ Array = np.ndarray
 
 
 class Points(NamedTuple):
-    """Points of the integrals, and the static cable there."""
+    """Quadrature points, and the static cable there."""
 
     s: Array  # (m,)
     phi: Array  # Phi', (n, m)
@@ -52,7 +52,7 @@ def at_point(T, viscous, X, w, alpha, law):
     """N, W, N t - T t_static (2), k, d, and the tension of the elastic law, from X' and w'.
 
     viscous : tension of internal damping
-    k = N/|r'|, d = (dN/deps |r'| - N)/|r'|^3 of (28)-(32).  The force is (k - T) X' + k w', without cancellation.
+    k = N/|r'|, d = (dN/deps |r'| - N)/|r'|^3 of (28)-(32).  The force is (k - T) X' + k w', k - T by its small parts.
     """
     (xp, yp), (ux, vy) = X, w
     e = (2.0 * xp + ux) * ux + (2.0 * yp + vy) * vy
@@ -103,10 +103,7 @@ def balance(at, Q, cable, force, of):
 
 @inner
 def damp(at, place, y, cable, tau, of):
-    """Set viscous = alpha tau deps/dt and rates of `Space`; return the power of internal damping.
-
-    deps/dt = t . w.', w.' = V Phi' + Q dPhi'/dt at fixed s.
-    """
+    """Set viscous = alpha tau deps/dt and rates of `Space`; return the power of internal damping."""
     m, power, (Q, V) = at.weights.size, 0.0, y
     slope, rate, moved = np.empty((2, m)), np.empty((2, m)), np.empty((2, m))
     multiply(Q, at.phi, False, slope)
@@ -167,7 +164,7 @@ def stiffness(phi, gram, grading, out):
 
 @inner
 def acceleration(x, Q, V, A):
-    """d2/dt2 of w(s_o, t) along the path."""
+    """w.. along the path."""
     out = np.empty(A.shape[0])
     for a in range(out.size):
         out[a] = 0.0
@@ -178,7 +175,7 @@ def acceleration(x, Q, V, A):
 
 @inner
 def add_inertia(x, Q, V, A, damping, C, R):
-    """Add M (A + c_d V) + 2 A V + (A. - B + c_d A) Q of the cable and the force C (2,) at the mass to R."""
+    """Add the cable's inertia and damping, and the force C (2,) at the mass, to R."""
     first = x.f.size - x.gyroscopic.shape[0]
     for a in range(R.shape[0]):
         for k in range(x.f.size):
@@ -204,7 +201,7 @@ def grip(ground, y, cable, R):
 
 @inner
 def grip_tangent(here, line, gram, c, K):
-    """Set K (2 n, 2 n) to the tangent c0 dr/dq + c1 dr/dv + c2 dr/da of cable and mass over sines and a hat."""
+    """Set K (2 n, 2 n) to the tangent c0 dr/dq + c1 dr/dv + c2 dr/da of cable and mass."""
     x, mu, (c0, c1, c2), n = here.ground.x, line.cable.inertia, c, here.ground.x.f.size
     stiffness(here.at.phi, gram, line.grading, K)
     for i in range(2 * n):

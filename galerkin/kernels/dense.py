@@ -38,7 +38,7 @@ def multiply(a, b, flip, out):
 
 @inner
 def solve_rows(K, n, x, count):
-    """Overwrite `count` rows of x (n,) by K[:n, :n]^-1 times them, by NaN if it is singular."""
+    """Overwrite `count` rows of x (n,) by K[:n, :n]^-1 times them, by NaN if K is singular."""
     columns, pivots = np.empty((n, n)), np.empty(n, dtype=F_INT_nptype)
     for i in range(n):
         for j in range(n):

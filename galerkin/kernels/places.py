@@ -1,4 +1,4 @@
-"""The cable where the mass is: points of the integrals, and what the place brings at the mass."""
+"""Quadrature points, and terms of the mass, for a place of the mass."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from galerkin.law import inner
 
 
 class Line(NamedTuple):
-    """The cable over sines with a hat, and rules for its integrals."""
+    """The cable over sines, and quadrature rules for it."""
 
     cable: Cable
     behind: Array  # Gauss rules on [0, 1] of both sides, (2, m)
@@ -24,12 +24,12 @@ class Line(NamedTuple):
     left: Array
     chord: Array
     grading: float
-    riding: Any = None  # `Tables` of sines that ride with the mass; `mass`, `left` and `chord` have their sizes alone
+    riding: Any = None  # `Tables` of riding sines; then `mass`, `left`, `chord` only give sizes
     tau: float = 0.0  # of internal damping, with `riding`
 
 
 class Ground(NamedTuple):
-    """What an instant brings at the mass."""
+    """Terms of the mass at an instant."""
 
     x: Carried
     slope: Array  # X' at the mass, (2,)
@@ -40,8 +40,6 @@ class Ground(NamedTuple):
 
 
 class Moment(NamedTuple):
-    """Points and ground of an instant."""
-
     at: Points
     ground: Ground
 
@@ -72,7 +70,7 @@ def ground_at(line, place):
 
 @inner
 def spread_at(line, riding, s_o):
-    """Points, weights and Phi'; and for internal damping `Points.bend`."""
+    """Points, weights, Phi' and `Points.bend`."""
     if riding is None:
         return *split(s_o, line.behind, line.ahead, line.left.size, line.grading), None
     s, weights, phi = spread(riding, riding.slope, s_o)

@@ -14,12 +14,12 @@ from galerkin.law import compiled, inner
 
 STUCK, FREE, HAULED = 0, 1, 2
 LEAST_PULL = 1e-3  # over H, of a taut cable
-STEP = 1e-6  # of differences
+STEP = 1e-6  # of difference quotients
 LEAST_WINDOW = 6.0  # least length of the window of `averaged`, in steps
 
 
 class Rolling(NamedTuple):
-    """What acts on a rolling car at an instant."""
+    """Loads on a rolling car at an instant."""
 
     mu: float
     sigma: float
@@ -41,7 +41,7 @@ class Ride(NamedTuple):
 
 
 class Car(NamedTuple):
-    """A car that rolls, at an instant."""
+    """Forces and motion of a rolling car at an instant."""
 
     Cx: float  # C = mu (p.. - sigma j) - F_ext, the force of the cable on it
     Cy: float
@@ -69,17 +69,17 @@ NO_CAR = Car(*(0.0,) * 14)
 class Course(NamedTuple):
     """A car between two events."""
 
-    t: Array  # (m,) balances of the steps
+    t: Array  # (m,) times at which the steps are balanced; (0,): one step without events
     thrust: Array  # (m,) there
     past: Array  # (k + m, 3) for `averaged`, m rows still empty
     window: float
-    smooth: Array  # (6,) what `averaged` returns for the last step; zeros at first
-    low: float  # between these the car has to stay
+    smooth: Array  # (6,) result of `averaged` for the last step; zeros at first
+    low: float  # event: s_o leaves (low, high)
     high: float
-    sign: float  # of ds_o, 0 where it may turn round
-    forward: float  # of its speed
-    slow: float  # the least speed
-    lifted: bool
+    sign: float  # event: ds_o has not this sign; 0: it may turn
+    forward: float  # sign of the speed
+    slow: float  # event: a lower speed
+    lifted: bool  # else lift-off is an event
 
 
 class Coefficients(NamedTuple):
@@ -127,7 +127,7 @@ car = compiled(weighed_car)
 
 @inner
 def taut(force, slope, T, alpha):
-    """Turn r' (2,) into that of the force N t; return lam/N, 0 if slack."""
+    """Replace r' (2,) by that of the force N t; return lam/N, 0 if slack."""
     N = math.hypot(force[0], force[1])
     if not (N > LEAST_PULL and force[0] * slope[0] + force[1] * slope[1] > 0.0):
         return 0.0

@@ -1,4 +1,4 @@
-"""Steps by Newton's method: of a mass that grips, and of a car that rolls."""
+"""Steps by Newton's method, for a mass that grips or a car that rolls."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from galerkin.law import compiled, inner
 class Space(NamedTuple):
     """Work arrays of a step."""
 
-    balanced: Array  # (3, n_dof) the state that is weighed
+    balanced: Array  # (3, n_dof) the state that is balanced
     r: Array  # (n_dof,) its residual
     internal: Array  # (2, n) the internal force in it
     gram: Array  # (3, m) weighted tangent xx, xy, yy
@@ -27,7 +27,7 @@ class Space(NamedTuple):
     K: Array  # (1, n_dof, n_dof); riding sines: see `riding_tangent`
     step: Array  # (n_dof,)
     viscous: Array  # (m,) tension of internal damping
-    rates: Array  # (5, m) t, and weighted d(deps/dt)/dr' times dN/d(deps/dt), and dN/d(deps/dt)
+    rates: Array  # (5, m) t (2), then weighted: dN/d(deps/dt) d(deps/dt)/dr' (2), and dN/d(deps/dt)
 
 
 @inner
@@ -42,7 +42,7 @@ def space_for(size, line):
 
 @inner
 def copy(values, into):
-    """Set all values; into[:] = values compiles for seconds, with the words of its error."""
+    """Set into[:] = values; the slice would compile its error message for seconds."""
     a, b = values.reshape(values.size), into.reshape(into.size)
     for i in range(a.size):
         b[i] = a[i]
@@ -50,7 +50,7 @@ def copy(values, into):
 
 @inner
 def strained(at, place, y, line, riding, R, of):
-    """`balance` of y = Q, V with internal damping; return int W ds and the power of damping."""
+    """`balance` with internal damping; return int W ds and the power of damping."""
     lost = 0.0
     if riding is not None and line.tau > 0.0:
         lost = damp(at, place, y, line.cable, line.tau, of)
@@ -59,7 +59,7 @@ def strained(at, place, y, line, riding, R, of):
 
 @compiled
 def surveyed(line, places, Q, V, internal, strain, lost):
-    """`strained` for states Q, V (m, 2, n); internal (m, 2, 2) receives `sides`."""
+    """`strained` of states Q, V (m, 2, n); set internal (m, 2, 2) to `sides`, and strain, lost (m,)."""
     of = space_for(2 * Q.shape[2], line)
     for i in range(strain.size):
         at, R = points_at(line, places[i, 0]), of.internal
@@ -69,7 +69,7 @@ def surveyed(line, places, Q, V, internal, strain, lost):
 
 @inner
 def evaluate(here, ride, line, of):
-    """Set residual, internal force, gram, pull and sides; return the car where it rolls."""
+    """Set r, internal, gram, pull and sides of `Space`; return the car if it rolls."""
     n = here.ground.x.f.size
     R, y = of.r[: 2 * n].reshape(2, n), rolling.coefficients(of.balanced, n)
     strained(here.at, (here.ground.s_o, here.ground.ds_o), (y.Q, y.V), line, line.riding, R, of)
@@ -81,8 +81,9 @@ def evaluate(here, ride, line, of):
 
 @compiled
 def look(ride, line, place, state, r, parts):
-    """Set r, and as many of dr/dq, dr/dv, dr/da as parts holds, as `Space.K` each; state : rows q, v, a.
+    """Set r (n_dof,), and parts: the first len(parts) of dr/dq, dr/dv, dr/da, each like `Space.K`.
 
+    state : rows q, v, a
     Return the car, the least tension and its s.
     """
     of, here = space_for(state.shape[1], line), moment(line, place)
@@ -98,7 +99,7 @@ def look(ride, line, place, state, r, parts):
 
 @inner
 def weigh(here, ride, line, ends, w, of):
-    """Evaluate w end + (1 - w) begin; return its moment, car and |r|, NaN off the cable."""
+    """Evaluate w end + (1 - w) begin; return `Moment`, car and |r|, NaN off the cable."""
     begin, end = ends
     for k in range(3):
         for i in range(of.r.size):
@@ -151,7 +152,7 @@ def correct(rule, end, step, share):
 
 @inner
 def newton(here, ride, line, ends, rule, limits, of):
-    """Solve one step for its end, as `cablefem.newmark.iterate` does.
+    """Solve one step for its end, like `cablefem.newmark.iterate`.
 
     ends : start, and end to be set, (3, n_dof);  limits : bound of |r|, max_iter, reuse, patience, most halvings
     Return |r|, counts of iterations, factorisations, evaluations, the least tension and its s.
@@ -184,10 +185,10 @@ def newton(here, ride, line, ends, rule, limits, of):
 
 @compiled
 def stride(ride, course, line, places, start, rules, limits):
-    """Steps until one fails, is slack, or with the times of a `Course` ends in an event.
+    """Take m steps, up to one that fails, falls slack or ends in an event of the `Course`.
 
-    places : (m, 3) s_o, ds_o, dds_o; of a free car for the first step alone
-    Return how many are good, their ends (m, 3, n_dof), and results of `newton`, (m, 6).
+    places : (m, 3) s_o, ds_o, dds_o;  for a free car (1, 3), those at the start
+    Return the number of good steps, their ends (m, 3, n_dof), and results of `newton` (m, 6).
     """
     m, size = rules.shape[0], start.shape[1]
     now, told, of, now_ride = np.empty((m, 3, size)), np.full((m, 6), math.nan), space_for(size, line), ride
