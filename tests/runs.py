@@ -1,7 +1,5 @@
 """What the tests of the element wing share: cables off the beaten numbers, runs, and the error of a path."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The cache of compiled functions: kept from run to run, and forgotten when any file of the folder changes."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 

@@ -1,7 +1,5 @@
 """The README tells the truth: its examples run, its commands exist, its scene is a scene."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 python tests/commands/readme_figure.py, after pip install -e .
 """
 
-from __future__ import annotations
-
 import re
 import tempfile
 from pathlib import Path

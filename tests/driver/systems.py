@@ -1,7 +1,5 @@
 """Small systems with known answers for the tests of the driver."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from cablefem.newmark import State, System, consistent_acceleration

@@ -1,7 +1,5 @@
 """Radau IIA and Gauss: orders, stiffness, energy, agreement with scipy, and where they refuse."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Events of small systems whose instants are known."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The driver against exact recurrences, exact solutions, stability limits, and a system that fails."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

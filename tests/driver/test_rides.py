@@ -1,7 +1,5 @@
 """Cars that roll, by both wings: rides whose ends are known, places of rest, energy, and forces on both sides."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Stick and slip on tracks whose motion is known exactly."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

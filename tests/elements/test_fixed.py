@@ -1,7 +1,5 @@
 """Fixed elements: what converges and at which order, what does not, and the couplings of the mass."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Mass-following elements against exact answers, their own tangent, and the balances of energy and momentum."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The compiled balance of mass-following elements against the forms that say what it is."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,25 +1,19 @@
-"""Tables of scikit-fem and the compiled kernels against quadrature, energies and states whose forces are known."""
-
-from __future__ import annotations
-
-import math
-from dataclasses import replace
+"""Tables of scikit-fem and the compiled kernels against quadrature, energies and dense matrices."""
 
 import numpy as np
 import pytest
 import skfem
-from numba import njit
 from numpy.polynomial import Polynomial
 
 from cablefem.elements.fixed import FixedElements
 from cablefem.elements.following import FollowingElements
-from cablefem.elements.kernels.balance import Cable, Mesh, add_forces, stretch
 from cablefem.elements.kernels.banded import factorise, solve
 from cablefem.elements.observing import energies
-from cablefem.elements.reference import along, force_order, lagrange_element, reference, shape_polynomials, tabulated
+from cablefem.elements.reference import lagrange_element, reference, shape_polynomials
 from tests.runs import LEVEL, evaluate, steep_cable
 
 DEGREES = range(1, 9)
+SOFT = steep_cable(mu=0.7, sigma=0.41, c=0.73, alpha=83.0, speed=0.3)
 
 
 # --- reference meshes ----------------------------------------------------------------------------------------------
@@ -89,59 +83,6 @@ def test_hermite_tables_are_the_cubics_however_many_elements(elements):
     np.testing.assert_allclose(powers, [[1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1]], atol=1e-13)
 
 
-# --- the internal force -----------------------------------------------------------------------------------------------
-def free_mesh(n, degree, length=1.0):
-    """Return n equal elements and their length, ends free, and the places of the P1/P2 unknowns."""
-    mesh = skfem.MeshLine(np.linspace(0.0, 1.0, n + 1))
-    basis = skfem.Basis(mesh, lagrange_element(degree), intorder=force_order(degree))
-    dofs = along(basis, degree)[basis.element_dofs].T.copy()
-    return (Mesh(dofs, tabulated(basis), n, (), ()), length), length * np.linspace(0.0, 1.0, degree * n + 1)
-
-
-def tensions(mesh, cable, q):
-    """Return N at the quadrature points (n_el, n_q), their places, and the mean of every element."""
-    ((dofs, tab, *_), length), (alpha, sigma, c, _) = mesh, cable
-    s, n_loc = length * tab[:, :, 0], dofs.shape[1]
-    slope = np.einsum("egk,ekf->egf", tab[:, :, 2 + n_loc :], q.reshape(-1, 2)[dofs]) / length
-    p = c - sigma * s
-    T = np.sqrt(1.0 + p * p)
-    N = T + alpha * (np.hypot(1.0 / T + slope[..., 0], p / T + slope[..., 1]) - 1.0)
-    return N, s, np.sum(tab[:, :, 1] * N, axis=1) / np.sum(tab[:, :, 1], axis=1)
-
-
-@njit
-def summed(cable, s_o, q, r, ab, c0):
-    stretch(cable, s_o, q)
-    return add_forces(cable, s_o, r, ab, c0)
-
-
-def force(mesh, cable, q, ab=None, c0=0.0):
-    (elements, length), r, ab = mesh, np.zeros_like(q), np.empty((1, 7)) if ab is None else ab
-    of = Cable(
-        elements, np.asarray(cable, float), None, np.empty((1, 1, 1)), np.empty((9, elements.tab[..., 0].size)), 0.0
-    )
-    least = summed(of, length, q, r, ab, c0)
-    return r.reshape(-1, 2), least
-
-
-CABLE = (323.7, 0.41, 0.73, 0.0)  # alpha, sigma, c, law
-
-
-@pytest.mark.parametrize("strain", [0.023, -0.001])
-def test_a_straight_cable_stretches_uniformly(strain):
-    """Without weight, w' = strain X' leaves N t = (T + alpha strain) t constant: forces at the two ends only."""
-    slope, alpha = 0.73, 323.7
-    mesh, s = free_mesh(5, 2)
-    T = math.hypot(1.0, slope)
-    direction = np.array([1.0, slope]) / T
-    q = (strain * s[:, None] * direction).ravel()
-    r, (least, _) = force(mesh, (alpha, 0.0, slope, 0.0), q)
-    np.testing.assert_allclose(r[-1], alpha * strain * direction, rtol=1e-11)
-    np.testing.assert_allclose(r[0], -alpha * strain * direction, rtol=1e-11)
-    assert np.abs(r[1:-1]).max() < 1e-11
-    assert math.isclose(least, T + alpha * strain, rel_tol=1e-12)
-
-
 # --- forces are gradients of energies --------------------------------------------------------------------------------
 def gradient(energy, q):
     step = 1e-6 * np.eye(q.size)
@@ -151,8 +92,7 @@ def gradient(energy, q):
 @pytest.mark.parametrize("law", ["elastic", "tension-only"])
 @pytest.mark.parametrize("model", ["full", "string", "sagged", "stretching"])
 def test_the_internal_force_is_the_gradient_of_the_energy(model, law):
-    soft = steep_cable(mu=0.7, sigma=0.41, c=0.73, alpha=83.0, speed=0.3)
-    system = FollowingElements(soft, elements=2, model=model, law=law).standing(0.37)
+    system = FollowingElements(SOFT, elements=2, model=model, law=law).standing(0.37)
     q = 0.02 * np.random.default_rng(11).standard_normal(system.n_dof)
     still, at = 0.0 * q, np.array([[0.37, 0.0, 0.0]])
 
@@ -173,24 +113,17 @@ def test_the_internal_force_is_the_gradient_of_the_energy(model, law):
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_the_least_tension_is_that_of_the_element_that_pulls_least(degree):
-    mesh, s = free_mesh(4, degree)
-    q = 0.02 * np.random.default_rng(11).standard_normal(2 * s.size)
-    _, (least, _) = force(mesh, CABLE, q)
-    assert least == pytest.approx(tensions(mesh, CABLE, q)[2].min(), rel=1e-12)
-
-
-def test_a_slack_cable_pulls_nothing_and_resists_nothing():
-    mesh, s = free_mesh(3, 1)
-    # pushed together by 2 percent along its own static shape: N = T - 0.02 alpha < 0
-    g = replace(LEVEL, alpha=83.0, sigma=0.41, c=0.73)
-    q = (-0.02 * np.stack(g.shape(s), axis=1)).ravel()
-    cable = np.array([g.alpha, g.sigma, g.c, 1.0])
-    ab = np.zeros((q.size, 7))
-    r, (least, _) = force(mesh, cable, q, ab, 1.0)
-    assert least < 0.0
-    assert np.all(ab == 0.0)
-    # all that is left is the static force that the formulation subtracts: int T t phi' = weight of each node
-    np.testing.assert_allclose(r[1:-1], [[0.0, -g.sigma / 3.0]] * 2, rtol=0.0, atol=1e-14)
+    """Of means over the points of each element."""
+    system = FollowingElements(SOFT, elements=2, degree=degree).standing(0.37)
+    q, ref = 0.02 * np.random.default_rng(11).standard_normal(system.n_dof), system.reference
+    system.residual(0.5, q, 0.0 * q, 0.0 * q, 0)
+    (begin, h), tab = np.repeat([[0.0, 0.37], [0.37, 0.63]], 2, axis=1)[:, :, None], ref.forces
+    held = np.append(q.reshape(-1, 2), [[0.0, 0.0]], axis=0)  # last row: supports
+    w_x, w_y = np.einsum("egk,ekf->feg", tab[:, :, degree + 3 :], held[ref.dofs]) / h
+    T, xp, yp, _, _ = SOFT.static(begin + h * tab[:, :, 0])
+    N = T + SOFT.alpha * (np.hypot(xp + w_x, yp + w_y) - 1.0)
+    means = np.average(N, axis=1, weights=tab[:, :, 1])
+    assert system.least_tension[0] == pytest.approx(means.min(), rel=1e-12)
 
 
 @pytest.mark.parametrize("kind", [float, complex])

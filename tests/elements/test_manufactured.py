@@ -4,8 +4,6 @@ w = t^2 g(xi), xi the coordinate of the side of the mass: Newmark's rule is exac
 The strong form below knows neither moving meshes nor weak forms.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import solve

@@ -1,7 +1,5 @@
 """Frequencies of the bare cable against eleven digits of the linearised catenary, Irvine & Caughey, and the string."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Tension and reactions from equilibrium: exact states, the balance of the whole cable, the pointwise tension."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

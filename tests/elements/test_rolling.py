@@ -1,7 +1,5 @@
 """Cars that roll: the row of s_o against the Lagrangian it is made of, compiled steps, energy to rounding."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 

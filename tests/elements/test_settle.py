@@ -1,7 +1,5 @@
 """The compiled Newton's method of the elements against the driver's own, which knows no mesh and no band."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Adapters to other codes: without them by fakes with known answers, with them against the following elements."""
 
-from __future__ import annotations
-
 import math
 import sys
 import types

@@ -1,7 +1,5 @@
 """One coarse check of the level scene, whose cable goes slack, and a browser to read its report with."""
 
-from __future__ import annotations
-
 import base64
 import os
 import shutil

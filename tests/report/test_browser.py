@@ -1,7 +1,5 @@
 """A report as its reader meets it: no errors, nothing that overflows or overlaps, a player that plays."""
 
-from __future__ import annotations
-
 import re
 import time
 from pathlib import Path

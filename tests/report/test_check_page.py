@@ -1,7 +1,5 @@
 """The page of a check: the answer in words, how sure it is; never a solver."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

@@ -1,7 +1,5 @@
 """The page: escaped, self-contained, ids that do not clash, worst first, and refused rather than wrong."""
 
-from __future__ import annotations
-
 import re
 from html.parser import HTMLParser
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What a run returns: files whole and readable, labelled arrays, a small picture."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import json

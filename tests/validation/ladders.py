@@ -1,7 +1,5 @@
 """Ladders of element runs, for tests of what is read off them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from validation.core.ladder import Branch, Ladder

@@ -1,7 +1,5 @@
 """Two right answers on the level scene with their coarser runs, shared by the tests of verdicts."""
 
-from __future__ import annotations
-
 from functools import cache
 
 from cablefem import Scene

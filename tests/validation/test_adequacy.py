@@ -1,7 +1,5 @@
 """The advice: the rung it chooses, what it says, whether it is right; its file and its page."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

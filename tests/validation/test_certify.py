@@ -1,7 +1,5 @@
 """Shipped tables against cheap runs of either wing, and the machinery that makes them."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -1,7 +1,5 @@
 """The check agrees for right solvers and disagrees when a fault is planted in one of them, by substitution."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

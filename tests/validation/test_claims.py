@@ -1,7 +1,5 @@
 """Verdicts follow from numbers; the paper's claims come out as its own errors make them; stored runs are used again."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

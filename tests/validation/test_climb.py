@@ -1,7 +1,5 @@
 """From a tolerance to a resolution: the bar is met, it is true, and what is out of reach is said so."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import cache

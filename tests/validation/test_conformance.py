@@ -1,7 +1,5 @@
 """Every entry of the method table, and a user's own method, through everything that asks for methods."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Third parties of `check --deep`: right answers agree with each, and each sees a fault of what it checks."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

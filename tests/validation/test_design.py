@@ -1,7 +1,5 @@
 """Design numbers: extremes where they are, with bars that hold against a much finer run; the judge recomputes them."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The table of exact answers: its rows, its verdicts, its rows that must fail, its page."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Hard and hostile scenes: no traceback, no NaN, no hang, no silent wrong answer."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Laws in SI see what both wings share: scene data, static shape, units, travel; right runs keep them."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import replace
 

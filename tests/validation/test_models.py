@@ -1,7 +1,5 @@
 """The cheaper models of both wings: how far from the full cable, how close to one another, how cheap."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

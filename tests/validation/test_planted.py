@@ -1,7 +1,5 @@
 """Faults that a check once passed, planted one at a time: each turns the row it concerns."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a verdict is worth: a scene told wrongly to one solver is seen, and said to be seen."""
 
-from __future__ import annotations
-
 from cablefem import Scene
 from validation import check
 from validation.commands.check.sensitivity import keys, sensitivity, told

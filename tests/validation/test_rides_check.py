@@ -1,7 +1,5 @@
 """Free rides are compared over time: right answers agree, a fault of one wing turns the row it concerns."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

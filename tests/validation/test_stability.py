@@ -1,7 +1,5 @@
 """Slack, start and exit, energy, the failure catalogue and the atlas: each with a twin that must fail."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from functools import cache

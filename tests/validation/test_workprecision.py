@@ -1,7 +1,5 @@
 """The work-precision chart: what a row says, what is read off the rows, and that figures need no solver."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace
