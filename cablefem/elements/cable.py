@@ -1,7 +1,4 @@
-"""Cable elements on any mesh: models, compiled steps, banded solution.
-
-Dimensionless: l = H = rho = 1.
-"""
+"""Cable elements on any mesh; dimensionless: l = H = rho = 1."""
 
 import math
 import sys
@@ -40,9 +37,7 @@ def elements_allowed(elements: int) -> int:
 
 
 class CableElements(System):
-    """A cable on some mesh with its moving mass.
-
-    A mesh sets the attributes and defines `start`, `_places`, `_contact_at` and `_at_mass`.
+    """A cable with its moving mass; a subclass sets the attributes, `start`, `_places`, `_contact_at` and `_at_mass`.
 
     model : "full" for (u, v), or one field normal to the chord: "string", "sagged", "stretching".
     load : "mass", or "force" for its weight.
@@ -54,9 +49,9 @@ class CableElements(System):
     _band: int
     _operators: Array  # see `kernels.balance.Cable`
     _mesh: Mesh
-    _knots: Array  # of the elements, 0 at the mass or the end of a fixed mesh
-    _shapes: Array  # see `reference.shape_polynomials`
-    _moments: Array  # of each side of the mass, see `reference.moments`
+    _knots: Array  # 0 at the mass or the end of a fixed mesh
+    _shapes: Array  # `reference.shape_polynomials`
+    _moments: Array  # `reference.moments` of each side of the mass
     _cable: Cable
     _at: tuple[float, int] | None
     _now: Instant
@@ -87,7 +82,7 @@ class CableElements(System):
         self._set_law(law)
 
     def with_law(self, law: str) -> Self:
-        """A twin with another cable law; it shares the tables."""
+        """A twin with another cable law and the same tables."""
         twin = copy(self)
         twin._set_law(law)
         twin._fresh()
@@ -128,7 +123,7 @@ class CableElements(System):
     def _steps(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[Array, Array, int]:
-        """Ends (m, 3, n_dof) and `told` (m, 6) of steps, and how many are good."""
+        """Ends (m, 3, n_dof) and `told` (m, 6) of `kernels.newton.Steps`, and how many are good."""
         ride, places = self._moved(t, phase, start)
         ends, told = np.empty((t.size, *start.shape)), np.empty((t.size, 6))
         steps = Steps(places, self._contact_at(t.item(0), phase), start, rules, ends, told)
@@ -147,7 +142,7 @@ class CableElements(System):
         return told[: max(1, taken)]
 
     def _moved(self, t: Array, phase: int, start: Array) -> tuple[Any, Array]:
-        """The ride or None, and `places` of `kernels.newton.Steps`."""
+        """The ride or None, and `kernels.newton.Steps.places`."""
         return None, self._places(t, phase)
 
     def _said(self, told: Array) -> Iterator[Settled]:
@@ -164,7 +159,7 @@ class CableElements(System):
         self.least_tension = assemble(self._cable, self._now, x, r, self._single, factors)
 
     def _solution(self, assemble: Callable[[Factors], object], c: tuple[complex, complex, complex]) -> Solve:
-        """The solution with the tangent that `assemble` sets; complex ones are sums of real ones."""
+        """Solve with the tangent that `assemble` sets; complex ones are sums of real ones."""
         tangent = self._single
         if isinstance(c[0], complex):
             tangent = self._tangent(complex)
@@ -194,7 +189,6 @@ class CableElements(System):
         self._space: collocation.Workspace | None = None
 
     def _rates(self) -> Rates | None:
-        """What internal damping needs; None without it."""
         return None
 
     def _tangent(self, kind: Any) -> Tangent:  # float or complex
@@ -214,7 +208,7 @@ class CableElements(System):
         return self._space
 
     def _places(self, t: Array, phase: int) -> Array:
-        """`Instant.place` at instants (...), (..., 3 + fields)."""
+        """`Instant.place` at t (...), (..., 3 + fields)."""
         raise NotImplementedError
 
     def _contact_at(self, t: float, phase: int) -> Contact:
@@ -235,9 +229,8 @@ class CableElements(System):
     def _along(
         self, states: States, kinematics: Array, ends: Array, force: Array, s: Array, frames: NDArray[np.intp]
     ) -> tuple[Sequence[Array], Array, Array]:
-        """Fields at frames x stations; at s = s_o behind the mass.
+        """(w, dw/dt at fixed s, w'), f - c^2 w' (k, m, fields) each, and mesh speed c (k, m); at s_o behind the mass.
 
-        (w, dw/dt at fixed s, w'), f - c^2 w' by the balance of momentum, each (k, m, fields); mesh speed c (k, m).
         ends : see `observing._end_forces`;  force : of the cable on the mass (n, fields).
         Momentum is tested with phi = 1 up to s, from the support or the mass.
         """

@@ -6,8 +6,6 @@ chain    N a + 2 ds_o N' v + (ds_o^2 N'' + dds_o N') q, for C1 (Hermite) element
 naive    the same in P1 or P2 elements.  WRONG: no centrifugal force, as N'' has deltas at nodes.
 path     p is an unknown with the constraint p = N(s_o) q (index 3).  It needs numerical damping:
          Hermite generalised-alpha, rho_inf = 0.5, 12 steps per element; P1 and P2 gamma = 0.6, at most 25.
-
-Dimensionless: l = H = rho = 1.
 """
 
 from collections.abc import Iterator
@@ -43,14 +41,7 @@ _KINDS = {
 
 
 class FixedElements(CableElements):
-    """The cable with its moving mass on equal fixed elements.
-
-    element : "hermite" (C1, cubic), "p1" or "p2".
-    coupling : "chain", "path" or "naive".
-    model, load, law : see `CableElements`.
-
-    Slopes behind and ahead of the mass differ at nodes only.
-    """
+    """The cable with its moving mass on equal fixed elements; model, load, law : see `CableElements`."""
 
     at_support = True
     node = 0
@@ -122,10 +113,7 @@ class FixedElements(CableElements):
         return collocate(self, *step) if self.particle else super().collocate(*step)
 
     def _tabulate(self, kind: _Kind) -> None:
-        """Tabulate one element and repeat it; Hermite slopes are per element length.
-
-        On fine meshes scikit-fem's Hermite functions lose digits (12.0.2).
-        """
+        """Tabulate one element and repeat it: on fine meshes scikit-fem's Hermite functions lose digits (12.0.2)."""
         n = self.elements
         degree, unit = len(kind.offsets) - 1, skfem.MeshLine(np.array([0.0, 1.0]))
         basis, of_forces = (

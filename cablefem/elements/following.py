@@ -1,4 +1,4 @@
-"""Cable elements on a mesh that follows the mass, an inertia at one node.
+"""Cable elements on a mesh that follows the mass.
 
 Nodes s = s_o xi behind the mass, s = s_o + (1 - s_o) xi ahead of it, move with c = ds_o chi, chi = xi and 1 - xi.
 The conservative (arbitrary Lagrangian-Eulerian) weak form with w. = dq/dt phi - c q phi' is
@@ -101,7 +101,7 @@ class FollowingElements(CableElements):
 
     # --- assembly --------------------------------------------------------------------------------------
     def _entrained(self) -> tuple[Array, float]:
-        """Return accelerations of all nodes at entry over that of the mass, and the inertia of the cable that moves.
+        """Accelerations of all nodes at entry over that of the mass, and the inertia of the cable that moves.
 
         Behind the mass they are linear.  Ahead M x = e at the mass: its node moves with x/x_mass and weighs 1/x_mass.
         """
@@ -128,7 +128,7 @@ class FollowingElements(CableElements):
         return Rates(self.groups.internal_damping, moved, np.empty((5, xi.size)))
 
     def _strained_start(self, dds: float, inertia: float) -> Array:
-        """Return b of `start`."""
+        """b of `start`."""
         rest = np.array(self._load(0.0, 0.0, dds))
         if self.fields == 1:
             return -rest / (2.0 * inertia + 2.0 * self._law[1] / dds)
@@ -146,7 +146,7 @@ class FollowingElements(CableElements):
     def stride(
         self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
     ) -> tuple[Array, Array]:
-        """See `System`; stops where the cable falls slack."""
+        """Steps end where the cable falls slack."""
         now, told, taken = self._steps(t, phase, start, rules, bound, newton)
         if taken:
             self.least_tension = told.item(taken - 1, 4), told.item(taken - 1, 5)

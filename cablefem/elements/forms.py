@@ -45,7 +45,7 @@ def pull(X_s, T, w_s, alpha, law):
 
 
 def stiffness(X_s, T, w_s, alpha, law):
-    """Return df/dw' (2, 2, ...): dN/deps along t, N/|r'| across it."""
+    """Return df/dw' (2, 2, ...)."""
     r_s = X_s + w_s
     stretch = np.hypot(*r_s)
     _, N, dN, _ = pull(X_s, T, w_s, alpha, law)
@@ -73,7 +73,7 @@ def inertia(eta, w):
 
 @skfem.BilinearForm
 def inertia_tangent(phi, eta, w):
-    """The same of c0 phi, c1 phi and c2 phi for w, w_t and w_tt."""
+    """`inertia` of c0 phi, c1 phi and c2 phi for w, w_t and w_tt."""
     c, (c0, c1, c2) = w["c"], (w["c0"], w["c1"], w["c2"])
     phi_s = phi.grad[:, 0]
     by_value = (c2 + c1 * w["c_s"]) * phi - (c1 * c + c0 * w["c_t"]) * phi_s + w["c_d"] * (c1 * phi - c0 * c * phi_s)

@@ -29,7 +29,7 @@ from cablefem.scene.taut import guess
 
 DEGREE = 4
 ORDER = 12  # of quadrature
-SOFTENING = 4  # steps of EA up to its value
+SOFTENING = 4  # stages of EA
 SOFTEST = 5.0  # first EA over H
 STEPS, SHORTEST = 100, 1e-6  # of Newton's method; least damping factor
 NEAR = 1e-6  # residual over H for undamped steps
@@ -39,19 +39,19 @@ ROUGH = 1e-2  # the same for a soft rope
 
 @skfem.LinearForm
 def weak_force(eta, w):
-    """N t . eta' - q h eta_y, by r."""
+    """Equation of r."""
     return w.N * (w.t[0] * eta.grad[0, 0] + w.t[1] * eta.grad[1, 0]) - w.q * w.h * eta[1]
 
 
 @skfem.LinearForm
 def weak_force_by_h(eta, w):
-    """Its d/dh: -(EA lam/h) t . eta' - q eta_y."""
+    """d/dh of `weak_force`."""
     return -w.EA * w.lam / w.h * (w.t[0] * eta.grad[0, 0] + w.t[1] * eta.grad[1, 0]) - w.q * eta[1]
 
 
 @skfem.BilinearForm
 def stiffness(phi, eta, w):
-    """d(N t): EA/(a h) along t, N/|r_xi| across it."""
+    """d(N t)/dr."""
     along = w.t[0] * phi.grad[0, 0] + w.t[1] * phi.grad[1, 0]
     by = w.t[0] * eta.grad[0, 0] + w.t[1] * eta.grad[1, 0]
     both = phi.grad[0, 0] * eta.grad[0, 0] + phi.grad[1, 0] * eta.grad[1, 0]
@@ -61,7 +61,7 @@ def stiffness(phi, eta, w):
 
 @skfem.Functional
 def energy_by_h(w):
-    """a (W - N lam) - q y."""
+    """Equation of h."""
     return w.a * (w.W - w.N * w.lam) - w.q * w.y
 
 
@@ -197,7 +197,7 @@ class _Batch:
         self.X[self.number[free]] = start[free]
 
     def fields(self, X: np.ndarray, softness: float) -> dict[str, np.ndarray]:
-        """The data of the forms; softness 0 is EA, 1 is SOFTEST times the tension.
+        """Data of the forms; softness 0 is EA, 1 is SOFTEST times the tension.
 
         The soft law N = N_ref + EA_soft (lam - lam_ref) keeps the length of the rope.
         """
@@ -222,7 +222,7 @@ class _Batch:
         return np.concatenate([weak_force.assemble(self.basis, **fields), g])
 
     def residual(self, X: np.ndarray, fields: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """The residual (size,), and `_special`'s derivatives."""
+        """The residual (size,), and the derivatives of `_special`."""
         z = self.derivatives(fields)
         value, slope = self._special(z)
         R = self.B @ z + self.spring * X + self.pull

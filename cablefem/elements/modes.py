@@ -18,13 +18,11 @@ from cablefem.scene import Groups
 
 @skfem.BilinearForm
 def tension_form(phi, eta, w):
-    """Integral of N phi' eta' ds."""
     return w["N"] * phi.grad[0] * eta.grad[0]
 
 
 @skfem.LinearForm
 def sag_form(eta, w):
-    """Integral of y' eta' ds."""
     return w["slope"] * eta.grad[0]
 
 

@@ -1,7 +1,6 @@
 """Observation: paths, energies, and tensions and reactions from the balance of momentum.
 
-A history is q, v, a (n, n_dof) and kinematics (n, 3): s_o, ds_o, dds_o.  The mesh moves with c = ds_o chi: behind the
-mass chi = xi and h = s_o, ahead of it chi = 1 - xi and h = 1 - s_o.
+Kinematics (n, 3) are s_o, ds_o, dds_o.  The mesh moves with c = ds_o chi; see `following`.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
-    """Measure paths, tensions, energies and fields; see `Observation`."""
+    """Measure a history; see `Observation`."""
     g, n = system.groups, states.t.size
     states, kinematics = system._split(states)
     s_o, ds, dds = kinematics.T
@@ -75,9 +74,9 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
 
 
 def energies(system: CableElements, mesh_at: Array, q: Array, v: Array) -> tuple[Any, ...]:
-    """Energies (3, n), kinetic, of strain and of weight, and the others of `_strained`.
+    """Kinetic energy, strain energy and potential of the cable (3, n), and the rest of `_strained`.
 
-    mesh_at : (n, 3) s_o, ds_o, dds_o of the mesh;  q, v : (n, n_scalar, fields).
+    mesh_at : (n, 3) kinematics of the mesh;  q, v : (n, n_scalar, fields).
     """
     s_o = mesh_at[:, 0]
     strain, *rest = _strained(system, mesh_at, q, v)
@@ -112,8 +111,7 @@ def kinetic_energy(system: CableElements, mesh_at: Array, q: Array, v: Array) ->
 def _strained(system: CableElements, mesh_at: Array, q: Array, v: Array) -> tuple[Array, ...]:
     """Energy of strain, least tension, its s, int f dxi of both sides (n, 2, fields), and one more (n,).
 
-    The last is the power of internal damping.  One field has a uniform tension instead, see
-    `kernels.balance.add_chord`, and the last is its rise.
+    The last is the power of internal damping; of one field the rise of its uniform tension.
     """
     s_o, ds, _ = mesh_at.T
     (dofs, tab, n_left, *_), law, n = system._mesh, system._law, np.arange(s_o.size)
@@ -148,7 +146,7 @@ def _strained(system: CableElements, mesh_at: Array, q: Array, v: Array) -> tupl
 def _damped(
     system: CableElements, state: tuple[Array, Array], ds: Array, h: Array, slope: Array, N: Array
 ) -> tuple[Array, Array, Array]:
-    """What internal damping adds to the force, N with it, and its power per s, see `kernels.balance.add_rates`.
+    """Force of internal damping, N with it, and its power per s, as in `kernels.balance.add_rates`.
 
     slope : r' (2, n, n_el, n_q).
     """
@@ -166,9 +164,9 @@ def _damped(
 def _end_forces(system: CableElements, mesh_at: Array, history: tuple[Array, Array, Array], pulled: Array) -> Array:
     """f - c^2 w' (n, 4, fields) at the left support, behind and ahead of the mass, and at the right support.
 
-    f is the internal force less its static part.  Momentum of a side, tested with phi = 1, and with phi = 1 at the mass
-    and 0 at the support: int d(h w.)/dt phi dxi + int (c w. + f) phi' ds = [(f + c w.) phi].
-    pulled : (n, 2, fields) int f dxi.  A fixed mesh has one side.  Damping: see `kernels.balance.weigh`.
+    f = N t - T X'.  Momentum of a side, tested with phi = 1, and with phi = 1 at the mass and 0 at the support:
+    int d(h w.)/dt phi dxi + int (c w. + f) phi' ds = [(f + c w.) phi].
+    pulled : (n, 2, fields) int f dxi.
     """
     (q, v, a), (s_o, ds, dds) = history, mesh_at.T[..., None]
     out, c_d = np.zeros((len(q), 4, system.fields)), system.groups.damping
@@ -221,7 +219,7 @@ def _tensions(
 
 
 def _chord_tensions(system: CableElements, ends: Array, rise: Array, T: Array, s: Array, frames: Any) -> dict[str, Any]:
-    """The same for one field, whose tension rises uniformly."""
+    """The same for one field; its tension rises uniformly."""
     g, (tau, curvature) = system.groups, system._law[1:3]
     chord = np.array([g.chord_cos, g.chord_sin])
     left, right = (

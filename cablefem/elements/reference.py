@@ -12,10 +12,7 @@ from cablefem.newmark import Array
 
 
 def lagrange_element(degree: int) -> skfem.Element:
-    """A new 1D element of that degree, for one set of points only.
-
-    A reused ElementLinePp silently returns values at earlier points (scikit-fem 12.0.2).
-    """
+    """A new 1D element; a reused ElementLinePp returns values at earlier points (scikit-fem 12.0.2)."""
     if not (isinstance(degree, int) and 1 <= degree <= 8):
         raise ValueError(f"degree must be an integer from 1 to 8, got {degree!r}")
     if degree == 1:
@@ -42,27 +39,26 @@ def mass_form(phi, eta, w):
 
 @skfem.BilinearForm
 def transport_form(phi, eta, w):
-    """Integral of chi eta phi,xi dxi; chi = mesh velocity over ds_o."""
+    """chi : mesh velocity over ds_o."""
     return w["chi"] * eta * phi.grad[0]
 
 
 @skfem.BilinearForm
 def convection_form(phi, eta, w):
-    """Integral of chi^2 eta,xi phi,xi dxi."""
     return w["chi"] ** 2 * eta.grad[0] * phi.grad[0]
 
 
 def force_order(degree: int, damped: bool = False) -> int:
     """Order of quadrature of internal forces: as many Gauss points as the degree, at least two.
 
-    More points lock (Stolarski & Belytschko 1982): there u' cannot follow v'^2/2.
-    With internal damping there are two more: a slack cable wrinkles between fewer.
+    More points lock (Stolarski & Belytschko 1982): u' cannot follow v'^2/2.
+    Internal damping takes two more: a slack cable wrinkles between fewer.
     """
     return max(2, 2 * degree - 1) + 4 * damped
 
 
 def tabulated(basis: skfem.Basis) -> Array:
-    """x, weight, shape values and slopes at the points, (n_el, n_q, 2 + 2 n_loc)."""
+    """x, weights, shape values and slopes, (n_el, n_q, 2 + 2 n_loc)."""
     x = np.asarray(basis.global_coordinates())[0]
     fields = [basis.basis[k][0] for k in range(basis.Nbfun)]
     columns = [x, basis.dx, *(f.get(0) for f in fields), *(f.grad[0] for f in fields)]
@@ -87,7 +83,7 @@ class Reference(NamedTuple):
 
 
 def along(basis: skfem.Basis, degree: int) -> NDArray[np.int64]:
-    """Numbers along the mesh for scikit-fem's unknowns, so that bands are narrow."""
+    """Numbers along the mesh for scikit-fem's unknowns."""
     number, n_el = np.empty(basis.N, dtype=np.int64), basis.element_dofs.shape[1]
     number[basis.element_dofs[0]] = degree * np.arange(n_el)
     number[basis.element_dofs[1]] = degree * np.arange(1, n_el + 1)

@@ -4,9 +4,7 @@ free : the last unknown is s_o(t).
 haul : s_o(t) is given, and the last acceleration is the force of the rope along the mean tangent.
 
 Outer forces on the car: thrust or rope along the mean tangent, drag.  Along the cable: rolling friction, brakes, and
-what is left of the force that held the car at its start.
-
-Dimensionless: l = H = rho = 1.
+the rest of the force that held the car at its start.
 """
 
 from __future__ import annotations
@@ -52,7 +50,6 @@ STATIC = 1e-30  # factor of dr/da in the tangent of statics; regular for the rop
 
 
 def following(groups: Groups, **kind: Any) -> FollowingElements:
-    """The mass-following elements for the drive of a scene."""
     return (FollowingElements if groups.drive.mode == "grip" else RollingElements)(groups, **kind)
 
 
@@ -176,10 +173,7 @@ class RollingElements(RollingCar, FollowingElements):
         return total
 
     def _inertia(self, car: kernels.Car, q: Array, v: Array, w: Array) -> tuple[Array, Array, Array]:
-        """Forces at rest, M(q) w, and the gradient of v . M(q) w by q, (n_dof,) each.
-
-        They are what the acceleration w changes in the residual, which is linear in it, and in its tangent.
-        """
+        """Forces at rest, M(q) w, and the gradient of v . M(q) w by q, (n_dof,) each."""
         r, gradient, zero = np.empty((2, self.n_dof)), np.zeros(self.n_dof), np.zeros(self.n_dof)
         tangent = self._tangent(float)  # that of the step may be kept
         ab, (column, row, _) = tangent
@@ -233,10 +227,7 @@ class RollingElements(RollingCar, FollowingElements):
         return seen
 
     def _statics(self, s_o: float) -> tuple[Array, float]:
-        """Unknowns of the cable at rest with the car at s_o, and the force on the car.
-
-        free : the force along the cable that holds it; haul : the force of the rope.
-        """
+        """Unknowns at rest with the car at s_o, and the force that holds it along the cable, or that of the rope."""
         mode = kernels.HELD if self.free else kernels.HAUL
         friction = 0.0 if self.free else self.drive.mu_r  # the car is about to move
         car = self._car(0.0, 0)._replace(

@@ -10,8 +10,6 @@ from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY, pull, tension
 
 
 class Mesh(NamedTuple):
-    """Elements on the reference meshes."""
-
     dofs: Any  # (n_el, n_loc) scalar unknowns, -1 on a support
     tab: Any  # (n_el, n_q, 2 + 2 n_loc) xi, weight, shape values, shape d/dxi
     n_left: int  # elements behind the mass
@@ -83,7 +81,7 @@ def weigh(cable, now):
 
 @compiled
 def assemble(cable, now, x, r, tangent, factors):
-    """Set the residual r at x, rows q, v and a; unless the factors are 0, the tangent.
+    """Set the residual r at x, rows q, v, a, and, unless the factors are 0, the tangent.
 
     Return the least mean tension of an element and its s.
     """
@@ -200,7 +198,6 @@ def stretch(cable, s_o, q):
 
 @inner
 def damp(cable, rates, place, x, ab, factors):
-    """Add internal damping to the points that `stretch` set, and its own part of the tangent."""
     if rates is None:
         return
     add_rates(cable, rates, place, x[0], x[1])
@@ -212,8 +209,7 @@ def damp(cable, rates, place, x, ab, factors):
 def add_rates(cable, rates, place, q, v):
     """Add internal damping, alpha tau deps/dt t, to the points.
 
-    deps/dt = t . dw'/dt at fixed s.  Jumps of w' at interior nodes move; their part is left out.
-    Two loops, as in `stretch`.
+    Jumps of w' at interior nodes move; their part of deps/dt is left out.
     """
     mesh, at, moved, tau = cable.mesh, cable.points, rates.moved, rates.tau
     functions, points = len(mesh.functions) or mesh.dofs.shape[1], len(mesh.points) or mesh.tab.shape[1]
@@ -295,10 +291,7 @@ def add_block(ab, row, col, j11, j12, j22):
 
 @inner
 def add_forces(cable, s_o, r, ab, c0):
-    """Add int f . phi' ds and, unless c0 = 0, int phi' df/dr' phi' ds.
-
-    Return the least mean tension and its s.
-    """
+    """Add int f . phi' ds and, unless c0 = 0, its tangent; return the least mean tension and its s."""
     dofs, tab, at = cable.mesh.dofs, cable.mesh.tab, cable.points
     functions, points = len(cable.mesh.functions) or dofs.shape[1], len(cable.mesh.points) or tab.shape[1]
     fx, fy, j11, j12, j22, N = at[3], at[4], at[5], at[6], at[7], at[8]

@@ -24,8 +24,7 @@ FREE, HAUL, HELD = 0, 1, 2
 class Car(NamedTuple):
     """The car at an instant.
 
-    `mode` FREE: s_o is unknown.  HELD: ds_o is constant.  HAUL: s_o(t) is given, and the last acceleration is the force
-    of the rope along the mean tangent.
+    `mode` FREE: s_o is unknown.  HELD: ds_o is constant.  HAUL: see `rolling`.
     """
 
     mode: int
@@ -78,7 +77,7 @@ def driven(car, now):
 
 @inner
 def mean_tangent(mesh, slopes, s_o, xp, yp, q):
-    """Return the unit vector along the mean r', and the mean |r'|, of both sides."""
+    """Return the unit vector along the mean r' of both sides, and the mean |r'|."""
     mx, my, stretch = 0.0, 0.0, 0.0
     for side in range(2):
         e, h = (mesh.n_left - 1, s_o) if side == 0 else (mesh.n_left, 1.0 - s_o)

@@ -53,7 +53,7 @@ class Step(NamedTuple):
 
 @compiled
 def collocate(cable, ride, space, steps, rule, bound, newton):
-    """Take steps one after another; return how many converged before an event of the car.
+    """Take steps; return how many converged before an event of the car.
 
     A step with a slack element is the last one.
     rule : `cablefem.newmark.Tableau`;  newton : `cablefem.newmark.Newton`.

@@ -36,7 +36,7 @@ def balance(cable, ride, now, x, r, tangent, factors):
 
 @compiled
 def settle(cable, ride, tangent, bands, steps, bound, newton):
-    """Take steps one after another; return how many converged before a slack element or an event of the car.
+    """Take steps; return how many converged before a slack element or an event of the car.
 
     newton : `cablefem.newmark.Newton`.
     """
