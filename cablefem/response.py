@@ -33,7 +33,7 @@ class States:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Observation:
-    """Measurements of a solver, dimensionless, named as in `Response` and `Fields`; n times, k frames, m stations.
+    """Dimensionless measurements, named as in `Response` and `Fields`; n times, k frames, m stations.
 
     path .. slope_ahead, reactions, contact: (n, 2); u, v, du, dv, T, T_pointwise: (k, m); others (n,).
     """
@@ -132,7 +132,7 @@ class Flag:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MassPath:
-    """How the mass of one run moved, SI; y and v down, from the left support. Arrays (n,)."""
+    """How the mass moved, SI, arrays (n,); y and v down."""
 
     method: str
     settings: dict[str, Any]
@@ -169,7 +169,7 @@ class MassPath:
 
     @property
     def path_scale(self: Any) -> float:
-        """Reference of path errors [m]."""
+        """Scale of path errors [m]."""
         return 0.1 * self.length if self.drive == "free" else self.max_deflection
 
     @property
@@ -181,8 +181,8 @@ class MassPath:
 class Response(MassPath):
     """The answer of one run, in SI; arrays (n,), but velocity .. slope_ahead, reactions and contact (n, 2).
 
-    T is total tension, with two values at the mass. r.t, r.s_o, r.x, r.T_behind, ... hold the path, r.fields the cable,
-    r.design the extremes; r.at(t=12.0, s=100.0) answers for any place.
+    T is total tension, with two values at the mass. `fields` holds the cable, `design` the extremes;
+    r.at(t=12.0, s=100.0) answers for any place.
     """
 
     scene: str
@@ -191,7 +191,7 @@ class Response(MassPath):
     load: str
     law: str
     reason: str | None
-    slack_at: float | None  # s/l of the slack onset
+    slack_at: float | None  # s/l of the onset
     switched: float | None  # s_o/l of the switch of law = auto
     horizontal_tension: float  # H [N]
     T_behind: Array  # [N] nan on the left support
@@ -207,8 +207,8 @@ class Response(MassPath):
     fields: Fields
     n_dof: int
     seconds: float  # of the time loop
-    path_error: float | None = None  # largest in the window, over path_scale
-    tension_error: float | None = None  # rms in the window off the jump, over H
+    path_error: float | None = None  # largest, over path_scale
+    tension_error: float | None = None  # rms off the jump, over H
     error_parts: dict[str, float] | None = None
     error_window: list[float] | None = None  # s_o/l
     energy_gain: float | None = None  # over weight x largest deflection
@@ -240,7 +240,7 @@ class Response(MassPath):
 
     @property
     def F_contact(self) -> Array:
-        """Force (n,) [N] by which the mass presses on the cable, normal to the mean tangent."""
+        """Force (n,) [N] of the mass on the cable, normal to the mean tangent."""
         tangent = self.slope_behind + self.slope_ahead
         across = self.contact[:, 1] * tangent[:, 0] - self.contact[:, 0] * tangent[:, 1]
         return across / np.hypot(tangent[:, 0], tangent[:, 1])
@@ -263,11 +263,11 @@ class Response(MassPath):
         return views.at(self, t, s)
 
     def plot(self, ax: Any = None) -> Any:
-        """Draw rope, envelope and path of the car by matplotlib; return the axes."""
+        """Draw rope, envelope and path of the car; return matplotlib's axes."""
         return views.side_view(self, ax)
 
     def plot_tension(self, ax: Any = None) -> Any:
-        """Draw the tension by matplotlib; return the axes."""
+        """Draw the tension; return matplotlib's axes."""
         return views.tension(self, ax)
 
     def to_dataframe(self) -> Any:

@@ -83,7 +83,7 @@ class RollingCar(System):
         self._watched: tuple[State, tuple[float, ...]] | None = None
 
     def let_go(self, x: State) -> State:
-        """The first state of a free ride, which rings: until waves are back, zeros of the slip are no standstills."""
+        """The first state of a free ride; until axial waves are back, zeros of the slip are no standstills."""
         x = self.come_to_rest(x)
         self.mode.rings = self.rubs and not self.mode.sticks
         return x

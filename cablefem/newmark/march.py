@@ -38,7 +38,7 @@ def stretches(
     system: System, method: Scheme, times: Sequence[Array], *, newton: Newton = STANDARD, work: Work | None = None,
     start: State | None = None,
 ) -> Iterator[Sequence[State]]:  # fmt: skip
-    """Yield the states after all steps of a run, in groups, the first state included.
+    """Yield the first state and those after all steps, in groups.
 
     times : per phase the instants to step on, ends included (`step_times`).
     start : state to go on from, inside its phase; events due there happen first.

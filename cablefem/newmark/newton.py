@@ -8,7 +8,7 @@ MOST_HALVINGS = 5  # of one correction
 
 
 class Newton(NamedTuple):
-    """Settings of Newton's method; converged: |r| <= tol * system.force_scale + sqrt(n_dof) * system.force_floor.
+    """Settings of Newton's method; converged: |r| <= tol force_scale + sqrt(n_dof) force_floor.
 
     The tangent is kept if |r| falls to `reuse` or less.  After `patience` iterations corrections are
     halved until |r| falls.  The method stops if `enough` iterations seem too few.

@@ -1,4 +1,4 @@
-"""The protocol of systems."""
+"""What a system defines, and defaults for the rest."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -19,7 +19,7 @@ AVERAGE = tuple(0.5 * (x + (1.0, 0.0)[i]) for i, x in enumerate(np.polynomial.le
 
 
 class System(Protocol):
-    """A second-order system r(t, q, v, a) = 0, v = dq/dt, a = dv/dt, linear in a.
+    """A system r(t, q, v, a) = 0, v = dq/dt, a = dv/dt, linear in a.
 
     A subclass sets the first four attributes and defines `start`, `residual` and `linearise`.
     """
@@ -55,7 +55,7 @@ class System(Protocol):
     def settle(
         self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
     ) -> Settled:
-        """Take a step of Newmark's family by Newton's method.
+        """Take a step of Newmark's family.
 
         start, now : (3, n_dof) rows q, v, a; `now` is set.
         rule : (3, 5) predictor (3, 3), corrector c, balance w: now = predictor start - c da with
@@ -69,7 +69,7 @@ class System(Protocol):
         """Ends (k, 3, n_dof) of steps, and the fields of `Settled` of each.
 
         t, rules : (m,) and (m, 3, 5), see `settle`.
-        Stops before a step that fails or may hold an event; a failed one may have a row k.
+        Stops before a step that fails or may hold an event; `Settled` of a failed step may follow.
         """
         return NO_STEPS
 
@@ -92,7 +92,7 @@ class System(Protocol):
 
     # --- the length of steps -----------------------------------------------------------------------------
     def between(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
-        """Times (n,) of mean places, weighted 1 - w and w."""
+        """Times (n,) of the mean places, weighted 1 - w and w."""
         return (1.0 - w) * t0 + w * t1
 
     def part(self, x: State, since: float, ahead: float = 0.0) -> float:
@@ -108,10 +108,7 @@ class System(Protocol):
         return None
 
     def watch(self, x: State) -> tuple[float, ...]:
-        """One value per event, which happens where it falls from > 0 to <= 0.
-
-        An event with inf or <= 0 at the beginning of a step is not armed.
-        """
+        """One value per event, which happens where it falls from > 0 to <= 0; inf: not armed."""
         return ()
 
     def pass_event(self, name: str, x: State) -> State | None:
@@ -122,7 +119,7 @@ class System(Protocol):
 def iterate(
     system: System, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
 ) -> Settled:
-    """See `System.settle`; uses `residual` and `linearise`."""
+    """`System.settle` by `residual` and `linearise`."""
     predictor, c, w = rule[:, :3], rule[:, 3:4], rule[:, 4:5]
     linear = (w * c)[:, 0].tolist()
     rest = (1.0 - w) * start
@@ -146,6 +143,6 @@ def iterate(
 
 
 def consistent_acceleration(system: System, t: float, q: Array, v: Array, phase: int) -> State:
-    """Solve r(t, q, v, a) = 0 for a."""
+    """The state whose a solves r(t, q, v, a) = 0."""
     r, solve = system.linearise(t, q, v, np.zeros(system.n_dof), phase, 0.0, 0.0, 1.0)
     return State(t, q, v, -solve(r.copy()), phase)

@@ -1,11 +1,4 @@
-"""The cable, its two supports, and the catenary that they define.
-
-Temperature and ice change the catenary. Unstretched length and weight are kept: with the mean tension Tm,
-
-    l_2 = l_1 (1 + a dT) (1 + Tm_2/EA)/(1 + Tm_1/EA),   rho_2 l_2 = (rho_1 + ice) l_1.
-
-State 1 is the described cable.
-"""
+"""The cable, its two supports, and the catenary that they define, with temperature and ice; see README.md, rule 2."""
 
 import math
 from collections.abc import Mapping

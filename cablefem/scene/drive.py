@@ -1,8 +1,4 @@
-"""What moves the car.
-
-grip: the car pushes itself along the cable by its travel (the paper). haul: a rope pulls the rolling car along the
-mean tangent. free: the car rolls, its travel is an answer.
-"""
+"""What moves the car: grip, haul or free; see README.md, rule 4."""
 
 from __future__ import annotations
 

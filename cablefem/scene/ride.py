@@ -4,8 +4,7 @@ Cable and car have the energy Pi(s). The car alone has inertia:
 
     mu |P'|^2 dds + mu P'.P'' ds^2 = -Pi'(s) + F_ext.P' + <lam> f.
 
-F_ext: thrust and drag. f = -(mu_r N_c + F_b) sign(ds): friction and brake, N_c normal to P'.
-Lengths over l, forces over H, times over l sqrt(rho/H).
+F_ext: thrust and drag. f = -(mu_r N_c + F_b) sign(ds): friction and brake, N_c normal to P'. Dimensionless.
 """
 
 from __future__ import annotations

@@ -48,8 +48,6 @@ class TooCoarse(RuntimeError):
 
 
 class Runs:
-    """Runs of one method on one scene, each made once."""
-
     def __init__(
         self, scene: Scene, method: Method, how: dict[str, Any], view: View | None, known: Sequence[MassPath] = ()
     ) -> None:
@@ -80,7 +78,7 @@ class Runs:
         return Ladder(finest, *branches)  # type: ignore[arg-type]
 
     def _coarser(self, settings: dict[str, Any]) -> list[tuple[str, list[int], float]]:
-        """Give (setting, values from the finest on, nominal order) of space and time."""
+        """(setting, values from the finest on, nominal order) of space and time."""
         space, count, steps = self.method.resolution, self.method.value(settings), settings["steps"]
         if space.doubling:
             counts = [count - k for k in range(3) if count - k >= 0]
@@ -96,7 +94,7 @@ class Runs:
         return [(space.setting, counts, order), ("steps", times, min(2.0, scheme(settings["scheme"]).order))]
 
     def finished(self, ladder: Ladder, end: float | None, past: float = math.inf) -> Ladder:
-        """Return the ladder with its finest run marched to the end, all runs observed."""
+        """The ladder with its finest run marched to the end, all runs observed."""
         finest = whole(self.at(ladder.finest.settings, end, past))
         until = _short(self.view, end)
         if self.view.stop is not None and finest.slack_onset is not None and finest.slack_onset < SLACK_END:
@@ -111,7 +109,7 @@ def laddered(
     scene: Scene, method: str | Method, *, progress: Progress | None = None, known: Sequence[MassPath] = (),
     past: float = math.inf, view: View | None = None, **kind: Any,
 ) -> Ladder:  # fmt: skip
-    """Return the ladder of a run; `kind` as in `run`, `known` runs are reused, `view` says where coarser runs end."""
+    """Return the ladder of a run; `kind` as in `run`, `known` runs are reused."""
     method = find(method) if isinstance(method, str) else method
     how = {k: kind[k] for k in KIND if k in kind}
     end = how.pop("until", None)
@@ -127,10 +125,7 @@ def climb(
     scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None, budget: float = BUDGET,
     past: float = math.inf, view: View | None = None, **kind: Any,
 ) -> Ladder:  # fmt: skip
-    """Return a ladder whose finest run has a path bar of at most `tol`, at nearly the least cost.
-
-    Refining space by a and time by b leaves s/a^p + t/b^q of the ladder's parts s and t.  The cheapest a, b that meet
-    the tolerance give the next ladder.
+    """Return a ladder whose finest run has a path bar of at most `tol`; see README.md, "How fine a run is".
 
     budget : `work` of the last ladder;  past : s_o/l the finest run goes on once slack.
     view : range of the path's bar; default: of the scene.
@@ -170,7 +165,7 @@ def climb(
 def _stride(
     method: Method, ladder: Ladder, parts: tuple[float, float], target: float, stuck: bool, budget: float
 ) -> dict[str, Any] | None:
-    """The next settings: a stride, else half of one, or twice the steps if space is stuck; None: all too dear."""
+    """The next settings: a stride, else half of one; if space is stuck, twice the steps; None: too dear."""
     settings = ladder.finest.settings
     if stuck:
         strides = [settings | {"steps": min(2 * settings["steps"], max(settings["steps"], MOST_STEPS))}]
@@ -193,7 +188,7 @@ def _out_of_reach(method: Method, ladder: Ladder, bar: float, tol: float) -> Too
 def refined_until(
     scene: Scene, ladder: Ladder, left: Callable[[Ladder], tuple[float, float]], *, budget: float = BUDGET, **kind: Any
 ) -> Ladder:
-    """Return a ladder refined until other bars are met, too, or it costs too much.
+    """Return a ladder refined until other bars are met or it costs too much.
 
     left : parts of space and time over what is asked; first order is credited.
     """
@@ -207,7 +202,7 @@ def refined_until(
 
 
 def path_parts(ladder: Ladder, view: View) -> tuple[float, float]:
-    """Return the parts of space and time in the path's bar; infinite if unknown."""
+    """Parts of space and time in the path's bar; infinite if unknown."""
     try:
         view = view.cut(ladder.finest)
     except NotComparable:
@@ -221,10 +216,9 @@ def cheapest(
     method: Method, settings: dict[str, Any], parts: tuple[float, float], target: float, order: float = math.inf,
     most: float = 1.0,
 ) -> dict[str, Any]:  # fmt: skip
-    """Return the cheapest settings predicted to leave at most `target`, within one stride.
+    """The cheapest settings predicted to leave at most `target`, within one stride.
 
-    Where a part is infinite, steps double, and resolution if it is of space.
-
+    An infinite part doubles the steps, one of space also the resolution.
     order : the most credited;  most : part of a stride that may be taken.
     """
     space, count, steps = method.resolution, method.value(settings), settings["steps"]
@@ -244,7 +238,7 @@ def cheapest(
 
 
 def work(method: Method, r: MassPath) -> float:
-    """Cost of a run: Newton iterations, times nodes of a step, times cost of the resolution."""
+    """Newton iterations, times nodes of a step, times cost of the resolution."""
     nodes = max(1, len(scheme(r.settings["scheme"]).nodes))
     return r.work["newton_iterations"] * nodes * method.resolution.cost(method.value(r.settings))
 
@@ -258,7 +252,7 @@ def dear(method: Method, ladder: Ladder, finer: dict[str, Any], budget: float) -
 
 
 def annotated(ladder: Ladder, view: View) -> Ladder:
-    """Return the ladder with bars of path and tension in its finest run, else a flag."""
+    """The ladder with bars of path and tension in its finest run, else a flag."""
     try:
         view = view.cut(ladder.finest)
         over = ladder.over(view)
@@ -297,7 +291,7 @@ def _rule(scene: Scene, method: Method, named: dict[str, Any]) -> dict[str, Any]
 
 
 def _begin(scene: Scene, method: Method) -> dict[str, int]:
-    """First resolution and steps; for a light car one unknown and step per front width."""
+    """First resolution and steps; for a light car at least one unknown and step per front width."""
     space, motion, groups = method.resolution, scene.groups.motion, scene.groups
     first = space.first + 1 if space.doubling else math.ceil(2.25 * (method.begins or (space.first, 0))[0])
     if motion is None:

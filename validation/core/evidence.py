@@ -134,7 +134,7 @@ class Windows:
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """One side of the mass at one frame; m nodes in order of s."""
+    """One side of the mass at a frame; m nodes in order of s."""
 
     s: Array
     place: Array  # (m, 2)
@@ -271,7 +271,7 @@ class Evidence:
         return drive.get("rolling_friction", 0.0) * np.abs(r.F_contact), np.sum([np.zeros(r.t.size), *shoes], axis=0)
 
     def both(self) -> Iterator[tuple[float, Array, Array]]:
-        """Sign, tension and slope behind and ahead of the mass."""
+        """Sign, tension, slope behind and ahead of the mass."""
         yield -1.0, self.r.T_behind, self.r.slope_behind
         yield 1.0, self.r.T_ahead, self.r.slope_ahead
 

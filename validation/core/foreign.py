@@ -251,7 +251,7 @@ def _enough(place: Array, low: float, high: float) -> None:
 
 
 def refuse_misnamed(path: MassPath, ours: Response) -> None:
-    """Raise Refused if v (free ride: y) is far off but agrees after a change of unit or direction.
+    """Raise Refused if v (free ride: y) agrees only after a change of unit or direction.
 
     ours : a run good to a few percent.
     """
@@ -304,10 +304,7 @@ Apart = Callable[[Any, Any], float]
 
 
 def rows(path: ForeignPath | Response, ours: Ladder, window: Window, with_tol: float) -> Iterator[Agreement]:
-    """Compare a foreign path with an estimated run; allowed is our bar plus `with_tol`.
-
-    A path that covers less than the window is "not comparable".
-    """
+    """Compare a foreign path with a run; allowed is our bar plus `with_tol`.  It must cover the window."""
     party, run = path.method, ours.run
     try:
         part = _common(path, window)

@@ -42,7 +42,7 @@ class Defect:
 def hold(
     ladder: Any, window: Window, until: float = math.inf, asked: Callable[[str], float | None] = lambda asks: None
 ) -> Iterator[Agreement]:
-    """Check the laws that apply to the finest run of a `ladder.Ladder`: of each the component with the worst defect.
+    """Check the finest run of a `ladder.Ladder` by all laws that apply; of each the component with the worst defect.
 
     window : s_o/l;  until : [s];  asked : tolerance of what a law asks.
     """
@@ -73,7 +73,7 @@ def hold(
 def _bars(
     law: Law, found: Defect, ladder: Any, known: dict[int, Evidence], sparse: tuple[Evidence, Evidence]
 ) -> tuple[Array, Array]:
-    """Bars (c,) of a defect in space; in time, with sampling: shorter steps are more samples."""
+    """Bars (c,) of a defect in space, and in time with sampling."""
     half, quarter = (law.defect(x).value for x in sparse)
     sampling = ROUNDING + left(_rms_apart(found.value, half), _rms_apart(half, quarter), (2.0, 2.0), FIRST)
     defects = {key: (found if law.exact else law.defect(x)).value for key, x in known.items()}
@@ -125,17 +125,16 @@ def _off_supports(m: Evidence) -> bool:
 
 
 def _has_room(pair: tuple[Side, Side]) -> bool:
-    """Whether the field on each side can be extrapolated to the mass."""
+    """Whether the fields can be extrapolated to the mass."""
     return all(x.s.size > 4 for x in pair)
 
 
 def _knows_strain(m: Evidence) -> bool:
-    """Whether pointwise tension is told beside that from equilibrium."""
     return m.r.model == "full" and not np.array_equal(m.r.T_behind, m.r.T_behind_pointwise, equal_nan=True)
 
 
 def _carries_none(r: Response, t: Array) -> NDArray[np.bool_]:
-    """At which times the law excludes compression."""
+    """Times at which the law excludes compression."""
     if r.switched is None:
         return np.full(t.shape, r.law == "tension-only")
     return t > r.slack_since
@@ -171,7 +170,7 @@ def ends_at_rest(m: Evidence) -> Defect:
 
 @_law(exact=True)
 def length_at_rest(m: Evidence) -> Defect:
-    """Stations measure arc length up to the length asked for, with heat or ice the unstretched one; over it."""
+    """Stations measure arc length up to the length asked for (heat, ice: unstretched); over it."""
     s, (name, value) = m.r.fields.s, m.given.asked
     strain = CubicSpline(s, m.r.fields.T_static / m.given.EA).integrate(s[0], s[-1]) / s[-1]
     asked = {"length": value, "unstretched": value * (1.0 + strain)}.get(name, m.r.length)
@@ -234,7 +233,7 @@ def _crawls(m: Evidence) -> float:
 
 @_law(_rolls, exact=True)
 def drive(m: Evidence) -> Defect:
-    """The car starts, brakes, arrives and is driven as the TOML says; over length, time, top speed, thrust."""
+    """Start, brakes, arrival and thrust are those of the TOML; over length, time, top speed, thrust."""
     r, drive, l, T = m.r, m.given.drive, m.r.fields.s[-1], m.r.t[-1]
     times, forces = m.thrust
     start = timetable.begins(m.given.travel, drive, l)
@@ -281,7 +280,7 @@ def strain_at_the_mass(m: Evidence) -> Defect:
 
 @_law()
 def speed_of_the_mass(m: Evidence) -> Defect:
-    """The way of the mass is the integral of its velocity; over top speed times window."""
+    """Its way is the integral of its velocity; over top speed times window."""
     r = m.r
     return _over_steps(m, np.stack([r.x, r.y], axis=1) - m.impulse(r.velocity), float(r.speed.max()) * m.lasts)
 
@@ -374,7 +373,7 @@ def _at_and_up_to(m: Evidence, of: Callable[[Side], Array]) -> tuple[Array, ...]
 
 @_law(_off_supports)
 def tension_up_to_the_mass(m: Evidence) -> Defect:
-    """Mean tension along the cable tends to that at the mass, but at the start, when a front leaves the car; over H."""
+    """Tension along the cable tends to that at the mass, mean over frames after the start; over H."""
     _, off = _at_and_up_to(m, lambda x: x.T)
     return _static(*(off[m.t > 0.0].mean(axis=0) / m.r.horizontal_tension))
 
@@ -399,7 +398,7 @@ def summed_over_time(m: Evidence) -> Defect:
 
 @_law()
 def stretch(m: Evidence) -> Defect:
-    """Mean tension of half a side is that at rest plus EA times the strain of the sampled curve; over H."""
+    """Mean tension of half a side is that at rest plus EA times the curve's strain; over H."""
     off = []
     for pair in m.sides:
         longer = max(pair, key=lambda x: x.s[-1] - x.s[0])
@@ -416,7 +415,7 @@ def stretch(m: Evidence) -> Defect:
 
 @_law()
 def momentum_of_the_cable(m: Evidence) -> Defect:
-    """rho int r. ds changes by the impulse of all forces, damping's by the way; over total weight times window."""
+    """rho int r. ds changes by the impulse of all forces; over total weight times window."""
     r, rho = m.r, m.given.rho
     weight = rho * m.given.gravity * r.fields.s[-1]
     force = r.reaction_left + r.reaction_right + r.contact + weight * DOWN
@@ -426,7 +425,7 @@ def momentum_of_the_cable(m: Evidence) -> Defect:
 
 @_law()
 def moment_of_momentum(m: Evidence) -> Defect:
-    """rho int r x r. ds about the left support changes by the impulse of moments; over weight, span, window."""
+    """rho int r x r. ds about the left support changes by the impulse of moments; over weight, span and window."""
     r, given, t = m.r, m.given, m.t
     weight = given.rho * given.gravity
     right = np.array([given.span, given.drop])
@@ -451,7 +450,7 @@ def energy(m: Evidence) -> Defect:
 
 @_law(lambda m: bool(np.isfinite(m.r.kinetic).any()))
 def parts_of_the_energy(m: Evidence) -> Defect:
-    """Energies are what the run says, and sum to the total."""
+    """Energies are those of the run, and sum to the total."""
     r = m.r
     told = np.stack([r.kinetic, r.potential, r.strain, r.energy], axis=1)
     own = np.concatenate([m.energies, m.at(m.t, np.sum(told[:, :3], axis=1)[:, None])], axis=1)
@@ -460,7 +459,7 @@ def parts_of_the_energy(m: Evidence) -> Defect:
 
 @_law()
 def power(m: Evidence) -> Defect:
-    """Work of drive and outer forces is what the run says, each and in total."""
+    """Work of drive and outer forces is that of the run, each and in total."""
     r, own = m.r, m.powers
     apart = [r.power - m.power_of_all, *(r.powers[name] - own[name] for name in own if name in r.powers)]
     return _over_steps(m, m.impulse(np.stack(apart, axis=1)), m.work)
@@ -468,7 +467,7 @@ def power(m: Evidence) -> Defect:
 
 @_law(lambda m: m.given.tau > 0.0)
 def internal_losses(m: Evidence) -> Defect:
-    """Internal damping takes EA tau (deps/dt)^2 along the taut cable, and in the layer; over its rms."""
+    """Internal damping takes EA tau (deps/dt)^2 along the taut cable, and the layer's loss; over its rms."""
     own, shortest = m.at(m.t, m.layer[:, None])[:, 0], 0.5 * float(np.diff(m.r.fields.s).max())
     for k, pair in enumerate(m.sides):
         for x in pair:

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from cablefem.newmark import scheme
 from cablefem.response import Array, Fields, MassPath, Response
 
-WINDOW = (0.02, 0.80)  # past the start-up, before the layer at the far support
-SLACK_END = 0.95  # s_o/l to which slack cables and hauled cars, which arrive in equilibrium, are compared
-# A free ride is compared over all its time.
+WINDOW = (0.02, 0.80)  # s_o/l past the start-up, before the layer at the far support
+SLACK_END = 0.95  # s_o/l: end for slack cables and hauled cars
 WINDOWS = {"grip": WINDOW, "haul": (WINDOW[0], SLACK_END), "free": (0.0, 1.0)}
 JUMP_WIDTH = 0.02  # |s - s_o|/l left out of tension gaps, where meshes smear the jump
 
@@ -43,7 +42,7 @@ def window_of(*responses: MassPath, window: Window | None = None) -> Window:
 def extremes_within(r: Response, twin: Response | None) -> tuple[float, float]:
     """Times [s] between which extremes are taken: in the window, as far as both runs go.
 
-    The entry of a gripped car is not resolved; a rolling car begins in equilibrium.
+    A rolling car begins in equilibrium, so that its start counts.
     """
     end = min(min(float(x.t[-1]), x.slack_since) for x in (r, twin or r))
     low, high = (float(np.interp(place * r.length, r.s_o, r.t)) for place in WINDOWS[r.drive])
@@ -56,7 +55,7 @@ def inside(r: MassPath, window: Window) -> NDArray[np.bool_]:
 
 
 def at_steps_of(a: MassPath, b: MassPath, values: Array) -> Array:
-    """Interpolate `values` (n_b, ...) from steps of b to times of a by cubic splines."""
+    """`values` (n_b, ...) at steps of b, splined to times of a."""
     when, same = np.clip(a.t, b.t[0], b.t[-1]), 1e-12 * b.t[-1]
     at = np.searchsorted(b.t, when - same)
     if np.abs(b.t[at] - when).max(initial=0.0) <= same:
@@ -67,7 +66,7 @@ def at_steps_of(a: MassPath, b: MassPath, values: Array) -> Array:
 
 
 def path_distances(a: MassPath, b: MassPath, window: Window) -> tuple[Array, Array, Array]:
-    """Times, places s_o/l, and |w_a - w_b| (of a free ride of places) over b's `path_scale`, at the coarser steps."""
+    """Times, s_o/l, and |w_a - w_b| (free ride: of places) over b's `path_scale`, at the coarser steps."""
     if not b.path_scale > 0.0:
         raise NotComparable("the mass is nowhere below its place at rest: no deflection to relate a gap to")
     coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
@@ -83,7 +82,7 @@ def path_distances(a: MassPath, b: MassPath, window: Window) -> tuple[Array, Arr
 
 
 def path_gap(a: MassPath, b: MassPath, window: Window) -> tuple[float, float]:
-    """The largest of `path_distances`, and their rms over time."""
+    """The largest of `path_distances`, and its rms over time."""
     t, _, size = path_distances(a, b, window)
     return float(size.max()), float(np.sqrt(_over_time(t, size**2)))
 
@@ -98,7 +97,7 @@ def _over_time(t: Array, values: Array) -> Array:
 
 
 def common_frames(a: Response, b: Response) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:
-    """s_o/l of common frames and their indices in a and b; the stations must be equal."""
+    """s_o/l of common frames, and their indices in a and b."""
     if a.fields.s.shape != b.fields.s.shape or not np.allclose(a.fields.s, b.fields.s, rtol=0.0, atol=1e-9 * a.length):
         raise NotComparable("the tension fields are given at different stations")
     stands = any(np.unique(np.round(r.fields.s_o / r.length, 9)).size < r.fields.t.size for r in (a, b))
@@ -214,7 +213,7 @@ def energy_defect(r: Response) -> Array:
 
 
 def energy_gain(r: Response, weight: float, window: Window) -> float:
-    """Largest energy gained without work between two times in the window, over weight times deflection."""
+    """Largest energy gained without work between two times in the window, over weight times largest deflection."""
     defect = energy_defect(r)[inside(r, window)]
     if defect.size == 0:
         raise NotComparable(f"no step in the window {window}")

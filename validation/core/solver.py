@@ -12,18 +12,17 @@ from cablefem.response import Array, Observation, States
 
 
 class Solver(System, Protocol):
-    """A dimensionless `System` with a mass that can be observed.
+    """A dimensionless `System` with a mass.
 
     `least_tension` decides slack: the least mean over an element or shortest wavelength, so that ripples do not count.
-    `Observation.tension_min` is the least at any point.
     """
 
     @property
     def least_tension(self) -> tuple[float, float]:
-        """Least mean tension at the last residual or step, and its s."""
+        """At the last residual or step, and its s."""
 
     def with_law(self, law: str) -> Solver:
-        """Return the same system under "elastic" or "tension-only"."""
+        """The same system under "elastic" or "tension-only"."""
 
     def place(self, x: State) -> float:
         """Return s_o of a state."""
@@ -32,7 +31,7 @@ class Solver(System, Protocol):
         """Return a history over time."""
 
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
-        """Observe a history `in_time` at all times; fields at stations s for the rows `frames`."""
+        """Measure a history `in_time`; fields at stations s for the rows `frames`."""
 
     def path(self, states: States) -> tuple[Array, Array]:
-        """Return s_o (n,) and the displacement of the mass (n, 2) of a history `in_time`."""
+        """s_o (n,) and the displacement of the mass (n, 2) of a history `in_time`."""

@@ -67,7 +67,7 @@ Solvers = Any  # what a case asks of the solvers: `validation.commands.oracles.s
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """What moves on what, how fast errors must fall, and the expected verdict."""
+    """A comparison, how fast its errors must fall, and the expected verdict."""
 
     name: str
     because: str = ""
@@ -185,7 +185,7 @@ class Modes(Case):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Law(Case):
-    """A law of every run of a scene; its defect vanishes with the resolution."""
+    """A law of every run of a scene."""
 
     scene: Scene
     defect: Callable[[Any], Any]

@@ -89,10 +89,10 @@ def table(
     rows: Iterable[Mapping[str, Any]], columns: Mapping[str, str] | Sequence[str], *, caption: str = "",
     sort: bool = False, stack: bool = False,
 ) -> Markup:  # fmt: skip
-    """A table: one line per row, one column per key of `columns` (key -> heading, unit in brackets).
+    """A table of rows by `columns` (key -> heading, unit in brackets).
 
     Cells: numbers to three digits, None as a dash, a verdict under the key "verdict" as a badge.
-    sort : worst verdicts first.  stack : on a phone every row becomes a block, for tables with words in them.
+    sort : worst verdicts first.  stack : on a phone every row becomes a block.
     """
     heads = dict(columns) if isinstance(columns, Mapping) else {name: name for name in columns}
     rows = list(rows)
@@ -125,7 +125,7 @@ def _cell(value: Any) -> Any:
 
 
 def number(x: float | None, digits: int = 3) -> str:
-    """A number to so many significant digits, like 2.1 × 10⁻⁵ if far from one; None: a dash."""
+    """A number to so many digits, like 2.1 × 10⁻⁵ if far from one; None: a dash."""
     if x is None or not math.isfinite(x):
         return "–"
     if isinstance(x, Integral):

@@ -103,7 +103,7 @@ class Panel:
 def side(p: Panel, reach: float, ground: Any, obstacles: Sequence[tuple[str, float, float]]) -> str:
     """Draw ground and obstacles (name, x, depth of the top) in a side view over `reach` metres; return its caption.
 
-    Its depths are drawn to scale, or enlarged by a whole number where it would be flat.
+    Depths are to scale, or enlarged by a whole number.
     """
     height = (p.high - p.low) * (WIDTH - LEFT - RIGHT) / reach
     times = max(1, round(80.0 / height))
@@ -120,7 +120,7 @@ def side(p: Panel, reach: float, ground: Any, obstacles: Sequence[tuple[str, flo
 def plot(
     panels: Sequence[Panel], x: tuple[float, float], xlabel: str, caption: str, *, wide: bool = False
 ) -> Markup:  # fmt: skip
-    """Return panels below one another, with a caption, over x between two values; the key has each named line once."""
+    """Return panels below one another, with a caption and a key, over x between two values."""
     right = 74 if any(p.scale for p in panels) else RIGHT
     w = WIDTH - LEFT - right
 

@@ -34,9 +34,9 @@ def complain(faults: Sequence[str]) -> None:
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str] = ()) -> None:
-    """Print a table; `right` names the right-aligned columns.  In a pipe every row is one line.
+    """Print a table; `right` names the right-aligned columns.
 
-    On a terminal too narrow for it, every cell has its own line.
+    In a pipe every row is one line; on a narrow terminal every cell.
     """
     console = _console()
     if console is None:

@@ -61,9 +61,8 @@ def before_zigzag(v: Array, scale: float, *, failed: bool = False) -> int:
 
     v : (n,) deflections at equal steps; scale : a typical one; failed : the run ended early.
 
-    16 times the rms second difference over one step is compared with that over four.
-    The ratio is 1 on a resolved path, 16/sqrt(44) = 2.4 at a kink, above 3 in a zigzag.
-    The path is cut where the zigzag began if its amplitude passes 1e-3 scale, or the run failed.
+    16 times the rms second difference over one step, over that of four, is 1 on a resolved path, 2.4 at a kink, above 3
+    in a zigzag.  A zigzag counts if its amplitude passes 1e-3 scale, or the run failed.
     """
     window = 20
     if v.size < window + 9:

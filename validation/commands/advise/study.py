@@ -1,8 +1,8 @@
-"""The least model that is enough for each need, and the cheapest run of it.
+"""The least model that is enough for each need, and its cheapest run.
 
 Models are compared with the full dynamics.  A car that grips: from a taut string under a force to the full cable.
-A free car: the ride on the chord, on the empty cable, on the loaded cable (quasi-static).  A hauled car: the cable at
-rest under it, and a car that grips.
+A free car: quasi-static rides on the chord, the empty cable, the loaded cable.  A hauled car: the cable at rest, and a
+car that grips.
 
 path : largest distance in v, over the largest v.
 tension : rms over cable and time, off the mass, over H.
@@ -59,7 +59,7 @@ def _haul_force(a: Response, b: Response, view: View) -> float:
     return gap / float(np.nanmax(np.abs(b.F_haul)))
 
 
-# need -> distance of two runs, and the most order credited: tensions have unresolved waves
+# need -> distance of two runs, and the largest order credited
 NEEDS: dict[str, tuple[Gap, float]] = {
     "timetable": (_timetable, math.inf), "path": (_path, math.inf),
     "tension": (lambda a, b, view: tension_gap(a, b, view.window), 1.0), "haul force": (_haul_force, 1.0),
@@ -149,7 +149,7 @@ def _rungs(scene: Scene, tol: float, report: Progress) -> tuple[list[Rung], Resp
 
 
 def _full(scene: Scene, view: View, tol: float, report: Progress) -> Ladder:
-    """The ladder of the full model, as fine as the tolerance needs and a part of the budget allows."""
+    """The ladder of the full model, as fine as tolerance and budget allow."""
     told, budget = partial(report, "full model"), SHARE * BUDGET
     try:
         ladder = climb(scene, REFERENCE, SHARE * tol, budget=budget, progress=told, until=view.stop)
@@ -202,7 +202,7 @@ def distances(r: Response, full: Response, view: View) -> dict[str, float]:
 
 
 def _rolled(scene: Scene, full: Response) -> Iterator[Rung]:
-    """Give the rides on a curve without dynamics; the loaded cable tells path and tension, too."""
+    """Give the quasi-static rides; the one on the loaded cable tells path and tension, too."""
     g, l, tau = scene.groups, scene.length, scene.time_scale
     for model, kind in (("chord", LoadPath.chord), ("empty cable", LoadPath.empty), ("quasi-static", LoadPath.loaded)):
         begin = time.perf_counter()
@@ -243,7 +243,7 @@ def _static_gaps(scene: Scene, full: Response) -> dict[str, float]:
 
 
 def _raced(scene: Scene, best: Rung, full: Response, view: View, tol: float, report: Progress) -> Iterator[Rung]:
-    """Give runs of a model by all candidates, each refined until within the tolerance or dearer than one that is."""
+    """Give runs of a model by all candidates, refined until within the tolerance or dearer than one that is."""
     candidates, cheapest = [method for method in METHODS.values() if method.races], full.seconds
     for i, method in enumerate(candidates):
         report("methods", (i + 1) / len(candidates))

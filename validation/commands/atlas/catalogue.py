@@ -1,7 +1,4 @@
-"""The ways methods fail (catalogue.toml), each with a case that shows the failure and one with the remedy.
-
-Below are the measures that the cases name.
-"""
+"""The ways methods fail (catalogue.toml), with cases of failure and remedy, and the measures that they name."""
 
 import json
 import math
@@ -32,7 +29,7 @@ CATALOGUE: tuple[Row, ...] = tuple(store.shipped(__package__, "catalogue.toml")[
 
 
 def run_row(row: Row) -> Row:
-    """A row as data: what it says, what was measured, and whether both showed."""
+    """A row as data: its words, what was measured, and whether failure and remedy showed."""
     failed, cured = (
         {
             name: float(math.nan if (x := _evaluated(expression)) is None else x)
@@ -87,7 +84,7 @@ def path(method: str, model: str = "full", scene: Groups | None = None, **how: A
 
 
 def energy(method: str, **how: Any) -> float:
-    """The energy gained without being given, over weight times deflection."""
+    """The energy gained without work, over weight times deflection."""
     gain = run(method, **how).energy_gain
     return math.inf if gain is None else gain
 

@@ -40,7 +40,7 @@ def scene_at(m: Map, x: float, y: float) -> Scene:
 
 
 def settings_at(m: Map, x: float, y: float, method: str, fixed: dict[str, Any]) -> dict[str, Any]:
-    """The method's settings in a cell; on the map of resolution and steps, about y unknowns per field."""
+    """The method's settings in a cell, with about y unknowns per field on the map of resolution."""
     if m["name"] != "step-resolution":
         return fixed
     space = find(method).resolution
@@ -86,7 +86,7 @@ def _key(*what: Any) -> str:
 
 @lru_cache(maxsize=2)
 def _reference(toml: str) -> tuple[Response, float]:
-    """The run with which cells are compared, and its error: a third of the change from half its resolution."""
+    """The run with which cells are compared, and its error."""
     scene = Scene.from_toml(toml)
     settings = find("following-p2").settings(SAID["reference"])
     fine = run(scene, "following-p2", **settings)
@@ -121,8 +121,7 @@ def judged(r: Response, reference: Response, unsure: float, earliest: float = 0.
 
     The error is taken up to the slack onset of the reference; a run that stops before is wrong.
     No cell is judged if that onset is before `earliest`, or the reference is unsure by half of the bound.
-    Causes: that of an incomplete run; "unstable" for one that gains energy; "slack too early" where the run falls slack
-    long before the reference; else "too coarse".
+    Causes: of an incomplete run its own; "unstable" with energy gain; "slack too early"; else "too coarse".
     """
     stop = min(x for x in (measures.WINDOW[1], reference.slack_onset) if x is not None)
     out = {"reached": r.reached, "error": None, "slack_onset": r.slack_onset, "cause": r.cause, "reason": r.reason}

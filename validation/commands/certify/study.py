@@ -1,9 +1,8 @@
 """The path of the mass as exactly as possible, by three ways.
 
-Two discretisations by elements differ in degree and scheme; the Galerkin solver shares only scene and time driver with
-them.  Each climbs until its bar is met or costs too much.  For a gripping car, the same settings are also compared with
-the exact answer on a taut string.
-The path of a free ride is compared over place; the time of passage has its own bar.
+Two ways by elements differ in degree and scheme, the third is Galerkin's.  Each climbs until its bar is met or costs
+too much.  For a gripping car, the same settings are also compared with the exact answer on a taut string.
+A free ride has two bars at each place, of path and of time.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ from validation.oracles.case import Path as MassPath
 
 TOL = 1e-6  # of the largest deflection
 AIM = 0.4  # of the tolerance: bars of two ways
-NEARBY = 5  # places on either side whose gaps count: a gap may cross zero
+NEARBY = 5  # places on either side whose gaps count, as a gap may cross zero
 PLACES = np.arange(101) / 100.0  # s_o/l
 WAYS = (  # method, scheme, and times BUDGET that may be spent: minutes
     ("following-p4", "radau", 16.0), ("following-p2", "gauss", 16.0), ("fourier-kink", "trapezoidal", 2.0),
@@ -77,7 +76,7 @@ class Found:
     settings: dict[str, Any]
     track: Track
     bar: Array  # (2, 101) of place [m] and time [s]; not finite where coarser runs ended
-    parts: tuple[float, float]  # largest over `scale`, of space and time, up to 0.95 of the way
+    parts: tuple[float, float]  # largest of space and time over `scale`, up to 0.95 of the way
 
     @classmethod
     def of(cls, ladder: Ladder) -> Found:
@@ -106,7 +105,7 @@ class Certificate:
 
     scene: Scene
     found: tuple[Found, ...]  # the first is the answer
-    bar: Array  # (2, 101) of the answer: its own, or the larger distance to the second way
+    bar: Array  # (2, 101) of the answer: at least the distance to the second way
     gaps: tuple[Array, ...]  # (2, 101) from the answer to each other way
     rows: list[Agreement] = field(default_factory=list)
 
@@ -141,7 +140,7 @@ class Certificate:
 
 
 def certify(scene: Scene, out: Path | None = None, progress: Progress = silent) -> Certificate:
-    """Compute the path by all ways with bars; compare them and the shipped table."""
+    """Compute the path by all ways; compare them and the shipped table."""
     found = side_by_side([partial(deepest, scene, *way) for way in WAYS], progress)
     made = joined(scene, tuple(found))
     first = made.answer.name, made.answer.bar
@@ -175,7 +174,7 @@ def deepest(scene: Scene, method: str, scheme: str, budget: float, progress: Pro
 
 
 def to_the_end(scene: Scene) -> dict[str, Any]:
-    """Arguments of a climb whose coarser runs go on up to the slack onset."""
+    """Arguments of a climb with coarser runs up to the slack onset."""
     view = View.of(scene)
     return {"view": replace(view, window=(view.window[0], max(view.window[1], SLACK_END)), ends=True), "past": 0.0}
 
@@ -196,7 +195,7 @@ Named = tuple[str, Array]  # whose bars, (2, 101)
 
 
 def compared(made: Certificate, own: Named, others: Named, other: Track) -> Iterator[Agreement]:
-    """Verdicts on another path and, of a free ride, its times [s], each at its worst place."""
+    """Verdicts on another path and a free ride's times, each at the worst place."""
     gap, allowed, party = made.answer.track.gap(other), own[1] + others[1], others[0]
     asked = [("path", made.answer.scale), ("instants", 1.0)][: 1 + (made.scene.drive.mode == "free")]
     for i, (quantity, unit) in enumerate(asked):
@@ -210,7 +209,7 @@ def compared(made: Certificate, own: Named, others: Named, other: Track) -> Iter
 
 
 def _string(scene: Scene, found: Found) -> Agreement:
-    """Compare a way's settings on a taut string, with the same mass and travel, with the exact answer."""
+    """Compare a way's settings with the exact answer on a taut string with the same mass and travel."""
     law, groups = "taut string", scene.groups
     motion = groups.motion
     assert motion is not None

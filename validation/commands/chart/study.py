@@ -249,7 +249,7 @@ def _timed(first: float, again: Callable[[], float], repeats: int, left: float) 
 
 
 def _alone(call: Callable[[], Any]) -> tuple[Any, float]:
-    """What a call returns, and its share of processor time."""
+    """The result of a call, and its share of processor time."""
     wall, own = time.perf_counter(), time.process_time()
     found = call()
     return found, min(1.0, (time.process_time() - own) / (time.perf_counter() - wall))

@@ -52,10 +52,7 @@ def numbers(state: LineState) -> dict[str, Array]:
 def compared(
     a: LineRest, less_a: LineRest, b: LineRest, less_b: LineRest, tol: float, tol_tension: float
 ) -> list[Row]:  # fmt: skip
-    """One judged row a quantity, of the worst station and position. `less`: coarser answers.
-
-    Row `rest` is for positions with one solution: a disagreement, unless the other search did not end.
-    """
+    """One judged row a quantity, of the worst station and position; `less`: coarser answers."""
     positions: list[Four] = list(zip(a.positions, less_a.positions, b.positions, less_b.positions, strict=True))
     both = {i: four for i, four in enumerate(positions) if all(isinstance(x, LineState) for x in four)}
     reach = {"m": float(np.ptp(a.empty.place[:, 0])), "N": a.empty.case.EA}
@@ -97,7 +94,7 @@ def _worst(
 
 
 def _alone(positions: Sequence[Four]) -> list[Row]:
-    """A row for the first position with only one solution, if there is one."""
+    """A row `rest` for the first position that only one solver solves: a disagreement, unless a search did not end."""
     for i, (x, _, y, _) in enumerate(positions):
         if isinstance(x, LineState) != isinstance(y, LineState):
             unknown = isinstance(x, NotFound) or isinstance(y, NotFound)

@@ -155,7 +155,7 @@ class _Pair:
     def judged(
         self, progress: Progress | None, made: Callable[..., None] | None
     ) -> tuple[list[Ladder], list[Agreement], Response | None]:
-        """Refine both ladders until they agree or cannot get closer; return them, the rows and the gripped car."""
+        """Refine both ladders until they agree or cannot get closer; return them, the rows, the gripped car."""
         jobs, gripped, looks, confirmed = self._climbs(), None, 0, False
         if self.scene.drive.mode == "haul":
             jobs.append(partial(_gripped, self.scene, self.methods[0]))
@@ -178,7 +178,6 @@ class _Pair:
             ]
 
     def _climbs(self) -> list[Callable[[Progress], Any]]:
-        """The climb of each method to its share of the tolerance."""
         shares = [SHARES.get(m.wing, 1.0) for m in self.methods]
         return [
             partial(_climbed, s, m, self.tol * share / sum(shares), self.budget, self.ends)
@@ -198,12 +197,12 @@ def _window(scene: Scene, a: Ladder, b: Ladder) -> measures.Window:
 
 
 def _closer(methods: list[Method], ladders: list[Ladder]) -> list[Settings | None]:
-    """Settings finer in space and time, for a disagreement."""
+    """Settings finer in space and time, after a disagreement."""
     return [refined(m, e.run.settings, space=CONFIRMS, time=CONFIRMS) for m, e in zip(methods, ladders, strict=True)]
 
 
 def _finer(methods: list[Method], ladders: list[Ladder], rows: list[Agreement]) -> list[Settings | None]:
-    """Finer settings of methods whose bars make an asked row too coarse, by the worst row."""
+    """Finer settings of methods with too large bars, by the worst asked row."""
     coarse = [row for row in rows if row.asked and row.verdict is Verdict.TOO_COARSE and row.asked_for]
     out: list[Settings | None] = []
     for method, ladder in zip(methods, ladders, strict=True):
@@ -214,7 +213,7 @@ def _finer(methods: list[Method], ladders: list[Ladder], rows: list[Agreement]) 
 
 
 def _excess(row: Agreement, method: str) -> Iterator[tuple[float, tuple[float, float], float, float]]:
-    """The largest bar of a row, over what the others leave to it: excess, parts, what is left, and order."""
+    """If a method has a row's largest bar: that over its target, its parts, the target, and the order credited."""
     assert row.asked_for is not None
     largest = max(sum(parts) for parts in row.parts)
     for parts, of in zip(row.parts, row.bound.parts, strict=False):

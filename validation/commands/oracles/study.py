@@ -1,4 +1,4 @@
-"""Every exact answer held against the solvers, with the order at which they come closer to it.
+"""Every exact answer held against the solvers.
 
 A row agrees when the finest run lies within its own bar, and errors fall with the order of theory.  Some rows must
 fail: a wrong method, another limit, a law without one of its terms.
@@ -75,9 +75,9 @@ class Task:
 
 
 def _allowed(ratio: float, p: float | None, gap: float | None, before: float) -> tuple[float, str]:
-    """The error that the finest run may have, and why.
+    """The allowed error of the finest run, and why.
 
-    ratio : of the last two sizes; p : order of theory; gap : between the last two answers, None of a limit;
+    ratio : of the last two sizes; p : order of theory; gap : of the last two answers, None of a limit;
     before : error of the last but one.
     """
     if gap is None:
@@ -89,7 +89,7 @@ def _allowed(ratio: float, p: float | None, gap: float | None, before: float) ->
 
 
 def tasks() -> list[Task]:
-    """Rows of the table: every case of every oracle with every method it asks for."""
+    """Every case of every oracle with every method it asks for."""
     return [
         Task(name, one, method)
         for name, oracle in sorted(oracles.find().items(), key=lambda entry: entry[1].group)
@@ -99,10 +99,7 @@ def tasks() -> list[Task]:
 
 
 def oracle_table(out: Path, progress: Progress = silent) -> dict[str, Any]:
-    """Hold all solvers against all oracles and write oracles.json: the rows and the oracles.
-
-    An interrupted table goes on where it stopped; a complete one is made anew.
-    """
+    """Hold all solvers against all oracles and write oracles.json; an interrupted table goes on where it stopped."""
     jobs = {json.dumps(task.key): task for task in tasks()}
     rows = list(store.each_once(out / ROWS, jobs, lambda task: task.compute(), partial(progress, "oracles")).values())
     as_expected = all(row["verdict"] == row["expected"] for row in rows)
@@ -142,7 +139,7 @@ BASES = {  # of frequencies: what is refined; order and why
 
 
 class _Solvers:
-    """The solvers of the method table, as cases ask for them; dimensionless, but `ride` in SI."""
+    """Solvers for the cases; dimensionless, but `ride` in SI."""
 
     def names(self, kind: str) -> Sequence[str]:
         """Methods ("path") or bases of frequencies ("modes")."""

@@ -1,7 +1,7 @@
-"""How far the tension overshoots beside the mass, sampled finely enough for any number of terms.
+"""Overshoot of the tension beside the mass.
 
-A sum of N smooth functions meets the kink at the mass with ripples one wavelength 1/N wide, whose size in the tension
-does not depend on N: Gibbs' phenomenon.
+A sum of N smooth functions has ripples of wavelength 1/N at the kink.  Their size in the tension does not depend on N
+(Gibbs).
 """
 
 import numpy as np

@@ -1,6 +1,6 @@
-"""A verdict is computed from a range, a value and its error bar.
+"""Verdicts from a range, a value and its bar.
 
-claims.toml holds the paper's statements.  Its values are expressions, its sentences templates, of `known.names`.
+claims.toml holds the paper's statements; its values are expressions, its sentences templates, of `known.names`.
 """
 
 import math
@@ -115,7 +115,7 @@ def _range(entry: Row, meaning: Row, known: Row) -> tuple[str, float | None, flo
 
 
 def evaluated(expression: str | float, known: Row) -> float:
-    """The value of an expression; an unknown name is an error, here and in sentences."""
+    """The value of an expression; an unknown name is an error."""
     if not isinstance(expression, str):
         return expression
     value: Any = _TEMPLATES.compile_expression(expression, undefined_to_none=False)(**known)

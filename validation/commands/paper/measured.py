@@ -1,4 +1,4 @@
-"""Measures that claims.toml names; tensions while s_o/l lies in MOVING, unless said otherwise."""
+"""Measures that claims.toml names; tensions with s_o/l in MOVING by default."""
 
 import math
 
@@ -17,8 +17,8 @@ from galerkin.equations import GalerkinSystem
 from validation.core import measures
 from validation.oracles import irvine
 
-MOVING = (0.1, 0.8)  # s_o/l over which tensions are looked at
-LATEST = 0.83  # s_o/l: the level cable goes slack from there on
+MOVING = (0.1, 0.8)  # s_o/l
+LATEST = 0.83  # s_o/l: beyond it the level cable goes slack
 
 
 def extrema(r: Response, reading: str) -> list[tuple[float, str]]:
@@ -95,10 +95,7 @@ def tension_error(r: Response, reference: Response) -> float:
 
 
 def unevenness(r: Response, *, sides: bool = False, width: float = 0.05) -> Array:
-    """Rms of T along the cable about its mean (of each side of the mass), over that mean, of every frame.
-
-    Within `width` of the mass is left out.
-    """
+    """Rms of T about its mean along the cable (or each side), over that mean, by frame, beyond `width` of the mass."""
     out, s, rows = [], r.fields.s / r.length, frames(r, *MOVING)
     for row, s_o in zip(r.fields.T_pointwise[rows], r.fields.s_o[rows] / r.length, strict=True):
         away = np.abs(s - s_o) >= width
@@ -108,10 +105,7 @@ def unevenness(r: Response, *, sides: bool = False, width: float = 0.05) -> Arra
 
 
 def wiggle(r: Response, near: float = 0.2, far: float = 1.0) -> float:
-    """Rms of T less its running mean over a tenth of the cable, over H; near, far : distances from the mass.
-
-    The mean stops at the mass, where T jumps.
-    """
+    """Rms of T less its running mean over a tenth of the cable on one side, over H, `near` to `far` off the mass."""
     s, half, rows = r.fields.s / r.length, round(0.05 * (r.fields.s.size - 1)), frames(r, *MOVING)
     parts = []
     for row, s_o in zip(r.fields.T_pointwise[rows], r.fields.s_o[rows] / r.length, strict=True):
@@ -137,10 +131,7 @@ def tension_jump(r: Response) -> float:
 
 
 def meeting(r: Response) -> float:
-    """s_o/l at which the first wave meets the mass after its reflection at the far support.
-
-    A transverse front runs at sqrt(N/rho), integrated through the computed tension from the entry on.
-    """
+    """s_o/l at which the transverse front from the entry, of speed sqrt(N/rho), meets the mass after its reflection."""
     f = r.fields
     t = np.concatenate([[0.0], f.t])
     T = np.concatenate([np.ones_like(f.T_pointwise[:1]), np.maximum(f.T_pointwise, 0.0) / r.horizontal_tension])
@@ -176,7 +167,7 @@ def wavelet_terms(level: int) -> int:
 
 
 def rate(rows: list[dict[str, float]]) -> tuple[float, float]:
-    """The exponent with which an overshoot falls with the number of terms, and its bar."""
+    """The exponent of an overshoot in the number of terms, and its bar."""
     first, last = rows[0], rows[-1]
     steps = math.log(last["terms"] / first["terms"])
     bar = math.hypot(first["spread"] / first["size"], last["spread"] / last["size"]) / steps
@@ -184,7 +175,7 @@ def rate(rows: list[dict[str, float]]) -> tuple[float, float]:
 
 
 def start_of_48(groups: Groups, d: float) -> float:
-    """How far (48) is from the g'' that balances (45) at s_o = d, relative, for ten sines."""
+    """Relative distance of (48) from the g'' that balances (45) at s_o = d, for ten sines."""
     system = GalerkinSystem(groups, Fourier(10))
     assert groups.motion is not None
     a = groups.motion.at(0.0, 0)[2]

@@ -1,4 +1,4 @@
-"""What a designer asks of a line at rest: numbers at each position of its cars, their extremes, the envelope.
+"""Numbers of a line at rest at each position of its cars, their extremes, and the envelope.
 
 Quantities are named `quantity:contact`, `quantity:car` or `quantity:obstacle`. SI; depths below the first contact.
 """

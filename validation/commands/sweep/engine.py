@@ -80,7 +80,7 @@ def sweep(
 def _computed(client: Any, study: Study, todo: deque[int], work: Work) -> Iterator[list[Row]]:
     """Give the rows of all scenes, chunk by chunk.
 
-    Dask retries a chunk whose worker died once; after that, each of its scenes is a chunk of its own.
+    Dask retries a chunk once if its worker died; then each of its scenes is a chunk.
     No chunk waits at a worker: it would die with it.
     """
     from distributed import as_completed
@@ -113,7 +113,7 @@ def _computed(client: Any, study: Study, todo: deque[int], work: Work) -> Iterat
 
 
 def _lasting(seconds: float, rows: list[Row]) -> int:
-    """How many such scenes take `seconds`, from 1 to LARGEST."""
+    """How many scenes take `seconds`, from 1 to LARGEST."""
     took = sum(row.get("seconds") or 0.0 for row in rows)
     return int(np.clip(seconds * len(rows) / max(took, 1e-9), 1, LARGEST))
 

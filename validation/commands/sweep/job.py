@@ -31,9 +31,9 @@ class CutOff(BaseException):
 
 @contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
-    """Raise CutOff in this thread after that time; if it does not come to be within GRACE, end the process.
+    """Raise CutOff in this thread after that time; end the process if that has no effect within GRACE.
 
-    Compiled code may make another exception of it.
+    Compiled code may turn it into another exception.
     """
     thread, begin = ctypes.c_ulong(threading.get_ident()), time.perf_counter()
     cut = ctypes.pythonapi.PyThreadState_SetAsyncExc
@@ -140,9 +140,9 @@ def _end(scene: Any) -> float | None:
 
 
 def truth(scene: Any, r: Any, finer: int, most: float = 2e6) -> dict[str, Any]:
-    """Errors of a run, and of one half as fine as the reference; that is `finer` times as fine as the run.
+    """Errors of a run, and of one half as fine as the reference, over the range of the run's bar.
 
-    Over the range of the run's bar.  The reference is by following-p2; {} if its steps times elements exceed `most`.
+    The reference, by following-p2, is `finer` times as fine as the run; {} if its steps times elements exceed `most`.
     """
     from validation.core import measures
     from validation.core.running import run
