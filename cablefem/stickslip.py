@@ -104,7 +104,7 @@ class RollingCar(System):
         return self.drive.mu_r * abs(normal) + self.brake
 
     def margin(self, x: State) -> float:
-        """That force less the one needed."""
+        """`most` less the force that holds the car."""
         needed, normal = self.holding(x)
         return self.most(normal) - abs(needed)
 

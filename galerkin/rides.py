@@ -234,7 +234,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return self._consistent(x.t, x.q, x.v.copy(), x.phase)
 
     def look(self, x: State) -> Look:
-        """The larger of the present and mean normal force counts: one oscillates near a support, one lags."""
+        """The larger normal force counts: the present one oscillates near a support, the mean one lags."""
         car = self._car_at(x)
         thrust = self._thrust(x.t, x.phase, x.a) if self.free else 0.0
         along = thrust + car.tx * car.drag_x + car.ty * (car.drag_y + self.mu * self.groups.sigma)

@@ -1,7 +1,6 @@
 """The command `cablefem`: every folder of validation/commands is a command, its `command.py` says what it takes.
 
-Exit codes: 0 fine; 1 the solvers disagree, are not comparable, or a check failed; 2 bad input, or a run that broke
-before the slack onset.  Everything heavy is imported inside the commands, so that help comes at once.
+Exit codes: see README.md.  Everything heavy is imported inside the commands, so that help comes at once.
 """
 
 import atexit

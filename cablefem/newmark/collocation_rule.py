@@ -15,7 +15,7 @@ from cablefem.newmark.stepper import Stepper, Work
 from cablefem.newmark.system import System, consistent_acceleration
 from cablefem.newmark.tableau import further, tableau
 
-# of Newton's method: a new tangent helps little
+# keep the tangent if |r| falls to this: a new one helps little
 REUSE = 0.8
 ENOUGH = 18.0  # iterations; two half steps cost less
 

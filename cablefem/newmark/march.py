@@ -18,10 +18,10 @@ from cablefem.newmark.states import Array, State
 from cablefem.newmark.stepper import Stepper, Work
 from cablefem.newmark.system import System
 
-# a step from an abrupt acceleration (Rannacher 1984)
+# pieces of a step from an abrupt acceleration, and their damped rule (Rannacher 1984)
 GENTLE, GENTLY = 4, Scheme("gentle", 0.5, 1.0)
 MOST_HALVINGS = 6  # of a step
-MOST_CUTS = 100  # failed steps, besides half of all
+MOST_CUTS = 100  # failed steps beyond half of the grid's number
 MOST_EVENTS = 20  # without a step between them
 STRIDE, AHEAD = 256, 32  # longest strides, of the grid and adaptive
 ALONE = 16  # single steps after a failed stride

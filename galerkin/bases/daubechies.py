@@ -2,7 +2,7 @@
 
 Construction: Xu & Shann 1992; Chen, Hwang & Shih 1996.
 With v(x) = [phi(x), phi(x + 1), ...] the refinement equation reads v(x) = T_d v(2x - d), d the first binary digit of x.
-So v(x) is a product of two matrices in the order of the digits.
+So v(x) is a product of T_0 and T_1 in the order of the digits.
 Derivatives and primitives are sums over functions phi_m with masks 2 ((1 + z)/2)^(p-m) q(z).
 """
 

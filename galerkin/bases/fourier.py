@@ -133,7 +133,7 @@ class Fourier:
     smooth = True  # phi'' exists, as (23) needs
 
     def at(self, s: float) -> np.ndarray:
-        """phi, phi', phi'' (or 0) and two primitives at one s, (5, n)."""
+        """phi, phi', phi'' and two primitives at one s, (5, n)."""
         return values_at(s, self.n, self.grading)
 
     def phi(self, s: np.ndarray, m: int = 0) -> np.ndarray:

@@ -334,7 +334,7 @@ def seen(on, line, place, state):
 
 @inner
 def begin_step(ride, course, rule, i, car):
-    """The `Ride` of step i, after the car at its start is noted."""
+    """Add the car at the start of step i to `past`; return the `Ride` of the step."""
     past, newest = course.past, course.past.shape[0] - course.t.size + i
     past[newest, 0] = course.t[i] - rule[0, 4] * rule[0, 1]
     past[newest, 1], past[newest, 2] = car.vx, car.vy
@@ -355,7 +355,7 @@ def end_step(ride, course, line, places, rule, i, end):
 
 @inner
 def at_time(ride, smooth, t, thrust):
-    """`Ride` at t by `averaged`."""
+    """`Ride` at t, with the mean acceleration by the result of `averaged`."""
     d, on = t - smooth[1], ride.on
     ax, ay = smooth[2] + d * smooth[4], smooth[3] + d * smooth[5]
     on = Rolling(on.mu, on.sigma, on.drag, on.wind, on.hold, on.rub, on.brake, ax, ay)

@@ -27,9 +27,9 @@ KIND = ("model", "load", "law", "until", "frames")  # arguments beside the metho
 FIRST_STEPS, MOST_STEPS = 120, 64_000
 LARGEST = 2e6  # steps times resolution, about 0.5 GB
 BUDGET = 1.2e6  # `work` of a ladder, 30 to 60 s
-AIM = 0.8  # of the bar asked for: a margin
-FINER = np.array([1.0, 1.5, 1.75, 2.0])  # refinements of space in one stride: dear if too many
-SHORTER = np.array([1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0])  # of time: orders hold no further
+AIM = 0.8  # planned bar over the one asked for
+FINER = np.array([1.0, 1.5, 1.75, 2.0])  # refinements of space in one stride; larger ones may cost too much
+SHORTER = np.array([1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0])  # of time; orders do not hold further
 ROUNDING = 1e-12  # of the path's scale
 
 # Affordable steps do not resolve axial waves, so the rule damps them.

@@ -345,7 +345,7 @@ class Evidence:
     def powers(self) -> dict[str, Array]:
         """Power of drive and outer forces by name (n,) [W].
 
-        A grip: ds_o (-contact . <r'> + <N t> . [r'] - [W]).  Damping: by the told kinetic energy, a law of its own.
+        A grip: ds_o (-contact . <r'> + <N t> . [r'] - [W]).  Damping: by the run's kinetic energy; a law checks it.
         """
         r, drive = self.r, self.given.drive
         of_mass = 0.5 * self.given.mass * np.sum(r.velocity**2, axis=1)

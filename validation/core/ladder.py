@@ -31,7 +31,7 @@ class Branch:
     order: float  # nominal, of the path
 
     def left(self, finest: Response, of: Of, apart: Apart, most: float) -> Any:
-        """This direction's error in the finest run; infinite without a half."""
+        """The bar of the finest run in this direction; infinite without a half."""
         if not self.runs:
             return math.inf
         try:
@@ -71,7 +71,7 @@ class Ladder:
         return Ladder(change(self.finest), space, time)
 
     def over(self, view: View) -> Ladder:
-        """The ladder without runs that end before the view, and coarser ones."""
+        """Without runs that end before the view does, and without all coarser ones."""
 
         def kept(branch: Branch) -> Branch:
             n = next((i for i, r in enumerate(branch.runs) if not view.covers(r)), len(branch.runs))
@@ -92,7 +92,7 @@ class Ladder:
         return sum(self.parts(of, apart, order))
 
     def told(self, of: Of) -> float:
-        """Return 0 if all runs answer a question alike, else infinity."""
+        """The bar of a yes or no: 0 if all runs answer alike, else infinite."""
         answers = [of(r) for r in self.runs]
         alike = len(self.space.runs) > 0 and len(self.time.runs) > 0 and all(x == answers[0] for x in answers)
         return 0.0 if alike else math.inf

@@ -208,7 +208,7 @@ def independent(a: Response, b: Response) -> Iterator[Agreement]:
 
 
 def happened(event: str, r: Response, after: int = 0) -> dict[str, Any] | None:
-    """The first happening of an event, after so many."""
+    """An event of the run, number `after` of its kind, or None."""
     return next(itertools.islice((x for x in r.events if x["event"] == event), after, None), None)
 
 
@@ -279,7 +279,7 @@ def _range(a: Ladder, b: Ladder, view: View, whole: View, asked_for: float) -> I
 
 
 def _past_slack(a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[Agreement]:
-    """Path gap from where both are slack, while the bars meet the tolerance."""
+    """Path gap from where both are slack to where the bars exceed the tolerance."""
     from validation.core import trust  # loaded while solvers run
 
     onset = max(map(_slack_from, (a.finest, b.finest)))
@@ -311,7 +311,7 @@ def printed(a: Response, b: Response) -> Iterator[Agreement]:
 
 
 def _worse_of(rows: Iterable[Agreement]) -> Iterator[Agreement]:
-    """The worse of both answers' rows, of each kind."""
+    """Of each kind of row, the worse of both answers."""
     found: dict[tuple[str, str], list[Agreement]] = {}
     for row in rows:
         found.setdefault((row.quantity, row.law), []).append(row)

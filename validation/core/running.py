@@ -34,7 +34,7 @@ from validation.core.watch import watched
 
 # Newmark's damping of undamped schemes on the slack cable; less may gain energy.
 SLACK_GAMMA = 0.6
-# Undamped rules keep Newton's residual as energy.  For gripped cars the drive outweighs it.
+# Undamped rules turn Newton's residual into energy that stays; on gripped cars the drive does far more work.
 KEEPS = Newton(tol=1e-6)
 MOST_FRAMES = 20_000  # 300 MB
 

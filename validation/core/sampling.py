@@ -56,7 +56,7 @@ def _ended_well(h: History) -> bool:
 
 
 def moved(scene: Scene, h: History) -> dict[str, Any]:
-    """The motion of the mass: a `MassPath` except what was run."""
+    """The fields of a `MassPath` except those that say what was run."""
     states = finite(h)
     place, w = h.solver.path(states)
     return _ended(h, states, place) | _path(scene, states.t, place, w)
@@ -152,7 +152,7 @@ def _at(times: Array, t: float) -> int:
 
 
 def _events(scene: Scene, work: Work, t: Array, s_o: Array) -> list[tuple[str, float]]:
-    """What happened to the car, and when, without stick-slip."""
+    """Events of the car, and their times, without stick-slip."""
     drive = scene.groups.drive
     phases = [("release", drive.release), *[("thrust_end", t) for t, _ in drive.thrust_table[-1:]]]
     told = [(name, at) for name, at in phases if 0.0 < at <= t[-1]]
@@ -197,7 +197,7 @@ def _rows(states: States, rows: slice | NDArray[Any]) -> States:
 
 
 def frame_times(scene: Scene, t_last: float, frames: int = FRAMES) -> Array:
-    """Times of the fields: places of a travel, gaps filled; both ends of a car that rolls."""
+    """Times of the fields: when a travel passes its marks, gaps filled; of a car that rolls also the end."""
     motion = scene.groups.motion
     if motion is None:
         nominal = scene.groups.drive.nominal

@@ -1,4 +1,4 @@
-"""How far an answer can be trusted: where its path and a finer one part, at the latest near the far support."""
+"""How far an answer can be trusted: up to where its path and a finer one part."""
 
 from collections.abc import Sequence
 from itertools import combinations, pairwise

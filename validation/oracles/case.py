@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 WINDOW = (0.02, 0.8)  # s_o/l in which paths are compared
 BEST = ("following-p2", "fourier-kink")
-RIDERS = BEST  # their cars roll
+RIDERS = BEST  # methods with cars that roll
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

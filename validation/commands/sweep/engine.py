@@ -1,4 +1,4 @@
-"""The loop of a sweep on Dask: chunks of about a second go out, rows come home and are written, whole or not at all."""
+"""The loop of a sweep on Dask: chunks take about a second; rows are written as files, whole or not at all."""
 
 import fcntl
 import logging

@@ -26,7 +26,7 @@ GROUPS, DESIGN = COLUMNS["groups"], COLUMNS["design"]
 
 
 class CutOff(BaseException):
-    """Raised inside a scene that has used up its time; no `except Exception` on the way may swallow it."""
+    """Raised inside a scene that has used up its time; `except Exception` does not catch it."""
 
 
 @contextmanager
