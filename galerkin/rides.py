@@ -35,7 +35,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
     """The equations (19) with a car that rolls: the last row is its balance.
 
     The last unknown of a free car is s_o.  That of a hauled car has the haul force as acceleration; s_o(t) is given.
-    Friction and brakes keep their sign between events.  ValueError unless sines with a hat, full model and a mass.
+    Friction and brakes keep their sign between events.  Other bases, models and loads raise ValueError.
     """
 
     hears_itself = by_force = True

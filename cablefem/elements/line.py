@@ -29,7 +29,7 @@ from cablefem.scene.taut import guess
 
 DEGREE = 4
 ORDER = 12  # of quadrature
-SOFTENING = 4  # stages of EA
+SOFTENING = 4  # stages of EA up to its value
 SOFTEST = 5.0  # first EA over H
 STEPS, SHORTEST = 100, 1e-6  # of Newton's method; least damping factor
 NEAR = 1e-6  # residual over H for undamped steps

@@ -52,7 +52,7 @@ def at_point(T, viscous, X, w, alpha, law):
     """N, W, N t - T t_static (2), k, d, and the tension of the elastic law, from X' and w'.
 
     viscous : tension of internal damping
-    k = N/|r'|, d = (dN/deps |r'| - N)/|r'|^3 of (28)-(32).  The force is (k - T) X' + k w', k - T by its small parts.
+    k = N/|r'|, d = (dN/deps |r'| - N)/|r'|^3 of (28)-(32).  The force is (k - T) X' + k w', without cancellation.
     """
     (xp, yp), (ux, vy) = X, w
     e = (2.0 * xp + ux) * ux + (2.0 * yp + vy) * vy

@@ -76,7 +76,7 @@ class Course(NamedTuple):
     smooth: Array  # (6,) result of `averaged` for the last step; zeros at first
     low: float  # event: s_o leaves (low, high)
     high: float
-    sign: float  # event: ds_o has not this sign; 0: it may turn
+    sign: float  # event: ds_o loses this sign; 0: it may turn
     forward: float  # sign of the speed
     slow: float  # event: a lower speed
     lifted: bool  # else lift-off is an event

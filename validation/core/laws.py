@@ -280,7 +280,7 @@ def strain_at_the_mass(m: Evidence) -> Defect:
 
 @_law()
 def speed_of_the_mass(m: Evidence) -> Defect:
-    """Its way is the integral of its velocity; over top speed times window."""
+    """The mass moves by the integral of its velocity; over top speed times window."""
     r = m.r
     return _over_steps(m, np.stack([r.x, r.y], axis=1) - m.impulse(r.velocity), float(r.speed.max()) * m.lasts)
 
