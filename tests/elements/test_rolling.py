@@ -221,7 +221,7 @@ def test_a_ride_in_strides_is_the_one_step_by_step(settings):
 )
 def test_the_energy_rule_keeps_the_energy_of_a_ride_to_rounding(rule, tol, low, high):
     """Drift over 20 s of the zip line, largest, over M g l; the trapezoidal rule (must fail) has one."""
-    scene = energy.ride()
+    scene = energy.LOSSLESS
     system = RollingElements(scene.groups, elements=4)
     system.force_floor *= 0.1  # rounding of the balance, of stiff forces
     grids = [np.linspace(0.0, 20.0 / scene.time_scale, 501)]

@@ -82,7 +82,7 @@ def _axes(kind: type[Range], given: Any) -> dict[str, Axis]:
             case [_, *_] if kind is Steps:
                 one = {"choices": one}
         try:
-            axes[name] = (Choices if "choices" in one else kind)(**one)
+            axes[name] = one if isinstance(one, Axis) else (Choices if "choices" in one else kind)(**one)
         except SceneError as error:
             faults += [f"{name}.{fault}" for fault in error.faults]
         except TypeError:
