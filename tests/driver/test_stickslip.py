@@ -10,7 +10,7 @@ from cablefem import Scene
 from cablefem.newmark import Newton, State, Work, consistent_acceleration, integrate, scheme
 from cablefem.scene.drive import Drive
 from cablefem.stickslip import Look, RollingCar
-from tests.validation.test_laws import broken, ladder
+from tests.validation.test_laws import TOML, broken, ladder
 
 MU, SIGMA = 0.7, 0.9
 WEIGHT = MU * SIGMA
@@ -139,26 +139,8 @@ def test_a_block_that_rolls_on_does_not_stop():
     assert found["arrival"] == pytest.approx([math.sqrt(2.0 * 0.7 / a)], abs=1e-5)
 
 
-TOML = """
-[cable]
-mass_per_length = 1.1
-EA = 1.2e7
-sag = 2.0
-[supports]
-span = 100.0
-drop = 9.0
-[mass]
-mass = 95.0
-[drive]
-mode = "free"
-start = 3.0
-rolling_friction = 0.03
-brake = [{from = 12.0, force = 900.0}]
-end = {time = 5.0}
-"""
-
-
 def test_the_laws_hold_of_a_ride_that_a_brake_ends():
-    found = ladder(Scene.from_toml(TOML), elements=6, steps=400)
+    found = ladder(Scene.from_toml(TOML.replace("force = 40.0", "force = 900.0")), elements=6, steps=400)
     assert not broken(found)
-    assert [(x["event"], x["speed"] == 0.0) for x in found.finest.events] == [("brake", False), ("stop", True)]
+    assert [x["event"] for x in found.finest.events][-2:] == ["brake", "stop"]
+    assert found.finest.events[-1]["speed"] == 0.0

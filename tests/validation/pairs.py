@@ -13,10 +13,6 @@ SINES = {"terms": 40, "steps": 1000, **DAMPED}
 
 
 @cache
-def answer(name: str) -> Ladder:
-    """Return a run of the level scene, past its slack onset, with coarser ones."""
-    return laddered(LEVEL, name, until=0.95, **(ELEMENTS if name == "following-p2" else SINES))
-
-
 def right() -> tuple[Ladder, Ladder]:
-    return answer("following-p2"), answer("fourier-kink")
+    """Return runs of the level scene, past its slack onset, with coarser ones."""
+    return laddered(LEVEL, "following-p2", until=0.95, **ELEMENTS), laddered(LEVEL, "fourier-kink", until=0.95, **SINES)

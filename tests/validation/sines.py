@@ -4,6 +4,7 @@ It shows what the method table asks for.  `validation.core.methods.METHODS["my-s
 """
 
 import copy
+from pathlib import Path
 
 import numpy as np
 
@@ -134,3 +135,10 @@ METHOD = Method(
     lambda groups, x, **kind: Sines(groups, x["waves"], **kind),
     survey=(20, 600),
 )
+
+
+def without_coriolis():
+    """The same method with the classical slip: 2 mu ds phi phi' forgotten."""
+    text, twin = Path(__file__).read_text(), {"__name__": "twin"}
+    exec(compile(text.replace("2.0 * ds * f1 @ V", "0.0 * ds * f1 @ V"), "twin", "exec"), twin)
+    return twin["METHOD"]

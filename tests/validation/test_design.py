@@ -13,39 +13,18 @@ from validation.core.design import QUANTITIES, design, numbers
 from validation.core.measures import energy_defect
 from validation.core.running import run
 
-RIDER = """
-    [cable]
-    mass_per_length = 1.0
-    EA = 1.3e7
-    sag = 5.0
-    [supports]
-    span = 230.0
-    drop = 15.0
-    [mass]
-    mass = 75.0
-    [drive]
-    mode = "free"
-    rolling_friction = 0.01
-    drag_area = 0.5
-    brake = [{from = 214.0, force = 400.0}]
-"""
-CAMERA = """
-    [cable]
-    mass_per_length = 0.08
-    EA = 1.5e6
-    sag = 2.5
-    [supports]
-    span = 200.0
-    [mass]
-    mass = 35.0
-    [drive]
-    mode = "haul"
-    rolling_friction = 0.02
-    [travel]
-    kind = "accelerate_cruise_brake"
-    top_speed = 12.0
-"""
-SCENES = {"level": Scene.load("level"), "rider": Scene.from_toml(RIDER), "camera": Scene.from_toml(CAMERA)}
+RIDER = Scene(
+    cable={"mass_per_length": 1.0, "EA": 1.3e7, "sag": 5.0}, supports={"span": 230.0, "drop": 15.0},
+    mass={"mass": 75.0},
+    drive={
+        "mode": "free", "rolling_friction": 0.01, "drag_area": 0.5, "brake": [{"from": 214.0, "force": 400.0}],
+    },
+)  # fmt: skip
+CAMERA = Scene(
+    cable={"mass_per_length": 0.08, "EA": 1.5e6, "sag": 2.5}, supports={"span": 200.0}, mass={"mass": 35.0},
+    drive={"mode": "haul", "rolling_friction": 0.02}, travel={"kind": "accelerate_cruise_brake", "top_speed": 12.0},
+)  # fmt: skip
+SCENES = {"level": Scene.load("level"), "rider": RIDER, "camera": CAMERA}
 COARSE = {"elements": 12, "steps": 1000}
 
 
@@ -98,7 +77,7 @@ def test_a_peak_has_a_bar_only_where_axial_waves_are_not_damped():
 
 
 def test_a_car_that_only_goes_up_has_no_deepest_point():
-    up = Scene.from_toml(CAMERA.replace("span = 200.0", "span = 200.0\n    drop = -60.0"))
+    up = CAMERA.replace({"supports.drop": -60.0})
     found = {n.quantity for n in numbers(run(up, "following-p2", elements=6, steps=300, until=0.95))}
     assert not {"deepest_point", "mass_deepest"} & found
     assert {"tension_max", "haul_force_max"} <= found
@@ -135,7 +114,7 @@ def test_the_first_steps_of_a_mass_that_enters_from_rest_are_right():
 
 def test_work_is_summed_up_to_where_the_travel_breaks_and_from_there():
     """A trapezoid across the jump of the haul force is off by half a step of it."""
-    r = run(SCENES["camera"], "following-p2", elements=6, steps=600, until=0.8)
+    r = run(CAMERA, "following-p2", elements=6, steps=600, until=0.8)
     off, blind = (np.abs(energy_defect(x)).max() for x in (r, replace(r, breaks=[])))
     assert off < 0.1 * blind
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.validation.pairs import LEVEL, answer, right
+from tests.validation.pairs import LEVEL, right
 from validation.core.agreement import Verdict, overall
 from validation.core.rows import ALONG, AXIAL_MEAN, compare
 from validation.core.running import run
@@ -139,12 +139,6 @@ def test_bars_wider_than_what_is_asked_are_too_coarse():
     assert found[("tension_ahead", AXIAL_MEAN)].verdict is Verdict.TOO_COARSE
     assert overall(list(found.values())) is Verdict.TOO_COARSE
     assert rows(*right(), tol=1e-5)[("path_max", "")].verdict is Verdict.TOO_COARSE
-
-
-def test_the_level_answers_are_those_of_the_methods_in_the_check():
-    from validation.core.methods import pair
-
-    assert tuple(answer(name).run.method for name in pair(LEVEL.groups)) == pair(LEVEL.groups)
 
 
 def past(place, **factors):
