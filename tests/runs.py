@@ -8,22 +8,15 @@ from numpy.polynomial.polynomial import polyder, polyval
 from cablefem import Scene
 from cablefem.newmark import integrate, scheme, step_times
 from cablefem.response import States
-from cablefem.scene import ConstantAcceleration, ConstantSpeed, Groups
+from cablefem.scene import ConstantSpeed, Groups
 
 LEVEL = Scene.load("level").groups
 INCLINED = Scene.load("inclined").groups
 CRUISE = Scene.load("cruise").groups
 
 
-def level_cable(*, mu: float, sigma: float, alpha: float = 323.0, speed=0.0, acceleration=0.0) -> Groups:
-    """Return a level cable whose mass enters with that speed and keeps that acceleration."""
-    accelerated = ConstantAcceleration(acceleration=acceleration, initial_speed=speed)
-    law = accelerated if acceleration else ConstantSpeed(speed=speed)
-    return replace(LEVEL, mu=mu, sigma=sigma, alpha=alpha, c=0.5 * sigma, motion=law.motion(1.0))
-
-
-def steep_cable(*, mu: float, sigma: float, c: float, alpha: float, speed: float) -> Groups:
-    """Return an inclined cable; its chord follows from (sigma, c)."""
+def cable(*, mu: float, sigma: float, c: float, alpha: float, speed: float) -> Groups:
+    """Return a cable whose chord follows from (sigma, c): level with c = sigma/2."""
     g = replace(LEVEL, mu=mu, sigma=sigma, alpha=alpha, c=c, motion=ConstantSpeed(speed=speed).motion(1.0))
     x, y = g.shape(1.0)
     chord = np.hypot(x, y)
@@ -31,7 +24,7 @@ def steep_cable(*, mu: float, sigma: float, c: float, alpha: float, speed: float
 
 
 MODELS = ("full", "string", "sagged", "stretching")
-STEEP = steep_cable(mu=0.7, sigma=0.31, c=0.52, alpha=290.0, speed=0.45)
+STEEP = cable(mu=0.7, sigma=0.31, c=0.52, alpha=290.0, speed=0.45)
 DAMPED = replace(STEEP, damping=0.83)
 
 

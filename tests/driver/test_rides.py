@@ -8,12 +8,11 @@ from scipy.integrate import cumulative_trapezoid
 
 from cablefem import Scene
 from cablefem.scene.statics import hauled
+from tests.scene.test_ride import ZIP as RIDER
 from validation import run
-from validation.oracles.rest import ZIP
 
 WINGS = {"following-p2": {"elements": 6}, "fourier-kink": {"terms": 15}}
 every = pytest.mark.parametrize("method", WINGS)
-RIDER = ZIP + "start = 2.0\ndrag_area = 0.6\n"
 
 
 def ride(method, toml, **how):

@@ -11,19 +11,7 @@ from scipy.interpolate import CubicSpline
 from cablefem.elements.following import FollowingElements
 from cablefem.newmark import integrate, scheme, step_times
 from cablefem.scene import Scene
-from tests.runs import (
-    CRUISE,
-    DAMPED,
-    INCLINED,
-    MODELS,
-    STEEP,
-    level_cable,
-    march,
-    observe,
-    orders,
-    path_error,
-    tangent_defect,
-)
+from tests.runs import CRUISE, DAMPED, INCLINED, MODELS, STEEP, march, observe, orders, path_error, tangent_defect
 
 
 # --- the equations ------------------------------------------------------------------------------------------------
@@ -80,13 +68,9 @@ def test_a_side_without_length_is_refused(s_o):
         system.residual(s_o / 0.45, zero, zero, zero, 0)
 
 
-# --- the taut string ----------------------------------------------------------------------------------------------
-CROSSING = level_cable(mu=0.7, sigma=0.23, speed=0.55)
-
-
 def test_the_entry_is_consistent_with_the_mass_matrix():
     """Second order in time from the very start; moving the mass alone, the nodes ahead at rest, costs an order."""
-    system = FollowingElements(CROSSING, elements=2, degree=6, model="string")
+    system = FollowingElements(STEEP, elements=2, degree=6, model="string")
     states, _ = march(system, 6400, until=0.8)
     fine = CubicSpline(states.t, observe(system, states).path[:, 1])
     assert np.all(np.abs(orders([path_error(system, n, fine)[1] for n in (100, 200, 400)]) - 2.0) < 0.15)

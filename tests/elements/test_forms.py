@@ -7,9 +7,9 @@ import pytest
 
 from cablefem.elements.following import FollowingElements
 from cablefem.elements.forms import assembled
-from tests.runs import CRUISE, steep_cable
+from tests.runs import CRUISE, cable
 
-SOFT = replace(steep_cable(mu=0.7, sigma=0.41, c=0.73, alpha=83.0, speed=0.35), damping=0.6)
+SOFT = replace(cable(mu=0.7, sigma=0.41, c=0.73, alpha=83.0, speed=0.35), damping=0.6)
 FACTORS = (0.7, 0.9, 1.3)
 
 

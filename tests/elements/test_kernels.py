@@ -10,10 +10,10 @@ from cablefem.elements.following import FollowingElements
 from cablefem.elements.kernels.banded import factorise, solve
 from cablefem.elements.observing import energies
 from cablefem.elements.reference import lagrange_element, reference, shape_polynomials
-from tests.runs import LEVEL, evaluate, steep_cable
+from tests.runs import LEVEL, cable, evaluate
 
 DEGREES = range(1, 9)
-SOFT = steep_cable(mu=0.7, sigma=0.41, c=0.73, alpha=83.0, speed=0.3)
+SOFT = cable(mu=0.7, sigma=0.41, c=0.73, alpha=83.0, speed=0.3)
 
 
 # --- reference meshes ----------------------------------------------------------------------------------------------

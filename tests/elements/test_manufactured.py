@@ -10,9 +10,9 @@ from scipy.linalg import solve
 
 from cablefem.elements.following import FollowingElements
 from cablefem.newmark import NO_STEPS, State, integrate, iterate, scheme
-from tests.runs import evaluate, orders, stack, steep_cable
+from tests.runs import cable, evaluate, orders, stack
 
-G = steep_cable(mu=0.7, sigma=0.31, c=0.52, alpha=57.0, speed=0.37)
+G = cable(mu=0.7, sigma=0.31, c=0.52, alpha=57.0, speed=0.37)
 U, V = 0.0033, 0.0053  # no part of the cable is compressed: it would not be stable
 X_GAUSS, W_GAUSS = np.polynomial.legendre.leggauss(8)
 

@@ -11,13 +11,13 @@ from cablefem.newmark import Newton, State, iterate
 from cablefem.scene.motion import Motion, Piece
 from galerkin.bases import Daubechies, Fourier
 from galerkin.equations import GalerkinSystem
-from tests.runs import steep_cable, tangent_defect
+from tests.runs import cable, tangent_defect
 
 # Enters at 0.31, speeds up, at t = 1.3 starts to brake: every term of (22), (23), (27) and a jump of acceleration.
 FIRST = Piece(0.0, 0.0, 0.0, 0.31, 0.07, 0.011)
 PLACE, SPEED, _ = FIRST(1.3)
 MOTION = Motion(((0.0, 1.3), (1.3, 2.1)), ((FIRST,), (Piece(1.3, 1.3, PLACE, SPEED, -0.13, 0.0),)), 1.0)
-STEEP = replace(steep_cable(mu=0.73, sigma=0.31, c=0.52, alpha=290.0, speed=0.4), motion=MOTION)
+STEEP = replace(cable(mu=0.73, sigma=0.31, c=0.52, alpha=290.0, speed=0.4), motion=MOTION)
 DAMPED = replace(STEEP, damping=0.83)
 MODELS = ("full", "string", "sagged", "stretching")
 ROUGH = Daubechies(2, 1)

@@ -16,12 +16,11 @@ from cablefem.scene.statics import gripped
 from galerkin import Daubechies, Fourier, GalerkinSystem, PositionAbscissa, RollingSystem
 from tests.galerkin.test_equations import DAMPED, STEEP, random_state
 from tests.runs import LEVEL, observe, stack
+from tests.scene.test_ride import ROPE, ZIP
 from validation import run
-from validation.oracles.rest import ZIP as ROPE
 
-ZIP = ROPE + "start = 2.0\n"
-RIDER = Scene.from_toml(ZIP + "drag_area = 0.6\n")
-BRAKED = Scene.from_toml(ZIP + "drag_area = 0.6\nrolling_friction = 0.02\nbrake = [{from = 280.0, force = 600.0}]\n")
+RIDER = Scene.from_toml(ZIP)
+BRAKED = Scene.from_toml(ZIP + "rolling_friction = 0.02\nbrake = [{from = 280.0, force = 600.0}]\n")
 TIME = RIDER.time_scale
 
 

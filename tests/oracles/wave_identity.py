@@ -4,18 +4,13 @@ Integrating v_tt - v_xx = P delta(x - xi) over a parallelogram of characteristic
     v(top) + v(bottom) - v(right) - v(left) = 1/2 int P dt over the times at which the source is inside.
 """
 
-from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import brentq
 
-Quads = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
-
-def corners(
-    rng: np.random.Generator, n: int, *, x: tuple[float, float], t: tuple[float, float], size: float, clip: bool
-) -> Quads:
+def corners(rng, n, *, x, t, size, clip):
     """Random parallelograms (x0, t0, p, q): from the bottom corner p up to the right and q up to the left.
 
     clip : keep all corners inside the x range (a string with supports).
@@ -27,15 +22,7 @@ def corners(
     return x0, t0, p, q
 
 
-def wave_defect(
-    v: Callable,
-    impulse: Callable,
-    xi: Callable,
-    quads: Quads,
-    t_source: float,
-    turns: tuple[float, ...] = (),
-    blows: tuple[tuple[float, float], ...] = (),
-) -> np.ndarray:
+def wave_defect(v, impulse, xi, quads, t_source, turns=(), blows=()):
     """Left minus right side of the identity.
 
     impulse : int_0^t P, without the blows (time, strength);  t_source : the source has left by then;

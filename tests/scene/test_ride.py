@@ -194,34 +194,23 @@ def test_a_car_that_never_moves_has_a_nominal_time_all_the_same():
     assert scene.top_speed == 0.0
 
 
-CREEPER = """
-[cable]
-mass_per_length = 0.62
-EA = 8e6
-horizontal_tension = 14e3
-[supports]
-span = 420.0
-drop = 31.0
-[mass]
-mass = 40.0
-[drive]
-mode = "free"
-start = 2.0
-rolling_friction = 0.02
-drag_area = 0.6
-wind = -8.0
-brake = [{from = 395.0, force = 500.0}]
-"""
+CREEPER = Scene(
+    cable={"mass_per_length": 0.62, "EA": 8e6, "horizontal_tension": 14e3}, supports={"span": 420.0, "drop": 31.0},
+    mass={"mass": 40.0},
+    drive={
+        "mode": "free", "start": 2.0, "rolling_friction": 0.02, "drag_area": 0.6, "wind": -8.0,
+        "brake": [{"from": 395.0, "force": 500.0}],
+    },
+)  # fmt: skip
 
 
 def test_a_rider_who_creeps_to_rest_has_an_end():
     """Wind damps him beyond what swings: he comes to his place of rest like exp(-t/24 s), and never gets there."""
-    scene = Scene.from_toml(CREEPER)
-    l, tau = scene.length, scene.time_scale
-    (stop,) = scene.ride.events
+    l, tau = CREEPER.length, CREEPER.time_scale
+    (stop,) = CREEPER.ride.events
     assert stop.event == "stop"
     assert stop.speed == 0.0
-    forever = Scene.from_toml(CREEPER + "rest_speed = 1e-9\nrest_distance = 1e-9\n")
+    forever = CREEPER.replace({"drive.rest_speed": 1e-9, "drive.rest_distance": 1e-9})
     (late,) = forever.ride.events
     assert late.t > 2.0 * stop.t
     assert 0.005 < (late.s_o - stop.s_o) * l < 0.011  # rest_distance
@@ -233,8 +222,7 @@ def test_a_rider_who_creeps_to_rest_has_an_end():
 
 def test_places_where_a_car_at_rest_stays():
     """Friction of 0.02 holds a rider around the lowest point of his path, a brake beyond its place."""
-    scene = Scene.from_toml(CREEPER)
-    drive, l = scene.groups.drive, scene.length
+    drive, l = CREEPER.groups.drive, CREEPER.length
     assert [drive.way(x / l) for x in (50.0, 199.0, 201.0, 289.0, 291.0, 394.0, 396.0)] == [1, 1, 0, 0, -1, -1, 0]
     assert drive.stays(199.96 / l)
     assert not drive.stays(199.94 / l)  # 0.023 m before friction holds it

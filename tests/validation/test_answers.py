@@ -15,11 +15,11 @@ from validation.core.design import design
 from validation.core.quantities import matter, told
 from validation.core.quasi_static import quasi_static
 
-LINE = CREEPER.replace("mass = 40.0", "mass = 80.0\nbelow = 2.0").replace("wind = -8.0\n", "")
+LINE = CREEPER.replace({"mass.mass": 80.0, "mass.below": 2.0, "drive.wind": 0.0})
 
 
 def scene(**changes):
-    return Scene.from_toml(LINE).replace({key.replace("__", "."): value for key, value in changes.items()})
+    return LINE.replace({key.replace("__", "."): value for key, value in changes.items()})
 
 
 @pytest.mark.parametrize(
