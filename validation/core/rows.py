@@ -135,7 +135,7 @@ def compare(
             rows.append(_row(quantity, a, b, view, asked(quantity.asks)))
     rows += _worse_of(row for x in (a, b) for row in laws.hold(x, view.window, view.until, asked))
     if view.free:
-        rows += [row for event in EVENTS for row in _event(event, a, b, view, asked("rest"))]
+        rows += [row for event in EVENTS for row in _event(event, a, b, asked("rest"))]
     slack = _slack_onset(a, b, whole, asked("rest"))
     return [*rows, *_range(a, b, view, whole, asked("rest")), slack, *_past_slack(a, b, view, asked("rest"))]
 
@@ -219,7 +219,7 @@ def _of_event(event: str, name: str, scale: float, r: Response, after: int = 0) 
     return float(found[name]) / scale
 
 
-def _event(event: str, a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[Agreement]:
+def _event(event: str, a: Ladder, b: Ladder, asked_for: float) -> Iterator[Agreement]:
     runs = a.finest, b.finest
     told = [x for r in runs if (x := happened(event, r)) is not None]
     slack = min(r.slack_since for r in runs)
