@@ -17,7 +17,7 @@ from PIL import Image
 from cablefem.response import Array
 from validation.page.page import figure_of, plain, raised, rendered
 
-WIDTH, LEFT, RIGHT, BELOW = 480, 70, 14, 42  # user units, pixels on a desktop
+WIDTH, LEFT, RIGHT, BELOW = 480, 70, 20, 42  # user units, pixels on a desktop
 # Okabe and Ito (2008) without yellow
 BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"
 BLACK, GREY = "#1a1a1a", "#767676"

@@ -174,7 +174,7 @@ for (const root of document.querySelectorAll(".player")) {
 
   function drawTension(shown) {
     const height = 210, { g, width } = sheet(".tension", height);
-    const [left, right, top, foot] = [48, 10, 24, 36];
+    const [left, right, top, foot] = [48, 18, 24, 36];
     const room = 0.15 * (data.T[1] - data.T[0]) || 0.1 * data.T[1];
     const least = Math.max(0, data.T[0] - room), high = data.T[1] + room, X = (s) => left + (s / data.s[m - 1]) * (width - left - right);
     const Y = (T) => height - foot - ((T - least) / (high - least)) * (height - top - foot);
