@@ -136,7 +136,7 @@ def compare(
     rows += _worse_of(row for x in (a, b) for row in laws.hold(x, view.window, view.until, asked))
     if view.free:
         rows += [row for event in EVENTS for row in _event(event, a, b, asked("rest"))]
-    slack = _slack_onset(a, b, whole, asked("rest"))
+    slack = _slack_onset(a, b, view, whole, asked("rest"))
     return [*rows, *_range(a, b, view, whole, asked("rest")), slack, *_past_slack(a, b, view, asked("rest"))]
 
 
@@ -252,19 +252,29 @@ def _slack_from(r: Response) -> float:
     return math.inf if r.slack_onset is None else r.slack_onset
 
 
-def _slack_onset(a: Ladder, b: Ladder, whole: View, asked_for: float) -> Agreement:
-    """Gap of the slack onsets in s_o/l; no slack counts as the window's end."""
+LEAST = Quantity("tension_min", _series("tension_min", over="H"), "")
+
+
+def _slack_onset(a: Ladder, b: Ladder, view: View, whole: View, asked_for: float) -> Agreement:
+    """Gap of the least tensions where the first cable goes slack, over H; no slack counts as the window's end.
+
+    Places of onsets jump where the tension just touches zero.
+    """
 
     def onset(r: Response) -> float:
         return min(whole.window[1], _slack_from(r))
 
-    parts, onsets = [], [onset(x.finest) for x in (a, b)]
-    for x, at in zip((a, b), onsets, strict=True):
-        space, time = x.parts(onset, order=1.0)
-        step = float(np.diff(x.finest.s_o).max(initial=0.0)) / whole.length  # an onset is known to one step
-        parts.append((space, time + step * (at < whole.window[1])))
-    gap = abs(onsets[0] - onsets[1])
-    return replace(_barred("slack_onset", gap, a, b, parts, asked_for), where=min(onsets) if gap else None)
+    first = min(map(onset, (a.finest, b.finest)))
+    if not first < whole.window[1]:
+        return _barred("slack_onset", 0.0, a, b, [x.parts(onset, order=1.0) for x in (a, b)], asked_for)
+
+    def least(r: Response) -> float:
+        tension = float(np.interp(first, np.maximum.accumulate(r.s_o) / whole.length, r.tension_min)) / view.H
+        return min(tension, 0.0) if onset(r) <= first else tension
+
+    parts = [x.parts(_same, partial(_apart, LEAST, view), 1.0) for x in (a, b)]
+    gap = abs(least(a.finest) - least(b.finest))
+    return replace(_barred("slack_onset", gap, a, b, parts, asked_for), where=first)
 
 
 def _range(a: Ladder, b: Ladder, view: View, whole: View, asked_for: float) -> Iterator[Agreement]:
