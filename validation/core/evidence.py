@@ -120,6 +120,7 @@ class Windows:
 
     frames: Array  # (k,) of the cable
     steps: Array  # (k',) of the mass, with begin and end
+    far: float = 1.0  # s_o/l that all these runs reach
 
     @classmethod
     def of(cls, r: Response, window: Window, until: float = math.inf) -> Windows:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -47,7 +47,7 @@ def hold(
     window : s_o/l;  until : [s];  asked : tolerance of what a law asks.
     """
     finest = ladder.finest
-    windows = Windows.of(finest, window, until)
+    windows = replace(Windows.of(finest, window, until), far=min(r.reached for r in ladder.runs))
     case = Evidence(finest, windows)
     thin = case.thinned()
     sparse = thin, thin.thinned()
@@ -343,10 +343,10 @@ def least_tension(m: Evidence) -> Defect:
 
 @_law()
 def slack_onset(m: Evidence) -> Defect:
-    """Slack begins at the first step with negative tension, within two steps; over the length."""
-    r = m.r
+    """Slack begins at the first step with negative tension, within two steps, where all runs go; over the length."""
+    r, end = m.r, m.windows.far
     below = np.append(r.s_o[1:][r.tension_min[1:] < 0.0], r.s_o[-1])[0] / r.length
-    off = abs(float(below) - (r.reached if r.slack_onset is None else r.slack_onset))
+    off = abs(min(end, float(below)) - min(end, r.reached if r.slack_onset is None else r.slack_onset))
     return _static(max(0.0, off - 2.0 * float(np.abs(np.diff(r.s_o)).max()) / r.length))
 
 
