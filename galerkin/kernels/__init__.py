@@ -1,4 +1,5 @@
 """Compiled steps of the full cable over sines; loops compile faster than array expressions.
+
 phi (n, m): Phi' at the points; x: a `Carried`; Q, V, A (2, n): coefficients and rates.
 """
 
