@@ -154,6 +154,11 @@ class MassPath:
         return float(self.s_o[-1] / self.length)
 
     @property
+    def slack_from(self) -> float:
+        """s_o/l of the slack onset, or infinite."""
+        return math.inf if self.slack_onset is None else self.slack_onset
+
+    @property
     def slack_since(self) -> float:
         """Time [s] of the slack onset, or infinite."""
         if self.slack_onset is None:
@@ -163,7 +168,7 @@ class MassPath:
     @property
     def max_deflection(self) -> float:
         """Largest v [m]; of a given travel past midspan only while taut."""
-        onset = math.inf if self.slack_onset is None or self.drive == "free" else self.slack_onset
+        onset = math.inf if self.drive == "free" else self.slack_from
         kept = self.v[self.s_o <= max(onset, 0.5) * self.length]
         return float(kept.max(initial=self.v[0]))
 

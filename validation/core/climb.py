@@ -97,12 +97,9 @@ class Runs:
         """The ladder with its finest run marched to the end, all runs observed."""
         finest = whole(self.at(ladder.finest.settings, end, past))
         until = _short(self.view, end)
-        if self.view.stop is not None and finest.slack_onset is not None and finest.slack_onset < SLACK_END:
+        if self.view.stop is not None and finest.slack_from < SLACK_END:
             until = SLACK_END if end is None else min(end, SLACK_END)
-
-        return ladder.map(
-            lambda r: finest if r.settings == finest.settings else whole(self.at(r.settings, until))
-        )  # fmt: skip
+        return ladder.map(lambda r: finest if r.settings == finest.settings else whole(self.at(r.settings, until)))
 
 
 def laddered(

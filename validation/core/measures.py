@@ -28,12 +28,11 @@ class NotComparable(ValueError):
 def window_of(*responses: MassPath, window: Window | None = None) -> Window:
     """The window (default: of the drive), cut where a run goes slack or ends; a free ride may turn back at its end."""
     low, high = window or WINDOWS[responses[0].drive]
-    slack = [math.inf if r.slack_onset is None else r.slack_onset for r in responses]
-    ends = [min(x, r.reached if r.drive != "free" else math.inf) for x, r in zip(slack, responses, strict=True)]
+    ends = [min(r.slack_from, r.reached if r.drive != "free" else math.inf) for r in responses]
     if min(high, *ends) > low:
         return low, min(high, *ends)
     first = int(np.argmin(ends))
-    what = "is slack" if slack[first] <= ends[first] else "ends"
+    what = "is slack" if responses[first].slack_from <= ends[first] else "ends"
     raise NotComparable(
         f"nothing to compare: {responses[first].method} {what} at s_o/l = {min(ends):.4f}, before {low:g}"
     )

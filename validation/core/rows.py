@@ -248,10 +248,6 @@ def with_bars(ladder: Ladder) -> list[dict[str, Any]]:
     return out
 
 
-def _slack_from(r: Response) -> float:
-    return math.inf if r.slack_onset is None else r.slack_onset
-
-
 LEAST = Quantity("tension_min", _series("tension_min", over="H"), "")
 
 
@@ -262,7 +258,7 @@ def _slack_onset(a: Ladder, b: Ladder, view: View, whole: View, asked_for: float
     """
 
     def onset(r: Response) -> float:
-        return min(whole.window[1], _slack_from(r))
+        return min(whole.window[1], r.slack_from)
 
     first = min(map(onset, (a.finest, b.finest)))
     if not first < whole.window[1]:
@@ -283,7 +279,7 @@ def _range(a: Ladder, b: Ladder, view: View, whole: View, asked_for: float) -> I
         broke = any(r.finest.status != "complete" and r.finest.slack_onset is None for r in (a, b))
         missing = max(0.0, 1.0 - view.until / max(float(x.finest.t[-1]) for x in (a, b))) if broke else 0.0
     else:
-        missing = min(whole.window[1], *map(_slack_from, (a.finest, b.finest))) - view.window[1]
+        missing = min(whole.window[1], a.finest.slack_from, b.finest.slack_from) - view.window[1]
     if missing > 1e-6:
         yield replace(_barred("range", missing, a, b, [(math.inf, 0.0)] * 2, asked_for), where=view.window[1])
 
@@ -292,7 +288,7 @@ def _past_slack(a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[
     """Path gap from where both are slack to where the bars exceed the tolerance."""
     from validation.core import trust  # loaded while solvers run
 
-    onset = max(map(_slack_from, (a.finest, b.finest)))
+    onset = max(a.finest.slack_from, b.finest.slack_from)
     end = min(SLACK_END, a.finest.reached, b.finest.reached)
     if view.rolls or not onset < end:
         return

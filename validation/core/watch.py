@@ -57,7 +57,7 @@ def _waves(r: Response, scene: Scene, method: Method) -> list[Flag]:
     """
     if method.wing != "elements" or method.space_order < 2.0:
         return []
-    end = min(measures.WINDOW[1], r.reached, math.inf if r.slack_onset is None else r.slack_onset - HIDDEN)
+    end = min(measures.WINDOW[1], r.reached, r.slack_from - HIDDEN)
     within, N, short = measures.inside(r, (measures.WINDOW[0], end)), r.tension_min, {}
     if scene.speed_ratio is not None and scene.speed_ratio < 1.0:
         short["slow waves"] = N - scene.rho * np.gradient(r.s_o, r.t) ** 2

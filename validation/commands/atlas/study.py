@@ -123,7 +123,7 @@ def judged(r: Response, reference: Response, unsure: float, earliest: float = 0.
     No cell is judged if that onset is before `earliest`, or the reference is unsure by half of the bound.
     Causes: of an incomplete run its own; "unstable" with energy gain; "slack too early"; else "too coarse".
     """
-    stop = min(x for x in (measures.WINDOW[1], reference.slack_onset) if x is not None)
+    stop = min(measures.WINDOW[1], reference.slack_from)
     out = {"reached": r.reached, "error": None, "slack_onset": r.slack_onset, "cause": r.cause, "reason": r.reason}
     if stop < earliest or reference.reached < stop or _unstable(reference):
         return out | {"class": "not judged", "reason": "the reference itself is not to be trusted here"}
@@ -149,7 +149,7 @@ def _class(error: float) -> str:
 
 
 def _cause(r: Response, stop: float) -> str:
-    early = r.slack_onset is not None and r.slack_onset < stop - 0.05
+    early = r.slack_from < stop - 0.05
     return "unstable" if _unstable(r) else "slack too early" if early else "too coarse"
 
 
