@@ -136,9 +136,6 @@ def _finite(x: float) -> float | None:
 def _rungs(scene: Scene, tol: float, report: Progress) -> tuple[list[Rung], Response, View]:
     """All rungs, the full run, and the range over which they are compared."""
     view = View.of(scene)
-    if scene.drive.mode == "grip":
-        for model in ("full", "string"):  # compile first
-            run(scene, REFERENCE, model=model, elements=2, steps=8, until=0.3)
     ladder = _full(scene, view, tol, report)
     full, bars = ladder.run, {need: sum(_parts(view, ladder, need)) for need in OF[scene.drive.mode]}
     rungs = [Rung("full", "mass", full.seconds, bars, full)]
@@ -181,13 +178,19 @@ def _lesser(scene: Scene, full: Response, view: View, report: Progress) -> Itera
         return
     if scene.drive.mode == "haul":
         yield _at_rest(scene, full, view)
-        gripped = run(scene.variant(drive={"mode": "grip"}), REFERENCE, until=view.stop, **full.settings)
+        gripped = _timed(scene.variant(drive={"mode": "grip"}), REFERENCE, until=view.stop, **full.settings)
         yield Rung("grip", "mass", gripped.seconds, distances(gripped, full, view), gripped)
         return
     for i, (model, load) in enumerate(LADDER[:-1]):
         report("cheaper models", (i + 1) / (len(LADDER) - 1))
-        r = run(scene, REFERENCE, model=model, load=load, until=view.stop, **full.settings)
+        r = _timed(scene, REFERENCE, model=model, load=load, until=view.stop, **full.settings)
         yield Rung(model, load, r.seconds, distances(r, full, view), r)
+
+
+def _timed(scene: Scene, method: Any, **how: Any) -> Response:
+    """A run after a short one, so that its time has no compiling in it."""
+    run(scene, method, **how | {"steps": 8})
+    return run(scene, method, **how)
 
 
 def distances(r: Response, full: Response, view: View) -> dict[str, float]:
@@ -249,7 +252,7 @@ def _raced(scene: Scene, best: Rung, full: Response, view: View, tol: float, rep
         report("methods", (i + 1) / len(candidates))
         for resolution, steps in method.races:
             settings: dict[str, Any] = {method.resolution.setting: resolution, "steps": steps}
-            r = run(scene, method, model=best.model, load=best.load, until=view.stop, **settings)
+            r = _timed(scene, method, model=best.model, load=best.load, until=view.stop, **settings)
             yield (entry := Rung(best.model, best.load, r.seconds, distances(r, full, view), r))
             cheapest = min(cheapest, r.seconds) if entry.within(tol) else cheapest
             if entry.within(tol) or 2.0 * r.seconds > cheapest:  # the next costs about twice
