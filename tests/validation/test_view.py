@@ -1,6 +1,7 @@
 """What is compared of a scene: over place or time, from where to where."""
 
 import dataclasses
+import math
 import tomllib
 from types import SimpleNamespace
 from typing import Any
@@ -16,8 +17,9 @@ TABLE = {"kind": "table", "times": [0.0, 4.0, 8.0], "positions": [0.0, 60.0, 100
 
 def ran(**changes: Any) -> Any:
     told = {"method": "one", "drive": "grip", "t": [0.0, 9.0], "reached": 1.0, "slack_onset": None}
-    told["status"] = "complete"
-    return SimpleNamespace(**told | changes)
+    told |= {"status": "complete"} | changes
+    onset = told["slack_onset"]
+    return SimpleNamespace(**told, slack_from=math.inf if onset is None else onset)
 
 
 def test_a_travel_is_compared_over_place_and_a_ride_over_time() -> None:
