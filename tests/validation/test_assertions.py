@@ -78,7 +78,7 @@ def test_a_shifted_path_is_told_with_both_numbers_and_the_place(fine, coarse):
 
 def test_a_wrong_tension_is_told_with_its_place(fine, coarse):
     T = fine.fields.T.copy()
-    T[59] *= 2.0  # the frame at s_o/l = 0.6
+    T[np.argmin(np.abs(fine.fields.s_o / fine.length - 0.6))] *= 2.0
     off = dataclasses.replace(fine, fields=dataclasses.replace(fine.fields, T=T))
     with pytest.raises(AssertionError, match=r"tension: gap .* allowed 0\.1, largest at s_o/l = 0\.600"):
         validation.assert_agree(off, coarse, path=1e-2, tension=0.1)

@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 
 from cablefem.response import Array, Response
 
-EVERY = 6  # frames per window: 0.06 of the travel
+EVERY = 12  # frames per window: 0.06 of the travel
 ROUNDING = 1e-9  # relative, of static splines and of times in different runs
 
 FIRST = 1.0  # largest order credited to forces and to velocities, which jump at fronts
