@@ -12,8 +12,7 @@ from numpy.polynomial.chebyshev import chebint, chebpts2, chebvander
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from cablefem.scene import Cable, Groups, Mass, Scene, Supports
-from cablefem.scene.motion import Motion, Piece
+from cablefem.scene import Cable, ConstantAcceleration, Groups, Mass, Motion, Scene, Supports
 
 Array = NDArray[np.float64]
 
@@ -171,7 +170,7 @@ class Modes(Case):
     kind = "modes"
 
     def order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
-        return solvers.order(method)
+        return solvers.order(method) if self.falls is None else (self.falls, self.because)
 
     def ask(self, solvers: Solvers, method: str, rung: Rung) -> Array:
         return solvers.modes(method, self.groups, self.model, self.exact.size, **rung.settings)
@@ -192,10 +191,7 @@ class Law(Case):
     until: float | None = None  # s_o/l; None: the end
 
     def ask(self, solvers: Solvers, method: str, rung: Rung) -> Any:
-        return solvers.ride(self.scene, method, until=self.until, **rung.settings)
-
-    def off(self, answer: Any) -> Any:
-        return self.defect(answer)
+        return self.defect(solvers.ride(self.scene, method, until=self.until, **rung.settings))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -238,6 +234,4 @@ def hung(gravity: float, EA: float, mass: float, drive: dict[str, Any], travel: 
 
 def inside(s_o: float, V: float, a: float) -> Motion:
     """Travel from inside the string to its end."""
-    d = 1.0 - s_o
-    end = d / V if a == 0.0 else (math.sqrt(V * V + 2.0 * a * d) - V) / a
-    return Motion(((0.0, end),), ((Piece(0.0, 0.0, s_o, V, 0.5 * a),),), 1.0)
+    return ConstantAcceleration(acceleration=a, initial_speed=V).motion(1.0 - s_o, s_o)

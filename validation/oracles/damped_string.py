@@ -20,18 +20,7 @@ import numpy as np
 
 from cablefem.scene.motion import standing
 from validation.oracles import irvine
-from validation.oracles.case import (
-    BARE,
-    BEST,
-    MU,
-    SIGMA,
-    Array,
-    Case,
-    Modes,
-    Rung,
-    Solvers,
-    level,
-)
+from validation.oracles.case import BARE, BEST, MU, SIGMA, Array, Case, Modes, Rung, Solvers, level
 from validation.oracles.moving_force import green
 
 TERMS = 400
@@ -56,9 +45,6 @@ def plucked(t: Array, *, P: float, p: float, c: float) -> Array:
 class Damped(Modes):
     kind = "path"
     methods: tuple[str, ...] | None = BEST
-
-    def order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
-        return self.falls, self.because
 
     def ask(self, solvers: Solvers, method: str, rung: Rung) -> Array:
         return solvers.damped_modes(method, self.groups, self.model, self.exact.size, **rung.settings)

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from cablefem.scene.line import Line, LineRest
+from cablefem.scene.line import Line, LineRest, LineState
 from validation.oracles.case import Case, Rung, Solvers
 
 METHODS = ("catenaries", "elements")
@@ -47,43 +47,19 @@ ASTER = """
     contact = [{name = "left", kind = "anchor", at = [0, 0]}, {name = "one", kind = "saddle", at = [100, 0]},
         {name = "two", kind = "saddle", at = [200, 0]}, {name = "right", kind = "anchor", at = [210, 0]}]
 """
-Told = tuple[int, str, str, float]  # position, station, quantity, value
+# numbers by station and quantity, one table for each position of the cars
+Told = Sequence[dict[str, float]]
 
 
-def _three(ahead: float = 400376.5890) -> list[Told]:
-    return [
-        (0, "left", "ahead", 395166.3080), (0, "grip", "s", 180.0), (0, "grip", "y", 0.737332),
-        (0, "grip", "behind", 395101.3921), (0, "grip", "ahead", 397670.5028), (0, "first", "s", 401.039137),
-        (0, "first", "behind", 400376.5890), (0, "first", "ahead", ahead), (0, "hauled", "s", 620.0),
-        (0, "hauled", "y", -9.579431), (0, "hauled", "haul", -775.88172), (0, "second", "s", 821.100312),
-        (0, "second", "ahead", 399496.2040), (0, "right", "behind", 395974.6087),
-    ]  # fmt: skip
-
-
-def _weighed() -> list[Told]:
-    return [
-        (0, "weight", "s", 618.284099), (0, "left", "ahead", 475797.4438), (0, "grip", "y", -38.424243),
-        (0, "grip", "behind", 479179.1553), (0, "grip", "ahead", 490181.3837),
-    ]  # fmt: skip
-
-
-def _skyline(*tensions: float) -> list[Told]:
+def _skyline(*tensions: float) -> Told:
     """Tensions with the load in each field."""
-    return [(i, "carriage", "ahead", tension) for i, tension in enumerate(tensions)]
-
-
-def _tramway(sign: float = 1.0) -> list[Told]:
-    """The empty rope is 1295.985263 m long; -s of the weight is the rope taken in."""
-    return [
-        (0, "weight", "s", -sign * 10.817098), (0, "car", "y", -148.607581), (0, "car", "ahead", 396588.7073),
-        (0, "car", "haul", 22261.47088), (0, "right", "behind", 433576.5376),
-    ]  # fmt: skip
+    return [{"carriage ahead": tension} for tension in tensions]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AtRest(Case):
     line: Line
-    told: Sequence[Told]
+    told: Told
     digits: float = DIGITS
     methods: tuple[str, ...] | None = METHODS
 
@@ -95,44 +71,54 @@ class AtRest(Case):
     def ask(self, solvers: Solvers, method: str, rung: Rung) -> LineRest:
         return solvers.line(self.line, method, **rung.settings)
 
-    def off(self, answer: LineRest) -> Any:
-        return self._errors(answer)
-
     def gap(self, coarse: LineRest, fine: LineRest) -> float:
-        return self.digits + float(np.abs(self._errors(coarse) - self._errors(fine)).max())
+        return self.digits + float(np.abs(self.off(coarse) - self.off(fine)).max())
 
-    def _errors(self, answer: LineRest) -> np.ndarray:
-        found = []
-        for i, name, what, value in self.told:
-            state: Any = answer.positions[i]
-            k = [p.name for p in state.case.stations].index(name)
-            lengths = {
-                "s": state.s[k],
-                "y": state.place[k, 1],
-                "middle": state.middle[min(k, len(state.middle) - 1), 1],
-            }
-            forces = {"behind": state.tensions[k, 0], "ahead": state.tensions[k, 1], "haul": state.haul[k]}
-            scale = np.ptp(state.place[:, 0]) if what in lengths else np.nanmax(state.tensions)
-            found.append(({**lengths, **forces}[what] - value) / scale)
-        return np.array(found)
+    def off(self, answer: LineRest) -> np.ndarray:
+        positions: Any = zip(answer.positions, self.told, strict=True)
+        return np.array([_off(state, *name.split(), x) for state, told in positions for name, x in told.items()])
+
+
+def _off(state: LineState, station: str, what: str, told: float) -> float:
+    k = [p.name for p in state.case.stations].index(station)
+    lengths = {"s": state.s, "y": state.place[:, 1], "middle": np.append(state.middle[:, 1], np.nan)}
+    forces = {"behind": state.tensions[:, 0], "ahead": state.tensions[:, 1], "haul": state.haul}
+    scale = np.ptp(state.place[:, 0]) if what in lengths else np.nanmax(state.tensions)
+    return ((lengths | forces)[what][k] - told) / scale
 
 
 def cases() -> list[Case]:
     three, weighed, tramway, aster = (Line.from_toml(text) for text in (THREE, WEIGHED, TRAMWAY, ASTER))
     skyline = Line.load("skyline")
+    in_three = {
+        "left ahead": 395166.3080, "grip s": 180.0, "grip y": 0.737332, "grip behind": 395101.3921,
+        "grip ahead": 397670.5028, "first s": 401.039137, "first behind": 400376.5890, "first ahead": 400376.5890,
+        "hauled s": 620.0, "hauled y": -9.579431, "hauled haul": -775.88172, "second s": 821.100312,
+        "second ahead": 399496.2040, "right behind": 395974.6087,
+    }  # fmt: skip
+    in_weighed = {
+        "weight s": 618.284099, "left ahead": 475797.4438, "grip y": -38.424243, "grip behind": 479179.1553,
+        "grip ahead": 490181.3837,
+    }  # fmt: skip
+    in_tramway = {  # the empty rope is 1295.985263 m long; -s of the weight is the rope taken in
+        "weight s": -10.817098, "car y": -148.607581, "car ahead": 396588.7073, "car haul": 22261.47088,
+        "right behind": 433576.5376,
+    }  # fmt: skip
     forgotten = weighed.replace({"contact.weight.tension": 5e5 - 150.0 * 9.0 * 9.81})
     return [
-        AtRest(name="three spans, a gripping and a hauled car", line=three, told=_three()),
-        AtRest(name="counterweight 150 m up, a gripping car", line=weighed, told=_weighed()),
-        AtRest(name="tramway of one span, counterweight, a hauled car", line=tramway, told=_tramway()),
+        AtRest(name="three spans, a gripping and a hauled car", line=three, told=[in_three]),
+        AtRest(name="counterweight 150 m up, a gripping car", line=weighed, told=[in_weighed]),
+        AtRest(name="tramway of one span, counterweight, a hauled car", line=tramway, told=[in_tramway]),
         AtRest(name="skyline, load in each field", line=skyline, digits=1e-7,
                told=_skyline(110438.79, 119370.18, 132122.47, 122143.86, 107195.94, 84077.84)),
         AtRest(name="skyline, as SEILAPLAN prints it", line=skyline, digits=0.012,
                told=_skyline(109.9e3, 119.6e3, 131.1e3, 121.5e3, 106.0e3, 83.5e3)),
         AtRest(name="rope over two pulleys, as Code_Aster prints it", line=aster, digits=6e-4,
-               told=[(0, "left", "middle", 13.930), (0, "one", "middle", 13.930)]),
-        AtRest(name="a saddle with tensions 1 percent apart", line=three, told=_three(404380.0), expected="disagree"),
-        AtRest(name="a counterweight that falls where it must rise", line=tramway, told=_tramway(-1.0),
+               told=[{"left middle": 13.930, "one middle": 13.930}]),
+        AtRest(name="a saddle with tensions 1 percent apart", line=three, told=[in_three | {"first ahead": 404380.0}],
                expected="disagree"),
-        AtRest(name="weight of the rope forgotten at the pulley", line=forgotten, told=_weighed(), expected="disagree"),
+        AtRest(name="a counterweight that falls where it must rise", line=tramway,
+               told=[in_tramway | {"weight s": 10.817098}], expected="disagree"),
+        AtRest(name="weight of the rope forgotten at the pulley", line=forgotten, told=[in_weighed],
+               expected="disagree"),
     ]  # fmt: skip

@@ -15,7 +15,7 @@ from validation.peers.path import PeerPath
 class Peer:
     name: str
     module: str
-    run: Callable[..., PeerPath]  # run(groups, *, elements, steps=None)
+    run: Callable[..., PeerPath]  # of groups and the settings of a rung
     ladder: tuple[Mapping[str, int], ...]  # settings, coarse to fine
     rides: tuple[Mapping[str, int], ...] = ()  # of free rides, if it has them
 
@@ -38,13 +38,11 @@ PEERS: dict[str, Peer] = {
 
 def available(name: str) -> str | None:
     """Return None if the peer can be imported, else the reason."""
-    if name not in PEERS:
-        raise ValueError(f"unknown peer {name!r}; one of {', '.join(PEERS)}")
-    peer = PEERS[name]
+    module = PEERS[name].module
     try:
-        importlib.import_module(peer.module)
+        importlib.import_module(module)
     except Exception as error:  # wheels raise anything if a library is missing
-        if isinstance(error, ModuleNotFoundError) and error.name == peer.module.split(".")[0]:
+        if isinstance(error, ModuleNotFoundError) and error.name == module.split(".")[0]:
             return "not installed"
         cause: BaseException = error
         while cause.__cause__ or cause.__context__:

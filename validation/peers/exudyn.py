@@ -18,24 +18,18 @@ from typing import Any
 import numpy as np
 
 from cablefem.scene import Groups, Motion
-from validation.peers.path import Array, PeerPath, counted, travel, trusted
+from validation.peers.path import Array, PeerPath, finite_path
+
+# of the generalised-alpha method; with Exudyn's own, and steps that it halves, the path is wrong without an error
+SPECTRAL_RADIUS = 0.5
 
 
-def run(
-    groups: Groups, *, elements: int, steps: int | None = None, rho_inf: float = 0.5, adaptive: bool = False
-) -> PeerPath:
-    """Run a scene with equal steps.
-
-    rho_inf : spectral radius of the generalised-alpha method; adaptive : halve steps that fail.
-    With Exudyn's own defaults of these the path is wrong without an error.
-    """
-    free = groups.drive.mode == "free"
-    steps = (100 if free else 20) * elements if steps is None else steps
-    if not isinstance(steps, int) or steps < 2:
-        raise ValueError(f"steps must be an integer >= 2, got {steps!r}")
-    if free:
-        return _ride(groups, counted(elements), steps, rho_inf)
-    motion = travel(groups, elements)
+def run(groups: Groups, *, elements: int, steps: int) -> PeerPath:
+    """Run a scene with equal steps."""
+    if groups.drive.mode == "free":
+        return _ride(groups, elements, steps)
+    motion = groups.motion
+    assert motion is not None
     import exudyn
     from exudyn import itemInterface as items
 
@@ -66,18 +60,17 @@ def run(
 
     t_end = motion.phases[-1][1]
     on_support = motion.end >= 1.0  # omit the last instant, on the support
-    settings = _settings(t_end * (1.0 - 1.0 / steps) if on_support else t_end, steps - on_support, rho_inf)
+    settings = _settings(t_end * (1.0 - 1.0 / steps) if on_support else t_end, steps - on_support)
     settings.solution.sensors.writePeriod = 1e-3 * t_end / steps
-    settings.timeIntegration.adaptiveStep = adaptive
     note, seconds = _solved(system.SolveDynamic, system, settings)
     history = np.array(system.GetSensorStoredData(sensor))  # (n, 4): t, x, y, z
     s_o = motion.position(history[:, 0])
     if note:
         note = f"{note} after s_o/l = {s_o[-1]:.4f}"
-    return trusted(s_o, history[:, 1:3] * (1.0, -1.0), history[:, 0], groups, seconds, note)
+    return finite_path(s_o, history[:, 1:3] * (1.0, -1.0), history[:, 0], groups, seconds, note)
 
 
-def _ride(groups: Groups, elements: int, steps: int, rho_inf: float) -> PeerPath:
+def _ride(groups: Groups, elements: int, steps: int) -> PeerPath:
     """Roll until the end, at most twice the quasi-static time."""
     d = groups.drive
     if d.release > 0.0 or d.thrust_table:
@@ -95,7 +88,7 @@ def _ride(groups: Groups, elements: int, steps: int, rho_inf: float) -> PeerPath
     local = [d.start - s[first], 0.0, 0.0]
     held = system.AddMarker(items.MarkerBodyPosition(bodyNumber=bodies[first], localPosition=local))
     system.AddLoad(items.Force(markerNumber=held, loadVector=[0.0, -weight, 0.0]))
-    settings = _settings(1.0, 1, rho_inf)
+    settings = _settings(1.0, 1)
     settings.staticSolver.numberOfLoadSteps = 20
     note, _ = _solved(system.SolveStatic, system, settings)
     if note:
@@ -139,11 +132,11 @@ def _ride(groups: Groups, elements: int, steps: int, rho_inf: float) -> PeerPath
 
     system.SetPreStepUserFunction(before)
     t_end = min(d.end_time, 2.0 * d.nominal)
-    note, seconds = _solved(system.SolveDynamic, system, _settings(t_end, math.ceil(t_end / dt), rho_inf))
+    note, seconds = _solved(system.SolveDynamic, system, _settings(t_end, math.ceil(t_end / dt)))
     t, s_o, x, y = np.array(rows).T
     if note:
         note = f"{note} after s_o/l = {s_o[-1]:.4f}"
-    return trusted(s_o, np.stack([x, y], axis=1), t, groups, seconds, note)
+    return finite_path(s_o, np.stack([x, y], axis=1), t, groups, seconds, note)
 
 
 def _hang(
@@ -199,7 +192,7 @@ def _particle(system: Any, groups: Groups, load: Any = 0, **begin: list[float]) 
     return particle, at_mass
 
 
-def _settings(t_end: float, steps: int, rho_inf: float) -> Any:
+def _settings(t_end: float, steps: int) -> Any:
     import exudyn
 
     settings = exudyn.SimulationSettings()
@@ -209,7 +202,7 @@ def _settings(t_end: float, steps: int, rho_inf: float) -> Any:
     settings.timeIntegration.endTime = t_end
     settings.timeIntegration.numberOfSteps = steps
     settings.timeIntegration.adaptiveStep = False
-    settings.timeIntegration.generalizedAlpha.spectralRadius = rho_inf
+    settings.timeIntegration.generalizedAlpha.spectralRadius = SPECTRAL_RADIUS
     return settings
 
 

@@ -17,17 +17,16 @@ from typing import Any
 import numpy as np
 
 from cablefem.scene import Groups
-from validation.peers.path import Array, PeerPath, travel, trusted
+from validation.peers.path import Array, PeerPath, finite_path
 
 HHT = 0.9  # Hilber, Hughes & Taylor; 1, the trapezoidal rule, is unstable here
 NEWMARK_GAMMA, NEWMARK_BETA = 1.5 - HHT, 0.25 * (2.0 - HHT) ** 2
 
 
-def run(groups: Groups, *, elements: int, steps: int | None = None) -> PeerPath:
+def run(groups: Groups, *, elements: int) -> PeerPath:
     """Run a scene in OpenSees; `elements` are those passed by the mass, one step each."""
-    motion = travel(groups, elements)
-    if steps not in (None, elements):
-        raise ValueError(f"OpenSees takes one step per element: steps must be {elements}, got {steps!r}")
+    motion = groups.motion
+    assert motion is not None
     import openseespy.opensees as ops
 
     t = np.linspace(0.0, motion.phases[-1][1], elements + 1)
@@ -42,7 +41,7 @@ def run(groups: Groups, *, elements: int, steps: int | None = None) -> PeerPath:
         ops.wipe()
     n = place.shape[0]
     note = "" if n > last else f"OpenSees' Newton method stopped at s_o/l = {s[n]:.4f}"
-    return trusted(s[:n], place, t[:n], groups, seconds, note)
+    return finite_path(s[:n], place, t[:n], groups, seconds, note)
 
 
 def _hang(ops: Any, groups: Groups, s: Array) -> None:
