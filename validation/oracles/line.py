@@ -76,10 +76,11 @@ class AtRest(Case):
 
     def off(self, answer: LineRest) -> np.ndarray:
         positions: Any = zip(answer.positions, self.told, strict=True)
-        return np.array([_off(state, *name.split(), x) for state, told in positions for name, x in told.items()])
+        return np.array([_off(state, name, x) for state, told in positions for name, x in told.items()])
 
 
-def _off(state: LineState, station: str, what: str, told: float) -> float:
+def _off(state: LineState, name: str, told: float) -> float:
+    station, what = name.split()
     k = [p.name for p in state.case.stations].index(station)
     lengths = {"s": state.s, "y": state.place[:, 1], "middle": np.append(state.middle[:, 1], np.nan)}
     forces = {"behind": state.tensions[:, 0], "ahead": state.tensions[:, 1], "haul": state.haul}
