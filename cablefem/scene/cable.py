@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from cablefem.scene.bisection import bisected
 from cablefem.scene.catenary import Z_MAX, Z_MIN, Catenary
 from cablefem.scene.errors import shown
-from cablefem.scene.fields import POSITIVE, NonNegative, Part, Positive, Real, admits, between, number_or, said
+from cablefem.scene.fields import POSITIVE, Admits, NonNegative, Part, Positive, Real, between, number_or, said
 
 SHAPES = ("length", "sag", "horizontal_tension")
 STEEPEST = 10.0  # [-] largest slope of the chord, 84 degrees; steeper lines lose digits
@@ -62,12 +62,18 @@ class Rope(Part):
             return self.ice.density * math.pi * self.ice.thickness * (self.diameter + self.ice.thickness)
         return self.ice or 0.0
 
+    @property
+    def windward(self) -> float:
+        """Diameter [m] with ice."""
+        assert self.diameter is not None
+        return self.diameter + (2.0 * self.ice.thickness if isinstance(self.ice, Ice) else 0.0)
+
 
 class Damping(Part):
     rate: NonNegative = said("[1/s] force per momentum of the cable")
 
 
-RATIO = admits("a ratio of critical from 0 to 1 (0.01 is 1 %)", ge=0.0, le=1.0)
+RATIO = Admits("a ratio of critical from 0 to 1 (0.01 is 1 %)", ge=0.0, le=1.0)
 
 
 class Cable(Rope):

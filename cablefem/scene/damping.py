@@ -1,10 +1,10 @@
 """Damping of the cable in its plane, a force -c_d rho r. per length: its own, and that of a crosswind."""
 
 import math
+from typing import Any
 
 from cablefem.scene.bisection import bisected
-from cablefem.scene.cable import Cable, Damping, Ice
-from cablefem.scene.catenary import Catenary
+from cablefem.scene.cable import Damping
 from cablefem.scene.fields import NonNegative, Part, Positive, said
 
 LEAST_INTERNAL = 1e-4  # [l sqrt(rho/H)] least time of internal damping; with 3e-5 elements stall on a slack cable
@@ -26,58 +26,49 @@ class Wind(Part):
         return 0.5 * self.air_density * self.drag_coefficient * diameter * self.across
 
 
-def first_frequency(gravity: float, cable: Cable, catenary: Catenary) -> float:
+def first_frequency(scene: Any) -> float:
     """omega_1 [rad/s] of the empty cable, at most that of the antisymmetric mode, x = pi.
 
     tan(x) = x - 4 x^3/L^2, omega = 2 x sqrt(tau/rho)/l, tau = H chord/span (Irvine 1981, 2.4).
     """
-    cos, H = catenary.span / catenary.chord, catenary.horizontal_tension
-    L2 = catenary.sigma**2 * cable.EA / H * cos**5
+    L2, tau = scene.irvine, scene.horizontal_tension / (scene.supports.span / scene.chord)
 
     def off(x: float) -> float:  # times L^2 cos(x): no poles
         return L2 * (x * math.cos(x) - math.sin(x)) - 4.0 * x**3 * math.cos(x)
 
     x = bisected(off, 0.5 * math.pi, math.pi) if off(math.pi) > 0.0 else math.pi
-    return 2.0 * x * math.sqrt(H / cos * gravity / catenary.weight) / catenary.length
+    return 2.0 * x * math.sqrt(tau * scene.gravity / scene.catenary.weight) / scene.length
 
 
-def windward(cable: Cable) -> float:
-    """Diameter [m] with ice."""
-    assert cable.diameter is not None
-    return cable.diameter + (2.0 * cable.ice.thickness if isinstance(cable.ice, Ice) else 0.0)
-
-
-def damping_rates(wind: Wind | None, gravity: float, cable: Cable, catenary: Catenary) -> tuple[float, float]:
+def damping_rates(scene: Any) -> tuple[float, float]:
     """c_d [1/s] of `cable.damping` and of a crosswind."""
-    own = cable.damping
+    own, wind = scene.cable.damping, scene.wind
     if isinstance(own, Damping):
         own = own.rate
     elif own:
-        own *= 2.0 * first_frequency(gravity, cable, catenary)
-    return own, 0.0 if wind is None else wind.resistance(windward(cable)) * gravity / catenary.weight
+        own *= 2.0 * first_frequency(scene)
+    return own, 0.0 if wind is None else wind.resistance(scene.cable.windward) * scene.gravity / scene.catenary.weight
 
 
-def internal_faults(mode: str, gravity: float, cable: Cable, catenary: Catenary) -> list[str]:
-    if not cable.internal_damping:
-        return []
-    name = f"cable.internal_damping = {cable.internal_damping!r} s"
-    if mode != "grip":
-        return [f"{name}: must be 0 with drive.mode = {mode!r}; only a car that grips the cable runs it slack"]
-    H, weight = catenary.horizontal_tension, catenary.weight
-    least = LEAST_INTERNAL * catenary.length * math.sqrt(weight / gravity / H)
-    if cable.internal_damping >= least:
-        return []
-    return [f"{name}: must be 0 or at least {least:.3g} s; less does not settle a slack cable"]
-
-
-def damping_faults(wind: Wind | None, gravity: float, cable: Cable, catenary: Catenary) -> list[str]:
-    if wind is not None and cable.diameter is None:
+def damping_faults(scene: Any) -> list[str]:
+    if scene.wind is not None and scene.cable.diameter is None:
         return ["cable.diameter: missing; must be given with wind.across, which acts on it"]
-    rates = damping_rates(wind, gravity, cable, catenary)
-    critical = 2.0 * first_frequency(gravity, cable, catenary)
+    rates, critical = damping_rates(scene), 2.0 * first_frequency(scene)
     if sum(rates) <= critical:
         return []
     name = "cable.damping" if rates[0] else "wind.across"
-    return [
-        f"{name}: damps by {sum(rates):.4g} 1/s in all; must be at most critical, {critical:.4g} 1/s in the first mode"
-    ]
+    most = f"must be at most critical, {critical:.4g} 1/s in the first mode"
+    return [f"{name}: damps by {sum(rates):.4g} 1/s in all; {most}"]
+
+
+def internal_faults(scene: Any, mode: str) -> list[str]:
+    tau = scene.cable.internal_damping
+    if not tau:
+        return []
+    if mode != "grip":
+        must = f"be 0 with drive.mode = {mode!r}; only a car that grips the cable runs it slack"
+    elif tau < (least := LEAST_INTERNAL * scene.time_scale):
+        must = f"be 0 or at least {least:.3g} s; less does not settle a slack cable"
+    else:
+        return []
+    return [f"cable.internal_damping = {tau!r} s: must {must}"]

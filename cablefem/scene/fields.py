@@ -1,7 +1,6 @@
 """Fields with their admissible values; every fault is one line."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_origin
 
@@ -16,12 +15,11 @@ from cablefem.scene.errors import NOT_MODELLED, SceneError, nearest, shown
 SMALL, LARGE = 1e-12, 1e15
 
 
-@dataclass(frozen=True, slots=True)
 class Admits:
-    """An annotation that says in words what a field admits; `limits` go into pydantic's schema."""
+    """An annotation that says in words what a field admits; limits (ge, le, min_length, pattern) are pydantic's."""
 
-    words: str
-    limits: tuple[tuple[str, Any], ...] = ()
+    def __init__(self, words: str, **limits: Any) -> None:
+        self.words, self.limits = words, limits
 
     def __call__(self, value: Any, handler: Any) -> Any:
         try:
@@ -32,7 +30,7 @@ class Admits:
             raise ValueError(f"must be {self.words}") from None
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        return core_schema.no_info_wrap_validator_function(self, handler(source) | dict(self.limits))
+        return core_schema.no_info_wrap_validator_function(self, handler(source) | self.limits)
 
     def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, Any]:
         return handler(core) | {"$comment": self.words}
@@ -43,11 +41,6 @@ def _inner(item: Any) -> bool:
     return any(isinstance(x, int) for x in item["loc"]) or isinstance(item.get("ctx", {}).get("error"), SceneError)
 
 
-def admits(words: str, **limits: Any) -> Admits:
-    """Admitted values in words, and by ge, le, min_length or pattern."""
-    return Admits(words, tuple(limits.items()))
-
-
 def _sizeable(x: float) -> float:
     if 0.0 < x < SMALL:
         raise ValueError("vanishes in products")
@@ -55,22 +48,22 @@ def _sizeable(x: float) -> float:
 
 
 _RANGE = f"{SMALL:g} to {LARGE:g}"
-POSITIVE = admits(f"a number > 0, from {_RANGE}", ge=SMALL, le=LARGE)
-REAL = admits(f"a number from {-LARGE:g} to {LARGE:g}", ge=-LARGE, le=LARGE)
-_SEVERAL = admits("a list of at least two numbers", min_length=2, strict=False)
+POSITIVE = Admits(f"a number > 0, from {_RANGE}", ge=SMALL, le=LARGE)
+REAL = Admits(f"a number from {-LARGE:g} to {LARGE:g}", ge=-LARGE, le=LARGE)
+_SEVERAL = Admits("a list of at least two numbers", min_length=2, strict=False)
 
 Positive = Annotated[float, POSITIVE]
 NonNegative = Annotated[
-    float, Field(ge=0.0, le=LARGE), AfterValidator(_sizeable), admits(f"a number >= 0: 0, or from {_RANGE}")
+    float, Field(ge=0.0, le=LARGE), AfterValidator(_sizeable), Admits(f"a number >= 0: 0, or from {_RANGE}")
 ]
 Real = Annotated[float, REAL]
-Switch = Annotated[bool, admits("true or false")]
+Switch = Annotated[bool, Admits("true or false")]
 Numbers = Annotated[tuple[NonNegative, ...], _SEVERAL]
 Reals = Annotated[tuple[Real, ...], _SEVERAL]
-Pair = Annotated[tuple[Real, Real], admits("two numbers in brackets", strict=False)]
-Line = Annotated[str, admits("text on one line", pattern=r"^[^\x00-\x1f\x7f]*$")]
-Name = Annotated[str, admits("letters, digits, '_', '-' and '.', the first no '-' or '.'", pattern=r"^\w[\w.-]*$")]
-Word = Annotated[str, admits("letters, digits, spaces, '_' and '-'", pattern=r"^\w[\w -]*$")]  # part of a dotted key
+Pair = Annotated[tuple[Real, Real], Admits("two numbers in brackets", strict=False)]
+Line = Annotated[str, Admits("text on one line", pattern=r"^[^\x00-\x1f\x7f]*$")]
+Name = Annotated[str, Admits("letters, digits, '_', '-' and '.', the first no '-' or '.'", pattern=r"^\w[\w.-]*$")]
+Word = Annotated[str, Admits("letters, digits, spaces, '_' and '-'", pattern=r"^\w[\w -]*$")]  # part of a dotted key
 
 
 def said(text: str, default: Any = ..., **more: Any) -> Any:
@@ -79,15 +72,15 @@ def said(text: str, default: Any = ..., **more: Any) -> Any:
 
 
 def between(low: float, high: float) -> Admits:
-    return admits(f"a number from {low:g} to {high:g}", ge=low, le=high)
+    return Admits(f"a number from {low:g} to {high:g}", ge=low, le=high)
 
 
 def whole(low: int, high: int) -> Admits:
-    return admits(f"a whole number from {low} to {high}", ge=low, le=high)
+    return Admits(f"a whole number from {low} to {high}", ge=low, le=high)
 
 
 def tables(like: str) -> Admits:
-    return admits(f"a list of tables {like}", strict=False)
+    return Admits(f"a list of tables {like}", strict=False)
 
 
 def columns(times: Sequence[float] | None, **other: Sequence[float] | None) -> list[str]:
@@ -189,7 +182,7 @@ def number_or(number: Admits, table: type[Part]) -> Any:
     """A number, or a table in its place."""
     kind = Discriminator(lambda x: "table" if isinstance(x, dict | table) else "number")
     either = Annotated[Annotated[float, number], Tag("number")] | Annotated[table, Tag("table")]  # type: ignore[valid-type]
-    return Annotated[either, kind, admits(f"{number.words}, or a table {{{', '.join(table.field_names())}}}")]
+    return Annotated[either, kind, Admits(f"{number.words}, or a table {{{', '.join(table.field_names())}}}")]
 
 
 def _written(part: type[Part], name: str) -> str:

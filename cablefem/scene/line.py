@@ -19,7 +19,7 @@ from pydantic import BeforeValidator, Field
 from cablefem.scene.cable import STEEPEST, Rope
 from cablefem.scene.described import LINES, Described, parsed, scene_text
 from cablefem.scene.errors import NOT_MODELLED, SceneError, nearest, shown
-from cablefem.scene.fields import NonNegative, Pair, Part, Positive, Real, Switch, Word, admits, said, tables, whole
+from cablefem.scene.fields import Admits, NonNegative, Pair, Part, Positive, Real, Switch, Word, said, tables, whole
 from cablefem.scene.surroundings import Ground, Obstacles, surroundings_faults
 
 OWNED = {"tension": "counterweight", "stiffness": "spring", "shoe": "saddle"}  # of one kind of contact
@@ -45,7 +45,7 @@ def _places(value: Any) -> Any:
 
 Positions = Annotated[
     tuple[Real, ...], Field(min_length=1, max_length=MOST, strict=False), BeforeValidator(_places),
-    admits(f"a number, a list of numbers, or {{from, to, count}} with a count from 2 to {MOST}"),
+    Admits(f"a number, a list of numbers, or {{from, to, count}} with a count from 2 to {MOST}"),
 ]  # fmt: skip
 
 
@@ -57,7 +57,7 @@ class Contact(Part):
     kind: Literal["anchor", "spring", "saddle", "counterweight"] = said("[-] kind of the contact")
     at: Pair = said("[m] x and depth; of a spring: without load")
     tension: Positive | None = said("[N] of a counterweight", None)
-    stiffness: Annotated[tuple[Positive, Positive], admits("two numbers > 0 in brackets", strict=False)] | None = said(
+    stiffness: Annotated[tuple[Positive, Positive], Admits("two numbers > 0 in brackets", strict=False)] | None = said(
         "[N/m] of a spring along x and down", None
     )
     shoe: Positive | None = said("[m] to either side of a saddle: a car within rests on it", None)

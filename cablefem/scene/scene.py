@@ -14,7 +14,7 @@ import numpy as np
 from cablefem.scene import catenary as _catenary
 from cablefem.scene.cable import SHAPES, Cable, Supports, hang, hanging_faults, stretch_faults
 from cablefem.scene.catenary import Catenary
-from cablefem.scene.damping import Wind, damping_faults, damping_rates, first_frequency, internal_faults, windward
+from cablefem.scene.damping import Wind, damping_faults, damping_rates, first_frequency, internal_faults
 from cablefem.scene.described import AT_REST, LIBRARY, Described, library_text, parsed
 from cablefem.scene.drive import GRIP, NEAREST_START, Drive, Driving
 from cablefem.scene.errors import SceneError
@@ -81,21 +81,19 @@ class Scene(Described):
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         present = [name for name in ("mass", "travel") if given.get(name) is not None]
         faults = [] if self.drive is None else _presence(self.drive.mode, present)
-        gravity, cable, supports, drive = self.gravity, self.cable, self.supports, self.drive or Driving()
-        if None in (gravity, cable, supports):
+        hung, drive = (self.gravity, self.cable, self.supports), self.drive or Driving()
+        if None in hung:
             return faults
-        faults += surroundings_faults(self.obstacle or (), supports.span)
-        if hanging := hanging_faults(gravity, cable, supports):
+        faults += surroundings_faults(self.obstacle or (), self.supports.span)
+        if hanging := hanging_faults(*hung):
             return faults + hanging
-        catenary = hang(gravity, cable, supports)
-        axial = math.sqrt(cable.EA * gravity / catenary.weight)
-        faults += stretch_faults(gravity, cable, supports) + damping_faults(self.wind, gravity, cable, catenary)
-        faults += internal_faults(drive.mode, gravity, cable, catenary)
-        if rolling := [f"drive.{fault}" for fault in drive.faults(catenary.length)]:
+        faults += stretch_faults(*hung) + damping_faults(self) + internal_faults(self, drive.mode)
+        if rolling := [f"drive.{fault}" for fault in drive.faults(self.length)]:
             return faults + rolling
         if self.travel is None or drive.mode == "free":
             return faults
-        return faults + [f"travel{fault}" for fault in _travel_faults(self.travel, drive, catenary.length, axial)]
+        found = _travel_faults(self.travel, drive, self.length, self.axial_speed)
+        return faults + [f"travel{fault}" for fault in found]
 
     @classmethod
     def from_toml(cls, text: str, *, name: str = "scene", folder: Path = Path()) -> Self:
@@ -116,19 +114,10 @@ class Scene(Described):
 
     @classmethod
     def from_groups(
-        cls,
-        *,
-        sag_ratio: float,
-        alpha: float,
-        slope: float = 0.0,
-        mu: float | None = None,
-        speed_ratio: float | None = None,
-        travel: str = "constant_speed",
-        span: float = 1000.0,
-        rho: float = 5.0,
-        gravity: float = 9.81,
-        name: str = "scene",
-    ) -> Self:
+        cls, *, sag_ratio: float, alpha: float, slope: float = 0.0, mu: float | None = None,
+        speed_ratio: float | None = None, travel: str = "constant_speed", span: float = 1000.0, rho: float = 5.0,
+        gravity: float = 9.81, name: str = "scene",
+    ) -> Self:  # fmt: skip
         """Return the SI scene with these groups; a bare cable without mu and speed_ratio.
 
         slope : of the chord [degrees], positive: falls to the right. travel : one of PACES.
@@ -146,14 +135,9 @@ class Scene(Described):
         return [self.replace(dict(zip(grid, values, strict=True))) for values in itertools.product(*grid.values())]
 
     def variant(
-        self,
-        *,
-        sag_ratio: float | None = None,
-        mu: float | None = None,
-        alpha: float | None = None,
-        speed_ratio: float | None = None,
-        **fields: Any,
-    ) -> Self:
+        self, *, sag_ratio: float | None = None, mu: float | None = None, alpha: float | None = None,
+        speed_ratio: float | None = None, **fields: Any,
+    ) -> Self:  # fmt: skip
         """Return this scene with other groups and whole fields (name, travel, ...); all else keeps its SI value.
 
         A cable with temperature or ice is then described by its horizontal tension.
@@ -170,9 +154,8 @@ class Scene(Described):
             fields["mass"] = Mass(mass=mass) if scene.mass is None else scene.mass.model_copy(update={"mass": mass})
         if speed_ratio is not None:
             if scene.travel is None or scene.speed_ratio is None:
-                raise SceneError(
-                    [f"speed_ratio = {speed_ratio!r}: a bare cable has no travel, a free ride finds its own"]
-                )
+                why = "a bare cable has no travel, a free ride finds its own"
+                raise SceneError([f"speed_ratio = {speed_ratio!r}: {why}"])
             fields["travel"] = scene.travel.faster(speed_ratio / scene.speed_ratio)
         return scene.model_copy(update=fields)
 
@@ -256,24 +239,24 @@ class Scene(Described):
     @property
     def irvine(self) -> float:
         """L^2 = sigma^2 alpha cos^5(slope) [-], Irvine, Cable Structures (1981), 2.4."""
-        return self.sigma**2 * self.alpha * (self.supports.span / self.chord) ** 5
+        return self.sigma**2 * self.cable.EA / self.horizontal_tension * (self.supports.span / self.chord) ** 5
 
     @property
     def damping(self) -> float:
         """c_d [1/s]: `cable.damping` and a crosswind's part."""
-        return sum(damping_rates(self.wind, self.gravity, self.cable, self.catenary))
+        return sum(damping_rates(self))
 
     @property
     def damping_ratio(self) -> float:
         """c_d over critical damping of the first mode of the empty cable [-]."""
-        return 0.5 * self.damping / first_frequency(self.gravity, self.cable, self.catenary)
+        return 0.5 * self.damping / first_frequency(self)
 
     @property
     def wind_tilt(self) -> float | None:
         """Angle [deg] by which a steady crosswind tilts the plane of the empty cable; None without one."""
         if self.wind is None:
             return None
-        return math.degrees(math.atan(self.wind.force(windward(self.cable)) / self.catenary.weight))
+        return math.degrees(math.atan(self.wind.force(self.cable.windward) / self.catenary.weight))
 
     @property
     def wave_speed(self) -> float:

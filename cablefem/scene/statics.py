@@ -51,17 +51,14 @@ def gripped(s, groups) -> Rest:
     """The rest of a car that grips."""
     s = np.atleast_1d(np.asarray(s, dtype=float))
     x = _Pieces(s, np.array([0.0, -groups.mu * groups.sigma]) * np.ones((s.size, 1)), groups)
-    (N0, r0, D0, ds0), (N1, r1, D1, ds1) = x.sides
+    (_, r0, D0, ds0), (_, r1, D1, ds1) = x.sides
     A = x.moments()[1]
     z = -np.linalg.solve(A, (r0 - r1)[..., None])[..., 0]  # d(left)/ds
     bent = ds0 - ds1 + 2.0 * _times(D0 - D1, z) + x.second(z)
     zz = -np.linalg.solve(A, bent[..., None])[..., 0]
     place, B = x.moments(x.behind)
-    return Rest(
-        s=s, left=x.left, jump=x.jump, place=place, behind=N0, ahead=N1, slope_behind=r0, slope_ahead=r1,
-        along=r0 + _times(B, z), bend=ds0 + 2.0 * _times(D0, z) + x.second(z, x.behind) + _times(B, zz),
-        hold=_hold(s, N0, N1, groups), haul=np.zeros_like(s),
-    )  # fmt: skip
+    bend = ds0 + 2.0 * _times(D0, z) + x.second(z, x.behind) + _times(B, zz)
+    return x.rest(place, r0 + _times(B, z), bend, np.zeros_like(s))
 
 
 def hauled(s, groups) -> Rest:
@@ -78,7 +75,7 @@ def hauled(s, groups) -> Rest:
         haul = rub - weight * tau[:, 1]
         jump = [0.0, -weight] - haul[:, None] * tau
         x = _Pieces(s, jump, groups, None if x is None else x.left)
-        (N0, r0, _, _), (N1, r1, _, _) = x.sides
+        (_, r0, _, _), (_, r1, _, _) = x.sides
         before, mean = tau, np.linalg.norm(r0 + r1, axis=1)
         tau = (r0 + r1) / mean[:, None]
         stretch = np.linalg.norm(r0, axis=1) + np.linalg.norm(r1, axis=1)
@@ -89,16 +86,7 @@ def hauled(s, groups) -> Rest:
         raise NoRest("the direction of the rope that holds the car was not found")
     place = x.moments(x.behind)[0]
     path = CubicSpline(s, place) if s.size > 3 else lambda s, n: np.full((s.size, 2), np.nan)
-    return Rest(
-        s=s, left=x.left, jump=x.jump, place=place, behind=N0, ahead=N1, slope_behind=r0, slope_ahead=r1,
-        along=path(s, 1), bend=path(s, 2), hold=_hold(s, N0, N1, groups), haul=haul,
-    )  # fmt: skip
-
-
-def _hold(s, N0, N1, groups):
-    """[N lam - W]"""
-    T = catenary.static(s, groups.sigma, groups.c)[0]
-    return N1 - N0 + ((N1 - T) ** 2 - (N0 - T) ** 2) / (2.0 * groups.alpha)
+    return x.rest(place, path(s, 1), path(s, 2), haul)
 
 
 class _Pieces:
@@ -141,7 +129,7 @@ class _Pieces:
         else:
             raise NoRest(f"the cable at rest under the car was not found at s_o = {s[np.argmax(size)]:.4g}")
         self.sides = []  # each: N, r', dr'/dn, dr'/ds at constant left
-        T = catenary.static(s, groups.sigma, groups.c)[0]
+        self.T = T = catenary.static(s, groups.sigma, groups.c)[0]
         dT = -groups.sigma * (groups.c - groups.sigma * s) / T
         q = 1.0 - T / self.alpha
         behind = self.left - np.stack([np.zeros_like(s), groups.sigma * s], -1)
@@ -151,6 +139,11 @@ class _Pieces:
             D = f[:, None, None] * np.eye(2) - (q / N)[:, None, None] * e[:, :, None] * e[:, None, :]
             ds = -groups.sigma * D[:, :, 1] - (dT / self.alpha)[:, None] * e
             self.sides.append((N, f[:, None] * n, D, ds))
+
+    def rest(self, place: np.ndarray, along: np.ndarray, bend: np.ndarray, haul: np.ndarray) -> Rest:
+        (N0, r0, _, _), (N1, r1, _, _) = self.sides
+        hold = N1 - N0 + ((N1 - self.T) ** 2 - (N0 - self.T) ** 2) / (2.0 * self.alpha)
+        return Rest(self.s, self.left, self.jump, place, N0, N1, r0, r1, along, bend, hold, haul)
 
     def moments(self, part=slice(None)) -> tuple[np.ndarray, np.ndarray]:
         """int r' and int dr'/dn over some points: (n, 2), (n, 2, 2)."""

@@ -9,7 +9,7 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from cablefem.scene.errors import SceneError, shown
-from cablefem.scene.fields import Pair, Part, Real, Word, admits, rising, said, tables
+from cablefem.scene.fields import Admits, Pair, Part, Real, Word, rising, said, tables
 
 
 class Obstacle(Part):
@@ -26,7 +26,7 @@ def _profile(points: tuple[Pair, ...]) -> tuple[Pair, ...]:
 
 _WORDS = "a list of at least two points [x, depth], x strictly increasing, or the name of a CSV file of them"
 Ground = Annotated[
-    tuple[Pair, ...], Field(strict=False), AfterValidator(_profile), admits(_WORDS),
+    tuple[Pair, ...], Field(strict=False), AfterValidator(_profile), Admits(_WORDS),
     Field(
         description="[m] points [x, depth below the left support], linear between them, or a CSV file",
         json_schema_extra={"type": ["array", "string"]},
@@ -48,13 +48,11 @@ def read_ground(name: str, folder: Path) -> list[list[float]]:
     points = []
     for i, row in enumerate(rows):
         try:
-            x, depth = (float(cell) for cell in row[:2])
-        except ValueError:
+            points.append([float(row[0]), float(row[1])])
+        except (ValueError, IndexError):
             if i > 0:
                 must = f"row {i + 1} {shown(row)} must hold two numbers, x and depth"
                 raise SceneError([f"ground = {shown(name)}: {must}"]) from None
-        else:
-            points.append([x, depth])
     return points
 
 

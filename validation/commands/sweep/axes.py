@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from cablefem.scene.errors import SceneError, shown
-from cablefem.scene.fields import Part, Real, Switch, admits, whole
+from cablefem.scene.fields import Admits, Part, Real, Switch, whole
 
 MOST = 10_000_000  # points
 
@@ -17,7 +17,7 @@ MOST = 10_000_000  # points
 class Choices(Part):
     """Given values."""
 
-    choices: Annotated[tuple[Any, ...], admits("a list of at least one value", min_length=1, strict=False)]
+    choices: Annotated[tuple[Any, ...], Admits("a list of at least one value", min_length=1, strict=False)]
     log: ClassVar[bool] = False
 
     @property
