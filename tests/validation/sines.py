@@ -130,9 +130,10 @@ METHOD = Method(
     "mine",
     "one line for the list",
     {"waves": Setting(20, (1, 500), "sines"), **TIME},
-    Resolution("waves", first=6, most=160, even=25, growth=2.5),
+    Resolution("waves", most=160, even=25, growth=2.5),
     1.0,  # order of the path
     lambda groups, x, **kind: Sines(groups, x["waves"], **kind),
+    (6, 300),  # where its ladders begin
     survey=(20, 600),
 )
 

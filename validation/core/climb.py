@@ -15,12 +15,12 @@ from cablefem.response import MassPath
 from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.flags import flagged
-from validation.core.ladder import Branch, Ladder
+from validation.core.ladder import Branch, Ladder, itself
 from validation.core.measures import SLACK_END, NotComparable
 from validation.core.methods import Method, find
 from validation.core.order import LEAST_ORDER
 from validation.core.running import Run, whole
-from validation.core.sidebyside import Progress
+from validation.core.sidebyside import Progress, silent
 from validation.core.view import View
 
 KIND = ("model", "load", "law", "until", "frames")  # arguments beside the method's settings
@@ -48,11 +48,18 @@ class TooCoarse(RuntimeError):
 
 
 class Runs:
+    """Runs of one method; `short` is where coarser ones may end, s_o/l."""
+
     def __init__(
-        self, scene: Scene, method: Method, how: dict[str, Any], view: View | None, known: Sequence[MassPath] = ()
-    ) -> None:
-        self.scene, self.method, self.how, self.view = scene, method, how, view or View.of(scene)
-        self.known, self.made = list(known), list[Run]()
+        self, scene: Scene, method: str | Method, kind: dict[str, Any], view: View | None,
+        known: Sequence[MassPath] = (),
+    ) -> None:  # fmt: skip
+        self.scene, self.method = scene, find(method) if isinstance(method, str) else method
+        self.view, self.known, self.made = view or View.of(scene), known, list[Run]()
+        self.how = {k: kind[k] for k in KIND if k in kind}
+        self.named = {k: v for k, v in kind.items() if k not in KIND}
+        self.end = self.how.pop("until", None)
+        self.short = min((x for x in (self.view.stop, self.end) if x is not None), default=None)
 
     def at(self, settings: dict[str, Any], until: float | None, past: float = math.inf) -> MassPath:
         """Return the run with these settings to s_o/l = until or further."""
@@ -66,11 +73,11 @@ class Runs:
             self.made.append(marched)
         return marched.try_to(until, past=past)
 
-    def ladder(self, settings: dict[str, Any], until: float | None) -> Ladder:
-        finest = self.at(settings, until)
+    def ladder(self, settings: dict[str, Any]) -> Ladder:
+        finest = self.at(settings, self.short)
         branches = []
         for name, values, nominal in self._coarser(settings):
-            runs = tuple(self.at(settings | {name: x}, until) for x in values[1:])
+            runs = tuple(self.at(settings | {name: x}, self.short) for x in values[1:])
             resolution = self.method.resolution
             count = resolution.ratio if name == resolution.setting else lambda a, b: b / a
             ratios = tuple(count(b, a) for a, b in pairwise(values))
@@ -84,8 +91,7 @@ class Runs:
             counts = [count - k for k in range(3) if count - k >= 0]
         else:
             # no coarser than the method's first run, but ratios of at least 3/2
-            first = (self.method.begins or (space.first, 0))[0]
-            quarter = max(count / 4.0, min(first, count / 2.25))
+            quarter = max(count / 4.0, min(self.method.begins[0], count / 2.25))
             least = self.method.knobs[space.setting].allowed[0]
             counts = [count, round(math.sqrt(count * quarter)), round(quarter)]
             counts = [x for i, x in enumerate(counts) if x >= least and (i == 0 or x < counts[i - 1])]
@@ -93,13 +99,14 @@ class Runs:
         order = min(self.method.space_order, 1.5) if self.method.space_order > 1.0 else 1.0
         return [(space.setting, counts, order), ("steps", times, min(2.0, scheme(settings["scheme"]).order))]
 
-    def finished(self, ladder: Ladder, end: float | None, past: float = math.inf) -> Ladder:
-        """The ladder with its finest run marched to the end, all runs observed."""
-        finest = whole(self.at(ladder.finest.settings, end, past))
-        until = _short(self.view, end)
+    def finished(self, ladder: Ladder, past: float) -> Ladder:
+        """The ladder with its finest run marched to the end, all runs observed, and bars."""
+        finest = whole(self.at(ladder.finest.settings, self.end, past))
+        until = self.short
         if self.view.stop is not None and finest.slack_from < SLACK_END:
-            until = SLACK_END if end is None else min(end, SLACK_END)
-        return ladder.map(lambda r: finest if r.settings == finest.settings else whole(self.at(r.settings, until)))
+            until = SLACK_END if self.end is None else min(self.end, SLACK_END)
+        ladder = ladder.map(lambda r: finest if r.settings == finest.settings else whole(self.at(r.settings, until)))
+        return annotated(ladder, self.view)
 
 
 def laddered(
@@ -107,15 +114,11 @@ def laddered(
     past: float = math.inf, view: View | None = None, **kind: Any,
 ) -> Ladder:  # fmt: skip
     """Return the ladder of a run; `kind` as in `run`, `known` runs are reused."""
-    method = find(method) if isinstance(method, str) else method
-    how = {k: kind[k] for k in KIND if k in kind}
-    end = how.pop("until", None)
-    settings = method.settings_on(scene.groups, {k: v for k, v in kind.items() if k not in KIND})
-    runs = Runs(scene, method, how, view, known)
-    ladder = runs.ladder(settings, _short(runs.view, end))
+    runs = Runs(scene, method, kind, view, known)
+    ladder = runs.ladder(runs.method.settings_on(scene.groups, runs.named))
     if progress is not None:
         progress(0.5)
-    return annotated(runs.finished(ladder, end, past), runs.view)
+    return runs.finished(ladder, past)
 
 
 def climb(
@@ -129,19 +132,14 @@ def climb(
 
     Raises TooCoarse if the tolerance is out of reach.
     """
-    method = find(method) if isinstance(method, str) else method
+    runs, report = Runs(scene, method, kind, view), progress or silent
+    method, space = runs.method, runs.method.resolution
     if method.wrong:
         raise ValueError(f"{method.name} converges to a wrong answer: no resolution meets a tolerance")
-    report = progress or (lambda *told: None)
-    how = {k: kind[k] for k in KIND if k in kind}
-    end = how.pop("until", None)
-    named = {k: v for k, v in kind.items() if k not in KIND}
-    settings = method.settings_on(scene.groups, _rule(scene, method, named) | _begin(scene, method))
-    runs = Runs(scene, method, how, view)
-    short, space = _short(runs.view, end), method.resolution
+    settings = method.settings_on(scene.groups, _rule(scene, method, runs.named) | _begin(scene, method))
     ratio, before = 1.0, math.inf  # last refinement of space, and the part before
     while True:
-        ladder = runs.ladder(settings, short)
+        ladder = runs.ladder(settings)
         parts = path_parts(ladder, runs.view)
         report(0.3, f"{len(runs.made)} runs, bar {sum(parts):.1g} of {tol:g} wanted")
         if sum(parts) <= tol:
@@ -152,7 +150,7 @@ def climb(
             break
         ratio, before = space.ratio(method.value(settings), method.value(finer)), parts[0]
         settings = finer
-    ladder = annotated(runs.finished(ladder, end, past), runs.view)
+    ladder = runs.finished(ladder, past)
     report(1.0)
     if sum(parts) <= tol:
         return ladder
@@ -204,9 +202,7 @@ def path_parts(ladder: Ladder, view: View) -> tuple[float, float]:
         view = view.cut(ladder.finest)
     except NotComparable:
         return math.inf, math.inf
-    of: Any = lambda r: r  # noqa: E731
-    space, time = ladder.over(view).parts(of, lambda a, b: measures.path_gap(b, a, view.window)[0])
-    return space, time
+    return ladder.over(view).parts(itself, lambda a, b: measures.path_gap(b, a, view.window)[0])
 
 
 def cheapest(
@@ -251,11 +247,8 @@ def dear(method: Method, ladder: Ladder, finer: dict[str, Any], budget: float) -
 def annotated(ladder: Ladder, view: View) -> Ladder:
     """The ladder with bars of path and tension in its finest run, else a flag."""
     try:
-        view = view.cut(ladder.finest)
-        over = ladder.over(view)
-        of: Any = lambda r: r  # noqa: E731
-        path = over.parts(of, lambda a, b: measures.path_gap(b, a, view.window)[0])
-        tension = over.parts(of, lambda a, b: measures.tension_gap(a, b, view.window), 1.0)
+        path, view = path_parts(ladder, view), view.cut(ladder.finest)
+        tension = ladder.over(view).parts(itself, lambda a, b: measures.tension_gap(a, b, view.window), 1.0)
         measures.path_gap(ladder.finest, ladder.finest, view.window)
     except NotComparable as why:
         return replace(ladder, finest=flagged(ladder.finest, "no bar", why=str(why)))
@@ -269,11 +262,6 @@ def annotated(ladder: Ladder, view: View) -> Ladder:
         parts |= {"tension_space": tension[0], "tension_time": tension[1]}
         told["tension_error"] = sum(tension)
     return replace(ladder, finest=replace(ladder.finest, error_parts=parts, **told))
-
-
-def _short(view: View, end: float | None) -> float | None:
-    ends = [x for x in (view.stop, end) if x is not None]
-    return min(ends) if ends else None
 
 
 # --- the rule, and where to begin -----------------------------------------------------------------------------------
@@ -290,7 +278,7 @@ def _rule(scene: Scene, method: Method, named: dict[str, Any]) -> dict[str, Any]
 def _begin(scene: Scene, method: Method) -> dict[str, int]:
     """First resolution and steps; for a light car at least one unknown and step per front width."""
     space, motion, groups = method.resolution, scene.groups.motion, scene.groups
-    first = space.first + 1 if space.doubling else math.ceil(2.25 * (method.begins or (space.first, 0))[0])
+    first = method.begins[0] + 2 if space.doubling else math.ceil(2.25 * method.begins[0])
     if motion is None:
         return {space.setting: first, "steps": method.settings_on(groups, {})["steps"] // 2}
     if scene.mu > LIGHT:

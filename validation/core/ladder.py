@@ -18,6 +18,10 @@ Of = Callable[[Response], Any]
 Apart = Callable[[Any, Any], Any]
 
 
+def itself(r: Response) -> Response:
+    return r
+
+
 def largest(a: Any, b: Any) -> float:
     return float(np.max(np.abs(np.subtract(a, b)), initial=0.0))
 

@@ -45,9 +45,7 @@ TIME = {
     "newmark_gamma": Setting(0.6, (0.5, 1.5), "gamma of scheme=newmark; beta = (gamma + 1/2)^2/4"),
     "rho_inf": Setting(0.9, (0.0, 1.0), "spectral radius at infinite frequency of scheme=generalized-alpha"),
 }
-_GRADING = Setting(1.0, (1.0, 1e6), "largest over smallest element; the smallest ones are next to the mass")
-_MESH = {"grading": _GRADING}
-_ABSCISSA = Setting("t", ("t", "s"), "independent variable: time, or place of the mass (45)-(48)")
+_MESH = {"grading": Setting(1.0, (1.0, 1e6), "largest over smallest element; the smallest ones are next to the mass")}
 
 Build = Callable[..., Solver]
 
@@ -57,12 +55,10 @@ class Resolution:
     """How a method is refined in space, and its cost."""
 
     setting: str
-    first: int  # coarsest with a readable error
     most: int
     even: int  # arithmetic equals a step's fixed cost
     growth: float  # exponent of the arithmetic
     doubling: bool = False  # counts powers of two
-    largest: int | None = None  # in cost measurements; None: `most`
     unknowns: Callable[[int], float] = float
 
     def ratio(self, before: int, after: int) -> float:
@@ -80,10 +76,6 @@ class Resolution:
         """Cost of a step at `ratio` times the resolution, over its fixed cost."""
         return 1.0 + (ratio * self.ratio(self.even, value)) ** self.growth
 
-    def grown(self, value: int, ratio: float) -> float:
-        """Growth of the unknowns at `ratio` times the resolution."""
-        return self.unknowns(self.nearest(value, ratio)) / self.unknowns(value)
-
     def with_unknowns(self, unknowns: float) -> int:
         """The value with about so many unknowns in one field."""
         values = range(0 if self.doubling else 1, self.most + 1)
@@ -91,10 +83,10 @@ class Resolution:
 
 
 # Costs by `cablefem chart`: banded elements linear, dense bases square to cube.
-ELEMENTS = Resolution("elements", 6, 320, 8, 1.0, largest=1000)
-TERMS = Resolution("terms", 10, 160, 25, 2.5, largest=80)
-RIDING = replace(TERMS, first=5, most=80, even=12, largest=40, unknowns=lambda terms: 2.0 * terms)
-LEVELS = Resolution("level", 1, 5, 1, 2.5, doubling=True, largest=3, unknowns=lambda level: 7.0 * 2.0**level + 3.0)
+ELEMENTS = Resolution("elements", 320, 8, 1.0)
+TERMS = Resolution("terms", 160, 25, 2.5)
+RIDING = replace(TERMS, most=80, even=12, unknowns=lambda terms: 2.0 * terms)
+LEVELS = Resolution("level", 5, 1, 2.5, doubling=True, unknowns=lambda level: 7.0 * 2.0**level + 3.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,9 +100,9 @@ class Method:
     resolution: Resolution
     space_order: float  # of the path with a kink at the mass
     build: Build
+    begins: tuple[int, int]  # coarsest resolution with a readable error, and its steps
     on_rides: dict[str, Any] = field(default_factory=dict)
     steps_growth: float | None = None  # power of the resolution
-    begins: tuple[int, int] | None = None  # resolution and steps
     races: tuple[tuple[int, int], ...] = ()  # for `cablefem advise`, coarse to fine
     survey: tuple[int, int] | None = None  # in `cablefem atlas`; None: not mapped
     trust: str = ""  # when to use it
@@ -133,10 +125,12 @@ class Method:
 
         finer : first resolution over `begins`.
         """
-        space, steps = self.begins or (self.resolution.first, 300)
-        first = {self.resolution.setting: space, "steps": steps}
-        ratios = [finer * 2.0**k for k in range(rungs)]
-        return [refined(self, first, space=x, time=self.resolution.grown(space, x) ** self.keeps_pace) for x in ratios]
+        (first, steps), space, out = self.begins, self.resolution, []
+        for k in range(rungs):
+            count = space.nearest(first, finer * 2.0**k)
+            more = space.unknowns(count) / space.unknowns(first)
+            out.append({space.setting: count, "steps": round(steps * more**self.keeps_pace)})
+        return out
 
     def settings_on(self, groups: Groups, changes: dict[str, Any]) -> dict[str, Any]:
         """Settings for a scene.  On free rides rules damp: force jumps ring on.
@@ -196,47 +190,37 @@ def _fixed(element: str, coupling: str) -> Build:
 GRADING = 0.8
 
 
-def _galerkin(family: str, kink: bool) -> Build:
+def _galerkin(family: str, kink: bool = True) -> Build:
     def build(groups: Groups, x: dict[str, Any], **kind: Any) -> Solver:
         from galerkin.abscissa import PositionAbscissa
         from galerkin.bases.daubechies import Daubechies
         from galerkin.bases.fourier import Fourier
         from galerkin.equations import GalerkinSystem
         from galerkin.rides import RollingSystem
+        from galerkin.riding import RidingSystem
 
-        wavelets = {key: x[key] for key in _WAVELETS if key in x}
-        terms = x.get("terms", 0)
-        graded = groups.drive.mode == "free" and kink and terms > 1  # graded sums use the second sine
-        basis: Any = Daubechies(**wavelets) if family == "wavelet" else Fourier(terms, GRADING if graded else 0.0)
-        rolls = groups.drive.mode != "grip"
-        system = (RollingSystem if rolls else GalerkinSystem)(groups, basis, kink=kink, **kind)
-        return PositionAbscissa(system) if x["abscissa"] == "s" else system
+        free, system = groups.drive.mode == "free", RollingSystem if groups.drive.mode != "grip" else GalerkinSystem
+        if family == "riding":
+            solver: Any = RidingSystem(groups, x["terms"], **kind)
+        elif family == "wavelet":
+            solver = system(groups, Daubechies(**{key: x[key] for key in _WAVELETS}), kink=kink, **kind)
+        else:
+            graded = free and kink and x["terms"] > 1  # graded sums use the second sine
+            solver = system(groups, Fourier(x["terms"], GRADING if graded else 0.0), kink=kink, **kind)
+        return PositionAbscissa(solver) if x["abscissa"] == "s" else solver
 
     return build
-
-
-def _riding(groups: Groups, x: dict[str, Any], **kind: Any) -> Solver:
-    from galerkin.abscissa import PositionAbscissa
-    from galerkin.riding import RidingSystem
-
-    system = RidingSystem(groups, x["terms"], **kind)
-    return PositionAbscissa(system) if x["abscissa"] == "s" else system
 
 
 def _each(unknowns: int) -> Resolution:
     return replace(ELEMENTS, unknowns=lambda elements: float(unknowns * elements))
 
 
-def _per_side(default: int) -> Setting:
-    return Setting(default, (1, 100_000), "elements on each side of the mass")
+def _per_side(default: int) -> dict[str, Setting]:
+    return {"elements": Setting(default, (1, 100_000), "elements on each side of the mass"), **_MESH, **TIME}
 
 
-def _whole(default: int) -> Setting:
-    return Setting(default, (2, 100_000), "elements on the whole cable")
-
-
-_EACH_SIDE = Setting(20, (1, 1000), "sines on each side of the mass")
-_TERMS = Setting(30, (1, 2000), "sines")
+_TERMS = {"terms": Setting(30, (1, 2000), "sines")}
 _WAVELETS = {
     "order": Setting(4, (2, 10), "Daubechies order p (2p filter taps)"),
     "level": Setting(1, (0, 8), "levels J; the number of wavelets is 2^J (2p - 1) + p - 1"),
@@ -244,93 +228,86 @@ _WAVELETS = {
         "literal", ("literal", "scaling", "shifted"), "of the printed index set (37); the other two are known to fail"
     ),
 }
+_COURSE = {"abscissa": Setting("t", ("t", "s"), "independent variable: time, or place of the mass (45)-(48)"), **TIME}
 _MANY_STEPS = Setting(4000, (2, 1_000_000), TIME["steps"].meaning)
+_WHOLE = {"elements": Setting(40, (2, 100_000), "elements on the whole cable"), **TIME}
 # A constraint on positions needs a rule implicit at a step's end.
 _CONSTRAINED = tuple(x for x in SCHEMES if x not in ("gauss", "central-difference"))
-_DAMPED = TIME | {"scheme": Setting("newmark", _CONSTRAINED, TIME["scheme"].meaning)}
+_DAMPED = _WHOLE | {"scheme": Setting("newmark", _CONSTRAINED, TIME["scheme"].meaning)}
 
-METHODS: dict[str, Method] = {
-    m.name: m
-    for m in (
-        Method(
-            "following-p1", "elements", "linear elements on a mesh that follows the mass",
-            {"elements": _per_side(20), **_MESH, **TIME}, _each(2), 2.0, _following(1),
-            begins=(10, 400), races=((5, 80), (9, 150), (16, 300), (30, 600), (55, 1200)),
-            no_internal="linear elements have no curvature, which the rate of strain needs",
-            trust="robust and simple; P2 gives more for the same time",
-        ),
-        Method(
-            "following-p2", "elements", "quadratic elements on a mesh that follows the mass",
-            {"elements": _per_side(10), **_MESH, **TIME}, _each(4), 2.5, _following(2),
-            on_rides={"elements": 36, "scheme": "radau"}, begins=(4, 200), survey=(8, 600), no_internal="",
-            races=((4, 80), (6, 150), (9, 300), (13, 600), (20, 1200)),
-            trust="the default: fastest for a given error from 1e-2 to 1e-5",
-        ),
-        Method(
-            "following-p4", "elements", "elements of degree 4 on a mesh that follows the mass",
-            {"elements": _per_side(5), **_MESH, **TIME}, _each(8), 2.5, _following(4),
-            on_rides={"scheme": "radau"}, begins=(2, 200), no_internal="",
-            trust="smooth travel (from rest); wave fronts of a sudden entry take its advantage away",
-        ),
-        Method(
-            "fixed-hermite", "elements", "C1 cubic elements, the mass moving through them",
-            {"elements": _whole(40), **TIME, "steps": _MANY_STEPS}, _each(2), 1.0,
-            _fixed("hermite", "chain"), steps_growth=3.0, begins=(8, 800),
-            trust="first order, and N'' jumps at the nodes: wants steps like the square of the elements",
-        ),
-        Method(
-            "fixed-p1-path", "elements", "linear elements, the mass a particle constrained to them",
-            {"elements": _whole(40), **_DAMPED}, _each(1), 1.0, _fixed("p1", "path"),
-            begins=(10, 250), survey=(30, 600), trust="only with numerical damping: the undamped rule blows up",
-        ),
-        Method(
-            "fixed-p2-path", "elements", "quadratic elements, the mass a particle constrained to them",
-            {"elements": _whole(40), **_DAMPED}, _each(2), 1.0, _fixed("p2", "path"),
-            begins=(10, 250), trust="only with numerical damping: the undamped rule blows up",
-        ),
-        Method(
-            "fixed-p1-naive", "elements", "linear elements with chain-rule accelerations: WRONG",
-            {"elements": _whole(40), **TIME}, _each(1), 0.0, _fixed("p1", "naive"),
-            begins=(10, 250),
-            trust="never: the centrifugal force is lost at the nodes; on show because everybody writes it first",
-            wrong=True,
-        ),
-        Method(
-            "fixed-p2-naive", "elements", "quadratic elements with chain-rule accelerations: WRONG",
-            {"elements": _whole(40), **TIME}, _each(2), 0.0, _fixed("p2", "naive"),
-            begins=(10, 250), trust="never, as fixed-p1-naive", wrong=True,
-        ),
-        Method(
-            "fourier", "galerkin", "the paper's sines (33)-(34)",
-            {"terms": _TERMS, "abscissa": _ABSCISSA, **TIME}, TERMS, 1.0, _galerkin("fourier", False),
-            begins=(8, 320), survey=(30, 600),
-            trust="the paper's method; errors of order 1/N, tension with Gibbs oscillations",
-        ),
-        Method(
-            "fourier-kink", "galerkin", "sines and a hat that travels with the mass",
-            {"terms": _TERMS, "abscissa": _ABSCISSA, **TIME}, TERMS, 2.0, _galerkin("fourier", True),
-            on_rides={"terms": 45, "steps": 3000, "rho_inf": 0.7}, begins=(5, 500), survey=(16, 600),
-            races=((6, 50), (10, 100), (14, 170), (20, 300), (30, 600), (50, 1200)),
-            trust="the Galerkin default, and its only method for cars that roll; ten terms beat 200 plain ones",
-        ),
-        Method(
-            "fourier-riding", "galerkin", "sines on either side of the mass that ride with it, and a hat",
-            {"terms": _EACH_SIDE, "abscissa": _ABSCISSA, **TIME}, RIDING, 2.0, _riding, begins=(4, 500),
-            no_internal="",
-            trust="gripped cars only: for the same error up to four times as fast as fourier-kink",
-        ),
-        Method(
-            "wavelet", "galerkin", "the paper's anti-derivatives of Daubechies wavelets (35)-(39)",
-            {**_WAVELETS, "abscissa": _ABSCISSA, **TIME}, LEVELS, 1.0, _galerkin("wavelet", False),
-            begins=(0, 400), trust="the paper's method; first order like sines, oscillations stay near the mass",
-        ),
-        Method(
-            "wavelet-kink", "galerkin", "wavelets and a hat that travels with the mass",
-            {**_WAVELETS, "abscissa": _ABSCISSA, **TIME}, LEVELS, 2.0, _galerkin("wavelet", True),
-            begins=(0, 1000), trust="as fourier-kink, slower",
-        ),
-    )
-}  # fmt: skip
+_ALL = (
+    Method(
+        "following-p1", "elements", "linear elements on a mesh that follows the mass",
+        _per_side(20), _each(2), 2.0, _following(1), (10, 400),
+        races=((5, 80), (9, 150), (16, 300), (30, 600), (55, 1200)),
+        no_internal="linear elements have no curvature, which the rate of strain needs",
+        trust="robust and simple; P2 gives more for the same time",
+    ),
+    Method(
+        "following-p2", "elements", "quadratic elements on a mesh that follows the mass",
+        _per_side(10), _each(4), 2.5, _following(2), (4, 200),
+        on_rides={"elements": 36, "scheme": "radau"}, survey=(8, 600), no_internal="",
+        races=((4, 80), (6, 150), (9, 300), (13, 600), (20, 1200)),
+        trust="the default: fastest for a given error from 1e-2 to 1e-5",
+    ),
+    Method(
+        "following-p4", "elements", "elements of degree 4 on a mesh that follows the mass",
+        _per_side(5), _each(8), 2.5, _following(4), (2, 200), on_rides={"scheme": "radau"}, no_internal="",
+        trust="smooth travel (from rest); wave fronts of a sudden entry take its advantage away",
+    ),
+    Method(
+        "fixed-hermite", "elements", "C1 cubic elements, the mass moving through them",
+        _WHOLE | {"steps": _MANY_STEPS}, _each(2), 1.0, _fixed("hermite", "chain"), (8, 800), steps_growth=3.0,
+        trust="first order, and N'' jumps at the nodes: wants steps like the square of the elements",
+    ),
+    Method(
+        "fixed-p1-path", "elements", "linear elements, the mass a particle constrained to them",
+        _DAMPED, _each(1), 1.0, _fixed("p1", "path"), (10, 250), survey=(30, 600),
+        trust="only with numerical damping: the undamped rule blows up",
+    ),
+    Method(
+        "fixed-p2-path", "elements", "quadratic elements, the mass a particle constrained to them",
+        _DAMPED, _each(2), 1.0, _fixed("p2", "path"), (10, 250),
+        trust="only with numerical damping: the undamped rule blows up",
+    ),
+    Method(
+        "fixed-p1-naive", "elements", "linear elements with chain-rule accelerations: WRONG",
+        _WHOLE, _each(1), 0.0, _fixed("p1", "naive"), (10, 250), wrong=True,
+        trust="never: the centrifugal force is lost at the nodes; on show because everybody writes it first",
+    ),
+    Method(
+        "fixed-p2-naive", "elements", "quadratic elements with chain-rule accelerations: WRONG",
+        _WHOLE, _each(2), 0.0, _fixed("p2", "naive"), (10, 250), wrong=True, trust="never, as fixed-p1-naive",
+    ),
+    Method(
+        "fourier", "galerkin", "the paper's sines (33)-(34)",
+        _TERMS | _COURSE, TERMS, 1.0, _galerkin("fourier", False), (8, 320), survey=(30, 600),
+        trust="the paper's method; errors of order 1/N, tension with Gibbs oscillations",
+    ),
+    Method(
+        "fourier-kink", "galerkin", "sines and a hat that travels with the mass",
+        _TERMS | _COURSE, TERMS, 2.0, _galerkin("fourier"), (5, 500),
+        on_rides={"terms": 45, "steps": 3000, "rho_inf": 0.7}, survey=(16, 600),
+        races=((6, 50), (10, 100), (14, 170), (20, 300), (30, 600), (50, 1200)),
+        trust="the Galerkin default, and its only method for cars that roll; ten terms beat 200 plain ones",
+    ),
+    Method(
+        "fourier-riding", "galerkin", "sines on either side of the mass that ride with it, and a hat",
+        {"terms": Setting(20, (1, 1000), "sines on each side of the mass"), **_COURSE},
+        RIDING, 2.0, _galerkin("riding"), (4, 500), no_internal="",
+        trust="gripped cars only: for the same error up to four times as fast as fourier-kink",
+    ),
+    Method(
+        "wavelet", "galerkin", "the paper's anti-derivatives of Daubechies wavelets (35)-(39)",
+        _WAVELETS | _COURSE, LEVELS, 1.0, _galerkin("wavelet", False), (0, 400),
+        trust="the paper's method; first order like sines, oscillations stay near the mass",
+    ),
+    Method(
+        "wavelet-kink", "galerkin", "wavelets and a hat that travels with the mass",
+        _WAVELETS | _COURSE, LEVELS, 2.0, _galerkin("wavelet"), (0, 1000), trust="as fourier-kink, slower",
+    ),
+)  # fmt: skip
+METHODS = {m.name: m for m in _ALL}
 
 
 def find(name: str) -> Method:

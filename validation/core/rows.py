@@ -17,7 +17,7 @@ from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.agreement import APART, DEFAULT_TOL, Agreement, finite
 from validation.core.bounds import Bound, Part, nothing
-from validation.core.ladder import Apart, Ladder, Of, largest
+from validation.core.ladder import Apart, Ladder, Of, itself, largest
 from validation.core.measures import SLACK_END, NotComparable
 from validation.core.methods import METHODS
 from validation.core.view import View
@@ -149,7 +149,7 @@ def forces_left(scene: Scene, ladder: Ladder, tol: float) -> tuple[float, float]
     asked, over, worst = asked_of("force", tol, None), ladder.over(view), (0.0, 0.0)
     for quantity in TABLE:
         if quantity.asks == "force" and quantity.concerns(view) and _tells(quantity, over.finest, view):
-            found = over.parts(_same, partial(_apart, quantity, view), quantity.order)
+            found = over.parts(itself, partial(_apart, quantity, view), quantity.order)
             worst = max(worst, (found[0] / asked, found[1] / asked), key=sum)
     return worst
 
@@ -162,17 +162,13 @@ def _tells(quantity: Quantity, r: Response, view: View) -> bool:
     return True
 
 
-def _same(r: Response) -> Response:
-    return r
-
-
 def _apart(quantity: Quantity, view: View, x: Response, y: Response) -> float:
     return quantity.gap(y, x, view)
 
 
 def _row(quantity: Quantity, a: Ladder, b: Ladder, view: View, asked_for: float) -> Agreement:
     try:
-        row = _compared(quantity.name, a, b, asked_for, _same, partial(_apart, quantity, view), quantity.order)
+        row = _compared(quantity.name, a, b, asked_for, itself, partial(_apart, quantity, view), quantity.order)
     except NotComparable as why:
         return Agreement(quantity.name, math.nan, nothing(why), law=quantity.law)
     where = measures.place_of_gap(a.finest, b.finest, view.window) if quantity.name == "path_max" else None
@@ -268,7 +264,7 @@ def _slack_onset(a: Ladder, b: Ladder, view: View, whole: View, asked_for: float
         tension = float(np.interp(first, np.maximum.accumulate(r.s_o) / whole.length, r.tension_min)) / view.H
         return min(tension, 0.0) if onset(r) <= first else tension
 
-    parts = [x.parts(_same, partial(_apart, LEAST, view), 1.0) for x in (a, b)]
+    parts = [x.parts(itself, partial(_apart, LEAST, view), 1.0) for x in (a, b)]
     gap = abs(least(a.finest) - least(b.finest))
     return replace(_barred("slack_onset", gap, a, b, parts, asked_for), where=first)
 
@@ -297,7 +293,7 @@ def _past_slack(a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[
     def apart(x: Response, y: Response) -> Array:
         return np.maximum.accumulate(np.nan_to_num(trust.gap(x, y, place), nan=math.inf))
 
-    bars = [x.bar(_same, apart, 1.0) for x in (a, b)]
+    bars = [x.bar(itself, apart, 1.0) for x in (a, b)]
     allowed, gaps = sum(bars) * np.ones(place.size), apart(a.finest, b.finest)
     known = max(1, int(np.count_nonzero(np.maximum.accumulate(allowed) <= asked_for)))
     worst = int(np.argmax((gaps / allowed)[:known]))
