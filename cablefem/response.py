@@ -81,15 +81,6 @@ class Observation:
         powers = {name: np.concatenate([p.powers[name] for p in parts]) for name in parts[0].powers}
         return cls(**{n: np.concatenate([getattr(p, n) for p in parts]) for n in _OBSERVED}, powers=powers)
 
-    def parted(self, n: int) -> tuple[Observation, Observation]:
-        """First n instants without fields, and the others with all."""
-        fields = ("u", "v", "du", "dv", "T", "T_pointwise")
-        parts = []
-        for rows, some in ((slice(n), slice(0)), (slice(n, None), slice(None))):
-            arrays = {name: getattr(self, name)[some if name in fields else rows] for name in _OBSERVED}
-            parts.append(Observation(**arrays, powers={name: power[rows] for name, power in self.powers.items()}))
-        return parts[0], parts[1]
-
 
 _OBSERVED = tuple(name for name in Observation.__dataclass_fields__ if name != "powers")
 

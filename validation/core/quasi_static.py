@@ -59,8 +59,8 @@ def quasi_static(scene: Scene) -> Response:
         {"event": e.event, "t": e.t * tau, "s_o": e.s_o * l, "speed": e.speed * l / tau} for e in scene.ride.events
     ]  # fmt: skip
     return Response(
-        **in_si(scene, *seen.parted(n), s), method="quasi-static", settings={}, model="quasi-static", load="mass",
-        law="elastic", reason=None, slack_onset=None, slack_at=None, switched=None, events=events,
+        **in_si(scene, seen, np.arange(t.size) < n, s), method="quasi-static", settings={}, model="quasi-static",
+        load="mass", law="elastic", reason=None, slack_onset=None, slack_at=None, switched=None, events=events,
         work={"steps": n - 1, "rejected": 0, "newton_iterations": 0, "factorisations": 0, "residuals": 0},
         n_dof=0, seconds=time.perf_counter() - begin,
     )  # fmt: skip

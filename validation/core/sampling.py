@@ -97,14 +97,14 @@ def respond(scene: Scene, h: History, *, frames: int = FRAMES, **asked: Any) -> 
     t = frame_times(scene, float(states.t[-1]), frames)
     at_frames = _between(_around(h, states, t), t) if t.size and n > 1 else _rows(states, slice(0, 0))
     s = np.linspace(0.0, 1.0, STATIONS)
-    steps, seen = _observe(h, states, at_frames, switch, s)
-    tau = scene.time_scale
-    told = in_si(scene, steps, seen, s) | _ended(h, states, steps.s_o)
+    seen, steps = _observe(h, states, at_frames, switch, s)
+    tau, s_o = scene.time_scale, seen.s_o[steps]
+    told = in_si(scene, seen, steps, s) | _ended(h, states, s_o)
     (cause, reason), motion = h.failure or (None, None), scene.groups.motion
     return Response(
         **asked, **told, cause=cause, reason=reason, slack_at=None if onset is None else float(onset[1]),
         switched=None if h.after is None else told["slack_onset"],
-        events=_dated(_events(scene, h.work, states.t, steps.s_o), states.t, told),
+        events=_dated(_events(scene, h.work, states.t, s_o), states.t, told),
         breaks=[] if motion is None else [float(tau * t) for t, _ in motion.phases[1:] if t < states.t[-1]],
         n_dof=h.states[0].q.size, seconds=h.seconds,
     )  # fmt: skip
@@ -120,28 +120,28 @@ def _dated(events: list[tuple[str, float]], t: Array, told: dict[str, Any]) -> l
     return rows
 
 
-def in_si(scene: Scene, steps: Observation, seen: Observation, s: Array) -> dict[str, Any]:
-    """Fields of a `Response` from observations `steps`, and `seen` at frames and stations s."""
+def in_si(scene: Scene, seen: Observation, steps: NDArray[np.bool_], s: Array) -> dict[str, Any]:
+    """Fields of a `Response`; rows are `steps`, or frames with fields at stations s."""
     l, H, tau = scene.length, scene.horizontal_tension, scene.time_scale
     scale = {"t": tau, "slope_behind": 1.0, "slope_ahead": 1.0, "du": l / tau, "dv": l / tau, "power": H * l / tau}
     scale |= dict.fromkeys(("s_o", "u", "v", "tension_min_at"), l)
     scale |= dict.fromkeys(("energy", "kinetic", "strain", "potential"), H * l)
 
-    def si(x: Observation, *names: str) -> dict[str, Any]:
+    def si(rows: Any, *names: str) -> dict[str, Any]:
         """The named ones, forces if nothing else."""
-        return {name: scale.get(name, H) * getattr(x, name) for name in names}
+        return {name: scale.get(name, H) * getattr(seen, name)[rows] for name in names}
 
     x_rest, y_rest = scene.groups.shape(s)
     fields = Fields(
-        **si(seen, "t", "s_o", "u", "v", "du", "dv", "T", "T_pointwise", *_TENSIONS), s=l * s,
-        mass_u=l * seen.path[:, 0], mass_v=l * seen.path[:, 1], x=l * x_rest, y=l * y_rest,
+        **si(~steps, "t", "s_o", *_TENSIONS), **si(slice(None), "u", "v", "du", "dv", "T", "T_pointwise"), s=l * s,
+        mass_u=l * seen.path[~steps, 0], mass_v=l * seen.path[~steps, 1], x=l * x_rest, y=l * y_rest,
         T_static=H * scene.groups.static(s)[0],
     )  # fmt: skip
     return {
         "scene": scene.name, "scene_toml": scene.to_toml(), "horizontal_tension": H, "fields": fields,
-        **_path(scene, steps.t, steps.s_o, steps.path),
-        "velocity": l / tau * steps.path_velocity, "acceleration": l / tau**2 * steps.path_acceleration,
-        "F_haul": H * steps.haul, "powers": {name: H * l / tau * power for name, power in steps.powers.items()},
+        **_path(scene, seen.t[steps], seen.s_o[steps], seen.path[steps]),
+        "velocity": l / tau * seen.path_velocity[steps], "acceleration": l / tau**2 * seen.path_acceleration[steps],
+        "F_haul": H * seen.haul[steps], "powers": {name: H * l / tau * x[steps] for name, x in seen.powers.items()},
         **si(steps, "slope_behind", "slope_ahead", "energy", "power", "tension_min", "tension_min_at",
              "reaction_left", "reaction_right", "contact", "kinetic", "strain", "potential", *_TENSIONS),
     }  # fmt: skip
@@ -239,9 +239,11 @@ def _between(h: States, t: Array) -> States:
     return States(t, *cubic(x, dt, before, after), (1.0 - x) * before.a + x * after.a, after.phase)
 
 
-def _observe(h: History, steps: States, frames: States, switch: float, s: Array) -> tuple[Observation, Observation]:
-    """Observe steps and frames together with the law in force."""
-    parts, laws = [], [(h.solver, [steps, frames])]
+def _observe(
+    h: History, steps: States, frames: States, switch: float, s: Array
+) -> tuple[Observation, NDArray[np.bool_]]:  # fmt: skip
+    """Observe steps and frames together with the law in force; also tells which rows are steps."""
+    parts, is_step, laws = [], [], [(h.solver, [steps, frames])]
     if switch < math.inf:
         early, later = ([_rows(x, (x.t > switch) == late) for x in (steps, frames)] for late in (False, True))
         laws = [(h.solver, early), (h.after or h.solver, later)]
@@ -249,6 +251,6 @@ def _observe(h: History, steps: States, frames: States, switch: float, s: Array)
         n, k = (x.t.size for x in mine)
         if n + k:
             both = States(*(np.concatenate([getattr(x, name) for x in mine]) for name in States.__dataclass_fields__))
-            parts.append(solver.observe(both, s, n + np.arange(k)).parted(n))
-    first, second = (Observation.joined(part) for part in zip(*parts, strict=True))
-    return first, second
+            parts.append(solver.observe(both, s, n + np.arange(k)))
+            is_step.append(np.arange(n + k) < n)
+    return Observation.joined(parts), np.concatenate(is_step)
