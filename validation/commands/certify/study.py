@@ -70,24 +70,30 @@ class Track:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """The finest run of a way and its bars."""
+    """The finest run of a way, or a shipped table, with its bars."""
 
     name: str
     settings: dict[str, Any]
     track: Track
-    bar: Array  # (2, 101) of place [m] and time [s]; not finite where coarser runs ended
-    parts: tuple[float, float]  # largest of space and time over `scale`, up to 0.95 of the way
+    parts: Array  # (2, 2, 101) bars of space and time, in place [m] and time [s]; not finite where coarser runs ended
 
     @classmethod
     def of(cls, ladder: Ladder) -> Found:
         r = ladder.run
-        method, track = find(r.method), Track.of(r)
-        told = {k: r.settings[k] for k in (method.resolution.setting, "steps", "scheme", "grading") if k in r.settings}
-        space, time = (np.broadcast_to(x, (2, 101)) for x in ladder.parts(Track.of, lambda a, b: nearby(a.gap(b))))
-        found = cls(f"{r.method} {r.settings['scheme']}", told, track, space + time, (0.0, 0.0))
-        near = SLACK_END * found.reaches >= PLACES
-        in_space, in_time = (float(np.max(x[0, near]) / found.scale) for x in (space, time))
-        return replace(found, parts=(in_space, in_time))
+        told = (find(r.method).resolution.setting, "steps", "scheme", "grading")
+        parts = [np.broadcast_to(x, (2, 101)) for x in ladder.parts(Track.of, lambda a, b: nearby(a.gap(b)))]
+        settings = {k: r.settings[k] for k in told if k in r.settings}
+        return cls(f"{r.method} {r.settings['scheme']}", settings, Track.of(r), np.stack(parts))
+
+    @property
+    def bar(self) -> Array:
+        return self.parts.sum(axis=0)
+
+    @property
+    def left(self) -> list[float]:
+        """Largest bars of space and time in place, over `scale`, up to 0.95 of the way."""
+        near = SLACK_END * self.reaches >= PLACES
+        return [float(np.max(part[0, near]) / self.scale) for part in self.parts]
 
     @property
     def scale(self) -> float:
@@ -124,7 +130,7 @@ class Certificate:
         """Write certificate.csv and certify.json."""
         write_table(folder / "certificate.csv", self)
         ways = [
-            {"name": f.name, "settings": f.settings, "space": f.parts[0], "time": f.parts[1],
+            {"name": f.name, "settings": f.settings, "space": f.left[0], "time": f.left[1],
              "to": reach(f.bar[0] / f.scale, TOL), "reaches": f.reaches, "end": f.track.end}
             for f in self.found
         ]  # fmt: skip
@@ -143,12 +149,10 @@ def certify(scene: Scene, out: Path | None = None, progress: Progress = silent) 
     """Compute the path by all ways; compare them and the shipped table."""
     found = side_by_side([partial(deepest, scene, *way) for way in WAYS], progress)
     made = joined(scene, tuple(found))
-    first = made.answer.name, made.answer.bar
-    rows = [row for f in found[1:] for row in compared(made, first, (f.name, f.bar), f.track)]
+    rows = [row for f in found[1:] for row in compared(made, made.answer.bar, f)]
     rows += [_string(scene, f) for f in found if scene.drive.mode == "grip"]
-    for table in map(read_table, tables()):
-        rows += against(table, made) if table.scene == scene.to_toml() else []
-    made = replace(made, rows=rows)
+    shipped = dict(map(read_table, tables())).get(scene.to_toml())
+    made = replace(made, rows=[*rows, *(compared(made, made.bar, shipped) if shipped else ())])
     if out is not None:
         made.write(out)
     return made
@@ -191,12 +195,9 @@ def reach(bar: Array, tol: float) -> float:
     return float(np.max(PLACES, where=np.logical_and.accumulate(bar <= tol), initial=0.0))
 
 
-Named = tuple[str, Array]  # whose bars, (2, 101)
-
-
-def compared(made: Certificate, own: Named, others: Named, other: Track) -> Iterator[Agreement]:
-    """Verdicts on another path and a free ride's times, each at the worst place."""
-    gap, allowed, party = made.answer.track.gap(other), own[1] + others[1], others[0]
+def compared(made: Certificate, bar: Array, other: Found) -> Iterator[Agreement]:
+    """Verdicts on another path and a free ride's times, each at the worst place; bar : of the answer."""
+    gap, allowed, party = made.answer.track.gap(other.track), bar + other.bar, other.name
     asked = [("path", made.answer.scale), ("instants", 1.0)][: 1 + (made.scene.drive.mode == "free")]
     for i, (quantity, unit) in enumerate(asked):
         both = np.isfinite(gap[i]) & np.isfinite(allowed[i]) & (PLACES > 0.0)
@@ -204,7 +205,8 @@ def compared(made: Certificate, own: Named, others: Named, other: Track) -> Iter
             yield Agreement(quantity, math.nan, nothing("no place that both reach"), party=party)
             continue
         at = int(np.argmax(np.where(both, gap[i] / np.maximum(allowed[i], 1e-300), -1.0)))
-        parts = tuple(Part(name, float(bar[i, at] / unit)) for name, bar in (own, others))
+        each = (made.answer.name, bar), (other.name, other.bar)
+        parts = tuple(Part(name, float(x[i, at] / unit)) for name, x in each)
         yield Agreement(quantity, float(gap[i, at] / unit), Bound("error bars", parts), PLACES[at], party=party)
 
 
@@ -222,16 +224,8 @@ def _string(scene: Scene, found: Found) -> Agreement:
         error = crossing.error(MassPath(*path))[0]
     except (ValueError, ArithmeticError) as why:
         return Agreement("path", math.nan, nothing(why), party=found.name, law=law)
-    parts = (Part(f"{found.name} claims", max(TOL, sum(found.parts))),)
+    parts = (Part(f"{found.name} claims", max(TOL, sum(found.left))),)
     return Agreement("path", error, Bound("own bar", parts), party=found.name, law=law)
-
-
-@dataclass(frozen=True, slots=True)
-class Table:
-    scene: str  # its TOML
-    track: Track
-    bar: Array  # (2, 101) [m], [s]
-    scale: float  # [m]
 
 
 def tables() -> list[Path]:
@@ -261,7 +255,8 @@ def write_table(file: Path, made: Certificate) -> None:
         np.savetxt(out, rows[np.isfinite(rows).all(axis=1)], form, delimiter=",")
 
 
-def read_table(file: Path) -> Table:
+def read_table(file: Path) -> tuple[str, Found]:
+    """The scene of a table as TOML, and its path."""
     lines = file.read_text(encoding="utf-8").splitlines()
     notes = [line[1:].removeprefix(" ") for line in lines if line.startswith("#")]
     toml = "\n".join(notes[notes.index("scene:") + 1 :]) + "\n"
@@ -269,13 +264,6 @@ def read_table(file: Path) -> Table:
     rows = np.full((PLACES.size, 7), np.nan)
     rows[np.round(100.0 * known[:, 0]).astype(int)] = known[:, 1:]
     end = next(note.removeprefix("ends: ") for note in notes if note.startswith("ends: "))
-    scale = float(notes[0].split(" of ")[2].split()[0])
+    track, bar = Track(rows[:, 0], rows[:, 1:3], rows[:, 3:5], end), rows[:, 5:].T
     # rewritten, as the order of tables may differ
-    return Table(
-        Scene.from_toml(toml).to_toml(), Track(rows[:, 0], rows[:, 1:3], rows[:, 3:5], end), rows[:, 5:].T, scale
-    )
-
-
-def against(table: Table, made: Certificate) -> list[Agreement]:
-    """Compare with a table: place and time may differ by both bars."""
-    return list(compared(made, ("answer", made.bar), ("shipped table", table.bar), table.track))
+    return Scene.from_toml(toml).to_toml(), Found("shipped table", {}, track, np.stack([bar, np.zeros_like(bar)]))
