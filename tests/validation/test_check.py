@@ -124,9 +124,9 @@ def test_what_is_too_coarse_is_refined_where_its_bar_comes_from(right):
     parts = ((0.0, 0.01), (0.9, 0.01))
     bars = tuple(Part(m.name, sum(p)) for m, p in zip(methods, parts, strict=True))
     wide = Agreement("speed", 0.1, Bound("error bars", bars), asked_for=0.5, parts=parts)
-    first, second = study._finer(methods, list(right), [wide])
+    first, second = (study._finer(m, ladder, [wide]) for m, ladder in zip(methods, right, strict=True))
     assert first is None
     assert second["terms"] > SINES["terms"]
     assert second["steps"] > SINES["steps"]
     shown = dataclasses.replace(wide, asked=False)
-    assert study._finer(methods, list(right), [shown]) == [None, None]
+    assert [study._finer(m, ladder, [shown]) for m, ladder in zip(methods, right, strict=True)] == [None, None]

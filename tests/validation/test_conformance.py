@@ -133,7 +133,7 @@ def test_a_case_of_an_oracle(monkeypatch):
     case = next(case for case in moving_mass.cases() if getattr(case, "scene", ""))
     assert MINE in case.of(oracles.SOLVERS)
     rungs = [oracles.Rung({"waves": n, "steps": 200}, float(n)) for n in (6, 12)]
-    monkeypatch.setattr(oracles, "_rungs", lambda method, finer: rungs)
+    monkeypatch.setattr(oracles._Solvers, "ladder", lambda self, name, finer: rungs)
     row = oracles.Task("moving-mass", case, MINE).compute()
     assert row["method"] == MINE
     assert row["error"] < 0.1

@@ -13,6 +13,7 @@ haul force : largest distance of means over an axial round trip, over the larges
 import math
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -86,16 +87,16 @@ class Rung:
 
     def line(self, tol: float) -> dict[str, Any]:
         """The rung for advice.json."""
-        r, gaps = self.run, {need: _finite(gap) for need, gap in self.gaps.items()}
+        r, gaps = self.run, self.gaps
         out = {
             "name": self.name, "model": self.model, "load": self.load, "seconds": self.seconds,
             "path_error": gaps["path"], "tension_error": gaps["tension"], "gaps": gaps, "meets": self.within(tol),
             "method": r.method if r else None, "settings": find(r.method).told(r.settings) if r else {},
         }  # fmt: skip
-        if r is None or r.drive == "free":
-            return out
-        v = np.interp(PLACE, r.s_o / r.length, r.v, right=math.nan)
-        return out | {"v": [_finite(float(f"{x:.6g}")) for x in v]}
+        if r is not None and r.drive != "free":
+            v = np.interp(PLACE, r.s_o / r.length, r.v, right=math.nan)
+            out["v"] = [float(f"{x:.6g}") for x in v]
+        return store.plain(out)
 
 
 def advise(scene: Scene, tol: float, out: Path, report: Progress = silent) -> dict[str, Any]:
@@ -108,7 +109,6 @@ def advise(scene: Scene, tol: float, out: Path, report: Progress = silent) -> di
     if kept := store.stored(out / "advice.json", scene_toml=scene.to_toml(), tol=tol):
         return kept
     content = advice(scene, tol, report)
-    out.mkdir(parents=True, exist_ok=True)
     write_json(out / "advice.json", content)
     return content
 
@@ -127,10 +127,6 @@ def advice(scene: Scene, tol: float, report: Progress = silent) -> dict[str, Any
         "full": rungs[-1].line(tol), "candidates": [r.line(tol) for r in entries],
         "rungs": [r.line(tol) for r in rungs], "place": PLACE.tolist(),
     }  # fmt: skip
-
-
-def _finite(x: float) -> float | None:
-    return x if math.isfinite(x) else None
 
 
 def _rungs(scene: Scene, tol: float, report: Progress) -> tuple[list[Rung], Response, View]:
@@ -195,12 +191,10 @@ def _timed(scene: Scene, method: Any, **how: Any) -> Response:
 
 def distances(r: Response, full: Response, view: View) -> dict[str, float]:
     """Distances to the full run by need; infinite where a run says nothing, or ends before the range."""
-    out = {}
-    for need in OF[full.drive]:
-        try:
-            out[need] = NEEDS[need][0](r, full, view) if view.covers(r) else math.inf
-        except NotComparable:
-            out[need] = math.inf
+    out = dict.fromkeys(OF[full.drive], math.inf)
+    for need in out if view.covers(r) else ():
+        with suppress(NotComparable):
+            out[need] = NEEDS[need][0](r, full, view)
     return out
 
 

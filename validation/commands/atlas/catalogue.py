@@ -12,11 +12,10 @@ import numpy as np
 from cablefem import newmark
 from cablefem.response import Array, Response
 from cablefem.scene import Scene
-from galerkin.bases.daubechies import Daubechies
 from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
-from galerkin.modes import bare_frequencies
 from validation.commands.atlas import specimens
+from validation.commands.modes.study import bare
 from validation.core import measures, running, store
 from validation.core.trust import convergence_limit, post_slack_spread
 from validation.core.watch import MOST_GAIN
@@ -52,8 +51,9 @@ def _evaluated(expression: str, **names: Any) -> Any:
     return _EXPRESSIONS.compile_expression(expression, undefined_to_none=False)(**MEASURES, **names)
 
 
-def _scene(groups: Groups | None = None) -> Scene:
-    return Scene.load("level").variant(**groups) if groups else Scene.load("level")
+def level(**groups: float) -> Scene:
+    """The level scene with some of its groups changed."""
+    return Scene.load("level").variant(**groups)
 
 
 def run(method: str, scene: Groups | None = None, **how: Any) -> Response:
@@ -64,7 +64,7 @@ def run(method: str, scene: Groups | None = None, **how: Any) -> Response:
 @cache
 def _run(key: str) -> Response:
     method, scene, how = json.loads(key)
-    return running.run(_scene(scene), specimens.PLANTED.get(method, method), **how)
+    return running.run(level(**(scene or {})), specimens.PLANTED.get(method, method), **how)
 
 
 def gap(a: Response, b: Response, low: float = measures.WINDOW[0], high: float = measures.WINDOW[1]) -> float:
@@ -97,22 +97,21 @@ def ripple(method: str, **how: Any) -> float:
 def vibration(scheme: str) -> Array:
     """The energy of a free cable let go from a hundredth of its length, over the one given, at every step."""
     return specimens.free_vibration(
-        _scene().groups, newmark.scheme(scheme), dt=0.03, steps=200, elements=12, amplitude=0.01, mode=2
+        level().groups, newmark.scheme(scheme), dt=0.03, steps=200, elements=12, amplitude=0.01, mode=2
     )
 
 
 def left(scheme: str, **how: Any) -> float:
     """Remaining energy of a vibration small enough to be linear; mode 2: no axial stretching."""
     energy = specimens.free_vibration(
-        _scene().groups, newmark.scheme(scheme, **how), dt=0.05, steps=600, elements=16, amplitude=1e-4, mode=2
+        level().groups, newmark.scheme(scheme, **how), dt=0.05, steps=600, elements=16, amplitude=1e-4, mode=2
     )
     return energy[-1] / energy[100]  # without the axial waves of the start
 
 
-def frequency(level: int, reading: Literal["literal", "scaling"]) -> float:
+def frequency(J: int, reading: Literal["literal", "scaling"]) -> float:
     """The error of the first frequency; exact: the linearised catenary, by collocation to 11 digits."""
-    basis = Daubechies(order=4, level=level, reading=reading)
-    return abs(float(bare_frequencies(_scene().groups, basis, n=1)[0]) / 5.3454766022 - 1.0)
+    return abs(float(bare(level().groups, level=J, reading=reading, n=1)[0]) / 5.3454766022 - 1.0)
 
 
 def beyond(a: Response, b: Response, last: float = 1.0) -> float:
@@ -152,14 +151,14 @@ def tension_gap(a: Response, b: Response, pointwise: bool = False) -> float:
 
 def frozen(terms: int) -> float:
     """Growth over the crossing, by eigenvalues of the system frozen at instants."""
-    system = GalerkinSystem(_scene().groups, Fourier(terms))
+    system = GalerkinSystem(level().groups, Fourier(terms))
     end = system.phases[-1][1]
     return float(np.exp(end * max(specimens.frozen_growth(system, x * end) for x in (0.1, 0.5, 0.9))))
 
 
 def explicit_steps(terms: int, factor: float) -> int:
     """Number of steps `factor` times as long as the longest stable one of theory."""
-    return round(specimens.critical_steps(_scene().groups, terms) / factor)
+    return round(specimens.critical_steps(level().groups, terms) / factor)
 
 
 MEASURES = {

@@ -35,8 +35,7 @@ def methods(m: Map) -> list[tuple[str, dict[str, Any]]]:
 def scene_at(m: Map, x: float, y: float) -> Scene:
     """The scene of a cell: the level cable with some of its groups changed."""
     axes = {"x": x, "y": y}
-    groups = {name: axes.get(value, value) for name, value in m.get("scene", {}).items()}
-    return Scene.load("level").variant(**groups) if groups else Scene.load("level")
+    return catalogue.level(**{name: axes.get(value, value) for name, value in m.get("scene", {}).items()})
 
 
 def settings_at(m: Map, x: float, y: float, method: str, fixed: dict[str, Any]) -> dict[str, Any]:
@@ -125,34 +124,18 @@ def judged(r: Response, reference: Response, unsure: float, earliest: float = 0.
     """
     stop = min(measures.WINDOW[1], reference.slack_from)
     out = {"reached": r.reached, "error": None, "slack_onset": r.slack_onset, "cause": r.cause, "reason": r.reason}
-    if stop < earliest or reference.reached < stop or _unstable(reference):
+    if stop < earliest or reference.reached < stop or "energy" in reference.flag_kinds:
         return out | {"class": "not judged", "reason": "the reference itself is not to be trusted here"}
-    error = _error(r, reference, stop)
-    verdict = "wrong" if error is None or r.reached < stop else _class(error)
+    try:
+        error = measures.path_gap(r, reference, (measures.WINDOW[0], min(stop, r.reached)))[0]
+    except (measures.NotComparable, ValueError):
+        error = None
+    wrong = error is None or r.reached < stop or error >= SAID["wrong"]
+    verdict = "wrong" if wrong else "poor" if error > SAID["good"] else "good"
     bound = {"good": SAID["good"], "poor": SAID["wrong"]}.get(verdict, math.inf)
     if unsure > 0.5 * bound:
         return out | {"class": "not judged", "reason": f"the reference itself is sure to {unsure:.2g} only"}
     if verdict != "good":
-        out["cause"] = r.cause or _cause(r, stop)
+        early = "slack too early" if r.slack_from < stop - 0.05 else "too coarse"
+        out["cause"] = r.cause or ("unstable" if "energy" in r.flag_kinds else early)
     return out | {"class": verdict, "error": error}
-
-
-def _error(r: Response, reference: Response, stop: float) -> float | None:
-    try:
-        return measures.path_gap(r, reference, (measures.WINDOW[0], min(stop, r.reached)))[0]
-    except (measures.NotComparable, ValueError):
-        return None
-
-
-def _class(error: float) -> str:
-    return "good" if error <= SAID["good"] else "poor" if error < SAID["wrong"] else "wrong"
-
-
-def _cause(r: Response, stop: float) -> str:
-    early = r.slack_from < stop - 0.05
-    return "unstable" if _unstable(r) else "slack too early" if early else "too coarse"
-
-
-def _unstable(r: Response) -> bool:
-    """Whether a run gained energy before its slack onset."""
-    return "energy" in r.flag_kinds

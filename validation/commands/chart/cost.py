@@ -1,7 +1,7 @@
 """Cost of a step over the bare banded solve."""
 
 import time
-from collections.abc import Callable
+from timeit import timeit
 from typing import Any
 
 import numpy as np
@@ -46,18 +46,11 @@ def implicit_floor(scene: Scene, *, elements: int = 10, steps: int = 480, repeat
             def copies() -> None:
                 matrix.copy(order="F"), b.copy()
 
-            one, lone = _clocked(iteration), _clocked(bare) - _clocked(copies)
+            one, full, copied = (timeit(job, job, number=200) / 200 for job in (iteration, bare, copies))
+            lone = full - copied
             found.append((lone, one, whole, one / lone, whole / lone))
     lone, one, whole, ratio, run_ratio = np.median(found, axis=0)
     return {
         "method": "following-p2", "elements": elements, "steps": steps, "n_dof": n, "bare_solve": float(lone),
         "iteration": float(one), "run_iteration": float(whole), "ratio": float(ratio), "run_ratio": float(run_ratio),
     }  # fmt: skip
-
-
-def _clocked(job: Callable[[], None], n: int = 200) -> float:
-    job()
-    begin = time.perf_counter()
-    for _ in range(n):
-        job()
-    return (time.perf_counter() - begin) / n

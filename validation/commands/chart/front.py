@@ -58,12 +58,8 @@ def fastest(rows: list[Row], error: float) -> Row:
 
 def _peer(rows: list[Row], error: float, ours: float | None) -> Row:
     """Seconds of another code at an error, over ours, or why there are none."""
-    at = seconds_at(rows, error)
-    if at is not None:
-        return {"seconds": at, "ratio": None if ours is None else at / ours, "reason": None}
-    return {"seconds": None, "ratio": None, "reason": _why_not(rows)}
-
-
-def _why_not(rows: list[Row]) -> str:
-    errors = [r["path_error"] for r in rows if r["path_error"] is not None]
-    return f"comes to {100.0 * min(errors):.2g} % at best" if errors else f"not measured: {rows[0]['reason']}"
+    at, reason = seconds_at(rows, error), None
+    if at is None:
+        errors = [r["path_error"] for r in rows if r["path_error"] is not None]
+        reason = f"comes to {100.0 * min(errors):.2g} % at best" if errors else f"not measured: {rows[0]['reason']}"
+    return {"seconds": at, "ratio": None if at is None or ours is None else at / ours, "reason": reason}

@@ -232,40 +232,25 @@ def _row(line: Series, settings: dict[str, Any], **found: Any) -> dict[str, Any]
     return known | empty | found
 
 
-def _timed(first: float, again: Callable[[], float], repeats: int, left: float) -> dict[str, Any]:
-    """The best of separate runs and the spread (slowest over best), as time allows.
-
-    Short runs are repeated more often.
-    """
-    seconds = [first]
-    while sum(seconds) + first < left:
-        if len(seconds) >= repeats and (len(seconds) >= 3 * repeats or sum(seconds) > 0.2):
-            break
-        seconds.append(again())
-    return {
-        "seconds": min(seconds), "spread": max(seconds) / min(seconds) if len(seconds) > 1 else None,
-        "repeats": len(seconds),
-    }  # fmt: skip
-
-
-def _alone(call: Callable[[], Any]) -> tuple[Any, float]:
-    """The result of a call, and its share of processor time."""
-    wall, own = time.perf_counter(), time.process_time()
-    found = call()
-    return found, min(1.0, (time.process_time() - own) / (time.perf_counter() - wall))
-
-
 def _repeated(
     scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth, repeats: int, left: float
 ) -> dict[str, Any]:  # fmt: skip
+    """The row of a run: the best of separate repeats and their spread (slowest over best), as time allows.
+
+    Short runs are repeated more often.
+    """
     once = partial(_of_peer if line.kind == "peer" else _ours, scene, line, rung, truth)
     try:
-        found, seconds = once()
+        found, first = once()
     except (ValueError, TooCoarse) as error:
         return _row(line, rung, status="failed", reason=str(error))
-    return _row(
-        line, rung, **found, **_timed(seconds, lambda: once()[1], repeats, left if found["status"] == "ok" else 0.0)
-    )
+    seconds = [first]
+    while found["status"] == "ok" and sum(seconds) + first < left:
+        if len(seconds) >= repeats and (len(seconds) >= 3 * repeats or sum(seconds) > 0.2):
+            break
+        seconds.append(once()[1])
+    spread = max(seconds) / min(seconds) if len(seconds) > 1 else None
+    return _row(line, rung, **found, seconds=min(seconds), spread=spread, repeats=len(seconds))
 
 
 Once = tuple[dict[str, Any], float]  # result of a run, and its seconds
@@ -290,11 +275,13 @@ def _ours(scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth) -> On
 def _of_peer(scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth) -> Once:
     stop = stop_of(scene)
     groups = scene.groups if stop is None else until(scene.groups, stop)
+    wall, own = time.perf_counter(), time.process_time()
     try:
         with threadpool_limits(1):
-            p, share = _alone(lambda: PEERS[line.name].run(groups, **rung))
+            p = PEERS[line.name].run(groups, **rung)
     except Exception as error:  # other codes' failures
         raise ValueError(f"{type(error).__name__}: {error}") from error
+    share = min(1.0, (time.process_time() - own) / (time.perf_counter() - wall))  # of the processor
     found = truth.judged(p.reached, p.note, lambda: truth.errors_of_path(p, scene))
     return {"steps": p.t.size - 1, "reached": p.reached, **found}, share * p.seconds
 

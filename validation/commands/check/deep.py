@@ -65,13 +65,9 @@ def _rest(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
     return _row(off(r), Part(r.method, a.bar(off), HALVED), Part("rounding", ROUNDING))
 
 
-def _driver(
-    scene: Scene, a: Ladder, rows: list[Agreement], begin: float = 0.1, part: float = 0.05, steps: int = 2000
-) -> Agreement | None:  # fmt: skip
-    """Compare the time driver with scipy's DOP853 on the same coarse semi-discrete system, from one state.
-
-    begin : s_o/l of that state;  part : of the travel, in so many steps.
-    """
+def _driver(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
+    """Compare the time driver with scipy's DOP853 on the same coarse semi-discrete system, from one state."""
+    begin, part, steps = 0.1, 0.05, 2000  # s_o/l of that state, and so much of the travel in so many steps
     method = METHODS["following-p2"]
     settings = method.settings_on(scene.groups, {"elements": 6, "steps": steps // 2})
     system: Any = method.build(scene.groups, settings, model="full", load="mass", law="elastic")

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from time import perf_counter
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from cablefem import catenary_line
 from cablefem.elements import line as elements
 from cablefem.response import Array
 from cablefem.scene.line import Line, LineRest, LineState, NoLine, NotFound
-from validation.commands.run.line import Answers, Row, course, extremes, of, rows_of
+from validation.commands.run.line import Answers, Row, answers, course, extremes, rows_of
 from validation.core import store
 from validation.core.agreement import APART, Verdict, three_lines
 from validation.page.options import Point
@@ -147,9 +146,8 @@ def checked(
 
     tol : [m];  tol_tension : of the largest tension, default `tol`;  second : a line for the elements alone.
     """
-    begun = perf_counter()
     a, b, rows = _refined(line, second or line, tol, tol if tol_tension is None else tol_tension)
-    found = of(line, a, begun)
+    found = answers(line, a)
     other = {d["quantity"]: d["value"] for d in extremes(line, rows_of(line, b))}
     for d in found.design:
         d["bar"] = abs(d["value"] - other.get(d["quantity"], d["value"]))

@@ -20,13 +20,11 @@ COUNTED, OTHERS = WORDS["counted"], "Other comparisons"
 
 
 def sections(folder: Path) -> list[Section]:
-    for name in ("rest-check", "grid-rest-check"):
-        if (folder / name).is_dir():
-            told = store.stored(folder / "agreement.json")
-            at_rest = folder / name
-            return (
-                line.grid(at_rest) if name.startswith("grid") else line.sections(at_rest, told["rows"], told["verdict"])
-            )
+    if (folder / "rest-check").is_dir():
+        judged = store.read(folder / "agreement.json")
+        return line.sections(folder / "rest-check", judged["rows"], judged["verdict"])
+    if (folder / "grid-rest-check").is_dir():
+        return line.grid(folder / "grid-rest-check")
     grid, single = folder / "grid-check" / "grid.json", folder / "agreement.json"
     if grid.exists() and (not single.exists() or grid.stat().st_mtime > single.stat().st_mtime):
         return many.sections(grid.parent)

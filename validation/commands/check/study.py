@@ -121,9 +121,13 @@ def check(
     if not (math.isfinite(tol) and 1e-6 <= tol <= 0.2):
         raise ValueError(f"tol must lie in [1e-6, 0.2], got {tol!r}")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
-    found = [find(m) if isinstance(m, str) else m for m in methods or pair(scene.groups)]
-    both = _Pair(scene, found, (scene, second or scene), tol, tol_tension, until)
-    (first, other), rows, gripped = both.judged(progress, made)
+    budget = BUDGET * max(1.0, DEFAULT_TOL / 3.0 / tol)
+    ends = {} if until is None else {"until": until, "past": 0.0}
+    sides = [
+        _Side(of, find(m) if isinstance(m, str) else m, budget, ends)
+        for of, m in zip((scene, second or scene), methods or pair(scene.groups), strict=True)
+    ]
+    (first, other), rows, gripped = _judged(scene, sides, tol, tol_tension, progress, made)
     a, b = _told(first, other), _told(other, first)
     rows += printed(a.run, b.run)
     if deep:
@@ -134,59 +138,57 @@ def check(
 
 
 @dataclass(frozen=True, slots=True)
-class _Pair:
-    """Two methods, their scenes, and tolerances."""
+class _Side:
+    """A method on the scene that it is told; `ends` as in `climb`."""
 
-    scene: Scene  # known to the judge
-    methods: list[Method]
-    scenes: tuple[Scene, Scene]
-    tol: float
-    tol_tension: float | None
-    until: float | None
+    scene: Scene
+    method: Method
+    budget: float
+    ends: dict[str, Any]
 
-    @property
-    def ends(self) -> dict[str, Any]:
-        return {} if self.until is None else {"until": self.until, "past": 0.0}
+    def climbed(self, tol: float, progress: Progress) -> Ladder:
+        told = partial(progress, self.method.name)
+        try:
+            return climb(self.scene, self.method, tol, budget=self.budget, progress=told, **self.ends)
+        except TooCoarse as error:
+            return error.ladder
 
-    @property
-    def budget(self) -> float:
-        return BUDGET * max(1.0, DEFAULT_TOL / 3.0 / self.tol)
+    def finer(self, ladder: Ladder, rows: list[Agreement]) -> Settings | None:
+        """Finer settings after a disagreement, or if bars are too large; None: there are none within the budget."""
+        apart, now = overall(rows) is Verdict.DISAGREE, ladder.run.settings
+        confirming = refined(self.method, now, space=CONFIRMS, time=CONFIRMS)
+        settings = confirming if apart else _finer(self.method, ladder, rows)
+        return None if settings is None or dear(self.method, ladder, settings, self.budget) else settings
 
-    def judged(
-        self, progress: Progress | None, made: Callable[..., None] | None
-    ) -> tuple[list[Ladder], list[Agreement], Response | None]:
-        """Refine both ladders until they agree or cannot get closer; return them, the rows, the gripped car."""
-        jobs, gripped, looks, confirmed = self._climbs(), None, 0, False
-        if self.scene.drive.mode == "haul":
-            jobs.append(partial(_gripped, self.scene, self.methods[0]))
-        while True:
-            first, other, *once = side_by_side(jobs, progress, _load)
-            gripped, ladders = once[0] if once else gripped, [first, _retold(other, self.scene)]
-            if made is not None:
-                made(first.run, other.run)
-            rows = compare(self.scene, *ladders, tol=self.tol, tol_tension=self.tol_tension)
-            apart = overall(rows) is Verdict.DISAGREE
-            finer = self._within_budget(ladders, _closer(self.methods, ladders) if apart else _finer(
-                self.methods, ladders, rows
-            ))  # fmt: skip
-            if looks == MOST_ROUNDS or confirmed or not any(finer):
-                return ladders, rows, gripped
-            looks, confirmed = looks + 1, apart
-            jobs = [
-                partial(_remade, s, m, e, x, self.ends)
-                for s, m, e, x in zip(self.scenes, self.methods, ladders, finer, strict=True)
-            ]
+    def remade(self, before: Ladder, settings: Settings | None, progress: Progress) -> Ladder:
+        if settings is None:
+            return before
+        told = partial(progress, self.method.name)
+        return laddered(self.scene, self.method, known=before.runs, progress=told, **self.ends, **settings)
 
-    def _climbs(self) -> list[Callable[[Progress], Any]]:
-        shares = [SHARES.get(m.wing, 1.0) for m in self.methods]
-        return [
-            partial(_climbed, s, m, self.tol * share / sum(shares), self.budget, self.ends)
-            for s, m, share in zip(self.scenes, self.methods, shares, strict=True)
-        ]
 
-    def _within_budget(self, ladders: list[Ladder], finer: list[Settings | None]) -> list[Settings | None]:
-        each = zip(self.methods, ladders, finer, strict=True)
-        return [None if x is None or dear(m, e, x, self.budget) else x for m, e, x in each]
+def _judged(
+    scene: Scene, sides: list[_Side], tol: float, tol_tension: float | None, progress: Progress | None,
+    made: Callable[..., None] | None,
+) -> tuple[list[Ladder], list[Agreement], Response | None]:  # fmt: skip
+    """Refine both ladders until they agree or cannot get closer; return them, the rows, the gripped car."""
+    shares = [SHARES.get(side.method.wing, 1.0) for side in sides]
+    jobs: list[Callable[[Progress], Any]]
+    jobs = [partial(side.climbed, tol * share / sum(shares)) for side, share in zip(sides, shares, strict=True)]
+    gripped, looks, confirmed = None, 0, False
+    if scene.drive.mode == "haul":
+        jobs.append(partial(_gripped, scene, sides[0].method))
+    while True:
+        first, other, *once = side_by_side(jobs, progress, _load)
+        gripped, ladders = once[0] if once else gripped, [first, _retold(other, scene)]
+        if made is not None:
+            made(first.run, other.run)
+        rows = compare(scene, *ladders, tol=tol, tol_tension=tol_tension)
+        finer = [side.finer(ladder, rows) for side, ladder in zip(sides, ladders, strict=True)]
+        if looks == MOST_ROUNDS or confirmed or not any(finer):
+            return ladders, rows, gripped
+        looks, confirmed = looks + 1, overall(rows) is Verdict.DISAGREE
+        jobs = [partial(side.remade, *each) for side, *each in zip(sides, ladders, finer, strict=True)]
 
 
 def _window(scene: Scene, a: Ladder, b: Ladder) -> measures.Window:
@@ -196,20 +198,12 @@ def _window(scene: Scene, a: Ladder, b: Ladder) -> measures.Window:
         return measures.WINDOW[0], measures.WINDOW[0]
 
 
-def _closer(methods: list[Method], ladders: list[Ladder]) -> list[Settings | None]:
-    """Settings finer in space and time, after a disagreement."""
-    return [refined(m, e.run.settings, space=CONFIRMS, time=CONFIRMS) for m, e in zip(methods, ladders, strict=True)]
-
-
-def _finer(methods: list[Method], ladders: list[Ladder], rows: list[Agreement]) -> list[Settings | None]:
-    """Finer settings of methods with too large bars, by the worst asked row."""
+def _finer(method: Method, ladder: Ladder, rows: list[Agreement]) -> Settings | None:
+    """Finer settings of a method with too large bars, by the worst asked row."""
     coarse = [row for row in rows if row.asked and row.verdict is Verdict.TOO_COARSE and row.asked_for]
-    out: list[Settings | None] = []
-    for method, ladder in zip(methods, ladders, strict=True):
-        worst = max((x for row in coarse for x in _excess(row, method.name)), key=lambda x: x[0], default=None)
-        settings = ladder.run.settings if worst is None else cheapest(method, ladder.run.settings, *worst[1:])
-        out.append(None if settings == ladder.run.settings else settings)
-    return out
+    worst = max((x for row in coarse for x in _excess(row, method.name)), key=lambda x: x[0], default=None)
+    settings = ladder.run.settings if worst is None else cheapest(method, ladder.run.settings, *worst[1:])
+    return None if settings == ladder.run.settings else settings
 
 
 def _excess(row: Agreement, method: str) -> Iterator[tuple[float, tuple[float, float], float, float]]:
@@ -257,24 +251,6 @@ def _gripped(scene: Scene, method: Method, progress: Progress) -> Response:
     data["travel"].pop("rest", None)  # to the support
     response = run(Scene(**{"name": scene.name, **data}), method, progress=partial(progress, "gripped"))
     return replace(response, method="gripped car", design=design(response))
-
-
-def _climbed(
-    scene: Scene, method: Method, tol: float, budget: float, ends: dict[str, Any], progress: Progress
-) -> Ladder:
-    try:
-        return climb(scene, method, tol, budget=budget, progress=partial(progress, method.name), **ends)
-    except TooCoarse as error:
-        return error.ladder
-
-
-def _remade(
-    scene: Scene, method: Method, before: Ladder, settings: Settings | None, ends: dict[str, Any], progress: Progress
-) -> Ladder:
-    if settings is None:
-        return before
-    told = partial(progress, method.name)
-    return laddered(scene, method, known=before.runs, progress=told, **ends, **settings)
 
 
 def joined(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:

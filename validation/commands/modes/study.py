@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 
 from cablefem.response import Array, write_json
-from cablefem.scene import Scene
+from cablefem.scene import Groups, Scene
 from validation.core.agreement import Agreement
 from validation.core.bounds import Bound, Part
 
@@ -26,26 +27,36 @@ class Modes:
         write_json(out / "modes.json", {name: omega.tolist() for name, omega in self.omega.items()})
 
 
+def bare(
+    groups: Groups, *, elements: int | None = None, terms: int | None = None, level: int = 0, degree: int = 8,
+    reading: Literal["literal", "scaling"] = "literal", **how: Any,
+) -> Array:  # fmt: skip
+    """Frequencies omega l sqrt(rho/H) of the bare cable by elements, by so many sines, or by wavelets up to a level.
+
+    elements : scikit-fem's own assembly;  how : the model, and n, how many.
+    """
+    from cablefem.elements import modes as by_elements
+    from galerkin.bases import Daubechies, Fourier
+    from galerkin.modes import bare_frequencies
+
+    if elements is not None:
+        return by_elements.bare_frequencies(groups, elements=elements, degree=degree, **how)
+    basis: Any = Daubechies(order=4, level=level, reading=reading) if terms is None else Fourier(terms)
+    return bare_frequencies(groups, basis, **how)
+
+
 def modes(scene: Scene | str | Path) -> Modes:
     """Compute the frequencies with each method's own error bar: its change from half the resolution.
 
-    elements : scikit-fem's own assembly, degree 8; fourier, wavelet : the Galerkin bases, each value an upper bound;
     exact : the linearised catenary solved by collocation (validation/oracles/catenary_modes.py).
     """
-    from cablefem.elements import modes as elements
-    from galerkin import modes as galerkin
-    from galerkin.bases.daubechies import Daubechies
-    from galerkin.bases.fourier import Fourier
     from validation.oracles import catenary_modes
 
     groups = (scene if isinstance(scene, Scene) else Scene.load(scene)).groups
     pairs = {
-        "elements": [elements.bare_frequencies(groups, elements=n, n=COUNT) for n in (10, 5)],
-        "fourier": [galerkin.bare_frequencies(groups, Fourier(n), n=COUNT) for n in (120, 60)],
-        "wavelet": [
-            galerkin.bare_frequencies(groups, Daubechies(order=4, level=level, reading="literal"), n=COUNT)
-            for level in (4, 3)
-        ],
+        "elements": [bare(groups, elements=n, n=COUNT) for n in (10, 5)],
+        "fourier": [bare(groups, terms=n, n=COUNT) for n in (120, 60)],
+        "wavelet": [bare(groups, level=n, n=COUNT) for n in (4, 3)],
     }
     exact = catenary_modes.solve(groups.sigma, groups.alpha, groups.c, count=COUNT)
     rows = []

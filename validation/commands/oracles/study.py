@@ -21,9 +21,10 @@ from cablefem.scene import Drive, Groups, Scene
 from cablefem.scene.line import Line, LineRest
 from cablefem.scene.motion import standing
 from validation import oracles
+from validation.commands.modes.study import bare
 from validation.core import store
 from validation.core.crossing import crossed
-from validation.core.methods import ELEMENTS, LEVELS, METHODS, TERMS, Method, find
+from validation.core.methods import ELEMENTS, LEVELS, METHODS, TERMS, find
 from validation.core.running import run
 from validation.core.sampling import stacked
 from validation.core.sidebyside import Progress, silent
@@ -160,11 +161,16 @@ class _Solvers:
         )
 
     def ladder(self, name: str, *, finer: float = 1.0) -> list[Rung]:
-        if name not in BASES:
-            return _rungs(find(name), finer)
-        r = BASES[name][0]
-        values = (0, 1, 2) if r.doubling else (10, 20, 40)
-        return [Rung({r.setting: n}, r.unknowns(n)) for n in values]
+        """Four rungs of a method; three of a basis, and where one more would cost minutes."""
+        if name in BASES:
+            r = BASES[name][0]
+            values = (0, 1, 2) if r.doubling else (10, 20, 40)
+            return [Rung({r.setting: n}, r.unknowns(n)) for n in values]
+        method = find(name)
+        sharp = method.resolution.doubling and method.space_order > 1.0
+        dear = finer > 1.0 or sharp or method.steps_growth is not None
+        settings = method.ladder(3 if dear else 4, finer)
+        return [Rung(method.told(x), method.resolution.unknowns(method.value(x))) for x in settings]
 
     def path(self, crossing: Crossing, name: str, **settings: Any) -> MassPath:
         if crossing.scene:
@@ -173,16 +179,7 @@ class _Solvers:
         return MassPath(*crossed(crossing.groups, name, settings, **crossing.how))
 
     def modes(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Array:
-        (n,) = settings.values()
-        if name == "P2 elements":
-            from cablefem.elements.modes import bare_frequencies as of_elements
-
-            return of_elements(groups, elements=n, degree=2, model=model, n=count)
-        from galerkin.bases import Daubechies, Fourier
-        from galerkin.modes import bare_frequencies
-
-        chosen: Any = Fourier(n) if name == "sines" else Daubechies(order=4, level=n, reading="literal")
-        return bare_frequencies(groups, chosen, model=model, n=count)
+        return bare(groups, degree=2, model=model, n=count, **settings)
 
     def damped_modes(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Any:
         """Matrices of the linear model column by column, then its quadratic eigenvalues i w."""
@@ -237,11 +234,3 @@ def _held(name: str, groups: Groups, p: float, model: str, settings: dict[str, A
     method = find(name)
     groups = replace(groups, motion=standing(p, end))
     return method.build(groups, method.settings(settings), model=model, load="mass", law="elastic")
-
-
-def _rungs(method: Method, finer: float) -> list[Rung]:
-    """Four rungs of a method's ladder; three where one more would cost minutes."""
-    sharp = method.resolution.doubling and method.space_order > 1.0
-    dear = finer > 1.0 or sharp or method.steps_growth is not None
-    settings = method.ladder(3 if dear else 4, finer)
-    return [Rung(method.told(x), method.resolution.unknowns(method.value(x))) for x in settings]

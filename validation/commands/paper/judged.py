@@ -66,10 +66,10 @@ def quantities(entry: Row, meaning: Row, known: Row) -> Iterator[Row]:
         here = known | {"key": key}
         value, bar, paper = _measured(entry, here)
         claimed, low, high = _range(entry, meaning, here)
-        yield {
+        yield store.plain({
             "name": sentence(entry["name"], here), "claimed": claimed, "low": low, "high": high,
-            "paper": _finite(paper), "converged": _finite(value), "uncertainty": _finite(bar),
-        }  # fmt: skip
+            "paper": paper, "converged": value, "uncertainty": bar,
+        })  # fmt: skip
 
 
 def _measured(entry: Row, known: Row) -> tuple[float, float, float | None]:
@@ -147,11 +147,5 @@ def power(x: float) -> str:
     return f"{mantissa}·10{raised(int(exponent))}"
 
 
-def _finite(x: float | None) -> float | None:
-    return None if x is None or not math.isfinite(x) else float(x)
-
-
 _TEMPLATES = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)
-_TEMPLATES.filters |= {
-    "d": fixed, "pct": percent, "power": power,
-}  # fmt: skip
+_TEMPLATES.filters |= {"d": fixed, "pct": percent, "power": power}

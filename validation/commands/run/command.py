@@ -11,7 +11,6 @@ from validation.page import options, terminal
 
 if TYPE_CHECKING:
     from cablefem.response import Response
-    from cablefem.scene import Scene
 
 EXAMPLE = "cablefem run zipline --model quasi-static --set mass.mass=40,60,80"
 METHOD, QUASI_STATIC = "following-p2", "quasi-static"
@@ -50,7 +49,7 @@ def command(
         options.refuse_moving({"--method": method != METHOD, **others, "--tol": tol is not None})
         from validation.commands.run import line as at_rest
 
-        return at_rest.run(options.points_of(line, set_), out)
+        return at_rest.course("run", options.points_of(line, set_), out, lambda line: (at_rest.answers(line), {}))
     faults = [
         f"--{option} = {shown(given)}: unknown.{nearest(given, CHOICES[option])}"
         for option, given in kind.items() if given not in CHOICES[option]
@@ -59,26 +58,28 @@ def command(
     chosen = None if model == QUASI_STATIC else _found(method, tol, faults)
     loaded = options.scene_named(scene, faults, travelling=True)
     points = options.points_of(loaded, set_)
-    asked = [kind | _settings(chosen, kind, point, tol) for point in points]
+    for point in points:
+        _refuse(chosen, kind, point, tol)
 
     from validation.commands.run import study
 
-    def answered(i: int, progress: Callable[..., None]) -> "tuple[Response, str]":
-        return study.answer(points[i].scene, chosen, tol=tol, bars=bars, progress=progress, **asked[i])
+    def answered(point: options.Point, progress: Callable[..., None]) -> "tuple[Response, str]":
+        how = kind | point.settings
+        return study.answer(point.scene, chosen, tol=tol, bars=bars, progress=progress, **how)
 
     if len(points) > 1:
         return study.many(loaded, points, answered, out)
-    return _one(points[0].scene, QUASI_STATIC if chosen is None else method, answered, out)
+    return _one(points[0], QUASI_STATIC if chosen is None else method, answered, out)
 
 
-def _one(scene: "Scene", name: str, answered: "Callable[..., tuple[Response, str]]", out: Path | None) -> int:
+def _one(point: options.Point, name: str, answered: "Callable[..., tuple[Response, str]]", out: Path | None) -> int:
     from validation.core.answers import write_answers
     from validation.core.sidebyside import aside
     from validation.page import report, telling
 
-    folder = store.claim(out, "run", scene, [name])
+    scene, folder = point.scene, store.claim(out, "run", point.scene, [name])
     with terminal.progress() as progress:
-        r, missed = answered(0, partial(progress, name))
+        r, missed = answered(point, partial(progress, name))
     with aside(partial(_animate, r, folder / name)) if name != QUASI_STATIC else nullcontext():
         r.write(folder / name)
         write_answers(folder / name, scene, r)
@@ -115,26 +116,26 @@ def _found(name: str, tol: float | None, faults: list[str]) -> Any:
     return method
 
 
-def _settings(method: Any, kind: dict[str, Any], point: options.Point, tol: float | None) -> dict[str, Any]:
-    """The method's settings at a point; Refused where it cannot run the scene."""
+def _refuse(method: Any, kind: dict[str, Any], point: options.Point, tol: float | None) -> None:
+    """Refuse settings that the method does not take, and a scene that it cannot run."""
     from validation.core.running import Run
 
-    faults, settings = [], {}
-    for key, value in point.settings.items():
-        if method is None:
-            faults.append(f"--set {key}: the quasi-static model has no settings; keys of the scene have a dot")
-        elif tol is not None and key in (space := method.resolution.setting, "steps"):
-            faults.append(f"--set {key} and --tol exclude each other: --tol chooses {space} and steps")
-        else:
-            try:
-                settings[key] = method.settings({key: value})[key]
-            except ValueError as error:
-                faults.append(str(error))
+    if method is None:
+        faults = [
+            f"--set {key}: the quasi-static model has no settings; keys of the scene have a dot"
+            for key in point.settings
+        ]
+    else:
+        space = method.resolution.setting
+        chosen = () if tol is None else (space, "steps")
+        faults = [
+            f"--set {key} and --tol exclude each other: --tol chooses {space} and steps"
+            for key in point.settings if key in chosen
+        ]  # fmt: skip
     if faults:
         raise store.Refused(faults)
-    if method is not None:
-        try:
-            Run(point.scene, method, **kind, **settings)
-        except ValueError as error:
-            raise store.Refused(str(error)) from None
-    return settings
+    try:
+        if method is not None:
+            Run(point.scene, method, **kind, **point.settings)
+    except ValueError as error:
+        raise store.Refused(str(error)) from None

@@ -153,7 +153,6 @@ class Answers:
     rest: LineRest
     rows: list[Row | None]  # None: a position without rest
     design: list[Row]
-    seconds: float
 
     def __repr__(self) -> str:
         return f"Answers({self.line.name}: {self.line.count} positions at rest, {self.status})"
@@ -168,18 +167,16 @@ class Answers:
         return "incomplete" if self.refused else "complete"
 
 
-def answers(line: Line) -> Answers:
-    """Solve a line by catenaries; an error where the empty line or every position has no rest."""
-    begun = perf_counter()
-    return of(line, line.rest(catenary_line.solve), begun)
+def answers(line: Line, rest: LineRest | None = None) -> Answers:
+    """Solve a line by catenaries; an error where the empty line or every position has no rest.
 
-
-def of(line: Line, rest: LineRest, begun: float) -> Answers:
-    """The answers of a solved line; Refused where no position has a rest."""
+    rest : its solution, if there is one.
+    """
+    rest = rest or line.rest(catenary_line.solve)
     rows = rows_of(line, rest)
     if not any(rows):
         raise store.Refused(f"{line.name}: no position has a rest; at the first {rest.positions[0]}")
-    return Answers(line, rest, rows, extremes(line, rows), perf_counter() - begun)
+    return Answers(line, rest, rows, extremes(line, rows))
 
 
 def rows_of(line: Line, rest: LineRest) -> list[Row | None]:
@@ -188,7 +185,7 @@ def rows_of(line: Line, rest: LineRest) -> list[Row | None]:
     return [row(line, i, x, rest.empty) if isinstance(x, LineState) else None for i, x in told]
 
 
-def write(folder: Path, found: Answers) -> None:
+def write(folder: Path, found: Answers, seconds: float) -> None:
     """Write positions.csv, profile.csv, summary.json, scene.toml, and the ropes that the page draws."""
     folder.mkdir(exist_ok=True)
     line, columns = found.line, list(next(x for x in found.rows if x))
@@ -200,7 +197,7 @@ def write(folder: Path, found: Answers) -> None:
     write_json(folder / "summary.json", {
         "scene": line.name, "title": line.title, "method": "catenaries", "status": found.status,
         "refused": found.refused, "positions": line.count, "empty_length": float(np.ptp(found.rest.empty.s)),
-        "design": found.design, "seconds": found.seconds,
+        "design": found.design, "seconds": seconds,
     })  # fmt: skip
     standing = [i for i, x in enumerate(found.rest.positions) if isinstance(x, LineState)]
     # the ropes of some positions are drawn
@@ -214,10 +211,6 @@ def _csv(file: Path, head: Sequence[str], rows: Sequence[Sequence[Any]]) -> None
         writer = csv.writer(out)
         writer.writerow(head)
         writer.writerows([f"{x:.9g}" if isinstance(x, float) else x for x in line] for line in rows)
-
-
-def run(points: Sequence[Point], out: Path | None) -> int:
-    return course("run", points, out, lambda line: (answers(line), {}))
 
 
 def course(
@@ -235,14 +228,16 @@ def course(
         folder = store.claim(out, command, line, [home, "agreement.json"] if command == "check" else [home])
         with terminal.progress() as progress:
             progress(line.name, 0.0)
+            begun = perf_counter()
             found, agreement = answered(line)
-        write(folder / home, found)
+            seconds = perf_counter() - begun
+        write(folder / home, found, seconds)
         if agreement:
             write_json(folder / "agreement.json", agreement)
             terminal.say(agreement["verdict"], style=terminal.STYLES[agreement["verdict"]])
         report.write(folder, command)
         tell(line, found.design, found.refused)
-        terminal.say(f"  {line.count} positions in {found.seconds:.2g} s")
+        terminal.say(f"  {line.count} positions in {seconds:.2g} s")
         if agreement:
             terminal.say(f"  {worst(agreement['rows'])}")
         terminal.say(f"  written to {folder}: report.html, {home}/")

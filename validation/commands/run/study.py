@@ -27,23 +27,19 @@ def answer(
     Returns the response with its design numbers, and why the tolerance is out of reach, else "".
     Without a method: the quasi-static ride.
     """
-    missed = ""
-    if method is None:
-        response = quasi_static(scene)
+    if method is None or (tol is None and not bars):
+        response = quasi_static(scene) if method is None else run(scene, method, **kind, progress=progress)
         return replace(response, design=design(response)), ""
-    if tol is not None:
-        try:
-            ladder = climb(scene, method, tol, **kind, progress=progress)
-            ladder = refined_until(
-                scene, ladder, lambda x: forces_left(scene, x, tol), **kind
-            )  # mean forces, as in `check`
-        except TooCoarse as error:
-            ladder, missed = error.ladder, str(error)
-    elif bars:
+    missed = ""
+    if tol is None:
         ladder = laddered(scene, method, **kind, progress=progress)
     else:
-        response = run(scene, method, **kind, progress=progress)
-        return replace(response, design=design(response)), ""
+        try:
+            ladder = climb(scene, method, tol, **kind, progress=progress)
+            # mean forces, as in `check`
+            ladder = refined_until(scene, ladder, lambda x: forces_left(scene, x, tol), **kind)
+        except TooCoarse as error:
+            ladder, missed = error.ladder, str(error)
     return replace(ladder.run, design=design(ladder), events=with_bars(ladder)), missed
 
 
@@ -66,7 +62,7 @@ def many(scene: Scene, points: Sequence[Point], answered: Callable[..., tuple[Re
     """Answer every point of a grid; 2 where a run broke."""
 
     def row(point: Point) -> tuple[table.Row, Any]:
-        found = answered(points.index(point), silent)[0]
+        found = answered(point, silent)[0]
         return table.row(point.scene, found, found.design), table.path(found)
 
     rows = table.grid("run", "grid", scene, points, out, row, table.columns)

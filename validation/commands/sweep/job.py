@@ -166,12 +166,10 @@ def faults_of(r: Any) -> list[str]:
     import numpy as np
 
     whole = ("t", "s_o", "x", "y", "u", "v", "velocity", "acceleration", "energy", "power", "tension_min")
-    out = [f"{name} is not finite" for name in whole if not np.isfinite(getattr(r, name)).all()]
-    fields = ("T", "u", "v", "du", "dv")
-    out += [f"fields.{name} is not finite" for name in fields if not np.isfinite(getattr(r.fields, name)).all()]
     inner = (r.s_o > 0.0) & (r.s_o < r.length)
-    if not (np.isfinite(r.T_behind[inner]).all() and np.isfinite(r.T_ahead[inner]).all()):
-        out.append("a tension at the mass is not finite")
+    arrays = {name: getattr(r, name) for name in whole} | {"T_behind": r.T_behind[inner], "T_ahead": r.T_ahead[inner]}
+    arrays |= {f"fields.{name}": getattr(r.fields, name) for name in ("T", "u", "v", "du", "dv")}
+    out = [f"{name} is not finite" for name, values in arrays.items() if not np.isfinite(values).all()]
     if r.status == "incomplete" and not (r.reason and r.cause):
         out.append("incomplete without a reason")
     return out
