@@ -257,15 +257,15 @@ def cluster():
 def test_a_sweep_goes_on_where_it_stopped_and_does_nothing_twice(tmp_path, cluster):
     study, seen = wide(60), []
 
-    def interrupted(tally):
-        if tally.status.total() >= 10:
+    def interrupted(label, done, note):
+        if done >= 10 / 60:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         engine.sweep(study, tmp_path, progress=interrupted, **cluster)
     before = engine.done(tmp_path)
     assert 10 <= len(before) < 60
-    tally = engine.sweep(study, tmp_path, progress=lambda t: seen.append(t.done), **cluster)
+    tally = engine.sweep(study, tmp_path, progress=lambda label, done, note: seen.append(done), **cluster)
     assert tally.status.total() == 60 - len(before)
     rows = engine.frame(tmp_path)
     assert rows.index.tolist() == list(range(60))

@@ -6,7 +6,6 @@ from dataclasses import replace
 from functools import cache
 from typing import Any, Literal
 
-import jinja2
 import numpy as np
 
 from cablefem import newmark
@@ -19,8 +18,8 @@ from validation.commands.modes.study import bare
 from validation.core import measures, running, store
 from validation.core.trust import convergence_limit, post_slack_spread
 from validation.core.watch import MOST_GAIN
+from validation.page import page
 
-_EXPRESSIONS = jinja2.Environment(undefined=jinja2.StrictUndefined)
 Row = dict[str, Any]
 Groups = dict[str, float]  # of the level scene, changed
 
@@ -30,10 +29,7 @@ CATALOGUE: tuple[Row, ...] = tuple(store.shipped(__package__, "catalogue.toml")[
 def run_row(row: Row) -> Row:
     """A row as data: its words, what was measured, and whether failure and remedy showed."""
     failed, cured = (
-        {
-            name: float(math.nan if (x := _evaluated(expression)) is None else x)
-            for name, expression in row[side].items()
-        }
+        {name: math.nan if (x := _evaluated(text)) is None else float(x) for name, text in row[side].items()}
         for side in ("shows", "cures")
     )
     return {k: row[k] for k in ("name", "scene", "method", "symptom", "cause", "remedy")} | {
@@ -48,7 +44,7 @@ def holds(condition: str, x: dict[str, float]) -> bool:
 
 
 def _evaluated(expression: str, **names: Any) -> Any:
-    return _EXPRESSIONS.compile_expression(expression, undefined_to_none=False)(**MEASURES, **names)
+    return page.expression(expression)(**MEASURES, **names)
 
 
 def level(**groups: float) -> Scene:

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import maximum_filter1d
 
 from cablefem.response import Array, Response, whole, write_json
 from cablefem.scene import Scene
@@ -185,8 +186,7 @@ def to_the_end(scene: Scene) -> dict[str, Any]:
 
 def nearby(gap: Array) -> Array:
     """Largest value around each place (last axis); nan where that place has none."""
-    padded = np.pad(np.nan_to_num(gap), ((0, 0), (NEARBY, NEARBY)))
-    largest = np.lib.stride_tricks.sliding_window_view(padded, 2 * NEARBY + 1, axis=1).max(axis=-1)
+    largest = maximum_filter1d(np.nan_to_num(gap), 2 * NEARBY + 1, axis=1, mode="constant")
     return np.where(np.isfinite(gap), largest, np.nan)
 
 

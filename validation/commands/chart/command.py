@@ -10,9 +10,7 @@ EXAMPLE = "cablefem chart level"
 
 def command(
     scene: SceneName,
-    budget: Annotated[
-        float, typer.Option(metavar="S", min=1.0, help="Seconds for all runs together; what exceeds them is a row.")
-    ] = 240.0,
+    budget: Annotated[float, typer.Option(metavar="S", min=1.0, help="Seconds for all runs together.")] = 240.0,
     out: Out = None,
 ) -> int:
     """Chart speed against accuracy of every method on a scene.

@@ -26,7 +26,7 @@ WORK = {"seconds": "seconds of the time loop, one core", "unknown_steps": "steps
 def sections(folder: Path) -> list[Section]:
     chart = store.read(folder / "chart.json")
     return drawn(
-        __package__, chart=chart, free=_free(chart), fastest=chart.get("fastest", []), front=front,
+        __package__, chart=chart, free=chart.get("drive") == "free", fastest=chart.get("fastest", []), front=front,
         charts=partial(_charts, chart), without_dot=_failures(chart),
     )  # fmt: skip
 
@@ -35,11 +35,8 @@ def _error(chart: dict[str, Any], quantity: str) -> str:
     """What is plotted as error, in words."""
     if quantity == "tension":
         return "rms error of the tension / H"
-    return "distance of the rider / (length / 10)" if _free(chart) else "error of the mass path / deflection"
-
-
-def _free(chart: dict[str, Any]) -> bool:
-    return chart.get("drive") == "free"
+    free = chart.get("drive") == "free"
+    return "distance of the rider / (length / 10)" if free else "error of the mass path / deflection"
 
 
 def _group(r: Row) -> str:

@@ -15,25 +15,22 @@ if TYPE_CHECKING:
 EXAMPLE = "cablefem check my.toml --tol 1e-4 --with other.csv"
 TOL = "Asked of the path's error, over its largest deflection. Default: 1e-3; of a line at rest 1e-6 m."
 TOL_TENSION = "Asked of the tension, over H. Default: 10 times --tol."
-WITH = "Another program's mass path as CSV, a third party."
-DEEP = "Hold what both solvers share against third parties, too."
 SECOND = "Scene the second solver is told: a planted fault."
 SECOND_SET = "The same by a key of the scene: mass.mass=+1%."
-SENSITIVITY = "Print for each key the smallest fault this check would notice."
 
 
 def command(
     scene: options.SceneName,
     tol: Annotated[float | None, options.number("--tol", TOL)] = None,
     tol_tension: Annotated[float | None, options.number("--tol-tension", TOL_TENSION)] = None,
-    other: Annotated[Path | None, typer.Option("--with", metavar="FILE", help=WITH)] = None,
+    other: Annotated[Path | None, typer.Option("--with", metavar="FILE", help="Another program's path as CSV.")] = None,
     with_tol: Annotated[float, options.number("--with-tol", "Allowed to it beside our own error bar.")] = 5e-3,
     set_: options.Set = None,
     verbose: Annotated[bool, typer.Option("--verbose", help="Print every comparison.")] = False,
-    deep: Annotated[bool, typer.Option("--deep", help=DEEP)] = False,
+    deep: Annotated[bool, typer.Option("--deep", help="Hold what both share against third parties.")] = False,
     second: Annotated[Path | None, typer.Option("--second", metavar="FILE", help=SECOND)] = None,
     second_set: Annotated[list[str] | None, typer.Option("--second-set", metavar="KEY=VALUE", help=SECOND_SET)] = None,
-    sensitive: Annotated[bool, typer.Option("--sensitivity", help=SENSITIVITY)] = False,
+    sensitive: Annotated[bool, typer.Option("--sensitivity", help="Smallest fault of each key that it sees.")] = False,
     out: options.Out = None,
 ) -> int:
     """Run two solvers that share no formula on one scene, or on a grid of scenes; do they agree?

@@ -53,25 +53,19 @@ def compared(
 ) -> list[Row]:  # fmt: skip
     """One judged row a quantity, of the worst station and position; `less`: coarser answers."""
     positions: list[Four] = list(zip(a.positions, less_a.positions, b.positions, less_b.positions, strict=True))
-    both = {i: four for i, four in enumerate(positions) if all(isinstance(x, LineState) for x in four)}
-    reach = {"m": float(np.ptp(a.empty.place[:, 0])), "N": a.empty.case.EA}
-    rounding = {unit: float(ROUNDING * x) for unit, x in reach.items()}
-    rows = _judged(both, rounding, tol, tol_tension) if both else []
-    return rows + _alone(positions)
-
-
-def _judged(both: dict[int, Four], rounding: dict[str, float], tol: float, tol_tension: float) -> list[Row]:
-    """The row of each quantity; both : positions with all four answers."""
-    at = [f"{p.name}, position {i + 1}" for i, four in both.items() for p in four[0].case.stations]  # type: ignore[union-attr]
-    values = [_joined(states) for states in zip(*both.values(), strict=True)]
+    both = [i for i, four in enumerate(positions) if all(isinstance(x, LineState) for x in four)]
+    if not both:
+        return _alone(positions)
+    at = [f"{p.name}, position {i + 1}" for i in both for p in a.positions[i].case.stations]  # type: ignore[union-attr]
+    values = [_joined([x.positions[i] for i in both]) for x in (a, less_a, b, less_b)]
     tension = float(np.nanmax([values[0]["tension_behind"], values[0]["tension_ahead"]]))
-    asked = {"m": tol, "N": tol_tension * tension}
+    units = {"m": (float(np.ptp(a.empty.place[:, 0])), tol), "N": (a.empty.case.EA, tol_tension * tension)}
     rows = []
     for quantity in values[0]:
-        unit = "m" if quantity in METRES else "N"
-        if found := _worst(rounding[unit], *(x[quantity] for x in values)):
-            rows.append(_row(quantity, *found[:3], asked[unit], at[found[3]]))
-    return rows
+        reach, asked_for = units["m" if quantity in METRES else "N"]
+        if found := _worst(float(ROUNDING * reach), *(x[quantity] for x in values)):
+            rows.append(_row(quantity, *found[:3], asked_for, at[found[3]]))
+    return rows + _alone(positions)
 
 
 def _joined(states: Sequence[LineState | NoLine]) -> dict[str, Array]:

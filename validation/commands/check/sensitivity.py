@@ -49,9 +49,11 @@ def sensitivity(result: Check, largest: float = 1.0) -> dict[str, float]:
             continue
         changed = run(other, find(base.method), until=view.stop, **base.settings)
         changed = replace(changed, scene_toml=base.scene_toml)
-        found = [_least(changed, base, q, bars, view) for q in TABLE if q.asks and q.concerns(view)]
-        if found and min(found) < largest:
-            out[key] = min(found)
+        gaps = {(q.name, q.law): _gap(q, changed, base, view) for q in TABLE if q.asks and q.concerns(view)}
+        # the gap grows with the fault, and is noticed beyond three times both bars
+        noticed = [APART * bars.get(row, math.inf) * 0.01 * STEP / gap for row, gap in gaps.items() if gap > 0.0]
+        if noticed and min(noticed) < largest:
+            out[key] = min(noticed)
     return dict(sorted(out.items(), key=lambda item: item[1]))
 
 
@@ -64,14 +66,11 @@ def _changed(scene: Scene, key: str) -> Scene | None:
     return None
 
 
-def _least(changed: Any, base: Any, quantity: Any, bars: dict[tuple[str, str], float], view: View) -> float:
-    """Smallest detectable fault of a row: three times its bars over its change per fault."""
-    allowed = bars.get((quantity.name, quantity.law), math.inf)
+def _gap(quantity: Any, changed: Any, base: Any, view: View) -> float:
     try:
-        gap = quantity.gap(changed, base, view)
+        return quantity.gap(changed, base, view)
     except NotComparable:
-        return math.inf
-    return APART * allowed * 0.01 * STEP / gap if gap > 0.0 else math.inf
+        return 0.0
 
 
 def told(found: dict[str, float]) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 import jinja2
 
 from validation.core import store
-from validation.page.page import raised
+from validation.page import page
 
 HOLDS, PAPER_ONLY = "holds", "holds at the paper's resolution only"
 FAILS, OPEN = "does not hold", "cannot be decided"
@@ -118,8 +118,7 @@ def evaluated(expression: str | float, known: Row) -> float:
     """The value of an expression; an unknown name is an error."""
     if not isinstance(expression, str):
         return expression
-    value: Any = _TEMPLATES.compile_expression(expression, undefined_to_none=False)(**known)
-    return float(value)
+    return float(page.expression(expression)(**known))
 
 
 def sentence(template: str, known: Row) -> str:
@@ -144,7 +143,7 @@ def percent(x: float, decimals: int = 0) -> str:
 def power(x: float) -> str:
     """A number to one digit as 2·10⁻⁵."""
     mantissa, exponent = f"{x:.0e}".split("e")
-    return f"{mantissa}·10{raised(int(exponent))}"
+    return f"{mantissa}·10{page.raised(int(exponent))}"
 
 
 _TEMPLATES = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)

@@ -1,6 +1,7 @@
 """Measures that claims.toml names; tensions with s_o/l in MOVING by default."""
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -80,6 +81,12 @@ def frames(r: Response, low: float, high: float) -> slice:
     return slice(int(inside[0]), int(inside[-1]) + 1)
 
 
+def moving(r: Response) -> Iterator[tuple[Array, float]]:
+    """The tension along the cable and s_o/l of each frame in MOVING."""
+    rows = frames(r, *MOVING)
+    return zip(r.fields.T_pointwise[rows], r.fields.s_o[rows] / r.length, strict=True)
+
+
 def level(r: Response, low: float, high: float) -> Array:
     """The median tension along the cable, over H, of every such frame."""
     return np.median(r.fields.T_pointwise[frames(r, low, high)], axis=1) / r.horizontal_tension
@@ -96,8 +103,8 @@ def tension_error(r: Response, reference: Response) -> float:
 
 def unevenness(r: Response, *, sides: bool = False, width: float = 0.05) -> Array:
     """Rms of T about its mean along the cable (or each side), over that mean, by frame, beyond `width` of the mass."""
-    out, s, rows = [], r.fields.s / r.length, frames(r, *MOVING)
-    for row, s_o in zip(r.fields.T_pointwise[rows], r.fields.s_o[rows] / r.length, strict=True):
+    out, s = [], r.fields.s / r.length
+    for row, s_o in moving(r):
         away = np.abs(s - s_o) >= width
         parts = [away & (s < s_o), away & (s > s_o)] if sides else [away]
         out.append(np.mean([np.mean((row[p] / row[p].mean() - 1.0) ** 2) for p in parts if p.any()]))
@@ -106,9 +113,8 @@ def unevenness(r: Response, *, sides: bool = False, width: float = 0.05) -> Arra
 
 def wiggle(r: Response, near: float = 0.2, far: float = 1.0) -> float:
     """Rms of T less its running mean over a tenth of the cable on one side, over H, `near` to `far` off the mass."""
-    s, half, rows = r.fields.s / r.length, round(0.05 * (r.fields.s.size - 1)), frames(r, *MOVING)
-    parts = []
-    for row, s_o in zip(r.fields.T_pointwise[rows], r.fields.s_o[rows] / r.length, strict=True):
+    s, half, parts = r.fields.s / r.length, round(0.05 * (r.fields.s.size - 1)), []
+    for row, s_o in moving(r):
         for side in (s < s_o, s > s_o):
             if np.count_nonzero(side) > 2 * half:
                 whole = slice(half, -half)  # where the mean has all its stations
@@ -120,7 +126,7 @@ def wiggle(r: Response, near: float = 0.2, far: float = 1.0) -> float:
 
 def turns(r: Response) -> float:
     """Crests and troughs of T along the cable deeper than 0.005 H, mean over frames."""
-    rows = r.fields.T_pointwise[frames(r, *MOVING)] / r.horizontal_tension
+    rows = (T / r.horizontal_tension for T, _ in moving(r))
     return float(np.mean([sum(find_peaks(x * sign, prominence=0.005)[0].size for sign in (1, -1)) for x in rows]))
 
 

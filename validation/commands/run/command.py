@@ -31,9 +31,7 @@ def command(
     load: Annotated[str, typer.Option(metavar="NAME", help="mass, or force: its weight alone.")] = "mass",
     law: Annotated[str, typer.Option(metavar="NAME", help=LAW)] = "auto",
     tol: Annotated[float | None, options.number("--tol", TOL)] = None,
-    bars: Annotated[
-        bool, typer.Option("--bars/--no-bars", help="Error bars from coarser runs, in space and in time.")
-    ] = True,
+    bars: Annotated[bool, typer.Option("--bars/--no-bars", help="Error bars from coarser runs.")] = True,
     out: options.Out = None,
 ) -> int:
     """Run one method on one scene, or on a grid of scenes: what becomes of the ride, in numbers and pictures.

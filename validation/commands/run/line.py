@@ -5,7 +5,6 @@ Quantities are named `quantity:contact`, `quantity:car` or `quantity:obstacle`. 
 
 from __future__ import annotations
 
-import csv
 import itertools
 import math
 from collections.abc import Callable, Sequence
@@ -17,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from cablefem import catenary_line
-from cablefem.response import Array, whole, write_json, write_text
+from cablefem.response import Array, write_csv, write_json, write_text
 from cablefem.scene import SceneError
 from cablefem.scene.line import Car, Line, LineRest, LineState, NoLine
 from validation.core import store
@@ -187,12 +186,9 @@ def rows_of(line: Line, rest: LineRest) -> list[Row | None]:
 
 def write(folder: Path, found: Answers, seconds: float) -> None:
     """Write positions.csv, profile.csv, summary.json, scene.toml, and the ropes that the page draws."""
-    folder.mkdir(exist_ok=True)
-    line, columns = found.line, list(next(x for x in found.rows if x))
-    lines = [[i + 1, *(None if x is None else x[name] for name in columns)] for i, x in enumerate(found.rows)]
-    _csv(folder / "positions.csv", ["position", *columns], lines)
-    told = envelope(line, found.rest)
-    _csv(folder / "profile.csv", list(told), np.stack(list(told.values()), axis=1).tolist())
+    line, told = found.line, envelope(found.line, found.rest)
+    table.write_rows(folder / "positions.csv", [{"position": i + 1} | (x or {}) for i, x in enumerate(found.rows)])
+    write_csv(folder / "profile.csv", ",".join(told), np.stack(list(told.values()), axis=1))
     write_text(folder / "scene.toml", line.to_toml())
     write_json(folder / "summary.json", {
         "scene": line.name, "title": line.title, "method": "catenaries", "status": found.status,
@@ -204,13 +200,6 @@ def write(folder: Path, found: Answers, seconds: float) -> None:
     drawn = [standing[k] for k in np.unique(np.linspace(0, len(standing) - 1, 7).round().astype(int))]
     depths = {str(i + 1): catenary_line.at(found.rest.positions[i], told["x"])[0].tolist() for i in drawn}
     write_json(folder / "ropes.json", {"profile": {k: v.tolist() for k, v in told.items()}, "depths": depths})
-
-
-def _csv(file: Path, head: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    with whole(file) as temporary, temporary.open("w", encoding="utf-8", newline="") as out:
-        writer = csv.writer(out)
-        writer.writerow(head)
-        writer.writerows([f"{x:.9g}" if isinstance(x, float) else x for x in line] for line in rows)
 
 
 def course(

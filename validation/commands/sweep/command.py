@@ -17,23 +17,18 @@ EXAMPLE = "cablefem sweep throughput --workers 2"
 
 
 def command(
-    study: Annotated[
-        str | None, typer.Argument(metavar="STUDY", help="A TOML file, or a built-in study; none lists them.")
-    ] = None,
-    workers: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Worker processes on this machine; default one per core.")
-    ] = None,
+    study: Annotated[str | None, typer.Argument(metavar="STUDY", help="A TOML file or a built-in study.")] = None,
+    workers: Annotated[int | None, typer.Option(min=1, metavar="N", help="Processes; default one per core.")] = None,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler that runs, e.g. tcp://host:8786.")
+        str | None, typer.Option(metavar="ADDRESS", help="Of a running Dask: tcp://host:8786.")
     ] = None,
-    scene: Annotated[
-        int | None, typer.Option(min=0, metavar="I", help="Print scene I as TOML and what was run on it; run nothing.")
-    ] = None,
+    scene: Annotated[int | None, typer.Option(min=0, metavar="I", help="Print scene I as TOML; run nothing.")] = None,
     csv: Annotated[bool, typer.Option("--csv", help="Write rows.csv as well.")] = False,
     out: Annotated[Path | None, options.to("STUDY")] = None,
 ) -> int:
     """Run a study of many scenes; given again it goes on where it stopped.
 
+    Without a STUDY it lists the built-in ones.
     Writes DIR/: rows/*.parquet, one row per scene; study.toml and report.html.
     """
     from validation.commands.sweep.study import Study, built_in
@@ -51,10 +46,7 @@ def command(
     from validation.commands.sweep import engine
 
     def swept(folder: Path, progress: Progress) -> tuple[engine.Tally, Any]:
-        def told(tally: engine.Tally) -> None:
-            progress("sweep", tally.done / tally.total, str(tally))
-
-        tally = engine.sweep(asked, folder, workers=workers, scheduler=scheduler, progress=told)
+        tally = engine.sweep(asked, folder, workers=workers, scheduler=scheduler, progress=progress)
         rows = engine.frame(folder)
         if csv:
             rows.to_csv(folder / "rows.csv")

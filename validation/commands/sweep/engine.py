@@ -4,7 +4,6 @@ import fcntl
 import logging
 import os
 import time
-import tomllib
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -18,6 +17,7 @@ from cablefem.response import whole, write_text
 from validation.commands.sweep import job
 from validation.commands.sweep.study import Study
 from validation.core import store
+from validation.core.sidebyside import Progress, silent
 from validation.core.store import Refused
 
 CHUNK = 1.0  # [s] of work in a chunk; its transfer and file cost about 10 ms
@@ -52,29 +52,33 @@ class Tally:
 
 def sweep(
     study: Study, out: Path, *, workers: int | None = None, scheduler: str | None = None,
-    progress: Callable[[Tally], None] | None = None, work: Work = job.rows,
+    progress: Progress = silent, work: Work = job.rows,
 ) -> Tally:  # fmt: skip
     """Compute every point of a study that has no row in out/rows yet; after a kill the same call goes on.
 
     workers : processes on this machine, one per core by default; scheduler : address of a running one.
+    progress : called with a label, the fraction done, and a line on it.
     Raises Refused for a folder with rows of another study, or without Dask.
     sweep("riders.toml", Path("riders"))
     """
-    report = progress or (lambda tally: None)
     with _alone(store.claim(out, "sweep", study.name, WRITES)):
         _same_study(study, out)
         known = done(out)
         todo = deque(i for i in range(len(study)) if i not in known)
         tally = Tally(len(study), len(known))
-        report(tally)
+        _tell(progress, tally)
         if todo:
             with _client(workers, scheduler, min(len(todo), LARGEST)) as client:
                 tally.dashboard = client.dashboard_link or ""
                 for rows in filter(None, _computed(client, study, todo, work)):
                     write(out, study, rows)
                     tally.status.update(row["status"] for row in rows)
-                    report(tally)
+                    _tell(progress, tally)
     return tally
+
+
+def _tell(progress: Progress, tally: Tally) -> None:
+    progress("sweep", tally.done / tally.total, str(tally))
 
 
 def _computed(client: Any, study: Study, todo: deque[int], work: Work) -> Iterator[list[Row]]:
@@ -165,16 +169,16 @@ def _alone(out: Path) -> Iterator[None]:
 
 def _same_study(study: Study, out: Path) -> None:
     """Keep the study beside its rows; raise Refused where another one is kept."""
-    kept, told = out / "study.toml", study.to_toml()
-    if kept.is_file() and _of_rows(kept.read_text(encoding="utf-8")) != _of_rows(told):
+    kept = out / "study.toml"
+    if kept.is_file() and _of_rows(Study.load(kept)) != _of_rows(study):
         raise Refused(f"{out} holds rows of another study; nothing was written; choose another folder with --out")
     (out / "rows").mkdir(exist_ok=True)
-    write_text(kept, told)
+    write_text(kept, study.to_toml())
 
 
-def _of_rows(study: str) -> dict[str, Any]:
+def _of_rows(study: Study) -> dict[str, Any]:
     """The entries of a study that change its rows."""
-    return {k: v for k, v in tomllib.loads(study).items() if k not in ("title", "seconds")}
+    return study.model_dump(exclude={"title", "seconds"}, serialize_as_any=True)
 
 
 @contextmanager

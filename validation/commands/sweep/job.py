@@ -208,14 +208,11 @@ def of_response(r: Any, scene: Any) -> dict[str, Any]:
     from validation.core.answers import outcome
 
     found = outcome(scene, r)
-    out = {
-        "status": r.status, "cause": r.cause, "reason": r.reason, "method": r.method, "model": r.model, "load": r.load,
-        "flags": "; ".join(map(str, r.flags)) or None, "settings": json.dumps(r.settings),
-        "max_deflection": r.max_deflection, "path_error": r.path_error, "tension_error": r.tension_error,
-        "slack_onset": r.slack_onset, "reached": r.reached, "newton_iterations": r.work["newton_iterations"],
-        "steps": r.work["steps"], "outcome": found.sentence, "outcome_kind": found.kind,
-        "events": json.dumps(r.events) if r.events else None,
-    }  # fmt: skip
+    same = ("status", "cause", "reason", "method", "model", "load", "max_deflection", "path_error", "tension_error")
+    out = {name: getattr(r, name) for name in (*same, "slack_onset", "reached")}
+    out |= {name: r.work[name] for name in COLUMNS["counts"]}
+    out |= {"flags": "; ".join(map(str, r.flags)) or None, "settings": json.dumps(r.settings)}
+    out |= {"events": json.dumps(r.events) if r.events else None, "outcome": found.sentence, "outcome_kind": found.kind}
     for number in r.design:
         if number["quantity"] in DESIGN:
             out |= {number["quantity"]: number["value"], f"{number['quantity']}_bar": number["bar"]}

@@ -63,7 +63,6 @@ class Study(Part):
     sample: Sample | None = None
     truth: Truth | None = None
     _name: str = PrivateAttr("study")
-    _given: dict[str, Any] = PrivateAttr(default_factory=dict)
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Study:
@@ -86,7 +85,7 @@ class Study(Part):
             if isinstance(scene, str):
                 data = data | {"scene": Scene.load(folder / scene if (folder / scene).is_file() else scene)}
             study = cls(**data)
-            study._name, study._given = name, data
+            study._name = name
             if faults := study._faults():
                 raise SceneError(faults)
             return study
@@ -132,11 +131,9 @@ class Study(Part):
 
         Points are numbered by the order of the axes: each is a table, as the writer puts lists before tables.
         """
-        given = {k: v for k, v in self._given.items() if v is not None}
+        given = self.model_dump(exclude={"scene"}, exclude_defaults=True, serialize_as_any=True)
         if self.scene is not None:
             given["scene"] = tomllib.loads(self.scene.to_toml())
-        axes = {name: axis.model_dump() for name, axis in self.axes.items()}
-        given |= {"vary": axes} if self.sample is None else {"sample": given["sample"] | {"range": axes}}
         return tomli_w.dumps(given)
 
     def __len__(self) -> int:

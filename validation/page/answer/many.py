@@ -99,11 +99,7 @@ def grid(
 
         spread(answered, points, told)
     rows = [{k: store.plain(v) for k, v in point.given.items()} | answers[i][0] for i, point in enumerate(points)]
-    names = list(dict.fromkeys(name for found in rows for name in found))
-    with whole(folder / home / "table.csv") as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
-        lines = csv.DictWriter(file, names, restval="")
-        lines.writeheader()
-        lines.writerows(rows)
+    write_rows(folder / home / "table.csv", rows)
     paths = [answers[i][1] for i in range(len(points))]
     write_json(folder / home / "grid.json", {"keys": keys, "rows": rows, "paths": paths})
     write_text(folder / home / "scene.toml", scene.to_toml())
@@ -111,6 +107,14 @@ def grid(
     _tell(rows, columns(rows, keys))
     terminal.say(f"  written to {folder}: report.html, {home}/table.csv")
     return rows
+
+
+def write_rows(file: Path, rows: Sequence[Row]) -> None:
+    """Write rows as CSV, with the columns of all."""
+    with whole(file) as temporary, temporary.open("w", encoding="utf-8", newline="") as out:
+        lines = csv.DictWriter(out, list(dict.fromkeys(name for row in rows for name in row)), restval="")
+        lines.writeheader()
+        lines.writerows(rows)
 
 
 def _tell(rows: list[Row], shown: Columns) -> None:
