@@ -33,44 +33,41 @@ _HOME = {
 __all__ = ["ForeignPath", "assert_agree", "check", "check_solver", "quasi_static", "run", "run_with_bars", "sweep"]
 
 
+# what computes a line of several contacts, at rest
+_AT_REST = {"run_with_bars": ("commands.run.line", "answers"), "check": ("commands.check.line", "checked")}
+
+
 def __getattr__(name: str) -> Any:
     """Load a public name on first use."""
-    home = _HOME.get(name)
-    if home is None:
+    if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return _by_name(getattr(importlib.import_module(f"validation.{home}"), name))
+    return _by_name(_loaded(_HOME[name], name))
 
 
-_READ = {"scene": ("cablefem.scene", "Scene"), "study": ("validation.commands.sweep.study", "Study")}
-# what computes a line of several contacts, at rest
-_AT_REST = {"run_with_bars": "validation.commands.run.line:answers", "check": "validation.commands.check.line:checked"}
+def _loaded(home: str, name: str) -> Any:
+    return getattr(importlib.import_module(f"validation.{home}"), name)
 
 
 def _by_name(function: Any) -> Any:
     """Return a function of a scene, or of a study, that takes its name or file, too."""
     first = next(iter(inspect.signature(function).parameters), "") if inspect.isfunction(function) else ""
-    if first not in _READ:
+    if first not in ("scene", "study"):
         return function
+    at_rest = _AT_REST.get(function.__name__)
 
     @functools.wraps(function)
     def named(of: Any, *args: Any, **kwargs: Any) -> Any:
-        if first == "scene" and function.__name__ in _AT_REST and (line := _line(of)) is not None:
-            home, name = _AT_REST[function.__name__].split(":")
-            return getattr(importlib.import_module(home), name)(line, *args, **kwargs)
+        from cablefem.scene import Scene
+        from cablefem.scene.line import Line, line_of
+
         if isinstance(of, str | Path):
-            home, kind = _READ[first]
-            of = getattr(importlib.import_module(home), kind).load(of)
+            kind = Scene if first == "scene" else _loaded("commands.sweep.study", "Study")
+            of = (at_rest and line_of(of)) or kind.load(of)
+        if at_rest and isinstance(of, Line):
+            return _loaded(*at_rest)(of, *args, **kwargs)
         return function(of, *args, **kwargs)
 
     return named
-
-
-def _line(of: Any) -> Any:
-    """Return a line at rest, also by its name or file; None of anything else."""
-    line = importlib.import_module("cablefem.scene.line")
-    if isinstance(of, str | Path):
-        return line.Line.load(of) if line.is_line(of) else None
-    return of if isinstance(of, line.Line) else None
 
 
 def command_names() -> list[str]:

@@ -265,12 +265,13 @@ class Line(Described):
         return LineRest(self, empty, [self._crowded(i) or _standing(state) for i, state in enumerate(solved)])
 
 
-def is_line(name_or_path: str | Path) -> bool:
-    """Whether a built-in scene or TOML file is a line of several contacts; False where it cannot be read."""
+def line_of(name_or_path: str | Path) -> Line | None:
+    """The line of that name or TOML file; None for a scene of one span, or where it cannot be read."""
     try:
-        return "contact" in parsed(scene_text(name_or_path)[0])
+        several = "contact" in parsed(scene_text(name_or_path)[0])
     except SceneError:
-        return False
+        return None
+    return Line.load(name_or_path) if several else None
 
 
 def _standing(state: LineState | NoLine) -> LineState | NoLine:

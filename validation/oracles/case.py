@@ -184,14 +184,17 @@ class Modes(Case):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Law(Case):
-    """A law of every run of a scene."""
+    """A law of all runs."""
 
-    scene: Scene
-    defect: Callable[[Any], Any]
-    until: float | None = None  # s_o/l; None: the end
+    defect: Callable[[Solvers, str, dict[str, Any]], Any]  # of runs with these settings
 
     def ask(self, solvers: Solvers, method: str, rung: Rung) -> Any:
-        return self.defect(solvers.ride(self.scene, method, until=self.until, **rung.settings))
+        return self.defect(solvers, method, rung.settings)
+
+
+def ridden(scene: Scene, defect: Callable[[Any], Any], until: float | None = None) -> Callable:
+    """The defect of a ride up to s_o/l = until."""
+    return lambda solvers, method, settings: defect(solvers.ride(scene, method, until=until, **settings))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

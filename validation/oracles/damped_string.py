@@ -20,7 +20,7 @@ import numpy as np
 
 from cablefem.scene.motion import standing
 from validation.oracles import irvine
-from validation.oracles.case import BARE, BEST, MU, SIGMA, Array, Case, Modes, Rung, Solvers, level
+from validation.oracles.case import BARE, BEST, MU, SIGMA, Array, Case, Law, Modes, Rung, Solvers, level
 from validation.oracles.moving_force import green
 
 TERMS = 400
@@ -50,22 +50,6 @@ class Damped(Modes):
         return solvers.damped_modes(method, self.groups, self.model, self.exact.size, **rung.settings)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Plucked(Case):
-    p: float
-    c: float
-    told: float  # damping of the exact answer
-
-    def ask(self, solvers: Solvers, method: str, rung: Rung) -> tuple[Array, Array]:
-        groups = replace(level(standing(self.p, END)), damping=self.c)
-        return solvers.plucked(method, groups, self.p, END, **rung.settings)
-
-    def off(self, answer: tuple[Array, Array]) -> Any:
-        t, y = answer
-        P = MU * SIGMA
-        return (y - plucked(t, P=P, p=self.p, c=self.told)) / (P * self.p * (1.0 - self.p))
-
-
 def cases() -> list[Case]:
     W = irvine.frequencies(irvine.parameter(BARE.sigma, BARE.alpha), 4)
 
@@ -76,9 +60,14 @@ def cases() -> list[Case]:
             because=why, **kind,
         )  # fmt: skip
 
-    def pulled(name: str, told: float, **kind: Any) -> Plucked:
-        why = "the kink runs away from the node or hat it starts on"
-        return Plucked(name=name, p=0.3, c=0.8, told=told, falls=1.0, because=why, **kind)
+    def pulled(name: str, told: float, **kind: Any) -> Law:
+        P, p, why = MU * SIGMA, 0.3, "the kink runs away from the node or hat it starts on"
+
+        def defect(solvers: Solvers, method: str, settings: dict[str, Any]) -> Array:
+            t, y = solvers.plucked(method, replace(level(standing(p, END)), damping=0.8), p, END, **settings)
+            return (y - plucked(t, P=P, p=p, c=told)) / (P * p * (1.0 - p))
+
+        return Law(name=name, defect=defect, falls=1.0, because=why, **kind)
 
     return [
         free("four modes of the level cable, model sagged", 0.1),

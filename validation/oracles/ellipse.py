@@ -150,8 +150,7 @@ def _swing(solvers: Solvers, method: str, mu: float) -> Any:
     for s_o in (r.s_o / r.length, BEAD.ride(r.t, start)):
         passages = CubicSpline(r.t, s_o - 0.5).roots(extrapolate=False)
         times.append(np.diff(passages).mean())
-    off = abs(times[1] / times[0] - 1.0)
-    return off
+    return abs(times[1] / times[0] - 1.0)
 
 
 def cases() -> list[Limit]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from cablefem.scene import Scene
-from validation.oracles.case import RIDERS, Case, Law, Limit, Solvers
+from validation.oracles.case import RIDERS, Case, Law, Limit, Solvers, ridden
 from validation.oracles.rest import ZIP
 
 
@@ -48,11 +48,11 @@ def cases() -> list[Case]:
             deviation=partial(_rule, "generalized-alpha"),
         ),
         Law(
-            name="sines: drift over M g l", scene=LOSSLESS, defect=_of, falls=2.0, methods=RIDERS[1:],
+            name="sines: drift over M g l", defect=ridden(LOSSLESS, _of), falls=2.0, methods=RIDERS[1:],
             because="what of the car's balance the terms leave, whatever the steps",
         ),
         Law(
-            name="the same with drag, which takes it", scene=LOSSLESS.replace({"drive.drag_area": 0.6}), defect=_of,
+            name="the same with drag, which takes it", defect=ridden(LOSSLESS.replace({"drive.drag_area": 0.6}), _of),
             falls=2.0, methods=RIDERS, because="air takes what the weight gives", expected="disagree",
         ),
     ]  # fmt: skip

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from cablefem.scene import Scene
-from validation.oracles.case import WINDOW, Array, Law
+from validation.oracles.case import WINDOW, Array, Law, ridden
 
 
 def force(tension: Array, slope: Array, flux: Array) -> Array:
@@ -37,7 +37,7 @@ def _law(*, flux: bool) -> Law:
 
     told = "" if flux else ", without the cable's momentum flux"
     return Law(
-        name="force and momentum at the mass, model full" + told, scene=scene, until=WINDOW[1], defect=defect,
+        name="force and momentum at the mass, model full" + told, defect=ridden(scene, defect, WINDOW[1]),
         falls=1.0, because="slopes at the mass, and with them tensions, are worth one order",
         methods=("following-p1", "following-p2", "fourier-kink") if flux else ("following-p2",),
         expected="agree" if flux else "disagree", finer=1.6 if flux else 2.5,

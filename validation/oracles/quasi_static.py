@@ -33,8 +33,7 @@ def _deviation(solvers: Solvers, method: str, drag: float) -> Any:
     """Distance of s_o(t) from the quasi-static ride, over l."""
     scene = Scene.from_toml(ZIP + f"start = 60.0\nrelease = 4.0\ndrag_area = {drag!r}\nend = {{place = 110.0}}")
     r = solvers.ride(scene, method, steps=400, scheme="generalized-alpha")
-    off = np.abs(r.s_o / r.length - rolled(scene).at(r.t / scene.time_scale)[0])
-    return off
+    return np.abs(r.s_o / r.length - rolled(scene).at(r.t / scene.time_scale)[0])
 
 
 def _fast(what: str, curve: Curve, solvers: Solvers, method: str, sigma: float) -> Any:

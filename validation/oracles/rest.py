@@ -12,7 +12,6 @@ Group: A car that rolls
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from scipy.optimize import brentq
 
 from cablefem.scene import Groups, Scene
 from cablefem.scene.statics import Rest, gripped
-from validation.oracles.case import RIDERS, Array, Case, Law, Rung, Solvers
+from validation.oracles.case import RIDERS, Array, Law, Solvers, ridden
 
 ZIP = """
     [cable]
@@ -48,22 +47,8 @@ def balance(at: Rest) -> float:
     return float(mean @ at.jump[0] * at.stretch[0] ** 2 / (mean @ mean))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Held(Case):
+def _held() -> list[Law]:
     """A held car: force at s_o = 0.1, or place of rest."""
-
-    answer: Callable[[Solvers, str, dict[str, Any]], Array]
-    exact: Array
-    scale: Array
-
-    def ask(self, solvers: Solvers, method: str, rung: Rung) -> Array:
-        return self.answer(solvers, method, rung.settings)
-
-    def off(self, answer: Array) -> Any:
-        return (answer - self.exact) / self.scale
-
-
-def _held() -> list[Held]:
     lines = [Scene.from_toml(ZIP + "start = 2.0").groups, Scene.load("level").groups, Scene.load("inclined").groups]
 
     def hold(solvers: Solvers, method: str, settings: dict[str, Any]) -> Array:
@@ -74,6 +59,10 @@ def _held() -> list[Held]:
             return float(brentq(lambda s: solvers.hold(g, method, s, **settings), at - 0.06, at + 0.06, xtol=1e-14))
 
         return np.array(list(map(found, lines, places)))
+
+    def off(force: bool, exact: Array) -> Callable:
+        answer, scale = (hold, holds) if force else (place, 1.0)
+        return lambda solvers, method, settings: (answer(solvers, method, settings) - exact) / scale
 
     def each(of: Callable[[Groups], Any]) -> Array:
         return np.array(list(map(of, lines)))
@@ -90,16 +79,16 @@ def _held() -> list[Held]:
         (RIDERS, False, places, 2.4, statics, ""), (RIDERS, False, lowest, 1.0, gives, empty),
     ]  # fmt: skip
     return [
-        Held(
+        Law(
             name=("force that holds a car at 0.1 l, over itself" if force else "place of rest over l") + where,
-            methods=methods, answer=hold if force else place, exact=exact, scale=holds if force else np.ones(3),
-            falls=falls, because=because, expected="disagree" if where else "agree",
+            methods=methods, defect=off(force, exact), falls=falls, because=because,
+            expected="disagree" if where else "agree",
         )
         for methods, force, exact, falls, because, where in told
     ]  # fmt: skip
 
 
-def cases() -> list[Case]:
+def cases() -> list[Law]:
     start = 30.0
     scene = Scene.from_toml(ZIP + f"start = {start}\nrelease = 5.0\nend = {{time = 0.02}}")
     exact = gripped(start / scene.length, scene.groups)
@@ -108,20 +97,14 @@ def cases() -> list[Case]:
     sag = y - float(scene.catenary.y(start))
 
     def defect(r) -> Any:
-        return max(
-            np.hypot(r.x[0] - x, r.y[0] - y) / sag, np.abs(np.array([r.T_behind[0], r.T_ahead[0]]) - N).max() / H
-        )
+        off = np.abs(np.array([r.T_behind[0], r.T_ahead[0]]) - N).max() / H
+        return max(np.hypot(r.x[0] - x, r.y[0] - y) / sag, off)
 
     at = place_of_rest(scene.groups)
     still = Scene.from_toml(ZIP + f"start = {at * l!r}\nend = {{time = 6.0}}\nrest_speed = 1e-12")
-
-    def moved(r) -> Any:
-        return r.s_o / l - at
-
-    return _held() + [
-        Law(name=name, scene=at, defect=law, falls=1.9, because="statics alone", methods=RIDERS)
-        for name, at, law in (
-            ("held car: place over deflection, tension over H", scene, defect),
-            ("car at its place of rest stays: way over l", still, moved),
-        )
-    ]
+    laws = {
+        "held car: place over deflection, tension over H": ridden(scene, defect),
+        "car at its place of rest stays: way over l": ridden(still, lambda r: r.s_o / l - at),
+    }
+    alone: dict[str, Any] = {"falls": 1.9, "because": "statics alone", "methods": RIDERS}
+    return _held() + [Law(name=name, defect=law, **alone) for name, law in laws.items()]

@@ -59,10 +59,10 @@ def scene_named(name: str, faults: list[str] | None = None, *, travelling: bool 
 def line_named(name: str) -> Line | None:
     """The line at rest of that name, or None."""
     from cablefem.scene import SceneError
-    from cablefem.scene.line import Line, is_line
+    from cablefem.scene.line import line_of
 
     try:
-        return Line.load(name) if is_line(name) else None
+        return line_of(name)
     except SceneError as error:
         raise store.Refused([f"{name}: {fault}" for fault in error.faults]) from None
 
