@@ -48,10 +48,8 @@ class Rope(Part):
     @property
     def warmer(self) -> float:
         """Thermal strain a dT [-]."""
-        if self.temperature is None:
+        if self.temperature is None or self.expansion is None or self.reference_temperature is None:
             return 0.0
-        assert self.expansion is not None
-        assert self.reference_temperature is not None
         return self.expansion * (self.temperature - self.reference_temperature)
 
     @property

@@ -105,8 +105,9 @@ class Part(BaseModel):
 
     not_modelled: ClassVar[dict[str, str]] = NOT_MODELLED  # keys that people try
     model_config = ConfigDict(
-        frozen=True, extra="forbid", strict=True, serialize_by_alias=True, allow_inf_nan=False, regex_engine="python-re"
-    )
+        frozen=True, extra="forbid", strict=True, serialize_by_alias=True, validate_default=True, allow_inf_nan=False,
+        regex_engine="python-re",
+    )  # fmt: skip
 
     def __init__(self, **data: Any) -> None:
         faults: list[str] = []
@@ -115,9 +116,7 @@ class Part(BaseModel):
             self.__pydantic_validator__.validate_python(data, self_instance=self, context=sound)
         except ValidationError as error:
             faults = [line for item in error.errors(include_url=False) for line in self._lines(item)]
-        names = {name: _written(type(self), name) for name in type(self).model_fields}
-        unset = {n: x.get_default() for n, x in type(self).model_fields.items() if not x.is_required()}
-        known = {name: (sound if key in data else unset).get(name) for name, key in names.items()}
+        known = {name: sound.get(name) for name in type(self).model_fields}
         faults += self.model_construct(**known).faults_between(data)
         if faults:
             raise SceneError(faults)

@@ -227,11 +227,6 @@ class Scene(Described):
         return self.cable.EA / self.horizontal_tension
 
     @property
-    def beta(self) -> float:
-        """rho g l/EA [-]."""
-        return self.sigma / self.alpha
-
-    @property
     def sigma(self) -> float:
         """rho g l/H [-]."""
         return self.catenary.sigma

@@ -38,7 +38,7 @@ def test_level_is_the_paper_s_cable():
     V = math.sqrt(scene.sigma)
     for found, known, digits in (
         (scene.length, 2002.3720103, 1e-15), (scene.sigma, 0.1688832, 1e-8),  # the seven printed digits
-        (scene.alpha, 844.416, 5e-8), (scene.beta, 1.0 / 5000.0, 1e-14), (scene.mu, 1.0, 1e-15),
+        (scene.alpha, 844.416, 5e-8), (scene.sigma / scene.alpha, 1.0 / 5000.0, 1e-14), (scene.mu, 1.0, 1e-15),
         (scene.irvine, 24.08404, 2e-6),  # sigma^2 alpha of the rounded values
         (V, 0.41095, 2e-5), (scene.groups.motion.at(t0, 0)[1], V, 1e-14), (scene.speed_ratio, V, 1e-14),
         (t1, 1.0 / V, 1e-14), (scene.arrival, t1 * scene.time_scale, 1e-14),

@@ -19,22 +19,10 @@ from validation.oracles.case import MU, SIGMA, Array, Crossing, needs
 
 
 def path(t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
-    t, u, _ = _mirror(t, mu, sigma, a)
-    return 0.5 * sigma * mu * (u + 0.5 * mu * np.expm1(-2.0 * u / mu))
-
-
-def path_velocity(t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
-    """y'(t); at t = 1/a before the blow."""
-    _, u, sign = _mirror(t, mu, sigma, a)
-    return -0.5 * sign * sigma * mu * np.expm1(-2.0 * u / mu)
-
-
-def _mirror(t: ArrayLike, mu: float, sigma: float, a: float) -> tuple[Array, Array, Array]:
-    """t, the subsonic time u with y(t) = y(u), and du/dt."""
     t = np.asarray(t, float)
     needs("mu, sigma, a > 0 and t >= 0", mu > 0.0, sigma > 0.0, a > 0.0, t >= 0.0)
     u = np.where(a * t <= 1.0, t, np.maximum(2.0 / a - t, 0.0))
-    return t, u, np.where(a * t <= 1.0, 1.0, -1.0)
+    return 0.5 * sigma * mu * (u + 0.5 * mu * np.expm1(-2.0 * u / mu))
 
 
 def cases() -> list[Crossing]:

@@ -83,11 +83,6 @@ class Ride:
     def path(self, t: ArrayLike) -> Array:
         return self.fields(t)[0]
 
-    def impulse(self, t: ArrayLike) -> Array:
-        """Integral of R."""
-        y, F, G = self.fields(t)
-        return 2.0 * (F + G - y)
-
 
 def solve(motion: Motion, *, mu: float, sigma: float) -> Ride:
     """Solve (1), (2) up to REACH before the far support; ValueError outside the validity."""

@@ -13,26 +13,20 @@ from validation.peers.path import PeerPath
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    name: str
     module: str
     run: Callable[..., PeerPath]  # of groups and the settings of a rung
     ladder: tuple[Mapping[str, int], ...]  # settings, coarse to fine
     rides: tuple[Mapping[str, int], ...] = ()  # of free rides, if it has them
 
 
-PEERS: dict[str, Peer] = {
-    peer.name: peer
-    for peer in (
-        Peer(
-            "opensees", "openseespy.opensees", opensees.run,
-            tuple({"elements": n} for n in (50, 100, 200, 500, 1000, 2000)),
-        ),
-        Peer(
-            "exudyn", "exudyn", exudyn.run,
-            tuple({"elements": n, "steps": 20 * n} for n in (25, 50, 100, 200)),
-            tuple({"elements": n, "steps": 100 * n} for n in (10, 20, 40, 80)),
-        ),
-    )
+PEERS = {
+    "opensees": Peer(
+        "openseespy.opensees", opensees.run, tuple({"elements": n} for n in (50, 100, 200, 500, 1000, 2000))
+    ),
+    "exudyn": Peer(
+        "exudyn", exudyn.run, tuple({"elements": n, "steps": 20 * n} for n in (25, 50, 100, 200)),
+        tuple({"elements": n, "steps": 100 * n} for n in (10, 20, 40, 80)),
+    ),
 }  # fmt: skip
 
 

@@ -99,9 +99,9 @@ def series(groups: Groups) -> Iterator[Series]:
     yield from _schemes(base, base.settings_on(groups, {})["scheme"])
     for name in (BASE, WITNESS[0]):
         yield Series(f"{name} --tol", "tolerance", tuple({"tol": tol} for tol in SAID["asked"]), name)
-    for peer in PEERS.values():
+    for name, peer in PEERS.items():
         ours = (groups.drive.mode == "free" and peer.rides) or peer.ladder
-        yield Series(peer.name, "peer", tuple(dict(rung) for rung in ours))
+        yield Series(name, "peer", tuple(dict(rung) for rung in ours))
 
 
 def _schemes(base: Method, usual: str) -> Iterator[Series]:
