@@ -5,5 +5,3 @@ from galerkin.bases import Basis, Daubechies, Fourier
 from galerkin.equations import GalerkinSystem
 from galerkin.modes import bare_frequencies
 from galerkin.rides import RollingSystem
-
-__all__ = ["Basis", "Daubechies", "Fourier", "GalerkinSystem", "PositionAbscissa", "RollingSystem", "bare_frequencies"]

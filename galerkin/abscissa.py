@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,7 @@ class PositionAbscissa(System):
             raise ValueError("the mass stands still on its way: s_o cannot be the independent variable; use time")
         if at(system.phases[0][0], 0)[1:] == (0.0, 0.0):
             raise ValueError("the mass starts with neither speed nor acceleration: g(s_o) has no series at 0; use time")
-        self._times: dict[tuple[float, int], float] = {}
+        self._kinematics = lru_cache(maxsize=8)(self._kinematics_at)
 
     @property
     def least_tension(self) -> tuple[float, float]:
@@ -48,15 +49,10 @@ class PositionAbscissa(System):
         other.system = self.system.with_law(law)
         return other
 
-    def _kinematics(self, s_o: float, phase: int) -> tuple[float, float, float]:
+    def _kinematics_at(self, s_o: float, phase: int) -> tuple[float, float, float]:
         """t, ds_o, dds_o at this place."""
-        key = (s_o, phase)
-        if key not in self._times:
-            if len(self._times) >= 8:
-                self._times.clear()
-            t0, t1 = self.system.phases[phase]
-            self._times[key] = min(max(self.motion.time_at(s_o), t0), t1)
-        t = self._times[key]
+        t0, t1 = self.system.phases[phase]
+        t = min(max(self.motion.time_at(s_o), t0), t1)
         return t, *self.motion.at(t, phase)[1:]
 
     def start(self, phase: int, state: State | None) -> State:

@@ -4,36 +4,26 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs, zgetrf, zgetrs
 
-from cablefem.newmark import (
-    NO_STEPS,
-    Newton,
-    Settled,
-    Solve,
-    State,
-    StepFailure,
-    System,
-    begun,
-    consistent_acceleration,
-)
+from cablefem import newmark
+from cablefem.newmark import Newton, Solve, State, StepFailure, System
 from cablefem.newmark.equilibrium import equilibrium
-from cablefem.newmark.newton import MOST_HALVINGS
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
-from cablefem.scene.motion import Motion, standing
+from cablefem.scene.motion import standing
 from galerkin import kernels
 from galerkin.bases import Basis
 from galerkin.bases.fourier import Fourier
 from galerkin.bases.kink import Array, Carried, Moving
 from galerkin.bases.riding import RidingSines
-from galerkin.equilibrium import Equilibrium, slopes_by
-from galerkin.models import FullCable, cable_model
-from galerkin.observe import Measures, direction, observe
+from galerkin.models import cable_model
+from galerkin.observe import Measures, observe
 
 LOADS = ("mass", "force")
 
@@ -45,15 +35,6 @@ class Instant:
     carried: Carried  # of the basis
     load: Array  # X.. - sigma j of (27), (fields,)
     place: Any  # of the cable model
-
-
-class Drives(NamedTuple):
-    """Forces and powers of the drive over a history."""
-
-    contact: Array  # of the mass on the cable, (n, fields)
-    haul: Array  # (n,) along the mean tangent; nan where nothing hauls
-    power: Array  # (n,) of all but cable, mass and weights
-    powers: dict[str, Array]  # its parts
 
 
 class GalerkinSystem(System):
@@ -79,76 +60,47 @@ class GalerkinSystem(System):
             raise ValueError(f"unknown load {load!r}; one of {', '.join(LOADS)}")
         self.groups, self.mu, self.kink, self.damping = groups, groups.mu, kink, groups.damping
         self.model, self.load, self.law = model, load, law
-        self.basis: Moving = self._moving(basis)
-        self.cable = cable_model(groups, model, law)
+        self.basis: Any = basis if isinstance(basis, RidingSines) else Moving(basis, kink)
+        self.cable: Any = cable_model(groups, model, law)
+        if groups.motion is None and groups.drive.mode != "free":
+            raise ValueError("the scene has no travelling mass; `bare_frequencies` is all a bare cable has")
+        self.motion: Any = groups.motion  # None for a free ride
         self.inertia = self.mu if load == "mass" else 0.0
         self.path_form = self.at_support = load == "mass" and not basis.smooth
         self.fields, self.n = self.cable.fields, self.basis.n
+        self.waves = self.fields == 2 and isinstance(basis, Fourier | RidingSines)  # as `lines` needs
         self.n_modal = self.fields * self.n
-        self.n_dof = self.n_modal + (self.fields if self.path_form else 0)
-        self.phases = self._phases()
+        self.n_dof = self.n_modal + self.fields * self.path_form
+        self.phases = groups.drive.phases if self.motion is None else self.motion.phases
         self.force_scale = (self.mu or 1.0) * groups.sigma
         # rounding of N, summed over points
         self.force_floor = float(np.finfo(float).eps) * groups.alpha
         # of the last residual, and its s; see `kernels.least`
         self.least_tension = np.inf, 0.0
-        self._instants: dict[tuple[float, int], Instant] = {}
+        self._fresh()
 
-    def _moving(self, basis: Any) -> Any:
-        return Moving(basis, self.kink)
-
-    @property
-    def motion(self) -> Motion:
-        if self.groups.motion is None:
-            raise ValueError("the scene has no travelling mass; `bare_frequencies` is all a bare cable has")
-        return self.groups.motion
-
-    def _phases(self) -> tuple[tuple[float, float], ...]:
-        return self.motion.phases
+    def _fresh(self) -> None:
+        """Make the cache of instants; an energy step visits five."""
+        self.instant = lru_cache(maxsize=8)(lambda t, phase: self._instant(*self.motion.at(t, phase)))
 
     def with_law(self, law: str) -> GalerkinSystem:
         other = copy.copy(self)
         other.law, other.cable = law, cable_model(self.groups, self.model, law)
-        other._instants = {}
+        other._fresh()
         return other
 
     def place(self, x: State) -> float:
         return self.motion.at(x.t, x.phase)[0]
 
     def between(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
-        travel = self.groups.motion
-        return super().between(t0, t1, w, phase) if travel is None else travel.between(t0, t1, w, phase)
+        return super().between(t0, t1, w, phase) if self.motion is None else self.motion.between(t0, t1, w, phase)
 
     def kinematics(self, states: States) -> Array:
         """s_o, ds_o, dds_o of a history, (3, n)."""
         return self.motion.along(states.t, states.phase)
 
-    def drives(self, states: States, velocity: Array, acceleration: Array, sides: Array, working: Array) -> Drives:
-        """Forces and powers from p., p.. (n, fields) and r' of both sides (2, n, fields).
-
-        working : (n,) <N t> . [r'] - [W]; its power is ds_o (F . <r'> + working).
-        """
-        contact = self.mu * self.cable.weight - self.inertia * acceleration
-        power = self.kinematics(states)[1] * (working - np.sum(contact * sides.mean(axis=0), axis=1))
-        return Drives(contact, np.full(power.shape, np.nan), power, {})
-
-    def sides(self, pointwise: Array, forces: Equilibrium, s_o: Array) -> Array:
-        """r' behind and ahead of the mass, (2, n, 2)."""
-        T = self.groups.static(s_o)[0]
-        both = np.array([forces.behind, forces.ahead])
-        return slopes_by(both, pointwise, T, self.groups.alpha) if self.by_force else pointwise
-
     def in_time(self, states: States) -> States:
         return states
-
-    def instant(self, t: float, phase: int) -> Instant:
-        key = (t, phase)
-        found = self._instants.get(key)
-        if found is None:
-            if len(self._instants) >= 8:  # an energy step visits five
-                del self._instants[next(iter(self._instants))]
-            found = self._instants[key] = self._instant(*self.motion.at(t, phase))
-        return found
 
     def _instant(self, s_o: float, ds_o: float, dds_o: float) -> Instant:
         carried = self.basis.carried(s_o, ds_o, dds_o, self.damping)
@@ -203,71 +155,61 @@ class GalerkinSystem(System):
         to_mass = np.kron(np.eye(self.fields), c.f)
         return np.block([[K, (c2 * self.mu) * to_mass.T], [-c0 * to_mass, c0 * np.eye(self.fields)]])
 
-    @property
-    def waves(self) -> bool:
-        """Whether this is the full cable over sines, which `lines` needs."""
-        return isinstance(self.cable, FullCable) and isinstance(self.basis.basis, Fourier)
-
     def lines(self, s_o: Array) -> Iterator[tuple[slice, kernels.Line]]:
         """Runs of consecutive places s_o (m,) with the same rules, and their `Line`."""
         for same, behind, ahead in self.sines.alike(s_o):
             yield same, self._line(behind, ahead)
 
     def _line(self, behind: Array, ahead: Array) -> kernels.Line:
-        assert isinstance(self.cable, FullCable)
         kink = self.basis if self.kink else Moving(self.sines, kink=True)
-        return self.cable.line(kink, behind, ahead, self.inertia)
+        return kernels.Line(self._constants, behind, ahead, kink.at_rest, kink.left, kink.chord, self.sines.grading)
+
+    @property
+    def _constants(self) -> kernels.Cable:
+        g, cable = self.groups, self.cable
+        return kernels.Cable(self.inertia, self.mu, cable.alpha, cable.law, g.sigma, g.c, self.damping)
 
     @property
     def sines(self) -> Fourier:
-        assert isinstance(self.basis.basis, Fourier)
         return self.basis.basis
 
-    def settle(
-        self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
-    ) -> Settled:
+    def settle(self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> newmark.Settled:
         if not (self.waves and self.kink):
-            return super().settle(t, phase, start, now, rule, bound, newton)
-        _, ends, told = self._step(np.array([t]), phase, start, rule[None], limits(bound, newton))
-        now[:] = ends[0]
-        return Settled(*told[0].tolist()[:4])
+            return super().settle(t, phase, start, now, rule, newton)
+        _, (now[:],), told = self._step(np.array([t]), phase, start, rule[None], newton)
+        return self._told(told[0])
 
-    def stride(
-        self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
-    ) -> tuple[Array, Array]:
+    def stride(self, *steps) -> tuple[Array, Array]:
         """Steps end where the quadrature rules change or the cable falls slack."""
         if not (self.waves and self.kink):
-            return NO_STEPS
-        taken, ends, told = self._stride(t, phase, start, rules, limits(bound, newton))
+            return newmark.NO_STEPS
+        taken, ends, told = self._stride(*steps)
+        if taken:
+            self._told(told[taken - 1])
         return ends[:taken], told[:taken]
 
-    def _step(
-        self, t: Array, phase: int, start: Array, rules: Array, bounds: tuple[float, ...]
-    ) -> tuple[int, Array, Array]:
+    def _step(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[int, Array, Array]:
         places = self.motion.along(t, phase).T
         same, line = next(self.lines(places[:, 0]))
-        return self._told(
-            *kernels.stride(None, None, line, np.ascontiguousarray(places[same]), start, rules[same], bounds)
-        )
+        return kernels.stride(None, None, line, np.ascontiguousarray(places[same]), start, rules[same], newton)
 
     _stride = _step
 
-    def _told(self, taken: int, ends: Array, told: Array) -> tuple[int, Array, Array]:
-        """Note the least tension of the last step."""
-        lowest, where = told[max(taken - 1, 0), 4:].tolist()
+    def _told(self, told: Array) -> newmark.Settled:
+        *done, lowest, where = told.tolist()
         self.least_tension = lowest, where
-        return taken, ends, told
+        return newmark.Settled(*done)
 
     def start(self, phase: int, state: State | None) -> State:
         """At entry the limit t -> 0+; later q and v are continuous, a jumps with dds_o."""
         if state is None:
             s_o, ds_o, _ = self.motion.at(0.0, 0)
             if s_o > 0.0:
-                return begun(self, lambda at: equilibrium(self.standing(at)), s_o, ds_o)
+                return newmark.begun(self, lambda at: equilibrium(self.standing(at)), s_o, ds_o)
             return self._entry()
         t = self.phases[phase][0]
         if not self.path_form:
-            return consistent_acceleration(self, t, state.q, state.v, phase)
+            return newmark.consistent_acceleration(self, t, state.q, state.v, phase)
         # jumps of the constraint and of the balance
         before, x = self.instant(t, state.phase), self.instant(t, phase)
         Q = state.q[: self.n_modal].reshape(self.fields, self.n)
@@ -282,7 +224,7 @@ class GalerkinSystem(System):
     def standing(self, s_o: float) -> GalerkinSystem:
         """The system with the mass held at s_o."""
         other = self.with_law(self.law)
-        other.groups = replace(self.groups, motion=standing(s_o, 1.0))
+        other.motion = standing(s_o, 1.0)
         return other
 
     def _entry(self) -> State:
@@ -337,14 +279,10 @@ class GalerkinSystem(System):
 
     def path(self, states: States) -> tuple[Array, Array]:
         x = self.measures(self, states)
-        return x.s_o, x.displaced() @ direction(self)
+        return x.s_o, x.displaced() @ self.cable.direction
 
     def observe(self, states: States, s: Array, frames: Array) -> Observation:
         return observe(self, states, s, frames)
-
-
-def limits(bound: float, newton: Newton) -> tuple[float, ...]:
-    return bound, float(newton.max_iter), newton.reuse, float(newton.patience), float(MOST_HALVINGS)
 
 
 def factorised(K: Array) -> Solve:

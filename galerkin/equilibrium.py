@@ -37,7 +37,6 @@ class Equilibrium:
 def recover(x: Measures, s: Array, frames: Array) -> Equilibrium:
     """Solve the balances of both pieces of cable."""
     cable, basis, damping = x.system.cable, x.system.basis.basis, x.system.damping
-    assert isinstance(cable, FullCable)
     internal, strain, _ = sums(x)
     s_o, rest, A = x.inside[:, None], 1.0 - x.inside[:, None], (x.a + damping * x.v)[..., :-1]  # w.. + c_d w.
     first, second, ends = basis.phi(x.inside, -1), basis.phi(x.inside, -2), basis.phi(np.array([0.0, 1.0]), -2)
@@ -81,7 +80,6 @@ def sums(x: Measures) -> tuple[Array, Array, Array]:
             kernels.surveyed(line, places[k], Q[k], V[k], internal[k], strain[k], lost[k])
         return internal, strain, lost
     cable, kink = system.cable, system.basis if system.kink else Moving(system.basis.basis, kink=True)
-    assert isinstance(cable, FullCable)
     for i, place in enumerate(x.inside.tolist()):
         points = cable.at(kink, place)
         W = kernels.stress(points.T, points.r_static, Q[i] @ points.phi, cable.alpha, cable.law)[1]

@@ -16,9 +16,8 @@ import numpy as np
 
 from cablefem.scene import Groups
 from galerkin import kernels
-from galerkin.bases.fourier import Fourier
-from galerkin.bases.kink import Array, Moving
-from galerkin.bases.riding import RidingSines, Tables
+from galerkin.bases.kink import Array
+from galerkin.bases.riding import RidingSines
 from galerkin.law import LAWS
 
 MODELS = ("string", "sagged", "stretching", "full")
@@ -28,6 +27,7 @@ class FullCable:
     """The cable of (25)-(26) and (28)-(32): exact strain, both displacements."""
 
     fields = 2
+    direction = np.eye(2)  # (u, v) of unit fields
 
     def __init__(self, groups: Groups, law: str) -> None:
         self.groups, self.alpha, self.law = groups, groups.alpha, LAWS.index(law)
@@ -40,22 +40,6 @@ class FullCable:
             T, xp, yp, _, _ = self.groups.static(s)
             self._last = kernels.Points(s, phi, weights, T, np.array([xp, yp]))
         return self._last
-
-    def line(self, kink: Moving, behind: Array, ahead: Array, inertia: float) -> kernels.Line:
-        sines = kink.basis
-        assert isinstance(sines, Fourier)
-        rest = kink.at_rest, kink.left, kink.chord, sines.grading
-        return kernels.Line(self._constants(inertia), behind, ahead, *rest)
-
-    def riding(self, of: Tables, inertia: float) -> kernels.Line:
-        n = 2 * len(of.mass) - 1
-        rule, none = np.array([of.xi, of.weights]), np.zeros(n - 1)
-        rest = rule, rule, np.zeros((n, n)), none, none, 0.0, of, self.groups.internal_damping
-        return kernels.Line(self._constants(inertia), *rest)
-
-    def _constants(self, inertia: float) -> kernels.Cable:
-        g = self.groups
-        return kernels.Cable(inertia, g.mu, self.alpha, self.law, g.sigma, g.c, g.damping)
 
     def _stress(self, place: kernels.Points, Q: Array) -> Array:
         """Rows of `kernels.stress`, weighted but for the last, (8, n_q)."""
@@ -114,6 +98,7 @@ class ChordCable:
         self.lam, self.kap = {"sagged": (1.0, 0.0), "stretching": (1.0, 1.0)}.get(model, (0.0, 0.0))
         self.groups, self.alpha, self.tau = groups, groups.alpha, 1.0 / groups.chord_cos
         self.weight = np.array([groups.sigma * groups.chord_cos])
+        self.direction = np.array([[-groups.chord_sin, groups.chord_cos]])
         self.curvature = 0.0 if model == "straight" else -self.weight[0] / self.tau  # y_n''
         # h is the same along the cable
         self.least_at = min(1.0, max(0.0, groups.c / groups.sigma))

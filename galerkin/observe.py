@@ -8,7 +8,7 @@ import numpy as np
 
 from cablefem.response import Observation, States
 from galerkin.bases.kink import Array
-from galerkin.equilibrium import Equilibrium, combined, recover, tension
+from galerkin.equilibrium import Equilibrium, combined, recover, slopes_by, tension
 from galerkin.models import ChordCable, FullCable
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ class Measures:
 
 def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> Observation:
     """Measure a history; see `Observation`."""
-    groups, cable, along = system.groups, system.cable, direction(system)
+    groups, cable, along = system.groups, system.cable, system.cable.direction
     x = system.measures(system, states)
     w, w_t, w_tt, slopes = x.at_mass()
     fields = x.fields(s, frames)
@@ -125,10 +125,11 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     static, curvature = np.stack([xp, yp], axis=1), np.stack([xpp, ypp], axis=1)
     ds_o, dds_o = x.ds_o[:, None], x.dds_o[:, None]
     velocity, acceleration = w_t + ds_o * slope, w_tt + dds_o * slope + ds_o**2 * bend
-    drives = system.drives(states, velocity, acceleration, sides, working)
+    contact = system.mu * cable.weight - system.inertia * acceleration
+    power = x.ds_o * (working - np.sum(contact * sides.mean(axis=0), axis=1))
     of_cable = x.kinetic()
     kinetic, viscous = of_cable + 0.5 * system.inertia * np.sum(velocity**2, axis=1), 2.0 * system.damping * of_cable
-    powers = drives.powers | ({"lost_viscous": -viscous} if system.damping else {})
+    powers = {"lost_viscous": -viscous} if system.damping else {}
     if groups.internal_damping:  # and in a thin layer behind the car, which the grip supplies
         layer = x.ds_o * np.nan_to_num(forces["T_ahead"] - forces["T_behind"]) ** 2 / (2.0 * groups.alpha)
         powers |= {"lost_internal": -lost - layer}
@@ -140,28 +141,22 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
         path=w @ along, path_velocity=w_t @ along + ds_o * static,
         path_acceleration=w_tt @ along + dds_o * static + ds_o**2 * curvature,
         slope_behind=seen[0], slope_ahead=seen[1],
-        energy=kinetic + forces["strain"] + potential, power=drives.power - viscous - lost,
-        u=u, v=v, du=du, dv=dv, t=states.t, s_o=x.s_o, contact=drives.contact @ along, haul=drives.haul,
-        powers=powers, kinetic=kinetic, potential=potential, **forces,
+        energy=kinetic + forces["strain"] + potential, power=power - viscous - lost,
+        u=u, v=v, du=du, dv=dv, t=states.t, s_o=x.s_o, contact=contact @ along, powers=powers,
+        kinetic=kinetic, potential=potential, **forces,
     )  # fmt: skip
-
-
-def direction(system: GalerkinSystem) -> Array:
-    """(u, v) of unit fields, (fields, 2)."""
-    if system.fields == 2:
-        return np.eye(2)
-    return np.array([[-system.groups.chord_sin, system.groups.chord_cos]])
 
 
 def _full(
     cable: FullCable, x: Measures, slopes: Array, w_s: Array, s: Array, frames: Array
 ) -> tuple[dict[str, Array], Array, Array, Any]:
-    """Forces by fields of `Observation`, r' at the mass, `working` of `drives`, power of internal damping."""
+    """Forces by fields of `Observation`, r' at the mass, <N t> . [r'] - [W], and power of internal damping."""
     T_o, static_o, static = cable.groups.static(x.s_o)[0], *(cable.static_slope(y)[0] for y in (x.s_o, s))
     balanced = x.recover(s, frames)
     off = np.where(x.s_o > 0.0, 0.0, np.nan), np.where(x.s_o < 1.0, 0.0, np.nan)
     behind, ahead = tension(balanced.behind, slopes[0]) + off[0], tension(balanced.ahead, slopes[1]) + off[1]
-    sides = x.system.sides(slopes, balanced, x.s_o)
+    both = np.array([balanced.behind, balanced.ahead])
+    sides = slopes_by(both, slopes, T_o, cable.alpha) if x.system.by_force else slopes
     left, right = (cable.points(x.s_o, (side - static_o).T) for side in sides)
     mean = T_o * static_o.T + 0.5 * (left[2:4] + right[2:4])  # <N t>
     working = np.sum(mean * (sides[1] - sides[0]).T, axis=0) - (right[1] - left[1])

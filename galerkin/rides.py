@@ -13,22 +13,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from cablefem.newmark import NO_STEPS, Solve, State
-from cablefem.newmark.equilibrium import APART, equilibrium
-from cablefem.response import States
+from cablefem.newmark import NO_STEPS, Newton, Solve, State, begun
+from cablefem.newmark.equilibrium import equilibrium
+from cablefem.response import Observation, States
 from cablefem.scene import Groups
 from cablefem.scene.motion import standing
 from cablefem.stickslip import Look, RollingCar
 from galerkin import kernels
 from galerkin.bases import Basis, Fourier
 from galerkin.bases.kink import Array
-from galerkin.equations import Drives, GalerkinSystem, factorised
-from galerkin.kernels import Car
+from galerkin.equations import GalerkinSystem, factorised
+from galerkin.kernels import rolling
+from galerkin.kernels.rolling import Car
 
 WINDOW = 0.3  # of an axial round trip: for the mean acceleration of friction
 
 # for one step, without events; of the types of other courses, so that nothing more is compiled
-ALONE = kernels.Course(np.empty(0), np.empty(0), np.empty((0, 3)), 0.0, np.zeros(6), 0.0, 1.0, 0.0, 0.0, 0.0, False)
+ALONE = rolling.Course(np.empty(0), np.empty(0), np.empty((0, 3)), 0.0, np.zeros(6), 0.0, 1.0, 0.0, 0.0, 0.0, False)
 
 
 class RollingSystem(RollingCar, GalerkinSystem):
@@ -58,9 +59,6 @@ class RollingSystem(RollingCar, GalerkinSystem):
         self._window = WINDOW * self.round_trip
         self._seen: tuple[State, Car] | None = None  # the last of `_car_at`
 
-    def _phases(self) -> tuple[tuple[float, float], ...]:
-        return self.drive.phases if self.free else super()._phases()
-
     def with_law(self, law: str) -> RollingSystem:
         other = super().with_law(law)
         assert isinstance(other, RollingSystem)
@@ -68,38 +66,36 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return other
 
     def place(self, x: State) -> float:
-        return float(x.q[-1]) if self.free else super().place(x)
+        return self._travel(x)[0]
 
     def kinematics(self, states: States) -> Array:
         return (
             np.array([states.q[:, -1], states.v[:, -1], states.a[:, -1]]) if self.free else super().kinematics(states)
         )
 
-    def _travel(self, t: float, q: Array, v: Array, a: Array, phase: int) -> tuple[float, float, float]:
-        return (float(q[-1]), float(v[-1]), float(a[-1])) if self.free else self.motion.at(t, phase)
+    def _travel(self, x: State) -> tuple[float, float, float]:
+        return (float(x.q[-1]), float(x.v[-1]), float(x.a[-1])) if self.free else self.motion.at(x.t, x.phase)
 
-    def _on(self, t: float, phase: int) -> kernels.Rolling:
-        drive, against = self.drive, -self._sign(t, phase)
+    def _on(self, t: float, phase: int) -> rolling.Rolling:
+        drive = self.drive
+        against = -self.mode.sign if self.free else -math.copysign(1.0, self.motion.at(t, phase)[1])
         brake = against * self.brake
         of = self.mu, self.groups.sigma, drive.k, drive.wind, self.held(t), against * drive.mu_r, brake
         since, ax, ay, jx, jy = self._smooth if self.free else (t, math.nan, math.nan, 0.0, 0.0)
-        return kernels.Rolling(*of, ax + (t - since) * jx, ay + (t - since) * jy)
+        return rolling.Rolling(*of, ax + (t - since) * jx, ay + (t - since) * jy)
 
-    def _thrust(self, t: float, phase: int, a: Array) -> float:
-        return float(self.drive.thrust(t, phase)) if self.free else float(a[-1])
-
-    def car(self, x: State, on: kernels.Rolling | None = None) -> Car:
+    def car(self, x: State, on: rolling.Rolling | None = None) -> Car:
         """The car, by the tension from equilibrium; with `on` it is held."""
-        ride, line, place = self._ride(*x)
-        ride = ride if on is None else kernels.Ride(kernels.STUCK, on, 0.0)
+        ride, line, place = self._ride(x)
+        ride = ride if on is None else rolling.Ride(rolling.STUCK, on, 0.0)
         none = np.empty((0, 1, self.n_dof, self.n_dof))
         return kernels.look(ride, line, place, np.array(x[1:4]), np.empty(self.n_dof), none)[0]
 
     def _car_at(self, x: State) -> Car:
         """The car, by slopes of the basis and without thrust."""
         if self._seen is None or self._seen[0] is not x:
-            ride, line, place = self._ride(*x)
-            self._seen = x, kernels.seen(ride.on, line, place, np.array(x[1:4]))
+            ride, line, place = self._ride(x)
+            self._seen = x, rolling.seen(ride.on, line, place, np.array(x[1:4]))
         return self._seen[1]
 
     def begin_step(self, x: State) -> None:
@@ -112,69 +108,65 @@ class RollingSystem(RollingCar, GalerkinSystem):
             return
         car, self._seen = self._car_at(x), None  # its normal force follows the mean
         past = np.concatenate([self._past, [[x.t, car.vx, car.vy]]])
-        first, *self._smooth = kernels.averaged(past, 0, len(past) - 1, self._window)
+        first, *self._smooth = rolling.averaged(past, 0, len(past) - 1, self._window)
         self._past = past[int(first) :]
 
     def held(self, t: float) -> float:
         return self.hold * self.drive.hold(t) if self.free else 0.0
 
-    def _sign(self, t: float, phase: int) -> float:
-        return self.mode.sign if self.free else math.copysign(1.0, self.motion.at(t, phase)[1])
-
-    def drives(self, states: States, velocity: Array, acceleration: Array, sides: Array, working: Array) -> Drives:
-        s_o, ds_o, _ = self.kinematics(states)
-        drive = self.drive
+    def observe(self, states: States, s: Array, frames: Array) -> Observation:
+        """Measure a history, with the power of each force on the car."""
+        o, drive, ds_o = super().observe(states, s, frames), self.drive, self.kinematics(states)[1]
         F = drive.thrust(states.t, states.phase) if self.free else states.a[:, -1]
-        on = kernels.Rolling(self.mu, self.groups.sigma, drive.k, drive.wind, 0.0, 0.0, 0.0)
-        car = kernels.weighed_car(on, F, velocity.T, acceleration.T, sides.transpose(0, 2, 1))
+        on, velocity = rolling.Rolling(self.mu, self.groups.sigma, drive.k, drive.wind), o.path_velocity.T
+        sides = np.array([o.slope_behind.T, o.slope_ahead.T])
+        car = rolling.weighed_car(on, F, velocity, o.path_acceleration.T, sides)
         rate = np.abs(ds_o) * car.stretch
         powers = {
-            "thrust" if self.free else "haul": F * (car.tx * velocity[:, 0] + car.ty * velocity[:, 1]),
-            "drag": car.drag_x * velocity[:, 0] + car.drag_y * velocity[:, 1],
+            "thrust" if self.free else "haul": F * (car.tx * velocity[0] + car.ty * velocity[1]),
+            "drag": car.drag_x * velocity[0] + car.drag_y * velocity[1],
             "friction": -drive.mu_r * np.abs(car.pressing) * rate,
         }
         if self.free:
             hold = np.array([self.held(t) for t in states.t.tolist()])
-            powers |= {"brake": -drive.brake(s_o) * rate, "hold": hold * ds_o}
-        haul = F if drive.thrust_table or not self.free else np.full(F.shape, np.nan)
-        return Drives(-np.stack([car.Cx, car.Cy], axis=1), haul, np.sum(list(powers.values()), axis=0), powers)
+            powers |= {"brake": -drive.brake(o.s_o) * rate, "hold": hold * ds_o}
+        powers |= o.powers
+        haul, contact = F if drive.thrust_table or not self.free else o.haul, -np.stack([car.Cx, car.Cy], axis=1)
+        return replace(o, contact=contact, haul=haul, power=np.sum(list(powers.values()), axis=0), powers=powers)
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
-        return self._seen_at(t, q, v, a, phase, 0)[0]
+        return self._seen_at(State(t, q, v, a, phase), 0)[0]
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
-        r, parts = self._seen_at(t, q, v, a, phase, 3)
+        r, parts = self._seen_at(State(t, q, v, a, phase), 3)
         return r, factorised(np.tensordot(c, parts, 1))
 
-    def _seen_at(self, t: float, q: Array, v: Array, a: Array, phase: int, count: int) -> tuple[Array, Array]:
+    def _seen_at(self, x: State, count: int) -> tuple[Array, Array]:
         r, parts = np.full(self.n_dof, np.nan), np.zeros((count, 1, self.n_dof, self.n_dof))
-        if 0.0 < self._travel(t, q, v, a, phase)[0] < 1.0:  # else a trial off the cable
-            ride, line, place = self._ride(t, q, v, a, phase)
-            _, self.least_tension = kernels.look(ride, line, place, np.array([q, v, a]), r, parts)
+        if 0.0 < self.place(x) < 1.0:  # else a trial off the cable
+            ride, line, place = self._ride(x)
+            _, self.least_tension = kernels.look(ride, line, place, np.array(x[1:4]), r, parts)
         return r, parts[:, 0]
 
-    def _ride(
-        self, t: float, q: Array, v: Array, a: Array, phase: int
-    ) -> tuple[kernels.Ride, kernels.Line, tuple[float, float, float]]:
-        place = self._travel(t, q, v, a, phase)
-        mode = kernels.HAULED if not self.free else kernels.FREE if self.mode.sign != 0.0 else kernels.STUCK
-        thrust = float(self.drive.thrust(t, phase)) if self.free else 0.0
-        return kernels.Ride(mode, self._on(t, phase), thrust), self._line(*self.sines.side_rules(place[0])), place
+    def _ride(self, x: State) -> tuple[rolling.Ride, kernels.Line, tuple[float, float, float]]:
+        place = self._travel(x)
+        mode = rolling.HAULED if not self.free else rolling.FREE if self.mode.sign != 0.0 else rolling.STUCK
+        on, line = self._on(x.t, x.phase), self._line(*self.sines.side_rules(place[0]))
+        return rolling.Ride(mode, on, self._thrust(x)), line, place
 
-    def _step(
-        self, t: Array, phase: int, start: Array, rules: Array, bounds: tuple[float, ...]
-    ) -> tuple[int, Array, Array]:
-        ride, line, place = self._ride(float(t[0]), start[0], start[1], start[2], phase)
-        return self._told(*kernels.stride(ride, ALONE, line, np.array([place]), start, rules, bounds))
+    def _thrust(self, x: State) -> float:
+        return float(self.drive.thrust(x.t, x.phase)) if self.free else 0.0
 
-    def _stride(
-        self, t: Array, phase: int, start: Array, rules: Array, bounds: tuple[float, ...]
-    ) -> tuple[int, Array, Array]:
+    def _step(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[int, Array, Array]:
+        ride, line, place = self._ride(State(float(t[0]), start[0], start[1], start[2], phase))
+        return kernels.stride(ride, ALONE, line, np.array([place]), start, rules, newton)
+
+    def _stride(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[int, Array, Array]:
         """Steps end at an event, where the rules change, or where a hauled car turns."""
         drive, (s_o, ds_o) = self.drive, start[:2, -1].tolist()
         if not self.under_way or t[0] < drive.release:
             return 0, *NO_STEPS
-        ride, _, place = self._ride(t[0], start[0], start[1], start[2], phase)
+        ride, _, place = self._ride(State(t[0], start[0], start[1], start[2], phase))
         if self.free:
             reach = min(1.0, max(0.0, s_o + ds_o * float(rules[:, 0, 1].sum())))
             rules_at, places = self.sines.side_rules, np.array([place])
@@ -186,10 +178,9 @@ class RollingSystem(RollingCar, GalerkinSystem):
             t, rules = t[same], rules[same]
         thrust = drive.thrust(t, phase) if self.free else np.zeros(t.size)
         past, smooth = np.concatenate([self._past, np.empty((t.size, 3))]), np.zeros(6)
-        course = kernels.Course(t, thrust, past, self._window, smooth, *self.course(), self.mode.lifted)
-        taken, ends, told = kernels.stride(ride, course, line, places, start, rules, bounds)
+        course = rolling.Course(t, thrust, past, self._window, smooth, *self.course(), self.mode.lifted)
+        taken, ends, told = kernels.stride(ride, course, line, places, start, rules, newton)
         if taken:
-            self._told(taken, ends, told)
             w, dt = float(rules[taken - 1, 0, 4]), float(rules[taken - 1, 0, 1])
             self.heeded = float(t[taken - 1]) + (1.0 - w + 1e-9) * dt
             if self.free:
@@ -203,19 +194,15 @@ class RollingSystem(RollingCar, GalerkinSystem):
         """
         if state is not None:
             return self.enter(state._replace(phase=phase))
-        s_o, (q, v, a) = self.drive.start, np.zeros((3, self.n_dof))
+        s_o = self.drive.start
         self.set_off()
         self._past, self._smooth = np.empty((0, 3)), [0.0] * 5
         if not self.free:
-            d, speed = APART * min(s_o, 1.0 - s_o), self.motion.at(0.0, 0)[1]
-            q[:-1] = equilibrium(self.standing(s_o))[:-1]
-            if speed:
-                before, after = (equilibrium(self.standing(s_o + x))[:-1] for x in (-d, d))
-                v[:-1] = (speed / (2.0 * d)) * (after - before)
-            return self._consistent(0.0, q, v, 0)
-        q[:-1], q[-1] = equilibrium(self.standing(s_o)), s_o
-        x = State(0.0, q, v, a, 0)
-        car = self.car(x, kernels.Rolling(self.mu, self.groups.sigma, 0.0, 0.0, 0.0, 0.0, 0.0))
+            speed = self.motion.at(0.0, 0)[1]
+            return self.go_on(begun(self, lambda at: np.append(equilibrium(self.standing(at))[:-1], 0.0), s_o, speed))
+        q, still = np.append(equilibrium(self.standing(s_o)), s_o), np.zeros(self.n_dof)
+        x = State(0.0, q, still, still, 0)
+        car = self.car(x, rolling.Rolling(self.mu, self.groups.sigma, 0.0, 0.0))
         self.hold = car.along * car.stretch
         return self.let_go(x)
 
@@ -225,22 +212,18 @@ class RollingSystem(RollingCar, GalerkinSystem):
             return GalerkinSystem(groups, self.sines, kink=True, law=self.law)
         return OnItsRope(replace(groups, drive=replace(self.drive, k=0.0)), self.sines, law=self.law)
 
-    def _consistent(self, t: float, q: Array, v: Array, phase: int) -> State:
+    def go_on(self, x: State) -> State:
         """The state whose a balances q and v."""
         a = np.zeros(self.n_dof)
         for _ in range(3):  # friction is not linear
-            r, solve = self.linearise(t, q, v, a, phase, 0.0, 0.0, 1.0)
+            r, solve = self.linearise(*x._replace(a=a), 0.0, 0.0, 1.0)
             a = a - solve(r.copy())
-        return State(t, q, v, a, phase)
-
-    def go_on(self, x: State) -> State:
-        return self._consistent(x.t, x.q, x.v.copy(), x.phase)
+        return x._replace(a=a)
 
     def look(self, x: State) -> Look:
         """The larger normal force counts: the present one oscillates near a support, the mean one lags."""
         car = self._car_at(x)
-        thrust = self._thrust(x.t, x.phase, x.a) if self.free else 0.0
-        along = thrust + car.tx * car.drag_x + car.ty * (car.drag_y + self.mu * self.groups.sigma)
+        along = self._thrust(x) + car.tx * car.drag_x + car.ty * (car.drag_y + self.mu * self.groups.sigma)
         return Look(max(car.pressing, car.normal), car.speed, along, self.mu * self.groups.sigma * car.tx)
 
     def holding(self, x: State) -> tuple[float, float]:
@@ -252,6 +235,6 @@ class OnItsRope(RollingSystem):
     """A hauled car at rest; its last unknown is the haul force."""
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
-        r, parts = self._seen_at(t, q, v, np.append(a[:-1], q[-1]), phase, 3)
+        r, parts = self._seen_at(State(t, q, v, np.append(a[:-1], q[-1]), phase), 3)
         parts[0, :, -1] = parts[2, :, -1]
         return r, factorised(np.tensordot(c, parts, 1))

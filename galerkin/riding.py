@@ -12,10 +12,9 @@ from cablefem.response import States
 from cablefem.scene import Groups
 from galerkin import kernels
 from galerkin.bases.kink import Array
-from galerkin.bases.riding import RidingSines, Tables, shapes
+from galerkin.bases.riding import RidingSines, shapes
 from galerkin.equations import GalerkinSystem, factorised
 from galerkin.equilibrium import Equilibrium, least_along, sums
-from galerkin.models import FullCable
 from galerkin.observe import NEAR_SUPPORT, Measures
 
 BATCH = 64  # instants at once
@@ -24,7 +23,6 @@ BATCH = 64  # instants at once
 class RidingSystem(GalerkinSystem):
     """`GalerkinSystem` over `RidingSines`; ValueError for a car that rolls."""
 
-    basis: Any  # RidingSines
     by_force = True
 
     def __init__(
@@ -35,21 +33,12 @@ class RidingSystem(GalerkinSystem):
                 f"fourier-riding needs a car that grips the cable, not {groups.drive.mode}; take fourier-kink"
             )
         super().__init__(groups, RidingSines(terms), kink=True, model=model, load=load, law=law)
-
-    def _moving(self, basis: Any) -> RidingSines:
-        return basis
-
-    @property
-    def of(self) -> Tables:
-        return self.basis.of
-
-    @property
-    def waves(self) -> bool:
-        return isinstance(self.cable, FullCable)
+        self.of = self.basis.of
 
     def lines(self, s_o: Array) -> Iterator[tuple[slice, kernels.Line]]:
-        assert isinstance(self.cable, FullCable)
-        yield slice(0, s_o.size), self.cable.riding(self.of, self.inertia)
+        of, rule, none = self.of, np.array([self.of.xi, self.of.weights]), np.zeros(self.n - 1)
+        rest = np.zeros((self.n, self.n)), none, none, 0.0, of, self.groups.internal_damping
+        yield slice(0, s_o.size), kernels.Line(self._constants, rule, rule, *rest)
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         if not self.groups.internal_damping:
@@ -96,7 +85,7 @@ class _Side:
     def at(self, k: Array, s: Array) -> tuple[Array, Array, Array]:
         """xi (k, m), phi and phi' by xi (terms + 1, k, m), of places s at instants k."""
         xi = np.clip((s if self.sign > 0.0 else 1.0 - s) / self.h[k], 0.0, 1.0)
-        values, slopes, _ = (y.reshape(-1, *xi.shape) for y in shapes(self.terms, xi.ravel()))
+        values, slopes, _ = (y.reshape(len(y), *xi.shape) for y in shapes(self.terms, xi.ravel()))
         return xi, values, slopes
 
     def shown(self, k: Array, s: Array) -> Array:
@@ -162,11 +151,10 @@ class RidingMeasures(Measures):
         return self.q[..., -1], self.v[..., -1], self.a[..., -1], slopes
 
     def fields(self, s: Array, frames: Array) -> Array:
-        out = []
-        for k in np.array_split(frames, 1 + frames.size // BATCH):
-            behind = (s <= self.s_o[k, None])[:, None]
-            out.append(np.where(behind, *(side.shown(k, s) for side in self.sides)))
-        return np.concatenate(out, axis=1)
+        def some(k: Array) -> Array:
+            return np.where((s <= self.s_o[k, None])[:, None], *(side.shown(k, s) for side in self.sides))
+
+        return np.concatenate([some(k) for k in np.array_split(frames, 1 + frames.size // BATCH)], axis=1)
 
     def kinetic(self) -> Array:
         return 0.5 * sum((side.twice_kinetic() for side in self.sides), np.zeros(self.s_o.size))

@@ -52,9 +52,7 @@ class CableElements(System):
     _knots: Array  # 0 at the mass or the end of a fixed mesh
     _shapes: Array  # `reference.shape_polynomials`
     _moments: Array  # `reference.moments` of each side of the mass
-    _cable: Cable
     _at: tuple[float, int] | None
-    _now: Instant
     node: int  # scalar unknown at the mass
 
     def __init__(self, groups: Groups, model: str, load: str, law: str) -> None:
@@ -108,29 +106,22 @@ class CableElements(System):
         r, x = np.empty(self.n_dof), np.array([q, v, a])
         return r, self._solution(lambda factors: self._assemble(t, phase, x, r, factors), (c0, c1, c2))
 
-    def settle(
-        self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
-    ) -> Settled:
-        (now[:],), told, _ = self._steps(np.array([t]), phase, start, rule[None], bound, newton)
+    def settle(self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> Settled:
+        (now[:],), told, _ = self._steps(np.array([t]), phase, start, rule[None], newton)
         return next(self._said(told))
 
-    def collocate(
-        self, phase: int, steps: newmark.Steps, rule: Tableau, bound: float, newton: Newton
-    ) -> Iterator[Settled]:
-        steps = steps if self.strides else steps.first(1)
-        return self._said(self._collocated(phase, steps, rule, bound, newton))
+    def collocate(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[Settled]:
+        return self._said(self._collocated(phase, steps if self.strides else steps.first(1), rule, newton))
 
-    def _steps(
-        self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
-    ) -> tuple[Array, Array, int]:
+    def _steps(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[Array, Array, int]:
         """Ends (m, 3, n_dof) and `told` (m, 6) of `kernels.newton.Steps`, and how many are good."""
         ride, places = self._moved(t, phase, start)
         ends, told = np.empty((t.size, *start.shape)), np.empty((t.size, 6))
         steps = Steps(places, self._contact_at(t.item(0), phase), start, rules, ends, told)
         self._at = None
-        return ends, told, settle(self._cable, ride, self._single, self._bands, steps, bound, newton)
+        return ends, told, settle(self._cable, ride, self._single, self._bands, steps, newton)
 
-    def _collocated(self, phase: int, steps: newmark.Steps, rule: Tableau, bound: float, newton: Newton) -> Array:
+    def _collocated(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Array:
         """`told` of the steps taken."""
         t, told = rule.instants(steps.t), np.empty((len(steps.a), 6))
         ride, places = self._moved(t, phase, steps.ends[0])
@@ -138,7 +129,7 @@ class CableElements(System):
         contacts = tuple(at_nodes + at_nodes[-1:])[:3]  # as many for each rule: compiled once
         of = collocation.Steps(places, contacts, *steps, told)
         self._at, space = None, self._workspace(rule.c.size)
-        taken = collocation.collocate(self._cable, ride, space, of, rule, bound, newton)
+        taken = collocation.collocate(self._cable, ride, space, of, rule, newton)
         return told[: max(1, taken)]
 
     def _moved(self, t: Array, phase: int, start: Array) -> tuple[Any, Array]:
@@ -214,9 +205,14 @@ class CableElements(System):
     def _contact_at(self, t: float, phase: int) -> Contact:
         raise NotImplementedError
 
-    def _split(self, states: States) -> tuple[States, Array]:
-        """The history of the cable, and s_o, ds_o, dds_o (n, 3)."""
-        return states, np.ascontiguousarray(self.motion.along(states.t, states.phase).T)
+    def _kinematics(self, states: States) -> Array:
+        """s_o, ds_o, dds_o of a history (n, 3)."""
+        return np.ascontiguousarray(self.motion.along(states.t, states.phase).T)
+
+    def _padded(self, x: Array) -> Array:
+        """Unknowns of the cable (n, n_scalar + 1, fields); the last ones, of the supports, are 0."""
+        cable = x[:, : self.fields * self.n_scalar].reshape(len(x), self.n_scalar, self.fields)
+        return np.pad(cable, ((0, 0), (0, 1), (0, 0)))
 
     def _mesh_at(self, kinematics: Array) -> Array:
         """s_o, ds_o, dds_o of the mesh."""
@@ -235,11 +231,7 @@ class CableElements(System):
         Momentum is tested with phi = 1 up to s, from the support or the mass.
         """
         knots, shapes, dofs, n_left = self._knots, self._shapes, self._mesh.dofs, self._mesh.n_left
-        size = self.n_scalar * self.fields
-        q, v, a = (  # zeros last for supports
-            np.pad(x[frames, :size].reshape(frames.size, self.n_scalar, self.fields), ((0, 0), (0, 1), (0, 0)))
-            for x in (states.q, states.v, states.a)
-        )
+        q, v, a = (self._padded(x[frames]) for x in (states.q, states.v, states.a))
         c_d, (s_o, ds, dds) = self.groups.damping, kinematics[frames].T[..., None]
         a, dds = a + c_d * v, dds + c_d * ds
         length, integrals = np.diff(knots), polyint(shapes.T)
@@ -308,7 +300,7 @@ class CableElements(System):
         return mu * (dds / T + bend * p) - weight[0], mu * (dds * p / T - bend) - weight[1]
 
     def path(self, states: States) -> tuple[Array, Array]:
-        states, kinematics = self._split(states)
+        kinematics = self._kinematics(states)
         return kinematics[:, 0], self._at_mass(states, kinematics)[0] @ self.direction
 
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:

@@ -9,28 +9,26 @@ path     p is an unknown with the constraint p = N(s_o) q (index 3).  It needs n
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import skfem
 from numpy.polynomial.polynomial import polyder
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
 
 from cablefem.elements.cable import CableElements, elements_allowed
 from cablefem.elements.kernels.balance import Contact, Mesh
 from cablefem.elements.reference import bands, force_order, mass_form, moments, shape_polynomials, tabulated
-from cablefem.newmark import Array, Newton, Settled, Solve, State, collocate, consistent_acceleration, iterate
+from cablefem.newmark import Array, Settled, Solve, State, collocate, consistent_acceleration, iterate
 from cablefem.response import States
 from cablefem.scene import Groups
 
 
-@dataclass(frozen=True, slots=True)
-class _Kind:
+class _Kind(NamedTuple):
     element: type[skfem.Element]
     offsets: tuple[int, ...]
     step: int
-    couplings: tuple[str, ...]  # default first
+    couplings: tuple[str, ...]
 
 
 _KINDS = {
@@ -57,7 +55,6 @@ class FixedElements(CableElements):
         kind = _KINDS[element]
         if coupling not in kind.couplings:
             raise ValueError(f"coupling of {element} elements must be {' or '.join(kind.couplings)}, got {coupling!r}")
-        self.coupling = coupling
         self._tabulate(kind)
         self.particle = coupling == "path"
         self.n_dof = self.fields * (self.n_scalar + self.particle)
@@ -103,26 +100,21 @@ class FixedElements(CableElements):
 
         return r, solve_with_particle
 
-    def settle(
-        self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
-    ) -> Settled:
-        of = t, phase, start, now, rule, bound, newton
-        return iterate(self, *of) if self.particle else super().settle(*of)  # particles are not compiled
+    def settle(self, *step) -> Settled:
+        return iterate(self, *step) if self.particle else super().settle(*step)  # particles are not compiled
 
     def collocate(self, *step) -> Iterator[Settled]:
         return collocate(self, *step) if self.particle else super().collocate(*step)
 
     def _tabulate(self, kind: _Kind) -> None:
         """Tabulate one element and repeat it: on fine meshes scikit-fem's Hermite functions lose digits (12.0.2)."""
-        n = self.elements
-        degree, unit = len(kind.offsets) - 1, skfem.MeshLine(np.array([0.0, 1.0]))
-        basis, of_forces = (
-            skfem.Basis(unit, kind.element(), intorder=order) for order in (2 * degree, force_order(degree))
-        )
-        n_loc, first = len(kind.offsets), np.arange(n)[:, None]
-        all_dofs = kind.step * first + np.array(kind.offsets)
+        n, (element, offsets, step, _) = self.elements, kind
+        degree, unit = len(offsets) - 1, skfem.MeshLine(np.array([0.0, 1.0]))
+        basis, of_forces = (skfem.Basis(unit, element(), intorder=order) for order in (2 * degree, force_order(degree)))
+        n_loc, first = len(offsets), np.arange(n)[:, None]
+        all_dofs = step * first + np.array(offsets)
         number = np.arange(all_dofs.max() + 1)
-        supports = (number == 0) | (number == kind.step * n)
+        supports = (number == 0) | (number == step * n)
         number = np.where(supports, -1, np.cumsum(~supports) - 1)
         dofs = number[all_dofs]
         self.n_scalar = int(number.max()) + 1
@@ -132,16 +124,14 @@ class FixedElements(CableElements):
             x[:, :, :2] /= n
             x[:, :, 2 + n_loc :] *= n
         self._mesh = Mesh(dofs, tab, n, (), ())
-        b = max(kind.offsets)
+        b = max(offsets)
         self._band = self.fields * b + self.fields - 1
         of_one = mass_form.assemble(basis).toarray()[np.ix_(basis.element_dofs[:, 0], basis.element_dofs[:, 0])] / n
         row, col = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
-        inner = (row >= 0) & (col >= 0)
-        data = np.broadcast_to(of_one, row.shape)[inner]
-        M = coo_array((data, (row[inner], col[inner])), shape=(self.n_scalar, self.n_scalar))
-        self._operators = np.repeat(bands(M, b)[None], self.fields, axis=2)
+        M = bands(np.broadcast_to(of_one, row.shape), row, col, self.n_scalar, b)
+        self._operators = np.repeat(M[None], self.fields, axis=2)
         self._moments = moments(dofs, fine, fine[..., 0], self.n_scalar)[None]
-        self._knots, self._shapes = np.linspace(-1.0, 0.0, n + 1), shape_polynomials(kind.element())
+        self._knots, self._shapes = np.linspace(-1.0, 0.0, n + 1), shape_polynomials(element())
         derivatives = [float(n) ** d * polyder(self._shapes, d, axis=1) for d in range(3)]
         # (3, n_loc, n_loc): N, N', N''
         self._powers = np.stack([np.pad(x, ((0, 0), (0, n_loc - x.shape[1]))) for x in derivatives])
@@ -149,9 +139,9 @@ class FixedElements(CableElements):
     def _shape(self, s_o: float) -> tuple[NDArray[np.int64], Array, Array, Array]:
         """Unknowns (n_loc, fields) and N, N', N'' at s_o; at a node of the element ahead."""
         (dofs,), shapes = self._evaluate(np.array([s_o]), "ahead")
-        keep = dofs > 0
+        keep = dofs >= 0
         N, N_s, N_ss = np.ascontiguousarray(shapes[:, keep, 0])  # one layout, compiled once
-        return self.fields * (dofs[keep][:, None] - 1) + np.arange(self.fields), N, N_s, N_ss
+        return self.fields * dofs[keep][:, None] + np.arange(self.fields), N, N_s, N_ss
 
     def _places(self, t: Array, phase: int) -> Array:
         load, zero = self._load(*self.motion.along(t.ravel(), phase)), np.zeros(t.size)
@@ -173,19 +163,13 @@ class FixedElements(CableElements):
             r[dofs] += np.outer(N, self.inertia * a[p] - m_row @ a[dofs])
 
     def _evaluate(self, s: Array, side: str) -> tuple[NDArray[np.int64], Array]:
-        """Unknowns (m, n_loc), from 1 with 0 for supports, and N, N', N'' (3, n_loc, m)."""
+        """Unknowns (m, n_loc), -1 for supports, and N, N', N'' (3, n_loc, m)."""
         x = s * self.elements
         e = np.clip(np.ceil(x) - 1 if side == "behind" else np.floor(x), 0, self.elements - 1).astype(int)
-        return self._mesh.dofs[e] + 1, self._powers @ (x - e) ** np.arange(self._powers.shape[2])[:, None]
+        return self._mesh.dofs[e], self._powers @ (x - e) ** np.arange(self._powers.shape[2])[:, None]
 
     def _mesh_at(self, kinematics: Array) -> Array:
         return np.tile([1.0, 0.0, 0.0], (len(kinematics), 1))  # one side, which rests
-
-    def _padded(self, x: Array) -> Array:
-        """(n, 1 + n_scalar, fields), zeros first for supports."""
-        n = x.shape[0]
-        cable = x[:, : self.fields * self.n_scalar].reshape(n, self.n_scalar, self.fields)
-        return np.concatenate([np.zeros((n, 1, self.fields)), cable], axis=1)
 
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
         s_o, ds, dds = kinematics.T

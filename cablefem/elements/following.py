@@ -26,7 +26,7 @@ from cablefem.elements.cable import CableElements, elements_allowed
 from cablefem.elements.forms import pull, stiffness
 from cablefem.elements.kernels.balance import Contact, Mesh, Rates
 from cablefem.elements.reference import reference
-from cablefem.newmark import Array, Newton, State, StepFailure, begun, consistent_acceleration
+from cablefem.newmark import Array, State, StepFailure, begun, consistent_acceleration
 from cablefem.newmark.equilibrium import equilibrium
 from cablefem.response import States
 from cablefem.scene import Groups
@@ -143,11 +143,9 @@ class FollowingElements(CableElements):
                 return b
         raise StepFailure(0.0, "no equilibrium of the start from rest was found", "let the mass start more gently")
 
-    def stride(
-        self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
-    ) -> tuple[Array, Array]:
+    def stride(self, *steps) -> tuple[Array, Array]:
         """Steps end where the cable falls slack."""
-        now, told, taken = self._steps(t, phase, start, rules, bound, newton)
+        now, told, taken = self._steps(*steps)
         if taken:
             self.least_tension = told.item(taken - 1, 4), told.item(taken - 1, 5)
         return now[:taken], told[: taken + 1]
@@ -164,10 +162,9 @@ class FollowingElements(CableElements):
     # --- observation -----------------------------------------------------------------------------------
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
         s_o, ds, dds = kinematics.T
-        q, v, a = (x.reshape(s_o.size, self.n_scalar, self.fields) for x in (states.q, states.v, states.a))
-        last, n = np.append(q, np.zeros_like(q[:, :1]), axis=1), self._mesh.n_left
+        (q, v, a), n = (self._padded(x) for x in (states.q, states.v, states.a)), self._mesh.n_left
         behind, ahead = (
-            np.tensordot(last[:, self._mesh.dofs[e]], grad, axes=(1, 0))
+            np.tensordot(q[:, self._mesh.dofs[e]], grad, axes=(1, 0))
             for e, grad in zip((n - 1, n), self._at_car, strict=True)
         )
         behind /= np.where(s_o > 0.0, s_o, 1.0)[:, None]

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import skfem
-from scipy.sparse import csr_array
 
 from cablefem.elements.kernels.law import TENSION_ONLY
 from cablefem.elements.reference import along, force_order, lagrange_element
@@ -58,12 +57,6 @@ def internal_force(eta, w):
     return np.sum(pull(w["X_s"], w["T"], w["w_s"], w["alpha"], w["law"])[0] * eta.grad[:, 0], axis=0)
 
 
-@skfem.BilinearForm
-def internal_tangent(phi, eta, w):
-    K = stiffness(w["X_s"], w["T"], w["w_s"], w["alpha"], w["law"])
-    return np.einsum("ij...,j...,i...->...", K, phi.grad[:, 0], eta.grad[:, 0])
-
-
 @skfem.LinearForm
 def inertia(eta, w):
     c, q_s, v_s = w["c"], w["q"].grad[:, 0], w["v"].grad[:, 0]
@@ -71,30 +64,16 @@ def inertia(eta, w):
     return np.sum(by_value * eta + (c * w["v"] - c**2 * q_s) * eta.grad[:, 0], axis=0)
 
 
-@skfem.BilinearForm
-def inertia_tangent(phi, eta, w):
-    """`inertia` of c0 phi, c1 phi and c2 phi for w, w_t and w_tt."""
-    c, (c0, c1, c2) = w["c"], (w["c0"], w["c1"], w["c2"])
-    phi_s = phi.grad[:, 0]
-    by_value = (c2 + c1 * w["c_s"]) * phi - (c1 * c + c0 * w["c_t"]) * phi_s + w["c_d"] * (c1 * phi - c0 * c * phi_s)
-    return np.sum(by_value * eta + (c1 * c * phi - c0 * c**2 * phi_s) * eta.grad[:, 0], axis=0)
-
-
-def assembled(
-    system: FollowingElements, x: Array, t: float, phase: int, factors: tuple[float, float, float]
-) -> tuple[Array, csr_array]:
-    """Return the residual (n_dof,) at x, rows q, v, a, and c0 dr/dq + c1 dr/dv + c2 dr/da."""
+def assembled(system: FollowingElements, x: Array, t: float, phase: int) -> Array:
+    """The residual (n_dof,) at x, rows q, v, a."""
     s_o, ds, dds = system.motion.at(t, phase)
     degree, knots, g = system.reference.degree, system.reference.knots, system.groups
     mesh = skfem.MeshLine(s_o + np.where(knots < 0.0, s_o, 1.0 - s_o) * knots)
     element = skfem.ElementVector(lagrange_element(degree), 2)
     of_inertia, of_forces = (skfem.Basis(mesh, element, intorder=k) for k in (2 * degree, force_order(degree)))
-    number = np.empty(of_inertia.N, dtype=int)  # of scikit-fem's unknowns in ours
-    scalar = along(skfem.Basis(mesh, lagrange_element(degree)), degree)
-    of_scalar = skfem.Basis(mesh, lagrange_element(degree)).element_dofs
-    for k in range(degree + 1):
-        for field in range(2):
-            number[of_inertia.element_dofs[2 * k + field]] = 2 * (scalar[of_scalar[k]] - 1) + field
+    number, scalar = np.empty(of_inertia.N, dtype=int), skfem.Basis(mesh, lagrange_element(degree))
+    for field in range(2):  # scikit-fem's unknowns in ours
+        number[of_inertia.element_dofs[field::2]] = 2 * (along(scalar, degree)[scalar.element_dofs] - 1) + field
     inner = (number >= 0) & (number < system.n_dof)
     padded = np.zeros((3, number.size))
     padded[:, inner] = x[:, number[inner]]
@@ -107,13 +86,6 @@ def assembled(
     w_s = of_forces.interpolate(padded[0]).grad[:, 0]
     cable = {"T": T, "X_s": np.stack(slope), "w_s": w_s, "alpha": g.alpha, "law": float(system.law == "tension-only")}
     r = inertia.assemble(of_inertia, q=q, v=v, a=a, **moving) + internal_force.assemble(of_forces, **cable)
-    by = dict(zip(("c0", "c1", "c2"), factors, strict=True))
-    K = inertia_tangent.assemble(of_inertia, **by, **moving) + factors[0] * internal_tangent.assemble(
-        of_forces, **cable
-    )
-    order = np.argsort(number)[2:-2]
-    r, K = r[order], csr_array(K)[order][:, order]
-    at = [2 * system.node, 2 * system.node + 1]
+    r, at = r[np.argsort(number)[2:-2]], [2 * system.node, 2 * system.node + 1]
     r[at] += system.inertia * x[2, at] + system._load(s_o, ds, dds)
-    mass = csr_array(([factors[2] * system.inertia] * 2, (at, at)), shape=K.shape)
-    return r, K + mass
+    return r

@@ -82,21 +82,18 @@ class _Batch:
         self.stations = [p for case in cases for p in case.stations]
         counts = np.array([len(case.stations) for case in cases])
         self.owner = np.repeat(np.arange(len(cases)), counts)  # case of each station
-        last = np.cumsum(counts) - 1
-        self.left = np.delete(np.arange(self.owner.size), last)
+        self.last = np.cumsum(counts) - 1  # station of each case
+        self.left = np.delete(np.arange(self.owner.size), self.last)
         self.pieces = self.left.size
         nodes = np.add.outer(2.0 * np.arange(self.pieces), np.linspace(0.0, 1.0, elements + 1))
         ids = np.arange(nodes.size).reshape(nodes.shape)
         self.mesh = skfem.MeshLine(nodes.reshape(1, -1), np.stack([ids[:, :-1].ravel(), ids[:, 1:].ravel()]))
-        self.basis = self._basis(intorder=ORDER)
+        self.basis = skfem.Basis(self.mesh, skfem.ElementVector(skfem.ElementLinePp(DEGREE), 2), intorder=ORDER)
         self.dofs = self.basis.nodal_dofs[:, ids]  # (2, pieces, elements + 1)
         data = np.array([(case.weight, case.EA, case.heat) for case in cases])[self.owner[self.left]]
         self.q, self.EA, self.a = np.repeat(data, elements, axis=0).T[:, :, None]
         self._connect()
         self._begin()
-
-    def _basis(self, **quadrature) -> skfem.Basis:
-        return skfem.Basis(self.mesh, skfem.ElementVector(skfem.ElementLinePp(DEGREE), 2), **quadrature)
 
     def _connect(self) -> None:
         """Number the unknowns; set T, w0, B and outer forces."""
@@ -145,12 +142,10 @@ class _Batch:
                 special.append((slides, k, p.kind, 0.0))
             elif p.kind == "hauled":
                 special.append((row, k, p.kind, p.force))
-        start = 0
-        for case in self.cases:
+        for case, last in zip(self.cases, self.last, strict=True):
             if case.tie is not None:
-                end = start + len(case.stations) - 1
-                special.append((self.number[end, 2], start + case.tie[0], "tied", case.tie[1]))
-            start += len(case.stations)
+                at = last + 1 - len(case.stations) + case.tie[0]
+                special.append((self.number[last, 2], at, "tied", case.tie[1]))
         self.rows, at = np.array([x[0] for x in special], int), np.array([x[1] for x in special], int)
         self.kinds, self.given = np.array([x[2] for x in special]), np.array([x[3] for x in special])
         self.ends = np.concatenate([self.behind[at, :2], self.ahead[at, :2]], axis=1)
@@ -281,16 +276,11 @@ class _Batch:
         tau /= np.linalg.norm(tau, axis=1)[:, None]
         weight = np.array([p.force if p.kind == "hauled" else np.nan for p in self.stations])
         haul = np.sum((behind - ahead) * tau, axis=1) - weight * tau[:, 1]
-        states, first, piece = [], 0, 0
-        w = self.T @ self.X + self.w0
-        middle = w[self.dofs[:, :, self.elements // 2]].T
-        for case in self.cases:
-            n = len(case.stations)
-            part, pieces = slice(first, first + n), slice(piece, piece + n - 1)
-            one = known[part, 2], known[part, :2], behind[part], ahead[part], haul[part], middle[pieces]
-            states.append(LineState(case, *one))
-            first, piece = first + n, piece + n - 1
-        return states
+        middle = (self.T @ self.X + self.w0)[self.dofs[:, :, self.elements // 2]].T
+        cuts = self.last[:-1] + 1
+        parts = [np.split(x, cuts) for x in (known[:, 2], known[:, :2], behind, ahead, haul)]
+        parts.append(np.split(middle, cuts - np.arange(1, len(self.cases))))
+        return [LineState(*one) for one in zip(self.cases, *parts, strict=True)]
 
 
 def solve(cases: Sequence[Case], elements: int = 4) -> list[LineState | NoLine]:

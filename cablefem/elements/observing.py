@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
     """Measure a history; see `Observation`."""
     g, n = system.groups, states.t.size
-    states, kinematics = system._split(states)
+    kinematics = system._kinematics(states)
     s_o, ds, dds = kinematics.T
     w, w_t, w_tt, *slopes = system._at_mass(states, kinematics)
     place, slope, bend = system.static(s_o)
@@ -33,7 +33,7 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
 
     mesh_at = system._mesh_at(kinematics)
     size = system.fields * system.n_scalar
-    q, v, a = (x[:, :size].reshape(n, -1, system.fields) for x in (states.q, states.v, states.a))
+    q, v, a = (np.ascontiguousarray(x[:, :size]).reshape(n, -1, system.fields) for x in (states.q, states.v, states.a))
     full = system.fields == 2
     (kinetic, strain, potential), least, where, pulled, rest = energies(system, mesh_at, q, v)
     lost, powers = 2.0 * g.damping * kinetic, {}

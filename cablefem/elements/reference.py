@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 import skfem
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
 
 from cablefem.newmark import Array
 
@@ -92,10 +91,11 @@ def along(basis: skfem.Basis, degree: int) -> NDArray[np.int64]:
     return number
 
 
-def bands(matrix: coo_array, b: int) -> Array:
-    """Diagonals, bands[b + j - i, i] = matrix[i, j], |i - j| <= b."""
-    out = np.zeros((2 * b + 1, matrix.shape[0]))
-    np.add.at(out, (b + matrix.col - matrix.row, matrix.row), matrix.data)
+def bands(data: Array, row: NDArray[np.integer], col: NDArray[np.integer], n: int, b: int) -> Array:
+    """Diagonals, bands[b + j - i, i] = matrix[i, j], |i - j| <= b, of n unknowns; numbers below 0 are supports."""
+    inner = (row >= 0) & (col >= 0)
+    data, row, col, out = data[inner], row[inner], col[inner], np.zeros((2 * b + 1, n))
+    np.add.at(out, (b + col - row, row), data)
     return out
 
 
@@ -130,11 +130,9 @@ def reference(elements: int, degree: int, grading: float, damped: bool = False) 
         for x in sides
     ]
 
-    def operator(form: skfem.BilinearForm, part: skfem.Basis) -> coo_array:
+    def operator(form: skfem.BilinearForm, part: skfem.Basis) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
         whole = form.assemble(part, chi=1.0 - abs(np.asarray(part.global_coordinates())[0])).tocoo()
-        row, col = number[whole.row], number[whole.col]
-        inner = (row >= 0) & (col >= 0)
-        return coo_array((whole.data[inner], (row[inner], col[inner])), shape=(n, n))
+        return whole.data, number[whole.row], number[whole.col]
 
     M, G, H = ([operator(form, part) for part in parts] for form in (mass_form, transport_form, convection_form))
     dofs, forces, inertia = number[basis.element_dofs].T.copy(), tabulated(of_forces), tabulated(basis)
@@ -143,6 +141,6 @@ def reference(elements: int, degree: int, grading: float, damped: bool = False) 
         tab[:elements, :, 0] += 1.0
     return Reference(
         degree, knots, elements * degree - 1, dofs, forces, inertia,
-        np.array([bands(x, degree) for x in (*M, *G, *(x.T for x in G), *H)]), of_sides,
+        np.array([bands(*x, n, degree) for x in (*M, *G, *((data, j, i) for data, i, j in G), *H)]), of_sides,
         shape_polynomials(lagrange_element(degree)),
     )  # fmt: skip

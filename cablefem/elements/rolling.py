@@ -18,25 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import dia_array
 
+from cablefem import newmark
 from cablefem.elements.cable import UNITS, Factors
 from cablefem.elements.following import FollowingElements
 from cablefem.elements.kernels import car as kernels
 from cablefem.elements.kernels.balance import Instant
 from cablefem.elements.kernels.banded import Tangent
 from cablefem.elements.kernels.newton import NO_TANGENT
-from cablefem.newmark import (
-    NO_STEPS,
-    Array,
-    Newton,
-    Settled,
-    Solve,
-    State,
-    StepFailure,
-    Steps,
-    Tableau,
-    begun,
-    consistent_acceleration,
-)
+from cablefem.newmark import Array, Newton, Settled, Solve, State, Tableau
 from cablefem.newmark.newton import find_root
 from cablefem.newmark.system import AVERAGE
 from cablefem.response import Observation, States
@@ -76,10 +65,6 @@ class RollingElements(RollingCar, FollowingElements):
         twin.mode = replace(self.mode)
         return twin
 
-    @property
-    def _kind(self) -> int:
-        return kernels.HAUL if not self.free else kernels.HELD if self.mode.sticks else kernels.FREE
-
     def place(self, x: State) -> float:
         return float(x.q[-1]) if self.free else super().place(x)
 
@@ -95,7 +80,7 @@ class RollingElements(RollingCar, FollowingElements):
         self.set_off()
         if not self.free:
             s_o, ds, _ = self.motion.at(t, 0)
-            return begun(self, lambda at: self._statics(at)[0], s_o, ds)
+            return newmark.begun(self, lambda at: self._statics(at)[0], s_o, ds)
         q, self.hold = self._statics(self.drive.start)
         return self.let_go(State(t, q, np.zeros_like(q), np.zeros_like(q), 0))
 
@@ -106,15 +91,12 @@ class RollingElements(RollingCar, FollowingElements):
     def _assemble(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
         self._roll(self._car(t, phase), x, r, factors)
 
-    def stride(
-        self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
-    ) -> tuple[Array, Array]:
-        return super().stride(t, phase, start, rules, bound, newton) if self.under_way else NO_STEPS
-
-    def _steps(self, t: Array, *of: Any) -> tuple[Array, Array, int]:
-        now, told, taken = super()._steps(t, *of)
-        self._seen_to(t, taken)
-        return now, told, taken
+    def stride(self, t: Array, *steps) -> tuple[Array, Array]:
+        if not self.under_way:
+            return newmark.NO_STEPS
+        now, told = super().stride(t, *steps)
+        self._seen_to(t, len(now))
+        return now, told
 
     def _seen_to(self, t: Array, taken: int) -> None:
         if taken > 1:
@@ -145,9 +127,9 @@ class RollingElements(RollingCar, FollowingElements):
         keeps = self.course() if self.free else (-math.inf, math.inf, 0.0, 0.0, 0.0)
         return np.array([*keeps, -math.inf if self.mode.lifted else margin])
 
-    def collocate(self, phase: int, steps: Steps, rule: Tableau, bound: float, newton: Newton) -> Iterator[Settled]:
+    def collocate(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[Settled]:
         many = not self.free or rule.c[-1] == 1.0
-        told = self._collocated(phase, steps if many and self.under_way else steps.first(1), rule, bound, newton)
+        told = self._collocated(phase, steps if many and self.under_way else steps.first(1), rule, newton)
         self._seen_to(steps.t[1:], len(told))
         return self._said(told)
 
@@ -159,15 +141,16 @@ class RollingElements(RollingCar, FollowingElements):
         (_, before, _), (_, after, _) = (self._inertia(still, x.q, x.v, x.v) for x in (start, end))
         total, m = (after - before) / dt, 2 * self.node
         for x, share in zip(*AVERAGE, strict=True):
-            q, force = start.q + x * (end.q - start.q), self._force(start, end, x)
+            q = start.q + x * (end.q - start.q)
+            push = self._forces(State(start.t + x * dt, q, mean, (end.v - start.v) / dt, start.phase))
             static, _, gradient = self._inertia(still, q, start.v, end.v)
             total += share * (static - 0.5 * gradient)
             if c_d:
                 momentum = self._inertia(still._replace(mu=0.0), q, mean, mean)[1]
                 momentum[m : m + 2] -= self.inertia * mean[m : m + 2]  # only the cable is damped, not the car
                 total += share * c_d * momentum
-            total[m : m + 2] -= share * force[:2]
-            total[-1] -= share * force[2]
+            total[m : m + 2] -= share * np.array(push.outside)
+            total[-1] -= share * (np.dot(push.slope, push.outside) + push.drive)
         if self.mode.sticks:
             total[-1] = self.inertia * end.a[-1]
         return total
@@ -184,38 +167,32 @@ class RollingElements(RollingCar, FollowingElements):
             gradient += sign * np.append(transposed @ v[:-1] + v[-1] * row[:-1], column @ v)
         return r[0], r[1] - r[0], gradient
 
-    def _force(self, start: State, end: State, x: float) -> Array:
-        """Forces on p and s_o (3,) during a step."""
-        car, dt = self._car(start.t + x * (end.t - start.t), start.phase), end.t - start.t
-        of = np.array([start.q + x * (end.q - start.q), 0.5 * (start.v + end.v), (end.v - start.v) / dt])
-        push = self._forces(car, of)
-        return np.array([*push.outside, np.dot(push.slope, push.outside) + push.drive])
-
     def look(self, x: State) -> Look:
-        push = self._forces(self._car(x.t, x.phase), np.array([x.q, x.v, x.a]))
+        push = self._forces(x)
         (tx, ty), (px, py), (ex, ey) = push.tau, push.velocity, push.outside
         weight = self.inertia * self.groups.sigma
         return Look(push.normal, px * tx + py * ty, ex * tx + (ey + weight) * ty, weight * tx)
 
     def holding(self, x: State) -> tuple[float, float]:
-        r, car, of = np.empty(self.n_dof), self._car(x.t, x.phase), np.array([x.q, x.v, x.a])
-        push, needed = self._forces(car, of), self._roll(car, of, r)[2]
+        push = self._forces(x)
+        needed = self._roll(self._car(x.t, x.phase), np.array(x[1:4]), np.empty(self.n_dof))[2]
         return needed / push.stretch, push.normal
 
     def go_on(self, x: State) -> State:
-        return consistent_acceleration(self, x.t, x.q, x.v, x.phase)
+        return newmark.consistent_acceleration(self, x.t, x.q, x.v, x.phase)
 
     def _car(self, t: float, phase: int) -> kernels.Car:
-        drive, fixed = self.drive, (self._kind, self.node, self.inertia, self.groups.sigma)
+        drive, fixed = self.drive, (self.node, self.inertia, self.groups.sigma)
         if not self.free:
             s_o, ds, dds = self.motion.at(t, phase)
-            return kernels.Car(*fixed, s_o, ds, dds, 0.0, 0.0, *self._air, 0.0, 1.0)
+            return kernels.Car(kernels.HAUL, *fixed, s_o, ds, dds, 0.0, 0.0, *self._air, 0.0, 1.0)
+        mode = kernels.HELD if self.mode.sticks else kernels.FREE
         hold = self.hold * drive.hold(t) if t < drive.release else 0.0
         thrust = float(drive.thrust(t, phase)) if drive.thrust_table else 0.0
-        return kernels.Car(*fixed, 0.0, 0.0, 0.0, hold, thrust, *self._air, self.brake, self.mode.sign)
+        return kernels.Car(mode, *fixed, 0.0, 0.0, 0.0, hold, thrust, *self._air, self.brake, self.mode.sign)
 
-    def _forces(self, car: kernels.Car, x: Array) -> kernels.Forces:
-        return kernels.forces(self._cable, car, self._at_car, x)
+    def _forces(self, x: State) -> kernels.Forces:
+        return kernels.forces(self._cable, self._car(x.t, x.phase), self._at_car, np.array(x[1:4]))
 
     def _roll(
         self, car: kernels.Car, x: Array, r: Array, factors: Factors = NO_TANGENT, tangent: Tangent | None = None
@@ -248,6 +225,7 @@ class RollingElements(RollingCar, FollowingElements):
             x[:] -= c * dx
 
         bound = 1e-13 * self.force_scale + math.sqrt(self.n_dof) * self.force_floor  # rounding
+        newton = Newton(max_iter=60, patience=0, reuse=0.0, bound=bound)
         # rounding of slopes grows in short elements
         shortest = min(s_o, 1.0 - s_o) * float(np.diff(self.reference.knots).min())
         # For a stiff cable under a heavy car, Newton may diverge or find folds: EA rises from a soft cable.
@@ -258,27 +236,25 @@ class RollingElements(RollingCar, FollowingElements):
             x[0, -1] = s_o if self.free else 0.0
             for self._law[0] in [stiff] if count == 1 else np.geomspace(soft, stiff, count):
                 with np.errstate(over="ignore", invalid="ignore"):
-                    done = find_root(residual, linearise, update, bound, Newton(max_iter=60, patience=0, reuse=0.0))
+                    done = find_root(residual, linearise, update, newton)
             at_rest = done.norm <= bound * max(1.0, float(np.abs(x[0, :-1]).max()) / shortest)
             if at_rest and (self.least_tension[0] > 0.5 or count == 60):
                 break
         else:
-            raise StepFailure(
+            raise newmark.StepFailure(
                 0.0, f"no rest of the loaded cable was found (|r| = {done.norm:.2g})", "start the car elsewhere"
             )
         x[0, -1] = s_o if self.free else 0.0
         return x[0], float(self._roll(car, x, r)[2] if self.free else x[2, -1])
 
-    def _split(self, states: States) -> tuple[States, Array]:
-        q, v, a = (np.ascontiguousarray(x[:, :-1]) for x in (states.q, states.v, states.a))
-        cable = States(states.t, q, v, a, states.phase)
+    def _kinematics(self, states: States) -> Array:
         if not self.free:
-            return super()._split(cable)[0], super()._split(states)[1]
-        return cable, np.stack([states.q[:, -1], states.v[:, -1], states.a[:, -1]], axis=1)
+            return super()._kinematics(states)
+        return np.stack([states.q[:, -1], states.v[:, -1], states.a[:, -1]], axis=1)
 
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
         """Measure a history, with the power of each force on the car."""
-        o, drive, ds = super().observe(states, s, frames), self.drive, self._split(states)[1][:, 1]
+        o, drive, ds = super().observe(states, s, frames), self.drive, self._kinematics(states)[:, 1]
         mean = 0.5 * (o.slope_behind + o.slope_ahead)
         tau = mean / np.linalg.norm(mean, axis=1)[:, None]
         stretch = 0.5 * (np.linalg.norm(o.slope_behind, axis=1) + np.linalg.norm(o.slope_ahead, axis=1))

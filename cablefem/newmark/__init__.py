@@ -11,10 +11,3 @@ from cablefem.newmark.stepper import Passed, Work
 from cablefem.newmark.steps import step_times
 from cablefem.newmark.system import NO_STEPS, Solve, System, consistent_acceleration, iterate
 from cablefem.newmark.tableau import Tableau, between, cubic, densified
-
-__all__ = [
-    "NO_STEPS", "SCHEMES", "Array", "Collocated", "Course", "EndlessEvents", "Inside", "Newton", "NewtonStalled",
-    "Passed", "Scheme", "Settled", "Solve", "State", "StepFailure", "StepUnderflow", "Steps", "Stretch", "System",
-    "Tableau", "Work", "begun", "between", "collocate", "consistent_acceleration", "cubic", "densified", "integrate",
-    "iterate", "scheme", "stacked", "step_times", "stretches",
-]  # fmt: skip

@@ -58,19 +58,15 @@ class _Nodes:
         self.a -= da.reshape(self.a.shape)
 
 
-def collocate(
-    system: System, phase: int, steps: Steps, rule: Tableau, bound: float, newton: Newton
-) -> Iterator[Settled]:
+def collocate(system: System, phase: int, steps: Steps, rule: Tableau, newton: Newton) -> Iterator[Settled]:
     nodes = _Nodes(system, phase, steps, rule)
     with np.errstate(over="ignore", invalid="ignore"):
-        done = find_root(nodes.residual, lambda: (nodes.residual(), nodes.tangent()), nodes.update, bound, newton)
+        done = find_root(nodes.residual, lambda: (nodes.residual(), nodes.tangent()), nodes.update, newton)
         nodes.finish()
     yield done
 
 
-def collocate_coupled(
-    system: System, phase: int, steps: Steps, rule: Tableau, bound: float, newton: Newton
-) -> Iterator[Settled]:
+def collocate_coupled(system: System, phase: int, steps: Steps, rule: Tableau, newton: Newton) -> Iterator[Settled]:
     """Take the first step with the full tangent, by a preconditioned Krylov method.
 
     For a start where the tangent is proportional to a power of t.
@@ -91,9 +87,8 @@ def collocate_coupled(
         if np.isfinite(residual(y)).all():
             precondition = LinearOperator((y.size, y.size), matvec=nodes.tangent(), dtype=float)
             try:
-                y = newton_krylov(
-                    residual, y, inner_M=precondition, f_tol=bound, maxiter=newton.max_iter, tol_norm=np.linalg.norm
-                )
+                how = {"f_tol": newton.bound, "maxiter": newton.max_iter, "tol_norm": np.linalg.norm}
+                y = newton_krylov(residual, y, inner_M=precondition, **how)
                 norm, iterations = float(np.linalg.norm(residual(y))), 1
             except (NoConvergence, ValueError):
                 iterations = newton.max_iter

@@ -33,11 +33,11 @@ class CollocationRule(Stepper):
         self.rule = tableau(method.nodes)
 
     def stride(self, x: State, times: Array) -> Iterator[Sequence[State]]:
-        if not (self.strides and isinstance(x, Collocated)):
+        if not isinstance(x, Collocated):
             return
         t, ends, a, go_on = steps = self._steps(x, times)
         a[0] = go_on[0] @ x.inside.a
-        for k, done in enumerate(self.system.collocate(x.phase, steps, self.rule, self.bound, self.newton)):
+        for k, done in enumerate(self.system.collocate(x.phase, steps, self.rule, self.newton)):
             if not done.norm <= self.bound:
                 return
             self.balanced(done)
@@ -50,7 +50,7 @@ class CollocationRule(Stepper):
         else:
             tries = [(x.a, one), (0.0, one), (x.a, partial(collocate_coupled, self.system))]
         for steps.a[0], solver in tries:
-            done = next(iter(solver(x.phase, steps, self.rule, self.bound, self.newton)))
+            done = next(iter(solver(x.phase, steps, self.rule, self.newton)))
             if self.balanced(done):
                 return self._end(x.phase, steps.t, steps.ends[1], steps.a[0])
         raise self.stalled(t1, done)

@@ -42,7 +42,7 @@ class EnergyRule(Stepper):
             a = a - da
 
         with np.errstate(over="ignore", invalid="ignore"):
-            done = find_root(residual, linearise, update, self.bound, self.newton)
+            done = find_root(residual, linearise, update, self.newton)
         if not self.balanced(done):
             raise self.stalled(t1, done)
         # extrapolated to the end

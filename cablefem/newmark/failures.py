@@ -16,9 +16,6 @@ class NewtonStalled(StepFailure):
 class EndlessEvents(StepFailure):
     """Events repeat without end."""
 
-    def __init__(self, t: float, cause: str) -> None:
-        super().__init__(t, cause, "what changes at the event does not keep it from happening again at once")
-
 
 class StepUnderflow(StepFailure):
     """A step is within rounding of t."""

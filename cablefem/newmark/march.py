@@ -98,7 +98,7 @@ class _March:
 
     def _many(self, edges: list[float]) -> Generator[Sequence[State], None, bool]:
         """Take a stride if the system can; return whether any step was taken."""
-        if not self.step.strides or self.alone or self.halvings or self.pieces:
+        if not self.system.strides or self.alone or self.halvings or self.pieces:
             return False
         ahead = self._pieces(edges) if self.system.adaptive else edges[1 : 1 + STRIDE]
         self.alone = ALONE
@@ -147,8 +147,9 @@ class _March:
             return x
         if self.crowd > MOST_EVENTS:
             raise EndlessEvents(
-                x.t, f"more than {MOST_EVENTS} events without a step between them, at last {names[-1]!r}"
-            )
+                x.t, f"more than {MOST_EVENTS} events without a step between them, at last {names[-1]!r}",
+                "what changes at the event does not keep it from happening again at once",
+            )  # fmt: skip
         self.jumped, self.alone, self.fresh = x.t, 1, True
         return pass_events(self.system, names, x, self.shown, self.work)
 

@@ -34,13 +34,11 @@ class NewmarkRule(Stepper):
         return self.system.between(t0, t1, w, phase)
 
     def stride(self, x: State, times: Array) -> Iterator[Sequence[State]]:
-        if not self.strides:
-            return
         begin = np.concatenate([[x.t], times[:-1]])
         t = self._instants(begin, times, x.phase)
         rules = np.repeat(self._rule[None], times.size, axis=0)
         self._set(rules, times - begin, 1.0)
-        now, told = self.system.stride(t, x.phase, np.array([x.q, x.v, x.a]), rules, self.bound, self.newton)
+        now, told = self.system.stride(t, x.phase, np.array([x.q, x.v, x.a]), rules, self.newton)
         n = len(now)
         if not n:
             return
@@ -56,7 +54,7 @@ class NewmarkRule(Stepper):
         now = np.empty_like(start)
         for goes_on in (1.0, 0.0):
             self._set(self._rule, dt, goes_on)
-            done = self.system.settle(t, x.phase, start, now, self._rule, self.bound, self.newton)
+            done = self.system.settle(t, x.phase, start, now, self._rule, self.newton)
             if self.balanced(done):
                 return State(t1, now[0], now[1], now[2], x.phase)
         raise self.stalled(t1, done)

@@ -4,14 +4,12 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-MOST_HALVINGS = 5  # of one correction
-
 
 class Newton(NamedTuple):
-    """Settings of Newton's method; converged: |r| <= tol force_scale + sqrt(n_dof) force_floor.
+    """Settings of Newton's method; converged: |r| <= bound = tol force_scale + sqrt(n_dof) force_floor.
 
     The tangent is kept if |r| falls to `reuse` or less.  After `patience` iterations corrections are
-    halved until |r| falls.  The method stops if `enough` iterations seem too few.
+    halved until |r| falls, at most `halvings` times.  The method stops if `enough` iterations seem too few.
     """
 
     tol: float = 1e-4
@@ -19,11 +17,13 @@ class Newton(NamedTuple):
     reuse: float = 0.1
     patience: int = 2
     enough: float = math.inf
+    halvings: int = 5
+    bound: float = 0.0  # `Stepper` sets it
 
-    def hopeless(self, norm: float, before: float, iterations: int, bound: float) -> bool:
+    def hopeless(self, norm: float, before: float, iterations: int) -> bool:
         if self.enough == math.inf or iterations <= self.patience:
             return False
-        return norm * (norm / before) ** (self.enough - iterations) > bound
+        return norm * (norm / before) ** (self.enough - iterations) > self.bound
 
 
 STANDARD = Newton()
@@ -40,9 +40,9 @@ class Settled(NamedTuple):
 
 def find_root(
     residual: Callable[[], Any], linearise: Callable[[], tuple[Any, Callable]], update: Callable[[Any], None],
-    bound: float, newton: Newton,
+    newton: Newton,
 ) -> Settled:  # fmt: skip
-    """Take corrections, `update(x)` subtracts x, until |residual()| <= bound; NaN never converges."""
+    """Take corrections, `update(x)` subtracts x, until |residual()| <= newton.bound; NaN never converges."""
     norm, factorisations, residuals, anew = math.inf, 0, 0, True
     for iteration in range(newton.max_iter):
         if anew:
@@ -51,7 +51,7 @@ def find_root(
             factorisations += 1
         before, correction = norm, solve(r)
         update(correction)
-        for halving in range(MOST_HALVINGS + 1):
+        for halving in range(newton.halvings + 1):
             if halving:
                 correction *= 0.5
                 update(-correction)
@@ -60,7 +60,7 @@ def find_root(
             norm = math.sqrt(r.dot(r))
             if norm < before or (iteration < newton.patience and norm < math.inf):
                 break
-        if norm <= bound or not norm < math.inf or newton.hopeless(norm, before, iteration + 1, bound):
+        if norm <= newton.bound or not norm < math.inf or newton.hopeless(norm, before, iteration + 1):
             break
         anew = norm > newton.reuse * before
     return Settled(norm, iteration + 1, factorisations, residuals)

@@ -62,10 +62,6 @@ class Stretch(Sequence[State]):
         q, v, a = self.rows[i]
         return State(self.t.item(i), q, v, a, self.phase)
 
-    def __iter__(self) -> Iterator[State]:
-        for t, (q, v, a) in zip(self.t.tolist(), self.rows, strict=True):
-            yield State(t, q, v, a, self.phase)
-
 
 class Course(Sequence[State]):
     """The states of a run so far."""
@@ -74,9 +70,6 @@ class Course(Sequence[State]):
         self.parts: list[Stretch | list[State]] = []
         self._n = 0
         self.extend(list(states))
-
-    def append(self, x: State) -> None:
-        self.extend([x])
 
     def extend(self, states: Sequence[State]) -> None:
         self._n += len(states)
@@ -104,17 +97,15 @@ class Course(Sequence[State]):
             yield from part
 
 
+def _columns(states: Sequence[State]) -> tuple[Array, Array, NDArray[np.intp]]:
+    if isinstance(states, Stretch):
+        return states.t, states.rows, np.full(len(states), states.phase)
+    return np.array([x.t for x in states]), np.array([x[1:4] for x in states]), np.array([x.phase for x in states])
+
+
 def stacked(states: Sequence[State]) -> tuple[Array, Array, Array, Array, NDArray[np.intp]]:
     """t (n,), q, v and a (n, n_dof), and phase (n,) of a history."""
     parts = states.parts if isinstance(states, Course) else [states]
-    t, rows, phase = zip(
-        *(
-            (x.t, x.rows, np.full(len(x), x.phase))
-            if isinstance(x, Stretch)
-            else (np.array([y.t for y in x]), np.array([y[1:4] for y in x]), np.array([y.phase for y in x]))
-            for x in parts
-        ),
-        strict=True,
-    )
+    t, rows, phase = zip(*(_columns(x) for x in parts), strict=True)
     q, v, a = np.moveaxis(np.concatenate(rows), 1, 0)
     return np.concatenate(t), q, v, a, np.concatenate(phase)

@@ -35,9 +35,9 @@ class Stepper:
     """Rule of a step: `stepper(x, t1)` returns the state at t1 after a step from x."""
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
-        self.system, self.method, self.newton, self.work = system, method, newton, work
-        self.strides = system.strides
+        self.system, self.method, self.work = system, method, work
         self.bound = newton.tol * system.force_scale + math.sqrt(system.n_dof) * system.force_floor
+        self.newton = newton._replace(bound=self.bound)
 
     def __call__(self, x: State, t1: float) -> State:
         raise NotImplementedError

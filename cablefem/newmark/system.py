@@ -52,20 +52,16 @@ class System(Protocol):
         raise NotImplementedError
 
     # --- steps -----------------------------------------------------------------------------------------
-    def settle(
-        self, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
-    ) -> Settled:
+    def settle(self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> Settled:
         """Take a step of Newmark's family.
 
         start, now : (3, n_dof) rows q, v, a; `now` is set.
         rule : (3, 5) predictor (3, 3), corrector c, balance w: now = predictor start - c da with
-            |r(t, w now + (1 - w) start)| <= bound.
+            |r(t, w now + (1 - w) start)| <= newton.bound.
         """
-        return iterate(self, t, phase, start, now, rule, bound, newton)
+        return iterate(self, t, phase, start, now, rule, newton)
 
-    def stride(
-        self, t: Array, phase: int, start: Array, rules: Array, bound: float, newton: Newton
-    ) -> tuple[Array, Array]:
+    def stride(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[Array, Array]:
         """Ends (k, 3, n_dof) of steps, and the fields of `Settled` of each.
 
         t, rules : (m,) and (m, 3, 5), see `settle`.
@@ -73,9 +69,9 @@ class System(Protocol):
         """
         return NO_STEPS
 
-    def collocate(self, phase: int, steps: Steps, rule: Tableau, bound: float, newton: Newton) -> Iterator[Settled]:
+    def collocate(self, phase: int, steps: Steps, rule: Tableau, newton: Newton) -> Iterator[Settled]:
         """Take collocation steps, at least the first."""
-        return collocate(self, phase, steps, rule, bound, newton)
+        return collocate(self, phase, steps, rule, newton)
 
     def averaged(self, start: State, end: State) -> Array:
         """r (n_dof,) averaged over a step.
@@ -116,9 +112,7 @@ class System(Protocol):
         return x
 
 
-def iterate(
-    system: System, t: float, phase: int, start: Array, now: Array, rule: Array, bound: float, newton: Newton
-) -> Settled:
+def iterate(system: System, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> Settled:
     """`System.settle` by `residual` and `linearise`."""
     predictor, c, w = rule[:, :3], rule[:, 3:4], rule[:, 4:5]
     linear = (w * c)[:, 0].tolist()
@@ -139,7 +133,7 @@ def iterate(
         np.subtract(now, np.multiply(c, da, out=correction), out=now)
 
     with np.errstate(over="ignore", invalid="ignore"):
-        return find_root(residual, linearise, update, bound, newton)
+        return find_root(residual, linearise, update, newton)
 
 
 def consistent_acceleration(system: System, t: float, q: Array, v: Array, phase: int) -> State:

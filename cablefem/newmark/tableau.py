@@ -44,16 +44,11 @@ def tableau(nodes: tuple[float, ...]) -> Tableau:
     values, back = np.linalg.eig(A)
     kept = values.imag >= 0.0
     both = np.where(values.imag > 0.0, 2.0, 1.0)
-    powers = (
-        np.array([p.coef for p in basis]).T,
-        np.array([p.integ(1, lbnd=1.0).coef for p in basis]).T,
-        np.array([p.integ(2, lbnd=1.0).coef for p in basis]).T,
-    )
+    l0, l1, l2 = (np.array([p.integ(k, lbnd=1.0).coef for p in basis]).T for k in range(3))
     to, back, values = (x.astype(complex) for x in (np.linalg.inv(back), both * back, values))
     middle = int(np.argmin(np.abs(c - 0.5)))
-    return Tableau(
-        c, A, A @ A, np.stack([b @ A, b]), values[kept], to[kept], np.ascontiguousarray(back[:, kept]), middle, powers
-    )  # fmt: skip
+    to, back = to[kept], np.ascontiguousarray(back[:, kept])
+    return Tableau(c, A, A @ A, np.stack([b @ A, b]), values[kept], to, back, middle, (l0, l1, l2))
 
 
 @lru_cache(maxsize=256)

@@ -5,17 +5,5 @@ phi (n, m): Phi' at the points; x: a `Carried`; Q, V, A (2, n): coefficients and
 
 from galerkin.kernels.cable import Cable, Points, least, stiffness, stress
 from galerkin.kernels.places import Line
-from galerkin.kernels.rolling import (
-    FREE,
-    HAULED,
-    LEAST_PULL,
-    STUCK,
-    Car,
-    Course,
-    Ride,
-    Rolling,
-    averaged,
-    seen,
-    weighed_car,
-)
+from galerkin.kernels.rolling import LEAST_PULL
 from galerkin.kernels.steps import look, stride, surveyed

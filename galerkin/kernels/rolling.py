@@ -25,9 +25,9 @@ class Rolling(NamedTuple):
     sigma: float
     drag: float  # of the air
     wind: float
-    hold: float  # F_hold
-    rub: float  # mu_r with the sign of friction
-    brake: float  # with its sign
+    hold: float = 0.0  # F_hold
+    rub: float = 0.0  # mu_r with the sign of friction
+    brake: float = 0.0  # with its sign
     ax: float = 0.0  # mean p.. for the friction; nan: the present one
     ay: float = 0.0
 

@@ -151,13 +151,12 @@ def correct(rule, end, step, share):
 
 
 @inner
-def newton(here, ride, line, ends, rule, limits, of):
+def solve_step(here, ride, line, ends, rule, newton, of):
     """Solve one step for its end, like `cablefem.newmark.iterate`.
 
-    ends : start, and end to be set, (3, n_dof);  limits : bound of |r|, max_iter, reuse, patience, most halvings
+    ends : start, and end to be set, (3, n_dof);  newton : `cablefem.newmark.Newton`
     Return |r|, counts of iterations, factorisations, evaluations, the least tension and its s.
     """
-    bound, most, reuse, patience, halvings = limits
     w = rule[:, 4]
     c = w[0] * rule[0, 3], w[1] * rule[1, 3], w[2] * rule[2, 3]
     predict(rule, ends[0], ends[1])
@@ -165,17 +164,17 @@ def newton(here, ride, line, ends, rule, limits, of):
     iterations, factorisations, evaluations, before = 0, 0, 0, math.inf
     if math.isnan(norm):
         return norm, 1, 0, 1, math.inf, 0.0
-    while iterations == 0 or (bound < norm < math.inf and iterations < most):
-        if iterations == 0 or norm > reuse * before:
+    while iterations == 0 or (newton.bound < norm < math.inf and iterations < newton.max_iter):
+        if iterations == 0 or norm > newton.reuse * before:
             factorisations += 1
             set_tangent(line.riding, here, ride, line, of, out, c)
         solve_for(line.riding, of.K, of.r, of.step)
         before, share = norm, 1.0
-        for _ in range(int(halvings) + 1):
+        for _ in range(newton.halvings + 1):
             correct(rule, ends[1], of.step, share)
             here, out, norm = weigh(here, ride, line, ends, w, of)
             evaluations += 1
-            if norm < before or (iterations < patience and norm < math.inf):
+            if norm < before or (iterations < newton.patience and norm < math.inf):
                 break
             share = -0.5 * abs(share)  # take back half of the last one
         iterations += 1
@@ -184,11 +183,11 @@ def newton(here, ride, line, ends, rule, limits, of):
 
 
 @compiled
-def stride(ride, course, line, places, start, rules, limits):
+def stride(ride, course, line, places, start, rules, newton):
     """Take m steps, up to one that fails, falls slack or ends in an event of the `Course`.
 
     places : (m, 3) s_o, ds_o, dds_o;  for a free car (1, 3), those at the start
-    Return the number of good steps, their ends (m, 3, n_dof), and results of `newton` (m, 6).
+    Return the number of good steps, their ends (m, 3, n_dof), and results of `solve_step` (m, 6).
     """
     m, size = rules.shape[0], start.shape[1]
     now, told, of, now_ride = np.empty((m, 3, size)), np.full((m, 6), math.nan), space_for(size, line), ride
@@ -201,9 +200,9 @@ def stride(ride, course, line, places, start, rules, limits):
             now_ride = rolling.begin_step(ride, course, rule, i, now_car)
         elif i > 0:
             here = moment(line, place_of(places, i))
-        found = newton(here, now_ride, line, (begin, now[i]), rule, limits, of)
+        found = solve_step(here, now_ride, line, (begin, now[i]), rule, newton, of)
         told[i, 0], told[i, 1], told[i, 2], told[i, 3], told[i, 4], told[i, 5] = found
-        if not (found[0] <= limits[0] and found[4] >= 0.0):
+        if not (found[0] <= newton.bound and found[4] >= 0.0):
             return i, now, told
         if course is not None and course.t.size > 0:
             now_car = rolling.end_step(ride, course, line, places, rule, i, now[i])

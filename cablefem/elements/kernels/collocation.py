@@ -13,7 +13,7 @@ from cablefem.elements.kernels import compiled, inner
 from cablefem.elements.kernels.balance import Instant, side_of, weigh
 from cablefem.elements.kernels.banded import Tangent, factorise, solve
 from cablefem.elements.kernels.car import under_way
-from cablefem.elements.kernels.newton import HALVINGS, NO_TANGENT, balance
+from cablefem.elements.kernels.newton import NO_TANGENT, balance
 
 SAME = 1e-6  # relative change of the step with kept factors
 SERVES = 0.03  # rate of convergence with kept factors
@@ -52,7 +52,7 @@ class Step(NamedTuple):
 
 
 @compiled
-def collocate(cable, ride, space, steps, rule, bound, newton):
+def collocate(cable, ride, space, steps, rule, newton):
     """Take steps; return how many converged before an event of the car.
 
     A step with a slack element is the last one.
@@ -66,10 +66,10 @@ def collocate(cable, ride, space, steps, rule, bound, newton):
             if steps.places.shape[2] > 3:  # with a car, `roll` does this
                 weigh(cable, Instant(steps.places[k, i], space.bands[i], steps.contacts[i]))
         step = Step(steps.places[k], steps.contacts, steps.ends[k], steps.t[k + 1] - steps.t[k], steps.a[k])
-        done, least, where = settle(cable, ride, space, step, rule, bound, newton)
+        done, least, where = settle(cable, ride, space, step, rule, newton)
         told = steps.told[k]
         told[0], told[1], told[2], told[3], told[4], told[5] = done[0], done[1], done[2], done[3], least, where
-        if not done[0] <= bound:
+        if not done[0] <= newton.bound:
             return k
         finish(step, rule, steps.ends[k + 1])
         if not under_way(cable, ride, step.places[-1], x[-1]):
@@ -80,7 +80,7 @@ def collocate(cable, ride, space, steps, rule, bound, newton):
 
 
 @inner
-def settle(cable, ride, space, step, rule, bound, newton):
+def settle(cable, ride, space, step, rule, newton):
     """Find the accelerations; return (|r|, iterations, factorisations, residuals), least tension, its s.
 
     With old factors, a correction that does not help is taken back.
@@ -99,7 +99,7 @@ def settle(cable, ride, space, step, rule, bound, newton):
                 break
         solutions(space, rule)
         before, share = norm, 1.0
-        for _ in range(HALVINGS + 1):
+        for _ in range(newton.halvings + 1):
             take_off(share, space.da, step.a)
             norm, least, where = residual(cable, ride, space, step, rule)
             residuals += 1
@@ -107,24 +107,24 @@ def settle(cable, ride, space, step, rule, bound, newton):
                 break
             share = -0.5 if share == 1.0 else 0.5 * share  # takes half of the correction back
         anew = not norm <= newton.reuse * before
-        if norm <= bound:
+        if norm <= newton.bound:
             break
         if old and not norm < before:
             take_off(-1.0, space.da, step.a)
             norm, least, where = residual(cable, ride, space, step, rule)
             residuals += 1
-        elif not norm < math.inf or (not old and hopeless(norm, before, iterations, bound, newton)):
+        elif not norm < math.inf or (not old and hopeless(norm, before, iterations, newton)):
             break
-    if not (norm <= bound and norm <= SERVES * before):
+    if not (norm <= newton.bound and norm <= SERVES * before):
         space.kept[0] = math.nan
     return (norm, iterations, factorisations, residuals), least, where
 
 
 @inner
-def hopeless(norm, before, iterations, bound, newton):
+def hopeless(norm, before, iterations, newton):
     if iterations <= newton.patience:
         return False
-    return norm * (norm / before) ** (newton.enough - iterations) > bound
+    return norm * (norm / before) ** (newton.enough - iterations) > newton.bound
 
 
 @inner

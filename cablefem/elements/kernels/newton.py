@@ -11,7 +11,6 @@ from cablefem.elements.kernels.banded import dot, factorise, solve
 from cablefem.elements.kernels.car import roll, under_way
 
 NO_TANGENT = 0.0, 0.0, 0.0
-HALVINGS = 5  # of one correction, at most
 
 
 class Steps(NamedTuple):
@@ -35,12 +34,12 @@ def balance(cable, ride, now, x, r, tangent, factors):
 
 
 @compiled
-def settle(cable, ride, tangent, bands, steps, bound, newton):
+def settle(cable, ride, tangent, bands, steps, newton):
     """Take steps; return how many converged before a slack element or an event of the car.
 
     newton : `cablefem.newmark.Newton`.
     """
-    n, x = steps.start.shape[1], np.empty_like(steps.start)
+    n, x, bound = steps.start.shape[1], np.empty_like(steps.start), newton.bound
     r, da = np.empty(n), np.empty(n)
     patience = newton.patience if ride is None else 0  # else another root near a support
     for k in range(steps.rules.shape[0]):
@@ -66,7 +65,7 @@ def settle(cable, ride, tangent, bands, steps, bound, newton):
             for j in range(n):
                 da[j] = r[j]
             share = 1.0
-            for _ in range(HALVINGS + 1):
+            for _ in range(newton.halvings + 1):
                 correct(begin, rule, share, da, end, x)
                 least, where = balance(cable, ride, now, x, r, tangent, NO_TANGENT)
                 residuals += 1
