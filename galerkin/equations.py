@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs, zgetrf, zgetrs
@@ -28,8 +27,7 @@ from galerkin.observe import Measures, observe
 LOADS = ("mass", "force")
 
 
-@dataclass(frozen=True, slots=True)
-class Instant:
+class Instant(NamedTuple):
     """Quantities fixed by the travel of the mass."""
 
     carried: Carried  # of the basis
@@ -83,7 +81,7 @@ class GalerkinSystem(System):
         """Make the cache of instants; an energy step visits five."""
         self.instant = lru_cache(maxsize=8)(lambda t, phase: self._instant(*self.motion.at(t, phase)))
 
-    def with_law(self, law: str) -> GalerkinSystem:
+    def with_law(self, law: str) -> Self:
         other = copy.copy(self)
         other.law, other.cable = law, cable_model(self.groups, self.model, law)
         other._fresh()

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -19,8 +18,7 @@ if TYPE_CHECKING:
     from galerkin.observe import Measures
 
 
-@dataclass(frozen=True, slots=True)
-class Equilibrium:
+class Equilibrium(NamedTuple):
     """Internal forces N t at n instants."""
 
     behind: Array  # (n, 2) at the mass
@@ -70,21 +68,21 @@ def least_along(cable: FullCable, n: int, along: Callable[[Array, Array], Array]
     return least, stations[where]
 
 
-def sums(x: Measures) -> tuple[Array, Array, Array]:
+def sums(of: Measures) -> tuple[Array, Array, Array]:
     """int (N t - T t_static) ds by sides and fields, (n, 2, 2); int W ds and power of internal damping, (n,)."""
-    system, Q, V = x.system, x.q, x.v
-    internal, strain, lost = np.empty((x.s_o.size, 2, 2)), np.empty(x.s_o.size), np.zeros(x.s_o.size)
+    system, Q, V, n = of.system, of.q, of.v, of.s_o.size
+    internal, strain, lost = np.empty((n, 2, 2)), np.empty(n), np.zeros(n)
     if system.waves:
-        places = np.stack([x.inside, x.ds_o, x.dds_o], axis=1)
-        for k, line in system.lines(x.inside):
+        places = np.stack([of.inside, of.ds_o, of.dds_o], axis=1)
+        for k, line in system.lines(of.inside):
             kernels.surveyed(line, places[k], Q[k], V[k], internal[k], strain[k], lost[k])
         return internal, strain, lost
     cable, kink = system.cable, system.basis if system.kink else Moving(system.basis.basis, kink=True)
-    for i, place in enumerate(x.inside.tolist()):
+    for i, place in enumerate(of.inside.tolist()):
         points = cable.at(kink, place)
-        W = kernels.stress(points.T, points.r_static, Q[i] @ points.phi, cable.alpha, cable.law)[1]
-        internal[i] = cable.sides(points, Q[i])
-        strain[i] = points.weights @ W
+        x = kernels.stress(points.T, points.r_static, Q[i] @ points.phi, cable.alpha, cable.law)
+        behind, strain[i] = points.phi[-1] > 0.0, points.weights @ x[1]
+        internal[i] = np.stack([behind, ~behind]) @ (x[2:4] * points.weights).T
     return internal, strain, lost
 
 

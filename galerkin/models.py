@@ -59,11 +59,6 @@ class FullCable:
         K[n:, :n] = K[:n, n:]
         return x[2:4] @ place.phi.T, x[7], K
 
-    def sides(self, place: kernels.Points, Q: Array) -> Array:
-        """int (N t - T t_static) ds behind and ahead of the mass, rows (2, 2)."""
-        behind = place.phi[-1] > 0.0
-        return np.stack([behind, ~behind]) @ self._stress(place, Q)[2:4].T
-
     def least(self, basis: Any, place: kernels.Points, pull: Any) -> tuple[float, float]:
         s_o = 1.0 / float(place.phi[-1, 0]) if basis.kink else 1.0  # 1: one side for all
         return kernels.least(place, s_o, pull, isinstance(basis, RidingSines) or None, int(basis.kink))

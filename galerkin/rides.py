@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Self
 
 import numpy as np
 
@@ -59,9 +60,8 @@ class RollingSystem(RollingCar, GalerkinSystem):
         self._window = WINDOW * self.round_trip
         self._seen: tuple[State, Car] | None = None  # the last of `_car_at`
 
-    def with_law(self, law: str) -> RollingSystem:
+    def with_law(self, law: str) -> Self:
         other = super().with_law(law)
-        assert isinstance(other, RollingSystem)
         other.mode, other._watched = replace(self.mode), None
         return other
 
@@ -69,9 +69,9 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return self._travel(x)[0]
 
     def kinematics(self, states: States) -> Array:
-        return (
-            np.array([states.q[:, -1], states.v[:, -1], states.a[:, -1]]) if self.free else super().kinematics(states)
-        )
+        if not self.free:
+            return super().kinematics(states)
+        return np.array([states.q[:, -1], states.v[:, -1], states.a[:, -1]])
 
     def _travel(self, x: State) -> tuple[float, float, float]:
         return (float(x.q[-1]), float(x.v[-1]), float(x.a[-1])) if self.free else self.motion.at(x.t, x.phase)

@@ -9,7 +9,7 @@ Derivatives and primitives are sums over functions phi_m with masks 2 ((1 + z)/2
 from dataclasses import dataclass
 from functools import lru_cache
 from math import comb, sqrt
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import mpmath as mp
 import numpy as np
@@ -68,15 +68,13 @@ def _cholesky(W: np.ndarray) -> np.ndarray:
     return np.array(mp.cholesky(mp.matrix(W.tolist())).tolist()).astype(float)
 
 
-@dataclass(frozen=True, slots=True)
-class _Walk:
+class _Walk(NamedTuple):
     at_integers: np.ndarray  # v(0)
     blocks: np.ndarray  # transposed products T_d1 .. T_dBLOCK
     T: np.ndarray
 
 
-@dataclass(frozen=True, slots=True)
-class _Mother:
+class _Mother(NamedTuple):
     """Tables of one order."""
 
     h: np.ndarray  # phi(x) = sum h_k phi(2x - k)
@@ -155,8 +153,7 @@ def _evaluate(y, at_integers, blocks, c, out):
                 out[q, k] += v[i] * c[cell - i + n - 1, k]
 
 
-@dataclass(frozen=True, slots=True)
-class _Sums:
+class _Sums(NamedTuple):
     """sum_l c_l phi_m(y - l) by m, each the derivative of the next; rows of c from l = 1 - n_m on."""
 
     order: int

@@ -79,7 +79,7 @@ class _NoCoriolis(GalerkinSystem):
 
     def _instant(self, *kinematics: float) -> Instant:
         x = super()._instant(*kinematics)
-        return replace(x, carried=x.carried._replace(f_v=np.zeros_like(x.carried.f_v)))
+        return x._replace(carried=x.carried._replace(f_v=np.zeros_like(x.carried.f_v)))
 
 
 class _NoConvection(_NoCoriolis):
@@ -87,7 +87,7 @@ class _NoConvection(_NoCoriolis):
 
     def _instant(self, *kinematics: float) -> Instant:
         x = super()._instant(*kinematics)
-        return replace(x, carried=x.carried._replace(f_q=np.zeros_like(x.carried.f_q)))
+        return x._replace(carried=x.carried._replace(f_q=np.zeros_like(x.carried.f_q)))
 
 
 class _RestingStart(GalerkinSystem):
