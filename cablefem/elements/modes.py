@@ -52,10 +52,7 @@ def bare_frequencies(groups: Groups, *, elements: int = 10, degree: int = 8, mod
         T, xp, yp, _, _ = groups.static(s)
         axial = groups.alpha - T
         coupling = stiffness(axial * xp * yp)
-        K = block_array([
-            [stiffness(T + axial * xp * xp), coupling],
-            [coupling, stiffness(T + axial * yp * yp)],
-        ])  # fmt: skip
+        K = block_array([[stiffness(T + axial * xp * xp), coupling], [coupling, stiffness(T + axial * yp * yp)]])
         M = block_array([[M, None], [None, M]])
     else:
         tau = 1.0 / groups.chord_cos

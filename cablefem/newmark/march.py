@@ -50,18 +50,17 @@ def stretches(
     rule = CollocationRule if method.nodes else EnergyRule if method.average else NewmarkRule
     step = rule(system, method, newton, work)
     gentle = NewmarkRule(system, GENTLY, newton, work) if rule is NewmarkRule else None
-    state: State | None = start
+    state = start
     if state is None:
         state = system.start(0, None)
         yield [state]
     else:
         state = pass_events(system, due(system, state), state, state.t, work)
-    for phase in range(0 if state is None else state.phase, len(system.phases)):
-        if state is not None and phase > state.phase:
-            state = system.start(phase, state)
-        if state is None:
+    while state is not None:
+        state = yield from _March(step, gentle, state, work).through(times[state.phase])
+        if state is None or state.phase == len(system.phases) - 1:
             return
-        state = yield from _March(step, gentle, state, work).through(times[phase])
+        state = system.start(state.phase + 1, state)
 
 
 class _March:

@@ -40,8 +40,6 @@ class NewmarkRule(Stepper):
         self._set(rules, times - begin, 1.0)
         now, told = self.system.stride(t, x.phase, np.array([x.q, x.v, x.a]), rules, self.newton)
         n = len(now)
-        if not n:
-            return
         stretch = Stretch(times[:n], now, x.phase)
         seen = int(np.searchsorted(stretch.t, self.system.heeded, side="right")) if self.system.events else n
         for part in [slice(0, seen)] * (seen > 0) + [slice(k, k + 1) for k in range(seen, n)]:

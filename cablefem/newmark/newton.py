@@ -21,9 +21,8 @@ class Newton(NamedTuple):
     bound: float = 0.0  # `Stepper` sets it
 
     def hopeless(self, norm: float, before: float, iterations: int) -> bool:
-        if self.enough == math.inf or iterations <= self.patience:
-            return False
-        return norm * (norm / before) ** (self.enough - iterations) > self.bound
+        tried = self.enough < math.inf and iterations > self.patience
+        return tried and norm * (norm / before) ** (self.enough - iterations) > self.bound
 
 
 STANDARD = Newton()

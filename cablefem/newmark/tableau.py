@@ -75,9 +75,7 @@ def between(before: State, after: State, t: float) -> State:
         nodes, dt, a = after.inside
         x = (t - after.t) / dt + 1.0
         l0, l1, l2 = (polynomial.polyval(x, p) @ a for p in tableau(nodes).powers)
-        return State(
-            t, after.q + dt * (x - 1.0) * after.v + dt * dt * l2, after.v + dt * l1, l0, after.phase
-        )  # fmt: skip
+        return State(t, after.q + dt * (x - 1.0) * after.v + dt * dt * l2, after.v + dt * l1, l0, after.phase)
     dt = after.t - before.t
     x = (t - before.t) / dt
     return State(t, *cubic(x, dt, before, after), (1.0 - x) * before.a + x * after.a, after.phase)
