@@ -71,6 +71,9 @@ class Course(Sequence[State]):
         self._n = 0
         self.extend(list(states))
 
+    def append(self, x: State) -> None:
+        self.extend([x])
+
     def extend(self, states: Sequence[State]) -> None:
         self._n += len(states)
         if isinstance(states, Stretch):

@@ -136,7 +136,7 @@ class Run:
             h.failure = _cause(error, h.onset is not None, h.after is not None)
             if not h.states:  # only the hanging cable
                 rest = np.zeros(h.solver.n_dof)
-                h.states.extend([State(h.solver.phases[0][0], rest, rest, rest)])
+                h.states.append(State(h.solver.phases[0][0], rest, rest, rest))
         h.seconds += time.perf_counter() - begin
         report(1.0)
 
