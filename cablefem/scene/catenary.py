@@ -7,7 +7,6 @@ Nearly equal numbers are never subtracted: a taut cable keeps its digits.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,6 +16,7 @@ from cablefem.scene.bisection import bisected
 
 # [-] z = rho g b/(2H); sag/span is 7.3 at z = 5; below 1e-9, l is the chord to 16 digits
 Z_MIN, Z_MAX = 1e-9, 5.0
+_BRACKET = Z_MIN * (1.0 - 1e-6), Z_MAX * (1.0 + 1e-6)  # with the ends themselves
 
 
 def static(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -62,12 +62,12 @@ class Catenary:
             raise ValueError(f"length {length} is at most the chord {chord}")
         level = math.sqrt((length - drop) * (length + drop))
         excess = (length - chord) * (length + chord) / (span * (level + span))  # = level/span - 1
-        return cls.from_z(span, drop, weight, _root(lambda z: math.log(_sinhc_minus_1(z) / excess)))
+        return cls.from_z(span, drop, weight, bisected(lambda z: math.log(_sinhc_minus_1(z) / excess), *_BRACKET))
 
     @classmethod
     def from_sag(cls, span: float, drop: float, weight: float, sag: float) -> Catenary:
         """ValueError if no z in [Z_MIN, Z_MAX] has this sag."""
-        return cls.from_z(span, drop, weight, _root(lambda z: math.log(_sag(span, drop, z) / sag)))
+        return cls.from_z(span, drop, weight, bisected(lambda z: math.log(_sag(span, drop, z) / sag), *_BRACKET))
 
     @property
     def z(self) -> float:
@@ -154,9 +154,3 @@ def _sag(span: float, drop: float, z: float) -> float:
     fall = 2.0 * math.sinh((z + eta) / 2.0) * math.sinh((z - eta) / 2.0)
     tilt = eta * (_sinhc_minus_1(eta) - _sinhc_minus_1(z))
     return span / (2.0 * z) * (math.cosh(tm) * fall + math.sinh(tm) * tilt)
-
-
-def _root(f: Callable[[float], float]) -> float:
-    """z in [Z_MIN, Z_MAX] with f(z) = 0."""
-    low, high = Z_MIN * (1.0 - 1e-6), Z_MAX * (1.0 + 1e-6)  # to bracket the ends themselves
-    return bisected(f, low, high)

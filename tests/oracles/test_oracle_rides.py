@@ -13,17 +13,16 @@ from cablefem.scene.statics import gripped
 from validation.oracles import ellipse, energy, incline, rest, rocket, wave_drag
 
 
-@pytest.mark.parametrize("slope", [0.0, 0.05])
 @pytest.mark.parametrize("factor", [1.0, 1.01])
-def test_the_bead_on_an_ellipse_obeys_newton_with_equal_tensions(slope, factor):
+def test_the_bead_on_an_ellipse_obeys_newton_with_equal_tensions(factor):
     """p.. = g j + N (e1 + e2), e1 and e2 towards the supports; with N 1 % off (must fail) it does not."""
-    bead = ellipse.Ellipse(D=0.93, g=1.7, slope=slope)
+    bead = ellipse.Ellipse(D=0.93, g=1.7)
     start = 0.22
     t = np.linspace(0.0, 2.2, 4001)
     s_o = bead.ride(t, start)
     p = np.stack(bead.place(s_o), -1)
     path = CubicSpline(t, p)
-    right = bead.D * np.array([math.cos(slope), math.sin(slope)])
+    right = np.array([bead.D, 0.0])
     np.testing.assert_allclose(np.linalg.norm(p, axis=1), s_o, rtol=1e-9)
     np.testing.assert_allclose(np.linalg.norm(right - p, axis=1), 1.0 - s_o, rtol=1e-9)
     pull = -p / s_o[:, None] + (right - p) / (1.0 - s_o)[:, None]
@@ -47,8 +46,8 @@ def test_small_swings_of_the_bead():
 @pytest.mark.parametrize("factor", [1.0, 1.003])
 def test_a_bead_on_a_string_that_gives_way_bounces(factor):
     """omega^2 = d2/dn2 of EA (r1 + r2 - 1)^2/2 across the path; with a time 0.3 % off (must fail) not."""
-    bead, at, stiffness, h = ellipse.Ellipse(D=0.93, g=1.7, slope=0.05), 0.27, 40.0, 1e-4
-    right = bead.D * np.array([math.cos(bead.slope), math.sin(bead.slope)])
+    bead, at, stiffness, h = ellipse.Ellipse(D=0.93, g=1.7), 0.27, 40.0, 1e-4
+    right = np.array([bead.D, 0.0])
     along = np.subtract(bead.place(at + h), bead.place(at - h))
     across = np.array([-along[1], along[0]]) / np.linalg.norm(along)
 

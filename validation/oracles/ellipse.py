@@ -31,7 +31,6 @@ class Ellipse:
 
     D: float
     g: float
-    slope: float = 0.0  # falling to the right [rad]
 
     def __post_init__(self) -> None:
         needs("0 < D < 1, g > 0", 0.0 < self.D < 1.0, self.g > 0.0)
@@ -44,9 +43,7 @@ class Ellipse:
         """(x, y) from the left support."""
         r1 = np.asarray(s_o, float)
         along = (2.0 * r1 - 1.0 + self.D**2) / (2.0 * self.D)
-        across = np.sqrt(np.maximum(r1**2 - along**2, 0.0))
-        cos, sin = math.cos(self.slope), math.sin(self.slope)
-        return along * cos - across * sin, along * sin + across * cos
+        return along, np.sqrt(np.maximum(r1**2 - along**2, 0.0))
 
     def speed(self, s_o: ArrayLike, start: float) -> Array:
         """v when released at `start`."""
@@ -57,9 +54,7 @@ class Ellipse:
         r1 = np.asarray(s_o, float)
         product, b = r1 * (1.0 - r1), self.b
         w = self._angle(r1)
-        # outward normal
-        along, across = b * np.cos(w), 0.5 * np.sin(w)
-        down = (along * math.sin(self.slope) + across * math.cos(self.slope)) / np.hypot(along, across)
+        down = 0.5 * np.sin(w) / np.hypot(b * np.cos(w), 0.5 * np.sin(w))  # of the outward normal
         press = self.speed(r1, start) ** 2 * 0.5 * b / product**1.5 + self.g * down
         return press * np.sqrt(product) / (2.0 * b)
 
@@ -71,17 +66,12 @@ class Ellipse:
     def ride(self, t: ArrayLike, start: float) -> Array:
         """s_o(t); s_o = 1/2 + (D/2) cos(w)."""
         t = np.asarray(t, float)
-        b, cos, sin = self.b, math.cos(self.slope), math.sin(self.slope)
-
-        def fall(w: float) -> float:
-            return -0.5 * math.sin(w) * sin + b * math.cos(w) * cos
-
-        begin = [float(self._angle(np.array(start))), 0.0]
+        b, begin = self.b, [float(self._angle(np.array(start))), 0.0]
 
         def motion(now: float, q: Array) -> list[float]:
             c, s = math.cos(q[0]), math.sin(q[0])
             m = 0.25 * s * s + b * b * c * c
-            return [q[1], (self.g * fall(q[0]) - (0.25 - b * b) * s * c * q[1] ** 2) / m]
+            return [q[1], (self.g * b * c - (0.25 - b * b) * s * c * q[1] ** 2) / m]
 
         run = solve_ivp(
             motion, (0.0, float(t.max()) + 1e-9), begin, "DOP853", rtol=1e-12, atol=1e-13, dense_output=True
