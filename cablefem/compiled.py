@@ -36,7 +36,7 @@ def compiler(file: str, *, inner: bool = False) -> Callable[[Callable], Any]:
     """The decorator of compiled functions in the folder of a file, and below.
 
     inner : only compiled functions call it; compiling is faster by a sixth.
-    A change in any source file compiles all anew: numba alone misses changes in called functions.
+    A change in any source file compiles all anew: numba misses changes in called functions.
     """
     sources = sorted(Path(file).parent.rglob("*.py"))
     stamp = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).digest()

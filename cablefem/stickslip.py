@@ -4,7 +4,6 @@ Friction and brakes act against the slip along the cable. Their sign changes at 
 
     standstill      the car sticks if friction and brakes can hold it, else slips.
     breaking loose  they cannot hold it any more.
-    arrival, back   it reaches an end of the ride.
     lift_off        it no longer presses on the cable; the ride goes on.
 
 Dimensionless: l = H = rho = 1.
@@ -200,7 +199,7 @@ class RollingCar(System):
         return abs(float(x.q[-1]) - mode.place) > self.drive.rest_speed * max(self.round_trip, x.t - mode.since)
 
     def _left(self, x: State) -> float:
-        """Time until the car has been slow, and held by statics, for an axial round trip of the last phase."""
+        """Time until the car has been slow, and held, for an axial round trip of the last phase."""
         if x.phase < len(self.phases) - 1:
             return math.inf
         left = max(self.mode.since, self.phases[-1][0]) + self.round_trip - x.t

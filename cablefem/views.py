@@ -39,13 +39,13 @@ def at(r: Response, t: Any, s: Any) -> dict[str, Array]:
 
 
 def _sides(r: Response) -> tuple[Array, Array]:
-    """The tension at the mass behind and ahead; on a support that of the other side."""
+    """Tension at the mass behind and ahead; on a support the other side's."""
     missing = np.isnan(r.T_behind), np.isnan(r.T_ahead)
     return np.where(missing[0], r.T_ahead, r.T_behind), np.where(missing[1], r.T_behind, r.T_ahead)
 
 
 def _between(r: Response, t: float, s_o: float) -> tuple[Array, Array]:
-    """(u, v) (2, m) and T (m,) at the stations; T of a side is that of frames with the same side there."""
+    """(u, v) (2, m) and T (m,) at the stations; T is that of frames with the same side there."""
     f = r.fields
     if f.t.size < 2:
         raise ValueError("the response keeps fewer than two frames of its fields")

@@ -50,7 +50,7 @@ app = _app()
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run one command and return its exit code; a user's mistake ends in lines on standard error, never in a trace."""
+    """Run one command; return its exit code.  A user's mistake ends in lines, not in a trace."""
     gc.set_threshold(100_000, 50, 50)  # what is loaded stays; saves a tenth of a start
     atexit.register(gc.freeze)  # saves another two at the end
     command = typer.main.get_command(app)
@@ -78,7 +78,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _faults(error: Exception) -> list[str]:
-    """The faults, one line each; a trace comes first if it was not the input."""
+    """The faults; a trace comes first if it was not the input."""
     if (faults := getattr(error, "faults", None)) is not None:
         return faults
     if isinstance(error, OSError):

@@ -1,4 +1,4 @@
-"""The cable, its two supports, and the catenary that they define, with temperature and ice; see README.md, rule 2."""
+"""Cable, supports and their catenary, with temperature and ice: README.md, rule 2."""
 
 import math
 from collections.abc import Mapping
@@ -112,7 +112,7 @@ def hang(gravity: float, cable: Cable, supports: Supports) -> Catenary:
         return Catenary.from_z(supports.span, supports.drop, weight / l_2, z)
 
     def excess(z: float) -> float:
-        """l_2 less the rule's, from l - chord to keep digits of a taut cable."""
+        """l_2 less the rule's, from l - chord: a taut cable keeps digits."""
         now = state(z)
         stretch = heat + (1.0 + heat) * (now.mean_tension - T) / (cable.EA + T)
         return now.slack - reference.slack - l * stretch

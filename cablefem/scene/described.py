@@ -70,16 +70,13 @@ class Described(Part):
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Self:
-        """Return a built-in one or that of a TOML file; SceneError with all its faults."""
+        """A built-in one or that of a TOML file; SceneError with all its faults."""
         text, name = scene_text(name_or_path)
         return cls.from_toml(text, name=name, folder=Path(name_or_path).parent)
 
     @classmethod
     def from_toml(cls, text: str, *, name: str = "scene", folder: Path = Path()) -> Self:
-        """Return what a TOML text describes; SceneError with all its faults.
-
-        `folder`: where a file of the ground is looked for.
-        """
+        """What a TOML text describes, a file of the ground in `folder`; SceneError with all its faults."""
         data = parsed(text)
         if isinstance(ground := data.get("ground"), str):
             data["ground"] = read_ground(ground, folder)
@@ -99,7 +96,7 @@ class Described(Part):
         raise NotImplementedError
 
     def replace(self, changes: Mapping[str, Any]) -> Self:
-        """Return this with other values of some dotted keys; SceneError with all faults.
+        """The same with other values of some dotted keys; SceneError with all faults.
 
         A new length, sag or horizontal tension takes the place of the old one.
         scene.replace({"mass.mass": 60.0, "drive.brake.0.force": 600.0, "obstacle.tree.top": 21.0})

@@ -16,7 +16,7 @@ SMALL, LARGE = 1e-12, 1e15
 
 
 class Admits:
-    """An annotation that says in words what a field admits; limits (ge, le, min_length, pattern) are pydantic's."""
+    """What a field admits, in words; limits (ge, le, min_length, pattern) are pydantic's."""
 
     def __init__(self, words: str, **limits: Any) -> None:
         self.words, self.limits = words, limits
@@ -37,7 +37,7 @@ class Admits:
 
 
 def _inner(item: Any) -> bool:
-    """Whether an error of pydantic is one of an item in a list, or of a part."""
+    """Whether it is an error of an item in a list, or of a part."""
     return any(isinstance(x, int) for x in item["loc"]) or isinstance(item.get("ctx", {}).get("error"), SceneError)
 
 

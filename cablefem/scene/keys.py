@@ -1,4 +1,4 @@
-"""All keys of a scene file, and its JSON schema, both as pydantic reads them off the models."""
+"""All keys of a scene file, and its JSON schema."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Key:
 
 
 class _Schema(GenerateJsonSchema):
-    """Pydantic's schema without null, which TOML has not, and with defaults that are numbers or words alone."""
+    """Pydantic's schema without null, and with defaults that are numbers or words."""
 
     def nullable_schema(self, schema: Any) -> Any:
         return self.generate_inner(schema["schema"])
@@ -74,14 +74,14 @@ def _keys(table: dict[str, Any], known: dict[str, Any], before: str) -> Iterator
 
 
 def _options(rule: dict[str, Any], known: dict[str, Any]) -> list[dict[str, Any]]:
-    """What a rule admits: a table, a list of tables, one of several tables, or one value."""
+    """Tables and values that a rule admits."""
     of_list = [rule["items"]] if "$ref" in rule.get("items", {}) else None
     options = of_list or rule.get("anyOf") or rule.get("oneOf") or [rule]
     return [known[x["$ref"].split("/")[-1]] if "$ref" in x else x for x in options]
 
 
 def _kinds(tables: list[dict[str, Any]], known: dict[str, Any], name: str) -> Iterator[Key]:
-    """Keys of a table of several kinds: the kind, its own keys, shared ones."""
+    """Keys of a table of several kinds: kind, own ones, shared ones."""
     kinds = [table["properties"]["kind"]["const"] for table in tables]
     yield Key(f"{name}.kind", "-", "which law", "required", f"one of {', '.join(kinds)}")
     shared = set.intersection(*(set(table["properties"]) for table in tables))

@@ -118,7 +118,7 @@ class Scene(Described):
         speed_ratio: float | None = None, travel: str = "constant_speed", span: float = 1000.0, rho: float = 5.0,
         gravity: float = 9.81, name: str = "scene",
     ) -> Self:  # fmt: skip
-        """Return the SI scene with these groups; a bare cable without mu and speed_ratio.
+        """The SI scene with these groups; a bare cable without mu and speed_ratio.
 
         slope : of the chord [degrees], positive: falls to the right. travel : one of PACES.
         """
@@ -131,14 +131,14 @@ class Scene(Described):
         return cls(name=name, gravity=gravity, cable=cable, **data).variant(mu=mu, alpha=alpha, speed_ratio=speed_ratio)
 
     def variants(self, grid: Mapping[str, Sequence[Any]]) -> list[Self]:
-        """Return a scene for each combination of values of dotted keys; the last key changes fastest."""
+        """Scenes for all combinations of values of dotted keys; the last key changes fastest."""
         return [self.replace(dict(zip(grid, values, strict=True))) for values in itertools.product(*grid.values())]
 
     def variant(
         self, *, sag_ratio: float | None = None, mu: float | None = None, alpha: float | None = None,
         speed_ratio: float | None = None, **fields: Any,
     ) -> Self:  # fmt: skip
-        """Return this scene with other groups and whole fields (name, travel, ...); all else keeps its SI value.
+        """This scene with other groups and whole fields (name, travel, ...); all else stays in SI.
 
         A cable with temperature or ice is then described by its horizontal tension.
         """
@@ -248,7 +248,7 @@ class Scene(Described):
 
     @property
     def wind_tilt(self) -> float | None:
-        """Angle [deg] by which a steady crosswind tilts the plane of the empty cable; None without one."""
+        """Tilt [deg] of the empty cable's plane by a steady crosswind, or None."""
         if self.wind is None:
             return None
         return math.degrees(math.atan(self.wind.force(self.cable.windward) / self.catenary.weight))
@@ -270,7 +270,7 @@ class Scene(Described):
 
     @property
     def top_speed(self) -> float | None:
-        """Largest speed of the car [m/s], of a free one quasi-static; None without a car."""
+        """Largest speed [m/s], of a free car quasi-static; None without a car."""
         if self.ride is not None:
             return self.ride.top_speed * self.wave_speed
         return None if self._motion is None else self._motion.top_speed
@@ -282,7 +282,7 @@ class Scene(Described):
 
     @property
     def arrival(self) -> float | None:
-        """Time [s] at which the ride is over, of a free one quasi-static; None without a car."""
+        """End of the ride [s], of a free car quasi-static; None without a car."""
         if self.ride is not None:
             return self.ride.duration * self.time_scale
         return None if self._motion is None else self._motion.phases[-1][1]
@@ -302,7 +302,7 @@ class Scene(Described):
 
     @property
     def ride(self) -> Ride | None:
-        """The quasi-static ride of a free car, dimensionless; None for other drives."""
+        """The quasi-static ride of a free car, dimensionless, or None."""
         return None if self._free is None else self._free[0]
 
     @cached_property

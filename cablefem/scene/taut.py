@@ -1,4 +1,4 @@
-"""A first guess for Newton's method: a taut string whose tension falls by q with depth."""
+"""A first guess: a taut string whose tension falls by q with depth."""
 
 from __future__ import annotations
 

@@ -147,7 +147,7 @@ class ConstantAcceleration(Law):
 
 
 class AccelerateCruiseBrake(Law):
-    """The paper's law (40): from rest, cruise, and to rest, each over a third of the way."""
+    """The paper's law (40), each part over a third of the way."""
 
     kind: Literal["accelerate_cruise_brake"] = said(
         "[-] law of travel: the paper's (40), a third of the way each; `trapezoid` takes accelerations",
@@ -283,7 +283,7 @@ class Table(Law):
 
 
 def _spline(t: np.ndarray, s: np.ndarray, rests: tuple[bool, bool]) -> tuple[Piece, ...]:
-    """The spline through (t, s); `rests`: whether it must begin and end at rest."""
+    """`rests`: whether the spline must begin and end at rest."""
     from scipy.interpolate import CubicSpline  # slow to import
 
     slopes = CubicSpline(t, s)(t, 1)

@@ -97,7 +97,7 @@ def solve(motion: Motion, *, mu: float, sigma: float) -> Ride:
     n, own, xi = t.size, np.arange(t.size) // DEGREE, motion.position(t)
 
     def sparse(panel: NDArray[np.intp], weights: Array) -> csr_array:
-        """Weights of values at the points of panels; the first point is the last of the panel before, or 0."""
+        """Weights at points of panels; the first is the last of the panel before, or 0."""
         columns = DEGREE * panel[:, None] + np.arange(-1, DEGREE)
         rows, on = np.broadcast_to(np.arange(n)[:, None], columns.shape), columns >= 0
         return csr_array((weights[on], (rows[on], columns[on])), shape=(n, n))

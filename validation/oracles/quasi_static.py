@@ -1,8 +1,6 @@
 """A slow free ride along the load path, the curve of the car's places at rest.
 
-    mu |P'|^2 dds + mu P'.P'' ds^2 = -F_hold(s) + F_ext.P',   P(s) and F_hold(s) of `rest`.
-
-Solved by `cablefem.scene.ride`, which the solvers share.
+Its equation is that of `cablefem.scene.ride`, which the solvers share.
 
 Source: Lagrange's equation for s_o without the cable's inertia
 Validity: speeds small against the waves'; error (V/c)^2, 1e-3 l at V/c = 0.4

@@ -1,6 +1,6 @@
 """Other codes on the same scenes, an optional check: ``pip install cablefem[peers]``.
 
-Each has its own elements, mass and time integrator, and takes our static shape, static tension and travel.
+They take our static shape, static tension and travel.
 """
 
 import importlib

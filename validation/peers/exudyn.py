@@ -1,4 +1,4 @@
-"""Exudyn: cable elements with cubic shape functions, the mass on a moving joint, or on a sliding one where it rolls.
+"""Exudyn: cable elements with cubic shape functions, the mass on a joint.
 
 Gripped: `ALEANCFCable2D` with movingMassFactor = 0; the mass on `ObjectJointALEMoving2D` with prescribed s_o(t).
 Free: `ObjectJointSliding2D` on `ANCFCable2D`, from Exudyn's statics; sudden start, no thrust.
@@ -7,8 +7,7 @@ Friction and brake are the joint's `axialForce`, from the contact force of the p
 Element parameter: static arc length; reference strain -T/EA.  Lengths over l, forces over H, y up.
 A slack cable carries compression.
 
-The sliding joint acts on the cable where the mass was one step before, an error of first order.  Moved ahead by the
-way of the previous step, it has second order.
+The sliding joint acts where the mass was one step before; moved ahead by the way of that step, it has second order.
 """
 
 import math
@@ -25,7 +24,6 @@ SPECTRAL_RADIUS = 0.5
 
 
 def run(groups: Groups, *, elements: int, steps: int) -> PeerPath:
-    """Run a scene with equal steps."""
     if groups.drive.mode == "free":
         return _ride(groups, elements, steps)
     motion = groups.motion
@@ -181,7 +179,6 @@ def _hang(
 
 
 def _particle(system: Any, groups: Groups, load: Any = 0, **begin: list[float]) -> tuple[Any, Any]:
-    """Node and marker of the mass."""
     from exudyn import itemInterface as items
 
     particle = system.AddNode(items.NodePoint2D(referenceCoordinates=[0.0, 0.0], **begin))

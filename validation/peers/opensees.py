@@ -5,8 +5,7 @@ Its place p follows Newmark's formula; with q* = q + dt q. + (1/2 - beta) dt^2 q
 
     M p.. = M (X_k + u - p*) / (beta dt^2) = M u.. + M (X_k - p* + u*) / (beta dt^2),
 
-a nodal mass and a load  M g - M (X_k - p* + u*) / (beta dt^2).
-Lengths over l, forces over H, y up.  A slack cable carries compression.
+a nodal mass and a load.  Lengths over l, forces over H, y up.  A slack cable carries compression.
 """
 
 import math
@@ -24,7 +23,7 @@ NEWMARK_GAMMA, NEWMARK_BETA = 1.5 - HHT, 0.25 * (2.0 - HHT) ** 2
 
 
 def run(groups: Groups, *, elements: int) -> PeerPath:
-    """Run a scene in OpenSees; `elements` are those passed by the mass, one step each."""
+    """`elements` are those passed by the mass, one step each."""
     motion = groups.motion
     assert motion is not None
     import openseespy.opensees as ops

@@ -25,10 +25,7 @@ class PeerPath:
 
 
 def finite_path(s_o: Array, place: Array, t: Array, groups: Groups, seconds: float, note: str) -> PeerPath:
-    """The path up to the first value that is not finite.
-
-    place : (n, 2) of the mass, x right, y down from the left support.
-    """
+    """The path up to the first value that is not finite; place : (n, 2), y down."""
     w = place - np.stack(groups.shape(s_o), axis=1)
     broken = np.flatnonzero(~np.isfinite(w).all(axis=1))
     n = int(broken[0]) if broken.size else s_o.size
