@@ -216,9 +216,9 @@ class RollingSystem(RollingCar, GalerkinSystem):
         """The state whose a balances q and v."""
         a = np.zeros(self.n_dof)
         for _ in range(3):  # friction is not linear
-            r, solve = self.linearise(*x._replace(a=a), 0.0, 0.0, 1.0)
+            r, solve = self.linearise(x.t, x.q, x.v, a, x.phase, 0.0, 0.0, 1.0)
             a = a - solve(r.copy())
-        return x._replace(a=a)
+        return State(x.t, x.q, x.v, a, x.phase)
 
     def look(self, x: State) -> Look:
         """The larger normal force counts: the present one oscillates near a support, the mean one lags."""
