@@ -7,6 +7,7 @@ from functools import cache
 from typing import Any, Literal
 
 import numpy as np
+from scipy.linalg import eigvals
 
 from cablefem import newmark
 from cablefem.response import Array, Response
@@ -90,18 +91,17 @@ def ripple(method: str, **how: Any) -> float:
 
 
 @cache
-def vibration(scheme: str) -> Array:
+def vibration(
+    scheme: str, dt: float = 0.03, steps: int = 200, elements: int = 12, amplitude: float = 0.01, **how: float
+) -> Array:  # fmt: skip
     """The energy of a free cable let go from a hundredth of its length, over the one given, at every step."""
-    return specimens.free_vibration(
-        level().groups, newmark.scheme(scheme), dt=0.03, steps=200, elements=12, amplitude=0.01, mode=2
-    )
+    system = specimens.FreeCable(level().groups, elements=elements, amplitude=amplitude, end=dt * steps)
+    return specimens.free_vibration(system, newmark.scheme(scheme, **how), dt * np.arange(steps + 1))
 
 
-def left(scheme: str, **how: Any) -> float:
-    """Remaining energy of a vibration small enough to be linear; mode 2: no axial stretching."""
-    energy = specimens.free_vibration(
-        level().groups, newmark.scheme(scheme, **how), dt=0.05, steps=600, elements=16, amplitude=1e-4, mode=2
-    )
+def left(scheme: str, **how: float) -> float:
+    """Remaining energy of a vibration small enough to be linear."""
+    energy = vibration(scheme, dt=0.05, steps=600, elements=16, amplitude=1e-4, **how)
     return energy[-1] / energy[100]  # without the axial waves of the start
 
 
@@ -153,8 +153,11 @@ def frozen(terms: int) -> float:
 
 
 def explicit_steps(terms: int, factor: float) -> int:
-    """Number of steps `factor` times as long as the longest stable one of theory."""
-    return round(specimens.critical_steps(level().groups, terms) / factor)
+    """Number of steps `factor` times as long as the longest stable one: 2/omega_max with the mass at mid-span."""
+    system = GalerkinSystem(level().groups, Fourier(terms))
+    end = system.phases[-1][1]
+    M, _, K = specimens.frozen(system, 0.5 * end)
+    return round(end * math.sqrt(eigvals(K, M).real.max()) / 2.0 / factor)
 
 
 MEASURES = {

@@ -6,7 +6,7 @@ Bars: change in one more Newton step (catenaries), three times the change on hal
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -16,9 +16,9 @@ from cablefem import catenary_line
 from cablefem.elements import line as elements
 from cablefem.response import Array
 from cablefem.scene.line import Line, LineRest, LineState, NoLine, NotFound
-from validation.commands.run.line import Answers, Row, answers, course, extremes, rows_of
+from validation.commands.run.line import Answers, Row, answers, course, extremes, numbers_of
 from validation.core import store
-from validation.core.agreement import APART, Verdict, three_lines
+from validation.core.agreement import APART, three_lines
 from validation.page.options import Point
 
 FINEST = 32  # elements on each piece, at most
@@ -117,36 +117,19 @@ def _refined(line: Line, second: Line, tol: float, tol_tension: float) -> tuple[
         less_b, n = b, 2 * n
 
 
-@dataclass(frozen=True, slots=True)
-class Checked:
-    """A line at rest by both solvers: the catenaries' answers, judged rows, and the verdict of all."""
-
-    answers: Answers
-    rows: list[Row]
-    verdict: Verdict
-
-    @property
-    def design(self) -> list[Row]:
-        return self.answers.design
-
-    def __repr__(self) -> str:
-        return f"Checked({self.answers.line.name}: {self.verdict.value}, {self.answers.line.count} positions at rest)"
-
-
 def checked(
     line: Line, tol: float = TOL, tol_tension: float | None = None, second: Line | None = None
-) -> Checked:  # fmt: skip
+) -> Answers:  # fmt: skip
     """Compute a line at rest by exact catenaries and by elements, and compare them.
 
     tol : [m];  tol_tension : of the largest tension, default `tol`;  second : a line for the elements alone.
     """
     a, b, rows = _refined(line, second or line, tol, tol if tol_tension is None else tol_tension)
-    found = answers(line, a)
-    other = {d["quantity"]: d["value"] for d in extremes(line, rows_of(line, b))}
+    found = replace(answers(line, a), rows=rows)
+    other = {d["quantity"]: d["value"] for d in extremes(line, numbers_of(line, b))}
     for d in found.design:
         d["bar"] = abs(d["value"] - other.get(d["quantity"], d["value"]))
-    words = {row["verdict"] for row in rows}
-    return Checked(found, rows, next(v for v in Verdict if v.value in words))
+    return found
 
 
 def check(
@@ -159,13 +142,7 @@ def check(
         raise store.Refused(f"--tol must lie in [{low:g}, {high:g}] m for a line at rest, got {tol:g}")
     if second is not None and any(_parts(second) != _parts(point.scene) for point in points):
         raise store.Refused("--second: must be a line with the same contacts, cars and positions")
-
-    def answered(line: Line) -> tuple[Answers, Row]:
-        found = checked(line, tol, tol_tension, second)
-        agreement = {"verdict": found.verdict.value, "methods": ["catenaries", "elements"], "rows": found.rows}
-        return found.answers, agreement
-
-    return course("check", points, out, answered)
+    return course("check", points, out, lambda line: checked(line, tol, tol_tension, second))
 
 
 def _parts(line: Line) -> list[tuple[str, ...]]:

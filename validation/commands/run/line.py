@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -20,6 +20,7 @@ from cablefem.response import Array, write_csv, write_json, write_text
 from cablefem.scene import SceneError
 from cablefem.scene.line import Car, Line, LineRest, LineState, NoLine
 from validation.core import store
+from validation.core.agreement import Verdict
 from validation.core.answers import PLACES
 from validation.page import report, terminal
 from validation.page.answer import many as table
@@ -146,15 +147,22 @@ def envelope(line: Line, rest: LineRest) -> dict[str, Array]:
 
 @dataclass(frozen=True, slots=True)
 class Answers:
-    """A line at rest and its numbers."""
+    """A line at rest and its numbers; of a check also the judged rows."""
 
     line: Line
     rest: LineRest
-    rows: list[Row | None]  # None: a position without rest
+    numbers: list[Row | None]  # None: a position without rest
     design: list[Row]
+    rows: list[Row] = field(default_factory=list)
 
     def __repr__(self) -> str:
-        return f"Answers({self.line.name}: {self.line.count} positions at rest, {self.status})"
+        found = self.verdict.value if self.verdict else self.status
+        return f"Answers({self.line.name}: {self.line.count} positions at rest, {found})"
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """Of all rows; None if nothing was compared."""
+        return next((v for v in Verdict if any(row["verdict"] == v.value for row in self.rows)), None)
 
     @property
     def refused(self) -> list[Row]:
@@ -172,13 +180,13 @@ def answers(line: Line, rest: LineRest | None = None) -> Answers:
     rest : its solution, if there is one.
     """
     rest = rest or line.rest(catenary_line.solve)
-    rows = rows_of(line, rest)
-    if not any(rows):
+    numbers = numbers_of(line, rest)
+    if not any(numbers):
         raise store.Refused(f"{line.name}: no position has a rest; at the first {rest.positions[0]}")
-    return Answers(line, rest, rows, extremes(line, rows))
+    return Answers(line, rest, numbers, extremes(line, numbers))
 
 
-def rows_of(line: Line, rest: LineRest) -> list[Row | None]:
+def numbers_of(line: Line, rest: LineRest) -> list[Row | None]:
     """Numbers of all positions; None where there is no rest."""
     told = enumerate(rest.positions)
     return [row(line, i, x, rest.empty) if isinstance(x, LineState) else None for i, x in told]
@@ -187,7 +195,7 @@ def rows_of(line: Line, rest: LineRest) -> list[Row | None]:
 def write(folder: Path, found: Answers, seconds: float) -> None:
     """Write positions.csv, profile.csv, summary.json, scene.toml, and the ropes that the page draws."""
     line, told = found.line, envelope(found.line, found.rest)
-    table.write_rows(folder / "positions.csv", [{"position": i + 1} | (x or {}) for i, x in enumerate(found.rows)])
+    table.write_rows(folder / "positions.csv", [{"position": i + 1} | (x or {}) for i, x in enumerate(found.numbers)])
     write_csv(folder / "profile.csv", ",".join(told), np.stack(list(told.values()), axis=1))
     write_text(folder / "scene.toml", line.to_toml())
     write_json(folder / "summary.json", {
@@ -202,13 +210,8 @@ def write(folder: Path, found: Answers, seconds: float) -> None:
     write_json(folder / "ropes.json", {"profile": {k: v.tolist() for k, v in told.items()}, "depths": depths})
 
 
-def course(
-    command: str, points: Sequence[Point], out: Path | None, answered: Callable[[Line], tuple[Answers, Row]]
-) -> int:  # fmt: skip
-    """Answer a line or a grid, store, draw and print; 1 where solvers do not agree, 2 where a position has no rest.
-
-    answered : the answers to a line, and what agreement.json holds; {} if nothing was compared.
-    """
+def course(command: str, points: Sequence[Point], out: Path | None, answered: Callable[[Line], Answers]) -> int:
+    """Answer a line or a grid, store, draw and print; 1 where solvers do not agree, 2 where a position has no rest."""
     line: Line = points[0].scene
     if len(points) > 1:
         rows = _many(command, points, out, answered)
@@ -218,22 +221,28 @@ def course(
         with terminal.progress() as progress:
             progress(line.name, 0.0)
             begun = perf_counter()
-            found, agreement = answered(line)
+            found = answered(line)
             seconds = perf_counter() - begun
         write(folder / home, found, seconds)
-        if agreement:
+        rows = [_outcome(found)]
+        if found.verdict:
+            agreement = {"verdict": found.verdict.value, "methods": ["catenaries", "elements"], "rows": found.rows}
             write_json(folder / "agreement.json", agreement)
-            terminal.say(agreement["verdict"], style=terminal.STYLES[agreement["verdict"]])
+            terminal.say(found.verdict.value, style=terminal.STYLES[found.verdict.value])
         report.write(folder, command)
         tell(line, found.design, found.refused)
         terminal.say(f"  {line.count} positions in {seconds:.2g} s")
-        if agreement:
-            terminal.say(f"  {worst(agreement['rows'])}")
+        if found.verdict:
+            terminal.say(f"  {worst(found.rows)}")
         terminal.say(f"  written to {folder}: report.html, {home}/")
-        rows = [{"status": found.status} | agreement]
     if any(x.get("verdict", "agree") != "agree" for x in rows):
         return 1
     return 2 if any(x["status"] != "complete" for x in rows) else 0
+
+
+def _outcome(found: Answers, **numbers: Any) -> Row:
+    verdict = {"verdict": found.verdict.value} if found.verdict else {}
+    return {"status": found.status, **numbers, **verdict}
 
 
 def worst(rows: Sequence[Row]) -> str:
@@ -245,17 +254,14 @@ def worst(rows: Sequence[Row]) -> str:
     )
 
 
-def _many(
-    command: str, points: Sequence[Point], out: Path | None, answered: Callable[[Line], tuple[Answers, Row]]
-) -> list[Row]:  # fmt: skip
+def _many(command: str, points: Sequence[Point], out: Path | None, answered: Callable[[Line], Answers]) -> list[Row]:
     def row(point: Point) -> tuple[Row, Any]:
         try:
-            found, agreement = answered(point.scene)
+            found = answered(point.scene)
         except (store.Refused, SceneError) as error:
             return {"status": "incomplete", "why": str(error)}, None
         told = envelope(point.scene, found.rest)
-        numbers = {d["quantity"]: d["value"] for d in found.design}
-        verdict = {"verdict": agreement["verdict"]} if agreement else {}
-        return {"status": found.status, **numbers, **verdict}, [told["x"].tolist(), told["y_lowest"].tolist()]
+        entry = _outcome(found, **{d["quantity"]: d["value"] for d in found.design})
+        return entry, [told["x"].tolist(), told["y_lowest"].tolist()]
 
     return table.grid(command, f"grid-rest-{command}", points[0].scene, points, out, row, columns)
