@@ -26,7 +26,7 @@ from cablefem.newmark import SCHEMES
 from cablefem.response import Response, write_json
 from cablefem.scene import Groups, Scene
 from validation.commands.chart.cost import implicit_floor
-from validation.commands.chart.front import fastest
+from validation.commands.chart.front import Row, fastest
 from validation.core import measures, store
 from validation.core.climb import TooCoarse, climb, laddered
 from validation.core.measures import NotComparable, Window
@@ -49,14 +49,12 @@ class Series:
 
     name: str
     kind: str  # "method" | "model" | "integrator" | "tolerance" | "peer"
-    rungs: tuple[dict[str, Any], ...]
+    rungs: tuple[Row, ...]
     method: str | None = None
     model: str = "full"
 
 
-def chart(
-    scene: Scene, out: Path, report: Progress = silent, *, repeats: int = 3, budget: float = 240.0
-) -> dict[str, Any]:  # fmt: skip
+def chart(scene: Scene, out: Path, report: Progress = silent, *, repeats: int = 3, budget: float = 240.0) -> Row:
     """Measure speed against accuracy on a scene and store it as chart.json; continue an earlier call.
 
     repeats : separate timed runs of each setting; the best counts.
@@ -66,7 +64,7 @@ def chart(
     before = store.stored(path, scene_toml=scene.to_toml())
     report("reference", 0.0)
     truth = _Truth.of(scene, before.get("reference"))
-    rows: list[dict[str, Any]] = [r for r in before.get("rows", []) if r["status"] not in ("not run", "not installed")]
+    rows: list[Row] = [r for r in before.get("rows", []) if r["status"] not in ("not run", "not installed")]
     todo = list(series(scene.groups))
     found = {
         "scene": scene.name, "scene_toml": scene.to_toml(), "drive": scene.groups.drive.mode,
@@ -117,7 +115,7 @@ def _schemes(base: Method, usual: str) -> Iterator[Series]:
     yield Series("following-p4 radau", "integrator", sharp, "following-p4")
 
 
-def ladder(method: Method, shares: Sequence[float] = SAID["shares"]) -> Iterator[dict[str, Any]]:
+def ladder(method: Method, shares: Sequence[float] = SAID["shares"]) -> Iterator[Row]:
     """A method's settings from coarse to fine, around its defaults.
 
     Steps grow with the resolution, between linearly and as its square; then `shares` of them.
@@ -138,10 +136,10 @@ class _Truth:
 
     run: Response
     window: Window
-    told: dict[str, Any]
+    told: Row
 
     @classmethod
-    def of(cls, scene: Scene, told: dict[str, Any] | None) -> _Truth:
+    def of(cls, scene: Scene, told: Row | None) -> _Truth:
         stop = stop_of(scene)
         name, settings = REFERENCE if stop else REFERENCE_OF_RIDES
         reference = run(scene, name, until=stop, **settings)
@@ -163,7 +161,7 @@ class _Truth:
             }  # fmt: skip
         return cls(reference, window, told)
 
-    def judged(self, reached: float, reason: str | None, errors: Callable[[], dict[str, float]]) -> dict[str, Any]:
+    def judged(self, reached: float, reason: str | None, errors: Callable[[], dict[str, float]]) -> Row:
         """Status and errors of a run, or why there are none; a free ride may end before the window does."""
         if reason if self.run.drive == "free" else reached < self.window[1] * (1.0 - 1e-9):
             return {"status": "failed", "reason": reason or f"ended at s_o/l = {reached:.3f}"}
@@ -190,9 +188,7 @@ def stop_of(scene: Scene) -> float | None:
     return None if scene.groups.drive.mode == "free" else STOP
 
 
-def _line(
-    scene: Scene, line: Series, truth: _Truth, rows: list[dict[str, Any]], repeats: int, share: float
-) -> list[dict[str, Any]]:  # fmt: skip
+def _line(scene: Scene, line: Series, truth: _Truth, rows: list[Row], repeats: int, share: float) -> list[Row]:
     """The missing rows of a series, while the next run is likely to fit into `share` [s]."""
     done = [r["settings"] for r in rows if r["series"] == line.name]
     absent = available(line.name) if line.kind == "peer" else None
@@ -223,7 +219,7 @@ def _refused(scene: Scene, line: Series) -> str | None:
     return None
 
 
-def _row(line: Series, settings: dict[str, Any], **found: Any) -> dict[str, Any]:
+def _row(line: Series, settings: Row, **found: Any) -> Row:
     empty = dict.fromkeys((
         "reason", "reached", "path_error", "path_rms", "tension_error", "seconds", "spread", "repeats", "n_dof",
         "steps", "newton_iterations", "factorisations", "unknown_steps",
@@ -232,9 +228,7 @@ def _row(line: Series, settings: dict[str, Any], **found: Any) -> dict[str, Any]
     return known | empty | found
 
 
-def _repeated(
-    scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth, repeats: int, left: float
-) -> dict[str, Any]:  # fmt: skip
+def _repeated(scene: Scene, line: Series, rung: Row, truth: _Truth, repeats: int, left: float) -> Row:
     """The row of a run: the best of separate repeats and their spread (slowest over best), as time allows.
 
     Short runs are repeated more often.
@@ -253,10 +247,10 @@ def _repeated(
     return _row(line, rung, **found, seconds=min(seconds), spread=spread, repeats=len(seconds))
 
 
-Once = tuple[dict[str, Any], float]  # result of a run, and its seconds
+Once = tuple[Row, float]  # result of a run, and its seconds
 
 
-def _ours(scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth) -> Once:
+def _ours(scene: Scene, line: Series, rung: Row, truth: _Truth) -> Once:
     """Run one of our methods; by tolerance its seconds include all runs up to it."""
     assert line.method is not None
     if "tol" in rung:
@@ -272,7 +266,7 @@ def _ours(scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth) -> On
     return found | truth.judged(r.reached, r.reason, lambda: truth.errors(r)), seconds
 
 
-def _of_peer(scene: Scene, line: Series, rung: dict[str, Any], truth: _Truth) -> Once:
+def _of_peer(scene: Scene, line: Series, rung: Row, truth: _Truth) -> Once:
     stop = stop_of(scene)
     groups = scene.groups if stop is None else until(scene.groups, stop)
     wall, own = time.perf_counter(), time.process_time()

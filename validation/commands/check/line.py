@@ -48,16 +48,14 @@ def numbers(state: LineState) -> dict[str, Array]:
     }  # fmt: skip
 
 
-def compared(
-    a: LineRest, less_a: LineRest, b: LineRest, less_b: LineRest, tol: float, tol_tension: float
-) -> list[Row]:  # fmt: skip
-    """One judged row a quantity, of the worst station and position; `less`: coarser answers."""
-    positions: list[Four] = list(zip(a.positions, less_a.positions, b.positions, less_b.positions, strict=True))
-    both = [i for i, four in enumerate(positions) if all(isinstance(x, LineState) for x in four)]
+def compared(four: Sequence[LineRest], tol: float, tol_tension: float) -> list[Row]:
+    """One judged row a quantity, of the worst station and position; four : both answers, each before a coarser one."""
+    a, positions = four[0], list(zip(*(x.positions for x in four), strict=True))
+    both = [i for i, told in enumerate(positions) if all(isinstance(x, LineState) for x in told)]
     if not both:
         return _alone(positions)
     at = [f"{p.name}, position {i + 1}" for i in both for p in a.positions[i].case.stations]  # type: ignore[union-attr]
-    values = [_joined([x.positions[i] for i in both]) for x in (a, less_a, b, less_b)]
+    values = [_joined([x.positions[i] for i in both]) for x in four]
     tension = float(np.nanmax([values[0]["tension_behind"], values[0]["tension_ahead"]]))
     units = {"m": (float(np.ptp(a.empty.place[:, 0])), tol), "N": (a.empty.case.EA, tol_tension * tension)}
     rows = []
@@ -110,16 +108,14 @@ def _refined(line: Line, second: Line, tol: float, tol_tension: float) -> tuple[
     less_b = second.rest(partial(elements.solve, elements=n // 2))
     while True:
         b = second.rest(partial(elements.solve, elements=n))
-        rows = compared(a, less_a, b, less_b, tol, tol_tension)
+        rows = compared((a, less_a, b, less_b), tol, tol_tension)
         coarse = any(row["bar_b"] > BY_ELEMENTS * row["asked_for"] for row in rows if row["quantity"] != "rest")
         if not coarse or n >= FINEST:
             return a, b, rows
         less_b, n = b, 2 * n
 
 
-def checked(
-    line: Line, tol: float = TOL, tol_tension: float | None = None, second: Line | None = None
-) -> Answers:  # fmt: skip
+def checked(line: Line, tol: float = TOL, tol_tension: float | None = None, second: Line | None = None) -> Answers:
     """Compute a line at rest by exact catenaries and by elements, and compare them.
 
     tol : [m];  tol_tension : of the largest tension, default `tol`;  second : a line for the elements alone.

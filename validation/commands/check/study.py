@@ -261,8 +261,7 @@ def joined(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TO
 
 def check_solver(
     scene: Scene | str | Path, solver: Callable[[Scene], Any], *, name: str | None = None, tol: float = DEFAULT_TOL,
-    with_tol: float = WITH_TOL, ours: Check | None = None,
-    progress: Progress | None = None,
+    with_tol: float = WITH_TOL, ours: Check | None = None, progress: Progress | None = None,
 ) -> Check:  # fmt: skip
     """Run a user's own solver on a scene and compare it with both of ours; its rows come last in the verdict.
 
