@@ -10,6 +10,7 @@ timetable : largest distance in place over the length, in speed over its largest
 haul force : largest distance of means over an axial round trip, over the largest force.
 """
 
+import itertools
 import math
 import time
 from collections.abc import Callable, Iterator
@@ -39,10 +40,7 @@ REFERENCE = "following-p2"
 SHARE = 0.25  # of the tolerance: for the full run's error
 PLACE = np.linspace(0.0, 1.0, 101)  # s_o/l of drawn paths
 # of cable and load, cheap to full
-LADDER = (
-    ("string", "force"), ("string", "mass"), ("sagged", "force"), ("sagged", "mass"), ("stretching", "force"),
-    ("stretching", "mass"), ("full", "mass"),
-)  # fmt: skip
+LADDER = (*itertools.product(("string", "sagged", "stretching"), ("force", "mass")), ("full", "mass"))
 Gap = Callable[[Response, Response, View], float]
 
 

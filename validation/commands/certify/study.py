@@ -217,9 +217,7 @@ def _string(scene: Scene, found: Found) -> Agreement:
     assert motion is not None
     try:
         exact = moving_mass.solve(motion, mu=groups.mu, sigma=groups.sigma).path
-        crossing = Crossing(
-            name="", groups=level(motion, groups.mu, groups.sigma), exact=exact, until=0.95
-        )  # fmt: skip
+        crossing = Crossing(name="", groups=level(motion, groups.mu, groups.sigma), exact=exact, until=0.95)
         path = crossed(crossing.groups, found.name.split()[0], found.settings, **crossing.how)
         error = crossing.error(MassPath(*path))[0]
     except (ValueError, ArithmeticError) as why:

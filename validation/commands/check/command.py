@@ -129,12 +129,8 @@ def _checked(scene: Any, third: tuple[Any, float] | None, out: Path | None, **as
 
 def _second(scene: Any, file: Path | None, pairs: list[str] | None) -> Any:
     """The scene for the second solver; None if the same."""
-    faults: list[str] = []
-    other = (
-        scene
-        if file is None
-        else options.line_named(str(file)) or options.scene_named(str(file), faults, travelling=True)
-    )
+    name = str(file)
+    other = scene if file is None else options.line_named(name) or options.scene_named(name, travelling=True)
     points = options.points_of(other, pairs)
     if len(points) > 1 or points[0].settings:
         raise store.Refused("--second-set: one value for each key of the scene, as mass.mass=+1%")

@@ -95,9 +95,7 @@ def _driver(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
     n, theirs = system.n_dof, integrated(system, first, np.array([t1]), "DOP853", rtol=1e-7)
     last = n - (a.run.drive == "haul")  # the last unknown of a hauled car has no dynamics
     size = float(np.abs(fine.q[:last]).max())
-    gap, change = (
-        float(np.abs(q[:last] - fine.q[:last]).max()) / size for q in (theirs[0, :n], coarse.q)
-    )  # fmt: skip
+    gap, change = (float(np.abs(q[:last] - fine.q[:last]).max()) / size for q in (theirs[0, :n], coarse.q))
     return _row(gap, Part("driver", SAFETY * change, "the change from half the steps"), Part("scipy", ROUNDING))
 
 

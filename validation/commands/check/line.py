@@ -61,7 +61,7 @@ def compared(four: Sequence[LineRest], tol: float, tol_tension: float) -> list[R
     rows = []
     for quantity in values[0]:
         reach, asked_for = units["m" if quantity in METRES else "N"]
-        if found := _worst(float(ROUNDING * reach), *(x[quantity] for x in values)):
+        if found := _worst(float(ROUNDING * reach), [x[quantity] for x in values]):
             rows.append(_row(quantity, *found[:3], asked_for, at[found[3]]))
     return rows + _alone(positions)
 
@@ -71,10 +71,9 @@ def _joined(states: Sequence[LineState | NoLine]) -> dict[str, Array]:
     return {quantity: np.concatenate([x[quantity] for x in told]) for quantity in told[0]}
 
 
-def _worst(
-    rounding: float, x: Array, less_x: Array, y: Array, less_y: Array
-) -> tuple[float, float, float, int] | None:  # fmt: skip
+def _worst(rounding: float, four: Sequence[Array]) -> tuple[float, float, float, int] | None:
     """Gap, both bars and station of the worst number; None without any."""
+    x, less_x, y, less_y = four
     gap, bar_a = np.abs(x - y), np.fmax(np.abs(x - less_x), rounding)
     bar_b = np.fmax(HALVED * np.abs(y - less_y), rounding)
     worst = np.where(gap > APART * (bar_a + bar_b), gap / ROUNDING, np.maximum(gap, bar_a + bar_b))

@@ -66,10 +66,8 @@ def quantities(entry: Row, meaning: Row, known: Row) -> Iterator[Row]:
         here = known | {"key": key}
         value, bar, paper = _measured(entry, here)
         claimed, low, high = _range(entry, meaning, here)
-        yield store.plain({
-            "name": sentence(entry["name"], here), "claimed": claimed, "low": low, "high": high,
-            "paper": paper, "converged": value, "uncertainty": bar,
-        })  # fmt: skip
+        found = {"claimed": claimed, "low": low, "high": high, "paper": paper, "converged": value, "uncertainty": bar}
+        yield {"name": sentence(entry["name"], here), **store.plain(found)}
 
 
 def _measured(entry: Row, known: Row) -> tuple[float, float, float | None]:

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -58,7 +58,7 @@ def figure_2(runs: Runs) -> dict[str, Any]:
     exact = catenary_modes.solve(groups.sigma, groups.alpha, groups.c, count=10).omega
     wavelets = [Daubechies(order=4, level=level, reading="literal") for level in range(4)]
     sines = [Fourier(n) for n in (*range(1, 21), 24, 30, 40, 59)]
-    bases: dict[str, list[Basis]] = {"fourier": [*sines], "wavelet": [*wavelets]}
+    bases: dict[str, Sequence[Basis]] = {"fourier": sines, "wavelet": wavelets}
 
     def worst_of_ten(basis: Basis) -> float:
         return float(np.abs(bare_frequencies(groups, basis, n=10) / exact - 1.0).max())

@@ -118,18 +118,12 @@ def _refuse(method: Any, kind: dict[str, Any], point: options.Point, tol: float 
     """Refuse settings that the method does not take, and a scene that it cannot run."""
     from validation.core.running import Run
 
-    if method is None:
-        faults = [
-            f"--set {key}: the quasi-static model has no settings; keys of the scene have a dot"
-            for key in point.settings
-        ]
-    else:
-        space = method.resolution.setting
-        chosen = () if tol is None else (space, "steps")
-        faults = [
-            f"--set {key} and --tol exclude each other: --tol chooses {space} and steps"
-            for key in point.settings if key in chosen
-        ]  # fmt: skip
+    faults = []
+    for key in point.settings:
+        if method is None:
+            faults.append(f"--set {key}: the quasi-static model has no settings; keys of the scene have a dot")
+        elif tol is not None and key in (space := method.resolution.setting, "steps"):
+            faults.append(f"--set {key} and --tol exclude each other: --tol chooses {space} and steps")
     if faults:
         raise store.Refused(faults)
     try:
