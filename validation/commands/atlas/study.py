@@ -129,8 +129,8 @@ def judged(r: Response, reference: Response, unsure: float, earliest: float = 0.
     try:
         error = measures.path_gap(r, reference, (measures.WINDOW[0], min(stop, r.reached)))[0]
     except (measures.NotComparable, ValueError):
-        error = None
-    wrong = error is None or r.reached < stop or error >= SAID["wrong"]
+        error = math.inf
+    wrong = r.reached < stop or error >= SAID["wrong"]
     verdict = "wrong" if wrong else "poor" if error > SAID["good"] else "good"
     bound = {"good": SAID["good"], "poor": SAID["wrong"]}.get(verdict, math.inf)
     if unsure > 0.5 * bound:

@@ -50,10 +50,14 @@ def numbers(state: LineState) -> dict[str, Array]:
 
 def compared(four: Sequence[LineRest], tol: float, tol_tension: float) -> list[Row]:
     """One judged row a quantity, of the worst station and position; four : both answers, each before a coarser one."""
-    a, positions = four[0], list(zip(*(x.positions for x in four), strict=True))
+    positions = list(zip(*(x.positions for x in four), strict=True))
     both = [i for i, told in enumerate(positions) if all(isinstance(x, LineState) for x in told)]
-    if not both:
-        return _alone(positions)
+    return (_judged(four, both, tol, tol_tension) if both else []) + _alone(positions)
+
+
+def _judged(four: Sequence[LineRest], both: list[int], tol: float, tol_tension: float) -> list[Row]:
+    """The row of each quantity; both : positions with all four answers."""
+    a = four[0]
     at = [f"{p.name}, position {i + 1}" for i in both for p in a.positions[i].case.stations]  # type: ignore[union-attr]
     values = [_joined([x.positions[i] for i in both]) for x in four]
     tension = float(np.nanmax([values[0]["tension_behind"], values[0]["tension_ahead"]]))
@@ -63,7 +67,7 @@ def compared(four: Sequence[LineRest], tol: float, tol_tension: float) -> list[R
         reach, asked_for = units["m" if quantity in METRES else "N"]
         if found := _worst(float(ROUNDING * reach), [x[quantity] for x in values]):
             rows.append(_row(quantity, *found[:3], asked_for, at[found[3]]))
-    return rows + _alone(positions)
+    return rows
 
 
 def _joined(states: Sequence[LineState | NoLine]) -> dict[str, Array]:

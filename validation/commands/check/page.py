@@ -16,7 +16,7 @@ from validation.page.answer.stored import Stored, read
 from validation.page.page import VERDICTS, Section, drawn
 
 WORDS = store.shipped(__package__, "words.toml")
-COUNTED, OTHERS = WORDS["counted"], "Other comparisons"
+COUNTED = WORDS["counted"]
 
 
 def sections(folder: Path) -> list[Section]:
@@ -31,15 +31,11 @@ def sections(folder: Path) -> list[Section]:
     x = read(folder)
     if x is None:
         return [Section("answer", "Answer", "", "not comparable", "No answer: every run broke at its start.")]
-    group_of = {name: group for group, names in WORDS["groups"].items() for name in names}
-    groups: dict[str, list[dict[str, Any]]] = {}
-    for row in x.rows:
-        groups.setdefault(group_of.get(row["quantity"], OTHERS), []).append(row)
     return drawn(
         __package__, **content(x) | {"verdict": x.verdict or "not comparable"}, words=WORDS, named=_named,
         said=sure([row for row in x.rows if not row.get("with")]), doubts=x.agreement.get("doubts", []),
         third=third(x.rows, x.party.method) if x.party else None,
-        groups=[_line(name, groups[name]) for name in [*WORDS["groups"], OTHERS] if name in groups],
+        groups=_groups(x.rows),
         distance=draw.distance(x, "How far the two paths of the car are apart.") if len(x.runs) > 1 else "",
         gripped=_gripped(x),
     )  # fmt: skip
@@ -61,6 +57,13 @@ def third(rows: list[dict[str, Any]], party: str) -> tuple[str, str]:
     worst = next(verdict for verdict in VERDICTS if any(row["verdict"] == verdict for row in theirs))
     notes = [note for row in theirs for note in row.get("notes", ())]
     return worst, "; ".join([WORDS["third"][worst], *dict.fromkeys(notes)]) + "."
+
+
+def _groups(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    named = {name for names in WORDS["groups"].values() for name in names}
+    groups = WORDS["groups"] | {"Other comparisons": {row["quantity"] for row in rows} - named}
+    parts = {group: [row for row in rows if row["quantity"] in of] for group, of in groups.items()}
+    return [_line(group, part) for group, part in parts.items() if part]
 
 
 def _line(group: str, rows: list[dict[str, Any]]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import html
 import importlib
 import math
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -121,12 +121,7 @@ def check(
     if not (math.isfinite(tol) and 1e-6 <= tol <= 0.2):
         raise ValueError(f"tol must lie in [1e-6, 0.2], got {tol!r}")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
-    budget = BUDGET * max(1.0, DEFAULT_TOL / 3.0 / tol)
-    ends = {} if until is None else {"until": until, "past": 0.0}
-    sides = [
-        _Side(of, find(m) if isinstance(m, str) else m, budget, ends)
-        for of, m in zip((scene, second or scene), methods or pair(scene.groups), strict=True)
-    ]
+    sides = _sides((scene, second or scene), methods or pair(scene.groups), tol, until)
     (first, other), rows, gripped = _judged(scene, sides, tol, tol_tension, progress, made)
     a, b = _told(first, other), _told(other, first)
     rows += printed(a.run, b.run)
@@ -143,13 +138,14 @@ class _Side:
 
     scene: Scene
     method: Method
+    tol: float
     budget: float
     ends: dict[str, Any]
 
-    def climbed(self, tol: float, progress: Progress) -> Ladder:
+    def climbed(self, progress: Progress) -> Ladder:
         told = partial(progress, self.method.name)
         try:
-            return climb(self.scene, self.method, tol, budget=self.budget, progress=told, **self.ends)
+            return climb(self.scene, self.method, self.tol, budget=self.budget, progress=told, **self.ends)
         except TooCoarse as error:
             return error.ladder
 
@@ -167,14 +163,23 @@ class _Side:
         return laddered(self.scene, self.method, known=before.runs, progress=told, **self.ends, **settings)
 
 
+def _sides(
+    scenes: tuple[Scene, Scene], methods: Sequence[str | Method], tol: float, until: float | None
+) -> list[_Side]:  # fmt: skip
+    found = [find(m) if isinstance(m, str) else m for m in methods]
+    shares = [SHARES.get(m.wing, 1.0) for m in found]
+    ends = {} if until is None else {"until": until, "past": 0.0}
+    budget = BUDGET * max(1.0, DEFAULT_TOL / 3.0 / tol)
+    each = zip(scenes, found, shares, strict=True)
+    return [_Side(scene, m, tol * share / sum(shares), budget, ends) for scene, m, share in each]
+
+
 def _judged(
     scene: Scene, sides: list[_Side], tol: float, tol_tension: float | None, progress: Progress | None,
     made: Callable[..., None] | None,
 ) -> tuple[list[Ladder], list[Agreement], Response | None]:  # fmt: skip
     """Refine both ladders until they agree or cannot get closer; return them, the rows, the gripped car."""
-    shares = [SHARES.get(side.method.wing, 1.0) for side in sides]
-    jobs: list[Callable[[Progress], Any]]
-    jobs = [partial(side.climbed, tol * share / sum(shares)) for side, share in zip(sides, shares, strict=True)]
+    jobs: list[Callable[[Progress], Any]] = [side.climbed for side in sides]
     gripped, looks, confirmed = None, 0, False
     if scene.drive.mode == "haul":
         jobs.append(partial(_gripped, scene, sides[0].method))
