@@ -98,10 +98,7 @@ class Rung:
 
 
 def advise(scene: Scene, tol: float, out: Path, report: Progress = silent) -> dict[str, Any]:
-    """Find the least model of a scene and its cheapest run, and write advice.json.
-
-    tol : of all that is needed. An existing advice for the same is kept.
-    """
+    """Write advice.json, to a tolerance of all that is needed; an advice for the same is kept."""
     if not (math.isfinite(tol) and 0.0 < tol < 1.0):
         raise ValueError(f"tol must lie in (0, 1), got {tol!r}")
     if kept := store.stored(out / "advice.json", scene_toml=scene.to_toml(), tol=tol):
@@ -128,7 +125,6 @@ def advice(scene: Scene, tol: float, report: Progress = silent) -> dict[str, Any
 
 
 def _rungs(scene: Scene, tol: float, report: Progress) -> tuple[list[Rung], Response, View]:
-    """All rungs, the full run, and the range over which they are compared."""
     view = View.of(scene)
     ladder = _full(scene, view, tol, report)
     full, bars = ladder.run, {need: sum(_parts(view, ladder, need)) for need in OF[scene.drive.mode]}
@@ -140,7 +136,7 @@ def _rungs(scene: Scene, tol: float, report: Progress) -> tuple[list[Rung], Resp
 
 
 def _full(scene: Scene, view: View, tol: float, report: Progress) -> Ladder:
-    """The ladder of the full model, as fine as tolerance and budget allow."""
+    """The full model, as fine as tolerance and budget allow."""
     told, budget = partial(report, "full model"), SHARE * BUDGET
     try:
         ladder = climb(scene, REFERENCE, SHARE * tol, budget=budget, progress=told, until=view.stop)

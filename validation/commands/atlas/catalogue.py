@@ -28,7 +28,7 @@ CATALOGUE: tuple[Row, ...] = tuple(store.shipped(__package__, "catalogue.toml")[
 
 
 def run_row(row: Row) -> Row:
-    """A row as data: its words, what was measured, and whether failure and remedy showed."""
+    """A row's words, what was measured, and whether failure and remedy showed."""
     failed, cured = (
         {name: math.nan if (x := _evaluated(text)) is None else float(x) for name, text in row[side].items()}
         for side in ("shows", "cures")
@@ -54,7 +54,7 @@ def level(**groups: float) -> Scene:
 
 
 def run(method: str, scene: Groups | None = None, **how: Any) -> Response:
-    """Run a method, or one with a planted fault, on the level scene with some of its groups changed."""
+    """Run a method, or one with a planted fault, on the level scene."""
     return _run(json.dumps([method, scene, how]))
 
 

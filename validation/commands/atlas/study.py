@@ -33,7 +33,6 @@ def methods(m: Map) -> list[tuple[str, dict[str, Any]]]:
 
 
 def scene_at(m: Map, x: float, y: float) -> Scene:
-    """The scene of a cell: the level cable with some of its groups changed."""
     axes = {"x": x, "y": y}
     return catalogue.level(**{name: axes.get(value, value) for name, value in m.get("scene", {}).items()})
 
@@ -85,7 +84,7 @@ def _key(*what: Any) -> str:
 
 @lru_cache(maxsize=2)
 def _reference(toml: str) -> tuple[Response, float]:
-    """The run with which cells are compared, and its error."""
+    """The run to compare with, and its error."""
     scene = Scene.from_toml(toml)
     settings = find("following-p2").settings(SAID["reference"])
     fine = run(scene, "following-p2", **settings)
@@ -116,7 +115,7 @@ def cells(m: Map, x: float, y: float) -> list[dict[str, Any]]:
 
 
 def judged(r: Response, reference: Response, unsure: float, earliest: float = 0.05) -> dict[str, Any]:
-    """A cell's data: how far the run came, its path error with a class, and the cause of a failure.
+    """A cell: how far the run came, its path error with a class, and the cause of a failure.
 
     The error is taken up to the slack onset of the reference; a run that stops before is wrong.
     No cell is judged if that onset is before `earliest`, or the reference is unsure by half of the bound.

@@ -147,7 +147,7 @@ class Certificate:
 
 
 def certify(scene: Scene, out: Path | None = None, progress: Progress = silent) -> Certificate:
-    """Compute the path by all ways; compare them and the shipped table."""
+    """Compare all ways and the shipped table."""
     found = side_by_side([partial(deepest, scene, *way) for way in WAYS], progress)
     made = joined(scene, tuple(found))
     rows = [row for f in found[1:] for row in compared(made, made.answer.bar, f)]

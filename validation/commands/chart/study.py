@@ -45,7 +45,7 @@ DENSE = tuple(2.0 ** (-0.25 * k) for k in range(8, -1, -1))  # shares of steps, 
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """One line of the chart: name, runner, and rungs from coarse to fine."""
+    """One line of the chart, its rungs from coarse to fine."""
 
     name: str
     kind: str  # "method" | "model" | "integrator" | "tolerance" | "peer"
@@ -55,7 +55,7 @@ class Series:
 
 
 def chart(scene: Scene, out: Path, report: Progress = silent, *, repeats: int = 3, budget: float = 240.0) -> Row:
-    """Measure speed against accuracy on a scene and store it as chart.json; continue an earlier call.
+    """Write chart.json; go on with an earlier one.
 
     repeats : separate timed runs of each setting; the best counts.
     budget : [s] for all runs; a line of the chart that has spent its share leaves rows "not run".
@@ -85,7 +85,7 @@ def chart(scene: Scene, out: Path, report: Progress = silent, *, repeats: int = 
 
 
 def series(groups: Groups) -> Iterator[Series]:
-    """Yield the series by the tables of methods, schemes, models and peers."""
+    """Give the lines of methods, models, schemes, tolerances and peers."""
     from cablefem.elements.cable import MODELS
 
     base = METHODS[BASE]
@@ -132,7 +132,7 @@ def ladder(method: Method, shares: Sequence[float] = SAID["shares"]) -> Iterator
 
 @dataclass(frozen=True, slots=True)
 class _Truth:
-    """The reference, its window, and its own error."""
+    """The reference, and what is told of it."""
 
     run: Response
     window: Window
@@ -251,7 +251,7 @@ Once = tuple[Row, float]  # result of a run, and its seconds
 
 
 def _ours(scene: Scene, line: Series, rung: Row, truth: _Truth) -> Once:
-    """Run one of our methods; by tolerance its seconds include all runs up to it."""
+    """One of our runs; by tolerance its seconds include all runs up to it."""
     assert line.method is not None
     if "tol" in rung:
         begin = time.process_time()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -59,10 +60,8 @@ def sensitivity(result: Check, largest: float = 1.0) -> dict[str, float]:
 
 def _changed(scene: Scene, key: str) -> Scene | None:
     for sign in "+-":
-        try:
+        with suppress(SceneError, ValueError):
             return scene.replace({key: f"{sign}{STEP}%"})
-        except (SceneError, ValueError):
-            continue
     return None
 
 

@@ -180,12 +180,13 @@ def _judged(
 ) -> tuple[list[Ladder], list[Agreement], Response | None]:  # fmt: skip
     """Refine both ladders until they agree or cannot get closer; return them, the rows, the gripped car."""
     jobs: list[Callable[[Progress], Any]] = [side.climbed for side in sides]
-    gripped, looks, confirmed = None, 0, False
+    gripped, looks, confirmed, toml = None, 0, False, scene.to_toml()
     if scene.drive.mode == "haul":
         jobs.append(partial(_gripped, scene, sides[0].method))
     while True:
         first, other, *once = side_by_side(jobs, progress, _load)
-        gripped, ladders = once[0] if once else gripped, [first, _retold(other, scene)]
+        # the judge knows one scene alone
+        gripped, ladders = once[0] if once else gripped, [first, other.map(lambda r: replace(r, scene_toml=toml))]
         if made is not None:
             made(first.run, other.run)
         rows = compare(scene, *ladders, tol=tol, tol_tension=tol_tension)
@@ -228,14 +229,6 @@ def _load() -> None:
     """Import judging and drawing while a solver runs."""
     for name in ("core.laws", "core.design", "core.trust", "commands.check.page"):
         importlib.import_module(f"validation.{name}")
-
-
-def _retold(ladder: Ladder, scene: Scene) -> Ladder:
-    """The ladder with runs renamed to the judge's scene."""
-    toml = scene.to_toml()
-    if ladder.run.scene_toml == toml:
-        return ladder
-    return ladder.map(lambda r: replace(r, scene_toml=toml))
 
 
 def _told(e: Ladder, twin: Ladder) -> Ladder:

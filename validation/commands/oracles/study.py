@@ -100,7 +100,7 @@ def tasks() -> list[Task]:
 
 
 def oracle_table(out: Path, progress: Progress = silent) -> dict[str, Any]:
-    """Hold all solvers against all oracles and write oracles.json; an interrupted table goes on where it stopped."""
+    """Write oracles.json; an interrupted table goes on where it stopped."""
     jobs = {json.dumps(task.key): task for task in tasks()}
     rows = list(store.each_once(out / ROWS, jobs, lambda task: task.compute(), partial(progress, "oracles")).values())
     as_expected = all(row["verdict"] == row["expected"] for row in rows)

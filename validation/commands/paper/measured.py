@@ -163,17 +163,17 @@ def linear_theory(sigma: float, alpha: float) -> float:
 
 
 def static_variation(scene: Scene) -> float:
-    """The variation of the static tension along the cable, over H."""
+    """Of the tension along the cable, over H."""
     return float(np.ptp(scene.catenary.tension(np.linspace(0.0, scene.length, 201))) / scene.horizontal_tension)
 
 
 def wavelet_terms(level: int) -> int:
-    """How many functions the paper's set (37) has at that level."""
+    """Functions of the paper's set (37)."""
     return Daubechies(order=4, level=level, reading="literal").n
 
 
 def rate(rows: list[dict[str, float]]) -> tuple[float, float]:
-    """The exponent of an overshoot in the number of terms, and its bar."""
+    """The exponent of an overshoot in N, and its bar."""
     first, last = rows[0], rows[-1]
     steps = math.log(last["terms"] / first["terms"])
     bar = math.hypot(first["spread"] / first["size"], last["spread"] / last["size"]) / steps

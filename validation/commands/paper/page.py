@@ -106,7 +106,7 @@ def _paths(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
 
 
 def _along(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
-    """Draw shapes or tensions along the cable, and the static ones, one panel for each place of the mass."""
+    """Draw shapes or tensions along the cable, one panel for each place of the mass."""
     first, shapes = runs[0][0], one["draw"] == "shapes"
     scene = Scene.from_toml(first.scene_toml)
     static, s, l, H = scene.catenary, first.fields.s, first.length, first.horizontal_tension

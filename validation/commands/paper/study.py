@@ -11,11 +11,7 @@ from validation.core.sidebyside import Progress, silent
 
 
 def paper(out: Path, report: Progress = silent) -> dict[str, Any]:
-    """Make or reuse every run, judge every claim, and write claims.json; runs are kept in out/runs/NAME.
-
-    Returns the content of claims.json: `claims` and `count` of verdicts; `references`, what the converged values rest
-    on; `frequencies` and `overshoot` of the figures.
-    """
+    """Make or reuse every run in out/runs, judge every claim, write claims.json, and return its content."""
     runs = all_runs(out, report)
     beyond = known.numbers(runs, out / "numbers.jsonl", report)
     report("claims", 0.0)

@@ -183,7 +183,7 @@ def _of_rows(study: Study) -> dict[str, Any]:
 
 @contextmanager
 def _client(workers: int | None, scheduler: str | None, scenes: int) -> Iterator[Any]:
-    """Give a client of a running scheduler, or of worker processes on this machine, one thread each."""
+    """Give a client of a running scheduler, or of processes on this machine."""
     try:
         import dask
         import pyarrow  # noqa: F401

@@ -95,7 +95,7 @@ def _map(rows: Any, quantity: str, axes: list[str], logs: set[str]) -> Markup:
 
 
 def _scenes(study: Study, file: Path, rows: Any) -> dict[str, Any]:
-    """What explorer.js shows: lines of scenes across their axes, and a table with the command of each."""
+    """What explorer.js shows."""
     columns = [*study.axes, *DESIGN, "max_deflection", "path_error", "seconds"]
     columns = [c for c in dict.fromkeys([*columns, "status", "verdict", "method"]) if rows[c].notna().any()]
     logs = {name for name, a in study.axes.items() if a.log}
