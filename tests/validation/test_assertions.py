@@ -53,7 +53,7 @@ def test_a_users_solver_agrees_and_without_coriolis_it_is_told_where_it_parts():
     assert title == "toy and following-p2 disagree"
     assert "path_max: gap" in line
     assert "allowed 0.02, largest at s_o/l = 0.40" in line
-    assert "asked for by path 0.02" in line
+    assert "asked for: path 0.02" in line
     assert "they part from s_o/l = 0.0" in line  # it grows without bound, from the start
 
 

@@ -106,8 +106,7 @@ def test_what_is_out_of_reach_is_said_so_with_the_best_there_is(monkeypatch):
         TooCoarse, match=r"following-p2 reaches an error bar of .* with elements = .*, not the 1e-05"
     ) as e:
         climb(LEVEL, near, 1e-5, until=0.8)
-    assert e.value.best.path_error > 1e-5
-    assert e.value.best is e.value.ladder.run
+    assert e.value.ladder.finest.path_error > 1e-5
 
 
 def test_a_wrong_method_is_refused():
@@ -142,8 +141,8 @@ def test_a_budget_ends_a_climb_with_the_finest_run_within_it():
     slow = LEVEL.variant(speed_ratio=0.1)
     with pytest.raises(TooCoarse) as spent:
         climb(slow, "following-p2", 1e-4, until=0.8, budget=2e4)
-    assert work(METHODS["following-p2"], spent.value.best) <= 2.5e4
-    assert 1e-4 < spent.value.best.path_error < 0.1
+    assert work(METHODS["following-p2"], spent.value.ladder.finest) <= 2.5e4
+    assert 1e-4 < spent.value.ladder.finest.path_error < 0.1
 
 
 def test_the_coarsest_resolution_has_no_bar():

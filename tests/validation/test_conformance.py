@@ -95,7 +95,7 @@ def test_a_tolerance_is_met_or_refused_with_the_best_there_is(name):
         response = climb(SCENE, name, 0.2, until=0.3, budget=1e4).run
         assert response.path_error <= 0.2
     except TooCoarse as error:
-        response = error.best
+        response = error.ladder.finest
     assert find(name).resolution.setting in response.settings
 
 

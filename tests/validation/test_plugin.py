@@ -67,7 +67,7 @@ def test_fixtures_pass_the_right_and_fail_the_wrong_and_the_summary_tells_all(ou
     outcome.assert_outcomes(passed=3, failed=2)
     outcome.stdout.fnmatch_lines([
         "*wrong and following-p2 disagree",
-        "*path_max: gap 0.*, allowed 0.01, largest at s_o/l = 0.*; asked for by path 0.01*",
+        "*path_max: gap 0.*, allowed 0.01, largest at s_o/l = 0.*; asked for: path 0.01*",
         "*level: disagree",
         "*path_max: gap 0.*, allowed 0.0*(its error bar) + allowed to wrong 0.02, of u and v; agrees if its v is*0.9*",
         "*= agreement of cable solvers =*",

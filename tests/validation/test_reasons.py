@@ -7,7 +7,6 @@ import string
 import pytest
 
 from validation.core.agreement import Agreement
-from validation.core.bounds import WORDS as BOUNDS
 from validation.core.bounds import Bound, Part, nothing
 from validation.core.flags import WORDS, flag
 
@@ -15,14 +14,14 @@ from validation.core.flags import WORDS, flag
 def test_a_bound_is_the_sum_of_its_parts():
     bound = Bound("error bars", (Part("a", 1.2e-3, "how"), Part("b", 2.0e-3)), notes=("over the window",))
     assert bound.value == 1.2e-3 + 2.0e-3
-    assert str(bound) == "both error bars: a 0.0012 (how) + b 0.002; over the window"
+    assert str(bound) == "error bars: a 0.0012 (how) + b 0.002; over the window"
     row = json.loads(json.dumps(Agreement("path_max", math.nan, bound).row(), allow_nan=False))
     assert (row["notes"], row["gap"], row["bar_b"]) == (["over the window"], None, 2.0e-3)
 
 
 def test_a_bound_without_a_value_is_none():
-    for none in (nothing("no common range"), Bound("covers less", (Part("a", 1.0),))):
-        assert none.value != none.value
+    none = nothing("no common range")
+    assert (none.value != none.value, str(none)) == (True, "no common range")
 
 
 @pytest.mark.parametrize("kind", WORDS)
@@ -33,7 +32,3 @@ def test_every_flag_says_its_numbers(kind):
     if names:
         with pytest.raises(KeyError):
             flag(kind)
-
-
-def test_every_bound_has_words():
-    assert {"error bars", "law", "foreign", "asked", "nothing"} <= BOUNDS.keys()

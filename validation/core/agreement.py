@@ -56,12 +56,10 @@ class Agreement:
     @property
     def verdict(self) -> Verdict:
         """By `three_lines`; without a tolerance a gap within its bound agrees."""
-        if self.bound.kind in ("nothing", "covers less"):
+        known = math.isfinite(self.gap) and math.isfinite(self.allowed)
+        if self.bound.kind == "nothing" or (self.asked_for is None and not known):
             return Verdict.NOT_COMPARABLE
         if self.asked_for is None:
-            known = math.isfinite(self.gap) and math.isfinite(self.allowed)
-            if not known:
-                return Verdict.NOT_COMPARABLE
             return Verdict.AGREE if self.gap <= self.allowed else Verdict.DISAGREE
         return three_lines(self.gap, self.allowed, self.asked_for)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,17 +15,16 @@ GROUND = "the ground"
 PLACES = 201  # stations in tension.csv
 
 
-@dataclass(frozen=True, slots=True)
-class Outcome:
+class Outcome(NamedTuple):
     kind: str  # arrives, stopped_by_brake, stuck, rolls_back, rolling, crossed, stopped, incomplete
     sentence: str
 
 
 def outcome(scene: Scene, r: Response) -> Outcome:
     """How a run ends, and what rope or car would hit."""
-    found = _end(scene, r)
+    kind, sentence = _end(scene, r)
     hit = hits(scene, r)
-    return Outcome(found.kind, found.sentence + (f"; would hit {' and '.join(hit)}" if hit else ""))
+    return Outcome(kind, sentence + (f"; would hit {' and '.join(hit)}" if hit else ""))
 
 
 def hits(scene: Scene, r: Response) -> list[str]:
@@ -34,10 +32,9 @@ def hits(scene: Scene, r: Response) -> list[str]:
     return list(dict.fromkeys(name for name, height in rooms if np.nanmin(height, initial=np.inf) < 0.0))
 
 
-def _end(scene: Scene, r: Response) -> Outcome:
-    here = f"{r.s_o[-1]:.1f} m after {r.t[-1]:.1f} s"
+def _end(scene: Scene, r: Response) -> tuple[str, str]:
     if r.status != "complete" and r.slack_onset is None:
-        return Outcome("incomplete", f"the computation broke at {here}: {r.reason}")
+        return "incomplete", f"the computation broke at {r.s_o[-1]:.1f} m after {r.t[-1]:.1f} s: {r.reason}"
     if r.drive == "free":
         return _ride(scene, r)
     # past the slack onset nothing is compared
@@ -45,41 +42,35 @@ def _end(scene: Scene, r: Response) -> Outcome:
     assert motion is not None
     assert lasts is not None
     end, last = (scene.length if r.drive == "grip" else scene.drive.end_place(scene.length)), motion.end * scene.length
+    kind, said = "crossed", f"crosses the cable in {lasts:.1f} s"
     if last < 0.999 * end:
-        found = Outcome("stopped", f"stops at {last:.1f} m after {lasts:.1f} s")
+        kind, said = "stopped", f"stops at {last:.1f} m after {lasts:.1f} s"
     elif r.drive == "haul":
-        found = Outcome("crossed", f"is hauled from {r.s_o[0]:.1f} m to {last:.1f} m in {lasts:.1f} s")
-    else:
-        found = Outcome("crossed", f"crosses the cable in {lasts:.1f} s")
-    if r.slack_onset is None:
-        return found
-    slack = f"; the cable goes slack when the mass is at {r.slack_onset * r.length:.1f} m"
-    return Outcome(found.kind, found.sentence + slack)
+        said = f"is hauled from {r.s_o[0]:.1f} m to {last:.1f} m in {lasts:.1f} s"
+    if r.slack_onset is not None:
+        said += f"; the cable goes slack when the mass is at {r.slack_onset * r.length:.1f} m"
+    return kind, said
 
 
-def _ride(scene: Scene, r: Response) -> Outcome:
+def _ride(scene: Scene, r: Response) -> tuple[str, str]:
     events = {e["event"]: e for e in r.events}  # the last of each kind
-    first_brake = min((brake.place for brake in scene.drive.brake), default=math.inf)
-    if (e := events.get("arrival")) is not None:
-        return Outcome("arrives", f"arrives at {e['s_o']:.1f} m after {e['t']:.1f} s with {3.6 * e['speed']:.1f} km/h")
-    if (e := events.get("back")) is not None:
-        return Outcome("rolls_back", f"rolls back to the start after {e['t']:.1f} s")
-    if (e := events.get("stop")) is None:
-        text = f"still rolls after {r.t[-1]:.1f} s, at {r.s_o[-1]:.1f} m with {3.6 * r.speed[-1]:.1f} km/h"
-        return Outcome("rolling", text)
-    if e["s_o"] >= first_brake:
-        into = e["s_o"] - first_brake
-        text = f"stops in the brake at {e['s_o']:.1f} m, {into:.1f} m into it, after {e['t']:.1f} s"
-        return Outcome("stopped_by_brake", text)
+    e = next((events[name] for name in ("arrival", "back", "stop") if name in events), None)
+    if e is None:
+        return "rolling", f"still rolls after {r.t[-1]:.1f} s, at {r.s_o[-1]:.1f} m with {3.6 * r.speed[-1]:.1f} km/h"
+    place, first_brake = e["s_o"], min((brake.place for brake in scene.drive.brake), default=math.inf)
+    at, after = f"at {place:.1f} m", f"after {e['t']:.1f} s"
+    if e["event"] == "arrival":
+        return "arrives", f"arrives {at} {after} with {3.6 * e['speed']:.1f} km/h"
+    if e["event"] == "back":
+        return "rolls_back", f"rolls back to the start {after}"
+    if place >= first_brake:
+        return "stopped_by_brake", f"stops in the brake {at}, {place - first_brake:.1f} m into it, {after}"
     if "brake" in events:
-        text = f"reaches the brake and rolls back: comes to rest at {e['s_o']:.1f} m after {e['t']:.1f} s"
-    elif math.isfinite(first_brake):
-        short = first_brake - e["s_o"]
-        text = f"never reaches the brake: comes to rest {short:.1f} m before it, at {e['s_o']:.1f} m, "
-        text += f"after {e['t']:.1f} s"
-    else:
-        text = f"gets stuck: comes to rest at {e['s_o']:.1f} m after {e['t']:.1f} s"
-    return Outcome("stuck", text)
+        return "stuck", f"reaches the brake and rolls back: comes to rest {at} {after}"
+    if math.isfinite(first_brake):
+        short = f"{first_brake - place:.1f} m before it"
+        return "stuck", f"never reaches the brake: comes to rest {short}, {at}, {after}"
+    return "stuck", f"gets stuck: comes to rest {at} {after}"
 
 
 class Profile(NamedTuple):
@@ -123,10 +114,9 @@ def profile(r: Response) -> Profile:
 def write_answers(folder: Path, scene: Scene, r: Response) -> None:
     found = outcome(scene, r)
     write_json(folder / "summary.json", {"outcome": found.sentence, "outcome_kind": found.kind, **r.summary()})
-    columns = profile(r)._asdict()
     with whole(folder / "profile.csv") as temporary:
-        values = np.stack(list(columns.values()), axis=1)
-        np.savetxt(temporary, values, fmt="%.9g", delimiter=",", header=",".join(columns), comments="")
+        heads = ",".join(Profile._fields)
+        np.savetxt(temporary, np.stack(profile(r), axis=1), fmt="%.9g", delimiter=",", header=heads, comments="")
 
 
 def _ways(r: Response) -> list[tuple[Array, Array]]:
@@ -135,8 +125,7 @@ def _ways(r: Response) -> list[tuple[Array, Array]]:
     return [(x, y) if x[-1] > x[0] else (x[::-1], y[::-1]) for x, y in pieces if x.size > 1]
 
 
-@dataclass(frozen=True, slots=True)
-class Room:
+class Room(NamedTuple):
     """Free height above something, over a run; negative: it hits."""
 
     of: str  # "rope" or "car"

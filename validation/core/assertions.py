@@ -60,30 +60,25 @@ def _over(window: Window, a: Answer, b: Answer) -> str:
 
 def _path_row(a: Answer, b: Answer, allowed: float, window: Window) -> Agreement:
     x, y = foreign.comparable(a, b)
-    gap, rms = measures.path_gap(x, y, window)
+    gap, rms, where = measures.path_gap(x, y, window)
     _, places, size = measures.path_distances(x, y, window)
-    notes = [f"they part from s_o/l = {p:.3f} on" for p in places[size > allowed][:1]]
-    bars = (
-        f"error bar of {r.method} {r.path_error:.2g}"
-        for r in (a, b) if isinstance(r, Response) and r.path_error is not None
-    )  # fmt: skip
-    relative = f"relative to {b.path_scale_named} {b.path_scale:.4g} m"
-    bound = _asked("path", allowed, relative, *notes, f"rms gap {rms:.3g}", f"over {_over(window, a, b)}", *bars)
-    return Agreement("path_max", gap, bound, float(places[size.argmax()]))
-
-
-def _asked(argument: str, allowed: float, relative: str, *notes: str) -> Bound:
-    return Bound("asked", (Part(argument, allowed),), {"relative": relative}, notes)
+    why = [f"relative to {b.path_scale_named} {b.path_scale:.4g} m"]
+    why += [f"they part from s_o/l = {p:.3f} on" for p in places[size > allowed][:1]]
+    why += [f"rms gap {rms:.3g}", f"over {_over(window, a, b)}"]
+    errors = [(r.method, r.path_error) for r in (a, b) if isinstance(r, Response)]
+    why += [f"error bar of {method} {error:.2g}" for method, error in errors if error is not None]
+    bound = Bound("asked for", (Part("path", allowed),), "; ".join(why))
+    return Agreement("path_max", gap, bound, where)
 
 
 def _tension_row(a: Answer, b: Answer, allowed: float, window: Window) -> Agreement:
     if not (isinstance(a, Response) and isinstance(b, Response)):
         H = next(r.horizontal_tension for r in (b, a) if isinstance(r, Response))
         gap = foreign.mass_tension_gap(a, b, window, H)
-        return Agreement("tension", gap, _asked("tension", allowed, "rms at the mass, both sides, relative to H"))
+        why = "rms at the mass, both sides, relative to H"
+        return Agreement("tension", gap, Bound("asked for", (Part("tension", allowed),), why))
     gap = measures.tension_gap(a, b, window)
-    frames, _, _ = measures.common_frames(a, b)
-    frames = frames[(frames >= window[0]) & (frames <= window[1])]
+    frames, _, _ = measures.common_frames(a, b, window)
     worst = max(frames.tolist(), key=lambda place: measures.tension_gap(a, b, (place, place)))
-    over = f"over {_over(window, a, b)}"
-    return Agreement("tension", gap, _asked("tension", allowed, "rms of the field off the mass, over H", over), worst)
+    why = f"rms of the field off the mass, over H; over {_over(window, a, b)}"
+    return Agreement("tension", gap, Bound("asked for", (Part("tension", allowed),), why), worst)

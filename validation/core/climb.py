@@ -40,11 +40,11 @@ LIGHT = 0.1  # mass ratio mu of a car whose front, of width mu, the first mesh m
 
 
 class TooCoarse(RuntimeError):
-    """No affordable resolution meets the tolerance; `best` is the finest run, `ladder` its ladder."""
+    """No affordable resolution meets the tolerance; `ladder` is the finest one."""
 
     def __init__(self, message: str, ladder: Ladder) -> None:
         super().__init__(message)
-        self.ladder, self.best = ladder, ladder.finest
+        self.ladder = ladder
 
 
 class Runs:
@@ -71,7 +71,7 @@ class Runs:
         if marched is None:
             marched = Run(self.scene, self.method, **self.how, **settings)
             self.made.append(marched)
-        return marched.try_to(until, past=past)
+        return marched.try_to(until, past)
 
     def ladder(self, settings: dict[str, Any]) -> Ladder:
         finest = self.at(settings, self.short)

@@ -145,18 +145,15 @@ def _safety(r: Response, found: list[Number]) -> list[Number]:
     return [Number("safety_factor_min", load / T.value, bar, "", T.t, T.s_o, T.x, T.s)]
 
 
-def _tilt(r: Response) -> list[Number]:
-    tilt = _scene(r.scene_toml).wind_tilt
-    return [] if tilt is None else [Number("wind_tilt", tilt, 0.0, "deg")]
-
-
 def numbers(of: Ladder | Response, twin: Ladder | None = None) -> list[Number]:
     """The known design numbers, of a ladder with bars: at least the gap to the twin's."""
     r, ladder = (of.finest, of) if isinstance(of, Ladder) else (of, None)
     other = None if twin is None else twin.finest
     span = extremes_within(r, other)
     found = [x for name, asked in quantities(r).items() if (x := _number(name, asked, r, span, ladder, other))]
-    return found + _safety(r, found) + _tilt(r) + _onset(r, ladder, other)
+    tilt = _scene(r.scene_toml).wind_tilt
+    still = [] if tilt is None else [Number("wind_tilt", tilt, 0.0, "deg")]
+    return found + _safety(r, found) + still + _onset(r, ladder, other)
 
 
 def design(of: Ladder | Response, twin: Ladder | None = None) -> list[dict[str, Any]]:

@@ -30,7 +30,7 @@ from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.agreement import Agreement, Verdict
 from validation.core.bounds import Bound, Part, nothing
-from validation.core.ladder import Ladder
+from validation.core.ladder import Ladder, itself
 from validation.core.measures import WINDOW, NotComparable, Window
 from validation.core.rows import happened
 from validation.core.store import Refused
@@ -308,25 +308,24 @@ def rows(path: ForeignPath | Response, ours: Ladder, window: Window, with_tol: f
     party, run = path.method, ours.run
     try:
         part = _common(path, window)
-        where = measures.place_of_gap(*comparable(path, run), part)
+        where = measures.path_gap(*comparable(path, run), part)[2]
     except NotComparable as reason:
         yield Agreement("path_max", math.nan, nothing(f"{party}: {reason}"), party=party)
         return
     short = _short(path, run, window)
-    kind = "covers less" if short else "foreign"
-    allowed = Part(f"allowed to {party}", with_tol)
     found = []
     for name, (apart, components) in _measures(path, run, part).items():
-        bars = Part(run.method, ours.bar(lambda r: r, apart), "its error bar"), allowed
-        bound = Bound(kind, bars, {"party": party, "components": components, **short})
+        bars = Part(run.method, ours.bar(itself, apart), "its error bar"), Part(f"allowed to {party}", with_tol)
+        bound = Bound("our error bar", bars, f"of {components}")
+        if short:
+            bound = nothing(f"{party} covers {short}; there {bound.value:.2g} would be allowed")
         found.append(Agreement(name, apart(path, run), bound, where if name == "path_max" else None, party))
     of_path = found[:2]
     if any(row.verdict is Verdict.DISAGREE for row in of_path):
         from validation.core.remedy import remedy  # seldom needed
 
-        said = remedy(
-            path, run, lambda x: measures.path_gap(*comparable(x, run), part), (of_path[0].allowed, of_path[1].allowed)
-        )
+        allowed = [row.allowed for row in of_path]
+        said = remedy(path, run, lambda x: measures.path_gap(*comparable(x, run), part), allowed)
         of_path = [replace(row, bound=replace(row.bound, notes=(said,) if said else ())) for row in of_path]
     yield from [*of_path, *found[2:]]
 
@@ -358,13 +357,13 @@ def _measures(path: ForeignPath | Response, run: Response, part: Window) -> dict
     return found
 
 
-def _short(path: MassPath, run: Response, window: Window) -> dict[str, Any]:
-    """The part of the window that a path covers, if not all; else {}."""
+def _short(path: MassPath, run: Response, window: Window) -> str:
+    """The part of the window that a path covers, if not all; else ""."""
     axis, at, wanted = "s_o/l", path.s_o / path.length, window
     if run.drive == "free":
         axis, at, wanted = "t [s]", path.t, (0.0, float(run.t[-1]))
     step = TRAVEL_TOLERANCE * wanted[1] + float(np.diff(at).max())
     low, high = max(wanted[0], float(at[0])), min(wanted[1], float(at[-1]))
     if low <= wanted[0] + step and high >= wanted[1] - step:
-        return {}
-    return {"axis": axis, "low": low, "high": high, "start": wanted[0], "stop": wanted[1]}
+        return ""
+    return f"{axis} {low:.4g} to {high:.4g} of {wanted[0]:.4g} to {wanted[1]:.4g}"

@@ -48,10 +48,10 @@ def hold(
     """
     finest = ladder.finest
     windows = replace(Windows.of(finest, window, until), far=min(r.reached for r in ladder.runs))
-    case = Evidence(finest, windows)
+    known = {id(x): Evidence(x, windows) for x in ladder.runs}
+    case = known[id(finest)]
     thin = case.thinned()
     sparse = thin, thin.thinned()
-    known = {id(x): Evidence(x, windows) for x in ladder.runs[1:]} | {id(finest): case}
     for name, law in LAWS.items():
         if not law.concerns(case):
             continue

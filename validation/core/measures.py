@@ -80,23 +80,18 @@ def path_distances(a: MassPath, b: MassPath, window: Window) -> tuple[Array, Arr
     return coarse.t[within], coarse.s_o[within] / coarse.length, np.hypot(gap[:, 0], gap[:, 1])
 
 
-def path_gap(a: MassPath, b: MassPath, window: Window) -> tuple[float, float]:
-    """The largest of `path_distances`, and its rms over time."""
-    t, _, size = path_distances(a, b, window)
-    return float(size.max()), float(np.sqrt(_over_time(t, size**2)))
-
-
-def place_of_gap(a: MassPath, b: MassPath, window: Window) -> float:
-    _, place, size = path_distances(a, b, window)
-    return float(place[size.argmax()])
+def path_gap(a: MassPath, b: MassPath, window: Window) -> tuple[float, float, float]:
+    """The largest of `path_distances`, its rms over time, and the s_o/l of the largest."""
+    t, place, size = path_distances(a, b, window)
+    return float(size.max()), float(np.sqrt(_over_time(t, size**2))), float(place[size.argmax()])
 
 
 def _over_time(t: Array, values: Array) -> Array:
     return np.asarray(np.average(values, weights=np.gradient(t) if t.size > 1 else None))
 
 
-def common_frames(a: Response, b: Response) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:
-    """s_o/l of common frames, and their indices in a and b."""
+def common_frames(a: Response, b: Response, window: Window) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:
+    """s_o/l of the common frames in the window, one at least, and their indices in a and b."""
     if a.fields.s.shape != b.fields.s.shape or not np.allclose(a.fields.s, b.fields.s, rtol=0.0, atol=1e-9 * a.length):
         raise NotComparable("the tension fields are given at different stations")
     stands = any(np.unique(np.round(r.fields.s_o / r.length, 9)).size < r.fields.t.size for r in (a, b))
@@ -105,12 +100,7 @@ def common_frames(a: Response, b: Response) -> tuple[Array, NDArray[np.intp], ND
         marks = [r.fields.t / max(a.t[-1], b.t[-1]) for r in (a, b)]
     first, second = (np.round(x, 9) for x in marks)
     _, i, j = np.intersect1d(first, second, return_indices=True)
-    return np.round(a.fields.s_o[i] / a.length, 9), i, j
-
-
-def _in_window(a: Response, b: Response, window: Window) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:
-    """`common_frames` in the window, one at least."""
-    place, i, j = common_frames(a, b)
+    place = np.round(a.fields.s_o[i] / a.length, 9)
     within = (place >= window[0]) & (place <= window[1])
     if not within.any():
         raise NotComparable(f"no common frame of the fields in the window {window}")
@@ -119,7 +109,7 @@ def _in_window(a: Response, b: Response, window: Window) -> tuple[Array, NDArray
 
 def tension_gap(a: Response, b: Response, window: Window) -> float:
     """Rms gap of the tension fields over frames in the window, off the mass, over H."""
-    place, i, j = _in_window(a, b, window)
+    place, i, j = common_frames(a, b, window)
     away = np.abs(a.fields.s / a.length - place[:, None]) >= JUMP_WIDTH
     return float(np.sqrt(np.mean((a.fields.T[i] - b.fields.T[j])[away] ** 2))) / b.horizontal_tension
 
@@ -195,7 +185,7 @@ def field_gap(a: Response, b: Response, window: Window, *, rate: bool = False, a
         x, y = (f.du, f.dv) if rate else (f.u, f.v)
         return (i * x + j * y if along else i * y - j * x) / np.hypot(i, j)
 
-    place, i, j = _in_window(a, b, window)
+    place, i, j = common_frames(a, b, window)
     off = np.abs(a.fields.s / a.length - place[:, None]) > 1e-6
     first, second = of(a.fields)[i][off], of(b.fields)[j][off]
     return float(np.sqrt(np.mean((first - second) ** 2) / np.mean(second**2)))

@@ -137,11 +137,10 @@ class Method:
 
         Internal damping takes a damping rule of second order, which goes on where the cable is slack.
         """
-        if groups.internal_damping and self.knobs["scheme"].default == "trapezoidal":
-            return self.settings({"scheme": "generalized-alpha"} | changes)
-        if groups.drive.mode != "free" or self.knobs["scheme"].default != "trapezoidal":
-            return self.settings(changes)
-        return self.settings({"scheme": "generalized-alpha", **self.on_rides, **changes})
+        rule: dict[str, Any] = {}
+        if self.knobs["scheme"].default == "trapezoidal" and (groups.internal_damping or groups.drive.mode == "free"):
+            rule = {"scheme": "generalized-alpha"} | ({} if groups.internal_damping else self.on_rides)
+        return self.settings(rule | changes)
 
     def settings(self, changes: dict[str, Any]) -> dict[str, Any]:
         """All settings with `changes`; ValueError for unknown names and values."""

@@ -1,34 +1,20 @@
 """Design numbers in words, with unit prefixes and the digits the bar leaves."""
 
 import math
-import re
 from typing import Any
 
 import numpy as np
 
 from cablefem.response import Array
+from validation.core import store
 
-_NAMES = {
-    "tension_max": "largest tension", "tension_min": "least tension", "deepest_point": "deepest point of the rope",
-    "mass_deepest": "deepest place of the car", "mass_deflection_max": "largest deflection of the car",
-    "contact_max": "largest press of the car on the rope", "contact_min": "least press of the car on the rope",
-    "haul_force_max": "largest haul force", "haul_force_min": "least haul force", "speed_max": "top speed",
-    "wind_tilt": "tilt of the empty rope's plane in the crosswind",
-    "slack_onset": "slack onset", "safety_factor_min": "least safety factor",
-    "angle_left": "steepest rope at the left support", "angle_right": "steepest rope at the right support",
-    "max_deflection": "largest deflection of the car", "path_error": "error bar of the path of the car",
-}  # fmt: skip
-# In order of importance.
-_MATTER = (
-    "clearance_rope_min", "clearance_car_min", "tension_max", "safety_factor_min", "haul_force_max", "haul_force_min",
-    "reaction_left_max", "reaction_right_max", "speed_max", "angle_left", "angle_right", "mass_deepest",
-    "mass_deflection_max", "wind_tilt", "deepest_point", "contact_max",
-)  # fmt: skip
+SAID = store.shipped(__package__, "quantities.toml")
+KNOWN = SAID["main"] | SAID["more"]
 
 
 def matter(design: list[dict[str, Any]], most: int = 8) -> list[dict[str, Any]]:
     known = [d for d in design if d["value"] is not None]
-    first = [d for quantity in _MATTER for d in known if d["quantity"].split(":")[0] == quantity]
+    first = [d for quantity in SAID["main"] for d in known if d["quantity"].split(":")[0] == quantity]
     return first[:most]
 
 
@@ -53,16 +39,12 @@ def told(number: dict[str, Any]) -> dict[str, str]:
 
 def named(quantity: str) -> str:
     kind, _, of = quantity.partition(":")
-    if kind.startswith("clearance_"):
-        return f"least clearance of the {kind.split('_')[1]} over {of}"
-    return _NAMES.get(quantity) or re.sub("(.*)_max", r"largest \1", quantity).replace("_", " ")
+    return KNOWN[kind][0].format(of)
 
 
 def unit_of(quantity: str) -> str:
     """The SI unit; "" of a ratio."""
-    kinds = dict.fromkeys(("tension", "reaction", "contact", "haul"), "N") | {"deep": "m", "deflection": "m"}
-    kinds |= {"speed": "m/s", "clearance": "m", "angle": "deg", "tilt": "deg"}
-    return next((unit for kind, unit in kinds.items() if kind in quantity.partition(":")[0]), "")
+    return KNOWN[quantity.partition(":")[0]][1]
 
 
 def scale_of(values: Array, unit: str) -> tuple[float, str]:

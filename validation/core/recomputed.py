@@ -63,7 +63,8 @@ def design(r: Response, twin: Response | None = None) -> Iterator[Agreement]:
         means = Given(r.scene_toml, r.length).round_trip if row["unit"] in ("N", "deg") else 0.0
         for name, bar, law, over in (("value", "bar", "", means), ("peak", "bar_peak", " peak", 0.0)):
             if row.get(name) is not None:
-                right = _extreme(signals, span, over, least)
+                found = np.concatenate([_means(t, v, span, over).ravel() for t, v in signals])
+                right = float(found.min() if least else found.max())
                 size = abs(right) or 1.0
                 gap, allowed = abs(row[name] - right) / size, (row[bar] or 0.0) / size + ROUNDING
                 yield _row(r, "design", quantity + law, gap, allowed, where)
@@ -100,11 +101,6 @@ def _press(r: Response) -> Array:
     """Force of the mass on the cable across the mean tangent (n,), positive down."""
     tangent = r.slope_behind + r.slope_ahead
     return cross(tangent, r.contact) / np.sqrt(np.sum(tangent**2, axis=1))
-
-
-def _extreme(signals: Signals, span: tuple[float, float], period: float, least: bool) -> float:
-    found = np.concatenate([_means(t, v, span, period).ravel() for t, v in signals])
-    return float(found.min() if least else found.max())
 
 
 def _means(t: Array, v: Array, span: tuple[float, float], period: float) -> Array:

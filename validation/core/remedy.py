@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -15,13 +15,11 @@ from validation.core.measures import NotComparable
 
 SHARE = 0.1  # of duration, deflection or 1: the largest change
 
-Gaps = Callable[[Any], tuple[float, float]]
 
-
-def remedy(path: Any, ours: Response, gaps: Gaps, allowed: tuple[float, float]) -> str | None:
+def remedy(path: Any, ours: Response, gaps: Callable[[Any], Any], allowed: Sequence[float]) -> str | None:
     """The change that explains the gap best, in words, or None if none does.
 
-    path : a third party's path;  gaps : its (max, rms) gap;  allowed : of both.
+    path : a third party's path;  gaps : its gap, largest and rms;  allowed : of both.
     """
     lasts, deep, far = float(ours.t[-1]), float(np.abs(ours.v).max()), ours.length / 20.0
     changes: dict[str, tuple[Callable[[float], Any], float]] = {

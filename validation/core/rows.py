@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -80,6 +81,7 @@ def _field(gap: Callable[..., float], **how: Any) -> Gap:
     return lambda x, y, view: gap(x, y, view.window, **how)
 
 
+ROLLS = attrgetter("rolls")
 TABLE = (
     Quantity("path_max", _path(0), "path"),
     Quantity("path_rms", _path(1), "path"),
@@ -88,12 +90,8 @@ TABLE = (
     Quantity("tension_behind", _series("T_behind", over="H", mean=True), "force", AXIAL_MEAN),
     Quantity("tension_ahead", _series("T_ahead", over="H", mean=True), "force", AXIAL_MEAN),
     Quantity("reactions", _series("reaction_left", "reaction_right", over="H", mean=True), "force", AXIAL_MEAN),
-    Quantity(
-        "contact", _series("F_contact", over="weight", mean=True), "force", AXIAL_MEAN, concerns=lambda v: v.rolls
-    ),
-    Quantity(
-        "haul_force", _series("F_haul", over="weight", mean=True), "force", AXIAL_MEAN, concerns=lambda v: v.rolls
-    ),
+    Quantity("contact", _series("F_contact", over="weight", mean=True), "force", AXIAL_MEAN, concerns=ROLLS),
+    Quantity("haul_force", _series("F_haul", over="weight", mean=True), "force", AXIAL_MEAN, concerns=ROLLS),
     Quantity("tension", _field(measures.tension_gap), "rest"),
     Quantity("displacement", _field(measures.field_gap), "rest"),
     Quantity("displacement", _field(measures.field_gap, along=True), "rest", ALONG),
@@ -102,7 +100,7 @@ TABLE = (
     Quantity("tension_ahead", _series("T_ahead", over="H"), ""),
     Quantity("reactions", _series("reaction_left", "reaction_right", over="H"), ""),
     Quantity("contact", _series("F_contact", over="weight"), ""),
-    Quantity("haul_force", _series("F_haul", over="weight"), "", concerns=lambda v: v.rolls),
+    Quantity("haul_force", _series("F_haul", over="weight"), "", concerns=ROLLS),
     Quantity("velocity", _field(measures.field_gap, rate=True), ""),
     Quantity("velocity", _field(measures.field_gap, rate=True, along=True), "", ALONG),
 )
@@ -171,7 +169,7 @@ def _row(quantity: Quantity, a: Ladder, b: Ladder, view: View, asked_for: float)
         row = _compared(quantity.name, a, b, asked_for, itself, partial(_apart, quantity, view), quantity.order)
     except NotComparable as why:
         return Agreement(quantity.name, math.nan, nothing(why), law=quantity.law)
-    where = measures.place_of_gap(a.finest, b.finest, view.window) if quantity.name == "path_max" else None
+    where = measures.path_gap(a.finest, b.finest, view.window)[2] if quantity.name == "path_max" else None
     return replace(row, law=quantity.law, asked=bool(quantity.asks), where=where)
 
 
@@ -313,18 +311,15 @@ def printed(a: Response, b: Response) -> Iterator[Agreement]:
 
 
 def _worse_of(rows: Iterable[Agreement]) -> Iterator[Agreement]:
-    """Of each kind of row, the worse of both answers."""
+    """Of each kind of row the one with the worse verdict, else the one nearer its bound."""
     found: dict[tuple[str, str], list[Agreement]] = {}
     for row in rows:
         found.setdefault((row.quantity, row.law), []).append(row)
-    return map(worse, found.values())
+    return (max(same, key=_badness) for same in found.values())
 
 
-def worse(rows: list[Agreement]) -> Agreement:
-    """The row with the worse verdict, else the one nearer its bound."""
-    return min(
-        rows, key=lambda row: (-(row.gap > APART * row.allowed), -row.gap / row.allowed if row.allowed > 0.0 else 0.0)
-    )
+def _badness(row: Agreement) -> tuple[bool, float]:
+    return row.gap > APART * row.allowed, row.gap / row.allowed if row.allowed > 0.0 else 0.0
 
 
 # --- doubts ---------------------------------------------------------------------------------------------------------

@@ -94,21 +94,17 @@ class Run:
         self._ended = False
         self._seen: tuple[int, Response] | None = None
 
-    def to(
-        self, until: float | None = None, progress: Progress | None = None, *, past: float = math.inf
-    ) -> Response:  # fmt: skip
+    def to(self, until: float | None = None, progress: Progress | None = None) -> Response:
         """March to the first step at or past s_o/l = until (default: the end); return the response so far.
 
         A failed run has status "incomplete" and the reason.  Energy gained without work is flagged.
-
-        past : s_o/l to go on once slack.
         """
-        self.march(until, progress, past)
+        self.march(until, progress)
         return self.seen()
 
-    def try_to(self, until: float | None = None, *, past: float = math.inf) -> Trial:
-        """The same, with only the path observed."""
-        self.march(until, None, past)
+    def try_to(self, until: float | None, past: float) -> Trial:
+        """The same, once slack at most `past` s_o/l further, with only the path observed."""
+        self.march(until, past=past)
         path = moved(self.scene, self.history)
         return Trial(**path, method=self.method.name, settings=self.settings, run=self)
 
@@ -121,7 +117,7 @@ class Run:
             self._seen = now, watched(response, self.scene, self.method)
         return self._seen[1]
 
-    def march(self, until: float | None, progress: Progress | None, past: float) -> None:
+    def march(self, until: float | None, progress: Progress | None = None, past: float = math.inf) -> None:
         if until is not None and not until > 0.0:
             raise ValueError(f"until must be a place s_o/l > 0, got {until!r}")
         if self._ended:

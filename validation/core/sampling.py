@@ -38,21 +38,15 @@ class History:
 
 def finite(h: History) -> States:
     """A history over time, cut and marked failed where it leaves finite numbers or the cable."""
-    states = h.solver.in_time(stacked(h.states))
-    if _ended_well(h):
-        return states
+    states, last = h.solver.in_time(stacked(h.states)), h.states[-1]
+    if h.solver.place(last) <= ON_CABLE and math.isfinite(sum(float(x.sum()) for x in (last.q, last.v, last.a))):
+        return states  # the last state is finite, and so are all
     sound = np.isfinite(np.concatenate([states.q, states.v, states.a], axis=1)).all(axis=1)
-    sound[-1] &= h.solver.place(h.states[-1]) <= ON_CABLE
+    sound[-1] &= h.solver.place(last) <= ON_CABLE
     if sound.all():
         return states
     h.failure = "unstable", "the solution grew beyond all bounds; take more steps or a damped scheme"
     return _rows(states, slice(0, int(np.argmin(sound))))
-
-
-def _ended_well(h: History) -> bool:
-    """Whether the last state, and so all, is finite and on the cable."""
-    last = h.states[-1]
-    return h.solver.place(last) <= ON_CABLE and math.isfinite(sum(float(x.sum()) for x in (last.q, last.v, last.a)))
 
 
 def moved(scene: Scene, h: History) -> dict[str, Any]:
@@ -104,20 +98,10 @@ def respond(scene: Scene, h: History, *, frames: int = FRAMES, **asked: Any) -> 
     return Response(
         **asked, **told, cause=cause, reason=reason, slack_at=None if onset is None else float(onset[1]),
         switched=None if h.after is None else told["slack_onset"],
-        events=_dated(_events(scene, h.work, states.t, s_o), states.t, told),
+        events=_events(scene, h.work, states.t, s_o, told),
         breaks=[] if motion is None else [float(tau * t) for t, _ in motion.phases[1:] if t < states.t[-1]],
         n_dof=h.states[0].q.size, seconds=h.seconds,
     )  # fmt: skip
-
-
-def _dated(events: list[tuple[str, float]], t: Array, told: dict[str, Any]) -> list[dict[str, Any]]:
-    """Events with time [s], place [m] and speed [m/s] of the step next to them."""
-    rows = []
-    for name, at in events:
-        i = _at(t, at)
-        speed = 0.0 if name == "stop" else float(np.hypot(*told["velocity"][i]))
-        rows.append({"event": name, "t": float(told["t"][i]), "s_o": float(told["s_o"][i]), "speed": speed})
-    return rows
 
 
 def in_si(scene: Scene, seen: Observation, steps: NDArray[np.bool_], s: Array) -> dict[str, Any]:
@@ -151,16 +135,22 @@ def _at(times: Array, t: float) -> int:
     return int(np.argmin(np.abs(times - t)))
 
 
-def _events(scene: Scene, work: Work, t: Array, s_o: Array) -> list[tuple[str, float]]:
-    """Events of the car, and their times, without stick-slip."""
+def _events(scene: Scene, work: Work, t: Array, s_o: Array, told: dict[str, Any]) -> list[dict[str, Any]]:
+    """Events of the car without stick-slip, with time [s], place [m] and speed [m/s] of the step next to them."""
     drive = scene.groups.drive
     phases = [("release", drive.release), *[("thrust_end", t) for t, _ in drive.thrust_table[-1:]]]
-    told = [(name, at) for name, at in phases if 0.0 < at <= t[-1]]
+    found = [(name, at) for name, at in phases if 0.0 < at <= t[-1]]
     for e in work.events:
         if e.name not in ("standstill", "breaking loose", "brake off", "turn"):
-            told.append((e.name, _stopped(scene, work, t, s_o, e.t) if e.name == "stop" else e.t))
-    turns = _turns(t, s_o) if drive.mode == "free" else ()
-    return sorted([*told, *(("turn", x) for x in turns)], key=lambda event: event[1])
+            found.append((e.name, _stopped(scene, work, t, s_o, e.t) if e.name == "stop" else e.t))
+    if drive.mode == "free":
+        found += [("turn", x) for x in _turns(t, s_o)]
+    rows = []
+    for name, at in sorted(found, key=lambda event: event[1]):
+        i = _at(t, at)
+        speed = 0.0 if name == "stop" else float(np.hypot(*told["velocity"][i]))
+        rows.append({"event": name, "t": float(told["t"][i]), "s_o": float(told["s_o"][i]), "speed": speed})
+    return rows
 
 
 def _stopped(scene: Scene, work: Work, t: Array, s_o: Array, end: float) -> float:

@@ -38,7 +38,7 @@ def claim(out: Path | None, command: str, scene: Any, writes: Sequence[str], *, 
     try:
         folder.mkdir(parents=True, exist_ok=True)
         marker = _marker(folder)
-        if marker is None:
+        if not marker:
             strange = (
                 [w for w in writes if (folder / w).exists()] if among else sorted(x.name for x in folder.iterdir())
             )
@@ -89,27 +89,25 @@ def _files(folder: Path, names: Sequence[str]) -> list[str]:
 
 
 def finish(folder: Path, command: str) -> None:
-    marker = _marker(folder)
-    if marker is not None:
+    if marker := _marker(folder):
         result = marker["results"][command]
         result["finished"] = _files(folder, result["writes"])
         _write(folder, marker)
 
 
 def finished(folder: Path, command: str) -> bool:
-    marker = _marker(folder) or {"results": {}}
-    return marker["results"].get(command, {}).get("finished") is not None
+    return _marker(folder).get("results", {}).get(command, {}).get("finished") is not None
 
 
 def results(folder: Path) -> list[str]:
     """Commands with results on the latest scene."""
-    marker = _marker(folder) or {"results": {}}
-    return [command for command, result in marker["results"].items() if result["scene"] == marker["scene"]]
+    marker = _marker(folder)
+    return [command for command, result in marker.get("results", {}).items() if result["scene"] == marker["scene"]]
 
 
 def title(folder: Path) -> str:
     """The scene's title or name; "" without a scene."""
-    scene = tomllib.loads((_marker(folder) or {}).get("scene", ""))
+    scene = tomllib.loads(_marker(folder).get("scene", ""))
     return scene.get("title") or scene.get("name") or ""
 
 
@@ -125,9 +123,10 @@ def read(file: Path) -> Any:
     return json.loads(file.read_text(encoding="utf-8"))
 
 
-def _marker(folder: Path) -> dict[str, Any] | None:
+def _marker(folder: Path) -> dict[str, Any]:
+    """What the folder's marker says; {} without one."""
     marker = stored(folder / MARKER)
-    return marker if {"scene", "shared", "results"} <= set(marker) and isinstance(marker["results"], dict) else None
+    return marker if {"scene", "shared", "results"} <= set(marker) and isinstance(marker["results"], dict) else {}
 
 
 def _write(folder: Path, marker: dict[str, Any]) -> None:

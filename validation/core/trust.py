@@ -1,7 +1,8 @@
 """How far an answer can be trusted: up to where its path and a finer one part."""
 
+import math
 from collections.abc import Sequence
-from itertools import combinations, pairwise
+from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -22,15 +23,10 @@ def gap(a: Response, b: Response, place: Array) -> Array:
     return np.hypot(difference[:, 0], difference[:, 1]) / max(a.max_deflection, b.max_deflection)
 
 
-def post_slack_spread(runs: Sequence[Response], stop: float = 0.95) -> float | None:
-    """Largest gap of any two paths from slack onset to `stop`; None without slack or with one run past it."""
-    onsets = [r.slack_onset for r in runs if r.slack_onset is not None]
-    if not onsets or not min(onsets) < stop:
-        return None
-    place = np.linspace(min(onsets), stop, 400)
-    gaps = [gap(a, b, place) for a, b in combinations(runs, 2)]
-    known = [float(np.nanmax(g)) for g in gaps if np.isfinite(g).any()]
-    return max(known) if known else None
+def post_slack_spread(a: Response, b: Response, stop: float) -> float:
+    """Largest gap of two paths from slack onset to `stop`, which both reach; nan without slack before."""
+    onset = min(a.slack_from, b.slack_from)
+    return float(np.nanmax(gap(a, b, np.linspace(onset, stop, 400)))) if onset < stop else math.nan
 
 
 # A gap over a STRETCH of s_o closes if refinement by two leaves less than CLOSING of it, or than FLOOR.

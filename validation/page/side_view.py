@@ -27,8 +27,8 @@ def side_view(scene: Scene, runs: Sequence[Response], *, range_T: tuple[float, f
     s = r.fields.s[:: _every(r)]
     X = scene.catenary
     ends: dict[str, Any] = {
-        "span": scene.supports.span, "drop": scene.supports.drop, "s": _short(s), "x": _short(X.x(s)),
-        "y": _short(X.y(s)), "static": _short(X.tension(s)), "T": list(range_T),
+        "span": scene.supports.span, "drop": scene.supports.drop, "s": short(s), "x": short(X.x(s)),
+        "y": short(X.y(s)), "static": short(X.tension(s)), "T": list(range_T),
         "unit": 1e3 if range_T[1] >= 2e3 else 1.0, "unitName": "kN" if range_T[1] >= 2e3 else "N",
         "colors": [f"#{bytes(c).hex()}" for c in colors(48)],
     }  # fmt: skip
@@ -44,16 +44,17 @@ def _every(r: Response) -> int:
     return max(1, -(-(r.fields.s.size - 1) // (STATIONS - 1)))
 
 
-def _still(scene: Scene, r: Response, points: int = 300, labels: int = 5) -> dict[str, Any]:
-    """The still parts: envelope, path of the car by so many points, brake, obstacles, ground, some speeds."""
-    p = profile(r)
-    at = np.unique(np.linspace(0, r.t.size - 1, points).round().astype(int))
-    marks = np.interp(np.linspace(0.0, 1.0, labels + 2)[1:-1] * (r.s_o.max() - r.s_o[0]) + r.s_o[0], *_first(r))
+def _still(scene: Scene, r: Response) -> dict[str, Any]:
+    """The still parts: envelope, path of the car, brake, obstacles, ground, speeds at five places."""
+    p, at = profile(r), some(r.t.size)
+    ahead = np.flatnonzero(np.diff(np.maximum.accumulate(r.s_o), prepend=-1.0) > 0.0)  # first arrivals
+    marks = np.linspace(0.0, 1.0, 7)[1:-1] * (r.s_o.max() - r.s_o[0]) + r.s_o[0]
+    marks = np.interp(marks, r.s_o[ahead], r.t[ahead])
     speed = np.interp(marks, r.t, r.speed)
     X = scene.catenary
     return {
-        "envelope": [_short(p.x), _short(p.y_highest), _short(p.y_lowest)],
-        "path": [_short(r.x[at]), _short(r.y[at])],
+        "envelope": [short(p.x), short(p.y_highest), short(p.y_lowest)],
+        "path": [short(r.x[at]), short(r.y[at])],
         "below": 0.0 if scene.mass is None else scene.mass.below,
         "speeds": [
             {"x": float(np.interp(t, r.t, r.x)), "y": float(np.interp(t, r.t, r.y)), "text": f"{3.6 * v:.0f} km/h"}
@@ -65,16 +66,10 @@ def _still(scene: Scene, r: Response, points: int = 300, labels: int = 5) -> dic
     }
 
 
-def _party(scene: Scene, party: Any, points: int = 300) -> dict[str, Any]:
-    at = np.unique(np.linspace(0, party.t.size - 1, points).round().astype(int))
+def _party(scene: Scene, party: Any) -> dict[str, Any]:
+    at = some(party.t.size)
     x = scene.catenary.x(party.s_o) if party.x is None else party.x
-    return {"name": party.method, "x": _short(x[at]), "y": _short(party.y[at])}
-
-
-def _first(r: Response) -> tuple[Array, Array]:
-    """Places and the times of first arrival there."""
-    ahead = np.flatnonzero(np.diff(np.maximum.accumulate(r.s_o), prepend=-1.0) > 0.0)
-    return r.s_o[ahead], r.t[ahead]
+    return {"name": party.method, "x": short(x[at]), "y": short(party.y[at])}
 
 
 def _cable(scene: Scene, r: Response, color: str, unit: float, name: str) -> dict[str, Any]:
@@ -119,5 +114,11 @@ def _packed(x: Array) -> dict[str, Any]:
     return {"low": low, "high": high, "data": base64.b64encode(steps.tobytes()).decode("ascii")}
 
 
-def _short(x: Array) -> list[float]:
+def some(n: int) -> Any:
+    """Indices of 300 of n points at most."""
+    return np.unique(np.linspace(0, n - 1, 300).round().astype(int))
+
+
+def short(x: Array) -> list[float]:
+    """Values to six digits."""
     return [float(f"{value:.6g}") for value in x]

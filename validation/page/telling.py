@@ -37,12 +37,9 @@ def answer(scene: Scene, r: Response) -> None:
     if r.slack_onset is not None:
         bar = next((row["bar"] for row in r.design if row["quantity"] == "slack_onset"), None)
         at = with_bar(r.slack_onset * r.length, bar and bar * r.length)
-        after = {
-            "auto": "from there on the rope carries no compression",
-            "elastic": "from there on this elastic law carries compression, and means nothing",
-            "tension-only": "from there on the rope carries no compression",
-        }[r.law]
-        terminal.say(f"  slack somewhere from car at {at} m on; {after}")
+        elastic = "this elastic law carries compression, and means nothing"
+        after = elastic if r.law == "elastic" else "the rope carries no compression"
+        terminal.say(f"  slack somewhere from car at {at} m on; from there on {after}")
 
 
 def numbers(design: Sequence[dict[str, Any]]) -> None:

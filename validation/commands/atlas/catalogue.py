@@ -112,8 +112,7 @@ def frequency(J: int, reading: Literal["literal", "scaling"]) -> float:
 
 def beyond(a: Response, b: Response, last: float = 1.0) -> float:
     """Distance of two paths on the slack cable, as far as both go."""
-    spread = post_slack_spread([a, b], stop=min(a.reached, b.reached, last))
-    return math.nan if spread is None else spread
+    return post_slack_spread(a, b, min(a.reached, b.reached, last))
 
 
 def start(**finer: float) -> float:

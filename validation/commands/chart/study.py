@@ -171,7 +171,7 @@ class _Truth:
             return {"status": "failed", "reason": str(error)}
 
     def errors(self, r: Response) -> dict[str, float]:
-        path, rms = measures.path_gap(r, self.run, self.window)
+        path, rms, _ = measures.path_gap(r, self.run, self.window)
         return {"path_error": path, "path_rms": rms, "tension_error": measures.tension_gap(r, self.run, self.window)}
 
     def errors_of_path(self, p: PeerPath, scene: Scene) -> dict[str, float]:

@@ -68,11 +68,11 @@ class Check:
         return f"Check({self.scene.name}: {self.verdict.value}, {len(self.rows)} rows, tol = {self.tol:g}; {said})"
 
     def _repr_html_(self) -> str:
-        from validation.page.page import table  # for notebooks alone
+        from validation.page.page import listed  # for notebooks alone
 
-        rows = [told(number) for number in matter(self.design)]
-        heads = {"what": "quantity", "value": "value", "t": "when", "at": "where"}
-        return f"<div><p>{html.escape(repr(self))}</p>{table(rows, heads)}{self.a.run._repr_html_()}</div>"
+        columns = {"quantity": "what", "value": "value", "when": "t", "where": "at"}
+        rows = listed(map(told, matter(self.design)), columns)
+        return f"<div><p>{html.escape(repr(self))}</p>{rows}{self.a.run._repr_html_()}</div>"
 
     def agreement(self) -> dict[str, Any]:
         """The content of agreement.json."""

@@ -94,10 +94,9 @@ def level(r: Response, low: float, high: float) -> Array:
 
 def tension_error(r: Response, reference: Response) -> float:
     """Rms error of the tension off the mass, over H."""
-    place, i, j = measures.common_frames(r, reference)
-    inside = (place >= MOVING[0]) & (place <= MOVING[1])
-    away = np.abs(r.fields.s[None, :] / r.length - place[inside][:, None]) >= measures.JUMP_WIDTH
-    gap = (r.fields.T_pointwise[i[inside]] - reference.fields.T_pointwise[j[inside]])[away]
+    place, i, j = measures.common_frames(r, reference, MOVING)
+    away = np.abs(r.fields.s[None, :] / r.length - place[:, None]) >= measures.JUMP_WIDTH
+    gap = (r.fields.T_pointwise[i] - reference.fields.T_pointwise[j])[away]
     return float(np.sqrt(np.mean((gap / reference.horizontal_tension) ** 2)))
 
 

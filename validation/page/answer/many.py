@@ -22,6 +22,7 @@ from validation.page import report, terminal
 from validation.page.options import Point
 from validation.page.page import Section, gallery, table
 from validation.page.plot import COLORS, DASHED, DOTTED, GREY, Panel, plot, side
+from validation.page.side_view import short, some
 
 DASHES = ("", DASHED, DOTTED, "8 3 2 3")  # one for each value of the keys after the first
 Row = dict[str, Any]
@@ -73,11 +74,10 @@ def _numbers(design: Sequence[dict[str, Any]]) -> Row:
     return {kind: (max if kind.endswith("max") else min)(values) for kind, values in known.items() if values}
 
 
-def path(r: Response, points: int = 300) -> dict[str, list[float]]:
-    """Path and speed of the car for the page, at so many points at most."""
-    at = np.unique(np.linspace(0, r.t.size - 1, points).round().astype(int))
+def path(r: Response) -> dict[str, list[float]]:
+    """Path and speed of the car for the page."""
     columns = {"t": r.t, "s_o": r.s_o, "x": r.x, "y": r.y, "kmh": 3.6 * r.speed}
-    return {name: [float(f"{x:.6g}") for x in values[at]] for name, values in columns.items()}
+    return {name: short(values[some(r.t.size)]) for name, values in columns.items()}
 
 
 def grid(
