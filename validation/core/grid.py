@@ -56,3 +56,9 @@ def points(pairs: Sequence[str]) -> list[dict[str, Any]]:
     if count > MOST:
         raise ValueError(f"--set makes {count} points; must be at most {MOST} (larger grids: cablefem sweep)")
     return [dict(zip(keys, row, strict=True)) for row in itertools.product(*(values for _, values in axes))]
+
+
+def parts(point: dict[str, Any], known: Sequence[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Split a point into settings of the scene (dotted or `known`) and of the method."""
+    scene = {key: value for key, value in point.items() if "." in key or key in known}
+    return scene, {key: value for key, value in point.items() if key not in scene}

@@ -1,6 +1,6 @@
 """Laws of mechanics in SI, checked on a response and the scene's TOML alone: they see faults that both wings share.
 
-A defect is over the law's own scale, zero for the exact answer.  Its bar comes from coarser runs and fewer samples.
+A defect is over the law's own scale, zero for the exact answer.
 """
 
 from __future__ import annotations

@@ -97,7 +97,7 @@ class Run:
     def to(self, until: float | None = None, progress: Progress | None = None) -> Response:
         """March to the first step at or past s_o/l = until (default: the end); return the response so far.
 
-        A failed run has status "incomplete" and the reason.  Energy gained without work is flagged.
+        A failed run has status "incomplete" and the reason.
         """
         self.march(until, progress)
         return self.seen()
@@ -146,11 +146,10 @@ class Run:
             goes_on = self.scheme.damps and not self.scheme.nodes
             damped = self.scheme if goes_on else newmark.scheme("newmark", newmark_gamma=SLACK_GAMMA)
             assert h.onset is not None
-            self._march(h.after, damped, min(until, h.after.place(h.states[h.onset[0]]) + past), progress)
+            end = h.after.place(h.states[h.onset[0]]) + past
+            self._march(h.after, damped, min(until, end), progress, False)
 
-    def _march(
-        self, solver: Solver, scheme: Scheme, until: float, progress: Progress, switch: bool = False
-    ) -> bool:  # fmt: skip
+    def _march(self, solver: Solver, scheme: Scheme, until: float, progress: Progress, switch: bool) -> bool:
         """Append states up to the end, `until` or, if the law switches, the slack onset; return whether it switched."""
         h, (t0, t1) = self.history, (solver.phases[0][0], solver.phases[-1][1])
         start = h.states[-1] if h.states else None

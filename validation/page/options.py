@@ -109,8 +109,7 @@ def points_of(scene: Scene | Line, pairs: list[str] | None) -> list[Point]:
         raise store.Refused(str(error)) from None
     out, faults = [], []
     for given in found:
-        of_scene = {k: v for k, v in given.items() if "." in k or k in ("gravity", "title")}
-        settings = {k: v for k, v in given.items() if k not in of_scene}
+        of_scene, settings = grid.parts(given, ("gravity", "title"))
         try:
             out.append(Point(given, scene.replace(of_scene) if of_scene else scene, settings))
         except (SceneError, ValueError) as error:

@@ -1,7 +1,4 @@
-"""A report: sections in one HTML file that needs no network.
-
-Sections are made of stored results; sentences are macros (`words`).  Text is escaped unless `Markup`.
-"""
+"""A report: sections in one HTML file that needs no network.  Text is escaped unless `Markup`."""
 
 import html
 import math

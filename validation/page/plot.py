@@ -1,7 +1,4 @@
-"""Lines and fields over one common axis as SVG from a template, 100 times as fast as matplotlib.
-
-For the figures of a check; long studies draw with `figures`.
-"""
+"""Lines and fields over one common axis as SVG from a template, 100 times as fast as matplotlib."""
 
 import base64
 import io
