@@ -9,8 +9,6 @@ Columns have the names of our path.csv, with an ending for another unit or direc
     T_behind, T_ahead [N]  optional
     speed     [m/s]        optional, |dp/dt|, of a free ride
 
-A free ride needs t, s_o or x, and v or y.
-
 Endings: _over_l (of the cable's length), _mm, _km, _ms, _kN, _kmh, _up; _s, _m, _N and _down change nothing.
 """
 
@@ -67,10 +65,7 @@ class ForeignPath(MassPath):
         cls, scene: Scene, s_o: Any = None, v: Any = None, u: Any = None, *, t: Any = None, x: Any = None,
         y: Any = None, name: str = "the other solver",
     ) -> Self:  # fmt: skip
-        """The path v(s_o) [m], v down; t [s] by the scene's travel unless given.  A free ride needs x, y(t).
-
-        Raises Refused.
-        """
+        """The path v(s_o) [m], v down; t [s] by the scene's travel unless given.  A free ride needs x, y(t)."""
         columns = {"s_o": s_o, "v": v, "u": u, "t": t, "x": x, "y": y}
         try:
             arrays = {k: np.asarray(x, dtype=float) for k, x in columns.items() if x is not None}
