@@ -71,7 +71,7 @@ class Runs:
         if marched is None:
             marched = Run(self.scene, self.method, **self.how, **settings)
             self.made.append(marched)
-        return marched.try_to(until, past)
+        return marched.try_to(until, past=past)
 
     def ladder(self, settings: dict[str, Any]) -> Ladder:
         finest = self.at(settings, self.short)

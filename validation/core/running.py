@@ -94,17 +94,21 @@ class Run:
         self._ended = False
         self._seen: tuple[int, Response] | None = None
 
-    def to(self, until: float | None = None, progress: Progress | None = None) -> Response:
+    def to(
+        self, until: float | None = None, progress: Progress | None = None, *, past: float = math.inf
+    ) -> Response:  # fmt: skip
         """March to the first step at or past s_o/l = until (default: the end); return the response so far.
 
-        A failed run has status "incomplete" and the reason.
+        A failed run has status "incomplete" and the reason.  Energy gained without work is flagged.
+
+        past : s_o/l to go on once slack.
         """
-        self.march(until, progress)
+        self.march(until, progress, past)
         return self.seen()
 
-    def try_to(self, until: float | None, past: float) -> Trial:
-        """The same, once slack at most `past` s_o/l further, with only the path observed."""
-        self.march(until, past=past)
+    def try_to(self, until: float | None = None, *, past: float = math.inf) -> Trial:
+        """The same, with only the path observed."""
+        self.march(until, None, past)
         path = moved(self.scene, self.history)
         return Trial(**path, method=self.method.name, settings=self.settings, run=self)
 
@@ -117,7 +121,7 @@ class Run:
             self._seen = now, watched(response, self.scene, self.method)
         return self._seen[1]
 
-    def march(self, until: float | None, progress: Progress | None = None, past: float = math.inf) -> None:
+    def march(self, until: float | None, progress: Progress | None, past: float) -> None:
         if until is not None and not until > 0.0:
             raise ValueError(f"until must be a place s_o/l > 0, got {until!r}")
         if self._ended:
@@ -146,10 +150,11 @@ class Run:
             goes_on = self.scheme.damps and not self.scheme.nodes
             damped = self.scheme if goes_on else newmark.scheme("newmark", newmark_gamma=SLACK_GAMMA)
             assert h.onset is not None
-            end = h.after.place(h.states[h.onset[0]]) + past
-            self._march(h.after, damped, min(until, end), progress, False)
+            self._march(h.after, damped, min(until, h.after.place(h.states[h.onset[0]]) + past), progress)
 
-    def _march(self, solver: Solver, scheme: Scheme, until: float, progress: Progress, switch: bool) -> bool:
+    def _march(
+        self, solver: Solver, scheme: Scheme, until: float, progress: Progress, switch: bool = False
+    ) -> bool:  # fmt: skip
         """Append states up to the end, `until` or, if the law switches, the slack onset; return whether it switched."""
         h, (t0, t1) = self.history, (solver.phases[0][0], solver.phases[-1][1])
         start = h.states[-1] if h.states else None
