@@ -69,7 +69,7 @@ def test_fixtures_pass_the_right_and_fail_the_wrong_and_the_summary_tells_all(ou
         "*wrong and following-p2 disagree",
         "*path_max: gap 0.*, allowed 0.01, largest at s_o/l = 0.*; asked for: path 0.01*",
         "*level: disagree",
-        "*path_max: gap 0.*, allowed 0.0*(its error bar) + allowed to wrong 0.02, of u and v; agrees if its v is*0.9*",
+        "*path_max: gap 0.*, allowed 0.0*(its error bar) + allowed to wrong 0.02; of u and v; agrees if its v is*0.9*",
         "*= agreement of cable solvers =*",
     ])  # fmt: skip
     assert "assertions.py" not in outcome.stdout.str(), "frames of the library are hidden"
