@@ -185,7 +185,7 @@ def test_a_rider_back_from_a_slack_cable_keeps_its_law():
     cable = "[cable]\nmass_per_length = 1.0\nEA = 1.5e7\nsag = 7.2\n[supports]\nspan = 137.0\ndrop = 15.0\n"
     car = "[mass]\nmass = 200.0\n[drive]\nmode = 'free'\nstart = 1.4\nend = {time = 12.0}\nthrust = 75.0\n"
     car += "brake = [{from = 115.0, force = 600.0}]\n"
-    r = run(Scene.from_toml(cable + car), "following-p2", elements=6, steps=500)
+    r = run(Scene.from_toml(cable + car), "following-p2", elements=6, steps=2000)
     assert r.switched is not None
     assert r.s_o[-1] < 0.95 * r.s_o.max()
     found = held(alone(r))

@@ -32,8 +32,8 @@ from validation.core.sampling import FRAMES, History, moved, respond
 from validation.core.solver import Solver
 from validation.core.watch import watched
 
-# Newmark's damping of undamped schemes on the slack cable; less may gain energy.
-SLACK_GAMMA = 0.6
+# of rules that do not damp, on the slack cable: rho_inf = 1 may gain energy; Newmark's damping is of first order
+ON_SLACK = newmark.scheme("generalized-alpha", rho_inf=0.8)
 # Undamped rules turn Newton's residual into energy that stays; on gripped cars the drive does far more work.
 KEEPS = Newton(tol=1e-6)
 MOST_FRAMES = 20_000  # 300 MB
@@ -56,7 +56,7 @@ class Run:
 
     method, settings : a name from `METHODS` and changes to its defaults.
     model : "full", "stretching", "sagged" or "string"; load : "mass" or "force".
-    law : "elastic", "tension-only" or "auto": elastic until slack, then tension-only with Newmark's damping. A damping
+    law : "elastic", "tension-only" or "auto": elastic until slack, then tension-only by a rule that damps. A damping
         scheme stays, except collocation.  Central differences never switch: their slack is instability.
 
     frames : least number of instants at which the fields of the cable are kept.
@@ -148,7 +148,7 @@ class Run:
         if h.after is not None:
             # collocation loses its order at the law's kink
             goes_on = self.scheme.damps and not self.scheme.nodes
-            damped = self.scheme if goes_on else newmark.scheme("newmark", newmark_gamma=SLACK_GAMMA)
+            damped = self.scheme if goes_on else ON_SLACK
             assert h.onset is not None
             self._march(h.after, damped, min(until, h.after.place(h.states[h.onset[0]]) + past), progress)
 
