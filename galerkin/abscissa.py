@@ -13,7 +13,7 @@ from cablefem.response import Observation, States
 from galerkin.bases.kink import Array
 from galerkin.equations import GalerkinSystem
 
-# place of the balance for g'' at a start from rest, over the travel; the limit (48) would excite axial modes
+# place of the balance at a start from rest, over the travel; the limit (48) excites axial modes
 START = 1e-4
 
 

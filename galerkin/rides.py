@@ -29,7 +29,7 @@ from galerkin.kernels.rolling import Car
 
 WINDOW = 0.3  # of an axial round trip: for the mean acceleration of friction
 
-# for one step, without events; of the types of other courses, so that nothing more is compiled
+# for one step, without events; of the types of other courses
 ALONE = rolling.Course(np.empty(0), np.empty(0), np.empty((0, 3)), 0.0, np.zeros(6), 0.0, 1.0, 0.0, 0.0, 0.0, False)
 
 

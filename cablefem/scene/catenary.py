@@ -14,7 +14,7 @@ import numpy as np
 
 from cablefem.scene.bisection import bisected
 
-# [-] z = rho g b/(2H); sag/span is 7.3 at z = 5; below 1e-9, l is the chord to 16 digits
+# [-] z = rho g b/(2H); sag/span is 7.3 at z = 5; below 1e-9 it is none
 Z_MIN, Z_MAX = 1e-9, 5.0
 _BRACKET = Z_MIN * (1.0 - 1e-6), Z_MAX * (1.0 + 1e-6)  # with the ends themselves
 

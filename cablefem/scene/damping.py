@@ -7,7 +7,7 @@ from cablefem.scene.bisection import bisected
 from cablefem.scene.cable import Damping
 from cablefem.scene.fields import NonNegative, Part, Positive, said
 
-LEAST_INTERNAL = 1e-4  # [l sqrt(rho/H)] least time of internal damping; with 3e-5 elements stall on a slack cable
+LEAST_INTERNAL = 1e-4  # [l sqrt(rho/H)] least internal damping; with 3e-5 elements stall once slack
 
 
 class Wind(Part):

@@ -29,7 +29,7 @@ from cablefem.scene.fields import (
     tables,
 )
 
-# [l] range of a rolling car: contact force and tension grow like one over the distance to a support
+# [l] range of a rolling car: forces grow like one over the distance to a support
 NEAREST_START, FARTHEST_END = 1e-4, 0.99
 START = 0.01  # [l] where a rolling car begins by default
 # steps of a ride; a step is at most 1/12, 1/240, ... of the times below, see `Drive.part_of_step`

@@ -15,7 +15,7 @@ from cablefem.scene.fields import NonNegative, Numbers, Part, Positive, Real, co
 from cablefem.scene.motion import Motion, Piece
 
 AT_REST = 1e-3  # of the largest speed: a first or last speed below counts as rest
-ROUNDING = 1e-9  # of the length or the largest speed: so near the support a travel ends on it, at rest
+ROUNDING = 1e-9  # of the length or the largest speed: nearer, a travel ends on the support, at rest
 
 
 class Stop(Part):

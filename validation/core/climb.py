@@ -36,7 +36,7 @@ ROUNDING = 1e-12  # of the path's scale
 SHARP = {"scheme": "radau"}  # of order 5; elements take a fraction of the steps
 QUIET = {"scheme": "generalized-alpha", "rho_inf": 0.8}
 SWINGING = {"rho_inf": 0.5}  # on free rides axial waves reverse the friction
-LIGHT = 0.1  # mass ratio mu of a car whose front, of width mu, the first mesh must resolve
+LIGHT = 0.1  # mass ratio mu of a car whose front the first mesh must resolve
 
 
 class TooCoarse(RuntimeError):

@@ -22,7 +22,7 @@ from validation.core.bounds import Bound, Part
 from validation.core.evidence import FIRST, ROUNDING, Evidence, Side, Window, Windows, cross
 from validation.core.order import left
 
-OFTEN = 0.1  # of a transverse wave's time along the cable: longer steps between frames hide velocities
+OFTEN = 0.1  # of a transverse wave's time along the cable: rarer frames hide velocities
 ROLLS = 0.05  # of the top speed: below it friction's direction is not checked
 DOWN = np.array([0.0, 1.0])
 

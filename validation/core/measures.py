@@ -130,7 +130,7 @@ def series_gap(
     t, known = coarse.t[within], [np.isfinite(of(r).reshape(r.t.size, -1)).all(axis=1) for r in (coarse, fine)]
     if not all(k.sum() > 3 for k in known):
         raise NotComparable("one of the answers does not say it")
-    # the same times in all runs, none past the window: there the cable may be slack
+    # the same times in all runs, none past the window
     last = min(t[-1], coarse.t[known[0]][-1], fine.t[known[1]][-1])
     first = max(coarse.t[known[0]][0], fine.t[known[1]][0])
     t = t[(t >= first) & (t <= last)]

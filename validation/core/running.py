@@ -32,9 +32,9 @@ from validation.core.sampling import FRAMES, History, moved, respond
 from validation.core.solver import Solver
 from validation.core.watch import watched
 
-# of rules that do not damp, on the slack cable: rho_inf = 1 may gain energy; Newmark's damping is of first order
+# for rules that do not damp, on the slack cable; Newmark's damping is of first order
 ON_SLACK = newmark.scheme("generalized-alpha", rho_inf=0.8)
-# Undamped rules turn Newton's residual into energy that stays; on gripped cars the drive does far more work.
+# Undamped rules turn Newton's residual into energy that stays.
 KEEPS = Newton(tol=1e-6)
 MOST_FRAMES = 20_000  # 300 MB
 
@@ -56,8 +56,8 @@ class Run:
 
     method, settings : a name from `METHODS` and changes to its defaults.
     model : "full", "stretching", "sagged" or "string"; load : "mass" or "force".
-    law : "elastic", "tension-only" or "auto": elastic until slack, then tension-only by a rule that damps. A damping
-        scheme stays, except collocation.  Central differences never switch: their slack is instability.
+    law : "elastic", "tension-only" or "auto": elastic until slack, then tension-only by a rule that damps.
+        Central differences never switch: their slack is instability.
 
     frames : least number of instants at which the fields of the cable are kept.
 

@@ -17,7 +17,7 @@ from cablefem.response import Array, Fields, Observation, Response, States
 from cablefem.scene import Motion, Scene
 from validation.core.solver import Solver
 
-FRAMES = 200  # fields are kept at s_o/l = 1/FRAMES, 2/FRAMES, ... of all runs, and so often in time
+FRAMES = 200  # of the fields: at s_o/l = 1/FRAMES, 2/FRAMES, ..., and so often in time
 STATIONS = 201  # least in the file contract
 ON_CABLE = 1.0 + 1e-9  # largest s_o/l on the cable
 WITHIN = 6  # parts of a collocation step, for cubics

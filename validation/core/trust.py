@@ -29,7 +29,7 @@ def post_slack_spread(a: Response, b: Response, stop: float) -> float:
     return float(np.nanmax(gap(a, b, np.linspace(onset, stop, 400)))) if onset < stop else math.nan
 
 
-# A gap over a STRETCH of s_o closes if refinement by two leaves less than CLOSING of it, or than FLOOR.
+# A gap over a STRETCH closes if refinement leaves less than CLOSING of it, or than FLOOR.
 CLOSING, FLOOR, STRETCH = 0.8, 1e-3, 0.02
 
 

@@ -12,7 +12,7 @@ from validation.core.flags import flag
 from validation.core.measures import SLACK_END
 from validation.core.methods import Method
 
-MOST_GAIN = 0.2  # of the energy's range, gained without work; right runs 0.12, wrong ones from 0.6
+MOST_GAIN = 0.2  # of the energy's range; right runs gain 0.12, wrong ones 0.6
 MOST_GAIN_SLACK = 2.0  # the same after the onset; runs that agree 1.4, others from 9
 
 
@@ -28,7 +28,7 @@ def watched(r: Response, scene: Scene, method: Method) -> Response:
     gain = measures.energy_gain(r, weight, (0.0, stop))
     flags = _waves(r, scene, method)
     if scene.speed_ratio is not None and scene.speed_ratio >= 1.0:
-        # level cable: half the true error at V/c = 1.1, no convergence at 1.5
+        # V/c = 1.1: half the true error; 1.5: no convergence
         flags.insert(0, flag("fast", speed_ratio=scene.speed_ratio))
     if not gain <= MOST_GAIN * unit:
         flags.append(flag("energy", gain=gain / unit, allowed=MOST_GAIN))
@@ -46,7 +46,7 @@ def _gain_once_slack(r: Response, weight: float, unit: float) -> list[Flag]:
     return [] if gain <= MOST_GAIN_SLACK else [flag("slack energy", gain=gain, since=r.switched)]
 
 
-# s_o/l from compression at a point to slack of an element; 0.01 on right runs at most.
+# s_o/l from compression at a point to slack of an element; right runs 0.01
 HIDDEN = 0.03
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from cablefem.scene import Groups, Motion
 from validation.peers.path import Array, PeerPath, finite_path
 
-# of the generalised-alpha method; with Exudyn's own, and steps that it halves, the path is wrong without an error
+# of generalised-alpha; with Exudyn's own defaults the path is wrong without an error
 SPECTRAL_RADIUS = 0.5
 
 

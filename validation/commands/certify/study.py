@@ -170,7 +170,7 @@ def deepest(scene: Scene, method: str, scheme: str, budget: float, progress: Pro
     told = partial(progress, f"{method} {scheme}")
     settings: dict[str, Any] = {"scheme": scheme}
     if scene.drive.mode == "free" and find(method).wing == "elements":
-        settings["grading"] = 10.0  # a wave at release shifts the ride, depending on the elements next to the car
+        settings["grading"] = 10.0  # a wave at release shifts the ride
     settings |= {"budget": budget * BUDGET, "progress": told, **to_the_end(scene)}
     try:
         return Found.of(climb(scene, method, AIM * TOL, **settings))

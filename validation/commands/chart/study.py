@@ -106,7 +106,7 @@ def _schemes(base: Method, usual: str) -> Iterator[Series]:
     """The schemes besides the usual one, without two that are never on a front."""
     for scheme in SCHEMES:
         if scheme not in (usual, "energy", "central-difference"):
-            # High orders use few large steps; with fewer than these, Newton's method fails at wave fronts.
+            # with fewer, Newton's method fails at wave fronts
             few, least = (4, 150) if newmark.scheme(scheme).nodes else (1, 20)
             rungs = [x | {"scheme": scheme, "steps": max(least, x["steps"] // few)} for x in ladder(base)]
             rungs = [x for i, x in enumerate(rungs) if x not in rungs[:i]]

@@ -12,7 +12,7 @@ from validation.core.agreement import Agreement
 from validation.core.bounds import Bound, Part
 
 COUNT = 10
-ROUNDING = 1e-10  # relative; dense eigenvalue solvers lose the ratio of the stiffest axial to the lowest mode
+ROUNDING = 1e-10  # relative; dense solvers lose the ratio of the stiffest to the lowest mode
 EXACT = "exact"
 
 

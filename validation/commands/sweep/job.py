@@ -19,7 +19,7 @@ from validation.core import store
 
 # status: "complete" | "incomplete" | "refused" (the scene's own faults) | "cut off" (too long) | "failed" | "died"
 BROKEN = ("cut off", "failed", "died")
-GRACE = 5.0  # [s] between asking a scene to stop and ending its worker: compiled code cannot be asked
+GRACE = 5.0  # [s] between asking a scene to stop and ending its worker
 FRESH = 120.0  # [s] more for a new process, which may load and compile
 COLUMNS = store.shipped(__package__, "columns.toml")
 GROUPS, DESIGN = COLUMNS["groups"], COLUMNS["design"]

@@ -9,16 +9,18 @@ from typing import Any
 
 import numpy as np
 from markupsafe import Markup
+from pandas import qcut
 
 from validation.commands.sweep.engine import frame
 from validation.commands.sweep.job import BROKEN, DESIGN
 from validation.commands.sweep.study import Study
 from validation.core.quantities import named, scale_of, unit_of
 from validation.page.figures import panels
-from validation.page.page import Section, drawn, figure, percent, table
+from validation.page.page import Section, drawn, figure, number, percent, table
 
-SHOWN = 4000  # rows in the page and dots in a map at most, evenly taken; all are in rows/
+SHOWN = 4000  # most rows in the page and dots in a map, evenly taken
 MAPS = ("tension_max", "mass_deepest", "contact_min", "haul_force_max", "max_deflection", "path_error")
+PARTS = 3  # of a third axis
 
 
 def sections(folder: Path) -> list[Section]:
@@ -77,25 +79,38 @@ def _thinned(rows: Any) -> Any:
 
 
 def _map(rows: Any, quantity: str, axes: list[str], logs: set[str]) -> Markup:
-    """Draw a quantity over the first two axes, or over the only one."""
+    """Draw a quantity over the first two axes, or over the only one; a third axis is cut into parts."""
     factor, unit = scale_of(rows[quantity].to_numpy(float), unit_of(quantity))
     rows = rows.assign(**{quantity: factor * rows[quantity]})
     name = f"{named(quantity)} [{unit or '–'}]"
     x, y = (*axes, quantity)[:2]
-    fig, ax = panels(height=2.9)
+    parts = _parts(rows, axes[2]) if len(axes) > 2 else [("", rows)]
+    fig, grid = panels(1, len(parts), height=2.9 if len(parts) == 1 else 2.6, sharey=True, squeeze=False)
     low, high = np.percentile(rows[quantity].to_numpy(float), [1, 99])
-    dots = ax.scatter(rows[x], rows[y], c=rows[quantity], s=14, vmin=low, vmax=high, linewidths=0)
-    dots.set_urls([f"#scene-{i}" for i in rows.index])
-    slack = rows[rows["slack_onset"].notna()]
-    ax.scatter(slack[x], slack[y], s=30, facecolors="none", edgecolors="#d55e00", linewidths=0.7)
-    ax.set(xlabel=x, xscale="log" if x in logs else "linear", yscale="log" if y in logs else "linear")
-    ax.set_ylabel(name if y == quantity else y)
-    fig.colorbar(dots, ax=ax, label=textwrap.fill(name, 24))  # longer names would be cut off
-    return figure(fig, f"{named(quantity)[0].upper()}{named(quantity)[1:]} over {x} and {y}")
+    for ax, (title, part) in zip(grid[0], parts, strict=True):
+        dots = ax.scatter(part[x], part[y], c=part[quantity], s=14, vmin=low, vmax=high, linewidths=0)
+        dots.set_urls([f"#scene-{i}" for i in part.index])
+        slack = part[part["slack_onset"].notna()]
+        ax.scatter(slack[x], slack[y], s=30, facecolors="none", edgecolors="#d55e00", linewidths=0.7)
+        ax.set_title(title, fontsize=8)
+        ax.set(xlabel=x, xscale="log" if x in logs else "linear", yscale="log" if y in logs else "linear")
+    grid[0][0].set_ylabel(name if y == quantity else y)
+    # longer names would be cut off
+    fig.colorbar(dots, ax=list(grid[0]), label=textwrap.fill(name, 24))
+    split = f", {axes[2]} from left to right" if len(axes) > 2 else ""
+    return figure(fig, f"{named(quantity)[0].upper()}{named(quantity)[1:]} over {x} and {y}{split}")
+
+
+def _parts(rows: Any, axis: str) -> list[tuple[str, Any]]:
+    """Scenes by an axis: its values where they are few, else in equal shares."""
+    if rows[axis].nunique() <= PARTS:
+        return [(f"{axis} = {number(x)}", part) for x, part in rows.groupby(axis)]
+    shares = qcut(rows[axis], PARTS, duplicates="drop")
+    return [(f"{number(x.left)} to {number(x.right)}", part) for x, part in rows.groupby(shares, observed=True)]
 
 
 def _scenes(study: Study, file: Path, rows: Any) -> dict[str, Any]:
-    """What explorer.js shows."""
+    """What explorer.js shows: lines of scenes across their axes, and a table with the command of each."""
     columns = [*study.axes, *DESIGN, "max_deflection", "path_error", "seconds"]
     columns = [c for c in dict.fromkeys([*columns, "status", "verdict", "method"]) if rows[c].notna().any()]
     logs = {name for name, a in study.axes.items() if a.log}
