@@ -157,7 +157,7 @@ class Answers:
 
     def __repr__(self) -> str:
         found = self.verdict.value if self.verdict else self.status
-        return f"Answers({self.line.name}: {self.line.count} positions at rest, {found})"
+        return f"Answers({self.line.name}: {found}, {self.line.count} positions at rest)"
 
     @property
     def verdict(self) -> Verdict | None:
