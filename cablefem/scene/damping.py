@@ -1,11 +1,16 @@
 """Damping of the cable in its plane, a force -c_d rho r. per length: its own, and that of a crosswind."""
 
+from __future__ import annotations
+
 import math
-from typing import Any
+from typing import TYPE_CHECKING
 
 from cablefem.scene.bisection import bisected
 from cablefem.scene.cable import Damping
 from cablefem.scene.fields import NonNegative, Part, Positive, said
+
+if TYPE_CHECKING:
+    from cablefem.scene.scene import Scene
 
 LEAST_INTERNAL = 1e-4  # [l sqrt(rho/H)] least internal damping; with 3e-5 elements stall once slack
 
@@ -26,7 +31,7 @@ class Wind(Part):
         return 0.5 * self.air_density * self.drag_coefficient * diameter * self.across
 
 
-def first_frequency(scene: Any) -> float:
+def first_frequency(scene: Scene) -> float:
     """omega_1 [rad/s] of the empty cable, at most that of the antisymmetric mode, x = pi.
 
     tan(x) = x - 4 x^3/L^2, omega = 2 x sqrt(tau/rho)/l, tau = H chord/span (Irvine 1981, 2.4).
@@ -40,7 +45,7 @@ def first_frequency(scene: Any) -> float:
     return 2.0 * x * math.sqrt(tau * scene.gravity / scene.catenary.weight) / scene.length
 
 
-def damping_rates(scene: Any) -> tuple[float, float]:
+def damping_rates(scene: Scene) -> tuple[float, float]:
     """c_d [1/s] of `cable.damping` and of a crosswind."""
     own, wind = scene.cable.damping, scene.wind
     if isinstance(own, Damping):
@@ -50,7 +55,7 @@ def damping_rates(scene: Any) -> tuple[float, float]:
     return own, 0.0 if wind is None else wind.resistance(scene.cable.windward) * scene.gravity / scene.catenary.weight
 
 
-def damping_faults(scene: Any) -> list[str]:
+def damping_faults(scene: Scene) -> list[str]:
     if scene.wind is not None and scene.cable.diameter is None:
         return ["cable.diameter: missing; must be given with wind.across, which acts on it"]
     rates, critical = damping_rates(scene), 2.0 * first_frequency(scene)
@@ -61,7 +66,7 @@ def damping_faults(scene: Any) -> list[str]:
     return [f"{name}: damps by {sum(rates):.4g} 1/s in all; {most}"]
 
 
-def internal_faults(scene: Any, mode: str) -> list[str]:
+def internal_faults(scene: Scene, mode: str) -> list[str]:
     tau = scene.cable.internal_damping
     if not tau:
         return []

@@ -346,7 +346,7 @@ def slack_onset(m: Evidence) -> Defect:
     """Slack begins at the first step with negative tension, within two steps, where all runs go; over the length."""
     r, end = m.r, m.windows.far
     below = np.append(r.s_o[1:][r.tension_min[1:] < 0.0], r.s_o[-1])[0] / r.length
-    off = abs(min(end, float(below)) - min(end, r.reached if r.slack_onset is None else r.slack_onset))
+    off = abs(min(end, float(below)) - min(end, r.slack_from))
     return _static(max(0.0, off - 2.0 * float(np.abs(np.diff(r.s_o)).max()) / r.length))
 
 

@@ -81,7 +81,7 @@ def _field(gap: Callable[..., float], **how: Any) -> Gap:
     return lambda x, y, view: gap(x, y, view.window, **how)
 
 
-ROLLS = attrgetter("rolls")
+_rolls = attrgetter("rolls")
 TABLE = (
     Quantity("path_max", _path(0), "path"),
     Quantity("path_rms", _path(1), "path"),
@@ -90,8 +90,8 @@ TABLE = (
     Quantity("tension_behind", _series("T_behind", over="H", mean=True), "force", AXIAL_MEAN),
     Quantity("tension_ahead", _series("T_ahead", over="H", mean=True), "force", AXIAL_MEAN),
     Quantity("reactions", _series("reaction_left", "reaction_right", over="H", mean=True), "force", AXIAL_MEAN),
-    Quantity("contact", _series("F_contact", over="weight", mean=True), "force", AXIAL_MEAN, concerns=ROLLS),
-    Quantity("haul_force", _series("F_haul", over="weight", mean=True), "force", AXIAL_MEAN, concerns=ROLLS),
+    Quantity("contact", _series("F_contact", over="weight", mean=True), "force", AXIAL_MEAN, concerns=_rolls),
+    Quantity("haul_force", _series("F_haul", over="weight", mean=True), "force", AXIAL_MEAN, concerns=_rolls),
     Quantity("tension", _field(measures.tension_gap), "rest"),
     Quantity("displacement", _field(measures.field_gap), "rest"),
     Quantity("displacement", _field(measures.field_gap, along=True), "rest", ALONG),
@@ -100,7 +100,7 @@ TABLE = (
     Quantity("tension_ahead", _series("T_ahead", over="H"), ""),
     Quantity("reactions", _series("reaction_left", "reaction_right", over="H"), ""),
     Quantity("contact", _series("F_contact", over="weight"), ""),
-    Quantity("haul_force", _series("F_haul", over="weight"), "", concerns=ROLLS),
+    Quantity("haul_force", _series("F_haul", over="weight"), "", concerns=_rolls),
     Quantity("velocity", _field(measures.field_gap, rate=True), ""),
     Quantity("velocity", _field(measures.field_gap, rate=True, along=True), "", ALONG),
 )

@@ -99,10 +99,12 @@ def _driver(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
         return np.concatenate([y[n:], -solve(r)])
 
     start = np.concatenate([first.q, first.v])
-    theirs = solve_ivp(rate, (t0, t1), start, "DOP853", t_eval=[t1], rtol=1e-7, atol=1e-10).y[:, -1]
+    answer = solve_ivp(rate, (t0, t1), start, "DOP853", t_eval=[t1], rtol=1e-7, atol=1e-10)
+    if not answer.success:
+        raise measures.NotComparable(f"scipy's integration failed: {answer.message}")
     last = n - (a.run.drive == "haul")  # the last unknown of a hauled car has no dynamics
     size = float(np.abs(fine.q[:last]).max())
-    gap, change = (float(np.abs(q[:last] - fine.q[:last]).max()) / size for q in (theirs[:n], coarse.q))
+    gap, change = (float(np.abs(q[:last] - fine.q[:last]).max()) / size for q in (answer.y[:n, -1], coarse.q))
     return _row(gap, Part("driver", SAFETY * change, "the change from half the steps"), Part("scipy", ROUNDING))
 
 
