@@ -58,37 +58,35 @@ def with_tree(top):
 
 def test_a_tree_is_hit_by_feet_first_and_then_by_the_rope():
     r = quasi_static(with_tree(22.0))
-    rope, car = answers.clearances(with_tree(22.0), r)
+    found = answers.clearances(with_tree(22.0), r)
+    rope, car = found["rope", "tree"], found["car", "tree"]
     depth = np.interp(180.0, r.x, r.y)  # the rope is deepest there when the car passes
-    assert (rope.of, car.of, car.name) == ("rope", "car", "tree")
-    assert car.height == pytest.approx([22.0 - depth - 2.0], rel=0.0, abs=1e-6)
-    assert rope.height.min() == pytest.approx(22.0 - depth, rel=0.0, abs=1e-6)
-    assert rope.height.max() > 22.0 - 22.8  # the empty rope passes it 22.7 m below the start
+    assert car.value == pytest.approx([22.0 - depth - 2.0], rel=0.0, abs=1e-6)
+    assert rope.value.min() == pytest.approx(22.0 - depth, rel=0.0, abs=1e-6)
+    assert rope.value.max() > 22.0 - 22.8  # the empty rope passes it 22.7 m below the start
     for top, hit in ((20.0, ["tree"]), (depth + 1.0, ["tree"]), (depth + 2.5, [])):
         assert answers.hits(with_tree(top), r) == hit
 
 
 def test_a_rider_who_never_comes_there_does_not_hit_it():
     s = scene(obstacle=[{"name": "roof", "at": 410.0, "top": 32.5}])
-    rope, car = answers.clearances(s, quasi_static(s))
-    assert car.height.size == 0
-    assert rope.height.size > 10
+    rope, car = answers.clearances(s, quasi_static(s)).values()
+    assert car.value.size == 0
+    assert rope.value.size > 10
 
 
 def test_ground_is_linear_and_says_nothing_outside_its_points():
     s = scene(ground=[[100.0, 40.0], [200.0, 30.0], [300.0, 50.0]])
     r = quasi_static(s)
-    rope, car = answers.clearances(s, r)
+    rope, car = answers.clearances(s, r).values()
     inside = (r.x >= 100.0) & (r.x <= 300.0)
     at_steps = np.isin(car.t, r.t)
     assert at_steps.sum() == inside.sum()
     assert car.t.size == at_steps.sum() + 3  # where it passes a point of the ground
     there = np.interp(r.x[inside], [100.0, 200.0, 300.0], [40.0, 30.0, 50.0]) - r.y[inside] - 2.0
-    np.testing.assert_allclose(car.height[at_steps], there, rtol=0.0, atol=1e-12)
-    assert np.nanmin(rope.height) >= np.nanmin(car.height) + 2.0 - 1e-6
-    assert np.interp(rope.s[np.nanargmin(rope.height)], r.fields.s, r.fields.x) == pytest.approx(
-        200.0, rel=0.0, abs=1.0
-    )
+    np.testing.assert_allclose(car.value[at_steps], there, rtol=0.0, atol=1e-12)
+    assert np.nanmin(rope.value) >= np.nanmin(car.value) + 2.0 - 1e-6
+    assert np.interp(rope.s[np.nanargmin(rope.value)], r.fields.s, r.fields.x) == pytest.approx(200.0, rel=0.0, abs=1.0)
 
 
 def test_the_profile_holds_every_place_of_the_car():

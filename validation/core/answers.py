@@ -11,7 +11,6 @@ import numpy as np
 from cablefem.response import Array, Response, whole, write_json
 from cablefem.scene import Scene
 
-GROUND = "the ground"
 PLACES = 201  # stations in tension.csv
 
 
@@ -28,8 +27,8 @@ def outcome(scene: Scene, r: Response) -> Outcome:
 
 
 def hits(scene: Scene, r: Response) -> list[str]:
-    rooms = [(room.name, room.height) for room in clearances(scene, r)]
-    return list(dict.fromkeys(name for name, height in rooms if np.nanmin(height, initial=np.inf) < 0.0))
+    rooms = clearances(scene, r).items()
+    return list(dict.fromkeys(name for (_, name), room in rooms if np.nanmin(room.value, initial=np.inf) < 0.0))
 
 
 def _end(scene: Scene, r: Response) -> tuple[str, str]:
@@ -125,38 +124,39 @@ def _ways(r: Response) -> list[tuple[Array, Array]]:
     return [(x, y) if x[-1] > x[0] else (x[::-1], y[::-1]) for x, y in pieces if x.size > 1]
 
 
-class Room(NamedTuple):
-    """Free height above something, over a run; negative: it hits."""
+class Track(NamedTuple):
+    """A signal at one place, (n,), or along the cable, value (n, m) and s (m,)."""
 
-    of: str  # "rope" or "car"
-    name: str  # obstacle or "the ground"
-    t: Array  # (n,) [s]
-    height: Array  # [m]; nan: unknown
+    t: Array  # [s]
+    value: Array
     s: Array  # [m] on the rope
 
 
-def clearances(scene: Scene, r: Response) -> list[Room]:
-    """All free heights; empty where the car never passes.  An obstacle is a ground of one point."""
+def clearances(scene: Scene, r: Response) -> dict[tuple[str, str], Track]:
+    """Free heights [m] of "rope" and "car" above each obstacle and the ground; negative: it hits; nan: unknown.
+
+    Empty where the car never passes.  An obstacle is a ground of one point.
+    """
     below = 0.0 if scene.mass is None else scene.mass.below
     grounds = [(o.name, np.array([[o.at, o.top]])) for o in scene.obstacle]
     if scene.ground:
-        grounds.append((GROUND, np.array(scene.ground, float)))
-    rooms = []
+        grounds.append(("the ground", np.array(scene.ground, float)))
+    rooms = {}
     for name, ground in grounds:
-        t, height, s = _under_car(r, ground)
-        rope = _ordered((t, height, s), _under_rope(r, ground))
-        rooms += [Room("rope", name, *rope), Room("car", name, t, height - below, s)]
+        at_car = _under_car(r, ground)
+        rooms["rope", name] = _ordered(at_car, _under_rope(r, ground))
+        rooms["car", name] = at_car._replace(value=at_car.value - below)
     return rooms
 
 
-def _ordered(*parts: tuple[Array, ...]) -> tuple[Array, Array, Array]:
+def _ordered(*parts: tuple[Array, ...]) -> Track:
     """Join times, heights and places (n,), and sort them by time."""
     t, height, s = (np.concatenate(x) for x in zip(*parts, strict=True))
     order = np.argsort(t, kind="stable")
-    return t[order], height[order], s[order]
+    return Track(t[order], height[order], s[order])
 
 
-def _under_car(r: Response, ground: Array) -> tuple[Array, Array, Array]:
+def _under_car(r: Response, ground: Array) -> Track:
     """Height of the rope at the car over the ground (n, 2) [x, depth], at steps and at the ground's points."""
     over = (r.x > ground[0, 0]) & (r.x < ground[-1, 0])
     parts = [(r.t[over], np.interp(r.x[over], *ground.T) - r.y[over], r.s_o[over])]
@@ -168,7 +168,7 @@ def _under_car(r: Response, ground: Array) -> tuple[Array, Array, Array]:
     return _ordered(*parts)
 
 
-def _under_rope(r: Response, ground: Array) -> tuple[Array, Array, Array]:
+def _under_rope(r: Response, ground: Array) -> Track:
     """Least height of the rope over the ground at each frame; nan outside."""
     at, y, _ = shapes(r)
     heights, s = np.full(len(at), np.nan), np.full(len(at), np.nan)
@@ -178,4 +178,4 @@ def _under_rope(r: Response, ground: Array) -> tuple[Array, Array, Array]:
         if x.size:
             free = np.interp(x, *ground.T) - np.interp(x, a, b)
             heights[k], s[k] = free.min(), np.interp(x[free.argmin()], r.fields.x, r.fields.s)
-    return r.fields.t, heights, s
+    return Track(r.fields.t, heights, s)

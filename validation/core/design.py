@@ -6,8 +6,8 @@ Forces are means over an axial round trip, which ropes and load cells feel; `pea
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any
 
@@ -17,7 +17,7 @@ from cablefem.newmark import scheme
 from cablefem.response import Array, Response
 from cablefem.scene import Scene
 from validation.core.agreement import finite
-from validation.core.answers import GROUND, clearances
+from validation.core.answers import Track, clearances
 from validation.core.evidence import FIRST, ROUNDING, Given
 from validation.core.ladder import Ladder, largest
 from validation.core.measures import averaged, extremes_within
@@ -27,31 +27,7 @@ NEAR = 9  # times around an extreme at which two runs are compared
 BETWEEN = 0.25  # of the larger neighbouring step: a parabola's rise above its highest sample
 
 
-@dataclass(frozen=True, slots=True)
-class Number:
-    """A design number; None: unknown or not applicable."""
-
-    quantity: str
-    value: float | None  # of a clearance None: never passed
-    bar: float | None
-    unit: str
-    t: float | None = None  # [s]
-    s_o: float | None = None  # [m] place of the mass
-    x: float | None = None  # [m] static horizontal place
-    s: float | None = None  # [m] place on the cable
-    peak: float | None = None  # extreme of a raw force
-    bar_peak: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Track:
-    """A signal at one place, (n,), or along the cable, value (n, m) and s (m,)."""
-
-    t: Array
-    value: Array
-    s: Array
-
-
+Number = dict[str, Any]
 Tracks = Callable[[Response], list[Track]]
 
 
@@ -112,11 +88,7 @@ def _angle(side: str) -> Tracks:
 
 
 def _clearance(of: str, name: str) -> Tracks:
-    def tracks(r: Response) -> list[Track]:
-        rooms = clearances(_scene(r.scene_toml), r)
-        return [Track(x.t, x.height, x.s) for x in rooms if (x.of, x.name) == (of, name)]
-
-    return tracks
+    return lambda r: [clearances(_scene(r.scene_toml), r)[of, name]]
 
 
 _scene = lru_cache(maxsize=4)(Scene.from_toml)
@@ -129,36 +101,38 @@ def quantities(r: Response) -> dict[str, Quantity]:
         tracks = _angle(side)
         steep = float(tracks(r)[0].value[0])
         asked[f"angle_{side}"] = Quantity(-1.0 if steep < 0.0 else 1.0, tracks)
-    scene = _scene(r.scene_toml)
-    for name in (*(o.name for o in scene.obstacle), *((GROUND,) if scene.ground else ())):
-        for of in ("rope", "car"):
-            asked[f"clearance_{of}_min:{name}"] = Quantity(-1.0, _clearance(of, name))
+    for of, name in clearances(_scene(r.scene_toml), r):
+        asked[f"clearance_{of}_min:{name}"] = Quantity(-1.0, _clearance(of, name))
     return asked
 
 
-def _safety(r: Response, found: list[Number]) -> list[Number]:
+def _told(quantity: str, value: float | None, bar: float, unit: str, **where: float | None) -> Number:
+    """A design number; None: unknown, not applicable, or a clearance of what the car never passes.
+
+    where : t [s], places [m] of the mass, s_o, static horizontal, x, and on the cable, s; of a force the raw extreme.
+    """
+    empty = dict.fromkeys(("t", "s_o", "x", "s", "peak", "bar_peak"))
+    return {"quantity": quantity, "value": value, "bar": finite(bar), "unit": unit, **empty, **where}
+
+
+def _safety(r: Response, found: list[Number]) -> Iterator[Number]:
     load = _scene(r.scene_toml).cable.breaking_load
-    T = next((x for x in found if x.quantity == "tension_max"), None)
-    if load is None or T is None or T.value is None:
-        return []
-    bar = None if T.bar is None else load * T.bar / T.value**2
-    return [Number("safety_factor_min", load / T.value, bar, "", T.t, T.s_o, T.x, T.s)]
+    for T in found:
+        if load is not None and T["quantity"] == "tension_max":
+            bar = math.inf if T["bar"] is None else load * T["bar"] / T["value"] ** 2
+            where = {k: T[k] for k in ("t", "s_o", "x", "s")}
+            yield _told("safety_factor_min", load / T["value"], bar, "", **where)
 
 
-def numbers(of: Ladder | Response, twin: Ladder | None = None) -> list[Number]:
-    """The known design numbers, of a ladder with bars: at least the gap to the twin's."""
+def design(of: Ladder | Response, twin: Ladder | None = None) -> list[Number]:
+    """The `design` rows: known design numbers, of a ladder with bars of at least the gap to the twin's."""
     r, ladder = (of.finest, of) if isinstance(of, Ladder) else (of, None)
     other = None if twin is None else twin.finest
     span = extremes_within(r, other)
     found = [x for name, asked in quantities(r).items() if (x := _number(name, asked, r, span, ladder, other))]
     tilt = _scene(r.scene_toml).wind_tilt
-    still = [] if tilt is None else [Number("wind_tilt", tilt, 0.0, "deg")]
-    return found + _safety(r, found) + still + _onset(r, ladder, other)
-
-
-def design(of: Ladder | Response, twin: Ladder | None = None) -> list[dict[str, Any]]:
-    """The `design` rows: `numbers` as dictionaries."""
-    return [asdict(number) for number in numbers(of, twin)]
+    still = [] if tilt is None else [_told("wind_tilt", tilt, 0.0, "deg")]
+    return [*found, *_safety(r, found), *still, *_onset(r, ladder, other)]
 
 
 def _number(
@@ -169,7 +143,7 @@ def _number(
     mean, raw = _Signal(quantity, span, period), _Signal(quantity, span, 0.0)
     found = mean.extreme(r)
     if found is None:
-        return Number(name, None, None, unit) if name.startswith("clearance_") else None
+        return _told(name, None, math.inf, unit) if name.startswith("clearance_") else None
     late = unit == "deg" and span[1] - found.t <= 0.5 * period + found.step
     if late or (quantity.inner and _at_an_end(found, r, span)):
         return None  # no extreme in the range
@@ -182,8 +156,8 @@ def _number(
             bar_peak = _bar(raw, found, near, ladder, twin, FIRST)
     t, s = found.t, found.s
     place, x = float(np.interp(t, r.t, r.s_o)), float(np.interp(s, r.fields.s, r.fields.x))
-    peak = (raw.value(r), finite(bar_peak)) if unit == "N" else (None, None)
-    return Number(name, found.value, finite(bar), unit, t, place, x, s, *peak)
+    peak = {"peak": raw.value(r), "bar_peak": finite(bar_peak)} if unit == "N" else {}
+    return _told(name, found.value, bar, unit, t=t, s_o=place, x=x, s=s, **peak)
 
 
 def _bar(signal: _Signal, found: _Extreme, near: Array, ladder: Ladder, twin: Response | None, order: float) -> float:
@@ -262,9 +236,9 @@ def _at_an_end(found: _Extreme, r: Response, span: tuple[float, float]) -> bool:
     return bool(ends or not 0.0 < found.s < r.length)
 
 
-def _onset(r: Response, ladder: Ladder | None, twin: Response | None) -> list[Number]:
+def _onset(r: Response, ladder: Ladder | None, twin: Response | None) -> Iterator[Number]:
     if r.slack_onset is None:
-        return []
+        return
 
     def onset(x: Response) -> float:
         return math.nan if x.slack_onset is None else x.slack_onset
@@ -276,4 +250,5 @@ def _onset(r: Response, ladder: Ladder | None, twin: Response | None) -> list[Nu
     at = r.slack_onset * r.length
     s = None if r.slack_at is None else r.slack_at * r.length
     x = None if s is None else float(np.interp(s, r.fields.s, r.fields.x))
-    return [Number("slack_onset", r.slack_onset, finite(bar), "s_o/l", float(np.interp(at, r.s_o, r.t)), at, x, s)]
+    t = float(np.interp(at, r.s_o, r.t))
+    yield _told("slack_onset", r.slack_onset, bar, "s_o/l", t=t, s_o=at, x=x, s=s)
