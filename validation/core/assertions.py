@@ -59,7 +59,7 @@ def _over(window: Window, a: Answer, b: Answer) -> str:
 
 
 def _path_row(a: Answer, b: Answer, allowed: float, window: Window) -> Agreement:
-    x, y = foreign.comparable(a, b)
+    x, y = (a, b) if a.u is not None and b.u is not None else map(foreign.vertical, (a, b))
     gap, rms, where = measures.path_gap(x, y, window)
     _, places, size = measures.path_distances(x, y, window)
     why = [f"relative to {b.path_scale_named} {b.path_scale:.4g} m"]

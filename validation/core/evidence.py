@@ -289,11 +289,11 @@ class Evidence:
         for i, k in enumerate(self.frames):
             rows = np.stack([f.s, f.x + f.u[k], f.y + f.v[k], f.du[k], f.dv[k], f.T_static, f.T[k]], axis=1)
             behind, ahead = (
-                np.concatenate([[at[i]], place[i], moves[side][i], [T_static[i], T[k]]])[None]
+                np.r_[at[i], place[i], moves[side][i], T_static[i], T[k]]
                 for side, T in enumerate((f.T_behind, f.T_ahead))
             )
-            pair = [rows[f.s < at[i] * (1.0 - ROUNDING)], behind], [ahead, rows[f.s > at[i] * (1.0 + ROUNDING)]]
-            out.append((Side.of(np.concatenate(pair[0])), Side.of(np.concatenate(pair[1]))))
+            before, after = rows[f.s < at[i] * (1.0 - ROUNDING)], rows[f.s > at[i] * (1.0 + ROUNDING)]
+            out.append((Side.of(np.vstack([before, behind])), Side.of(np.vstack([ahead, after]))))
         return out
 
     @cached_property

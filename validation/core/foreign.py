@@ -17,7 +17,6 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
@@ -255,7 +254,7 @@ def refuse_misnamed(path: MassPath, ours: Response) -> None:
         window = _common(path, measures.window_of(ours))
         off = {
             factor: measures.path_gap(
-                _vertical(replace(path, **{of: factor * getattr(path, of)})), _vertical(ours), window
+                vertical(replace(path, **{of: factor * getattr(path, of)})), vertical(ours), window
             )[1]
             for unit in (1.0, 1e-3, 1e3, l, 1.0 / l)
             for factor in (unit, -unit)
@@ -271,13 +270,9 @@ def refuse_misnamed(path: MassPath, ours: Response) -> None:
         )
 
 
-def _vertical(r: Any) -> Any:
+def vertical(r: Any) -> Any:
+    """A path with zero u: for paths of which one lacks it."""
     return replace(r, u=np.zeros_like(r.v), x=np.zeros_like(r.v))
-
-
-def comparable(a: Any, b: Any) -> tuple[Any, Any]:
-    """Both paths, without u if one lacks it."""
-    return (a, b) if a.u is not None and b.u is not None else (_vertical(a), _vertical(b))
 
 
 def _common(path: MassPath, window: Window) -> Window:
@@ -300,45 +295,44 @@ Apart = Callable[[Any, Any], float]
 
 def rows(path: ForeignPath | Response, ours: Ladder, window: Window, with_tol: float) -> Iterator[Agreement]:
     """Compare a foreign path with a run; allowed is our bar plus `with_tol`.  It must cover the window."""
+    along, upright = ("x", "y") if ours.run.drive == "free" else ("u", "v")
+    of_path = f"{along} and {upright}"
+    if path.u is None:
+        path, ours, of_path = vertical(path), ours.map(vertical), f"{upright} alone"
     party, run = path.method, ours.run
     try:
         part = _common(path, window)
-        where = measures.path_gap(*comparable(path, run), part)[2]
+        where = measures.path_gap(path, run, part)[2]
     except NotComparable as reason:
         yield Agreement("path_max", math.nan, nothing(f"{party}: {reason}"), party=party)
         return
     short = _short(path, run, window)
     found = []
-    for name, (apart, components) in _measures(path, run, part).items():
+    for name, (apart, components) in _measures(path, run, part, of_path).items():
         bars = Part(run.method, ours.bar(itself, apart), "its error bar"), Part(f"allowed to {party}", with_tol)
         bound = Bound("our error bar", bars, f"of {components}")
         if short:
             bound = nothing(f"{party} covers {short}; there {bound.value:.2g} would be allowed")
         found.append(Agreement(name, apart(path, run), bound, where if name == "path_max" else None, party))
-    of_path = found[:2]
-    if any(row.verdict is Verdict.DISAGREE for row in of_path):
+    first = found[:2]
+    if any(row.verdict is Verdict.DISAGREE for row in first):
         from validation.core.remedy import remedy  # seldom needed
 
-        allowed = [row.allowed for row in of_path]
-        said = remedy(path, run, lambda x: measures.path_gap(*comparable(x, run), part), allowed)
-        of_path = [replace(row, bound=replace(row.bound, notes=(said,) if said else ())) for row in of_path]
-    yield from [*of_path, *found[2:]]
+        allowed = [row.allowed for row in first]
+        said = remedy(path, run, lambda x: measures.path_gap(x, run, part), allowed)
+        first = [replace(row, bound=replace(row.bound, notes=(said,) if said else ())) for row in first]
+    yield from [*first, *found[2:]]
 
 
-def _measures(path: ForeignPath | Response, run: Response, part: Window) -> dict[str, tuple[Apart, str]]:
-    """Comparable quantities, path first: a distance of two answers, and its components."""
-    free = run.drive == "free"
-    seen: Callable[[Any], Any] = _vertical if path.u is None else lambda r: r
-    along, upright = ("x", "y") if free else ("u", "v")
-    components = f"{upright} alone" if path.u is None else f"{along} and {upright}"
-
-    def of_path(a: Any, b: Any, i: int) -> float:
-        return measures.path_gap(seen(a), seen(b), part)[i]
-
+def _measures(
+    path: ForeignPath | Response, run: Response, part: Window, of_path: str
+) -> dict[str, tuple[Apart, str]]:  # fmt: skip
+    """Comparable quantities, path first: a distance of two answers, and its components, `of_path` of the path."""
     found: dict[str, tuple[Apart, str]] = {
-        "path_max": (partial(of_path, i=0), components), "path_rms": (partial(of_path, i=1), components)
-    }  # fmt: skip
-    if free and path.speed is not None:
+        "path_max": (lambda a, b: measures.path_gap(a, b, part)[0], of_path),
+        "path_rms": (lambda a, b: measures.path_gap(a, b, part)[1], of_path),
+    }
+    if run.drive == "free" and path.speed is not None:
         stop, top = happened("stop", run), float(run.speed.max())
         until = math.inf if stop is None else stop["t"]
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 from cablefem.newmark import SCHEMES
@@ -167,48 +168,39 @@ CHECKED = ("following-p2", "fourier-kink", "fourier-riding")  # in order of pref
 # Solvers are imported when built: names load without scikit-fem.
 
 
-def _following(degree: int) -> Build:
-    def build(groups: Groups, x: dict[str, Any], **kind: str) -> Solver:
-        from cablefem.elements.rolling import following
+def _following(degree: int, groups: Groups, x: dict[str, Any], **kind: str) -> Solver:
+    from cablefem.elements.rolling import following
 
-        return following(groups, degree=degree, **{k: x[k] for k in ("elements", *_MESH)}, **kind)
-
-    return build
+    return following(groups, degree=degree, **{k: x[k] for k in ("elements", *_MESH)}, **kind)
 
 
-def _fixed(element: str, coupling: str) -> Build:
-    def build(groups: Groups, x: dict[str, Any], **kind: str) -> Solver:
-        from cablefem.elements.fixed import FixedElements
+def _fixed(element: str, coupling: str, groups: Groups, x: dict[str, Any], **kind: str) -> Solver:
+    from cablefem.elements.fixed import FixedElements
 
-        return FixedElements(groups, elements=x["elements"], element=element, coupling=coupling, **kind)
-
-    return build
+    return FixedElements(groups, elements=x["elements"], element=element, coupling=coupling, **kind)
 
 
 # Grading of the sines of free rides: waves ahead of the car are short.
 GRADING = 0.8
 
 
-def _galerkin(family: str, kink: bool = True) -> Build:
-    def build(groups: Groups, x: dict[str, Any], **kind: Any) -> Solver:
-        from galerkin.abscissa import PositionAbscissa
-        from galerkin.bases.daubechies import Daubechies
-        from galerkin.bases.fourier import Fourier
-        from galerkin.equations import GalerkinSystem
-        from galerkin.rides import RollingSystem
-        from galerkin.riding import RidingSystem
+def _galerkin(family: str, kink: bool, groups: Groups, x: dict[str, Any], **kind: Any) -> Solver:
+    from galerkin.abscissa import PositionAbscissa
+    from galerkin.bases.daubechies import Daubechies
+    from galerkin.bases.fourier import Fourier
+    from galerkin.equations import GalerkinSystem
+    from galerkin.rides import RollingSystem
+    from galerkin.riding import RidingSystem
 
-        free, system = groups.drive.mode == "free", RollingSystem if groups.drive.mode != "grip" else GalerkinSystem
-        if family == "riding":
-            solver: Any = RidingSystem(groups, x["terms"], **kind)
-        elif family == "wavelet":
-            solver = system(groups, Daubechies(**{key: x[key] for key in _WAVELETS}), kink=kink, **kind)
-        else:
-            graded = free and kink and x["terms"] > 1  # graded sums use the second sine
-            solver = system(groups, Fourier(x["terms"], GRADING if graded else 0.0), kink=kink, **kind)
-        return PositionAbscissa(solver) if x["abscissa"] == "s" else solver
-
-    return build
+    free, system = groups.drive.mode == "free", RollingSystem if groups.drive.mode != "grip" else GalerkinSystem
+    if family == "riding":
+        solver: Any = RidingSystem(groups, x["terms"], **kind)
+    elif family == "wavelet":
+        solver = system(groups, Daubechies(**{key: x[key] for key in _WAVELETS}), kink=kink, **kind)
+    else:
+        graded = free and kink and x["terms"] > 1  # graded sums use the second sine
+        solver = system(groups, Fourier(x["terms"], GRADING if graded else 0.0), kink=kink, **kind)
+    return PositionAbscissa(solver) if x["abscissa"] == "s" else solver
 
 
 def _each(unknowns: int) -> Resolution:
@@ -237,55 +229,55 @@ _DAMPED = _WHOLE | {"scheme": Setting("newmark", _CONSTRAINED, TIME["scheme"].me
 _ALL = (
     Method(
         "following-p1", "elements", "linear elements on a mesh that follows the mass",
-        _per_side(20), _each(2), 2.0, _following(1), (10, 400),
+        _per_side(20), _each(2), 2.0, partial(_following, 1), (10, 400),
         races=((5, 80), (9, 150), (16, 300), (30, 600), (55, 1200)),
         no_internal="linear elements have no curvature, which the rate of strain needs",
         trust="robust and simple; P2 gives more for the same time",
     ),
     Method(
         "following-p2", "elements", "quadratic elements on a mesh that follows the mass",
-        _per_side(10), _each(4), 2.5, _following(2), (4, 200),
+        _per_side(10), _each(4), 2.5, partial(_following, 2), (4, 200),
         on_rides={"elements": 36, "scheme": "radau"}, survey=(8, 600), no_internal="",
         races=((4, 80), (6, 150), (9, 300), (13, 600), (20, 1200)),
         trust="the default: fastest for a given error from 1e-2 to 1e-5",
     ),
     Method(
         "following-p4", "elements", "elements of degree 4 on a mesh that follows the mass",
-        _per_side(5), _each(8), 2.5, _following(4), (2, 200), on_rides={"scheme": "radau"}, no_internal="",
+        _per_side(5), _each(8), 2.5, partial(_following, 4), (2, 200), on_rides={"scheme": "radau"}, no_internal="",
         trust="smooth travel (from rest); wave fronts of a sudden entry take its advantage away",
     ),
     Method(
         "fixed-hermite", "elements", "C1 cubic elements, the mass moving through them",
-        _WHOLE | {"steps": _MANY_STEPS}, _each(2), 1.0, _fixed("hermite", "chain"), (8, 800), steps_growth=3.0,
+        _WHOLE | {"steps": _MANY_STEPS}, _each(2), 1.0, partial(_fixed, "hermite", "chain"), (8, 800), steps_growth=3.0,
         trust="first order, and N'' jumps at the nodes: wants steps like the square of the elements",
     ),
     Method(
         "fixed-p1-path", "elements", "linear elements, the mass a particle constrained to them",
-        _DAMPED, _each(1), 1.0, _fixed("p1", "path"), (10, 250), survey=(30, 600),
+        _DAMPED, _each(1), 1.0, partial(_fixed, "p1", "path"), (10, 250), survey=(30, 600),
         trust="only with numerical damping: the undamped rule blows up",
     ),
     Method(
         "fixed-p2-path", "elements", "quadratic elements, the mass a particle constrained to them",
-        _DAMPED, _each(2), 1.0, _fixed("p2", "path"), (10, 250),
+        _DAMPED, _each(2), 1.0, partial(_fixed, "p2", "path"), (10, 250),
         trust="only with numerical damping: the undamped rule blows up",
     ),
     Method(
         "fixed-p1-naive", "elements", "linear elements with chain-rule accelerations: WRONG",
-        _WHOLE, _each(1), 0.0, _fixed("p1", "naive"), (10, 250), wrong=True,
+        _WHOLE, _each(1), 0.0, partial(_fixed, "p1", "naive"), (10, 250), wrong=True,
         trust="never: the centrifugal force is lost at the nodes; on show because everybody writes it first",
     ),
     Method(
         "fixed-p2-naive", "elements", "quadratic elements with chain-rule accelerations: WRONG",
-        _WHOLE, _each(2), 0.0, _fixed("p2", "naive"), (10, 250), wrong=True, trust="never, as fixed-p1-naive",
+        _WHOLE, _each(2), 0.0, partial(_fixed, "p2", "naive"), (10, 250), wrong=True, trust="never, as fixed-p1-naive",
     ),
     Method(
         "fourier", "galerkin", "the paper's sines (33)-(34)",
-        _TERMS | _COURSE, TERMS, 1.0, _galerkin("fourier", False), (8, 320), survey=(30, 600),
+        _TERMS | _COURSE, TERMS, 1.0, partial(_galerkin, "fourier", False), (8, 320), survey=(30, 600),
         trust="the paper's method; errors of order 1/N, tension with Gibbs oscillations",
     ),
     Method(
         "fourier-kink", "galerkin", "sines and a hat that travels with the mass",
-        _TERMS | _COURSE, TERMS, 2.0, _galerkin("fourier"), (5, 500),
+        _TERMS | _COURSE, TERMS, 2.0, partial(_galerkin, "fourier", True), (5, 500),
         on_rides={"terms": 45, "steps": 3000, "rho_inf": 0.7}, survey=(16, 600),
         races=((6, 50), (10, 100), (14, 170), (20, 300), (30, 600), (50, 1200)),
         trust="the Galerkin default, and its only method for cars that roll; ten terms beat 200 plain ones",
@@ -293,17 +285,18 @@ _ALL = (
     Method(
         "fourier-riding", "galerkin", "sines on either side of the mass that ride with it, and a hat",
         {"terms": Setting(20, (1, 1000), "sines on each side of the mass"), **_COURSE},
-        RIDING, 2.0, _galerkin("riding"), (4, 500), no_internal="",
+        RIDING, 2.0, partial(_galerkin, "riding", True), (4, 500), no_internal="",
         trust="gripped cars only: for the same error up to four times as fast as fourier-kink",
     ),
     Method(
         "wavelet", "galerkin", "the paper's anti-derivatives of Daubechies wavelets (35)-(39)",
-        _WAVELETS | _COURSE, LEVELS, 1.0, _galerkin("wavelet", False), (0, 400),
+        _WAVELETS | _COURSE, LEVELS, 1.0, partial(_galerkin, "wavelet", False), (0, 400),
         trust="the paper's method; first order like sines, oscillations stay near the mass",
     ),
     Method(
         "wavelet-kink", "galerkin", "wavelets and a hat that travels with the mass",
-        _WAVELETS | _COURSE, LEVELS, 2.0, _galerkin("wavelet"), (0, 1000), trust="as fourier-kink, slower",
+        _WAVELETS | _COURSE, LEVELS, 2.0, partial(_galerkin, "wavelet", True), (0, 1000),
+        trust="as fourier-kink, slower",
     ),
 )  # fmt: skip
 METHODS = {m.name: m for m in _ALL}
