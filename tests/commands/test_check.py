@@ -10,9 +10,9 @@ import pytest
 
 from cablefem import Scene
 from tests.commands.calls import BROKEN, lines
-from validation.core.bounds import nothing
-from validation.core.flags import flagged
+from validation.core.agreement import nothing
 from validation.core.methods import CHECKED
+from validation.core.watch import flagged
 
 DATA = Path(__file__).parents[1] / "validation" / "data"
 

@@ -14,9 +14,9 @@ from cablefem.response import Response
 from tests.commands.calls import BROKEN, QUICK, lines
 from validation.commands.run import study
 from validation.core.climb import TooCoarse, laddered
-from validation.core.flags import flag
 from validation.core.quantities import told
 from validation.core.running import run
+from validation.core.watch import flag
 
 
 def test_run_writes_its_files_and_says_what_came_out(cablefem, tmp_path):
@@ -79,12 +79,13 @@ def test_a_tolerance_holds_for_the_haul_force_too():
 def test_a_tolerance_out_of_reach_is_1_and_said(cablefem, monkeypatch):
     def too_coarse(scene, method, tol, **how):
         coarse = laddered(scene, method, elements=4, steps=60)
-        raise TooCoarse("following-p2 reaches 1, not 1e-06", coarse)
+        raise TooCoarse(coarse, 1.0, tol)
 
     monkeypatch.setattr(study, "climb", too_coarse)
     code, _, err = cablefem("run", "inclined", "--method", "following-p2", "--tol", "1e-6", "--out", "x")
     assert code == 1
-    assert lines(err) == ["following-p2 reaches 1, not 1e-06"]
+    (said,) = lines(err)
+    assert said.startswith("following-p2 reaches an error bar of 1 with elements = 4, steps = 60, not the 1e-06 asked")
     assert Path("x/following-p2/path.csv").exists()
 
 

@@ -17,8 +17,7 @@ from validation import cli, run
 from validation.commands.sweep import engine, job
 from validation.commands.sweep.page import sections
 from validation.commands.sweep.study import Study, built_in
-from validation.core.agreement import Agreement, Verdict
-from validation.core.bounds import Bound
+from validation.core.agreement import Agreement, Bound, Verdict
 from validation.core.store import Refused
 
 distributed = pytest.importorskip("distributed")

@@ -149,8 +149,9 @@ def test_beside_a_car_at_rest_the_cable_slopes_alike_on_both_sides():
 
 def test_the_drift_of_energy_is_seen():
     quiet = SimpleNamespace(energy=np.full(9, -3.0), length=2.0)
-    assert not energy.drift(quiet, 5.0).any()
-    assert energy.drift(SimpleNamespace(energy=np.linspace(0.0, 1.0, 9), length=2.0), 5.0).max() == pytest.approx(0.1)
+    assert not energy.drift(quiet).any()
+    rising = SimpleNamespace(energy=np.linspace(0.0, 95.0 * 9.81, 9), length=2.0)
+    assert energy.drift(rising).max() == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize("drag", [True, False], ids=["waves", "forgotten"])

@@ -9,8 +9,7 @@ from scipy.interpolate import CubicSpline
 from cablefem import Scene
 from validation.commands.check import study
 from validation.commands.check.study import check
-from validation.core.agreement import APART, Agreement, Verdict, overall
-from validation.core.bounds import Bound, Part
+from validation.core.agreement import APART, Agreement, Bound, Part, Verdict, overall
 from validation.core.climb import laddered
 from validation.core.ladder import Ladder
 from validation.core.methods import METHODS

@@ -6,9 +6,8 @@ import string
 
 import pytest
 
-from validation.core.agreement import Agreement
-from validation.core.bounds import Bound, Part, nothing
-from validation.core.flags import WORDS, flag
+from validation.core.agreement import Agreement, Bound, Part, nothing
+from validation.core.watch import WORDS, flag
 
 
 def test_a_bound_is_the_sum_of_its_parts():

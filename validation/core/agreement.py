@@ -1,4 +1,4 @@
-"""The verdict on a row: gap, bars and tolerance."""
+"""The verdict on a row: gap, bars and tolerance.  A bound is the allowed gap with its parts and its reason."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ import enum
 import math
 from dataclasses import dataclass
 from typing import Any
-
-from validation.core.bounds import Bound
 
 DEFAULT_TOL = 1e-3
 APART = 3.0  # times both bars: less may be discretisation error (`order.left`)
@@ -24,6 +22,41 @@ def three_lines(gap: float, bars: float, asked_for: float) -> Verdict:
     if gap > APART * bars:
         return Verdict.DISAGREE
     return Verdict.AGREE if max(gap, bars) <= asked_for else Verdict.TOO_COARSE
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One contribution to an allowed gap."""
+
+    name: str  # its run, party or law
+    value: float
+    basis: str = ""  # how it came about
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.value:.2g}" + (f" ({self.basis})" if self.basis else "")
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """An allowed gap: the sum of its parts."""
+
+    kind: str  # its parts in words: "error bars" of both, "law", "own bar", ...; "nothing": there is no bound
+    parts: tuple[Part, ...] = ()
+    why: str = ""
+    notes: tuple[str, ...] = ()
+
+    @property
+    def value(self) -> float:
+        """nan where there is none."""
+        return math.nan if self.kind == "nothing" else sum(part.value for part in self.parts)
+
+    def __str__(self) -> str:
+        parts = f"{self.kind}: {' + '.join(map(str, self.parts))}" if self.parts else ""
+        return "; ".join(filter(None, (parts, self.why, *self.notes)))
+
+
+def nothing(why: object) -> Bound:
+    return Bound("nothing", why=str(why))
 
 
 @dataclass(frozen=True, slots=True)

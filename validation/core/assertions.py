@@ -4,8 +4,7 @@ import numpy as np
 
 from cablefem.response import Response
 from validation.core import foreign, measures
-from validation.core.agreement import Agreement, Verdict
-from validation.core.bounds import Bound, Part
+from validation.core.agreement import Agreement, Bound, Part, Verdict
 from validation.core.foreign import ForeignPath
 from validation.core.measures import NotComparable, Window
 

@@ -14,7 +14,6 @@ from cablefem.newmark import scheme
 from cablefem.response import MassPath
 from cablefem.scene import Scene
 from validation.core import measures
-from validation.core.flags import flagged
 from validation.core.ladder import Branch, Ladder, itself
 from validation.core.measures import SLACK_END, NotComparable
 from validation.core.methods import Method, find
@@ -22,11 +21,12 @@ from validation.core.order import LEAST_ORDER
 from validation.core.running import Run, whole
 from validation.core.sidebyside import Progress, silent
 from validation.core.view import View
+from validation.core.watch import flagged
 
 KIND = ("model", "load", "law", "until", "frames")  # arguments beside the method's settings
 FIRST_STEPS, MOST_STEPS = 120, 64_000
 LARGEST = 2e6  # steps times resolution, about 0.5 GB
-BUDGET = 1.2e6  # `work` of a ladder, 30 to 60 s
+BUDGET = 1.2e6  # work (see `dear`) of the finest run of a ladder, which takes 30 to 60 s
 AIM = 0.8  # planned bar over the one asked for
 FINER = np.array([1.0, 1.5, 1.75, 2.0])  # refinements of space in one stride; larger ones may cost too much
 SHORTER = np.array([1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0])  # of time; orders do not hold further
@@ -40,10 +40,15 @@ LIGHT = 0.1  # mass ratio mu of a car whose front the first mesh must resolve
 
 
 class TooCoarse(RuntimeError):
-    """No affordable resolution meets the tolerance; `ladder` is the finest one."""
+    """No affordable resolution meets the tolerance; `ladder` is the finest one, `bar` that of its path."""
 
-    def __init__(self, message: str, ladder: Ladder) -> None:
-        super().__init__(message)
+    def __init__(self, ladder: Ladder, bar: float, tol: float) -> None:
+        reached = f"an error bar of {bar:.2g}" if math.isfinite(bar) else "no end of the window"
+        told = ", ".join(f"{k} = {x}" for k, x in find(ladder.run.method).told(ladder.run.settings).items())
+        super().__init__(
+            f"{ladder.run.method} reaches {reached} with {told}, not the {tol:g} asked for; loosen the tolerance or "
+            "take another method (cablefem advise)"
+        )
         self.ladder = ladder
 
 
@@ -127,7 +132,7 @@ def climb(
 ) -> Ladder:  # fmt: skip
     """Return a ladder whose finest run has a path bar of at most `tol`; see README.md, "How fine a run is".
 
-    budget : `work` of the last ladder;  past : s_o/l the finest run goes on once slack.
+    budget : see `dear`;  past : s_o/l the finest run goes on once slack.
     view : range of the path's bar; default: of the scene.
 
     Raises TooCoarse if the tolerance is out of reach.
@@ -154,7 +159,7 @@ def climb(
     report(1.0)
     if sum(parts) <= tol:
         return ladder
-    raise _out_of_reach(method, ladder, sum(parts), tol)
+    raise TooCoarse(ladder, sum(parts), tol)
 
 
 def _stride(
@@ -167,17 +172,6 @@ def _stride(
     else:
         strides = [cheapest(method, settings, parts, target, most=most) for most in (1.0, 0.5)]
     return next((x for x in strides if x != settings and not dear(method, ladder, x, budget)), None)
-
-
-def _out_of_reach(method: Method, ladder: Ladder, bar: float, tol: float) -> TooCoarse:
-    settings = ladder.finest.settings
-    reached = f"an error bar of {bar:.2g}" if math.isfinite(bar) else "no end of the window"
-    return TooCoarse(
-        f"{method.name} reaches {reached} with {method.resolution.setting} = {method.value(settings)}, "
-        f"steps = {settings['steps']}, not the {tol:g} asked for; loosen the tolerance or take another method "
-        "(cablefem advise)",
-        ladder,
-    )
 
 
 def refined_until(
@@ -230,18 +224,15 @@ def cheapest(
     return settings | {space.setting: max(count, finer), "steps": min(math.ceil(steps * b), max(steps, MOST_STEPS))}
 
 
-def work(method: Method, r: MassPath) -> float:
-    """Newton iterations, times nodes of a step, times cost of the resolution."""
-    nodes = max(1, len(scheme(r.settings["scheme"]).nodes))
-    return r.work["newton_iterations"] * nodes * method.resolution.cost(method.value(r.settings))
-
-
 def dear(method: Method, ladder: Ladder, finer: dict[str, Any], budget: float) -> bool:
-    """Whether finer settings exceed LARGEST or the budget."""
-    count, now = method.value(finer), method.value(ladder.finest.settings)
-    ahead = work(method, ladder.finest) * finer["steps"] / ladder.finest.settings["steps"]
-    ahead *= method.resolution.cost(count) / method.resolution.cost(now)
-    return finer["steps"] * count > LARGEST or ahead > budget
+    """Whether finer settings exceed LARGEST or the budget.
+
+    Work is Newton iterations, times nodes of a step, times cost of the resolution.
+    """
+    r, count = ladder.finest, method.value(finer)
+    nodes = max(1, len(scheme(r.settings["scheme"]).nodes))
+    iterations = r.work["newton_iterations"] * finer["steps"] / r.settings["steps"]
+    return finer["steps"] * count > LARGEST or iterations * nodes * method.resolution.cost(count) > budget
 
 
 def annotated(ladder: Ladder, view: View) -> Ladder:

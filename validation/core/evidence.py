@@ -51,12 +51,11 @@ class Given:
     def _change(self, cable: dict[str, Any], length: float) -> None:
         """Heat lengthens the unstretched cable; ice adds weight."""
         l, mean_tension = _hung(self.span, self.drop, self.rho * self.gravity, *self.asked)
-        ice, dT = cable.get("ice", 0.0), cable.get("temperature", 0.0) - cable.get("reference_temperature", 0.0)
+        ice = cable.get("ice", 0.0)
         if isinstance(ice, dict):
             e = ice["thickness"]
             ice = ice["density"] * math.pi * ((0.5 * cable["diameter"] + e) ** 2 - (0.5 * cable["diameter"]) ** 2)
-        if "temperature" not in cable:
-            dT = 0.0
+        dT = cable["temperature"] - cable.get("reference_temperature", 0.0) if "temperature" in cable else 0.0
         self.rho = (self.rho + ice) * l / length
         natural = l / (1.0 + mean_tension / self.EA)
         self.asked = "unstretched", natural * (1.0 + cable.get("expansion", 0.0) * dT)

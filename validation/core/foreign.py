@@ -25,8 +25,7 @@ import numpy as np
 from cablefem.response import Array, MassPath, Response, write_csv
 from cablefem.scene import Scene
 from validation.core import measures
-from validation.core.agreement import Agreement, Verdict
-from validation.core.bounds import Bound, Part, nothing
+from validation.core.agreement import Agreement, Bound, Part, Verdict, nothing
 from validation.core.ladder import Ladder, itself
 from validation.core.measures import WINDOW, NotComparable, Window
 from validation.core.rows import happened

@@ -17,8 +17,7 @@ from scipy.interpolate import CubicSpline
 
 from cablefem.response import Array, Response
 from validation.core import timetable
-from validation.core.agreement import Agreement
-from validation.core.bounds import Bound, Part
+from validation.core.agreement import Agreement, Bound, Part
 from validation.core.evidence import FIRST, ROUNDING, Evidence, Side, Window, Windows, cross
 from validation.core.order import left
 
@@ -209,15 +208,12 @@ def travel(m: Evidence) -> Defect:
     t, s, start = r.t[m.inside], r.s_o[m.inside], timetable.begins(law, drive, l)
     if law["kind"] == "table":
         stop = min(t[-1], law.get("stop", {}).get("time", math.inf))
-        times, places = np.array(law["times"]), np.array(law["positions"]) + start
-        pieces = [(r.t >= a) & (r.t <= b) & (r.t <= t[-1]) for a, b in pairwise(times)]
-        whole = [i for i, of in enumerate(pieces, 1) if of.sum() >= 4 and t[0] <= times[i] <= stop]
-        off = [
-            np.polyfit(r.t[of][-4:] - times[i], r.s_o[of][-4:], 3)[-1] - places[i]
-            for i in whole
-            for of in [pieces[i - 1]]
-        ]
-        return _static(float(np.abs(off).max(initial=0.0)) / l)
+        off = [0.0]
+        for (a, b), place in zip(pairwise(law["times"]), law["positions"][1:], strict=True):
+            piece = (r.t >= a) & (r.t <= b) & (r.t <= t[-1])
+            if piece.sum() >= 4 and t[0] <= b <= stop:
+                off.append(np.polyfit(r.t[piece][-4:] - b, r.s_o[piece][-4:], 3)[-1] - (place + start))
+        return _static(float(np.abs(off).max()) / l)
     want = timetable.places(law, drive, l, t)
     worst = np.argmax(np.abs(s - want))
     return Defect(s[worst, None] / l, (s - want)[worst, None, None] / l)

@@ -11,8 +11,7 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from cablefem.response import Array, Response
-from validation.core.agreement import Agreement
-from validation.core.bounds import Bound, Part
+from validation.core.agreement import Agreement, Bound, Part
 from validation.core.evidence import ROUNDING, Evidence, Given, Windows, cross
 from validation.core.measures import extremes_within
 

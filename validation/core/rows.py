@@ -16,8 +16,7 @@ import numpy as np
 from cablefem.response import Array, Flag, Response
 from cablefem.scene import Scene
 from validation.core import measures
-from validation.core.agreement import APART, DEFAULT_TOL, Agreement, finite
-from validation.core.bounds import Bound, Part, nothing
+from validation.core.agreement import APART, DEFAULT_TOL, Agreement, Bound, Part, finite, nothing
 from validation.core.ladder import Apart, Ladder, Of, itself, largest
 from validation.core.measures import SLACK_END, NotComparable
 from validation.core.methods import METHODS

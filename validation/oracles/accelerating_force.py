@@ -20,15 +20,8 @@ from validation.oracles.case import BEST, MU, SIGMA, Array, Crossing, inside, le
 
 
 def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V0: float = 0.0, a: float) -> Array:
-    return displacement_of(x, t, lambda s: P * s, V0=V0, a=a)
-
-
-def displacement_of(
-    x: ArrayLike, t: ArrayLike, impulse: Callable[[Array], Array], *, V0: float = 0.0, a: float
-) -> Array:
-    """v(x, t) for an impulse int_0^s P, which may jump."""
     starts, ends = heard(x, t, V0=V0, a=a)
-    return 0.5 * np.sum(impulse(ends) - impulse(starts), axis=-1)
+    return 0.5 * np.sum(P * ends - P * starts, axis=-1)
 
 
 def heard(x: ArrayLike, t: ArrayLike, *, V0: float, a: float) -> tuple[Array, Array]:

@@ -17,23 +17,18 @@ from cablefem.scene import Scene
 from validation.oracles.case import RIDERS, Case, Law, Limit, Solvers, ridden
 from validation.oracles.rest import ZIP
 
-
-def drift(r: Any, weight: float) -> Any:
-    """Change of the energy over M g l."""
-    return np.abs(r.energy - r.energy[0]) / (weight * r.length)
-
-
 LOSSLESS = Scene.from_toml(ZIP + "start = 2.0\nend = {time = 20.0}")
 
 
-def _of(r: Any) -> Any:
+def drift(r: Any) -> Any:
+    """Change of the energy over M g l."""
     assert LOSSLESS.mass is not None
-    return drift(r, LOSSLESS.mass.mass * LOSSLESS.gravity)
+    return np.abs(r.energy - r.energy[0]) / (LOSSLESS.mass.mass * LOSSLESS.gravity * r.length)
 
 
 def _rule(scheme: str, solvers: Solvers, method: str, steps: float) -> Any:
     coarse = {"elements": 10} if method == "following-p2" else {}
-    return _of(solvers.ride(LOSSLESS, method, steps=round(steps), scheme=scheme, **coarse))
+    return drift(solvers.ride(LOSSLESS, method, steps=round(steps), scheme=scheme, **coarse))
 
 
 def cases() -> list[Case]:
@@ -48,11 +43,11 @@ def cases() -> list[Case]:
             deviation=partial(_rule, "generalized-alpha"),
         ),
         Law(
-            name="sines: drift over M g l", defect=ridden(LOSSLESS, _of), falls=2.0, methods=RIDERS[1:],
+            name="sines: drift over M g l", defect=ridden(LOSSLESS, drift), falls=2.0, methods=RIDERS[1:],
             because="what of the car's balance the terms leave, whatever the steps",
         ),
         Law(
-            name="the same with drag, which takes it", defect=ridden(LOSSLESS.replace({"drive.drag_area": 0.6}), _of),
+            name="the same with drag, which takes it", defect=ridden(LOSSLESS.replace({"drive.drag_area": 0.6}), drift),
             falls=2.0, methods=RIDERS, because="air takes what the weight gives", expected="disagree",
         ),
     ]  # fmt: skip

@@ -51,21 +51,22 @@ def _held() -> list[Law]:
     """A held car: force at s_o = 0.1, or place of rest."""
     lines = [Scene.from_toml(ZIP + "start = 2.0").groups, Scene.load("level").groups, Scene.load("inclined").groups]
 
+    def each(of: Callable[[Groups], Any]) -> Array:
+        return np.array(list(map(of, lines)))
+
     def hold(solvers: Solvers, method: str, settings: dict[str, Any]) -> Array:
-        return np.array([solvers.hold(g, method, TENTH, **settings) for g in lines])
+        return each(lambda g: solvers.hold(g, method, TENTH, **settings))
 
     def place(solvers: Solvers, method: str, settings: dict[str, Any]) -> Array:
-        def found(g: Groups, at: float) -> float:
+        def found(g: Groups) -> float:
+            at = place_of_rest(g)
             return float(brentq(lambda s: solvers.hold(g, method, s, **settings), at - 0.06, at + 0.06, xtol=1e-14))
 
-        return np.array(list(map(found, lines, places)))
+        return each(found)
 
     def off(force: bool, exact: Array) -> Callable:
         answer, scale = (hold, holds) if force else (place, 1.0)
         return lambda solvers, method, settings: (answer(solvers, method, settings) - exact) / scale
-
-    def each(of: Callable[[Groups], Any]) -> Array:
-        return np.array(list(map(of, lines)))
 
     holds, places = each(lambda g: gripped(TENTH, g).hold[0]), each(place_of_rest)
     balanced = each(lambda g: balance(gripped(TENTH, g)))

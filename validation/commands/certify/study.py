@@ -22,8 +22,7 @@ from scipy.ndimage import maximum_filter1d
 from cablefem.response import Array, Response, whole, write_json
 from cablefem.scene import Scene
 from validation.core import store
-from validation.core.agreement import Agreement, overall
-from validation.core.bounds import Bound, Part, nothing
+from validation.core.agreement import Agreement, Bound, Part, nothing, overall
 from validation.core.climb import BUDGET, TooCoarse, climb
 from validation.core.crossing import crossed
 from validation.core.ladder import Ladder

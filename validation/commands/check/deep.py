@@ -17,8 +17,7 @@ from cablefem.scene import Scene
 from cablefem.scene.statics import gripped, hauled
 from validation.commands.modes.study import modes
 from validation.core import measures, trust
-from validation.core.agreement import Agreement
-from validation.core.bounds import Bound, Part, nothing
+from validation.core.agreement import Agreement, Bound, Part, nothing
 from validation.core.climb import laddered
 from validation.core.ladder import Ladder
 from validation.core.measures import SLACK_END

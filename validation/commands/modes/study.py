@@ -8,8 +8,7 @@ import numpy as np
 
 from cablefem.response import Array, write_json
 from cablefem.scene import Groups, Scene
-from validation.core.agreement import Agreement
-from validation.core.bounds import Bound, Part
+from validation.core.agreement import Agreement, Bound, Part
 
 COUNT = 10
 ROUNDING = 1e-10  # relative; dense solvers lose the ratio of the stiffest to the lowest mode
