@@ -60,8 +60,6 @@ class GalerkinSystem(System):
         self.model, self.load, self.law = model, load, law
         self.basis: Any = basis if isinstance(basis, RidingSines) else Moving(basis, kink)
         self.cable: Any = cable_model(groups, model, law)
-        if groups.motion is None and groups.drive.mode != "free":
-            raise ValueError("the scene has no travelling mass; `bare_frequencies` is all a bare cable has")
         self.motion: Any = groups.motion  # None for a free ride
         self.inertia = self.mu if load == "mass" else 0.0
         self.path_form = self.at_support = load == "mass" and not basis.smooth

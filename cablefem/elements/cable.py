@@ -30,12 +30,6 @@ Factors = tuple[float, float, float]  # of dr/dq, dr/dv, dr/da
 UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
-def elements_allowed(elements: int) -> int:
-    if not isinstance(elements, int) or elements < 1:
-        raise ValueError(f"elements must be an integer >= 1, got {elements!r}")
-    return elements
-
-
 class CableElements(System):
     """A cable with its moving mass; a subclass sets the attributes, `start`, `_places`, `_contact_at` and `_at_mass`.
 
@@ -60,8 +54,6 @@ class CableElements(System):
             raise ValueError(
                 f"a car that rolls (drive {groups.drive.mode}) needs mass-following elements of the full model"
             )
-        if groups.motion is None and groups.drive.mode != "free":
-            raise ValueError("the scene has no mass that travels")
         if model not in (*MODELS, "straight"):
             raise ValueError(f"model must be one of {', '.join(MODELS)}, got {model!r}")
         if load not in ("mass", "force"):

@@ -9,33 +9,20 @@ path     p is an unknown with the constraint p = N(s_o) q (index 3).  It needs n
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 import skfem
 from numpy.polynomial.polynomial import polyder
 from numpy.typing import NDArray
 
-from cablefem.elements.cable import CableElements, elements_allowed
+from cablefem.elements.cable import CableElements
 from cablefem.elements.kernels.balance import Contact, Mesh
 from cablefem.elements.reference import bands, force_order, mass_form, moments, shape_polynomials, tabulated
 from cablefem.newmark import Array, Settled, Solve, State, collocate, consistent_acceleration, iterate
 from cablefem.response import States
 from cablefem.scene import Groups
 
-
-class _Kind(NamedTuple):
-    element: type[skfem.Element]
-    offsets: tuple[int, ...]
-    step: int
-    couplings: tuple[str, ...]
-
-
-_KINDS = {
-    "hermite": _Kind(skfem.ElementLineHermite, (0, 1, 2, 3), 2, ("chain", "path")),
-    "p1": _Kind(skfem.ElementLineP1, (0, 1), 1, ("path", "naive")),
-    "p2": _Kind(skfem.ElementLineP2, (0, 2, 1), 2, ("path", "naive")),
-}
+_KINDS = {"hermite": skfem.ElementLineHermite, "p1": skfem.ElementLineP1, "p2": skfem.ElementLineP2}
 
 
 class FixedElements(CableElements):
@@ -49,13 +36,8 @@ class FixedElements(CableElements):
         model: str = "full", load: str = "mass", law: str = "elastic",
     ) -> None:  # fmt: skip
         super().__init__(groups, model, load, law)
-        self.elements = elements_allowed(elements)
-        if element not in _KINDS:
-            raise ValueError(f"element must be one of {', '.join(_KINDS)}, got {element!r}")
-        kind = _KINDS[element]
-        if coupling not in kind.couplings:
-            raise ValueError(f"coupling of {element} elements must be {' or '.join(kind.couplings)}, got {coupling!r}")
-        self._tabulate(kind)
+        self.elements = elements
+        self._tabulate(_KINDS[element])
         self.particle = coupling == "path"
         self.n_dof = self.fields * (self.n_scalar + self.particle)
         self._fresh()
@@ -106,13 +88,15 @@ class FixedElements(CableElements):
     def collocate(self, *step) -> Iterator[Settled]:
         return collocate(self, *step) if self.particle else super().collocate(*step)
 
-    def _tabulate(self, kind: _Kind) -> None:
+    def _tabulate(self, element: type[skfem.Element]) -> None:
         """Tabulate one element and repeat it: on fine meshes scikit-fem's Hermite functions lose digits (12.0.2)."""
-        n, (element, offsets, step, _) = self.elements, kind
+        n, k = self.elements, element.nodal_dofs
+        step = k + element.interior_dofs
+        offsets = np.r_[0:k, step : step + k, k:step]  # in scikit-fem's order: left node, right node, inside
         degree, unit = len(offsets) - 1, skfem.MeshLine(np.array([0.0, 1.0]))
         basis, of_forces = (skfem.Basis(unit, element(), intorder=order) for order in (2 * degree, force_order(degree)))
         n_loc, first = len(offsets), np.arange(n)[:, None]
-        all_dofs = step * first + np.array(offsets)
+        all_dofs = step * first + offsets
         number = np.arange(all_dofs.max() + 1)
         supports = (number == 0) | (number == step * n)
         number = np.where(supports, -1, np.cumsum(~supports) - 1)
@@ -124,7 +108,7 @@ class FixedElements(CableElements):
             x[:, :, :2] /= n
             x[:, :, 2 + n_loc :] *= n
         self._mesh = Mesh(dofs, tab, n, (), ())
-        b = max(offsets)
+        b = int(offsets.max())
         self._band = self.fields * b + self.fields - 1
         of_one = mass_form.assemble(basis).toarray()[np.ix_(basis.element_dofs[:, 0], basis.element_dofs[:, 0])] / n
         row, col = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])

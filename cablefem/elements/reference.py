@@ -12,8 +12,6 @@ from cablefem.newmark import Array
 
 def lagrange_element(degree: int) -> skfem.Element:
     """A new 1D element; a reused ElementLinePp returns values at earlier points (scikit-fem 12.0.2)."""
-    if not (isinstance(degree, int) and 1 <= degree <= 8):
-        raise ValueError(f"degree must be an integer from 1 to 8, got {degree!r}")
     if degree == 1:
         return skfem.ElementLineP1()
     if degree == 2:
@@ -75,7 +73,6 @@ class Reference(NamedTuple):
     node: int  # unknown of the mass
     dofs: NDArray[np.int64]  # (n_el, n_loc), -1 on a support
     forces: Array  # xi and the rest of `tabulated`, at the points of `force_order`
-    inertia: Array  # the same at points exact for phi_i phi_j
     operators: Array  # (8, 2 degree + 1, n) `bands` of M^, G^, G^T and H^, each behind and ahead
     moments: Array  # (2, n, 4) of each side, see `moments`
     shapes: Array  # see `shape_polynomials`
@@ -137,10 +134,9 @@ def reference(elements: int, degree: int, grading: float, damped: bool = False) 
     M, G, H = ([operator(form, part) for part in parts] for form in (mass_form, transport_form, convection_form))
     dofs, forces, inertia = number[basis.element_dofs].T.copy(), tabulated(of_forces), tabulated(basis)
     of_sides = np.array([moments(dofs[x], inertia[x], 1.0 - abs(inertia[x][..., 0]), n) for x in sides])
-    for tab in (forces, inertia):
-        tab[:elements, :, 0] += 1.0
+    forces[:elements, :, 0] += 1.0
     return Reference(
-        degree, knots, elements * degree - 1, dofs, forces, inertia,
+        degree, knots, elements * degree - 1, dofs, forces,
         np.array([bands(*x, n, degree) for x in (*M, *G, *((data, j, i) for data, i, j in G), *H)]), of_sides,
         shape_polynomials(lagrange_element(degree)),
     )  # fmt: skip

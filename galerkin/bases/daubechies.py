@@ -9,7 +9,7 @@ Derivatives and primitives are sums over functions phi_m with masks 2 ((1 + z)/2
 from dataclasses import dataclass
 from functools import lru_cache
 from math import comb, sqrt
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple
 
 import mpmath as mp
 import numpy as np
@@ -272,8 +272,8 @@ class Daubechies:
         Theta_jk(x) = 2^(-j/2) [theta(2^j x - k) - theta(-k) - (x/R)(theta(2^j R - k) - theta(-k))],  x = R s     (39)
         1-R <= k <= order-1 for j = -1,   order-R <= k <= 2^j R - order for j >= 0,   R = 2 order - 1             (37)
 
-    order : vanishing moments; (23) needs 4.
-    level : levels after j = -1; 2^level R + order - 1 functions.
+    order : vanishing moments, 2 to 10; (23) needs 4.
+    level : levels after j = -1, at most 8; 2^level R + order - 1 functions.
     reading : "literal"; "scaling" has phi(x - k) for j = -1 and lacks functions at the right end; "shifted" has psi on
         [1-p, p] and loses rank.
     """
@@ -281,14 +281,6 @@ class Daubechies:
     order: int = 4
     level: int = 0
     reading: Reading = "literal"
-
-    def __post_init__(self) -> None:
-        if self.order not in range(2, 11):
-            raise ValueError(f"Daubechies.order must be 2 .. 10, got {self.order!r}")
-        if self.level not in range(9):
-            raise ValueError(f"Daubechies.level must be 0 .. 8, got {self.level!r}")
-        if self.reading not in get_args(Reading):
-            raise ValueError(f"Daubechies.reading must be one of {', '.join(get_args(Reading))}, got {self.reading!r}")
 
     @property
     def cells(self) -> int:

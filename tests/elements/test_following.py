@@ -46,18 +46,12 @@ def test_the_hanging_cable_feels_the_mass_alone(model):
 
 def test_settings_that_make_no_sense_are_refused():
     for faulty, message in (
-        ({"elements": 0}, "elements must be an integer >= 1, got 0"),
-        ({"elements": 2.0}, "elements must be an integer >= 1, got 2.0"),
-        ({"degree": 9}, "degree must be an integer from 1 to 8, got 9"),
-        ({"grading": math.nan}, r"grading must lie in \[1, 1e6\], got nan"),
         ({"model": "beam"}, "model must be one of full, string, sagged, stretching, got 'beam'"),
         ({"load": "weight"}, "load must be mass or force, got 'weight'"),
         ({"law": "rubber"}, "law must be elastic or tension-only, got 'rubber'"),
     ):
         with pytest.raises(ValueError, match=message):
             FollowingElements(STEEP, **faulty)
-    with pytest.raises(ValueError, match="no mass that travels"):
-        FollowingElements(replace(STEEP, motion=None))
 
 
 @pytest.mark.parametrize("s_o", [0.0, 1.0])

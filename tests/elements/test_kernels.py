@@ -9,7 +9,7 @@ from cablefem.elements.fixed import FixedElements
 from cablefem.elements.following import FollowingElements
 from cablefem.elements.kernels.banded import factorise, solve
 from cablefem.elements.observing import energies
-from cablefem.elements.reference import lagrange_element, reference, shape_polynomials
+from cablefem.elements.reference import reference, shape_polynomials
 from tests.runs import LEVEL, cable, evaluate
 
 DEGREES = range(1, 9)
@@ -17,12 +17,11 @@ SOFT = cable(mu=0.7, sigma=0.41, c=0.73, alpha=83.0, speed=0.3)
 
 
 # --- reference meshes ----------------------------------------------------------------------------------------------
-@pytest.mark.parametrize("of", ["forces", "inertia"])
 @pytest.mark.parametrize("degree", DEGREES)
-def test_tables_are_those_of_the_very_points(degree, of):
+def test_tables_are_those_of_the_very_points(degree):
     """scikit-fem keeps the polynomials of ElementLinePp by the NUMBER of points; the tables must not fall for it."""
     ref, n_loc = reference(3, degree, 2.3), degree + 1
-    tab = getattr(ref, of)
+    tab = ref.forces
     x = tab[:, :, 0] - np.repeat([1.0, 0.0], 3)[:, None]
     dofs, value, grad = evaluate(ref, x.ravel())
     tabulated, slopes = (tab[:, :, at : at + n_loc].reshape(-1, n_loc).T for at in (2, 2 + n_loc))
@@ -60,12 +59,6 @@ def test_elements_hold_every_polynomial_of_their_degree(degree):
             assert abs(sum(rows) - (square(1.0) - square(-1.0))) < 1e-13
         else:
             assert np.abs(N @ q - of(x)).max() > 1e-9
-
-
-def test_degrees_that_are_none_are_refused():
-    for degree in (0, 9, 2.0):
-        with pytest.raises(ValueError, match="degree must be an integer from 1 to 8"):
-            lagrange_element(degree)
 
 
 @pytest.mark.parametrize("elements", [3, 1000])

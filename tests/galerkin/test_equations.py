@@ -326,8 +326,6 @@ def test_faults_are_named():
         GalerkinSystem(STEEP, Fourier(3), model="beam")
     with pytest.raises(ValueError, match="unknown law 'rubber'"):
         GalerkinSystem(STEEP, Fourier(3), law="rubber")
-    with pytest.raises(ValueError, match="no travelling mass"):
-        GalerkinSystem(Scene.load("bare").groups, Fourier(3))
 
 
 # --- the compiled step -----------------------------------------------------------------------------------------------

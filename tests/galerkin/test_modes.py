@@ -37,8 +37,3 @@ def test_linear_theory_of_the_sagged_cable():
     np.testing.assert_allclose(sagged, exact, rtol=3e-7)
     assert np.array_equal(bare_frequencies(BARE, Fourier(90), model="stretching", n=4), sagged)  # the same at rest
     assert abs(bare_frequencies(BARE, Fourier(90), n=1)[0] - sagged[0]) > 4e-3  # the full cable is another model
-
-
-def test_more_frequencies_than_unknowns_are_refused():
-    with pytest.raises(ValueError, match=r"\[1, 6\]"):
-        bare_frequencies(BARE, Fourier(3), n=7)
