@@ -1,7 +1,5 @@
 """The verdict on a row: gap, bars and tolerance.  A bound is the allowed gap with its parts and its reason."""
 
-from __future__ import annotations
-
 import enum
 import math
 from dataclasses import dataclass

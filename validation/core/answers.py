@@ -1,7 +1,5 @@
 """How a ride ends, what clears what, where the rope hangs.  Depths are in metres below the left support."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """From a tolerance to a resolution: refine space or time, whichever pays more."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace

@@ -7,8 +7,6 @@ car.up.at=[50,60]         one value that is a list
 mass.mass=+1%             relative to the scene's
 """
 
-from __future__ import annotations
-
 import itertools
 import tomllib
 from collections.abc import Sequence

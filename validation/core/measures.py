@@ -1,7 +1,5 @@
 """Measures that compare two responses or check one; `window` is a pair of s_o/l."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise

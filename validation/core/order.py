@@ -1,7 +1,5 @@
 """What is left of an error, from the changes of a value as it is refined twice."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

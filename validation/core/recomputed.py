@@ -1,7 +1,5 @@
 """Second computation of design numbers, within their bars, and of path.csv, to rounding."""
 
-from __future__ import annotations
-
 import math
 import tempfile
 from collections.abc import Iterator
@@ -32,17 +30,16 @@ def rows(r: Response, twin: Response | None = None) -> Iterator[Agreement]:
 
 
 def columns(r: Response, path: Path) -> Iterator[Agreement]:
-    lines = path.read_text(encoding="ascii").splitlines()
-    written = np.array([[float(x or "nan") for x in line.split(",")] for line in lines[1:]])
+    written = np.genfromtxt(path, delimiter=",", names=True, ndmin=1)
     rest = Evidence(r, Windows(r.fields.t, r.t)).curve(r.s_o)
     wanted = {
         "t": r.t, "s_o": r.s_o, "x": rest[:, 0] + r.u, "y": rest[:, 1] + r.v, "u": r.u, "v": r.v,
         "T_behind": r.T_behind, "T_ahead": r.T_ahead, "speed": np.sqrt(np.sum(r.velocity**2, axis=1)),
         "F_haul": r.F_haul, "F_contact": _press(r),
     }  # fmt: skip
-    names = lines[0].split(",")
     for name, right in wanted.items():
-        told = written[:, names.index(name)] if name in names and len(written) == r.t.size else math.nan * right
+        there = name in (written.dtype.names or ()) and written.size == right.size
+        told = written[name] if there else math.nan * right
         alike = np.array_equal(np.isnan(told), np.isnan(right))
         size = float(np.nanmax(np.abs(right), initial=0.0)) or 1.0
         gap = float(np.nanmax(np.abs(told - right), initial=0.0)) / size if alike else math.inf

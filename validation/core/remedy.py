@@ -1,7 +1,5 @@
 """The one change of times, places, heights or scale that would make another program's path agree."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial

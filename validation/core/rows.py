@@ -1,7 +1,5 @@
 """The table of compared quantities, with scales and tolerances."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections import Counter
@@ -38,15 +36,13 @@ DOUBTS = ("fast", "slow waves", "energy", "hidden slack", "no bar")  # flags of 
 class Quantity:
     """One line of the table.
 
-    asks : tolerance "path", "force" or "rest"; "" if only shown.
-    order : the most credited;  concerns : views with such a row.
+    asks : tolerance "path", "force" or "rest"; "" if only shown.  concerns : views with such a row.
     """
 
     name: str
     gap: Gap
     asks: str
     law: str = ""
-    order: float = math.inf
     concerns: Callable[[View], bool] = lambda view: True
 
 
@@ -146,7 +142,7 @@ def forces_left(scene: Scene, ladder: Ladder, tol: float) -> tuple[float, float]
     asked, over, worst = asked_of("force", tol, None), ladder.over(view), (0.0, 0.0)
     for quantity in TABLE:
         if quantity.asks == "force" and quantity.concerns(view) and _tells(quantity, over.finest, view):
-            found = over.parts(itself, partial(_apart, quantity, view), quantity.order)
+            found = over.parts(itself, partial(_apart, quantity, view))
             worst = max(worst, (found[0] / asked, found[1] / asked), key=sum)
     return worst
 
@@ -165,7 +161,7 @@ def _apart(quantity: Quantity, view: View, x: Response, y: Response) -> float:
 
 def _row(quantity: Quantity, a: Ladder, b: Ladder, view: View, asked_for: float) -> Agreement:
     try:
-        row = _compared(quantity.name, a, b, asked_for, itself, partial(_apart, quantity, view), quantity.order)
+        row = _compared(quantity.name, a, b, asked_for, itself, partial(_apart, quantity, view), math.inf)
     except NotComparable as why:
         return Agreement(quantity.name, math.nan, nothing(why), law=quantity.law)
     where = measures.path_gap(a.finest, b.finest, view.window)[2] if quantity.name == "path_max" else None

@@ -1,7 +1,5 @@
 """From a solver's states to a Response in SI."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -233,13 +231,11 @@ def _observe(
     h: History, steps: States, frames: States, switch: float, s: Array
 ) -> tuple[Observation, NDArray[np.bool_]]:  # fmt: skip
     """Observe steps and frames together with the law in force; also tells which rows are steps."""
-    parts, is_step, laws = [], [], [(h.solver, [steps, frames])]
-    if switch < math.inf:
-        early, later = ([_rows(x, (x.t > switch) == late) for x in (steps, frames)] for late in (False, True))
-        laws = [(h.solver, early), (h.after or h.solver, later)]
-    for solver, mine in laws:
+    parts, is_step = [], []
+    for solver, late in ((h.solver, False), (h.after, True)):
+        mine = [_rows(x, (x.t > switch) == late) for x in (steps, frames)]
         n, k = (x.t.size for x in mine)
-        if n + k:
+        if solver is not None and n + k:
             both = States(*(np.concatenate([getattr(x, name) for x in mine]) for name in States.__dataclass_fields__))
             parts.append(solver.observe(both, s, n + np.arange(k)))
             is_step.append(np.arange(n + k) < n)

@@ -1,7 +1,5 @@
 """The travel of a TOML in SI, as stretches of constant jerk."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -74,9 +74,9 @@ class Case:
     expected: str = "agree"
     finer: float = 1.0  # resolution, for light masses
     falls: float | None = None  # least order, or power of the parameter
+    refined: str = "resolution"  # or the parameter of a limit
 
     kind = "path"
-    refined = "resolution"
 
     def of(self, solvers: Solvers) -> Sequence[str]:
         return solvers.names(self.kind) if self.methods is None else self.methods
@@ -201,20 +201,15 @@ def ridden(scene: Scene, defect: Callable[[Any], Any], until: float | None = Non
 class Limit(Case):
     """A limit of the equations: the deviation falls with a parameter."""
 
-    parameter: str
     values: tuple[float, ...]
     deviation: Callable[[Solvers, str, float], Any]
 
-    @property
-    def refined(self) -> str:  # type: ignore[override]
-        return self.parameter
-
     def ladder(self, solvers: Solvers, method: str) -> list[Rung]:
         rising = self.values[-1] > self.values[0]
-        return [Rung({self.parameter: x}, x if rising else 1.0 / x) for x in self.values]
+        return [Rung({self.refined: x}, x if rising else 1.0 / x) for x in self.values]
 
     def ask(self, solvers: Solvers, method: str, rung: Rung) -> Any:
-        return self.deviation(solvers, method, rung.settings[self.parameter])
+        return self.deviation(solvers, method, rung.settings[self.refined])
 
 
 # --- cables and travels; all numbers differ, so that no factor can hide

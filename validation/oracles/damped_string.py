@@ -43,7 +43,6 @@ def plucked(t: Array, *, P: float, p: float, c: float) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Damped(Modes):
-    kind = "path"
     methods: tuple[str, ...] | None = BEST
 
     def ask(self, solvers: Solvers, method: str, rung: Rung) -> Array:

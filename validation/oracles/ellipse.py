@@ -11,7 +11,6 @@ Group: A car that rolls
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -147,18 +146,15 @@ def cases() -> list[Limit]:
     stretch, bounces = "the cable stretches by M g/EA", "the car that is let go bounces, at a speed like sqrt(M g/EA)"
     light, raw = "stiff light cable: ", partial(_tension, averaged=False)
     four = (1e2, 1e3, 1e4, 1e5)
-    told: list[tuple[str, str, tuple[float, ...], float, str, Callable[[Solvers, str, float], Any]]] = [
-        (light + "distance from it over l", "stiffness", four, 1.0, stretch, _deviation),
-        (light + "speed over the largest", "stiffness", four, 0.5, bounces, _speed),
-        (light + "tension over the largest, mean over a bounce", "stiffness", four[:3], 1.0, stretch, _tension),
-        (light + "tension over the largest, at any time", "stiffness", four[:3], 1.0, "it rings on, whatever EA", raw),
-        ("small swings on a stiff light cable: frequency", "mu", (10.0, 100.0, 1000.0), 1.0,
-         "the cable's own weight counts like one over the car's", _swing),
-    ]  # fmt: skip
+    stiff = partial(Limit, refined="stiffness", methods=RIDERS)
     return [
-        Limit(
-            name=name, parameter=parameter, values=values, falls=falls, because=because, deviation=deviation,
-            methods=RIDERS, expected="disagree" if deviation is raw else "agree",
-        )
-        for name, parameter, values, falls, because, deviation in told
+        stiff(name=light + "distance from it over l", values=four, falls=1.0, because=stretch, deviation=_deviation),
+        stiff(name=light + "speed over the largest", values=four, falls=0.5, because=bounces, deviation=_speed),
+        stiff(name=light + "tension over the largest, mean over a bounce", values=four[:3], falls=1.0, because=stretch,
+              deviation=_tension),
+        stiff(name=light + "tension over the largest, at any time", values=four[:3], falls=1.0,
+              because="it rings on, whatever EA", deviation=raw, expected="disagree"),
+        Limit(name="small swings on a stiff light cable: frequency", refined="mu", values=(10.0, 100.0, 1000.0),
+              falls=1.0, because="the cable's own weight counts like one over the car's", deviation=_swing,
+              methods=RIDERS),
     ]  # fmt: skip

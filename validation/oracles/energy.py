@@ -34,11 +34,11 @@ def _rule(scheme: str, solvers: Solvers, method: str, steps: float) -> Any:
 def cases() -> list[Case]:
     return [
         Limit(
-            name="damped rule: drift over M g l", parameter="steps", values=(500.0, 1000.0, 2000.0), falls=1.0,
+            name="damped rule: drift over M g l", refined="steps", values=(500.0, 1000.0, 2000.0), falls=1.0,
             because="the rule's own damping is of first order", deviation=partial(_rule, "newmark"), methods=RIDERS,
         ),
         Limit(
-            name="generalised alpha: drift over M g l", parameter="steps", values=(500.0, 2000.0), falls=0.5,
+            name="generalised alpha: drift over M g l", refined="steps", values=(500.0, 2000.0), falls=0.5,
             because="what the start rings with is shorter than any step", methods=RIDERS[:1],
             deviation=partial(_rule, "generalized-alpha"),
         ),

@@ -30,7 +30,7 @@ def cases() -> list[Limit]:
 
     return [
         Limit(
-            name="limit of a stiff cable, model sagged", parameter="alpha", values=(1.6e5, 6.4e5, 2.56e6), falls=1.0,
+            name="limit of a stiff cable, model sagged", refined="alpha", values=(1.6e5, 6.4e5, 2.56e6), falls=1.0,
             because="the stretching that is left is 1/L²", deviation=deviation, methods=tuple(setting),
         )
     ]  # fmt: skip

@@ -8,8 +8,6 @@ Accuracy: the digits of the numbers, 1e-9; 1.2 percent of SEILAPLAN's tensions, 
 Group: A line at rest
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

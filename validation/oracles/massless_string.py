@@ -42,7 +42,7 @@ def cases() -> list[Limit]:
 
     return [
         Limit(
-            name="limit of a heavy slow mass", parameter="mass ratio", values=(5.0, 20.0, 80.0), falls=1.0,
+            name="limit of a heavy slow mass", refined="mass ratio", values=(5.0, 20.0, 80.0), falls=1.0,
             because="the string's own inertia is 1/(mass ratio) of the moving one", deviation=deviation,
         )
     ]  # fmt: skip

@@ -67,8 +67,6 @@ def _fronts(motion: Motion, end: float) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Ride:
-    mu: float
-    sigma: float
     edges: Array  # of the panels
     values: Array  # y, F, G at the points of the panels (3, n, DEGREE + 1)
 
@@ -115,7 +113,7 @@ def solve(motion: Motion, *, mu: float, sigma: float) -> Ride:
     right = np.concatenate([integral @ (sigma * t), np.zeros(2 * n)])
     values = spsolve(block_array(equations, format="csc"), right).reshape(3, -1, DEGREE)
     first = np.pad(values[:, :-1, -1:], ((0, 0), (1, 0), (0, 0)))
-    return Ride(mu, sigma, edges, np.concatenate([first, values], axis=2))
+    return Ride(edges, np.concatenate([first, values], axis=2))
 
 
 def cases() -> list[Crossing | Limit]:
@@ -162,7 +160,7 @@ def _small_sag(model: str, *, plain: bool = False) -> Limit:
 
     told = "plain g instead of g (1 + V²)" if plain else "g (1 + V²)"
     return Limit(
-        name=f"limit of small sag, model {model}, {told}", parameter="sag", values=(0.02, 0.01, 0.005), falls=2.0,
+        name=f"limit of small sag, model {model}, {told}", refined="sag", values=(0.02, 0.01, 0.005), falls=2.0,
         because="the tension that the sag adds goes like alpha sigma²", deviation=deviation,
         methods=("following-p2",) if plain else BEST, expected="disagree" if plain else "agree",
     )  # fmt: skip

@@ -54,9 +54,9 @@ def cases() -> list[Limit]:
         ("speed along the empty cable's shape", "speed", LoadPath.empty),
     ]  # fmt: skip
     return [
-        Limit(name="much drag: place over l", parameter="drag area", values=(2.5, 10.0, 40.0), falls=1.0, because=slow,
+        Limit(name="much drag: place over l", refined="drag area", values=(2.5, 10.0, 40.0), falls=1.0, because=slow,
               deviation=_deviation, methods=RIDERS),
-        *(Limit(name=f"up to V/c = 0.4: {name}", parameter="sigma", values=(0.32, 0.16, 0.08), falls=1.6,
+        *(Limit(name=f"up to V/c = 0.4: {name}", refined="sigma", values=(0.32, 0.16, 0.08), falls=1.6,
                 because=waves, deviation=partial(_fast, what, curve), methods=RIDERS,
                 expected="agree" if i < 2 else "disagree") for i, (name, what, curve) in enumerate(told)),
     ]  # fmt: skip

@@ -10,8 +10,6 @@ Accuracy: rounding
 Group: A car that rolls
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -110,7 +108,7 @@ def _deviation(solvers: Solvers, method: str, EA: float) -> float:
 def cases() -> list[Case]:
     return [
         Limit(
-            name="cold and iced: place of a held car over its deflection", parameter="EA", values=(2.5e5, 5e5, 1e6),
+            name="cold and iced: place of a held car over its deflection", refined="EA", values=(2.5e5, 5e5, 1e6),
             falls=1.0, deviation=_deviation, methods=RIDERS,
             because="T/EA varies along the cable, and with it the mass per metre",
         )

@@ -40,7 +40,7 @@ def _deviation(solvers: Solvers, method: str, sigma: float, drag: bool = True) -
 
 def _case(name: str, drag: bool) -> Limit:
     return Limit(
-        name=name, parameter="sigma", values=(3e-1, 1e-1, 3e-2), falls=0.8,
+        name=name, refined="sigma", values=(3e-1, 1e-1, 3e-2), falls=0.8,
         because="sag and stretch change the waves like sigma", deviation=partial(_deviation, drag=drag),
         methods=RIDERS, expected="agree" if drag else "disagree",
     )  # fmt: skip
