@@ -239,12 +239,12 @@ def annotated(ladder: Ladder, view: View) -> Ladder:
         path, view = path_parts(ladder, view), view.cut(ladder.finest)
         tension = ladder.over(view).parts(itself, lambda a, b: measures.tension_gap(a, b, view.window), 1.0)
         measures.path_gap(ladder.finest, ladder.finest, view.window)
+        if not math.isfinite(sum(path)):
+            what = "resolution" if math.isinf(path[0]) else "steps"
+            end = f"s_o/l = {view.window[1]:.3f}"
+            raise NotComparable(f"the run with half the {what} ends before {end}, or there is none")
     except NotComparable as why:
         return replace(ladder, finest=flagged(ladder.finest, "no bar", why=str(why)))
-    if not math.isfinite(sum(path)):
-        what = "resolution" if math.isinf(path[0]) else "steps"
-        missing = f"the run with half the {what} ends before s_o/l = {view.window[1]:.3f}, or there is none"
-        return replace(ladder, finest=flagged(ladder.finest, "no bar", why=missing))
     parts = {"path_space": path[0], "path_time": path[1]}
     told: dict[str, Any] = {"path_error": max(ROUNDING, sum(path)), "error_window": list(view.window)}
     if math.isfinite(sum(tension)):

@@ -313,14 +313,13 @@ def rows(path: ForeignPath | Response, ours: Ladder, window: Window, with_tol: f
         if short:
             bound = nothing(f"{party} covers {short}; there {bound.value:.2g} would be allowed")
         found.append(Agreement(name, apart(path, run), bound, where if name == "path_max" else None, party))
-    first = found[:2]
-    if any(row.verdict is Verdict.DISAGREE for row in first):
+    if any(row.verdict is Verdict.DISAGREE for row in found[:2]):
         from validation.core.remedy import remedy  # seldom needed
 
-        allowed = [row.allowed for row in first]
+        allowed = [row.allowed for row in found[:2]]
         said = remedy(path, run, lambda x: measures.path_gap(x, run, part), allowed)
-        first = [replace(row, bound=replace(row.bound, notes=(said,) if said else ())) for row in first]
-    yield from [*first, *found[2:]]
+        found[:2] = [replace(row, bound=replace(row.bound, notes=(said,) if said else ())) for row in found[:2]]
+    yield from found
 
 
 def _measures(

@@ -121,12 +121,11 @@ class Statics:
 
 
 def _least(r: Rest, sigma: float) -> tuple[Array, Array]:
-    found = []
-    for n, low, high in ((r.left, 0.0 * r.s, r.s), (r.left + r.jump, r.s, np.ones_like(r.s))):
-        at = np.clip(n[:, 1] / sigma, low, high)
-        found.append((np.hypot(n[:, 0], n[:, 1] - sigma * at), at))
-    (N0, at0), (N1, at1) = found
-    return np.minimum(N0, N1), np.where(N0 <= N1, at0, at1)
+    """Least tension (k,), behind or ahead of the car, and its s."""
+    n = np.stack([r.left, r.left + r.jump])
+    at = np.clip(n[..., 1] / sigma, [0.0 * r.s, r.s], [r.s, np.ones_like(r.s)])
+    N = np.hypot(n[..., 0], n[..., 1] - sigma * at)
+    return N.min(axis=0), np.where(N[0] <= N[1], at[0], at[1])
 
 
 def _fields(at: Statics, g: Groups, s: Array, s_o: Array, ds: Array) -> dict[str, Any]:
@@ -140,10 +139,10 @@ def _fields(at: Statics, g: Groups, s: Array, s_o: Array, ds: Array) -> dict[str
         half = 0.5 * np.diff(cuts)[..., None]
         p = cuts[:, :-1, None] + half * (1.0 + x)
         ahead = p > r.s[:, None, None]
-        nx = r.left[:, 0, None, None] + ahead * r.jump[:, 0, None, None]
-        ny = r.left[:, 1, None, None] + ahead * r.jump[:, 1, None, None] - g.sigma * p
-        f = half * w * ((1.0 - static(p, g.sigma, g.c)[0] / g.alpha) / np.hypot(nx, ny) + 1.0 / g.alpha)
-        steps = np.stack([(f * nx).sum(-1), (f * ny).sum(-1)], -1)
+        n = r.left[:, None, None] + ahead[..., None] * r.jump[:, None, None]
+        n[..., 1] -= g.sigma * p
+        f = half * w * ((1.0 - static(p, g.sigma, g.c)[0] / g.alpha) / np.hypot(*n.T).T + 1.0 / g.alpha)
+        steps = (f[..., None] * n).sum(axis=2)
         places = np.concatenate([np.zeros((r.s.size, 1, 2)), np.cumsum(steps, axis=1)], axis=1)
         index = np.arange(s.size) + (s > r.s[:, None])
         return np.take_along_axis(places, index[..., None], axis=1)

@@ -2,7 +2,6 @@
 
 import itertools
 import math
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -226,14 +225,14 @@ def _event(event: str, a: Ladder, b: Ladder, asked_for: float) -> Iterator[Agree
 
 def with_bars(ladder: Ladder) -> list[dict[str, Any]]:
     """A run's events with bars bar_t [s], bar_s_o [m], bar_speed [m/s]; None if unknown."""
-    out, seen = [], Counter[str]()
-    for x in ladder.finest.events:
-        event, bars = x["event"], {}
-        for name in ("t", "s_o", "speed"):
-            bar = ladder.bar(partial(_of_event, event, name, 1.0, after=seen[event]), order=1.0)
-            bars[f"bar_{name}"] = finite(bar)
-        seen[event] += 1
-        out.append(x | bars)
+
+    def bar(x: dict[str, Any], name: str, after: int) -> float | None:
+        return finite(ladder.bar(partial(_of_event, x["event"], name, 1.0, after=after), order=1.0))
+
+    out, kinds = [], [x["event"] for x in ladder.finest.events]
+    for i, x in enumerate(ladder.finest.events):
+        after = kinds[:i].count(x["event"])
+        out.append(x | {f"bar_{name}": bar(x, name, after) for name in ("t", "s_o", "speed")})
     return out
 
 
@@ -307,10 +306,11 @@ def printed(a: Response, b: Response) -> Iterator[Agreement]:
 
 def _worse_of(rows: Iterable[Agreement]) -> Iterator[Agreement]:
     """Of each kind of row the one with the worse verdict, else the one nearer its bound."""
-    found: dict[tuple[str, str], list[Agreement]] = {}
+    worst: dict[tuple[str, str], Agreement] = {}
     for row in rows:
-        found.setdefault((row.quantity, row.law), []).append(row)
-    return (max(same, key=_badness) for same in found.values())
+        key = row.quantity, row.law
+        worst[key] = max(worst.get(key, row), row, key=_badness)
+    yield from worst.values()
 
 
 def _badness(row: Agreement) -> tuple[bool, float]:

@@ -35,11 +35,10 @@ class View:
     def of(cls, scene: Scene) -> View:
         assert scene.mass is not None
         motion, (low, high) = scene.groups.motion, WINDOWS[scene.drive.mode]
-        stops = motion is not None and motion.end < high
-        high = motion.end if motion is not None and stops else high
+        end = 1.0 if motion is None else motion.end
         return cls(
-            axis="time" if motion is None or motion.standstills else "place", window=(low, high),
-            free=motion is None, ends=motion is None or stops,
+            axis="time" if motion is None or motion.standstills else "place", window=(low, min(high, end)),
+            free=motion is None, ends=motion is None or end < high,
             rolls=scene.drive.mode != "grip", length=scene.length, H=scene.horizontal_tension,
             top=0.0 if motion is None else motion.top_speed * scene.length / scene.time_scale,
             weight=scene.mass.mass * scene.gravity, axial=2.0 * scene.length / scene.axial_speed,

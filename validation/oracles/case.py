@@ -173,7 +173,8 @@ class Modes(Case):
         return solvers.order(method) if self.falls is None else (self.falls, self.because)
 
     def ask(self, solvers: Solvers, method: str, rung: Rung) -> Array:
-        return solvers.modes(method, self.groups, self.model, self.exact.size, **rung.settings)
+        solve = solvers.damped_modes if self.groups.damping else solvers.modes
+        return solve(method, self.groups, self.model, self.exact.size, **rung.settings)
 
     def off(self, answer: Array) -> Any:
         return np.abs(answer / self.exact - 1.0).max()

@@ -13,14 +13,14 @@ Accuracy: modes rounding; string 1e-7 of P
 Group: Damped cables
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from cablefem.scene.motion import standing
 from validation.oracles import irvine
-from validation.oracles.case import BARE, BEST, MU, SIGMA, Array, Case, Law, Modes, Rung, Solvers, level
+from validation.oracles.case import BARE, BEST, MU, SIGMA, Array, Case, Law, Modes, Solvers, level
 from validation.oracles.moving_force import green
 
 TERMS = 400
@@ -41,22 +41,14 @@ def plucked(t: Array, *, P: float, p: float, c: float) -> Array:
     return np.exp(-0.5 * c * t) * (undamped + late @ (2.0 * P * np.sin(n * p) ** 2 / n**2))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Damped(Modes):
-    methods: tuple[str, ...] | None = BEST
-
-    def ask(self, solvers: Solvers, method: str, rung: Rung) -> Array:
-        return solvers.damped_modes(method, self.groups, self.model, self.exact.size, **rung.settings)
-
-
 def cases() -> list[Case]:
     W = irvine.frequencies(irvine.parameter(BARE.sigma, BARE.alpha), 4)
 
-    def free(name: str, c: float, **kind: Any) -> Damped:
+    def free(name: str, c: float, **kind: Any) -> Modes:
         why = "stationary values: twice the degree; sines against their own ends"
-        return Damped(
+        return Modes(
             name=name, groups=replace(BARE, damping=0.1), model="sagged", exact=modes(W, c), falls=3.0,
-            because=why, **kind,
+            because=why, methods=BEST, **kind,
         )  # fmt: skip
 
     def pulled(name: str, told: float, **kind: Any) -> Law:
