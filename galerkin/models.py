@@ -32,14 +32,11 @@ class FullCable:
     def __init__(self, groups: Groups, law: str) -> None:
         self.groups, self.alpha, self.law = groups, groups.alpha, LAWS.index(law)
         self.weight = np.array([0.0, groups.sigma])
-        self._last: kernels.Points | None = None
 
     def at(self, basis: Any, s_o: float) -> kernels.Points:
         s, weights, phi = basis.slopes(s_o)
-        if self._last is None or phi is not self._last.phi:
-            T, xp, yp, _, _ = self.groups.static(s)
-            self._last = kernels.Points(s, phi, weights, T, np.array([xp, yp]))
-        return self._last
+        T, xp, yp, _, _ = self.groups.static(s)
+        return kernels.Points(s, phi, weights, T, np.array([xp, yp]))
 
     def _stress(self, place: kernels.Points, Q: Array) -> Array:
         """Rows of `kernels.stress`, weighted but for the last, (8, n_q)."""

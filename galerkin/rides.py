@@ -58,7 +58,6 @@ class RollingSystem(RollingCar, GalerkinSystem):
         # rows t, p.; then t, mean p.. and its rate
         self._past, self._smooth = np.empty((0, 3)), [0.0] * 5
         self._window = WINDOW * self.round_trip
-        self._seen: tuple[State, Car] | None = None  # the last of `_car_at`
 
     def with_law(self, law: str) -> Self:
         other = super().with_law(law)
@@ -93,10 +92,8 @@ class RollingSystem(RollingCar, GalerkinSystem):
 
     def _car_at(self, x: State) -> Car:
         """The car, by slopes of the basis and without thrust."""
-        if self._seen is None or self._seen[0] is not x:
-            ride, line, place = self._ride(x)
-            self._seen = x, rolling.seen(ride.on, line, place, np.array(x[1:4]))
-        return self._seen[1]
+        ride, line, place = self._ride(x)
+        return rolling.seen(ride.on, line, place, np.array(x[1:4]))
 
     def begin_step(self, x: State) -> None:
         """Update the car's mean acceleration, for friction and lift-off.
@@ -106,7 +103,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         super().begin_step(x)
         if not self.free or (self._past.size and x.t <= self._past[-1, 0]):
             return
-        car, self._seen = self._car_at(x), None  # its normal force follows the mean
+        car = self._car_at(x)
         past = np.concatenate([self._past, [[x.t, car.vx, car.vy]]])
         first, *self._smooth = rolling.averaged(past, 0, len(past) - 1, self._window)
         self._past = past[int(first) :]

@@ -14,10 +14,11 @@ import numpy as np
 import skfem
 from numpy.polynomial.polynomial import polyder
 from numpy.typing import NDArray
+from skfem.models.poisson import mass
 
 from cablefem.elements.cable import CableElements
 from cablefem.elements.kernels.balance import Contact, Mesh
-from cablefem.elements.reference import bands, force_order, mass_form, moments, shape_polynomials, tabulated
+from cablefem.elements.reference import bands, force_order, moments, shape_polynomials, tabulated
 from cablefem.newmark import Array, Settled, Solve, State, collocate, consistent_acceleration, iterate
 from cablefem.response import States
 from cablefem.scene import Groups
@@ -110,7 +111,7 @@ class FixedElements(CableElements):
         self._mesh = Mesh(dofs, tab, n, (), ())
         b = int(offsets.max())
         self._band = self.fields * b + self.fields - 1
-        of_one = mass_form.assemble(basis).toarray()[np.ix_(basis.element_dofs[:, 0], basis.element_dofs[:, 0])] / n
+        of_one = mass.assemble(basis).toarray()[np.ix_(basis.element_dofs[:, 0], basis.element_dofs[:, 0])] / n
         row, col = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
         M = bands(np.broadcast_to(of_one, row.shape), row, col, self.n_scalar, b)
         self._operators = np.repeat(M[None], self.fields, axis=2)

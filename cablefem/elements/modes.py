@@ -9,9 +9,10 @@ import numpy as np
 import skfem
 from scipy.linalg import eigh
 from scipy.sparse import block_array, csr_array
+from skfem.models.poisson import mass
 
 from cablefem.elements.cable import STRETCHING
-from cablefem.elements.reference import lagrange_element, mass_form
+from cablefem.elements.reference import lagrange_element
 from cablefem.newmark import Array
 from cablefem.scene import Groups
 
@@ -40,7 +41,7 @@ def bare_frequencies(groups: Groups, *, elements: int = 10, degree: int = 8, mod
     def stiffness(N: Array) -> Array:
         return tension_form.assemble(basis, N=N)[np.ix_(inner, inner)]
 
-    M = mass_form.assemble(basis)[np.ix_(inner, inner)]
+    M = mass.assemble(basis)[np.ix_(inner, inner)]
     if model == "full":
         T, xp, yp, _, _ = groups.static(s)
         axial = groups.alpha - T

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import skfem
 from numpy.typing import NDArray
+from skfem.models.poisson import mass
 
 from cablefem.newmark import Array
 
@@ -27,11 +28,6 @@ def shape_polynomials(element: skfem.Element) -> Array:
     basis = skfem.Basis(mesh, element, quadrature=(x[None, :], np.ones(n_loc)))
     values = np.array([np.asarray(basis.basis[k][0])[0] for k in range(n_loc)])
     return np.linalg.solve(np.vander(x, increasing=True), values.T).T
-
-
-@skfem.BilinearForm
-def mass_form(phi, eta, w):
-    return phi * eta
 
 
 @skfem.BilinearForm
@@ -80,11 +76,9 @@ class Reference(NamedTuple):
 
 def along(basis: skfem.Basis, degree: int) -> NDArray[np.int64]:
     """Numbers along the mesh for scikit-fem's unknowns."""
-    number, n_el = np.empty(basis.N, dtype=np.int64), basis.element_dofs.shape[1]
-    number[basis.element_dofs[0]] = degree * np.arange(n_el)
-    number[basis.element_dofs[1]] = degree * np.arange(1, n_el + 1)
-    for k in range(2, degree + 1):
-        number[basis.element_dofs[k]] = degree * np.arange(n_el) + k - 1
+    number = np.empty(basis.N, dtype=np.int64)
+    inside = np.r_[0, degree, 1:degree]  # an element's nodes come first
+    number[basis.element_dofs] = inside[:, None] + degree * np.arange(basis.element_dofs.shape[1])
     return number
 
 
@@ -131,7 +125,7 @@ def reference(elements: int, degree: int, grading: float, damped: bool = False) 
         whole = form.assemble(part, chi=1.0 - abs(np.asarray(part.global_coordinates())[0])).tocoo()
         return whole.data, number[whole.row], number[whole.col]
 
-    M, G, H = ([operator(form, part) for part in parts] for form in (mass_form, transport_form, convection_form))
+    M, G, H = ([operator(form, part) for part in parts] for form in (mass, transport_form, convection_form))
     dofs, forces, inertia = number[basis.element_dofs].T.copy(), tabulated(of_forces), tabulated(basis)
     of_sides = np.array([moments(dofs[x], inertia[x], 1.0 - abs(inertia[x][..., 0]), n) for x in sides])
     forces[:elements, :, 0] += 1.0

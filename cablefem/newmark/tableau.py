@@ -64,21 +64,17 @@ def densified(states: Sequence[State], parts: int) -> list[State]:
     for before, after in pairwise(states):
         if isinstance(after, Collocated):
             t = np.linspace(after.t - after.inside.dt, after.t, parts + 1)[1:-1]
-            out += [between(before, after, x) for x in t[t > before.t].tolist()]
+            out += [between(after, x) for x in t[t > before.t].tolist()]
         out.append(after)
     return out
 
 
-def between(before: State, after: State, t: float) -> State:
-    """The state at t inside a step: the collocation polynomial, else `cubic` with linear a."""
-    if isinstance(after, Collocated):
-        nodes, dt, a = after.inside
-        x = (t - after.t) / dt + 1.0
-        l0, l1, l2 = (polynomial.polyval(x, p) @ a for p in tableau(nodes).powers)
-        return State(t, after.q + dt * (x - 1.0) * after.v + dt * dt * l2, after.v + dt * l1, l0, after.phase)
-    dt = after.t - before.t
-    x = (t - before.t) / dt
-    return State(t, *cubic(x, dt, before, after), (1.0 - x) * before.a + x * after.a, after.phase)
+def between(after: Collocated, t: float) -> State:
+    """The state at t inside the collocation step that ends in `after`, by its polynomial."""
+    nodes, dt, a = after.inside
+    x = (t - after.t) / dt + 1.0
+    l0, l1, l2 = (polynomial.polyval(x, p) @ a for p in tableau(nodes).powers)
+    return State(t, after.q + dt * (x - 1.0) * after.v + dt * dt * l2, after.v + dt * l1, l0, after.phase)
 
 
 def cubic(x, dt, before, after) -> tuple[Array, Array]:

@@ -93,7 +93,7 @@ def test_steps_taken_in_one_go_remember_what_was_inside():
     rule, states = tableau(run.scheme.nodes), run.history.states
     for before, after in pairwise(states[20:40]):
         for t, a in zip(rule.instants(np.array([before.t, after.t]))[0], after.inside.a, strict=True):
-            x = between(before, after, t)
+            x = between(after, t)
             assert np.abs(x.a - a).max() <= 1e-8 * np.abs(a).max()
             r = run.history.solver.residual(t, x.q, x.v, x.a, x.phase)
             assert np.linalg.norm(r) <= 1.1e-4 * run.history.solver.force_scale

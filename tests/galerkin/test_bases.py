@@ -157,7 +157,7 @@ def test_the_basis_spans_the_papers_functions_with_their_derivatives(p, level):
 
 
 def test_there_is_no_second_derivative_for_order_two():
-    with pytest.raises(ValueError, match=r"order 2 has derivatives -2 \.\. 1"):
+    with pytest.raises(KeyError):
         Daubechies(2, 1).phi(np.array([0.4]), 2)
     assert [Daubechies(p).smooth for p in (2, 3, 4, 5)] == [False, False, True, True]
 
