@@ -193,16 +193,15 @@ def test_between_steps_the_polynomial_of_the_step_answers():
     system = Spring(d=0.37, k3=11.0, f=1.9, end=2.0)
     fine = march(system, "radau", grid(2.0, 800))
     worst = {}
-    for method in ("radau", "gauss", "trapezoidal"):
+    for method in ("radau", "gauss"):
         for n in (20, 40):
             states = march(system, method, grid(2.0, n))
             step = 800 // n
-            found = [between(states[i // step], states[i // step + 1], x.t) for i, x in enumerate(fine[:-1])]
+            found = [between(states[i // step + 1], x.t) for i, x in enumerate(fine[:-1])]
             worst[method, n] = max(abs(x.q[0] - y.q[0]) for x, y in zip(fine[:-1], found, strict=True))
-            ends = between(states[4], states[5], states[5].t)
+            ends = between(states[5], states[5].t)
             np.testing.assert_allclose([ends.q, ends.v], [states[5].q, states[5].v], rtol=1e-13)
     # three nodes: degree four in q, error of order five; two: order three within the step
     assert worst["radau", 40] < 2e-6
     assert worst["radau", 20] / worst["radau", 40] > 18.0
     assert worst["gauss", 20] / worst["gauss", 40] > 6.0
-    assert worst["trapezoidal", 40] > 1e-4
