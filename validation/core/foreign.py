@@ -17,6 +17,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
@@ -33,6 +34,7 @@ from validation.core.store import Refused
 
 WITH_TOL = 5e-3  # of the largest deflection, allowed beside our own bar
 LEAST_ROWS = 5  # in the window
+SHARE = 0.1  # of duration, deflection or 1: the largest change that may explain a gap
 TRAVEL_TOLERANCE = 5e-3  # of l: programs may round the place to a node
 _ENDINGS = "the name of a column tells its unit and direction, as t_ms, s_o_over_l, v_mm, v_up"
 
@@ -314,10 +316,8 @@ def rows(path: ForeignPath | Response, ours: Ladder, window: Window, with_tol: f
             bound = nothing(f"{party} covers {short}; there {bound.value:.2g} would be allowed")
         found.append(Agreement(name, apart(path, run), bound, where if name == "path_max" else None, party))
     if any(row.verdict is Verdict.DISAGREE for row in found[:2]):
-        from validation.core.remedy import remedy  # seldom needed
-
         allowed = [row.allowed for row in found[:2]]
-        said = remedy(path, run, lambda x: measures.path_gap(x, run, part), allowed)
+        said = _remedy(path, run, lambda x: measures.path_gap(x, run, part), allowed)
         found[:2] = [replace(row, bound=replace(row.bound, notes=(said,) if said else ())) for row in found[:2]]
     yield from found
 
@@ -354,3 +354,48 @@ def _short(path: MassPath, run: Response, window: Window) -> str:
     if low <= wanted[0] + step and high >= wanted[1] - step:
         return ""
     return f"{axis} {low:.4g} to {high:.4g} of {wanted[0]:.4g} to {wanted[1]:.4g}"
+
+
+# --- what would make a path agree ---------------------------------------------------------------------------------
+
+
+def _remedy(path: Any, ours: Response, gaps: Callable[[Any], Any], allowed: Sequence[float]) -> str | None:
+    """The change that explains the gap best, in words, or None if none does.
+
+    path : a third party's path;  gaps : its gap, largest and rms;  allowed : of both.
+    """
+    from scipy.optimize import minimize_scalar  # seldom needed
+
+    lasts, deep, far = float(ours.t[-1]), float(np.abs(ours.v).max()), ours.length / 20.0
+    changes: dict[str, tuple[Callable[[float], Any], float]] = {
+        "its times are shifted by {:.3g} s": (lambda x: replace(path, t=path.t + x), SHARE * lasts),
+        "its places are shifted by {:.3g} m": (partial(_moved, path, ours), SHARE * far),
+        "its v is multiplied by {:.4g}": (lambda x: _higher(path, x * path.v), SHARE),
+        "its heights are shifted by {:.3g} m downwards": (partial(_higher, path), SHARE * deep),
+    }
+    found = []
+    for words, (changed, most) in changes.items():
+
+        def off(x: float, changed: Callable[[float], Any] = changed, i: int = 1) -> float:
+            try:
+                return gaps(changed(x))[i]
+            except (NotComparable, ValueError):
+                return np.inf
+
+        x = float(minimize_scalar(off, bounds=(-most, most), method="bounded", options={"xatol": 1e-6 * most}).x)
+        worst = off(x, i=0)
+        if worst <= allowed[0] and off(x) <= allowed[1]:
+            found.append((worst, words.format(1.0 + x if "multiplied" in words else x)))
+    return f"agrees if {min(found)[1]}" if found else None
+
+
+def _moved(path: Any, ours: Response, by: float) -> Any:
+    """The path with its places moved; on a given travel this moves its times, too."""
+    if path.drive == "free":
+        return path if path.x is None else replace(path, x=path.x + by)
+    s_o = path.s_o + by
+    return replace(path, s_o=s_o, t=np.interp(s_o, ours.s_o, ours.t))
+
+
+def _higher(path: Any, by: Any) -> Any:
+    return replace(path, v=path.v + by, y=None if path.y is None else path.y + by)
