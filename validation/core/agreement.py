@@ -1,4 +1,4 @@
-"""The verdict on a row: gap, bars and tolerance.  A bound is the allowed gap with its parts and its reason."""
+"""The verdict on a row: gap, bars and tolerance."""
 
 import enum
 import math

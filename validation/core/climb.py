@@ -38,7 +38,7 @@ LIGHT = 0.1  # mass ratio mu of a car whose front the first mesh must resolve
 
 
 class TooCoarse(RuntimeError):
-    """No affordable resolution meets the tolerance; `ladder` is the finest one, `bar` that of its path."""
+    """No affordable resolution meets the tolerance; `ladder` is the finest one."""
 
     def __init__(self, ladder: Ladder, bar: float, tol: float) -> None:
         reached = f"an error bar of {bar:.2g}" if math.isfinite(bar) else "no end of the window"

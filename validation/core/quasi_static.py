@@ -121,7 +121,6 @@ class Statics:
 
 
 def _least(r: Rest, sigma: float) -> tuple[Array, Array]:
-    """Least tension (k,), behind or ahead of the car, and its s."""
     n = np.stack([r.left, r.left + r.jump])
     at = np.clip(n[..., 1] / sigma, [0.0 * r.s, r.s], [r.s, np.ones_like(r.s)])
     N = np.hypot(n[..., 0], n[..., 1] - sigma * at)

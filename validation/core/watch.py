@@ -1,4 +1,4 @@
-"""Signs of error: energy gain, hidden compression, waves slower than the mass.  flags.toml has the text of each."""
+"""Signs of error: energy gain, hidden compression, waves slower than the mass."""
 
 import math
 from dataclasses import replace
