@@ -7,6 +7,7 @@ import atexit
 import gc
 import importlib
 import os
+import signal
 import sys
 import traceback
 from typing import Annotated, Any
@@ -56,6 +57,8 @@ def main(argv: list[str] | None = None) -> int:
     command = typer.main.get_command(app)
     usage_error: Any = typer.BadParameter.__mro__[1]
     try:
+        if argv is None:
+            signal.signal(signal.SIGINT, signal.default_int_handler)  # in the background of a script it is ignored
         arguments = sys.argv[1:] if argv is None else argv
         with command.make_context("cablefem", list(arguments) or ["--help"], obj=main) as context:
             return int(command.invoke(context) or 0)
@@ -65,8 +68,9 @@ def main(argv: list[str] | None = None) -> int:
         where = error.ctx.command_path if error.ctx is not None else "cablefem"
         terminal.complain([f"{' '.join(error.format_message().split())} (see {where} --help)"])
         return 2
-    except (KeyboardInterrupt, typer.Abort):
-        terminal.complain(["interrupted; files that were written are whole, and the command can be given again"])
+    except (KeyboardInterrupt, typer.Abort) as stop:
+        stored = str(stop) or "files that were written are whole, and the command can be given again"
+        terminal.complain([f"interrupted; {stored}"])
         return 130
     except BrokenPipeError:
         # The reader has gone: nothing to flush at the end.

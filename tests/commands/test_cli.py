@@ -59,6 +59,11 @@ def test_every_command_has_help_with_an_example_and_says_where_it_writes(cablefe
         (["run", "level", "--method", "fourier", "--set", "trms=3"], ["fourier has no setting 'trms'", "mean terms?"]),
         (["run", "level", "--method", "fourier", "--set", "terms=0"], ["terms must lie in [1, 2000], got 0"]),
         (["run", "level", "--method", "fourier", "--set", "terms=x"], ["terms must be an integer, got 'x'"]),
+        (
+            ["run", "level", "--method", "fourier", "--set", "terms=0,-1", "--set", "trms=3", "--set", "steps=1"],
+            ["terms must lie in [1, 2000], got 0", "terms must lie in [1, 2000], got -1", "no setting 'trms'",
+             "steps must lie in"],
+        ),
         (["run", "level", "--method", "fourier", "--set", "terms"], ["--set must be KEY=VALUE, got 'terms'"]),
         (["run", "level", "--method", "fourier", "--set", "scheme=newmrk"], ["Did you mean newmark?"]),
         (["run", "level", *QUICK, "--tol", "1e-2"], ["--set elements and --tol exclude", "--set steps and --tol"]),

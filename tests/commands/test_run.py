@@ -165,7 +165,9 @@ def test_a_grid_of_scenes_is_a_table_and_a_page(cablefem):
     assert float(rows[3]["arrival_km_h"]) > float(rows[1]["arrival_km_h"])  # the heavier rider is faster
     assert float(rows[3]["tension_max"]) > float(rows[1]["tension_max"])
     assert all(row["outcome"] in out for row in rows)
-    assert "mass 60, wind -5.0" in Path("x/report.html").read_text()
+    page = Path("x/report.html").read_text()
+    assert "mass 60, wind -5.0" in page
+    assert "1 of 4 got stuck, 2 of 4 stopped in the brake, 1 of 4 arrived." in page
 
 
 def test_one_value_overrides_the_scene(cablefem):

@@ -3,6 +3,10 @@
 import contextlib
 import math
 import os
+import re
+import signal
+import subprocess
+import sys
 import time
 import tomllib
 from dataclasses import replace
@@ -271,6 +275,21 @@ def test_a_sweep_goes_on_where_it_stopped_and_does_nothing_twice(tmp_path, clust
     np.testing.assert_array_equal(rows["mu"], [study.point(i)["mu"] for i in range(60)])
     again = engine.sweep(study, tmp_path, **cluster)
     assert (again.status.total(), again.done) == (0, 60)
+
+
+@pytest.mark.parametrize("there", ["study.toml", "rows/*.parquet"])
+def test_an_interrupt_ends_a_sweep_at_once_while_workers_start_and_while_they_compute(tmp_path, there):
+    """The terminal sends Ctrl-C to the workers, too."""
+    arguments = [sys.executable, "-m", "validation.cli", "sweep", "throughput", "--workers", "1", "--out", tmp_path]
+    here = Path(cli.__file__).parents[1]
+    with subprocess.Popen(arguments, cwd=here, stderr=subprocess.PIPE, text=True, start_new_session=True) as sweep:
+        while not any(tmp_path.glob(there)):
+            time.sleep(0.05)
+        time.sleep(1.0)
+        os.killpg(sweep.pid, signal.SIGINT)
+        _, said = sweep.communicate(timeout=30.0)
+    assert sweep.returncode == 130
+    assert re.fullmatch(rf"cablefem: interrupted; \d+ of 1000 scenes are stored in {tmp_path}; .*\n", said)
 
 
 def test_a_changed_study_in_a_used_folder_is_refused(tmp_path, cluster):

@@ -149,6 +149,8 @@ def test_cells_of_a_table():
     assert [value for _, _, value in cells] == ["1.50", "7", "yes", "<b>x</b>", "–", "3", "–", "–"]
     assert ["n" in kind.split('"')[1].split() for kind, name, _ in cells[:2]] == [True, True]
     assert table([], ["a"]).count("<td") == 0
+    # on a phone an empty cell takes no line
+    assert table([{"a": "x", "b": ""}], ["a", "b"]).count('class="none"') == 1
 
 
 def test_figures_are_the_same_every_time_small_and_keep_their_text():

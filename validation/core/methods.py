@@ -144,10 +144,18 @@ class Method:
         return self.settings(rule | changes)
 
     def settings(self, changes: dict[str, Any]) -> dict[str, Any]:
-        """All settings with `changes`; ValueError for unknown names and values."""
-        for unknown in changes.keys() - self.knobs:
-            raise ValueError(f"{self.name} has no setting {unknown!r}.{nearest(unknown, self.knobs)}")
-        return {k: knob.check(k, changes[k]) if k in changes else knob.default for k, knob in self.knobs.items()}
+        """All settings with `changes`; ValueError for unknown names and values, one line each."""
+        out, faults = {name: knob.default for name, knob in self.knobs.items()}, []
+        for name, value in changes.items():
+            try:
+                if name not in self.knobs:
+                    raise ValueError(f"{self.name} has no setting {name!r}.{nearest(name, self.knobs)}")
+                out[name] = self.knobs[name].check(name, value)
+            except ValueError as fault:
+                faults.append(str(fault))
+        if faults:
+            raise ValueError("\n".join(faults))
+        return out
 
     def value(self, settings: dict[str, Any]) -> int:
         return settings[self.resolution.setting]

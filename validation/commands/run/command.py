@@ -56,8 +56,8 @@ def command(
     chosen = None if model == QUASI_STATIC else _found(method, tol, faults)
     loaded = options.scene_named(scene, faults, travelling=True)
     points = options.points_of(loaded, set_)
-    for point in points:
-        _refuse(chosen, kind, point, tol)
+    if faults := [fault for point in points for fault in _faults(chosen, kind, point, tol)]:
+        raise store.Refused(list(dict.fromkeys(faults)))
 
     from validation.commands.run import study
 
@@ -114,20 +114,18 @@ def _found(name: str, tol: float | None, faults: list[str]) -> Any:
     return method
 
 
-def _refuse(method: Any, kind: dict[str, Any], point: options.Point, tol: float | None) -> None:
-    """Refuse settings that the method does not take, and a scene that it cannot run."""
+def _faults(method: Any, kind: dict[str, Any], point: options.Point, tol: float | None) -> list[str]:
+    """Settings that the method does not take, or why it cannot run the scene."""
     from validation.core.running import Run
 
-    faults = []
-    for key in point.settings:
-        if method is None:
-            faults.append(f"--set {key}: the quasi-static model has no settings; keys of the scene have a dot")
-        elif tol is not None and key in (space := method.resolution.setting, "steps"):
-            faults.append(f"--set {key} and --tol exclude each other: --tol chooses {space} and steps")
-    if faults:
-        raise store.Refused(faults)
+    if method is None:
+        told = "the quasi-static model has no settings; keys of the scene have a dot"
+        return [f"--set {key}: {told}" for key in point.settings]
+    chosen = (method.resolution.setting, "steps")
+    if tol is not None and (both := [key for key in point.settings if key in chosen]):
+        return [f"--set {key} and --tol exclude each other: --tol chooses {' and '.join(chosen)}" for key in both]
     try:
-        if method is not None:
-            Run(point.scene, method, **kind, **point.settings)
+        Run(point.scene, method, **kind, **point.settings)
     except ValueError as error:
-        raise store.Refused(str(error)) from None
+        return str(error).splitlines()
+    return []

@@ -1,13 +1,17 @@
 """The loop of a sweep on Dask: chunks take about a second; rows are written as files, whole or not at all."""
 
+import asyncio
 import fcntl
 import logging
 import os
+import signal
+import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +62,8 @@ def sweep(
 
     workers : processes on this machine, one per core by default; scheduler : address of a running one.
     progress : called with a label, the fraction done, and a line on it.
-    Raises Refused for a folder with rows of another study, or without Dask.
+    Raises Refused for a folder with rows of another study, or without Dask; after Ctrl-C a KeyboardInterrupt that
+    says what is stored.
     sweep("riders.toml", Path("riders"))
     """
     with _alone(store.claim(out, "sweep", study.name, WRITES)):
@@ -68,12 +73,16 @@ def sweep(
         tally = Tally(len(study), len(known))
         _tell(progress, tally)
         if todo:
-            with _client(workers, scheduler, min(len(todo), LARGEST)) as client:
-                tally.dashboard = client.dashboard_link or ""
-                for rows in filter(None, _computed(client, study, todo, work)):
-                    write(out, study, rows)
-                    tally.status.update(row["status"] for row in rows)
-                    _tell(progress, tally)
+            try:
+                with _client(workers, scheduler, min(len(todo), LARGEST)) as client:
+                    tally.dashboard = client.dashboard_link or ""
+                    for rows in filter(None, _computed(client, study, todo, work)):
+                        write(out, study, rows)
+                        tally.status.update(row["status"] for row in rows)
+                        _tell(progress, tally)
+            except KeyboardInterrupt:
+                stored = f"{tally.done} of {tally.total} scenes are stored in {out}"
+                raise KeyboardInterrupt(f"{stored}; the same command goes on from there") from None
     return tally
 
 
@@ -201,9 +210,41 @@ def _client(workers: int | None, scheduler: str | None, scenes: int) -> Iterator
     # a chunk is tried a second time as a whole
     calm = {"distributed.scheduler.allowed-failures": 1, "distributed.comm.timeouts.connect": "60s"}
     with dask.config.set(calm):
-        cluster = LocalCluster(
-            n_workers=min(workers or os.cpu_count() or 1, scenes), threads_per_worker=1, memory_limit=0,
-            dashboard_address=":0", silence_logs=logging.CRITICAL,
-        )  # fmt: skip
+        with _uninterrupted():
+            cluster = LocalCluster(
+                n_workers=min(workers or os.cpu_count() or 1, scenes), threads_per_worker=1, memory_limit=0,
+                dashboard_address=":0", silence_logs=logging.CRITICAL,
+            )  # fmt: skip
         with cluster, Client(cluster) as client:
-            yield client
+            try:
+                yield client
+            except BaseException:
+                cluster.sync(_stop, cluster.workers.values())
+                raise
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Hold back Ctrl-C while workers start: a cluster that is half up cannot be closed.
+
+    Threads and processes that begin here never get the signal: this process alone ends them.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield  # others get no signal
+        return
+    resource_tracker.ensure_running()  # its start would let the signal through again
+    held: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, frame: held.append(number))
+    signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+        signal.signal(signal.SIGINT, before)
+    if held:
+        raise KeyboardInterrupt
+
+
+async def _stop(workers: Iterable[Any]) -> None:
+    """End workers without waiting for their scenes."""
+    await asyncio.gather(*(worker.close(timeout=0.5) for worker in workers), return_exceptions=True)

@@ -30,6 +30,12 @@ HEADS = {
     "outcome": "outcome", "arrival_km_h": "at the brake or end [km/h]", "rests_at_m": "rests at [m]",
     "clearance_rope_min": "clearance, rope [m]", "clearance_car_min": "clearance, car [m]", "verdict": "verdict",
 }  # fmt: skip
+# kind of an outcome -> the same in words, of one ride or of many
+ENDS = {
+    "arrives": "arrived", "stopped_by_brake": "stopped in the brake", "stuck": "got stuck",
+    "rolls_back": "rolled back to the start", "rolling": "still rolled at the end", "crossed": "crossed the cable",
+    "stopped": "stopped before the end", "incomplete": "broke off",
+}  # fmt: skip
 # columns of a table of rides
 NUMBERS = ("tension_max", "safety_factor_min", "haul_force_max", "clearance_rope_min", "clearance_car_min")
 
@@ -151,9 +157,9 @@ def sections(folder: Path) -> list[Section]:
         table_of(rows, columns(rows, keys), keys[0]),
         gallery(_side(scene, rows, paths, keys), _speeds(rows, paths, keys)),
     ]  # fmt: skip
-    kinds = [x["outcome_kind"].replace("_", " ") for x in rows]
-    summary = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
-    return [Section("grid", "All of them", Markup("\n").join(html), None, f"{len(rows)} runs: {summary}.")]
+    kinds = [x["outcome_kind"] for x in rows]
+    summary = ", ".join(f"{kinds.count(kind)} of {len(rows)} {ENDS[kind]}" for kind in dict.fromkeys(kinds))
+    return [Section("grid", "All of them", Markup("\n").join(html), None, f"{summary}.")]
 
 
 def label(point: Row, keys: Sequence[str]) -> str:
