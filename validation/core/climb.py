@@ -189,12 +189,16 @@ def refined_until(
 
 
 def path_parts(ladder: Ladder, view: View) -> tuple[float, float]:
-    """Parts of space and time in the path's bar; infinite if unknown."""
+    return parts_of(ladder, view, lambda x, y, view: measures.path_gap(x, y, view.window)[0])
+
+
+def parts_of(ladder: Ladder, view: View, gap: Callable[..., float], order: float = math.inf) -> tuple[float, float]:
+    """Parts of space and time in the bar of a gap(coarse, fine, view); infinite if unknown."""
     try:
         view = view.cut(ladder.finest)
     except NotComparable:
         return math.inf, math.inf
-    return ladder.over(view).parts(itself, lambda a, b: measures.path_gap(b, a, view.window)[0])
+    return ladder.over(view).parts(itself, lambda a, b: gap(b, a, view), order)
 
 
 def cheapest(

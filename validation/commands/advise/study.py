@@ -27,7 +27,7 @@ from cablefem.response import Response, write_json
 from cablefem.scene import LoadPath, Scene
 from cablefem.scene.ride import ride
 from validation.core import store
-from validation.core.climb import BUDGET, TooCoarse, climb, refined_until
+from validation.core.climb import BUDGET, TooCoarse, climb, parts_of, refined_until
 from validation.core.ladder import Ladder
 from validation.core.measures import JUMP_WIDTH, NotComparable, series_gap, tension_gap
 from validation.core.methods import METHODS, find
@@ -127,7 +127,7 @@ def advice(scene: Scene, tol: float, report: Progress = silent) -> dict[str, Any
 def _rungs(scene: Scene, tol: float, report: Progress) -> tuple[list[Rung], Response, View]:
     view = View.of(scene)
     ladder = _full(scene, view, tol, report)
-    full, bars = ladder.run, {need: sum(_parts(view, ladder, need)) for need in OF[scene.drive.mode]}
+    full, bars = ladder.run, {need: sum(parts_of(ladder, view, *NEEDS[need])) for need in OF[scene.drive.mode]}
     rungs = [Rung("full", "mass", full.seconds, bars, full)]
     if all(map(math.isfinite, bars.values())):
         view = view.cut(full)
@@ -144,21 +144,11 @@ def _full(scene: Scene, view: View, tol: float, report: Progress) -> Ladder:
         return error.ladder
 
     def left(ladder: Ladder) -> tuple[float, float]:
-        parts = (_parts(view, ladder, need) for need in OF[scene.drive.mode])
+        parts = (parts_of(ladder, view, *NEEDS[need]) for need in OF[scene.drive.mode])
         space, time = max(parts, key=sum)
         return space / (SHARE * tol), time / (SHARE * tol)
 
     return refined_until(scene, ladder, left, budget=budget, until=view.stop)
-
-
-def _parts(view: View, ladder: Ladder, need: str) -> tuple[float, float]:
-    """Parts of space and time in the bar of a need."""
-    gap, order = NEEDS[need]
-    try:
-        view = view.cut(ladder.run)
-        return ladder.over(view).parts(lambda r: r, lambda a, b: gap(b, a, view), order)
-    except NotComparable:
-        return math.inf, math.inf
 
 
 def _lesser(scene: Scene, full: Response, view: View, report: Progress) -> Iterator[Rung]:
