@@ -30,7 +30,8 @@ def test_a_folder_with_anything_else_in_it_is_refused_and_left_alone(cablefem, t
     code, out, err = cablefem("run", "level", *QUICK, "--out", "full")
     assert (code, out) == (2, "")
     assert lines(err) == [
-        "full holds thesis.tex, which is no result of cablefem; nothing was written; choose another folder with --out"
+        "full holds thesis.tex, which this version of cablefem did not write; "
+        "nothing was written; choose another folder with --out"
     ]
     assert tree(tmp_path) == {"full/thesis.tex": b"years of work"}
 
@@ -135,7 +136,8 @@ def test_a_disk_that_takes_no_more_is_said(cablefem, monkeypatch, owner, name, e
 
 
 def test_a_marker_that_is_none_makes_no_folder_ours(tmp_path):
-    for text in ("", "[1]", "{}", "3", '{"scene": ""}'):
+    older = '{"scene": "", "shared": true, "results": {"run": ["a"]}}'  # of version 0.2.0
+    for text in ("", "[1]", "{}", "3", '{"scene": ""}', older):
         (tmp_path / store.MARKER).write_text(text)
         assert store.results(tmp_path) == []
         with pytest.raises(store.Refused):

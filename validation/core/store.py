@@ -43,7 +43,7 @@ def claim(out: Path | None, command: str, scene: Any, writes: Sequence[str], *, 
                 [w for w in writes if (folder / w).exists()] if among else sorted(x.name for x in folder.iterdir())
             )
             if strange:
-                raise Refused(f"{folder} holds {strange[0]}, which is no result of cablefem; {_REMEDY}")
+                raise Refused(f"{folder} holds {strange[0]}, which this version of cablefem did not write; {_REMEDY}")
             marker = {"shared": out is None, "results": {}}
         _keep_out(folder, marker, command, writes)
         old = marker["results"].get(command, {"scene": text, "writes": []})
@@ -124,9 +124,10 @@ def read(file: Path) -> Any:
 
 
 def _marker(folder: Path) -> dict[str, Any]:
-    """What the folder's marker says; {} without one."""
+    """What the folder's marker says; {} without one, or with an older version's."""
     marker = stored(folder / MARKER)
-    return marker if {"scene", "shared", "results"} <= set(marker) and isinstance(marker["results"], dict) else {}
+    known = {"scene", "shared", "results"} <= set(marker) and isinstance(marker["results"], dict)
+    return marker if known and all(isinstance(x, dict) for x in marker["results"].values()) else {}
 
 
 def _write(folder: Path, marker: dict[str, Any]) -> None:
