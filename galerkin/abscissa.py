@@ -91,7 +91,6 @@ class PositionAbscissa(System):
         return self.system.linearise(time, *x, phase, c0, c1 * ds_o, c1 * dds_o + c2 * ds_o**2)
 
     def in_time(self, states: States) -> States:
-        """The history as a function of time."""
         places = zip(states.t.tolist(), states.phase.tolist(), strict=True)
         t, ds_o, dds_o = np.array([self._kinematics(s_o, phase) for s_o, phase in places]).reshape(-1, 3).T
         q, v, a = chained(states.q, states.v, states.a, ds_o[:, None], dds_o[:, None])

@@ -36,7 +36,7 @@ class Instant(NamedTuple):
 
 
 class GalerkinSystem(System):
-    """M q.. + C q. + K q + R(q) = F of (19), with the mass of (21)-(23) and (27); see README.md.
+    """M q.. + C q. + K q + R(q) = F of (19), with the mass of (21)-(23) and (27).
 
     kink : add a hat that travels with the mass
     model : "string" | "sagged" | "stretching" (one field normal to the chord) | "full"

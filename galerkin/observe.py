@@ -108,7 +108,6 @@ class Measures:
 
 
 def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> Observation:
-    """Measure a history; see `Observation`."""
     groups, cable, along = system.groups, system.cable, system.cable.direction
     x = system.measures(system, states)
     w, w_t, w_tt, slopes = x.at_mass()

@@ -29,7 +29,7 @@ from galerkin.kernels.rolling import Car
 
 WINDOW = 0.3  # of an axial round trip: for the mean acceleration of friction
 
-# for one step, without events; of the types of other courses
+# single steps, without events
 ALONE = rolling.Course(np.empty(0), np.empty(0), np.empty((0, 3)), 0.0, np.zeros(6), 0.0, 1.0, 0.0, 0.0, 0.0, False)
 
 
@@ -112,7 +112,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return self.hold * self.drive.hold(t) if self.free else 0.0
 
     def observe(self, states: States, s: Array, frames: Array) -> Observation:
-        """Measure a history, with the power of each force on the car."""
+        """Adds the power of each force on the car."""
         o, drive, ds_o = super().observe(states, s, frames), self.drive, self.kinematics(states)[1]
         F = drive.thrust(states.t, states.phase) if self.free else states.a[:, -1]
         on, velocity = rolling.Rolling(self.mu, self.groups.sigma, drive.k, drive.wind), o.path_velocity.T

@@ -51,7 +51,7 @@ app = _app()
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run one command; return its exit code.  A user's mistake ends in lines, not in a trace."""
+    """Run one command; return its exit code."""
     gc.set_threshold(100_000, 50, 50)  # what is loaded stays; saves a tenth of a start
     atexit.register(gc.freeze)  # saves another two at the end
     command = typer.main.get_command(app)

@@ -27,7 +27,7 @@ _KINDS = {"hermite": skfem.ElementLineHermite, "p1": skfem.ElementLineP1, "p2": 
 
 
 class FixedElements(CableElements):
-    """The cable with its moving mass on equal fixed elements; model, load, law : see `CableElements`."""
+    """The cable with its moving mass on equal fixed elements."""
 
     at_support = True
     node = 0

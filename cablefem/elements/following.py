@@ -11,7 +11,6 @@ With M^, G^, H^ of its reference mesh, a side of length h gives
 
 A force -c_d w. on the cable adds c_d M to C and -c_d G to K.
 
-Dimensionless: l = H = rho = 1.
 """
 
 from __future__ import annotations
@@ -38,7 +37,6 @@ class FollowingElements(CableElements):
 
     elements : per side; degree : 1 to 8.
     grading : largest over smallest element length; the smallest are next to the mass.
-    model, load, law : see `CableElements`.
     """
 
     strides = True

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 
 def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
-    """Measure a history; see `Observation`."""
     g, n = system.groups, states.t.size
     kinematics = system._kinematics(states)
     s_o, ds, dds = kinematics.T

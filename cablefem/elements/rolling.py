@@ -253,7 +253,7 @@ class RollingElements(RollingCar, FollowingElements):
         return np.stack([states.q[:, -1], states.v[:, -1], states.a[:, -1]], axis=1)
 
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
-        """Measure a history, with the power of each force on the car."""
+        """Adds the power of each force on the car."""
         o, drive, ds = super().observe(states, s, frames), self.drive, self._kinematics(states)[:, 1]
         mean = 0.5 * (o.slope_behind + o.slope_ahead)
         tau = mean / np.linalg.norm(mean, axis=1)[:, None]

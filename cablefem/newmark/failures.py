@@ -1,6 +1,3 @@
-"""Failures of a run."""
-
-
 class StepFailure(RuntimeError):
     """A step failed; `t` [system's time], `cause`, and what to try."""
 

@@ -1,5 +1,3 @@
-"""Newton's method."""
-
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple

@@ -1,5 +1,3 @@
-"""States of a system."""
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -113,5 +113,4 @@ def overall(rows: list[Agreement]) -> Verdict:
 
 
 def finite(x: float | None) -> float | None:
-    """The number, or None if it is unknown or infinite."""
     return x if x is not None and math.isfinite(x) else None

@@ -148,7 +148,7 @@ def clearances(scene: Scene, r: Response) -> dict[tuple[str, str], Track]:
 
 
 def _ordered(*parts: tuple[Array, ...]) -> Track:
-    """Join times, heights and places (n,), and sort them by time."""
+    """Join (times, heights, places) in order of time."""
     t, height, s = (np.concatenate(x) for x in zip(*parts, strict=True))
     order = np.argsort(t, kind="stable")
     return Track(t[order], height[order], s[order])

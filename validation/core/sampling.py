@@ -61,7 +61,7 @@ def _ended(h: History, states: States, place: Array) -> dict[str, Any]:
         "status": "complete" if h.failure is None else "incomplete",
         "slack_onset": None if onset is None else float(place[onset[0]]),
         "work": {name: getattr(h.work, name) for name in work},
-    }  # fmt: skip
+    }
 
 
 def _path(scene: Scene, t: Array, place: Array, w: Array) -> dict[str, Any]:
@@ -199,7 +199,6 @@ def frame_times(scene: Scene, t_last: float, frames: int = FRAMES) -> Array:
 
 @lru_cache(maxsize=64)
 def _passages(motion: Motion, frames: int) -> Array:
-    """Times at which a travel passes the marks, with longer gaps filled."""
     end = motion.position(np.array([motion.phases[-1][1]]))[0]
     marks, longest = np.arange(1, FRAMES) / FRAMES, motion.phases[-1][1] / frames
     passed = motion.times_at(marks[(motion.begin <= marks) & (marks < end)])
@@ -229,7 +228,7 @@ def _between(h: States, t: Array) -> States:
 
 def _observe(
     h: History, steps: States, frames: States, switch: float, s: Array
-) -> tuple[Observation, NDArray[np.bool_]]:  # fmt: skip
+) -> tuple[Observation, NDArray[np.bool_]]:
     """Observe steps and frames together with the law in force; also tells which rows are steps."""
     parts, is_step = [], []
     for solver, late in ((h.solver, False), (h.after, True)):

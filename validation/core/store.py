@@ -106,7 +106,6 @@ def results(folder: Path) -> list[str]:
 
 
 def title(folder: Path) -> str:
-    """The scene's title or name; "" without a scene."""
     scene = tomllib.loads(_marker(folder).get("scene", ""))
     return scene.get("title") or scene.get("name") or ""
 

@@ -35,14 +35,14 @@ def style() -> Any:
 
 
 def panels(rows: int = 1, columns: int = 1, *, height: float = 2.9, **how: Any) -> tuple[Figure, Any]:
-    """A new figure and its axes (one, or an array as from `subplots`); `height` in inches."""
+    """A figure and its axes, as from `subplots`; `height` in inches."""
     with style():
         fig = Figure(figsize=(WIDTH, height), layout="constrained")
         return fig, fig.subplots(rows, columns, **how)
 
 
 def svg(fig: Figure, label: str) -> Markup:
-    """A figure as inline SVG with ids of its own; `label` is read aloud."""
+    """A figure as inline SVG with ids of its own."""
     out = io.BytesIO()
     with style():
         FigureCanvasSVG(fig).print_svg(out, metadata={"Date": None, "Creator": None})

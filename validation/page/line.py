@@ -57,7 +57,7 @@ def pairs(design: Sequence[Row]) -> list[Row]:
 
 
 def tell(line: Any, design: Sequence[Row], refused: Sequence[Row], most: int = 14) -> None:
-    """Print extremes over all positions, `most` at most, and positions without rest."""
+    """Print extremes over all positions, and positions without rest."""
     terminal.say(f"{line.name}: {line.title or 'a line at rest'}", style="bold")
     few = ("tension", "tension_behind", "tension_ahead", "pressure")
     first = [d for d in design if kind_of(d["quantity"]) not in few]
@@ -72,7 +72,6 @@ def tell(line: Any, design: Sequence[Row], refused: Sequence[Row], most: int = 1
 
 
 def columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
-    """Columns of a grid's table."""
     names = dict.fromkeys(name for x in rows for name in x if kind_of(name) in GRID and name not in keys)
     last = [name for name in ("status", "verdict", "why") if any(x.get(name) not in (None, "complete") for x in rows)]
     heads = {key: key for key in keys} | {n: _head(n) for n in names} | {name: name for name in last}

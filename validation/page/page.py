@@ -158,7 +158,6 @@ def seconds(x: float | None) -> str:
 
 
 def settings(of: Mapping[str, Any]) -> str:
-    """Settings of a method in words."""
     return ", ".join(f"{name} {value}" for name, value in of.items())
 
 

@@ -48,7 +48,7 @@ def kept(folder: Path, command: str) -> list[Section]:
 
 
 def _apart(pages: Iterable[tuple[str, Section]]) -> list[Section]:
-    """Make ids unique: an id used by two commands gets the command's name."""
+    """An id used by two commands gets the command's name."""
     out: dict[str, Section] = {}
     for command, section in pages:
         own = section.id if section.id not in out else f"{section.id}-{command}"

@@ -28,7 +28,6 @@ def say(text: str = "", style: str = "") -> None:
 
 
 def complain(faults: Sequence[str]) -> None:
-    """Print faults to standard error."""
     for fault in faults:
         print(f"cablefem: {fault}", file=sys.stderr)
 

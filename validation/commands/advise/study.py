@@ -109,7 +109,6 @@ def advise(scene: Scene, tol: float, out: Path, report: Progress = silent) -> di
 
 
 def advice(scene: Scene, tol: float, report: Progress = silent) -> dict[str, Any]:
-    """The content of advice.json."""
     rungs, full, view = _rungs(scene, tol, report)
     least = {need: next((r for r in rungs if r.gaps[need] <= tol), rungs[-1]) for need in OF[full.drive]}
     best = max(least.values(), key=rungs.index)

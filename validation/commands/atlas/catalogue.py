@@ -40,7 +40,6 @@ def run_row(row: Row) -> Row:
 
 
 def holds(condition: str, x: dict[str, float]) -> bool:
-    """Whether a condition on measured numbers is true."""
     return bool(_evaluated(condition, x=x))
 
 
@@ -49,7 +48,6 @@ def _evaluated(expression: str, **names: Any) -> Any:
 
 
 def level(**groups: float) -> Scene:
-    """The level scene with some of its groups changed."""
     return Scene.load("level").variant(**groups)
 
 
@@ -93,7 +91,7 @@ def ripple(method: str, **how: Any) -> float:
 @cache
 def vibration(
     scheme: str, dt: float = 0.03, steps: int = 200, elements: int = 12, amplitude: float = 0.01, **how: float
-) -> Array:  # fmt: skip
+) -> Array:
     """The energy of a free cable let go from a hundredth of its length, over the one given, at every step."""
     system = specimens.FreeCable(level().groups, elements=elements, amplitude=amplitude, end=dt * steps)
     return specimens.free_vibration(system, newmark.scheme(scheme, **how), dt * np.arange(steps + 1))
@@ -132,7 +130,6 @@ def negative(method: str, **how: Any) -> float:
 
 
 def stiff(model: str) -> tuple[Response, Response]:
-    """Two resolutions of a stiff cable."""
     a, b = (run("following-p2", {"alpha": 1e6}, model=model, elements=n, steps=50 * n) for n in (8, 16))
     return a, b
 

@@ -59,7 +59,7 @@ def frozen(system: GalerkinSystem, t: float) -> Any:
 
 
 def frozen_growth(system: GalerkinSystem, t: float) -> float:
-    """Largest growth rate, Re lambda, of the cable and mass frozen at time t and at rest."""
+    """Largest growth rate Re lambda of the `frozen` system."""
     M, C, K = frozen(system, t)
     n = system.n_dof
     A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, np.hstack([K, C]))]])

@@ -159,7 +159,6 @@ def certify(scene: Scene, out: Path | None = None, progress: Progress = silent) 
 
 
 def joined(scene: Scene, found: tuple[Found, ...]) -> Certificate:
-    """The first way's answer; its bar is at least its distance to the second."""
     gaps = tuple(found[0].track.gap(f.track) for f in found[1:])
     return Certificate(scene, found, np.fmax(found[0].bar, nearby(gaps[0])), gaps)
 
@@ -195,7 +194,7 @@ def reach(bar: Array, tol: float) -> float:
 
 
 def compared(made: Certificate, bar: Array, other: Found) -> Iterator[Agreement]:
-    """Verdicts on another path and a free ride's times, each at the worst place; bar : of the answer."""
+    """Verdicts on another path and a free ride's times, each at the worst place."""
     gap, allowed, party = made.answer.track.gap(other.track), bar + other.bar, other.name
     asked = [("path", made.answer.scale), ("instants", 1.0)][: 1 + (made.scene.drive.mode == "free")]
     for i, (quantity, unit) in enumerate(asked):

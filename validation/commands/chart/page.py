@@ -61,7 +61,6 @@ def _charts(chart: dict[str, Any], quantity: str, work: str) -> Iterator[Markup]
 
 
 def _dots(chart: dict[str, Any], quantity: str, work: str) -> list[Row]:
-    """The rows drawn as dots."""
     return [r for r in chart["rows"] if r["status"] == "ok" and r[f"{quantity}_error"] and r[work]]
 
 

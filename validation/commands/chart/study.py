@@ -57,7 +57,7 @@ class Series:
 def chart(scene: Scene, out: Path, report: Progress = silent, *, repeats: int = 3, budget: float = 240.0) -> Row:
     """Write chart.json; go on with an earlier one.
 
-    repeats : separate timed runs of each setting; the best counts.
+    repeats : separate timed runs of each setting.
     budget : [s] for all runs; a line of the chart that has spent its share leaves rows "not run".
     """
     path = out / "chart.json"

@@ -134,7 +134,6 @@ def _slack(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
 
 
 Third = Callable[[Scene, Ladder, list[Agreement]], Agreement | None]
-# checks of what is shared
 THIRD: dict[str, Third] = {
     "static catenary and groups: exact frequencies": _frequencies,
     "start of a car that rolls: catenary of two pieces": _rest,

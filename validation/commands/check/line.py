@@ -49,7 +49,7 @@ def numbers(state: LineState) -> dict[str, Array]:
 
 
 def compared(four: Sequence[LineRest], tol: float, tol_tension: float) -> list[Row]:
-    """One judged row a quantity, of the worst station and position; four : both answers, each before a coarser one."""
+    """One judged row a quantity, of the worst station and position."""
     positions = list(zip(*(x.positions for x in four), strict=True))
     both = [i for i, told in enumerate(positions) if all(isinstance(x, LineState) for x in told)]
     return (_judged(four, both, tol, tol_tension) if both else []) + _alone(positions)
@@ -133,7 +133,7 @@ def checked(line: Line, tol: float = TOL, tol_tension: float | None = None, seco
 
 def check(
     points: Sequence[Point], tol: float | None, tol_tension: float | None, out: Path | None, second: Line | None
-) -> int:  # fmt: skip
+) -> int:
     """Check a line or a grid of lines; 1 unless they agree, 2 for a position without rest."""
     tol = TOL if tol is None else tol
     low, high = TOL_RANGE

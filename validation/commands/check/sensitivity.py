@@ -34,7 +34,7 @@ def keys(data: Any, way: str = "") -> Iterator[str]:
 
 
 def sensitivity(result: Check, largest: float = 1.0) -> dict[str, float]:
-    """Smallest detectable relative fault of each key that matters, up to `largest`.
+    """Smallest relative fault of each key that matters, up to `largest`.
 
     One run a key at half the resolution: changes of rows need fewer digits.
     """

@@ -165,7 +165,7 @@ class _Side:
 
 def _sides(
     scenes: tuple[Scene, Scene], methods: Sequence[str | Method], tol: float, until: float | None
-) -> list[_Side]:  # fmt: skip
+) -> list[_Side]:
     found = [find(m) if isinstance(m, str) else m for m in methods]
     shares = [SHARES.get(m.wing, 1.0) for m in found]
     ends = {} if until is None else {"until": until, "past": 0.0}

@@ -126,7 +126,6 @@ def order(sizes: Sequence[float], errors: Sequence[float]) -> float:
 
 
 def judge(error: float, allowed: float, observed: float, expected: float | None) -> str:
-    """Agree if the error is allowed and the order, where one is expected, is there."""
     if not (math.isfinite(error) and error <= allowed):
         return "disagree"
     return "agree" if expected is None or observed >= expected - ORDER_SCATTER else "disagree"

@@ -120,7 +120,6 @@ def evaluated(expression: str | float, known: Row) -> float:
 
 
 def sentence(template: str, known: Row) -> str:
-    """A template filled with numbers."""
     return _TEMPLATES.from_string(template).render(known)
 
 

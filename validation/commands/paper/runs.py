@@ -40,12 +40,12 @@ class Reference:
         return self.ladder.finest
 
     def bar(self, f: Callable[[Response], float]) -> float:
-        """The bar of a number, which is never less than the distance of the other solver."""
+        """Bar of a number, at least the distance to the other solver."""
         return max(float(self.ladder.bar(f)), abs(f(self.run) - f(self.cross)))
 
     @property
     def path_bar(self) -> float:
-        """The error bar of the path over the window, relative to its largest deflection."""
+        """Bar of the path in the window, over its largest deflection."""
         window = measures.window_of(*self.ladder.runs, self.cross)
 
         def apart(a: Response, b: Response) -> float:
@@ -78,7 +78,7 @@ def plan() -> dict[str, tuple[str, str, dict[str, Any]]]:
 
 
 def all_runs(out: Path, report: Progress) -> Runs:
-    """All runs, each read from out/runs/NAME if it was stored there by the same scene and settings."""
+    """All runs, stored in out/runs/NAME."""
     known, jobs = scenes(), plan()
 
     def made(name: str) -> Response:
@@ -92,7 +92,7 @@ def all_runs(out: Path, report: Progress) -> Runs:
 
 
 def stored(folder: Path, scene: Scene, method: str, settings: dict[str, Any]) -> Response:
-    """The stored run of this scene and these settings; made and stored if there is none."""
+    """The stored run of this scene and settings, made if there is none."""
     wanted = (scene.to_toml(), method, json.loads(json.dumps(find(method).settings(settings))))
     try:
         old = Response.read(folder)

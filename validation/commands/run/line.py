@@ -119,7 +119,7 @@ def _series(line: Line, rows: list[Row | None]) -> dict[str, list[tuple[float, i
 
 
 def extremes(line: Line, rows: list[Row | None]) -> list[Row]:
-    """Largest and the least of each quantity, with the position where it occurs."""
+    """Largest and least value of each quantity, and where it occurs."""
     out = []
     for name, values in _series(line, rows).items():
         kind, _, of = name.partition(":")
@@ -187,7 +187,7 @@ def answers(line: Line, rest: LineRest | None = None) -> Answers:
 
 
 def numbers_of(line: Line, rest: LineRest) -> list[Row | None]:
-    """Numbers of all positions; None where there is no rest."""
+    """Numbers of all positions."""
     told = enumerate(rest.positions)
     return [row(line, i, x, rest.empty) if isinstance(x, LineState) else None for i, x in told]
 

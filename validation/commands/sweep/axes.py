@@ -1,4 +1,4 @@
-"""What varies from scene to scene: given values, a range, or so many values over a range."""
+"""What varies from scene to scene."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The loop of a sweep on Dask: chunks take about a second; rows are written as files, whole or not at all."""
+"""The loop of a sweep on Dask, in chunks of scenes."""
 
 import asyncio
 import fcntl

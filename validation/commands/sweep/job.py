@@ -68,7 +68,7 @@ def row(study: Study, index: int, point: dict[str, Any]) -> dict[str, Any]:
             out |= _row(study, point, index)
     except CutOff:
         out |= {"status": "cut off", "cause": "time", "reason": f"more than {study.seconds:g} s"}
-    except Exception as error:  # every exception becomes a row
+    except Exception as error:
         reason = traceback.format_exc(limit=-4)
         out |= {"status": "failed", "cause": type(error).__name__, "reason": reason}
     return out | {"seconds": time.perf_counter() - begin}

@@ -66,7 +66,7 @@ class Study(Part):
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Study:
-        """The built-in study of that name or the one in that TOML file; Refused with one line per fault."""
+        """A built-in study, or that in a TOML file; Refused with one line per fault."""
         path = built_in().get(str(name_or_path), Path(name_or_path))
         try:
             return cls.of(tomllib.loads(path.read_text(encoding="utf-8-sig")), path.stem, path.parent)
@@ -163,11 +163,10 @@ class Study(Part):
         return scene.variant(**groups) if groups and self.scene is not None else scene
 
     def case(self, point: dict[str, Any]) -> tuple[Scene, str | None]:
-        """`families.case` of a point."""
         return families.case(self.settings.get("seed", 0), round(point["case"]))
 
     def how(self, point: dict[str, Any]) -> dict[str, Any]:
-        """Method, model, load, law and tol of a point, as far as the study names them."""
+        """The entries of HOW that the study names."""
         named = {key: x for key, x in (("method", self.method), ("tol", self.tol)) if x is not None}
         return named | {k: v for k, v in point.items() if k in HOW}
 

@@ -1,4 +1,4 @@
-"""Content of the page of an answer: assets/answer.html says how it stands there."""
+"""Content of the page of an answer."""
 
 import platform
 from functools import partial

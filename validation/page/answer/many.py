@@ -81,7 +81,6 @@ def _numbers(design: Sequence[dict[str, Any]]) -> Row:
 
 
 def path(r: Response) -> dict[str, list[float]]:
-    """Path and speed of the car for the page."""
     columns = {"t": r.t, "s_o": r.s_o, "x": r.x, "y": r.y, "kmh": 3.6 * r.speed}
     return {name: short(values[some(r.t.size)]) for name, values in columns.items()}
 
@@ -156,7 +155,7 @@ def sections(folder: Path) -> list[Section]:
     html = [
         table_of(rows, columns(rows, keys), keys[0]),
         gallery(_side(scene, rows, paths, keys), _speeds(rows, paths, keys)),
-    ]  # fmt: skip
+    ]
     kinds = [x["outcome_kind"] for x in rows]
     summary = ", ".join(f"{kinds.count(kind)} of {len(rows)} {ENDS[kind]}" for kind in dict.fromkeys(kinds))
     return [Section("grid", "All of them", Markup("\n").join(html), None, f"{summary}.")]
