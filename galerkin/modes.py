@@ -1,5 +1,3 @@
-"""Small free vibrations of the bare cable."""
-
 from typing import Any
 
 import numpy as np

@@ -38,7 +38,6 @@ _AT_REST = {"run_with_bars": ("commands.run.line", "answers"), "check": ("comman
 
 
 def __getattr__(name: str) -> Any:
-    """Load a public name on first use."""
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return _by_name(_loaded(_HOME[name], name))
@@ -49,7 +48,7 @@ def _loaded(home: str, name: str) -> Any:
 
 
 def _by_name(function: Any) -> Any:
-    """Return a function of a scene, or of a study, that takes its name or file, too."""
+    """Let a function of a scene, or of a study, take its name or file, too."""
     first = next(iter(inspect.signature(function).parameters), "") if inspect.isfunction(function) else ""
     if first not in ("scene", "study"):
         return function

@@ -1,6 +1,6 @@
 """The command `cablefem`: every folder of validation/commands is a command, its `command.py` says what it takes.
 
-Exit codes: see README.md.  Everything heavy is imported inside the commands, so that help comes at once.
+Exit codes: see README.md.
 """
 
 import atexit

@@ -9,7 +9,6 @@ With M^, G^, H^ of its reference mesh, a side of length h gives
 
     M = h M^,   C = dh/dt M^ - G + G^T,   K = -(dG/dt + H),   G = ds_o G^,  H = (ds_o^2 / h) H^.
 
-A force -c_d w. on the cable adds c_d M to C and -c_d G to K.
 
 """
 
@@ -62,7 +61,7 @@ class FollowingElements(CableElements):
         self._fresh()
 
     def start(self, phase: int, state: State | None) -> State:
-        """Return the state at the beginning of a phase.
+        """The state at the beginning of a phase.
 
         With speed, the contact force is 0.  From rest, s_o = a t^2/2 and w(s_o) = b t^2 with
         m 2b + mu (a X' - sigma j) + [N t - T t_static] = 0 at r' = X' + 2b/a; m includes entrained cable.

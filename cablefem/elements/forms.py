@@ -32,19 +32,19 @@ def tension(eps, T, alpha, law):
 
 
 def strain(X_s, w_s):
-    """Return |r'| - 1 without cancellation."""
+    """|r'| - 1 without cancellation."""
     return np.sum((2.0 * X_s + w_s) * w_s, axis=0) / (np.hypot(*(X_s + w_s)) + 1.0)
 
 
 def pull(X_s, T, w_s, alpha, law):
-    """Return f = N t - T X' (2, ...), N, dN/deps and W."""
+    """f = N t - T X' (2, ...), N, dN/deps and W."""
     stretch, eps = np.hypot(*(X_s + w_s)), strain(X_s, w_s)
     N, dN, W = tension(eps, T, alpha, law)
     return N / stretch * w_s + ((N - T) - T * eps) / stretch * X_s, N, dN, W
 
 
 def stiffness(X_s, T, w_s, alpha, law):
-    """Return df/dw' (2, 2, ...)."""
+    """df/dw' (2, 2, ...)."""
     r_s = X_s + w_s
     stretch = np.hypot(*r_s)
     _, N, dN, _ = pull(X_s, T, w_s, alpha, law)

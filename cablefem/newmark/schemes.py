@@ -1,5 +1,3 @@
-"""Time integrations by name."""
-
 import math
 from dataclasses import dataclass
 

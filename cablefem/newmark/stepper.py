@@ -1,5 +1,3 @@
-"""Base class of step rules."""
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field

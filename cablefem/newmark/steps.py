@@ -1,5 +1,3 @@
-"""The instants to step on."""
-
 import math
 
 import numpy as np

@@ -35,17 +35,17 @@ class System(Protocol):
     at_support: bool = False  # `start` begins at the support only
 
     def start(self, phase: int, state: State | None) -> State:
-        """Return a consistent state at the beginning of `phase`; state=None: of the run."""
+        """A consistent state at the beginning of `phase`; state=None: of the run."""
         raise NotImplementedError
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
-        """Return r (n_dof,)."""
+        """r (n_dof,)."""
         raise NotImplementedError
 
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
-        """Return r and a function that applies (c0 dr/dq + c1 dr/dv + c2 dr/da)^-1 until the next call.
+        """r, and a function that applies (c0 dr/dq + c1 dr/dv + c2 dr/da)^-1 until the next call.
 
         It may overwrite its argument.
         """
@@ -108,7 +108,7 @@ class System(Protocol):
         return ()
 
     def pass_event(self, name: str, x: State) -> State | None:
-        """Return a consistent state after the event, None to end the run."""
+        """A consistent state after the event, None to end the run."""
         return x
 
 

@@ -1,5 +1,3 @@
-"""Agreement of two answers as an assertion."""
-
 import numpy as np
 
 from cablefem.response import Response

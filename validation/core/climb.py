@@ -65,7 +65,7 @@ class Runs:
         self.short = min((x for x in (self.view.stop, self.end) if x is not None), default=None)
 
     def at(self, settings: dict[str, Any], until: float | None, past: float = math.inf) -> MassPath:
-        """Return the run with these settings to s_o/l = until or further."""
+        """The run with these settings to s_o/l = until or further."""
         for r in self.known:
             far = until is not None and r.reached >= until * (1.0 - 1e-9)
             if r.settings == settings and (until is None or far or r.status != "complete"):
@@ -116,7 +116,7 @@ def laddered(
     scene: Scene, method: str | Method, *, progress: Progress | None = None, known: Sequence[MassPath] = (),
     past: float = math.inf, view: View | None = None, **kind: Any,
 ) -> Ladder:  # fmt: skip
-    """Return the ladder of a run; `kind` as in `run`, `known` runs are reused."""
+    """The ladder of a run; `kind` as in `run`, `known` runs are reused."""
     runs = Runs(scene, method, kind, view, known)
     ladder = runs.ladder(runs.method.settings_on(scene.groups, runs.named))
     if progress is not None:
@@ -128,12 +128,12 @@ def climb(
     scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None, budget: float = BUDGET,
     past: float = math.inf, view: View | None = None, **kind: Any,
 ) -> Ladder:  # fmt: skip
-    """Return a ladder whose finest run has a path bar of at most `tol`; see README.md, "How fine a run is".
+    """A ladder whose finest run has a path bar of at most `tol`; see README.md, "How fine a run is".
 
     budget : see `dear`;  past : s_o/l the finest run goes on once slack.
     view : range of the path's bar; default: of the scene.
 
-    Raises TooCoarse if the tolerance is out of reach.
+    Raises TooCoarse.
     """
     runs, report = Runs(scene, method, kind, view), progress or silent
     method, space = runs.method, runs.method.resolution
@@ -175,7 +175,7 @@ def _stride(
 def refined_until(
     scene: Scene, ladder: Ladder, left: Callable[[Ladder], tuple[float, float]], *, budget: float = BUDGET, **kind: Any
 ) -> Ladder:
-    """Return a ladder refined until other bars are met or it costs too much.
+    """A ladder refined until other bars are met or it costs too much.
 
     left : parts of space and time over what is asked; first order is credited.
     """

@@ -22,7 +22,6 @@ def _row(r: Response, quantity: str, law: str, gap: float, allowed: float, where
 
 
 def rows(r: Response, twin: Response | None = None) -> Iterator[Agreement]:
-    """Recompute a run's design numbers and path.csv, written anew."""
     yield from design(r, twin)
     with tempfile.TemporaryDirectory() as folder:
         r.write_path(Path(folder))

@@ -80,7 +80,7 @@ def _onset(h: History, states: States) -> tuple[int, float] | None:
 def respond(scene: Scene, h: History, *, frames: int = FRAMES, **asked: Any) -> Response:
     """The response of a history; `asked` are the fields that say what was run.
 
-    frames : at least, of the fields, over the whole course.
+    frames : least number of instants with fields.
     """
     states = finite(h)
     n = states.t.size

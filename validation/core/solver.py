@@ -1,5 +1,3 @@
-"""The interface of a discretised scene."""
-
 from __future__ import annotations
 
 from typing import Protocol
@@ -25,10 +23,10 @@ class Solver(System, Protocol):
         """The same system under "elastic" or "tension-only"."""
 
     def place(self, x: State) -> float:
-        """Return s_o of a state."""
+        """s_o of a state."""
 
     def in_time(self, states: States) -> States:
-        """Return a history over time."""
+        """A history over time."""
 
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
         """Measure a history `in_time`; fields at stations s for the rows `frames`."""

@@ -1,5 +1,3 @@
-"""How answers to one scene are compared: axis, range and scales."""
-
 from __future__ import annotations
 
 import math

@@ -1,4 +1,4 @@
-"""A line at rest, on the terminal and on its page, from stored results."""
+"""A line at rest, on the terminal and on its page."""
 
 from __future__ import annotations
 

@@ -57,7 +57,6 @@ def scene_named(name: str, faults: list[str] | None = None, *, travelling: bool 
 
 
 def line_named(name: str) -> Line | None:
-    """The line at rest of that name, or None."""
     from cablefem.scene import SceneError
     from cablefem.scene.line import line_of
 
@@ -132,7 +131,7 @@ def written(out: Path | None, command: str, scene: Scene | str, names: list[str]
 def study(
     command: str, scene: Scene | str, writes: list[str], out: Path | None, run: Callable[..., Any], *inputs: Any
 ) -> Any:
-    """Run a study, write its pages, print their findings and return its result.
+    """Run a study, write its pages and print their findings.
 
     run : called with `inputs`, the folder and the progress.
     """

@@ -48,7 +48,7 @@ def render(title: str, sections: Sequence[Section], out_file: Path) -> None:
 def drawn(package: str, file: str = "page.html", /, **content: Any) -> list[Section]:
     """The sections of a package's template, filled with `content`.
 
-    There `{% call section(id, title, verdict, summary) %}` begins one; its summary is text, or a macro's answer.
+    A section's summary is text, or a macro's answer.
     """
     out: list[Section] = []
 

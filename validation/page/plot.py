@@ -117,7 +117,7 @@ def side(p: Panel, reach: float, ground: Any, obstacles: Sequence[tuple[str, flo
 def plot(
     panels: Sequence[Panel], x: tuple[float, float], xlabel: str, caption: str, *, wide: bool = False
 ) -> Markup:  # fmt: skip
-    """Return panels below one another, with a caption and a key, over x between two values."""
+    """Panels below one another, with a caption and a key, over x between two values."""
     right = 74 if any(p.scale for p in panels) else RIGHT
     w = WIDTH - LEFT - right
 
@@ -178,14 +178,14 @@ def _path(x: Array, y: Array) -> str:
 
 
 def colors(n: int) -> Array:
-    """Return (n, 3) colours, bytes, along FIELD."""
+    """(n, 3) colours, bytes, along FIELD."""
     known = np.array([list(bytes.fromhex(name)) for name in FIELD.split()], dtype=float)
     at = np.linspace(0.0, len(known) - 1.0, n)
     return np.stack([np.interp(at, np.arange(len(known)), c) for c in known.T], axis=1).round().astype(np.uint8)
 
 
 def _png(values: Array) -> str:
-    """Return values (rows, columns) from 0 to 1 as a PNG of the 256 colours of FIELD, in base64."""
+    """Values (rows, columns) from 0 to 1 as a PNG of the 256 colours of FIELD, in base64."""
     image = Image.fromarray(np.clip(np.nan_to_num(values) * 255.0, 0.0, 255.0).round().astype(np.uint8))
     image.putpalette(colors(256).tobytes())
     image.save(out := io.BytesIO(), "PNG")

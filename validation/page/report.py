@@ -61,7 +61,7 @@ Part = tuple[str, ...]  # a command and its arguments
 
 @contextmanager
 def missing(root: Path | None, parts: Sequence[Part]) -> Iterator[tuple[Path, list[Part]]]:
-    """Give the folder of all results, the default one meanwhile, and the parts that it lacks.
+    """Give the folder of all results, where commands in the `with` block write, and the parts it lacks.
 
     A folder with the results of one scene lacks nothing.
     """

@@ -21,7 +21,7 @@ STATIONS = 101  # of the moving rope, at most, without the mass
 def side_view(scene: Scene, runs: Sequence[Response], *, range_T: tuple[float, float], party: Any = None) -> Markup:
     """The side view of one or two runs; its section needs SCRIPT among its scripts.
 
-    range_T : tensions [N] at the ends of the colour scale;  party : a third party's path, to be drawn too.
+    range_T : tensions [N] at the ends of the colour scale;  party : a third party's path.
     """
     r = runs[0]
     s = r.fields.s[:: _every(r)]

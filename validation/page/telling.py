@@ -52,7 +52,7 @@ def numbers(design: Sequence[dict[str, Any]]) -> None:
 
 
 def events(happened: Sequence[dict[str, Any]], most: int = 5) -> None:
-    """Print the events of a run, one per line, the last ones if there are many."""
+    """Print events, one per line; the last ones if there are many."""
     for x in happened[-most:]:
         t, s_o = (with_bar(x[name], x.get(f"bar_{name}")) for name in ("t", "s_o"))
         v, bar = 3.6 * x["speed"], x.get("bar_speed")

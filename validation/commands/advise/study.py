@@ -1,6 +1,6 @@
 """The least model that is enough for each need, and its cheapest run.
 
-Models are compared with the full dynamics.  A car that grips: from a taut string under a force to the full cable.
+A car that grips: from a taut string under a force to the full cable.
 A free car: quasi-static rides on the chord, the empty cable, the loaded cable.  A hauled car: the cable at rest, and a
 car that grips.
 

@@ -70,7 +70,7 @@ def gap(a: Response, b: Response, low: float = measures.WINDOW[0], high: float =
 def path(method: str, model: str = "full", scene: Groups | None = None, **how: Any) -> float:
     """Largest path error; infinite for a run that broke before 0.80.
 
-    The reference is right to 2e-4 (level) in a second.
+    The reference is right to 2e-4 (level) and takes a second.
     """
     r = run(method, scene, model=model, law="elastic", **how)
     if r.reached < measures.WINDOW[1]:

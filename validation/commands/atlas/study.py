@@ -1,6 +1,6 @@
 """Maps of where each method can be trusted (maps.toml): every cell is a run held against a finer one.
 
-Finished cells are kept in cells.jsonl and not computed again.
+Finished cells are kept in cells.jsonl.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""How deep a certificate goes, place by place, from stored results."""
+"""How deep a certificate goes, place by place."""
 
 from pathlib import Path
 

@@ -1,8 +1,7 @@
 """The path of the mass as exactly as possible, by three ways.
 
 Two ways by elements differ in degree and scheme, the third is Galerkin's.  Each climbs until its bar is met or costs
-too much.  For a gripping car, the same settings are also compared with the exact answer on a taut string.
-A free ride has two bars at each place, of path and of time.
+too much.
 """
 
 from __future__ import annotations

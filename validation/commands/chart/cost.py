@@ -1,5 +1,3 @@
-"""Cost of a step over the bare banded solve."""
-
 import time
 from timeit import timeit
 from typing import Any

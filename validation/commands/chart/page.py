@@ -1,4 +1,4 @@
-"""Pages of the work-precision chart, drawn from chart.json alone."""
+"""Pages of the work-precision chart."""
 
 import math
 from collections.abc import Iterator, Sequence

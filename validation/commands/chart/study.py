@@ -85,7 +85,6 @@ def chart(scene: Scene, out: Path, report: Progress = silent, *, repeats: int = 
 
 
 def series(groups: Groups) -> Iterator[Series]:
-    """Give the lines of methods, models, schemes, tolerances and peers."""
     from cablefem.elements.cable import MODELS
 
     base = METHODS[BASE]

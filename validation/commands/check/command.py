@@ -78,7 +78,7 @@ def command(
 
 
 def _points(scene: Any, pairs: list[str] | None) -> list[options.Point]:
-    """Return the scenes of a grid; Refused for settings of a method."""
+    """Scenes of a grid; Refused for settings of a method."""
     points = options.points_of(scene, pairs)
     if settings := sorted({key for point in points for key in point.settings}):
         raise store.Refused(f"--set {settings[0]}: check chooses its settings; keys of the scene have a dot")

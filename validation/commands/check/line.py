@@ -119,7 +119,7 @@ def _refined(line: Line, second: Line, tol: float, tol_tension: float) -> tuple[
 
 
 def checked(line: Line, tol: float = TOL, tol_tension: float | None = None, second: Line | None = None) -> Answers:
-    """Compute a line at rest by exact catenaries and by elements, and compare them.
+    """Compare both solvers on a line at rest.
 
     tol : [m];  tol_tension : of the largest tension, default `tol`;  second : a line for the elements alone.
     """

@@ -1,4 +1,4 @@
-"""The page of a check: answer, certainty, sources; from the folder of `study.Check.store`."""
+"""The page of a check: answer, certainty, sources."""
 
 from collections import Counter
 from pathlib import Path

@@ -51,7 +51,7 @@ def sensitivity(result: Check, largest: float = 1.0) -> dict[str, float]:
         changed = run(other, find(base.method), until=view.stop, **base.settings)
         changed = replace(changed, scene_toml=base.scene_toml)
         gaps = {(q.name, q.law): _gap(q, changed, base, view) for q in TABLE if q.asks and q.concerns(view)}
-        # the gap grows with the fault, and is noticed beyond three times both bars
+        # the gap grows with the fault
         noticed = [APART * bars.get(row, math.inf) * 0.01 * STEP / gap for row, gap in gaps.items() if gap > 0.0]
         if noticed and min(noticed) < largest:
             out[key] = min(noticed)

@@ -1,4 +1,4 @@
-"""Frequencies of the bare cable, from stored results."""
+"""Frequencies of the bare cable."""
 
 from pathlib import Path
 

@@ -47,7 +47,7 @@ def bare(
 def modes(scene: Scene | str | Path) -> Modes:
     """Compute the frequencies with each method's own error bar: its change from half the resolution.
 
-    exact : see `oracles.catenary_modes`.
+    exact : the linearised catenary, see `oracles.catenary_modes`.
     """
     from validation.oracles import catenary_modes
 

@@ -30,7 +30,7 @@ def names(runs: Runs, beyond: dict[str, Any]) -> dict[str, Any]:
 
 
 def numbers(runs: Runs, file: Path, report: Progress) -> dict[str, Any]:
-    """Numbers that claims need beyond runs: figure 2, overshoot beside the mass, energy in free vibration.
+    """Numbers beyond runs: figure 2, overshoot beside the mass, energy in free vibration.
 
     file : where they are kept, and found again if scenes and settings are the same.
     """

@@ -1,4 +1,4 @@
-"""The page of `cablefem paper`: every claim with its verdict, then the paper's figures redone, from stored runs alone.
+"""The page of `cablefem paper`: every claim with its verdict, then the paper's figures redone.
 
 figures.toml holds its words and looks, and says which stored runs each figure shows.
 """

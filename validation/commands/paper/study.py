@@ -11,7 +11,7 @@ from validation.core.sidebyside import Progress, silent
 
 
 def paper(out: Path, report: Progress = silent) -> dict[str, Any]:
-    """Make or reuse every run in out/runs, judge every claim, write claims.json, and return its content."""
+    """Make or reuse every run in out/runs, judge every claim, and write claims.json."""
     runs = all_runs(out, report)
     beyond = known.numbers(runs, out / "numbers.jsonl", report)
     report("claims", 0.0)

@@ -1,4 +1,4 @@
-"""Free vibration of the bare level cable under a time scheme: does it keep the energy it was given?"""
+"""Free vibration of the bare level cable under a time scheme."""
 
 import contextlib
 from dataclasses import replace

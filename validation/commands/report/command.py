@@ -7,7 +7,7 @@ from validation.page import terminal
 from validation.page.options import to
 
 EXAMPLE = "cablefem report"
-# Parts of a full report, in the order of its pages.
+# in the order of pages
 PARTS = (
     ("check", "level"), ("check", "inclined"), ("check", "tramway"), ("check", "zipline"), ("paper",), ("oracles",),
     ("chart", "level", "--budget", "80"), ("advise", "level", "--tol", "1e-2"), ("modes", "bare"), ("atlas",),

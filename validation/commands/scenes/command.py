@@ -33,7 +33,7 @@ def command(
 
 
 def _texts(name: str | None) -> dict[str, str]:
-    """Return the TOML of a scene by its name; of all built-in ones for None."""
+    """The TOML of a scene by its name; of all built-in ones for None."""
     from cablefem.scene import Scene
     from cablefem.scene.described import LIBRARY, LINES
 

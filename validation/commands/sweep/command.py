@@ -1,5 +1,3 @@
-"""`cablefem sweep`: thousands of scenes on all cores or a cluster; a killed sweep goes on where it stopped."""
-
 from __future__ import annotations
 
 from pathlib import Path

@@ -207,7 +207,6 @@ def _client(workers: int | None, scheduler: str | None, scenes: int) -> Iterator
         except (OSError, ValueError, TimeoutError) as error:
             raise Refused(f"--scheduler {scheduler}: {error or 'no answer'}") from None
         return
-    # a chunk is tried a second time as a whole
     calm = {"distributed.scheduler.allowed-failures": 1, "distributed.comm.timeouts.connect": "60s"}
     with dask.config.set(calm):
         with _uninterrupted():

@@ -1,4 +1,4 @@
-"""Pages of a sweep, from its stored rows: what came out, maps of the design numbers, and every scene to filter."""
+"""Pages of a sweep: what came out, maps of the design numbers, and every scene to filter."""
 
 import json
 import textwrap

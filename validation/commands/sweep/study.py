@@ -1,4 +1,4 @@
-"""What a sweep asks for: a base scene, axes that vary, a job for every point; points are numbered once and for all."""
+"""What a sweep asks for: a base scene, axes that vary, a job for every point."""
 
 from __future__ import annotations
 

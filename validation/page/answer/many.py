@@ -30,7 +30,7 @@ HEADS = {
     "outcome": "outcome", "arrival_km_h": "at the brake or end [km/h]", "rests_at_m": "rests at [m]",
     "clearance_rope_min": "clearance, rope [m]", "clearance_car_min": "clearance, car [m]", "verdict": "verdict",
 }  # fmt: skip
-# kind of an outcome -> the same in words, of one ride or of many
+# kind of an outcome in words, of one ride or of many
 ENDS = {
     "arrives": "arrived", "stopped_by_brake": "stopped in the brake", "stuck": "got stuck",
     "rolls_back": "rolled back to the start", "rolling": "still rolled at the end", "crossed": "crossed the cable",
@@ -89,7 +89,7 @@ def grid(
     command: str, home: str, scene: Any, points: Sequence[Point], out: Path | None,
     answered: Callable[[Point], tuple[Row, Any]], columns: Callable[[list[Row], list[str]], Columns],
 ) -> list[Row]:  # fmt: skip
-    """Answer every point of a grid of a scene by a row and what is drawn of it; store, draw and print; return the rows.
+    """Answer every point of a grid by a row and what is drawn of it; store, draw, print and return the rows.
 
     Writes table.csv, grid.json and scene.toml to the folder `home` of the command's results.
     """
