@@ -68,7 +68,6 @@ class FullCable:
         return np.asarray(self.groups.shape(s)[1])
 
     def points(self, s: Array, slope: Array) -> Array:
-        """Rows of `kernels.stress`."""
         T, xp, yp, _, _ = self.groups.static(s)
         return kernels.stress(T, np.array([xp, yp]), np.ascontiguousarray(slope), self.alpha, self.law)
 

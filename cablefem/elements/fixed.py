@@ -1,4 +1,4 @@
-"""Cable elements on a fixed mesh, the mass moving through them.
+"""Equal cable elements on a fixed mesh, the mass moving through them.
 
 M d2q/dt2 + R(q) + N(s_o)^T F = 0, F = mu (d2p/dt2 - sigma j), p = X(s_o) + N(s_o) q, with couplings
 
@@ -27,8 +27,6 @@ _KINDS = {"hermite": skfem.ElementLineHermite, "p1": skfem.ElementLineP1, "p2": 
 
 
 class FixedElements(CableElements):
-    """The cable with its moving mass on equal fixed elements."""
-
     at_support = True
     node = 0
 

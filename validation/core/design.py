@@ -109,7 +109,7 @@ def quantities(r: Response) -> dict[str, Quantity]:
 def _told(quantity: str, value: float | None, bar: float, unit: str, **where: float | None) -> Number:
     """A design number; None: unknown, not applicable, or a clearance of what the car never passes.
 
-    where : t [s], places [m] of the mass, s_o, static horizontal, x, and on the cable, s; of a force the raw extreme.
+    where : t [s]; s_o of the mass, static x, and s on the cable [m]; `peak`, the raw extreme of a force.
     """
     empty = dict.fromkeys(("t", "s_o", "x", "s", "peak", "bar_peak"))
     return {"quantity": quantity, "value": value, "bar": finite(bar), "unit": unit, **empty, **where}

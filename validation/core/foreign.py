@@ -119,7 +119,7 @@ def _read(file: Path, scene: Scene) -> tuple[dict[str, Array], list[str]]:
 
 
 def _table(file: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """The names of the columns and the numbered rows of cells."""
+    """Column names, and rows of cells with their numbers."""
     try:
         text = file.read_text(encoding="utf-8-sig")
     except (OSError, ValueError) as error:
@@ -142,7 +142,7 @@ def _told(column: str, l: float) -> tuple[str, float]:
 
 
 def _of_names(header: list[str], known: dict[int, tuple[str, float]], scene: Scene) -> list[str]:
-    """What is wrong with the names of the columns."""
+    """Faults of the column names."""
     names: dict[str, list[str]] = {}
     for i, (quantity, _) in known.items():
         names.setdefault(quantity, []).append(header[i])
@@ -181,7 +181,7 @@ def _number(cell: str) -> float:
 
 
 def _columns(scene: Scene, given: dict[str, Array], rows: Sequence[str]) -> dict[str, Any]:
-    """The columns with all of t, s_o, x, y, u, v that follow from them."""
+    """All of t, s_o, x, y, u, v that follow from the given columns."""
     if scene.drive.mode == "free":
         if not ("t" in given and given.keys() & {"s_o", "x"} and given.keys() & {"v", "y"}):
             raise Refused(f"a free ride needs t, s_o or x, and v or y; it has {', '.join(given)}")
@@ -272,7 +272,7 @@ def refuse_misnamed(path: MassPath, ours: Response) -> None:
 
 
 def vertical(r: Any) -> Any:
-    """A path with zero u: for paths of which one lacks it."""
+    """A path with zero u, to compare with one that lacks u."""
     return replace(r, u=np.zeros_like(r.v), x=np.zeros_like(r.v))
 
 

@@ -311,7 +311,6 @@ METHODS = {m.name: m for m in _ALL}
 
 
 def find(name: str) -> Method:
-    """A method by name; ValueError with the nearest name."""
     if name not in METHODS:
         raise ValueError(f"unknown method {name!r}.{nearest(str(name), METHODS)}")
     return METHODS[name]

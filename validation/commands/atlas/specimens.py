@@ -94,7 +94,6 @@ class _RestingStart(GalerkinSystem):
 
 
 def planted(method: str, fault: type[GalerkinSystem]) -> Method:
-    """A Fourier method with a fault in it."""
 
     def build(groups: Groups, x: dict[str, Any], **kind: Any) -> Any:
         return fault(groups, Fourier(x["terms"]), kink=method.endswith("kink"), **kind)

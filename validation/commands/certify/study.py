@@ -126,7 +126,6 @@ class Certificate:
         return reach(self.bar[0] / self.answer.scale, tol)
 
     def write(self, folder: Path) -> None:
-        """Write certificate.csv and certify.json."""
         write_table(folder / "certificate.csv", self)
         ways = [
             {"name": f.name, "settings": f.settings, "space": f.left[0], "time": f.left[1],

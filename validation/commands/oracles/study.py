@@ -52,7 +52,7 @@ class Task:
         return self.oracle, self.case.name, self.method
 
     def compute(self, solvers: Solvers | None = None) -> dict[str, Any]:
-        """Climb the case's ladder and hold every rung against the exact answer.
+        """Climb the case's ladder, hold every rung against the exact answer, return the row.
 
         ladder : what was refined, coarse to fine; sizes : resolution, or one over the parameter of a limit;
         errors : relative rms; error, worst : rms and largest of the finest; observed_order : nan where none shows.

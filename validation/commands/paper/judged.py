@@ -94,7 +94,7 @@ def _measured(entry: Row, known: Row) -> tuple[float, float, float | None]:
 
 
 def _range(entry: Row, meaning: Row, known: Row) -> tuple[str, float | None, float | None]:
-    """The range in words, its low and its high end; None: it has no such end."""
+    """The range in words, and its ends; None: no such end."""
     ends, reasons = {}, [entry.get("reason", "")]
     for name in ("around", "within", "at_least", "at_most"):
         if name in entry:

@@ -80,7 +80,7 @@ def _at_contact(line: Line, j: int, k: int, state: LineState, empty: LineState) 
 
 
 def _room(line: Line, i: int, state: LineState) -> Row:
-    """The free heights over obstacles and ground at position i, negative where something hits."""
+    """Free heights over obstacles and ground at position i; negative: something hits."""
     found = {f"clearance_rope:{o.name}": o.top - _depth(state, o.at) for o in line.obstacle}
     if not line.ground:
         return found
@@ -97,7 +97,7 @@ def _room(line: Line, i: int, state: LineState) -> Row:
 
 
 def _passing(line: Line, rows: list[Row | None]) -> list[tuple[str, int, float]]:
-    """The free height of each car over each obstacle that it passes, between two positions linearly."""
+    """Free heights of cars over obstacles that they pass, linear between two positions."""
     found = []
     for car, o in itertools.product(line.car, line.obstacle):
         told = [(i, r[f"x:{car.name}"], r[f"depth:{car.name}"]) for i, r in enumerate(rows) if r]

@@ -75,7 +75,6 @@ def row(study: Study, index: int, point: dict[str, Any]) -> dict[str, Any]:
 
 
 def lost(study: Study, index: int, cause: str) -> dict[str, Any]:
-    """The row of a scene whose workers died."""
     reason = "each worker died that computed it"
     return {"index": index, **study.point(index), "status": "died", "cause": cause, "reason": reason}
 
