@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from cablefem.scene.bisection import bisected
 from cablefem.scene.catenary import Z_MAX, Z_MIN, Catenary
 from cablefem.scene.errors import shown
-from cablefem.scene.fields import POSITIVE, Admits, NonNegative, Part, Positive, Real, between, number_or, said
+from cablefem.scene.fields import POSITIVE, Admits, NonNegative, Part, Positive, Real, between, number_or, one_of, said
 
 SHAPES = ("length", "sag", "horizontal_tension")
 STEEPEST = 10.0  # [-] largest slope of the chord, 84 degrees; steeper lines lose digits
@@ -84,12 +84,7 @@ class Cable(Rope):
     horizontal_tension: Positive | None = said("[N] horizontal part of the tension at rest", None)
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
-        shapes = [f"{name} = {shown(given[name])}" for name in SHAPES if given.get(name) is not None]
-        one = f"exactly one of {', '.join(SHAPES)} must be given"
-        faults = [f"{extra}: too much beside {shapes[0]}; {one}" for extra in shapes[1:]]
-        if not shapes:
-            faults = [f"{SHAPES[0]}: missing; {one}"]
-        return faults + super().faults_between(given)
+        return one_of(SHAPES, given) + super().faults_between(given)
 
 
 class Supports(Part):
@@ -138,7 +133,10 @@ def hanging_faults(gravity: float, cable: Cable, supports: Supports) -> list[str
         most = STEEPEST * span
         return [f"supports.drop = {drop!r}: must be from {-most:.6g} to {most:.6g}, {STEEPEST:g} spans"]
     name, value = next((n, v) for n in SHAPES if (v := getattr(cable, n)) is not None)
-    low, high = _admissible(name, cable.mass_per_length * gravity, supports)
+    taut, deep = (Catenary.from_z(span, drop, cable.mass_per_length * gravity, z) for z in (Z_MIN, Z_MAX))
+    low, high = sorted((getattr(taut, name), getattr(deep, name)))
+    if name == "length":  # nearer to the chord, less than four digits of the sag are known
+        low = taut.chord * (1.0 + 1e-12)
     if low <= value <= high:
         try:
             hang(gravity, cable, supports)
@@ -148,20 +146,10 @@ def hanging_faults(gravity: float, cable: Cable, supports: Supports) -> list[str
         return []
     least = f"{low!r}" if name == "length" else f"{low:.6g}"  # a length counts by its excess over the chord
     fault = f"cable.{name} = {value!r}: must be from {least} to {high:.6g} with these supports"
-    chord = math.hypot(span, drop)
     if name == "length" and value < low:
-        apart = f"the supports are {chord!r} m apart"
-        fault += f" ({apart if value <= chord else 'for a cable this taut give sag or horizontal_tension'})"
+        apart = f"the supports are {taut.chord!r} m apart"
+        fault += f" ({apart if value <= taut.chord else 'for a cable this taut give sag or horizontal_tension'})"
     return [fault]
-
-
-def _admissible(name: str, weight: float, supports: Supports) -> tuple[float, float]:
-    """Least and largest length, sag or tension."""
-    taut, deep = (Catenary.from_z(supports.span, supports.drop, weight, z) for z in (Z_MIN, Z_MAX))
-    if name == "length":  # nearer to the chord, less than four digits of the sag are known
-        return taut.chord * (1.0 + 1e-12), deep.length
-    low, high = sorted((getattr(taut, name), getattr(deep, name)))
-    return low, high
 
 
 def stretch_faults(gravity: float, cable: Cable, supports: Supports) -> list[str]:

@@ -93,7 +93,7 @@ class Described(Part):
 
     def _tables(self, changes: Container[str] = ()) -> dict[str, Any]:
         """Its tables, without what gives way to changes of these dotted keys."""
-        raise NotImplementedError
+        return {"name": self.name, **self.model_dump(exclude_none=True, exclude_defaults=True)}
 
     def replace(self, changes: Mapping[str, Any]) -> Self:
         """The same with other values of some dotted keys; SceneError with all faults.

@@ -21,9 +21,10 @@ from cablefem.scene.fields import (
     Positive,
     Real,
     Reals,
+    as_long,
     between,
-    columns,
     number_or,
+    one_of,
     rising,
     said,
     tables,
@@ -52,7 +53,7 @@ class Thrust(Part):
     forces: Reals = said("[N] positive to the right")
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
-        return columns(self.times, forces=self.forces) + rising("times", self.times)
+        return as_long(self.times, "forces", self.forces) + rising("times", self.times)
 
 
 class Brake(Part):
@@ -69,9 +70,7 @@ class End(Part):
     place: Positive | None = said("[m] place along the cable that counts as arrival", None)
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
-        if (given.get("time") is None) != (given.get("place") is None):
-            return []
-        return [f"time = {shown(given.get('time'))}: exactly one of time, place must be given"]
+        return one_of(("time", "place"), given)
 
 
 def of_mode(mode: str) -> tuple[str, ...]:

@@ -83,13 +83,20 @@ def tables(like: str) -> Admits:
     return Admits(f"a list of tables {like}", strict=False)
 
 
-def columns(times: Sequence[float] | None, **other: Sequence[float] | None) -> list[str]:
+def as_long(times: Sequence[float] | None, name: str, column: Sequence[float] | None) -> list[str]:
     """Fault of a column that is not as long as the times; None: faulty by itself."""
-    return [
-        f"{name}: {len(column)} values; must be {len(times)}, as times"
-        for name, column in other.items()
-        if times is not None and column is not None and len(column) != len(times)
-    ]
+    if times is None or column is None or len(column) == len(times):
+        return []
+    return [f"{name}: {len(column)} values; must be {len(times)}, as times"]
+
+
+def one_of(names: Sequence[str], given: Mapping[str, Any]) -> list[str]:
+    """Faults unless exactly one of these fields is given."""
+    told = [f"{name} = {shown(given[name])}" for name in names if given.get(name) is not None]
+    must = f"exactly one of {', '.join(names)} must be given"
+    if not told:
+        return [f"{names[0]}: missing; {must}"]
+    return [f"{extra}: too much beside {told[0]}; {must}" for extra in told[1:]]
 
 
 def rising(name: str, column: Sequence[float] | None, sign: str = ">") -> list[str]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -213,9 +213,6 @@ class Line(Described):
             return faults
         faults = _rope_faults(rope, contacts) + _car_faults(cars, contacts)
         return faults + surroundings_faults(self.obstacle or (), contacts[-1].at[0])
-
-    def _tables(self, changes: Container[str] = ()) -> dict[str, Any]:
-        return {"name": self.name, **self.model_dump(exclude_none=True, exclude_defaults=True)}
 
     @property
     def count(self) -> int:

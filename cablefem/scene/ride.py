@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 
-from cablefem.scene import catenary
 from cablefem.scene.bisection import bisected
 from cablefem.scene.drive import Drive
 from cablefem.scene.statics import NoRest, gripped, nodes
@@ -59,15 +58,15 @@ class LoadPath:
     @classmethod
     def empty(cls, groups) -> LoadPath:
         s = nodes()
-        _, xp, yp, xpp, ypp = catenary.static(s, groups.sigma, groups.c)
-        place = np.stack(catenary.shape(s, groups.sigma, groups.c), -1)
+        _, xp, yp, xpp, ypp = groups.static(s)
+        place = np.stack(groups.shape(s), -1)
         hold = -groups.mu * groups.sigma * yp
         return cls(s, place, np.stack([xp, yp], -1), np.stack([xpp, ypp], -1), hold, np.ones_like(s))
 
     @classmethod
     def chord(cls, groups) -> LoadPath:
         s = nodes()
-        slope = np.stack(catenary.shape(1.0, groups.sigma, groups.c))
+        slope = np.stack(groups.shape(1.0))
         ones = np.ones_like(s)
         hold = -groups.mu * groups.sigma * slope[1] * ones
         return cls(s, s[:, None] * slope, ones[:, None] * slope, np.zeros((s.size, 2)), hold, math.hypot(*slope) * ones)

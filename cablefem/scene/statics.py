@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cablefem.scene import catenary
 from cablefem.scene.drive import FARTHEST_END, NEAREST_START
 
 # nodes of a load path; Gauss points a side, for an error of 3e-8 l
@@ -70,7 +69,7 @@ def hauled(s, groups) -> Rest:
 
     s = np.atleast_1d(np.asarray(s, dtype=float))
     weight, x = groups.mu * groups.sigma, None
-    tau, rub = np.stack(catenary.static(s, groups.sigma, groups.c)[1:3], -1), np.zeros_like(s)
+    tau, rub = np.stack(groups.static(s)[1:3], -1), np.zeros_like(s)
     for _ in range(ITERATIONS):
         haul = rub - weight * tau[:, 1]
         jump = [0.0, -weight] - haul[:, None] * tau
@@ -104,8 +103,8 @@ class _Pieces:
         self.behind = np.arange(2 * POINTS) < POINTS
         self.load = np.where(self.behind, 0.0, jump.T[:, :, None])  # n - left: (2, n, points)
         self.load[1] -= groups.sigma * points
-        self.q = 1.0 - catenary.static(points, groups.sigma, groups.c)[0] / self.alpha
-        ends = np.stack(catenary.shape(1.0, groups.sigma, groups.c))
+        self.q = 1.0 - groups.static(points)[0] / self.alpha
+        ends = np.stack(groups.shape(1.0))
         if left is None:  # direction of the empty cable, tension guessed
             left = np.stack([np.full_like(s, math.sqrt(1.0 + 0.5 * groups.mu)), groups.c - jump[:, 1] * (1.0 - s)], -1)
         self.left = left
@@ -129,7 +128,7 @@ class _Pieces:
         else:
             raise NoRest(f"the cable at rest under the car was not found at s_o = {s[np.argmax(size)]:.4g}")
         self.sides = []  # each: N, r', dr'/dn, dr'/ds at constant left
-        self.T = T = catenary.static(s, groups.sigma, groups.c)[0]
+        self.T = T = groups.static(s)[0]
         dT = -groups.sigma * (groups.c - groups.sigma * s) / T
         q = 1.0 - T / self.alpha
         behind = self.left - np.stack([np.zeros_like(s), groups.sigma * s], -1)

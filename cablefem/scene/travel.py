@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from cablefem.scene.bisection import bisected
-from cablefem.scene.fields import NonNegative, Numbers, Part, Positive, Real, columns, rising, said
+from cablefem.scene.fields import NonNegative, Numbers, Part, Positive, Real, as_long, rising, said
 from cablefem.scene.motion import Motion, Piece
 
 AT_REST = 1e-3  # of the largest speed: a first or last speed below counts as rest
@@ -91,8 +91,7 @@ class Law(Part):
             name: getattr(self, name) * factor**power for name, power in self.paces.items() if getattr(self, name)
         }
         if self.stop is not None:
-            stop = Stop(time=self.stop.time / factor, deceleration=self.stop.deceleration * factor**2)
-            changes["stop"] = stop
+            changes["stop"] = Stop(time=self.stop.time / factor, deceleration=self.stop.deceleration * factor**2)
         return self.model_copy(update=changes)
 
 
@@ -237,7 +236,7 @@ class Table(Law):
     positions: Numbers = said("[m] way along the cable, from 0, never decreasing; equal ones are a standstill")
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
-        faults = columns(self.times, positions=self.positions)
+        faults = as_long(self.times, "positions", self.positions)
         for name, column, sign in (("times", self.times, ">"), ("positions", self.positions, ">=")):
             if column and column[0] > 0.0:
                 faults.append(f"{name}[0] = {column[0]!r}: must be 0, the start")

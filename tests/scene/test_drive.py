@@ -43,7 +43,8 @@ PLACES = "must be from 0.033 to 326.7 m, between the left support and the end of
           "drive.brake[1].at = 290: unknown key. Known: from, force."]),
         (FREE + "brake = [{from = 331, force = 3}]",
          ["drive.brake[0].from = 331.0: must be < 330 m, the length of the cable"]),
-        (FREE + "end = {time = 3, place = 4}", ["drive.end.time = 3: exactly one of time, place must be given"]),
+        (FREE + "end = {time = 3, place = 4}",
+         ["drive.end.place = 4: too much beside time = 3; exactly one of time, place must be given"]),
         (FREE + "end = {place = 328.0}",
          ["drive.end.place = 328.0: must be < 326.7 m, 0.99 of the length of the cable: next to the support no answer "
           "converges"]),

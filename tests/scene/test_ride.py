@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from scipy.integrate import cumulative_simpson, solve_ivp
 from scipy.interpolate import CubicSpline
 
 from cablefem import Scene
-from cablefem.scene import Drive, LoadPath
+from cablefem.scene import Drive, Groups, LoadPath
 from cablefem.scene.catenary import static
 from cablefem.scene.ride import ride
 from cablefem.scene.statics import gripped, hauled
@@ -108,7 +107,9 @@ def test_the_ride_is_the_one_that_two_dynamic_prototypes_found():
 
 # --- on the chord all has closed form ---
 
-FLAT = SimpleNamespace(mu=0.3, alpha=400.0, sigma=0.02, c=0.21)  # falls by 0.2 of its length
+FLAT = Groups(
+    mu=0.3, alpha=400.0, sigma=0.02, c=0.21, chord_cos=0.98, chord_sin=0.2, motion=None
+)  # falls by 0.2 of its length
 
 
 def test_drag_on_the_chord():
@@ -125,7 +126,7 @@ def test_drag_on_the_chord():
 
 
 def test_wind_drives_a_car_up_to_its_own_speed():
-    level = SimpleNamespace(mu=0.3, alpha=400.0, sigma=1e-5, c=0.5e-5)
+    level = Groups(mu=0.3, alpha=400.0, sigma=1e-5, c=0.5e-5, chord_cos=1.0, chord_sin=0.0, motion=None)
     r = ride(LoadPath.chord(level), 0.3, 1e-5, Drive(mode="free", start=0.1, k=2.0, wind=0.05, end_time=15.0))
     t = 11.0  # v' = k/mu (w - v)^2
     assert r.speed(t) == pytest.approx(0.05 - 1.0 / (1.0 / 0.05 + 2.0 / 0.3 * t), rel=1e-8)
