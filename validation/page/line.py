@@ -1,7 +1,5 @@
 """A line at rest, on the terminal and on its page."""
 
-from __future__ import annotations
-
 import csv
 import tomllib
 from collections.abc import Iterator, Sequence

@@ -1,21 +1,17 @@
 """Answers and verdicts in a few lines, for several commands."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from cablefem.response import Response
+from cablefem.scene import Scene
+from validation.core.agreement import Agreement
 from validation.core.answers import outcome
 from validation.core.measures import WINDOWS
 from validation.core.methods import find
 from validation.core.quantities import matter, told, with_bar
 from validation.page import terminal
 from validation.page.answer import EVENTS
-
-if TYPE_CHECKING:
-    from cablefem.response import Response
-    from cablefem.scene import Scene
-    from validation.core.agreement import Agreement
 
 
 def rows(verdicts: Sequence[Agreement]) -> None:

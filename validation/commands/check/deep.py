@@ -1,7 +1,5 @@
 """Shared parts of both solvers against third parties: `check --deep`."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace

@@ -3,8 +3,6 @@
 Bars: change in one more Newton step (catenaries), three times the change on halving (elements); at least rounding.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial

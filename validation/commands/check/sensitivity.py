@@ -1,23 +1,20 @@
 """Sensitivity of a check: the smallest fault of each key in one solver that changes a verdict."""
 
-from __future__ import annotations
-
 import math
+import tomllib
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cablefem.scene import Scene, SceneError
+from validation.commands.check.study import Check
 from validation.core.agreement import APART
 from validation.core.measures import NotComparable
 from validation.core.methods import find
 from validation.core.rows import TABLE
 from validation.core.running import run
 from validation.core.view import View
-
-if TYPE_CHECKING:
-    from validation.commands.check.study import Check
 
 STEP = 0.1  # [percent] change of a key; rows are linear in it
 
@@ -38,8 +35,6 @@ def sensitivity(result: Check, largest: float = 1.0) -> dict[str, float]:
 
     One run a key at half the resolution: changes of rows need fewer digits.
     """
-    import tomllib
-
     base = (*result.a.space.runs, result.a.run)[0]
     view = View.of(result.scene).cut(result.a.run, result.b.run)
     bars = {(row.quantity, row.law): row.allowed for row in result.rows if row.asked}

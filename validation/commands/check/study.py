@@ -1,7 +1,5 @@
 """Run one scene on two solvers that share no formula, and compare their answers."""
 
-from __future__ import annotations
-
 import html
 import importlib
 import math

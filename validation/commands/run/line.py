@@ -3,8 +3,6 @@
 Quantities are named `quantity:contact`, `quantity:car` or `quantity:obstacle`. SI; depths below the first contact.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """What varies from scene to scene."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import partial
 from typing import Annotated, Any, ClassVar

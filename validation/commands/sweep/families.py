@@ -1,7 +1,5 @@
 """Random realistic scenes: a gripped car on a locked rope, a hauled one, a rider on a thin rope."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """Many answers: a table with one row per point of a grid, all rides from the side, their speeds."""
 
-from __future__ import annotations
-
 import csv
 import json
 from collections.abc import Callable, Sequence
