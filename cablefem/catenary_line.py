@@ -136,7 +136,7 @@ def _newton(problem: _Problem, more: int) -> np.ndarray:
         left -= large < LAST
         if left == 0:
             return X
-    raise NotFound
+    raise NotFound("no state of rest was found")
 
 
 def _rest(case: Case, more: int) -> LineState | NoLine:

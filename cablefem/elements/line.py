@@ -264,7 +264,7 @@ class _Batch:
             self.X = trial
             if np.max(np.abs(step) / self.reach[self.case_of]) < enough:
                 return
-        raise NotFound
+        raise NotFound("no state of rest was found")
 
     def _states(self) -> list[LineState]:
         """States, with weak nodal forces as pulls."""

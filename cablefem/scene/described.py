@@ -20,13 +20,14 @@ _FOUND = sorted(file.name.removesuffix(".toml") for file in _FILES.iterdir() if 
 LINES = sorted(file.name.removesuffix(".toml") for file in (_FILES / "lines").iterdir())
 AT_REST = "a line of several contacts is computed at rest; one span between two anchors also in motion"
 LIBRARY = (*_FIRST, *(name for name in _FOUND if name not in _FIRST))
+BUILT_IN = (*LIBRARY, *LINES)
 RELATIVE = re.compile(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?%")
 
 
 def library_text(name: str) -> str:
     """The TOML of a built-in scene or line, with comments."""
-    if name not in (*LIBRARY, *LINES):
-        raise SceneError([f"scene = {shown(name)}: no built-in scene.{nearest(name, (*LIBRARY, *LINES))}"])
+    if name not in BUILT_IN:
+        raise SceneError([f"scene = {shown(name)}: no built-in scene.{nearest(name, BUILT_IN)}"])
     folder = _FILES / "lines" if name in LINES else _FILES
     return (folder / f"{name}.toml").read_text(encoding="utf-8")
 
@@ -34,15 +35,13 @@ def library_text(name: str) -> str:
 def scene_text(name_or_path: str | Path) -> tuple[str, str]:
     """Text and name of a built-in scene or of a TOML file."""
     text = str(name_or_path)
-    if text in (*LIBRARY, *LINES):
+    if text in BUILT_IN:
         return library_text(text), text
     path = Path(name_or_path)
     try:
         content = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
-        raise SceneError(
-            [f"scene = {shown(text)}: no built-in scene, no file.{nearest(text, (*LIBRARY, *LINES))}"]
-        ) from None
+        raise SceneError([f"scene = {shown(text)}: no built-in scene, no file.{nearest(text, BUILT_IN)}"]) from None
     except (OSError, ValueError) as error:  # a folder, no permission, not UTF-8
         why = error.strerror if isinstance(error, OSError) else error
         raise SceneError([f"scene = {shown(text)}: must be a readable TOML file ({why})"]) from None

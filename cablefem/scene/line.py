@@ -174,9 +174,6 @@ class NoLine(ArithmeticError):
 class NotFound(NoLine):
     """Newton's method did not converge."""
 
-    def __init__(self) -> None:
-        super().__init__("no state of rest was found")
-
 
 Solver = Callable[[Sequence[Case]], "list[LineState | NoLine]"]
 

@@ -129,8 +129,8 @@ class Motion:
     @property
     def standstills(self) -> list[tuple[float, float]]:
         """Phases [t0, t1] at rest."""
-        still = [all(p.c1 == p.c2 == p.c3 == 0.0 for p in pieces) for pieces in self.pieces]
-        return [phase for phase, stands in zip(self.phases, still, strict=True) if stands]
+        parts = zip(self.phases, self.pieces, strict=True)
+        return [phase for phase, pieces in parts if all(p.c1 == p.c2 == p.c3 == 0.0 for p in pieces)]
 
     def shifted(self, start: float) -> Motion:
         """The same motion, begun at `start`."""

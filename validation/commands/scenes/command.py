@@ -35,10 +35,10 @@ def command(
 def _texts(name: str | None) -> dict[str, str]:
     """The TOML of a scene by its name; of all built-in ones for None."""
     from cablefem.scene import Scene
-    from cablefem.scene.described import LIBRARY, LINES
+    from cablefem.scene.described import BUILT_IN
 
-    if name is None or name in (*LIBRARY, *LINES):
-        return {key: Scene.library_text(key) for key in ((*LIBRARY, *LINES) if name is None else [name])}
+    if name is None or name in BUILT_IN:
+        return {key: Scene.library_text(key) for key in (BUILT_IN if name is None else [name])}
     found = line_named(name) or scene_named(name)
     return {found.name: found.to_toml()}
 
