@@ -133,10 +133,13 @@ def hanging_faults(gravity: float, cable: Cable, supports: Supports) -> list[str
         most = STEEPEST * span
         return [f"supports.drop = {drop!r}: must be from {-most:.6g} to {most:.6g}, {STEEPEST:g} spans"]
     name, value = next((n, v) for n in SHAPES if (v := getattr(cable, n)) is not None)
-    taut, deep = (Catenary.from_z(span, drop, cable.mass_per_length * gravity, z) for z in (Z_MIN, Z_MAX))
+    weight = cable.mass_per_length * gravity
+    taut, deep = Catenary.from_z(span, drop, weight, Z_MIN), Catenary.from_z(span, drop, weight, Z_MAX)
     low, high = sorted((getattr(taut, name), getattr(deep, name)))
+    least = f"{low:.6g}"
     if name == "length":  # nearer to the chord, less than four digits of the sag are known
         low = taut.chord * (1.0 + 1e-12)
+        least = f"{low!r}"  # a length counts by its excess over the chord
     if low <= value <= high:
         try:
             hang(gravity, cable, supports)
@@ -144,7 +147,6 @@ def hanging_faults(gravity: float, cable: Cable, supports: Supports) -> list[str
             name = "temperature" if cable.ice is None else "ice"
             return [f"cable.{name} = {shown(getattr(cable, name))}: must be less extreme; no cable at rest was found"]
         return []
-    least = f"{low!r}" if name == "length" else f"{low:.6g}"  # a length counts by its excess over the chord
     fault = f"cable.{name} = {value!r}: must be from {least} to {high:.6g} with these supports"
     if name == "length" and value < low:
         apart = f"the supports are {taut.chord!r} m apart"
