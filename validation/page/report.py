@@ -90,13 +90,12 @@ def gather(root: Path, parts: Sequence[Part]) -> None:
         if store.finished(folder, command)
     ]
     done.sort(key=lambda x: order.index((x[0], x[1].name)) if (x[0], x[1].name) in order else len(order))
+    commands = list(dict.fromkeys(command for command, _ in done))
     pages = [
-        (command, i > 0, replace(s, id=f"{folder.name}-{s.id}", title=f"{folder.name}: {s.title}"))
+        (commands.index(command), i > 0, replace(s, id=f"{folder.name}-{s.id}", title=f"{folder.name}: {s.title}"))
         for command, folder in done for i, s in enumerate(kept(folder, command))
     ]  # fmt: skip
-    commands = list(dict.fromkeys(command for command, _ in done))
-    pages.sort(key=lambda x: (commands.index(x[0]), x[1]))
-    sections = _apart((command, section) for command, _, section in pages)
+    sections = _apart((commands[i], section) for i, _, section in sorted(pages, key=lambda x: x[:2]))
     if not sections:
         raise store.Refused(f"{root} holds no finished results to report")
     page.render("cablefem", sections, root / "report.html")

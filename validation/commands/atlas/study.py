@@ -97,20 +97,15 @@ def _reference(toml: str) -> tuple[Response, float]:
 
 def cells(m: Map, x: float, y: float) -> list[dict[str, Any]]:
     """Cells of all methods of a map at one place."""
+    out = [{"map": m["name"], "x": x, "y": y, "method": label(*method)} for method in methods(m)]
     try:
         scene = scene_at(m, x, y)
     except ValueError as error:
-        scene = None
         none = dict.fromkeys(("cause", "reached", "error", "slack_onset")) | {"class": "no scene", "reason": str(error)}
-    out = []
-    for name, fixed in methods(m):
-        cell = {"map": m["name"], "x": x, "y": y, "method": label(name, fixed)}
-        if scene is None:
-            out.append(cell | none)
-        else:
-            settings = settings_at(m, x, y, name, fixed)
-            found = judged(run(scene, name, **settings), *_reference(scene.to_toml()))
-            out.append(cell | {"settings": settings} | found)
+        return [cell | none for cell in out]
+    for cell, (name, fixed) in zip(out, methods(m), strict=True):
+        cell["settings"] = settings_at(m, x, y, name, fixed)
+        cell |= judged(run(scene, name, **cell["settings"]), *_reference(scene.to_toml()))
     return out
 
 

@@ -54,7 +54,7 @@ def compared(four: Sequence[LineRest], tol: float, tol_tension: float) -> list[R
 
 
 def _judged(four: Sequence[LineRest], both: list[int], tol: float, tol_tension: float) -> list[Row]:
-    """The row of each quantity; both : positions with all four answers."""
+    """The row of each quantity, of its worst number; both : positions with all four answers."""
     a = four[0]
     at = [f"{p.name}, position {i + 1}" for i in both for p in a.positions[i].case.stations]  # type: ignore[union-attr]
     values = [_joined([x.positions[i] for i in both]) for x in four]
@@ -63,26 +63,20 @@ def _judged(four: Sequence[LineRest], both: list[int], tol: float, tol_tension: 
     rows = []
     for quantity in values[0]:
         reach, asked_for = units["m" if quantity in METRES else "N"]
-        if found := _worst(float(ROUNDING * reach), [x[quantity] for x in values]):
-            rows.append(_row(quantity, *found[:3], asked_for, at[found[3]]))
+        x, less_x, y, less_y = (each[quantity] for each in values)
+        rounding = float(ROUNDING * reach)
+        gap, bar_a = np.abs(x - y), np.fmax(np.abs(x - less_x), rounding)
+        bar_b = np.fmax(HALVED * np.abs(y - less_y), rounding)
+        worst = np.where(gap > APART * (bar_a + bar_b), gap / ROUNDING, np.maximum(gap, bar_a + bar_b))
+        if np.isfinite(worst).any():
+            k = np.unravel_index(np.nanargmax(worst), worst.shape)
+            rows.append(_row(quantity, float(gap[k]), float(bar_a[k]), float(bar_b[k]), asked_for, at[int(k[0])]))
     return rows
 
 
 def _joined(states: Sequence[LineState | NoLine]) -> dict[str, Array]:
     told = [numbers(state) for state in states if isinstance(state, LineState)]
     return {quantity: np.concatenate([x[quantity] for x in told]) for quantity in told[0]}
-
-
-def _worst(rounding: float, four: Sequence[Array]) -> tuple[float, float, float, int] | None:
-    """Gap, both bars and station of the worst number; None without any."""
-    x, less_x, y, less_y = four
-    gap, bar_a = np.abs(x - y), np.fmax(np.abs(x - less_x), rounding)
-    bar_b = np.fmax(HALVED * np.abs(y - less_y), rounding)
-    worst = np.where(gap > APART * (bar_a + bar_b), gap / ROUNDING, np.maximum(gap, bar_a + bar_b))
-    if not np.isfinite(worst).any():
-        return None
-    k = np.unravel_index(np.nanargmax(worst), worst.shape)
-    return float(gap[k]), float(bar_a[k]), float(bar_b[k]), int(k[0])
 
 
 def _alone(positions: Sequence[Four]) -> list[Row]:
