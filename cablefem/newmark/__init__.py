@@ -6,7 +6,7 @@ from cablefem.newmark.failures import EndlessEvents, NewtonStalled, StepFailure,
 from cablefem.newmark.march import integrate, stretches
 from cablefem.newmark.newton import Newton, Settled
 from cablefem.newmark.schemes import SCHEMES, Scheme, scheme
-from cablefem.newmark.states import Array, Collocated, Course, Inside, State, Steps, stacked
+from cablefem.newmark.states import Array, Collocated, Course, Inside, State, Steps, Stretch, stacked
 from cablefem.newmark.stepper import Passed, Work
 from cablefem.newmark.steps import step_times
 from cablefem.newmark.system import NO_STEPS, Solve, System, consistent_acceleration, iterate

@@ -7,7 +7,7 @@ import numpy as np
 
 from cablefem.newmark.newton import Newton
 from cablefem.newmark.schemes import Scheme
-from cablefem.newmark.states import Array, State
+from cablefem.newmark.states import Array, State, Stretch
 from cablefem.newmark.stepper import Stepper, Work
 from cablefem.newmark.system import System
 
@@ -40,11 +40,11 @@ class NewmarkRule(Stepper):
         self._set(rules, times - begin, 1.0)
         now, told = self.system.stride(t, x.phase, np.array([x.q, x.v, x.a]), rules, self.newton)
         n = len(now)
-        states = [State(t1, q, v, a, x.phase) for t1, (q, v, a) in zip(times[:n].tolist(), now, strict=True)]
-        seen = int(np.searchsorted(times[:n], self.system.heeded, side="right")) if self.system.events else n
+        stretch = Stretch(times[:n], now, x.phase)
+        seen = int(np.searchsorted(stretch.t, self.system.heeded, side="right")) if self.system.events else n
         for part in [slice(0, seen)] * (seen > 0) + [slice(k, k + 1) for k in range(seen, n)]:
             self.count(*told[part, 1:4].sum(axis=0).astype(int).tolist())
-            yield states[part]
+            yield stretch[part]
 
     def __call__(self, x: State, t1: float) -> State:
         dt, start = t1 - x.t, np.array([x.q, x.v, x.a])

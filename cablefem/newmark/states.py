@@ -1,5 +1,7 @@
-from collections.abc import Sequence
-from typing import NamedTuple
+"""States of a system."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,10 +45,70 @@ class Steps(NamedTuple):
         return Steps(self.t[: m + 1], self.ends, self.a[:m], self.further)
 
 
-Course = list[State]  # the states of a run so far
+class Stretch(Sequence[State]):
+    """States of one phase as arrays."""
+
+    __slots__ = ("phase", "rows", "t")
+
+    def __init__(self, t: Array, rows: Array, phase: int) -> None:
+        self.t, self.rows, self.phase = t, rows, phase  # (m,); q, v, a (m, 3, n_dof)
+
+    def __len__(self) -> int:
+        return self.t.size
+
+    def __getitem__(self, i: Any) -> Any:
+        if isinstance(i, slice):
+            return Stretch(self.t[i], self.rows[i], self.phase)
+        q, v, a = self.rows[i]
+        return State(self.t.item(i), q, v, a, self.phase)
+
+
+class Course(Sequence[State]):
+    """The states of a run so far."""
+
+    def __init__(self, states: Iterable[State] = ()) -> None:
+        self.parts: list[Stretch | list[State]] = []
+        self._n = 0
+        self.extend(list(states))
+
+    def append(self, x: State) -> None:
+        self.extend([x])
+
+    def extend(self, states: Sequence[State]) -> None:
+        self._n += len(states)
+        if isinstance(states, Stretch):
+            self.parts.append(states)
+        elif self.parts and isinstance(self.parts[-1], list):
+            self.parts[-1].extend(states)
+        elif states:
+            self.parts.append(list(states))
+
+    def __len__(self) -> int:
+        return self._n
+
+    def __getitem__(self, i: Any) -> Any:
+        if isinstance(i, slice):
+            return list(self)[i]
+        at, end = range(self._n)[i], self._n
+        for part in reversed(self.parts):
+            end -= len(part)
+            if at >= end:
+                return part[at - end]
+
+    def __iter__(self) -> Iterator[State]:
+        for part in self.parts:
+            yield from part
+
+
+def _columns(states: Sequence[State]) -> tuple[Array, Array, NDArray[np.intp]]:
+    if isinstance(states, Stretch):
+        return states.t, states.rows, np.full(len(states), states.phase)
+    return np.array([x.t for x in states]), np.array([x[1:4] for x in states]), np.array([x.phase for x in states])
 
 
 def stacked(states: Sequence[State]) -> tuple[Array, Array, Array, Array, NDArray[np.intp]]:
     """t (n,), q, v and a (n, n_dof), and phase (n,) of a history."""
-    q, v, a = np.array([x[1:4] for x in states]).swapaxes(0, 1)
-    return np.array([x.t for x in states]), q, v, a, np.array([x.phase for x in states])
+    parts = states.parts if isinstance(states, Course) else [states]
+    t, rows, phase = zip(*(_columns(x) for x in parts), strict=True)
+    q, v, a = np.moveaxis(np.concatenate(rows), 1, 0)
+    return np.concatenate(t), q, v, a, np.concatenate(phase)
