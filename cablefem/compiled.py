@@ -71,7 +71,6 @@ def compiler(file: str, *, inner: bool = False) -> Callable[[Callable], Any]:
     """
     sources = sorted(Path(file).parent.rglob("*.py"))
     stamp = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).digest()
-
     special: Any = {"no_cpython_wrapper": True, "pipeline_class": _InnerCompiler} if inner else {}
 
     def compiled(function: Callable) -> Any:

@@ -9,7 +9,8 @@ With M^, G^, H^ of its reference mesh, a side of length h gives
 
     M = h M^,   C = dh/dt M^ - G + G^T,   K = -(dG/dt + H),   G = ds_o G^,  H = (ds_o^2 / h) H^.
 
-
+A force -c_d w. on the cable adds c_d M to C and -c_d G to K.
+Dimensionless: l = H = rho = 1.
 """
 
 from __future__ import annotations

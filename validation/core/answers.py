@@ -130,17 +130,19 @@ class Track(NamedTuple):
     s: Array  # [m] on the rope
 
 
+def grounds(scene: Scene) -> dict[str, Array]:
+    """What the ride must clear, each as points [x, depth], (n, 2)."""
+    found = {o.name: np.array([[o.at, o.top]]) for o in scene.obstacle}
+    return found | ({"the ground": np.array(scene.ground, float)} if scene.ground else {})
+
+
 def clearances(scene: Scene, r: Response) -> dict[tuple[str, str], Track]:
     """Free heights [m] of "rope" and "car" above each obstacle and the ground; negative: it hits; nan: unknown.
 
     Empty where the car never passes.  An obstacle is a ground of one point.
     """
-    below = 0.0 if scene.mass is None else scene.mass.below
-    grounds = [(o.name, np.array([[o.at, o.top]])) for o in scene.obstacle]
-    if scene.ground:
-        grounds.append(("the ground", np.array(scene.ground, float)))
-    rooms = {}
-    for name, ground in grounds:
+    below, rooms = 0.0 if scene.mass is None else scene.mass.below, {}
+    for name, ground in grounds(scene).items():
         at_car = _under_car(r, ground)
         rooms["rope", name] = _ordered(at_car, _under_rope(r, ground))
         rooms["car", name] = at_car._replace(value=at_car.value - below)

@@ -17,7 +17,7 @@ from cablefem.newmark import scheme
 from cablefem.response import Array, Response
 from cablefem.scene import Scene
 from validation.core.agreement import finite
-from validation.core.answers import Track, clearances
+from validation.core.answers import Track, clearances, grounds
 from validation.core.evidence import FIRST, ROUNDING, Given
 from validation.core.ladder import Ladder, largest
 from validation.core.measures import averaged, extremes_within
@@ -101,8 +101,9 @@ def quantities(r: Response) -> dict[str, Quantity]:
         tracks = _angle(side)
         steep = float(tracks(r)[0].value[0])
         asked[f"angle_{side}"] = Quantity(-1.0 if steep < 0.0 else 1.0, tracks)
-    for of, name in clearances(_scene(r.scene_toml), r):
-        asked[f"clearance_{of}_min:{name}"] = Quantity(-1.0, _clearance(of, name))
+    for name in grounds(_scene(r.scene_toml)):
+        for of in ("rope", "car"):
+            asked[f"clearance_{of}_min:{name}"] = Quantity(-1.0, _clearance(of, name))
     return asked
 
 

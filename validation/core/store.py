@@ -1,4 +1,4 @@
-"""Folders of results."""
+"""Folders of results.  A command replaces its own results and leaves everything else alone."""
 
 import json
 import math
@@ -30,7 +30,7 @@ def claim(out: Path | None, command: str, scene: Any, writes: Sequence[str], *, 
     """The folder for a command's results, made and marked; Refused if something is in the way.
 
     out : one command's folder; None: cablefem-out/SCENE, shared by all commands.
-    scene : the Scene, or the command's name; results of another are deleted.
+    scene : the Scene, or the command's name; results of another are deleted, unless foreign files are among them.
     writes : the command's own files and folders.  among : a new folder may hold other files.
     """
     name, text = (scene, "") if isinstance(scene, str) else (scene.name, scene.to_toml())

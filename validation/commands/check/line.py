@@ -47,7 +47,7 @@ def numbers(state: LineState) -> dict[str, Array]:
 
 
 def compared(four: Sequence[LineRest], tol: float, tol_tension: float) -> list[Row]:
-    """One judged row a quantity, of the worst station and position."""
+    """One judged row a quantity, of the worst station and position; four : both answers, each before a coarser one."""
     positions = list(zip(*(x.positions for x in four), strict=True))
     both = [i for i, told in enumerate(positions) if all(isinstance(x, LineState) for x in told)]
     return (_judged(four, both, tol, tol_tension) if both else []) + _alone(positions)
