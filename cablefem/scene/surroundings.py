@@ -11,6 +11,8 @@ from pydantic import AfterValidator, Field
 from cablefem.scene.errors import SceneError, shown
 from cablefem.scene.fields import Admits, Pair, Part, Real, Word, rising, said, tables
 
+GROUND = "the ground"  # its name beside those of obstacles
+
 
 class Obstacle(Part):
     name: Word = said("[-] its name in the results")
@@ -62,6 +64,11 @@ def surroundings_faults(obstacles: tuple[Obstacle, ...], span: float) -> list[st
         f"obstacle[{i}].name = {shown(name)}: given twice; names must differ"
         for i, name in enumerate(names)
         if name in names[:i]
+    ]
+    faults += [
+        f"obstacle[{i}].name = {shown(name)}: stands for `ground`; must be another name"
+        for i, name in enumerate(names)
+        if name == GROUND
     ]
     return faults + [
         f"obstacle[{i}].at = {x.at!r}: must be from 0 to {span:.6g} m, between the supports"

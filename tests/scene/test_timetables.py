@@ -174,6 +174,8 @@ def test_bad_obstacles_and_a_csv_with_words_in_it_are_refused(tmp_path):
         "obstacle[1].name = 'tree': given twice; names must differ",
         "obstacle[1].at = 330.0: must be from 0 to 320 m, between the supports",
     ]
+    taken = "obstacle[0].name = 'the ground': stands for `ground`; must be another name"
+    assert faults(GOOD + OBSTACLES.replace("tree", "the ground")) == [taken]
     (tmp_path / "terrain.csv").write_text("x,depth\n0,30\nhill,55\n")
     (tmp_path / "line.toml").write_text('ground = "terrain.csv"\n' + GOOD)
     with pytest.raises(ValueError, match=r"row 3 \['hill', '55'\] must hold two numbers"):

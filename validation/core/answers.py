@@ -8,6 +8,7 @@ import numpy as np
 
 from cablefem.response import Array, Response, whole, write_json
 from cablefem.scene import Scene
+from cablefem.scene.surroundings import GROUND
 
 PLACES = 201  # stations in tension.csv
 
@@ -133,7 +134,7 @@ class Track(NamedTuple):
 def grounds(scene: Scene) -> dict[str, Array]:
     """What the ride must clear, each as points [x, depth], (n, 2)."""
     found = {o.name: np.array([[o.at, o.top]]) for o in scene.obstacle}
-    return found | ({"the ground": np.array(scene.ground, float)} if scene.ground else {})
+    return found | ({GROUND: np.array(scene.ground, float)} if scene.ground else {})
 
 
 def clearances(scene: Scene, r: Response) -> dict[tuple[str, str], Track]:
