@@ -11,6 +11,7 @@ from markupsafe import Markup
 from validation.page import page
 from validation.page.figures import panels, style, svg
 from validation.page.page import Section, figure, number, percent, render, table
+from validation.page.plot import Panel
 
 EVIL = '<script>alert(7)</script> & "co"'
 
@@ -169,3 +170,11 @@ def test_figures_are_the_same_every_time_small_and_keep_their_text():
     assert len(long) < 40_000
     assert len(field) < 80_000
     assert "data:image/png;base64," in field
+
+
+@pytest.mark.parametrize(("spread", "told"), [(1e-12, False), (0.3, True)], ids=["rounding", "a change"])
+def test_an_axis_shows_changes_and_no_rounding_errors(spread, told):
+    panel = Panel("[-]")
+    panel.fit([3.69 * np.array([1.0, 1.0 + spread, 1.0])])
+    assert panel.low < 3.69 <= 3.69 * (1.0 + spread) < panel.high
+    assert (panel.high - panel.low < 2.0 * 3.69 * spread) is told

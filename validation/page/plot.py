@@ -50,11 +50,12 @@ class Panel:
         self.lines.append((x, y, color, dash, width, name))
 
     def fit(self, values: Sequence[Array], pad: float = 0.12) -> None:
-        """Fit the axis to all finite values."""
+        """Fit the axis to all finite values; a spread of rounding errors is none."""
         finite = np.concatenate([np.ravel(v)[np.isfinite(np.ravel(v))] for v in values] or [np.zeros(1)])
         if finite.size:
             low, high = float(finite.min()), float(finite.max())
-            room = pad * (high - low) or 0.1 * abs(high) or 1.0
+            varies = high - low > 1e-9 * max(abs(low), abs(high))
+            room = pad * (high - low) if varies else 0.1 * abs(high) or 1.0
             self.low, self.high = low - room, high + room
 
     def decades(self, most: float) -> None:
