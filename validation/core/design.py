@@ -18,9 +18,10 @@ from cablefem.response import Array, Response
 from cablefem.scene import Scene
 from validation.core.agreement import finite
 from validation.core.answers import Track, clearances, grounds
-from validation.core.evidence import FIRST, ROUNDING, Given
+from validation.core.evidence import ROUNDING, Given
 from validation.core.ladder import Ladder, largest
 from validation.core.measures import averaged, extremes_within
+from validation.core.order import FIRST
 from validation.core.quantities import unit_of
 
 NEAR = 9  # times around an extreme at which two runs are compared

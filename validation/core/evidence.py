@@ -20,8 +20,6 @@ from cablefem.response import Array, Response
 EVERY = 12  # frames per window: 0.06 of the travel
 ROUNDING = 1e-9  # relative, of static splines and of times in different runs
 
-FIRST = 1.0  # largest order credited to forces and to velocities, which jump at fronts
-
 AT_REST = ("s", "x", "y", "T_static")
 
 Window = tuple[float, float]
@@ -270,6 +268,15 @@ class Evidence:
         shoes = [x["force"] * (r.s_o >= x["from"]) for x in drive.get("brake", [])]
         return drive.get("rolling_friction", 0.0) * np.abs(r.F_contact), np.sum([np.zeros(r.t.size), *shoes], axis=0)
 
+    def grip(self, T_behind: Array, T_ahead: Array) -> Array:
+        """Power of a grip (n,) [W]: ds_o (-contact . <r'> + <N t> . [r'] - [W]), W = N^2/(2 EA) at equal rest."""
+        r = self.r
+        mean, jump = 0.5 * (r.slope_behind + r.slope_ahead), r.slope_ahead - r.slope_behind
+        work = -np.sum(r.contact * mean, axis=1)
+        for sign, T, slope in ((-1.0, T_behind, r.slope_behind), (1.0, T_ahead, r.slope_ahead)):
+            work += 0.5 * T / np.hypot(*slope.T) * np.sum(slope * jump, axis=1) - sign * T**2 / (2.0 * self.given.EA)
+        return self.pace * work
+
     def both(self) -> Iterator[tuple[float, Array, Array]]:
         """Sign, tension, slope behind and ahead of the mass."""
         yield -1.0, self.r.T_behind, self.r.slope_behind
@@ -345,20 +352,16 @@ class Evidence:
     def powers(self) -> dict[str, Array]:
         """Power of drive and outer forces by name (n,) [W].
 
-        A grip: ds_o (-contact . <r'> + <N t> . [r'] - [W]).  Damping: by the run's kinetic energy; a law checks it.
+        Damping: by the run's kinetic energy; a law checks it.
         """
         r, drive = self.r, self.given.drive
         of_mass = 0.5 * self.given.mass * np.sum(r.velocity**2, axis=1)
         lost = {"lost_viscous": -2.0 * self.damping * (r.kinetic - of_mass)} if self.damping else {}
-        mean, jump = 0.5 * (r.slope_behind + r.slope_ahead), r.slope_ahead - r.slope_behind
         if r.drive == "grip":
-            work = -np.sum(r.contact * mean, axis=1)
-            for sign, T, slope in self.both():
-                work += 0.5 * T / np.hypot(*slope.T) * np.sum(slope * jump, axis=1)
-                work -= sign * T**2 / (2.0 * self.given.EA)  # at rest the same on both sides
             if self.given.tau:  # what `internal_losses` checks
                 lost["lost_internal"] = r.powers.get("lost_internal", np.zeros(r.t.size))
-            return {"grip": self.pace * work + self.layer, **lost}
+            return {"grip": self.grip(r.T_behind, r.T_ahead) + self.layer, **lost}
+        mean = 0.5 * (r.slope_behind + r.slope_ahead)
         stretch = 0.5 * (np.hypot(*r.slope_behind.T) + np.hypot(*r.slope_ahead.T))
         along = np.sum(mean * r.velocity, axis=1) / np.hypot(*mean.T)
         friction, brakes = (-rub * stretch * np.abs(self.pace) for rub in self.rub)

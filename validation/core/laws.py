@@ -18,8 +18,8 @@ from scipy.interpolate import CubicSpline
 from cablefem.response import Array, Response
 from validation.core import timetable
 from validation.core.agreement import Agreement, Bound, Part
-from validation.core.evidence import FIRST, ROUNDING, Evidence, Side, Window, Windows, cross
-from validation.core.order import left
+from validation.core.evidence import ROUNDING, Evidence, Side, Window, Windows, cross
+from validation.core.order import FIRST, left
 
 OFTEN = 0.1  # of a transverse wave's time along the cable: rarer frames hide velocities
 ROLLS = 0.05  # of the top speed: below it friction's direction is not checked
@@ -339,11 +339,12 @@ def least_tension(m: Evidence) -> Defect:
 
 @_law()
 def slack_onset(m: Evidence) -> Defect:
-    """Slack begins at the first step with negative tension, within two steps, where all runs go; over the length."""
-    r, end = m.r, m.windows.far
-    below = np.append(r.s_o[1:][r.tension_min[1:] < 0.0], r.s_o[-1])[0] / r.length
-    off = abs(min(end, float(below)) - min(end, r.slack_from))
-    return _static(max(0.0, off - 2.0 * float(np.abs(np.diff(r.s_o)).max()) / r.length))
+    """The least tension is negative first where slack begins, within two steps, where all runs go; over H."""
+    r = m.r
+    begins, goes = int(np.searchsorted(r.t, r.slack_since)), r.s_o <= m.windows.far * r.length
+    before, there = r.tension_min[1 : begins - 2][goes[1 : begins - 2]], r.tension_min[max(0, begins - 2) : begins + 3]
+    early = there.min() if there.size and begins < r.t.size and goes[begins] else 0.0
+    return _static(max(0.0, early, -before.min(initial=0.0)) / r.horizontal_tension)
 
 
 @_law()
@@ -455,9 +456,12 @@ def parts_of_the_energy(m: Evidence) -> Defect:
 
 @_law()
 def power(m: Evidence) -> Defect:
-    """Work of drive and outer forces is that of the run, each and in total."""
+    """Work of drive and outer forces is that of the run, each and in total; of a grip by its pointwise tensions."""
     r, own = m.r, m.powers
-    apart = [r.power - m.power_of_all, *(r.powers[name] - own[name] for name in own if name in r.powers)]
+    if r.drive == "grip":
+        own = own | {"grip": m.grip(r.T_behind_pointwise, r.T_ahead_pointwise) + m.layer}
+    total = np.sum(list(own.values()), axis=0)
+    apart = [r.power - total, *(r.powers[name] - own[name] for name in own if name in r.powers)]
     return _over_steps(m, m.impulse(np.stack(apart, axis=1)), m.work)
 
 

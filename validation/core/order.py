@@ -9,6 +9,7 @@ import numpy as np
 SAFETY = 1.25  # for three grids (Roache 1998, Verification and Validation, section 5)
 NONSENSE = 4.0  # times the nominal fall: a quarter run this far off is ignored
 LEAST_ORDER = 0.5  # least order credited (Eca & Hoekstra 2014, J. Comput. Phys. 262): a bar of at most 3 d at ratio 2
+FIRST = 1.0  # largest order credited to forces and to velocities, which jump at fronts
 
 
 def left(d: Any, before: Any, ratios: Sequence[float], order: float) -> Any:

@@ -17,6 +17,7 @@ from validation.core.agreement import APART, DEFAULT_TOL, Agreement, Bound, Part
 from validation.core.ladder import Apart, Ladder, Of, itself, largest
 from validation.core.measures import SLACK_END, NotComparable
 from validation.core.methods import METHODS
+from validation.core.order import FIRST
 from validation.core.view import View
 
 Gap = Callable[[Response, Response, View], float]
@@ -36,6 +37,7 @@ class Quantity:
     """One line of the table.
 
     asks : tolerance "path", "force" or "rest"; "" if only shown.  concerns : views with such a row.
+    order : the most credited.
     """
 
     name: str
@@ -43,6 +45,7 @@ class Quantity:
     asks: str
     law: str = ""
     concerns: Callable[[View], bool] = lambda view: True
+    order: float = math.inf
 
 
 def _path(i: int) -> Gap:
@@ -80,7 +83,7 @@ TABLE = (
     Quantity("path_max", _path(0), "path"),
     Quantity("path_rms", _path(1), "path"),
     Quantity("place", _series("s_o", over="length", largest=True), "path", concerns=lambda v: v.free),
-    Quantity("speed", _series("speed", over="top", mean=True), "path", AXIAL_MEAN),
+    Quantity("speed", _series("speed", over="top", mean=True), "path", AXIAL_MEAN, order=FIRST),
     Quantity("tension_behind", _series("T_behind", over="H", mean=True), "force", AXIAL_MEAN),
     Quantity("tension_ahead", _series("T_ahead", over="H", mean=True), "force", AXIAL_MEAN),
     Quantity("reactions", _series("reaction_left", "reaction_right", over="H", mean=True), "force", AXIAL_MEAN),
@@ -160,7 +163,7 @@ def _apart(quantity: Quantity, view: View, x: Response, y: Response) -> float:
 
 def _row(quantity: Quantity, a: Ladder, b: Ladder, view: View, asked_for: float) -> Agreement:
     try:
-        row = _compared(quantity.name, a, b, asked_for, itself, partial(_apart, quantity, view), math.inf)
+        row = _compared(quantity.name, a, b, asked_for, itself, partial(_apart, quantity, view), quantity.order)
     except NotComparable as why:
         return Agreement(quantity.name, math.nan, nothing(why), law=quantity.law)
     where = measures.path_gap(a.finest, b.finest, view.window)[2] if quantity.name == "path_max" else None
