@@ -120,12 +120,19 @@ def test_a_disagreement_is_looked_at_once_more_finer_in_space_and_time_and_then_
 
 def test_what_is_too_coarse_is_refined_where_its_bar_comes_from(right):
     methods = [METHODS["following-p2"], METHODS["fourier-kink"]]
-    parts = ((0.0, 0.01), (0.9, 0.01))
-    bars = tuple(Part(m.name, sum(p)) for m, p in zip(methods, parts, strict=True))
-    wide = Agreement("speed", 0.1, Bound("error bars", bars), asked_for=0.5, parts=parts)
-    first, second = (study._finer(m, ladder, [wide]) for m, ladder in zip(methods, right, strict=True))
+
+    def finer(*parts, larger=True, asked=True):
+        bars = tuple(Part(m.name, sum(p)) for m, p in zip(methods, parts, strict=True))
+        wide = Agreement("speed", 0.1, Bound("error bars", bars), asked_for=0.5, asked=asked, parts=parts)
+        return [study._finer(m, ladder, [wide], larger) for m, ladder in zip(methods, right, strict=True)]
+
+    sines = (0.0, 0.01), (0.9, 0.01)
+    first, second = finer(*sines)
     assert first is None
     assert second["terms"] > SINES["terms"]
     assert second["steps"] > SINES["steps"]
-    shown = dataclasses.replace(wide, asked=False)
-    assert [study._finer(m, ladder, [shown]) for m, ladder in zip(methods, right, strict=True)] == [None, None]
+    assert finer(*sines, asked=False) == [None, None]
+    assert finer(*sines, larger=False) == [None, None]  # the larger bar alone is more than what is asked
+    first, second = finer((0.0, 0.2), (0.4, 0.0), larger=False)
+    assert first["steps"] > ELEMENTS["steps"]
+    assert second is None

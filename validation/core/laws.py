@@ -55,13 +55,14 @@ def hold(
         if not law.concerns(case):
             continue
         found = law.defect(case)
-        gap, parts, at = math.nan, (math.nan, 0.0), math.nan
+        gap, bar, parts, at = math.nan, math.inf, (math.nan, 0.0), math.nan
         if found.place.size and np.isfinite(found.value).all():
-            space, time = _bars(law, found, ladder, known, sparse)
-            worst = int((found.rms / (space + time)).argmax())
+            space, time, sampling = _bars(law, found, ladder, known, sparse)
+            bars = space + time + sampling
+            worst = int((found.rms / bars).argmax())
             gap, parts = float(found.rms[worst]), (float(space[worst]), float(time[worst]))
+            bar = float(bars[worst]) if np.isfinite(bars[worst]) else math.inf
             at = float(found.place[np.abs(found.value[:, worst]).argmax()])
-        bar = sum(parts) if math.isfinite(sum(parts)) else math.inf
         yield Agreement(
             law.of, gap, Bound("law", (Part(finest.method, bar, "coarser runs and sampling"),)),
             where=None if math.isnan(at) else at, law="" if name == law.of else name, asked_for=asked(law.asks),
@@ -71,13 +72,14 @@ def hold(
 
 def _bars(
     law: Law, found: Defect, ladder: Any, known: dict[int, Evidence], sparse: tuple[Evidence, Evidence]
-) -> tuple[Array, Array]:
-    """Bars (c,) of a defect in space, and in time with sampling."""
+) -> tuple[Array, Array, Array]:
+    """Bars (c,) of a defect in space and time, and of sampling, which a finer run does not lessen."""
     half, quarter = (law.defect(x).value for x in sparse)
     sampling = ROUNDING + left(_rms_apart(found.value, half), _rms_apart(half, quarter), (2.0, 2.0), FIRST)
     defects = {key: (found if law.exact else law.defect(x)).value for key, x in known.items()}
     space, time = ladder.parts(lambda x: defects[id(x)], _rms_apart, FIRST)
-    return np.broadcast_to(space, found.rms.shape), time + sampling
+    space, time = (np.broadcast_to(x, found.rms.shape) for x in (space, time))
+    return space, time, sampling
 
 
 def _rms_apart(a: Array, b: Array) -> Array:
@@ -339,12 +341,12 @@ def least_tension(m: Evidence) -> Defect:
 
 @_law()
 def slack_onset(m: Evidence) -> Defect:
-    """The least tension is negative first where slack begins, within two steps, where all runs go; over H."""
-    r = m.r
-    begins, goes = int(np.searchsorted(r.t, r.slack_since)), r.s_o <= m.windows.far * r.length
-    before, there = r.tension_min[1 : begins - 2][goes[1 : begins - 2]], r.tension_min[max(0, begins - 2) : begins + 3]
-    early = there.min() if there.size and begins < r.t.size and goes[begins] else 0.0
-    return _static(max(0.0, early, -before.min(initial=0.0)) / r.horizontal_tension)
+    """The least tension is negative where slack begins, within two steps, and in the window not before; over H."""
+    r, onset = m.r, int(np.searchsorted(m.r.t, m.r.slack_since))
+    before = r.tension_min[1 : max(1, onset - 2)][m.inside[1 : max(1, onset - 2)]]
+    told = onset < r.t.size and r.s_o[onset] <= m.windows.far * r.length
+    there = r.tension_min[max(0, onset - 2) : onset + 3].min() if told else 0.0
+    return _static(max(0.0, there, -before.min(initial=0.0)) / r.horizontal_tension)
 
 
 @_law()

@@ -147,11 +147,14 @@ class _Side:
         except TooCoarse as error:
             return error.ladder
 
-    def finer(self, ladder: Ladder, rows: list[Agreement]) -> Settings | None:
-        """Finer settings after a disagreement, or if bars are too large; None: there are none within the budget."""
+    def finer(self, ladder: Ladder, rows: list[Agreement], larger: bool) -> Settings | None:
+        """Finer settings after a disagreement, or if bars are too large; None: there are none within the budget.
+
+        larger : for the larger bar of a row, else for the smaller one.
+        """
         apart, now = overall(rows) is Verdict.DISAGREE, ladder.run.settings
         confirming = refined(self.method, now, space=CONFIRMS, time=CONFIRMS)
-        settings = confirming if apart else _finer(self.method, ladder, rows)
+        settings = confirming if apart else _finer(self.method, ladder, rows, larger)
         return None if settings is None or dear(self.method, ladder, settings, self.budget) else settings
 
     def remade(self, before: Ladder, settings: Settings | None, progress: Progress) -> Ladder:
@@ -188,7 +191,10 @@ def _judged(
         if made is not None:
             made(first.run, other.run)
         rows = compare(scene, *ladders, tol=tol, tol_tension=tol_tension)
-        finer = [side.finer(ladder, rows) for side, ladder in zip(sides, ladders, strict=True)]
+        finer: list[Settings | None] = []
+        for larger in (True, False):  # the smaller bar only if the larger one costs too much
+            if not any(finer):
+                finer = [side.finer(ladder, rows, larger) for side, ladder in zip(sides, ladders, strict=True)]
         if looks == MOST_ROUNDS or confirmed or not any(finer):
             return ladders, rows, gripped
         looks, confirmed = looks + 1, overall(rows) is Verdict.DISAGREE
@@ -202,23 +208,23 @@ def _window(scene: Scene, a: Ladder, b: Ladder) -> measures.Window:
         return measures.WINDOW[0], measures.WINDOW[0]
 
 
-def _finer(method: Method, ladder: Ladder, rows: list[Agreement]) -> Settings | None:
+def _finer(method: Method, ladder: Ladder, rows: list[Agreement], larger: bool) -> Settings | None:
     """Finer settings of a method with too large bars, by the worst asked row."""
     coarse = [row for row in rows if row.asked and row.verdict is Verdict.TOO_COARSE and row.asked_for]
-    worst = max((x for row in coarse for x in _excess(row, method.name)), key=lambda x: x[0], default=None)
+    worst = max((x for row in coarse for x in _excess(row, method.name, larger)), key=lambda x: x[0], default=None)
     settings = ladder.run.settings if worst is None else cheapest(method, ladder.run.settings, *worst[1:])
     return None if settings == ladder.run.settings else settings
 
 
-def _excess(row: Agreement, method: str) -> Iterator[tuple[float, tuple[float, float], float, float]]:
-    """If a method has a row's largest bar: that over its target, its parts, the target, and the order credited."""
+def _excess(row: Agreement, method: str, larger: bool) -> Iterator[tuple[float, tuple[float, float], float, float]]:
+    """If a method has a row's larger bar: that over its target, its parts, the target, and the order credited."""
     assert row.asked_for is not None
     largest = max(sum(parts) for parts in row.parts)
     for parts, of in zip(row.parts, row.bound.parts, strict=False):
         bar = sum(parts)
-        if of.name == method and bar == largest:
-            others = row.allowed - bar if math.isfinite(row.allowed) else 0.0
-            target = AIM * max(row.asked_for - others, row.asked_for / 2.0)
+        room = row.asked_for - (row.allowed - bar if math.isfinite(row.allowed) else 0.0)
+        if of.name == method and (bar == largest) is larger and (larger or room > 0.0):
+            target = AIM * (max(room, row.asked_for / 2.0) if larger else room)
             target *= min(1.0, row.allowed / row.gap if row.gap else 1.0)
             yield bar / target, parts, target, math.inf if "path" in row.quantity else 1.0
 
