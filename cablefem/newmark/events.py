@@ -44,20 +44,21 @@ def first_event(system: System, step: Stepper, x0: State, x1: State) -> tuple[St
                 raise StepFailure(x.t, f"event {name!r} has no value", "take more steps")
         return found
 
-    before, after, end = values(x0), values(x1), x1
+    before, after = values(x0), values(x1)
+    end, at_end = x1, after
     fallen = [i for i, value in enumerate(after) if 0.0 < before[i] < math.inf and value <= 0.0]
     if not fallen:
         return x1, []
     from scipy.optimize import brentq  # slow to load
 
     def least(t: float) -> float:
-        nonlocal end
+        nonlocal end, at_end
         x = x0 if t <= x0.t else x1 if t >= x1.t else step(x0, t)
-        found = min(values(x)[i] for i in fallen)
-        if found <= 0.0 and x.t <= end.t:
-            end = x
-        return found
+        found = before if x is x0 else after if x is x1 else values(x)  # once each: rounding may turn a sign
+        lowest = min(found[i] for i in fallen)
+        if lowest <= 0.0 and x.t <= end.t:
+            end, at_end = x, found
+        return lowest
 
     brentq(least, x0.t, x1.t, xtol=rounding(x1.t) / 4.0, rtol=4.0 * EPS, disp=False)
-    at_end = values(end)
     return end, [system.events[i] for i in fallen if at_end[i] <= 0.0]

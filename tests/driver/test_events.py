@@ -159,6 +159,18 @@ def test_an_event_without_a_value_is_a_failure():
         run(Alarms(lost=lambda t: math.nan if t > 0.5 else 1.0), 10)
 
 
+def test_a_value_whose_sign_rounding_turns_from_look_to_look_is_an_event_all_the_same():
+    looks = []
+
+    def brink(t):
+        looks.append(t)
+        return -1.0 if t > 0.45 else 1e-17 if looks.count(t) < 3 else -1e-17
+
+    _, events = run(Alarms(brink=brink), 10)
+    assert [e.name for e in events] == ["brink"]
+    assert events[0].t == pytest.approx(0.45, abs=1e-12)
+
+
 @pytest.mark.parametrize("name", ["trapezoidal", "energy", "radau"])
 def test_a_sign_that_holds_for_the_step_is_told_at_its_beginning(name):
     """Friction by the sign of v at a step's beginning: the standstill inside the step is then met by every rule."""
