@@ -53,7 +53,8 @@ def design(r: Response, twin: Response | None = None) -> Iterator[Agreement]:
         signals = known.get(quantity) or known.get(quantity.removesuffix("_max").removesuffix("_min"))
         if signals is None:
             continue
-        least = quantity.endswith("_min") or (quantity.startswith("angle") and row["value"] < 0.0)
+        uphill = quantity.startswith("angle") and signals[0][1][0] < 0.0  # at first
+        least = quantity.endswith("_min") or uphill
         where = None if row["s_o"] is None else row["s_o"] / r.length
         means = Given(r.scene_toml, r.length).round_trip if row["unit"] in ("N", "deg") else 0.0
         for name, bar, law, over in (("value", "bar", "", means), ("peak", "bar_peak", " peak", 0.0)):

@@ -3,7 +3,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from cablefem.response import MassPath
+from cablefem.response import MassPath, Response
 from cablefem.scene import Scene
 from validation.core.measures import WINDOWS, Window, window_of
 
@@ -47,10 +47,16 @@ class View:
         """s_o/l where coarser runs may end; None: the travel's end."""
         return None if self.ends else self.window[1]
 
+    def smooth(self, *finest: MassPath) -> View:
+        """The view up to where waves get slower than the mass and steepen: no bar holds from there on."""
+        flags = [flag for r in finest if isinstance(r, Response) for flag in r.flags if flag.kind == "slow waves"]
+        ends = [float(flag.numbers["since"]) for flag in flags]
+        return replace(self, window=(self.window[0], min(self.window[1], *ends))) if ends else self
+
     def cut(self, *finest: MassPath) -> View:
-        """The view cut where a finest run ends or goes slack; NotComparable if nothing is left."""
+        """The view cut where a finest run is smooth no more, ends or goes slack; NotComparable if nothing is left."""
         until = min(float(r.t[-1]) for r in finest) if self.free else self.until
-        return replace(self, window=window_of(*finest, window=self.window), until=until)
+        return replace(self, window=window_of(*finest, window=self.smooth(*finest).window), until=until)
 
     def covers(self, r: MassPath) -> bool:
         """Whether a coarser run reaches the end of the comparison."""
