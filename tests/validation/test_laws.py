@@ -112,6 +112,14 @@ def test_an_altered_answer_breaks_the_law_it_concerns(level, fault, law):
     assert law in broken(level.map(fault))
 
 
+def test_a_slack_onset_told_late_is_seen():
+    x = ladder(Scene.load("level"), elements=40, steps=1600, until=0.9)
+    late = x.map(lambda r: replace(r, slack_onset=r.slack_onset + 0.03, switched=r.switched + 0.03))
+    right, wrong = (held(y, (0.02, 0.89))["slack onset"] for y in (x, late))
+    assert right.gap == 0.0
+    assert wrong.gap > 3.0 * wrong.allowed
+
+
 # --- every number of a response: 5 % off in both wings breaks a law ------------------------------------------------
 
 ARRAYS = [name for name, f in Response.__dataclass_fields__.items() if f.type == "Array"]

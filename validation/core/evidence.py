@@ -270,11 +270,12 @@ class Evidence:
 
     def grip(self, T_behind: Array, T_ahead: Array) -> Array:
         """Power of a grip (n,) [W]: ds_o (-contact . <r'> + <N t> . [r'] - [W]), W = N^2/(2 EA) at equal rest."""
-        r = self.r
-        mean, jump = 0.5 * (r.slope_behind + r.slope_ahead), r.slope_ahead - r.slope_behind
-        work = -np.sum(r.contact * mean, axis=1)
-        for sign, T, slope in ((-1.0, T_behind, r.slope_behind), (1.0, T_ahead, r.slope_ahead)):
-            work += 0.5 * T / np.hypot(*slope.T) * np.sum(slope * jump, axis=1) - sign * T**2 / (2.0 * self.given.EA)
+        behind, ahead = self.r.slope_behind, self.r.slope_ahead
+        work = -0.5 * np.sum(self.r.contact * (behind + ahead), axis=1) - (T_ahead**2 - T_behind**2) / (
+            2.0 * self.given.EA
+        )
+        for T, slope in ((T_behind, behind), (T_ahead, ahead)):
+            work += 0.5 * T / np.hypot(*slope.T) * np.sum(slope * (ahead - behind), axis=1)
         return self.pace * work
 
     def both(self) -> Iterator[tuple[float, Array, Array]]:
@@ -343,10 +344,6 @@ class Evidence:
     @property
     def work(self) -> float:
         return self.given.weight * self.r.max_deflection
-
-    @property
-    def power_of_all(self) -> Array:
-        return np.sum(list(self.powers.values()), axis=0)
 
     @cached_property
     def powers(self) -> dict[str, Array]:

@@ -341,12 +341,17 @@ def least_tension(m: Evidence) -> Defect:
 
 @_law()
 def slack_onset(m: Evidence) -> Defect:
-    """The least tension is negative where slack begins, within two steps, and in the window not before; over H."""
+    """The least tension is negative where slack begins, over H, and in the window not before, over the length.
+
+    Both within two steps.
+    """
     r, onset = m.r, int(np.searchsorted(m.r.t, m.r.slack_since))
-    before = r.tension_min[1 : max(1, onset - 2)][m.inside[1 : max(1, onset - 2)]]
     told = onset < r.t.size and r.s_o[onset] <= m.windows.far * r.length
     there = r.tension_min[max(0, onset - 2) : onset + 3].min() if told else 0.0
-    return _static(max(0.0, there, -before.min(initial=0.0)) / r.horizontal_tension)
+    slack = r.s_o[m.inside & (r.t > 0.0) & (r.tension_min < 0.0)]
+    late = min(r.slack_from * r.length, float(r.s_o[m.inside][-1])) - slack[0] if slack.size else 0.0
+    late -= 2.0 * float(np.abs(np.diff(r.s_o)).max())
+    return _static(max(0.0, there / r.horizontal_tension), max(0.0, late / r.length))
 
 
 @_law()
@@ -439,10 +444,14 @@ def moment_of_momentum(m: Evidence) -> Defect:
 # --- energy; all over weight times largest deflection ---------------------------------------------------
 
 
+def _summed(powers: dict[str, Array]) -> Array:
+    return np.sum(list(powers.values()), axis=0)
+
+
 @_law(of="energy")
 def energy(m: Evidence) -> Defect:
     """Energy of cable and mass changes by the work of the drive, until slack: a snapping cable loses some."""
-    kept = m.energies.sum(axis=1)[:, None] - m.impulse_at_frames(m.power_of_all[:, None])
+    kept = m.energies.sum(axis=1)[:, None] - m.impulse_at_frames(_summed(m.powers)[:, None])
     found = _over_frames(m, kept, m.work)
     return Defect(found.place, np.where((m.t[1:] <= m.r.slack_since)[:, None], found.value, 0.0))
 
@@ -462,8 +471,7 @@ def power(m: Evidence) -> Defect:
     r, own = m.r, m.powers
     if r.drive == "grip":
         own = own | {"grip": m.grip(r.T_behind_pointwise, r.T_ahead_pointwise) + m.layer}
-    total = np.sum(list(own.values()), axis=0)
-    apart = [r.power - total, *(r.powers[name] - own[name] for name in own if name in r.powers)]
+    apart = [r.power - _summed(own), *(r.powers[name] - own[name] for name in own if name in r.powers)]
     return _over_steps(m, m.impulse(np.stack(apart, axis=1)), m.work)
 
 

@@ -29,8 +29,6 @@ def window_of(*responses: MassPath, window: Window | None = None) -> Window:
     ends = [min(r.slack_from, r.reached if r.drive != "free" else math.inf) for r in responses]
     if min(high, *ends) > low:
         return low, min(high, *ends)
-    if not high > low:
-        raise NotComparable(f"nothing to compare: from s_o/l = {high:.4f} on waves are slower than the mass")
     first = int(np.argmin(ends))
     what = "is slack" if responses[first].slack_from <= ends[first] else "ends"
     raise NotComparable(

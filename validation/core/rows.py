@@ -118,9 +118,10 @@ def compare(
     """
     from validation.core import laws  # loaded while solvers run
 
-    whole, asked = View.of(scene).smooth(a.finest, b.finest), partial(asked_of, tol=tol, tol_tension=tol_tension)
+    asked = partial(asked_of, tol=tol, tol_tension=tol_tension)
     rows = list(independent(a.finest, b.finest))
     try:
+        whole = View.of(scene).smooth(a.finest, b.finest)
         view = whole.cut(a.finest, b.finest)
     except NotComparable as why:
         return [Agreement("path_max", math.nan, nothing(why)), *rows]

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from cablefem.response import MassPath, Response
 from cablefem.scene import Scene
-from validation.core.measures import WINDOWS, Window, window_of
+from validation.core.measures import WINDOWS, NotComparable, Window, window_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +50,10 @@ class View:
     def smooth(self, *finest: MassPath) -> View:
         """The view up to where waves get slower than the mass and steepen: no bar holds from there on."""
         flags = [flag for r in finest if isinstance(r, Response) for flag in r.flags if flag.kind == "slow waves"]
-        ends = [float(flag.numbers["since"]) for flag in flags]
-        return replace(self, window=(self.window[0], min(self.window[1], *ends))) if ends else self
+        low, high = self.window[0], min([self.window[1], *(float(flag.numbers["since"]) for flag in flags)])
+        if not high > low:
+            raise NotComparable(f"nothing to compare: from s_o/l = {high:.4f} on waves are slower than the mass")
+        return replace(self, window=(low, high))
 
     def cut(self, *finest: MassPath) -> View:
         """The view cut where a finest run is smooth no more, ends or goes slack; NotComparable if nothing is left."""

@@ -217,7 +217,10 @@ def _finer(method: Method, ladder: Ladder, rows: list[Agreement], larger: bool) 
 
 
 def _excess(row: Agreement, method: str, larger: bool) -> Iterator[tuple[float, tuple[float, float], float, float]]:
-    """If a method has a row's larger bar: that over its target, its parts, the target, and the order credited."""
+    """A method's bar over its target, its parts, the target, and the order credited.
+
+    larger : of a method with a row's larger bar, else with the smaller one, if the larger leaves room.
+    """
     assert row.asked_for is not None
     largest = max(sum(parts) for parts in row.parts)
     for parts, of in zip(row.parts, row.bound.parts, strict=False):
