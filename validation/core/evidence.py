@@ -271,9 +271,8 @@ class Evidence:
     def grip(self, T_behind: Array, T_ahead: Array) -> Array:
         """Power of a grip (n,) [W]: ds_o (-contact . <r'> + <N t> . [r'] - [W]), W = N^2/(2 EA) at equal rest."""
         behind, ahead = self.r.slope_behind, self.r.slope_ahead
-        work = -0.5 * np.sum(self.r.contact * (behind + ahead), axis=1) - (T_ahead**2 - T_behind**2) / (
-            2.0 * self.given.EA
-        )
+        work = -0.5 * np.sum(self.r.contact * (behind + ahead), axis=1)
+        work -= (T_ahead**2 - T_behind**2) / (2.0 * self.given.EA)
         for T, slope in ((T_behind, behind), (T_ahead, ahead)):
             work += 0.5 * T / np.hypot(*slope.T) * np.sum(slope * (ahead - behind), axis=1)
         return self.pace * work
