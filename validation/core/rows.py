@@ -29,7 +29,7 @@ VELOCITY = 0.10  # tolerance of summed velocity against displacement
 ROUNDING = 1e-12  # of every scale
 AXIAL_MEAN, ALONG = "mean over an axial round trip", "along the cable"
 EVENTS = ("brake", "arrival", "back", "stop", "turn")  # both answers must tell the first of each
-DOUBTS = ("fast", "energy", "hidden slack", "no bar")  # flags of bars that may be too small
+DOUBTS = ("fast", "slow waves", "energy", "hidden slack", "no bar")  # flags of bars that may be too small
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,10 +118,9 @@ def compare(
     """
     from validation.core import laws  # loaded while solvers run
 
-    asked = partial(asked_of, tol=tol, tol_tension=tol_tension)
+    whole, asked = View.of(scene), partial(asked_of, tol=tol, tol_tension=tol_tension)
     rows = list(independent(a.finest, b.finest))
     try:
-        whole = View.of(scene).smooth(a.finest, b.finest)
         view = whole.cut(a.finest, b.finest)
     except NotComparable as why:
         return [Agreement("path_max", math.nan, nothing(why)), *rows]

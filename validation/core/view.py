@@ -3,9 +3,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from cablefem.response import MassPath, Response
+from cablefem.response import MassPath
 from cablefem.scene import Scene
-from validation.core.measures import WINDOWS, NotComparable, Window, window_of
+from validation.core.measures import WINDOWS, Window, window_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,18 +47,10 @@ class View:
         """s_o/l where coarser runs may end; None: the travel's end."""
         return None if self.ends else self.window[1]
 
-    def smooth(self, *finest: MassPath) -> View:
-        """The view up to where waves get slower than the mass and steepen: no bar holds from there on."""
-        flags = [flag for r in finest if isinstance(r, Response) for flag in r.flags if flag.kind == "slow waves"]
-        low, high = self.window[0], min([self.window[1], *(float(flag.numbers["since"]) for flag in flags)])
-        if not high > low:
-            raise NotComparable(f"nothing to compare: from s_o/l = {high:.4f} on waves are slower than the mass")
-        return replace(self, window=(low, high))
-
     def cut(self, *finest: MassPath) -> View:
-        """The view cut where a finest run is smooth no more, ends or goes slack; NotComparable if nothing is left."""
+        """The view cut where a finest run ends or goes slack; NotComparable if nothing is left."""
         until = min(float(r.t[-1]) for r in finest) if self.free else self.until
-        return replace(self, window=window_of(*finest, window=self.smooth(*finest).window), until=until)
+        return replace(self, window=window_of(*finest, window=self.window), until=until)
 
     def covers(self, r: MassPath) -> bool:
         """Whether a coarser run reaches the end of the comparison."""
