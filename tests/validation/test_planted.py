@@ -84,6 +84,7 @@ def test_right_answers_agree():
     assert {key for key, row in found.items() if not row.asked} == {
         ("speed", ""), ("tension_behind", ""), ("tension_ahead", ""), ("reactions", ""), ("contact", ""),
         ("velocity", ""), ("velocity", ALONG), ("velocity", "up to the mass"), ("tension_min", "least tension"),
+        ("path_slack", ""),
     }  # fmt: skip
 
 

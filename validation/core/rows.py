@@ -131,8 +131,9 @@ def compare(
     rows += _worse_of(row for x in (a, b) for row in laws.hold(x, view.window, view.until, asked))
     if view.free:
         rows += [row for event in EVENTS for row in _event(event, a, b, asked("rest"))]
-    slack = _slack_onset(a, b, view, whole, asked("rest"))
-    return [*rows, *_range(a, b, view, whole, asked("rest")), slack, *_past_slack(a, b, view, asked("rest"))]
+    rows += [*_range(a, b, view, whole, asked("rest")), _slack_onset(a, b, whole, asked("rest"))]
+    unique = scene.groups.internal_damping > 0.0  # else waves of the slack cable have no answer to converge to
+    return rows + [replace(row, asked=unique) for row in _past_slack(a, b, view, asked("rest"))]
 
 
 def forces_left(scene: Scene, ladder: Ladder, tol: float) -> tuple[float, float]:
@@ -239,29 +240,23 @@ def with_bars(ladder: Ladder) -> list[dict[str, Any]]:
     return out
 
 
-LEAST = Quantity("tension_min", _series("tension_min", over="H"), "")
+def _slack_onset(a: Ladder, b: Ladder, whole: View, asked_for: float) -> Agreement:
+    """How far both answers are apart where the first cable goes slack; no slack counts as the window's end.
 
-
-def _slack_onset(a: Ladder, b: Ladder, view: View, whole: View, asked_for: float) -> Agreement:
-    """Gap of the least tensions where the first cable goes slack, over H; no slack counts as the window's end.
-
-    Places of onsets jump where the tension just touches zero.
+    Least tensions so far, over H, are falling curves over s_o/l.  Their distance is that of Levy: along a line of
+    slope 1 through the onset, so that it is a difference of places at a steep front and of tensions on a gentle slope.
     """
+    end = whole.window[1]
+    first = min(end, a.finest.slack_from, b.finest.slack_from)
 
-    def onset(r: Response) -> float:
-        return min(whole.window[1], r.slack_from)
+    def passes(r: Response) -> float:
+        place, told = np.maximum.accumulate(r.s_o) / whole.length, r.tension_min / whole.H
+        least = np.minimum.accumulate(np.where(place < r.slack_from, told, np.minimum(told, 0.0)))
+        n, last = int(np.searchsorted(place, end)), float(np.interp(end, place, least))
+        x, y = np.append(place[:n], [end, end]), np.append(least[:n], [last, min(0.0, last)])
+        return float(np.interp(first, x - y, y))
 
-    first = min(map(onset, (a.finest, b.finest)))
-    if not first < whole.window[1]:
-        return _barred("slack_onset", 0.0, a, b, [x.parts(onset, order=1.0) for x in (a, b)], asked_for)
-
-    def least(r: Response) -> float:
-        tension = float(np.interp(first, np.maximum.accumulate(r.s_o) / whole.length, r.tension_min)) / view.H
-        return min(tension, 0.0) if onset(r) <= first else tension
-
-    parts = [x.parts(itself, partial(_apart, LEAST, view), 1.0) for x in (a, b)]
-    gap = abs(least(a.finest) - least(b.finest))
-    return replace(_barred("slack_onset", gap, a, b, parts, asked_for), where=first)
+    return replace(_compared("slack_onset", a, b, asked_for, passes), where=first)
 
 
 def _range(a: Ladder, b: Ladder, view: View, whole: View, asked_for: float) -> Iterator[Agreement]:
