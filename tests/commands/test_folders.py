@@ -21,7 +21,13 @@ _modes = cache(lambda toml, modes=study.modes: modes(Scene.from_toml(toml)))
 @pytest.fixture(autouse=True)
 def found_once(monkeypatch):
     """Let `modes` find the frequencies of a cable once: where they go is tested here."""
-    monkeypatch.setattr(study, "modes", lambda scene: _modes(scene.to_toml()))
+
+    def modes(scene, out, progress):
+        found = _modes(scene.to_toml())
+        found.write(out)
+        return found
+
+    monkeypatch.setattr(study, "modes", modes)
 
 
 def test_a_folder_with_anything_else_in_it_is_refused_and_left_alone(cablefem, tmp_path):

@@ -17,6 +17,7 @@ def test_modes_of_both_solvers_and_the_exact_ones(cablefem):
     for name in ("elements", "fourier", "wavelet"):
         np.testing.assert_allclose(found[name], EXACT, rtol=1e-6)
     assert "5.3454766" in out
+    assert "Frequencies of the bare cable" in Path("cablefem-out/bare/report.html").read_text()
 
 
 def test_modes_that_disagree_are_1(cablefem, monkeypatch):

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from cablefem import Scene
+from validation.commands.run import page as run_page
 from validation.core import store
 from validation.page import report
 from validation.page.page import Section
@@ -127,7 +128,7 @@ def test_two_commands_on_one_scene_may_have_pages_of_one_name(tmp_path, monkeypa
         store.finish(folder, command)
     one = [Section("answer", "The answer", "<p>1</p>")]
     monkeypatch.setattr(report, "kept", lambda folder, command: one)
-    monkeypatch.setattr(report, "drawn", lambda folder, command: one)
+    monkeypatch.setattr(run_page, "sections", lambda folder: one)
     report.write(folder, "run")
     page = (folder / "report.html").read_text()
     assert page.count('id="answer"') == page.count('id="answer-run"') == 1

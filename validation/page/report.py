@@ -15,26 +15,14 @@ from validation.page.page import Section, callout
 
 
 def write(folder: Path, command: str) -> None:
-    """Draw the pages of a command, write report.html with those of all finished ones, and mark it finished."""
-    own = drawn(folder, command)
+    """Draw and keep the pages of a command, write report.html with those of all finished ones, and mark it finished."""
+    drawn: list[Section] = importlib.import_module(f"validation.commands.{command}.page").sections(folder)
+    write_json(store.pages(folder, command), [asdict(section) for section in drawn])
     done = [other for other in store.results(folder) if other == command or store.finished(folder, other)]
-    sections = _apart((other, s) for other in done for s in (own if other == command else kept(folder, other)))
+    sections = _apart((other, section) for other in done for section in kept(folder, other))
     title = store.title(folder) or next((s.title for s in sections), folder.name)
     page.render(title, sections, folder / "report.html")
     store.finish(folder, command)
-
-
-def drawn(folder: Path, command: str) -> list[Section]:
-    """Draw and keep the pages of a command's results, if it has some."""
-    home = f"validation.commands.{command}.page"
-    try:
-        sections: list[Section] = importlib.import_module(home).sections(folder)
-    except ModuleNotFoundError as error:
-        if error.name != home:
-            raise
-        return []
-    write_json(store.pages(folder, command), [asdict(section) for section in sections])
-    return sections
 
 
 def kept(folder: Path, command: str) -> list[Section]:

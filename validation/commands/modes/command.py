@@ -1,7 +1,7 @@
 import math
 
 from validation.page import terminal
-from validation.page.options import Out, SceneName, scene_named, written
+from validation.page.options import Out, SceneName, scene_named, study
 
 EXAMPLE = "cablefem modes bare"
 
@@ -9,22 +9,19 @@ EXAMPLE = "cablefem modes bare"
 def command(scene: SceneName, out: Out = None) -> int:
     """Print the first ten frequencies of the cable alone.
 
-    From both solvers and the exact theory, omega l sqrt(rho/H). Writes DIR/modes.json.
+    From both solvers and the exact theory, omega l sqrt(rho/H). Writes DIR/: modes.json and report.html.
     """
     loaded = scene_named(scene)
 
-    from validation.commands.modes import study
+    from validation.commands.modes.study import COUNT, EXACT, modes
     from validation.page import telling
 
-    with written(out, "modes", loaded, ["modes.json"]) as folder:
-        found = study.modes(loaded)
-        found.write(folder)
-        hertz = found.omega[study.EXACT] / (2.0 * math.pi * loaded.time_scale)
-        rows = [
-            [str(i + 1), f"{hertz[i]:.5g}", *(f"{omega[i]:.7f}" for omega in found.omega.values())]
-            for i in range(study.COUNT)
-        ]
-        terminal.table(["mode", "Hz", *found.omega], rows, right=["mode", "Hz", *found.omega])
-        terminal.say()
-        telling.rows(found.rows)
+    found = study("modes", loaded, ["modes.json"], out, modes, loaded)
+    hertz = found.omega[EXACT] / (2.0 * math.pi * loaded.time_scale)
+    rows = [
+        [str(i + 1), f"{hertz[i]:.5g}", *(f"{omega[i]:.7f}" for omega in found.omega.values())] for i in range(COUNT)
+    ]
+    terminal.table(["mode", "Hz", *found.omega], rows, right=["mode", "Hz", *found.omega])
+    terminal.say()
+    telling.rows(found.rows)
     return 0 if all(row.verdict.value == "agree" for row in found.rows) else 1

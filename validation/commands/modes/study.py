@@ -9,6 +9,7 @@ import numpy as np
 from cablefem.response import Array, write_json
 from cablefem.scene import Groups, Scene
 from validation.core.agreement import Agreement, Bound, Part
+from validation.core.sidebyside import Progress, silent
 
 COUNT = 10
 ROUNDING = 1e-10  # relative; dense solvers lose the ratio of the stiffest to the lowest mode
@@ -44,14 +45,14 @@ def bare(
     return bare_frequencies(groups, basis, **how)
 
 
-def modes(scene: Scene | str | Path) -> Modes:
+def modes(scene: Scene, out: Path | None = None, progress: Progress = silent) -> Modes:
     """Compute the frequencies with each method's own error bar: its change from half the resolution.
 
-    exact : the linearised catenary, see `oracles.catenary_modes`.
+    exact : the linearised catenary, see `oracles.catenary_modes`.  out : folder for modes.json.
     """
     from validation.oracles import catenary_modes
 
-    groups = (scene if isinstance(scene, Scene) else Scene.load(scene)).groups
+    groups = scene.groups
     pairs = {
         "elements": [bare(groups, elements=n, n=COUNT) for n in (10, 5)],
         "fourier": [bare(groups, terms=n, n=COUNT) for n in (120, 60)],
@@ -63,4 +64,7 @@ def modes(scene: Scene | str | Path) -> Modes:
         gap, bar = np.abs(fine / exact.omega - 1.0), np.abs(fine / coarse - 1.0)
         parts = Part(name, float(bar.max()), "the change from half the resolution"), Part("rounding", ROUNDING)
         rows.append(Agreement(name, float(gap.max()), Bound("own bar", parts)))
-    return Modes({name: fine for name, (fine, _) in pairs.items()} | {EXACT: exact.omega}, rows)
+    found = Modes({name: fine for name, (fine, _) in pairs.items()} | {EXACT: exact.omega}, rows)
+    if out is not None:
+        found.write(out)
+    return found
