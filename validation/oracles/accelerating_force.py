@@ -10,7 +10,7 @@ Group: A force on a taut string
 """
 
 import math
-from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -45,29 +45,25 @@ def _roots(c2: float, c1: float, c0: Array) -> tuple[Array, Array]:
 
 SUDDEN = "the force begins inside the string: two fronts with a jump of slope"
 A, BEGINS = 2.6, 0.2  # no echo before s_o = 0.8
-BELOW = BEGINS + 0.8 / (2.0 * A)
 
 
-def accelerated(
-    name: str, exact: Callable[[Array], Array], until: float, methods: tuple[str, ...], **more: Any
-) -> Crossing:
-    return Crossing(
-        name=name, groups=level(inside(BEGINS, 0.0, A)), exact=exact,
-        begins=BEGINS, until=until, methods=methods, **more,
-    )  # fmt: skip
+def _exact(t: Array) -> Array:
+    return displacement(0.5 * A * t * t, t, P=MU * SIGMA, a=A)
+
+
+slower = partial(
+    Crossing, name="up to 0.89 of the wave speed", groups=level(inside(BEGINS, 0.0, A)), begins=BEGINS,
+    until=BEGINS + 0.8 / (2.0 * A), methods=("fourier", "following-p2"),
+)  # fmt: skip
+faster = partial(slower, name="through the wave speed", until=0.8, methods=("fourier",))
 
 
 def cases() -> list[Crossing]:
-    def crossing(name: str, until: float, methods: tuple[str, ...], because: str, p: float, **more: str) -> Crossing:
-        more |= {"load": "force", "because": because}
-        return accelerated(
-            name, lambda t: displacement(0.5 * A * t * t, t, P=MU * SIGMA, a=A), until, methods, at_most=p, **more
-        )
-
     front = "the front left behind at the wave speed has a vertical tangent"
     unstable = "none: faster than its waves, what rides with the load is unstable, the more the finer"
+    force: dict[str, Any] = {"exact": _exact, "load": "force"}
     return [
-        crossing("up to 0.89 of the wave speed", BELOW, ("fourier", "following-p2"), SUDDEN, 1.0),
-        crossing("through the wave speed", 0.8, ("fourier",), front, 0.7),
-        crossing("through the wave speed", 0.8, BEST, unstable, 1.0, expected="disagree"),
+        slower(**force, because=SUDDEN, at_most=1.0),
+        faster(**force, because=front, at_most=0.7),
+        faster(**force, because=unstable, at_most=1.0, methods=BEST, expected="disagree"),
     ]

@@ -14,7 +14,7 @@ Group: A mass on a taut string
 import numpy as np
 from numpy.typing import ArrayLike
 
-from validation.oracles import accelerating_force
+from validation.oracles.accelerating_force import A, faster, slower
 from validation.oracles.case import MU, SIGMA, Array, Crossing, needs
 
 
@@ -27,11 +27,7 @@ def path(t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
 
 def cases() -> list[Crossing]:
     def exact(t: Array) -> Array:
-        return path(t, mu=MU, sigma=SIGMA, a=accelerating_force.A)
+        return path(t, mu=MU, sigma=SIGMA, a=A)
 
     blow = "none to speak of: the blow at the wave speed sends off two jumps of the string itself"
-    both, case = ("following-p2", "fourier"), accelerating_force.accelerated
-    return [
-        case("up to 0.89 of the wave speed", exact, accelerating_force.BELOW, both),
-        case("through the wave speed", exact, 0.8, ("fourier",), because=blow, at_most=1.0, expected="disagree"),
-    ]
+    return [slower(exact=exact), faster(exact=exact, because=blow, at_most=1.0, expected="disagree")]

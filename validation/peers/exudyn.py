@@ -61,11 +61,8 @@ def run(groups: Groups, *, elements: int, steps: int) -> PeerPath:
     settings = _settings(t_end * (1.0 - 1.0 / steps) if on_support else t_end, steps - on_support)
     settings.solution.sensors.writePeriod = 1e-3 * t_end / steps
     note, seconds = _solved(system.SolveDynamic, system, settings)
-    history = np.array(system.GetSensorStoredData(sensor))  # (n, 4): t, x, y, z
-    s_o = motion.position(history[:, 0])
-    if note:
-        note = f"{note} after s_o/l = {s_o[-1]:.4f}"
-    return finite_path(s_o, history[:, 1:3] * (1.0, -1.0), history[:, 0], groups, seconds, note)
+    t, x, y, _ = np.array(system.GetSensorStoredData(sensor)).T
+    return finite_path(motion.position(t), np.stack([x, -y], axis=1), t, groups, seconds, note)
 
 
 def _ride(groups: Groups, elements: int, steps: int) -> PeerPath:
@@ -132,8 +129,6 @@ def _ride(groups: Groups, elements: int, steps: int) -> PeerPath:
     t_end = min(d.end_time, 2.0 * d.nominal)
     note, seconds = _solved(system.SolveDynamic, system, _settings(t_end, math.ceil(t_end / dt)))
     t, s_o, x, y = np.array(rows).T
-    if note:
-        note = f"{note} after s_o/l = {s_o[-1]:.4f}"
     return finite_path(s_o, np.stack([x, y], axis=1), t, groups, seconds, note)
 
 
@@ -221,18 +216,9 @@ def _solved(solve: Any, system: Any, settings: Any) -> tuple[str, float]:
         exudyn.config.printToConsole = talkative
 
 
-def _drive(motion: Motion) -> dict:
-    """s_o(t) for a constraint."""
-    speed = motion.at(0.0, 0)[1]
-    t = np.linspace(0.0, motion.phases[-1][1], 1001)
-    if np.abs(motion.position(t) - speed * t).max() <= 1e-12:
-        return {"velocityLevel": True, "offset": speed}
-
-    def at(t: float) -> tuple[float, float, float]:
-        phase = next((i for i, (_, stop) in enumerate(motion.phases) if t <= stop), len(motion.phases) - 1)
-        return motion.at(t, phase)
-
-    return {
-        "offsetUserFunction": lambda system, t, item, offset: at(t)[0],
-        "offsetUserFunction_t": lambda system, t, item, offset: at(t)[1],
-    }
+def _drive(motion: Motion) -> dict[str, Any]:
+    """s_o(t) for a constraint; a constant speed needs no calls from Exudyn's loop."""
+    speeds = {speed for _, speed in motion.speeds}
+    if len(speeds) == 1:
+        return {"velocityLevel": True, "offset": speeds.pop()}
+    return {"offsetUserFunction": lambda system, t, item, offset: float(motion.position(t))}

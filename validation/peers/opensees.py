@@ -39,7 +39,7 @@ def run(groups: Groups, *, elements: int) -> PeerPath:
     finally:
         ops.wipe()
     n = place.shape[0]
-    note = "" if n > last else f"OpenSees' Newton method stopped at s_o/l = {s[n]:.4f}"
+    note = "" if n > last else "OpenSees' Newton method failed"
     return finite_path(s[:n], place, t[:n], groups, seconds, note)
 
 

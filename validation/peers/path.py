@@ -25,10 +25,12 @@ class PeerPath:
 
 
 def finite_path(s_o: Array, place: Array, t: Array, groups: Groups, seconds: float, note: str) -> PeerPath:
-    """The path up to the first value that is not finite; place : (n, 2), y down."""
+    """The path up to the first value that is not finite; place : (n, 2), y down; note : why the code gave up, or ""."""
     w = place - np.stack(groups.shape(s_o), axis=1)
     broken = np.flatnonzero(~np.isfinite(w).all(axis=1))
     n = int(broken[0]) if broken.size else s_o.size
     if n < s_o.size:
         note = f"not finite from s_o/l = {s_o[n]:.4f} on"
+    elif note:
+        note = f"{note} after s_o/l = {s_o[-1]:.4f}"
     return PeerPath(s_o[:n], w[:n, 0], w[:n, 1], t[:n], seconds, note)
