@@ -108,10 +108,15 @@ def test_a_tolerance_out_of_range_is_named(tol):
         check("level", tol=tol)
 
 
-def test_a_disagreement_is_looked_at_once_more_finer_in_space_and_time_and_then_it_is_said():
-    rounds = []
-    wrong = LEVEL.variant(mu=1.05 * LEVEL.mu)
-    result = check(LEVEL, second=wrong, tol=1e-2, made=lambda *runs: rounds.append([r.settings for r in runs]))
+def test_a_disagreement_is_looked_at_once_more_finer_in_space_and_time_and_then_it_is_said(monkeypatch):
+    rounds, compare = [], study.compare
+
+    def watched(scene, *ladders, **how):
+        rounds.append([ladder.run.settings for ladder in ladders])
+        return compare(scene, *ladders, **how)
+
+    monkeypatch.setattr(study, "compare", watched)
+    result = check(LEVEL, second=LEVEL.variant(mu=1.05 * LEVEL.mu), tol=1e-2)
     assert result.verdict is Verdict.DISAGREE
     for before, after, name in zip(*rounds[-2:], ("elements", "terms"), strict=True):
         assert after["steps"] == pytest.approx(1.5 * before["steps"], abs=1.0)

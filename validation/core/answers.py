@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cablefem.response import Array, Response, whole, write_json
+from cablefem.response import Array, Response, write_csv, write_json
 from cablefem.scene import Scene
 from cablefem.scene.surroundings import GROUND
 
@@ -112,9 +112,7 @@ def profile(r: Response) -> Profile:
 def write_answers(folder: Path, scene: Scene, r: Response) -> None:
     found = outcome(scene, r)
     write_json(folder / "summary.json", {"outcome": found.sentence, "outcome_kind": found.kind, **r.summary()})
-    with whole(folder / "profile.csv") as temporary:
-        heads = ",".join(Profile._fields)
-        np.savetxt(temporary, np.stack(profile(r), axis=1), fmt="%.9g", delimiter=",", header=heads, comments="")
+    write_csv(folder / "profile.csv", ",".join(Profile._fields), np.stack(profile(r), axis=1))
 
 
 def _ways(r: Response) -> list[tuple[Array, Array]]:

@@ -1,4 +1,4 @@
-from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -104,13 +104,8 @@ def _checked(scene: Any, third: tuple[Any, float] | None, out: Path | None, **as
     from validation.page import report
 
     folder = store.claim(out, "check", scene, ["agreement.json", "scene.toml", "with.csv", "grip", *CHECKED])
-    with terminal.progress() as progress, ExitStack() as writing:
-
-        def made(*runs: "Response") -> None:
-            writing.close()
-            writing.enter_context(aside(partial(_write_tables, folder, runs)))
-
-        result = study.check(scene, progress=progress, made=made, **asked)
+    with terminal.progress() as progress:
+        result = study.check(scene, progress=progress, **asked)
         progress("writing", 0.0)
         (folder / "with.csv").unlink(missing_ok=True)
         if third is not None:
@@ -118,9 +113,10 @@ def _checked(scene: Any, third: tuple[Any, float] | None, out: Path | None, **as
             third[0].write(folder / "with.csv")
         result.store(folder)
         progress("writing", 0.3)
-        report.write(folder, "check")
-        writing.close()
-        for r in (result.a.run, result.b.run):
+        runs = result.a.run, result.b.run
+        with aside(partial(_write_tables, folder, runs)):
+            report.write(folder, "check")
+        for r in runs:
             write_answers(folder / r.method, scene, r)
         store.finish(folder, "check")
         progress("writing", 1.0)
@@ -152,7 +148,8 @@ def _many(scene: Any, points: list[options.Point], out: Path | None, **asked: An
 
     def row(point: options.Point) -> tuple[dict[str, Any], Any]:
         found = study.check(point.scene, **asked)
-        return many.row(point.scene, found.a.run, found.design, found.verdict.value), many.path(found.a.run)
+        r = replace(found.a.run, design=found.design)
+        return many.row(point.scene, r, found.verdict.value), many.path(r)
 
     rows = many.grid("check", "grid-check", scene, points, out, row, many.columns)
     return 0 if all(row["verdict"] == "agree" for row in rows) else 1

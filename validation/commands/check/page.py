@@ -43,12 +43,15 @@ def sections(folder: Path) -> list[Section]:
 
 def sure(rows: list[dict[str, Any]]) -> str:
     """One sentence: how many asked rows agree."""
-    asked = Counter(row["verdict"] for row in rows if row.get("asked", True))
+    asked = [row for row in rows if row.get("asked", True)]
     if not asked:
         return "Nothing could be compared."
-    parts = [f"{asked[verdict]} {COUNTED[verdict]}" for verdict in ("agree", *VERDICTS) if asked[verdict]]
-    unique = list(dict.fromkeys(parts))
-    return f"Two independent solvers, {sum(asked.values())} comparisons: {', '.join(unique)}."
+    return f"Two independent solvers, {len(asked)} comparisons: {_counted(asked)}."
+
+
+def _counted(rows: list[dict[str, Any]]) -> str:
+    count = Counter(row["verdict"] for row in rows)
+    return ", ".join(f"{count[verdict]} {COUNTED[verdict]}" for verdict in reversed(VERDICTS) if count[verdict])
 
 
 def third(rows: list[dict[str, Any]], party: str) -> tuple[str, str]:
@@ -69,10 +72,8 @@ def _groups(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 def _line(group: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
     asked = [row for row in rows if row.get("asked", True)]
     worst = next((v for v in VERDICTS if any(row["verdict"] == v for row in asked)), None)
-    count = Counter(row["verdict"] for row in asked)
-    words = ", ".join(f"{count[v]} {COUNTED[v]}" for v in reversed(VERDICTS) if count[v])
-    bad = [_named(row) for row in asked if row["verdict"] != "agree"]
-    return {"group": group, "verdict": worst, "words": words + (f" ({'; '.join(bad)})" if bad else "")}
+    bad = "; ".join(_named(row) for row in asked if row["verdict"] != "agree")
+    return {"group": group, "verdict": worst, "words": _counted(asked) + (f" ({bad})" if bad else "")}
 
 
 def _named(row: dict[str, Any]) -> str:

@@ -102,7 +102,7 @@ class Check:
 def check(
     scene: Scene | str | Path, *, tol: float = DEFAULT_TOL, tol_tension: float | None = None,
     methods: tuple[str | Method, str | Method] | None = None, second: Scene | None = None, deep: bool = False,
-    progress: Progress | None = None, made: Callable[..., None] | None = None, until: float | None = None,
+    progress: Progress | None = None, until: float | None = None,
 ) -> Check:  # fmt: skip
     """Run two methods on a scene, each as fine as its own error bars need, and compare them.
 
@@ -112,7 +112,6 @@ def check(
     second : another scene for the second method, which plants a fault; the judge knows `scene` alone.
     deep : compare what both share with third parties, too.
     progress : called with a label and the fraction done.
-    made : called with both runs before each judgement.
     until : largest s_o/l of both runs, once slack no further; default: the end.
     check("zipline", tol=5e-3).verdict
     """
@@ -120,7 +119,7 @@ def check(
         raise ValueError(f"tol must lie in [1e-6, 0.2], got {tol!r}")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     sides = _sides((scene, second or scene), methods or pair(scene.groups), tol, until)
-    (first, other), rows, gripped = _judged(scene, sides, tol, tol_tension, progress, made)
+    (first, other), rows, gripped = _judged(scene, sides, tol, tol_tension, progress)
     a, b = _told(first, other), _told(other, first)
     rows += printed(a.run, b.run)
     if deep:
@@ -176,9 +175,8 @@ def _sides(
 
 
 def _judged(
-    scene: Scene, sides: list[_Side], tol: float, tol_tension: float | None, progress: Progress | None,
-    made: Callable[..., None] | None,
-) -> tuple[list[Ladder], list[Agreement], Response | None]:  # fmt: skip
+    scene: Scene, sides: list[_Side], tol: float, tol_tension: float | None, progress: Progress | None
+) -> tuple[list[Ladder], list[Agreement], Response | None]:
     """Refine both ladders until they agree or cannot get closer; return them, the rows, the gripped car."""
     jobs: list[Callable[[Progress], Any]] = [side.climbed for side in sides]
     gripped, looks, confirmed, toml = None, 0, False, scene.to_toml()
@@ -188,8 +186,6 @@ def _judged(
         first, other, *once = side_by_side(jobs, progress, _load)
         # the judge knows one scene alone
         gripped, ladders = once[0] if once else gripped, [first, other.map(lambda r: replace(r, scene_toml=toml))]
-        if made is not None:
-            made(first.run, other.run)
         rows = compare(scene, *ladders, tol=tol, tol_tension=tol_tension)
         finer: list[Settings | None] = []
         for larger in (True, False):  # the smaller bar only if the larger one costs too much

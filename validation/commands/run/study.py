@@ -63,7 +63,7 @@ def many(scene: Scene, points: Sequence[Point], answered: Callable[..., tuple[Re
 
     def row(point: Point) -> tuple[table.Row, Any]:
         found = answered(point, silent)[0]
-        return table.row(point.scene, found, found.design), table.path(found)
+        return table.row(point.scene, found), table.path(found)
 
     rows = table.grid("run", "grid", scene, points, out, row, table.columns)
     return 2 if any(x["outcome_kind"] == "incomplete" for x in rows) else 0

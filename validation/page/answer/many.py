@@ -55,18 +55,17 @@ class Column:
 Columns = dict[str, Column]
 
 
-def row(scene: Scene, r: Response, design: Sequence[dict[str, Any]], verdict: str | None = None) -> dict[str, Any]:
+def row(scene: Scene, r: Response, verdict: str | None = None) -> Row:
     """The table's row of one answer; SI, speeds in km/h."""
     found = outcome(scene, r)
     events = {e["event"]: e for e in reversed(r.events)}  # the first of each kind
     arrives = events.get("brake") or events.get("arrival")
-    out: dict[str, Any] = {"outcome_kind": found.kind, "outcome": found.sentence}
-    out["duration_s"] = round(float(r.t[-1]), 3)
+    out: Row = {"outcome_kind": found.kind, "outcome": found.sentence, "duration_s": round(float(r.t[-1]), 3)}
     if r.drive == "free":
         out["arrival_km_h"] = None if arrives is None else round(3.6 * arrives["speed"], 2)
         rests = r.s_o[-1] if found.kind in ("stuck", "stopped_by_brake") else None
         out["rests_at_m"] = None if rests is None else round(float(rests), 2)
-    return out | _numbers(design) | ({} if verdict is None else {"verdict": verdict})
+    return out | _numbers(r.design) | ({} if verdict is None else {"verdict": verdict})
 
 
 def _numbers(design: Sequence[dict[str, Any]]) -> Row:
