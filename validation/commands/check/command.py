@@ -103,7 +103,7 @@ def _checked(scene: Any, third: tuple[Any, float] | None, out: Path | None, **as
     from validation.core.sidebyside import aside
     from validation.page import report
 
-    folder = store.claim(out, "check", scene, ["agreement.json", "scene.toml", "with.csv", "grip", *CHECKED])
+    folder = store.claim(out, "check", scene, ["agreement.json", "scene.toml", "with.csv", *CHECKED])
     with terminal.progress() as progress:
         result = study.check(scene, progress=progress, **asked)
         progress("writing", 0.0)
@@ -111,10 +111,10 @@ def _checked(scene: Any, third: tuple[Any, float] | None, out: Path | None, **as
         if third is not None:
             result = study.joined(result, *third)
             third[0].write(folder / "with.csv")
-        result.store(folder)
+        result.write(folder)
         progress("writing", 0.3)
         runs = result.a.run, result.b.run
-        with aside(partial(_write_tables, folder, runs)):
+        with aside(partial(_animate, folder, runs)):
             report.write(folder, "check")
         for r in runs:
             write_answers(folder / r.method, scene, r)
@@ -133,11 +133,10 @@ def _second(scene: Any, file: Path | None, pairs: list[str] | None) -> Any:
     return points[0].scene if file is not None or pairs else None
 
 
-def _write_tables(folder: Path, runs: "tuple[Response, ...]") -> None:
+def _animate(folder: Path, runs: "tuple[Response, ...]") -> None:
     from validation.page import paraview  # slow to load
 
     for run in runs:
-        run.write_tables(folder / run.method)
         paraview.write(run, folder / run.method)
 
 

@@ -4,15 +4,12 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from validation.core import store
-from validation.core.quantities import named, told
 from validation.page import line
 from validation.page.answer import figures as draw
 from validation.page.answer import many
 from validation.page.answer.content import content
-from validation.page.answer.stored import Stored, read
+from validation.page.answer.stored import read
 from validation.page.page import VERDICTS, Section, drawn
 
 WORDS = store.shipped(__package__, "words.toml")
@@ -37,7 +34,6 @@ def sections(folder: Path) -> list[Section]:
         third=third(x.rows, x.party.method) if x.party else None,
         groups=_groups(x.rows),
         distance=draw.distance(x, "How far the two paths of the car are apart.") if len(x.runs) > 1 else "",
-        gripped=_gripped(x),
     )  # fmt: skip
 
 
@@ -79,13 +75,3 @@ def _line(group: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
 def _named(row: dict[str, Any]) -> str:
     parts = [row["quantity"].replace("_", " "), row.get("law"), row.get("with")]
     return ": ".join(part for part in parts if part)
-
-
-def _gripped(x: Stored) -> dict[str, str] | None:
-    """What a car that grips would say of the tension; None without one."""
-    other = next((d for d in x.grip.design if d["quantity"] == "tension_max"), None) if x.grip else None
-    if x.grip is None or other is None:
-        return None
-    apart = float(np.nanmax(np.abs(x.grip.T_ahead - x.grip.T_behind)))
-    value, jump = (told(other | {"value": v, "bar": None})["value"] for v in (other["value"], apart))
-    return {"named": named("tension_max"), "value": value, "jump": jump}

@@ -3,14 +3,13 @@
 import html
 import importlib
 import math
-import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from cablefem.response import Flag, Response, write_json
+from cablefem.response import Flag, Response, write_json, write_text
 from cablefem.scene import Scene
 from validation.core import foreign, measures
 from validation.core.agreement import DEFAULT_TOL, Agreement, Verdict, overall
@@ -21,7 +20,6 @@ from validation.core.ladder import Ladder
 from validation.core.methods import Method, find, pair, refined
 from validation.core.quantities import matter, told
 from validation.core.rows import compare, doubts, printed, with_bars
-from validation.core.running import run
 from validation.core.sidebyside import Progress, side_by_side
 from validation.core.store import Refused
 from validation.core.view import View
@@ -43,7 +41,6 @@ class Check:
     tol: float
     window: tuple[float, float]
     rows: list[Agreement]
-    grip: Response | None = None  # of a hauled car: the gripping one
 
     @property
     def verdict(self) -> Verdict:
@@ -84,18 +81,9 @@ class Check:
 
     def write(self, out: Path) -> None:
         """Write scene.toml, one folder per method and agreement.json."""
+        write_text(out / "scene.toml", self.scene.to_toml())
         for ladder in (self.a, self.b):
-            ladder.run.write_tables(out / ladder.run.method)
-        self.store(out)
-
-    def store(self, out: Path) -> None:
-        """`write` without tables."""
-        out.mkdir(parents=True, exist_ok=True)
-        (out / "scene.toml").write_text(self.scene.to_toml(), encoding="utf-8")
-        for ladder in (self.a, self.b):
-            ladder.run.store(out / ladder.run.method)
-        if self.grip is not None:
-            self.grip.store(out / "grip")
+            ladder.run.write(out / ladder.run.method)
         write_json(out / "agreement.json", self.agreement())
 
 
@@ -119,14 +107,14 @@ def check(
         raise ValueError(f"tol must lie in [1e-6, 0.2], got {tol!r}")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     sides = _sides((scene, second or scene), methods or pair(scene.groups), tol, until)
-    (first, other), rows, gripped = _judged(scene, sides, tol, tol_tension, progress)
+    (first, other), rows = _judged(scene, sides, tol, tol_tension, progress)
     a, b = _told(first, other), _told(other, first)
     rows += printed(a.run, b.run)
     if deep:
         from validation.commands.check import deep as third
 
         rows += third.deep(scene, a, rows)
-    return Check(scene, a, b, tol, _window(scene, a, b), rows, gripped)
+    return Check(scene, a, b, tol, _window(scene, a, b), rows)
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,23 +164,20 @@ def _sides(
 
 def _judged(
     scene: Scene, sides: list[_Side], tol: float, tol_tension: float | None, progress: Progress | None
-) -> tuple[list[Ladder], list[Agreement], Response | None]:
-    """Refine both ladders until they agree or cannot get closer; return them, the rows, the gripped car."""
+) -> tuple[list[Ladder], list[Agreement]]:
+    """Refine both ladders until they agree or cannot get closer; return them and the rows."""
     jobs: list[Callable[[Progress], Any]] = [side.climbed for side in sides]
-    gripped, looks, confirmed, toml = None, 0, False, scene.to_toml()
-    if scene.drive.mode == "haul":
-        jobs.append(partial(_gripped, scene, sides[0].method))
+    looks, confirmed, toml = 0, False, scene.to_toml()
     while True:
-        first, other, *once = side_by_side(jobs, progress, _load)
-        # the judge knows one scene alone
-        gripped, ladders = once[0] if once else gripped, [first, other.map(lambda r: replace(r, scene_toml=toml))]
+        first, other = side_by_side(jobs, progress, _load)
+        ladders = [first, other.map(lambda r: replace(r, scene_toml=toml))]  # the judge knows one scene alone
         rows = compare(scene, *ladders, tol=tol, tol_tension=tol_tension)
         finer: list[Settings | None] = []
         for larger in (True, False):  # the smaller bar only if the larger one costs too much
             if not any(finer):
                 finer = [side.finer(ladder, rows, larger) for side, ladder in zip(sides, ladders, strict=True)]
         if looks == MOST_ROUNDS or confirmed or not any(finer):
-            return ladders, rows, gripped
+            return ladders, rows
         looks, confirmed = looks + 1, overall(rows) is Verdict.DISAGREE
         jobs = [partial(side.remade, *each) for side, *each in zip(sides, ladders, finer, strict=True)]
 
@@ -239,19 +224,6 @@ def _told(e: Ladder, twin: Ladder) -> Ladder:
     from validation.core.design import design
 
     return replace(e, finest=replace(e.run, design=design(e, twin), events=with_bars(e)))
-
-
-def _gripped(scene: Scene, method: Method, progress: Progress) -> Response:
-    """A gripping car by default settings, for comparison."""
-    from validation.core.design import design
-
-    assert scene.travel is not None
-    data = tomllib.loads(scene.to_toml())
-    del data["drive"]
-    data["travel"]["from"] = scene.drive.start_place(scene.length) if scene.travel.place is None else scene.travel.place
-    data["travel"].pop("rest", None)  # to the support
-    response = run(Scene(**{"name": scene.name, **data}), method, progress=partial(progress, "gripped"))
-    return replace(response, method="gripped car", design=design(response))
 
 
 def joined(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:

@@ -21,7 +21,6 @@ class Stored:
     runs: tuple[Response, ...]
     agreement: dict[str, Any] = field(default_factory=dict)  # agreement.json; empty for a single run
     party: ForeignPath | None = None  # a third party
-    grip: Response | None = None  # hauled car: what a gripping one would have given
 
     @property
     def rows(self) -> list[dict[str, Any]]:
@@ -68,8 +67,7 @@ def read(folder: Path) -> Stored | None:
     agreement = store.read(folder / "agreement.json")
     runs = tuple(r for name in agreement["methods"][:2] if (r := Response.read(folder / name)).t.size > 1)
     scene = Scene.from_toml((folder / "scene.toml").read_text(encoding="utf-8"))
-    grip = Response.read(folder / "grip") if runs and runs[0].drive == "haul" and (folder / "grip").exists() else None
     party, file = None, folder / "with.csv"
     if (name := next((row["with"] for row in agreement["rows"] if row.get("with")), None)) and file.exists():
         party = replace(ForeignPath.read(file, scene), method=name)
-    return Stored(scene, runs, agreement, party, grip) if runs else None
+    return Stored(scene, runs, agreement, party) if runs else None
