@@ -373,19 +373,20 @@ def _remedy(path: Any, ours: Response, gaps: Callable[[Any], Any], allowed: Sequ
         "its v is multiplied by {:.4g}": (lambda x: _higher(path, x * path.v), SHARE),
         "its heights are shifted by {:.3g} m downwards": (partial(_higher, path), SHARE * deep),
     }
+
+    def left(x: float, changed: Callable[[float], Any]) -> Any:
+        try:
+            return gaps(changed(x))
+        except (NotComparable, ValueError):
+            return np.inf, np.inf
+
     found = []
     for words, (changed, most) in changes.items():
-
-        def off(x: float, changed: Callable[[float], Any] = changed, i: int = 1) -> float:
-            try:
-                return gaps(changed(x))[i]
-            except (NotComparable, ValueError):
-                return np.inf
-
-        x = float(minimize_scalar(off, bounds=(-most, most), method="bounded", options={"xatol": 1e-6 * most}).x)
-        worst = off(x, i=0)
-        if worst <= allowed[0] and off(x) <= allowed[1]:
-            found.append((worst, words.format(1.0 + x if "multiplied" in words else x)))
+        way = {"bounds": (-most, most), "method": "bounded", "options": {"xatol": 1e-6 * most}}
+        x = float(minimize_scalar(lambda x, changed: left(x, changed)[1], args=(changed,), **way).x)
+        largest, rms = left(x, changed)[:2]
+        if largest <= allowed[0] and rms <= allowed[1]:
+            found.append((largest, words.format(1.0 + x if "multiplied" in words else x)))
     return f"agrees if {min(found)[1]}" if found else None
 
 

@@ -2,11 +2,12 @@
 
 import html
 import math
+import platform
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib import resources
+from importlib import metadata, resources
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
@@ -155,6 +156,11 @@ def seconds(x: float | None) -> str:
     if x is None or not math.isfinite(x):
         return "–"
     return f"{number(1e3 * x, 2)} ms" if x < 1.0 else f"{number(x, 2)} s"
+
+
+def versions() -> dict[str, str]:
+    packages = ("cablefem", "numpy", "scipy", "scikit-fem", "numba")
+    return {"Python": platform.python_version()} | {name: metadata.version(name) for name in packages}
 
 
 def settings(of: Mapping[str, Any]) -> str:

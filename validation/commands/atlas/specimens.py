@@ -55,20 +55,16 @@ def frozen_growth(system: GalerkinSystem, t: float) -> float:
     return float(eigvals(A).real.max())
 
 
-class _NoCoriolis(GalerkinSystem):
-    """FAULT: 2 ds_o w.' left out of the acceleration of the mass."""
+def _without(*terms: str) -> type[GalerkinSystem]:
+    """FAULT: terms (22), (23) of the travel left out of the acceleration of the mass; f_v : 2 ds_o w.'."""
 
-    def _instant(self, *kinematics: float) -> Instant:
-        x = super()._instant(*kinematics)
-        return x._replace(carried=x.carried._replace(f_v=np.zeros_like(x.carried.f_v)))
+    class Faulty(GalerkinSystem):
+        def _instant(self, *kinematics: float) -> Instant:
+            x = super()._instant(*kinematics)
+            none = {name: np.zeros_like(getattr(x.carried, name)) for name in terms}
+            return x._replace(carried=x.carried._replace(**none))
 
-
-class _NoConvection(_NoCoriolis):
-    """FAULT: all terms (22), (23) of the travel left out of the acceleration of the mass."""
-
-    def _instant(self, *kinematics: float) -> Instant:
-        x = super()._instant(*kinematics)
-        return x._replace(carried=x.carried._replace(f_q=np.zeros_like(x.carried.f_q)))
+    return Faulty
 
 
 class _RestingStart(GalerkinSystem):
@@ -91,6 +87,6 @@ def planted(method: str, fault: type[GalerkinSystem]) -> Method:
 
 
 PLANTED = {
-    "no Coriolis": planted("fourier", _NoCoriolis), "no convection": planted("fourier", _NoConvection),
+    "no Coriolis": planted("fourier", _without("f_v")), "no convection": planted("fourier", _without("f_v", "f_q")),
     "resting start": planted("fourier-kink", _RestingStart),
 }  # fmt: skip

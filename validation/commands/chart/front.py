@@ -1,8 +1,9 @@
 """The fronts of a chart, and the fastest row for an error."""
 
-import math
 from collections.abc import Sequence
 from typing import Any
+
+import numpy as np
 
 Row = dict[str, Any]
 OURS = ("method", "integrator")  # full cable
@@ -29,15 +30,11 @@ def seconds_at(rows: list[Row], error: float, quantity: str = "path") -> float |
 
     None where no row reaches it; of a better coarsest row, its seconds.
     """
-    best = [(r["seconds"], r[f"{quantity}_error"]) for r in best_of(rows, quantity)]
-    for i, (seconds, e) in enumerate(best):
-        if e <= error:
-            if i == 0:
-                return seconds
-            s0, e0 = best[i - 1]
-            share = math.log(e0 / error) / math.log(e0 / e)
-            return s0 * (seconds / s0) ** share
-    return None
+    best = best_of(rows, quantity)
+    if not best or best[-1][f"{quantity}_error"] > error:
+        return None
+    seconds, errors = (np.log([r[name] for r in best]) for name in ("seconds", f"{quantity}_error"))
+    return float(np.exp(np.interp(-np.log(error), -errors, seconds)))
 
 
 def fastest(rows: list[Row], error: float) -> Row:

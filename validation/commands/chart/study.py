@@ -8,7 +8,6 @@ Seconds: time loop up to the end of the window, best of separate runs on one cor
 
 from __future__ import annotations
 
-import importlib.metadata
 import platform
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -33,6 +32,7 @@ from validation.core.measures import NotComparable, Window
 from validation.core.methods import METHODS, Method, refined
 from validation.core.running import Run, run
 from validation.core.sidebyside import Progress, silent
+from validation.page.page import versions
 from validation.peers import PEERS, PeerPath, available
 
 STOP = measures.WINDOW[1]
@@ -68,7 +68,8 @@ def chart(scene: Scene, out: Path, report: Progress = silent, *, repeats: int = 
     todo = list(series(scene.groups))
     found = {
         "scene": scene.name, "scene_toml": scene.to_toml(), "drive": scene.groups.drive.mode,
-        "machine": _machine(), "window": list(truth.window), "reference": truth.told, "rows": rows,
+        "machine": versions() | {"machine": platform.machine(), "threads": "1"}, "window": list(truth.window),
+        "reference": truth.told, "rows": rows,
     }  # fmt: skip
     for i, line in enumerate(todo):
         report(line.name, 0.05 + 0.85 * i / len(todo))
@@ -286,10 +287,3 @@ def until(groups: Groups, place: float) -> Groups:
     if place >= motion.end:
         return groups
     return replace(groups, motion=replace(motion.until(motion.time_at(place)), end=place))
-
-
-def _machine() -> dict[str, str]:
-    names = ("numpy", "scipy", "numba")
-    return {"python": platform.python_version(), "machine": platform.machine(), "threads": "1"} | {
-        name: importlib.metadata.version(name) for name in names
-    }

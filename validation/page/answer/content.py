@@ -1,8 +1,6 @@
 """Content of the page of an answer."""
 
-import platform
 from functools import partial
-from importlib import metadata
 from typing import Any
 
 import numpy as np
@@ -12,6 +10,7 @@ from validation.core.methods import METHODS
 from validation.core.quantities import matter
 from validation.page.answer import figures as draw
 from validation.page.answer.stored import Stored
+from validation.page.page import settings, versions
 from validation.page.side_view import side_view
 
 
@@ -23,14 +22,9 @@ def content(x: Stored) -> dict[str, Any]:
         "view": side_view(x.scene, moving, range_T=draw.tension_range(x), party=x.party) if moving else "",
         "known": lambda name: np.isfinite(getattr(x.runs[0], name)).any(), "series": partial(draw.series, x),
         "energy_split": partial(draw.energy_split, x), "tension_field": partial(draw.tension_field, x),
-        "methods": METHODS, "versions": _versions(),
+        "methods": METHODS, "versions": settings(versions()),
         "work": [
             {"method": r.method, "n_dof": r.n_dof, "seconds": r.seconds, "reached": r.s_o[-1], **r.work}
             for r in x.runs
         ],
     }  # fmt: skip
-
-
-def _versions() -> str:
-    packages = ("cablefem", "numpy", "scipy", "scikit-fem", "numba")
-    return ", ".join([f"Python {platform.python_version()}", *(f"{p} {metadata.version(p)}" for p in packages)])
