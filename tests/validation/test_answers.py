@@ -92,12 +92,12 @@ def test_ground_is_linear_and_says_nothing_outside_its_points():
 def test_the_profile_holds_every_place_of_the_car():
     r = quasi_static(scene())
     p = answers.profile(r)
-    assert (p.y_highest <= p.y_rest + 1e-9).all()
-    assert (p.y_lowest >= p.y_rest - 1e-9).all()
-    assert (np.interp(r.x, p.x, p.y_lowest) >= r.y - 1e-2).all()
-    assert p.tension_max.max() == pytest.approx(r.fields.T.max(), rel=2e-3)
+    assert (p["y_highest"] <= p["y_rest"] + 1e-9).all()
+    assert (p["y_lowest"] >= p["y_rest"] - 1e-9).all()
+    assert (np.interp(r.x, p["x"], p["y_lowest"]) >= r.y - 1e-2).all()
+    assert p["tension_max"].max() == pytest.approx(r.fields.T.max(), rel=2e-3)
     flat = answers.profile(quasi_static(scene(mass__mass=0.01)))
-    assert np.ptp(flat.y_lowest - flat.y_rest) < 1e-3  # without a rider the rope stays at rest
+    assert np.ptp(flat["y_lowest"] - flat["y_rest"]) < 1e-3  # without a rider the rope stays at rest
 
 
 def test_a_clearance_of_what_is_never_passed_is_null(tmp_path):

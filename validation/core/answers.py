@@ -71,17 +71,6 @@ def _ride(scene: Scene, r: Response) -> tuple[str, str]:
     return "stuck", f"gets stuck: comes to rest {at} {after}"
 
 
-class Profile(NamedTuple):
-    """The rope over x: at rest, and extremes over the run; (n,) each, SI."""
-
-    x: Array
-    y_rest: Array
-    y_highest: Array
-    y_lowest: Array
-    tension_max: Array
-    tension_min: Array
-
-
 def shapes(r: Response) -> tuple[Array, Array, Array]:
     """x, y [m], tension [N] of the rope with the mass at each frame, (k, m + 1) each."""
     f = r.fields
@@ -94,7 +83,8 @@ def shapes(r: Response) -> tuple[Array, Array, Array]:
     return tuple(np.take_along_axis(part, order, axis=1) for part in parts)  # type: ignore[return-value]
 
 
-def profile(r: Response) -> Profile:
+def profile(r: Response) -> dict[str, Array]:
+    """Columns of profile.csv: the rope at rest, and the extremes of depth and tension over the run."""
     f = r.fields
     x = np.linspace(float(f.x[0]), float(f.x[-1]), PLACES)
     rest = np.interp(x, f.x, f.y)
@@ -106,13 +96,17 @@ def profile(r: Response) -> Profile:
     for x_car, y_car in _ways(r):  # between frames the car is the lowest point nearby
         inside = (x >= x_car[0]) & (x <= x_car[-1])
         lowest[inside] = np.maximum(lowest[inside], np.interp(x[inside], x_car, y_car))
-    return Profile(x, rest, np.min(depth, axis=0), lowest, np.max(pull, axis=0), np.min(pull, axis=0))
+    return {
+        "x": x, "y_rest": rest, "y_highest": np.min(depth, axis=0), "y_lowest": lowest,
+        "tension_max": np.max(pull, axis=0), "tension_min": np.min(pull, axis=0),
+    }  # fmt: skip
 
 
 def write_answers(folder: Path, scene: Scene, r: Response) -> None:
     found = outcome(scene, r)
     write_json(folder / "summary.json", {"outcome": found.sentence, "outcome_kind": found.kind, **r.summary()})
-    write_csv(folder / "profile.csv", ",".join(Profile._fields), np.stack(profile(r), axis=1))
+    columns = profile(r)
+    write_csv(folder / "profile.csv", ",".join(columns), np.stack(list(columns.values()), axis=1))
 
 
 def _ways(r: Response) -> list[tuple[Array, Array]]:

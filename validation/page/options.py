@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,20 +37,20 @@ SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A built-in scen
 Out = Annotated[Path | None, to("SCENE")]
 
 
-def scene_named(name: str, faults: list[str] | None = None, *, travelling: bool = False) -> Scene:
-    """Return the scene, or raise Refused with its faults and the given ones."""
+def scene_named(name: str, faults: Sequence[str] = (), *, travelling: bool = False) -> Scene:
+    """Return the scene, or raise Refused with its faults after the given ones."""
     from cablefem.scene import Scene, SceneError
 
-    faults = [] if faults is None else faults
-    scene = None
     try:
         scene = Scene.load(name)
-        if travelling and scene.mass is None:
-            faults.append(f"scene {scene.name} has no [mass] and [travel]: a bare cable is for modes and scenes only")
     except SceneError as error:
-        faults += [fault if fault.startswith("scene = ") else f"{name}: {fault}" for fault in error.faults]
-    if faults or scene is None:
-        raise store.Refused(faults)
+        own = [fault if fault.startswith("scene = ") else f"{name}: {fault}" for fault in error.faults]
+        raise store.Refused([*faults, *own]) from None
+    if travelling and scene.mass is None:
+        bare = f"scene {scene.name} has no [mass] and [travel]: a bare cable is for modes and scenes only"
+        faults = [*faults, bare]
+    if faults:
+        raise store.Refused(list(faults))
     for note in scene.notes:
         terminal.say(f"{scene.name}: {note}")
     return scene

@@ -53,7 +53,7 @@ def _still(scene: Scene, r: Response) -> dict[str, Any]:
     speed = np.interp(marks, r.t, r.speed)
     X = scene.catenary
     return {
-        "envelope": [short(p.x), short(p.y_highest), short(p.y_lowest)],
+        "envelope": [short(p[name]) for name in ("x", "y_highest", "y_lowest")],
         "path": [short(r.x[at]), short(r.y[at])],
         "below": 0.0 if scene.mass is None else scene.mass.below,
         "speeds": [

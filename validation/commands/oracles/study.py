@@ -182,7 +182,7 @@ class _Solvers:
 
     def damped_modes(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Any:
         """Matrices of the linear model column by column, then its quadratic eigenvalues i w."""
-        system = _held(name, replace(groups, mu=0.0), 0.4, model, settings)
+        system = _built(name, replace(groups, mu=0.0, motion=standing(0.4, 1.0)), model, settings)
         n = system.n_dof
         rows, none = np.eye(n), np.zeros((n, n))
         still = system.residual(0.0, none[0], none[0], none[0], 0)
@@ -198,7 +198,8 @@ class _Solvers:
 
     def plucked(self, name: str, groups: Groups, p: float, end: float, **settings: Any) -> tuple[Array, Array]:
         """Let a straight string go that the weight of groups holds at p; return t, and w at p."""
-        loaded, free = (_held(name, x, p, "straight", settings, end) for x in (groups, replace(groups, mu=0.0)))
+        groups = replace(groups, motion=standing(p, end))
+        loaded, free = (_built(name, x, "straight", settings) for x in (groups, replace(groups, mu=0.0)))
         rest = equilibrium(loaded)
         start = newmark.consistent_acceleration(free, 0.0, rest, np.zeros_like(rest), 0)
         grid = np.linspace(0.0, end, 1 + find(name).settings(settings)["steps"])
@@ -212,9 +213,7 @@ class _Solvers:
     def hold(self, groups: Groups, name: str, start: float, **settings: Any) -> float:
         """Force along the cable that holds a free car at its start."""
         groups = replace(groups, motion=None, drive=Drive(mode="free", start=start, end_time=1.0, nominal=1.0))
-        method = find(name)
-        settings = method.settings_on(groups, settings)
-        solver: Any = method.build(groups, settings, model="full", load="mass", law="elastic")
+        solver = _built(name, groups, "full", settings)
         solver.start(0, None)
         return float(solver.hold)
 
@@ -229,7 +228,6 @@ class _Solvers:
 SOLVERS: Solvers = _Solvers()
 
 
-def _held(name: str, groups: Groups, p: float, model: str, settings: dict[str, Any], end: float = 1.0) -> Any:
+def _built(name: str, groups: Groups, model: str, settings: dict[str, Any]) -> Any:
     method = find(name)
-    groups = replace(groups, motion=standing(p, end))
-    return method.build(groups, method.settings(settings), model=model, load="mass", law="elastic")
+    return method.build(groups, method.settings_on(groups, settings), model=model, load="mass", law="elastic")
