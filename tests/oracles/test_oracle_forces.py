@@ -19,7 +19,7 @@ def on_line(seed, span=3.0):
     return corners(np.random.default_rng(seed), 60, x=(-span, span), t=(0.0, span), size=1.3, clip=False)
 
 
-@pytest.mark.parametrize("V", [0.27, 0.83, 1.0, 1.7])
+@pytest.mark.parametrize("V", [0.27, 0.83, 1.7])
 def test_fryba_solves_the_wave_equation_between_fixed_ends_from_rest(V):
     P = 2.3
 
@@ -96,6 +96,7 @@ def test_flaherty_solves_the_wave_equation_through_the_wave_speed(V0, a):
 def test_parameters_outside_the_validity_are_refused():
     for call in (
         lambda: moving_force.displacement(0.3, 0.2, P=1.0, V=-0.4),
+        lambda: moving_force.displacement(0.3, 0.2, P=1.0, V=1.0),
         lambda: moving_force.displacement(1.3, 0.2, P=1.0, V=0.4),
         lambda: running_apart.one_force(0.3, -0.2, P=1.0, V=0.4),
         lambda: accelerating_force.displacement(0.3, -0.2, P=1.0, a=0.4),

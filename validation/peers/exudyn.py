@@ -202,18 +202,14 @@ def _solved(solve: Any, system: Any, settings: Any) -> tuple[str, float]:
     """The failure or "", and the seconds."""
     import exudyn
 
-    talkative, note = exudyn.config.printToConsole, ""
-    exudyn.config.printToConsole = False
+    exudyn.config.printToConsole, note = False, ""
+    system.Assemble()
+    begin = time.perf_counter()
     try:
-        system.Assemble()
-        begin = time.perf_counter()
-        try:
-            solve(settings)
-        except exudyn.SolverError:
-            note = "Exudyn's Newton method failed"
-        return note, time.perf_counter() - begin
-    finally:
-        exudyn.config.printToConsole = talkative
+        solve(settings)
+    except exudyn.SolverError:
+        note = "Exudyn's Newton method failed"
+    return note, time.perf_counter() - begin
 
 
 def _drive(motion: Motion) -> dict[str, Any]:

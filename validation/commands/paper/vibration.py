@@ -1,7 +1,5 @@
 """Free vibration of the bare level cable under a time scheme."""
 
-from typing import Any
-
 import numpy as np
 
 from cablefem.newmark import scheme
@@ -18,5 +16,5 @@ def energy_ratio(groups: Groups, per_period: int, name: str = "trapezoidal") -> 
     per_period : steps per period of the first mode (2 pi/5.35).
     """
     dt, steps = 2.0 * np.pi / 5.3454766 / per_period, round(ASKED["periods"] * per_period)
-    given: dict[str, Any] = {"terms": ASKED["terms"], "speed": ASKED["speed"]}
-    return float(np.nanmax(free_vibration(groups, scheme(name), **given, dt=dt, steps=steps)))
+    terms, speed = ASKED["terms"], ASKED["speed"]
+    return float(np.nanmax(free_vibration(groups, scheme(name), terms=terms, speed=speed, dt=dt, steps=steps)))
