@@ -61,12 +61,12 @@ def test_kanninen_and_florence_two_forces():
 
         return np.abs(wave_defect(v, lambda s: P * s, lambda s: other * s, on_line(5), 9.0)).max()
 
-    for V in (0.37, 1.0, 2.2):
+    for V in (0.37, 0.9):
         assert defect(V, V) < ROUNDING
         x, t = np.linspace(-4.0, 4.0, 81), 1.31
         both = running_apart.displacement(x, t, P=P, V=V)
         assert np.abs(both - both[::-1]).max() < ROUNDING
-        assert np.abs(both[np.abs(x) > max(1.0, V) * t + 1e-9]).max() == 0.0
+        assert np.abs(both[np.abs(x) > t + 1e-9]).max() == 0.0
         same = accelerating_force.displacement(x, t, P=P, V0=V, a=0.0)
         off = np.abs(x - t) > 1e-9
         assert np.abs(running_apart.one_force(x, t, P=P, V=V) - same)[off].max() < ROUNDING

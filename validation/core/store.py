@@ -39,10 +39,8 @@ def claim(out: Path | None, command: str, scene: Any, writes: Sequence[str], *, 
         folder.mkdir(parents=True, exist_ok=True)
         marker = _marker(folder)
         if not marker:
-            strange = (
-                [w for w in writes if (folder / w).exists()] if among else sorted(x.name for x in folder.iterdir())
-            )
-            if strange:
+            there = sorted(x.name for x in folder.iterdir())
+            if strange := [name for name in there if name in writes or not among]:
                 raise Refused(f"{folder} holds {strange[0]}, which this version of cablefem did not write; {_REMEDY}")
             marker = {"shared": out is None, "results": {}}
         _keep_out(folder, marker, command, writes)
