@@ -142,7 +142,6 @@ def _told(column: str, l: float) -> tuple[str, float]:
 
 
 def _of_names(header: list[str], known: dict[int, tuple[str, float]], scene: Scene) -> list[str]:
-    """Faults of the column names."""
     names: dict[str, list[str]] = {}
     for i, (quantity, _) in known.items():
         names.setdefault(quantity, []).append(header[i])

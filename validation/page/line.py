@@ -55,7 +55,6 @@ def pairs(design: Sequence[Row]) -> list[Row]:
 
 
 def tell(line: Any, design: Sequence[Row], refused: Sequence[Row], most: int = 14) -> None:
-    """Print extremes over all positions, and positions without rest."""
     terminal.say(f"{line.name}: {line.title or 'a line at rest'}", style="bold")
     few = ("tension", "tension_behind", "tension_ahead", "pressure")
     first = [d for d in design if kind_of(d["quantity"]) not in few]

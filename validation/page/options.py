@@ -67,7 +67,6 @@ def line_named(name: str) -> Line | None:
 
 
 def refuse_moving(given: dict[str, bool]) -> None:
-    """Refuse options that a line at rest does not have."""
     from cablefem.scene.described import AT_REST
 
     if names := [name for name, there in given.items() if there]:

@@ -125,7 +125,6 @@ def number(x: float | None, digits: int = 3) -> str:
 
 
 def raised(n: int) -> str:
-    """A whole number as an exponent."""
     return str(n).translate(_RAISED)
 
 
@@ -148,7 +147,6 @@ def force(x: float) -> str:
 
 
 def pairs(of: Mapping[str, Any], *columns: str) -> Markup:
-    """A table of two columns."""
     return table([dict(zip(columns, pair, strict=True)) for pair in of.items()], columns)
 
 
@@ -175,7 +173,6 @@ def figure(fig: Any, caption: str, *, label: str = "") -> Markup:
 
 
 def rendered(name: str, **content: Any) -> Markup:
-    """A filled template of assets/."""
     return Markup(_ENVIRONMENT.get_template(name).render(**content))
 
 

@@ -139,7 +139,6 @@ def plot(
 
 
 def _key(panels: Sequence[Panel]) -> list[tuple[str, str, float, str]]:
-    """Colour, dash, width and name of every named line, once."""
     named = {name: (color, dash, width) for p in panels for _, _, color, dash, width, name in p.lines if name}
     return [(*look, name) for name, look in named.items()]
 

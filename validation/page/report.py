@@ -26,7 +26,6 @@ def write(folder: Path, command: str) -> None:
 
 
 def kept(folder: Path, command: str) -> list[Section]:
-    """Pages drawn when the command finished."""
     try:
         pages = store.read(store.pages(folder, command))
         return [Section(**page | {"html": Markup(page["html"]), "scripts": tuple(page["scripts"])}) for page in pages]
@@ -96,6 +95,5 @@ def _place(part: Part) -> tuple[str, str]:
 
 
 def tell(sections: Sequence[Section]) -> None:
-    """Print the findings of pages, one line each."""
     cells = [[s.title, s.verdict or "", s.summary] for s in sections if s.verdict or s.summary]
     terminal.table(["page", "verdict", "found"], cells)

@@ -26,7 +26,6 @@ def rows(verdicts: Sequence[Agreement]) -> None:
 
 
 def answer(scene: Scene, r: Response) -> None:
-    """Print the outcome of a run, its events and its main numbers."""
     terminal.say(f"{r.scene}: {outcome(scene, r).sentence}", style="bold")
     events([x for x in r.events if x["event"] in EVENTS[1:]])  # without the release
     numbers(matter(r.design))

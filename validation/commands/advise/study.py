@@ -84,7 +84,6 @@ class Rung:
         return all(gap <= tol for gap in self.gaps.values())
 
     def line(self, tol: float) -> dict[str, Any]:
-        """The rung for advice.json."""
         r, gaps = self.run, self.gaps
         out = {
             "name": self.name, "model": self.model, "load": self.load, "seconds": self.seconds,

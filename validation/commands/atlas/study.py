@@ -96,7 +96,6 @@ def _reference(toml: str) -> tuple[Response, float]:
 
 
 def cells(m: Map, x: float, y: float) -> list[dict[str, Any]]:
-    """Cells of all methods of a map at one place."""
     out = [{"map": m["name"], "x": x, "y": y, "method": label(*method)} for method in methods(m)]
     try:
         scene = scene_at(m, x, y)

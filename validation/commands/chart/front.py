@@ -21,7 +21,6 @@ def best_of(rows: Sequence[Row], quantity: str, work: str = "seconds") -> list[R
 
 
 def front(rows: Sequence[Row], quantity: str, work: str = "seconds") -> list[Row]:
-    """Best rows of all methods for the full cable."""
     return best_of([r for r in rows if r["kind"] in OURS], quantity, work)
 
 

@@ -32,7 +32,6 @@ def sections(folder: Path) -> list[Section]:
 
 
 def _error(chart: dict[str, Any], quantity: str) -> str:
-    """What is plotted as error, in words."""
     if quantity == "tension":
         return "rms error of the tension / H"
     free = chart.get("drive") == "free"
@@ -51,7 +50,6 @@ def _group(r: Row) -> str:
 
 
 def _charts(chart: dict[str, Any], quantity: str, work: str) -> Iterator[Markup]:
-    """Charts of all groups; countable work for our own solvers."""
     groups: dict[str, dict[str, list[Row]]] = {}
     for r in _dots(chart, quantity, work):
         if work == "seconds" or r["kind"] in OURS:

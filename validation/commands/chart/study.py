@@ -281,7 +281,6 @@ def _of_peer(scene: Scene, line: Series, rung: Row, truth: _Truth) -> Once:
 
 
 def until(groups: Groups, place: float) -> Groups:
-    """A travel that ends at that place, for other codes."""
     motion = groups.motion
     assert motion is not None
     if place >= motion.end:

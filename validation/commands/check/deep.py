@@ -44,12 +44,10 @@ def _row(gap: float, *parts: Part) -> Agreement:
 
 
 def _frequencies(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement:
-    """Compare both bare cables with the exact linearised catenary."""
     return max(modes(scene).rows, key=lambda row: row.gap / row.allowed)
 
 
 def _rest(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
-    """Compare the start of a rolling car with the elastic catenary of two pieces."""
     if a.run.drive == "grip":
         return None
     r, l = a.run, scene.length
@@ -118,7 +116,6 @@ def _bars(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement:
 
 
 def _slack(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
-    """Compare the slack cable's path with one of other damping."""
     known = next((row for row in rows if row.quantity == "path_slack" and row.where is not None), None)
     if known is None or known.where is None or a.run.slack_onset is None:
         return None

@@ -55,7 +55,6 @@ class Check:
 
     @property
     def doubts(self) -> list[tuple[str, Flag]]:
-        """Methods and flags of doubtful bars."""
         return doubts(self.a.run, self.b.run)
 
     def __repr__(self) -> str:
@@ -70,7 +69,6 @@ class Check:
         return f"<div><p>{html.escape(repr(self))}</p>{rows}{self.a.run._repr_html_()}</div>"
 
     def agreement(self) -> dict[str, Any]:
-        """The content of agreement.json."""
         return {
             "scene": self.scene.name, "verdict": self.verdict.value, "range": list(self.window),
             "axis": View.of(self.scene).axis, "tol": self.tol,
@@ -220,7 +218,6 @@ def _load() -> None:
 
 
 def _told(e: Ladder, twin: Ladder) -> Ladder:
-    """The run with design numbers, events and bars."""
     from validation.core.design import design
 
     return replace(e, finest=replace(e.run, design=design(e, twin), events=with_bars(e)))

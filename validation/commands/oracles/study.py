@@ -90,7 +90,6 @@ def _allowed(ratio: float, p: float | None, gap: float | None, before: float) ->
 
 
 def tasks() -> list[Task]:
-    """Every case of every oracle with every method it asks for."""
     return [
         Task(name, one, method)
         for name, oracle in sorted(oracles.find().items(), key=lambda entry: entry[1].group)

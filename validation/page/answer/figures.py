@@ -71,7 +71,6 @@ def _told(party: Any, of: Callable[[Any], Any]) -> Array | None:
 
 
 def distance(x: Stored, caption: str) -> Markup:
-    """Draw the distance of the two paths [m] and their bars."""
     a, b = x.runs
     time = x.free
     at, apart = _apart(a, b, time)

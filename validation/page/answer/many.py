@@ -112,7 +112,6 @@ def grid(
 
 
 def write_rows(file: Path, rows: Sequence[Row]) -> None:
-    """Write rows as CSV, with the columns of all."""
     with whole(file) as temporary, temporary.open("w", encoding="utf-8", newline="") as out:
         lines = csv.DictWriter(out, list(dict.fromkeys(name for row in rows for name in row)), restval="")
         lines.writeheader()
@@ -159,7 +158,6 @@ def sections(folder: Path) -> list[Section]:
 
 
 def label(point: Row, keys: Sequence[str]) -> str:
-    """The varied values of a point in words."""
     return ", ".join(f"{key.split('.')[-1]} {point[key]}" for key in keys)
 
 
