@@ -76,11 +76,6 @@ class Case:
     falls: float | None = None  # least order, or power of the parameter
     refined: str = "resolution"  # or the parameter of a limit
 
-    kind = "path"
-
-    def of(self, solvers: Solvers) -> Sequence[str]:
-        return solvers.names(self.kind) if self.methods is None else self.methods
-
     def ladder(self, solvers: Solvers, method: str) -> list[Rung]:
         return solvers.ladder(method, finer=self.finer)
 
@@ -165,9 +160,7 @@ class Modes(Case):
     groups: Groups
     model: str
     exact: Array
-    methods: tuple[str, ...] | None = None
-
-    kind = "modes"
+    methods: tuple[str, ...] | None = ("P2 elements", "sines", "wavelets")
 
     def order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
         return solvers.order(method) if self.falls is None else (self.falls, self.because)

@@ -94,7 +94,7 @@ def tasks() -> list[Task]:
         Task(name, one, method)
         for name, oracle in sorted(oracles.find().items(), key=lambda entry: entry[1].group)
         for one in oracle.cases()
-        for method in one.of(SOLVERS)
+        for method in one.methods or METHODS
     ]
 
 
@@ -139,10 +139,6 @@ BASES = {  # of frequencies: what is refined; order and why
 
 class _Solvers:
     """Solvers for the cases; dimensionless, but `ride` in SI."""
-
-    def names(self, kind: str) -> Sequence[str]:
-        """Methods ("path") or bases of frequencies ("modes")."""
-        return list(METHODS) if kind == "path" else list(BASES)
 
     def order(self, name: str) -> tuple[float | None, str]:
         """Order of the path, None if it is wrong, and why."""
