@@ -2,7 +2,7 @@
 
 import math
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
 from typing import Any, Self
 
@@ -95,8 +95,24 @@ class CableElements(System):
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
-        r, x = np.empty(self.n_dof), np.array([q, v, a])
-        return r, self._solution(lambda factors: self._assemble(t, phase, x, r, factors), (c0, c1, c2))
+        r, x, tangent = np.empty(self.n_dof), np.array([q, v, a]), self._single
+        if isinstance(c0, complex):  # a sum of real ones
+            tangent = self._tangent(complex)
+            for factor, unit in zip((c0, c1, c2), UNITS, strict=True):
+                self._assemble(t, phase, x, r, unit)
+                for to, of in zip(tangent, self._single, strict=True):
+                    if to is not None:
+                        to += factor * of
+        else:
+            self._assemble(t, phase, x, r, (float(c0), float(c1.real), float(c2.real)))
+        if not factorise(*tangent):
+            return r, lambda b: np.full_like(b, math.nan)  # singular: Newton's method stalls
+
+        def solution(b: Array) -> Array:
+            solve(*tangent, b)
+            return b
+
+        return r, solution
 
     def settle(self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> Settled:
         (now[:],), told, _ = self._steps(np.array([t]), phase, start, rule[None], newton)
@@ -140,27 +156,6 @@ class CableElements(System):
             weigh(self._cable, self._now)
             self._at = (t, phase)
         self.least_tension = assemble(self._cable, self._now, x, r, self._single, factors)
-
-    def _solution(self, assemble: Callable[[Factors], object], c: tuple[complex, complex, complex]) -> Solve:
-        """Solve with the tangent that `assemble` sets; complex ones are sums of real ones."""
-        tangent = self._single
-        if isinstance(c[0], complex):
-            tangent = self._tangent(complex)
-            pairs = [(to, of) for to, of in zip(tangent, self._single, strict=True) if to is not None]
-            for factor, unit in zip(c, UNITS, strict=True):
-                assemble(unit)
-                for to, of in pairs:
-                    to += factor * of
-        else:
-            assemble((float(c[0]), float(c[1].real), float(c[2].real)))
-        if not factorise(*tangent):
-            return lambda b: np.full_like(b, math.nan)  # singular: Newton's method stalls
-
-        def solution(b: Array) -> Array:
-            solve(*tangent, b)
-            return b
-
-        return solution
 
     def _fresh(self) -> None:
         """Make the workspaces, which twins do not share."""

@@ -26,16 +26,18 @@ from cablefem.elements.kernels.balance import Instant
 from cablefem.elements.kernels.banded import Tangent
 from cablefem.elements.kernels.newton import NO_TANGENT
 from cablefem.newmark import Array, Newton, Settled, Solve, State, Tableau
-from cablefem.newmark.newton import find_root
+from cablefem.newmark.equilibrium import equilibrium
 from cablefem.newmark.system import AVERAGE
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
+from cablefem.scene.drive import GRIP
+from cablefem.scene.motion import standing
 from cablefem.stickslip import Look, RollingCar
 
 ANY = np.empty(0)  # course of a car in single steps
 MARGIN = 0.1  # least normal force over weight of a hauled car in compiled steps
 ABRUPT = 1e-5  # slip over l in a step that makes an acceleration abrupt
-STATIC = 1e-30  # factor of dr/da in the tangent of statics; regular for the rope's force
+LEAST = 1e-30  # factor of dr/da, for a tangent that is regular for the rope's force
 
 
 def following(groups: Groups, **kind: Any) -> FollowingElements:
@@ -53,6 +55,7 @@ class RollingElements(RollingCar, FollowingElements):
 
     def __init__(self, groups: Groups, **kind: Any) -> None:
         super().__init__(groups, **kind)
+        self._at_rest = kind | {"law": "tension-only"}
         if self.fields == 1 or self.load == "force":
             what = f"model {self.model}" if self.fields == 1 else "a moving force without mass"
             raise ValueError(f"{what} has no balance along the cable: a car that rolls needs the full model and a mass")
@@ -80,9 +83,12 @@ class RollingElements(RollingCar, FollowingElements):
         self.set_off()
         if not self.free:
             s_o, ds, _ = self.motion.at(t, 0)
-            return newmark.begun(self, lambda at: self._statics(at)[0], s_o, ds)
-        q, self.hold = self._statics(self.drive.start)
-        return self.let_go(State(t, q, np.zeros_like(q), np.zeros_like(q), 0))
+            return newmark.begun(self, lambda at: np.append(equilibrium(self.standing(at))[:-1], 0.0), s_o, ds)
+        s_o, zero = self.drive.start, np.zeros(self.n_dof)
+        x = State(t, np.append(equilibrium(self.standing(s_o)), s_o), zero, zero.copy(), 0)
+        alone = self._car(t, 0)._replace(hold=0.0, thrust=0.0, drag=0.0, friction=0.0, brake=0.0)
+        self.hold = self._roll(alone, np.array(x[1:4]), np.empty(self.n_dof))[2]
+        return self.let_go(x)
 
     def abrupt(self, x: State, dt: float) -> bool:
         """After a jump of force the car slips until an axial wave stops it."""
@@ -203,49 +209,15 @@ class RollingElements(RollingCar, FollowingElements):
         self.least_tension = seen[:2]
         return seen
 
-    def _statics(self, s_o: float) -> tuple[Array, float]:
-        """Unknowns at rest with the car at s_o, and the force that holds it along the cable, or that of the rope."""
-        mode = kernels.HELD if self.free else kernels.HAUL
-        friction = 0.0 if self.free else self.drive.mu_r  # the car is about to move
-        car = self._car(0.0, 0)._replace(
-            mode=mode, s_o=s_o, ds=0.0, dds=0.0, hold=0.0, thrust=0.0, drag=0.0, friction=friction, brake=0.0
-        )
-        x = np.zeros((3, self.n_dof))
-        r, c = np.empty(self.n_dof), np.array([[1.0], [0.0], [STATIC]])
+    def standing(self, s_o: float) -> FollowingElements:
+        """The cable at rest: a free car grips it, a hauled one hangs on its rope and is about to move.
 
-        def residual() -> Array:
-            self._roll(car, x, r)
-            return r
-
-        def linearise() -> tuple[Array, Solve]:
-            solve = self._solution(lambda factors: self._roll(car, x, r, factors), (1.0, 0.0, STATIC))
-            return r.copy(), solve
-
-        def update(dx: Array) -> None:
-            x[:] -= c * dx
-
-        bound = 1e-13 * self.force_scale + math.sqrt(self.n_dof) * self.force_floor  # rounding
-        newton = Newton(max_iter=60, patience=0, reuse=0.0, bound=bound)
-        # rounding of slopes grows in short elements
-        shortest = min(s_o, 1.0 - s_o) * float(np.diff(self.reference.knots).min())
-        # For a stiff cable under a heavy car, Newton may diverge or find folds: EA rises from a soft cable.
-        # The load makes the tension larger than 1; a fold has less.
-        stiff, soft = self._law[0], min(self._law[0], 4.0 * (1.0 + self.groups.mu * self.groups.sigma))
-        for count in (1, 12, 60):
-            x[:] = 0.0
-            x[0, -1] = s_o if self.free else 0.0
-            for self._law[0] in [stiff] if count == 1 else np.geomspace(soft, stiff, count):
-                with np.errstate(over="ignore", invalid="ignore"):
-                    done = find_root(residual, linearise, update, newton)
-            at_rest = done.norm <= bound * max(1.0, float(np.abs(x[0, :-1]).max()) / shortest)
-            if at_rest and (self.least_tension[0] > 0.5 or count == 60):
-                break
-        else:
-            raise newmark.StepFailure(
-                0.0, f"no rest of the loaded cable was found (|r| = {done.norm:.2g})", "start the car elsewhere"
-            )
-        x[0, -1] = s_o if self.free else 0.0
-        return x[0], float(self._roll(car, x, r)[2] if self.free else x[2, -1])
+        Without compression there are no folds.
+        """
+        groups = replace(self.groups, motion=standing(s_o, 1.0))
+        if self.free:
+            return FollowingElements(replace(groups, drive=GRIP), **self._at_rest)
+        return OnItsRope(replace(groups, drive=replace(self.drive, k=0.0)), **self._at_rest)
 
     def _kinematics(self, states: States) -> Array:
         if not self.free:
@@ -274,3 +246,20 @@ class RollingElements(RollingCar, FollowingElements):
         powers |= o.powers
         pulled = not self.free or bool(drive.thrust_table)
         return replace(o, contact=contact, powers=powers, power=sum(powers.values()), haul=pull if pulled else o.haul)
+
+
+class OnItsRope(RollingElements):
+    """A hauled car at rest; its last unknown is the force of the rope."""
+
+    def linearise(
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
+    ) -> tuple[Array, Solve]:
+        c2 = c2 or LEAST
+        r, solve = super().linearise(t, q, v, np.append(a[:-1], q[-1]), phase, c0, c1, c2)
+
+        def solve_for_force(b: Array) -> Array:
+            x = solve(b)
+            x[-1] *= c2
+            return x
+
+        return r, solve_for_force
