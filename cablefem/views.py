@@ -26,14 +26,11 @@ def at(r: Response, t: Any, s: Any) -> dict[str, Array]:
     for k, instant in enumerate(t.tolist()):
         s_o, u, v, behind, ahead = (np.interp(instant, r.t, z) for z in (r.s_o, r.u, r.v, *_sides(r)))
         w, T = _between(r, instant, s_o)
-        # a station under the mass has no side
+        # a station under the mass has no side; just beyond it T is that ahead
         i, j = np.searchsorted(r.fields.s, [s_o - BESIDE * r.length, s_o + BESIDE * r.length]).tolist()
-        left, right = r.fields.s[:i], r.fields.s[j:]
-        for name, z, c in (("u", w[0], u), ("v", w[1], v)):
-            out[name][k] = np.interp(s, np.concatenate([left, [s_o], right]), np.concatenate([z[:i], [c], z[j:]]))
-        on_right = s > s_o
-        out["T"][k, ~on_right] = np.interp(s[~on_right], np.append(left, s_o), np.append(T[:i], behind))
-        out["T"][k, on_right] = np.interp(s[on_right], np.append(s_o, right), np.append(ahead, T[j:]))
+        places = np.concatenate([r.fields.s[:i], [s_o, np.nextafter(s_o, np.inf)], r.fields.s[j:]])
+        for name, z, at_mass in (("u", w[0], [u, u]), ("v", w[1], [v, v]), ("T", T, [behind, ahead])):
+            out[name][k] = np.interp(s, places, np.concatenate([z[:i], at_mass, z[j:]]))
         out["x"][k], out["y"][k] = rest["x"] + out["u"][k], rest["y"] + out["v"][k]
     return out
 

@@ -109,9 +109,7 @@ class FixedElements(CableElements):
         self._mesh = Mesh(dofs, tab, n, (), ())
         b = int(offsets.max())
         self._band = self.fields * b + self.fields - 1
-        of_one = mass.assemble(basis).toarray()[np.ix_(basis.element_dofs[:, 0], basis.element_dofs[:, 0])] / n
-        row, col = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
-        M = bands(np.broadcast_to(of_one, row.shape), row, col, self.n_scalar, b)
+        M = bands(np.repeat(mass.coo_data(basis).tolocal() / n, n, axis=0), dofs, self.n_scalar, b)
         self._operators = np.repeat(M[None], self.fields, axis=2)
         self._moments = moments(dofs, fine, fine[..., 0], self.n_scalar)[None]
         self._knots, self._shapes = np.linspace(-1.0, 0.0, n + 1), shape_polynomials(element())

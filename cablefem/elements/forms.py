@@ -17,7 +17,7 @@ import numpy as np
 import skfem
 
 from cablefem.elements.kernels.law import TENSION_ONLY
-from cablefem.elements.reference import along, force_order, lagrange_element
+from cablefem.elements.reference import force_order, lagrange_element, numbered
 from cablefem.newmark import Array
 
 if TYPE_CHECKING:
@@ -71,9 +71,9 @@ def assembled(system: FollowingElements, x: Array, t: float, phase: int) -> Arra
     mesh = skfem.MeshLine(s_o + np.where(knots < 0.0, s_o, 1.0 - s_o) * knots)
     element = skfem.ElementVector(lagrange_element(degree), 2)
     of_inertia, of_forces = (skfem.Basis(mesh, element, intorder=k) for k in (2 * degree, force_order(degree)))
-    number, scalar = np.empty(of_inertia.N, dtype=int), skfem.Basis(mesh, lagrange_element(degree))
+    number = np.empty(of_inertia.N, dtype=int)
     for field in range(2):  # scikit-fem's unknowns in ours
-        number[of_inertia.element_dofs[field::2]] = 2 * (along(scalar, degree)[scalar.element_dofs] - 1) + field
+        number[of_inertia.element_dofs[field::2]] = 2 * (numbered(degree, mesh.nelements).T - 1) + field
     inner = (number >= 0) & (number < system.n_dof)
     padded = np.zeros((3, number.size))
     padded[:, inner] = x[:, number[inner]]

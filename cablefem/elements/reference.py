@@ -74,19 +74,16 @@ class Reference(NamedTuple):
     shapes: Array  # see `shape_polynomials`
 
 
-def along(basis: skfem.Basis, degree: int) -> NDArray[np.int64]:
-    """Numbers along the mesh for scikit-fem's unknowns."""
-    number = np.empty(basis.N, dtype=np.int64)
-    inside = np.r_[0, degree, 1:degree]  # an element's nodes come first
-    number[basis.element_dofs] = inside[:, None] + degree * np.arange(basis.element_dofs.shape[1])
-    return number
+def numbered(degree: int, n_el: int) -> NDArray[np.int64]:
+    """Numbers along the mesh of the unknowns of elements in scikit-fem's order, (n_el, n_loc)."""
+    return np.r_[0, degree, 1:degree] + degree * np.arange(n_el)[:, None]  # an element's nodes come first
 
 
-def bands(data: Array, row: NDArray[np.integer], col: NDArray[np.integer], n: int, b: int) -> Array:
-    """Diagonals, bands[b + j - i, i] = matrix[i, j], |i - j| <= b, of n unknowns; numbers below 0 are supports."""
-    inner = (row >= 0) & (col >= 0)
-    data, row, col, out = data[inner], row[inner], col[inner], np.zeros((2 * b + 1, n))
-    np.add.at(out, (b + col - row, row), data)
+def bands(local: Array, dofs: NDArray[np.int64], n: int, b: int) -> Array:
+    """Diagonals, bands[b + j - i, i] = matrix[i, j], |i - j| <= b, of n unknowns; local : (n_el, n_loc, n_loc)."""
+    row, col = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
+    inner, out = (row >= 0) & (col >= 0), np.zeros((2 * b + 1, n))
+    np.add.at(out, ((b + col - row)[inner], row[inner]), local[inner])
     return out
 
 
@@ -112,25 +109,16 @@ def reference(elements: int, degree: int, grading: float, damped: bool = False) 
         skfem.Basis(mesh, lagrange_element(degree), intorder=order)
         for order in (2 * degree, force_order(degree, damped))
     )
-    number = along(basis, degree) - 1
-    n = int(basis.N) - 2
-    number[number == n] = -1
-
-    parts = [
-        skfem.Basis(mesh, lagrange_element(degree), intorder=2 * degree, elements=np.arange(2 * elements)[x])
-        for x in sides
-    ]
-
-    def operator(form: skfem.BilinearForm, part: skfem.Basis) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
-        whole = form.assemble(part, chi=1.0 - abs(np.asarray(part.global_coordinates())[0])).tocoo()
-        return whole.data, number[whole.row], number[whole.col]
-
-    M, G, H = ([operator(form, part) for part in parts] for form in (mass, transport_form, convection_form))
-    dofs, forces, inertia = number[basis.element_dofs].T.copy(), tabulated(of_forces), tabulated(basis)
-    of_sides = np.array([moments(dofs[x], inertia[x], 1.0 - abs(inertia[x][..., 0]), n) for x in sides])
+    dofs, n = numbered(degree, 2 * elements) - 1, 2 * elements * degree - 1
+    dofs[dofs == n] = -1
+    chi = 1.0 - abs(np.asarray(basis.global_coordinates())[0])
+    # local matrices: trial functions come first
+    M, GT, H = (form.coo_data(basis, chi=chi).tolocal() for form in (mass, transport_form, convection_form))
+    operators = [bands(local[x], dofs[x], n, degree) for local in (M, GT.swapaxes(1, 2), GT, H) for x in sides]
+    forces, inertia = tabulated(of_forces), tabulated(basis)
+    of_sides = np.array([moments(dofs[x], inertia[x], chi[x], n) for x in sides])
     forces[:elements, :, 0] += 1.0
     return Reference(
-        degree, knots, elements * degree - 1, dofs, forces,
-        np.array([bands(*x, n, degree) for x in (*M, *G, *((data, j, i) for data, i, j in G), *H)]), of_sides,
+        degree, knots, elements * degree - 1, dofs, forces, np.array(operators), of_sides,
         shape_polynomials(lagrange_element(degree)),
     )  # fmt: skip
