@@ -95,7 +95,7 @@ class Supports(Part):
 
 
 def hang(gravity: float, cable: Cable, supports: Supports) -> Catenary:
-    """The catenary with heat and ice; ValueError where `hanging_faults` finds a fault."""
+    """The catenary with heat and ice; ValueError where `hanging_fault` finds one."""
     reference = _reference(gravity, cable, supports)
     if not cable.changed:
         return reference
@@ -126,12 +126,12 @@ def _reference(gravity: float, cable: Cable, supports: Supports) -> Catenary:
     return Catenary(supports.span, supports.drop, weight, cable.horizontal_tension)
 
 
-def hanging_faults(gravity: float, cable: Cable, supports: Supports) -> list[str]:
-    """Faults that leave no catenary."""
+def hanging_fault(gravity: float, cable: Cable, supports: Supports) -> str:
+    """Why there is no catenary."""
     span, drop = supports.span, supports.drop
     if abs(drop) > STEEPEST * span:
         most = STEEPEST * span
-        return [f"supports.drop = {drop!r}: must be from {-most:.6g} to {most:.6g}, {STEEPEST:g} spans"]
+        return f"supports.drop = {drop!r}: must be from {-most:.6g} to {most:.6g}, {STEEPEST:g} spans"
     name, value = next((n, v) for n in SHAPES if (v := getattr(cable, n)) is not None)
     weight = cable.mass_per_length * gravity
     taut, deep = Catenary.from_z(span, drop, weight, Z_MIN), Catenary.from_z(span, drop, weight, Z_MAX)
@@ -145,21 +145,19 @@ def hanging_faults(gravity: float, cable: Cable, supports: Supports) -> list[str
             hang(gravity, cable, supports)
         except ValueError:  # `bisected` found no root
             name = "temperature" if cable.ice is None else "ice"
-            return [f"cable.{name} = {shown(getattr(cable, name))}: must be less extreme; no cable at rest was found"]
-        return []
+            return f"cable.{name} = {shown(getattr(cable, name))}: must be less extreme; no cable at rest was found"
+        return ""
     fault = f"cable.{name} = {value!r}: must be from {least} to {high:.6g} with these supports"
     if name == "length" and value < low:
         apart = f"the supports are {taut.chord!r} m apart"
         fault += f" ({apart if value <= taut.chord else 'for a cable this taut give sag or horizontal_tension'})"
-    return [fault]
+    return fault
 
 
-def stretch_faults(gravity: float, cable: Cable, supports: Supports) -> list[str]:
+def stretch_fault(gravity: float, cable: Cable, supports: Supports) -> str:
     """Whether the cable is longer than twice its unstretched length."""
     most = max(state(gravity, cable, supports).max_tension for state in (_reference, hang))
     if most < cable.EA:
-        return []
-    return [
-        f"cable.EA = {cable.EA!r}: must be > {most:.6g} N, the largest static tension, "
-        "or the cable hangs at more than twice its unstretched length"
-    ]
+        return ""
+    why = "or the cable hangs at more than twice its unstretched length"
+    return f"cable.EA = {cable.EA!r}: must be > {most:.6g} N, the largest static tension, {why}"

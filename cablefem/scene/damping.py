@@ -55,25 +55,22 @@ def damping_rates(scene: Scene) -> tuple[float, float]:
     return own, 0.0 if wind is None else wind.resistance(scene.cable.windward) * scene.gravity / scene.catenary.weight
 
 
-def damping_faults(scene: Scene) -> list[str]:
+def damping_fault(scene: Scene) -> str:
     if scene.wind is not None and scene.cable.diameter is None:
-        return ["cable.diameter: missing; must be given with wind.across, which acts on it"]
+        return "cable.diameter: missing; must be given with wind.across, which acts on it"
     rates, critical = damping_rates(scene), 2.0 * first_frequency(scene)
     if sum(rates) <= critical:
-        return []
+        return ""
     name = "cable.damping" if rates[0] else "wind.across"
     most = f"must be at most critical, {critical:.4g} 1/s in the first mode"
-    return [f"{name}: damps by {sum(rates):.4g} 1/s in all; {most}"]
+    return f"{name}: damps by {sum(rates):.4g} 1/s in all; {most}"
 
 
-def internal_faults(scene: Scene, mode: str) -> list[str]:
-    tau = scene.cable.internal_damping
-    if not tau:
-        return []
-    if mode != "grip":
-        must = f"be 0 with drive.mode = {mode!r}; only a car that grips the cable runs it slack"
-    elif tau < (least := LEAST_INTERNAL * scene.time_scale):
-        must = f"be 0 or at least {least:.3g} s; less does not settle a slack cable"
-    else:
-        return []
-    return [f"cable.internal_damping = {tau!r} s: must {must}"]
+def internal_fault(scene: Scene, mode: str) -> str:
+    tau, least = scene.cable.internal_damping, LEAST_INTERNAL * scene.time_scale
+    told = f"cable.internal_damping = {tau!r} s: must be 0"
+    if tau and mode != "grip":
+        return f"{told} with drive.mode = {mode!r}; only a car that grips the cable runs it slack"
+    if 0.0 < tau < least:
+        return f"{told} or at least {least:.3g} s; less does not settle a slack cable"
+    return ""

@@ -12,9 +12,9 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from cablefem.scene import catenary as _catenary
-from cablefem.scene.cable import SHAPES, Cable, Supports, hang, hanging_faults, stretch_faults
+from cablefem.scene.cable import SHAPES, Cable, Supports, hang, hanging_fault, stretch_fault
 from cablefem.scene.catenary import Catenary
-from cablefem.scene.damping import Wind, damping_faults, damping_rates, first_frequency, internal_faults
+from cablefem.scene.damping import Wind, damping_fault, damping_rates, first_frequency, internal_fault
 from cablefem.scene.described import AT_REST, LIBRARY, Described, library_text, parsed
 from cablefem.scene.drive import GRIP, NEAREST_START, Drive, Driving
 from cablefem.scene.errors import SceneError
@@ -85,15 +85,13 @@ class Scene(Described):
         if None in hung:
             return faults
         faults += surroundings_faults(self.obstacle or (), self.supports.span)
-        if hanging := hanging_faults(*hung):
-            return faults + hanging
-        faults += stretch_faults(*hung) + damping_faults(self) + internal_faults(self, drive.mode)
-        if rolling := [f"drive.{fault}" for fault in drive.faults(self.length)]:
-            return faults + rolling
-        if self.travel is None or drive.mode == "free":
-            return faults
-        found = _travel_faults(self.travel, drive, self.length, self.axial_speed)
-        return faults + [f"travel{fault}" for fault in found]
+        if hanging := hanging_fault(*hung):
+            return [*faults, hanging]
+        found = [stretch_fault(*hung), damping_fault(self), internal_fault(self, drive.mode)]
+        rolling = [f"drive.{fault}" for fault in drive.faults(self.length)]
+        if self.travel is not None and drive.mode != "free" and not rolling:
+            found.append(_travel_fault(self.travel, drive, self.length, self.axial_speed))
+        return faults + [fault for fault in found if fault] + rolling
 
     @classmethod
     def from_toml(cls, text: str, *, name: str = "scene", folder: Path = Path()) -> Self:
@@ -377,24 +375,25 @@ def _presence(mode: str, present: list[str]) -> list[str]:
     return []
 
 
-def _travel_faults(travel: Any, drive: Driving, length: float, axial: float) -> list[str]:
-    """Faults of a travel on a cable with this length [m] and axial wave speed [m/s]."""
+def _travel_fault(travel: Any, drive: Driving, length: float, axial: float) -> str:
+    """What is wrong with a travel on a cable with this length [m] and axial wave speed [m/s]; empty if nothing is."""
     begin, way = _course(travel, drive, length)
     near, end = NEAREST_START * length, begin + way
     if travel.place is not None:
+        told = f"travel.from = {travel.place!r}"
         if drive.mode == "haul" and drive.start is not None:
-            return [f".from = {travel.place!r}: too much beside drive.start = {drive.start!r}; give one of them"]
+            return f"{told}: too much beside drive.start = {drive.start!r}; give one of them"
         if not near <= begin < end:
-            last = f"{end:.6g} m, the end of the travel"
-            return [f".from = {travel.place!r}: must be from {near:.6g} m to less than {last}"]
+            return f"{told}: must be from {near:.6g} m to less than {end:.6g} m, the end of the travel"
     to = getattr(travel, "to", None)
     if to is not None and to > (most := drive.end_place(length) if drive.mode == "haul" else length):
-        return [f".to = {to!r}: must be at most {most:.6g} m, the end of the ride"]
-    faults = travel.faults(way, begin, length)
-    if not faults and (top := travel.motion(way).top_speed) >= axial:
+        return f"travel.to = {to!r}: must be at most {most:.6g} m, the end of the ride"
+    if fault := travel.fault(way, begin, length):
+        return f"travel.{fault}"
+    if (top := travel.motion(way).top_speed) >= axial:
         waves = "the speed sqrt(EA/rho) of longitudinal waves"
-        return [f": reaches {top:.6g} m/s; must stay < {axial:.6g} m/s, {waves}"]
-    return [f".{fault}" for fault in faults]
+        return f"travel: reaches {top:.6g} m/s; must stay < {axial:.6g} m/s, {waves}"
+    return ""
 
 
 def _course(travel: Any, drive: Driving, length: float) -> tuple[float, float]:

@@ -59,19 +59,14 @@ def read_ground(name: str, folder: Path) -> list[list[float]]:
 
 
 def surroundings_faults(obstacles: tuple[Obstacle, ...], span: float) -> list[str]:
+    faults: list[str] = []
     names = [x.name for x in obstacles]
-    faults = [
-        f"obstacle[{i}].name = {shown(name)}: given twice; names must differ"
-        for i, name in enumerate(names)
-        if name in names[:i]
-    ]
-    faults += [
-        f"obstacle[{i}].name = {shown(name)}: stands for `ground`; must be another name"
-        for i, name in enumerate(names)
-        if name == GROUND
-    ]
-    return faults + [
-        f"obstacle[{i}].at = {x.at!r}: must be from 0 to {span:.6g} m, between the supports"
-        for i, x in enumerate(obstacles)
-        if not 0.0 <= x.at <= span
-    ]
+    for i, x in enumerate(obstacles):
+        name = f"obstacle[{i}].name = {shown(x.name)}"
+        if x.name in names[:i]:
+            faults.append(f"{name}: given twice; names must differ")
+        if x.name == GROUND:
+            faults.append(f"{name}: stands for `ground`; must be another name")
+        if not 0.0 <= x.at <= span:
+            faults.append(f"obstacle[{i}].at = {x.at!r}: must be from 0 to {span:.6g} m, between the supports")
+    return faults

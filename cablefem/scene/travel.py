@@ -36,36 +36,31 @@ class Law(Part):
     stop: Stop | None = said("[-] emergency stop", None)
     rest: NonNegative = said("[s] that the run goes on after the mass has come to rest", 0.0)
 
-    def faults(self, way: float, begin: float = 0.0, length: float = math.inf) -> list[str]:
-        """Faults of this travel on a cable of this length [m]."""
-        faults = self.own_faults(way)
-        if faults:
-            return faults
+    def fault(self, way: float, begin: float = 0.0, length: float = math.inf) -> str:
+        """What is wrong with this travel on a cable of this length [m]; empty if nothing is."""
+        if fault := self.own_fault(way):
+            return fault
         law = self.course(way)
         if begin == 0.0 and law.at(0.0, 0)[1:] == (0.0, 0.0):
-            return [
-                f"jerk = {getattr(self, 'jerk', None)!r}: not yet from a support; must be let in on the way by from"
-            ]
+            jerk = getattr(self, "jerk", None)
+            return f"jerk = {jerk!r}: not yet from a support; must be let in on the way by from"
         end = law.phases[-1][1]
         if self.stop is not None and self.stop.time >= end:
-            return [f"stop.time = {self.stop.time!r}: must be < {end:.6g} s, the end of the travel"]
+            return f"stop.time = {self.stop.time!r}: must be < {end:.6g} s, the end of the travel"
         stopped = self._stopped(law)
-        if stopped.end > way * (1.0 + ROUNDING):
-            told = f"deceleration = {self.stop.deceleration!r}"  # type: ignore[union-attr]
-            return [
-                f"stop.{told}: the mass comes to rest at {begin + stopped.end:.6g} m; must be by {begin + way:.6g} m"
-            ]
+        rests = begin + stopped.end
+        if self.stop is not None and stopped.end > way * (1.0 + ROUNDING):
+            told = f"stop.deceleration = {self.stop.deceleration!r}"
+            return f"{told}: the mass comes to rest at {rests:.6g} m; must be by {begin + way:.6g} m"
         last = stopped.at(stopped.phases[-1][1], len(stopped.phases) - 1)[1]
         if self.rest and abs(last) > ROUNDING * stopped.top_speed:
-            return [
-                f"rest = {self.rest!r}: the mass still moves with {last:.4g} m/s at the end of its travel; must stop"
-            ]
-        if self.rest and begin + stopped.end >= length:
-            return [f"rest = {self.rest!r}: the mass is on the far support then; must stop before {length:.6g} m"]
-        return []
+            return f"rest = {self.rest!r}: the mass still moves with {last:.4g} m/s at the end of its travel; must stop"
+        if self.rest and rests >= length:
+            return f"rest = {self.rest!r}: the mass is on the far support then; must stop before {length:.6g} m"
+        return ""
 
-    def own_faults(self, way: float) -> list[str]:
-        return []
+    def own_fault(self, way: float) -> str:
+        return ""
 
     def motion(self, way: float, begin: float = 0.0) -> Motion:
         """The travel with its stop and final rest, in SI."""
@@ -102,10 +97,10 @@ class ConstantSpeed(Law):
     speed: Positive = said("[m/s] V")
     entry_ramp: Positive | None = said("[m] L, over which the mass comes to its speed", None)
 
-    def own_faults(self, way: float) -> list[str]:
+    def own_fault(self, way: float) -> str:
         if self.entry_ramp is not None and self.entry_ramp >= way:
-            return [f"entry_ramp = {self.entry_ramp!r}: must be < {way:.6g} m, the length of the ride"]
-        return []
+            return f"entry_ramp = {self.entry_ramp!r}: must be < {way:.6g} m, the length of the ride"
+        return ""
 
     def course(self, way: float) -> Motion:
         V, L = self.speed, self.entry_ramp
@@ -125,17 +120,15 @@ class ConstantAcceleration(Law):
     acceleration: Real = said("[m/s2] a")
     initial_speed: NonNegative = said("[m/s] V_o", 0.0)
 
-    def own_faults(self, way: float) -> list[str]:
+    def own_fault(self, way: float) -> str:
         a, v0 = self.acceleration, self.initial_speed
         if v0 == 0.0 and a <= 0.0:
-            return [f"acceleration = {a!r}: must be > 0 m/s^2 with initial_speed = 0, or the mass never moves"]
+            return f"acceleration = {a!r}: must be > 0 m/s^2 with initial_speed = 0, or the mass never moves"
         least = -0.5 * v0 * v0 / way
         if a < least * (1.0 + 1e-12):
-            return [
-                f"acceleration = {a!r}: must be >= {least!r} m/s^2 with initial_speed = {v0!r}, "
-                f"or the mass stops after {-0.5 * v0 * v0 / a:.6g} m of {way:.6g} m"
-            ]
-        return []
+            stops = f"the mass stops after {-0.5 * v0 * v0 / a:.6g} m of {way:.6g} m"
+            return f"acceleration = {a!r}: must be >= {least!r} m/s^2 with initial_speed = {v0!r}, or {stops}"
+        return ""
 
     def course(self, way: float) -> Motion:
         a, v0 = self.acceleration, self.initial_speed
@@ -175,8 +168,8 @@ class Trapezoid(Law):
     jerk: Positive | None = said("[m/s3] largest change of the acceleration; without it the acceleration jumps", None)
     to: Positive | None = said("[m] place along the cable where the mass comes to rest; default the end", None)
 
-    def own_faults(self, way: float) -> list[str]:
-        return [] if way > 0.0 else [f"to = {self.to!r}: must be beyond the start of the travel"]
+    def own_fault(self, way: float) -> str:
+        return "" if way > 0.0 else f"to = {self.to!r}: must be beyond the start of the travel"
 
     def course(self, way: float) -> Motion:
         V, ramps = self.top_speed, (self.acceleration, self.deceleration)
@@ -243,23 +236,22 @@ class Table(Law):
             faults += rising(name, column, sign)
         return faults
 
-    def own_faults(self, way: float) -> list[str]:
+    def own_fault(self, way: float) -> str:
         if self.positions[-1] > way * (1.0 + ROUNDING):
             last = f"positions[{len(self.positions) - 1}] = {self.positions[-1]!r}"
-            return [f"{last}: must be <= {way!r}, the length of the cable"]
+            return f"{last}: must be <= {way!r}, the length of the cable"
         if self.positions[-1] == 0.0:
-            return ["positions: the mass never moves; must increase somewhere"]
+            return "positions: the mass never moves; must increase somewhere"
         motion = self.course(way)
         t, slowest = min(motion.speeds, key=lambda sample: sample[1])
         if slowest < -1e-12 * motion.top_speed:
-            return [
-                f"positions: the smooth curve through them runs backwards at t = {t:.6g} s ({slowest:.3g} m/s); "
-                "must run >= 0 m/s throughout: give more points there"
-            ]
+            where = f"runs backwards at t = {t:.6g} s ({slowest:.3g} m/s)"
+            must = "must run >= 0 m/s throughout: give more points there"
+            return f"positions: the smooth curve through them {where}; {must}"
         _, ds, dds = motion.at(0.0, 0)
         if self.place is None and ds == 0.0 and dds * motion.phases[-1][1] <= AT_REST * motion.top_speed:
-            return ["positions: the mass enters without speed and acceleration; must have one of them at t = 0"]
-        return []
+            return "positions: the mass enters without speed and acceleration; must have one of them at t = 0"
+        return ""
 
     def course(self, way: float) -> Motion:
         t, s = np.array(self.times), np.array(self.positions)

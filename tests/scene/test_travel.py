@@ -193,11 +193,11 @@ def test_faster_runs_the_same_law_in_less_time(name):
 def test_a_brake_that_just_reaches_the_far_support_is_admissible_and_a_harder_one_is_not():
     limit = -0.5 * 13.0**2 / LENGTH
     just = ConstantAcceleration(acceleration=limit, initial_speed=13.0)
-    assert just.faults(LENGTH) == []
+    assert just.fault(LENGTH) == ""
     motion = just.motion(LENGTH)
     assert motion.end == LENGTH
     assert motion.at(motion.phases[-1][1], 0)[1] == pytest.approx(0.0, abs=1e-6)
-    (fault,) = ConstantAcceleration(acceleration=1.01 * limit, initial_speed=13.0).faults(LENGTH)
+    fault = ConstantAcceleration(acceleration=1.01 * limit, initial_speed=13.0).fault(LENGTH)
     assert f"must be >= {limit!r} m/s^2" in fault
 
 
@@ -218,4 +218,4 @@ def test_an_entry_ramp_begins_at_rest_and_meets_the_speed_with_a_smooth_accelera
     assert motion.phases[-1][1] == pytest.approx(T + 640.0 / 23.0, rel=1e-14)
     assert motion.top_speed == pytest.approx(23.0, rel=1e-14)
     assert law.faster(2.0).entry_ramp == 90.0
-    assert "entry_ramp = 800.0: must be < 730 m" in ConstantSpeed(speed=3.0, entry_ramp=800.0).faults(LENGTH)[0]
+    assert "entry_ramp = 800.0: must be < 730 m" in ConstantSpeed(speed=3.0, entry_ramp=800.0).fault(LENGTH)
