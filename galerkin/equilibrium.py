@@ -11,7 +11,7 @@ from galerkin import kernels
 from galerkin.bases.kink import Array, Moving
 from galerkin.models import FullCable
 
-BLOCK = 1000  # states per batch
+BATCH = 64  # instants at once
 STATIONS = 60  # for the least tension
 
 if TYPE_CHECKING:
@@ -59,13 +59,14 @@ def recover(x: Measures, s: Array, frames: Array) -> Equilibrium:
 
 def least_along(cable: FullCable, n: int, along: Callable[[Array, Array], Array], s: Array) -> tuple[Array, Array]:
     """Least tension of every instant and its s, (n,); along(k, s): N t at instants k and places s."""
-    least, where = np.empty(n), np.empty(n, int)
     stations = np.concatenate([[0.0], s[:: 1 + s.size // STATIONS], [1.0]])
-    for k in np.array_split(np.arange(n), 1 + n // BLOCK):
-        T = tension(along(k, stations), static(cable, stations))
-        where[k] = T.argmin(axis=1)
-        least[k] = T.min(axis=1)
-    return least, stations[where]
+    T = batched(lambda k: tension(along(k, stations), static(cable, stations)), np.arange(n))
+    return T.min(axis=1), stations[T.argmin(axis=1)]
+
+
+def batched(values: Callable[[Array], Array], k: Array) -> Array:
+    """values(k) for instants k, which come first in it, of few at once."""
+    return np.concatenate([values(some) for some in np.array_split(k, 1 + k.size // BATCH)])
 
 
 def sums(of: Measures) -> tuple[Array, Array, Array]:

@@ -14,10 +14,8 @@ from galerkin import kernels
 from galerkin.bases.kink import Array
 from galerkin.bases.riding import RidingSines, shapes
 from galerkin.equations import GalerkinSystem, factorised
-from galerkin.equilibrium import Equilibrium, least_along, sums
+from galerkin.equilibrium import Equilibrium, batched, least_along, sums
 from galerkin.observe import NEAR_SUPPORT, Measures
-
-BATCH = 64  # instants at once
 
 
 class RidingSystem(GalerkinSystem):
@@ -152,9 +150,10 @@ class RidingMeasures(Measures):
 
     def fields(self, s: Array, frames: Array) -> Array:
         def some(k: Array) -> Array:
-            return np.where((s <= self.s_o[k, None])[:, None], *(side.shown(k, s) for side in self.sides))
+            shown = np.where((s <= self.s_o[k, None])[:, None], *(side.shown(k, s) for side in self.sides))
+            return shown.swapaxes(0, 1)
 
-        return np.concatenate([some(k) for k in np.array_split(frames, 1 + frames.size // BATCH)], axis=1)
+        return batched(some, frames).swapaxes(0, 1)
 
     def kinetic(self) -> Array:
         return 0.5 * sum((side.twice_kinetic() for side in self.sides), np.zeros(self.s_o.size))
@@ -180,15 +179,11 @@ class RidingMeasures(Measures):
             return (taut * N / np.where(size > 0.0, size, 1.0))[..., None] * known
 
         def along(k: Array, s: Array) -> Array:
-            out = []
-            for some in np.array_split(k, 1 + k.size // BATCH):
-                places = np.broadcast_to(s, (some.size, s.size))
-                parts = (
-                    whole(side, side.force_along(at, some, places), some, places)
-                    for side, at in zip(sides, at_mass, strict=True)
-                )
-                out.append(np.where((places <= self.inside[some, None])[..., None], *parts))
-            return np.concatenate(out)
+            places = np.broadcast_to(s, (k.size, s.size))
+            parts = (
+                whole(side, side.force_along(at, k, places), k, places) for side, at in zip(sides, at_mass, strict=True)
+            )
+            return np.where((places <= self.inside[k, None])[..., None], *parts)
 
         ends = [
             whole(side, side.force_along(at, every, place), every, place)[:, 0]
@@ -197,7 +192,8 @@ class RidingMeasures(Measures):
         ]
         behind, left, ahead, right = ends
         least, where = least_along(cable, every.size, along, s)
-        return Equilibrium(behind, ahead, left, right, along(frames, s), strain, least, where, lost)
+        shown = batched(lambda k: along(k, s), frames)
+        return Equilibrium(behind, ahead, left, right, shown, strain, least, where, lost)
 
 
 RidingSystem.measures = RidingMeasures

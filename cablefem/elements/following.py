@@ -1,17 +1,4 @@
-"""Cable elements on a mesh that follows the mass.
-
-Nodes s = s_o xi behind the mass, s = s_o + (1 - s_o) xi ahead of it, move with c = ds_o chi, chi = xi and 1 - xi.
-The conservative (arbitrary Lagrangian-Eulerian) weak form with w. = dq/dt phi - c q phi' is
-
-    d/dt int w. phi_i ds + int c w. phi_i' ds + int (N t - T t_static) . phi_i' ds = external .
-
-With M^, G^, H^ of its reference mesh, a side of length h gives
-
-    M = h M^,   C = dh/dt M^ - G + G^T,   K = -(dG/dt + H),   G = ds_o G^,  H = (ds_o^2 / h) H^.
-
-A force -c_d w. on the cable adds c_d M to C and -c_d G to K.
-Dimensionless: l = H = rho = 1.
-"""
+"""Cable elements on a mesh that follows the mass: README.md, 1 and 2; `forms` has the weak form."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Observation: paths, energies, and tensions and reactions from the balance of momentum.
 
-Kinematics (n, 3) are s_o, ds_o, dds_o.  The mesh moves with c = ds_o chi; see `following`.
+Kinematics (n, 3) are s_o, ds_o, dds_o.  The mesh moves with c = ds_o chi: README.md, 1.
 """
 
 from __future__ import annotations

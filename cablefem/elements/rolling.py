@@ -2,9 +2,6 @@
 
 free : the last unknown is s_o(t).
 haul : s_o(t) is given, and the last acceleration is the force of the rope along the mean tangent.
-
-Outer forces on the car: thrust or rope along the mean tangent, drag.  Along the cable: rolling friction, brakes, and
-the rest of the force that held the car at its start.
 """
 
 from __future__ import annotations

@@ -50,19 +50,16 @@ def scheme(name: str, *, newmark_gamma: float = 0.6, rho_inf: float = 0.9) -> Sc
     gauss              fourth order, keeps quadratic energies.
     central-difference second order; stable for dt < 2/omega_max.
     """
-    if name == "trapezoidal":
-        return Scheme(name)
-    if name == "newmark":
-        return Scheme(name, 0.25 * (newmark_gamma + 0.5) ** 2, newmark_gamma)
-    if name == "generalized-alpha":
-        alpha_m, alpha_f = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0), rho_inf / (rho_inf + 1.0)
-        return Scheme(name, 0.25 * (1.0 - alpha_m + alpha_f) ** 2, 0.5 - alpha_m + alpha_f, alpha_m, alpha_f)
-    if name == "energy":
-        return Scheme(name, average=True)
-    if name == "radau":
-        return Scheme(name, nodes=RADAU)
-    if name == "gauss":
-        return Scheme(name, nodes=GAUSS)
-    if name == "central-difference":
-        return Scheme(name, 0.0, 0.5)
-    raise ValueError(f"unknown scheme {name!r}; one of {', '.join(SCHEMES)}")
+    if name not in SCHEMES:
+        raise ValueError(f"unknown scheme {name!r}; one of {', '.join(SCHEMES)}")
+    alpha_m, alpha_f = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0), rho_inf / (rho_inf + 1.0)
+    a, g = alpha_m - alpha_f, newmark_gamma
+    return {
+        "trapezoidal": Scheme(name),
+        "newmark": Scheme(name, 0.25 * (g + 0.5) ** 2, g),
+        "generalized-alpha": Scheme(name, 0.25 * (1.0 - a) ** 2, 0.5 - a, alpha_m, alpha_f),
+        "energy": Scheme(name, average=True),
+        "radau": Scheme(name, nodes=RADAU),
+        "gauss": Scheme(name, nodes=GAUSS),
+        "central-difference": Scheme(name, newmark_beta=0.0),
+    }[name]

@@ -109,23 +109,17 @@ class Driving(Part):
         """Faults on a cable of this length [m]."""
         if self.mode == "grip":
             return []
-        faults = []
-        end, farthest = self.end_place(length), FARTHEST_END * length
-        if end > farthest:
-            faults.append(
-                f"end.place = {end!r}: must be < {farthest:.6g} m, {FARTHEST_END:g} of the length of the cable: "
-                "next to the support no answer converges"
-            )
-        if not NEAREST_START * length <= self.start_place(length) < min(end, farthest):
-            faults.append(
-                f"start = {self.start!r}: must be from {NEAREST_START * length:.6g} to {min(end, farthest):.6g} m, "
-                "between the left support and the end of the ride"
-            )
-        faults += [
-            f"brake[{i}].from = {brake.place!r}: must be < {length:.6g} m, the length of the cable"
-            for i, brake in enumerate(self.brake)
-            if brake.place >= length
-        ]
+        near, far, end = NEAREST_START * length, FARTHEST_END * length, self.end_place(length)
+        faults, last = [], min(end, far)
+        if end > far:
+            must = f"must be < {far:.6g} m, {FARTHEST_END:g} of the length of the cable"
+            faults.append(f"end.place = {end!r}: {must}: next to the support no answer converges")
+        if not near <= self.start_place(length) < last:
+            must = f"must be from {near:.6g} to {last:.6g} m, between the left support and the end of the ride"
+            faults.append(f"start = {self.start!r}: {must}")
+        for i, brake in enumerate(self.brake):
+            if brake.place >= length:
+                faults.append(f"brake[{i}].from = {brake.place!r}: must be < {length:.6g} m, the length of the cable")
         return faults
 
     def start_place(self, length: float) -> float:

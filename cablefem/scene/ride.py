@@ -219,7 +219,7 @@ class _Rolling:
         return self.turns > 0
 
     def _watches(self) -> dict[str, Callable]:
-        """Events that may end the motion."""
+        """Values that end the motion where they fall through zero."""
         drive, places, brakes = self.drive, self.forces.places, self.brakes
 
         def slow(t, y):
@@ -228,16 +228,19 @@ class _Rolling:
             over = abs(y[1]) * math.hypot(px, py) - drive.rest_speed
             return over if drive.stays(y[0]) else max(over, drive.rest_speed)
 
-        watches = {
-            "still": _falling(lambda t, y: self.sign * y[1]), "arrival": _falling(lambda t, y: drive.end_place - y[0]),
-            "back": _falling(lambda t, y: y[0] - drive.back_place),
-        }  # fmt: skip
+        watches: dict[str, Any] = {
+            "still": lambda t, y: self.sign * y[1],
+            "arrival": lambda t, y: drive.end_place - y[0],
+            "back": lambda t, y: y[0] - drive.back_place,
+        }
         if drive.ways and self.phase == len(drive.phases) - 1:
-            watches["rest"] = _falling(slow)
+            watches["rest"] = slow
         if brakes < len(places):
-            watches["brake"] = _falling(lambda t, y: places[brakes] - y[0])
+            watches["brake"] = lambda t, y: places[brakes] - y[0]
         if brakes > 0:
-            watches["brake off"] = _falling(lambda t, y: y[0] - places[brakes - 1])
+            watches["brake off"] = lambda t, y: y[0] - places[brakes - 1]
+        for watch in watches.values():
+            watch.terminal, watch.direction = True, -1.0
         return watches
 
     def _roll(self) -> str | None:
@@ -290,12 +293,6 @@ class _Rolling:
 def ride(path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float = math.inf) -> Ride:
     """Roll until arrival, final rest, `turns` turns, or the end of time."""
     return _Rolling(path, mu, sigma, drive, turns).to_its_end()
-
-
-def _falling(watch: Callable) -> Callable:
-    """An event for scipy: a value falls through zero."""
-    watch.terminal, watch.direction = True, -1.0  # type: ignore[attr-defined]
-    return watch
 
 
 def quasi_static(groups, drive: Drive) -> tuple[Ride, Drive]:
