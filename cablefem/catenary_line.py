@@ -41,8 +41,6 @@ def across(n: np.ndarray, S: np.ndarray, case: Case) -> np.ndarray:
 
 
 class _Problem:
-    """Unknowns X = (pulls, s, places), and their equations."""
-
     def __init__(self, case: Case) -> None:
         self.case, self.count = case, len(case.stations) - 1
         self.s, self.place = case.fixed_s, case.fixed_places

@@ -179,7 +179,6 @@ class RollingCar(System):
         return *self._of_forces(x, look), *self._of_places(s_o), lift_off, self._left(x)
 
     def _of_forces(self, x: State, look: Look) -> tuple[float, float, float]:
-        """Values of standstill, breaking loose and turn."""
         mode = self.mode
         if mode.sticks:
             return math.inf, self.margin(x), math.inf
@@ -194,7 +193,6 @@ class RollingCar(System):
         return ahead, back, drive.end_place - s_o, s_o - drive.back_place
 
     def _drifts(self, x: State) -> bool:
-        """Whether the mean speed since `mode.since` is above `rest_speed`."""
         mode = self.mode
         return abs(float(x.q[-1]) - mode.place) > self.drive.rest_speed * max(self.round_trip, x.t - mode.since)
 

@@ -124,7 +124,6 @@ class GalerkinSystem(System):
         return y[: self.n_modal].reshape(self.fields, self.n)
 
     def _residual(self, x: Instant, q: Array, v: Array, a: Array, force: Array) -> Array:
-        """r of (19)."""
         Q, V, A, c = self._fields(q), self._fields(v), self._fields(a), x.carried
         along = a[self.n_modal :] if self.path_form else A @ c.f + V @ c.f_v + Q @ c.f_q
         load = self.inertia * along + self.mu * x.load
@@ -218,7 +217,6 @@ class GalerkinSystem(System):
         return State(t, state.q, state.v, state.a + np.concatenate([jump.ravel(), jump @ after.f + kick]), phase)
 
     def standing(self, s_o: float) -> GalerkinSystem:
-        """The system with the mass held at s_o."""
         other = self.with_law(self.law)
         other.motion = standing(s_o, 1.0)
         return other

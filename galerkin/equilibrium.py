@@ -33,7 +33,6 @@ class Equilibrium(NamedTuple):
 
 
 def recover(x: Measures, s: Array, frames: Array) -> Equilibrium:
-    """Solve the balances of both pieces of cable."""
     cable, basis, damping = x.system.cable, x.system.basis.basis, x.system.damping
     internal, strain, _ = sums(x)
     s_o, rest, A = x.inside[:, None], 1.0 - x.inside[:, None], (x.a + damping * x.v)[..., :-1]  # w.. + c_d w.

@@ -210,7 +210,6 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return OnItsRope(replace(groups, drive=replace(self.drive, k=0.0)), self.sines, law=self.law)
 
     def go_on(self, x: State) -> State:
-        """The state whose a balances q and v."""
         a = np.zeros(self.n_dof)
         for _ in range(3):  # friction is not linear
             r, solve = self.linearise(x.t, x.q, x.v, a, x.phase, 0.0, 0.0, 1.0)

@@ -96,7 +96,6 @@ class _Batch:
         self._begin()
 
     def _connect(self) -> None:
-        """Number the unknowns; set T, w0, B and outer forces."""
         N, h = self.basis.N, self.basis.N + np.arange(self.pieces)
         self.known = np.concatenate([np.column_stack([case.fixed_places, case.fixed_s]) for case in self.cases])
         free = np.isnan(self.known)
@@ -172,7 +171,6 @@ class _Batch:
         return value, np.where(hauled[:, None], turned, np.where(tied[:, None], along, slope))
 
     def _begin(self) -> None:
-        """Start from a taut string."""
         found = [guess(case) for case in self.cases]
         start = np.concatenate([np.column_stack([place, s]) for _, place, s in found])
         self.reach = np.array([np.ptp(place[:, 0]) for _, place, _ in found])

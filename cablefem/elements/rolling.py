@@ -83,8 +83,8 @@ class RollingElements(RollingCar, FollowingElements):
             return newmark.begun(self, lambda at: np.append(equilibrium(self.standing(at))[:-1], 0.0), s_o, ds)
         s_o, zero = self.drive.start, np.zeros(self.n_dof)
         x = State(t, np.append(equilibrium(self.standing(s_o)), s_o), zero, zero.copy(), 0)
-        alone = self._car(t, 0)._replace(hold=0.0, thrust=0.0, drag=0.0, friction=0.0, brake=0.0)
-        self.hold = self._roll(alone, np.array(x[1:4]), np.empty(self.n_dof))[2]
+        alone = self._car._replace(drag=0.0, friction=0.0, brake=0.0)
+        self.hold = self._roll(alone, np.zeros(3), np.array(x[1:4]), np.empty(self.n_dof))[2]
         return self.let_go(x)
 
     def abrupt(self, x: State, dt: float) -> bool:
@@ -92,7 +92,7 @@ class RollingElements(RollingCar, FollowingElements):
         return self.free and 0.5 * dt * dt * abs(float(x.a[-1])) > ABRUPT
 
     def _assemble(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
-        self._roll(self._car(t, phase), x, r, factors)
+        self._roll(self._car, self._driven(np.array(t), phase), x, r, factors)
 
     def stride(self, t: Array, *steps) -> tuple[Array, Array]:
         if not self.under_way:
@@ -106,13 +106,12 @@ class RollingElements(RollingCar, FollowingElements):
             self.heeded = float(t[taken - 2] + 0.9 * (t[taken - 1] - t[taken - 2]))
 
     def _moved(self, t: Array, phase: int, start: Array) -> tuple[Any, Array]:
-        car, course = self._car(float(t.flat[0]), phase), self._course if len(t) > 1 else ANY
-        return kernels.Ride(car, self._at_car, course), self._brought(t, phase)
+        return kernels.Ride(self._car, self._at_car, self._course if len(t) > 1 else ANY), self._driven(t, phase)
 
-    def _brought(self, t: Array, phase: int) -> Array:
-        """Hauled s_o, ds_o, dds_o, or hold and thrust, (..., 3)."""
+    def _driven(self, t: Array, phase: int) -> Array:
+        """`now` of `kernels.Car` at t, (..., 3)."""
         if not self.free:
-            return self._places(t, phase)[..., :3].copy()
+            return np.ascontiguousarray(np.moveaxis(self.motion.along(t, phase), 0, -1))
         now, drive = np.zeros((*t.shape, 3)), self.drive
         if t.min() < drive.release:
             now[..., 0] = self.hold * np.vectorize(drive.hold)(t)
@@ -140,7 +139,7 @@ class RollingElements(RollingCar, FollowingElements):
         if not self.free:
             return super().averaged(start, end)
         dt, mean, c_d = end.t - start.t, 0.5 * (start.v + end.v), self.groups.damping
-        still = self._car(start.t, start.phase)._replace(mode=kernels.FREE, hold=0.0, thrust=0.0, drag=0.0, heading=0.0)
+        still = self._car._replace(mode=kernels.FREE, drag=0.0, heading=0.0)
         (_, before, _), (_, after, _) = (self._inertia(still, x.q, x.v, x.v) for x in (start, end))
         total, m = (after - before) / dt, 2 * self.node
         for x, share in zip(*AVERAGE, strict=True):
@@ -165,7 +164,7 @@ class RollingElements(RollingCar, FollowingElements):
         ab, (column, row, _) = tangent
         diagonals = self._band - np.arange(2 * self._band + 1)
         for k, (a, sign) in enumerate(((zero, -1.0), (w, 1.0))):
-            self._roll(car, np.array([q, zero, a]), r[k], UNITS[0], tangent)
+            self._roll(car, np.zeros(3), np.array([q, zero, a]), r[k], UNITS[0], tangent)
             transposed = dia_array((ab.T[: diagonals.size], diagonals), shape=(len(ab), len(ab)))
             gradient += sign * np.append(transposed @ v[:-1] + v[-1] * row[:-1], column @ v)
         return r[0], r[1] - r[0], gradient
@@ -178,31 +177,30 @@ class RollingElements(RollingCar, FollowingElements):
 
     def holding(self, x: State) -> tuple[float, float]:
         push = self._forces(x)
-        needed = self._roll(self._car(x.t, x.phase), np.array(x[1:4]), np.empty(self.n_dof))[2]
+        now = self._driven(np.array(x.t), x.phase)
+        needed = self._roll(self._car, now, np.array(x[1:4]), np.empty(self.n_dof))[2]
         return needed / push.stretch, push.normal
 
     def go_on(self, x: State) -> State:
         return newmark.consistent_acceleration(self, x.t, x.q, x.v, x.phase)
 
-    def _car(self, t: float, phase: int) -> kernels.Car:
-        drive, fixed = self.drive, (self.node, self.inertia, self.groups.sigma)
+    @property
+    def _car(self) -> kernels.Car:
+        fixed = self.node, self.inertia, self.groups.sigma, *self._air
         if not self.free:
-            s_o, ds, dds = self.motion.at(t, phase)
-            return kernels.Car(kernels.HAUL, *fixed, s_o, ds, dds, 0.0, 0.0, *self._air, 0.0, 1.0)
-        mode = kernels.HELD if self.mode.sticks else kernels.FREE
-        hold = self.hold * drive.hold(t) if t < drive.release else 0.0
-        thrust = float(drive.thrust(t, phase)) if drive.thrust_table else 0.0
-        return kernels.Car(mode, *fixed, 0.0, 0.0, 0.0, hold, thrust, *self._air, self.brake, self.mode.sign)
+            return kernels.Car(kernels.HAUL, *fixed, 0.0, 1.0)
+        return kernels.Car(kernels.HELD if self.mode.sticks else kernels.FREE, *fixed, self.brake, self.mode.sign)
 
     def _forces(self, x: State) -> kernels.Forces:
-        return kernels.forces(self._cable, self._car(x.t, x.phase), self._at_car, np.array(x[1:4]))
+        now = self._driven(np.array(x.t), x.phase)
+        return kernels.forces(self._cable, self._car, now, self._at_car, np.array(x[1:4]))
 
     def _roll(
-        self, car: kernels.Car, x: Array, r: Array, factors: Factors = NO_TANGENT, tangent: Tangent | None = None
-    ) -> tuple[float, ...]:
-        brought = (car.s_o, car.ds, car.dds) if car.mode == kernels.HAUL else (car.hold, car.thrust, 0.0)
-        now, ride = Instant(np.array(brought), self._bands, self._contact), kernels.Ride(car, self._at_car, ANY)
-        seen = kernels.roll(self._cable, ride, now, x, r, tangent or self._single, factors)
+        self, car: kernels.Car, now: Array, x: Array, r: Array, factors: Factors = NO_TANGENT,
+        tangent: Tangent | None = None,
+    ) -> tuple[float, ...]:  # fmt: skip
+        at, ride = Instant(now, self._bands, self._contact), kernels.Ride(car, self._at_car, ANY)
+        seen = kernels.roll(self._cable, ride, at, x, r, tangent or self._single, factors)
         self.least_tension = seen[:2]
         return seen
 

@@ -29,7 +29,6 @@ GROWN = 2.0  # longest over shortest step of a stride
 
 
 def integrate(system: System, method: Scheme, times: Sequence[Array], **kind: Any) -> Iterator[State]:
-    """Yield the states of `stretches` one by one."""
     for states in stretches(system, method, times, **kind):
         yield from states
 

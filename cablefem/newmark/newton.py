@@ -27,8 +27,6 @@ STANDARD = Newton()
 
 
 class Settled(NamedTuple):
-    """Last |r| and the work."""
-
     norm: float
     iterations: int
     factorisations: int

@@ -19,8 +19,6 @@ class Passed(NamedTuple):
 
 @dataclass(slots=True)
 class Work:
-    """Work and events of a run."""
-
     steps: int = 0
     rejected: int = 0
     newton_iterations: int = 0

@@ -39,7 +39,6 @@ class System(Protocol):
         raise NotImplementedError
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
-        """r (n_dof,)."""
         raise NotImplementedError
 
     def linearise(
@@ -113,7 +112,6 @@ class System(Protocol):
 
 
 def iterate(system: System, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> Settled:
-    """`System.settle` by `residual` and `linearise`."""
     predictor, c, w = rule[:, :3], rule[:, 3:4], rule[:, 4:5]
     linear = (w * c)[:, 0].tolist()
     rest = (1.0 - w) * start

@@ -74,7 +74,6 @@ def _keys(table: dict[str, Any], known: dict[str, Any], before: str) -> Iterator
 
 
 def _options(rule: dict[str, Any], known: dict[str, Any]) -> list[dict[str, Any]]:
-    """Tables and values that a rule admits."""
     of_list = [rule["items"]] if "$ref" in rule.get("items", {}) else None
     options = of_list or rule.get("anyOf") or rule.get("oneOf") or [rule]
     return [known[x["$ref"].split("/")[-1]] if "$ref" in x else x for x in options]

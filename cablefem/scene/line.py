@@ -36,7 +36,6 @@ class Places(Part):
 
 
 def _places(value: Any) -> Any:
-    """A list for one number or a table."""
     if isinstance(value, dict):
         told = Places(**value)
         return np.linspace(told.first, told.last, told.count).tolist()
@@ -243,7 +242,6 @@ class Line(Described):
         return Case(tuple(stations), weight, rope.EA, 1.0 + rope.warmer, length)
 
     def _crowded(self, i: int) -> NoLine | None:
-        """Refuse two cars on one shoe."""
         shoes = [shoe for car in self.car if (shoe := self.shoe(self.place(car, i)))]
         return next((NoLine(f"two cars on the shoe of {x}") for x in shoes if shoes.count(x) > 1), None)
 

@@ -178,8 +178,6 @@ class Forces:
 
 
 class _Rolling:
-    """A ride under way between two events."""
-
     def __init__(self, path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float) -> None:
         self.path, self.drive, self.turns = path, drive, turns
         self.forces = Forces(path, mu, sigma, drive)
@@ -201,7 +199,6 @@ class _Rolling:
         self.events.append(Event(name, self.t, self.s, abs(self.v) * math.hypot(px, py)))
 
     def _depart(self) -> bool:
-        """Wait until the car moves; return whether it does."""
         s, forces = self.s, self.forces
         go = forces.loose(self.t, s, self.phase, self.brakes)
         if go is None:
@@ -244,7 +241,6 @@ class _Rolling:
         return watches
 
     def _roll(self) -> str | None:
-        """Integrate to the next event or the end of the phase."""
         from scipy.integrate import solve_ivp
 
         phase, sign, forces, mu_r = self.phase, self.sign, self.forces, self.drive.mu_r
@@ -266,7 +262,6 @@ class _Rolling:
         return next((name for name, times in zip(watches, run.t_events, strict=True) if times.size), None)
 
     def _react(self, event: str | None) -> bool:
-        """Apply an event; return whether the ride goes on."""
         if event is None:
             self._next_phase()
         elif event in ("still", "rest"):

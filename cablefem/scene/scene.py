@@ -361,7 +361,6 @@ class Scene(Described):
 
 
 def _presence(mode: str, present: list[str]) -> list[str]:
-    """Parts that a mode needs or has not."""
     if mode == "free":
         faults = [] if "mass" in present else ["mass: missing; must be given with drive.mode = 'free'"]
         if "travel" in present:

@@ -191,7 +191,6 @@ def _ramp(V: float, a: float, jerk: float | None) -> tuple[float, float]:
 
 
 def _ramps_way(V: float, ramps: tuple[float, float], jerk: float | None) -> float:
-    """Way of both symmetric ramps."""
     return sum(0.5 * V * sum(_ramp(V, a, jerk)) for a in ramps)
 
 

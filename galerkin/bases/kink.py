@@ -11,8 +11,6 @@ Array = np.ndarray
 
 
 class Carried(NamedTuple):
-    """Terms of a moving basis at an instant."""
-
     mass: Array  # M, (n, n)
     gyroscopic: Array  # last k columns of 2 A, as rows (k, n); other columns are zero
     centrifugal: Array  # the same of A. - B + c_d A

@@ -25,8 +25,6 @@ class Points(NamedTuple):
 
 
 class Cable(NamedTuple):
-    """Constants of the full cable."""
-
     inertia: float  # mu, or 0 for a force
     mu: float
     alpha: float

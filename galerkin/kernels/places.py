@@ -29,8 +29,6 @@ class Line(NamedTuple):
 
 
 class Ground(NamedTuple):
-    """Terms of the mass at an instant."""
-
     x: Carried
     slope: Array  # X' at the mass, (2,)
     load: Array  # X.. - sigma j, (2,)

@@ -33,8 +33,6 @@ class Rolling(NamedTuple):
 
 
 class Ride(NamedTuple):
-    """A rolling car in a step."""
-
     mode: int  # FREE, STUCK: the last unknown is s_o; HAULED: its acceleration is the haul force
     on: Rolling
     thrust: float
@@ -281,7 +279,6 @@ def row(here, ride, line, of, car, c):
 
 @inner
 def pulled(ride, of):
-    """Thrust or haul force."""
     return of.balanced[2, -1] if ride.mode == HAULED else ride.thrust
 
 

@@ -16,8 +16,6 @@ from galerkin.law import compiled, inner
 
 
 class Space(NamedTuple):
-    """Work arrays of a step."""
-
     balanced: Array  # (3, n_dof) the state that is balanced
     r: Array  # (n_dof,) its residual
     internal: Array  # (2, n) the internal force in it

@@ -22,20 +22,17 @@ FREE, HAUL, HELD = 0, 1, 2
 
 
 class Car(NamedTuple):
-    """The car at an instant.
+    """A car between two events.
 
     `mode` FREE: s_o is unknown.  HELD: ds_o is constant.  HAUL: see `rolling`.
+    What drives it at an instant, `now` (3,): hauled s_o, ds_o, dds_o; else the force along the cable that still holds
+    it, the outer force along the mean tangent, and 0.
     """
 
     mode: int
     node: int  # scalar unknown
     mu: float
     sigma: float
-    s_o: float
-    ds: float
-    dds: float
-    hold: float  # force along the cable that still holds the car
-    thrust: float  # outer force along the mean tangent
     drag: float  # k
     wind: float  # along x
     friction: float  # mu_r
@@ -65,17 +62,6 @@ class Forces(NamedTuple):
 
 
 @inner
-def driven(car, now):
-    """Return the car with `now` (3,): hauled s_o, ds_o, dds_o, else hold and thrust."""
-    mode, node, mu, sigma, s_o, ds, dds, hold, thrust, drag, wind, friction, brake, heading = car
-    if mode == HAUL:
-        s_o, ds, dds = now[0], now[1], now[2]
-    else:
-        hold, thrust = now[0], now[1]
-    return Car(mode, node, mu, sigma, s_o, ds, dds, hold, thrust, drag, wind, friction, brake, heading)
-
-
-@inner
 def mean_tangent(mesh, slopes, s_o, xp, yp, q):
     """Return the unit vector along the mean r' of both sides, and the mean |r'|."""
     mx, my, stretch = 0.0, 0.0, 0.0
@@ -93,10 +79,11 @@ def mean_tangent(mesh, slopes, s_o, xp, yp, q):
 
 
 @compiled
-def forces(cable, car, slopes, x):
+def forces(cable, car, now, slopes, x):
     q, v, a = x[0], x[1], x[2]
     n, m = q.size - 1, 2 * car.node
-    s_o, ds, dds = (car.s_o, car.ds, car.dds) if car.mode == HAUL else (q[n], v[n], a[n])
+    s_o, ds, dds = (now[0], now[1], now[2]) if car.mode == HAUL else (q[n], v[n], a[n])
+    hold, thrust = (0.0, 0.0) if car.mode == HAUL else (now[0], now[1])
     xp, yp, T = at_rest(cable.law, s_o)
     xpp, ypp = cable.law[1] * yp / (T * T), -cable.law[1] / (T * T * T)
     tau, stretch = mean_tangent(cable.mesh, slopes, s_o, xp, yp, q)
@@ -104,9 +91,9 @@ def forces(cable, car, slopes, x):
     fx = car.mu * (a[m] + xp * dds + xpp * ds * ds)
     fy = car.mu * (a[m + 1] + yp * dds + ypp * ds * ds - car.sigma)
     drag = -car.drag * math.sqrt((px - car.wind) ** 2 + py * py)
-    ex, ey = drag * (px - car.wind) + car.thrust * tau[0], drag * py + car.thrust * tau[1]
+    ex, ey = drag * (px - car.wind) + thrust * tau[0], drag * py + thrust * tau[1]
     normal = (fx - ex) * tau[1] - (fy - ey) * tau[0]
-    drive = car.hold - stretch * car.heading * (car.friction * abs(normal) + car.brake)
+    drive = hold - stretch * car.heading * (car.friction * abs(normal) + car.brake)
     return Forces(
         s_o, ds, dds, (xp, yp), (xpp, ypp), tau, stretch, (px, py), (fx, fy), (ex, ey), normal, drive
     )  # fmt: skip
@@ -119,8 +106,7 @@ def roll(cable, ride, now, x, r, tangent, factors):
     Return the least mean tension, its s, the left side of the row of s_o, and the normal force.
     The tangent omits the turning of the mean tangent.
     """
-    car = driven(ride.car, now.place)
-    push = forces(cable, car, ride.slopes, x)
+    car, push = ride.car, forces(cable, ride.car, now.place, ride.slopes, x)
     n, m, tau, s_o = x.shape[1] - 1, 2 * car.node, push.tau, push.s_o
     if not 0.0 < s_o < 1.0:
         r[:] = math.nan
@@ -184,17 +170,10 @@ def add_force_row(cable, s_o, border, c0):
 
 
 @inner
-def rows_of(cable, side, node):
-    """Return the rows (from, to) and M, G, G^T, H of a side."""
-    operators = cable.operators
-    rows = (0, node + 2) if side == 0 else (node, operators.shape[2])
-    return rows, operators[side], operators[2 + side], operators[4 + side], operators[6 + side]
-
-
-@inner
 def add_inertia_row(cable, node, push, x, border, factors):
     """Return the cable's inertia and damping in the row of s_o; add their tangent to the border."""
-    n, ds, dds, c_d = cable.operators.shape[2], push.ds, push.dds + cable.damping * push.ds, cable.damping
+    operators, n, c_d = cable.operators, cable.operators.shape[2], cable.damping
+    ds, dds = push.ds, push.dds + c_d * push.ds
     c0, c1, c2 = factors[0], factors[1], factors[2] + c_d * factors[1]
     q, v, column, row = x[0], x[1], border[0], border[1]
     y, total, corner = np.empty((10, n)), 0.0, 0.0
@@ -204,7 +183,8 @@ def add_inertia_row(cable, node, push, x, border, factors):
     for side in range(2):
         h, sign = (push.s_o, 1.0) if side == 0 else (1.0 - push.s_o, -1.0)
         flow, speed_up = ds / h, dds / h
-        rows, M, G, GT, H = rows_of(cable, side, node)
+        rows = (0, node + 2) if side == 0 else (node, n)
+        M, G, GT, H = operators[side], operators[2 + side], operators[4 + side], operators[6 + side]
         times(M, 2, rows, v, Mv)
         times(G, 2, rows, q, Gq)
         times(G, 2, rows, v, Gv)
@@ -281,6 +261,6 @@ def under_way(cable, ride, place, x):
     s_o, slip = x[0, -1], x[1, -1]
     if not course[0] < s_o < course[1] or (course[2] != 0.0 and not course[2] * slip > 0.0):
         return False
-    push = forces(cable, driven(ride.car, place), ride.slopes, x)
+    push = forces(cable, ride.car, place, ride.slopes, x)
     speed = push.velocity[0] * push.tau[0] + push.velocity[1] * push.tau[1]
     return (course[3] == 0.0 or course[3] * speed > course[4]) and push.normal > course[5]

@@ -16,7 +16,7 @@ NO_TANGENT = 0.0, 0.0, 0.0
 class Steps(NamedTuple):
     """Consecutive steps, see `cablefem.newmark.System.settle`."""
 
-    places: Any  # (m, 3 + n_fields) see `balance.Instant`; with a car (m, 3), see `car.driven`
+    places: Any  # (m, 3 + n_fields) see `balance.Instant`; with a car (m, 3), see `car.Car`
     contact: Any
     start: Any  # (3, n)
     rules: Any  # (m, 3, 5)
