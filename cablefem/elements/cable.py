@@ -105,8 +105,7 @@ class CableElements(System):
                         to += factor * of
         else:
             self._assemble(t, phase, x, r, (float(c0), float(c1.real), float(c2.real)))
-        if not factorise(*tangent):
-            return r, lambda b: np.full_like(b, math.nan)  # singular: Newton's method stalls
+        factorise(*tangent)
 
         def solution(b: Array) -> Array:
             solve(*tangent, b)

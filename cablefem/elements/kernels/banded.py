@@ -1,5 +1,6 @@
 """Factors and solutions of banded matrices."""
 
+import math
 from typing import Any, NamedTuple
 
 from cablefem.elements.kernels import compiled, inner
@@ -14,15 +15,13 @@ class Tangent(NamedTuple):
 
 @compiled
 def factorise(ab, border):
-    """Overwrite a tangent with its factors; return whether it is regular.
+    """Overwrite a tangent with its factors; those of a singular one are NaN.
 
     L has a unit diagonal, that of U is inverted. Rows stay: mass and taut cable give large diagonals.
     """
     n, band = ab.shape[0], ab.shape[1] // 2
     for i in range(n):
-        if ab[i, band] == 0.0:
-            return False
-        inverse = 1.0 / ab[i, band]
+        inverse = 1.0 / ab[i, band] if ab[i, band] != 0.0 else math.nan
         ab[i, band] = inverse
         far = min(band, n - 1 - i)
         while far > 0 and ab[i, band + far] == 0.0 and ab[i + far, band - far] == 0.0:
@@ -33,14 +32,15 @@ def factorise(ab, border):
             for j in range(1, far + 1):
                 ab[i + k, band - k + j] -= factor * ab[i, band + j]
     if border is None:
-        return True
+        return
     column, row, solved = border[0], border[1], border[2]
     for i in range(n):
         solved[i] = column[i]
     substitute(ab, solved)
     for i in range(n):
         column[n] -= row[i] * solved[i]
-    return column[n] != 0.0
+    if column[n] == 0.0:
+        column[n] = math.nan
 
 
 @compiled

@@ -94,9 +94,7 @@ def settle(cable, ride, space, step, rule, newton):
         if anew:
             old, space.kept[0] = False, step.dt
             factorisations += 1
-            if not factors(cable, ride, space, step, rule):
-                norm = math.nan
-                break
+            factors(cable, ride, space, step, rule)
         solutions(space, rule)
         before, share = norm, 1.0
         for _ in range(newton.halvings + 1):
@@ -187,7 +185,7 @@ def take_off(share, da, a):
 
 @inner
 def factors(cable, ride, space, step, rule):
-    middle, regular, spare = rule.middle, True, np.empty(space.r.shape[1])
+    middle, spare = rule.middle, np.empty(space.r.shape[1])
     now = Instant(step.places[middle], space.bands[middle], step.contacts[middle])
     for k in range(3):
         unit = (1.0 if k == 0 else 0.0), (1.0 if k == 1 else 0.0), (1.0 if k == 2 else 0.0)
@@ -198,17 +196,16 @@ def factors(cable, ride, space, step, rule):
         c1 = step.dt * rule.values[k]
         c0 = c1 * c1
         if c1.imag == 0.0:
-            regular = factorised(c0.real, c1.real, space.parts, space.real) and regular
+            factorised(c0.real, c1.real, space.parts, space.real)
         else:
-            regular = factorised(c0, c1, space.parts, space.pair) and regular
-    return regular
+            factorised(c0, c1, space.parts, space.pair)
 
 
 @inner
 def factorised(c0, c1, parts, tangent):
     blend(c0, c1, parts[0].ab, parts[1].ab, parts[2].ab, tangent.ab)
     blend(c0, c1, parts[0].border, parts[1].border, parts[2].border, tangent.border)
-    return factorise(tangent.ab, tangent.border)
+    factorise(tangent.ab, tangent.border)
 
 
 @inner

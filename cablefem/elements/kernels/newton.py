@@ -49,19 +49,16 @@ def settle(cable, ride, tangent, bands, steps, newton):
             weigh(cable, now)
         predict(begin, rule, end, x)
         factors = rule[0, 3] * rule[0, 4], rule[1, 3] * rule[1, 4], rule[2, 3] * rule[2, 4]
-        norm, before, factorisations, residuals, regular = math.inf, 0.0, 0, 0, True
+        norm, before, factorisations, residuals = math.inf, 0.0, 0, 0
         least, where = math.inf, 0.0
         for iteration in range(newton.max_iter):
             if not norm <= newton.reuse * before:
                 balance(cable, ride, now, x, r, tangent, factors)
                 norm = math.sqrt(dot(r, r))
-                regular = factorise(tangent.ab, tangent.border)
+                factorise(tangent.ab, tangent.border)
                 factorisations += 1
             before = norm
-            if regular:
-                solve(tangent.ab, tangent.border, r)
-            else:
-                r[:] = math.nan
+            solve(tangent.ab, tangent.border, r)
             for j in range(n):
                 da[j] = r[j]
             share = 1.0
