@@ -4,6 +4,7 @@ import math
 import sys
 from collections.abc import Iterator, Sequence
 from copy import copy
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
@@ -106,12 +107,7 @@ class CableElements(System):
         else:
             self._assemble(t, phase, x, r, (float(c0), float(c1.real), float(c2.real)))
         factorise(*tangent)
-
-        def solution(b: Array) -> Array:
-            solve(*tangent, b)
-            return b
-
-        return r, solution
+        return r, partial(solve, *tangent)
 
     def settle(self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> Settled:
         (now[:],), told, _ = self._steps(np.array([t]), phase, start, rule[None], newton)

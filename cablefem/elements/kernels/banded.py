@@ -45,10 +45,10 @@ def factorise(ab, border):
 
 @compiled
 def solve(ab, border, b):
-    """Overwrite b with the solution; without a last entry it is 0."""
+    """Overwrite b with the solution and return it; without a last entry it is 0."""
     substitute(ab, b)
     if border is None:
-        return
+        return b
     n, row, solved = ab.shape[0], border[1], border[2]
     last = b[n] if b.size > n else 0.0 * b[0]
     for i in range(n):
@@ -58,6 +58,7 @@ def solve(ab, border, b):
         b[i] -= last * solved[i]
     if b.size > n:
         b[n] = last
+    return b
 
 
 @inner
