@@ -70,6 +70,11 @@ def energy_by_h_twice(w):
     return w.a * w.EA * w.lam**2 / w.h
 
 
+def _size(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Length of vectors, also complex ones."""
+    return np.sqrt(x * x + y * y)
+
+
 class _Batch:
     """Many cases as one mesh and one system of block equations.
 
@@ -151,24 +156,18 @@ class _Batch:
 
     def _special(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The special rows (m,), and d/df (m, 4)."""
-        f = np.where(self.ends >= 0, z[self.ends], 0.0)
-        bx, by, ax, ay = f.T
-        W, zero = self.given, np.zeros(self.rows.size)
-        # along x: f_behind + f_ahead = 0
-        value, slope = bx + ax, np.stack([zero + 1.0, zero, zero + 1.0, zero], axis=1)
+        f, tiny = np.where(self.ends >= 0, z[self.ends], 0.0).T, 1e-30  # complex-step differentiation
+        shifted = f[:, None] + 1j * tiny * np.eye(4)[:, :, None]
+        return self._rows_of(f), self._rows_of(shifted).imag.T / tiny
+
+    def _rows_of(self, f: np.ndarray) -> np.ndarray:
+        """Special rows of forces f (4, ..., m), behind and ahead; also complex ones."""
+        (bx, by, ax, ay), W, last = f, self.given, self.ends[:, 2] < 0
         # across tau: (f_behind + f_ahead - W j) x (f_behind - f_ahead) = 0, over 2 |f|
-        size = np.hypot(bx - ax, by - ay)
-        turn = (2.0 * (ax * by - ay * bx) + W * (bx - ax)) / size
-        turned = np.stack([W - 2.0 * ay, 2.0 * ax, 2.0 * by - W, -2.0 * bx], axis=1) / size[:, None]
+        turn = (2.0 * (ax * by - ay * bx) + W * (bx - ax)) / _size(bx - ax, by - ay)
         # |f| = T, of the rope ahead or at the right end behind
-        pulls = np.where(self.ends[:, [2, 3]] >= 0, f[:, 2:], f[:, :2])
-        tension = np.linalg.norm(pulls, axis=1)
-        unit = pulls / tension[:, None]
-        last = self.ends[:, 2] < 0
-        along = np.where(last[:, None], np.column_stack([unit, zero, zero]), np.column_stack([zero, zero, unit]))
-        hauled, tied = self.kinds == "hauled", self.kinds == "tied"
-        value = np.where(hauled, turn, np.where(tied, tension - W, value))
-        return value, np.where(hauled[:, None], turned, np.where(tied[:, None], along, slope))
+        tension = _size(np.where(last, bx, ax), np.where(last, by, ay))
+        return np.select([self.kinds == "hauled", self.kinds == "tied"], [turn, tension - W], bx + ax)
 
     def _begin(self) -> None:
         found = [guess(case) for case in self.cases]
