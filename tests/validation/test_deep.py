@@ -9,26 +9,21 @@ from tests.validation import test_rides_check
 from tests.validation.pairs import LEVEL, right
 from validation.commands.check.deep import THIRD, deep
 from validation.core.agreement import Verdict
-from validation.core.rows import compare
 
-PARTIES = dict(zip(("frequencies", "rest", "driver", "bars", "slack"), THIRD, strict=True))
+PARTIES = dict(zip(("frequencies", "rest", "driver", "bars"), THIRD, strict=True))
 RIDE = test_rides_check.RIDE
 
 
-def verdict(which, scene, a, rows=()):
-    row = THIRD[PARTIES[which]](scene, a, list(rows))
+def verdict(which, scene, a):
+    row = THIRD[PARTIES[which]](scene, a)
     return None if row is None else row.verdict
-
-
-def level_rows():
-    return [row for row in compare(LEVEL, *right()) if row.quantity == "path_slack"]
 
 
 def test_right_answers_agree_with_all_third_parties_that_their_scene_has():
     (a, _), (free, _) = right(), test_rides_check.pair()
-    gripped = list(deep(LEVEL, a, level_rows()))
-    assert [row.law for row in gripped] == [PARTIES[x] for x in ("frequencies", "driver", "bars", "slack")]
-    rolling = [THIRD[PARTIES["rest"]](RIDE, free, [])]
+    gripped = list(deep(LEVEL, a))
+    assert [row.law for row in gripped] == [PARTIES[x] for x in ("frequencies", "driver", "bars")]
+    rolling = [THIRD[PARTIES["rest"]](RIDE, free)]
     assert {row.verdict for row in [*gripped, *rolling]} == {Verdict.AGREE}, [*gripped, *rolling]
 
 
@@ -55,13 +50,3 @@ def test_a_path_outside_its_bar_is_seen():
     a, _ = right()
     wrong = a.map(lambda r: replace(r, v=r.v + 4.0 * a.run.path_error * r.max_deflection * np.sign(r.s_o)))
     assert verdict("bars", LEVEL, wrong) is Verdict.DISAGREE
-
-
-def test_a_slack_cable_that_moves_otherwise_is_seen():
-    a, _ = right()
-
-    def lower(r):
-        past = np.maximum(r.s_o / r.length - a.run.slack_onset, 0.0)
-        return replace(r, v=r.v + 20.0 * past * r.max_deflection)
-
-    assert verdict("slack", LEVEL, replace(a, finest=lower(a.run)), level_rows()) is Verdict.DISAGREE

@@ -14,25 +14,23 @@ from cablefem.response import Array, Response
 from cablefem.scene import Scene
 from cablefem.scene.statics import gripped, hauled
 from validation.commands.modes.study import modes
-from validation.core import measures, trust
+from validation.core import measures
 from validation.core.agreement import Agreement, Bound, Part, nothing
 from validation.core.climb import laddered
 from validation.core.ladder import Ladder
-from validation.core.measures import SLACK_END
 from validation.core.methods import METHODS
 from validation.core.order import SAFETY
-from validation.core.running import run
 from validation.core.view import View
 
 ROUNDING = 1e-8
 HALVED = "the change from coarser runs"
 
 
-def deep(scene: Scene, a: Ladder, rows: list[Agreement]) -> Iterator[Agreement]:
+def deep(scene: Scene, a: Ladder) -> Iterator[Agreement]:
     """A row for each applicable third party; a : the estimated run of the elements."""
     for what, third in THIRD.items():
         try:
-            row = third(scene, a, rows)
+            row = third(scene, a)
         except (measures.NotComparable, newmark.StepFailure) as error:
             row = Agreement("deep", math.nan, nothing(error))
         if row is not None:
@@ -43,11 +41,11 @@ def _row(gap: float, *parts: Part) -> Agreement:
     return Agreement("deep", gap, Bound("error bars", parts))
 
 
-def _frequencies(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement:
+def _frequencies(scene: Scene, a: Ladder) -> Agreement:
     return max(modes(scene).rows, key=lambda row: row.gap / row.allowed)
 
 
-def _rest(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
+def _rest(scene: Scene, a: Ladder) -> Agreement | None:
     if a.run.drive == "grip":
         return None
     r, l = a.run, scene.length
@@ -60,7 +58,7 @@ def _rest(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
     return _row(off(r), Part(r.method, a.bar(off), HALVED), Part("rounding", ROUNDING))
 
 
-def _driver(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
+def _driver(scene: Scene, a: Ladder) -> Agreement | None:
     """Compare the time driver with scipy's DOP853 on the same coarse semi-discrete system, from one state."""
     begin, part, steps = 0.1, 0.05, 2000  # s_o/l of that state, and so much of the travel in so many steps
     method = METHODS["following-p2"]
@@ -103,7 +101,7 @@ def _driver(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
     return _row(gap, Part("driver", SAFETY * change, "the change from half the steps"), Part("scipy", ROUNDING))
 
 
-def _bars(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement:
+def _bars(scene: Scene, a: Ladder) -> Agreement:
     """Compare the elements' path with degree 4 in twice the steps, with its own bar.
 
     Radau's rule would damp the axial waves.
@@ -115,24 +113,10 @@ def _bars(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement:
     return _row(gap, *(Part(x.run.method, x.run.path_error or math.nan, HALVED) for x in (a, other)))
 
 
-def _slack(scene: Scene, a: Ladder, rows: list[Agreement]) -> Agreement | None:
-    known = next((row for row in rows if row.quantity == "path_slack" and row.where is not None), None)
-    if known is None or known.where is None or a.run.slack_onset is None:
-        return None
-    damped = {"scheme": "newmark", "newmark_gamma": 0.6}
-    other: Response = run(scene, a.run.method, until=SLACK_END, **(a.run.settings | damped))
-    place = np.linspace(a.run.slack_onset, min(known.where, other.reached), 100)[1:-1]
-    first_order = replace(other, settings=a.run.settings)
-    gap = float(np.nanmax(trust.gap(a.run, first_order, place), initial=0.0))
-    before = float(np.nanmax(trust.gap(a.run, first_order, place - (place[-1] - place[0])), initial=0.0))
-    return _row(gap, *known.bound.parts, Part("newmark", SAFETY * before, "what its damping changes before the onset"))
-
-
-Third = Callable[[Scene, Ladder, list[Agreement]], Agreement | None]
+Third = Callable[[Scene, Ladder], Agreement | None]
 THIRD: dict[str, Third] = {
     "static catenary and groups: exact frequencies": _frequencies,
     "start of a car that rolls: catenary of two pieces": _rest,
     "time driver: scipy's DOP853 on the same system": _driver,
     "error bars: degree 4 in twice the steps": _bars,
-    "damping of the slack cable: Newmark's": _slack,
 }

@@ -111,7 +111,7 @@ def check(
     if deep:
         from validation.commands.check import deep as third
 
-        rows += third.deep(scene, a, rows)
+        rows += third.deep(scene, a)
     return Check(scene, a, b, tol, _window(scene, a, b), rows)
 
 
