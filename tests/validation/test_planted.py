@@ -111,6 +111,23 @@ def test_a_slack_onset_told_by_both_is_held_against_their_tension():
     assert rows(a, right()[1])[("slack_onset", "")].verdict is Verdict.DISAGREE
 
 
+@pytest.mark.parametrize(("fall", "apart"), [(1e3, 0.03), (0.1, 0.003)])
+def test_slack_onsets_are_apart_by_place_at_a_steep_front_and_by_tension_on_a_gentle_slope(fall, apart):
+    def slack(onset):
+        def change(r):
+            least = np.clip(fall * (onset - r.s_o / r.length), -1.0, 1.0) * r.horizontal_tension
+            return replace(slack_at(onset)(r), tension_min=least)
+
+        return change
+
+    a, b = right()
+    row = rows(a.map(slack(0.50)), b.map(slack(0.53)))[("slack_onset", "")]
+    assert row.gap == pytest.approx(apart, rel=0.1)
+    assert row.where == 0.50
+    assert row.verdict is Verdict.DISAGREE
+    assert rows(a.map(slack(0.50)), b.map(slack(0.50)))[("slack_onset", "")].gap < 1e-3
+
+
 def test_an_answer_that_breaks_in_the_window_leaves_the_rest_too_coarse():
     a, b = right()
     short = run(LEVEL, "following-p2", until=0.4, **{k: a.run.settings[k] for k in ("elements", "steps", "scheme")})
