@@ -19,7 +19,6 @@ def tell(result: Check, verbose: bool = False) -> None:
         terminal.say(f"  {party}: {said}", style=terminal.STYLES[worst])
     for method, flag in result.doubts:
         terminal.say(f"  {method}: {flag}", style="yellow")
-    bad = (Verdict.DISAGREE, Verdict.NOT_COMPARABLE)
-    if shown := [row for row in result.rows if verbose or (row.asked and row.verdict in bad)]:
+    if shown := [row for row in result.rows if verbose or (row.asked and row.verdict is not Verdict.AGREE)]:
         terminal.say()
         telling.rows(shown)
