@@ -26,7 +26,6 @@ from validation.core.view import View
 
 SHARES = {"elements": 1.0, "galerkin": 5.0}  # of the tolerance: dense bases cost about as much more
 CONFIRMS = 1.5  # factor on resolution and steps of both before they count as different
-MOST_ROUNDS = 5  # of refinement
 
 Settings = dict[str, Any]
 
@@ -165,7 +164,7 @@ def _judged(
 ) -> tuple[list[Ladder], list[Agreement]]:
     """Refine both ladders until they agree or cannot get closer; return them and the rows."""
     jobs: list[Callable[[Progress], Any]] = [side.climbed for side in sides]
-    looks, confirmed, toml = 0, False, scene.to_toml()
+    confirmed, toml = False, scene.to_toml()
     while True:
         first, other = side_by_side(jobs, progress, _load)
         ladders = [first, other.map(lambda r: replace(r, scene_toml=toml))]  # the judge knows one scene alone
@@ -174,9 +173,9 @@ def _judged(
         for larger in (True, False):  # the smaller bar only if the larger one costs too much
             if not any(finer):
                 finer = [side.finer(ladder, rows, larger) for side, ladder in zip(sides, ladders, strict=True)]
-        if looks == MOST_ROUNDS or confirmed or not any(finer):
+        if confirmed or not any(finer):
             return ladders, rows
-        looks, confirmed = looks + 1, overall(rows) is Verdict.DISAGREE
+        confirmed = overall(rows) is Verdict.DISAGREE
         jobs = [partial(side.remade, *each) for side, *each in zip(sides, ladders, finer, strict=True)]
 
 
