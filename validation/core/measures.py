@@ -105,11 +105,12 @@ def common_frames(a: Response, b: Response, window: Window) -> tuple[Array, NDAr
     return place[within], i[within], j[within]
 
 
-def tension_gap(a: Response, b: Response, window: Window) -> float:
-    """Rms gap of the tension fields over frames in the window, off the mass, over H."""
+def tension_gap(a: Response, b: Response, window: Window, of: str = "T") -> float:
+    """Rms gap of the tension fields `of` over frames in the window, off the mass, over H."""
     place, i, j = common_frames(a, b, window)
     away = np.abs(a.fields.s / a.length - place[:, None]) >= JUMP_WIDTH
-    return float(np.sqrt(np.mean((a.fields.T[i] - b.fields.T[j])[away] ** 2))) / b.horizontal_tension
+    gap = (getattr(a.fields, of)[i] - getattr(b.fields, of)[j])[away]
+    return float(np.sqrt(np.mean(gap**2))) / b.horizontal_tension
 
 
 def series_gap(
@@ -206,21 +207,3 @@ def energy_gain(r: Response, weight: float, window: Window) -> float:
         raise NotComparable(f"no step in the window {window}")
     gain = np.maximum.accumulate(defect[::-1])[::-1] - defect
     return float(gain.max() / (weight * r.max_deflection))
-
-
-def oscillation(r: Response, window: Window, reach: float = 0.1) -> float:
-    """Gibbs overshoot: largest |T - running median over `reach` l| off mass and supports, rms over frames, over H."""
-    place, s = r.fields.s_o / r.length, r.fields.s / r.length
-    within = (place >= window[0]) & (place <= window[1])
-    if not within.any():
-        raise NotComparable(f"no frame of the tension field in the window {window}")
-    half = max(1, round(0.5 * reach / (s[1] - s[0])))
-    worst = []
-    for row, s_o in zip(r.fields.T_pointwise[within] / r.horizontal_tension, place[within], strict=True):
-        largest = 0.0
-        for side in (s <= s_o - JUMP_WIDTH, s >= s_o + JUMP_WIDTH):
-            if np.count_nonzero(side) > 2 * half:
-                part = np.lib.stride_tricks.sliding_window_view(row[side], 2 * half + 1)
-                largest = max(largest, float(np.abs(part[:, half] - np.median(part, axis=1)).max()))
-        worst.append(largest)
-    return float(np.sqrt(np.mean(np.square(worst))))

@@ -2,7 +2,6 @@
 
 import json
 import math
-from dataclasses import replace
 from functools import cache
 from typing import Any, Literal
 
@@ -16,6 +15,7 @@ from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
 from validation.commands.atlas import specimens
 from validation.commands.modes.study import bare
+from validation.commands.paper import measured
 from validation.core import measures, running, store
 from validation.core.trust import convergence_limit, post_slack_spread
 from validation.core.watch import MOST_GAIN
@@ -85,7 +85,7 @@ def energy(method: str, **how: Any) -> float:
 
 
 def ripple(method: str, **how: Any) -> float:
-    return measures.oscillation(run(method, law="elastic", **how), measures.WINDOW)
+    return measured.wiggle(run(method, law="elastic", **how), near=measures.JUMP_WIDTH)
 
 
 @cache
@@ -135,9 +135,8 @@ def stiff(model: str) -> tuple[Response, Response]:
 
 def tension_gap(a: Response, b: Response, pointwise: bool = False) -> float:
     """The distance of two tension fields before the slack, of mean tensions or point by point."""
-    if pointwise:
-        a, b = (replace(r, fields=replace(r.fields, T=r.fields.T_pointwise)) for r in (a, b))
-    return measures.tension_gap(a, b, (0.02, min(0.2, a.reached, b.reached)))
+    window = 0.02, min(0.2, a.reached, b.reached)
+    return measures.tension_gap(a, b, window, "T_pointwise" if pointwise else "T")
 
 
 def frozen(terms: int) -> float:

@@ -94,10 +94,7 @@ def level(r: Response, low: float, high: float) -> Array:
 
 def tension_error(r: Response, reference: Response) -> float:
     """Rms error of the tension off the mass, over H."""
-    place, i, j = measures.common_frames(r, reference, MOVING)
-    away = np.abs(r.fields.s[None, :] / r.length - place[:, None]) >= measures.JUMP_WIDTH
-    gap = (r.fields.T_pointwise[i] - reference.fields.T_pointwise[j])[away]
-    return float(np.sqrt(np.mean((gap / reference.horizontal_tension) ** 2)))
+    return measures.tension_gap(r, reference, MOVING, "T_pointwise")
 
 
 def unevenness(r: Response, *, sides: bool = False, width: float = 0.05) -> Array:
