@@ -45,14 +45,11 @@ def svg(fig: Figure, label: str) -> Markup:
     """A figure as inline SVG with ids of its own."""
     out = io.BytesIO()
     with style():
-        FigureCanvasSVG(fig).print_svg(out, metadata={"Date": None, "Creator": None})
+        FigureCanvasSVG(fig).print_svg(out, metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
     text = out.getvalue().decode("utf-8")
     mark = "f" + hashlib.sha256((label + text).encode()).hexdigest()[:8]
     text = text[text.index("<svg") :]
-    text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
-    text = re.sub(r'\bid="([^"]+)"', rf'id="{mark}-\1"', text)
-    text = re.sub(r'href="#([^"]+)"', rf'href="#{mark}-\1"', text)
-    text = re.sub(r"url\(#([^)]+)\)", rf"url(#{mark}-\1)", text)
+    text = re.sub(r'(\bid="|href="#|url\(#)', rf"\1{mark}-", text)
     text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
     # to 0.01 pt
     text = re.sub(r'(?<= d=")[^"]+', lambda d: re.sub(r"(\.\d\d)\d+", r"\1", d[0]), text)
