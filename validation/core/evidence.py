@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
@@ -238,21 +238,18 @@ class Evidence:
 
     @cached_property
     def thrust(self) -> tuple[Array, Array]:
-        """Times and forces of the TOML's thrust; may be empty."""
+        """Times and forces of the TOML's thrust; a constant one never ends."""
         thrust = self.given.drive.get("thrust", 0.0)
         if not isinstance(thrust, dict):
-            thrust = {"times": [0.0, math.inf], "forces": 2 * [thrust]} if thrust else {"times": [], "forces": []}
+            thrust = {"times": [0.0, math.inf], "forces": [thrust, thrust]}
         return np.array(thrust["times"], float), np.array(thrust["forces"], float)
 
     @cached_property
     def pull(self) -> Array:
         """Thrust on a free car along the mean tangent (n,) [N], else the run's haul force."""
-        times, forces = self.thrust
-        if self.r.drive != "free" or not times.size:
-            return np.nan_to_num(self.r.F_haul) if self.r.drive == "haul" else np.zeros(self.r.t.size)
-        if math.isinf(times[-1]):
-            return np.full(self.r.t.size, forces[0])
-        return np.interp(self.r.t, times, forces, left=0.0, right=0.0)
+        if self.r.drive == "haul":
+            return np.nan_to_num(self.r.F_haul)
+        return np.interp(self.r.t, *self.thrust, left=0.0, right=0.0)
 
     @cached_property
     def drag(self) -> Array:
@@ -276,11 +273,6 @@ class Evidence:
         for T, slope in ((T_behind, behind), (T_ahead, ahead)):
             work += 0.5 * T / np.hypot(*slope.T) * np.sum(slope * (ahead - behind), axis=1)
         return self.pace * work
-
-    def both(self) -> Iterator[tuple[float, Array, Array]]:
-        """Sign, tension, slope behind and ahead of the mass."""
-        yield -1.0, self.r.T_behind, self.r.slope_behind
-        yield 1.0, self.r.T_ahead, self.r.slope_ahead
 
     # --- the cable, at frames ------------------------------------------------------------------------------
 

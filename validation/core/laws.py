@@ -248,7 +248,7 @@ def drive(m: Evidence) -> Defect:
         off.append((speed - x["speed"]) / float(r.speed.max()))
         of, scale, wanted = told.get(x["event"], ("t", 1.0, []))
         off += [min(abs(x[of] - y) for y in wanted) / scale] if wanted else []
-    if r.drive == "free" and times.size:
+    if r.drive == "free" and forces.any():
         smooth = np.abs(r.t[:, None] - times).min(axis=1) > 1e-6 * T
         off.append(np.abs(r.F_haul - m.pull)[smooth].max() / float(np.abs(forces).max()))
     return _static(float(np.abs(off).max()))
@@ -301,10 +301,11 @@ def momentum_of_the_mass(m: Evidence) -> Defect:
 @_law(of="impulse")
 def impulse(m: Evidence) -> Defect:
     """M (v_2 - v_1) by the pull [ N t - rho ds_o^2 r' ] of both tensions; over M g times window."""
-    pull = np.zeros((m.r.t.size, 2))
-    for sign, T, slope in m.both():
-        pull += sign * (T / np.hypot(*slope.T) - m.given.rho * m.pace**2)[:, None] * slope
-    return _of_mass(m, pull)
+
+    def pull(T: Array, slope: Array) -> Array:
+        return (T / np.hypot(*slope.T) - m.given.rho * m.pace**2)[:, None] * slope
+
+    return _of_mass(m, pull(m.r.T_ahead, m.r.slope_ahead) - pull(m.r.T_behind, m.r.slope_behind))
 
 
 @_law(_rolls)
