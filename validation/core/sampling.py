@@ -36,11 +36,9 @@ class History:
 
 def finite(h: History) -> States:
     """A history over time, cut and marked failed where it leaves finite numbers or the cable."""
-    states, last = h.solver.in_time(stacked(h.states)), h.states[-1]
-    if h.solver.place(last) <= ON_CABLE and math.isfinite(sum(float(x.sum()) for x in (last.q, last.v, last.a))):
-        return states  # the last state is finite, and so are all
+    states = h.solver.in_time(stacked(h.states))
     sound = np.isfinite(np.concatenate([states.q, states.v, states.a], axis=1)).all(axis=1)
-    sound[-1] &= h.solver.place(last) <= ON_CABLE
+    sound[-1] &= h.solver.place(h.states[-1]) <= ON_CABLE
     if sound.all():
         return states
     h.failure = "unstable", "the solution grew beyond all bounds; take more steps or a damped scheme"
