@@ -35,29 +35,21 @@ def claims(known: Row) -> list[Row]:
 
 def verdict(quantities: Sequence[Row], readings: bool = False) -> str:
     """The verdict; readings : one true quantity is enough."""
-    true = _joined([_true(q, q["converged"], q["uncertainty"]) for q in quantities], readings)
-    if true is None:
-        return OPEN
-    if true:
-        return HOLDS
-    return PAPER_ONLY if _joined([_true(q, q["paper"]) for q in quantities], readings) else FAILS
+    joined = max if readings else min  # or, and
+    true = joined((_true(q, q["converged"], q["uncertainty"]) for q in quantities), default=0)
+    if true >= 0:
+        return HOLDS if true else OPEN
+    return PAPER_ONLY if joined(_true(q, q["paper"]) for q in quantities) > 0 else FAILS
 
 
-def _true(q: Row, value: float | None, bar: float | None = 0.0) -> bool | None:
-    """Whether a value lies in the range; None where its bar reaches across an end, or it is unknown."""
+def _true(q: Row, value: float | None, bar: float | None = 0.0) -> int:
+    """1 for a value in the range, -1 for one outside; 0 where its bar reaches across an end, or it is unknown."""
     if value is None or bar is None:
-        return None
+        return 0
     low, high = -math.inf if q["low"] is None else q["low"], math.inf if q["high"] is None else q["high"]
     if low <= value - bar and value + bar <= high:
-        return True
-    return False if value + bar < low or value - bar > high else None
-
-
-def _joined(truths: list[bool | None], one_is_enough: bool) -> bool | None:
-    """Or, if one is enough, else and, of True, False and None; None of an empty list."""
-    if one_is_enough in truths:
-        return one_is_enough
-    return None if None in truths or not truths else not one_is_enough
+        return 1
+    return -1 if value + bar < low or value - bar > high else 0
 
 
 def quantities(entry: Row, meaning: Row, known: Row) -> Iterator[Row]:
