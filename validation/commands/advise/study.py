@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -44,24 +45,21 @@ LADDER = (*itertools.product(("string", "sagged", "stretching"), ("force", "mass
 Gap = Callable[[Response, Response, View], float]
 
 
-def _path(a: Response, b: Response, view: View) -> float:
-    return series_gap(a, b, view.window, lambda r: r.v, largest=True) / float(np.abs(b.v).max())
+def _over_largest(name: str, a: Response, b: Response, view: View, axial: float = 0.0) -> float:
+    gap = series_gap(a, b, view.window, attrgetter(name), axial, largest=True)
+    return gap / float(np.nanmax(np.abs(getattr(b, name))))
 
 
 def _timetable(a: Response, b: Response, view: View) -> float:
     place = series_gap(a, b, view.window, lambda r: r.s_o, largest=True) / b.length
-    return max(place, series_gap(a, b, view.window, lambda r: r.speed, largest=True) / float(b.speed.max()))
-
-
-def _haul_force(a: Response, b: Response, view: View) -> float:
-    gap = series_gap(a, b, view.window, lambda r: r.F_haul, view.axial, largest=True)
-    return gap / float(np.nanmax(np.abs(b.F_haul)))
+    return max(place, _over_largest("speed", a, b, view))
 
 
 # need -> distance of two runs, and the largest order credited
 NEEDS: dict[str, tuple[Gap, float]] = {
-    "timetable": (_timetable, math.inf), "path": (_path, math.inf),
-    "tension": (lambda a, b, view: tension_gap(a, b, view.window), 1.0), "haul force": (_haul_force, 1.0),
+    "timetable": (_timetable, math.inf), "path": (partial(_over_largest, "v"), math.inf),
+    "tension": (lambda a, b, view: tension_gap(a, b, view.window), 1.0),
+    "haul force": (lambda a, b, view: _over_largest("F_haul", a, b, view, view.axial), 1.0),
 }  # fmt: skip
 OF = {"grip": ("path", "tension"), "free": ("timetable", "path", "tension"), "haul": ("path", "tension", "haul force")}
 

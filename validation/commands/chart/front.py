@@ -41,15 +41,14 @@ def fastest(rows: list[Row], error: float) -> Row:
     of = {name: [r for r in rows if r["series"] == name] for name in dict.fromkeys(r["series"] for r in rows)}
     full = {name: x for name, x in of.items() if x[0]["kind"] in OURS}
 
-    def first(quantity: str) -> tuple[str | None, float | None]:
+    def first(quantity: str) -> Row:
         at = {name: t for name, x in full.items() if (t := seconds_at(x, error, quantity)) is not None}
-        name = min(at, key=lambda name: at[name], default=None)
-        return name, None if name is None else at[name]
+        name = min(at, key=at.__getitem__, default="")
+        return {"series": name or None, "seconds": at.get(name)}
 
-    best, seconds = first("path")
-    tension = dict(zip(("series", "seconds"), first("tension"), strict=True))
-    peers = {name: _peer(x, error, seconds) for name, x in of.items() if x[0]["kind"] == "peer"}
-    return {"error": error, "series": best, "seconds": seconds, "tension": tension, "peers": peers}
+    path = first("path")
+    peers = {name: _peer(x, error, path["seconds"]) for name, x in of.items() if x[0]["kind"] == "peer"}
+    return {"error": error, **path, "tension": first("tension"), "peers": peers}
 
 
 def _peer(rows: list[Row], error: float, ours: float | None) -> Row:

@@ -22,9 +22,10 @@ LOOK = ((BLUE, ""), (VERMILLION, DASHED))
 PLACE, TIME = "metres along the rope", "time [s]"
 
 
-def _inside(x: Stored, r: Response, values: Array) -> Array:
+def _inside(x: Stored, r: Response, t: Array, values: Array) -> Array:
+    """The compared part of values at times t; all if there is none."""
     low, high = x.compared(r)
-    inside = (r.t >= low) & (r.t <= high)
+    inside = (t >= low) & (t <= high)
     return values[inside] if inside.any() else values
 
 
@@ -49,7 +50,7 @@ def series(x: Stored, rows: Sequence[tuple[str, str, str]], caption: str, *, tim
             return value(r=r)
 
         # limits from the compared part, before slack
-        inside = [_inside(x, r, of(r)) for r in x.runs]
+        inside = [_inside(x, r, r.t, of(r)) for r in x.runs]
         factor, name = scale_of(np.concatenate(inside), unit)
         p = Panel(f"[{name}]", title, 110.0, down="below" in title)
         p.fit([factor * part for part in inside])
@@ -74,7 +75,7 @@ def distance(x: Stored, caption: str) -> Markup:
     a, b = x.runs
     time = x.free
     at, apart = _apart(a, b, time)
-    inside = _inside(x, a, np.pad(apart, (0, a.t.size - apart.size)))
+    inside = _inside(x, a, a.t, np.pad(apart, (0, a.t.size - apart.size)))
     factor, unit = scale_of(inside, "m")
     p = Panel(f"apart [{unit}]", height=150.0)
     p.line(at, factor * apart, BLACK, "", 1.6, "distance of the paths")
@@ -103,13 +104,8 @@ def _apart(a: Response, b: Any, time: bool) -> tuple[Array, Array]:
 
 def tension_range(x: Stored) -> tuple[float, float]:
     """Least and largest tension [N] of the compared part of the fields."""
-    low, high = np.inf, 0.0
-    for r in x.runs:
-        start, stop = x.compared(r)
-        inside = (r.fields.t >= start) & (r.fields.t <= stop)
-        part = r.fields.T[inside] if inside.any() else r.fields.T
-        low, high = min(low, float(part.min())), max(high, float(part.max()))
-    return max(0.0, low), high
+    parts = [_inside(x, r, r.fields.t, r.fields.T) for r in x.runs]
+    return max(0.0, min(float(part.min()) for part in parts)), max(float(part.max()) for part in parts)
 
 
 def tension_field(x: Stored, r: Response, caption: str, across: int = 5, up: int = 3) -> Markup:
