@@ -103,7 +103,7 @@ class Method:
     build: Build
     begins: tuple[int, int]  # coarsest resolution with a readable error, and its steps
     on_rides: dict[str, Any] = field(default_factory=dict)
-    steps_growth: float | None = None  # power of the resolution
+    keeps_pace: float = 1.0  # power of the resolution with which steps grow, against second-order time errors
     races: tuple[tuple[int, int], ...] = ()  # for `cablefem advise`, coarse to fine
     survey: tuple[int, int] | None = None  # in `cablefem atlas`; None: not mapped
     trust: str = ""  # when to use it
@@ -115,11 +115,6 @@ class Method:
     def follows(self) -> bool:
         """Whether the mesh follows the mass: then only waves limit the order in time."""
         return "grading" in self.knobs
-
-    @property
-    def keeps_pace(self) -> float:
-        """Power of the resolution with which steps grow, against second-order time errors."""
-        return self.steps_growth or max(1.0, 0.5 * self.space_order)
 
     def ladder(self, rungs: int, finer: float = 1.0) -> list[dict[str, Any]]:
         """Settings from coarse to fine, each twice as fine, with steps that keep pace.
@@ -245,18 +240,19 @@ _ALL = (
     Method(
         "following-p2", "elements", "quadratic elements on a mesh that follows the mass",
         _per_side(10), _each(4), 2.5, partial(_following, 2), (4, 200),
-        on_rides={"elements": 36, "scheme": "radau"}, survey=(8, 600), no_internal="",
+        on_rides={"elements": 36, "scheme": "radau"}, keeps_pace=1.25, survey=(8, 600), no_internal="",
         races=((4, 80), (6, 150), (9, 300), (13, 600), (20, 1200)),
         trust="the default: fastest for a given error from 1e-2 to 1e-5",
     ),
     Method(
         "following-p4", "elements", "elements of degree 4 on a mesh that follows the mass",
-        _per_side(5), _each(8), 2.5, partial(_following, 4), (2, 200), on_rides={"scheme": "radau"}, no_internal="",
+        _per_side(5), _each(8), 2.5, partial(_following, 4), (2, 200), on_rides={"scheme": "radau"}, keeps_pace=1.25,
+        no_internal="",
         trust="smooth travel (from rest); wave fronts of a sudden entry take its advantage away",
     ),
     Method(
         "fixed-hermite", "elements", "C1 cubic elements, the mass moving through them",
-        _WHOLE | {"steps": _MANY_STEPS}, _each(2), 1.0, partial(_fixed, "hermite", "chain"), (8, 800), steps_growth=3.0,
+        _WHOLE | {"steps": _MANY_STEPS}, _each(2), 1.0, partial(_fixed, "hermite", "chain"), (8, 800), keeps_pace=3.0,
         trust="first order, and N'' jumps at the nodes: wants steps like the square of the elements",
     ),
     Method(

@@ -75,17 +75,14 @@ def _party(scene: Scene, party: Any) -> dict[str, Any]:
 def _cable(scene: Scene, r: Response, color: str, unit: float, name: str) -> dict[str, Any]:
     """Frames of one rope, from shortly after the start: a gripped mass enters a rope at rest."""
     f, every, X = r.fields, _every(r), scene.catenary
-    s = f.s[::every]
-    start = {
-        "u": 0.0 * s, "v": 0.0 * s, "T": X.tension(s), "s_o": r.s_o[0], "mass_u": r.u[0], "mass_v": r.v[0],
-        "T_behind": X.tension(r.s_o[:1])[0], "T_ahead": X.tension(r.s_o[:1])[0],
-    }  # fmt: skip
+    T = X.tension(r.s_o[:1])
+    start = {"s_o": r.s_o[0], "T": X.tension(f.s[::every]), "T_behind": T, "T_ahead": T}  # the rest is zero
     late = f.t[0] > 0.0
 
     def frames(of: str) -> Array:
         values = getattr(f, of)
         values = values[:, ::every] if values.ndim == 2 else values
-        first = values[:1] if r.drive != "grip" or of.startswith("mass") else np.reshape(start[of], values[:1].shape)
+        first = np.broadcast_to(start.get(of, 0.0), values[:1].shape)
         return np.concatenate([first, values]) if late else values
 
     t = np.append(0.0, f.t) if late else f.t

@@ -162,7 +162,7 @@ class _Solvers:
             return [Rung({r.setting: n}, r.unknowns(n)) for n in values]
         method = find(name)
         sharp = method.resolution.doubling and method.space_order > 1.0
-        dear = finer > 1.0 or sharp or method.steps_growth is not None
+        dear = finer > 1.0 or sharp or method.keeps_pace > 2.0
         settings = method.ladder(3 if dear else 4, finer)
         return [Rung(method.told(x), method.resolution.unknowns(method.value(x))) for x in settings]
 

@@ -15,11 +15,11 @@ def sections(folder: Path) -> list[Section]:
     for name, page in (("rest", line.sections), ("grid-rest-run", line.grid)):
         if (folder / name).is_dir():
             return page(folder / name)
-    files = sorted(folder.glob("*/*.json"), key=lambda file: file.stat().st_mtime)
-    files = [file for file in files if file.name in ("summary.json", "grid.json")]
-    if files[-1].name == "grid.json":
-        return many.sections(files[-1].parent)
-    found = Response.read(files[-1].parent)
+    files = [*folder.glob("*/summary.json"), *folder.glob("*/grid.json")]
+    last = max(files, key=lambda file: file.stat().st_mtime)
+    if last.name == "grid.json":
+        return many.sections(last.parent)
+    found = Response.read(last.parent)
     if found.t.size < 2:
         return [Section("answer", "Answer", callout(f"The run broke at its start: {found.reason}.", "disagree"))]
     x = Stored(Scene.from_toml(found.scene_toml), (found,))
