@@ -25,10 +25,8 @@ def crossed(
     s = method.settings(settings)
     system = method.build(groups, s, model=model, load=load, law="elastic")
     scheme = newmark.scheme(s["scheme"], newmark_gamma=s["newmark_gamma"], rho_inf=s["rho_inf"])
-    start = None
-    if begun:
-        rest = np.zeros(system.n_dof)
-        start = newmark.consistent_acceleration(system, 0.0, rest, rest.copy(), 0)
+    rest = np.zeros(system.n_dof)
+    start = newmark.consistent_acceleration(system, 0.0, rest, rest.copy(), 0) if begun else None
     states: list[newmark.State] = []
     try:
         for x in newmark.integrate(system, scheme, newmark.step_times(system, s["steps"]), start=start):

@@ -49,11 +49,9 @@ def _stretches(law: dict[str, Any], way: float) -> tuple[float, Stretches]:
         return (0.0, [(T, 2.0 * V / T, -2.0 * V / T**2), (math.inf, 0.0, 0.0)]) if T else (V, [(math.inf, 0.0, 0.0)])
     if kind == "constant_acceleration":
         return law.get("initial_speed", 0.0), [(math.inf, law["acceleration"], 0.0)]
-    if kind == "accelerate_cruise_brake":
-        V, third = law["top_speed"], way / 3.0
-        a, T = 0.5 * V * V / third, 2.0 * third / V
-        return 0.0, [(T, a, 0.0), (third / V, 0.0, 0.0), (T, -a, 0.0)]
-    up, down, jerk = law["acceleration"], law["deceleration"], law.get("jerk")
+    V = law["top_speed"]
+    thirds = 1.5 * V * V / way  # accelerate_cruise_brake: each takes a third of the way
+    up, down, jerk = law.get("acceleration", thirds), law.get("deceleration", thirds), law.get("jerk")
 
     def ramp(V: float, a: float, sign: float) -> Stretches:
         """From rest to V: acceleration rises, stays, falls; sign -1 runs it backwards."""
@@ -66,7 +64,6 @@ def _stretches(law: dict[str, Any], way: float) -> tuple[float, Stretches]:
     def both(V: float) -> float:
         return 0.5 * V * sum(duration for a in (up, down) for duration, _, _ in ramp(V, a, 1.0))
 
-    V = law["top_speed"]
     if both(V) > way:
         V = brentq(lambda V: both(V) - way, 1e-12 * V, V, xtol=1e-14 * V, rtol=1e-15)
     return 0.0, [*ramp(V, up, 1.0), ((way - both(V)) / V, 0.0, 0.0), *ramp(V, down, -1.0)]

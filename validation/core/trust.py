@@ -19,8 +19,7 @@ def _path(r: Response, place: Array) -> Array:
 
 def gap(a: Response, b: Response, place: Array) -> Array:
     """The distance of two paths at s_o/l (n,), over the largest deflection."""
-    difference = _path(a, place) - _path(b, place)
-    return np.hypot(difference[:, 0], difference[:, 1]) / max(a.max_deflection, b.max_deflection)
+    return np.linalg.norm(_path(a, place) - _path(b, place), axis=1) / max(a.max_deflection, b.max_deflection)
 
 
 def post_slack_spread(a: Response, b: Response, stop: float) -> float:
