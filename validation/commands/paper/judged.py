@@ -5,6 +5,7 @@ claims.toml holds the paper's statements; its values are expressions, its senten
 
 import math
 from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import jinja2
@@ -43,7 +44,7 @@ def verdict(quantities: Sequence[Row], readings: bool = False) -> str:
 
 
 def _true(q: Row, value: float | None, bar: float | None = 0.0) -> int:
-    """1 for a value in the range, -1 for one outside; 0 where its bar reaches across an end, or it is unknown."""
+    """1 inside the range, -1 outside, 0 where the bar reaches across an end or is unknown."""
     if value is None or bar is None:
         return 0
     low, high = -math.inf if q["low"] is None else q["low"], math.inf if q["high"] is None else q["high"]
@@ -120,13 +121,8 @@ def decimal(x: float) -> str:
     return f"{x:.9f}".rstrip("0").rstrip(".")
 
 
-def fixed(x: float, decimals: int = 0) -> str:
-    return f"{float(x):.{decimals}f}"
-
-
-def percent(x: float, decimals: int = 0) -> str:
-    """A ratio in percent, without the sign."""
-    return fixed(100.0 * x, decimals)
+def fixed(x: float, decimals: int = 0, factor: float = 1.0) -> str:
+    return f"{float(factor * x):.{decimals}f}"
 
 
 def power(x: float) -> str:
@@ -136,4 +132,4 @@ def power(x: float) -> str:
 
 
 _TEMPLATES = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)
-_TEMPLATES.filters |= {"d": fixed, "pct": percent, "power": power}
+_TEMPLATES.filters |= {"d": fixed, "pct": partial(fixed, factor=100.0), "power": power}

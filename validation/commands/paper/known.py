@@ -25,7 +25,7 @@ from validation.oracles import catenary_modes
 
 def names(runs: Runs, beyond: dict[str, Any]) -> dict[str, Any]:
     """Everything by name; beyond : of `numbers`.  A scene's name is that of its converged run."""
-    converged = {scene: x.run for scene, x in runs.reference.items()}
+    converged = {scene: x.ladder.run for scene, x in runs.reference.items()}
     return {
         "m": measured, "median": np.median, "pi": math.pi, "asked": SAID, "scenes": runs.scenes,
         "runs": runs.by_name, "reference": runs.reference, **converged, **beyond,
@@ -48,18 +48,13 @@ def numbers(runs: Runs, file: Path, report: Progress) -> dict[str, Any]:
         },
     }  # fmt: skip
     same = level.to_toml(), inclined.to_toml(), SAID["overshoot"], swing
-    found = store.each_once(
-        file, {json.dumps((name, *same)): job for name, job in jobs.items()}, lambda job: job(),
-        partial(report, "numbers"),
-    )  # fmt: skip
+    keyed = {json.dumps((name, *same)): job for name, job in jobs.items()}
+    found = store.each_once(file, keyed, lambda job: job(), partial(report, "numbers"))
     return dict(zip(jobs, found.values(), strict=True))
 
 
 def energy_ratio(groups: Groups, per_period: int, name: str = "trapezoidal") -> float:
-    """Largest energy of the bare cable in free vibration, over the one given; energies above the hanging cable's.
-
-    per_period : steps per period of the first mode (2 pi/5.35).
-    """
+    """Largest energy of the bare cable in free vibration over that given; per_period : steps in the first mode's."""
     swing = SAID["vibration"]
     dt, steps = 2.0 * np.pi / 5.3454766 / per_period, round(swing["periods"] * per_period)
     how = {"terms": swing["terms"], "speed": swing["speed"], "dt": dt, "steps": steps}

@@ -35,13 +35,9 @@ class Reference:
     ladder: Ladder
     cross: Response
 
-    @property
-    def run(self) -> Response:
-        return self.ladder.finest
-
     def bar(self, f: Callable[[Response], float]) -> float:
         """Bar of a number, at least the distance to the other solver."""
-        return max(float(self.ladder.bar(f)), abs(f(self.run) - f(self.cross)))
+        return max(float(self.ladder.bar(f)), abs(f(self.ladder.run) - f(self.cross)))
 
     @property
     def path_bar(self) -> float:
@@ -51,7 +47,7 @@ class Reference:
         def apart(a: Response, b: Response) -> float:
             return measures.path_gap(a, b, window)[0]
 
-        return max(float(self.ladder.bar(lambda r: r, apart)), apart(self.cross, self.run))
+        return max(float(self.ladder.bar(lambda r: r, apart)), apart(self.cross, self.ladder.run))
 
 
 @dataclass(frozen=True, slots=True)

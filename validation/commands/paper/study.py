@@ -22,8 +22,8 @@ def paper(out: Path, report: Progress = silent) -> dict[str, Any]:
         "count": {verdict: counts[verdict] for verdict in judged.VERDICTS},
         "references": {
             scene: {
-                "method": x.run.method, "settings": x.run.settings, "crossed_by": x.cross.method,
-                "path_bar": x.path_bar, "slack_onset": x.run.slack_onset,
+                "method": x.ladder.run.method, "settings": x.ladder.run.settings, "crossed_by": x.cross.method,
+                "path_bar": x.path_bar, "slack_onset": x.ladder.run.slack_onset,
             }
             for scene, x in runs.reference.items()
         },
