@@ -103,7 +103,7 @@ class Method:
     build: Build
     begins: tuple[int, int]  # coarsest resolution with a readable error, and its steps
     on_rides: dict[str, Any] = field(default_factory=dict)
-    keeps_pace: float = 1.0  # power of the resolution with which steps grow, against second-order time errors
+    keeps_pace: float = 1.0  # power of the resolution with which steps grow
     races: tuple[tuple[int, int], ...] = ()  # for `cablefem advise`, coarse to fine
     survey: tuple[int, int] | None = None  # in `cablefem atlas`; None: not mapped
     trust: str = ""  # when to use it

@@ -130,17 +130,13 @@ def plot(
         top += 20.0 if p.title or p.scale else 0.0
         shown.append(p.drawn(across, w) | {"top": top, "last": p is panels[-1]})
         top += p.height + 14.0
+    key = {name: (*look, name) for p in panels for _, _, *look, name in p.lines if name}
     svg = rendered(
         "plot.svg", panels=shown, width=WIDTH, height=top - 14.0 + BELOW, left=LEFT, right=right, xlabel=xlabel,
-        label=plain(caption), key=_key(panels),
+        label=plain(caption), key=list(key.values()),
         xticks=[(_place(across(t)), words) for t, words in _ticks(*x, False, 7)],
     )  # fmt: skip
     return figure_of(svg, caption, wide=wide)
-
-
-def _key(panels: Sequence[Panel]) -> list[tuple[str, str, float, str]]:
-    named = {name: (color, dash, width) for p in panels for _, _, color, dash, width, name in p.lines if name}
-    return [(*look, name) for name, look in named.items()]
 
 
 def _ticks(low: float, high: float, log: bool, most: float) -> list[tuple[float, str]]:

@@ -99,12 +99,10 @@ def progress() -> Iterator[Progress]:
         console=Console(stderr=True), transient=True,
     ) as bars:  # fmt: skip
 
-        def show(label: str, done: float, note: str | None = None) -> None:
+        def show(label: str, done: float, note: str = "") -> None:
             if label not in tasks:
                 tasks[label] = bars.add_task(label, total=1.0, note="")
-            bars.update(tasks[label], completed=done)
-            if note is not None:
-                bars.update(tasks[label], note=note)
+            bars.update(tasks[label], completed=done, note=note)
 
         yield show
 

@@ -133,10 +133,9 @@ def stiff(model: str) -> tuple[Response, Response]:
     return a, b
 
 
-def tension_gap(a: Response, b: Response, pointwise: bool = False) -> float:
-    """The distance of two tension fields before the slack, of mean tensions or point by point."""
-    window = 0.02, min(0.2, a.reached, b.reached)
-    return measures.tension_gap(a, b, window, "T_pointwise" if pointwise else "T")
+def tension_gap(a: Response, b: Response, of: str = "T") -> float:
+    """The distance of two tension fields before the slack."""
+    return measures.tension_gap(a, b, (0.02, min(0.2, a.reached, b.reached)), of)
 
 
 def frozen(terms: int) -> float:

@@ -72,7 +72,7 @@ def _key(classes: list[str], causes: set[str | None]) -> list[Patch]:
 
 
 def _cell(ax: Any, i: int, j: int, cell: dict[str, Any]) -> None:
-    """Draw a cell in the colour of its class, with the letter of its cause and how far the run came."""
+    """Draw a cell: colour of its class, letter of its cause, how far the run came."""
     colour, hatch, _ = CLASSES[cell["class"]]
     how = {"facecolor": colour, "hatch": hatch, "edgecolor": "white", "linewidth": 0.5}
     ax.fill_between([i - 0.5, i + 0.5], j - 0.5, j + 0.5, **how)

@@ -23,9 +23,7 @@ def free_vibration(
 ) -> Array:
     """Energy of a bare cable after every step over that at the start, (n,); short if the run broke.
 
-    Energies are above the hanging cable's.
-
-    speed : at the start, of that one of so many sines.
+    Above the hanging cable's.  speed : at the start, of one sine of `terms`.
     """
     system = GalerkinSystem(replace(groups, mu=0.0, motion=standing(0.5, dt * steps)), Fourier(terms))
     v = np.zeros(system.n_dof)

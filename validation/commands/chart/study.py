@@ -247,11 +247,8 @@ def _repeated(scene: Scene, line: Series, rung: Row, truth: _Truth, repeats: int
     return _row(line, rung, **found, seconds=min(seconds), spread=spread, repeats=len(seconds))
 
 
-Once = tuple[Row, float]  # result of a run, and its seconds
-
-
-def _ours(scene: Scene, line: Series, rung: Row, truth: _Truth) -> Once:
-    """One of our runs; by tolerance its seconds include all runs up to it."""
+def _ours(scene: Scene, line: Series, rung: Row, truth: _Truth) -> tuple[Row, float]:
+    """Result and seconds of a run; by tolerance its seconds include all runs up to it."""
     assert line.method is not None
     if "tol" in rung:
         begin = time.process_time()
@@ -266,7 +263,7 @@ def _ours(scene: Scene, line: Series, rung: Row, truth: _Truth) -> Once:
     return found | truth.judged(r.reached, r.reason, lambda: truth.errors(r)), seconds
 
 
-def _of_peer(scene: Scene, line: Series, rung: Row, truth: _Truth) -> Once:
+def _of_peer(scene: Scene, line: Series, rung: Row, truth: _Truth) -> tuple[Row, float]:
     stop = stop_of(scene)
     groups = scene.groups if stop is None else until(scene.groups, stop)
     wall, own = time.perf_counter(), time.process_time()

@@ -71,7 +71,7 @@ def sweep(
         known = done(out)
         todo = deque(i for i in range(len(study)) if i not in known)
         tally = Tally(len(study), len(known))
-        _tell(progress, tally)
+        progress("sweep", tally.done / tally.total, str(tally))
         if todo:
             try:
                 with _client(workers, scheduler, min(len(todo), LARGEST)) as client:
@@ -79,15 +79,11 @@ def sweep(
                     for rows in filter(None, _computed(client, study, todo, work)):
                         write(out, study, rows)
                         tally.status.update(row["status"] for row in rows)
-                        _tell(progress, tally)
+                        progress("sweep", tally.done / tally.total, str(tally))
             except KeyboardInterrupt:
                 stored = f"{tally.done} of {tally.total} scenes are stored in {out}"
                 raise KeyboardInterrupt(f"{stored}; the same command goes on from there") from None
     return tally
-
-
-def _tell(progress: Progress, tally: Tally) -> None:
-    progress("sweep", tally.done / tally.total, str(tally))
 
 
 def _computed(client: Any, study: Study, todo: deque[int], work: Work) -> Iterator[list[Row]]:
@@ -136,9 +132,8 @@ def write(out: Path, study: Study, rows: list[Row]) -> None:
     import pyarrow
     from pyarrow import parquet
 
-    first = rows[0]["index"]
     table = pyarrow.Table.from_pylist(rows, _schema(study))
-    with whole(out / "rows" / f"{first:08d}-{len(rows)}.parquet") as temporary:
+    with whole(out / "rows" / f"{rows[0]['index']:08d}-{len(rows)}.parquet") as temporary:
         parquet.write_table(table, temporary)
 
 

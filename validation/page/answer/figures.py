@@ -23,7 +23,6 @@ PLACE, TIME = "metres along the rope", "time [s]"
 
 
 def _inside(x: Stored, r: Response, t: Array, values: Array) -> Array:
-    """The compared part of values at times t; all if there is none."""
     low, high = x.compared(r)
     inside = (t >= low) & (t <= high)
     return values[inside] if inside.any() else values
