@@ -4,13 +4,14 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from markupsafe import Markup, escape
 from matplotlib.patches import Patch
 
 from validation.core import store
 from validation.page.figures import panels, style
 from validation.page.page import Section, drawn, figure
-from validation.page.plot import GREY
+from validation.page.plot import BLUE, GREY
 
 SAID = store.shipped(__package__, "maps.toml")
 CLASSES: dict[str, tuple[str, str, str]] = SAID["classes"]
@@ -45,9 +46,10 @@ def _figure(m: dict[str, Any], method: str, cells: dict[Any, Any]) -> Markup:
     with style():
         for (i, j), cell in grid.items():
             _cell(ax, i, j, cell)
+        _curves(ax, m)
         _axes(ax, m)
         ax.set_title(method)
-        handles = _key(shown, {cell["cause"] for cell in grid.values()})
+        handles = _key(shown, {cell["cause"] for cell in grid.values()}) + ax.get_legend_handles_labels()[0]
         fig.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=7.5)
     tally = ", ".join(f"{kinds.count(k)} {k}" for k in shown)
     return figure(fig, escape(f"{m['title']}: {method}"), label=f"Map of {method}: {tally}")
@@ -72,7 +74,7 @@ def _key(classes: list[str], causes: set[str | None]) -> list[Patch]:
 
 
 def _cell(ax: Any, i: int, j: int, cell: dict[str, Any]) -> None:
-    """Draw a cell: colour of its class, letter of its cause, how far the run came."""
+    """Draw a cell in the colour of its class, with the letter of its cause and how far the run came."""
     colour, hatch, _ = CLASSES[cell["class"]]
     how = {"facecolor": colour, "hatch": hatch, "edgecolor": "white", "linewidth": 0.5}
     ax.fill_between([i - 0.5, i + 0.5], j - 0.5, j + 0.5, **how)
@@ -82,3 +84,20 @@ def _cell(ax: Any, i: int, j: int, cell: dict[str, Any]) -> None:
             letter += f"\n{cell['reached']:.2f}"
         box = {"facecolor": badge, "edgecolor": "white", "linewidth": 0.5, "pad": 1.2}
         ax.text(i, j, letter, ha="center", va="center", fontsize=7.5, color=ink, bbox=box)
+
+
+def _curves(ax: Any, m: dict[str, Any]) -> None:
+    """Draw the curves of theory; places on axes of cells are interpolated by logarithms."""
+
+    def place(values: list[float], x: Any) -> Any:
+        return np.interp(np.log(x), np.log(values), np.arange(len(values)), left=np.nan, right=np.nan)
+
+    xs, ys = m["x"]["values"], m["y"]["values"]
+    if m["name"] == "speed-mass":
+        ax.axvline(place(xs, 1.0), color=BLUE, linestyle="--", label="V = wave speed")
+    elif m["name"] == "sag-stiffness":
+        # L^2 = sigma^2 alpha = 4 pi^2, sigma = 8 sag/span for a flat parabola
+        sag = np.geomspace(xs[0], xs[-1], 200)
+        stiff = 4.0 * np.pi**2 / (8.0 * sag) ** 2
+        inside = (stiff >= ys[0]) & (stiff <= ys[-1])
+        ax.plot(place(xs, sag[inside]), place(ys, stiff[inside]), color=BLUE, linestyle="--", label="Irvine $L^2=4π^2$")
