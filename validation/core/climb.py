@@ -26,7 +26,7 @@ FIRST_STEPS, MOST_STEPS = 120, 64_000
 LARGEST = 2e6  # steps times resolution, about 0.5 GB
 BUDGET = 1.2e6  # work (see `dear`) of the finest run of a ladder, which takes 30 to 60 s
 AIM = 0.8  # planned bar over the one asked for
-FINER = np.array([1.0, 1.5, 1.75, 2.0])  # refinements of space in one stride; larger ones may cost too much
+FINER = np.array([1.0, 1.25, 1.5, 1.75, 2.0])  # refinements of space in one stride; larger ones may cost too much
 SHORTER = np.array([1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0])  # of time; orders do not hold further
 ROUNDING = 1e-12  # of the path's scale
 

@@ -136,10 +136,11 @@ class _Side:
 
         larger : for the larger bar of a row, else for the smaller one.
         """
-        apart, now = overall(rows) is Verdict.DISAGREE, ladder.run.settings
-        confirming = refined(self.method, now, space=CONFIRMS, time=CONFIRMS)
-        settings = confirming if apart else _finer(self.method, ladder, rows, larger)
-        return None if settings is None or dear(self.method, ladder, settings, self.budget) else settings
+        if overall(rows) is Verdict.DISAGREE:
+            tries = [refined(self.method, ladder.run.settings, space=CONFIRMS, time=CONFIRMS)]
+        else:  # with a margin, or just enough
+            tries = [x for aim in (AIM, 1.0) if (x := _finer(self.method, ladder, rows, larger, aim)) is not None]
+        return next((x for x in tries if not dear(self.method, ladder, x, self.budget)), None)
 
     def remade(self, before: Ladder, settings: Settings | None, progress: Progress) -> Ladder:
         if settings is None:
@@ -186,11 +187,14 @@ def _window(scene: Scene, a: Ladder, b: Ladder) -> measures.Window:
         return measures.WINDOW[0], measures.WINDOW[0]
 
 
-def _finer(method: Method, ladder: Ladder, rows: list[Agreement], larger: bool) -> Settings | None:
-    """Finer settings of a method with too large bars, by the worst asked row."""
+def _finer(method: Method, ladder: Ladder, rows: list[Agreement], larger: bool, aim: float) -> Settings | None:
+    """Finer settings of a method with too large bars, by the worst asked row; aim : planned bar over its target."""
     coarse = [row for row in rows if row.asked and row.verdict is Verdict.TOO_COARSE and row.asked_for]
     worst = max((x for row in coarse for x in _excess(row, method.name, larger)), key=lambda x: x[0], default=None)
-    settings = ladder.run.settings if worst is None else cheapest(method, ladder.run.settings, *worst[1:])
+    if worst is None:
+        return None
+    _, parts, target, order = worst
+    settings = cheapest(method, ladder.run.settings, parts, aim * target, order)
     return None if settings == ladder.run.settings else settings
 
 
@@ -205,7 +209,7 @@ def _excess(row: Agreement, method: str, larger: bool) -> Iterator[tuple[float, 
         bar = sum(parts)
         room = row.asked_for - (row.allowed - bar if math.isfinite(row.allowed) else 0.0)
         if of.name == method and (bar == largest) is larger and (larger or room > 0.0):
-            target = AIM * (max(room, row.asked_for / 2.0) if larger else room)
+            target = max(room, row.asked_for / 2.0) if larger else room
             target *= min(1.0, row.allowed / row.gap if row.gap else 1.0)
             yield bar / target, parts, target, math.inf if "path" in row.quantity else 1.0
 
