@@ -9,7 +9,7 @@ import pytest
 
 from cablefem import Scene
 from cablefem.response import Response
-from validation.commands.paper import gibbs, judged, known, measured, runs
+from validation.commands.paper import gibbs, judged, known, measured, runs, vibration
 from validation.commands.paper import page as report
 from validation.commands.paper import study as claims
 from validation.commands.paper.judged import FAILS, HOLDS, OPEN, PAPER_ONLY, verdict
@@ -151,8 +151,8 @@ def test_the_overshoot_of_plain_sines_does_not_shrink_and_is_gone_with_the_kink(
 
 def test_the_trapezoidal_rule_gains_energy_where_the_energy_rule_keeps_it():
     groups = Scene.load("level").groups
-    assert known.energy_ratio(groups, 12) > 10.0
-    assert abs(known.energy_ratio(groups, 80) - 1.0) < 2e-3
+    assert vibration.energy_ratio(groups, 12) > 10.0
+    assert abs(vibration.energy_ratio(groups, 80) - 1.0) < 2e-3
 
 
 # --- the study ------------------------------------------------------------------------------------------------------

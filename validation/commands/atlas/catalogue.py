@@ -16,6 +16,7 @@ from galerkin.equations import GalerkinSystem
 from validation.commands.atlas import specimens
 from validation.commands.modes.study import bare
 from validation.commands.paper import measured
+from validation.commands.paper.vibration import free_vibration
 from validation.core import measures, running, store
 from validation.core.trust import convergence_limit, post_slack_spread
 from validation.core.watch import MOST_GAIN
@@ -92,13 +93,13 @@ def ripple(method: str, **how: Any) -> float:
 def vibration(scheme: str) -> Array:
     """The energy of a free cable over the one given, at every step, in the second mode."""
     large: dict[str, Any] = {"terms": 30, "speed": 0.1, "sine": 2, "dt": 0.04, "steps": 200}
-    return specimens.free_vibration(level().groups, newmark.scheme(scheme), **large)
+    return free_vibration(level().groups, newmark.scheme(scheme), **large)
 
 
 def left(scheme: str, **how: float) -> float:
     """Remaining energy of a vibration small enough to be linear."""
     small: dict[str, Any] = {"terms": 16, "speed": 1e-3, "sine": 2, "dt": 0.05, "steps": 600}
-    energy = specimens.free_vibration(level().groups, newmark.scheme(scheme, **how), **small)
+    energy = free_vibration(level().groups, newmark.scheme(scheme, **how), **small)
     return energy[-1] / energy[100]  # without the axial waves of the start
 
 

@@ -1,43 +1,16 @@
-"""Systems of the failure catalogue: a cable in free vibration, planted faults, and the limits of theory."""
+"""Systems of the failure catalogue: planted faults, and the limits of theory."""
 
-from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from scipy.linalg import eigvals
 
-from cablefem import newmark
-from cablefem.newmark import Newton, Scheme, State, consistent_acceleration
-from cablefem.response import Array
+from cablefem.newmark import State
 from cablefem.scene import Groups
-from cablefem.scene.motion import standing
 from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem, Instant
 from validation.core.methods import METHODS, Method
-from validation.core.sampling import stacked
-
-
-def free_vibration(
-    groups: Groups, scheme: Scheme, *, terms: int, speed: float, sine: int = 1, dt: float, steps: int
-) -> Array:
-    """Energy of a bare cable after every step over that at the start, (n,); short if the run broke.
-
-    Above the hanging cable's.  speed : at the start, of one sine of `terms`.
-    """
-    system = GalerkinSystem(replace(groups, mu=0.0, motion=standing(0.5, dt * steps)), Fourier(terms))
-    v = np.zeros(system.n_dof)
-    v[terms + sine - 1] = speed
-    states = [consistent_acceleration(system, 0.0, np.zeros_like(v), v, 0)]
-    newton = Newton(tol=1e-12 if scheme.average else 1e-9, max_iter=40)  # energy is kept as well as steps are solved
-    with suppress(newmark.StepFailure):
-        states.extend(
-            newmark.integrate(system, scheme, [np.linspace(0.0, dt * steps, steps + 1)], newton=newton, start=states[0])
-        )
-    still = State(0.0, *np.zeros((3, system.n_dof)))
-    with np.errstate(over="ignore", invalid="ignore"):
-        energy = system.observe(stacked([still, *states]), np.zeros(0), np.zeros(0, np.intp)).energy
-        return (energy[1:] - energy[0]) / (energy[1] - energy[0])
 
 
 def frozen(system: GalerkinSystem, t: float) -> Any:

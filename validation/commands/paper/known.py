@@ -9,14 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from cablefem.newmark import scheme
-from cablefem.scene import Groups
 from galerkin.bases import Basis
 from galerkin.bases.daubechies import Daubechies
 from galerkin.bases.fourier import Fourier
 from galerkin.modes import bare_frequencies
-from validation.commands.atlas.specimens import free_vibration
-from validation.commands.paper import gibbs, measured
+from validation.commands.paper import gibbs, measured, vibration
 from validation.commands.paper.runs import SAID, Runs
 from validation.core import store
 from validation.core.sidebyside import Progress
@@ -38,7 +35,7 @@ def numbers(runs: Runs, file: Path, report: Progress) -> dict[str, Any]:
     file : where they are kept, and found again if scenes and settings are the same.
     """
     level, inclined, swing = runs.scenes["level"], runs.scenes["inclined"], SAID["vibration"]
-    energy = partial(energy_ratio, level.groups)
+    energy = partial(vibration.energy_ratio, level.groups)
     jobs: dict[str, Callable[[], Any]] = {
         "frequencies": lambda: figure_2(runs),
         "overshoot": lambda: gibbs.overshoots(inclined.groups),
@@ -51,14 +48,6 @@ def numbers(runs: Runs, file: Path, report: Progress) -> dict[str, Any]:
     keyed = {json.dumps((name, *same)): job for name, job in jobs.items()}
     found = store.each_once(file, keyed, lambda job: job(), partial(report, "numbers"))
     return dict(zip(jobs, found.values(), strict=True))
-
-
-def energy_ratio(groups: Groups, per_period: int, name: str = "trapezoidal") -> float:
-    """Largest energy of the bare cable in free vibration over that given; per_period : steps in the first mode's."""
-    swing = SAID["vibration"]
-    dt, steps = 2.0 * np.pi / 5.3454766 / per_period, round(swing["periods"] * per_period)
-    how = {"terms": swing["terms"], "speed": swing["speed"], "dt": dt, "steps": steps}
-    return float(np.nanmax(free_vibration(groups, scheme(name), **how)))
 
 
 def figure_2(runs: Runs) -> dict[str, Any]:
