@@ -19,7 +19,7 @@ def write(folder: Path, command: str) -> None:
     drawn: list[Section] = importlib.import_module(f"validation.commands.{command}.page").sections(folder)
     write_json(store.pages(folder, command), [asdict(section) for section in drawn])
     done = [other for other in store.results(folder) if other == command or store.finished(folder, other)]
-    sections = _apart((other, section) for other in done for section in kept(folder, other))
+    sections = _apart((other, s) for other in done for s in (drawn if other == command else kept(folder, other)))
     title = store.title(folder) or next((s.title for s in sections), folder.name)
     page.render(title, sections, folder / "report.html")
     store.finish(folder, command)
