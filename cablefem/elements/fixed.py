@@ -3,9 +3,9 @@
 M d2q/dt2 + R(q) + N(s_o)^T F = 0, F = mu (d2p/dt2 - sigma j), p = X(s_o) + N(s_o) q, with couplings
 
 chain    N a + 2 ds_o N' v + (ds_o^2 N'' + dds_o N') q, for C1 (Hermite) elements; error about elements^2/steps.
-naive    the same in P1 or P2 elements.  WRONG: no centrifugal force, as N'' has deltas at nodes.
+naive    the same in P1 elements.  WRONG: no centrifugal force, as N'' has deltas at nodes.
 path     p is an unknown with the constraint p = N(s_o) q (index 3).  It needs numerical damping:
-         Hermite generalised-alpha, rho_inf = 0.5, 12 steps per element; P1 and P2 gamma = 0.6, at most 25.
+         Hermite generalised-alpha, rho_inf = 0.5, 12 steps per element; P1 gamma = 0.6, at most 25.
 """
 
 from collections.abc import Iterator
@@ -23,7 +23,7 @@ from cablefem.newmark import Array, Settled, Solve, State, collocate, consistent
 from cablefem.response import States
 from cablefem.scene import Groups
 
-_KINDS = {"hermite": skfem.ElementLineHermite, "p1": skfem.ElementLineP1, "p2": skfem.ElementLineP2}
+_KINDS = {"hermite": skfem.ElementLineHermite, "p1": skfem.ElementLineP1}
 
 
 class FixedElements(CableElements):

@@ -81,9 +81,7 @@ def _ends(h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     W = (H W H^T + B B^T)/2, H = taps that stay cut, B = taps inside; summed by doubling (Smith 1968).
     """
     R = h.size - 1
-    taps = np.array(
-        [[h[t - 2 * l] if 0 <= t - 2 * l <= R else 0.0 for t in range(1 - R, R)] for l in range(1 - R, 0)]
-    )
+    taps = np.array([[h[t - 2 * l] if 0 <= t - 2 * l <= R else 0.0 for t in range(1 - R, R)] for l in range(1 - R, 0)])
     step, W = taps[:, : R - 1] / sqrt(2.0), taps[:, R - 1 :] @ taps[:, R - 1 :].T / 2
     for _ in range(8):
         W, step = W + step @ W @ step.T, step @ step

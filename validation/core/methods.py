@@ -261,18 +261,9 @@ _ALL = (
         trust="only with numerical damping: the undamped rule blows up",
     ),
     Method(
-        "fixed-p2-path", "elements", "quadratic elements, the mass a particle constrained to them",
-        _DAMPED, _each(2), 1.0, partial(_fixed, "p2", "path"), (10, 250),
-        trust="only with numerical damping: the undamped rule blows up",
-    ),
-    Method(
         "fixed-p1-naive", "elements", "linear elements with chain-rule accelerations: WRONG",
         _WHOLE, _each(1), 0.0, partial(_fixed, "p1", "naive"), (10, 250), wrong=True,
         trust="never: the centrifugal force is lost at the nodes; on show because everybody writes it first",
-    ),
-    Method(
-        "fixed-p2-naive", "elements", "quadratic elements with chain-rule accelerations: WRONG",
-        _WHOLE, _each(2), 0.0, partial(_fixed, "p2", "naive"), (10, 250), wrong=True, trust="never, as fixed-p1-naive",
     ),
     Method(
         "fourier", "galerkin", "the paper's sines (33)-(34)",
@@ -296,11 +287,6 @@ _ALL = (
         "wavelet", "galerkin", "the paper's anti-derivatives of Daubechies wavelets (35)-(39)",
         _WAVELETS | _COURSE, LEVELS, 1.0, partial(_galerkin, "wavelet", False), (0, 400),
         trust="the paper's method; first order like sines, oscillations stay near the mass",
-    ),
-    Method(
-        "wavelet-kink", "galerkin", "wavelets and a hat that travels with the mass",
-        _WAVELETS | _COURSE, LEVELS, 2.0, partial(_galerkin, "wavelet", True), (0, 1000),
-        trust="as fourier-kink, slower",
     ),
 )  # fmt: skip
 METHODS = {m.name: m for m in _ALL}
