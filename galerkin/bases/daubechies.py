@@ -1,6 +1,6 @@
 """Anti-derivatives of Daubechies wavelets (35)-(39) at any real s.
 
-Relative errors are 1e-12 up to order 6 and 1e-11 at order 10, where the functions are nearly dependent.
+Relative errors are 1e-12 up to order 6.  Functions of higher orders are nearly dependent: 1e-11 at order 8.
 
 Construction: Xu & Shann 1992; Chen, Hwang & Shih 1996.
 With v(x) = [phi(x), phi(x + 1), ...] the refinement equation reads v(x) = T_d v(2x - d), d the first binary digit of x.
@@ -257,7 +257,7 @@ class Daubechies:
         Theta_jk(x) = 2^(-j/2) [theta(2^j x - k) - theta(-k) - (x/R)(theta(2^j R - k) - theta(-k))],  x = R s     (39)
         1-R <= k <= order-1 for j = -1,   order-R <= k <= 2^j R - order for j >= 0,   R = 2 order - 1             (37)
 
-    order : vanishing moments, 2 to 10; (23) needs 4.
+    order : vanishing moments, 2 to 8; (23) needs 4.
     level : levels after j = -1, at most 8; 2^level R + order - 1 functions.
     reading : "literal"; "scaling" has phi(x - k) for j = -1 and lacks functions at the right end; "shifted" has psi on
         [1-p, p] and loses rank.

@@ -216,7 +216,7 @@ def _per_side(default: int) -> dict[str, Setting]:
 
 _TERMS = {"terms": Setting(30, (1, 2000), "sines")}
 _WAVELETS = {
-    "order": Setting(4, (2, 10), "Daubechies order p (2p filter taps)"),
+    "order": Setting(4, (2, 8), "Daubechies order p (2p filter taps)"),
     "level": Setting(1, (0, 8), "levels J; the number of wavelets is 2^J (2p - 1) + p - 1"),
     "reading": Setting(
         "literal", ("literal", "scaling", "shifted"), "of the printed index set (37); the other two are known to fail"
