@@ -110,7 +110,7 @@ def test_verdicts_of_all_scenes_come_before_what_is_behind_them(tmp_path, monkey
         folder = tmp_path / name
         folder.mkdir()
         (folder / store.MARKER).write_text(
-            json.dumps({"scene": "", "shared": True, "results": {command: {"scene": "", "writes": [], "finished": []}}})
+            json.dumps({"scene": "", "results": {command: {"scene": "", "writes": [], "files": [], "finished": True}}})
         )
     two = [Section(name, name.capitalize(), "<p>1</p>") for name in ("verdict", "path")]
     monkeypatch.setattr(report, "kept", lambda folder, command: two)

@@ -56,7 +56,7 @@ def missing(root: Path | None, parts: Sequence[Part]) -> Iterator[tuple[Path, li
     if set(store.results(root)) - {"report"}:
         yield root, []
         return
-    store.claim(root, "report", "report", ["report.html"], among=True)
+    store.claim(root, "report", "report", ["report.html"])
     store.ROOT, before = root, store.ROOT
     try:
         yield root, [part for part in parts if not store.finished(root / _place(part)[1], part[0])]

@@ -31,6 +31,7 @@ def command(
     second: Annotated[Path | None, typer.Option("--second", metavar="FILE", help=SECOND)] = None,
     second_set: Annotated[list[str] | None, typer.Option("--second-set", metavar="KEY=VALUE", help=SECOND_SET)] = None,
     sensitive: Annotated[bool, typer.Option("--sensitivity", help="Smallest fault of each key that it sees.")] = False,
+    self_test: Annotated[bool, typer.Option("--self-test", help="Plant a fault of 1 %: it must be seen.")] = False,
     out: options.Out = None,
 ) -> int:
     """Run two solvers that share no formula on one scene, or on a grid of scenes; do they agree?
@@ -45,7 +46,9 @@ def command(
     support, y down. Other units and directions are told by the name: s_o_over_l, t_ms, v_over_l, v_mm, y_up, ...
     """
     if (line := options.line_named(scene)) is not None:
-        options.refuse_moving({"--with": other is not None, "--deep": deep, "--sensitivity": sensitive})
+        options.refuse_moving(
+            {"--with": other is not None, "--deep": deep, "--sensitivity": sensitive, "--self-test": self_test}
+        )
         from validation.commands.check import line as at_rest
 
         given = options.points_of(line, set_)
@@ -74,7 +77,14 @@ def command(
         terminal.say(f"  {sensitivity.told(sensitivity.sensitivity(result))}")
     a, b = result.a.run, result.b.run
     terminal.say(f"  written to {folder}: report.html, {a.method}/, {b.method}/")
-    return telling.broken(a, b) or int(result.verdict.value != "agree" or bool(result.doubts))
+    sound = result.verdict.value == "agree" and not result.doubts
+    if self_test:
+        from validation.commands.check import selftest
+
+        verdict = selftest.planted(result)
+        terminal.say(f"  {selftest.said(result, verdict)}")
+        sound = sound and verdict.value == "disagree"
+    return telling.broken(a, b) or int(not sound)
 
 
 def _points(scene: Any, pairs: list[str] | None) -> list[options.Point]:

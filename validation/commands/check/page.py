@@ -38,11 +38,24 @@ def sections(folder: Path) -> list[Section]:
 
 
 def sure(rows: list[dict[str, Any]]) -> str:
-    """One sentence: how many asked rows agree."""
+    """One sentence: how many asked rows agree, by kind: two solvers, laws of one answer, printed numbers."""
     asked = [row for row in rows if row.get("asked", True)]
-    if not asked:
-        return "Nothing could be compared."
-    return f"Two independent solvers, {len(asked)} comparisons: {_counted(asked)}."
+    groups = WORDS["groups"]
+    named = {name for kind in WORDS["sure"].values() for group in kind["groups"] for name in groups[group]}
+    said = []
+    for kind, how in WORDS["sure"].items():
+        quantities = {name for group in how["groups"] for name in groups[group]}
+        part = [row for row in asked if (row["quantity"] in quantities if quantities else row["quantity"] not in named)]
+        if part:
+            said.append(_held(kind, how["hold"], part))
+    return f"{'; '.join(said)}." if said else "Nothing could be compared."
+
+
+def _held(kind: str, hold: str, rows: list[dict[str, Any]]) -> str:
+    good = sum(row["verdict"] == "agree" for row in rows)
+    if good == len(rows):
+        return f"{good} {kind} {hold}"
+    return f"{good} of {len(rows)} {kind} {hold}, {_counted([row for row in rows if row['verdict'] != 'agree'])}"
 
 
 def _counted(rows: list[dict[str, Any]]) -> str:
