@@ -217,7 +217,8 @@ class GalerkinSystem(System):
         return State(t, state.q, state.v, state.a + np.concatenate([jump.ravel(), jump @ after.f + kick]), phase)
 
     def standing(self, s_o: float) -> GalerkinSystem:
-        other = self.with_law(self.law)
+        """The cable at rest, with its mass."""
+        other = self.with_law("tension-only" if self.model == "full" else self.law)
         other.motion = standing(s_o, 1.0)
         return other
 

@@ -15,7 +15,7 @@ from typing import Self
 import numpy as np
 
 from cablefem.newmark import NO_STEPS, Newton, Solve, State, begun
-from cablefem.newmark.equilibrium import equilibrium
+from cablefem.newmark.equilibrium import equilibrium, hung
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 from cablefem.scene.motion import standing
@@ -196,7 +196,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         self._past, self._smooth = np.empty((0, 3)), [0.0] * 5
         if not self.free:
             speed = self.motion.at(0.0, 0)[1]
-            return self.go_on(begun(self, lambda at: np.append(equilibrium(self.standing(at))[:-1], 0.0), s_o, speed))
+            return self.go_on(begun(self, self._hung, s_o, speed))
         q, still = np.append(equilibrium(self.standing(s_o)), s_o), np.zeros(self.n_dof)
         x = State(0.0, q, still, still, 0)
         car = self.car(x, rolling.Rolling(self.mu, self.groups.sigma, 0.0, 0.0))
@@ -204,10 +204,15 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return self.let_go(x)
 
     def standing(self, s_o: float) -> GalerkinSystem:
+        """The cable at rest with the car clamped to it."""
         groups = replace(self.groups, motion=standing(s_o, 1.0))
-        if self.free:
-            return GalerkinSystem(groups, self.sines, kink=True, law=self.law)
-        return OnItsRope(replace(groups, drive=replace(self.drive, k=0.0)), self.sines, law=self.law)
+        return GalerkinSystem(groups, self.sines, kink=True, law="tension-only")
+
+    def _hung(self, s_o: float) -> Array:
+        """q of a hauled car at rest on its rope, about to move."""
+        still = replace(self.groups, motion=standing(s_o, 1.0), drive=replace(self.drive, k=0.0))
+        on_its_rope = OnItsRope(still, self.sines, law="tension-only")
+        return np.append(hung(on_its_rope, equilibrium(self.standing(s_o)))[:-1], 0.0)
 
     def go_on(self, x: State) -> State:
         a = np.zeros(self.n_dof)

@@ -75,7 +75,8 @@ class FollowingElements(CableElements):
         return State(t, zero, zero.copy(), (ride[:, None] * node_a).ravel(), phase)
 
     def standing(self, s_o: float) -> FollowingElements:
-        twin = self.with_law(self.law)
+        """The cable at rest, with its mass."""
+        twin = self.with_law("tension-only")
         twin.motion = standing(s_o, 1.0)
         return twin
 

@@ -23,7 +23,7 @@ from cablefem.elements.kernels.balance import Instant
 from cablefem.elements.kernels.banded import Tangent
 from cablefem.elements.kernels.newton import NO_TANGENT
 from cablefem.newmark import Array, Newton, Settled, Solve, State, Tableau
-from cablefem.newmark.equilibrium import equilibrium
+from cablefem.newmark.equilibrium import equilibrium, hung
 from cablefem.newmark.system import AVERAGE
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
@@ -80,7 +80,7 @@ class RollingElements(RollingCar, FollowingElements):
         self.set_off()
         if not self.free:
             s_o, ds, _ = self.motion.at(t, 0)
-            return newmark.begun(self, lambda at: np.append(equilibrium(self.standing(at))[:-1], 0.0), s_o, ds)
+            return newmark.begun(self, self._hung, s_o, ds)
         s_o, zero = self.drive.start, np.zeros(self.n_dof)
         x = State(t, np.append(equilibrium(self.standing(s_o)), s_o), zero, zero.copy(), 0)
         alone = self._car._replace(drag=0.0, friction=0.0, brake=0.0)
@@ -205,14 +205,14 @@ class RollingElements(RollingCar, FollowingElements):
         return seen
 
     def standing(self, s_o: float) -> FollowingElements:
-        """The cable at rest: a free car grips it, a hauled one hangs on its rope and is about to move.
+        """The cable at rest with the car clamped to it."""
+        return FollowingElements(replace(self.groups, motion=standing(s_o, 1.0), drive=GRIP), **self._at_rest)
 
-        Without compression there are no folds.
-        """
-        groups = replace(self.groups, motion=standing(s_o, 1.0))
-        if self.free:
-            return FollowingElements(replace(groups, drive=GRIP), **self._at_rest)
-        return OnItsRope(replace(groups, drive=replace(self.drive, k=0.0)), **self._at_rest)
+    def _hung(self, s_o: float) -> Array:
+        """q of a hauled car at rest on its rope, about to move."""
+        still = replace(self.groups, motion=standing(s_o, 1.0), drive=replace(self.drive, k=0.0))
+        on_its_rope = OnItsRope(still, **self._at_rest)
+        return np.append(hung(on_its_rope, equilibrium(self.standing(s_o)))[:-1], 0.0)
 
     def _kinematics(self, states: States) -> Array:
         if not self.free:

@@ -38,6 +38,9 @@ class Defect:
         return np.sqrt(np.mean(self.value**2, axis=0))
 
 
+UNSEEN = Defect(np.empty(0), np.empty((0, 1)))  # no frame shows the law
+
+
 def hold(
     ladder: Any, window: Window, until: float = math.inf, asked: Callable[[str], float | None] = lambda asks: None
 ) -> Iterator[Agreement]:
@@ -379,6 +382,8 @@ def _at_and_up_to(m: Evidence, of: Callable[[Side], Array]) -> tuple[Array, ...]
 @_law(_off_supports)
 def tension_up_to_the_mass(m: Evidence) -> Defect:
     """Tension along the cable tends to that at the mass, mean over frames after the start; over H."""
+    if not np.any(m.t > 0.0):
+        return UNSEEN
     _, off = _at_and_up_to(m, lambda x: x.T)
     return _static(*(off[m.t > 0.0].mean(axis=0) / m.r.horizontal_tension))
 
@@ -386,6 +391,8 @@ def tension_up_to_the_mass(m: Evidence) -> Defect:
 @_law(_off_supports, of="velocity", asks="")
 def up_to_the_mass(m: Evidence) -> Defect:
     """Velocity of the cable tends to that at the mass; over its rms."""
+    if not np.any(m.t > 0.0):
+        return UNSEEN
     told, off = _at_and_up_to(m, lambda x: x.velocity)
     return _at_frames(m, off / np.sqrt(np.mean(told**2, axis=0)))
 
