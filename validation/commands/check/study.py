@@ -12,13 +12,14 @@ from typing import Any
 from cablefem.response import Flag, Response, write_json, write_text
 from cablefem.scene import Scene
 from validation.core import foreign, measures
-from validation.core.agreement import DEFAULT_TOL, Agreement, Verdict, overall
+from validation.core.agreement import DEFAULT_TOL, TOL_HIGH, TOL_LOW, Agreement, Verdict, check_range, overall
 from validation.core.answers import outcome
 from validation.core.climb import AIM, BUDGET, TooCoarse, cheapest, climb, dear, laddered
 from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.ladder import Ladder
 from validation.core.methods import Method, find, pair, refined
 from validation.core.quantities import matter, told
+from validation.core.remedy import advised
 from validation.core.rows import compare, doubts, printed, with_bars
 from validation.core.sidebyside import Progress, side_by_side
 from validation.core.store import Refused
@@ -44,6 +45,11 @@ class Check:
     @property
     def verdict(self) -> Verdict:
         return overall(self.rows)
+
+    @property
+    def own_verdict(self) -> Verdict:
+        """Of both solvers alone, without a third party."""
+        return overall([row for row in self.rows if not row.party])
 
     @property
     def design(self) -> list[dict[str, Any]]:
@@ -100,8 +106,8 @@ def check(
     until : largest s_o/l of both runs, once slack no further; default: the end.
     check("zipline", tol=5e-3).verdict
     """
-    if not (math.isfinite(tol) and 1e-6 <= tol <= 0.2):
-        raise ValueError(f"tol must lie in [1e-6, 0.2], got {tol!r}")
+    check_range("tol", tol, TOL_LOW, TOL_HIGH)
+    check_range("tol_tension", tol_tension, 1e-6, 1.0)
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     sides = _sides((scene, second or scene), methods or pair(scene.groups), tol, until)
     (first, other), rows = _judged(scene, sides, tol, tol_tension, progress)
@@ -229,7 +235,10 @@ def _told(e: Ladder, twin: Ladder) -> Ladder:
 def joined(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:
     """The check with rows of a third party, against our solver with the smaller bar."""
     best = min((check.a, check.b), key=lambda e: math.inf if e.run.path_error is None else e.run.path_error)
-    return replace(check, rows=[*check.rows, *foreign.rows(path, best, check.window, with_tol)])
+    rows = list(foreign.rows(path, best, check.window, with_tol))
+    if isinstance(path, ForeignPath):
+        rows = advised(rows, path, check.scene, (check.a, check.b), check.window, with_tol)
+    return replace(check, rows=[*check.rows, *rows])
 
 
 def check_solver(
@@ -246,6 +255,7 @@ def check_solver(
 
     Raises Refused if the answer is no path on that scene.
     """
+    check_range("with_tol", with_tol, 0.0, 1.0)
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     name = name or str(getattr(solver, "__name__", type(solver).__name__))
     answer = solver(scene)
