@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -82,7 +82,8 @@ Set = Annotated[
     list[str] | None,
     typer.Option(
         "--set", metavar="KEY=VALUES",
-        help="A key of the scene with its dot (mass.mass), or a setting of the method. 40,60 or 40:80:5 make a grid.",
+        help="A key of the scene as `scenes --keys` prints it, with its dot (mass.mass, drive.brake.0.force), or a "
+        "setting of the method. 40,60 or FROM:TO:COUNT make a grid: 40:80:5 is five values.",
     ),
 ]  # fmt: skip
 
@@ -108,6 +109,7 @@ def points_of(scene: Scene | Line, pairs: list[str] | None) -> list[Point]:
     out, faults = [], []
     for given in found:
         of_scene, settings = grid.parts(given, ("gravity", "title"))
+        faults += _undotted(settings, type(scene))
         try:
             out.append(Point(given, scene.replace(of_scene) if of_scene else scene, settings))
         except (SceneError, ValueError) as error:
@@ -116,6 +118,15 @@ def points_of(scene: Scene | Line, pairs: list[str] | None) -> list[Point]:
     if faults:
         raise store.Refused(list(dict.fromkeys(faults)))
     return out
+
+
+def _undotted(settings: Iterable[str], part: type[Any]) -> list[str]:
+    """Faults of names that no method has as a setting, but the scene as a key with its dot."""
+    from cablefem.scene.keys import hint
+    from validation.core.methods import METHODS
+
+    unknown = [name for name in settings if not any(name in method.knobs for method in METHODS.values())]
+    return [f"--set {name}: keys of the scene have a dot; {text}" for name in unknown if (text := hint(name, part))]
 
 
 @contextmanager

@@ -22,6 +22,7 @@ from validation.page.page import Section, gallery, table
 from validation.page.plot import COLORS, DASHED, DOTTED, GREY, Panel, plot, side
 from validation.page.side_view import short, some
 
+ANNOUNCED = 50  # scenes: of more the number is said before they start
 DASHES = ("", DASHED, DOTTED, "8 3 2 3")  # one for each value of the keys after the first
 Row = dict[str, Any]
 HEADS = {
@@ -93,6 +94,8 @@ def grid(
     keys = list(points[0].given)
     folder = store.claim(out, command, scene, [home])
     answers: dict[int, tuple[Row, Any]] = {}
+    if len(points) > ANNOUNCED:
+        terminal.say(f"{len(points)} scenes")
     with terminal.progress() as progress:
 
         def told(i: int, answer: tuple[Row, Any]) -> None:
