@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 DEFAULT_TOL = 1e-3
+TOL_LOW, TOL_HIGH = 1e-6, 0.2  # what may be asked of the path
 APART = 3.0  # times both bars: less may be discretisation error (`order.left`)
 
 
@@ -110,6 +111,12 @@ def overall(rows: list[Agreement]) -> Verdict:
     """The first verdict, in order of precedence, of the asked rows."""
     verdicts = {row.verdict for row in rows if row.asked} or {Verdict.NOT_COMPARABLE}
     return next(verdict for verdict in Verdict if verdict in verdicts)
+
+
+def check_range(name: str, value: float | None, low: float, high: float) -> None:
+    """Raise ValueError for a number out of its range; None passes."""
+    if value is not None and not low <= value <= high:
+        raise ValueError(f"{name} must lie in [{low:g}, {high:g}], got {value!r}")
 
 
 def finite(x: float | None) -> float | None:
