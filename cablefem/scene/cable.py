@@ -24,7 +24,7 @@ class Rope(Part):
     """A uniform elastic rope, its temperature and its ice."""
 
     mass_per_length: Positive = said("[kg/m] mass of the cable per stretched length at rest")
-    EA: Positive = said("[N] axial stiffness")
+    EA: Positive = said("[N] axial stiffness per strain of the cable stretched at rest; of the unstretched: EA - T")
     diameter: Positive | None = said("[m] of the cable without ice", None)
     breaking_load: Positive | None = said("[N] tension at which the cable breaks", None)
     temperature: Celsius | None = said("[C] during the run", None)

@@ -95,6 +95,7 @@ class LineRope(Rope):
     """The rope of a line; with two fixed ends it needs `length` or `tension`."""
 
     mass_per_length: Positive = said("[kg/m] mass of the rope per unstretched length")
+    EA: Positive = said("[N] axial stiffness per strain of the unstretched rope; of the stretched at rest: EA + T")
     length: Positive | None = said("[m] unstretched length between two fixed ends", None)
     tension: Tie | None = said("[N] tension of the empty line at a contact", None)
 

@@ -33,6 +33,14 @@ def to(folder: str) -> Any:
     return typer.Option("--out", metavar="DIR", help=f"Folder for the results. Default: {store.ROOT / folder}.")
 
 
+Quick = Annotated[bool, typer.Option("--quick", help="A small part of it, coarsely, within a minute.")]
+
+
+def small(name: str, quick: bool) -> str:
+    """The folder of a study; a small part of it has a folder of its own."""
+    return f"{name}-quick" if quick else name
+
+
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A built-in scene (cablefem scenes) or a TOML file.")]
 Out = Annotated[Path | None, to("SCENE")]
 

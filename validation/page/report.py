@@ -11,6 +11,7 @@ from markupsafe import Markup
 from cablefem.response import write_json
 from validation.core import store
 from validation.page import page, terminal
+from validation.page.options import small
 from validation.page.page import Section, callout
 
 
@@ -64,10 +65,19 @@ def missing(root: Path | None, parts: Sequence[Part]) -> Iterator[tuple[Path, li
         store.ROOT = before
 
 
-def gather(root: Path, parts: Sequence[Part]) -> None:
+def broken(part: Part, faults: Sequence[str]) -> Section:
+    """The page of a part that ended without a result."""
+    command, name = _place(part)
+    reason = callout("; ".join(faults), "disagree")
+    title = f"cablefem {' '.join(part)}"
+    return Section(f"{name}-{command}-broken", title, reason, "disagree", "It ended without a result.")
+
+
+def gather(root: Path, parts: Sequence[Part], broken: Sequence[Section] = ()) -> bool:
     """Write the report of all finished results in a folder and its subfolders, these parts first.
 
-    The first pages of all scenes of a command come before the rest.
+    The first pages of all scenes of a command come before the rest, what broke before all.
+    Return whether anything on it is red.
     """
     order = [_place(part) for part in parts]
     done = [
@@ -82,16 +92,21 @@ def gather(root: Path, parts: Sequence[Part]) -> None:
         (commands.index(command), i > 0, replace(s, id=f"{folder.name}-{s.id}", title=f"{folder.name}: {s.title}"))
         for command, folder in done for i, s in enumerate(kept(folder, command))
     ]  # fmt: skip
-    sections = _apart((commands[i], section) for i, _, section in sorted(pages, key=lambda x: x[:2]))
+    sections = [*broken, *_apart((commands[i], section) for i, _, section in sorted(pages, key=lambda x: x[:2]))]
     if not sections:
         raise store.Refused(f"{root} holds no finished results to report")
     page.render("cablefem", sections, root / "report.html")
     tell(sections)
     terminal.say(f"written to {root}: report.html")
+    return any(section.verdict == "disagree" for section in sections)
 
 
 def _place(part: Part) -> tuple[str, str]:
-    return part[0], part[min(1, len(part) - 1)]
+    """The command, and the folder of its results: its scene's, or its own."""
+    command, *arguments = part
+    if arguments and not arguments[0].startswith("-"):
+        return command, arguments[0]
+    return command, small(command, "--quick" in arguments)
 
 
 def tell(sections: Sequence[Section]) -> None:

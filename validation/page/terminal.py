@@ -32,6 +32,15 @@ def complain(faults: Sequence[str]) -> None:
         print(f"cablefem: {fault}", file=sys.stderr)
 
 
+def faults(error: Exception) -> list[str]:
+    """What broke a command, one sentence each."""
+    if hasattr(error, "faults"):
+        return list(error.faults)
+    if isinstance(error, OSError):
+        return [f"{error.filename or 'a file'}: {error.strerror}"]
+    return [f"this is a fault of cablefem, not of your input ({type(error).__name__}: {error})"]
+
+
 def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str] = ()) -> None:
     """Print a table; `right` names the right-aligned columns.
 

@@ -38,9 +38,9 @@ def _tensions(system: GalerkinSystem | FollowingElements, distances: Array) -> A
     ])  # fmt: skip
 
 
-def overshoots(groups: Groups) -> dict[str, list[dict[str, float]]]:
-    """Overshoots of every method by number of terms; the scene must stay taut."""
-    return {method: [overshoot(groups, method, terms) for terms in ladder] for method, ladder in ASKED["terms"].items()}
+def overshoots(groups: Groups, ladders: dict[str, list[int]]) -> dict[str, list[dict[str, float]]]:
+    """Overshoots of every method for the numbers of terms of its ladder; the scene must stay taut."""
+    return {method: [overshoot(groups, method, terms) for terms in ladder] for method, ladder in ladders.items()}
 
 
 def overshoot(groups: Groups, method: str, terms: int) -> dict[str, float]:

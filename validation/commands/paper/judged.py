@@ -28,7 +28,7 @@ def claims(known: Row) -> list[Row]:
         found = [q for entry in claim.get("quantity", ()) for q in quantities(entry, content["meaning"], known)]
         out.append({
             "id": claim["id"], "where": claim["where"], "claim": claim["says"], "readings": readings,
-            "erratum": claim.get("erratum", False), "quantities": found, "verdict": verdict(found, readings),
+            "kind": claim.get("kind", "physics"), "quantities": found, "verdict": verdict(found, readings),
             "why": sentence(claim["why"], known | {"q": found}),
         })  # fmt: skip
     return out

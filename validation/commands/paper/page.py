@@ -38,7 +38,7 @@ def sections(folder: Path) -> list[Section]:
 
     parts = [x | {"drawn": [_figure(one, content, stored) for one in x["figure"]]} for x in SAID["section"]]
     references = [x | {"name": SAID["scenes"][name]} for name, x in content["references"].items()]
-    return drawn(__package__, content=content, parts=parts, references=references, value=_value)
+    return drawn(__package__, content=content, parts=parts, references=references, value=_value, with_bar=with_bar)
 
 
 def _value(x: float | None, q: dict[str, Any], bar: float | None = None) -> str:

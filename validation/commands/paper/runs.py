@@ -59,8 +59,8 @@ class Runs:
     reference: dict[str, Reference]
 
 
-def plan() -> dict[str, tuple[str, str, dict[str, Any]]]:
-    """Every run by its folder's name: scene, method, settings."""
+def plan(quick: bool = False) -> dict[str, tuple[str, str, dict[str, Any]]]:
+    """Every run by its folder's name: scene, method, settings; quick : a quarter of the steps."""
     name, settings = SAID["fine"]
     method = find(name)
     fine = method.settings(settings)
@@ -70,12 +70,19 @@ def plan() -> dict[str, tuple[str, str, dict[str, Any]]]:
         ladder[f"-{word}-steps"] = refined(method, fine, time=share)
     jobs = {f"{scene}-reference{end}": (scene, name, x) for scene in SAID["references"] for end, x in ladder.items()}
     jobs |= {f"{scene}-cross": (scene, *SAID["cross"]) for scene in SAID["references"]}
-    return jobs | {name: tuple(given) for name, given in SAID["runs"].items()}  # the long ones first
+    jobs |= {name: tuple(given) for name, given in SAID["runs"].items()}  # after the long ones
+    return {name: _hastened(job) for name, job in jobs.items()} if quick else jobs
 
 
-def all_runs(out: Path, report: Progress) -> Runs:
+def _hastened(job: tuple[str, str, dict[str, Any]]) -> tuple[str, str, dict[str, Any]]:
+    scene, name, settings = job
+    method = find(name)
+    return scene, name, refined(method, method.settings(settings), time=0.25)
+
+
+def all_runs(out: Path, report: Progress, quick: bool = False) -> Runs:
     """All runs, stored in out/runs/NAME."""
-    known, jobs = scenes(), plan()
+    known, jobs = scenes(), plan(quick)
 
     def made(name: str) -> Response:
         scene, method, settings = jobs[name]
