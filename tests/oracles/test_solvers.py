@@ -14,7 +14,7 @@ DEAR = (  # about a second and more
 DEAR_OF_SINES = (
     "energy damped", "rest car", "moving-force", "moving-mass mass", "moving-mass acc", "moving-mass from",
     "accelerating-force", "damped",
-    "quasi-static up", "running-apart", "massless-string",
+    "quasi-static up",
 )  # fmt: skip
 
 
