@@ -58,4 +58,4 @@ def test_continuous_integration_runs_every_command_on_real_input():
     lines = script.partition("<<'COMMANDS'\n")[2].partition("\nCOMMANDS")[0].splitlines()
     assert "report --quick" in lines
     not_run = named() - {line.split()[0] for line in lines} - {part[0] for part in QUICK_PARTS}
-    assert not_run == {"certify"}  # minutes
+    assert not not_run

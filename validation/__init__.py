@@ -29,7 +29,7 @@ _HOME = {
     "check_solver": "commands.check.study",
     "advice": "commands.advise.study",
     "ForeignPath": "core.foreign",
-} | {name: f"commands.{name}.study" for name in ("advise", "atlas", "certify", "chart", "check", "modes", "paper")}
+} | {name: f"commands.{name}.study" for name in ("advise", "atlas", "chart", "check", "modes", "paper")}
 
 __all__ = ["ForeignPath", "assert_agree", "check", "check_solver", "quasi_static", "run", "run_with_bars", "sweep"]
 

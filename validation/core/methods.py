@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
+from importlib.metadata import entry_points
 from typing import Any
 
 from cablefem.newmark import SCHEMES
@@ -290,12 +291,31 @@ _ALL = (
     ),
 )  # fmt: skip
 METHODS = {m.name: m for m in _ALL}
+ENTRY_POINTS = "cablefem.methods"  # group in which another package names its methods
 
 
 def find(name: str) -> Method:
-    if name not in METHODS:
-        raise ValueError(f"unknown method {name!r}.{nearest(str(name), METHODS)}")
-    return METHODS[name]
+    """The method of this name, ours or that of an entry point; ValueError for an unknown one."""
+    if name in METHODS:
+        return METHODS[name]
+    others = installed()
+    if name not in others:
+        raise ValueError(f"unknown method {name!r}.{nearest(str(name), [*METHODS, *others])}")
+    return others[name]
+
+
+def installed() -> dict[str, Method]:
+    """Methods that other packages give by entry points; ValueError for what is none."""
+    found = {}
+    for point in entry_points(group=ENTRY_POINTS):
+        try:
+            method = point.load()
+        except Exception as error:  # of any kind: it is not our code
+            raise ValueError(f"method {point.name}: {point.value} cannot be loaded ({error})") from None
+        if not isinstance(method, Method) or method.name != point.name or method.name in METHODS:
+            raise ValueError(f"method {point.name}: {point.value} must be a new Method with this name")
+        found[point.name] = method
+    return found
 
 
 def pair(groups: Groups) -> tuple[str, ...]:

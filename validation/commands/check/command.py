@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 EXAMPLE = "cablefem check my.toml --tol 1e-4 --with other.csv"
 TOL = "Asked of the path's error, over its largest deflection. Default: 1e-3; of a line at rest 1e-6 m."
 TOL_TENSION = "Asked of the tension, over H. Default: 10 times --tol."
+ASK = "all, or path: path, position and speed of the car decide, all else is shown."
 SECOND = "Scene the second solver is told: a planted fault."
 SECOND_SET = "The same by a key of the scene: mass.mass=+1%."
 
@@ -32,6 +33,7 @@ def command(
     second_set: Annotated[list[str] | None, typer.Option("--second-set", metavar="KEY=VALUE", help=SECOND_SET)] = None,
     sensitive: Annotated[bool, typer.Option("--sensitivity", help="Smallest fault of each key that it sees.")] = False,
     self_test: Annotated[bool, typer.Option("--self-test", help="Plant a fault of 1 %: it must be seen.")] = False,
+    ask: Annotated[str, typer.Option("--ask", metavar="WHAT", help=ASK)] = "all",
     out: options.Out = None,
 ) -> int:
     """Run two solvers that share no formula on one scene, or on a grid of scenes; do they agree?
@@ -47,7 +49,13 @@ def command(
     """
     if (line := options.line_named(scene)) is not None:
         options.refuse_moving(
-            {"--with": other is not None, "--deep": deep, "--sensitivity": sensitive, "--self-test": self_test}
+            {
+                "--ask": ask != "all",
+                "--with": other is not None,
+                "--deep": deep,
+                "--sensitivity": sensitive,
+                "--self-test": self_test,
+            }
         )
         from validation.commands.check import line as at_rest
 
@@ -57,8 +65,10 @@ def command(
         *options.tol_faults(tol), *options.tol_faults(tol_tension, "--tol-tension", 1e-6, 1.0),
         *options.tol_faults(with_tol, "--with-tol", 0.0, 1.0),
     ]  # fmt: skip
+    if ask not in ("all", "path"):
+        faults.append(f"--ask = {ask!r}: must be all or path")
     loaded = options.scene_named(scene, faults, travelling=True)
-    points, asked = _points(loaded, set_), {"tol": 1e-3 if tol is None else tol, "tol_tension": tol_tension}
+    points, asked = _points(loaded, set_), {"tol": 1e-3 if tol is None else tol, "tol_tension": tol_tension, "ask": ask}
     if len(points) > 1:
         if other is not None:
             raise store.Refused("--with: holds one path against one scene; leave it out of a grid")

@@ -3,7 +3,7 @@
 import html
 import importlib
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import Any
 
 from cablefem.response import Flag, Response, write_json, write_text
 from cablefem.scene import Scene
+from cablefem.scene.errors import nearest, shown
 from validation.core import foreign, measures
 from validation.core.agreement import DEFAULT_TOL, TOL_HIGH, TOL_LOW, Agreement, Verdict, check_range, overall
 from validation.core.answers import outcome
@@ -26,6 +27,7 @@ from validation.core.store import Refused
 from validation.core.view import View
 
 SHARES = {"elements": 1.0, "galerkin": 5.0}  # of the tolerance: dense bases cost about as much more
+ASKED = {"all": (), "path": ("path_max", "path_rms", "place", "speed")}  # rows that decide; (): all
 CONFIRMS = 1.5  # factor on resolution and steps of both before they count as different
 
 Settings = dict[str, Any]
@@ -93,7 +95,7 @@ class Check:
 def check(
     scene: Scene | str | Path, *, tol: float = DEFAULT_TOL, tol_tension: float | None = None,
     methods: tuple[str | Method, str | Method] | None = None, second: Scene | None = None, deep: bool = False,
-    progress: Progress | None = None, until: float | None = None,
+    progress: Progress | None = None, until: float | None = None, ask: str = "all",
 ) -> Check:  # fmt: skip
     """Run two methods on a scene, each as fine as its own error bars need, and compare them.
 
@@ -104,20 +106,29 @@ def check(
     deep : compare what both share with third parties, too.
     progress : called with a label and the fraction done.
     until : largest s_o/l of both runs, once slack no further; default: the end.
+    ask : "path": path, position and speed of the car decide, all else is shown; "all".
     check("zipline", tol=5e-3).verdict
     """
     check_range("tol", tol, TOL_LOW, TOL_HIGH)
     check_range("tol_tension", tol_tension, 1e-6, 1.0)
+    if ask not in ASKED:
+        raise ValueError(f"ask = {shown(ask)}: unknown.{nearest(str(ask), ASKED)}")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     sides = _sides((scene, second or scene), methods or pair(scene.groups), tol, until)
-    (first, other), rows = _judged(scene, sides, tol, tol_tension, progress)
+    (first, other), rows = _judged(scene, sides, tol, tol_tension, ask, progress)
     a, b = _told(first, other), _told(other, first)
-    rows += printed(a.run, b.run)
+    rows += required(printed(a.run, b.run), ask)
     if deep:
         from validation.commands.check import deep as third
 
         rows += third.deep(scene, a)
     return Check(scene, a, b, tol, _window(scene, a, b), rows)
+
+
+def required(rows: Iterable[Agreement], ask: str) -> list[Agreement]:
+    """The rows, of which those that `ask` does not name are shown only."""
+    names = ASKED[ask]
+    return [replace(row, asked=row.asked and (not names or row.quantity in names)) for row in rows]
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +178,7 @@ def _sides(
 
 
 def _judged(
-    scene: Scene, sides: list[_Side], tol: float, tol_tension: float | None, progress: Progress | None
+    scene: Scene, sides: list[_Side], tol: float, tol_tension: float | None, ask: str, progress: Progress | None
 ) -> tuple[list[Ladder], list[Agreement]]:
     """Refine both ladders until they agree or cannot get closer; return them and the rows."""
     jobs: list[Callable[[Progress], Any]] = [side.climbed for side in sides]
@@ -175,7 +186,7 @@ def _judged(
     while True:
         first, other = side_by_side(jobs, progress, _load)
         ladders = [first, other.map(lambda r: replace(r, scene_toml=toml))]  # the judge knows one scene alone
-        rows = compare(scene, *ladders, tol=tol, tol_tension=tol_tension)
+        rows = required(compare(scene, *ladders, tol=tol, tol_tension=tol_tension), ask)
         finer: list[Settings | None] = []
         for larger in (True, False):  # the smaller bar only if the larger one costs too much
             if not any(finer):

@@ -19,7 +19,7 @@ from cablefem.scene.errors import nearest, shown
 from cablefem.scene.fields import Line, Part, between, whole
 from validation.commands.sweep import families
 from validation.commands.sweep.axes import MOST, Axis, grid, ranges
-from validation.core.methods import METHODS
+from validation.core.methods import METHODS, installed
 from validation.core.store import Refused
 
 GROUPS = ("sag_ratio", "mu", "alpha", "speed_ratio")  # of `Scene.variant`
@@ -28,8 +28,9 @@ HOW = ("method", "model", "load", "law", "tol")  # of the run, not of the scene
 
 
 def _known(method: str) -> str:
-    if method not in METHODS:
-        raise ValueError(f"unknown.{nearest(method, METHODS)}")
+    names = [*METHODS, *installed()]
+    if method not in names:
+        raise ValueError(f"unknown.{nearest(method, names)}")
     return method
 
 
