@@ -16,9 +16,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from cablefem.scene.line import Case, LineState, NoLine, NotFound, Station
-from cablefem.scene.taut import guess
+from cablefem.scene.taut import start
 
-STEPS = 100  # of Newton's method
+STEPS, SHORTEST = 100, 1e-6  # of Newton's method; smallest damping factor
 LAST = 1e-8  # step over the size of the unknowns; the error left is about its square
 
 
@@ -45,7 +45,10 @@ class _Problem:
         self.case, self.count = case, len(case.stations) - 1
         self.s, self.place = case.fixed_s, case.fixed_places
         self.free_s, self.free_place = np.isnan(self.s), np.isnan(self.place)
-        H, place, s = guess(case)
+        first = start(case)
+        if isinstance(first, NoLine):
+            raise first
+        H, place, s = first.H, first.points, first.s
         self.H = float(H.mean())
         self.reach = float(np.ptp(place[:, 0]))
         chord = np.diff(place, axis=0)
@@ -125,11 +128,13 @@ def _newton(problem: _Problem, more: int) -> np.ndarray:
         if not np.isfinite(large):
             break
         part = 1.0
-        while part > 1e-9 and not (
+        while not (
             problem.sound(X + part * step)
             and (large < 1e-4 or np.linalg.norm(problem.residual((X + part * step)[:, None])) < np.linalg.norm(r))
         ):
             part *= 0.5
+            if part < SHORTEST:  # the residual falls no further
+                raise NotFound("no state of rest was found")
         X = X + part * step
         left -= large < LAST
         if left == 0:
@@ -166,17 +171,35 @@ def at(state: LineState, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return start[:, 1] + way[:, 1], N
 
 
-def least_tension(state: LineState) -> float:
-    """Least tension [N]: where the rope is level, or at a station."""
+def min_tension(state: LineState) -> float:
+    """Smallest tension [N]: where the rope is level, or at a station."""
     n = state.ahead[:-1]
     level = np.clip(n[:, 1] / state.case.weight, 0.0, np.diff(state.s))
     return float(np.hypot(n[:, 0], n[:, 1] - state.case.weight * level).min())
 
 
-def deepest(state: LineState, first: int, last: int) -> float:
+def parallel(state: LineState, slope: float) -> np.ndarray:
+    """Points (n - 1, 2) [m] of the pieces where the rope has a slope dy/dx, or their ends nearest to it."""
+    n = state.ahead[:-1]  # (n - 1, 2)
+    S = np.clip((n[:, 1] - n[:, 0] * slope) / state.case.weight, 0.0, np.diff(state.s))
+    return state.place[:-1] + across(n[:, :, None], S[:, None], state.case)[..., 0]
+
+
+def sag(state: LineState, first: int, last: int) -> float:
     """Largest vertical distance [m] of the rope below the chord of two stations."""
-    chord = state.place[last] - state.place[first]
-    n, S = state.ahead[first:last, :, None], np.diff(state.s[first : last + 1])[:, None]
-    parallel = np.clip((n[:, 1] - n[:, 0] * chord[1] / chord[0]) / state.case.weight, 0.0, S)
-    lowest = state.place[first:last] + across(n, parallel, state.case)[..., 0] - state.place[first]
-    return float(np.max(lowest[:, 1] - lowest[:, 0] * chord[1] / chord[0]))
+    dx, dy = state.place[last] - state.place[first]
+    below = parallel(state, dy / dx)[first:last] - state.place[first]  # (last - first, 2)
+    return float(np.max(below[:, 1] - below[:, 0] * dy / dx))
+
+
+def clearance(state: LineState, ground: np.ndarray) -> float:
+    """Smallest height [m] of the rope over the ground (m, 2) [m] of points x, depth, linear between them.
+
+    The rope sags between stations: it is nearest where it is parallel to the ground, at a corner or at an end.
+    """
+    x, depth = ground.T
+    corners = np.concatenate([x, state.place[[0, -1], 0]])
+    nearest = [parallel(state, slope)[:, 0] for slope in np.diff(depth) / np.diff(x)]
+    here = np.concatenate([corners, *nearest])
+    here = here[(here >= max(x[0], state.place[0, 0])) & (here <= min(x[-1], state.place[-1, 0]))]
+    return float(np.min(np.interp(here, x, depth) - at(state, here)[0], initial=np.inf))

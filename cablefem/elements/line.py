@@ -25,7 +25,7 @@ from scipy.sparse import bmat, coo_matrix, diags
 from scipy.sparse.linalg import MatrixRankWarning, spsolve
 
 from cablefem.scene.line import Case, LineState, NoLine, NotFound
-from cablefem.scene.taut import guess
+from cablefem.scene.taut import Start, start
 
 DEGREE = 4
 ORDER = 12  # of quadrature
@@ -82,7 +82,8 @@ class _Batch:
     B z + spring X + pull = 0; B = T' except in special rows.
     """
 
-    def __init__(self, cases: Sequence[Case], elements: int) -> None:
+    def __init__(self, starts: Sequence[tuple[Case, Start]], elements: int) -> None:
+        cases = [case for case, _ in starts]
         self.cases, self.elements = cases, elements
         self.stations = [p for case in cases for p in case.stations]
         counts = np.array([len(case.stations) for case in cases])
@@ -98,7 +99,7 @@ class _Batch:
         data = np.array([(case.weight, case.EA, case.heat) for case in cases])[self.owner[self.left]]
         self.q, self.EA, self.a = np.repeat(data, elements, axis=0).T[:, :, None]
         self._connect()
-        self._begin()
+        self._begin([start for _, start in starts])
 
     def _connect(self) -> None:
         N, h = self.basis.N, self.basis.N + np.arange(self.pieces)
@@ -169,13 +170,12 @@ class _Batch:
         tension = _size(np.where(last, bx, ax), np.where(last, by, ay))
         return np.select([self.kinds == "hauled", self.kinds == "tied"], [turn, tension - W], bx + ax)
 
-    def _begin(self) -> None:
-        found = [guess(case) for case in self.cases]
-        start = np.concatenate([np.column_stack([place, s]) for _, place, s in found])
-        self.reach = np.array([np.ptp(place[:, 0]) for _, place, _ in found])
-        self.H = np.array([H.mean() for H, _, _ in found])
+    def _begin(self, starts: Sequence[Start]) -> None:
+        start = np.concatenate([np.column_stack([x.points, x.s]) for x in starts])
+        self.reach = np.array([np.ptp(x.points[:, 0]) for x in starts])
+        self.H = np.array([x.H.mean() for x in starts])
         run = np.diff(start, axis=0)[self.left]
-        H = np.concatenate([H for H, _, _ in found])
+        H = np.concatenate([x.H for x in starts])
         at = np.linspace(0.0, 1.0, self.elements + 1)
         path = start[self.left, :2].T[:, :, None] + run[:, :2].T[:, :, None] * at
         sag = self.q[:: self.elements, 0] * run[:, 2] * run[:, 0] / (8.0 * H)
@@ -236,30 +236,38 @@ class _Batch:
     def norm(self, R: np.ndarray) -> np.ndarray:
         return np.sqrt(np.bincount(self.case_of, R**2, len(self.cases)))
 
-    def solve(self) -> list[LineState]:
-        """States at rest; NoLine where a case has none."""
-        for i in range(SOFTENING, -1, -1):
-            self._newton(i / SOFTENING, ROUGH if i else LAST)
-        return self._states()
+    def solve(self) -> list[LineState | NoLine]:
+        """Each case at rest; NotFound where the residual of a case falls no further.
 
-    def _newton(self, softness: float, enough: float) -> None:
+        Raises NotFound if a singular case spoils the step of all, or if there are too many steps.
+        """
+        stuck = np.zeros(len(self.cases), bool)
+        for i in range(SOFTENING, -1, -1):
+            self._newton(i / SOFTENING, ROUGH if i else LAST, stuck)
+        states = self._states()
+        return [NotFound("no state of rest was found") if no else x for no, x in zip(stuck, states, strict=True)]
+
+    def _newton(self, softness: float, enough: float, stuck: np.ndarray) -> None:
+        """Newton's method on all cases that are not stuck; marks more of them in `stuck` (cases,)."""
         fields = self.fields(self.X, softness)
         R, slope = self.residual(self.X, fields)
         for _ in range(STEPS):
             step = -spsolve(self.tangent(fields, slope).tocsc(), R)
             if not np.isfinite(step).all():
                 break
-            before, part = self.norm(R), np.ones(len(self.cases))
+            before, part = self.norm(R), np.where(stuck, 0.0, 1.0)
             while True:
                 trial = self.X + part[self.case_of] * step
                 fields = self.fields(trial, softness)
                 R, slope = self.residual(trial, fields)
-                worse = ~(self.norm(R) < before) & (before > NEAR * self.H)
-                if not worse.any() or part.min() < SHORTEST:
+                worse = ~(self.norm(R) < before) & (before > NEAR * self.H) & ~stuck
+                if not worse.any():
                     break
                 part[worse] *= 0.5
+                stuck |= part < SHORTEST
+                part[stuck] = 0.0
             self.X = trial
-            if np.max(np.abs(step) / self.reach[self.case_of]) < enough:
+            if np.max(np.abs(step) / self.reach[self.case_of], where=~stuck[self.case_of], initial=0.0) < enough:
                 return
         raise NotFound("no state of rest was found")
 
@@ -283,12 +291,20 @@ class _Batch:
 def solve(cases: Sequence[Case], elements: int = 4) -> list[LineState | NoLine]:
     """Each case at rest with an even number of elements on each piece.
 
-    If a case has no rest, both halves are solved apart.
+    If the equations of a case are singular, both halves are solved apart.
     """
+    starts = [start(case) for case in cases]
+    carried = [(case, x) for case, x in zip(cases, starts, strict=True) if isinstance(x, Start)]
+    solved = iter(_solved(carried, elements) if carried else [])
+    return [next(solved) if isinstance(x, Start) else x for x in starts]
+
+
+def _solved(cases: Sequence[tuple[Case, Start]], elements: int) -> list[LineState | NoLine]:
+    """The same with a first guess of each case."""
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore", MatrixRankWarning)
-            return list(_Batch(cases, elements).solve())
+            return _Batch(cases, elements).solve()
     except NoLine as error:
         half = len(cases) // 2
-        return [*solve(cases[:half], elements), *solve(cases[half:], elements)] if half else [error]
+        return [*_solved(cases[:half], elements), *_solved(cases[half:], elements)] if half else [error]

@@ -10,6 +10,7 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -178,13 +179,20 @@ class NotFound(NoLine):
 Solver = Callable[[Sequence[Case]], "list[LineState | NoLine]"]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class LineRest:
     """A line at rest at all positions of its cars."""
 
     line: Line
     empty: LineState  # reference temperature, no ice
     positions: list[LineState | NoLine]
+    # by position and car on a shoe: the line with that car on the rope at either end of the shoe
+    shoe_ends: dict[tuple[int, str], tuple[LineState, LineState]]
+
+    @cached_property
+    def states(self) -> dict[int, LineState]:
+        """States of the positions that have a rest."""
+        return {i: x for i, x in enumerate(self.positions) if isinstance(x, LineState)}
 
 
 class Line(Described):
@@ -220,12 +228,15 @@ class Line(Described):
         """x [m] of a car at position i."""
         return car.at[i] if len(car.at) > 1 else car.at[0]
 
-    def shoe(self, x: float) -> str | None:
+    def shoe(self, x: float) -> Contact | None:
         """Saddle on whose shoe a car at x rests."""
-        return next((c.name for c in self.contact if c.shoe is not None and abs(x - c.at[0]) <= c.shoe), None)
+        return next((c for c in self.contact if c.shoe is not None and abs(x - c.at[0]) <= c.shoe), None)
 
-    def case(self, i: int | None, length: float | None) -> Case:
-        """Position i of the cars; None: empty, at the reference temperature, without ice."""
+    def case(self, i: int | None, length: float | None, on_rope: tuple[str, float] | None = None) -> Case:
+        """Position i of the cars; None: empty, at the reference temperature, without ice.
+
+        on_rope : name and x [m] of a car that hangs on the rope there, even within a shoe.
+        """
         stations = [Station(c.name, c.kind, *c.at, force=c.tension or 0.0, stiffness=c.stiffness) for c in self.contact]
         rope, tie = self.cable, None
         if i is None:
@@ -233,29 +244,62 @@ class Line(Described):
             if rope.tension is not None:
                 tie = names.index(rope.tension.at), rope.tension.value
             return Case(tuple(stations), rope.mass_per_length * self.gravity, rope.EA, length=length, tie=tie)
-        stations += [
-            Station(car.name, "hauled" if car.hauled else "grips", x, math.nan, car.mass * self.gravity)
-            for car in self.car
-            if self.shoe(x := self.place(car, i)) is None
-        ]
+        for car in self.car:
+            x = self.place(car, i)
+            hangs = self.shoe(x) is None
+            if on_rope is not None and car.name == on_rope[0]:
+                x, hangs = on_rope[1], True
+            if hangs:
+                kind = "hauled" if car.hauled else "grips"
+                stations.append(Station(car.name, kind, x, math.nan, car.mass * self.gravity))
         stations.sort(key=lambda p: p.x)
         weight = (rope.mass_per_length + rope.ice_per_length) * self.gravity
         return Case(tuple(stations), weight, rope.EA, 1.0 + rope.warmer, length)
 
-    def _crowded(self, i: int) -> NoLine | None:
-        shoes = [shoe for car in self.car if (shoe := self.shoe(self.place(car, i)))]
-        return next((NoLine(f"two cars on the shoe of {x}") for x in shoes if shoes.count(x) > 1), None)
+    def _on_shoes(self) -> dict[tuple[int, str], Contact]:
+        """The saddle by position and car on its shoe."""
+        saddles = {(i, car.name): self.shoe(self.place(car, i)) for i in range(self.count) for car in self.car}
+        return {key: saddle for key, saddle in saddles.items() if saddle is not None}
 
     def rest(self, solve: Solver) -> LineRest:
         """Solve all positions; SceneError where the empty line has no rest."""
-        empty = _standing(solve([self.case(None, self.cable.length)])[0])
+        empty = _refuse_unsound(solve([self.case(None, self.cable.length)])[0])
         if isinstance(empty, NoLine):
             raise SceneError([f"the empty line: {empty}"])
         empty, length = replace(empty, s=empty.s - empty.s[0]), self.cable.length
         if self.contact[-1].kind != "counterweight":
             length = length or float(empty.s[-1])
-        solved = solve([self.case(i, length) for i in range(self.count)])
-        return LineRest(self, empty, [self._crowded(i) or _standing(state) for i, state in enumerate(solved)])
+        on_shoes = self._on_shoes()
+        cases = [self.case(i, length) for i in range(self.count)]
+        for (i, name), saddle in on_shoes.items():
+            reach = saddle.shoe or 0.0
+            cases += [self.case(i, length, (name, saddle.at[0] + side)) for side in (-reach, reach)]
+        states = [_refuse_unsound(state) for state in solve(cases)]
+        positions = [self._with_loads(state, i) for i, state in enumerate(states[: self.count])]
+        shoe_ends = {}
+        for k, ((i, name), saddle) in enumerate(on_shoes.items()):
+            left, right = states[self.count + 2 * k : self.count + 2 * k + 2]
+            if isinstance(left, LineState) and isinstance(right, LineState):
+                shoe_ends[i, name] = left, right
+            elif isinstance(positions[i], LineState):
+                why = left if isinstance(left, NoLine) else right
+                positions[i] = NoLine(f"{name} does not come onto the shoe of {saddle.name}: {why}")
+        for i in range(self.count):
+            saddles = [saddle.name for (k, _), saddle in on_shoes.items() if k == i]
+            twice = sorted({name for name in saddles if saddles.count(name) > 1})
+            if twice:
+                positions[i] = NoLine(f"two cars on the shoe of {twice[0]}")
+        return LineRest(self, empty, positions, shoe_ends)
+
+    def _with_loads(self, state: LineState | NoLine, i: int) -> LineState | NoLine:
+        """Add to a search without result what the rope has to carry at position i, and what holds it."""
+        if not isinstance(state, NotFound):
+            return state
+        cars = [car for car in self.car if self.shoe(self.place(car, i)) is None]
+        weight = sum(car.mass for car in cars) * self.gravity
+        weights = [c for c in self.contact if c.tension is not None]
+        holds = f"{weights[0].name} holds it with {weights[0].tension:.6g} N" if weights else "both ends are fixed"
+        return NotFound(f"{state} with {weight:.6g} N of cars on the rope; {holds}")
 
 
 def line_of(name_or_path: str | Path) -> Line | None:
@@ -267,12 +311,15 @@ def line_of(name_or_path: str | Path) -> Line | None:
     return Line.load(name_or_path) if several else None
 
 
-def _standing(state: LineState | NoLine) -> LineState | NoLine:
-    """Refuse a state whose rope pulls a saddle up."""
-    if isinstance(state, LineState):
-        for p, pull in zip(state.case.stations, state.pressure[:, 1], strict=True):
-            if p.kind == "saddle" and not pull > 0.0:
-                return NoLine(f"the rope lifts off {p.name}; kept on it, it would pull up with {-pull:.6g} N")
+def _refuse_unsound(state: LineState | NoLine) -> LineState | NoLine:
+    """Refuse a state with numbers that are not finite, or whose rope pulls a saddle up."""
+    if isinstance(state, NoLine):
+        return state
+    if not all(np.isfinite(x).all() for x in (state.s, state.place, state.behind[1:], state.ahead[:-1])):
+        return NotFound("no state of rest was found")
+    for p, down in zip(state.case.stations, state.pressure[:, 1], strict=True):
+        if p.kind == "saddle" and not down > 0.0:
+            return NoLine(f"the rope lifts off {p.name}; kept on it, it would pull up with {-down:.6g} N")
     return state
 
 

@@ -70,12 +70,13 @@ class Agreement:
     quantity: str
     gap: float
     bound: Bound
-    where: float | None = None  # s_o/l
+    where: float | str | None = None  # s_o/l; of a line its station and position
     party: str = ""  # compared with our better solver
     law: str = ""  # tells rows of one quantity apart
     asked_for: float | None = None
     asked: bool = True
     parts: tuple[tuple[float, float], ...] = ()
+    unit: str = ""  # of gap and bars; "": relative
 
     @property
     def allowed(self) -> float:
@@ -98,12 +99,13 @@ class Agreement:
     def row(self) -> dict[str, Any]:
         bars = [part.value for part in self.bound.parts[:2]] if self.bound.kind in ("error bars", "law") else []
         bar_a, bar_b = (*bars, None, None)[:2]
+        more = {"law": self.law, "with": self.party, "notes": self.bound.notes, "unit": self.unit}
         return {
             "quantity": self.quantity, "gap": finite(self.gap), "allowed": finite(self.allowed),
             "bar_a": finite(bar_a), "bar_b": finite(bar_b), "asked_for": self.asked_for, "asked": self.asked,
             "verdict": self.verdict.value if self.asked else None, "where": self.where,
             "allowed_because": self.allowed_because,
-            **{k: v for k, v in (("law", self.law), ("with", self.party), ("notes", self.bound.notes)) if v},
+            **{k: v for k, v in more.items() if v},
         }  # fmt: skip
 
 

@@ -47,7 +47,7 @@ def command(
         options.refuse_moving({"--method": method != METHOD, **others, "--tol": tol is not None})
         from validation.commands.run import line as at_rest
 
-        return at_rest.course("run", options.points_of(line, set_), out, at_rest.answers)
+        return at_rest.answer("run", options.points_of(line, set_), out, at_rest.answers)
     faults = [
         f"--{option} = {shown(given)}: unknown.{nearest(given, CHOICES[option])}"
         for option, given in kind.items() if given not in CHOICES[option]
