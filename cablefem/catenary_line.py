@@ -18,7 +18,7 @@ import numpy as np
 from cablefem.scene.line import Case, LineState, NoLine, NotFound, Station
 from cablefem.scene.taut import start
 
-STEPS, SHORTEST = 100, 1e-6  # of Newton's method; smallest damping factor
+STEPS, SHORTEST = 100, 1e-3  # of Newton's method; smallest damping factor
 LAST = 1e-8  # step over the size of the unknowns; the error left is about its square
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from cablefem import catenary_line
 from cablefem.elements import line as elements
 from cablefem.response import Array
-from cablefem.scene.line import Line, LineRest, LineState, NotFound
+from cablefem.scene.line import Case, Line, LineRest, LineState, NoLine, NotFound, Solver
 from validation.commands.run.line import Answers, Row, answer, answers, extremes, numbers_of, write
 from validation.core import line_laws, store
 from validation.core.agreement import APART, Agreement, Bound, Part, nothing
@@ -125,19 +125,38 @@ def _solved_by_one(both: Both) -> Iterator[Agreement]:
             return
 
 
+class Attempts:
+    """A solver that notes the cases without rest, and tries those known to be hopeless no more."""
+
+    def __init__(self, solve: Solver, hopeless: dict[Case, NoLine]) -> None:
+        self.solve = solve
+        self.refused = dict(hopeless)
+
+    def __call__(self, cases: Sequence[Case]) -> list[LineState | NoLine]:
+        open_cases = [case for case in cases if case not in self.refused]
+        states = dict(zip(open_cases, self.solve(open_cases), strict=True)) if open_cases else {}
+        self.refused |= {case: x for case, x in states.items() if isinstance(x, NoLine)}
+        return [self.refused[case] if case in self.refused else states[case] for case in cases]
+
+
 def solve_both(line: Line, second: Line, tol: float, tol_tension: float) -> Both:
     """Both answers; elements are doubled until their bars are small enough, up to FINEST."""
-    a, less_a = line.rest(partial(catenary_line.solve, more=1)), line.rest(catenary_line.solve)
+    by_catenaries = Attempts(partial(catenary_line.solve, more=1), {})
+    a = line.rest(by_catenaries)
     if not a.states:
         raise store.Refused(f"{line.name}: no position has a rest; at the first {a.positions[0]}")
+    less_a = line.rest(Attempts(catenary_line.solve, by_catenaries.refused))
     n = 4
-    less_b = second.rest(partial(elements.solve, elements=n // 2))
+    by_elements = Attempts(partial(elements.solve, elements=n // 2), {})
+    less_b = second.rest(by_elements)
+    hopeless = {case: why for case, why in by_elements.refused.items() if case in by_catenaries.refused}
     while True:
-        b = second.rest(partial(elements.solve, elements=n))
+        b = second.rest(Attempts(partial(elements.solve, elements=n), hopeless))
         both = Both(a, less_a, b, less_b)
         rows = [row for row in compare_states(both, *both.units(tol, tol_tension)) if row.bound.parts]
         coarse = any(row.bound.parts[1].value > BY_ELEMENTS * (row.asked_for or 0.0) for row in rows)
-        if not coarse or n >= FINEST:
+        unsolved = any(_solved_by_one(both))  # finer elements do not help
+        if not coarse or unsolved or n >= FINEST:
             return both
         less_b, n = b, 2 * n
 
