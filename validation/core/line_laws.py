@@ -183,7 +183,9 @@ def laws(toml: str, rest: Any) -> Iterator[Agreement]:
             largest = largest if math.isfinite(largest) else math.inf
             worst[law] = max(worst.get(law, (0.0, where)), (largest, where), key=lambda x: x[0])
     for law, (gap, where) in worst.items():
-        yield Agreement("laws_si", gap, Bound("law", (Part("catenaries", ROUNDING, "rounding"),)), where, law=law)
+        yield Agreement(
+            "laws_si", gap, Bound("law", (Part("catenaries", ROUNDING, "rounding"),)), where, law=law, unit="-"
+        )
 
 
 def _defects(data: LineData, rope: Rope, empty: Any, is_empty: bool) -> Iterator[tuple[str, Any]]:
@@ -367,7 +369,9 @@ class _Gaps:
     def rows(self) -> Iterator[Agreement]:
         for law, (gap, where) in self.worst.items():
             known = min(gap, 1e300)  # what is not there at all is no unknown
-            yield Agreement("printed", known, Bound("law", (Part("catenaries", 1.0, "allowed"),)), where, law=law)
+            yield Agreement(
+                "printed", known, Bound("law", (Part("catenaries", 1.0, "allowed"),)), where, law=law, unit="-"
+            )
 
 
 def printed(toml: str, rest: Any, folder: Path, page: str, words: Mapping[str, Mapping[str, str]]) -> list[Agreement]:
