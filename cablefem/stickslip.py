@@ -187,9 +187,10 @@ class RollingCar(System):
         return slip, math.inf, mode.forward * look.speed if turns else math.inf
 
     def _of_places(self, s_o: float) -> tuple[float, float, float, float]:
-        drive, n = self.drive, self.mode.brakes
-        ahead = drive.brakes[n][0] - s_o if n < len(drive.brakes) else math.inf
-        back = s_o - drive.brakes[n - 1][0] if n else math.inf
+        drive, n, mode = self.drive, self.mode.brakes, self.mode
+        way = 0.0 if mode.rings or not self.rubs else mode.heading  # which only a standstill turns
+        ahead = drive.brakes[n][0] - s_o if n < len(drive.brakes) and way >= 0.0 else math.inf
+        back = s_o - drive.brakes[n - 1][0] if n and way <= 0.0 else math.inf
         return ahead, back, drive.end_place - s_o, s_o - drive.back_place
 
     def _drifts(self, x: State) -> bool:

@@ -215,9 +215,16 @@ class _Rolling:
             self.turns -= 1
         return self.turns > 0
 
+    def _next_brake(self) -> tuple[str, float]:
+        """Event and place of the next brake ahead; the car turns at a standstill only."""
+        places = self.forces.places
+        if self.sign > 0.0:
+            return "brake", places[self.brakes] if self.brakes < len(places) else math.inf
+        return "brake off", places[self.brakes - 1] if self.brakes else -math.inf
+
     def _watches(self) -> dict[str, Callable]:
         """Values that end the motion where they fall through zero."""
-        drive, places, brakes = self.drive, self.forces.places, self.brakes
+        drive, (brake, place) = self.drive, self._next_brake()
 
         def slow(t, y):
             """Negative where the car is slow, and would stay."""
@@ -232,10 +239,8 @@ class _Rolling:
         }
         if drive.ways and self.phase == len(drive.phases) - 1:
             watches["rest"] = slow
-        if brakes < len(places):
-            watches["brake"] = lambda t, y: places[brakes] - y[0]
-        if brakes > 0:
-            watches["brake off"] = lambda t, y: y[0] - places[brakes - 1]
+        if math.isfinite(place):
+            watches[brake] = lambda t, y: self.sign * (place - y[0])
         for watch in watches.values():
             watch.terminal, watch.direction = True, -1.0
         return watches
@@ -257,9 +262,13 @@ class _Rolling:
         )  # fmt: skip
         if not run.success:
             raise NoRest(f"the quasi-static ride cannot go on at s_o = {run.y[0, -1]:.4g}: {run.message}")
-        self.sections.append((self.t, float(run.t[-1]), run.sol))
-        self.t, (self.s, self.v) = float(run.t[-1]), run.y[:, -1].tolist()
-        return next((name for name, times in zip(watches, run.t_events, strict=True) if times.size), None)
+        event = next((name for name, times in zip(watches, run.t_events, strict=True) if times.size), None)
+        end, (brake, place) = float(run.t[-1]), self._next_brake()
+        if event != brake and sign * (run.y[0, -1] - place) > 0.0:  # there and back in one step
+            end, event = bisected(lambda t: sign * (place - run.sol(t)[0]), self.t, end), brake
+        self.sections.append((self.t, end, run.sol))
+        self.t, (self.s, self.v) = end, run.sol(end).tolist()
+        return event
 
     def _react(self, event: str | None) -> bool:
         if event is None:

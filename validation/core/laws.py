@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from cablefem.response import Array, Response
-from validation.core import timetable
+from validation.core import rest, timetable
 from validation.core.agreement import Agreement, Bound, Part
 from validation.core.evidence import ROUNDING, Evidence, Side, Window, Windows, cross
 from validation.core.order import FIRST, left
@@ -257,6 +257,19 @@ def drive(m: Evidence) -> Defect:
     return _static(float(np.abs(off).max()))
 
 
+@_law(lambda m: _rolls(m) and 0.0 < m.r.s_o[0] < m.r.length)
+def car_at_rest(m: Evidence) -> Defect:
+    """A car that rolls begins where the cable at rest holds it, clamped or on its rope; over the largest deflection."""
+    r, given = m.r, m.given
+    friction = None if r.drive == "free" else given.drive.get("rolling_friction", 0.0)
+    supports, weights = (given.span, given.drop), (given.rho * given.gravity, given.weight)
+    want = rest.place(
+        supports, given.EA, weights[0], r.length, r.horizontal_tension, float(r.s_o[0]), weights[1], friction
+    )
+    off = np.array([r.x[0], r.y[0]]) - want
+    return _static(*(off / r.max_deflection))
+
+
 # --- the mass, at steps --------------------------------------------------------------------------------
 
 
@@ -394,7 +407,8 @@ def up_to_the_mass(m: Evidence) -> Defect:
     if not np.any(m.t > 0.0):
         return UNSEEN
     told, off = _at_and_up_to(m, lambda x: x.velocity)
-    return _at_frames(m, off / np.sqrt(np.mean(told**2, axis=0)))
+    size = np.sqrt(np.mean(told**2, axis=0))
+    return _at_frames(m, off / size) if np.all(size > 0.0) else UNSEEN
 
 
 @_law(_sees_swings, of="velocity", asks="velocity")

@@ -133,6 +133,8 @@ def series_gap(
     last = min(t[-1], coarse.t[known[0]][-1], fine.t[known[1]][-1])
     first = max(coarse.t[known[0]][0], fine.t[known[1]][0])
     t = t[(t >= first) & (t <= last)]
+    if not last > first:
+        raise NotComparable("both answers say it at one instant")
     low, high = np.clip(t - 0.5 * axial, first, last), np.clip(t + 0.5 * axial, first, last)
 
     def at(r: Response, k: Any) -> Any:

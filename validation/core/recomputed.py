@@ -59,8 +59,8 @@ def design(r: Response, twin: Response | None = None) -> Iterator[Agreement]:
         means = Given(r.scene_toml, r.length).round_trip if row["unit"] in ("N", "deg") else 0.0
         for name, bar, law, over in (("value", "bar", "", means), ("peak", "bar_peak", " peak", 0.0)):
             if row.get(name) is not None:
-                found = np.concatenate([_means(t, v, span, over).ravel() for t, v in signals])
-                right = float(found.min() if least else found.max())
+                found = np.concatenate([_means(t, v, span, over).ravel() for t, v in signals if t.size])
+                right = float(found.min(initial=math.inf) if least else found.max(initial=-math.inf))
                 size = abs(right) or 1.0
                 gap, allowed = abs(row[name] - right) / size, (row[bar] or 0.0) / size + ROUNDING
                 yield _row(r, "design", quantity + law, gap, allowed, where)
