@@ -1,16 +1,14 @@
-"""Second computation of design numbers, within their bars, and of path.csv, to rounding."""
+"""Second computation of design numbers, within their bars."""
 
 import math
-import tempfile
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from cablefem.response import Array, Response
 from validation.core.agreement import Agreement, Bound, Part
-from validation.core.evidence import ROUNDING, Evidence, Given, Windows, cross
+from validation.core.evidence import ROUNDING, Given, cross
 from validation.core.measures import extremes_within
 
 
@@ -23,26 +21,6 @@ def _row(r: Response, quantity: str, law: str, gap: float, allowed: float, where
 
 def rows(r: Response, twin: Response | None = None) -> Iterator[Agreement]:
     yield from design(r, twin)
-    with tempfile.TemporaryDirectory() as folder:
-        r.write_path(Path(folder))
-        yield from columns(r, Path(folder) / "path.csv")
-
-
-def columns(r: Response, path: Path) -> Iterator[Agreement]:
-    written = np.genfromtxt(path, delimiter=",", names=True, ndmin=1)
-    rest = Evidence(r, Windows(r.fields.t, r.t)).curve(r.s_o)
-    wanted = {
-        "t": r.t, "s_o": r.s_o, "x": rest[:, 0] + r.u, "y": rest[:, 1] + r.v, "u": r.u, "v": r.v,
-        "T_behind": r.T_behind, "T_ahead": r.T_ahead, "speed": np.sqrt(np.sum(r.velocity**2, axis=1)),
-        "F_haul": r.F_haul, "F_contact": _press(r),
-    }  # fmt: skip
-    for name, right in wanted.items():
-        there = name in (written.dtype.names or ()) and written.size == right.size
-        told = written[name] if there else math.nan * right
-        alike = np.array_equal(np.isnan(told), np.isnan(right))
-        size = float(np.nanmax(np.abs(right), initial=0.0)) or 1.0
-        gap = float(np.nanmax(np.abs(told - right), initial=0.0)) / size if alike else math.inf
-        yield _row(r, "columns", name, gap, ROUNDING)
 
 
 def design(r: Response, twin: Response | None = None) -> Iterator[Agreement]:

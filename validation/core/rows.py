@@ -296,7 +296,7 @@ def _past_slack(a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[
 
 
 def printed(a: Response, b: Response) -> Iterator[Agreement]:
-    """Check design numbers and path.csv against their second computation."""
+    """Check design numbers against their second computation."""
     from validation.core import recomputed
 
     return _worse_of(row for r, twin in ((a, b), (b, a)) for row in recomputed.rows(r, twin))

@@ -6,6 +6,7 @@ import platform
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import date
 from functools import cache
 from importlib import metadata, resources
 from numbers import Integral, Real
@@ -159,6 +160,11 @@ def seconds(x: float | None) -> str:
 def versions() -> dict[str, str]:
     packages = ("cablefem", "numpy", "scipy", "scikit-fem", "numba")
     return {"Python": platform.python_version()} | {name: metadata.version(name) for name in packages}
+
+
+def drawn_with() -> str:
+    """Date and versions."""
+    return f"{date.today().isoformat()} with {settings(versions())}"
 
 
 def settings(of: Mapping[str, Any]) -> str:

@@ -9,21 +9,37 @@ from pathlib import Path
 from markupsafe import Markup
 
 from cablefem.response import write_json
-from validation.core import store
+from validation.core import readback, store
 from validation.page import page, terminal
 from validation.page.options import small
 from validation.page.page import Section, callout
 
 
-def write(folder: Path, command: str) -> None:
-    """Draw and keep the pages of a command, write report.html with those of all finished ones, and mark it finished."""
+def write(folder: Path, command: str, faults: Sequence[str] = ()) -> None:
+    """Draw and keep the pages of a command, write report.html with those of all finished ones, and mark it finished.
+
+    faults : of what is written; they come first.
+    """
     drawn: list[Section] = importlib.import_module(f"validation.commands.{command}.page").sections(folder)
+    if faults:
+        said = Markup("").join(callout(fault, "disagree") for fault in faults)
+        drawn = [Section("read-back", "What was written is not what was computed", said, "disagree"), *drawn]
     write_json(store.pages(folder, command), [asdict(section) for section in drawn])
     done = [other for other in store.results(folder) if other == command or store.finished(folder, other)]
     sections = _apart((other, s) for other in done for s in (drawn if other == command else kept(folder, other)))
     title = store.title(folder) or next((s.title for s in sections), folder.name)
     page.render(title, sections, folder / "report.html")
     store.finish(folder, command)
+
+
+def read_back(command: str, of: readback.Stored, lines: Sequence[str]) -> int:
+    """Read files, page and printed lines back; faults come first on the page, and 1 is returned."""
+    text = (of.folder / store.REPORT).read_text(encoding="utf-8")
+    faults = [*readback.files(of), *readback.page(text, command, of), *readback.terminal(lines, of)]
+    if faults:
+        write(of.folder, command, faults)
+        terminal.complain([f"not what was computed: {fault}" for fault in faults[:5]])
+    return int(bool(faults))
 
 
 def kept(folder: Path, command: str) -> list[Section]:

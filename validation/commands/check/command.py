@@ -78,23 +78,27 @@ def command(
     result, folder = _checked(loaded, third, out, deep=deep, second=_second(loaded, second, second_set), **asked)
 
     from validation.commands.check import words
-    from validation.page import telling
+    from validation.core.readback import Stored
+    from validation.page import report, telling
 
-    words.tell(result, verbose)
+    with terminal.heard() as lines:
+        words.tell(result, verbose)
     if sensitive:
         from validation.commands.check import sensitivity
 
         terminal.say(f"  {sensitivity.told(sensitivity.sensitivity(result))}")
     a, b = result.a.run, result.b.run
     terminal.say(f"  written to {folder}: report.html, {a.method}/, {b.method}/")
-    sound = result.verdict.value == "agree" and not result.doubts
+    broken = telling.broken(a, b)
+    wrong = 0 if broken else report.read_back("check", Stored(folder, [a.method, b.method], judged=True), lines)
+    sound = result.verdict.value == "agree" and not result.doubts and not wrong
     if self_test:
         from validation.commands.check import selftest
 
         verdict = selftest.planted(result)
         terminal.say(f"  {selftest.said(result, verdict)}")
         sound = sound and verdict.value == "disagree"
-    return telling.broken(a, b) or int(not sound)
+    return broken or int(not sound)
 
 
 def _points(scene: Any, pairs: list[str] | None) -> list[options.Point]:

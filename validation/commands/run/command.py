@@ -72,6 +72,7 @@ def command(
 
 def _one(point: options.Point, name: str, answered: "Callable[..., tuple[Response, str]]", out: Path | None) -> int:
     from validation.core.answers import write_answers
+    from validation.core.readback import Stored
     from validation.core.sidebyside import aside
     from validation.page import report, telling
 
@@ -83,16 +84,18 @@ def _one(point: options.Point, name: str, answered: "Callable[..., tuple[Respons
         write_answers(folder / name, scene, r)
         report.write(folder, "run")
     store.finish(folder, "run")  # with the animation's files
-    telling.answer(scene, r)
-    telling.work(r)
+    with terminal.heard() as lines:
+        telling.answer(scene, r)
+        telling.work(r)
     terminal.say(f"  written to {folder}: report.html, {name}/")
     if broken := telling.broken(r):
         return broken
+    wrong = report.read_back("run", Stored(folder, [name], judged=False), lines)
     if missed:
         terminal.complain([missed])
         return 1
     # a bar that could not be made is no fault of the run
-    return 1 if any(flag.kind != "no bar" for flag in r.flags) else 0
+    return 1 if wrong or any(flag.kind != "no bar" for flag in r.flags) else 0
 
 
 def _animate(response: "Response", folder: Path) -> None:

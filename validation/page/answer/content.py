@@ -1,16 +1,21 @@
 """Content of the page of an answer."""
 
-from functools import partial
+import re
+import tomllib
+from collections.abc import Container, Iterator
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
+from cablefem.scene import Scene
 from validation.core.answers import outcome
 from validation.core.methods import METHODS
 from validation.core.quantities import matter
 from validation.page.answer import figures as draw
 from validation.page.answer.stored import Stored
-from validation.page.page import settings, versions
+from validation.page.page import drawn_with, table
 from validation.page.side_view import side_view
 
 
@@ -22,9 +27,54 @@ def content(x: Stored) -> dict[str, Any]:
         "view": side_view(x.scene, moving, range_T=draw.tension_range(x), party=x.party) if moving else "",
         "known": lambda name: np.isfinite(getattr(x.runs[0], name)).any(), "series": partial(draw.series, x),
         "energy_split": partial(draw.energy_split, x), "tension_field": partial(draw.tension_field, x),
-        "methods": METHODS, "versions": settings(versions()),
+        "methods": METHODS, "drawn_with": drawn_with(), "inputs": inputs(x.scene.to_toml()),
         "work": [
-            {"method": r.method, "n_dof": r.n_dof, "seconds": r.seconds, "reached": r.s_o[-1], **r.work}
+            {"method": r.method, "n_dof": r.n_dof, "seconds": r.seconds, "reached": r.s_o[-1]}
+            | {name: int(count) for name, count in r.work.items()}
             for r in x.runs
         ],
     }  # fmt: skip
+
+
+def inputs(toml: str, without: Container[str] = ()) -> Markup:
+    """The table of all keys of a scene, but for some."""
+    rows = []
+    for key, value in _leaves(tomllib.loads(toml)):
+        if key in without or key in ("name", "title"):
+            continue
+        unit, meaning = _known().get(_general(key), ("", ""))
+        rows.append({"key": key, "value": f"{_text(value)} {unit}".rstrip(), "meaning": meaning})
+    return table(rows, ["key", "value", "meaning"], caption="All that the scene gives", stack=True)
+
+
+def _leaves(data: Any, way: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted keys and values; lists of tables are counted through, other lists are values."""
+    tables = isinstance(data, list) and bool(data) and isinstance(data[0], dict)
+    if not isinstance(data, dict) and not tables:
+        yield way, data
+        return
+    for name, value in data.items() if isinstance(data, dict) else enumerate(data):
+        yield from _leaves(value, f"{way}.{name}" if way else str(name))
+
+
+def _general(key: str) -> str:
+    """The key as it is described: brake.0.from is brake[].from."""
+    return re.sub(r"\.\d+", "[]", key)
+
+
+@cache
+def _known() -> dict[str, tuple[str, str]]:
+    """Units and meanings of all keys of a scene."""
+    from cablefem.scene.keys import keys  # slow to import
+
+    units = {"-": "", "C": "°C", "m2": "m²", "m/s2": "m/s²", "m/s3": "m/s³", "kg/m3": "kg/m³"}
+    known = {re.sub(r" \(.*?\)", "", key.name): (units.get(key.unit, key.unit), key.meaning) for key in keys(Scene)}
+    return known
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, list):
+        first, last = (_text(value[i]) if not isinstance(value[i], list) else f"({', '.join(map(_text, value[i]))})"
+                       for i in (0, -1))  # fmt: skip
+        return f"{len(value)} from {first} to {last}"
+    return f"{value:.10g}" if isinstance(value, float) else str(value)

@@ -17,8 +17,9 @@ from validation.core.answers import outcome
 from validation.core.quantities import named, scale_of
 from validation.core.sidebyside import spread
 from validation.page import report, terminal
+from validation.page.answer.content import inputs
 from validation.page.options import Point
-from validation.page.page import Section, gallery, table
+from validation.page.page import Section, details, drawn_with, gallery, table
 from validation.page.plot import COLORS, DASHED, DOTTED, GREY, Panel, plot, side
 from validation.page.side_view import short, some
 
@@ -154,6 +155,8 @@ def sections(folder: Path) -> list[Section]:
     html = [
         table_of(rows, columns(rows, keys), keys[0]),
         gallery(_side(scene, rows, paths, keys), _speeds(rows, paths, keys)),
+        details("What is the same in all of them", inputs(scene.to_toml(), without=keys)),
+        Markup("<p><small>Page drawn on {}.</small></p>").format(drawn_with()),
     ]
     kinds = [x["outcome_kind"] for x in rows]
     summary = ", ".join(f"{kinds.count(kind)} of {len(rows)} {ENDS[kind]}" for kind in dict.fromkeys(kinds))
