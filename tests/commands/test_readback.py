@@ -93,16 +93,17 @@ def test_a_column_one_percent_off_is_seen(results, name, column):
 def test_an_animation_one_percent_off_is_seen(results, of_frame):
     _, of, _, _ = results("a ride")
     file = of.folder / of.methods[0] / "response.xdmf"
-    text, middle = file.read_text(), 0.5
-    items = re.findall(rf'Name="{of_frame}".*?response\.h5:/(\w+)', text, re.S)
-    name = items[int(middle * (len(items) - 1) + 0.5)]
-    with h5py.File(file.with_suffix(".h5"), "r+") as data:
-        before = data[name][...]
-        data[name][...] = 1.01 * before
+    names = re.findall(rf'Name="{of_frame}".*?response\.h5:/(\w+)', file.read_text(), re.S)
+
+    def scale(factor):
+        with h5py.File(file.with_suffix(".h5"), "r+") as data:
+            for name in names:
+                data[name][...] = factor * data[name][...]
+
+    scale(1.01)
     found = list(readback.files(of))
-    with h5py.File(file.with_suffix(".h5"), "r+") as data:
-        data[name][...] = before
-    assert len(found) >= 1
+    scale(1.0 / 1.01)
+    assert found
     assert all("response.xdmf" in fault for fault in found)
 
 

@@ -21,7 +21,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.spatial import cKDTree
 
 Array = NDArray[np.float64]
@@ -38,7 +38,7 @@ FACTORS = {
     "N": {"N": 1.0, "kN": 1e-3, "MN": 1e-6, "GN": 1e-9}, "m": {"m": 1.0, "mm": 1e3}, "s": {"s": 1.0},
     "m/s": {"m/s": 1.0, "km/h": 3.6}, "deg": {"deg": 1.0}, "": {"": 1.0}, "s_o/l": {"": 1.0}, "%": {"%": 100.0},
 }  # fmt: skip
-LAWS, PRINTED, SHARED = {"energy", "impulse", "laws_si"}, {"design"}, {"deep"}
+LAWS, PRINTED, SHARED = {"energy", "impulse", "laws_si"}, {"design", "outcome"}, {"deep"}
 COUNTED = {"agree": "agree", "disagree": "disagree", "too coarse": "too coarse to tell",
            "not comparable": "cannot be compared"}  # fmt: skip
 
@@ -52,7 +52,7 @@ class Stored:
         self.agreement = _json(folder / "agreement.json") if judged else {}
         shown = self.agreement or self.summaries[0]
         self.design: list[dict[str, Any]] = shown["design"]
-        self.events: list[dict[str, Any]] = shown["events"]
+        self.events: list[dict[str, Any]] = [*shown["events"], *self.agreement.get("quasi_static", [])]
         self.rows: list[dict[str, Any]] = self.agreement.get("rows", [])
         self.outcome: str = self.summaries[0].get("outcome", "")
         self.unread: list[str] = []  # what has no reader
@@ -60,6 +60,11 @@ class Stored:
     @property
     def asked(self) -> list[dict[str, Any]]:
         return [row for row in self.rows if row["asked"] and not row.get("with")]
+
+    @property
+    def verdict(self) -> str:
+        """Of both solvers; a third party has its own."""
+        return _worst(self.asked) or "not comparable"
 
     @cache  # noqa: B019  a few, short-lived
     def run(self, i: int) -> dict[str, Any]:
@@ -69,6 +74,11 @@ class Stored:
             arrays["rest"] = json.loads(str(data["_rest"]))
         arrays["scene"] = tomllib.loads(arrays["rest"]["scene_toml"])
         return arrays
+
+
+def _worst(rows: Sequence[dict[str, Any]]) -> str | None:
+    verdicts = {row["verdict"] for row in rows if row["asked"]}
+    return next((v for v in ("disagree", "not comparable", "too coarse", "agree") if v in verdicts), None)
 
 
 def _json(file: Path) -> Any:
@@ -356,6 +366,7 @@ def _valued(text: str, row: dict[str, Any]) -> bool:
 
 def _cells_of_number(cells: Sequence[str], of: Stored) -> Faults:
     what, value, when, car, where = cells
+    what = re.sub(r" \(\d+ more are larger\)$", "", what)  # after the smallest of several clearances
     row = next((x for x in of.design if _named(x) == what), None)
     if row is None:
         yield f"{what}: no such design number"
@@ -369,6 +380,30 @@ def _cells_of_number(cells: Sequence[str], of: Stored) -> Faults:
     for name, text, place in (("car at", car, s_o), ("at", where, s)):
         if not _fixed(text, place, "m", 1):
             yield f"{what}: {name} {text} where {place} m is stored"
+
+
+def _cells_of_load(cells: Sequence[str], of: Stored) -> Faults:
+    """Components of what a support carries at one instant: means over an axial round trip."""
+    side, when, right, down = cells
+    run, row = of.run(0), next(x for x in of.design if x["quantity"] == f"reaction_{cells[0]}_max")
+    cable, length, t = run["scene"]["cable"], run["rest"]["length"], run["t"]
+    half = length * math.sqrt((cable["mass_per_length"] + _ice(cable)) / cable["EA"])
+    force = -run[f"reaction_{side}"]
+    known = np.isfinite(force).all(axis=1)
+    total = make_interp_spline(t[known], force[known], k=1).antiderivative()
+    low, high = np.clip([row["t"] - half, row["t"] + half], t[known][0], t[known][-1])
+    wanted = (total(high) - total(low)) / (high - low)
+    good = [shows(text, float(x), "N", digits=4) for text, x in zip((right, down), wanted, strict=True)]
+    if not all(good) or not shows(when, row["t"], "s", digits=4):
+        yield f"{side} support: {right}, {down} after {when} where {wanted} N after {row['t']} s follow"
+
+
+def _ice(cable: dict[str, Any]) -> float:
+    """Mass of ice per length [kg/m]."""
+    ice = cable.get("ice", 0.0)
+    if not isinstance(ice, dict):
+        return float(ice)
+    return float(ice["density"] * math.pi * ice["thickness"] * (cable["diameter"] + ice["thickness"]))
 
 
 def _cells_of_event(cells: Sequence[str], of: Stored) -> Faults:
@@ -410,8 +445,7 @@ def _cells_of_group(cells: Sequence[str], of: Stored) -> Faults:
         row for row in of.rows if row.get("asked", True)
         and (row["quantity"] in known[group] if group in known else row["quantity"] not in named)
     ]  # fmt: skip
-    worst = next((v for v in ("disagree", "not comparable", "too coarse", "agree")
-                  if any(row["verdict"] == v for row in rows)), "–")  # fmt: skip
+    worst = _worst(rows) or "–"
     if verdict.lstrip("✓✗≈? ") != worst:
         yield f"{group}: {verdict} where {worst} is the worst verdict"
     for name, words in COUNTED.items():
@@ -507,6 +541,7 @@ def sure(text: str, of: Stored) -> Faults:
 
 TABLES: dict[str, Callable[[Sequence[str], Stored], Faults]] = {
     "quantity|value|when|car at|where": _cells_of_number,
+    "support|when|to the right|down": _cells_of_load,
     "event|after [s]|at [m]|speed [km/h]": _cells_of_event,
     "comparison|verdict|gap|sum of both bars|asked for|largest at sₒ/l|in the verdict": _cells_of_row,
     "comparison|verdict|of those asked": _cells_of_group,
@@ -532,9 +567,8 @@ def page(whole: str, command: str, of: Stored) -> Faults:
         yield "the page has no answer"
         return
     head = _plain("".join(re.findall(r"<h2.*?</h2>", answer[0], re.S)))
-    verdict = of.agreement.get("verdict")
-    if verdict and not head.endswith(verdict):
-        yield f"the page's verdict is {head!r}, that of agreement.json {verdict}"
+    if of.agreement and not head.endswith(of.verdict):
+        yield f"the page's verdict is {head!r}, that of the rows {of.verdict}"
     summary = _plain("".join(re.findall(r'<p class="summary">.*?</p>', answer[0], re.S)))
     if not summary.startswith(_plain(f"{of.outcome[0].upper()}{of.outcome[1:]}.")):
         yield f"{summary!r} where the outcome is {of.outcome!r}"
@@ -623,7 +657,9 @@ def terminal(lines: Sequence[str], of: Stored) -> Faults:
         if text and reader is not None:
             yield from reader(text, of)
         elif text:
-            number = next((x for x in of.design if text.startswith(f"{_named(x)} ")), None)
+            # the longer of two names that begin alike
+            numbers = [x for x in of.design if text.startswith(f"{_named(x)} ")]
+            number = max(numbers, key=lambda x: len(_named(x)), default=None)
             event = next((x for x in of.events if re.match(rf"{x['event'].replace('_', ' ')} +after ", text)), None)
             if number is None and event is None and text not in _said(of):
                 of.unread.append(text)
@@ -636,14 +672,14 @@ def terminal(lines: Sequence[str], of: Stored) -> Faults:
 def _said(of: Stored) -> set[str]:
     """Sentences that are printed as they are stored."""
     words = _words("commands/check/words.toml")["verdicts"]
-    verdict = {words[of.agreement["verdict"]]} if of.agreement else set()
+    verdict = {words[of.verdict]} if of.agreement else set()
     flags = {flag for x in of.summaries for flag in x["flags"]}
     doubts = {f"{x['method']}: {x['words']}" for x in of.agreement.get("doubts", [])}
     return verdict | flags | doubts | {f"{of.summaries[0]['scene']}: {of.outcome}"}
 
 
 def _line_of_number(text: str, row: dict[str, Any], of: Stored) -> Faults:
-    rest = text.removeprefix(_named(row)).strip()
+    rest = re.sub(r"^\(\d+ more are larger\)", "", text.removeprefix(_named(row)).strip()).strip()
     value, at, when = re.fullmatch(r"(.*?)(?:, at ([\d.-]+ m))?(?: after (\S+ s))?", rest).groups("")  # type: ignore[union-attr]
     car = f"{row['s_o']:.1f} m" if row.get("s_o") is not None and row["value"] is not None else ""
     yield from _cells_of_number([_named(row), value, when, car, at], of)
@@ -697,6 +733,14 @@ def _line_of_row(text: str, of: Stored) -> Faults:
     yield f"{text!r} is no comparison in agreement.json"
 
 
+def _line_of_party(text: str, of: Stored) -> Faults:
+    for party in {row["with"] for row in of.rows if row.get("with")}:
+        worst = _worst([row for row in of.rows if row.get("with") == party]) or "not comparable"
+        if text.startswith(f"{party}: {_words('commands/check/words.toml')['third'][worst]}"):
+            return
+    yield f"{text!r} is no verdict on a third party"
+
+
 def _silent(text: str, of: Stored) -> Faults:
     return iter(())
 
@@ -708,7 +752,7 @@ LINES: tuple[tuple[str, Callable[[str, Stored], Faults]], ...] = (
     (r"  \d+ (of \d+ )?(comparisons|laws|printed)", sure),
     (r"  Nothing could be compared", _silent),
     (r"  written to ", _silent),
-    (r"  \S.*: (agrees|DISAGREES|is too coarse|cannot be compared)", _silent),  # a third party: its rows are judged
+    (r"  \S.*: (agrees|DISAGREES|is too coarse|cannot be compared)", _line_of_party),
     (r"quantity +gap", _silent),
     (r"\S.*(  +(-|\d\S*)){4}  (agree|disagree|too coarse|not comparable|shown)$", _line_of_row),
 )  # fmt: skip

@@ -11,6 +11,8 @@ from markupsafe import Markup
 
 from cablefem.scene import Scene
 from validation.core.answers import outcome
+from validation.core.evidence import Given
+from validation.core.measures import averaged
 from validation.core.methods import METHODS
 from validation.core.quantities import matter
 from validation.page.answer import figures as draw
@@ -27,13 +29,29 @@ def content(x: Stored) -> dict[str, Any]:
         "view": side_view(x.scene, moving, range_T=draw.tension_range(x), party=x.party) if moving else "",
         "known": lambda name: np.isfinite(getattr(x.runs[0], name)).any(), "series": partial(draw.series, x),
         "energy_split": partial(draw.energy_split, x), "tension_field": partial(draw.tension_field, x),
-        "methods": METHODS, "drawn_with": drawn_with(), "inputs": inputs(x.scene.to_toml()),
+        "methods": METHODS, "drawn_with": drawn_with(), "inputs": inputs(x.scene.to_toml()), "loads": list(loads(x)),
         "work": [
             {"method": r.method, "n_dof": r.n_dof, "seconds": r.seconds, "reached": r.s_o[-1]}
             | {name: int(count) for name, count in r.work.items()}
             for r in x.runs
         ],
     }  # fmt: skip
+
+
+def loads(x: Stored) -> Iterator[dict[str, Any]]:
+    """What each support carries when that is largest: components of one instant, means over an axial round trip."""
+    r = x.runs[0]
+    half = 0.5 * Given(r.scene_toml, r.length).round_trip
+    for side in ("left", "right"):
+        row = next((d for d in x.design if d["quantity"] == f"reaction_{side}_max"), None)
+        if row is None or row["t"] is None:
+            continue
+        force = -getattr(r, f"reaction_{side}")  # of the rope on the support (n, 2)
+        there = np.isfinite(force).all(axis=1)
+        t = r.t[there]
+        low, high = (np.clip([row["t"] + away], t[0], t[-1]) for away in (-half, half))
+        right, down = averaged(t, force[there], low, high)[0] if t.size > 2 else force[there][0]
+        yield {"support": side, "t": row["t"], "right": float(right), "down": float(down)}
 
 
 def inputs(toml: str, without: Container[str] = ()) -> Markup:

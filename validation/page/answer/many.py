@@ -28,6 +28,7 @@ DASHES = ("", DASHED, DOTTED, "8 3 2 3")  # one for each value of the keys after
 Row = dict[str, Any]
 HEADS = {
     "outcome": "outcome", "arrival_km_h": "at the brake or end [km/h]", "rests_at_m": "rests at [m]",
+    "farthest_m": "farthest point [m]",
     "clearance_rope_min": "clearance, rope [m]", "clearance_car_min": "clearance, car [m]", "verdict": "verdict",
 }  # fmt: skip
 # kind of an outcome in words, of one ride or of many
@@ -67,6 +68,7 @@ def row(scene: Scene, r: Response, verdict: str | None = None) -> Row:
         out["arrival_km_h"] = None if arrives is None else round(3.6 * arrives["speed"], 2)
         rests = r.s_o[-1] if found.kind in ("stuck", "stopped_by_brake") else None
         out["rests_at_m"] = None if rests is None else round(float(rests), 2)
+        out["farthest_m"] = round(float(r.s_o.max()), 2)
     return out | _numbers(r.design) | ({} if verdict is None else {"verdict": verdict})
 
 
@@ -131,7 +133,7 @@ def _tell(rows: list[Row], shown: Columns) -> None:
 def columns(rows: list[Row], keys: Sequence[str]) -> Columns:
     """Columns of a table of rides: varied values, outcomes, common numbers, verdicts."""
     found = {key: Column(key) for key in keys}
-    for name in ("outcome", "arrival_km_h", "rests_at_m", *NUMBERS, "verdict"):
+    for name in ("outcome", "arrival_km_h", "rests_at_m", "farthest_m", *NUMBERS, "verdict"):
         values = [x[name] for x in rows if x.get(name) is not None]
         force = name.startswith(("tension", "haul"))
         factor, unit = scale_of(np.array(values), "N") if force and values else (1.0, "")
