@@ -567,7 +567,7 @@ def page(whole: str, command: str, of: Stored) -> Faults:
         yield "the page has no answer"
         return
     head = _plain("".join(re.findall(r"<h2.*?</h2>", answer[0], re.S)))
-    if of.agreement and not head.endswith(of.verdict):
+    if of.agreement and not head.endswith(f" {of.verdict}"):
         yield f"the page's verdict is {head!r}, that of the rows {of.verdict}"
     summary = _plain("".join(re.findall(r'<p class="summary">.*?</p>', answer[0], re.S)))
     if not summary.startswith(_plain(f"{of.outcome[0].upper()}{of.outcome[1:]}.")):
