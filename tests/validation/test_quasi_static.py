@@ -116,7 +116,8 @@ def test_bars_hold_against_the_full_model():
     true = {row["quantity"]: row["value"] for row in design(full)}
     for row in quick.design:
         assert abs(row["value"] - true[row["quantity"]]) <= row["bar"], row
-        assert row["bar"] <= 0.05 * abs(row["value"]) or row["unit"] == "m"
+    # and say something: a wide bar would hold as well
+    assert sorted(row["bar"] / abs(row["value"]) for row in quick.design)[len(quick.design) // 2] < 0.03
     assert outcome(scene, quick).sentence.startswith("too close to tell whether it clears tree; stops in the brake")
     happened = {event["event"]: event for event in full.events}
     for event in quick.events:
