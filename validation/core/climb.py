@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cablefem.newmark import scheme
-from cablefem.response import MassPath
+from cablefem.response import MassPath, Response
 from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.ladder import Branch, Ladder, itself
@@ -255,6 +255,12 @@ def annotated(ladder: Ladder, view: View) -> Ladder:
         parts |= {"tension_space": tension[0], "tension_time": tension[1]}
         told["tension_error"] = sum(tension)
     return replace(ladder, finest=replace(ladder.finest, error_parts=parts, **told))
+
+
+def own_path_error(r: Response) -> float:
+    """The bar of the path by the solver's own coarser runs; `path_error` of a check is at least the gap."""
+    parts = r.error_parts or {}
+    return parts.get("path_space", math.inf) + parts.get("path_time", math.inf)
 
 
 # --- the rule, and where to begin -----------------------------------------------------------------------------------

@@ -36,12 +36,17 @@ def window_of(*responses: MassPath, window: Window | None = None) -> Window:
     )
 
 
+def meant_until(*runs: Response) -> float:
+    """Time [s] up to which runs say something: the first end, or slack onset, of them."""
+    return min(min(float(x.t[-1]), x.slack_since) for x in runs)
+
+
 def extremes_within(r: Response, twin: Response | None) -> tuple[float, float]:
     """Times [s] between which extremes are taken: in the window, as far as both runs go.
 
     A rolling car begins in equilibrium, so that its start counts.
     """
-    end = min(min(float(x.t[-1]), x.slack_since) for x in (r, twin or r))
+    end = meant_until(r, twin or r)
     low, high = (float(np.interp(place * r.length, r.s_o, r.t)) for place in WINDOWS[r.drive])
     return low if r.drive == "grip" else float(r.t[0]), end if r.drive == "free" else min(end, high)
 

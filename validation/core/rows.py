@@ -240,6 +240,24 @@ def with_bars(ladder: Ladder) -> list[dict[str, Any]]:
     return out
 
 
+def beside(a: Ladder, quasi_static: list[dict[str, Any]], asked_for: float) -> Iterator[Agreement]:
+    """Shown rows: time over the ride's, speed over the largest, of events of the full and the quasi-static ride."""
+    scales = {"t": ("time", float(a.run.t[-1])), "speed": ("speed", float(a.run.speed.max()))}
+    for event in EVENTS[:3]:
+        full, static = (next((x for x in of if x["event"] == event), None) for of in (a.run.events, quasi_static))
+        if full is None or static is None:
+            continue
+        for name, (what, scale) in scales.items():
+            own, other = finite(full[f"bar_{name}"]), static[f"bar_{name}"]
+            parts = (
+                Part(a.run.method, math.inf if own is None else own / scale, "coarser runs"),
+                Part("quasi-static", other / scale, "inertia of the rope"),
+            )
+            gap, law = abs(full[name] - static[name]) / scale, f"{event}: {what}"
+            bound = Bound("error bars", parts)
+            yield Agreement("quasi-static", gap, bound, law=law, asked_for=asked_for, asked=False)
+
+
 def _slack_onset(a: Ladder, b: Ladder, whole: View, asked_for: float) -> Agreement:
     """How far both answers are apart where the first cable goes slack; no slack counts as the window's end.
 
@@ -295,11 +313,13 @@ def _past_slack(a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[
 # --- an answer and mechanics ----------------------------------------------------------------------------------------
 
 
-def printed(a: Response, b: Response) -> Iterator[Agreement]:
-    """Check design numbers against their second computation."""
+def printed(scene: Scene, a: Response, b: Response) -> Iterator[Agreement]:
+    """Check what both runs print against its second computation."""
     from validation.core import recomputed
+    from validation.core.answers import outcome
 
-    return _worse_of(row for r, twin in ((a, b), (b, a)) for row in recomputed.rows(r, twin))
+    pairs = (a, b), (b, a)
+    return _worse_of(row for r, twin in pairs for row in recomputed.rows(r, twin, outcome(scene, r)))
 
 
 def _worse_of(rows: Iterable[Agreement]) -> Iterator[Agreement]:

@@ -58,7 +58,9 @@ def events(happened: Sequence[dict[str, Any]], most: int = 5) -> None:
 def work(r: Response) -> None:
     """Print method, settings and reach of a run, and reasons for doubt."""
     if r.model == "quasi-static":
-        terminal.say("  by the quasi-static model, which leaves out the inertia of the rope")
+        terminal.say("  by the quasi-static model, which leaves out the inertia of the rope: that is in its bars")
+        for line in map(str, r.flags):
+            terminal.say(f"  {line}", style="yellow")
         return
     method = find(r.method)
     settings = {

@@ -16,7 +16,7 @@ from cablefem.scene.statics import gripped, hauled
 from validation.commands.modes.study import modes
 from validation.core import measures
 from validation.core.agreement import Agreement, Bound, Part, nothing
-from validation.core.climb import laddered
+from validation.core.climb import laddered, own_path_error
 from validation.core.ladder import Ladder
 from validation.core.methods import METHODS
 from validation.core.order import SAFETY
@@ -110,7 +110,7 @@ def _bars(scene: Scene, a: Ladder) -> Agreement:
     view = View.of(scene)
     other = laddered(scene, "following-p4", until=view.stop, **finer)
     gap = measures.path_gap(other.run, a.run, view.cut(a.run, other.run).window)[0]
-    return _row(gap, *(Part(x.run.method, x.run.path_error or math.nan, HALVED) for x in (a, other)))
+    return _row(gap, *(Part(x.run.method, own_path_error(x.run), HALVED) for x in (a, other)))
 
 
 Third = Callable[[Scene, Ladder], Agreement | None]

@@ -4,7 +4,7 @@ import html
 import importlib
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,13 +15,15 @@ from cablefem.scene.errors import nearest, shown
 from validation.core import foreign, measures
 from validation.core.agreement import DEFAULT_TOL, TOL_HIGH, TOL_LOW, Agreement, Verdict, check_range, overall
 from validation.core.answers import outcome
-from validation.core.climb import AIM, BUDGET, TooCoarse, cheapest, climb, dear, laddered
+from validation.core.climb import AIM, BUDGET, TooCoarse, cheapest, climb, dear, laddered, own_path_error
+from validation.core.design import design, gaps, widened
 from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.ladder import Ladder
 from validation.core.methods import Method, find, pair, refined
 from validation.core.quantities import matter, told
+from validation.core.quasi_static import events_beside
 from validation.core.remedy import advised
-from validation.core.rows import compare, doubts, printed, with_bars
+from validation.core.rows import asked_of, beside, compare, doubts, printed, with_bars
 from validation.core.sidebyside import Progress, side_by_side
 from validation.core.store import Refused
 from validation.core.view import View
@@ -43,6 +45,7 @@ class Check:
     tol: float
     window: tuple[float, float]
     rows: list[Agreement]
+    quasi_static: list[dict[str, Any]] = field(default_factory=list)  # events of the quasi-static ride
 
     @property
     def verdict(self) -> Verdict:
@@ -80,7 +83,7 @@ class Check:
             "scene": self.scene.name, "verdict": self.verdict.value, "range": list(self.window),
             "axis": View.of(self.scene).axis, "tol": self.tol,
             "methods": [self.a.run.method, self.b.run.method], "rows": [row.row() for row in self.rows],
-            "design": self.design, "events": self.a.run.events,
+            "design": self.design, "events": self.a.run.events, "quasi_static": self.quasi_static,
             "doubts": [{"method": name, "kind": flag.kind, "words": str(flag)} for name, flag in self.doubts],
         }  # fmt: skip
 
@@ -116,13 +119,17 @@ def check(
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     sides = _sides((scene, second or scene), methods or pair(scene.groups), tol, until)
     (first, other), rows = _judged(scene, sides, tol, tol_tension, ask, progress)
-    a, b = _told(first, other), _told(other, first)
-    rows += required(printed(a.run, b.run), ask)
+    own = _with_numbers(first, other), _with_numbers(other, first)
+    rows += gaps(*own, asked_of("rest", tol, tol_tension))
+    a, b = (_widened(x, twin, rows) for x, twin in (own, own[::-1]))
+    static = events_beside(scene, a.run.max_deflection)
+    rows += beside(a, static, asked_of("rest", tol, tol_tension))
+    rows += required(printed(scene, a.run, b.run), ask)
     if deep:
         from validation.commands.check import deep as third
 
         rows += third.deep(scene, a)
-    return Check(scene, a, b, tol, _window(scene, a, b), rows)
+    return Check(scene, a, b, tol, _window(scene, a, b), rows, static)
 
 
 def required(rows: Iterable[Agreement], ask: str) -> list[Agreement]:
@@ -233,19 +240,33 @@ def _excess(row: Agreement, method: str, larger: bool) -> Iterator[tuple[float, 
 
 def _load() -> None:
     """Import judging and drawing while a solver runs."""
-    for name in ("core.laws", "core.design", "core.trust", "commands.check.page"):
+    for name in ("core.laws", "core.recomputed", "core.trust", "commands.check.page"):
         importlib.import_module(f"validation.{name}")
 
 
-def _told(e: Ladder, twin: Ladder) -> Ladder:
-    from validation.core.design import design
+def _with_numbers(ladder: Ladder, twin: Ladder) -> Ladder:
+    """The ladder with design numbers and events of its finest run."""
+    return replace(ladder, finest=replace(ladder.run, design=design(ladder, twin), events=with_bars(ladder)))
 
-    return replace(e, finest=replace(e.run, design=design(e, twin), events=with_bars(e)))
+
+def _widened(ladder: Ladder, twin: Ladder, rows: list[Agreement]) -> Ladder:
+    """The ladder with bars of its finest run that are at least the gap to the other solver."""
+    gap = {row.quantity: row.gap for row in rows if not row.law and math.isfinite(row.gap)}
+
+    def at_least(error: float | None, quantity: str) -> float | None:
+        return None if error is None else max(error, gap.get(quantity, 0.0))
+
+    run = replace(
+        ladder.run, design=widened(ladder.run.design, twin.run.design),
+        path_error=at_least(ladder.run.path_error, "path_max"),
+        tension_error=at_least(ladder.run.tension_error, "tension"),
+    )  # fmt: skip
+    return replace(ladder, finest=run)
 
 
 def joined(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:
     """The check with rows of a third party, against our solver with the smaller bar."""
-    best = min((check.a, check.b), key=lambda e: math.inf if e.run.path_error is None else e.run.path_error)
+    best = min((check.a, check.b), key=lambda ladder: own_path_error(ladder.run))
     rows = list(foreign.rows(path, best, check.window, with_tol))
     if isinstance(path, ForeignPath):
         rows = advised(rows, path, check.scene, (check.a, check.b), check.window, with_tol)

@@ -9,15 +9,18 @@ from cablefem.response import Response
 from cablefem.scene import Scene
 from cablefem.scene.errors import nearest, shown
 from validation.commands.run.command import CHOICES, QUASI_STATIC
-from validation.core.agreement import TOL_HIGH, TOL_LOW
+from validation.core import recomputed
+from validation.core.agreement import TOL_HIGH, TOL_LOW, Verdict
+from validation.core.answers import outcome
 from validation.core.climb import TooCoarse, climb, laddered, refined_until
 from validation.core.design import design
 from validation.core.methods import Method, find
-from validation.core.quasi_static import quasi_static
+from validation.core.quasi_static import quasi_static, with_error_bars
 from validation.core.rows import forces_left, with_bars
 from validation.core.running import Run, run
 from validation.core.sampling import FRAMES
 from validation.core.sidebyside import silent
+from validation.core.watch import flagged
 from validation.page.answer import many as table
 from validation.page.options import Point
 
@@ -30,8 +33,10 @@ def answer(
     Returns the response with its design numbers, and why the tolerance is out of reach, else "".
     Without a method: the quasi-static ride.
     """
-    if method is None or (tol is None and not bars):
-        response = quasi_static(scene) if method is None else run(scene, method, **kind, progress=progress)
+    if method is None:
+        return quasi_static_answer(scene), ""
+    if tol is None and not bars:
+        response = run(scene, method, **kind, progress=progress)
         return replace(response, design=design(response)), ""
     missed = ""
     if tol is None:
@@ -44,6 +49,19 @@ def answer(
         except TooCoarse as error:
             ladder, missed = error.ladder, str(error)
     return replace(ladder.run, design=design(ladder), events=with_bars(ladder)), missed
+
+
+def quasi_static_answer(scene: Scene) -> Response:
+    """The quasi-static ride with design numbers and bars, and a flag for each that its second computation denies."""
+    r = quasi_static(scene)
+    r = with_error_bars(scene, replace(r, design=design(r)))
+    rows = list(recomputed.rows(r, None, outcome(scene, r)))
+    if r.drive != "grip":
+        rows.append(recomputed.energy_of_ride(r))
+    for row in rows:
+        if row.verdict is not Verdict.AGREE:
+            r = flagged(r, "recomputed", what=f"{row.quantity} {row.law}".strip(), gap=row.gap, allowed=row.allowed)
+    return r
 
 
 def run_with_bars(

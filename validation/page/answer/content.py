@@ -3,6 +3,7 @@
 import re
 import tomllib
 from collections.abc import Container, Iterator
+from dataclasses import replace
 from functools import cache, partial
 from typing import Any
 
@@ -24,8 +25,9 @@ from validation.page.side_view import side_view
 def content(x: Stored) -> dict[str, Any]:
     """What assets/answer.html shows of a run or of a check of two."""
     moving = [r for r in x.runs if r.fields.t.size > 1]
+    found = outcome(x.scene, replace(x.runs[0], design=x.design))
     return {
-        "x": x, "verdict": x.verdict, "outcome": outcome(x.scene, x.runs[0]).sentence, "matter": matter(x.design),
+        "x": x, "verdict": x.verdict, "outcome": found.sentence, "matter": matter(x.design),
         "view": side_view(x.scene, moving, range_T=draw.tension_range(x), party=x.party) if moving else "",
         "known": lambda name: np.isfinite(getattr(x.runs[0], name)).any(), "series": partial(draw.series, x),
         "energy_split": partial(draw.energy_split, x), "tension_field": partial(draw.tension_field, x),

@@ -33,6 +33,7 @@ HEADS = {
 }  # fmt: skip
 # kind of an outcome in words, of one ride or of many
 ENDS = {
+    "breaks": "broke the rope",
     "arrives": "arrived", "stopped_by_brake": "stopped in the brake", "stuck": "got stuck",
     "rolls_back": "rolled back to the start", "rolling": "still rolled at the end", "crossed": "crossed the cable",
     "stopped": "stopped before the end", "incomplete": "broke off",
