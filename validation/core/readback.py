@@ -210,20 +210,25 @@ def _tension(file: Path, of: dict[str, Any]) -> Faults:
 
 
 def _profile(file: Path, of: dict[str, Any]) -> Faults:
-    """Envelopes of depth and tension over x: from all frames, and of the car's path between them."""
+    """Envelopes of depth and tension over x: from all taut frames, and of the car's path between them."""
+    onset = of["rest"]["slack_onset"]
+    until = math.inf
+    if onset is not None:
+        until = of["t"][np.argmin(np.abs(of["s_o"] - onset * of["rest"]["length"]))]
+    taut = of["t"] <= until
     x_rest, y_rest = of["fields.x"], of["fields.y"]
     x = np.linspace(x_rest[0], x_rest[-1], PLACES)
     depth, pull = [np.interp(x, x_rest, y_rest)], [np.interp(x, x_rest, of["fields.T_static"])]
     s, s_o, car = of["fields.s"], of["fields.s_o"], car_of(of)
     at_car = np.fmax(of["fields.T_behind"], of["fields.T_ahead"])
-    for k, place in enumerate(s_o):
+    for k, place in enumerate(s_o[of["fields.t"] <= until]):
         i = int(np.searchsorted(s, place, side="right"))
         rope = np.insert(x_rest + of["fields.u"][k], i, car[k, 0])
         depth.append(np.interp(x, rope, np.insert(y_rest + of["fields.v"][k], i, car[k, 1])))
         pull.append(np.interp(x, rope, np.insert(of["fields.T"][k], i, at_car[k])))
     yield from _columns(_table(file), {
         "x": x, "y_rest": depth[0], "y_highest": np.min(depth, axis=0),
-        "y_lowest": np.maximum(np.max(depth, axis=0), _deepest(x, of["x"], of["y"])),
+        "y_lowest": np.maximum(np.max(depth, axis=0), _deepest(x, of["x"][taut], of["y"][taut])),
         "tension_max": np.max(pull, axis=0), "tension_min": np.min(pull, axis=0),
     })  # fmt: skip
 
