@@ -18,7 +18,9 @@ import numpy as np
 from cablefem.scene.line import Case, LineState, NoLine, NotFound, Station
 from cablefem.scene.taut import start
 
-STEPS, SHORTEST = 100, 1e-3  # of Newton's method; smallest damping factor
+# of Newton's method; smallest damping factor
+STEPS = 100
+SHORTEST = 1e-3
 LAST = 1e-8  # step over the size of the unknowns; the error left is about its square
 
 
@@ -42,13 +44,17 @@ def across(n: np.ndarray, S: np.ndarray, case: Case) -> np.ndarray:
 
 class _Problem:
     def __init__(self, case: Case) -> None:
-        self.case, self.count = case, len(case.stations) - 1
-        self.s, self.place = case.fixed_s, case.fixed_places
+        self.case = case
+        self.count = len(case.stations) - 1
+        self.s = case.fixed_s
+        self.place = case.fixed_places
         self.free_s, self.free_place = np.isnan(self.s), np.isnan(self.place)
         first = start(case)
         if isinstance(first, NoLine):
             raise first
-        H, place, s = first.H, first.points, first.s
+        H = first.H
+        place = first.points
+        s = first.s
         self.H = float(H.mean())
         self.reach = float(np.ptp(place[:, 0]))
         chord = np.diff(place, axis=0)
@@ -59,12 +65,15 @@ class _Problem:
 
     def parts(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Pulls behind and ahead (n, 2, m), s (n, m) and places (n, 2, m) for X (k, m)."""
-        m, k = X.shape[1], 2 * self.count
+        m = X.shape[1]
+        k = 2 * self.count
         s = np.repeat(self.s[:, None], m, axis=1).astype(X.dtype)
         place = np.repeat(self.place[:, :, None], m, axis=2).astype(X.dtype)
         here = k + int(self.free_s.sum())
-        s[self.free_s], place[self.free_place] = X[k:here], X[here:]
-        none, n = np.zeros((1, 2, m)), X[:k].reshape(self.count, 2, m)
+        s[self.free_s] = X[k:here]
+        place[self.free_place] = X[here:]
+        none = np.zeros((1, 2, m))
+        n = X[:k].reshape(self.count, 2, m)
         end = np.stack([n[:, 0], n[:, 1] - self.case.weight * np.diff(s, axis=0)], axis=1)
         return np.concatenate([none, end]), np.concatenate([n, none]), s, place
 
@@ -116,7 +125,10 @@ def _tau(behind: np.ndarray, ahead: np.ndarray) -> np.ndarray:
 
 def _newton(problem: _Problem, more: int) -> np.ndarray:
     """Unknowns by damped Newton steps and `more`; NotFound without convergence."""
-    X, left, tiny = problem.X, more + 1, 1e-30  # complex-step differentiation
+    # complex-step differentiation
+    X = problem.X
+    left = more + 1
+    tiny = 1e-30
     for _ in range(STEPS):
         r = problem.residual(X[:, None])[:, 0]
         shifted = X[:, None] + 1j * tiny * np.diag(problem.size)
@@ -158,7 +170,9 @@ def solve(cases: Sequence[Case], more: int = 0) -> list[LineState | NoLine]:
 def at(state: LineState, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Depth [m] and tension [N] at places x (m,) [m]."""
     piece = np.clip(np.searchsorted(state.place[:, 0], x, side="right") - 1, 0, len(state.s) - 2)
-    start, run, whole = state.place[piece], np.diff(state.place[:, 0])[piece], np.diff(state.s)[piece]
+    start = state.place[piece]
+    run = np.diff(state.place[:, 0])[piece]
+    whole = np.diff(state.s)[piece]
     n = state.ahead[piece][:, :, None]
     S = (whole * (x - start[:, 0]) / run)[:, None]
     for _ in range(STEPS):  # three steps do

@@ -31,7 +31,9 @@ DEGREE = 4
 ORDER = 12  # of quadrature
 SOFTENING = 4  # stages of EA up to its value
 SOFTEST = 5.0  # first EA over H
-STEPS, SHORTEST = 100, 1e-3  # of Newton's method; least damping factor
+# of Newton's method; least damping factor
+STEPS = 100
+SHORTEST = 1e-3
 NEAR = 1e-6  # residual over H for undamped steps
 LAST = 1e-9  # last step over the reach
 ROUGH = 1e-2  # the same for a soft rope
@@ -84,7 +86,8 @@ class _Batch:
 
     def __init__(self, starts: Sequence[tuple[Case, Start]], elements: int) -> None:
         cases = [case for case, _ in starts]
-        self.cases, self.elements = cases, elements
+        self.cases = cases
+        self.elements = elements
         self.stations = [p for case in cases for p in case.stations]
         counts = np.array([len(case.stations) for case in cases])
         self.owner = np.repeat(np.arange(len(cases)), counts)  # case of each station
@@ -102,14 +105,16 @@ class _Batch:
         self._begin([start for _, start in starts])
 
     def _connect(self) -> None:
-        N, h = self.basis.N, self.basis.N + np.arange(self.pieces)
+        N = self.basis.N
+        h = self.basis.N + np.arange(self.pieces)
         self.known = np.concatenate([np.column_stack([case.fixed_places, case.fixed_s]) for case in self.cases])
         free = np.isnan(self.known)
         count = int(free.sum())
         self.number = np.full(free.shape, -1)
         self.number[free] = np.arange(count)
         # (u_x, u_y, h) of the piece behind each station and ahead; -1: no piece
-        self.behind, self.ahead = np.full(free.shape, -1), np.full(free.shape, -1)
+        self.behind = np.full(free.shape, -1)
+        self.ahead = np.full(free.shape, -1)
         self.behind[self.left + 1] = np.column_stack([*self.dofs[:, :, -1], h])
         self.ahead[self.left] = np.column_stack([*self.dofs[:, :, 0], h])
         inner = np.setdiff1d(np.arange(N), self.dofs[:, :, [0, -1]])
@@ -118,8 +123,10 @@ class _Batch:
         signs = np.where(np.arange(3) == 2, np.array([1.0, -1.0])[:, None], 1.0)[:, None] * (sides >= 0)
         self.w0 = np.bincount(sides[sides >= 0], (signs * np.where(free, 0.0, self.known))[sides >= 0], N + h.size)
         both = (sides >= 0) & free
-        row, column = sides[both], np.broadcast_to(self.number, sides.shape)[both]
-        row, column = np.concatenate([row, inner]), np.concatenate([column, count + np.arange(inner.size)])
+        row = sides[both]
+        column = np.broadcast_to(self.number, sides.shape)[both]
+        row = np.concatenate([row, inner])
+        column = np.concatenate([column, count + np.arange(inner.size)])
         data = np.concatenate([np.broadcast_to(signs, sides.shape)[both], np.ones(inner.size)])
         self.T = coo_matrix((data, (row, column)), (N + h.size, self.size)).tocsr()
         case_of = np.empty(N, int)
@@ -135,7 +142,8 @@ class _Batch:
         self.pull, self.spring = np.zeros(self.size), np.zeros(self.size)
         special = []
         for k, p in enumerate(self.stations):
-            case, (_, row, slides) = self.cases[self.owner[k]], self.number[k]
+            case = self.cases[self.owner[k]]
+            _, row, slides = self.number[k]
             if p.kind == "counterweight":
                 energy = case.heat * (p.force + p.force**2 / (2.0 * case.EA)) + case.weight * p.y
                 self.pull[slides] = energy if self.ahead[k, 0] < 0 else -energy
@@ -151,19 +159,25 @@ class _Batch:
             if case.tie is not None:
                 at = last + 1 - len(case.stations) + case.tie[0]
                 special.append((self.number[last, 2], at, "tied", case.tie[1]))
-        self.rows, at = np.array([x[0] for x in special], int), np.array([x[1] for x in special], int)
-        self.kinds, self.given = np.array([x[2] for x in special]), np.array([x[3] for x in special])
+        self.rows = np.array([x[0] for x in special], int)
+        at = np.array([x[1] for x in special], int)
+        self.kinds = np.array([x[2] for x in special])
+        self.given = np.array([x[3] for x in special])
         self.ends = np.concatenate([self.behind[at, :2], self.ahead[at, :2]], axis=1)
 
     def _special(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The special rows (m,), and d/df (m, 4)."""
-        f, tiny = np.where(self.ends >= 0, z[self.ends], 0.0).T, 1e-30  # complex-step differentiation
+        # complex-step differentiation
+        f = np.where(self.ends >= 0, z[self.ends], 0.0).T
+        tiny = 1e-30
         shifted = f[:, None] + 1j * tiny * np.eye(4)[:, :, None]
         return self._rows_of(f), self._rows_of(shifted).imag.T / tiny
 
     def _rows_of(self, f: np.ndarray) -> np.ndarray:
         """Special rows of forces f (4, ..., m), behind and ahead; also complex ones."""
-        (bx, by, ax, ay), W, last = f, self.given, self.ends[:, 2] < 0
+        bx, by, ax, ay = f
+        W = self.given
+        last = self.ends[:, 2] < 0
         # across tau: (f_behind + f_ahead - W j) x (f_behind - f_ahead) = 0, over 2 |f|
         turn = (2.0 * (ax * by - ay * bx) + W * (bx - ax)) / _size(bx - ax, by - ay)
         # |f| = T, of the rope ahead or at the right end behind
@@ -255,7 +269,8 @@ class _Batch:
             step = -spsolve(self.tangent(fields, slope).tocsc(), R)
             if not np.isfinite(step).all():
                 break
-            before, part = self.norm(R), np.where(stuck, 0.0, 1.0)
+            before = self.norm(R)
+            part = np.where(stuck, 0.0, 1.0)
             while True:
                 trial = self.X + part[self.case_of] * step
                 fields = self.fields(trial, softness)
@@ -273,10 +288,12 @@ class _Batch:
 
     def _states(self) -> list[LineState]:
         """States, with weak nodal forces as pulls."""
-        fields, known = self.fields(self.X, 0.0), self.known.copy()
+        fields = self.fields(self.X, 0.0)
+        known = self.known.copy()
         z = np.append(self.derivatives(fields), np.nan)  # last: no piece
         known[self.number >= 0] = self.X[self.number[self.number >= 0]]
-        behind, ahead = z[self.behind[:, :2]], -z[self.ahead[:, :2]]
+        behind = z[self.behind[:, :2]]
+        ahead = -z[self.ahead[:, :2]]
         tau = behind + ahead
         tau /= np.linalg.norm(tau, axis=1)[:, None]
         weight = np.array([p.force if p.kind == "hauled" else np.nan for p in self.stations])

@@ -16,7 +16,8 @@ from cablefem.newmark.states import Array, State
 from cablefem.newmark.system import System, consistent_acceleration
 
 WEIGHT = 1.0  # [1/time^2] w of the first tangent K + w M; it falls with the residual
-ITERATIONS, HALVINGS = 200, 30
+ITERATIONS = 200
+HALVINGS = 30
 TOL = 1e-12  # of the force scale
 ROUNDING = 1e3  # accepted over the bound
 APART = 1e-4  # of the shorter side, for differences
@@ -40,7 +41,8 @@ def hung(system: System, held: Array) -> Array:
 
 def _solved(system: System, q: Array, shorten: Shorten) -> Array:
     bound = TOL * system.force_scale + math.sqrt(system.n_dof) * system.force_floor
-    zero, weight = np.zeros(system.n_dof), WEIGHT
+    zero = np.zeros(system.n_dof)
+    weight = WEIGHT
     start = best = math.inf
     for i in range(ITERATIONS):
         with np.errstate(over="ignore", invalid="ignore"):
@@ -51,18 +53,21 @@ def _solved(system: System, q: Array, shorten: Shorten) -> Array:
             if not norm < math.inf:
                 break
             start = norm if i == 0 else start
-            weight, best = WEIGHT * norm / start, min(best, norm)
+            weight = WEIGHT * norm / start
+            best = min(best, norm)
             q = q - shorten(system, q, r, solve(r.copy()))
     raise StepFailure(0.0, "no rest of the loaded cable was found", "start the car elsewhere")
 
 
 def _downhill(system: System, q: Array, r: Array, step: Array) -> Array:
     """The step, halved until the energy rises at its end by at most half as fast as it fell at its start."""
-    zero, falls = np.zeros_like(q), float(r @ step)
+    zero = np.zeros_like(q)
+    falls = float(r @ step)
     for _ in range(HALVINGS):
         if system.residual(0.0, q - step, zero, zero, 0) @ step >= -0.5 * falls:
             break
-        step, falls = 0.5 * step, 0.5 * falls
+        step = 0.5 * step
+        falls = 0.5 * falls
     return step
 
 
@@ -71,7 +76,8 @@ def begun(system: System, rest: Callable[[float], Array], s_o: float, ds_o: floa
 
     rest : q with the mass at rest at a place.
     """
-    q, d = rest(s_o), APART * min(s_o, 1.0 - s_o)
+    q = rest(s_o)
+    d = APART * min(s_o, 1.0 - s_o)
     v = np.zeros_like(q)
     if ds_o:
         v = (rest(s_o + d) - rest(s_o - d)) * (ds_o / (2.0 * d))

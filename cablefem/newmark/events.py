@@ -44,7 +44,10 @@ def first_event(system: System, step: Stepper, x0: State, x1: State) -> tuple[St
                 raise StepFailure(x.t, f"event {name!r} has no value", "take more steps")
         return found
 
-    before, end, at_end, fallen = values(x0), x1, values(x1), list[int]()
+    before = values(x0)
+    end = x1
+    at_end = values(x1)
+    fallen = list[int]()
 
     def falls() -> list[int]:
         return [i for i, value in enumerate(at_end) if 0.0 < before[i] < math.inf and value <= 0.0]
@@ -55,7 +58,8 @@ def first_event(system: System, step: Stepper, x0: State, x1: State) -> tuple[St
         found = before if x is x0 else at_end if x is end else values(x)  # once each: rounding may turn a sign
         lowest = min(found[i] for i in fallen)
         if lowest <= 0.0 and x.t <= end.t:
-            end, at_end = x, found
+            end = x
+            at_end = found
         return lowest
 
     while set(falls()) - set(fallen):  # at the first event others may show that are gone at the end of the step

@@ -62,7 +62,8 @@ def keys(part: type[Part]) -> Iterator[Key]:
 def _keys(table: dict[str, Any], known: dict[str, Any], before: str) -> Iterator[Key]:
     for name, rule in table["properties"].items():
         options = _options(rule, known)
-        tables, numbers = [x for x in options if "properties" in x], [x for x in options if "properties" not in x]
+        tables = [x for x in options if "properties" in x]
+        numbers = [x for x in options if "properties" not in x]
         if numbers:
             unit, meaning = re.fullmatch(r"\[(.*?)\] ?(.*)", rule["description"]).groups()  # type: ignore[union-attr]
             default = "required" if name in table.get("required", ()) else str(rule.get("default", "-"))

@@ -208,7 +208,9 @@ class Line(Described):
     ground: Ground = ()
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
-        rope, contacts, cars = self.cable, self.contact, self.car
+        rope = self.cable
+        contacts = self.contact
+        cars = self.car
         if None in (rope, contacts, cars):
             return []
         names = [c.name for c in contacts] + [c.name for c in cars]
@@ -238,7 +240,8 @@ class Line(Described):
         on_rope : name and x [m] of a car that hangs on the rope there, even within a shoe.
         """
         stations = [Station(c.name, c.kind, *c.at, force=c.tension or 0.0, stiffness=c.stiffness) for c in self.contact]
-        rope, tie = self.cable, None
+        rope = self.cable
+        tie = None
         if i is None:
             names = [p.name for p in stations]
             if rope.tension is not None:
@@ -248,7 +251,8 @@ class Line(Described):
             x = self.place(car, i)
             hangs = self.shoe(x) is None
             if on_rope is not None and car.name == on_rope[0]:
-                x, hangs = on_rope[1], True
+                x = on_rope[1]
+                hangs = True
             if hangs:
                 kind = "hauled" if car.hauled else "grips"
                 stations.append(Station(car.name, kind, x, math.nan, car.mass * self.gravity))
@@ -266,7 +270,8 @@ class Line(Described):
         empty = _refuse_unsound(solve([self.case(None, self.cable.length)])[0])
         if isinstance(empty, NoLine):
             raise SceneError([f"the empty line: {empty}"])
-        empty, length = replace(empty, s=empty.s - empty.s[0]), self.cable.length
+        empty = replace(empty, s=empty.s - empty.s[0])
+        length = self.cable.length
         if self.contact[-1].kind != "counterweight":
             length = length or float(empty.s[-1])
         on_shoes = self._on_shoes()
@@ -330,7 +335,9 @@ def _contact_faults(contacts: Sequence[Contact]) -> list[str]:
         return [f"contact[0].at = {shown(list(contacts[0].at))}: must be [0, 0]; places count from the first contact"]
     faults = []
     for i, (a, b) in enumerate(itertools.pairwise(contacts), start=1):
-        run, drop, told = b.at[0] - a.at[0], b.at[1] - a.at[1], f"contact[{i}].at = {shown(list(b.at))}"
+        run = b.at[0] - a.at[0]
+        drop = b.at[1] - a.at[1]
+        told = f"contact[{i}].at = {shown(list(b.at))}"
         if run <= 0.0:
             faults.append(f"{told}: x must be > {a.at[0]:.6g} m, that of {a.name}")
         elif abs(drop) > STEEPEST * run:
@@ -364,7 +371,8 @@ def _car_faults(cars: Sequence[Car], contacts: Sequence[Contact]) -> list[str]:
         return [f"car.at: lists of {many[0]} and of {many[-1]} positions; must be one number or lists of one length"]
     faults = []
     for car in cars:
-        low, high = min(car.at), max(car.at)
+        low = min(car.at)
+        high = max(car.at)
         if not 0.0 < low <= high < end:
             faults.append(f"car.{car.name}.at: from {low:.6g} to {high:.6g} m; must be between 0 and {end:.6g} m")
         missing = [c.name for c in contacts[1:-1] if c.shoe is None and low <= c.at[0] <= high]

@@ -67,8 +67,10 @@ def _string(case: Case, T: float, k: int | None, rounds: int = 8) -> tuple[np.nd
     x, y = (np.array([getattr(p, axis) for p in case.stations]) for axis in "xy")
     cars = np.array([p.is_car for p in case.stations])
     load = np.array([p.force if p.is_car else 0.0 for p in case.stations])
-    chord, run = np.interp(x, x[~cars], y[~cars]), np.diff(x)
-    H, depth = np.full(run.size, T), chord
+    chord = np.interp(x, x[~cars], y[~cars])
+    run = np.diff(x)
+    H = np.full(run.size, T)
+    depth = chord
     for _ in range(rounds):
         w = case.weight * np.hypot(1.0, np.diff(depth) / run)
         K = np.diag(np.append(H / run, 0.0) + np.append(0.0, H / run)) - np.diag(H / run, 1) - np.diag(H / run, -1)

@@ -82,9 +82,11 @@ def _ends(h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     R = h.size - 1
     taps = np.array([[h[t - 2 * l] if 0 <= t - 2 * l <= R else 0.0 for t in range(1 - R, R)] for l in range(1 - R, 0)])
-    step, W = taps[:, : R - 1] / sqrt(2.0), taps[:, R - 1 :] @ taps[:, R - 1 :].T / 2
+    step = taps[:, : R - 1] / sqrt(2.0)
+    W = taps[:, R - 1 :] @ taps[:, R - 1 :].T / 2
     for _ in range(8):
-        W, step = W + step @ W @ step.T, step @ step
+        W = W + step @ W @ step.T
+        step = step @ step
     return np.linalg.cholesky(W), np.linalg.cholesky(np.diag([1.0] * (R - 1)) - W)
 
 
@@ -122,10 +124,13 @@ def _walk(mask: np.ndarray) -> _Walk:
 def _evaluate(y, at_integers, blocks, c, out):
     """out[q] = sum_l c_l phi_m(y_q - l), rows of c from l = 1 - n_m on."""
     n = at_integers.size
-    v, w, digits = np.empty(n), np.empty(n), np.empty(DIGIT_BLOCKS, np.int64)
+    v = np.empty(n)
+    w = np.empty(n)
+    digits = np.empty(DIGIT_BLOCKS, np.int64)
     for q in range(y.size):
         cell = int(y[q])
-        rest, last = y[q] - cell, -1
+        rest = y[q] - cell
+        last = -1
         for i in range(DIGIT_BLOCKS):
             rest *= 2**BLOCK
             digits[i] = int(rest)
@@ -164,13 +169,15 @@ class _Sums(NamedTuple):
 
 def _running_sum(c: np.ndarray, first: int) -> np.ndarray:
     """b with b_l - b_(l-1) = c_l and b_-1 = 0, summed outwards: left coefficients are large."""
-    left, right = c[:-first], c[-first:]
+    left = c[:-first]
+    right = c[-first:]
     return np.concatenate([-np.cumsum(left[::-1], axis=0)[::-1], np.zeros((1, c.shape[1])), np.cumsum(right, axis=0)])
 
 
 def _sums(order: int, level: int, c: np.ndarray) -> _Sums:
     """Functions with derivative sum_l c_l phi(y - l), rows from l = 1-R on, and 0 at s = 0."""
-    R, cells = 2 * order - 1, 2**level * (2 * order - 1)
+    R = 2 * order - 1
+    cells = 2**level * (2 * order - 1)
     mother = _mother(order)
     family = {0: np.concatenate([c, np.zeros((1, c.shape[1]))])}
     if 1 in mother.walks:
@@ -194,7 +201,9 @@ def _refine(c: np.ndarray, h: np.ndarray, cells: int) -> np.ndarray:
 
 def _printed(order: int, level: int, reading: Reading) -> np.ndarray:
     """Theta_jk' of (37)-(39) plus a constant as sum_l c_l phi(y - l); columns by j, then k."""
-    p, R, mother = order, 2 * order - 1, _mother(order)
+    p = order
+    R = 2 * order - 1
+    mother = _mother(order)
     shift = p - 1 if reading == "shifted" else 0
     c = np.zeros((2 * R - 1, 0))
     for j in range(-1, level):
@@ -216,7 +225,8 @@ def _printed(order: int, level: int, reading: Reading) -> np.ndarray:
 @lru_cache(maxsize=16)
 def _orthonormal(order: int, level: int, reading: Reading) -> _Sums:
     """Orthonormal functions (in int f' g' ds) with the span of the printed ones."""
-    mother, c = _mother(order), _printed(order, level, reading)
+    mother = _mother(order)
+    c = _printed(order, level, reading)
     edge = len(mother.left)
 
     def coordinates(c: np.ndarray) -> np.ndarray:
@@ -284,14 +294,16 @@ class Daubechies:
         return self.order >= 4
 
     def at(self, s: float) -> np.ndarray:
-        none, x = np.zeros((1, self.n)), np.array([s])
+        none = np.zeros((1, self.n))
+        x = np.array([s])
         return np.concatenate([none if m == 2 and not self.smooth else self.phi(x, m) for m in (0, 1, 2, -1, -2)])
 
     def phi(self, s: np.ndarray, m: int = 0) -> np.ndarray:
         return self._functions(s, m - 1)
 
     def split(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        (left, w_left), (right, w_right) = self.quadrature(0.0, s_o), self.quadrature(s_o)
+        left, w_left = self.quadrature(0.0, s_o)
+        right, w_right = self.quadrature(s_o)
         s = np.concatenate([left, right])
         own, table = _own_table(self)
         i = np.searchsorted(own, s)
@@ -299,12 +311,15 @@ class Daubechies:
         np.take(table, i, axis=1, out=phi[:-1], mode="clip")
         new = own.take(i, mode="clip") != s
         phi[:-1, new] = self.phi(s[new], 1).T
-        phi[-1, : left.size], phi[-1, left.size :] = 1.0 / s_o, -1.0 / (1.0 - s_o)
+        phi[-1, : left.size] = 1.0 / s_o
+        phi[-1, left.size :] = -1.0 / (1.0 - s_o)
         return s, np.concatenate([w_left, w_right]), phi
 
     def mass(self) -> np.ndarray:
-        T, c = _mother(self.order).walks[-1].T, self._functions.c[-1]
-        G, n = _cell_gram(T), T.shape[1]
+        T = _mother(self.order).walks[-1].T
+        c = self._functions.c[-1]
+        G = _cell_gram(T)
+        n = T.shape[1]
         M = np.zeros((self.n, self.n))
         for cell in range(self.cells):
             part = c[cell : cell + n][::-1]
@@ -323,5 +338,6 @@ class Daubechies:
         edges = np.concatenate([np.arange(64) / (32 * n), np.arange(16, 8 * n + 1) / (8 * n)])
         inside = slice(np.searchsorted(edges, a, side="right"), np.searchsorted(edges, b))
         edges = np.concatenate([[a], edges[inside], [b]])
-        centre, half = 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
+        centre = 0.5 * (edges[1:] + edges[:-1])
+        half = 0.5 * np.diff(edges)
         return (centre[:, None] + half[:, None] * np.array([-1.0, 1.0]) / sqrt(3.0)).ravel(), np.repeat(half, 2)

@@ -6,14 +6,19 @@ from dataclasses import dataclass
 from typing import Any
 
 DEFAULT_TOL = 1e-3
-TOL_LOW, TOL_HIGH = 1e-6, 0.2  # what may be asked of the path
+# what may be asked of the path
+TOL_LOW = 1e-6
+TOL_HIGH = 0.2
 APART = 3.0  # times both bars: less may be discretisation error (`order.left`)
 
 
 class Verdict(enum.Enum):
     """In order of precedence."""
 
-    DISAGREE, NOT_COMPARABLE, TOO_COARSE, AGREE = "disagree", "not comparable", "too coarse", "agree"
+    DISAGREE = "disagree"
+    NOT_COMPARABLE = "not comparable"
+    TOO_COARSE = "too coarse"
+    AGREE = "agree"
 
 
 def three_lines(gap: float, bars: float, asked_for: float) -> Verdict:

@@ -25,7 +25,8 @@ def outcome(scene: Scene, r: Response) -> Outcome:
     numbers = {row["quantity"]: row for row in r.design or design(r)}
     kind, end = _end(scene, r)
     parts = [*_collisions(numbers), end]
-    load, safety = scene.cable.breaking_load, numbers.get("safety_factor_min")
+    load = scene.cable.breaking_load
+    safety = numbers.get("safety_factor_min")
     if load is None or safety is None or safety["value"] - _bar(safety) >= 1.0:
         return Outcome(kind, "; ".join(parts))
     if safety["value"] + _bar(safety) >= 1.0:
@@ -60,13 +61,17 @@ def _end(scene: Scene, r: Response) -> tuple[str, str]:
     if r.drive == "free":
         return _ride(scene, r)
     # past the slack onset nothing is compared
-    motion, lasts = scene.groups.motion, scene.arrival
+    motion = scene.groups.motion
+    lasts = scene.arrival
     assert motion is not None
     assert lasts is not None
-    end, last = (scene.length if r.drive == "grip" else scene.drive.end_place(scene.length)), motion.end * scene.length
-    kind, said = "crossed", f"crosses the cable in {lasts:.1f} s"
+    end = scene.length if r.drive == "grip" else scene.drive.end_place(scene.length)
+    last = motion.end * scene.length
+    kind = "crossed"
+    said = f"crosses the cable in {lasts:.1f} s"
     if last < 0.999 * end:
-        kind, said = "stopped", f"stops at {last:.1f} m after {lasts:.1f} s"
+        kind = "stopped"
+        said = f"stops at {last:.1f} m after {lasts:.1f} s"
     elif r.drive == "haul":
         said = f"is hauled from {r.s_o[0]:.1f} m to {last:.1f} m in {lasts:.1f} s"
     if r.slack_onset is not None:
@@ -79,8 +84,10 @@ def _ride(scene: Scene, r: Response) -> tuple[str, str]:
     e = next((events[name] for name in ("arrival", "back", "stop") if name in events), None)
     if e is None:
         return "rolling", f"still rolls after {r.t[-1]:.1f} s, at {r.s_o[-1]:.1f} m with {3.6 * r.speed[-1]:.1f} km/h"
-    place, first_brake = e["s_o"], min((brake.place for brake in scene.drive.brake), default=math.inf)
-    at, after = f"at {place:.1f} m", f"after {e['t']:.1f} s"
+    place = e["s_o"]
+    first_brake = min((brake.place for brake in scene.drive.brake), default=math.inf)
+    at = f"at {place:.1f} m"
+    after = f"after {e['t']:.1f} s"
     if e["event"] == "arrival":
         return "arrives", f"arrives {at} {after} with {3.6 * e['speed']:.1f} km/h"
     if e["event"] == "back":
@@ -101,7 +108,8 @@ def profile(r: Response) -> dict[str, Array]:
     end = meant_until(r)
     x = np.linspace(float(f.x[0]), float(f.x[-1]), PLACES)
     rest = np.interp(x, f.x, f.y)
-    depth, pull = [rest], [np.interp(x, f.x, f.T_static)]
+    depth = [rest]
+    pull = [np.interp(x, f.x, f.T_static)]
     for time, at, y, T in zip(f.t, *shapes(r), strict=True):
         if time > end:
             break
@@ -126,7 +134,8 @@ def write_answers(folder: Path, scene: Scene, r: Response) -> None:
 
 def _ways(r: Response, end: float) -> list[tuple[Array, Array]]:
     """Path of the car up to a time, in pieces on which x rises."""
-    x, y = r.x[r.t <= end], r.y[r.t <= end]
+    x = r.x[r.t <= end]
+    y = r.y[r.t <= end]
     turns = np.flatnonzero(np.diff(np.sign(np.diff(x))) != 0) + 1
     pieces = zip(np.split(x, turns), np.split(y, turns), strict=True)
     return [(x, y) if x[-1] > x[0] else (x[::-1], y[::-1]) for x, y in pieces if x.size > 1]

@@ -12,7 +12,8 @@ from cablefem.scene.surroundings import GROUND
 def shapes(r: Response) -> tuple[Array, Array, Array]:
     """x, y [m], tension [N] of the rope with the mass at each frame, (k, m + 1) each."""
     f = r.fields
-    x, y = f.x + f.u, f.y + f.v
+    x = f.x + f.u
+    y = f.y + f.v
     mass = np.array([np.interp(f.s_o, f.s, f.x) + f.mass_u, np.interp(f.s_o, f.s, f.y) + f.mass_v])
     at_mass = np.fmax(f.T_behind, f.T_ahead)
     s = np.concatenate([np.broadcast_to(f.s, x.shape), f.s_o[:, None]], axis=1)
@@ -43,7 +44,8 @@ def clearances(scene: Scene, r: Response) -> Clearances:
 
     Empty where the car never passes.  An obstacle is a ground of one point.
     """
-    below, rooms = 0.0 if scene.mass is None else scene.mass.below, {}
+    below = 0.0 if scene.mass is None else scene.mass.below
+    rooms = {}
     for name, ground in grounds(scene).items():
         at_car = _under_car(r, ground)
         rooms["rope", name] = _ordered(at_car, _under_rope(r, ground))
@@ -73,11 +75,13 @@ def _under_car(r: Response, ground: Array) -> Track:
 def _under_rope(r: Response, ground: Array) -> Track:
     """Least height of the rope over the ground at each frame; nan outside."""
     at, y, _ = shapes(r)
-    heights, s = np.full(len(at), np.nan), np.full(len(at), np.nan)
+    heights = np.full(len(at), np.nan)
+    s = np.full(len(at), np.nan)
     for k, (a, b) in enumerate(zip(at, y, strict=True)):
         x = np.union1d(a, ground[:, 0])
         x = x[(x >= max(a[0], ground[0, 0])) & (x <= min(a[-1], ground[-1, 0]))]
         if x.size:
             free = np.interp(x, *ground.T) - np.interp(x, a, b)
-            heights[k], s[k] = free.min(), np.interp(x[free.argmin()], r.fields.x, r.fields.s)
+            heights[k] = free.min()
+            s[k] = np.interp(x[free.argmin()], r.fields.x, r.fields.s)
     return Track(r.fields.t, heights, s)

@@ -136,7 +136,8 @@ def design(of: Ladder | Response, twin: Ladder | None = None) -> list[Number]:
     """
     r, ladder = (of.finest, of) if isinstance(of, Ladder) else (of, None)
     other = None if twin is None else twin.finest
-    span, everything = extremes_within(r, other), (float(r.t[0]), meant_until(r, other or r))
+    span = extremes_within(r, other)
+    everything = (float(r.t[0]), meant_until(r, other or r))
     found = []
     for name, quantity in quantities(r).items():
         number = _number(name, quantity, r, everything if quantity.anywhere else span, ladder)
@@ -189,7 +190,8 @@ def _number(
 ) -> Number | None:
     unit = unit_of(name)
     period = Given(r.scene_toml, r.length).round_trip if unit in ("N", "deg") else 0.0  # an angle follows a force
-    mean, raw = _Signal(quantity, span, period), _Signal(quantity, span, 0.0)
+    mean = _Signal(quantity, span, period)
+    raw = _Signal(quantity, span, 0.0)
     found = mean.extreme(r)
     if found is None:
         return _told(name, None, math.inf, unit) if name.startswith("clearance_") else None
@@ -202,8 +204,10 @@ def _number(
         rule = scheme(r.settings["scheme"], rho_inf=r.settings.get("rho_inf", 1.0))
         if not rule.damps:  # else coarser runs do not show the error of axial waves
             bar_peak = _bar(raw, found, near, ladder, FIRST)
-    t, s = found.t, found.s
-    place, x = float(np.interp(t, r.t, r.s_o)), float(np.interp(s, r.fields.s, r.fields.x))
+    t = found.t
+    s = found.s
+    place = float(np.interp(t, r.t, r.s_o))
+    x = float(np.interp(s, r.fields.s, r.fields.x))
     peak = {"peak": raw.value(r), "bar_peak": finite(bar_peak)} if unit == "N" else {}
     return _told(name, found.value, bar, unit, t=t, s_o=place, x=x, s=s, **peak)
 
@@ -244,7 +248,8 @@ class _Signal:
             return t, value, s
         rows = (track.t >= self.span[0] * (1.0 - ROUNDING)) & (track.t <= self.span[1] * (1.0 + ROUNDING))
         rows &= np.isfinite(track.value).all(axis=1)
-        t, value = track.t[rows], track.value[rows]
+        t = track.t[rows]
+        value = track.value[rows]
         if t.size == 0:
             return t, t, t
         if self.period:  # at least over neighbouring frames
@@ -259,7 +264,9 @@ class _Signal:
     def _within(self, track: Track) -> tuple[Array, Array, Array]:
         """Times, values and places in the range, its ends included, where the signal is known."""
         known = np.isfinite(track.value)
-        t, value, s = track.t[known], track.value[known], track.s[known]
+        t = track.t[known]
+        value = track.value[known]
+        s = track.s[known]
         rows = (t >= self.span[0] * (1.0 - ROUNDING)) & (t <= self.span[1] * (1.0 + ROUNDING))
         inside = t[rows]
         if self.quantity.anywhere or inside.size == 0:
@@ -270,7 +277,8 @@ class _Signal:
         return at, np.interp(at, t, value), np.interp(at, t, s)
 
     def extreme(self, r: Response) -> _Extreme | None:
-        found, sign = None, self.quantity.sign
+        found = None
+        sign = self.quantity.sign
         for i, track in enumerate(self.quantity.tracks(r)):
             t, value, s = self.samples(track)
             if t.size == 0:

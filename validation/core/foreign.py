@@ -214,7 +214,10 @@ def _columns(scene: Scene, given: dict[str, Array], rows: Sequence[str]) -> dict
 
 def _placed(scene: Scene, given: dict[str, Array]) -> dict[str, Array]:
     """The columns with t and s_o, up to the end of the travel."""
-    motion, l, tau, x = scene.groups.motion, scene.length, scene.time_scale, dict(given)
+    motion = scene.groups.motion
+    l = scene.length
+    tau = scene.time_scale
+    x = dict(given)
     if motion is None:
         s = np.linspace(0.0, l, 2001)
         x.setdefault("s_o", np.interp(x.get("x", s[:1]), scene.catenary.x(s), s))
@@ -257,7 +260,8 @@ def refuse_misnamed(path: MassPath, ours: Response) -> None:
 
     ours : a run good to a few percent.
     """
-    of, l = "y" if ours.drive == "free" else "v", path.length
+    of = "y" if ours.drive == "free" else "v"
+    l = path.length
     try:
         window = _common(path, measures.window_of(ours))
         off = {
@@ -286,7 +290,8 @@ def vertical(r: Any) -> Any:
 def _common(path: MassPath, window: Window) -> Window:
     if path.drive == "free":
         return window
-    start, stop = max(window[0], float(path.s_o[0] / path.length)), min(window[1], path.reached)
+    start = max(window[0], float(path.s_o[0] / path.length))
+    stop = min(window[1], path.reached)
     if not start < stop:
         covered = f"{path.s_o[0] / path.length:.4g} to {path.reached:.4g}"
         raise NotComparable(f"it covers s_o/l = {covered}, our own answers {window[0]:.4g} to {window[1]:.4g}")
@@ -306,8 +311,11 @@ def rows(path: ForeignPath | Response, ours: Ladder, window: Window, with_tol: f
     along, upright = ("x", "y") if ours.run.drive == "free" else ("u", "v")
     of_path = f"{along} and {upright}"
     if path.u is None:
-        path, ours, of_path = vertical(path), ours.map(vertical), f"{upright} alone"
-    party, run = path.method, ours.run
+        path = vertical(path)
+        ours = ours.map(vertical)
+        of_path = f"{upright} alone"
+    party = path.method
+    run = ours.run
     try:
         part = _common(path, window)
         where = measures.path_gap(path, run, part)[2]
@@ -334,7 +342,8 @@ def _measures(
         "path_rms": (lambda a, b: measures.path_gap(a, b, part)[1], of_path),
     }
     if run.drive == "free" and path.speed is not None:
-        stop, top = happened("stop", run), float(run.speed.max())
+        stop = happened("stop", run)
+        top = float(run.speed.max())
         until = math.inf if stop is None else stop["t"]
 
         def speed(r: Any) -> Array:
@@ -349,11 +358,16 @@ def _measures(
 
 def _short(path: MassPath, run: Response, window: Window) -> str:
     """The part of the window that a path covers, if not all; else ""."""
-    axis, at, wanted = "s_o/l", path.s_o / path.length, window
+    axis = "s_o/l"
+    at = path.s_o / path.length
+    wanted = window
     if run.drive == "free":
-        axis, at, wanted = "t [s]", path.t, (0.0, float(run.t[-1]))
+        axis = "t [s]"
+        at = path.t
+        wanted = (0.0, float(run.t[-1]))
     step = TRAVEL_TOLERANCE * wanted[1] + float(np.diff(at).max())
-    low, high = max(wanted[0], float(at[0])), min(wanted[1], float(at[-1]))
+    low = max(wanted[0], float(at[0]))
+    high = min(wanted[1], float(at[-1]))
     if low <= wanted[0] + step and high >= wanted[1] - step:
         return ""
     return f"{axis} {low:.4g} to {high:.4g} of {wanted[0]:.4g} to {wanted[1]:.4g}"

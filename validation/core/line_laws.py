@@ -96,7 +96,8 @@ class Rope:
     """A state of rest with n stations: s (n,) [m], points (n, 2) [m], forces behind and ahead (n, 2) [N]."""
 
     def __init__(self, data: LineData, state: Any, stations: list[Station], empty: bool = False) -> None:
-        self.stations, self.EA = stations, data.EA
+        self.stations = stations
+        self.EA = data.EA
         self.q = data.q_empty if empty else data.q
         self.heat = 1.0 if empty else data.heat
         self.s, self.points, self.behind, self.ahead, self.haul = (
@@ -115,7 +116,8 @@ class Rope:
         S = s - self.s[k]
         H, P = self.ahead[k].T
         P1 = P - self.q * S
-        N, N1 = np.hypot(H, P), np.hypot(H, P1)
+        N = np.hypot(H, P)
+        N1 = np.hypot(H, P1)
         x = self.heat * (H * S / self.EA + H / self.q * (np.arcsinh(P / H) - np.arcsinh(P1 / H)))
         y = self.heat * ((P * S - 0.5 * self.q * S**2) / self.EA + (N - N1) / self.q)
         return self.points[k, 0] + x, self.points[k, 1] + y, N1
@@ -123,11 +125,13 @@ class Rope:
     def at(self, x: Array) -> tuple[Array, Array]:
         """Depth [m] and tension [N] at x (m,) [m], by bisection and three steps of Newton's method."""
         k = np.clip(np.searchsorted(self.points[:, 0], x, side="right") - 1, 0, self.s.size - 2)
-        low, high = self.s[k], self.s[k + 1]
+        low = self.s[k]
+        high = self.s[k + 1]
         for _ in range(12):
             middle = 0.5 * (low + high)
             short = self.along(middle)[0] < x
-            low, high = np.where(short, middle, low), np.where(short, high, middle)
+            low = np.where(short, middle, low)
+            high = np.where(short, high, middle)
         s = 0.5 * (low + high)
         for _ in range(3):
             x_s, _, N = self.along(s)
@@ -148,7 +152,9 @@ class Rope:
 
     def tension_min(self) -> float:
         """Distance of the origin from the straight lines that N t follows along the pieces."""
-        start, end = self.ahead[:-1], self.behind[1:]  # (n - 1, 2)
+        # (n - 1, 2)
+        start = self.ahead[:-1]
+        end = self.behind[1:]
         change = end - start
         part = np.clip(-np.sum(start * change, axis=1) / np.sum(change**2, axis=1), 0.0, 1.0)
         return float(np.linalg.norm(start + part[:, None] * change, axis=1).min())
@@ -190,7 +196,8 @@ def laws(toml: str, rest: Any) -> Iterator[Agreement]:
 
 def _defects(data: LineData, rope: Rope, empty: Any, is_empty: bool) -> Iterator[tuple[str, Any]]:
     """Defects of the laws on one state."""
-    S, T = np.diff(rope.s), rope.tension_max
+    S = np.diff(rope.s)
+    T = rope.tension_max
     yield "weight of each piece", (rope.behind[1:] - rope.ahead[:-1] + rope.q * S[:, None] * DOWN) / T
     end = np.stack(rope.along(np.nextafter(rope.s[1:], -math.inf))[:2], axis=1)  # (n - 1, 2)
     yield "shape and stretch", (end - rope.points[1:]) / rope.reach
@@ -238,7 +245,8 @@ def _position(data: LineData, rest: Any, i: int) -> Numbers:
     rope = Rope(data, rest.states[i], data.stations(i))
     out: Numbers = {"position": i + 1}
     for car in data.cars:
-        name, saddle = car["name"], data.saddle(car, i)
+        name = car["name"]
+        saddle = data.saddle(car, i)
         forces: dict[str, float | None] = dict.fromkeys(("tension_behind", "tension_ahead"))
         if car["hauled"]:
             forces["haul"] = None
@@ -259,7 +267,8 @@ def _position(data: LineData, rest: Any, i: int) -> Numbers:
         out |= _at_contact(data, rest, rope, i, j, c)
     for a, b in itertools.pairwise(data.contacts):
         out[f"sag:{a['name']} to {b['name']}"] = _sag(rope, rope.index(a["name"]), rope.index(b["name"]))
-    out["tension_max"], out["tension_min"] = rope.tension_max, rope.tension_min()
+    out["tension_max"] = rope.tension_max
+    out["tension_min"] = rope.tension_min()
     if data.breaking_load is not None:
         out["safety_factor"] = data.breaking_load / rope.tension_max
     for o in data.obstacles:
@@ -274,7 +283,8 @@ def _on_shoe(data: LineData, rest: Any, i: int, car: dict[str, Any], saddle: dic
 
     A cubic leaves the end along its chord, and passes the saddle with the mean slope of both chords.
     """
-    name, x = car["name"], data.x(car, i)
+    name = car["name"]
+    x = data.x(car, i)
     ropes = [_at_shoe_end(data, i, name, e, x) for e, x in zip((-1.0, 1.0), rest.shoe_ends[i, name], strict=True)]
     left, right = (rope.points[rope.index(name)] for rope in ropes)
     top = np.array(saddle["at"])
@@ -287,7 +297,8 @@ def _on_shoe(data: LineData, rest: Any, i: int, car: dict[str, Any], saddle: dic
 
 
 def _at_contact(data: LineData, rest: Any, rope: Rope, i: int, j: int, c: dict[str, Any]) -> Numbers:
-    name, k = c["name"], rope.index(c["name"])
+    name = c["name"]
+    k = rope.index(c["name"])
     sides = [rope.behind[k], rope.ahead[k]]
     out: Numbers = {f"tension:{name}": float(np.nanmax(np.linalg.norm(sides, axis=1)))}
     if c["kind"] == "saddle":
@@ -320,7 +331,8 @@ def _over_ground(data: LineData, rope: Rope) -> float | None:
     if not data.ground.size:
         return None
     x, depth = data.ground.T
-    low, high = max(x[0], rope.points[0, 0]), min(x[-1], rope.points[-1, 0])
+    low = max(x[0], rope.points[0, 0])
+    high = min(x[-1], rope.points[-1, 0])
     if low > high:
         return None
 
@@ -380,7 +392,8 @@ def printed(toml: str, rest: Any, folder: Path, page: str, words: Mapping[str, M
     A gap counts in parts of what is allowed: rounding, of a design number its bar, of the page half its last digit.
     words : how the page calls each kind of number.
     """
-    data, gaps = LineData(toml), _Gaps()
+    data = LineData(toml)
+    gaps = _Gaps()
     rows = numbers(toml, rest)
     reach = data.contacts[-1]["at"][0]
     tension = max(row["tension_max"] for row in rows if row)
@@ -427,7 +440,8 @@ def _positions(
         for name in {**line, **right}:
             kind, _, of = name.partition(":")
             where = f"{of or 'the line'}, position {i + 1}"
-            wanted, cell = right.get(name), line.get(name)
+            wanted = right.get(name)
+            cell = line.get(name)
             if isinstance(wanted, float):
                 gaps.note(f"positions.csv, {kind}", where, _number(cell), wanted, rounding(name))
             else:

@@ -122,7 +122,9 @@ class Method:
 
         finer : first resolution over `begins`.
         """
-        (first, steps), space, out = self.begins, self.resolution, []
+        first, steps = self.begins
+        space = self.resolution
+        out = []
         for k in range(rungs):
             count = space.nearest(first, finer * 2.0**k)
             more = space.unknowns(count) / space.unknowns(first)
@@ -141,7 +143,8 @@ class Method:
 
     def settings(self, changes: dict[str, Any]) -> dict[str, Any]:
         """All settings with `changes`; ValueError for unknown names and values, one line each."""
-        out, faults = {name: knob.default for name, knob in self.knobs.items()}, []
+        out = {name: knob.default for name, knob in self.knobs.items()}
+        faults = []
         for name, value in changes.items():
             try:
                 if name not in self.knobs:
@@ -196,7 +199,8 @@ def _galerkin(family: str, kink: bool, groups: Groups, x: dict[str, Any], **kind
     from galerkin.rides import RollingSystem
     from galerkin.riding import RidingSystem
 
-    free, system = groups.drive.mode == "free", RollingSystem if groups.drive.mode != "grip" else GalerkinSystem
+    free = groups.drive.mode == "free"
+    system = RollingSystem if groups.drive.mode != "grip" else GalerkinSystem
     if family == "riding":
         solver: Any = RidingSystem(groups, x["terms"], **kind)
     elif family == "wavelet":
@@ -326,7 +330,8 @@ def pair(groups: Groups) -> tuple[str, ...]:
 
 def refined(method: Method, settings: dict[str, Any], *, space: float = 1.0, time: float = 1.0) -> dict[str, Any]:
     """Settings at `space` times the resolution, `time` times the steps."""
-    out, least = dict(settings), method.knobs[method.resolution.setting].allowed[0]
+    out = dict(settings)
+    least = method.knobs[method.resolution.setting].allowed[0]
     if space != 1.0:
         out[method.resolution.setting] = max(least, method.resolution.nearest(method.value(settings), space))
     out["steps"] = max(2, round(settings["steps"] * time))

@@ -28,7 +28,9 @@ def _value(number: dict[str, Any]) -> float:
 
 def told(number: dict[str, Any]) -> dict[str, str]:
     """A row of `design` as text; "" where unknown."""
-    value, bar, unit = number["value"], number.get("bar"), number["unit"]
+    value = number["value"]
+    bar = number.get("bar")
+    unit = number["unit"]
     if value is None:
         return {"what": named(number["quantity"]), "value": "the car never passes", "t": "", "mass": "", "at": ""}
     factor, name = scale_of(np.array([value, bar or 0.0]), unit)
@@ -77,5 +79,7 @@ def with_bar(value: float, bar: float | None) -> str:
     if not bar or not math.isfinite(bar) or bar < 1e-9 * abs(value):
         return f"{value:.5g}"
     digits = 1 - math.floor(math.log10(bar))
-    value, bar, shown = round(value, digits), round(bar, digits), max(0, digits)
+    value = round(value, digits)
+    bar = round(bar, digits)
+    shown = max(0, digits)
     return f"{value:.{shown}f} ± {bar:.{shown}f}"

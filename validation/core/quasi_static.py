@@ -26,7 +26,8 @@ from validation.core.sampling import STATIONS, frame_times, in_si
 ROWS = 1001
 POINTS = 4  # Gauss points between two stations
 # Error bars over beta or beta^2. On 22 random scenes the distance from full runs was at most 1.3 and 2.0.
-GRIPS, ROLLS = 2.0, 2.5
+GRIPS = 2.0
+ROLLS = 2.5
 ENERGY = 0.5  # of the car, over g times beta^2 of the deflection; at most 0.19 on 14 random rides
 TIME = 1.0  # over g rho/H times the deflection; at most 0.43
 SAME = 1e-9  # of the duration: instants that are one
@@ -42,9 +43,11 @@ def quasi_static(scene: Scene) -> Response:
     if scene.mass is None:
         raise ValueError(f"scene {scene.name!r} has no car")
     begin = time.perf_counter()
-    g, s = scene.groups, np.linspace(0.0, 1.0, STATIONS)
+    g = scene.groups
+    s = np.linspace(0.0, 1.0, STATIONS)
     travel = _travel(scene)
-    n, frames = travel[0].size, frame_times(scene, float(travel[0][-1]))
+    n = travel[0].size
+    frames = frame_times(scene, float(travel[0][-1]))
     # steps, then frames
     t, s_o, ds, dds = (np.append(x, np.interp(frames, travel[0], x)) for x in travel)
     at = Statics(g)
@@ -81,7 +84,8 @@ def _haul(g: Groups, r: Rest, velocity: Array, acceleration: Array) -> Array:
 
     The contact force they add changes only friction.
     """
-    tau, size = _mean_tangent(r), np.linalg.norm(r.slope_behind + r.slope_ahead, axis=1)
+    tau = _mean_tangent(r)
+    size = np.linalg.norm(r.slope_behind + r.slope_ahead, axis=1)
     wind = velocity - [g.drive.wind, 0.0]
     drag = -g.drive.k * np.linalg.norm(wind, axis=1)[:, None] * wind
     more = g.mu * acceleration - drag
@@ -193,14 +197,16 @@ class Inertia:
 
         A car stops as much earlier as it takes to lose the energy.
         """
-        when, name = event["t"], event["event"]
+        when = event["t"]
+        name = event["event"]
         bars = {"bar_t": self.late * when, "bar_s_o": 0.0, "bar_speed": self.slower(event["speed"])}
         if name in ("release", "thrust_end"):  # at a time, not at a place
             return bars | {"bar_t": 0.0, "bar_s_o": self.late * when * event["speed"]}
         if name in ("stop", "turn"):
             fast = np.flatnonzero((t < when) & (0.5 * speed**2 > self.energy))
             k = int(fast[-1]) if fast.size else 0
-            earlier, nearer = when - float(t[k]), abs(event["s_o"] - float(s_o[k]))
+            earlier = when - float(t[k])
+            nearer = abs(event["s_o"] - float(s_o[k]))
             return bars | {"bar_t": bars["bar_t"] + earlier, "bar_s_o": nearer}
         return bars
 
@@ -209,11 +215,13 @@ def with_error_bars(scene: Scene, r: Response) -> Response:
     """The quasi-static response with bars of its design numbers and events."""
     assert scene.mass is not None
     inertia = Inertia.of(scene, float(r.speed.max()), r.max_deflection)
-    error, weight = inertia.error, scene.mass.mass * scene.gravity
+    error = inertia.error
+    weight = scene.mass.mass * scene.gravity
     largest = max((row["value"] for row in r.design if row["quantity"] == "tension_max"), default=0.0)
 
     def bar(row: dict[str, Any]) -> float | None:
-        quantity, value = row["quantity"], row["value"]
+        quantity = row["quantity"]
+        value = row["value"]
         if value is None or quantity == "wind_tilt":
             return row["bar"]
         if quantity == "speed_max":
@@ -231,7 +239,8 @@ def with_error_bars(scene: Scene, r: Response) -> Response:
 
 def events_of(scene: Scene) -> list[dict[str, Any]]:
     """Events of the quasi-static ride of a free car; none of another."""
-    l, tau = scene.length, scene.time_scale
+    l = scene.length
+    tau = scene.time_scale
     ride = scene.ride
     if ride is None:
         return []
@@ -242,7 +251,8 @@ def events_beside(scene: Scene, deflection: float) -> list[dict[str, Any]]:
     """Events of the quasi-static ride with bars; deflection : largest, of a full run [m]."""
     if scene.ride is None:
         return []
-    l, tau = scene.length, scene.time_scale
+    l = scene.length
+    tau = scene.time_scale
     t = np.linspace(0.0, scene.ride.duration, ROWS)
     place, speed = (scene.ride.at(t)[0], scene.ride.speed(t)) if scene.ride.sections else (0.0 * t, 0.0 * t)
     inertia = Inertia.of(scene, float(speed.max()) * l / tau, deflection)

@@ -38,7 +38,9 @@ FACTORS = {
     "N": {"N": 1.0, "kN": 1e-3, "MN": 1e-6, "GN": 1e-9}, "m": {"m": 1.0, "mm": 1e3}, "s": {"s": 1.0},
     "m/s": {"m/s": 1.0, "km/h": 3.6}, "deg": {"deg": 1.0}, "": {"": 1.0}, "s_o/l": {"": 1.0}, "%": {"%": 100.0},
 }  # fmt: skip
-LAWS, PRINTED, SHARED = {"energy", "impulse", "laws_si"}, {"design", "outcome"}, {"deep"}
+LAWS = {"energy", "impulse", "laws_si"}
+PRINTED = {"design", "outcome"}
+SHARED = {"deep"}
 COUNTED = {"agree": "agree", "disagree": "disagree", "too coarse": "too coarse to tell",
            "not comparable": "cannot be compared"}  # fmt: skip
 
@@ -47,7 +49,8 @@ class Stored:
     """What a run or a check stored in a folder: of methods, the first one's numbers are those shown."""
 
     def __init__(self, folder: Path, methods: Sequence[str], judged: bool) -> None:
-        self.folder, self.methods = folder, methods
+        self.folder = folder
+        self.methods = methods
         self.summaries = [_json(folder / name / "summary.json") for name in methods]
         self.agreement = _json(folder / "agreement.json") if judged else {}
         shown = self.agreement or self.summaries[0]
@@ -118,7 +121,8 @@ def shows(text: str, value: float | None, unit: str = "", *, bar: float | None =
     factor = None if found is None else FACTORS[unit].get(found[3] or "")
     if found is None or factor is None:
         return False
-    shown, value = _real(found[1]), factor * value
+    shown = _real(found[1])
+    value = factor * value
     bar = factor * bar if bar and math.isfinite(bar) else 0.0
     if abs(value) < 1e-9 and digits >= 5:
         return shown == 0.0 and found[2] is None
@@ -216,10 +220,14 @@ def _profile(file: Path, of: dict[str, Any]) -> Faults:
     if onset is not None:
         until = of["t"][np.argmin(np.abs(of["s_o"] - onset * of["rest"]["length"]))]
     taut = of["t"] <= until
-    x_rest, y_rest = of["fields.x"], of["fields.y"]
+    x_rest = of["fields.x"]
+    y_rest = of["fields.y"]
     x = np.linspace(x_rest[0], x_rest[-1], PLACES)
-    depth, pull = [np.interp(x, x_rest, y_rest)], [np.interp(x, x_rest, of["fields.T_static"])]
-    s, s_o, car = of["fields.s"], of["fields.s_o"], car_of(of)
+    depth = [np.interp(x, x_rest, y_rest)]
+    pull = [np.interp(x, x_rest, of["fields.T_static"])]
+    s = of["fields.s"]
+    s_o = of["fields.s_o"]
+    car = car_of(of)
     at_car = np.fmax(of["fields.T_behind"], of["fields.T_ahead"])
     for k, place in enumerate(s_o[of["fields.t"] <= until]):
         i = int(np.searchsorted(s, place, side="right"))
@@ -241,7 +249,8 @@ def car_of(of: dict[str, Any]) -> Array:
 
 def _deepest(at: Array, x: Array, y: Array) -> Array:
     """Deepest y of a polyline (n,) at each place (m,); -inf where it does not pass."""
-    low, high = np.minimum(x[:-1], x[1:]), np.maximum(x[:-1], x[1:])
+    low = np.minimum(x[:-1], x[1:])
+    high = np.maximum(x[:-1], x[1:])
     out = np.full(at.size, -math.inf)
     for j, place in enumerate(at):
         i = np.flatnonzero((low <= place) & (place <= high) & (low < high))
@@ -255,7 +264,9 @@ def _animation(file: Path, of: dict[str, Any]) -> Faults:
     """Points, displacement, velocity and tension of some frames; y is up there, the car's two ends come last."""
     import h5py
 
-    x, s, s_o = of["fields.x"], of["fields.s"], of["fields.s_o"]
+    x = of["fields.x"]
+    s = of["fields.s"]
+    s_o = of["fields.s_o"]
     reach = float(x[-1] - x[0])
     with h5py.File(file.with_suffix(".h5")) as data:
         for k, grid in _frames(file, of):
@@ -311,7 +322,9 @@ def _up(x: Array, y: Array) -> Array:
 
 def _summary(file: Path, of: dict[str, Any]) -> Faults:
     """Numbers of summary.json that follow from the path; all others are as they are stored."""
-    told, rest, length = _json(file), of["rest"], of["rest"]["length"]
+    told = _json(file)
+    rest = of["rest"]
+    length = of["rest"]["length"]
     if abs(told["reached"] - of["s_o"][-1] / length) > ROUNDING:
         yield "reached is not where the path ends"
     if told["max_deflection"] not in (*of["v"], of["v"][0]):
@@ -359,7 +372,9 @@ def _named(row: dict[str, Any]) -> str:
 
 def _valued(text: str, row: dict[str, Any]) -> bool:
     """Whether a text shows a design number with its bar; a speed in m/s and km/h."""
-    value, bar, unit = row["value"], row.get("bar"), row["unit"]
+    value = row["value"]
+    bar = row.get("bar")
+    unit = row["unit"]
     if value is None:
         return text == "the car never passes"
     parts = text.split(" = ")
@@ -390,8 +405,11 @@ def _cells_of_number(cells: Sequence[str], of: Stored) -> Faults:
 def _cells_of_load(cells: Sequence[str], of: Stored) -> Faults:
     """Components of what a support carries at one instant: means over an axial round trip."""
     side, when, right, down = cells
-    run, row = of.run(0), next(x for x in of.design if x["quantity"] == f"reaction_{cells[0]}_max")
-    cable, length, t = run["scene"]["cable"], run["rest"]["length"], run["t"]
+    run = of.run(0)
+    row = next(x for x in of.design if x["quantity"] == f"reaction_{cells[0]}_max")
+    cable = run["scene"]["cable"]
+    length = run["rest"]["length"]
+    t = run["t"]
     half = length * math.sqrt((cable["mass_per_length"] + _ice(cable)) / cable["EA"])
     force = -run[f"reaction_{side}"]
     known = np.isfinite(force).all(axis=1)
@@ -483,8 +501,12 @@ def _cells_of_fact(cells: Sequence[str], of: Stored) -> Faults:
     """What follows from the scene, from the rope at rest."""
     name, text = cells
     run = of.run(0)
-    rest, s, x, y = run["rest"], run["fields.s"], run["fields.x"], run["fields.y"]
-    H, fine = rest["horizontal_tension"], np.linspace(s[0], s[-1], 20001)
+    rest = run["rest"]
+    s = run["fields.s"]
+    x = run["fields.x"]
+    y = run["fields.y"]
+    H = rest["horizontal_tension"]
+    fine = np.linspace(s[0], s[-1], 20001)
     curve = CubicSpline(s, np.stack([x, y], axis=1))(fine)
     sag = float(np.max(curve[:, 1] - y[-1] * curve[:, 0] / x[-1]))
     first, _, second = text.partition(", ")
@@ -567,7 +589,8 @@ def page(whole: str, command: str, of: Stored) -> Faults:
         or re.search(rf'<section id="{name}".*?</section>', whole, re.S)
         for name in SECTIONS
     }
-    answer, text = sections["answer"], "".join(x[0] for x in sections.values() if x is not None)
+    answer = sections["answer"]
+    text = "".join(x[0] for x in sections.values() if x is not None)
     if answer is None:
         yield "the page has no answer"
         return
@@ -594,7 +617,8 @@ def page(whole: str, command: str, of: Stored) -> Faults:
 
 def _side_view(view: dict[str, Any], of: Stored) -> Faults:
     run = of.run(0)
-    path, scene = path_of(run), run["scene"]
+    path = path_of(run)
+    scene = run["scene"]
     reach = float(np.ptp(path["x"])) or 1.0
     x, y = (np.array(z) for z in view["path"])
     off, _ = cKDTree(np.stack([path["x"], path["y"]], axis=1)).query(np.stack([x, y], axis=1))
@@ -631,7 +655,8 @@ def _moving(cable: dict[str, Any], view: dict[str, Any], of: Stored) -> Faults:
     for side in ("behind", "ahead"):
         other = run[f"fields.T_{'ahead' if side == 'behind' else 'behind'}"]
         wanted[side] = np.where(np.isnan(run[f"fields.T_{side}"]), other, run[f"fields.T_{side}"])
-    path, unit = path_of(run), view["unit"]
+    path = path_of(run)
+    unit = view["unit"]
     for told in cable["told"]:
         name, _, printed = told["name"].partition(" [")
         values, si = {"speed": (path["speed"], "m/s"), "press on the rope": (path["F_contact"], "N"),

@@ -51,10 +51,12 @@ def design(r: Response, twin: Response | None = None) -> Iterator[Agreement]:
                 continue
             right = readings.of(quantity, raw=bool(law))
             if row[name] is None or right is None:
-                gap, allowed = (0.0 if row[name] is right else 1.0), ROUNDING
+                gap = 0.0 if row[name] is right else 1.0
+                allowed = ROUNDING
             else:
                 size = abs(right) or 1.0
-                gap, allowed = abs(row[name] - right) / size, (row[bar] or 0.0) / size + ROUNDING
+                gap = abs(row[name] - right) / size
+                allowed = (row[bar] or 0.0) / size + ROUNDING
             yield _row(r, "design", quantity + law, gap, allowed, where)
 
 
@@ -65,7 +67,9 @@ class Readings:
     """Second computations of design numbers from stored fields, path and TOML."""
 
     def __init__(self, r: Response, twin: Response | None) -> None:
-        self.r, self.given, self.signals = r, Given(r.scene_toml, r.length), _signals(r)
+        self.r = r
+        self.given = Given(r.scene_toml, r.length)
+        self.signals = _signals(r)
         self.span = extremes_within(r, twin)
         self.taut = float(r.t[0]), meant_until(r, twin or r)
         self.rooms = Surroundings(r)
@@ -108,7 +112,8 @@ class Surroundings:
         self.profiles = {o["name"]: np.array([[o["at"], o["top"]]], float) for o in scene.get("obstacle", [])}
         if scene.get("ground"):
             self.profiles["the ground"] = np.array(scene["ground"], float)
-        self.r, self.below = r, scene["mass"].get("below", 0.0)
+        self.r = r
+        self.below = scene["mass"].get("below", 0.0)
 
     def smallest(self, car: bool, name: str, span: tuple[float, float]) -> float | None:
         """Smallest height [m] over an obstacle or the ground between two times; None: never above it."""
@@ -148,7 +153,8 @@ class Surroundings:
 
 
 def _signals(r: Response) -> dict[str, Signals]:
-    f, given = r.fields, Given(r.scene_toml, r.length)
+    f = r.fields
+    given = Given(r.scene_toml, r.length)
     tilt = math.degrees(math.atan(given.blown(2) / (given.rho * given.gravity)))
     known: dict[str, Signals] = {
         "wind_tilt": [(r.t, np.full(r.t.shape, tilt))],
@@ -178,20 +184,24 @@ def _press(r: Response) -> Array:
 
 def _means(t: Array, v: Array, span: tuple[float, float], period: float) -> Array:
     known = np.isfinite(v.reshape(t.size, -1)).all(axis=1)
-    t, v = t[known], v[known]
+    t = t[known]
+    v = v[known]
     rows = (t >= span[0] * (1.0 - ROUNDING)) & (t <= span[1] * (1.0 + ROUNDING))
     if v.ndim == 2:
         return _means_of_frames(t[rows], v[rows], period)
     if rows.any():  # up to the ends of the range
-        signal, ends = make_interp_spline(t, v, k=1), np.clip(span, t[0], t[-1])
+        signal = make_interp_spline(t, v, k=1)
+        ends = np.clip(span, t[0], t[-1])
         t = np.unique(np.concatenate([ends, t[rows & (t > ends[0]) & (t < ends[1])]]))
         v = signal(t)
     else:
-        t, v = t[rows], v[rows]
+        t = t[rows]
+        v = v[rows]
     if not period or t.size < 3:
         return v
     total = make_interp_spline(t, v, k=1).antiderivative()
-    low, high = np.clip(t - 0.5 * period, t[0], t[-1]), np.clip(t + 0.5 * period, t[0], t[-1])
+    low = np.clip(t - 0.5 * period, t[0], t[-1])
+    high = np.clip(t + 0.5 * period, t[0], t[-1])
     return np.asarray((total(high) - total(low)) / (high - low))
 
 
@@ -236,7 +246,8 @@ def _path_distance(r: Response, twin: Response, window: tuple[float, float], k: 
 
 def _tension_distance(r: Response, twin: Response, window: tuple[float, float]) -> float:
     """Rms distance of the tensions at common frames, off the car, over H."""
-    a, b = r.fields, twin.fields
+    a = r.fields
+    b = twin.fields
     of_time = r.drive == "free"
     squares = []
     for k in range(a.t.size):
@@ -292,7 +303,8 @@ def _end_of_ride(r: Response, readings: Readings) -> Ending:
     last = next((x for x in reversed(r.events) if x["event"] in ("arrival", "back", "stop")), None)
     if last is None:
         return Ending("rolling", [float(r.t[-1]), float(r.s_o[-1]), 3.6 * float(speed[-1])])
-    t, place = last["t"], last["s_o"]
+    t = last["t"]
+    place = last["s_o"]
     if last["event"] == "arrival":
         return Ending("arrives", [place, t, 3.6 * float(np.interp(t, r.t, speed))])
     if last["event"] == "back":
@@ -306,7 +318,8 @@ def _end_of_ride(r: Response, readings: Readings) -> Ending:
 
 def _end_of_travel(r: Response, readings: Readings) -> Ending:
     """The end of a prescribed travel, by the TOML."""
-    law, drive = readings.given.travel, readings.given.drive
+    law = readings.given.travel
+    drive = readings.given.drive
     hauled = drive.get("mode") == "haul"
     start = timetable.begins(law, drive, r.length)
     end = drive.get("end", {}).get("place", 0.99 * r.length) if hauled else r.length
@@ -344,7 +357,9 @@ def _bars(r: Response) -> dict[str, float]:
 
 def _contacts(r: Response, readings: Readings) -> list[str]:
     """What is hit, and what is closer than its printed bar."""
-    bars, hit, near = _bars(r), [], []
+    bars = _bars(r)
+    hit = []
+    near = []
     for name in readings.rooms.profiles:
         possible = []
         for kind in ("clearance_rope_min", "clearance_car_min"):
@@ -366,10 +381,12 @@ def _break(r: Response, readings: Readings, right: Ending) -> None:
     bar = _bars(r).get("safety_factor_min")
     if bar is None:
         return
-    factor, load = readings.of("safety_factor_min"), readings.given.cable["breaking_load"]
+    factor = readings.of("safety_factor_min")
+    load = readings.given.cable["breaking_load"]
     assert factor is not None
     if factor + bar < 1.0:
-        right.kind, right.numbers = "breaks", [load / factor / 1e3, load / 1e3, *right.numbers]
+        right.kind = "breaks"
+        right.numbers = [load / factor / 1e3, load / 1e3, *right.numbers]
     elif factor - bar < 1.0:
         right.parts = ["too close to tell whether the rope breaks", *right.parts]
 
@@ -396,7 +413,8 @@ STATICS = 1e-5  # of the energy: interpolation of the cable at rest
 
 def _unexplained(m: Evidence) -> Array:
     """Energy at frames (k,) beyond that at the start and the work since, over the scale."""
-    r, given = m.r, m.given
+    r = m.r
+    given = m.given
     car = 0.5 * given.mass * np.sum(r.velocity**2, axis=1) - given.weight * r.y
     energy = np.interp(m.t, r.t, car) + m.along["energies"][:, 1:].sum(axis=1)  # without the rope's motion
     speed = np.sqrt(np.sum(r.velocity**2, axis=1))[:, None]

@@ -69,7 +69,8 @@ def _remedy(
 ) -> str | None:  # fmt: skip
     from scipy.optimize import minimize_scalar  # seldom needed
 
-    run, results = both[0].run, []
+    run = both[0].run
+    results = []
     for change in _changes(both[0]):
 
         def rms(x: float, change: Change = change) -> float:

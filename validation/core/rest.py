@@ -34,13 +34,15 @@ def place(
     x, weights = np.polynomial.legendre.leggauss(POINTS)
     half = 0.5 * np.array([s_o, length - s_o])
     s = np.concatenate([half[0] * (1.0 + x), s_o + half[1] * (1.0 + x)])
-    ds, behind = np.concatenate([half[0] * weights, half[1] * weights]), np.arange(2 * POINTS) < POINTS
+    ds = np.concatenate([half[0] * weights, half[1] * weights])
+    behind = np.arange(2 * POINTS) < POINTS
     reach = 0.5 * supports[0] * w / H
     risen = math.sinh(math.asinh(0.5 * supports[1] * w / H / math.sinh(reach)) + reach)  # V/H at the left support
 
     def slope(n: Array, s: Array) -> tuple[Array, Array, Array]:
         """r' (k, 2), N (k,) and 1 - T/EA (k,)."""
-        N, q = np.hypot(n[:, 0], n[:, 1]), 1.0 - np.hypot(H, H * risen - w * s) / EA
+        N = np.hypot(n[:, 0], n[:, 1])
+        q = 1.0 - np.hypot(H, H * risen - w * s) / EA
         return (q / N + 1.0 / EA)[:, None] * n, N, q
 
     def hung(left: Array, jump: Array) -> Array:
@@ -80,9 +82,11 @@ def place(
         both = sides(left, jump)
         mean = both.sum(axis=0)
         size = math.hypot(*mean)
-        tau, stretch = mean / size, float(np.hypot(both[:, 0], both[:, 1]).sum())
+        tau = mean / size
+        stretch = float(np.hypot(both[:, 0], both[:, 1]).sum())
         pull = (friction or 0.0) * weight * abs(tau[0]) * size / stretch - weight * tau[1]
-        before, jump = jump, np.array([0.0, -weight]) - pull * tau
+        before = jump
+        jump = np.array([0.0, -weight]) - pull * tau
         left = hung(left, jump)
         if not np.abs(jump - before).max() > 1e-12 * weight:
             break

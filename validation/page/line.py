@@ -51,7 +51,8 @@ def pairs(design: Sequence[Row]) -> list[Row]:
         value = value_of(d["value"], d["unit"])
         row["smallest" if is_smallest else "largest"] = f"{value} ({cars})" if cars else value
         if is_smallest and row["largest"].partition(" (")[0] == value:
-            row["largest"], row["smallest"] = value, "the same"
+            row["largest"] = value
+            row["smallest"] = "the same"
     return list(out.values())
 
 
@@ -77,7 +78,8 @@ def columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
 
 
 def _head(name: str) -> str:
-    unit, smallest = WORDS[kind_of(name)]["unit"], name.partition(":")[0].endswith("_min")
+    unit = WORDS[kind_of(name)]["unit"]
+    smallest = name.partition(":")[0].endswith("_min")
     which = "smallest " if smallest else "largest "
     if kind_of(name) in ("tension_max", "safety_factor"):
         which = ""
@@ -106,8 +108,10 @@ def _floats(positions: Sequence[Row], name: str) -> Array:
 
 def _side(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup:
     told = {name: np.array(values) for name, values in ropes["profile"].items()}
-    x, end = told["x"], float(told["x"][-1])
-    ground, obstacles = np.array(line.get("ground", [])).reshape(-1, 2), line.get("obstacle", [])
+    x = told["x"]
+    end = float(told["x"][-1])
+    ground = np.array(line.get("ground", [])).reshape(-1, 2)
+    obstacles = line.get("obstacle", [])
     p = Panel("depth [m]", "", down=True)
     cars = [
         (car, _floats(positions, f"x:{car['name']}"), _floats(positions, f"depth:{car['name']}"))
@@ -159,7 +163,8 @@ def _lowest(rows: Sequence[Row], paths: Sequence[Any], keys: Sequence[str]) -> M
 
 def grid(folder: Path) -> list[Section]:
     stored = store.read(folder / "grid.json")
-    rows, keys = stored["rows"], stored["keys"]
+    rows = stored["rows"]
+    keys = stored["keys"]
     html = [table_of(rows, columns(rows, keys), keys[0])]
     if any(stored["paths"]):
         html.append(_lowest(rows, stored["paths"], keys))

@@ -114,7 +114,8 @@ def points_of(scene: Scene | Line, pairs: list[str] | None) -> list[Point]:
         found = grid.points(pairs or [])
     except ValueError as error:
         raise store.Refused(str(error)) from None
-    out, faults = [], []
+    out = []
+    faults = []
     for given in found:
         of_scene, settings = grid.parts(given, ("gravity", "title"))
         faults += _undotted(settings, type(scene))

@@ -196,8 +196,11 @@ _ENVIRONMENT.filters |= {
 }  # fmt: skip
 _ENVIRONMENT.globals["verdicts"] = VERDICTS
 _PARTS: Any = _ENVIRONMENT.get_template("parts.html").module
-badge, callout, details = _PARTS.badge, _PARTS.callout, _PARTS.details
-gallery, figure_of = _PARTS.gallery, _PARTS.figure
+badge = _PARTS.badge
+callout = _PARTS.callout
+details = _PARTS.details
+gallery = _PARTS.gallery
+figure_of = _PARTS.figure
 _ENVIRONMENT.globals |= {
     "table": table, "listed": listed, "badge": badge, "callout": callout, "details": details, "gallery": gallery,
     "columns": _PARTS.columns, "figure": figure, "pairs": pairs,

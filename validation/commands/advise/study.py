@@ -92,7 +92,8 @@ class Rung:
         return all(gap <= asked[need] for need, gap in self.gaps.items())
 
     def line(self, asked: dict[str, float]) -> dict[str, Any]:
-        r, gaps = self.run, self.gaps
+        r = self.run
+        gaps = self.gaps
         settings = {} if r is None else find(r.method).told(r.settings) | {"scheme": r.settings["scheme"]}
         out = {
             "name": self.name, "model": self.model, "load": self.load, "seconds": self.seconds,
@@ -137,7 +138,8 @@ def _rungs(
 ) -> tuple[list[Rung], Response, View]:  # fmt: skip
     view = View.of(scene)
     ladder = _full(scene, view, tol, asked, report)
-    full, bars = ladder.run, {need: sum(parts_of(ladder, view, *NEEDS[need])) for need in asked}
+    full = ladder.run
+    bars = {need: sum(parts_of(ladder, view, *NEEDS[need])) for need in asked}
     rungs = [Rung("full", "mass", full.seconds, bars, full)]
     if all(map(math.isfinite, bars.values())):
         view = view.cut(full)
@@ -147,7 +149,8 @@ def _rungs(
 
 def _full(scene: Scene, view: View, tol: float, asked: dict[str, float], report: Progress) -> Ladder:
     """The full model, as fine as tolerance and budget allow."""
-    told, budget = partial(report, "full model"), SHARE * BUDGET
+    told = partial(report, "full model")
+    budget = SHARE * BUDGET
     try:
         ladder = climb(scene, REFERENCE, SHARE * tol, budget=budget, progress=told, until=view.stop)
     except TooCoarse as error:
@@ -197,7 +200,9 @@ def distances(r: Response, full: Response, view: View) -> dict[str, float]:
 
 def _rolled(scene: Scene, full: Response) -> Iterator[Rung]:
     """Give the quasi-static rides; the one on the loaded cable tells path and tension, too."""
-    g, l, tau = scene.groups, scene.length, scene.time_scale
+    g = scene.groups
+    l = scene.length
+    tau = scene.time_scale
     for model, kind in (("chord", LoadPath.chord), ("empty cable", LoadPath.empty), ("quasi-static", LoadPath.loaded)):
         begin = time.perf_counter()
         rolled = ride(kind(g), g.mu, g.sigma, g.drive)
@@ -223,11 +228,15 @@ def _at_rest(scene: Scene, full: Response, view: View) -> Rung:
 
 def _static_gaps(scene: Scene, full: Response) -> dict[str, float]:
     """Distance of the cable at rest from the full run, at equal places."""
-    l, H, g, f = scene.length, scene.horizontal_tension, scene.groups, full.fields
+    l = scene.length
+    H = scene.horizontal_tension
+    g = scene.groups
+    f = full.fields
     at = Statics(g)
     here = at(full.s_o / l)
     v = l * (here.place[:, 1] - g.shape(here.s)[1])
-    s, s_o = f.s / l, f.s_o / l
+    s = f.s / l
+    s_o = f.s_o / l
     off = np.abs(s - s_o[:, None]) > JUMP_WIDTH
     tension = at.tension(s, s_o) - f.T / H
     return {
@@ -240,7 +249,8 @@ def _raced(
     scene: Scene, best: Rung, full: Response, view: View, asked: dict[str, float], report: Progress
 ) -> Iterator[Rung]:  # fmt: skip
     """Give runs of a model by all candidates, refined until within the tolerance or dearer than one that is."""
-    candidates, cheapest = [method for method in METHODS.values() if method.races], full.seconds
+    candidates = [method for method in METHODS.values() if method.races]
+    cheapest = full.seconds
     for i, method in enumerate(candidates):
         report("methods", (i + 1) / len(candidates))
         for resolution, steps in method.races:

@@ -18,7 +18,8 @@ from validation.core.methods import METHODS, find, refined
 from validation.core.running import run
 from validation.core.sidebyside import Progress, silent
 
-CELLS, RESULT = "cells.jsonl", "atlas.json"
+CELLS = "cells.jsonl"
+RESULT = "atlas.json"
 SAID = store.shipped(__package__, "maps.toml")
 
 Map = dict[str, Any]  # as in maps.toml
@@ -59,7 +60,8 @@ def atlas(
     quick : every fifth value of each axis, every fifth row.
     """
     if quick:
-        maps, rows = [_thinned(m) for m in maps], rows[::5]
+        maps = [_thinned(m) for m in maps]
+        rows = rows[::5]
     jobs = _jobs(maps, rows)
     found = store.each_once(out / CELLS, jobs, lambda job: job(), partial(progress, "atlas"))
     of = {kind: [x for key, x in found.items() if json.loads(key)[0] == kind] for kind in ("cell", "row")}

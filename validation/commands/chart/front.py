@@ -58,7 +58,8 @@ def cut(rows: list[Row]) -> bool:
 
 def _peer(rows: list[Row], error: float, ours: float | None) -> Row:
     """Seconds of another code at an error, over ours, or why there are none."""
-    at, reason = seconds_at(rows, error), None
+    at = seconds_at(rows, error)
+    reason = None
     if at is None:
         errors = [r["path_error"] for r in rows if r["path_error"] is not None]
         how = "within the time it was given" if cut(rows) else "at best"

@@ -68,7 +68,8 @@ def command(
     if ask not in ("all", "path"):
         faults.append(f"--ask = {ask!r}: must be all or path")
     loaded = options.scene_named(scene, faults, travelling=True)
-    points, asked = _points(loaded, set_), {"tol": 1e-3 if tol is None else tol, "tol_tension": tol_tension, "ask": ask}
+    points = _points(loaded, set_)
+    asked = {"tol": 1e-3 if tol is None else tol, "tol_tension": tol_tension, "ask": ask}
     if len(points) > 1:
         if other is not None:
             raise store.Refused("--with: holds one path against one scene; leave it out of a grid")
@@ -87,7 +88,8 @@ def command(
         from validation.commands.check import sensitivity
 
         terminal.say(f"  {sensitivity.told(sensitivity.sensitivity(result))}")
-    a, b = result.a.run, result.b.run
+    a = result.a.run
+    b = result.b.run
     terminal.say(f"  written to {folder}: report.html, {a.method}/, {b.method}/")
     broken = telling.broken(a, b)
     wrong = 0 if broken else report.read_back("check", Stored(folder, [a.method, b.method], judged=True), lines)

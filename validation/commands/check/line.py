@@ -55,14 +55,16 @@ class Both:
 
     def units(self, tol: float, tol_tension: float) -> tuple[Unit, Unit]:
         """Metres and newtons."""
-        reach, EA = float(np.ptp(self.a.empty.place[:, 0])), self.a.empty.case.EA
+        reach = float(np.ptp(self.a.empty.place[:, 0]))
+        EA = self.a.empty.case.EA
         tension = max(float(np.nanmax(state.tensions)) for state in self.a.states.values())
         return Unit("m", ROUNDING * reach, tol), Unit("N", ROUNDING * EA, tol_tension * tension)
 
 
 def quantities(state: LineState) -> dict[str, tuple[Array, list[str]]]:
     """The compared values of a state, (m,) or (m, 2), and the stations that they belong to."""
-    case, n = state.case, len(state.case.stations)
+    case = state.case
+    n = len(state.case.stations)
     kinds = np.array([p.kind for p in case.stations])
     pieces = np.arange(n - 1)
     length = np.full(n, np.ptp(state.s))
@@ -158,7 +160,8 @@ def solve_both(line: Line, second: Line, tol: float, tol_tension: float) -> Both
         unsolved = any(_solved_by_one(both))  # finer elements do not help
         if not coarse or unsolved or n >= FINEST:
             return both
-        less_b, n = b, 2 * n
+        less_b = b
+        n = 2 * n
 
 
 def checked(line: Line, tol: float = TOL, tol_tension: float | None = None, second: Line | None = None) -> Answers:

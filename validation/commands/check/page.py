@@ -22,7 +22,8 @@ def sections(folder: Path) -> list[Section]:
         return line.sections(folder / "rest-check", judged["rows"], judged["verdict"])
     if (folder / "grid-rest-check").is_dir():
         return line.grid(folder / "grid-rest-check")
-    grid, single = folder / "grid-check" / "grid.json", folder / "agreement.json"
+    grid = folder / "grid-check" / "grid.json"
+    single = folder / "agreement.json"
     if grid.exists() and (not single.exists() or grid.stat().st_mtime > single.stat().st_mtime):
         return many.sections(grid.parent)
     x = read(folder)

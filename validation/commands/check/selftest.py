@@ -19,7 +19,8 @@ def planted(result: Check) -> Verdict:
     The judge knows the check's scene alone.
     """
     scene = result.scene
-    coarse, shorter = (*result.b.space.runs, result.b.run)[0], (*result.b.time.runs, result.b.run)[0]
+    coarse = (*result.b.space.runs, result.b.run)[0]
+    shorter = (*result.b.time.runs, result.b.run)[0]
     settings = coarse.settings | {"steps": shorter.settings["steps"]}
     stop = View.of(scene).stop
     ends: dict[str, Any] = {} if stop is None else {"until": stop}

@@ -189,7 +189,8 @@ def _judged(
 ) -> tuple[list[Ladder], list[Agreement]]:
     """Refine both ladders until they agree or cannot get closer; return them and the rows."""
     jobs: list[Callable[[Progress], Any]] = [side.climbed for side in sides]
-    confirmed, toml = False, scene.to_toml()
+    confirmed = False
+    toml = scene.to_toml()
     while True:
         first, other = side_by_side(jobs, progress, _load)
         ladders = [first, other.map(lambda r: replace(r, scene_toml=toml))]  # the judge knows one scene alone

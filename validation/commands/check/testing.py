@@ -40,7 +40,8 @@ def checking(tell: Tell, kept: dict[Any, Check]) -> Callable[..., Check]:
         if key not in kept:
             kept[key] = check(scene, tol=tol)
         result = kept[key]
-        party, rows = f"{result.a.run.method} and {result.b.run.method}", result.rows
+        party = f"{result.a.run.method} and {result.b.run.method}"
+        rows = result.rows
         if solver is not None:  # its rows, and whether a path was comparable
             try:
                 result = check_solver(scene, solver, tol=tol, with_tol=with_tol, ours=result)

@@ -32,7 +32,8 @@ from validation.core.sidebyside import Progress, silent
 from validation.oracles.case import Case, Crossing, Rung, Solvers
 from validation.oracles.case import Path as MassPath
 
-ROWS, RESULT = "oracles.jsonl", "oracles.json"
+ROWS = "oracles.jsonl"
+RESULT = "oracles.json"
 ORDER_SCATTER = 0.3  # of an order from three or four runs: fronts meet the mass elsewhere in each mesh
 
 
@@ -59,7 +60,9 @@ class Task:
         errors : relative rms, nan of a run that broke; error, worst : rms and largest of the finest;
         observed_order : nan where none shows; reason : what kept the row from being computed, else empty.
         """
-        solvers, case, method = solvers or SOLVERS, self.case, self.method
+        solvers = solvers or SOLVERS
+        case = self.case
+        method = self.method
         rungs = case.ladder(solvers, method)
         p, because = case.order(solvers, method)
         row = {
@@ -208,7 +211,8 @@ class _Solvers:
         """Matrices of the linear model column by column, then its quadratic eigenvalues i w."""
         system = _built(name, replace(groups, mu=0.0, motion=standing(0.4, 1.0)), model, settings)
         n = system.n_dof
-        rows, none = np.eye(n), np.zeros((n, n))
+        rows = np.eye(n)
+        none = np.zeros((n, n))
         still = system.residual(0.0, none[0], none[0], none[0], 0)
 
         def columns(place: int) -> Array:

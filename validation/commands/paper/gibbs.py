@@ -23,7 +23,8 @@ PLACES = np.linspace(ASKED["places"]["first"], ASKED["places"]["last"], ASKED["p
 
 def _tensions(system: GalerkinSystem | FollowingElements, distances: Array) -> Array:
     """T at s_o -+ each distance (m,) at every one of PLACES, (places, 2 m)."""
-    states, wanted = [], list(PLACES)
+    states = []
+    wanted = list(PLACES)
     for x in integrate(system, scheme("trapezoidal"), step_times(system, ASKED["steps"])):
         if system.motion.at(x.t, x.phase)[0] >= wanted[0]:
             states.append(x)

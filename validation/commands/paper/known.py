@@ -36,7 +36,9 @@ def numbers(runs: Runs, file: Path, report: Progress, quick: bool = False) -> di
     quick : overshoots of the three coarsest of each ladder.
     """
     ladders = {method: ladder[: 3 if quick else None] for method, ladder in SAID["overshoot"]["terms"].items()}
-    level, inclined, swing = runs.scenes["level"], runs.scenes["inclined"], SAID["vibration"]
+    level = runs.scenes["level"]
+    inclined = runs.scenes["inclined"]
+    swing = SAID["vibration"]
     energy = partial(vibration.energy_ratio, level.groups)
     jobs: dict[str, Callable[[], Any]] = {
         "frequencies": lambda: figure_2(runs),

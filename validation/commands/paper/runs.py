@@ -20,7 +20,8 @@ SAID = store.shipped(__package__, "runs.toml")
 
 def scenes() -> dict[str, Scene]:
     """The paper's scenes, the level one with Wu & Chen's mu = 2, and (12) taken literally (a rising chord)."""
-    level, inclined = Scene.load("level"), Scene.load("inclined")
+    level = Scene.load("level")
+    inclined = Scene.load("inclined")
     rising = inclined.variant(supports=inclined.supports.model_copy(update={"drop": -inclined.supports.drop}))
     return {
         "level": level, "heavy": level.variant(mu=2.0, name="level-mu-2"), "cruise": Scene.load("cruise"),
@@ -82,13 +83,15 @@ def _hastened(job: tuple[str, str, dict[str, Any]]) -> tuple[str, str, dict[str,
 
 def all_runs(out: Path, report: Progress, quick: bool = False) -> Runs:
     """All runs, stored in out/runs/NAME."""
-    known, jobs = scenes(), plan(quick)
+    known = scenes()
+    jobs = plan(quick)
 
     def made(name: str) -> Response:
         scene, method, settings = jobs[name]
         return stored(out / "runs" / name, known[scene], method, settings)
 
-    names, done = list(jobs), itertools.count(1)
+    names = list(jobs)
+    done = itertools.count(1)
     spread(lambda name: bool(made(name)), names, lambda i, there: report("runs", next(done) / len(names)))
     found = {name: made(name) for name in jobs}
     return Runs(known, found, {scene: _reference(found, scene) for scene in SAID["references"]})
@@ -113,5 +116,6 @@ def _reference(found: dict[str, Response], scene: str) -> Reference:
         runs = tuple(found[f"{scene}-reference-{word}-{what}"] for word in ("half", "quarter"))
         return Branch(runs, (2.0, 2.0), order)
 
-    space, time = branch("resolution", find(SAID["fine"][0]).space_order), branch("steps", 2.0)
+    space = branch("resolution", find(SAID["fine"][0]).space_order)
+    time = branch("steps", 2.0)
     return Reference(Ladder(found[f"{scene}-reference"], space, time), found[f"{scene}-cross"])

@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from cablefem.response import Response
 
 EXAMPLE = "cablefem run zipline --model quasi-static --set mass.mass=40,60,80"
-METHOD, QUASI_STATIC = "following-p2", "quasi-static"
+METHOD = "following-p2"
+QUASI_STATIC = "quasi-static"
 CHOICES = {
     "model": ("full", "stretching", "sagged", "string", QUASI_STATIC), "load": ("mass", "force"),
     "law": ("auto", "elastic", "tension-only"),
@@ -76,7 +77,8 @@ def _one(point: options.Point, name: str, answered: "Callable[..., tuple[Respons
     from validation.core.sidebyside import aside
     from validation.page import report, telling
 
-    scene, folder = point.scene, store.claim(out, "run", point.scene, [name])
+    scene = point.scene
+    folder = store.claim(out, "run", point.scene, [name])
     with terminal.progress() as progress:
         r, missed = answered(point, partial(progress, name))
     with aside(partial(_animate, r, folder / name)) if name != QUASI_STATIC else nullcontext():

@@ -38,7 +38,8 @@ def numbers_of(rest: LineRest) -> list[Row | None]:
 
 def _numbers(rest: LineRest, i: int) -> Row:
     """Numbers of position i; None for what a car on a shoe has not, and for what is not finite."""
-    line, state = rest.line, rest.states[i]
+    line = rest.line
+    state = rest.states[i]
     out: Row = {}
     for car in line.car:
         out |= _at_car(rest, i, car)
@@ -59,7 +60,8 @@ def _numbers(rest: LineRest, i: int) -> Row:
 
 
 def _at_car(rest: LineRest, i: int, car: Car) -> Row:
-    line, state = rest.line, rest.states[i]
+    line = rest.line
+    state = rest.states[i]
     x = line.place(car, i)
     shoe = line.shoe(x)
     forces = {"tension_behind": state.tensions[:, 0], "tension_ahead": state.tensions[:, 1]}
@@ -94,8 +96,11 @@ def _depth_on_shoe(rest: LineRest, i: int, car: Car, saddle: tuple[float, float]
 
 def _at_contact(rest: LineRest, i: int, j: int, index: dict[str, int]) -> Row:
     """Numbers of contact j at position i; index : station by name."""
-    line, state, contact = rest.line, rest.states[i], rest.line.contact[j]
-    name, k = contact.name, index[contact.name]
+    line = rest.line
+    state = rest.states[i]
+    contact = rest.line.contact[j]
+    name = contact.name
+    k = index[contact.name]
     out = {f"tension:{name}": float(np.nanmax(state.tensions[k]))}
     if contact.kind == "saddle":
         across, down = state.pressure[k].tolist()
@@ -205,7 +210,9 @@ class Answers:
     def outcome(self) -> Outcome:
         """A rope beyond its breaking load comes first, then collisions, the deepest first."""
         tension = next((d for d in self.design if d["quantity"] == "tension_max"), None)
-        breaking_load, parts, kinds = self.line.cable.breaking_load, [], []
+        breaking_load = self.line.cable.breaking_load
+        parts = []
+        kinds = []
         if tension and breaking_load is not None and tension["value"] > breaking_load:
             kinds.append("breaks")
             force = f"{tension['value'] / 1e3:.1f} kN in a rope of {breaking_load / 1e3:.1f} kN"
@@ -255,7 +262,8 @@ def answers(line: Line, rest: LineRest | None = None) -> Answers:
 
 def write(folder: Path, result: Answers, seconds: float) -> None:
     """Write positions.csv, profile.csv, summary.json, scene.toml, and the ropes that the page draws."""
-    line, profile = result.line, envelope(result.rest)
+    line = result.line
+    profile = envelope(result.rest)
     rows = [{"position": i + 1} | (x or {}) for i, x in enumerate(result.numbers)]
     table.write_rows(folder / "positions.csv", rows)
     write_csv(folder / "profile.csv", ",".join(profile), np.stack(list(profile.values()), axis=1))
@@ -293,7 +301,8 @@ def _one(command: str, line: Line, out: Path | None, solve: Callable[[Line], Ans
         seconds = perf_counter() - begun
     write(folder / home, result, seconds)
     if result.verdict:
-        verdict, rows = result.verdict.value, [row.row() for row in result.rows]
+        verdict = result.verdict.value
+        rows = [row.row() for row in result.rows]
         agreement = {"verdict": verdict, "methods": ["catenaries", "elements"], "rows": rows}
         write_json(folder / "agreement.json", agreement)
         terminal.say(verdict, style=terminal.STYLES[verdict])

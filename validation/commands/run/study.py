@@ -47,7 +47,8 @@ def answer(
             # mean forces, as in `check`
             ladder = refined_until(scene, ladder, lambda x: forces_left(scene, x, tol), **kind)
         except TooCoarse as error:
-            ladder, missed = error.ladder, str(error)
+            ladder = error.ladder
+            missed = str(error)
     return replace(ladder.run, design=design(ladder), events=with_bars(ladder)), missed
 
 

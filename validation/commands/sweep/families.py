@@ -23,7 +23,8 @@ def _locked(draw: Draw) -> Tables:
 
     A full locked rope: 0.87 of its circle is metal, 8450 kg/m^3 with filling, 160 GPa.
     """
-    span, diameter = draw(200.0, 1500.0), draw(0.025, 0.055)
+    span = draw(200.0, 1500.0)
+    diameter = draw(0.025, 0.055)
     area = 0.87 * math.pi * diameter**2 / 4.0
     H = area * draw(200e6, 400e6)
     cable = {"mass_per_length": 8450.0 * area, "EA": 160e9 * area, "horizontal_tension": H}
@@ -54,7 +55,8 @@ def free(draw: Draw) -> Scene:
 
     A stranded rope of diameter d [mm]: 0.0045 d^2 kg/m, 56 d^2 kN.
     """
-    span, d = draw(60.0, 600.0), draw(10.0, 20.0)
+    span = draw(60.0, 600.0)
+    d = draw(10.0, 20.0)
     supports = {"span": span, "drop": span * draw(0.03, 0.12)}
     cable = {"mass_per_length": 0.0045 * d**2, "EA": 56e3 * d**2, "sag": span * draw(0.012, 0.03)}
     x: Tables = {"cable": cable, "supports": supports, "mass": {"mass": draw(40.0, 120.0)}}
@@ -68,7 +70,8 @@ def fibre(draw: Draw) -> Scene:
 
     A braided rope of diameter d [mm]: 0.00075 d^2 kg/m, 4 to 25 d^2 kN.
     """
-    span, d = draw(30.0, 200.0), draw(5.0, 14.0)
+    span = draw(30.0, 200.0)
+    d = draw(5.0, 14.0)
     drop = span * draw(0.03, 0.15)
     length = math.hypot(span, drop) * draw(1.01, 1.05)
     x: Tables = {"cable": {"mass_per_length": 0.00075 * d**2, "EA": draw(4e3, 25e3) * d**2, "length": length}}
@@ -81,7 +84,8 @@ def slack(draw: Draw) -> Scene:
     """A car that grips a slack locked rope, at 0.05 to 0.2 of the wave speed."""
     x = _locked(draw)
     sag = x["supports"]["span"] * draw(0.06, 0.15)
-    weight, span = 9.81 * x["cable"]["mass_per_length"], x["supports"]["span"]
+    weight = 9.81 * x["cable"]["mass_per_length"]
+    span = x["supports"]["span"]
     H = weight * span**2 / (8.0 * sag)
     x["cable"] = {k: v for k, v in x["cable"].items() if k != "horizontal_tension"} | {"sag": sag}
     x["mass"] = {"mass": H * draw(0.05, 0.3) / 9.81}
@@ -111,7 +115,8 @@ def iced(draw: Draw) -> Scene:
 def stopped(draw: Draw) -> Scene:
     """A hauled car that makes an emergency stop of 0.5 to 2 m/s2 at 0.2 to 0.7 of its way."""
     x = _locked(draw)
-    speed, way = draw(4.0, 12.0), math.hypot(x["supports"]["span"], x["supports"]["drop"])
+    speed = draw(4.0, 12.0)
+    way = math.hypot(x["supports"]["span"], x["supports"]["drop"])
     stop = {"time": draw(0.2, 0.7) * way / speed, "deceleration": draw(0.5, 2.0)}
     x["travel"] = {"kind": "accelerate_cruise_brake", "top_speed": speed, "stop": stop}
     x["drive"] = {"mode": "haul", "rolling_friction": draw(0.0, 0.02)}

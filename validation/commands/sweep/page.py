@@ -32,8 +32,10 @@ PARTS = 3  # of a third axis
 
 def sections(folder: Path) -> list[Section]:
     file = folder / "study.toml"
-    study, rows = Study.load(file), frame(folder)
-    complete, thin = rows["status"] == "complete", _thinned(rows)
+    study = Study.load(file)
+    rows = frame(folder)
+    complete = rows["status"] == "complete"
+    thin = _thinned(rows)
     packed = Markup(json.dumps(_scenes(study, file, thin)).replace("<", "\\u003c"))
     script = Markup((resources.files(__package__) / "explorer.js").read_text(encoding="utf-8"))
     return drawn(
@@ -61,7 +63,8 @@ def coverage(rows: Any) -> list[dict[str, Any]]:
         known = rows[rows[true].notna()]
         judged = known[known[doubt] <= known[[bar, true]].max(axis=1) / 3.0]
         for name, part in [*judged.groupby("method"), ("all", judged)]:
-            short, plain = part[part[true] > part[bar]], part[part["flags"].isna()]
+            short = part[part[true] > part[bar]]
+            plain = part[part["flags"].isna()]
             lines.append({
                 "bar of": quantity, "method": name, "held against": len(part),
                 "bar holds": f"{100.0 * (1.0 - len(short) / len(part)):.1f} %" if len(part) else "",
@@ -85,7 +88,8 @@ def _maps(study: Study, rows: Any) -> Iterator[Markup]:
 
 def _outcomes(rows: Any, axes: list[str], logs: set[str]) -> Markup:
     """Draw what becomes of the car over the first two axes, a colour for each kind."""
-    x, y = axes[0], axes[1] if len(axes) > 1 else "speed_max"
+    x = axes[0]
+    y = axes[1] if len(axes) > 1 else "speed_max"
     fig, grid = panels(1, 1, height=2.9, squeeze=False)
     ax = grid[0][0]
     for i, kind in enumerate(rows["outcome_kind"].value_counts().index):

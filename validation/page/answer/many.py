@@ -153,7 +153,9 @@ def table_of(rows: list[Row], columns: Columns, key: str) -> Markup:
 
 def sections(folder: Path) -> list[Section]:
     stored = store.read(folder / "grid.json")
-    rows, paths, keys = stored["rows"], stored["paths"], stored["keys"]
+    rows = stored["rows"]
+    paths = stored["paths"]
+    keys = stored["keys"]
     scene = Scene.from_toml((folder / "scene.toml").read_text(encoding="utf-8"))
     html = [
         table_of(rows, columns(rows, keys), keys[0]),
@@ -182,8 +184,10 @@ def _looks(rows: list[dict], keys: Sequence[str]) -> list[tuple[str, str]]:
 
 
 def _side(scene: Scene, rows: list[dict], paths: list[dict | None], keys: Sequence[str]) -> Markup:
-    span, below = scene.supports.span, 0.0 if scene.mass is None else scene.mass.below
-    X, s = scene.catenary, np.linspace(0.0, scene.length, 101)
+    span = scene.supports.span
+    below = 0.0 if scene.mass is None else scene.mass.below
+    X = scene.catenary
+    s = np.linspace(0.0, scene.length, 101)
     ground = np.array(scene.ground).reshape(-1, 2)
     depths = [X.y(s), *(np.array(p["y"]) + below for p in paths if p), ground[:, 1], [o.top for o in scene.obstacle]]
     p = Panel("depth [m]", "path of the car", down=True)
