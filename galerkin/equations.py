@@ -179,9 +179,11 @@ class GalerkinSystem(System):
     def sines(self) -> Fourier:
         return self.basis.basis
 
-    def settle(self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> newmark.Settled:
+    def solve_step(
+        self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton
+    ) -> newmark.Settled:
         if not (self.waves and self.kink):
-            return super().settle(t, phase, start, now, rule, newton)
+            return super().solve_step(t, phase, start, now, rule, newton)
         _, (now[:],), told = self._step(np.array([t]), phase, start, rule[None], newton)
         return self._told(told[0])
 

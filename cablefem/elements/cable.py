@@ -17,7 +17,7 @@ from cablefem.elements.kernels import collocation
 from cablefem.elements.kernels.balance import Cable, Contact, Instant, Mesh, Rates, assemble, weigh
 from cablefem.elements.kernels.banded import Tangent, factorise, solve
 from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY
-from cablefem.elements.kernels.newton import NO_TANGENT, Steps, settle
+from cablefem.elements.kernels.newton import NO_TANGENT, Steps, solve_steps
 from cablefem.newmark import Array, Newton, Settled, Solve, State, System, Tableau
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
@@ -113,7 +113,7 @@ class CableElements(System):
         factorise(*tangent)
         return r, partial(solve, *tangent)
 
-    def settle(self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> Settled:
+    def solve_step(self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> Settled:
         (now[:],), told, _ = self._steps(np.array([t]), phase, start, rule[None], newton)
         return next(self._said(told))
 
@@ -127,7 +127,7 @@ class CableElements(System):
         told = np.empty((t.size, 6))
         steps = Steps(places, self._contact_at(t.item(0), phase), start, rules, ends, told)
         self._at = None
-        return ends, told, settle(self._cable, ride, self._single, self._bands, steps, newton)
+        return ends, told, solve_steps(self._cable, ride, self._single, self._bands, steps, newton)
 
     def _collocated(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Array:
         """`told` of the steps taken."""

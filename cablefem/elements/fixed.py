@@ -83,8 +83,8 @@ class FixedElements(CableElements):
 
         return r, solve_with_particle
 
-    def settle(self, *step) -> Settled:
-        return iterate(self, *step) if self.particle else super().settle(*step)  # particles are not compiled
+    def solve_step(self, *step) -> Settled:
+        return iterate(self, *step) if self.particle else super().solve_step(*step)  # particles are not compiled
 
     def collocate(self, *step) -> Iterator[Settled]:
         return collocate(self, *step) if self.particle else super().collocate(*step)

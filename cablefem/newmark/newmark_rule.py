@@ -17,7 +17,7 @@ class NewmarkRule(Stepper):
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
         super().__init__(system, method, newton, work)
-        self._rule = np.eye(3, 5)  # see `System.settle`
+        self._rule = np.eye(3, 5)  # see `System.solve_step`
         self._rule[:, 4] = 1.0 - method.alpha_f, 1.0 - method.alpha_f, 1.0 - method.alpha_m
 
     def _set(self, rule: Array, dt: Any, goes_on: float) -> None:
@@ -57,7 +57,7 @@ class NewmarkRule(Stepper):
         now = np.empty_like(start)
         for goes_on in (1.0, 0.0):
             self._set(self._rule, dt, goes_on)
-            done = self.system.settle(t, x.phase, start, now, self._rule, self.newton)
+            done = self.system.solve_step(t, x.phase, start, now, self._rule, self.newton)
             if self.balanced(done):
                 return State(t1, now[0], now[1], now[2], x.phase)
         raise self.stalled(t1, done)

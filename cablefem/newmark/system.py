@@ -51,7 +51,7 @@ class System(Protocol):
         raise NotImplementedError
 
     # --- steps -----------------------------------------------------------------------------------------
-    def settle(self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> Settled:
+    def solve_step(self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> Settled:
         """Take a step of Newmark's family.
 
         start, now : (3, n_dof) rows q, v, a; `now` is set.
@@ -63,7 +63,7 @@ class System(Protocol):
     def stride(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[Array, Array]:
         """Ends (k, 3, n_dof) of steps, and the fields of `Settled` of each.
 
-        t, rules : (m,) and (m, 3, 5), see `settle`.
+        t, rules : (m,) and (m, 3, 5), see `solve_step`.
         Stops before a step that fails or may hold an event; `Settled` of a failed step may follow.
         """
         return NO_STEPS

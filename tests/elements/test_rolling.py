@@ -100,7 +100,7 @@ def test_the_tangent_is_the_derivative_of_the_residual(drive):
 
 def test_steps_are_those_of_the_interpreted_iteration():
     one, other = (RollingElements(G, elements=4) for _ in range(2))
-    other.settle = lambda *step: iterate(other, *step[:-1], step[-1]._replace(patience=0))
+    other.solve_step = lambda *step: iterate(other, *step[:-1], step[-1]._replace(patience=0))
     work, same = Work(), Work()
     states, want = (
         stack(list(integrate(s, scheme("generalized-alpha", rho_inf=0.9), [np.linspace(0.0, 3.0, 61)], work=w)))

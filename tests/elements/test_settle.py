@@ -17,7 +17,7 @@ from validation.core.running import Run
 
 def interpreted(system):
     """Return the system with nothing compiled but its residuals and tangents."""
-    system.settle, system.stride = lambda *step: iterate(system, *step), lambda *steps: NO_STEPS
+    system.solve_step, system.stride = lambda *step: iterate(system, *step), lambda *steps: NO_STEPS
     return system
 
 

@@ -66,7 +66,7 @@ def collocate(cable, ride, space, steps, rule, newton):
             if steps.places.shape[2] > 3:  # with a car, `roll` does this
                 weigh(cable, Instant(steps.places[k, i], space.bands[i], steps.contacts[i]))
         step = Step(steps.places[k], steps.contacts, steps.ends[k], steps.t[k + 1] - steps.t[k], steps.a[k])
-        done, least, where = settle(cable, ride, space, step, rule, newton)
+        done, least, where = solve_step(cable, ride, space, step, rule, newton)
         told = steps.told[k]
         told[0] = done[0]
         told[1] = done[1]
@@ -85,7 +85,7 @@ def collocate(cable, ride, space, steps, rule, newton):
 
 
 @inner
-def settle(cable, ride, space, step, rule, newton):
+def solve_step(cable, ride, space, step, rule, newton):
     """Find the accelerations; return (|r|, iterations, factorisations, residuals), least tension, its s.
 
     With old factors, a correction that does not help is taken back.

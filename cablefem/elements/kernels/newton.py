@@ -14,7 +14,7 @@ NO_TANGENT = 0.0, 0.0, 0.0
 
 
 class Steps(NamedTuple):
-    """Consecutive steps, see `cablefem.newmark.System.settle`."""
+    """Consecutive steps, see `cablefem.newmark.System.solve_step`."""
 
     places: Any  # (m, 3 + n_fields) see `balance.Instant`; with a car (m, 3), see `car.Car`
     contact: Any
@@ -34,7 +34,7 @@ def balance(cable, ride, now, x, r, tangent, factors):
 
 
 @compiled
-def settle(cable, ride, tangent, bands, steps, newton):
+def solve_steps(cable, ride, tangent, bands, steps, newton):
     """Take steps; return how many converged before a slack element or an event of the car.
 
     newton : `cablefem.newmark.Newton`.
