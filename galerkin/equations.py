@@ -46,7 +46,7 @@ class GalerkinSystem(System):
     Unknowns: all of U, then all of V, the hat last in each; in path form then the displacement w_p of the mass.
     """
 
-    strides = True
+    many_steps = True
     measures: type[Measures] = Measures
     by_force = False  # whether r' at the mass is shown by the tension from equilibrium
 
@@ -187,7 +187,7 @@ class GalerkinSystem(System):
         _, (now[:],), told = self._step(np.array([t]), phase, start, rule[None], newton)
         return self._told(told[0])
 
-    def stride(self, *steps) -> tuple[Array, Array]:
+    def solve_steps(self, *steps) -> tuple[Array, Array]:
         """Steps end where the quadrature rules change or the cable falls slack."""
         if not (self.waves and self.kink):
             return newmark.NO_STEPS
@@ -199,7 +199,7 @@ class GalerkinSystem(System):
     def _step(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[int, Array, Array]:
         places = self.motion.along(t, phase).T
         same, line = next(self.lines(places[:, 0]))
-        return kernels.stride(None, None, line, np.ascontiguousarray(places[same]), start, rules[same], newton)
+        return kernels.solve_steps(None, None, line, np.ascontiguousarray(places[same]), start, rules[same], newton)
 
     _stride = _step
 

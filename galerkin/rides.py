@@ -30,7 +30,7 @@ from galerkin.kernels.rolling import Car
 WINDOW = 0.3  # of an axial round trip: for the mean acceleration of friction
 
 # single steps, without events
-ALONE = rolling.Course(np.empty(0), np.empty(0), np.empty((0, 3)), 0.0, np.zeros(6), 0.0, 1.0, 0.0, 0.0, 0.0, False)
+NO_BOUNDS = rolling.Course(np.empty(0), np.empty(0), np.empty((0, 3)), 0.0, np.zeros(6), 0.0, 1.0, 0.0, 0.0, 0.0, False)
 
 
 class RollingSystem(RollingCar, GalerkinSystem):
@@ -164,7 +164,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
 
     def _step(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[int, Array, Array]:
         ride, line, place = self._ride(State(float(t[0]), start[0], start[1], start[2], phase))
-        return kernels.stride(ride, ALONE, line, np.array([place]), start, rules, newton)
+        return kernels.solve_steps(ride, NO_BOUNDS, line, np.array([place]), start, rules, newton)
 
     def _stride(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[int, Array, Array]:
         """Steps end at an event, where the rules change, or where a hauled car turns."""
@@ -188,7 +188,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         past = np.concatenate([self._past, np.empty((t.size, 3))])
         smooth = np.zeros(6)
         course = rolling.Course(t, thrust, past, self._window, smooth, *self.course(), self.mode.lifted)
-        taken, ends, told = kernels.stride(ride, course, line, places, start, rules, newton)
+        taken, ends, told = kernels.solve_steps(ride, course, line, places, start, rules, newton)
         if taken:
             w = float(rules[taken - 1, 0, 4])
             dt = float(rules[taken - 1, 0, 1])

@@ -118,7 +118,7 @@ class CableElements(System):
         return next(self._said(told))
 
     def collocate(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[Settled]:
-        return self._said(self._collocated(phase, steps if self.strides else steps.first(1), rule, newton))
+        return self._said(self._collocated(phase, steps if self.many_steps else steps.first(1), rule, newton))
 
     def _steps(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[Array, Array, int]:
         """Ends (m, 3, n_dof) and `told` (m, 6) of `kernels.newton.Steps`, and how many are good."""

@@ -27,7 +27,7 @@ class FollowingElements(CableElements):
     grading : largest over smallest element length; the smallest are next to the mass.
     """
 
-    strides = True
+    many_steps = True
 
     def __init__(
         self, groups: Groups, *, elements: int = 10, degree: int = 2, grading: float = 1.0, model: str = "full",
@@ -135,7 +135,7 @@ class FollowingElements(CableElements):
                 return b
         raise StepFailure(0.0, "no equilibrium of the start from rest was found", "let the mass start more gently")
 
-    def stride(self, *steps) -> tuple[Array, Array]:
+    def solve_steps(self, *steps) -> tuple[Array, Array]:
         """Steps end where the cable falls slack."""
         now, told, taken = self._steps(*steps)
         if taken:

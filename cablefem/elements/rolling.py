@@ -95,10 +95,10 @@ class RollingElements(RollingCar, FollowingElements):
     def _assemble(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
         self._roll(self._car, self._driven(np.array(t), phase), x, r, factors)
 
-    def stride(self, t: Array, *steps) -> tuple[Array, Array]:
+    def solve_steps(self, t: Array, *steps) -> tuple[Array, Array]:
         if not self.under_way:
             return newmark.NO_STEPS
-        now, told = super().stride(t, *steps)
+        now, told = super().solve_steps(t, *steps)
         self._seen_to(t, len(now))
         return now, told
 

@@ -24,11 +24,11 @@ GENTLY = Scheme("gentle", 0.5, 1.0)
 MOST_HALVINGS = 6  # of a step
 MOST_CUTS = 100  # failed steps beyond half of the grid's number
 MOST_EVENTS = 20  # without a step between them
-# longest strides, of the grid and adaptive
-STRIDE = 256
-AHEAD = 32
-ALONE = 16  # single steps after a failed stride
-GROWN = 2.0  # longest over shortest step of a stride
+# longest many_steps, of the grid and adaptive
+MAX_STEPS = 256
+MAX_ADAPTIVE_STEPS = 32
+SINGLE_STEPS = 16  # single steps after a failed solve_steps
+MAX_GROWTH = 2.0  # longest over shortest step of a solve_steps
 
 
 def integrate(system: System, method: Scheme, times: Sequence[Array], **kind: Any) -> Iterator[State]:
@@ -74,7 +74,7 @@ class _March:
         self.state = state
         self.shown = self.jumped = state.t  # times of the last output, last event
         self.fresh = True
-        self.alone = 1  # single steps before a stride
+        self.alone = 1  # single steps before a solve_steps
         self.pieces = 0
         self.halvings = 0
         self.crowd = 0
@@ -101,12 +101,12 @@ class _March:
         return self.state
 
     def _many(self, edges: list[float]) -> Generator[Sequence[State], None, bool]:
-        """Take a stride if the system can; return whether any step was taken."""
-        if not self.system.strides or self.alone or self.halvings or self.pieces:
+        """Take a solve_steps if the system can; return whether any step was taken."""
+        if not self.system.many_steps or self.alone or self.halvings or self.pieces:
             return False
-        ahead = self._pieces(edges) if self.system.adaptive else edges[1 : 1 + STRIDE]
-        self.alone = ALONE
-        for states in self.step.stride(self.state, np.array(ahead)) if ahead else ():
+        ahead = self._pieces(edges) if self.system.adaptive else edges[1 : 1 + MAX_STEPS]
+        self.alone = SINGLE_STEPS
+        for states in self.step.solve_steps(self.state, np.array(ahead)) if ahead else ():
             x = states[-1]
             if not all(value > 0.0 for value in self.system.watch(x)):
                 break
@@ -116,7 +116,7 @@ class _March:
             self.fresh = False
             self.alone = int(x.t < ahead[-1])
             yield states
-        return self.alone < ALONE
+        return self.alone < SINGLE_STEPS
 
     def _one(self, before: float, t: float, size: int) -> tuple[State, list[str]] | None:
         """Take a step towards t; return its end and events, None to try half the length."""
@@ -170,10 +170,10 @@ class _March:
         for before, t in itertools.pairwise(edges):
             while t - now > rounding(t):
                 t1 = _piece(now, t, (t - before) * self.system.part(x, now - self.jumped, now - x.t))
-                if not t1 > now or len(ends) == AHEAD or t1 - now > most:
+                if not t1 > now or len(ends) == MAX_ADAPTIVE_STEPS or t1 - now > most:
                     return ends
                 ends.append(t1)
-                now, most = t1, min(most, GROWN * (t1 - now))
+                now, most = t1, min(most, MAX_GROWTH * (t1 - now))
         return ends
 
 

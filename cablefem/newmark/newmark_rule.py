@@ -37,12 +37,12 @@ class NewmarkRule(Stepper):
         w = 1.0 - self.method.alpha_f
         return self.system.between(t0, t1, w, phase)
 
-    def stride(self, x: State, times: Array) -> Iterator[Sequence[State]]:
+    def solve_steps(self, x: State, times: Array) -> Iterator[Sequence[State]]:
         begin = np.concatenate([[x.t], times[:-1]])
         t = self._instants(begin, times, x.phase)
         rules = np.repeat(self._rule[None], times.size, axis=0)
         self._set(rules, times - begin, 1.0)
-        now, told = self.system.stride(t, x.phase, np.array([x.q, x.v, x.a]), rules, self.newton)
+        now, told = self.system.solve_steps(t, x.phase, np.array([x.q, x.v, x.a]), rules, self.newton)
         n = len(now)
         stretch = Stretch(times[:n], now, x.phase)
         seen = int(np.searchsorted(stretch.t, self.system.heeded, side="right")) if self.system.events else n

@@ -40,8 +40,8 @@ class Stepper:
     def __call__(self, x: State, t1: float) -> State:
         raise NotImplementedError
 
-    def stride(self, x: State, times: Array) -> Iterator[Sequence[State]]:
-        """Yield states at the times ahead as long as the system strides; an event may end a group."""
+    def solve_steps(self, x: State, times: Array) -> Iterator[Sequence[State]]:
+        """Yield states at the times ahead as long as the system many_steps; an event may end a group."""
         return iter(())
 
     def balanced(self, done: Settled) -> bool:

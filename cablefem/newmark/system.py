@@ -29,7 +29,7 @@ class System(Protocol):
     force_scale: float
     force_floor: float
     events: tuple[str, ...] = ()
-    strides: bool = False  # many steps at once
+    many_steps: bool = False  # many steps at once
     heeded: float = -math.inf  # no event up to this time
     adaptive: bool = False  # `part` shortens steps
     at_support: bool = False  # `start` begins at the support only
@@ -60,7 +60,7 @@ class System(Protocol):
         """
         return iterate(self, t, phase, start, now, rule, newton)
 
-    def stride(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[Array, Array]:
+    def solve_steps(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[Array, Array]:
         """Ends (k, 3, n_dof) of steps, and the fields of `Settled` of each.
 
         t, rules : (m,) and (m, 3, 5), see `solve_step`.

@@ -87,7 +87,7 @@ class Forced(FollowingElements):
     def solve_step(self, *step):
         return iterate(self, *step)
 
-    def stride(self, *steps):
+    def solve_steps(self, *steps):
         return NO_STEPS
 
     def held(self):

@@ -175,9 +175,9 @@ def test_a_hauled_car_lifts_off_in_strides_as_step_by_step(settings):
     groups = FAST.groups
     named = {"name": settings["method"]} | {k: v for k, v in settings.items() if k != "method"}
 
-    def lifts(strides):
+    def lifts(many_steps):
         system, work = RollingElements(groups, elements=4), Work()
-        system.strides = strides
+        system.many_steps = many_steps
         states = integrate(system, scheme(**named), step_times(system, 400), work=work)
         n = sum(1 for _ in itertools.takewhile(lambda x: x.t < 2.8, states))  # it does not come down again
         return [(e.name, e.t) for e in work.events], n
@@ -206,14 +206,14 @@ def test_a_ride_in_strides_is_the_one_step_by_step(settings):
     named = {"name": settings["method"]} | {k: v for k, v in settings.items() if k != "method"}
     nominal = groups.drive.nominal
     grids = [np.arange(t0, min(t1, 3.0 * nominal), nominal / 300) for t0, t1 in groups.drive.phases]
-    (t, *strides), events = places(grids)
+    (t, *many_steps), events = places(grids)
     assert [name for name, _ in events][-3:] == ["brake", "brake", "arrival"]
     whole = [np.unique(np.append(t[(t >= t0) & (t <= t1)], t0)) for t0, t1 in groups.drive.phases]
     whole[-1] = np.append(whole[-1], t[-1] + nominal / 300)  # it may arrive by rounding later
-    (again, *alone), same = places(whole, strides=False, part=lambda *x: 1.0)
+    (again, *alone), same = places(whole, many_steps=False, part=lambda *x: 1.0)
     assert [name for name, _ in same] == [name for name, _ in events]
     assert np.abs([a[1] - b[1] for a, b in zip(same, events, strict=True)]).max() < 1e-7
-    assert np.abs(np.interp(again, t, strides[0]) - alone[0]).max() < 1e-7
+    assert np.abs(np.interp(again, t, many_steps[0]) - alone[0]).max() < 1e-7
 
 
 @pytest.mark.parametrize(

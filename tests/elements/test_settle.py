@@ -17,7 +17,7 @@ from validation.core.running import Run
 
 def interpreted(system):
     """Return the system with nothing compiled but its residuals and tangents."""
-    system.solve_step, system.stride = lambda *step: iterate(system, *step), lambda *steps: NO_STEPS
+    system.solve_step, system.solve_steps = lambda *step: iterate(system, *step), lambda *steps: NO_STEPS
     return system
 
 
@@ -79,7 +79,7 @@ def test_so_are_those_of_elements_the_mass_moves_through(element):
 )
 def test_a_run_ends_at_the_same_step_whether_steps_are_taken_in_one_go_or_not(scene, end, settings):
     run, alone = (Run(Scene.load(scene), "following-p2", elements=3, steps=150, **settings) for _ in range(2))
-    alone.history.solver.strides = False
+    alone.history.solver.many_steps = False
     one, other = run.to(end), alone.to(end)
     assert np.array_equal(one.t, other.t)
     assert np.abs(one.v - other.v).max() <= 1e-9 * np.abs(other.v).max()
