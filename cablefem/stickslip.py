@@ -218,7 +218,7 @@ class RollingCar(System):
         rests = self.drive.stays(float(x.q[-1])) and not self._drifts(x)
         return left if rests else max(left, self.round_trip)
 
-    def part(self, x: State, since: float, ahead: float = 0.0) -> float:
+    def step_fraction(self, x: State, since: float, ahead: float = 0.0) -> float:
         mode = self.mode
         slip = x.v.item(-1)
         rubs = self.drive.resists and (mode.brakes > 0 or mode.sticks)

@@ -124,7 +124,7 @@ class _March:
         system = self.system
         length = t - before
         if system.adaptive:
-            length *= system.part(state, state.t - self.jumped)
+            length *= system.step_fraction(state, state.t - self.jumped)
         if self.fresh and self.gentle is not None and system.abrupt(state, length):
             self.pieces = GENTLE
         self.fresh = False
@@ -169,7 +169,7 @@ class _March:
         ends = list[float]()
         for before, t in itertools.pairwise(edges):
             while t - now > rounding(t):
-                t1 = _piece(now, t, (t - before) * self.system.part(x, now - self.jumped, now - x.t))
+                t1 = _piece(now, t, (t - before) * self.system.step_fraction(x, now - self.jumped, now - x.t))
                 if not t1 > now or len(ends) == MAX_ADAPTIVE_STEPS or t1 - now > most:
                     return ends
                 ends.append(t1)

@@ -31,7 +31,7 @@ class System(Protocol):
     events: tuple[str, ...] = ()
     many_steps: bool = False  # many steps at once
     heeded: float = -math.inf  # no event up to this time
-    adaptive: bool = False  # `part` shortens steps
+    adaptive: bool = False  # `step_fraction` shortens steps
     at_support: bool = False  # `start` begins at the support only
 
     def start(self, phase: int, state: State | None) -> State:
@@ -91,7 +91,7 @@ class System(Protocol):
         """Times (n,) of the mean places, weighted 1 - w and w."""
         return (1.0 - w) * t0 + w * t1
 
-    def part(self, x: State, since: float, ahead: float = 0.0) -> float:
+    def step_fraction(self, x: State, since: float, ahead: float = 0.0) -> float:
         """The fraction of a grid step to take from x, or `ahead` of it, `since` after an event."""
         return 1.0
 

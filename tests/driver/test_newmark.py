@@ -197,7 +197,7 @@ def test_a_step_too_long_for_newton_is_taken_in_pieces(part):
 
     work, system = Work(), Touchy(end=1.0)
     if part is not None:
-        system.adaptive, system.part = True, lambda x, since: part
+        system.adaptive, system.step_fraction = True, lambda x, since: part
     states = list(integrate(system, scheme("trapezoidal"), grid(1.0, 10), work=work))
     np.testing.assert_allclose([x.t for x in states], np.linspace(0.0, 1.0, 41))
     assert work.rejected == 2 * 10  # a tenth, its half, its quarter

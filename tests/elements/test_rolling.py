@@ -160,7 +160,7 @@ def test_compiled_collocation_of_a_ride_is_that_of_its_residuals_and_tangents(mo
     ends, works = [], []
     for cls in (Plain, RollingElements):
         system, work = cls(groups, elements=3), Work()
-        system.part = lambda *x: 1.0  # steps in one go are foreseen, and others than those taken one by one
+        system.step_fraction = lambda *x: 1.0  # steps in one go are foreseen, and others than those taken one by one
         states = integrate(system, scheme(method), step_times(system, 200), newton=Newton(tol=1e-6), work=work)
         ends.append(list(itertools.islice(states, 25))[-1])
         works.append(work)
@@ -210,7 +210,7 @@ def test_a_ride_in_strides_is_the_one_step_by_step(settings):
     assert [name for name, _ in events][-3:] == ["brake", "brake", "arrival"]
     whole = [np.unique(np.append(t[(t >= t0) & (t <= t1)], t0)) for t0, t1 in groups.drive.phases]
     whole[-1] = np.append(whole[-1], t[-1] + nominal / 300)  # it may arrive by rounding later
-    (again, *alone), same = places(whole, many_steps=False, part=lambda *x: 1.0)
+    (again, *alone), same = places(whole, many_steps=False, step_fraction=lambda *x: 1.0)
     assert [name for name, _ in same] == [name for name, _ in events]
     assert np.abs([a[1] - b[1] for a, b in zip(same, events, strict=True)]).max() < 1e-7
     assert np.abs(np.interp(again, t, many_steps[0]) - alone[0]).max() < 1e-7
