@@ -80,7 +80,7 @@ class RollingCar(System):
 
     def set_off(self) -> None:
         self.mode = Mode(brakes=sum(place <= self.drive.start for place, _ in self.drive.brakes))
-        self.heeded = -math.inf
+        self.events_from = -math.inf
         self._watched: tuple[State, tuple[float, ...]] | None = None
 
     def let_go(self, x: State) -> State:
@@ -168,7 +168,7 @@ class RollingCar(System):
         return x
 
     def watch(self, x: State) -> tuple[float, ...]:
-        if x.t <= self.heeded:
+        if x.t <= self.events_from:
             return (1.0,) * len(self.events)
         if self._watched is None or self._watched[0] is not x:
             self._watched = x, self._values(x)

@@ -192,7 +192,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         if taken:
             w = float(rules[taken - 1, 0, 4])
             dt = float(rules[taken - 1, 0, 1])
-            self.heeded = float(t[taken - 1]) + (1.0 - w + 1e-9) * dt
+            self.events_from = float(t[taken - 1]) + (1.0 - w + 1e-9) * dt
             if self.free:
                 self._past = past[int(smooth[0]) : len(past) - t.size + taken]
         return taken, ends, told

@@ -104,7 +104,7 @@ class RollingElements(RollingCar, FollowingElements):
 
     def _seen_to(self, t: Array, taken: int) -> None:
         if taken > 1:
-            self.heeded = float(t[taken - 2] + 0.9 * (t[taken - 1] - t[taken - 2]))
+            self.events_from = float(t[taken - 2] + 0.9 * (t[taken - 1] - t[taken - 2]))
 
     def _moved(self, t: Array, phase: int, start: Array) -> tuple[Any, Array]:
         return kernels.Ride(self._car, self._at_car, self._course if len(t) > 1 else ANY), self._driven(t, phase)

@@ -45,7 +45,7 @@ class NewmarkRule(Stepper):
         now, told = self.system.solve_steps(t, x.phase, np.array([x.q, x.v, x.a]), rules, self.newton)
         n = len(now)
         stretch = Stretch(times[:n], now, x.phase)
-        seen = int(np.searchsorted(stretch.t, self.system.heeded, side="right")) if self.system.events else n
+        seen = int(np.searchsorted(stretch.t, self.system.events_from, side="right")) if self.system.events else n
         for part in [slice(0, seen)] * (seen > 0) + [slice(k, k + 1) for k in range(seen, n)]:
             self.count(*told[part, 1:4].sum(axis=0).astype(int).tolist())
             yield stretch[part]

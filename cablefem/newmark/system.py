@@ -30,7 +30,7 @@ class System(Protocol):
     force_floor: float
     events: tuple[str, ...] = ()
     many_steps: bool = False  # many steps at once
-    heeded: float = -math.inf  # no event up to this time
+    events_from: float = -math.inf  # no event up to this time
     adaptive: bool = False  # `step_fraction` shortens steps
     at_support: bool = False  # `start` begins at the support only
 
