@@ -39,7 +39,7 @@ class Mode:
     forward: float = 0.0  # sign of the speed, 0 at first
     brakes: int = 0  # number reached
     lifted: bool = False
-    rings: bool = False  # see `let_go`
+    rings: bool = False  # see `release_car`
     place: float = math.inf  # where, and since when, it is slower than `Drive.rest_speed`
     since: float = 0.0
 
@@ -51,13 +51,13 @@ class Mode:
 class RollingCar(System):
     """A system whose last unknown is the place s_o of a free car; of a hauled car it watches lift-off only.
 
-    Solvers call `board` once, `set_off` and `let_go` at the start.
+    Solvers call `attach` once, `reset` and `release_car` at the start.
     """
 
     hears_itself: bool  # short steps after jumps, even without friction
     hold: float  # force at the start
 
-    def board(self, groups: Groups) -> None:
+    def attach(self, groups: Groups) -> None:
         self.drive = groups.drive
         self.sigma = groups.sigma
         self.free = self.drive.mode == "free"
@@ -65,7 +65,7 @@ class RollingCar(System):
         self.events = EVENTS if self.free else ("lift_off",)
         self.round_trip = 2.0 / math.sqrt(groups.alpha)  # of axial waves
         self.hold = 0.0
-        self.set_off()
+        self.reset()
 
     def look(self, x: State) -> Look:
         raise NotImplementedError
@@ -78,12 +78,12 @@ class RollingCar(System):
         """The state with new accelerations."""
         raise NotImplementedError
 
-    def set_off(self) -> None:
+    def reset(self) -> None:
         self.mode = Mode(brakes=sum(place <= self.drive.start for place, _ in self.drive.brakes))
         self.events_from = -math.inf
         self._watched: tuple[State, tuple[float, ...]] | None = None
 
-    def let_go(self, x: State) -> State:
+    def release_car(self, x: State) -> State:
         """The first state of a free ride; until axial waves are back, zeros of the slip are no standstills."""
         x = self.come_to_rest(x)
         self.mode.rings = self.rubs and not self.mode.sticks

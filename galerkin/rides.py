@@ -52,7 +52,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
             raise ValueError("a car that rolls needs load = mass: without inertia it has no travel of its own")
         if not (kink and isinstance(basis, Fourier)):
             raise ValueError("a car that rolls needs sines with a hat that travels with it: take method fourier-kink")
-        self.board(groups)
+        self.attach(groups)
         super().__init__(groups, basis, kink=kink, law=law)
         self.n_dof += 1
         # rows t, p.; then t, mean p.. and its rate
@@ -205,7 +205,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         if state is not None:
             return self.enter(state._replace(phase=phase))
         s_o = self.drive.start
-        self.set_off()
+        self.reset()
         self._past = np.empty((0, 3))
         self._smooth = [0.0] * 5
         if not self.free:
@@ -216,7 +216,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         x = State(0.0, q, still, still, 0)
         car = self.car(x, rolling.Rolling(self.mu, self.groups.sigma, 0.0, 0.0))
         self.hold = car.along * car.stretch
-        return self.let_go(x)
+        return self.release_car(x)
 
     def standing(self, s_o: float) -> GalerkinSystem:
         """The cable at rest with the car clamped to it."""

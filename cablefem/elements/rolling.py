@@ -56,7 +56,7 @@ class RollingElements(RollingCar, FollowingElements):
         if self.fields == 1 or self.load == "force":
             what = f"model {self.model}" if self.fields == 1 else "a moving force without mass"
             raise ValueError(f"{what} has no balance along the cable: a car that rolls needs the full model and a mass")
-        self.board(groups)
+        self.attach(groups)
         self._air = self.drive.k, self.drive.wind, self.drive.mu_r
         self.n_dof += 1
 
@@ -77,7 +77,7 @@ class RollingElements(RollingCar, FollowingElements):
         t = self.phases[phase][0]
         if state is not None:
             return self.enter(state._replace(t=t, phase=phase))
-        self.set_off()
+        self.reset()
         if not self.free:
             s_o, ds, _ = self.motion.at(t, 0)
             return newmark.begun(self, self._hung, s_o, ds)
@@ -86,7 +86,7 @@ class RollingElements(RollingCar, FollowingElements):
         x = State(t, np.append(equilibrium(self.standing(s_o)), s_o), zero, zero.copy(), 0)
         alone = self._car._replace(drag=0.0, friction=0.0, brake=0.0)
         self.hold = self._roll(alone, np.zeros(3), np.array(x[1:4]), np.empty(self.n_dof))[2]
-        return self.let_go(x)
+        return self.release_car(x)
 
     def abrupt(self, x: State, dt: float) -> bool:
         """After a jump of force the car slips until an axial wave stops it."""

@@ -26,7 +26,7 @@ class Block(RollingCar):
         drive = Drive(**{"mode": "free"} | usual | drive)
         self.slope, self.damping, self.n_dof, self.phases = slope, damping, 1, drive.phases
         self.force_scale, self.force_floor = WEIGHT, 1e-15
-        self.board(SimpleNamespace(drive=drive, sigma=SIGMA, alpha=400.0))
+        self.attach(SimpleNamespace(drive=drive, sigma=SIGMA, alpha=400.0))
 
     def along(self, t, s, v, phase):
         return WEIGHT * math.sin(self.slope(s)) + float(self.drive.thrust(t, phase)) - self.damping * v
@@ -34,8 +34,8 @@ class Block(RollingCar):
     def start(self, phase, state):
         if state is not None:
             return self.enter(state._replace(phase=phase))
-        self.set_off()
-        return self.let_go(State(0.0, np.array([self.drive.start]), np.zeros(1), np.zeros(1), 0))
+        self.reset()
+        return self.release_car(State(0.0, np.array([self.drive.start]), np.zeros(1), np.zeros(1), 0))
 
     def residual(self, t, q, v, a, phase):
         if self.mode.sticks:
