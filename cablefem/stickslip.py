@@ -74,7 +74,7 @@ class RollingCar(System):
         """Force along the cable on a sticking car, and its normal force."""
         raise NotImplementedError
 
-    def go_on(self, x: State) -> State:
+    def solve_acceleration(self, x: State) -> State:
         """The state with new accelerations."""
         raise NotImplementedError
 
@@ -90,7 +90,7 @@ class RollingCar(System):
         return x
 
     def enter(self, x: State) -> State:
-        return self.come_to_rest(x) if self.mode.sticks else self.go_on(x)
+        return self.come_to_rest(x) if self.mode.sticks else self.solve_acceleration(x)
 
     @property
     def rubs(self) -> bool:
@@ -114,7 +114,7 @@ class RollingCar(System):
         v = x.v.copy()
         v[-1] = 0.0
         self.mode.sticks = True
-        x = self.go_on(x._replace(v=v))
+        x = self.solve_acceleration(x._replace(v=v))
         return x if self.margin(x) > 0.0 else self._slip(x)
 
     def _slip(self, x: State) -> State:
@@ -125,7 +125,7 @@ class RollingCar(System):
         mode.sticks = False
         mode.heading = -math.copysign(1.0, pulled)
         v[-1] = mode.heading * 1e-12 if self.rubs else 0.0  # a first slip arms the standstill event
-        return self.go_on(x._replace(v=v))
+        return self.solve_acceleration(x._replace(v=v))
 
     def begin_step(self, x: State) -> None:
         if not self.free:
@@ -160,7 +160,7 @@ class RollingCar(System):
         if name in ("brake", "brake off"):
             mode.brakes += 1 if name == "brake" else -1
             self._hear(float(x.v[-1]))  # it may stop the car
-            return self.go_on(x)
+            return self.solve_acceleration(x)
         if name == "turn":
             mode.forward = -mode.forward
         else:

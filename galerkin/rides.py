@@ -210,7 +210,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         self._smooth = [0.0] * 5
         if not self.free:
             speed = self.motion.at(0.0, 0)[1]
-            return self.go_on(begun(self, self._hung, s_o, speed))
+            return self.solve_acceleration(begun(self, self._hung, s_o, speed))
         q = np.append(equilibrium(self.standing(s_o)), s_o)
         still = np.zeros(self.n_dof)
         x = State(0.0, q, still, still, 0)
@@ -229,7 +229,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         on_its_rope = OnItsRope(still, self.sines, law="tension-only")
         return np.append(hung(on_its_rope, equilibrium(self.standing(s_o)))[:-1], 0.0)
 
-    def go_on(self, x: State) -> State:
+    def solve_acceleration(self, x: State) -> State:
         a = np.zeros(self.n_dof)
         for _ in range(3):  # friction is not linear
             r, solve = self.linearise(x.t, x.q, x.v, a, x.phase, 0.0, 0.0, 1.0)

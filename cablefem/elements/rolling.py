@@ -190,7 +190,7 @@ class RollingElements(RollingCar, FollowingElements):
         needed = self._roll(self._car, now, np.array(x[1:4]), np.empty(self.n_dof))[2]
         return needed / push.stretch, push.normal
 
-    def go_on(self, x: State) -> State:
+    def solve_acceleration(self, x: State) -> State:
         return newmark.consistent_acceleration(self, x.t, x.q, x.v, x.phase)
 
     @property

@@ -53,7 +53,7 @@ class Block(RollingCar):
     def holding(self, x):
         return -self.along(x.t, x.q[0], 0.0, x.phase), WEIGHT * math.cos(self.slope(x.q[0]))
 
-    def go_on(self, x):
+    def solve_acceleration(self, x):
         return consistent_acceleration(self, x.t, x.q, x.v, x.phase)
 
 
