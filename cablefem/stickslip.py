@@ -21,7 +21,7 @@ from cablefem.scene import Groups
 EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival", "back", "lift_off", "stop")
 
 
-class Look(NamedTuple):
+class CarForces(NamedTuple):
     """Forces and speed of a car."""
 
     normal: float
@@ -67,10 +67,10 @@ class RollingCar(System):
         self.hold = 0.0
         self.reset()
 
-    def look(self, x: State) -> Look:
+    def car_forces(self, x: State) -> CarForces:
         raise NotImplementedError
 
-    def holding(self, x: State) -> tuple[float, float]:
+    def sticking_forces(self, x: State) -> tuple[float, float]:
         """Force along the cable on a sticking car, and its normal force."""
         raise NotImplementedError
 
@@ -106,7 +106,7 @@ class RollingCar(System):
 
     def margin(self, x: State) -> float:
         """`most` less the force that holds the car."""
-        needed, normal = self.holding(x)
+        needed, normal = self.sticking_forces(x)
         return self.most(normal) - abs(needed)
 
     def come_to_rest(self, x: State) -> State:
@@ -118,7 +118,7 @@ class RollingCar(System):
         return x if self.margin(x) > 0.0 else self._slip(x)
 
     def _slip(self, x: State) -> State:
-        needed, _ = self.holding(x)
+        needed, _ = self.sticking_forces(x)
         mode = self.mode
         v = x.v.copy()
         pulled = needed if abs(needed) > 1e-9 * self.force_scale else self.hold
@@ -133,7 +133,7 @@ class RollingCar(System):
         mode = self.mode
         s_o, slip = (float(x.q[-1]), float(x.v[-1]))
         if mode.rings:
-            turned = mode.heading * self.look(x).speed < -self.drive.rest_speed
+            turned = mode.heading * self.car_forces(x).speed < -self.drive.rest_speed
             answered = x.t >= max(self.drive.start, 1.0 - self.drive.start) * self.round_trip
             if turned or (answered and mode.heading * slip > 0.0):
                 self._hear(slip)
@@ -181,7 +181,7 @@ class RollingCar(System):
         if self.free and not 0.0 < s_o < 1.0:  # off the cable only these have values
             ends = {"arrival": drive.end_place - s_o, "back": s_o - drive.back_place}
             return tuple(ends.get(name, math.inf) for name in EVENTS)
-        look = self.look(x)
+        look = self.car_forces(x)
         lift_off = math.inf if mode.lifted else look.normal
         if not self.free:
             return (lift_off,)
@@ -189,7 +189,7 @@ class RollingCar(System):
             mode.forward = math.copysign(1.0, look.speed)
         return *self._of_forces(x, look), *self._of_places(s_o), lift_off, self._left(x)
 
-    def _of_forces(self, x: State, look: Look) -> tuple[float, float, float]:
+    def _of_forces(self, x: State, look: CarForces) -> tuple[float, float, float]:
         mode = self.mode
         if mode.sticks:
             return math.inf, self.margin(x), math.inf

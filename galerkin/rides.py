@@ -19,7 +19,7 @@ from cablefem.newmark.equilibrium import equilibrium, hung
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 from cablefem.scene.motion import standing
-from cablefem.stickslip import Look, RollingCar
+from cablefem.stickslip import CarForces, RollingCar
 from galerkin import kernels
 from galerkin.bases import Basis, Fourier
 from galerkin.bases.kink import Array
@@ -236,13 +236,13 @@ class RollingSystem(RollingCar, GalerkinSystem):
             a = a - solve(r.copy())
         return State(x.t, x.q, x.v, a, x.phase)
 
-    def look(self, x: State) -> Look:
+    def car_forces(self, x: State) -> CarForces:
         """The larger normal force counts: the present one oscillates near a support, the mean one lags."""
         car = self._car_at(x)
         along = self._thrust(x) + car.tx * car.drag_x + car.ty * (car.drag_y + self.mu * self.groups.sigma)
-        return Look(max(car.pressing, car.normal), car.speed, along, self.mu * self.groups.sigma * car.tx)
+        return CarForces(max(car.pressing, car.normal), car.speed, along, self.mu * self.groups.sigma * car.tx)
 
-    def holding(self, x: State) -> tuple[float, float]:
+    def sticking_forces(self, x: State) -> tuple[float, float]:
         car = self.car(x)
         return car.along - self.held(x.t) / car.stretch, car.normal
 

@@ -29,7 +29,7 @@ from cablefem.response import Observation, States
 from cablefem.scene import Groups
 from cablefem.scene.drive import GRIP
 from cablefem.scene.motion import standing
-from cablefem.stickslip import Look, RollingCar
+from cablefem.stickslip import CarForces, RollingCar
 
 ANY = np.empty(0)  # course of a car in single steps
 MARGIN = 0.1  # least normal force over weight of a hauled car in compiled steps
@@ -176,15 +176,15 @@ class RollingElements(RollingCar, FollowingElements):
             gradient += sign * np.append(transposed @ v[:-1] + v[-1] * row[:-1], column @ v)
         return r[0], r[1] - r[0], gradient
 
-    def look(self, x: State) -> Look:
+    def car_forces(self, x: State) -> CarForces:
         push = self._forces(x)
         tx, ty = push.tau
         px, py = push.velocity
         ex, ey = push.outside
         weight = self.inertia * self.groups.sigma
-        return Look(push.normal, px * tx + py * ty, ex * tx + (ey + weight) * ty, weight * tx)
+        return CarForces(push.normal, px * tx + py * ty, ex * tx + (ey + weight) * ty, weight * tx)
 
-    def holding(self, x: State) -> tuple[float, float]:
+    def sticking_forces(self, x: State) -> tuple[float, float]:
         push = self._forces(x)
         now = self._driven(np.array(x.t), x.phase)
         needed = self._roll(self._car, now, np.array(x[1:4]), np.empty(self.n_dof))[2]

@@ -9,7 +9,7 @@ import pytest
 from cablefem import Scene
 from cablefem.newmark import Newton, State, Work, consistent_acceleration, integrate, scheme
 from cablefem.scene.drive import Drive
-from cablefem.stickslip import Look, RollingCar
+from cablefem.stickslip import CarForces, RollingCar
 from tests.validation.test_laws import TOML, broken, ladder
 
 MU, SIGMA = 0.7, 0.9
@@ -46,11 +46,11 @@ class Block(RollingCar):
     def linearise(self, t, q, v, a, phase, c0, c1, c2):
         return self.residual(t, q, v, a, phase), lambda r: r / (MU * c2 + self.damping * c1)
 
-    def look(self, x):
+    def car_forces(self, x):
         across = WEIGHT * math.cos(self.slope(x.q[0]))
-        return Look(across, float(x.v[0]), self.along(x.t, x.q[0], 0.0, x.phase), across)
+        return CarForces(across, float(x.v[0]), self.along(x.t, x.q[0], 0.0, x.phase), across)
 
-    def holding(self, x):
+    def sticking_forces(self, x):
         return -self.along(x.t, x.q[0], 0.0, x.phase), WEIGHT * math.cos(self.slope(x.q[0]))
 
     def solve_acceleration(self, x):
