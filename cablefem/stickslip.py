@@ -226,12 +226,12 @@ class RollingCar(System):
         return self.drive.part_of_step(self.round_trip, self.sigma, x.q.item(-1) + ahead * slip, slip, *hears, rubs)
 
     @property
-    def under_way(self) -> bool:
-        """Whether `course` has all events."""
+    def events_bounded(self) -> bool:
+        """Whether `event_bounds` has all events."""
         mode = self.mode
         return not self.free or not (mode.sticks or mode.rings or mode.forward == 0.0)
 
-    def course(self) -> tuple[float, float, float, float, float]:
+    def event_bounds(self) -> tuple[float, float, float, float, float]:
         """Bounds of s_o, signs of slip (0: any) and speed, least speed."""
         mode = self.mode
         drive = self.drive

@@ -170,7 +170,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         """Steps end at an event, where the rules change, or where a hauled car turns."""
         drive = self.drive
         s_o, ds_o = start[:2, -1].tolist()
-        if not self.under_way or t[0] < drive.release:
+        if not self.events_bounded or t[0] < drive.release:
             return 0, *NO_STEPS
         ride, _, place = self._ride(State(t[0], start[0], start[1], start[2], phase))
         if self.free:
@@ -187,7 +187,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         thrust = drive.thrust(t, phase) if self.free else np.zeros(t.size)
         past = np.concatenate([self._past, np.empty((t.size, 3))])
         smooth = np.zeros(6)
-        course = rolling.Course(t, thrust, past, self._window, smooth, *self.course(), self.mode.lifted)
+        course = rolling.Course(t, thrust, past, self._window, smooth, *self.event_bounds(), self.mode.lifted)
         taken, ends, told = kernels.solve_steps(ride, course, line, places, start, rules, newton)
         if taken:
             w = float(rules[taken - 1, 0, 4])

@@ -96,7 +96,7 @@ class RollingElements(RollingCar, FollowingElements):
         self._roll(self._car, self._driven(np.array(t), phase), x, r, factors)
 
     def solve_steps(self, t: Array, *steps) -> tuple[Array, Array]:
-        if not self.under_way:
+        if not self.events_bounded:
             return newmark.NO_STEPS
         now, told = super().solve_steps(t, *steps)
         self._seen_to(t, len(now))
@@ -128,12 +128,12 @@ class RollingElements(RollingCar, FollowingElements):
         A hauled car has a margin: schemes may balance it before the end of the step.
         """
         margin = 0.0 if self.free else MARGIN * self.inertia * self.groups.sigma
-        keeps = self.course() if self.free else (-math.inf, math.inf, 0.0, 0.0, 0.0)
+        keeps = self.event_bounds() if self.free else (-math.inf, math.inf, 0.0, 0.0, 0.0)
         return np.array([*keeps, -math.inf if self.mode.lifted else margin])
 
     def collocate(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[Settled]:
         many = not self.free or rule.c[-1] == 1.0
-        told = self._collocated(phase, steps if many and self.under_way else steps.first(1), rule, newton)
+        told = self._collocated(phase, steps if many and self.events_bounded else steps.first(1), rule, newton)
         self._seen_to(steps.t[1:], len(told))
         return self._said(told)
 
