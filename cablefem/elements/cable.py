@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cablefem import newmark
 from cablefem.elements import observing
 from cablefem.elements.kernels import collocation
-from cablefem.elements.kernels.balance import Cable, Contact, Instant, Mesh, Rates, assemble, weigh
+from cablefem.elements.kernels.balance import Cable, Contact, Instant, Mesh, Rates, assemble, assemble_inertia
 from cablefem.elements.kernels.banded import Tangent, factorise, solve
 from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY
 from cablefem.elements.kernels.newton import NO_TANGENT, Steps, solve_steps
@@ -154,7 +154,7 @@ class CableElements(System):
         """Set r at x, rows q, v, a, and unless the factors are 0 the tangent in `_single`."""
         if self._at != (t, phase):
             self._now = Instant(self._places(np.array([t]), phase)[0], self._bands, self._contact_at(t, phase))
-            weigh(self._cable, self._now)
+            assemble_inertia(self._cable, self._now)
             self._at = (t, phase)
         self.least_tension = assemble(self._cable, self._now, x, r, self._single, factors)
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cablefem.elements.kernels import compiled, inner
-from cablefem.elements.kernels.balance import Instant, assemble, weigh
+from cablefem.elements.kernels.balance import Instant, assemble, assemble_inertia
 from cablefem.elements.kernels.banded import dot, factorise, solve
 from cablefem.elements.kernels.car import roll, under_way
 
@@ -51,7 +51,7 @@ def solve_steps(cable, ride, tangent, bands, steps, newton):
         rule = steps.rules[k]
         now = Instant(steps.places[k], bands, steps.contact)
         if now.place.size > 3:  # with a car, `roll` does this
-            weigh(cable, now)
+            assemble_inertia(cable, now)
         predict(begin, rule, end, x)
         factors = rule[0, 3] * rule[0, 4], rule[1, 3] * rule[1, 4], rule[2, 3] * rule[2, 4]
         norm = math.inf
