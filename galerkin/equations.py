@@ -181,7 +181,7 @@ class GalerkinSystem(System):
 
     def solve_step(
         self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton
-    ) -> newmark.Settled:
+    ) -> newmark.StepResult:
         if not (self.waves and self.kink):
             return super().solve_step(t, phase, start, now, rule, newton)
         _, (now[:],), told = self._step(np.array([t]), phase, start, rule[None], newton)
@@ -203,10 +203,10 @@ class GalerkinSystem(System):
 
     _stride = _step
 
-    def _told(self, told: Array) -> newmark.Settled:
+    def _told(self, told: Array) -> newmark.StepResult:
         *done, lowest, where = told.tolist()
         self.least_tension = lowest, where
-        return newmark.Settled(*done)
+        return newmark.StepResult(*done)
 
     def start(self, phase: int, state: State | None) -> State:
         """At entry the limit t -> 0+; later q and v are continuous, a jumps with dds_o."""

@@ -18,7 +18,7 @@ from cablefem.elements.kernels.balance import Cable, Contact, Instant, Mesh, Rat
 from cablefem.elements.kernels.banded import Tangent, factorise, solve
 from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY
 from cablefem.elements.kernels.newton import NO_TANGENT, Steps, solve_steps
-from cablefem.newmark import Array, Newton, Settled, Solve, State, System, Tableau
+from cablefem.newmark import Array, Newton, Solve, State, StepResult, System, Tableau
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 
@@ -113,11 +113,11 @@ class CableElements(System):
         factorise(*tangent)
         return r, partial(solve, *tangent)
 
-    def solve_step(self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> Settled:
+    def solve_step(self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> StepResult:
         (now[:],), told, _ = self._steps(np.array([t]), phase, start, rule[None], newton)
         return next(self._said(told))
 
-    def collocate(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[Settled]:
+    def collocate(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
         return self._said(self._collocated(phase, steps if self.many_steps else steps.first(1), rule, newton))
 
     def _steps(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[Array, Array, int]:
@@ -145,10 +145,10 @@ class CableElements(System):
         """The ride or None, and `kernels.newton.Steps.places`."""
         return None, self._places(t, phase)
 
-    def _said(self, told: Array) -> Iterator[Settled]:
+    def _said(self, told: Array) -> Iterator[StepResult]:
         for *done, least, where in told.tolist():
             self.least_tension = least, where
-            yield Settled(*done)
+            yield StepResult(*done)
 
     def _assemble(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
         """Set r at x, rows q, v, a, and unless the factors are 0 the tangent in `_single`."""

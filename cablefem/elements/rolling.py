@@ -22,7 +22,7 @@ from cablefem.elements.kernels import car as kernels
 from cablefem.elements.kernels.balance import Instant
 from cablefem.elements.kernels.banded import Tangent
 from cablefem.elements.kernels.newton import NO_TANGENT
-from cablefem.newmark import Array, Newton, Settled, Solve, State, Tableau
+from cablefem.newmark import Array, Newton, Solve, State, StepResult, Tableau
 from cablefem.newmark.equilibrium import equilibrium, hung
 from cablefem.newmark.system import AVERAGE
 from cablefem.response import Observation, States
@@ -131,7 +131,7 @@ class RollingElements(RollingCar, FollowingElements):
         keeps = self.event_bounds() if self.free else (-math.inf, math.inf, 0.0, 0.0, 0.0)
         return np.array([*keeps, -math.inf if self.mode.lifted else margin])
 
-    def collocate(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[Settled]:
+    def collocate(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
         many = not self.free or rule.c[-1] == 1.0
         told = self._collocated(phase, steps if many and self.events_bounded else steps.first(1), rule, newton)
         self._seen_to(steps.t[1:], len(told))

@@ -4,7 +4,7 @@ from cablefem.newmark.collocation import collocate
 from cablefem.newmark.equilibrium import begun
 from cablefem.newmark.failures import EndlessEvents, NewtonStalled, StepFailure, StepUnderflow
 from cablefem.newmark.march import integrate, stretches
-from cablefem.newmark.newton import Newton, Settled
+from cablefem.newmark.newton import Newton, StepResult
 from cablefem.newmark.schemes import SCHEMES, Scheme, scheme
 from cablefem.newmark.states import Array, Collocated, Course, Inside, State, Steps, Stretch, stacked
 from cablefem.newmark.stepper import Passed, Work

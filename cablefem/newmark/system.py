@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from cablefem.newmark.collocation import collocate
-from cablefem.newmark.newton import Newton, Settled, find_root
+from cablefem.newmark.newton import Newton, StepResult, find_root
 from cablefem.newmark.states import Array, State, Steps
 from cablefem.newmark.tableau import Tableau
 
@@ -51,7 +51,7 @@ class System(Protocol):
         raise NotImplementedError
 
     # --- steps -----------------------------------------------------------------------------------------
-    def solve_step(self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> Settled:
+    def solve_step(self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> StepResult:
         """Take a step of Newmark's family.
 
         start, now : (3, n_dof) rows q, v, a; `now` is set.
@@ -61,14 +61,14 @@ class System(Protocol):
         return iterate(self, t, phase, start, now, rule, newton)
 
     def solve_steps(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[Array, Array]:
-        """Ends (k, 3, n_dof) of steps, and the fields of `Settled` of each.
+        """Ends (k, 3, n_dof) of steps, and the fields of `StepResult` of each.
 
         t, rules : (m,) and (m, 3, 5), see `solve_step`.
-        Stops before a step that fails or may hold an event; `Settled` of a failed step may follow.
+        Stops before a step that fails or may hold an event; `StepResult` of a failed step may follow.
         """
         return NO_STEPS
 
-    def collocate(self, phase: int, steps: Steps, rule: Tableau, newton: Newton) -> Iterator[Settled]:
+    def collocate(self, phase: int, steps: Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
         """Take collocation steps, at least the first."""
         return collocate(self, phase, steps, rule, newton)
 
@@ -112,7 +112,7 @@ class System(Protocol):
         return x
 
 
-def iterate(system: System, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> Settled:
+def iterate(system: System, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> StepResult:
     predictor = rule[:, :3]
     c = rule[:, 3:4]
     w = rule[:, 4:5]
