@@ -32,11 +32,11 @@ MAX_GROWTH = 2.0  # longest over shortest step of a solve_steps
 
 
 def integrate(system: System, method: Scheme, times: Sequence[Array], **kind: Any) -> Iterator[State]:
-    for states in stretches(system, method, times, **kind):
+    for states in integrate_blocks(system, method, times, **kind):
         yield from states
 
 
-def stretches(
+def integrate_blocks(
     system: System, method: Scheme, times: Sequence[Array], *, newton: Newton = STANDARD, work: Work | None = None,
     start: State | None = None,
 ) -> Iterator[Sequence[State]]:  # fmt: skip

@@ -7,7 +7,7 @@ import numpy as np
 
 from cablefem.newmark.newton import Newton
 from cablefem.newmark.schemes import Scheme
-from cablefem.newmark.states import Array, State, Stretch
+from cablefem.newmark.states import Array, State, StateBlock
 from cablefem.newmark.stepper import Stepper, Work
 from cablefem.newmark.system import System
 
@@ -44,7 +44,7 @@ class NewmarkRule(Stepper):
         self._set(rules, times - begin, 1.0)
         now, told = self.system.solve_steps(t, x.phase, np.array([x.q, x.v, x.a]), rules, self.newton)
         n = len(now)
-        stretch = Stretch(times[:n], now, x.phase)
+        stretch = StateBlock(times[:n], now, x.phase)
         seen = int(np.searchsorted(stretch.t, self.system.events_from, side="right")) if self.system.events else n
         for part in [slice(0, seen)] * (seen > 0) + [slice(k, k + 1) for k in range(seen, n)]:
             self.count(*told[part, 1:4].sum(axis=0).astype(int).tolist())

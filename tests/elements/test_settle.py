@@ -8,7 +8,7 @@ import pytest
 
 from cablefem.elements.fixed import FixedElements
 from cablefem.elements.following import FollowingElements
-from cablefem.newmark import NO_STEPS, NewtonStalled, Work, between, iterate, scheme, step_times, stretches
+from cablefem.newmark import NO_STEPS, NewtonStalled, Work, between, integrate_blocks, iterate, scheme, step_times
 from cablefem.newmark.tableau import tableau
 from cablefem.scene import Scene
 from tests.runs import DAMPED, LEVEL, STEEP
@@ -25,7 +25,7 @@ def history(system, steps, rule):
     """Return q at the end of each step up to where the run ends, the work, and the least tensions that are told."""
     work, q, least = Work(), [], []
     try:
-        for states in stretches(system, scheme(rule), step_times(system, steps), work=work):
+        for states in integrate_blocks(system, scheme(rule), step_times(system, steps), work=work):
             q += [x.q for x in states]
             least += [math.nan] * (len(states) - 1) + [system.least_tension[0]]
     except NewtonStalled:
