@@ -213,7 +213,7 @@ class GalerkinSystem(System):
         if state is None:
             s_o, ds_o, _ = self.motion.at(0.0, 0)
             if s_o > 0.0:
-                return newmark.begun(self, lambda at: equilibrium(self.standing(at)), s_o, ds_o)
+                return newmark.quasi_static_start(self, lambda at: equilibrium(self.standing(at)), s_o, ds_o)
             return self._entry()
         t = self.phases[phase][0]
         if not self.path_form:

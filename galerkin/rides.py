@@ -14,8 +14,8 @@ from typing import Self
 
 import numpy as np
 
-from cablefem.newmark import NO_STEPS, Newton, Solve, State, begun
-from cablefem.newmark.equilibrium import equilibrium, hung
+from cablefem.newmark import NO_STEPS, Newton, Solve, State, quasi_static_start
+from cablefem.newmark.equilibrium import equilibrium, equilibrium_on_rope
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 from cablefem.scene.motion import standing
@@ -210,7 +210,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         self._smooth = [0.0] * 5
         if not self.free:
             speed = self.motion.at(0.0, 0)[1]
-            return self.solve_acceleration(begun(self, self._hung, s_o, speed))
+            return self.solve_acceleration(quasi_static_start(self, self._hung, s_o, speed))
         q = np.append(equilibrium(self.standing(s_o)), s_o)
         still = np.zeros(self.n_dof)
         x = State(0.0, q, still, still, 0)
@@ -227,7 +227,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         """q of a hauled car at rest on its rope, about to move."""
         still = replace(self.groups, motion=standing(s_o, 1.0), drive=replace(self.drive, k=0.0))
         on_its_rope = OnItsRope(still, self.sines, law="tension-only")
-        return np.append(hung(on_its_rope, equilibrium(self.standing(s_o)))[:-1], 0.0)
+        return np.append(equilibrium_on_rope(on_its_rope, equilibrium(self.standing(s_o)))[:-1], 0.0)
 
     def solve_acceleration(self, x: State) -> State:
         a = np.zeros(self.n_dof)

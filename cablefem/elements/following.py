@@ -10,7 +10,7 @@ from cablefem.elements.cable import CableElements
 from cablefem.elements.forms import pull, stiffness
 from cablefem.elements.kernels.balance import Contact, Mesh, Rates
 from cablefem.elements.reference import reference
-from cablefem.newmark import Array, State, StepFailure, begun, consistent_acceleration
+from cablefem.newmark import Array, State, StepFailure, consistent_acceleration, quasi_static_start
 from cablefem.newmark.equilibrium import equilibrium
 from cablefem.response import States
 from cablefem.scene import Groups
@@ -63,7 +63,7 @@ class FollowingElements(CableElements):
             return consistent_acceleration(self, t, state.q, state.v, phase)
         s_o, ds, dds = self.motion.at(t, phase)
         if s_o > 0.0:
-            return begun(self, lambda at: equilibrium(self.standing(at)), s_o, ds)
+            return quasi_static_start(self, lambda at: equilibrium(self.standing(at)), s_o, ds)
         ride, entrained = self._entrained()
         inertia = self.inertia + entrained
         zero = np.zeros(self.n_dof)

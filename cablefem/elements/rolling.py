@@ -23,7 +23,7 @@ from cablefem.elements.kernels.balance import Instant
 from cablefem.elements.kernels.banded import Tangent
 from cablefem.elements.kernels.newton import NO_TANGENT
 from cablefem.newmark import Array, Newton, Solve, State, StepResult, Tableau
-from cablefem.newmark.equilibrium import equilibrium, hung
+from cablefem.newmark.equilibrium import equilibrium, equilibrium_on_rope
 from cablefem.newmark.system import AVERAGE
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
@@ -80,7 +80,7 @@ class RollingElements(RollingCar, FollowingElements):
         self.reset()
         if not self.free:
             s_o, ds, _ = self.motion.at(t, 0)
-            return newmark.begun(self, self._hung, s_o, ds)
+            return newmark.quasi_static_start(self, self._hung, s_o, ds)
         s_o = self.drive.start
         zero = np.zeros(self.n_dof)
         x = State(t, np.append(equilibrium(self.standing(s_o)), s_o), zero, zero.copy(), 0)
@@ -222,7 +222,7 @@ class RollingElements(RollingCar, FollowingElements):
         """q of a hauled car at rest on its rope, about to move."""
         still = replace(self.groups, motion=standing(s_o, 1.0), drive=replace(self.drive, k=0.0))
         on_its_rope = OnItsRope(still, **self._at_rest)
-        return np.append(hung(on_its_rope, equilibrium(self.standing(s_o)))[:-1], 0.0)
+        return np.append(equilibrium_on_rope(on_its_rope, equilibrium(self.standing(s_o)))[:-1], 0.0)
 
     def _kinematics(self, states: States) -> Array:
         if not self.free:

@@ -1,7 +1,7 @@
 """The time loop of all solvers; it knows no physics."""
 
 from cablefem.newmark.collocation import collocate
-from cablefem.newmark.equilibrium import begun
+from cablefem.newmark.equilibrium import quasi_static_start
 from cablefem.newmark.failures import EndlessEvents, NewtonStalled, StepFailure, StepUnderflow
 from cablefem.newmark.march import integrate, integrate_blocks
 from cablefem.newmark.newton import Newton, StepResult
@@ -10,4 +10,4 @@ from cablefem.newmark.states import Array, Collocated, Inside, State, StateBlock
 from cablefem.newmark.stepper import Passed, Work
 from cablefem.newmark.steps import step_times
 from cablefem.newmark.system import NO_STEPS, Solve, System, consistent_acceleration, iterate
-from cablefem.newmark.tableau import Tableau, between, cubic, densified
+from cablefem.newmark.tableau import Tableau, between, densified, hermite

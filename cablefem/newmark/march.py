@@ -9,7 +9,7 @@ import numpy as np
 
 from cablefem.newmark.collocation_rule import CollocationRule
 from cablefem.newmark.energy_rule import EnergyRule
-from cablefem.newmark.events import due, first_event, pass_events, rounding
+from cablefem.newmark.events import events_due, first_event, pass_events, rounding
 from cablefem.newmark.failures import EndlessEvents, NewtonStalled, StepUnderflow
 from cablefem.newmark.newmark_rule import NewmarkRule
 from cablefem.newmark.newton import STANDARD, Newton
@@ -57,7 +57,7 @@ def integrate_blocks(
         state = system.start(0, None)
         yield [state]
     else:
-        state = pass_events(system, due(system, state), state, state.t, work)
+        state = pass_events(system, events_due(system, state), state, state.t, work)
     while state is not None:
         state = yield from _March(step, gentle, state, work).through(times[state.phase])
         if state is None or state.phase == len(system.phases) - 1:
