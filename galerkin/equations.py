@@ -15,7 +15,7 @@ from cablefem.newmark import Newton, Solve, State, StepFailure, System
 from cablefem.newmark.equilibrium import equilibrium
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
-from cablefem.scene.motion import standing
+from cablefem.scene.motion import at_rest
 from galerkin import kernels
 from galerkin.bases import Basis
 from galerkin.bases.fourier import Fourier
@@ -213,7 +213,7 @@ class GalerkinSystem(System):
         if state is None:
             s_o, ds_o, _ = self.motion.at(0.0, 0)
             if s_o > 0.0:
-                return newmark.quasi_static_start(self, lambda at: equilibrium(self.standing(at)), s_o, ds_o)
+                return newmark.quasi_static_start(self, lambda at: equilibrium(self.with_clamped_car(at)), s_o, ds_o)
             return self._entry()
         t = self.phases[phase][0]
         if not self.path_form:
@@ -231,10 +231,10 @@ class GalerkinSystem(System):
         jump = -np.linalg.solve(after.mass + self.mu * np.multiply.outer(after.f, after.f), balance.T).T
         return State(t, state.q, state.v, state.a + np.concatenate([jump.ravel(), jump @ after.f + kick]), phase)
 
-    def standing(self, s_o: float) -> GalerkinSystem:
+    def with_clamped_car(self, s_o: float) -> GalerkinSystem:
         """The cable at rest, with its mass."""
         other = self.with_law("tension-only" if self.model == "full" else self.law)
-        other.motion = standing(s_o, 1.0)
+        other.motion = at_rest(s_o, 1.0)
         return other
 
     def _entry(self) -> State:

@@ -18,7 +18,7 @@ from cablefem.newmark import NO_STEPS, Newton, Solve, State, quasi_static_start
 from cablefem.newmark.equilibrium import equilibrium, equilibrium_on_rope
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
-from cablefem.scene.motion import standing
+from cablefem.scene.motion import at_rest
 from cablefem.stickslip import CarForces, RollingCar
 from galerkin import kernels
 from galerkin.bases import Basis, Fourier
@@ -211,23 +211,23 @@ class RollingSystem(RollingCar, GalerkinSystem):
         if not self.free:
             speed = self.motion.at(0.0, 0)[1]
             return self.solve_acceleration(quasi_static_start(self, self._hung, s_o, speed))
-        q = np.append(equilibrium(self.standing(s_o)), s_o)
+        q = np.append(equilibrium(self.with_clamped_car(s_o)), s_o)
         still = np.zeros(self.n_dof)
         x = State(0.0, q, still, still, 0)
         car = self.car(x, rolling.Rolling(self.mu, self.groups.sigma, 0.0, 0.0))
         self.hold = car.along * car.stretch
         return self.release_car(x)
 
-    def standing(self, s_o: float) -> GalerkinSystem:
+    def with_clamped_car(self, s_o: float) -> GalerkinSystem:
         """The cable at rest with the car clamped to it."""
-        groups = replace(self.groups, motion=standing(s_o, 1.0))
+        groups = replace(self.groups, motion=at_rest(s_o, 1.0))
         return GalerkinSystem(groups, self.sines, kink=True, law="tension-only")
 
     def _hung(self, s_o: float) -> Array:
         """q of a hauled car at rest on its rope, about to move."""
-        still = replace(self.groups, motion=standing(s_o, 1.0), drive=replace(self.drive, k=0.0))
+        still = replace(self.groups, motion=at_rest(s_o, 1.0), drive=replace(self.drive, k=0.0))
         on_its_rope = OnItsRope(still, self.sines, law="tension-only")
-        return np.append(equilibrium_on_rope(on_its_rope, equilibrium(self.standing(s_o)))[:-1], 0.0)
+        return np.append(equilibrium_on_rope(on_its_rope, equilibrium(self.with_clamped_car(s_o)))[:-1], 0.0)
 
     def solve_acceleration(self, x: State) -> State:
         a = np.zeros(self.n_dof)

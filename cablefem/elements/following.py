@@ -14,7 +14,7 @@ from cablefem.newmark import Array, State, StepFailure, consistent_acceleration,
 from cablefem.newmark.equilibrium import equilibrium
 from cablefem.response import States
 from cablefem.scene import Groups
-from cablefem.scene.motion import standing
+from cablefem.scene.motion import at_rest
 
 _ONE = np.ones(1)
 _ZERO = np.zeros(1)
@@ -63,7 +63,7 @@ class FollowingElements(CableElements):
             return consistent_acceleration(self, t, state.q, state.v, phase)
         s_o, ds, dds = self.motion.at(t, phase)
         if s_o > 0.0:
-            return quasi_static_start(self, lambda at: equilibrium(self.standing(at)), s_o, ds)
+            return quasi_static_start(self, lambda at: equilibrium(self.with_clamped_car(at)), s_o, ds)
         ride, entrained = self._entrained()
         inertia = self.inertia + entrained
         zero = np.zeros(self.n_dof)
@@ -80,10 +80,10 @@ class FollowingElements(CableElements):
             raise ValueError("the travel starts with neither speed nor acceleration")
         return State(t, zero, zero.copy(), (ride[:, None] * node_a).ravel(), phase)
 
-    def standing(self, s_o: float) -> FollowingElements:
+    def with_clamped_car(self, s_o: float) -> FollowingElements:
         """The cable at rest, with its mass."""
         twin = self.with_law("tension-only")
-        twin.motion = standing(s_o, 1.0)
+        twin.motion = at_rest(s_o, 1.0)
         return twin
 
     # --- assembly --------------------------------------------------------------------------------------

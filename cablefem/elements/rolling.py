@@ -28,7 +28,7 @@ from cablefem.newmark.system import AVERAGE
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 from cablefem.scene.drive import GRIP
-from cablefem.scene.motion import standing
+from cablefem.scene.motion import at_rest
 from cablefem.stickslip import CarForces, RollingCar
 
 ANY = np.empty(0)  # course of a car in single steps
@@ -83,7 +83,7 @@ class RollingElements(RollingCar, FollowingElements):
             return newmark.quasi_static_start(self, self._hung, s_o, ds)
         s_o = self.drive.start
         zero = np.zeros(self.n_dof)
-        x = State(t, np.append(equilibrium(self.standing(s_o)), s_o), zero, zero.copy(), 0)
+        x = State(t, np.append(equilibrium(self.with_clamped_car(s_o)), s_o), zero, zero.copy(), 0)
         alone = self._car._replace(drag=0.0, friction=0.0, brake=0.0)
         self.hold = self._roll(alone, np.zeros(3), np.array(x[1:4]), np.empty(self.n_dof))[2]
         return self.release_car(x)
@@ -214,15 +214,15 @@ class RollingElements(RollingCar, FollowingElements):
         self.least_tension = seen[:2]
         return seen
 
-    def standing(self, s_o: float) -> FollowingElements:
+    def with_clamped_car(self, s_o: float) -> FollowingElements:
         """The cable at rest with the car clamped to it."""
-        return FollowingElements(replace(self.groups, motion=standing(s_o, 1.0), drive=GRIP), **self._at_rest)
+        return FollowingElements(replace(self.groups, motion=at_rest(s_o, 1.0), drive=GRIP), **self._at_rest)
 
     def _hung(self, s_o: float) -> Array:
         """q of a hauled car at rest on its rope, about to move."""
-        still = replace(self.groups, motion=standing(s_o, 1.0), drive=replace(self.drive, k=0.0))
+        still = replace(self.groups, motion=at_rest(s_o, 1.0), drive=replace(self.drive, k=0.0))
         on_its_rope = OnItsRope(still, **self._at_rest)
-        return np.append(equilibrium_on_rope(on_its_rope, equilibrium(self.standing(s_o)))[:-1], 0.0)
+        return np.append(equilibrium_on_rope(on_its_rope, equilibrium(self.with_clamped_car(s_o)))[:-1], 0.0)
 
     def _kinematics(self, states: States) -> Array:
         if not self.free:

@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 
-from cablefem.scene.motion import standing
 from validation.oracles import irvine
 from validation.oracles.case import BARE, BEST, MU, SIGMA, Array, Case, Law, Modes, Solvers, level
 from validation.oracles.moving_force import green
