@@ -78,7 +78,7 @@ class GalerkinSystem(System):
         # rounding of N, summed over points
         self.force_floor = float(np.finfo(float).eps) * groups.alpha
         # of the last residual, and its s; see `kernels.least`
-        self.least_tension = np.inf, 0.0
+        self.min_tension = np.inf, 0.0
         self._fresh()
 
     def _fresh(self) -> None:
@@ -118,13 +118,13 @@ class GalerkinSystem(System):
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         x = self.instant(t, phase)
         force, pull = self.cable.force(x.place, self._fields(q))
-        self.least_tension = self.cable.least(self.basis, x.place, pull)
+        self.min_tension = self.cable.least(self.basis, x.place, pull)
         return self._residual(x, q, v, a, force)
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
         x = self.instant(t, phase)
         force, pull, K = self.cable.linearise(x.place, self._fields(q))
-        self.least_tension = self.cable.least(self.basis, x.place, pull)
+        self.min_tension = self.cable.least(self.basis, x.place, pull)
         return self._residual(x, q, v, a, force), factorised(self._tangent(x, K, *c))
 
     def _fields(self, y: Array) -> Array:
@@ -205,7 +205,7 @@ class GalerkinSystem(System):
 
     def _told(self, told: Array) -> newmark.StepResult:
         *done, lowest, where = told.tolist()
-        self.least_tension = lowest, where
+        self.min_tension = lowest, where
         return newmark.StepResult(*done)
 
     def start(self, phase: int, state: State | None) -> State:

@@ -149,7 +149,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         parts = np.zeros((count, 1, self.n_dof, self.n_dof))
         if 0.0 < self.place(x) < 1.0:  # else a trial off the cable
             ride, line, place = self._ride(x)
-            _, self.least_tension = kernels.look(ride, line, place, np.array(x[1:4]), r, parts)
+            _, self.min_tension = kernels.look(ride, line, place, np.array(x[1:4]), r, parts)
         return r, parts[:, 0]
 
     def _ride(self, x: State) -> tuple[rolling.Ride, kernels.Line, tuple[float, float, float]]:

@@ -70,7 +70,7 @@ class CableElements(System):
         self.inertia = groups.mu if load == "mass" else 0.0
         # displacement of each field
         self.direction = np.eye(2) if model == "full" else np.array([[-groups.chord_sin, groups.chord_cos]])
-        self.least_tension = (math.inf, 0.0)  # and its s
+        self.min_tension = (math.inf, 0.0)  # and its s
         self.weight = groups.mu * groups.sigma * self.direction[:, 1]
         self._set_law(law)
 
@@ -147,7 +147,7 @@ class CableElements(System):
 
     def _said(self, told: Array) -> Iterator[StepResult]:
         for *done, least, where in told.tolist():
-            self.least_tension = least, where
+            self.min_tension = least, where
             yield StepResult(*done)
 
     def _assemble(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
@@ -156,7 +156,7 @@ class CableElements(System):
             self._now = Instant(self._places(np.array([t]), phase)[0], self._bands, self._contact_at(t, phase))
             assemble_inertia(self._cable, self._now)
             self._at = (t, phase)
-        self.least_tension = assemble(self._cable, self._now, x, r, self._single, factors)
+        self.min_tension = assemble(self._cable, self._now, x, r, self._single, factors)
 
     def _fresh(self) -> None:
         """Make the workspaces, which twins do not share."""

@@ -139,7 +139,7 @@ class FollowingElements(CableElements):
         """Steps end where the cable falls slack."""
         now, told, taken = self._steps(*steps)
         if taken:
-            self.least_tension = told.item(taken - 1, 4), told.item(taken - 1, 5)
+            self.min_tension = told.item(taken - 1, 4), told.item(taken - 1, 5)
         return now[:taken], told[: taken + 1]
 
     def _places(self, t: Array, phase: int) -> Array:

@@ -211,7 +211,7 @@ class RollingElements(RollingCar, FollowingElements):
         at = Instant(now, self._bands, self._contact)
         ride = kernels.Ride(car, self._at_car, ANY)
         seen = kernels.roll(self._cable, ride, at, x, r, tangent or self._single, factors)
-        self.least_tension = seen[:2]
+        self.min_tension = seen[:2]
         return seen
 
     def with_clamped_car(self, s_o: float) -> FollowingElements:

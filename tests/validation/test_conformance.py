@@ -53,7 +53,7 @@ def test_a_solver_is_what_the_contract_says(name):
     places = [solver.place(x) for x in states]
     assert places == sorted(places)
     assert 0.0 <= places[0] < places[-1] < 1.0
-    value, s = solver.least_tension
+    value, s = solver.min_tension
     assert np.isfinite(value)
     assert 0.0 <= s <= 1.0
     history = solver.in_time(stacked(states))

@@ -175,8 +175,8 @@ class Run:
             n = len(h.states)
             if n % 32 < len(states):
                 progress(max((state.t - t0) / (t1 - t0), solver.place(state) / until))
-            if h.onset is None and n > 1 and solver.least_tension[0] < 0.0:  # only the last state may be slack
-                h.onset = n - 1, solver.least_tension[1]
+            if h.onset is None and n > 1 and solver.min_tension[0] < 0.0:  # only the last state may be slack
+                h.onset = n - 1, solver.min_tension[1]
                 if switch:
                     return True
             if free and solver.place(state) >= until:
