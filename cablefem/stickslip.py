@@ -54,7 +54,7 @@ class RollingCar(System):
     Solvers call `attach` once, `reset` and `release_car` at the start.
     """
 
-    hears_itself: bool  # short steps after jumps, even without friction
+    short_steps_after_jumps: bool  # short steps after jumps, even without friction
     hold: float  # force at the start
 
     def attach(self, groups: Groups) -> None:
@@ -86,28 +86,28 @@ class RollingCar(System):
     def release_car(self, x: State) -> State:
         """The first state of a free ride; until axial waves are back, zeros of the slip are no standstills."""
         x = self.come_to_rest(x)
-        self.mode.rings = self.rubs and not self.mode.sticks
+        self.mode.rings = self.has_friction and not self.mode.sticks
         return x
 
     def enter(self, x: State) -> State:
         return self.come_to_rest(x) if self.mode.sticks else self.solve_acceleration(x)
 
     @property
-    def rubs(self) -> bool:
+    def has_friction(self) -> bool:
         return self.drive.mu_r > 0.0 or self.mode.brakes > 0
 
     @property
     def brake(self) -> float:
         return sum([force for _, force in self.drive.brakes[: self.mode.brakes]], 0.0) if self.mode.brakes else 0.0
 
-    def most(self, normal: float) -> float:
+    def max_resistance(self, normal: float) -> float:
         """Largest force of friction and brakes."""
         return self.drive.mu_r * abs(normal) + self.brake
 
     def margin(self, x: State) -> float:
-        """`most` less the force that holds the car."""
+        """`max_resistance` less the force that holds the car."""
         needed, normal = self.sticking_forces(x)
-        return self.most(normal) - abs(needed)
+        return self.max_resistance(normal) - abs(needed)
 
     def come_to_rest(self, x: State) -> State:
         """The car sticks, or slips where it is pulled."""
@@ -124,7 +124,7 @@ class RollingCar(System):
         pulled = needed if abs(needed) > 1e-9 * self.force_scale else self.hold
         mode.sticks = False
         mode.heading = -math.copysign(1.0, pulled)
-        v[-1] = mode.heading * 1e-12 if self.rubs else 0.0  # a first slip arms the standstill event
+        v[-1] = mode.heading * 1e-12 if self.has_friction else 0.0  # a first slip arms the standstill event
         return self.solve_acceleration(x._replace(v=v))
 
     def begin_step(self, x: State) -> None:
@@ -193,15 +193,15 @@ class RollingCar(System):
         mode = self.mode
         if mode.sticks:
             return math.inf, self.margin(x), math.inf
-        turns = mode.forward and abs(look.along) > self.most(look.across)
-        slip = mode.heading * float(x.v[-1]) if self.rubs and not mode.rings else math.inf
+        turns = mode.forward and abs(look.along) > self.max_resistance(look.across)
+        slip = mode.heading * float(x.v[-1]) if self.has_friction and not mode.rings else math.inf
         return slip, math.inf, mode.forward * look.speed if turns else math.inf
 
     def _of_places(self, s_o: float) -> tuple[float, float, float, float]:
         drive = self.drive
         n = self.mode.brakes
         mode = self.mode
-        way = 0.0 if mode.rings or not self.rubs else mode.heading  # which only a standstill turns
+        way = 0.0 if mode.rings or not self.has_friction else mode.heading  # which only a standstill turns
         ahead = drive.brakes[n][0] - s_o if n < len(drive.brakes) and way >= 0.0 else math.inf
         back = s_o - drive.brakes[n - 1][0] if n and way <= 0.0 else math.inf
         return ahead, back, drive.end_place - s_o, s_o - drive.back_place
@@ -222,7 +222,7 @@ class RollingCar(System):
         mode = self.mode
         slip = x.v.item(-1)
         rubs = self.drive.resists and (mode.brakes > 0 or mode.sticks)
-        hears = (mode.forward, since) if self.hears_itself or self.drive.resists else (0.0, math.inf)
+        hears = (mode.forward, since) if self.short_steps_after_jumps or self.drive.resists else (0.0, math.inf)
         return self.drive.part_of_step(self.round_trip, self.sigma, x.q.item(-1) + ahead * slip, slip, *hears, rubs)
 
     @property
@@ -239,4 +239,4 @@ class RollingCar(System):
         n = mode.brakes
         low = max(drive.back_place, places[n])
         high = min(drive.end_place, places[n + 1])
-        return low, high, mode.heading if self.rubs else 0.0, mode.forward, drive.rest_speed
+        return low, high, mode.heading if self.has_friction else 0.0, mode.forward, drive.rest_speed

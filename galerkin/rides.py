@@ -40,7 +40,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
     Friction and brakes keep their sign between events.  Other bases, models and loads raise ValueError.
     """
 
-    hears_itself = by_force = True
+    short_steps_after_jumps = by_force = True
 
     def __init__(
         self, groups: Groups, basis: Basis, *, kink: bool = True, model: str = "full", load: str = "mass",

@@ -48,7 +48,7 @@ class RollingElements(RollingCar, FollowingElements):
     """
 
     drives = ("free", "haul")
-    hears_itself = False
+    short_steps_after_jumps = False
 
     def __init__(self, groups: Groups, **kind: Any) -> None:
         super().__init__(groups, **kind)

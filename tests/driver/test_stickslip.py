@@ -19,7 +19,7 @@ WEIGHT = MU * SIGMA
 class Block(RollingCar):
     """A block on a rigid track: mu s.. = weight sin(slope(s)) + thrust - c s. - (mu_r weight cos + brakes) sign(s.)."""
 
-    hears_itself = False
+    short_steps_after_jumps = False
 
     def __init__(self, slope, damping=0.0, **drive):
         usual = {"nominal": 1.0, "rest_speed": 1e-4, "rest_distance": 1e-3, "end_place": 0.95, "end_time": 10.0}
@@ -40,7 +40,7 @@ class Block(RollingCar):
     def residual(self, t, q, v, a, phase):
         if self.mode.sticks:
             return MU * a
-        rub = self.mode.heading * self.most(WEIGHT * math.cos(self.slope(q[0])))
+        rub = self.mode.heading * self.max_resistance(WEIGHT * math.cos(self.slope(q[0])))
         return MU * a - self.along(t, q[0], v[0], phase) + rub
 
     def linearise(self, t, q, v, a, phase, c0, c1, c2):
