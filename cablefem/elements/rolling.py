@@ -13,10 +13,9 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import dia_array
 
 from cablefem import newmark
-from cablefem.elements.cable import UNITS, Factors
+from cablefem.elements.cable import Factors
 from cablefem.elements.following import FollowingElements
 from cablefem.elements.kernels import car as kernels
 from cablefem.elements.kernels.balance import Instant
@@ -24,7 +23,6 @@ from cablefem.elements.kernels.banded import Tangent
 from cablefem.elements.kernels.newton import NO_TANGENT
 from cablefem.newmark import Array, Newton, Solve, State, StepResult, Tableau
 from cablefem.newmark.equilibrium import equilibrium, equilibrium_on_rope
-from cablefem.newmark.system import AVERAGE
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 from cablefem.scene.drive import GRIP
@@ -136,45 +134,6 @@ class RollingElements(RollingCar, FollowingElements):
         told = self._collocated(phase, steps if many and self.events_bounded else steps.first(1), rule, newton)
         self._seen_to(steps.t[1:], len(told))
         return self._said(told)
-
-    def averaged(self, start: State, end: State) -> Array:
-        if not self.free:
-            return super().averaged(start, end)
-        dt = end.t - start.t
-        mean = 0.5 * (start.v + end.v)
-        c_d = self.groups.damping
-        still = self._car._replace(mode=kernels.FREE, drag=0.0, heading=0.0)
-        (_, before, _), (_, after, _) = (self._inertia(still, x.q, x.v, x.v) for x in (start, end))
-        total = (after - before) / dt
-        m = 2 * self.node
-        for x, share in zip(*AVERAGE, strict=True):
-            q = start.q + x * (end.q - start.q)
-            push = self._forces(State(start.t + x * dt, q, mean, (end.v - start.v) / dt, start.phase))
-            static, _, gradient = self._inertia(still, q, start.v, end.v)
-            total += share * (static - 0.5 * gradient)
-            if c_d:
-                momentum = self._inertia(still._replace(mu=0.0), q, mean, mean)[1]
-                momentum[m : m + 2] -= self.inertia * mean[m : m + 2]  # only the cable is damped, not the car
-                total += share * c_d * momentum
-            total[m : m + 2] -= share * np.array(push.outside)
-            total[-1] -= share * (np.dot(push.slope, push.outside) + push.drive)
-        if self.mode.sticks:
-            total[-1] = self.inertia * end.a[-1]
-        return total
-
-    def _inertia(self, car: kernels.Car, q: Array, v: Array, w: Array) -> tuple[Array, Array, Array]:
-        """Forces at rest, M(q) w, and the gradient of v . M(q) w by q, (n_dof,) each."""
-        r = np.empty((2, self.n_dof))
-        gradient = np.zeros(self.n_dof)
-        zero = np.zeros(self.n_dof)
-        tangent = self._tangent(float)  # that of the step may be kept
-        ab, (column, row, _) = tangent
-        diagonals = self._band - np.arange(2 * self._band + 1)
-        for k, (a, sign) in enumerate(((zero, -1.0), (w, 1.0))):
-            self._roll(car, np.zeros(3), np.array([q, zero, a]), r[k], UNITS[0], tangent)
-            transposed = dia_array((ab.T[: diagonals.size], diagonals), shape=(len(ab), len(ab)))
-            gradient += sign * np.append(transposed @ v[:-1] + v[-1] * row[:-1], column @ v)
-        return r[0], r[1] - r[0], gradient
 
     def car_forces(self, x: State) -> CarForces:
         push = self._forces(x)

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from cablefem.newmark.collocation_rule import CollocationRule
-from cablefem.newmark.energy_rule import EnergyRule
 from cablefem.newmark.events import events_due, first_event, pass_events, rounding
 from cablefem.newmark.failures import EndlessEvents, NewtonStalled, StepUnderflow
 from cablefem.newmark.newmark_rule import NewmarkRule
@@ -49,7 +48,7 @@ def integrate_blocks(
     Raises StepFailure; states yielded stay valid.
     """
     work = Work() if work is None else work
-    rule = CollocationRule if method.nodes else EnergyRule if method.average else NewmarkRule
+    rule = CollocationRule if method.nodes else NewmarkRule
     step = rule(system, method, newton, work)
     gentle = NewmarkRule(system, GENTLY, newton, work) if rule is NewmarkRule else None
     state = start

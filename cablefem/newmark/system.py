@@ -14,9 +14,6 @@ from cablefem.newmark.tableau import Tableau
 Solve = Callable[[Array], Array]
 NO_STEPS = np.empty((0, 3, 0)), np.empty((0, 4))
 
-# Gauss-Legendre points and weights
-AVERAGE = tuple(0.5 * (x + (1.0, 0.0)[i]) for i, x in enumerate(np.polynomial.legendre.leggauss(4)))
-
 
 class System(Protocol):
     """A system r(t, q, v, a) = 0, v = dq/dt, a = dv/dt, linear in a.
@@ -71,20 +68,6 @@ class System(Protocol):
     def collocate(self, phase: int, steps: Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
         """Take collocation steps, at least the first."""
         return collocate(self, phase, steps, rule, newton)
-
-    def averaged(self, start: State, end: State) -> Array:
-        """r (n_dof,) averaged over a step.
-
-        With a mass matrix M(q), T = v0 . M(q) v1 / 2 and potential V, energy is kept by
-
-            [ M(q1) v1 - M(q0) v0 ] / dt - average of d/dq (T - V) - other forces = 0 .
-        """
-        dt = end.t - start.t
-        v = 0.5 * (start.v + end.v)
-        r = np.zeros_like(end.a)
-        for x, weight in zip(*AVERAGE, strict=True):
-            r += weight * self.residual(start.t + x * dt, start.q + x * dt * v, v, end.a, start.phase)
-        return r
 
     # --- the length of steps -----------------------------------------------------------------------------
     def between(self, t0: Array, t1: Array, w: float, phase: int) -> Array:

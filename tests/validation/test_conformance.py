@@ -125,7 +125,7 @@ def test_a_cell_of_the_atlas(name):
     drawn = {"name": "mine", "scene": {}, "methods": [[name, settings]]}
     (cell,) = atlas.cells(drawn, 100.0, 4.0)
     assert cell["class"] in ("good", "poor", "wrong")
-    assert (name in dict(atlas.methods(atlas.SAID["map"][0]))) == (find(name).survey is not None)
+    assert (name in dict(atlas.methods(atlas.MAPS["map"][0]))) == (find(name).survey is not None)
 
 
 def test_a_case_of_an_oracle(monkeypatch):

@@ -27,7 +27,7 @@ def free_vibration(
     v = np.zeros(system.n_dof)
     v[terms + sine - 1] = speed
     states = [consistent_acceleration(system, 0.0, np.zeros_like(v), v, 0)]
-    newton = Newton(tol=1e-12 if scheme.average else 1e-9, max_iter=40)  # energy is kept as well as steps are solved
+    newton = Newton(tol=1e-9, max_iter=40)
     with suppress(newmark.StepFailure):
         states.extend(
             newmark.integrate(system, scheme, [np.linspace(0.0, dt * steps, steps + 1)], newton=newton, start=states[0])
