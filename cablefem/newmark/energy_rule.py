@@ -8,24 +8,23 @@ from cablefem.newmark.states import Array, State
 from cablefem.newmark.stepper import Stepper, Work
 from cablefem.newmark.system import Solve, System
 
-# bound of Newton's method over the load: errors add up
-LEAVES = 1e-9
+MAX_TOL = 1e-9  # of Newton's method, over the load: errors of the energy add up
 
 
 class EnergyRule(Stepper):
     """v1 = v0 + dt a,  q1 = q0 + dt (v0 + v1)/2,  average of r over the step = 0."""
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
-        super().__init__(system, method, newton._replace(tol=min(newton.tol, LEAVES)), work)
-        # a and length of the last step
-        self._memory: list[tuple[State, tuple[Array, float]]] = []
+        super().__init__(system, method, newton._replace(tol=min(newton.tol, MAX_TOL)), work)
+        # ends of the last steps, with their a and length; an event may take several from one state
+        self._taken: list[tuple[State, Array, float]] = []
 
     def __call__(self, x: State, t1: float) -> State:
         dt = t1 - x.t
         system = self.system
-        self._memory = [kept for kept in self._memory if kept[0] is x]
-        before = self._memory[0][1] if self._memory else None
-        a = x.a if before is None else before[0]
+        self._taken = [step for step in self._taken if step[0] is x]
+        before = self._taken[0] if self._taken else None
+        a = x.a if before is None else before[1]
 
         def end() -> State:
             return State(t1, x.q + dt * x.v + (0.5 * dt * dt) * a, x.v + dt * a, a, x.phase)
@@ -44,12 +43,12 @@ class EnergyRule(Stepper):
             a = a - da
 
         with np.errstate(over="ignore", invalid="ignore"):
-            done = find_root(residual, linearise, update, self.newton)
-        if not self.balanced(done):
-            raise self.stalled(t1, done)
-        # extrapolated to the end
+            result = find_root(residual, linearise, update, self.newton)
+        if not self.balanced(result):
+            raise self.stalled(t1, result)
         after = end()
         if before is not None:
-            after = after._replace(a=a + dt / (dt + before[1]) * (a - before[0]))
-        self._memory.append((after, (a, dt)))
+            _, a_before, dt_before = before
+            after = after._replace(a=a + dt / (dt + dt_before) * (a - a_before))  # extrapolated to the end
+        self._taken.append((after, a, dt))
         return after
