@@ -135,7 +135,7 @@ class RollingElements(RollingCar, FollowingElements):
         many = not self.free or rule.c[-1] == 1.0
         told = self._collocated(phase, steps if many and self.events_bounded else steps.first(1), rule, newton)
         self._seen_to(steps.t[1:], len(told))
-        return self._said(told)
+        return self._step_results(told)
 
     def averaged(self, start: State, end: State) -> Array:
         if not self.free:
