@@ -90,16 +90,17 @@ def _ride(scene: Scene, r: Response) -> tuple[str, str]:
     after = f"after {e['t']:.1f} s"
     if e["event"] == "arrival":
         return "arrives", f"arrives {at} {after} with {3.6 * e['speed']:.1f} km/h"
+    farthest = f"the farthest point is {r.s_o.max():.1f} m"
     if e["event"] == "back":
-        return "rolls_back", f"rolls back to the start {after}"
+        return "rolls_back", f"rolls back to the start {after}, {farthest}"
     if place >= first_brake:
         return "stopped_by_brake", f"stops in the brake {at}, {place - first_brake:.1f} m into it, {after}"
     if "brake" in events:
-        return "stuck", f"reaches the brake and rolls back: comes to rest {at} {after}"
+        return "stuck", f"reaches the brake and rolls back: comes to rest {at} {after}, {farthest}"
     if math.isfinite(first_brake):
         short = f"{first_brake - place:.1f} m before it"
-        return "stuck", f"never reaches the brake: comes to rest {short}, {at}, {after}"
-    return "stuck", f"gets stuck: comes to rest {at} {after}"
+        return "stuck", f"never reaches the brake: comes to rest {short}, {at}, {after}, {farthest}"
+    return "stuck", f"gets stuck: comes to rest {at} {after}, {farthest}"
 
 
 def profile(r: Response) -> dict[str, Array]:

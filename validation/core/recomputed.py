@@ -307,13 +307,14 @@ def _end_of_ride(r: Response, readings: Readings) -> Ending:
     place = last["s_o"]
     if last["event"] == "arrival":
         return Ending("arrives", [place, t, 3.6 * float(np.interp(t, r.t, speed))])
+    farthest = float(np.max(r.s_o))
     if last["event"] == "back":
-        return Ending("rolls_back", [t])
+        return Ending("rolls_back", [t, farthest])
     first = min((brake["from"] for brake in readings.given.drive.get("brake", [])), default=math.inf)
     if place >= first:
         return Ending("stopped_by_brake", [place, place - first, t])
     never = math.isfinite(first) and not any(x["event"] == "brake" for x in r.events)
-    return Ending("stuck", [first - place, place, t] if never else [place, t])
+    return Ending("stuck", [*([first - place] if never else []), place, t, farthest])
 
 
 def _end_of_travel(r: Response, readings: Readings) -> Ending:
