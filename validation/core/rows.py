@@ -22,6 +22,7 @@ from validation.core.view import View
 
 Gap = Callable[[Response, Response, View], float]
 Series = Callable[[Response], Array]
+Asked = Callable[[str], float]
 Event = dict[str, Any]
 
 TENSION = 10.0  # force tolerance over path tolerance: forces are first order, paths second
@@ -121,14 +122,17 @@ def asked_of(asks: str, tol: float, tol_tension: float | None) -> float:
 def compare(
     scene: Scene, a: Ladder, b: Ladder, *, tol: float = DEFAULT_TOL, tol_tension: float | None = None
 ) -> list[Agreement]:
-    """All rows of two answers to one scene.
+    """All rows of two answers to one scene, laws of mechanics among them.
 
     tol : of path, place and mean speed;  tol_tension : of mean forces, default ten times `tol`.
     """
-    from validation.core import laws  # loaded while solvers run
-
-    full = View.of(scene)
     asked = partial(asked_of, tol=tol, tol_tension=tol_tension)
+    return compare_answers(scene, a, b, asked) + check_laws(scene, a, b, asked)
+
+
+def compare_answers(scene: Scene, a: Ladder, b: Ladder, asked: Asked) -> list[Agreement]:
+    """The rows that compare two answers;  asked : tolerance of a kind of quantity, as `asked_of`."""
+    full = View.of(scene)
     rows = list(independent(a.finest, b.finest))
     try:
         view = full.cut(a.finest, b.finest)
@@ -139,7 +143,6 @@ def compare(
     for quantity in TABLE:
         if quantity.concerns(view) and all(_has(quantity, x.finest, view) for x in (a, b)):
             rows.append(_row(quantity, a, b, view, asked(quantity.asks)))
-    rows += _worse_of(row for x in (a, b) for row in laws.hold(x, view.window, view.until, asked))
     if view.free:
         for event in EVENTS:
             rows += _event(event, a, b, asked("rest"))
@@ -147,6 +150,18 @@ def compare(
     rows.append(_slack_onset(a, b, full, asked("rest")))
     unique = scene.groups.internal_damping > 0.0  # else waves of the slack cable have no answer to converge to
     return rows + [replace(row, asked=unique) for row in _past_slack(a, b, view, asked("rest"))]
+
+
+def check_laws(scene: Scene, a: Ladder, b: Ladder, asked: Asked) -> list[Agreement]:
+    """The rows of laws of mechanics, each of the answer that keeps it worse; none if there is nothing to compare."""
+    from validation.core import laws  # loaded while solvers run
+
+    try:
+        view = View.of(scene).cut(a.finest, b.finest)
+    except NotComparable:
+        return []
+    ladders = a.over(view), b.over(view)
+    return list(_worse_of(row for x in ladders for row in laws.hold(x, view.window, view.until, asked)))
 
 
 def force_goal(scene: Scene, ladder: Ladder, tol: float) -> Goal:

@@ -1,6 +1,5 @@
 """Signs of error: energy gain, hidden compression, waves slower than the mass."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -13,8 +12,6 @@ from validation.core.methods import Method
 
 MOST_GAIN = 0.2  # of the energy's range; right runs gain 0.12, wrong ones 0.6
 MOST_GAIN_SLACK = 2.0  # the same after the onset; runs that agree 1.4, others from 9
-
-
 WORDS = store.shipped(__package__, "flags.toml")
 
 
@@ -32,12 +29,16 @@ def flagged(r: Response, kind: str, **numbers: float | str) -> Response:
 def watched(r: Response, scene: Scene, method: Method) -> Response:
     """The response with its energy gain before slack, and its flags."""
     assert scene.mass is not None
-    reached = math.inf if r.drive == "free" else r.reached  # a ride may roll back
-    stop = min(measures.WINDOW[1], reached, math.inf if r.switched is None else r.switched)
-    if r.t.size < 3 or not r.max_deflection > 0.0 or not measures.inside(r, (0.0, stop)).any():
+    stop = measures.WINDOW[1]
+    if r.drive != "free":  # a ride may roll back
+        stop = min(stop, r.reached)
+    if r.switched is not None:
+        stop = min(stop, r.switched)
+    before_slack = measures.inside(r, (0.0, stop))
+    if r.t.size < 3 or not r.max_deflection > 0.0 or not before_slack.any():
         return r
     weight = scene.mass.mass * scene.gravity
-    unit = max(1.0, float(np.ptp(r.energy[measures.inside(r, (0.0, stop))])) / (weight * r.max_deflection))
+    unit = max(1.0, float(np.ptp(r.energy[before_slack])) / (weight * r.max_deflection))
     gain = measures.energy_gain(r, weight, (0.0, stop))
     flags = _waves(r, scene, method)
     if scene.speed_ratio is not None and scene.speed_ratio >= 1.0:
@@ -59,8 +60,7 @@ def _gain_once_slack(r: Response, weight: float, unit: float) -> list[Flag]:
     return [] if gain <= MOST_GAIN_SLACK else [flag("slack energy", gain=gain, since=r.switched)]
 
 
-# s_o/l from compression at a point to slack of an element; right runs 0.01
-HIDDEN = 0.03
+HIDDEN = 0.03  # s_o/l from compression at a point to slack of an element; right runs 0.01
 
 
 def _waves(r: Response, scene: Scene, method: Method) -> list[Flag]:
@@ -73,15 +73,21 @@ def _waves(r: Response, scene: Scene, method: Method) -> list[Flag]:
     end = min(measures.WINDOW[1], r.reached, r.slack_from - HIDDEN)
     within = measures.inside(r, (measures.WINDOW[0], end))
     N = r.tension_min
-    short = {}
+    margins = {}  # (n,), negative at fault
     if scene.speed_ratio is not None and scene.speed_ratio < 1.0:
-        short["slow waves"] = N - scene.rho * np.gradient(r.s_o, r.t) ** 2
+        margins["slow waves"] = N - scene.rho * np.gradient(r.s_o, r.t) ** 2
+    margins["hidden slack"] = N
     flags = []
-    for kind, under in (short | {"hidden slack": N}).items():
-        low = np.flatnonzero(within & (under < 0.0))
-        if low.size:
-            least = float(N[low[under[low].argmin()]] / r.horizontal_tension)
-            since = float(r.s_o[low[0]] / r.length)
-            at = float(r.tension_min_at[low[0]] / r.length)
-            flags.append(flag(kind, least=least, since=since, at=at))
+    for kind, margin in margins.items():
+        steps = np.flatnonzero(within & (margin < 0.0))
+        if steps.size == 0:
+            continue
+        worst = steps[margin[steps].argmin()]
+        first = steps[0]
+        numbers = {
+            "least": float(N[worst] / r.horizontal_tension),
+            "since": float(r.s_o[first] / r.length),
+            "at": float(r.tension_min_at[first] / r.length),
+        }
+        flags.append(flag(kind, **numbers))
     return flags

@@ -23,7 +23,16 @@ from validation.core.methods import Method, find, pair, refined
 from validation.core.quantities import matter, told
 from validation.core.quasi_static import events_beside
 from validation.core.remedy import advised
-from validation.core.rows import asked_of, beside, compare, doubts, printed, widened_events, with_bars
+from validation.core.rows import (
+    asked_of,
+    beside,
+    check_laws,
+    compare_answers,
+    doubts,
+    printed,
+    widened_events,
+    with_bars,
+)
 from validation.core.sidebyside import Progress, side_by_side
 from validation.core.store import Refused
 from validation.core.view import View
@@ -193,20 +202,31 @@ def _judged(
 ) -> tuple[list[Ladder], list[Agreement]]:
     """Refine both ladders until they agree or cannot get closer; return them and the rows."""
     jobs: list[Callable[[Progress], Any]] = [side.climbed for side in sides]
+    asked = partial(asked_of, tol=tol, tol_tension=tol_tension)
     confirmed = False
     toml = scene.to_toml()
     while True:
         first, other = side_by_side(jobs, progress, _load)
         ladders = [first, other.map(lambda r: replace(r, scene_toml=toml))]  # the judge knows one scene alone
-        rows = required(compare(scene, *ladders, tol=tol, tol_tension=tol_tension), ask)
-        finer: list[Settings | None] = []
-        for larger in (True, False):  # the smaller bar only if the larger one costs too much
-            if not any(finer):
-                finer = [side.finer(ladder, rows, larger) for side, ladder in zip(sides, ladders, strict=True)]
+        rows = required(compare_answers(scene, *ladders, asked), ask)
+        finer = _finer(sides, ladders, rows)
+        if confirmed or not any(finer):  # laws need not be checked on runs that are refined anyway
+            rows += required(check_laws(scene, *ladders, asked), ask)
+            finer = _finer(sides, ladders, rows)
         if confirmed or not any(finer):
             return ladders, rows
         confirmed = overall(rows) is Verdict.DISAGREE
         jobs = [partial(side.remade, *each) for side, *each in zip(sides, ladders, finer, strict=True)]
+
+
+def _finer(sides: list[_Side], ladders: list[Ladder], rows: list[Agreement]) -> list[Settings | None]:
+    """Finer settings of each side: for the larger bar of a row, or for the smaller one if that costs too much."""
+    finer: list[Settings | None] = []
+    for larger in (True, False):
+        finer = [side.finer(ladder, rows, larger) for side, ladder in zip(sides, ladders, strict=True)]
+        if any(finer):
+            break
+    return finer
 
 
 def _window(scene: Scene, a: Ladder, b: Ladder) -> measures.Window:
