@@ -344,7 +344,7 @@ def _measures(
         "path_rms": (lambda a, b: measures.path_gap(a, b, part)[1], of_path),
     }
     if run.drive == "free" and path.speed is not None:
-        stop = happened("stop", run)
+        stop = happened("stop", run.events)
         top = float(run.speed.max())
         until = math.inf if stop is None else stop["t"]
 

@@ -290,14 +290,15 @@ def _end_of_ride(r: Response, drive: dict[str, Any]) -> Ending:
     s_o = last["s_o"]
     if last["event"] == "arrival":
         return Ending("arrives", [s_o, t, float(np.interp(t, r.t, speed))])
+    farthest = float(np.max(r.s_o))
     if last["event"] == "back":
-        return Ending("rolls_back", [t])
+        return Ending("rolls_back", [t, farthest])
     first = min((brake["from"] for brake in drive.get("brake", [])), default=math.inf)
     if s_o >= first:
         return Ending("stopped_by_brake", [s_o, s_o - first, t])
     braked = any(x["event"] == "brake" for x in r.events)
     before = [] if braked or math.isinf(first) else [first - s_o]
-    return Ending("stuck", [*before, s_o, t])
+    return Ending("stuck", [*before, s_o, t, farthest])
 
 
 def _end_of_travel(r: Response, readings: Readings) -> Ending:

@@ -14,8 +14,6 @@ from validation.core.methods import Method
 
 MOST_GAIN = 0.2  # of the energy's range; right runs gain 0.12, wrong ones 0.6
 MOST_GAIN_SLACK = 2.0  # the same after the onset; runs that agree 1.4, others from 9
-
-
 WORDS = store.shipped(__package__, "flags.toml")
 
 
@@ -82,8 +80,7 @@ def _gain_once_slack(r: Response, weight: float, unit: float) -> list[Flag]:
     return [] if gain <= MOST_GAIN_SLACK else [flag("slack energy", gain=gain, since=r.switched)]
 
 
-# s_o/l from compression at a point to slack of an element; right runs 0.01
-HIDDEN = 0.03
+HIDDEN = 0.03  # s_o/l from compression at a point to slack of an element; right runs 0.01
 
 
 def _waves(r: Response, scene: Scene, method: Method) -> list[Flag]:
@@ -96,15 +93,21 @@ def _waves(r: Response, scene: Scene, method: Method) -> list[Flag]:
     end = min(measures.WINDOW[1], r.reached, r.slack_from - HIDDEN)
     within = measures.inside(r, (measures.WINDOW[0], end))
     N = r.tension_min
-    short = {}
+    margins = {}  # (n,), negative at fault
     if scene.speed_ratio is not None and scene.speed_ratio < 1.0:
-        short["slow waves"] = N - scene.rho * np.gradient(r.s_o, r.t) ** 2
+        margins["slow waves"] = N - scene.rho * np.gradient(r.s_o, r.t) ** 2
+    margins["hidden slack"] = N
     flags = []
-    for kind, under in (short | {"hidden slack": N}).items():
-        low = np.flatnonzero(within & (under < 0.0))
-        if low.size:
-            least = float(N[low[under[low].argmin()]] / r.horizontal_tension)
-            since = float(r.s_o[low[0]] / r.length)
-            at = float(r.tension_min_at[low[0]] / r.length)
-            flags.append(flag(kind, least=least, since=since, at=at))
+    for kind, margin in margins.items():
+        steps = np.flatnonzero(within & (margin < 0.0))
+        if steps.size == 0:
+            continue
+        worst = steps[margin[steps].argmin()]
+        first = steps[0]
+        numbers = {
+            "least": float(N[worst] / r.horizontal_tension),
+            "since": float(r.s_o[first] / r.length),
+            "at": float(r.tension_min_at[first] / r.length),
+        }
+        flags.append(flag(kind, **numbers))
     return flags

@@ -16,7 +16,7 @@ from validation.core.climb import TooCoarse, climb, laddered, refined_until
 from validation.core.design import design
 from validation.core.methods import Method, find
 from validation.core.quasi_static import quasi_static, with_error_bars
-from validation.core.rows import forces_left, with_bars
+from validation.core.rows import force_goal, with_bars
 from validation.core.running import Run, run
 from validation.core.sampling import FRAMES
 from validation.core.sidebyside import silent
@@ -41,7 +41,7 @@ def answer(
     try:
         ladder = climb(scene, method, tol, **kind, progress=progress)
         # mean forces, as in `check`
-        ladder = refined_until(scene, ladder, lambda x: forces_left(scene, x, tol), **kind)
+        ladder = refined_until(scene, ladder, lambda x: force_goal(scene, x, tol), **kind)
     except TooCoarse as error:
         ladder = error.ladder
         missed = str(error)
