@@ -25,7 +25,7 @@ class CarMotion:
     slope_behind: Array  # r'
     slope_ahead: Array
     haul_force: Array  # [N] outside force along the mean tangent, positive to the right; nan: none
-    grip_force: Array  # [N] of the car on the rope, positive to the right; nan: it does not grip
+    grip_force: Array  # [N] along the rope that the grip gives the car, positive to the right; nan: no grip
     contact_force: Array  # [N] normal to the mean tangent, positive when the car presses down
 
 
@@ -57,8 +57,9 @@ class LineMotion:
     kinetic: Array  # (n,) [J] of the rope between its ends, cars and springs
     strain: Array  # (n,) [J] of that rope and springs
     potential: Array  # (n,) [J] - weight times depth of that rope and cars
-    powers: dict[str, Array] = field(default_factory=dict)  # (n,) [W] into them, "NAME haul", "NAME grip", "NAME drag",
-    # "NAME friction", "NAME weight" of a counterweight with the rope that enters, "damping"
+    # (n,) [W] into them: "NAME grip", "NAME haul", "NAME thrust", "NAME drag", "NAME friction" and "NAME hold" of cars,
+    # "NAME weight" of a counterweight with the rope that enters, "damping"
+    powers: dict[str, Array] = field(default_factory=dict)
 
     @property
     def energy(self) -> Array:

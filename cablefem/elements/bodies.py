@@ -1,6 +1,6 @@
 """Cars on the rope: what they need from it.
 
-C = M (dp.. - g j) - F_ext is the force that the rope must give to the car's point, and Q = <lam> f that of the row of s.
+C = M (p.. - g j) - F_ext is the force that the rope must give to the car's point; the row of s takes Q = <lam> f.
 
     tau = <r'>/|<r'>|        F_ext = (F + thrust) tau - k |p. - wind| (p. - wind)
     f = hold - (mu_r |n . C| + brake) sign        n across tau

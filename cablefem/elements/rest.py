@@ -94,7 +94,7 @@ def _newton(system: LineElements, t: float, phase: int, q: Array, free: Array, l
 
 def _soft(system: LineElements, q: Array, N: Array, share: float) -> Law:
     """The law N = N_ref + EA_soft (lam - lam_ref), which keeps the length of a rope under N_ref (K,)."""
-    law, N_ref = system.segments.law(q[system.s]), N[:, None]
+    law, N_ref = system.segments.law(system.motion(at_rest(system, q))), N[:, None]
     soft = np.minimum(law.EA, SOFTEST * N_ref)
     EA = law.EA**share * soft ** (1.0 - share)
     more = (N_ref - law.N_r) / law.EA
@@ -130,7 +130,7 @@ def _begin(system: LineElements, q: Array, free: Array) -> Array:
     sag = line.weight * np.diff(s) * run[:, 0] / (8.0 * H)
     at = np.linspace(0.0, 1.0, system.segments.elements + 1)
     nodal = np.zeros((system.n, 2))
-    for k, nodes in enumerate(system.segments.nodes):
+    for k, nodes in enumerate(system.nodes):
         ends = nodes[:: system.segments.degree]
         nodal[ends] = points[k] + at[:, None] * run[k]
         nodal[ends, 1] += 4.0 * sag[k] * at * (1.0 - at)

@@ -18,7 +18,6 @@ from typing import NamedTuple
 
 import numpy as np
 import skfem
-from scipy.sparse import block_diag, csr_array
 
 from cablefem.elements.reference import lagrange_element, numbered
 from cablefem.newmark import Array
@@ -29,7 +28,7 @@ DOWN = np.array([0.0, 1.0])
 
 
 class Motion(NamedTuple):
-    """Points r, velocities v, accelerations a of all nodes (n, 2), and s, ds, dds of all contacts."""
+    """Points r, velocities v, accelerations a of the nodes of K segments, (K, nn, 2); s, ds, dds of the ends, (K, 2)."""
 
     r: Array
     v: Array
@@ -37,6 +36,11 @@ class Motion(NamedTuple):
     s: Array
     ds: Array
     dds: Array
+
+    @property
+    def h(self) -> Array:
+        """Lengths (K, 1)."""
+        return self.s[:, 1:] - self.s[:, :1]
 
 
 class Law(NamedTuple):
@@ -81,10 +85,10 @@ def dot(a: Array, b: Array) -> Array:
 
 
 class Segments:
-    """`count` segments of `elements` each; G Gauss points and nn nodes a segment."""
+    """Segments of `elements` each, with G Gauss points and nn nodes; any number K of them at once."""
 
-    def __init__(self, rope: Elastic, gravity: float, count: int, elements: int, degree: int) -> None:
-        self.rope, self.count, self.elements, self.degree = rope, count, elements, degree
+    def __init__(self, rope: Elastic, gravity: float, elements: int, degree: int) -> None:
+        self.rope, self.elements, self.degree = rope, elements, degree
         self.rho, self.q = rope.mass_per_length, rope.mass_per_length * gravity
         self.nn = elements * degree + 1
         mesh = skfem.MeshLine(np.linspace(0.0, 1.0, elements + 1))
@@ -98,6 +102,7 @@ class Segments:
         )
         self.xi = np.asarray(basis.global_coordinates())[0].ravel()  # (G,)
         self.weights = basis.dx.ravel()  # (G,)
+        self._weighted_values, self._weighted_slopes = self.weights * self.values.T, self.weights * self.slopes.T
         self.psi = np.stack([1.0 - self.xi, self.xi])[:, None]  # (2, 1, G)
         # slopes of the shape functions at both ends of a segment, (2, nn)
         both_ends = np.array([[0.0, 1.0]]), np.ones(2)
@@ -107,18 +112,13 @@ class Segments:
             grad = outer.basis[k][0].grad[0]  # (elements, 2)
             self.end_slopes[0, self.dofs[0, k]], self.end_slopes[1, self.dofs[-1, k]] = grad[0, 0], grad[-1, 1]
 
-    def _matrix(self, table: list[Array]) -> csr_array:
-        """Values of shape functions at the points of all segments, (K G, K nn), from (n_loc, elements, points)."""
+    def _matrix(self, table: list[Array]) -> Array:
+        """Values of the nodes' shape functions at the points, (G, nn), from (n_loc, elements, points)."""
         values = np.moveaxis(np.array(table), 0, -1)  # (elements, points, n_loc)
-        columns = np.broadcast_to(self.dofs[:, None, :], values.shape).ravel()
-        rows = np.repeat(np.arange(values.shape[0] * values.shape[1]), values.shape[2])
-        one = csr_array((values.ravel(), (rows, columns)), (rows[-1] + 1, self.nn))
-        return csr_array(block_diag([one] * self.count))
-
-    @cached_property
-    def nodes(self) -> Array:
-        """Numbers (K, nn) of the nodes of each segment; neighbours share one."""
-        return np.arange(self.nn) + (self.nn - 1) * np.arange(self.count)[:, None]
+        out = np.zeros((*values.shape[:2], self.nn))
+        for element, dofs in enumerate(self.dofs):
+            out[element][:, dofs] = values[element]
+        return out.reshape(-1, self.nn)
 
     @cached_property
     def _products(self) -> Array:
@@ -127,31 +127,25 @@ class Segments:
         test phi and trial phi, phi and phi_xi, phi_xi and phi, phi_xi and phi_xi; equal elements share them.
         """
         points, n_loc = self.xi.size // self.elements, self.degree + 1
-        phi, phi_xi = (x[:points, : self.nn].toarray()[:, self.dofs[0]] for x in (self.values, self.slopes))
+        phi, phi_xi = (x[:points, self.dofs[0]] for x in (self.values, self.slopes))
         pairs = [(phi, phi), (phi, phi_xi), (phi_xi, phi), (phi_xi, phi_xi)]
         w = self.weights[:points, None, None]
         return np.array([(w * test[:, :, None] * trial[:, None, :]).reshape(points, n_loc**2) for test, trial in pairs])
 
     # --- fields --------------------------------------------------------------------------------------------
-    def at_points(self, matrix: csr_array, nodal: Array) -> Array:
-        """Values (K, G, ...) of nodal fields (n, ...)."""
-        local = nodal[self.nodes].reshape(self.count * self.nn, -1)
-        return (matrix @ local).reshape(self.count, self.xi.size, *nodal.shape[1:])
-
-    def law(self, s: Array) -> Law:
-        """The rope's law where the contacts are at s."""
+    def law(self, x: Motion) -> Law:
         EA = np.array(self.rope.EA)
         if self.rope.rest_tension is None:
             return Law(EA, np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1)))
-        N_r, slope = self.rope.at_rest(s[:-1, None] + np.diff(s)[:, None] * self.xi)
+        N_r, slope = self.rope.at_rest(x.s[:, :1] + x.h * self.xi)
         return Law(EA, N_r, slope, np.zeros((1, 1)))
 
     def points(self, x: Motion, law: Law | None = None) -> Points:
-        law = law or self.law(x.s)
-        h, dh = np.diff(x.s)[:, None], np.diff(x.ds)[:, None]
-        c, dc = (z[:-1, None] * self.psi[0] + z[1:, None] * self.psi[1] for z in (x.ds, x.dds))
-        values = self.at_points(self.values, np.concatenate([x.r, x.v, x.a], axis=1))
-        slopes = self.at_points(self.slopes, np.concatenate([x.r, x.v], axis=1))
+        law = law or self.law(x)
+        h, dh = x.h, x.ds[:, 1:] - x.ds[:, :1]
+        c, dc = (z[:, :1] * self.psi[0] + z[:, 1:] * self.psi[1] for z in (x.ds, x.dds))
+        values = self.values @ np.concatenate([x.r, x.v, x.a], axis=2)
+        slopes = self.slopes @ np.concatenate([x.r, x.v], axis=2)
         r_xi, v_xi = slopes[..., :2], slopes[..., 2:]
         w = values[..., 2:4] - (c / h)[..., None] * r_xi
         dw = values[..., 4:6] - (c / h)[..., None] * v_xi + ((c * dh / h - dc) / h)[..., None] * r_xi
@@ -162,14 +156,14 @@ class Segments:
         W = law.W_r + (law.N_r + 0.5 * law.EA * more) * more
         return Points(h, dh, c, dc, values[..., 1], r_xi, v_xi, w, dw, lam, r_xi / size[..., None], law, N, W)
 
+    def slopes_at_ends(self, x: Motion) -> Array:
+        """r' at the left and at the right end, (2, K, 2)."""
+        return np.einsum("en,kna->eka", self.end_slopes, x.r) / x.h
+
     # --- rows ------------------------------------------------------------------------------------------------
     def integrate(self, by_value: Array, by_slope: Array) -> Array:
         """int by_value phi + by_slope phi_xi dxi: rows (..., K, nn, 2) of fields (..., K, G, 2)."""
-        lead = by_value.shape[:-3]
-        both = (np.moveaxis(x * self.weights[:, None], -3, 0) for x in (by_value, by_slope))
-        flat = [np.moveaxis(x, -2, 1).reshape(self.count * self.xi.size, -1) for x in both]
-        rows = self.values.T @ flat[0] + self.slopes.T @ flat[1]
-        return np.moveaxis(rows.reshape(self.count, self.nn, *lead, 2), (0, 1), (-3, -2))
+        return self._weighted_values @ by_value + self._weighted_slopes @ by_slope
 
     def residual(self, p: Points) -> tuple[Array, Array]:
         """Rows of the nodes (K, nn, 2) and of s at the left and right ends (2, K)."""
@@ -201,7 +195,7 @@ class Segments:
         ])  # fmt: skip
         along = (p.law.EA - by_direction) / p.h * c0
         outer = np.stack([along * p.t[..., 0] ** 2, along * p.t[..., 0] * p.t[..., 1], along * p.t[..., 1] ** 2])
-        count, products = self.count * self.elements, self._products
+        count, products = len(p.h) * self.elements, self._products
         per_element = np.moveaxis(alike.reshape(4, count, -1), 0, 1).reshape(count, -1)  # (K E, 4 points)
         same = (per_element @ products.reshape(-1, n_loc**2)).reshape(count, n_loc, n_loc)
         xx, xy, yy = (outer.reshape(3, count, -1) @ products[3]).reshape(3, count, n_loc, n_loc)

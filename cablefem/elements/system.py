@@ -7,14 +7,16 @@ accelerations stand.  Prescribed slots drop out; the row that a prescribed one l
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import get_lapack_funcs
 
 from cablefem.elements.bodies import INPUTS, Cars, derivatives, forces
+from cablefem.elements.observe import observe
 from cablefem.elements.segments import Law, Motion, Segments, Tangent
+from cablefem.motion import LineMotion
 from cablefem.newmark import Array, Solve, State, System, consistent_acceleration
 from cablefem.scene.contacts import NEAREST, Car, Contact, MovingLine
 
@@ -39,10 +41,11 @@ class LineElements(System):
     def __init__(self, line: MovingLine, *, elements: int = 6, degree: int = 4) -> None:
         self.line, contacts = line, line.contacts
         count = len(contacts) - 1
-        self.segments = Segments(line.rope, line.gravity, count, elements, degree)
+        self.segments = Segments(line.rope, line.gravity, elements, degree)
         self.phases = line.phases
-        self.n = int(self.segments.nodes[-1, -1]) + 1  # nodes
         self.node = (self.segments.nn - 1) * np.arange(count + 1)  # of each contact
+        self.nodes = self.node[:-1, None] + np.arange(self.segments.nn)  # of each segment, (K, nn)
+        self.n = int(self.node[-1]) + 1
         self.cars = [k for k, c in enumerate(contacts) if isinstance(c, Car)]
         self.s = 2 * self.n + np.arange(count + 1)  # slots of s
         hauled = [k for k in self.cars if contacts[k].kind in ("haul", "haul_x")]
@@ -110,8 +113,9 @@ class LineElements(System):
         return out
 
     def motion(self, x: Slots) -> Motion:
-        points = [z[: 2 * self.n].reshape(-1, 2) for z in x]
-        return Motion(*points, *(z[self.s] for z in x))
+        nodal = [z[: 2 * self.n].reshape(-1, 2)[self.nodes] for z in x]
+        ends = [np.stack([z[self.s[:-1]], z[self.s[1:]]], axis=1) for z in x]
+        return Motion(*nodal, *ends)
 
     # --- balance ---------------------------------------------------------------------------------------------
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
@@ -127,7 +131,7 @@ class LineElements(System):
         points[self.node[1:]] += nodes[:, -1]
         rows[self.s[:-1]] += ends[0]
         rows[self.s[1:]] += ends[1]
-        self._add_supports(rows, m)
+        self._add_supports(rows, x)
         if self.cars:
             at = forces(cars or self.car_data(t, phase), self.car_inputs(x, m))
             points[self.node[self.cars]] += at.contact
@@ -137,14 +141,14 @@ class LineElements(System):
             rows[self.s[self.cars[i]]] = self.line.cars[i].mass * x.a[self.s[self.cars[i]]]
         return rows
 
-    def _add_supports(self, rows: Array, m: Motion) -> None:
+    def _add_supports(self, rows: Array, x: Slots) -> None:
         for k in (0, -1):
             contact, slot = self.line.contacts[k], 2 * self.node[k] + np.arange(2)
             if contact.kind == "spring":
-                rows[slot] += np.array(contact.stiffness) * (m.r[self.node[k]] - contact.point)
-                rows[slot] += (contact.mass or 0.0) * m.a[self.node[k]]
+                rows[slot] += np.array(contact.stiffness) * (x.q[slot] - contact.point)
+                rows[slot] += (contact.mass or 0.0) * x.a[slot]
             if contact.kind == "counterweight":
-                rows[self.s[k]] += self._pulley(k, m)
+                rows[self.s[k]] += self.pulley(k, x.v[self.s[k]], x.a[self.s[k]])
 
     def _weight(self, k: int) -> tuple[float, float]:
         """Mass of a counterweight for d2s/dt2, and +1 at the right end, -1 at the left one."""
@@ -152,33 +156,27 @@ class LineElements(System):
         mass = contact.force / self.line.gravity if contact.mass is None else contact.mass
         return mass * (1.0 + contact.force / self.line.rope.EA), sign
 
-    def _pulley(self, k: int, m: Motion) -> float:
+    def pulley(self, k: int, ds: float, dds: float) -> float:
         """e [N + N^2/(2 EA) + q y - rho (ds lam)^2/2], N = G + e m (1 + G/EA) dds.
 
         The rope that passes takes the energy of its weight and its motion along.
         """
         contact, EA = self.line.contacts[k], self.line.rope.EA
         mass, sign = self._weight(k)
-        N = contact.force + sign * mass * m.dds[k]
-        entering = self.line.weight * contact.point[1] - 0.5 * self.segments.rho * (m.ds[k] * (1.0 + N / EA)) ** 2
+        N = contact.force + sign * mass * dds
+        speed = ds * (1.0 + N / EA)
+        entering = self.line.weight * contact.point[1] - 0.5 * self.segments.rho * speed**2
         return float(sign * (N + N**2 / (2.0 * EA) + entering))
 
     def car_inputs(self, x: Slots, m: Motion) -> Array:
         """Inputs (cars, INPUTS) of `bodies.forces`."""
         out = np.zeros((len(self.cars), INPUTS))
         if self.cars:
-            behind, ahead = self.slopes(m)
-            node, k = self.node[self.cars], np.array(self.cars)
-            out[:, 0:2], out[:, 2:4], out[:, 4:6], out[:, 6:8] = behind[k - 1], ahead[k], m.v[node], m.a[node]
+            left, right = self.segments.slopes_at_ends(m)
+            k = np.array(self.cars)
+            out[:, 0:2], out[:, 2:4], out[:, 4:6], out[:, 6:8] = right[k - 1], left[k], m.v[k, 0], m.a[k, 0]
             out[self.of_force, 8] = x.a[self.force]
         return out
-
-    def slopes(self, m: Motion) -> tuple[Array, Array]:
-        """r' at the right and at the left end of each segment, (K, 2) each."""
-        local = m.r[self.segments.nodes]
-        h = np.diff(m.s)[:, None]
-        left, right = (np.einsum("n,kna->ka", x, local) / h for x in self.segments.end_slopes)
-        return right, left
 
     def car_data(self, t: float, phase: int) -> Cars:
         cars, line = self.line.cars, self.line
@@ -191,7 +189,9 @@ class LineElements(System):
     def start(self, phase: int, state: State | None) -> State:
         """At rest with the cars held; prescribed cars move through states of rest with the first speed of theirs."""
         t = self.phases[phase][0]
-        self.signs = np.array([self._sign(c, phase) if c.travel else x for c, x in zip(self.line.cars, self.signs)])
+        self.signs = np.array(
+            [self._sign(c, phase) if c.travel else x for c, x in zip(self.line.cars, self.signs, strict=True)]
+        )
         if state is not None:
             return consistent_acceleration(self, t, state.q, state.v, phase)
         from cablefem.elements.rest import at_rest, held_cars, rest
@@ -222,6 +222,10 @@ class LineElements(System):
     def pass_event(self, name: str, x: State) -> None:
         return None
 
+    def observe(self, states: Sequence[State], s: Array) -> LineMotion:
+        """What the states show, with the rope at the stations s (m,)."""
+        return observe(self, states, s)
+
     # --- tangent ---------------------------------------------------------------------------------------------
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
@@ -238,8 +242,8 @@ class LineElements(System):
         (c0, c1, c2), m = c, self.motion(x)
         parts = self.segments.tangent(self.segments.points(m, law), c0, c1, c2)
         matrix = Bordered(2 * self.n, self.band, self.size - 2 * self.n, np.result_type(parts.elements, float))
-        matrix.add_segments(self.segments, parts)
-        self._add_support_tangent(matrix, m, c0, c1, c2)
+        matrix.add_segments(self.nodes[:, self.segments.dofs].reshape(-1, self.segments.degree + 1), self.nodes, parts)
+        self._add_support_tangent(matrix, x, c0, c1, c2)
         if self.cars:
             self._add_car_tangent(matrix, cars or self.car_data(t, phase), self.car_inputs(x, m), m, c)
         for slot, kept in zip(self.force - 2 * self.n, self.kept, strict=True):
@@ -251,7 +255,7 @@ class LineElements(System):
             matrix.clear_column(int(slot))
         return matrix.factored()
 
-    def _add_support_tangent(self, matrix: Bordered, m: Motion, c0: complex, c1: complex, c2: complex) -> None:
+    def _add_support_tangent(self, matrix: Bordered, x: Slots, c0: complex, c1: complex, c2: complex) -> None:
         for k in (0, -1):
             contact = self.line.contacts[k]
             if contact.kind == "spring":
@@ -260,10 +264,9 @@ class LineElements(System):
                                contact.stiffness[axis] * c0 + (contact.mass or 0.0) * c2)  # fmt: skip
             if contact.kind == "counterweight":
                 EA, (mass, sign) = self.line.rope.EA, self._weight(k)
-                N = contact.force + sign * mass * m.dds[k]
-                rho, lam = self.segments.rho, 1.0 + N / EA
-                by_N = lam - rho * m.ds[k] ** 2 * lam / EA
-                by_s = mass * by_N * c2 - sign * rho * m.ds[k] * lam**2 * c1
+                N = contact.force + sign * mass * x.a[self.s[k]]
+                rho, lam, ds = self.segments.rho, 1.0 + N / EA, x.v[self.s[k]]
+                by_s = mass * (lam - rho * ds**2 * lam / EA) * c2 - sign * rho * ds * lam**2 * c1
                 matrix.add(self.s[k], self.s[k], by_s)
 
     def _add_car_tangent(
@@ -272,7 +275,7 @@ class LineElements(System):
         c0, c1, c2 = c
         by_input = derivatives(cars, inputs)
         by_input[:, 2] *= -1.0  # the row of s has - Q
-        h, nodes = np.diff(m.s), self.segments.nodes
+        h, nodes = m.h[:, 0], self.nodes
         left, right = self.segments.end_slopes
         force_of = dict(zip(self.of_force.tolist(), self.force.tolist(), strict=True))
         for i, k in enumerate(self.cars):
@@ -303,20 +306,19 @@ class Bordered:
         self.rows = np.zeros((border, n), kind)
         self.corner = np.zeros((border, border), kind)
 
-    def add_segments(self, segments: Segments, t: Tangent) -> None:
-        count, n, axes = segments.count, self.n, np.arange(2)
-        dofs = segments.nodes[:, segments.dofs].reshape(-1, segments.degree + 1)  # (K E, n_loc)
+    def add_segments(self, dofs: Array, nodes: Array, t: Tangent) -> None:
+        """Add tangents of elements with nodes dofs (K E, n_loc) in segments with nodes (K, nn)."""
+        count, axes = len(nodes), np.arange(2)
         slot = 2 * dofs[:, None, :] + axes[:, None]  # (K E, 2, n_loc)
         i, j = np.broadcast_arrays(slot[:, :, None, :, None], slot[:, None, :, None, :])
         np.add.at(self.ab, (2 * self.b + i - j, j), t.elements)
-        node = 2 * segments.nodes[..., None] + axes  # (K, nn, 2)
+        node = 2 * nodes[..., None] + axes  # (K, nn, 2)
         for end in range(2):
             s = end + np.arange(count)
             self.columns[node, s[:, None, None]] += t.columns[end]
             self.rows[s[:, None, None], node] += t.rows[end]
             for other in range(2):
                 self.corner[s, other + np.arange(count)] += t.corners[end, other]
-        assert n == 2 * (segments.nodes[-1, -1] + 1)
 
     def add(self, i: int, j: int, value: complex) -> None:
         n = self.n
