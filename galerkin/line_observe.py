@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -11,8 +12,10 @@ from cablefem.motion import CarMotion, ContactMotion, LineMotion
 from cablefem.newmark import State
 from cablefem.scene.contacts import Array, Contact, MovingLine
 from galerkin.bodies import Body, Counterweight, PointCar, Touch, length
-from galerkin.lines import SpanSystem
 from galerkin.spans import Layout, Rope, shapes
+
+if TYPE_CHECKING:
+    from galerkin.lines import SpanSystem
 
 
 def observe(system: SpanSystem, states: Sequence[State], s: Array) -> LineMotion:
@@ -60,7 +63,7 @@ def _car(body: PointCar, s: Array, x: Touch) -> CarMotion:
     return CarMotion(
         name=car.name, s=s, ds=x.ds, point=x.p, velocity=x.dp, acceleration=x.ddp, tension_behind=length(x.behind),
         tension_ahead=length(x.ahead), slope_behind=x.slope_behind, slope_ahead=x.slope_ahead,
-        haul_force=x.F if driven else none, grip_force=-along if car.kind == "grip" else none,
+        haul_force=x.F if driven else none, grip_force=along / body.projection(x) if car.kind == "grip" else none,
         contact_force=body.pressing(x),
     )  # fmt: skip
 

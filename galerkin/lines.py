@@ -9,10 +9,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cablefem.motion import LineMotion
 from cablefem.newmark import Solve, State, StepFailure, System
 from cablefem.scene.contacts import NEAREST, Array, Car, MovingLine
 from galerkin.bodies import Body, Friction, PointCar, Touch, body_of
 from galerkin.equations import factorised
+from galerkin.line_observe import observe
 from galerkin.spans import Layout, Rope, Softness
 
 SAG = 0.02  # of the first guess, over the chord
@@ -174,16 +176,24 @@ class SpanSystem(System):
         """Keep the direction of friction, and the brakes that act, for one step."""
         Z = self.coordinates(x)
         for k, body in self.cars.items():
-            drive, s, ds = body.car.drive, float(Z[0, self.layout.s[k]]), float(Z[1, self.layout.s[k]])
+            drive = body.car.drive
             if drive.resists:
-                sign = np.sign(ds or self._downhill(k, Z))
-                self.frictions[k] = Friction(drive.mu_r, float(drive.brake(s)), float(sign))
+                brake = float(drive.brake(Z[0, self.layout.s[k]]))
+                sign = self._direction(k, Z) if k in self.free_cars else self._ahead(body.car, x.t, x.phase)
+                self.frictions[k] = Friction(drive.mu_r, brake, sign)
         self._known = None
 
-    def _downhill(self, k: int, Z: Array) -> float:
-        """The force along the rope on a car at rest [N]."""
+    def _ahead(self, car: Car, t: float, phase: int) -> float:
+        """Sign of the prescribed motion; at rest that of the motion ahead in this phase."""
+        now, speed, _ = self.line.position(car, t, phase)
+        end, _, _ = self.line.position(car, self.phases[phase][1], phase)
+        return float(np.sign(speed or end - now))
+
+    def _direction(self, k: int, Z: Array) -> float:
+        """Sign of the motion of a free car; at rest that of the force along the rope."""
         body, touch = self.cars[k], self._touch(k, Z)
-        return float(body.car.mass * body.gravity * body.tangent(touch)[1] + touch.F)
+        along = body.car.mass * body.gravity * body.tangent(touch)[1] + touch.F
+        return float(np.sign(touch.ds or along))
 
     def _touch(self, k: int, Z: Array) -> Touch:
         return Touch(self.equations.touches(Rope(self.layout, Z), Z)[k])
@@ -197,6 +207,10 @@ class SpanSystem(System):
 
     def pass_event(self, name: str, x: State) -> State | None:
         return None
+
+    def observe(self, states: Sequence[State], s: Array) -> LineMotion:
+        """The motion at all states and at the stations s (m,)."""
+        return observe(self, states, s)
 
     # --- start -------------------------------------------------------------------------------------------------------
     def start(self, phase: int, state: State | None) -> State:
@@ -268,7 +282,10 @@ class SpanSystem(System):
         layout, held = self.layout, self.held
         Z = Z.copy()
         values = np.where(held.forces, guess[2, held.free], guess[0, held.free])
-        calm = [Friction()] * layout.contacts
+        frictions = [Friction() for _ in held.bodies]
+        for k, body in self.cars.items():
+            if body.car.travel is not None:
+                frictions[k] = Friction(body.car.drive.mu_r, sign=self._ahead(body.car, 0.0, 0))
 
         def put(values: Array) -> Array:
             Z[0, held.free] = np.where(held.forces, 0.0, values)
@@ -278,11 +295,11 @@ class SpanSystem(System):
         def norm(values: Array) -> float:
             if not (np.diff(put(values)[0, layout.s]) > 0.0).all():
                 return math.inf
-            return float(np.linalg.norm(held.residual(Z, calm)))
+            return float(np.linalg.norm(held.residual(Z, frictions)))
 
         before, bound = math.inf, TOL * self.line.rope.EA
         for _ in range(ITERATIONS):
-            r, K = held.linearise(put(values), calm)
+            r, K = held.linearise(put(values), frictions)
             step = np.linalg.solve(np.where(held.forces, K[2], K[0]), r)
             now, fraction = float(np.linalg.norm(r)), 1.0
             if now <= bound and now >= 0.5 * before:
