@@ -28,7 +28,7 @@ DOWN = np.array([0.0, 1.0])
 
 
 class Motion(NamedTuple):
-    """Points r, velocities v, accelerations a of the nodes of K segments, (K, nn, 2); s, ds, dds of the ends, (K, 2)."""
+    """r, v, a of the nodes of K segments (K, nn, 2); s, ds, dds of their ends (K, 2)."""
 
     r: Array
     v: Array
