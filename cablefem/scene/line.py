@@ -18,9 +18,11 @@ from pydantic import BeforeValidator, Field
 
 from cablefem.scene.cable import STEEPEST, Rope
 from cablefem.scene.described import LINES, Described, parsed, scene_text
+from cablefem.scene.drive import Driving
 from cablefem.scene.errors import NOT_MODELLED, SceneError, nearest, shown
 from cablefem.scene.fields import Admits, NonNegative, Pair, Part, Positive, Real, Switch, Word, said, tables, whole
 from cablefem.scene.surroundings import Ground, Obstacles, surroundings_faults
+from cablefem.scene.travel import Travel
 
 OWNED = {"tension": "counterweight", "stiffness": "spring", "shoe": "saddle"}  # of one kind of contact
 ONE_SPAN = "it belongs to one span between two anchors; a line has [[contact]] and [[car]] instead"
@@ -73,15 +75,34 @@ class Contact(Part):
 
 
 class Car(Part):
-    """A load on the rope, at one or more positions."""
+    """A load on the rope, at one or more positions, or in motion."""
 
     name: Word = said("[-] its name in the results")
     mass: Positive = said("[kg]")
-    hauled: Switch = said("[-] true: it rolls, and a haul rope holds it; false: it grips the rope")
-    at: Positions = said(
-        "[m] x at rest, one for each position", json_schema_extra={"type": ["number", "array", "object"]}
+    hauled: Switch = said("[-] at rest: true: it rolls, and a haul rope holds it; false: it grips the rope", False)
+    at: Positions | None = said(
+        "[m] x at rest, one for each position", None, json_schema_extra={"type": ["number", "array", "object"]}
     )
+    travel: Travel | None = said("[-] in motion: along the rope; in x if hauled on several spans", None)
+    drive: Driving | None = said("[-] in motion: what moves it; without it the car grips", None)
     below: NonNegative = said("[m] from the rope down to the lowest point of the car", 0.0)
+
+    @property
+    def mode(self) -> str:
+        return "grip" if self.drive is None else self.drive.mode
+
+    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+        at_rest = given.get("at") is not None
+        present = [name for name in ("travel", "drive") if given.get(name) is not None]
+        if at_rest:
+            return [f"{' and '.join(present)}: too much beside at, of a car at rest"] if present else []
+        if not present:
+            return ["at: missing; must be given for a car at rest, travel or drive for one in motion"]
+        if given.get("hauled"):
+            return ["hauled = True: of a car at rest; in motion drive.mode says it"]
+        if (self.mode == "free") is ("travel" in present):
+            return ["travel: must be given for a car that grips or is hauled, and for no other"]
+        return []
 
 
 class Tie(Part):
@@ -213,10 +234,15 @@ class Line(Described):
     @property
     def count(self) -> int:
         """Number of positions of the cars."""
-        return max((len(car.at) for car in self.car), default=1)
+        return max((len(car.at or ()) for car in self.car), default=1)
+
+    @property
+    def moves(self) -> bool:
+        return any(car.at is None for car in self.car)
 
     def place(self, car: Car, i: int) -> float:
         """x [m] of a car at position i."""
+        assert car.at is not None
         return car.at[i] if len(car.at) > 1 else car.at[0]
 
     def shoe(self, x: float) -> str | None:
@@ -245,12 +271,18 @@ class Line(Described):
         shoes = [shoe for car in self.car if (shoe := self.shoe(self.place(car, i)))]
         return next((NoLine(f"two cars on the shoe of {x}") for x in shoes if shoes.count(x) > 1), None)
 
+    def empty(self, solve: Solver) -> LineState:
+        """The line without cars, ice and heat, s from its left end; SceneError where it has no rest."""
+        state = _standing(solve([self.case(None, self.cable.length)])[0])
+        if isinstance(state, NoLine):
+            raise SceneError([f"the empty line: {state}"])
+        return replace(state, s=state.s - state.s[0])
+
     def rest(self, solve: Solver) -> LineRest:
         """Solve all positions; SceneError where the empty line has no rest."""
-        empty = _standing(solve([self.case(None, self.cable.length)])[0])
-        if isinstance(empty, NoLine):
-            raise SceneError([f"the empty line: {empty}"])
-        empty, length = replace(empty, s=empty.s - empty.s[0]), self.cable.length
+        if self.moves:
+            raise SceneError([f"car.{self.car[0].name}: in motion; at must be given for a line at rest"])
+        empty, length = self.empty(solve), self.cable.length
         if self.contact[-1].kind != "counterweight":
             length = length or float(empty.s[-1])
         solved = solve([self.case(i, length) for i in range(self.count)])
@@ -311,6 +343,10 @@ def _rope_faults(rope: LineRope, contacts: Sequence[Contact]) -> list[str]:
 
 def _car_faults(cars: Sequence[Car], contacts: Sequence[Contact]) -> list[str]:
     end = contacts[-1].at[0]
+    moving = [car.name for car in cars if car.at is None]
+    if moving and len(moving) < len(cars):
+        return [f"car.{moving[0]}: in motion beside cars at rest; all must have at, or none"]
+    cars = [car for car in cars if car.at is not None]
     many = sorted({len(car.at) for car in cars} - {1})
     if len(many) > 1:
         return [f"car.at: lists of {many[0]} and of {many[-1]} positions; must be one number or lists of one length"]
