@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.linalg import get_lapack_funcs
@@ -19,6 +20,9 @@ from cablefem.elements.segments import Law, Motion, Segments, Tangent
 from cablefem.motion import LineMotion
 from cablefem.newmark import Array, Solve, State, System, consistent_acceleration
 from cablefem.scene.contacts import NEAREST, Car, Contact, MovingLine
+
+if TYPE_CHECKING:
+    from cablefem.elements.segment_kernels import Kernel
 
 SHIFT = 1e-4  # [s] for velocities through states of rest
 
@@ -35,11 +39,11 @@ class LineElements(System):
     """A rope over contacts with cars; `elements` of `degree` on each segment.
 
     An event "CONTACT reached" is a car within NEAREST of its neighbour, "CAR lifts off" one that would have to be
-    held down; both end the run.
+    held down; both end the run.  compiled : loops of `segment_kernels` in the place of numpy.
     """
 
-    def __init__(self, line: MovingLine, *, elements: int = 6, degree: int = 4) -> None:
-        self.line, contacts = line, line.contacts
+    def __init__(self, line: MovingLine, *, elements: int = 6, degree: int = 4, compiled: bool = True) -> None:
+        self.line, self.compiled, contacts = line, compiled, line.contacts
         count = len(contacts) - 1
         self.segments = Segments(line.rope, line.gravity, elements, degree)
         self.phases = line.phases
@@ -68,6 +72,14 @@ class LineElements(System):
         self.events = tuple(f"{contacts[k].name} reached" for k in range(1, count + 1)) + tuple(
             f"{car.name} lifts off" for car in line.cars
         )
+
+    @cached_property
+    def _kernel(self) -> Kernel:
+        from cablefem.elements.segment_kernels import Kernel  # slow to load
+
+        force = np.full(len(self.cars), -1)
+        force[self.of_force] = self.force
+        return Kernel(self.segments, np.array(self.cars, int), force, self.line.gravity)
 
     # --- coordinates ---------------------------------------------------------------------------------------
     def _slot(self, k: int) -> int:
@@ -123,23 +135,32 @@ class LineElements(System):
 
     def rows(self, t: float, x: Slots, phase: int, law: Law | None = None, cars: Cars | None = None) -> Array:
         """Rows of all slots (size,): what is missing from balance; of prescribed ones the force that they need."""
-        m = self.motion(x)
-        nodes, ends = self.segments.residual(self.segments.points(m, law))
         rows = np.zeros(self.size)
-        points = rows[: 2 * self.n].reshape(-1, 2)
-        points[:-1] = nodes[:, :-1].reshape(-1, 2)
-        points[self.node[1:]] += nodes[:, -1]
-        rows[self.s[:-1]] += ends[0]
-        rows[self.s[1:]] += ends[1]
+        if self.cars and cars is None:
+            cars = self.car_data(t, phase)
+        if self.compiled and law is None:
+            self._kernel.add_rows(len(self.nodes), x, cars, rows)
+        else:
+            self._add_rows(x, law, cars, rows)
         self._add_supports(rows, x)
-        if self.cars:
-            at = forces(cars or self.car_data(t, phase), self.car_inputs(x, m))
-            points[self.node[self.cars]] += at.contact
-            rows[self.s[self.cars]] -= at.drive
         rows[self.force] = rows[self.kept]
         for i in np.flatnonzero(self.held):
             rows[self.s[self.cars[i]]] = self.line.cars[i].mass * x.a[self.s[self.cars[i]]]
         return rows
+
+    def _add_rows(self, x: Slots, law: Law | None, cars: Cars | None, rows: Array) -> None:
+        """Add the rows of the segments and the cars."""
+        m = self.motion(x)
+        nodes, ends = self.segments.residual(self.segments.points(m, law))
+        points = rows[: 2 * self.n].reshape(-1, 2)
+        points[:-1] += nodes[:, :-1].reshape(-1, 2)
+        points[self.node[1:]] += nodes[:, -1]
+        rows[self.s[:-1]] += ends[0]
+        rows[self.s[1:]] += ends[1]
+        if cars is not None:
+            at = forces(cars, self.car_inputs(x, m))
+            points[self.node[self.cars]] += at.contact
+            rows[self.s[self.cars]] -= at.drive
 
     def _add_supports(self, rows: Array, x: Slots) -> None:
         for k in (0, -1):
@@ -239,13 +260,15 @@ class LineElements(System):
         cars: Cars | None = None,
     ) -> Callable[[Array, Array], Array]:  # fmt: skip
         """The solution with c0 dr/dq + c1 dr/dv + c2 dr/da of free slots; without c2 forces F/M count once."""
-        (c0, c1, c2), m = c, self.motion(x)
-        parts = self.segments.tangent(self.segments.points(m, law), c0, c1, c2)
-        matrix = Bordered(2 * self.n, self.band, self.size - 2 * self.n, np.result_type(parts.elements, float))
-        matrix.add_segments(self.nodes[:, self.segments.dofs].reshape(-1, self.segments.degree + 1), self.nodes, parts)
-        self._add_support_tangent(matrix, x, c0, c1, c2)
-        if self.cars:
-            self._add_car_tangent(matrix, cars or self.car_data(t, phase), self.car_inputs(x, m), m, c)
+        kind = complex if any(isinstance(z, complex) for z in c) else float
+        matrix = Bordered(2 * self.n, self.band, self.size - 2 * self.n, kind)
+        if self.cars and cars is None:
+            cars = self.car_data(t, phase)
+        if self.compiled and law is None:
+            self._kernel.add_tangent(len(self.nodes), x, cars, [kind(z) for z in c], matrix)
+        else:
+            self._add_tangent(x, law, cars, c, matrix)
+        self._add_support_tangent(matrix, x, *c)
         for slot, kept in zip(self.force - 2 * self.n, self.kept, strict=True):
             matrix.copy_row(slot, int(kept))
         for i in np.flatnonzero(self.held):
@@ -254,6 +277,15 @@ class LineElements(System):
             matrix.set_diagonal(int(slot), 1.0)
             matrix.clear_column(int(slot))
         return matrix.factored()
+
+    def _add_tangent(
+        self, x: Slots, law: Law | None, cars: Cars | None, c: tuple[complex, complex, complex], matrix: Bordered
+    ) -> None:
+        m = self.motion(x)
+        parts = self.segments.tangent(self.segments.points(m, law), *c)
+        matrix.add_segments(self.nodes[:, self.segments.dofs].reshape(-1, self.segments.degree + 1), self.nodes, parts)
+        if cars is not None:
+            self._add_car_tangent(matrix, cars, self.car_inputs(x, m), m, c)
 
     def _add_support_tangent(self, matrix: Bordered, x: Slots, c0: complex, c1: complex, c2: complex) -> None:
         for k in (0, -1):
