@@ -12,13 +12,13 @@ from cablefem.motion import CarMotion, ContactMotion, LineMotion
 from cablefem.newmark import State
 from cablefem.scene.contacts import Array, Contact, MovingLine
 from galerkin.bodies import Body, Counterweight, PointCar, Touch, length
-from galerkin.spans import Layout, Rope, shapes
+from galerkin.segments import Layout, Rope, functions
 
 if TYPE_CHECKING:
-    from galerkin.lines import SpanSystem
+    from galerkin.lines import LineSines
 
 
-def observe(system: SpanSystem, states: Sequence[State], s: Array) -> LineMotion:
+def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
     """The motion at all states and at the stations s (m,)."""
     layout, line, n = system.layout, system.line, len(states)
     touches = np.empty((n, layout.contacts, Touch.size))
@@ -124,10 +124,10 @@ def _rope_energies(rope: Rope) -> Array:
 
 def _integrals(layout: Layout) -> Array:
     """Legendre coefficients (G + 1, G) of int_0^xi f from f at the points."""
-    count = layout.points.size - 2
+    count = layout.points.size
     values = legendre.legvander(2.0 * layout.points - 1.0, count - 1)  # (G, count)
     coefficients = (values * layout.weights[:, None] * (2.0 * np.arange(count) + 1.0)).T
-    return 0.5 * legendre.legint(coefficients, lbnd=-1.0, axis=0)
+    return np.asarray(0.5 * legendre.legint(coefficients, lbnd=-1.0, axis=0))
 
 
 def _stations(rope: Rope, Z: Array, s: Array, integrals: Array) -> tuple[Array, Array]:
@@ -135,11 +135,9 @@ def _stations(rope: Rope, Z: Array, s: Array, integrals: Array) -> tuple[Array, 
     layout = rope.layout
     at = Z[0, layout.s]
     i = np.clip(np.searchsorted(at, s, side="left") - 1, 0, layout.segments - 1)
-    a, b = at[layout.first[i]], at[layout.last[i]]
-    xi = ((s - at[i]) / rope.h[0, i, 0])[:, None]
-    q = Z[0, : layout.inner].reshape(layout.spans, layout.functions, 2)[layout.span[i]]
-    y = (shapes((s - a) / (b - a), layout.terms)[0, :, None] @ q)[:, 0]
-    points = (1.0 - xi) * rope.hats[0][0, i] + xi * rope.hats[1][0, i] + y
+    xi = (s - at[i]) / rope.h[0, i, 0]
+    u = Z[0, layout.columns[i, :-2]].reshape(s.size, -1, 2)
+    points = (functions(xi, layout.functions - 2)[0, :, None] @ u)[:, 0]
     sums = (integrals @ rope.load)[i]  # (m, coefficients, 2)
-    load = rope.h[0, i] * (legendre.legvander(2.0 * xi[:, 0] - 1.0, len(integrals) - 1)[:, None] @ sums)[:, 0]
+    load = rope.h[0, i] * (legendre.legvander(2.0 * xi - 1.0, len(integrals) - 1)[:, None] @ sums)[:, 0]
     return points, length(load - rope.rows[i, -2])

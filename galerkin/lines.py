@@ -15,7 +15,7 @@ from cablefem.scene.contacts import NEAREST, Array, Car, MovingLine
 from galerkin.bodies import Body, Friction, PointCar, Touch, body_of
 from galerkin.equations import factorised
 from galerkin.line_observe import observe
-from galerkin.spans import Layout, Rope, Softness
+from galerkin.segments import Layout, Rope, Softness
 
 SAG = 0.02  # of the first guess, over the chord
 ITERATIONS = 100  # of the search for rest
@@ -40,7 +40,7 @@ class Equations:
         layout = self.layout
         x = np.zeros((layout.contacts, Touch.size))
         x[1:, 0:2], x[:-1, 2:4] = rope.rows[:, -1], -rope.rows[:, -2]
-        x[1:, 4:6], x[:-1, 6:8] = rope.slope[:, -1], rope.slope[:, 0]
+        x[1:, 4:6], x[:-1, 6:8] = rope.end_slopes[:, 1], rope.end_slopes[:, 0]
         x[:, 8:14:2], x[:, 9:14:2] = Z[:, layout.x].T, Z[:, layout.y].T
         x[:, 14], x[:, 15], x[:, 16] = Z[1, layout.s], Z[2, layout.s], Z[2, layout.F]
         return x
@@ -49,13 +49,11 @@ class Equations:
         """d(touches)/d(coordinates) (3, contacts, 17, layout.size): by coordinates, velocities, accelerations."""
         layout = self.layout
         out = np.zeros((3, layout.contacts, Touch.size, layout.size))
+        slopes = rope.end_slope_columns
         for i, at in enumerate(layout.columns):
-            for axis in range(2):  # s of a span's end may stand twice in `at`
-                for order in range(3):
-                    np.add.at(out[order, i + 1, axis], at, columns[order, i, -1, axis])
-                    np.add.at(out[order, i, 2 + axis], at, -columns[order, i, -2, axis])
-                np.add.at(out[0, i + 1, 4 + axis], at, rope.slope_columns[i, -1, axis])
-                np.add.at(out[0, i, 6 + axis], at, rope.slope_columns[i, 0, axis])
+            out[:, i + 1, 0:2, at] = np.moveaxis(columns[:, i, -1], -1, 0)
+            out[:, i, 2:4, at] = -np.moveaxis(columns[:, i, -2], -1, 0)
+            out[0, i + 1, 4:6, at], out[0, i, 6:8, at] = slopes[i, 1].T, slopes[i, 0].T
         for k in range(layout.contacts):
             for order in range(3):
                 out[order, k, 8 + 2 * order, layout.x[k]] = out[order, k, 9 + 2 * order, layout.y[k]] = 1.0
@@ -63,12 +61,10 @@ class Equations:
         return out
 
     def residual(self, Z: Array, frictions: Sequence[Friction]) -> Array:
-        rope, layout = Rope(self.layout, Z), self.layout
-        inner = np.zeros((layout.spans, 2 * layout.functions))
-        np.add.at(inner, layout.span, rope.rows[:, :-2].reshape(layout.segments, -1))
+        rope = Rope(self.layout, Z)
         x = self.touches(rope, Z)
         ends = [body.rows(Touch(x[k]), frictions[k]) for k, body in enumerate(self.bodies)]
-        return np.concatenate([inner.ravel(), *ends])
+        return np.concatenate([rope.rows[:, :-2].ravel(), *ends])
 
     def linearise(self, Z: Array, frictions: Sequence[Friction]) -> tuple[Array, Array]:
         """The residual, and its derivatives (3, n, n) by unknowns, their velocities and accelerations."""
@@ -76,13 +72,9 @@ class Equations:
         columns, n = rope.columns, 2 * layout.functions
         K = np.zeros((3, self.size, layout.size))
         r = np.zeros(self.size)
+        r[: layout.inner] = rope.rows[:, :-2].ravel()
         for i, at in enumerate(layout.columns):
-            rows = slice(n * layout.span[i], n * (layout.span[i] + 1))
-            r[rows] += rope.rows[i, :-2].ravel()
-            block = columns[:, i, :-2].reshape(3, n, -1)
-            K[:, rows, at[0] : at[0] + n] += block[:, :, :n]
-            for j in range(n, at.size):
-                K[:, rows, at[j]] += block[:, :, j]
+            K[:, n * i : n * (i + 1), at] = columns[:, i, :-2].reshape(3, n, -1)
         x, dx = self.touches(rope, Z), self.touch_columns(rope, columns)
         row = layout.inner
         for k, body in enumerate(self.bodies):
@@ -93,7 +85,7 @@ class Equations:
         return r, K[:, :, self.free]
 
 
-class SpanSystem(System):
+class LineSines(System):
     """A line in motion, in SI.  The acceleration of a hauled car's last unknown is the haul force."""
 
     def __init__(self, line: MovingLine, terms: int) -> None:
@@ -323,8 +315,7 @@ class SpanSystem(System):
         elif kinds[0] == "counterweight":
             ends = (line.rope.length or 0.0) - chords[-1], line.rope.length or 0.0
         Z[0, layout.s[at]] = ends[0] + (ends[1] - ends[0]) * chords / chords[-1]
-        q = Z[0, : layout.inner].reshape(layout.spans, layout.functions, 2)
-        q[:, -2, 1] = 4.0 * SAG * np.diff(chords)
+        sags = 4.0 * SAG * np.diff(chords)
         for k, contact in enumerate(line.contacts):
             if not isinstance(contact, Car):
                 continue
@@ -337,5 +328,5 @@ class SpanSystem(System):
             else:
                 z = (Z[0, layout.s[k]] - s[0]) / (s[1] - s[0])
                 Z[0, layout.x[k]] = x + z * way[0]
-            Z[0, layout.y[k]] = y + z * way[1] + q[i, -2, 1] * z * (1.0 - z)
+            Z[0, layout.y[k]] = y + z * way[1] + sags[i] * z * (1.0 - z)
         return Z
