@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from typing import NamedTuple
 
@@ -106,7 +107,16 @@ class PointCar(Body):
 
     def __init__(self, car: Car, line: MovingLine) -> None:
         self.car, self.gravity, self.rho = car, line.gravity, line.rope.mass_per_length
+        self.k = car.drive.k  # of drag [kg/m]
         self.unknown = {"grip": "xy", "haul": "xyF", "haul_x": "ysF", "free": "xys"}[car.kind]
+
+    def held(self) -> PointCar:
+        """The car at rest: a free one is held, and no wind blows."""
+        other = copy.copy(self)
+        other.k = 0.0
+        if self.car.kind == "free":
+            other.unknown = "xy"
+        return other
 
     def tangent(self, x: Touch) -> Array:
         mean = x.slope_behind + x.slope_ahead
@@ -114,8 +124,7 @@ class PointCar(Body):
 
     def drag(self, x: Touch) -> Array:
         air = x.dp - np.array([self.car.drive.wind, 0.0])
-        k = self.car.drive.k
-        return -k * length(air)[..., None] * air if k else 0.0 * air  # its derivative at rest is 0, not nan
+        return -self.k * length(air)[..., None] * air
 
     def contact_force(self, x: Touch) -> Array:
         """C."""

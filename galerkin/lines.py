@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 import sys
 from collections.abc import Sequence
@@ -94,7 +93,7 @@ class LineSines(System):
         self.cars = {k: body for k, body in enumerate(bodies) if isinstance(body, PointCar)}
         self.free_cars = {k: body for k, body in self.cars.items() if body.car.kind == "free"}
         self.equations = Equations(self.layout, bodies)
-        self.held = Equations(self.layout, [self._held(body) for body in bodies])
+        self.held = Equations(self.layout, [body.held() if isinstance(body, PointCar) else body for body in bodies])
         self.n_dof = self.equations.size
         self.force_scale = max((line.gravity * car.mass for car in line.cars), default=line.weight * self._reach)
         self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA
@@ -111,13 +110,6 @@ class LineSines(System):
     def _reach(self) -> float:
         points = np.array([c.point for c in self.line.supports])
         return float(np.hypot(*np.diff(points, axis=0).T).sum())
-
-    @staticmethod
-    def _held(body: Body) -> Body:
-        if isinstance(body, PointCar) and body.car.kind == "free":
-            body = copy.copy(body)
-            body.unknown = "xy"
-        return body
 
     # --- coordinates -------------------------------------------------------------------------------------------------
     def prescribed(self, t: float, phase: int) -> Array:
@@ -223,7 +215,7 @@ class LineSines(System):
 
     def _hold(self, k: int, Z: Array) -> float:
         """f that holds a free car at rest."""
-        body, touch = self.cars[k], self._touch(k, Z)
+        body, touch = self.cars[k].held(), self._touch(k, Z)
         along = float((body.contact_force(touch) * body.tangent(touch)).sum())
         return along / float(body.projection(touch))
 
