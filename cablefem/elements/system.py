@@ -18,7 +18,7 @@ from cablefem.elements.bodies import INPUTS, Cars, derivatives, forces
 from cablefem.elements.observe import observe
 from cablefem.elements.segments import Law, Motion, Segments, Tangent
 from cablefem.motion import LineMotion
-from cablefem.newmark import Array, Solve, State, System, consistent_acceleration
+from cablefem.newmark import Array, Solve, State, StepFailure, System, consistent_acceleration
 from cablefem.scene.contacts import NEAREST, Car, Contact, MovingLine
 
 if TYPE_CHECKING:
@@ -38,8 +38,8 @@ class Slots(NamedTuple):
 class LineElements(System):
     """A rope over contacts with cars; `elements` of `degree` on each segment.
 
-    An event "CONTACT reached" is a car within NEAREST of its neighbour, "CAR lifts off" one that would have to be
-    held down; both end the run.  compiled : loops of `segment_kernels` in the place of numpy.
+    Events end the run: "A meets B" at NEAREST of a car, "CAR lifts off" where the rope would have to hold it down,
+    "CAR stops" where friction stops a free one.  compiled : loops of `segment_kernels` in the place of numpy.
     """
 
     def __init__(self, line: MovingLine, *, elements: int = 6, degree: int = 4, compiled: bool = True) -> None:
@@ -59,18 +59,26 @@ class LineElements(System):
         self.size = int(self.s[-1]) + 1 + len(hauled)
         self.free = np.ones(self.size, bool)
         self.constant = np.zeros(self.size)
+        self.prescribed: list[tuple[Car, int]] = []
         for k, contact in enumerate(contacts):
             self._prescribe(k, contact)
+        self._outer = [(k, contacts[k]) for k in (0, -1) if contacts[k].kind != "anchor"]
+        self._fixed = np.array([(c.mass, c.drive.k, c.drive.wind, c.drive.mu_r) for c in line.cars]).reshape(-1, 4).T
         self.band = 2 * degree + 1
         self.n_dof = int(self.free.sum())
         self.signs = np.array([self._sign(c, 0) if c.travel else 1.0 for c in line.cars])
-        self.held = np.zeros(len(self.cars), bool)  # free cars that stick
+        self.brakes = np.zeros(len(self.cars))  # [N] that act on free cars
         self.hold = np.zeros(len(self.cars))  # [N] f that holds free cars at the start
         weights = [car.mass * line.gravity for car in line.cars] or [line.weight * line.supports[-1].point[0]]
         self.force_scale = min(weights)
         self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA * elements * degree * count
-        self.events = tuple(f"{contacts[k].name} reached" for k in range(1, count + 1)) + tuple(
-            f"{car.name} lifts off" for car in line.cars
+        names = [c.name for c in contacts]
+        self._gaps = [k for k in range(count) if k in self.cars or k + 1 in self.cars]
+        self._stops = [i for i, car in enumerate(line.cars) if car.kind == "free" and car.drive.resists]
+        self.events = (
+            *(f"{names[k]} meets {names[k + 1]}" for k in self._gaps),
+            *(f"{line.cars[i].name} stops" for i in self._stops),
+            *(f"{car.name} lifts off" for car in line.cars),
         )
 
     @cached_property
@@ -91,6 +99,7 @@ class LineElements(System):
         if isinstance(contact, Car):
             if contact.travel is not None:
                 self.free[self._slot(k)] = False
+                self.prescribed.append((contact, self._slot(k)))
             return
         if contact.kind != "spring":
             self.free[point] = False
@@ -111,11 +120,8 @@ class LineElements(System):
     def known(self, t: float, phase: int) -> Slots:
         """Slots with what is prescribed at t; zero elsewhere."""
         out = Slots(self.constant.copy(), np.zeros(self.size), np.zeros(self.size))
-        for k in self.cars:
-            car = self.line.contacts[k]
-            if car.travel is not None:
-                for x, value in zip(out, self.line.position(car, t, phase), strict=True):
-                    x[self._slot(k)] = value
+        for car, slot in self.prescribed:
+            out.q[slot], out.v[slot], out.a[slot] = self.line.position(car, t, phase)
         return out
 
     def slots(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Slots:
@@ -144,8 +150,6 @@ class LineElements(System):
             self._add_rows(x, law, cars, rows)
         self._add_supports(rows, x)
         rows[self.force] = rows[self.kept]
-        for i in np.flatnonzero(self.held):
-            rows[self.s[self.cars[i]]] = self.line.cars[i].mass * x.a[self.s[self.cars[i]]]
         return rows
 
     def _add_rows(self, x: Slots, law: Law | None, cars: Cars | None, rows: Array) -> None:
@@ -163,13 +167,13 @@ class LineElements(System):
             rows[self.s[self.cars]] -= at.drive
 
     def _add_supports(self, rows: Array, x: Slots) -> None:
-        for k in (0, -1):
-            contact, slot = self.line.contacts[k], 2 * self.node[k] + np.arange(2)
+        for k, contact in self._outer:
             if contact.kind == "spring":
-                rows[slot] += np.array(contact.stiffness) * (x.q[slot] - contact.point)
+                slot = slice(2 * self.node[k], 2 * self.node[k] + 2)
+                rows[slot] += np.multiply(contact.stiffness, x.q[slot] - contact.point)
                 rows[slot] += (contact.mass or 0.0) * x.a[slot]
             if contact.kind == "counterweight":
-                rows[self.s[k]] += self.pulley(k, x.v[self.s[k]], x.a[self.s[k]])
+                rows[self.s[k]] += self.pulley(k, x.v.item(self.s[k]), x.a.item(self.s[k]))
 
     def _weight(self, k: int) -> tuple[float, float]:
         """Mass of a counterweight for d2s/dt2, and +1 at the right end, -1 at the left one."""
@@ -187,7 +191,7 @@ class LineElements(System):
         N = contact.force + sign * mass * dds
         speed = ds * (1.0 + N / EA)
         entering = self.line.weight * contact.point[1] - 0.5 * self.segments.rho * speed**2
-        return float(sign * (N + N**2 / (2.0 * EA) + entering))
+        return sign * (N + N**2 / (2.0 * EA) + entering)
 
     def car_inputs(self, x: Slots, m: Motion) -> Array:
         """Inputs (cars, INPUTS) of `bodies.forces`."""
@@ -201,10 +205,9 @@ class LineElements(System):
 
     def car_data(self, t: float, phase: int) -> Cars:
         cars, line = self.line.cars, self.line
-        values = np.array([(c.mass, c.drive.k, c.drive.wind, c.drive.mu_r) for c in cars]).T
         thrust = np.array([line.thrust(c, t, phase) for c in cars])
         released = np.array([c.drive.hold(t) for c in cars])
-        return Cars(*values, thrust, np.zeros(len(cars)), self.hold * released, self.signs, line.gravity)
+        return Cars(*self._fixed, thrust, self.brakes, self.hold * released, self.signs, line.gravity)
 
     # --- start ---------------------------------------------------------------------------------------------
     def start(self, phase: int, state: State | None) -> State:
@@ -221,24 +224,51 @@ class LineElements(System):
         if self.known(t, phase).v.any():
             v = (rest(self, t, phase, SHIFT, q) - rest(self, t, phase, -SHIFT, q)) / (2.0 * SHIFT)
         if self.cars:
-            x, cars = at_rest(self, q), held_cars(self, t, phase)
-            needed = self.rows(t, x, phase, cars=cars)[self.s[self.cars]]
-            self.hold = needed / forces(cars, self.car_inputs(x, self.motion(x))).stretch
-            for i, car in enumerate(self.line.cars):
-                if car.kind == "free":
-                    self.signs[i] = -np.sign(self.hold[i]) or 1.0
+            self._release(t, phase, at_rest(self, q), held_cars(self, t, phase))
         for x in (q, v):
             x[self.force] = 0.0
         return consistent_acceleration(self, t, q[self.free], v[self.free], phase)
 
+    def _release(self, t: float, phase: int, x: Slots, held: Cars) -> None:
+        """Let free cars go; they must move against friction."""
+        self.hold[:] = 0.0
+        slots = self.s[self.cars]
+        stretch = forces(held, self.car_inputs(x, self.motion(x))).stretch
+        self.hold = self.rows(t, x, phase, cars=held)[slots] / stretch
+        for i, car in enumerate(self.line.cars):
+            if car.kind == "free":
+                self.brakes[i] = car.drive.brake(x.q[slots[i]])
+        now = self.car_data(t, phase)
+        loads = forces(now, self.car_inputs(x, self.motion(x))).normal
+        free = now._replace(hold=np.zeros_like(now.hold), brake=now.hold * 0.0, friction=now.hold * 0.0)
+        needed = self.rows(t, x, phase, cars=free)[slots] / stretch
+        for i, car in enumerate(self.line.cars):
+            if car.kind != "free":
+                continue
+            self.signs[i] = -np.sign(needed[i]) or 1.0
+            if car.drive.resists and abs(needed[i]) <= car.drive.mu_r * abs(loads[i]) + self.brakes[i]:
+                cause = f"friction holds {car.name} where it begins"
+                raise StepFailure(t, cause, "begin on steeper rope or with less friction")
+
     # --- events --------------------------------------------------------------------------------------------
-    def watch(self, x: State) -> tuple[float, ...]:
+    def begin_step(self, x: State) -> None:
+        """Keep the direction of friction, and the brakes that act, for one step."""
         slots = self.slots(*x)
-        lengths = np.diff(slots.q[self.s])
-        if not self.cars or lengths.min() <= 0.0:
-            return (*(lengths - NEAREST).tolist(), *([np.inf] * len(self.cars)))
-        loads = forces(self.car_data(x.t, x.phase), self.car_inputs(slots, self.motion(slots))).normal
-        return (*(lengths - NEAREST).tolist(), *loads.tolist())
+        for i in self._stops:
+            slot = self.s[self.cars[i]]
+            self.signs[i] = np.sign(slots.v[slot]) or self.signs[i]
+            self.brakes[i] = self.line.cars[i].drive.brake(slots.q[slot])
+
+    def watch(self, x: State) -> tuple[float, ...]:
+        if not self.cars:
+            return ()
+        slots = self.slots(*x)
+        gaps = np.diff(slots.q[self.s])[self._gaps] - NEAREST
+        ahead = [float(slots.v[self.s[self.cars[i]]] * self.signs[i]) for i in self._stops]
+        loads = np.full(len(self.cars), np.inf)
+        if gaps.min() > 0.0:
+            loads = self._kernel.loads(len(self.nodes), slots, self.car_data(x.t, x.phase))
+        return (*gaps.tolist(), *ahead, *loads.tolist())
 
     def pass_event(self, name: str, x: State) -> None:
         return None
@@ -271,8 +301,6 @@ class LineElements(System):
         self._add_support_tangent(matrix, x, *c)
         for slot, kept in zip(self.force - 2 * self.n, self.kept, strict=True):
             matrix.copy_row(slot, int(kept))
-        for i in np.flatnonzero(self.held):
-            matrix.set_diagonal(int(self.s[self.cars[i]]), self.line.cars[i].mass * c2)
         for slot in np.flatnonzero(~free):
             matrix.set_diagonal(int(slot), 1.0)
             matrix.clear_column(int(slot))
@@ -288,8 +316,7 @@ class LineElements(System):
             self._add_car_tangent(matrix, cars, self.car_inputs(x, m), m, c)
 
     def _add_support_tangent(self, matrix: Bordered, x: Slots, c0: complex, c1: complex, c2: complex) -> None:
-        for k in (0, -1):
-            contact = self.line.contacts[k]
+        for k, contact in self._outer:
             if contact.kind == "spring":
                 for axis in range(2):
                     matrix.add(2 * self.node[k] + axis, 2 * self.node[k] + axis,

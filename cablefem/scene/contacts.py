@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, Protocol
@@ -122,14 +122,13 @@ class MovingLine:
     @cached_property
     def phases(self) -> tuple[tuple[float, float], ...]:
         """Consecutive [t0, t1] in which all travels and forces are smooth."""
-        parts = [car.travel.phases if car.travel is not None else car.drive.phases for car in self.cars]
-        times = {t for part in parts for phase in part for t in phase if 0.0 < t < self.t_end}
+        times = {t for car in self.cars for phase in _own_phases(car) for t in phase if 0.0 < t < self.t_end}
         return tuple(itertools.pairwise([0.0, *sorted(times), self.t_end]))
 
     def position(self, car: Car, t: float, phase: int) -> tuple[float, float, float]:
         """Prescribed position, velocity and acceleration of a car in a phase of the line."""
         assert car.travel is not None
-        i = self._phase_of(car.travel.phases, phase)
+        i = self._phases_of[car.name][phase]
         if i < len(car.travel.phases):
             return car.travel.at(t, i)
         end = car.travel.phases[-1][1]
@@ -137,13 +136,17 @@ class MovingLine:
 
     def thrust(self, car: Car, t: float, phase: int) -> float:
         """Thrust [N] of a free car along the mean tangent."""
-        i = self._phase_of(car.drive.phases, phase)
-        return float(car.drive.thrust(t, i)) if car.drive.thrust_table else 0.0
+        return float(car.drive.thrust(t, self._phases_of[car.name][phase])) if car.drive.thrust_table else 0.0
 
-    def _phase_of(self, phases: Sequence[tuple[float, float]], phase: int) -> int:
-        """Number of the phase that holds this phase of the line; len(phases) after the last."""
-        middle = 0.5 * sum(self.phases[phase])
-        return sum(t1 < middle for _, t1 in phases)
+    @cached_property
+    def _phases_of(self) -> dict[str, list[int]]:
+        """Phase of each car in each phase of the line; after its last one their number."""
+        middles = [0.5 * (t0 + t1) for t0, t1 in self.phases]
+        return {car.name: [sum(t1 < t for _, t1 in _own_phases(car)) for t in middles] for car in self.cars}
+
+
+def _own_phases(car: Car) -> tuple[tuple[float, float], ...]:
+    return car.drive.phases if car.travel is None else car.travel.phases
 
 
 def _number_faults(line: MovingLine) -> list[str]:

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from cablefem.elements.system import Bordered
 
 
+NONE = np.zeros((1, 1))
+
+
 class Kernel:
     """Rows and tangent of segments and of cars at some of the contacts."""
 
@@ -35,7 +38,7 @@ class Kernel:
     def _law(self, z: Array, count: int) -> tuple[Array, Array]:
         """N_r and dN_r/ds at the points, (K, G) or (1, 1)."""
         if self.segments.rope.rest_tension is None:
-            return np.zeros((1, 1)), np.zeros((1, 1))
+            return NONE, NONE
         first = 2 * (count * (self.segments.nn - 1) + 1)
         s = z[0, first : first + count + 1]
         return self.segments.rope.at_rest(s[:-1, None] + np.diff(s)[:, None] * self.segments.xi)
@@ -50,6 +53,11 @@ class Kernel:
         balance.add_rows(self.mesh, self.rope, count, z, *self._law(z, count), rows)
         if cars is not None:
             balance.add_cars(self.mesh, count, *self._car_arguments(cars), z, rows)
+
+    def loads(self, count: int, x: Sequence[Array], cars: Cars) -> Array:
+        """Loads (cars,) [N] of the cars on the rope."""
+        z = np.array(x)
+        return balance.add_cars(self.mesh, count, *self._car_arguments(cars), z, np.empty(z.shape[1]))
 
     def add_tangent(
         self, count: int, x: Sequence[Array], cars: Cars | None, c: Sequence[complex], matrix: Bordered

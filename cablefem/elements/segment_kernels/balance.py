@@ -106,7 +106,7 @@ def add_rows(mesh, rope, count, z, N_r, slope, rows):
 
 @inner
 def car_forces(car, gravity, y, out):
-    """C and Q into out (3,) from y (INPUTS,), see `bodies`.
+    """C, Q and the load on the rope into out (4,) from y (INPUTS,), see `bodies`.
 
     car : mass, k, wind, mu_r, thrust, brake, hold, sign.
     """
@@ -120,6 +120,7 @@ def car_forces(car, gravity, y, out):
     out[0] = mass * y[6] - along * tx + drag * ax
     out[1] = mass * (y[7] - gravity) - along * ty + drag * ay
     normal = out[0] * ty - out[1] * tx
+    out[3] = normal
     if normal.real < 0.0:
         normal = -normal
     stretch = 0.5 * (np.sqrt(y[0] * y[0] + y[1] * y[1]) + np.sqrt(y[2] * y[2] + y[3] * y[3]))
@@ -147,10 +148,11 @@ def car_inputs(mesh, count, k, z, force, y):
 
 @compiled
 def add_cars(mesh, count, contacts, cars, gravity, forces, z, rows):
-    """Add C and - Q of the cars (n, 8) at contacts (n,)."""
+    """Add C and - Q of the cars (n, 8) at contacts (n,); return their loads on the rope (n,)."""
     nn = mesh.ends.shape[1]
     S = 2 * (count * (nn - 1) + 1)
-    y, out = np.empty(INPUTS, np.complex128), np.empty(3, np.complex128)
+    y, out = np.empty(INPUTS, np.complex128), np.empty(4, np.complex128)
+    loads = np.empty(contacts.size)
     for i in range(contacts.size):
         k = contacts[i]
         car_inputs(mesh, count, k, z, forces[i], y)
@@ -158,13 +160,15 @@ def add_cars(mesh, count, contacts, cars, gravity, forces, z, rows):
         rows[2 * k * (nn - 1)] += out[0].real
         rows[2 * k * (nn - 1) + 1] += out[1].real
         rows[S + k] -= out[2].real
+        loads[i] = out[3].real
+    return loads
 
 
 @compiled
 def add_car_tangent(mesh, count, contacts, cars, gravity, forces, z, c0, c1, c2, matrix):
     nn = mesh.ends.shape[1]
     S = 2 * (count * (nn - 1) + 1)
-    y, out = np.empty(INPUTS, np.complex128), np.empty(3, np.complex128)
+    y, out = np.empty(INPUTS, np.complex128), np.empty(4, np.complex128)
     by = np.empty((3, INPUTS))
     for i in range(contacts.size):
         k = contacts[i]
@@ -202,11 +206,13 @@ def add_tangent(mesh, rope, count, z, N_r, slope, c0, c1, c2, matrix):
     nn = mesh.ends.shape[1]
     S = 2 * (count * (nn - 1) + 1)
     plain = N_r.size == 1
-    f, A, B = np.empty(10), np.zeros(2), np.zeros(2)
+    f = np.empty(10)
     w, dw = np.empty(2), np.empty(2)
     zero = 0.0 * (c0 + c1 + c2)
     w_s, dw_s = np.array([zero, zero]), np.array([zero, zero])
     rho, EA, c_d = rope.rho, rope.EA, rope.damping
+    ab, columns, rows = matrix.ab, matrix.columns, matrix.rows
+    diagonal = 2 * ((ab.shape[0] - 1) // 3)
     for k in range(count):
         h, dh = z[0, S + k + 1] - z[0, S + k], z[1, S + k + 1] - z[1, S + k]
         for e in range(elements):
@@ -238,18 +244,18 @@ def add_tangent(mesh, rope, count, z, N_r, slope, c0, c1, c2, matrix):
                 sv = weight * rho * c * c1
                 ss = weight * (N / lam - rho * c * c) / h * c0
                 along = weight * (EA - N / lam) / h * c0
-                for i in range(n_loc):
-                    row = 2 * (k * (nn - 1) + mesh.dofs[e, i])
-                    p, s = mesh.phi[g, i], mesh.phi_xi[g, i]
-                    for j in range(n_loc):
-                        column = 2 * (k * (nn - 1) + mesh.dofs[e, j])
-                        u, d = mesh.phi[g, j], mesh.phi_xi[g, j]
-                        same = p * (vv * u + vs * d) + s * (sv * u + ss * d)
-                        outer = along * s * d
-                        add(matrix, row, column, same + outer * tx * tx)
-                        add(matrix, row + 1, column + 1, same + outer * ty * ty)
-                        add(matrix, row, column + 1, outer * tx * ty)
-                        add(matrix, row + 1, column, outer * tx * ty)
+                for j in range(n_loc):
+                    column = 2 * (k * (nn - 1) + mesh.dofs[e, j])
+                    u, d = mesh.phi[g, j], mesh.phi_xi[g, j]
+                    by_p, by_s, outer = vv * u + vs * d, sv * u + ss * d, along * d
+                    xx, xy, yy = by_s + outer * tx * tx, outer * tx * ty, by_s + outer * ty * ty
+                    for i in range(n_loc):
+                        row = diagonal + 2 * (k * (nn - 1) + mesh.dofs[e, i]) - column
+                        p, s = mesh.phi[g, i] * by_p, mesh.phi_xi[g, i]
+                        ab[row, column] += p + s * xx
+                        ab[row, column + 1] += p + s * yy
+                        ab[row - 1, column + 1] += s * xy
+                        ab[row + 1, column] += s * xy
                 W_s = N_s * (lam - 1.0)
                 dot_w = (w[0] * f[2] + w[1] * f[3]) / h
                 for end in range(2):
@@ -270,9 +276,14 @@ def add_tangent(mesh, rope, count, z, N_r, slope, c0, c1, c2, matrix):
                         by_a -= rope.q * h_s * x
                         by_b = rho * (c_s * w[x] + c * w_s[x]) + T_s * t
                         # the row of s by this coordinate
-                        of_a = -rho * (
-                            psi * ((c2 + c_d * c1) * f[2 + x] + c1 * f[6 + x]) + sign * c1 * (w[x] + c / h * f[2 + x])
-                        ) - sign * rope.q * c0 * x
+                        of_a = (
+                            -rho
+                            * (
+                                psi * ((c2 + c_d * c1) * f[2 + x] + c1 * f[6 + x])
+                                + sign * c1 * (w[x] + c / h * f[2 + x])
+                            )
+                            - sign * rope.q * c0 * x
+                        )
                         moved = (
                             ((c * dh / h - dc) / h * c0 - (c1 + c_d * c0) * c / h) * f[2 + x]
                             + c0 * (dw[x] + c_d * w[x]) - c0 * c / h * f[6 + x] + c1 * w[x]
@@ -282,8 +293,8 @@ def add_tangent(mesh, rope, count, z, N_r, slope, c0, c1, c2, matrix):
                         for i in range(n_loc):
                             slot = 2 * (k * (nn - 1) + mesh.dofs[e, i]) + x
                             p, s = weight * mesh.phi[g, i], weight * mesh.phi_xi[g, i]
-                            matrix.columns[slot, k + end] += p * by_a + s * by_b
-                            matrix.rows[k + end, slot] += p * of_a + s * of_b
+                            columns[slot, k + end] += p * by_a + s * by_b
+                            rows[k + end, slot] += p * of_a + s * of_b
                         momentum += (dw_s[x] + c_d * w_s[x]) * f[2 + x] + w_s[x] * f[6 + x]
                         kinetic += w[x] * w_s[x] + c * w_s[x] * f[2 + x] / h
                     kinetic += (c_s - c * h_s / h) * dot_w
@@ -291,6 +302,4 @@ def add_tangent(mesh, rope, count, z, N_r, slope, c0, c1, c2, matrix):
                     for other in range(2):
                         e2, psi2 = 2.0 * other - 1.0, xi if other else 1.0 - xi
                         inside = N_s * lam_s * h + W_s * h_s - rho * momentum
-                        matrix.corner[k + other, k + end] += weight * (
-                            e2 * (material - rho * kinetic) + psi2 * inside
-                        )
+                        matrix.corner[k + other, k + end] += weight * (e2 * (material - rho * kinetic) + psi2 * inside)
