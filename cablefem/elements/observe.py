@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
@@ -13,6 +13,7 @@ from cablefem.elements.reference import lagrange_element, shape_polynomials
 from cablefem.elements.segments import Motion, dot
 from cablefem.motion import CarMotion, ContactMotion, LineMotion
 from cablefem.newmark import Array, State
+from cablefem.scene.contacts import Contact
 
 if TYPE_CHECKING:
     from cablefem.elements.system import LineElements
@@ -60,7 +61,7 @@ class _History:
 
     def total(self, density: Array) -> Array:
         """int density ds over the rope (n,), of (n K, G)."""
-        return (density @ self.segments.weights * self.points.h[:, 0]).reshape(self.t.size, -1).sum(axis=1)
+        return ((density * self.points.h) @ self.segments.weights).reshape(self.t.size, -1).sum(axis=1)
 
 
 def observe(system: LineElements, states: Sequence[State], s: Array) -> LineMotion:
@@ -70,14 +71,15 @@ def observe(system: LineElements, states: Sequence[State], s: Array) -> LineMoti
     kinetic = x.total(0.5 * system.segments.rho * dot(p.w, p.w))
     powers = {"damping": -2.0 * rope.damping * kinetic} if rope.damping else {}
     strain, potential = x.total(p.W), -x.total(system.segments.q * p.y)
-    contacts = tuple(_contact(x, k) for k, c in enumerate(system.line.contacts) if k not in system.cars)
-    for k in (0, len(system.line.contacts) - 1):
-        contact = system.line.contacts[k]
-        if contact.kind == "spring":
+    supports = [k for k in range(len(system.line.contacts)) if k not in system.cars]
+    contacts = tuple(_contact(x, k, c) for k, c in zip(supports, system.line.supports, strict=True))
+    for k in (0, -1):
+        contact = system.line.supports[k]
+        if contact.stiffness is not None:
             away = x.at(k, x.q) - contact.point
             strain = strain + 0.5 * np.sum(np.array(contact.stiffness) * away**2, axis=1)
             kinetic = kinetic + 0.5 * (contact.mass or 0.0) * np.sum(x.at(k, x.v) ** 2, axis=1)
-        if contact.kind == "counterweight":
+        if contact.force is not None:
             slot = system.s[k]
             force = [system.pulley(k, v[slot], a[slot]) for v, a in zip(x.v, x.a, strict=True)]
             powers[f"{contact.name} weight"] = -np.array(force) * x.v[:, slot]
@@ -92,12 +94,12 @@ def observe(system: LineElements, states: Sequence[State], s: Array) -> LineMoti
     )  # fmt: skip
 
 
-def _contact(x: _History, k: int) -> ContactMotion:
-    contact, slot = x.system.line.contacts[k], x.system.s[k]
+def _contact(x: _History, k: int, contact: Contact) -> ContactMotion:
+    slot = x.system.s[k]
     behind, ahead = x.beside(k, x.pulls)
-    pressure = -sum(np.nan_to_num(row) for row in x.beside(k, x.rows))
+    pressure = -np.sum(np.nan_to_num(x.beside(k, x.rows)), axis=0)
     rise = np.full(x.t.size, np.nan)
-    if contact.kind == "counterweight":
+    if contact.force is not None:
         taken_in = (x.q[:, slot] - x.q[0, slot]) * (1.0 if k else -1.0)
         rise = (1.0 + contact.force / x.system.line.rope.EA) * taken_in
     return ContactMotion(
@@ -150,8 +152,10 @@ def _car_data(x: _History, ds: Array) -> Cars:
     phases = system.phases
     phase = np.minimum(np.searchsorted([t1 for _, t1 in phases], x.t), len(phases) - 1)
     each = [system.car_data(t, i) for t, i in zip(x.t.tolist(), phase.tolist(), strict=True)]
-    data = Cars(*(np.array(column) for column in zip(*(y[:-1] for y in each), strict=True)), system.line.gravity)
-    return data._replace(mass=each[0].mass, sign=np.where(ds == 0.0, data.sign, np.sign(ds)))
+    data = Cars(**{name: np.array([getattr(y, name) for y in each]) for name in Cars._fields})
+    return data._replace(
+        mass=each[0].mass, gravity=system.line.gravity, sign=np.where(ds == 0.0, data.sign, np.sign(ds))
+    )
 
 
 def _stations(x: _History, s: Array) -> tuple[Array, Array]:

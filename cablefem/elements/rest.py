@@ -5,12 +5,13 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cablefem.elements.bodies import Cars
 from cablefem.elements.segments import Law
 from cablefem.elements.system import LineElements, Slots
 from cablefem.newmark import Array, StepFailure
-from cablefem.scene.contacts import Car
+from cablefem.scene.contacts import Car, Contact
 from cablefem.scene.line import Case, NoLine, Station
 from cablefem.scene.taut import guess
 
@@ -59,7 +60,9 @@ def held_cars(system: LineElements, t: float, phase: int) -> Cars:
     return cars._replace(drag=none, thrust=none, brake=none, hold=none, friction=cars.friction * hauled)
 
 
-def _newton(system: LineElements, t: float, phase: int, q: Array, free: Array, law: Law | None, enough: float) -> Array:
+def _newton(
+    system: LineElements, t: float, phase: int, q: Array, free: NDArray[np.bool_], law: Law | None, enough: float
+) -> Array:
     points = np.array([c.point for c in system.line.supports])
     reach, bound = float(np.ptp(points[:, 0])), system.force_floor * np.sqrt(system.n_dof)
     cars = held_cars(system, t, phase) if system.cars else None
@@ -74,7 +77,7 @@ def _newton(system: LineElements, t: float, phase: int, q: Array, free: Array, l
         before = np.linalg.norm(r)
         solve = system.solver(t, at_rest(system, q), phase, (1.0, 0.0, 0.0), free, law, cars)
         step = np.zeros(system.size)
-        step[free] = solve(r, free)
+        step[free] = solve(r)
         factor = 1.0
         while True:
             trial = q - factor * step
@@ -94,7 +97,7 @@ def _newton(system: LineElements, t: float, phase: int, q: Array, free: Array, l
 
 def _soft(system: LineElements, q: Array, N: Array, share: float) -> Law:
     """The law N = N_ref + EA_soft (lam - lam_ref), which keeps the length of a rope under N_ref (K,)."""
-    law, N_ref = system.segments.law(system.motion(at_rest(system, q))), N[:, None]
+    law, N_ref = system.segments.law(system.motion(at_rest(system, q)).s), N[:, None]
     soft = np.minimum(law.EA, SOFTEST * N_ref)
     EA = law.EA**share * soft ** (1.0 - share)
     more = (N_ref - law.N_r) / law.EA
@@ -103,7 +106,7 @@ def _soft(system: LineElements, q: Array, N: Array, share: float) -> Law:
     return Law(EA, N_r, np.zeros_like(N_r), W - (N_r + 0.5 * EA * more) * more)
 
 
-def _begin(system: LineElements, q: Array, free: Array) -> Array:
+def _begin(system: LineElements, q: Array, free: NDArray[np.bool_]) -> Array:
     """Set q to parabolas between guessed contacts; return tensions (K,) of the segments."""
     line, rope = system.line, system.line.rope
     shorter = 1.0
@@ -141,11 +144,12 @@ def _begin(system: LineElements, q: Array, free: Array) -> Array:
     return H * np.hypot(run[:, 0], run[:, 1]) / run[:, 0]
 
 
-def _station(contact, x: float, gravity: float) -> Station:
+def _station(contact: Contact | Car, x: float, gravity: float) -> Station:
     if isinstance(contact, Car):
         kind = "grips" if contact.fixes_s or contact.kind == "free" else "hauled"
         return Station(contact.name, kind, x, np.nan, contact.mass * gravity)
-    return Station(contact.name, contact.kind, *contact.point, contact.force or 0.0, contact.stiffness)
+    x, y = contact.point
+    return Station(contact.name, contact.kind, x, y, contact.force or 0.0, contact.stiffness)
 
 
 def _guess_x(system: LineElements, q: Array) -> Array:

@@ -7,16 +7,19 @@ accelerations stand.  Prescribed slots drop out; the row that a prescribed one l
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.linalg import get_lapack_funcs
+from numpy.typing import NDArray
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import splu
 
 from cablefem.elements.bodies import INPUTS, Cars, derivatives, forces
+from cablefem.elements.bordered import Bordered
 from cablefem.elements.observe import observe
-from cablefem.elements.segments import Law, Motion, Segments, Tangent
+from cablefem.elements.segments import Law, Motion, Segments
 from cablefem.motion import LineMotion
 from cablefem.newmark import Array, Solve, State, StepFailure, System, consistent_acceleration
 from cablefem.scene.contacts import NEAREST, Car, Contact, MovingLine
@@ -62,8 +65,9 @@ class LineElements(System):
         self.prescribed: list[tuple[Car, int]] = []
         for k, contact in enumerate(contacts):
             self._prescribe(k, contact)
-        self._outer = [(k, contacts[k]) for k in (0, -1) if contacts[k].kind != "anchor"]
-        self._fixed = np.array([(c.mass, c.drive.k, c.drive.wind, c.drive.mu_r) for c in line.cars]).reshape(-1, 4).T
+        self._outer = [(k, line.supports[k]) for k in (0, -1)]
+        self._masses = np.array([c.mass for c in line.cars])
+        self._air = np.array([(c.drive.k, c.drive.wind, c.drive.mu_r) for c in line.cars]).reshape(-1, 3).T
         self.band = 2 * degree + 1
         self.n_dof = int(self.free.sum())
         self.signs = np.array([self._sign(c, 0) if c.travel else 1.0 for c in line.cars])
@@ -87,7 +91,7 @@ class LineElements(System):
 
         force = np.full(len(self.cars), -1)
         force[self.of_force] = self.force
-        return Kernel(self.segments, np.array(self.cars, int), force, self.line.gravity)
+        return Kernel(self.segments, len(self.nodes), np.array(self.cars, int), force, self.line.gravity)
 
     # --- coordinates ---------------------------------------------------------------------------------------
     def _slot(self, k: int) -> int:
@@ -144,18 +148,16 @@ class LineElements(System):
         rows = np.zeros(self.size)
         if self.cars and cars is None:
             cars = self.car_data(t, phase)
-        if self.compiled and law is None:
-            self._kernel.add_rows(len(self.nodes), x, cars, rows)
-        else:
-            self._add_rows(x, law, cars, rows)
+        add = self._kernel.add_rows if self.compiled else self._add_rows
+        add(x, law or self.segments.law(np.stack([x.q[self.s[:-1]], x.q[self.s[1:]]], axis=1)), cars, rows)
         self._add_supports(rows, x)
         rows[self.force] = rows[self.kept]
         return rows
 
-    def _add_rows(self, x: Slots, law: Law | None, cars: Cars | None, rows: Array) -> None:
+    def _add_rows(self, x: Slots, law: Law, cars: Cars | None, rows: Array) -> None:
         """Add the rows of the segments and the cars."""
         m = self.motion(x)
-        nodes, ends = self.segments.residual(self.segments.points(m, law))
+        nodes, ends = self.segments.residual(self.segments.fields(self.segments.at_points(m), law))
         points = rows[: 2 * self.n].reshape(-1, 2)
         points[:-1] += nodes[:, :-1].reshape(-1, 2)
         points[self.node[1:]] += nodes[:, -1]
@@ -168,27 +170,28 @@ class LineElements(System):
 
     def _add_supports(self, rows: Array, x: Slots) -> None:
         for k, contact in self._outer:
-            if contact.kind == "spring":
+            if contact.stiffness is not None:
                 slot = slice(2 * self.node[k], 2 * self.node[k] + 2)
                 rows[slot] += np.multiply(contact.stiffness, x.q[slot] - contact.point)
                 rows[slot] += (contact.mass or 0.0) * x.a[slot]
-            if contact.kind == "counterweight":
+            if contact.force is not None:
                 rows[self.s[k]] += self.pulley(k, x.v.item(self.s[k]), x.a.item(self.s[k]))
 
-    def _weight(self, k: int) -> tuple[float, float]:
+    def _weight(self, k: int, force: float) -> tuple[float, float]:
         """Mass of a counterweight for d2s/dt2, and +1 at the right end, -1 at the left one."""
-        contact, sign = self.line.contacts[k], 1.0 if k else -1.0
-        mass = contact.force / self.line.gravity if contact.mass is None else contact.mass
-        return mass * (1.0 + contact.force / self.line.rope.EA), sign
+        mass = self.line.supports[k].mass
+        mass = force / self.line.gravity if mass is None else mass
+        return mass * (1.0 + force / self.line.rope.EA), 1.0 if k else -1.0
 
     def pulley(self, k: int, ds: float, dds: float) -> float:
-        """e [N + N^2/(2 EA) + q y - rho (ds lam)^2/2], N = G + e m (1 + G/EA) dds.
+        """e [N + N^2/(2 EA) + q y - rho (ds lam)^2/2], N = G + e m (1 + G/EA) dds, at the end k = 0 or -1.
 
         The rope that passes takes the energy of its weight and its motion along.
         """
-        contact, EA = self.line.contacts[k], self.line.rope.EA
-        mass, sign = self._weight(k)
-        N = contact.force + sign * mass * dds
+        contact, EA = self.line.supports[k], self.line.rope.EA
+        force = contact.force or 0.0
+        mass, sign = self._weight(k, force)
+        N = force + sign * mass * dds
         speed = ds * (1.0 + N / EA)
         entering = self.line.weight * contact.point[1] - 0.5 * self.segments.rho * speed**2
         return sign * (N + N**2 / (2.0 * EA) + entering)
@@ -207,7 +210,10 @@ class LineElements(System):
         cars, line = self.line.cars, self.line
         thrust = np.array([line.thrust(c, t, phase) for c in cars])
         released = np.array([c.drive.hold(t) for c in cars])
-        return Cars(*self._fixed, thrust, self.brakes, self.hold * released, self.signs, line.gravity)
+        k, wind, friction = self._air
+        return Cars(
+            self._masses, k, wind, friction, thrust, self.brakes, self.hold * released, self.signs, line.gravity
+        )
 
     # --- start ---------------------------------------------------------------------------------------------
     def start(self, phase: int, state: State | None) -> State:
@@ -267,7 +273,7 @@ class LineElements(System):
         ahead = [float(slots.v[self.s[self.cars[i]]] * self.signs[i]) for i in self._stops]
         loads = np.full(len(self.cars), np.inf)
         if gaps.min() > 0.0:
-            loads = self._kernel.loads(len(self.nodes), slots, self.car_data(x.t, x.phase))
+            loads = self._kernel.loads(slots, self.car_data(x.t, x.phase))
         return (*gaps.tolist(), *ahead, *loads.tolist())
 
     def pass_event(self, name: str, x: State) -> None:
@@ -283,167 +289,80 @@ class LineElements(System):
     ) -> tuple[Array, Solve]:
         x = self.slots(t, q, v, a, phase)
         solve = self.solver(t, x, phase, (c0, c1, c2), self.free)
-        return self.rows(t, x, phase)[self.free], lambda b: solve(b, self.free)
+        return self.rows(t, x, phase)[self.free], solve
 
     def solver(
-        self, t: float, x: Slots, phase: int, c: tuple[complex, complex, complex], free: Array, law: Law | None = None,
-        cars: Cars | None = None,
-    ) -> Callable[[Array, Array], Array]:  # fmt: skip
+        self, t: float, x: Slots, phase: int, c: tuple[complex, complex, complex], free: NDArray[np.bool_],
+        law: Law | None = None, cars: Cars | None = None,
+    ) -> Solve:  # fmt: skip
         """The solution with c0 dr/dq + c1 dr/dv + c2 dr/da of free slots; without c2 forces F/M count once."""
-        kind = complex if any(isinstance(z, complex) for z in c) else float
-        matrix = Bordered(2 * self.n, self.band, self.size - 2 * self.n, kind)
         if self.cars and cars is None:
             cars = self.car_data(t, phase)
-        if self.compiled and law is None:
-            self._kernel.add_tangent(len(self.nodes), x, cars, [kind(z) for z in c], matrix)
-        else:
-            self._add_tangent(x, law, cars, c, matrix)
-        self._add_support_tangent(matrix, x, *c)
+        law = law or self.segments.law(np.stack([x.q[self.s[:-1]], x.q[self.s[1:]]], axis=1))
+        if not self.compiled:
+            return self._sparse(x, law, cars, c, free)
+        kind = complex if any(isinstance(z, complex) for z in c) else float
+        matrix = Bordered(2 * self.n, self.band, self.size - 2 * self.n, kind)
+        self._kernel.add_tangent(x, law, cars, np.array(c, kind).tolist(), matrix)
+        for slot, value in self._support_tangent(x, c):
+            matrix.add(slot, slot, value)
         for slot, kept in zip(self.force - 2 * self.n, self.kept, strict=True):
             matrix.copy_row(slot, int(kept))
-        for slot in np.flatnonzero(~free):
-            matrix.set_diagonal(int(slot), 1.0)
-            matrix.clear_column(int(slot))
-        return matrix.factored()
+        for slot in np.flatnonzero(np.logical_not(free)).tolist():
+            matrix.set_diagonal(slot, 1.0)
+            matrix.clear_column(slot)
+        solve_all = matrix.factored()
 
-    def _add_tangent(
-        self, x: Slots, law: Law | None, cars: Cars | None, c: tuple[complex, complex, complex], matrix: Bordered
-    ) -> None:
-        m = self.motion(x)
-        parts = self.segments.tangent(self.segments.points(m, law), *c)
-        matrix.add_segments(self.nodes[:, self.segments.dofs].reshape(-1, self.segments.degree + 1), self.nodes, parts)
-        if cars is not None:
-            self._add_car_tangent(matrix, cars, self.car_inputs(x, m), m, c)
-
-    def _add_support_tangent(self, matrix: Bordered, x: Slots, c0: complex, c1: complex, c2: complex) -> None:
-        for k, contact in self._outer:
-            if contact.kind == "spring":
-                for axis in range(2):
-                    matrix.add(2 * self.node[k] + axis, 2 * self.node[k] + axis,
-                               contact.stiffness[axis] * c0 + (contact.mass or 0.0) * c2)  # fmt: skip
-            if contact.kind == "counterweight":
-                EA, (mass, sign) = self.line.rope.EA, self._weight(k)
-                N = contact.force + sign * mass * x.a[self.s[k]]
-                rho, lam, ds = self.segments.rho, 1.0 + N / EA, x.v[self.s[k]]
-                by_s = mass * (lam - rho * ds**2 * lam / EA) * c2 - sign * rho * ds * lam**2 * c1
-                matrix.add(self.s[k], self.s[k], by_s)
-
-    def _add_car_tangent(
-        self, matrix: Bordered, cars: Cars, inputs: Array, m: Motion, c: tuple[complex, complex, complex]
-    ) -> None:
-        c0, c1, c2 = c
-        by_input = derivatives(cars, inputs)
-        by_input[:, 2] *= -1.0  # the row of s has - Q
-        h, nodes = m.h[:, 0], self.nodes
-        left, right = self.segments.end_slopes
-        force_of = dict(zip(self.of_force.tolist(), self.force.tolist(), strict=True))
-        for i, k in enumerate(self.cars):
-            rows = [2 * self.node[k], 2 * self.node[k] + 1, self.s[k]]
-            for first, shapes, j in ((0, right, k - 1), (2, left, k)):
-                near = np.flatnonzero(shapes)
-                for axis in range(2):
-                    column = by_input[i, :, first + axis] * (c0 / h[j])
-                    for node in near:
-                        matrix.add_column(rows, 2 * nodes[j, node] + axis, column * shapes[node])
-                    by_h = -column * inputs[i, first + axis]
-                    matrix.add_column(rows, self.s[j + 1], by_h)
-                    matrix.add_column(rows, self.s[j], -by_h)
-            for axis in range(2):
-                column = by_input[i, :, 4 + axis] * c1 + by_input[i, :, 6 + axis] * c2
-                matrix.add_column(rows, 2 * self.node[k] + axis, column)
-            if i in force_of:
-                matrix.add_column(rows, force_of[i], by_input[i, :, 8] * (c2 or 1.0))
-
-
-class Bordered:
-    """A band matrix of n unknowns with border rows and columns; numbers count through."""
-
-    def __init__(self, n: int, band: int, border: int, kind: type) -> None:
-        self.n, self.b = n, band
-        self.ab = np.zeros((3 * band + 1, n), kind, order="F")  # as LAPACK's gbtrf
-        self.columns = np.zeros((n, border), kind)
-        self.rows = np.zeros((border, n), kind)
-        self.corner = np.zeros((border, border), kind)
-
-    def add_segments(self, dofs: Array, nodes: Array, t: Tangent) -> None:
-        """Add tangents of elements with nodes dofs (K E, n_loc) in segments with nodes (K, nn)."""
-        count, axes = len(nodes), np.arange(2)
-        slot = 2 * dofs[:, None, :] + axes[:, None]  # (K E, 2, n_loc)
-        i, j = np.broadcast_arrays(slot[:, :, None, :, None], slot[:, None, :, None, :])
-        np.add.at(self.ab, (2 * self.b + i - j, j), t.elements)
-        node = 2 * nodes[..., None] + axes  # (K, nn, 2)
-        for end in range(2):
-            s = end + np.arange(count)
-            self.columns[node, s[:, None, None]] += t.columns[end]
-            self.rows[s[:, None, None], node] += t.rows[end]
-            for other in range(2):
-                self.corner[s, other + np.arange(count)] += t.corners[end, other]
-
-    def add(self, i: int, j: int, value: complex) -> None:
-        n = self.n
-        if i < n and j < n:
-            self.ab[2 * self.b + i - j, j] += value
-        elif i < n:
-            self.columns[i, j - n] += value
-        elif j < n:
-            self.rows[i - n, j] += value
-        else:
-            self.corner[i - n, j - n] += value
-
-    def add_column(self, rows: list[int], j: int, values: Array) -> None:
-        for i, value in zip(rows, values, strict=True):
-            self.add(i, j, value)
-
-    def _row(self, i: int) -> tuple[Array, Array]:
-        """Numbers of the columns of row i < n in the band, and their places in it."""
-        j = np.arange(max(0, i - self.b), min(self.n, i + self.b + 1))
-        return j, 2 * self.b + i - j
-
-    def copy_row(self, to: int, i: int) -> None:
-        """Copy row i to the border row `to`."""
-        if i >= self.n:
-            self.rows[to], self.corner[to] = self.rows[i - self.n], self.corner[i - self.n]
-            return
-        j, at = self._row(i)
-        self.rows[to], self.corner[to] = 0.0, self.columns[i]
-        self.rows[to, j] = self.ab[at, j]
-
-    def set_diagonal(self, i: int, value: complex) -> None:
-        """Make row i zero but for its diagonal."""
-        if i < self.n:
-            j, at = self._row(i)
-            self.ab[at, j] = 0.0
-            self.columns[i] = 0.0
-        else:
-            self.rows[i - self.n] = 0.0
-            self.corner[i - self.n] = 0.0
-        self.add(i, i, value)
-
-    def clear_column(self, j: int) -> None:
-        """Make column j zero but for its diagonal."""
-        if j < self.n:
-            diagonal = self.ab[2 * self.b, j]
-            self.ab[:, j] = 0.0
-            self.ab[2 * self.b, j] = diagonal
-            self.rows[:, j] = 0.0
-        else:
-            diagonal = self.corner[j - self.n, j - self.n]
-            self.columns[:, j - self.n] = 0.0
-            self.corner[:, j - self.n] = 0.0
-            self.corner[j - self.n, j - self.n] = diagonal
-
-    def factored(self):
-        """A function of b (free,) and of which slots are free that returns the solution."""
-        factor, substitute = get_lapack_funcs(("gbtrf", "gbtrs"), (self.ab,))
-        lu, pivots, _ = factor(self.ab, self.b, self.b, overwrite_ab=True)
-        beside = substitute(lu, self.b, self.b, self.columns, pivots)[0]
-        schur = np.linalg.inv(self.corner - self.rows @ beside)
-
-        def solve(b: Array, free: Array) -> Array:
-            full = np.zeros(free.size, np.result_type(lu, b))
+        def solve(b: Array) -> Array:
+            full = np.zeros(free.size, b.dtype)
             full[free] = b
-            inner = substitute(lu, self.b, self.b, full[: self.n], pivots)[0]
-            border = schur @ (full[self.n :] - self.rows @ inner)
-            return np.concatenate([inner - beside @ border, border])[free]
+            return solve_all(full)[free]
 
         return solve
+
+    def _sparse(
+        self, x: Slots, law: Law, cars: Cars | None, c: tuple[complex, complex, complex], free: NDArray[np.bool_]
+    ) -> Solve:
+        """`solver` by numpy and a sparse factorisation."""
+        m = self.motion(x)
+        parts = self.segments.tangent(m, law, c)
+        own = (2 * self.nodes[..., None] + np.arange(2)).reshape(len(self.nodes), -1)
+        slots = np.column_stack([own, self.s[:-1], self.s[1:]])  # (K, m)
+        matrix = np.zeros((self.size, self.size), parts.dtype)
+        np.add.at(matrix, (slots[:, :, None], slots[:, None, :]), parts)
+        for slot, value in self._support_tangent(x, c):
+            matrix[slot, slot] += value
+        if cars is not None:
+            self._add_car_tangent(matrix, derivatives(cars, self.car_inputs(x, m)), m, c)
+        matrix[self.force] = matrix[self.kept]
+        return splu(csc_array(matrix[free][:, free])).solve
+
+    def _support_tangent(self, x: Slots, c: tuple[complex, complex, complex]) -> Iterator[tuple[int, complex]]:
+        """Diagonal entries of springs and counterweights."""
+        (c0, c1, c2), EA, rho = c, self.line.rope.EA, self.segments.rho
+        for k, contact in self._outer:
+            for axis, stiffness in enumerate(contact.stiffness or ()):
+                yield 2 * int(self.node[k]) + axis, stiffness * c0 + (contact.mass or 0.0) * c2
+            if contact.force is not None:
+                mass, sign = self._weight(k, contact.force)
+                ds, lam = x.v[self.s[k]], 1.0 + (contact.force + sign * mass * x.a[self.s[k]]) / EA
+                yield int(self.s[k]), mass * (lam - rho * ds**2 * lam / EA) * c2 - sign * rho * ds * lam**2 * c1
+
+    def _add_car_tangent(self, matrix: Array, by_input: Array, m: Motion, c: tuple[complex, complex, complex]) -> None:
+        """Add the chain of `derivatives` (n, 3, INPUTS) and of the inputs by the slots."""
+        (c0, c1, c2), slopes = c, self.segments.slopes_at_ends(m)
+        for i, k in enumerate(self.cars):
+            inputs = np.zeros((INPUTS, self.size), matrix.dtype)
+            point = 2 * self.node[k] + np.arange(2)
+            for side in range(2):  # behind, ahead
+                j, end = k - 1 + side, 1 - side
+                for axis in range(2):
+                    row = inputs[2 * side + axis]
+                    row[2 * self.nodes[j] + axis] = c0 / m.h[j, 0] * self.segments.end_slopes[end]
+                    row[self.s[[j, j + 1]]] += c0 / m.h[j, 0] * slopes[end, j, axis] * np.array([1.0, -1.0])
+            inputs[[4, 5], point], inputs[[6, 7], point] = c1, c2
+            if i in self.of_force:
+                inputs[8, self.force[self.of_force == i]] = c2 or 1.0
+            change = by_input[i] @ inputs
+            matrix[point] += change[:2]
+            matrix[self.s[k]] -= change[2]

@@ -26,7 +26,9 @@ SAMPLES = 1000  # of timetables, to compare cars
 class Travel(Protocol):
     """A prescribed position; `Motion` is one.  Its acceleration jumps between phases."""
 
-    phases: tuple[tuple[float, float], ...]
+    @property
+    def phases(self) -> tuple[tuple[float, float], ...]:
+        """Consecutive [t0, t1]."""
 
     def at(self, t: float, phase: int) -> tuple[float, float, float]:
         """Position, velocity and acceleration, smooth beyond the ends of the phase."""

@@ -347,18 +347,18 @@ def _car_faults(cars: Sequence[Car], contacts: Sequence[Contact]) -> list[str]:
     if moving and len(moving) < len(cars):
         return [f"car.{moving[0]}: in motion beside cars at rest; all must have at, or none"]
     cars = [car for car in cars if car.at is not None]
-    many = sorted({len(car.at) for car in cars} - {1})
+    many = sorted({len(car.at or ()) for car in cars} - {1})
     if len(many) > 1:
         return [f"car.at: lists of {many[0]} and of {many[-1]} positions; must be one number or lists of one length"]
     faults = []
     for car in cars:
-        low, high = min(car.at), max(car.at)
+        low, high = min(car.at or ()), max(car.at or ())
         if not 0.0 < low <= high < end:
             faults.append(f"car.{car.name}.at: from {low:.6g} to {high:.6g} m; must be between 0 and {end:.6g} m")
         missing = [c.name for c in contacts[1:-1] if c.shoe is None and low <= c.at[0] <= high]
         faults += [f"contact.{x}.shoe: missing; must be given where a car passes, here {car.name}" for x in missing]
     for a, b in itertools.pairwise(cars):
-        told = enumerate(np.broadcast(a.at, b.at), start=1)
+        told = enumerate(np.broadcast(a.at or (), b.at or ()), start=1)
         if (wrong := next(((i, x, y) for i, (x, y) in told if not x < y), None)) is not None:
             i, x, y = wrong
             must = f"must be > {x:.6g} m, that of {a.name}; cars are listed from left to right and cannot pass"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from cablefem.scene.contacts import Car, Contact, Elastic, MovingLine
 from cablefem.scene.drive import GRIP, Drive
 from cablefem.scene.errors import SceneError, shown
@@ -34,7 +36,8 @@ def moving(line: Line, solve: Solver) -> MovingLine:
     ends = [car.travel.phases[-1][1] if car.travel is not None else car.drive.end_time for car in cars]
     supports = {c.name: (c.point[0] if in_x else s) for c, s in zip(contacts, (empty.s * heat).tolist(), strict=True)}
     starts = {car.name: _start(car) for car in cars}
-    order = sorted([*contacts, *cars], key=lambda c: {**supports, **starts}[c.name])
+    everything: list[Contact | Car] = [*contacts, *cars]
+    order = sorted(everything, key=lambda c: {**supports, **starts}[c.name])
     return MovingLine(rope=elastic, contacts=tuple(order), t_end=max(ends, default=0.0), gravity=line.gravity)
 
 
@@ -44,7 +47,7 @@ def _start(car: Car) -> float:
 
 def _car(car: CarTable, in_x: bool, heat: float) -> Car:
     drive: Drive = GRIP if car.drive is None else car.drive.scaled(1.0, 1.0, 1.0, 1.0)
-    along = "x" if in_x and drive.mode == "haul" else "s"
+    along: Literal["s", "x"] = "x" if in_x and drive.mode == "haul" else "s"
     travel = None
     if car.travel is not None:
         travel = _motion(car.travel)

@@ -12,58 +12,44 @@ from cablefem.newmark import Array
 
 if TYPE_CHECKING:
     from cablefem.elements.bodies import Cars
-    from cablefem.elements.segments import Segments
-    from cablefem.elements.system import Bordered
-
-
-NONE = np.zeros((1, 1))
+    from cablefem.elements.bordered import Bordered
+    from cablefem.elements.segments import Law, Segments
 
 
 class Kernel:
-    """Rows and tangent of segments and of cars at some of the contacts."""
+    """Rows and tangent of `count` segments and of cars at some of their contacts."""
 
-    def __init__(self, segments: Segments, contacts: Array, force: Array, gravity: float) -> None:
+    def __init__(self, segments: Segments, count: int, contacts: Array, force: Array, gravity: float) -> None:
         """force : slots of F/M of the cars, or -1."""
-        points, n_loc = segments.xi.size // segments.elements, segments.degree + 1
-        first = segments.dofs[0]
+        points, first = segments.xi.size // segments.elements, segments.dofs[0]
         phi, phi_xi = (np.ascontiguousarray(x[:points, first]) for x in (segments.values, segments.slopes))
-        assert phi.shape == (points, n_loc)
         xi = segments.xi.reshape(segments.elements, points)
         dofs = np.ascontiguousarray(segments.dofs)
-        mesh = balance.Mesh(phi, phi_xi, segments.weights[:points].copy(), xi, dofs, segments.end_slopes)
-        rope = balance.Rope(segments.rho, segments.q, float(segments.rope.EA), float(segments.rope.damping))
-        self.segments, self.mesh, self.rope = segments, mesh, rope
-        self.cars = contacts, force, float(gravity)
+        self.mesh = balance.Mesh(phi, phi_xi, segments.weights[:points].copy(), xi, dofs, segments.end_slopes)
+        self.rope = balance.Rope(segments.rho, segments.q, float(segments.rope.damping))
+        self.count, self.contacts, self.force, self.gravity = count, contacts, force, float(gravity)
 
-    def _law(self, z: Array, count: int) -> tuple[Array, Array]:
-        """N_r and dN_r/ds at the points, (K, G) or (1, 1)."""
-        if self.segments.rope.rest_tension is None:
-            return NONE, NONE
-        first = 2 * (count * (self.segments.nn - 1) + 1)
-        s = z[0, first : first + count + 1]
-        return self.segments.rope.at_rest(s[:-1, None] + np.diff(s)[:, None] * self.segments.xi)
+    def _cars(self, cars: Cars) -> tuple[Any, ...]:
+        data = np.ascontiguousarray(np.array(cars[:8]).T)
+        return self.mesh, self.count, self.contacts, data, self.gravity, self.force
 
-    def _car_arguments(self, cars: Cars) -> tuple[Any, ...]:
-        contacts, force, gravity = self.cars
-        return contacts, np.ascontiguousarray(np.array(cars[:8]).T), gravity, force
-
-    def add_rows(self, count: int, x: Sequence[Array], cars: Cars | None, rows: Array) -> None:
-        """Add rows to (size,); x : q, v, a of all slots of `count` segments."""
+    def add_rows(self, x: Sequence[Array], law: Law, cars: Cars | None, rows: Array) -> None:
+        """Add rows to (size,); x : q, v, a of all slots."""
         z = np.array(x)
-        balance.add_rows(self.mesh, self.rope, count, z, *self._law(z, count), rows)
+        balance.add_rows(self.mesh, self.rope, np.array(law), z, rows)
         if cars is not None:
-            balance.add_cars(self.mesh, count, *self._car_arguments(cars), z, rows)
+            balance.add_cars(*self._cars(cars), z, rows)
 
-    def loads(self, count: int, x: Sequence[Array], cars: Cars) -> Array:
+    def loads(self, x: Sequence[Array], cars: Cars) -> Array:
         """Loads (cars,) [N] of the cars on the rope."""
         z = np.array(x)
-        return balance.add_cars(self.mesh, count, *self._car_arguments(cars), z, np.empty(z.shape[1]))
+        return balance.add_cars(*self._cars(cars), z, np.empty(z.shape[1]))
 
     def add_tangent(
-        self, count: int, x: Sequence[Array], cars: Cars | None, c: Sequence[complex], matrix: Bordered
+        self, x: Sequence[Array], law: Law, cars: Cars | None, c: Sequence[complex], matrix: Bordered
     ) -> None:
         z = np.array(x)
         border = balance.Border(matrix.ab, matrix.columns, matrix.rows, matrix.corner)
-        balance.add_tangent(self.mesh, self.rope, count, z, *self._law(z, count), *c, border)
+        balance.add_tangent(self.mesh, self.rope, np.array(law), z, *c, border)
         if cars is not None:
-            balance.add_car_tangent(self.mesh, count, *self._car_arguments(cars), z, *c, border)
+            balance.add_car_tangent(*self._cars(cars), z, *c, border)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cablefem.compiled import compiler
 from cablefem.newmark import Array
 
 compiled, inner = compiler(__file__), compiler(__file__, inner=True)
-INPUTS = 9  # of `car_forces`
+INPUTS = 9  # of `car_forces`, see `bodies`
 
 
 class Mesh(NamedTuple):
@@ -20,14 +21,13 @@ class Mesh(NamedTuple):
     phi_xi: Array
     weights: Array  # (points,)
     xi: Array  # (elements, points)
-    dofs: Array  # (elements, n_loc)
+    dofs: NDArray[np.int64]  # (elements, n_loc)
     ends: Array  # (2, nn) slopes at both ends
 
 
 class Rope(NamedTuple):
     rho: float
     q: float
-    EA: float
     damping: float
 
 
@@ -55,12 +55,15 @@ def add(m, i, j, value):
 
 
 @compiled
-def add_rows(mesh, rope, count, z, N_r, slope, rows):
-    """Add the rows of all segments to rows (size,); z : (3, size) q, v, a; N_r, slope : (K, G) or (1, 1)."""
+def add_rows(mesh, rope, law, z, rows):
+    """Add the rows of all segments to rows (size,).
+
+    z : (3, size) q, v, a of all slots; law : (4, K, G) EA, N_r, dN_r/ds, W_r.
+    """
+    count = law.shape[1]
     elements, n_loc = mesh.dofs.shape
     nn = mesh.ends.shape[1]
     S = 2 * (count * (nn - 1) + 1)
-    plain = N_r.size == 1
     f = np.empty(10)  # r, r_xi, v, v_xi, a
     for k in range(count):
         h, dh = z[0, S + k + 1] - z[0, S + k], z[1, S + k + 1] - z[1, S + k]
@@ -78,12 +81,11 @@ def add_rows(mesh, rope, count, z, N_r, slope, rows):
                 xi, weight = mesh.xi[e, g], mesh.weights[g]
                 c = z[1, S + k] * (1.0 - xi) + z[1, S + k + 1] * xi
                 dc = z[2, S + k] * (1.0 - xi) + z[2, S + k + 1] * xi
-                at = 0 if plain else e * mesh.weights.size + g
-                N_0, N_s = N_r[0 if plain else k, at], slope[0 if plain else k, at]
+                EA, N_0, N_s, W_0 = law[:, k, e * mesh.weights.size + g]
                 size = np.sqrt(f[2] ** 2 + f[3] ** 2)
                 lam = size / h
-                N = N_0 + rope.EA * (lam - 1.0)
-                W = (N_0 + 0.5 * rope.EA * (lam - 1.0)) * (lam - 1.0)
+                N = N_0 + EA * (lam - 1.0)
+                W = W_0 + (N_0 + 0.5 * EA * (lam - 1.0)) * (lam - 1.0)
                 by_a, momentum, kinetic = np.zeros(2), 0.0, 0.0
                 by_b = np.zeros(2)
                 for x in range(2):
@@ -200,17 +202,17 @@ def add_car_tangent(mesh, count, contacts, cars, gravity, forces, z, c0, c1, c2,
 
 
 @compiled
-def add_tangent(mesh, rope, count, z, N_r, slope, c0, c1, c2, matrix):
+def add_tangent(mesh, rope, law, z, c0, c1, c2, matrix):
     """Add c0 d/dq + c1 d/dv + c2 d/da of `add_rows`, see `Segments.tangent`."""
+    count = law.shape[1]
     elements, n_loc = mesh.dofs.shape
     nn = mesh.ends.shape[1]
     S = 2 * (count * (nn - 1) + 1)
-    plain = N_r.size == 1
     f = np.empty(10)
     w, dw = np.empty(2), np.empty(2)
     zero = 0.0 * (c0 + c1 + c2)
     w_s, dw_s = np.array([zero, zero]), np.array([zero, zero])
-    rho, EA, c_d = rope.rho, rope.EA, rope.damping
+    rho, c_d = rope.rho, rope.damping
     ab, columns, rows = matrix.ab, matrix.columns, matrix.rows
     diagonal = 2 * ((ab.shape[0] - 1) // 3)
     for k in range(count):
@@ -229,8 +231,7 @@ def add_tangent(mesh, rope, count, z, N_r, slope, c0, c1, c2, matrix):
                 xi, weight = mesh.xi[e, g], mesh.weights[g]
                 c = z[1, S + k] * (1.0 - xi) + z[1, S + k + 1] * xi
                 dc = z[2, S + k] * (1.0 - xi) + z[2, S + k + 1] * xi
-                at = 0 if plain else e * mesh.weights.size + g
-                N_0, N_s = N_r[0 if plain else k, at], slope[0 if plain else k, at]
+                EA, N_0, N_s = law[:3, k, e * mesh.weights.size + g]
                 size = np.sqrt(f[2] ** 2 + f[3] ** 2)
                 lam = size / h
                 N = N_0 + EA * (lam - 1.0)
