@@ -20,6 +20,7 @@ SAG = 0.02  # of the first guess, over the chord
 ITERATIONS = 100  # of the search for rest
 TOL = 1e-11  # of EA
 SOFTENED = 4  # steps from a soft rope to the stiff one
+TURNING = 1e-9  # [m/s] slower cars keep the direction of their friction
 NUDGE = 1e-5  # [s] for the velocity of a line that starts in motion
 
 
@@ -103,7 +104,10 @@ class LineSines(System):
         self.gaps = [i for i in range(len(names) - 1) if i in self.cars or i + 1 in self.cars]
         self.stops = [k for k, body in self.free_cars.items() if body.car.drive.resists]
         meetings = [f"{names[i]} meets {names[i + 1]}" for i in self.gaps]
-        self.events = (*meetings, *(f"{names[k]} stops" for k in self.stops))
+        stops = [f"{names[k]} stops" for k in self.stops]
+        self.brakes = [(k, place) for k in self.stops for place, _ in self.cars[k].car.drive.brakes]
+        brakes = [f"{names[k]} brakes" for k, _ in self.brakes]
+        self.events = (*meetings, *stops, *brakes, *(f"{names[k]} lifts off" for k in self.cars))
         self._known: tuple[Array, float, int, Array, Array] | None = None
 
     @property
@@ -160,11 +164,18 @@ class LineSines(System):
         """Keep the direction of friction, and the brakes that act, for one step."""
         Z = self.coordinates(x)
         for k, body in self.cars.items():
-            drive = body.car.drive
-            if drive.resists:
-                brake = float(drive.brake(Z[0, self.layout.s[k]]))
-                sign = self._direction(k, Z) if k in self.free_cars else self._ahead(body.car, x.t, x.phase)
-                self.frictions[k] = Friction(drive.mu_r, brake, sign)
+            if not body.car.drive.resists:
+                continue
+            ds, sign = Z[1, self.layout.s[k]], self.frictions[k].sign
+            if k not in self.free_cars:
+                sign = self._ahead(body.car, x.t, x.phase)
+            elif abs(ds) > TURNING:
+                sign = float(np.sign(ds))
+            self._set_friction(k, float(Z[0, self.layout.s[k]]), sign)
+
+    def _set_friction(self, k: int, s: float, sign: float) -> None:
+        drive = self.cars[k].car.drive
+        self.frictions[k] = Friction(drive.mu_r, float(drive.brake(s)), sign)
         self._known = None
 
     def _ahead(self, car: Car, t: float, phase: int) -> float:
@@ -173,12 +184,6 @@ class LineSines(System):
         end, _, _ = self.line.position(car, self.phases[phase][1], phase)
         return float(np.sign(speed or end - now))
 
-    def _direction(self, k: int, Z: Array) -> float:
-        """Sign of the motion of a free car; at rest that of the force along the rope."""
-        body, touch = self.cars[k], self._touch(k, Z)
-        along = body.car.mass * body.gravity * body.tangent(touch)[1] + touch.F
-        return float(np.sign(touch.ds or along))
-
     def _touch(self, k: int, Z: Array) -> Touch:
         return Touch(self.equations.touches(Rope(self.layout, Z), Z)[k])
 
@@ -186,10 +191,34 @@ class LineSines(System):
         Z = self.coordinates(x)
         s, ds = Z[0, self.layout.s], Z[1, self.layout.s]
         gaps = [float(s[i + 1] - s[i]) - NEAREST for i in self.gaps]
-        speeds = [float(ds[k] * self.frictions[k].sign) or math.inf for k in self.stops]
-        return (*gaps, *speeds)
+        speeds = [float(ds[k] * self.frictions[k].sign) for k in self.stops]
+        loads = [math.inf] * len(self.cars)
+        if min(gaps, default=1.0) > 0.0:
+            touches = self.equations.touches(Rope(self.layout, Z), Z)
+            loads = [float(body.pressing(Touch(touches[k]))) for k, body in self.cars.items()]
+        ahead = [place - float(s[k]) for k, place in self.brakes]
+        return (*gaps, *speeds, *ahead, *loads)
 
     def pass_event(self, name: str, x: State) -> State | None:
+        """A car that friction cannot hold goes on, and so does one that reaches a brake; else the run ends."""
+        for k in self.stops:
+            car = self.cars[k].car.name
+            if name == f"{car} stops":
+                return self._turned(k, x)
+            if name == f"{car} brakes":
+                self.begin_step(x)
+                return self._accelerated(x)
+        return None
+
+    def _turned(self, k: int, x: State) -> State | None:
+        """The state after a standstill, forwards or backwards; None if friction holds the car."""
+        slot = int(np.flatnonzero(self.equations.free == self.layout.s[k])[0])
+        before = self.frictions[k].sign
+        for sign in (before, -before):
+            self._set_friction(k, float(x.q[slot]), sign)
+            after = self._accelerated(x)
+            if after.a[slot] * sign > 0.0:
+                return after
         return None
 
     def observe(self, states: Sequence[State], s: Array) -> LineMotion:
@@ -199,10 +228,12 @@ class LineSines(System):
     # --- start -------------------------------------------------------------------------------------------------------
     def start(self, phase: int, state: State | None) -> State:
         if state is not None:
-            return self._accelerated(state._replace(phase=phase))
+            state = state._replace(phase=phase)
+            self.begin_step(state)
+            return self._accelerated(state)
         rest = self.rest()
         for k in self.free_cars:
-            self.holds[k] = self._hold(k, rest)
+            self._release(k, rest)
         v = np.zeros(self.n_dof)
         moving = self.prescribed(0.0, 0)[1]
         if moving.any():
@@ -213,11 +244,16 @@ class LineSines(System):
         self.begin_step(x)
         return self._accelerated(x)
 
-    def _hold(self, k: int, Z: Array) -> float:
-        """f that holds a free car at rest."""
-        body, touch = self.cars[k].held(), self._touch(k, Z)
-        along = float((body.contact_force(touch) * body.tangent(touch)).sum())
-        return along / float(body.projection(touch))
+    def _release(self, k: int, Z: Array) -> None:
+        """Let a free car at rest go; StepFailure if friction holds it."""
+        body, touch, name = self.cars[k].held(), self._touch(k, Z), self.cars[k].car.name
+        projection = float(body.projection(touch))
+        self.holds[k] = float((body.contact_force(touch) * body.tangent(touch)).sum()) / projection
+        needed = self.holds[k] - self.line.thrust(body.car, 0.0, 0) / projection
+        self._set_friction(k, float(Z[0, self.layout.s[k]]), -float(np.sign(needed)))
+        friction = self.frictions[k]
+        if body.car.drive.resists and abs(needed) <= friction.rolling * float(body.pressing(touch)) + friction.brake:
+            raise StepFailure(0.0, f"friction holds {name} where it begins", "begin on steeper rope")
 
     def _accelerated(self, x: State) -> State:
         """The state with the accelerations that its balance asks for."""
