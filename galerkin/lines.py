@@ -207,7 +207,7 @@ class LineSines(System):
                 return self._turned(k, x)
             if name == f"{car} brakes":
                 self.begin_step(x)
-                return self._accelerated(x)
+                return self.accelerated(x)
         return None
 
     def _turned(self, k: int, x: State) -> State | None:
@@ -216,7 +216,7 @@ class LineSines(System):
         before = self.frictions[k].sign
         for sign in (before, -before):
             self._set_friction(k, float(x.q[slot]), sign)
-            after = self._accelerated(x)
+            after = self.accelerated(x)
             if after.a[slot] * sign > 0.0:
                 return after
         return None
@@ -230,7 +230,7 @@ class LineSines(System):
         if state is not None:
             state = state._replace(phase=phase)
             self.begin_step(state)
-            return self._accelerated(state)
+            return self.accelerated(state)
         rest = self.rest()
         for k in self.free_cars:
             self._release(k, rest)
@@ -242,7 +242,7 @@ class LineSines(System):
         free = self.equations.free
         x = State(0.0, np.where(self.equations.forces, 0.0, rest[0, free]), v, rest[2, free], 0)
         self.begin_step(x)
-        return self._accelerated(x)
+        return self.accelerated(x)
 
     def _release(self, k: int, Z: Array) -> None:
         """Let a free car at rest go; StepFailure if friction holds it."""
@@ -255,7 +255,7 @@ class LineSines(System):
         if body.car.drive.resists and abs(needed) <= friction.rolling * float(body.pressing(touch)) + friction.brake:
             raise StepFailure(0.0, f"friction holds {name} where it begins", "begin on steeper rope")
 
-    def _accelerated(self, x: State) -> State:
+    def accelerated(self, x: State) -> State:
         """The state with the accelerations that its balance asks for."""
         a = x.a.copy()
         bound = 1e-6 * self.force_scale + math.sqrt(self.n_dof) * self.force_floor

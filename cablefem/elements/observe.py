@@ -152,10 +152,10 @@ def _car_data(x: _History, ds: Array) -> Cars:
     phases = system.phases
     phase = np.minimum(np.searchsorted([t1 for _, t1 in phases], x.t), len(phases) - 1)
     each = [system.car_data(t, i) for t, i in zip(x.t.tolist(), phase.tolist(), strict=True)]
-    data = Cars(**{name: np.array([getattr(y, name) for y in each]) for name in Cars._fields})
-    return data._replace(
-        mass=each[0].mass, gravity=system.line.gravity, sign=np.where(ds == 0.0, data.sign, np.sign(ds))
-    )
+    changing: dict[str, Any] = {
+        name: np.array([getattr(y, name) for y in each]) for name in ("thrust", "brake", "hold")
+    }
+    return each[0]._replace(**changing, sign=np.where(ds == 0.0, each[0].sign, np.sign(ds)))
 
 
 def _stations(x: _History, s: Array) -> tuple[Array, Array]:

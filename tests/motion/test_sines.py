@@ -7,13 +7,31 @@ import pytest
 from scipy.integrate import cumulative_simpson
 from scipy.linalg import eig
 
+from cablefem import Scene
 from cablefem.elements.system import LineElements
-from cablefem.newmark import State
-from cablefem.scene.contacts import Elastic
+from cablefem.newmark import State, Work, integrate, scheme, step_times
+from cablefem.scene.contacts import Elastic, MovingLine
 from galerkin.bodies import Friction
 from galerkin.lines import LineSines
-from tests.motion.lines import ALL, LEFT, RIGHT, ROPE, WEIGHED, Smooth, anchor, car, line, run, saddle, spring, weight
+from tests.motion.lines import (
+    ALL,
+    LEFT,
+    RIGHT,
+    ROPE,
+    WEIGHED,
+    Smooth,
+    anchor,
+    car,
+    line,
+    run,
+    saddle,
+    spring,
+    states_of,
+    weight,
+)
+from tests.motion.test_moving import _steady, _string_answer
 from tests.motion.test_rest import EXACT
+from tests.scene.test_ride import ZIP
 
 TWO = line({"mass_per_length": 11.4, "EA": 2.1e8, "length": 812.0}, LEFT, car("up", 5000.0, Smooth(100.0, 8.0)),
            car("down", 4000.0, Smooth(600.0, -6.0), "haul"), anchor("right", 800.0, -120.0), t_end=20.0)  # fmt: skip
@@ -147,3 +165,46 @@ def test_a_mirrored_line_moves_alike():
     np.testing.assert_allclose(x.cars[0].point, reflected, atol=1e-7)
     np.testing.assert_allclose(x.cars[0].tension_behind, y.cars[0].tension_ahead, rtol=1e-9)
     np.testing.assert_allclose(x.contacts[1].ds, -y.contacts[1].ds, atol=1e-8)
+
+
+def test_a_rider_is_braked_where_the_text_on_rides_says():
+    """Shared text on rides, section 6: places and times of a zip line with friction and a brake."""
+    scene = Scene.from_toml(ZIP)
+    groups, l, H = scene.groups, scene.length, scene.horizontal_tension
+
+    def rest_tension(s):
+        T, _, dy, _, _ = groups.static(s / l)
+        return H * T, -H * groups.sigma * dy / l
+
+    rope = Elastic(mass_per_length=scene.rho, EA=scene.cable.EA, length=l, rest_tension=rest_tension)
+    rider = car("rider", 95.0, None, "free", start=2.0, k=0.36, mu_r=0.02, brakes=((280.0, 600.0),))
+    system = LineSines(MovingLine(rope=rope, contacts=(LEFT, rider, anchor("right", 300.0, 15.0)), t_end=36.0), 6)
+    work = Work()
+    states = list(integrate(system, scheme("radau"), step_times(system, 240, entry=1e-3), work=work))
+    times = {event.name: event.t for event in work.events}  # the last of each
+    assert times["rider brakes"] == pytest.approx(34.800, abs=2e-3)
+    assert times["rider stops"] == pytest.approx(35.43, abs=0.01)
+    assert system.coordinates(states[-1])[0, system.layout.s[1]] == pytest.approx(281.375, abs=5e-3)
+
+
+@pytest.mark.parametrize(("gravity", "allowed"), [(0.98, 1.5e-2), (0.098, 1.5e-3)])
+def test_two_gripping_cars_on_a_taut_string_meet_each_others_waves(gravity, allowed):
+    l, T, rho, EA = 100.0, 1e4, 1.0, 1e6
+    lam = 1.0 + T / EA
+    masses, begin, speed = np.array([12.0, 7.0]), np.array([20.0, 75.0]), np.array([25.0, -15.0])
+    rope = {"mass_per_length": rho, "EA": EA, "length": l / lam}
+
+    def paths(sizes):
+        cars = [car(*z) for z in zip("ab", sizes, map(_steady, begin / lam, speed / lam), strict=True)]
+        system, flat = (
+            LineSines(line(rope, LEFT, *cars, anchor("right", l, 0.0), t_end=1.3, gravity=g), 20)
+            for g in (gravity, 1e-9)
+        )
+        rest = flat.start(0, None)
+        x = system.observe(states_of(system, 260, system.accelerated(rest)), np.array([1.0]))
+        return x.t, np.array([c.point[:, 1] for c in x.cars])
+
+    t, loaded = paths(masses)
+    exact = _string_answer(t, l, np.sqrt(T * lam / rho), T, masses, begin, speed, gravity)
+    w = loaded - paths(1e-9 * masses)[1]  # less the rope's own fall
+    assert (np.abs(w - exact).max(axis=1) < allowed * np.abs(exact).max(axis=1)).all()
