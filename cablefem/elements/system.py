@@ -41,8 +41,9 @@ class Slots(NamedTuple):
 class LineElements(System):
     """A rope over contacts with cars; `elements` of `degree` on each segment.
 
-    Events end the run: "A meets B" at NEAREST of a car, "CAR lifts off" where the rope would have to hold it down,
-    "CAR stops" where friction stops a free one.  compiled : loops of `segment_kernels` in the place of numpy.
+    compiled : loops of `segment_kernels` in the place of numpy.  Events end the run: "A meets B" at NEAREST of a car,
+    "CAR lifts off" where the rope would have to hold it down, "CAR stops" where friction stops a free one,
+    "rope falls slack" and "rope lifts off SADDLE".
     """
 
     def __init__(self, line: MovingLine, *, elements: int = 6, degree: int = 4, compiled: bool = True) -> None:
@@ -83,6 +84,8 @@ class LineElements(System):
             *(f"{names[k]} meets {names[k + 1]}" for k in self._gaps),
             *(f"{line.cars[i].name} stops" for i in self._stops),
             *(f"{car.name} lifts off" for car in line.cars),
+            "rope falls slack",
+            *(f"rope lifts off {c.name}" for c in line.supports[1:-1]),
         )
 
     @cached_property
@@ -149,15 +152,17 @@ class LineElements(System):
         if self.cars and cars is None:
             cars = self.car_data(t, phase)
         add = self._kernel.add_rows if self.compiled else self._add_rows
-        add(x, law or self.segments.law(np.stack([x.q[self.s[:-1]], x.q[self.s[1:]]], axis=1)), cars, rows)
+        law = law or self.segments.law(np.stack([x.q[self.s[:-1]], x.q[self.s[1:]]], axis=1))
+        self.lowest_tension = add(x, law, cars, rows)
         self._add_supports(rows, x)
         rows[self.force] = rows[self.kept]
         return rows
 
-    def _add_rows(self, x: Slots, law: Law, cars: Cars | None, rows: Array) -> None:
-        """Add the rows of the segments and the cars."""
+    def _add_rows(self, x: Slots, law: Law, cars: Cars | None, rows: Array) -> float:
+        """Add the rows of the segments and the cars; return the smallest tension."""
         m = self.motion(x)
-        nodes, ends = self.segments.residual(self.segments.fields(self.segments.at_points(m), law))
+        fields = self.segments.fields(self.segments.at_points(m), law)
+        nodes, ends = self.segments.residual(fields)
         points = rows[: 2 * self.n].reshape(-1, 2)
         points[:-1] += nodes[:, :-1].reshape(-1, 2)
         points[self.node[1:]] += nodes[:, -1]
@@ -167,6 +172,7 @@ class LineElements(System):
             at = forces(cars, self.car_inputs(x, m))
             points[self.node[self.cars]] += at.contact
             rows[self.s[self.cars]] -= at.drive
+        return float(fields.N.min())
 
     def _add_supports(self, rows: Array, x: Slots) -> None:
         for k, contact in self._outer:
@@ -231,6 +237,11 @@ class LineElements(System):
             v = (rest(self, t, phase, SHIFT, q) - rest(self, t, phase, -SHIFT, q)) / (2.0 * SHIFT)
         if self.cars:
             self._release(t, phase, at_rest(self, q), held_cars(self, t, phase))
+        slack, *pressures = self._hangs(self.rows(t, at_rest(self, q), phase))
+        if min(slack, *pressures, 0.0) < 0.0:
+            cause = f"at rest the smallest tension is {slack:.6g} N and the smallest pressure on a saddle"
+            cause = f"{cause} {min(pressures, default=0.0):.6g} N"
+            raise StepFailure(t, cause, "tighten the rope or lower its saddles")
         for x in (q, v):
             x[self.force] = 0.0
         return consistent_acceleration(self, t, q[self.free], v[self.free], phase)
@@ -266,15 +277,18 @@ class LineElements(System):
             self.brakes[i] = self.line.cars[i].drive.brake(slots.q[slot])
 
     def watch(self, x: State) -> tuple[float, ...]:
-        if not self.cars:
-            return ()
         slots = self.slots(*x)
         gaps = np.diff(slots.q[self.s])[self._gaps] - NEAREST
         ahead = [float(slots.v[self.s[self.cars[i]]] * self.signs[i]) for i in self._stops]
-        loads = np.full(len(self.cars), np.inf)
-        if gaps.min() > 0.0:
-            loads = self._kernel.loads(slots, self.car_data(x.t, x.phase))
-        return (*gaps.tolist(), *ahead, *loads.tolist())
+        if gaps.min(initial=np.inf) <= 0.0:  # the rest has no meaning there
+            return (*gaps.tolist(), *[np.inf] * (len(self.events) - len(self._gaps)))
+        loads = self._kernel.loads(slots, self.car_data(x.t, x.phase)).tolist() if self.cars else []
+        return (*gaps.tolist(), *ahead, *loads, *self._hangs(self.rows(x.t, slots, x.phase)))
+
+    def _hangs(self, rows: Array) -> list[float]:
+        """Smallest tension, and pressures of the rope on the saddles [N], where `rows` are the last ones computed."""
+        saddles = [k for k in range(1, len(self.node) - 1) if k not in self.cars]
+        return [self.lowest_tension, *(-rows[2 * self.node[saddles] + 1]).tolist()]
 
     def pass_event(self, name: str, x: State) -> None:
         return None

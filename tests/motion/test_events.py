@@ -71,3 +71,10 @@ def test_the_papers_law_hangs_as_its_catenary():
     x = system.observe([system.start(0, None)], np.array([100.0, 500.0]))
     np.testing.assert_allclose(x.cars[0].point[0], [catenary.x(300.0), catenary.y(300.0)], atol=1e-6)
     np.testing.assert_allclose(x.tension[0], catenary.tension(x.s), rtol=1e-8)
+
+
+def test_a_saddle_that_would_have_to_hold_the_rope_down_is_refused():
+    rope = {"mass_per_length": 9.0, "EA": 1.4e8, "length": 824.0}
+    contacts = LEFT, saddle("tower", 400.0, 30.0), anchor("right", 820.0, -20.0)
+    with pytest.raises(StepFailure, match="the smallest pressure on a saddle -"):
+        LineElements(line(rope, *contacts)).start(0, None)

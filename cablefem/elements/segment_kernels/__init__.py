@@ -33,12 +33,13 @@ class Kernel:
         data = np.ascontiguousarray(np.array(cars[:8]).T)
         return self.mesh, self.count, self.contacts, data, self.gravity, self.force
 
-    def add_rows(self, x: Sequence[Array], law: Law, cars: Cars | None, rows: Array) -> None:
-        """Add rows to (size,); x : q, v, a of all slots."""
+    def add_rows(self, x: Sequence[Array], law: Law, cars: Cars | None, rows: Array) -> float:
+        """Add rows to (size,) and return the smallest tension; x : q, v, a of all slots."""
         z = np.array(x)
-        balance.add_rows(self.mesh, self.rope, np.array(law), z, rows)
+        lowest = balance.add_rows(self.mesh, self.rope, np.array(law), z, rows)
         if cars is not None:
             balance.add_cars(*self._cars(cars), z, rows)
+        return lowest
 
     def loads(self, x: Sequence[Array], cars: Cars) -> Array:
         """Loads (cars,) [N] of the cars on the rope."""

@@ -56,7 +56,7 @@ def add(m, i, j, value):
 
 @compiled
 def add_rows(mesh, rope, law, z, rows):
-    """Add the rows of all segments to rows (size,).
+    """Add the rows of all segments to rows (size,); return the smallest tension.
 
     z : (3, size) q, v, a of all slots; law : (4, K, G) EA, N_r, dN_r/ds, W_r.
     """
@@ -64,7 +64,7 @@ def add_rows(mesh, rope, law, z, rows):
     elements, n_loc = mesh.dofs.shape
     nn = mesh.ends.shape[1]
     S = 2 * (count * (nn - 1) + 1)
-    f = np.empty(10)  # r, r_xi, v, v_xi, a
+    f, lowest = np.empty(10), np.inf  # r, r_xi, v, v_xi, a
     for k in range(count):
         h, dh = z[0, S + k + 1] - z[0, S + k], z[1, S + k + 1] - z[1, S + k]
         for e in range(elements):
@@ -85,6 +85,7 @@ def add_rows(mesh, rope, law, z, rows):
                 size = np.sqrt(f[2] ** 2 + f[3] ** 2)
                 lam = size / h
                 N = N_0 + EA * (lam - 1.0)
+                lowest = min(lowest, N)
                 W = W_0 + (N_0 + 0.5 * EA * (lam - 1.0)) * (lam - 1.0)
                 by_a, momentum, kinetic = np.zeros(2), 0.0, 0.0
                 by_b = np.zeros(2)
@@ -104,6 +105,7 @@ def add_rows(mesh, rope, law, z, rows):
                 inertia = h * N_s * (lam - 1.0) - rope.rho * momentum
                 rows[S + k] += weight * (-material + (1.0 - xi) * inertia)
                 rows[S + k + 1] += weight * (material + xi * inertia)
+    return lowest
 
 
 @inner
