@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import copy
 import math
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,11 @@ from cablefem.scene.contacts import Array, Car, Contact, MovingLine
 
 TINY = 1e-30  # complex step
 DOWN = np.array([0.0, 1.0])
+
+
+def length(v: Array) -> Array:
+    """|v|, also of complex vectors."""
+    return np.sqrt(v[..., 0] ** 2 + v[..., 1] ** 2)
 
 
 class Touch:
@@ -30,6 +36,16 @@ class Touch:
         self.p, self.dp, self.ddp = x[..., 8:10], x[..., 10:12], x[..., 12:14]
         self.ds, self.dds, self.F = x[..., 14], x[..., 15], x[..., 16]
 
+    @cached_property
+    def tau(self) -> Array:
+        mean = self.slope_behind + self.slope_ahead
+        return mean / length(mean)[..., None]
+
+    @cached_property
+    def projection(self) -> Array:
+        """|<r'>|/<|r'|>."""
+        return length(self.slope_behind + self.slope_ahead) / (length(self.slope_behind) + length(self.slope_ahead))
+
 
 class Friction(NamedTuple):
     """f = hold - sign (rolling |N_c| + brake)."""
@@ -38,11 +54,6 @@ class Friction(NamedTuple):
     brake: float = 0.0
     sign: float = 0.0
     hold: float = 0.0
-
-
-def length(v: Array) -> Array:
-    """|v|, also of complex vectors."""
-    return np.sqrt((v**2).sum(axis=-1))
 
 
 class Body:
@@ -118,10 +129,6 @@ class PointCar(Body):
             other.unknown = "xy"
         return other
 
-    def tangent(self, x: Touch) -> Array:
-        mean = x.slope_behind + x.slope_ahead
-        return mean / length(mean)[..., None]
-
     def drag(self, x: Touch) -> Array:
         air = x.dp - np.array([self.car.drive.wind, 0.0])
         return -self.k * length(air)[..., None] * air
@@ -129,16 +136,12 @@ class PointCar(Body):
     def contact_force(self, x: Touch) -> Array:
         """C."""
         own = self.car.mass * (x.ddp - self.gravity * DOWN)
-        return own - self.drag(x) - x.F[..., None] * self.tangent(x)
+        return own - self.drag(x) - x.F[..., None] * x.tau
 
     def pressing(self, x: Touch) -> Array:
         """Force on the rope normal to tau, positive down."""
-        C, tau = self.contact_force(x), self.tangent(x)
+        C, tau = self.contact_force(x), x.tau
         return C[..., 0] * tau[..., 1] - C[..., 1] * tau[..., 0]
-
-    def projection(self, x: Touch) -> Array:
-        """|<r'>|/<|r'|>."""
-        return length(x.slope_behind + x.slope_ahead) / (length(x.slope_behind) + length(x.slope_ahead))
 
     def friction(self, x: Touch, of: Friction) -> Array:
         """f."""
@@ -153,7 +156,7 @@ class PointCar(Body):
         balance = x.behind - x.ahead + kink + C
         if self.unknown == "xy":
             return balance
-        rolling = (C * self.tangent(x)).sum(axis=-1) - self.friction(x, of) * self.projection(x)
+        rolling = (C * x.tau).sum(axis=-1) - self.friction(x, of) * x.projection
         return np.concatenate([balance, rolling[..., None]], axis=-1)
 
     def energies(self, x: Touch) -> Array:

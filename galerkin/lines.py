@@ -247,8 +247,8 @@ class LineSines(System):
     def _release(self, k: int, Z: Array) -> None:
         """Let a free car at rest go; StepFailure if friction holds it."""
         body, touch, name = self.cars[k].held(), self._touch(k, Z), self.cars[k].car.name
-        projection = float(body.projection(touch))
-        self.holds[k] = float((body.contact_force(touch) * body.tangent(touch)).sum()) / projection
+        projection = float(touch.projection)
+        self.holds[k] = float((body.contact_force(touch) * touch.tau).sum()) / projection
         needed = self.holds[k] - self.line.thrust(body.car, 0.0, 0) / projection
         self._set_friction(k, float(Z[0, self.layout.s[k]]), -float(np.sign(needed)))
         friction = self.frictions[k]

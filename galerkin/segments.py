@@ -1,4 +1,4 @@
-"""A rope between its contacts: on each segment sines, two polynomials, and the points of its ends.
+"""A rope between its contacts: on each segment sines, two polynomials and the points of its ends.
 
     r = sum_j B_j(xi) u_j,  xi = (s - s_L)/h,  h = s_R - s_L,  u = q_1, q_2, ..., p_L, p_R
     B = sin(j pi xi), xi (1 - xi), xi (1 - xi)(1 - 2 xi), 1 - xi, xi
