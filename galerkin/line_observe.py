@@ -1,4 +1,4 @@
-"""The motion of a line by spans: tensions from the balance of pieces, energies and powers."""
+"""The motion of a line by sines: tensions from the balance of pieces, energies and powers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A line in motion by spans: unknowns, rows, rest and start; see spans.py and bodies.py."""
+"""A line in motion by sines: unknowns, rows, start at rest and events; see README.md, "A line in motion"."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ITERATIONS = 100  # of the search for rest
 TOL = 1e-11  # of EA
 SOFTENED = 4  # steps from a soft rope to the stiff one
 TURNING = 1e-9  # [m/s] slower cars keep the direction of their friction
-NUDGE = 1e-5  # [s] for the velocity of a line that starts in motion
+NUDGE = 1e-4  # [s] for the velocity of a line that starts in motion
 
 
 class Equations:
@@ -272,7 +272,7 @@ class LineSines(System):
 
         shift : [s] by which the prescribed positions are ahead of the start, at their first speed.
         """
-        line, layout = self.line, self.layout
+        layout = self.layout
         Z = self.prescribed(0.0, 0)
         Z[0] += shift * Z[1]
         Z[1] = 0.0
@@ -281,10 +281,19 @@ class LineSines(System):
         Z[2, layout.s] = Z[2, layout.x] = 0.0
         if start is not None:
             return self._solve_rest(Z, start)
-        about, rest = self._tension, self._guess(Z)
-        soft = min(1.0, 5.0 * about / line.rope.EA)
+        for times in (1.0, 4.0, 0.25):
+            try:
+                return self._stiffened(Z, times * self._tension)
+            except StepFailure:
+                continue
+        raise StepFailure(0.0, "no rest of the line was found", "start the cars elsewhere")
+
+    def _stiffened(self, Z: Array, about: float) -> Array:
+        """Rest of a rope that resists changes of its tension little at first."""
+        rest = self._guess(Z)
+        soft = min(1.0, 5.0 * about / self.line.rope.EA)
         for fraction in np.geomspace(soft, 1.0, SOFTENED + 1).tolist():
-            layout.softness = Softness(about, fraction)
+            self.layout.softness = Softness(about, fraction)
             rest = self._solve_rest(Z, rest)
         return rest
 

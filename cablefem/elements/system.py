@@ -66,11 +66,12 @@ class LineElements(System):
         self.prescribed: list[tuple[Car, int]] = []
         for k, contact in enumerate(contacts):
             self._prescribe(k, contact)
-        self._outer = [(k, line.supports[k]) for k in (0, -1)]
+        self._outer = [(k, line.supports[k]) for k in (0, -1) if line.supports[k].kind != "anchor"]
         self._masses = np.array([c.mass for c in line.cars])
         self._air = np.array([(c.drive.k, c.drive.wind, c.drive.mu_r) for c in line.cars]).reshape(-1, 3).T
         self.band = 2 * degree + 1
-        self.n_dof = int(self.free.sum())
+        self._unknown = np.flatnonzero(self.free)
+        self.n_dof = self._unknown.size
         self.signs = np.array([self._sign(c, 0) if c.travel else 1.0 for c in line.cars])
         self.brakes = np.zeros(len(self.cars))  # [N] that act on free cars
         self.hold = np.zeros(len(self.cars))  # [N] f that holds free cars at the start
@@ -126,7 +127,8 @@ class LineElements(System):
 
     def known(self, t: float, phase: int) -> Slots:
         """Slots with what is prescribed at t; zero elsewhere."""
-        out = Slots(self.constant.copy(), np.zeros(self.size), np.zeros(self.size))
+        out = Slots(*np.zeros((3, self.size)))
+        out.q[:] = self.constant
         for car, slot in self.prescribed:
             out.q[slot], out.v[slot], out.a[slot] = self.line.position(car, t, phase)
         return out
@@ -134,7 +136,7 @@ class LineElements(System):
     def slots(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Slots:
         out = self.known(t, phase)
         for x, unknown in zip(out, (q, v, a), strict=True):
-            x[self.free] = unknown
+            x[self._unknown] = unknown
         return out
 
     def motion(self, x: Slots) -> Motion:
@@ -144,7 +146,7 @@ class LineElements(System):
 
     # --- balance ---------------------------------------------------------------------------------------------
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
-        return self.rows(t, self.slots(t, q, v, a, phase), phase)[self.free]
+        return self.rows(t, self.slots(t, q, v, a, phase), phase)[self._unknown]
 
     def rows(self, t: float, x: Slots, phase: int, law: Law | None = None, cars: Cars | None = None) -> Array:
         """Rows of all slots (size,): what is missing from balance; of prescribed ones the force that they need."""
@@ -303,7 +305,7 @@ class LineElements(System):
     ) -> tuple[Array, Solve]:
         x = self.slots(t, q, v, a, phase)
         solve = self.solver(t, x, phase, (c0, c1, c2), self.free)
-        return self.rows(t, x, phase)[self.free], solve
+        return self.rows(t, x, phase)[self._unknown], solve
 
     def solver(
         self, t: float, x: Slots, phase: int, c: tuple[complex, complex, complex], free: NDArray[np.bool_],
@@ -325,12 +327,12 @@ class LineElements(System):
         for slot in np.flatnonzero(np.logical_not(free)).tolist():
             matrix.set_diagonal(slot, 1.0)
             matrix.clear_column(slot)
-        solve_all = matrix.factored()
+        solve_all, unknown = matrix.factored(), np.flatnonzero(free)
 
         def solve(b: Array) -> Array:
             full = np.zeros(free.size, b.dtype)
-            full[free] = b
-            return solve_all(full)[free]
+            full[unknown] = b
+            return solve_all(full)[unknown]
 
         return solve
 
