@@ -79,7 +79,9 @@ class Car(Part):
 
     name: Word = said("[-] its name in the results")
     mass: Positive = said("[kg]")
-    hauled: Switch = said("[-] at rest: true: it rolls, and a haul rope holds it; false: it grips the rope", False)
+    hauled: Switch | None = said(
+        "[-] at rest: true: it rolls, and a haul rope holds it; false: it grips the rope", None
+    )
     at: Positions | None = said(
         "[m] x at rest, one for each position", None, json_schema_extra={"type": ["number", "array", "object"]}
     )
@@ -95,11 +97,13 @@ class Car(Part):
         at_rest = given.get("at") is not None
         present = [name for name in ("travel", "drive") if given.get(name) is not None]
         if at_rest:
-            return [f"{' and '.join(present)}: too much beside at, of a car at rest"] if present else []
+            if present:
+                return [f"{' and '.join(present)}: too much beside at, of a car at rest"]
+            return ["hauled: missing; must be true or false for a car at rest"] if given.get("hauled") is None else []
         if not present:
             return ["at: missing; must be given for a car at rest, travel or drive for one in motion"]
-        if given.get("hauled"):
-            return ["hauled = True: of a car at rest; in motion drive.mode says it"]
+        if given.get("hauled") is not None:
+            return ["hauled: of a car at rest; in motion drive.mode says it"]
         if (self.mode == "free") is ("travel" in present):
             return ["travel: must be given for a car that grips or is hauled, and for no other"]
         return []

@@ -57,6 +57,7 @@ def test_a_file_of_a_line_in_motion():
         ('travel = {kind = "trapezoid", top_speed = 7.0', 'at = 5.0\ntravel = {kind = "trapezoid", top_speed = 7.0',
          r"car\[0\].travel and drive: too much beside at"),
         (', from = 1100.0', "", "car.down.travel.from: missing"),
+        ("mass = 4500.0", "mass = 4500.0\nhauled = true", r"car\[0\].hauled: of a car at rest"),
         ('mode = "haul", drag_area = 12.0', 'mode = "free"', r"car\[0\].travel: must be given for a car that grips"),
     ],
 )  # fmt: skip
