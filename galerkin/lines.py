@@ -11,7 +11,7 @@ import numpy as np
 from cablefem.motion import LineMotion
 from cablefem.newmark import Solve, State, StepFailure, System
 from cablefem.scene.contacts import NEAREST, Array, Car, MovingLine
-from galerkin.bodies import Body, Friction, PointCar, Touch, body_of
+from galerkin.bodies import Body, Friction, PointCar, Saddle, Touch, body_of
 from galerkin.equations import factorised
 from galerkin.line_observe import observe
 from galerkin.segments import Layout, Rope, Softness
@@ -107,7 +107,10 @@ class LineSines(System):
         stops = [f"{names[k]} stops" for k in self.stops]
         self.brakes = [(k, place) for k in self.stops for place, _ in self.cars[k].car.drive.brakes]
         brakes = [f"{names[k]} brakes" for k, _ in self.brakes]
-        self.events = (*meetings, *stops, *brakes, *(f"{names[k]} lifts off" for k in self.cars))
+        lifted = [f"{names[k]} lifts off" for k in self.cars]
+        self.saddles = [k for k, body in enumerate(bodies) if isinstance(body, Saddle)]
+        loose = ["rope falls slack", *(f"rope lifts off {names[k]}" for k in self.saddles)]
+        self.events = (*meetings, *stops, *brakes, *lifted, *loose)
         self._known: tuple[Array, float, int, Array, Array] | None = None
 
     @property
@@ -192,12 +195,19 @@ class LineSines(System):
         s, ds = Z[0, self.layout.s], Z[1, self.layout.s]
         gaps = [float(s[i + 1] - s[i]) - NEAREST for i in self.gaps]
         speeds = [float(ds[k] * self.frictions[k].sign) for k in self.stops]
-        loads = [math.inf] * len(self.cars)
-        if min(gaps, default=1.0) > 0.0:
-            touches = self.equations.touches(Rope(self.layout, Z), Z)
-            loads = [float(body.pressing(Touch(touches[k]))) for k, body in self.cars.items()]
         ahead = [place - float(s[k]) for k, place in self.brakes]
+        loads = [math.inf] * (len(self.cars) + 1 + len(self.saddles))
+        if min(gaps, default=1.0) > 0.0:
+            rope = Rope(self.layout, Z)
+            touches = self.equations.touches(rope, Z)
+            loads = [float(body.pressing(Touch(touches[k]))) for k, body in self.cars.items()]
+            loads += self._tautness(rope, touches)
         return (*gaps, *speeds, *ahead, *loads)
+
+    def _tautness(self, rope: Rope, touches: Array) -> list[float]:
+        """The smallest tension, and the force of the rope down on each saddle [N]."""
+        down = touches[:, 3] - touches[:, 1]
+        return [float(rope.law.N.min()), *(float(down[k]) for k in self.saddles)]
 
     def pass_event(self, name: str, x: State) -> State | None:
         """A car that friction cannot hold goes on, and so does one that reaches a brake; else the run ends."""
@@ -232,6 +242,14 @@ class LineSines(System):
             self.begin_step(state)
             return self.accelerated(state)
         rest = self.rest()
+        rope = Rope(self.layout, rest)
+        slack, *pressures = self._tautness(rope, self.held.touches(rope, rest))
+        if min(slack, *pressures, 0.0) < 0.0:
+            lowest = min(pressures, default=0.0)
+            cause = (
+                f"at rest the smallest tension is {slack:.6g} N and the smallest pressure on a saddle {lowest:.6g} N"
+            )
+            raise StepFailure(0.0, cause, "tighten the rope")
         for k in self.free_cars:
             self._release(k, rest)
         v = np.zeros(self.n_dof)

@@ -9,7 +9,7 @@ from scipy.linalg import eig
 
 from cablefem import Scene
 from cablefem.elements.system import LineElements
-from cablefem.newmark import State, Work, integrate, scheme, step_times
+from cablefem.newmark import State, StepFailure, Work, integrate, scheme, step_times
 from cablefem.scene.contacts import Elastic, MovingLine
 from galerkin.bodies import Friction
 from galerkin.lines import LineSines
@@ -207,3 +207,10 @@ def test_two_gripping_cars_on_a_taut_string_meet_each_others_waves(gravity, allo
         along, depth = at.point.T
         w = depth - 0.5 * rho / lam * gravity * along * (l - along) / T
         assert np.abs(w - want).max() < allowed * np.abs(want).max()
+
+
+def test_a_saddle_that_would_have_to_hold_the_rope_down_is_refused():
+    rope = {"mass_per_length": 9.0, "EA": 1.4e8, "length": 824.0}
+    contacts = LEFT, saddle("tower", 400.0, 30.0), anchor("right", 820.0, -20.0)
+    with pytest.raises(StepFailure, match="the smallest pressure on a saddle -"):
+        LineSines(line(rope, *contacts), 4).start(0, None)
