@@ -14,21 +14,40 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from cablefem.response import Response
     from cablefem.scene import Scene, SceneError
     from cablefem.scene.line import Line
+    from validation import assert_agree, check, quasi_static, sweep
+    from validation import run_with_bars as run
 
-__all__ = ["Line", "Scene", "SceneError", "__version__", "assert_agree", "check", "quasi_static", "run", "sweep"]
+__all__ = [
+    "Line",
+    "Response",
+    "Scene",
+    "SceneError",
+    "__version__",
+    "assert_agree",
+    "check",
+    "quasi_static",
+    "run",
+    "sweep",
+]
 __version__ = "0.3.0"
+_HOME = {
+    "Line": "cablefem.scene.line", "Response": "cablefem.response", "Scene": "cablefem.scene",
+    "SceneError": "cablefem.scene",
+}  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:
     """Load a public name on first use."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    home = {"Line": "cablefem.scene.line", "Scene": "cablefem.scene", "SceneError": "cablefem.scene"}.get(
-        name, "validation"
-    )
-    return getattr(importlib.import_module(home), "run_with_bars" if name == "run" else name)
+    if name in _HOME:
+        return getattr(importlib.import_module(_HOME[name]), name)
+    found = getattr(importlib.import_module("validation"), "run_with_bars" if name == "run" else name)
+    found.__name__ = found.__qualname__ = name  # for help()
+    return found
 
 
 def __dir__() -> list[str]:

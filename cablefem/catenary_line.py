@@ -16,9 +16,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from cablefem.scene.line import Case, LineState, NoLine, NotFound, Station
-from cablefem.scene.taut import guess
+from cablefem.scene.taut import start
 
-STEPS = 100  # of Newton's method
+# of Newton's method; smallest damping factor
+STEPS = 100
+SHORTEST = 1e-3
 LAST = 1e-8  # step over the size of the unknowns; the error left is about its square
 
 
@@ -42,10 +44,17 @@ def across(n: np.ndarray, S: np.ndarray, case: Case) -> np.ndarray:
 
 class _Problem:
     def __init__(self, case: Case) -> None:
-        self.case, self.count = case, len(case.stations) - 1
-        self.s, self.place = case.fixed_s, case.fixed_places
+        self.case = case
+        self.count = len(case.stations) - 1
+        self.s = case.fixed_s
+        self.place = case.fixed_places
         self.free_s, self.free_place = np.isnan(self.s), np.isnan(self.place)
-        H, place, s = guess(case)
+        first = start(case)
+        if isinstance(first, NoLine):
+            raise first
+        H = first.H
+        place = first.points
+        s = first.s
         self.H = float(H.mean())
         self.reach = float(np.ptp(place[:, 0]))
         chord = np.diff(place, axis=0)
@@ -56,12 +65,15 @@ class _Problem:
 
     def parts(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Pulls behind and ahead (n, 2, m), s (n, m) and places (n, 2, m) for X (k, m)."""
-        m, k = X.shape[1], 2 * self.count
+        m = X.shape[1]
+        k = 2 * self.count
         s = np.repeat(self.s[:, None], m, axis=1).astype(X.dtype)
         place = np.repeat(self.place[:, :, None], m, axis=2).astype(X.dtype)
         here = k + int(self.free_s.sum())
-        s[self.free_s], place[self.free_place] = X[k:here], X[here:]
-        none, n = np.zeros((1, 2, m)), X[:k].reshape(self.count, 2, m)
+        s[self.free_s] = X[k:here]
+        place[self.free_place] = X[here:]
+        none = np.zeros((1, 2, m))
+        n = X[:k].reshape(self.count, 2, m)
         end = np.stack([n[:, 0], n[:, 1] - self.case.weight * np.diff(s, axis=0)], axis=1)
         return np.concatenate([none, end]), np.concatenate([n, none]), s, place
 
@@ -113,7 +125,10 @@ def _tau(behind: np.ndarray, ahead: np.ndarray) -> np.ndarray:
 
 def _newton(problem: _Problem, more: int) -> np.ndarray:
     """Unknowns by damped Newton steps and `more`; NotFound without convergence."""
-    X, left, tiny = problem.X, more + 1, 1e-30  # complex-step differentiation
+    # complex-step differentiation
+    X = problem.X
+    left = more + 1
+    tiny = 1e-30
     for _ in range(STEPS):
         r = problem.residual(X[:, None])[:, 0]
         shifted = X[:, None] + 1j * tiny * np.diag(problem.size)
@@ -125,11 +140,13 @@ def _newton(problem: _Problem, more: int) -> np.ndarray:
         if not np.isfinite(large):
             break
         part = 1.0
-        while part > 1e-9 and not (
+        while not (
             problem.sound(X + part * step)
             and (large < 1e-4 or np.linalg.norm(problem.residual((X + part * step)[:, None])) < np.linalg.norm(r))
         ):
             part *= 0.5
+            if part < SHORTEST:  # the residual falls no further
+                raise NotFound("no state of rest was found")
         X = X + part * step
         left -= large < LAST
         if left == 0:
@@ -153,7 +170,9 @@ def solve(cases: Sequence[Case], more: int = 0) -> list[LineState | NoLine]:
 def at(state: LineState, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Depth [m] and tension [N] at places x (m,) [m]."""
     piece = np.clip(np.searchsorted(state.place[:, 0], x, side="right") - 1, 0, len(state.s) - 2)
-    start, run, whole = state.place[piece], np.diff(state.place[:, 0])[piece], np.diff(state.s)[piece]
+    start = state.place[piece]
+    run = np.diff(state.place[:, 0])[piece]
+    whole = np.diff(state.s)[piece]
     n = state.ahead[piece][:, :, None]
     S = (whole * (x - start[:, 0]) / run)[:, None]
     for _ in range(STEPS):  # three steps do
@@ -166,17 +185,35 @@ def at(state: LineState, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return start[:, 1] + way[:, 1], N
 
 
-def least_tension(state: LineState) -> float:
-    """Least tension [N]: where the rope is level, or at a station."""
+def min_tension(state: LineState) -> float:
+    """Smallest tension [N]: where the rope is level, or at a station."""
     n = state.ahead[:-1]
     level = np.clip(n[:, 1] / state.case.weight, 0.0, np.diff(state.s))
     return float(np.hypot(n[:, 0], n[:, 1] - state.case.weight * level).min())
 
 
-def deepest(state: LineState, first: int, last: int) -> float:
+def parallel(state: LineState, slope: float) -> np.ndarray:
+    """Points (n - 1, 2) [m] of the pieces where the rope has a slope dy/dx, or their ends nearest to it."""
+    n = state.ahead[:-1]  # (n - 1, 2)
+    S = np.clip((n[:, 1] - n[:, 0] * slope) / state.case.weight, 0.0, np.diff(state.s))
+    return state.place[:-1] + across(n[:, :, None], S[:, None], state.case)[..., 0]
+
+
+def sag(state: LineState, first: int, last: int) -> float:
     """Largest vertical distance [m] of the rope below the chord of two stations."""
-    chord = state.place[last] - state.place[first]
-    n, S = state.ahead[first:last, :, None], np.diff(state.s[first : last + 1])[:, None]
-    parallel = np.clip((n[:, 1] - n[:, 0] * chord[1] / chord[0]) / state.case.weight, 0.0, S)
-    lowest = state.place[first:last] + across(n, parallel, state.case)[..., 0] - state.place[first]
-    return float(np.max(lowest[:, 1] - lowest[:, 0] * chord[1] / chord[0]))
+    dx, dy = state.place[last] - state.place[first]
+    below = parallel(state, dy / dx)[first:last] - state.place[first]  # (last - first, 2)
+    return float(np.max(below[:, 1] - below[:, 0] * dy / dx))
+
+
+def clearance(state: LineState, ground: np.ndarray) -> float:
+    """Smallest height [m] of the rope over the ground (m, 2) [m] of points x, depth, linear between them.
+
+    The rope sags between stations: it is nearest where it is parallel to the ground, at a corner or at an end.
+    """
+    x, depth = ground.T
+    corners = np.concatenate([x, state.place[[0, -1], 0]])
+    nearest = [parallel(state, slope)[:, 0] for slope in np.diff(depth) / np.diff(x)]
+    here = np.concatenate([corners, *nearest])
+    here = here[(here >= max(x[0], state.place[0, 0])) & (here <= min(x[-1], state.place[-1, 0]))]
+    return float(np.min(np.interp(here, x, depth) - at(state, here)[0], initial=np.inf))

@@ -58,9 +58,11 @@ class RollingCar(System):
     hold: float  # force at the start
 
     def board(self, groups: Groups) -> None:
-        self.drive, self.sigma = groups.drive, groups.sigma
+        self.drive = groups.drive
+        self.sigma = groups.sigma
         self.free = self.drive.mode == "free"
-        self.adaptive, self.events = self.free, EVENTS if self.free else ("lift_off",)
+        self.adaptive = self.free
+        self.events = EVENTS if self.free else ("lift_off",)
         self.round_trip = 2.0 / math.sqrt(groups.alpha)  # of axial waves
         self.hold = 0.0
         self.set_off()
@@ -117,31 +119,38 @@ class RollingCar(System):
 
     def _slip(self, x: State) -> State:
         needed, _ = self.holding(x)
-        mode, v = self.mode, x.v.copy()
+        mode = self.mode
+        v = x.v.copy()
         pulled = needed if abs(needed) > 1e-9 * self.force_scale else self.hold
-        mode.sticks, mode.heading = False, -math.copysign(1.0, pulled)
+        mode.sticks = False
+        mode.heading = -math.copysign(1.0, pulled)
         v[-1] = mode.heading * 1e-12 if self.rubs else 0.0  # a first slip arms the standstill event
         return self.go_on(x._replace(v=v))
 
     def begin_step(self, x: State) -> None:
         if not self.free:
             return
-        mode, (s_o, slip) = self.mode, (float(x.q[-1]), float(x.v[-1]))
+        mode = self.mode
+        s_o, slip = (float(x.q[-1]), float(x.v[-1]))
         if mode.rings:
             turned = mode.heading * self.look(x).speed < -self.drive.rest_speed
             answered = x.t >= max(self.drive.start, 1.0 - self.drive.start) * self.round_trip
             if turned or (answered and mode.heading * slip > 0.0):
                 self._hear(slip)
         if self._drifts(x):
-            mode.place, mode.since, self._watched = s_o, x.t, None
+            mode.place = s_o
+            mode.since = x.t
+            self._watched = None
 
     def _hear(self, slip: float) -> None:
-        self.mode.rings, self._watched = False, None
+        self.mode.rings = False
+        self._watched = None
         if slip != 0.0:
             self.mode.heading = math.copysign(1.0, slip)
 
     def pass_event(self, name: str, x: State) -> State | None:
-        mode, self._watched = self.mode, None
+        mode = self.mode
+        self._watched = None
         if name in ("arrival", "back", "stop"):
             return None
         if name == "standstill":
@@ -166,7 +175,9 @@ class RollingCar(System):
         return self._watched[1]
 
     def _values(self, x: State) -> tuple[float, ...]:
-        mode, drive, s_o = self.mode, self.drive, float(x.q[-1])
+        mode = self.mode
+        drive = self.drive
+        s_o = float(x.q[-1])
         if self.free and not 0.0 < s_o < 1.0:  # off the cable only these have values
             ends = {"arrival": drive.end_place - s_o, "back": s_o - drive.back_place}
             return tuple(ends.get(name, math.inf) for name in EVENTS)
@@ -187,9 +198,12 @@ class RollingCar(System):
         return slip, math.inf, mode.forward * look.speed if turns else math.inf
 
     def _of_places(self, s_o: float) -> tuple[float, float, float, float]:
-        drive, n = self.drive, self.mode.brakes
-        ahead = drive.brakes[n][0] - s_o if n < len(drive.brakes) else math.inf
-        back = s_o - drive.brakes[n - 1][0] if n else math.inf
+        drive = self.drive
+        n = self.mode.brakes
+        mode = self.mode
+        way = 0.0 if mode.rings or not self.rubs else mode.heading  # which only a standstill turns
+        ahead = drive.brakes[n][0] - s_o if n < len(drive.brakes) and way >= 0.0 else math.inf
+        back = s_o - drive.brakes[n - 1][0] if n and way <= 0.0 else math.inf
         return ahead, back, drive.end_place - s_o, s_o - drive.back_place
 
     def _drifts(self, x: State) -> bool:
@@ -205,7 +219,8 @@ class RollingCar(System):
         return left if rests else max(left, self.round_trip)
 
     def part(self, x: State, since: float, ahead: float = 0.0) -> float:
-        mode, slip = self.mode, x.v.item(-1)
+        mode = self.mode
+        slip = x.v.item(-1)
         rubs = self.drive.resists and (mode.brakes > 0 or mode.sticks)
         hears = (mode.forward, since) if self.hears_itself or self.drive.resists else (0.0, math.inf)
         return self.drive.part_of_step(self.round_trip, self.sigma, x.q.item(-1) + ahead * slip, slip, *hears, rubs)
@@ -218,7 +233,10 @@ class RollingCar(System):
 
     def course(self) -> tuple[float, float, float, float, float]:
         """Bounds of s_o, signs of slip (0: any) and speed, least speed."""
-        mode, drive = self.mode, self.drive
-        places, n = (0.0, *(place for place, _ in drive.brakes), 1.0), mode.brakes
-        low, high = max(drive.back_place, places[n]), min(drive.end_place, places[n + 1])
+        mode = self.mode
+        drive = self.drive
+        places = (0.0, *(place for place, _ in drive.brakes), 1.0)
+        n = mode.brakes
+        low = max(drive.back_place, places[n])
+        high = min(drive.end_place, places[n + 1])
         return low, high, mode.heading if self.rubs else 0.0, mode.forward, drive.rest_speed

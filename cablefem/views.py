@@ -72,7 +72,8 @@ def _axes(ax: Any) -> Any:
 
 
 def side_view(r: Response, ax: Any = None) -> Any:
-    ax, f = _axes(ax), r.fields
+    ax = _axes(ax)
+    f = r.fields
     ax.plot(f.x, f.y, color=GREY, linestyle="--", label="rope at rest")
     ax.fill_between(f.x, np.min(f.y + f.v, axis=0), np.max(f.y + f.v, axis=0), color=BLUE, alpha=0.2, label="envelope")
     ax.plot(r.x, r.y, color=BLUE, label="path of the car")
@@ -83,7 +84,8 @@ def side_view(r: Response, ax: Any = None) -> Any:
 
 
 def tension(r: Response, ax: Any = None) -> Any:
-    ax, f = _axes(ax), r.fields
+    ax = _axes(ax)
+    f = r.fields
     mesh = ax.pcolormesh(f.s, f.t, f.T / 1e3, shading="nearest")
     ax.plot(f.s_o, f.t, color="white", linewidth=1.0)
     ax.set(xlabel="place along the cable [m]", ylabel="time [s]", title=r.scene)

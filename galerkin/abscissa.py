@@ -26,9 +26,12 @@ class PositionAbscissa(System):
     def __init__(self, system: GalerkinSystem) -> None:
         if system.groups.drive.mode != "grip":
             raise ValueError("the place of a car that rolls is no clock; use time")
-        self.system, self.motion = system, system.motion
+        self.system = system
+        self.motion = system.motion
         self.at_support = system.at_support
-        self.n_dof, self.force_scale, self.force_floor = system.n_dof, system.force_scale, system.force_floor
+        self.n_dof = system.n_dof
+        self.force_scale = system.force_scale
+        self.force_floor = system.force_floor
         at = self.motion.at
         self.phases = tuple((at(t0, k)[0], at(t1, k)[0]) for k, (t0, t1) in enumerate(system.phases))
         if any(at(t0, k)[1] <= 0.0 for k, (t0, _) in enumerate(system.phases) if k):
@@ -74,7 +77,8 @@ class PositionAbscissa(System):
         """g'' at a start from rest by d g' + d^2 g''/2 in balance at place d; d -> 0 is (48)."""
         second = np.zeros(self.n_dof)
         for _ in range(3):  # Newton; nearly linear
-            q, v = d * first + (0.5 * d * d) * second, first + d * second
+            q = d * first + (0.5 * d * d) * second
+            v = first + d * second
             r, solve = self.linearise(d, q, v, second, 0, 0.5 * d * d, d, 1.0)
             second = second - solve(r.copy())
         return second

@@ -56,14 +56,20 @@ class GalerkinSystem(System):
     ) -> None:  # fmt: skip
         if load not in LOADS:
             raise ValueError(f"unknown load {load!r}; one of {', '.join(LOADS)}")
-        self.groups, self.mu, self.kink, self.damping = groups, groups.mu, kink, groups.damping
-        self.model, self.load, self.law = model, load, law
+        self.groups = groups
+        self.mu = groups.mu
+        self.kink = kink
+        self.damping = groups.damping
+        self.model = model
+        self.load = load
+        self.law = law
         self.basis: Any = basis if isinstance(basis, RidingSines) else Moving(basis, kink)
         self.cable: Any = cable_model(groups, model, law)
         self.motion: Any = groups.motion  # None for a free ride
         self.inertia = self.mu if load == "mass" else 0.0
         self.path_form = self.at_support = load == "mass" and not basis.smooth
-        self.fields, self.n = self.cable.fields, self.basis.n
+        self.fields = self.cable.fields
+        self.n = self.basis.n
         self.waves = self.fields == 2 and isinstance(basis, Fourier | RidingSines)  # as `lines` needs
         self.n_modal = self.fields * self.n
         self.n_dof = self.n_modal + self.fields * self.path_form
@@ -81,7 +87,8 @@ class GalerkinSystem(System):
 
     def with_law(self, law: str) -> Self:
         other = copy.copy(self)
-        other.law, other.cable = law, cable_model(self.groups, self.model, law)
+        other.law = law
+        other.cable = cable_model(self.groups, self.model, law)
         other._fresh()
         return other
 
@@ -124,7 +131,10 @@ class GalerkinSystem(System):
         return y[: self.n_modal].reshape(self.fields, self.n)
 
     def _residual(self, x: Instant, q: Array, v: Array, a: Array, force: Array) -> Array:
-        Q, V, A, c = self._fields(q), self._fields(v), self._fields(a), x.carried
+        Q = self._fields(q)
+        V = self._fields(v)
+        A = self._fields(a)
+        c = x.carried
         along = a[self.n_modal :] if self.path_form else A @ c.f + V @ c.f_v + Q @ c.f_q
         load = self.inertia * along + self.mu * x.load
         r = force + (A + self.damping * V) @ c.mass + np.multiply.outer(load, c.f) + c.moving(V, Q)
@@ -161,7 +171,8 @@ class GalerkinSystem(System):
 
     @property
     def _constants(self) -> kernels.Cable:
-        g, cable = self.groups, self.cable
+        g = self.groups
+        cable = self.cable
         return kernels.Cable(self.inertia, self.mu, cable.alpha, cable.law, g.sigma, g.c, self.damping)
 
     @property
@@ -206,9 +217,11 @@ class GalerkinSystem(System):
         if not self.path_form:
             return newmark.consistent_acceleration(self, t, state.q, state.v, phase)
         # jumps of the constraint and of the balance
-        before, x = self.instant(t, state.phase), self.instant(t, phase)
+        before = self.instant(t, state.phase)
+        x = self.instant(t, phase)
         Q = state.q[: self.n_modal].reshape(self.fields, self.n)
-        after, earlier = x.carried, before.carried
+        after = x.carried
+        earlier = before.carried
         kick = Q @ (after.f_q - earlier.f_q)
         balance = np.multiply.outer(self.mu * (kick + x.load - before.load), after.f)
         if self.kink:
@@ -217,7 +230,8 @@ class GalerkinSystem(System):
         return State(t, state.q, state.v, state.a + np.concatenate([jump.ravel(), jump @ after.f + kick]), phase)
 
     def standing(self, s_o: float) -> GalerkinSystem:
-        other = self.with_law(self.law)
+        """The cable at rest, with its mass."""
+        other = self.with_law("tension-only" if self.model == "full" else self.law)
         other.motion = standing(s_o, 1.0)
         return other
 
@@ -233,15 +247,19 @@ class GalerkinSystem(System):
         if not self.kink:
             return State(t, q, v, a, 0)
         shape, drag, m, b = self._entrained()
-        m, load = self.inertia + m, self.mu * self._load(s_o, ds_o, dds_o)
+        m = self.inertia + m
+        load = self.mu * self._load(s_o, ds_o, dds_o)
         if self.inertia and ds_o > 0.0:
-            pulled, X = m * np.eye(self.fields), self.cable.static_slope(0.0)[0]
+            pulled = m * np.eye(self.fields)
+            X = self.cable.static_slope(0.0)[0]
             if self.groups.internal_damping:  # N_v t (t . d.) pulls, d. = a_hat/(2 ds_o)
                 pulled += self.cable.alpha * self.groups.internal_damping / (2.0 * ds_o) * np.multiply.outer(X, X)
-            v_hat, a_hat = np.zeros(self.fields), -np.linalg.solve(pulled, load)
+            v_hat = np.zeros(self.fields)
+            a_hat = -np.linalg.solve(pulled, load)
         else:
             d = self._slope_behind(m * dds_o + (self.damping * (m - self.inertia) - ds_o * b) * ds_o, load)
-            v_hat, a_hat = d * ds_o, d * dds_o
+            v_hat = d * ds_o
+            a_hat = d * dds_o
         v[: self.n_modal] = np.multiply.outer(v_hat, shape).ravel()
         a[: self.n_modal] = (np.multiply.outer(a_hat, shape) - np.multiply.outer(2.0 * ds_o * v_hat, drag)).ravel()
         if self.path_form:

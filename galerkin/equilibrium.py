@@ -33,10 +33,17 @@ class Equilibrium(NamedTuple):
 
 
 def recover(x: Measures, s: Array, frames: Array) -> Equilibrium:
-    cable, basis, damping = x.system.cable, x.system.basis.basis, x.system.damping
+    cable = x.system.cable
+    basis = x.system.basis.basis
+    damping = x.system.damping
     internal, strain, _ = sums(x)
-    s_o, rest, A = x.inside[:, None], 1.0 - x.inside[:, None], (x.a + damping * x.v)[..., :-1]  # w.. + c_d w.
-    first, second, ends = basis.phi(x.inside, -1), basis.phi(x.inside, -2), basis.phi(np.array([0.0, 1.0]), -2)
+    # w.. + c_d w.
+    s_o = x.inside[:, None]
+    rest = 1.0 - x.inside[:, None]
+    A = (x.a + damping * x.v)[..., :-1]
+    first = basis.phi(x.inside, -1)
+    second = basis.phi(x.inside, -2)
+    ends = basis.phi(np.array([0.0, 1.0]), -2)
     ray_behind, ray_ahead = (twice + damping * once for twice, once in zip(x.rays(2), x.rays(1), strict=True))
     moment_behind = combined(A, s_o * first - second + ends[0]) + ray_behind * s_o**3 / 3.0
     moment_ahead = combined(A, ends[1] - second - rest * first) + ray_ahead * rest**3 / 3.0
@@ -70,18 +77,25 @@ def batched(values: Callable[[Array], Array], k: Array) -> Array:
 
 def sums(of: Measures) -> tuple[Array, Array, Array]:
     """int (N t - T t_static) ds by sides and fields, (n, 2, 2); int W ds and power of internal damping, (n,)."""
-    system, Q, V, n = of.system, of.q, of.v, of.s_o.size
-    internal, strain, lost = np.empty((n, 2, 2)), np.empty(n), np.zeros(n)
+    system = of.system
+    Q = of.q
+    V = of.v
+    n = of.s_o.size
+    internal = np.empty((n, 2, 2))
+    strain = np.empty(n)
+    lost = np.zeros(n)
     if system.waves:
         places = np.stack([of.inside, of.ds_o, of.dds_o], axis=1)
         for k, line in system.lines(of.inside):
             kernels.surveyed(line, places[k], Q[k], V[k], internal[k], strain[k], lost[k])
         return internal, strain, lost
-    cable, kink = system.cable, system.basis if system.kink else Moving(system.basis.basis, kink=True)
+    cable = system.cable
+    kink = system.basis if system.kink else Moving(system.basis.basis, kink=True)
     for i, place in enumerate(of.inside.tolist()):
         points = cable.at(kink, place)
         x = kernels.stress(points.T, points.r_static, Q[i] @ points.phi, cable.alpha, cable.law)
-        behind, strain[i] = points.phi[-1] > 0.0, points.weights @ x[1]
+        behind = points.phi[-1] > 0.0
+        strain[i] = points.weights @ x[1]
         internal[i] = np.stack([behind, ~behind]) @ (x[2:4] * points.weights).T
     return internal, strain, lost
 

@@ -2,7 +2,8 @@
 
 from cablefem.compiled import compiler
 
-compiled, inner = compiler(__file__), compiler(__file__, inner=True)
+compiled = compiler(__file__)
+inner = compiler(__file__, inner=True)
 
 LAWS = ("elastic", "tension-only")  # a law is its index to compiled code
 

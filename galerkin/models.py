@@ -30,7 +30,9 @@ class FullCable:
     direction = np.eye(2)  # (u, v) of unit fields
 
     def __init__(self, groups: Groups, law: str) -> None:
-        self.groups, self.alpha, self.law = groups, groups.alpha, LAWS.index(law)
+        self.groups = groups
+        self.alpha = groups.alpha
+        self.law = LAWS.index(law)
         self.weight = np.array([0.0, groups.sigma])
 
     def at(self, basis: Any, s_o: float) -> kernels.Points:
@@ -50,7 +52,8 @@ class FullCable:
 
     def linearise(self, place: kernels.Points, Q: Array) -> tuple[Array, Array, Array]:
         x = self._stress(place, Q)
-        n, K = len(place.phi), np.empty((Q.size, Q.size))
+        n = len(place.phi)
+        K = np.empty((Q.size, Q.size))
         for (i, j), f in zip(((0, 0), (0, n), (n, n)), x[4:7], strict=True):
             K[i : i + n, j : j + n] = (f * place.phi) @ place.phi.T
         K[n:, :n] = K[:n, n:]
@@ -87,7 +90,9 @@ class ChordCable:
 
     def __init__(self, groups: Groups, model: str) -> None:
         self.lam, self.kap = {"sagged": (1.0, 0.0), "stretching": (1.0, 1.0)}.get(model, (0.0, 0.0))
-        self.groups, self.alpha, self.tau = groups, groups.alpha, 1.0 / groups.chord_cos
+        self.groups = groups
+        self.alpha = groups.alpha
+        self.tau = 1.0 / groups.chord_cos
         self.weight = np.array([groups.sigma * groups.chord_cos])
         self.direction = np.array([[-groups.chord_sin, groups.chord_cos]])
         self.curvature = 0.0 if model == "straight" else -self.weight[0] / self.tau  # y_n''

@@ -11,7 +11,8 @@ from galerkin.models import cable_model
 
 def bare_frequencies(groups: Groups, basis: Basis, *, model: str = "full", n: int = 10) -> Array:
     """First n frequencies omega l sqrt(rho/H), ascending, (n,), of (19)-(26) linearised."""
-    cable, moving = cable_model(groups, model, "elastic"), Moving(basis, kink=False)
+    cable = cable_model(groups, model, "elastic")
+    moving = Moving(basis, kink=False)
     place: Any = cable.at(moving, 0.5)
     K = cable.linearise(place, np.zeros((cable.fields, basis.n)))[2]
     M = np.kron(np.eye(cable.fields), basis.mass())

@@ -24,7 +24,8 @@ class Measures:
     """
 
     def __init__(self, system: GalerkinSystem, states: States) -> None:
-        self.system, hat = system, ((0, 0), (0, 0), (0, 1 - system.kink))
+        self.system = system
+        hat = ((0, 0), (0, 0), (0, 1 - system.kink))
         self.s_o, self.ds_o, self.dds_o = system.kinematics(states)
         self.inside = np.clip(self.s_o, NEAR_SUPPORT, 1.0 - NEAR_SUPPORT)
         self.q, self.v, self.a = (
@@ -35,7 +36,9 @@ class Measures:
 
     def rays(self, order: int) -> tuple[Array, Array]:
         """Time derivatives of q_hat/h behind and ahead; h is the length of the side."""
-        h, dh, ddh = self.inside[:, None], self.ds_o[:, None], self.dds_o[:, None]
+        h = self.inside[:, None]
+        dh = self.ds_o[:, None]
+        ddh = self.dds_o[:, None]
         return self._ray(order, h, dh, ddh), self._ray(order, 1.0 - h, -dh, -ddh)
 
     def _ray(self, order: int, h: Array, dh: Array, ddh: Array) -> Array:
@@ -49,7 +52,9 @@ class Measures:
     def hat_slopes(self) -> Array:
         """The hat's part of w' behind and ahead; on the left support the limit t -> 0+."""
         behind, ahead = self.rays(0)
-        entry, ds_o, dds_o = self.s_o == 0.0, self.ds_o[:, None], self.dds_o[:, None]
+        entry = self.s_o == 0.0
+        ds_o = self.ds_o[:, None]
+        dds_o = self.dds_o[:, None]
         with np.errstate(divide="ignore", invalid="ignore"):
             slow = np.where(dds_o != 0.0, self.a[..., -1] / dds_o, 0.0)
             start = np.where(ds_o != 0.0, self.v[..., -1] / ds_o, slow)
@@ -63,9 +68,12 @@ class Measures:
 
     def at_mass(self) -> tuple[Array, Array, Array, Array]:
         """w, w., w.. along the path (n, fields), and w' behind and ahead (2, n, fields)."""
-        basis, ds_o = self.system.basis.basis, self.ds_o[:, None]
-        phi, first = basis.phi(self.s_o), basis.phi(self.s_o, 1)
-        w, w_s = self.displaced(), combined(self.q[..., :-1], first)
+        basis = self.system.basis.basis
+        ds_o = self.ds_o[:, None]
+        phi = basis.phi(self.s_o)
+        first = basis.phi(self.s_o, 1)
+        w = self.displaced()
+        w_s = combined(self.q[..., :-1], first)
         if self.system.path_form:
             _, w_t, w_tt = self.path_form
         else:
@@ -77,8 +85,10 @@ class Measures:
 
     def fields(self, s: Array, frames: Array) -> Array:
         """w, w. and w' of k frames at m stations, (3, k, fields, m); at s = s_o the side behind."""
-        basis, side = self.system.basis.basis, (s <= self.s_o[frames, None])[:, None]
-        values, z = basis.phi(s), np.where(side, s, 1.0 - s)
+        basis = self.system.basis.basis
+        side = (s <= self.s_o[frames, None])[:, None]
+        values = basis.phi(s)
+        z = np.where(side, s, 1.0 - s)
 
         def whole(y: Array, functions: Array, order: int, z: Array) -> Array:
             hat = np.where(side, *(ray[frames, :, None] for ray in self.rays(order)))
@@ -89,7 +99,9 @@ class Measures:
 
     def kinetic(self) -> Array:
         """1/2 int |w.|^2 ds, (n,), by `Moving`."""
-        V, q, v = self.v[..., :-1], self.q[..., -1], self.v[..., -1]
+        V = self.v[..., :-1]
+        q = self.q[..., -1]
+        v = self.v[..., -1]
         twice = np.einsum("nfi,ij,nfj->n", V, self.system.basis.basis.mass(), V, optimize=True)
         if self.system.kink:
             value, first, _ = self.system.basis.overlap(np.minimum(self.s_o, 1.0 - NEAR_SUPPORT))
@@ -100,7 +112,8 @@ class Measures:
 
     def sunk(self) -> Array:
         """int v ds, (n,)."""
-        basis, n = self.system.basis, self.system.n
+        basis = self.system.basis
+        n = self.system.n
         return np.array([v[:n] @ basis.integral(s_o) for v, s_o in zip(self.q[:, -1], self.inside, strict=True)])
 
     def recover(self, s: Array, frames: Array) -> Equilibrium:
@@ -108,26 +121,35 @@ class Measures:
 
 
 def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> Observation:
-    groups, cable, along = system.groups, system.cable, system.cable.direction
+    groups = system.groups
+    cable = system.cable
+    along = system.cable.direction
     x = system.measures(system, states)
     w, w_t, w_tt, slopes = x.at_mass()
     fields = x.fields(s, frames)
     slope, bend = cable.static_slope(x.s_o)
     none = np.zeros(x.s_o.size)
-    sides, working, lost, sunk = slope + slopes, none, none, none
+    sides = slope + slopes
+    working = none
+    lost = none
+    sunk = none
     if isinstance(cable, FullCable):
         forces, sides, working, lost = _full(cable, x, sides, fields[2], s, frames)
         sunk = x.sunk()
     else:
         forces = _one_field(cable, x, s, frames)
     _, xp, yp, xpp, ypp = groups.static(x.s_o)
-    static, curvature = np.stack([xp, yp], axis=1), np.stack([xpp, ypp], axis=1)
-    ds_o, dds_o = x.ds_o[:, None], x.dds_o[:, None]
-    velocity, acceleration = w_t + ds_o * slope, w_tt + dds_o * slope + ds_o**2 * bend
+    static = np.stack([xp, yp], axis=1)
+    curvature = np.stack([xpp, ypp], axis=1)
+    ds_o = x.ds_o[:, None]
+    dds_o = x.dds_o[:, None]
+    velocity = w_t + ds_o * slope
+    acceleration = w_tt + dds_o * slope + ds_o**2 * bend
     contact = system.mu * cable.weight - system.inertia * acceleration
     power = x.ds_o * (working - np.sum(contact * sides.mean(axis=0), axis=1))
     of_cable = x.kinetic()
-    kinetic, viscous = of_cable + 0.5 * system.inertia * np.sum(velocity**2, axis=1), 2.0 * system.damping * of_cable
+    kinetic = of_cable + 0.5 * system.inertia * np.sum(velocity**2, axis=1)
+    viscous = 2.0 * system.damping * of_cable
     powers = {"lost_viscous": -viscous} if system.damping else {}
     if groups.internal_damping:  # and in a thin layer behind the car, which the grip supplies
         layer = x.ds_o * np.nan_to_num(forces["T_ahead"] - forces["T_behind"]) ** 2 / (2.0 * groups.alpha)
@@ -153,7 +175,8 @@ def _full(
     T_o, static_o, static = cable.groups.static(x.s_o)[0], *(cable.static_slope(y)[0] for y in (x.s_o, s))
     balanced = x.recover(s, frames)
     off = np.where(x.s_o > 0.0, 0.0, np.nan), np.where(x.s_o < 1.0, 0.0, np.nan)
-    behind, ahead = tension(balanced.behind, slopes[0]) + off[0], tension(balanced.ahead, slopes[1]) + off[1]
+    behind = tension(balanced.behind, slopes[0]) + off[0]
+    ahead = tension(balanced.ahead, slopes[1]) + off[1]
     both = np.array([balanced.behind, balanced.ahead])
     sides = slopes_by(both, slopes, T_o, cable.alpha) if x.system.by_force else slopes
     left, right = (cable.points(x.s_o, (side - static_o).T) for side in sides)
@@ -175,7 +198,8 @@ def _full(
 
 
 def _one_field(cable: ChordCable, x: Measures, s: Array, frames: Array) -> dict[str, Array]:
-    basis, rows = x.system.basis, zip(x.inside.tolist(), x.q[..., : x.system.n], strict=True)
+    basis = x.system.basis
+    rows = zip(x.inside.tolist(), x.q[..., : x.system.n], strict=True)
     strain, h = np.array([cable.energy(cable.at(basis, s_o), Q) for s_o, Q in rows]).T
     T = cable.groups.static(x.s_o)[0] + h
     return {

@@ -15,7 +15,7 @@ from typing import Self
 import numpy as np
 
 from cablefem.newmark import NO_STEPS, Newton, Solve, State, begun
-from cablefem.newmark.equilibrium import equilibrium
+from cablefem.newmark.equilibrium import equilibrium, hung
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 from cablefem.scene.motion import standing
@@ -56,12 +56,14 @@ class RollingSystem(RollingCar, GalerkinSystem):
         super().__init__(groups, basis, kink=kink, law=law)
         self.n_dof += 1
         # rows t, p.; then t, mean p.. and its rate
-        self._past, self._smooth = np.empty((0, 3)), [0.0] * 5
+        self._past = np.empty((0, 3))
+        self._smooth = [0.0] * 5
         self._window = WINDOW * self.round_trip
 
     def with_law(self, law: str) -> Self:
         other = super().with_law(law)
-        other.mode, other._watched = replace(self.mode), None
+        other.mode = replace(self.mode)
+        other._watched = None
         return other
 
     def place(self, x: State) -> float:
@@ -113,9 +115,12 @@ class RollingSystem(RollingCar, GalerkinSystem):
 
     def observe(self, states: States, s: Array, frames: Array) -> Observation:
         """Adds the power of each force on the car."""
-        o, drive, ds_o = super().observe(states, s, frames), self.drive, self.kinematics(states)[1]
+        o = super().observe(states, s, frames)
+        drive = self.drive
+        ds_o = self.kinematics(states)[1]
         F = drive.thrust(states.t, states.phase) if self.free else states.a[:, -1]
-        on, velocity = rolling.Rolling(self.mu, self.groups.sigma, drive.k, drive.wind), o.path_velocity.T
+        on = rolling.Rolling(self.mu, self.groups.sigma, drive.k, drive.wind)
+        velocity = o.path_velocity.T
         sides = np.array([o.slope_behind.T, o.slope_ahead.T])
         car = rolling.weighed_car(on, F, velocity, o.path_acceleration.T, sides)
         rate = np.abs(ds_o) * car.stretch
@@ -128,7 +133,8 @@ class RollingSystem(RollingCar, GalerkinSystem):
             hold = np.array([self.held(t) for t in states.t.tolist()])
             powers |= {"brake": -drive.brake(o.s_o) * rate, "hold": hold * ds_o}
         powers |= o.powers
-        haul, contact = F if drive.thrust_table or not self.free else o.haul, -np.stack([car.Cx, car.Cy], axis=1)
+        haul = F if drive.thrust_table or not self.free else o.haul
+        contact = -np.stack([car.Cx, car.Cy], axis=1)
         return replace(o, contact=contact, haul=haul, power=np.sum(list(powers.values()), axis=0), powers=powers)
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
@@ -139,7 +145,8 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return r, factorised(np.tensordot(c, parts, 1))
 
     def _seen_at(self, x: State, count: int) -> tuple[Array, Array]:
-        r, parts = np.full(self.n_dof, np.nan), np.zeros((count, 1, self.n_dof, self.n_dof))
+        r = np.full(self.n_dof, np.nan)
+        parts = np.zeros((count, 1, self.n_dof, self.n_dof))
         if 0.0 < self.place(x) < 1.0:  # else a trial off the cable
             ride, line, place = self._ride(x)
             _, self.least_tension = kernels.look(ride, line, place, np.array(x[1:4]), r, parts)
@@ -148,7 +155,8 @@ class RollingSystem(RollingCar, GalerkinSystem):
     def _ride(self, x: State) -> tuple[rolling.Ride, kernels.Line, tuple[float, float, float]]:
         place = self._travel(x)
         mode = rolling.HAULED if not self.free else rolling.FREE if self.mode.sign != 0.0 else rolling.STUCK
-        on, line = self._on(x.t, x.phase), self._line(*self.sines.side_rules(place[0]))
+        on = self._on(x.t, x.phase)
+        line = self._line(*self.sines.side_rules(place[0]))
         return rolling.Ride(mode, on, self._thrust(x)), line, place
 
     def _thrust(self, x: State) -> float:
@@ -160,25 +168,30 @@ class RollingSystem(RollingCar, GalerkinSystem):
 
     def _stride(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[int, Array, Array]:
         """Steps end at an event, where the rules change, or where a hauled car turns."""
-        drive, (s_o, ds_o) = self.drive, start[:2, -1].tolist()
+        drive = self.drive
+        s_o, ds_o = start[:2, -1].tolist()
         if not self.under_way or t[0] < drive.release:
             return 0, *NO_STEPS
         ride, _, place = self._ride(State(t[0], start[0], start[1], start[2], phase))
         if self.free:
             reach = min(1.0, max(0.0, s_o + ds_o * float(rules[:, 0, 1].sum())))
-            rules_at, places = self.sines.side_rules, np.array([place])
+            rules_at = self.sines.side_rules
+            places = np.array([place])
             line = self._line(rules_at(max(s_o, reach))[0], rules_at(min(s_o, reach))[1])
         else:
             places = np.ascontiguousarray(self.motion.along(t, phase).T)
             turned = np.flatnonzero(np.signbit(places[:, 1]) != np.signbit(places[0, 1]))
             same, line = next(self.lines(places[: turned[0] if turned.size else t.size, 0]))
-            t, rules = t[same], rules[same]
+            t = t[same]
+            rules = rules[same]
         thrust = drive.thrust(t, phase) if self.free else np.zeros(t.size)
-        past, smooth = np.concatenate([self._past, np.empty((t.size, 3))]), np.zeros(6)
+        past = np.concatenate([self._past, np.empty((t.size, 3))])
+        smooth = np.zeros(6)
         course = rolling.Course(t, thrust, past, self._window, smooth, *self.course(), self.mode.lifted)
         taken, ends, told = kernels.stride(ride, course, line, places, start, rules, newton)
         if taken:
-            w, dt = float(rules[taken - 1, 0, 4]), float(rules[taken - 1, 0, 1])
+            w = float(rules[taken - 1, 0, 4])
+            dt = float(rules[taken - 1, 0, 1])
             self.heeded = float(t[taken - 1]) + (1.0 - w + 1e-9) * dt
             if self.free:
                 self._past = past[int(smooth[0]) : len(past) - t.size + taken]
@@ -193,21 +206,28 @@ class RollingSystem(RollingCar, GalerkinSystem):
             return self.enter(state._replace(phase=phase))
         s_o = self.drive.start
         self.set_off()
-        self._past, self._smooth = np.empty((0, 3)), [0.0] * 5
+        self._past = np.empty((0, 3))
+        self._smooth = [0.0] * 5
         if not self.free:
             speed = self.motion.at(0.0, 0)[1]
-            return self.go_on(begun(self, lambda at: np.append(equilibrium(self.standing(at))[:-1], 0.0), s_o, speed))
-        q, still = np.append(equilibrium(self.standing(s_o)), s_o), np.zeros(self.n_dof)
+            return self.go_on(begun(self, self._hung, s_o, speed))
+        q = np.append(equilibrium(self.standing(s_o)), s_o)
+        still = np.zeros(self.n_dof)
         x = State(0.0, q, still, still, 0)
         car = self.car(x, rolling.Rolling(self.mu, self.groups.sigma, 0.0, 0.0))
         self.hold = car.along * car.stretch
         return self.let_go(x)
 
     def standing(self, s_o: float) -> GalerkinSystem:
+        """The cable at rest with the car clamped to it."""
         groups = replace(self.groups, motion=standing(s_o, 1.0))
-        if self.free:
-            return GalerkinSystem(groups, self.sines, kink=True, law=self.law)
-        return OnItsRope(replace(groups, drive=replace(self.drive, k=0.0)), self.sines, law=self.law)
+        return GalerkinSystem(groups, self.sines, kink=True, law="tension-only")
+
+    def _hung(self, s_o: float) -> Array:
+        """q of a hauled car at rest on its rope, about to move."""
+        still = replace(self.groups, motion=standing(s_o, 1.0), drive=replace(self.drive, k=0.0))
+        on_its_rope = OnItsRope(still, self.sines, law="tension-only")
+        return np.append(hung(on_its_rope, equilibrium(self.standing(s_o)))[:-1], 0.0)
 
     def go_on(self, x: State) -> State:
         a = np.zeros(self.n_dof)

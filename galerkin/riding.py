@@ -34,7 +34,9 @@ class RidingSystem(GalerkinSystem):
         self.of = self.basis.of
 
     def lines(self, s_o: Array) -> Iterator[tuple[slice, kernels.Line]]:
-        of, rule, none = self.of, np.array([self.of.xi, self.of.weights]), np.zeros(self.n - 1)
+        of = self.of
+        rule = np.array([self.of.xi, self.of.weights])
+        none = np.zeros(self.n - 1)
         rest = np.zeros((self.n, self.n)), none, none, 0.0, of, self.groups.internal_damping
         yield slice(0, s_o.size), kernels.Line(self._constants, rule, rule, *rest)
 
@@ -47,7 +49,8 @@ class RidingSystem(GalerkinSystem):
         if not self.groups.internal_damping:
             return super().linearise(t, q, v, a, phase, *c)
         r, sides = self._weighed(t, np.array([q, v, a]), phase, 3)
-        n, K = self.basis.terms, np.zeros((self.n_dof, self.n_dof), dtype=np.result_type(*c, float))
+        n = self.basis.terms
+        K = np.zeros((self.n_dof, self.n_dof), dtype=np.result_type(*c, float))
         for side in range(2):
             of = np.arange(n) + side * n
             rows = np.concatenate([of, of + self.n, [2 * n, self.n + 2 * n]])
@@ -56,15 +59,19 @@ class RidingSystem(GalerkinSystem):
 
     def _weighed(self, t: float, state: Array, phase: int, parts: int) -> tuple[Array, Array]:
         """r, and dr/dq, dr/dv, dr/da of both sides, by the compiled equations."""
-        place, r = self.motion.at(t, phase), np.empty(self.n_dof)
-        (_, line), K = next(self.lines(np.empty(1))), np.empty((parts, 2, *(2 * self.basis.terms + 2,) * 2))
+        place = self.motion.at(t, phase)
+        r = np.empty(self.n_dof)
+        _, line = next(self.lines(np.empty(1)))
+        K = np.empty((parts, 2, *(2 * self.basis.terms + 2,) * 2))
         _, self.least_tension = kernels.look(None, line, place, state, r, K)
         return r, K
 
     def _entrained(self) -> tuple[Array, Array, float, float]:
         """The sines ahead are pushed along, the piece behind is straight."""
-        pushed, behind = np.linalg.solve(self.of.mass, np.eye(len(self.of.mass))[-1]), np.zeros(self.basis.terms)
-        shape, m = pushed / pushed[-1], 1.0 / pushed[-1]
+        pushed = np.linalg.solve(self.of.mass, np.eye(len(self.of.mass))[-1])
+        behind = np.zeros(self.basis.terms)
+        shape = pushed / pushed[-1]
+        m = 1.0 / pushed[-1]
         drag = np.linalg.solve(self.of.mass, self.of.drift @ shape)
         return np.concatenate([behind, shape]), np.concatenate([behind, drag - drag[-1] * shape]), m, m
 
@@ -74,11 +81,17 @@ class _Side:
 
     def __init__(self, x: Measures, sign: float) -> None:
         of: Any = x.system.basis
-        self.of, self.terms, self.damping, self.sign = of.of, of.terms, x.system.damping, sign
+        self.of = of.of
+        self.terms = of.terms
+        self.damping = x.system.damping
+        self.sign = sign
         own = np.append(np.arange(of.terms) + (0 if sign > 0.0 else of.terms), -1)
         self.h = np.clip(x.s_o if sign > 0.0 else 1.0 - x.s_o, NEAR_SUPPORT, 1.0)[:, None]
-        self.dh, self.ddh = sign * x.ds_o[:, None], sign * x.dds_o[:, None]
-        self.q, self.v, self.a = x.q[..., own], x.v[..., own], x.a[..., own]
+        self.dh = sign * x.ds_o[:, None]
+        self.ddh = sign * x.dds_o[:, None]
+        self.q = x.q[..., own]
+        self.v = x.v[..., own]
+        self.a = x.a[..., own]
 
     def at(self, k: Array, s: Array) -> tuple[Array, Array, Array]:
         """xi (k, m), phi and phi' by xi (terms + 1, k, m), of places s at instants k."""
@@ -101,7 +114,8 @@ class _Side:
         return self.sign * (self.q[..., :-1] @ (wave * (-1.0) ** np.arange(1, self.terms + 1))) / self.h
 
     def twice_kinetic(self) -> Array:
-        xi, weights = self.of.xi, self.of.weights
+        xi = self.of.xi
+        weights = self.of.weights
         bent = xi * shapes(self.terms, xi)[1]
         parts = (
             (self.v, self.of.mass, self.v),
@@ -160,7 +174,9 @@ class RidingMeasures(Measures):
 
     def recover(self, s: Array, frames: Array) -> Equilibrium:
         """Balances of both pieces; N t - c^2 r' = (N (1 - c^2/alpha) - c^2 (1 - T/alpha)) t gives N without slopes."""
-        sides, groups, every = self.sides, self.system.groups, np.arange(self.s_o.size)
+        sides = self.sides
+        groups = self.system.groups
+        every = np.arange(self.s_o.size)
         cable: Any = self.system.cable
         internal, strain, lost = sums(self)
         at_mass = [side.force_at_mass(internal[:, i]) for i, side in enumerate(sides)]

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from cablefem import Scene
+from validation.commands.report.command import QUICK_PARTS
 
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
 PYTHON = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
@@ -45,5 +46,16 @@ def test_every_command_of_the_table_exists_and_none_is_missing():
 
     from validation.cli import app
 
-    named = set(re.findall(r"`cablefem (\w+)", README))
-    assert named == set(get_command(app).commands)
+    assert named() == set(get_command(app).commands)
+
+
+def named():
+    return set(re.findall(r"`cablefem (\w+)", README))
+
+
+def test_continuous_integration_runs_every_command_on_real_input():
+    script = (Path(__file__).parent.parent / ".ci" / "commands").read_text(encoding="utf-8")
+    lines = script.partition("<<'COMMANDS'\n")[2].partition("\nCOMMANDS")[0].splitlines()
+    assert "report --quick" in lines
+    not_run = named() - {line.split()[0] for line in lines} - {part[0] for part in QUICK_PARTS}
+    assert not not_run

@@ -7,17 +7,18 @@ of a built-in scene or the path of a TOML file.
 import functools
 import importlib
 import inspect
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar, cast
 
 if TYPE_CHECKING:
     from validation.commands.check.study import check, check_solver
-    from validation.commands.run.study import run_with_bars
-    from validation.commands.sweep.engine import sweep
+    from validation.commands.run.study import run_with_bars as _run_with_bars
+    from validation.commands.sweep.engine import sweep as _sweep
     from validation.core.assertions import assert_agree
     from validation.core.foreign import ForeignPath
-    from validation.core.quasi_static import quasi_static
-    from validation.core.running import run
+    from validation.core.quasi_static import quasi_static as _quasi_static
+    from validation.core.running import run as _run
 
 _HOME = {
     "run": "core.running",
@@ -28,7 +29,7 @@ _HOME = {
     "check_solver": "commands.check.study",
     "advice": "commands.advise.study",
     "ForeignPath": "core.foreign",
-} | {name: f"commands.{name}.study" for name in ("advise", "atlas", "certify", "chart", "check", "modes", "paper")}
+} | {name: f"commands.{name}.study" for name in ("advise", "atlas", "chart", "check", "modes", "paper")}
 
 __all__ = ["ForeignPath", "assert_agree", "check", "check_solver", "quasi_static", "run", "run_with_bars", "sweep"]
 
@@ -40,14 +41,18 @@ _AT_REST = {"run_with_bars": ("commands.run.line", "answers"), "check": ("comman
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return _by_name(_loaded(_HOME[name], name))
+    return named(_loaded(_HOME[name], name))
 
 
 def _loaded(home: str, name: str) -> Any:
     return getattr(importlib.import_module(f"validation.{home}"), name)
 
 
-def _by_name(function: Any) -> Any:
+P = ParamSpec("P")
+Result = TypeVar("Result")
+
+
+def named(function: Callable[Concatenate[Any, P], Result]) -> Callable[Concatenate[Any, P], Result]:
     """Let a function of a scene, or of a study, take its name or file, too."""
     first = next(iter(inspect.signature(function).parameters), "") if inspect.isfunction(function) else ""
     if first not in ("scene", "study"):
@@ -55,7 +60,7 @@ def _by_name(function: Any) -> Any:
     at_rest = _AT_REST.get(function.__name__)
 
     @functools.wraps(function)
-    def named(of: Any, *args: Any, **kwargs: Any) -> Any:
+    def with_name(of: Any, *args: P.args, **kwargs: P.kwargs) -> Result:
         from cablefem.scene import Scene
         from cablefem.scene.line import Line, line_of
 
@@ -63,10 +68,17 @@ def _by_name(function: Any) -> Any:
             kind = Scene if first == "scene" else _loaded("commands.sweep.study", "Study")
             of = (at_rest and line_of(of)) or kind.load(of)
         if at_rest and isinstance(of, Line):
-            return _loaded(*at_rest)(of, *args, **kwargs)
+            return cast(Result, _loaded(*at_rest)(of, *args, **kwargs))
         return function(of, *args, **kwargs)
 
-    return named
+    return with_name
+
+
+if TYPE_CHECKING:
+    quasi_static = named(_quasi_static)
+    run = named(_run)
+    run_with_bars = named(_run_with_bars)
+    sweep = named(_sweep)
 
 
 def command_names() -> list[str]:

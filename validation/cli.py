@@ -18,7 +18,7 @@ from validation import command_names
 from validation.page import terminal
 
 ORDER = (
-    "scenes", "methods", "run", "check", "modes", "advise", "certify", "chart", "atlas", "oracles", "paper", "sweep",
+    "scenes", "methods", "run", "check", "modes", "advise", "chart", "atlas", "oracles", "paper", "sweep",
     "report",
 )  # fmt: skip
 
@@ -50,18 +50,22 @@ def _version(version: Annotated[bool, typer.Option("--version", help="Print the 
 app = _app()
 
 
+def run(arguments: list[str]) -> int:
+    """Run one command; return its exit code. What breaks it is raised."""
+    command = typer.main.get_command(app)
+    with command.make_context("cablefem", arguments or ["--help"], obj=run) as context:
+        return int(command.invoke(context) or 0)
+
+
 def main(argv: list[str] | None = None) -> int:
-    """Run one command; return its exit code."""
+    """Run one command; print what breaks it; return its exit code."""
     gc.set_threshold(100_000, 50, 50)  # what is loaded stays; saves a tenth of a start
     atexit.register(gc.freeze)  # saves another two at the end
-    command = typer.main.get_command(app)
     usage_error: Any = typer.BadParameter.__mro__[1]
     try:
         if argv is None:
             signal.signal(signal.SIGINT, signal.default_int_handler)  # in the background of a script it is ignored
-        arguments = sys.argv[1:] if argv is None else argv
-        with command.make_context("cablefem", list(arguments) or ["--help"], obj=main) as context:
-            return int(command.invoke(context) or 0)
+        return run(list(sys.argv[1:] if argv is None else argv))
     except typer.Exit as done:
         return done.exit_code
     except usage_error as error:
@@ -77,18 +81,10 @@ def main(argv: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     except Exception as error:
-        terminal.complain(_faults(error))
+        if not (hasattr(error, "faults") or isinstance(error, OSError)):
+            traceback.print_exc()  # it was not the input
+        terminal.complain(terminal.faults(error))
         return 2
-
-
-def _faults(error: Exception) -> list[str]:
-    """The faults; a trace comes first if it was not the input."""
-    if (faults := getattr(error, "faults", None)) is not None:
-        return faults
-    if isinstance(error, OSError):
-        return [f"{error.filename or 'a file'}: {error.strerror}"]
-    traceback.print_exc()
-    return ["this is a fault of cablefem, not of your input"]
 
 
 if __name__ == "__main__":

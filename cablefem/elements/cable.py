@@ -59,7 +59,9 @@ class CableElements(System):
             raise ValueError(f"model must be one of {', '.join(MODELS)}, got {model!r}")
         if load not in ("mass", "force"):
             raise ValueError(f"load must be mass or force, got {load!r}")
-        self.groups, self.model, self.load = groups, model, load
+        self.groups = groups
+        self.model = model
+        self.load = load
         self.motion: Any = groups.motion  # None for a free ride
         self.phases = groups.drive.phases if self.motion is None else self.motion.phases
         self.force_scale = (groups.mu or 1.0) * groups.sigma  # weight of the mass or of the bare cable
@@ -96,7 +98,9 @@ class CableElements(System):
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
-        r, x, tangent = np.empty(self.n_dof), np.array([q, v, a]), self._single
+        r = np.empty(self.n_dof)
+        x = np.array([q, v, a])
+        tangent = self._single
         if isinstance(c0, complex):  # a sum of real ones
             tangent = self._tangent(complex)
             for factor, unit in zip((c0, c1, c2), UNITS, strict=True):
@@ -119,14 +123,16 @@ class CableElements(System):
     def _steps(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[Array, Array, int]:
         """Ends (m, 3, n_dof) and `told` (m, 6) of `kernels.newton.Steps`, and how many are good."""
         ride, places = self._moved(t, phase, start)
-        ends, told = np.empty((t.size, *start.shape)), np.empty((t.size, 6))
+        ends = np.empty((t.size, *start.shape))
+        told = np.empty((t.size, 6))
         steps = Steps(places, self._contact_at(t.item(0), phase), start, rules, ends, told)
         self._at = None
         return ends, told, settle(self._cable, ride, self._single, self._bands, steps, newton)
 
     def _collocated(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Array:
         """`told` of the steps taken."""
-        t, told = rule.instants(steps.t), np.empty((len(steps.a), 6))
+        t = rule.instants(steps.t)
+        told = np.empty((len(steps.a), 6))
         ride, places = self._moved(t, phase, steps.ends[0])
         at_nodes = [self._contact_at(x, phase) for x in t[0].tolist()]
         contacts = tuple(at_nodes + at_nodes[-1:])[:3]  # as many for each rule: compiled once
@@ -155,7 +161,8 @@ class CableElements(System):
     def _fresh(self) -> None:
         """Make the workspaces, which twins do not share."""
         points = np.empty((9, self._mesh.tab[..., 0].size))
-        chord, c_d = None if self.fields == 2 else True, self.groups.damping
+        chord = None if self.fields == 2 else True
+        c_d = self.groups.damping
         self._cable = Cable(self._mesh, self._law, chord, self._operators, points, c_d, self._rates())
         self._single, self._bands = self._tangent(float), np.empty((3, *self._operators.shape[1:]))
         self._at = None
@@ -172,7 +179,8 @@ class CableElements(System):
 
     def _workspace(self, s: int) -> collocation.Workspace:
         if self._space is None or len(self._space.bands) != s:
-            n, (q, v, a) = self.n_dof, (self._tangent(float) for _ in range(3))
+            n = self.n_dof
+            q, v, a = (self._tangent(float) for _ in range(3))
             self._space = collocation.Workspace(
                 real=self._tangent(float), pair=self._tangent(complex), parts=(q, v, a),
                 bands=np.empty((s, *self._bands.shape)), kept=np.full(1, math.nan), scales=np.ones((s, n)),
@@ -212,11 +220,17 @@ class CableElements(System):
         ends : see `observing._end_forces`;  force : of the cable on the mass (n, fields).
         Momentum is tested with phi = 1 up to s, from the support or the mass.
         """
-        knots, shapes, dofs, n_left = self._knots, self._shapes, self._mesh.dofs, self._mesh.n_left
+        knots = self._knots
+        shapes = self._shapes
+        dofs = self._mesh.dofs
+        n_left = self._mesh.n_left
         q, v, a = (self._padded(x[frames]) for x in (states.q, states.v, states.a))
-        c_d, (s_o, ds, dds) = self.groups.damping, kinematics[frames].T[..., None]
-        a, dds = a + c_d * v, dds + c_d * ds
-        length, integrals = np.diff(knots), polyint(shapes.T)
+        c_d = self.groups.damping
+        s_o, ds, dds = kinematics[frames].T[..., None]
+        a = a + c_d * v
+        dds = dds + c_d * ds
+        length = np.diff(knots)
+        integrals = polyint(shapes.T)
         rates = [  # d2(h w)/dt2 behind and ahead
             h[..., None] * a + sign * (dds[..., None] * q + 2.0 * ds[..., None] * v)
             for h, sign in ((s_o, 1.0), (1.0 - s_o, -1.0))
@@ -230,18 +244,23 @@ class CableElements(System):
         x = np.clip((s - s_o) / h, -1.0, 1.0)
         e = np.searchsorted(knots[1:-1], x)
         e = np.where(behind, np.minimum(e, n_left - 1), np.maximum(e, n_left))
-        inside, row, nodes = (x - knots[e]) / length[e], np.arange(frames.size)[:, None, None], dofs[e]
+        inside = (x - knots[e]) / length[e]
+        row = np.arange(frames.size)[:, None, None]
+        nodes = dofs[e]
         powers = polyvander(inside, len(integrals) - 1)
         phi, phi_x, integral = (powers[..., : len(c)] @ c for c in (shapes.T, polyder(shapes.T), integrals))
 
         def sums(functions: NDArray[np.floating], unknowns: Array) -> Array:
             return np.einsum("kml,kmlf->kmf", functions, unknowns)
 
-        of_q, rate = q[row, nodes], np.stack(rates)[(e >= n_left)[..., None].astype(int), row, nodes]
-        w, w_t = sums(phi, of_q), sums(phi, v[row, nodes])
+        of_q = q[row, nodes]
+        rate = np.stack(rates)[(e >= n_left)[..., None].astype(int), row, nodes]
+        w = sums(phi, of_q)
+        w_t = sums(phi, v[row, nodes])
         w_x = sums(phi_x, of_q) / (length[e] * h)[..., None]
         up_to = sums(integral, rate) * length[e][..., None] + np.concatenate(begin, axis=1)[row[..., 0], e]
-        chi, node = 1.0 - abs(x), self.node
+        chi = 1.0 - abs(x)
+        node = self.node
         c = ds * chi
         ahead = ends[frames, 2] + 2.0 * ds * v[:, node] + dds * q[:, node]
         start = np.where(behind[..., None], ends[frames, None, 0], ahead[:, None])
@@ -252,7 +271,8 @@ class CableElements(System):
         if law not in ("elastic", "tension-only"):
             raise ValueError(f"law must be elastic or tension-only, got {law!r}")
         self.law = law
-        g, flag = self.groups, TENSION_ONLY if law == "tension-only" else ELASTIC
+        g = self.groups
+        flag = TENSION_ONLY if law == "tension-only" else ELASTIC
         if self.model == "full":
             self._law = np.array([g.alpha, g.sigma, g.c, flag])
         else:
@@ -272,7 +292,8 @@ class CableElements(System):
 
     def _load(self, s_o: Any, ds: Any, dds: Any) -> tuple[Any, ...]:
         """mu d2X/dt2 less the weight of each field."""
-        mu, weight = self.inertia, self.weight
+        mu = self.inertia
+        weight = self.weight
         if self.fields == 1:
             curvature = float(self._law[2])
             return (mu * (dds * curvature * (0.5 - s_o) - ds * ds * curvature) - weight[0],)

@@ -3,9 +3,9 @@
 M d2q/dt2 + R(q) + N(s_o)^T F = 0, F = mu (d2p/dt2 - sigma j), p = X(s_o) + N(s_o) q, with couplings
 
 chain    N a + 2 ds_o N' v + (ds_o^2 N'' + dds_o N') q, for C1 (Hermite) elements; error about elements^2/steps.
-naive    the same in P1 or P2 elements.  WRONG: no centrifugal force, as N'' has deltas at nodes.
+naive    the same in P1 elements.  WRONG: no centrifugal force, as N'' has deltas at nodes.
 path     p is an unknown with the constraint p = N(s_o) q (index 3).  It needs numerical damping:
-         Hermite generalised-alpha, rho_inf = 0.5, 12 steps per element; P1 and P2 gamma = 0.6, at most 25.
+         Hermite generalised-alpha, rho_inf = 0.5, 12 steps per element; P1 gamma = 0.6, at most 25.
 """
 
 from collections.abc import Iterator
@@ -23,7 +23,7 @@ from cablefem.newmark import Array, Settled, Solve, State, collocate, consistent
 from cablefem.response import States
 from cablefem.scene import Groups
 
-_KINDS = {"hermite": skfem.ElementLineHermite, "p1": skfem.ElementLineP1, "p2": skfem.ElementLineP2}
+_KINDS = {"hermite": skfem.ElementLineHermite, "p1": skfem.ElementLineP1}
 
 
 class FixedElements(CableElements):
@@ -70,7 +70,9 @@ class FixedElements(CableElements):
             return r, solve
         if c0 == 0.0:
             raise ValueError("coupling path needs an implicit scheme: a constraint on positions has no explicit one")
-        f, mu, (dofs, N, *_) = self.fields, self.inertia, self._now.contact
+        f = self.fields
+        mu = self.inertia
+        dofs, N, *_ = self._now.contact
 
         # rows S x + c2 mu N^T y = b, c0 (y - N x) = d; the band of S includes mu c2 N^T N
         def solve_with_particle(b: Array) -> Array:
@@ -89,12 +91,15 @@ class FixedElements(CableElements):
 
     def _tabulate(self, element: type[skfem.Element]) -> None:
         """Tabulate one element and repeat it: on fine meshes scikit-fem's Hermite functions lose digits (12.0.2)."""
-        n, k = self.elements, element.nodal_dofs
+        n = self.elements
+        k = element.nodal_dofs
         step = k + element.interior_dofs
         offsets = np.r_[0:k, step : step + k, k:step]  # in scikit-fem's order: left node, right node, inside
-        degree, unit = len(offsets) - 1, skfem.MeshLine(np.array([0.0, 1.0]))
+        degree = len(offsets) - 1
+        unit = skfem.MeshLine(np.array([0.0, 1.0]))
         basis, of_forces = (skfem.Basis(unit, element(), intorder=order) for order in (2 * degree, force_order(degree)))
-        n_loc, first = len(offsets), np.arange(n)[:, None]
+        n_loc = len(offsets)
+        first = np.arange(n)[:, None]
         all_dofs = step * first + offsets
         number = np.arange(all_dofs.max() + 1)
         supports = (number == 0) | (number == step * n)
@@ -112,7 +117,8 @@ class FixedElements(CableElements):
         M = bands(np.repeat(mass.coo_data(basis).tolocal() / n, n, axis=0), dofs, self.n_scalar, b)
         self._operators = np.repeat(M[None], self.fields, axis=2)
         self._moments = moments(dofs, fine, fine[..., 0], self.n_scalar)[None]
-        self._knots, self._shapes = np.linspace(-1.0, 0.0, n + 1), shape_polynomials(element())
+        self._knots = np.linspace(-1.0, 0.0, n + 1)
+        self._shapes = shape_polynomials(element())
         derivatives = [float(n) ** d * polyder(self._shapes, d, axis=1) for d in range(3)]
         # (3, n_loc, n_loc): N, N', N''
         self._powers = np.stack([np.pad(x, ((0, 0), (0, n_loc - x.shape[1]))) for x in derivatives])
@@ -125,7 +131,8 @@ class FixedElements(CableElements):
         return self.fields * dofs[keep][:, None] + np.arange(self.fields), N, N_s, N_ss
 
     def _places(self, t: Array, phase: int) -> Array:
-        load, zero = self._load(*self.motion.along(t.ravel(), phase)), np.zeros(t.size)
+        load = self._load(*self.motion.along(t.ravel(), phase))
+        zero = np.zeros(t.size)
         return np.stack([zero + 1.0, zero, zero, *load], axis=1).reshape(*t.shape, -1)
 
     def _contact_at(self, t: float, phase: int) -> Contact:
@@ -139,7 +146,8 @@ class FixedElements(CableElements):
         super()._assemble(t, phase, x, r, factors)
         if self.particle:
             dofs, N, m_row, *_ = self._now.contact
-            (q, _, a), p = x, slice(-self.fields, None)
+            q, _, a = x
+            p = slice(-self.fields, None)
             r[p] = q[p] - N @ q[dofs]
             r[dofs] += np.outer(N, self.inertia * a[p] - m_row @ a[dofs])
 
@@ -174,7 +182,8 @@ class FixedElements(CableElements):
 
     def _along(self, states, kinematics, ends, force, s, frames):
         """Adds the mass to `ends`; half of ds_o^2 [r'] is missing in the element under it."""
-        s_o, mesh_at = kinematics[:, :1], self._mesh_at(kinematics)
+        s_o = kinematics[:, :1]
+        mesh_at = self._mesh_at(kinematics)
         ends[:, 0] -= (1.0 - s_o) * force
         ends[:, 3] = ends[:, 1] + s_o * force
         ends[:, 1] = super()._along(states, mesh_at, ends, force, s_o, np.arange(len(s_o)))[1][:, 0]

@@ -16,7 +16,8 @@ from cablefem.response import States
 from cablefem.scene import Groups
 from cablefem.scene.motion import standing
 
-_ONE, _ZERO = np.ones(1), np.zeros(1)
+_ONE = np.ones(1)
+_ZERO = np.zeros(1)
 
 
 class FollowingElements(CableElements):
@@ -35,13 +36,16 @@ class FollowingElements(CableElements):
         super().__init__(groups, model, load, law)
         self.reference = of = reference(elements, degree, grading, groups.internal_damping > 0.0)
         known = ((0,) * (degree + 1), (0,) * of.forces.shape[1]) if degree == 2 and self.fields == 2 else ((), ())
-        self._mesh, self._moments = Mesh(of.dofs, of.forces, elements, *known), of.moments
-        self._knots, self._shapes = of.knots, of.shapes
+        self._mesh = Mesh(of.dofs, of.forces, elements, *known)
+        self._moments = of.moments
+        self._knots = of.knots
+        self._shapes = of.shapes
         self._operators = np.repeat(of.operators, self.fields, axis=2)
         # d/dxi of the shapes behind and ahead of the mass
         ends = np.array([of.shapes @ np.arange(degree + 1), of.shapes[:, 1]])
         self._at_car = ends / np.diff(of.knots)[elements - 1 : elements + 1, None]
-        self.node, self.n_scalar = of.node, of.operators.shape[2]
+        self.node = of.node
+        self.n_scalar = of.operators.shape[2]
         self.n_dof = self.fields * self.n_scalar
         self._band = self.fields * degree + self.fields - 1
         node = self.fields * self.node + np.arange(self.fields)[None, :]
@@ -61,12 +65,14 @@ class FollowingElements(CableElements):
         if s_o > 0.0:
             return begun(self, lambda at: equilibrium(self.standing(at)), s_o, ds)
         ride, entrained = self._entrained()
-        inertia, zero = self.inertia + entrained, np.zeros(self.n_dof)
+        inertia = self.inertia + entrained
+        zero = np.zeros(self.n_dof)
         if ds > 0.0:
             g = self.groups
             node_a = -np.array(self._load(0.0, ds, dds)) / inertia
             if g.internal_damping:  # the slope behind grows like w.. t/(2 ds_o)
-                damps, along = g.alpha * g.internal_damping / (2.0 * ds), np.array(g.static(0.0)[1:3])
+                damps = g.alpha * g.internal_damping / (2.0 * ds)
+                along = np.array(g.static(0.0)[1:3])
                 node_a -= damps / (inertia + damps) * (along @ node_a) * along
         elif dds > 0.0:
             node_a = 2.0 * self._strained_start(dds, inertia)
@@ -75,7 +81,8 @@ class FollowingElements(CableElements):
         return State(t, zero, zero.copy(), (ride[:, None] * node_a).ravel(), phase)
 
     def standing(self, s_o: float) -> FollowingElements:
-        twin = self.with_law(self.law)
+        """The cable at rest, with its mass."""
+        twin = self.with_law("tension-only")
         twin.motion = standing(s_o, 1.0)
         return twin
 
@@ -85,7 +92,9 @@ class FollowingElements(CableElements):
 
         Behind the mass they are linear.  Ahead M x = e at the mass: its node moves with x/x_mass and weighs 1/x_mass.
         """
-        node, degree, knots = self.node, self.reference.degree, self.reference.knots
+        node = self.node
+        degree = self.reference.degree
+        knots = self.reference.knots
         linear = np.zeros(node + 2)  # nodal values of xi
         linear[::degree] = 1.0 + knots[: self._mesh.n_left + 1]
         if degree == 2:  # midpoints; from degree 3 on bubbles
@@ -98,10 +107,13 @@ class FollowingElements(CableElements):
         """dphi'/dt at fixed s is -(+-phi,xi + chi phi,xixi) ds_o/h^2, + behind the mass."""
         if not self.groups.internal_damping:
             return None
-        of, n_left = self.reference, self._mesh.n_left
+        of = self.reference
+        n_left = self._mesh.n_left
         behind = np.arange(len(of.dofs))[:, None] < n_left
-        xi, length = of.forces[..., 0], np.diff(of.knots)[:, None]
-        x, chi = np.where(behind, xi - 1.0, xi), np.where(behind, xi, 1.0 - xi)
+        xi = of.forces[..., 0]
+        length = np.diff(of.knots)[:, None]
+        x = np.where(behind, xi - 1.0, xi)
+        chi = np.where(behind, xi, 1.0 - xi)
         bends = polyval((x - of.knots[:-1, None]) / length, polyder(of.shapes.T, 2)) / length**2
         slopes = of.forces[..., 2 + len(of.shapes) :]
         moved = np.where(behind[..., None], -slopes, slopes) - np.moveaxis(chi * bends, 0, -1)
@@ -142,7 +154,8 @@ class FollowingElements(CableElements):
     # --- observation -----------------------------------------------------------------------------------
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
         s_o, ds, dds = kinematics.T
-        (q, v, a), n = (self._padded(x) for x in (states.q, states.v, states.a)), self._mesh.n_left
+        q, v, a = (self._padded(x) for x in (states.q, states.v, states.a))
+        n = self._mesh.n_left
         behind, ahead = (
             np.tensordot(q[:, self._mesh.dofs[e]], grad, axes=(1, 0))
             for e, grad in zip((n - 1, n), self._at_car, strict=True)

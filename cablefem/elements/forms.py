@@ -38,7 +38,8 @@ def strain(X_s, w_s):
 
 def pull(X_s, T, w_s, alpha, law):
     """f = N t - T X' (2, ...), N, dN/deps and W."""
-    stretch, eps = np.hypot(*(X_s + w_s)), strain(X_s, w_s)
+    stretch = np.hypot(*(X_s + w_s))
+    eps = strain(X_s, w_s)
     N, dN, W = tension(eps, T, alpha, law)
     return N / stretch * w_s + ((N - T) - T * eps) / stretch * X_s, N, dN, W
 
@@ -48,7 +49,8 @@ def stiffness(X_s, T, w_s, alpha, law):
     r_s = X_s + w_s
     stretch = np.hypot(*r_s)
     _, N, dN, _ = pull(X_s, T, w_s, alpha, law)
-    t, unit = r_s / stretch, np.eye(2).reshape(2, 2, *[1] * np.ndim(stretch))
+    t = r_s / stretch
+    unit = np.eye(2).reshape(2, 2, *[1] * np.ndim(stretch))
     return N / stretch * unit + (dN - N / stretch) * t[:, None] * t[None]
 
 
@@ -59,7 +61,9 @@ def internal_force(eta, w):
 
 @skfem.LinearForm
 def inertia(eta, w):
-    c, q_s, v_s = w["c"], w["q"].grad[:, 0], w["v"].grad[:, 0]
+    c = w["c"]
+    q_s = w["q"].grad[:, 0]
+    v_s = w["v"].grad[:, 0]
     by_value = w["a"] + w["c_s"] * w["v"] - c * v_s - w["c_t"] * q_s + w["c_d"] * (w["v"] - c * q_s)
     return np.sum(by_value * eta + (c * w["v"] - c**2 * q_s) * eta.grad[:, 0], axis=0)
 
@@ -67,7 +71,9 @@ def inertia(eta, w):
 def assembled(system: FollowingElements, x: Array, t: float, phase: int) -> Array:
     """The residual (n_dof,) at x, rows q, v, a."""
     s_o, ds, dds = system.motion.at(t, phase)
-    degree, knots, g = system.reference.degree, system.reference.knots, system.groups
+    degree = system.reference.degree
+    knots = system.reference.knots
+    g = system.groups
     mesh = skfem.MeshLine(s_o + np.where(knots < 0.0, s_o, 1.0 - s_o) * knots)
     element = skfem.ElementVector(lagrange_element(degree), 2)
     of_inertia, of_forces = (skfem.Basis(mesh, element, intorder=k) for k in (2 * degree, force_order(degree)))
@@ -79,13 +85,15 @@ def assembled(system: FollowingElements, x: Array, t: float, phase: int) -> Arra
     padded[:, inner] = x[:, number[inner]]
     s = np.asarray(of_inertia.global_coordinates())[0]
     behind = s < s_o
-    chi, chi_s = np.where(behind, s / s_o, (1.0 - s) / (1.0 - s_o)), np.where(behind, 1.0 / s_o, -1.0 / (1.0 - s_o))
+    chi = np.where(behind, s / s_o, (1.0 - s) / (1.0 - s_o))
+    chi_s = np.where(behind, 1.0 / s_o, -1.0 / (1.0 - s_o))
     moving = {"c": ds * chi, "c_s": ds * chi_s, "c_t": dds * chi, "c_d": g.damping}
     q, v, a = (of_inertia.interpolate(y) for y in padded)
     T, *slope = g.static(np.asarray(of_forces.global_coordinates())[0])[:3]
     w_s = of_forces.interpolate(padded[0]).grad[:, 0]
     cable = {"T": T, "X_s": np.stack(slope), "w_s": w_s, "alpha": g.alpha, "law": float(system.law == "tension-only")}
     r = inertia.assemble(of_inertia, q=q, v=v, a=a, **moving) + internal_force.assemble(of_forces, **cable)
-    r, at = r[np.argsort(number)[2:-2]], [2 * system.node, 2 * system.node + 1]
+    r = r[np.argsort(number)[2:-2]]
+    at = [2 * system.node, 2 * system.node + 1]
     r[at] += system.inertia * x[2, at] + system._load(s_o, ds, dds)
     return r

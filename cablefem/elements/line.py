@@ -25,13 +25,15 @@ from scipy.sparse import bmat, coo_matrix, diags
 from scipy.sparse.linalg import MatrixRankWarning, spsolve
 
 from cablefem.scene.line import Case, LineState, NoLine, NotFound
-from cablefem.scene.taut import guess
+from cablefem.scene.taut import Start, start
 
 DEGREE = 4
 ORDER = 12  # of quadrature
 SOFTENING = 4  # stages of EA up to its value
 SOFTEST = 5.0  # first EA over H
-STEPS, SHORTEST = 100, 1e-6  # of Newton's method; least damping factor
+# of Newton's method; least damping factor
+STEPS = 100
+SHORTEST = 1e-3
 NEAR = 1e-6  # residual over H for undamped steps
 LAST = 1e-9  # last step over the reach
 ROUGH = 1e-2  # the same for a soft rope
@@ -82,8 +84,10 @@ class _Batch:
     B z + spring X + pull = 0; B = T' except in special rows.
     """
 
-    def __init__(self, cases: Sequence[Case], elements: int) -> None:
-        self.cases, self.elements = cases, elements
+    def __init__(self, starts: Sequence[tuple[Case, Start]], elements: int) -> None:
+        cases = [case for case, _ in starts]
+        self.cases = cases
+        self.elements = elements
         self.stations = [p for case in cases for p in case.stations]
         counts = np.array([len(case.stations) for case in cases])
         self.owner = np.repeat(np.arange(len(cases)), counts)  # case of each station
@@ -98,17 +102,19 @@ class _Batch:
         data = np.array([(case.weight, case.EA, case.heat) for case in cases])[self.owner[self.left]]
         self.q, self.EA, self.a = np.repeat(data, elements, axis=0).T[:, :, None]
         self._connect()
-        self._begin()
+        self._begin([start for _, start in starts])
 
     def _connect(self) -> None:
-        N, h = self.basis.N, self.basis.N + np.arange(self.pieces)
+        N = self.basis.N
+        h = self.basis.N + np.arange(self.pieces)
         self.known = np.concatenate([np.column_stack([case.fixed_places, case.fixed_s]) for case in self.cases])
         free = np.isnan(self.known)
         count = int(free.sum())
         self.number = np.full(free.shape, -1)
         self.number[free] = np.arange(count)
         # (u_x, u_y, h) of the piece behind each station and ahead; -1: no piece
-        self.behind, self.ahead = np.full(free.shape, -1), np.full(free.shape, -1)
+        self.behind = np.full(free.shape, -1)
+        self.ahead = np.full(free.shape, -1)
         self.behind[self.left + 1] = np.column_stack([*self.dofs[:, :, -1], h])
         self.ahead[self.left] = np.column_stack([*self.dofs[:, :, 0], h])
         inner = np.setdiff1d(np.arange(N), self.dofs[:, :, [0, -1]])
@@ -117,8 +123,10 @@ class _Batch:
         signs = np.where(np.arange(3) == 2, np.array([1.0, -1.0])[:, None], 1.0)[:, None] * (sides >= 0)
         self.w0 = np.bincount(sides[sides >= 0], (signs * np.where(free, 0.0, self.known))[sides >= 0], N + h.size)
         both = (sides >= 0) & free
-        row, column = sides[both], np.broadcast_to(self.number, sides.shape)[both]
-        row, column = np.concatenate([row, inner]), np.concatenate([column, count + np.arange(inner.size)])
+        row = sides[both]
+        column = np.broadcast_to(self.number, sides.shape)[both]
+        row = np.concatenate([row, inner])
+        column = np.concatenate([column, count + np.arange(inner.size)])
         data = np.concatenate([np.broadcast_to(signs, sides.shape)[both], np.ones(inner.size)])
         self.T = coo_matrix((data, (row, column)), (N + h.size, self.size)).tocsr()
         case_of = np.empty(N, int)
@@ -134,7 +142,8 @@ class _Batch:
         self.pull, self.spring = np.zeros(self.size), np.zeros(self.size)
         special = []
         for k, p in enumerate(self.stations):
-            case, (_, row, slides) = self.cases[self.owner[k]], self.number[k]
+            case = self.cases[self.owner[k]]
+            _, row, slides = self.number[k]
             if p.kind == "counterweight":
                 energy = case.heat * (p.force + p.force**2 / (2.0 * case.EA)) + case.weight * p.y
                 self.pull[slides] = energy if self.ahead[k, 0] < 0 else -energy
@@ -150,32 +159,37 @@ class _Batch:
             if case.tie is not None:
                 at = last + 1 - len(case.stations) + case.tie[0]
                 special.append((self.number[last, 2], at, "tied", case.tie[1]))
-        self.rows, at = np.array([x[0] for x in special], int), np.array([x[1] for x in special], int)
-        self.kinds, self.given = np.array([x[2] for x in special]), np.array([x[3] for x in special])
+        self.rows = np.array([x[0] for x in special], int)
+        at = np.array([x[1] for x in special], int)
+        self.kinds = np.array([x[2] for x in special])
+        self.given = np.array([x[3] for x in special])
         self.ends = np.concatenate([self.behind[at, :2], self.ahead[at, :2]], axis=1)
 
     def _special(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The special rows (m,), and d/df (m, 4)."""
-        f, tiny = np.where(self.ends >= 0, z[self.ends], 0.0).T, 1e-30  # complex-step differentiation
+        # complex-step differentiation
+        f = np.where(self.ends >= 0, z[self.ends], 0.0).T
+        tiny = 1e-30
         shifted = f[:, None] + 1j * tiny * np.eye(4)[:, :, None]
         return self._rows_of(f), self._rows_of(shifted).imag.T / tiny
 
     def _rows_of(self, f: np.ndarray) -> np.ndarray:
         """Special rows of forces f (4, ..., m), behind and ahead; also complex ones."""
-        (bx, by, ax, ay), W, last = f, self.given, self.ends[:, 2] < 0
+        bx, by, ax, ay = f
+        W = self.given
+        last = self.ends[:, 2] < 0
         # across tau: (f_behind + f_ahead - W j) x (f_behind - f_ahead) = 0, over 2 |f|
         turn = (2.0 * (ax * by - ay * bx) + W * (bx - ax)) / _size(bx - ax, by - ay)
         # |f| = T, of the rope ahead or at the right end behind
         tension = _size(np.where(last, bx, ax), np.where(last, by, ay))
         return np.select([self.kinds == "hauled", self.kinds == "tied"], [turn, tension - W], bx + ax)
 
-    def _begin(self) -> None:
-        found = [guess(case) for case in self.cases]
-        start = np.concatenate([np.column_stack([place, s]) for _, place, s in found])
-        self.reach = np.array([np.ptp(place[:, 0]) for _, place, _ in found])
-        self.H = np.array([H.mean() for H, _, _ in found])
+    def _begin(self, starts: Sequence[Start]) -> None:
+        start = np.concatenate([np.column_stack([x.points, x.s]) for x in starts])
+        self.reach = np.array([np.ptp(x.points[:, 0]) for x in starts])
+        self.H = np.array([x.H.mean() for x in starts])
         run = np.diff(start, axis=0)[self.left]
-        H = np.concatenate([H for H, _, _ in found])
+        H = np.concatenate([x.H for x in starts])
         at = np.linspace(0.0, 1.0, self.elements + 1)
         path = start[self.left, :2].T[:, :, None] + run[:, :2].T[:, :, None] * at
         sag = self.q[:: self.elements, 0] * run[:, 2] * run[:, 0] / (8.0 * H)
@@ -236,39 +250,50 @@ class _Batch:
     def norm(self, R: np.ndarray) -> np.ndarray:
         return np.sqrt(np.bincount(self.case_of, R**2, len(self.cases)))
 
-    def solve(self) -> list[LineState]:
-        """States at rest; NoLine where a case has none."""
-        for i in range(SOFTENING, -1, -1):
-            self._newton(i / SOFTENING, ROUGH if i else LAST)
-        return self._states()
+    def solve(self) -> list[LineState | NoLine]:
+        """Each case at rest; NotFound where the residual of a case falls no further.
 
-    def _newton(self, softness: float, enough: float) -> None:
+        Raises NotFound if a singular case spoils the step of all, or if there are too many steps.
+        """
+        stuck = np.zeros(len(self.cases), bool)
+        for i in range(SOFTENING, -1, -1):
+            self._newton(i / SOFTENING, ROUGH if i else LAST, stuck)
+        states = self._states()
+        return [NotFound("no state of rest was found") if no else x for no, x in zip(stuck, states, strict=True)]
+
+    def _newton(self, softness: float, enough: float, stuck: np.ndarray) -> None:
+        """Newton's method on all cases that are not stuck; marks more of them in `stuck` (cases,)."""
         fields = self.fields(self.X, softness)
         R, slope = self.residual(self.X, fields)
         for _ in range(STEPS):
             step = -spsolve(self.tangent(fields, slope).tocsc(), R)
             if not np.isfinite(step).all():
                 break
-            before, part = self.norm(R), np.ones(len(self.cases))
+            before = self.norm(R)
+            part = np.where(stuck, 0.0, 1.0)
             while True:
                 trial = self.X + part[self.case_of] * step
                 fields = self.fields(trial, softness)
                 R, slope = self.residual(trial, fields)
-                worse = ~(self.norm(R) < before) & (before > NEAR * self.H)
-                if not worse.any() or part.min() < SHORTEST:
+                worse = ~(self.norm(R) < before) & (before > NEAR * self.H) & ~stuck
+                if not worse.any():
                     break
                 part[worse] *= 0.5
+                stuck |= part < SHORTEST
+                part[stuck] = 0.0
             self.X = trial
-            if np.max(np.abs(step) / self.reach[self.case_of]) < enough:
+            if np.max(np.abs(step) / self.reach[self.case_of], where=~stuck[self.case_of], initial=0.0) < enough:
                 return
         raise NotFound("no state of rest was found")
 
     def _states(self) -> list[LineState]:
         """States, with weak nodal forces as pulls."""
-        fields, known = self.fields(self.X, 0.0), self.known.copy()
+        fields = self.fields(self.X, 0.0)
+        known = self.known.copy()
         z = np.append(self.derivatives(fields), np.nan)  # last: no piece
         known[self.number >= 0] = self.X[self.number[self.number >= 0]]
-        behind, ahead = z[self.behind[:, :2]], -z[self.ahead[:, :2]]
+        behind = z[self.behind[:, :2]]
+        ahead = -z[self.ahead[:, :2]]
         tau = behind + ahead
         tau /= np.linalg.norm(tau, axis=1)[:, None]
         weight = np.array([p.force if p.kind == "hauled" else np.nan for p in self.stations])
@@ -283,12 +308,20 @@ class _Batch:
 def solve(cases: Sequence[Case], elements: int = 4) -> list[LineState | NoLine]:
     """Each case at rest with an even number of elements on each piece.
 
-    If a case has no rest, both halves are solved apart.
+    If the equations of a case are singular, both halves are solved apart.
     """
+    starts = [start(case) for case in cases]
+    carried = [(case, x) for case, x in zip(cases, starts, strict=True) if isinstance(x, Start)]
+    solved = iter(_solved(carried, elements) if carried else [])
+    return [next(solved) if isinstance(x, Start) else x for x in starts]
+
+
+def _solved(cases: Sequence[tuple[Case, Start]], elements: int) -> list[LineState | NoLine]:
+    """The same with a first guess of each case."""
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore", MatrixRankWarning)
-            return list(_Batch(cases, elements).solve())
+            return _Batch(cases, elements).solve()
     except NoLine as error:
         half = len(cases) // 2
-        return [*solve(cases[:half], elements), *solve(cases[half:], elements)] if half else [error]
+        return [*_solved(cases[:half], elements), *_solved(cases[half:], elements)] if half else [error]

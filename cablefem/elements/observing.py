@@ -21,12 +21,14 @@ if TYPE_CHECKING:
 
 
 def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
-    g, n = system.groups, states.t.size
+    g = system.groups
+    n = states.t.size
     kinematics = system._kinematics(states)
     s_o, ds, dds = kinematics.T
     w, w_t, w_tt, *slopes = system._at_mass(states, kinematics)
     place, slope, bend = system.static(s_o)
-    velocity, acceleration = w_t + ds[:, None] * slope, w_tt + dds[:, None] * slope + (ds**2)[:, None] * bend
+    velocity = w_t + ds[:, None] * slope
+    acceleration = w_tt + dds[:, None] * slope + (ds**2)[:, None] * bend
     force = system.inertia * acceleration - system.weight
     power = ds * np.sum(force * (slope + 0.5 * (slopes[0] + slopes[1])), axis=1)
 
@@ -35,14 +37,16 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
     q, v, a = (np.ascontiguousarray(x[:, :size]).reshape(n, -1, system.fields) for x in (states.q, states.v, states.a))
     full = system.fields == 2
     (kinetic, strain, potential), least, where, pulled, rest = energies(system, mesh_at, q, v)
-    lost, powers = 2.0 * g.damping * kinetic, {}
+    lost = 2.0 * g.damping * kinetic
+    powers = {}
     if g.damping:
         powers["lost_viscous"] = -lost
     kinetic += 0.5 * system.inertia * np.sum(velocity**2, axis=1)
     potential -= (place + w) @ system.weight
 
     T, xp, yp, xpp, ypp = g.static(s_o)
-    static, bend = np.stack([xp, yp], axis=1), np.stack([xpp, ypp], axis=1)
+    static = np.stack([xp, yp], axis=1)
+    bend = np.stack([xpp, ypp], axis=1)
     behind, ahead = (static + x @ system.direction for x in slopes)
     ends = _end_forces(system, mesh_at, (q, v, a), pulled)
     seen, along, c = system._along(states, kinematics, ends, force, s, frames)
@@ -93,7 +97,8 @@ def kinetic_energy(system: CableElements, mesh_at: Array, q: Array, v: Array) ->
     """int |w.|^2/2 ds (n,): h/2 v.M v - ds_o v.G q + ds_o^2/(2h) q.H q of each side."""
     s_o, ds, _ = mesh_at.T
     q, v = (x.reshape(s_o.size, -1).T for x in (q, v))
-    (_, width, n), total = system._operators.shape, np.zeros(s_o.size)
+    _, width, n = system._operators.shape
+    total = np.zeros(s_o.size)
     offsets = system.fields * (width // 2 - np.arange(width))
 
     def product(k: int, x: Array, y: Array) -> Array:
@@ -113,29 +118,41 @@ def _strained(system: CableElements, mesh_at: Array, q: Array, v: Array) -> tupl
     The last is the power of internal damping; of one field the rise of its uniform tension.
     """
     s_o, ds, _ = mesh_at.T
-    (dofs, tab, n_left, *_), law, n = system._mesh, system._law, np.arange(s_o.size)
-    n_loc, behind, (xi, dxi) = dofs.shape[1], np.arange(len(dofs)) < n_left, np.moveaxis(tab[..., :2], -1, 0)
+    dofs, tab, n_left, *_ = system._mesh
+    law = system._law
+    n = np.arange(s_o.size)
+    n_loc = dofs.shape[1]
+    behind = np.arange(len(dofs)) < n_left
+    xi, dxi = np.moveaxis(tab[..., :2], -1, 0)
     h = np.where(behind, s_o[:, None], 1.0 - s_o[:, None])[..., None]
-    s, weight = np.where(behind, 0.0, s_o[:, None])[..., None] + h * xi, dxi * h
+    s = np.where(behind, 0.0, s_o[:, None])[..., None] + h * xi
+    weight = dxi * h
     padded = np.pad(q, ((0, 0), (0, 1), (0, 0)))  # zeros last for supports
     w = np.einsum("egk,nekf->fneg", tab[..., 2 + n_loc :], padded[:, dofs]) / np.where(h > 0.0, h, 1.0)
     if system.fields == 2:
         T, *slope = system.groups.static(s)[:3]
         X_s = np.array(slope)
         f, _, _, W = pull(X_s, T, w, law[0], law[3])
-        N, rest = T + law[0] * strain(X_s, w), np.zeros(n.size)
+        N = T + law[0] * strain(X_s, w)
+        rest = np.zeros(n.size)
         if system.groups.internal_damping:
             more, N, power = _damped(system, (q, v), ds[:, None, None], np.where(h > 0.0, h, 1.0), X_s + w, N)
-            f, rest = f + more, np.sum(weight * power, axis=(1, 2))
+            f = f + more
+            rest = np.sum(weight * power, axis=(1, 2))
         N = np.where(h > 0.0, N, math.inf).reshape(n.size, -1)
-        energy, at = np.sum(weight * W, axis=(1, 2)), np.argmin(N, axis=1)
-        least, where = N[n, at], s.reshape(n.size, -1)[n, at]
+        energy = np.sum(weight * W, axis=(1, 2))
+        at = np.argmin(N, axis=1)
+        least = N[n, at]
+        where = s.reshape(n.size, -1)[n, at]
     else:
-        (alpha, tau, curvature, lam, kap, kind), (w,) = law, w
+        alpha, tau, curvature, lam, kap, kind = law
+        (w,) = w
         y = curvature * (0.5 - s)
         eps = lam * np.sum(weight * (y * w + 0.5 * kap * w * w), axis=(1, 2))
         N, _, W = tension(eps, tau, alpha, kind)
-        least, where, rest = tau + alpha * eps, np.full(n.size, 0.5), N - tau
+        least = tau + alpha * eps
+        where = np.full(n.size, 0.5)
+        rest = N - tau
         energy = 0.5 * tau * np.sum(weight * w * w, axis=(1, 2)) + W - tau * eps
         f = (tau * w + rest[:, None, None] * (y + kap * w))[None]
     force = np.stack([np.sum((dxi * f)[:, :, part], axis=(2, 3)).T for part in (behind, ~behind)], axis=1)
@@ -149,9 +166,11 @@ def _damped(
 
     slope : r' (2, n, n_el, n_q).
     """
-    mesh, rates = system._mesh, system._cable.rates
+    mesh = system._mesh
+    rates = system._cable.rates
     q, v = (np.pad(x, ((0, 0), (0, 1), (0, 0)))[:, mesh.dofs] for x in state)
-    grad, t = mesh.tab[..., 2 + mesh.dofs.shape[1] :], slope / np.hypot(*slope)
+    grad = mesh.tab[..., 2 + mesh.dofs.shape[1] :]
+    t = slope / np.hypot(*slope)
     moved = np.einsum("egk,nekf->fneg", grad, v) + ds / h * np.einsum("egk,nekf->fneg", rates.moved, q)
     rate = np.sum(t * moved / h, axis=0)
     least = 0.0 if system.law == "tension-only" else -math.inf
@@ -167,8 +186,10 @@ def _end_forces(system: CableElements, mesh_at: Array, history: tuple[Array, Arr
     int d(h w.)/dt phi dxi + int (c w. + f) phi' ds = [(f + c w.) phi].
     pulled : (n, 2, fields) int f dxi.
     """
-    (q, v, a), (s_o, ds, dds) = history, mesh_at.T[..., None]
-    out, c_d = np.zeros((len(q), 4, system.fields)), system.groups.damping
+    q, v, a = history
+    s_o, ds, dds = mesh_at.T[..., None]
+    out = np.zeros((len(q), 4, system.fields))
+    c_d = system.groups.damping
     dds = dds + c_d * ds
     for (of, h, sign), near, end in zip(_sides(system, s_o), (1, 2), (0, 3), strict=False):
         of_q, of_v, of_a = (np.moveaxis(of.T @ x, 1, 0) for x in (q, v, a))
@@ -176,7 +197,8 @@ def _end_forces(system: CableElements, mesh_at: Array, history: tuple[Array, Arr
         whole, tested = (h * of_a[k] + dh * of_v[k] - dds * of_q[k + 2] - ds * of_v[k + 2] for k in (0, 1))
         flux = np.divide(ds**2 * of_q[3], h, out=np.zeros_like(tested), where=h > 0.0)
         force = sign * tested + ds * of_v[1] - flux + pulled[:, near - 1]
-        out[:, near], out[:, end] = force - ds * v[:, system.node], force - sign * whole
+        out[:, near] = force - ds * v[:, system.node]
+        out[:, end] = force - sign * whole
     at_once = s_o[:, 0] == 0.0
     out[at_once, 0] = out[at_once, 1] = out[at_once, 2]
     return out
@@ -191,7 +213,9 @@ def _tensions(
     along : f - c^2 w' (k, m, 2), w' (k, m, 2), s (m,);  c : at the mass (n,) and along the cable (k, m);
     at_mass : X' (n, 2), T (n,), r' behind and ahead (n, 2).
     """
-    g, (carried, slopes, s), (static, T, behind, ahead) = system.groups, along, at_mass
+    g = system.groups
+    carried, slopes, s = along
+    static, T, behind, ahead = at_mass
     T_s, x_s, y_s = (np.broadcast_to(x, slopes.shape[:2]) for x in g.static(s)[:3])
     static_s = np.stack([x_s, y_s], axis=-1)
 
@@ -219,7 +243,8 @@ def _tensions(
 
 def _chord_tensions(system: CableElements, ends: Array, rise: Array, T: Array, s: Array, frames: Any) -> dict[str, Any]:
     """The same for one field; its tension rises uniformly."""
-    g, (tau, curvature) = system.groups, system._law[1:3]
+    g = system.groups
+    tau, curvature = system._law[1:3]
     chord = np.array([g.chord_cos, g.chord_sin])
     left, right = (
         (tau + rise)[:, None] * chord + (ends[:, k] + tau * curvature * y) @ system.direction
@@ -237,7 +262,9 @@ def _recovered(system: CableElements, carried: Array, c: Array, at: tuple[Array,
 
     N t - c^2 r' = (N (1 - c^2/alpha) - c^2 (1 - T/alpha)) t; r' gives the sign.
     """
-    (static, T, slope), alpha, flux = at, system._law[0], c**2
+    static, T, slope = at
+    alpha = system._law[0]
+    flux = c**2
     known = carried + (T - flux)[..., None] * static
     size = np.hypot(known[..., 0], known[..., 1])
     size = np.where(np.sum(known * slope, axis=-1) < 0.0, -size, size)

@@ -82,7 +82,8 @@ def numbered(degree: int, n_el: int) -> NDArray[np.int64]:
 def bands(local: Array, dofs: NDArray[np.int64], n: int, b: int) -> Array:
     """Diagonals, bands[b + j - i, i] = matrix[i, j], |i - j| <= b, of n unknowns; local : (n_el, n_loc, n_loc)."""
     row, col = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
-    inner, out = (row >= 0) & (col >= 0), np.zeros((2 * b + 1, n))
+    inner = (row >= 0) & (col >= 0)
+    out = np.zeros((2 * b + 1, n))
     np.add.at(out, ((b + col - row)[inner], row[inner]), local[inner])
     return out
 
@@ -90,7 +91,8 @@ def bands(local: Array, dofs: NDArray[np.int64], n: int, b: int) -> Array:
 def moments(dofs: NDArray[np.int64], tab: Array, chi: Array, n: int) -> Array:
     """int phi, int chi phi, int chi phi,xi and int chi^2 phi,xi dxi of n functions, (n, 4)."""
     n_loc = dofs.shape[1]
-    phi, phi_x = tab[..., 2 : 2 + n_loc], tab[..., 2 + n_loc :]
+    phi = tab[..., 2 : 2 + n_loc]
+    phi_x = tab[..., 2 + n_loc :]
     out = np.zeros((n + 1, 4))  # last row: supports
     for k, (function, power) in enumerate(((phi, 0), (phi, 1), (phi_x, 1), (phi_x, 2))):
         np.add.at(out[:, k], dofs, np.einsum("eg,egk->ek", tab[..., 1] * chi**power, function))
@@ -104,18 +106,21 @@ def reference(elements: int, degree: int, grading: float, damped: bool = False) 
     ahead = np.append(0.0, np.cumsum(lengths))
     ahead /= ahead[-1]
     knots = np.concatenate([-ahead[:0:-1], ahead])
-    mesh, sides = skfem.MeshLine(knots), (slice(0, elements), slice(elements, None))
+    mesh = skfem.MeshLine(knots)
+    sides = (slice(0, elements), slice(elements, None))
     basis, of_forces = (
         skfem.Basis(mesh, lagrange_element(degree), intorder=order)
         for order in (2 * degree, force_order(degree, damped))
     )
-    dofs, n = numbered(degree, 2 * elements) - 1, 2 * elements * degree - 1
+    dofs = numbered(degree, 2 * elements) - 1
+    n = 2 * elements * degree - 1
     dofs[dofs == n] = -1
     chi = 1.0 - abs(np.asarray(basis.global_coordinates())[0])
     # local matrices: trial functions come first
     M, GT, H = (form.coo_data(basis, chi=chi).tolocal() for form in (mass, transport_form, convection_form))
     operators = [bands(local[x], dofs[x], n, degree) for local in (M, GT.swapaxes(1, 2), GT, H) for x in sides]
-    forces, inertia = tabulated(of_forces), tabulated(basis)
+    forces = tabulated(of_forces)
+    inertia = tabulated(basis)
     of_sides = np.array([moments(dofs[x], inertia[x], chi[x], n) for x in sides])
     forces[:elements, :, 0] += 1.0
     return Reference(

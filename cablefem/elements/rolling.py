@@ -23,7 +23,7 @@ from cablefem.elements.kernels.balance import Instant
 from cablefem.elements.kernels.banded import Tangent
 from cablefem.elements.kernels.newton import NO_TANGENT
 from cablefem.newmark import Array, Newton, Settled, Solve, State, Tableau
-from cablefem.newmark.equilibrium import equilibrium
+from cablefem.newmark.equilibrium import equilibrium, hung
 from cablefem.newmark.system import AVERAGE
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
@@ -80,8 +80,9 @@ class RollingElements(RollingCar, FollowingElements):
         self.set_off()
         if not self.free:
             s_o, ds, _ = self.motion.at(t, 0)
-            return newmark.begun(self, lambda at: np.append(equilibrium(self.standing(at))[:-1], 0.0), s_o, ds)
-        s_o, zero = self.drive.start, np.zeros(self.n_dof)
+            return newmark.begun(self, self._hung, s_o, ds)
+        s_o = self.drive.start
+        zero = np.zeros(self.n_dof)
         x = State(t, np.append(equilibrium(self.standing(s_o)), s_o), zero, zero.copy(), 0)
         alone = self._car._replace(drag=0.0, friction=0.0, brake=0.0)
         self.hold = self._roll(alone, np.zeros(3), np.array(x[1:4]), np.empty(self.n_dof))[2]
@@ -112,7 +113,8 @@ class RollingElements(RollingCar, FollowingElements):
         """`now` of `kernels.Car` at t, (..., 3)."""
         if not self.free:
             return np.ascontiguousarray(np.moveaxis(self.motion.along(t, phase), 0, -1))
-        now, drive = np.zeros((*t.shape, 3)), self.drive
+        now = np.zeros((*t.shape, 3))
+        drive = self.drive
         if t.min() < drive.release:
             now[..., 0] = self.hold * np.vectorize(drive.hold)(t)
         if drive.thrust_table:
@@ -138,10 +140,13 @@ class RollingElements(RollingCar, FollowingElements):
     def averaged(self, start: State, end: State) -> Array:
         if not self.free:
             return super().averaged(start, end)
-        dt, mean, c_d = end.t - start.t, 0.5 * (start.v + end.v), self.groups.damping
+        dt = end.t - start.t
+        mean = 0.5 * (start.v + end.v)
+        c_d = self.groups.damping
         still = self._car._replace(mode=kernels.FREE, drag=0.0, heading=0.0)
         (_, before, _), (_, after, _) = (self._inertia(still, x.q, x.v, x.v) for x in (start, end))
-        total, m = (after - before) / dt, 2 * self.node
+        total = (after - before) / dt
+        m = 2 * self.node
         for x, share in zip(*AVERAGE, strict=True):
             q = start.q + x * (end.q - start.q)
             push = self._forces(State(start.t + x * dt, q, mean, (end.v - start.v) / dt, start.phase))
@@ -159,7 +164,9 @@ class RollingElements(RollingCar, FollowingElements):
 
     def _inertia(self, car: kernels.Car, q: Array, v: Array, w: Array) -> tuple[Array, Array, Array]:
         """Forces at rest, M(q) w, and the gradient of v . M(q) w by q, (n_dof,) each."""
-        r, gradient, zero = np.empty((2, self.n_dof)), np.zeros(self.n_dof), np.zeros(self.n_dof)
+        r = np.empty((2, self.n_dof))
+        gradient = np.zeros(self.n_dof)
+        zero = np.zeros(self.n_dof)
         tangent = self._tangent(float)  # that of the step may be kept
         ab, (column, row, _) = tangent
         diagonals = self._band - np.arange(2 * self._band + 1)
@@ -171,7 +178,9 @@ class RollingElements(RollingCar, FollowingElements):
 
     def look(self, x: State) -> Look:
         push = self._forces(x)
-        (tx, ty), (px, py), (ex, ey) = push.tau, push.velocity, push.outside
+        tx, ty = push.tau
+        px, py = push.velocity
+        ex, ey = push.outside
         weight = self.inertia * self.groups.sigma
         return Look(push.normal, px * tx + py * ty, ex * tx + (ey + weight) * ty, weight * tx)
 
@@ -199,20 +208,21 @@ class RollingElements(RollingCar, FollowingElements):
         self, car: kernels.Car, now: Array, x: Array, r: Array, factors: Factors = NO_TANGENT,
         tangent: Tangent | None = None,
     ) -> tuple[float, ...]:  # fmt: skip
-        at, ride = Instant(now, self._bands, self._contact), kernels.Ride(car, self._at_car, ANY)
+        at = Instant(now, self._bands, self._contact)
+        ride = kernels.Ride(car, self._at_car, ANY)
         seen = kernels.roll(self._cable, ride, at, x, r, tangent or self._single, factors)
         self.least_tension = seen[:2]
         return seen
 
     def standing(self, s_o: float) -> FollowingElements:
-        """The cable at rest: a free car grips it, a hauled one hangs on its rope and is about to move.
+        """The cable at rest with the car clamped to it."""
+        return FollowingElements(replace(self.groups, motion=standing(s_o, 1.0), drive=GRIP), **self._at_rest)
 
-        Without compression there are no folds.
-        """
-        groups = replace(self.groups, motion=standing(s_o, 1.0))
-        if self.free:
-            return FollowingElements(replace(groups, drive=GRIP), **self._at_rest)
-        return OnItsRope(replace(groups, drive=replace(self.drive, k=0.0)), **self._at_rest)
+    def _hung(self, s_o: float) -> Array:
+        """q of a hauled car at rest on its rope, about to move."""
+        still = replace(self.groups, motion=standing(s_o, 1.0), drive=replace(self.drive, k=0.0))
+        on_its_rope = OnItsRope(still, **self._at_rest)
+        return np.append(hung(on_its_rope, equilibrium(self.standing(s_o)))[:-1], 0.0)
 
     def _kinematics(self, states: States) -> Array:
         if not self.free:
@@ -221,7 +231,9 @@ class RollingElements(RollingCar, FollowingElements):
 
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
         """Adds the power of each force on the car."""
-        o, drive, ds = super().observe(states, s, frames), self.drive, self._kinematics(states)[:, 1]
+        o = super().observe(states, s, frames)
+        drive = self.drive
+        ds = self._kinematics(states)[:, 1]
         mean = 0.5 * (o.slope_behind + o.slope_ahead)
         tau = mean / np.linalg.norm(mean, axis=1)[:, None]
         stretch = 0.5 * (np.linalg.norm(o.slope_behind, axis=1) + np.linalg.norm(o.slope_ahead, axis=1))

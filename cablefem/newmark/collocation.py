@@ -21,12 +21,18 @@ class _Nodes:
 
     def __init__(self, system: System, phase: int, steps: Steps, rule: Tableau) -> None:
         t, ends, (self.a, *_), _ = steps
-        self.system, self.t, self.dt, self.phase, self.rule = system, rule.instants(t)[0], t[1] - t[0], phase, rule
-        self.ends, self.v0 = ends, ends[0, 1]
+        self.system = system
+        self.t = rule.instants(t)[0]
+        self.dt = t[1] - t[0]
+        self.phase = phase
+        self.rule = rule
+        self.ends = ends
+        self.v0 = ends[0, 1]
         self.drift = ends[0, 0] + np.outer(rule.c * self.dt, self.v0)
 
     def at(self, i: int) -> tuple[Array, Array, Array]:
-        q, v = self.drift[i] + self.dt**2 * (self.rule.AA[i] @ self.a), self.v0 + self.dt * (self.rule.A[i] @ self.a)
+        q = self.drift[i] + self.dt**2 * (self.rule.AA[i] @ self.a)
+        v = self.v0 + self.dt * (self.rule.A[i] @ self.a)
         return q, v, self.a[i]
 
     def finish(self) -> None:
@@ -41,7 +47,8 @@ class _Nodes:
 
         A's eigenvalues lam split it into M + dt lam C + (dt lam)^2 K (Hairer & Wanner 1996, section IV.8).
         """
-        rule, middle = self.rule, self.rule.middle
+        rule = self.rule
+        middle = self.rule.middle
         at = self.t[middle], *self.at(middle), self.phase
         lams = [self.dt * (value if value.imag else value.real) for value in rule.values]
         solves = [self.system.linearise(*at, lam * lam, lam, 1.0)[1] for lam in lams]
@@ -74,7 +81,8 @@ def collocate_coupled(system: System, phase: int, steps: Steps, rule: Tableau, n
     from scipy.optimize import NoConvergence, newton_krylov  # slow to load
     from scipy.sparse.linalg import LinearOperator
 
-    nodes, count = _Nodes(system, phase, steps, rule), 0
+    nodes = _Nodes(system, phase, steps, rule)
+    count = 0
 
     def residual(y: Array) -> Array:
         nonlocal count
@@ -82,14 +90,17 @@ def collocate_coupled(system: System, phase: int, steps: Steps, rule: Tableau, n
         nodes.a[:] = y.reshape(nodes.a.shape)
         return nodes.residual()
 
-    norm, iterations, y = math.inf, 0, nodes.a.ravel().copy()
+    norm = math.inf
+    iterations = 0
+    y = nodes.a.ravel().copy()
     with np.errstate(all="ignore"):
         if np.isfinite(residual(y)).all():
             precondition = LinearOperator((y.size, y.size), matvec=nodes.tangent(), dtype=float)
             try:
                 how = {"f_tol": newton.bound, "maxiter": newton.max_iter, "tol_norm": np.linalg.norm}
                 y = newton_krylov(residual, y, inner_M=precondition, **how)
-                norm, iterations = float(np.linalg.norm(residual(y))), 1
+                norm = float(np.linalg.norm(residual(y)))
+                iterations = 1
             except (NoConvergence, ValueError):
                 iterations = newton.max_iter
         nodes.finish()

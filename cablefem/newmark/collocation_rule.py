@@ -44,7 +44,8 @@ class CollocationRule(Stepper):
             yield [self._end(x.phase, t[k : k + 2], ends[k + 1], a[k])]
 
     def __call__(self, x: State, t1: float) -> State:
-        steps, one = self._steps(x, np.array([t1])), self.system.collocate
+        steps = self._steps(x, np.array([t1]))
+        one = self.system.collocate
         if isinstance(x, Collocated):
             tries = [(steps.further[0] @ x.inside.a, one), (x.a, one)]
         else:
@@ -56,9 +57,12 @@ class CollocationRule(Stepper):
         raise self.stalled(t1, done)
 
     def _steps(self, x: State, times: Array) -> Steps:
-        t, s = np.concatenate([[x.t], times]), self.rule.c.size
-        ends, a = np.empty((t.size, 2, x.q.size)), np.empty((times.size, s, x.q.size))
-        ends[0, 0], ends[0, 1] = x.q, x.v
+        t = np.concatenate([[x.t], times])
+        s = self.rule.c.size
+        ends = np.empty((t.size, 2, x.q.size))
+        a = np.empty((times.size, s, x.q.size))
+        ends[0, 0] = x.q
+        ends[0, 1] = x.v
         dt = t[1:] - t[:-1]
         before = np.concatenate([[x.inside.dt if isinstance(x, Collocated) else dt[0]], dt[:-1]])
         ratios = np.round(dt / before, 9).tolist()  # rounded for the cache

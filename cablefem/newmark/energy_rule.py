@@ -21,7 +21,8 @@ class EnergyRule(Stepper):
         self._memory: list[tuple[State, tuple[Array, float]]] = []
 
     def __call__(self, x: State, t1: float) -> State:
-        dt, system = t1 - x.t, self.system
+        dt = t1 - x.t
+        system = self.system
         self._memory = [kept for kept in self._memory if kept[0] is x]
         before = self._memory[0][1] if self._memory else None
         a = x.a if before is None else before[0]
@@ -33,7 +34,8 @@ class EnergyRule(Stepper):
             return system.averaged(x, end())
 
         def linearise() -> tuple[Array, Solve]:
-            q, v = x.q + (0.5 * dt) * x.v + (0.25 * dt * dt) * a, x.v + (0.5 * dt) * a
+            q = x.q + (0.5 * dt) * x.v + (0.25 * dt * dt) * a
+            v = x.v + (0.5 * dt) * a
             _, solve = system.linearise(x.t + 0.5 * dt, q, v, a, x.phase, 0.25 * dt * dt, 0.5 * dt, 1.0)
             return residual(), solve
 

@@ -1,4 +1,8 @@
-"""States of rest under load, by Newton's method with the tangent K + w M; w falls with the residual."""
+"""States of rest under load.
+
+A cable that carries no compression has a convex energy: where it has no slope is its only minimum.
+With compression there are other places without slope, which no cable takes.
+"""
 
 from __future__ import annotations
 
@@ -11,32 +15,60 @@ from cablefem.newmark.failures import StepFailure
 from cablefem.newmark.states import Array, State
 from cablefem.newmark.system import System, consistent_acceleration
 
-WEIGHTS = (0.0, 1e1, 1e3, 1e5)  # [1/time^2] first w
-ITERATIONS = 200  # of one attempt
+WEIGHT = 1.0  # [1/time^2] w of the first tangent K + w M; it falls with the residual
+ITERATIONS = 200
+HALVINGS = 30
 TOL = 1e-12  # of the force scale
 ROUNDING = 1e3  # accepted over the bound
 APART = 1e-4  # of the shorter side, for differences
 
+Shorten = Callable[[System, Array, Array, Array], Array]
+
 
 def equilibrium(system: System) -> Array:
-    """q at rest; StepFailure if none is found."""
+    """q (n_dof,) of the least energy, which must be convex; StepFailure if it is not found."""
+    return _solved(system, np.zeros(system.n_dof), _downhill)
+
+
+def hung(system: System, held: Array) -> Array:
+    """q (n_dof,) of a cable and the force, its last unknown, of the rope that holds the car.
+
+    held : q of the cable with the car clamped to it, which is near.
+    The rope turns with the cable, so that there is no energy: Newton's steps are not shortened.
+    """
+    return _solved(system, np.append(held, 0.0), lambda system, q, r, step: step)
+
+
+def _solved(system: System, q: Array, shorten: Shorten) -> Array:
     bound = TOL * system.force_scale + math.sqrt(system.n_dof) * system.force_floor
     zero = np.zeros(system.n_dof)
-    for first in WEIGHTS:
-        q, start, best = zero, math.inf, math.inf
-        for i in range(ITERATIONS):
-            with np.errstate(over="ignore", invalid="ignore"):
-                r, _ = system.linearise(0.0, q, zero, zero, 0, 1.0, 0.0, 0.0)
-                norm = float(np.linalg.norm(r))
-                start = norm if i == 0 else start
-                if norm <= bound or (norm <= ROUNDING * bound and norm >= best):
-                    return q
-                if not norm < 1e6 * start:
-                    break
-                best = min(best, norm)
-                r, solve = system.linearise(0.0, q, zero, zero, 0, 1.0, 0.0, first * norm / start)
-                q = q - solve(r.copy())
+    weight = WEIGHT
+    start = best = math.inf
+    for i in range(ITERATIONS):
+        with np.errstate(over="ignore", invalid="ignore"):
+            r, solve = system.linearise(0.0, q, zero, zero, 0, 1.0, 0.0, weight)
+            norm = float(np.linalg.norm(r))
+            if norm <= bound or (norm <= ROUNDING * bound and norm >= best):
+                return q
+            if not norm < math.inf:
+                break
+            start = norm if i == 0 else start
+            weight = WEIGHT * norm / start
+            best = min(best, norm)
+            q = q - shorten(system, q, r, solve(r.copy()))
     raise StepFailure(0.0, "no rest of the loaded cable was found", "start the car elsewhere")
+
+
+def _downhill(system: System, q: Array, r: Array, step: Array) -> Array:
+    """The step, halved until the energy rises at its end by at most half as fast as it fell at its start."""
+    zero = np.zeros_like(q)
+    falls = float(r @ step)
+    for _ in range(HALVINGS):
+        if system.residual(0.0, q - step, zero, zero, 0) @ step >= -0.5 * falls:
+            break
+        step = 0.5 * step
+        falls = 0.5 * falls
+    return step
 
 
 def begun(system: System, rest: Callable[[float], Array], s_o: float, ds_o: float) -> State:
@@ -44,7 +76,8 @@ def begun(system: System, rest: Callable[[float], Array], s_o: float, ds_o: floa
 
     rest : q with the mass at rest at a place.
     """
-    q, d = rest(s_o), APART * min(s_o, 1.0 - s_o)
+    q = rest(s_o)
+    d = APART * min(s_o, 1.0 - s_o)
     v = np.zeros_like(q)
     if ds_o:
         v = (rest(s_o + d) - rest(s_o - d)) * (ds_o / (2.0 * d))

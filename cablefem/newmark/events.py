@@ -44,21 +44,27 @@ def first_event(system: System, step: Stepper, x0: State, x1: State) -> tuple[St
                 raise StepFailure(x.t, f"event {name!r} has no value", "take more steps")
         return found
 
-    before, after = values(x0), values(x1)
-    end, at_end = x1, after
-    fallen = [i for i, value in enumerate(after) if 0.0 < before[i] < math.inf and value <= 0.0]
-    if not fallen:
-        return x1, []
-    from scipy.optimize import brentq  # slow to load
+    before = values(x0)
+    end = x1
+    at_end = values(x1)
+    fallen = list[int]()
+
+    def falls() -> list[int]:
+        return [i for i, value in enumerate(at_end) if 0.0 < before[i] < math.inf and value <= 0.0]
 
     def least(t: float) -> float:
         nonlocal end, at_end
-        x = x0 if t <= x0.t else x1 if t >= x1.t else step(x0, t)
-        found = before if x is x0 else after if x is x1 else values(x)  # once each: rounding may turn a sign
+        x = x0 if t <= x0.t else end if t >= end.t else step(x0, t)
+        found = before if x is x0 else at_end if x is end else values(x)  # once each: rounding may turn a sign
         lowest = min(found[i] for i in fallen)
         if lowest <= 0.0 and x.t <= end.t:
-            end, at_end = x, found
+            end = x
+            at_end = found
         return lowest
 
-    brentq(least, x0.t, x1.t, xtol=rounding(x1.t) / 4.0, rtol=4.0 * EPS, disp=False)
+    while set(falls()) - set(fallen):  # at the first event others may show that are gone at the end of the step
+        from scipy.optimize import brentq  # slow to load
+
+        fallen = falls()
+        brentq(least, x0.t, end.t, xtol=rounding(x1.t) / 4.0, rtol=4.0 * EPS, disp=False)
     return end, [system.events[i] for i in fallen if at_end[i] <= 0.0]

@@ -3,7 +3,9 @@ class StepFailure(RuntimeError):
 
     def __init__(self, t: float, cause: str, advice: str) -> None:
         super().__init__(f"{cause} at t = {t:.6g}; {advice}")
-        self.t, self.cause, self.advice = t, cause, advice
+        self.t = t
+        self.cause = cause
+        self.advice = advice
 
 
 class NewtonStalled(StepFailure):

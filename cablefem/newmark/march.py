@@ -19,11 +19,14 @@ from cablefem.newmark.stepper import Stepper, Work
 from cablefem.newmark.system import System
 
 # pieces of a step from an abrupt acceleration, and their damped rule (Rannacher 1984)
-GENTLE, GENTLY = 4, Scheme("gentle", 0.5, 1.0)
+GENTLE = 4
+GENTLY = Scheme("gentle", 0.5, 1.0)
 MOST_HALVINGS = 6  # of a step
 MOST_CUTS = 100  # failed steps beyond half of the grid's number
 MOST_EVENTS = 20  # without a step between them
-STRIDE, AHEAD = 256, 32  # longest strides, of the grid and adaptive
+# longest strides, of the grid and adaptive
+STRIDE = 256
+AHEAD = 32
 ALONE = 16  # single steps after a failed stride
 GROWN = 2.0  # longest over shortest step of a stride
 
@@ -64,7 +67,10 @@ def stretches(
 
 class _March:
     def __init__(self, step: Stepper, gentle: Stepper | None, state: State, work: Work) -> None:
-        self.system, self.step, self.gentle, self.work = step.system, step, gentle, work
+        self.system = step.system
+        self.step = step
+        self.gentle = gentle
+        self.work = work
         self.state = state
         self.shown = self.jumped = state.t  # times of the last output, last event
         self.fresh = True
@@ -105,14 +111,17 @@ class _March:
             if not all(value > 0.0 for value in self.system.watch(x)):
                 break
             self.work.steps += len(states)
-            self.state, self.shown, self.fresh = x, x.t, False
+            self.state = x
+            self.shown = x.t
+            self.fresh = False
             self.alone = int(x.t < ahead[-1])
             yield states
         return self.alone < ALONE
 
     def _one(self, before: float, t: float, size: int) -> tuple[State, list[str]] | None:
         """Take a step towards t; return its end and events, None to try half the length."""
-        state, system = self.state, self.system
+        state = self.state
+        system = self.system
         length = t - before
         if system.adaptive:
             length *= system.part(state, state.t - self.jumped)
@@ -148,11 +157,16 @@ class _March:
                 x.t, f"more than {MOST_EVENTS} events without a step between them, at last {names[-1]!r}",
                 "what changes at the event does not keep it from happening again at once",
             )  # fmt: skip
-        self.jumped, self.alone, self.fresh = x.t, 1, True
+        self.jumped = x.t
+        self.alone = 1
+        self.fresh = True
         return pass_events(self.system, names, x, self.shown, self.work)
 
     def _pieces(self, edges: list[float]) -> list[float]:
-        x, now, most, ends = self.state, self.state.t, math.inf, list[float]()
+        x = self.state
+        now = self.state.t
+        most = math.inf
+        ends = list[float]()
         for before, t in itertools.pairwise(edges):
             while t - now > rounding(t):
                 t1 = _piece(now, t, (t - before) * self.system.part(x, now - self.jumped, now - x.t))

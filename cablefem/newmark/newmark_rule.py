@@ -21,11 +21,15 @@ class NewmarkRule(Stepper):
         self._rule[:, 4] = 1.0 - method.alpha_f, 1.0 - method.alpha_f, 1.0 - method.alpha_m
 
     def _set(self, rule: Array, dt: Any, goes_on: float) -> None:
-        beta, gamma = self.method.newmark_beta, self.method.newmark_gamma
-        rule[..., 0, 1], rule[..., 0, 2] = dt, dt * dt * (0.5 - beta + goes_on * beta)
+        beta = self.method.newmark_beta
+        gamma = self.method.newmark_gamma
+        rule[..., 0, 1] = dt
+        rule[..., 0, 2] = dt * dt * (0.5 - beta + goes_on * beta)
         rule[..., 1, 2] = dt * (1.0 - gamma + goes_on * gamma)
         rule[..., 2, 2] = goes_on
-        rule[..., 0, 3], rule[..., 1, 3], rule[..., 2, 3] = dt * dt * beta, dt * gamma, 1.0
+        rule[..., 0, 3] = dt * dt * beta
+        rule[..., 1, 3] = dt * gamma
+        rule[..., 2, 3] = 1.0
 
     def _instants(self, t0: Array, t1: Array, phase: int) -> Array:
         if self.method.alpha_f == 0.0:
@@ -47,7 +51,8 @@ class NewmarkRule(Stepper):
             yield stretch[part]
 
     def __call__(self, x: State, t1: float) -> State:
-        dt, start = t1 - x.t, np.array([x.q, x.v, x.a])
+        dt = t1 - x.t
+        start = np.array([x.q, x.v, x.a])
         t = float(self._instants(np.array([x.t]), np.array([t1]), x.phase)[0])
         now = np.empty_like(start)
         for goes_on in (1.0, 0.0):

@@ -38,13 +38,17 @@ def find_root(
     newton: Newton,
 ) -> Settled:  # fmt: skip
     """Take corrections, `update(x)` subtracts x, until |residual()| <= newton.bound; NaN never converges."""
-    norm, factorisations, residuals, anew = math.inf, 0, 0, True
+    norm = math.inf
+    factorisations = 0
+    residuals = 0
+    anew = True
     for iteration in range(newton.max_iter):
         if anew:
             r, solve = linearise()
             norm = math.sqrt(r.dot(r))
             factorisations += 1
-        before, correction = norm, solve(r)
+        before = norm
+        correction = solve(r)
         update(correction)
         for halving in range(newton.halvings + 1):
             if halving:

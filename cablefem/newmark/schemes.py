@@ -52,8 +52,10 @@ def scheme(name: str, *, newmark_gamma: float = 0.6, rho_inf: float = 0.9) -> Sc
     """
     if name not in SCHEMES:
         raise ValueError(f"unknown scheme {name!r}; one of {', '.join(SCHEMES)}")
-    alpha_m, alpha_f = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0), rho_inf / (rho_inf + 1.0)
-    a, g = alpha_m - alpha_f, newmark_gamma
+    alpha_m = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0)
+    alpha_f = rho_inf / (rho_inf + 1.0)
+    a = alpha_m - alpha_f
+    g = newmark_gamma
     return {
         "trapezoidal": Scheme(name),
         "newmark": Scheme(name, 0.25 * (g + 0.5) ** 2, g),

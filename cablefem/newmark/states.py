@@ -51,7 +51,10 @@ class Stretch(Sequence[State]):
     __slots__ = ("phase", "rows", "t")
 
     def __init__(self, t: Array, rows: Array, phase: int) -> None:
-        self.t, self.rows, self.phase = t, rows, phase  # (m,); q, v, a (m, 3, n_dof)
+        # (m,); q, v, a (m, 3, n_dof)
+        self.t = t
+        self.rows = rows
+        self.phase = phase
 
     def __len__(self) -> int:
         return self.t.size
@@ -89,7 +92,8 @@ class Course(Sequence[State]):
     def __getitem__(self, i: Any) -> Any:
         if isinstance(i, slice):
             return list(self)[i]
-        at, end = range(self._n)[i], self._n
+        at = range(self._n)[i]
+        end = self._n
         for part in reversed(self.parts):
             end -= len(part)
             if at >= end:

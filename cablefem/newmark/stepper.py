@@ -31,7 +31,9 @@ class Stepper:
     """Rule of a step: `stepper(x, t1)` returns the state at t1 after a step from x."""
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
-        self.system, self.method, self.work = system, method, work
+        self.system = system
+        self.method = method
+        self.work = work
         self.bound = newton.tol * system.force_scale + math.sqrt(system.n_dof) * system.force_floor
         self.newton = newton._replace(bound=self.bound)
 

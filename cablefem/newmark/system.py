@@ -79,7 +79,8 @@ class System(Protocol):
 
             [ M(q1) v1 - M(q0) v0 ] / dt - average of d/dq (T - V) - other forces = 0 .
         """
-        dt, v = end.t - start.t, 0.5 * (start.v + end.v)
+        dt = end.t - start.t
+        v = 0.5 * (start.v + end.v)
         r = np.zeros_like(end.a)
         for x, weight in zip(*AVERAGE, strict=True):
             r += weight * self.residual(start.t + x * dt, start.q + x * dt * v, v, end.a, start.phase)
@@ -112,7 +113,9 @@ class System(Protocol):
 
 
 def iterate(system: System, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> Settled:
-    predictor, c, w = rule[:, :3], rule[:, 3:4], rule[:, 4:5]
+    predictor = rule[:, :3]
+    c = rule[:, 3:4]
+    w = rule[:, 4:5]
     linear = (w * c)[:, 0].tolist()
     rest = (1.0 - w) * start
     now[:] = predictor @ start

@@ -47,7 +47,8 @@ def tableau(nodes: tuple[float, ...]) -> Tableau:
     l0, l1, l2 = (np.array([p.integ(k, lbnd=1.0).coef for p in basis]).T for k in range(3))
     to, back, values = (x.astype(complex) for x in (np.linalg.inv(back), both * back, values))
     middle = int(np.argmin(np.abs(c - 0.5)))
-    to, back = to[kept], np.ascontiguousarray(back[:, kept])
+    to = to[kept]
+    back = np.ascontiguousarray(back[:, kept])
     return Tableau(c, A, A @ A, np.stack([b @ A, b]), values[kept], to, back, middle, (l0, l1, l2))
 
 
@@ -79,6 +80,9 @@ def between(after: Collocated, t: float) -> State:
 
 def cubic(x, dt, before, after) -> tuple[Array, Array]:
     """q and v at x in [0, 1] of a step dt, from q and v at both ends."""
-    d, v0, v1 = after.q - before.q, dt * before.v, dt * after.v
-    c2, c3 = 3.0 * d - 2.0 * v0 - v1, v0 + v1 - 2.0 * d
+    d = after.q - before.q
+    v0 = dt * before.v
+    v1 = dt * after.v
+    c2 = 3.0 * d - 2.0 * v0 - v1
+    c3 = v0 + v1 - 2.0 * d
     return before.q + x * (v0 + x * (c2 + x * c3)), (v0 + x * (2.0 * c2 + x * 3.0 * c3)) / dt

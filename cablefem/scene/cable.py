@@ -24,7 +24,7 @@ class Rope(Part):
     """A uniform elastic rope, its temperature and its ice."""
 
     mass_per_length: Positive = said("[kg/m] mass of the cable per stretched length at rest")
-    EA: Positive = said("[N] axial stiffness")
+    EA: Positive = said("[N] axial stiffness per strain of the cable stretched at rest; of the unstretched: EA - T")
     diameter: Positive | None = said("[m] of the cable without ice", None)
     breaking_load: Positive | None = said("[N] tension at which the cable breaks", None)
     temperature: Celsius | None = said("[C] during the run", None)
@@ -99,7 +99,9 @@ def hang(gravity: float, cable: Cable, supports: Supports) -> Catenary:
     reference = _reference(gravity, cable, supports)
     if not cable.changed:
         return reference
-    l, T, heat = reference.length, reference.mean_tension, cable.warmer
+    l = reference.length
+    T = reference.mean_tension
+    heat = cable.warmer
     weight = (cable.mass_per_length + cable.ice_per_length) * gravity * l
 
     def state(z: float) -> Catenary:
@@ -128,13 +130,15 @@ def _reference(gravity: float, cable: Cable, supports: Supports) -> Catenary:
 
 def hanging_fault(gravity: float, cable: Cable, supports: Supports) -> str:
     """Why there is no catenary."""
-    span, drop = supports.span, supports.drop
+    span = supports.span
+    drop = supports.drop
     if abs(drop) > STEEPEST * span:
         most = STEEPEST * span
         return f"supports.drop = {drop!r}: must be from {-most:.6g} to {most:.6g}, {STEEPEST:g} spans"
     name, value = next((n, v) for n in SHAPES if (v := getattr(cable, n)) is not None)
     weight = cable.mass_per_length * gravity
-    taut, deep = Catenary.from_z(span, drop, weight, Z_MIN), Catenary.from_z(span, drop, weight, Z_MAX)
+    taut = Catenary.from_z(span, drop, weight, Z_MIN)
+    deep = Catenary.from_z(span, drop, weight, Z_MAX)
     low, high = sorted((getattr(taut, name), getattr(deep, name)))
     least = f"{low:.6g}"
     if name == "length":  # nearer to the chord, less than four digits of the sag are known

@@ -15,7 +15,8 @@ import numpy as np
 from cablefem.scene.bisection import bisected
 
 # [-] z = rho g b/(2H); sag/span is 7.3 at z = 5; below 1e-9 it is none
-Z_MIN, Z_MAX = 1e-9, 5.0
+Z_MIN = 1e-9
+Z_MAX = 5.0
 _BRACKET = Z_MIN * (1.0 - 1e-6), Z_MAX * (1.0 + 1e-6)  # with the ends themselves
 
 
@@ -31,7 +32,9 @@ def static(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray, np.ndarra
 def shape(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray]:
     """(x, y) at s: x = (asinh p_0 - asinh p)/sigma, y = (T_0 - T)/sigma = s m, m = (p_0 + p)/(T_0 + T)."""
     s = np.asarray(s, dtype=float)
-    p, p0, T0 = c - sigma * s, c, math.hypot(1.0, c)
+    p = c - sigma * s
+    p0 = c
+    T0 = math.hypot(1.0, c)
     T = np.sqrt(1.0 + p * p)
     m = (p0 + p) / (T0 + T)
     # asinh is odd: mirror a rising cable, so that p_0 + T_0 is no difference
@@ -114,7 +117,10 @@ class Catenary:
     @cached_property
     def mean_tension(self) -> float:
         """Mean tension [N]: (p T + asinh p)/(2 sigma), without differences."""
-        c, end, b, h = self.c, self.c - self.sigma, self.span / self.length, self.drop / self.length
+        c = self.c
+        end = self.c - self.sigma
+        b = self.span / self.length
+        h = self.drop / self.length
         mean = 0.25 * (math.hypot(1.0, c) + math.hypot(1.0, end)) + 0.25 * (c + end) * h + 0.5 * b
         return self.horizontal_tension * mean
 

@@ -36,7 +36,8 @@ def first_frequency(scene: Scene) -> float:
 
     tan(x) = x - 4 x^3/L^2, omega = 2 x sqrt(tau/rho)/l, tau = H chord/span (Irvine 1981, 2.4).
     """
-    L2, tau = scene.irvine, scene.horizontal_tension / (scene.supports.span / scene.chord)
+    L2 = scene.irvine
+    tau = scene.horizontal_tension / (scene.supports.span / scene.chord)
 
     def off(x: float) -> float:  # times L^2 cos(x): no poles
         return L2 * (x * math.cos(x) - math.sin(x)) - 4.0 * x**3 * math.cos(x)
@@ -47,7 +48,8 @@ def first_frequency(scene: Scene) -> float:
 
 def damping_rates(scene: Scene) -> tuple[float, float]:
     """c_d [1/s] of `cable.damping` and of a crosswind."""
-    own, wind = scene.cable.damping, scene.wind
+    own = scene.cable.damping
+    wind = scene.wind
     if isinstance(own, Damping):
         own = own.rate
     elif own:
@@ -58,7 +60,8 @@ def damping_rates(scene: Scene) -> tuple[float, float]:
 def damping_fault(scene: Scene) -> str:
     if scene.wind is not None and scene.cable.diameter is None:
         return "cable.diameter: missing; must be given with wind.across, which acts on it"
-    rates, critical = damping_rates(scene), 2.0 * first_frequency(scene)
+    rates = damping_rates(scene)
+    critical = 2.0 * first_frequency(scene)
     if sum(rates) <= critical:
         return ""
     name = "cable.damping" if rates[0] else "wind.across"
@@ -67,7 +70,8 @@ def damping_fault(scene: Scene) -> str:
 
 
 def internal_fault(scene: Scene, mode: str) -> str:
-    tau, least = scene.cable.internal_damping, LEAST_INTERNAL * scene.time_scale
+    tau = scene.cable.internal_damping
+    least = LEAST_INTERNAL * scene.time_scale
     told = f"cable.internal_damping = {tau!r} s: must be 0"
     if tau and mode != "grip":
         return f"{told} with drive.mode = {mode!r}; only a car that grips the cable runs it slack"

@@ -116,6 +116,8 @@ def put(data: dict[str, Any], key: str, value: Any) -> None:
     here: Any = data
     for name in way:
         here = here.setdefault(name, {}) if isinstance(here, dict) else _entry(here, name, key)
+    if isinstance(here, list | tuple) and here:
+        raise ValueError(f"{key}: {'.'.join(way)} is a list; write {'.'.join(way)}.0.{last}, or its name for the 0")
     if not isinstance(here, dict):
         raise ValueError(f"{key}: {'.'.join(way)} is no table")
     if isinstance(value, str) and RELATIVE.fullmatch(value):

@@ -31,7 +31,8 @@ from cablefem.scene.fields import (
 )
 
 # [l] range of a rolling car: forces grow like one over the distance to a support
-NEAREST_START, FARTHEST_END = 1e-4, 0.99
+NEAREST_START = 1e-4
+FARTHEST_END = 0.99
 START = 0.01  # [l] where a rolling car begins by default
 # steps of a ride; a step is at most 1/12, 1/240, ... of the times below, see `Drive.part_of_step`
 STANDARD = 1000.0
@@ -109,8 +110,11 @@ class Driving(Part):
         """Faults on a cable of this length [m]."""
         if self.mode == "grip":
             return []
-        near, far, end = NEAREST_START * length, FARTHEST_END * length, self.end_place(length)
-        faults, last = [], min(end, far)
+        near = NEAREST_START * length
+        far = FARTHEST_END * length
+        end = self.end_place(length)
+        faults = []
+        last = min(end, far)
         if end > far:
             must = f"must be < {far:.6g} m, {FARTHEST_END:g} of the length of the cable"
             faults.append(f"end.place = {end!r}: {must}: next to the support no answer converges")
@@ -226,12 +230,14 @@ class Drive:
         axial : round trip of axial waves. forward : sign of the motion. since : time after a jump of force.
         rubs : whether a brake or a hold acts.
         """
-        step, near = self.nominal / STANDARD, min(s_o, 1.0 - s_o)
+        step = self.nominal / STANDARD
+        near = min(s_o, 1.0 - s_o)
         there = near / abs(speed) if speed else math.inf
         # none where the car would set out again the same way
         halts = self.mu_r > 0.0 and forward * self.way(s_o) <= 0.0
         halt = abs(speed) / sigma if halts else math.inf
-        rings, ahead = axial / RINGS, s_o if forward < 0.0 else 1.0 - s_o
+        rings = axial / RINGS
+        ahead = s_o if forward < 0.0 else 1.0 - s_o
         waves = 2.0 * ahead / WAVES if forward else math.inf
         parts = (since + axial * near) / SINCE, there / SINCE, rings if rubs else max(halt / HALT, rings), waves
         return min(1.0, min(parts) / step)

@@ -12,14 +12,16 @@ from pydantic_core import core_schema
 from cablefem.scene.errors import NOT_MODELLED, SceneError, nearest, shown
 
 # within these no product of fields overflows or vanishes
-SMALL, LARGE = 1e-12, 1e15
+SMALL = 1e-12
+LARGE = 1e15
 
 
 class Admits:
     """What a field admits, in words; limits (ge, le, min_length, pattern) are pydantic's."""
 
     def __init__(self, words: str, **limits: Any) -> None:
-        self.words, self.limits = words, limits
+        self.words = words
+        self.limits = limits
 
     def __call__(self, value: Any, handler: Any) -> Any:
         try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Union
 
 from pydantic import TypeAdapter
@@ -15,11 +15,12 @@ from cablefem.scene.fields import REAL, Part
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    name: str  # dotted; [] after a list of tables, (kind) after a table of several
+    name: str  # as `--set` takes it: dotted, 0 for the first of a list of tables
     unit: str
     meaning: str
     default: str
     admits: str
+    kind: str = ""  # of its table, if only that kind has it
 
     @property
     def brief(self) -> str:
@@ -61,7 +62,8 @@ def keys(part: type[Part]) -> Iterator[Key]:
 def _keys(table: dict[str, Any], known: dict[str, Any], before: str) -> Iterator[Key]:
     for name, rule in table["properties"].items():
         options = _options(rule, known)
-        tables, numbers = [x for x in options if "properties" in x], [x for x in options if "properties" not in x]
+        tables = [x for x in options if "properties" in x]
+        numbers = [x for x in options if "properties" not in x]
         if numbers:
             unit, meaning = re.fullmatch(r"\[(.*?)\] ?(.*)", rule["description"]).groups()  # type: ignore[union-attr]
             default = "required" if name in table.get("required", ()) else str(rule.get("default", "-"))
@@ -70,7 +72,7 @@ def _keys(table: dict[str, Any], known: dict[str, Any], before: str) -> Iterator
         if len(tables) > 1:
             yield from _kinds(tables, known, before + name)
         elif tables:
-            yield from _keys(tables[0], known, f"{before}{name}{'[]' if 'items' in rule else ''}.")
+            yield from _keys(tables[0], known, f"{before}{name}{'.0' if 'items' in rule else ''}.")
 
 
 def _options(rule: dict[str, Any], known: dict[str, Any]) -> list[dict[str, Any]]:
@@ -85,6 +87,15 @@ def _kinds(tables: list[dict[str, Any]], known: dict[str, Any], name: str) -> It
     yield Key(f"{name}.kind", "-", "which law", "required", f"one of {', '.join(kinds)}")
     shared = set.intersection(*(set(table["properties"]) for table in tables))
     for table, kind in zip(tables, kinds, strict=True):
-        yield from (key for key in _keys(table, known, f"{name} ({kind}).") if key.name.split(".")[1] not in shared)
+        for key in _keys(table, known, f"{name}."):
+            if key.name.split(".")[1] not in shared:
+                yield replace(key, kind=kind)
     common = _keys(tables[0], known, f"{name}.")
     yield from (key for key in common if (own := key.name.split(".")[1]) in shared and own != "kind")
+
+
+def hint(key: str, part: type[Part]) -> str:
+    """The keys of a part whose last name, or whose table, is `key`, as a sentence; "" if there are none."""
+    names = dict.fromkeys(x.name for x in keys(part))
+    similar = [name for name in names if name.endswith(f".{key}")] or [x for x in names if x.startswith(f"{key}.")]
+    return f"the scene has {', '.join(similar[:4])}" if similar else ""

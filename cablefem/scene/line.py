@@ -10,6 +10,7 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -120,6 +121,7 @@ class LineRope(Rope):
     """The rope of a line; with two fixed ends it needs `length` or `tension`."""
 
     mass_per_length: Positive = said("[kg/m] mass of the rope per unstretched length")
+    EA: Positive = said("[N] axial stiffness per strain of the unstretched rope; of the stretched at rest: EA + T")
     length: Positive | None = said("[m] unstretched length between two fixed ends", None)
     tension: Tie | None = said("[N] tension of the empty line at a contact", None)
 
@@ -202,13 +204,20 @@ class NotFound(NoLine):
 Solver = Callable[[Sequence[Case]], "list[LineState | NoLine]"]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class LineRest:
     """A line at rest at all positions of its cars."""
 
     line: Line
     empty: LineState  # reference temperature, no ice
     positions: list[LineState | NoLine]
+    # by position and car on a shoe: the line with that car on the rope at either end of the shoe
+    shoe_ends: dict[tuple[int, str], tuple[LineState, LineState]]
+
+    @cached_property
+    def states(self) -> dict[int, LineState]:
+        """States of the positions that have a rest."""
+        return {i: x for i, x in enumerate(self.positions) if isinstance(x, LineState)}
 
 
 class Line(Described):
@@ -224,7 +233,9 @@ class Line(Described):
     ground: Ground = ()
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
-        rope, contacts, cars = self.cable, self.contact, self.car
+        rope = self.cable
+        contacts = self.contact
+        cars = self.car
         if None in (rope, contacts, cars):
             return []
         names = [c.name for c in contacts] + [c.name for c in cars]
@@ -249,35 +260,44 @@ class Line(Described):
         assert car.at is not None
         return car.at[i] if len(car.at) > 1 else car.at[0]
 
-    def shoe(self, x: float) -> str | None:
+    def shoe(self, x: float) -> Contact | None:
         """Saddle on whose shoe a car at x rests."""
-        return next((c.name for c in self.contact if c.shoe is not None and abs(x - c.at[0]) <= c.shoe), None)
+        return next((c for c in self.contact if c.shoe is not None and abs(x - c.at[0]) <= c.shoe), None)
 
-    def case(self, i: int | None, length: float | None) -> Case:
-        """Position i of the cars; None: empty, at the reference temperature, without ice."""
+    def case(self, i: int | None, length: float | None, on_rope: tuple[str, float] | None = None) -> Case:
+        """Position i of the cars; None: empty, at the reference temperature, without ice.
+
+        on_rope : name and x [m] of a car that hangs on the rope there, even within a shoe.
+        """
         stations = [Station(c.name, c.kind, *c.at, force=c.tension or 0.0, stiffness=c.stiffness) for c in self.contact]
-        rope, tie = self.cable, None
+        rope = self.cable
+        tie = None
         if i is None:
             names = [p.name for p in stations]
             if rope.tension is not None:
                 tie = names.index(rope.tension.at), rope.tension.value
             return Case(tuple(stations), rope.mass_per_length * self.gravity, rope.EA, length=length, tie=tie)
-        stations += [
-            Station(car.name, "hauled" if car.hauled else "grips", x, math.nan, car.mass * self.gravity)
-            for car in self.car
-            if self.shoe(x := self.place(car, i)) is None
-        ]
+        for car in self.car:
+            x = self.place(car, i)
+            hangs = self.shoe(x) is None
+            if on_rope is not None and car.name == on_rope[0]:
+                x = on_rope[1]
+                hangs = True
+            if hangs:
+                kind = "hauled" if car.hauled else "grips"
+                stations.append(Station(car.name, kind, x, math.nan, car.mass * self.gravity))
         stations.sort(key=lambda p: p.x)
         weight = (rope.mass_per_length + rope.ice_per_length) * self.gravity
         return Case(tuple(stations), weight, rope.EA, 1.0 + rope.warmer, length)
 
-    def _crowded(self, i: int) -> NoLine | None:
-        shoes = [shoe for car in self.car if (shoe := self.shoe(self.place(car, i)))]
-        return next((NoLine(f"two cars on the shoe of {x}") for x in shoes if shoes.count(x) > 1), None)
+    def _on_shoes(self) -> dict[tuple[int, str], Contact]:
+        """The saddle by position and car on its shoe."""
+        saddles = {(i, car.name): self.shoe(self.place(car, i)) for i in range(self.count) for car in self.car}
+        return {key: saddle for key, saddle in saddles.items() if saddle is not None}
 
     def empty(self, solve: Solver) -> LineState:
         """The line without cars, ice and heat, s from its left end; SceneError where it has no rest."""
-        state = _standing(solve([self.case(None, self.cable.length)])[0])
+        state = _refuse_unsound(solve([self.case(None, self.cable.length)])[0])
         if isinstance(state, NoLine):
             raise SceneError([f"the empty line: {state}"])
         return replace(state, s=state.s - state.s[0])
@@ -286,11 +306,41 @@ class Line(Described):
         """Solve all positions; SceneError where the empty line has no rest."""
         if self.moves:
             raise SceneError([f"car.{self.car[0].name}: in motion; at must be given for a line at rest"])
-        empty, length = self.empty(solve), self.cable.length
+        empty = self.empty(solve)
+        length = self.cable.length
         if self.contact[-1].kind != "counterweight":
             length = length or float(empty.s[-1])
-        solved = solve([self.case(i, length) for i in range(self.count)])
-        return LineRest(self, empty, [self._crowded(i) or _standing(state) for i, state in enumerate(solved)])
+        on_shoes = self._on_shoes()
+        cases = [self.case(i, length) for i in range(self.count)]
+        for (i, name), saddle in on_shoes.items():
+            reach = saddle.shoe or 0.0
+            cases += [self.case(i, length, (name, saddle.at[0] + side)) for side in (-reach, reach)]
+        states = [_refuse_unsound(state) for state in solve(cases)]
+        positions = [self._with_loads(state, i) for i, state in enumerate(states[: self.count])]
+        shoe_ends = {}
+        for k, ((i, name), saddle) in enumerate(on_shoes.items()):
+            left, right = states[self.count + 2 * k : self.count + 2 * k + 2]
+            if isinstance(left, LineState) and isinstance(right, LineState):
+                shoe_ends[i, name] = left, right
+            elif isinstance(positions[i], LineState):
+                why = left if isinstance(left, NoLine) else right
+                positions[i] = NoLine(f"{name} does not come onto the shoe of {saddle.name}: {why}")
+        for i in range(self.count):
+            saddles = [saddle.name for (k, _), saddle in on_shoes.items() if k == i]
+            twice = sorted({name for name in saddles if saddles.count(name) > 1})
+            if twice:
+                positions[i] = NoLine(f"two cars on the shoe of {twice[0]}")
+        return LineRest(self, empty, positions, shoe_ends)
+
+    def _with_loads(self, state: LineState | NoLine, i: int) -> LineState | NoLine:
+        """Add to a search without result what the rope has to carry at position i, and what holds it."""
+        if not isinstance(state, NotFound):
+            return state
+        cars = [car for car in self.car if self.shoe(self.place(car, i)) is None]
+        weight = sum(car.mass for car in cars) * self.gravity
+        weights = [c for c in self.contact if c.tension is not None]
+        holds = f"{weights[0].name} holds it with {weights[0].tension:.6g} N" if weights else "both ends are fixed"
+        return NotFound(f"{state} with {weight:.6g} N of cars on the rope; {holds}")
 
 
 def line_of(name_or_path: str | Path) -> Line | None:
@@ -302,12 +352,15 @@ def line_of(name_or_path: str | Path) -> Line | None:
     return Line.load(name_or_path) if several else None
 
 
-def _standing(state: LineState | NoLine) -> LineState | NoLine:
-    """Refuse a state whose rope pulls a saddle up."""
-    if isinstance(state, LineState):
-        for p, pull in zip(state.case.stations, state.pressure[:, 1], strict=True):
-            if p.kind == "saddle" and not pull > 0.0:
-                return NoLine(f"the rope lifts off {p.name}; kept on it, it would pull up with {-pull:.6g} N")
+def _refuse_unsound(state: LineState | NoLine) -> LineState | NoLine:
+    """Refuse a state with numbers that are not finite, or whose rope pulls a saddle up."""
+    if isinstance(state, NoLine):
+        return state
+    if not all(np.isfinite(x).all() for x in (state.s, state.place, state.behind[1:], state.ahead[:-1])):
+        return NotFound("no state of rest was found")
+    for p, down in zip(state.case.stations, state.pressure[:, 1], strict=True):
+        if p.kind == "saddle" and not down > 0.0:
+            return NoLine(f"the rope lifts off {p.name}; kept on it, it would pull up with {-down:.6g} N")
     return state
 
 
@@ -318,7 +371,9 @@ def _contact_faults(contacts: Sequence[Contact]) -> list[str]:
         return [f"contact[0].at = {shown(list(contacts[0].at))}: must be [0, 0]; places count from the first contact"]
     faults = []
     for i, (a, b) in enumerate(itertools.pairwise(contacts), start=1):
-        run, drop, told = b.at[0] - a.at[0], b.at[1] - a.at[1], f"contact[{i}].at = {shown(list(b.at))}"
+        run = b.at[0] - a.at[0]
+        drop = b.at[1] - a.at[1]
+        told = f"contact[{i}].at = {shown(list(b.at))}"
         if run <= 0.0:
             faults.append(f"{told}: x must be > {a.at[0]:.6g} m, that of {a.name}")
         elif abs(drop) > STEEPEST * run:
@@ -356,7 +411,8 @@ def _car_faults(cars: Sequence[Car], contacts: Sequence[Contact]) -> list[str]:
         return [f"car.at: lists of {many[0]} and of {many[-1]} positions; must be one number or lists of one length"]
     faults = []
     for car in cars:
-        low, high = min(car.at or ()), max(car.at or ())
+        low = min(car.at or ())
+        high = max(car.at or ())
         if not 0.0 < low <= high < end:
             faults.append(f"car.{car.name}.at: from {low:.6g} to {high:.6g} m; must be between 0 and {end:.6g} m")
         missing = [c.name for c in contacts[1:-1] if c.shoe is None and low <= c.at[0] <= high]

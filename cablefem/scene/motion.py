@@ -10,7 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-MOST, SAME = 20, 1e-9  # Newton steps towards a mean place; their error over its way
+# Newton steps towards a mean place; their error over its way
+MOST = 20
+SAME = 1e-9
 
 
 class Piece(NamedTuple):
@@ -26,7 +28,8 @@ class Piece(NamedTuple):
     def __call__(self, t):
         """(s_o, ds_o/dt, d2s_o/dt2); also on columns of pieces."""
         x = t - self.origin
-        ds, dds = self.c1 + x * (2.0 * self.c2 + 3.0 * x * self.c3), 2.0 * self.c2 + 6.0 * x * self.c3
+        ds = self.c1 + x * (2.0 * self.c2 + 3.0 * x * self.c3)
+        dds = 2.0 * self.c2 + 6.0 * x * self.c3
         return self.c0 + x * (self.c1 + x * (self.c2 + x * self.c3)), ds, dds
 
 
@@ -56,8 +59,10 @@ class Motion:
 
     def between(self, t0: np.ndarray, t1: np.ndarray, w: float, phase: int) -> np.ndarray:
         """Times (n,) of the mean place w s_o(t1) + (1 - w) s_o(t0): a step is balanced there."""
-        first, last = self.along(t0, phase)[0], self.along(t1, phase)[0]
-        want, t = (1.0 - w) * first + w * last, (1.0 - w) * t0 + w * t1
+        first = self.along(t0, phase)[0]
+        last = self.along(t1, phase)[0]
+        want = (1.0 - w) * first + w * last
+        t = (1.0 - w) * t0 + w * t1
         for _ in range(MOST):
             place, pace, _ = self.along(t, phase)
             far = (np.abs(want - place) > SAME * (last - first)) & (pace > 0.0)
@@ -90,10 +95,12 @@ class Motion:
         times = np.append(self._columns[0], self.phases[-1][1])
         known = self.position(times)
         k = np.searchsorted(known, places, side="left")
-        low, high = times[np.where(known[k] == places, k, k - 1)], times[k]
+        low = times[np.where(known[k] == places, k, k - 1)]
+        high = times[k]
         while ((low < (middle := 0.5 * (low + high))) & (middle < high)).any():
             early = self.position(middle) < places
-            low, high = np.where(early, middle, low), np.where(early, high, middle)
+            low = np.where(early, middle, low)
+            high = np.where(early, high, middle)
         return high
 
     @cached_property

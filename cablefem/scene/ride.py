@@ -116,18 +116,23 @@ class Forces:
     """Forces on a car on a load path; `brakes` counts those reached."""
 
     def __init__(self, path: LoadPath, mu: float, sigma: float, drive: Drive) -> None:
-        self.path, self.mu, self.sigma, self.drive = path, mu, sigma, drive
+        self.path = path
+        self.mu = mu
+        self.sigma = sigma
+        self.drive = drive
         self.begin_hold = path(drive.start)[4]
         self.places = [place for place, _ in drive.brakes]
         self.level = [0.0, *np.cumsum([force for _, force in drive.brakes]).tolist()]
 
     def at(self, t: float, s: float, v: float, phase: int) -> tuple[float, float, float, float]:
         """Force without friction, normal load without brakes, mu |P'|^2, <lam>."""
-        drive, mu = self.drive, self.mu
+        drive = self.drive
+        mu = self.mu
         px, py, bx, by, hold, stretch = self.path(s)
         p2 = px * px + py * py
         p = math.sqrt(p2)
-        rx, ry = px * v - drive.wind, py * v
+        rx = px * v - drive.wind
+        ry = py * v
         drag = -drive.k * math.hypot(rx, ry)
         along = float(drive.thrust(t, phase)) * p + drag * (rx * px + ry * py)
         normal = (mu * (bx * v * v) - drag * rx) * py - (mu * (by * v * v - self.sigma) - drag * ry) * px
@@ -144,7 +149,8 @@ class Forces:
         """When and in which phase a car at rest begins to move; None: never."""
         phases = self.drive.phases
         for k in range(phase, len(phases)):
-            t0, t1 = max(t, phases[k][0]), phases[k][1]
+            t0 = max(t, phases[k][0])
+            t1 = phases[k][1]
             if self.stands(t0, s, k, brakes):
                 return t0, k
             grid = np.linspace(t0, t1, 33) if math.isfinite(t1) else np.array([t0, t0])
@@ -155,8 +161,11 @@ class Forces:
 
     def ways(self) -> tuple[tuple[float, int], ...]:
         """`Drive.ways` by the forces of the last phase."""
-        drive, last = self.drive, len(self.drive.phases) - 1
-        t, low, high = drive.phases[last][0], drive.back_place, drive.end_place
+        drive = self.drive
+        last = len(self.drive.phases) - 1
+        t = drive.phases[last][0]
+        low = drive.back_place
+        high = drive.end_place
         marks = sorted({low, high, *(x for x in (*self.path.s[::8].tolist(), *self.places) if low < x < high)})
         out: list[tuple[float, int]] = []
 
@@ -166,7 +175,8 @@ class Forces:
 
         for a, b in itertools.pairwise(marks):
             brakes = bisect.bisect_right(self.places, a)
-            before, after = way(a, brakes), way(b, brakes)
+            before = way(a, brakes)
+            after = way(b, brakes)
             out.append((a, before))
             if before != after:
                 leaves = bisected(lambda s: abs(way(s, brakes) - before) - 0.5, a, b)  # noqa: B023
@@ -179,9 +189,14 @@ class Forces:
 
 class _Rolling:
     def __init__(self, path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float) -> None:
-        self.path, self.drive, self.turns = path, drive, turns
+        self.path = path
+        self.drive = drive
+        self.turns = turns
         self.forces = Forces(path, mu, sigma, drive)
-        self.t, self.s, self.v, self.phase = 0.0, drive.start, 0.0, 0
+        self.t = 0.0
+        self.s = drive.start
+        self.v = 0.0
+        self.phase = 0
         self.sign = 0.0  # of the motion that friction opposes
         self.brakes = bisect.bisect_right(self.forces.places, drive.start)  # number reached
         self.end = min(drive.end_time, HORIZON)
@@ -199,7 +214,8 @@ class _Rolling:
         self.events.append(Event(name, self.t, self.s, abs(self.v) * math.hypot(px, py)))
 
     def _depart(self) -> bool:
-        s, forces = self.s, self.forces
+        s = self.s
+        forces = self.forces
         go = forces.loose(self.t, s, self.phase, self.brakes)
         if go is None:
             self._log("stop")
@@ -209,15 +225,24 @@ class _Rolling:
             self.sections.append((self.t, go[0], lambda t: np.stack([np.full_like(t, s), np.zeros_like(t)])))
         self.t, self.phase = go
         ahead = forces.stands(self.t, s, self.phase, self.brakes) or forces.at(self.t + 1e-9, s, 0.0, self.phase)[0]
-        before, self.sign = self.sign, math.copysign(1.0, ahead)
+        before = self.sign
+        self.sign = math.copysign(1.0, ahead)
         if before * self.sign < 0.0:
             self._log("turn")
             self.turns -= 1
         return self.turns > 0
 
+    def _next_brake(self) -> tuple[str, float]:
+        """Event and place of the next brake ahead; the car turns at a standstill only."""
+        places = self.forces.places
+        if self.sign > 0.0:
+            return "brake", places[self.brakes] if self.brakes < len(places) else math.inf
+        return "brake off", places[self.brakes - 1] if self.brakes else -math.inf
+
     def _watches(self) -> dict[str, Callable]:
         """Values that end the motion where they fall through zero."""
-        drive, places, brakes = self.drive, self.forces.places, self.brakes
+        drive = self.drive
+        brake, place = self._next_brake()
 
         def slow(t, y):
             """Negative where the car is slow, and would stay."""
@@ -232,34 +257,44 @@ class _Rolling:
         }
         if drive.ways and self.phase == len(drive.phases) - 1:
             watches["rest"] = slow
-        if brakes < len(places):
-            watches["brake"] = lambda t, y: places[brakes] - y[0]
-        if brakes > 0:
-            watches["brake off"] = lambda t, y: y[0] - places[brakes - 1]
+        if math.isfinite(place):
+            watches[brake] = lambda t, y: self.sign * (place - y[0])
         for watch in watches.values():
-            watch.terminal, watch.direction = True, -1.0
+            watch.terminal = True
+            watch.direction = -1.0
         return watches
 
     def _roll(self) -> str | None:
         from scipy.integrate import solve_ivp
 
-        phase, sign, forces, mu_r = self.phase, self.sign, self.forces, self.drive.mu_r
+        phase = self.phase
+        sign = self.sign
+        forces = self.forces
+        mu_r = self.drive.mu_r
         brake = forces.level[self.brakes]
 
         def rate(t: float, y: np.ndarray) -> list[float]:
             free, normal, inertia, stretch = forces.at(t, y[0], y[1], phase)
             return [y[1], (free - sign * stretch * (mu_r * normal + brake)) / inertia]
 
-        span, watches = (self.t, min(self.end, self.drive.phases[phase][1])), self._watches()
+        span = (self.t, min(self.end, self.drive.phases[phase][1]))
+        watches = self._watches()
         run = solve_ivp(
             rate, span, [self.s, self.v], "DOP853", rtol=1e-10, atol=1e-12, dense_output=True,
             events=[*watches.values()],
         )  # fmt: skip
         if not run.success:
             raise NoRest(f"the quasi-static ride cannot go on at s_o = {run.y[0, -1]:.4g}: {run.message}")
-        self.sections.append((self.t, float(run.t[-1]), run.sol))
-        self.t, (self.s, self.v) = float(run.t[-1]), run.y[:, -1].tolist()
-        return next((name for name, times in zip(watches, run.t_events, strict=True) if times.size), None)
+        event = next((name for name, times in zip(watches, run.t_events, strict=True) if times.size), None)
+        end = float(run.t[-1])
+        brake, place = self._next_brake()
+        if event != brake and sign * (run.y[0, -1] - place) > 0.0:  # there and back in one step
+            end = bisected(lambda t: sign * (place - run.sol(t)[0]), self.t, end)
+            event = brake
+        self.sections.append((self.t, end, run.sol))
+        self.t = end
+        self.s, self.v = run.sol(end).tolist()
+        return event
 
     def _react(self, event: str | None) -> bool:
         if event is None:
@@ -267,9 +302,11 @@ class _Rolling:
         elif event in ("still", "rest"):
             self.v = 0.0
         elif event == "brake":
-            self.s, self.brakes = self.forces.places[self.brakes], self.brakes + 1
+            self.s = self.forces.places[self.brakes]
+            self.brakes = self.brakes + 1
         elif event == "brake off":
-            self.s, self.brakes = self.forces.places[self.brakes - 1], self.brakes - 1
+            self.s = self.forces.places[self.brakes - 1]
+            self.brakes = self.brakes - 1
         else:
             self.s = self.drive.end_place if event == "arrival" else self.drive.back_place
         if event in ("rest", "brake", "arrival", "back"):

@@ -81,7 +81,8 @@ class Scene(Described):
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         present = [name for name in ("mass", "travel") if given.get(name) is not None]
         faults = [] if self.drive is None else _presence(self.drive.mode, present)
-        hung, drive = (self.gravity, self.cable, self.supports), self.drive or Driving()
+        hung = (self.gravity, self.cable, self.supports)
+        drive = self.drive or Driving()
         if None in hung:
             return faults
         faults += surroundings_faults(self.obstacle or (), self.supports.span)
@@ -171,7 +172,8 @@ class Scene(Described):
     @property
     def notes(self) -> list[str]:
         """Remarks on values left out or probably mistaken."""
-        drive, notes = self.drive, []
+        drive = self.drive
+        notes = []
         if drive.mode == "free" and not (drive.rolling_friction or drive.drag_area):
             notes.append("no friction, no drag given: the fastest possible ride")
         if abs(drive.wind) > 40.0:  # m/s
@@ -329,8 +331,10 @@ class Scene(Described):
         return self._groups(motion, drive)
 
     def _groups(self, motion: Motion | None, drive: Drive) -> Groups:
-        cos, sin = self.supports.span / self.chord, self.supports.drop / self.chord
-        damping, tau = self.damping * self.time_scale, self.cable.internal_damping / self.time_scale
+        cos = self.supports.span / self.chord
+        sin = self.supports.drop / self.chord
+        damping = self.damping * self.time_scale
+        tau = self.cable.internal_damping / self.time_scale
         return Groups(self.mu, self.alpha, self.sigma, self.catenary.c, cos, sin, motion, drive, damping, tau)
 
     def __str__(self) -> str:
@@ -377,7 +381,8 @@ def _presence(mode: str, present: list[str]) -> list[str]:
 def _travel_fault(travel: Any, drive: Driving, length: float, axial: float) -> str:
     """What is wrong with a travel on a cable with this length [m] and axial wave speed [m/s]; empty if nothing is."""
     begin, way = _course(travel, drive, length)
-    near, end = NEAREST_START * length, begin + way
+    near = NEAREST_START * length
+    end = begin + way
     if travel.place is not None:
         told = f"travel.from = {travel.place!r}"
         if drive.mode == "haul" and drive.start is not None:

@@ -8,7 +8,8 @@ import numpy as np
 from cablefem.scene.drive import FARTHEST_END, NEAREST_START
 
 # nodes of a load path; Gauss points a side, for an error of 3e-8 l
-NODES, POINTS = 160, 24
+NODES = 160
+POINTS = 24
 ITERATIONS = 60  # of Newton's method, and for the direction of a rolling car
 
 
@@ -68,14 +69,17 @@ def hauled(s, groups) -> Rest:
     from scipy.interpolate import CubicSpline
 
     s = np.atleast_1d(np.asarray(s, dtype=float))
-    weight, x = groups.mu * groups.sigma, None
-    tau, rub = np.stack(groups.static(s)[1:3], -1), np.zeros_like(s)
+    weight = groups.mu * groups.sigma
+    x = None
+    tau = np.stack(groups.static(s)[1:3], -1)
+    rub = np.zeros_like(s)
     for _ in range(ITERATIONS):
         haul = rub - weight * tau[:, 1]
         jump = [0.0, -weight] - haul[:, None] * tau
         x = _Pieces(s, jump, groups, None if x is None else x.left)
         (_, r0, _, _), (_, r1, _, _) = x.sides
-        before, mean = tau, np.linalg.norm(r0 + r1, axis=1)
+        before = tau
+        mean = np.linalg.norm(r0 + r1, axis=1)
         tau = (r0 + r1) / mean[:, None]
         stretch = np.linalg.norm(r0, axis=1) + np.linalg.norm(r1, axis=1)
         rub = groups.drive.mu_r * weight * np.abs(tau[:, 0]) * mean / stretch
@@ -96,8 +100,11 @@ class _Pieces:
 
     def __init__(self, s: np.ndarray, jump: np.ndarray, groups, left: np.ndarray | None = None) -> None:
         x, w = np.polynomial.legendre.leggauss(POINTS)
-        x, w = 0.5 * (1.0 + x), 0.5 * w
-        self.s, self.jump, self.alpha = s, jump, groups.alpha
+        x = 0.5 * (1.0 + x)
+        w = 0.5 * w
+        self.s = s
+        self.jump = jump
+        self.alpha = groups.alpha
         points = np.concatenate([s[:, None] * x, s[:, None] + (1.0 - s[:, None]) * x], axis=1)
         self.weights = np.concatenate([s[:, None] * w, (1.0 - s[:, None]) * w], axis=1)
         self.behind = np.arange(2 * POINTS) < POINTS
@@ -113,7 +120,9 @@ class _Pieces:
             dz = np.linalg.solve(A, (ends - g)[..., None])[..., 0]
             size = np.linalg.norm(dz, axis=1) / (1.0 + np.linalg.norm(self.left, axis=1))
             if np.any(size > 1e-4):  # nearer, full steps are safe
-                here, slope, step = self.left, ((ends - g) * dz).sum(1), np.ones_like(s)
+                here = self.left
+                slope = ((ends - g) * dz).sum(1)
+                step = np.ones_like(s)
                 for _ in range(ITERATIONS):
                     self.left = here + step[:, None] * dz
                     uphill = ((self.moments()[0] - ends) * dz).sum(1) > 0.5 * slope
@@ -134,7 +143,8 @@ class _Pieces:
         behind = self.left - np.stack([np.zeros_like(s), groups.sigma * s], -1)
         for n in (behind, behind + jump):
             N = np.linalg.norm(n, axis=1)
-            e, f = n / N[:, None], q / N + 1.0 / self.alpha
+            e = n / N[:, None]
+            f = q / N + 1.0 / self.alpha
             D = f[:, None, None] * np.eye(2) - (q / N)[:, None, None] * e[:, :, None] * e[:, None, :]
             ds = -groups.sigma * D[:, :, 1] - (dT / self.alpha)[:, None] * e
             self.sides.append((N, f[:, None] * n, D, ds))
@@ -147,9 +157,11 @@ class _Pieces:
     def moments(self, part=slice(None)) -> tuple[np.ndarray, np.ndarray]:
         """int r' and int dr'/dn over some points: (n, 2), (n, 2, 2)."""
         nx, ny = self.left.T[:, :, None] + self.load[:, :, part]
-        w, n2 = self.weights[:, part], nx * nx + ny * ny
+        w = self.weights[:, part]
+        n2 = nx * nx + ny * ny
         i1 = w * self.q[:, part] / np.sqrt(n2)
-        i3, one = i1 / n2, w.sum(1) / self.alpha
+        i3 = i1 / n2
+        one = w.sum(1) / self.alpha
         g = np.stack([(v * (i1 + w / self.alpha)).sum(1) for v in (nx, ny)], -1)
         xy = -(i3 * nx * ny).sum(1)
         A = np.stack([(i3 * ny * ny).sum(1) + one, xy, xy, (i3 * nx * nx).sum(1) + one], -1)
@@ -158,7 +170,8 @@ class _Pieces:
     def second(self, z: np.ndarray, part=slice(None)) -> np.ndarray:
         """int d2r'/dn^2 [z, z] over some points: (n, 2)."""
         n = np.moveaxis(self.left.T[:, :, None] + self.load[:, :, part], 0, -1)
-        N, nz = np.linalg.norm(n, axis=-1)[..., None], n @ z[:, :, None]
+        N = np.linalg.norm(n, axis=-1)[..., None]
+        nz = n @ z[:, :, None]
         w = (self.weights[:, part] * self.q[:, part])[..., None] / N**3
         return (w * (-2.0 * nz * z[:, None] - (z**2).sum(1)[:, None, None] * n + 3.0 * nz**2 * n / N**2)).sum(1)
 

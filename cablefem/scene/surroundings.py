@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -41,20 +42,23 @@ Obstacles = Annotated[
 
 
 def read_ground(name: str, folder: Path) -> list[list[float]]:
-    """Points of a CSV file with columns x and depth [m]; a header is skipped."""
+    """Points of a CSV file with columns x and depth [m]; a first row of words without digits names them."""
     try:
-        rows = [row for row in csv.reader((folder / name).read_text(encoding="utf-8-sig").splitlines()) if row]
+        reader = csv.reader((folder / name).read_text(encoding="utf-8-sig").splitlines())
+        rows = [(reader.line_num, row) for row in reader if row]
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else error
         raise SceneError([f"ground = {shown(name)}: must be a readable CSV file in {folder} ({why})"]) from None
+    if rows and not re.search(r"\d", "".join(rows[0][1])):
+        del rows[0]
     points = []
-    for i, row in enumerate(rows):
+    for line, row in rows:
         try:
-            points.append([float(row[0]), float(row[1])])
-        except (ValueError, IndexError):
-            if i > 0:
-                must = f"row {i + 1} {shown(row)} must hold two numbers, x and depth"
-                raise SceneError([f"ground = {shown(name)}: {must}"]) from None
+            x, depth = map(float, row)
+        except ValueError:
+            must = f"line {line} {shown(row)} must hold two numbers, x and depth"
+            raise SceneError([f"ground = {shown(name)}: {must}"]) from None
+        points.append([x, depth])
     return points
 
 

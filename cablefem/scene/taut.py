@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,22 +11,38 @@ from cablefem.scene.bisection import bisected
 from cablefem.scene.line import Case, NoLine
 
 
-def guess(case: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """H (n - 1,) [N] of the pieces, places (n, 2) [m] and s (n,) [m]; NoLine where none is."""
-    ends = [k for k in (0, len(case.stations) - 1) if case.stations[k].kind == "counterweight"]
-    known = case.tie or ((ends[0], case.stations[ends[0]].force) if ends else None)
-    if known is not None:
-        k, T = known
-        try:
-            H, places, pieces = _string(case, T, k)
-        except NoLine:
-            raise NoLine(f"a tension of {T:.6g} N at {case.stations[k].name} does not carry it") from None
-    else:
-        H, places, pieces = _of_length(case, float(case.length or 0.0))
+@dataclass(frozen=True, slots=True)
+class Start:
+    """A first guess of a case with n stations."""
+
+    H: np.ndarray  # (n - 1,) [N] horizontal force of the pieces
+    points: np.ndarray  # (n, 2) [m]
+    s: np.ndarray  # (n,) [m]
+
+
+def start(case: Case) -> Start | NoLine:
+    """A first guess, or why there is none."""
+    try:
+        H, points, pieces = _taut(case)
+    except NoLine as error:
+        return error
     s = np.concatenate([[0.0], np.cumsum(pieces)])
     if math.isnan(case.fixed_s[0]):
         s += case.fixed_s[-1] - s[-1]
-    return H, places, s
+    return Start(H, points, s)
+
+
+def _taut(case: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """H, points and lengths of pieces; NoLine where the tension does not carry the case."""
+    ends = [k for k in (0, len(case.stations) - 1) if case.stations[k].kind == "counterweight"]
+    known = case.tie or ((ends[0], case.stations[ends[0]].force) if ends else None)
+    if known is None:
+        return _of_length(case, float(case.length or 0.0))
+    k, T = known
+    try:
+        return _string(case, T, k)
+    except NoLine:
+        raise NoLine(f"a tension of {T:.6g} N at {case.stations[k].name} does not carry it") from None
 
 
 def _of_length(case: Case, length: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -50,8 +67,10 @@ def _string(case: Case, T: float, k: int | None, rounds: int = 8) -> tuple[np.nd
     x, y = (np.array([getattr(p, axis) for p in case.stations]) for axis in "xy")
     cars = np.array([p.is_car for p in case.stations])
     load = np.array([p.force if p.is_car else 0.0 for p in case.stations])
-    chord, run = np.interp(x, x[~cars], y[~cars]), np.diff(x)
-    H, depth = np.full(run.size, T), chord
+    chord = np.interp(x, x[~cars], y[~cars])
+    run = np.diff(x)
+    H = np.full(run.size, T)
+    depth = chord
     for _ in range(rounds):
         w = case.weight * np.hypot(1.0, np.diff(depth) / run)
         K = np.diag(np.append(H / run, 0.0) + np.append(0.0, H / run)) - np.diag(H / run, 1) - np.diag(H / run, -1)

@@ -72,7 +72,8 @@ class Law(Part):
     def _stopped(self, motion: Motion) -> Motion:
         if self.stop is None:
             return motion
-        a, begun = self.stop.deceleration, motion.until(self.stop.time)
+        a = self.stop.deceleration
+        begun = motion.until(self.stop.time)
         speed = begun.at(self.stop.time, len(begun.phases) - 1)[1]
         return begun.then(speed / a, -a) if speed > 0.0 else begun
 
@@ -103,7 +104,8 @@ class ConstantSpeed(Law):
         return ""
 
     def course(self, way: float) -> Motion:
-        V, L = self.speed, self.entry_ramp
+        V = self.speed
+        L = self.entry_ramp
         if L is None:
             return Motion(((0.0, way / V),), ((Piece(0.0, 0.0, 0.0, V, 0.0),),), way)
         T = 1.5 * L / V
@@ -121,7 +123,8 @@ class ConstantAcceleration(Law):
     initial_speed: NonNegative = said("[m/s] V_o", 0.0)
 
     def own_fault(self, way: float) -> str:
-        a, v0 = self.acceleration, self.initial_speed
+        a = self.acceleration
+        v0 = self.initial_speed
         if v0 == 0.0 and a <= 0.0:
             return f"acceleration = {a!r}: must be > 0 m/s^2 with initial_speed = 0, or the mass never moves"
         least = -0.5 * v0 * v0 / way
@@ -131,7 +134,8 @@ class ConstantAcceleration(Law):
         return ""
 
     def course(self, way: float) -> Motion:
-        a, v0 = self.acceleration, self.initial_speed
+        a = self.acceleration
+        v0 = self.initial_speed
         v1 = math.sqrt(max(0.0, v0 * v0 + 2.0 * a * way))
         return Motion(((0.0, 2.0 * way / (v0 + v1)),), ((Piece(0.0, 0.0, 0.0, v0, 0.5 * a),),), way)
 
@@ -172,7 +176,8 @@ class Trapezoid(Law):
         return "" if way > 0.0 else f"to = {self.to!r}: must be beyond the start of the travel"
 
     def course(self, way: float) -> Motion:
-        V, ramps = self.top_speed, (self.acceleration, self.deceleration)
+        V = self.top_speed
+        ramps = (self.acceleration, self.deceleration)
 
         def excess(V: float) -> float:
             return _ramps_way(V, ramps, self.jerk) - way
@@ -203,12 +208,16 @@ def _ramped(V: float, ramps: tuple[float, float], jerk: float | None, way: float
         peak = sign * a if jerk is None else 0.5 * rise * j
         steps += [(0.5 * rise, 0.0, j), (hold, peak, 0.0), (0.5 * rise, peak, -j)]
     steps.insert(3, ((way - _ramps_way(V, ramps, jerk)) / V, 0.0, 0.0))
-    t, s, v = 0.0, 0.0, 0.0
+    t = 0.0
+    s = 0.0
+    v = 0.0
     pieces: list[Piece] = []
     for x, a, j in steps:
         if x > 0.0:
             pieces.append(Piece(t, t, s, v, 0.5 * a, j / 6.0))
-            s, v, t = s + x * (v + x * (0.5 * a + x * j / 6.0)), v + x * (a + 0.5 * x * j), t + x
+            s = s + x * (v + x * (0.5 * a + x * j / 6.0))
+            v = v + x * (a + 0.5 * x * j)
+            t = t + x
     last = pieces[-1]  # from the end, where speed is exactly zero
     pieces[-1] = Piece(last.start, t, way, 0.0, 0.0 if jerk else last.c2, last.c3)
     if jerk is not None:
@@ -253,7 +262,8 @@ class Table(Law):
         return ""
 
     def course(self, way: float) -> Motion:
-        t, s = np.array(self.times), np.array(self.positions)
+        t = np.array(self.times)
+        s = np.array(self.positions)
         if abs(s[-1] - way) <= ROUNDING * way:
             s[-1] = way
         stands = np.diff(s) == 0.0

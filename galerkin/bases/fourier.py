@@ -23,7 +23,9 @@ def stretched(s, grading):
     """xi of s = xi - grading sin(2 pi xi)/(2 pi), by Newton's method with bisection."""
     if grading == 0.0 or s <= 0.0 or s >= 1.0:
         return s
-    low, high, x = 0.0, 1.0, s
+    low = 0.0
+    high = 1.0
+    x = s
     for _ in range(100):
         off = x - grading * math.sin(2.0 * math.pi * x) / (2.0 * math.pi) - s
         if off > 0.0:
@@ -43,15 +45,20 @@ def integrals(x, n, grading, out):
 
     ds/dxi = 1 - grading cos(2 pi xi) couples j and j +- 2.  D, F belong to sines, odd in j.
     """
-    size, b = n + 5, 0.5 * grading
-    D, I, F = np.zeros(size), np.zeros(size), np.zeros(size)
+    size = n + 5
+    b = 0.5 * grading
+    D = np.zeros(size)
+    I = np.zeros(size)
+    F = np.zeros(size)
     I[0] = x
     for j in range(1, size):
-        D[j], I[j] = math.cos(j * math.pi * x) / (j * math.pi), math.sin(j * math.pi * x) / (j * math.pi)
+        D[j] = math.cos(j * math.pi * x) / (j * math.pi)
+        I[j] = math.sin(j * math.pi * x) / (j * math.pi)
     for j in range(1, size - 2):
         F[j] = (I[j] - b * (I[j + 2] + I[abs(j - 2)])) / (j * math.pi)
     for k in range(1, n + 1):
-        i, sign = abs(k - 2), 1.0 if k > 1 else -1.0
+        i = abs(k - 2)
+        sign = 1.0 if k > 1 else -1.0
         out[0, k - 1] = b * (D[k + 2] + sign * D[i]) - D[k]
         out[1, k - 1] = b * (F[k + 2] + sign * F[i]) - F[k]
 
@@ -63,14 +70,18 @@ def derivatives(x, n, grading, out):
     bend = 2.0 * math.pi * grading * math.sin(2.0 * math.pi * x) * g
     for k in range(n):
         wave = (k + 1) * math.pi
-        c, sn = wave * math.cos(wave * x), math.sin(wave * x)
-        out[0, k], out[1, k], out[2, k] = sn, c * g, -(wave * wave * sn + c * bend) * g * g
+        c = wave * math.cos(wave * x)
+        sn = math.sin(wave * x)
+        out[0, k] = sn
+        out[1, k] = c * g
+        out[2, k] = -(wave * wave * sn + c * bend) * g * g
 
 
 @compiled
 def values_at(s, n, grading):
     """`Fourier.at`."""
-    out, x = np.empty((5, n)), stretched(s, grading)
+    out = np.empty((5, n))
+    x = stretched(s, grading)
     derivatives(x, n, grading, out[:3])
     integrals(x, n, grading, out[3:])
     return out
@@ -90,9 +101,17 @@ def values_along(s, n, grading, row):
 @compiled
 def split(s_o, behind, ahead, n, grading):
     """`Fourier.split` with rules (2, m) on [0, 1], by k rotations of (cos, sin)."""
-    m, both, x_o = behind.shape[1], behind.shape[1] + ahead.shape[1], stretched(s_o, grading)
-    s, weights, phi = np.empty(both), np.empty(both), np.empty((n + 1, both))
-    c1, s1, c, sn, dense = np.empty(both), np.empty(both), np.empty(both), np.empty(both), np.empty(both)
+    m = behind.shape[1]
+    both = behind.shape[1] + ahead.shape[1]
+    x_o = stretched(s_o, grading)
+    s = np.empty(both)
+    weights = np.empty(both)
+    phi = np.empty((n + 1, both))
+    c1 = np.empty(both)
+    s1 = np.empty(both)
+    c = np.empty(both)
+    sn = np.empty(both)
+    dense = np.empty(both)
     for q in range(both):
         x, w = (x_o * behind[0, q], x_o * behind[1, q]) if q < m else (
             x_o + (1.0 - x_o) * ahead[0, q - m], (1.0 - x_o) * ahead[1, q - m]
@@ -100,9 +119,12 @@ def split(s_o, behind, ahead, n, grading):
         c1[q] = c[q] = math.cos(math.pi * x)
         s1[q] = sn[q] = math.sin(math.pi * x)
         stretch = 1.0 - grading * (2.0 * c1[q] * c1[q] - 1.0)
-        s[q], weights[q], dense[q] = x - grading * c1[q] * s1[q] / math.pi, w * stretch, 1.0 / stretch
+        s[q] = x - grading * c1[q] * s1[q] / math.pi
+        weights[q] = w * stretch
+        dense[q] = 1.0 / stretch
     for k in range(n):
-        wave, row = (k + 1) * math.pi, phi[k]
+        wave = (k + 1) * math.pi
+        row = phi[k]
         for q in range(both):
             row[q] = wave * c[q] * dense[q]
             c[q], sn[q] = c[q] * c1[q] - sn[q] * s1[q], sn[q] * c1[q] + c[q] * s1[q]
@@ -135,7 +157,8 @@ class Fourier:
     def mass(self) -> np.ndarray:
         """int phi_m phi_n ds."""
         k = np.arange(1, self.n + 1)
-        apart, sums = np.subtract.outer(k, k), np.add.outer(k, k)
+        apart = np.subtract.outer(k, k)
+        sums = np.add.outer(k, k)
         return 0.5 * (apart == 0) - 0.25 * self.grading * ((np.abs(apart) == 2) * 1.0 - (sums == 2))
 
     def stiffness(self) -> np.ndarray:

@@ -31,7 +31,8 @@ def _overlap(phi, first, second, left, chord, s_o):
     """I, I', I'' of `Moving` for one function; I'' at s_o = 0 is not needed and 0."""
     if s_o == 0.0:
         return chord - first, chord - first, 0.0
-    w, dw = s_o * (1.0 - s_o), 1.0 - 2.0 * s_o
+    w = s_o * (1.0 - s_o)
+    dw = 1.0 - 2.0 * s_o
     value = (left + s_o * chord - second) / w
     slope = (chord - first - dw * value) / w  # from I w = -E
     return value, slope, (2.0 * (value - dw * slope) - phi) / w
@@ -52,19 +53,30 @@ def _overlaps(phi, first, second, left, chord, s_o):
 @compiled
 def carry(at, mass, left, chord, place, damping):
     """`Carried` of sines or wavelets at s_o, ds_o, dds_o; at : `Fourier.at`."""
-    n, size, (s_o, ds_o, dds_o) = at.shape[1], mass.shape[0], place
-    hat, M, rows = size > n, mass.copy(), np.zeros((7, size))
+    n = at.shape[1]
+    size = mass.shape[0]
+    s_o, ds_o, dds_o = place
+    hat = size > n
+    M = mass.copy()
+    rows = np.zeros((7, size))
     for k in range(n):
-        phi, first, second = at[0, k], at[1, k], at[2, k]
-        rows[2, k], rows[3, k], rows[4, k] = phi, first, 2.0 * ds_o * first
+        phi = at[0, k]
+        first = at[1, k]
+        second = at[2, k]
+        rows[2, k] = phi
+        rows[3, k] = first
+        rows[4, k] = 2.0 * ds_o * first
         rows[5, k] = dds_o * first + ds_o * ds_o * second
         if hat:
             value, slope, bend = _overlap(phi, at[3, k], at[4, k], left[k], chord[k], s_o)
             M[n, k] = M[k, n] = value
-            rows[0, k], rows[1, k] = 2.0 * ds_o * slope, ds_o * ds_o * bend + (dds_o + damping * ds_o) * slope
+            rows[0, k] = 2.0 * ds_o * slope
+            rows[1, k] = ds_o * ds_o * bend + (dds_o + damping * ds_o) * slope
             rows[6, k] = at[3, k] + (left[k] - at[4, k]) / s_o
     if hat:
-        rows[1, n], rows[2, n], rows[6, n] = -ds_o * ds_o / (3.0 * s_o * (1.0 - s_o)), 1.0, s_o / 3.0
+        rows[1, n] = -ds_o * ds_o / (3.0 * s_o * (1.0 - s_o))
+        rows[2, n] = 1.0
+        rows[6, n] = s_o / 3.0
     return Carried(M, rows[0:1], rows[1:2], rows[2], rows[3], rows[4], rows[5], rows[6])
 
 
@@ -77,10 +89,13 @@ class Moving:
     """
 
     def __init__(self, basis: Basis, kink: bool) -> None:
-        self.basis, self.kink, self.n = basis, kink, basis.n + kink
+        self.basis = basis
+        self.kink = kink
+        self.n = basis.n + kink
         self.at_rest, self._stiffness = np.diag([1.0 / 3.0] * self.n), np.zeros((self.n, self.n))
         standing = slice(basis.n), slice(basis.n)
-        self.at_rest[standing], self._stiffness[standing] = basis.mass(), basis.stiffness()
+        self.at_rest[standing] = basis.mass()
+        self._stiffness[standing] = basis.stiffness()
         self._integral = np.append(basis.integral(), 0.5)[: self.n]
         self.left, right = basis.phi(np.array([0.0, 1.0]), -2)
         self.chord = right - self.left
@@ -100,7 +115,8 @@ class Moving:
     def stiffness(self, s_o: float) -> Array:
         if not self.kink:
             return self._stiffness
-        matrix, steepness = self._stiffness.copy(), 1.0 / (s_o * (1.0 - s_o))
+        matrix = self._stiffness.copy()
+        steepness = 1.0 / (s_o * (1.0 - s_o))
         matrix[-1, :-1] = matrix[:-1, -1] = steepness * self.basis.phi(np.array([s_o]))[0]
         matrix[-1, -1] = steepness
         return matrix

@@ -46,7 +46,8 @@ def tables(n: int) -> Tables:
 def shapes(n: int, xi: Array) -> tuple[Array, Array, Array]:
     """phi, phi', phi'' by xi, (n + 1, m) each."""
     wave = np.pi * np.arange(1, n + 1)[:, None]
-    sine, cosine = np.sin(wave * xi), np.cos(wave * xi)
+    sine = np.sin(wave * xi)
+    cosine = np.cos(wave * xi)
     return (
         np.vstack([sine, xi]), np.vstack([wave * cosine, np.ones_like(xi)]),
         np.vstack([-wave * wave * sine, np.zeros_like(xi)]),
@@ -75,10 +76,13 @@ def ride(of, place, damping):
     """
     n = of.mass.shape[0] - 1
     size = 2 * n + 1
-    M, gyroscopic, centrifugal = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
+    M = np.zeros((size, size))
+    gyroscopic = np.zeros((size, size))
+    centrifugal = np.zeros((size, size))
     for side in range(2):
         h, dh, ddh = side_of(place, side)
-        flux, ddh = dh * dh / h, ddh + damping * dh
+        flux = dh * dh / h
+        ddh = ddh + damping * dh
         for i in range(n + 1):
             row = place_in(side, i, n)
             for j in range(n + 1):
@@ -86,7 +90,8 @@ def ride(of, place, damping):
                 M[row, column] += h * of.mass[i - 1, j - 1]
                 gyroscopic[column, row] -= 2.0 * dh * of.drift[i - 1, j - 1]
                 centrifugal[column, row] += flux * of.swirl[i - 1, j - 1] - ddh * of.drift[i - 1, j - 1]
-    at_mass, none = np.zeros(size), np.zeros(size)
+    at_mass = np.zeros(size)
+    none = np.zeros(size)
     at_mass[-1] = 1.0
     return Carried(M, gyroscopic, centrifugal, at_mass, none, none, none, none)
 
@@ -94,13 +99,17 @@ def ride(of, place, damping):
 @compiled
 def spread(of, slope, s_o):
     """Points s and weights (2 m,), and Phi' (2 n + 1, 2 m) from `slope`, phi' by xi."""
-    n, m = slope.shape[0] - 1, of.xi.size
-    s, weights, phi = np.empty(2 * m), np.empty(2 * m), np.zeros((2 * n + 1, 2 * m))
+    n = slope.shape[0] - 1
+    m = of.xi.size
+    s = np.empty(2 * m)
+    weights = np.empty(2 * m)
+    phi = np.zeros((2 * n + 1, 2 * m))
     for side in range(2):
         h, sign, _ = side_of((s_o, 1.0, 0.0), side)
         for q in range(m):
             i = q + side * (2 * m - 1 - 2 * q)  # s ascends
-            s[i], weights[i] = side + sign * h * of.xi[q], h * of.weights[q]
+            s[i] = side + sign * h * of.xi[q]
+            weights[i] = h * of.weights[q]
             for k in range(n + 1):
                 phi[place_in(side, k, n), i] = sign / h * slope[k - 1, q]
     return s, weights, phi
@@ -109,10 +118,12 @@ def spread(of, slope, s_o):
 class RidingSines:
     """Riding sines behind the mass, k = 1 .. terms, those ahead of it, and the hat."""
 
-    smooth, kink = True, True
+    smooth = True
+    kink = True
 
     def __init__(self, terms: int) -> None:
-        self.terms, self.n = terms, 2 * terms + 1
+        self.terms = terms
+        self.n = 2 * terms + 1
         self.of = tables(terms)
 
     def carried(self, s_o: float, ds_o: float, dds_o: float, damping: float = 0.0) -> Carried:

@@ -37,11 +37,13 @@ class Cable(NamedTuple):
 @inner
 def static(s, sigma, c):
     """T, and x', y' as rows, of (9)-(10)."""
-    T, r = np.empty(s.size), np.empty((2, s.size))
+    T = np.empty(s.size)
+    r = np.empty((2, s.size))
     for i in range(s.size):
         p = c - sigma * s[i]
         T[i] = math.sqrt(1.0 + p * p)
-        r[0, i], r[1, i] = 1.0 / T[i], p / T[i]
+        r[0, i] = 1.0 / T[i]
+        r[1, i] = p / T[i]
     return T, r
 
 
@@ -52,7 +54,8 @@ def at_point(T, viscous, X, w, alpha, law):
     viscous : tension of internal damping
     k = N/|r'|, d = (dN/deps |r'| - N)/|r'|^3 of (28)-(32).  The force is (k - T) X' + k w', without cancellation.
     """
-    (xp, yp), (ux, vy) = X, w
+    xp, yp = X
+    ux, vy = w
     e = (2.0 * xp + ux) * ux + (2.0 * yp + vy) * vy
     stretch = math.sqrt(1.0 + e)
     eps = e / (1.0 + stretch)  # sqrt(1 + e) - 1 without cancellation
@@ -69,28 +72,40 @@ def stress(T, r_static, slope, alpha, law):
     """Rows N, W, N t - T t_static (2), its tangent xx, xy, yy, and the elastic T + alpha eps: (8, m)."""
     out = np.empty((8, T.size))
     for i in range(T.size):
-        xp, yp, ux, vy = r_static[0, i], r_static[1, i], slope[0, i], slope[1, i]
+        xp = r_static[0, i]
+        yp = r_static[1, i]
+        ux = slope[0, i]
+        vy = slope[1, i]
         out[0, i], out[1, i], out[2, i], out[3, i], k, d, out[7, i] = at_point(
             T[i], 0.0, (xp, yp), (ux, vy), alpha, law
         )
-        rx, ry = xp + ux, yp + vy
-        out[4, i], out[5, i], out[6, i] = k + d * rx * rx, d * rx * ry, k + d * ry * ry
+        rx = xp + ux
+        ry = yp + vy
+        out[4, i] = k + d * rx * rx
+        out[5, i] = d * rx * ry
+        out[6, i] = k + d * ry * ry
     return out
 
 
 @inner
 def balance(at, Q, cable, force, of):
     """Set the internal force (2, n) and gram, pull and sides of `Space`; return int W ds."""
-    slope, energy = np.empty((2, at.weights.size)), 0.0
+    slope = np.empty((2, at.weights.size))
+    energy = 0.0
     multiply(Q, at.phi, False, slope)
     of.sides[:] = 0.0
     for i in range(at.weights.size):
-        X, w, weight = (at.r_static[0, i], at.r_static[1, i]), (slope[0, i], slope[1, i]), at.weights[i]
+        X = (at.r_static[0, i], at.r_static[1, i])
+        w = (slope[0, i], slope[1, i])
+        weight = at.weights[i]
         _, W, fx, fy, k, d, of.pull[i] = at_point(at.T[i], of.viscous[i], X, w, cable.alpha, cable.law)
-        rx, ry = X[0] + w[0], X[1] + w[1]
-        of.gram[0, i], of.gram[1, i] = weight * (k + d * rx * rx), weight * (d * rx * ry)
+        rx = X[0] + w[0]
+        ry = X[1] + w[1]
+        of.gram[0, i] = weight * (k + d * rx * rx)
+        of.gram[1, i] = weight * (d * rx * ry)
         of.gram[2, i] = weight * (k + d * ry * ry)
-        slope[0, i], slope[1, i] = weight * fx, weight * fy
+        slope[0, i] = weight * fx
+        slope[1, i] = weight * fy
         side = 0 if at.phi[-1, i] > 0.0 else 1
         of.sides[side, 0] += weight * fx
         of.sides[side, 1] += weight * fy
@@ -102,23 +117,33 @@ def balance(at, Q, cable, force, of):
 @inner
 def damp(at, place, y, cable, tau, of):
     """Set viscous = alpha tau deps/dt and rates of `Space`; return the power of internal damping."""
-    m, power, (Q, V) = at.weights.size, 0.0, y
-    slope, rate, moved = np.empty((2, m)), np.empty((2, m)), np.empty((2, m))
+    m = at.weights.size
+    power = 0.0
+    Q, V = y
+    slope = np.empty((2, m))
+    rate = np.empty((2, m))
+    moved = np.empty((2, m))
     multiply(Q, at.phi, False, slope)
     multiply(V, at.phi, False, rate)
     multiply(Q, at.bend, False, moved)
     for i in range(m):
         grows = place[1] / place[0] if at.phi[-1, i] > 0.0 else -place[1] / (1.0 - place[0])
-        wx, wy = rate[0, i] - grows * moved[0, i], rate[1, i] - grows * moved[1, i]
-        rx, ry = at.r_static[0, i] + slope[0, i], at.r_static[1, i] + slope[1, i]
+        wx = rate[0, i] - grows * moved[0, i]
+        wy = rate[1, i] - grows * moved[1, i]
+        rx = at.r_static[0, i] + slope[0, i]
+        ry = at.r_static[1, i] + slope[1, i]
         stretch = math.sqrt(rx * rx + ry * ry)
-        tx, ty = rx / stretch, ry / stretch
+        tx = rx / stretch
+        ty = ry / stretch
         deps = tx * wx + ty * wy
         of.viscous[i] = cable.alpha * tau * deps
         N, dN, _, _ = tension(stretch - 1.0, at.T[i] + of.viscous[i], cable.alpha, cable.law)
         b = at.weights[i] * tau * dN
-        of.rates[0, i], of.rates[1, i], of.rates[4, i] = tx, ty, b
-        of.rates[2, i], of.rates[3, i] = b * (wx - deps * tx) / stretch, b * (wy - deps * ty) / stretch
+        of.rates[0, i] = tx
+        of.rates[1, i] = ty
+        of.rates[4, i] = b
+        of.rates[2, i] = b * (wx - deps * tx) / stretch
+        of.rates[3, i] = b * (wy - deps * ty) / stretch
         power += at.weights[i] * (N - tension(stretch - 1.0, at.T[i], cable.alpha, cable.law)[0]) * deps
     return power
 
@@ -135,9 +160,13 @@ def stiffness(phi, gram, grading, out):
     dense = np.empty(m)
     for q in range(m):
         dense[q] = 1.0 + grading * phi[1, q] / (2.0 * math.pi)
-    rows, sums, c = np.empty((3, m)), np.empty((3, n)), np.empty(4 * N + 1)  # c_|m|, m = -2N .. 2N
+    # c_|m|, m = -2N .. 2N
+    rows = np.empty((3, m))
+    sums = np.empty((3, n))
+    c = np.empty(4 * N + 1)
     for i in range(3):
-        a, b = i // 2, (i + 1) // 2
+        a = i // 2
+        b = (i + 1) // 2
         c[2 * N] = 0.0
         for q in range(m):
             rows[0, q] = gram[i, q] * dense[q]
@@ -150,7 +179,9 @@ def stiffness(phi, gram, grading, out):
         for k in range(1, N + 1):
             c[3 * N + k] = c[N - k] = 2.0 * sums[1, k - 1] / (k * math.pi) - c[3 * N - k]
         for j in range(1, N + 1):
-            minus, plus, row = c[2 * N - j :], c[2 * N + j :], out[a * n + j - 1, b * n :]
+            minus = c[2 * N - j :]
+            plus = c[2 * N + j :]
+            row = out[a * n + j - 1, b * n :]
             for k in range(1, N + 1):
                 row[k - 1] = (0.5 * math.pi**2 * j) * k * (minus[k] + plus[k])
         for k in range(n):
@@ -181,7 +212,10 @@ def add_inertia(x, Q, V, A, damping, C, R):
             for i in range(R.shape[1]):
                 R[a, i] += rate * x.mass[k, i]
         for k in range(x.gyroscopic.shape[0]):
-            v, q, gyroscopic, centrifugal = V[a, first + k], Q[a, first + k], x.gyroscopic[k], x.centrifugal[k]
+            v = V[a, first + k]
+            q = Q[a, first + k]
+            gyroscopic = x.gyroscopic[k]
+            centrifugal = x.centrifugal[k]
             for i in range(R.shape[1]):
                 R[a, i] += v * gyroscopic[i] + q * centrifugal[i]
         for i in range(R.shape[1]):
@@ -200,10 +234,14 @@ def grip(ground, y, cable, R):
 @inner
 def grip_tangent(here, line, gram, c, K):
     """Set K (2 n, 2 n) to the tangent c0 dr/dq + c1 dr/dv + c2 dr/da of cable and mass."""
-    x, mu, (c0, c1, c2), n = here.ground.x, line.cable.inertia, c, here.ground.x.f.size
+    x = here.ground.x
+    mu = line.cable.inertia
+    c0, c1, c2 = c
+    n = here.ground.x.f.size
     stiffness(here.at.phi, gram, line.grading, K)
     for i in range(2 * n):
-        k, first = i % n, (i // n) * n
+        k = i % n
+        first = (i // n) * n
         for j in range(2 * n):
             K[i, j] *= c0
         for j in range(n):
@@ -219,23 +257,29 @@ def least(at, s_o, pull, riding=None, hat=1):
 
     riding : not None where each side has its own sines;  hat : 0 for a basis without one
     """
-    s, where = at.s, pull.argmin()
-    lowest, place = pull[where], s[where]
+    s = at.s
+    where = pull.argmin()
+    lowest = pull[where]
+    place = s[where]
     if lowest >= 0.0:
         return lowest, place
-    lowest, first = math.inf, 0
+    lowest = math.inf
+    first = 0
     for side in range(2):
         begin, length = (0.0, s_o) if side == 0 else (s_o, 1.0 - s_o)
         waves = (at.phi.shape[0] - hat) * (length if riding is None else 0.5)
         pieces = max(1, round(0.5 * waves))
         for piece in range(1, pieces + 1):
             end = begin + length * piece / pieces
-            weight, mean, middle = 0.0, 0.0, 0.0
+            weight = 0.0
+            mean = 0.0
+            middle = 0.0
             while first < s.size and s[first] < end:
                 weight += at.weights[first]
                 mean += at.weights[first] * pull[first]
                 middle += at.weights[first] * s[first]
                 first += 1
             if weight > 0.0 and mean < lowest * weight:
-                lowest, place = mean / weight, middle / weight
+                lowest = mean / weight
+                place = middle / weight
     return lowest, place

@@ -12,8 +12,10 @@ from numba.np.linalg import F_INT_nbtype, F_INT_nptype
 
 from galerkin.law import inner
 
-_real, _any = types.CPointer(types.float64), types.voidptr
-_size, _char = types.intp, types.char
+_real = types.CPointer(types.float64)
+_any = types.voidptr
+_size = types.intp
+_char = types.char
 _gemm: Any = types.ExternalFunction(
     "numba_xxgemm",
     types.intc(_char, _char, _char, _size, _size, _size, _any, _any, _size, _any, _size, _any, _any, _size),
@@ -21,7 +23,9 @@ _gemm: Any = types.ExternalFunction(
 _gesv: Any = types.ExternalFunction(
     "numba_xgesv", types.intc(_char, _size, _size, _real, _size, types.CPointer(F_INT_nbtype), _real, _size)
 )
-DOUBLE, PLAIN, TRANSPOSED = ord("d"), ord("n"), ord("t")
+DOUBLE = ord("d")
+PLAIN = ord("n")
+TRANSPOSED = ord("t")
 
 
 @inner
@@ -30,16 +34,22 @@ def multiply(a, b, flip, out):
     if not (a.flags.c_contiguous and b.flags.c_contiguous and out.flags.c_contiguous):
         raise ValueError("arrays in C order are wanted")
     factors = np.empty(2)
-    factors[0], factors[1] = 1.0, 0.0
-    m, k, n = a.shape[0], a.shape[1], out.shape[1]
-    one, zero, way = factors.ctypes, factors[1:].ctypes, TRANSPOSED if flip else PLAIN
+    factors[0] = 1.0
+    factors[1] = 0.0
+    m = a.shape[0]
+    k = a.shape[1]
+    n = out.shape[1]
+    one = factors.ctypes
+    zero = factors[1:].ctypes
+    way = TRANSPOSED if flip else PLAIN
     _gemm(DOUBLE, way, PLAIN, n, m, k, one, b.ctypes, b.shape[1], a.ctypes, k, zero, out.ctypes, n)
 
 
 @inner
 def solve_rows(K, n, x, count):
     """Overwrite `count` rows of x (n,) by K[:n, :n]^-1 times them, by NaN if K is singular."""
-    columns, pivots = np.empty((n, n)), np.empty(n, dtype=F_INT_nptype)
+    columns = np.empty((n, n))
+    pivots = np.empty(n, dtype=F_INT_nptype)
     for i in range(n):
         for j in range(n):
             columns[j, i] = K[i, j]

@@ -53,12 +53,15 @@ def carried_at(line, riding, place):
 @inner
 def ground_at(line, place):
     """`Ground` of s_o, ds_o, dds_o; the load of a force alone is its weight."""
-    cable, (s_o, ds_o, dds_o) = line.cable, place
+    cable = line.cable
+    s_o, ds_o, dds_o = place
     x = carried_at(line, line.riding, place)
     p = cable.c - cable.sigma * s_o
     T = math.sqrt(1.0 + p * p)
-    slope, load = np.empty(2), np.zeros(2)
-    slope[0], slope[1] = 1.0 / T, p / T
+    slope = np.empty(2)
+    load = np.zeros(2)
+    slope[0] = 1.0 / T
+    slope[1] = p / T
     if cable.inertia != 0.0:
         load[0] = dds_o / T + ds_o * ds_o * cable.sigma * p / T**3
         load[1] = dds_o * p / T - ds_o * ds_o * cable.sigma / T**3

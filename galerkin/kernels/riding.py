@@ -17,7 +17,10 @@ from galerkin.law import inner
 @inner
 def riding_tangent(riding, ground, line, of, c):
     """Set K of `Space` (2, 2 n + 2, 2 n + 2), by sides, to the tangent of cable and mass."""
-    x, K, (c0, c1, c2), n = ground.x, of.K, c, riding.mass.shape[0] - 1
+    x = ground.x
+    K = of.K
+    c0, c1, c2 = c
+    n = riding.mass.shape[0] - 1
     of_mass = c2 + c1 * line.cable.damping
     for side in range(2):
         h, dh, _ = side_of((ground.s_o, ground.ds_o, 0.0), side)
@@ -26,7 +29,8 @@ def riding_tangent(riding, ground, line, of, c):
             fill(cosine[ab], sine[ab], 0.5 / (h * h), line.tau, ab // 2, ab % 2, K[side])
         for j in range(n + 1):
             for k in range(n + 1):
-                at, to = place_in(side, j, n), place_in(side, k, n)
+                at = place_in(side, j, n)
+                to = place_in(side, k, n)
                 value = of_mass * x.mass[at, to] + c1 * x.gyroscopic[to, at] + c0 * x.centrifugal[to, at]
                 for a in range(2):
                     if j or k or side == 0:
@@ -47,11 +51,18 @@ def waves(riding, tau, of, c, side, grows):
 
     With internal damping also of t (c1 d(deps/dt)/dv + c0 d(deps/dt)/dq), dPhi'/dt = -(h./h) (phi' + xi phi'')/h.
     """
-    m, count, (c0, c1, _) = riding.xi.size, riding.cosines.shape[0], c
-    even, odd, cosine, sine = np.empty((4, m)), np.empty((4, m)), np.empty((4, count)), np.empty((4, count))
-    moves, rates = c0 * grows, of.rates
+    m = riding.xi.size
+    count = riding.cosines.shape[0]
+    c0, c1, _ = c
+    even = np.empty((4, m))
+    odd = np.empty((4, m))
+    cosine = np.empty((4, count))
+    sine = np.empty((4, count))
+    moves = c0 * grows
+    rates = of.rates
     for ab in range(4):
-        a, b = ab // 2, ab % 2
+        a = ab // 2
+        b = ab % 2
         for q in range(m):
             p = q if side == 0 else 2 * m - 1 - q
             even[ab, q] = c0 * of.gram[a + b, p]
@@ -75,7 +86,8 @@ def fill(C, S, scale, tau, a, b, K):
     for j in range(n + 1):
         wave = scale * (j * math.pi if j else 1.0)
         for k in range(n + 1):
-            kappa, value = k * math.pi if k else 1.0, C[abs(j - k)] + C[j + k]
+            kappa = k * math.pi if k else 1.0
+            value = C[abs(j - k)] + C[j + k]
             if tau > 0.0 and k:
                 value += kappa * (S[j + k] + (S[k - j] if k > j else -S[j - k]))
             K[slot(a, j, n), slot(b, k, n)] = wave * kappa * value
@@ -88,7 +100,9 @@ def solve_sides(K, r, x):
     The sines of each side are eliminated; the Schur complement is that of the hats.
     """
     n = K.shape[1] // 2 - 1
-    rows, S, rest = np.empty((2, 3, 2 * n)), np.zeros((2, 2)), np.empty(2)
+    rows = np.empty((2, 3, 2 * n))
+    S = np.zeros((2, 2))
+    rest = np.empty(2)
     for a in range(2):
         rest[a] = r[a * (2 * n + 1) + 2 * n]
     for side in range(2):
@@ -96,7 +110,8 @@ def solve_sides(K, r, x):
             for k in range(n):
                 rows[side, 0, a * n + k] = r[a * (2 * n + 1) + side * n + k]
         for i in range(2 * n):
-            rows[side, 1, i], rows[side, 2, i] = K[side, i, 2 * n], K[side, i, 2 * n + 1]
+            rows[side, 1, i] = K[side, i, 2 * n]
+            rows[side, 2, i] = K[side, i, 2 * n + 1]
         solve_rows(K[side], 2 * n, rows[side], 3)
         for a in range(2):
             border = K[side, 2 * n + a]
@@ -107,8 +122,10 @@ def solve_sides(K, r, x):
                 S[a, 0] -= border[i] * rows[side, 1, i]
                 S[a, 1] -= border[i] * rows[side, 2, i]
     det = S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0]
-    u, v = (S[1, 1] * rest[0] - S[0, 1] * rest[1]) / det, (S[0, 0] * rest[1] - S[1, 0] * rest[0]) / det
-    x[2 * n], x[4 * n + 1] = u, v
+    u = (S[1, 1] * rest[0] - S[0, 1] * rest[1]) / det
+    v = (S[0, 0] * rest[1] - S[1, 0] * rest[0]) / det
+    x[2 * n] = u
+    x[4 * n + 1] = v
     for side in range(2):
         for a in range(2):
             for k in range(n):

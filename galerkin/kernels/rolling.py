@@ -12,7 +12,9 @@ from galerkin.kernels.dense import multiply
 from galerkin.kernels.places import free_place, ground_at, place_of
 from galerkin.law import compiled, inner
 
-STUCK, FREE, HAULED = 0, 1, 2
+STUCK = 0
+FREE = 1
+HAULED = 2
 LEAST_PULL = 1e-3  # over H, of a taut cable
 STEP = 1e-6  # of difference quotients
 LEAST_WINDOW = 6.0  # least length of the window of `averaged`, in steps
@@ -100,16 +102,21 @@ def weighed_car(on, thrust, velocity, acceleration, sides):
 
     thrust : may be the haul force
     """
-    behind, ahead = sides[0], sides[1]
-    mx, my = 0.5 * (behind[0] + ahead[0]), 0.5 * (behind[1] + ahead[1])
+    behind = sides[0]
+    ahead = sides[1]
+    mx = 0.5 * (behind[0] + ahead[0])
+    my = 0.5 * (behind[1] + ahead[1])
     size = np.hypot(mx, my)
-    tx, ty = mx / size, my / size
+    tx = mx / size
+    ty = my / size
     stretch = 0.5 * (np.hypot(behind[0], behind[1]) + np.hypot(ahead[0], ahead[1]))
-    x, y = velocity[0] - on.wind, velocity[1]
+    x = velocity[0] - on.wind
+    y = velocity[1]
     air = -on.drag * np.hypot(x, y)
     Cx = on.mu * acceleration[0] - thrust * tx - air * x
     Cy = on.mu * (acceleration[1] - on.sigma) - thrust * ty - air * y
-    pressing, cos_phi = ty * Cx - tx * Cy, size / stretch
+    pressing = ty * Cx - tx * Cy
+    cos_phi = size / stretch
     normal = pressing
     if not math.isnan(on.ax):
         normal = ty * (on.mu * on.ax - air * x) - tx * (on.mu * (on.ay - on.sigma) - air * y)
@@ -130,7 +137,8 @@ def taut(force, slope, T, alpha):
     if not (N > LEAST_PULL and force[0] * slope[0] + force[1] * slope[1] > 0.0):
         return 0.0
     size = (1.0 + (N - T) / alpha) / N
-    slope[0], slope[1] = size * force[0], size * force[1]
+    slope[0] = size * force[0]
+    slope[1] = size * force[1]
     return size
 
 
@@ -144,10 +152,13 @@ def share(x, side, k):
 def motion(here, y, sigma):
     """p., p.. (2,), and r' of both sides (2, 2) by the slopes of the basis."""
     x = here.x
-    last, p = x.f.size - 1, acceleration(x, y.Q, y.V, y.A)
-    velocity, sides = np.empty(2), np.empty((2, 2))
+    last = x.f.size - 1
+    p = acceleration(x, y.Q, y.V, y.A)
+    velocity = np.empty(2)
+    sides = np.empty((2, 2))
     for a in range(2):
-        along, speed = here.slope[a], 0.0
+        along = here.slope[a]
+        speed = 0.0
         for i in range(last + 1):
             along += y.Q[a, i] * x.f_s[i]
             speed += y.V[a, i] * x.f[i]
@@ -166,8 +177,12 @@ def recovered(here, y, internal, cable):
     Slopes of sines are inaccurate on a short side.  internal : `sides` of `balance`
     """
     velocity, p, slopes = motion(here, y, cable.sigma)
-    x, ds_o, turns = here.x, here.ds_o, np.empty(2)
-    T, last, force = 1.0 / here.slope[0], x.f.size - 1, np.empty(2)
+    x = here.x
+    ds_o = here.ds_o
+    turns = np.empty(2)
+    T = 1.0 / here.slope[0]
+    last = x.f.size - 1
+    force = np.empty(2)
     for side in range(2):
         h, sign = (here.s_o, 1.0) if side == 0 else (1.0 - here.s_o, -1.0)
         bends = sign * 2.0 * ds_o * ds_o / h - here.dds_o - cable.damping * ds_o
@@ -204,13 +219,18 @@ def averaged(past, first, last, least):
     since = past[first, 0]
     if since > t - window:  # from rest
         span = t - since if t > since else math.inf
-        ax, ay = (past[last, 1] - past[first, 1]) / span, (past[last, 2] - past[first, 2]) / span
+        ax = (past[last, 1] - past[first, 1]) / span
+        ay = (past[last, 2] - past[first, 2]) / span
         return float(first), t, ax, ay, 0.0, 0.0
     half = 0.5 * window
     ox, oy = line(past, first, t - window)
     mx, my = line(past, first, t - half)
-    ax, ay, jx, jy = past[last, 1] - mx, past[last, 2] - my, mx - ox, my - oy
-    jx, jy = (ax - jx) / half**2, (ay - jy) / half**2
+    ax = past[last, 1] - mx
+    ay = past[last, 2] - my
+    jx = mx - ox
+    jy = my - oy
+    jx = (ax - jx) / half**2
+    jy = (ay - jy) / half**2
     return float(first), t, ax / half + 0.5 * half * jx, ay / half + 0.5 * half * jy, jx, jy
 
 
@@ -219,7 +239,8 @@ def roll(here, y, internal, cable, on, thrust, R):
     """Add the cable's inertia and the car to R (2, n); return the car."""
     velocity, p, slopes, _ = recovered(here, y, internal, cable)
     out = car(on, thrust, velocity, p, slopes)
-    p[0], p[1] = out.Cx, out.Cy
+    p[0] = out.Cx
+    p[1] = out.Cy
     add_inertia(here.x, y.Q, y.V, y.A, cable.damping, p, R)
     return out
 
@@ -228,7 +249,8 @@ def roll(here, y, internal, cable, on, thrust, R):
 def pulls(phi, gram):
     """Derivative of `sides` of `balance` by Q, (6, n): xx, xy, yy behind, and ahead."""
     n, m = phi.shape
-    both, sums = np.zeros((6, m)), np.empty((6, n))
+    both = np.zeros((6, m))
+    sums = np.empty((6, n))
     for q in range(m):
         first = 0 if phi[n - 1, q] > 0.0 else 3
         for i in range(3):
@@ -243,23 +265,32 @@ def by_force(here, y, internal, cable, on, thrust, defect):
     velocity, p, slopes, turns = recovered(here, y, internal, cable)
     out = np.empty((2, 2))
     for side in range(2):
-        rx, ry = slopes[side, 0], slopes[side, 1]
+        rx = slopes[side, 0]
+        ry = slopes[side, 1]
         square = rx * rx + ry * ry
         for a in range(2):
             turned = -(rx if a == 0 else ry) / square
-            slopes[side, 0], slopes[side, 1] = rx + STEP * turned * rx, ry + STEP * turned * ry
+            slopes[side, 0] = rx + STEP * turned * rx
+            slopes[side, 1] = ry + STEP * turned * ry
             slopes[side, a] += STEP
             out[side, a] = turns[side] * (car(on, thrust, velocity, p, slopes).defect - defect) / STEP
-        slopes[side, 0], slopes[side, 1] = rx, ry
+        slopes[side, 0] = rx
+        slopes[side, 1] = ry
     return out
 
 
 @inner
 def row(here, ride, line, of, car, c):
     """Set the car's row of the tangent, last of `Space.K`."""
-    ground, on, damping, (c0, c1, c2) = here.ground, ride.on, line.cable.damping, c
-    x, ds_o, n = ground.x, ground.ds_o, ground.x.f.size
-    into, sums = of.K[0, 2 * n], pulls(here.at.phi, of.gram)
+    ground = here.ground
+    on = ride.on
+    damping = line.cable.damping
+    c0, c1, c2 = c
+    x = ground.x
+    ds_o = ground.ds_o
+    n = ground.x.f.size
+    into = of.K[0, 2 * n]
+    sums = pulls(here.at.phi, of.gram)
     y = coefficients(of.balanced, n)
     by = by_force(ground, y, of.sides, line.cable, on, pulled(ride, of), car.defect)
     rub = car.cos_phi * math.copysign(on.rub, on.rub * car.pressing) if math.isnan(on.ax) else 0.0
@@ -300,8 +331,11 @@ def ride_tangent(here, ride, line, of, out, c):
 
     The column of s_o is a difference without dr/ds_o.
     """
-    ground, K, (_, c1, c2) = here.ground, of.K[0], c
-    n, last = ground.x.f.size, K.shape[0] - 1
+    ground = here.ground
+    K = of.K[0]
+    _, c1, c2 = c
+    n = ground.x.f.size
+    last = K.shape[0] - 1
     for i in range(last + 1):
         K[last, i] = K[i, last] = 0.0
     if ride.mode == STUCK:
@@ -310,10 +344,12 @@ def ride_tangent(here, ride, line, of, out, c):
     row(here, ride, line, of, out, c)
     if ride.mode == HAULED:
         for i in range(n):
-            K[i, last], K[n + i, last] = -c2 * out.tx * ground.x.f[i], -c2 * out.ty * ground.x.f[i]
+            K[i, last] = -c2 * out.tx * ground.x.f[i]
+            K[n + i, last] = -c2 * out.ty * ground.x.f[i]
         K[last, last] = -c2
     elif c1 + c2 != 0.0:
-        h, R = STEP / (c1 + c2), np.zeros((2, n))
+        h = STEP / (c1 + c2)
+        R = np.zeros((2, n))
         moved = ground_at(line, (ground.s_o, ground.ds_o + h * c1, ground.dds_o + h * c2))
         other = roll(moved, coefficients(of.balanced, n), of.sides, line.cable, ride.on, ride.thrust, R)
         K[last, last] = (other.defect - out.defect) / h
@@ -332,9 +368,11 @@ def seen(on, line, place, state):
 @inner
 def begin_step(ride, course, rule, i, car):
     """Add the car at the start of step i to `past`; return the `Ride` of the step."""
-    past, newest = course.past, course.past.shape[0] - course.t.size + i
+    past = course.past
+    newest = course.past.shape[0] - course.t.size + i
     past[newest, 0] = course.t[i] - rule[0, 4] * rule[0, 1]
-    past[newest, 1], past[newest, 2] = car.vx, car.vy
+    past[newest, 1] = car.vx
+    past[newest, 2] = car.vy
     smooth = averaged(past, int(course.smooth[0]), newest, course.window)
     for k in range(6):
         course.smooth[k] = smooth[k]
@@ -353,8 +391,10 @@ def end_step(ride, course, line, places, rule, i, end):
 @inner
 def at_time(ride, smooth, t, thrust):
     """`Ride` at t, with the mean acceleration by the result of `averaged`."""
-    d, on = t - smooth[1], ride.on
-    ax, ay = smooth[2] + d * smooth[4], smooth[3] + d * smooth[5]
+    d = t - smooth[1]
+    on = ride.on
+    ax = smooth[2] + d * smooth[4]
+    ay = smooth[3] + d * smooth[5]
     on = Rolling(on.mu, on.sigma, on.drag, on.wind, on.hold, on.rub, on.brake, ax, ay)
     return Ride(ride.mode, on, thrust)
 

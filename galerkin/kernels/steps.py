@@ -30,7 +30,8 @@ class Space(NamedTuple):
 
 @inner
 def space_for(size, line):
-    m, n = line.behind.shape[1] + line.ahead.shape[1], line.left.size + 1
+    m = line.behind.shape[1] + line.ahead.shape[1]
+    n = line.left.size + 1
     K = np.empty((1, size, size)) if line.riding is None else np.empty((2, size // 2 + 1, size // 2 + 1))
     return Space(
         np.empty((3, size)), np.empty(size), np.empty((2, n)), np.empty((3, m)), np.empty(m), np.empty((2, 2)), K,
@@ -41,7 +42,8 @@ def space_for(size, line):
 @inner
 def copy(values, into):
     """Set into[:] = values; the slice would compile its error message for seconds."""
-    a, b = values.reshape(values.size), into.reshape(into.size)
+    a = values.reshape(values.size)
+    b = into.reshape(into.size)
     for i in range(a.size):
         b[i] = a[i]
 
@@ -60,7 +62,8 @@ def surveyed(line, places, Q, V, internal, strain, lost):
     """`strained` of states Q, V (m, 2, n); set internal (m, 2, 2) to `sides`, and strain, lost (m,)."""
     of = space_for(2 * Q.shape[2], line)
     for i in range(strain.size):
-        at, R = points_at(line, places[i, 0]), of.internal
+        at = points_at(line, places[i, 0])
+        R = of.internal
         strain[i], lost[i] = strained(at, place_of(places, i), (Q[i], V[i]), line, line.riding, R, of)
         copy(of.sides, internal[i])
 
@@ -69,7 +72,8 @@ def surveyed(line, places, Q, V, internal, strain, lost):
 def evaluate(here, ride, line, of):
     """Set r, internal, gram, pull and sides of `Space`; return the car if it rolls."""
     n = here.ground.x.f.size
-    R, y = of.r[: 2 * n].reshape(2, n), rolling.coefficients(of.balanced, n)
+    R = of.r[: 2 * n].reshape(2, n)
+    y = rolling.coefficients(of.balanced, n)
     strained(here.at, (here.ground.s_o, here.ground.ds_o), (y.Q, y.V), line, line.riding, R, of)
     if ride is None:
         grip(here.ground, y, line.cable, R)
@@ -84,7 +88,8 @@ def look(ride, line, place, state, r, parts):
     state : rows q, v, a
     Return the car, the least tension and its s.
     """
-    of, here = space_for(state.shape[1], line), moment(line, place)
+    of = space_for(state.shape[1], line)
+    here = moment(line, place)
     copy(state, of.balanced)
     out = evaluate(here, ride, line, of)
     copy(of.r, r)
@@ -159,7 +164,10 @@ def solve_step(here, ride, line, ends, rule, newton, of):
     c = w[0] * rule[0, 3], w[1] * rule[1, 3], w[2] * rule[2, 3]
     predict(rule, ends[0], ends[1])
     here, out, norm = weigh(here, ride, line, ends, w, of)
-    iterations, factorisations, evaluations, before = 0, 0, 0, math.inf
+    iterations = 0
+    factorisations = 0
+    evaluations = 0
+    before = math.inf
     if math.isnan(norm):
         return norm, 1, 0, 1, math.inf, 0.0
     while iterations == 0 or (newton.bound < norm < math.inf and iterations < newton.max_iter):
@@ -167,7 +175,8 @@ def solve_step(here, ride, line, ends, rule, newton, of):
             factorisations += 1
             set_tangent(line.riding, here, ride, line, of, out, c)
         solve_for(line.riding, of.K, of.r, of.step)
-        before, share = norm, 1.0
+        before = norm
+        share = 1.0
         for _ in range(newton.halvings + 1):
             correct(rule, ends[1], of.step, share)
             here, out, norm = weigh(here, ride, line, ends, w, of)
@@ -187,13 +196,18 @@ def stride(ride, course, line, places, start, rules, newton):
     places : (m, 3) s_o, ds_o, dds_o;  for a free car (1, 3), those at the start
     Return the number of good steps, their ends (m, 3, n_dof), and results of `solve_step` (m, 6).
     """
-    m, size = rules.shape[0], start.shape[1]
-    now, told, of, now_ride = np.empty((m, 3, size)), np.full((m, 6), math.nan), space_for(size, line), ride
+    m = rules.shape[0]
+    size = start.shape[1]
+    now = np.empty((m, 3, size))
+    told = np.full((m, 6), math.nan)
+    of = space_for(size, line)
+    now_ride = ride
     here = moment(line, place_of(places, 0))
     if course is not None:
         now_car = rolling.seen(ride.on, line, place_of(places, 0), start)
     for i in range(m):
-        rule, begin = rules[i], start if i == 0 else now[i - 1]
+        rule = rules[i]
+        begin = start if i == 0 else now[i - 1]
         if course is not None and course.t.size > 0 and ride.mode != rolling.HAULED:
             now_ride = rolling.begin_step(ride, course, rule, i, now_car)
         elif i > 0:

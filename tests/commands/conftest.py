@@ -37,7 +37,7 @@ def checked(monkeypatch, level_check):
     Returns a function that changes what it finds.
     """
     from validation.commands.check import page as pages
-    from validation.page import paraview
+    from validation.page import paraview, report
 
     def find(**changes):
         found = dataclasses.replace(level_check, **changes)
@@ -47,6 +47,7 @@ def checked(monkeypatch, level_check):
     section = Section("check-verdict", "Verdict", "<p>1</p>", "agree", "both solvers")
     monkeypatch.setattr(pages, "sections", lambda folder: [section])
     monkeypatch.setattr(paraview, "write", lambda response, folder: None)
+    monkeypatch.setattr(report, "read_back", lambda command, of, lines: 0)
     monkeypatch.setattr(
         check_study.Check, "write", lambda check, out: write_json(out / "agreement.json", check.agreement())
     )

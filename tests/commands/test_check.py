@@ -10,6 +10,7 @@ import pytest
 
 from cablefem import Scene
 from tests.commands.calls import BROKEN, lines
+from validation.commands.check import selftest
 from validation.core.agreement import nothing
 from validation.core.methods import CHECKED
 from validation.core.watch import flagged
@@ -30,10 +31,10 @@ def test_check_agrees_and_leaves_everything_in_its_folder(cablefem, tmp_path):
     assert quantities - {"path_slack"} == {  # where coarse companions reach beyond the onset
         "path_max", "path_rms", "tension", "tension_behind", "tension_ahead", "reactions",
         "displacement", "velocity", "slack_onset", "energy", "impulse", "laws_si", "speed", "contact", "tension_min",
-        "design", "columns",
+        "design",
     }  # fmt: skip
     assert out.startswith("Both solvers agree.\nlevel: crosses the cable in 14.3 s")
-    assert all(said in out for said in ("comparisons: ", "slack somewhere from car at 1"))
+    assert all(said in out for said in ("comparisons of two solvers agree; ", "slack somewhere from car at 1"))
     assert len(out.splitlines()) <= 20
     assert re.match(r"(?i)<!doctype html>.*fourier-kink", (folder / "report.html").read_text(), re.S)
     assert Scene.from_toml((folder / "scene.toml").read_text()).groups == Scene.load("level").groups
@@ -116,3 +117,11 @@ def test_a_check_with_a_run_that_broke_is_2(cablefem, checked, level_check):
     code, _, err = cablefem("check", "level")
     assert code == 2
     assert lines(err)[0].startswith("fourier-kink broke with the car at ")
+
+
+@pytest.mark.parametrize(("fault", "code", "said"), [("+1%", 0, "is seen"), ("+0.001%", 1, "is NOT seen")])
+def test_the_judge_plants_a_fault_in_itself_and_says_whether_it_is_seen(cablefem, monkeypatch, fault, code, said):
+    monkeypatch.setitem(selftest.FAULT, "mass.mass", fault)
+    found, out, _ = cablefem("check", "inclined", "--tol", "1e-2", "--self-test", "--out", "x")
+    assert found == code
+    assert f"self-test: 1 % more mass for fourier-kink {said}" in out

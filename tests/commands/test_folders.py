@@ -30,25 +30,33 @@ def found_once(monkeypatch):
     monkeypatch.setattr(study, "modes", modes)
 
 
-def test_a_folder_with_anything_else_in_it_is_refused_and_left_alone(cablefem, tmp_path):
-    (tmp_path / "full").mkdir()
-    (tmp_path / "full" / "thesis.tex").write_text("years of work")
+@pytest.mark.parametrize("name", ["following-p2/thesis.tex", "report.html"])
+def test_a_file_of_a_name_that_is_to_be_written_is_refused_and_left_alone(cablefem, tmp_path, name):
+    (tmp_path / "full" / "following-p2").mkdir(parents=True)
+    (tmp_path / "full" / name).write_text("years of work")
+    before = tree(tmp_path)
     code, out, err = cablefem("run", "level", *QUICK, "--out", "full")
     assert (code, out) == (2, "")
     assert lines(err) == [
-        "full holds thesis.tex, which this version of cablefem did not write; "
+        "full holds following-p2, which this version of cablefem did not write; "
         "nothing was written; choose another folder with --out"
     ]
-    assert tree(tmp_path) == {"full/thesis.tex": b"years of work"}
-
-
-def test_a_folder_is_for_one_command(cablefem, tmp_path):
-    assert cablefem("modes", "level", "--out", "x")[0] == 0
-    before = tree(tmp_path)
-    code, _, err = cablefem("run", "level", *QUICK, "--out", "x")
-    assert code == 2
-    assert "x holds a result of cablefem modes" in err
     assert tree(tmp_path) == before
+
+
+def test_results_stand_beside_files_of_ones_own_and_of_other_commands(cablefem, tmp_path):
+    (tmp_path / "x").mkdir()
+    (tmp_path / "x" / "thesis.tex").write_text("years of work")
+    assert cablefem("modes", "level", "--out", "x")[0] == 0
+    before = tree(tmp_path / "x")
+    assert cablefem("run", "level", *QUICK, "--out", "x")[0] == 0
+    after = tree(tmp_path / "x")
+    assert {name: after[name] for name in ("thesis.tex", "modes.json")} == {
+        name: before[name] for name in ("thesis.tex", "modes.json")
+    }
+    page = (tmp_path / "x" / "report.html").read_text()
+    assert 'id="answer"' in page
+    assert "Frequencies" in page
     assert cablefem("modes", "level", "--out", "x")[0] == 0  # rebuilt
 
 
@@ -64,17 +72,20 @@ def test_an_edited_scene_replaces_the_results_of_the_same_command(cablefem, tmp_
     assert after["following-p2/path.csv"] != before["following-p2/path.csv"]
 
 
-@pytest.mark.parametrize("name", ["notes.txt", "following-p2/notes.txt"])
-def test_a_file_that_a_command_did_not_write_keeps_its_folder_as_it_is(cablefem, tmp_path, name):
+def test_what_a_command_did_not_write_outlives_its_results(cablefem, tmp_path):
     (tmp_path / "a.toml").write_text(LEVEL.to_toml())
-    assert cablefem("run", "a.toml", *QUICK, "--out", "x")[0] == 0
-    (tmp_path / "x" / name).write_text("mine")
-    before = tree(tmp_path / "x")
+    fourier = ("--method", "fourier", "--set", "terms=8", "--set", "steps=80")
+    assert cablefem("run", "a.toml", *fourier, "--out", "x")[0] == 0
+    for name in ("notes.txt", "fourier/notes.txt"):
+        (tmp_path / "x" / name).write_text("mine")
+    assert cablefem("run", "a.toml", *fourier, "--out", "x")[0] == 0  # a second time: it does not make them ours
     (tmp_path / "a.toml").write_text(EDITED)
-    code, _, err = cablefem("run", "a.toml", *QUICK, "--out", "x")
-    assert code == 2
-    assert f"x/{name} was not written by cablefem run; nothing was written" in err
-    assert tree(tmp_path / "x") == before
+    assert cablefem("run", "a.toml", *QUICK, "--out", "x")[0] == 0
+    after = tree(tmp_path / "x")
+    assert {name for name in after if not name.startswith("following-p2/")} == {
+        "notes.txt", "fourier/notes.txt", "report.html", store.MARKER, ".run.pages.json",
+    }  # fmt: skip
+    assert after["fourier/notes.txt"] == b"mine"
 
 
 def test_an_edited_scene_leaves_the_results_of_other_commands(cablefem, tmp_path):
@@ -89,16 +100,23 @@ def test_an_edited_scene_leaves_the_results_of_other_commands(cablefem, tmp_path
 
 
 @pytest.mark.usefixtures("checked")
-def test_commands_share_the_default_folder_of_a_scene_but_no_file(cablefem):
+def test_a_command_replaces_results_of_ours_whose_files_it_writes(cablefem):
+    """`run` and then `check` was refused."""
+    folder = Path("cablefem-out/level")
     assert cablefem("modes", "level")[0] == 0
-    assert cablefem("check", "level")[0] == 0
     assert cablefem("run", "level", "--method", "fourier", "--set", "terms=8", "--set", "steps=80")[0] == 0
-    assert cablefem("check", "level")[0] == 0  # rebuilt
-    before = tree(Path("cablefem-out"))
-    code, _, err = cablefem("run", "level", *QUICK)  # would write over one half of the check
-    assert code == 2
-    assert "following-p2 holds a result of cablefem check" in err
-    assert tree(Path("cablefem-out")) == before
+    assert cablefem("run", "level", *QUICK)[0] == 0
+    for _ in range(2):
+        assert cablefem("check", "level")[0] == 0
+        assert store.results(folder) == ["modes", "check"]
+        assert not (folder / "fourier").exists()
+        page = (folder / "report.html").read_text()
+        assert page.count('id="check-verdict"') == 1
+        assert 'id="answer"' not in page
+    assert cablefem("run", "level", *QUICK)[0] == 0  # writes over one half of the check
+    assert store.results(folder) == ["modes", "run"]
+    assert not (folder / "agreement.json").exists()
+    assert 'id="check-verdict"' not in (folder / "report.html").read_text()
 
 
 def test_an_interrupted_result_is_taken_up_again(cablefem, monkeypatch):
@@ -142,9 +160,10 @@ def test_a_disk_that_takes_no_more_is_said(cablefem, monkeypatch, owner, name, e
 
 
 def test_a_marker_that_is_none_makes_no_folder_ours(tmp_path):
-    older = '{"scene": "", "shared": true, "results": {"run": ["a"]}}'  # of version 0.2.0
+    older = '{"scene": "", "results": {"run": {"writes": ["a"]}}}'
     for text in ("", "[1]", "{}", "3", '{"scene": ""}', older):
         (tmp_path / store.MARKER).write_text(text)
+        (tmp_path / "a").touch()
         assert store.results(tmp_path) == []
         with pytest.raises(store.Refused):
             store.claim(tmp_path, "run", "x", ["a"])

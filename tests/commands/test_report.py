@@ -84,7 +84,7 @@ def test_an_interrupted_part_is_run_again(cablefem, monkeypatch):
     monkeypatch.setattr("validation.commands.report.command.PARTS", (("check", "level"), ("atlas",)))
     study = sys.modules["validation.commands.atlas.study"]
 
-    def interrupted(*inputs):
+    def interrupted(*inputs, **how):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(study, "atlas", interrupted)
@@ -93,6 +93,32 @@ def test_an_interrupted_part_is_run_again(cablefem, monkeypatch):
     stand_in(monkeypatch, "atlas")
     assert cablefem("report")[0] == 0
     assert "this was found" in Path("cablefem-out/report.html").read_text()
+
+
+def test_a_part_that_breaks_is_red_and_the_others_are_there(cablefem, monkeypatch):
+    stand_in(monkeypatch, "atlas")
+
+    def broken(*inputs, **how):
+        raise ValueError("zero-size array to reduction operation")
+
+    monkeypatch.setattr(sys.modules["validation.commands.atlas.study"], "atlas", broken)
+    monkeypatch.setattr("validation.commands.report.command.PARTS", (("atlas",), ("modes", "bare")))
+    code, out, _ = cablefem("report")
+    page = Path("cablefem-out/report.html").read_text()
+    assert code == 1
+    assert "It ended without a result." in out
+    assert 'class="badge bad"' in page
+    assert "zero-size array" in page
+    assert 'id="bare-modes-frequencies"' in page
+    stand_in(monkeypatch, "atlas")  # mended
+    assert cablefem("report")[0] == 0
+    assert "badge bad" not in Path("cablefem-out/report.html").read_text()
+
+
+def test_a_report_of_something_red_is_not_fine_even_when_nothing_is_left_to_run(cablefem, monkeypatch):
+    stand_in(monkeypatch, "oracles", verdict="disagree")
+    monkeypatch.setattr("validation.commands.report.command.PARTS", (("oracles",),))
+    assert [cablefem("report")[0] for _ in range(2)] == [1, 1]
 
 
 def test_report_does_not_write_over_a_strange_file(cablefem, monkeypatch):
@@ -110,7 +136,7 @@ def test_verdicts_of_all_scenes_come_before_what_is_behind_them(tmp_path, monkey
         folder = tmp_path / name
         folder.mkdir()
         (folder / store.MARKER).write_text(
-            json.dumps({"scene": "", "shared": True, "results": {command: {"scene": "", "writes": [], "finished": []}}})
+            json.dumps({"scene": "", "results": {command: {"scene": "", "writes": [], "files": [], "finished": True}}})
         )
     two = [Section(name, name.capitalize(), "<p>1</p>") for name in ("verdict", "path")]
     monkeypatch.setattr(report, "kept", lambda folder, command: two)

@@ -89,6 +89,20 @@ def test_a_tolerance_out_of_reach_is_1_and_said(cablefem, monkeypatch):
     assert Path("x/following-p2/path.csv").exists()
 
 
+def test_many_scenes_are_announced_before_they_start(cablefem):
+    code, out, _ = cablefem("run", "zipline", "--model", "quasi-static", "--set", "mass.mass=60:80:51")
+    assert code == 0
+    assert out.startswith("51 scenes\n")
+    assert not cablefem("run", "zipline", "--model", "quasi-static", "--set", "mass.mass=60,80")[1].startswith("2 sc")
+
+
+@pytest.mark.parametrize("command", ["run", "check"])
+def test_a_key_without_its_dot_is_shown_the_key(cablefem, command):
+    code, _, err = cablefem(command, "zipline", "--set", "mass=60")
+    assert code == 2
+    assert lines(err) == ["--set mass: keys of the scene have a dot; the scene has mass.mass"]
+
+
 @pytest.fixture(scope="module")
 def inclined():
     return run(Scene.load("inclined"), "following-p2", elements=4, steps=100)

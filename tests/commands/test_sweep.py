@@ -337,3 +337,14 @@ def test_the_command_line_lists_studies_and_prints_scenes(capsys, tmp_path):
     (tmp_path / "mine.txt").touch()
     assert cli.main(["sweep", "throughput", "--out", str(tmp_path)]) == 2
     assert "holds mine.txt" in capsys.readouterr().err
+
+
+def test_every_key_of_a_study_is_printed_with_a_meaning(cablefem):
+    from validation.commands.sweep.study import FREE, GROUPS, Sample, Study, Truth
+
+    code, out, _ = cablefem("sweep", "--keys")
+    assert code == 0
+    printed = {line.split()[0] for line in out.splitlines() if line}
+    parts = {"": Study, "sample.": Sample, "truth.": Truth}
+    fields = {f"{before}{name}" for before, part in parts.items() for name in part.model_fields}
+    assert printed >= (fields - {"sample", "truth"}) | {*GROUPS, *FREE}

@@ -40,9 +40,9 @@ def test_a_car_let_in_on_the_way_begins_at_rest_on_the_loaded_cable(name, method
     assert np.linalg.norm(empty - v) > 10.0 * tol * np.linalg.norm(v)
 
 
-@pytest.mark.parametrize("method", ["fixed-p2-naive", "fixed-p2-path"])
+@pytest.mark.parametrize("method", ["fixed-p1-naive", "fixed-p1-path"])
 def test_a_fixed_mesh_begins_at_the_support_and_says_so(method):
     base = Scene.load("level")
     scene = base.variant(travel=ConstantSpeed(speed=10.0, **{"from": 90.0}))
-    with pytest.raises(ValueError, match=r"not yet: travel\.from with fixed-p2"):
+    with pytest.raises(ValueError, match=r"not yet: travel\.from with fixed-p1"):
         Run(scene, method)

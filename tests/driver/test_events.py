@@ -51,6 +51,29 @@ def test_states_of_events_and_of_the_grid_are_there_as_before_the_change():
     assert all(x.q[0] > -1e-14 for x in states)
 
 
+class Tossed(Ball):
+    """A ball thrown upwards, that is caught at its top beyond a mark."""
+
+    events = ("top", "mark")
+    passed = False
+
+    def watch(self, x):
+        return float(x.v[0]), math.inf if self.passed else 0.9 - float(x.q[0])
+
+    def pass_event(self, name, x):
+        self.passed |= name == "mark"
+        return None if name == "top" else x
+
+
+def test_a_mark_passed_and_left_again_in_one_step_is_no_less_passed():
+    """s = v t - g t^2/2 is at 0.9 of its top v^2/(2 g) = 1 at t = (1 - sqrt(0.1)) v/g."""
+    ball = Tossed(height=0.0, g=2.0, end=3.0)
+    ball.v0 = 2.0
+    _, events = run(ball, 1)
+    assert [e.name for e in events] == ["mark", "top"]
+    np.testing.assert_allclose([e.t for e in events], [1.0 - math.sqrt(0.1), 1.0], rtol=0.0, atol=1e-7)
+
+
 def test_who_stops_at_an_event_and_goes_on_has_it_happen():
     """A law that switches at the instant of an arrival must not leave the car running on."""
     whole, events = run(Ball(end=3.6), 17)

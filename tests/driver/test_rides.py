@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 
 from cablefem import Scene
-from cablefem.scene.statics import hauled
+from cablefem.scene.statics import gripped, hauled
 from tests.scene.test_ride import ZIP as RIDER
 from validation import run
 
@@ -94,6 +94,21 @@ def test_both_sides_pull_alike_unless_there_is_friction_and_the_contact_is_norma
     assert free[0] < 5e-5
     assert free[1] < 2e-4
     assert min(rubbed) > 10.0 * max(free)
+
+
+@pytest.mark.parametrize(("EA", "mass", "length", "start"), [(3e5, 60.0, 104.0, 5.0), (3e5, 60.0, 104.0, 20.0)])
+@pytest.mark.parametrize("mode", ["free", "haul"])
+@every
+def test_a_heavy_car_on_a_light_rope_begins_at_its_stable_rest(method, mode, EA, mass, length, start):
+    """By the catenary of two pieces; other places without slope of the energy, with folds, are metres away."""
+    scene = Scene(
+        cable={"mass_per_length": 0.023, "EA": EA, "length": length}, supports={"span": 100.0, "drop": 10.0},
+        mass={"mass": mass}, drive={"mode": mode, "rolling_friction": 0.02, "start": start},
+        travel=None if mode == "free" else {"kind": "constant_acceleration", "acceleration": 0.1},
+    )  # fmt: skip
+    rest = (gripped if mode == "free" else hauled)(start / scene.length, scene.groups)
+    r = run(scene, method, until=1e-6 + start / scene.length, **WINGS[method])
+    np.testing.assert_allclose([r.x[0], r.y[0]], rest.place[0] * scene.length, rtol=0.0, atol=0.005)
 
 
 TRAMWAY = Scene.load("tramway")

@@ -85,7 +85,7 @@ def gradient(energy, q):
 @pytest.mark.parametrize("law", ["elastic", "tension-only"])
 @pytest.mark.parametrize("model", ["full", "string", "sagged", "stretching"])
 def test_the_internal_force_is_the_gradient_of_the_energy(model, law):
-    system = FollowingElements(SOFT, elements=2, model=model, law=law).standing(0.37)
+    system = FollowingElements(SOFT, elements=2, model=model).standing(0.37).with_law(law)
     q = 0.02 * np.random.default_rng(11).standard_normal(system.n_dof)
     still, at = 0.0 * q, np.array([[0.37, 0.0, 0.0]])
 

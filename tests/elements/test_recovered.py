@@ -55,7 +55,7 @@ def test_reactions_balance_the_whole_cable(model):
 
 
 @pytest.mark.parametrize("model", ["full", "stretching"])
-@pytest.mark.parametrize(("element", "coupling"), [("hermite", "chain"), ("p2", "path")])
+@pytest.mark.parametrize(("element", "coupling"), [("hermite", "chain"), ("p1", "path")])
 def test_so_they_do_where_the_mass_moves_through_the_elements(element, coupling, model):
     system = FixedElements(STEEP, elements=9, element=element, coupling=coupling, model=model)
     states, _ = march(system, 200, "newmark", until=0.52)  # inside an element

@@ -1,12 +1,9 @@
-"""Lines of the tests, as a user writes them, and the equations of a rope at rest, integrated as they stand."""
+"""Lines of the tests, as a user writes them."""
 
 import tomllib
 from typing import Any
 
-import numpy as np
-from scipy.integrate import solve_ivp
-
-from cablefem.scene.line import Line, LineState
+from cablefem.scene.line import Line
 
 
 def contact(name: str, kind: str, x: float, depth: float, **more: Any) -> dict[str, Any]:
@@ -63,44 +60,3 @@ def changed(given: tuple, text: str) -> Line:
     """The line with the tables of a TOML text put in its rope."""
     rope, *parts = given
     return line({**rope, **tomllib.loads(text)}, *parts)
-
-
-def defects(state: LineState) -> dict[str, float]:
-    """What is missing from each law, lengths over the reach and forces over the largest tension.
-
-    Between stations r' = a (1 + N/EA) t with n = N t falling by q is integrated by an explicit Runge-Kutta rule.
-    """
-    case, n = state.case, len(state.s)
-    T, reach = float(np.nanmax(state.tensions)), float(np.ptp(state.place[:, 0]))
-    found = {"rope": 0.0, "weight": 0.0, "saddle": 0.0, "counterweight": 0.0, "spring": 0.0, "car": 0.0}
-
-    def note(law: str, defect: Any) -> None:
-        found[law] = max(found[law], float(np.max(np.abs(defect))))
-
-    for k in range(n - 1):
-        pull = state.ahead[k]
-
-        def slope(s: float, _: Any, pull=pull) -> Any:
-            here = pull - [0.0, case.weight * s]
-            return case.heat * (1.0 / np.linalg.norm(here) + 1.0 / case.EA) * here
-
-        S = state.s[k + 1] - state.s[k]
-        end = solve_ivp(slope, (0.0, S), state.place[k], "DOP853", rtol=1e-12, atol=1e-10).y[:, -1]
-        note("rope", (end - state.place[k + 1]) / reach)
-        note("weight", (state.behind[k + 1] - pull + [0.0, case.weight * S]) / T)
-    for k, p in enumerate(case.stations):
-        ahead, behind = np.nan_to_num(state.ahead[k]), np.nan_to_num(state.behind[k])
-        jump, N = ahead - behind, [np.linalg.norm(x) for x in (behind, ahead)]
-        if p.kind == "saddle":
-            note("saddle", (N[1] - N[0]) / T)
-        elif p.kind == "counterweight":
-            note("counterweight", (max(N) - p.force) / T)
-        elif p.kind == "spring":
-            note("spring", (jump - np.array(p.stiffness) * (state.place[k] - [p.x, p.y])) / T)
-        elif p.is_car:
-            tau = (ahead + behind) / np.linalg.norm(ahead + behind)
-            F = state.haul[k] if p.kind == "hauled" else 0.0
-            note("car", (jump + [0.0, p.force] + F * tau) / T)
-            if p.kind == "hauled":
-                note("car", (N[1] - N[0]) / T)
-    return found

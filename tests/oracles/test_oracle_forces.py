@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from validation.oracles import accelerating_force, moving_force, running_apart
+from validation.oracles import accelerating_force, moving_force
 
 from .wave_identity import corners, wave_defect
 
@@ -52,27 +52,6 @@ def test_a_spoiled_moving_force_is_noticed(spoil):
     assert max(defect, rest) > 1e-3
 
 
-def test_kanninen_and_florence_two_forces():
-    P = 1.7
-
-    def defect(V, other):
-        def v(x, t):
-            return running_apart.one_force(x, t, P=P, V=V)
-
-        return np.abs(wave_defect(v, lambda s: P * s, lambda s: other * s, on_line(5), 9.0)).max()
-
-    for V in (0.37, 0.9):
-        assert defect(V, V) < ROUNDING
-        x, t = np.linspace(-4.0, 4.0, 81), 1.31
-        both = running_apart.displacement(x, t, P=P, V=V)
-        assert np.abs(both - both[::-1]).max() < ROUNDING
-        assert np.abs(both[np.abs(x) > t + 1e-9]).max() == 0.0
-        same = accelerating_force.displacement(x, t, P=P, V0=V, a=0.0)
-        off = np.abs(x - t) > 1e-9
-        assert np.abs(running_apart.one_force(x, t, P=P, V=V) - same)[off].max() < ROUNDING
-    assert defect(0.37, 0.4) > 1e-3
-
-
 @pytest.mark.parametrize(("V0", "a"), [(0.0, 0.9), (0.3, 0.55), (1.8, -0.7), (0.6, -0.4), (0.45, 0.0)])
 def test_flaherty_solves_the_wave_equation_through_the_wave_speed(V0, a):
     P = 1.4
@@ -98,7 +77,6 @@ def test_parameters_outside_the_validity_are_refused():
         lambda: moving_force.displacement(0.3, 0.2, P=1.0, V=-0.4),
         lambda: moving_force.displacement(0.3, 0.2, P=1.0, V=1.0),
         lambda: moving_force.displacement(1.3, 0.2, P=1.0, V=0.4),
-        lambda: running_apart.one_force(0.3, -0.2, P=1.0, V=0.4),
         lambda: accelerating_force.displacement(0.3, -0.2, P=1.0, a=0.4),
     ):
         with pytest.raises(ValueError, match=r"speed|string|series|t >= 0|rest"):

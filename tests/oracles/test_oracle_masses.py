@@ -2,13 +2,12 @@
 
 import math
 
-import mpmath
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson
 
 from cablefem.scene import AccelerateCruiseBrake, ConstantAcceleration, ConstantSpeed, Table
-from validation.oracles import accelerating_force, accelerating_mass, massless_string, moving_mass
+from validation.oracles import accelerating_force, accelerating_mass, moving_mass
 
 from .wave_identity import corners, wave_defect
 
@@ -81,49 +80,6 @@ def test_the_mass_obeys_newton_and_sits_on_the_string_that_its_force_bends(name)
     assert np.abs(ride.path(fine) - fallen).max() < 1e-8 * size
 
 
-# --- massless string
-
-
-@pytest.mark.parametrize("a", [0.02, 0.8, 3.0, 17.3])
-def test_massless_string_satisfies_its_differential_equation(a):
-    """xi (1-xi) Y'' + 2aY = 8a xi (1-xi) by differences of sixth order, with a step that follows the wave length.
-
-    Y^(8) ~ a 7!/(1-xi)^7 next to the singular end, so that h^6 Y^(8)/560 is 1e-8 a at xi = 0.7; rounding is 1e-15/h^2.
-    """
-    xi, h = np.linspace(0.1, 0.7, 17), 0.01 / math.sqrt(1.0 + a)
-    Y = massless_string.path(xi[:, None] + h * np.arange(-3.0, 4.0), a=a)
-    Y2 = Y @ (np.array([2.0, -27.0, 270.0, -490.0, 270.0, -27.0, 2.0]) / 180.0) / h**2
-    residual = (xi * (1.0 - xi) * Y2 + 2.0 * a * Y[:, 3] - 8.0 * a * xi * (1.0 - xi)) / a
-    assert np.abs(residual).max() < 1e-7
-    assert np.abs(residual - 4.0 * Y[:, 3]).max() > 1e-3  # 2aY with the wrong sign
-    small = 1e-6
-    assert massless_string.path(small, a=a) / small**2 == pytest.approx(4.0 * a, rel=1e-3)  # Y(0) = Y'(0) = 0
-
-
-@pytest.mark.parametrize("a", [0.3, 0.999, 1.7, 3.0, 47.3])
-def test_massless_string_in_high_precision(a):
-    xi = np.array([0.05, 0.4, 0.77, 0.96, 0.9999])
-    with mpmath.workdps(60):
-        A = mpmath.mpf(a)
-        r = mpmath.sqrt(1 + 8 * A)
-        exact = [
-            float(4 * A / (A - 1) * (x * (1 - x) - x * mpmath.hyp2f1((1 + r) / 2, (1 - r) / 2, 2, x, zeroprec=300)))
-            for x in map(mpmath.mpf, xi.tolist())
-        ]
-    bound = max(1e-12, 2e-15 * a / abs(a - 1.0))
-    assert np.abs(massless_string.path(xi, a=a) - exact).max() < bound * np.abs(exact).max()
-
-
-def test_massless_string_end():
-    def end_jump(a):
-        return 2.0 * math.cos(0.5 * math.pi * math.sqrt(1.0 + 8.0 * a)) / (math.pi * (a - 1.0))
-
-    for a in (0.4, 2.5, 6.0):
-        assert float(massless_string.path(1.0, a=a)) == pytest.approx(end_jump(a), abs=1e-12)
-    for a in (3.0, 6.0, 10.0):
-        assert abs(end_jump(a)) < 1e-15
-
-
 # --- accelerating mass
 
 
@@ -183,8 +139,6 @@ def test_parameters_outside_the_validity_are_refused():
         lambda: steady(0.5, mu=-1.2, sigma=0.2),
         lambda: steady(0.5, mu=1.2, sigma=float("nan")),
         lambda: ride.path(2.1),
-        lambda: massless_string.path(0.2, a=0.0),
-        lambda: massless_string.path(1.2, a=2.0),
         lambda: accelerating_mass.path(-0.1, mu=1.0, sigma=0.2, a=0.4),
         lambda: accelerating_mass.path(0.1, mu=0.0, sigma=0.2, a=0.4),
     ):

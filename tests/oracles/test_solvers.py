@@ -14,7 +14,7 @@ DEAR = (  # about a second and more
 DEAR_OF_SINES = (
     "energy damped", "rest car", "moving-force", "moving-mass mass", "moving-mass acc", "moving-mass from",
     "accelerating-force", "damped",
-    "quasi-static up", "running-apart", "massless-string",
+    "quasi-static up",
 )  # fmt: skip
 
 
@@ -40,8 +40,8 @@ def test_a_solver_is_as_near_an_exact_answer_as_its_bar_and_its_order_say(key):
     ("method", "low", "high", "error"),
     [
         ("following-p1", 1.8, 2.1, 1e-5), ("following-p2", 2.4, 2.8, 1e-6), ("following-p4", 2.7, 3.1, 4e-7),
-        ("fixed-p1-path", 0.9, 1.1, 1e-2), ("fixed-p2-path", 0.9, 1.1, 5e-3), ("fourier", 0.9, 1.1, 7e-3),
-        ("fourier-kink", 1.8, 2.3, 2e-5), ("wavelet", 0.9, 1.3, 8e-3), ("wavelet-kink", 2.0, 2.5, 4e-5),
+        ("fixed-p1-path", 0.9, 1.1, 1e-2), ("fourier", 0.9, 1.1, 7e-3),
+        ("fourier-kink", 1.8, 2.3, 2e-5), ("wavelet", 0.9, 1.3, 8e-3),
     ],
 )  # fmt: skip
 def test_a_moving_mass_has_the_orders_and_errors_of_the_formulations(method, low, high, error):

@@ -16,7 +16,7 @@ FREE = GOOD.replace(f"[travel]\n{TRAVEL}", '[drive]\nmode = "free"\n')
 
 @pytest.mark.parametrize("part", [Scene, Line])
 def test_every_key_has_a_unit_a_meaning_and_a_range(part):
-    found = {key.name: key for key in keys(part)}
+    found = {(key.name, key.kind): key for key in keys(part)}
     assert len(found) == len(list(keys(part)))
     for key in found.values():
         assert key.unit, key
@@ -30,10 +30,20 @@ def test_keys_are_those_that_scenes_read():
     assert (found["drive.air_density"].default, found["wind.drag_coefficient"].default) == ("1.2", "1.2")
     assert (found["cable.damping"].unit, found["cable.damping"].default) == ("-", "0.0")
     assert (found["cable.damping.rate"].unit, found["cable.damping.rate"].default) == ("1/s", "required")
-    assert found["travel (trapezoid).jerk"].unit == "m/s3"
+    assert found["travel.jerk"].unit == "m/s3"
+    assert found["travel.jerk"].kind == "trapezoid"
     assert found["travel.from"].brief == "> 0"
-    assert {"drive.brake[].from", "drive.thrust.times", "obstacle[].top", "ground", "travel.stop.time"} <= found.keys()
+    assert {"drive.brake.0.from", "drive.thrust.times", "obstacle.0.top", "ground", "travel.stop.time"} <= found.keys()
     assert not any("place" in name and "end" not in name for name in found), "keys are as they are written"
+
+
+def test_a_printed_key_is_taken_by_replace():
+    scene = Scene.from_toml(FREE + "brake = [{from = 280.0, force = 300.0}]" + OBSTACLES)
+    for name in ("mass.mass", "drive.brake.0.force", "obstacle.0.top", "supports.drop"):
+        assert name in {key.name for key in keys(Scene)}
+        assert scene.replace({name: 31.5}) != scene
+    with pytest.raises(SceneError, match=r"write drive.brake.0.force"):
+        scene.replace({"drive.brake.force": 400.0})
 
 
 def broken(value, rule, where="", known=None):

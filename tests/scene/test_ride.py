@@ -22,6 +22,35 @@ ZIP = ROPE + "start = 2.0\ndrag_area = 0.6\n"
 BRAKED = ZIP + "rolling_friction = 0.02\nbrake = [{from = 280.0, force = 600.0}]\nend = {time = 60.0}"
 
 
+SLOW = """
+[cable]
+mass_per_length = 0.62
+EA = 8e6
+horizontal_tension = {0}
+[supports]
+span = 420.0
+drop = 31.0
+[mass]
+mass = 50.0
+[drive]
+mode = "free"
+start = 2.0
+rolling_friction = 0.02
+drag_area = 0.6
+wind = -4.0
+brake = [{{from = 395.0, force = 500.0}}]
+"""
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("tension", [30270.0, 30300.0, 30450.0])
+def test_who_reaches_a_brake_slowly_is_stopped_by_it(tension):
+    """Without the brake he turns there: in one step he is beyond it, and back."""
+    ride = Scene.from_toml(SLOW.format(tension)).ride
+    assert [x.event for x in ride.events] == ["brake", "stop"]
+    assert 0.0 <= ride.events[1].s_o - ride.events[0].s_o < 1e-5
+
+
 @given(choices())
 @settings(deadline=None, max_examples=15)
 def test_the_cable_at_rest_ends_at_its_supports_and_carries_the_car(choice):

@@ -168,7 +168,7 @@ def test_bad_ground_is_refused(text, expected):
     assert line.startswith(expected)
 
 
-def test_bad_obstacles_and_a_csv_with_words_in_it_are_refused(tmp_path):
+def test_bad_obstacles_are_refused():
     text = GOOD + OBSTACLES.replace("road", "tree").replace("at = 300.0", "at = 330")
     assert faults(text) == [
         "obstacle[1].name = 'tree': given twice; names must differ",
@@ -176,7 +176,20 @@ def test_bad_obstacles_and_a_csv_with_words_in_it_are_refused(tmp_path):
     ]
     taken = "obstacle[0].name = 'the ground': stands for `ground`; must be another name"
     assert faults(GOOD + OBSTACLES.replace("tree", "the ground")) == [taken]
-    (tmp_path / "terrain.csv").write_text("x,depth\n0,30\nhill,55\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("x,depth\n0,30\n\nhill,55\n", r"line 4 \['hill', '55'\]"),
+        ("O,3O\n200,55\n320,28\n", "line 1"),  # letters for zeros
+        ("0,3O\n200,55\n320,28\n", "line 1"),
+        ("x,depth\n0,30,5\n200,55\n", "line 2"),  # a decimal comma
+        ("x,depth\n0;30\n200;55\n", "line 2"),
+    ],
+)
+def test_a_mistyped_row_of_the_ground_is_refused_with_its_line(tmp_path, text, line):
+    (tmp_path / "terrain.csv").write_text(text)
     (tmp_path / "line.toml").write_text('ground = "terrain.csv"\n' + GOOD)
-    with pytest.raises(ValueError, match=r"row 3 \['hill', '55'\] must hold two numbers"):
+    with pytest.raises(ValueError, match=f"{line}.* must hold two numbers"):
         Scene.load(tmp_path / "line.toml")

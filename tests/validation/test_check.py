@@ -141,3 +141,15 @@ def test_what_is_too_coarse_is_refined_where_its_bar_comes_from(right):
     first, second = finer((0.0, 0.2), (0.4, 0.0), larger=False)
     assert first["steps"] > ELEMENTS["steps"]
     assert second is None
+
+
+def test_required_of_the_path_alone_forces_and_laws_are_shown():
+    found = check("level", tol=3e-2, tol_tension=1e-6, ask="path")
+    assert found.verdict is Verdict.AGREE
+    assert {row.quantity for row in found.rows if row.asked} <= {"path_max", "path_rms", "place", "speed"}
+    assert any(row.verdict is Verdict.TOO_COARSE for row in found.rows if not row.asked)
+    # twin: a fault in the path is seen
+    wrong = check("level", tol=3e-2, ask="path", second=LEVEL.replace({"mass.mass": "+20%"}))
+    assert wrong.verdict is Verdict.DISAGREE
+    with pytest.raises(ValueError, match=r"ask = 'pth': unknown\. Did you mean path"):
+        check("level", ask="pth")

@@ -207,11 +207,14 @@ def test_the_paper_redone(tmp_path):
     assert found["more-accurate"]["verdict"] == OPEN
     assert all(x["path_bar"] < 5e-4 for x in content["references"].values())
     assert abs(found["turn-at-0.655"]["quantities"][0]["converged"] - 0.651) < 1e-3
+    assert abs(content["references"]["level"]["largest_v"] - 0.018871) < 2e-6  # of the formulations
+    assert {c["kind"] for c in found.values() if c["id"] in ("sign-of-h", "alpha-844", "count")} == {"print"}
     assert abs(found["wu-chen-0.8"]["quantities"][1]["converged"] - 0.7965) < 1e-3
     sections = report.sections(tmp_path)
     page.render("paper", sections, tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert all(f'id="claim-{i}"' in text for i in found)
+    assert "Dynamics of an Elastic Cable Carrying a Moving Mass Particle" in text
     silent = lambda *told: None  # noqa: E731
     again = runs.all_runs(tmp_path, silent)
     beyond = known.numbers(again, tmp_path / "numbers.jsonl", silent)

@@ -76,6 +76,28 @@ def test_the_bar_is_made_without_the_exact_answer():
     assert found["error"] > 100.0 * found["allowed"]
 
 
+def test_a_row_that_breaks_is_a_row_and_neither_sound_nor_a_comparison_that_must_fail(tmp_path, monkeypatch):
+    class Silent(type(exactness.SOLVERS)):
+        def path(self, crossing, name, **settings):
+            return np.zeros(0).max()  # of a run without a single frame
+
+    sound = EVERY["moving-mass", "mass ratio 5, speed 0.37", "following-p2"]
+    wrong = EVERY["moving-mass", "the paper's mass and speed, g (1 + V²)", "fixed-p1-naive"]
+    monkeypatch.setattr(exactness, "tasks", lambda: [sound, wrong])
+    monkeypatch.setattr(exactness, "SOLVERS", Silent())
+    content = exactness.oracle_table(tmp_path)
+    assert content["verdict"] == "disagree"
+    assert [(row["verdict"], row["expected"]) for row in content["rows"]] == [
+        ("failed", "agree"),
+        ("failed", "disagree"),
+    ]
+    assert all("zero-size array" in row["reason"] for row in content["rows"])
+    first, *_, last = page.sections(tmp_path)
+    assert first.verdict == "disagree"
+    assert "zero-size array" in first.summary
+    assert last.summary.startswith("0 of 1")
+
+
 # --- the file and its page ------------------------------------------------------------------------------------------
 @pytest.fixture
 def few(monkeypatch):
@@ -90,7 +112,7 @@ def few(monkeypatch):
                 "refined": "resolution", "sizes": [3.0, 6.0], "errors": [4.0 * error, error], "error": error,
                 "worst": 1.7 * error, "observed_order": 2.0 if error < 0.1 else math.nan, "expected_order": 1.9,
                 "because": "x < y & z", "allowed": 0.02, "allowed_because": "its bar",
-                "verdict": exactness.judge(error, 0.02, 2.0, 1.9), "expected": expected,
+                "verdict": exactness.judge(error, 0.02, 2.0, 1.9), "expected": expected, "reason": "",
             }  # fmt: skip
 
         return SimpleNamespace(key=("moving-mass", name, "following-p2"), compute=compute)

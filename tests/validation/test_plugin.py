@@ -1,6 +1,7 @@
 """The pytest plugin: its fixtures judge, its summary tells, and its loading costs nothing."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -52,6 +53,15 @@ def test_checked_wrong(cable_check):
     cable_check("level", wrong, tol=5e-2, with_tol=2e-2)
 
 
+def nan(scene):
+    s_o, v, u = solver(scene)
+    return s_o, v * np.nan, u
+
+
+def test_refused(cable_check):
+    cable_check("level", nan, tol=5e-2, with_tol=2e-2)
+
+
 def test_ours_alone(cable_check):
     assert cable_check("level", tol=5e-2).verdict.value == "agree"
 """
@@ -60,11 +70,12 @@ def test_ours_alone(cable_check):
 @pytest.fixture
 def outcome(pytester):
     pytester.makepyfile(TESTS)
+    pytester.makeini("[pytest]\nfilterwarnings = error")
     return pytester.runpytest(*PLUGIN)
 
 
 def test_fixtures_pass_the_right_and_fail_the_wrong_and_the_summary_tells_all(outcome):
-    outcome.assert_outcomes(passed=3, failed=2)
+    outcome.assert_outcomes(passed=3, failed=3)
     outcome.stdout.fnmatch_lines([
         "*wrong and following-p2 disagree",
         "*path_max: gap 0.*, allowed 0.01, largest at s_o/l = 0.*; asked for: path 0.01*",
@@ -72,12 +83,16 @@ def test_fixtures_pass_the_right_and_fail_the_wrong_and_the_summary_tells_all(ou
         "*path_max: gap 0.*, allowed 0.0*(its error bar) + allowed to wrong 0.02; of u and v; agrees if its v is*0.9*",
         "*= agreement of cable solvers =*",
     ])  # fmt: skip
-    assert "assertions.py" not in outcome.stdout.str(), "frames of the library are hidden"
+    for file in ("assertions.py", "foreign.py", "study.py", "testing.py"):
+        assert file not in outcome.stdout.str(), "frames of the library are hidden"
+    assert "nan: v[0] is not a finite number" in outcome.stdout.str()
     told = outcome.stdout.str().partition("= agreement of cable solvers =")[2].splitlines()
     lines = {line.rpartition("::")[2].rstrip(")"): line for line in told if "::" in line and " (" in line}
     assert lines["test_right"].startswith("agree          right and following-p2: path_max ")
     assert lines["test_wrong"].startswith("disagree       wrong and following-p2: path_max: gap 0.")
     assert lines["test_checked"].startswith("agree          level, solver: ")
+    # allowed to the user's solver, beside our bar: not what was asked of ours
+    assert re.search(r" of 0\.0[23]\d* allowed", lines["test_checked"])
     assert lines["test_checked_wrong"].startswith("disagree       level, wrong: path_")
     assert lines["test_ours_alone"].startswith("agree          level, following-p2 and fourier-kink: ")
 

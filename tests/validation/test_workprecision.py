@@ -168,12 +168,14 @@ def test_ratios_to_other_codes_are_at_equal_error():
     rows = rows_at([(0.01, 1e-2), (0.1, 1e-4)]) + rows_at([(2.0, 1e-2), (50.0, 1e-3)], "b", "peer")
     at = front.fastest(rows, 1e-3)
     assert at["series"] == "a"
-    assert at["tension"] == {"series": "a", "seconds": pytest.approx(0.01)}  # at its coarsest already
+    assert at["tension"] == {"series": "a", "seconds": pytest.approx(0.01), "cut": False}  # at its coarsest already
     assert at["seconds"] == pytest.approx(0.01 * math.sqrt(10.0))
     assert at["peers"]["b"]["ratio"] == pytest.approx(50.0 / (0.01 * math.sqrt(10.0)))
     beyond = front.fastest(rows, 1e-4)["peers"]["b"]
     assert beyond["ratio"] is None
     assert beyond["reason"] == "comes to 0.1 % at best"
+    cut = [*rows, rows[-1] | {"status": "not run", "path_error": None}]  # a budget that ended before the ladder did
+    assert front.fastest(cut, 1e-4)["peers"]["b"]["reason"] == "comes to 0.1 % within the time it was given"
 
 
 def test_another_code_runs_the_travel_up_to_the_end_of_the_window():

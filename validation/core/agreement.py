@@ -6,13 +6,19 @@ from dataclasses import dataclass
 from typing import Any
 
 DEFAULT_TOL = 1e-3
+# what may be asked of the path
+TOL_LOW = 1e-6
+TOL_HIGH = 0.2
 APART = 3.0  # times both bars: less may be discretisation error (`order.left`)
 
 
 class Verdict(enum.Enum):
     """In order of precedence."""
 
-    DISAGREE, NOT_COMPARABLE, TOO_COARSE, AGREE = "disagree", "not comparable", "too coarse", "agree"
+    DISAGREE = "disagree"
+    NOT_COMPARABLE = "not comparable"
+    TOO_COARSE = "too coarse"
+    AGREE = "agree"
 
 
 def three_lines(gap: float, bars: float, asked_for: float) -> Verdict:
@@ -69,12 +75,13 @@ class Agreement:
     quantity: str
     gap: float
     bound: Bound
-    where: float | None = None  # s_o/l
+    where: float | str | None = None  # s_o/l; of a line its station and position
     party: str = ""  # compared with our better solver
     law: str = ""  # tells rows of one quantity apart
     asked_for: float | None = None
     asked: bool = True
     parts: tuple[tuple[float, float], ...] = ()
+    unit: str = ""  # of gap and bars; "": relative
 
     @property
     def allowed(self) -> float:
@@ -97,12 +104,13 @@ class Agreement:
     def row(self) -> dict[str, Any]:
         bars = [part.value for part in self.bound.parts[:2]] if self.bound.kind in ("error bars", "law") else []
         bar_a, bar_b = (*bars, None, None)[:2]
+        more = {"law": self.law, "with": self.party, "notes": self.bound.notes, "unit": self.unit}
         return {
             "quantity": self.quantity, "gap": finite(self.gap), "allowed": finite(self.allowed),
             "bar_a": finite(bar_a), "bar_b": finite(bar_b), "asked_for": self.asked_for, "asked": self.asked,
             "verdict": self.verdict.value if self.asked else None, "where": self.where,
             "allowed_because": self.allowed_because,
-            **{k: v for k, v in (("law", self.law), ("with", self.party), ("notes", self.bound.notes)) if v},
+            **{k: v for k, v in more.items() if v},
         }  # fmt: skip
 
 
@@ -110,6 +118,12 @@ def overall(rows: list[Agreement]) -> Verdict:
     """The first verdict, in order of precedence, of the asked rows."""
     verdicts = {row.verdict for row in rows if row.asked} or {Verdict.NOT_COMPARABLE}
     return next(verdict for verdict in Verdict if verdict in verdicts)
+
+
+def check_range(name: str, value: float | None, low: float, high: float) -> None:
+    """Raise ValueError for a number out of its range; None passes."""
+    if value is not None and not low <= value <= high:
+        raise ValueError(f"{name} must lie in [{low:g}, {high:g}], got {value!r}")
 
 
 def finite(x: float | None) -> float | None:

@@ -70,11 +70,13 @@ def _path_row(a: Answer, b: Answer, allowed: float, window: Window) -> Agreement
 
 def _tension_row(a: Answer, b: Answer, allowed: float, window: Window) -> Agreement:
     if isinstance(a, Response) and isinstance(b, Response):
-        gap, (frames, _, _) = measures.tension_gap(a, b, window), measures.common_frames(a, b, window)
+        gap = measures.tension_gap(a, b, window)
+        frames, _, _ = measures.common_frames(a, b, window)
         worst = max(frames.tolist(), key=lambda place: measures.tension_gap(a, b, (place, place)))
         why = f"rms of the field off the mass, over H; over {_over(window, a, b)}"
     else:
         H = next(r.horizontal_tension for r in (b, a) if isinstance(r, Response))
-        gap, worst = foreign.mass_tension_gap(a, b, window, H), None
+        gap = foreign.mass_tension_gap(a, b, window, H)
+        worst = None
         why = "rms at the mass, both sides, relative to H"
     return Agreement("tension", gap, Bound("asked for", (Part("tension", allowed),), why), worst)

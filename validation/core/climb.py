@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cablefem.newmark import scheme
-from cablefem.response import MassPath
+from cablefem.response import MassPath, Response
 from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.ladder import Branch, Ladder, itself
@@ -22,7 +22,8 @@ from validation.core.view import View
 from validation.core.watch import flagged
 
 KIND = ("model", "load", "law", "until", "frames")  # arguments beside the method's settings
-FIRST_STEPS, MOST_STEPS = 120, 64_000
+FIRST_STEPS = 120
+MOST_STEPS = 64_000
 LARGEST = 2e6  # steps times resolution, about 0.5 GB
 BUDGET = 1.2e6  # work (see `dear`) of the finest run of a ladder, which takes 30 to 60 s
 AIM = 0.8  # planned bar over the one asked for
@@ -57,8 +58,11 @@ class Runs:
         self, scene: Scene, method: str | Method, kind: dict[str, Any], view: View | None,
         known: Sequence[MassPath] = (),
     ) -> None:  # fmt: skip
-        self.scene, self.method = scene, find(method) if isinstance(method, str) else method
-        self.view, self.known, self.made = view or View.of(scene), known, list[Run]()
+        self.scene = scene
+        self.method = find(method) if isinstance(method, str) else method
+        self.view = view or View.of(scene)
+        self.known = known
+        self.made = list[Run]()
         self.how = {k: kind[k] for k in KIND if k in kind}
         self.named = {k: v for k, v in kind.items() if k not in KIND}
         self.end = self.how.pop("until", None)
@@ -89,7 +93,9 @@ class Runs:
 
     def _coarser(self, settings: dict[str, Any]) -> list[tuple[str, list[int], float]]:
         """(setting, values from the finest on, nominal order) of space and time."""
-        space, count, steps = self.method.resolution, self.method.value(settings), settings["steps"]
+        space = self.method.resolution
+        count = self.method.value(settings)
+        steps = settings["steps"]
         if space.doubling:
             counts = [count - k for k in range(3) if count - k >= 0]
         else:
@@ -135,12 +141,16 @@ def climb(
 
     Raises TooCoarse.
     """
-    runs, report = Runs(scene, method, kind, view), progress or silent
-    method, space = runs.method, runs.method.resolution
+    runs = Runs(scene, method, kind, view)
+    report = progress or silent
+    method = runs.method
+    space = runs.method.resolution
     if method.wrong:
         raise ValueError(f"{method.name} converges to a wrong answer: no resolution meets a tolerance")
     settings = method.settings_on(scene.groups, _rule(scene, method, runs.named) | _begin(scene, method))
-    ratio, before = 1.0, math.inf  # last refinement of space, and the part before
+    # last refinement of space, and the part before
+    ratio = 1.0
+    before = math.inf
     while True:
         ladder = runs.ladder(settings)
         parts = path_parts(ladder, runs.view)
@@ -151,7 +161,8 @@ def climb(
         finer = _stride(method, ladder, parts, AIM * tol, stuck, budget)
         if finer is None:
             break
-        ratio, before = space.ratio(method.value(settings), method.value(finer)), parts[0]
+        ratio = space.ratio(method.value(settings), method.value(finer))
+        before = parts[0]
         settings = finer
     ladder = runs.finished(ladder, past)
     report(1.0)
@@ -210,17 +221,22 @@ def cheapest(
     An infinite part doubles the steps, one of space also the resolution.
     order : the most credited;  most : part of a stride that may be taken.
     """
-    space, count, steps = method.resolution, method.value(settings), settings["steps"]
-    p, q = min(order, 1.5, max(method.space_order, 1.0)), min(order, 2.0, scheme(settings["scheme"]).order)
+    space = method.resolution
+    count = method.value(settings)
+    steps = settings["steps"]
+    p = min(order, 1.5, max(method.space_order, 1.0))
+    q = min(order, 2.0, scheme(settings["scheme"]).order)
     if not all(math.isfinite(x) for x in parts):
-        a, b = (1.0 if math.isfinite(parts[0]) else 2.0), (1.0 if parts[1] <= target else 2.0)
+        a = 1.0 if math.isfinite(parts[0]) else 2.0
+        b = 1.0 if parts[1] <= target else 2.0
     else:
         longer, shorter = (x[x <= most * x[-1]] for x in (FINER, SHORTER))
         left_over = longer[:, None] ** -p * parts[0] + shorter**-q * parts[1]
         costs = np.array([space.cost(count, x) for x in longer.tolist()])[:, None] * shorter
         meets = left_over <= max(target, left_over.min() / AIM)
         i, k = np.unravel_index(np.where(meets, costs, math.inf).argmin(), costs.shape)
-        a, b = float(longer[i]), float(shorter[k])
+        a = float(longer[i])
+        b = float(shorter[k])
     b = max(b, math.sqrt(a))  # shorter waves need shorter steps
     finer = space.finer(count, a) if a > 1.0 else count
     return settings | {space.setting: max(count, finer), "steps": min(math.ceil(steps * b), max(steps, MOST_STEPS))}
@@ -231,7 +247,8 @@ def dear(method: Method, ladder: Ladder, finer: dict[str, Any], budget: float) -
 
     Work is Newton iterations, times nodes of a step, times cost of the resolution.
     """
-    r, count = ladder.finest, method.value(finer)
+    r = ladder.finest
+    count = method.value(finer)
     nodes = max(1, len(scheme(r.settings["scheme"]).nodes))
     iterations = r.work["newton_iterations"] * finer["steps"] / r.settings["steps"]
     return finer["steps"] * count > LARGEST or iterations * nodes * method.resolution.cost(count) > budget
@@ -240,7 +257,8 @@ def dear(method: Method, ladder: Ladder, finer: dict[str, Any], budget: float) -
 def annotated(ladder: Ladder, view: View) -> Ladder:
     """The ladder with bars of path and tension in its finest run, else a flag."""
     try:
-        path, view = path_parts(ladder, view), view.cut(ladder.finest)
+        path = path_parts(ladder, view)
+        view = view.cut(ladder.finest)
         tension = ladder.over(view).parts(itself, lambda a, b: measures.tension_gap(a, b, view.window), 1.0)
         measures.path_gap(ladder.finest, ladder.finest, view.window)
         if not math.isfinite(sum(path)):
@@ -257,6 +275,12 @@ def annotated(ladder: Ladder, view: View) -> Ladder:
     return replace(ladder, finest=replace(ladder.finest, error_parts=parts, **told))
 
 
+def own_path_error(r: Response) -> float:
+    """The bar of the path by the solver's own coarser runs; `path_error` of a check is at least the gap."""
+    parts = r.error_parts or {}
+    return parts.get("path_space", math.inf) + parts.get("path_time", math.inf)
+
+
 # --- the rule, and where to begin -----------------------------------------------------------------------------------
 
 
@@ -270,7 +294,9 @@ def _rule(scene: Scene, method: Method, named: dict[str, Any]) -> dict[str, Any]
 
 def _begin(scene: Scene, method: Method) -> dict[str, int]:
     """First resolution and steps; for a light car at least one unknown and step per front width."""
-    space, motion, groups = method.resolution, scene.groups.motion, scene.groups
+    space = method.resolution
+    motion = scene.groups.motion
+    groups = scene.groups
     first = method.begins[0] + 2 if space.doubling else math.ceil(2.25 * method.begins[0])
     if motion is None:
         return {space.setting: first, "steps": method.settings_on(groups, {})["steps"] // 2}

@@ -20,7 +20,8 @@ def crossed(
 
     begun : the mass starts on the cable, not at the support.
     """
-    method, motion = find(name), groups.motion
+    method = find(name)
+    motion = groups.motion
     assert motion is not None
     s = method.settings(settings)
     system = method.build(groups, s, model=model, load=load, law="elastic")

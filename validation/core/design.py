@@ -1,12 +1,13 @@
 """Design numbers of a ropeway in SI with bars: extremes over a ride.
 
 Forces are means over an axial round trip, which ropes and load cells feel; `peak` is the raw extreme.
+The steepest angle at a support is the largest one to the horizontal, up or down.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any
@@ -16,11 +17,11 @@ import numpy as np
 from cablefem.newmark import scheme
 from cablefem.response import Array, Response
 from cablefem.scene import Scene
-from validation.core.agreement import finite
-from validation.core.answers import Track, clearances, grounds
+from validation.core.agreement import Agreement, Bound, Part, finite
+from validation.core.clearances import Clearances, Track, clearances, grounds
 from validation.core.evidence import ROUNDING, Given
 from validation.core.ladder import Ladder, largest
-from validation.core.measures import averaged, extremes_within
+from validation.core.measures import averaged, extremes_within, meant_until
 from validation.core.order import FIRST
 from validation.core.quantities import unit_of
 
@@ -37,6 +38,7 @@ class Quantity:
     sign: float  # +1: largest, -1: least
     tracks: Tracks
     inner: bool = False  # meaningless at the ends of range and cable
+    anywhere: bool = False  # taken up to the end of the run, with gaps between its samples
 
 
 def _at_mass(*signals: Callable[[Response], Array]) -> Tracks:
@@ -45,6 +47,11 @@ def _at_mass(*signals: Callable[[Response], Array]) -> Tracks:
 
 def _size(x: Array) -> Array:
     return np.asarray(np.hypot(x[:, 0], x[:, 1]))
+
+
+def _steepness(x: Array) -> Array:
+    """Angle [deg] of a reaction (n, 2) to the horizontal."""
+    return np.degrees(np.arctan2(np.abs(x[:, 1]), np.abs(x[:, 0])))
 
 
 def _at_support(side: str, of: Callable[[Array], Array] = _size) -> Tracks:
@@ -79,33 +86,29 @@ QUANTITIES: dict[str, Quantity] = {
     "mass_deepest": Quantity(1.0, _at_mass(lambda r: r.y), inner=True),
     "mass_deflection_max": Quantity(1.0, _at_mass(lambda r: r.v)),
     "speed_max": Quantity(1.0, _at_mass(lambda r: r.speed)),
+    "angle_left": Quantity(1.0, _at_support("left", _steepness)),
+    "angle_right": Quantity(1.0, _at_support("right", _steepness)),
 }  # fmt: skip
-
-
-def _angle(side: str) -> Tracks:
-    """Angle [deg] of the rope at a support, positive downhill."""
-    out = 1.0 if side == "right" else -1.0
-    return _at_support(side, lambda x: np.degrees(np.arctan2(out * x[:, 1], out * x[:, 0])))
-
-
-def _clearance(of: str, name: str) -> Tracks:
-    return lambda r: [clearances(_scene(r.scene_toml), r)[of, name]]
 
 
 _scene = lru_cache(maxsize=4)(Scene.from_toml)
 
 
 def quantities(r: Response) -> dict[str, Quantity]:
-    """Quantities of a run, with rope angles and clearances."""
-    asked = dict(QUANTITIES)
-    for side in ("left", "right"):
-        tracks = _angle(side)
-        steep = float(tracks(r)[0].value[0])
-        asked[f"angle_{side}"] = Quantity(-1.0 if steep < 0.0 else 1.0, tracks)
-    for name in grounds(_scene(r.scene_toml)):
+    """Quantities of a run, with clearances, which are computed once for each run of a ladder."""
+    scene = _scene(r.scene_toml)
+    known: dict[int, Clearances] = {}
+
+    def track(of: tuple[str, str], r: Response) -> list[Track]:
+        if id(r) not in known:
+            known[id(r)] = clearances(scene, r)
+        return [known[id(r)][of]]
+
+    found = dict(QUANTITIES)
+    for name in grounds(scene):
         for of in ("rope", "car"):
-            asked[f"clearance_{of}_min:{name}"] = Quantity(-1.0, _clearance(of, name))
-    return asked
+            found[f"clearance_{of}_min:{name}"] = Quantity(-1.0, partial(track, (of, name)), anywhere=True)
+    return found
 
 
 def _told(quantity: str, value: float | None, bar: float, unit: str, **where: float | None) -> Number:
@@ -127,46 +130,92 @@ def _safety(r: Response, found: list[Number]) -> Iterator[Number]:
 
 
 def design(of: Ladder | Response, twin: Ladder | None = None) -> list[Number]:
-    """The `design` rows: known design numbers, of a ladder with bars of at least the gap to the twin's."""
+    """The `design` rows: known design numbers, of a ladder with its own bars.
+
+    twin : the other solver's; extremes are then taken as far as both go.
+    """
     r, ladder = (of.finest, of) if isinstance(of, Ladder) else (of, None)
     other = None if twin is None else twin.finest
     span = extremes_within(r, other)
-    found = [x for name, asked in quantities(r).items() if (x := _number(name, asked, r, span, ladder, other))]
+    everything = (float(r.t[0]), meant_until(r, other or r))
+    found = []
+    for name, quantity in quantities(r).items():
+        number = _number(name, quantity, r, everything if quantity.anywhere else span, ladder)
+        found += [] if number is None else [number]
     tilt = _scene(r.scene_toml).wind_tilt
     still = [] if tilt is None else [_told("wind_tilt", tilt, 0.0, "deg")]
-    return [*found, *_safety(r, found), *still, *_onset(r, ladder, other)]
+    return [*found, *_safety(r, found), *still, *_onset(r, ladder)]
+
+
+def widened(numbers: Sequence[Number], others: Sequence[Number]) -> list[Number]:
+    """Design numbers with bars of at least the gap to the other solver's."""
+    other = {row["quantity"]: row for row in others}
+    found = []
+    for number in numbers:
+        changed = dict(number)
+        for name, bar in (("value", "bar"), ("peak", "bar_peak")):
+            gap = _gap(name, number, other.get(number["quantity"]))
+            if gap is not None and number[bar] is not None:
+                changed[bar] = max(number[bar], gap)
+        found.append(changed)
+    return found
+
+
+def _gap(name: str, number: Number, other: Number | None) -> float | None:
+    """Distance of two solvers in a design number; None where one of them does not know it."""
+    if other is None or number[name] is None or other[name] is None:
+        return None
+    return float(abs(number[name] - other[name]))
+
+
+def gaps(a: Ladder, b: Ladder, tolerance: float) -> Iterator[Agreement]:
+    """Shown rows of two solvers' design numbers with their own bars, over the larger value."""
+    other = {row["quantity"]: row for row in b.run.design}
+    for number in a.run.design:
+        twin = other.get(number["quantity"])
+        gap = _gap("value", number, twin)
+        if twin is None or gap is None:
+            continue
+        size = max(abs(number["value"]), abs(twin["value"])) or 1.0
+        bars = tuple(
+            Part(x.run.method, math.inf if row["bar"] is None else row["bar"] / size, "coarser runs")
+            for x, row in ((a, number), (b, twin))
+        )
+        bound = Bound("error bars", bars)
+        yield Agreement("design gap", gap / size, bound, law=number["quantity"], asked_for=tolerance, asked=False)
 
 
 def _number(
-    name: str, quantity: Quantity, r: Response, span: tuple[float, float], ladder: Ladder | None, twin: Response | None
+    name: str, quantity: Quantity, r: Response, span: tuple[float, float], ladder: Ladder | None
 ) -> Number | None:
     unit = unit_of(name)
     period = Given(r.scene_toml, r.length).round_trip if unit in ("N", "deg") else 0.0  # an angle follows a force
-    mean, raw = _Signal(quantity, span, period), _Signal(quantity, span, 0.0)
+    mean = _Signal(quantity, span, period)
+    raw = _Signal(quantity, span, 0.0)
     found = mean.extreme(r)
     if found is None:
         return _told(name, None, math.inf, unit) if name.startswith("clearance_") else None
-    late = unit == "deg" and span[1] - found.t <= 0.5 * period + found.step
-    if late or (quantity.inner and _at_an_end(found, r, span)):
+    if quantity.inner and _at_an_end(found, r, span):
         return None  # no extreme in the range
     bar = bar_peak = math.inf
     if ladder is not None:
         near = np.clip(found.t + np.linspace(-1.0, 1.0, NEAR) * max(period, found.step), *span)
-        bar = _bar(mean, found, near, ladder, twin, FIRST if period else math.inf)
+        bar = _bar(mean, found, near, ladder, FIRST if period else math.inf)
         rule = scheme(r.settings["scheme"], rho_inf=r.settings.get("rho_inf", 1.0))
         if not rule.damps:  # else coarser runs do not show the error of axial waves
-            bar_peak = _bar(raw, found, near, ladder, twin, FIRST)
-    t, s = found.t, found.s
-    place, x = float(np.interp(t, r.t, r.s_o)), float(np.interp(s, r.fields.s, r.fields.x))
+            bar_peak = _bar(raw, found, near, ladder, FIRST)
+    t = found.t
+    s = found.s
+    place = float(np.interp(t, r.t, r.s_o))
+    x = float(np.interp(s, r.fields.s, r.fields.x))
     peak = {"peak": raw.value(r), "bar_peak": finite(bar_peak)} if unit == "N" else {}
     return _told(name, found.value, bar, unit, t=t, s_o=place, x=x, s=s, **peak)
 
 
-def _bar(signal: _Signal, found: _Extreme, near: Array, ladder: Ladder, twin: Response | None, order: float) -> float:
-    """Bar of an extreme and of the signal near it; at least the gap to the twin's."""
+def _bar(signal: _Signal, found: _Extreme, near: Array, ladder: Ladder, order: float) -> float:
+    """Bar of an extreme and of the signal near it."""
     of = [signal.value] + ([partial(signal.beside, found.track, near)] if found.step > 0.0 else [])
-    bar = max(ladder.bar(x, largest, order) for x in of) + found.between
-    return max(bar, 0.0 if twin is None else abs(signal.value(ladder.finest) - signal.value(twin)))
+    return max(ladder.bar(x, largest, order) for x in of) + found.between
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,17 +238,20 @@ class _Signal:
 
     def samples(self, track: Track) -> tuple[Array, Array, Array]:
         """Times, values and places: means over the period, extremes along the cable."""
-        rows = (track.t >= self.span[0] * (1.0 - ROUNDING)) & (track.t <= self.span[1] * (1.0 + ROUNDING))
-        finite = np.isfinite(track.value)
-        rows &= finite if finite.ndim == 1 else finite.all(axis=1)
-        t, value = track.t[rows], track.value[rows]
-        if t.size == 0:
-            return t, t, t
-        if value.ndim == 1:
+        if track.value.ndim == 1:
+            t, value, s = self._within(track)
+            if t.size == 0:
+                return t, t, t
             if self.period and t.size > 2:
                 low, high = (np.clip(t + half * self.period, t[0], t[-1]) for half in (-0.5, 0.5))
                 value = averaged(t, value[:, None], low, high)[:, 0]
-            return t, value, track.s[rows]
+            return t, value, s
+        rows = (track.t >= self.span[0] * (1.0 - ROUNDING)) & (track.t <= self.span[1] * (1.0 + ROUNDING))
+        rows &= np.isfinite(track.value).all(axis=1)
+        t = track.t[rows]
+        value = track.value[rows]
+        if t.size == 0:
+            return t, t, t
         if self.period:  # at least over neighbouring frames
             sums = np.concatenate([0.0 * value[:1], np.cumsum(value, axis=0)])
             k = np.arange(t.size)
@@ -209,8 +261,24 @@ class _Signal:
         at = (self.quantity.sign * value).argmax(axis=1)
         return t, value[np.arange(t.size), at], track.s[at]
 
+    def _within(self, track: Track) -> tuple[Array, Array, Array]:
+        """Times, values and places in the range, its ends included, where the signal is known."""
+        known = np.isfinite(track.value)
+        t = track.t[known]
+        value = track.value[known]
+        s = track.s[known]
+        rows = (t >= self.span[0] * (1.0 - ROUNDING)) & (t <= self.span[1] * (1.0 + ROUNDING))
+        inside = t[rows]
+        if self.quantity.anywhere or inside.size == 0:
+            return inside, value[rows], s[rows]
+        ends = np.clip(self.span, t[0], t[-1])
+        apart = np.abs(ends - inside[[0, -1]]) > ROUNDING * self.span[1]
+        at = np.concatenate([ends[:1][apart[:1]], inside, ends[1:][apart[1:]]])
+        return at, np.interp(at, t, value), np.interp(at, t, s)
+
     def extreme(self, r: Response) -> _Extreme | None:
-        found, sign = None, self.quantity.sign
+        found = None
+        sign = self.quantity.sign
         for i, track in enumerate(self.quantity.tracks(r)):
             t, value, s = self.samples(track)
             if t.size == 0:
@@ -238,7 +306,7 @@ def _at_an_end(found: _Extreme, r: Response, span: tuple[float, float]) -> bool:
     return bool(ends or not 0.0 < found.s < r.length)
 
 
-def _onset(r: Response, ladder: Ladder | None, twin: Response | None) -> Iterator[Number]:
+def _onset(r: Response, ladder: Ladder | None) -> Iterator[Number]:
     if r.slack_onset is None:
         return
 
@@ -248,7 +316,6 @@ def _onset(r: Response, ladder: Ladder | None, twin: Response | None) -> Iterato
     bar = math.inf
     if ladder is not None:
         bar = ladder.bar(onset, largest, FIRST) + float(np.diff(r.s_o).max()) / r.length
-        bar = max(bar, 0.0 if twin is None else abs(r.slack_onset - onset(twin)))
     at = r.slack_onset * r.length
     s = None if r.slack_at is None else r.slack_at * r.length
     x = None if s is None else float(np.interp(s, r.fields.s, r.fields.x))

@@ -30,17 +30,21 @@ class Given:
 
     def __init__(self, toml: str, length: float) -> None:
         x = tomllib.loads(toml)
-        cable, supports = x["cable"], x["supports"]
+        cable = x["cable"]
+        supports = x["supports"]
         self.gravity: float = x.get("gravity", 9.81)
         self.rho: float = cable["mass_per_length"]
         self.EA: float = cable["EA"]
-        self.span, self.drop = supports["span"], supports["drop"]
+        self.span = supports["span"]
+        self.drop = supports["drop"]
         self.mass: float = x["mass"]["mass"]
         self.weight = self.mass * self.gravity
         # name and value
         self.asked = next((name, cable[name]) for name in ("length", "sag", "horizontal_tension") if name in cable)
-        self.travel, self.drive = x.get("travel", {}), x.get("drive", {})
-        self.cable, self.wind = cable, x.get("wind", {})
+        self.travel = x.get("travel", {})
+        self.drive = x.get("drive", {})
+        self.cable = cable
+        self.wind = x.get("wind", {})
         self.tau: float = cable.get("internal_damping", 0.0)
         if "ice" in cable or "temperature" in cable:
             self._change(cable, length)
@@ -64,7 +68,8 @@ class Given:
             return 0.0
         ice = self.cable.get("ice")
         d = self.cable["diameter"] + 2.0 * (ice["thickness"] if isinstance(ice, dict) else 0.0)
-        air, c_D = self.wind.get("air_density", 1.2), self.wind.get("drag_coefficient", 1.2)
+        air = self.wind.get("air_density", 1.2)
+        c_D = self.wind.get("drag_coefficient", 1.2)
         return 0.5 * air * c_D * d * self.wind["across"] ** power
 
     def damping(self, length: float, H: float) -> float:
@@ -78,7 +83,8 @@ class Given:
 
         1 + sum over odd n of 8 L^2/(n^2 pi^2 (n^2 pi^2 - w^2)) = 0.
         """
-        cos, n = self.span / math.hypot(self.span, self.drop), math.pi * np.arange(1.0, 20001.0, 2.0)
+        cos = self.span / math.hypot(self.span, self.drop)
+        n = math.pi * np.arange(1.0, 20001.0, 2.0)
         L2 = (self.rho * self.gravity * length / H) ** 2 * self.EA / H * cos**5
 
         def sums(w: float) -> float:
@@ -98,7 +104,8 @@ def _hung(span: float, drop: float, weight: float, name: str, value: float) -> t
 
     def hang(a: float) -> tuple[float, float, float, float]:
         half = 0.5 * span / a
-        middle, deepest = math.asinh(drop / (2.0 * a * math.sinh(half))), math.asinh(drop / span)
+        middle = math.asinh(drop / (2.0 * a * math.sinh(half)))
+        deepest = math.asinh(drop / span)
         left = middle + half
         sag = a * (math.cosh(left) - math.cosh(deepest)) - drop / span * a * (left - deepest)
         return 2.0 * a * math.cosh(middle) * math.sinh(half), sag, middle, half
@@ -121,7 +128,8 @@ class Windows:
 
     @classmethod
     def of(cls, r: Response, window: Window, until: float = math.inf) -> Windows:
-        begin, end = 0.0, min(until, float(r.t[-1]))
+        begin = 0.0
+        end = min(until, float(r.t[-1]))
         if r.drive != "free":
             begin, end = np.interp(np.array(window) * r.length, r.s_o, r.t)
         t = r.fields.t[(r.fields.t >= begin * (1.0 - ROUNDING)) & (r.fields.t <= end * (1.0 + ROUNDING))]
@@ -155,12 +163,16 @@ class Evidence:
     """A response over time windows, and its scene's numbers."""
 
     def __init__(self, r: Response, windows: Windows) -> None:
-        self.r, self.windows, self.given = r, windows, Given(r.scene_toml, r.length)
+        self.r = r
+        self.windows = windows
+        self.given = Given(r.scene_toml, r.length)
 
     def thinned(self) -> Evidence:
         """Without every second station, frame and step; window ends and jumps stay."""
-        r, f = self.r, self.r.fields
-        steps, frames = np.arange(r.t.size) % 2 == 0, np.arange(f.t.size) % 2 == 0
+        r = self.r
+        f = self.r.fields
+        steps = np.arange(r.t.size) % 2 == 0
+        frames = np.arange(f.t.size) % 2 == 0
         for jump in r.jumps:
             i = int(np.argmin(np.abs(r.t - jump)))
             steps[max(0, i - 1) : i + 2] = True
@@ -183,7 +195,8 @@ class Evidence:
 
     @cached_property
     def inside(self) -> NDArray[np.bool_]:
-        r, t = self.r, self.windows.steps
+        r = self.r
+        t = self.windows.steps
         off = (r.s_o > ROUNDING * r.length) & (r.s_o < (1.0 - ROUNDING) * r.length)
         return off & (r.t >= t[0] * (1.0 - ROUNDING)) & (r.t <= t[-1] * (1.0 + ROUNDING))
 
@@ -261,13 +274,15 @@ class Evidence:
     @cached_property
     def rub(self) -> tuple[Array, Array]:
         """Rolling friction and brakes (n,) [N]."""
-        r, drive = self.r, self.given.drive
+        r = self.r
+        drive = self.given.drive
         shoes = [x["force"] * (r.s_o >= x["from"]) for x in drive.get("brake", [])]
         return drive.get("rolling_friction", 0.0) * np.abs(r.F_contact), np.sum([np.zeros(r.t.size), *shoes], axis=0)
 
     def grip(self, T_behind: Array, T_ahead: Array) -> Array:
         """Power of a grip (n,) [W]: ds_o (-contact . <r'> + <N t> . [r'] - [W]), W = N^2/(2 EA) at equal rest."""
-        behind, ahead = self.r.slope_behind, self.r.slope_ahead
+        behind = self.r.slope_behind
+        ahead = self.r.slope_ahead
         work = -0.5 * np.sum(self.r.contact * (behind + ahead), axis=1)
         work -= (T_ahead**2 - T_behind**2) / (2.0 * self.given.EA)
         for T, slope in ((T_behind, behind), (T_ahead, ahead)):
@@ -278,7 +293,9 @@ class Evidence:
 
     @cached_property
     def sides(self) -> list[tuple[Side, Side]]:
-        r, f, at = self.r, self.r.fields, self.r.fields.s_o[self.frames]
+        r = self.r
+        f = self.r.fields
+        at = self.r.fields.s_o[self.frames]
         T_static = CubicSpline(f.s, f.T_static)(at)
         place = self.curve(at) + np.stack([f.mass_u, f.mass_v], axis=1)[self.frames]
         # dp/dt = r_t + ds_o r' on either side
@@ -290,7 +307,8 @@ class Evidence:
                 np.r_[at[i], place[i], moves[side][i], T_static[i], T[k]]
                 for side, T in enumerate((f.T_behind, f.T_ahead))
             )
-            before, after = rows[f.s < at[i] * (1.0 - ROUNDING)], rows[f.s > at[i] * (1.0 + ROUNDING)]
+            before = rows[f.s < at[i] * (1.0 - ROUNDING)]
+            after = rows[f.s > at[i] * (1.0 + ROUNDING)]
             out.append((Side.of(np.vstack([before, behind])), Side.of(np.vstack([ahead, after]))))
         return out
 
@@ -328,7 +346,8 @@ class Evidence:
     @cached_property
     def energies(self) -> Array:
         """Kinetic, potential, strain (k, 3) [J]; W = (N^2 - T^2)/(2 EA)."""
-        r, given = self.r, self.given
+        r = self.r
+        given = self.given
         of_mass = [0.5 * given.mass * np.sum(r.velocity**2, axis=1), -given.weight * r.y, np.zeros(r.t.size)]
         return self.at(self.t, np.stack(of_mass, axis=1)) + self.along["energies"]
 
@@ -342,7 +361,8 @@ class Evidence:
 
         Damping: by the run's kinetic energy; a law checks it.
         """
-        r, drive = self.r, self.given.drive
+        r = self.r
+        drive = self.given.drive
         of_mass = 0.5 * self.given.mass * np.sum(r.velocity**2, axis=1)
         lost = {"lost_viscous": -2.0 * self.damping * (r.kinetic - of_mass)} if self.damping else {}
         if r.drive == "grip":
@@ -368,7 +388,8 @@ def _arrays(x: Any) -> dict[str, Array]:
 
 def integral(t: Array, f: Array, jumps: Sequence[float]) -> Array:
     """Integral of f (n, c) up to each t by trapezoids; at a jump by the value on the step's own side."""
-    mean, changes = 0.5 * (f[1:] + f[:-1]), np.abs(np.diff(f, axis=0)).max(axis=1)
+    mean = 0.5 * (f[1:] + f[:-1])
+    changes = np.abs(np.diff(f, axis=0)).max(axis=1)
     for jump in jumps:
         i = int(np.argmin(np.abs(t - jump)))
         if 0 < i < t.size - 1:

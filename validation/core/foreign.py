@@ -1,23 +1,21 @@
 """Another program's mass path, from a CSV file or arrays, in the form our measures compare.
 
-Columns have the names of our path.csv, with an ending for another unit or direction:
+Columns have the names and SI units of our path.csv; another unit is an ending of the name:
 
-    t or time [s]          t or s_o suffices: the scene's travel gives the other
-    s_o       [m]          place of the mass on the cable
-    v or y    [m]          positive down; from the static cable or the left support
-    u or x    [m]          optional
-    T_behind, T_ahead [N]  optional
-    speed     [m/s]        optional, |dp/dt|, of a free ride
+    t         [s]          _ms; t or s_o suffices: the scene's travel gives the other
+    s_o       [m]          position of the mass on the cable
+    v or y    [m]          positive down (_up: up); from the static cable or the left support
+    u or x    [m]          optional; lengths have _mm, _km, _over_l (of the cable's length)
+    T_behind, T_ahead [N]  _kN; optional
+    speed     [m/s]        _kmh; optional, |dp/dt|, of a free ride
 
-Endings: _over_l (of the cable's length), _mm, _km, _ms, _kN, _kmh, _up; _s, _m, _N and _down change nothing.
+Other columns are ignored.
 """
 
 import csv
 import math
-import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
@@ -26,7 +24,7 @@ import numpy as np
 from cablefem.response import Array, MassPath, Response, write_csv
 from cablefem.scene import Scene
 from validation.core import measures
-from validation.core.agreement import Agreement, Bound, Part, Verdict, nothing
+from validation.core.agreement import Agreement, Bound, Part, nothing
 from validation.core.ladder import Ladder, itself
 from validation.core.measures import WINDOW, NotComparable, Window
 from validation.core.rows import happened
@@ -34,14 +32,13 @@ from validation.core.store import Refused
 
 WITH_TOL = 5e-3  # of the largest deflection, allowed beside our own bar
 LEAST_ROWS = 5  # in the window
-SHARE = 0.1  # of duration, deflection or 1: the largest change that may explain a gap
 TRAVEL_TOLERANCE = 5e-3  # of l: programs may round the place to a node
 _ENDINGS = "the name of a column tells its unit and direction, as t_ms, s_o_over_l, v_mm, v_up"
-
-_NAME = re.compile(
-    r"(t_behind|t_ahead|time|t|s_o|u|v|x|y|speed)(_over_l|/l|_mm|_kmh|_km|_ms|_kn|_s|_m|_n)?(_down|_up)?", re.IGNORECASE
-)
-_QUANTITIES = {"time": "t", "t_behind": "T_behind", "t_ahead": "T_ahead"}  # others are named as in a file
+_UNITS = {
+    "t": {"": 1.0, "_s": 1.0, "_ms": 1e-3}, "speed": {"": 1.0, "_kmh": 1.0 / 3.6},
+    "T_behind": {"": 1.0, "_N": 1.0, "_kN": 1e3}, "T_ahead": {"": 1.0, "_N": 1.0, "_kN": 1e3},
+}  # fmt: skip
+_LENGTHS = {"": 1.0, "_m": 1.0, "_mm": 1e-3, "_km": 1e3}
 _COLUMNS = ("t", "s_o", "x", "y", "u", "v", "T_behind", "T_ahead", "speed")
 
 
@@ -59,6 +56,7 @@ class ForeignPath(MassPath):
     T_ahead: Array | None = None
     speed: Array | None = None  # [m/s]
     events: tuple[()] = ()
+    columns: dict[str, Array] = field(default_factory=dict)  # as they came, in SI, v and y down
 
     @classmethod
     def of(
@@ -66,6 +64,7 @@ class ForeignPath(MassPath):
         y: Any = None, name: str = "the other solver",
     ) -> Self:  # fmt: skip
         """The path v(s_o) [m], v down; t [s] by the scene's travel unless given.  A free ride needs x, y(t)."""
+        __tracebackhide__ = True  # pytest shows the caller's line
         columns = {"s_o": s_o, "v": v, "u": u, "t": t, "x": x, "y": y}
         try:
             arrays = {k: np.asarray(x, dtype=float) for k, x in columns.items() if x is not None}
@@ -77,7 +76,7 @@ class ForeignPath(MassPath):
         for k, given in arrays.items():
             if not np.isfinite(given).all():
                 raise Refused(f"{name}: {k}[{int(np.argmin(np.isfinite(given)))}] is not a finite number")
-        return cls._completed(name, scene, arrays, [f"row {i}" for i in range(*shapes.pop())])
+        return cls.completed(name, scene, arrays)
 
     @classmethod
     def read(cls, file: str | Path, scene: Scene) -> Self:
@@ -85,13 +84,16 @@ class ForeignPath(MassPath):
 
         Raises Refused with one line per fault.
         """
-        return cls._completed(Path(file).name, scene, *_read(Path(file), scene))
+        return cls.completed(Path(file).name, scene, *_read(Path(file), scene))
 
     @classmethod
-    def _completed(cls, name: str, scene: Scene, columns: dict[str, Array], rows: Sequence[str]) -> Self:
-        """The path with these columns; `rows` are named in faults."""
+    def completed(cls, name: str, scene: Scene, columns: dict[str, Array], rows: Sequence[str] = ()) -> Self:
+        """The path with these columns (n,); `rows` are named in faults.  Raises Refused for what is no path."""
+        __tracebackhide__ = True
+        rows = rows or [f"row {i}" for i in range(len(next(iter(columns.values()))))]
         try:
-            return cls(method=name, length=scene.length, drive=scene.drive.mode, **_columns(scene, columns, rows))
+            known = _columns(scene, columns, rows)
+            return cls(method=name, length=scene.length, drive=scene.drive.mode, columns=columns, **known)
         except Refused as fault:
             raise Refused(f"{name}: {fault}") from None
 
@@ -103,10 +105,23 @@ class ForeignPath(MassPath):
 # --- reading --------------------------------------------------------------------------------------------------------
 
 
+def _names(l: float) -> dict[str, tuple[str, float]]:
+    """Quantity and factor to SI, v and y down, of every name that a column may have on a cable of length l [m]."""
+    lengths = _LENGTHS | {"_over_l": l}
+    units = _UNITS | dict.fromkeys(("s_o", "x", "y", "u", "v"), lengths)
+    names = {of + ending: (of, factor) for of, endings in units.items() for ending, factor in endings.items()}
+    for of in ("y", "v"):
+        for ending, factor in lengths.items():
+            names[f"{of}{ending}_down"] = of, factor
+            names[f"{of}{ending}_up"] = of, -factor
+    return names
+
+
 def _read(file: Path, scene: Scene) -> tuple[dict[str, Array], list[str]]:
     """The known columns of a file in SI, and the line of each row."""
-    header, rows = _table(file)
-    known = {i: _told(name, scene.length) for i, name in enumerate(header) if _NAME.fullmatch(name)}
+    names = _names(scene.length)
+    header, rows = _table(file, names)
+    known = {i: names[name] for i, name in enumerate(header) if name in names}
     faults = ["no rows below the names of the columns"] if not rows else _of_names(header, known, scene)
     faults = faults or list(_of_cells(header, known, rows))
     if faults:
@@ -118,7 +133,7 @@ def _read(file: Path, scene: Scene) -> tuple[dict[str, Array], list[str]]:
     return columns, [f"line {n}" for n, _ in rows]
 
 
-def _table(file: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+def _table(file: Path, names: Container[str]) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """Column names, and rows of cells with their numbers."""
     try:
         text = file.read_text(encoding="utf-8-sig")
@@ -129,16 +144,9 @@ def _table(file: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     for i, (_, line) in enumerate(lines):
         separator = max(",;\t", key=line.count)
         header = _cells(line.lstrip("# \t"), separator)
-        if line[0] != "#" or any(map(_NAME.fullmatch, header)):  # a comment may hold the names
+        if line[0] != "#" or any(name in names for name in header):  # a comment may hold the names
             return header, [(n, _cells(row, separator)) for n, row in lines[i + 1 :] if row[0] != "#"]
     raise Refused(f"{file.name}: the file is empty")
-
-
-def _told(column: str, l: float) -> tuple[str, float]:
-    """The quantity of a column, and the factor that gives SI and v down."""
-    quantity, unit, way = _NAME.fullmatch(column.lower()).groups()  # type: ignore[union-attr]
-    factors = {"_over_l": l, "/l": l, "_mm": 1e-3, "_km": 1e3, "_ms": 1e-3, "_kn": 1e3, "_kmh": 1.0 / 3.6}
-    return _QUANTITIES.get(quantity, quantity), factors.get(unit, 1.0) * (-1.0 if way == "_up" else 1.0)
 
 
 def _of_names(header: list[str], known: dict[int, tuple[str, float]], scene: Scene) -> list[str]:
@@ -206,7 +214,10 @@ def _columns(scene: Scene, given: dict[str, Array], rows: Sequence[str]) -> dict
 
 def _placed(scene: Scene, given: dict[str, Array]) -> dict[str, Array]:
     """The columns with t and s_o, up to the end of the travel."""
-    motion, l, tau, x = scene.groups.motion, scene.length, scene.time_scale, dict(given)
+    motion = scene.groups.motion
+    l = scene.length
+    tau = scene.time_scale
+    x = dict(given)
     if motion is None:
         s = np.linspace(0.0, l, 2001)
         x.setdefault("s_o", np.interp(x.get("x", s[:1]), scene.catenary.x(s), s))
@@ -249,7 +260,8 @@ def refuse_misnamed(path: MassPath, ours: Response) -> None:
 
     ours : a run good to a few percent.
     """
-    of, l = "y" if ours.drive == "free" else "v", path.length
+    of = "y" if ours.drive == "free" else "v"
+    l = path.length
     try:
         window = _common(path, measures.window_of(ours))
         off = {
@@ -278,7 +290,8 @@ def vertical(r: Any) -> Any:
 def _common(path: MassPath, window: Window) -> Window:
     if path.drive == "free":
         return window
-    start, stop = max(window[0], float(path.s_o[0] / path.length)), min(window[1], path.reached)
+    start = max(window[0], float(path.s_o[0] / path.length))
+    stop = min(window[1], path.reached)
     if not start < stop:
         covered = f"{path.s_o[0] / path.length:.4g} to {path.reached:.4g}"
         raise NotComparable(f"it covers s_o/l = {covered}, our own answers {window[0]:.4g} to {window[1]:.4g}")
@@ -298,8 +311,11 @@ def rows(path: ForeignPath | Response, ours: Ladder, window: Window, with_tol: f
     along, upright = ("x", "y") if ours.run.drive == "free" else ("u", "v")
     of_path = f"{along} and {upright}"
     if path.u is None:
-        path, ours, of_path = vertical(path), ours.map(vertical), f"{upright} alone"
-    party, run = path.method, ours.run
+        path = vertical(path)
+        ours = ours.map(vertical)
+        of_path = f"{upright} alone"
+    party = path.method
+    run = ours.run
     try:
         part = _common(path, window)
         where = measures.path_gap(path, run, part)[2]
@@ -314,10 +330,6 @@ def rows(path: ForeignPath | Response, ours: Ladder, window: Window, with_tol: f
         if short:
             bound = nothing(f"{party} covers {short}; there {bound.value:.2g} would be allowed")
         found.append(Agreement(name, apart(path, run), bound, where if name == "path_max" else None, party))
-    if any(row.verdict is Verdict.DISAGREE for row in found[:2]):
-        allowed = [row.allowed for row in found[:2]]
-        said = _remedy(path, run, lambda x: measures.path_gap(x, run, part), allowed)
-        found[:2] = [replace(row, bound=replace(row.bound, notes=(said,) if said else ())) for row in found[:2]]
     yield from found
 
 
@@ -330,7 +342,8 @@ def _measures(
         "path_rms": (lambda a, b: measures.path_gap(a, b, part)[1], of_path),
     }
     if run.drive == "free" and path.speed is not None:
-        stop, top = happened("stop", run), float(run.speed.max())
+        stop = happened("stop", run)
+        top = float(run.speed.max())
         until = math.inf if stop is None else stop["t"]
 
         def speed(r: Any) -> Array:
@@ -345,57 +358,16 @@ def _measures(
 
 def _short(path: MassPath, run: Response, window: Window) -> str:
     """The part of the window that a path covers, if not all; else ""."""
-    axis, at, wanted = "s_o/l", path.s_o / path.length, window
+    axis = "s_o/l"
+    at = path.s_o / path.length
+    wanted = window
     if run.drive == "free":
-        axis, at, wanted = "t [s]", path.t, (0.0, float(run.t[-1]))
+        axis = "t [s]"
+        at = path.t
+        wanted = (0.0, float(run.t[-1]))
     step = TRAVEL_TOLERANCE * wanted[1] + float(np.diff(at).max())
-    low, high = max(wanted[0], float(at[0])), min(wanted[1], float(at[-1]))
+    low = max(wanted[0], float(at[0]))
+    high = min(wanted[1], float(at[-1]))
     if low <= wanted[0] + step and high >= wanted[1] - step:
         return ""
     return f"{axis} {low:.4g} to {high:.4g} of {wanted[0]:.4g} to {wanted[1]:.4g}"
-
-
-# --- what would make a path agree ---------------------------------------------------------------------------------
-
-
-def _remedy(path: Any, ours: Response, gaps: Callable[[Any], Any], allowed: Sequence[float]) -> str | None:
-    """The change that explains the gap best, in words, or None if none does.
-
-    path : a third party's path;  gaps : its gap, largest and rms;  allowed : of both.
-    """
-    from scipy.optimize import minimize_scalar  # seldom needed
-
-    lasts, deep, far = float(ours.t[-1]), float(np.abs(ours.v).max()), ours.length / 20.0
-    changes: dict[str, tuple[Callable[[float], Any], float]] = {
-        "its times are shifted by {:.3g} s": (lambda x: replace(path, t=path.t + x), SHARE * lasts),
-        "its places are shifted by {:.3g} m": (partial(_moved, path, ours), SHARE * far),
-        "its v is multiplied by {:.4g}": (lambda x: _higher(path, x * path.v), SHARE),
-        "its heights are shifted by {:.3g} m downwards": (partial(_higher, path), SHARE * deep),
-    }
-
-    def left(x: float, changed: Callable[[float], Any]) -> Any:
-        try:
-            return gaps(changed(x))
-        except (NotComparable, ValueError):
-            return np.inf, np.inf
-
-    found = []
-    for words, (changed, most) in changes.items():
-        way = {"bounds": (-most, most), "method": "bounded", "options": {"xatol": 1e-6 * most}}
-        x = float(minimize_scalar(lambda x, changed: left(x, changed)[1], args=(changed,), **way).x)
-        largest, rms = left(x, changed)[:2]
-        if largest <= allowed[0] and rms <= allowed[1]:
-            found.append((largest, words.format(1.0 + x if "multiplied" in words else x)))
-    return f"agrees if {min(found)[1]}" if found else None
-
-
-def _moved(path: Any, ours: Response, by: float) -> Any:
-    """The path with its places moved; on a given travel this moves its times, too."""
-    if path.drive == "free":
-        return path if path.x is None else replace(path, x=path.x + by)
-    s_o = path.s_o + by
-    return replace(path, s_o=s_o, t=np.interp(s_o, ours.s_o, ours.t))
-
-
-def _higher(path: Any, by: Any) -> Any:
-    return replace(path, v=path.v + by, y=None if path.y is None else path.y + by)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 MOST = 10_000  # larger ones are sweeps
+MOST_COUNT = 1000  # values of one range; more are a step given for a count
 
 
 def parsed(pair: str) -> tuple[str, list[Any]]:
@@ -23,17 +24,27 @@ def parsed(pair: str) -> tuple[str, list[Any]]:
     if not (key and given and text):
         raise ValueError(f"--set must be KEY=VALUE, got {pair!r}")
     if text.count(":") == 2:
-        try:
-            low, high, count = (float(x) for x in text.split(":"))
-            if count == int(count) and count >= 2:
-                return key, np.linspace(low, high, int(count)).tolist()
-        except ValueError:
-            pass
-        raise ValueError(f"--set {key} = {text}: a range must be FROM:TO:COUNT with a count of at least 2")
+        return key, _range(key, text)
     try:
         return key, tomllib.loads(f"x = [{text}]")["x"]
     except tomllib.TOMLDecodeError:  # names without quotes
         return key, [_value(part.strip()) for part in text.split(",")]
+
+
+def _range(key: str, text: str) -> list[float]:
+    """The values of FROM:TO:COUNT, both ends included."""
+    low, high, count = text.split(":")
+    try:
+        ends = float(low), float(high)
+        values = int(count)
+    except ValueError:
+        values = 0
+    if not (2 <= values <= MOST_COUNT and np.isfinite(ends).all()):
+        raise ValueError(
+            f"--set {key} = {text}: a range must be FROM:TO:COUNT, COUNT (of values, no step) a whole number "
+            f"from 2 to {MOST_COUNT}"
+        )
+    return np.linspace(*ends, values).tolist()
 
 
 def _value(text: str) -> Any:

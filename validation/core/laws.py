@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from cablefem.response import Array, Response
-from validation.core import timetable
+from validation.core import rest, timetable
 from validation.core.agreement import Agreement, Bound, Part
 from validation.core.evidence import ROUNDING, Evidence, Side, Window, Windows, cross
 from validation.core.order import FIRST, left
@@ -38,6 +38,9 @@ class Defect:
         return np.sqrt(np.mean(self.value**2, axis=0))
 
 
+UNSEEN = Defect(np.empty(0), np.empty((0, 1)))  # no frame shows the law
+
+
 def hold(
     ladder: Any, window: Window, until: float = math.inf, asked: Callable[[str], float | None] = lambda asks: None
 ) -> Iterator[Agreement]:
@@ -55,12 +58,16 @@ def hold(
         if not law.concerns(case):
             continue
         found = law.defect(case)
-        gap, bar, parts, at = math.nan, math.inf, (math.nan, 0.0), math.nan
+        gap = math.nan
+        bar = math.inf
+        parts = (math.nan, 0.0)
+        at = math.nan
         if found.place.size and np.isfinite(found.value).all():
             space, time, sampling = _bars(law, found, ladder, known, sparse)
             bars = space + time + sampling
             worst = int((found.rms / bars).argmax())
-            gap, parts = float(found.rms[worst]), (float(space[worst]), float(time[worst]))
+            gap = float(found.rms[worst])
+            parts = (float(space[worst]), float(time[worst]))
             bar = float(bars[worst]) if np.isfinite(bars[worst]) else math.inf
             at = float(found.place[np.abs(found.value[:, worst]).argmax()])
         yield Agreement(
@@ -165,14 +172,16 @@ def _over_steps(m: Evidence, kept: Array, scale: float) -> Defect:
 @_law(exact=True)
 def ends_at_rest(m: Evidence) -> Defect:
     """The cable ends at its supports; over the span."""
-    f, given = m.r.fields, m.given
+    f = m.r.fields
+    given = m.given
     return _static(*(np.array([f.x[0], f.y[0], f.x[-1] - given.span, f.y[-1] - given.drop]) / given.span))
 
 
 @_law(exact=True)
 def length_at_rest(m: Evidence) -> Defect:
     """Stations measure arc length up to the length asked for (heat, ice: unstretched); over it."""
-    s, (name, value) = m.r.fields.s, m.given.asked
+    s = m.r.fields.s
+    name, value = m.given.asked
     strain = CubicSpline(s, m.r.fields.T_static / m.given.EA).integrate(s[0], s[-1]) / s[-1]
     asked = {"length": value, "unstretched": value * (1.0 + strain)}.get(name, m.r.length)
     counted = float(np.abs(np.cumsum(_arcs(m.curve(s))) - s[1:]).max())
@@ -182,7 +191,8 @@ def length_at_rest(m: Evidence) -> Defect:
 @_law(exact=True)
 def shape_at_rest(m: Evidence) -> Defect:
     """Sag or horizontal tension as asked for; over itself."""
-    (name, value), f = m.given.asked, m.r.fields
+    name, value = m.given.asked
+    f = m.r.fields
     if name == "sag":
         below = CubicSpline(f.s, f.y - m.given.drop / m.given.span * f.x)
         found = max([0.0, *below(below.derivative().roots(extrapolate=False)).tolist()])
@@ -194,7 +204,9 @@ def shape_at_rest(m: Evidence) -> Defect:
 @_law(exact=True)
 def forces_at_rest(m: Evidence) -> Defect:
     """T x' = H, over H; T y' falls by rho g per metre, over rho g l."""
-    s, H, weight = m.r.fields.s, m.r.horizontal_tension, m.given.rho * m.given.gravity
+    s = m.r.fields.s
+    H = m.r.horizontal_tension
+    weight = m.given.rho * m.given.gravity
     force = m.r.fields.T_static[:, None] * m.curve(s, 1)
     falls = force[0, 1] - force[:, 1] - weight * s
     return _static(np.abs(force[:, 0] - H).max() / H, np.abs(falls).max() / (weight * s[-1]))
@@ -206,8 +218,13 @@ def forces_at_rest(m: Evidence) -> Defect:
 @_law(lambda m: m.r.drive != "free", exact=True)
 def travel(m: Evidence) -> Defect:
     """s_o(t) is the travel of the TOML; over the length."""
-    r, law, drive, l = m.r, m.given.travel, m.given.drive, m.r.fields.s[-1]
-    t, s, start = r.t[m.inside], r.s_o[m.inside], timetable.begins(law, drive, l)
+    r = m.r
+    law = m.given.travel
+    drive = m.given.drive
+    l = m.r.fields.s[-1]
+    t = r.t[m.inside]
+    s = r.s_o[m.inside]
+    start = timetable.begins(law, drive, l)
     if law["kind"] == "table":
         stop = min(t[-1], law.get("stop", {}).get("time", math.inf))
         off = [0.0]
@@ -232,7 +249,10 @@ def _crawls(m: Evidence) -> float:
 @_law(_rolls, exact=True)
 def drive(m: Evidence) -> Defect:
     """Start, brakes, arrival and thrust are those of the TOML; over length, time, top speed, thrust."""
-    r, drive, l, T = m.r, m.given.drive, m.r.fields.s[-1], m.r.t[-1]
+    r = m.r
+    drive = m.given.drive
+    l = m.r.fields.s[-1]
+    T = m.r.t[-1]
     times, forces = m.thrust
     start = timetable.begins(m.given.travel, drive, l)
     off = [(r.s_o[0] - start) / l]
@@ -254,13 +274,29 @@ def drive(m: Evidence) -> Defect:
     return _static(float(np.abs(off).max()))
 
 
+@_law(lambda m: _rolls(m) and 0.0 < m.r.s_o[0] < m.r.length)
+def car_at_rest(m: Evidence) -> Defect:
+    """A car that rolls begins where the cable at rest holds it, clamped or on its rope; over the largest deflection."""
+    r = m.r
+    given = m.given
+    friction = None if r.drive == "free" else given.drive.get("rolling_friction", 0.0)
+    supports = (given.span, given.drop)
+    weights = (given.rho * given.gravity, given.weight)
+    want = rest.place(
+        supports, given.EA, weights[0], r.length, r.horizontal_tension, float(r.s_o[0]), weights[1], friction
+    )
+    off = np.array([r.x[0], r.y[0]]) - want
+    return _static(*(off / r.max_deflection))
+
+
 # --- the mass, at steps --------------------------------------------------------------------------------
 
 
 @_law(exact=True)
 def place_of_the_mass(m: Evidence) -> Defect:
     """p = X(s_o) + w; over the largest deflection."""
-    r, k = m.r, m.inside
+    r = m.r
+    k = m.inside
     off = np.stack([r.x - r.u, r.y - r.v], axis=1)[k] - m.curve(r.s_o[k])
     return _static(float(np.abs(off).max()) / r.max_deflection)
 
@@ -268,8 +304,11 @@ def place_of_the_mass(m: Evidence) -> Defect:
 @_law(_knows_strain, exact=True)
 def strain_at_the_mass(m: Evidence) -> Defect:
     """Pointwise tension is T + EA (|r'| - 1), cut at zero without compression; over H."""
-    r, k, f = m.r, m.inside, m.r.fields
-    T, off = CubicSpline(f.s, f.T_static)(r.s_o[k]), []
+    r = m.r
+    k = m.inside
+    f = m.r.fields
+    T = CubicSpline(f.s, f.T_static)(r.s_o[k])
+    off = []
     for slope, told in ((r.slope_behind, r.T_behind_pointwise), (r.slope_ahead, r.T_ahead_pointwise)):
         N = T + m.given.EA * (np.hypot(*slope[k].T) - 1.0)
         off.append(told[k] - np.where(_carries_none(r, r.t[k]), np.maximum(N, 0.0), N))
@@ -284,7 +323,8 @@ def speed_of_the_mass(m: Evidence) -> Defect:
 
 
 def _of_mass(m: Evidence, pull: Array) -> Defect:
-    r, weight = m.r, m.given.weight
+    r = m.r
+    weight = m.given.weight
     force = pull + weight * DOWN
     if r.drive != "grip":
         mean = r.slope_behind + r.slope_ahead
@@ -314,8 +354,10 @@ def tension_on_both_sides(m: Evidence) -> Defect:
 
     [N] (1 - rho ds_o^2/EA) = -(mu_r |contact| + brakes) sign(ds_o); at most that for a slow car.
     """
-    r, given = m.r, m.given
-    jump, most = (r.T_ahead - r.T_behind) * (1.0 - given.rho * m.pace**2 / given.EA), np.sum(m.rub, axis=0)
+    r = m.r
+    given = m.given
+    jump = (r.T_ahead - r.T_behind) * (1.0 - given.rho * m.pace**2 / given.EA)
+    most = np.sum(m.rub, axis=0)
     rolls = np.abs(m.pace) > ROLLS * np.abs(m.pace).max()
     apart = np.where(rolls, jump + most * np.sign(m.pace), np.sign(jump) * np.maximum(np.abs(jump) - most, 0.0))
     let_go = r.t >= given.drive.get("release", 0.0)
@@ -335,7 +377,8 @@ def compression(m: Evidence) -> Defect:
 @_law(of="tension_min", asks="")
 def least_tension(m: Evidence) -> Defect:
     """The least tension at steps is that at frames; over H."""
-    f, k = m.r.fields, m.frames
+    f = m.r.fields
+    k = m.frames
     field = np.minimum(f.T[k].min(axis=1), np.minimum(f.T_behind[k], f.T_ahead[k]))
     return _at_frames(m, (m.at(m.t, m.r.tension_min[:, None])[:, 0] - field) / m.r.horizontal_tension)
 
@@ -346,7 +389,8 @@ def slack_onset(m: Evidence) -> Defect:
 
     Both within two steps.
     """
-    r, onset = m.r, int(np.searchsorted(m.r.t, m.r.slack_since))
+    r = m.r
+    onset = int(np.searchsorted(m.r.t, m.r.slack_since))
     told = onset < r.t.size and r.s_o[onset] <= m.windows.far * r.length
     there = r.tension_min[max(0, onset - 2) : onset + 3].min() if told else 0.0
     slack = r.s_o[m.inside & (r.t > 0.0) & (r.tension_min < 0.0)]
@@ -358,7 +402,8 @@ def slack_onset(m: Evidence) -> Defect:
 @_law()
 def fields_at_the_mass(m: Evidence) -> Defect:
     """Displacement of the mass at frames is that at steps; over the largest deflection."""
-    r, f = m.r, m.r.fields
+    r = m.r
+    f = m.r.fields
     steps = CubicSpline(r.t, np.stack([r.s_o, r.u, r.v], axis=1))(m.t)
     off = np.stack([f.s_o, f.mass_u, f.mass_v], axis=1)[m.frames] - steps
     return _at_frames(m, off / r.max_deflection)
@@ -379,6 +424,8 @@ def _at_and_up_to(m: Evidence, of: Callable[[Side], Array]) -> tuple[Array, ...]
 @_law(_off_supports)
 def tension_up_to_the_mass(m: Evidence) -> Defect:
     """Tension along the cable tends to that at the mass, mean over frames after the start; over H."""
+    if not np.any(m.t > 0.0):
+        return UNSEEN
     _, off = _at_and_up_to(m, lambda x: x.T)
     return _static(*(off[m.t > 0.0].mean(axis=0) / m.r.horizontal_tension))
 
@@ -386,15 +433,19 @@ def tension_up_to_the_mass(m: Evidence) -> Defect:
 @_law(_off_supports, of="velocity", asks="")
 def up_to_the_mass(m: Evidence) -> Defect:
     """Velocity of the cable tends to that at the mass; over its rms."""
+    if not np.any(m.t > 0.0):
+        return UNSEEN
     told, off = _at_and_up_to(m, lambda x: x.velocity)
-    return _at_frames(m, off / np.sqrt(np.mean(told**2, axis=0)))
+    size = np.sqrt(np.mean(told**2, axis=0))
+    return _at_frames(m, off / size) if np.all(size > 0.0) else UNSEEN
 
 
 @_law(_sees_swings, of="velocity", asks="velocity")
 def summed_over_time(m: Evidence) -> Defect:
     """Transverse displacement, weighted by half a sine, is the integral of its velocity; over its rms."""
     f = m.r.fields
-    tangent, sine = m.curve(f.s, 1), np.sin(math.pi / f.s[-1] * f.s)
+    tangent = m.curve(f.s, 1)
+    sine = np.sin(math.pi / f.s[-1] * f.s)
     w, dw = ((tangent[:, 0] * b - tangent[:, 1] * a) @ sine for a, b in ((f.u, f.v), (f.du, f.dv)))
     kept = w - CubicSpline(f.t, dw).antiderivative()(f.t)
     within = dw[m.frames[0] : m.frames[-1] + 1]
@@ -408,7 +459,8 @@ def stretch(m: Evidence) -> Defect:
     for pair in m.sides:
         longer = max(pair, key=lambda x: x.s[-1] - x.s[0])
         for x in pair:
-            steps, N = np.diff(x.s), x.T - x.T_static
+            steps = np.diff(x.s)
+            N = x.T - x.T_static
             stretched = _arcs(x.place) - steps + m.given.tau * x.lengthening
             missing = 0.5 * steps * (N[1:] + N[:-1]) - m.given.EA * stretched
             missing = np.append(0.0, np.cumsum(missing))
@@ -421,7 +473,8 @@ def stretch(m: Evidence) -> Defect:
 @_law()
 def momentum_of_the_cable(m: Evidence) -> Defect:
     """rho int r. ds changes by the impulse of all forces; over total weight times window."""
-    r, rho = m.r, m.given.rho
+    r = m.r
+    rho = m.given.rho
     weight = rho * m.given.gravity * r.fields.s[-1]
     force = r.reaction_left + r.reaction_right + r.contact + weight * DOWN
     kept = rho * (m.along["velocity"] + m.damping * m.along["place"]) - m.impulse_at_frames(force)
@@ -431,11 +484,15 @@ def momentum_of_the_cable(m: Evidence) -> Defect:
 @_law()
 def moment_of_momentum(m: Evidence) -> Defect:
     """rho int r x r. ds about the left support changes by the impulse of moments; over weight, span and window."""
-    r, given, t = m.r, m.given, m.t
+    r = m.r
+    given = m.given
+    t = m.t
     weight = given.rho * given.gravity
     right = np.array([given.span, given.drop])
     moment = cross(right, r.reaction_right) + cross(np.stack([r.x, r.y], axis=1), r.contact)
-    lever, moves, h = m.along["place"][:, 0], m.along["velocity"][:, 0], np.diff(t)
+    lever = m.along["place"][:, 0]
+    moves = m.along["velocity"][:, 0]
+    h = np.diff(t)
     own = weight * (0.5 * h * (lever[1:] + lever[:-1]) - h**2 / 12.0 * np.diff(moves))  # by cubics
     spin = given.rho * (m.along["spin"] + m.damping * m.swept if m.damping else m.along["spin"])
     kept = (spin - np.append(0.0, np.cumsum(own)))[:, None] - m.impulse_at_frames(moment[:, None])
@@ -469,7 +526,8 @@ def parts_of_the_energy(m: Evidence) -> Defect:
 @_law()
 def power(m: Evidence) -> Defect:
     """Work of drive and outer forces is that of the run, each and in total; of a grip by its pointwise tensions."""
-    r, own = m.r, m.powers
+    r = m.r
+    own = m.powers
     if r.drive == "grip":
         own = own | {"grip": m.grip(r.T_behind_pointwise, r.T_ahead_pointwise) + m.layer}
     apart = [r.power - _summed(own), *(r.powers[name] - own[name] for name in own if name in r.powers)]
@@ -479,7 +537,8 @@ def power(m: Evidence) -> Defect:
 @_law(lambda m: m.given.tau > 0.0)
 def internal_losses(m: Evidence) -> Defect:
     """Internal damping takes EA tau (deps/dt)^2 along the taut cable, and the layer's loss; over its rms."""
-    own, shortest = m.at(m.t, m.layer[:, None])[:, 0], 0.5 * float(np.diff(m.r.fields.s).max())
+    own = m.at(m.t, m.layer[:, None])[:, 0]
+    shortest = 0.5 * float(np.diff(m.r.fields.s).max())
     for k, pair in enumerate(m.sides):
         for x in pair:
             steps = np.diff(x.s)

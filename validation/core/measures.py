@@ -36,12 +36,17 @@ def window_of(*responses: MassPath, window: Window | None = None) -> Window:
     )
 
 
+def meant_until(*runs: Response) -> float:
+    """Time [s] up to which runs say something: the first end, or slack onset, of them."""
+    return min(min(float(x.t[-1]), x.slack_since) for x in runs)
+
+
 def extremes_within(r: Response, twin: Response | None) -> tuple[float, float]:
     """Times [s] between which extremes are taken: in the window, as far as both runs go.
 
     A rolling car begins in equilibrium, so that its start counts.
     """
-    end = min(min(float(x.t[-1]), x.slack_since) for x in (r, twin or r))
+    end = meant_until(r, twin or r)
     low, high = (float(np.interp(place * r.length, r.s_o, r.t)) for place in WINDOWS[r.drive])
     return low if r.drive == "grip" else float(r.t[0]), end if r.drive == "free" else min(end, high)
 
@@ -53,7 +58,8 @@ def inside(r: MassPath, window: Window) -> NDArray[np.bool_]:
 
 def at_steps_of(a: MassPath, b: MassPath, values: Array) -> Array:
     """`values` (n_b, ...) at steps of b, splined to times of a."""
-    when, same = np.clip(a.t, b.t[0], b.t[-1]), 1e-12 * b.t[-1]
+    when = np.clip(a.t, b.t[0], b.t[-1])
+    same = 1e-12 * b.t[-1]
     at = np.searchsorted(b.t, when - same)
     if np.abs(b.t[at] - when).max(initial=0.0) <= same:
         return values[at]
@@ -126,18 +132,23 @@ def series_gap(
     if not within.any():
         raise NotComparable(f"{coarse.method} has no step in the window {window}")
     within &= coarse.t <= fine.t[-1]
-    t, known = coarse.t[within], [np.isfinite(of(r).reshape(r.t.size, -1)).all(axis=1) for r in (coarse, fine)]
+    t = coarse.t[within]
+    known = [np.isfinite(of(r).reshape(r.t.size, -1)).all(axis=1) for r in (coarse, fine)]
     if not all(k.sum() > 3 for k in known):
         raise NotComparable("one of the answers does not say it")
     # the same times in all runs, none past the window
     last = min(t[-1], coarse.t[known[0]][-1], fine.t[known[1]][-1])
     first = max(coarse.t[known[0]][0], fine.t[known[1]][0])
     t = t[(t >= first) & (t <= last)]
-    low, high = np.clip(t - 0.5 * axial, first, last), np.clip(t + 0.5 * axial, first, last)
+    if not last > first:
+        raise NotComparable("both answers say it at one instant")
+    low = np.clip(t - 0.5 * axial, first, last)
+    high = np.clip(t + 0.5 * axial, first, last)
 
     def at(r: Response, k: Any) -> Any:
         k = np.flatnonzero(k)[: np.searchsorted(r.t[k], last) + 1]
-        when, values = r.t[k], of(r).reshape(r.t.size, -1)[k]
+        when = r.t[k]
+        values = of(r).reshape(r.t.size, -1)[k]
         if not axial:
             return _spline(when, values, [x["t"] for x in r.events], low)
         return averaged(when, values, low, high, r.breaks)
@@ -153,7 +164,8 @@ def averaged(t: Array, values: Array, low: Array, high: Array, breaks: Sequence[
     """
     from scipy.interpolate import PPoly
 
-    begin, dt = values[:-1].copy(), np.diff(t)[:, None]
+    begin = values[:-1].copy()
+    dt = np.diff(t)[:, None]
     for i in np.searchsorted(t, np.array(breaks) * (1.0 - 1e-12)).tolist():
         if 0 < i < t.size - 2:
             begin[i] = values[i + 1] - (values[i + 2] - values[i + 1]) * (dt[i] / dt[i + 1])
@@ -180,13 +192,15 @@ def field_gap(a: Response, b: Response, window: Window, *, rate: bool = False, a
     """
 
     def of(f: Fields) -> Array:
-        i, j = np.gradient(f.x, f.s), np.gradient(f.y, f.s)
+        i = np.gradient(f.x, f.s)
+        j = np.gradient(f.y, f.s)
         x, y = (f.du, f.dv) if rate else (f.u, f.v)
         return (i * x + j * y if along else i * y - j * x) / np.hypot(i, j)
 
     place, i, j = common_frames(a, b, window)
     off = np.abs(a.fields.s / a.length - place[:, None]) > 1e-6
-    first, second = of(a.fields)[i][off], of(b.fields)[j][off]
+    first = of(a.fields)[i][off]
+    second = of(b.fields)[j][off]
     return float(np.sqrt(np.mean((first - second) ** 2) / np.mean(second**2)))
 
 

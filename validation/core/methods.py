@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
+from importlib.metadata import entry_points
 from typing import Any
 
 from cablefem.newmark import SCHEMES
@@ -121,7 +122,9 @@ class Method:
 
         finer : first resolution over `begins`.
         """
-        (first, steps), space, out = self.begins, self.resolution, []
+        first, steps = self.begins
+        space = self.resolution
+        out = []
         for k in range(rungs):
             count = space.nearest(first, finer * 2.0**k)
             more = space.unknowns(count) / space.unknowns(first)
@@ -140,7 +143,8 @@ class Method:
 
     def settings(self, changes: dict[str, Any]) -> dict[str, Any]:
         """All settings with `changes`; ValueError for unknown names and values, one line each."""
-        out, faults = {name: knob.default for name, knob in self.knobs.items()}, []
+        out = {name: knob.default for name, knob in self.knobs.items()}
+        faults = []
         for name, value in changes.items():
             try:
                 if name not in self.knobs:
@@ -195,7 +199,8 @@ def _galerkin(family: str, kink: bool, groups: Groups, x: dict[str, Any], **kind
     from galerkin.rides import RollingSystem
     from galerkin.riding import RidingSystem
 
-    free, system = groups.drive.mode == "free", RollingSystem if groups.drive.mode != "grip" else GalerkinSystem
+    free = groups.drive.mode == "free"
+    system = RollingSystem if groups.drive.mode != "grip" else GalerkinSystem
     if family == "riding":
         solver: Any = RidingSystem(groups, x["terms"], **kind)
     elif family == "wavelet":
@@ -216,7 +221,7 @@ def _per_side(default: int) -> dict[str, Setting]:
 
 _TERMS = {"terms": Setting(30, (1, 2000), "sines")}
 _WAVELETS = {
-    "order": Setting(4, (2, 10), "Daubechies order p (2p filter taps)"),
+    "order": Setting(4, (2, 8), "Daubechies order p (2p filter taps)"),
     "level": Setting(1, (0, 8), "levels J; the number of wavelets is 2^J (2p - 1) + p - 1"),
     "reading": Setting(
         "literal", ("literal", "scaling", "shifted"), "of the printed index set (37); the other two are known to fail"
@@ -261,18 +266,9 @@ _ALL = (
         trust="only with numerical damping: the undamped rule blows up",
     ),
     Method(
-        "fixed-p2-path", "elements", "quadratic elements, the mass a particle constrained to them",
-        _DAMPED, _each(2), 1.0, partial(_fixed, "p2", "path"), (10, 250),
-        trust="only with numerical damping: the undamped rule blows up",
-    ),
-    Method(
         "fixed-p1-naive", "elements", "linear elements with chain-rule accelerations: WRONG",
         _WHOLE, _each(1), 0.0, partial(_fixed, "p1", "naive"), (10, 250), wrong=True,
         trust="never: the centrifugal force is lost at the nodes; on show because everybody writes it first",
-    ),
-    Method(
-        "fixed-p2-naive", "elements", "quadratic elements with chain-rule accelerations: WRONG",
-        _WHOLE, _each(2), 0.0, partial(_fixed, "p2", "naive"), (10, 250), wrong=True, trust="never, as fixed-p1-naive",
     ),
     Method(
         "fourier", "galerkin", "the paper's sines (33)-(34)",
@@ -297,19 +293,33 @@ _ALL = (
         _WAVELETS | _COURSE, LEVELS, 1.0, partial(_galerkin, "wavelet", False), (0, 400),
         trust="the paper's method; first order like sines, oscillations stay near the mass",
     ),
-    Method(
-        "wavelet-kink", "galerkin", "wavelets and a hat that travels with the mass",
-        _WAVELETS | _COURSE, LEVELS, 2.0, partial(_galerkin, "wavelet", True), (0, 1000),
-        trust="as fourier-kink, slower",
-    ),
 )  # fmt: skip
 METHODS = {m.name: m for m in _ALL}
+ENTRY_POINTS = "cablefem.methods"  # group in which another package names its methods
 
 
 def find(name: str) -> Method:
-    if name not in METHODS:
-        raise ValueError(f"unknown method {name!r}.{nearest(str(name), METHODS)}")
-    return METHODS[name]
+    """The method of this name, ours or that of an entry point; ValueError for an unknown one."""
+    if name in METHODS:
+        return METHODS[name]
+    others = installed()
+    if name not in others:
+        raise ValueError(f"unknown method {name!r}.{nearest(str(name), [*METHODS, *others])}")
+    return others[name]
+
+
+def installed() -> dict[str, Method]:
+    """Methods that other packages give by entry points; ValueError for what is none."""
+    found = {}
+    for point in entry_points(group=ENTRY_POINTS):
+        try:
+            method = point.load()
+        except Exception as error:  # of any kind: it is not our code
+            raise ValueError(f"method {point.name}: {point.value} cannot be loaded ({error})") from None
+        if not isinstance(method, Method) or method.name != point.name or method.name in METHODS:
+            raise ValueError(f"method {point.name}: {point.value} must be a new Method with this name")
+        found[point.name] = method
+    return found
 
 
 def pair(groups: Groups) -> tuple[str, ...]:
@@ -320,7 +330,8 @@ def pair(groups: Groups) -> tuple[str, ...]:
 
 def refined(method: Method, settings: dict[str, Any], *, space: float = 1.0, time: float = 1.0) -> dict[str, Any]:
     """Settings at `space` times the resolution, `time` times the steps."""
-    out, least = dict(settings), method.knobs[method.resolution.setting].allowed[0]
+    out = dict(settings)
+    least = method.knobs[method.resolution.setting].allowed[0]
     if space != 1.0:
         out[method.resolution.setting] = max(least, method.resolution.nearest(method.value(settings), space))
     out["steps"] = max(2, round(settings["steps"] * time))

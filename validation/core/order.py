@@ -21,12 +21,15 @@ def left(d: Any, before: Any, ratios: Sequence[float], order: float) -> Any:
     p solves before/d = r^p (r'^p - 1)/(r^p - 1) (Celik et al. 2008, J. Fluids Eng. 130, 078001).  A change below the
     nominal fall is raised to it, unless the quarter is too far off.
     """
-    d, before = np.abs(np.asarray(d, float)), np.abs(np.asarray(before, float))
-    r, coarser = ratios[0], ratios[-1]
+    d = np.abs(np.asarray(d, float))
+    before = np.abs(np.asarray(before, float))
+    r = ratios[0]
+    coarser = ratios[-1]
     least = min(order, LEAST_ORDER)
     floor = before * (r**order - 1.0) / (r**order * (coarser**order - 1.0))
     tells = floor <= NONSENSE * d
-    d, before = np.where(tells, np.maximum(d, floor), d), np.where(tells, before, 0.0)
+    d = np.where(tells, np.maximum(d, floor), d)
+    before = np.where(tells, before, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         fall = np.where(d > 0.0, before / d, 0.0)
         p = np.full(d.shape, order)

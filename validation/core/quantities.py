@@ -13,14 +13,24 @@ KNOWN = SAID["main"] | SAID["more"]
 
 
 def matter(design: list[dict[str, Any]], most: int = 8) -> list[dict[str, Any]]:
+    """The key numbers: the smallest clearance, with how many more there are, then forces, speed, the steeper end."""
     known = [d for d in design if d["value"] is not None]
-    first = [d for quantity in SAID["main"] for d in known if d["quantity"].split(":")[0] == quantity]
-    return first[:most]
+    clearances = sorted((d for d in known if d["quantity"].startswith("clearance_")), key=_value)
+    angles = sorted((d for d in known if d["quantity"].startswith("angle_")), key=_value)
+    rest = [d for d in known if d not in clearances and d not in angles[:-1]]
+    first = [clearances[0] | {"more": len(clearances) - 1}] if clearances else []
+    return (first + [d for quantity in SAID["main"] for d in rest if d["quantity"] == quantity])[:most]
+
+
+def _value(number: dict[str, Any]) -> float:
+    return float(number["value"])
 
 
 def told(number: dict[str, Any]) -> dict[str, str]:
     """A row of `design` as text; "" where unknown."""
-    value, bar, unit = number["value"], number.get("bar"), number["unit"]
+    value = number["value"]
+    bar = number.get("bar")
+    unit = number["unit"]
     if value is None:
         return {"what": named(number["quantity"]), "value": "the car never passes", "t": "", "mass": "", "at": ""}
     factor, name = scale_of(np.array([value, bar or 0.0]), unit)
@@ -31,8 +41,9 @@ def told(number: dict[str, Any]) -> dict[str, str]:
     def place(key: str) -> str:
         return "" if number.get(key) is None else f"{number[key]:.1f} m"
 
+    more = f" ({number['more']} more are larger)" if number.get("more") else ""
     return {
-        "what": named(number["quantity"]), "value": text,
+        "what": named(number["quantity"]) + more, "value": text,
         "t": "" if number.get("t") is None else f"{number['t']:.4g} s", "mass": place("s_o"), "at": place("s"),
     }  # fmt: skip
 
@@ -68,5 +79,7 @@ def with_bar(value: float, bar: float | None) -> str:
     if not bar or not math.isfinite(bar) or bar < 1e-9 * abs(value):
         return f"{value:.5g}"
     digits = 1 - math.floor(math.log10(bar))
-    value, bar, shown = round(value, digits), round(bar, digits), max(0, digits)
+    value = round(value, digits)
+    bar = round(bar, digits)
+    shown = max(0, digits)
     return f"{value:.{shown}f} ± {bar:.{shown}f}"

@@ -27,7 +27,8 @@ TENSION = 10.0  # force tolerance over path tolerance: forces are first order, p
 REST = 0.05  # tolerance of all else
 VELOCITY = 0.10  # tolerance of summed velocity against displacement
 ROUNDING = 1e-12  # of every scale
-AXIAL_MEAN, ALONG = "mean over an axial round trip", "along the cable"
+AXIAL_MEAN = "mean over an axial round trip"
+ALONG = "along the cable"
 EVENTS = ("brake", "arrival", "back", "stop", "turn")  # both answers must tell the first of each
 DOUBTS = ("fast", "slow waves", "energy", "hidden slack", "no bar")  # flags of bars that may be too small
 
@@ -118,13 +119,15 @@ def compare(
     """
     from validation.core import laws  # loaded while solvers run
 
-    whole, asked = View.of(scene), partial(asked_of, tol=tol, tol_tension=tol_tension)
+    whole = View.of(scene)
+    asked = partial(asked_of, tol=tol, tol_tension=tol_tension)
     rows = list(independent(a.finest, b.finest))
     try:
         view = whole.cut(a.finest, b.finest)
     except NotComparable as why:
         return [Agreement("path_max", math.nan, nothing(why)), *rows]
-    a, b = a.over(view), b.over(view)
+    a = a.over(view)
+    b = b.over(view)
     for quantity in TABLE:
         if quantity.concerns(view) and all(_tells(quantity, x.finest, view) for x in (a, b)):
             rows.append(_row(quantity, a, b, view, asked(quantity.asks)))
@@ -142,7 +145,9 @@ def forces_left(scene: Scene, ladder: Ladder, tol: float) -> tuple[float, float]
         view = View.of(scene).cut(ladder.finest)
     except NotComparable:
         return 0.0, 0.0
-    asked, over, worst = asked_of("force", tol, None), ladder.over(view), (0.0, 0.0)
+    asked = asked_of("force", tol, None)
+    over = ladder.over(view)
+    worst = (0.0, 0.0)
     for quantity in TABLE:
         if quantity.asks == "force" and quantity.concerns(view) and _tells(quantity, over.finest, view):
             found = over.parts(itself, partial(_apart, quantity, view))
@@ -233,11 +238,32 @@ def with_bars(ladder: Ladder) -> list[dict[str, Any]]:
     def bar(x: dict[str, Any], name: str, after: int) -> float | None:
         return finite(ladder.bar(partial(_of_event, x["event"], name, 1.0, after=after), order=1.0))
 
-    out, kinds = [], [x["event"] for x in ladder.finest.events]
+    out = []
+    kinds = [x["event"] for x in ladder.finest.events]
     for i, x in enumerate(ladder.finest.events):
         after = kinds[:i].count(x["event"])
         out.append(x | {f"bar_{name}": bar(x, name, after) for name in ("t", "s_o", "speed")})
     return out
+
+
+def beside(a: Ladder, quasi_static: list[dict[str, Any]], asked_for: float) -> Iterator[Agreement]:
+    """Shown rows: time over the ride's, speed over the largest, of events of the full and the quasi-static ride."""
+    scales = {"t": ("time", float(a.run.t[-1])), "speed": ("speed", float(a.run.speed.max()))}
+    for event in EVENTS[:3]:
+        full, static = (next((x for x in of if x["event"] == event), None) for of in (a.run.events, quasi_static))
+        if full is None or static is None:
+            continue
+        for name, (what, scale) in scales.items():
+            own = finite(full[f"bar_{name}"])
+            other = static[f"bar_{name}"]
+            parts = (
+                Part(a.run.method, math.inf if own is None else own / scale, "coarser runs"),
+                Part("quasi-static", other / scale, "inertia of the rope"),
+            )
+            gap = abs(full[name] - static[name]) / scale
+            law = f"{event}: {what}"
+            bound = Bound("error bars", parts)
+            yield Agreement("quasi-static", gap, bound, law=law, asked_for=asked_for, asked=False)
 
 
 def _slack_onset(a: Ladder, b: Ladder, whole: View, asked_for: float) -> Agreement:
@@ -250,10 +276,13 @@ def _slack_onset(a: Ladder, b: Ladder, whole: View, asked_for: float) -> Agreeme
     first = min(end, a.finest.slack_from, b.finest.slack_from)
 
     def passes(r: Response) -> float:
-        place, told = np.maximum.accumulate(r.s_o) / whole.length, r.tension_min / whole.H
+        place = np.maximum.accumulate(r.s_o) / whole.length
+        told = r.tension_min / whole.H
         least = np.minimum.accumulate(np.where(place < r.slack_from, told, np.minimum(told, 0.0)))
-        n, last = int(np.searchsorted(place, end)), float(np.interp(end, place, least))
-        x, y = np.append(place[:n], [end, end]), np.append(least[:n], [last, min(0.0, last)])
+        n = int(np.searchsorted(place, end))
+        last = float(np.interp(end, place, least))
+        x = np.append(place[:n], [end, end])
+        y = np.append(least[:n], [last, min(0.0, last)])
         return float(np.interp(first, x - y, y))
 
     return replace(_compared("slack_onset", a, b, asked_for, passes), where=first)
@@ -284,7 +313,8 @@ def _past_slack(a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[
         return np.maximum.accumulate(np.nan_to_num(trust.gap(x, y, place), nan=math.inf))
 
     bars = [x.bar(itself, apart, 1.0) for x in (a, b)]
-    allowed, gaps = sum(bars) * np.ones(place.size), apart(a.finest, b.finest)
+    allowed = sum(bars) * np.ones(place.size)
+    gaps = apart(a.finest, b.finest)
     known = max(1, int(np.count_nonzero(np.maximum.accumulate(allowed) <= asked_for)))
     worst = int(np.argmax((gaps / allowed)[:known]))
     parts = [(float(np.ravel(bar * np.ones(place.size))[worst]), 0.0) for bar in bars]
@@ -295,11 +325,13 @@ def _past_slack(a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[
 # --- an answer and mechanics ----------------------------------------------------------------------------------------
 
 
-def printed(a: Response, b: Response) -> Iterator[Agreement]:
-    """Check design numbers and path.csv against their second computation."""
+def printed(scene: Scene, a: Response, b: Response) -> Iterator[Agreement]:
+    """Check what both runs print against its second computation."""
     from validation.core import recomputed
+    from validation.core.answers import outcome
 
-    return _worse_of(row for r, twin in ((a, b), (b, a)) for row in recomputed.rows(r, twin))
+    pairs = (a, b), (b, a)
+    return _worse_of(row for r, twin in pairs for row in recomputed.rows(r, twin, outcome(scene, r)))
 
 
 def _worse_of(rows: Iterable[Agreement]) -> Iterator[Agreement]:

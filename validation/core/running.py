@@ -75,7 +75,9 @@ class Run:
         groups = scene.groups
         if groups.motion is None and groups.drive.mode != "free":
             raise ValueError(f"scene {scene.name!r} has no travelling mass: only its frequencies can be computed")
-        self.scene, self.method, self.frames = scene, find(method) if isinstance(method, str) else method, frames
+        self.scene = scene
+        self.method = find(method) if isinstance(method, str) else method
+        self.frames = frames
         self.settings = settings = self.method.settings_on(groups, settings)
         if why := self.method.refusal(groups, model):
             raise ValueError(f"{why}; take {' or '.join(pair(groups))}")
@@ -127,7 +129,9 @@ class Run:
         if self._ended:
             return
         self._ended = until is None and math.isinf(past)
-        h, begin, report = self.history, time.perf_counter(), progress or (lambda done: None)
+        h = self.history
+        begin = time.perf_counter()
+        report = progress or (lambda done: None)
         try:
             if h.failure is None:
                 with _threads().limit(limits=1):  # small matrices
@@ -156,7 +160,8 @@ class Run:
         self, solver: Solver, scheme: Scheme, until: float, progress: Progress, switch: bool = False
     ) -> bool:  # fmt: skip
         """Append states up to the end, `until` or, if the law switches, the slack onset; return whether it switched."""
-        h, (t0, t1) = self.history, (solver.phases[0][0], solver.phases[-1][1])
+        h = self.history
+        t0, t1 = (solver.phases[0][0], solver.phases[-1][1])
         start = h.states[-1] if h.states else None
         if start is not None and solver.place(start) >= until:
             return False
@@ -164,7 +169,8 @@ class Run:
         newton = KEEPS if free and scheme.name == "trapezoidal" else Newton()
         for states in newmark.stretches(solver, scheme, self.times_to(until), newton=newton, work=h.work, start=start):
             h.states.extend(states)
-            state, n = states[-1], len(h.states)
+            state = states[-1]
+            n = len(h.states)
             if n % 32 < len(states):
                 progress(max((state.t - t0) / (t1 - t0), solver.place(state) / until))
             if h.onset is None and n > 1 and solver.least_tension[0] < 0.0:  # only the last state may be slack

@@ -63,8 +63,10 @@ def _ended(h: History, states: States, place: Array) -> dict[str, Any]:
 
 
 def _path(scene: Scene, t: Array, place: Array, w: Array) -> dict[str, Any]:
-    l, X = scene.length, scene.catenary
-    s_o, (u, v) = l * place, l * w.T
+    l = scene.length
+    X = scene.catenary
+    s_o = l * place
+    u, v = l * w.T
     return {
         "drive": scene.drive.mode, "length": l, "t": scene.time_scale * t, "s_o": s_o, "x": X.x(s_o) + u,
         "y": X.y(s_o) + v, "u": u, "v": v,
@@ -88,9 +90,11 @@ def respond(scene: Scene, h: History, *, frames: int = FRAMES, **asked: Any) -> 
     at_frames = _between(_around(h, states, t), t) if t.size and n > 1 else _rows(states, slice(0, 0))
     s = np.linspace(0.0, 1.0, STATIONS)
     seen, steps = _observe(h, states, at_frames, switch, s)
-    tau, s_o = scene.time_scale, seen.s_o[steps]
+    tau = scene.time_scale
+    s_o = seen.s_o[steps]
     told = in_si(scene, seen, steps, s) | _ended(h, states, s_o)
-    (cause, reason), motion = h.failure or (None, None), scene.groups.motion
+    cause, reason = h.failure or (None, None)
+    motion = scene.groups.motion
     return Response(
         **asked, **told, cause=cause, reason=reason, slack_at=None if onset is None else float(onset[1]),
         switched=None if h.after is None else told["slack_onset"],
@@ -102,7 +106,9 @@ def respond(scene: Scene, h: History, *, frames: int = FRAMES, **asked: Any) -> 
 
 def in_si(scene: Scene, seen: Observation, steps: NDArray[np.bool_], s: Array) -> dict[str, Any]:
     """Fields of a `Response`; rows are `steps`, or frames with fields at stations s."""
-    l, H, tau = scene.length, scene.horizontal_tension, scene.time_scale
+    l = scene.length
+    H = scene.horizontal_tension
+    tau = scene.time_scale
     scale = {"t": tau, "slope_behind": 1.0, "slope_ahead": 1.0, "du": l / tau, "dv": l / tau, "power": H * l / tau}
     scale |= dict.fromkeys(("s_o", "u", "v", "tension_min_at"), l)
     scale |= dict.fromkeys(("energy", "kinetic", "strain", "potential"), H * l)
@@ -160,13 +166,15 @@ SWING = 1e-3  # of the length: least way back after a turn
 
 
 def _turns(t: Array, s_o: Array) -> Iterator[float]:
-    way, far = 0.0, 0
+    way = 0.0
+    far = 0
     for i, place in enumerate(s_o.tolist()):
         gone = place - s_o[far]
         if way * gone < -SWING:
             yield float(t[far])
         if abs(gone) > SWING and way * gone <= 0.0:
-            way, far = math.copysign(1.0, gone), i
+            way = math.copysign(1.0, gone)
+            far = i
         elif way * gone > 0.0:
             far = i
 
@@ -198,7 +206,8 @@ def frame_times(scene: Scene, t_last: float, frames: int = FRAMES) -> Array:
 @lru_cache(maxsize=64)
 def _passages(motion: Motion, frames: int) -> Array:
     end = motion.position(np.array([motion.phases[-1][1]]))[0]
-    marks, longest = np.arange(1, FRAMES) / FRAMES, motion.phases[-1][1] / frames
+    marks = np.arange(1, FRAMES) / FRAMES
+    longest = motion.phases[-1][1] / frames
     passed = motion.times_at(marks[(motion.begin <= marks) & (marks < end)])
     known = np.unique(np.concatenate([[0.0], passed, [motion.phases[-1][1]]]))
     parts = np.ceil(np.diff(known) / longest * (1.0 - 1e-9)).astype(int)
@@ -218,7 +227,8 @@ def _around(h: History, states: States, t: Array) -> States:
 def _between(h: States, t: Array) -> States:
     """States between steps by cubic Hermite in (q, v), without the accelerations, which alternate."""
     i = np.clip(np.searchsorted(h.t, t, side="left"), 1, h.t.size - 1)
-    before, after = _rows(h, i - 1), _rows(h, i)
+    before = _rows(h, i - 1)
+    after = _rows(h, i)
     dt = (after.t - before.t)[:, None]
     x = (t - before.t)[:, None] / dt
     return States(t, *cubic(x, dt, before, after), (1.0 - x) * before.a + x * after.a, after.phase)
@@ -228,7 +238,8 @@ def _observe(
     h: History, steps: States, frames: States, switch: float, s: Array
 ) -> tuple[Observation, NDArray[np.bool_]]:
     """Observe steps and frames together with the law in force; also tells which rows are steps."""
-    parts, is_step = [], []
+    parts = []
+    is_step = []
     for solver, late in ((h.solver, False), (h.after, True)):
         mine = [_rows(x, (x.t > switch) == late) for x in (steps, frames)]
         n, k = (x.t.size for x in mine)

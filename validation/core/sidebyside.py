@@ -82,7 +82,8 @@ def aside(work: Callable[[], object]) -> Iterator[None]:
 
 @contextmanager
 def _forked(workers: int, call: Callable[..., Any]) -> Iterator[Callable[..., Future]]:
-    context, before = multiprocessing.get_context("fork"), set(multiprocessing.active_children())
+    context = multiprocessing.get_context("fork")
+    before = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(workers, context, initializer=_inherited.append, initargs=(call,))
     try:
         with warnings.catch_warnings():

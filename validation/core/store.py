@@ -1,8 +1,7 @@
-"""Folders of results.  A command replaces its own results and leaves everything else alone."""
+"""Folders of results.  A command replaces results of ours; what is not ours is never deleted or written over."""
 
 import json
 import math
-import shutil
 import tomllib
 from collections.abc import Callable, Sequence
 from importlib import resources
@@ -26,30 +25,34 @@ class Refused(ValueError):
         return "\n".join(self.faults)
 
 
-def claim(out: Path | None, command: str, scene: Any, writes: Sequence[str], *, among: bool = False) -> Path:
-    """The folder for a command's results, made and marked; Refused if something is in the way.
+def claim(out: Path | None, command: str, scene: Any, writes: Sequence[str]) -> Path:
+    """The folder for a command's results, made and marked; Refused if a file that is not ours has one of their names.
 
-    out : one command's folder; None: cablefem-out/SCENE, shared by all commands.
-    scene : the Scene, or the command's name; results of another are deleted, unless foreign files are among them.
-    writes : the command's own files and folders.  among : a new folder may hold other files.
+    out : None: cablefem-out/SCENE.
+    scene : the Scene, or the command's name.  The command's results of another scene are deleted, and results of
+        other commands that have a file in common with the new ones.
+    writes : the command's own files and folders.
     """
     name, text = (scene, "") if isinstance(scene, str) else (scene.name, scene.to_toml())
     folder = ROOT / name if out is None else out
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        marker = _marker(folder)
-        if not marker:
-            there = sorted(x.name for x in folder.iterdir())
-            if strange := [name for name in there if name in writes or not among]:
-                raise Refused(f"{folder} holds {strange[0]}, which this version of cablefem did not write; {_REMEDY}")
-            marker = {"shared": out is None, "results": {}}
-        _keep_out(folder, marker, command, writes)
-        old = marker["results"].get(command, {"scene": text, "writes": []})
-        if old["scene"] != text:
-            _delete(folder, marker, command)
-            old = {"writes": []}
-        marker["results"][command] = {"scene": text, "writes": sorted({*old["writes"], *writes}), "finished": None}
-        _write(folder, marker | {"scene": text})
+        results = _marker(folder).get("results", {})
+        ours = {name for result in results.values() for name in result["writes"]} | ({REPORT} if results else set())
+        strange = [name for name in (*writes, REPORT) if name not in ours and (folder / name).exists()]
+        if strange:
+            raise Refused(f"{folder} holds {strange[0]}, which this version of cablefem did not write; {_REMEDY}")
+        for other, result in list(results.items()):
+            old_scene = other == command and result["scene"] != text
+            shared = other != command and set(result["writes"]) & set(writes)
+            if old_scene or shared:
+                _delete(folder, other, results.pop(other))
+        before = results.get(command, {"writes": [], "files": []})
+        results[command] = {
+            "scene": text, "writes": sorted({*before["writes"], *writes}), "files": before["files"],
+            "foreign": sorted(set(_files(folder, writes)) - set(before["files"])), "finished": False,
+        }  # fmt: skip
+        _write(folder, {"results": results, "scene": text})
     except FileExistsError:
         raise Refused(f"{folder} is a file; --out must be a folder") from None
     except OSError as error:
@@ -57,44 +60,33 @@ def claim(out: Path | None, command: str, scene: Any, writes: Sequence[str], *, 
     return folder
 
 
-def _keep_out(folder: Path, marker: dict[str, Any], command: str, writes: Sequence[str]) -> None:
-    for other, result in marker["results"].items():
-        taken = sorted(set(result["writes"]) & set(writes)) if marker["shared"] else [""]
-        if other != command and taken:
-            raise Refused(f"{folder / taken[0]} holds a result of cablefem {other}; {_REMEDY}")
-
-
-def _delete(folder: Path, marker: dict[str, Any], command: str) -> None:
-    """Delete a command's results; Refused if the folder holds foreign files."""
-    result = marker["results"][command]
-    present = set(_files(folder, result["writes"]))
-    others = {name for other in marker["results"].values() for name in other["writes"]}
-    ours = {*others, MARKER, REPORT, *(pages(folder, other).name for other in marker["results"])}
-    strange = [x.name for x in folder.iterdir() if x.name not in ours]
-    strange += present - set(result["finished"] or present)
-    if strange:
-        raise Refused(f"{folder / min(strange)} was not written by cablefem {command}; {_REMEDY}")
-    for path in (folder / name for name in (*result["writes"], pages(folder, command).name)):
-        if path.is_dir():
-            shutil.rmtree(path)
-        else:
-            path.unlink(missing_ok=True)
+def _delete(folder: Path, command: str, result: dict[str, Any]) -> None:
+    """Delete the files that a command wrote, and folders that are empty then."""
+    pages(folder, command).unlink(missing_ok=True)
+    for name in result["files"]:
+        (folder / name).unlink(missing_ok=True)
+    for top in result["writes"]:
+        for part in [*sorted((folder / top).rglob("*/"), reverse=True), folder / top]:
+            if part.is_dir() and not any(part.iterdir()):
+                part.rmdir()
 
 
 def _files(folder: Path, names: Sequence[str]) -> list[str]:
     found = [x for name in names for x in (folder / name, *(folder / name).rglob("*")) if x.is_file()]
-    return sorted(str(x.relative_to(folder)) for x in found)
+    return [str(x.relative_to(folder)) for x in found]
 
 
 def finish(folder: Path, command: str) -> None:
+    """Note the files that a command wrote; those there before it are not ours."""
     if marker := _marker(folder):
         result = marker["results"][command]
-        result["finished"] = _files(folder, result["writes"])
+        result["files"] = sorted(set(_files(folder, result["writes"])) - set(result["foreign"]))
+        result["finished"] = True
         _write(folder, marker)
 
 
 def finished(folder: Path, command: str) -> bool:
-    return _marker(folder).get("results", {}).get(command, {}).get("finished") is not None
+    return bool(_marker(folder).get("results", {}).get(command, {}).get("finished"))
 
 
 def results(folder: Path) -> list[str]:
@@ -123,8 +115,9 @@ def read(file: Path) -> Any:
 def _marker(folder: Path) -> dict[str, Any]:
     """What the folder's marker says; {} without one, or with an older version's."""
     marker = stored(folder / MARKER)
-    known = {"scene", "shared", "results"} <= set(marker) and isinstance(marker["results"], dict)
-    return marker if known and all(isinstance(x, dict) for x in marker["results"].values()) else {}
+    known = {"scene", "results"} <= set(marker) and isinstance(marker["results"], dict)
+    results = marker["results"].values() if known else ()
+    return marker if known and all(isinstance(x, dict) and "files" in x for x in results) else {}
 
 
 def _write(folder: Path, marker: dict[str, Any]) -> None:

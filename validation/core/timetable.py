@@ -24,7 +24,8 @@ def places(travel: dict[str, Any], drive: dict[str, Any], length: float, t: Arra
     speed, stretches = _stretches(travel, travel.get("to", end) - start)
     if "stop" not in travel:
         return _along(start, speed, stretches, t)[0]
-    begin, hard = travel["stop"]["time"], travel["stop"]["deceleration"]
+    begin = travel["stop"]["time"]
+    hard = travel["stop"]["deceleration"]
     s, v = _along(start, speed, stretches, np.minimum(t, begin))
     x = np.clip(t - begin, 0.0, v / hard)
     return s + x * (v - 0.5 * hard * x)
@@ -32,10 +33,13 @@ def places(travel: dict[str, Any], drive: dict[str, Any], length: float, t: Arra
 
 def _along(start: float, speed: float, stretches: Stretches, t: Array) -> tuple[Array, Array]:
     """Place and speed (n,) at times t; at rest after the last stretch."""
-    s, v, begin = np.full(t.shape, start), np.full(t.shape, speed), 0.0
+    s = np.full(t.shape, start)
+    v = np.full(t.shape, speed)
+    begin = 0.0
     for duration, a, j in stretches:
         x = np.clip(t - begin, 0.0, duration)
-        s, v = s + x * (v + x * (0.5 * a + x * j / 6.0)), v + x * (a + 0.5 * j * x)
+        s = s + x * (v + x * (0.5 * a + x * j / 6.0))
+        v = v + x * (a + 0.5 * j * x)
         begin += duration
     return s, v
 
@@ -51,14 +55,17 @@ def _stretches(law: dict[str, Any], way: float) -> tuple[float, Stretches]:
         return law.get("initial_speed", 0.0), [(math.inf, law["acceleration"], 0.0)]
     V = law["top_speed"]
     thirds = 1.5 * V * V / way  # accelerate_cruise_brake: each takes a third of the way
-    up, down, jerk = law.get("acceleration", thirds), law.get("deceleration", thirds), law.get("jerk")
+    up = law.get("acceleration", thirds)
+    down = law.get("deceleration", thirds)
+    jerk = law.get("jerk")
 
     def ramp(V: float, a: float, sign: float) -> Stretches:
         """From rest to V: acceleration rises, stays, falls; sign -1 runs it backwards."""
         if jerk is None:
             return [(V / a, sign * a, 0.0)]
         peak = min(a, math.sqrt(V * jerk))
-        rise, hold = peak / jerk, V / peak - peak / jerk
+        rise = peak / jerk
+        hold = V / peak - peak / jerk
         return [(rise, 0.0, sign * jerk), (hold, sign * peak, 0.0), (rise, sign * peak, -sign * jerk)]
 
     def both(V: float) -> float:

@@ -29,7 +29,9 @@ def post_slack_spread(a: Response, b: Response, stop: float) -> float:
 
 
 # A gap over a STRETCH closes if refinement leaves less than CLOSING of it, or than FLOOR.
-CLOSING, FLOOR, STRETCH = 0.8, 1e-3, 0.02
+CLOSING = 0.8
+FLOOR = 1e-3
+STRETCH = 0.02
 
 
 def convergence_limit(runs: Sequence[Response]) -> float:

@@ -32,7 +32,8 @@ class View:
     @classmethod
     def of(cls, scene: Scene) -> View:
         assert scene.mass is not None
-        motion, (low, high) = scene.groups.motion, WINDOWS[scene.drive.mode]
+        motion = scene.groups.motion
+        low, high = WINDOWS[scene.drive.mode]
         end = 1.0 if motion is None else motion.end
         return cls(
             axis="time" if motion is None or motion.standstills else "place", window=(low, min(high, end)),

@@ -71,7 +71,9 @@ def _waves(r: Response, scene: Scene, method: Method) -> list[Flag]:
     if method.wing != "elements" or method.space_order < 2.0:
         return []
     end = min(measures.WINDOW[1], r.reached, r.slack_from - HIDDEN)
-    within, N, short = measures.inside(r, (measures.WINDOW[0], end)), r.tension_min, {}
+    within = measures.inside(r, (measures.WINDOW[0], end))
+    N = r.tension_min
+    short = {}
     if scene.speed_ratio is not None and scene.speed_ratio < 1.0:
         short["slow waves"] = N - scene.rho * np.gradient(r.s_o, r.t) ** 2
     flags = []
@@ -79,6 +81,7 @@ def _waves(r: Response, scene: Scene, method: Method) -> list[Flag]:
         low = np.flatnonzero(within & (under < 0.0))
         if low.size:
             least = float(N[low[under[low].argmin()]] / r.horizontal_tension)
-            since, at = float(r.s_o[low[0]] / r.length), float(r.tension_min_at[low[0]] / r.length)
+            since = float(r.s_o[low[0]] / r.length)
+            at = float(r.tension_min_at[low[0]] / r.length)
             flags.append(flag(kind, least=least, since=since, at=at))
     return flags

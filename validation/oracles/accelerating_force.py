@@ -31,7 +31,8 @@ def heard(x: ArrayLike, t: ArrayLike, *, V0: float, a: float) -> tuple[Array, Ar
     roots = [*_roots(-0.5 * a, 1.0 - V0, x - t), *_roots(0.5 * a, 1.0 + V0, -x - t)]
     cuts = np.stack([np.zeros_like(t), *(np.clip(np.where(np.isfinite(r), r, 0.0), 0.0, t) for r in roots), t], axis=-1)
     cuts.sort(axis=-1)
-    starts, ends = cuts[..., :-1], cuts[..., 1:]
+    starts = cuts[..., :-1]
+    ends = cuts[..., 1:]
     s = 0.5 * (starts + ends)
     on = np.abs(x[..., None] - s * (V0 + 0.5 * a * s)) < t[..., None] - s
     return starts, np.where(on, ends, starts)
@@ -44,7 +45,9 @@ def _roots(c2: float, c1: float, c0: Array) -> tuple[Array, Array]:
 
 
 SUDDEN = "the force begins inside the string: two fronts with a jump of slope"
-A, BEGINS = 2.6, 0.2  # no echo before s_o = 0.8
+# no echo before s_o = 0.8
+A = 2.6
+BEGINS = 0.2
 
 
 def _exact(t: Array) -> Array:

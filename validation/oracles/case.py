@@ -208,7 +208,8 @@ class Limit(Case):
 
 # --- cables and travels; all numbers differ, so that no factor can hide
 
-MU, SIGMA = 0.7, 0.31
+MU = 0.7
+SIGMA = 0.31
 BARE = Groups(mu=0.0, alpha=844.416, sigma=0.1688832, c=0.0844416, chord_cos=1.0, chord_sin=0.0, motion=None)
 
 

@@ -34,11 +34,14 @@ def solve(sigma: float, alpha: float, c: float | None = None, *, count: int = 10
     needs("sigma > 0, alpha > 0, a finite c", 0.0 < sigma < math.inf, alpha > 0.0, math.isfinite(c))
     needs("1 <= count <= n/2", 1 <= count <= n // 2)
     points, _, integral = chebyshev(n)
-    s, J = 0.5 * (1.0 + points), 0.5 * integral
+    s = 0.5 * (1.0 + points)
+    J = 0.5 * integral
     total = J[-1]
     p = c - sigma * s
     T = np.sqrt(1.0 + p * p)
-    ex, ey, d = 1.0 / T, p / T, 1.0 / alpha - 1.0 / T
+    ex = 1.0 / T
+    ey = p / T
+    d = 1.0 / alpha - 1.0 / T
     B = np.array([[1.0 / T + d * ex * ex, d * ex * ey], [d * ex * ey, 1.0 / T + d * ey * ey]])  # A^-1, (2, 2, n+1)
     BJ = np.block([[B[i, j][:, None] * J for j in range(2)] for i in range(2)])
     ends = np.kron(np.eye(2), total)

@@ -27,7 +27,9 @@ NODE, WEIGHT = np.polynomial.legendre.leggauss(3)
 
 def kernel(t: Array, *, V: float, s0: float, c: float) -> Array:
     """int G dt' over each step, at times t[1:]; lower triangular."""
-    h, now, before = t[1], t[1:, None], t[None, :-1]
+    h = t[1]
+    now = t[1:, None]
+    before = t[None, :-1]
     total = np.zeros((t.size - 1, t.size - 1))
     reach = range(-1 - int(t[-1]), 2 + int(t[-1]))  # images that can be heard
     images = [(2.0 * k, V, 1.0) for k in reach] + [(2.0 * (s0 + k), -V, -1.0) for k in reach]
@@ -60,7 +62,11 @@ def extrapolated(t_end: float, n: int = 150, **of: float) -> CubicSpline:
 
 
 def cases() -> list[Crossing]:
-    mu, sigma, s0, V, end = 0.5, 0.2, 0.3, 0.4, 1.5
+    mu = 0.5
+    sigma = 0.2
+    s0 = 0.3
+    V = 0.4
+    end = 1.5
 
     def ride(name: str, c: float, told: float, load: str = "mass", **kind: Any) -> Crossing:
         exact = extrapolated(1.75, mu=mu * (load == "mass"), P=mu * sigma, V=V, s0=s0, c=told)

@@ -34,7 +34,8 @@ def modes(W: Array, c: float) -> Any:
 
 def plucked(t: Array, *, P: float, p: float, c: float) -> Array:
     n = np.pi * np.arange(1.0, TERMS + 1.0)
-    w, wave = np.sqrt(n**2 - 0.25 * c**2), np.multiply.outer
+    w = np.sqrt(n**2 - 0.25 * c**2)
+    wave = np.multiply.outer
     late = np.cos(wave(t, w)) + 0.5 * c / w * np.sin(wave(t, w)) - np.cos(wave(t, n))
     at = np.array(p)
     undamped = 0.5 * P * (green(at, p + t) + green(at, p - t))
@@ -52,7 +53,9 @@ def cases() -> list[Case]:
         )  # fmt: skip
 
     def pulled(name: str, told: float, **kind: Any) -> Law:
-        P, p, why = MU * SIGMA, 0.3, "the kink runs away from the node or hat it starts on"
+        P = MU * SIGMA
+        p = 0.3
+        why = "the kink runs away from the node or hat it starts on"
 
         def defect(solvers: Solvers, method: str, settings: dict[str, Any]) -> Array:
             t, y = solvers.plucked(method, replace(level(standing(p, END)), damping=0.8), p, END, **settings)

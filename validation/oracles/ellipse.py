@@ -51,7 +51,8 @@ class Ellipse:
     def tension(self, s_o: ArrayLike, start: float) -> Array:
         """N for a unit mass."""
         r1 = np.asarray(s_o, float)
-        product, b = r1 * (1.0 - r1), self.b
+        product = r1 * (1.0 - r1)
+        b = self.b
         w = self._angle(r1)
         down = 0.5 * np.sin(w) / np.hypot(b * np.cos(w), 0.5 * np.sin(w))  # of the outward normal
         press = self.speed(r1, start) ** 2 * 0.5 * b / product**1.5 + self.g * down
@@ -65,10 +66,12 @@ class Ellipse:
     def ride(self, t: ArrayLike, start: float) -> Array:
         """s_o(t); s_o = 1/2 + (D/2) cos(w)."""
         t = np.asarray(t, float)
-        b, begin = self.b, [float(self._angle(np.array(start))), 0.0]
+        b = self.b
+        begin = [float(self._angle(np.array(start))), 0.0]
 
         def motion(now: float, q: Array) -> list[float]:
-            c, s = math.cos(q[0]), math.sin(q[0])
+            c = math.cos(q[0])
+            s = math.sin(q[0])
             m = 0.25 * s * s + b * b * c * c
             return [q[1], (self.g * b * c - (0.25 - b * b) * s * c * q[1] ** 2) / m]
 
@@ -86,7 +89,8 @@ RULES: dict[str, dict[str, Any]] = {
     "following-p2": {"scheme": "radau"}, "fourier-kink": {"scheme": "generalized-alpha", "rho_inf": 0.0},
 }  # fmt: skip
 BEAD = Ellipse(D=1.0 / 1.05, g=1.0)
-MU, START = 1000.0, 0.2
+MU = 1000.0
+START = 0.2
 
 
 def line(stiffness: float, mu: float = MU, start: float = START, t_end: float = 1.7) -> Scene:
@@ -133,7 +137,8 @@ def _mean(t: Array, values: Array, over: Array) -> Array:
 
 
 def _swing(solvers: Solvers, method: str, mu: float) -> Any:
-    start, omega = 0.49, math.sqrt(BEAD.g * BEAD.b) / 0.5
+    start = 0.49
+    omega = math.sqrt(BEAD.g * BEAD.b) / 0.5
     r = _ride(solvers, method, line(1e5, mu, start, 5.5 * math.pi / omega))
     times = []
     for s_o in (r.s_o / r.length, BEAD.ride(r.t, start)):
@@ -143,8 +148,10 @@ def _swing(solvers: Solvers, method: str, mu: float) -> Any:
 
 
 def cases() -> list[Limit]:
-    stretch, bounces = "the cable stretches by M g/EA", "the car that is let go bounces, at a speed like sqrt(M g/EA)"
-    light, raw = "stiff light cable: ", partial(_tension, averaged=False)
+    stretch = "the cable stretches by M g/EA"
+    bounces = "the car that is let go bounces, at a speed like sqrt(M g/EA)"
+    light = "stiff light cable: "
+    raw = partial(_tension, averaged=False)
     four = (1e2, 1e3, 1e4, 1e5)
     stiff = partial(Limit, refined="stiffness", methods=RIDERS)
     return [

@@ -49,7 +49,9 @@ def braked(t: ArrayLike, s_b: float, *, mu: float, g: float, sin: float, mu_r: f
                     last - 0.5 * (F_b / mu - a) * left**2)  # fmt: skip
 
 
-MU, SIN, START = 0.3, 0.2, 0.1
+MU = 0.3
+SIN = 0.2
+START = 0.1
 
 
 def _scene(sigma: float, **drive: Any) -> Scene:
@@ -66,7 +68,9 @@ def _drag(solvers: Solvers, method: str, sigma: float) -> Any:
 
 
 def _stop(solvers: Solvers, method: str, sigma: float) -> Any:
-    shoe, mu_r, force = 0.6, 0.04, 3.0 * MU * sigma * SIN
+    shoe = 0.6
+    mu_r = 0.04
+    force = 3.0 * MU * sigma * SIN
     scene = _scene(sigma, rolling_friction=mu_r, brake=[{"from": shoe, "force": force}])
     r = solvers.ride(scene, method, steps=200, scheme="generalized-alpha")
     t = np.linspace(0.0, r.t[-1], 2001)

@@ -26,7 +26,8 @@ def force(tension: Array, slope: Array, flux: Array) -> Array:
 def _law(*, flux: bool) -> Law:
     scene = Scene.load("level")
     assert scene.mass is not None
-    mass, rho = scene.mass.mass, scene.rho if flux else 0.0
+    mass = scene.mass.mass
+    rho = scene.rho if flux else 0.0
 
     def defect(r: Any) -> Array:
         streams = rho * np.gradient(r.s_o, r.t, edge_order=2) ** 2

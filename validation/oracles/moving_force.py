@@ -30,7 +30,8 @@ def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V: float) -> Array:
 def green(x: Array, z: Array) -> Array:
     """Go(x, z)."""
     z = np.mod(z, 2.0)
-    sign, z = np.where(z > 1.0, -1.0, 1.0), np.where(z > 1.0, 2.0 - z, z)
+    sign = np.where(z > 1.0, -1.0, 1.0)
+    z = np.where(z > 1.0, 2.0 - z, z)
     return sign * np.minimum(x, z) * (1.0 - np.maximum(x, z))
 
 

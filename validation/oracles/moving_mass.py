@@ -29,7 +29,9 @@ from cablefem.scene import AccelerateCruiseBrake, ConstantAcceleration, Constant
 from validation.oracles.case import BEST, MU, SIGMA, Array, Crossing, Limit, Solvers, chebyshev, level, needs
 
 REACH = 0.01  # distance to the far support at which the answer ends: fronts accumulate there
-LONGEST, OF_MU = 0.05, 0.125  # longest panel, and over mu: the string gives way within mu/2
+# longest panel, and over mu: the string gives way within mu/2
+LONGEST = 0.05
+OF_MU = 0.125
 
 DEGREE = 10
 POINTS, _TO_COEF, _INTEGRAL = chebyshev(DEGREE)
@@ -43,11 +45,13 @@ def _place(t: Array, edges: Array) -> tuple[NDArray[np.intp], Array]:
 
 def _sent(motion: Motion, sign: float, phase: Array, latest: Array) -> Array:
     """t in [0, latest] with t + sign xi(t) = phase, by bisection."""
-    low, high = np.zeros_like(latest), latest
+    low = np.zeros_like(latest)
+    high = latest
     for _ in range(60):
         middle = 0.5 * (low + high)
         early = middle + sign * motion.position(middle) < phase
-        low, high = np.where(early, middle, low), np.where(early, high, middle)
+        low = np.where(early, middle, low)
+        high = np.where(early, high, middle)
     return high
 
 
@@ -57,10 +61,12 @@ def _fronts(motion: Motion, end: float) -> Array:
     found = {*starts, end}
     for start in starts:
         for sign, way in ((1.0, 0.0), (-1.0, 2.0)):  # by the near support, by the far one
-            last, t = -1.0, start
+            last = -1.0
+            t = start
             while last + 1e-9 < t < end:
                 found.add(t)
-                phase, last = t + sign * float(motion.position(t)) + way, t
+                phase = t + sign * float(motion.position(t)) + way
+                last = t
                 t = float(_sent(motion, -sign, np.array([phase]), np.array([end]))[0])
     return np.array(sorted(found))
 
@@ -87,17 +93,21 @@ def solve(motion: Motion, *, mu: float, sigma: float) -> Ride:
     below = all(abs(speed) < 1.0 for _, speed in motion.speeds)
     needs("mu, sigma > 0, travel on the string below the wave speed", mu > 0.0, sigma > 0.0, below, motion.end <= 1.0)
     end = motion.time_at(1.0 - REACH) if motion.end > 1.0 - REACH else motion.phases[-1][1]
-    marks, longest = _fronts(motion, end), min(LONGEST, OF_MU * mu)
+    marks = _fronts(motion, end)
+    longest = min(LONGEST, OF_MU * mu)
     parts = [np.linspace(a, b, 1 + int(np.ceil((b - a) / longest)))[:-1] for a, b in pairwise(marks)]
     edges = np.append(np.concatenate(parts), end)
     half = 0.5 * np.diff(edges)
     t = (edges[:-1, None] + half[:, None] * (1.0 + POINTS[1:])).ravel()
-    n, own, xi = t.size, np.arange(t.size) // DEGREE, motion.position(t)
+    n = t.size
+    own = np.arange(t.size) // DEGREE
+    xi = motion.position(t)
 
     def sparse(panel: NDArray[np.intp], weights: Array) -> csr_array:
         """Weights at points of panels; the first is the last of the panel before, or 0."""
         columns = DEGREE * panel[:, None] + np.arange(-1, DEGREE)
-        rows, on = np.broadcast_to(np.arange(n)[:, None], columns.shape), columns >= 0
+        rows = np.broadcast_to(np.arange(n)[:, None], columns.shape)
+        on = columns >= 0
         return csr_array((weights[on], (rows[on], columns[on])), shape=(n, n))
 
     def reflected(sign: float, phase: Array) -> csr_array:
@@ -105,9 +115,11 @@ def solve(motion: Motion, *, mu: float, sigma: float) -> Ride:
         panel, weights = _place(_sent(motion, sign, phase, t), edges)
         return sparse(panel, weights * heard[:, None])
 
-    one, before = eye_array(n), np.tile(np.eye(DEGREE + 1)[0], (n, 1))
+    one = eye_array(n)
+    before = np.tile(np.eye(DEGREE + 1)[0], (n, 1))
     integral = sparse(own, half[own, None] * np.tile(_INTEGRAL[1:], (half.size, 1)))
-    near, far = reflected(1.0, t - xi), reflected(-1.0, t + xi - 2.0)
+    near = reflected(1.0, t - xi)
+    far = reflected(-1.0, t + xi - 2.0)
     push = (2.0 / mu) * integral
     equations = [[one - sparse(own, before) - push, push, push], [-one, one - near, None], [-one, None, one - far]]
     right = np.concatenate([integral @ (sigma * t), np.zeros(2 * n)])
@@ -119,7 +131,8 @@ def solve(motion: Motion, *, mu: float, sigma: float) -> Ride:
 def cases() -> list[Crossing | Limit]:
     def ride(name: str, motion: Motion, mu: float = MU) -> Crossing:
         exact = solve(motion, mu=mu, sigma=SIGMA).path
-        groups, finer = level(motion, mu), 3.0 if mu < 0.5 else 1.0
+        groups = level(motion, mu)
+        finer = 3.0 if mu < 0.5 else 1.0
         return Crossing(name=name, groups=groups, exact=exact, finer=finer)
 
     def steady(mu: float, V: float) -> Crossing:

@@ -38,9 +38,11 @@ def _fast(what: str, curve: Curve, solvers: Solvers, method: str, sigma: float) 
     """Error of place over l, or of speed over the largest."""
     drive = {"mode": "free", "start": 0.02, "end": {"place": 0.9}}
     scene = hung(sigma, 1200.0, 0.3, drive, span=0.96, drop=0.28, horizontal_tension=1.0)
-    r, other = solvers.ride(scene, method, steps=600), rolled(scene, curve)
+    r = solvers.ride(scene, method, steps=600)
+    other = rolled(scene, curve)
     t = r.t / scene.time_scale
-    there, t = t <= other.duration, np.minimum(t, other.duration)
+    there = t <= other.duration
+    t = np.minimum(t, other.duration)
     pace = r.speed * scene.time_scale / r.length
     off = (other.speed(t) - pace) / pace.max() if what == "speed" else other.at(t)[0] - r.s_o / r.length
     return off[there]

@@ -68,12 +68,16 @@ def _held() -> list[Law]:
         answer, scale = (hold, holds) if force else (place, 1.0)
         return lambda solvers, method, settings: (answer(solvers, method, settings) - exact) / scale
 
-    holds, places = each(lambda g: gripped(TENTH, g).hold[0]), each(place_of_rest)
+    holds = each(lambda g: gripped(TENTH, g).hold[0])
+    places = each(place_of_rest)
     balanced = each(lambda g: balance(gripped(TENTH, g)))
     # wrong on purpose: on the empty cable's shape
-    weights, lowest = each(lambda g: -g.mu * g.sigma * g.static(TENTH)[2]), each(lambda g: g.c / g.sigma)
+    weights = each(lambda g: -g.mu * g.sigma * g.static(TENTH)[2])
+    lowest = each(lambda g: g.c / g.sigma)
 
-    statics, gives, empty = "statics alone", "the cable gives way under the car", " on the empty cable's shape"
+    statics = "statics alone"
+    gives = "the cable gives way under the car"
+    empty = " on the empty cable's shape"
     told = [
         (RIDERS[:1], True, holds, 3.0, statics, ""), (RIDERS, True, weights, 1.0, gives, empty),
         (RIDERS[1:], True, balanced, 1.9, statics + ", by the car's balance", ""),
@@ -93,8 +97,10 @@ def cases() -> list[Law]:
     start = 30.0
     scene = Scene.from_toml(ZIP + f"start = {start}\nrelease = 5.0\nend = {{time = 0.02}}")
     exact = gripped(start / scene.length, scene.groups)
-    l, H = scene.length, scene.horizontal_tension
-    (x, y), N = exact.place[0] * l, np.array([exact.behind[0], exact.ahead[0]]) * H
+    l = scene.length
+    H = scene.horizontal_tension
+    x, y = exact.place[0] * l
+    N = np.array([exact.behind[0], exact.ahead[0]]) * H
     sag = y - float(scene.catenary.y(start))
 
     def defect(r) -> Any:

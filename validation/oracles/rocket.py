@@ -38,7 +38,10 @@ def solve(t_end: float, *, mu: float, sigma: float, a: float, s0: float, lift: b
 
 
 def _deviation(solvers: Solvers, method: str, sigma: float, lift: bool = True) -> Array:
-    mu, a, s0, t_end = 0.3, 0.8, 0.4, 0.7
+    mu = 0.3
+    a = 0.8
+    s0 = 0.4
+    t_end = 0.7
     exact = solve(t_end * 1.001, mu=mu, sigma=sigma, a=a, s0=s0, lift=lift)
     scene = hung(sigma, 300.0, mu, {"mode": "free", "start": s0, "thrust": mu * a, "end": {"time": t_end}})
     # w is down to 3e-5 l

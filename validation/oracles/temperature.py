@@ -78,14 +78,17 @@ def held(EA: float) -> tuple[Scene, np.ndarray, np.ndarray]:
     drive = f"start = {START}\nrelease = 5.0\nend = {{time = 0.02}}"
     scene = Scene.from_toml(text.replace("[supports]", CHANGE.strip()) + drive)
     assert scene.mass is not None
-    span, drop, car = scene.supports.span, scene.supports.drop, scene.mass.mass * scene.gravity
+    span = scene.supports.span
+    drop = scene.supports.drop
+    car = scene.mass.mass * scene.gravity
     ends = np.array([span, drop])
     rest = reference.catenary
     S, weight = heated(scene, rest.length, unstretched(rest, EA))
     l = stretched_length(*elastic_catenary(span, drop, S, weight, EA), S, weight, EA)
     # EA of the solvers refers to the hanging cable: EA less tension
     mean = Catenary(span, drop, weight / l, scene.horizontal_tension).mean_tension
-    S, q = l * (1.0 - mean / EA), weight / l / (1.0 - mean / EA)
+    S = l * (1.0 - mean / EA)
+    q = weight / l / (1.0 - mean / EA)
     EA -= mean
     H, P = elastic_catenary(span, drop, S, weight, EA)
     at = brentq(lambda x: stretched_length(H, P, x, q * x, EA) - START, 0.5 * START, START, xtol=1e-12)

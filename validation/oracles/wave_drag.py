@@ -30,7 +30,10 @@ def resistance(t: ArrayLike, *, mu: float, V: float, s0: float, drag: bool = Tru
 
 
 def _deviation(solvers: Solvers, method: str, sigma: float, drag: bool = True) -> Array:
-    mu, V, s0, t_end = 0.3, 0.4, 0.35, 0.45
+    mu = 0.3
+    V = 0.4
+    s0 = 0.35
+    t_end = 0.45
     drive = {"mode": "haul", "start": s0, "end": {"place": s0 + V * t_end}}
     scene = hung(sigma, 300.0, mu, drive, travel=ConstantSpeed(speed=V))
     r = solvers.ride(scene, method, steps=400, scheme="generalized-alpha")

@@ -19,7 +19,8 @@ from validation.page.plot import BLACK, BLUE, COLORS, DASHED, DOTTED, GREY, Pane
 
 SAID = tomllib.loads(asset("line.toml"))
 WORDS: dict[str, dict[str, str]] = SAID["quantity"]
-GRID = ("tension_max", "safety_factor", "pressure", "haul", "rise", "clearance_rope", "clearance_car")
+RECHECKED = ("laws_si", "printed")  # rows from the TOML alone
+GRID = ("tension_max", "safety_factor", "load", "haul", "rise", "clearance_rope", "clearance_car")
 
 
 def kind_of(name: str) -> str:
@@ -40,28 +41,28 @@ def value_of(value: float, unit: str) -> str:
 
 
 def pairs(design: Sequence[Row]) -> list[Row]:
-    """One row per quantity: largest and least value, and the cars' places then."""
+    """One row per quantity: largest and smallest value, and the cars' positions then."""
     out: dict[str, Row] = {}
     for d in sorted(design, key=lambda d: list(WORDS).index(kind_of(d["quantity"]))):
         words = named(d["quantity"])
-        row = out.setdefault(words, {"quantity": words, "largest": "", "least": ""})
+        row = out.setdefault(words, {"quantity": words, "largest": "", "smallest": ""})
         cars = ", ".join(f"{name} {x:.0f}" for name, x in d["at"].items())
-        least = d["quantity"].partition(":")[0].endswith("_min")
+        is_smallest = d["quantity"].partition(":")[0].endswith("_min")
         value = value_of(d["value"], d["unit"])
-        row["least" if least else "largest"] = f"{value} ({cars})" if cars else value
-        if least and row["largest"].startswith(f"{value} "):
-            row["largest"], row["least"] = value, "the same"
+        row["smallest" if is_smallest else "largest"] = f"{value} ({cars})" if cars else value
+        if is_smallest and row["largest"].partition(" (")[0] == value:
+            row["largest"] = value
+            row["smallest"] = "the same"
     return list(out.values())
 
 
-def tell(line: Any, design: Sequence[Row], refused: Sequence[Row], most: int = 14) -> None:
-    terminal.say(f"{line.name}: {line.title or 'a line at rest'}", style="bold")
-    few = ("tension", "tension_behind", "tension_ahead", "pressure")
-    first = [d for d in design if kind_of(d["quantity"]) not in few]
-    cells = [list(x.values()) for x in pairs(first)][:most]
-    terminal.table(["quantity", "largest (cars at x [m])", "least"], cells)
-    if len(pairs(first)) > most:
-        terminal.say(f"  {len(pairs(first)) - most} more in the report")
+def tell(line: Any, outcome: str, design: Sequence[Row], refused: Sequence[Row], most: int = 14) -> None:
+    terminal.say(f"{line.name}: {outcome}", style="bold")
+    few = ("tension", "tension_behind", "tension_ahead", "pressure", "pressure_down", "load")
+    first = pairs([d for d in design if kind_of(d["quantity"]) not in few])
+    terminal.table(["quantity", "largest (cars at x [m])", "smallest"], [list(x.values()) for x in first[:most]])
+    if len(first) > most:
+        terminal.say(f"  {len(first) - most} more in the report")
     for x in refused[:3]:
         terminal.say(f"  position {x['position']}: {x['reason']}", style="bold red")
     if len(refused) > 3:
@@ -70,15 +71,19 @@ def tell(line: Any, design: Sequence[Row], refused: Sequence[Row], most: int = 1
 
 def columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
     names = dict.fromkeys(name for x in rows for name in x if kind_of(name) in GRID and name not in keys)
-    last = [name for name in ("status", "verdict", "why") if any(x.get(name) not in (None, "complete") for x in rows)]
+    words = ("outcome", "status", "verdict", "why")
+    last = [name for name in words if any(x.get(name) not in (None, "complete") for x in rows)]
     heads = {key: key for key in keys} | {n: _head(n) for n in names} | {name: name for name in last}
     return {name: Column(head, digits=6) for name, head in heads.items()}
 
 
 def _head(name: str) -> str:
-    unit, least = WORDS[kind_of(name)]["unit"], name.partition(":")[0].endswith("_min")
-    few = "" if kind_of(name) in ("tension_max", "safety_factor") else "least " if least else "largest "
-    return few + named(name) + (f" [{unit}]" if unit else "")
+    unit = WORDS[kind_of(name)]["unit"]
+    smallest = name.partition(":")[0].endswith("_min")
+    which = "smallest " if smallest else "largest "
+    if kind_of(name) in ("tension_max", "safety_factor"):
+        which = ""
+    return which + named(name) + (f" [{unit}]" if unit else "")
 
 
 def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None) -> list[Section]:
@@ -87,13 +92,13 @@ def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None)
     line = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
     with (folder / "positions.csv").open(encoding="utf-8", newline="") as file:
         positions = list(csv.DictReader(file))
-    refused, count = summary["refused"], summary["positions"]
-    tension = next(d for d in summary["design"] if d["quantity"] == "tension_max")
-    told = f"{count} position{'s' * (count > 1)} of the cars" + (f", {len(refused)} without rest" if refused else "")
+    over = list(_over(line["car"][0]["name"], positions)) if summary["positions"] > 1 else []
+    kind = {"breaks": "disagree", "collides": "disagree"}.get(summary["outcome_kind"])
     return drawn(
-        "validation.page", "assets/line.html", id=folder.name, verdict=verdict, rows=rows, refused=refused,
-        told=f"{told}: largest tension {value_of(tension['value'], 'N')}.", side=_side(line, ropes, positions),
-        design=pairs(summary["design"]), over=list(_over(line["car"][0]["name"], positions)) if count > 1 else [],
+        "validation.page", "assets/line.html", id=folder.name, verdict=verdict, refused=summary["refused"],
+        outcome=summary["outcome"], alarm=kind, side=_side(line, ropes, positions), design=pairs(summary["design"]),
+        over=over, compared=[x for x in rows if x["quantity"] not in RECHECKED],
+        rechecked=[x for x in rows if x["quantity"] in RECHECKED],
     )  # fmt: skip
 
 
@@ -103,8 +108,10 @@ def _floats(positions: Sequence[Row], name: str) -> Array:
 
 def _side(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup:
     told = {name: np.array(values) for name, values in ropes["profile"].items()}
-    x, end = told["x"], float(told["x"][-1])
-    ground, obstacles = np.array(line.get("ground", [])).reshape(-1, 2), line.get("obstacle", [])
+    x = told["x"]
+    end = float(told["x"][-1])
+    ground = np.array(line.get("ground", [])).reshape(-1, 2)
+    obstacles = line.get("obstacle", [])
     p = Panel("depth [m]", "", down=True)
     cars = [
         (car, _floats(positions, f"x:{car['name']}"), _floats(positions, f"depth:{car['name']}"))
@@ -156,7 +163,8 @@ def _lowest(rows: Sequence[Row], paths: Sequence[Any], keys: Sequence[str]) -> M
 
 def grid(folder: Path) -> list[Section]:
     stored = store.read(folder / "grid.json")
-    rows, keys = stored["rows"], stored["keys"]
+    rows = stored["rows"]
+    keys = stored["keys"]
     html = [table_of(rows, columns(rows, keys), keys[0])]
     if any(stored["paths"]):
         html.append(_lowest(rows, stored["paths"], keys))

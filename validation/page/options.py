@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,6 +31,14 @@ def number(name: str, help: str) -> Any:
 
 def to(folder: str) -> Any:
     return typer.Option("--out", metavar="DIR", help=f"Folder for the results. Default: {store.ROOT / folder}.")
+
+
+Quick = Annotated[bool, typer.Option("--quick", help="A small part of it, coarsely, within a minute.")]
+
+
+def small(name: str, quick: bool) -> str:
+    """The folder of a study; a small part of it has a folder of its own."""
+    return f"{name}-quick" if quick else name
 
 
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A built-in scene (cablefem scenes) or a TOML file.")]
@@ -82,7 +90,8 @@ Set = Annotated[
     list[str] | None,
     typer.Option(
         "--set", metavar="KEY=VALUES",
-        help="A key of the scene with its dot (mass.mass), or a setting of the method. 40,60 or 40:80:5 make a grid.",
+        help="A key of the scene as `scenes --keys` prints it, with its dot (mass.mass, drive.brake.0.force), or a "
+        "setting of the method. 40,60 or FROM:TO:COUNT make a grid: 40:80:5 is five values.",
     ),
 ]  # fmt: skip
 
@@ -105,9 +114,11 @@ def points_of(scene: Scene | Line, pairs: list[str] | None) -> list[Point]:
         found = grid.points(pairs or [])
     except ValueError as error:
         raise store.Refused(str(error)) from None
-    out, faults = [], []
+    out = []
+    faults = []
     for given in found:
         of_scene, settings = grid.parts(given, ("gravity", "title"))
+        faults += _undotted(settings, type(scene))
         try:
             out.append(Point(given, scene.replace(of_scene) if of_scene else scene, settings))
         except (SceneError, ValueError) as error:
@@ -116,6 +127,15 @@ def points_of(scene: Scene | Line, pairs: list[str] | None) -> list[Point]:
     if faults:
         raise store.Refused(list(dict.fromkeys(faults)))
     return out
+
+
+def _undotted(settings: Iterable[str], part: type[Any]) -> list[str]:
+    """Faults of names that no method has as a setting, but the scene as a key with its dot."""
+    from cablefem.scene.keys import hint
+    from validation.core.methods import METHODS
+
+    unknown = [name for name in settings if not any(name in method.knobs for method in METHODS.values())]
+    return [f"--set {name}: keys of the scene have a dot; {text}" for name in unknown if (text := hint(name, part))]
 
 
 @contextmanager

@@ -6,6 +6,7 @@ import platform
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import date
 from functools import cache
 from importlib import metadata, resources
 from numbers import Integral, Real
@@ -161,6 +162,11 @@ def versions() -> dict[str, str]:
     return {"Python": platform.python_version()} | {name: metadata.version(name) for name in packages}
 
 
+def drawn_with() -> str:
+    """Date and versions."""
+    return f"{date.today().isoformat()} with {settings(versions())}"
+
+
 def settings(of: Mapping[str, Any]) -> str:
     return ", ".join(f"{name} {value}" for name, value in of.items())
 
@@ -190,8 +196,11 @@ _ENVIRONMENT.filters |= {
 }  # fmt: skip
 _ENVIRONMENT.globals["verdicts"] = VERDICTS
 _PARTS: Any = _ENVIRONMENT.get_template("parts.html").module
-badge, callout, details = _PARTS.badge, _PARTS.callout, _PARTS.details
-gallery, figure_of = _PARTS.gallery, _PARTS.figure
+badge = _PARTS.badge
+callout = _PARTS.callout
+details = _PARTS.details
+gallery = _PARTS.gallery
+figure_of = _PARTS.figure
 _ENVIRONMENT.globals |= {
     "table": table, "listed": listed, "badge": badge, "callout": callout, "details": details, "gallery": gallery,
     "columns": _PARTS.columns, "figure": figure, "pairs": pairs,

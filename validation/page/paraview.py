@@ -17,7 +17,8 @@ from meshio.xdmf import TimeSeriesWriter
 from cablefem.response import Array, Response
 from cablefem.scene import Scene
 
-CABLE, MASS = "response.xdmf", "mass.xdmf"
+CABLE = "response.xdmf"
+MASS = "mass.xdmf"
 
 
 class _Writer(TimeSeriesWriter):
@@ -45,9 +46,13 @@ def write(r: Response, folder: Path) -> None:
     At both ends `velocity` is the one behind the mass; `tension` differs.
     Mass: one point, `displacement` (1, 3) [m], `tension_behind`, `tension_ahead` (1,) [N].
     """
-    shape, f = Scene.from_toml(r.scene_toml).catenary, r.fields
-    places, moved = _upward(shape.x(f.s_o), shape.y(f.s_o)), _upward(f.mass_u, f.mass_v)
-    m, stations, ends = f.s.size, _upward(shape.x(f.s), shape.y(f.s)), np.arange(f.s.size)
+    shape = Scene.from_toml(r.scene_toml).catenary
+    f = r.fields
+    places = _upward(shape.x(f.s_o), shape.y(f.s_o))
+    moved = _upward(f.mass_u, f.mass_v)
+    m = f.s.size
+    stations = _upward(shape.x(f.s), shape.y(f.s))
+    ends = np.arange(f.s.size)
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder, prefix=".paraview") as apart:
         with _Writer(Path(apart) / CABLE) as cable, _Writer(Path(apart) / MASS, "XML") as mass:

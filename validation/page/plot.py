@@ -14,12 +14,17 @@ from PIL import Image
 from cablefem.response import Array
 from validation.page.page import figure_of, plain, raised, rendered
 
-WIDTH, LEFT, RIGHT, BELOW = 480, 70, 20, 42  # user units, pixels on a desktop
+# user units, pixels on a desktop
+WIDTH = 480
+LEFT = 70
+RIGHT = 20
+BELOW = 42
 # Okabe and Ito (2008) without yellow
 BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"
 BLACK, GREY = "#1a1a1a", "#767676"
 COLORS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)  # in the order of lines
-DASHED, DOTTED = "8 4", "2 3"
+DASHED = "8 4"
+DOTTED = "2 3"
 # matplotlib's viridis, to 2 percent
 FIELD = (
     "440154 48186a 472d7b 424086 3b528b 33638d 2c728e 26828e 21918c 1fa088 28ae80 3fbc73 5ec962 84d44b addc30 d8e219 "
@@ -53,15 +58,19 @@ class Panel:
         """Fit the axis to all finite values; a spread of rounding errors is none."""
         finite = np.concatenate([np.ravel(v)[np.isfinite(np.ravel(v))] for v in values] or [np.zeros(1)])
         if finite.size:
-            low, high = float(finite.min()), float(finite.max())
+            low = float(finite.min())
+            high = float(finite.max())
             varies = high - low > 1e-9 * max(abs(low), abs(high))
             room = pad * (high - low) if varies else 0.1 * abs(high) or 1.0
-            self.low, self.high = low - room, high + room
+            self.low = low - room
+            self.high = high + room
 
     def decades(self, most: float) -> None:
         """Show four decades below the largest value; none if all values are equal."""
         if most > 0.0:
-            self.log, self.low, self.high = True, 1e-4 * most, 4.0 * most
+            self.log = True
+            self.low = 1e-4 * most
+            self.high = 4.0 * most
 
     def _y(self, y: Array | float) -> Array:
         """Places on the paper, downwards."""
@@ -125,7 +134,8 @@ def plot(
     def across(values: Any) -> Array:
         return w * (np.asarray(values, dtype=float) - x[0]) / ((x[1] - x[0]) or 1.0)
 
-    shown, top = [], 6.0
+    shown = []
+    top = 6.0
     for p in panels:
         top += 20.0 if p.title or p.scale else 0.0
         shown.append(p.drawn(across, w) | {"top": top, "last": p is panels[-1]})
@@ -151,7 +161,8 @@ def _ticks(low: float, high: float, log: bool, most: float) -> list[tuple[float,
     step = tens * next(k for k in (1.0, 2.0, 5.0, 10.0) if k * tens >= rough * (1.0 - 1e-9))
     if math.floor(high / step) - math.ceil(low / step) < 2:  # fewer than three values: one step less
         step /= 2.5 if 4.9 < step / tens < 5.1 else 2.0
-    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    first = math.ceil(low / step - 1e-9)
+    last = math.floor(high / step + 1e-9)
     digits = max(0, -math.floor(math.log10(step) + 1e-9))
     return [(n * step, f"{n * step:.{digits}f}".replace("-", "−")) for n in range(first, last + 1)]
 
@@ -163,10 +174,12 @@ def _place(x: Any) -> float:
 def _path(x: Array, y: Array) -> str:
     """A path through the finite points; crowded columns of pixels keep their extremes."""
     good = np.isfinite(x) & np.isfinite(y)
-    x, y = x[good], y[good]
+    x = x[good]
+    y = y[good]
     if x.size > 3 * WIDTH and np.all(np.diff(x) >= 0.0):
         at = np.flatnonzero(np.diff(np.floor(2.0 * x), prepend=-1.0))
-        low, high = np.minimum.reduceat(y, at), np.maximum.reduceat(y, at)
+        low = np.minimum.reduceat(y, at)
+        high = np.maximum.reduceat(y, at)
         rising = y[np.append(at[1:] - 1, y.size - 1)] >= y[at]
         y = np.stack([np.where(rising, low, high), np.where(rising, high, low)], axis=1).ravel()
         x = np.repeat(x[at], 2)

@@ -9,20 +9,37 @@ from pathlib import Path
 from markupsafe import Markup
 
 from cablefem.response import write_json
-from validation.core import store
+from validation.core import readback, store
 from validation.page import page, terminal
+from validation.page.options import small
 from validation.page.page import Section, callout
 
 
-def write(folder: Path, command: str) -> None:
-    """Draw and keep the pages of a command, write report.html with those of all finished ones, and mark it finished."""
+def write(folder: Path, command: str, faults: Sequence[str] = ()) -> None:
+    """Draw and keep the pages of a command, write report.html with those of all finished ones, and mark it finished.
+
+    faults : of what is written; they come first.
+    """
     drawn: list[Section] = importlib.import_module(f"validation.commands.{command}.page").sections(folder)
+    if faults:
+        said = Markup("").join(callout(fault, "disagree") for fault in faults)
+        drawn = [Section("read-back", "What was written is not what was computed", said, "disagree"), *drawn]
     write_json(store.pages(folder, command), [asdict(section) for section in drawn])
     done = [other for other in store.results(folder) if other == command or store.finished(folder, other)]
     sections = _apart((other, s) for other in done for s in (drawn if other == command else kept(folder, other)))
     title = store.title(folder) or next((s.title for s in sections), folder.name)
     page.render(title, sections, folder / "report.html")
     store.finish(folder, command)
+
+
+def read_back(command: str, of: readback.Stored, lines: Sequence[str]) -> int:
+    """Read files, page and printed lines back; faults come first on the page, and 1 is returned."""
+    text = (of.folder / store.REPORT).read_text(encoding="utf-8")
+    faults = [*readback.files(of), *readback.page(text, command, of), *readback.terminal(lines, of)]
+    if faults:
+        write(of.folder, command, faults)
+        terminal.complain([f"not what was computed: {fault}" for fault in faults[:5]])
+    return int(bool(faults))
 
 
 def kept(folder: Path, command: str) -> list[Section]:
@@ -56,7 +73,7 @@ def missing(root: Path | None, parts: Sequence[Part]) -> Iterator[tuple[Path, li
     if set(store.results(root)) - {"report"}:
         yield root, []
         return
-    store.claim(root, "report", "report", ["report.html"], among=True)
+    store.claim(root, "report", "report", ["report.html"])
     store.ROOT, before = root, store.ROOT
     try:
         yield root, [part for part in parts if not store.finished(root / _place(part)[1], part[0])]
@@ -64,10 +81,19 @@ def missing(root: Path | None, parts: Sequence[Part]) -> Iterator[tuple[Path, li
         store.ROOT = before
 
 
-def gather(root: Path, parts: Sequence[Part]) -> None:
+def broken(part: Part, faults: Sequence[str]) -> Section:
+    """The page of a part that ended without a result."""
+    command, name = _place(part)
+    reason = callout("; ".join(faults), "disagree")
+    title = f"cablefem {' '.join(part)}"
+    return Section(f"{name}-{command}-broken", title, reason, "disagree", "It ended without a result.")
+
+
+def gather(root: Path, parts: Sequence[Part], broken: Sequence[Section] = ()) -> bool:
     """Write the report of all finished results in a folder and its subfolders, these parts first.
 
-    The first pages of all scenes of a command come before the rest.
+    The first pages of all scenes of a command come before the rest, what broke before all.
+    Return whether anything on it is red.
     """
     order = [_place(part) for part in parts]
     done = [
@@ -82,16 +108,21 @@ def gather(root: Path, parts: Sequence[Part]) -> None:
         (commands.index(command), i > 0, replace(s, id=f"{folder.name}-{s.id}", title=f"{folder.name}: {s.title}"))
         for command, folder in done for i, s in enumerate(kept(folder, command))
     ]  # fmt: skip
-    sections = _apart((commands[i], section) for i, _, section in sorted(pages, key=lambda x: x[:2]))
+    sections = [*broken, *_apart((commands[i], section) for i, _, section in sorted(pages, key=lambda x: x[:2]))]
     if not sections:
         raise store.Refused(f"{root} holds no finished results to report")
     page.render("cablefem", sections, root / "report.html")
     tell(sections)
     terminal.say(f"written to {root}: report.html")
+    return any(section.verdict == "disagree" for section in sections)
 
 
 def _place(part: Part) -> tuple[str, str]:
-    return part[0], part[min(1, len(part) - 1)]
+    """The command, and the folder of its results: its scene's, or its own."""
+    command, *arguments = part
+    if arguments and not arguments[0].startswith("-"):
+        return command, arguments[0]
+    return command, small(command, "--quick" in arguments)
 
 
 def tell(sections: Sequence[Section]) -> None:

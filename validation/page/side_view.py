@@ -46,7 +46,8 @@ def _every(r: Response) -> int:
 
 def _still(scene: Scene, r: Response) -> dict[str, Any]:
     """The still parts: envelope, path of the car, brake, obstacles, ground, speeds at five places."""
-    p, at = profile(r), some(r.t.size)
+    p = profile(r)
+    at = some(r.t.size)
     ahead = np.flatnonzero(np.diff(np.maximum.accumulate(r.s_o), prepend=-1.0) > 0.0)  # first arrivals
     marks = np.linspace(0.0, 1.0, 7)[1:-1] * (r.s_o.max() - r.s_o[0]) + r.s_o[0]
     marks = np.interp(marks, r.s_o[ahead], r.t[ahead])
@@ -74,7 +75,9 @@ def _party(scene: Scene, party: Any) -> dict[str, Any]:
 
 def _cable(scene: Scene, r: Response, color: str, unit: float, name: str) -> dict[str, Any]:
     """Frames of one rope, from shortly after the start: a gripped mass enters a rope at rest."""
-    f, every, X = r.fields, _every(r), scene.catenary
+    f = r.fields
+    every = _every(r)
+    X = scene.catenary
     T = X.tension(r.s_o[:1])
     start = {"s_o": r.s_o[0], "T": X.tension(f.s[::every]), "T_behind": T, "T_ahead": T}  # the rest is zero
     late = f.t[0] > 0.0
@@ -86,7 +89,8 @@ def _cable(scene: Scene, r: Response, color: str, unit: float, name: str) -> dic
         return np.concatenate([first, values]) if late else values
 
     t = np.append(0.0, f.t) if late else f.t
-    behind, ahead = frames("T_behind"), frames("T_ahead")
+    behind = frames("T_behind")
+    ahead = frames("T_ahead")
     s_o = frames("s_o")
     told = [("speed [km/h]", 1, 3.6 * r.speed), (f"press on the rope [{name}]", 2, r.F_contact / unit)]
     told.append((f"haul or thrust [{name}]", 2, r.F_haul / unit))
@@ -106,7 +110,8 @@ def _cable(scene: Scene, r: Response, color: str, unit: float, name: str) -> dic
 
 def _packed(x: Array) -> dict[str, Any]:
     """An array as 16-bit integers between its extremes, in base64."""
-    low, high = float(x.min()), float(x.max())
+    low = float(x.min())
+    high = float(x.max())
     steps = np.round((x - low) / ((high - low) or 1.0) * 65535.0).astype("<u2")
     return {"low": low, "high": high, "data": base64.b64encode(steps.tobytes()).decode("ascii")}
 

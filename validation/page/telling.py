@@ -50,7 +50,8 @@ def events(happened: Sequence[dict[str, Any]], most: int = 5) -> None:
     """Print events, one per line; the last ones if there are many."""
     for x in happened[-most:]:
         t, s_o = (with_bar(x[name], x.get(f"bar_{name}")) for name in ("t", "s_o"))
-        v, bar = 3.6 * x["speed"], x.get("bar_speed")
+        v = 3.6 * x["speed"]
+        bar = x.get("bar_speed")
         speed = "" if x["event"] in ("stop", "turn") else f" with {with_bar(v, bar and 3.6 * bar)} km/h"
         terminal.say(f"  {x['event'].replace('_', ' '):<10}  after {t} s at {s_o} m{speed}")
 
@@ -58,7 +59,9 @@ def events(happened: Sequence[dict[str, Any]], most: int = 5) -> None:
 def work(r: Response) -> None:
     """Print method, settings and reach of a run, and reasons for doubt."""
     if r.model == "quasi-static":
-        terminal.say("  by the quasi-static model, which leaves out the inertia of the rope")
+        terminal.say("  by the quasi-static model, which leaves out the inertia of the rope: that is in its bars")
+        for line in map(str, r.flags):
+            terminal.say(f"  {line}", style="yellow")
         return
     method = find(r.method)
     settings = {

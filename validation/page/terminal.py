@@ -11,11 +11,14 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from validation.core.sidebyside import Progress
 
+_HEARD: list[list[str]] = []  # copies of what is printed
 STYLES = {"agree": "green", "disagree": "bold red", "not comparable": "yellow", "too coarse": "yellow"}
 
 
 def say(text: str = "", style: str = "") -> None:
     """Print a line, on a terminal wrapped below its indent, in a style of rich."""
+    for lines in _HEARD:
+        lines.append(text)
     console = _console()
     if console is None:
         print(text)
@@ -27,9 +30,29 @@ def say(text: str = "", style: str = "") -> None:
     console.print(Padding(Text(words, style=style), (0, 0, 0, len(text) - len(words)), expand=False))
 
 
+@contextmanager
+def heard() -> Iterator[list[str]]:
+    """The lines that are printed in the `with` block."""
+    lines: list[str] = []
+    _HEARD.append(lines)
+    try:
+        yield lines
+    finally:
+        _HEARD.pop()
+
+
 def complain(faults: Sequence[str]) -> None:
     for fault in faults:
         print(f"cablefem: {fault}", file=sys.stderr)
+
+
+def faults(error: Exception) -> list[str]:
+    """What broke a command, one sentence each."""
+    if hasattr(error, "faults"):
+        return list(error.faults)
+    if isinstance(error, OSError):
+        return [f"{error.filename or 'a file'}: {error.strerror}"]
+    return [f"this is a fault of cablefem, not of your input ({type(error).__name__}: {error})"]
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str] = ()) -> None:
@@ -37,9 +60,12 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence
 
     In a pipe every row is one line; on a narrow terminal every cell.
     """
+    text = _plain(columns, rows, right)
+    for lines in _HEARD:
+        lines.extend(text)
     console = _console()
     if console is None:
-        _plain(columns, rows, right)
+        print("\n".join(text))
         return
     narrowest = [_longest(x, name in right) for name, *x in zip(columns, columns, *rows, strict=True)]
     if sum(narrowest) + 3 * (len(columns) - 1) > console.width:
@@ -68,12 +94,11 @@ def _stacked(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
             say(f"{name} {cell}".strip(), style="bold" if name == columns[0] else STYLES.get(cell, ""))
 
 
-def _plain(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str]) -> None:
+def _plain(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str]) -> list[str]:
     lines = [columns, *rows]
     widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
-    for line in lines:
-        cells = zip(line, widths, columns, strict=True)
-        print("  ".join(x.rjust(n) if name in right else x.ljust(n) for x, n, name in cells).rstrip())
+    cells = [zip(line, widths, columns, strict=True) for line in lines]
+    return ["  ".join(x.rjust(n) if name in right else x.ljust(n) for x, n, name in row).rstrip() for row in cells]
 
 
 @contextmanager

@@ -76,7 +76,8 @@ def _ride(groups: Groups, elements: int, steps: int) -> PeerPath:
     output = exudyn.OutputVariableType
     s = 0.5 - 0.5 * np.cos(np.pi * np.linspace(0.0, 1.0, elements + 1))
     first = int(np.searchsorted(s, d.start, side="right")) - 1
-    weight, dt = groups.mu * groups.sigma, d.nominal / steps
+    weight = groups.mu * groups.sigma
+    dt = d.nominal / steps
 
     system = exudyn.SystemContainer().AddSystem()
     _, bodies, _ = _hang(system, groups, s, items.Cable2D)
@@ -154,7 +155,8 @@ def _hang(
         )
         for k in range(s.size)
     ]
-    bodies, on_cable = [], []
+    bodies = []
+    on_cable = []
     for k in range(s.size - 1):
         body = system.AddObject(
             element(
@@ -202,7 +204,8 @@ def _solved(solve: Any, system: Any, settings: Any) -> tuple[str, float]:
     """The failure or "", and the seconds."""
     import exudyn
 
-    exudyn.config.printToConsole, note = False, ""
+    exudyn.config.printToConsole = False
+    note = ""
     system.Assemble()
     begin = time.perf_counter()
     try:

@@ -19,7 +19,8 @@ from cablefem.scene import Groups
 from validation.peers.path import Array, PeerPath, finite_path
 
 HHT = 0.9  # Hilber, Hughes & Taylor; 1, the trapezoidal rule, is unstable here
-NEWMARK_GAMMA, NEWMARK_BETA = 1.5 - HHT, 0.25 * (2.0 - HHT) ** 2
+NEWMARK_GAMMA = 1.5 - HHT
+NEWMARK_BETA = 0.25 * (2.0 - HHT) ** 2
 
 
 def run(groups: Groups, *, elements: int) -> PeerPath:
@@ -45,7 +46,9 @@ def run(groups: Groups, *, elements: int) -> PeerPath:
 
 def _hang(ops: Any, groups: Groups, s: Array) -> None:
     x, y = groups.shape(s)
-    dx, dy, ds = np.diff(x), np.diff(y), np.diff(s)
+    dx = np.diff(x)
+    dy = np.diff(y)
+    ds = np.diff(s)
     chord = np.hypot(dx, dy)
     ops.wipe()
     ops.logFile(os.devnull, "-noEcho")
@@ -75,13 +78,18 @@ def _hang(ops: Any, groups: Groups, s: Array) -> None:
 def _travel(ops: Any, groups: Groups, t: Array, nodes: Array) -> tuple[Array, float]:
     """Places of the mass (n, 2), y down, and the seconds."""
     assert groups.motion is not None
-    mass, weight, up = groups.mu, np.array([0.0, -groups.mu * groups.sigma]), np.array([1.0, -1.0])
-    X, dt = nodes * up, float(t[1] - t[0])
+    mass = groups.mu
+    weight = np.array([0.0, -groups.mu * groups.sigma])
+    up = np.array([1.0, -1.0])
+    X = nodes * up
+    dt = float(t[1] - t[0])
     _, ds, dds = groups.motion.at(0.0, 0)
     _, xp, yp, _, _ = groups.static(0.0)
     along = np.array([float(xp), -float(yp)])
     # free fall at first; from rest along the cable
-    p, dp, ddp = X[0], ds * along, weight / mass if ds > 0.0 else dds * along
+    p = X[0]
+    dp = ds * along
+    ddp = weight / mass if ds > 0.0 else dds * along
     inertia = mass / (NEWMARK_BETA * dt * dt)
     places = [p]
     begin = time.perf_counter()
@@ -99,7 +107,8 @@ def _travel(ops: Any, groups: Groups, t: Array, nodes: Array) -> tuple[Array, fl
         if ops.analyze(1, dt) != 0:
             break
         p = X[k] + np.array(ops.nodeDisp(k))
-        before, ddp = ddp, (p - p_star) / (NEWMARK_BETA * dt * dt)
+        before = ddp
+        ddp = (p - p_star) / (NEWMARK_BETA * dt * dt)
         dp = dp + dt * ((1.0 - NEWMARK_GAMMA) * before + NEWMARK_GAMMA * ddp)
         places.append(p)
     return np.array(places) * up, time.perf_counter() - begin

@@ -6,4 +6,5 @@ numba leaves out branches for an argument that is None, if the function tests it
 
 from cablefem.compiled import compiler
 
-compiled, inner = compiler(__file__), compiler(__file__, inner=True)
+compiled = compiler(__file__)
+inner = compiler(__file__, inner=True)

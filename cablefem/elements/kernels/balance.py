@@ -57,23 +57,34 @@ def weigh(cable, now):
 
     Damping replaces w.. by w.. + c_d w.: dh/dt by dh/dt + c_d h, and dds_o by dds_o + c_d ds_o.
     """
-    operators, bands, n, c_d = cable.operators, now.bands, now.bands.shape[2], cable.damping
-    s_o, ds, dds = now.place[0], now.place[1], now.place[2] + c_d * now.place[1]
+    operators = cable.operators
+    bands = now.bands
+    n = now.bands.shape[2]
+    c_d = cable.damping
+    s_o = now.place[0]
+    ds = now.place[1]
+    dds = now.place[2] + c_d * now.place[1]
     bands[:] = 0.0
     moves = operators.shape[0] > 1
     first = now.contact.dofs[0, 0] if moves else n
     for side in range(2 if moves else 1):
         h, dh = (s_o, ds) if side == 0 else (1.0 - s_o, -ds)
-        flux, dh = ds * ds / h, dh + c_d * h
+        flux = ds * ds / h
+        dh = dh + c_d * h
         rows = (0, min(n, first + now.contact.dofs.shape[1])) if side == 0 else (first, n)
         for d in range(bands.shape[1]):
-            M, m, c, k = operators[side, d], bands[0, d], bands[1, d], bands[2, d]
+            M = operators[side, d]
+            m = bands[0, d]
+            c = bands[1, d]
+            k = bands[2, d]
             for i in range(rows[0], rows[1]):
                 m[i] += h * M[i]
                 c[i] += dh * M[i]
             if not moves:
                 continue
-            G, GT, H = operators[2 + side, d], operators[4 + side, d], operators[6 + side, d]
+            G = operators[2 + side, d]
+            GT = operators[4 + side, d]
+            H = operators[6 + side, d]
             for i in range(rows[0], rows[1]):
                 c[i] += ds * (GT[i] - G[i])
                 k[i] -= dds * G[i] + flux * H[i]
@@ -102,13 +113,21 @@ def wanted(factors):
 def add_banded(bands, n_fields, x, r, ab, factors):
     """Add M a + C v + K q and its tangent."""
     width, n = bands.shape[1:]
-    band, (c0, c1, c2) = ab.shape[1] // 2, factors
-    q, v, a = x[0], x[1], x[2]
+    band = ab.shape[1] // 2
+    c0, c1, c2 = factors
+    q = x[0]
+    v = x[1]
+    a = x[2]
     for d in range(width):
         away = (d - width // 2) * n_fields
-        first, last = max(0, -away), min(n, n - away)
-        m, c, k = bands[0, d, first:last], bands[1, d, first:last], bands[2, d, first:last]
-        of_q, of_v, of_a = q[first + away : last + away], v[first + away : last + away], a[first + away : last + away]
+        first = max(0, -away)
+        last = min(n, n - away)
+        m = bands[0, d, first:last]
+        c = bands[1, d, first:last]
+        k = bands[2, d, first:last]
+        of_q = q[first + away : last + away]
+        of_v = v[first + away : last + away]
+        of_a = a[first + away : last + away]
         to = r[first:last]
         for i in range(to.size):  # contiguous slices: vectorised
             to[i] += m[i] * of_a[i] + c[i] * of_v[i] + k[i] * of_q[i]
@@ -117,7 +136,10 @@ def add_banded(bands, n_fields, x, r, ab, factors):
     ab[:] = 0.0
     blend = np.empty(n)
     for d in range(width):
-        m, c, k, at = bands[0, d], bands[1, d], bands[2, d], band + (d - width // 2) * n_fields
+        m = bands[0, d]
+        c = bands[1, d]
+        k = bands[2, d]
+        at = band + (d - width // 2) * n_fields
         for i in range(n):
             blend[i] = c2 * m[i] + c1 * c[i] + c0 * k[i]
         for i in range(n):
@@ -127,7 +149,8 @@ def add_banded(bands, n_fields, x, r, ab, factors):
 @inner
 def add_contact(contact, load, x, r, ab, factors):
     dofs, shape, m_row, c_row, k_row = contact
-    band, (c0, c1, c2) = ab.shape[1] // 2, factors
+    band = ab.shape[1] // 2
+    c0, c1, c2 = factors
     for f in range(dofs.shape[1]):
         force = load[f]
         for j in range(dofs.shape[0]):
@@ -170,15 +193,28 @@ def stretch(cable, s_o, q):
 
     Two loops: the second one is vectorised.
     """
-    mesh, law, at = cable.mesh, cable.law, cable.points
-    functions, points = len(mesh.functions) or mesh.dofs.shape[1], len(mesh.points) or mesh.tab.shape[1]
-    s, rx, ry, fx, fy, j11, j12, j22, N = at[0], at[1], at[2], at[3], at[4], at[5], at[6], at[7], at[8]
-    alpha, kind = law[0], law[3]
+    mesh = cable.mesh
+    law = cable.law
+    at = cable.points
+    functions = len(mesh.functions) or mesh.dofs.shape[1]
+    points = len(mesh.points) or mesh.tab.shape[1]
+    s = at[0]
+    rx = at[1]
+    ry = at[2]
+    fx = at[3]
+    fy = at[4]
+    j11 = at[5]
+    j12 = at[6]
+    j22 = at[7]
+    N = at[8]
+    alpha = law[0]
+    kind = law[3]
     for e in range(mesh.dofs.shape[0]):
         s_0, h = side_of(mesh, s_o, e)
         per_h = 1.0 / h
         for g in range(points):
-            x, y = 0.0, 0.0
+            x = 0.0
+            y = 0.0
             for k in range(functions):
                 d = mesh.dofs[e, k]
                 if d >= 0:
@@ -186,13 +222,21 @@ def stretch(cable, s_o, q):
                     x += grad * q[2 * d]
                     y += grad * q[2 * d + 1]
             p = e * points + g
-            s[p], rx[p], ry[p] = s_0 + h * mesh.tab[e, g, 0], x * per_h, y * per_h
+            s[p] = s_0 + h * mesh.tab[e, g, 0]
+            rx[p] = x * per_h
+            ry[p] = y * per_h
     for p in range(s.size):
         xp, yp, T = at_rest(law, s[p])
-        du, dv = rx[p], ry[p]
-        x, y = xp + du, yp + dv
+        du = rx[p]
+        dv = ry[p]
+        x = xp + du
+        y = yp + dv
         fx[p], fy[p], k_geo, k_mat, _, _, eps = pull(xp, yp, T, du, dv, alpha, kind)
-        rx[p], ry[p], j11[p], j12[p], j22[p] = x, y, k_geo + k_mat * x * x, k_mat * x * y, k_geo + k_mat * y * y
+        rx[p] = x
+        ry[p] = y
+        j11[p] = k_geo + k_mat * x * x
+        j12[p] = k_mat * x * y
+        j22[p] = k_geo + k_mat * y * y
         N[p] = tension(eps, T, alpha, ELASTIC)[0]  # below zero where the cable is slack
 
 
@@ -211,50 +255,91 @@ def add_rates(cable, rates, place, q, v):
 
     Jumps of w' at interior nodes move; their part of deps/dt is left out.
     """
-    mesh, at, moved, tau = cable.mesh, cable.points, rates.moved, rates.tau
-    functions, points = len(mesh.functions) or mesh.dofs.shape[1], len(mesh.points) or mesh.tab.shape[1]
-    rx, ry, fx, fy, j11, j12, j22, N = at[1], at[2], at[3], at[4], at[5], at[6], at[7], at[8]
-    tx, ty, gx, gy, b = rates.points[0], rates.points[1], rates.points[2], rates.points[3], rates.points[4]
-    alpha, cut = cable.law[0], cable.law[3] == TENSION_ONLY
+    mesh = cable.mesh
+    at = cable.points
+    moved = rates.moved
+    tau = rates.tau
+    functions = len(mesh.functions) or mesh.dofs.shape[1]
+    points = len(mesh.points) or mesh.tab.shape[1]
+    rx = at[1]
+    ry = at[2]
+    fx = at[3]
+    fy = at[4]
+    j11 = at[5]
+    j12 = at[6]
+    j22 = at[7]
+    N = at[8]
+    tx = rates.points[0]
+    ty = rates.points[1]
+    gx = rates.points[2]
+    gy = rates.points[3]
+    b = rates.points[4]
+    alpha = cable.law[0]
+    cut = cable.law[3] == TENSION_ONLY
     for e in range(mesh.dofs.shape[0]):
         h = side_of(mesh, place[0], e)[1]
-        per_h, way = 1.0 / h, place[1] / h
+        per_h = 1.0 / h
+        way = place[1] / h
         for g in range(points):
-            x, y = 0.0, 0.0
+            x = 0.0
+            y = 0.0
             for k in range(functions):
                 d = mesh.dofs[e, k]
                 if d >= 0:
-                    grad, carried = mesh.tab[e, g, 2 + functions + k], way * moved[e, g, k]
+                    grad = mesh.tab[e, g, 2 + functions + k]
+                    carried = way * moved[e, g, k]
                     x += grad * v[2 * d] + carried * q[2 * d]
                     y += grad * v[2 * d + 1] + carried * q[2 * d + 1]
-            gx[e * points + g], gy[e * points + g] = x * per_h, y * per_h
+            gx[e * points + g] = x * per_h
+            gy[e * points + g] = y * per_h
     for p in range(N.size):
         inverse = 1.0 / math.sqrt(rx[p] * rx[p] + ry[p] * ry[p])
-        x, y, wx, wy = rx[p] * inverse, ry[p] * inverse, gx[p], gy[p]
+        x = rx[p] * inverse
+        y = ry[p] * inverse
+        wx = gx[p]
+        wy = gy[p]
         rate = x * wx + y * wy
         whole = N[p] + alpha * tau * rate
         taut = whole > 0.0 or not cut
-        dN, kept = alpha if taut else 0.0, whole if taut else 0.0
+        dN = alpha if taut else 0.0
+        kept = whole if taut else 0.0
         more = kept - (max(N[p], 0.0) if cut else N[p])
         k_geo = kept * inverse
-        k_mat, slope = dN - k_geo, tau * dN
+        k_mat = dN - k_geo
+        slope = tau * dN
         fx[p] += more * x
         fy[p] += more * y
-        j11[p], j12[p], j22[p], N[p] = k_geo + k_mat * x * x, k_mat * x * y, k_geo + k_mat * y * y, whole
-        tx[p], ty[p], b[p] = x, y, slope
-        gx[p], gy[p] = slope * inverse * (wx - rate * x), slope * inverse * (wy - rate * y)
+        j11[p] = k_geo + k_mat * x * x
+        j12[p] = k_mat * x * y
+        j22[p] = k_geo + k_mat * y * y
+        N[p] = whole
+        tx[p] = x
+        ty[p] = y
+        b[p] = slope
+        gx[p] = slope * inverse * (wx - rate * x)
+        gy[p] = slope * inverse * (wy - rate * y)
 
 
 @inner
 def add_rate_tangent(cable, rates, place, ab, factors):
     """Add int t dN/d(deps/dt) d(deps/dt) . phi' ds, which is not symmetric."""
-    mesh, moved, (c0, c1, _) = cable.mesh, rates.moved, factors
-    dofs, tab, band = mesh.dofs, mesh.tab, ab.shape[1] // 2
-    functions, points = len(mesh.functions) or dofs.shape[1], len(mesh.points) or tab.shape[1]
-    tx, ty, gx, gy, b = rates.points[0], rates.points[1], rates.points[2], rates.points[3], rates.points[4]
+    mesh = cable.mesh
+    moved = rates.moved
+    c0, c1, _ = factors
+    dofs = mesh.dofs
+    tab = mesh.tab
+    band = ab.shape[1] // 2
+    functions = len(mesh.functions) or dofs.shape[1]
+    points = len(mesh.points) or tab.shape[1]
+    tx = rates.points[0]
+    ty = rates.points[1]
+    gx = rates.points[2]
+    gy = rates.points[3]
+    b = rates.points[4]
     for e in range(dofs.shape[0]):
         h = side_of(mesh, place[0], e)[1]
-        per_h, way = 1.0 / h, c0 * place[1] / h
+        per_h = 1.0 / h
+        way = c0 * place[1] / h
         for k in range(functions):
             col = dofs[e, k]
             if col < 0:
@@ -263,11 +348,16 @@ def add_rate_tangent(cable, rates, place, ab, factors):
                 row = dofs[e, i]
                 if row < 0:
                     continue
-                k11, k12, k21, k22 = 0.0, 0.0, 0.0, 0.0
+                k11 = 0.0
+                k12 = 0.0
+                k21 = 0.0
+                k22 = 0.0
                 for g in range(points):
-                    p, grad = e * points + g, tab[e, g, 2 + functions + k]
+                    p = e * points + g
+                    grad = tab[e, g, 2 + functions + k]
                     along = b[p] * (c1 * grad + way * moved[e, g, k])
-                    x, y = c0 * grad * gx[p] + along * tx[p], c0 * grad * gy[p] + along * ty[p]
+                    x = c0 * grad * gx[p] + along * tx[p]
+                    y = c0 * grad * gy[p] + along * ty[p]
                     weight = per_h * tab[e, g, 1] * tab[e, g, 2 + functions + i]
                     k11 += weight * tx[p] * x
                     k12 += weight * tx[p] * y
@@ -292,23 +382,36 @@ def add_block(ab, row, col, j11, j12, j22):
 @inner
 def add_forces(cable, s_o, r, ab, c0):
     """Add int f . phi' ds and, unless c0 = 0, its tangent; return the least mean tension and its s."""
-    dofs, tab, at = cable.mesh.dofs, cable.mesh.tab, cable.points
-    functions, points = len(cable.mesh.functions) or dofs.shape[1], len(cable.mesh.points) or tab.shape[1]
-    fx, fy, j11, j12, j22, N = at[3], at[4], at[5], at[6], at[7], at[8]
-    least, where = math.inf, 0.0
+    dofs = cable.mesh.dofs
+    tab = cable.mesh.tab
+    at = cable.points
+    functions = len(cable.mesh.functions) or dofs.shape[1]
+    points = len(cable.mesh.points) or tab.shape[1]
+    fx = at[3]
+    fy = at[4]
+    j11 = at[5]
+    j12 = at[6]
+    j22 = at[7]
+    N = at[8]
+    least = math.inf
+    where = 0.0
     for e in range(dofs.shape[0]):
         s_0, h = side_of(cable.mesh, s_o, e)
-        total, length, per_h = 0.0, 0.0, c0 / h
+        total = 0.0
+        length = 0.0
+        per_h = c0 / h
         for g in range(points):
             total += tab[e, g, 1] * N[e * points + g]
             length += tab[e, g, 1]
         if least * length > total:
-            least, where = total / length, s_0 + 0.5 * h * (tab[e, 0, 0] + tab[e, -1, 0])
+            least = total / length
+            where = s_0 + 0.5 * h * (tab[e, 0, 0] + tab[e, -1, 0])
         for i in range(functions):
             row = dofs[e, i]
             if row < 0:
                 continue
-            x, y = 0.0, 0.0
+            x = 0.0
+            y = 0.0
             for g in range(points):
                 grad = tab[e, g, 1] * tab[e, g, 2 + functions + i]
                 x += grad * fx[e * points + g]
@@ -319,7 +422,9 @@ def add_forces(cable, s_o, r, ab, c0):
                 col = dofs[e, k]
                 if col < 0:
                     continue
-                k11, k12, k22 = 0.0, 0.0, 0.0
+                k11 = 0.0
+                k12 = 0.0
+                k22 = 0.0
                 for g in range(points):
                     p = e * points + g
                     both = tab[e, g, 1] * tab[e, g, 2 + functions + i] * tab[e, g, 2 + functions + k]
@@ -341,11 +446,24 @@ def add_chord(cable, s_o, q, r, tangent, factors):
     With u = int (y_n' + kap w') phi' ds, or 0 where the cable is slack, the tangent is A + c0 alpha lam u u^T.
     The border has u . x as its unknown.
     """
-    mesh, at, (ab, border), wants = cable.mesh, cable.points, tangent, wanted(factors)
-    alpha, tau, curvature, lam, kap = cable.law[0], cable.law[1], cable.law[2], cable.law[3], cable.law[4]
-    dofs, tab = mesh.dofs, mesh.tab
-    (n_el, n_loc), n_q, n = dofs.shape, tab.shape[1], ab.shape[0]
-    band, eps, column, row = ab.shape[1] // 2, 0.0, border[0], border[1]
+    mesh = cable.mesh
+    at = cable.points
+    ab, border = tangent
+    wants = wanted(factors)
+    alpha = cable.law[0]
+    tau = cable.law[1]
+    curvature = cable.law[2]
+    lam = cable.law[3]
+    kap = cable.law[4]
+    dofs = mesh.dofs
+    tab = mesh.tab
+    n_el, n_loc = dofs.shape
+    n_q = tab.shape[1]
+    n = ab.shape[0]
+    band = ab.shape[1] // 2
+    eps = 0.0
+    column = border[0]
+    row = border[1]
     for e in range(n_el):
         s_0, h = side_of(mesh, s_o, e)
         for g in range(n_q):
@@ -354,7 +472,8 @@ def add_chord(cable, s_o, q, r, tangent, factors):
                 if dofs[e, k] >= 0:
                     w += tab[e, g, 2 + n_loc + k] / h * q[dofs[e, k]]
             y = curvature * (0.5 - (s_0 + h * tab[e, g, 0]))
-            at[0, e * n_q + g], at[1, e * n_q + g] = w, y + kap * w
+            at[0, e * n_q + g] = w
+            at[1, e * n_q + g] = y + kap * w
             eps += lam * tab[e, g, 1] * h * (y * w + 0.5 * kap * w * w)
     N, dN, _ = tension(eps, tau, alpha, cable.law[5])
     total = factors[0] + factors[1] + factors[2]  # scales the last row: linear in the factors
@@ -364,10 +483,13 @@ def add_chord(cable, s_o, q, r, tangent, factors):
     for e in range(n_el):
         h = side_of(mesh, s_o, e)[1]
         for g in range(n_q):
-            weight, w, y = tab[e, g, 1], at[0, e * n_q + g], at[1, e * n_q + g]
+            weight = tab[e, g, 1]
+            w = at[0, e * n_q + g]
+            y = at[1, e * n_q + g]
             stiffness = factors[0] * weight / h * (tau + kap * (N - tau))
             for i in range(n_loc):
-                of, gi = dofs[e, i], tab[e, g, 2 + n_loc + i]
+                of = dofs[e, i]
+                gi = tab[e, g, 2 + n_loc + i]
                 if of < 0:
                     continue
                 r[of] += weight * gi * (tau * w + (N - tau) * y)

@@ -19,7 +19,8 @@ def factorise(ab, border):
 
     L has a unit diagonal, that of U is inverted. Rows stay: mass and taut cable give large diagonals.
     """
-    n, band = ab.shape[0], ab.shape[1] // 2
+    n = ab.shape[0]
+    band = ab.shape[1] // 2
     for i in range(n):
         inverse = 1.0 / ab[i, band] if ab[i, band] != 0.0 else math.nan
         ab[i, band] = inverse
@@ -33,7 +34,9 @@ def factorise(ab, border):
                 ab[i + k, band - k + j] -= factor * ab[i, band + j]
     if border is None:
         return
-    column, row, solved = border[0], border[1], border[2]
+    column = border[0]
+    row = border[1]
+    solved = border[2]
     for i in range(n):
         solved[i] = column[i]
     substitute(ab, solved)
@@ -49,7 +52,9 @@ def solve(ab, border, b):
     substitute(ab, b)
     if border is None:
         return b
-    n, row, solved = ab.shape[0], border[1], border[2]
+    n = ab.shape[0]
+    row = border[1]
+    solved = border[2]
     last = b[n] if b.size > n else 0.0 * b[0]
     for i in range(n):
         last -= row[i] * b[i]
@@ -63,7 +68,8 @@ def solve(ab, border, b):
 
 @inner
 def substitute(ab, b):
-    n, band = ab.shape[0], ab.shape[1] // 2
+    n = ab.shape[0]
+    band = ab.shape[1] // 2
     for i in range(n):
         x = b[i]
         for k in range(min(band, i), 0, -1):  # the newest last: its wait is short
@@ -87,11 +93,15 @@ def dot(a, b):
 @inner
 def times(operator, n_fields, rows, x, y):
     """Set y = A x in the rows (from, to); operator : (2 b + 1, n) diagonals of A."""
-    half, n = operator.shape[0] // 2, operator.shape[1]
+    half = operator.shape[0] // 2
+    n = operator.shape[1]
     y[:] = 0.0
     for d in range(operator.shape[0]):
         away = n_fields * (d - half)
-        first, last = max(rows[0], -away), min(rows[1], n - away)
-        of, near, to = operator[d, first:last], x[first + away : last + away], y[first:last]
+        first = max(rows[0], -away)
+        last = min(rows[1], n - away)
+        of = operator[d, first:last]
+        near = x[first + away : last + away]
+        to = y[first:last]
         for i in range(to.size):  # contiguous slices: vectorised
             to[i] += of[i] * near[i]

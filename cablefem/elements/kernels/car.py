@@ -18,7 +18,9 @@ from cablefem.elements.kernels.balance import Instant, assemble, at_rest, side_o
 from cablefem.elements.kernels.banded import dot, times
 from cablefem.elements.kernels.law import pull
 
-FREE, HAUL, HELD = 0, 1, 2
+FREE = 0
+HAUL = 1
+HELD = 2
 
 
 class Car(NamedTuple):
@@ -64,34 +66,45 @@ class Forces(NamedTuple):
 @inner
 def mean_tangent(mesh, slopes, s_o, xp, yp, q):
     """Return the unit vector along the mean r' of both sides, and the mean |r'|."""
-    mx, my, stretch = 0.0, 0.0, 0.0
+    mx = 0.0
+    my = 0.0
+    stretch = 0.0
     for side in range(2):
         e, h = (mesh.n_left - 1, s_o) if side == 0 else (mesh.n_left, 1.0 - s_o)
-        x, y = xp, yp
+        x = xp
+        y = yp
         for k in range(mesh.dofs.shape[1]):
             d = mesh.dofs[e, k]
             if d >= 0:
                 x += slopes[side, k] * q[2 * d] / h
                 y += slopes[side, k] * q[2 * d + 1] / h
-        mx, my, stretch = mx + 0.5 * x, my + 0.5 * y, stretch + 0.5 * math.sqrt(x * x + y * y)
+        mx = mx + 0.5 * x
+        my = my + 0.5 * y
+        stretch = stretch + 0.5 * math.sqrt(x * x + y * y)
     size = math.sqrt(mx * mx + my * my)
     return (mx / size, my / size), stretch
 
 
 @compiled
 def forces(cable, car, now, slopes, x):
-    q, v, a = x[0], x[1], x[2]
-    n, m = q.size - 1, 2 * car.node
+    q = x[0]
+    v = x[1]
+    a = x[2]
+    n = q.size - 1
+    m = 2 * car.node
     s_o, ds, dds = (now[0], now[1], now[2]) if car.mode == HAUL else (q[n], v[n], a[n])
     hold, thrust = (0.0, 0.0) if car.mode == HAUL else (now[0], now[1])
     xp, yp, T = at_rest(cable.law, s_o)
-    xpp, ypp = cable.law[1] * yp / (T * T), -cable.law[1] / (T * T * T)
+    xpp = cable.law[1] * yp / (T * T)
+    ypp = -cable.law[1] / (T * T * T)
     tau, stretch = mean_tangent(cable.mesh, slopes, s_o, xp, yp, q)
-    px, py = v[m] + xp * ds, v[m + 1] + yp * ds
+    px = v[m] + xp * ds
+    py = v[m + 1] + yp * ds
     fx = car.mu * (a[m] + xp * dds + xpp * ds * ds)
     fy = car.mu * (a[m + 1] + yp * dds + ypp * ds * ds - car.sigma)
     drag = -car.drag * math.sqrt((px - car.wind) ** 2 + py * py)
-    ex, ey = drag * (px - car.wind) + thrust * tau[0], drag * py + thrust * tau[1]
+    ex = drag * (px - car.wind) + thrust * tau[0]
+    ey = drag * py + thrust * tau[1]
     normal = (fx - ex) * tau[1] - (fy - ey) * tau[0]
     drive = hold - stretch * car.heading * (car.friction * abs(normal) + car.brake)
     return Forces(
@@ -106,16 +119,24 @@ def roll(cable, ride, now, x, r, tangent, factors):
     Return the least mean tension, its s, the left side of the row of s_o, and the normal force.
     The tangent omits the turning of the mean tangent.
     """
-    car, push = ride.car, forces(cable, ride.car, now.place, ride.slopes, x)
-    n, m, tau, s_o = x.shape[1] - 1, 2 * car.node, push.tau, push.s_o
+    car = ride.car
+    push = forces(cable, ride.car, now.place, ride.slopes, x)
+    n = x.shape[1] - 1
+    m = 2 * car.node
+    tau = push.tau
+    s_o = push.s_o
     if not 0.0 < s_o < 1.0:
         r[:] = math.nan
         return math.inf, s_o, math.nan, math.nan
     rope = x[2, n] if car.mode == HAUL else 0.0
-    cx, cy = push.inertia[0] - push.outside[0] - rope * tau[0], push.inertia[1] - push.outside[1] - rope * tau[1]
+    cx = push.inertia[0] - push.outside[0] - rope * tau[0]
+    cy = push.inertia[1] - push.outside[1] - rope * tau[1]
     place = np.empty(5)
-    place[0], place[1], place[2] = s_o, push.ds, push.dds
-    place[3], place[4] = cx - car.mu * x[2, m], cy - car.mu * x[2, m + 1]
+    place[0] = s_o
+    place[1] = push.ds
+    place[2] = push.dds
+    place[3] = cx - car.mu * x[2, m]
+    place[4] = cy - car.mu * x[2, m + 1]
     there = Instant(place, now.bands, now.contact)
     weigh(cable, there)
     least, where = assemble(cable, there, x, r, tangent, factors)
@@ -133,26 +154,40 @@ def roll(cable, ride, now, x, r, tangent, factors):
 @inner
 def add_force_row(cable, s_o, border, c0):
     """Return the cable's strain in the row of s_o; add its tangent to the border."""
-    mesh, law, at = cable.mesh, cable.law, cable.points
-    column, row, n_q, n_loc = border[0], border[1], mesh.tab.shape[1], mesh.dofs.shape[1]
-    alpha, sigma = law[0], law[1]
+    mesh = cable.mesh
+    law = cable.law
+    at = cable.points
+    column = border[0]
+    row = border[1]
+    n_q = mesh.tab.shape[1]
+    n_loc = mesh.dofs.shape[1]
+    alpha = law[0]
+    sigma = law[1]
     total = 0.0
     for e in range(mesh.dofs.shape[0]):
-        h, sign = side_of(mesh, s_o, e)[1], 1.0 if e < mesh.n_left else -1.0
+        h = side_of(mesh, s_o, e)[1]
+        sign = 1.0 if e < mesh.n_left else -1.0
         for g in range(n_q):
-            xi, weight, p = mesh.tab[e, g, 0], mesh.tab[e, g, 1], e * n_q + g
+            xi = mesh.tab[e, g, 0]
+            weight = mesh.tab[e, g, 1]
+            p = e * n_q + g
             chi = xi if e < mesh.n_left else 1.0 - xi
             xp, yp, T = at_rest(law, at[0, p])
-            xpp, ypp, T_s = sigma * yp / (T * T), -sigma / (T * T * T), -sigma * yp
-            rx, ry = at[1, p], at[2, p]
-            du, dv = rx - xp, ry - yp
+            xpp = sigma * yp / (T * T)
+            ypp = -sigma / (T * T * T)
+            T_s = -sigma * yp
+            rx = at[1, p]
+            ry = at[2, p]
+            du = rx - xp
+            dv = ry - yp
             fx, fy, k_geo, k_mat, N, W, eps = pull(xp, yp, T, du, dv, alpha, law[3])
             static = xp * du + yp * dv
             D_s = (N - T) / alpha * T_s + k_geo * (rx * xpp + ry * ypp) - T_s * static - T * (xpp * du + ypp * dv)
             total += weight * (sign * (W - T * static - fx * du - fy * dv) + h * chi * D_s)
             if c0 == 0.0:
                 continue
-            yx, yy = chi * xpp - sign / h * du, chi * ypp - sign / h * dv
+            yx = chi * xpp - sign / h * du
+            yy = chi * ypp - sign / h * dv
             bend = k_mat * (rx * yx + ry * yy)
             along = bend + (0.0 if N == 0.0 else chi * T_s / (1.0 + eps))
             f_sx = c0 * (k_geo * yx + along * rx - chi * (T_s * xp + T * xpp))
@@ -172,19 +207,42 @@ def add_force_row(cable, s_o, border, c0):
 @inner
 def add_inertia_row(cable, node, push, x, border, factors):
     """Return the cable's inertia and damping in the row of s_o; add their tangent to the border."""
-    operators, n, c_d = cable.operators, cable.operators.shape[2], cable.damping
-    ds, dds = push.ds, push.dds + c_d * push.ds
-    c0, c1, c2 = factors[0], factors[1], factors[2] + c_d * factors[1]
-    q, v, column, row = x[0], x[1], border[0], border[1]
-    y, total, corner = np.empty((10, n)), 0.0, 0.0
-    Mv, Gq, Gv, Hq, terms, Ma, GTv, GTa, Hv, a = y[0], y[1], y[2], y[3], y[4], y[5], y[6], y[7], y[8], y[9]
+    operators = cable.operators
+    n = cable.operators.shape[2]
+    c_d = cable.damping
+    ds = push.ds
+    dds = push.dds + c_d * push.ds
+    c0 = factors[0]
+    c1 = factors[1]
+    c2 = factors[2] + c_d * factors[1]
+    q = x[0]
+    v = x[1]
+    column = border[0]
+    row = border[1]
+    y = np.empty((10, n))
+    total = 0.0
+    corner = 0.0
+    Mv = y[0]
+    Gq = y[1]
+    Gv = y[2]
+    Hq = y[3]
+    terms = y[4]
+    Ma = y[5]
+    GTv = y[6]
+    GTa = y[7]
+    Hv = y[8]
+    a = y[9]
     for i in range(n):
         a[i] = x[2, i] + c_d * v[i]
     for side in range(2):
         h, sign = (push.s_o, 1.0) if side == 0 else (1.0 - push.s_o, -1.0)
-        flow, speed_up = ds / h, dds / h
+        flow = ds / h
+        speed_up = dds / h
         rows = (0, node + 2) if side == 0 else (node, n)
-        M, G, GT, H = operators[side], operators[2 + side], operators[4 + side], operators[6 + side]
+        M = operators[side]
+        G = operators[2 + side]
+        GT = operators[4 + side]
+        H = operators[6 + side]
         times(M, 2, rows, v, Mv)
         times(G, 2, rows, q, Gq)
         times(G, 2, rows, v, Gv)
@@ -200,7 +258,8 @@ def add_inertia_row(cable, node, push, x, border, factors):
         times(GT, 2, rows, v, GTv)
         times(GT, 2, rows, a, GTa)
         times(H, 2, rows, v, Hv)
-        qHq, qHv = dot(Hq, q), dot(Hq, v)
+        qHq = dot(Hq, q)
+        qHv = dot(Hq, v)
         corner += c0 * (flow * flow / h * qHq - sign / h * (speed_up * qHq + 2.0 * flow * qHv))
         corner += (c1 * (2.0 * qHv - sign * flow * qHq) + c2 * qHq) / h
         for i in range(rows[0], rows[1]):
@@ -215,19 +274,28 @@ def add_inertia_row(cable, node, push, x, border, factors):
 
 @inner
 def add_car(car, push, carried, tangent, factors):
-    (ab, border), m, (c0, c1, c2) = tangent, 2 * car.node, factors
+    ab, border = tangent
+    m = 2 * car.node
+    c0, c1, c2 = factors
     at = ab.shape[1] // 2
-    (xp, yp), (xpp, ypp), tau = push.slope, push.bend, push.tau
-    column, row = border[0], border[1]
-    ux, uy = push.velocity[0] - car.wind, push.velocity[1]
+    xp, yp = push.slope
+    xpp, ypp = push.bend
+    tau = push.tau
+    column = border[0]
+    row = border[1]
+    ux = push.velocity[0] - car.wind
+    uy = push.velocity[1]
     size = math.sqrt(ux * ux + uy * uy)
     per = car.drag / size if size > 0.0 else 0.0
-    d11, d12, d22 = c1 * per * (size * size + ux * ux), c1 * per * ux * uy, c1 * per * (size * size + uy * uy)
+    d11 = c1 * per * (size * size + ux * ux)
+    d12 = c1 * per * ux * uy
+    d22 = c1 * per * (size * size + uy * uy)
     ab[m, at] += d11
     ab[m, at + 1] += d12
     ab[m + 1, at - 1] += d12
     ab[m + 1, at] += d22
-    dx, dy = d11 * xp + d12 * yp, d12 * xp + d22 * yp
+    dx = d11 * xp + d12 * yp
+    dy = d12 * xp + d22 * yp
     rub = push.stretch * car.heading * car.friction * (1.0 if push.normal > 0.0 else -1.0) * car.mu * c2
     row[m] += c2 * car.mu * xp + dx + rub * tau[1]
     row[m + 1] += c2 * car.mu * yp + dy - rub * tau[0]
@@ -240,7 +308,8 @@ def add_car(car, push, carried, tangent, factors):
         return
     column[:] = 0.0
     if car.mode == HAUL:
-        column[m], column[m + 1] = -c2 * tau[0], -c2 * tau[1]
+        column[m] = -c2 * tau[0]
+        column[m + 1] = -c2 * tau[1]
         column[-1] = -c2 * (xp * tau[0] + yp * tau[1])
     else:
         row[:] = 0.0
@@ -258,7 +327,8 @@ def under_way(cable, ride, place, x):
     course = ride.course
     if course.size == 0:
         return True
-    s_o, slip = x[0, -1], x[1, -1]
+    s_o = x[0, -1]
+    slip = x[1, -1]
     if not course[0] < s_o < course[1] or (course[2] != 0.0 and not course[2] * slip > 0.0):
         return False
     push = forces(cable, ride.car, place, ride.slopes, x)

@@ -68,7 +68,12 @@ def collocate(cable, ride, space, steps, rule, newton):
         step = Step(steps.places[k], steps.contacts, steps.ends[k], steps.t[k + 1] - steps.t[k], steps.a[k])
         done, least, where = settle(cable, ride, space, step, rule, newton)
         told = steps.told[k]
-        told[0], told[1], told[2], told[3], told[4], told[5] = done[0], done[1], done[2], done[3], least, where
+        told[0] = done[0]
+        told[1] = done[1]
+        told[2] = done[2]
+        told[3] = done[3]
+        told[4] = least
+        told[5] = where
         if not done[0] <= newton.bound:
             return k
         finish(step, rule, steps.ends[k + 1])
@@ -86,17 +91,22 @@ def settle(cable, ride, space, step, rule, newton):
     With old factors, a correction that does not help is taken back.
     """
     old = abs(space.kept[0] - step.dt) <= SAME * step.dt
-    anew, iterations, factorisations, residuals = not old, 0, 0, 0
+    anew = not old
+    iterations = 0
+    factorisations = 0
+    residuals = 0
     norm, least, where = residual(cable, ride, space, step, rule)
     before = math.inf
     while iterations < newton.max_iter:
         iterations += 1
         if anew:
-            old, space.kept[0] = False, step.dt
+            old = False
+            space.kept[0] = step.dt
             factorisations += 1
             factors(cable, ride, space, step, rule)
         solutions(space, rule)
-        before, share = norm, 1.0
+        before = norm
+        share = 1.0
         for _ in range(newton.halvings + 1):
             take_off(share, space.da, step.a)
             norm, least, where = residual(cable, ride, space, step, rule)
@@ -128,10 +138,13 @@ def hopeless(norm, before, iterations, newton):
 @inner
 def residual(cable, ride, space, step, rule):
     """Set states and residuals of the nodes; return |r|, and the least tension and its s at the last."""
-    square, least, where = 0.0, math.inf, 0.0
+    square = 0.0
+    least = math.inf
+    where = 0.0
     for i in range(step.a.shape[0]):
         at_node(step, rule, i, space.x[i])
-        r, now = space.r[i], Instant(step.places[i], space.bands[i], step.contacts[i])
+        r = space.r[i]
+        now = Instant(step.places[i], space.bands[i], step.contacts[i])
         least, where = balance(cable, ride, now, space.x[i], r, space.real, NO_TANGENT)
         for j in range(r.size):
             square += r[j] * r[j]
@@ -141,13 +154,20 @@ def residual(cable, ride, space, step, rule):
 @inner
 def at_node(step, rule, i, x):
     """Set the state x at a node: q = q0 + c dt v0 + dt^2 (A A a), v = v0 + dt A a."""
-    q0, v0, dt = step.start[0], step.start[1], step.dt
-    q, v, a = x[0], x[1], x[2]
+    q0 = step.start[0]
+    v0 = step.start[1]
+    dt = step.dt
+    q = x[0]
+    v = x[1]
+    a = x[2]
     for j in range(a.size):
-        v[j], a[j] = v0[j], step.a[i, j]
+        v[j] = v0[j]
+        a[j] = step.a[i, j]
         q[j] = q0[j] + dt * rule.c[i] * v0[j]
     for k in range(step.a.shape[0]):
-        of, once, twice = step.a[k], dt * rule.A[i, k], dt * dt * rule.AA[i, k]
+        of = step.a[k]
+        once = dt * rule.A[i, k]
+        twice = dt * dt * rule.AA[i, k]
         for j in range(a.size):
             v[j] += once * of[j]
             q[j] += twice * of[j]
@@ -155,9 +175,12 @@ def at_node(step, rule, i, x):
 
 @inner
 def finish(step, rule, end):
-    q0, v0, dt = step.start[0], step.start[1], step.dt
+    q0 = step.start[0]
+    v0 = step.start[1]
+    dt = step.dt
     for j in range(q0.size):
-        twice, once = 0.0, 0.0
+        twice = 0.0
+        once = 0.0
         for i in range(step.a.shape[0]):
             twice += rule.ends[0, i] * step.a[i, j]
             once += rule.ends[1, i] * step.a[i, j]
@@ -170,7 +193,9 @@ def spread(weights, of, out):
     out[:] = 0.0
     for i in range(weights.shape[0]):
         for k in range(weights.shape[1]):
-            x, to, w = of[k], out[i], weights[i, k]
+            x = of[k]
+            to = out[i]
+            w = weights[i, k]
             for j in range(to.size):
                 to[j] += w * x[j]
 
@@ -178,14 +203,16 @@ def spread(weights, of, out):
 @inner
 def take_off(share, da, a):
     for i in range(a.shape[0]):
-        x, of = a[i], da[i]
+        x = a[i]
+        of = da[i]
         for j in range(x.size):
             x[j] -= share * of[j]
 
 
 @inner
 def factors(cable, ride, space, step, rule):
-    middle, spare = rule.middle, np.empty(space.r.shape[1])
+    middle = rule.middle
+    spare = np.empty(space.r.shape[1])
     now = Instant(step.places[middle], space.bands[middle], step.contacts[middle])
     for k in range(3):
         unit = (1.0 if k == 0 else 0.0), (1.0 if k == 1 else 0.0), (1.0 if k == 2 else 0.0)
@@ -222,8 +249,14 @@ def even(cable, ride, space, step, c0, middle):
     """Scale the rows of each node so that the middle tangent fits its diagonal."""
     if ride is not None:
         return
-    bands, scales, mesh, K_c, M_c = space.bands, space.scales, cable.mesh, space.parts[0].ab, space.parts[2].ab
-    half, band, n_fields = bands.shape[2] // 2, M_c.shape[1] // 2, step.contacts[middle].dofs.shape[1]
+    bands = space.bands
+    scales = space.scales
+    mesh = cable.mesh
+    K_c = space.parts[0].ab
+    M_c = space.parts[2].ab
+    half = bands.shape[2] // 2
+    band = M_c.shape[1] // 2
+    n_fields = step.contacts[middle].dofs.shape[1]
     scales[:] = 0.0
     for i in range(scales.shape[0]):
         for e in range(mesh.dofs.shape[0]):
@@ -231,7 +264,9 @@ def even(cable, ride, space, step, c0, middle):
                 for k in range(n_fields if d >= 0 else 0):
                     scales[i, d * n_fields + k] += 1.0 / side_of(mesh, step.places[i, 0], e)[1]
     for j in range(scales.shape[1]):
-        K, M, per_h = c0 * K_c[j, band], M_c[j, band], scales[middle, j]
+        K = c0 * K_c[j, band]
+        M = M_c[j, band]
+        per_h = scales[middle, j]
         for i in range(scales.shape[0]):
             M_i = M + bands[i, 0, half, j] - bands[middle, 0, half, j]
             scales[i, j] = (K + M) / (K * scales[i, j] / per_h + M_i)
@@ -239,8 +274,11 @@ def even(cable, ride, space, step, c0, middle):
 
 @inner
 def solutions(space, rule):
-    (s, n), r, da = space.r.shape, space.r, space.da
-    real, along = np.empty(n), np.empty(n, dtype=np.complex128)
+    s, n = space.r.shape
+    r = space.r
+    da = space.da
+    real = np.empty(n)
+    along = np.empty(n, dtype=np.complex128)
     da[:] = 0.0
     for i in range(s):
         for j in range(n):
@@ -257,13 +295,15 @@ def solutions(space, rule):
                     da[i, j] += rule.back[i, k].real * real[j]
         else:
             for j in range(n):
-                x, y = 0.0, 0.0
+                x = 0.0
+                y = 0.0
                 for i in range(s):
                     x += rule.to[k, i].real * r[i, j]
                     y += rule.to[k, i].imag * r[i, j]
                 along[j] = complex(x, y)
             solve(space.pair.ab, space.pair.border, along)
             for i in range(s):
-                x, y = rule.back[i, k].real, rule.back[i, k].imag
+                x = rule.back[i, k].real
+                y = rule.back[i, k].imag
                 for j in range(n):
                     da[i, j] += x * along[j].real - y * along[j].imag

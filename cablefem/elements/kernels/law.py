@@ -4,7 +4,8 @@ import math
 
 from cablefem.elements.kernels import inner
 
-ELASTIC, TENSION_ONLY = 0.0, 1.0
+ELASTIC = 0.0
+TENSION_ONLY = 1.0
 
 
 @inner
@@ -19,7 +20,8 @@ def tension(eps, T, alpha, law):
 @inner
 def pull(xp, yp, T, du, dv, alpha, law):
     """Return f = N t - T X' (2,), df/dw' = k_geo I + k_mat r' r'^T as its factors, N, W, eps; t = r'/|r'|."""
-    rx, ry = xp + du, yp + dv
+    rx = xp + du
+    ry = yp + dv
     stretch = math.sqrt(rx * rx + ry * ry)
     eps = (2.0 * (xp * du + yp * dv) + du * du + dv * dv) / (stretch + 1.0)
     N, dN, W = tension(eps, T, alpha, law)

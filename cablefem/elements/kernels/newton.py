@@ -39,18 +39,27 @@ def settle(cable, ride, tangent, bands, steps, newton):
 
     newton : `cablefem.newmark.Newton`.
     """
-    n, x, bound = steps.start.shape[1], np.empty_like(steps.start), newton.bound
-    r, da = np.empty(n), np.empty(n)
+    n = steps.start.shape[1]
+    x = np.empty_like(steps.start)
+    bound = newton.bound
+    r = np.empty(n)
+    da = np.empty(n)
     patience = newton.patience if ride is None else 0  # else another root near a support
     for k in range(steps.rules.shape[0]):
-        begin, end, rule = steps.start if k == 0 else steps.ends[k - 1], steps.ends[k], steps.rules[k]
+        begin = steps.start if k == 0 else steps.ends[k - 1]
+        end = steps.ends[k]
+        rule = steps.rules[k]
         now = Instant(steps.places[k], bands, steps.contact)
         if now.place.size > 3:  # with a car, `roll` does this
             weigh(cable, now)
         predict(begin, rule, end, x)
         factors = rule[0, 3] * rule[0, 4], rule[1, 3] * rule[1, 4], rule[2, 3] * rule[2, 4]
-        norm, before, factorisations, residuals = math.inf, 0.0, 0, 0
-        least, where = math.inf, 0.0
+        norm = math.inf
+        before = 0.0
+        factorisations = 0
+        residuals = 0
+        least = math.inf
+        where = 0.0
         for iteration in range(newton.max_iter):
             if not norm <= newton.reuse * before:
                 balance(cable, ride, now, x, r, tangent, factors)
@@ -73,8 +82,12 @@ def settle(cable, ride, tangent, bands, steps, newton):
             if norm <= bound or not norm < math.inf:
                 break
         told = steps.told[k]
-        told[0], told[1], told[2], told[3] = norm, iteration + 1, factorisations, residuals
-        told[4], told[5] = least, where
+        told[0] = norm
+        told[1] = iteration + 1
+        told[2] = factorisations
+        told[3] = residuals
+        told[4] = least
+        told[5] = where
         if not (norm <= bound and least >= 0.0 and under_way(cable, ride, steps.places[k], end)):
             return k
     return steps.rules.shape[0]
@@ -92,7 +105,8 @@ def predict(begin, rule, end, x):
 @inner
 def correct(begin, rule, share, da, end, x):
     for i in range(3):
-        part, w = share * rule[i, 3], rule[i, 4]
+        part = share * rule[i, 3]
+        w = rule[i, 4]
         for j in range(end.shape[1]):
             end[i, j] -= part * da[j]
             x[i, j] = w * end[i, j] + (1.0 - w) * begin[i, j]

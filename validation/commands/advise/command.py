@@ -7,7 +7,7 @@ EXAMPLE = "cablefem advise inclined --tol 1e-2"
 
 def command(
     scene: SceneName,
-    tol: Annotated[float, number("--tol", "Error of the mass path that is good enough.")],
+    tol: Annotated[float, number("--tol", "Error of the mass path that is good enough; of forces ten times it.")],
     out: Out = None,
 ) -> int:
     """Find the least model and cheapest method for a scene.

@@ -21,7 +21,8 @@ def sections(folder: Path) -> list[Section]:
 
 
 def _paths(x: dict[str, Any], rungs: list[dict[str, Any]]) -> Markup:
-    place, paths = np.array(x["place"]), [np.array(rung["v"], dtype=float) for rung in rungs]
+    place = np.array(x["place"])
+    paths = [np.array(rung["v"], dtype=float) for rung in rungs]
     size = np.nanmax(np.abs(paths[-1][place <= x["range"][1] + 1e-9]))
     p = Panel("deflection, down [–]", "Path of the mass", height=240.0, down=True)
     for rung, v in zip(rungs, paths, strict=True):

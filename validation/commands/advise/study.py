@@ -8,6 +8,8 @@ path : largest distance in v, over the largest v.
 tension : rms over cable and time, off the mass, over H.
 timetable : largest distance in place over the length, in speed over its largest, and in duration.
 haul force : largest distance of means over an axial round trip, over the largest force.
+
+Of path and timetable the tolerance is asked, of forces ten times as much: as `check --tol` asks.
 """
 
 import itertools
@@ -33,6 +35,7 @@ from validation.core.ladder import Ladder
 from validation.core.measures import JUMP_WIDTH, NotComparable, series_gap, tension_gap
 from validation.core.methods import METHODS, find
 from validation.core.quasi_static import Statics, quasi_static
+from validation.core.rows import asked_of
 from validation.core.running import run
 from validation.core.sidebyside import Progress, silent
 from validation.core.view import View
@@ -55,6 +58,7 @@ def _timetable(a: Response, b: Response, view: View) -> float:
     return max(place, _over_largest("speed", a, b, view))
 
 
+FORCES = ("tension", "haul force")
 # need -> distance of two runs, and the largest order credited
 NEEDS: dict[str, tuple[Gap, float]] = {
     "timetable": (_timetable, math.inf), "path": (partial(_over_largest, "v"), math.inf),
@@ -62,6 +66,12 @@ NEEDS: dict[str, tuple[Gap, float]] = {
     "haul force": (lambda a, b, view: _over_largest("F_haul", a, b, view, view.axial), 1.0),
 }  # fmt: skip
 OF = {"grip": ("path", "tension"), "free": ("timetable", "path", "tension"), "haul": ("path", "tension", "haul force")}
+
+
+def required(scene: Scene, tol: float) -> dict[str, float]:
+    """What a tolerance of the path asks of each need of the scene."""
+    needs = OF[scene.drive.mode]
+    return {need: asked_of("force" if need in FORCES else "path", tol, None) for need in needs}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,15 +88,17 @@ class Rung:
     def name(self) -> str:
         return f"{self.model} + {self.load}" if (self.model, self.load) in LADDER else self.model
 
-    def within(self, tol: float) -> bool:
-        return all(gap <= tol for gap in self.gaps.values())
+    def within(self, asked: dict[str, float]) -> bool:
+        return all(gap <= asked[need] for need, gap in self.gaps.items())
 
-    def line(self, tol: float) -> dict[str, Any]:
-        r, gaps = self.run, self.gaps
+    def line(self, asked: dict[str, float]) -> dict[str, Any]:
+        r = self.run
+        gaps = self.gaps
+        settings = {} if r is None else find(r.method).told(r.settings) | {"scheme": r.settings["scheme"]}
         out = {
             "name": self.name, "model": self.model, "load": self.load, "seconds": self.seconds,
-            "path_error": gaps["path"], "tension_error": gaps["tension"], "gaps": gaps, "meets": self.within(tol),
-            "method": r.method if r else None, "settings": find(r.method).told(r.settings) if r else {},
+            "path_error": gaps["path"], "tension_error": gaps["tension"], "gaps": gaps, "meets": self.within(asked),
+            "method": r.method if r else None, "settings": settings,
         }  # fmt: skip
         if r is not None and r.drive != "free":
             v = np.interp(PLACE, r.s_o / r.length, r.v, right=math.nan)
@@ -98,7 +110,7 @@ def advise(scene: Scene, tol: float, out: Path, report: Progress = silent) -> di
     """Write advice.json, to a tolerance of all that is needed; an advice for the same is kept."""
     if not (math.isfinite(tol) and 0.0 < tol < 1.0):
         raise ValueError(f"tol must lie in (0, 1), got {tol!r}")
-    if kept := store.stored(out / "advice.json", scene_toml=scene.to_toml(), tol=tol):
+    if kept := store.stored(out / "advice.json", scene_toml=scene.to_toml(), asked=required(scene, tol)):
         return kept
     content = advice(scene, tol, report)
     write_json(out / "advice.json", content)
@@ -106,24 +118,28 @@ def advise(scene: Scene, tol: float, out: Path, report: Progress = silent) -> di
 
 
 def advice(scene: Scene, tol: float, report: Progress = silent) -> dict[str, Any]:
-    rungs, full, view = _rungs(scene, tol, report)
-    least = {need: next((r for r in rungs if r.gaps[need] <= tol), rungs[-1]) for need in OF[full.drive]}
+    asked = required(scene, tol)
+    rungs, full, view = _rungs(scene, tol, asked, report)
+    least = {need: next((r for r in rungs if r.gaps[need] <= enough), rungs[-1]) for need, enough in asked.items()}
     best = max(least.values(), key=rungs.index)
-    entries = [best, *(_raced(scene, best, full, view, tol, report) if full.drive == "grip" else ())]
-    cheapest = min((r for r in entries if r.within(tol)), key=lambda r: r.seconds, default=best)
+    entries = [best, *(_raced(scene, best, full, view, asked, report) if full.drive == "grip" else ())]
+    cheapest = min((r for r in entries if r.within(asked)), key=lambda r: r.seconds, default=best)
     return {
-        "scene": scene.name, "scene_toml": scene.to_toml(), "tol": tol, "drive": full.drive,
-        **cheapest.line(tol), "least": {need: r.name for need, r in least.items()},
+        "scene": scene.name, "scene_toml": scene.to_toml(), "tol": tol, "asked": asked, "drive": full.drive,
+        **cheapest.line(asked), "least": {need: r.name for need, r in least.items()},
         "range": list(view.window), "slack_onset": full.slack_onset,
-        "full": rungs[-1].line(tol), "candidates": [r.line(tol) for r in entries],
-        "rungs": [r.line(tol) for r in rungs], "place": PLACE.tolist(),
+        "full": rungs[-1].line(asked), "candidates": [r.line(asked) for r in entries],
+        "rungs": [r.line(asked) for r in rungs], "place": PLACE.tolist(),
     }  # fmt: skip
 
 
-def _rungs(scene: Scene, tol: float, report: Progress) -> tuple[list[Rung], Response, View]:
+def _rungs(
+    scene: Scene, tol: float, asked: dict[str, float], report: Progress
+) -> tuple[list[Rung], Response, View]:  # fmt: skip
     view = View.of(scene)
-    ladder = _full(scene, view, tol, report)
-    full, bars = ladder.run, {need: sum(parts_of(ladder, view, *NEEDS[need])) for need in OF[scene.drive.mode]}
+    ladder = _full(scene, view, tol, asked, report)
+    full = ladder.run
+    bars = {need: sum(parts_of(ladder, view, *NEEDS[need])) for need in asked}
     rungs = [Rung("full", "mass", full.seconds, bars, full)]
     if all(map(math.isfinite, bars.values())):
         view = view.cut(full)
@@ -131,18 +147,22 @@ def _rungs(scene: Scene, tol: float, report: Progress) -> tuple[list[Rung], Resp
     return rungs, full, view
 
 
-def _full(scene: Scene, view: View, tol: float, report: Progress) -> Ladder:
+def _full(scene: Scene, view: View, tol: float, asked: dict[str, float], report: Progress) -> Ladder:
     """The full model, as fine as tolerance and budget allow."""
-    told, budget = partial(report, "full model"), SHARE * BUDGET
+    told = partial(report, "full model")
+    budget = SHARE * BUDGET
     try:
         ladder = climb(scene, REFERENCE, SHARE * tol, budget=budget, progress=told, until=view.stop)
     except TooCoarse as error:
         return error.ladder
 
     def left(ladder: Ladder) -> tuple[float, float]:
-        parts = (parts_of(ladder, view, *NEEDS[need]) for need in OF[scene.drive.mode])
-        space, time = max(parts, key=sum)
-        return space / (SHARE * tol), time / (SHARE * tol)
+        """Bars of space and time over their share, of the need that is worst."""
+        shares = []
+        for need, enough in asked.items():
+            space, time = parts_of(ladder, view, *NEEDS[need])
+            shares.append((space / (SHARE * enough), time / (SHARE * enough)))
+        return max(shares, key=sum)
 
     return refined_until(scene, ladder, left, budget=budget, until=view.stop)
 
@@ -180,7 +200,9 @@ def distances(r: Response, full: Response, view: View) -> dict[str, float]:
 
 def _rolled(scene: Scene, full: Response) -> Iterator[Rung]:
     """Give the quasi-static rides; the one on the loaded cable tells path and tension, too."""
-    g, l, tau = scene.groups, scene.length, scene.time_scale
+    g = scene.groups
+    l = scene.length
+    tau = scene.time_scale
     for model, kind in (("chord", LoadPath.chord), ("empty cable", LoadPath.empty), ("quasi-static", LoadPath.loaded)):
         begin = time.perf_counter()
         rolled = ride(kind(g), g.mu, g.sigma, g.drive)
@@ -206,11 +228,15 @@ def _at_rest(scene: Scene, full: Response, view: View) -> Rung:
 
 def _static_gaps(scene: Scene, full: Response) -> dict[str, float]:
     """Distance of the cable at rest from the full run, at equal places."""
-    l, H, g, f = scene.length, scene.horizontal_tension, scene.groups, full.fields
+    l = scene.length
+    H = scene.horizontal_tension
+    g = scene.groups
+    f = full.fields
     at = Statics(g)
     here = at(full.s_o / l)
     v = l * (here.place[:, 1] - g.shape(here.s)[1])
-    s, s_o = f.s / l, f.s_o / l
+    s = f.s / l
+    s_o = f.s_o / l
     off = np.abs(s - s_o[:, None]) > JUMP_WIDTH
     tension = at.tension(s, s_o) - f.T / H
     return {
@@ -219,15 +245,18 @@ def _static_gaps(scene: Scene, full: Response) -> dict[str, float]:
     }
 
 
-def _raced(scene: Scene, best: Rung, full: Response, view: View, tol: float, report: Progress) -> Iterator[Rung]:
+def _raced(
+    scene: Scene, best: Rung, full: Response, view: View, asked: dict[str, float], report: Progress
+) -> Iterator[Rung]:  # fmt: skip
     """Give runs of a model by all candidates, refined until within the tolerance or dearer than one that is."""
-    candidates, cheapest = [method for method in METHODS.values() if method.races], full.seconds
+    candidates = [method for method in METHODS.values() if method.races]
+    cheapest = full.seconds
     for i, method in enumerate(candidates):
         report("methods", (i + 1) / len(candidates))
         for resolution, steps in method.races:
             settings: dict[str, Any] = {method.resolution.setting: resolution, "steps": steps}
             r = _timed(scene, method, model=best.model, load=best.load, until=view.stop, **settings)
             yield (entry := Rung(best.model, best.load, r.seconds, distances(r, full, view), r))
-            cheapest = min(cheapest, r.seconds) if entry.within(tol) else cheapest
-            if entry.within(tol) or 2.0 * r.seconds > cheapest:  # the next costs about twice
+            cheapest = min(cheapest, r.seconds) if entry.within(asked) else cheapest
+            if entry.within(asked) or 2.0 * r.seconds > cheapest:  # the next costs about twice
                 break

@@ -1,17 +1,18 @@
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from validation.page.options import study, to
+from validation.page.options import Quick, small, study, to
 
 EXAMPLE = "cablefem atlas"
 
 
-def command(out: Annotated[Path | None, to("atlas")] = None) -> int:
-    """Map where methods fail, and what helps.
+def command(quick: Quick = False, out: Annotated[Path | None, to("atlas")] = None) -> int:
+    """Map where methods fail, and what helps; --quick: every fifth value and failure.
 
     Writes DIR/: atlas.json and report.html.
     """
     from validation.commands.atlas.study import atlas
 
-    study("atlas", "atlas", ["atlas.json", "cells.jsonl"], out, atlas)
+    study("atlas", small("atlas", quick), ["atlas.json", "cells.jsonl"], out, partial(atlas, quick=quick))
     return 0

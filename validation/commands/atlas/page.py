@@ -38,7 +38,8 @@ def _map(atlas: dict[str, Any], m: dict[str, Any]) -> dict[str, Any]:
 
 
 def _figure(m: dict[str, Any], method: str, cells: dict[Any, Any]) -> Markup:
-    xs, ys = m["x"]["values"], m["y"]["values"]
+    xs = m["x"]["values"]
+    ys = m["y"]["values"]
     grid = {(i, j): cells.get((method, x, y), UNKNOWN) for i, x in enumerate(xs) for j, y in enumerate(ys)}
     kinds = [cell["class"] for cell in grid.values()]
     shown = [name for name in CLASSES if name in kinds]
@@ -92,7 +93,8 @@ def _curves(ax: Any, m: dict[str, Any]) -> None:
     def place(values: list[float], x: Any) -> Any:
         return np.interp(np.log(x), np.log(values), np.arange(len(values)), left=np.nan, right=np.nan)
 
-    xs, ys = m["x"]["values"], m["y"]["values"]
+    xs = m["x"]["values"]
+    ys = m["y"]["values"]
     if m["name"] == "speed-mass":
         ax.axvline(place(xs, 1.0), color=BLUE, linestyle="--", label="V = wave speed")
     elif m["name"] == "sag-stiffness":

@@ -18,7 +18,8 @@ def implicit_floor(scene: Scene, *, elements: int = 10, steps: int = 480, repeat
     from cablefem.elements.following import FollowingElements
 
     system = FollowingElements(scene.groups, elements=elements)
-    n, band = system.n_dof, system._band
+    n = system.n_dof
+    band = system._band
     rng = np.random.default_rng(5)
     matrix = np.zeros((3 * band + 1, n), order="F")
     matrix[band:] = rng.standard_normal((2 * band + 1, n))
@@ -26,10 +27,12 @@ def implicit_floor(scene: Scene, *, elements: int = 10, steps: int = 480, repeat
     b = rng.standard_normal(n)
     dt = system.phases[-1][1] / steps
     c = 0.25 * dt * dt, 0.5 * dt, 1.0
-    grid, found = newmark.step_times(system, steps), []
+    grid = newmark.step_times(system, steps)
+    found = []
     with threadpool_limits(1):
         for _ in range(repeats):
-            work, begin = newmark.Work(), time.perf_counter()
+            work = newmark.Work()
+            begin = time.perf_counter()
             advance = newmark.integrate(system, newmark.scheme("trapezoidal"), grid, work=work)
             x = next(x for x in advance if work.steps >= steps // 2)
             whole = (time.perf_counter() - begin) / work.newton_iterations

@@ -44,17 +44,24 @@ def fastest(rows: list[Row], error: float) -> Row:
     def first(quantity: str) -> Row:
         at = {name: t for name, x in full.items() if (t := seconds_at(x, error, quantity)) is not None}
         name = min(at, key=at.__getitem__, default="")
-        return {"series": name or None, "seconds": at.get(name)}
+        return {"series": name or None, "seconds": at.get(name), "cut": any(map(cut, full.values()))}
 
     path = first("path")
     peers = {name: _peer(x, error, path["seconds"]) for name, x in of.items() if x[0]["kind"] == "peer"}
     return {"error": error, **path, "tension": first("tension"), "peers": peers}
 
 
+def cut(rows: list[Row]) -> bool:
+    """Whether the budget ended before the ladder of settings did."""
+    return any(r["status"] == "not run" for r in rows)
+
+
 def _peer(rows: list[Row], error: float, ours: float | None) -> Row:
     """Seconds of another code at an error, over ours, or why there are none."""
-    at, reason = seconds_at(rows, error), None
+    at = seconds_at(rows, error)
+    reason = None
     if at is None:
         errors = [r["path_error"] for r in rows if r["path_error"] is not None]
-        reason = f"comes to {100.0 * min(errors):.2g} % at best" if errors else f"not measured: {rows[0]['reason']}"
+        how = "within the time it was given" if cut(rows) else "at best"
+        reason = f"comes to {100.0 * min(errors):.2g} % {how}" if errors else f"not measured: {rows[0]['reason']}"
     return {"seconds": at, "ratio": None if at is None or ours is None else at / ours, "reason": reason}

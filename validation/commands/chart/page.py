@@ -72,7 +72,9 @@ def draw(chart: dict[str, Any], quantity: str, work: str, title: str, lines: dic
     ax.plot(*_columns(best, work, error), color="#c8c8c8", linewidth=6.0, solid_capstyle="round", zorder=1)
     ends: list[tuple[Row, str, int]] = []
     for i, (name, rows) in enumerate(lines.items()):
-        colour, marker, dash = PALETTE[i % len(PALETTE)], MARKERS[i % len(MARKERS)], DASHES[i % len(DASHES)]
+        colour = PALETTE[i % len(PALETTE)]
+        marker = MARKERS[i % len(MARKERS)]
+        dash = DASHES[i % len(DASHES)]
         ax.plot(*_columns(rows, work, error), marker, color=colour, alpha=0.25, markersize=3.5, zorder=2)
         best = best_of(rows, quantity, work)
         ax.plot(*_columns(best, work, error), marker=marker, color=colour, linestyle=dash, label=name, zorder=3)

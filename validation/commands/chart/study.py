@@ -37,7 +37,9 @@ from validation.peers import PEERS, PeerPath, available
 
 STOP = measures.WINDOW[1]
 SAID = store.shipped(__package__, "chart.toml")
-REFERENCE, REFERENCE_OF_RIDES, WITNESS = SAID["reference"], SAID["reference_of_rides"], SAID["witness"]
+REFERENCE = SAID["reference"]
+REFERENCE_OF_RIDES = SAID["reference_of_rides"]
+WITNESS = SAID["witness"]
 BASE = SAID["base"]
 FINER = tuple(2.0 ** (0.5 * k) for k in range(-3, 4))  # over the default resolution
 DENSE = tuple(2.0 ** (-0.25 * k) for k in range(8, -1, -1))  # shares of steps, for short runs
@@ -121,7 +123,9 @@ def ladder(method: Method, shares: Sequence[float] = SAID["shares"]) -> Iterator
     Steps grow with the resolution, between linearly and as its square; then `shares` of them.
     """
     settings = method.settings({})
-    seen, pace = [], min(2.0, method.keeps_pace)  # more steps take too long
+    # more steps take too long
+    seen = []
+    pace = min(2.0, method.keeps_pace)
     for finer in FINER:
         for share in shares:
             x = method.told(refined(method, settings, space=finer, time=share * finer**pace))
@@ -176,7 +180,8 @@ class _Truth:
 
     def errors_of_path(self, p: PeerPath, scene: Scene) -> dict[str, float]:
         """Errors of another code's path, dimensionless."""
-        t, place = scene.time_scale * p.t, np.stack(scene.groups.shape(p.s_o)) + np.stack([p.u, p.v])
+        t = scene.time_scale * p.t
+        place = np.stack(scene.groups.shape(p.s_o)) + np.stack([p.u, p.v])
         inside = (p.s_o >= self.window[0]) & (p.s_o <= self.window[1]) & (t <= self.run.t[-1])
         ours = CubicSpline(self.run.t, np.stack([self.run.x, self.run.y], axis=1))(t[inside])
         gap = np.hypot(*(scene.length * place[:, inside] - ours.T)) / self.run.path_scale
@@ -197,7 +202,9 @@ def _line(scene: Scene, line: Series, truth: _Truth, rows: list[Row], repeats: i
     missing = [x for x in line.rungs if x not in done]
     if missing and line.kind not in ("tolerance", "peer"):
         _repeated(scene, line, missing[0], truth, 1, 0.0)  # the first run may compile
-    new, last, left = [], 0.0, share
+    new = []
+    last = 0.0
+    left = share
     while missing and last <= left:
         begin = time.perf_counter()
         row = _repeated(scene, line, missing.pop(0), truth, max(1, repeats), left)
@@ -256,7 +263,8 @@ def _ours(scene: Scene, line: Series, rung: Row, truth: _Truth) -> tuple[Row, fl
         seconds = time.process_time() - begin
         found = {"bar": r.path_error, "chosen": METHODS[line.method].told(r.settings)}
     else:
-        r, found = run(scene, line.method, model=line.model, until=stop_of(scene), **rung), {}
+        r = run(scene, line.method, model=line.model, until=stop_of(scene), **rung)
+        found = {}
         seconds = r.seconds
     work = {name: r.work[name] for name in ("steps", "newton_iterations", "factorisations")}
     found |= work | {"reached": r.reached, "n_dof": r.n_dof, "unknown_steps": r.work["steps"] * r.n_dof}
@@ -266,7 +274,8 @@ def _ours(scene: Scene, line: Series, rung: Row, truth: _Truth) -> tuple[Row, fl
 def _of_peer(scene: Scene, line: Series, rung: Row, truth: _Truth) -> tuple[Row, float]:
     stop = stop_of(scene)
     groups = scene.groups if stop is None else until(scene.groups, stop)
-    wall, own = time.perf_counter(), time.process_time()
+    wall = time.perf_counter()
+    own = time.process_time()
     try:
         with threadpool_limits(1):
             p = PEERS[line.name].run(groups, **rung)

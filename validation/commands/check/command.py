@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 EXAMPLE = "cablefem check my.toml --tol 1e-4 --with other.csv"
 TOL = "Asked of the path's error, over its largest deflection. Default: 1e-3; of a line at rest 1e-6 m."
 TOL_TENSION = "Asked of the tension, over H. Default: 10 times --tol."
+ASK = "all, or path: path, position and speed of the car decide, all else is shown."
 SECOND = "Scene the second solver is told: a planted fault."
 SECOND_SET = "The same by a key of the scene: mass.mass=+1%."
 
@@ -31,6 +32,8 @@ def command(
     second: Annotated[Path | None, typer.Option("--second", metavar="FILE", help=SECOND)] = None,
     second_set: Annotated[list[str] | None, typer.Option("--second-set", metavar="KEY=VALUE", help=SECOND_SET)] = None,
     sensitive: Annotated[bool, typer.Option("--sensitivity", help="Smallest fault of each key that it sees.")] = False,
+    self_test: Annotated[bool, typer.Option("--self-test", help="Plant a fault of 1 %: it must be seen.")] = False,
+    ask: Annotated[str, typer.Option("--ask", metavar="WHAT", help=ASK)] = "all",
     out: options.Out = None,
 ) -> int:
     """Run two solvers that share no formula on one scene, or on a grid of scenes; do they agree?
@@ -45,7 +48,15 @@ def command(
     support, y down. Other units and directions are told by the name: s_o_over_l, t_ms, v_over_l, v_mm, y_up, ...
     """
     if (line := options.line_named(scene)) is not None:
-        options.refuse_moving({"--with": other is not None, "--deep": deep, "--sensitivity": sensitive})
+        options.refuse_moving(
+            {
+                "--ask": ask != "all",
+                "--with": other is not None,
+                "--deep": deep,
+                "--sensitivity": sensitive,
+                "--self-test": self_test,
+            }
+        )
         from validation.commands.check import line as at_rest
 
         given = options.points_of(line, set_)
@@ -54,8 +65,11 @@ def command(
         *options.tol_faults(tol), *options.tol_faults(tol_tension, "--tol-tension", 1e-6, 1.0),
         *options.tol_faults(with_tol, "--with-tol", 0.0, 1.0),
     ]  # fmt: skip
+    if ask not in ("all", "path"):
+        faults.append(f"--ask = {ask!r}: must be all or path")
     loaded = options.scene_named(scene, faults, travelling=True)
-    points, asked = _points(loaded, set_), {"tol": 1e-3 if tol is None else tol, "tol_tension": tol_tension}
+    points = _points(loaded, set_)
+    asked = {"tol": 1e-3 if tol is None else tol, "tol_tension": tol_tension, "ask": ask}
     if len(points) > 1:
         if other is not None:
             raise store.Refused("--with: holds one path against one scene; leave it out of a grid")
@@ -65,16 +79,28 @@ def command(
     result, folder = _checked(loaded, third, out, deep=deep, second=_second(loaded, second, second_set), **asked)
 
     from validation.commands.check import words
-    from validation.page import telling
+    from validation.core.readback import Stored
+    from validation.page import report, telling
 
-    words.tell(result, verbose)
+    with terminal.heard() as lines:
+        words.tell(result, verbose)
     if sensitive:
         from validation.commands.check import sensitivity
 
         terminal.say(f"  {sensitivity.told(sensitivity.sensitivity(result))}")
-    a, b = result.a.run, result.b.run
+    a = result.a.run
+    b = result.b.run
     terminal.say(f"  written to {folder}: report.html, {a.method}/, {b.method}/")
-    return telling.broken(a, b) or int(result.verdict.value != "agree" or bool(result.doubts))
+    broken = telling.broken(a, b)
+    wrong = 0 if broken else report.read_back("check", Stored(folder, [a.method, b.method], judged=True), lines)
+    sound = result.verdict.value == "agree" and not result.doubts and not wrong
+    if self_test:
+        from validation.commands.check import selftest
+
+        verdict = selftest.planted(result)
+        terminal.say(f"  {selftest.said(result, verdict)}")
+        sound = sound and verdict.value == "disagree"
+    return broken or int(not sound)
 
 
 def _points(scene: Any, pairs: list[str] | None) -> list[options.Point]:

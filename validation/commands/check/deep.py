@@ -16,7 +16,7 @@ from cablefem.scene.statics import gripped, hauled
 from validation.commands.modes.study import modes
 from validation.core import measures
 from validation.core.agreement import Agreement, Bound, Part, nothing
-from validation.core.climb import laddered
+from validation.core.climb import laddered, own_path_error
 from validation.core.ladder import Ladder
 from validation.core.methods import METHODS
 from validation.core.order import SAFETY
@@ -48,7 +48,8 @@ def _frequencies(scene: Scene, a: Ladder) -> Agreement:
 def _rest(scene: Scene, a: Ladder) -> Agreement | None:
     if a.run.drive == "grip":
         return None
-    r, l = a.run, scene.length
+    r = a.run
+    l = scene.length
     statics = (hauled if r.drive == "haul" else gripped)([r.s_o[0] / l], scene.groups)
     at = statics.place[0] * l
 
@@ -60,32 +61,40 @@ def _rest(scene: Scene, a: Ladder) -> Agreement | None:
 
 def _driver(scene: Scene, a: Ladder) -> Agreement | None:
     """Compare the time driver with scipy's DOP853 on the same coarse semi-discrete system, from one state."""
-    begin, part, steps = 0.1, 0.05, 2000  # s_o/l of that state, and so much of the travel in so many steps
+    # s_o/l of that state, and so much of the travel in so many steps
+    begin = 0.1
+    part = 0.05
+    steps = 2000
     method = METHODS["following-p2"]
     settings = method.settings_on(scene.groups, {"elements": 6, "steps": steps // 2})
     system: Any = method.build(scene.groups, settings, model="full", load="mass", law="elastic")
-    scheme, first = newmark.scheme("trapezoidal"), None
+    scheme = newmark.scheme("trapezoidal")
+    first = None
     for first in newmark.integrate(system, scheme, newmark.step_times(system, settings["steps"])):
         if system.place(first) >= begin:
             break
     assert first is not None
-    t0, t1 = first.t, system.phases[first.phase][1]
+    t0 = first.t
+    t1 = system.phases[first.phase][1]
     t1 = min(t1, t0 + part * min(system.phases[-1][1], scene.groups.drive.nominal))
     if not t1 > t0:
         return None
 
     def marched(n: int) -> tuple[State, int]:
-        work, grid = Work(), [np.linspace(t0, t1, n + 1)] * len(system.phases)
+        work = Work()
+        grid = [np.linspace(t0, t1, n + 1)] * len(system.phases)
         x = first
         for x in newmark.integrate(system, scheme, grid, work=work, start=first):
             if x.t >= t1:
                 break
         return x, len(work.events)
 
-    (fine, events), (coarse, _) = marched(steps), marched(steps // 2)
+    fine, events = marched(steps)
+    coarse, _ = marched(steps // 2)
     if events or fine.t < t1:
         return None
-    n, zero = system.n_dof, np.zeros(system.n_dof)
+    n = system.n_dof
+    zero = np.zeros(system.n_dof)
 
     def rate(t: float, y: Array) -> Array:
         r, solve = system.linearise(t, y[:n], y[n:], zero, first.phase, 0.0, 0.0, 1.0)
@@ -110,7 +119,7 @@ def _bars(scene: Scene, a: Ladder) -> Agreement:
     view = View.of(scene)
     other = laddered(scene, "following-p4", until=view.stop, **finer)
     gap = measures.path_gap(other.run, a.run, view.cut(a.run, other.run).window)[0]
-    return _row(gap, *(Part(x.run.method, x.run.path_error or math.nan, HALVED) for x in (a, other)))
+    return _row(gap, *(Part(x.run.method, own_path_error(x.run), HALVED) for x in (a, other)))
 
 
 Third = Callable[[Scene, Ladder], Agreement | None]

@@ -3,8 +3,10 @@
 Bars: change in one more Newton step (catenaries), three times the change on halving (elements); at least rounding.
 """
 
-from collections.abc import Sequence
-from dataclasses import replace
+import math
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -13,10 +15,11 @@ import numpy as np
 from cablefem import catenary_line
 from cablefem.elements import line as elements
 from cablefem.response import Array
-from cablefem.scene.line import Line, LineRest, LineState, NoLine, NotFound
-from validation.commands.run.line import Answers, Row, answers, course, extremes, numbers_of
-from validation.core import store
-from validation.core.agreement import APART, three_lines
+from cablefem.scene.line import Case, Line, LineRest, LineState, NoLine, NotFound, Solver
+from validation.commands.run.line import Answers, Row, answer, answers, extremes, numbers_of, write
+from validation.core import line_laws, store
+from validation.core.agreement import APART, Agreement, Bound, Part, nothing
+from validation.page import line as page
 from validation.page.options import Point
 
 FINEST = 32  # elements on each piece, at most
@@ -27,100 +30,172 @@ TOL = 1e-6  # [m], and of the largest tension
 TOL_RANGE = (1e-9, 1e-2)
 METRES = ("place", "rope_place", "s", "rope_length")  # quantities in metres; the others are forces
 
-Four = tuple[LineState | NoLine, ...]  # a position by catenaries and by elements, each followed by a coarser answer
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """Rounding and tolerance in a unit."""
+
+    name: str
+    rounding: float
+    tolerance: float
 
 
-def numbers(state: LineState) -> dict[str, Array]:
-    """The compared quantities of a state, (n, 1) or (n, 2) over stations; nan where there is none."""
+@dataclass(frozen=True, slots=True)
+class Both:
+    """Both answers to a line, each with a coarser one."""
+
+    a: LineRest
+    less_a: LineRest
+    b: LineRest
+    less_b: LineRest
+
+    @property
+    def all(self) -> tuple[LineRest, ...]:
+        return self.a, self.less_a, self.b, self.less_b
+
+    def units(self, tol: float, tol_tension: float) -> tuple[Unit, Unit]:
+        """Metres and newtons."""
+        reach = float(np.ptp(self.a.empty.place[:, 0]))
+        EA = self.a.empty.case.EA
+        tension = max(float(np.nanmax(state.tensions)) for state in self.a.states.values())
+        return Unit("m", ROUNDING * reach, tol), Unit("N", ROUNDING * EA, tol_tension * tension)
+
+
+def quantities(state: LineState) -> dict[str, tuple[Array, list[str]]]:
+    """The compared values of a state, (m,) or (m, 2), and the stations that they belong to."""
     case = state.case
-    saddle = np.array([p.kind == "saddle" for p in case.stations])[:, None]
-    nowhere = np.full((1, 2), np.nan)
-    length = np.full((len(state.s), 1), np.nan)
-    length[-1] = np.ptp(state.s)
-    return {
-        "place": np.where(np.isnan(case.fixed_places), state.place, np.nan),
-        "rope_place": np.concatenate([state.middle, nowhere]),
-        "s": np.where(np.isnan(case.fixed_s), state.s, np.nan)[:, None], "rope_length": length,
-        "tension_behind": state.tensions[:, :1], "tension_ahead": state.tensions[:, 1:], "haul": state.haul[:, None],
-        "pressure": np.where(saddle, state.pressure, np.nan),
-    }  # fmt: skip
+    n = len(state.case.stations)
+    kinds = np.array([p.kind for p in case.stations])
+    pieces = np.arange(n - 1)
+    length = np.full(n, np.ptp(state.s))
+    values: dict[str, tuple[Array, np.ndarray]] = {  # values by station, and the stations that count
+        "place": (state.place, np.flatnonzero(np.isnan(case.fixed_places).any(axis=1))),
+        "rope_place": (state.middle, pieces),
+        "s": (state.s, np.flatnonzero(np.isnan(case.fixed_s))),
+        "rope_length": (length, np.array([n - 1])),
+        "tension_behind": (state.tensions[:, 0], pieces + 1),
+        "tension_ahead": (state.tensions[:, 1], pieces),
+        "haul": (state.haul, np.flatnonzero(kinds == "hauled")),
+        "pressure": (state.pressure, np.flatnonzero(kinds == "saddle")),
+    }
+    return {name: (x[k], [case.stations[i].name for i in k]) for name, (x, k) in values.items()}
 
 
-def compared(four: Sequence[LineRest], tol: float, tol_tension: float) -> list[Row]:
-    """One judged row a quantity, of the worst station and position; four : both answers, each before a coarser one."""
-    positions = list(zip(*(x.positions for x in four), strict=True))
-    both = [i for i, told in enumerate(positions) if all(isinstance(x, LineState) for x in told)]
-    return (_judged(four, both, tol, tol_tension) if both else []) + _alone(positions)
+def compare_states(both: Both, metres: Unit, newtons: Unit) -> Iterator[Agreement]:
+    """One row a quantity, of the worst station and position."""
+    shared = [i for i in both.a.states if all(i in rest.states for rest in both.all)]
+    if not shared:
+        return
+    states = [[quantities(rest.states[i]) for i in shared] for rest in both.all]
+    for quantity in states[0][0]:
+        values = [np.concatenate([x[quantity][0] for x in each]) for each in states]  # 4 of (m,) or (m, 2)
+        where = [f"{name}, position {i + 1}" for i, x in zip(shared, states[0], strict=True) for name in x[quantity][1]]
+        if where:
+            yield _row(quantity, values, where, metres if quantity in METRES else newtons)
 
 
-def _judged(four: Sequence[LineRest], both: list[int], tol: float, tol_tension: float) -> list[Row]:
-    """The row of each quantity, of its worst number; both : positions with all four answers."""
-    a = four[0]
-    at = [f"{p.name}, position {i + 1}" for i in both for p in a.positions[i].case.stations]  # type: ignore[union-attr]
-    values = [_joined([x.positions[i] for i in both]) for x in four]
-    tension = float(np.nanmax([values[0]["tension_behind"], values[0]["tension_ahead"]]))
-    units = {"m": (float(np.ptp(a.empty.place[:, 0])), tol), "N": (a.empty.case.EA, tol_tension * tension)}
-    rows = []
-    for quantity in values[0]:
-        reach, asked_for = units["m" if quantity in METRES else "N"]
-        x, less_x, y, less_y = (each[quantity] for each in values)
-        rounding = float(ROUNDING * reach)
-        gap, bar_a = np.abs(x - y), np.fmax(np.abs(x - less_x), rounding)
-        bar_b = np.fmax(HALVED * np.abs(y - less_y), rounding)
-        worst = np.where(gap > APART * (bar_a + bar_b), gap / ROUNDING, np.maximum(gap, bar_a + bar_b))
-        if np.isfinite(worst).any():
-            k = np.unravel_index(np.nanargmax(worst), worst.shape)
-            rows.append(_row(quantity, float(gap[k]), float(bar_a[k]), float(bar_b[k]), asked_for, at[int(k[0])]))
-    return rows
+def compare_design(designs: Sequence[Sequence[Row]], *units: Unit) -> Iterator[Agreement]:
+    """One row a unit, of the worst design number; designs : of both answers, each followed by the coarser one's."""
+    values = [{d["quantity"]: d["value"] for d in design} for design in designs]
+    for unit in units:
+        names = [d["quantity"] for d in designs[0] if d["unit"] == unit.name]
+        names = [name for name in names if all(name in x for x in values)]
+        yield _row("design", [np.array([x[name] for name in names]) for x in values], names, unit)
 
 
-def _joined(states: Sequence[LineState | NoLine]) -> dict[str, Array]:
-    told = [numbers(state) for state in states if isinstance(state, LineState)]
-    return {quantity: np.concatenate([x[quantity] for x in told]) for quantity in told[0]}
+def _row(quantity: str, values: Sequence[Array], where: Sequence[str], unit: Unit) -> Agreement:
+    """The row of the worst value; values : of both answers, each followed by those of the coarser one."""
+    a, less_a, b, less_b = values
+    gap = np.abs(a - b)
+    bar_a = np.maximum(np.abs(a - less_a), unit.rounding)
+    bar_b = np.maximum(HALVED * np.abs(b - less_b), unit.rounding)
+    bars = bar_a + bar_b
+    badness = np.where(gap > APART * bars, gap / ROUNDING, np.maximum(gap, bars))
+    k = np.unravel_index(np.argmax(np.nan_to_num(badness, nan=math.inf)), badness.shape)
+    parts = Part("catenaries", float(bar_a[k])), Part("elements", float(bar_b[k]))
+    bound = Bound("error bars", parts) if np.isfinite(badness[k]) else nothing("a number beyond all bounds")
+    return Agreement(quantity, float(gap[k]), bound, where[int(k[0])], asked_for=unit.tolerance, unit=unit.name)
 
 
-def _alone(positions: Sequence[Four]) -> list[Row]:
+def _solved_by_one(both: Both) -> Iterator[Agreement]:
     """A row `rest` for the first position that only one solver solves: a disagreement, unless a search did not end."""
-    for i, (x, _, y, _) in enumerate(positions):
+    for i, (x, y) in enumerate(zip(both.a.positions, both.b.positions, strict=True)):
         if isinstance(x, LineState) != isinstance(y, LineState):
             unknown = isinstance(x, NotFound) or isinstance(y, NotFound)
-            return [_row("rest", 1.0, 1.0 if unknown else 0.0, 0.0, 0.0, f"position {i + 1}")]
-    return []
+            parts = Part("catenaries", math.inf if unknown else 0.0), Part("elements", 0.0)
+            yield Agreement("rest", 1.0, Bound("error bars", parts), f"position {i + 1}", asked_for=0.0)
+            return
 
 
-def _row(quantity: str, gap: float, bar_a: float, bar_b: float, asked_for: float, where: str) -> Row:
-    return {
-        "quantity": quantity, "gap": gap, "bar_a": bar_a, "bar_b": bar_b, "allowed": bar_a + bar_b,
-        "asked_for": asked_for, "asked": True, "where": where, "unit": "m" if quantity in METRES else "N",
-        "verdict": three_lines(gap, bar_a + bar_b, asked_for).value,
-    }  # fmt: skip
+class Attempts:
+    """A solver that notes the cases without rest, and tries those known to be hopeless no more."""
+
+    def __init__(self, solve: Solver, hopeless: dict[Case, NoLine]) -> None:
+        self.solve = solve
+        self.refused = dict(hopeless)
+
+    def __call__(self, cases: Sequence[Case]) -> list[LineState | NoLine]:
+        open_cases = [case for case in cases if case not in self.refused]
+        states = dict(zip(open_cases, self.solve(open_cases), strict=True)) if open_cases else {}
+        self.refused |= {case: x for case, x in states.items() if isinstance(x, NoLine)}
+        return [self.refused[case] if case in self.refused else states[case] for case in cases]
 
 
-def _refined(line: Line, second: Line, tol: float, tol_tension: float) -> tuple[LineRest, LineRest, list[Row]]:
-    """Both answers and their rows; elements are doubled until bars are small enough, up to FINEST."""
+def solve_both(line: Line, second: Line, tol: float, tol_tension: float) -> Both:
+    """Both answers; elements are doubled until their bars are small enough, up to FINEST."""
+    by_catenaries = Attempts(partial(catenary_line.solve, more=1), {})
+    a = line.rest(by_catenaries)
+    if not a.states:
+        raise store.Refused(f"{line.name}: no position has a rest; at the first {a.positions[0]}")
+    less_a = line.rest(Attempts(catenary_line.solve, by_catenaries.refused))
     n = 4
-    a, less_a = line.rest(partial(catenary_line.solve, more=1)), line.rest(catenary_line.solve)
-    less_b = second.rest(partial(elements.solve, elements=n // 2))
+    by_elements = Attempts(partial(elements.solve, elements=n // 2), {})
+    less_b = second.rest(by_elements)
+    hopeless = {case: why for case, why in by_elements.refused.items() if case in by_catenaries.refused}
     while True:
-        b = second.rest(partial(elements.solve, elements=n))
-        rows = compared((a, less_a, b, less_b), tol, tol_tension)
-        coarse = any(row["bar_b"] > BY_ELEMENTS * row["asked_for"] for row in rows if row["quantity"] != "rest")
-        if not coarse or n >= FINEST:
-            return a, b, rows
-        less_b, n = b, 2 * n
+        b = second.rest(Attempts(partial(elements.solve, elements=n), hopeless))
+        both = Both(a, less_a, b, less_b)
+        rows = [row for row in compare_states(both, *both.units(tol, tol_tension)) if row.bound.parts]
+        coarse = any(row.bound.parts[1].value > BY_ELEMENTS * (row.asked_for or 0.0) for row in rows)
+        unsolved = any(_solved_by_one(both))  # finer elements do not help
+        if not coarse or unsolved or n >= FINEST:
+            return both
+        less_b = b
+        n = 2 * n
 
 
 def checked(line: Line, tol: float = TOL, tol_tension: float | None = None, second: Line | None = None) -> Answers:
-    """Compare both solvers on a line at rest.
+    """Compare both solvers on a line at rest, and hold its states and printed numbers against the TOML.
 
     tol : [m];  tol_tension : of the largest tension, default `tol`;  second : a line for the elements alone.
     """
-    a, b, rows = _refined(line, second or line, tol, tol if tol_tension is None else tol_tension)
-    found = replace(answers(line, a), rows=rows)
-    other = {d["quantity"]: d["value"] for d in extremes(line, numbers_of(line, b))}
-    for d in found.design:
-        d["bar"] = abs(d["value"] - other.get(d["quantity"], d["value"]))
-    return found
+    tol_tension = tol if tol_tension is None else tol_tension
+    both = solve_both(line, second or line, tol, tol_tension)
+    units = both.units(tol, tol_tension)
+    designs = [extremes(rest.line, numbers_of(rest)) for rest in both.all]
+    result = answers(line, both.a)
+    result = replace(result, design=with_bars(*designs[:3]))
+    rows = [*compare_states(both, *units), *compare_design(designs, *units), *_solved_by_one(both)]
+    return replace(result, rows=[*rows, *line_laws.laws(line.to_toml(), both.a), *recheck_outputs(result)])
+
+
+def with_bars(design: Sequence[Row], coarser: Sequence[Row], other: Sequence[Row]) -> list[Row]:
+    """Design numbers with bars: the change from the coarser answer, at least the gap to the other solver."""
+    known = [{d["quantity"]: d["value"] for d in x} for x in (coarser, other)]
+    out = []
+    for d in design:
+        bars = [abs(d["value"] - x[d["quantity"]]) for x in known if d["quantity"] in x]
+        out.append({**d, "bar": max(bars, default=None)})
+    return out
+
+
+def recheck_outputs(result: Answers) -> list[Agreement]:
+    """Write files and page, and read them back."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write(folder, result, 0.0)
+        html = "".join(section.html + section.summary for section in page.sections(folder))
+        return line_laws.printed(result.line.to_toml(), result.rest, folder, html, page.WORDS)
 
 
 def check(
@@ -131,11 +206,13 @@ def check(
     low, high = TOL_RANGE
     if not low <= tol <= high:
         raise store.Refused(f"--tol must lie in [{low:g}, {high:g}] m for a line at rest, got {tol:g}")
-    if second is not None and any(_parts(second) != _parts(point.scene) for point in points):
+    if second is not None and any(_layout(second) != _layout(point.scene) for point in points):
         raise store.Refused("--second: must be a line with the same contacts, cars and positions")
-    return course("check", points, out, lambda line: checked(line, tol, tol_tension, second))
+    return answer("check", points, out, lambda line: checked(line, tol, tol_tension, second))
 
 
-def _parts(line: Line) -> list[tuple[str, ...]]:
-    cars = [(car.name, *(str(line.shoe(line.place(car, i))) for i in range(line.count))) for car in line.car]
+def _layout(line: Line) -> list[tuple[str, ...]]:
+    """Kinds of contacts, and of each car the shoe that it is on at every position."""
+    shoes = [(car, [line.shoe(line.place(car, i)) for i in range(line.count)]) for car in line.car]
+    cars = [(car.name, *(shoe.name if shoe else "" for shoe in of_car)) for car, of_car in shoes]
     return [tuple(f"{c.name} {c.kind}" for c in line.contact), *cars]

@@ -22,15 +22,17 @@ def sections(folder: Path) -> list[Section]:
         return line.sections(folder / "rest-check", judged["rows"], judged["verdict"])
     if (folder / "grid-rest-check").is_dir():
         return line.grid(folder / "grid-rest-check")
-    grid, single = folder / "grid-check" / "grid.json", folder / "agreement.json"
+    grid = folder / "grid-check" / "grid.json"
+    single = folder / "agreement.json"
     if grid.exists() and (not single.exists() or grid.stat().st_mtime > single.stat().st_mtime):
         return many.sections(grid.parent)
     x = read(folder)
     if x is None:
         return [Section("answer", "Answer", "", "not comparable", "No answer: every run broke at its start.")]
+    own = [row for row in x.rows if not row.get("with")]  # of both solvers; a third party has its own verdict
     return drawn(
-        __package__, **content(x) | {"verdict": x.verdict or "not comparable"}, words=WORDS, named=_named,
-        said=sure([row for row in x.rows if not row.get("with")]), doubts=x.agreement.get("doubts", []),
+        __package__, **content(x) | {"verdict": worst_of(own) or "not comparable"}, words=WORDS, named=_named,
+        said=sure(own), doubts=x.agreement.get("doubts", []),
         third=third(x.rows, x.party.method) if x.party else None,
         groups=_groups(x.rows),
         distance=draw.distance(x, "How far the two paths of the car are apart.") if len(x.runs) > 1 else "",
@@ -38,11 +40,24 @@ def sections(folder: Path) -> list[Section]:
 
 
 def sure(rows: list[dict[str, Any]]) -> str:
-    """One sentence: how many asked rows agree."""
+    """One sentence: how many asked rows agree, by kind: two solvers, laws of one answer, printed numbers."""
     asked = [row for row in rows if row.get("asked", True)]
-    if not asked:
-        return "Nothing could be compared."
-    return f"Two independent solvers, {len(asked)} comparisons: {_counted(asked)}."
+    groups = WORDS["groups"]
+    named = {name for kind in WORDS["sure"].values() for group in kind["groups"] for name in groups[group]}
+    said = []
+    for kind, how in WORDS["sure"].items():
+        quantities = {name for group in how["groups"] for name in groups[group]}
+        part = [row for row in asked if (row["quantity"] in quantities if quantities else row["quantity"] not in named)]
+        if part:
+            said.append(_held(kind, how["hold"], part))
+    return f"{'; '.join(said)}." if said else "Nothing could be compared."
+
+
+def _held(kind: str, hold: str, rows: list[dict[str, Any]]) -> str:
+    good = sum(row["verdict"] == "agree" for row in rows)
+    if good == len(rows):
+        return f"{good} {kind} {hold}"
+    return f"{good} of {len(rows)} {kind} {hold}, {_counted([row for row in rows if row['verdict'] != 'agree'])}"
 
 
 def _counted(rows: list[dict[str, Any]]) -> str:
@@ -50,10 +65,16 @@ def _counted(rows: list[dict[str, Any]]) -> str:
     return ", ".join(f"{count[verdict]} {COUNTED[verdict]}" for verdict in reversed(VERDICTS) if count[verdict])
 
 
+def worst_of(rows: list[dict[str, Any]]) -> str | None:
+    """The first verdict, in order of precedence, of the rows that count."""
+    verdicts = {row["verdict"] for row in rows if row.get("asked", True)}
+    return next((verdict for verdict in VERDICTS if verdict in verdicts), None)
+
+
 def third(rows: list[dict[str, Any]], party: str) -> tuple[str, str]:
     """The verdict on a third party, and a sentence with the one change that would make it agree."""
     theirs = [row for row in rows if row.get("with") == party]
-    worst = next(verdict for verdict in VERDICTS if any(row["verdict"] == verdict for row in theirs))
+    worst = worst_of(theirs) or "not comparable"
     notes = [note for row in theirs for note in row.get("notes", ())]
     return worst, "; ".join([WORDS["third"][worst], *dict.fromkeys(notes)]) + "."
 
@@ -67,7 +88,7 @@ def _groups(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def _line(group: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
     asked = [row for row in rows if row.get("asked", True)]
-    worst = next((v for v in VERDICTS if any(row["verdict"] == v for row in asked)), None)
+    worst = worst_of(asked)
     bad = "; ".join(_named(row) for row in asked if row["verdict"] != "agree")
     return {"group": group, "verdict": worst, "words": _counted(asked) + (f" ({bad})" if bad else "")}
 

@@ -3,28 +3,33 @@
 import html
 import importlib
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from cablefem.response import Flag, Response, write_json, write_text
 from cablefem.scene import Scene
+from cablefem.scene.errors import nearest, shown
 from validation.core import foreign, measures
-from validation.core.agreement import DEFAULT_TOL, Agreement, Verdict, overall
+from validation.core.agreement import DEFAULT_TOL, TOL_HIGH, TOL_LOW, Agreement, Verdict, check_range, overall
 from validation.core.answers import outcome
-from validation.core.climb import AIM, BUDGET, TooCoarse, cheapest, climb, dear, laddered
+from validation.core.climb import AIM, BUDGET, TooCoarse, cheapest, climb, dear, laddered, own_path_error
+from validation.core.design import design, gaps, widened
 from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.ladder import Ladder
 from validation.core.methods import Method, find, pair, refined
 from validation.core.quantities import matter, told
-from validation.core.rows import compare, doubts, printed, with_bars
+from validation.core.quasi_static import events_beside
+from validation.core.remedy import advised
+from validation.core.rows import asked_of, beside, compare, doubts, printed, with_bars
 from validation.core.sidebyside import Progress, side_by_side
 from validation.core.store import Refused
 from validation.core.view import View
 
 SHARES = {"elements": 1.0, "galerkin": 5.0}  # of the tolerance: dense bases cost about as much more
+ASKED = {"all": (), "path": ("path_max", "path_rms", "place", "speed")}  # rows that decide; (): all
 CONFIRMS = 1.5  # factor on resolution and steps of both before they count as different
 
 Settings = dict[str, Any]
@@ -40,10 +45,16 @@ class Check:
     tol: float
     window: tuple[float, float]
     rows: list[Agreement]
+    quasi_static: list[dict[str, Any]] = field(default_factory=list)  # events of the quasi-static ride
 
     @property
     def verdict(self) -> Verdict:
         return overall(self.rows)
+
+    @property
+    def own_verdict(self) -> Verdict:
+        """Of both solvers alone, without a third party."""
+        return overall([row for row in self.rows if not row.party])
 
     @property
     def design(self) -> list[dict[str, Any]]:
@@ -72,7 +83,7 @@ class Check:
             "scene": self.scene.name, "verdict": self.verdict.value, "range": list(self.window),
             "axis": View.of(self.scene).axis, "tol": self.tol,
             "methods": [self.a.run.method, self.b.run.method], "rows": [row.row() for row in self.rows],
-            "design": self.design, "events": self.a.run.events,
+            "design": self.design, "events": self.a.run.events, "quasi_static": self.quasi_static,
             "doubts": [{"method": name, "kind": flag.kind, "words": str(flag)} for name, flag in self.doubts],
         }  # fmt: skip
 
@@ -87,7 +98,7 @@ class Check:
 def check(
     scene: Scene | str | Path, *, tol: float = DEFAULT_TOL, tol_tension: float | None = None,
     methods: tuple[str | Method, str | Method] | None = None, second: Scene | None = None, deep: bool = False,
-    progress: Progress | None = None, until: float | None = None,
+    progress: Progress | None = None, until: float | None = None, ask: str = "all",
 ) -> Check:  # fmt: skip
     """Run two methods on a scene, each as fine as its own error bars need, and compare them.
 
@@ -98,20 +109,33 @@ def check(
     deep : compare what both share with third parties, too.
     progress : called with a label and the fraction done.
     until : largest s_o/l of both runs, once slack no further; default: the end.
+    ask : "path": path, position and speed of the car decide, all else is shown; "all".
     check("zipline", tol=5e-3).verdict
     """
-    if not (math.isfinite(tol) and 1e-6 <= tol <= 0.2):
-        raise ValueError(f"tol must lie in [1e-6, 0.2], got {tol!r}")
+    check_range("tol", tol, TOL_LOW, TOL_HIGH)
+    check_range("tol_tension", tol_tension, 1e-6, 1.0)
+    if ask not in ASKED:
+        raise ValueError(f"ask = {shown(ask)}: unknown.{nearest(str(ask), ASKED)}")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     sides = _sides((scene, second or scene), methods or pair(scene.groups), tol, until)
-    (first, other), rows = _judged(scene, sides, tol, tol_tension, progress)
-    a, b = _told(first, other), _told(other, first)
-    rows += printed(a.run, b.run)
+    (first, other), rows = _judged(scene, sides, tol, tol_tension, ask, progress)
+    own = _with_numbers(first, other), _with_numbers(other, first)
+    rows += gaps(*own, asked_of("rest", tol, tol_tension))
+    a, b = (_widened(x, twin, rows) for x, twin in (own, own[::-1]))
+    static = events_beside(scene, a.run.max_deflection)
+    rows += beside(a, static, asked_of("rest", tol, tol_tension))
+    rows += required(printed(scene, a.run, b.run), ask)
     if deep:
         from validation.commands.check import deep as third
 
         rows += third.deep(scene, a)
-    return Check(scene, a, b, tol, _window(scene, a, b), rows)
+    return Check(scene, a, b, tol, _window(scene, a, b), rows, static)
+
+
+def required(rows: Iterable[Agreement], ask: str) -> list[Agreement]:
+    """The rows, of which those that `ask` does not name are shown only."""
+    names = ASKED[ask]
+    return [replace(row, asked=row.asked and (not names or row.quantity in names)) for row in rows]
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,15 +185,16 @@ def _sides(
 
 
 def _judged(
-    scene: Scene, sides: list[_Side], tol: float, tol_tension: float | None, progress: Progress | None
+    scene: Scene, sides: list[_Side], tol: float, tol_tension: float | None, ask: str, progress: Progress | None
 ) -> tuple[list[Ladder], list[Agreement]]:
     """Refine both ladders until they agree or cannot get closer; return them and the rows."""
     jobs: list[Callable[[Progress], Any]] = [side.climbed for side in sides]
-    confirmed, toml = False, scene.to_toml()
+    confirmed = False
+    toml = scene.to_toml()
     while True:
         first, other = side_by_side(jobs, progress, _load)
         ladders = [first, other.map(lambda r: replace(r, scene_toml=toml))]  # the judge knows one scene alone
-        rows = compare(scene, *ladders, tol=tol, tol_tension=tol_tension)
+        rows = required(compare(scene, *ladders, tol=tol, tol_tension=tol_tension), ask)
         finer: list[Settings | None] = []
         for larger in (True, False):  # the smaller bar only if the larger one costs too much
             if not any(finer):
@@ -216,20 +241,37 @@ def _excess(row: Agreement, method: str, larger: bool) -> Iterator[tuple[float, 
 
 def _load() -> None:
     """Import judging and drawing while a solver runs."""
-    for name in ("core.laws", "core.design", "core.trust", "commands.check.page"):
+    for name in ("core.laws", "core.recomputed", "core.trust", "commands.check.page"):
         importlib.import_module(f"validation.{name}")
 
 
-def _told(e: Ladder, twin: Ladder) -> Ladder:
-    from validation.core.design import design
+def _with_numbers(ladder: Ladder, twin: Ladder) -> Ladder:
+    """The ladder with design numbers and events of its finest run."""
+    return replace(ladder, finest=replace(ladder.run, design=design(ladder, twin), events=with_bars(ladder)))
 
-    return replace(e, finest=replace(e.run, design=design(e, twin), events=with_bars(e)))
+
+def _widened(ladder: Ladder, twin: Ladder, rows: list[Agreement]) -> Ladder:
+    """The ladder with bars of its finest run that are at least the gap to the other solver."""
+    gap = {row.quantity: row.gap for row in rows if not row.law and math.isfinite(row.gap)}
+
+    def at_least(error: float | None, quantity: str) -> float | None:
+        return None if error is None else max(error, gap.get(quantity, 0.0))
+
+    run = replace(
+        ladder.run, design=widened(ladder.run.design, twin.run.design),
+        path_error=at_least(ladder.run.path_error, "path_max"),
+        tension_error=at_least(ladder.run.tension_error, "tension"),
+    )  # fmt: skip
+    return replace(ladder, finest=run)
 
 
 def joined(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:
     """The check with rows of a third party, against our solver with the smaller bar."""
-    best = min((check.a, check.b), key=lambda e: math.inf if e.run.path_error is None else e.run.path_error)
-    return replace(check, rows=[*check.rows, *foreign.rows(path, best, check.window, with_tol)])
+    best = min((check.a, check.b), key=lambda ladder: own_path_error(ladder.run))
+    rows = list(foreign.rows(path, best, check.window, with_tol))
+    if isinstance(path, ForeignPath):
+        rows = advised(rows, path, check.scene, (check.a, check.b), check.window, with_tol)
+    return replace(check, rows=[*check.rows, *rows])
 
 
 def check_solver(
@@ -246,6 +288,7 @@ def check_solver(
 
     Raises Refused if the answer is no path on that scene.
     """
+    check_range("with_tol", with_tol, 0.0, 1.0)
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     name = name or str(getattr(solver, "__name__", type(solver).__name__))
     answer = solver(scene)

@@ -8,6 +8,7 @@ from validation.commands.check.study import Check, check, check_solver
 from validation.core import assertions
 from validation.core.agreement import Agreement, Verdict, overall
 from validation.core.foreign import WITH_TOL
+from validation.core.store import Refused
 
 Tell = Callable[[str, str], None]  # subject and verdict
 
@@ -39,13 +40,18 @@ def checking(tell: Tell, kept: dict[Any, Check]) -> Callable[..., Check]:
         if key not in kept:
             kept[key] = check(scene, tol=tol)
         result = kept[key]
-        party, rows = f"{result.a.run.method} and {result.b.run.method}", result.rows
+        party = f"{result.a.run.method} and {result.b.run.method}"
+        rows = result.rows
         if solver is not None:  # its rows, and whether a path was comparable
-            result = check_solver(scene, solver, tol=tol, with_tol=with_tol, ours=result)
+            try:
+                result = check_solver(scene, solver, tol=tol, with_tol=with_tol, ours=result)
+            except Refused as refused:  # without the library's source
+                raise Refused(refused.faults) from None
             rows = [row for row in result.rows if row.party or row.quantity == "path_max"]
             party = rows[-1].party
         verdict = overall(rows)
-        tell(f"{scene.name}, {party}: {_worst(rows)}", verdict.value)
+        theirs = [row for row in rows if row.party]
+        tell(f"{scene.name}, {party}: {_worst(theirs or rows)}", verdict.value)
         if verdict is not Verdict.AGREE:
             failed = [f"  {assertions.told(row)}" for row in rows if row.verdict is not Verdict.AGREE]
             raise AssertionError("\n".join([f"{scene.name}: {verdict.value}", *failed]))

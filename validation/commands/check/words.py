@@ -10,8 +10,12 @@ from validation.page import telling, terminal
 
 def tell(result: Check, verbose: bool = False) -> None:
     """Print the verdict, important numbers, and their certainty."""
-    terminal.say(WORDS["verdicts"][result.verdict.value], style=terminal.STYLES[result.verdict.value])
+    own = result.own_verdict.value
+    terminal.say(WORDS["verdicts"][own], style=terminal.STYLES[own])
     telling.answer(result.scene, replace(result.a.run, design=result.design))
+    if ends := [x for x in result.quasi_static if x["event"] in ("arrival", "back", "stop")]:
+        terminal.say("  by the quasi-static model, without the inertia of the rope:")
+        telling.events(ends[-1:])
     rows = [row.row() for row in result.rows]
     terminal.say(f"  {sure([row for row in rows if not row.get('with')])}")
     for party in dict.fromkeys(row["with"] for row in rows if row.get("with")):

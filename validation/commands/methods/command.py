@@ -12,23 +12,31 @@ EXAMPLE = "cablefem methods"
 
 def command(
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write methods.json there instead.")] = None,
+    files: Annotated[bool, typer.Option("--files", help="Print every column and key of the files of results.")] = False,
 ) -> int:
-    """List every method, when to use it, and its settings."""
+    """List every method, when to use it, and its settings; or say what the files of results hold."""
+    if files:
+        return _files()
     from cablefem.response import write_json
-    from validation.core.methods import METHODS
+    from validation.core import store
+    from validation.core.methods import METHODS, installed
 
+    try:
+        methods = METHODS | installed()
+    except ValueError as error:
+        raise store.Refused(str(error)) from None
     if out is not None:
         with written(out, "methods", "methods", ["methods.json"]) as folder:
             write_json(folder / "methods.json", {
                 name: {
                     "title": method.title, "use": method.trust, "wrong": method.wrong,
                     "settings": {key: asdict(knob) for key, knob in method.knobs.items()},
-                } for name, method in METHODS.items()
+                } for name, method in methods.items()
             })  # fmt: skip
         return 0
-    first = next(iter(METHODS.values()))
-    common = {key: knob for key, knob in first.knobs.items() if all(key in m.knobs for m in METHODS.values())}
-    for name, method in METHODS.items():
+    first = next(iter(methods.values()))
+    common = {key: knob for key, knob in first.knobs.items() if all(key in m.knobs for m in methods.values())}
+    for name, method in methods.items():
         terminal.say(f"{name}: {method.title}", style="bold")
         terminal.say(f"    use: {method.trust}")
         for key, knob in method.knobs.items():
@@ -37,6 +45,13 @@ def command(
     terminal.say("all methods, unless said otherwise above", style="bold")
     for key, knob in common.items():
         terminal.say(f"    {_told(key, knob)}")
+    return 0
+
+
+def _files() -> int:
+    from validation.commands.methods.files import entries
+
+    terminal.table(["file", "key", "unit", "meaning"], [list(entry) for entry in entries()])
     return 0
 
 

@@ -61,7 +61,8 @@ def modes(scene: Scene, out: Path | None = None, progress: Progress = silent) ->
     exact = catenary_modes.solve(groups.sigma, groups.alpha, groups.c, count=COUNT)
     rows = []
     for name, (fine, coarse) in pairs.items():
-        gap, bar = np.abs(fine / exact.omega - 1.0), np.abs(fine / coarse - 1.0)
+        gap = np.abs(fine / exact.omega - 1.0)
+        bar = np.abs(fine / coarse - 1.0)
         parts = Part(name, float(bar.max()), "the change from half the resolution"), Part("rounding", ROUNDING)
         rows.append(Agreement(name, float(gap.max()), Bound("own bar", parts)))
     found = Modes({name: fine for name, (fine, _) in pairs.items()} | {EXACT: exact.omega}, rows)

@@ -1,17 +1,20 @@
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from validation.page.options import study, to
+from validation.page.options import Quick, small, study, to
 
 EXAMPLE = "cablefem oracles"
 
 
-def command(out: Annotated[Path | None, to("oracles")] = None) -> int:
-    """Hold the solvers against exact answers.
+def command(quick: Quick = False, out: Annotated[Path | None, to("oracles")] = None) -> int:
+    """Hold the solvers against exact answers; --quick: a few of each kind.
 
     Writes DIR/: oracles.json and report.html.
     """
     from validation.commands.oracles.study import oracle_table
 
-    found = study("oracles", "oracles", ["oracles.json", "oracles.jsonl"], out, oracle_table)
+    found = study(
+        "oracles", small("oracles", quick), ["oracles.json", "oracles.jsonl"], out, partial(oracle_table, quick=quick)
+    )  # fmt: skip
     return 0 if found["verdict"] == "agree" else 1

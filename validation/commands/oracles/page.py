@@ -34,14 +34,14 @@ def _draw(rows: Sequence[dict[str, Any]], title: str) -> Figure:
     fig, ax = panels(height=3.9)
     for i, row in enumerate(rows):
         pairs = [(n, e) for n, e in zip(row["sizes"], row["errors"], strict=True) if e is not None]
-        n, e = np.array(pairs).T
+        n, e = np.array(pairs, float).reshape(-1, 2).T  # none of a row that broke
         seen = "" if row["observed_order"] is None else f", order {row['observed_order']:.1f}"
         if row["expected"] != "agree":
             seen = ", wrong"
         look = {"color": PALETTE[i % 7], "linestyle": DASHES[(i + i // 7) % 7], "marker": MARKERS[(i + i // 7) % 7]}
         ax.loglog(n, e, label=row["method"] + seen, **look)
     sizes = np.array(ax.get_xlim())
-    start = 0.35 * max((row["errors"][0] for row in rows if row["expected"] == "agree"), default=1.0)
+    start = 0.35 * max((row["errors"][0] or 0.0 for row in rows if row["expected"] == "agree"), default=1.0)
     for p in (1, 2):
         line = start * (sizes[0] / sizes) ** p
         ax.loglog(sizes, line, color=GREY, linewidth=0.8, linestyle="-", zorder=0, scaley=False)

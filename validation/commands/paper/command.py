@@ -1,17 +1,19 @@
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from validation.page.options import study, to
+from validation.page.options import Quick, small, study, to
 
 EXAMPLE = "cablefem paper"
 
 
-def command(out: Annotated[Path | None, to("paper")] = None) -> int:
-    """Redo the paper's figures; a verdict on each claim.
+def command(quick: Quick = False, out: Annotated[Path | None, to("paper")] = None) -> int:
+    """Redo the paper's figures; a verdict on each claim; --quick: by a quarter of the steps.
 
     Writes DIR/: claims.json and report.html.
     """
     from validation.commands.paper.study import paper
 
-    study("paper", "paper", ["claims.json", "numbers.jsonl", "runs"], out, paper)
+    writes = ["claims.json", "numbers.jsonl", "runs"]
+    study("paper", small("paper", quick), writes, out, partial(paper, quick=quick))
     return 0

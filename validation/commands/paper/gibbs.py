@@ -23,7 +23,8 @@ PLACES = np.linspace(ASKED["places"]["first"], ASKED["places"]["last"], ASKED["p
 
 def _tensions(system: GalerkinSystem | FollowingElements, distances: Array) -> Array:
     """T at s_o -+ each distance (m,) at every one of PLACES, (places, 2 m)."""
-    states, wanted = [], list(PLACES)
+    states = []
+    wanted = list(PLACES)
     for x in integrate(system, scheme("trapezoidal"), step_times(system, ASKED["steps"])):
         if system.motion.at(x.t, x.phase)[0] >= wanted[0]:
             states.append(x)
@@ -38,9 +39,9 @@ def _tensions(system: GalerkinSystem | FollowingElements, distances: Array) -> A
     ])  # fmt: skip
 
 
-def overshoots(groups: Groups) -> dict[str, list[dict[str, float]]]:
-    """Overshoots of every method by number of terms; the scene must stay taut."""
-    return {method: [overshoot(groups, method, terms) for terms in ladder] for method, ladder in ASKED["terms"].items()}
+def overshoots(groups: Groups, ladders: dict[str, list[int]]) -> dict[str, list[dict[str, float]]]:
+    """Overshoots of every method for the numbers of terms of its ladder; the scene must stay taut."""
+    return {method: [overshoot(groups, method, terms) for terms in ladder] for method, ladder in ladders.items()}
 
 
 def overshoot(groups: Groups, method: str, terms: int) -> dict[str, float]:

@@ -13,8 +13,10 @@ import jinja2
 from validation.core import store
 from validation.page import page
 
-HOLDS, PAPER_ONLY = "holds", "holds at the paper's resolution only"
-FAILS, OPEN = "does not hold", "cannot be decided"
+HOLDS = "holds"
+PAPER_ONLY = "holds at the paper's resolution only"
+FAILS = "does not hold"
+OPEN = "cannot be decided"
 VERDICTS = (HOLDS, PAPER_ONLY, FAILS, OPEN)
 Row = dict[str, Any]
 
@@ -28,7 +30,7 @@ def claims(known: Row) -> list[Row]:
         found = [q for entry in claim.get("quantity", ()) for q in quantities(entry, content["meaning"], known)]
         out.append({
             "id": claim["id"], "where": claim["where"], "claim": claim["says"], "readings": readings,
-            "erratum": claim.get("erratum", False), "quantities": found, "verdict": verdict(found, readings),
+            "kind": claim.get("kind", "physics"), "quantities": found, "verdict": verdict(found, readings),
             "why": sentence(claim["why"], known | {"q": found}),
         })  # fmt: skip
     return out
@@ -47,7 +49,8 @@ def _true(q: Row, value: float | None, bar: float | None = 0.0) -> int:
     """1 inside the range, -1 outside, 0 where the bar reaches across an end or is unknown."""
     if value is None or bar is None:
         return 0
-    low, high = -math.inf if q["low"] is None else q["low"], math.inf if q["high"] is None else q["high"]
+    low = -math.inf if q["low"] is None else q["low"]
+    high = math.inf if q["high"] is None else q["high"]
     if low <= value - bar and value + bar <= high:
         return 1
     return -1 if value + bar < low or value - bar > high else 0
@@ -73,7 +76,8 @@ def _measured(entry: Row, known: Row) -> tuple[float, float, float | None]:
     def value(**replaced: Any) -> float:
         return evaluated(entry["value"], known | replaced)
 
-    of, reference = entry.get("of", ()), known["reference"]
+    of = entry.get("of", ())
+    reference = known["reference"]
     bar = evaluated(entry.get("bar", 0.0), known)
     bar += sum(reference[scene].bar(lambda run, scene=scene: value(**{scene: run})) for scene in of)
     if "r" in entry:
@@ -88,15 +92,18 @@ def _measured(entry: Row, known: Row) -> tuple[float, float, float | None]:
 
 def _range(entry: Row, meaning: Row, known: Row) -> tuple[str, float | None, float | None]:
     """The range in words, and its ends; None: no such end."""
-    ends, reasons = {}, [entry.get("reason", "")]
+    ends = {}
+    reasons = [entry.get("reason", "")]
     for name in ("around", "within", "at_least", "at_most"):
         if name in entry:
             size, reason = meaning.get(entry[name], (entry[name], ""))
             ends[name] = evaluated(size, known)
             reasons.append(reason)
-    low, high = ends.get("at_least"), ends.get("at_most")
+    low = ends.get("at_least")
+    high = ends.get("at_most")
     if "around" in ends:
-        low, high = ends["around"] - ends["within"], ends["around"] + ends["within"]
+        low = ends["around"] - ends["within"]
+        high = ends["around"] + ends["within"]
         words = f"{decimal(ends['around'])} ± {decimal(ends['within'])}"
     elif low is not None and high is not None:
         words = f"{decimal(low)} to {decimal(high)}"

@@ -29,22 +29,26 @@ def names(runs: Runs, beyond: dict[str, Any]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def numbers(runs: Runs, file: Path, report: Progress) -> dict[str, Any]:
+def numbers(runs: Runs, file: Path, report: Progress, quick: bool = False) -> dict[str, Any]:
     """Numbers beyond runs: figure 2, overshoot beside the mass, energy in free vibration.
 
-    file : where they are kept, and found again if scenes and settings are the same.
+    file : where they are stored, and read again if scenes and settings are the same.
+    quick : overshoots of the three coarsest of each ladder.
     """
-    level, inclined, swing = runs.scenes["level"], runs.scenes["inclined"], SAID["vibration"]
+    ladders = {method: ladder[: 3 if quick else None] for method, ladder in SAID["overshoot"]["terms"].items()}
+    level = runs.scenes["level"]
+    inclined = runs.scenes["inclined"]
+    swing = SAID["vibration"]
     energy = partial(vibration.energy_ratio, level.groups)
     jobs: dict[str, Callable[[], Any]] = {
         "frequencies": lambda: figure_2(runs),
-        "overshoot": lambda: gibbs.overshoots(inclined.groups),
+        "overshoot": lambda: gibbs.overshoots(inclined.groups, ladders),
         "vibration": lambda: {
             "coarse": energy(swing["coarse_steps"]), "fine": energy(swing["fine_steps"]),
             "kept": energy(swing["coarse_steps"], "energy"),
         },
     }  # fmt: skip
-    same = level.to_toml(), inclined.to_toml(), SAID["overshoot"], swing
+    same = level.to_toml(), inclined.to_toml(), SAID["overshoot"] | {"terms": ladders}, swing
     keyed = {json.dumps((name, *same)): job for name, job in jobs.items()}
     found = store.each_once(file, keyed, lambda job: job(), partial(report, "numbers"))
     return dict(zip(jobs, found.values(), strict=True))

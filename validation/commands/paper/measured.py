@@ -99,7 +99,8 @@ def tension_error(r: Response, reference: Response) -> float:
 
 def unevenness(r: Response, *, sides: bool = False, width: float = 0.05) -> Array:
     """Rms of T about its mean along the cable (or each side), over that mean, by frame, beyond `width` of the mass."""
-    out, s = [], r.fields.s / r.length
+    out = []
+    s = r.fields.s / r.length
     for row, s_o in moving(r):
         away = np.abs(s - s_o) >= width
         parts = [away & (s < s_o), away & (s > s_o)] if sides else [away]
@@ -109,7 +110,9 @@ def unevenness(r: Response, *, sides: bool = False, width: float = 0.05) -> Arra
 
 def wiggle(r: Response, near: float = 0.2, far: float = 1.0) -> float:
     """Rms of T less its running mean over a tenth of the cable on one side, over H, `near` to `far` off the mass."""
-    s, half, parts = r.fields.s / r.length, round(0.05 * (r.fields.s.size - 1)), []
+    s = r.fields.s / r.length
+    half = round(0.05 * (r.fields.s.size - 1))
+    parts = []
     for row, s_o in moving(r):
         for side in (s < s_o, s > s_o):
             if np.count_nonzero(side) > 2 * half:
@@ -170,7 +173,8 @@ def wavelet_terms(level: int) -> int:
 
 def rate(rows: list[dict[str, float]]) -> tuple[float, float]:
     """The exponent of an overshoot in N, and its bar."""
-    first, last = rows[0], rows[-1]
+    first = rows[0]
+    last = rows[-1]
     steps = math.log(last["terms"] / first["terms"])
     bar = math.hypot(first["spread"] / first["size"], last["spread"] / last["size"]) / steps
     return math.log(first["size"] / last["size"]) / steps, bar

@@ -38,7 +38,7 @@ def sections(folder: Path) -> list[Section]:
 
     parts = [x | {"drawn": [_figure(one, content, stored) for one in x["figure"]]} for x in SAID["section"]]
     references = [x | {"name": SAID["scenes"][name]} for name, x in content["references"].items()]
-    return drawn(__package__, content=content, parts=parts, references=references, value=_value)
+    return drawn(__package__, content=content, parts=parts, references=references, value=_value, with_bar=with_bar)
 
 
 def _value(x: float | None, q: dict[str, Any], bar: float | None = None) -> str:
@@ -66,13 +66,15 @@ def _figure(one: dict[str, Any], content: dict[str, Any], stored: Callable[[str]
 
 def _frequencies(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     f = content["frequencies"]
-    linear, exact = f["linear_theory"], f["exact"]
+    linear = f["linear_theory"]
+    exact = f["exact"]
     fig, (top, bottom) = panels(2, 1, height=5.0, sharex=True)
     top.axhline(linear, **STATIC | {"label": f"linear theory {linear:.5f}"})
     top.axhline(exact, color=BLACK, linewidth=1.0, linestyle="-", label=f"exact catenary {exact:.5f}")
     bottom.axhline(linear / exact - 1.0, **STATIC)
     for name in ("fourier", "wavelet"):
-        n, omega = np.array(f[name]["terms"]), np.array(f[name]["omega_1"])
+        n = np.array(f[name]["terms"])
+        omega = np.array(f[name]["omega_1"])
         top.plot(n, omega, "-", **SAID["ladders"][name])
         bottom.semilogy(n, omega / exact - 1.0, "-", **SAID["ladders"][name])
     top.set(ylabel="ω₁ l √(ρ/H)", xlim=(0, 62), ylim=(5.343, 5.375))
@@ -88,7 +90,8 @@ def _slack(ax: Any, r: Response) -> None:
 
 def _paths(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     """Draw the path of the mass in one reading, over its place; the first run says where the cable is slack."""
-    first, reading = runs[0][0], one["reading"]
+    first = runs[0][0]
+    reading = one["reading"]
     fig, ax = panels(height=3.4)
     _slack(ax, first)
     for place in one.get("marks", ()):
@@ -107,17 +110,23 @@ def _paths(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
 
 def _along(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     """Draw shapes or tensions along the cable, one panel for each place of the mass."""
-    first, shapes = runs[0][0], one["draw"] == "shapes"
+    first = runs[0][0]
+    shapes = one["draw"] == "shapes"
     scene = Scene.from_toml(first.scene_toml)
-    static, s, l, H = scene.catenary, first.fields.s, first.length, first.horizontal_tension
+    static = scene.catenary
+    s = first.fields.s
+    l = first.length
+    H = first.horizontal_tension
     fig, axes = panels(len(one["places"]), 1, height=1.15 + 1.25 * len(one["places"]), sharex=True, sharey=True)
     for k, (ax, place) in enumerate(zip(axes, one["places"], strict=True)):
         ax.plot(s / l, static.y(s) / l if shapes else static.tension(s) / H, **STATIC)
         for r, how in runs:
-            f, i = r.fields, _frames(r, one["places"])[k]
+            f = r.fields
+            i = _frames(r, one["places"])[k]
             ax.plot(f.s / l, (static.y(f.s) + f.v[i]) / l if shapes else f.T_pointwise[i] / H, **how)
         i = _frames(first, one["places"])[k]
-        s_o, v = first.fields.s_o[i], first.fields.mass_v[i]
+        s_o = first.fields.s_o[i]
+        v = first.fields.mass_v[i]
         if shapes:
             ax.plot(s_o / l, (static.y(np.array([s_o]))[0] + v) / l, "o", color=BLACK, markersize=5)
         else:

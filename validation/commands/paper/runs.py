@@ -20,7 +20,8 @@ SAID = store.shipped(__package__, "runs.toml")
 
 def scenes() -> dict[str, Scene]:
     """The paper's scenes, the level one with Wu & Chen's mu = 2, and (12) taken literally (a rising chord)."""
-    level, inclined = Scene.load("level"), Scene.load("inclined")
+    level = Scene.load("level")
+    inclined = Scene.load("inclined")
     rising = inclined.variant(supports=inclined.supports.model_copy(update={"drop": -inclined.supports.drop}))
     return {
         "level": level, "heavy": level.variant(mu=2.0, name="level-mu-2"), "cruise": Scene.load("cruise"),
@@ -59,8 +60,8 @@ class Runs:
     reference: dict[str, Reference]
 
 
-def plan() -> dict[str, tuple[str, str, dict[str, Any]]]:
-    """Every run by its folder's name: scene, method, settings."""
+def plan(quick: bool = False) -> dict[str, tuple[str, str, dict[str, Any]]]:
+    """Every run by its folder's name: scene, method, settings; quick : a quarter of the steps."""
     name, settings = SAID["fine"]
     method = find(name)
     fine = method.settings(settings)
@@ -70,18 +71,27 @@ def plan() -> dict[str, tuple[str, str, dict[str, Any]]]:
         ladder[f"-{word}-steps"] = refined(method, fine, time=share)
     jobs = {f"{scene}-reference{end}": (scene, name, x) for scene in SAID["references"] for end, x in ladder.items()}
     jobs |= {f"{scene}-cross": (scene, *SAID["cross"]) for scene in SAID["references"]}
-    return jobs | {name: tuple(given) for name, given in SAID["runs"].items()}  # the long ones first
+    jobs |= {name: tuple(given) for name, given in SAID["runs"].items()}  # after the long ones
+    return {name: _hastened(job) for name, job in jobs.items()} if quick else jobs
 
 
-def all_runs(out: Path, report: Progress) -> Runs:
+def _hastened(job: tuple[str, str, dict[str, Any]]) -> tuple[str, str, dict[str, Any]]:
+    scene, name, settings = job
+    method = find(name)
+    return scene, name, refined(method, method.settings(settings), time=0.25)
+
+
+def all_runs(out: Path, report: Progress, quick: bool = False) -> Runs:
     """All runs, stored in out/runs/NAME."""
-    known, jobs = scenes(), plan()
+    known = scenes()
+    jobs = plan(quick)
 
     def made(name: str) -> Response:
         scene, method, settings = jobs[name]
         return stored(out / "runs" / name, known[scene], method, settings)
 
-    names, done = list(jobs), itertools.count(1)
+    names = list(jobs)
+    done = itertools.count(1)
     spread(lambda name: bool(made(name)), names, lambda i, there: report("runs", next(done) / len(names)))
     found = {name: made(name) for name in jobs}
     return Runs(known, found, {scene: _reference(found, scene) for scene in SAID["references"]})
@@ -106,5 +116,6 @@ def _reference(found: dict[str, Response], scene: str) -> Reference:
         runs = tuple(found[f"{scene}-reference-{word}-{what}"] for word in ("half", "quarter"))
         return Branch(runs, (2.0, 2.0), order)
 
-    space, time = branch("resolution", find(SAID["fine"][0]).space_order), branch("steps", 2.0)
+    space = branch("resolution", find(SAID["fine"][0]).space_order)
+    time = branch("steps", 2.0)
     return Reference(Ladder(found[f"{scene}-reference"], space, time), found[f"{scene}-cross"])

@@ -41,6 +41,7 @@ def free_vibration(
 def energy_ratio(groups: Groups, per_period: int, name: str = "trapezoidal") -> float:
     """Largest energy of the bare cable in free vibration over that given; per_period : steps in the first mode's."""
     swing = SAID["vibration"]
-    dt, steps = 2.0 * np.pi / 5.3454766 / per_period, round(swing["periods"] * per_period)
+    dt = 2.0 * np.pi / 5.3454766 / per_period
+    steps = round(swing["periods"] * per_period)
     how = {"terms": swing["terms"], "speed": swing["speed"], "dt": dt, "steps": steps}
     return float(np.nanmax(free_vibration(groups, newmark.scheme(name), **how)))

@@ -3,8 +3,9 @@ from typing import Annotated
 
 import typer
 
+from validation.core import store
 from validation.page import terminal
-from validation.page.options import to
+from validation.page.options import Quick, to
 
 EXAMPLE = "cablefem report"
 # in the order of pages
@@ -12,22 +13,35 @@ PARTS = (
     ("check", "level"), ("check", "inclined"), ("check", "tramway"), ("check", "zipline"), ("paper",), ("oracles",),
     ("chart", "level", "--budget", "80"), ("advise", "level", "--tol", "1e-2"), ("modes", "bare"), ("atlas",),
 )  # fmt: skip
+QUICK_PARTS = (
+    ("check", "level"), ("check", "tramway"), ("check", "zipline"), ("paper", "--quick"), ("oracles", "--quick"),
+    ("chart", "level", "--budget", "8"), ("advise", "level", "--tol", "5e-2"), ("modes", "bare"), ("atlas", "--quick"),
+)  # fmt: skip
 
 
-def command(context: typer.Context, out: Annotated[Path | None, to("")] = None) -> int:
-    """Run what is missing and gather all results in one HTML file.
+def command(context: typer.Context, quick: Quick = False, out: Annotated[Path | None, to("")] = None) -> int:
+    """Run what is missing and gather all results in one HTML file; --quick: less of each, in DIR/report-quick.
 
     Each part is a command of its own, with its results in DIR/SCENE; finished parts are taken as they are, so an
     interrupted report goes on where it stopped. Writes DIR/report.html. DIR may also be the folder of one result: then
-    only this is gathered.
+    only this is gathered. Where something is red, a part that broke among it, the exit code is 1.
     """
     from validation.page import report
 
-    with report.missing(out, PARTS) as (root, missing):
+    parts = QUICK_PARTS if quick else PARTS
+    if quick and out is None:
+        out = store.ROOT / "report-quick"
+    broken = []
+    with report.missing(out, parts) as (root, missing):
         for i, part in enumerate(missing):
             terminal.say(f"part {i + 1} of {len(missing)}: cablefem {' '.join(part)}", style="bold")
-            if context.obj(list(part)) == 130:  # the command line itself: each part runs as a user would run it
-                raise KeyboardInterrupt
+            try:
+                context.obj(list(part))  # the command line itself: each part runs as a user would run it
+            except BrokenPipeError:
+                raise
+            except Exception as error:  # the other parts are still worth having
+                faults = terminal.faults(error)
+                terminal.complain(faults)
+                broken.append(report.broken(part, faults))
             terminal.say()
-    report.gather(root, PARTS)
-    return 0
+    return int(report.gather(root, parts, broken))

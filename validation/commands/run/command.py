@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from cablefem.response import Response
 
 EXAMPLE = "cablefem run zipline --model quasi-static --set mass.mass=40,60,80"
-METHOD, QUASI_STATIC = "following-p2", "quasi-static"
+METHOD = "following-p2"
+QUASI_STATIC = "quasi-static"
 CHOICES = {
     "model": ("full", "stretching", "sagged", "string", QUASI_STATIC), "load": ("mass", "force"),
     "law": ("auto", "elastic", "tension-only"),
@@ -47,7 +48,7 @@ def command(
         options.refuse_moving({"--method": method != METHOD, **others, "--tol": tol is not None})
         from validation.commands.run import line as at_rest
 
-        return at_rest.course("run", options.points_of(line, set_), out, at_rest.answers)
+        return at_rest.answer("run", options.points_of(line, set_), out, at_rest.answers)
     faults = [
         f"--{option} = {shown(given)}: unknown.{nearest(given, CHOICES[option])}"
         for option, given in kind.items() if given not in CHOICES[option]
@@ -72,10 +73,12 @@ def command(
 
 def _one(point: options.Point, name: str, answered: "Callable[..., tuple[Response, str]]", out: Path | None) -> int:
     from validation.core.answers import write_answers
+    from validation.core.readback import Stored
     from validation.core.sidebyside import aside
     from validation.page import report, telling
 
-    scene, folder = point.scene, store.claim(out, "run", point.scene, [name])
+    scene = point.scene
+    folder = store.claim(out, "run", point.scene, [name])
     with terminal.progress() as progress:
         r, missed = answered(point, partial(progress, name))
     with aside(partial(_animate, r, folder / name)) if name != QUASI_STATIC else nullcontext():
@@ -83,16 +86,18 @@ def _one(point: options.Point, name: str, answered: "Callable[..., tuple[Respons
         write_answers(folder / name, scene, r)
         report.write(folder, "run")
     store.finish(folder, "run")  # with the animation's files
-    telling.answer(scene, r)
-    telling.work(r)
+    with terminal.heard() as lines:
+        telling.answer(scene, r)
+        telling.work(r)
     terminal.say(f"  written to {folder}: report.html, {name}/")
     if broken := telling.broken(r):
         return broken
+    wrong = report.read_back("run", Stored(folder, [name], judged=False), lines)
     if missed:
         terminal.complain([missed])
         return 1
     # a bar that could not be made is no fault of the run
-    return 1 if any(flag.kind != "no bar" for flag in r.flags) else 0
+    return 1 if wrong or any(flag.kind != "no bar" for flag in r.flags) else 0
 
 
 def _animate(response: "Response", folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""Numbers of a line at rest at each position of its cars, their extremes, and the envelope.
+"""Numbers of a line at rest at each position of its cars, their extremes, its outcome, and the envelope.
 
 Quantities are named `quantity:contact`, `quantity:car` or `quantity:obstacle`. SI; depths below the first contact.
 """
@@ -12,114 +12,141 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from cablefem import catenary_line
 from cablefem.response import Array, write_csv, write_json, write_text
 from cablefem.scene import SceneError
-from cablefem.scene.line import Car, Line, LineRest, LineState, NoLine
+from cablefem.scene.line import Car, Line, LineRest, NoLine
+from cablefem.scene.surroundings import GROUND
 from validation.core import store
-from validation.core.agreement import Verdict
+from validation.core.agreement import Agreement, Verdict, overall
 from validation.core.answers import PLACES
 from validation.page import report, terminal
 from validation.page.answer import many as table
 from validation.page.line import WORDS, columns, kind_of, tell
 from validation.page.options import Point
 
+NAMED = 3  # collisions in an outcome
 Row = dict[str, Any]
 
 
-def row(line: Line, i: int, state: LineState, empty: LineState) -> Row:
-    """Numbers of position i; None for what a car on a shoe has not."""
-    names = [p.name for p in state.case.stations]
-    found: Row = {}
+def numbers_of(rest: LineRest) -> list[Row | None]:
+    """Numbers of all positions; None without rest."""
+    return [_numbers(rest, i) if i in rest.states else None for i in range(len(rest.positions))]
+
+
+def _numbers(rest: LineRest, i: int) -> Row:
+    """Numbers of position i; None for what a car on a shoe has not, and for what is not finite."""
+    line = rest.line
+    state = rest.states[i]
+    out: Row = {}
     for car in line.car:
-        found |= _at_car(line, car, line.place(car, i), state)
-    held = [names.index(contact.name) for contact in line.contact]
-    for j, k in enumerate(held):
-        found |= _at_contact(line, j, k, state, empty)
-    for (a, b), (m, n) in zip(itertools.pairwise(line.contact), itertools.pairwise(held), strict=True):
-        found[f"sag:{a.name} to {b.name}"] = catenary_line.deepest(state, m, n)
-    found["tension_max"] = float(np.nanmax(state.tensions))
-    found["tension_min"] = catenary_line.least_tension(state)
+        out |= _at_car(rest, i, car)
+    index = {p.name: k for k, p in enumerate(state.case.stations)}
+    for j in range(len(line.contact)):
+        out |= _at_contact(rest, i, j, index)
+    for a, b in itertools.pairwise(line.contact):
+        out[f"sag:{a.name} to {b.name}"] = catenary_line.sag(state, index[a.name], index[b.name])
+    out["tension_max"] = float(np.nanmax(state.tensions))
+    out["tension_min"] = catenary_line.min_tension(state)
     if line.cable.breaking_load is not None:
-        found["safety_factor"] = line.cable.breaking_load / found["tension_max"]
-    return found | _room(line, i, state)
+        out["safety_factor"] = line.cable.breaking_load / out["tension_max"]
+    for o in line.obstacle:
+        out[f"clearance_rope:{o.name}"] = o.top - float(catenary_line.at(state, np.array([o.at]))[0][0])
+    if line.ground:
+        out["clearance_rope:ground"] = catenary_line.clearance(state, np.array(line.ground))
+    return {name: None if isinstance(x, float) and not math.isfinite(x) else x for name, x in out.items()}
 
 
-def _at_car(line: Line, car: Car, x: float, state: LineState) -> Row:
+def _at_car(rest: LineRest, i: int, car: Car) -> Row:
+    line = rest.line
+    state = rest.states[i]
+    x = line.place(car, i)
     shoe = line.shoe(x)
-    k = [p.name for p in state.case.stations].index(car.name) if shoe is None else None
     forces = {"tension_behind": state.tensions[:, 0], "tension_ahead": state.tensions[:, 1]}
-    forces |= {"haul": state.haul} if car.hauled else {}
-    found: Row = {f"x:{car.name}": x, f"depth:{car.name}": _depth(state, x), f"on:{car.name}": shoe}
-    return found | {f"{name}:{car.name}": None if k is None else float(N[k]) for name, N in forces.items()}
+    if car.hauled:
+        forces["haul"] = state.haul
+    if shoe is None:
+        k = [p.name for p in state.case.stations].index(car.name)
+        depth = float(state.place[k, 1])
+        values: Row = {f"{name}:{car.name}": float(N[k]) for name, N in forces.items()}
+    else:
+        depth = _depth_on_shoe(rest, i, car, shoe.at)
+        values = {f"{name}:{car.name}": None for name in forces}
+    out = {f"x:{car.name}": x, f"depth:{car.name}": depth, f"on:{car.name}": shoe and shoe.name} | values
+    ground = np.array(line.ground).reshape(-1, 2)  # (m, 2)
+    if line.ground and ground[0, 0] <= x <= ground[-1, 0]:
+        out[_over(car, GROUND)] = float(np.interp(x, *ground.T)) - depth - car.below
+    return out
 
 
-def _depth(state: LineState, x: float) -> float:
-    return float(catenary_line.at(state, np.array([x]))[0][0])
+def _depth_on_shoe(rest: LineRest, i: int, car: Car, saddle: tuple[float, float]) -> float:
+    """Depth of a car on a shoe: a smooth rail over the saddle, from and to where the car hangs on the rope.
+
+    At its ends the rail runs along the chords to the saddle, there with their mean slope.
+    """
+    states = rest.shoe_ends[i, car.name]
+    left, right = (x.place[[p.name for p in x.case.stations].index(car.name)] for x in states)
+    x, y = np.array([left, saddle, right]).T
+    chords = np.diff(y) / np.diff(x)
+    rail = CubicHermiteSpline(x, y, [chords[0], chords.mean(), chords[1]])
+    return float(rail(rest.line.place(car, i)))
 
 
-def _at_contact(line: Line, j: int, k: int, state: LineState, empty: LineState) -> Row:
-    """Numbers of contact j, which is station k."""
-    contact, case = line.contact[j], state.case
-    found = {f"tension:{contact.name}": float(np.nanmax(state.tensions[k]))}
+def _at_contact(rest: LineRest, i: int, j: int, index: dict[str, int]) -> Row:
+    """Numbers of contact j at position i; index : station by name."""
+    line = rest.line
+    state = rest.states[i]
+    contact = rest.line.contact[j]
+    name = contact.name
+    k = index[contact.name]
+    out = {f"tension:{name}": float(np.nanmax(state.tensions[k]))}
     if contact.kind == "saddle":
-        across, down = (float(x) for x in state.pressure[k])
-        found[f"pressure:{contact.name}"] = math.hypot(across, down)
-        found[f"pressure_down:{contact.name}"] = down
-        found[f"direction:{contact.name}"] = math.degrees(math.atan2(across, down))
-        found[f"rope_over:{contact.name}"] = float(empty.s[j] - state.s[k])
+        across, down = state.pressure[k].tolist()
+        cars = sum(car.mass for car in line.car if line.shoe(line.place(car, i)) is contact) * line.gravity
+        out[f"load:{name}"] = math.hypot(across, down + cars)
+        out[f"load_down:{name}"] = down + cars
+        out[f"pressure:{name}"] = math.hypot(across, down)
+        out[f"pressure_down:{name}"] = down
+        out[f"direction:{name}"] = math.degrees(math.atan2(across, down))
+        out[f"rope_over:{name}"] = float(rest.empty.s[j] - state.s[k])
     elif contact.kind == "counterweight":
-        taken = float(np.ptp(state.s) - np.ptp(empty.s))
-        found[f"rise:{contact.name}"] = case.heat * (1.0 + case.stations[k].force / case.EA) * taken
+        taken = float(np.ptp(state.s) - np.ptp(rest.empty.s))
+        out[f"rise:{name}"] = state.case.heat * (1.0 + state.case.stations[k].force / state.case.EA) * taken
     elif contact.kind == "spring":
-        found[f"shift:{contact.name}"] = math.dist(state.place[k], contact.at)
-    return found
+        out[f"shift:{name}"] = math.dist(state.place[k], contact.at)
+    return out
 
 
-def _room(line: Line, i: int, state: LineState) -> Row:
-    """Free heights over obstacles and ground at position i; negative: something hits."""
-    found = {f"clearance_rope:{o.name}": o.top - _depth(state, o.at) for o in line.obstacle}
-    if not line.ground:
-        return found
-    x, depth = np.array(line.ground).T
-    low, high = max(x[0], 0.0), min(x[-1], line.contact[-1].at[0])
-    here = np.union1d(x[(x >= low) & (x <= high)], np.linspace(low, high, PLACES))
-    found["clearance_rope:ground"] = float(np.min(np.interp(here, x, depth) - catenary_line.at(state, here)[0]))
+def _over(car: Car, what: str) -> str:
+    return f"clearance_car:{car.name} over {what}"
+
+
+def _passing(line: Line, rows: Sequence[Row | None]) -> list[tuple[str, int, float]]:
+    """Clearances of cars over obstacles and corners of the ground that they pass, linear between two positions."""
+    out = []
+    tops = [(o.name, o.at, o.top) for o in line.obstacle] + [(GROUND, *point) for point in line.ground]
     for car in line.car:
-        if x[0] <= (at := line.place(car, i)) <= x[-1]:
-            found[f"clearance_car:{car.name} over the ground"] = (
-                float(np.interp(at, x, depth)) - _depth(state, at) - car.below
-            )
-    return found
+        depths = [(i, r[f"depth:{car.name}"]) for i, r in enumerate(rows) if r and r[f"depth:{car.name}"] is not None]
+        track = [(i, line.place(car, i), depth) for i, depth in depths]
+        for (i, a, y), (_, b, z) in itertools.pairwise([*track, *track[-1:]]):
+            for name, at, top in tops:
+                if min(a, b) <= at <= max(a, b):
+                    w = (at - a) / (b - a) if b != a else 0.0
+                    out.append((_over(car, name), i, top - y - w * (z - y) - car.below))
+    return out
 
 
-def _passing(line: Line, rows: list[Row | None]) -> list[tuple[str, int, float]]:
-    """Free heights of cars over obstacles that they pass, linear between two positions."""
-    found = []
-    for car, o in itertools.product(line.car, line.obstacle):
-        told = [(i, r[f"x:{car.name}"], r[f"depth:{car.name}"]) for i, r in enumerate(rows) if r]
-        for (i, a, y), (_, b, z) in zip(told, told[1:] or told, strict=False):
-            if min(a, b) <= o.at <= max(a, b):
-                w = (o.at - a) / (b - a) if b != a else 0.0
-                found.append((f"clearance_car:{car.name} over {o.name}", i, o.top - y - w * (z - y) - car.below))
-    return found
-
-
-def _series(line: Line, rows: list[Row | None]) -> dict[str, list[tuple[float, int]]]:
-    """Values of each quantity, with their positions."""
-    told = [(name, i, value) for i, each in enumerate(rows) for name, value in (each or {}).items()]
+def extremes(line: Line, rows: Sequence[Row | None]) -> list[Row]:
+    """Largest and smallest value of each quantity, and the position of each."""
+    known = [(name, i, value) for i, row in enumerate(rows) for name, value in (row or {}).items()]
     series: dict[str, list[tuple[float, int]]] = {}
-    for name, i, value in (*told, *_passing(line, rows)):
+    for name, i, value in (*known, *_passing(line, rows)):
         if isinstance(value, float) and kind_of(name) != "x":
             series.setdefault(name, []).append((value, i))
-    return series
-
-
-def extremes(line: Line, rows: list[Row | None]) -> list[Row]:
-    """Largest and least value of each quantity, and where it occurs."""
     out = []
-    for name, values in _series(line, rows).items():
+    for name, values in series.items():
         kind, _, of = name.partition(":")
         for word, pick in (("max", max), ("min", min)):
             if WORDS[kind].get("only", word) == word:
@@ -132,15 +159,23 @@ def extremes(line: Line, rows: list[Row | None]) -> list[Row]:
     return out
 
 
-def envelope(line: Line, rest: LineRest) -> dict[str, Array]:
+def envelope(rest: LineRest) -> dict[str, Array]:
     """Columns of profile.csv: the empty rope, and the extremes of depth and tension over all positions."""
-    x = np.linspace(0.0, line.contact[-1].at[0], PLACES)
-    found = [catenary_line.at(state, x) for state in rest.positions if isinstance(state, LineState)]
-    y, T = (np.array([part[i] for part in found]) for i in (0, 1))
+    x = np.linspace(0.0, rest.line.contact[-1].at[0], PLACES)
+    curves = [catenary_line.at(state, x) for state in rest.states.values()]
+    y, T = (np.array([curve[part] for curve in curves]) for part in (0, 1))  # (positions, PLACES)
     return {
         "x": x, "y_rest": catenary_line.at(rest.empty, x)[0], "y_highest": y.min(axis=0), "y_lowest": y.max(axis=0),
         "tension_max": T.max(axis=0), "tension_min": T.min(axis=0),
     }  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What becomes of a line: breaks, collides, incomplete or carries."""
+
+    kind: str
+    sentence: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,25 +186,66 @@ class Answers:
     rest: LineRest
     numbers: list[Row | None]  # None: a position without rest
     design: list[Row]
-    rows: list[Row] = field(default_factory=list)
+    rows: list[Agreement] = field(default_factory=list)
 
     def __repr__(self) -> str:
-        found = self.verdict.value if self.verdict else self.status
-        return f"Answers({self.line.name}: {found}, {self.line.count} positions at rest)"
+        result = self.verdict.value if self.verdict else self.status
+        return f"Answers({self.line.name}: {result}, {self.line.count} positions at rest; {self.outcome.sentence})"
 
     @property
     def verdict(self) -> Verdict | None:
         """Of all rows; None if nothing was compared."""
-        return next((v for v in Verdict if any(row["verdict"] == v.value for row in self.rows)), None)
+        return overall(self.rows) if self.rows else None
 
     @property
     def refused(self) -> list[Row]:
-        told = enumerate(self.rest.positions)
-        return [{"position": i + 1, "reason": str(x)} for i, x in told if isinstance(x, NoLine)]
+        positions = enumerate(self.rest.positions)
+        return [{"position": i + 1, "reason": str(x)} for i, x in positions if isinstance(x, NoLine)]
 
     @property
     def status(self) -> str:
         return "incomplete" if self.refused else "complete"
+
+    @property
+    def outcome(self) -> Outcome:
+        """A rope beyond its breaking load comes first, then collisions, the deepest first."""
+        tension = next((d for d in self.design if d["quantity"] == "tension_max"), None)
+        breaking_load = self.line.cable.breaking_load
+        parts = []
+        kinds = []
+        if tension and breaking_load is not None and tension["value"] > breaking_load:
+            kinds.append("breaks")
+            force = f"{tension['value'] / 1e3:.1f} kN in a rope of {breaking_load / 1e3:.1f} kN"
+            parts.append(f"the rope is loaded beyond its breaking load: {force}{_cars(tension)}")
+        hits = [d for d in self.design if d["quantity"].startswith("clearance") and d["value"] < 0.0]
+        hits.sort(key=lambda d: d["value"])
+        if hits:
+            kinds.append("collides")
+            more = [f"{len(hits) - NAMED} more"] if len(hits) > NAMED else []
+            parts.append(f"would collide: {', '.join([*map(_hit, hits[:NAMED]), *more])}")
+        if self.refused:
+            kinds.append("incomplete")
+            parts.append(f"{len(self.refused)} of {self.line.count} positions have no rest")
+        if not parts:
+            kinds.append("carries")
+            force = "" if tension is None else f"; largest tension {tension['value'] / 1e3:.1f} kN{_cars(tension)}"
+            parts.append(f"at rest at {_positions(self.line.count)}{force}")
+        return Outcome(kinds[0], "; ".join(parts))
+
+
+def _positions(count: int) -> str:
+    return "1 position" if count == 1 else f"{count} positions"
+
+
+def _cars(number: Row) -> str:
+    return f" with {', '.join(f'{name} at {x:.0f} m' for name, x in number['at'].items())}" if number["at"] else ""
+
+
+def _hit(number: Row) -> str:
+    kind, _, of = number["quantity"].partition(":")
+    name = f"the rope over {of}" if kind.startswith("clearance_rope") else of
+    who, _, what = name.partition(" over ")
+    return f"{who} hits {what} by {-number['value']:.2f} m{_cars(number)}"
 
 
 def answers(line: Line, rest: LineRest | None = None) -> Answers:
@@ -178,88 +254,92 @@ def answers(line: Line, rest: LineRest | None = None) -> Answers:
     rest : its solution, if there is one.
     """
     rest = rest or line.rest(catenary_line.solve)
-    numbers = numbers_of(line, rest)
+    numbers = numbers_of(rest)
     if not any(numbers):
         raise store.Refused(f"{line.name}: no position has a rest; at the first {rest.positions[0]}")
     return Answers(line, rest, numbers, extremes(line, numbers))
 
 
-def numbers_of(line: Line, rest: LineRest) -> list[Row | None]:
-    """Numbers of all positions."""
-    told = enumerate(rest.positions)
-    return [row(line, i, x, rest.empty) if isinstance(x, LineState) else None for i, x in told]
-
-
-def write(folder: Path, found: Answers, seconds: float) -> None:
+def write(folder: Path, result: Answers, seconds: float) -> None:
     """Write positions.csv, profile.csv, summary.json, scene.toml, and the ropes that the page draws."""
-    line, told = found.line, envelope(found.line, found.rest)
-    table.write_rows(folder / "positions.csv", [{"position": i + 1} | (x or {}) for i, x in enumerate(found.numbers)])
-    write_csv(folder / "profile.csv", ",".join(told), np.stack(list(told.values()), axis=1))
+    line = result.line
+    profile = envelope(result.rest)
+    rows = [{"position": i + 1} | (x or {}) for i, x in enumerate(result.numbers)]
+    table.write_rows(folder / "positions.csv", rows)
+    write_csv(folder / "profile.csv", ",".join(profile), np.stack(list(profile.values()), axis=1))
     write_text(folder / "scene.toml", line.to_toml())
     write_json(folder / "summary.json", {
-        "scene": line.name, "title": line.title, "method": "catenaries", "status": found.status,
-        "refused": found.refused, "positions": line.count, "empty_length": float(np.ptp(found.rest.empty.s)),
-        "design": found.design, "seconds": seconds,
+        "scene": line.name, "title": line.title, "method": "catenaries", "status": result.status,
+        "outcome": result.outcome.sentence, "outcome_kind": result.outcome.kind,
+        "refused": result.refused, "positions": line.count, "empty_length": float(np.ptp(result.rest.empty.s)),
+        "design": result.design, "seconds": seconds,
     })  # fmt: skip
-    standing = [i for i, x in enumerate(found.rest.positions) if isinstance(x, LineState)]
+    at_rest = list(result.rest.states)
     # the ropes of some positions are drawn
-    drawn = [standing[k] for k in np.unique(np.linspace(0, len(standing) - 1, 7).round().astype(int))]
-    depths = {str(i + 1): catenary_line.at(found.rest.positions[i], told["x"])[0].tolist() for i in drawn}
-    write_json(folder / "ropes.json", {"profile": {k: v.tolist() for k, v in told.items()}, "depths": depths})
+    drawn = [at_rest[k] for k in np.unique(np.linspace(0, len(at_rest) - 1, 7).round().astype(int))]
+    depths = {str(i + 1): catenary_line.at(result.rest.states[i], profile["x"])[0].tolist() for i in drawn}
+    ropes = {"profile": {name: values.tolist() for name, values in profile.items()}, "depths": depths}
+    write_json(folder / "ropes.json", store.plain(ropes))
 
 
-def course(command: str, points: Sequence[Point], out: Path | None, answered: Callable[[Line], Answers]) -> int:
+def answer(command: str, points: Sequence[Point], out: Path | None, solve: Callable[[Line], Answers]) -> int:
     """Answer a line or a grid, store, draw and print; 1 where solvers do not agree, 2 where a position has no rest."""
     line: Line = points[0].scene
-    if len(points) > 1:
-        rows = _many(command, points, out, answered)
-    else:
-        home = "rest-check" if command == "check" else "rest"
-        folder = store.claim(out, command, line, [home, "agreement.json"] if command == "check" else [home])
-        with terminal.progress() as progress:
-            progress(line.name, 0.0)
-            begun = perf_counter()
-            found = answered(line)
-            seconds = perf_counter() - begun
-        write(folder / home, found, seconds)
-        rows = [_outcome(found)]
-        if found.verdict:
-            agreement = {"verdict": found.verdict.value, "methods": ["catenaries", "elements"], "rows": found.rows}
-            write_json(folder / "agreement.json", agreement)
-            terminal.say(found.verdict.value, style=terminal.STYLES[found.verdict.value])
-        report.write(folder, command)
-        tell(line, found.design, found.refused)
-        terminal.say(f"  {line.count} positions in {seconds:.2g} s")
-        if found.verdict:
-            terminal.say(f"  {worst(found.rows)}")
-        terminal.say(f"  written to {folder}: report.html, {home}/")
+    rows = _many(command, points, out, solve) if len(points) > 1 else [_one(command, line, out, solve)]
     if any(x.get("verdict", "agree") != "agree" for x in rows):
         return 1
     return 2 if any(x["status"] != "complete" for x in rows) else 0
 
 
-def _outcome(found: Answers, **numbers: Any) -> Row:
-    verdict = {"verdict": found.verdict.value} if found.verdict else {}
-    return {"status": found.status, **numbers, **verdict}
+def _one(command: str, line: Line, out: Path | None, solve: Callable[[Line], Answers]) -> Row:
+    home = "rest-check" if command == "check" else "rest"
+    folder = store.claim(out, command, line, [home, "agreement.json"] if command == "check" else [home])
+    with terminal.progress() as progress:
+        progress(line.name, 0.0)
+        begun = perf_counter()
+        result = solve(line)
+        seconds = perf_counter() - begun
+    write(folder / home, result, seconds)
+    if result.verdict:
+        verdict = result.verdict.value
+        rows = [row.row() for row in result.rows]
+        agreement = {"verdict": verdict, "methods": ["catenaries", "elements"], "rows": rows}
+        write_json(folder / "agreement.json", agreement)
+        terminal.say(verdict, style=terminal.STYLES[verdict])
+    report.write(folder, command)
+    tell(line, result.outcome.sentence, result.design, result.refused)
+    terminal.say(f"  {_positions(line.count)} in {seconds:.2g} s")
+    if result.verdict:
+        terminal.say(f"  {sure(result.rows)}")
+    terminal.say(f"  written to {folder}: report.html, {home}/")
+    return _entry(result)
 
 
-def worst(rows: Sequence[Row]) -> str:
-    """How many comparisons agree, and the worst of them."""
-    x = max(rows, key=lambda row: row["gap"] / row["allowed"] if row["allowed"] else math.inf)
-    return (
-        f"{sum(row['verdict'] == 'agree' for row in rows)} of {len(rows)} comparisons agree; the worst: "
-        f"{x['quantity']} at {x['where']}, gap {x['gap']:.1e} {x['unit']}, bars {x['allowed']:.1e}"
-    )
+def _entry(result: Answers, **numbers: Any) -> Row:
+    """A row of a grid's table."""
+    words = {"outcome": result.outcome.sentence, "status": result.status}
+    return words | numbers | ({"verdict": result.verdict.value} if result.verdict else {})
 
 
-def _many(command: str, points: Sequence[Point], out: Path | None, answered: Callable[[Line], Answers]) -> list[Row]:
+def sure(rows: Sequence[Agreement]) -> str:
+    """How many comparisons agree, laws hold and printed numbers are as computed, and the worst comparison."""
+    groups = {"laws_si": "laws hold", "printed": "kinds of printed numbers are as computed"}
+    counts = []
+    for quantity, words in {"": "comparisons of two solvers agree", **groups}.items():
+        group = [row for row in rows if row.quantity == quantity or (not quantity and row.quantity not in groups)]
+        counts.append(f"{sum(row.verdict is Verdict.AGREE for row in group)} of {len(group)} {words}")
+    wrong = [f"{row.law or row.quantity} ({row.where})" for row in rows if row.verdict is not Verdict.AGREE]
+    return "; ".join(counts) + (f"; not so: {', '.join(wrong[:4])}" if wrong else "")
+
+
+def _many(command: str, points: Sequence[Point], out: Path | None, solve: Callable[[Line], Answers]) -> list[Row]:
     def row(point: Point) -> tuple[Row, Any]:
         try:
-            found = answered(point.scene)
+            result = solve(point.scene)
         except (store.Refused, SceneError) as error:
             return {"status": "incomplete", "why": str(error)}, None
-        told = envelope(point.scene, found.rest)
-        entry = _outcome(found, **{d["quantity"]: d["value"] for d in found.design})
-        return entry, [told["x"].tolist(), told["y_lowest"].tolist()]
+        profile = envelope(result.rest)
+        entry = _entry(result, **{d["quantity"]: d["value"] for d in result.design})
+        return entry, store.plain([profile["x"].tolist(), profile["y_lowest"].tolist()])
 
     return table.grid(command, f"grid-rest-{command}", points[0].scene, points, out, row, columns)

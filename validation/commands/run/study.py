@@ -7,14 +7,20 @@ from typing import Any
 
 from cablefem.response import Response
 from cablefem.scene import Scene
+from cablefem.scene.errors import nearest, shown
+from validation.commands.run.command import CHOICES, QUASI_STATIC
+from validation.core import recomputed
+from validation.core.agreement import TOL_HIGH, TOL_LOW, Verdict
+from validation.core.answers import outcome
 from validation.core.climb import TooCoarse, climb, laddered, refined_until
 from validation.core.design import design
 from validation.core.methods import Method, find
-from validation.core.quasi_static import quasi_static
+from validation.core.quasi_static import quasi_static, with_error_bars
 from validation.core.rows import forces_left, with_bars
-from validation.core.running import run
+from validation.core.running import Run, run
 from validation.core.sampling import FRAMES
 from validation.core.sidebyside import silent
+from validation.core.watch import flagged
 from validation.page.answer import many as table
 from validation.page.options import Point
 
@@ -27,8 +33,10 @@ def answer(
     Returns the response with its design numbers, and why the tolerance is out of reach, else "".
     Without a method: the quasi-static ride.
     """
-    if method is None or (tol is None and not bars):
-        response = quasi_static(scene) if method is None else run(scene, method, **kind, progress=progress)
+    if method is None:
+        return quasi_static_answer(scene), ""
+    if tol is None and not bars:
+        response = run(scene, method, **kind, progress=progress)
         return replace(response, design=design(response)), ""
     missed = ""
     if tol is None:
@@ -39,8 +47,22 @@ def answer(
             # mean forces, as in `check`
             ladder = refined_until(scene, ladder, lambda x: forces_left(scene, x, tol), **kind)
         except TooCoarse as error:
-            ladder, missed = error.ladder, str(error)
+            ladder = error.ladder
+            missed = str(error)
     return replace(ladder.run, design=design(ladder), events=with_bars(ladder)), missed
+
+
+def quasi_static_answer(scene: Scene) -> Response:
+    """The quasi-static ride with design numbers and bars, and a flag for each that its second computation denies."""
+    r = quasi_static(scene)
+    r = with_error_bars(scene, replace(r, design=design(r)))
+    rows = list(recomputed.rows(r, None, outcome(scene, r)))
+    if r.drive != "grip":
+        rows.append(recomputed.energy_of_ride(r))
+    for row in rows:
+        if row.verdict is not Verdict.AGREE:
+            r = flagged(r, "recomputed", what=f"{row.quantity} {row.law}".strip(), gap=row.gap, allowed=row.allowed)
+    return r
 
 
 def run_with_bars(
@@ -50,12 +72,41 @@ def run_with_bars(
     """Run one method as `cablefem run` does: with design numbers, events and their bars.
 
     method : see `cablefem methods`; settings : of the method, as elements=20, steps=800.
-    tol : of the path, relative to its largest deflection; resolution and steps are then chosen.
-    frames : least number of instants at which the fields are kept, for `Response.at`; default 100.
+    tol : of the path, relative to its largest deflection, in [1e-6, 0.2]; resolution and steps are then chosen.
+    frames : least number of instants at which the fields are kept, for `Response.at`.
+    Raises ValueError for a tolerance out of range or beside a resolution, and for settings that no such method has.
     run("zipline", tol=1e-3).design
     """
-    kind = {"model": model, "load": load, "law": law, "frames": frames, **settings}
-    return answer(scene, find(method), tol=tol, bars=bars, progress=silent, **kind)[0]
+    kind = {"model": model, "load": load, "law": law}
+    if refused := faults(scene, find(method), kind, settings, tol):
+        raise ValueError("\n".join(refused))
+    return answer(scene, find(method), tol=tol, bars=bars, progress=silent, frames=frames, **kind, **settings)[0]
+
+
+def faults(
+    scene: Scene, method: Method, kind: dict[str, Any], settings: dict[str, Any], tol: float | None
+) -> list[str]:  # fmt: skip
+    """Why a method does not run a scene so: model, load and law (`kind`), its settings, the path's tolerance."""
+    found = [
+        f"{name} = {shown(given)}: unknown.{nearest(given, CHOICES[name])}"
+        for name, given in kind.items() if given not in CHOICES[name] or given == QUASI_STATIC
+    ]  # fmt: skip
+    if tol is not None:
+        if not TOL_LOW <= tol <= TOL_HIGH:
+            found.append(f"tol must lie in [{TOL_LOW:g}, {TOL_HIGH:g}], got {tol:g}")
+        if method.wrong:
+            found.append(f"{method.name} converges to a wrong answer: no resolution meets a tolerance")
+        chosen = method.resolution.setting, "steps"
+        found += [
+            f"{key} and tol exclude each other: tol chooses {' and '.join(chosen)}" for key in settings if key in chosen
+        ]
+    try:
+        method.settings(settings)
+        if not found:
+            Run(scene, method, **kind, **settings)
+    except ValueError as error:
+        found += str(error).splitlines()
+    return found
 
 
 def many(scene: Scene, points: Sequence[Point], answered: Callable[..., tuple[Response, str]], out: Path | None) -> int:

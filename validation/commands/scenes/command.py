@@ -68,7 +68,10 @@ def _keys() -> int:
 
     for title, part in (("one span, in motion", Scene), ("a line of several contacts, at rest", Line)):
         terminal.say(f"{title}:")
-        rows = [[key.name, key.unit, key.meaning, key.default, key.brief] for key in keys(part)]
+        rows = [
+            [key.name, key.unit, f"{key.kind}: {key.meaning}" if key.kind else key.meaning, key.default, key.brief]
+            for key in keys(part)
+        ]
         terminal.table(["key", "unit", "meaning", "default", "range"], rows)
     return 0
 

@@ -92,4 +92,6 @@ def _axes(kind: type[Range], given: Any) -> dict[str, Axis]:
     return axes
 
 
-grid, ranges = partial(_axes, Steps), partial(_axes, Range)  # of [vary], of [sample.range]
+# of [vary], of [sample.range]
+grid = partial(_axes, Steps)
+ranges = partial(_axes, Range)

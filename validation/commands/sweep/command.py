@@ -21,6 +21,7 @@ def command(
         str | None, typer.Option(metavar="ADDRESS", help="Of a running Dask: tcp://host:8786.")
     ] = None,
     scene: Annotated[int | None, typer.Option(min=0, metavar="I", help="Print scene I as TOML; run nothing.")] = None,
+    keys: Annotated[bool, typer.Option("--keys", help="Print all keys of a study file, with units.")] = False,
     csv: Annotated[bool, typer.Option("--csv", help="Write rows.csv as well.")] = False,
     out: Annotated[Path | None, options.to("STUDY")] = None,
 ) -> int:
@@ -31,6 +32,8 @@ def command(
     """
     from validation.commands.sweep.study import Study, built_in
 
+    if keys:
+        return _keys()
     if study is None:
         for name in built_in():
             asked = Study.load(name)
@@ -54,6 +57,17 @@ def command(
     tally, rows = options.study("sweep", asked.name, writes, out, swept)
     terminal.say(f"{tally.status.total()} scenes in this call, {tally.rate:.3g} per second")
     return _outcome(rows)
+
+
+def _keys() -> int:
+    from validation.core import store
+
+    known = store.shipped(__package__, "keys.toml")
+    groups = known.pop("groups")
+    terminal.table(["key", "unit", "meaning", "default"], [[name, *texts] for name, texts in known.items()])
+    terminal.say()
+    terminal.table(["axis", "unit", "meaning"], [[name, *texts] for name, texts in groups.items()])
+    return 0
 
 
 def _print(study: Study, scene: int) -> None:

@@ -50,7 +50,8 @@ class Tally:
         return self.status.total() / max(1e-9, time.perf_counter() - self.begin)
 
     def __str__(self) -> str:
-        failed, left = sum(self.status[x] for x in job.BROKEN), self.total - self.done
+        failed = sum(self.status[x] for x in job.BROKEN)
+        left = self.total - self.done
         return f"{self.done} done, {failed} failed, {left} left, {self.rate:.3g} scenes/s {self.dashboard}"
 
 
@@ -94,8 +95,10 @@ def _computed(client: Any, study: Study, todo: deque[int], work: Work) -> Iterat
     """
     from distributed import as_completed
 
-    capacity, size = max(1, sum(client.nthreads().values())), 1
-    results, running = as_completed(), dict[Any, list[int]]()
+    capacity = max(1, sum(client.nthreads().values()))
+    size = 1
+    results = as_completed()
+    running = dict[Any, list[int]]()
     suspects: deque[int] = deque()
 
     def fill() -> None:
@@ -108,7 +111,8 @@ def _computed(client: Any, study: Study, todo: deque[int], work: Work) -> Iterat
 
     fill()
     for future in results:
-        chunk, rows = running.pop(future), list[Row]()
+        chunk = running.pop(future)
+        rows = list[Row]()
         if future.status == "finished":
             rows = future.result()
             size = min(_lasting(CHUNK, rows), 4 * max(size, len(rows)))

@@ -47,7 +47,7 @@
       const x = left + k * gap;
       pen.strokeStyle = pen.fillStyle = "#1a1a1a"; pen.lineWidth = 1;
       pen.beginPath(); pen.moveTo(x, top); pen.lineTo(x, bottom); pen.stroke();
-      pen.fillText(a.name.replace("reaction", "react").slice(0, 15), x, k % 2 ? 12 : 26);
+      pen.fillText(a.name.replace("reaction", "react").slice(0, 24), x, k % 2 ? 12 : 26);
       pen.fillText(short(a.words ? a.words[a.high | 0] ?? "" : a.high), x, top - 6);
       pen.fillText(short(a.words ? a.words[Math.ceil(a.low)] ?? "" : a.low), x, bottom + 14);
       if (a.brush) {

@@ -1,10 +1,16 @@
-"""Random realistic scenes: a gripped car on a locked rope, a hauled one, a rider on a thin rope."""
+"""Random realistic scenes by families, all numbers drawn uniformly.
+
+The first three are a gripped car on a locked rope, a hauled one, and a rider on a thin rope.
+The others are harder: `wide` families.
+"""
 
 import math
+import tomllib
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import tomli_w
 
 from cablefem.scene import Scene
 
@@ -17,7 +23,8 @@ def _locked(draw: Draw) -> Tables:
 
     A full locked rope: 0.87 of its circle is metal, 8450 kg/m^3 with filling, 160 GPa.
     """
-    span, diameter = draw(200.0, 1500.0), draw(0.025, 0.055)
+    span = draw(200.0, 1500.0)
+    diameter = draw(0.025, 0.055)
     area = 0.87 * math.pi * diameter**2 / 4.0
     H = area * draw(200e6, 400e6)
     cable = {"mass_per_length": 8450.0 * area, "EA": 160e9 * area, "horizontal_tension": H}
@@ -48,7 +55,8 @@ def free(draw: Draw) -> Scene:
 
     A stranded rope of diameter d [mm]: 0.0045 d^2 kg/m, 56 d^2 kN.
     """
-    span, d = draw(60.0, 600.0), draw(10.0, 20.0)
+    span = draw(60.0, 600.0)
+    d = draw(10.0, 20.0)
     supports = {"span": span, "drop": span * draw(0.03, 0.12)}
     cable = {"mass_per_length": 0.0045 * d**2, "EA": 56e3 * d**2, "sag": span * draw(0.012, 0.03)}
     x: Tables = {"cable": cable, "supports": supports, "mass": {"mass": draw(40.0, 120.0)}}
@@ -57,24 +65,104 @@ def free(draw: Draw) -> Scene:
     return Scene(**x, name="free")
 
 
-FAMILIES = (gripped, hauled, free)
+def fibre(draw: Draw) -> Scene:
+    """A heavy rider on a light fibre rope, 5 to 300 times as heavy as it.
+
+    A braided rope of diameter d [mm]: 0.00075 d^2 kg/m, 4 to 25 d^2 kN.
+    """
+    span = draw(30.0, 200.0)
+    d = draw(5.0, 14.0)
+    drop = span * draw(0.03, 0.15)
+    length = math.hypot(span, drop) * draw(1.01, 1.05)
+    x: Tables = {"cable": {"mass_per_length": 0.00075 * d**2, "EA": draw(4e3, 25e3) * d**2, "length": length}}
+    x |= {"supports": {"span": span, "drop": drop}, "mass": {"mass": draw(60.0, 150.0)}}
+    x["drive"] = {"mode": "free", "rolling_friction": draw(0.01, 0.04), "start": length * draw(0.05, 0.2)}
+    return Scene(**x, name="fibre")
 
 
-def realistic(seed: int, index: int) -> Scene:
+def slack(draw: Draw) -> Scene:
+    """A car that grips a slack locked rope, at 0.05 to 0.2 of the wave speed."""
+    x = _locked(draw)
+    sag = x["supports"]["span"] * draw(0.06, 0.15)
+    weight = 9.81 * x["cable"]["mass_per_length"]
+    span = x["supports"]["span"]
+    H = weight * span**2 / (8.0 * sag)
+    x["cable"] = {k: v for k, v in x["cable"].items() if k != "horizontal_tension"} | {"sag": sag}
+    x["mass"] = {"mass": H * draw(0.05, 0.3) / 9.81}
+    speed = draw(0.05, 0.2) * math.sqrt(H / x["cable"]["mass_per_length"])
+    x["travel"] = {"kind": "constant_speed", "speed": speed}
+    return Scene(**x, name="slack")
+
+
+def steep(draw: Draw) -> Scene:
+    """A car that is hauled up or down 45 to 60 degrees."""
+    x = _locked(draw)
+    x["supports"]["drop"] = math.copysign(draw(1.0, 1.7), draw(-1.0, 1.0)) * x["supports"]["span"]
+    x["travel"] = {"kind": "accelerate_cruise_brake", "top_speed": draw(3.0, 8.0)}
+    x["drive"] = {"mode": "haul", "rolling_friction": draw(0.0, 0.05), "drag_area": draw(0.0, 15.0)}
+    return Scene(**x, name="steep")
+
+
+def iced(draw: Draw) -> Scene:
+    """A car that grips a damped locked rope with up to a third of its weight in ice."""
+    x = _locked(draw)
+    x["cable"] |= {"ice": draw(0.02, 0.3) * x["cable"]["mass_per_length"], "damping": draw(0.002, 0.05)}
+    speed = draw(0.1, 0.4) * math.sqrt(x["cable"]["horizontal_tension"] / x["cable"]["mass_per_length"])
+    x["travel"] = {"kind": "accelerate_cruise_brake", "top_speed": speed}
+    return Scene(**x, name="iced")
+
+
+def stopped(draw: Draw) -> Scene:
+    """A hauled car that makes an emergency stop of 0.5 to 2 m/s2 at 0.2 to 0.7 of its way."""
+    x = _locked(draw)
+    speed = draw(4.0, 12.0)
+    way = math.hypot(x["supports"]["span"], x["supports"]["drop"])
+    stop = {"time": draw(0.2, 0.7) * way / speed, "deceleration": draw(0.5, 2.0)}
+    x["travel"] = {"kind": "accelerate_cruise_brake", "top_speed": speed, "stop": stop}
+    x["drive"] = {"mode": "haul", "rolling_friction": draw(0.0, 0.02)}
+    return Scene(**x, name="stopped")
+
+
+def windy(draw: Draw) -> Scene:
+    """A rider as `free`, damped and against the wind, 80 to 200 kg."""
+    x = tomllib.loads(free(draw).to_toml())
+    x["cable"]["damping"] = draw(0.001, 0.03)
+    x["mass"]["mass"] = draw(80.0, 200.0)
+    x["drive"]["wind"] = draw(-8.0, 4.0)
+    return Scene.from_toml(tomli_w.dumps(x | {"name": "windy"}))
+
+
+Family = Callable[[Draw], Scene]
+FAMILIES: tuple[Family, ...] = (gripped, hauled, free)
+WIDE: tuple[Family, ...] = (*FAMILIES, fibre, slack, steep, iced, stopped, windy)
+SETS = {"ropeway": FAMILIES, "wide": WIDE}
+
+
+def realistic(seed: int, index: int, families: tuple[Family, ...] = FAMILIES) -> Scene:
     """A scene of the families in turn."""
     rng = np.random.default_rng([seed, index])
-    return FAMILIES[index % len(FAMILIES)](lambda low, high: float(rng.uniform(low, high)))
+    return families[index % len(families)](lambda low, high: float(rng.uniform(low, high)))
 
 
 SOUND = 60  # cases without a fault
 FAULTS = ("mass.mass", "cable.EA", "cable.mass_per_length", "travel.top_speed")
 
 
-def case(seed: int, number: int) -> tuple[Scene, str | None]:
-    """The scene of a case of the study `power`, and the key that the second solver is told 1 percent larger."""
+def case(seed: int, number: int, of: str = "ropeway") -> tuple[Scene, str | None]:
+    """The scene of a case of the study `power`, and the key that the second solver is told 1 percent larger.
+
+    of : a key of SETS; "wide" has faults in friction, drag, brake and drop, too.
+    """
+    families = SETS[of]
     if number < SOUND:
-        return realistic(seed, number), None
+        return realistic(seed, number, families), None
     index = number - SOUND
-    scene = realistic(seed, index)
-    key = FAULTS[index // len(FAMILIES) % (3 if scene.drive.mode == "free" else 4)]
+    scene = realistic(seed, index, families)
+    known = [key for key in FAULTS if key != FAULTS[-1] or scene.drive.mode != "free"]
+    if families is WIDE:
+        drive = scene.drive
+        more: Tables = {"drive.rolling_friction": drive.rolling_friction, "drive.drag_area": drive.drag_area}
+        more |= {"drive.brake.0.force": drive.brake, "supports.drop": scene.supports.drop}
+        known += [key for key, value in more.items() if value]
+    key = known[index // len(families) % len(known)]
     return scene, "travel.speed" if key == FAULTS[-1] and "top_speed" not in scene.to_toml() else key

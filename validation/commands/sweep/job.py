@@ -22,7 +22,8 @@ BROKEN = ("cut off", "failed", "died")
 GRACE = 5.0  # [s] between asking a scene to stop and ending its worker
 FRESH = 120.0  # [s] more for a new process, which may load and compile
 COLUMNS = store.shipped(__package__, "columns.toml")
-GROUPS, DESIGN = COLUMNS["groups"], COLUMNS["design"]
+GROUPS = COLUMNS["groups"]
+DESIGN = COLUMNS["design"]
 
 
 class CutOff(BaseException):
@@ -35,7 +36,8 @@ def time_limit(seconds: float) -> Iterator[None]:
 
     Compiled code may turn it into another exception.
     """
-    thread, begin = ctypes.c_ulong(threading.get_ident()), time.perf_counter()
+    thread = ctypes.c_ulong(threading.get_ident())
+    begin = time.perf_counter()
     cut = ctypes.pythonapi.PyThreadState_SetAsyncExc
     timers = [
         threading.Timer(seconds, cut, (thread, ctypes.py_object(CutOff))),
@@ -121,7 +123,8 @@ def _run(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[str,
     try:
         e = laddered(scene, method, **how) if tol is None else climb(scene, method, tol, past=0.0, **how)
     except TooCoarse as error:
-        e, too_coarse = error.ladder, {"verdict": "too coarse", "reason": str(error)}
+        e = error.ladder
+        too_coarse = {"verdict": "too coarse", "reason": str(error)}
     r = replace(e.run, design=design(e))
     out = of_response(r, scene) | too_coarse
     if faults := faults_of(r):

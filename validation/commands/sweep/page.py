@@ -1,8 +1,10 @@
 """Pages of a sweep: what came out, maps of the design numbers, and every scene to filter."""
 
 import json
+import re
 import textwrap
 from collections.abc import Iterator
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -11,22 +13,29 @@ import numpy as np
 from markupsafe import Markup
 from pandas import qcut
 
+from cablefem.scene import Scene
+from cablefem.scene.keys import keys
 from validation.commands.sweep.engine import frame
 from validation.commands.sweep.job import BROKEN, DESIGN
 from validation.commands.sweep.study import Study
-from validation.core.quantities import named, scale_of, unit_of
+from validation.core import store
+from validation.core.quantities import KNOWN, named, scale_of, unit_of
+from validation.page.answer.many import ENDS
 from validation.page.figures import panels
 from validation.page.page import Section, drawn, figure, number, percent, table
+from validation.page.plot import COLORS
 
 SHOWN = 4000  # most rows in the page and dots in a map, evenly taken
-MAPS = ("tension_max", "mass_deepest", "contact_min", "haul_force_max", "max_deflection", "path_error")
+MAPS = ("tension_max", "speed_max", "mass_deepest", "contact_min", "haul_force_max", "max_deflection", "path_error")
 PARTS = 3  # of a third axis
 
 
 def sections(folder: Path) -> list[Section]:
     file = folder / "study.toml"
-    study, rows = Study.load(file), frame(folder)
-    complete, thin = rows["status"] == "complete", _thinned(rows)
+    study = Study.load(file)
+    rows = frame(folder)
+    complete = rows["status"] == "complete"
+    thin = _thinned(rows)
     packed = Markup(json.dumps(_scenes(study, file, thin)).replace("<", "\\u003c"))
     script = Markup((resources.files(__package__) / "explorer.js").read_text(encoding="utf-8"))
     return drawn(
@@ -54,7 +63,8 @@ def coverage(rows: Any) -> list[dict[str, Any]]:
         known = rows[rows[true].notna()]
         judged = known[known[doubt] <= known[[bar, true]].max(axis=1) / 3.0]
         for name, part in [*judged.groupby("method"), ("all", judged)]:
-            short, plain = part[part[true] > part[bar]], part[part["flags"].isna()]
+            short = part[part[true] > part[bar]]
+            plain = part[part["flags"].isna()]
             lines.append({
                 "bar of": quantity, "method": name, "held against": len(part),
                 "bar holds": f"{100.0 * (1.0 - len(short) / len(part)):.1f} %" if len(part) else "",
@@ -68,10 +78,43 @@ def coverage(rows: Any) -> list[dict[str, Any]]:
 def _maps(study: Study, rows: Any) -> Iterator[Markup]:
     axes = [name for name, a in study.axes.items() if a.numeric and rows[name].nunique() > 1]
     logs = {name for name, a in study.axes.items() if a.log}
+    if axes and rows["outcome_kind"].notna().any():
+        yield _outcomes(_thinned(rows[rows["outcome_kind"].notna()]), axes, logs)
     for quantity in MAPS if axes else ():
         known = _thinned(rows[rows[quantity].notna()])
         if len(known) > 2:
             yield _map(known, quantity, axes, logs)
+
+
+def _outcomes(rows: Any, axes: list[str], logs: set[str]) -> Markup:
+    """Draw what becomes of the car over the first two axes, a colour for each kind."""
+    x = axes[0]
+    y = axes[1] if len(axes) > 1 else "speed_max"
+    fig, grid = panels(1, 1, height=2.9, squeeze=False)
+    ax = grid[0][0]
+    for i, kind in enumerate(rows["outcome_kind"].value_counts().index):
+        part = rows[rows["outcome_kind"] == kind]
+        look = {"color": COLORS[i % len(COLORS)], "marker": "o" if i < len(COLORS) else "s"}
+        dots = ax.scatter(part[x], part[y], s=14, linewidths=0, label=ENDS.get(kind, kind), **look)
+        dots.set_urls([f"#scene-{i}" for i in part.index])
+    ax.set(xlabel=_with_unit(x), ylabel=_with_unit(y))
+    ax.set(xscale="log" if x in logs else "linear", yscale="log" if y in logs else "linear")
+    ax.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure(fig, f"What becomes of the car over {x} and {y}")
+
+
+@cache
+def _units() -> dict[str, str]:
+    """Unit of each axis and each number."""
+    groups = store.shipped(__package__, "keys.toml")["groups"]
+    return {key.name: key.unit for key in keys(Scene)} | {name: unit for name, (unit, _) in groups.items()}
+
+
+def _with_unit(name: str) -> str:
+    """A column with its unit, for an axis or the head of a table."""
+    kind = name.partition(":")[0]
+    unit = unit_of(name) if kind in KNOWN else {"seconds": "s"}.get(name, _units().get(re.sub(r"\.\d+\.", ".0.", name)))
+    return name if unit is None else f"{name} [{unit if unit not in ('', '-') else '–'}]"
 
 
 def _thinned(rows: Any) -> Any:
@@ -93,8 +136,8 @@ def _map(rows: Any, quantity: str, axes: list[str], logs: set[str]) -> Markup:
         slack = part[part["slack_onset"].notna()]
         ax.scatter(slack[x], slack[y], s=30, facecolors="none", edgecolors="#d55e00", linewidths=0.7)
         ax.set_title(title, fontsize=8)
-        ax.set(xlabel=x, xscale="log" if x in logs else "linear", yscale="log" if y in logs else "linear")
-    grid[0][0].set_ylabel(name if y == quantity else y)
+        ax.set(xlabel=_with_unit(x), xscale="log" if x in logs else "linear", yscale="log" if y in logs else "linear")
+    grid[0][0].set_ylabel(name if y == quantity else _with_unit(y))
     # longer names would be cut off
     fig.colorbar(dots, ax=list(grid[0]), label=textwrap.fill(name, 24))
     split = f", {axes[2]} from left to right" if len(axes) > 2 else ""
@@ -114,7 +157,7 @@ def _scenes(study: Study, file: Path, rows: Any) -> dict[str, Any]:
     columns = [*study.axes, *DESIGN, "max_deflection", "path_error", "seconds"]
     columns = [c for c in dict.fromkeys([*columns, "status", "verdict", "method"]) if rows[c].notna().any()]
     logs = {name for name, a in study.axes.items() if a.log}
-    told = [{"name": c, "log": c in logs, "values": _plain(rows[c])} for c in columns]
+    told = [{"name": _with_unit(c), "log": c in logs, "values": _plain(rows[c])} for c in columns]
     return {"study": str(file), "index": rows.index.tolist(), "columns": told}
 
 

@@ -19,7 +19,7 @@ from cablefem.scene.errors import nearest, shown
 from cablefem.scene.fields import Line, Part, between, whole
 from validation.commands.sweep import families
 from validation.commands.sweep.axes import MOST, Axis, grid, ranges
-from validation.core.methods import METHODS
+from validation.core.methods import METHODS, installed
 from validation.core.store import Refused
 
 GROUPS = ("sag_ratio", "mu", "alpha", "speed_ratio")  # of `Scene.variant`
@@ -28,8 +28,9 @@ HOW = ("method", "model", "load", "law", "tol")  # of the run, not of the scene
 
 
 def _known(method: str) -> str:
-    if method not in METHODS:
-        raise ValueError(f"unknown.{nearest(method, METHODS)}")
+    names = [*METHODS, *installed()]
+    if method not in names:
+        raise ValueError(f"unknown.{nearest(method, names)}")
     return method
 
 
@@ -56,7 +57,7 @@ class Study(Part):
     scene: Scene | None = None  # None: every scene is made from its groups
     job: Literal["run", "check", "advise", "power"] = "run"
     method: Annotated[str, AfterValidator(_known)] | None = None  # None: the cheapest that will do
-    settings: dict[str, Any] = Field(default_factory=dict)  # of the method; of job power the seed of its scenes
+    settings: dict[str, Any] = Field(default_factory=dict)  # of the method; of job power `families.case`
     tol: Annotated[float, between(1e-6, 0.2)] | None = None
     seconds: Annotated[float, between(0.1, 86_400.0)] = 120.0  # a scene may take
     vary: Annotated[dict[str, Axis], PlainValidator(grid)] | None = None  # the full grid of all axes
@@ -163,7 +164,8 @@ class Study(Part):
         return scene.variant(**groups) if groups and self.scene is not None else scene
 
     def case(self, point: dict[str, Any]) -> tuple[Scene, str | None]:
-        return families.case(self.settings.get("seed", 0), round(point["case"]))
+        told = self.settings
+        return families.case(told.get("seed", 0), round(point["case"]), told.get("families", "ropeway"))
 
     def how(self, point: dict[str, Any]) -> dict[str, Any]:
         """The entries of HOW that the study names."""

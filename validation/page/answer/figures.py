@@ -19,7 +19,8 @@ from validation.page.page import asset, expression
 from validation.page.plot import BLACK, BLUE, DASHED, DOTTED, GREEN, PURPLE, VERMILLION, Panel, plot
 
 LOOK = ((BLUE, ""), (VERMILLION, DASHED))
-PLACE, TIME = "metres along the rope", "time [s]"
+PLACE = "metres along the rope"
+TIME = "time [s]"
 
 
 def _inside(x: Stored, r: Response, t: Array, values: Array) -> Array:
@@ -111,7 +112,8 @@ def tension_field(x: Stored, r: Response, caption: str, across: int = 5, up: int
     """Draw tension over time and place, with so many numbers on it across and up."""
     low, high = tension_range(x)
     factor, unit = scale_of(np.array([low, high]), "N")
-    f, end = r.fields, float(r.t[-1])
+    f = r.fields
+    end = float(r.t[-1])
     p = Panel(PLACE, "", 220.0, low=0.0, high=r.length, scale=(factor * low, factor * high, unit))
     times = np.linspace(0.0, end, 300)
     nearest = np.abs(times[:, None] - f.t[None, :]).argmin(axis=1)

@@ -17,19 +17,23 @@ from validation.core.answers import outcome
 from validation.core.quantities import named, scale_of
 from validation.core.sidebyside import spread
 from validation.page import report, terminal
+from validation.page.answer.content import inputs
 from validation.page.options import Point
-from validation.page.page import Section, gallery, table
+from validation.page.page import Section, details, drawn_with, gallery, table
 from validation.page.plot import COLORS, DASHED, DOTTED, GREY, Panel, plot, side
 from validation.page.side_view import short, some
 
+ANNOUNCED = 50  # scenes: of more the number is said before they start
 DASHES = ("", DASHED, DOTTED, "8 3 2 3")  # one for each value of the keys after the first
 Row = dict[str, Any]
 HEADS = {
     "outcome": "outcome", "arrival_km_h": "at the brake or end [km/h]", "rests_at_m": "rests at [m]",
+    "farthest_m": "farthest point [m]",
     "clearance_rope_min": "clearance, rope [m]", "clearance_car_min": "clearance, car [m]", "verdict": "verdict",
 }  # fmt: skip
 # kind of an outcome in words, of one ride or of many
 ENDS = {
+    "breaks": "broke the rope",
     "arrives": "arrived", "stopped_by_brake": "stopped in the brake", "stuck": "got stuck",
     "rolls_back": "rolled back to the start", "rolling": "still rolled at the end", "crossed": "crossed the cable",
     "stopped": "stopped before the end", "incomplete": "broke off",
@@ -65,6 +69,7 @@ def row(scene: Scene, r: Response, verdict: str | None = None) -> Row:
         out["arrival_km_h"] = None if arrives is None else round(3.6 * arrives["speed"], 2)
         rests = r.s_o[-1] if found.kind in ("stuck", "stopped_by_brake") else None
         out["rests_at_m"] = None if rests is None else round(float(rests), 2)
+        out["farthest_m"] = round(float(r.s_o.max()), 2)
     return out | _numbers(r.design) | ({} if verdict is None else {"verdict": verdict})
 
 
@@ -93,6 +98,8 @@ def grid(
     keys = list(points[0].given)
     folder = store.claim(out, command, scene, [home])
     answers: dict[int, tuple[Row, Any]] = {}
+    if len(points) > ANNOUNCED:
+        terminal.say(f"{len(points)} scenes")
     with terminal.progress() as progress:
 
         def told(i: int, answer: tuple[Row, Any]) -> None:
@@ -127,7 +134,7 @@ def _tell(rows: list[Row], shown: Columns) -> None:
 def columns(rows: list[Row], keys: Sequence[str]) -> Columns:
     """Columns of a table of rides: varied values, outcomes, common numbers, verdicts."""
     found = {key: Column(key) for key in keys}
-    for name in ("outcome", "arrival_km_h", "rests_at_m", *NUMBERS, "verdict"):
+    for name in ("outcome", "arrival_km_h", "rests_at_m", "farthest_m", *NUMBERS, "verdict"):
         values = [x[name] for x in rows if x.get(name) is not None]
         force = name.startswith(("tension", "haul"))
         factor, unit = scale_of(np.array(values), "N") if force and values else (1.0, "")
@@ -146,11 +153,15 @@ def table_of(rows: list[Row], columns: Columns, key: str) -> Markup:
 
 def sections(folder: Path) -> list[Section]:
     stored = store.read(folder / "grid.json")
-    rows, paths, keys = stored["rows"], stored["paths"], stored["keys"]
+    rows = stored["rows"]
+    paths = stored["paths"]
+    keys = stored["keys"]
     scene = Scene.from_toml((folder / "scene.toml").read_text(encoding="utf-8"))
     html = [
         table_of(rows, columns(rows, keys), keys[0]),
         gallery(_side(scene, rows, paths, keys), _speeds(rows, paths, keys)),
+        details("What is the same in all of them", inputs(scene.to_toml(), without=keys)),
+        Markup("<p><small>Page drawn on {}.</small></p>").format(drawn_with()),
     ]
     kinds = [x["outcome_kind"] for x in rows]
     summary = ", ".join(f"{kinds.count(kind)} of {len(rows)} {ENDS[kind]}" for kind in dict.fromkeys(kinds))
@@ -173,8 +184,10 @@ def _looks(rows: list[dict], keys: Sequence[str]) -> list[tuple[str, str]]:
 
 
 def _side(scene: Scene, rows: list[dict], paths: list[dict | None], keys: Sequence[str]) -> Markup:
-    span, below = scene.supports.span, 0.0 if scene.mass is None else scene.mass.below
-    X, s = scene.catenary, np.linspace(0.0, scene.length, 101)
+    span = scene.supports.span
+    below = 0.0 if scene.mass is None else scene.mass.below
+    X = scene.catenary
+    s = np.linspace(0.0, scene.length, 101)
     ground = np.array(scene.ground).reshape(-1, 2)
     depths = [X.y(s), *(np.array(p["y"]) + below for p in paths if p), ground[:, 1], [o.top for o in scene.obstacle]]
     p = Panel("depth [m]", "path of the car", down=True)

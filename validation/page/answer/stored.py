@@ -67,7 +67,8 @@ def read(folder: Path) -> Stored | None:
     agreement = store.read(folder / "agreement.json")
     runs = tuple(r for name in agreement["methods"][:2] if (r := Response.read(folder / name)).t.size > 1)
     scene = Scene.from_toml((folder / "scene.toml").read_text(encoding="utf-8"))
-    party, file = None, folder / "with.csv"
+    party = None
+    file = folder / "with.csv"
     if (name := next((row["with"] for row in agreement["rows"] if row.get("with")), None)) and file.exists():
         party = replace(ForeignPath.read(file, scene), method=name)
     return Stored(scene, runs, agreement, party) if runs else None

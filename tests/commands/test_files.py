@@ -1,0 +1,88 @@
+"""The data dictionary names every column and key that the commands write, and nothing else."""
+
+import csv
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from cablefem.response import PATH_COLUMNS
+from tests.commands.calls import QUICK
+from validation.commands.methods.files import entries
+
+
+def known(file):
+    """Keys of a file in the dictionary, those of its tables as they stand in the file."""
+    own = {e.key for e in entries() if e.file == file}
+    for table in ("design[]", "events[]"):
+        if table[:-2] in own:
+            own |= {f"{table}.{e.key}" for e in entries() if e.file == table}
+    if file == "advice.json":
+        rung = {e.key for e in entries() if e.file == "rung"}
+        own |= rung | {f"{of}.{key}" for of in ("full", "candidates[]", "rungs[]") for key in rung}
+    return own
+
+
+def keys(content, before=""):
+    if isinstance(content, dict):
+        for key, value in content.items():
+            yield f"{before}{key}"
+            yield from keys(value, f"{before}{key}.")
+    elif isinstance(content, list):
+        for item in content:
+            yield from keys(item, f"{before.removesuffix('.')}[].")
+
+
+def unknown(file):
+    """Columns or keys of a file that the dictionary does not have."""
+    if file.suffix == ".csv":
+        with file.open() as rows:
+            written = {name.partition(":")[0] for name in next(csv.reader(rows))}
+    else:
+        written = set(keys(json.loads(file.read_text())))
+    patterns = [re.escape(key).replace(r"\*", "[^.]*" if file.suffix == ".json" else ".*") for key in known(file.name)]
+    return sorted(name for name in written if not any(re.fullmatch(pattern, name) for pattern in patterns))
+
+
+WRITTEN = ("path.csv", "tension.csv", "profile.csv", "summary.json")
+
+
+@pytest.fixture
+def results(cablefem):
+    """Files of a run of a car that rolls, of a line, and of a grid."""
+    assert cablefem("run", "zipline", *QUICK, "--out", "run")[0] == 0
+    assert cablefem("check", "two-span", "--out", "line")[0] == 0
+    cablefem("run", "zipline", "--model", "quasi-static", "--set", "mass.mass=60,80", "--out", "grid")
+    return [file for file in Path().rglob("*.*") if file.name in {e.file for e in entries()}]
+
+
+def test_every_column_and_key_has_an_entry(results):
+    assert {file.name for file in results} >= {*WRITTEN, "positions.csv", "agreement.json", "table.csv"}
+    assert {str(file): unknown(file) for file in results} == {str(file): [] for file in results}
+
+
+def test_a_new_key_is_seen(tmp_path):
+    (tmp_path / "summary.json").write_text('{"scene": "a", "sway": 1.0, "design": [{"value": 1.0, "mean": 2.0}]}')
+    assert unknown(tmp_path / "summary.json") == ["design[].mean", "sway"]
+    (tmp_path / "path.csv").write_text("t,s_o,pitch\n")
+    assert unknown(tmp_path / "path.csv") == ["pitch"]
+
+
+def test_a_verdict_s_keys_have_an_entry(tmp_path, level_check):
+    level_check.write(tmp_path)
+    assert unknown(tmp_path / "agreement.json") == []
+
+
+def test_an_advice_s_keys_have_an_entry(cablefem, tmp_path):
+    assert cablefem("advise", "zipline", "--tol", "0.1", "--out", "advice")[0] == 0
+    assert unknown(tmp_path / "advice" / "advice.json") == []
+
+
+def test_the_dictionary_has_units_and_no_column_that_is_not_written(cablefem):
+    code, out, _ = cablefem("methods", "--files")
+    assert code == 0
+    for name in PATH_COLUMNS:
+        assert re.search(rf"^path\.csv +{name} +(s|m|N|m/s) ", out, re.MULTILINE)
+    assert {e.key for e in entries() if e.file == "path.csv"} == set(PATH_COLUMNS)
+    assert all(e.unit and e.meaning for e in entries())

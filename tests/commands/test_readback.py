@@ -1,0 +1,211 @@
+"""What is printed and written is read back: all of it has a reader, and each planted fault is seen."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import pytest
+
+from cablefem.response import Response
+from tests.commands.calls import QUICK
+from validation import cli
+from validation.core import readback
+from validation.page import terminal
+
+CHECKED = ("following-p2", "fourier-kink")
+COMMANDS = {
+    "a ride": ("run", "zipline", *QUICK),
+    "a ride back": ("run", "rollback", *QUICK, "--no-bars"),
+    "a hauled car": ("run", "tramway", *QUICK),
+    "a car that grips": ("run", "level", *QUICK, "--law", "elastic"),
+    "quasi-static": ("run", "zipline", "--model", "quasi-static"),
+    "a check": ("check", "inclined", "--tol", "3e-2", "--verbose"),
+    "a check of a ride": ("check", "zipline", "--tol", "5e-2"),
+}
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """What each command stored, printed, and drew: made once, at first use."""
+    known = {}
+
+    def result(name):
+        if name not in known:
+            command, scene, *options = COMMANDS[name]
+            folder = tmp_path_factory.mktemp("results") / "x"
+            with terminal.heard() as lines:
+                assert cli.main([command, scene, *options, "--out", str(folder)]) == 0
+            methods = CHECKED if command == "check" else [next(folder.glob("*/summary.json")).parent.name]
+            of = readback.Stored(folder, methods, judged=command == "check")
+            known[name] = command, of, lines, (folder / "report.html").read_text(encoding="utf-8")
+        return known[name]
+
+    return result
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_all_that_is_written_and_printed_has_a_reader(results, name):
+    command, of, lines, page = results(name)
+    assert [*readback.files(of), *readback.page(page, command, of), *readback.terminal(lines, of)] == []
+    assert of.unread == []
+    for method in of.methods:
+        written = {file.name for file in (of.folder / method).iterdir()}
+        assert written <= readback.FILES.keys()
+    path = (of.folder / of.methods[0] / "path.csv").read_text().splitlines()[0]
+    assert set(path.split(",")) == readback.path_of(of.run(0)).keys()
+
+
+# --- files ------------------------------------------------------------------------------------------------------------
+
+
+def scaled(file: Path, column: str) -> None:
+    """Make a column of a CSV 1 % larger."""
+    head, *lines = file.read_text().splitlines()
+    i = head.split(",").index(column)
+    rows = [line.split(",") for line in lines]
+    for row in rows:
+        row[i] = row[i] and repr(1.01 * float(row[i]))
+    file.write_text("\n".join([head, *(",".join(row) for row in rows)]) + "\n")
+
+
+@pytest.mark.parametrize(
+    ("name", "column"),
+    [
+        ("tension.csv", "T"), ("tension.csv", "s"), ("profile.csv", "tension_max"), ("profile.csv", "tension_min"),
+        ("profile.csv", "y_lowest"), ("profile.csv", "y_highest"), ("path.csv", "x"), ("path.csv", "speed"),
+        ("path.csv", "F_contact"), ("path.csv", "T_behind"),
+    ],
+)  # fmt: skip
+def test_a_column_one_percent_off_is_seen(results, name, column):
+    _, of, _, _ = results("a ride")
+    file = of.folder / of.methods[0] / name
+    before = file.read_text()
+    scaled(file, column)
+    found = list(readback.files(of))
+    file.write_text(before)
+    assert found
+    assert all(fault.startswith(str(file)) and f" {column}" in fault for fault in found)
+
+
+@pytest.mark.parametrize("of_frame", ["displacement", "tension", "velocity"])
+def test_an_animation_one_percent_off_is_seen(results, of_frame):
+    _, of, _, _ = results("a ride")
+    file = of.folder / of.methods[0] / "response.xdmf"
+    names = re.findall(rf'Name="{of_frame}".*?response\.h5:/(\w+)', file.read_text(), re.S)
+
+    def scale(factor):
+        with h5py.File(file.with_suffix(".h5"), "r+") as data:
+            for name in names:
+                data[name][...] = factor * data[name][...]
+
+    scale(1.01)
+    found = list(readback.files(of))
+    scale(1.0 / 1.01)
+    assert found
+    assert all("response.xdmf" in fault for fault in found)
+
+
+def test_a_wrong_number_of_the_summary_is_seen(results):
+    _, of, _, _ = results("a ride")
+    file = of.folder / of.methods[0] / "summary.json"
+    before = file.read_text()
+    for key, value in (("reached", 0.97), ("n_dof", 3), ("max_deflection", 3.0), ("news", 1)):
+        file.write_text(json.dumps(json.loads(before) | {key: value}))
+        assert any(key in fault for fault in readback.files(of))
+    file.write_text(before)
+
+
+# --- page and terminal ------------------------------------------------------------------------------------------------
+
+NUMBER = r"(-?[\d.]+)( ?± ?)([\d.]+)( ?kN)"
+
+
+def other_value(x: re.Match) -> str:
+    return f"{1.01 * float(x[1]):.{len(x[1].partition('.')[2])}f}{x[2]}{x[3]}{x[4]}"
+
+
+def other_factor(x: re.Match) -> str:
+    return f"{x[1]}{x[2]}{x[3]}{x[4].replace('kN', 'MN')}"
+
+
+def other_bar(x: re.Match) -> str:
+    return f"{x[1]}{x[2]}{0.2 * float(x[3]):.{len(x[3].partition('.')[2])}f}{x[4]}"
+
+
+@pytest.mark.parametrize("change", [other_value, other_factor, other_bar])
+@pytest.mark.parametrize("name", ["a ride", "a check of a ride"])
+def test_a_force_with_another_value_unit_or_bar_is_seen(results, name, change):
+    command, of, lines, page = results(name)
+    spaced = NUMBER.replace(" ?", "[ \u202f]?")
+    wrong, count = re.subn(spaced, change, page, count=1)
+    assert count == 1
+    assert any("largest tension" in fault for fault in readback.page(wrong, command, of))
+    text = [re.sub(NUMBER, change, line) if "largest tension" in line else line for line in lines]
+    assert len(list(readback.terminal(text, of))) == 1
+
+
+@pytest.mark.parametrize(
+    ("there", "instead", "said"),
+    [
+        (r"(= )([\d.]+)", r"\g<1>1\2", "top speed"),  # km/h
+        (r"arrives", "stuck", "stuck"),
+        (r"(brake +after )(\d)", r"\g<1>1\2", "brake"),
+        (r"at 0\.0 m", "at 7.0 m", "at 7.0 m"),
+        (r"elements=4", "elements=8", "settings"),
+        (r"path ± (\d)", r"path ± 1\1", "stored"),
+    ],
+)
+def test_other_words_and_numbers_on_the_terminal_are_seen(results, there, instead, said):
+    _, of, lines, _ = results("a ride")
+    text = [re.sub(there, instead, line) for line in lines]
+    assert text != lines
+    assert any(said in fault for fault in readback.terminal(text, of)) or any(said in x for x in of.unread)
+    of.unread.clear()
+
+
+@pytest.mark.parametrize(
+    ("there", "instead", "said"),
+    [
+        (r"(</span> )agree(</span></h2>)", r"\1disagree\2", "verdict"),
+        (r"(\d+)( laws hold)", r"1\1\2", "laws"),
+        (r"Arrives at", "Stops at", "outcome"),
+        (r'(data-label="gap"><div>)', r"\g<1>1", "no such comparison"),
+        (r'(data-label="at \[m\]"><div>)', r"\g<1>1", "no such event"),
+        (r'(data-label="unknowns"><div>)', r"\g<1>1", "n_dof"),
+        (r'(drag_area</div></td><td data-label="value"><div>)', r"\g<1>1", "drag_area"),
+        (r'(horizontal tension at rest</div></td><td data-label="value"><div>)', r"\g<1>1", "horizontal tension"),
+        (r'("text":")(\d+ km/h")', r"\g<1>1\2", "side view"),
+        (r'("mass_y":\{"low":)', r"\g<1>1", "side view: mass_y"),
+        (r'("obstacles":\[)', r'\1{"name":"a","x":1,"top":2}', "obstacles"),
+    ],
+)  # fmt: skip
+def test_other_words_and_numbers_on_the_page_are_seen(results, there, instead, said):
+    command, of, _, page = results("a check of a ride")
+    wrong, count = re.subn(there, instead, page, count=1)
+    assert count == 1
+    assert any(said in fault for fault in readback.page(wrong, command, of))
+
+
+def test_a_path_shifted_in_the_side_view_is_seen(results):
+    command, of, _, page = results("a check of a ride")
+    data = re.search(r'<script type="application/json">(.*?)</script>', page, re.S)[1]
+    view = json.loads(data)
+    view["path"][1] = [y + 0.05 for y in view["path"][1]]
+    wrong = page.replace(data, json.dumps(view))
+    assert any("side view: the path" in fault for fault in readback.page(wrong, command, of))
+
+
+def test_a_file_that_is_written_wrongly_is_said_first_on_the_page_and_is_1(cablefem, monkeypatch):
+    right = Response.write_tables
+
+    def wrong(r, folder):
+        right(replace(r, fields=replace(r.fields, T=1.01 * r.fields.T)), folder)
+
+    monkeypatch.setattr(Response, "write_tables", wrong)
+    code, _, err = cablefem("run", "level", *QUICK, "--no-bars", "--out", "x")
+    assert code == 1
+    assert "not what was computed: x/following-p2/tension.csv: T is not what was computed" in err
+    page = Path("x/report.html").read_text()
+    assert page.index('id="read-back"') < page.index('id="answer"')

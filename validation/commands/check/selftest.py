@@ -1,0 +1,37 @@
+"""The judge tests itself: a planted gap must be a disagreement."""
+
+from dataclasses import replace
+from typing import Any
+
+from validation.commands.check.study import Check
+from validation.core.agreement import Verdict, overall
+from validation.core.climb import laddered
+from validation.core.methods import find
+from validation.core.rows import compare
+from validation.core.view import View
+
+FAULT = {"mass.mass": "+1%"}
+
+
+def planted(result: Check) -> Verdict:
+    """The verdict on a check's first solver and its second one at half the resolution and steps, with 1 % more mass.
+
+    The judge knows the check's scene alone.
+    """
+    scene = result.scene
+    coarse = (*result.b.space.runs, result.b.run)[0]
+    shorter = (*result.b.time.runs, result.b.run)[0]
+    settings = coarse.settings | {"steps": shorter.settings["steps"]}
+    stop = View.of(scene).stop
+    ends: dict[str, Any] = {} if stop is None else {"until": stop}
+    faulty = laddered(scene.replace(FAULT), find(coarse.method), past=0.0, **ends, **settings)
+    toml = scene.to_toml()
+    faulty = faulty.map(lambda r: replace(r, scene_toml=toml))
+    return overall(compare(scene, result.a, faulty, tol=result.tol))
+
+
+def said(result: Check, verdict: Verdict) -> str:
+    of = f"self-test: 1 % more mass for {result.b.run.method}"
+    if verdict is Verdict.DISAGREE:
+        return f"{of} is seen"
+    return f"{of} is NOT seen ({verdict.value}); at --tol {result.tol:g} this check would miss such a fault"

@@ -1,0 +1,30 @@
+"""What every column and key of the files of results means: unit, sign, meaning."""
+
+import re
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from validation.core import store
+from validation.core.quantities import KNOWN
+from validation.page.line import WORDS
+
+
+class Entry(NamedTuple):
+    file: str
+    key: str
+    unit: str
+    meaning: str
+
+
+def entries() -> Iterator[Entry]:
+    """The data dictionary; design numbers and quantities of a line have the names that their writers take."""
+    for file, keys in store.shipped(__package__, "files.toml").items():
+        for key, text in keys.items():
+            unit, meaning = re.fullmatch(r"\[(.*?)\] (.*)", text).groups()  # type: ignore[union-attr]
+            yield Entry(file, key, unit, meaning)
+        if file == "design[]":
+            for name, (words, unit) in KNOWN.items():
+                yield Entry("quantity", name, unit or "-", words.format("an obstacle or the ground"))
+        if file == "positions.csv":
+            for name, of in WORDS.items():
+                yield Entry(file, name, of["unit"] or "-", of["words"].format("it"))
