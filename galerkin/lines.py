@@ -171,7 +171,7 @@ class LineSines(System):
                 continue
             ds, sign = Z[1, self.layout.s[k]], self.frictions[k].sign
             if k not in self.free_cars:
-                sign = self._ahead(body.car, x.t, x.phase)
+                sign = self.line.direction(body.car, x.phase)
             elif abs(ds) > TURNING:
                 sign = float(np.sign(ds))
             self._set_friction(k, float(Z[0, self.layout.s[k]]), sign)
@@ -180,12 +180,6 @@ class LineSines(System):
         drive = self.cars[k].car.drive
         self.frictions[k] = Friction(drive.mu_r, float(drive.brake(s)), sign)
         self._known = None
-
-    def _ahead(self, car: Car, t: float, phase: int) -> float:
-        """Sign of the prescribed motion; at rest that of the motion ahead in this phase."""
-        now, speed, _ = self.line.position(car, t, phase)
-        end, _, _ = self.line.position(car, self.phases[phase][1], phase)
-        return float(np.sign(speed or end - now))
 
     def _touch(self, k: int, Z: Array) -> Touch:
         return Touch(self.equations.touches(Rope(self.layout, Z), Z)[k])
@@ -332,7 +326,7 @@ class LineSines(System):
         frictions = [Friction() for _ in held.bodies]
         for k, body in self.cars.items():
             if body.car.travel is not None:
-                frictions[k] = Friction(body.car.drive.mu_r, sign=self._ahead(body.car, 0.0, 0))
+                frictions[k] = Friction(body.car.drive.mu_r, sign=self.line.direction(body.car, 0))
 
         def put(values: Array) -> Array:
             Z[0, held.free] = np.where(held.forces, 0.0, values)

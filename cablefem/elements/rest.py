@@ -13,7 +13,7 @@ from cablefem.elements.system import LineElements, Slots
 from cablefem.newmark import Array, StepFailure
 from cablefem.scene.contacts import Car, Contact
 from cablefem.scene.line import Case, NoLine, Station
-from cablefem.scene.taut import guess
+from cablefem.scene.taut import start
 
 SOFTENING = 8  # stages of EA up to its value
 SOFTEST = 5.0  # first EA over the tension
@@ -117,11 +117,12 @@ def _begin(system: LineElements, q: Array, free: NDArray[np.bool_]) -> Array:
     for _ in range(ROUNDS):
         stations = tuple(_station(c, x[k], line.gravity) for k, c in enumerate(line.contacts))
         length = rope.length * shorter if rope.length is not None else None
-        try:
-            H, points, s = guess(Case(stations, line.weight, rope.EA, length=length))
-        except NoLine as error:
-            raise StepFailure(0.0, str(error), "give more rope or less load") from None
-        s = s / shorter
+        first = start(Case(stations, line.weight, rope.EA, length=length))
+        if isinstance(first, NoLine):
+            raise StepFailure(0.0, str(first), "give more rope or less load")
+        H = first.H
+        points = first.points
+        s = first.s / shorter
         moved = np.zeros_like(x)
         for k in system.cars:
             if not free[system.s[k]]:

@@ -72,7 +72,7 @@ class LineElements(System):
         self.band = 2 * degree + 1
         self._unknown = np.flatnonzero(self.free)
         self.n_dof = self._unknown.size
-        self.signs = np.array([self._sign(c, 0) if c.travel else 1.0 for c in line.cars])
+        self.signs = np.array([line.direction(c, 0) if c.travel else 1.0 for c in line.cars])
         self.brakes = np.zeros(len(self.cars))  # [N] that act on free cars
         self.hold = np.zeros(len(self.cars))  # [N] f that holds free cars at the start
         weights = [car.mass * line.gravity for car in line.cars] or [line.weight * line.supports[-1].point[0]]
@@ -115,15 +115,6 @@ class LineElements(System):
         if contact.kind in ("anchor", "spring"):
             self.free[self.s[k]] = False
             self.constant[self.s[k]] = (self.line.rope.length or 0.0) if k else 0.0
-
-    def _sign(self, car: Car, phase: int) -> float:
-        """Of the motion of a hauled car in a phase; of one at rest that it is about to take."""
-        for i in range(phase, len(self.phases)):
-            t0, t1 = self.phases[i]
-            moved = self.line.position(car, t1, i)[0] - self.line.position(car, t0, i)[0]
-            if moved:
-                return float(np.sign(moved))
-        return 1.0
 
     def known(self, t: float, phase: int) -> Slots:
         """Slots with what is prescribed at t; zero elsewhere."""
@@ -228,7 +219,7 @@ class LineElements(System):
         """At rest with the cars held; prescribed cars move through states of rest with the first speed of theirs."""
         t = self.phases[phase][0]
         self.signs = np.array(
-            [self._sign(c, phase) if c.travel else x for c, x in zip(self.line.cars, self.signs, strict=True)]
+            [self.line.direction(c, phase) if c.travel else x for c, x in zip(self.line.cars, self.signs, strict=True)]
         )
         if state is not None:
             return consistent_acceleration(self, t, state.q, state.v, phase)

@@ -136,6 +136,20 @@ class MovingLine:
         end = car.travel.phases[-1][1]
         return car.travel.at(end, len(car.travel.phases) - 1)[0], 0.0, 0.0
 
+    def direction(self, car: Car, phase: int) -> float:
+        """1 or -1: the direction of a prescribed travel in a phase.
+
+        At a standstill it is that of the next motion; after the last one it stays, and so does the friction.
+        """
+        later = range(phase, len(self.phases))
+        earlier = range(phase - 1, -1, -1)
+        for i in (*later, *earlier):
+            t0, t1 = self.phases[i]
+            moved = self.position(car, t1, i)[0] - self.position(car, t0, i)[0]
+            if moved:
+                return math.copysign(1.0, moved)
+        return 1.0
+
     def thrust(self, car: Car, t: float, phase: int) -> float:
         """Thrust [N] of a free car along the mean tangent."""
         return float(car.drive.thrust(t, self._phases_of[car.name][phase])) if car.drive.thrust_table else 0.0

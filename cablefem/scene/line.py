@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -250,6 +250,13 @@ class Line(Described):
     def count(self) -> int:
         """Number of positions of the cars."""
         return max((len(car.at or ()) for car in self.car), default=1)
+
+    def _tables(self, changes: Container[str] = ()) -> dict[str, Any]:
+        data = super()._tables(changes)
+        for table, car in zip(data.get("car", ()), self.car, strict=True):
+            if car.travel is not None:
+                table["travel"]["kind"] = car.travel.kind
+        return data
 
     @property
     def moves(self) -> bool:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Literal
 
-from cablefem.scene.contacts import Car, Contact, Elastic, MovingLine
+import numpy as np
+
+from cablefem.scene.contacts import NEAREST, Array, Car, Contact, Elastic, MovingLine
 from cablefem.scene.drive import GRIP, Drive
 from cablefem.scene.errors import SceneError, shown
 from cablefem.scene.line import Car as CarTable
 from cablefem.scene.line import Line, Solver
 from cablefem.scene.motion import Motion
 from cablefem.scene.travel import Law, Table, Trapezoid
+
+SAMPLES = 100  # of timetables, in each phase
 
 
 def moving(line: Line, solve: Solver) -> MovingLine:
@@ -30,6 +35,15 @@ def moving(line: Line, solve: Solver) -> MovingLine:
     ]
     in_x = len(contacts) > 2
     faults = [fault for car in line.car if (fault := _travel_fault(car))]
+    lowest = int(np.nanargmin(np.nanmin(empty.tensions, axis=1)))
+    N = float(np.nanmin(empty.tensions[lowest]))
+    for car in line.car:
+        weight = car.mass * line.gravity
+        if weight >= N:
+            at = line.contact[lowest].name
+            faults.append(
+                f"car.{car.name}.mass: M g = {weight:.6g} N; must be < {N:.6g} N, N at {at} of the empty line"
+            )
     if faults:
         raise SceneError(faults)
     cars = [_car(car, in_x, heat) for car in line.car]
@@ -38,7 +52,25 @@ def moving(line: Line, solve: Solver) -> MovingLine:
     starts = {car.name: _start(car) for car in cars}
     everything: list[Contact | Car] = [*contacts, *cars]
     order = sorted(everything, key=lambda c: {**supports, **starts}[c.name])
-    return MovingLine(rope=elastic, contacts=tuple(order), t_end=max(ends, default=0.0), gravity=line.gravity)
+    found = MovingLine(rope=elastic, contacts=tuple(order), t_end=max(ends, default=0.0), gravity=line.gravity)
+    refuse_meeting(found, empty.s * heat, np.array([c.point[0] for c in contacts]))
+    return found
+
+
+def refuse_meeting(line: MovingLine, s: Array, x: Array) -> None:
+    """SceneError where a timetable along the rope meets one in x; s and x (k,) [m] of the contacts at rest."""
+    for a, b in itertools.pairwise(line.cars):
+        if a.travel is None or b.travel is None or a.along == b.along:
+            continue
+        for phase, (t0, t1) in enumerate(line.phases):
+            for t in np.linspace(t0, t1, SAMPLES).tolist():
+                at = [line.position(car, t, phase)[0] for car in (a, b)]
+                at = [p if car.along == "x" else float(np.interp(p, s, x)) for p, car in zip(at, (a, b), strict=True)]
+                if at[1] - at[0] < NEAREST:
+                    must = f"must be >= {NEAREST:g} m; cars are listed from left to right and cannot pass"
+                    raise SceneError(
+                        [f"{b.name}.travel: about {at[1] - at[0]:.3g} m ahead of {a.name} at t = {t:.4g} s; {must}"]
+                    )
 
 
 def _start(car: Car) -> float:
