@@ -21,7 +21,7 @@ from cablefem.scene import Groups
 EVENTS = ("standstill", "breaking loose", "turn", "brake", "brake off", "arrival", "back", "lift_off", "stop")
 
 
-class Look(NamedTuple):
+class CarForces(NamedTuple):
     """Forces and speed of a car."""
 
     normal: float
@@ -39,7 +39,7 @@ class Mode:
     forward: float = 0.0  # sign of the speed, 0 at first
     brakes: int = 0  # number reached
     lifted: bool = False
-    rings: bool = False  # see `let_go`
+    rings: bool = False  # see `release_car`
     place: float = math.inf  # where, and since when, it is slower than `Drive.rest_speed`
     since: float = 0.0
 
@@ -51,13 +51,13 @@ class Mode:
 class RollingCar(System):
     """A system whose last unknown is the place s_o of a free car; of a hauled car it watches lift-off only.
 
-    Solvers call `board` once, `set_off` and `let_go` at the start.
+    Solvers call `attach` once, `reset` and `release_car` at the start.
     """
 
-    hears_itself: bool  # short steps after jumps, even without friction
+    short_steps_after_jumps: bool  # short steps after jumps, even without friction
     hold: float  # force at the start
 
-    def board(self, groups: Groups) -> None:
+    def attach(self, groups: Groups) -> None:
         self.drive = groups.drive
         self.sigma = groups.sigma
         self.free = self.drive.mode == "free"
@@ -65,67 +65,67 @@ class RollingCar(System):
         self.events = EVENTS if self.free else ("lift_off",)
         self.round_trip = 2.0 / math.sqrt(groups.alpha)  # of axial waves
         self.hold = 0.0
-        self.set_off()
+        self.reset()
 
-    def look(self, x: State) -> Look:
+    def car_forces(self, x: State) -> CarForces:
         raise NotImplementedError
 
-    def holding(self, x: State) -> tuple[float, float]:
+    def sticking_forces(self, x: State) -> tuple[float, float]:
         """Force along the cable on a sticking car, and its normal force."""
         raise NotImplementedError
 
-    def go_on(self, x: State) -> State:
+    def solve_acceleration(self, x: State) -> State:
         """The state with new accelerations."""
         raise NotImplementedError
 
-    def set_off(self) -> None:
+    def reset(self) -> None:
         self.mode = Mode(brakes=sum(place <= self.drive.start for place, _ in self.drive.brakes))
-        self.heeded = -math.inf
+        self.events_from = -math.inf
         self._watched: tuple[State, tuple[float, ...]] | None = None
 
-    def let_go(self, x: State) -> State:
+    def release_car(self, x: State) -> State:
         """The first state of a free ride; until axial waves are back, zeros of the slip are no standstills."""
         x = self.come_to_rest(x)
-        self.mode.rings = self.rubs and not self.mode.sticks
+        self.mode.rings = self.has_friction and not self.mode.sticks
         return x
 
     def enter(self, x: State) -> State:
-        return self.come_to_rest(x) if self.mode.sticks else self.go_on(x)
+        return self.come_to_rest(x) if self.mode.sticks else self.solve_acceleration(x)
 
     @property
-    def rubs(self) -> bool:
+    def has_friction(self) -> bool:
         return self.drive.mu_r > 0.0 or self.mode.brakes > 0
 
     @property
     def brake(self) -> float:
         return sum([force for _, force in self.drive.brakes[: self.mode.brakes]], 0.0) if self.mode.brakes else 0.0
 
-    def most(self, normal: float) -> float:
+    def max_resistance(self, normal: float) -> float:
         """Largest force of friction and brakes."""
         return self.drive.mu_r * abs(normal) + self.brake
 
     def margin(self, x: State) -> float:
-        """`most` less the force that holds the car."""
-        needed, normal = self.holding(x)
-        return self.most(normal) - abs(needed)
+        """`max_resistance` less the force that holds the car."""
+        needed, normal = self.sticking_forces(x)
+        return self.max_resistance(normal) - abs(needed)
 
     def come_to_rest(self, x: State) -> State:
         """The car sticks, or slips where it is pulled."""
         v = x.v.copy()
         v[-1] = 0.0
         self.mode.sticks = True
-        x = self.go_on(x._replace(v=v))
+        x = self.solve_acceleration(x._replace(v=v))
         return x if self.margin(x) > 0.0 else self._slip(x)
 
     def _slip(self, x: State) -> State:
-        needed, _ = self.holding(x)
+        needed, _ = self.sticking_forces(x)
         mode = self.mode
         v = x.v.copy()
         pulled = needed if abs(needed) > 1e-9 * self.force_scale else self.hold
         mode.sticks = False
         mode.heading = -math.copysign(1.0, pulled)
-        v[-1] = mode.heading * 1e-12 if self.rubs else 0.0  # a first slip arms the standstill event
-        return self.go_on(x._replace(v=v))
+        v[-1] = mode.heading * 1e-12 if self.has_friction else 0.0  # a first slip arms the standstill event
+        return self.solve_acceleration(x._replace(v=v))
 
     def begin_step(self, x: State) -> None:
         if not self.free:
@@ -133,7 +133,7 @@ class RollingCar(System):
         mode = self.mode
         s_o, slip = (float(x.q[-1]), float(x.v[-1]))
         if mode.rings:
-            turned = mode.heading * self.look(x).speed < -self.drive.rest_speed
+            turned = mode.heading * self.car_forces(x).speed < -self.drive.rest_speed
             answered = x.t >= max(self.drive.start, 1.0 - self.drive.start) * self.round_trip
             if turned or (answered and mode.heading * slip > 0.0):
                 self._hear(slip)
@@ -160,7 +160,7 @@ class RollingCar(System):
         if name in ("brake", "brake off"):
             mode.brakes += 1 if name == "brake" else -1
             self._hear(float(x.v[-1]))  # it may stop the car
-            return self.go_on(x)
+            return self.solve_acceleration(x)
         if name == "turn":
             mode.forward = -mode.forward
         else:
@@ -168,7 +168,7 @@ class RollingCar(System):
         return x
 
     def watch(self, x: State) -> tuple[float, ...]:
-        if x.t <= self.heeded:
+        if x.t <= self.events_from:
             return (1.0,) * len(self.events)
         if self._watched is None or self._watched[0] is not x:
             self._watched = x, self._values(x)
@@ -181,7 +181,7 @@ class RollingCar(System):
         if self.free and not 0.0 < s_o < 1.0:  # off the cable only these have values
             ends = {"arrival": drive.end_place - s_o, "back": s_o - drive.back_place}
             return tuple(ends.get(name, math.inf) for name in EVENTS)
-        look = self.look(x)
+        look = self.car_forces(x)
         lift_off = math.inf if mode.lifted else look.normal
         if not self.free:
             return (lift_off,)
@@ -189,19 +189,19 @@ class RollingCar(System):
             mode.forward = math.copysign(1.0, look.speed)
         return *self._of_forces(x, look), *self._of_places(s_o), lift_off, self._left(x)
 
-    def _of_forces(self, x: State, look: Look) -> tuple[float, float, float]:
+    def _of_forces(self, x: State, look: CarForces) -> tuple[float, float, float]:
         mode = self.mode
         if mode.sticks:
             return math.inf, self.margin(x), math.inf
-        turns = mode.forward and abs(look.along) > self.most(look.across)
-        slip = mode.heading * float(x.v[-1]) if self.rubs and not mode.rings else math.inf
+        turns = mode.forward and abs(look.along) > self.max_resistance(look.across)
+        slip = mode.heading * float(x.v[-1]) if self.has_friction and not mode.rings else math.inf
         return slip, math.inf, mode.forward * look.speed if turns else math.inf
 
     def _of_places(self, s_o: float) -> tuple[float, float, float, float]:
         drive = self.drive
         n = self.mode.brakes
         mode = self.mode
-        way = 0.0 if mode.rings or not self.rubs else mode.heading  # which only a standstill turns
+        way = 0.0 if mode.rings or not self.has_friction else mode.heading  # which only a standstill turns
         ahead = drive.brakes[n][0] - s_o if n < len(drive.brakes) and way >= 0.0 else math.inf
         back = s_o - drive.brakes[n - 1][0] if n and way <= 0.0 else math.inf
         return ahead, back, drive.end_place - s_o, s_o - drive.back_place
@@ -218,20 +218,20 @@ class RollingCar(System):
         rests = self.drive.stays(float(x.q[-1])) and not self._drifts(x)
         return left if rests else max(left, self.round_trip)
 
-    def part(self, x: State, since: float, ahead: float = 0.0) -> float:
+    def step_fraction(self, x: State, since: float, ahead: float = 0.0) -> float:
         mode = self.mode
         slip = x.v.item(-1)
         rubs = self.drive.resists and (mode.brakes > 0 or mode.sticks)
-        hears = (mode.forward, since) if self.hears_itself or self.drive.resists else (0.0, math.inf)
+        hears = (mode.forward, since) if self.short_steps_after_jumps or self.drive.resists else (0.0, math.inf)
         return self.drive.part_of_step(self.round_trip, self.sigma, x.q.item(-1) + ahead * slip, slip, *hears, rubs)
 
     @property
-    def under_way(self) -> bool:
-        """Whether `course` has all events."""
+    def events_bounded(self) -> bool:
+        """Whether `event_bounds` has all events."""
         mode = self.mode
         return not self.free or not (mode.sticks or mode.rings or mode.forward == 0.0)
 
-    def course(self) -> tuple[float, float, float, float, float]:
+    def event_bounds(self) -> tuple[float, float, float, float, float]:
         """Bounds of s_o, signs of slip (0: any) and speed, least speed."""
         mode = self.mode
         drive = self.drive
@@ -239,4 +239,4 @@ class RollingCar(System):
         n = mode.brakes
         low = max(drive.back_place, places[n])
         high = min(drive.end_place, places[n + 1])
-        return low, high, mode.heading if self.rubs else 0.0, mode.forward, drive.rest_speed
+        return low, high, mode.heading if self.has_friction else 0.0, mode.forward, drive.rest_speed

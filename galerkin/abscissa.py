@@ -41,8 +41,8 @@ class PositionAbscissa(System):
         self._kinematics = lru_cache(maxsize=8)(self._kinematics_at)
 
     @property
-    def least_tension(self) -> tuple[float, float]:
-        return self.system.least_tension
+    def min_tension(self) -> tuple[float, float]:
+        return self.system.min_tension
 
     def place(self, x: State) -> float:
         return x.t

@@ -15,7 +15,7 @@ from cablefem.newmark import Newton, Solve, State, StepFailure, System
 from cablefem.newmark.equilibrium import equilibrium
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
-from cablefem.scene.motion import standing
+from cablefem.scene.motion import at_rest
 from galerkin import kernels
 from galerkin.bases import Basis
 from galerkin.bases.fourier import Fourier
@@ -46,7 +46,7 @@ class GalerkinSystem(System):
     Unknowns: all of U, then all of V, the hat last in each; in path form then the displacement w_p of the mass.
     """
 
-    strides = True
+    many_steps = True
     measures: type[Measures] = Measures
     by_force = False  # whether r' at the mass is shown by the tension from equilibrium
 
@@ -78,7 +78,7 @@ class GalerkinSystem(System):
         # rounding of N, summed over points
         self.force_floor = float(np.finfo(float).eps) * groups.alpha
         # of the last residual, and its s; see `kernels.least`
-        self.least_tension = np.inf, 0.0
+        self.min_tension = np.inf, 0.0
         self._fresh()
 
     def _fresh(self) -> None:
@@ -118,13 +118,13 @@ class GalerkinSystem(System):
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         x = self.instant(t, phase)
         force, pull = self.cable.force(x.place, self._fields(q))
-        self.least_tension = self.cable.least(self.basis, x.place, pull)
+        self.min_tension = self.cable.least(self.basis, x.place, pull)
         return self._residual(x, q, v, a, force)
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
         x = self.instant(t, phase)
         force, pull, K = self.cable.linearise(x.place, self._fields(q))
-        self.least_tension = self.cable.least(self.basis, x.place, pull)
+        self.min_tension = self.cable.least(self.basis, x.place, pull)
         return self._residual(x, q, v, a, force), factorised(self._tangent(x, K, *c))
 
     def _fields(self, y: Array) -> Array:
@@ -179,13 +179,15 @@ class GalerkinSystem(System):
     def sines(self) -> Fourier:
         return self.basis.basis
 
-    def settle(self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> newmark.Settled:
+    def solve_step(
+        self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton
+    ) -> newmark.StepResult:
         if not (self.waves and self.kink):
-            return super().settle(t, phase, start, now, rule, newton)
+            return super().solve_step(t, phase, start, now, rule, newton)
         _, (now[:],), told = self._step(np.array([t]), phase, start, rule[None], newton)
         return self._told(told[0])
 
-    def stride(self, *steps) -> tuple[Array, Array]:
+    def solve_steps(self, *steps) -> tuple[Array, Array]:
         """Steps end where the quadrature rules change or the cable falls slack."""
         if not (self.waves and self.kink):
             return newmark.NO_STEPS
@@ -197,21 +199,21 @@ class GalerkinSystem(System):
     def _step(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[int, Array, Array]:
         places = self.motion.along(t, phase).T
         same, line = next(self.lines(places[:, 0]))
-        return kernels.stride(None, None, line, np.ascontiguousarray(places[same]), start, rules[same], newton)
+        return kernels.solve_steps(None, None, line, np.ascontiguousarray(places[same]), start, rules[same], newton)
 
     _stride = _step
 
-    def _told(self, told: Array) -> newmark.Settled:
+    def _told(self, told: Array) -> newmark.StepResult:
         *done, lowest, where = told.tolist()
-        self.least_tension = lowest, where
-        return newmark.Settled(*done)
+        self.min_tension = lowest, where
+        return newmark.StepResult(*done)
 
     def start(self, phase: int, state: State | None) -> State:
         """At entry the limit t -> 0+; later q and v are continuous, a jumps with dds_o."""
         if state is None:
             s_o, ds_o, _ = self.motion.at(0.0, 0)
             if s_o > 0.0:
-                return newmark.begun(self, lambda at: equilibrium(self.standing(at)), s_o, ds_o)
+                return newmark.quasi_static_start(self, lambda at: equilibrium(self.with_clamped_car(at)), s_o, ds_o)
             return self._entry()
         t = self.phases[phase][0]
         if not self.path_form:
@@ -229,10 +231,10 @@ class GalerkinSystem(System):
         jump = -np.linalg.solve(after.mass + self.mu * np.multiply.outer(after.f, after.f), balance.T).T
         return State(t, state.q, state.v, state.a + np.concatenate([jump.ravel(), jump @ after.f + kick]), phase)
 
-    def standing(self, s_o: float) -> GalerkinSystem:
+    def with_clamped_car(self, s_o: float) -> GalerkinSystem:
         """The cable at rest, with its mass."""
         other = self.with_law("tension-only" if self.model == "full" else self.law)
-        other.motion = standing(s_o, 1.0)
+        other.motion = at_rest(s_o, 1.0)
         return other
 
     def _entry(self) -> State:

@@ -14,12 +14,12 @@ from typing import Self
 
 import numpy as np
 
-from cablefem.newmark import NO_STEPS, Newton, Solve, State, begun
-from cablefem.newmark.equilibrium import equilibrium, hung
+from cablefem.newmark import NO_STEPS, Newton, Solve, State, quasi_static_start
+from cablefem.newmark.equilibrium import equilibrium, equilibrium_on_rope
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
-from cablefem.scene.motion import standing
-from cablefem.stickslip import Look, RollingCar
+from cablefem.scene.motion import at_rest
+from cablefem.stickslip import CarForces, RollingCar
 from galerkin import kernels
 from galerkin.bases import Basis, Fourier
 from galerkin.bases.kink import Array
@@ -30,7 +30,7 @@ from galerkin.kernels.rolling import Car
 WINDOW = 0.3  # of an axial round trip: for the mean acceleration of friction
 
 # single steps, without events
-ALONE = rolling.Course(np.empty(0), np.empty(0), np.empty((0, 3)), 0.0, np.zeros(6), 0.0, 1.0, 0.0, 0.0, 0.0, False)
+NO_BOUNDS = rolling.Course(np.empty(0), np.empty(0), np.empty((0, 3)), 0.0, np.zeros(6), 0.0, 1.0, 0.0, 0.0, 0.0, False)
 
 
 class RollingSystem(RollingCar, GalerkinSystem):
@@ -40,7 +40,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
     Friction and brakes keep their sign between events.  Other bases, models and loads raise ValueError.
     """
 
-    hears_itself = by_force = True
+    short_steps_after_jumps = by_force = True
 
     def __init__(
         self, groups: Groups, basis: Basis, *, kink: bool = True, model: str = "full", load: str = "mass",
@@ -52,7 +52,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
             raise ValueError("a car that rolls needs load = mass: without inertia it has no travel of its own")
         if not (kink and isinstance(basis, Fourier)):
             raise ValueError("a car that rolls needs sines with a hat that travels with it: take method fourier-kink")
-        self.board(groups)
+        self.attach(groups)
         super().__init__(groups, basis, kink=kink, law=law)
         self.n_dof += 1
         # rows t, p.; then t, mean p.. and its rate
@@ -149,7 +149,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         parts = np.zeros((count, 1, self.n_dof, self.n_dof))
         if 0.0 < self.place(x) < 1.0:  # else a trial off the cable
             ride, line, place = self._ride(x)
-            _, self.least_tension = kernels.look(ride, line, place, np.array(x[1:4]), r, parts)
+            _, self.min_tension = kernels.look(ride, line, place, np.array(x[1:4]), r, parts)
         return r, parts[:, 0]
 
     def _ride(self, x: State) -> tuple[rolling.Ride, kernels.Line, tuple[float, float, float]]:
@@ -164,13 +164,13 @@ class RollingSystem(RollingCar, GalerkinSystem):
 
     def _step(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[int, Array, Array]:
         ride, line, place = self._ride(State(float(t[0]), start[0], start[1], start[2], phase))
-        return kernels.stride(ride, ALONE, line, np.array([place]), start, rules, newton)
+        return kernels.solve_steps(ride, NO_BOUNDS, line, np.array([place]), start, rules, newton)
 
     def _stride(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[int, Array, Array]:
         """Steps end at an event, where the rules change, or where a hauled car turns."""
         drive = self.drive
         s_o, ds_o = start[:2, -1].tolist()
-        if not self.under_way or t[0] < drive.release:
+        if not self.events_bounded or t[0] < drive.release:
             return 0, *NO_STEPS
         ride, _, place = self._ride(State(t[0], start[0], start[1], start[2], phase))
         if self.free:
@@ -187,12 +187,12 @@ class RollingSystem(RollingCar, GalerkinSystem):
         thrust = drive.thrust(t, phase) if self.free else np.zeros(t.size)
         past = np.concatenate([self._past, np.empty((t.size, 3))])
         smooth = np.zeros(6)
-        course = rolling.Course(t, thrust, past, self._window, smooth, *self.course(), self.mode.lifted)
-        taken, ends, told = kernels.stride(ride, course, line, places, start, rules, newton)
+        course = rolling.Course(t, thrust, past, self._window, smooth, *self.event_bounds(), self.mode.lifted)
+        taken, ends, told = kernels.solve_steps(ride, course, line, places, start, rules, newton)
         if taken:
             w = float(rules[taken - 1, 0, 4])
             dt = float(rules[taken - 1, 0, 1])
-            self.heeded = float(t[taken - 1]) + (1.0 - w + 1e-9) * dt
+            self.events_from = float(t[taken - 1]) + (1.0 - w + 1e-9) * dt
             if self.free:
                 self._past = past[int(smooth[0]) : len(past) - t.size + taken]
         return taken, ends, told
@@ -205,44 +205,44 @@ class RollingSystem(RollingCar, GalerkinSystem):
         if state is not None:
             return self.enter(state._replace(phase=phase))
         s_o = self.drive.start
-        self.set_off()
+        self.reset()
         self._past = np.empty((0, 3))
         self._smooth = [0.0] * 5
         if not self.free:
             speed = self.motion.at(0.0, 0)[1]
-            return self.go_on(begun(self, self._hung, s_o, speed))
-        q = np.append(equilibrium(self.standing(s_o)), s_o)
+            return self.solve_acceleration(quasi_static_start(self, self._hung, s_o, speed))
+        q = np.append(equilibrium(self.with_clamped_car(s_o)), s_o)
         still = np.zeros(self.n_dof)
         x = State(0.0, q, still, still, 0)
         car = self.car(x, rolling.Rolling(self.mu, self.groups.sigma, 0.0, 0.0))
         self.hold = car.along * car.stretch
-        return self.let_go(x)
+        return self.release_car(x)
 
-    def standing(self, s_o: float) -> GalerkinSystem:
+    def with_clamped_car(self, s_o: float) -> GalerkinSystem:
         """The cable at rest with the car clamped to it."""
-        groups = replace(self.groups, motion=standing(s_o, 1.0))
+        groups = replace(self.groups, motion=at_rest(s_o, 1.0))
         return GalerkinSystem(groups, self.sines, kink=True, law="tension-only")
 
     def _hung(self, s_o: float) -> Array:
         """q of a hauled car at rest on its rope, about to move."""
-        still = replace(self.groups, motion=standing(s_o, 1.0), drive=replace(self.drive, k=0.0))
+        still = replace(self.groups, motion=at_rest(s_o, 1.0), drive=replace(self.drive, k=0.0))
         on_its_rope = OnItsRope(still, self.sines, law="tension-only")
-        return np.append(hung(on_its_rope, equilibrium(self.standing(s_o)))[:-1], 0.0)
+        return np.append(equilibrium_on_rope(on_its_rope, equilibrium(self.with_clamped_car(s_o)))[:-1], 0.0)
 
-    def go_on(self, x: State) -> State:
+    def solve_acceleration(self, x: State) -> State:
         a = np.zeros(self.n_dof)
         for _ in range(3):  # friction is not linear
             r, solve = self.linearise(x.t, x.q, x.v, a, x.phase, 0.0, 0.0, 1.0)
             a = a - solve(r.copy())
         return State(x.t, x.q, x.v, a, x.phase)
 
-    def look(self, x: State) -> Look:
+    def car_forces(self, x: State) -> CarForces:
         """The larger normal force counts: the present one oscillates near a support, the mean one lags."""
         car = self._car_at(x)
         along = self._thrust(x) + car.tx * car.drag_x + car.ty * (car.drag_y + self.mu * self.groups.sigma)
-        return Look(max(car.pressing, car.normal), car.speed, along, self.mu * self.groups.sigma * car.tx)
+        return CarForces(max(car.pressing, car.normal), car.speed, along, self.mu * self.groups.sigma * car.tx)
 
-    def holding(self, x: State) -> tuple[float, float]:
+    def sticking_forces(self, x: State) -> tuple[float, float]:
         car = self.car(x)
         return car.along - self.held(x.t) / car.stretch, car.normal
 

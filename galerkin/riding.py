@@ -63,7 +63,7 @@ class RidingSystem(GalerkinSystem):
         r = np.empty(self.n_dof)
         _, line = next(self.lines(np.empty(1)))
         K = np.empty((parts, 2, *(2 * self.basis.terms + 2,) * 2))
-        _, self.least_tension = kernels.look(None, line, place, state, r, K)
+        _, self.min_tension = kernels.look(None, line, place, state, r, K)
         return r, K
 
     def _entrained(self) -> tuple[Array, Array, float, float]:

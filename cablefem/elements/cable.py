@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from cablefem import newmark
 from cablefem.elements import observing
 from cablefem.elements.kernels import collocation
-from cablefem.elements.kernels.balance import Cable, Contact, Instant, Mesh, Rates, assemble, weigh
+from cablefem.elements.kernels.balance import Cable, Contact, Instant, Mesh, Rates, assemble, assemble_inertia
 from cablefem.elements.kernels.banded import Tangent, factorise, solve
 from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY
-from cablefem.elements.kernels.newton import NO_TANGENT, Steps, settle
-from cablefem.newmark import Array, Newton, Settled, Solve, State, System, Tableau
+from cablefem.elements.kernels.newton import NO_TANGENT, Steps, solve_steps
+from cablefem.newmark import Array, Newton, Solve, State, StepResult, System, Tableau
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 
@@ -70,7 +70,7 @@ class CableElements(System):
         self.inertia = groups.mu if load == "mass" else 0.0
         # displacement of each field
         self.direction = np.eye(2) if model == "full" else np.array([[-groups.chord_sin, groups.chord_cos]])
-        self.least_tension = (math.inf, 0.0)  # and its s
+        self.min_tension = (math.inf, 0.0)  # and its s
         self.weight = groups.mu * groups.sigma * self.direction[:, 1]
         self._set_law(law)
 
@@ -113,12 +113,12 @@ class CableElements(System):
         factorise(*tangent)
         return r, partial(solve, *tangent)
 
-    def settle(self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> Settled:
+    def solve_step(self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> StepResult:
         (now[:],), told, _ = self._steps(np.array([t]), phase, start, rule[None], newton)
         return next(self._said(told))
 
-    def collocate(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[Settled]:
-        return self._said(self._collocated(phase, steps if self.strides else steps.first(1), rule, newton))
+    def collocate(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
+        return self._said(self._collocated(phase, steps if self.many_steps else steps.first(1), rule, newton))
 
     def _steps(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[Array, Array, int]:
         """Ends (m, 3, n_dof) and `told` (m, 6) of `kernels.newton.Steps`, and how many are good."""
@@ -127,7 +127,7 @@ class CableElements(System):
         told = np.empty((t.size, 6))
         steps = Steps(places, self._contact_at(t.item(0), phase), start, rules, ends, told)
         self._at = None
-        return ends, told, settle(self._cable, ride, self._single, self._bands, steps, newton)
+        return ends, told, solve_steps(self._cable, ride, self._single, self._bands, steps, newton)
 
     def _collocated(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Array:
         """`told` of the steps taken."""
@@ -145,18 +145,18 @@ class CableElements(System):
         """The ride or None, and `kernels.newton.Steps.places`."""
         return None, self._places(t, phase)
 
-    def _said(self, told: Array) -> Iterator[Settled]:
+    def _said(self, told: Array) -> Iterator[StepResult]:
         for *done, least, where in told.tolist():
-            self.least_tension = least, where
-            yield Settled(*done)
+            self.min_tension = least, where
+            yield StepResult(*done)
 
     def _assemble(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
         """Set r at x, rows q, v, a, and unless the factors are 0 the tangent in `_single`."""
         if self._at != (t, phase):
             self._now = Instant(self._places(np.array([t]), phase)[0], self._bands, self._contact_at(t, phase))
-            weigh(self._cable, self._now)
+            assemble_inertia(self._cable, self._now)
             self._at = (t, phase)
-        self.least_tension = assemble(self._cable, self._now, x, r, self._single, factors)
+        self.min_tension = assemble(self._cable, self._now, x, r, self._single, factors)
 
     def _fresh(self) -> None:
         """Make the workspaces, which twins do not share."""

@@ -19,7 +19,7 @@ from skfem.models.poisson import mass
 from cablefem.elements.cable import CableElements
 from cablefem.elements.kernels.balance import Contact, Mesh
 from cablefem.elements.reference import bands, force_order, moments, shape_polynomials, tabulated
-from cablefem.newmark import Array, Settled, Solve, State, collocate, consistent_acceleration, iterate
+from cablefem.newmark import Array, Solve, State, StepResult, collocate, consistent_acceleration, iterate
 from cablefem.response import States
 from cablefem.scene import Groups
 
@@ -83,10 +83,10 @@ class FixedElements(CableElements):
 
         return r, solve_with_particle
 
-    def settle(self, *step) -> Settled:
-        return iterate(self, *step) if self.particle else super().settle(*step)  # particles are not compiled
+    def solve_step(self, *step) -> StepResult:
+        return iterate(self, *step) if self.particle else super().solve_step(*step)  # particles are not compiled
 
-    def collocate(self, *step) -> Iterator[Settled]:
+    def collocate(self, *step) -> Iterator[StepResult]:
         return collocate(self, *step) if self.particle else super().collocate(*step)
 
     def _tabulate(self, element: type[skfem.Element]) -> None:

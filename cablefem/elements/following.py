@@ -10,11 +10,11 @@ from cablefem.elements.cable import CableElements
 from cablefem.elements.forms import pull, stiffness
 from cablefem.elements.kernels.balance import Contact, Mesh, Rates
 from cablefem.elements.reference import reference
-from cablefem.newmark import Array, State, StepFailure, begun, consistent_acceleration
+from cablefem.newmark import Array, State, StepFailure, consistent_acceleration, quasi_static_start
 from cablefem.newmark.equilibrium import equilibrium
 from cablefem.response import States
 from cablefem.scene import Groups
-from cablefem.scene.motion import standing
+from cablefem.scene.motion import at_rest
 
 _ONE = np.ones(1)
 _ZERO = np.zeros(1)
@@ -27,7 +27,7 @@ class FollowingElements(CableElements):
     grading : largest over smallest element length; the smallest are next to the mass.
     """
 
-    strides = True
+    many_steps = True
 
     def __init__(
         self, groups: Groups, *, elements: int = 10, degree: int = 2, grading: float = 1.0, model: str = "full",
@@ -63,7 +63,7 @@ class FollowingElements(CableElements):
             return consistent_acceleration(self, t, state.q, state.v, phase)
         s_o, ds, dds = self.motion.at(t, phase)
         if s_o > 0.0:
-            return begun(self, lambda at: equilibrium(self.standing(at)), s_o, ds)
+            return quasi_static_start(self, lambda at: equilibrium(self.with_clamped_car(at)), s_o, ds)
         ride, entrained = self._entrained()
         inertia = self.inertia + entrained
         zero = np.zeros(self.n_dof)
@@ -80,10 +80,10 @@ class FollowingElements(CableElements):
             raise ValueError("the travel starts with neither speed nor acceleration")
         return State(t, zero, zero.copy(), (ride[:, None] * node_a).ravel(), phase)
 
-    def standing(self, s_o: float) -> FollowingElements:
+    def with_clamped_car(self, s_o: float) -> FollowingElements:
         """The cable at rest, with its mass."""
         twin = self.with_law("tension-only")
-        twin.motion = standing(s_o, 1.0)
+        twin.motion = at_rest(s_o, 1.0)
         return twin
 
     # --- assembly --------------------------------------------------------------------------------------
@@ -135,11 +135,11 @@ class FollowingElements(CableElements):
                 return b
         raise StepFailure(0.0, "no equilibrium of the start from rest was found", "let the mass start more gently")
 
-    def stride(self, *steps) -> tuple[Array, Array]:
+    def solve_steps(self, *steps) -> tuple[Array, Array]:
         """Steps end where the cable falls slack."""
         now, told, taken = self._steps(*steps)
         if taken:
-            self.least_tension = told.item(taken - 1, 4), told.item(taken - 1, 5)
+            self.min_tension = told.item(taken - 1, 4), told.item(taken - 1, 5)
         return now[:taken], told[: taken + 1]
 
     def _places(self, t: Array, phase: int) -> Array:

@@ -13,23 +13,21 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import dia_array
 
 from cablefem import newmark
-from cablefem.elements.cable import UNITS, Factors
+from cablefem.elements.cable import Factors
 from cablefem.elements.following import FollowingElements
 from cablefem.elements.kernels import car as kernels
 from cablefem.elements.kernels.balance import Instant
 from cablefem.elements.kernels.banded import Tangent
 from cablefem.elements.kernels.newton import NO_TANGENT
-from cablefem.newmark import Array, Newton, Settled, Solve, State, Tableau
-from cablefem.newmark.equilibrium import equilibrium, hung
-from cablefem.newmark.system import AVERAGE
+from cablefem.newmark import Array, Newton, Solve, State, StepResult, Tableau
+from cablefem.newmark.equilibrium import equilibrium, equilibrium_on_rope
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 from cablefem.scene.drive import GRIP
-from cablefem.scene.motion import standing
-from cablefem.stickslip import Look, RollingCar
+from cablefem.scene.motion import at_rest
+from cablefem.stickslip import CarForces, RollingCar
 
 ANY = np.empty(0)  # course of a car in single steps
 MARGIN = 0.1  # least normal force over weight of a hauled car in compiled steps
@@ -48,7 +46,7 @@ class RollingElements(RollingCar, FollowingElements):
     """
 
     drives = ("free", "haul")
-    hears_itself = False
+    short_steps_after_jumps = False
 
     def __init__(self, groups: Groups, **kind: Any) -> None:
         super().__init__(groups, **kind)
@@ -56,7 +54,7 @@ class RollingElements(RollingCar, FollowingElements):
         if self.fields == 1 or self.load == "force":
             what = f"model {self.model}" if self.fields == 1 else "a moving force without mass"
             raise ValueError(f"{what} has no balance along the cable: a car that rolls needs the full model and a mass")
-        self.board(groups)
+        self.attach(groups)
         self._air = self.drive.k, self.drive.wind, self.drive.mu_r
         self.n_dof += 1
 
@@ -77,16 +75,16 @@ class RollingElements(RollingCar, FollowingElements):
         t = self.phases[phase][0]
         if state is not None:
             return self.enter(state._replace(t=t, phase=phase))
-        self.set_off()
+        self.reset()
         if not self.free:
             s_o, ds, _ = self.motion.at(t, 0)
-            return newmark.begun(self, self._hung, s_o, ds)
+            return newmark.quasi_static_start(self, self._hung, s_o, ds)
         s_o = self.drive.start
         zero = np.zeros(self.n_dof)
-        x = State(t, np.append(equilibrium(self.standing(s_o)), s_o), zero, zero.copy(), 0)
+        x = State(t, np.append(equilibrium(self.with_clamped_car(s_o)), s_o), zero, zero.copy(), 0)
         alone = self._car._replace(drag=0.0, friction=0.0, brake=0.0)
         self.hold = self._roll(alone, np.zeros(3), np.array(x[1:4]), np.empty(self.n_dof))[2]
-        return self.let_go(x)
+        return self.release_car(x)
 
     def abrupt(self, x: State, dt: float) -> bool:
         """After a jump of force the car slips until an axial wave stops it."""
@@ -95,16 +93,16 @@ class RollingElements(RollingCar, FollowingElements):
     def _assemble(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
         self._roll(self._car, self._driven(np.array(t), phase), x, r, factors)
 
-    def stride(self, t: Array, *steps) -> tuple[Array, Array]:
-        if not self.under_way:
+    def solve_steps(self, t: Array, *steps) -> tuple[Array, Array]:
+        if not self.events_bounded:
             return newmark.NO_STEPS
-        now, told = super().stride(t, *steps)
+        now, told = super().solve_steps(t, *steps)
         self._seen_to(t, len(now))
         return now, told
 
     def _seen_to(self, t: Array, taken: int) -> None:
         if taken > 1:
-            self.heeded = float(t[taken - 2] + 0.9 * (t[taken - 1] - t[taken - 2]))
+            self.events_from = float(t[taken - 2] + 0.9 * (t[taken - 1] - t[taken - 2]))
 
     def _moved(self, t: Array, phase: int, start: Array) -> tuple[Any, Array]:
         return kernels.Ride(self._car, self._at_car, self._course if len(t) > 1 else ANY), self._driven(t, phase)
@@ -128,69 +126,30 @@ class RollingElements(RollingCar, FollowingElements):
         A hauled car has a margin: schemes may balance it before the end of the step.
         """
         margin = 0.0 if self.free else MARGIN * self.inertia * self.groups.sigma
-        keeps = self.course() if self.free else (-math.inf, math.inf, 0.0, 0.0, 0.0)
+        keeps = self.event_bounds() if self.free else (-math.inf, math.inf, 0.0, 0.0, 0.0)
         return np.array([*keeps, -math.inf if self.mode.lifted else margin])
 
-    def collocate(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[Settled]:
+    def collocate(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
         many = not self.free or rule.c[-1] == 1.0
-        told = self._collocated(phase, steps if many and self.under_way else steps.first(1), rule, newton)
+        told = self._collocated(phase, steps if many and self.events_bounded else steps.first(1), rule, newton)
         self._seen_to(steps.t[1:], len(told))
         return self._said(told)
 
-    def averaged(self, start: State, end: State) -> Array:
-        if not self.free:
-            return super().averaged(start, end)
-        dt = end.t - start.t
-        mean = 0.5 * (start.v + end.v)
-        c_d = self.groups.damping
-        still = self._car._replace(mode=kernels.FREE, drag=0.0, heading=0.0)
-        (_, before, _), (_, after, _) = (self._inertia(still, x.q, x.v, x.v) for x in (start, end))
-        total = (after - before) / dt
-        m = 2 * self.node
-        for x, share in zip(*AVERAGE, strict=True):
-            q = start.q + x * (end.q - start.q)
-            push = self._forces(State(start.t + x * dt, q, mean, (end.v - start.v) / dt, start.phase))
-            static, _, gradient = self._inertia(still, q, start.v, end.v)
-            total += share * (static - 0.5 * gradient)
-            if c_d:
-                momentum = self._inertia(still._replace(mu=0.0), q, mean, mean)[1]
-                momentum[m : m + 2] -= self.inertia * mean[m : m + 2]  # only the cable is damped, not the car
-                total += share * c_d * momentum
-            total[m : m + 2] -= share * np.array(push.outside)
-            total[-1] -= share * (np.dot(push.slope, push.outside) + push.drive)
-        if self.mode.sticks:
-            total[-1] = self.inertia * end.a[-1]
-        return total
-
-    def _inertia(self, car: kernels.Car, q: Array, v: Array, w: Array) -> tuple[Array, Array, Array]:
-        """Forces at rest, M(q) w, and the gradient of v . M(q) w by q, (n_dof,) each."""
-        r = np.empty((2, self.n_dof))
-        gradient = np.zeros(self.n_dof)
-        zero = np.zeros(self.n_dof)
-        tangent = self._tangent(float)  # that of the step may be kept
-        ab, (column, row, _) = tangent
-        diagonals = self._band - np.arange(2 * self._band + 1)
-        for k, (a, sign) in enumerate(((zero, -1.0), (w, 1.0))):
-            self._roll(car, np.zeros(3), np.array([q, zero, a]), r[k], UNITS[0], tangent)
-            transposed = dia_array((ab.T[: diagonals.size], diagonals), shape=(len(ab), len(ab)))
-            gradient += sign * np.append(transposed @ v[:-1] + v[-1] * row[:-1], column @ v)
-        return r[0], r[1] - r[0], gradient
-
-    def look(self, x: State) -> Look:
+    def car_forces(self, x: State) -> CarForces:
         push = self._forces(x)
         tx, ty = push.tau
         px, py = push.velocity
         ex, ey = push.outside
         weight = self.inertia * self.groups.sigma
-        return Look(push.normal, px * tx + py * ty, ex * tx + (ey + weight) * ty, weight * tx)
+        return CarForces(push.normal, px * tx + py * ty, ex * tx + (ey + weight) * ty, weight * tx)
 
-    def holding(self, x: State) -> tuple[float, float]:
+    def sticking_forces(self, x: State) -> tuple[float, float]:
         push = self._forces(x)
         now = self._driven(np.array(x.t), x.phase)
         needed = self._roll(self._car, now, np.array(x[1:4]), np.empty(self.n_dof))[2]
         return needed / push.stretch, push.normal
 
-    def go_on(self, x: State) -> State:
+    def solve_acceleration(self, x: State) -> State:
         return newmark.consistent_acceleration(self, x.t, x.q, x.v, x.phase)
 
     @property
@@ -211,18 +170,18 @@ class RollingElements(RollingCar, FollowingElements):
         at = Instant(now, self._bands, self._contact)
         ride = kernels.Ride(car, self._at_car, ANY)
         seen = kernels.roll(self._cable, ride, at, x, r, tangent or self._single, factors)
-        self.least_tension = seen[:2]
+        self.min_tension = seen[:2]
         return seen
 
-    def standing(self, s_o: float) -> FollowingElements:
+    def with_clamped_car(self, s_o: float) -> FollowingElements:
         """The cable at rest with the car clamped to it."""
-        return FollowingElements(replace(self.groups, motion=standing(s_o, 1.0), drive=GRIP), **self._at_rest)
+        return FollowingElements(replace(self.groups, motion=at_rest(s_o, 1.0), drive=GRIP), **self._at_rest)
 
     def _hung(self, s_o: float) -> Array:
         """q of a hauled car at rest on its rope, about to move."""
-        still = replace(self.groups, motion=standing(s_o, 1.0), drive=replace(self.drive, k=0.0))
+        still = replace(self.groups, motion=at_rest(s_o, 1.0), drive=replace(self.drive, k=0.0))
         on_its_rope = OnItsRope(still, **self._at_rest)
-        return np.append(hung(on_its_rope, equilibrium(self.standing(s_o)))[:-1], 0.0)
+        return np.append(equilibrium_on_rope(on_its_rope, equilibrium(self.with_clamped_car(s_o)))[:-1], 0.0)
 
     def _kinematics(self, states: States) -> Array:
         if not self.free:

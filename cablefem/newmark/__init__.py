@@ -1,13 +1,13 @@
 """The time loop of all solvers; it knows no physics."""
 
 from cablefem.newmark.collocation import collocate
-from cablefem.newmark.equilibrium import begun
+from cablefem.newmark.equilibrium import quasi_static_start
 from cablefem.newmark.failures import EndlessEvents, NewtonStalled, StepFailure, StepUnderflow
-from cablefem.newmark.march import integrate, stretches
-from cablefem.newmark.newton import Newton, Settled
+from cablefem.newmark.march import integrate, integrate_blocks
+from cablefem.newmark.newton import Newton, StepResult
 from cablefem.newmark.schemes import SCHEMES, Scheme, scheme
-from cablefem.newmark.states import Array, Collocated, Course, Inside, State, Steps, Stretch, stacked
+from cablefem.newmark.states import Array, Collocated, Inside, State, StateBlock, StateHistory, Steps, stacked
 from cablefem.newmark.stepper import Passed, Work
 from cablefem.newmark.steps import step_times
 from cablefem.newmark.system import NO_STEPS, Solve, System, consistent_acceleration, iterate
-from cablefem.newmark.tableau import Tableau, between, cubic, densified
+from cablefem.newmark.tableau import Tableau, between, densified, hermite

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cablefem.newmark.newton import Newton, Settled, find_root
+from cablefem.newmark.newton import Newton, StepResult, find_root
 from cablefem.newmark.states import Array, Steps
 from cablefem.newmark.tableau import Tableau
 
@@ -65,7 +65,7 @@ class _Nodes:
         self.a -= da.reshape(self.a.shape)
 
 
-def collocate(system: System, phase: int, steps: Steps, rule: Tableau, newton: Newton) -> Iterator[Settled]:
+def collocate(system: System, phase: int, steps: Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
     nodes = _Nodes(system, phase, steps, rule)
     with np.errstate(over="ignore", invalid="ignore"):
         done = find_root(nodes.residual, lambda: (nodes.residual(), nodes.tangent()), nodes.update, newton)
@@ -73,7 +73,7 @@ def collocate(system: System, phase: int, steps: Steps, rule: Tableau, newton: N
     yield done
 
 
-def collocate_coupled(system: System, phase: int, steps: Steps, rule: Tableau, newton: Newton) -> Iterator[Settled]:
+def collocate_coupled(system: System, phase: int, steps: Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
     """Take the first step with the full tangent, by a preconditioned Krylov method.
 
     For a start where the tangent is proportional to a power of t.
@@ -104,4 +104,4 @@ def collocate_coupled(system: System, phase: int, steps: Steps, rule: Tableau, n
             except (NoConvergence, ValueError):
                 iterations = newton.max_iter
         nodes.finish()
-    yield Settled(norm, iterations, min(iterations, 1), count)
+    yield StepResult(norm, iterations, min(iterations, 1), count)

@@ -32,7 +32,7 @@ class CollocationRule(Stepper):
         super().__init__(system, method, newton._replace(reuse=REUSE, enough=ENOUGH), work)
         self.rule = tableau(method.nodes)
 
-    def stride(self, x: State, times: Array) -> Iterator[Sequence[State]]:
+    def solve_steps(self, x: State, times: Array) -> Iterator[Sequence[State]]:
         if not isinstance(x, Collocated):
             return
         t, ends, a, go_on = steps = self._steps(x, times)

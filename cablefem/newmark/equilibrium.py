@@ -30,7 +30,7 @@ def equilibrium(system: System) -> Array:
     return _solved(system, np.zeros(system.n_dof), _downhill)
 
 
-def hung(system: System, held: Array) -> Array:
+def equilibrium_on_rope(system: System, held: Array) -> Array:
     """q (n_dof,) of a cable and the force, its last unknown, of the rope that holds the car.
 
     held : q of the cable with the car clamped to it, which is near.
@@ -71,7 +71,7 @@ def _downhill(system: System, q: Array, r: Array, step: Array) -> Array:
     return step
 
 
-def begun(system: System, rest: Callable[[float], Array], s_o: float, ds_o: float) -> State:
+def quasi_static_start(system: System, rest: Callable[[float], Array], s_o: float, ds_o: float) -> State:
     """The state of a mass at s_o, at rest or moving through states of rest.
 
     rest : q with the mass at rest at a place.

@@ -17,14 +17,14 @@ def rounding(t: float) -> float:
     return 16.0 * EPS * abs(t)
 
 
-def due(system: System, x: State) -> list[str]:
+def events_due(system: System, x: State) -> list[str]:
     return [name for name, value in zip(system.events, system.watch(x), strict=True) if value <= 0.0]
 
 
 def pass_events(system: System, names: list[str], x: State, t: float, work: Work) -> State | None:
     """Let events happen, noted at t; return the state after them or None."""
     for name in names:
-        if name is not names[0] and name not in due(system, x):
+        if name is not names[0] and name not in events_due(system, x):
             continue
         work.events.append(Passed(name, t))
         after = system.pass_event(name, x)

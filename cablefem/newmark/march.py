@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from cablefem.newmark.collocation_rule import CollocationRule
-from cablefem.newmark.energy_rule import EnergyRule
-from cablefem.newmark.events import due, first_event, pass_events, rounding
+from cablefem.newmark.events import events_due, first_event, pass_events, rounding
 from cablefem.newmark.failures import EndlessEvents, NewtonStalled, StepUnderflow
 from cablefem.newmark.newmark_rule import NewmarkRule
 from cablefem.newmark.newton import STANDARD, Newton
@@ -24,19 +23,19 @@ GENTLY = Scheme("gentle", 0.5, 1.0)
 MOST_HALVINGS = 6  # of a step
 MOST_CUTS = 100  # failed steps beyond half of the grid's number
 MOST_EVENTS = 20  # without a step between them
-# longest strides, of the grid and adaptive
-STRIDE = 256
-AHEAD = 32
-ALONE = 16  # single steps after a failed stride
-GROWN = 2.0  # longest over shortest step of a stride
+# longest many_steps, of the grid and adaptive
+MAX_STEPS = 256
+MAX_ADAPTIVE_STEPS = 32
+SINGLE_STEPS = 16  # single steps after a failed solve_steps
+MAX_GROWTH = 2.0  # longest over shortest step of a solve_steps
 
 
 def integrate(system: System, method: Scheme, times: Sequence[Array], **kind: Any) -> Iterator[State]:
-    for states in stretches(system, method, times, **kind):
+    for states in integrate_blocks(system, method, times, **kind):
         yield from states
 
 
-def stretches(
+def integrate_blocks(
     system: System, method: Scheme, times: Sequence[Array], *, newton: Newton = STANDARD, work: Work | None = None,
     start: State | None = None,
 ) -> Iterator[Sequence[State]]:  # fmt: skip
@@ -49,7 +48,7 @@ def stretches(
     Raises StepFailure; states yielded stay valid.
     """
     work = Work() if work is None else work
-    rule = CollocationRule if method.nodes else EnergyRule if method.average else NewmarkRule
+    rule = CollocationRule if method.nodes else NewmarkRule
     step = rule(system, method, newton, work)
     gentle = NewmarkRule(system, GENTLY, newton, work) if rule is NewmarkRule else None
     state = start
@@ -57,7 +56,7 @@ def stretches(
         state = system.start(0, None)
         yield [state]
     else:
-        state = pass_events(system, due(system, state), state, state.t, work)
+        state = pass_events(system, events_due(system, state), state, state.t, work)
     while state is not None:
         state = yield from _March(step, gentle, state, work).through(times[state.phase])
         if state is None or state.phase == len(system.phases) - 1:
@@ -74,7 +73,7 @@ class _March:
         self.state = state
         self.shown = self.jumped = state.t  # times of the last output, last event
         self.fresh = True
-        self.alone = 1  # single steps before a stride
+        self.alone = 1  # single steps before a solve_steps
         self.pieces = 0
         self.halvings = 0
         self.crowd = 0
@@ -101,12 +100,12 @@ class _March:
         return self.state
 
     def _many(self, edges: list[float]) -> Generator[Sequence[State], None, bool]:
-        """Take a stride if the system can; return whether any step was taken."""
-        if not self.system.strides or self.alone or self.halvings or self.pieces:
+        """Take a solve_steps if the system can; return whether any step was taken."""
+        if not self.system.many_steps or self.alone or self.halvings or self.pieces:
             return False
-        ahead = self._pieces(edges) if self.system.adaptive else edges[1 : 1 + STRIDE]
-        self.alone = ALONE
-        for states in self.step.stride(self.state, np.array(ahead)) if ahead else ():
+        ahead = self._pieces(edges) if self.system.adaptive else edges[1 : 1 + MAX_STEPS]
+        self.alone = SINGLE_STEPS
+        for states in self.step.solve_steps(self.state, np.array(ahead)) if ahead else ():
             x = states[-1]
             if not all(value > 0.0 for value in self.system.watch(x)):
                 break
@@ -116,7 +115,7 @@ class _March:
             self.fresh = False
             self.alone = int(x.t < ahead[-1])
             yield states
-        return self.alone < ALONE
+        return self.alone < SINGLE_STEPS
 
     def _one(self, before: float, t: float, size: int) -> tuple[State, list[str]] | None:
         """Take a step towards t; return its end and events, None to try half the length."""
@@ -124,7 +123,7 @@ class _March:
         system = self.system
         length = t - before
         if system.adaptive:
-            length *= system.part(state, state.t - self.jumped)
+            length *= system.step_fraction(state, state.t - self.jumped)
         if self.fresh and self.gentle is not None and system.abrupt(state, length):
             self.pieces = GENTLE
         self.fresh = False
@@ -169,11 +168,11 @@ class _March:
         ends = list[float]()
         for before, t in itertools.pairwise(edges):
             while t - now > rounding(t):
-                t1 = _piece(now, t, (t - before) * self.system.part(x, now - self.jumped, now - x.t))
-                if not t1 > now or len(ends) == AHEAD or t1 - now > most:
+                t1 = _piece(now, t, (t - before) * self.system.step_fraction(x, now - self.jumped, now - x.t))
+                if not t1 > now or len(ends) == MAX_ADAPTIVE_STEPS or t1 - now > most:
                     return ends
                 ends.append(t1)
-                now, most = t1, min(most, GROWN * (t1 - now))
+                now, most = t1, min(most, MAX_GROWTH * (t1 - now))
         return ends
 
 

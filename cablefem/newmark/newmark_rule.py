@@ -7,7 +7,7 @@ import numpy as np
 
 from cablefem.newmark.newton import Newton
 from cablefem.newmark.schemes import Scheme
-from cablefem.newmark.states import Array, State, Stretch
+from cablefem.newmark.states import Array, State, StateBlock
 from cablefem.newmark.stepper import Stepper, Work
 from cablefem.newmark.system import System
 
@@ -17,7 +17,7 @@ class NewmarkRule(Stepper):
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
         super().__init__(system, method, newton, work)
-        self._rule = np.eye(3, 5)  # see `System.settle`
+        self._rule = np.eye(3, 5)  # see `System.solve_step`
         self._rule[:, 4] = 1.0 - method.alpha_f, 1.0 - method.alpha_f, 1.0 - method.alpha_m
 
     def _set(self, rule: Array, dt: Any, goes_on: float) -> None:
@@ -37,15 +37,15 @@ class NewmarkRule(Stepper):
         w = 1.0 - self.method.alpha_f
         return self.system.between(t0, t1, w, phase)
 
-    def stride(self, x: State, times: Array) -> Iterator[Sequence[State]]:
+    def solve_steps(self, x: State, times: Array) -> Iterator[Sequence[State]]:
         begin = np.concatenate([[x.t], times[:-1]])
         t = self._instants(begin, times, x.phase)
         rules = np.repeat(self._rule[None], times.size, axis=0)
         self._set(rules, times - begin, 1.0)
-        now, told = self.system.stride(t, x.phase, np.array([x.q, x.v, x.a]), rules, self.newton)
+        now, told = self.system.solve_steps(t, x.phase, np.array([x.q, x.v, x.a]), rules, self.newton)
         n = len(now)
-        stretch = Stretch(times[:n], now, x.phase)
-        seen = int(np.searchsorted(stretch.t, self.system.heeded, side="right")) if self.system.events else n
+        stretch = StateBlock(times[:n], now, x.phase)
+        seen = int(np.searchsorted(stretch.t, self.system.events_from, side="right")) if self.system.events else n
         for part in [slice(0, seen)] * (seen > 0) + [slice(k, k + 1) for k in range(seen, n)]:
             self.count(*told[part, 1:4].sum(axis=0).astype(int).tolist())
             yield stretch[part]
@@ -57,7 +57,7 @@ class NewmarkRule(Stepper):
         now = np.empty_like(start)
         for goes_on in (1.0, 0.0):
             self._set(self._rule, dt, goes_on)
-            done = self.system.settle(t, x.phase, start, now, self._rule, self.newton)
+            done = self.system.solve_step(t, x.phase, start, now, self._rule, self.newton)
             if self.balanced(done):
                 return State(t1, now[0], now[1], now[2], x.phase)
         raise self.stalled(t1, done)

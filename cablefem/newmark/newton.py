@@ -26,7 +26,7 @@ class Newton(NamedTuple):
 STANDARD = Newton()
 
 
-class Settled(NamedTuple):
+class StepResult(NamedTuple):
     norm: float
     iterations: int
     factorisations: int
@@ -36,7 +36,7 @@ class Settled(NamedTuple):
 def find_root(
     residual: Callable[[], Any], linearise: Callable[[], tuple[Any, Callable]], update: Callable[[Any], None],
     newton: Newton,
-) -> Settled:  # fmt: skip
+) -> StepResult:  # fmt: skip
     """Take corrections, `update(x)` subtracts x, until |residual()| <= newton.bound; NaN never converges."""
     norm = math.inf
     factorisations = 0
@@ -62,4 +62,4 @@ def find_root(
         if norm <= newton.bound or not norm < math.inf or newton.hopeless(norm, before, iteration + 1):
             break
         anew = norm > newton.reuse * before
-    return Settled(norm, iteration + 1, factorisations, residuals)
+    return StepResult(norm, iteration + 1, factorisations, residuals)

@@ -4,11 +4,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Scheme:
-    """Newmark (1959), generalised-alpha, collocation or averaging.
+    """Newmark (1959), generalised-alpha or collocation.
 
     alpha_m, alpha_f : the balance uses a at 1 - alpha_m and t, q, v at 1 - alpha_f of the step (Chung & Hulbert 1993).
     nodes : in units of the step (Hairer & Wanner 1996, section IV.5).
-    average : of the balance (Quispel & McLaren 2008).
     """
 
     name: str
@@ -16,7 +15,6 @@ class Scheme:
     newmark_gamma: float = 0.5
     alpha_m: float = 0.0
     alpha_f: float = 0.0
-    average: bool = False
     nodes: tuple[float, ...] = ()
 
     @property
@@ -34,7 +32,7 @@ class Scheme:
         return 2 if abs(self.newmark_gamma - 0.5 + self.alpha_m - self.alpha_f) < 1e-12 else 1
 
 
-SCHEMES = ("trapezoidal", "newmark", "generalized-alpha", "energy", "radau", "gauss", "central-difference")
+SCHEMES = ("trapezoidal", "newmark", "generalized-alpha", "radau", "gauss", "central-difference")
 RADAU = ((4.0 - math.sqrt(6.0)) / 10.0, (4.0 + math.sqrt(6.0)) / 10.0, 1.0)
 GAUSS = ((3.0 - math.sqrt(3.0)) / 6.0, (3.0 + math.sqrt(3.0)) / 6.0)
 
@@ -45,7 +43,6 @@ def scheme(name: str, *, newmark_gamma: float = 0.6, rho_inf: float = 0.9) -> Sc
     trapezoidal        second order; unconditionally stable for linear systems.
     newmark            first order, damped.
     generalized-alpha  second order, spectral radius rho_inf at infinite frequency.
-    energy             second order, keeps energy.
     radau              fifth order, L-stable.
     gauss              fourth order, keeps quadratic energies.
     central-difference second order; stable for dt < 2/omega_max.
@@ -60,7 +57,6 @@ def scheme(name: str, *, newmark_gamma: float = 0.6, rho_inf: float = 0.9) -> Sc
         "trapezoidal": Scheme(name),
         "newmark": Scheme(name, 0.25 * (g + 0.5) ** 2, g),
         "generalized-alpha": Scheme(name, 0.25 * (1.0 - a) ** 2, 0.5 - a, alpha_m, alpha_f),
-        "energy": Scheme(name, average=True),
         "radau": Scheme(name, nodes=RADAU),
         "gauss": Scheme(name, nodes=GAUSS),
         "central-difference": Scheme(name, newmark_beta=0.0),

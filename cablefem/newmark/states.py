@@ -45,7 +45,7 @@ class Steps(NamedTuple):
         return Steps(self.t[: m + 1], self.ends, self.a[:m], self.further)
 
 
-class Stretch(Sequence[State]):
+class StateBlock(Sequence[State]):
     """States of one phase as arrays."""
 
     __slots__ = ("phase", "rows", "t")
@@ -61,16 +61,16 @@ class Stretch(Sequence[State]):
 
     def __getitem__(self, i: Any) -> Any:
         if isinstance(i, slice):
-            return Stretch(self.t[i], self.rows[i], self.phase)
+            return StateBlock(self.t[i], self.rows[i], self.phase)
         q, v, a = self.rows[i]
         return State(self.t.item(i), q, v, a, self.phase)
 
 
-class Course(Sequence[State]):
+class StateHistory(Sequence[State]):
     """The states of a run so far."""
 
     def __init__(self, states: Iterable[State] = ()) -> None:
-        self.parts: list[Stretch | list[State]] = []
+        self.parts: list[StateBlock | list[State]] = []
         self._n = 0
         self.extend(list(states))
 
@@ -79,7 +79,7 @@ class Course(Sequence[State]):
 
     def extend(self, states: Sequence[State]) -> None:
         self._n += len(states)
-        if isinstance(states, Stretch):
+        if isinstance(states, StateBlock):
             self.parts.append(states)
         elif self.parts and isinstance(self.parts[-1], list):
             self.parts[-1].extend(states)
@@ -105,14 +105,14 @@ class Course(Sequence[State]):
 
 
 def _columns(states: Sequence[State]) -> tuple[Array, Array, NDArray[np.intp]]:
-    if isinstance(states, Stretch):
+    if isinstance(states, StateBlock):
         return states.t, states.rows, np.full(len(states), states.phase)
     return np.array([x.t for x in states]), np.array([x[1:4] for x in states]), np.array([x.phase for x in states])
 
 
 def stacked(states: Sequence[State]) -> tuple[Array, Array, Array, Array, NDArray[np.intp]]:
     """t (n,), q, v and a (n, n_dof), and phase (n,) of a history."""
-    parts = states.parts if isinstance(states, Course) else [states]
+    parts = states.parts if isinstance(states, StateHistory) else [states]
     t, rows, phase = zip(*(_columns(x) for x in parts), strict=True)
     q, v, a = np.moveaxis(np.concatenate(rows), 1, 0)
     return np.concatenate(t), q, v, a, np.concatenate(phase)

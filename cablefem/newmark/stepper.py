@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from cablefem.newmark.failures import NewtonStalled
-from cablefem.newmark.newton import Newton, Settled
+from cablefem.newmark.newton import Newton, StepResult
 from cablefem.newmark.schemes import Scheme
 from cablefem.newmark.states import Array, State
 from cablefem.newmark.system import System
@@ -40,11 +40,11 @@ class Stepper:
     def __call__(self, x: State, t1: float) -> State:
         raise NotImplementedError
 
-    def stride(self, x: State, times: Array) -> Iterator[Sequence[State]]:
-        """Yield states at the times ahead as long as the system strides; an event may end a group."""
+    def solve_steps(self, x: State, times: Array) -> Iterator[Sequence[State]]:
+        """Yield states at the times ahead as long as the system many_steps; an event may end a group."""
         return iter(())
 
-    def balanced(self, done: Settled) -> bool:
+    def balanced(self, done: StepResult) -> bool:
         """Count the work; return whether it has converged."""
         self.count(done.iterations, done.factorisations, done.residuals)
         return done.norm <= self.bound
@@ -54,7 +54,7 @@ class Stepper:
         self.work.factorisations += factorisations
         self.work.residuals += residuals
 
-    def stalled(self, t1: float, done: Settled) -> NewtonStalled:
+    def stalled(self, t1: float, done: StepResult) -> NewtonStalled:
         return NewtonStalled(
             t1, f"Newton's method stalled (|r| = {done.norm:.2g}, allowed {self.bound:.2g})",
             "take more steps or a damped scheme (newmark, generalized-alpha)",

@@ -7,15 +7,12 @@ from typing import Protocol
 import numpy as np
 
 from cablefem.newmark.collocation import collocate
-from cablefem.newmark.newton import Newton, Settled, find_root
+from cablefem.newmark.newton import Newton, StepResult, find_root
 from cablefem.newmark.states import Array, State, Steps
 from cablefem.newmark.tableau import Tableau
 
 Solve = Callable[[Array], Array]
 NO_STEPS = np.empty((0, 3, 0)), np.empty((0, 4))
-
-# Gauss-Legendre points and weights
-AVERAGE = tuple(0.5 * (x + (1.0, 0.0)[i]) for i, x in enumerate(np.polynomial.legendre.leggauss(4)))
 
 
 class System(Protocol):
@@ -29,9 +26,9 @@ class System(Protocol):
     force_scale: float
     force_floor: float
     events: tuple[str, ...] = ()
-    strides: bool = False  # many steps at once
-    heeded: float = -math.inf  # no event up to this time
-    adaptive: bool = False  # `part` shortens steps
+    many_steps: bool = False  # many steps at once
+    events_from: float = -math.inf  # no event up to this time
+    adaptive: bool = False  # `step_fraction` shortens steps
     at_support: bool = False  # `start` begins at the support only
 
     def start(self, phase: int, state: State | None) -> State:
@@ -51,7 +48,7 @@ class System(Protocol):
         raise NotImplementedError
 
     # --- steps -----------------------------------------------------------------------------------------
-    def settle(self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> Settled:
+    def solve_step(self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> StepResult:
         """Take a step of Newmark's family.
 
         start, now : (3, n_dof) rows q, v, a; `now` is set.
@@ -60,38 +57,24 @@ class System(Protocol):
         """
         return iterate(self, t, phase, start, now, rule, newton)
 
-    def stride(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[Array, Array]:
-        """Ends (k, 3, n_dof) of steps, and the fields of `Settled` of each.
+    def solve_steps(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[Array, Array]:
+        """Ends (k, 3, n_dof) of steps, and the fields of `StepResult` of each.
 
-        t, rules : (m,) and (m, 3, 5), see `settle`.
-        Stops before a step that fails or may hold an event; `Settled` of a failed step may follow.
+        t, rules : (m,) and (m, 3, 5), see `solve_step`.
+        Stops before a step that fails or may hold an event; `StepResult` of a failed step may follow.
         """
         return NO_STEPS
 
-    def collocate(self, phase: int, steps: Steps, rule: Tableau, newton: Newton) -> Iterator[Settled]:
+    def collocate(self, phase: int, steps: Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
         """Take collocation steps, at least the first."""
         return collocate(self, phase, steps, rule, newton)
-
-    def averaged(self, start: State, end: State) -> Array:
-        """r (n_dof,) averaged over a step.
-
-        With a mass matrix M(q), T = v0 . M(q) v1 / 2 and potential V, energy is kept by
-
-            [ M(q1) v1 - M(q0) v0 ] / dt - average of d/dq (T - V) - other forces = 0 .
-        """
-        dt = end.t - start.t
-        v = 0.5 * (start.v + end.v)
-        r = np.zeros_like(end.a)
-        for x, weight in zip(*AVERAGE, strict=True):
-            r += weight * self.residual(start.t + x * dt, start.q + x * dt * v, v, end.a, start.phase)
-        return r
 
     # --- the length of steps -----------------------------------------------------------------------------
     def between(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
         """Times (n,) of the mean places, weighted 1 - w and w."""
         return (1.0 - w) * t0 + w * t1
 
-    def part(self, x: State, since: float, ahead: float = 0.0) -> float:
+    def step_fraction(self, x: State, since: float, ahead: float = 0.0) -> float:
         """The fraction of a grid step to take from x, or `ahead` of it, `since` after an event."""
         return 1.0
 
@@ -112,7 +95,7 @@ class System(Protocol):
         return x
 
 
-def iterate(system: System, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> Settled:
+def iterate(system: System, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> StepResult:
     predictor = rule[:, :3]
     c = rule[:, 3:4]
     w = rule[:, 4:5]

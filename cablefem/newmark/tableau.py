@@ -78,7 +78,7 @@ def between(after: Collocated, t: float) -> State:
     return State(t, after.q + dt * (x - 1.0) * after.v + dt * dt * l2, after.v + dt * l1, l0, after.phase)
 
 
-def cubic(x, dt, before, after) -> tuple[Array, Array]:
+def hermite(x, dt, before, after) -> tuple[Array, Array]:
     """q and v at x in [0, 1] of a step dt, from q and v at both ends."""
     d = after.q - before.q
     v0 = dt * before.v

@@ -172,6 +172,6 @@ class Motion:
         return np.array(list(itertools.chain(*self.pieces))).T
 
 
-def standing(place: float, end: float) -> Motion:
+def at_rest(place: float, end: float) -> Motion:
     """Rest at a place until `end`."""
     return Motion(((0.0, end),), ((Piece(0.0, 0.0, place, 0.0, 0.0),),), place)

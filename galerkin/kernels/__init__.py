@@ -6,4 +6,4 @@ phi (n, m): Phi' at the points; x: a `Carried`; Q, V, A (2, n): coefficients and
 from galerkin.kernels.cable import Cable, Points, least, stiffness, stress
 from galerkin.kernels.places import Line
 from galerkin.kernels.rolling import LEAST_PULL
-from galerkin.kernels.steps import look, stride, surveyed
+from galerkin.kernels.steps import look, solve_steps, surveyed

@@ -190,7 +190,7 @@ def solve_step(here, ride, line, ends, rule, newton, of):
 
 
 @compiled
-def stride(ride, course, line, places, start, rules, newton):
+def solve_steps(ride, course, line, places, start, rules, newton):
     """Take m steps, up to one that fails, falls slack or ends in an event of the `Course`.
 
     places : (m, 3) s_o, ds_o, dds_o;  for a free car (1, 3), those at the start

@@ -141,19 +141,6 @@ class DoublePendulum(Spring):
         return float(0.5 * x.v @ self.mass(x.q) @ x.v - self.weight @ np.cos(x.q))
 
 
-class MomentumPendulum(DoublePendulum):
-    """The same, with the balance of momenta over a step that keeps the energy."""
-
-    def averaged(self, start, end):
-        tau, weight = np.polynomial.legendre.leggauss(4)
-        pull = np.zeros(2)
-        for x, w in zip(0.5 * (tau + 1.0), 0.5 * weight, strict=True):
-            q = start.q + x * (end.q - start.q)
-            slope = -0.5 * self.both * np.sin(q[0] - q[1]) * (start.v[0] * end.v[1] + start.v[1] * end.v[0])
-            pull += w * (slope * np.array([1.0, -1.0]) - self.weight * np.sin(q))
-        return (self.mass(end.q) @ end.v - self.mass(start.q) @ start.v) / (end.t - start.t) - pull
-
-
 class Follower(Spring):
     """m a + d v + k (q - x(t)) + k3 (q - x)^3 = m x'' + d x' with x = sin(w t): q = x(t) however stiff k is."""
 

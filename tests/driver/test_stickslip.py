@@ -9,7 +9,7 @@ import pytest
 from cablefem import Scene
 from cablefem.newmark import Newton, State, Work, consistent_acceleration, integrate, scheme
 from cablefem.scene.drive import Drive
-from cablefem.stickslip import Look, RollingCar
+from cablefem.stickslip import CarForces, RollingCar
 from tests.validation.test_laws import TOML, broken, ladder
 
 MU, SIGMA = 0.7, 0.9
@@ -19,14 +19,14 @@ WEIGHT = MU * SIGMA
 class Block(RollingCar):
     """A block on a rigid track: mu s.. = weight sin(slope(s)) + thrust - c s. - (mu_r weight cos + brakes) sign(s.)."""
 
-    hears_itself = False
+    short_steps_after_jumps = False
 
     def __init__(self, slope, damping=0.0, **drive):
         usual = {"nominal": 1.0, "rest_speed": 1e-4, "rest_distance": 1e-3, "end_place": 0.95, "end_time": 10.0}
         drive = Drive(**{"mode": "free"} | usual | drive)
         self.slope, self.damping, self.n_dof, self.phases = slope, damping, 1, drive.phases
         self.force_scale, self.force_floor = WEIGHT, 1e-15
-        self.board(SimpleNamespace(drive=drive, sigma=SIGMA, alpha=400.0))
+        self.attach(SimpleNamespace(drive=drive, sigma=SIGMA, alpha=400.0))
 
     def along(self, t, s, v, phase):
         return WEIGHT * math.sin(self.slope(s)) + float(self.drive.thrust(t, phase)) - self.damping * v
@@ -34,26 +34,26 @@ class Block(RollingCar):
     def start(self, phase, state):
         if state is not None:
             return self.enter(state._replace(phase=phase))
-        self.set_off()
-        return self.let_go(State(0.0, np.array([self.drive.start]), np.zeros(1), np.zeros(1), 0))
+        self.reset()
+        return self.release_car(State(0.0, np.array([self.drive.start]), np.zeros(1), np.zeros(1), 0))
 
     def residual(self, t, q, v, a, phase):
         if self.mode.sticks:
             return MU * a
-        rub = self.mode.heading * self.most(WEIGHT * math.cos(self.slope(q[0])))
+        rub = self.mode.heading * self.max_resistance(WEIGHT * math.cos(self.slope(q[0])))
         return MU * a - self.along(t, q[0], v[0], phase) + rub
 
     def linearise(self, t, q, v, a, phase, c0, c1, c2):
         return self.residual(t, q, v, a, phase), lambda r: r / (MU * c2 + self.damping * c1)
 
-    def look(self, x):
+    def car_forces(self, x):
         across = WEIGHT * math.cos(self.slope(x.q[0]))
-        return Look(across, float(x.v[0]), self.along(x.t, x.q[0], 0.0, x.phase), across)
+        return CarForces(across, float(x.v[0]), self.along(x.t, x.q[0], 0.0, x.phase), across)
 
-    def holding(self, x):
+    def sticking_forces(self, x):
         return -self.along(x.t, x.q[0], 0.0, x.phase), WEIGHT * math.cos(self.slope(x.q[0]))
 
-    def go_on(self, x):
+    def solve_acceleration(self, x):
         return consistent_acceleration(self, x.t, x.q, x.v, x.phase)
 
 

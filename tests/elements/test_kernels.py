@@ -85,7 +85,7 @@ def gradient(energy, q):
 @pytest.mark.parametrize("law", ["elastic", "tension-only"])
 @pytest.mark.parametrize("model", ["full", "string", "sagged", "stretching"])
 def test_the_internal_force_is_the_gradient_of_the_energy(model, law):
-    system = FollowingElements(SOFT, elements=2, model=model).standing(0.37).with_law(law)
+    system = FollowingElements(SOFT, elements=2, model=model).with_clamped_car(0.37).with_law(law)
     q = 0.02 * np.random.default_rng(11).standard_normal(system.n_dof)
     still, at = 0.0 * q, np.array([[0.37, 0.0, 0.0]])
 
@@ -99,7 +99,7 @@ def test_the_internal_force_is_the_gradient_of_the_energy(model, law):
     # central differences: 1e-12 alpha of truncation, 1e-16/1e-6 of rounding
     np.testing.assert_allclose(pull(system), gradient(energy, q), rtol=0.0, atol=1e-7 * np.abs(pull(system)).max())
     if model == "full":
-        assert system.least_tension[0] > energies(system, at, q.reshape(1, -1, 2), 0.0 * q.reshape(1, -1, 2))[1] < 0.0
+        assert system.min_tension[0] > energies(system, at, q.reshape(1, -1, 2), 0.0 * q.reshape(1, -1, 2))[1] < 0.0
         other = system.with_law("elastic" if law == "tension-only" else "tension-only")
         assert np.abs(pull(other) - pull(system)).max() > 1e-3 * np.abs(pull(system)).max()  # both branches are in it
 
@@ -107,7 +107,7 @@ def test_the_internal_force_is_the_gradient_of_the_energy(model, law):
 @pytest.mark.parametrize("degree", [1, 2])
 def test_the_least_tension_is_that_of_the_element_that_pulls_least(degree):
     """Of means over the points of each element."""
-    system = FollowingElements(SOFT, elements=2, degree=degree).standing(0.37)
+    system = FollowingElements(SOFT, elements=2, degree=degree).with_clamped_car(0.37)
     q, ref = 0.02 * np.random.default_rng(11).standard_normal(system.n_dof), system.reference
     system.residual(0.5, q, 0.0 * q, 0.0 * q, 0)
     (begin, h), tab = np.repeat([[0.0, 0.37], [0.37, 0.63]], 2, axis=1)[:, :, None], ref.forces
@@ -116,7 +116,7 @@ def test_the_least_tension_is_that_of_the_element_that_pulls_least(degree):
     T, xp, yp, _, _ = SOFT.static(begin + h * tab[:, :, 0])
     N = T + SOFT.alpha * (np.hypot(xp + w_x, yp + w_y) - 1.0)
     means = np.average(N, axis=1, weights=tab[:, :, 1])
-    assert system.least_tension[0] == pytest.approx(means.min(), rel=1e-12)
+    assert system.min_tension[0] == pytest.approx(means.min(), rel=1e-12)
 
 
 @pytest.mark.parametrize("kind", [float, complex])

@@ -84,10 +84,10 @@ class Forced(FollowingElements):
         super()._assemble(t, phase, x, r, factors)
         r -= self.loads(t)
 
-    def settle(self, *step):
+    def solve_step(self, *step):
         return iterate(self, *step)
 
-    def stride(self, *steps):
+    def solve_steps(self, *steps):
         return NO_STEPS
 
     def held(self):

@@ -12,9 +12,9 @@ from cablefem.elements.observing import energies
 from cablefem.elements.rolling import RollingElements, following
 from cablefem.newmark import Newton, Work, collocate, integrate, iterate, scheme, step_times
 from cablefem.scene.statics import gripped
-from tests.runs import LEVEL, observe, stack
+from tests.runs import LEVEL, stack
 from validation import run
-from validation.oracles import ellipse, energy
+from validation.oracles import ellipse
 
 
 def zip_line(mass=95.0, **drive):
@@ -100,7 +100,7 @@ def test_the_tangent_is_the_derivative_of_the_residual(drive):
 
 def test_steps_are_those_of_the_interpreted_iteration():
     one, other = (RollingElements(G, elements=4) for _ in range(2))
-    other.settle = lambda *step: iterate(other, *step[:-1], step[-1]._replace(patience=0))
+    other.solve_step = lambda *step: iterate(other, *step[:-1], step[-1]._replace(patience=0))
     work, same = Work(), Work()
     states, want = (
         stack(list(integrate(s, scheme("generalized-alpha", rho_inf=0.9), [np.linspace(0.0, 3.0, 61)], work=w)))
@@ -160,7 +160,7 @@ def test_compiled_collocation_of_a_ride_is_that_of_its_residuals_and_tangents(mo
     ends, works = [], []
     for cls in (Plain, RollingElements):
         system, work = cls(groups, elements=3), Work()
-        system.part = lambda *x: 1.0  # steps in one go are foreseen, and others than those taken one by one
+        system.step_fraction = lambda *x: 1.0  # steps in one go are foreseen, and others than those taken one by one
         states = integrate(system, scheme(method), step_times(system, 200), newton=Newton(tol=1e-6), work=work)
         ends.append(list(itertools.islice(states, 25))[-1])
         works.append(work)
@@ -175,9 +175,9 @@ def test_a_hauled_car_lifts_off_in_strides_as_step_by_step(settings):
     groups = FAST.groups
     named = {"name": settings["method"]} | {k: v for k, v in settings.items() if k != "method"}
 
-    def lifts(strides):
+    def lifts(many_steps):
         system, work = RollingElements(groups, elements=4), Work()
-        system.strides = strides
+        system.many_steps = many_steps
         states = integrate(system, scheme(**named), step_times(system, 400), work=work)
         n = sum(1 for _ in itertools.takewhile(lambda x: x.t < 2.8, states))  # it does not come down again
         return [(e.name, e.t) for e in work.events], n
@@ -206,27 +206,14 @@ def test_a_ride_in_strides_is_the_one_step_by_step(settings):
     named = {"name": settings["method"]} | {k: v for k, v in settings.items() if k != "method"}
     nominal = groups.drive.nominal
     grids = [np.arange(t0, min(t1, 3.0 * nominal), nominal / 300) for t0, t1 in groups.drive.phases]
-    (t, *strides), events = places(grids)
+    (t, *many_steps), events = places(grids)
     assert [name for name, _ in events][-3:] == ["brake", "brake", "arrival"]
     whole = [np.unique(np.append(t[(t >= t0) & (t <= t1)], t0)) for t0, t1 in groups.drive.phases]
     whole[-1] = np.append(whole[-1], t[-1] + nominal / 300)  # it may arrive by rounding later
-    (again, *alone), same = places(whole, strides=False, part=lambda *x: 1.0)
+    (again, *alone), same = places(whole, many_steps=False, step_fraction=lambda *x: 1.0)
     assert [name for name, _ in same] == [name for name, _ in events]
     assert np.abs([a[1] - b[1] for a, b in zip(same, events, strict=True)]).max() < 1e-7
-    assert np.abs(np.interp(again, t, strides[0]) - alone[0]).max() < 1e-7
-
-
-@pytest.mark.parametrize(
-    ("rule", "tol", "low", "high"), [("energy", 1e-15, 0.0, 1e-14), ("trapezoidal", 1e-6, 1e-9, 1.0)]
-)
-def test_the_energy_rule_keeps_the_energy_of_a_ride_to_rounding(rule, tol, low, high):
-    """Drift over 20 s of the zip line, largest, over M g l; the trapezoidal rule (must fail) has one."""
-    scene = energy.LOSSLESS
-    system = RollingElements(scene.groups, elements=4)
-    system.force_floor *= 0.1  # rounding of the balance, of stiff forces
-    grids = [np.linspace(0.0, 20.0 / scene.time_scale, 501)]
-    o = observe(system, stack(list(integrate(system, scheme(rule), grids, newton=Newton(tol=tol, max_iter=60)))))
-    assert low <= np.abs(o.energy - o.energy[0]).max() / (G.mu * G.sigma) < high
+    assert np.abs(np.interp(again, t, many_steps[0]) - alone[0]).max() < 1e-7
 
 
 def test_a_heavy_car_slips_on_until_the_farther_support_answers():

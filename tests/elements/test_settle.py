@@ -8,7 +8,7 @@ import pytest
 
 from cablefem.elements.fixed import FixedElements
 from cablefem.elements.following import FollowingElements
-from cablefem.newmark import NO_STEPS, NewtonStalled, Work, between, iterate, scheme, step_times, stretches
+from cablefem.newmark import NO_STEPS, NewtonStalled, Work, between, integrate_blocks, iterate, scheme, step_times
 from cablefem.newmark.tableau import tableau
 from cablefem.scene import Scene
 from tests.runs import DAMPED, LEVEL, STEEP
@@ -17,7 +17,7 @@ from validation.core.running import Run
 
 def interpreted(system):
     """Return the system with nothing compiled but its residuals and tangents."""
-    system.settle, system.stride = lambda *step: iterate(system, *step), lambda *steps: NO_STEPS
+    system.solve_step, system.solve_steps = lambda *step: iterate(system, *step), lambda *steps: NO_STEPS
     return system
 
 
@@ -25,9 +25,9 @@ def history(system, steps, rule):
     """Return q at the end of each step up to where the run ends, the work, and the least tensions that are told."""
     work, q, least = Work(), [], []
     try:
-        for states in stretches(system, scheme(rule), step_times(system, steps), work=work):
+        for states in integrate_blocks(system, scheme(rule), step_times(system, steps), work=work):
             q += [x.q for x in states]
-            least += [math.nan] * (len(states) - 1) + [system.least_tension[0]]
+            least += [math.nan] * (len(states) - 1) + [system.min_tension[0]]
     except NewtonStalled:
         pass
     return np.array(q), work, np.array(least)
@@ -79,7 +79,7 @@ def test_so_are_those_of_elements_the_mass_moves_through(element):
 )
 def test_a_run_ends_at_the_same_step_whether_steps_are_taken_in_one_go_or_not(scene, end, settings):
     run, alone = (Run(Scene.load(scene), "following-p2", elements=3, steps=150, **settings) for _ in range(2))
-    alone.history.solver.strides = False
+    alone.history.solver.many_steps = False
     one, other = run.to(end), alone.to(end)
     assert np.array_equal(one.t, other.t)
     assert np.abs(one.v - other.v).max() <= 1e-9 * np.abs(other.v).max()

@@ -95,7 +95,7 @@ def test_a_law_is_passed_on():
     assert (other.system.law, wrapped.system.law) == ("tension-only", "elastic")
     assert other.system.basis is wrapped.system.basis
     other.residual(0.2, np.zeros(10), np.zeros(10), np.zeros(10), 0)
-    assert other.least_tension == other.system.least_tension
+    assert other.min_tension == other.system.min_tension
 
 
 def test_a_halt_on_the_way_is_refused():

@@ -338,8 +338,8 @@ def test_a_compiled_step_is_the_drivers_own(size, basis, law):
     start, dt = random_state(system, 9, size), 0.02
     rule = np.array([[1, dt, 0.5 * dt**2, 0.25 * dt**2, 0.8], [0, 1, dt, 0.5 * dt, 0.8], [0, 0, 1, 1, 0.9]])
     ends, ways = np.empty((2, *start.shape)), []
-    for settle, now in ((system.settle, ends[0]), (lambda *x: iterate(system, *x), ends[1])):
-        ways.append(settle(0.93, 0, start, now, rule, Newton(max_iter=12, bound=1e-9)))
+    for solve_step, now in ((system.solve_step, ends[0]), (lambda *x: iterate(system, *x), ends[1])):
+        ways.append(solve_step(0.93, 0, start, now, rule, Newton(max_iter=12, bound=1e-9)))
     assert ways[0][1:] == ways[1][1:]
     assert ways[0].norm <= 1e-9 or size > 1e-2
     if ways[0].norm <= 1e-9:
@@ -352,7 +352,7 @@ def test_a_stride_is_the_drivers_own_steps():
     rule = np.array([[1, dt, 0.3 * dt**2, 0.2 * dt**2, 0.8], [0, 1, 0.4 * dt, 0.6 * dt, 0.8], [0, 0, 1, 1, 0.9]])
     start = random_state(system, 3, 3e-4) / np.tile(np.arange(1.0, system.n + 1), 2) ** 2
     t, bound = 0.93 + 0.004 * np.arange(1.0, 6.0), 1e-7
-    ends, told = system.stride(t, 0, start, np.repeat(rule[None], t.size, axis=0), Newton(bound=bound))
+    ends, told = system.solve_steps(t, 0, start, np.repeat(rule[None], t.size, axis=0), Newton(bound=bound))
     assert len(ends) == t.size
     for when, end, norm in zip(t, ends, told[:, 0], strict=True):
         now = np.empty_like(start)

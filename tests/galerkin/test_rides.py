@@ -28,10 +28,10 @@ def until(groups, seconds):
     return replace(groups, drive=replace(groups.drive, end_time=seconds / TIME))
 
 
-def ride(groups, basis, steps, method="generalized-alpha", strides=True):
+def ride(groups, basis, steps, method="generalized-alpha", many_steps=True):
     """A ride as far as it goes: the system, its states, its events."""
     system, work = RollingSystem(groups, basis), Work()
-    system.strides &= strides
+    system.many_steps &= many_steps
     states = stack(list(integrate(system, scheme(method), step_times(system, steps), work=work)))
     return system, states, work.events
 
@@ -96,8 +96,8 @@ def test_a_short_side_that_sines_do_not_resolve():
 def test_many_steps_in_one_go():
     """Friction, brake and stop come as with steps one by one."""
     found = []
-    for strides in (True, False):
-        states, events = ride(until(BRAKED.groups, 45.0), Fourier(8), 400, strides=strides)[1:]
+    for many_steps in (True, False):
+        states, events = ride(until(BRAKED.groups, 45.0), Fourier(8), 400, many_steps=many_steps)[1:]
         there = CubicHermiteSpline(states.t, states.q[:, -1], states.v[:, -1])
         found.append((there(np.linspace(0.0, 36.0 / TIME, 200)), [name for name, _ in events][:3]))
     assert found[0][1] == found[1][1]

@@ -72,7 +72,7 @@ def test_compiled_steps_are_those_of_the_equations(system):
     dt = 0.02
     rule = np.array([[1, dt, dt**2 / 4, dt**2 / 4, 1], [0, 1, dt / 2, dt / 2, 1], [0, 0, 0, 1, 1.0]])
     ends = np.empty((2, *start.shape))
-    done = system.settle(0.5, 0, start, ends[0], rule, Newton(bound=1e-11))
+    done = system.solve_step(0.5, 0, start, ends[0], rule, Newton(bound=1e-11))
     defined = iterate(system, 0.5, 0, start, ends[1], rule, Newton(bound=1e-11))
     assert done[1:3] == defined[1:3]
     assert done.norm <= 1e-11

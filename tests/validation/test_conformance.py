@@ -53,7 +53,7 @@ def test_a_solver_is_what_the_contract_says(name):
     places = [solver.place(x) for x in states]
     assert places == sorted(places)
     assert 0.0 <= places[0] < places[-1] < 1.0
-    value, s = solver.least_tension
+    value, s = solver.min_tension
     assert np.isfinite(value)
     assert 0.0 <= s <= 1.0
     history = solver.in_time(stacked(states))
@@ -125,7 +125,7 @@ def test_a_cell_of_the_atlas(name):
     drawn = {"name": "mine", "scene": {}, "methods": [[name, settings]]}
     (cell,) = atlas.cells(drawn, 100.0, 4.0)
     assert cell["class"] in ("good", "poor", "wrong")
-    assert (name in dict(atlas.methods(atlas.SAID["map"][0]))) == (find(name).survey is not None)
+    assert (name in dict(atlas.methods(atlas.MAPS["map"][0]))) == (find(name).survey is not None)
 
 
 def test_a_case_of_an_oracle(monkeypatch):

@@ -42,7 +42,7 @@ def test_a_driver_whose_velocities_lag_is_seen(monkeypatch):
         return after
 
     monkeypatch.setattr(NewmarkRule, "__call__", lagging)
-    monkeypatch.setattr(NewmarkRule, "stride", lambda self, x, times: iter(()))
+    monkeypatch.setattr(NewmarkRule, "solve_steps", lambda self, x, times: iter(()))
     assert verdict("driver", LEVEL, right()[0]) is Verdict.DISAGREE
 
 

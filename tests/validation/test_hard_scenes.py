@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from cablefem.newmark import Course
+from cablefem.newmark import StateHistory
 from validation.commands.sweep import job
 from validation.commands.sweep.study import Study
 from validation.core import measures, recomputed
@@ -111,7 +111,9 @@ def test_a_ride_that_ends_beyond_the_cable_ended_before(method, settings, beyond
     ride = Run(Scene.load("zipline"), method, steps=40, **settings)
     ride.to(0.1)
     *before, last = ride.history.states
-    ride.history.states = Course([*before, last._replace(q=np.append(last.q[:-1], 1.02 if beyond else last.q[-1]))])
+    ride.history.states = StateHistory(
+        [*before, last._replace(q=np.append(last.q[:-1], 1.02 if beyond else last.q[-1]))]
+    )
     r = respond(ride.scene, ride.history, method=method, settings=ride.settings, **ride.kind)
     assert (r.status, r.t.size) == (
         ("incomplete", len(ride.history.states) - 1) if beyond else ("complete", len(ride.history.states))

@@ -15,12 +15,12 @@ from threadpoolctl import ThreadpoolController
 
 from cablefem import newmark
 from cablefem.newmark import (
-    Course,
     EndlessEvents,
     Newton,
     NewtonStalled,
     Scheme,
     State,
+    StateHistory,
     StepFailure,
     StepUnderflow,
     Work,
@@ -92,7 +92,7 @@ class Run:
         if solver.at_support and groups.motion is not None and groups.motion.begin > 0.0:
             raise ValueError(f"not yet: travel.from with {self.method.name}; take following-p2 or fourier-kink")
         self.times = steps_of(solver, groups, settings)
-        self.history = History(Course(), Work(), 0.0, None, None, solver, None)
+        self.history = History(StateHistory(), Work(), 0.0, None, None, solver, None)
         self._ended = False
         self._seen: tuple[int, Response] | None = None
 
@@ -167,14 +167,16 @@ class Run:
             return False
         free = self.scene.groups.motion is None  # otherwise the times end there
         newton = KEEPS if free and scheme.name == "trapezoidal" else Newton()
-        for states in newmark.stretches(solver, scheme, self.times_to(until), newton=newton, work=h.work, start=start):
+        for states in newmark.integrate_blocks(
+            solver, scheme, self.times_to(until), newton=newton, work=h.work, start=start
+        ):
             h.states.extend(states)
             state = states[-1]
             n = len(h.states)
             if n % 32 < len(states):
                 progress(max((state.t - t0) / (t1 - t0), solver.place(state) / until))
-            if h.onset is None and n > 1 and solver.least_tension[0] < 0.0:  # only the last state may be slack
-                h.onset = n - 1, solver.least_tension[1]
+            if h.onset is None and n > 1 and solver.min_tension[0] < 0.0:  # only the last state may be slack
+                h.onset = n - 1, solver.min_tension[1]
                 if switch:
                     return True
             if free and solver.place(state) >= until:

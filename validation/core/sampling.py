@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cablefem import newmark
-from cablefem.newmark import Collocated, Course, State, Work, cubic, densified
+from cablefem.newmark import Collocated, State, StateHistory, Work, densified, hermite
 from cablefem.response import Array, Fields, Observation, Response, States
 from cablefem.scene import Motion, Scene
 from validation.core.solver import Solver
@@ -25,7 +25,7 @@ WITHIN = 6  # parts of a collocation step, for cubics
 class History:
     """States and costs of a march."""
 
-    states: Course
+    states: StateHistory
     work: Work
     seconds: float
     failure: tuple[str, str] | None  # cause and reason
@@ -231,7 +231,7 @@ def _between(h: States, t: Array) -> States:
     after = _rows(h, i)
     dt = (after.t - before.t)[:, None]
     x = (t - before.t)[:, None] / dt
-    return States(t, *cubic(x, dt, before, after), (1.0 - x) * before.a + x * after.a, after.phase)
+    return States(t, *hermite(x, dt, before, after), (1.0 - x) * before.a + x * after.a, after.phase)
 
 
 def _observe(

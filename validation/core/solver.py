@@ -12,11 +12,11 @@ from cablefem.response import Array, Observation, States
 class Solver(System, Protocol):
     """A dimensionless `System` with a mass.
 
-    `least_tension` decides slack: the least mean over an element or shortest wavelength, so that ripples do not count.
+    `min_tension` decides slack: the least mean over an element or shortest wavelength, so that ripples do not count.
     """
 
     @property
-    def least_tension(self) -> tuple[float, float]:
+    def min_tension(self) -> tuple[float, float]:
         """At the last residual or step, and its s."""
 
     def with_law(self, law: str) -> Solver:

@@ -52,7 +52,7 @@ class Instant(NamedTuple):
 
 
 @compiled
-def weigh(cable, now):
+def assemble_inertia(cable, now):
     """Set the diagonals of M, C and K, README.md, 2; on a fixed mesh C = c_d M and K = 0.
 
     Damping replaces w.. by w.. + c_d w.: dh/dt by dh/dt + c_d h, and dds_o by dds_o + c_d ds_o.

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cablefem.elements.kernels import compiled, inner
-from cablefem.elements.kernels.balance import Instant, assemble, at_rest, side_of, wanted, weigh
+from cablefem.elements.kernels.balance import Instant, assemble, assemble_inertia, at_rest, side_of, wanted
 from cablefem.elements.kernels.banded import dot, times
 from cablefem.elements.kernels.law import pull
 
@@ -138,7 +138,7 @@ def roll(cable, ride, now, x, r, tangent, factors):
     place[3] = cx - car.mu * x[2, m]
     place[4] = cy - car.mu * x[2, m + 1]
     there = Instant(place, now.bands, now.contact)
-    weigh(cable, there)
+    assemble_inertia(cable, there)
     least, where = assemble(cable, there, x, r, tangent, factors)
     if wanted(factors):
         tangent.border[:] = 0.0

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cablefem.elements.kernels import compiled, inner
-from cablefem.elements.kernels.balance import Instant, side_of, weigh
+from cablefem.elements.kernels.balance import Instant, assemble_inertia, side_of
 from cablefem.elements.kernels.banded import Tangent, factorise, solve
 from cablefem.elements.kernels.car import under_way
 from cablefem.elements.kernels.newton import NO_TANGENT, balance
@@ -64,9 +64,9 @@ def collocate(cable, ride, space, steps, rule, newton):
             spread(steps.further[k], steps.a[k - 1], steps.a[k])
         for i in range(x.shape[0]):
             if steps.places.shape[2] > 3:  # with a car, `roll` does this
-                weigh(cable, Instant(steps.places[k, i], space.bands[i], steps.contacts[i]))
+                assemble_inertia(cable, Instant(steps.places[k, i], space.bands[i], steps.contacts[i]))
         step = Step(steps.places[k], steps.contacts, steps.ends[k], steps.t[k + 1] - steps.t[k], steps.a[k])
-        done, least, where = settle(cable, ride, space, step, rule, newton)
+        done, least, where = solve_step(cable, ride, space, step, rule, newton)
         told = steps.told[k]
         told[0] = done[0]
         told[1] = done[1]
@@ -85,7 +85,7 @@ def collocate(cable, ride, space, steps, rule, newton):
 
 
 @inner
-def settle(cable, ride, space, step, rule, newton):
+def solve_step(cable, ride, space, step, rule, newton):
     """Find the accelerations; return (|r|, iterations, factorisations, residuals), least tension, its s.
 
     With old factors, a correction that does not help is taken back.

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cablefem.elements.kernels import compiled, inner
-from cablefem.elements.kernels.balance import Instant, assemble, weigh
+from cablefem.elements.kernels.balance import Instant, assemble, assemble_inertia
 from cablefem.elements.kernels.banded import dot, factorise, solve
 from cablefem.elements.kernels.car import roll, under_way
 
@@ -14,7 +14,7 @@ NO_TANGENT = 0.0, 0.0, 0.0
 
 
 class Steps(NamedTuple):
-    """Consecutive steps, see `cablefem.newmark.System.settle`."""
+    """Consecutive steps, see `cablefem.newmark.System.solve_step`."""
 
     places: Any  # (m, 3 + n_fields) see `balance.Instant`; with a car (m, 3), see `car.Car`
     contact: Any
@@ -34,7 +34,7 @@ def balance(cable, ride, now, x, r, tangent, factors):
 
 
 @compiled
-def settle(cable, ride, tangent, bands, steps, newton):
+def solve_steps(cable, ride, tangent, bands, steps, newton):
     """Take steps; return how many converged before a slack element or an event of the car.
 
     newton : `cablefem.newmark.Newton`.
@@ -51,7 +51,7 @@ def settle(cable, ride, tangent, bands, steps, newton):
         rule = steps.rules[k]
         now = Instant(steps.places[k], bands, steps.contact)
         if now.place.size > 3:  # with a car, `roll` does this
-            weigh(cable, now)
+            assemble_inertia(cable, now)
         predict(begin, rule, end, x)
         factors = rule[0, 3] * rule[0, 4], rule[1, 3] * rule[1, 4], rule[2, 3] * rule[2, 4]
         norm = math.inf

@@ -10,9 +10,10 @@ EXAMPLE = "cablefem atlas"
 def command(quick: Quick = False, out: Annotated[Path | None, to("atlas")] = None) -> int:
     """Map where methods fail, and what helps; --quick: every fifth value and failure.
 
-    Writes DIR/: atlas.json and report.html.
+    Writes DIR/: atlas.json and report.html. The exit code is 1 where a failure does not show as described, or its
+    remedy does not help.
     """
     from validation.commands.atlas.study import atlas
 
-    study("atlas", small("atlas", quick), ["atlas.json", "cells.jsonl"], out, partial(atlas, quick=quick))
-    return 0
+    result = study("atlas", small("atlas", quick), ["atlas.json", "cells.jsonl"], out, partial(atlas, quick=quick))
+    return 0 if result["verdict"] == "agree" else 1

@@ -13,15 +13,13 @@ from validation.page.figures import panels, style
 from validation.page.page import Section, drawn, figure
 from validation.page.plot import BLUE, GREY
 
-SAID = store.shipped(__package__, "maps.toml")
-CLASSES: dict[str, tuple[str, str, str]] = SAID["classes"]
-CAUSES: dict[str, tuple[str, str, str, str]] = SAID["causes"]
+MAPS = store.shipped(__package__, "maps.toml")
+CLASSES: dict[str, tuple[str, str, str]] = MAPS["classes"]
+CAUSES: dict[str, tuple[str, str, str, str]] = MAPS["causes"]
 
 
 def sections(folder: Path) -> list[Section]:
     atlas = store.read(folder / "atlas.json")
-    for row in atlas["catalogue"]:
-        row["verdict"] = "agree" if row["failure_shown"] and row["remedy_works"] else "disagree"
     return drawn(__package__, maps=[_map(atlas, m) for m in atlas["maps"]], catalogue=atlas["catalogue"])
 
 
@@ -64,7 +62,7 @@ def _axes(ax: Any, m: dict[str, Any]) -> None:
     ax.set_xticks(range(len(xs)), xs, rotation=45)
     ax.set_yticks(range(len(ys)), ys)
     ax.set(xlim=(-0.5, len(xs) - 0.5), ylim=(-0.5, len(ys) - 0.5))
-    ax.set(**{f"{axis}label": SAID["names"].get(m[axis]["name"], m[axis]["name"]) for axis in "xy"})
+    ax.set(**{f"{axis}label": MAPS["names"].get(m[axis]["name"], m[axis]["name"]) for axis in "xy"})
     ax.grid(False)
 
 

@@ -20,7 +20,7 @@ from validation.core.sidebyside import Progress, silent
 
 CELLS = "cells.jsonl"
 RESULT = "atlas.json"
-SAID = store.shipped(__package__, "maps.toml")
+MAPS = store.shipped(__package__, "maps.toml")
 
 Map = dict[str, Any]  # as in maps.toml
 
@@ -30,7 +30,7 @@ def methods(m: Map) -> list[tuple[str, dict[str, Any]]]:
     surveyed = [
         (x.name, {x.resolution.setting: x.survey[0], "steps": x.survey[1]}) for x in METHODS.values() if x.survey
     ]
-    return [tuple(given) for given in m.get("methods", ())] or surveyed
+    return [tuple(pair) for pair in m.get("methods", ())] or surveyed
 
 
 def scene_at(m: Map, x: float, y: float) -> Scene:
@@ -52,26 +52,35 @@ def label(method: str, fixed: dict[str, Any]) -> str:
 
 
 def atlas(
-    out: Path, progress: Progress = silent, *, maps: Sequence[Map] = SAID["map"],
+    out: Path, progress: Progress = silent, *, maps: Sequence[Map] = MAPS["map"],
     rows: Sequence[catalogue.Row] = catalogue.CATALOGUE, quick: bool = False,
 ) -> dict[str, Any]:  # fmt: skip
     """Compute what is missing of the maps and the catalogue, and write atlas.json.
 
     quick : every fifth value of each axis, every fifth row.
+    verdict of the result : whether every failure of the catalogue shows, and its remedy works.
     """
     if quick:
         maps = [_thinned(m) for m in maps]
         rows = rows[::5]
     jobs = _jobs(maps, rows)
-    found = store.each_once(out / CELLS, jobs, lambda job: job(), partial(progress, "atlas"))
-    of = {kind: [x for key, x in found.items() if json.loads(key)[0] == kind] for kind in ("cell", "row")}
-    result = {
+    results = store.each_once(out / CELLS, jobs, lambda job: job(), partial(progress, "atlas"))
+    cells_of_maps = []
+    catalogue_rows = []
+    for key, result in results.items():
+        if json.loads(key)[0] == "cell":
+            cells_of_maps += result
+        else:
+            holds = result["failure_shown"] and result["remedy_works"]
+            catalogue_rows.append(result | {"verdict": "agree" if holds else "disagree"})
+    as_described = all(row["verdict"] == "agree" for row in catalogue_rows)
+    content = {
+        "verdict": "agree" if as_described else "disagree",
         "maps": [m | {"methods": [label(*x) for x in methods(m)]} for m in maps],
-        "good": SAID["good"], "wrong": SAID["wrong"], "cells": [cell for some in of["cell"] for cell in some],
-        "catalogue": of["row"],
+        "good": MAPS["good"], "wrong": MAPS["wrong"], "cells": cells_of_maps, "catalogue": catalogue_rows,
     }  # fmt: skip
-    write_json(out / RESULT, result)
-    return result
+    write_json(out / RESULT, content)
+    return content
 
 
 def _thinned(m: Map) -> Map:
@@ -84,7 +93,7 @@ def _jobs(maps: Sequence[Map], rows: Sequence[catalogue.Row]) -> dict[str, Calla
         for x in m["x"]["values"]:
             for y in m["y"]["values"]:
                 used = [(name, settings_at(m, x, y, name, fixed)) for name, fixed in methods(m)]
-                jobs[_key("cell", m["name"], x, y, used, SAID["reference"])] = partial(cells, m, x, y)
+                jobs[_key("cell", m["name"], x, y, used, MAPS["reference"])] = partial(cells, m, x, y)
     jobs |= {_key("row", row["name"]): partial(catalogue.run_row, row) for row in rows}
     return jobs
 
@@ -97,7 +106,7 @@ def _key(*what: Any) -> str:
 def _reference(toml: str) -> tuple[Response, float]:
     """The run to compare with, and its error."""
     scene = Scene.from_toml(toml)
-    settings = find("following-p2").settings(SAID["reference"])
+    settings = find("following-p2").settings(MAPS["reference"])
     fine = run(scene, "following-p2", **settings)
     half = run(scene, "following-p2", **refined(find("following-p2"), settings, space=0.5, time=0.5))
     try:
@@ -134,9 +143,9 @@ def judged(r: Response, reference: Response, unsure: float, earliest: float = 0.
         error = measures.path_gap(r, reference, (measures.WINDOW[0], min(stop, r.reached)))[0]
     except (measures.NotComparable, ValueError):
         error = math.inf
-    wrong = r.reached < stop or error >= SAID["wrong"]
-    verdict = "wrong" if wrong else "poor" if error > SAID["good"] else "good"
-    bound = {"good": SAID["good"], "poor": SAID["wrong"]}.get(verdict, math.inf)
+    wrong = r.reached < stop or error >= MAPS["wrong"]
+    verdict = "wrong" if wrong else "poor" if error > MAPS["good"] else "good"
+    bound = {"good": MAPS["good"], "poor": MAPS["wrong"]}.get(verdict, math.inf)
     if unsure > 0.5 * bound:
         return out | {"class": "not judged", "reason": f"the reference itself is sure to {unsure:.2g} only"}
     if verdict != "good":

@@ -105,9 +105,9 @@ def series(groups: Groups) -> Iterator[Series]:
 
 
 def _schemes(base: Method, usual: str) -> Iterator[Series]:
-    """The schemes besides the usual one, without two that are never on a front."""
+    """The schemes besides the usual one, without one that is never on a front."""
     for scheme in SCHEMES:
-        if scheme not in (usual, "energy", "central-difference"):
+        if scheme not in (usual, "central-difference"):
             # with fewer, Newton's method fails at wave fronts
             few, least = (4, 150) if newmark.scheme(scheme).nodes else (1, 20)
             rungs = [x | {"scheme": scheme, "steps": max(least, x["steps"] // few)} for x in ladder(base)]

@@ -20,7 +20,7 @@ from cablefem.newmark.equilibrium import equilibrium
 from cablefem.response import Array, Response, write_json
 from cablefem.scene import Drive, Groups, Scene
 from cablefem.scene.line import Line, LineRest
-from cablefem.scene.motion import standing
+from cablefem.scene.motion import at_rest
 from validation import oracles
 from validation.commands.modes.study import bare
 from validation.core import store
@@ -209,7 +209,7 @@ class _Solvers:
 
     def damped_modes(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Any:
         """Matrices of the linear model column by column, then its quadratic eigenvalues i w."""
-        system = _built(name, replace(groups, mu=0.0, motion=standing(0.4, 1.0)), model, settings)
+        system = _built(name, replace(groups, mu=0.0, motion=at_rest(0.4, 1.0)), model, settings)
         n = system.n_dof
         rows = np.eye(n)
         none = np.zeros((n, n))
@@ -226,7 +226,7 @@ class _Solvers:
 
     def plucked(self, name: str, groups: Groups, p: float, end: float, **settings: Any) -> tuple[Array, Array]:
         """Let a straight string go that the weight of groups holds at p; return t, and w at p."""
-        groups = replace(groups, motion=standing(p, end))
+        groups = replace(groups, motion=at_rest(p, end))
         loaded, free = (_built(name, x, "straight", settings) for x in (groups, replace(groups, mu=0.0)))
         rest = equilibrium(loaded)
         start = newmark.consistent_acceleration(free, 0.0, rest, np.zeros_like(rest), 0)

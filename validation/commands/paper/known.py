@@ -45,7 +45,7 @@ def numbers(runs: Runs, file: Path, report: Progress, quick: bool = False) -> di
         "overshoot": lambda: gibbs.overshoots(inclined.groups, ladders),
         "vibration": lambda: {
             "coarse": energy(swing["coarse_steps"]), "fine": energy(swing["fine_steps"]),
-            "kept": energy(swing["coarse_steps"], "energy"),
+            "kept": energy(swing["coarse_steps"], "gauss"),
         },
     }  # fmt: skip
     same = level.to_toml(), inclined.to_toml(), SAID["overshoot"] | {"terms": ladders}, swing
