@@ -3,5 +3,6 @@
 from galerkin.abscissa import PositionAbscissa
 from galerkin.bases import Basis, Daubechies, Fourier
 from galerkin.equations import GalerkinSystem
+from galerkin.lines import LineSines
 from galerkin.modes import bare_frequencies
 from galerkin.rides import RollingSystem

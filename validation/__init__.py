@@ -34,8 +34,8 @@ _HOME = {
 __all__ = ["ForeignPath", "assert_agree", "check", "check_solver", "quasi_static", "run", "run_with_bars", "sweep"]
 
 
-# what computes a line of several contacts, at rest
-_AT_REST = {"run_with_bars": ("commands.run.line", "answers"), "check": ("commands.check.line", "checked")}
+# what computes a line of several contacts
+_LINE = {"run_with_bars": ("commands.run", "answers"), "check": ("commands.check", "checked")}
 
 
 def __getattr__(name: str) -> Any:
@@ -57,7 +57,7 @@ def named(function: Callable[Concatenate[Any, P], Result]) -> Callable[Concatena
     first = next(iter(inspect.signature(function).parameters), "") if inspect.isfunction(function) else ""
     if first not in ("scene", "study"):
         return function
-    at_rest = _AT_REST.get(function.__name__)
+    of_line = _LINE.get(function.__name__)
 
     @functools.wraps(function)
     def with_name(of: Any, *args: P.args, **kwargs: P.kwargs) -> Result:
@@ -66,9 +66,11 @@ def named(function: Callable[Concatenate[Any, P], Result]) -> Callable[Concatena
 
         if isinstance(of, str | Path):
             kind = Scene if first == "scene" else _loaded("commands.sweep.study", "Study")
-            of = (at_rest and line_of(of)) or kind.load(of)
-        if at_rest and isinstance(of, Line):
-            return cast(Result, _loaded(*at_rest)(of, *args, **kwargs))
+            of = (of_line and line_of(of)) or kind.load(of)
+        if of_line and isinstance(of, Line):
+            home, name = of_line
+            kind = "motion" if of.moves else "line"
+            return cast(Result, _loaded(f"{home}.{kind}", name)(of, *args, **kwargs))
         return function(of, *args, **kwargs)
 
     return with_name

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -19,9 +19,11 @@ from pydantic import BeforeValidator, Field
 
 from cablefem.scene.cable import STEEPEST, Rope
 from cablefem.scene.described import LINES, Described, parsed, scene_text
+from cablefem.scene.drive import Driving
 from cablefem.scene.errors import NOT_MODELLED, SceneError, nearest, shown
 from cablefem.scene.fields import Admits, NonNegative, Pair, Part, Positive, Real, Switch, Word, said, tables, whole
 from cablefem.scene.surroundings import Ground, Obstacles, surroundings_faults
+from cablefem.scene.travel import Travel
 
 OWNED = {"tension": "counterweight", "stiffness": "spring", "shoe": "saddle"}  # of one kind of contact
 ONE_SPAN = "it belongs to one span between two anchors; a line has [[contact]] and [[car]] instead"
@@ -74,15 +76,38 @@ class Contact(Part):
 
 
 class Car(Part):
-    """A load on the rope, at one or more positions."""
+    """A load on the rope, at one or more positions, or in motion."""
 
     name: Word = said("[-] its name in the results")
     mass: Positive = said("[kg]")
-    hauled: Switch = said("[-] true: it rolls, and a haul rope holds it; false: it grips the rope")
-    at: Positions = said(
-        "[m] x at rest, one for each position", json_schema_extra={"type": ["number", "array", "object"]}
+    hauled: Switch | None = said(
+        "[-] at rest: true: it rolls, and a haul rope holds it; false: it grips the rope", None
     )
+    at: Positions | None = said(
+        "[m] x at rest, one for each position", None, json_schema_extra={"type": ["number", "array", "object"]}
+    )
+    travel: Travel | None = said("[-] in motion: along the rope; in x if hauled on several spans", None)
+    drive: Driving | None = said("[-] in motion: what moves it; without it the car grips", None)
     below: NonNegative = said("[m] from the rope down to the lowest point of the car", 0.0)
+
+    @property
+    def mode(self) -> str:
+        return "grip" if self.drive is None else self.drive.mode
+
+    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+        at_rest = given.get("at") is not None
+        present = [name for name in ("travel", "drive") if given.get(name) is not None]
+        if at_rest:
+            if present:
+                return [f"{' and '.join(present)}: too much beside at, of a car at rest"]
+            return ["hauled: missing; must be true or false for a car at rest"] if given.get("hauled") is None else []
+        if not present:
+            return ["at: missing; must be given for a car at rest, travel or drive for one in motion"]
+        if given.get("hauled") is not None:
+            return ["hauled: of a car at rest; in motion drive.mode says it"]
+        if (self.mode == "free") is ("travel" in present):
+            return ["travel: must be given for a car that grips or is hauled, and for no other"]
+        return []
 
 
 class Tie(Part):
@@ -229,10 +254,22 @@ class Line(Described):
     @property
     def count(self) -> int:
         """Number of positions of the cars."""
-        return max((len(car.at) for car in self.car), default=1)
+        return max((len(car.at or ()) for car in self.car), default=1)
+
+    def _tables(self, changes: Container[str] = ()) -> dict[str, Any]:
+        data = super()._tables(changes)
+        for table, car in zip(data.get("car", ()), self.car, strict=True):
+            if car.travel is not None:
+                table["travel"]["kind"] = car.travel.kind
+        return data
+
+    @property
+    def moves(self) -> bool:
+        return any(car.at is None for car in self.car)
 
     def place(self, car: Car, i: int) -> float:
         """x [m] of a car at position i."""
+        assert car.at is not None
         return car.at[i] if len(car.at) > 1 else car.at[0]
 
     def shoe(self, x: float) -> Contact | None:
@@ -270,16 +307,22 @@ class Line(Described):
         saddles = {(i, car.name): self.shoe(self.place(car, i)) for i in range(self.count) for car in self.car}
         return {key: saddle for key, saddle in saddles.items() if saddle is not None}
 
+    def empty(self, solve: Solver) -> LineState:
+        """The line without cars, ice and heat, s from its left end; SceneError where it has no rest."""
+        state = _refuse_unsound(solve([self.case(None, self.cable.length)])[0])
+        if isinstance(state, NoLine):
+            raise SceneError([f"the empty line: {state}"])
+        return replace(state, s=state.s - state.s[0])
+
     def rest(self, solve: Solver, refused: Mapping[int, NoLine] | None = None) -> LineRest:
         """Solve all positions; SceneError where the empty line has no rest.
 
         refused : positions that are not tried again, with the reason.
         """
+        if self.moves:
+            raise SceneError([f"car.{self.car[0].name}: in motion; at must be given for a line at rest"])
         refused = refused or {}
-        empty = _refuse_unsound(solve([self.case(None, self.cable.length)])[0])
-        if isinstance(empty, NoLine):
-            raise SceneError([f"the empty line: {empty}"])
-        empty = replace(empty, s=empty.s - empty.s[0])
+        empty = self.empty(solve)
         length = self.cable.length
         if self.contact[-1].kind != "counterweight":
             length = length or float(empty.s[-1])
@@ -377,19 +420,23 @@ def _rope_faults(rope: LineRope, contacts: Sequence[Contact]) -> list[str]:
 
 def _car_faults(cars: Sequence[Car], contacts: Sequence[Contact]) -> list[str]:
     end = contacts[-1].at[0]
-    many = sorted({len(car.at) for car in cars} - {1})
+    moving = [car.name for car in cars if car.at is None]
+    if moving and len(moving) < len(cars):
+        return [f"car.{moving[0]}: in motion beside cars at rest; all must have at, or none"]
+    cars = [car for car in cars if car.at is not None]
+    many = sorted({len(car.at or ()) for car in cars} - {1})
     if len(many) > 1:
         return [f"car.at: lists of {many[0]} and of {many[-1]} positions; must be one number or lists of one length"]
     faults = []
     for car in cars:
-        low = min(car.at)
-        high = max(car.at)
+        low = min(car.at or ())
+        high = max(car.at or ())
         if not 0.0 < low <= high < end:
             faults.append(f"car.{car.name}.at: from {low:.6g} to {high:.6g} m; must be between 0 and {end:.6g} m")
         missing = [c.name for c in contacts[1:-1] if c.shoe is None and low <= c.at[0] <= high]
         faults += [f"contact.{x}.shoe: missing; must be given where a car passes, here {car.name}" for x in missing]
     for a, b in itertools.pairwise(cars):
-        told = enumerate(np.broadcast(a.at, b.at), start=1)
+        told = enumerate(np.broadcast(a.at or (), b.at or ()), start=1)
         if (wrong := next(((i, x, y) for i, (x, y) in told if not x < y), None)) is not None:
             i, x, y = wrong
             must = f"must be > {x:.6g} m, that of {a.name}; cars are listed from left to right and cannot pass"

@@ -58,9 +58,11 @@ def command(
             }
         )
         from validation.commands.check import line as at_rest
+        from validation.commands.check import motion
 
+        kind = motion if line.moves else at_rest
         given = options.points_of(line, set_)
-        return at_rest.check(given, tol, tol_tension, out, _second(given[0].scene, second, second_set))
+        return kind.check(given, tol, tol_tension, out, _second(given[0].scene, second, second_set))
     faults = [
         *options.tol_faults(tol), *options.tol_faults(tol_tension, "--tol-tension", 1e-6, 1.0),
         *options.tol_faults(with_tol, "--with-tol", 0.0, 1.0),

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from validation.core import store
-from validation.page import line
+from validation.page import line, motion
 from validation.page.answer import figures as draw
 from validation.page.answer import many
 from validation.page.answer.content import content
@@ -17,11 +17,12 @@ COUNTED = WORDS["counted"]
 
 
 def sections(folder: Path) -> list[Section]:
-    if (folder / "rest-check").is_dir():
-        judged = store.read(folder / "agreement.json")
-        return line.sections(folder / "rest-check", judged["rows"], judged["verdict"])
-    if (folder / "grid-rest-check").is_dir():
-        return line.grid(folder / "grid-rest-check")
+    for home, kind in (("rest-check", line), ("motion-check", motion)):
+        if (folder / home).is_dir():
+            judged = store.read(folder / "agreement.json")
+            return kind.sections(folder / home, judged["rows"], judged["verdict"])
+        if (folder / f"grid-{home}").is_dir():
+            return kind.grid(folder / f"grid-{home}")
     grid = folder / "grid-check" / "grid.json"
     single = folder / "agreement.json"
     if grid.exists() and (not single.exists() or grid.stat().st_mtime > single.stat().st_mtime):

@@ -47,8 +47,10 @@ def command(
         others = {f"--{option}": given != CHOICES[option][0] for option, given in kind.items()}
         options.refuse_moving({"--method": method != METHOD, **others, "--tol": tol is not None})
         from validation.commands.run import line as at_rest
+        from validation.commands.run import motion
 
-        return at_rest.answer("run", options.points_of(line, set_), out, at_rest.answers)
+        kind_of_line = motion if line.moves else at_rest
+        return kind_of_line.answer("run", options.points_of(line, set_), out, kind_of_line.answers)
     faults = [
         f"--{option} = {shown(given)}: unknown.{nearest(given, CHOICES[option])}"
         for option, given in kind.items() if given not in CHOICES[option]

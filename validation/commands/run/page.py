@@ -4,15 +4,19 @@ from pathlib import Path
 
 from cablefem.response import Response
 from cablefem.scene import Scene
-from validation.page import line
+from validation.page import line, motion
 from validation.page.answer import many
 from validation.page.answer.content import content
 from validation.page.answer.stored import Stored
 from validation.page.page import Section, callout, drawn
 
+HOMES = {
+    "rest": line.sections, "grid-rest-run": line.grid, "motion-run": motion.sections, "grid-motion-run": motion.grid,
+}  # fmt: skip
+
 
 def sections(folder: Path) -> list[Section]:
-    for name, page in (("rest", line.sections), ("grid-rest-run", line.grid)):
+    for name, page in HOMES.items():
         if (folder / name).is_dir():
             return page(folder / name)
     files = [*folder.glob("*/summary.json"), *folder.glob("*/grid.json")]

@@ -1,0 +1,181 @@
+"""A line at rest with its cars held, by Newton's method; the start of a run."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cablefem.elements.bodies import Cars
+from cablefem.elements.segments import Law
+from cablefem.elements.system import LineElements, Slots
+from cablefem.newmark import Array, StepFailure
+from cablefem.scene.contacts import Car, Contact
+from cablefem.scene.line import Case, NoLine, Station
+from cablefem.scene.taut import start
+
+SOFTENING = 8  # stages of EA up to its value
+SOFTEST = 5.0  # first EA over the tension
+ITERATIONS, SHORTEST = 60, 1e-4  # of a stage; smallest damping factor
+ROUGH, EXACT = 1e-3, 1e-10  # last step over the reach: of a soft rope, of the rope
+ROUNDS = 8  # to guess x of cars from their s
+
+
+def rest(system: LineElements, t: float, phase: int, ahead: float = 0.0, near: Array | None = None) -> Array:
+    """Slots (size,) at rest with the cars held where they are at t, and F/M of hauled cars.
+
+    ahead : [s] moves prescribed cars on by their velocity.  near : a state nearby to begin from.
+    Raises StepFailure where no state of rest was found.
+    """
+    known = system.known(t, phase)
+    free = system.free.copy()
+    q = known.q + ahead * known.v
+    for i, k in enumerate(system.cars):
+        if system.line.cars[i].kind == "free":
+            free[system.s[k]] = False
+            q[system.s[k]] = system.line.cars[i].drive.start
+    if near is not None:
+        q[free] = near[free]
+        return _newton(system, t, phase, q, free, None, EXACT)
+    N = _begin(system, q, free)
+    for stage in range(SOFTENING + 1):
+        last = stage == SOFTENING
+        law = None if last else _soft(system, q, N, stage / SOFTENING)
+        q = _newton(system, t, phase, q, free, law, EXACT if last else ROUGH)
+    return q
+
+
+def at_rest(system: LineElements, q: Array) -> Slots:
+    a = np.zeros(system.size)
+    a[system.force] = q[system.force]
+    return Slots(q, np.zeros(system.size), a)
+
+
+def held_cars(system: LineElements, t: float, phase: int) -> Cars:
+    """Cars at rest; hauled ones are about to move."""
+    cars = system.car_data(t, phase)
+    hauled = np.array([car.travel is not None for car in system.line.cars])
+    none = np.zeros(hauled.size)
+    return cars._replace(drag=none, thrust=none, brake=none, hold=none, friction=cars.friction * hauled)
+
+
+def _newton(
+    system: LineElements, t: float, phase: int, q: Array, free: NDArray[np.bool_], law: Law | None, enough: float
+) -> Array:
+    points = np.array([c.point for c in system.line.supports])
+    reach, bound = float(np.ptp(points[:, 0])), system.force_floor * np.sqrt(system.n_dof)
+    cars = held_cars(system, t, phase) if system.cars else None
+    moving = free.copy()
+    moving[system.force] = False
+
+    def rows(q: Array) -> Array:
+        return system.rows(t, at_rest(system, q), phase, law, cars)[free]
+
+    r = rows(q)
+    for _ in range(ITERATIONS):
+        before = np.linalg.norm(r)
+        solve = system.solver(t, at_rest(system, q), phase, (1.0, 0.0, 0.0), free, law, cars)
+        step = np.zeros(system.size)
+        step[free] = solve(r)
+        factor = 1.0
+        while True:
+            trial = q - factor * step
+            with np.errstate(all="ignore"):
+                r = rows(trial)
+            better = np.linalg.norm(r) < before
+            if better or np.linalg.norm(r) < 1e3 * bound or factor < SHORTEST:
+                break
+            factor *= 0.5
+        q = trial
+        if not np.isfinite(q).all():
+            break
+        if np.abs(step[moving]).max(initial=0.0) <= enough * reach and factor == 1.0:
+            return q
+    raise StepFailure(t, "no rest of the loaded line was found", "compare the rope's length with its contacts")
+
+
+def _soft(system: LineElements, q: Array, N: Array, share: float) -> Law:
+    """The law N = N_ref + EA_soft (lam - lam_ref), which keeps the length of a rope under N_ref (K,)."""
+    law, N_ref = system.segments.law(system.motion(at_rest(system, q)).s), N[:, None]
+    soft = np.minimum(law.EA, SOFTEST * N_ref)
+    EA = law.EA**share * soft ** (1.0 - share)
+    more = (N_ref - law.N_r) / law.EA
+    N_r = N_ref - EA * more
+    W = (law.N_r + 0.5 * law.EA * more) * more
+    return Law(EA, N_r, np.zeros_like(N_r), W - (N_r + 0.5 * EA * more) * more)
+
+
+def _begin(system: LineElements, q: Array, free: NDArray[np.bool_]) -> Array:
+    """Set q to parabolas between guessed contacts; return tensions (K,) of the segments."""
+    line, rope = system.line, system.line.rope
+    shorter = 1.0
+    if rope.rest_tension is not None:
+        middle = 0.5 * (rope.length or 0.0)
+        shorter = 1.0 / (1.0 + float(rope.at_rest(np.array(middle))[0]) / rope.EA)
+    x = _guess_x(system, q)
+    for _ in range(ROUNDS):
+        stations = tuple(_station(c, x[k], line.gravity) for k, c in enumerate(line.contacts))
+        length = rope.length * shorter if rope.length is not None else None
+        first = start(Case(stations, line.weight, rope.EA, length=length))
+        if isinstance(first, NoLine):
+            raise StepFailure(0.0, str(first), "give more rope or less load")
+        H = first.H
+        points = first.points
+        s = first.s / shorter
+        moved = np.zeros_like(x)
+        for k in system.cars:
+            if not free[system.s[k]]:
+                moved[k] = q[system.s[k]] - s[k]
+        x = _between_supports(system, x + moved)
+    s = np.where(free[system.s], s, q[system.s])
+    q[system.s] = s
+    run = np.diff(points, axis=0)
+    sag = line.weight * np.diff(s) * run[:, 0] / (8.0 * H)
+    at = np.linspace(0.0, 1.0, system.segments.elements + 1)
+    nodal = np.zeros((system.n, 2))
+    for k, nodes in enumerate(system.nodes):
+        ends = nodes[:: system.segments.degree]
+        nodal[ends] = points[k] + at[:, None] * run[k]
+        nodal[ends, 1] += 4.0 * sag[k] * at * (1.0 - at)
+        if system.segments.degree == 2:
+            nodal[nodes[1::2]] = 0.5 * (nodal[nodes[:-1:2]] + nodal[nodes[2::2]])
+    coordinates = np.flatnonzero(free[: 2 * system.n])
+    q[coordinates] = nodal.ravel()[coordinates]
+    return H * np.hypot(run[:, 0], run[:, 1]) / run[:, 0]
+
+
+def _station(contact: Contact | Car, x: float, gravity: float) -> Station:
+    if isinstance(contact, Car):
+        kind = "grips" if contact.fixes_s or contact.kind == "free" else "hauled"
+        return Station(contact.name, kind, x, np.nan, contact.mass * gravity)
+    x, y = contact.point
+    return Station(contact.name, contact.kind, x, y, contact.force or 0.0, contact.stiffness)
+
+
+def _guess_x(system: LineElements, q: Array) -> Array:
+    """x (contacts,) with cars of prescribed s along the chords of the contacts."""
+    line = system.line
+    points = np.array([c.point for c in line.supports])
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    begin = 0.0
+    if line.supports[0].kind == "counterweight":
+        begin = (line.rope.length or 0.0) - along[-1]
+    x = np.array([0.0 if isinstance(c, Car) else c.point[0] for c in line.contacts])
+    for k in system.cars:
+        if line.contacts[k].kind == "haul_x":
+            x[k] = q[2 * system.node[k]]
+        else:
+            x[k] = np.interp(q[system.s[k]] - begin, along, points[:, 0])
+    return _between_supports(system, x)
+
+
+def _between_supports(system: LineElements, x: Array) -> Array:
+    """x with the cars evenly ordered within their span, where they are not."""
+    out = x.copy()
+    fixed = [k for k, c in enumerate(system.line.contacts) if not isinstance(c, Car)]
+    for i, j in itertools.pairwise(fixed):
+        margin = 1e-3 * (x[j] - x[i])
+        out[i + 1 : j] = np.sort(np.clip(x[i + 1 : j], x[i] + margin, x[j] - margin))
+        out[i + 1 : j] += 1e-6 * margin * np.arange(j - i - 1)
+    return out

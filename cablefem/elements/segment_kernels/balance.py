@@ -1,0 +1,308 @@
+"""Compiled rows of `segments` and `bodies`, and their tangent as a bordered band."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cablefem.compiled import compiler
+from cablefem.newmark import Array
+
+compiled, inner = compiler(__file__), compiler(__file__, inner=True)
+INPUTS = 9  # of `car_forces`, see `bodies`
+
+
+class Mesh(NamedTuple):
+    """Equal elements of a segment."""
+
+    phi: Array  # (points, n_loc)
+    phi_xi: Array
+    weights: Array  # (points,)
+    xi: Array  # (elements, points)
+    dofs: NDArray[np.int64]  # (elements, n_loc)
+    ends: Array  # (2, nn) slopes at both ends
+
+
+class Rope(NamedTuple):
+    rho: float
+    q: float
+    damping: float
+
+
+class Border(NamedTuple):
+    """A bordered band, see `system.Bordered`."""
+
+    ab: Array
+    columns: Array
+    rows: Array
+    corner: Array
+
+
+@inner
+def add(m, i, j, value):
+    n = m.ab.shape[1]
+    b = (m.ab.shape[0] - 1) // 3
+    if i < n and j < n:
+        m.ab[2 * b + i - j, j] += value
+    elif i < n:
+        m.columns[i, j - n] += value
+    elif j < n:
+        m.rows[i - n, j] += value
+    else:
+        m.corner[i - n, j - n] += value
+
+
+@compiled
+def add_rows(mesh, rope, law, z, rows):
+    """Add the rows of all segments to rows (size,); return the smallest tension.
+
+    z : (3, size) q, v, a of all slots; law : (4, K, G) EA, N_r, dN_r/ds, W_r.
+    """
+    count = law.shape[1]
+    elements, n_loc = mesh.dofs.shape
+    nn = mesh.ends.shape[1]
+    S = 2 * (count * (nn - 1) + 1)
+    f, lowest = np.empty(10), np.inf  # r, r_xi, v, v_xi, a
+    for k in range(count):
+        h, dh = z[0, S + k + 1] - z[0, S + k], z[1, S + k + 1] - z[1, S + k]
+        for e in range(elements):
+            for g in range(mesh.weights.size):
+                f[:] = 0.0
+                for i in range(n_loc):
+                    slot = 2 * (k * (nn - 1) + mesh.dofs[e, i])
+                    for x in range(2):
+                        f[x] += mesh.phi[g, i] * z[0, slot + x]
+                        f[2 + x] += mesh.phi_xi[g, i] * z[0, slot + x]
+                        f[4 + x] += mesh.phi[g, i] * z[1, slot + x]
+                        f[6 + x] += mesh.phi_xi[g, i] * z[1, slot + x]
+                        f[8 + x] += mesh.phi[g, i] * z[2, slot + x]
+                xi, weight = mesh.xi[e, g], mesh.weights[g]
+                c = z[1, S + k] * (1.0 - xi) + z[1, S + k + 1] * xi
+                dc = z[2, S + k] * (1.0 - xi) + z[2, S + k + 1] * xi
+                EA, N_0, N_s, W_0 = law[:, k, e * mesh.weights.size + g]
+                size = np.sqrt(f[2] ** 2 + f[3] ** 2)
+                lam = size / h
+                N = N_0 + EA * (lam - 1.0)
+                lowest = min(lowest, N)
+                W = W_0 + (N_0 + 0.5 * EA * (lam - 1.0)) * (lam - 1.0)
+                by_a, momentum, kinetic = np.zeros(2), 0.0, 0.0
+                by_b = np.zeros(2)
+                for x in range(2):
+                    w = f[4 + x] - c / h * f[2 + x]
+                    dw = f[8 + x] - c / h * f[6 + x] + (c * dh / h - dc) / h * f[2 + x]
+                    by_a[x] = rope.rho * (h * dw + (dh + rope.damping * h) * w)
+                    by_b[x] = rope.rho * c * w + N * f[2 + x] / size
+                    momentum += (dw + rope.damping * w) * f[2 + x] + w * f[6 + x]
+                    kinetic += 0.5 * w * w + c / h * w * f[2 + x]
+                by_a[1] -= rope.q * h
+                for i in range(n_loc):
+                    slot = 2 * (k * (nn - 1) + mesh.dofs[e, i])
+                    for x in range(2):
+                        rows[slot + x] += weight * (mesh.phi[g, i] * by_a[x] + mesh.phi_xi[g, i] * by_b[x])
+                material = W - N * lam - rope.q * f[1] - rope.rho * kinetic
+                inertia = h * N_s * (lam - 1.0) - rope.rho * momentum
+                rows[S + k] += weight * (-material + (1.0 - xi) * inertia)
+                rows[S + k + 1] += weight * (material + xi * inertia)
+    return lowest
+
+
+@inner
+def car_forces(car, gravity, y, out):
+    """C, Q and the load on the rope into out (4,) from y (INPUTS,), see `bodies`.
+
+    car : mass, k, wind, mu_r, thrust, brake, hold, sign.
+    """
+    mass, k, wind, mu, thrust, brake, hold, sign = car
+    mx, my = 0.5 * (y[0] + y[2]), 0.5 * (y[1] + y[3])
+    size = np.sqrt(mx * mx + my * my)
+    tx, ty = mx / size, my / size
+    ax, ay = y[4] - wind, y[5]
+    drag = k * np.sqrt(ax * ax + ay * ay + 1e-24)
+    along = mass * y[8] + thrust
+    out[0] = mass * y[6] - along * tx + drag * ax
+    out[1] = mass * (y[7] - gravity) - along * ty + drag * ay
+    normal = out[0] * ty - out[1] * tx
+    out[3] = normal
+    if normal.real < 0.0:
+        normal = -normal
+    stretch = 0.5 * (np.sqrt(y[0] * y[0] + y[1] * y[1]) + np.sqrt(y[2] * y[2] + y[3] * y[3]))
+    out[2] = stretch * (hold - (mu * normal + brake) * sign)
+
+
+@inner
+def car_inputs(mesh, count, k, z, force, y):
+    """Fill y (INPUTS,) for the car at contact k; force : slot of F/M, or -1."""
+    nn = mesh.ends.shape[1]
+    S = 2 * (count * (nn - 1) + 1)
+    y[:] = 0.0
+    for side in range(2):  # behind, ahead
+        segment, shapes = k - 1 + side, mesh.ends[1 - side]
+        h = z[0, S + segment + 1] - z[0, S + segment]
+        for i in range(nn):
+            for x in range(2):
+                y[2 * side + x] += shapes[i] * z[0, 2 * (segment * (nn - 1) + i) + x] / h
+    for x in range(2):
+        slot = 2 * k * (nn - 1) + x
+        y[4 + x], y[6 + x] = z[1, slot], z[2, slot]
+    if force >= 0:
+        y[8] = z[2, force]
+
+
+@compiled
+def add_cars(mesh, count, contacts, cars, gravity, forces, z, rows):
+    """Add C and - Q of the cars (n, 8) at contacts (n,); return their loads on the rope (n,)."""
+    nn = mesh.ends.shape[1]
+    S = 2 * (count * (nn - 1) + 1)
+    y, out = np.empty(INPUTS, np.complex128), np.empty(4, np.complex128)
+    loads = np.empty(contacts.size)
+    for i in range(contacts.size):
+        k = contacts[i]
+        car_inputs(mesh, count, k, z, forces[i], y)
+        car_forces(cars[i], gravity, y, out)
+        rows[2 * k * (nn - 1)] += out[0].real
+        rows[2 * k * (nn - 1) + 1] += out[1].real
+        rows[S + k] -= out[2].real
+        loads[i] = out[3].real
+    return loads
+
+
+@compiled
+def add_car_tangent(mesh, count, contacts, cars, gravity, forces, z, c0, c1, c2, matrix):
+    nn = mesh.ends.shape[1]
+    S = 2 * (count * (nn - 1) + 1)
+    y, out = np.empty(INPUTS, np.complex128), np.empty(4, np.complex128)
+    by = np.empty((3, INPUTS))
+    for i in range(contacts.size):
+        k = contacts[i]
+        car_inputs(mesh, count, k, z, forces[i], y)
+        for j in range(INPUTS):
+            y[j] += 1e-30j
+            car_forces(cars[i], gravity, y, out)
+            y[j] = y[j].real
+            by[0, j], by[1, j], by[2, j] = out[0].imag / 1e-30, out[1].imag / 1e-30, -out[2].imag / 1e-30
+        node = 2 * k * (nn - 1)
+        for row in range(3):
+            slot = node + row if row < 2 else S + k
+            for side in range(2):
+                segment, shapes = k - 1 + side, mesh.ends[1 - side]
+                h = z[0, S + segment + 1] - z[0, S + segment]
+                by_h = 0.0 * c0
+                for x in range(2):
+                    factor = by[row, 2 * side + x] * c0 / h
+                    by_h -= factor * y[2 * side + x].real
+                    for a in range(nn):
+                        if shapes[a] != 0.0:
+                            add(matrix, slot, 2 * (segment * (nn - 1) + a) + x, factor * shapes[a])
+                add(matrix, slot, S + segment + 1, by_h)
+                add(matrix, slot, S + segment, -by_h)
+            for x in range(2):
+                add(matrix, slot, node + x, by[row, 4 + x] * c1 + by[row, 6 + x] * c2)
+            if forces[i] >= 0:
+                add(matrix, slot, forces[i], by[row, 8] * (c2 if c2 != 0.0 else 1.0 + 0.0 * c2))
+
+
+@compiled
+def add_tangent(mesh, rope, law, z, c0, c1, c2, matrix):
+    """Add c0 d/dq + c1 d/dv + c2 d/da of `add_rows`, see `Segments.tangent`."""
+    count = law.shape[1]
+    elements, n_loc = mesh.dofs.shape
+    nn = mesh.ends.shape[1]
+    S = 2 * (count * (nn - 1) + 1)
+    f = np.empty(10)
+    w, dw = np.empty(2), np.empty(2)
+    zero = 0.0 * (c0 + c1 + c2)
+    w_s, dw_s = np.array([zero, zero]), np.array([zero, zero])
+    rho, c_d = rope.rho, rope.damping
+    ab, columns, rows = matrix.ab, matrix.columns, matrix.rows
+    diagonal = 2 * ((ab.shape[0] - 1) // 3)
+    for k in range(count):
+        h, dh = z[0, S + k + 1] - z[0, S + k], z[1, S + k + 1] - z[1, S + k]
+        for e in range(elements):
+            for g in range(mesh.weights.size):
+                f[:] = 0.0
+                for i in range(n_loc):
+                    slot = 2 * (k * (nn - 1) + mesh.dofs[e, i])
+                    for x in range(2):
+                        f[x] += mesh.phi[g, i] * z[0, slot + x]
+                        f[2 + x] += mesh.phi_xi[g, i] * z[0, slot + x]
+                        f[4 + x] += mesh.phi[g, i] * z[1, slot + x]
+                        f[6 + x] += mesh.phi_xi[g, i] * z[1, slot + x]
+                        f[8 + x] += mesh.phi[g, i] * z[2, slot + x]
+                xi, weight = mesh.xi[e, g], mesh.weights[g]
+                c = z[1, S + k] * (1.0 - xi) + z[1, S + k + 1] * xi
+                dc = z[2, S + k] * (1.0 - xi) + z[2, S + k + 1] * xi
+                EA, N_0, N_s = law[:3, k, e * mesh.weights.size + g]
+                size = np.sqrt(f[2] ** 2 + f[3] ** 2)
+                lam = size / h
+                N = N_0 + EA * (lam - 1.0)
+                tx, ty = f[2] / size, f[3] / size
+                for x in range(2):
+                    w[x] = f[4 + x] - c / h * f[2 + x]
+                    dw[x] = f[8 + x] - c / h * f[6 + x] + (c * dh / h - dc) / h * f[2 + x]
+                # nodes by nodes
+                vv = weight * rho * (h * c2 + (dh + c_d * h) * c1)
+                vs = -weight * rho * ((dc + c_d * c) * c0 + c * c1)
+                sv = weight * rho * c * c1
+                ss = weight * (N / lam - rho * c * c) / h * c0
+                along = weight * (EA - N / lam) / h * c0
+                for j in range(n_loc):
+                    column = 2 * (k * (nn - 1) + mesh.dofs[e, j])
+                    u, d = mesh.phi[g, j], mesh.phi_xi[g, j]
+                    by_p, by_s, outer = vv * u + vs * d, sv * u + ss * d, along * d
+                    xx, xy, yy = by_s + outer * tx * tx, outer * tx * ty, by_s + outer * ty * ty
+                    for i in range(n_loc):
+                        row = diagonal + 2 * (k * (nn - 1) + mesh.dofs[e, i]) - column
+                        p, s = mesh.phi[g, i] * by_p, mesh.phi_xi[g, i]
+                        ab[row, column] += p + s * xx
+                        ab[row, column + 1] += p + s * yy
+                        ab[row - 1, column + 1] += s * xy
+                        ab[row + 1, column] += s * xy
+                W_s = N_s * (lam - 1.0)
+                dot_w = (w[0] * f[2] + w[1] * f[3]) / h
+                for end in range(2):
+                    sign, psi = 2.0 * end - 1.0, xi if end else 1.0 - xi
+                    h_s, dh_s, c_s, dc_s, s_s = sign * c0, sign * c1, psi * c1, psi * c2, psi * c0
+                    lam_s = -lam * h_s / h
+                    T_s = N_s * s_s + EA * lam_s
+                    first = c * h_s / h - c_s
+                    second = dc * h_s / h - dc_s + (c_s * dh + c * dh_s) / h - 2.0 * c * dh * h_s / h**2
+                    momentum, kinetic = zero, zero
+                    for x in range(2):
+                        t = tx if x == 0 else ty
+                        w_s[x] = first * f[2 + x] / h
+                        dw_s[x] = second * f[2 + x] / h + first / h * f[6 + x]
+                        by_a = rho * (
+                            h_s * (dw[x] + c_d * w[x]) + h * (dw_s[x] + c_d * w_s[x]) + dh_s * w[x] + dh * w_s[x]
+                        )
+                        by_a -= rope.q * h_s * x
+                        by_b = rho * (c_s * w[x] + c * w_s[x]) + T_s * t
+                        # the row of s by this coordinate
+                        of_a = (
+                            -rho
+                            * (
+                                psi * ((c2 + c_d * c1) * f[2 + x] + c1 * f[6 + x])
+                                + sign * c1 * (w[x] + c / h * f[2 + x])
+                            )
+                            - sign * rope.q * c0 * x
+                        )
+                        moved = (
+                            ((c * dh / h - dc) / h * c0 - (c1 + c_d * c0) * c / h) * f[2 + x]
+                            + c0 * (dw[x] + c_d * w[x]) - c0 * c / h * f[6 + x] + c1 * w[x]
+                        )  # fmt: skip
+                        of_b = -rho * (psi * moved - sign * c0 * (c / h) ** 2 * f[2 + x])
+                        of_b += c0 * (psi * N_s - sign * lam * EA / h) * t
+                        for i in range(n_loc):
+                            slot = 2 * (k * (nn - 1) + mesh.dofs[e, i]) + x
+                            p, s = weight * mesh.phi[g, i], weight * mesh.phi_xi[g, i]
+                            columns[slot, k + end] += p * by_a + s * by_b
+                            rows[k + end, slot] += p * of_a + s * of_b
+                        momentum += (dw_s[x] + c_d * w_s[x]) * f[2 + x] + w_s[x] * f[6 + x]
+                        kinetic += w[x] * w_s[x] + c * w_s[x] * f[2 + x] / h
+                    kinetic += (c_s - c * h_s / h) * dot_w
+                    material = W_s * s_s - lam * (EA * lam_s + N_s * s_s)
+                    for other in range(2):
+                        e2, psi2 = 2.0 * other - 1.0, xi if other else 1.0 - xi
+                        inside = N_s * lam_s * h + W_s * h_s - rho * momentum
+                        matrix.corner[k + other, k + end] += weight * (e2 * (material - rho * kinetic) + psi2 * inside)

@@ -1,0 +1,174 @@
+"""Segments of rope between contacts that move along it: one segment's balance, on scikit-fem's matrices.
+
+A segment from s_k to s_k+1 is a mesh on 0 <= xi <= 1, s = s_k + xi h.  Nodes move with c = ds_k (1 - xi) + ds_k+1 xi.
+The unknowns are absolute points r of the nodes and the s_k.  With w = dr/dt - c r' at fixed s and the Lagrangian
+L = sum of int rho w^2/2 - W(lam, s) + q y ds, the rows are
+
+    r :    int rho (h dw + dh w + c_d h w) phi - q h j phi + (rho c w + N t) phi_xi dxi
+    s_k :  int - rho psi (dw . r_xi + w . v_xi + c_d w . r_xi) - e rho (w^2/2 + c w . r')
+               + e (W - N lam - q y) + W_s h psi dxi,    dw: rate of w at fixed xi
+
+psi and e are xi and 1 at a right end, 1 - xi and -1 at a left one.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import skfem
+
+from cablefem.elements.reference import lagrange_element, numbered
+from cablefem.newmark import Array
+from cablefem.scene.contacts import Elastic
+
+SIGN = np.array([-1.0, 1.0])  # e of the left end and of the right one
+DOWN = np.array([0.0, 1.0])
+STEP = 1e-30  # of derivatives by a complex step
+
+
+class Motion(NamedTuple):
+    """r, v, a of the nodes of K segments (K, nn, 2); s, ds, dds of their ends (K, 2)."""
+
+    r: Array
+    v: Array
+    a: Array
+    s: Array
+    ds: Array
+    dds: Array
+
+    @property
+    def h(self) -> Array:
+        """Lengths (K, 1)."""
+        return self.s[:, 1:] - self.s[:, :1]
+
+
+class Law(NamedTuple):
+    """N = N_r + EA (lam - 1), W = W_r + N_r (lam - 1) + EA (lam - 1)^2/2; arrays (K, G)."""
+
+    EA: Array
+    N_r: Array
+    slope: Array  # dN_r/ds
+    W_r: Array
+
+
+class Points(NamedTuple):
+    """Fields at the Gauss points: (..., K, G), vectors (..., K, G, 2)."""
+
+    h: Array
+    dh: Array
+    c: Array
+    y: Array
+    r_xi: Array
+    v_xi: Array
+    w: Array
+    dw: Array
+    lam: Array
+    N: Array
+    W: Array
+    W_s: Array
+
+
+def dot(a: Array, b: Array) -> Array:
+    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]
+
+
+class Segments:
+    """Segments of `elements` each, with G Gauss points and nn nodes; any number K of them at once."""
+
+    def __init__(self, rope: Elastic, gravity: float, elements: int, degree: int) -> None:
+        self.rope, self.elements, self.degree = rope, elements, degree
+        self.rho, self.q = rope.mass_per_length, rope.mass_per_length * gravity
+        self.nn = elements * degree + 1
+        self.dofs = numbered(degree, elements)
+        mesh = skfem.MeshLine(np.linspace(0.0, 1.0, elements + 1))
+        basis = skfem.Basis(mesh, lagrange_element(degree), intorder=2 * degree + 2)
+        self.values, self.slopes = self._tables(basis)
+        self.xi = np.asarray(basis.global_coordinates())[0].ravel()  # (G,)
+        self.psi = np.stack([1.0 - self.xi, self.xi], axis=1)  # (G, 2)
+        self.weights = basis.dx.ravel()  # (G,)
+        both_ends = np.array([[0.0, 1.0]]), np.ones(2)
+        at_ends = skfem.Basis(mesh, lagrange_element(degree), quadrature=both_ends)
+        self.end_slopes = self._tables(at_ends)[1][[0, -1]]  # of the shape functions, (2, nn)
+
+    def _tables(self, basis: skfem.Basis) -> tuple[Array, Array]:
+        """Values and slopes of the nodes' shape functions at the points, (G, nn) each."""
+        shape = basis.dx.shape  # (elements, points)
+        out = np.zeros((2, *shape, self.nn))
+        for k in range(basis.Nbfun):
+            field = basis.basis[k][0]
+            for element, node in enumerate(self.dofs[:, k]):
+                out[0, element, :, node] = np.broadcast_to(field.get(0), shape)[element]
+                out[1, element, :, node] = np.broadcast_to(field.grad[0], shape)[element]
+        values, slopes = out.reshape(2, -1, self.nn)
+        return values, slopes
+
+    # --- fields --------------------------------------------------------------------------------------------
+    def law(self, s: Array) -> Law:
+        """The rope's law between ends s (K, 2)."""
+        none = np.zeros((len(s), self.xi.size))
+        EA = none + self.rope.EA
+        if self.rope.rest_tension is None:
+            return Law(EA, none, none, none)
+        return Law(EA, *self.rope.at_rest(s @ self.psi.T), none)
+
+    def at_points(self, x: Motion) -> Array:
+        """r, v, a, r_xi, v_xi, and s, ds, dds at both ends: (K, G, 16)."""
+        values = self.values @ np.concatenate([x.r, x.v, x.a], axis=2)
+        slopes = self.slopes @ np.concatenate([x.r, x.v], axis=2)
+        ends = np.concatenate([x.s, x.ds, x.dds], axis=1)[:, None]
+        return np.concatenate([values, slopes, np.broadcast_to(ends, (*values.shape[:2], 6))], axis=2)
+
+    def fields(self, u: Array, law: Law) -> Points:
+        """Fields of u (..., K, G, 16), which may be complex."""
+        r, v, a, r_xi, v_xi, s, ds, dds = (u[..., i : i + 2] for i in range(0, 16, 2))
+        h, dh = s[..., 1] - s[..., 0], ds[..., 1] - ds[..., 0]
+        c, dc = dot(ds, self.psi), dot(dds, self.psi)  # dc: rate of c at fixed xi
+        w = v - (c / h)[..., None] * r_xi
+        dw = a - (c / h)[..., None] * v_xi + ((c * dh / h - dc) / h)[..., None] * r_xi
+        lam = np.sqrt(dot(r_xi, r_xi)) / h
+        N_r = law.N_r + law.slope * dot(s - s.real, self.psi)  # the law is known at the real s
+        more = lam - 1.0
+        W = law.W_r + (N_r + 0.5 * law.EA * more) * more
+        return Points(h, dh, c, r[..., 1], r_xi, v_xi, w, dw, lam, N_r + law.EA * more, W, law.slope * more)
+
+    def points(self, x: Motion) -> Points:
+        return self.fields(self.at_points(x), self.law(x.s))
+
+    # --- rows ------------------------------------------------------------------------------------------------
+    def density(self, p: Points) -> Array:
+        """Factors of phi (2) and phi_xi (2) in the rows of nodes, and rows of s at both ends (2): (..., K, G, 6)."""
+        rho, c_d = self.rho, self.rope.damping
+        inertia = rho * (p.h[..., None] * p.dw + (p.dh + c_d * p.h)[..., None] * p.w)
+        by_value = inertia - (self.q * p.h)[..., None] * DOWN
+        by_slope = (rho * p.c)[..., None] * p.w + (p.N / (p.lam * p.h))[..., None] * p.r_xi
+        momentum = dot(p.dw + c_d * p.w, p.r_xi) + dot(p.w, p.v_xi)
+        kinetic = 0.5 * dot(p.w, p.w) + p.c / p.h * dot(p.w, p.r_xi)
+        material = p.W - p.N * p.lam - self.q * p.y - rho * kinetic
+        of_s = SIGN * material[..., None] + self.psi * (p.h * p.W_s - rho * momentum)[..., None]
+        return np.concatenate([by_value, by_slope, of_s], axis=-1)
+
+    def residual(self, p: Points) -> tuple[Array, Array]:
+        """Rows of the nodes (K, nn, 2) and of s at both ends (2, K)."""
+        density = self.density(p) * self.weights[:, None]
+        return self.values.T @ density[..., :2] + self.slopes.T @ density[..., 2:4], density[..., 4:].sum(axis=1).T
+
+    def tangent(self, x: Motion, law: Law, c: tuple[complex, complex, complex]) -> Array:
+        """D^T W J D: c0 d/dr + c1 d/dv + c2 d/da of the rows, (K, m, m) for m = 2 nn + 2 nodes' x, y and s.
+
+        J (16, K, G, 6) holds the derivatives of `density`, without the second derivative of N_r.
+        """
+        u = self.at_points(x) + 1j * STEP * np.eye(16)[:, None, None, :]
+        J = (self.density(self.fields(u, law)).imag / STEP * self.weights[:, None]).reshape(8, 2, *u.shape[1:3], 6)
+        (c0, c1, c2), D, P = c, self.slopes, self.values
+        by_value, by_slope = c0 * J[0] + c1 * J[1] + c2 * J[2], c0 * J[3] + c1 * J[4]
+        by_ends = np.moveaxis(c0 * J[5] + c1 * J[6] + c2 * J[7], 0, -1)  # (K, G, 6, 2)
+        by_nodes = np.einsum("bkgo,gj->kgojb", by_value, P) + np.einsum("bkgo,gj->kgojb", by_slope, D)
+        all_columns = np.concatenate([by_nodes.reshape(*by_ends.shape[:3], -1), by_ends], axis=3)  # (K, G, 6, m)
+        rows = np.einsum("gi,kgam->kiam", P, all_columns[:, :, :2])
+        rows = rows + np.einsum("gi,kgam->kiam", D, all_columns[:, :, 2:4])
+        return np.concatenate([rows.reshape(len(rows), 2 * self.nn, -1), all_columns[:, :, 4:].sum(axis=1)], axis=1)
+
+    def slopes_at_ends(self, x: Motion) -> Array:
+        """r' at the left and at the right end, (2, K, 2)."""
+        return np.einsum("en,kna->eka", self.end_slopes, x.r) / x.h

@@ -1,0 +1,375 @@
+"""A line in motion on elements, for the time driver: which unknowns are free, and what acts at the contacts.
+
+All coordinates have a slot: x and y of the nodes, s of the contacts, and F/M of hauled cars.  The last stands where
+accelerations stand.  Prescribed slots drop out; the row that a prescribed one leaves determines F.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import splu
+
+from cablefem.elements.bodies import INPUTS, Cars, derivatives, forces
+from cablefem.elements.bordered import Bordered
+from cablefem.elements.observe import observe
+from cablefem.elements.segments import Law, Motion, Segments
+from cablefem.motion import LineMotion
+from cablefem.newmark import Array, Solve, State, StepFailure, System, consistent_acceleration
+from cablefem.scene.contacts import NEAREST, Car, Contact, MovingLine
+
+if TYPE_CHECKING:
+    from cablefem.elements.segment_kernels import Kernel
+
+SHIFT = 1e-4  # [s] for velocities through states of rest
+
+
+class Slots(NamedTuple):
+    """Positions, velocities and accelerations of all slots."""
+
+    q: Array
+    v: Array
+    a: Array
+
+
+class LineElements(System):
+    """A rope over contacts with cars; `elements` of `degree` on each segment.
+
+    compiled : loops of `segment_kernels` in the place of numpy.  Events end the run: "A meets B" at NEAREST of a car,
+    "CAR lifts off" where the rope would have to hold it down, "CAR stops" where friction stops a free one,
+    "rope falls slack" and "rope lifts off SADDLE".
+    """
+
+    def __init__(self, line: MovingLine, *, elements: int = 6, degree: int = 4, compiled: bool = True) -> None:
+        self.line, self.compiled, contacts = line, compiled, line.contacts
+        count = len(contacts) - 1
+        self.segments = Segments(line.rope, line.gravity, elements, degree)
+        self.phases = line.phases
+        self.node = (self.segments.nn - 1) * np.arange(count + 1)  # of each contact
+        self.nodes = self.node[:-1, None] + np.arange(self.segments.nn)  # of each segment, (K, nn)
+        self.n = int(self.node[-1]) + 1
+        self.cars = [k for k, c in enumerate(contacts) if isinstance(c, Car)]
+        self.s = 2 * self.n + np.arange(count + 1)  # slots of s
+        hauled = [k for k in self.cars if contacts[k].kind in ("haul", "haul_x")]
+        self.force = self.s[-1] + 1 + np.arange(len(hauled))  # slots of F/M
+        self.kept = np.array([self._slot(k) for k in hauled], int)  # rows that determine F
+        self.of_force = np.searchsorted(self.cars, hauled)  # their numbers among the cars
+        self.size = int(self.s[-1]) + 1 + len(hauled)
+        self.free = np.ones(self.size, bool)
+        self.constant = np.zeros(self.size)
+        self.prescribed: list[tuple[Car, int]] = []
+        for k, contact in enumerate(contacts):
+            self._prescribe(k, contact)
+        self._outer = [(k, line.supports[k]) for k in (0, -1) if line.supports[k].kind != "anchor"]
+        self._masses = np.array([c.mass for c in line.cars])
+        self._air = np.array([(c.drive.k, c.drive.wind, c.drive.mu_r) for c in line.cars]).reshape(-1, 3).T
+        self.band = 2 * degree + 1
+        self._unknown = np.flatnonzero(self.free)
+        self.n_dof = self._unknown.size
+        self.signs = np.array([line.direction(c, 0) if c.travel else 1.0 for c in line.cars])
+        self.brakes = np.zeros(len(self.cars))  # [N] that act on free cars
+        self.hold = np.zeros(len(self.cars))  # [N] f that holds free cars at the start
+        weights = [car.mass * line.gravity for car in line.cars] or [line.weight * line.supports[-1].point[0]]
+        self.force_scale = min(weights)
+        self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA * elements * degree * count
+        names = [c.name for c in contacts]
+        self._gaps = [k for k in range(count) if k in self.cars or k + 1 in self.cars]
+        self._stops = [i for i, car in enumerate(line.cars) if car.kind == "free" and car.drive.resists]
+        self.events = (
+            *(f"{names[k]} meets {names[k + 1]}" for k in self._gaps),
+            *(f"{line.cars[i].name} stops" for i in self._stops),
+            *(f"{car.name} lifts off" for car in line.cars),
+            "rope falls slack",
+            *(f"rope lifts off {c.name}" for c in line.supports[1:-1]),
+        )
+
+    @cached_property
+    def _kernel(self) -> Kernel:
+        from cablefem.elements.segment_kernels import Kernel  # slow to load
+
+        force = np.full(len(self.cars), -1)
+        force[self.of_force] = self.force
+        return Kernel(self.segments, len(self.nodes), np.array(self.cars, int), force, self.line.gravity)
+
+    # --- coordinates ---------------------------------------------------------------------------------------
+    def _slot(self, k: int) -> int:
+        """Slot that the travel of car k prescribes."""
+        return 2 * int(self.node[k]) if self.line.contacts[k].kind == "haul_x" else int(self.s[k])
+
+    def _prescribe(self, k: int, contact: Contact | Car) -> None:
+        point = 2 * self.node[k] + np.arange(2)
+        if isinstance(contact, Car):
+            if contact.travel is not None:
+                self.free[self._slot(k)] = False
+                self.prescribed.append((contact, self._slot(k)))
+            return
+        if contact.kind != "spring":
+            self.free[point] = False
+            self.constant[point] = contact.point
+        if contact.kind in ("anchor", "spring"):
+            self.free[self.s[k]] = False
+            self.constant[self.s[k]] = (self.line.rope.length or 0.0) if k else 0.0
+
+    def known(self, t: float, phase: int) -> Slots:
+        """Slots with what is prescribed at t; zero elsewhere."""
+        out = Slots(*np.zeros((3, self.size)))
+        out.q[:] = self.constant
+        for car, slot in self.prescribed:
+            out.q[slot], out.v[slot], out.a[slot] = self.line.position(car, t, phase)
+        return out
+
+    def slots(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Slots:
+        out = self.known(t, phase)
+        for x, unknown in zip(out, (q, v, a), strict=True):
+            x[self._unknown] = unknown
+        return out
+
+    def motion(self, x: Slots) -> Motion:
+        nodal = [z[: 2 * self.n].reshape(-1, 2)[self.nodes] for z in x]
+        ends = [np.stack([z[self.s[:-1]], z[self.s[1:]]], axis=1) for z in x]
+        return Motion(*nodal, *ends)
+
+    # --- balance ---------------------------------------------------------------------------------------------
+    def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
+        return self.rows(t, self.slots(t, q, v, a, phase), phase)[self._unknown]
+
+    def rows(self, t: float, x: Slots, phase: int, law: Law | None = None, cars: Cars | None = None) -> Array:
+        """Rows of all slots (size,): what is missing from balance; of prescribed ones the force that they need."""
+        rows = np.zeros(self.size)
+        if self.cars and cars is None:
+            cars = self.car_data(t, phase)
+        add = self._kernel.add_rows if self.compiled else self._add_rows
+        law = law or self.segments.law(np.stack([x.q[self.s[:-1]], x.q[self.s[1:]]], axis=1))
+        self.lowest_tension = add(x, law, cars, rows)
+        self._add_supports(rows, x)
+        rows[self.force] = rows[self.kept]
+        return rows
+
+    def _add_rows(self, x: Slots, law: Law, cars: Cars | None, rows: Array) -> float:
+        """Add the rows of the segments and the cars; return the smallest tension."""
+        m = self.motion(x)
+        fields = self.segments.fields(self.segments.at_points(m), law)
+        nodes, ends = self.segments.residual(fields)
+        points = rows[: 2 * self.n].reshape(-1, 2)
+        points[:-1] += nodes[:, :-1].reshape(-1, 2)
+        points[self.node[1:]] += nodes[:, -1]
+        rows[self.s[:-1]] += ends[0]
+        rows[self.s[1:]] += ends[1]
+        if cars is not None:
+            at = forces(cars, self.car_inputs(x, m))
+            points[self.node[self.cars]] += at.contact
+            rows[self.s[self.cars]] -= at.drive
+        return float(fields.N.min())
+
+    def _add_supports(self, rows: Array, x: Slots) -> None:
+        for k, contact in self._outer:
+            if contact.stiffness is not None:
+                slot = slice(2 * self.node[k], 2 * self.node[k] + 2)
+                rows[slot] += np.multiply(contact.stiffness, x.q[slot] - contact.point)
+                rows[slot] += (contact.mass or 0.0) * x.a[slot]
+            if contact.force is not None:
+                rows[self.s[k]] += self.pulley(k, x.v.item(self.s[k]), x.a.item(self.s[k]))
+
+    def _weight(self, k: int, force: float) -> tuple[float, float]:
+        """Mass of a counterweight for d2s/dt2, and +1 at the right end, -1 at the left one."""
+        mass = self.line.supports[k].mass
+        mass = force / self.line.gravity if mass is None else mass
+        return mass * (1.0 + force / self.line.rope.EA), 1.0 if k else -1.0
+
+    def pulley(self, k: int, ds: float, dds: float) -> float:
+        """e [N + N^2/(2 EA) + q y - rho (ds lam)^2/2], N = G + e m (1 + G/EA) dds, at the end k = 0 or -1.
+
+        The rope that passes takes the energy of its weight and its motion along.
+        """
+        contact, EA = self.line.supports[k], self.line.rope.EA
+        force = contact.force or 0.0
+        mass, sign = self._weight(k, force)
+        N = force + sign * mass * dds
+        speed = ds * (1.0 + N / EA)
+        entering = self.line.weight * contact.point[1] - 0.5 * self.segments.rho * speed**2
+        return sign * (N + N**2 / (2.0 * EA) + entering)
+
+    def car_inputs(self, x: Slots, m: Motion) -> Array:
+        """Inputs (cars, INPUTS) of `bodies.forces`."""
+        out = np.zeros((len(self.cars), INPUTS))
+        if self.cars:
+            left, right = self.segments.slopes_at_ends(m)
+            k = np.array(self.cars)
+            out[:, 0:2], out[:, 2:4], out[:, 4:6], out[:, 6:8] = right[k - 1], left[k], m.v[k, 0], m.a[k, 0]
+            out[self.of_force, 8] = x.a[self.force]
+        return out
+
+    def car_data(self, t: float, phase: int) -> Cars:
+        cars, line = self.line.cars, self.line
+        thrust = np.array([line.thrust(c, t, phase) for c in cars])
+        released = np.array([c.drive.hold(t) for c in cars])
+        k, wind, friction = self._air
+        return Cars(
+            self._masses, k, wind, friction, thrust, self.brakes, self.hold * released, self.signs, line.gravity
+        )
+
+    # --- start ---------------------------------------------------------------------------------------------
+    def start(self, phase: int, state: State | None) -> State:
+        """At rest with the cars held; prescribed cars move through states of rest with the first speed of theirs."""
+        t = self.phases[phase][0]
+        self.signs = np.array(
+            [self.line.direction(c, phase) if c.travel else x for c, x in zip(self.line.cars, self.signs, strict=True)]
+        )
+        if state is not None:
+            return consistent_acceleration(self, t, state.q, state.v, phase)
+        from cablefem.elements.rest import at_rest, held_cars, rest
+
+        q, v = rest(self, t, phase), np.zeros(self.size)
+        if self.known(t, phase).v.any():
+            v = (rest(self, t, phase, SHIFT, q) - rest(self, t, phase, -SHIFT, q)) / (2.0 * SHIFT)
+        if self.cars:
+            self._release(t, phase, at_rest(self, q), held_cars(self, t, phase))
+        slack, *pressures = self._hangs(self.rows(t, at_rest(self, q), phase))
+        if min(slack, *pressures, 0.0) < 0.0:
+            cause = f"at rest the smallest tension is {slack:.6g} N and the smallest pressure on a saddle"
+            cause = f"{cause} {min(pressures, default=0.0):.6g} N"
+            raise StepFailure(t, cause, "tighten the rope or lower its saddles")
+        for x in (q, v):
+            x[self.force] = 0.0
+        return consistent_acceleration(self, t, q[self.free], v[self.free], phase)
+
+    def _release(self, t: float, phase: int, x: Slots, held: Cars) -> None:
+        """Let free cars go; they must move against friction."""
+        self.hold[:] = 0.0
+        slots = self.s[self.cars]
+        stretch = forces(held, self.car_inputs(x, self.motion(x))).stretch
+        self.hold = self.rows(t, x, phase, cars=held)[slots] / stretch
+        for i, car in enumerate(self.line.cars):
+            if car.kind == "free":
+                self.brakes[i] = car.drive.brake(x.q[slots[i]])
+        now = self.car_data(t, phase)
+        loads = forces(now, self.car_inputs(x, self.motion(x))).normal
+        free = now._replace(hold=np.zeros_like(now.hold), brake=now.hold * 0.0, friction=now.hold * 0.0)
+        needed = self.rows(t, x, phase, cars=free)[slots] / stretch
+        for i, car in enumerate(self.line.cars):
+            if car.kind != "free":
+                continue
+            self.signs[i] = -np.sign(needed[i]) or 1.0
+            if car.drive.resists and abs(needed[i]) <= car.drive.mu_r * abs(loads[i]) + self.brakes[i]:
+                cause = f"friction holds {car.name} where it begins"
+                raise StepFailure(t, cause, "begin on steeper rope or with less friction")
+
+    # --- events --------------------------------------------------------------------------------------------
+    def begin_step(self, x: State) -> None:
+        """Keep the direction of friction, and the brakes that act, for one step."""
+        slots = self.slots(*x)
+        for i in self._stops:
+            slot = self.s[self.cars[i]]
+            self.signs[i] = np.sign(slots.v[slot]) or self.signs[i]
+            self.brakes[i] = self.line.cars[i].drive.brake(slots.q[slot])
+
+    def watch(self, x: State) -> tuple[float, ...]:
+        slots = self.slots(*x)
+        gaps = np.diff(slots.q[self.s])[self._gaps] - NEAREST
+        ahead = [float(slots.v[self.s[self.cars[i]]] * self.signs[i]) for i in self._stops]
+        if gaps.min(initial=np.inf) <= 0.0:  # the rest has no meaning there
+            return (*gaps.tolist(), *[np.inf] * (len(self.events) - len(self._gaps)))
+        loads = self._kernel.loads(slots, self.car_data(x.t, x.phase)).tolist() if self.cars else []
+        return (*gaps.tolist(), *ahead, *loads, *self._hangs(self.rows(x.t, slots, x.phase)))
+
+    def _hangs(self, rows: Array) -> list[float]:
+        """Smallest tension, and pressures of the rope on the saddles [N], where `rows` are the last ones computed."""
+        saddles = [k for k in range(1, len(self.node) - 1) if k not in self.cars]
+        return [self.lowest_tension, *(-rows[2 * self.node[saddles] + 1]).tolist()]
+
+    def pass_event(self, name: str, x: State) -> None:
+        return None
+
+    def observe(self, states: Sequence[State], s: Array) -> LineMotion:
+        """What the states show, with the rope at the stations s (m,)."""
+        return observe(self, states, s)
+
+    # --- tangent ---------------------------------------------------------------------------------------------
+    def linearise(
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
+    ) -> tuple[Array, Solve]:
+        x = self.slots(t, q, v, a, phase)
+        solve = self.solver(t, x, phase, (c0, c1, c2), self.free)
+        return self.rows(t, x, phase)[self._unknown], solve
+
+    def solver(
+        self, t: float, x: Slots, phase: int, c: tuple[complex, complex, complex], free: NDArray[np.bool_],
+        law: Law | None = None, cars: Cars | None = None,
+    ) -> Solve:  # fmt: skip
+        """The solution with c0 dr/dq + c1 dr/dv + c2 dr/da of free slots; without c2 forces F/M count once."""
+        if self.cars and cars is None:
+            cars = self.car_data(t, phase)
+        law = law or self.segments.law(np.stack([x.q[self.s[:-1]], x.q[self.s[1:]]], axis=1))
+        if not self.compiled:
+            return self._sparse(x, law, cars, c, free)
+        kind = complex if any(isinstance(z, complex) for z in c) else float
+        matrix = Bordered(2 * self.n, self.band, self.size - 2 * self.n, kind)
+        self._kernel.add_tangent(x, law, cars, np.array(c, kind).tolist(), matrix)
+        for slot, value in self._support_tangent(x, c):
+            matrix.add(slot, slot, value)
+        for slot, kept in zip(self.force - 2 * self.n, self.kept, strict=True):
+            matrix.copy_row(slot, int(kept))
+        for slot in np.flatnonzero(np.logical_not(free)).tolist():
+            matrix.set_diagonal(slot, 1.0)
+            matrix.clear_column(slot)
+        solve_all, unknown = matrix.factored(), np.flatnonzero(free)
+
+        def solve(b: Array) -> Array:
+            full = np.zeros(free.size, b.dtype)
+            full[unknown] = b
+            return solve_all(full)[unknown]
+
+        return solve
+
+    def _sparse(
+        self, x: Slots, law: Law, cars: Cars | None, c: tuple[complex, complex, complex], free: NDArray[np.bool_]
+    ) -> Solve:
+        """`solver` by numpy and a sparse factorisation."""
+        m = self.motion(x)
+        parts = self.segments.tangent(m, law, c)
+        own = (2 * self.nodes[..., None] + np.arange(2)).reshape(len(self.nodes), -1)
+        slots = np.column_stack([own, self.s[:-1], self.s[1:]])  # (K, m)
+        matrix = np.zeros((self.size, self.size), parts.dtype)
+        np.add.at(matrix, (slots[:, :, None], slots[:, None, :]), parts)
+        for slot, value in self._support_tangent(x, c):
+            matrix[slot, slot] += value
+        if cars is not None:
+            self._add_car_tangent(matrix, derivatives(cars, self.car_inputs(x, m)), m, c)
+        matrix[self.force] = matrix[self.kept]
+        return splu(csc_array(matrix[free][:, free])).solve
+
+    def _support_tangent(self, x: Slots, c: tuple[complex, complex, complex]) -> Iterator[tuple[int, complex]]:
+        """Diagonal entries of springs and counterweights."""
+        (c0, c1, c2), EA, rho = c, self.line.rope.EA, self.segments.rho
+        for k, contact in self._outer:
+            for axis, stiffness in enumerate(contact.stiffness or ()):
+                yield 2 * int(self.node[k]) + axis, stiffness * c0 + (contact.mass or 0.0) * c2
+            if contact.force is not None:
+                mass, sign = self._weight(k, contact.force)
+                ds, lam = x.v[self.s[k]], 1.0 + (contact.force + sign * mass * x.a[self.s[k]]) / EA
+                yield int(self.s[k]), mass * (lam - rho * ds**2 * lam / EA) * c2 - sign * rho * ds * lam**2 * c1
+
+    def _add_car_tangent(self, matrix: Array, by_input: Array, m: Motion, c: tuple[complex, complex, complex]) -> None:
+        """Add the chain of `derivatives` (n, 3, INPUTS) and of the inputs by the slots."""
+        (c0, c1, c2), slopes = c, self.segments.slopes_at_ends(m)
+        for i, k in enumerate(self.cars):
+            inputs = np.zeros((INPUTS, self.size), matrix.dtype)
+            point = 2 * self.node[k] + np.arange(2)
+            for side in range(2):  # behind, ahead
+                j, end = k - 1 + side, 1 - side
+                for axis in range(2):
+                    row = inputs[2 * side + axis]
+                    row[2 * self.nodes[j] + axis] = c0 / m.h[j, 0] * self.segments.end_slopes[end]
+                    row[self.s[[j, j + 1]]] += c0 / m.h[j, 0] * slopes[end, j, axis] * np.array([1.0, -1.0])
+            inputs[[4, 5], point], inputs[[6, 7], point] = c1, c2
+            if i in self.of_force:
+                inputs[8, self.force[self.of_force == i]] = c2 or 1.0
+            change = by_input[i] @ inputs
+            matrix[point] += change[:2]
+            matrix[self.s[k]] -= change[2]

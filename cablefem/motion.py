@@ -1,0 +1,67 @@
+"""What a run of a line in motion returns, in SI: n times, m stations; y down."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CarMotion:
+    """One car; arrays (n,), points and slopes (n, 2)."""
+
+    name: str
+    s: Array  # [m]
+    ds: Array  # [m/s] along the rope
+    point: Array  # [m]
+    velocity: Array  # [m/s]
+    acceleration: Array  # [m/s2]
+    tension_behind: Array  # [N]
+    tension_ahead: Array  # [N]
+    slope_behind: Array  # r'
+    slope_ahead: Array
+    haul_force: Array  # [N] outside force along the mean tangent, positive to the right; nan: none
+    grip_force: Array  # [N] along the rope that the grip gives the car, positive to the right; nan: no grip
+    contact_force: Array  # [N] normal to the mean tangent, positive when the car presses down
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactMotion:
+    """One contact that is no car; arrays (n,), points (n, 2)."""
+
+    name: str
+    kind: str
+    s: Array  # [m] of the rope there
+    ds: Array  # [m/s] the rope flows over it to the left with this speed
+    point: Array  # [m]
+    tension_behind: Array  # [N]; nan at the left end
+    tension_ahead: Array  # [N]; nan at the right end
+    pressure: Array  # (n, 2) [N] force of the rope on the contact
+    rise: Array  # [m] of a counterweight since the start; else nan
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineMotion:
+    """All cars and contacts, from left to right, and the rope at the stations s."""
+
+    t: Array  # (n,) [s]
+    cars: tuple[CarMotion, ...]
+    contacts: tuple[ContactMotion, ...]
+    s: Array  # (m,) [m]
+    points: Array  # (n, m, 2) [m]; nan beyond the rope
+    tension: Array  # (n, m) [N]; nan beyond the rope; at a contact that of the segment behind
+    kinetic: Array  # (n,) [J] of the rope between its ends, cars and springs
+    strain: Array  # (n,) [J] of that rope and springs
+    potential: Array  # (n,) [J] - weight times depth of that rope and cars
+    # (n,) [W] into them: "NAME grip", "NAME haul", "NAME thrust", "NAME drag", "NAME friction" and "NAME hold" of cars,
+    # "NAME weight" of a counterweight with the rope that enters, "damping"
+    powers: dict[str, Array] = field(default_factory=dict)
+
+    @property
+    def energy(self) -> Array:
+        """(n,) [J]; its rate is the sum of the powers."""
+        return self.kinetic + self.strain + self.potential

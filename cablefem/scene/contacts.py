@@ -1,0 +1,251 @@
+"""A rope over contacts, with cars in motion, as plain data in SI: x to the right and y down, s along the rope.
+
+A contact touches the rope at s_k and holds it at p_k.  Neighbours bound a segment of rope.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cablefem.scene.drive import GRIP, Drive
+from cablefem.scene.errors import SceneError, shown
+
+Array = NDArray[np.float64]
+NEAREST = 1.0  # [m] of rope between two contacts: forces grow like one over it
+SAMPLES = 1000  # of timetables, to compare cars
+
+
+class Travel(Protocol):
+    """A prescribed position; `Motion` is one.  Its acceleration jumps between phases."""
+
+    @property
+    def phases(self) -> tuple[tuple[float, float], ...]:
+        """Consecutive [t0, t1]."""
+
+    def at(self, t: float, phase: int) -> tuple[float, float, float]:
+        """Position, velocity and acceleration, smooth beyond the ends of the phase."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Elastic:
+    """The rope.  N = N_r(s) + EA (|r'| - 1); s is unstretched length where N_r = 0."""
+
+    mass_per_length: float  # rho [kg/m] per s
+    EA: float  # [N]
+    length: float | None = None  # [m] s of a right end that is no counterweight; 0 at a left one
+    rest_tension: Callable[[Array], tuple[Array, Array]] | None = None  # N_r [N] and dN_r/ds [N/m] of s
+    damping: float = 0.0  # c [1/s] of a force - c rho dr/dt per length
+
+    def at_rest(self, s: Array) -> tuple[Array, Array]:
+        """N_r and dN_r/ds at s, of its shape."""
+        if self.rest_tension is None:
+            return np.zeros_like(s), np.zeros_like(s)
+        return self.rest_tension(s)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contact:
+    """What holds the rope at one point.
+
+    anchor         s and point are fixed.
+    spring         an end: s is fixed, `point` is where the spring is unstressed.
+    saddle         between the ends: the rope slides over the point without friction.
+    counterweight  an end: the rope runs over a pulley at the point to a weight.
+    """
+
+    name: str
+    kind: Literal["anchor", "spring", "saddle", "counterweight"]
+    point: tuple[float, float]  # [m] x and depth
+    stiffness: tuple[float, float] | None = None  # [N/m] of a spring, along x and down
+    force: float | None = None  # G [N] of a counterweight
+    mass: float | None = None  # [kg] of a counterweight, default G/g; moving with a spring's end, default 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Car:
+    """A point mass on the rope.
+
+    `drive`, in SI, is how it is driven: grip or haul with a `travel`, or free from s = `drive.start`.
+    """
+
+    name: str
+    mass: float  # [kg]
+    drive: Drive = GRIP
+    travel: Travel | None = None  # [m] prescribed s, or x of a hauled car
+    along: Literal["s", "x"] = "s"  # what `travel` prescribes
+
+    @property
+    def kind(self) -> str:
+        """grip, haul, haul_x or free."""
+        return "haul_x" if self.along == "x" else self.drive.mode
+
+    @property
+    def fixes_s(self) -> bool:
+        return self.kind in ("grip", "haul")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MovingLine:
+    """A rope, what it touches from left to right at the start, and how long it is followed."""
+
+    rope: Elastic
+    contacts: tuple[Contact | Car, ...]
+    t_end: float  # [s]
+    gravity: float = 9.81  # [m/s2]
+
+    def __post_init__(self) -> None:
+        faults = _number_faults(self)
+        faults = faults or [*_contact_faults(self), *_car_faults(self)]
+        faults = faults or [*_length_faults(self), *_meeting_faults(self)]
+        if faults:
+            raise SceneError(faults)
+
+    @property
+    def weight(self) -> float:
+        """q = rho g [N/m]."""
+        return self.rope.mass_per_length * self.gravity
+
+    @property
+    def cars(self) -> tuple[Car, ...]:
+        return tuple(c for c in self.contacts if isinstance(c, Car))
+
+    @property
+    def supports(self) -> tuple[Contact, ...]:
+        return tuple(c for c in self.contacts if isinstance(c, Contact))
+
+    @cached_property
+    def phases(self) -> tuple[tuple[float, float], ...]:
+        """Consecutive [t0, t1] in which all travels and forces are smooth."""
+        times = {t for car in self.cars for phase in _own_phases(car) for t in phase if 0.0 < t < self.t_end}
+        return tuple(itertools.pairwise([0.0, *sorted(times), self.t_end]))
+
+    def position(self, car: Car, t: float, phase: int) -> tuple[float, float, float]:
+        """Prescribed position, velocity and acceleration of a car in a phase of the line."""
+        assert car.travel is not None
+        i = self._phases_of[car.name][phase]
+        if i < len(car.travel.phases):
+            return car.travel.at(t, i)
+        end = car.travel.phases[-1][1]
+        return car.travel.at(end, len(car.travel.phases) - 1)[0], 0.0, 0.0
+
+    def direction(self, car: Car, phase: int) -> float:
+        """1 or -1: the direction of a prescribed travel in a phase.
+
+        At a standstill it is that of the next motion; after the last one it stays, and so does the friction.
+        """
+        later = range(phase, len(self.phases))
+        earlier = range(phase - 1, -1, -1)
+        for i in (*later, *earlier):
+            t0, t1 = self.phases[i]
+            moved = self.position(car, t1, i)[0] - self.position(car, t0, i)[0]
+            if moved:
+                return math.copysign(1.0, moved)
+        return 1.0
+
+    def thrust(self, car: Car, t: float, phase: int) -> float:
+        """Thrust [N] of a free car along the mean tangent."""
+        return float(car.drive.thrust(t, self._phases_of[car.name][phase])) if car.drive.thrust_table else 0.0
+
+    @cached_property
+    def _phases_of(self) -> dict[str, list[int]]:
+        """Phase of each car in each phase of the line; after its last one their number."""
+        middles = [0.5 * (t0 + t1) for t0, t1 in self.phases]
+        return {car.name: [sum(t1 < t for _, t1 in _own_phases(car)) for t in middles] for car in self.cars}
+
+
+def _own_phases(car: Car) -> tuple[tuple[float, float], ...]:
+    return car.drive.phases if car.travel is None else car.travel.phases
+
+
+def _number_faults(line: MovingLine) -> list[str]:
+    """Faults of single values."""
+    positive = {"rope.mass_per_length": line.rope.mass_per_length, "rope.EA": line.rope.EA}
+    positive |= {"t_end": line.t_end, "gravity": line.gravity}
+    not_negative = {"rope.damping": line.rope.damping}
+    for car in line.cars:
+        positive[f"{car.name}.mass"] = car.mass
+    for contact in line.supports:
+        if contact.kind == "counterweight":
+            positive[f"{contact.name}.force"] = contact.force or math.nan
+        if contact.kind == "spring":
+            for axis, value in zip("xy", contact.stiffness or (math.nan, math.nan), strict=True):
+                positive[f"{contact.name}.stiffness {axis}"] = value
+        if contact.mass is not None:
+            not_negative[f"{contact.name}.mass"] = contact.mass
+    faults = [f"{name} = {x!r}: must be > 0" for name, x in positive.items() if not 0.0 < x < math.inf]
+    return faults + [f"{name} = {x!r}: must be >= 0" for name, x in not_negative.items() if not 0.0 <= x < math.inf]
+
+
+def _contact_faults(line: MovingLine) -> list[str]:
+    supports = line.supports
+    if len(supports) < 2 or supports[0] is not line.contacts[0] or supports[-1] is not line.contacts[-1]:
+        return ["contacts: must begin and end with a contact that is no car"]
+    names = [c.name for c in line.contacts]
+    faults = [f"name = {x!r}: given twice; names must differ" for x in sorted({x for x in names if names.count(x) > 1})]
+    for contact in (supports[0], supports[-1]):
+        if contact.kind == "saddle":
+            faults.append(f"{contact.name}.kind = 'saddle': an end must be an anchor, a spring or a counterweight")
+    for contact in supports[1:-1]:
+        if contact.kind != "saddle":
+            faults.append(f"{contact.name}.kind = {contact.kind!r}: between the ends it must be a saddle")
+    if supports[0].kind == supports[-1].kind == "counterweight":
+        faults.append("contacts: two counterweights; at most one, or the rope would run from one to the other")
+    for a, b in itertools.pairwise(supports):
+        if not a.point[0] < b.point[0]:
+            faults.append(f"{b.name}.point = {shown(b.point)}: x must be > {a.point[0]:.6g} m, that of {a.name}")
+    return faults
+
+
+def _car_faults(line: MovingLine) -> list[str]:
+    faults = []
+    for car in line.cars:
+        if (car.travel is None) is (car.drive.mode != "free"):
+            faults.append(f"{car.name}.travel: must be given for a car that grips or is hauled, and for no other")
+        if car.along == "x" and car.drive.mode != "haul":
+            faults.append(f"{car.name}.along = 'x': must be 's' for a car that is not hauled")
+        if car.travel is not None and car.travel.phases[-1][1] < line.t_end:
+            speed = car.travel.at(car.travel.phases[-1][1], len(car.travel.phases) - 1)[1]
+            if abs(speed) > 1e-9:
+                end = car.travel.phases[-1][1]
+                faults.append(f"t_end = {line.t_end!r}: must be <= {end:.6g} s, where {car.name} still moves")
+    return faults
+
+
+def _length_faults(line: MovingLine) -> list[str]:
+    length, supports = line.rope.length, line.supports
+    if supports[-1].kind == "counterweight" or (length is None and supports[0].kind == "counterweight"):
+        return []
+    if length is None:
+        return ["rope.length: missing; must be given between two ends without a counterweight"]
+    points = np.array([c.point for c in supports])
+    reach = float(np.hypot(*np.diff(points, axis=0).T).sum())
+    fixed = all(c.kind != "counterweight" for c in supports)
+    shortest = 0.5 * reach  # stretched to twice its length
+    if fixed and length <= shortest:
+        return [f"rope.length = {length!r}: must be > {shortest:.6g} m; the chords of the contacts are {reach:.6g} m"]
+    return []
+
+
+def _meeting_faults(line: MovingLine) -> list[str]:
+    """Cars whose timetables come too close, where both are prescribed alike."""
+    faults = []
+    times = np.linspace(0.0, line.t_end, SAMPLES + 1).tolist()
+    phases = [min(sum(t1 <= t for _, t1 in line.phases), len(line.phases) - 1) for t in times]
+    for a, b in itertools.pairwise(line.cars):
+        if a.travel is None or b.travel is None or a.along != b.along:
+            continue
+        for t, phase in zip(times, phases, strict=True):
+            between = line.position(b, t, phase)[0] - line.position(a, t, phase)[0]
+            if between < NEAREST:
+                must = f"must be >= {NEAREST:g} m; cars are listed from left to right and cannot pass"
+                faults.append(f"{b.name}.travel: {between:.6g} m ahead of {a.name} at t = {t:.6g} s; {must}")
+                break
+    return faults

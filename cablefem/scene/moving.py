@@ -1,0 +1,118 @@
+"""A line in motion from its file."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Literal
+
+import numpy as np
+
+from cablefem.scene.contacts import NEAREST, Array, Car, Contact, Elastic, MovingLine
+from cablefem.scene.drive import GRIP, Drive
+from cablefem.scene.errors import SceneError, shown
+from cablefem.scene.line import Car as CarTable
+from cablefem.scene.line import Line, Solver
+from cablefem.scene.motion import Motion
+from cablefem.scene.travel import Law, Table, Trapezoid
+
+SAMPLES = 100  # of timetables, in each phase
+
+
+def moving(line: Line, solve: Solver) -> MovingLine:
+    """The line in motion; `solve` finds the length of the empty line.  SceneError with all its faults.
+
+    A hot rope is the same rope with s a times as long, a = 1 + thermal strain.
+    """
+    empty, rope, heat = line.empty(solve), line.cable, 1.0 + line.cable.warmer
+    fixed_right = line.contact[-1].kind != "counterweight"
+    elastic = Elastic(
+        mass_per_length=(rope.mass_per_length + rope.ice_per_length) / heat,
+        EA=rope.EA,
+        length=float(empty.s[-1]) * heat if fixed_right else None,
+    )
+    contacts = [
+        Contact(name=c.name, kind=c.kind, point=c.at, stiffness=c.stiffness, force=c.tension) for c in line.contact
+    ]
+    in_x = len(contacts) > 2
+    faults = [fault for car in line.car if (fault := _travel_fault(car))]
+    lowest = int(np.nanargmin(np.nanmin(empty.tensions, axis=1)))
+    N = float(np.nanmin(empty.tensions[lowest]))
+    for car in line.car:
+        weight = car.mass * line.gravity
+        if weight >= N:
+            at = line.contact[lowest].name
+            faults.append(
+                f"car.{car.name}.mass: M g = {weight:.6g} N; must be < {N:.6g} N, N at {at} of the empty line"
+            )
+    if faults:
+        raise SceneError(faults)
+    cars = [_car(car, in_x, heat) for car in line.car]
+    ends = [car.travel.phases[-1][1] if car.travel is not None else car.drive.end_time for car in cars]
+    supports = {c.name: (c.point[0] if in_x else s) for c, s in zip(contacts, (empty.s * heat).tolist(), strict=True)}
+    starts = {car.name: _start(car) for car in cars}
+    everything: list[Contact | Car] = [*contacts, *cars]
+    order = sorted(everything, key=lambda c: {**supports, **starts}[c.name])
+    found = MovingLine(rope=elastic, contacts=tuple(order), t_end=max(ends, default=0.0), gravity=line.gravity)
+    refuse_meeting(found, empty.s * heat, np.array([c.point[0] for c in contacts]))
+    return found
+
+
+def refuse_meeting(line: MovingLine, s: Array, x: Array) -> None:
+    """SceneError where a timetable along the rope meets one in x; s and x (k,) [m] of the contacts at rest."""
+    for a, b in itertools.pairwise(line.cars):
+        if a.travel is None or b.travel is None or a.along == b.along:
+            continue
+        for phase, (t0, t1) in enumerate(line.phases):
+            for t in np.linspace(t0, t1, SAMPLES).tolist():
+                at = [line.position(car, t, phase)[0] for car in (a, b)]
+                at = [p if car.along == "x" else float(np.interp(p, s, x)) for p, car in zip(at, (a, b), strict=True)]
+                if at[1] - at[0] < NEAREST:
+                    must = f"must be >= {NEAREST:g} m; cars are listed from left to right and cannot pass"
+                    raise SceneError(
+                        [f"{b.name}.travel: about {at[1] - at[0]:.3g} m ahead of {a.name} at t = {t:.4g} s; {must}"]
+                    )
+
+
+def _start(car: Car) -> float:
+    return car.drive.start if car.travel is None else car.travel.at(0.0, 0)[0]
+
+
+def _car(car: CarTable, in_x: bool, heat: float) -> Car:
+    drive: Drive = GRIP if car.drive is None else car.drive.scaled(1.0, 1.0, 1.0, 1.0)
+    along: Literal["s", "x"] = "x" if in_x and drive.mode == "haul" else "s"
+    travel = None
+    if car.travel is not None:
+        travel = _motion(car.travel)
+        travel = travel.scaled(1.0 / heat, 1.0) if along == "s" else travel
+    return Car(name=car.name, mass=car.mass, drive=drive, travel=travel, along=along)
+
+
+def _ends(law: Law) -> tuple[float, float]:
+    """First and last position [m]."""
+    begin = law.place or 0.0
+    if isinstance(law, Trapezoid):
+        return begin, law.to or 0.0
+    assert isinstance(law, Table)
+    return begin, begin + law.positions[-1]
+
+
+def _motion(law: Law) -> Motion:
+    begin, end = _ends(law)
+    motion = law.motion(abs(end - begin))
+    return (motion.scaled(-1.0, 1.0) if end < begin else motion).shifted(begin)
+
+
+def _travel_fault(car: CarTable) -> str:
+    law = car.travel
+    if law is None:
+        late = car.drive is None or car.drive.end is None or car.drive.end.time is None
+        start = car.drive is not None and car.drive.start is not None
+        missing = ("" if start else "drive.start") or ("drive.end.time" if late else "")
+        return f"car.{car.name}.{missing}: missing; must be given on a line" if missing else ""
+    if not isinstance(law, Trapezoid | Table):
+        return f"car.{car.name}.travel.kind = {shown(law.kind)}: must be trapezoid or table on a line"
+    if law.place is None or (isinstance(law, Trapezoid) and law.to is None):
+        return f"car.{car.name}.travel.{'from' if law.place is None else 'to'}: missing; must be given on a line"
+    begin, end = _ends(law)
+    fault = law.fault(abs(end - begin), begin)
+    return f"car.{car.name}.travel.{fault}" if fault else ""

@@ -1,0 +1,143 @@
+"""The motion of a line by sines: tensions from the balance of pieces, energies and powers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from cablefem.motion import CarMotion, ContactMotion, LineMotion
+from cablefem.newmark import State
+from cablefem.scene.contacts import Array, Contact, MovingLine
+from galerkin.bodies import Body, Counterweight, PointCar, Touch, length
+from galerkin.segments import Layout, Rope, functions
+
+if TYPE_CHECKING:
+    from galerkin.lines import LineSines
+
+
+def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
+    """The motion at all states and at the stations s (m,)."""
+    layout, line, n = system.layout, system.line, len(states)
+    touches = np.empty((n, layout.contacts, Touch.size))
+    positions = np.empty((n, layout.contacts))
+    points, tension = np.empty((n, s.size, 2)), np.empty((n, s.size))
+    energies = np.empty((3, n))
+    integrals = _integrals(layout)
+    for i, x in enumerate(states):
+        Z = system.coordinates(x)
+        rope = Rope(layout, Z)
+        touches[i], positions[i] = system.equations.touches(rope, Z), Z[0, layout.s]
+        energies[:, i] = _rope_energies(rope)
+        points[i], tension[i] = _stations(rope, Z, s, integrals)
+    beyond = (s < positions[:, :1]) | (s > positions[:, -1:])
+    points[beyond], tension[beyond] = np.nan, np.nan
+
+    powers = {"damping": -2.0 * line.rope.damping * energies[0]} if line.rope.damping else {}
+    cars, contacts = [], []
+    for k, (contact, body) in enumerate(zip(line.contacts, system.equations.bodies, strict=True)):
+        at, here = Touch(touches[:, k]), positions[:, k]
+        energies += body.energies(at)
+        if isinstance(body, PointCar):
+            hold = system.holds.get(k, 0.0) * np.array([body.car.drive.hold(x.t) for x in states])
+            cars.append(_car(body, here, at))
+            powers |= _car_powers(line, body, here, at, hold)
+        elif isinstance(contact, Contact):
+            contacts.append(_contact(line, contact, body, here, at))
+        if isinstance(body, Counterweight):
+            entering = _flux(line, at.behind + at.ahead, here, at.ds) - line.weight * at.p[:, 1]
+            powers[f"{contact.name} weight"] = body.outward * at.ds * entering
+    kinetic, strain, potential = energies
+    return LineMotion(
+        t=np.array([x.t for x in states]), cars=tuple(cars), contacts=tuple(contacts), s=s, points=points,
+        tension=tension, kinetic=kinetic, strain=strain, potential=potential, powers=powers,
+    )  # fmt: skip
+
+
+def _car(body: PointCar, s: Array, x: Touch) -> CarMotion:
+    car, none = body.car, np.full(s.size, np.nan)
+    along = (body.contact_force(x) * x.tau).sum(axis=-1)
+    driven = car.drive.mode == "haul" or bool(car.drive.thrust_table)
+    return CarMotion(
+        name=car.name, s=s, ds=x.ds, point=x.p, velocity=x.dp, acceleration=x.ddp, tension_behind=length(x.behind),
+        tension_ahead=length(x.ahead), slope_behind=x.slope_behind, slope_ahead=x.slope_ahead,
+        haul_force=x.F if driven else none, grip_force=along / x.projection if car.kind == "grip" else none,
+        contact_force=body.pressing(x),
+    )  # fmt: skip
+
+
+def _car_powers(line: MovingLine, body: PointCar, s: Array, x: Touch, hold: Array) -> dict[str, Array]:
+    name, drive = body.car.name, body.car.drive
+    if drive.mode == "grip":
+        kink = _flux(line, x.ahead, s, x.ds) - _flux(line, x.behind, s, x.ds)
+        return {f"{name} grip": -kink * x.ds}
+    powers = {f"{name} haul": x.F * (x.tau * x.dp).sum(axis=-1)}
+    powers[f"{name} drag"] = (body.drag(x) * x.dp).sum(axis=-1)
+    stretch = 0.5 * (length(x.slope_behind) + length(x.slope_ahead))
+    resisting = drive.mu_r * np.abs(body.pressing(x)) + sum((f * (s >= place) for place, f in drive.brakes), 0.0 * s)
+    powers[f"{name} friction"] = stretch * (hold * x.ds - resisting * np.abs(x.ds))
+    return powers
+
+
+def _contact(line: MovingLine, contact: Contact, body: Body, s: Array, x: Touch) -> ContactMotion:
+    none = np.full(s.size, np.nan)
+    rise, behind, ahead = none, length(x.behind), length(x.ahead)
+    pressure = x.ahead - x.behind
+    if isinstance(body, Counterweight):
+        rise = (s - s[0]) * body.lift
+    if contact is line.contacts[0]:
+        behind = none
+    elif contact is line.contacts[-1]:
+        ahead = none
+    else:  # the rope turns there
+        pressure -= (line.rope.mass_per_length * x.ds**2)[:, None] * (x.slope_ahead - x.slope_behind)
+    return ContactMotion(
+        name=contact.name, kind=contact.kind, s=s, ds=x.ds, point=x.p, tension_behind=behind, tension_ahead=ahead,
+        pressure=pressure, rise=rise,
+    )  # fmt: skip
+
+
+def _flux(line: MovingLine, force: Array, s: Array, ds: Array) -> Array:
+    """W - N |r'| + rho ds^2 |r'|^2/2 (n,) [N] beside a contact with this N t."""
+    rope, N = line.rope, length(force)
+    N_r, _ = rope.at_rest(s)
+    stretch = 1.0 + (N - N_r) / rope.EA
+    return _energy(N_r, stretch, rope.EA) - N * stretch + 0.5 * rope.mass_per_length * (ds * stretch) ** 2
+
+
+def _energy(N_r: Array, stretch: Array, EA: float) -> Array:
+    """W [J/m]; without N_r it is zero at rest."""
+    return (N_r + 0.5 * EA * (stretch - 1.0)) * (stretch - 1.0)
+
+
+def _rope_energies(rope: Rope) -> Array:
+    """Kinetic, strain and potential energy (3,) [J]."""
+    line, law = rope.layout.line, rope.law
+    w = rope.layout.weights * rope.h[0]
+    N_r, _ = line.rope.at_rest(rope.s)
+    kinetic = 0.5 * line.rope.mass_per_length * (rope.r[1] ** 2).sum(axis=-1)
+    densities = np.stack([kinetic, _energy(N_r, law.stretch, line.rope.EA), -line.weight * rope.r[0, ..., 1]])
+    return (w * densities).sum(axis=(1, 2))
+
+
+def _integrals(layout: Layout) -> Array:
+    """Legendre coefficients (G + 1, G) of int_0^xi f from f at the points."""
+    count = layout.points.size
+    values = legendre.legvander(2.0 * layout.points - 1.0, count - 1)  # (G, count)
+    coefficients = (values * layout.weights[:, None] * (2.0 * np.arange(count) + 1.0)).T
+    return np.asarray(0.5 * legendre.legint(coefficients, lbnd=-1.0, axis=0))
+
+
+def _stations(rope: Rope, Z: Array, s: Array, integrals: Array) -> tuple[Array, Array]:
+    """Points (m, 2) and tensions (m,) at s, on the segment behind a contact: N t at L and the load from there."""
+    layout = rope.layout
+    at = Z[0, layout.s]
+    i = np.clip(np.searchsorted(at, s, side="left") - 1, 0, layout.segments - 1)
+    xi = (s - at[i]) / rope.h[0, i, 0]
+    u = Z[0, layout.columns[i, :-2]].reshape(s.size, -1, 2)
+    points = (functions(xi, layout.functions - 2)[0, :, None] @ u)[:, 0]
+    sums = (integrals @ rope.load)[i]  # (m, coefficients, 2)
+    load = rope.h[0, i] * (legendre.legvander(2.0 * xi - 1.0, len(integrals) - 1)[:, None] @ sums)[:, 0]
+    return points, length(load - rope.rows[i, -2])

@@ -1,0 +1,381 @@
+"""A line in motion by sines: unknowns, rows, start at rest and events; see README.md, "A line in motion"."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Sequence
+
+import numpy as np
+
+from cablefem.motion import LineMotion
+from cablefem.newmark import Solve, State, StepFailure, System
+from cablefem.scene.contacts import NEAREST, Array, Car, MovingLine
+from galerkin.bodies import Body, Friction, PointCar, Saddle, Touch, body_of
+from galerkin.equations import factorised
+from galerkin.line_observe import observe
+from galerkin.segments import Layout, Rope, Softness
+
+SAG = 0.02  # of the first guess, over the chord
+ITERATIONS = 100  # of the search for rest
+TOL = 1e-11  # of EA
+SOFTENED = 4  # steps from a soft rope to the stiff one
+TURNING = 1e-9  # [m/s] slower cars keep the direction of their friction
+NUDGE = 1e-4  # [s] for the velocity of a line that starts in motion
+
+
+class Equations:
+    """Rows of a line, one for each unknown."""
+
+    def __init__(self, layout: Layout, bodies: Sequence[Body]) -> None:
+        self.layout, self.bodies = layout, bodies
+        at = {"x": layout.x, "y": layout.y, "s": layout.s, "F": layout.F}
+        ends = [at[name][k] for k, body in enumerate(bodies) for name in body.unknown]
+        self.free = np.array([*range(layout.inner), *ends])  # coordinates of the unknowns
+        self.forces = np.isin(self.free, layout.F)
+        self.size = self.free.size
+
+    def touches(self, rope: Rope, Z: Array) -> Array:
+        """The numbers of `Touch` at all contacts (contacts, 17)."""
+        layout = self.layout
+        x = np.zeros((layout.contacts, Touch.size))
+        x[1:, 0:2], x[:-1, 2:4] = rope.rows[:, -1], -rope.rows[:, -2]
+        x[1:, 4:6], x[:-1, 6:8] = rope.end_slopes[:, 1], rope.end_slopes[:, 0]
+        x[:, 8:14:2], x[:, 9:14:2] = Z[:, layout.x].T, Z[:, layout.y].T
+        x[:, 14], x[:, 15], x[:, 16] = Z[1, layout.s], Z[2, layout.s], Z[2, layout.F]
+        return x
+
+    def touch_columns(self, rope: Rope, columns: Array) -> Array:
+        """d(touches)/d(coordinates) (3, contacts, 17, layout.size): by coordinates, velocities, accelerations."""
+        layout = self.layout
+        out = np.zeros((3, layout.contacts, Touch.size, layout.size))
+        slopes = rope.end_slope_columns
+        for i, at in enumerate(layout.columns):
+            out[:, i + 1, 0:2, at] = np.moveaxis(columns[:, i, -1], -1, 0)
+            out[:, i, 2:4, at] = -np.moveaxis(columns[:, i, -2], -1, 0)
+            out[0, i + 1, 4:6, at], out[0, i, 6:8, at] = slopes[i, 1].T, slopes[i, 0].T
+        for k in range(layout.contacts):
+            for order in range(3):
+                out[order, k, 8 + 2 * order, layout.x[k]] = out[order, k, 9 + 2 * order, layout.y[k]] = 1.0
+            out[1, k, 14, layout.s[k]] = out[2, k, 15, layout.s[k]] = out[2, k, 16, layout.F[k]] = 1.0
+        return out
+
+    def residual(self, Z: Array, frictions: Sequence[Friction]) -> Array:
+        rope = Rope(self.layout, Z)
+        x = self.touches(rope, Z)
+        ends = [body.rows(Touch(x[k]), frictions[k]) for k, body in enumerate(self.bodies)]
+        return np.concatenate([rope.rows[:, :-2].ravel(), *ends])
+
+    def linearise(self, Z: Array, frictions: Sequence[Friction]) -> tuple[Array, Array]:
+        """The residual, and its derivatives (3, n, n) by unknowns, their velocities and accelerations."""
+        rope, layout = Rope(self.layout, Z), self.layout
+        columns, n = rope.columns, 2 * layout.functions
+        K = np.zeros((3, self.size, layout.size))
+        r = np.zeros(self.size)
+        r[: layout.inner] = rope.rows[:, :-2].ravel()
+        for i, at in enumerate(layout.columns):
+            K[:, n * i : n * (i + 1), at] = columns[:, i, :-2].reshape(3, n, -1)
+        x, dx = self.touches(rope, Z), self.touch_columns(rope, columns)
+        row = layout.inner
+        for k, body in enumerate(self.bodies):
+            rows = slice(row, row + len(body.unknown))
+            r[rows] = body.rows(Touch(x[k]), frictions[k])
+            K[:, rows] = body.derivatives(x[k], frictions[k]) @ dx[:, k]
+            row = rows.stop
+        return r, K[:, :, self.free]
+
+
+class LineSines(System):
+    """A line in motion, in SI.  The acceleration of a hauled car's last unknown is the haul force."""
+
+    def __init__(self, line: MovingLine, terms: int) -> None:
+        self.line, self.layout, self.phases = line, Layout(line, terms), line.phases
+        bodies = [body_of(line, contact) for contact in line.contacts]
+        self.cars = {k: body for k, body in enumerate(bodies) if isinstance(body, PointCar)}
+        self.free_cars = {k: body for k, body in self.cars.items() if body.car.kind == "free"}
+        self.equations = Equations(self.layout, bodies)
+        self.held = Equations(self.layout, [body.held() if isinstance(body, PointCar) else body for body in bodies])
+        self.n_dof = self.equations.size
+        self.force_scale = max((line.gravity * car.mass for car in line.cars), default=line.weight * self._reach)
+        self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA
+        self.frictions = [Friction() for _ in bodies]
+        self.holds = dict.fromkeys(self.free_cars, 0.0)  # [N] on free cars before they are released
+        names = [c.name for c in line.contacts]
+        self.gaps = [i for i in range(len(names) - 1) if i in self.cars or i + 1 in self.cars]
+        self.stops = [k for k, body in self.free_cars.items() if body.car.drive.resists]
+        meetings = [f"{names[i]} meets {names[i + 1]}" for i in self.gaps]
+        stops = [f"{names[k]} stops" for k in self.stops]
+        self.brakes = [(k, place) for k in self.stops for place, _ in self.cars[k].car.drive.brakes]
+        brakes = [f"{names[k]} brakes" for k, _ in self.brakes]
+        lifted = [f"{names[k]} lifts off" for k in self.cars]
+        self.saddles = [k for k, body in enumerate(bodies) if isinstance(body, Saddle)]
+        loose = ["rope falls slack", *(f"rope lifts off {names[k]}" for k in self.saddles)]
+        self.events = (*meetings, *stops, *brakes, *lifted, *loose)
+        self._known: tuple[Array, float, int, Array, Array] | None = None
+
+    @property
+    def _reach(self) -> float:
+        points = np.array([c.point for c in self.line.supports])
+        return float(np.hypot(*np.diff(points, axis=0).T).sum())
+
+    # --- coordinates -------------------------------------------------------------------------------------------------
+    def prescribed(self, t: float, phase: int) -> Array:
+        """Jets of all coordinates (3, layout.size), zero where unknown."""
+        line, layout = self.line, self.layout
+        Z = np.zeros((3, layout.size))
+        for k, contact in enumerate(line.contacts):
+            if isinstance(contact, Car):
+                if contact.travel is not None:
+                    at = layout.x[k] if contact.kind == "haul_x" else layout.s[k]
+                    Z[:, at] = line.position(contact, t, phase)
+                else:
+                    Z[0, layout.s[k]] = contact.drive.start
+                    Z[2, layout.F[k]] = line.thrust(contact, t, phase)
+            else:
+                Z[0, layout.x[k]], Z[0, layout.y[k]] = contact.point
+        Z[0, layout.s[-1]] = line.rope.length or 0.0
+        return Z
+
+    def coordinates(self, x: State) -> Array:
+        Z = self.prescribed(x.t, x.phase)
+        Z[:, self.equations.free] = x.q, x.v, x.a
+        return Z
+
+    def present(self, t: float) -> list[Friction]:
+        """Friction at all contacts at t."""
+        present = list(self.frictions)
+        for k, body in self.free_cars.items():
+            present[k] = present[k]._replace(hold=self.holds[k] * body.car.drive.hold(t))
+        return present
+
+    # --- the system --------------------------------------------------------------------------------------------------
+    def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
+        Z = self.coordinates(State(t, q, v, a, phase))
+        if not (np.diff(Z[0, self.layout.s]) > 0.0).all():
+            return np.full(self.n_dof, np.nan)
+        return self.equations.residual(Z, self.present(t))
+
+    def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
+        state = np.array([q, v, a])
+        known = self._known
+        if known is None or known[1:3] != (t, phase) or not np.array_equal(known[0], state):
+            r, K = self.equations.linearise(self.coordinates(State(t, q, v, a, phase)), self.present(t))
+            known = self._known = (state, t, phase, r, K)
+        return known[3], factorised(np.tensordot(c, known[4], 1))
+
+    def begin_step(self, x: State) -> None:
+        """Keep the direction of friction, and the brakes that act, for one step."""
+        Z = self.coordinates(x)
+        for k, body in self.cars.items():
+            if not body.car.drive.resists:
+                continue
+            ds, sign = Z[1, self.layout.s[k]], self.frictions[k].sign
+            if k not in self.free_cars:
+                sign = self.line.direction(body.car, x.phase)
+            elif abs(ds) > TURNING:
+                sign = float(np.sign(ds))
+            self._set_friction(k, float(Z[0, self.layout.s[k]]), sign)
+
+    def _set_friction(self, k: int, s: float, sign: float) -> None:
+        drive = self.cars[k].car.drive
+        self.frictions[k] = Friction(drive.mu_r, float(drive.brake(s)), sign)
+        self._known = None
+
+    def _touch(self, k: int, Z: Array) -> Touch:
+        return Touch(self.equations.touches(Rope(self.layout, Z), Z)[k])
+
+    def watch(self, x: State) -> tuple[float, ...]:
+        Z = self.coordinates(x)
+        s, ds = Z[0, self.layout.s], Z[1, self.layout.s]
+        gaps = [float(s[i + 1] - s[i]) - NEAREST for i in self.gaps]
+        speeds = [float(ds[k] * self.frictions[k].sign) for k in self.stops]
+        ahead = [place - float(s[k]) for k, place in self.brakes]
+        loads = [math.inf] * (len(self.cars) + 1 + len(self.saddles))
+        if min(gaps, default=1.0) > 0.0:
+            rope = Rope(self.layout, Z)
+            touches = self.equations.touches(rope, Z)
+            loads = [float(body.pressing(Touch(touches[k]))) for k, body in self.cars.items()]
+            loads += self._tautness(rope, touches)
+        return (*gaps, *speeds, *ahead, *loads)
+
+    def _tautness(self, rope: Rope, touches: Array) -> list[float]:
+        """The smallest tension, and the force of the rope down on each saddle [N]."""
+        down = touches[:, 3] - touches[:, 1]
+        return [float(rope.law.N.min()), *(float(down[k]) for k in self.saddles)]
+
+    def pass_event(self, name: str, x: State) -> State | None:
+        """A car that friction cannot hold goes on, and so does one that reaches a brake; else the run ends."""
+        for k in self.stops:
+            car = self.cars[k].car.name
+            if name == f"{car} stops":
+                return self._turned(k, x)
+            if name == f"{car} brakes":
+                self.begin_step(x)
+                return self.accelerated(x)
+        return None
+
+    def _turned(self, k: int, x: State) -> State | None:
+        """The state after a standstill, forwards or backwards; None if friction holds the car."""
+        slot = int(np.flatnonzero(self.equations.free == self.layout.s[k])[0])
+        before = self.frictions[k].sign
+        for sign in (before, -before):
+            self._set_friction(k, float(x.q[slot]), sign)
+            after = self.accelerated(x)
+            if after.a[slot] * sign > 0.0:
+                return after
+        return None
+
+    def observe(self, states: Sequence[State], s: Array) -> LineMotion:
+        """The motion at all states and at the stations s (m,)."""
+        return observe(self, states, s)
+
+    # --- start -------------------------------------------------------------------------------------------------------
+    def start(self, phase: int, state: State | None) -> State:
+        if state is not None:
+            state = state._replace(phase=phase)
+            self.begin_step(state)
+            return self.accelerated(state)
+        rest = self.rest()
+        rope = Rope(self.layout, rest)
+        slack, *pressures = self._tautness(rope, self.held.touches(rope, rest))
+        if min(slack, *pressures, 0.0) < 0.0:
+            lowest = min(pressures, default=0.0)
+            cause = (
+                f"at rest the smallest tension is {slack:.6g} N and the smallest pressure on a saddle {lowest:.6g} N"
+            )
+            raise StepFailure(0.0, cause, "tighten the rope")
+        for k in self.free_cars:
+            self._release(k, rest)
+        v = np.zeros(self.n_dof)
+        moving = self.prescribed(0.0, 0)[1]
+        if moving.any():
+            near = [self.rest(dt, start=rest)[0, self.equations.free] for dt in (-NUDGE, NUDGE)]
+            v = np.where(self.equations.forces, 0.0, (near[1] - near[0]) / (2.0 * NUDGE))
+        free = self.equations.free
+        x = State(0.0, np.where(self.equations.forces, 0.0, rest[0, free]), v, rest[2, free], 0)
+        self.begin_step(x)
+        return self.accelerated(x)
+
+    def _release(self, k: int, Z: Array) -> None:
+        """Let a free car at rest go; StepFailure if friction holds it."""
+        body, touch, name = self.cars[k].held(), self._touch(k, Z), self.cars[k].car.name
+        projection = float(touch.projection)
+        self.holds[k] = float((body.contact_force(touch) * touch.tau).sum()) / projection
+        needed = self.holds[k] - self.line.thrust(body.car, 0.0, 0) / projection
+        self._set_friction(k, float(Z[0, self.layout.s[k]]), -float(np.sign(needed)))
+        friction = self.frictions[k]
+        if body.car.drive.resists and abs(needed) <= friction.rolling * float(body.pressing(touch)) + friction.brake:
+            raise StepFailure(0.0, f"friction holds {name} where it begins", "begin on steeper rope")
+
+    def accelerated(self, x: State) -> State:
+        """The state with the accelerations that its balance asks for."""
+        a = x.a.copy()
+        bound = 1e-6 * self.force_scale + math.sqrt(self.n_dof) * self.force_floor
+        for _ in range(20):
+            r, solve = self.linearise(x.t, x.q, x.v, a, x.phase, 0.0, 0.0, 1.0)
+            a = a - solve(r.copy())
+            if np.linalg.norm(r) <= bound:
+                return State(x.t, x.q, x.v, a, x.phase)
+        raise StepFailure(x.t, "no acceleration balances the forces", "start the cars elsewhere")
+
+    # --- rest --------------------------------------------------------------------------------------------------------
+    def rest(self, shift: float = 0.0, start: Array | None = None) -> Array:
+        """Coordinates (3, layout.size) of the line at rest, free cars held; F stands in the last row.
+
+        shift : [s] by which the prescribed positions are ahead of the start, at their first speed.
+        """
+        layout = self.layout
+        Z = self.prescribed(0.0, 0)
+        Z[0] += shift * Z[1]
+        Z[1] = 0.0
+        for k in self.free_cars:
+            Z[2, layout.F[k]] = 0.0
+        Z[2, layout.s] = Z[2, layout.x] = 0.0
+        if start is not None:
+            return self._solve_rest(Z, start)
+        for times in (1.0, 4.0, 0.25):
+            try:
+                return self._stiffened(Z, times * self._tension)
+            except StepFailure:
+                continue
+        raise StepFailure(0.0, "no rest of the line was found", "start the cars elsewhere")
+
+    def _stiffened(self, Z: Array, about: float) -> Array:
+        """Rest of a rope that resists changes of its tension little at first."""
+        rest = self._guess(Z)
+        soft = min(1.0, 5.0 * about / self.line.rope.EA)
+        for fraction in np.geomspace(soft, 1.0, SOFTENED + 1).tolist():
+            self.layout.softness = Softness(about, fraction)
+            rest = self._solve_rest(Z, rest)
+        return rest
+
+    @property
+    def _tension(self) -> float:
+        """Order of the tension [N]."""
+        line = self.line
+        weights = [c.force for c in line.supports if c.force is not None]
+        if weights:
+            return weights[0]
+        return 4.0 * (line.weight * self._reach + sum(line.gravity * car.mass for car in line.cars))
+
+    def _solve_rest(self, Z: Array, guess: Array) -> Array:
+        """Rest by Newton's method with shorter steps where the residual grows; Z holds what is prescribed."""
+        layout, held = self.layout, self.held
+        Z = Z.copy()
+        values = np.where(held.forces, guess[2, held.free], guess[0, held.free])
+        frictions = [Friction() for _ in held.bodies]
+        for k, body in self.cars.items():
+            if body.car.travel is not None:
+                frictions[k] = Friction(body.car.drive.mu_r, sign=self.line.direction(body.car, 0))
+
+        def put(values: Array) -> Array:
+            Z[0, held.free] = np.where(held.forces, 0.0, values)
+            Z[2, held.free[held.forces]] = values[held.forces]
+            return Z
+
+        def norm(values: Array) -> float:
+            if not (np.diff(put(values)[0, layout.s]) > 0.0).all():
+                return math.inf
+            return float(np.linalg.norm(held.residual(Z, frictions)))
+
+        before, bound = math.inf, TOL * self.line.rope.EA
+        for _ in range(ITERATIONS):
+            r, K = held.linearise(put(values), frictions)
+            step = np.linalg.solve(np.where(held.forces, K[2], K[0]), r)
+            now, fraction = float(np.linalg.norm(r)), 1.0
+            if now <= bound and now >= 0.5 * before:
+                return put(values)
+            while norm(values - fraction * step) > now and now > bound and fraction > 1e-6:
+                fraction *= 0.5
+            values, before = values - fraction * step, now
+        raise StepFailure(0.0, "no rest of the line was found", "start the cars elsewhere")
+
+    def _guess(self, Z: Array) -> Array:
+        """Chords with a little sag."""
+        line, layout = self.line, self.layout
+        Z = Z.copy()
+        at = [k for k, c in enumerate(line.contacts) if not isinstance(c, Car)]
+        points = np.array([c.point for c in line.supports])
+        chords = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+        kinds = [c.kind for c in line.supports]
+        ends = 0.0, chords[-1]
+        if "counterweight" not in kinds:
+            ends = 0.0, line.rope.length
+        elif kinds[0] == "counterweight":
+            ends = (line.rope.length or 0.0) - chords[-1], line.rope.length or 0.0
+        Z[0, layout.s[at]] = ends[0] + (ends[1] - ends[0]) * chords / chords[-1]
+        sags = 4.0 * SAG * np.diff(chords)
+        for k, contact in enumerate(line.contacts):
+            if not isinstance(contact, Car):
+                continue
+            i = int(np.searchsorted(at, k)) - 1
+            (x, y), way = points[i], points[i + 1] - points[i]
+            s = Z[0, layout.s[at[i : i + 2]]]
+            if contact.kind == "haul_x":
+                z = (Z[0, layout.x[k]] - x) / way[0]
+                Z[0, layout.s[k]] = s[0] + z * (s[1] - s[0])
+            else:
+                z = (Z[0, layout.s[k]] - s[0]) / (s[1] - s[0])
+                Z[0, layout.x[k]] = x + z * way[0]
+            Z[0, layout.y[k]] = y + z * way[1] + sags[i] * z * (1.0 - z)
+        return Z

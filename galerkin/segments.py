@@ -1,0 +1,187 @@
+"""A rope between its contacts: on each segment sines, two polynomials and the points of its ends.
+
+    r = sum_j B_j(xi) u_j,  xi = (s - s_L)/h,  h = s_R - s_L,  u = q_1, q_2, ..., p_L, p_R
+    B = sin(j pi xi), xi (1 - xi), xi (1 - xi)(1 - 2 xi), 1 - xi, xi
+
+The polynomials carry the curvature at the ends; sines alone converge slowly there.
+Velocity and acceleration are those at fixed s, where xi changes as the ends L and R move.
+A jet is an array whose first axis holds a value and its first two time derivatives at fixed s.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from cablefem.scene.contacts import Array, MovingLine
+
+
+def product(f: Array, g: Array) -> Array:
+    """The jet of f g."""
+    return np.stack([f[0] * g[0], f[1] * g[0] + f[0] * g[1], f[2] * g[0] + 2.0 * f[1] * g[1] + f[0] * g[2]])
+
+
+def quotient(f: Array, g: Array) -> Array:
+    """The jet of f/g."""
+    x = f[0] / g[0]
+    dx = (f[1] - x * g[1]) / g[0]
+    return np.stack([x, dx, (f[2] - 2.0 * dx * g[1] - x * g[2]) / g[0]])
+
+
+def composed(F: Array, xi: Array) -> Array:
+    """The jet of F(xi, t); F[i, k] holds the i-th time derivative of the k-th xi derivative at fixed xi."""
+    x, dx, ddx = F[0], xi[1, ..., None], xi[2, ..., None]
+    acceleration = F[2, 0] + 2.0 * F[1, 1] * dx + x[2] * dx**2 + x[1] * ddx
+    return np.stack(np.broadcast_arrays(x[0], F[1, 0] + x[1] * dx, acceleration))
+
+
+def functions(xi: Array, terms: int) -> Array:
+    """B and its derivatives by xi up to the third, (4, points, terms + 4)."""
+    k = np.pi * np.arange(1, terms + 1)
+    sin, cos = np.sin(k * xi[:, None]), np.cos(k * xi[:, None])
+    sines = np.stack([sin, k * cos, -(k**2) * sin, -(k**3) * cos])
+    x = np.polynomial.Polynomial([0.0, 1.0])
+    others = (x * (1.0 - x), x * (1.0 - x) * (1.0 - 2.0 * x), 1.0 - x, x)
+    columns = [[p.deriv(k)(xi) if k else p(xi) for p in others] for k in range(4)]
+    return np.concatenate([sines, np.moveaxis(np.array(columns), 1, 2)], axis=2)
+
+
+class Layout:
+    """Order of the coordinates: q (segment, function, axis), then x, y, s and an outside force F of each contact.
+
+    F stands where second time derivatives stand.
+    """
+
+    def __init__(self, line: MovingLine, terms: int) -> None:
+        self.line, self.contacts = line, len(line.contacts)
+        self.segments = self.contacts - 1
+        points, weights = np.polynomial.legendre.leggauss(2 * terms + 12)
+        self.points, self.weights = 0.5 + 0.5 * points, 0.5 * weights
+        self.B = functions(self.points, terms)
+        self.ends = functions(np.array([0.0, 1.0]), terms)[1]  # B' at L and R
+        self.functions = terms + 2  # without those of the ends
+        self.inner = 2 * self.functions * self.segments
+        self.size = self.inner + 4 * self.contacts
+        self.x, self.y, self.s, self.F = (self.inner + 4 * np.arange(self.contacts) + i for i in range(4))
+        q = np.arange(self.inner).reshape(self.segments, -1)
+        ends = [at[side] for side in (slice(-1), slice(1, None)) for at in (self.x, self.y)]
+        # of a segment: q, p of L and R, s of L and R, (segments, 2 functions + 6)
+        self.columns = np.column_stack([q, *ends, self.s[:-1], self.s[1:]])
+        self.softness = Softness(0.0, 1.0)
+
+
+class Softness(NamedTuple):
+    """N is replaced by about + fraction (N - about), in the search for rest."""
+
+    about: float
+    fraction: float
+
+
+class Law(NamedTuple):
+    """Tension at points."""
+
+    N: Array
+    N_s: Array  # at fixed r'
+    N_stretch: float
+    stretch: Array  # |r'|
+    force: Array  # N t
+
+
+class Rope:
+    """All segments at one instant; arrays over (segment, point), S by G, and M functions with those of the ends."""
+
+    def __init__(self, layout: Layout, Z: Array) -> None:
+        """Z (3, layout.size): the jets of all coordinates."""
+        self.layout = layout
+        u = Z[:, layout.columns[:, :-2]].reshape(3, layout.segments, -1, 2)  # (3, S, M, 2)
+        at = Z[:, layout.columns[:, -2:]]  # s of L and R (3, S, 2)
+        self.h = (at[:, :, 1] - at[:, :, 0])[..., None]
+        still = np.zeros((3, layout.segments, layout.points.size))
+        still[0] = self.s = at[0, :, :1] + self.h[0] * layout.points
+        self.xi = quotient(still - at[:, :, :1], self.h)
+        self.Y = layout.B[:, None] @ u[:, None]  # (3, 4, S, G, 2): time derivatives of xi derivatives
+        self.r = composed(self.Y, self.xi)
+        self.slope = self.Y[0, 1] / self.h[0, ..., None]  # r' (S, G, 2)
+        self.end_slopes = layout.ends @ u[0] / self.h[0, ..., None]  # at L and R (S, 2, 2)
+
+    @cached_property
+    def law(self) -> Law:
+        rope, softness = self.layout.line.rope, self.layout.softness
+        N_r, N_s = rope.at_rest(self.s)
+        squared = (self.slope**2).sum(axis=-1)
+        stretch = np.sqrt(squared)
+        N = N_r + rope.EA * (squared - 1.0) / (stretch + 1.0)
+        N = softness.about + softness.fraction * (N - softness.about)
+        force = (N / stretch)[..., None] * self.slope
+        return Law(N, softness.fraction * N_s, softness.fraction * rope.EA, stretch, force)
+
+    @cached_property
+    def load(self) -> Array:
+        """rho (r.. + c r. - g j) (S, G, 2): inertia, damping and weight."""
+        line = self.layout.line
+        acceleration = self.r[2] + line.rope.damping * self.r[1] - [0.0, line.gravity]
+        return line.rope.mass_per_length * acceleration
+
+    @cached_property
+    def loads(self) -> Array:
+        """int load B ds (S, M, 2)."""
+        w = self.layout.weights[:, None] * self.h[0, ..., None]
+        return self.layout.B[0].T @ (w * self.load)
+
+    @cached_property
+    def rows(self) -> Array:
+        """int load B + N t . B' ds (S, M, 2); the last two are - N t at L and N t at R."""
+        w = self.layout.weights[:, None]
+        return self.loads + self.layout.B[1].T @ (w * self.law.force)
+
+    # --- derivatives by the coordinates of a segment, in the order of `Layout.columns` -------------------------------
+    @property
+    def end_slope_columns(self) -> Array:
+        """Those of r' at L and R, (S, 2, 2, 2 M + 2)."""
+        S, M = self.layout.segments, self.layout.ends.shape[1]
+        h = self.h[0, :, :, None]
+        out = np.zeros((S, 2, 2, 2 * M + 2))
+        out[:, :, 0, 0:-2:2] = out[:, :, 1, 1:-2:2] = self.layout.ends / h
+        out[..., -2], out[..., -1] = self.end_slopes / h, -self.end_slopes / h
+        return out
+
+    @property
+    def columns(self) -> Array:
+        """Those of the rows by coordinates, velocities and accelerations, (3, S, M, 2, 2 M + 2)."""
+        line, layout, law = self.layout.line, self.layout, self.law
+        rho, c = line.rope.mass_per_length, line.rope.damping
+        B, slopes = layout.B[0].T, layout.B[1].T  # (M, G)
+        h, weights = self.h[0], layout.weights
+        S, M, G = layout.segments, len(B), layout.points.size
+
+        def rates(jet: Array) -> Array:
+            """d(r.. + c r.) where the jet is that of dr/d(coordinate)."""
+            return np.stack([jet[2] + c * jet[1], 2.0 * jet[1] + c * jet[0], jet[0]])
+
+        constant = np.zeros((3, 4, 1, G, M))  # B has no time of its own
+        constant[0, :, 0] = layout.B
+        inertia = B @ ((rho * h * weights)[..., None] * rates(composed(constant, self.xi)))  # (3, S, M, M)
+        out = np.zeros((3, S, M, 2, 2 * M + 2))
+        out[:, :, :, 0, 0:-2:2] = out[:, :, :, 1, 1:-2:2] = inertia
+
+        unit = self.slope / law.stretch[..., None]
+        ratio = (law.N / law.stretch)[..., None, None]
+        along = unit[..., :, None] * unit[..., None, :]
+        stiffness = ratio * np.eye(2) + (law.N_stretch - ratio) * along  # d(N t)/dr' (S, G, 2, 2)
+        block = (slopes[:, None] * slopes).reshape(M * M, G) @ (
+            (weights / h)[..., None] * stiffness.reshape(S, G, 4)
+        )  # (S, M M, 4)
+        out[0, ..., :-2] += block.reshape(S, M, M, 2, 2).transpose(0, 1, 3, 2, 4).reshape(S, M, 2, 2 * M)
+
+        one = np.array([1.0, 0.0, 0.0])[:, None, None]
+        slope = quotient(composed(self.Y[:, 1:], self.xi), self.h[..., None])  # the jet of r'
+        for i, (shift, dh) in enumerate(((one - self.xi, -1.0), (self.xi, 1.0))):  # of points with s of L, of R
+            at_s = rates(-product(slope, shift[..., None]))  # of r at fixed s
+            at_s[0] += shift[0, ..., None] * (slope[2] + c * slope[1])
+            out[..., i - 2] = B @ ((rho * h * weights)[..., None] * at_s)
+            force = (shift[0] * law.N_s)[..., None] * unit
+            force -= (dh / h)[..., None] * (stiffness @ self.slope[..., None])[..., 0]
+            out[0, ..., i - 2] += slopes @ (weights[:, None] * force) + (dh / h)[..., None] * self.loads
+        return out

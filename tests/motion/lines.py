@@ -1,0 +1,91 @@
+"""Lines in motion of the tests, and how they are run."""
+
+import itertools
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cablefem.motion import LineMotion
+from cablefem.newmark import State, System, scheme, step_times, stretches
+from cablefem.scene.contacts import Car, Contact, Elastic, MovingLine
+from cablefem.scene.drive import Drive
+from cablefem.scene.motion import standing
+
+
+@dataclass(frozen=True)
+class Smooth:
+    """From rest at `begin` to `speed` within `ramp`, v = speed S(t/ramp), S = x^3 (10 - 15 x + 6 x^2)."""
+
+    begin: float
+    speed: float
+    ramp: float = 8.0
+    end: float = 1e3
+
+    @property
+    def phases(self) -> tuple[tuple[float, float], ...]:
+        return (0.0, self.ramp), (self.ramp, self.end)
+
+    def at(self, t: float, phase: int) -> tuple[float, float, float]:
+        x = 1.0 if phase else t / self.ramp
+        way = self.ramp * (2.5 * x**4 - 3.0 * x**5 + x**6) + (t - self.ramp if phase else 0.0)
+        share = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+        return self.begin + self.speed * way, self.speed * share, self.speed * 30.0 * (x * (1.0 - x)) ** 2 / self.ramp
+
+
+def anchor(name: str, x: float, y: float) -> Contact:
+    return Contact(name=name, kind="anchor", point=(x, y))
+
+
+def saddle(name: str, x: float, y: float) -> Contact:
+    return Contact(name=name, kind="saddle", point=(x, y))
+
+
+def weight(x: float, y: float, force: float, **more: Any) -> Contact:
+    return Contact(name="weight", kind="counterweight", point=(x, y), force=force, **more)
+
+
+def spring(x: float, y: float, **more: Any) -> Contact:
+    return Contact(name="spring", kind="spring", point=(x, y), stiffness=(2e6, 5e6), **more)
+
+
+def car(name: str, mass: float, travel: Any, mode: str = "grip", along: Any = "s", **drive: Any) -> Car:
+    """A car with a travel, or standing at a number."""
+    travel = standing(travel, 1e3) if isinstance(travel, float) else travel
+    return Car(name=name, mass=mass, travel=travel, drive=Drive(mode=mode, **drive), along=along)
+
+
+def line(rope: dict[str, float], *contacts: Any, t_end: float = 10.0, gravity: float = 9.81) -> MovingLine:
+    return MovingLine(rope=Elastic(**rope), contacts=contacts, t_end=t_end, gravity=gravity)
+
+
+ROPE = {"mass_per_length": 9.0, "EA": 1.5e8}
+LEFT, RIGHT = anchor("left", 0.0, 0.0), weight(600.0, -150.0, 5e5)
+WEIGHED = line(ROPE, LEFT, car("grip", 5000.0, 250.0), RIGHT)
+SPRUNG = line(ROPE, spring(0.0, 0.0), car("grip", 5000.0, 250.0), RIGHT)
+THREE = line(
+    {"mass_per_length": 9.0, "EA": 1.4e8, "length": 1024.5}, LEFT, car("grip", 4000.0, 180.0),
+    saddle("first", 400.0, -30.0), car("hauled", 4000.0, 620.0, "haul"), saddle("second", 820.0, -20.0),
+    anchor("right", 1020.0, 20.0),
+)  # fmt: skip
+TRAMWAY = {"mass_per_length": 11.4, "EA": 2.1e8, "length": 1300.0}
+BESIDE_TRAMWAY = weight(0.0, 0.0, 3.8e5), anchor("right", 1200.0, -480.0)
+ALONG_S = line(TRAMWAY, BESIDE_TRAMWAY[0], car("car", 6000.0, 650.0, "haul"), BESIDE_TRAMWAY[1])
+IN_X = line(TRAMWAY, BESIDE_TRAMWAY[0], car("car", 6000.0, 640.052271, "haul", "x"), BESIDE_TRAMWAY[1])
+# a saddle over which rope runs, a spring with mass, a counterweight, and cars driven in three manners
+ALL = line(
+    {"mass_per_length": 9.0, "EA": 1.5e8}, spring(0.0, 0.0, mass=800.0), car("up", 3000.0, Smooth(100.0, 6.0)),
+    saddle("tower", 500.0, -90.0), car("down", 2500.0, Smooth(880.0, -5.0), "haul", mu_r=0.01, k=0.5),
+    car("next", 2000.0, Smooth(930.0, -3.0), "haul", "x", k=0.4, wind=3.0), weight(1100.0, -150.0, 4e5), t_end=14.0,
+)  # fmt: skip
+
+
+def states_of(system: System, steps: int, start: State | None = None) -> list[State]:
+    """All states by Radau, to the end."""
+    times = step_times(system, steps)
+    times[-1] = np.append(times[-1], system.phases[-1][1])
+    return list(itertools.chain.from_iterable(stretches(system, scheme("radau"), times, start=start)))
+
+
+def run(system: Any, steps: int, s: Any = (0.0,)) -> LineMotion:
+    return system.observe(states_of(system, steps), np.asarray(s, dtype=float))

@@ -1,0 +1,223 @@
+"""`run` and `check` of lines in motion: what agrees, which faults are seen, files, refusals."""
+
+import csv
+import dataclasses
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+import cablefem as cf
+from cablefem.scene.line import Line
+from tests.commands.calls import lines
+from validation.commands.check.motion import checked, judged
+from validation.commands.run.motion import ELEMENTS, SINES, Runs
+from validation.core.agreement import overall
+from validation.core.motion_laws import read_back
+from validation.core.motion_rows import Tolerance
+
+EVERYTHING = """
+[cable]
+mass_per_length = 11.4
+EA = 2.1e8
+[[contact]]
+name = "valley"
+kind = "counterweight"
+at = [0.0, 0.0]
+tension = 3.8e5
+[[contact]]
+name = "tower"
+kind = "saddle"
+at = [700.0, -310.0]
+[[contact]]
+name = "mountain"
+kind = "anchor"
+at = [1200.0, -480.0]
+[[car]]
+name = "up"
+mass = 6000.0
+travel = {kind = "trapezoid", top_speed = 7.0, acceleration = 1.0, deceleration = 1.0, from = 260.0, to = 350.0}
+[[car]]
+name = "down"
+mass = 4500.0
+drive = {mode = "haul", drag_area = 12.0, rolling_friction = 0.01}
+travel = {kind = "trapezoid", top_speed = 6.0, acceleration = 1.0, deceleration = 1.0, from = 1050.0, to = 960.0}
+"""
+ASKED = Tolerance(1e-3, 1e-2)
+
+
+@pytest.fixture(scope="module")
+def line():
+    return Line.from_toml(EVERYTHING)
+
+
+@pytest.fixture(scope="module")
+def by_elements(line):
+    return Runs(ELEMENTS, line).ladder(2, 2)
+
+
+@pytest.fixture(scope="module")
+def by_sines(line):
+    return Runs(SINES, line).ladder(2, 2)
+
+
+def verdict(*of):
+    return overall(judged(*of, ASKED)).value
+
+
+def changed(ladder, change):
+    return ladder.map(lambda run: dataclasses.replace(run, motion=change(run.motion)))
+
+
+def test_a_saddle_a_counterweight_and_two_cars_agree(line, by_elements, by_sines):
+    assert verdict(line, by_elements, by_sines) == "agree"
+
+
+@pytest.mark.parametrize(
+    "key", ["car.up.mass", "car.down.mass", "cable.EA", "cable.mass_per_length", "contact.valley.tension"]
+)
+def test_a_fault_of_a_percent_in_one_solver_is_seen(line, by_elements, key):
+    fault = Runs(SINES, line.replace({key: "+1%"})).ladder(2, 2)
+    assert verdict(line, by_elements, fault) == "disagree"
+
+
+def test_gravity_is_seen(line, by_elements):
+    assert verdict(line, by_elements, Runs(SINES, line.replace({"gravity": 9.908})).ladder(2, 2)) == "disagree"
+
+
+def without_height(motion):
+    """The power of a counterweight whose rope enters without its weight q y: here y = 0, so as if 10 m lower."""
+    weight = motion.contacts[0]
+    return dataclasses.replace(
+        motion, powers=motion.powers | {"valley weight": motion.powers["valley weight"] + 11.4 * 98.1 * weight.ds}
+    )
+
+
+def swapped(motion):
+    one, other = motion.cars
+    cars = dataclasses.replace(other, name=one.name), dataclasses.replace(one, name=other.name)
+    return dataclasses.replace(motion, cars=cars)
+
+
+def hauled_too_much(motion):
+    one, other = motion.cars
+    return dataclasses.replace(motion, cars=(one, dataclasses.replace(other, haul_force=1.05 * other.haul_force)))
+
+
+@pytest.mark.parametrize("fault", [without_height, swapped, hauled_too_much])
+def test_a_fault_in_an_answer_is_seen(line, by_elements, by_sines, fault):
+    assert verdict(line, by_elements, changed(by_sines, fault)) == "disagree"
+
+
+def test_a_fault_that_both_share_is_seen_by_the_laws_alone(line, by_elements, by_sines):
+    both = [changed(ladder, hauled_too_much) for ladder in (by_elements, by_sines)]
+    wrong = {row.quantity for row in judged(line, *both, ASKED) if row.verdict.value == "disagree"}
+    assert wrong == {"laws_si"}
+
+
+def test_check_writes_and_reads_back(cablefem, tmp_path):
+    (tmp_path / "short.toml").write_text(EVERYTHING)
+    code, out, err = cablefem("check", "short.toml")
+    assert (code, err) == (0, "")
+    assert out.startswith("agree")
+    assert len(out.splitlines()) <= 22
+    folder = tmp_path / "cablefem-out" / "short"
+    files = {path.name for path in (folder / "motion-check").iterdir()}
+    assert files == {"path-up.csv", "path-down.csv", "contacts.csv", "profile.csv", "scene.toml", "summary.json"}
+    with (folder / "motion-check" / "contacts.csv").open(newline="") as file:
+        header = next(csv.reader(file))
+    assert header[:5] == ["t", "valley.s", "valley.tension", "valley.pressure", "valley.rise"]
+    stored = json.loads((folder / "agreement.json").read_text())
+    asked = {row["quantity"] for row in stored["rows"] if row["asked"]}
+    assert {"path_max", "haul_force", "grip_force", "contact_force", "flow", "rise", "pressure", "laws_si"} <= asked
+    page = (folder / "report.html").read_text()
+    assert "The line in motion" in page
+    assert "nan" not in page.lower().split("<svg")[0]
+
+
+def test_a_wrong_file_and_a_wrong_number_are_found(tmp_path):
+    from validation.commands.run.motion import answers, write
+
+    result = answers(Line.from_toml(EVERYTHING))
+    write(tmp_path / "a", result, 0.0)
+    assert not read_back(tmp_path / "a", result.motion, result.design, result.moved.period)
+    for number in result.design:
+        wrong = number["value"] * 1.01 + 2.0 * number["bar"]
+        design = [number | {"value": wrong}]
+        assert read_back(tmp_path / "a", result.motion, design, result.moved.period), number["quantity"]
+    shutil.copytree(tmp_path / "a", tmp_path / "b")
+    file = tmp_path / "b" / "path-up.csv"
+    head, *body = file.read_text().splitlines()
+    column = head.split(",").index("y")
+    table = [row.split(",") for row in body]
+    for row in table:
+        row[column] = str(1.001 * float(row[column]))
+    file.write_text("\n".join([head, *(",".join(row) for row in table)]) + "\n")
+    faults = read_back(tmp_path / "b", result.motion, [], result.moved.period)
+    assert faults == ["path-up.csv: y is not what was computed"]
+
+
+def test_python_takes_a_line_in_motion(line):
+    found = cf.run(line)
+    assert [car.name for car in found.cars] == ["up", "down"]
+    assert found.contacts[0].rise[0] == 0.0
+    assert np.all(np.diff(found.cars[0].s) >= 0.0)
+
+
+def test_a_fault_told_to_one_solver_by_the_command(cablefem, tmp_path):
+    (tmp_path / "short.toml").write_text(EVERYTHING)
+    code, out, _ = cablefem("check", "short.toml", "--second-set", "car.down.mass=+1%")
+    assert code == 1
+    assert out.startswith("disagree")
+
+
+SLACK = EVERYTHING.replace("tension = 3.8e5", "tension = 5e3")
+CROSSED = EVERYTHING.replace("from = 1050.0, to = 960.0", "from = 690.0, to = 300.0")
+TWICE = EVERYTHING.replace('kind = "anchor"', 'kind = "counterweight"\ntension = 4e5')
+MEETING = """
+[cable]
+mass_per_length = 11.4
+EA = 2.1e8
+length = 1300.0
+[[contact]]
+name = "valley"
+kind = "anchor"
+at = [0.0, 0.0]
+[[contact]]
+name = "mountain"
+kind = "anchor"
+at = [1200.0, -480.0]
+[[car]]
+name = "up"
+mass = 6000.0
+travel = {kind = "trapezoid", top_speed = 7.0, acceleration = 1.0, deceleration = 1.0, from = 200.0, to = 700.0}
+[[car]]
+name = "down"
+mass = 4500.0
+drive = {mode = "haul"}
+travel = {kind = "trapezoid", top_speed = 7.0, acceleration = 1.0, deceleration = 1.0, from = 1000.0, to = 500.0}
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (SLACK, "N at valley"),
+        (CROSSED, "cars are listed from left to right and cannot pass"),
+        (TWICE, "two counterweights"),
+        (MEETING, "cars are listed from left to right and cannot pass"),
+    ],
+)  # fmt: skip
+def test_what_cannot_move_is_refused_in_one_sentence(cablefem, tmp_path, text, says):
+    (tmp_path / "bad.toml").write_text(text)
+    code, out, err = cablefem("check", "bad.toml")
+    assert (code, out) == (2, "")
+    assert says in err
+    assert len(lines(err)) == 1
+    assert not (tmp_path / "cablefem-out").exists()
+
+
+@pytest.mark.parametrize("name", ["two-cars", "counterweight"])
+def test_built_in_lines_agree(name):
+    assert checked(Line.load(name)).verdict.value == "agree"

@@ -1,0 +1,80 @@
+"""What ends the run of a line, and cars that roll freely."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.integrate import cumulative_simpson
+
+from cablefem.elements.system import LineElements
+from cablefem.newmark import StepFailure, Work, scheme, step_times, stretches
+from cablefem.scene import Scene
+from cablefem.scene.contacts import Elastic
+from tests.motion.lines import LEFT, Smooth, anchor, car, line, run, saddle
+
+ZIP = {"mass_per_length": 1.1, "EA": 1.2e6, "length": 151.0}
+
+
+def rider(t_end: float = 30.0, **drive: float):
+    return line(
+        ZIP, LEFT, car("rider", 95.0, None, "free", start=15.0, **drive), anchor("right", 150.0, 3.0), t_end=t_end
+    )
+
+
+def ending(scene, steps: int) -> tuple[list[str], float]:
+    """Names of the events and the time of the last state."""
+    system, work = LineElements(scene, elements=3), Work()
+    last = [states[-1] for states in stretches(system, scheme("radau"), step_times(system, steps), work=work)][-1]
+    return [event.name for event in work.events], last.t
+
+
+def test_a_free_rider_keeps_the_account_of_energy():
+    x = run(LineElements(rider(8.0, mu_r=0.02, k=0.3, wind=-2.0), elements=4), 320)
+    work = np.append(0.0, cumulative_simpson(sum(x.powers.values()), x=x.t))
+    np.testing.assert_allclose(x.energy - x.energy[0], work, atol=5e-4 * np.ptp(x.energy))
+    at = x.cars[0]
+    assert at.s[-1] > 60.0
+    np.testing.assert_allclose(at.tension_behind[40:], at.tension_ahead[40:], rtol=5e-3)
+
+
+def test_friction_stops_a_rider_or_holds_it():
+    names, t = ending(rider(mu_r=0.15), 300)
+    assert names == ["rider stops"]
+    assert 5.0 < t < 29.0
+    with pytest.raises(StepFailure, match="friction holds rider where it begins"):
+        LineElements(rider(mu_r=0.9)).start(0, None)
+
+
+def test_a_car_meets_a_saddle_a_meter_before_it():
+    rope = {"mass_per_length": 9.0, "EA": 1.4e8, "length": 824.0}
+    scene = line(rope, LEFT, car("up", 2000.0, Smooth(385.0, 5.0, 4.0)), saddle("tower", 400.0, -30.0),
+                 anchor("right", 820.0, -20.0))  # fmt: skip
+    names, t = ending(scene, 60)
+    assert names == ["up meets tower"]
+    assert 5.0 < t < 6.0
+
+
+def test_the_papers_law_hangs_as_its_catenary():
+    """s is the arc length of the empty cable, where N = T(s)."""
+    scene = Scene.load("tramway")
+    catenary, l = scene.catenary, scene.length
+
+    def rest_tension(s):
+        slope = catenary.c - catenary.sigma * s / l
+        T = catenary.horizontal_tension * np.hypot(1.0, slope)
+        return T, -catenary.horizontal_tension * slope / np.hypot(1.0, slope) * catenary.sigma / l
+
+    span = line({"mass_per_length": scene.rho, "EA": scene.cable.EA, "length": l}, LEFT, car("light", 1e-6, 300.0),
+                anchor("right", scene.supports.span, scene.supports.drop))  # fmt: skip
+    rope = Elastic(mass_per_length=scene.rho, EA=scene.cable.EA, length=l, rest_tension=rest_tension)
+    system = LineElements(dataclasses.replace(span, rope=rope), elements=4)
+    x = system.observe([system.start(0, None)], np.array([100.0, 500.0]))
+    np.testing.assert_allclose(x.cars[0].point[0], [catenary.x(300.0), catenary.y(300.0)], atol=1e-6)
+    np.testing.assert_allclose(x.tension[0], catenary.tension(x.s), rtol=1e-8)
+
+
+def test_a_saddle_that_would_have_to_hold_the_rope_down_is_refused():
+    rope = {"mass_per_length": 9.0, "EA": 1.4e8, "length": 824.0}
+    contacts = LEFT, saddle("tower", 400.0, 30.0), anchor("right", 820.0, -20.0)
+    with pytest.raises(StepFailure, match="the smallest pressure on a saddle -"):
+        LineElements(line(rope, *contacts)).start(0, None)

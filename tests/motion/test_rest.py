@@ -1,0 +1,40 @@
+"""Lines at rest with held cars against elastic catenaries (shared text on lines, section 4)."""
+
+import numpy as np
+import pytest
+
+from cablefem.elements.system import LineElements
+from tests.motion.lines import ALONG_S, IN_X, SPRUNG, THREE, WEIGHED
+
+# s of the free contacts, points and haul forces of the cars: elastic catenaries to all digits
+EXACT = {
+    "three": (THREE, {2: 401.039137, 4: 821.100312}, [(180.494286, 0.737332), (618.612609, -9.579431)], -775.88172),
+    "weight": (WEIGHED, {2: 618.284099}, [(247.812647, -38.424243)], None),
+    "spring": (SPRUNG, {2: 618.051928}, None, None),
+    "along s": (ALONG_S, {0: -6.802361}, [(640.052271, -148.607581)], 22261.47088),
+    "in x": (IN_X, {0: -6.802361, 1: 650.0}, [(640.052271, -148.607581)], 22261.47088),
+}
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_contacts_slide_to_where_catenaries_put_them(name):
+    line, s, points, haul = EXACT[name]
+    system = LineElements(line, elements=4)
+    x = system.observe([system.start(0, None)], np.array([100.0]))
+    everything = {c.name: c for c in (*x.contacts, *x.cars)}
+    for k, exact in s.items():
+        assert everything[line.contacts[k].name].s[0] == pytest.approx(exact, abs=1e-6)
+    for at, exact in zip(x.cars, points or [], strict=False):
+        np.testing.assert_allclose(at.point[0], exact, atol=1e-6)
+    if haul is not None:
+        assert x.cars[-1].haul_force[0] == pytest.approx(haul, abs=1e-4)
+
+
+def test_tensions_at_rest():
+    system = LineElements(WEIGHED, elements=4)
+    x = system.observe([system.start(0, None)], np.array([0.0, 250.0]))
+    assert x.contacts[0].tension_ahead[0] == pytest.approx(475797.4438, abs=1e-3)
+    assert x.cars[0].tension_behind[0] == pytest.approx(479179.1553, abs=1e-3)
+    assert x.cars[0].tension_ahead[0] == pytest.approx(490181.3837, abs=1e-3)
+    assert x.contacts[1].tension_behind[0] == pytest.approx(5e5, abs=1e-3)
+    np.testing.assert_allclose(x.tension[0], [475797.4438, 479179.1553], rtol=1e-6)

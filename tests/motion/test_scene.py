@@ -1,0 +1,87 @@
+"""Lines in motion as a user writes them."""
+
+import dataclasses
+
+import pytest
+
+from cablefem.elements.line import solve
+from cablefem.scene import SceneError
+from cablefem.scene.line import Line
+from cablefem.scene.moving import moving
+from tests.motion.lines import LEFT, RIGHT, ROPE, Smooth, anchor, car, line, saddle, spring
+
+TEXT = """
+[cable]
+mass_per_length = 11.4
+EA = 2.1e8
+[[contact]]
+name = "valley"
+kind = "counterweight"
+at = [0.0, 0.0]
+tension = 3.8e5
+[[contact]]
+name = "tower"
+kind = "saddle"
+at = [700.0, -290.0]
+[[contact]]
+name = "mountain"
+kind = "anchor"
+at = [1200.0, -480.0]
+[[car]]
+name = "down"
+mass = 4500.0
+drive = {mode = "haul", drag_area = 12.0}
+travel = {kind = "trapezoid", top_speed = 7.0, acceleration = 0.5, deceleration = 0.5, from = 1100.0, to = 760.0}
+[[car]]
+name = "up"
+mass = 6000.0
+travel = {kind = "trapezoid", top_speed = 7.0, acceleration = 0.5, deceleration = 0.5, from = 60.0, to = 640.0}
+"""
+
+
+def test_a_file_of_a_line_in_motion():
+    found = moving(Line.from_toml(TEXT), solve)
+    assert [c.name for c in found.contacts] == ["valley", "up", "tower", "down", "mountain"]
+    up, down = found.cars
+    assert (up.kind, down.kind) == ("grip", "haul_x")
+    assert down.drive.k == pytest.approx(0.5 * 1.2 * 12.0)
+    assert found.position(down, 0.0, 0) == (1100.0, 0.0, -0.5)
+    assert found.position(down, found.t_end, len(found.phases) - 1) == (760.0, 0.0, 0.0)
+    assert found.position(up, found.t_end, len(found.phases) - 1)[0] == 640.0
+    assert found.t_end == pytest.approx(580.0 / 7.0 + 14.0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('travel = {kind = "trapezoid", top_speed = 7.0', 'at = 5.0\ntravel = {kind = "trapezoid", top_speed = 7.0',
+         r"car\[0\].travel and drive: too much beside at"),
+        (', from = 1100.0', "", "car.down.travel.from: missing"),
+        ("mass = 4500.0", "mass = 4500.0\nhauled = true", r"car\[0\].hauled: of a car at rest"),
+        ('mode = "haul", drag_area = 12.0', 'mode = "free"', r"car\[0\].travel: must be given for a car that grips"),
+    ],
+)  # fmt: skip
+def test_a_fault_of_a_file_is_one_sentence(old, new, says):
+    with pytest.raises(SceneError, match=says) as error:
+        moving(Line.from_toml(TEXT.replace(old, new, 1)), solve)
+    assert len(error.value.faults) == 1
+
+
+@pytest.mark.parametrize(
+    ("contacts", "says"),
+    [
+        ((LEFT, car("a", 1.0, Smooth(100.0, 9.0)), car("b", 1.0, Smooth(120.0, 2.0)), RIGHT), "ahead of a at t ="),
+        ((LEFT, car("a", 1.0, 100.0), car("b", 1.0, 90.0), RIGHT), "b.travel: -10 m ahead of a at t = 0 s; must be"),
+        ((dataclasses.replace(RIGHT, name="other", point=(0.0, 0.0)), RIGHT), "two counterweights"),
+        ((LEFT, spring(200.0, 0.0), RIGHT), "spring.kind = 'spring': between the ends it must be a saddle"),
+        ((LEFT, anchor("right", 600.0, 0.0)), "rope.length: missing"),
+        ((LEFT, saddle("s", 700.0, 0.0), RIGHT), r"weight.point = \(600.0, -150.0\): x must be > 700 m"),
+        ((LEFT, car("a", -2.0, 100.0), RIGHT), "a.mass = -2.0: must be > 0"),
+        ((LEFT, car("a", 2.0, None), RIGHT), "a.travel: must be given"),
+        ((LEFT, car("left", 2.0, 50.0), RIGHT), "name = 'left': given twice"),
+    ],
+)  # fmt: skip
+def test_a_line_that_cannot_move_is_refused(contacts, says):
+    with pytest.raises(SceneError, match=says) as error:
+        line(ROPE, *contacts)
+    assert len(error.value.faults) == 1

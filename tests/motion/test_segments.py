@@ -1,0 +1,81 @@
+"""Segments between moving contacts against what they stand for."""
+
+import numpy as np
+import pytest
+
+from cablefem.elements.segments import Motion, Segments
+from cablefem.elements.system import LineElements
+from cablefem.scene.contacts import Elastic, MovingLine
+from cablefem.scene.drive import Drive
+from tests.motion.lines import Car, Smooth, car, saddle, spring, weight
+
+SOFT = Elastic(mass_per_length=9.0, EA=1.4e6, damping=0.2)
+MIXED = MovingLine(
+    rope=SOFT, t_end=4.0,
+    contacts=(
+        spring(0.0, 0.0, mass=300.0), car("grip", 700.0, Smooth(100.0, 7.0)),
+        Car(name="free", mass=900.0, drive=Drive(mode="free", start=180.0, mu_r=0.07, k=0.8, wind=-3.0)),
+        saddle("saddle", 290.0, -20.0), car("along", 800.0, Smooth(400.0, 6.0), "haul", mu_r=0.03, k=0.5),
+        car("in x", 1200.0, Smooth(500.0, -4.0), "haul", "x", mu_r=0.02, wind=2.0), weight(600.0, -50.0, 7e4),
+    ),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("degree", [1, 2, 4])
+@pytest.mark.parametrize("compiled", [False, True])
+def test_tangent_is_the_derivative_of_the_balance(degree, compiled):
+    system, rng = LineElements(MIXED, elements=2, degree=degree, compiled=compiled), np.random.default_rng(23)
+    x = system.start(0, None)
+    at = [z + size * rng.standard_normal(z.size) for z, size in zip(x[1:4], (0.3, 2.0, 1.0), strict=True)]
+    for c in ((0.3, 0.5, 1.0), (1.0, 0.1, 1e-3), (1e-3, 0.02, 1.0)):
+        y, step = rng.standard_normal(system.n_dof), 1e-4
+        moved = [
+            system.residual(1.0, *(z + e * c_i * y for z, c_i in zip(at, c, strict=True)), 0) for e in (step, -step)
+        ]
+        _, solve = system.linearise(1.0, *at, 0, *c)
+        want = (moved[0] - moved[1]) / (2.0 * step)
+        np.testing.assert_allclose(solve(want), y, atol=1e-5)
+        assert np.abs(solve(1.01 * want) - y).max() > 1e-3
+        complex_c = tuple(1j * z for z in c)
+        _, solve = system.linearise(1.0, *at, 0, *complex_c)
+        np.testing.assert_allclose(solve(1j * want), y, atol=1e-5)
+
+
+def test_compiled_loops_are_the_forms():
+    rng, systems = np.random.default_rng(29), [LineElements(MIXED, elements=3, compiled=c) for c in (True, False)]
+    x = systems[0].start(0, None)
+    systems[1].start(0, None)
+    at = [z + size * rng.standard_normal(z.size) for z, size in zip(x[1:4], (0.3, 2.0, 1.0), strict=True)]
+    for c in ((0.3, 0.5, 1.0), (0.1j, 0.2 + 0.4j, 1.0)):
+        (r, solve), (want, same) = (system.linearise(1.0, *at, 0, *c) for system in systems)
+        np.testing.assert_allclose(r, want, rtol=0.0, atol=1e-13 * np.abs(want).max())
+        b = rng.standard_normal(r.size) * c[0]
+        np.testing.assert_allclose(solve(b.copy()), same(b), rtol=0.0, atol=1e-10 * np.abs(same(b)).max())
+
+
+@pytest.mark.parametrize("degree", [1, 2, 4])
+def test_a_straight_rope_that_slides_through_its_contacts_feels_nothing(degree):
+    """r = u t + b s with contacts that move along it at will: rows of inner nodes and inner s are zero."""
+    segments = Segments(Elastic(mass_per_length=7.0, EA=3e4), 0.0, 3, degree)
+    rng = np.random.default_rng(5)
+    s, ds, dds = (np.array([0.0, 30.0, 55.0, 100.0]), *rng.standard_normal((2, 4)))
+    ends = [np.stack([z[:-1], z[1:]], axis=1) for z in (s, ds, dds)]
+    xi = np.zeros(segments.nn)
+    xi[::degree] = np.linspace(0.0, 1.0, 4)  # degrees of 3 and more have bubbles between
+    if degree == 2:
+        xi[1::2] = 0.5 * (xi[:-1:2] + xi[2::2])
+    one = np.zeros(segments.nn)
+    one[:: max(1, degree if degree > 2 else 1)] = 1.0
+    u, b = np.array([3.0, -2.0]), np.array([0.9, 0.7])
+    along = [e[:, :1] * (one - xi) + e[:, 1:] * xi for e in ends]  # s, c, dc of the nodes (3, nn)
+    nodal = [z[..., None] * b for z in along]
+    nodal[1] = nodal[1] + one[:, None] * u
+    nodes, rows = segments.residual(segments.points(Motion(*nodal, *ends)))
+    scale = np.abs(nodes).max()
+    assert np.abs(nodes[:, 1:-1]).max() < 1e-12 * scale
+    assert np.abs(nodes[:-1, -1] + nodes[1:, 0]).max() < 1e-12 * scale
+    assert np.abs(rows[1, :-1] + rows[0, 1:]).max() < 1e-12 * np.abs(rows).max()
+    # must fail: nodes that do not follow the contact at the right
+    ends[1] = ends[1] * [1.0, 1.01]
+    nodes, _ = segments.residual(segments.points(Motion(*nodal, *ends)))
+    assert np.abs(nodes[:, 1:-1]).max() > 1e-6 * scale

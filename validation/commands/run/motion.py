@@ -1,0 +1,320 @@
+"""A line in motion: its runs, its numbers, its outcome and its files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from cablefem import catenary_line
+from cablefem.elements.system import LineElements
+from cablefem.motion import CarMotion, ContactMotion, LineMotion
+from cablefem.newmark import StepFailure, Work, scheme, stretches
+from cablefem.response import Array, write_csv, write_json, write_text
+from cablefem.scene.contacts import MovingLine
+from cablefem.scene.line import Line, LineState
+from cablefem.scene.moving import moving
+from galerkin.lines import LineSines
+from validation.core import motion_laws, store
+from validation.core.agreement import Agreement, Verdict, overall
+from validation.core.ladder import Branch, Ladder
+from validation.core.motion_rows import Moved, rope_depths, tension_of, with_bars
+from validation.page import report, terminal
+from validation.page.answer import many as table
+from validation.page.motion import columns, tell, unit_of
+from validation.page.options import Point
+
+STATIONS = 101  # of the rope
+PLACES = 201  # of profile.csv
+STEPS = 120  # of the coarsest run
+PATH = "t,s_o,x,y,u,v,T_behind,T_ahead,speed,F_haul,F_contact"  # columns of path-NAME.csv
+ORDER = 4.0  # credited to refinement in space and time, at most
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """A solver of lines in motion: its system with a resolution, and the coarsest one."""
+
+    name: str
+    setting: str
+    coarsest: int
+    system: Callable[[MovingLine, int], Any]
+
+
+ELEMENTS = Method("elements", "elements", 2, lambda line, n: LineElements(line, elements=n, degree=4))
+SINES = Method("sines", "terms", 3, lambda line, n: LineSines(line, n))
+
+
+class Runs:
+    """Runs of one method on a line, each made once."""
+
+    def __init__(self, method: Method, line: Line) -> None:
+        self.method = method
+        empty = line.empty(catenary_line.solve)
+        self.line = moving(line, catenary_line.solve)
+        rope = self.line.rope
+        self.length = rope.length or float(np.ptp(empty.s)) * (1.0 + line.cable.warmer)
+        self.period = 2.0 * self.length * math.sqrt(rope.mass_per_length / rope.EA)
+        total = self.line.t_end
+        self.counts = [max(2, math.ceil(STEPS * (t1 - t0) / total)) for t0, t1 in self.line.phases]
+        ends = [np.linspace(t0, t1, n + 1) for (t0, t1), n in zip(self.line.phases, self.counts, strict=True)]
+        self.instants = np.unique(np.concatenate(ends))
+        self._known: dict[tuple[int, int], Moved] = {}
+
+    def run(self, space: int, time: int) -> Moved:
+        """The run with `space` times the coarsest resolution and `time` times the fewest steps."""
+        if (space, time) not in self._known:
+            self._known[space, time] = self._made(space, time)
+        return self._known[space, time]
+
+    def ladder(self, space: int, time: int) -> Ladder:
+        """The run, half and, where it is known, quarter in space and in time."""
+        coarser = [(space // 2, time), (space // 4, time)]
+        earlier = [(space, time // 2), (space, time // 4)]
+        branches = []
+        for half, quarter in (coarser, earlier):
+            runs: list[Any] = [self.run(*half)]
+            if quarter in self._known:
+                runs.append(self._known[quarter])
+            branches.append(Branch(tuple(runs), (2.0,) * len(runs), ORDER))
+        finest: Any = self.run(space, time)
+        return Ladder(finest, *branches)
+
+    def _made(self, space: int, time: int) -> Moved:
+        n = space * self.method.coarsest
+        system = self.method.system(self.line, n)
+        phases = zip(self.line.phases, self.counts, strict=True)
+        grid = [np.linspace(t0, t1, time * count + 1) for (t0, t1), count in phases]
+        work = Work()
+        states: list[Any] = []
+        reason = None
+        try:
+            for group in stretches(system, scheme("radau"), grid, work=work):
+                for x in group:
+                    if states and x.phase > states[-1].phase:  # forces may jump: the state after the jump, too
+                        states.append(system.start(x.phase, states[-1]))
+                    states.append(x)
+        except StepFailure as error:
+            if len(states) < 2:
+                raise store.Refused(f"{self.method.name}: {error}") from None
+            reason = str(error)
+        origin = self.line.rope.length if self.line.rope.length is not None else self.length
+        s = np.linspace(origin - self.length, origin, STATIONS)
+        return Moved(
+            method=self.method.name, settings={self.method.setting: n, "steps": sum(time * c for c in self.counts)},
+            motion=system.observe(states, s), events=tuple((e.name, e.t) for e in work.events), reason=reason,
+            period=self.period, instants=self.instants, n_dof=system.n_dof, steps=work.steps,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What becomes of a line: incomplete, ends early, breaks, collides or arrives."""
+
+    kind: str
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Answers:
+    """A line in motion and its numbers; of a check also the other method and the judged rows."""
+
+    line: Line
+    moved: Moved
+    empty: LineState
+    design: list[Row]
+    other: Moved | None = None
+    rows: list[Agreement] = field(default_factory=list)
+
+    def __repr__(self) -> str:
+        result = self.verdict.value if self.verdict else self.status
+        return f"Answers({self.line.name}: {result}; {self.outcome.sentence})"
+
+    @property
+    def t(self) -> Array:
+        return self.moved.motion.t
+
+    @property
+    def cars(self) -> tuple[CarMotion, ...]:
+        return self.moved.motion.cars
+
+    @property
+    def contacts(self) -> tuple[ContactMotion, ...]:
+        return self.moved.motion.contacts
+
+    @property
+    def motion(self) -> LineMotion:
+        return self.moved.motion
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """Of all rows; None if nothing was compared."""
+        return overall(self.rows) if self.rows else None
+
+    @property
+    def status(self) -> str:
+        return "complete" if self.moved.reason is None else "incomplete"
+
+    @property
+    def outcome(self) -> Outcome:
+        """A broken run comes first, then a broken rope, collisions, what ended the run, arrival."""
+        parts = []
+        kinds = []
+        if self.moved.reason is not None:
+            kinds.append("incomplete")
+            parts.append(f"the run broke: {self.moved.reason}")
+        largest = next(d for d in self.design if d["quantity"] == "tension_max")
+        strength = self.line.cable.breaking_load
+        if strength is not None and largest["value"] > strength:
+            kinds.append("breaks")
+            parts.append(f"the rope is loaded beyond its breaking load of {strength / 1e3:.1f} kN")
+        for d in self.design:
+            if d["quantity"].startswith("clearance") and d["value"] < 0.0:
+                kinds.append("collides")
+                over = d["quantity"].partition(":")[2]
+                parts.append(f"would collide: the rope hits {over} by {-d['value']:.2f} m")
+        ended = self.moved.events[-1:] if self.moved.end < self.moved.instants[-1] * (1.0 - 1e-9) else ()
+        for name, t in ended:
+            kinds.append("ends")
+            parts.append(f"{name} after {t:.1f} s")
+        if not ended and self.moved.reason is None:
+            kinds.append("arrives")
+            places = ", ".join(f"{car.name} at x = {car.point[-1, 0]:.1f} m" for car in self.cars)
+            parts.append(f"after {self.moved.end:.1f} s {places}")
+        parts.append(f"largest tension {largest['value'] / 1e3:.1f} kN at {largest['t']:.1f} s")
+        return Outcome(kinds[0], "; ".join(parts))
+
+
+def answers(line: Line) -> Answers:
+    """Run a line in motion on elements, with bars from coarser runs."""
+    runs = Runs(ELEMENTS, line)
+    ladder = runs.ladder(2, 2)
+    return answer_of(line, ladder, None)
+
+
+def answer_of(line: Line, a: Ladder, b: Ladder | None, rows: Sequence[Agreement] = ()) -> Answers:
+    finest: Any = a.finest
+    other: Any = None if b is None else b.finest
+    obstacles = [(o.name, o.at, o.top) for o in line.obstacle]
+    design = with_bars(a, b, obstacles, unit_of)
+    return Answers(line, finest, line.empty(catenary_line.solve), design, other, list(rows))
+
+
+def at_rest_points(empty: LineState, s: Array) -> Array:
+    """Points (n, 2) [m] of the empty rope at s (n,) [m] of it."""
+    inner = np.clip(s, empty.s[0], empty.s[-1])
+    k = np.clip(np.searchsorted(empty.s, inner, side="right") - 1, 0, empty.s.size - 2)
+    out = np.empty((s.size, 2))
+    for i in np.unique(k):
+        here = k == i
+        lengths = (inner[here] - empty.s[i])[None]
+        pulls = np.broadcast_to(empty.ahead[i][None, :, None], (1, 2, lengths.size))
+        out[here] = empty.place[i] + catenary_line.across(pulls, lengths, empty.case)[0].T
+    return out
+
+
+def write(folder: Path, result: Answers, seconds: float) -> None:
+    """Write path-NAME.csv, contacts.csv, profile.csv, summary.json and scene.toml."""
+    line = result.line
+    motion = result.motion
+    heat = 1.0 + line.cable.warmer
+    for car in motion.cars:
+        w = car.point - at_rest_points(result.empty, car.s / heat)
+        speed = np.hypot(*car.velocity.T)
+        columns = (
+            motion.t, car.s, *car.point.T, *w.T, car.tension_behind, car.tension_ahead, speed, car.haul_force,
+            car.contact_force,
+        )  # fmt: skip
+        write_csv(folder / f"path-{car.name}.csv", PATH, np.stack(columns, axis=1))
+    header = ["t"]
+    values = [motion.t]
+    for x in motion.contacts:
+        header += [f"{x.name}.{name}" for name in ("s", "tension", "pressure", "rise")]
+        values += [x.s, tension_of(x), np.hypot(*x.pressure.T), x.rise]
+    write_csv(folder / "contacts.csv", ",".join(header), np.stack(values, axis=1))
+    places = np.linspace(0.0, line.contact[-1].at[0], PLACES)
+    depths = rope_depths(motion, places)  # (n, PLACES)
+    rest = catenary_line.at(result.empty, places)[0]
+    profile = np.stack([places, rest, depths.min(axis=0), depths.max(axis=0)], axis=1)
+    write_csv(folder / "profile.csv", "x,y_rest,y_highest,y_lowest", profile)
+    write_text(folder / "scene.toml", line.to_toml())
+    moved = result.moved
+    write_json(folder / "summary.json", store.plain({
+        "scene": line.name, "title": line.title, "method": moved.method, "settings": moved.settings,
+        "status": result.status, "reason": moved.reason, "outcome": result.outcome.sentence,
+        "outcome_kind": result.outcome.kind, "events": [{"event": name, "t": t} for name, t in moved.events],
+        "design": result.design, "round_trip": moved.period, "n_dof": moved.n_dof, "steps": moved.steps,
+        "seconds": seconds,
+    }))  # fmt: skip
+
+
+def answer(command: str, points: Sequence[Point], out: Path | None, solve: Callable[[Line], Answers]) -> int:
+    """Answer a line or a grid, store, draw and print; 1 where solvers do not agree, 2 where a run broke."""
+    line: Line = points[0].scene
+    rows = _many(command, points, out, solve) if len(points) > 1 else [_one(command, line, out, solve)]
+    if any(x.get("verdict", "agree") != "agree" or x.get("faults") for x in rows):
+        return 1
+    return 2 if any(x["status"] != "complete" for x in rows) else 0
+
+
+def _one(command: str, line: Line, out: Path | None, solve: Callable[[Line], Answers]) -> Row:
+    home = f"motion-{command}"
+    with terminal.progress() as progress:
+        progress(line.name, 0.0)
+        begun = perf_counter()
+        result = solve(line)
+        seconds = perf_counter() - begun
+    folder = store.claim(out, command, line, [home, "agreement.json"] if command == "check" else [home])
+    write(folder / home, result, seconds)
+    if result.verdict:
+        verdict = result.verdict.value
+        methods = [result.moved.method, "" if result.other is None else result.other.method]
+        agreement = {"verdict": verdict, "methods": methods, "rows": [row.row() for row in result.rows]}
+        write_json(folder / "agreement.json", agreement)
+        terminal.say(verdict, style=terminal.STYLES[verdict])
+    faults = motion_laws.read_back(folder / home, result.motion, result.design, result.moved.period)
+    report.write(folder, command, faults)
+    terminal.complain([f"not what was computed: {fault}" for fault in faults[:5]])
+    tell(line.name, result.outcome.sentence, result.design)
+    terminal.say(f"  {result.moved.method}, {_settings(result.moved)}; {seconds:.2g} s")
+    if result.rows:
+        terminal.say(f"  {counted(result.rows)}")
+    terminal.say(f"  written to {folder}: report.html, {home}/")
+    return _entry(result) | {"faults": len(faults)}
+
+
+def _settings(moved: Moved) -> str:
+    return ", ".join(f"{value} {name}" for name, value in moved.settings.items())
+
+
+def counted(rows: Sequence[Agreement]) -> str:
+    """How many comparisons agree and laws hold, and the worst of the others."""
+    laws = [row for row in rows if row.bound.kind == "law"]
+    others = [row for row in rows if row.bound.kind != "law"]
+    parts = []
+    for group, words in ((others, "comparisons of two solvers agree"), (laws, "laws hold")):
+        parts.append(f"{sum(row.verdict is Verdict.AGREE for row in group)} of {len(group)} {words}")
+    wrong = [f"{row.quantity} {row.law}".strip() for row in rows if row.verdict is not Verdict.AGREE]
+    return "; ".join(parts) + (f"; not so: {', '.join(wrong[:4])}" if wrong else "")
+
+
+def _entry(result: Answers) -> Row:
+    """A row of a grid's table."""
+    row: Row = {"outcome": result.outcome.sentence, "status": result.status}
+    return row | ({"verdict": result.verdict.value} if result.verdict else {})
+
+
+def _many(command: str, points: Sequence[Point], out: Path | None, solve: Callable[[Line], Answers]) -> list[Row]:
+    def row(point: Point) -> tuple[Row, Any]:
+        result = solve(point.scene)
+        car = result.cars[0].point
+        entry = _entry(result) | {d["quantity"]: d["value"] for d in result.design}
+        return entry, store.plain(car.T.tolist())
+
+    return table.grid(command, f"grid-motion-{command}", points[0].scene, points, out, row, columns)

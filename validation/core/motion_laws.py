@@ -1,0 +1,335 @@
+"""Laws of a line in motion, and a second reading of its files, from the scene's TOML and the motion alone.
+
+Over a window W(t) that vanishes with its slope at both ends, for the rope and all cars together:
+
+    int W'' rho (int r ds) + W' rho [p ds]_ends - W' sum m v dt = int W (weights + haul + drag + thrust - pressures) dt
+    int W (N - G) + W' (G/g) rise' dt = 0        of a counterweight
+
+Energy less work, from the start: drives, drag, friction, and at a pulley the rope that enters with its weight q y:
+
+    dE/dt = -e ds (N + N^2/(2 EA) + q y - rho (ds lam)^2/2),    e = 1 at the right end, -1 at the left one.
+
+Left out: the momentum of the rope that enters, rho ds^2, below 1e-5 of the tension for 0.5 m/s.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import tomllib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+AIR = 1.2  # kg/m3, default density
+WINDOWS = 12
+PART = 0.25  # length of a window over the run's
+
+
+class LineOf:
+    """A line's numbers from its TOML, SI; lengths along a hot rope are heated ones."""
+
+    def __init__(self, toml: str) -> None:
+        data = tomllib.loads(toml)
+        cable = data["cable"]
+        self.gravity: float = data.get("gravity", 9.81)
+        ice = cable.get("ice", 0.0)
+        if isinstance(ice, dict):
+            outer = 0.5 * cable["diameter"] + ice["thickness"]
+            ice = ice["density"] * math.pi * (outer**2 - (0.5 * cable["diameter"]) ** 2)
+        warmer = cable["temperature"] - cable["reference_temperature"] if "temperature" in cable else 0.0
+        self.rho: float = (cable["mass_per_length"] + ice) / (1.0 + cable.get("expansion", 0.0) * warmer)
+        self.EA: float = cable["EA"]
+        self.cars: dict[str, dict[str, Any]] = {car["name"]: car for car in data.get("car", [])}
+        self.contacts: list[dict[str, Any]] = data["contact"]
+        self.q = self.rho * self.gravity
+
+    def ends(self) -> Iterator[tuple[float, int, dict[str, Any]]]:
+        """e, index and table of a counterweight."""
+        for e, k in ((-1.0, 0), (1.0, -1)):
+            if self.contacts[k]["kind"] == "counterweight":
+                yield e, k, self.contacts[k]
+
+
+class Sampled:
+    """A motion at every step, or every second one, and the rope as a chain of points (n, k, 2)."""
+
+    def __init__(self, line: LineOf, motion: Any, every: int) -> None:
+        self.line = line
+        self.taken = taken(motion.t, every)
+        self.t = motion.t[self.taken]
+        self.cars = list(motion.cars)
+        self.contacts = list(motion.contacts)
+        self.tau = {car.name: self.of(_unit(car.slope_behind + car.slope_ahead)) for car in self.cars}
+        bodies = [*self.contacts, *self.cars]
+        first = self.contacts[0]
+        tension = self.of(motion.tension)
+        here = np.isfinite(tension)
+        s = np.where(here, motion.s, self.of(first.s)[:, None])
+        points = np.where(here[..., None], self.of(motion.points), self.of(first.point)[:, None])
+        tension = np.where(here, tension, self.of(first.tension_ahead)[:, None])
+        s = np.concatenate([s, *(self.of(x.s)[:, None] for x in bodies)], axis=1)
+        points = np.concatenate([points, *(self.of(x.point)[:, None] for x in bodies)], axis=1)
+        tension = np.concatenate([tension, *(self._tension(x)[:, None] for x in bodies)], axis=1)
+        order = np.argsort(s, axis=1, kind="stable")
+        self.ds = np.diff(np.take_along_axis(s, order, axis=1), axis=1)  # (n, k - 1)
+        chain = np.take_along_axis(points, order[..., None], axis=1)
+        T = np.take_along_axis(tension, order, axis=1)
+        self.middles = 0.5 * (chain[:, 1:] + chain[:, :-1])
+        self.squares = 0.5 * (T[:, 1:] ** 2 + T[:, :-1] ** 2)
+        self.kinetic = self._kinetic(motion)
+
+    def of(self, values: Array) -> Array:
+        return np.asarray(values[self.taken])
+
+    def _tension(self, x: Any) -> Array:
+        sides = np.array([self.of(x.tension_behind), self.of(x.tension_ahead)])
+        return np.asarray(np.where(np.isnan(sides), sides[::-1], sides).mean(axis=0))
+
+    def _kinetic(self, motion: Any) -> Array:
+        """Kinetic energy (n,) [J] of the rope, by the velocities of its stations."""
+        once = np.concatenate([[True], np.diff(self.t) > 0.0])
+        points = self.of(motion.points)
+        velocity = np.gradient(points[once], self.t[once], axis=0)
+        v2 = np.nan_to_num((velocity**2).sum(axis=2))  # (., m)
+        length = np.gradient(motion.s)
+        rows = np.cumsum(once) - 1
+        return np.asarray(0.5 * self.line.rho * (v2 @ length)[rows])
+
+    def drag(self, car: Any) -> Array:
+        drive = self.line.cars[car.name].get("drive", {})
+        k = 0.5 * drive.get("air_density", AIR) * drive.get("drag_area", 0.0)
+        air = self.of(car.velocity) - np.array([drive.get("wind", 0.0), 0.0])
+        return np.asarray(-k * np.linalg.norm(air, axis=1)[:, None] * air)
+
+    def drive(self, car: Any) -> Array:
+        """Haul force or thrust (n,) [N] along the mean tangent."""
+        data = self.line.cars[car.name].get("drive", {})
+        if data.get("mode", "grip") == "haul":
+            return self.of(car.haul_force)
+        thrust = data.get("thrust", 0.0)
+        if isinstance(thrust, dict):
+            return np.interp(self.t, thrust["times"], thrust["forces"], left=0.0, right=0.0)
+        return np.full(self.t.size, float(thrust))
+
+
+def taken(t: Array, every: int) -> NDArray[np.intp]:
+    """Numbers of the steps to take: every so many, and both sides of each jump, where a time stands twice."""
+    jumps = np.flatnonzero(np.diff(t) <= 0.0)
+    edges = zip([0, *(jumps + 1)], [*jumps, t.size - 1], strict=True)
+    return np.concatenate([np.unique(np.append(np.arange(low, high, every), high)) for low, high in edges])
+
+
+def _unit(v: Array) -> Array:
+    return np.asarray(v / np.linalg.norm(v, axis=1)[:, None])
+
+
+def _sum(t: Array, values: Array) -> Array:
+    """Integral of values (n, ...) over t."""
+    steps = np.diff(t).reshape(-1, *[1] * (values.ndim - 1))
+    return np.asarray((0.5 * (values[1:] + values[:-1]) * steps).sum(axis=0))
+
+
+def _windows(t: Array, end: float) -> Iterator[tuple[slice, Array, Array, Array]]:
+    """Samples of a window, W and its two derivatives there: W = (1 - cos x)^2/4."""
+    length = PART * end
+    for middle in np.linspace(0.5 * length, end - 0.5 * length, WINDOWS):
+        begin = middle - 0.5 * length
+        low = max(int(np.searchsorted(t, begin)) - 1, 0)
+        part = slice(low, int(np.searchsorted(t, begin + length, side="right")) + 1)
+        k = 2.0 * math.pi / length
+        x = np.clip(k * (t[part] - begin), 0.0, 2.0 * math.pi)
+        cos = np.cos(x)
+        sin = np.sin(x)
+        W = 0.25 * (1.0 - cos) ** 2
+        W1 = 0.5 * k * (1.0 - cos) * sin
+        W2 = 0.5 * k**2 * (sin**2 + (1.0 - cos) * cos)
+        yield part, W, W1, W2
+
+
+def momentum(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+    """Defects (WINDOWS, 2) of the momentum of rope and cars, over the largest tension."""
+    line = LineOf(toml)
+    x = Sampled(line, motion, every)
+    moment = line.rho * (x.middles * x.ds[..., None]).sum(axis=1)  # (n, 2)
+    force = np.zeros_like(moment)
+    force[:, 1] = line.q * x.ds.sum(axis=1)
+    impulse = np.zeros_like(moment)
+    for car in x.cars:
+        mass = line.cars[car.name]["mass"]
+        force += x.drive(car)[:, None] * x.tau[car.name] + x.drag(car)
+        force[:, 1] += mass * line.gravity
+        impulse += mass * x.of(car.velocity)
+    for contact in x.contacts:
+        force -= x.of(contact.pressure)
+    first = x.contacts[0]
+    last = x.contacts[-1]
+    entering = line.rho * (x.of(last.point) * x.of(last.ds)[:, None] - x.of(first.point) * x.of(first.ds)[:, None])
+    largest = max(float(np.max(x._tension(body))) for body in (*x.contacts, *x.cars))
+    out = []
+    for part, W, W1, W2 in _windows(x.t, end):
+        t = x.t[part]
+        m = moment[part]
+        share = ((t - t[0]) / (t[-1] - t[0]))[:, None]
+        m = m - (m[0] + share * (m[-1] - m[0]))  # W'' and a linear function have no integral
+        rate = W2[:, None] * m + W1[:, None] * (entering[part] - impulse[part])
+        out.append(_sum(t, rate - W[:, None] * force[part]) / (_sum(t, W) * largest))
+    return np.array(out)
+
+
+def weight(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+    """Defects of the motion of a counterweight, over its force; none without one."""
+    line = LineOf(toml)
+    steps = taken(motion.t, every)
+    t = motion.t[steps]
+    out = [0.0]
+    for e, k, data in line.ends():
+        G = data["tension"]
+        contact = motion.contacts[k]
+        N = np.where(np.isnan(contact.tension_behind), contact.tension_ahead, contact.tension_behind)[steps]
+        rate = e * (1.0 + G / line.EA) * contact.ds[steps]
+        for part, W, W1, _ in _windows(t, end):
+            defect = _sum(t[part], W * (N[part] - G) + W1 * G / line.gravity * rate[part])
+            out.append(float(defect) / (G * float(_sum(t[part], W))))
+    return np.array(out)
+
+
+def energy(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+    """Energy less work since the start (n,), over all work done."""
+    line = LineOf(toml)
+    x = Sampled(line, motion, every)
+    E = x.kinetic - line.q * (x.middles[..., 1] * x.ds).sum(axis=1) + (x.squares * x.ds).sum(axis=1) / (2.0 * line.EA)
+    powers = []
+    for car in x.cars:
+        data = line.cars[car.name]
+        velocity = x.of(car.velocity)
+        E += data["mass"] * (0.5 * (velocity**2).sum(axis=1) - line.gravity * x.of(car.point)[:, 1])
+        powers.append(x.drive(car) * (x.tau[car.name] * velocity).sum(axis=1))
+        powers.append((x.drag(car) * velocity).sum(axis=1))
+        powers.append(_along_rope(x, car, data, motion))
+    for contact, table in zip(x.contacts, line.contacts, strict=True):
+        if table["kind"] == "spring":
+            E += 0.5 * (np.array(table["stiffness"]) * (x.of(contact.point) - table["at"]) ** 2).sum(axis=1)
+    for e, k, table in line.ends():
+        contact = x.contacts[k]
+        N = x._tension(contact)
+        ds = x.of(contact.ds)
+        moving = 0.5 * line.rho * (ds * (1.0 + N / line.EA)) ** 2
+        powers.append(-e * ds * (N + N**2 / (2.0 * line.EA) + line.q * table["at"][1] - moving))
+    steps = np.diff(x.t)
+
+    def work(power: Array) -> Array:
+        return np.append(0.0, np.cumsum(0.5 * (power[1:] + power[:-1]) * steps))
+
+    done = sum(float(work(np.abs(power))[-1]) for power in powers) or 1.0
+    return np.asarray((E - E[0] - work(np.sum(powers, axis=0))) / done)
+
+
+def _along_rope(x: Sampled, car: Any, data: dict[str, Any], motion: Any) -> Array:
+    """Power (n,) [W] of grip, or of friction and brakes, between car and rope."""
+    ds = x.of(car.ds)
+    stretch = 0.5 * (np.linalg.norm(x.of(car.slope_behind), axis=1) + np.linalg.norm(x.of(car.slope_ahead), axis=1))
+    drive = data.get("drive", {})
+    if drive.get("mode", "grip") == "grip":
+        return np.asarray(stretch * x.of(car.grip_force) * ds)
+    friction = drive.get("rolling_friction", 0.0) * np.abs(x.of(car.contact_force))
+    for brake in drive.get("brake", []):
+        friction = friction + brake["force"] * (x.of(car.s) > brake["from"])
+    held = motion.powers.get(f"{car.name} hold")
+    return np.asarray(-stretch * friction * np.abs(ds) + (0.0 if held is None else x.of(held)))
+
+
+LAWS = {"momentum of rope and cars": momentum, "motion of the counterweight": weight, "energy and work": energy}
+
+
+def read_back(folder: Path, motion: Any, design: Sequence[dict[str, Any]], period: float) -> list[str]:
+    """Faults of path-NAME.csv, contacts.csv and the design numbers, each a sentence; none where all is as computed."""
+    faults: list[str] = []
+    tables = {car.name: _columns(folder / f"path-{car.name}.csv") for car in motion.cars}
+    for car in motion.cars:
+        right = {
+            "t": motion.t, "s_o": car.s, "x": car.point[:, 0], "y": car.point[:, 1], "T_behind": car.tension_behind,
+            "T_ahead": car.tension_ahead, "speed": np.hypot(*car.velocity.T), "F_contact": car.contact_force,
+            "F_haul": car.haul_force,
+        }  # fmt: skip
+        faults += _unlike(f"path-{car.name}.csv", tables[car.name], right)
+    contacts = _columns(folder / "contacts.csv")
+    for x in motion.contacts:
+        tension = np.where(np.isnan(x.tension_behind), x.tension_ahead, x.tension_behind)
+        right = {"s": x.s, "tension": tension, "pressure": np.hypot(*x.pressure.T), "rise": x.rise}
+        faults += _unlike("contacts.csv", contacts, {f"{x.name}.{name}": values for name, values in right.items()})
+    t = contacts["t"]
+    series = _series(tables, contacts, motion)
+    for number in design:
+        kind, _, of = number["quantity"].partition(":")
+        if kind.startswith("clearance"):
+            continue
+        name, _, word = kind.rpartition("_")
+        values = series[name if of == "" else f"{name}:{of}"]
+        forces = name in ("tension", "haul", "grip", "contact", "load")
+        if forces:
+            values = [_mean(t, v, period) for v in values]
+        if name == "load":
+            values = [np.hypot(*values)]
+        extreme = max(np.max(v) for v in values) if word == "max" else min(np.min(v) for v in values)
+        allowed = (number["bar"] or 0.0) + 1e-9 * abs(number["value"])
+        if not abs(extreme - number["value"]) <= allowed:
+            faults.append(f"{number['quantity']} = {number['value']:.6g}: the files give {extreme:.6g}")
+    return faults
+
+
+def _columns(file: Path) -> dict[str, Array]:
+    with file.open(encoding="utf-8", newline="") as opened:
+        rows = list(csv.DictReader(opened))
+    return {name: np.array([float(row[name] or "nan") for row in rows]) for name in rows[0]}
+
+
+def _unlike(file: str, table: dict[str, Array], right: dict[str, Array]) -> Iterator[str]:
+    for name, values in right.items():
+        scale = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
+        same = name in table and table[name].shape == values.shape
+        if not (same and np.allclose(table[name], values, rtol=0.0, atol=1e-9 * scale + 1e-12, equal_nan=True)):
+            yield f"{file}: {name} is not what was computed"
+
+
+def _series(tables: dict[str, dict[str, Array]], contacts: dict[str, Array], motion: Any) -> dict[str, list[Array]]:
+    """Columns by quantity; of a load its two components."""
+    names = [x.name for x in motion.contacts]
+    out = {"tension": [contacts[f"{name}.tension"] for name in names]}
+    for name, path in tables.items():
+        out["tension"] += [path["T_behind"], path["T_ahead"]]
+        out[f"haul:{name}"] = [path["F_haul"]]
+        out[f"contact:{name}"] = [path["F_contact"]]
+        out[f"speed:{name}"] = [path["speed"]]
+        out[f"depth:{name}"] = [path["y"]]
+    for car in motion.cars:
+        out[f"grip:{car.name}"] = [car.grip_force]
+    for x in motion.contacts:
+        s = contacts[f"{x.name}.s"]
+        out[f"rise:{x.name}"] = [contacts[f"{x.name}.rise"]]
+        out[f"flow:{x.name}"] = [s - s[0]]
+        out[f"load:{x.name}"] = list(x.pressure.T)
+    return out
+
+
+def _mean(t: Array, values: Array, period: float) -> Array:
+    """Means over `period` around each time, the values linear between; at the ends over less."""
+    keep = np.concatenate([[True], np.diff(t) > 0.0])
+    after = np.concatenate([np.diff(t) > 0.0, [True]])  # values after a jump
+    first = t[keep]
+    areas = 0.5 * (values[after][:-1] + values[keep][1:]) * np.diff(first)
+    total = np.append(0.0, np.cumsum(areas))
+
+    def upto(x: float) -> float:
+        k = min(max(int(np.searchsorted(first, x, side="right")) - 1, 0), first.size - 2)
+        a = values[after][k]
+        b = values[keep][k + 1]
+        d = x - first[k]
+        return float(total[k] + d * (a + 0.5 * d / (first[k + 1] - first[k]) * (b - a)))
+
+    edges = [(max(x - 0.5 * period, first[0]), min(x + 0.5 * period, first[-1])) for x in t]
+    return np.array([(upto(high) - upto(low)) / (high - low) for low, high in edges])

@@ -1,0 +1,402 @@
+"""A line in motion by one method, its numbers, and the comparison of two methods.
+
+Forces are means over an axial round trip of the rope.  Series are compared at instants that all runs step on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cablefem.motion import CarMotion, ContactMotion, LineMotion
+from cablefem.response import Array
+from validation.core.agreement import Agreement, Bound, Part, nothing
+from validation.core.ladder import Ladder
+from validation.core.motion_laws import taken
+
+SETTLED = 3  # instants that a comparison needs
+FIELDS = 0.05  # smallest tolerance of fields along the rope
+
+Of = Callable[[Any], Array]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moved:
+    """What one method makes of a line."""
+
+    method: str
+    settings: dict[str, int]
+    motion: LineMotion
+    events: tuple[tuple[str, float], ...]  # name and time [s]
+    reason: str | None  # why it broke, or None
+    period: float  # [s] axial round trip of the rope
+    instants: Array  # [s] common to all runs
+    n_dof: int
+    steps: int
+
+    @property
+    def end(self) -> float:
+        return float(self.motion.t[-1])
+
+    def at_instants(self, values: Array, end: float) -> Array:
+        """Values (n, ...) at the common instants up to `end`; at a jump those before it."""
+        at = self.instants[self.instants <= end * (1.0 + 1e-12)]
+        rows = np.searchsorted(self.motion.t, at - 1e-9 * self.instants[-1])
+        return values[np.minimum(rows, self.motion.t.size - 1)]
+
+    def mean(self, values: Array) -> Array:
+        """Means (n, ...) of values (n, ...) over an axial round trip around each step."""
+        return means(self.motion.t, values, self.period)
+
+
+def means(t: Array, values: Array, period: float) -> Array:
+    """Means of values (n, ...), linear between the times t (n,), over `period` around each; at the ends over less."""
+    flat = values.reshape(t.size, -1)  # (n, m)
+    steps = np.diff(t)
+    areas = 0.5 * (flat[1:] + flat[:-1]) * steps[:, None]
+    total = np.concatenate([np.zeros((1, flat.shape[1])), np.cumsum(areas, axis=0)])
+
+    def integral(x: Array) -> Array:
+        k = np.clip(np.searchsorted(t, x, side="right") - 1, 0, t.size - 2)
+        k = np.where((steps[k] <= 0.0) & (k > 0), k - 1, k)
+        d = x - t[k]
+        share = d / np.where(steps[k] > 0.0, steps[k], 1.0)
+        return total[k] + d[:, None] * (flat[k] + 0.5 * share[:, None] * (flat[k + 1] - flat[k]))
+
+    low = np.maximum(t - 0.5 * period, t[0])
+    high = np.minimum(t + 0.5 * period, t[-1])
+    out = (integral(high) - integral(low)) / (high - low)[:, None]
+    return out.reshape(values.shape)
+
+
+@dataclass(frozen=True, slots=True)
+class Scales:
+    """What gaps are relative to."""
+
+    path: float  # [m] largest deflection of a car from the empty rope
+    tension: float  # [N] largest at the start
+    weights: dict[str, float]  # [N] by car
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    path: float
+    tension: float
+
+    @property
+    def fields(self) -> float:
+        return max(FIELDS, 10.0 * self.path)
+
+
+def car_of(moved: Moved, name: str) -> CarMotion:
+    return next(car for car in moved.motion.cars if car.name == name)
+
+
+def contact_of(moved: Moved, name: str) -> ContactMotion:
+    return next(contact for contact in moved.motion.contacts if contact.name == name)
+
+
+def distance(a: Array, b: Array) -> Array:
+    """Distances (n,) of series (n,) or of points (n, 2)."""
+    apart = np.abs(a - b)
+    return apart if apart.ndim == 1 else np.linalg.norm(apart, axis=1)
+
+
+def tension_of(contact: ContactMotion) -> Array:
+    """Tension (n,) [N]; at a saddle, where both sides are alike, that behind."""
+    return np.where(np.isnan(contact.tension_behind), contact.tension_ahead, contact.tension_behind)
+
+
+def load_of(contact: ContactMotion) -> Array:
+    """Size (n,) [N] of the force of the rope on a contact."""
+    return np.asarray(np.linalg.norm(contact.pressure, axis=1))
+
+
+class Comparison:
+    """Rows of two ladders of runs."""
+
+    def __init__(self, a: Ladder, b: Ladder, scales: Scales, asked: Tolerance) -> None:
+        self.a = a
+        self.b = b
+        self.scales = scales
+        self.asked = asked
+        self.end = min(run.end for ladder in (a, b) for run in moved_runs(ladder))
+
+    def rows(self) -> Iterator[Agreement]:
+        first: Any = self.a.finest
+        if np.count_nonzero(first.instants <= self.end) < SETTLED:
+            yield Agreement("path_max", math.nan, nothing(f"a run ends at {self.end:.4g} s"), asked_for=self.asked.path)
+            return
+        for car in first.motion.cars:
+            yield from self._car(car)
+        for contact in first.motion.contacts:
+            yield from self._contact(contact)
+        yield from self._rope()
+        yield from self._energy()
+        yield self._events()
+
+    def series(
+        self, quantity: str, law: str, of: Of, scale: float, asked_for: float, means: bool = False,
+        rms: bool = False,
+    ) -> Agreement:  # fmt: skip
+        """Row of the largest distance, or of its rms, of a series (n,) or (n, 2)."""
+
+        def at(moved: Any) -> Array:
+            values = of(moved)
+            return moved.at_instants(moved.mean(values) if means else values, self.end)
+
+        def size(x: Any) -> float:
+            x = np.atleast_1d(x)
+            return float(np.sqrt(np.mean(x**2)) if rms else x.max()) / scale
+
+        a: Any = self.a.finest
+        b: Any = self.b.finest
+        gap = distance(at(a), at(b))
+        parts = [tuple(size(x) for x in ladder.parts(at, distance)) for ladder in (self.a, self.b)]
+        at_instants = a.instants[a.instants <= self.end * (1.0 + 1e-12)]
+        where = None if rms else f"t = {at_instants[int(np.argmax(gap))]:.4g} s"
+        return self._row(quantity, size(gap), parts, asked_for, law, where)
+
+    def _row(self, quantity: str, gap: float, parts: Any, asked_for: float, law: str, where: Any = None) -> Agreement:
+        names = (self.a.finest.method, self.b.finest.method)
+        bars = tuple(Part(name, sum(part)) for name, part in zip(names, parts, strict=True))
+        bound = Bound("error bars", bars)
+        return Agreement(quantity, gap, bound, where, law=law, asked_for=asked_for, parts=tuple(parts))
+
+    def _car(self, car: CarMotion) -> Iterator[Agreement]:
+        name = car.name
+        path = self.scales.path
+        tension = self.scales.tension
+        weight = self.scales.weights[name]
+        asked = self.asked
+
+        def of(field: str) -> Of:
+            return lambda moved: getattr(car_of(moved, name), field)
+
+        yield self.series("path_max", name, of("point"), path, asked.path)
+        yield self.series("path_rms", name, of("point"), path, asked.path, rms=True)
+        for field in ("tension_behind", "tension_ahead"):
+            yield self.series(field, name, of(field), tension, asked.tension, means=True)
+        yield self.series("contact_force", name, of("contact_force"), weight, asked.tension, means=True)
+        for field in ("haul_force", "grip_force"):
+            if np.isfinite(getattr(car, field)).any():
+                yield self.series(field, name, of(field), weight, asked.tension, means=True)
+
+    def _contact(self, contact: ContactMotion) -> Iterator[Agreement]:
+        name = contact.name
+        path = self.scales.path
+        tension = self.scales.tension
+
+        def of(value: Callable[[ContactMotion], Array]) -> Of:
+            return lambda moved: value(contact_of(moved, name))
+
+        yield self.series("tension", name, of(tension_of), tension, self.asked.tension, means=True)
+        yield self.series("pressure", name, of(lambda x: x.pressure), tension, self.asked.tension, means=True)
+        if contact.kind in ("saddle", "counterweight"):
+            yield self.series("flow", name, of(lambda x: x.s), path, self.asked.path)
+        if contact.kind == "counterweight":
+            yield self.series("rise", name, of(lambda x: x.rise), path, self.asked.path)
+        if contact.kind == "spring":
+            yield self.series("shift", name, of(lambda x: x.point), path, self.asked.path)
+
+    def _rope(self) -> Iterator[Agreement]:
+        """Depth and place of the rope, and its tension, as rms over all stations and instants."""
+        runs = [*moved_runs(self.a), *moved_runs(self.b)]
+        # a station beyond the rope in any run does not count
+        beyond = np.any([np.isnan(run.motion.tension).any(axis=0) for run in runs], axis=0)
+
+        def root(values: Array) -> Array:
+            """Values (n, m) whose rms is that over stations."""
+            return values[:, ~beyond]
+
+        fields = {
+            "rope": (lambda moved: root(moved.motion.points), self.scales.path, self.asked.fields),
+            "rope_tension": (lambda moved: root(moved.motion.tension), self.scales.tension, self.asked.fields),
+        }
+        for quantity, (of, scale, asked) in fields.items():
+            yield self._field(quantity, of, scale, asked)
+
+    def _field(self, quantity: str, of: Of, scale: float, asked: float) -> Agreement:
+        def at(moved: Any) -> Array:
+            return moved.at_instants(of(moved), self.end)
+
+        def rms(a: Array, b: Array) -> float:
+            return float(np.sqrt(np.mean((a - b) ** 2))) / scale
+
+        gap = rms(at(self.a.finest), at(self.b.finest))
+        return self._row(quantity, gap, [x.parts(at, rms) for x in (self.a, self.b)], asked, "")
+
+    def _energy(self) -> Iterator[Agreement]:
+        """Of each method: energy less the work of its powers stays as it is."""
+        for ladder in (self.a, self.b):
+            finest: Any = ladder.finest
+            yield law_row(ladder, "energy", "work of all powers", unbalanced_work, self.end, finest.method)
+
+    def _times(self, moved: Any) -> Array:
+        """Times of the events, over the end."""
+        return np.array([t for _, t in moved.events]) / self.end
+
+    def _events(self) -> Agreement:
+        ladders = (self.a, self.b)
+        names = [[name for name, _ in run.events] for ladder in ladders for run in moved_runs(ladder)]
+        finest: list[Any] = [ladder.finest for ladder in ladders]
+        times = [np.array([t for _, t in run.events]) for run in finest]
+        bars = [ladder.told(event_names) for ladder in ladders]
+        alike = names[0] == names[len(moved_runs(self.a))]
+        gap = float(np.max(np.abs(times[0] - times[1]), initial=0.0)) / self.end if alike else 1.0
+        if alike and names[0] and not any(bars):
+            bars = [ladder.bar(self._times, largest) for ladder in ladders]
+        return self._row("events", gap, [(bar, 0.0) for bar in bars], self.asked.path, "")
+
+
+def event_names(moved: Any) -> list[str]:
+    return [name for name, _ in moved.events]
+
+
+def largest(a: Array, b: Array) -> float:
+    return float(np.max(np.abs(a - b), initial=0.0))
+
+
+def moved_runs(ladder: Ladder) -> tuple[Any, ...]:
+    return ladder.runs
+
+
+def unbalanced_work(moved: Moved, every: int = 1) -> Array:
+    """Energy less work since the start (n,), over all work done."""
+    motion = moved.motion
+    steps = taken(motion.t, every)
+    t = motion.t[steps]
+    powers = {name: power[steps] for name, power in motion.powers.items()}
+    energy = motion.energy[steps]
+    return (energy - energy[0] - integral(t, sum(powers.values(), np.zeros(t.size)))) / work_done(t, powers)
+
+
+def integral(t: Array, values: Array) -> Array:
+    """Integrals (n,) from the first time."""
+    return np.append(0.0, np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(t)))
+
+
+def work_done(t: Array, powers: dict[str, Array]) -> float:
+    return sum(float(integral(t, np.abs(power))[-1]) for power in powers.values()) or 1.0
+
+
+def law_row(ladder: Ladder, quantity: str, law: str, defect: Any, end: float, method: str) -> Agreement:
+    """A defect (k,) that is exactly zero; its bar is that of the ladder and three times that of the sampling.
+
+    defect : of a run, and of every second step of it.
+    """
+    finest: Any = ladder.finest
+
+    def at(moved: Any) -> Array:
+        values = defect(moved)
+        return moved.at_instants(values, end) if len(values) == moved.motion.t.size else values
+
+    def size(values: Array) -> float:
+        return float(np.max(np.abs(values), initial=0.0))
+
+    gap = size(defect(finest))
+    space, time = ladder.parts(at, largest)
+    sampling = 3.0 * abs(gap - size(defect(finest, 2)))
+    parts = (Part("ladder", space + time), Part("sampling", sampling))
+    bound = Bound("law", parts)
+    return Agreement(quantity, gap, bound, law=f"{law}, {method}", asked_for=FIELDS, parts=((space, time),))
+
+
+def design_of(moved: Moved, obstacles: Sequence[tuple[str, float, float]] = ()) -> dict[str, tuple[float, float]]:
+    """Extremes and their times [s] by quantity; forces are means over an axial round trip."""
+    motion = moved.motion
+    t = motion.t
+    out: dict[str, tuple[float, float]] = {}
+    tensions: list[Array] = []
+
+    def note(name: str, values: Array, *words: str) -> None:
+        if np.isfinite(values).all():
+            for word in words:
+                k = int(np.argmax(values) if word == "max" else np.argmin(values))
+                kind, _, of = name.partition(":")
+                out[f"{kind}_{word}:{of}"] = (float(values[k]), float(t[k]))
+
+    for car in motion.cars:
+        behind = moved.mean(car.tension_behind)
+        ahead = moved.mean(car.tension_ahead)
+        tensions += [behind, ahead]
+        note(f"haul:{car.name}", moved.mean(car.haul_force), "max", "min")
+        note(f"grip:{car.name}", moved.mean(car.grip_force), "max", "min")
+        note(f"contact:{car.name}", moved.mean(car.contact_force), "max", "min")
+        note(f"speed:{car.name}", np.linalg.norm(car.velocity, axis=1), "max")
+        note(f"depth:{car.name}", car.point[:, 1], "max")
+    for contact in motion.contacts:
+        tensions.append(moved.mean(tension_of(contact)))
+        note(f"load:{contact.name}", np.linalg.norm(moved.mean(contact.pressure), axis=1), "max")
+        note(f"rise:{contact.name}", contact.rise, "max", "min")
+        if contact.kind == "saddle":
+            note(f"flow:{contact.name}", contact.s - contact.s[0], "max", "min")
+    largest_tension = np.max(tensions, axis=0)
+    smallest = np.min(tensions, axis=0)
+    for name, values, pick in (("tension_max", largest_tension, np.argmax), ("tension_min", smallest, np.argmin)):
+        k = int(pick(values))
+        out[name] = (float(values[k]), float(t[k]))
+    for name, x, top in obstacles:
+        heights = top - rope_depths(motion, np.array([x]))[:, 0]
+        k = int(np.nanargmin(heights))
+        out[f"clearance_rope:{name}"] = (float(heights[k]), float(t[k]))
+    return out
+
+
+def rope_depths(motion: LineMotion, x: Array) -> Array:
+    """Depths (n, k) [m] of the rope at x (k,) [m], linear between stations, cars and contacts."""
+    chain = Chain(motion)
+    return np.array([np.interp(x, *points.T) for points in chain.points])
+
+
+class Chain:
+    """The rope as a chain of points: stations, cars and contacts from left to right, (n, k) each."""
+
+    def __init__(self, motion: LineMotion) -> None:
+        bodies: list[CarMotion | ContactMotion] = [*motion.contacts, *motion.cars]
+        first = motion.contacts[0]
+        here = ~np.isnan(motion.tension)  # (n, m)
+        s = np.where(here, motion.s, first.s[:, None])
+        points = np.where(here[..., None], motion.points, first.point[:, None])
+        start = np.nan_to_num(first.tension_ahead)[:, None]
+        tension = np.where(here, motion.tension, start)
+        at_bodies = np.array([_mean_tension(body) for body in bodies]).T
+        s = np.concatenate([s, np.array([body.s for body in bodies]).T], axis=1)
+        points = np.concatenate([points, np.stack([body.point for body in bodies], axis=1)], axis=1)
+        tension = np.concatenate([tension, at_bodies], axis=1)
+        order = np.argsort(s, axis=1, kind="stable")
+        self.s = np.take_along_axis(s, order, axis=1)
+        self.points = np.take_along_axis(points, order[..., None], axis=1)
+        self.tension = np.take_along_axis(tension, order, axis=1)
+
+
+def _mean_tension(body: CarMotion | ContactMotion) -> Array:
+    sides = np.array([body.tension_behind, body.tension_ahead])
+    sides = np.where(np.isnan(sides), sides[::-1], sides)
+    return np.asarray(sides.mean(axis=0))
+
+
+def with_bars(a: Ladder, b: Ladder | None, obstacles: Sequence[tuple[str, float, float]], units: Any) -> list[Any]:
+    """Design numbers of `a` with bars: from coarser runs, and at least the gap to `b`."""
+
+    def design(moved: Any) -> dict[str, tuple[float, float]]:
+        return design_of(moved, obstacles)
+
+    known = {id(run): design(run) for ladder in (a, b) if ladder is not None for run in moved_runs(ladder)}
+    finest: Any = a.finest
+    out = []
+    for name, (value, t) in known[id(finest)].items():
+
+        def number(moved: Any, name: str = name) -> float:
+            return known[id(moved)].get(name, (math.nan, 0.0))[0]
+
+        bar = a.bar(number) if a.space.runs else None
+        if b is not None and bar is not None:
+            bar = max(bar, abs(value - number(b.finest)))
+        bar = bar if bar is not None and math.isfinite(bar) else None
+        out.append({"quantity": name, "value": value, "bar": bar, "unit": units(name), "t": t})
+    return out
