@@ -13,6 +13,7 @@ from scipy.linalg.lapack import dgetrf, dgetrs, zgetrf, zgetrs
 from cablefem import newmark
 from cablefem.newmark import Newton, Solve, State, StepFailure, System
 from cablefem.newmark.equilibrium import equilibrium
+from cablefem.newmark.newton import solve_dense
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 from cablefem.scene.motion import at_rest
@@ -278,18 +279,16 @@ class GalerkinSystem(System):
         return np.append(-rest, 1.0), np.append(drag, 0.0), 1.0 / 3.0 - value @ rest, 1.0 / 3.0 + 2.0 * value @ drag
 
     def _slope_behind(self, m: float, load: Array) -> Array:
-        """Solve m d + [N t - T t_static](X' + d) + load = 0 at the left support.
+        """d of m d + [N t - T t_static](X' + d) + load = 0 at the left support."""
 
-        Newton steps are not halved: that is slow for a stiff cable.
-        """
-        d = np.zeros(self.fields)
-        for _ in range(50):
+        def linearise(d: Array) -> tuple[Array, Array]:
             force, stiffness = self.cable.stress(np.asarray(0.0), d)
-            step = np.linalg.solve(m * np.eye(self.fields) + stiffness, m * d + force + load)
-            d = d - step
-            if np.abs(step).max() <= 1e-13 * (1.0 + np.abs(d).max()):
-                return d
-        raise StepFailure(0.0, "no equilibrium of the start from rest was found", "let the mass start more gently")
+            return m * d + force + load, m * np.eye(self.fields) + stiffness
+
+        d = solve_dense(linearise, np.zeros(self.fields))
+        if d is None:
+            raise StepFailure(0.0, "no equilibrium of the start from rest was found", "let the mass start more gently")
+        return d
 
     def path(self, states: States) -> tuple[Array, Array]:
         x = self.measures(self, states)

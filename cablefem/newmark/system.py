@@ -88,6 +88,7 @@ class System(Protocol):
     # --- events ------------------------------------------------------------------------------------------
     def begin_step(self, x: State) -> None:
         """Called before each single step; a system may set what it keeps constant in the step."""
+        return None
 
     def watch(self, x: State) -> tuple[float, ...]:
         """One value per event, which happens where it falls from > 0 to <= 0; inf: not armed."""
