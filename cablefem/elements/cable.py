@@ -255,7 +255,7 @@ class CableElements(System):
         nodes = dofs[e]  # (k, m, n_loc)
         powers = polyvander(inside, len(integrals) - 1)
 
-        def sums(coefficients: Array, unknowns: Array) -> Array:
+        def sums(coefficients: NDArray[np.floating], unknowns: Array) -> Array:
             """Polynomials of the shapes at the stations, times the unknowns, (k, m, fields)."""
             functions = powers[..., : len(coefficients)] @ coefficients
             return np.einsum("kml,kmlf->kmf", functions, unknowns)
