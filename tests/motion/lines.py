@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cablefem.motion import LineMotion
-from cablefem.newmark import State, System, scheme, step_times, integrate_blocks
+from cablefem.newmark import State, System, integrate_blocks, scheme, step_times
 from cablefem.scene.contacts import Car, Contact, Elastic, MovingLine
 from cablefem.scene.drive import Drive
 from cablefem.scene.motion import standing

@@ -111,7 +111,7 @@ def common_frames(a: Response, b: Response, window: Window) -> tuple[Array, NDAr
     marks = [np.round(r.fields.s_o / r.length, 9) for r in (a, b)]
     if a.drive == "free" or any(np.unique(x).size < x.size for x in marks):  # the car stands: the same instants
         marks = [np.round(r.fields.t / max(a.t[-1], b.t[-1]), 9) for r in (a, b)]
-    _, i, j = np.intersect1d(*marks, return_indices=True)
+    _, i, j = np.intersect1d(marks[0], marks[1], return_indices=True)
     position = np.round(a.fields.s_o[i] / a.length, 9)
     within = (position >= window[0]) & (position <= window[1])
     if not within.any():

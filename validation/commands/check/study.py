@@ -207,11 +207,12 @@ def _judged(
     toml = scene.to_toml()
     while True:
         first, other = side_by_side(jobs, progress, _load)
-        ladders = [first, other.map(lambda r: replace(r, scene_toml=toml))]  # the judge knows one scene alone
-        rows = required(compare_answers(scene, *ladders, asked), ask)
+        second = other.map(lambda r: replace(r, scene_toml=toml))  # the judge knows one scene alone
+        ladders = [first, second]
+        rows = required(compare_answers(scene, first, second, asked), ask)
         finer = _finer(sides, ladders, rows)
         if confirmed or not any(finer):  # laws need not be checked on runs that are refined anyway
-            rows += required(check_laws(scene, *ladders, asked), ask)
+            rows += required(check_laws(scene, first, second, asked), ask)
             finer = _finer(sides, ladders, rows)
         if confirmed or not any(finer):
             return ladders, rows

@@ -14,7 +14,7 @@ import numpy as np
 from cablefem import catenary_line
 from cablefem.elements.system import LineElements
 from cablefem.motion import CarMotion, ContactMotion, LineMotion
-from cablefem.newmark import StepFailure, Work, scheme, integrate_blocks
+from cablefem.newmark import StepFailure, Work, integrate_blocks, scheme
 from cablefem.response import Array, write_csv, write_json, write_text
 from cablefem.scene.contacts import MovingLine
 from cablefem.scene.line import Line, LineState
