@@ -8,14 +8,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from validation.core import store
-from validation.page.figures import DASHES, MARKERS, PALETTE, panels, style
+from validation.page.figures import DASHES, MARKERS, PALETTE, figure, panels, style
 from validation.page.page import Section, drawn
 from validation.page.plot import GREY
 
 
 def sections(folder: Path) -> list[Section]:
     content = store.read(folder / "oracles.json")
-    return drawn(__package__, content=content, ladders=_ladders(content["rows"]), draw=_draw)
+    return drawn(__package__, content=content, ladders=_ladders(content["rows"]), draw=_draw, figure=figure)
 
 
 def _ladders(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
