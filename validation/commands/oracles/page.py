@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from validation.core import store
+from validation.oracles.case import BEST
 from validation.page.figures import DASHES, MARKERS, PALETTE, figure, panels, style
 from validation.page.page import Section, drawn
 from validation.page.plot import GREY
@@ -19,10 +20,12 @@ def sections(folder: Path) -> list[Section]:
 
 
 def _ladders(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
-    """The rows of the case that every method goes through, by wing."""
+    """The rows of the case that every method goes through, by wing; none of a small part without such a case."""
     methods = {row["case"]: {r["method"] for r in rows if r["case"] == row["case"]} for row in rows}
     every = max(methods, key=lambda case: len(methods[case]), default="")
     parts: dict[str, list[dict[str, Any]]] = {}
+    if len(methods.get(every, ())) <= len(BEST):
+        return parts
     for row in rows:
         if row["case"] == every:
             parts.setdefault("Elements" if row["ladder"][0].startswith("elements") else "Galerkin", []).append(row)
