@@ -39,9 +39,9 @@ class Mode:
     forward: float = 0.0  # sign of the speed, 0 at first
     brakes: int = 0  # number reached
     lifted: bool = False
-    rings: bool = False  # see `release_car`
-    place: float = math.inf  # where, and since when, it is slower than `Drive.rest_speed`
-    since: float = 0.0
+    awaits_waves: bool = False  # see `release_car`
+    slow_at: float = math.inf  # where, and since when, it is slower than `Drive.rest_speed`
+    slow_since: float = 0.0
 
     @property
     def sign(self) -> float:
@@ -86,7 +86,7 @@ class RollingCar(System):
     def release_car(self, x: State) -> State:
         """The first state of a free ride; until axial waves are back, zeros of the slip are no standstills."""
         x = self.come_to_rest(x)
-        self.mode.rings = self.has_friction and not self.mode.sticks
+        self.mode.awaits_waves = self.has_friction and not self.mode.sticks
         return x
 
     def enter(self, x: State) -> State:
@@ -110,20 +110,22 @@ class RollingCar(System):
         return self.max_resistance(normal) - abs(needed)
 
     def come_to_rest(self, x: State) -> State:
-        """The car sticks, or slips where it is pulled."""
+        """The car sticks, or slips if friction and brakes cannot hold it."""
         v = x.v.copy()
         v[-1] = 0.0
         self.mode.sticks = True
         x = self.solve_acceleration(x._replace(v=v))
-        return x if self.margin(x) > 0.0 else self._slip(x)
+        if self.margin(x) > 0.0:
+            return x
+        return self._slip(x)
 
     def _slip(self, x: State) -> State:
         needed, _ = self.sticking_forces(x)
         mode = self.mode
         v = x.v.copy()
-        pulled = needed if abs(needed) > 1e-9 * self.force_scale else self.hold
+        force = needed if abs(needed) > 1e-9 * self.force_scale else self.hold
         mode.sticks = False
-        mode.heading = -math.copysign(1.0, pulled)
+        mode.heading = -math.copysign(1.0, force)
         v[-1] = mode.heading * 1e-12 if self.has_friction else 0.0  # a first slip arms the standstill event
         return self.solve_acceleration(x._replace(v=v))
 
@@ -132,18 +134,18 @@ class RollingCar(System):
             return
         mode = self.mode
         s_o, slip = (float(x.q[-1]), float(x.v[-1]))
-        if mode.rings:
+        if mode.awaits_waves:
             turned = mode.heading * self.car_forces(x).speed < -self.drive.rest_speed
             answered = x.t >= max(self.drive.start, 1.0 - self.drive.start) * self.round_trip
             if turned or (answered and mode.heading * slip > 0.0):
-                self._hear(slip)
+                self._end_waiting(slip)
         if self._drifts(x):
-            mode.place = s_o
-            mode.since = x.t
+            mode.slow_at = s_o
+            mode.slow_since = x.t
             self._watched = None
 
-    def _hear(self, slip: float) -> None:
-        self.mode.rings = False
+    def _end_waiting(self, slip: float) -> None:
+        self.mode.awaits_waves = False
         self._watched = None
         if slip != 0.0:
             self.mode.heading = math.copysign(1.0, slip)
@@ -159,7 +161,7 @@ class RollingCar(System):
             return self._slip(x)
         if name in ("brake", "brake off"):
             mode.brakes += 1 if name == "brake" else -1
-            self._hear(float(x.v[-1]))  # it may stop the car
+            self._end_waiting(float(x.v[-1]))  # it may stop the car
             return self.solve_acceleration(x)
         if name == "turn":
             mode.forward = -mode.forward
@@ -187,49 +189,51 @@ class RollingCar(System):
             return (lift_off,)
         if mode.forward == 0.0 and abs(look.speed) > drive.rest_speed:
             mode.forward = math.copysign(1.0, look.speed)
-        return *self._of_forces(x, look), *self._of_places(s_o), lift_off, self._left(x)
+        return *self._force_events(x, look), *self._position_events(s_o), lift_off, self._time_to_stop(x)
 
-    def _of_forces(self, x: State, look: CarForces) -> tuple[float, float, float]:
+    def _force_events(self, x: State, look: CarForces) -> tuple[float, float, float]:
         mode = self.mode
         if mode.sticks:
             return math.inf, self.margin(x), math.inf
         turns = mode.forward and abs(look.along) > self.max_resistance(look.across)
-        slip = mode.heading * float(x.v[-1]) if self.has_friction and not mode.rings else math.inf
+        slip = mode.heading * float(x.v[-1]) if self.has_friction and not mode.awaits_waves else math.inf
         return slip, math.inf, mode.forward * look.speed if turns else math.inf
 
-    def _of_places(self, s_o: float) -> tuple[float, float, float, float]:
+    def _position_events(self, s_o: float) -> tuple[float, float, float, float]:
         drive = self.drive
         n = self.mode.brakes
         mode = self.mode
-        way = 0.0 if mode.rings or not self.has_friction else mode.heading  # which only a standstill turns
-        ahead = drive.brakes[n][0] - s_o if n < len(drive.brakes) and way >= 0.0 else math.inf
-        back = s_o - drive.brakes[n - 1][0] if n and way <= 0.0 else math.inf
+        direction = 0.0 if mode.awaits_waves or not self.has_friction else mode.heading  # which only a standstill turns
+        ahead = drive.brakes[n][0] - s_o if n < len(drive.brakes) and direction >= 0.0 else math.inf
+        back = s_o - drive.brakes[n - 1][0] if n and direction <= 0.0 else math.inf
         return ahead, back, drive.end_place - s_o, s_o - drive.back_place
 
     def _drifts(self, x: State) -> bool:
         mode = self.mode
-        return abs(float(x.q[-1]) - mode.place) > self.drive.rest_speed * max(self.round_trip, x.t - mode.since)
+        return abs(float(x.q[-1]) - mode.slow_at) > self.drive.rest_speed * max(self.round_trip, x.t - mode.slow_since)
 
-    def _left(self, x: State) -> float:
+    def _time_to_stop(self, x: State) -> float:
         """Time until the car has been slow, and held, for an axial round trip of the last phase."""
         if x.phase < len(self.phases) - 1:
             return math.inf
-        left = max(self.mode.since, self.phases[-1][0]) + self.round_trip - x.t
+        remaining = max(self.mode.slow_since, self.phases[-1][0]) + self.round_trip - x.t
         rests = self.drive.stays(float(x.q[-1])) and not self._drifts(x)
-        return left if rests else max(left, self.round_trip)
+        return remaining if rests else max(remaining, self.round_trip)
 
     def step_fraction(self, x: State, since: float, ahead: float = 0.0) -> float:
         mode = self.mode
         slip = x.v.item(-1)
-        rubs = self.drive.resists and (mode.brakes > 0 or mode.sticks)
-        hears = (mode.forward, since) if self.short_steps_after_jumps or self.drive.resists else (0.0, math.inf)
-        return self.drive.part_of_step(self.round_trip, self.sigma, x.q.item(-1) + ahead * slip, slip, *hears, rubs)
+        holds = self.drive.resists and (mode.brakes > 0 or mode.sticks)
+        after_jump = (mode.forward, since) if self.short_steps_after_jumps or self.drive.resists else (0.0, math.inf)
+        return self.drive.part_of_step(
+            self.round_trip, self.sigma, x.q.item(-1) + ahead * slip, slip, *after_jump, holds
+        )
 
     @property
     def events_bounded(self) -> bool:
         """Whether `event_bounds` has all events."""
         mode = self.mode
-        return not self.free or not (mode.sticks or mode.rings or mode.forward == 0.0)
+        return not self.free or not (mode.sticks or mode.awaits_waves or mode.forward == 0.0)
 
     def event_bounds(self) -> tuple[float, float, float, float, float]:
         """Bounds of s_o, signs of slip (0: any) and speed, least speed."""

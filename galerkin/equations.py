@@ -83,7 +83,7 @@ class GalerkinSystem(System):
         self._fresh()
 
     def _fresh(self) -> None:
-        """Make the cache of instants; an energy step visits five."""
+        """Make the cache of instants; a collocation step visits three."""
         self.instant = lru_cache(maxsize=8)(lambda t, phase: self._instant(*self.motion.at(t, phase)))
 
     def with_law(self, law: str) -> Self:
