@@ -78,7 +78,7 @@ def of_mode(mode: str) -> tuple[str, ...]:
     """Names of the table [drive] with a meaning in a mode."""
     if mode == "grip":
         return ("mode",)
-    return tuple(name for name in Driving.field_names() if mode == "free" or name not in FREE_ONLY)
+    return tuple(name for name in Driving.field_names() if mode != "haul" or name not in FREE_ONLY)
 
 
 class Driving(Part):

@@ -38,11 +38,13 @@ class Section:
 
 def render(title: str, sections: Sequence[Section], out_file: Path) -> None:
     """Write the report atomically; the contents list the worst verdicts first."""
+    order = list(VERDICTS)
+    judged = sorted((s for s in sections if s.verdict), key=lambda s: order.index(s.verdict or ""))
     names = ["page.js", *dict.fromkeys(name for s in sections for name in s.scripts)]
     page = _ENVIRONMENT.get_template("page.html").render(
         title=title,
         sections=sections,
-        judged=[s for verdict in VERDICTS for s in sections if s.verdict == verdict],
+        judged=judged,
         rest=[s for s in sections if not s.verdict],
         css=Markup(asset("page.css")),
         scripts=[Markup(asset(name)) for name in names],
