@@ -642,7 +642,7 @@ def _moving(cable: dict[str, Any], view: dict[str, Any], of: Stored) -> Faults:
     expected["ahead"] = np.where(np.isnan(ahead), behind, ahead)
     path = path_of(run)
     series = {name: cable[name] for name in expected}
-    for beside in cable["told"]:
+    for beside in cable["readout"]:
         name, _, unit = beside["name"].rstrip("]").partition(" [")
         column, si = BESIDE[name]
         series[name] = beside["data"]
