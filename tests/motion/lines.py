@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cablefem.motion import LineMotion
-from cablefem.newmark import State, System, scheme, step_times, stretches
+from cablefem.newmark import State, System, integrate_blocks, scheme, step_times
 from cablefem.scene.contacts import Car, Contact, Elastic, MovingLine
 from cablefem.scene.drive import Drive
 from cablefem.scene.motion import standing
@@ -84,7 +84,7 @@ def states_of(system: System, steps: int, start: State | None = None) -> list[St
     """All states by Radau, to the end."""
     times = step_times(system, steps)
     times[-1] = np.append(times[-1], system.phases[-1][1])
-    return list(itertools.chain.from_iterable(stretches(system, scheme("radau"), times, start=start)))
+    return list(itertools.chain.from_iterable(integrate_blocks(system, scheme("radau"), times, start=start)))
 
 
 def run(system: Any, steps: int, s: Any = (0.0,)) -> LineMotion:

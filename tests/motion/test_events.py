@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import cumulative_simpson
 
 from cablefem.elements.system import LineElements
-from cablefem.newmark import StepFailure, Work, scheme, step_times, stretches
+from cablefem.newmark import StepFailure, Work, integrate_blocks, scheme, step_times
 from cablefem.scene import Scene
 from cablefem.scene.contacts import Elastic
 from tests.motion.lines import LEFT, Smooth, anchor, car, line, run, saddle
@@ -24,7 +24,9 @@ def rider(t_end: float = 30.0, **drive: float):
 def ending(scene, steps: int) -> tuple[list[str], float]:
     """Names of the events and the time of the last state."""
     system, work = LineElements(scene, elements=3), Work()
-    last = [states[-1] for states in stretches(system, scheme("radau"), step_times(system, steps), work=work)][-1]
+    last = [states[-1] for states in integrate_blocks(system, scheme("radau"), step_times(system, steps), work=work)][
+        -1
+    ]
     return [event.name for event in work.events], last.t
 
 

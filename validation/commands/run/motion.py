@@ -14,7 +14,7 @@ import numpy as np
 from cablefem import catenary_line
 from cablefem.elements.system import LineElements
 from cablefem.motion import CarMotion, ContactMotion, LineMotion
-from cablefem.newmark import StepFailure, Work, scheme, stretches
+from cablefem.newmark import StepFailure, Work, integrate_blocks, scheme
 from cablefem.response import Array, write_csv, write_json, write_text
 from cablefem.scene.contacts import MovingLine
 from cablefem.scene.line import Line, LineState
@@ -95,7 +95,7 @@ class Runs:
         states: list[Any] = []
         reason = None
         try:
-            for group in stretches(system, scheme("radau"), grid, work=work):
+            for group in integrate_blocks(system, scheme("radau"), grid, work=work):
                 for x in group:
                     if states and x.phase > states[-1].phase:  # forces may jump: the state after the jump, too
                         states.append(system.start(x.phase, states[-1]))
@@ -186,7 +186,7 @@ class Answers:
         if not ended and self.moved.reason is None:
             kinds.append("arrives")
             places = ", ".join(f"{car.name} at x = {car.point[-1, 0]:.1f} m" for car in self.cars)
-            parts.append(f"after {self.moved.end:.1f} s {places}")
+            parts.append(f"ends after {self.moved.end:.1f} s with {places}")
         parts.append(f"largest tension {largest['value'] / 1e3:.1f} kN at {largest['t']:.1f} s")
         return Outcome(kinds[0], "; ".join(parts))
 
