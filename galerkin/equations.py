@@ -13,6 +13,7 @@ from scipy.linalg.lapack import dgetrf, dgetrs, zgetrf, zgetrs
 from cablefem import newmark
 from cablefem.newmark import Newton, Solve, State, StepFailure, System
 from cablefem.newmark.equilibrium import equilibrium
+from cablefem.newmark.newton import solve_dense
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 from cablefem.scene.motion import at_rest
@@ -65,7 +66,7 @@ class GalerkinSystem(System):
         self.law = law
         self.basis: Any = basis if isinstance(basis, RidingSines) else Moving(basis, kink)
         self.cable: Any = cable_model(groups, model, law)
-        self.motion: Any = groups.motion  # None for a free ride
+        self.motion: Any = groups.motion  # None for a free car
         self.inertia = self.mu if load == "mass" else 0.0
         self.path_form = self.at_support = load == "mass" and not basis.smooth
         self.fields = self.cable.fields
@@ -135,10 +136,12 @@ class GalerkinSystem(System):
         V = self._fields(v)
         A = self._fields(a)
         c = x.carried
-        along = a[self.n_modal :] if self.path_form else A @ c.f + V @ c.f_v + Q @ c.f_q
-        load = self.inertia * along + self.mu * x.load
+        w_tt = a[self.n_modal :] if self.path_form else A @ c.f + V @ c.f_v + Q @ c.f_q  # of the mass
+        load = self.inertia * w_tt + self.mu * x.load
         r = force + (A + self.damping * V) @ c.mass + np.multiply.outer(load, c.f) + c.moving(V, Q)
-        return np.append(r.ravel(), q[self.n_modal :] - Q @ c.f) if self.path_form else r.ravel()
+        if not self.path_form:
+            return r.ravel()
+        return np.append(r.ravel(), q[self.n_modal :] - Q @ c.f)
 
     def tangent(self, t: float, q: Array, phase: int, c0: complex, c1: complex, c2: complex) -> Array:
         x = self.instant(t, phase)
@@ -180,33 +183,34 @@ class GalerkinSystem(System):
         return self.basis.basis
 
     def solve_step(
-        self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton
+        self, t: float, phase: int, start: Array, end: Array, rule: Array, newton: Newton
     ) -> newmark.StepResult:
         if not (self.waves and self.kink):
-            return super().solve_step(t, phase, start, now, rule, newton)
-        _, (now[:],), told = self._step(np.array([t]), phase, start, rule[None], newton)
-        return self._told(told[0])
+            return super().solve_step(t, phase, start, end, rule, newton)
+        _, ends, results = self._step(np.array([t]), phase, start, rule[None], newton)
+        end[:] = ends[0]
+        return self._step_result(results[0])
 
     def solve_steps(self, *steps) -> tuple[Array, Array]:
         """Steps end where the quadrature rules change or the cable falls slack."""
         if not (self.waves and self.kink):
             return newmark.NO_STEPS
-        taken, ends, told = self._stride(*steps)
+        taken, ends, results = self._many_steps(*steps)
         if taken:
-            self._told(told[taken - 1])
-        return ends[:taken], told[:taken]
+            self._step_result(results[taken - 1])
+        return ends[:taken], results[:taken]
 
     def _step(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[int, Array, Array]:
         places = self.motion.along(t, phase).T
         same, line = next(self.lines(places[:, 0]))
         return kernels.solve_steps(None, None, line, np.ascontiguousarray(places[same]), start, rules[same], newton)
 
-    _stride = _step
+    _many_steps = _step
 
-    def _told(self, told: Array) -> newmark.StepResult:
-        *done, lowest, where = told.tolist()
-        self.min_tension = lowest, where
-        return newmark.StepResult(*done)
+    def _step_result(self, values: Array) -> newmark.StepResult:
+        *result, min_tension, s = values.tolist()
+        self.min_tension = min_tension, s
+        return newmark.StepResult(*result)
 
     def start(self, phase: int, state: State | None) -> State:
         """At entry the limit t -> 0+; later q and v are continuous, a jumps with dds_o."""
@@ -252,18 +256,22 @@ class GalerkinSystem(System):
         m = self.inertia + m
         load = self.mu * self._load(s_o, ds_o, dds_o)
         if self.inertia and ds_o > 0.0:
-            pulled = m * np.eye(self.fields)
-            X = self.cable.static_slope(0.0)[0]
-            if self.groups.internal_damping:  # N_v t (t . d.) pulls, d. = a_hat/(2 ds_o)
-                pulled += self.cable.alpha * self.groups.internal_damping / (2.0 * ds_o) * np.multiply.outer(X, X)
+            matrix = m * np.eye(self.fields)
+            if self.groups.internal_damping:  # its force is N_v t (t . d.), d. = a_hat/(2 ds_o)
+                X_s = self.cable.static_slope(0.0)[0]
+                damping = self.cable.alpha * self.groups.internal_damping / (2.0 * ds_o)
+                matrix += damping * np.multiply.outer(X_s, X_s)
             v_hat = np.zeros(self.fields)
-            a_hat = -np.linalg.solve(pulled, load)
+            a_hat = -np.linalg.solve(matrix, load)
         else:
-            d = self._slope_behind(m * dds_o + (self.damping * (m - self.inertia) - ds_o * b) * ds_o, load)
+            of_slope = m * dds_o + (self.damping * (m - self.inertia) - ds_o * b) * ds_o
+            d = self._slope_behind(of_slope, load)
             v_hat = d * ds_o
             a_hat = d * dds_o
-        v[: self.n_modal] = np.multiply.outer(v_hat, shape).ravel()
-        a[: self.n_modal] = (np.multiply.outer(a_hat, shape) - np.multiply.outer(2.0 * ds_o * v_hat, drag)).ravel()
+        V = np.multiply.outer(v_hat, shape)  # (fields, n)
+        A = np.multiply.outer(a_hat, shape) - np.multiply.outer(2.0 * ds_o * v_hat, drag)
+        v[: self.n_modal] = V.ravel()
+        a[: self.n_modal] = A.ravel()
         if self.path_form:
             a[self.n_modal :] = a_hat
         return State(t, q, v, a, 0)
@@ -275,21 +283,21 @@ class GalerkinSystem(System):
         """
         value, first, _ = (y[0] for y in self.basis.overlap(np.array([0.0])))
         rest, drag = np.linalg.solve(self.basis.basis.mass(), np.stack([value, first], axis=1)).T
-        return np.append(-rest, 1.0), np.append(drag, 0.0), 1.0 / 3.0 - value @ rest, 1.0 / 3.0 + 2.0 * value @ drag
+        m = 1.0 / 3.0 - value @ rest
+        b = 1.0 / 3.0 + 2.0 * value @ drag
+        return np.append(-rest, 1.0), np.append(drag, 0.0), m, b
 
     def _slope_behind(self, m: float, load: Array) -> Array:
-        """Solve m d + [N t - T t_static](X' + d) + load = 0 at the left support.
+        """d of m d + [N t - T t_static](X' + d) + load = 0 at the left support."""
 
-        Newton steps are not halved: that is slow for a stiff cable.
-        """
-        d = np.zeros(self.fields)
-        for _ in range(50):
+        def linearise(d: Array) -> tuple[Array, Array]:
             force, stiffness = self.cable.stress(np.asarray(0.0), d)
-            step = np.linalg.solve(m * np.eye(self.fields) + stiffness, m * d + force + load)
-            d = d - step
-            if np.abs(step).max() <= 1e-13 * (1.0 + np.abs(d).max()):
-                return d
-        raise StepFailure(0.0, "no equilibrium of the start from rest was found", "let the mass start more gently")
+            return m * d + force + load, m * np.eye(self.fields) + stiffness
+
+        d = solve_dense(linearise, np.zeros(self.fields))
+        if d is None:
+            raise StepFailure(0.0, "no equilibrium of the start from rest was found", "let the mass start more gently")
+        return d
 
     def path(self, states: States) -> tuple[Array, Array]:
         x = self.measures(self, states)

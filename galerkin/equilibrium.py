@@ -12,7 +12,7 @@ from galerkin.bases.kink import Array, Moving
 from galerkin.models import FullCable
 
 BATCH = 64  # instants at once
-STATIONS = 60  # for the least tension
+STATIONS = 60  # for the smallest tension
 
 if TYPE_CHECKING:
     from galerkin.observe import Measures
@@ -27,7 +27,7 @@ class Equilibrium(NamedTuple):
     right: Array
     along: Array  # (k, m, 2) at the frames; at s = s_o the side behind
     strain: Array  # (n,) int W ds
-    least: Array  # (n,) least tension and its s
+    least: Array  # (n,) smallest tension and its s
     least_at: Array
     lost: Any = 0.0  # (n,) power of internal damping along the cable
 
@@ -37,10 +37,9 @@ def recover(x: Measures, s: Array, frames: Array) -> Equilibrium:
     basis = x.system.basis.basis
     damping = x.system.damping
     internal, strain, _ = sums(x)
-    # w.. + c_d w.
-    s_o = x.inside[:, None]
+    s_o = x.inside[:, None]  # length of the sides (n, 1)
     rest = 1.0 - x.inside[:, None]
-    A = (x.a + damping * x.v)[..., :-1]
+    A = (x.a + damping * x.v)[..., :-1]  # w.. + c_d w. without the hat (n, fields, N)
     first = basis.phi(x.inside, -1)
     second = basis.phi(x.inside, -2)
     ends = basis.phi(np.array([0.0, 1.0]), -2)
@@ -52,10 +51,10 @@ def recover(x: Measures, s: Array, frames: Array) -> Equilibrium:
     here = combined(A, first)
 
     def along(k: Array, s: Array) -> Array:
-        standing = np.einsum("kfm,sm->ksf", A[k], basis.phi(s, -1), optimize=True) - here[k, None]
+        smooth = np.einsum("kfm,sm->ksf", A[k], basis.phi(s, -1), optimize=True) - here[k, None]
         before = behind[k, None] - 0.5 * (s_o[k] ** 2 - s**2)[..., None] * ray_behind[k, None]
         after = ahead[k, None] + 0.5 * (rest[k] ** 2 - (1.0 - s) ** 2)[..., None] * ray_ahead[k, None]
-        return standing + np.where((s <= s_o[k])[..., None], before, after) + static(cable, s)
+        return smooth + np.where((s <= s_o[k])[..., None], before, after) + static(cable, s)
 
     least, where = least_along(cable, x.s_o.size, along, s)
     left, right = along(np.arange(x.s_o.size), np.array([0.0, 1.0])).swapaxes(0, 1)
@@ -64,14 +63,14 @@ def recover(x: Measures, s: Array, frames: Array) -> Equilibrium:
 
 
 def least_along(cable: FullCable, n: int, along: Callable[[Array, Array], Array], s: Array) -> tuple[Array, Array]:
-    """Least tension of every instant and its s, (n,); along(k, s): N t at instants k and places s."""
+    """Smallest tension of every instant and its s, (n,); along(k, s): N t at instants k and stations s."""
     stations = np.concatenate([[0.0], s[:: 1 + s.size // STATIONS], [1.0]])
     T = batched(lambda k: tension(along(k, stations), static(cable, stations)), np.arange(n))
     return T.min(axis=1), stations[T.argmin(axis=1)]
 
 
 def batched(values: Callable[[Array], Array], k: Array) -> Array:
-    """values(k) for instants k, which come first in it, of few at once."""
+    """values(k) (k, ...) for instants k, computed for few at once."""
     return np.concatenate([values(some) for some in np.array_split(k, 1 + k.size // BATCH)])
 
 

@@ -14,11 +14,11 @@ from galerkin.models import ChordCable, FullCable
 if TYPE_CHECKING:
     from galerkin.equations import GalerkinSystem
 
-NEAR_SUPPORT = 1e-12  # least length of a side, for the hat's slope
+NEAR_SUPPORT = 1e-12  # shortest side, for the hat's slope
 
 
 class Measures:
-    """Quantities of n instants, over standing functions with or without a hat.
+    """Quantities of n instants, over fixed functions with or without a hat.
 
     q, v, a : coefficients (n, fields, N + 1); those of the hat come last, zero without one
     """
@@ -42,12 +42,14 @@ class Measures:
         return self._ray(order, h, dh, ddh), self._ray(order, 1.0 - h, -dh, -ddh)
 
     def _ray(self, order: int, h: Array, dh: Array, ddh: Array) -> Array:
-        q, v, a = (y[..., -1] for y in (self.q, self.v, self.a))
+        q = self.q[..., -1]
+        v = self.v[..., -1]
         if order == 0:
             return q / h
         if order == 1:
             return (v - dh / h * q) / h
-        return (a - (2.0 * dh * v + ddh * q - 2.0 * dh**2 / h * q) / h) / h
+        moving = 2.0 * dh * v + ddh * q - 2.0 * dh**2 / h * q
+        return (self.a[..., -1] - moving / h) / h
 
     def hat_slopes(self) -> Array:
         """The hat's part of w' behind and ahead; on the left support the limit t -> 0+."""
@@ -72,30 +74,36 @@ class Measures:
         ds_o = self.ds_o[:, None]
         phi = basis.phi(self.s_o)
         first = basis.phi(self.s_o, 1)
+        Q = self.q[..., :-1]
+        V = self.v[..., :-1]
+        A = self.a[..., :-1]
         w = self.displaced()
-        w_s = combined(self.q[..., :-1], first)
+        w_s = combined(Q, first)
         if self.system.path_form:
             _, w_t, w_tt = self.path_form
         else:
-            w_t = combined(self.v[..., :-1], phi) + self.v[..., -1] + ds_o * w_s
-            bend = combined(self.q[..., :-1], basis.phi(self.s_o, 2)) if basis.smooth else np.zeros_like(w)
-            w_tt = combined(self.a[..., :-1], phi) + self.a[..., -1] + 2.0 * ds_o * combined(self.v[..., :-1], first)
+            bend = combined(Q, basis.phi(self.s_o, 2)) if basis.smooth else np.zeros_like(w)
+            w_t = combined(V, phi) + self.v[..., -1] + ds_o * w_s
+            w_tt = combined(A, phi) + self.a[..., -1] + 2.0 * ds_o * combined(V, first)
             w_tt += self.dds_o[:, None] * w_s + ds_o**2 * bend
         return w, w_t, w_tt, np.array([w_s, w_s]) + self.hat_slopes()
 
     def fields(self, s: Array, frames: Array) -> Array:
         """w, w. and w' of k frames at m stations, (3, k, fields, m); at s = s_o the side behind."""
         basis = self.system.basis.basis
-        side = (s <= self.s_o[frames, None])[:, None]
+        is_behind = (s <= self.s_o[frames, None])[:, None]  # (k, 1, m)
         values = basis.phi(s)
-        z = np.where(side, s, 1.0 - s)
+        from_support = np.where(is_behind, s, 1.0 - s)
 
-        def whole(y: Array, functions: Array, order: int, z: Array) -> Array:
-            hat = np.where(side, *(ray[frames, :, None] for ray in self.rays(order)))
-            return np.einsum("kfm,sm->kfs", y[frames, :, :-1], functions) + z * hat
+        def with_hat(y: Array, functions: Array, order: int, hat: Array) -> Array:
+            behind, ahead = (ray[frames, :, None] for ray in self.rays(order))
+            smooth = np.einsum("kfm,sm->kfs", y[frames, :, :-1], functions)
+            return smooth + hat * np.where(is_behind, behind, ahead)
 
-        slopes = whole(self.q, basis.phi(s, 1), 0, np.where(side, 1.0, -1.0))
-        return np.array([whole(self.q, values, 0, z), whole(self.v, values, 1, z), slopes])
+        w = with_hat(self.q, values, 0, from_support)
+        w_t = with_hat(self.v, values, 1, from_support)
+        w_s = with_hat(self.q, basis.phi(s, 1), 0, np.where(is_behind, 1.0, -1.0))
+        return np.array([w, w_t, w_s])
 
     def kinetic(self) -> Array:
         """1/2 int |w.|^2 ds, (n,), by `Moving`."""
@@ -121,6 +129,7 @@ class Measures:
 
 
 def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> Observation:
+    """Measurements of a history; fields at stations s (m,) for the rows `frames` (k,)."""
     groups = system.groups
     cable = system.cable
     along = system.cable.direction
@@ -152,16 +161,17 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     viscous = 2.0 * system.damping * of_cable
     powers = {"lost_viscous": -viscous} if system.damping else {}
     if groups.internal_damping:  # and in a thin layer behind the car, which the grip supplies
-        layer = x.ds_o * np.nan_to_num(forces["T_ahead"] - forces["T_behind"]) ** 2 / (2.0 * groups.alpha)
-        powers |= {"lost_internal": -lost - layer}
-    place_y = cable.static_depth(x.s_o) + w[:, -1]
-    potential = -cable.weight[-1] * (sunk + system.mu * place_y)
-    seen = sides if system.fields == 2 else static + slopes @ along
-    (u, v), (du, dv) = (np.einsum("kfs,fd->dks", y, along) for y in fields[:2])
+        jump = np.nan_to_num(forces["T_ahead"] - forces["T_behind"])
+        powers["lost_internal"] = -lost - x.ds_o * jump**2 / (2.0 * groups.alpha)
+    depth = cable.static_depth(x.s_o) + w[:, -1]
+    potential = -cable.weight[-1] * (sunk + system.mu * depth)
+    slope_behind, slope_ahead = sides if system.fields == 2 else static + slopes @ along
+    u, v = np.einsum("kfs,fd->dks", fields[0], along)
+    du, dv = np.einsum("kfs,fd->dks", fields[1], along)
     return Observation(
         path=w @ along, path_velocity=w_t @ along + ds_o * static,
         path_acceleration=w_tt @ along + dds_o * static + ds_o**2 * curvature,
-        slope_behind=seen[0], slope_ahead=seen[1],
+        slope_behind=slope_behind, slope_ahead=slope_ahead,
         energy=kinetic + forces["strain"] + potential, power=power - viscous - lost,
         u=u, v=v, du=du, dv=dv, t=states.t, s_o=x.s_o, contact=contact @ along, powers=powers,
         kinetic=kinetic, potential=potential, **forces,
@@ -172,27 +182,30 @@ def _full(
     cable: FullCable, x: Measures, slopes: Array, w_s: Array, s: Array, frames: Array
 ) -> tuple[dict[str, Array], Array, Array, Any]:
     """Forces by fields of `Observation`, r' at the mass, <N t> . [r'] - [W], and power of internal damping."""
-    T_o, static_o, static = cable.groups.static(x.s_o)[0], *(cable.static_slope(y)[0] for y in (x.s_o, s))
+    T_o = cable.groups.static(x.s_o)[0]
+    static_o = cable.static_slope(x.s_o)[0]
+    static = cable.static_slope(s)[0]
     balanced = x.recover(s, frames)
-    off = np.where(x.s_o > 0.0, 0.0, np.nan), np.where(x.s_o < 1.0, 0.0, np.nan)
-    behind = tension(balanced.behind, slopes[0]) + off[0]
-    ahead = tension(balanced.ahead, slopes[1]) + off[1]
+    none_behind = np.where(x.s_o > 0.0, 0.0, np.nan)
+    none_ahead = np.where(x.s_o < 1.0, 0.0, np.nan)
+    behind = tension(balanced.behind, slopes[0]) + none_behind
+    ahead = tension(balanced.ahead, slopes[1]) + none_ahead
     both = np.array([balanced.behind, balanced.ahead])
     sides = slopes_by(both, slopes, T_o, cable.alpha) if x.system.by_force else slopes
     left, right = (cable.points(x.s_o, (side - static_o).T) for side in sides)
     mean = T_o * static_o.T + 0.5 * (left[2:4] + right[2:4])  # <N t>
     working = np.sum(mean * (sides[1] - sides[0]).T, axis=0) - (right[1] - left[1])
-    least = np.fmin(balanced.least, np.fmin(behind, ahead))
+    smallest = np.fmin(balanced.least, np.fmin(behind, ahead))
     if x.system.law == "tension-only":
-        least = np.maximum(least, 0.0)
+        smallest = np.maximum(smallest, 0.0)
     forces = {
-        "T_behind": behind, "T_ahead": ahead, "T_behind_pointwise": left[0] + off[0],
-        "T_ahead_pointwise": right[0] + off[1],
+        "T_behind": behind, "T_ahead": ahead, "T_behind_pointwise": left[0] + none_behind,
+        "T_ahead_pointwise": right[0] + none_ahead,
         "T": tension(balanced.along, static + w_s.transpose(0, 2, 1)),
         "T_pointwise": np.array([cable.points(s, slope)[0] for slope in w_s]).reshape(len(frames), s.size),
         "reaction_left": -balanced.left, "reaction_right": balanced.right, "strain": balanced.strain,
-        "tension_min": least,
-        "tension_min_at": np.where(least < balanced.least, x.s_o, balanced.least_at),
+        "tension_min": smallest,
+        "tension_min_at": np.where(smallest < balanced.least, x.s_o, balanced.least_at),
     }  # fmt: skip
     return forces, sides, working, balanced.lost
 

@@ -166,7 +166,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         ride, line, place = self._ride(State(float(t[0]), start[0], start[1], start[2], phase))
         return kernels.solve_steps(ride, NO_BOUNDS, line, np.array([place]), start, rules, newton)
 
-    def _stride(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[int, Array, Array]:
+    def _many_steps(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[int, Array, Array]:
         """Steps end at an event, where the rules change, or where a hauled car turns."""
         drive = self.drive
         s_o, ds_o = start[:2, -1].tolist()

@@ -62,7 +62,7 @@ class CableElements(System):
         self.groups = groups
         self.model = model
         self.load = load
-        self.motion: Any = groups.motion  # None for a free ride
+        self.motion: Any = groups.motion  # None for a free car
         self.phases = groups.drive.phases if self.motion is None else self.motion.phases
         self.force_scale = (groups.mu or 1.0) * groups.sigma  # weight of the mass or of the bare cable
         self.force_floor = 16.0 * sys.float_info.epsilon * max(1.0, groups.alpha)  # rounding
@@ -75,11 +75,11 @@ class CableElements(System):
         self._set_law(law)
 
     def with_law(self, law: str) -> Self:
-        """A twin with another cable law and the same tables."""
-        twin = copy(self)
-        twin._set_law(law)
-        twin._fresh()
-        return twin
+        """A copy with another cable law and the same tables."""
+        other = copy(self)
+        other._set_law(law)
+        other._make_workspaces()
+        return other
 
     def place(self, x: State) -> float:
         return self.motion.at(x.t, x.phase)[0]
@@ -113,42 +113,46 @@ class CableElements(System):
         factorise(*tangent)
         return r, partial(solve, *tangent)
 
-    def solve_step(self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> StepResult:
-        (now[:],), told, _ = self._steps(np.array([t]), phase, start, rule[None], newton)
-        return next(self._said(told))
+    def solve_step(self, t: float, phase: int, start: Array, end: Array, rule: Array, newton: Newton) -> StepResult:
+        ends, results, _ = self._steps(np.array([t]), phase, start, rule[None], newton)
+        end[:] = ends[0]
+        return next(self._step_results(results))
 
     def collocate(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
-        return self._said(self._collocated(phase, steps if self.many_steps else steps.first(1), rule, newton))
+        if not self.many_steps:
+            steps = steps.first(1)
+        return self._step_results(self._collocated(phase, steps, rule, newton))
 
     def _steps(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[Array, Array, int]:
-        """Ends (m, 3, n_dof) and `told` (m, 6) of `kernels.newton.Steps`, and how many are good."""
+        """Ends (m, 3, n_dof) and `results` (m, 6) of `kernels.newton.Steps`, and how many are good."""
         ride, places = self._moved(t, phase, start)
         ends = np.empty((t.size, *start.shape))
-        told = np.empty((t.size, 6))
-        steps = Steps(places, self._contact_at(t.item(0), phase), start, rules, ends, told)
+        results = np.empty((t.size, 6))
+        steps = Steps(places, self._contact_at(t.item(0), phase), start, rules, ends, results)
         self._at = None
-        return ends, told, solve_steps(self._cable, ride, self._single, self._bands, steps, newton)
+        return ends, results, solve_steps(self._cable, ride, self._single, self._bands, steps, newton)
 
     def _collocated(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Array:
-        """`told` of the steps taken."""
+        """`results` of the steps taken."""
         t = rule.instants(steps.t)
-        told = np.empty((len(steps.a), 6))
+        results = np.empty((len(steps.a), 6))
         ride, places = self._moved(t, phase, steps.ends[0])
         at_nodes = [self._contact_at(x, phase) for x in t[0].tolist()]
         contacts = tuple(at_nodes + at_nodes[-1:])[:3]  # as many for each rule: compiled once
-        of = collocation.Steps(places, contacts, *steps, told)
-        self._at, space = None, self._workspace(rule.c.size)
+        of = collocation.Steps(places, contacts, *steps, results)
+        self._at = None
+        space = self._workspace(rule.c.size)
         taken = collocation.collocate(self._cable, ride, space, of, rule, newton)
-        return told[: max(1, taken)]
+        return results[: max(1, taken)]
 
     def _moved(self, t: Array, phase: int, start: Array) -> tuple[Any, Array]:
-        """The ride or None, and `kernels.newton.Steps.places`."""
+        """The car that rolls or None, and `kernels.newton.Steps.places`."""
         return None, self._places(t, phase)
 
-    def _said(self, told: Array) -> Iterator[StepResult]:
-        for *done, least, where in told.tolist():
-            self.min_tension = least, where
-            yield StepResult(*done)
+    def _step_results(self, results: Array) -> Iterator[StepResult]:
+        for *result, min_tension, s in results.tolist():
+            self.min_tension = min_tension, s
+            yield StepResult(*result)
 
     def _assemble(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
         """Set r at x, rows q, v, a, and unless the factors are 0 the tangent in `_single`."""
@@ -158,8 +162,8 @@ class CableElements(System):
             self._at = (t, phase)
         self.min_tension = assemble(self._cable, self._now, x, r, self._single, factors)
 
-    def _fresh(self) -> None:
-        """Make the workspaces, which twins do not share."""
+    def _make_workspaces(self) -> None:
+        """Make the workspaces, which copies do not share."""
         points = np.empty((9, self._mesh.tab[..., 0].size))
         chord = None if self.fields == 2 else True
         c_d = self.groups.damping
@@ -231,40 +235,43 @@ class CableElements(System):
         dds = dds + c_d * ds
         length = np.diff(knots)
         integrals = polyint(shapes.T)
-        rates = [  # d2(h w)/dt2 behind and ahead
-            h[..., None] * a + sign * (dds[..., None] * q + 2.0 * ds[..., None] * v)
-            for h, sign in ((s_o, 1.0), (1.0 - s_o, -1.0))
-        ]
-        begin = []  # integrals up to each element
-        for part, rate in zip((slice(0, n_left), slice(n_left, None)), rates, strict=True):
-            whole = np.einsum("kelf,l,e->kef", rate[:, dofs[part]], polyval(1.0, integrals), length[part])
-            begin.append(np.cumsum(whole, axis=1) - whole)
+        # d2(h w)/dt2 behind and ahead, (2, k, n_scalar + 1, fields)
+        moving = dds[..., None] * q + 2.0 * ds[..., None] * v
+        rates = np.stack([s_o[..., None] * a + moving, (1.0 - s_o)[..., None] * a - moving])
+        of_element = polyval(1.0, integrals)  # integrals of the shapes over an element
+        up_to_element = []
+        for side, rate in zip((slice(0, n_left), slice(n_left, None)), rates, strict=True):
+            over_element = np.einsum("kelf,l,e->kef", rate[:, dofs[side]], of_element, length[side])
+            up_to_element.append(np.cumsum(over_element, axis=1) - over_element)
+
+        # the element e of each station and the position in it, (k, m)
         behind = (s <= s_o) & (s_o > 0.0)
         h = np.where(behind, s_o, 1.0 - s_o)
         x = np.clip((s - s_o) / h, -1.0, 1.0)
         e = np.searchsorted(knots[1:-1], x)
         e = np.where(behind, np.minimum(e, n_left - 1), np.maximum(e, n_left))
         inside = (x - knots[e]) / length[e]
-        row = np.arange(frames.size)[:, None, None]
-        nodes = dofs[e]
+        row = np.arange(frames.size)[:, None]
+        nodes = dofs[e]  # (k, m, n_loc)
         powers = polyvander(inside, len(integrals) - 1)
-        phi, phi_x, integral = (powers[..., : len(c)] @ c for c in (shapes.T, polyder(shapes.T), integrals))
 
-        def sums(functions: NDArray[np.floating], unknowns: Array) -> Array:
+        def sums(coefficients: NDArray[np.floating], unknowns: Array) -> Array:
+            """Polynomials of the shapes at the stations, times the unknowns, (k, m, fields)."""
+            functions = powers[..., : len(coefficients)] @ coefficients
             return np.einsum("kml,kmlf->kmf", functions, unknowns)
 
-        of_q = q[row, nodes]
-        rate = np.stack(rates)[(e >= n_left)[..., None].astype(int), row, nodes]
-        w = sums(phi, of_q)
-        w_t = sums(phi, v[row, nodes])
-        w_x = sums(phi_x, of_q) / (length[e] * h)[..., None]
-        up_to = sums(integral, rate) * length[e][..., None] + np.concatenate(begin, axis=1)[row[..., 0], e]
+        of_q = q[row[..., None], nodes]
+        rate = rates[(e >= n_left)[..., None].astype(int), row[..., None], nodes]
+        w = sums(shapes.T, of_q)
+        w_t = sums(shapes.T, v[row[..., None], nodes])  # at a node
+        w_x = sums(polyder(shapes.T), of_q) / (length[e] * h)[..., None]
+        momentum = sums(integrals, rate) * length[e][..., None] + np.concatenate(up_to_element, axis=1)[row, e]
         chi = 1.0 - abs(x)
         node = self.node
         c = ds * chi
         ahead = ends[frames, 2] + 2.0 * ds * v[:, node] + dds * q[:, node]
         start = np.where(behind[..., None], ends[frames, None, 0], ahead[:, None])
-        carried = start + up_to - 2.0 * c[..., None] * w_t - (dds * chi)[..., None] * w
+        carried = start + momentum - 2.0 * c[..., None] * w_t - (dds * chi)[..., None] * w
         return (w, w_t - c[..., None] * w_x, w_x), carried, c
 
     def _set_law(self, law: str) -> None:
@@ -281,14 +288,15 @@ class CableElements(System):
             self._law = np.array([g.alpha, tau, curvature, *STRETCHING[self.model], flag])
 
     def static(self, s_o: Any) -> tuple[Array, Array, Array]:
-        """Place, slope and curvature (..., fields) of the static shape; the parabola for one field."""
+        """Position, slope and curvature (..., fields) of the static shape; the parabola for one field."""
         s_o = np.asarray(s_o)
         if self.fields == 2:
-            _, *slope_and_bend = self.groups.static(s_o)
-            xp, yp, xpp, ypp = slope_and_bend
+            _, xp, yp, xpp, ypp = self.groups.static(s_o)
             return np.stack(self.groups.shape(s_o), -1), np.stack([xp, yp], -1), np.stack([xpp, ypp], -1)
         bend = -self._law[2] * np.ones_like(s_o)
-        return -0.5 * (bend * s_o * (1.0 - s_o))[..., None], (bend * (s_o - 0.5))[..., None], bend[..., None]
+        depth = -0.5 * (bend * s_o * (1.0 - s_o))
+        slope = bend * (s_o - 0.5)
+        return depth[..., None], slope[..., None], bend[..., None]
 
     def _load(self, s_o: Any, ds: Any, dds: Any) -> tuple[Any, ...]:
         """mu d2X/dt2 less the weight of each field."""

@@ -39,7 +39,7 @@ class FixedElements(CableElements):
         self._tabulate(_KINDS[element])
         self.particle = coupling == "path"
         self.n_dof = self.fields * (self.n_scalar + self.particle)
-        self._fresh()
+        self._make_workspaces()
 
     def start(self, phase: int, state: State | None) -> State:
         """At entry everything rests.

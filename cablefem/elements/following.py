@@ -7,11 +7,12 @@ from numpy.polynomial.polynomial import polyder, polyval
 from scipy.linalg import solveh_banded
 
 from cablefem.elements.cable import CableElements
-from cablefem.elements.forms import pull, stiffness
+from cablefem.elements.forms import section_force, stiffness
 from cablefem.elements.kernels.balance import Contact, Mesh, Rates
 from cablefem.elements.reference import reference
 from cablefem.newmark import Array, State, StepFailure, consistent_acceleration, quasi_static_start
 from cablefem.newmark.equilibrium import equilibrium
+from cablefem.newmark.newton import solve_dense
 from cablefem.response import States
 from cablefem.scene import Groups
 from cablefem.scene.motion import at_rest
@@ -35,8 +36,8 @@ class FollowingElements(CableElements):
     ) -> None:  # fmt: skip
         super().__init__(groups, model, load, law)
         self.reference = of = reference(elements, degree, grading, groups.internal_damping > 0.0)
-        known = ((0,) * (degree + 1), (0,) * of.forces.shape[1]) if degree == 2 and self.fields == 2 else ((), ())
-        self._mesh = Mesh(of.dofs, of.forces, elements, *known)
+        unrolled = ((0,) * (degree + 1), (0,) * of.forces.shape[1]) if degree == 2 and self.fields == 2 else ((), ())
+        self._mesh = Mesh(of.dofs, of.forces, elements, *unrolled)
         self._moments = of.moments
         self._knots = of.knots
         self._shapes = of.shapes
@@ -50,13 +51,13 @@ class FollowingElements(CableElements):
         self._band = self.fields * degree + self.fields - 1
         node = self.fields * self.node + np.arange(self.fields)[None, :]
         self._contact = Contact(node, _ONE, self.inertia * _ONE, _ZERO, _ZERO)
-        self._fresh()
+        self._make_workspaces()
 
     def start(self, phase: int, state: State | None) -> State:
         """The state at the beginning of a phase.
 
-        With speed, the contact force is 0.  From rest, s_o = a t^2/2 and w(s_o) = b t^2 with
-        m 2b + mu (a X' - sigma j) + [N t - T t_static] = 0 at r' = X' + 2b/a; m includes entrained cable.
+        With speed, the contact force is 0.  From rest, s_o = a t^2/2 and w(s_o) = d s_o with
+        m a d + mu (a X' - sigma j) + [N t - T t_static] = 0 at r' = X' + d; m includes entrained cable.
         """
         t = self.phases[phase][0]
         if state is not None:
@@ -64,27 +65,27 @@ class FollowingElements(CableElements):
         s_o, ds, dds = self.motion.at(t, phase)
         if s_o > 0.0:
             return quasi_static_start(self, lambda at: equilibrium(self.with_clamped_car(at)), s_o, ds)
-        ride, entrained = self._entrained()
+        shape, entrained = self._entrained()
         inertia = self.inertia + entrained
         zero = np.zeros(self.n_dof)
         if ds > 0.0:
             g = self.groups
             node_a = -np.array(self._load(0.0, ds, dds)) / inertia
             if g.internal_damping:  # the slope behind grows like w.. t/(2 ds_o)
-                damps = g.alpha * g.internal_damping / (2.0 * ds)
-                along = np.array(g.static(0.0)[1:3])
-                node_a -= damps / (inertia + damps) * (along @ node_a) * along
+                damping = g.alpha * g.internal_damping / (2.0 * ds)
+                tangent = np.array(g.static(0.0)[1:3])
+                node_a -= damping / (inertia + damping) * (tangent @ node_a) * tangent
         elif dds > 0.0:
-            node_a = 2.0 * self._strained_start(dds, inertia)
+            node_a = dds * self._slope_behind(inertia * dds, np.array(self._load(0.0, 0.0, dds)))
         else:
             raise ValueError("the travel starts with neither speed nor acceleration")
-        return State(t, zero, zero.copy(), (ride[:, None] * node_a).ravel(), phase)
+        return State(t, zero, zero.copy(), (shape[:, None] * node_a).ravel(), phase)
 
     def with_clamped_car(self, s_o: float) -> FollowingElements:
         """The cable at rest, with its mass."""
-        twin = self.with_law("tension-only")
-        twin.motion = at_rest(s_o, 1.0)
-        return twin
+        other = self.with_law("tension-only")
+        other.motion = at_rest(s_o, 1.0)
+        return other
 
     # --- assembly --------------------------------------------------------------------------------------
     def _entrained(self) -> tuple[Array, float]:
@@ -100,8 +101,9 @@ class FollowingElements(CableElements):
         if degree == 2:  # midpoints; from degree 3 on bubbles
             linear[1::2] = 0.5 * (linear[:-1:2] + linear[2::2])
         M = self.reference.operators[1, degree:, node:]
-        pushed = solveh_banded(M[: M.shape[1]], np.eye(M.shape[1], 1)[:, 0], lower=True)
-        return np.concatenate([linear[1:], pushed[1:] / pushed[0]]), float(1.0 / pushed[0])
+        at_mass = np.eye(M.shape[1], 1)[:, 0]
+        ahead = solveh_banded(M[: M.shape[1]], at_mass, lower=True)
+        return np.concatenate([linear[1:], ahead[1:] / ahead[0]]), float(1.0 / ahead[0])
 
     def _rates(self) -> Rates | None:
         """dphi'/dt at fixed s is -(+-phi,xi + chi phi,xixi) ds_o/h^2, + behind the mass."""
@@ -119,28 +121,28 @@ class FollowingElements(CableElements):
         moved = np.where(behind[..., None], -slopes, slopes) - np.moveaxis(chi * bends, 0, -1)
         return Rates(self.groups.internal_damping, moved, np.empty((5, xi.size)))
 
-    def _strained_start(self, dds: float, inertia: float) -> Array:
-        """b of `start`."""
-        rest = np.array(self._load(0.0, 0.0, dds))
+    def _slope_behind(self, m: float, load: Array) -> Array:
+        """d of `start`: m d + [N t - T t_static](X' + d) + load = 0."""
         if self.fields == 1:
-            return -rest / (2.0 * inertia + 2.0 * self._law[1] / dds)
+            return -load / (m + self._law[1])
         T, *slope = self.groups.static(0.0)[:3]
-        b = np.zeros(2)
-        for _ in range(50):
-            at = np.array(slope), T, 2.0 * b / dds, self.groups.alpha, self._law[3]
-            J = 2.0 * inertia * np.eye(2) + 2.0 / dds * stiffness(*at)
-            step = np.linalg.solve(J, 2.0 * inertia * b + rest + pull(*at)[0])
-            b -= step
-            if np.abs(step).max() <= 1e-14 * (dds + np.abs(b).max()):
-                return b
-        raise StepFailure(0.0, "no equilibrium of the start from rest was found", "let the mass start more gently")
+        X_s = np.array(slope)
+
+        def linearise(d: Array) -> tuple[Array, Array]:
+            at = X_s, T, d, self.groups.alpha, self._law[3]
+            return m * d + section_force(*at)[0] + load, m * np.eye(2) + stiffness(*at)
+
+        d = solve_dense(linearise, np.zeros(2))
+        if d is None:
+            raise StepFailure(0.0, "no equilibrium of the start from rest was found", "let the mass start more gently")
+        return d
 
     def solve_steps(self, *steps) -> tuple[Array, Array]:
         """Steps end where the cable falls slack."""
-        now, told, taken = self._steps(*steps)
+        ends, results, taken = self._steps(*steps)
         if taken:
-            self.min_tension = told.item(taken - 1, 4), told.item(taken - 1, 5)
-        return now[:taken], told[: taken + 1]
+            self.min_tension = results.item(taken - 1, 4), results.item(taken - 1, 5)
+        return ends[:taken], results[: taken + 1]
 
     def _places(self, t: Array, phase: int) -> Array:
         kinematics = self.motion.along(t.ravel(), phase)
@@ -154,15 +156,18 @@ class FollowingElements(CableElements):
     # --- observation -----------------------------------------------------------------------------------
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
         s_o, ds, dds = kinematics.T
-        q, v, a = (self._padded(x) for x in (states.q, states.v, states.a))
-        n = self._mesh.n_left
-        behind, ahead = (
-            np.tensordot(q[:, self._mesh.dofs[e]], grad, axes=(1, 0))
-            for e, grad in zip((n - 1, n), self._at_car, strict=True)
-        )
+        q, v, a = (self._padded(x) for x in (states.q, states.v, states.a))  # (n, n_scalar + 1, fields)
+        first_ahead = self._mesh.n_left
+        dofs_behind, dofs_ahead = self._mesh.dofs[first_ahead - 1 : first_ahead + 1]
+        behind = np.tensordot(q[:, dofs_behind], self._at_car[0], axes=(1, 0))
+        ahead = np.tensordot(q[:, dofs_ahead], self._at_car[1], axes=(1, 0))
         behind /= np.where(s_o > 0.0, s_o, 1.0)[:, None]
         ahead /= (1.0 - s_o)[:, None]
+        node = self.node
         if s_o.size and s_o[0] == 0.0:  # limit of w(s_o)/s_o
-            gone, way = (v, ds) if ds[0] > 0.0 else (a, dds)
-            behind[0] = gone[0, self.node] / way[0] if way[0] > 0.0 else 0.0
-        return q[:, self.node], v[:, self.node], a[:, self.node], behind, ahead
+            behind[0] = 0.0
+            if ds[0] > 0.0:
+                behind[0] = v[0, node] / ds[0]
+            elif dds[0] > 0.0:
+                behind[0] = a[0, node] / dds[0]
+        return q[:, node], v[:, node], a[:, node], behind, ahead

@@ -25,10 +25,12 @@ if TYPE_CHECKING:
 
 
 def tension(eps, T, alpha, law):
+    """N, dN/deps and the strain energy W from the static state, of a strain eps."""
     N = T + alpha * eps
-    pulls = (N > 0.0) | (law != TENSION_ONLY)
-    slack = -0.5 * T * T / alpha
-    return np.where(pulls, N, 0.0), np.where(pulls, alpha, 0.0), np.where(pulls, (T + 0.5 * alpha * eps) * eps, slack)
+    taut = (N > 0.0) | (law != TENSION_ONLY)
+    W = (T + 0.5 * alpha * eps) * eps
+    W_slack = -0.5 * T * T / alpha
+    return np.where(taut, N, 0.0), np.where(taut, alpha, 0.0), np.where(taut, W, W_slack)
 
 
 def strain(X_s, w_s):
@@ -36,27 +38,30 @@ def strain(X_s, w_s):
     return np.sum((2.0 * X_s + w_s) * w_s, axis=0) / (np.hypot(*(X_s + w_s)) + 1.0)
 
 
-def pull(X_s, T, w_s, alpha, law):
+def section_force(X_s, T, w_s, alpha, law):
     """f = N t - T X' (2, ...), N, dN/deps and W."""
     stretch = np.hypot(*(X_s + w_s))
     eps = strain(X_s, w_s)
     N, dN, W = tension(eps, T, alpha, law)
-    return N / stretch * w_s + ((N - T) - T * eps) / stretch * X_s, N, dN, W
+    f = N / stretch * w_s + ((N - T) - T * eps) / stretch * X_s  # without cancellation
+    return f, N, dN, W
 
 
 def stiffness(X_s, T, w_s, alpha, law):
     """df/dw' (2, 2, ...)."""
     r_s = X_s + w_s
     stretch = np.hypot(*r_s)
-    _, N, dN, _ = pull(X_s, T, w_s, alpha, law)
+    _, N, dN, _ = section_force(X_s, T, w_s, alpha, law)
     t = r_s / stretch
     unit = np.eye(2).reshape(2, 2, *[1] * np.ndim(stretch))
-    return N / stretch * unit + (dN - N / stretch) * t[:, None] * t[None]
+    across = N / stretch
+    return across * unit + (dN - across) * t[:, None] * t[None]
 
 
 @skfem.LinearForm
 def internal_force(eta, w):
-    return np.sum(pull(w["X_s"], w["T"], w["w_s"], w["alpha"], w["law"])[0] * eta.grad[:, 0], axis=0)
+    f = section_force(w["X_s"], w["T"], w["w_s"], w["alpha"], w["law"])[0]
+    return np.sum(f * eta.grad[:, 0], axis=0)
 
 
 @skfem.LinearForm
@@ -69,31 +74,37 @@ def inertia(eta, w):
 
 
 def assembled(system: FollowingElements, x: Array, t: float, phase: int) -> Array:
-    """The residual (n_dof,) at x, rows q, v, a."""
+    """The residual (n_dof,) at x, rows q, v, a, assembled by scikit-fem on the mesh of time t."""
     s_o, ds, dds = system.motion.at(t, phase)
+    g = system.groups
     degree = system.reference.degree
     knots = system.reference.knots
-    g = system.groups
     mesh = skfem.MeshLine(s_o + np.where(knots < 0.0, s_o, 1.0 - s_o) * knots)
     element = skfem.ElementVector(lagrange_element(degree), 2)
-    of_inertia, of_forces = (skfem.Basis(mesh, element, intorder=k) for k in (2 * degree, force_order(degree)))
-    number = np.empty(of_inertia.N, dtype=int)
-    for field in range(2):  # scikit-fem's unknowns in ours
-        number[of_inertia.element_dofs[field::2]] = 2 * (numbered(degree, mesh.nelements).T - 1) + field
+    basis = skfem.Basis(mesh, element, intorder=2 * degree)
+    basis_of_forces = skfem.Basis(mesh, element, intorder=force_order(degree))
+
+    # scikit-fem's unknowns in ours, which leave out the supports
+    number = np.empty(basis.N, dtype=int)
+    for field in range(2):
+        number[basis.element_dofs[field::2]] = 2 * (numbered(degree, mesh.nelements).T - 1) + field
     inner = (number >= 0) & (number < system.n_dof)
-    padded = np.zeros((3, number.size))
-    padded[:, inner] = x[:, number[inner]]
-    s = np.asarray(of_inertia.global_coordinates())[0]
+    unknowns = np.zeros((3, number.size))
+    unknowns[:, inner] = x[:, number[inner]]
+
+    s = np.asarray(basis.global_coordinates())[0]
     behind = s < s_o
     chi = np.where(behind, s / s_o, (1.0 - s) / (1.0 - s_o))
     chi_s = np.where(behind, 1.0 / s_o, -1.0 / (1.0 - s_o))
-    moving = {"c": ds * chi, "c_s": ds * chi_s, "c_t": dds * chi, "c_d": g.damping}
-    q, v, a = (of_inertia.interpolate(y) for y in padded)
-    T, *slope = g.static(np.asarray(of_forces.global_coordinates())[0])[:3]
-    w_s = of_forces.interpolate(padded[0]).grad[:, 0]
-    cable = {"T": T, "X_s": np.stack(slope), "w_s": w_s, "alpha": g.alpha, "law": float(system.law == "tension-only")}
-    r = inertia.assemble(of_inertia, q=q, v=v, a=a, **moving) + internal_force.assemble(of_forces, **cable)
-    r = r[np.argsort(number)[2:-2]]
-    at = [2 * system.node, 2 * system.node + 1]
-    r[at] += system.inertia * x[2, at] + system._load(s_o, ds, dds)
+    q, v, a = (basis.interpolate(y) for y in unknowns)
+    r = inertia.assemble(basis, q=q, v=v, a=a, c=ds * chi, c_s=ds * chi_s, c_t=dds * chi, c_d=g.damping)
+
+    T, *slope = g.static(np.asarray(basis_of_forces.global_coordinates())[0])[:3]
+    w_s = basis_of_forces.interpolate(unknowns[0]).grad[:, 0]
+    law = float(system.law == "tension-only")
+    r += internal_force.assemble(basis_of_forces, T=T, X_s=np.stack(slope), w_s=w_s, alpha=g.alpha, law=law)
+
+    r = r[np.argsort(number)[2:-2]]  # without the supports
+    at_mass = [2 * system.node, 2 * system.node + 1]
+    r[at_mass] += system.inertia * x[2, at_mass] + system._load(s_o, ds, dds)
     return r

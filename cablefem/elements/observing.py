@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import dia_array
 
-from cablefem.elements.forms import pull, strain, tension
+from cablefem.elements.forms import section_force, strain, tension
 from cablefem.newmark import Array
 from cablefem.response import Observation, States
 
@@ -21,12 +21,13 @@ if TYPE_CHECKING:
 
 
 def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
+    """Measurements of a history; fields at stations s (m,) for the rows `frames` (k,)."""
     g = system.groups
     n = states.t.size
     kinematics = system._kinematics(states)
     s_o, ds, dds = kinematics.T
     w, w_t, w_tt, *slopes = system._at_mass(states, kinematics)
-    place, slope, bend = system.static(s_o)
+    position, slope, bend = system.static(s_o)
     velocity = w_t + ds[:, None] * slope
     acceleration = w_tt + dds[:, None] * slope + (ds**2)[:, None] * bend
     force = system.inertia * acceleration - system.weight
@@ -36,31 +37,31 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
     size = system.fields * system.n_scalar
     q, v, a = (np.ascontiguousarray(x[:, :size]).reshape(n, -1, system.fields) for x in (states.q, states.v, states.a))
     full = system.fields == 2
-    (kinetic, strain, potential), least, where, pulled, rest = energies(system, mesh_at, q, v)
+    (kinetic, strain, potential), min_tension, min_at, internal, more = energies(system, mesh_at, q, v)
     lost = 2.0 * g.damping * kinetic
     powers = {}
     if g.damping:
         powers["lost_viscous"] = -lost
     kinetic += 0.5 * system.inertia * np.sum(velocity**2, axis=1)
-    potential -= (place + w) @ system.weight
+    potential -= (position + w) @ system.weight
 
     T, xp, yp, xpp, ypp = g.static(s_o)
     static = np.stack([xp, yp], axis=1)
     bend = np.stack([xpp, ypp], axis=1)
     behind, ahead = (static + x @ system.direction for x in slopes)
-    ends = _end_forces(system, mesh_at, (q, v, a), pulled)
-    seen, along, c = system._along(states, kinematics, ends, force, s, frames)
-    fields, dfields, slopes_s = (x @ system.direction for x in seen)
+    ends = _end_forces(system, mesh_at, (q, v, a), internal)
+    motion, carried, c = system._along(states, kinematics, ends, force, s, frames)
+    w_s, w_s_t, slopes_s = (x @ system.direction for x in motion)  # w, dw/dt, w' at the frames
     if full:
         at_mass = static, T, behind, ahead
-        tensions, kink = _tensions(system, ends, (along, slopes_s, s), (mesh_at[:, 1], c), at_mass)
+        tensions, kink = _tensions(system, ends, (carried, slopes_s, s), (mesh_at[:, 1], c), at_mass)
         power += ds * kink
         if g.internal_damping:  # and in a thin layer behind the car, which the grip supplies
-            lost = lost + rest
-            layer = ds * np.nan_to_num(tensions["T_ahead"] - tensions["T_behind"]) ** 2 / (2.0 * g.alpha)
-            powers["lost_internal"] = -rest - layer
+            lost = lost + more
+            jump = np.nan_to_num(tensions["T_ahead"] - tensions["T_behind"])
+            powers["lost_internal"] = -more - ds * jump**2 / (2.0 * g.alpha)
     else:
-        tensions = _chord_tensions(system, ends, rest, T, s, frames)
+        tensions = _chord_tensions(system, ends, more, T, s, frames)
     power -= lost
     for name in [name for name in tensions if "behind" in name]:
         tensions[name] = np.where(s_o > 0.0, tensions[name], np.nan)
@@ -69,8 +70,8 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
         path_acceleration=w_tt @ system.direction + dds[:, None] * static + (ds**2)[:, None] * bend,
         slope_behind=behind, slope_ahead=ahead,
         energy=kinetic + strain + potential, power=power, kinetic=kinetic, strain=strain, potential=potential,
-        tension_min=least, tension_min_at=where,
-        u=fields[..., 0], v=fields[..., 1], du=dfields[..., 0], dv=dfields[..., 1],
+        tension_min=min_tension, tension_min_at=min_at,
+        u=w_s[..., 0], v=w_s[..., 1], du=w_s_t[..., 0], dv=w_s_t[..., 1],
         t=states.t, s_o=s_o, contact=-force @ system.direction, **tensions,
         powers=powers,
     )  # fmt: skip
@@ -82,10 +83,11 @@ def energies(system: CableElements, mesh_at: Array, q: Array, v: Array) -> tuple
     mesh_at : (n, 3) kinematics of the mesh;  q, v : (n, n_scalar, fields).
     """
     s_o = mesh_at[:, 0]
-    strain, *rest = _strained(system, mesh_at, q, v)
-    deep = sum(h[:, None] * (of[:, 0] @ q) for of, h, _ in _sides(system, s_o))
-    potential = -system.groups.sigma * (deep @ system.direction)[:, 1] * (system.fields == 2)
-    return np.array([kinetic_energy(system, mesh_at, q, v), strain, potential]), *rest
+    strain, *more = _strained(system, mesh_at, q, v)
+    kinetic = kinetic_energy(system, mesh_at, q, v)
+    depth = sum(h[:, None] * (of[:, 0] @ q) for of, h, _ in _sides(system, s_o))  # int w ds (n, fields)
+    potential = -system.groups.sigma * (depth @ system.direction)[:, 1] * (system.fields == 2)
+    return np.array([kinetic, strain, potential]), *more
 
 
 def _sides(system: CableElements, s_o: Array) -> list[tuple[Array, Array, float]]:
@@ -102,7 +104,8 @@ def kinetic_energy(system: CableElements, mesh_at: Array, q: Array, v: Array) ->
     offsets = system.fields * (width // 2 - np.arange(width))
 
     def product(k: int, x: Array, y: Array) -> Array:
-        return np.sum((dia_array((system._operators[k], offsets), shape=(n, n)) @ x) * y, axis=0)  # of the transpose
+        transposed = dia_array((system._operators[k], offsets), shape=(n, n))
+        return np.sum((transposed @ x) * y, axis=0)
 
     for k, (_, h, _) in enumerate(_sides(system, s_o)):
         total += 0.5 * h * product(k, v, v)
@@ -113,9 +116,9 @@ def kinetic_energy(system: CableElements, mesh_at: Array, q: Array, v: Array) ->
 
 
 def _strained(system: CableElements, mesh_at: Array, q: Array, v: Array) -> tuple[Array, ...]:
-    """Energy of strain, least tension, its s, int f dxi of both sides (n, 2, fields), and one more (n,).
+    """Strain energy, smallest tension, its s, int f dxi of both sides (n, 2, fields), and one more (n,).
 
-    The last is the power of internal damping; of one field the rise of its uniform tension.
+    The last is the power of internal damping; with one field, the rise of the uniform tension.
     """
     s_o, ds, _ = mesh_at.T
     dofs, tab, n_left, *_ = system._mesh
@@ -132,31 +135,32 @@ def _strained(system: CableElements, mesh_at: Array, q: Array, v: Array) -> tupl
     if system.fields == 2:
         T, *slope = system.groups.static(s)[:3]
         X_s = np.array(slope)
-        f, _, _, W = pull(X_s, T, w, law[0], law[3])
+        f, _, _, W = section_force(X_s, T, w, law[0], law[3])
         N = T + law[0] * strain(X_s, w)
-        rest = np.zeros(n.size)
+        more = np.zeros(n.size)
         if system.groups.internal_damping:
-            more, N, power = _damped(system, (q, v), ds[:, None, None], np.where(h > 0.0, h, 1.0), X_s + w, N)
-            f = f + more
-            rest = np.sum(weight * power, axis=(1, 2))
+            length = np.where(h > 0.0, h, 1.0)
+            f_damping, N, power = _damped(system, (q, v), ds[:, None, None], length, X_s + w, N)
+            f = f + f_damping
+            more = np.sum(weight * power, axis=(1, 2))
         N = np.where(h > 0.0, N, math.inf).reshape(n.size, -1)
         energy = np.sum(weight * W, axis=(1, 2))
         at = np.argmin(N, axis=1)
-        least = N[n, at]
-        where = s.reshape(n.size, -1)[n, at]
+        min_tension = N[n, at]
+        min_at = s.reshape(n.size, -1)[n, at]
     else:
         alpha, tau, curvature, lam, kap, kind = law
         (w,) = w
         y = curvature * (0.5 - s)
         eps = lam * np.sum(weight * (y * w + 0.5 * kap * w * w), axis=(1, 2))
         N, _, W = tension(eps, tau, alpha, kind)
-        least = tau + alpha * eps
-        where = np.full(n.size, 0.5)
-        rest = N - tau
+        min_tension = tau + alpha * eps
+        min_at = np.full(n.size, 0.5)
+        more = N - tau
         energy = 0.5 * tau * np.sum(weight * w * w, axis=(1, 2)) + W - tau * eps
-        f = (tau * w + rest[:, None, None] * (y + kap * w))[None]
-    force = np.stack([np.sum((dxi * f)[:, :, part], axis=(2, 3)).T for part in (behind, ~behind)], axis=1)
-    return energy, least, where, force, rest
+        f = (tau * w + more[:, None, None] * (y + kap * w))[None]
+    force = np.stack([np.sum((dxi * f)[:, :, side], axis=(2, 3)).T for side in (behind, ~behind)], axis=1)
+    return energy, min_tension, min_at, force, more
 
 
 def _damped(
@@ -173,18 +177,18 @@ def _damped(
     t = slope / np.hypot(*slope)
     moved = np.einsum("egk,nekf->fneg", grad, v) + ds / h * np.einsum("egk,nekf->fneg", rates.moved, q)
     rate = np.sum(t * moved / h, axis=0)
-    least = 0.0 if system.law == "tension-only" else -math.inf
-    whole = N + system.groups.alpha * rates.tau * rate
-    more = np.maximum(whole, least) - np.maximum(N, least)
-    return more * t, whole, more * rate
+    lowest = 0.0 if system.law == "tension-only" else -math.inf
+    damped = N + system.groups.alpha * rates.tau * rate
+    added = np.maximum(damped, lowest) - np.maximum(N, lowest)
+    return added * t, damped, added * rate
 
 
-def _end_forces(system: CableElements, mesh_at: Array, history: tuple[Array, Array, Array], pulled: Array) -> Array:
+def _end_forces(system: CableElements, mesh_at: Array, history: tuple[Array, Array, Array], internal: Array) -> Array:
     """f - c^2 w' (n, 4, fields) at the left support, behind and ahead of the mass, and at the right support.
 
     f = N t - T X'.  Momentum of a side, tested with phi = 1, and with phi = 1 at the mass and 0 at the support:
     int d(h w.)/dt phi dxi + int (c w. + f) phi' ds = [(f + c w.) phi].
-    pulled : (n, 2, fields) int f dxi.
+    internal : (n, 2, fields) int f dxi of each side.
     """
     q, v, a = history
     s_o, ds, dds = mesh_at.T[..., None]
@@ -194,13 +198,13 @@ def _end_forces(system: CableElements, mesh_at: Array, history: tuple[Array, Arr
     for (of, h, sign), near, end in zip(_sides(system, s_o), (1, 2), (0, 3), strict=False):
         of_q, of_v, of_a = (np.moveaxis(of.T @ x, 1, 0) for x in (q, v, a))
         dh = sign * ds + c_d * h
-        whole, tested = (h * of_a[k] + dh * of_v[k] - dds * of_q[k + 2] - ds * of_v[k + 2] for k in (0, 1))
+        total, tested = (h * of_a[k] + dh * of_v[k] - dds * of_q[k + 2] - ds * of_v[k + 2] for k in (0, 1))
         flux = np.divide(ds**2 * of_q[3], h, out=np.zeros_like(tested), where=h > 0.0)
-        force = sign * tested + ds * of_v[1] - flux + pulled[:, near - 1]
+        force = sign * tested + ds * of_v[1] - flux + internal[:, near - 1]
         out[:, near] = force - ds * v[:, system.node]
-        out[:, end] = force - sign * whole
-    at_once = s_o[:, 0] == 0.0
-    out[at_once, 0] = out[at_once, 1] = out[at_once, 2]
+        out[:, end] = force - sign * total
+    entering = s_o[:, 0] == 0.0
+    out[entering, :2] = out[entering, 2:3]
     return out
 
 
@@ -219,25 +223,26 @@ def _tensions(
     T_s, x_s, y_s = (np.broadcast_to(x, slopes.shape[:2]) for x in g.static(s)[:3])
     static_s = np.stack([x_s, y_s], axis=-1)
 
-    def pulled(static: Array, T: Array, w_s: Array) -> tuple[Array, Array, Array]:
-        force, N, _, W = pull(np.moveaxis(static, -1, 0), T, np.moveaxis(w_s, -1, 0), system._law[0], system._law[3])
-        return np.moveaxis(force, 0, -1) + T[..., None] * static, N, W
+    def pointwise(static: Array, T: Array, w_s: Array) -> tuple[Array, Array, Array]:
+        """N t, N and W by slopes."""
+        alpha, _, _, law = system._law
+        f, N, _, W = section_force(np.moveaxis(static, -1, 0), T, np.moveaxis(w_s, -1, 0), alpha, law)
+        return np.moveaxis(f, 0, -1) + T[..., None] * static, N, W
 
-    (pull_behind, N_behind, W_behind), (pull_ahead, N_ahead, W_ahead) = (
-        pulled(static, T, slope - static) for slope in (behind, ahead)
-    )
-    kink = 0.5 * np.sum((pull_behind + pull_ahead) * (ahead - behind), axis=1) - (W_ahead - W_behind)
-    at_ends = g.static(np.array([0.0, 1.0]))[:3]
-    left, right = (ends[:, k] + at_ends[0][i] * np.array([x[i] for x in at_ends[1:]]) for i, k in ((0, 0), (1, 3)))
+    force_behind, N_behind, W_behind = pointwise(static, T, behind - static)
+    force_ahead, N_ahead, W_ahead = pointwise(static, T, ahead - static)
+    kink = 0.5 * np.sum((force_behind + force_ahead) * (ahead - behind), axis=1) - (W_ahead - W_behind)
+    T_ends, x_ends, y_ends = g.static(np.array([0.0, 1.0]))[:3]
+    static_left, static_right = np.stack([T_ends * x_ends, T_ends * y_ends], axis=1)
     return {
-        "T_behind": _recovered(system, ends[:, 1], c[0], (static, T, behind)),
-        "T_ahead": _recovered(system, ends[:, 2], c[0], (static, T, ahead)),
-        "T": _recovered(system, carried, c[1], (static_s, T_s, static_s + slopes)),
+        "T_behind": _tension_from_momentum(system, ends[:, 1], c[0], (static, T, behind)),
+        "T_ahead": _tension_from_momentum(system, ends[:, 2], c[0], (static, T, ahead)),
+        "T": _tension_from_momentum(system, carried, c[1], (static_s, T_s, static_s + slopes)),
         "T_behind_pointwise": N_behind,
         "T_ahead_pointwise": N_ahead,
-        "T_pointwise": pulled(static_s, T_s, slopes)[1],
-        "reaction_left": -left,
-        "reaction_right": right,
+        "T_pointwise": pointwise(static_s, T_s, slopes)[1],
+        "reaction_left": -(ends[:, 0] + static_left),
+        "reaction_right": ends[:, 3] + static_right,
     }, kink
 
 
@@ -246,10 +251,9 @@ def _chord_tensions(system: CableElements, ends: Array, rise: Array, T: Array, s
     g = system.groups
     tau, curvature = system._law[1:3]
     chord = np.array([g.chord_cos, g.chord_sin])
-    left, right = (
-        (tau + rise)[:, None] * chord + (ends[:, k] + tau * curvature * y) @ system.direction
-        for k, y in ((0, 0.5), (3, -0.5))
-    )
+    along = (tau + rise)[:, None] * chord
+    left = along + (ends[:, 0] + 0.5 * tau * curvature) @ system.direction
+    right = along + (ends[:, 3] - 0.5 * tau * curvature) @ system.direction
     at_mass = T + rise
     return {
         "T_behind": at_mass, "T_ahead": at_mass, "T": g.static(s)[0] + rise[frames, None],
@@ -257,7 +261,7 @@ def _chord_tensions(system: CableElements, ends: Array, rise: Array, T: Array, s
     }  # fmt: skip
 
 
-def _recovered(system: CableElements, carried: Array, c: Array, at: tuple[Array, Array, Array]) -> Array:
+def _tension_from_momentum(system: CableElements, carried: Array, c: Array, at: tuple[Array, Array, Array]) -> Array:
     """N from `carried` = N t - T X' - c^2 w'; at : X', T, r'.
 
     N t - c^2 r' = (N (1 - c^2/alpha) - c^2 (1 - T/alpha)) t; r' gives the sign.
@@ -265,8 +269,8 @@ def _recovered(system: CableElements, carried: Array, c: Array, at: tuple[Array,
     static, T, slope = at
     alpha = system._law[0]
     flux = c**2
-    known = carried + (T - flux)[..., None] * static
-    size = np.hypot(known[..., 0], known[..., 1])
-    size = np.where(np.sum(known * slope, axis=-1) < 0.0, -size, size)
+    force = carried + (T - flux)[..., None] * static  # N t - c^2 r'
+    size = np.hypot(force[..., 0], force[..., 1])
+    size = np.where(np.sum(force * slope, axis=-1) < 0.0, -size, size)
     N = (size + flux * (1.0 - T / alpha)) / (1.0 - flux / alpha)
     return np.maximum(N, 0.0) if system.law == "tension-only" else N

@@ -133,7 +133,7 @@ class RollingElements(RollingCar, FollowingElements):
         many = not self.free or rule.c[-1] == 1.0
         told = self._collocated(phase, steps if many and self.events_bounded else steps.first(1), rule, newton)
         self._seen_to(steps.t[1:], len(told))
-        return self._said(told)
+        return self._step_results(told)
 
     def car_forces(self, x: State) -> CarForces:
         push = self._forces(x)

@@ -17,27 +17,30 @@ if TYPE_CHECKING:
 
 
 class _Nodes:
-    """Balances at all nodes as functions of the accelerations a (s, n_dof)."""
+    """Balances at the nodes of one step as functions of the accelerations a (s, n_dof)."""
 
     def __init__(self, system: System, phase: int, steps: Steps, rule: Tableau) -> None:
-        t, ends, (self.a, *_), _ = steps
         self.system = system
-        self.t = rule.instants(t)[0]
-        self.dt = t[1] - t[0]
         self.phase = phase
         self.rule = rule
-        self.ends = ends
-        self.v0 = ends[0, 1]
-        self.drift = ends[0, 0] + np.outer(rule.c * self.dt, self.v0)
+        self.t = rule.instants(steps.t)[0]
+        self.dt = steps.t[1] - steps.t[0]
+        self.a = steps.a[0]
+        self.ends = steps.ends
+        self.v0 = self.ends[0, 1]
+        self.drift = self.ends[0, 0] + np.outer(rule.c * self.dt, self.v0)  # q without a, (s, n_dof)
 
     def at(self, i: int) -> tuple[Array, Array, Array]:
+        """q, v and a at node i."""
         q = self.drift[i] + self.dt**2 * (self.rule.AA[i] @ self.a)
         v = self.v0 + self.dt * (self.rule.A[i] @ self.a)
         return q, v, self.a[i]
 
     def finish(self) -> None:
+        """Set q and v at the end of the step."""
         twice, once = self.rule.ends @ self.a
-        self.ends[1] = self.ends[0, 0] + self.dt * (self.v0 + self.dt * twice), self.v0 + self.dt * once
+        self.ends[1, 0] = self.ends[0, 0] + self.dt * (self.v0 + self.dt * twice)
+        self.ends[1, 1] = self.v0 + self.dt * once
 
     def residual(self) -> Array:
         return np.concatenate([self.system.residual(t, *self.at(i), self.phase) for i, t in enumerate(self.t)])
@@ -48,13 +51,16 @@ class _Nodes:
         A's eigenvalues lam split it into M + dt lam C + (dt lam)^2 K (Hairer & Wanner 1996, section IV.8).
         """
         rule = self.rule
-        middle = self.rule.middle
-        at = self.t[middle], *self.at(middle), self.phase
+        middle = rule.middle
+        state = self.at(middle)
         lams = [self.dt * (value if value.imag else value.real) for value in rule.values]
-        solves = [self.system.linearise(*at, lam * lam, lam, 1.0)[1] for lam in lams]
+        solves = []
+        for lam in lams:
+            _, solve_one = self.system.linearise(self.t[middle], *state, self.phase, lam * lam, lam, 1.0)
+            solves.append(solve_one)
 
         def solve(r: Array) -> Array:
-            along = rule.to @ r.reshape(self.a.shape)
+            along = rule.to @ r.reshape(self.a.shape)  # eigenvectors (m, n_dof)
             for x, lam, solve_one in zip(along, lams, solves, strict=True):
                 x[:] = solve_one(x if isinstance(lam, complex) else x.real.copy())
             return (rule.back @ along).real.ravel()
@@ -66,11 +72,12 @@ class _Nodes:
 
 
 def collocate(system: System, phase: int, steps: Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
+    """Take the first step, with the tangent of its middle node."""
     nodes = _Nodes(system, phase, steps, rule)
     with np.errstate(over="ignore", invalid="ignore"):
-        done = find_root(nodes.residual, lambda: (nodes.residual(), nodes.tangent()), nodes.update, newton)
+        result = find_root(nodes.residual, lambda: (nodes.residual(), nodes.tangent()), nodes.update, newton)
         nodes.finish()
-    yield done
+    yield result
 
 
 def collocate_coupled(system: System, phase: int, steps: Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
@@ -82,11 +89,11 @@ def collocate_coupled(system: System, phase: int, steps: Steps, rule: Tableau, n
     from scipy.sparse.linalg import LinearOperator
 
     nodes = _Nodes(system, phase, steps, rule)
-    count = 0
+    residuals = 0
 
     def residual(y: Array) -> Array:
-        nonlocal count
-        count += 1
+        nonlocal residuals
+        residuals += 1
         nodes.a[:] = y.reshape(nodes.a.shape)
         return nodes.residual()
 
@@ -97,11 +104,13 @@ def collocate_coupled(system: System, phase: int, steps: Steps, rule: Tableau, n
         if np.isfinite(residual(y)).all():
             precondition = LinearOperator((y.size, y.size), matvec=nodes.tangent(), dtype=float)
             try:
-                how = {"f_tol": newton.bound, "maxiter": newton.max_iter, "tol_norm": np.linalg.norm}
-                y = newton_krylov(residual, y, inner_M=precondition, **how)
+                y = newton_krylov(
+                    residual, y, inner_M=precondition, f_tol=newton.bound, maxiter=newton.max_iter,
+                    tol_norm=np.linalg.norm,
+                )  # fmt: skip
                 norm = float(np.linalg.norm(residual(y)))
                 iterations = 1
             except (NoConvergence, ValueError):
                 iterations = newton.max_iter
         nodes.finish()
-    yield StepResult(norm, iterations, min(iterations, 1), count)
+    yield StepResult(norm, iterations, min(iterations, 1), residuals)

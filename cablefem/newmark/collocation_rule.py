@@ -1,8 +1,9 @@
 """A step by collocation (Radau IIA, Gauss)."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -15,8 +16,7 @@ from cablefem.newmark.stepper import Stepper, Work
 from cablefem.newmark.system import System, consistent_acceleration
 from cablefem.newmark.tableau import further, tableau
 
-# keep the tangent if |r| falls to this: a new one helps little
-REUSE = 0.8
+REUSE = 0.8  # the tangent is used again if |r| falls to this: a new one helps little
 ENOUGH = 18.0  # iterations; two half steps cost less
 
 
@@ -35,45 +35,50 @@ class CollocationRule(Stepper):
     def solve_steps(self, x: State, times: Array) -> Iterator[Sequence[State]]:
         if not isinstance(x, Collocated):
             return
-        t, ends, a, go_on = steps = self._steps(x, times)
-        a[0] = go_on[0] @ x.inside.a
-        for k, done in enumerate(self.system.collocate(x.phase, steps, self.rule, self.newton)):
-            if not done.norm <= self.bound:
+        steps = self._steps(x, times)
+        steps.a[0] = steps.further[0] @ x.inside.a
+        for k, result in enumerate(self.system.collocate(x.phase, steps, self.rule, self.newton)):
+            if not result.norm <= self.bound:
                 return
-            self.balanced(done)
-            yield [self._end(x.phase, t[k : k + 2], ends[k + 1], a[k])]
+            self.balanced(result)
+            yield [self._end(x.phase, steps, k)]
 
     def __call__(self, x: State, t1: float) -> State:
         steps = self._steps(x, np.array([t1]))
-        one = self.system.collocate
+        collocate = self.system.collocate
+        tries: list[tuple[Any, Callable]] = [(x.a, collocate)]  # a at the nodes, and how to solve for them
         if isinstance(x, Collocated):
-            tries = [(steps.further[0] @ x.inside.a, one), (x.a, one)]
+            tries.insert(0, (steps.further[0] @ x.inside.a, collocate))
         else:
-            tries = [(x.a, one), (0.0, one), (x.a, partial(collocate_coupled, self.system))]
-        for steps.a[0], solver in tries:
-            done = next(iter(solver(x.phase, steps, self.rule, self.newton)))
-            if self.balanced(done):
-                return self._end(x.phase, steps.t, steps.ends[1], steps.a[0])
-        raise self.stalled(t1, done)
+            tries += [(0.0, collocate), (x.a, partial(collocate_coupled, self.system))]
+        for guess, solve in tries:
+            steps.a[0] = guess
+            result = next(iter(solve(x.phase, steps, self.rule, self.newton)))
+            if self.balanced(result):
+                return self._end(x.phase, steps, 0)
+        raise self.stalled(t1, result)
 
     def _steps(self, x: State, times: Array) -> Steps:
         t = np.concatenate([[x.t], times])
-        s = self.rule.c.size
-        ends = np.empty((t.size, 2, x.q.size))
-        a = np.empty((times.size, s, x.q.size))
+        n = x.q.size
+        ends = np.empty((t.size, 2, n))
+        a = np.empty((times.size, self.rule.c.size, n))
         ends[0, 0] = x.q
         ends[0, 1] = x.v
         dt = t[1:] - t[:-1]
-        before = np.concatenate([[x.inside.dt if isinstance(x, Collocated) else dt[0]], dt[:-1]])
-        ratios = np.round(dt / before, 9).tolist()  # rounded for the cache
+        dt_before = np.concatenate([[x.inside.dt if isinstance(x, Collocated) else dt[0]], dt[:-1]])
+        ratios = np.round(dt / dt_before, 9).tolist()  # rounded for the cache
         return Steps(t, ends, a, np.array([further(self.method.nodes, ratio) for ratio in ratios]))
 
-    def _end(self, phase: int, t: Array, end: Array, a: Array) -> State:
-        t0, t1 = t.tolist()
+    def _end(self, phase: int, steps: Steps, k: int) -> State:
+        """The state at the end of step k."""
+        t0, t1 = steps.t[k : k + 2].tolist()
+        q, v = steps.ends[k + 1]
+        a = steps.a[k]
         if self.rule.c[-1] == 1.0:
-            x = Collocated(t1, end[0], end[1], a[-1], phase)
+            x = Collocated(t1, q, v, a[-1], phase)
         else:
-            x = Collocated(*consistent_acceleration(self.system, t1, end[0], end[1], phase))
+            x = Collocated(*consistent_acceleration(self.system, t1, q, v, phase))
         if not math.isfinite(x.a.sum()):
             raise StepFailure(
                 t1, "the balance does not determine the acceleration (a constraint on positions)",

@@ -1,7 +1,7 @@
 """States of rest under load.
 
-A cable that carries no compression has a convex energy: where it has no slope is its only minimum.
-With compression there are other places without slope, which no cable takes.
+A cable that carries no compression has a convex energy with one minimum.
+With compression its energy has other stationary points, which no cable takes.
 """
 
 from __future__ import annotations
@@ -19,42 +19,44 @@ WEIGHT = 1.0  # [1/time^2] w of the first tangent K + w M; it falls with the res
 ITERATIONS = 200
 HALVINGS = 30
 TOL = 1e-12  # of the force scale
-ROUNDING = 1e3  # accepted over the bound
-APART = 1e-4  # of the shorter side, for differences
+ROUNDING = 1e3  # times the bound is accepted once the residual falls no more
+DIFFERENCE = 1e-4  # of the shorter side, to differentiate by s_o
 
 Shorten = Callable[[System, Array, Array, Array], Array]
 
 
 def equilibrium(system: System) -> Array:
-    """q (n_dof,) of the least energy, which must be convex; StepFailure if it is not found."""
+    """q (n_dof,) of minimal energy, which must be convex; StepFailure without convergence."""
     return _solved(system, np.zeros(system.n_dof), _downhill)
 
 
-def equilibrium_on_rope(system: System, held: Array) -> Array:
+def equilibrium_on_rope(system: System, clamped: Array) -> Array:
     """q (n_dof,) of a cable and the force, its last unknown, of the rope that holds the car.
 
-    held : q of the cable with the car clamped to it, which is near.
-    The rope turns with the cable, so that there is no energy: Newton's steps are not shortened.
+    clamped : q of the cable with the car clamped to it, which is near.
+    The rope turns with the cable, so there is no energy: Newton's steps are not shortened.
     """
-    return _solved(system, np.append(held, 0.0), lambda system, q, r, step: step)
+    return _solved(system, np.append(clamped, 0.0), lambda system, q, r, step: step)
 
 
 def _solved(system: System, q: Array, shorten: Shorten) -> Array:
     bound = TOL * system.force_scale + math.sqrt(system.n_dof) * system.force_floor
     zero = np.zeros(system.n_dof)
     weight = WEIGHT
-    start = best = math.inf
+    first = smallest = math.inf
     for i in range(ITERATIONS):
         with np.errstate(over="ignore", invalid="ignore"):
             r, solve = system.linearise(0.0, q, zero, zero, 0, 1.0, 0.0, weight)
             norm = float(np.linalg.norm(r))
-            if norm <= bound or (norm <= ROUNDING * bound and norm >= best):
+            stagnates = norm <= ROUNDING * bound and norm >= smallest
+            if norm <= bound or stagnates:
                 return q
             if not norm < math.inf:
                 break
-            start = norm if i == 0 else start
-            weight = WEIGHT * norm / start
-            best = min(best, norm)
+            if i == 0:
+                first = norm
+            weight = WEIGHT * norm / first
+            smallest = min(smallest, norm)
             q = q - shorten(system, q, r, solve(r.copy()))
     raise StepFailure(0.0, "no rest of the loaded cable was found", "start the car elsewhere")
 
@@ -62,22 +64,22 @@ def _solved(system: System, q: Array, shorten: Shorten) -> Array:
 def _downhill(system: System, q: Array, r: Array, step: Array) -> Array:
     """The step, halved until the energy rises at its end by at most half as fast as it fell at its start."""
     zero = np.zeros_like(q)
-    falls = float(r @ step)
+    slope = float(r @ step)
     for _ in range(HALVINGS):
-        if system.residual(0.0, q - step, zero, zero, 0) @ step >= -0.5 * falls:
+        if system.residual(0.0, q - step, zero, zero, 0) @ step >= -0.5 * slope:
             break
         step = 0.5 * step
-        falls = 0.5 * falls
+        slope = 0.5 * slope
     return step
 
 
 def quasi_static_start(system: System, rest: Callable[[float], Array], s_o: float, ds_o: float) -> State:
     """The state of a mass at s_o, at rest or moving through states of rest.
 
-    rest : q with the mass at rest at a place.
+    rest : q with the mass at rest at an s_o.
     """
     q = rest(s_o)
-    d = APART * min(s_o, 1.0 - s_o)
+    d = DIFFERENCE * min(s_o, 1.0 - s_o)
     v = np.zeros_like(q)
     if ds_o:
         v = (rest(s_o + d) - rest(s_o - d)) * (ds_o / (2.0 * d))

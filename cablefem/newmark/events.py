@@ -13,16 +13,17 @@ EPS = float(np.finfo(float).eps)
 
 
 def rounding(t: float) -> float:
-    """Least length of a step."""
+    """Shortest step at t."""
     return 16.0 * EPS * abs(t)
 
 
 def events_due(system: System, x: State) -> list[str]:
+    """Names of the events that happen at a state."""
     return [name for name, value in zip(system.events, system.watch(x), strict=True) if value <= 0.0]
 
 
 def pass_events(system: System, names: list[str], x: State, t: float, work: Work) -> State | None:
-    """Let events happen, noted at t; return the state after them or None."""
+    """Let events happen and note them at t; return the state after them, None at the end of the run."""
     for name in names:
         if name is not names[0] and name not in events_due(system, x):
             continue
@@ -35,36 +36,36 @@ def pass_events(system: System, names: list[str], x: State, t: float, work: Work
 
 
 def first_event(system: System, step: Stepper, x0: State, x1: State) -> tuple[State, list[str]]:
-    """The first event in a step with all names due there; (x1, []) if none."""
+    """The state at the first event in a step, and the names of all events there; (x1, []) if there is none."""
 
     def values(x: State) -> tuple[float, ...]:
-        found = system.watch(x)
-        for name, value in zip(system.events, found, strict=True):
+        watched = system.watch(x)
+        for name, value in zip(system.events, watched, strict=True):
             if math.isnan(value):
                 raise StepFailure(x.t, f"event {name!r} has no value", "take more steps")
-        return found
+        return watched
 
     before = values(x0)
-    end = x1
-    at_end = values(x1)
-    fallen = list[int]()
+    evaluated = {x0.t: (x0, before), x1.t: (x1, values(x1))}  # once each: rounding may turn a sign
+    end = x1.t
+    crossing = list[int]()
 
-    def falls() -> list[int]:
+    def fallen() -> list[int]:
+        at_end = evaluated[end][1]
         return [i for i, value in enumerate(at_end) if 0.0 < before[i] < math.inf and value <= 0.0]
 
-    def least(t: float) -> float:
-        nonlocal end, at_end
-        x = x0 if t <= x0.t else end if t >= end.t else step(x0, t)
-        found = before if x is x0 else at_end if x is end else values(x)  # once each: rounding may turn a sign
-        lowest = min(found[i] for i in fallen)
-        if lowest <= 0.0 and x.t <= end.t:
-            end = x
-            at_end = found
-        return lowest
+    def smallest(t: float) -> float:
+        if t not in evaluated:
+            x = step(x0, t)
+            evaluated[t] = x, values(x)
+        return min(evaluated[t][1][i] for i in crossing)
 
-    while set(falls()) - set(fallen):  # at the first event others may show that are gone at the end of the step
+    # at the first event others may be due that have risen again at the end of the step
+    while not set(fallen()) <= set(crossing):
         from scipy.optimize import brentq  # slow to load
 
-        fallen = falls()
-        brentq(least, x0.t, end.t, xtol=rounding(x1.t) / 4.0, rtol=4.0 * EPS, disp=False)
-    return end, [system.events[i] for i in fallen if at_end[i] <= 0.0]
+        crossing = fallen()
+        brentq(smallest, x0.t, end, xtol=rounding(x1.t) / 4.0, rtol=4.0 * EPS, disp=False)
+        end = min(t for t in evaluated if smallest(t) <= 0.0)
+    state, at_end = evaluated[end]
+    return state, [system.events[i] for i in crossing if at_end[i] <= 0.0]

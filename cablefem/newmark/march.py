@@ -17,20 +17,20 @@ from cablefem.newmark.states import Array, State
 from cablefem.newmark.stepper import Stepper, Work
 from cablefem.newmark.system import System
 
-# pieces of a step from an abrupt acceleration, and their damped rule (Rannacher 1984)
-GENTLE = 4
-GENTLY = Scheme("gentle", 0.5, 1.0)
-MOST_HALVINGS = 6  # of a step
-MOST_CUTS = 100  # failed steps beyond half of the grid's number
-MOST_EVENTS = 20  # without a step between them
-# longest many_steps, of the grid and adaptive
-MAX_STEPS = 256
-MAX_ADAPTIVE_STEPS = 32
-SINGLE_STEPS = 16  # single steps after a failed solve_steps
-MAX_GROWTH = 2.0  # longest over shortest step of a solve_steps
+# after an abrupt acceleration: steps per step of the grid, and their damped rule (Rannacher 1984)
+DAMPED_STEPS = 4
+DAMPED = Scheme("damped", 0.5, 1.0)
+MAX_HALVINGS = 6  # of a step
+MAX_FAILED = 100  # steps, beyond half of the grid's number
+MAX_EVENTS = 20  # without a step between them
+MAX_STEPS = 256  # at once, on the grid
+MAX_ADAPTIVE_STEPS = 32  # at once
+MAX_GROWTH = 2.0  # longest over shortest of adaptive steps taken at once
+SINGLE_STEPS = 16  # before many are tried again
 
 
 def integrate(system: System, method: Scheme, times: Sequence[Array], **kind: Any) -> Iterator[State]:
+    """Yield the states of `integrate_blocks` one by one."""
     for states in integrate_blocks(system, method, times, **kind):
         yield from states
 
@@ -42,15 +42,16 @@ def integrate_blocks(
     """Yield the first state and those after all steps, in groups.
 
     times : per phase the instants to step on, ends included (`step_times`).
-    start : state to go on from, inside its phase; events due there happen first.
+    start : state to continue from, inside its phase; events due there happen first.
     Events are steps, too; the state before the change is yielded.
 
     Raises StepFailure; states yielded stay valid.
     """
-    work = Work() if work is None else work
+    if work is None:
+        work = Work()
     rule = CollocationRule if method.nodes else NewmarkRule
     step = rule(system, method, newton, work)
-    gentle = NewmarkRule(system, GENTLY, newton, work) if rule is NewmarkRule else None
+    damped = NewmarkRule(system, DAMPED, newton, work) if rule is NewmarkRule else None
     state = start
     if state is None:
         state = system.start(0, None)
@@ -58,124 +59,140 @@ def integrate_blocks(
     else:
         state = pass_events(system, events_due(system, state), state, state.t, work)
     while state is not None:
-        state = yield from _March(step, gentle, state, work).through(times[state.phase])
+        state = yield from _March(step, damped, state, work).through(times[state.phase])
         if state is None or state.phase == len(system.phases) - 1:
             return
         state = system.start(state.phase + 1, state)
 
 
 class _March:
-    def __init__(self, step: Stepper, gentle: Stepper | None, state: State, work: Work) -> None:
+    """The steps through one phase."""
+
+    def __init__(self, step: Stepper, damped: Stepper | None, state: State, work: Work) -> None:
         self.system = step.system
         self.step = step
-        self.gentle = gentle
+        self.damped = damped
         self.work = work
         self.state = state
-        self.shown = self.jumped = state.t  # times of the last output, last event
-        self.fresh = True
-        self.alone = 1  # single steps before a solve_steps
-        self.pieces = 0
+        self.last_output = state.t
+        self.last_event = state.t
+        self.first_step = True  # of the phase or after an event
+        self.single_steps = 1  # before many are tried
+        self.damped_steps = 0
         self.halvings = 0
-        self.crowd = 0
+        self.events = 0  # since the last instant of the grid
 
     def through(self, grid: Array) -> Generator[Sequence[State], None, State | None]:
         """Yield states to the end of the phase; return the last one, or None."""
         edges = [self.state.t, *grid[grid > self.state.t].tolist()]
         for i, (before, t) in enumerate(itertools.pairwise(edges)):
-            self.halvings = self.crowd = 0
+            self.halvings = 0
+            self.events = 0
             while t - self.state.t > rounding(t):
-                if (yield from self._many(edges[i:])):
+                if (yield from self._many_steps(edges[i:])):
                     continue
-                found = self._one(before, t, grid.size)
-                if found is None:
+                end = self._one_step(before, t, grid.size)
+                if end is None:
                     continue
-                x, names = found
-                if x.t - self.shown > rounding(x.t):
-                    self.shown = x.t
+                x, names = end
+                if x.t - self.last_output > rounding(x.t):
+                    self.last_output = x.t
                     yield [x]
-                after = self._pass(x, names)
+                after = self._pass_events(x, names)
                 if after is None:
                     return None
                 self.state = after
         return self.state
 
-    def _many(self, edges: list[float]) -> Generator[Sequence[State], None, bool]:
-        """Take a solve_steps if the system can; return whether any step was taken."""
-        if not self.system.many_steps or self.alone or self.halvings or self.pieces:
+    def _many_steps(self, edges: list[float]) -> Generator[Sequence[State], None, bool]:
+        """Take many steps if the system can; return whether any step was taken."""
+        if not self.system.many_steps or self.single_steps or self.halvings or self.damped_steps:
             return False
-        ahead = self._pieces(edges) if self.system.adaptive else edges[1 : 1 + MAX_STEPS]
-        self.alone = SINGLE_STEPS
-        for states in self.step.solve_steps(self.state, np.array(ahead)) if ahead else ():
+        times = self._adaptive_times(edges) if self.system.adaptive else edges[1 : 1 + MAX_STEPS]
+        self.single_steps = SINGLE_STEPS
+        if not times:
+            return False
+        for states in self.step.solve_steps(self.state, np.array(times)):
             x = states[-1]
             if not all(value > 0.0 for value in self.system.watch(x)):
                 break
             self.work.steps += len(states)
             self.state = x
-            self.shown = x.t
-            self.fresh = False
-            self.alone = int(x.t < ahead[-1])
+            self.last_output = x.t
+            self.first_step = False
+            self.single_steps = int(x.t < times[-1])
             yield states
-        return self.alone < SINGLE_STEPS
+        return self.single_steps < SINGLE_STEPS
 
-    def _one(self, before: float, t: float, size: int) -> tuple[State, list[str]] | None:
+    def _one_step(self, before: float, t: float, size: int) -> tuple[State, list[str]] | None:
         """Take a step towards t; return its end and events, None to try half the length."""
         state = self.state
         system = self.system
         length = t - before
         if system.adaptive:
-            length *= system.step_fraction(state, state.t - self.jumped)
-        if self.fresh and self.gentle is not None and system.abrupt(state, length):
-            self.pieces = GENTLE
-        self.fresh = False
-        rule = self.gentle if self.pieces and self.gentle is not None else self.step
-        length *= 0.5**self.halvings / (GENTLE if self.pieces else 1)
-        t1 = _piece(state.t, t, length)
+            length *= system.step_fraction(state, state.t - self.last_event)
+        if self.first_step and self.damped is not None and system.abrupt(state, length):
+            self.damped_steps = DAMPED_STEPS
+        self.first_step = False
+        rule = self.step
+        length *= 0.5**self.halvings
+        if self.damped_steps and self.damped is not None:
+            rule = self.damped
+            length /= DAMPED_STEPS
+        t1 = _next_time(state.t, t, length)
         if not t1 > state.t:
             raise StepUnderflow(state.t, f"a step of {length:.2g} is lost in rounding", "take fewer steps")
-        self.alone = max(0, self.alone - 1)
+        self.single_steps = max(0, self.single_steps - 1)
         system.begin_step(state)
         try:
             x = rule(state, t1)
-            found = first_event(system, rule, state, x) if system.events else (x, [])
+            end = first_event(system, rule, state, x) if system.events else (x, [])
         except NewtonStalled:
             self.work.rejected += 1
             self.halvings += 1
-            if self.halvings > MOST_HALVINGS or self.work.rejected > MOST_CUTS + size // 2:
+            if self.halvings > MAX_HALVINGS or self.work.rejected > MAX_FAILED + size // 2:
                 raise
             return None
         self.work.steps += 1
-        self.pieces = max(0, self.pieces - 1)
-        return found
+        self.damped_steps = max(0, self.damped_steps - 1)
+        return end
 
-    def _pass(self, x: State, names: list[str]) -> State | None:
-        self.crowd = self.crowd + len(names) if names else 0
+    def _pass_events(self, x: State, names: list[str]) -> State | None:
         if not names:
+            self.events = 0
             return x
-        if self.crowd > MOST_EVENTS:
+        self.events += len(names)
+        if self.events > MAX_EVENTS:
             raise EndlessEvents(
-                x.t, f"more than {MOST_EVENTS} events without a step between them, at last {names[-1]!r}",
+                x.t, f"more than {MAX_EVENTS} events without a step between them, at last {names[-1]!r}",
                 "what changes at the event does not keep it from happening again at once",
             )  # fmt: skip
-        self.jumped = x.t
-        self.alone = 1
-        self.fresh = True
-        return pass_events(self.system, names, x, self.shown, self.work)
+        self.last_event = x.t
+        self.single_steps = 1
+        self.first_step = True
+        return pass_events(self.system, names, x, self.last_output, self.work)
 
-    def _pieces(self, edges: list[float]) -> list[float]:
+    def _adaptive_times(self, edges: list[float]) -> list[float]:
+        """Ends of the next steps, by the present velocity; few, and of similar length."""
         x = self.state
-        now = self.state.t
-        most = math.inf
+        now = x.t
+        longest = math.inf
         ends = list[float]()
         for before, t in itertools.pairwise(edges):
             while t - now > rounding(t):
-                t1 = _piece(now, t, (t - before) * self.system.step_fraction(x, now - self.jumped, now - x.t))
-                if not t1 > now or len(ends) == MAX_ADAPTIVE_STEPS or t1 - now > most:
+                fraction = self.system.step_fraction(x, now - self.last_event, now - x.t)
+                t1 = _next_time(now, t, (t - before) * fraction)
+                if not t1 > now or len(ends) == MAX_ADAPTIVE_STEPS or t1 - now > longest:
                     return ends
                 ends.append(t1)
-                now, most = t1, min(most, MAX_GROWTH * (t1 - now))
+                longest = min(longest, MAX_GROWTH * (t1 - now))
+                now = t1
         return ends
 
 
-def _piece(t0: float, t: float, piece: float) -> float:
-    count = math.ceil((t - t0) / piece - 1e-3) if piece > 0.0 else math.inf
+def _next_time(t0: float, t: float, length: float) -> float:
+    """The end of the first of equal steps from t0 to t, each at most `length`."""
+    if not length > 0.0:
+        return t0
+    count = math.ceil((t - t0) / length - 1e-3)
     return t0 + (t - t0) / count if count > 1 else t

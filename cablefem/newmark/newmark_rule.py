@@ -18,46 +18,54 @@ class NewmarkRule(Stepper):
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
         super().__init__(system, method, newton, work)
         self._rule = np.eye(3, 5)  # see `System.solve_step`
-        self._rule[:, 4] = 1.0 - method.alpha_f, 1.0 - method.alpha_f, 1.0 - method.alpha_m
+        self._rule[:2, 4] = 1.0 - method.alpha_f
+        self._rule[2, 4] = 1.0 - method.alpha_m
 
-    def _set(self, rule: Array, dt: Any, goes_on: float) -> None:
+    def _set(self, rule: Array, dt: Any, guess: float) -> None:
+        """Set rules (..., 3, 5) of steps dt; guess : the first a1 over a0."""
         beta = self.method.newmark_beta
         gamma = self.method.newmark_gamma
         rule[..., 0, 1] = dt
-        rule[..., 0, 2] = dt * dt * (0.5 - beta + goes_on * beta)
-        rule[..., 1, 2] = dt * (1.0 - gamma + goes_on * gamma)
-        rule[..., 2, 2] = goes_on
+        rule[..., 0, 2] = dt * dt * (0.5 - beta + guess * beta)
+        rule[..., 1, 2] = dt * (1.0 - gamma + guess * gamma)
+        rule[..., 2, 2] = guess
         rule[..., 0, 3] = dt * dt * beta
         rule[..., 1, 3] = dt * gamma
         rule[..., 2, 3] = 1.0
 
     def _instants(self, t0: Array, t1: Array, phase: int) -> Array:
+        """Times of the balance in steps from t0 to t1, (n,)."""
         if self.method.alpha_f == 0.0:
             return t1
-        w = 1.0 - self.method.alpha_f
-        return self.system.between(t0, t1, w, phase)
+        return self.system.between(t0, t1, 1.0 - self.method.alpha_f, phase)
 
     def solve_steps(self, x: State, times: Array) -> Iterator[Sequence[State]]:
         begin = np.concatenate([[x.t], times[:-1]])
         t = self._instants(begin, times, x.phase)
         rules = np.repeat(self._rule[None], times.size, axis=0)
         self._set(rules, times - begin, 1.0)
-        now, told = self.system.solve_steps(t, x.phase, np.array([x.q, x.v, x.a]), rules, self.newton)
-        n = len(now)
-        stretch = StateBlock(times[:n], now, x.phase)
-        seen = int(np.searchsorted(stretch.t, self.system.events_from, side="right")) if self.system.events else n
-        for part in [slice(0, seen)] * (seen > 0) + [slice(k, k + 1) for k in range(seen, n)]:
-            self.count(*told[part, 1:4].sum(axis=0).astype(int).tolist())
-            yield stretch[part]
+        start = np.array([x.q, x.v, x.a])
+        ends, results = self.system.solve_steps(t, x.phase, start, rules, self.newton)
+        n = len(ends)
+        block = StateBlock(times[:n], ends, x.phase)
+        without_event = n
+        if self.system.events:
+            without_event = int(np.searchsorted(block.t, self.system.events_from, side="right"))
+        begin_groups = [0, *range(max(1, without_event), n)]
+        for first, end in zip(begin_groups, [*begin_groups[1:], n], strict=True):
+            if end > first:
+                iterations, factorisations, residuals = results[first:end, 1:4].sum(axis=0).astype(int).tolist()
+                self.count(iterations, factorisations, residuals)
+                yield block[first:end]
 
     def __call__(self, x: State, t1: float) -> State:
         dt = t1 - x.t
         start = np.array([x.q, x.v, x.a])
         t = float(self._instants(np.array([x.t]), np.array([t1]), x.phase)[0])
-        now = np.empty_like(start)
-        for goes_on in (1.0, 0.0):
-            self._set(self._rule, dt, goes_on)
-            done = self.system.solve_step(t, x.phase, start, now, self._rule, self.newton)
-            if self.balanced(done):
-                return State(t1, now[0], now[1], now[2], x.phase)
-        raise self.stalled(t1, done)
+        end = np.empty_like(start)
+        for guess in (1.0, 0.0):
+            self._set(self._rule, dt, guess)
+            result = self.system.solve_step(t, x.phase, start, end, self._rule, self.newton)
+            if self.balanced(result):
+                return State(t1, end[0], end[1], end[2], x.phase)
+        raise self.stalled(t1, result)

@@ -2,12 +2,15 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import numpy as np
+
 
 class Newton(NamedTuple):
     """Settings of Newton's method; converged: |r| <= bound = tol force_scale + sqrt(n_dof) force_floor.
 
-    The tangent is kept if |r| falls to `reuse` or less.  After `patience` iterations corrections are
-    halved until |r| falls, at most `halvings` times.  The method stops if `enough` iterations seem too few.
+    The tangent is used again if |r| falls to `reuse` or less of its value before.
+    After `patience` iterations corrections are halved until |r| falls, at most `halvings` times.
+    The method stops if `enough` iterations seem too few.
     """
 
     tol: float = 1e-4
@@ -19,14 +22,18 @@ class Newton(NamedTuple):
     bound: float = 0.0  # `Stepper` sets it
 
     def hopeless(self, norm: float, before: float, iterations: int) -> bool:
-        tried = self.enough < math.inf and iterations > self.patience
-        return tried and norm * (norm / before) ** (self.enough - iterations) > self.bound
+        """Whether |r|, falling at its present rate, is above the bound after `enough` iterations."""
+        if self.enough == math.inf or iterations <= self.patience:
+            return False
+        return norm * (norm / before) ** (self.enough - iterations) > self.bound
 
 
 STANDARD = Newton()
 
 
 class StepResult(NamedTuple):
+    """|r| at the end of Newton's method, and its work."""
+
     norm: float
     iterations: int
     factorisations: int
@@ -41,9 +48,9 @@ def find_root(
     norm = math.inf
     factorisations = 0
     residuals = 0
-    anew = True
+    new_tangent = True
     for iteration in range(newton.max_iter):
-        if anew:
+        if new_tangent:
             r, solve = linearise()
             norm = math.sqrt(r.dot(r))
             factorisations += 1
@@ -59,7 +66,22 @@ def find_root(
             norm = math.sqrt(r.dot(r))
             if norm < before or (iteration < newton.patience and norm < math.inf):
                 break
-        if norm <= newton.bound or not norm < math.inf or newton.hopeless(norm, before, iteration + 1):
+        converged = norm <= newton.bound
+        if converged or not norm < math.inf or newton.hopeless(norm, before, iteration + 1):
             break
-        anew = norm > newton.reuse * before
+        new_tangent = norm > newton.reuse * before
     return StepResult(norm, iteration + 1, factorisations, residuals)
+
+
+def solve_dense(linearise: Callable[[Any], tuple[Any, Any]], x: Any, tol: float = 1e-13) -> Any:
+    """x (n,) with r(x) = 0, from a first x, by at most 50 full Newton steps; None if they do not converge.
+
+    linearise : r (n,) and dr/dx (n, n) at x.
+    """
+    for _ in range(50):
+        r, tangent = linearise(x)
+        step = np.linalg.solve(tangent, r)
+        x = x - step
+        if np.abs(step).max() <= tol * (1.0 + np.abs(x).max()):
+            return x
+    return None

@@ -46,12 +46,11 @@ class Steps(NamedTuple):
 
 
 class StateBlock(Sequence[State]):
-    """States of one phase as arrays."""
+    """States of one phase as arrays: t (m,); q, v, a (m, 3, n_dof)."""
 
     __slots__ = ("phase", "rows", "t")
 
     def __init__(self, t: Array, rows: Array, phase: int) -> None:
-        # (m,); q, v, a (m, 3, n_dof)
         self.t = t
         self.rows = rows
         self.phase = phase
@@ -70,7 +69,7 @@ class StateHistory(Sequence[State]):
     """The states of a run so far."""
 
     def __init__(self, states: Iterable[State] = ()) -> None:
-        self.parts: list[StateBlock | list[State]] = []
+        self.blocks: list[StateBlock | list[State]] = []
         self._n = 0
         self.extend(list(states))
 
@@ -80,11 +79,11 @@ class StateHistory(Sequence[State]):
     def extend(self, states: Sequence[State]) -> None:
         self._n += len(states)
         if isinstance(states, StateBlock):
-            self.parts.append(states)
-        elif self.parts and isinstance(self.parts[-1], list):
-            self.parts[-1].extend(states)
+            self.blocks.append(states)
+        elif self.blocks and isinstance(self.blocks[-1], list):
+            self.blocks[-1].extend(states)
         elif states:
-            self.parts.append(list(states))
+            self.blocks.append(list(states))
 
     def __len__(self) -> int:
         return self._n
@@ -93,26 +92,28 @@ class StateHistory(Sequence[State]):
         if isinstance(i, slice):
             return list(self)[i]
         at = range(self._n)[i]
-        end = self._n
-        for part in reversed(self.parts):
-            end -= len(part)
-            if at >= end:
-                return part[at - end]
+        first = self._n
+        for block in reversed(self.blocks):
+            first -= len(block)
+            if at >= first:
+                return block[at - first]
 
     def __iter__(self) -> Iterator[State]:
-        for part in self.parts:
-            yield from part
+        for block in self.blocks:
+            yield from block
 
 
 def _columns(states: Sequence[State]) -> tuple[Array, Array, NDArray[np.intp]]:
+    """t (n,), q, v, a (n, 3, n_dof) and phase (n,)."""
     if isinstance(states, StateBlock):
         return states.t, states.rows, np.full(len(states), states.phase)
-    return np.array([x.t for x in states]), np.array([x[1:4] for x in states]), np.array([x.phase for x in states])
+    t = np.array([x.t for x in states])
+    rows = np.array([x[1:4] for x in states])
+    return t, rows, np.array([x.phase for x in states])
 
 
 def stacked(states: Sequence[State]) -> tuple[Array, Array, Array, Array, NDArray[np.intp]]:
     """t (n,), q, v and a (n, n_dof), and phase (n,) of a history."""
-    parts = states.parts if isinstance(states, StateHistory) else [states]
-    t, rows, phase = zip(*(_columns(x) for x in parts), strict=True)
-    q, v, a = np.moveaxis(np.concatenate(rows), 1, 0)
-    return np.concatenate(t), q, v, a, np.concatenate(phase)
+    blocks = states.blocks if isinstance(states, StateHistory) else [states]
+    t, rows, phase = (np.concatenate(column) for column in zip(*map(_columns, blocks), strict=True))
+    return t, rows[:, 0], rows[:, 1], rows[:, 2], phase

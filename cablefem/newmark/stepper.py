@@ -19,6 +19,8 @@ class Passed(NamedTuple):
 
 @dataclass(slots=True)
 class Work:
+    """Counts of a run, and its events."""
+
     steps: int = 0
     rejected: int = 0
     newton_iterations: int = 0
@@ -41,21 +43,21 @@ class Stepper:
         raise NotImplementedError
 
     def solve_steps(self, x: State, times: Array) -> Iterator[Sequence[State]]:
-        """Yield states at the times ahead as long as the system many_steps; an event may end a group."""
+        """Yield states at the times as far as the system can take many steps; an event may end a group."""
         return iter(())
 
-    def balanced(self, done: StepResult) -> bool:
-        """Count the work; return whether it has converged."""
-        self.count(done.iterations, done.factorisations, done.residuals)
-        return done.norm <= self.bound
+    def balanced(self, result: StepResult) -> bool:
+        """Count the work; return whether the step has converged."""
+        self.count(result.iterations, result.factorisations, result.residuals)
+        return result.norm <= self.bound
 
     def count(self, iterations: int, factorisations: int, residuals: int) -> None:
         self.work.newton_iterations += iterations
         self.work.factorisations += factorisations
         self.work.residuals += residuals
 
-    def stalled(self, t1: float, done: StepResult) -> NewtonStalled:
+    def stalled(self, t1: float, result: StepResult) -> NewtonStalled:
         return NewtonStalled(
-            t1, f"Newton's method stalled (|r| = {done.norm:.2g}, allowed {self.bound:.2g})",
+            t1, f"Newton's method stalled (|r| = {result.norm:.2g}, allowed {self.bound:.2g})",
             "take more steps or a damped scheme (newmark, generalized-alpha)",
         )  # fmt: skip

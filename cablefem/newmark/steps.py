@@ -18,16 +18,20 @@ def step_times(system: System, steps: int, *, entry: float = 1.0, exit: float = 
     dt = (phases[-1][1] - phases[0][0]) / steps
     grids = []
     for i, (t0, t1) in enumerate(phases):
-        ramps = []
-        for ramped, fraction in ((i == 0, entry), (i == len(phases) - 1, exit)):
-            count = math.ceil(-math.log(fraction) / math.log(GROWTH)) if ramped else 0
-            ramps.append(np.minimum(dt, fraction * dt * GROWTH ** np.arange(count)))
-        length = sum(float(r.sum()) for r in ramps)
-        inner = max(2, round((t1 - t0 - length) / dt)) if length < t1 - t0 else 2
-        lengths = np.concatenate([ramps[0], np.full(inner, max((t1 - t0 - length) / inner, dt)), ramps[1][::-1]])
-        grid = np.concatenate([[0.0], np.cumsum(lengths)])
+        begin = _ramp(dt, entry if i == 0 else 1.0)
+        end = _ramp(dt, exit if i == len(phases) - 1 else 1.0)
+        uniform = t1 - t0 - float(begin.sum() + end.sum())
+        count = max(2, round(uniform / dt))
+        inner = np.full(count, max(uniform / count, dt))
+        grid = np.concatenate([[0.0], np.cumsum(np.concatenate([begin, inner, end[::-1]]))])
         grid = t0 + (t1 - t0) * (grid / grid[-1])
         grid[-1] = t1
         grids.append(grid)
     grids[-1] = grids[-1][:-1]
     return grids
+
+
+def _ramp(dt: float, fraction: float) -> Array:
+    """Steps that grow from `fraction` dt to dt."""
+    count = math.ceil(-math.log(fraction) / math.log(GROWTH))
+    return np.minimum(dt, fraction * dt * GROWTH ** np.arange(count))

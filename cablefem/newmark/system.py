@@ -26,13 +26,13 @@ class System(Protocol):
     force_scale: float
     force_floor: float
     events: tuple[str, ...] = ()
-    many_steps: bool = False  # many steps at once
-    events_from: float = -math.inf  # no event up to this time
+    many_steps: bool = False  # whether `solve_steps` or `collocate` takes several
+    events_from: float = -math.inf  # events are looked for after this time
     adaptive: bool = False  # `step_fraction` shortens steps
-    at_support: bool = False  # `start` begins at the support only
+    at_support: bool = False  # `start` begins at the left support only
 
     def start(self, phase: int, state: State | None) -> State:
-        """A consistent state at the beginning of `phase`; state=None: of the run."""
+        """A consistent state at the beginning of `phase`; state : at the end of the phase before, None at the start."""
         raise NotImplementedError
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
@@ -48,17 +48,17 @@ class System(Protocol):
         raise NotImplementedError
 
     # --- steps -----------------------------------------------------------------------------------------
-    def solve_step(self, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> StepResult:
-        """Take a step of Newmark's family.
+    def solve_step(self, t: float, phase: int, start: Array, end: Array, rule: Array, newton: Newton) -> StepResult:
+        """Take one step of Newmark's family.
 
-        start, now : (3, n_dof) rows q, v, a; `now` is set.
-        rule : (3, 5) predictor (3, 3), corrector c, balance w: now = predictor start - c da with
-            |r(t, w now + (1 - w) start)| <= newton.bound.
+        start, end : (3, n_dof) rows q, v, a; `end` is set.
+        rule : (3, 5) predictor (3, 3), corrector c, balance w: end = predictor start - c da with
+            |r(t, w end + (1 - w) start)| <= newton.bound.
         """
-        return iterate(self, t, phase, start, now, rule, newton)
+        return iterate(self, t, phase, start, end, rule, newton)
 
     def solve_steps(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[Array, Array]:
-        """Ends (k, 3, n_dof) of steps, and the fields of `StepResult` of each.
+        """Take many steps; return their ends (k, 3, n_dof) and the fields of `StepResult` of each, (k or k + 1, 4).
 
         t, rules : (m,) and (m, 3, 5), see `solve_step`.
         Stops before a step that fails or may hold an event; `StepResult` of a failed step may follow.
@@ -75,15 +75,19 @@ class System(Protocol):
         return (1.0 - w) * t0 + w * t1
 
     def step_fraction(self, x: State, since: float, ahead: float = 0.0) -> float:
-        """The fraction of a grid step to take from x, or `ahead` of it, `since` after an event."""
+        """The fraction of a grid step to take from x.
+
+        since : time after the last event;  ahead : of the step after x, for steps planned at once.
+        """
         return 1.0
 
     def abrupt(self, x: State, dt: float) -> bool:
-        """Whether x.a is too short-lived for a step."""
+        """Whether a jump of force makes x.a valid for less than a step dt; damped steps follow."""
         return False
 
     # --- events ------------------------------------------------------------------------------------------
     def begin_step(self, x: State) -> None:
+        """Called before each single step; a system may set what it keeps constant in the step."""
         return None
 
     def watch(self, x: State) -> tuple[float, ...]:
@@ -95,26 +99,24 @@ class System(Protocol):
         return x
 
 
-def iterate(system: System, t: float, phase: int, start: Array, now: Array, rule: Array, newton: Newton) -> StepResult:
-    predictor = rule[:, :3]
+def iterate(system: System, t: float, phase: int, start: Array, end: Array, rule: Array, newton: Newton) -> StepResult:
+    """Take one step of Newmark's family by `residual` and `linearise`, see `System.solve_step`."""
     c = rule[:, 3:4]
     w = rule[:, 4:5]
-    linear = (w * c)[:, 0].tolist()
-    rest = (1.0 - w) * start
-    now[:] = predictor @ start
-    q, v, a = at = np.empty_like(now)
-    correction = np.empty_like(now)
+    c0, c1, c2 = (w * c)[:, 0].tolist()
+    from_start = (1.0 - w) * start
+    end[:] = rule[:, :3] @ start
 
     def residual() -> Array:
-        np.add(np.multiply(w, now, out=at), rest, out=at)
+        q, v, a = w * end + from_start
         return system.residual(t, q, v, a, phase)
 
     def linearise() -> tuple[Array, Solve]:
-        np.add(np.multiply(w, now, out=at), rest, out=at)
-        return system.linearise(t, q, v, a, phase, *linear)
+        q, v, a = w * end + from_start
+        return system.linearise(t, q, v, a, phase, c0, c1, c2)
 
     def update(da: Array) -> None:
-        np.subtract(now, np.multiply(c, da, out=correction), out=now)
+        np.subtract(end, c * da, out=end)
 
     with np.errstate(over="ignore", invalid="ignore"):
         return find_root(residual, linearise, update, newton)

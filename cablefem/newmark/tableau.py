@@ -24,8 +24,8 @@ class Tableau(NamedTuple):
     values: Complex  # (m,) eigenvalues, one of each pair
     to: Complex  # (m, s) to eigenvectors
     back: Complex  # (s, m) and back, real part
-    middle: int
-    powers: tuple[Array, Array, Array]  # of l_j and its two integrals from the end
+    middle: int  # node nearest to the middle of the step
+    powers: tuple[Array, Array, Array]  # coefficients of l_j and of its two integrals from the end, (., s)
 
     def instants(self, t: Array) -> Array:
         """Node times (m, s) of steps between t (m + 1,)."""
@@ -37,19 +37,25 @@ class Tableau(NamedTuple):
 
 @cache
 def tableau(nodes: tuple[float, ...]) -> Tableau:
+    """The collocation rule with these nodes, in units of the step."""
     c = np.array(nodes)
-    basis = [Polynomial.fromroots(np.delete(c, j)) / np.prod(x - np.delete(c, j)) for j, x in enumerate(c)]
+    basis = []
+    for j, x in enumerate(c):
+        others = np.delete(c, j)
+        basis.append(Polynomial.fromroots(others) / np.prod(x - others))
     A = np.array([p.integ()(x) for x in c for p in basis]).reshape(c.size, c.size)
     b = np.array([p.integ()(1.0) for p in basis])
-    values, back = np.linalg.eig(A)
-    kept = values.imag >= 0.0
+    values, vectors = np.linalg.eig(A)
+    one_of_pair = values.imag >= 0.0
     both = np.where(values.imag > 0.0, 2.0, 1.0)
     l0, l1, l2 = (np.array([p.integ(k, lbnd=1.0).coef for p in basis]).T for k in range(3))
-    to, back, values = (x.astype(complex) for x in (np.linalg.inv(back), both * back, values))
-    middle = int(np.argmin(np.abs(c - 0.5)))
-    to = to[kept]
-    back = np.ascontiguousarray(back[:, kept])
-    return Tableau(c, A, A @ A, np.stack([b @ A, b]), values[kept], to, back, middle, (l0, l1, l2))
+    return Tableau(
+        c=c, A=A, AA=A @ A, ends=np.stack([b @ A, b]),
+        values=values[one_of_pair].astype(complex),
+        to=np.linalg.inv(vectors)[one_of_pair].astype(complex),
+        back=np.ascontiguousarray((both * vectors)[:, one_of_pair].astype(complex)),
+        middle=int(np.argmin(np.abs(c - 0.5))), powers=(l0, l1, l2),
+    )  # fmt: skip
 
 
 @lru_cache(maxsize=256)
@@ -60,7 +66,7 @@ def further(nodes: tuple[float, ...], ratio: float) -> Array:
 
 
 def densified(states: Sequence[State], parts: int) -> list[State]:
-    """A history with collocation steps cut in `parts`."""
+    """A history with `parts` states for each collocation step."""
     out = list(states[:1])
     for before, after in pairwise(states):
         if isinstance(after, Collocated):
@@ -85,4 +91,6 @@ def hermite(x, dt, before, after) -> tuple[Array, Array]:
     v1 = dt * after.v
     c2 = 3.0 * d - 2.0 * v0 - v1
     c3 = v0 + v1 - 2.0 * d
-    return before.q + x * (v0 + x * (c2 + x * c3)), (v0 + x * (2.0 * c2 + x * 3.0 * c3)) / dt
+    q = before.q + x * (v0 + x * (c2 + x * c3))
+    v = (v0 + x * (2.0 * c2 + x * 3.0 * c3)) / dt
+    return q, v

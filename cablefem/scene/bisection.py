@@ -5,13 +5,16 @@ from collections.abc import Callable
 
 def bisected(f: Callable[[float], float], low: float, high: float) -> float:
     """The zero of f between low and high, to the last bit; ValueError without a change of sign."""
-    ends = f(low), f(high)
-    if not min(ends) <= 0.0 <= max(ends):
-        raise ValueError(f"f({low!r}) = {ends[0]!r} and f({high!r}) = {ends[1]!r} have one sign")
-    rising = ends[1] > ends[0]
-    while low < (middle := 0.5 * (low + high)) < high:
+    at_low = f(low)
+    at_high = f(high)
+    if not min(at_low, at_high) <= 0.0 <= max(at_low, at_high):
+        raise ValueError(f"f({low!r}) = {at_low!r} and f({high!r}) = {at_high!r} have one sign")
+    rising = at_high > at_low
+    middle = 0.5 * (low + high)
+    while low < middle < high:
         if (f(middle) < 0.0) is rising:
             low = middle
         else:
             high = middle
+        middle = 0.5 * (low + high)
     return high

@@ -109,7 +109,7 @@ def hang(gravity: float, cable: Cable, supports: Supports) -> Catenary:
         return Catenary.from_z(supports.span, supports.drop, weight / l_2, z)
 
     def excess(z: float) -> float:
-        """l_2 less the rule's, from l - chord: a taut cable keeps digits."""
+        """l_2 minus that of rule 2, from l - chord: a taut cable keeps digits."""
         now = state(z)
         stretch = heat + (1.0 + heat) * (now.mean_tension - T) / (cable.EA + T)
         return now.slack - reference.slack - l * stretch
@@ -133,17 +133,18 @@ def hanging_fault(gravity: float, cable: Cable, supports: Supports) -> str:
     span = supports.span
     drop = supports.drop
     if abs(drop) > STEEPEST * span:
-        most = STEEPEST * span
-        return f"supports.drop = {drop!r}: must be from {-most:.6g} to {most:.6g}, {STEEPEST:g} spans"
-    name, value = next((n, v) for n in SHAPES if (v := getattr(cable, n)) is not None)
+        limit = STEEPEST * span
+        return f"supports.drop = {drop!r}: must be from {-limit:.6g} to {limit:.6g}, {STEEPEST:g} spans"
+    name = next(name for name in SHAPES if getattr(cable, name) is not None)
+    value = getattr(cable, name)
     weight = cable.mass_per_length * gravity
     taut = Catenary.from_z(span, drop, weight, Z_MIN)
     deep = Catenary.from_z(span, drop, weight, Z_MAX)
     low, high = sorted((getattr(taut, name), getattr(deep, name)))
-    least = f"{low:.6g}"
-    if name == "length":  # nearer to the chord, less than four digits of the sag are known
+    smallest = f"{low:.6g}"
+    if name == "length":  # nearer to the chord, the sag has less than four digits
         low = taut.chord * (1.0 + 1e-12)
-        least = f"{low!r}"  # a length counts by its excess over the chord
+        smallest = f"{low!r}"  # a length counts by its excess over the chord
     if low <= value <= high:
         try:
             hang(gravity, cable, supports)
@@ -151,17 +152,18 @@ def hanging_fault(gravity: float, cable: Cable, supports: Supports) -> str:
             name = "temperature" if cable.ice is None else "ice"
             return f"cable.{name} = {shown(getattr(cable, name))}: must be less extreme; no cable at rest was found"
         return ""
-    fault = f"cable.{name} = {value!r}: must be from {least} to {high:.6g} with these supports"
+    fault = f"cable.{name} = {value!r}: must be from {smallest} to {high:.6g} with these supports"
     if name == "length" and value < low:
-        apart = f"the supports are {taut.chord!r} m apart"
-        fault += f" ({apart if value <= taut.chord else 'for a cable this taut give sag or horizontal_tension'})"
+        if value <= taut.chord:
+            return f"{fault} (the supports are {taut.chord!r} m apart)"
+        return f"{fault} (for a cable this taut give sag or horizontal_tension)"
     return fault
 
 
 def stretch_fault(gravity: float, cable: Cable, supports: Supports) -> str:
     """Whether the cable is longer than twice its unstretched length."""
-    most = max(state(gravity, cable, supports).max_tension for state in (_reference, hang))
-    if most < cable.EA:
+    largest = max(state(gravity, cable, supports).max_tension for state in (_reference, hang))
+    if largest < cable.EA:
         return ""
     why = "or the cable hangs at more than twice its unstretched length"
-    return f"cable.EA = {cable.EA!r}: must be > {most:.6g} N, the largest static tension, {why}"
+    return f"cable.EA = {cable.EA!r}: must be > {largest:.6g} N, the largest static tension, {why}"

@@ -65,12 +65,14 @@ class Catenary:
             raise ValueError(f"length {length} is at most the chord {chord}")
         level = math.sqrt((length - drop) * (length + drop))
         excess = (length - chord) * (length + chord) / (span * (level + span))  # = level/span - 1
-        return cls.from_z(span, drop, weight, bisected(lambda z: math.log(_sinhc_minus_1(z) / excess), *_BRACKET))
+        z = bisected(lambda z: math.log(_sinhc_minus_1(z) / excess), *_BRACKET)
+        return cls.from_z(span, drop, weight, z)
 
     @classmethod
     def from_sag(cls, span: float, drop: float, weight: float, sag: float) -> Catenary:
         """ValueError if no z in [Z_MIN, Z_MAX] has this sag."""
-        return cls.from_z(span, drop, weight, bisected(lambda z: math.log(_sag(span, drop, z) / sag), *_BRACKET))
+        z = bisected(lambda z: math.log(_sag(span, drop, z) / sag), *_BRACKET)
+        return cls.from_z(span, drop, weight, z)
 
     @property
     def z(self) -> float:
@@ -121,11 +123,16 @@ class Catenary:
         end = self.c - self.sigma
         b = self.span / self.length
         h = self.drop / self.length
-        mean = 0.25 * (math.hypot(1.0, c) + math.hypot(1.0, end)) + 0.25 * (c + end) * h + 0.5 * b
+        tensions = math.hypot(1.0, c) + math.hypot(1.0, end)
+        mean = 0.25 * tensions + 0.25 * (c + end) * h + 0.5 * b
         return self.horizontal_tension * mean
 
+    def irvine(self, EA: float) -> float:
+        """L^2 = sigma^2 alpha cos^5(slope) [-], Irvine, Cable Structures (1981), 2.4."""
+        return self.sigma**2 * EA / self.horizontal_tension * (self.span / self.chord) ** 5
+
     def x(self, s) -> np.ndarray:
-        """Horizontal place [m] at s [m]."""
+        """Horizontal position [m] at s [m]."""
         return self.length * shape(np.asarray(s) / self.length, self.sigma, self.c)[0]
 
     def y(self, s) -> np.ndarray:

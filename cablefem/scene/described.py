@@ -13,13 +13,13 @@ from cablefem.scene.errors import SceneError, nearest, shown
 from cablefem.scene.fields import Line, Name, Part, Positive, said
 from cablefem.scene.surroundings import read_ground
 
-_FILES = resources.files("cablefem.scene") / "library"
+_FILES = resources.files(__package__) / "library"
 # first in a list
 _FIRST = ("level", "cruise", "inclined", "bare", "tramway", "zipline")
-_FOUND = sorted(file.name.removesuffix(".toml") for file in _FILES.iterdir() if file.name.endswith(".toml"))
+_SCENES = sorted(file.name.removesuffix(".toml") for file in _FILES.iterdir() if file.name.endswith(".toml"))
 LINES = sorted(file.name.removesuffix(".toml") for file in (_FILES / "lines").iterdir())
 AT_REST = "a line of several contacts takes run and check alone, without this option; one span takes all"
-LIBRARY = (*_FIRST, *(name for name in _FOUND if name not in _FIRST))
+LIBRARY = (*_FIRST, *(name for name in _SCENES if name not in _FIRST))
 BUILT_IN = (*LIBRARY, *LINES)
 RELATIVE = re.compile(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?%")
 
@@ -91,13 +91,13 @@ class Described(Part):
         return tomli_w.dumps(self._tables())
 
     def _tables(self, changes: Container[str] = ()) -> dict[str, Any]:
-        """Its tables, without what gives way to changes of these dotted keys."""
+        """Its tables, without what changes of these dotted keys replace."""
         return {"name": self.name, **self.model_dump(exclude_none=True, exclude_defaults=True)}
 
     def replace(self, changes: Mapping[str, Any]) -> Self:
         """The same with other values of some dotted keys; SceneError with all faults.
 
-        A new length, sag or horizontal tension takes the place of the old one.
+        A new length, sag or horizontal tension replaces the old one.
         scene.replace({"mass.mass": 60.0, "drive.brake.0.force": 600.0, "obstacle.tree.top": 21.0})
         line.replace({"contact.valley.tension": 4e5})
         """
@@ -112,14 +112,14 @@ class Described(Part):
 
 def put(data: dict[str, Any], key: str, value: Any) -> None:
     """Set a dotted key; list items by name or number, "+1%" is relative; ValueError for an unknown key."""
-    *way, last = key.split(".")
+    before, _, last = key.rpartition(".")
     here: Any = data
-    for name in way:
+    for name in before.split(".") if before else ():
         here = here.setdefault(name, {}) if isinstance(here, dict) else _entry(here, name, key)
     if isinstance(here, list | tuple) and here:
-        raise ValueError(f"{key}: {'.'.join(way)} is a list; write {'.'.join(way)}.0.{last}, or its name for the 0")
+        raise ValueError(f"{key}: {before} is a list; write {before}.0.{last}, or its name for the 0")
     if not isinstance(here, dict):
-        raise ValueError(f"{key}: {'.'.join(way)} is no table")
+        raise ValueError(f"{key}: {before} is no table")
     if isinstance(value, str) and RELATIVE.fullmatch(value):
         now = here.get(last)
         if not isinstance(now, int | float):

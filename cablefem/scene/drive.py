@@ -34,7 +34,7 @@ from cablefem.scene.fields import (
 NEAREST_START = 1e-4
 FARTHEST_END = 0.99
 START = 0.01  # [l] where a rolling car begins by default
-# steps of a ride; a step is at most 1/12, 1/240, ... of the times below, see `Drive.part_of_step`
+# steps of a run; a step is at most 1/12, 1/240, ... of the times below, see `Drive.part_of_step`
 STANDARD = 1000.0
 SINCE = 12.0  # since a jump of force, and to a support
 RINGS = 240.0  # axial round trip
@@ -58,17 +58,17 @@ class Thrust(Part):
 
 
 class Brake(Part):
-    """A shoe that acts against the motion beyond a place; several add up."""
+    """A shoe that acts against the motion beyond a position; several add up."""
 
-    place: Positive = said("[m] place along the cable from which it brakes", alias="from")
+    place: Positive = said("[m] position along the cable from which it brakes", alias="from")
     force: Positive = said("[N] braking force along the cable")
 
 
 class End(Part):
-    """Where or when the ride ends: exactly one of both."""
+    """Where or when the run ends: exactly one of both."""
 
     time: Positive | None = said("[s] at which the ride ends", None)
-    place: Positive | None = said("[m] place along the cable that counts as arrival", None)
+    place: Positive | None = said("[m] position along the cable that counts as arrival", None)
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         return one_of(("time", "place"), given)
@@ -76,15 +76,16 @@ class End(Part):
 
 def of_mode(mode: str) -> tuple[str, ...]:
     """Names of the table [drive] with a meaning in a mode."""
-    names = Driving.field_names()
-    return ("mode",) if mode == "grip" else tuple(x for x in names if mode != "haul" or x not in FREE_ONLY)
+    if mode == "grip":
+        return ("mode",)
+    return tuple(name for name in Driving.field_names() if mode == "free" or name not in FREE_ONLY)
 
 
 class Driving(Part):
     """The table [drive]."""
 
     mode: Literal["grip", "haul", "free"] = said("[-] grip, haul or free: what moves the car", "grip")
-    start: Positive | None = said("[m] place of the car at the start; default 1 % of the length", None)
+    start: Positive | None = said("[m] position of the car at the start; default 1 % of the length", None)
     release: NonNegative = said("[s] over which the force that holds a free car goes", 0.0)
     rolling_friction: Annotated[float, between(0.0, 1.0)] = said("[-] friction over contact force", 0.0)
     drag_area: NonNegative = said("[m2] drag coefficient times area of the car", 0.0)
@@ -94,16 +95,21 @@ class Driving(Part):
     brake: Annotated[tuple[Brake, ...], tables("{from = ..., force = ...}")] = said("[-] brakes, in order", ())
     end: End | None = said("[-] where or when the ride is over", None)
     rest_speed: Positive = said("[m/s] a slower car is at rest where friction or the valley holds it", 1e-3)
-    rest_distance: Positive = said("[m] from its static place of rest in which a slow car is at rest", 0.01)
+    rest_distance: Positive = said("[m] from its static position of rest in which a slow car is at rest", 0.01)
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
-        default = {name: field.default for name, field in type(self).model_fields.items() if name != "mode"}
-        told = {n: f"{n} = {shown(given[n])}" for n in default if given.get(n) not in (None, default[n])}
-        idle = [line for name, line in told.items() if name not in of_mode(self.mode)]
-        faults = [f"{line}: has no meaning with mode = {self.mode!r}, {IDLE[self.mode]}" for line in idle]
-        if "drag_area" not in told and self.mode != "grip":
+        meaningful = of_mode(self.mode)
+        written: dict[str, str] = {}  # all that is not the default
+        faults = []
+        for name, field in type(self).model_fields.items():
+            if name == "mode" or given.get(name) in (None, field.default):
+                continue
+            written[name] = f"{name} = {shown(given[name])}"
+            if name not in meaningful:
+                faults.append(f"{written[name]}: has no meaning with mode = {self.mode!r}, {IDLE[self.mode]}")
+        if "drag_area" not in written and self.mode != "grip":
             why = "acts through drag alone; must be given with drag_area"
-            faults += [f"{told[name]}: {why}" for name in ("wind", "air_density") if name in told]
+            faults += [f"{written[name]}: {why}" for name in ("wind", "air_density") if name in written]
         return faults
 
     def faults(self, length: float) -> list[str]:
@@ -134,12 +140,18 @@ class Driving(Part):
         """Where a rolling car arrives [m]."""
         return FARTHEST_END * length if self.end is None or self.end.place is None else self.end.place
 
+    @property
+    def thrust_points(self) -> list[tuple[float, float]]:
+        """Times [s] and forces [N] of the thrust; none without thrust."""
+        if isinstance(self.thrust, Thrust):
+            return list(zip(self.thrust.times, self.thrust.forces, strict=True))
+        return [(0.0, self.thrust), (math.inf, self.thrust)] if self.thrust else []
+
     def scaled(self, length: float, time: float, force: float, rho: float) -> Drive:
         """The drive of a rolling car in these units of m, s and N."""
-        if isinstance(self.thrust, Thrust):
-            table = tuple((t / time, f / force) for t, f in zip(self.thrust.times, self.thrust.forces, strict=True))
-        else:
-            table = ((0.0, self.thrust / force), (math.inf, self.thrust / force)) if self.thrust else ()
+        points = self.thrust_points
+        brakes = sorted((brake.place / length, brake.force / force) for brake in self.brake)
+        end_time = math.inf if self.end is None or self.end.time is None else self.end.time
         return Drive(
             mode=self.mode,
             start=self.start_place(length) / length,
@@ -147,9 +159,9 @@ class Driving(Part):
             mu_r=self.rolling_friction,
             k=self.air_density * self.drag_area / (2.0 * rho),
             wind=self.wind * time / length,
-            thrust_table=table,
-            brakes=tuple(sorted((brake.place / length, brake.force / force) for brake in self.brake)),
-            end_time=math.inf if self.end is None or self.end.time is None else self.end.time / time,
+            thrust_table=tuple((t / time, f / force) for t, f in points),
+            brakes=tuple(brakes),
+            end_time=end_time / time,
             end_place=self.end_place(length) / length,
             rest_speed=self.rest_speed * time / length,
             rest_distance=self.rest_distance / length,
@@ -157,7 +169,8 @@ class Driving(Part):
 
     def __str__(self) -> str:
         fields = type(self).model_fields
-        return ", ".join([self.mode, *(f"{k} {x}" for k, x in self if k != "mode" and x != fields[k].default)])
+        words = [f"{name} {value}" for name, value in self if name != "mode" and value != fields[name].default]
+        return ", ".join([self.mode, *words])
 
 
 @dataclass(frozen=True)
@@ -177,11 +190,11 @@ class Drive:
     nominal: float = math.inf  # quasi-static duration; steps are nominal/steps
     rest_speed: float = 0.0
     rest_distance: float = 0.0
-    ways: tuple[tuple[float, int], ...] = ()  # from s_o on, way of a car at rest by statics: 1, 0 or -1
+    ways: tuple[tuple[float, int], ...] = ()  # from s_o on, direction in which a car at rest sets out: 1, 0 or -1
 
     @property
     def back_place(self) -> float:
-        """A ride that rolls back is over here."""
+        """A run that rolls back is over here."""
         return 0.5 * min(self.start, START)
 
     @cached_property
@@ -193,7 +206,7 @@ class Drive:
 
     def thrust(self, t, phase):
         """Thrust at t; any shapes."""
-        value, slope, t0 = self._lines[:, phase]
+        value, slope, t0 = self._thrusts[:, phase]
         return value + slope * (t - t0)
 
     def hold(self, t: float) -> float:
@@ -211,48 +224,53 @@ class Drive:
         return self.mu_r > 0.0 or bool(self.brakes)
 
     def way(self, s_o: float) -> int:
-        """Way of a car at rest at s_o under the last thrust: 1, -1, or 0."""
+        """Direction in which a car at rest at s_o sets out under the last thrust: 1, -1, or 0."""
         i = bisect.bisect_right(self.ways, (s_o, math.inf)) - 1
         return self.ways[i][1] if i >= 0 else 0
 
     def stays(self, s_o: float) -> bool:
-        """Whether s_o is within `rest_distance` of a place of rest."""
-        ends = [*(s for s, _ in self.ways[1:]), math.inf]
+        """Whether s_o is within `rest_distance` of a position of rest."""
         d = self.rest_distance
-        zones = ((a, b) for (a, way), b in zip(self.ways, ends, strict=True) if way == 0)
-        return any(a - d <= s_o <= b + d for a, b in zones)
+        ends = [*(s for s, _ in self.ways[1:]), math.inf]
+        zones = [(begin, end) for (begin, way), end in zip(self.ways, ends, strict=True) if way == 0]
+        return any(begin - d <= s_o <= end + d for begin, end in zones)
 
     def part_of_step(
         self, axial: float, sigma: float, s_o: float, speed: float, forward: float, since: float, rubs: bool
     ) -> float:
-        """The part of a step that a rolling car takes at s_o.
+        """The fraction of a step that a rolling car takes at s_o.
 
         axial : round trip of axial waves. forward : sign of the motion. since : time after a jump of force.
         rubs : whether a brake or a hold acts.
         """
         step = self.nominal / STANDARD
         near = min(s_o, 1.0 - s_o)
-        there = near / abs(speed) if speed else math.inf
-        # none where the car would set out again the same way
-        halts = self.mu_r > 0.0 and forward * self.way(s_o) <= 0.0
-        halt = abs(speed) / sigma if halts else math.inf
+        limits = [(since + axial * near) / SINCE]
+        if speed:
+            limits.append(near / abs(speed) / SINCE)
+        if forward:
+            ahead = s_o if forward < 0.0 else 1.0 - s_o
+            limits.append(2.0 * ahead / WAVES)
         rings = axial / RINGS
-        ahead = s_o if forward < 0.0 else 1.0 - s_o
-        waves = 2.0 * ahead / WAVES if forward else math.inf
-        parts = (since + axial * near) / SINCE, there / SINCE, rings if rubs else max(halt / HALT, rings), waves
-        return min(1.0, min(parts) / step)
+        # friction turns nowhere where the car would set out again in the same direction
+        halts = self.mu_r > 0.0 and forward * self.way(s_o) <= 0.0
+        if rubs:
+            limits.append(rings)
+        elif halts:
+            limits.append(max(abs(speed) / sigma / HALT, rings))
+        return min(1.0, min(limits) / step)
 
     @cached_property
-    def _lines(self) -> np.ndarray:
+    def _thrusts(self) -> np.ndarray:
         """Thrust, its slope and the time at the start of each phase: (3, n)."""
-        lines = np.zeros((3, len(self.phases)))
+        out = np.zeros((3, len(self.phases)))
         for i, (t0, t1) in enumerate(self.phases):
-            lines[2, i] = t0
+            out[2, i] = t0
             for (a, fa), (b, fb) in itertools.pairwise(self.thrust_table):
                 if a <= t0 and t1 <= b:
                     slope = (fb - fa) / (b - a) if fa != fb else 0.0
-                    lines[:2, i] = fa + slope * (t0 - a), slope
-        return lines
+                    out[:2, i] = fa + slope * (t0 - a), slope
+        return out
 
 
 GRIP = Drive()

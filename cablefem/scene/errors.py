@@ -1,4 +1,4 @@
-"""What is wrong with a scene, said in whole lines."""
+"""What is wrong with a scene, in sentences."""
 
 import difflib
 from collections.abc import Iterable
@@ -42,8 +42,9 @@ def shown(value: object) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def nearest(word: str, known: Iterable[str]) -> str:
-    """' Did you mean ...?' with the nearest known word, and the list of all."""
-    spelt = {name.lower(): name for name in known}
+def nearest(word: str, names: Iterable[str]) -> str:
+    """' Did you mean ...?' with the nearest name, and the list of all."""
+    spelt = {name.lower(): name for name in names}
     match = difflib.get_close_matches(word.lower(), spelt, n=1, cutoff=0.5)
-    return (f" Did you mean {spelt[match[0]]}?" if match else "") + f" Known: {', '.join(spelt.values())}."
+    guess = f" Did you mean {spelt[match[0]]}?" if match else ""
+    return f"{guess} Known: {', '.join(spelt.values())}."

@@ -94,15 +94,15 @@ def as_long(times: Sequence[float] | None, name: str, column: Sequence[float] | 
 
 def one_of(names: Sequence[str], given: Mapping[str, Any]) -> list[str]:
     """Faults unless exactly one of these fields is given."""
-    told = [f"{name} = {shown(given[name])}" for name in names if given.get(name) is not None]
+    present = [f"{name} = {shown(given[name])}" for name in names if given.get(name) is not None]
     must = f"exactly one of {', '.join(names)} must be given"
-    if not told:
+    if not present:
         return [f"{names[0]}: missing; {must}"]
-    return [f"{extra}: too much beside {told[0]}; {must}" for extra in told[1:]]
+    return [f"{extra}: too much beside {present[0]}; {must}" for extra in present[1:]]
 
 
 def rising(name: str, column: Sequence[float] | None, sign: str = ">") -> list[str]:
-    """First place where a column falls, or with '>' where it stays."""
+    """Fault at the first row where a column falls, or with '>' where it does not rise."""
     for i, (before, after) in enumerate(pairwise(column or ()), start=1):
         if after < before or (sign == ">" and after == before):
             return [f"{name}[{i}] = {after!r}: must be {sign} {before!r}, the one before it"]
@@ -125,8 +125,8 @@ class Part(BaseModel):
             self.__pydantic_validator__.validate_python(data, self_instance=self, context=sound)
         except ValidationError as error:
             faults = [line for item in error.errors(include_url=False) for line in self._lines(item)]
-        known = {name: sound.get(name) for name in type(self).model_fields}
-        faults += self.model_construct(**known).faults_between(data)
+        admissible = {name: sound.get(name) for name in type(self).model_fields}
+        faults += self.model_construct(**admissible).faults_between(data)
         if faults:
             raise SceneError(faults)
 
@@ -138,8 +138,9 @@ class Part(BaseModel):
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """A copy with some fields replaced, checked as a new one is."""
-        given = {name: getattr(self, name) for name in type(self).model_fields}
-        return type(self)(**{_written(type(self), name): x for name, x in {**given, **(update or {})}.items()})
+        part = type(self)
+        values = {name: getattr(self, name) for name in part.model_fields} | dict(update or {})
+        return part(**{_written(part, name): value for name, value in values.items()})
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         """Faults between fields, of which faulty ones and missing ones are None; `given` as written."""
@@ -194,15 +195,15 @@ def number_or(number: Admits, table: type[Part]) -> Any:
 
 
 def _written(part: type[Part], name: str) -> str:
-    known = part.model_fields.get(name)
-    return name if known is None else known.alias or name
+    field = part.model_fields.get(name)
+    return name if field is None else field.alias or name
 
 
-def _kind_fault(where: str, given: object, known: list[str]) -> str:
+def _kind_fault(where: str, given: object, kinds: list[str]) -> str:
     kind = given.get("kind") if isinstance(given, dict) else None
     if kind is None:
-        return f"{where}.kind: missing; must be one of {', '.join(known)}"
-    return f"{where}.kind = {shown(kind)}: unknown.{nearest(str(kind), known)}"
+        return f"{where}.kind: missing; must be one of {', '.join(kinds)}"
+    return f"{where}.kind = {shown(kind)}: unknown.{nearest(str(kind), kinds)}"
 
 
 def _words(annotation: Any) -> list[str]:

@@ -38,9 +38,10 @@ class _Schema(GenerateJsonSchema):
         return self.generate_inner(schema["schema"])
 
     def default_schema(self, schema: Any) -> Any:
-        found = super().default_schema(schema)
-        told = isinstance(found.get("default"), int | float | str) and found["default"] != ""
-        return {name: value for name, value in found.items() if name != "default" or told}
+        out = super().default_schema(schema)
+        if not isinstance(out.get("default"), int | float | str) or out["default"] == "":
+            out.pop("default", None)
+        return out
 
     def field_title_should_be_set(self, schema: Any) -> bool:
         return False
@@ -55,13 +56,13 @@ def schema(*parts: type[Part]) -> dict[str, Any]:
 
 def keys(part: type[Part]) -> Iterator[Key]:
     """All keys of a part and its parts."""
-    whole = schema(part)
-    return _keys(whole, whole["$defs"], "")
+    content = schema(part)
+    return _keys(content, content["$defs"], "")
 
 
-def _keys(table: dict[str, Any], known: dict[str, Any], before: str) -> Iterator[Key]:
+def _keys(table: dict[str, Any], definitions: dict[str, Any], before: str) -> Iterator[Key]:
     for name, rule in table["properties"].items():
-        options = _options(rule, known)
+        options = _options(rule, definitions)
         tables = [x for x in options if "properties" in x]
         numbers = [x for x in options if "properties" not in x]
         if numbers:
@@ -70,32 +71,37 @@ def _keys(table: dict[str, Any], known: dict[str, Any], before: str) -> Iterator
             words = numbers[0].get("$comment") or f"one of {', '.join(numbers[0].get('enum', ()))}"
             yield Key(before + name, unit, meaning, default, words)
         if len(tables) > 1:
-            yield from _kinds(tables, known, before + name)
+            yield from _kinds(tables, definitions, before + name)
         elif tables:
-            yield from _keys(tables[0], known, f"{before}{name}{'.0' if 'items' in rule else ''}.")
+            index = ".0" if "items" in rule else ""
+            yield from _keys(tables[0], definitions, f"{before}{name}{index}.")
 
 
-def _options(rule: dict[str, Any], known: dict[str, Any]) -> list[dict[str, Any]]:
-    of_list = [rule["items"]] if "$ref" in rule.get("items", {}) else None
-    options = of_list or rule.get("anyOf") or rule.get("oneOf") or [rule]
-    return [known[x["$ref"].split("/")[-1]] if "$ref" in x else x for x in options]
+def _options(rule: dict[str, Any], definitions: dict[str, Any]) -> list[dict[str, Any]]:
+    """The rules of which a value must follow one, of a list of tables those of its tables."""
+    options = rule.get("anyOf") or rule.get("oneOf") or [rule]
+    if "$ref" in rule.get("items", {}):
+        options = [rule["items"]]
+    return [definitions[x["$ref"].split("/")[-1]] if "$ref" in x else x for x in options]
 
 
-def _kinds(tables: list[dict[str, Any]], known: dict[str, Any], name: str) -> Iterator[Key]:
+def _kinds(tables: list[dict[str, Any]], definitions: dict[str, Any], name: str) -> Iterator[Key]:
     """Keys of a table of several kinds: kind, own ones, shared ones."""
     kinds = [table["properties"]["kind"]["const"] for table in tables]
     yield Key(f"{name}.kind", "-", "which law", "required", f"one of {', '.join(kinds)}")
     shared = set.intersection(*(set(table["properties"]) for table in tables))
     for table, kind in zip(tables, kinds, strict=True):
-        for key in _keys(table, known, f"{name}."):
+        for key in _keys(table, definitions, f"{name}."):
             if key.name.split(".")[1] not in shared:
                 yield replace(key, kind=kind)
-    common = _keys(tables[0], known, f"{name}.")
-    yield from (key for key in common if (own := key.name.split(".")[1]) in shared and own != "kind")
+    for key in _keys(tables[0], definitions, f"{name}."):
+        if key.name.split(".")[1] in shared - {"kind"}:
+            yield key
 
 
 def hint(key: str, part: type[Part]) -> str:
     """The keys of a part whose last name, or whose table, is `key`, as a sentence; "" if there are none."""
-    names = dict.fromkeys(x.name for x in keys(part))
-    similar = [name for name in names if name.endswith(f".{key}")] or [x for x in names if x.startswith(f"{key}.")]
+    names = list(dict.fromkeys(x.name for x in keys(part)))
+    inside = [name for name in names if name.startswith(f"{key}.")]
+    similar = [name for name in names if name.endswith(f".{key}")] or inside
     return f"the scene has {', '.join(similar[:4])}" if similar else ""

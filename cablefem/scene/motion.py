@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-# Newton steps towards a mean place; their error over its way
-MOST = 20
+# Newton steps towards a mean position; their error over the distance of a step
+ITERATIONS = 20
 SAME = 1e-9
 
 
@@ -53,22 +53,24 @@ class Motion:
     def along(self, t: np.ndarray, phase: np.ndarray | int) -> np.ndarray:
         """`at` for many instants: rows s_o, ds_o, dds_o, (3, n)."""
         first, last = self._ends[:, phase]
-        out = np.array(self._on(np.minimum(np.maximum(self._piece(t), first), last))(t))
+        piece = np.minimum(np.maximum(self._piece(t), first), last)
+        out = np.array(self._on(piece)(t))
         out[0, t == self.phases[-1][1]] = self.end
         return out
 
     def between(self, t0: np.ndarray, t1: np.ndarray, w: float, phase: int) -> np.ndarray:
-        """Times (n,) of the mean place w s_o(t1) + (1 - w) s_o(t0): a step is balanced there."""
+        """Times (n,) of the mean position w s_o(t1) + (1 - w) s_o(t0): a step is balanced there."""
         first = self.along(t0, phase)[0]
         last = self.along(t1, phase)[0]
-        want = (1.0 - w) * first + w * last
+        mean = (1.0 - w) * first + w * last
         t = (1.0 - w) * t0 + w * t1
-        for _ in range(MOST):
-            place, pace, _ = self.along(t, phase)
-            far = (np.abs(want - place) > SAME * (last - first)) & (pace > 0.0)
+        for _ in range(ITERATIONS):
+            s, ds, _ = self.along(t, phase)
+            far = (np.abs(mean - s) > SAME * (last - first)) & (ds > 0.0)
             if not far.any():
                 break
-            t[far] = np.clip(t + (want - place) / np.where(far, pace, 1.0), t0, t1)[far]
+            better = t + (mean - s) / np.where(far, ds, 1.0)
+            t[far] = np.clip(better, t0, t1)[far]
         return t
 
     @property
@@ -85,22 +87,23 @@ class Motion:
         """When the mass comes to s_o; ValueError if never."""
         return float(self.times_at(np.array([s_o]))[0])
 
-    def times_at(self, places: np.ndarray) -> np.ndarray:
-        """`time_at` of many places (n,)."""
-        never = [s for s in places.tolist() if not self.begin <= s <= self.end]
-        if never:
-            raise ValueError(
-                f"the mass is never at s_o = {never[0]!r}: its travel covers [{self.begin:g}, {self.end!r}]"
-            )
+    def times_at(self, s_o: np.ndarray) -> np.ndarray:
+        """`time_at` of many positions (n,), by bisection to the last bit."""
+        outside = s_o[~((self.begin <= s_o) & (s_o <= self.end))]
+        if outside.size:
+            travel = f"its travel covers [{self.begin:g}, {self.end!r}]"
+            raise ValueError(f"the mass is never at s_o = {outside.tolist()[0]!r}: {travel}")
         times = np.append(self._columns[0], self.phases[-1][1])
-        known = self.position(times)
-        k = np.searchsorted(known, places, side="left")
-        low = times[np.where(known[k] == places, k, k - 1)]
+        positions = self.position(times)
+        k = np.searchsorted(positions, s_o, side="left")
+        low = times[np.where(positions[k] == s_o, k, k - 1)]
         high = times[k]
-        while ((low < (middle := 0.5 * (low + high))) & (middle < high)).any():
-            early = self.position(middle) < places
+        middle = 0.5 * (low + high)
+        while np.any((low < middle) & (middle < high)):
+            early = self.position(middle) < s_o
             low = np.where(early, middle, low)
             high = np.where(early, high, middle)
+            middle = 0.5 * (low + high)
         return high
 
     @cached_property
@@ -121,10 +124,13 @@ class Motion:
         """(t, ds_o/dt) wherever the speed can be extreme."""
         samples = []
         for (_, stop), pieces in zip(self.phases, self.pieces, strict=True):
-            for piece, high in zip(pieces, [*(p.start for p in pieces[1:]), stop], strict=True):
-                times = [piece.start, high]
-                if piece.c3 != 0.0 and piece.start < (turn := piece.origin - piece.c2 / (3.0 * piece.c3)) < high:
-                    times.append(turn)
+            ends = [*(p.start for p in pieces[1:]), stop]
+            for piece, end in zip(pieces, ends, strict=True):
+                times = [piece.start, end]
+                if piece.c3 != 0.0:
+                    extreme = piece.origin - piece.c2 / (3.0 * piece.c3)
+                    if piece.start < extreme < end:
+                        times.append(extreme)
                 samples += [(t, piece(t)[1]) for t in times]
         return samples
 
@@ -136,8 +142,8 @@ class Motion:
     @property
     def standstills(self) -> list[tuple[float, float]]:
         """Phases [t0, t1] at rest."""
-        parts = zip(self.phases, self.pieces, strict=True)
-        return [phase for phase, pieces in parts if all(p.c1 == p.c2 == p.c3 == 0.0 for p in pieces)]
+        at_rest = [all(p.c1 == p.c2 == p.c3 == 0.0 for p in pieces) for pieces in self.pieces]
+        return list(itertools.compress(self.phases, at_rest))
 
     def shifted(self, start: float) -> Motion:
         """The same motion, begun at `start`."""
@@ -145,7 +151,7 @@ class Motion:
         return Motion(self.phases, pieces, self.end + start)
 
     def then(self, duration: float, acceleration: float) -> Motion:
-        """The same motion, then braked by `acceleration` for `duration`; 0: standing."""
+        """The same motion, then with `acceleration` to rest after `duration`; 0: at rest."""
         t = self.phases[-1][1]
         s, v, _ = self.at(t, len(self.phases) - 1)
         end = s if acceleration == 0.0 else s + 0.5 * v * duration
@@ -163,8 +169,12 @@ class Motion:
     def scaled(self, length: float, time: float) -> Motion:
         """The motion in other units."""
         units = np.array([time, time, *(length / time**k for k in range(4))])
-        pieces = tuple(tuple(Piece(*(np.array(p) / units).tolist()) for p in pieces) for pieces in self.pieces)
-        return Motion(tuple((t0 / time, t1 / time) for t0, t1 in self.phases), pieces, self.end / length)
+
+        def scale(pieces: tuple[Piece, ...]) -> tuple[Piece, ...]:
+            return tuple(Piece(*row) for row in (np.array(pieces) / units).tolist())
+
+        phases = tuple((t0 / time, t1 / time) for t0, t1 in self.phases)
+        return Motion(phases, tuple(map(scale, self.pieces)), self.end / length)
 
     @cached_property
     def _columns(self) -> np.ndarray:
@@ -173,5 +183,6 @@ class Motion:
 
 
 def at_rest(place: float, end: float) -> Motion:
-    """Rest at a place until `end`."""
-    return Motion(((0.0, end),), ((Piece(0.0, 0.0, place, 0.0, 0.0),),), place)
+    """Rest at the position `place` until `end`."""
+    piece = Piece(0.0, 0.0, place, 0.0, 0.0)
+    return Motion(((0.0, end),), ((piece,),), place)

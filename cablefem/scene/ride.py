@@ -1,4 +1,4 @@
-"""The quasi-static ride: the car on the curve of its places at rest, its load path P(s).
+"""The quasi-static ride: the car on the curve of its positions at rest, its load path P(s).
 
 Cable and car have the energy Pi(s). The car alone has inertia:
 
@@ -25,7 +25,7 @@ from cablefem.scene.statics import NoRest, gripped, nodes
 
 HORIZON = 1e3  # [l sqrt(rho/H)] longest ride
 LASTS = 10.0  # longest ride over the quasi-static one
-STICKS = 1e-13  # over H: smaller forces are rounding
+STICKS = 1e-13  # [H] smaller forces are rounding
 
 
 class LoadPath:
@@ -36,8 +36,9 @@ class LoadPath:
 
         self.s = s
         self.place: Callable = CubicHermiteSpline(s, place, slope)
-        columns = [CubicHermiteSpline(s, slope, bend).c, CubicSpline(s, np.stack([hold, stretch], -1)).c]
-        self._c = np.concatenate(columns, axis=2)
+        slopes = CubicHermiteSpline(s, slope, bend)
+        scalars = CubicSpline(s, np.stack([hold, stretch], -1))
+        self._c = np.concatenate([slopes.c, scalars.c], axis=2)  # (4, intervals, 4)
         self._nodes = s.tolist()
 
     def __call__(self, s: float) -> tuple[float, float, float, float, float, float]:
@@ -67,9 +68,10 @@ class LoadPath:
     def chord(cls, groups) -> LoadPath:
         s = nodes()
         slope = np.stack(groups.shape(1.0))
-        ones = np.ones_like(s)
-        hold = -groups.mu * groups.sigma * slope[1] * ones
-        return cls(s, s[:, None] * slope, ones[:, None] * slope, np.zeros((s.size, 2)), hold, math.hypot(*slope) * ones)
+        slopes = np.tile(slope, (s.size, 1))
+        hold = np.full_like(s, -groups.mu * groups.sigma * slope[1])
+        stretch = np.full_like(s, math.hypot(*slope))
+        return cls(s, s[:, None] * slope, slopes, np.zeros_like(slopes), hold, stretch)
 
 
 @dataclass(frozen=True)
@@ -98,8 +100,8 @@ class Ride:
         which = np.clip(np.searchsorted([t0 for t0, _, _ in self.sections], t, side="right") - 1, 0, None)
         out = np.empty((2, *t.shape))
         for k in np.unique(which):
-            mine = which == k
-            out[:, mine] = self.sections[k][2](t[mine])
+            inside = which == k
+            out[:, inside] = self.sections[k][2](t[inside])
         return out[0], out[1]
 
     def speed(self, t) -> np.ndarray:
@@ -109,7 +111,9 @@ class Ride:
 
     @cached_property
     def top_speed(self) -> float:
-        return float(np.max(self.speed(np.linspace(0.0, self.duration, 2001)))) if self.sections else 0.0
+        if not self.sections:
+            return 0.0
+        return float(np.max(self.speed(np.linspace(0.0, self.duration, 2001))))
 
 
 class Forces:
@@ -131,19 +135,23 @@ class Forces:
         px, py, bx, by, hold, stretch = self.path(s)
         p2 = px * px + py * py
         p = math.sqrt(p2)
+        # velocity in the air, and drag
         rx = px * v - drive.wind
         ry = py * v
         drag = -drive.k * math.hypot(rx, ry)
         along = float(drive.thrust(t, phase)) * p + drag * (rx * px + ry * py)
-        normal = (mu * (bx * v * v) - drag * rx) * py - (mu * (by * v * v - self.sigma) - drag * ry) * px
+        # contact force on the car
+        fx = mu * (bx * v * v) - drag * rx
+        fy = mu * (by * v * v - self.sigma) - drag * ry
+        normal = abs(fx * py - fy * px) / p
         free = along - hold + drive.hold(t) * self.begin_hold - mu * (px * bx + py * by) * v * v
-        return free, abs(normal) / p, mu * p2, stretch
+        return free, normal, mu * p2, stretch
 
     def stands(self, t: float, s: float, phase: int, brakes: int) -> float:
         """Signed force beyond what friction and brakes hold; else 0."""
         free, normal, _, stretch = self.at(t, s, 0.0, phase)
-        most = stretch * (self.drive.mu_r * normal + self.level[brakes]) + STICKS
-        return math.copysign(max(0.0, abs(free) - most), free)
+        resistance = stretch * (self.drive.mu_r * normal + self.level[brakes]) + STICKS
+        return math.copysign(max(0.0, abs(free) - resistance), free)
 
     def loose(self, t: float, s: float, phase: int, brakes: int) -> tuple[float, int] | None:
         """When and in which phase a car at rest begins to move; None: never."""
@@ -153,41 +161,48 @@ class Forces:
             t1 = phases[k][1]
             if self.stands(t0, s, k, brakes):
                 return t0, k
-            grid = np.linspace(t0, t1, 33) if math.isfinite(t1) else np.array([t0, t0])
-            for a, b in itertools.pairwise(grid):
-                if self.stands(b, s, k, brakes):
-                    return bisected(lambda t: abs(self.stands(t, s, k, brakes)) - 1e-300, a, b), k  # noqa: B023
+            if not math.isfinite(t1):
+                continue
+
+            def excess(t: float, k: int = k) -> float:
+                return abs(self.stands(t, s, k, brakes)) - 1e-300
+
+            for a, b in itertools.pairwise(np.linspace(t0, t1, 33)):
+                if excess(b) > 0.0:
+                    return bisected(excess, a, b), k
         return None
 
     def ways(self) -> tuple[tuple[float, int], ...]:
         """`Drive.ways` by the forces of the last phase."""
-        drive = self.drive
         last = len(self.drive.phases) - 1
-        t = drive.phases[last][0]
-        low = drive.back_place
-        high = drive.end_place
-        marks = sorted({low, high, *(x for x in (*self.path.s[::8].tolist(), *self.places) if low < x < high)})
+        t = self.drive.phases[last][0]
+        low = self.drive.back_place
+        high = self.drive.end_place
+        inside = [s for s in (*self.path.s[::8].tolist(), *self.places) if low < s < high]
         out: list[tuple[float, int]] = []
-
-        def way(s: float, brakes: int) -> int:
-            force = self.stands(t, s, last, brakes)
-            return (force > 0.0) - (force < 0.0)
-
-        for a, b in itertools.pairwise(marks):
+        for a, b in itertools.pairwise(sorted({low, high, *inside})):
             brakes = bisect.bisect_right(self.places, a)
-            before = way(a, brakes)
-            after = way(b, brakes)
+
+            def sign(s: float, brakes: int = brakes) -> int:
+                force = self.stands(t, s, last, brakes)
+                return (force > 0.0) - (force < 0.0)
+
+            before = sign(a)
+            after = sign(b)
             out.append((a, before))
-            if before != after:
-                leaves = bisected(lambda s: abs(way(s, brakes) - before) - 0.5, a, b)  # noqa: B023
-                comes = bisected(lambda s: 0.5 - abs(way(s, brakes) - after), a, b)  # noqa: B023
-                if before > after and comes >= leaves:
-                    out.append((leaves, 0))
-                out.append((comes, after))
+            if before == after:
+                continue
+            begin = bisected(lambda s: abs(sign(s) - before) - 0.5, a, b)  # noqa: B023
+            end = bisected(lambda s: 0.5 - abs(sign(s) - after), a, b)  # noqa: B023
+            if before > after and end >= begin:
+                out.append((begin, 0))
+            out.append((end, after))
         return tuple(next(same) for _, same in itertools.groupby(out, key=lambda x: x[1]))
 
 
 class _Rolling:
+    """The state of a ride while it is computed."""
+
     def __init__(self, path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float) -> None:
         self.path = path
         self.drive = drive
@@ -204,9 +219,11 @@ class _Rolling:
         self.sections: list[tuple[float, float, Callable]] = []
 
     def to_its_end(self) -> Ride:
-        going = True
-        while going and self.t < self.end:
-            going = (self.v != 0.0 or self._depart()) and self._react(self._roll())
+        while self.t < self.end:
+            if self.v == 0.0 and not self._depart():
+                break
+            if not self._react(self._roll()):
+                break
         return Ride(self.path, tuple(self.events), tuple(self.sections))
 
     def _log(self, name: str) -> None:
@@ -214,16 +231,20 @@ class _Rolling:
         self.events.append(Event(name, self.t, self.s, abs(self.v) * math.hypot(px, py)))
 
     def _depart(self) -> bool:
+        """Stay at rest until the forces exceed friction; return whether the car moves on."""
         s = self.s
         forces = self.forces
-        go = forces.loose(self.t, s, self.phase, self.brakes)
-        if go is None:
+        departure = forces.loose(self.t, s, self.phase, self.brakes)
+        if departure is None:
             self._log("stop")
-        if go is None or go[0] >= self.end:
             return False
-        if go[0] > self.t:
-            self.sections.append((self.t, go[0], lambda t: np.stack([np.full_like(t, s), np.zeros_like(t)])))
-        self.t, self.phase = go
+        t, phase = departure
+        if t >= self.end:
+            return False
+        if t > self.t:
+            self.sections.append((self.t, t, lambda t: np.stack([np.full_like(t, s), np.zeros_like(t)])))
+        self.t = t
+        self.phase = phase
         ahead = forces.stands(self.t, s, self.phase, self.brakes) or forces.at(self.t + 1e-9, s, 0.0, self.phase)[0]
         before = self.sign
         self.sign = math.copysign(1.0, ahead)
@@ -233,22 +254,22 @@ class _Rolling:
         return self.turns > 0
 
     def _next_brake(self) -> tuple[str, float]:
-        """Event and place of the next brake ahead; the car turns at a standstill only."""
-        places = self.forces.places
+        """Event and position of the next brake ahead; the car turns at a standstill only."""
+        positions = [-math.inf, *self.forces.places, math.inf]
         if self.sign > 0.0:
-            return "brake", places[self.brakes] if self.brakes < len(places) else math.inf
-        return "brake off", places[self.brakes - 1] if self.brakes else -math.inf
+            return "brake", positions[self.brakes + 1]
+        return "brake off", positions[self.brakes]
 
     def _watches(self) -> dict[str, Callable]:
         """Values that end the motion where they fall through zero."""
         drive = self.drive
-        brake, place = self._next_brake()
+        brake, position = self._next_brake()
 
         def slow(t, y):
             """Negative where the car is slow, and would stay."""
             px, py, *_ = self.path(y[0])
-            over = abs(y[1]) * math.hypot(px, py) - drive.rest_speed
-            return over if drive.stays(y[0]) else max(over, drive.rest_speed)
+            excess = abs(y[1]) * math.hypot(px, py) - drive.rest_speed
+            return excess if drive.stays(y[0]) else max(excess, drive.rest_speed)
 
         watches: dict[str, Any] = {
             "still": lambda t, y: self.sign * y[1],
@@ -257,39 +278,39 @@ class _Rolling:
         }
         if drive.ways and self.phase == len(drive.phases) - 1:
             watches["rest"] = slow
-        if math.isfinite(place):
-            watches[brake] = lambda t, y: self.sign * (place - y[0])
+        if math.isfinite(position):
+            watches[brake] = lambda t, y: self.sign * (position - y[0])
         for watch in watches.values():
             watch.terminal = True
             watch.direction = -1.0
         return watches
 
     def _roll(self) -> str | None:
+        """Integrate until the next event or the end of the phase; return the event's name."""
         from scipy.integrate import solve_ivp
 
         phase = self.phase
         sign = self.sign
         forces = self.forces
         mu_r = self.drive.mu_r
-        brake = forces.level[self.brakes]
+        braking = forces.level[self.brakes]
 
         def rate(t: float, y: np.ndarray) -> list[float]:
             free, normal, inertia, stretch = forces.at(t, y[0], y[1], phase)
-            return [y[1], (free - sign * stretch * (mu_r * normal + brake)) / inertia]
+            resistance = stretch * (mu_r * normal + braking)
+            return [y[1], (free - sign * resistance) / inertia]
 
         span = (self.t, min(self.end, self.drive.phases[phase][1]))
         watches = self._watches()
-        run = solve_ivp(
-            rate, span, [self.s, self.v], "DOP853", rtol=1e-10, atol=1e-12, dense_output=True,
-            events=[*watches.values()],
-        )  # fmt: skip
+        how: dict[str, Any] = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-12, "dense_output": True}
+        run = solve_ivp(rate, span, [self.s, self.v], events=[*watches.values()], **how)
         if not run.success:
             raise NoRest(f"the quasi-static ride cannot go on at s_o = {run.y[0, -1]:.4g}: {run.message}")
         event = next((name for name, times in zip(watches, run.t_events, strict=True) if times.size), None)
         end = float(run.t[-1])
-        brake, place = self._next_brake()
-        if event != brake and sign * (run.y[0, -1] - place) > 0.0:  # there and back in one step
-            end = bisected(lambda t: sign * (place - run.sol(t)[0]), self.t, end)
+        brake, position = self._next_brake()
+        if event != brake and sign * (run.y[0, -1] - position) > 0.0:  # there and back in one step
+            end = bisected(lambda t: sign * (position - run.sol(t)[0]), self.t, end)
             event = brake
         self.sections.append((self.t, end, run.sol))
         self.t = end
@@ -297,29 +318,34 @@ class _Rolling:
         return event
 
     def _react(self, event: str | None) -> bool:
+        """Set the state at an event without rounding; return whether the ride goes on."""
         if event is None:
             self._next_phase()
         elif event in ("still", "rest"):
             self.v = 0.0
         elif event == "brake":
             self.s = self.forces.places[self.brakes]
-            self.brakes = self.brakes + 1
+            self.brakes += 1
         elif event == "brake off":
-            self.s = self.forces.places[self.brakes - 1]
-            self.brakes = self.brakes - 1
+            self.brakes -= 1
+            self.s = self.forces.places[self.brakes]
+        elif event == "arrival":
+            self.s = self.drive.end_place
         else:
-            self.s = self.drive.end_place if event == "arrival" else self.drive.back_place
+            self.s = self.drive.back_place
         if event in ("rest", "brake", "arrival", "back"):
             self._log("stop" if event == "rest" else event)
         return event not in ("rest", "arrival", "back")
 
     def _next_phase(self) -> None:
-        if self.t < self.end:
-            table = self.drive.thrust_table
-            names = {self.drive.release: "release"} | ({table[-1][0]: "thrust_end"} if table else {})
-            if self.t in names:
-                self._log(names[self.t])
-            self.phase += 1
+        if self.t >= self.end:
+            return
+        table = self.drive.thrust_table
+        if table and self.t == table[-1][0]:
+            self._log("thrust_end")
+        elif self.t == self.drive.release:
+            self._log("release")
+        self.phase += 1
 
 
 def ride(path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float = math.inf) -> Ride:
@@ -334,9 +360,10 @@ def quasi_static(groups, drive: Drive) -> tuple[Ride, Drive]:
     """
     path = LoadPath.loaded(groups)
     drive = replace(drive, ways=Forces(path, groups.mu, groups.sigma, drive).ways())
-    first = ride(path, groups.mu, groups.sigma, drive, math.inf if math.isfinite(drive.end_time) else 2)
+    ends = math.isfinite(drive.end_time)
+    first = ride(path, groups.mu, groups.sigma, drive, math.inf if ends else 2)
     nominal = first.duration or min(1.0, drive.end_time)  # a car that stays
-    if math.isfinite(drive.end_time):
+    if ends:
         return first, replace(drive, nominal=nominal)
     drive = replace(drive, nominal=nominal, end_time=LASTS * nominal)
     if first.events and first.events[-1].event == "turn":

@@ -88,11 +88,19 @@ class Scene(Described):
         faults += surroundings_faults(self.obstacle or (), self.supports.span)
         if hanging := hanging_fault(*hung):
             return [*faults, hanging]
-        found = [stretch_fault(*hung), damping_fault(self), internal_fault(self, drive.mode)]
+        possible = [
+            stretch_fault(*hung),
+            damping_fault(*self._damped),
+            internal_fault(self.cable.internal_damping, self.time_scale, drive.mode),
+        ]
         rolling = [f"drive.{fault}" for fault in drive.faults(self.length)]
         if self.travel is not None and drive.mode != "free" and not rolling:
-            found.append(_travel_fault(self.travel, drive, self.length, self.axial_speed))
-        return faults + [fault for fault in found if fault] + rolling
+            possible.append(_travel_fault(self.travel, drive, self.length, self.axial_speed))
+        return faults + [fault for fault in possible if fault] + rolling
+
+    @property
+    def _damped(self) -> tuple[Catenary, Cable, Wind | None, float]:
+        return self.catenary, self.cable, self.wind, self.gravity
 
     @classmethod
     def from_toml(cls, text: str, *, name: str = "scene", folder: Path = Path()) -> Self:
@@ -234,17 +242,17 @@ class Scene(Described):
     @property
     def irvine(self) -> float:
         """L^2 = sigma^2 alpha cos^5(slope) [-], Irvine, Cable Structures (1981), 2.4."""
-        return self.sigma**2 * self.cable.EA / self.horizontal_tension * (self.supports.span / self.chord) ** 5
+        return self.catenary.irvine(self.cable.EA)
 
     @property
     def damping(self) -> float:
         """c_d [1/s]: `cable.damping` and a crosswind's part."""
-        return sum(damping_rates(self))
+        return sum(damping_rates(*self._damped))
 
     @property
     def damping_ratio(self) -> float:
         """c_d over critical damping of the first mode of the empty cable [-]."""
-        return 0.5 * self.damping / first_frequency(self)
+        return 0.5 * self.damping / first_frequency(self.catenary, self.cable.EA, self.gravity)
 
     @property
     def wind_tilt(self) -> float | None:
@@ -291,8 +299,8 @@ class Scene(Described):
     def _motion(self) -> Motion | None:
         if self.travel is None:
             return None
-        begin, way = _course(self.travel, self.drive, self.length)
-        motion = self.travel.motion(way, begin)
+        begin, distance = _extent(self.travel, self.drive, self.length)
+        motion = self.travel.motion(distance, begin)
         if self.drive.mode != "haul":
             return motion
         end = self.drive.end_place(self.length)
@@ -341,8 +349,7 @@ class Scene(Described):
         lines = [
             f"{self.name}: {self.title}" if self.title else self.name,
             f"  cable   l = {self.length:.6g} m, sag {self.sag:.4g} m ({self.sag_ratio:.3g} of the span), "
-            f"H = {self.horizontal_tension:.4g} N, rho = {self.rho:.4g} kg/m, "
-            f"EA = {self.cable.EA:.4g} N",
+            f"H = {self.horizontal_tension:.4g} N, rho = {self.rho:.4g} kg/m, EA = {self.cable.EA:.4g} N",
             f"  chord   span {self.supports.span:.6g} m, drop {self.supports.drop:.4g} m, slope {self.slope:.3g} deg",
         ]
         if self.damping:
@@ -380,31 +387,37 @@ def _presence(mode: str, present: list[str]) -> list[str]:
 
 def _travel_fault(travel: Any, drive: Driving, length: float, axial: float) -> str:
     """What is wrong with a travel on a cable with this length [m] and axial wave speed [m/s]; empty if nothing is."""
-    begin, way = _course(travel, drive, length)
+    begin, distance = _extent(travel, drive, length)
     near = NEAREST_START * length
-    end = begin + way
+    end = begin + distance
     if travel.place is not None:
-        told = f"travel.from = {travel.place!r}"
+        value = f"travel.from = {travel.place!r}"
         if drive.mode == "haul" and drive.start is not None:
-            return f"{told}: too much beside drive.start = {drive.start!r}; give one of them"
+            return f"{value}: too much beside drive.start = {drive.start!r}; give one of them"
         if not near <= begin < end:
-            return f"{told}: must be from {near:.6g} m to less than {end:.6g} m, the end of the travel"
+            return f"{value}: must be from {near:.6g} m to less than {end:.6g} m, the end of the travel"
     to = getattr(travel, "to", None)
-    if to is not None and to > (most := drive.end_place(length) if drive.mode == "haul" else length):
-        return f"travel.to = {to!r}: must be at most {most:.6g} m, the end of the ride"
-    if fault := travel.fault(way, begin, length):
+    farthest = drive.end_place(length) if drive.mode == "haul" else length
+    if to is not None and to > farthest:
+        return f"travel.to = {to!r}: must be at most {farthest:.6g} m, the end of the ride"
+    if fault := travel.fault(distance, begin, length):
         return f"travel.{fault}"
-    if (top := travel.motion(way).top_speed) >= axial:
+    top = travel.motion(distance).top_speed
+    if top >= axial:
         waves = "the speed sqrt(EA/rho) of longitudinal waves"
         return f"travel: reaches {top:.6g} m/s; must stay < {axial:.6g} m/s, {waves}"
     return ""
 
 
-def _course(travel: Any, drive: Driving, length: float) -> tuple[float, float]:
-    """Where the travel begins and the way [m] of its law."""
-    hauled = drive.mode == "haul"
-    begin = travel.place if travel.place is not None else drive.start_place(length) if hauled else 0.0
-    end = drive.end_place(length) if hauled else length
-    if isinstance(travel, Table):
-        return begin, length if hauled else length - begin
+def _extent(travel: Any, drive: Driving, length: float) -> tuple[float, float]:
+    """Where the travel begins and the distance of its law, both [m]."""
+    begin = 0.0
+    end = length
+    if drive.mode == "haul":
+        begin = drive.start_place(length)
+        end = drive.end_place(length)
+    if travel.place is not None:
+        begin = travel.place
+    if isinstance(travel, Table):  # its positions are checked against the cable
+        return begin, length if drive.mode == "haul" else length - begin
     return begin, (getattr(travel, "to", None) or end) - begin

@@ -24,7 +24,7 @@ class Rest:
     s: np.ndarray
     left: np.ndarray  # N r'/lam at the left support
     jump: np.ndarray  # at the car, ahead minus behind
-    place: np.ndarray  # P
+    place: np.ndarray  # P, (x, y) of the car
     behind: np.ndarray  # tension
     ahead: np.ndarray
     slope_behind: np.ndarray  # r' at the car
@@ -41,55 +41,73 @@ class Rest:
 
 
 def nodes(nearest: float | None = None) -> np.ndarray:
-    """Places for a load path, uniform in log(s/(1 - s)), up to `nearest` of both supports."""
-    near, far = (0.5 * NEAREST_START, 0.5 * (1.0 - FARTHEST_END)) if nearest is None else (nearest, nearest)
-    y = np.linspace(math.log(near), -math.log(far), NODES if nearest is None else 2 * NODES)
+    """Positions s of a load path, uniform in log(s/(1 - s)), up to `nearest` of both supports."""
+    if nearest is None:
+        y = np.linspace(math.log(0.5 * NEAREST_START), -math.log(0.5 * (1.0 - FARTHEST_END)), NODES)
+    else:
+        y = np.linspace(math.log(nearest), -math.log(nearest), 2 * NODES)
     return 1.0 / (1.0 + np.exp(-y))
 
 
 def gripped(s, groups) -> Rest:
     """The rest of a car that grips."""
     s = np.atleast_1d(np.asarray(s, dtype=float))
-    x = _Pieces(s, np.array([0.0, -groups.mu * groups.sigma]) * np.ones((s.size, 1)), groups)
-    (_, r0, D0, ds0), (_, r1, D1, ds1) = x.sides
-    A = x.moments()[1]
-    z = -np.linalg.solve(A, (r0 - r1)[..., None])[..., 0]  # d(left)/ds
-    bent = ds0 - ds1 + 2.0 * _times(D0 - D1, z) + x.second(z)
-    zz = -np.linalg.solve(A, bent[..., None])[..., 0]
+    weight = np.tile([0.0, -groups.mu * groups.sigma], (s.size, 1))
+    x = _Pieces(s, weight, groups)
+    behind, ahead = x.sides
+    _, A = x.moments()
+    z = -_solve(A, behind.slope - ahead.slope)  # d(left)/ds (n, 2)
+    bent = behind.by_s - ahead.by_s + 2.0 * _times(behind.by_n - ahead.by_n, z) + x.second(z)
+    zz = -_solve(A, bent)  # d2(left)/ds2 (n, 2)
     place, B = x.moments(x.behind)
-    bend = ds0 + 2.0 * _times(D0, z) + x.second(z, x.behind) + _times(B, zz)
-    return x.rest(place, r0 + _times(B, z), bend, np.zeros_like(s))
+    along = behind.slope + _times(B, z)
+    bend = behind.by_s + 2.0 * _times(behind.by_n, z) + x.second(z, x.behind) + _times(B, zz)
+    return x.rest(place, along, bend, np.zeros_like(s))
 
 
 def hauled(s, groups) -> Rest:
     """Rest of a car that rolls, hangs on a rope along the mean tangent tau, and is about to move on.
 
-    haul = rub - mu sigma tau_y, rub = mu_r mu sigma |tau_x| |<r'>|/<lam>, by iteration. P' is that of a spline.
+    haul = friction - mu sigma tau_y, friction = mu_r mu sigma |tau_x| |<r'>|/<lam>, by iteration.
+    P' is that of a spline.  Raises NoRest without convergence.
     """
     from scipy.interpolate import CubicSpline
 
     s = np.atleast_1d(np.asarray(s, dtype=float))
     weight = groups.mu * groups.sigma
-    x = None
-    tau = np.stack(groups.static(s)[1:3], -1)
-    rub = np.zeros_like(s)
+    left = None
+    tau = np.stack(groups.static(s)[1:3], -1)  # (n, 2)
+    friction = np.zeros_like(s)
     for _ in range(ITERATIONS):
-        haul = rub - weight * tau[:, 1]
-        jump = [0.0, -weight] - haul[:, None] * tau
-        x = _Pieces(s, jump, groups, None if x is None else x.left)
-        (_, r0, _, _), (_, r1, _, _) = x.sides
+        haul = friction - weight * tau[:, 1]
+        x = _Pieces(s, [0.0, -weight] - haul[:, None] * tau, groups, left)
+        left = x.left
         before = tau
-        mean = np.linalg.norm(r0 + r1, axis=1)
-        tau = (r0 + r1) / mean[:, None]
-        stretch = np.linalg.norm(r0, axis=1) + np.linalg.norm(r1, axis=1)
-        rub = groups.drive.mu_r * weight * np.abs(tau[:, 0]) * mean / stretch
+        behind, ahead = x.sides
+        mean = np.linalg.norm(behind.slope + ahead.slope, axis=1)
+        tau = (behind.slope + ahead.slope) / mean[:, None]
+        stretch = np.linalg.norm(behind.slope, axis=1) + np.linalg.norm(ahead.slope, axis=1)
+        friction = groups.drive.mu_r * weight * np.abs(tau[:, 0]) * mean / stretch
         if np.max(np.abs(tau - before)) <= 1e-12:
             break
     else:
-        raise NoRest("the direction of the rope that holds the car was not found")
-    place = x.moments(x.behind)[0]
-    path = CubicSpline(s, place) if s.size > 3 else lambda s, n: np.full((s.size, 2), np.nan)
+        raise NoRest("no direction of the rope that holds the car was found")
+    place, _ = x.moments(x.behind)
+    if s.size <= 3:
+        unknown = np.full((s.size, 2), np.nan)
+        return x.rest(place, unknown, unknown, haul)
+    path = CubicSpline(s, place)
     return x.rest(place, path(s, 1), path(s, 2), haul)
+
+
+@dataclass(frozen=True, slots=True)
+class _Side:
+    """The cable at the car, on one side of it."""
+
+    N: np.ndarray  # (n,) tension
+    slope: np.ndarray  # (n, 2) r'
+    by_n: np.ndarray  # (n, 2, 2) dr'/dn
+    by_s: np.ndarray  # (n, 2) dr'/ds at constant left
 
 
 class _Pieces:
@@ -102,57 +120,69 @@ class _Pieces:
         x, w = np.polynomial.legendre.leggauss(POINTS)
         x = 0.5 * (1.0 + x)
         w = 0.5 * w
+        at = s[:, None]
+        rest = 1.0 - at
         self.s = s
         self.jump = jump
         self.alpha = groups.alpha
-        points = np.concatenate([s[:, None] * x, s[:, None] + (1.0 - s[:, None]) * x], axis=1)
-        self.weights = np.concatenate([s[:, None] * w, (1.0 - s[:, None]) * w], axis=1)
+        points = np.concatenate([at * x, at + rest * x], axis=1)  # (n, points)
+        self.weights = np.concatenate([at * w, rest * w], axis=1)
         self.behind = np.arange(2 * POINTS) < POINTS
         self.load = np.where(self.behind, 0.0, jump.T[:, :, None])  # n - left: (2, n, points)
         self.load[1] -= groups.sigma * points
         self.q = 1.0 - groups.static(points)[0] / self.alpha
         ends = np.stack(groups.shape(1.0))
         if left is None:  # direction of the empty cable, tension guessed
-            left = np.stack([np.full_like(s, math.sqrt(1.0 + 0.5 * groups.mu)), groups.c - jump[:, 1] * (1.0 - s)], -1)
+            horizontal = np.full_like(s, math.sqrt(1.0 + 0.5 * groups.mu))
+            left = np.stack([horizontal, groups.c - jump[:, 1] * (1.0 - s)], -1)
         self.left = left
         for _ in range(ITERATIONS):
             g, A = self.moments()
-            dz = np.linalg.solve(A, (ends - g)[..., None])[..., 0]
+            dz = _solve(A, ends - g)
             size = np.linalg.norm(dz, axis=1) / (1.0 + np.linalg.norm(self.left, axis=1))
             if np.any(size > 1e-4):  # nearer, full steps are safe
-                here = self.left
-                slope = ((ends - g) * dz).sum(1)
-                step = np.ones_like(s)
-                for _ in range(ITERATIONS):
-                    self.left = here + step[:, None] * dz
-                    uphill = ((self.moments()[0] - ends) * dz).sum(1) > 0.5 * slope
-                    if not uphill.any():
-                        break
-                    step = np.where(uphill, 0.5 * step, step)
-                self.left = here
-                dz *= step[:, None]
+                dz *= self._step_length(dz, ends, g)[:, None]
             self.left = self.left + dz
             if np.all(size <= 1e-9):  # rounding next
                 break
         else:
-            raise NoRest(f"the cable at rest under the car was not found at s_o = {s[np.argmax(size)]:.4g}")
-        self.sides = []  # each: N, r', dr'/dn, dr'/ds at constant left
-        self.T = T = groups.static(s)[0]
-        dT = -groups.sigma * (groups.c - groups.sigma * s) / T
-        q = 1.0 - T / self.alpha
+            raise NoRest(f"no cable at rest under the car was found at s_o = {s[np.argmax(size)]:.4g}")
+        self.T = groups.static(s)[0]
         behind = self.left - np.stack([np.zeros_like(s), groups.sigma * s], -1)
-        for n in (behind, behind + jump):
-            N = np.linalg.norm(n, axis=1)
-            e = n / N[:, None]
-            f = q / N + 1.0 / self.alpha
-            D = f[:, None, None] * np.eye(2) - (q / N)[:, None, None] * e[:, :, None] * e[:, None, :]
-            ds = -groups.sigma * D[:, :, 1] - (dT / self.alpha)[:, None] * e
-            self.sides.append((N, f[:, None] * n, D, ds))
+        self.sides = self._side(behind, groups), self._side(behind + jump, groups)
+
+    def _step_length(self, dz: np.ndarray, ends: np.ndarray, g: np.ndarray) -> np.ndarray:
+        """Step (n,) along dz, halved while the integral that Newton's method minimises still rises."""
+        here = self.left
+        slope = ((ends - g) * dz).sum(1)
+        step = np.ones_like(self.s)
+        for _ in range(ITERATIONS):
+            self.left = here + step[:, None] * dz
+            uphill = ((self.moments()[0] - ends) * dz).sum(1) > 0.5 * slope
+            if not uphill.any():
+                break
+            step = np.where(uphill, 0.5 * step, step)
+        self.left = here
+        return step
+
+    def _side(self, n: np.ndarray, groups) -> _Side:
+        """The cable at the car, from its force n (n, 2)."""
+        dT = -groups.sigma * (groups.c - groups.sigma * self.s) / self.T
+        N = np.linalg.norm(n, axis=1)
+        e = n / N[:, None]
+        q = (1.0 - self.T / self.alpha) / N
+        f = q + 1.0 / self.alpha
+        by_n = f[:, None, None] * np.eye(2) - q[:, None, None] * e[:, :, None] * e[:, None, :]
+        by_s = -groups.sigma * by_n[:, :, 1] - (dT / self.alpha)[:, None] * e
+        return _Side(N, f[:, None] * n, by_n, by_s)
 
     def rest(self, place: np.ndarray, along: np.ndarray, bend: np.ndarray, haul: np.ndarray) -> Rest:
-        (N0, r0, _, _), (N1, r1, _, _) = self.sides
+        behind, ahead = self.sides
+        N0 = behind.N
+        N1 = ahead.N
         hold = N1 - N0 + ((N1 - self.T) ** 2 - (N0 - self.T) ** 2) / (2.0 * self.alpha)
-        return Rest(self.s, self.left, self.jump, place, N0, N1, r0, r1, along, bend, hold, haul)
+        sides = (N0, N1, behind.slope, ahead.slope)
+        return Rest(self.s, self.left, self.jump, place, *sides, along, bend, hold, haul)
 
     def moments(self, part=slice(None)) -> tuple[np.ndarray, np.ndarray]:
         """int r' and int dr'/dn over some points: (n, 2), (n, 2, 2)."""
@@ -162,19 +192,28 @@ class _Pieces:
         i1 = w * self.q[:, part] / np.sqrt(n2)
         i3 = i1 / n2
         one = w.sum(1) / self.alpha
-        g = np.stack([(v * (i1 + w / self.alpha)).sum(1) for v in (nx, ny)], -1)
+        f = i1 + w / self.alpha
+        g = np.stack([(f * nx).sum(1), (f * ny).sum(1)], -1)
+        xx = (i3 * ny * ny).sum(1) + one
         xy = -(i3 * nx * ny).sum(1)
-        A = np.stack([(i3 * ny * ny).sum(1) + one, xy, xy, (i3 * nx * nx).sum(1) + one], -1)
-        return g, A.reshape(-1, 2, 2)
+        yy = (i3 * nx * nx).sum(1) + one
+        return g, np.stack([xx, xy, xy, yy], -1).reshape(-1, 2, 2)
 
     def second(self, z: np.ndarray, part=slice(None)) -> np.ndarray:
         """int d2r'/dn^2 [z, z] over some points: (n, 2)."""
-        n = np.moveaxis(self.left.T[:, :, None] + self.load[:, :, part], 0, -1)
+        n = np.moveaxis(self.left.T[:, :, None] + self.load[:, :, part], 0, -1)  # (n, points, 2)
         N = np.linalg.norm(n, axis=-1)[..., None]
-        nz = n @ z[:, :, None]
+        nz = n @ z[:, :, None]  # (n, points, 1)
+        z2 = (z**2).sum(1)[:, None, None]
         w = (self.weights[:, part] * self.q[:, part])[..., None] / N**3
-        return (w * (-2.0 * nz * z[:, None] - (z**2).sum(1)[:, None, None] * n + 3.0 * nz**2 * n / N**2)).sum(1)
+        along_z = -2.0 * nz * z[:, None]
+        along_n = (3.0 * nz**2 / N**2 - z2) * n
+        return (w * (along_z + along_n)).sum(1)
 
 
 def _times(B: np.ndarray, y: np.ndarray) -> np.ndarray:
     return (B @ y[..., None])[..., 0]
+
+
+def _solve(A: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return np.linalg.solve(A, y[..., None])[..., 0]

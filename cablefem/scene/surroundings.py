@@ -52,17 +52,18 @@ def read_ground(name: str, folder: Path) -> list[list[float]]:
     if rows and not re.search(r"\d", "".join(rows[0][1])):
         del rows[0]
     points = []
-    for line, row in rows:
+    for number, row in rows:
         try:
             x, depth = map(float, row)
         except ValueError:
-            must = f"line {line} {shown(row)} must hold two numbers, x and depth"
+            must = f"line {number} {shown(row)} must hold two numbers, x and depth"
             raise SceneError([f"ground = {shown(name)}: {must}"]) from None
         points.append([x, depth])
     return points
 
 
 def surroundings_faults(obstacles: tuple[Obstacle, ...], span: float) -> list[str]:
+    """Faults of obstacles between supports with this span [m]."""
     faults: list[str] = []
     names = [x.name for x in obstacles]
     for i, x in enumerate(obstacles):

@@ -10,6 +10,8 @@ import numpy as np
 from cablefem.scene.bisection import bisected
 from cablefem.scene.line import Case, NoLine
 
+ROUNDS = 8  # of tension and depth in turn
+
 
 @dataclass(frozen=True, slots=True)
 class Start:
@@ -34,11 +36,13 @@ def start(case: Case) -> Start | NoLine:
 
 def _taut(case: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """H, points and lengths of pieces; NoLine where the tension does not carry the case."""
-    ends = [k for k in (0, len(case.stations) - 1) if case.stations[k].kind == "counterweight"]
-    known = case.tie or ((ends[0], case.stations[ends[0]].force) if ends else None)
-    if known is None:
+    prescribed = case.tie
+    for k in (0, len(case.stations) - 1):
+        if prescribed is None and case.stations[k].kind == "counterweight":
+            prescribed = k, case.stations[k].force
+    if prescribed is None:
         return _of_length(case, float(case.length or 0.0))
-    k, T = known
+    k, T = prescribed
     try:
         return _string(case, T, k)
     except NoLine:
@@ -48,39 +52,50 @@ def _taut(case: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _of_length(case: Case, length: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     def excess(log_T: float) -> float:
         try:
-            return float(_string(case, math.exp(log_T), None)[2].sum()) - length
+            _, _, pieces = _string(case, math.exp(log_T), None)
+            return float(pieces.sum()) - length
         except NoLine:  # too slack
             return math.inf
 
+    smallest = math.log(1e-6 * case.weight * length)
     try:
-        return _string(case, math.exp(bisected(excess, math.log(1e-6 * case.weight * length), math.log(case.EA))), None)
+        log_T = bisected(excess, smallest, math.log(case.EA))
+        return _string(case, math.exp(log_T), None)
     except ValueError:
-        held = np.array([(p.x, p.y) for p in case.stations if not p.is_car])
-        reach = float(np.hypot(*np.diff(held, axis=0).T).sum())
+        supports = np.array([(p.x, p.y) for p in case.stations if not p.is_car])
+        reach = float(np.hypot(*np.diff(supports, axis=0).T).sum())
         raise NoLine(f"the rope is too short to reach: {length:.6g} m over {reach:.6g} m of chords") from None
     except NoLine:
         raise NoLine(f"{length:.6g} m of rope hang too slack") from None
 
 
-def _string(case: Case, T: float, k: int | None, rounds: int = 8) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """H, places and lengths of pieces, for tension T at station k or at the mean depth."""
-    x, y = (np.array([getattr(p, axis) for p in case.stations]) for axis in "xy")
+def _string(case: Case, T: float, k: int | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """H, points and lengths of pieces, for tension T at station k or at the mean depth."""
+    x = np.array([p.x for p in case.stations])
+    y = np.array([p.y for p in case.stations])
     cars = np.array([p.is_car for p in case.stations])
     load = np.array([p.force if p.is_car else 0.0 for p in case.stations])
     chord = np.interp(x, x[~cars], y[~cars])
-    run = np.diff(x)
-    H = np.full(run.size, T)
+    dx = np.diff(x)
+    H = np.full(dx.size, T)
     depth = chord
-    for _ in range(rounds):
-        w = case.weight * np.hypot(1.0, np.diff(depth) / run)
-        K = np.diag(np.append(H / run, 0.0) + np.append(0.0, H / run)) - np.diag(H / run, 1) - np.diag(H / run, -1)
-        b = load + 0.5 * (np.append(w * run, 0.0) + np.append(0.0, w * run))
+    for _ in range(ROUNDS):
+        w = case.weight * np.hypot(1.0, np.diff(depth) / dx)  # per horizontal length
+        k_x = H / dx
+        K = np.diag(_at_both_ends(k_x)) - np.diag(k_x, 1) - np.diag(k_x, -1)  # (n, n)
+        b = load + 0.5 * _at_both_ends(w * dx)
         depth = np.where(cars, 0.0, chord)
         depth[cars] = np.linalg.solve(K[np.ix_(cars, cars)], (b - K @ depth)[cars])
         level = depth.mean() if k is None else depth[k]
-        N = T + case.weight * (level - 0.5 * (depth[:-1] + depth[1:]) - w * run**2 / (12.0 * H))
+        middle = 0.5 * (depth[:-1] + depth[1:])
+        N = T + case.weight * (level - middle - w * dx**2 / (12.0 * H))
         if N.min() <= 0.0:
             raise NoLine("")
-        H = N * run / np.hypot(run, np.diff(depth))
-    arc = np.hypot(run, np.diff(depth)) + (w / H) ** 2 * run**3 / 24.0
+        H = N * dx / np.hypot(dx, np.diff(depth))
+    arc = np.hypot(dx, np.diff(depth)) + (w / H) ** 2 * dx**3 / 24.0
     return H, np.stack([x, depth], axis=1), arc / (1.0 + N / case.EA) / case.heat
+
+
+def _at_both_ends(pieces: np.ndarray) -> np.ndarray:
+    """Sum (n,) of the values of the pieces (n - 1,) that end at a station."""
+    return np.append(pieces, 0.0) + np.append(0.0, pieces)

@@ -15,7 +15,7 @@ from cablefem.scene.fields import NonNegative, Numbers, Part, Positive, Real, as
 from cablefem.scene.motion import Motion, Piece
 
 AT_REST = 1e-3  # of the largest speed: a first or last speed below counts as rest
-ROUNDING = 1e-9  # of the length or the largest speed: nearer, a travel ends on the support, at rest
+ROUNDING = 1e-9  # of the length or the largest speed: nearer, a travel ends on the support, or at rest
 
 
 class Stop(Part):
@@ -26,12 +26,12 @@ class Stop(Part):
 
 
 class Law(Part):
-    """Base of the laws; each runs from `begin` [m] over a way [m]."""
+    """Base of the laws; each runs from `begin` [m] over a distance `way` [m]."""
 
     paces: ClassVar[dict[str, int]] = {}  # powers of pace in the fields
 
     place: Positive | None = said(
-        "[m] place along the cable where the mass is let in, in equilibrium", None, alias="from"
+        "[m] position along the cable where the mass is let in, in equilibrium", None, alias="from"
     )
     stop: Stop | None = said("[-] emergency stop", None)
     rest: NonNegative = said("[s] that the run goes on after the mass has come to rest", 0.0)
@@ -50,16 +50,20 @@ class Law(Part):
         stopped = self._stopped(law)
         rests = begin + stopped.end
         if self.stop is not None and stopped.end > way * (1.0 + ROUNDING):
-            told = f"stop.deceleration = {self.stop.deceleration!r}"
-            return f"{told}: the mass comes to rest at {rests:.6g} m; must be by {begin + way:.6g} m"
-        last = stopped.at(stopped.phases[-1][1], len(stopped.phases) - 1)[1]
-        if self.rest and abs(last) > ROUNDING * stopped.top_speed:
-            return f"rest = {self.rest!r}: the mass still moves with {last:.4g} m/s at the end of its travel; must stop"
-        if self.rest and rests >= length:
+            where = f"stop.deceleration = {self.stop.deceleration!r}"
+            return f"{where}: the mass comes to rest at {rests:.6g} m; must be by {begin + way:.6g} m"
+        if not self.rest:
+            return ""
+        _, speed, _ = stopped.at(stopped.phases[-1][1], len(stopped.phases) - 1)
+        if abs(speed) > ROUNDING * stopped.top_speed:
+            moves = f"the mass still moves with {speed:.4g} m/s at the end of its travel"
+            return f"rest = {self.rest!r}: {moves}; must stop"
+        if rests >= length:
             return f"rest = {self.rest!r}: the mass is on the far support then; must stop before {length:.6g} m"
         return ""
 
     def own_fault(self, way: float) -> str:
+        """What is wrong with the fields of this law over a distance [m]; empty if nothing is."""
         return ""
 
     def motion(self, way: float, begin: float = 0.0) -> Motion:
@@ -74,18 +78,19 @@ class Law(Part):
             return motion
         a = self.stop.deceleration
         begun = motion.until(self.stop.time)
-        speed = begun.at(self.stop.time, len(begun.phases) - 1)[1]
+        _, speed, _ = begun.at(self.stop.time, len(begun.phases) - 1)
         return begun.then(speed / a, -a) if speed > 0.0 else begun
 
     def course(self, way: float) -> Motion:
-        """The motion from 0 over a way [m], in SI."""
+        """The motion from 0 over a distance [m], in SI."""
         raise NotImplementedError
 
     def faster(self, factor: float) -> Law:
         """The same law run through `factor` times as fast."""
-        changes: dict[str, Any] = {
-            name: getattr(self, name) * factor**power for name, power in self.paces.items() if getattr(self, name)
-        }
+        changes: dict[str, Any] = {}
+        for name, power in self.paces.items():
+            if getattr(self, name):
+                changes[name] = getattr(self, name) * factor**power
         if self.stop is not None:
             changes["stop"] = Stop(time=self.stop.time / factor, deceleration=self.stop.deceleration * factor**2)
         return self.model_copy(update=changes)
@@ -107,10 +112,10 @@ class ConstantSpeed(Law):
         V = self.speed
         L = self.entry_ramp
         if L is None:
-            return Motion(((0.0, way / V),), ((Piece(0.0, 0.0, 0.0, V, 0.0),),), way)
+            return _one_phase(way / V, [Piece(0.0, 0.0, 0.0, V, 0.0)], way)
         T = 1.5 * L / V
         ramp = Piece(0.0, 0.0, 0.0, 0.0, V / T, -V / (3.0 * T * T))
-        return Motion(((0.0, T + (way - L) / V),), ((ramp, Piece(T, T, L, V, 0.0)),), way)
+        return _one_phase(T + (way - L) / V, [ramp, Piece(T, T, L, V, 0.0)], way)
 
     paces: ClassVar = {"speed": 1}
 
@@ -127,23 +132,23 @@ class ConstantAcceleration(Law):
         v0 = self.initial_speed
         if v0 == 0.0 and a <= 0.0:
             return f"acceleration = {a!r}: must be > 0 m/s^2 with initial_speed = 0, or the mass never moves"
-        least = -0.5 * v0 * v0 / way
-        if a < least * (1.0 + 1e-12):
+        smallest = -0.5 * v0 * v0 / way
+        if a < smallest * (1.0 + 1e-12):
             stops = f"the mass stops after {-0.5 * v0 * v0 / a:.6g} m of {way:.6g} m"
-            return f"acceleration = {a!r}: must be >= {least!r} m/s^2 with initial_speed = {v0!r}, or {stops}"
+            return f"acceleration = {a!r}: must be >= {smallest!r} m/s^2 with initial_speed = {v0!r}, or {stops}"
         return ""
 
     def course(self, way: float) -> Motion:
         a = self.acceleration
         v0 = self.initial_speed
         v1 = math.sqrt(max(0.0, v0 * v0 + 2.0 * a * way))
-        return Motion(((0.0, 2.0 * way / (v0 + v1)),), ((Piece(0.0, 0.0, 0.0, v0, 0.5 * a),),), way)
+        return _one_phase(2.0 * way / (v0 + v1), [Piece(0.0, 0.0, 0.0, v0, 0.5 * a)], way)
 
     paces: ClassVar = {"acceleration": 2, "initial_speed": 1}
 
 
 class AccelerateCruiseBrake(Law):
-    """The paper's law (40), each part over a third of the way."""
+    """The paper's law (40), each part over a third of the distance."""
 
     kind: Literal["accelerate_cruise_brake"] = said(
         "[-] law of travel: the paper's (40), a third of the way each; `trapezoid` takes accelerations",
@@ -162,7 +167,7 @@ class AccelerateCruiseBrake(Law):
 class Trapezoid(Law):
     """From rest to top speed, cruise, and to rest; with `jerk` the acceleration is continuous.
 
-    On a short way the top speed is lower.
+    Over a short distance the top speed is lower.
     """
 
     kind: Literal["trapezoid"] = said("[-] law of travel", "trapezoid")
@@ -170,7 +175,7 @@ class Trapezoid(Law):
     acceleration: Positive = said("[m/s2] at the start")
     deceleration: Positive = said("[m/s2] at the end")
     jerk: Positive | None = said("[m/s3] largest change of the acceleration; without it the acceleration jumps", None)
-    to: Positive | None = said("[m] place along the cable where the mass comes to rest; default the end", None)
+    to: Positive | None = said("[m] position along the cable where the mass comes to rest; default the end", None)
 
     def own_fault(self, way: float) -> str:
         return "" if way > 0.0 else f"to = {self.to!r}: must be beyond the start of the travel"
@@ -182,20 +187,29 @@ class Trapezoid(Law):
         def excess(V: float) -> float:
             return _ramps_way(V, ramps, self.jerk) - way
 
-        return _ramped(bisected(excess, 0.0, V) if excess(V) > 0.0 else V, ramps, self.jerk, way)
+        if excess(V) > 0.0:
+            V = bisected(excess, 0.0, V)
+        return _ramped(V, ramps, self.jerk, way)
 
     paces: ClassVar = {"top_speed": 1, "acceleration": 2, "deceleration": 2, "jerk": 3}
 
 
+def _one_phase(duration: float, pieces: list[Piece], end: float) -> Motion:
+    return Motion(((0.0, duration),), (tuple(pieces),), end)
+
+
 def _ramp(V: float, a: float, jerk: float | None) -> tuple[float, float]:
-    """Times in which the acceleration rises (or falls), and stays, from 0 to V."""
+    """Times in which the acceleration changes, and stays, from 0 to V."""
     if jerk is None:
         return 0.0, V / a
+    if V == 0.0:
+        return 0.0, 0.0
     peak = min(a, math.sqrt(V * jerk))
-    return 2.0 * peak / jerk, max(0.0, V / peak - peak / jerk) if peak else 0.0
+    return 2.0 * peak / jerk, max(0.0, V / peak - peak / jerk)
 
 
 def _ramps_way(V: float, ramps: tuple[float, float], jerk: float | None) -> float:
+    """Distance over which both ramps run."""
     return sum(0.5 * V * sum(_ramp(V, a, jerk)) for a in ramps)
 
 
@@ -215,13 +229,13 @@ def _ramped(V: float, ramps: tuple[float, float], jerk: float | None, way: float
     for x, a, j in steps:
         if x > 0.0:
             pieces.append(Piece(t, t, s, v, 0.5 * a, j / 6.0))
-            s = s + x * (v + x * (0.5 * a + x * j / 6.0))
-            v = v + x * (a + 0.5 * x * j)
-            t = t + x
+            s += x * (v + x * (0.5 * a + x * j / 6.0))
+            v += x * (a + 0.5 * x * j)
+            t += x
     last = pieces[-1]  # from the end, where speed is exactly zero
     pieces[-1] = Piece(last.start, t, way, 0.0, 0.0 if jerk else last.c2, last.c3)
     if jerk is not None:
-        return Motion(((0.0, t),), (tuple(pieces),), way)
+        return _one_phase(t, pieces, way)
     times = [p.start for p in pieces] + [t]
     return Motion(tuple(itertools.pairwise(times)), tuple((p,) for p in pieces), way)
 
@@ -234,11 +248,12 @@ class Table(Law):
 
     kind: Literal["table"] = said("[-] law of travel", "table")
     times: Numbers = said("[s] from 0, strictly increasing")
-    positions: Numbers = said("[m] way along the cable, from 0, never decreasing; equal ones are a standstill")
+    positions: Numbers = said("[m] distance along the cable, from 0, never decreasing; equal ones are a standstill")
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         faults = as_long(self.times, "positions", self.positions)
-        for name, column, sign in (("times", self.times, ">"), ("positions", self.positions, ">=")):
+        for name, sign in (("times", ">"), ("positions", ">=")):
+            column = getattr(self, name)
             if column and column[0] > 0.0:
                 faults.append(f"{name}[0] = {column[0]!r}: must be 0, the start")
             faults += rising(name, column, sign)
@@ -266,17 +281,18 @@ class Table(Law):
         s = np.array(self.positions)
         if abs(s[-1] - way) <= ROUNDING * way:
             s[-1] = way
-        stands = np.diff(s) == 0.0
-        cuts = [0, *(np.flatnonzero(stands[1:] != stands[:-1]) + 1).tolist(), t.size - 1]
-        parts = list(itertools.pairwise(cuts))
+        at_rest = np.diff(s) == 0.0
+        changes = np.flatnonzero(at_rest[1:] != at_rest[:-1]) + 1
+        phases: list[tuple[float, float]] = []
         pieces: list[tuple[Piece, ...]] = []
-        for i, j in parts:
-            if stands[i]:
-                pieces.append((Piece(float(t[i]), float(t[i]), float(s[i]), 0.0, 0.0),))
+        for i, j in itertools.pairwise([0, *changes.tolist(), t.size - 1]):
+            begin = float(t[i])
+            phases.append((begin, float(t[j])))
+            if at_rest[i]:
+                pieces.append((Piece(begin, begin, float(s[i]), 0.0, 0.0),))
             else:
                 pieces.append(_spline(t[i : j + 1], s[i : j + 1], rests=(i > 0, j < t.size - 1)))
-        phases = tuple((float(t[i]), float(t[j])) for i, j in parts)
-        return Motion(phases, tuple(pieces), float(s[-1]))
+        return Motion(tuple(phases), tuple(pieces), float(s[-1]))
 
     def faster(self, factor: float) -> Law:
         return super().faster(factor).model_copy(update={"times": tuple(t / factor for t in self.times)})
@@ -286,15 +302,13 @@ def _spline(t: np.ndarray, s: np.ndarray, rests: tuple[bool, bool]) -> tuple[Pie
     """`rests`: whether the spline must begin and end at rest."""
     from scipy.interpolate import CubicSpline  # slow to import
 
-    slopes = CubicSpline(t, s)(t, 1)
-    still = np.abs(slopes[[0, -1]]) < AT_REST * np.max(np.abs(slopes))
-    still = [bool(known or found) for known, found in zip(rests, still, strict=True)]
-    spline = CubicSpline(t, s, bc_type=tuple((1, 0.0) if rest else "not-a-knot" for rest in still))
-    # exactly zero: a very slow start is not a start from rest
-    spline.c[2, 0] = 0.0 if still[0] else spline.c[2, 0]
-    return tuple(
-        Piece(t0, t0, c0, c1, c2, c3) for t0, (c3, c2, c1, c0) in zip(t[:-1].tolist(), spline.c.T.tolist(), strict=True)
-    )
+    slopes = np.abs(CubicSpline(t, s)(t, 1))
+    at_rest = (slopes[[0, -1]] < AT_REST * slopes.max()) | np.array(rests)  # begin and end
+    spline = CubicSpline(t, s, bc_type=tuple((1, 0.0) if rest else "not-a-knot" for rest in at_rest))
+    if at_rest[0]:  # exactly zero: a very slow start is not a start from rest
+        spline.c[2, 0] = 0.0
+    coefficients = spline.c[::-1].T  # c0 to c3 (pieces, 4)
+    return tuple(Piece(t0, t0, *c) for t0, c in zip(t[:-1].tolist(), coefficients.tolist(), strict=True))
 
 
 Travel = Annotated[

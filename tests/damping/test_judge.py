@@ -21,6 +21,11 @@ def runs(name, claims):
     return ladder(scene, claims=scene.replace(dict(claims)) if claims else None, elements=12, steps=1200, **how)
 
 
+@functools.cache
+def rider_check():
+    return check(RIDER, tol=1e-2)
+
+
 def broken(name, *claims, factor=3.0):
     found = held(runs(name, claims), (0.02, 0.3))
     return {law for law, h in found.items() if not h.gap <= factor * h.allowed}
@@ -57,9 +62,18 @@ def test_a_check_agrees_and_sees_a_fault_of_the_rate():
 
 
 def test_the_tilt_is_a_design_number_that_the_judge_computes_again():
-    result = check(RIDER, tol=1e-2)
+    result = rider_check()
     tilt = next(x for x in result.a.run.design if x["quantity"] == "wind_tilt")
     assert tilt["value"] == pytest.approx(RIDER.wind_tilt)
     (row,) = (row for row in result.rows if (row.quantity, row.law) == ("design", "wind_tilt"))
     assert row.verdict.value == "agree"
     assert not any(x["quantity"] == "wind_tilt" for x in run(LEVEL, "following-p2", elements=2, steps=20).design)
+
+
+def test_the_bar_of_an_event_in_a_check_is_at_least_the_gap():
+    result = rider_check()
+    assert result.a.run.events
+    for event, other in zip(result.a.run.events, result.b.run.events, strict=True):
+        assert event["event"] == other["event"]
+        for name in ("t", "s_o", "speed"):
+            assert abs(event[name] - other[name]) <= event[f"bar_{name}"]

@@ -24,9 +24,8 @@ def rider(t_end: float = 30.0, **drive: float):
 def ending(scene, steps: int) -> tuple[list[str], float]:
     """Names of the events and the time of the last state."""
     system, work = LineElements(scene, elements=3), Work()
-    last = [states[-1] for states in integrate_blocks(system, scheme("radau"), step_times(system, steps), work=work)][
-        -1
-    ]
+    blocks = list(integrate_blocks(system, scheme("radau"), step_times(system, steps), work=work))
+    last = blocks[-1][-1]
     return [event.name for event in work.events], last.t
 
 

@@ -18,6 +18,7 @@ from validation.commands.check import page as check
 from validation.core.foreign import ForeignPath
 from validation.core.quantities import scale_of, told
 from validation.page import page
+from validation.page.answer.content import inputs
 from validation.page.answer.stored import read
 from validation.page.plot import PURPLE
 from validation.page.side_view import side_view
@@ -176,3 +177,9 @@ def test_a_name_cannot_end_the_script_of_the_side_view(stored):
     html = side_view(Scene.load("level"), [r], range_T=(1.1e5, 3.3e5))
     assert html.count("</script>") == 1
     assert "<b>" not in html
+
+
+def test_a_key_in_a_list_of_tables_has_its_unit_and_meaning():
+    html = inputs(Scene.load("zipline").to_toml())
+    assert "<div>385 m</div>" in html
+    assert "braking force along the cable" in html

@@ -9,8 +9,8 @@ import pytest
 from markupsafe import Markup
 
 from validation.page import page
-from validation.page.figures import panels, style, svg
-from validation.page.page import Section, figure, number, percent, render, table
+from validation.page.figures import figure, panels, style, svg
+from validation.page.page import Section, number, percent, render, table
 from validation.page.plot import Panel
 
 EVIL = '<script>alert(7)</script> & "co"'

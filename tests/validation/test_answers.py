@@ -41,6 +41,16 @@ def test_the_outcome_is_one_sentence(changes, kind, words):
     assert found.sentence.startswith(words)
 
 
+def test_a_car_that_sticks_or_turns_back_says_how_far_it_came():
+    s = scene(drive__wind=-8.0)
+    r = quasi_static(s)
+    assert answers.outcome(s, r).sentence.endswith(f", the farthest point is {r.s_o.max():.1f} m")
+    s = Scene.load("rollback")
+    r = quasi_static(s)
+    farthest = max(event["s_o"] for event in r.events)
+    assert f", the farthest point is {farthest:.1f} m" in answers.outcome(s, r).sentence
+
+
 def test_a_hauled_car_and_a_prescribed_stop():
     tramway = Scene.load("tramway")
     found = answers.outcome(tramway, quasi_static(tramway))

@@ -109,13 +109,13 @@ def test_a_tolerance_out_of_range_is_named(tol):
 
 
 def test_a_disagreement_is_looked_at_once_more_finer_in_space_and_time_and_then_it_is_said(monkeypatch):
-    rounds, compare = [], study.compare
+    rounds, compare = [], study.compare_answers
 
-    def watched(scene, *ladders, **how):
-        rounds.append([ladder.run.settings for ladder in ladders])
-        return compare(scene, *ladders, **how)
+    def watched(scene, a, b, asked):
+        rounds.append([a.run.settings, b.run.settings])
+        return compare(scene, a, b, asked)
 
-    monkeypatch.setattr(study, "compare", watched)
+    monkeypatch.setattr(study, "compare_answers", watched)
     result = check(LEVEL, second=LEVEL.variant(mu=1.05 * LEVEL.mu), tol=1e-2)
     assert result.verdict is Verdict.DISAGREE
     for before, after, name in zip(*rounds[-2:], ("elements", "terms"), strict=True):

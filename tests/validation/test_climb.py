@@ -13,6 +13,7 @@ from cablefem import Scene
 from validation.core import climb as module
 from validation.core import measures
 from validation.core.climb import TooCoarse, cheapest, climb, dear, laddered
+from validation.core.ladder import Goal
 from validation.core.methods import METHODS, find
 from validation.core.running import run
 
@@ -117,14 +118,14 @@ def test_a_wrong_method_is_refused():
 def test_what_leaves_more_for_its_cost_is_refined():
     method = find("following-p2")
     now = method.settings({"elements": 10, "steps": 300})
-    in_time = cheapest(method, now, (1e-5, 4e-3), 2e-3)
+    in_time = cheapest(method, now, Goal((1e-5, 4e-3), 2e-3), 1.0)
     assert (in_time["elements"], in_time["steps"] > 400) == (10, True)
-    in_space = cheapest(method, now, (4e-3, 1e-5), 2e-3)
+    in_space = cheapest(method, now, Goal((4e-3, 1e-5), 2e-3), 1.0)
     assert in_space["elements"] >= 14
     assert 300 < in_space["steps"] < 600
-    broken = cheapest(method, now, (math.inf, 1e-3), 2e-3)
+    broken = cheapest(method, now, Goal((math.inf, 1e-3), 2e-3))
     assert (broken["elements"], broken["steps"]) == (20, math.ceil(300 * math.sqrt(2.0)))
-    assert cheapest(method, now, (math.inf, 1.0), 2e-3)["steps"] == 600
+    assert cheapest(method, now, Goal((math.inf, 1.0), 2e-3))["steps"] == 600
 
 
 def test_until_ends_a_run_after_the_first_step_past_it():

@@ -11,6 +11,7 @@ import pytest
 from validation import oracles
 from validation.commands.oracles import page
 from validation.commands.oracles import study as exactness
+from validation.core.methods import METHODS
 from validation.oracles.case import Crossing
 
 EVERY = {task.key: task for task in exactness.tasks()}
@@ -155,8 +156,16 @@ def test_the_page_shows_every_row_and_escapes_it(few, tmp_path):
     assert found[0].verdict == "agree"
     assert "x &lt; y &amp; z" in html
     assert "fails, as it must" in html
-    assert "<svg" in html
     assert len({s.id for s in found}) == len(found)
+
+
+def test_errors_are_drawn_for_a_case_of_all_methods_and_not_for_whatever_is_first_of_a_small_part(few, tmp_path):
+    content = exactness.oracle_table(tmp_path)
+    assert "<svg" not in page.sections(tmp_path)[0].html
+    row = content["rows"][0]
+    rows = [row | {"method": method} for method in METHODS]
+    (tmp_path / "oracles.json").write_text(json.dumps(content | {"rows": rows}))
+    assert "<svg" in page.sections(tmp_path)[0].html
 
 
 @pytest.mark.parametrize("crossing", CROSSINGS.values(), ids=lambda c: c.name)

@@ -115,10 +115,11 @@ def test_a_change_that_leaves_the_tensions_wrong_is_no_advice(tmp_path, level):
 
 def test_the_headline_speaks_of_our_solvers_and_a_wrong_file_for_itself(tmp_path, level, capsys):
     from validation.commands.check import study, words
+    from validation.core.rows import compare
 
     a, b = level.both
     check = study.Check(level.scene, a, b, 1e-2, level.window, [])
-    ours = study.compare(level.scene, a, b, tol=1e-2, tol_tension=0.5)
+    ours = compare(level.scene, a, b, tol=1e-2, tol_tension=0.5)
     wrong = ForeignPath.of(level.scene, level.other.s_o, 1.3 * level.other.v, name="other.csv")
     check = study.joined(replace(check, rows=[row for row in ours if row.verdict is Verdict.AGREE]), wrong)
     assert check.verdict is Verdict.DISAGREE

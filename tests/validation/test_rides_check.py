@@ -10,7 +10,7 @@ from cablefem import Scene
 from tests.scene.test_ride import ZIP
 from validation.core.agreement import Verdict, overall
 from validation.core.climb import laddered
-from validation.core.rows import AXIAL_MEAN, compare, with_bars
+from validation.core.rows import AXIAL_MEAN, compare, widened_events, with_bars
 
 RIDE = Scene.from_toml(ZIP + "rolling_friction = 0.02\nbrake = [{from = 25.0, force = 40.0}]\nend = {place = 45.0}")
 
@@ -104,3 +104,17 @@ def test_events_after_the_first_of_their_kind_have_bars_where_coarser_runs_have_
     first, second = told(1.0, 3.1)
     assert second > first + 0.1
     assert told(1.0)[1] is None, "a bar of an event that a coarser run does not know"
+
+
+def test_bars_of_events_are_at_least_the_gap_to_the_other_solver():
+    """An arrival was printed as +- 0.0001 s where the other solver had it a second later."""
+    a, b = pair()
+    late = b.map(lambda r: replace(r, events=event(r, "arrival", t=r.events[-1]["t"] + 1.0)))
+    own = with_bars(a)
+    other = with_bars(late)
+    for events, others in ((own, other), (other, own)):
+        arrival = widened_events(events, others)[-1]
+        assert arrival["event"] == "arrival"
+        assert arrival["bar_t"] == abs(own[-1]["t"] - other[-1]["t"]) > 0.9
+        assert arrival["bar_speed"] >= abs(own[-1]["speed"] - other[-1]["speed"])
+    assert widened_events(own, []) == own

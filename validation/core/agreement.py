@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 DEFAULT_TOL = 1e-3
-# what may be asked of the path
-TOL_LOW = 1e-6
+TOL_LOW = 1e-6  # what may be asked of the path
 TOL_HIGH = 0.2
 APART = 3.0  # times both bars: less may be discretisation error (`order.left`)
 
@@ -94,20 +93,22 @@ class Agreement:
     @property
     def verdict(self) -> Verdict:
         """By `three_lines`; without a tolerance a gap within its bound agrees."""
-        known = math.isfinite(self.gap) and math.isfinite(self.allowed)
-        if self.bound.kind == "nothing" or (self.asked_for is None and not known):
+        if self.bound.kind == "nothing":
             return Verdict.NOT_COMPARABLE
-        if self.asked_for is None:
-            return Verdict.AGREE if self.gap <= self.allowed else Verdict.DISAGREE
-        return three_lines(self.gap, self.allowed, self.asked_for)
+        if self.asked_for is not None:
+            return three_lines(self.gap, self.allowed, self.asked_for)
+        if not (math.isfinite(self.gap) and math.isfinite(self.allowed)):
+            return Verdict.NOT_COMPARABLE
+        return Verdict.AGREE if self.gap <= self.allowed else Verdict.DISAGREE
 
     def row(self) -> dict[str, Any]:
-        bars = [part.value for part in self.bound.parts[:2]] if self.bound.kind in ("error bars", "law") else []
-        bar_a, bar_b = (*bars, None, None)[:2]
+        bars: list[float | None] = [None, None]
+        if self.bound.kind in ("error bars", "law"):
+            bars = [*(part.value for part in self.bound.parts), *bars]
         more = {"law": self.law, "with": self.party, "notes": self.bound.notes, "unit": self.unit}
         return {
             "quantity": self.quantity, "gap": finite(self.gap), "allowed": finite(self.allowed),
-            "bar_a": finite(bar_a), "bar_b": finite(bar_b), "asked_for": self.asked_for, "asked": self.asked,
+            "bar_a": finite(bars[0]), "bar_b": finite(bars[1]), "asked_for": self.asked_for, "asked": self.asked,
             "verdict": self.verdict.value if self.asked else None, "where": self.where,
             "allowed_because": self.allowed_because,
             **{k: v for k, v in more.items() if v},

@@ -1,4 +1,4 @@
-"""How a ride ends, and where the rope hangs.  Depths are in metres below the left support."""
+"""How a run ends, and where the rope hangs.  Depths are in metres below the left support."""
 
 import math
 from pathlib import Path
@@ -12,7 +12,7 @@ from validation.core.clearances import shapes
 from validation.core.design import design
 from validation.core.measures import meant_until
 
-PLACES = 201  # stations in tension.csv
+PLACES = 201  # stations of profile.csv
 
 
 class Outcome(NamedTuple):
@@ -23,17 +23,17 @@ class Outcome(NamedTuple):
 def outcome(scene: Scene, r: Response) -> Outcome:
     """What becomes of a run: first a rope that breaks, then what is hit, then how the car's motion ends."""
     numbers = {row["quantity"]: row for row in r.design or design(r)}
-    kind, end = _end(scene, r)
-    parts = [*_collisions(numbers), end]
+    end = _end(scene, r)
+    sentence = "; ".join([*_collisions(numbers), end.sentence])
     load = scene.cable.breaking_load
     safety = numbers.get("safety_factor_min")
     if load is None or safety is None or safety["value"] - _bar(safety) >= 1.0:
-        return Outcome(kind, "; ".join(parts))
+        return Outcome(end.kind, sentence)
     if safety["value"] + _bar(safety) >= 1.0:
-        return Outcome(kind, "; ".join(["too close to tell whether the rope breaks", *parts]))
-    pulled = numbers["tension_max"]["value"] / 1e3
-    broken = f"the rope breaks: {pulled:.1f} kN, breaking load {load / 1e3:.1f} kN; if it held"
-    return Outcome("breaks", f"{broken}: {'; '.join(parts)}")
+        return Outcome(end.kind, f"too close to tell whether the rope breaks; {sentence}")
+    tension = numbers["tension_max"]["value"] / 1e3
+    broken = f"the rope breaks: {tension:.1f} kN, breaking load {load / 1e3:.1f} kN; if it held"
+    return Outcome("breaks", f"{broken}: {sentence}")
 
 
 def _bar(number: dict[str, Any]) -> float:
@@ -43,63 +43,70 @@ def _bar(number: dict[str, Any]) -> float:
 
 def _collisions(numbers: dict[str, dict[str, Any]]) -> list[str]:
     """What rope or car would hit, and what is closer than its error bar."""
-    lowest: dict[str, list[float]] = {}  # of each obstacle: smallest and largest possible clearance
+    ranges: dict[str, list[float]] = {}  # of each obstacle: smallest and largest possible clearance
     for quantity, number in numbers.items():
         kind, _, name = quantity.partition(":")
         if kind.startswith("clearance_") and number["value"] is not None:
             ends = [number["value"] - _bar(number), number["value"] + _bar(number)]
-            lowest[name] = np.minimum(lowest.get(name, ends), ends).tolist()
-    hit = [name for name, (_, largest) in lowest.items() if largest < 0.0]
-    near = [name for name, (smallest, largest) in lowest.items() if smallest < 0.0 <= largest]
-    words = [f"would hit {' and '.join(hit)}"] if hit else []
-    return words + ([f"too close to tell whether it clears {' and '.join(near)}"] if near else [])
+            ranges[name] = np.minimum(ranges.get(name, ends), ends).tolist()
+    hit = [name for name, (_, largest) in ranges.items() if largest < 0.0]
+    near = [name for name, (smallest, largest) in ranges.items() if smallest < 0.0 <= largest]
+    sentences = []
+    if hit:
+        sentences.append(f"would hit {' and '.join(hit)}")
+    if near:
+        sentences.append(f"too close to tell whether it clears {' and '.join(near)}")
+    return sentences
 
 
-def _end(scene: Scene, r: Response) -> tuple[str, str]:
+def _end(scene: Scene, r: Response) -> Outcome:
     if r.status != "complete" and r.slack_onset is None:
-        return "incomplete", f"the computation broke at {r.s_o[-1]:.1f} m after {r.t[-1]:.1f} s: {r.reason}"
+        broke = f"the computation broke at {r.s_o[-1]:.1f} m after {r.t[-1]:.1f} s: {r.reason}"
+        return Outcome("incomplete", broke)
     if r.drive == "free":
-        return _ride(scene, r)
+        return _end_of_ride(scene, r)
     # past the slack onset nothing is compared
     motion = scene.groups.motion
-    lasts = scene.arrival
+    duration = scene.arrival
     assert motion is not None
-    assert lasts is not None
+    assert duration is not None
     end = scene.length if r.drive == "grip" else scene.drive.end_place(scene.length)
     last = motion.end * scene.length
     kind = "crossed"
-    said = f"crosses the cable in {lasts:.1f} s"
+    sentence = f"crosses the cable in {duration:.1f} s"
     if last < 0.999 * end:
         kind = "stopped"
-        said = f"stops at {last:.1f} m after {lasts:.1f} s"
+        sentence = f"stops at {last:.1f} m after {duration:.1f} s"
     elif r.drive == "haul":
-        said = f"is hauled from {r.s_o[0]:.1f} m to {last:.1f} m in {lasts:.1f} s"
+        sentence = f"is hauled from {r.s_o[0]:.1f} m to {last:.1f} m in {duration:.1f} s"
     if r.slack_onset is not None:
-        said += f"; the cable goes slack when the mass is at {r.slack_onset * r.length:.1f} m"
-    return kind, said
+        sentence += f"; the cable goes slack when the mass is at {r.slack_onset * r.length:.1f} m"
+    return Outcome(kind, sentence)
 
 
-def _ride(scene: Scene, r: Response) -> tuple[str, str]:
+def _end_of_ride(scene: Scene, r: Response) -> Outcome:
     events = {e["event"]: e for e in r.events}  # the last of each kind
     e = next((events[name] for name in ("arrival", "back", "stop") if name in events), None)
     if e is None:
-        return "rolling", f"still rolls after {r.t[-1]:.1f} s, at {r.s_o[-1]:.1f} m with {3.6 * r.speed[-1]:.1f} km/h"
-    place = e["s_o"]
+        still = f"still rolls after {r.t[-1]:.1f} s, at {r.s_o[-1]:.1f} m with {3.6 * r.speed[-1]:.1f} km/h"
+        return Outcome("rolling", still)
+    s_o = e["s_o"]
     first_brake = min((brake.place for brake in scene.drive.brake), default=math.inf)
-    at = f"at {place:.1f} m"
+    at = f"at {s_o:.1f} m"
     after = f"after {e['t']:.1f} s"
     if e["event"] == "arrival":
-        return "arrives", f"arrives {at} {after} with {3.6 * e['speed']:.1f} km/h"
+        return Outcome("arrives", f"arrives {at} {after} with {3.6 * e['speed']:.1f} km/h")
+    farthest = f"the farthest point is {r.s_o.max():.1f} m"
     if e["event"] == "back":
-        return "rolls_back", f"rolls back to the start {after}"
-    if place >= first_brake:
-        return "stopped_by_brake", f"stops in the brake {at}, {place - first_brake:.1f} m into it, {after}"
+        return Outcome("rolls_back", f"rolls back to the start {after}, {farthest}")
+    if s_o >= first_brake:
+        return Outcome("stopped_by_brake", f"stops in the brake {at}, {s_o - first_brake:.1f} m into it, {after}")
     if "brake" in events:
-        return "stuck", f"reaches the brake and rolls back: comes to rest {at} {after}"
+        return Outcome("stuck", f"reaches the brake and rolls back: comes to rest {at} {after}, {farthest}")
     if math.isfinite(first_brake):
-        short = f"{first_brake - place:.1f} m before it"
-        return "stuck", f"never reaches the brake: comes to rest {short}, {at}, {after}"
-    return "stuck", f"gets stuck: comes to rest {at} {after}"
+        before = f"{first_brake - s_o:.1f} m before it"
+        return Outcome("stuck", f"never reaches the brake: comes to rest {before}, {at}, {after}, {farthest}")
+    return Outcome("stuck", f"gets stuck: comes to rest {at} {after}, {farthest}")
 
 
 def profile(r: Response) -> dict[str, Array]:
@@ -109,19 +116,19 @@ def profile(r: Response) -> dict[str, Array]:
     x = np.linspace(float(f.x[0]), float(f.x[-1]), PLACES)
     rest = np.interp(x, f.x, f.y)
     depth = [rest]
-    pull = [np.interp(x, f.x, f.T_static)]
+    tension = [np.interp(x, f.x, f.T_static)]
     for time, at, y, T in zip(f.t, *shapes(r), strict=True):
         if time > end:
             break
         depth.append(np.interp(x, at, y))
-        pull.append(np.interp(x, at, T))
+        tension.append(np.interp(x, at, T))
     lowest = np.max(depth, axis=0)
-    for x_car, y_car in _ways(r, end):  # between frames the car is the lowest point nearby
+    for x_car, y_car in _pieces_of_path(r, end):  # between frames the car is the lowest point nearby
         inside = (x >= x_car[0]) & (x <= x_car[-1])
         lowest[inside] = np.maximum(lowest[inside], np.interp(x[inside], x_car, y_car))
     return {
         "x": x, "y_rest": rest, "y_highest": np.min(depth, axis=0), "y_lowest": lowest,
-        "tension_max": np.max(pull, axis=0), "tension_min": np.min(pull, axis=0),
+        "tension_max": np.max(tension, axis=0), "tension_min": np.min(tension, axis=0),
     }  # fmt: skip
 
 
@@ -129,10 +136,11 @@ def write_answers(folder: Path, scene: Scene, r: Response) -> None:
     found = outcome(scene, r)
     write_json(folder / "summary.json", {"outcome": found.sentence, "outcome_kind": found.kind, **r.summary()})
     columns = profile(r)
-    write_csv(folder / "profile.csv", ",".join(columns), np.stack(list(columns.values()), axis=1))
+    table = np.stack(list(columns.values()), axis=1)
+    write_csv(folder / "profile.csv", ",".join(columns), table)
 
 
-def _ways(r: Response, end: float) -> list[tuple[Array, Array]]:
+def _pieces_of_path(r: Response, end: float) -> list[tuple[Array, Array]]:
     """Path of the car up to a time, in pieces on which x rises."""
     x = r.x[r.t <= end]
     y = r.y[r.t <= end]

@@ -45,8 +45,10 @@ def told(row: Agreement) -> str:
 
 
 def _window(a: Answer, b: Answer, window: Window) -> Window:
-    start = window[0] if a.drive == "free" else max(window[0], *(float(x.s_o[0] / x.length) for x in (a, b)))
-    return measures.window_of(a, b, window=(start, window[1]))
+    start, end = window
+    if a.drive != "free":
+        start = max(start, *(float(x.s_o[0] / x.length) for x in (a, b)))
+    return measures.window_of(a, b, window=(start, end))
 
 
 def _over(window: Window, a: Answer, b: Answer) -> str:
@@ -58,12 +60,15 @@ def _over(window: Window, a: Answer, b: Answer) -> str:
 def _path_row(a: Answer, b: Answer, allowed: float, window: Window) -> Agreement:
     x, y = (a, b) if a.u is not None and b.u is not None else map(foreign.vertical, (a, b))
     gap, rms, where = measures.path_gap(x, y, window)
-    _, places, size = measures.path_distances(x, y, window)
+    _, positions, distances = measures.path_distances(x, y, window)
     why = [f"relative to {b.path_scale_named} {b.path_scale:.4g} m"]
-    why += [f"they part from s_o/l = {p:.3f} on" for p in places[size > allowed][:1]]
+    beyond = positions[distances > allowed]
+    if beyond.size:
+        why.append(f"they part from s_o/l = {beyond[0]:.3f} on")
     why += [f"rms gap {rms:.3g}", f"over {_over(window, a, b)}"]
-    errors = [(r.method, r.path_error) for r in (a, b) if isinstance(r, Response)]
-    why += [f"error bar of {method} {error:.2g}" for method, error in errors if error is not None]
+    for r in (a, b):
+        if isinstance(r, Response) and r.path_error is not None:
+            why.append(f"error bar of {r.method} {r.path_error:.2g}")
     bound = Bound("asked for", (Part("path", allowed),), "; ".join(why))
     return Agreement("path_max", gap, bound, where)
 
@@ -72,7 +77,7 @@ def _tension_row(a: Answer, b: Answer, allowed: float, window: Window) -> Agreem
     if isinstance(a, Response) and isinstance(b, Response):
         gap = measures.tension_gap(a, b, window)
         frames, _, _ = measures.common_frames(a, b, window)
-        worst = max(frames.tolist(), key=lambda place: measures.tension_gap(a, b, (place, place)))
+        worst = max(frames.tolist(), key=lambda frame: measures.tension_gap(a, b, (frame, frame)))
         why = f"rms of the field off the mass, over H; over {_over(window, a, b)}"
     else:
         H = next(r.horizontal_tension for r in (b, a) if isinstance(r, Response))

@@ -3,20 +3,18 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
-import numpy as np
-
 from cablefem.newmark import scheme
-from cablefem.response import MassPath, Response
+from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.core import measures
-from validation.core.ladder import Branch, Ladder, itself
+from validation.core.ladder import Branch, Goal, Ladder, itself
 from validation.core.measures import SLACK_END, NotComparable
 from validation.core.methods import Method, find
-from validation.core.order import LEAST_ORDER
-from validation.core.running import Run, whole
+from validation.core.order import FIRST, LEAST_ORDER
+from validation.core.running import Run
 from validation.core.sidebyside import Progress, silent
 from validation.core.view import View
 from validation.core.watch import flagged
@@ -24,11 +22,11 @@ from validation.core.watch import flagged
 KIND = ("model", "load", "law", "until", "frames")  # arguments beside the method's settings
 FIRST_STEPS = 120
 MOST_STEPS = 64_000
-LARGEST = 2e6  # steps times resolution, about 0.5 GB
+MAX_SIZE = 2e6  # steps times resolution, about 0.5 GB
 BUDGET = 1.2e6  # work (see `dear`) of the finest run of a ladder, which takes 30 to 60 s
-AIM = 0.8  # planned bar over the one asked for
-FINER = np.array([1.0, 1.25, 1.5, 1.75, 2.0])  # refinements of space in one stride; larger ones may cost too much
-SHORTER = np.array([1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0])  # of time; orders do not hold further
+AIM = 0.8  # planned bar over its target
+FINER = (1.0, 1.25, 1.5, 1.75, 2.0)  # refinements of space in one step of planning; larger ones may cost too much
+SHORTER = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0)  # of time; orders do not hold further
 ROUNDING = 1e-12  # of the path's scale
 
 # Affordable steps do not resolve axial waves, so the rule damps them.
@@ -42,89 +40,100 @@ class TooCoarse(RuntimeError):
     """No affordable resolution meets the tolerance; `ladder` is the finest one."""
 
     def __init__(self, ladder: Ladder, bar: float, tol: float) -> None:
+        run = ladder.run
         reached = f"an error bar of {bar:.2g}" if math.isfinite(bar) else "no end of the window"
-        told = ", ".join(f"{k} = {x}" for k, x in find(ladder.run.method).told(ladder.run.settings).items())
+        settings = ", ".join(f"{key} = {value}" for key, value in find(run.method).told(run.settings).items())
         super().__init__(
-            f"{ladder.run.method} reaches {reached} with {told}, not the {tol:g} asked for; loosen the tolerance or "
+            f"{run.method} reaches {reached} with {settings}, not the {tol:g} asked for; loosen the tolerance or "
             "take another method (cablefem advise)"
         )
         self.ladder = ladder
 
 
 class Runs:
-    """Runs of one method; `short` is where coarser ones may end, s_o/l."""
+    """Runs of one method; coarser ones may end at s_o/l = `window_end`."""
 
     def __init__(
         self, scene: Scene, method: str | Method, kind: dict[str, Any], view: View | None,
-        known: Sequence[MassPath] = (),
+        known: Sequence[Response] = (),
     ) -> None:  # fmt: skip
         self.scene = scene
         self.method = find(method) if isinstance(method, str) else method
         self.view = view or View.of(scene)
-        self.known = known
+        self.earlier = known
         self.made = list[Run]()
-        self.how = {k: kind[k] for k in KIND if k in kind}
-        self.named = {k: v for k, v in kind.items() if k not in KIND}
-        self.end = self.how.pop("until", None)
-        self.short = min((x for x in (self.view.stop, self.end) if x is not None), default=None)
+        self.model = {key: kind[key] for key in KIND if key in kind}
+        self.settings = {key: value for key, value in kind.items() if key not in KIND}
+        self.end = self.model.pop("until", None)
+        ends = [end for end in (self.view.stop, self.end) if end is not None]
+        self.window_end = min(ends, default=None)
 
-    def at(self, settings: dict[str, Any], until: float | None, past: float = math.inf) -> MassPath:
+    def at(self, settings: dict[str, Any], until: float | None, past: float = math.inf) -> Response:
         """The run with these settings to s_o/l = until or further."""
-        for r in self.known:
-            far = until is not None and r.reached >= until * (1.0 - 1e-9)
-            if r.settings == settings and (until is None or far or r.status != "complete"):
-                return r
-        marched = next((x for x in self.made if x.settings == settings), None)
-        if marched is None:
-            marched = Run(self.scene, self.method, **self.how, **settings)
-            self.made.append(marched)
-        return marched.try_to(until, past=past)
+        for path in self.earlier:
+            far = until is None or path.reached >= until * (1.0 - 1e-9)
+            if path.settings == settings and (far or path.status != "complete"):
+                return path
+        run = next((x for x in self.made if x.settings == settings), None)
+        if run is None:
+            run = Run(self.scene, self.method, **self.model, **settings)
+            self.made.append(run)
+        return run.to(until, past=past)
 
     def ladder(self, settings: dict[str, Any]) -> Ladder:
-        finest = self.at(settings, self.short)
-        branches = []
-        for name, values, nominal in self._coarser(settings):
-            runs = tuple(self.at(settings | {name: x}, self.short) for x in values[1:])
-            resolution = self.method.resolution
-            count = resolution.ratio if name == resolution.setting else lambda a, b: b / a
-            ratios = tuple(count(b, a) for a, b in pairwise(values))
-            branches.append(Branch(runs, ratios, nominal))  # type: ignore[arg-type]
-        return Ladder(finest, *branches)  # type: ignore[arg-type]
-
-    def _coarser(self, settings: dict[str, Any]) -> list[tuple[str, list[int], float]]:
-        """(setting, values from the finest on, nominal order) of space and time."""
+        """The run with these settings and coarser ones, of which only the paths are computed."""
         space = self.method.resolution
-        count = self.method.value(settings)
-        steps = settings["steps"]
-        if space.doubling:
-            counts = [count - k for k in range(3) if count - k >= 0]
-        else:
-            # no coarser than the method's first run, but ratios of at least 3/2
-            quarter = max(count / 4.0, min(self.method.begins[0], count / 2.25))
-            least = self.method.knobs[space.setting].allowed[0]
-            counts = [count, round(math.sqrt(count * quarter)), round(quarter)]
-            counts = [x for i, x in enumerate(counts) if x >= least and (i == 0 or x < counts[i - 1])]
-        times = [steps, *(x for x in (round(steps / 2), round(steps / 4)) if x >= 2)]
+        finest = self.at(settings, self.window_end)
         order = min(self.method.space_order, 1.5) if self.method.space_order > 1.0 else 1.0
-        return [(space.setting, counts, order), ("steps", times, min(2.0, scheme(settings["scheme"]).order))]
+        in_space = self._branch(settings, space.setting, self._coarser_counts(settings), space.ratio, order)
+        order = min(2.0, scheme(settings["scheme"]).order)
+        steps = settings["steps"]
+        coarser_steps = [x for x in (round(steps / 2), round(steps / 4)) if x >= 2]
+        in_time = self._branch(settings, "steps", [steps, *coarser_steps], lambda a, b: b / a, order)
+        return Ladder(finest, in_space, in_time)
+
+    def _branch(
+        self, settings: dict[str, Any], name: str, values: list[int], ratio: Callable[[int, int], float], order: float
+    ) -> Branch:
+        """Runs with coarser values of a setting; values : from the finest on;  ratio : of a coarse and a fine value."""
+        runs = tuple(self.at(settings | {name: value}, self.window_end) for value in values[1:])
+        ratios = tuple(ratio(coarse, fine) for fine, coarse in pairwise(values))
+        return Branch(runs, ratios, order)
+
+    def _coarser_counts(self, settings: dict[str, Any]) -> list[int]:
+        """Resolutions from the finest on: half and quarter, or fewer."""
+        count = self.method.value(settings)
+        if self.method.resolution.doubling:
+            return [count - k for k in range(3) if count - k >= 0]
+        # no coarser than the method's first run, but ratios of at least 3/2
+        quarter = max(count / 4.0, min(self.method.begins[0], count / 2.25))
+        smallest = self.method.knobs[self.method.resolution.setting].allowed[0]
+        counts = [count]
+        for coarser in (round(math.sqrt(count * quarter)), round(quarter)):
+            if smallest <= coarser < counts[-1]:
+                counts.append(coarser)
+        return counts
 
     def finished(self, ladder: Ladder, past: float) -> Ladder:
-        """The ladder with its finest run marched to the end, all runs observed, and bars."""
-        finest = whole(self.at(ladder.finest.settings, self.end, past))
-        until = self.short
+        """The ladder with its finest run marched to the end, and bars."""
+        finest = self.at(ladder.finest.settings, self.end, past)
+        until = self.window_end
         if self.view.stop is not None and finest.slack_from < SLACK_END:
             until = SLACK_END if self.end is None else min(self.end, SLACK_END)
-        ladder = ladder.map(lambda r: finest if r.settings == finest.settings else whole(self.at(r.settings, until)))
-        return annotated(ladder, self.view)
+
+        def marched(run: Response) -> Response:
+            return finest if run.settings == finest.settings else self.at(run.settings, until)
+
+        return annotated(ladder.map(marched), self.view)
 
 
 def laddered(
-    scene: Scene, method: str | Method, *, progress: Progress | None = None, known: Sequence[MassPath] = (),
+    scene: Scene, method: str | Method, *, progress: Progress | None = None, known: Sequence[Response] = (),
     past: float = math.inf, view: View | None = None, **kind: Any,
 ) -> Ladder:  # fmt: skip
     """The ladder of a run; `kind` as in `run`, `known` runs are reused."""
     runs = Runs(scene, method, kind, view, known)
-    ladder = runs.ladder(runs.method.settings_on(scene.groups, runs.named))
+    ladder = runs.ladder(runs.method.settings_on(scene.groups, runs.settings))
     if progress is not None:
         progress(0.5)
     return runs.finished(ladder, past)
@@ -144,62 +153,127 @@ def climb(
     runs = Runs(scene, method, kind, view)
     report = progress or silent
     method = runs.method
-    space = runs.method.resolution
     if method.wrong:
         raise ValueError(f"{method.name} converges to a wrong answer: no resolution meets a tolerance")
-    settings = method.settings_on(scene.groups, _rule(scene, method, runs.named) | _begin(scene, method))
-    # last refinement of space, and the part before
-    ratio = 1.0
-    before = math.inf
+    settings = method.settings_on(scene.groups, _rule(scene, method, runs.settings) | _begin(scene, method))
+    ratio = 1.0  # last refinement of space
+    bar_before = math.inf  # in space, before it
     while True:
         ladder = runs.ladder(settings)
-        parts = path_parts(ladder, runs.view)
-        report(0.3, f"{len(runs.made)} runs, bar {sum(parts):.1g} of {tol:g} wanted")
-        if sum(parts) <= tol:
+        goal = Goal(path_parts(ladder, runs.view), tol)
+        report(0.3, f"{len(runs.made)} runs, bar {goal.bar:.1g} of {tol:g} wanted")
+        if goal.excess <= 1.0:
             break
-        stuck = ratio > 1.0 and not parts[0] < before / ratio**LEAST_ORDER  # steps too long for a finer mesh
-        finer = _stride(method, ladder, parts, AIM * tol, stuck, budget)
+        in_space, _ = goal.parts
+        if ratio > 1.0 and not in_space < bar_before / ratio**LEAST_ORDER:  # steps are too long for a finer mesh
+            finer = _twice_the_steps(method, ladder, budget)
+        else:
+            finer = next_settings(method, ladder, goal, budget, half=True)
         if finer is None:
             break
-        ratio = space.ratio(method.value(settings), method.value(finer))
-        before = parts[0]
+        ratio = method.resolution.ratio(method.value(settings), method.value(finer))
+        bar_before = in_space
         settings = finer
     ladder = runs.finished(ladder, past)
     report(1.0)
-    if sum(parts) <= tol:
+    if goal.excess <= 1.0:
         return ladder
-    raise TooCoarse(ladder, sum(parts), tol)
-
-
-def _stride(
-    method: Method, ladder: Ladder, parts: tuple[float, float], target: float, stuck: bool, budget: float
-) -> dict[str, Any] | None:
-    """The next settings: a stride, else half of one; if space is stuck, twice the steps; None: too dear."""
-    settings = ladder.finest.settings
-    if stuck:
-        strides = [settings | {"steps": min(2 * settings["steps"], max(settings["steps"], MOST_STEPS))}]
-    else:
-        strides = [cheapest(method, settings, parts, target, most=most) for most in (1.0, 0.5)]
-    return next((x for x in strides if x != settings and not dear(method, ladder, x, budget)), None)
+    raise TooCoarse(ladder, goal.bar, tol)
 
 
 def refined_until(
-    scene: Scene, ladder: Ladder, left: Callable[[Ladder], tuple[float, float]], *, budget: float = BUDGET, **kind: Any
+    scene: Scene, ladder: Ladder, goal: Callable[[Ladder], Goal], *, budget: float = BUDGET, **kind: Any
 ) -> Ladder:
-    """A ladder refined until other bars are met or it costs too much.
-
-    left : parts of space and time over what is asked; first order is credited.
-    """
+    """A ladder refined until the goal that it has is met, or it costs too much."""
     method = find(ladder.run.method)
-    while sum(parts := left(ladder)) > 1.0:
-        finer = cheapest(method, ladder.run.settings, parts, AIM, 1.0)
-        if finer == ladder.run.settings or dear(method, ladder, finer, budget):
+    while (now := goal(ladder)).excess > 1.0:
+        finer = next_settings(method, ladder, now, budget)
+        if finer is None:
             break
         ladder = laddered(scene, method, known=ladder.runs, **{**kind, **finer})
     return ladder
 
 
+# --- the planner ----------------------------------------------------------------------------------------------------
+
+
+def next_settings(
+    method: Method, ladder: Ladder, goal: Goal, budget: float, *, half: bool = False
+) -> dict[str, Any] | None:
+    """The cheapest finer settings predicted to meet a goal with a margin, else just; None: none within the budget.
+
+    half : half of that refinement will do where the full one costs too much.
+    """
+    now = ladder.finest.settings
+    tries = [cheapest(method, now, goal, AIM), cheapest(method, now, goal, 1.0)]
+    if half:
+        tries.append(cheapest(method, now, goal, AIM, share=0.5))
+    return _first_within(method, ladder, tries, budget)
+
+
+def _twice_the_steps(method: Method, ladder: Ladder, budget: float) -> dict[str, Any] | None:
+    now = ladder.finest.settings
+    steps = min(2 * now["steps"], max(now["steps"], MOST_STEPS))
+    return _first_within(method, ladder, [now | {"steps": steps}], budget)
+
+
+def _first_within(method: Method, ladder: Ladder, tries: list[dict[str, Any]], budget: float) -> dict[str, Any] | None:
+    """The first settings that are finer than the ladder's and within the budget."""
+    for settings in tries:
+        if settings != ladder.finest.settings and not dear(method, ladder, settings, budget):
+            return settings
+    return None
+
+
+def cheapest(
+    method: Method, settings: dict[str, Any], goal: Goal, aim: float = AIM, share: float = 1.0
+) -> dict[str, Any]:
+    """The cheapest settings predicted to leave a bar of at most `aim` times the target, by one refinement.
+
+    share : of the largest refinements of space and time.
+
+    An infinite part of time, or of both, doubles the steps; one of space the resolution.
+    """
+    space = method.resolution
+    count = method.value(settings)
+    steps = settings["steps"]
+    target = aim * goal.target
+    in_space, in_time = goal.parts
+    if math.isfinite(goal.bar):
+        p = min(goal.order, 1.5, max(method.space_order, 1.0))
+        q = min(goal.order, 2.0, scheme(settings["scheme"]).order)
+        finer = [x for x in FINER if x <= share * FINER[-1]]
+        shorter = [x for x in SHORTER if x <= share * SHORTER[-1]]
+        predicted = {(a, b): in_space / a**p + in_time / b**q for a, b in product(finer, shorter)}
+        enough = max(target, min(predicted.values()) / AIM)
+        affordable = [factors for factors, bar in predicted.items() if bar <= enough]
+        a, b = min(affordable, key=lambda factors: space.cost(count, factors[0]) * factors[1])
+    else:
+        a = 1.0 if math.isfinite(in_space) else 2.0
+        b = 1.0 if in_time <= target else 2.0
+    b = max(b, math.sqrt(a))  # shorter waves need shorter steps
+    resolution = max(count, space.finer(count, a)) if a > 1.0 else count
+    return settings | {space.setting: resolution, "steps": min(math.ceil(steps * b), max(steps, MOST_STEPS))}
+
+
+def dear(method: Method, ladder: Ladder, finer: dict[str, Any], budget: float) -> bool:
+    """Whether finer settings exceed MAX_SIZE or the budget.
+
+    Work is Newton iterations, times nodes of a step, times cost of the resolution.
+    """
+    r = ladder.finest
+    count = method.value(finer)
+    nodes = max(1, len(scheme(r.settings["scheme"]).nodes))
+    iterations = r.work["newton_iterations"] * finer["steps"] / r.settings["steps"]
+    work = iterations * nodes * method.resolution.cost(count)
+    return finer["steps"] * count > MAX_SIZE or work > budget
+
+
+# --- bars -----------------------------------------------------------------------------------------------------------
+
+
 def path_parts(ladder: Ladder, view: View) -> tuple[float, float]:
+    """Parts of space and time in the bar of the path."""
     return parts_of(ladder, view, lambda x, y, view: measures.path_gap(x, y, view.window)[0])
 
 
@@ -209,70 +283,33 @@ def parts_of(ladder: Ladder, view: View, gap: Callable[..., float], order: float
         view = view.cut(ladder.finest)
     except NotComparable:
         return math.inf, math.inf
-    return ladder.over(view).parts(itself, lambda a, b: gap(b, a, view), order)
-
-
-def cheapest(
-    method: Method, settings: dict[str, Any], parts: tuple[float, float], target: float, order: float = math.inf,
-    most: float = 1.0,
-) -> dict[str, Any]:  # fmt: skip
-    """The cheapest settings predicted to leave at most `target`, within one stride.
-
-    An infinite part doubles the steps, one of space also the resolution.
-    order : the most credited;  most : part of a stride that may be taken.
-    """
-    space = method.resolution
-    count = method.value(settings)
-    steps = settings["steps"]
-    p = min(order, 1.5, max(method.space_order, 1.0))
-    q = min(order, 2.0, scheme(settings["scheme"]).order)
-    if not all(math.isfinite(x) for x in parts):
-        a = 1.0 if math.isfinite(parts[0]) else 2.0
-        b = 1.0 if parts[1] <= target else 2.0
-    else:
-        longer, shorter = (x[x <= most * x[-1]] for x in (FINER, SHORTER))
-        left_over = longer[:, None] ** -p * parts[0] + shorter**-q * parts[1]
-        costs = np.array([space.cost(count, x) for x in longer.tolist()])[:, None] * shorter
-        meets = left_over <= max(target, left_over.min() / AIM)
-        i, k = np.unravel_index(np.where(meets, costs, math.inf).argmin(), costs.shape)
-        a = float(longer[i])
-        b = float(shorter[k])
-    b = max(b, math.sqrt(a))  # shorter waves need shorter steps
-    finer = space.finer(count, a) if a > 1.0 else count
-    return settings | {space.setting: max(count, finer), "steps": min(math.ceil(steps * b), max(steps, MOST_STEPS))}
-
-
-def dear(method: Method, ladder: Ladder, finer: dict[str, Any], budget: float) -> bool:
-    """Whether finer settings exceed LARGEST or the budget.
-
-    Work is Newton iterations, times nodes of a step, times cost of the resolution.
-    """
-    r = ladder.finest
-    count = method.value(finer)
-    nodes = max(1, len(scheme(r.settings["scheme"]).nodes))
-    iterations = r.work["newton_iterations"] * finer["steps"] / r.settings["steps"]
-    return finer["steps"] * count > LARGEST or iterations * nodes * method.resolution.cost(count) > budget
+    return ladder.over(view).parts(itself, lambda fine, coarse: gap(coarse, fine, view), order)
 
 
 def annotated(ladder: Ladder, view: View) -> Ladder:
     """The ladder with bars of path and tension in its finest run, else a flag."""
+    finest = ladder.finest
     try:
         path = path_parts(ladder, view)
-        view = view.cut(ladder.finest)
-        tension = ladder.over(view).parts(itself, lambda a, b: measures.tension_gap(a, b, view.window), 1.0)
-        measures.path_gap(ladder.finest, ladder.finest, view.window)
+        view = view.cut(finest)
+        tension = ladder.over(view).parts(itself, lambda a, b: measures.tension_gap(a, b, view.window), FIRST)
+        measures.path_gap(finest, finest, view.window)
         if not math.isfinite(sum(path)):
             what = "resolution" if math.isinf(path[0]) else "steps"
             end = f"s_o/l = {view.window[1]:.3f}"
             raise NotComparable(f"the run with half the {what} ends before {end}, or there is none")
     except NotComparable as why:
-        return replace(ladder, finest=flagged(ladder.finest, "no bar", why=str(why)))
+        return replace(ladder, finest=flagged(finest, "no bar", why=str(why)))
     parts = {"path_space": path[0], "path_time": path[1]}
-    told: dict[str, Any] = {"path_error": max(ROUNDING, sum(path)), "error_window": list(view.window)}
+    tension_error = None
     if math.isfinite(sum(tension)):
         parts |= {"tension_space": tension[0], "tension_time": tension[1]}
-        told["tension_error"] = sum(tension)
-    return replace(ladder, finest=replace(ladder.finest, error_parts=parts, **told))
+        tension_error = sum(tension)
+    barred = replace(
+        finest, error_parts=parts, path_error=max(ROUNDING, sum(path)), tension_error=tension_error,
+        error_window=list(view.window),
+    )  # fmt: skip
+    return replace(ladder, finest=barred)
 
 
 def own_path_error(r: Response) -> float:
@@ -295,9 +332,11 @@ def _rule(scene: Scene, method: Method, named: dict[str, Any]) -> dict[str, Any]
 def _begin(scene: Scene, method: Method) -> dict[str, int]:
     """First resolution and steps; for a light car at least one unknown and step per front width."""
     space = method.resolution
-    motion = scene.groups.motion
     groups = scene.groups
-    first = method.begins[0] + 2 if space.doubling else math.ceil(2.25 * method.begins[0])
+    motion = groups.motion
+    first = math.ceil(2.25 * method.begins[0])
+    if space.doubling:
+        first = method.begins[0] + 2
     if motion is None:
         return {space.setting: first, "steps": method.settings_on(groups, {})["steps"] // 2}
     if scene.mu > LIGHT:

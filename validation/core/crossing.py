@@ -23,14 +23,15 @@ def crossed(
     method = find(name)
     motion = groups.motion
     assert motion is not None
-    s = method.settings(settings)
-    system = method.build(groups, s, model=model, load=load, law="elastic")
-    scheme = newmark.scheme(s["scheme"], newmark_gamma=s["newmark_gamma"], rho_inf=s["rho_inf"])
+    settings = method.settings(settings)
+    system = method.build(groups, settings, model=model, load=load, law="elastic")
+    scheme = newmark.scheme(settings["scheme"], newmark_gamma=settings["newmark_gamma"], rho_inf=settings["rho_inf"])
     rest = np.zeros(system.n_dof)
     start = newmark.consistent_acceleration(system, 0.0, rest, rest.copy(), 0) if begun else None
     states: list[newmark.State] = []
     try:
-        for x in newmark.integrate(system, scheme, newmark.step_times(system, s["steps"]), start=start):
+        times = newmark.step_times(system, settings["steps"])
+        for x in newmark.integrate(system, scheme, times, start=start):
             states.append(x)
             if motion.at(x.t, x.phase)[0] > until:
                 break

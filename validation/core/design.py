@@ -1,4 +1,4 @@
-"""Design numbers of a ropeway in SI with bars: extremes over a ride.
+"""Design numbers of a ropeway in SI with bars: extremes over a run.
 
 Forces are means over an axial round trip, which ropes and load cells feel; `peak` is the raw extreme.
 The steepest angle at a support is the largest one to the horizontal, up or down.
@@ -35,7 +35,7 @@ Tracks = Callable[[Response], list[Track]]
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    sign: float  # +1: largest, -1: least
+    sign: float  # +1: largest, -1: smallest
     tracks: Tracks
     inner: bool = False  # meaningless at the ends of range and cable
     anywhere: bool = False  # taken up to the end of the run, with gaps between its samples
@@ -56,7 +56,12 @@ def _steepness(x: Array) -> Array:
 
 def _at_support(side: str, of: Callable[[Array], Array] = _size) -> Tracks:
     """A signal of a reaction (n, 2)."""
-    return lambda r: [Track(r.t, of(getattr(r, f"reaction_{side}")), np.full(r.t.size, (side == "right") * r.length))]
+
+    def tracks(r: Response) -> list[Track]:
+        s = np.full(r.t.size, r.length if side == "right" else 0.0)
+        return [Track(r.t, of(getattr(r, f"reaction_{side}")), s)]
+
+    return tracks
 
 
 def _tension(r: Response) -> list[Track]:
@@ -68,16 +73,23 @@ def _depth(r: Response) -> list[Track]:
     return [Track(r.t, r.y, r.s_o), Track(r.fields.t, r.fields.y + r.fields.v, r.fields.s)]
 
 
+def _horizontal(x: Array) -> Array:
+    return np.abs(x[:, 0])
+
+
+def _vertical(x: Array) -> Array:
+    return np.abs(x[:, 1])
+
+
 QUANTITIES: dict[str, Quantity] = {
     "tension_max": Quantity(1.0, _tension),
     "tension_min": Quantity(-1.0, _tension),
-    **{
-        f"reaction_{side}_{part}max": Quantity(1.0, _at_support(side, of))
-        for side in ("left", "right")
-        for part, of in (
-            ("", _size), ("horizontal_", lambda x: np.abs(x[:, 0])), ("vertical_", lambda x: np.abs(x[:, 1])),
-        )
-    },
+    "reaction_left_max": Quantity(1.0, _at_support("left")),
+    "reaction_left_horizontal_max": Quantity(1.0, _at_support("left", _horizontal)),
+    "reaction_left_vertical_max": Quantity(1.0, _at_support("left", _vertical)),
+    "reaction_right_max": Quantity(1.0, _at_support("right")),
+    "reaction_right_horizontal_max": Quantity(1.0, _at_support("right", _horizontal)),
+    "reaction_right_vertical_max": Quantity(1.0, _at_support("right", _vertical)),
     "contact_max": Quantity(1.0, _at_mass(lambda r: r.F_contact)),
     "contact_min": Quantity(-1.0, _at_mass(lambda r: r.F_contact)),
     "haul_force_max": Quantity(1.0, _at_mass(lambda r: np.abs(r.F_haul))),
@@ -94,24 +106,30 @@ QUANTITIES: dict[str, Quantity] = {
 _scene = lru_cache(maxsize=4)(Scene.from_toml)
 
 
+@lru_cache(maxsize=4)
+def _round_trip(toml: str, length: float) -> float:
+    """Of an axial wave [s]."""
+    return Given(toml, length).round_trip
+
+
 def quantities(r: Response) -> dict[str, Quantity]:
     """Quantities of a run, with clearances, which are computed once for each run of a ladder."""
     scene = _scene(r.scene_toml)
-    known: dict[int, Clearances] = {}
+    computed: dict[int, Clearances] = {}
 
-    def track(of: tuple[str, str], r: Response) -> list[Track]:
-        if id(r) not in known:
-            known[id(r)] = clearances(scene, r)
-        return [known[id(r)][of]]
+    def track(key: tuple[str, str], r: Response) -> list[Track]:
+        if id(r) not in computed:
+            computed[id(r)] = clearances(scene, r)
+        return [computed[id(r)][key]]
 
-    found = dict(QUANTITIES)
-    for name in grounds(scene):
-        for of in ("rope", "car"):
-            found[f"clearance_{of}_min:{name}"] = Quantity(-1.0, partial(track, (of, name)), anywhere=True)
-    return found
+    named = dict(QUANTITIES)
+    for ground in grounds(scene):
+        for body in ("rope", "car"):
+            named[f"clearance_{body}_min:{ground}"] = Quantity(-1.0, partial(track, (body, ground)), anywhere=True)
+    return named
 
 
-def _told(quantity: str, value: float | None, bar: float, unit: str, **where: float | None) -> Number:
+def _number_row(quantity: str, value: float | None, bar: float, unit: str, **where: float | None) -> Number:
     """A design number; None: unknown, not applicable, or a clearance of what the car never passes.
 
     where : t [s]; s_o of the mass, static x, and s on the cable [m]; `peak`, the raw extreme of a force.
@@ -120,13 +138,14 @@ def _told(quantity: str, value: float | None, bar: float, unit: str, **where: fl
     return {"quantity": quantity, "value": value, "bar": finite(bar), "unit": unit, **empty, **where}
 
 
-def _safety(r: Response, found: list[Number]) -> Iterator[Number]:
+def _safety(r: Response, numbers: list[Number]) -> Iterator[Number]:
     load = _scene(r.scene_toml).cable.breaking_load
-    for T in found:
-        if load is not None and T["quantity"] == "tension_max":
-            bar = math.inf if T["bar"] is None else load * T["bar"] / T["value"] ** 2
-            where = {k: T[k] for k in ("t", "s_o", "x", "s")}
-            yield _told("safety_factor_min", load / T["value"], bar, "", **where)
+    tension = next((number for number in numbers if number["quantity"] == "tension_max"), None)
+    if load is None or tension is None:
+        return
+    bar = math.inf if tension["bar"] is None else load * tension["bar"] / tension["value"] ** 2
+    where = {name: tension[name] for name in ("t", "s_o", "x", "s")}
+    yield _number_row("safety_factor_min", load / tension["value"], bar, "", **where)
 
 
 def design(of: Ladder | Response, twin: Ladder | None = None) -> list[Number]:
@@ -134,31 +153,35 @@ def design(of: Ladder | Response, twin: Ladder | None = None) -> list[Number]:
 
     twin : the other solver's; extremes are then taken as far as both go.
     """
-    r, ladder = (of.finest, of) if isinstance(of, Ladder) else (of, None)
+    ladder = of if isinstance(of, Ladder) else None
+    r = of.finest if isinstance(of, Ladder) else of
     other = None if twin is None else twin.finest
     span = extremes_within(r, other)
     everything = (float(r.t[0]), meant_until(r, other or r))
-    found = []
+    numbers = []
     for name, quantity in quantities(r).items():
         number = _number(name, quantity, r, everything if quantity.anywhere else span, ladder)
-        found += [] if number is None else [number]
+        if number is not None:
+            numbers.append(number)
+    numbers += _safety(r, numbers)
     tilt = _scene(r.scene_toml).wind_tilt
-    still = [] if tilt is None else [_told("wind_tilt", tilt, 0.0, "deg")]
-    return [*found, *_safety(r, found), *still, *_onset(r, ladder)]
+    if tilt is not None:
+        numbers.append(_number_row("wind_tilt", tilt, 0.0, "deg"))
+    return [*numbers, *_onset(r, ladder)]
 
 
 def widened(numbers: Sequence[Number], others: Sequence[Number]) -> list[Number]:
     """Design numbers with bars of at least the gap to the other solver's."""
     other = {row["quantity"]: row for row in others}
-    found = []
+    rows = []
     for number in numbers:
         changed = dict(number)
         for name, bar in (("value", "bar"), ("peak", "bar_peak")):
             gap = _gap(name, number, other.get(number["quantity"]))
             if gap is not None and number[bar] is not None:
                 changed[bar] = max(number[bar], gap)
-        found.append(changed)
-    return found
+        rows.append(changed)
+    return rows
 
 
 def _gap(name: str, number: Number, other: Number | None) -> float | None:
@@ -172,16 +195,15 @@ def gaps(a: Ladder, b: Ladder, tolerance: float) -> Iterator[Agreement]:
     """Shown rows of two solvers' design numbers with their own bars, over the larger value."""
     other = {row["quantity"]: row for row in b.run.design}
     for number in a.run.design:
-        twin = other.get(number["quantity"])
-        gap = _gap("value", number, twin)
-        if twin is None or gap is None:
+        counterpart = other.get(number["quantity"])
+        gap = _gap("value", number, counterpart)
+        if counterpart is None or gap is None:
             continue
-        size = max(abs(number["value"]), abs(twin["value"])) or 1.0
-        bars = tuple(
-            Part(x.run.method, math.inf if row["bar"] is None else row["bar"] / size, "coarser runs")
-            for x, row in ((a, number), (b, twin))
-        )
-        bound = Bound("error bars", bars)
+        size = max(abs(number["value"]), abs(counterpart["value"])) or 1.0
+        bars = []
+        for x, row in ((a, number), (b, counterpart)):
+            bars.append(Part(x.run.method, math.inf if row["bar"] is None else row["bar"] / size, "coarser runs"))
+        bound = Bound("error bars", tuple(bars))
         yield Agreement("design gap", gap / size, bound, law=number["quantity"], asked_for=tolerance, asked=False)
 
 
@@ -189,33 +211,44 @@ def _number(
     name: str, quantity: Quantity, r: Response, span: tuple[float, float], ladder: Ladder | None
 ) -> Number | None:
     unit = unit_of(name)
-    period = Given(r.scene_toml, r.length).round_trip if unit in ("N", "deg") else 0.0  # an angle follows a force
+    means = unit in ("N", "deg")  # an angle follows a force
+    period = _round_trip(r.scene_toml, r.length) if means else 0.0
     mean = _Signal(quantity, span, period)
-    raw = _Signal(quantity, span, 0.0)
     found = mean.extreme(r)
     if found is None:
-        return _told(name, None, math.inf, unit) if name.startswith("clearance_") else None
+        return _number_row(name, None, math.inf, unit) if name.startswith("clearance_") else None
     if quantity.inner and _at_an_end(found, r, span):
         return None  # no extreme in the range
-    bar = bar_peak = math.inf
+    near = np.clip(found.t + np.linspace(-1.0, 1.0, NEAR) * max(period, found.step), *span)
+    bar = math.inf
     if ladder is not None:
-        near = np.clip(found.t + np.linspace(-1.0, 1.0, NEAR) * max(period, found.step), *span)
         bar = _bar(mean, found, near, ladder, FIRST if period else math.inf)
-        rule = scheme(r.settings["scheme"], rho_inf=r.settings.get("rho_inf", 1.0))
-        if not rule.damps:  # else coarser runs do not show the error of axial waves
-            bar_peak = _bar(raw, found, near, ladder, FIRST)
-    t = found.t
-    s = found.s
-    place = float(np.interp(t, r.t, r.s_o))
-    x = float(np.interp(s, r.fields.s, r.fields.x))
-    peak = {"peak": raw.value(r), "bar_peak": finite(bar_peak)} if unit == "N" else {}
-    return _told(name, found.value, bar, unit, t=t, s_o=place, x=x, s=s, **peak)
+    where = {
+        "t": found.t,
+        "s_o": float(np.interp(found.t, r.t, r.s_o)),
+        "x": float(np.interp(found.s, r.fields.s, r.fields.x)),
+        "s": found.s,
+    }
+    if unit != "N":
+        return _number_row(name, found.value, bar, unit, **where)
+    raw = _Signal(quantity, span, 0.0)
+    bar_peak = math.inf
+    if ladder is not None and not _damps(r):  # else coarser runs do not show the error of axial waves
+        bar_peak = _bar(raw, found, near, ladder, FIRST)
+    return _number_row(name, found.value, bar, unit, **where, peak=raw.value(r), bar_peak=finite(bar_peak))
+
+
+def _damps(r: Response) -> bool:
+    """Whether the rule of a run damps axial waves."""
+    return scheme(r.settings["scheme"], rho_inf=r.settings.get("rho_inf", 1.0)).damps
 
 
 def _bar(signal: _Signal, found: _Extreme, near: Array, ladder: Ladder, order: float) -> float:
     """Bar of an extreme and of the signal near it."""
-    of = [signal.value] + ([partial(signal.beside, found.track, near)] if found.step > 0.0 else [])
-    return max(ladder.bar(x, largest, order) for x in of) + found.between
+    bar = ladder.bar(signal.value, largest, order)
+    if found.step > 0.0:
+        bar = max(bar, ladder.bar(partial(signal.sampled, found.track, near), largest, order))
+    return bar + found.between
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,7 +270,7 @@ class _Signal:
     period: float
 
     def samples(self, track: Track) -> tuple[Array, Array, Array]:
-        """Times, values and places: means over the period, extremes along the cable."""
+        """Times, values and s, (n,) each: means over the period, extremes along the cable."""
         if track.value.ndim == 1:
             t, value, s = self._within(track)
             if t.size == 0:
@@ -262,18 +295,18 @@ class _Signal:
         return t, value[np.arange(t.size), at], track.s[at]
 
     def _within(self, track: Track) -> tuple[Array, Array, Array]:
-        """Times, values and places in the range, its ends included, where the signal is known."""
-        known = np.isfinite(track.value)
-        t = track.t[known]
-        value = track.value[known]
-        s = track.s[known]
+        """Times, values and s in the range, its ends included, where the signal is finite."""
+        has_value = np.isfinite(track.value)
+        t = track.t[has_value]
+        value = track.value[has_value]
+        s = track.s[has_value]
         rows = (t >= self.span[0] * (1.0 - ROUNDING)) & (t <= self.span[1] * (1.0 + ROUNDING))
         inside = t[rows]
         if self.quantity.anywhere or inside.size == 0:
             return inside, value[rows], s[rows]
         ends = np.clip(self.span, t[0], t[-1])
-        apart = np.abs(ends - inside[[0, -1]]) > ROUNDING * self.span[1]
-        at = np.concatenate([ends[:1][apart[:1]], inside, ends[1:][apart[1:]]])
+        distinct = np.abs(ends - inside[[0, -1]]) > ROUNDING * self.span[1]
+        at = np.concatenate([ends[:1][distinct[:1]], inside, ends[1:][distinct[1:]]])
         return at, np.interp(at, t, value), np.interp(at, t, s)
 
     def extreme(self, r: Response) -> _Extreme | None:
@@ -284,21 +317,26 @@ class _Signal:
             if t.size == 0:
                 continue
             k = int((sign * value).argmax())
-            if found is None or sign * value[k] > sign * found.value:
-                beside = slice(max(0, k - 1), k + 2)
-                between = BETWEEN * float(np.abs(value[beside] - value[k]).max()) if track.value.ndim > 1 else 0.0
-                found = _Extreme(float(value[k]), float(t[k]), float(s[k]), i, between, float(np.ptp(t[beside])))
+            if found is not None and not sign * value[k] > sign * found.value:
+                continue
+            around = slice(max(0, k - 1), k + 2)
+            between = 0.0
+            if track.value.ndim > 1:
+                between = BETWEEN * float(np.abs(value[around] - value[k]).max())
+            step = float(np.ptp(t[around]))
+            found = _Extreme(float(value[k]), float(t[k]), float(s[k]), i, between, step)
         return found
 
     def value(self, r: Response) -> float:
         found = self.extreme(r)
         return math.nan if found is None else found.value
 
-    def beside(self, track: int, near: Array, r: Response) -> Array:
+    def sampled(self, track: int, near: Array, r: Response) -> Array:
         """Values (n,) of a track at the times `near`; nan of a run that ends before."""
         t, value, _ = self.samples(self.quantity.tracks(r)[track])
-        there = t.size and t[-1] >= min(near[-1], r.t[-1]) - np.ptp(near)
-        return np.interp(near, t, value) if there else math.nan * near
+        if t.size == 0 or t[-1] < min(near[-1], r.t[-1]) - np.ptp(near):
+            return np.full(near.shape, math.nan)
+        return np.interp(near, t, value)
 
 
 def _at_an_end(found: _Extreme, r: Response, span: tuple[float, float]) -> bool:
@@ -316,8 +354,9 @@ def _onset(r: Response, ladder: Ladder | None) -> Iterator[Number]:
     bar = math.inf
     if ladder is not None:
         bar = ladder.bar(onset, largest, FIRST) + float(np.diff(r.s_o).max()) / r.length
-    at = r.slack_onset * r.length
-    s = None if r.slack_at is None else r.slack_at * r.length
-    x = None if s is None else float(np.interp(s, r.fields.s, r.fields.x))
-    t = float(np.interp(at, r.s_o, r.t))
-    yield _told("slack_onset", r.slack_onset, bar, "s_o/l", t=t, s_o=at, x=x, s=s)
+    s_o = r.slack_onset * r.length
+    where: dict[str, float | None] = {"t": float(np.interp(s_o, r.s_o, r.t)), "s_o": s_o}
+    if r.slack_at is not None:
+        s = r.slack_at * r.length
+        where |= {"x": float(np.interp(s, r.fields.s, r.fields.x)), "s": s}
+    yield _number_row("slack_onset", r.slack_onset, bar, "s_o/l", **where)

@@ -16,6 +16,7 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.optimize import brentq
 
 from cablefem.response import Array, Response
+from validation.core.scene_data import ice_mass
 
 EVERY = 12  # frames per window: 0.06 of the travel
 ROUNDING = 1e-9  # relative, of static splines and of times in different runs
@@ -30,6 +31,7 @@ class Given:
 
     def __init__(self, toml: str, length: float) -> None:
         x = tomllib.loads(toml)
+        self.scene = x
         cable = x["cable"]
         supports = x["supports"]
         self.gravity: float = x.get("gravity", 9.81)
@@ -53,12 +55,8 @@ class Given:
     def _change(self, cable: dict[str, Any], length: float) -> None:
         """Heat lengthens the unstretched cable; ice adds weight."""
         l, mean_tension = _hung(self.span, self.drop, self.rho * self.gravity, *self.asked)
-        ice = cable.get("ice", 0.0)
-        if isinstance(ice, dict):
-            e = ice["thickness"]
-            ice = ice["density"] * math.pi * ((0.5 * cable["diameter"] + e) ** 2 - (0.5 * cable["diameter"]) ** 2)
         dT = cable["temperature"] - cable.get("reference_temperature", 0.0) if "temperature" in cable else 0.0
-        self.rho = (self.rho + ice) * l / length
+        self.rho = (self.rho + ice_mass(cable)) * l / length
         natural = l / (1.0 + mean_tension / self.EA)
         self.asked = "unstretched", natural * (1.0 + cable.get("expansion", 0.0) * dT)
 

@@ -28,18 +28,17 @@ from validation.core.agreement import Agreement, Bound, Part, nothing
 from validation.core.ladder import Ladder, itself
 from validation.core.measures import WINDOW, NotComparable, Window
 from validation.core.rows import happened
+from validation.core.scene_data import si_factor
 from validation.core.store import Refused
 
 WITH_TOL = 5e-3  # of the largest deflection, allowed beside our own bar
 LEAST_ROWS = 5  # in the window
 TRAVEL_TOLERANCE = 5e-3  # of l: programs may round the place to a node
 _ENDINGS = "the name of a column tells its unit and direction, as t_ms, s_o_over_l, v_mm, v_up"
-_UNITS = {
-    "t": {"": 1.0, "_s": 1.0, "_ms": 1e-3}, "speed": {"": 1.0, "_kmh": 1.0 / 3.6},
-    "T_behind": {"": 1.0, "_N": 1.0, "_kN": 1e3}, "T_ahead": {"": 1.0, "_N": 1.0, "_kN": 1e3},
+_UNITS = {"s": ("s", "ms"), "m": ("m", "mm", "km"), "m/s": ("km/h",), "N": ("N", "kN")}  # SI: others beside it
+_COLUMNS = {
+    "t": "s", "s_o": "m", "x": "m", "y": "m", "u": "m", "v": "m", "T_behind": "N", "T_ahead": "N", "speed": "m/s",
 }  # fmt: skip
-_LENGTHS = {"": 1.0, "_m": 1.0, "_mm": 1e-3, "_km": 1e3}
-_COLUMNS = ("t", "s_o", "x", "y", "u", "v", "T_behind", "T_ahead", "speed")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,13 +106,16 @@ class ForeignPath(MassPath):
 
 def _names(l: float) -> dict[str, tuple[str, float]]:
     """Quantity and factor to SI, v and y down, of every name that a column may have on a cable of length l [m]."""
-    lengths = _LENGTHS | {"_over_l": l}
-    units = _UNITS | dict.fromkeys(("s_o", "x", "y", "u", "v"), lengths)
-    names = {of + ending: (of, factor) for of, endings in units.items() for ending, factor in endings.items()}
-    for of in ("y", "v"):
-        for ending, factor in lengths.items():
-            names[f"{of}{ending}_down"] = of, factor
-            names[f"{of}{ending}_up"] = of, -factor
+    names = {}
+    for quantity, si in _COLUMNS.items():
+        factors = {f"_{unit.replace('/', '')}": si_factor(unit, si) for unit in _UNITS[si]} | {"": 1.0}
+        if si == "m":
+            factors["_over_l"] = l
+        for ending, factor in factors.items():
+            names[quantity + ending] = quantity, factor
+            if quantity in ("y", "v"):
+                names[f"{quantity}{ending}_down"] = quantity, factor
+                names[f"{quantity}{ending}_up"] = quantity, -factor
     return names
 
 
@@ -342,7 +344,7 @@ def _measures(
         "path_rms": (lambda a, b: measures.path_gap(a, b, part)[1], of_path),
     }
     if run.drive == "free" and path.speed is not None:
-        stop = happened("stop", run)
+        stop = happened("stop", run.events)
         top = float(run.speed.max())
         until = math.inf if stop is None else stop["t"]
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -15,7 +17,7 @@ from validation.core.order import left
 from validation.core.view import View
 
 Of = Callable[[Response], Any]
-Apart = Callable[[Any, Any], Any]
+Apart = Callable[[Any, Any], Any]  # distance of two values
 
 
 def itself(r: Response) -> Response:
@@ -34,23 +36,21 @@ class Branch:
     ratios: tuple[float, ...]  # times coarser than the run before
     order: float  # nominal, of the path
 
-    def left(self, finest: Response, of: Of, apart: Apart, most: float) -> Any:
+    def bar(self, finest: Response, of: Of, apart: Apart, order: float) -> Any:
         """The bar of the finest run in this direction; infinite without a half."""
         if not self.runs:
             return math.inf
         try:
-            values = [of(r) for r in (finest, self.runs[0])]
-            d = apart(*values)
+            half = of(self.runs[0])
+            change = apart(of(finest), half)
         except NotComparable:
             return math.inf
-        before = 0.0
+        change_before = 0.0
         for quarter in self.runs[1:2]:
-            try:
-                before = apart(values[1], of(quarter))
-            except NotComparable:
-                before = 0.0
-        before = np.nan_to_num(before, nan=0.0, posinf=0.0)
-        return left(d, before, self.ratios, min(self.order, most))
+            with contextlib.suppress(NotComparable):
+                change_before = apart(half, of(quarter))
+        change_before = np.nan_to_num(change_before, nan=0.0, posinf=0.0)
+        return left(change, change_before, self.ratios, min(self.order, order))
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,15 +77,15 @@ class Ladder:
     def over(self, view: View) -> Ladder:
         """Without runs that end before the view does, and without all coarser ones."""
 
-        def kept(branch: Branch) -> Branch:
-            n = next((i for i, r in enumerate(branch.runs) if not view.covers(r)), len(branch.runs))
-            return replace(branch, runs=branch.runs[:n])
+        def covering(branch: Branch) -> Branch:
+            runs = tuple(itertools.takewhile(view.covers, branch.runs))
+            return replace(branch, runs=runs)
 
-        return replace(self, space=kept(self.space), time=kept(self.time))
+        return replace(self, space=covering(self.space), time=covering(self.time))
 
     def parts(self, of: Of, apart: Apart = largest, order: float = math.inf) -> tuple[Any, Any]:
-        space, time = (branch.left(self.finest, of, apart, order) for branch in (self.space, self.time))
-        return space, time
+        """The parts of `bar` in space and time."""
+        return self.space.bar(self.finest, of, apart, order), self.time.bar(self.finest, of, apart, order)
 
     def bar(self, of: Of, apart: Apart = largest, order: float = math.inf) -> Any:
         """The error bar of a functional of the finest run.
@@ -95,8 +95,29 @@ class Ladder:
         """
         return sum(self.parts(of, apart, order))
 
-    def told(self, of: Of) -> float:
+    def unanimous(self, of: Of) -> float:
         """The bar of a yes or no: 0 if all runs answer alike, else infinite."""
-        answers = [of(r) for r in self.runs]
-        alike = len(self.space.runs) > 0 and len(self.time.runs) > 0 and all(x == answers[0] for x in answers)
-        return 0.0 if alike else math.inf
+        if not (self.space.runs and self.time.runs):
+            return math.inf
+        return 0.0 if len({of(r) for r in self.runs}) == 1 else math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """An error bar and the target that refinement brings it down to.
+
+    parts : of the bar in space and time;  order : the most credited.
+    """
+
+    parts: tuple[float, float]
+    target: float
+    order: float = math.inf
+
+    @property
+    def bar(self) -> float:
+        return sum(self.parts)
+
+    @property
+    def excess(self) -> float:
+        """The bar over its target."""
+        return self.bar / self.target

@@ -10,7 +10,6 @@ Of a piece of unstretched length S with the force (H, P) at its left end, P1 = P
 from __future__ import annotations
 
 import csv
-import html
 import itertools
 import json
 import math
@@ -26,12 +25,14 @@ import numpy as np
 from cablefem.response import Array
 from validation.core.agreement import Agreement, Bound, Part
 from validation.core.evidence import ROUNDING
+from validation.core.readback import plain
+from validation.core.scene_data import ice_mass, si_factor
 
 DOWN = np.array([0.0, 1.0])
 GROUND = "the ground"
-UNITS = {"N": 1.0, "kN": 1e3, "MN": 1e6, "GN": 1e9, "m": 1.0, "mm": 1e-3, "°": 1.0, "": 1.0}
 LENGTHS = ("x", "depth", "rope_over", "rise", "shift", "sag", "clearance_rope", "clearance_car")
 Numbers = dict[str, Any]  # by name: a value, a word or None
+Extremes = Mapping[str, tuple[float, float]]  # smallest and largest value
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,41 +56,37 @@ class LineData:
         self.gravity: float = data.get("gravity", 9.81)
         self.contacts: list[dict[str, Any]] = data["contact"]
         self.cars: list[dict[str, Any]] = data.get("car", [])
-        self.obstacles: list[dict[str, Any]] = data.get("obstacle", [])
+        self.tops = {o["name"]: np.array([[o["at"], o["top"]]]) for o in data.get("obstacle", [])}
         self.ground = np.array(data.get("ground", []), float).reshape(-1, 2)
         self.EA: float = cable["EA"]
         self.length: float | None = cable.get("length")
         self.tie: dict[str, Any] | None = cable.get("tension")
         self.breaking_load: float | None = cable.get("breaking_load")
-        ice = cable.get("ice", 0.0)
-        if isinstance(ice, dict):
-            outer = 0.5 * cable["diameter"] + ice["thickness"]
-            ice = ice["density"] * math.pi * (outer**2 - (0.5 * cable["diameter"]) ** 2)
         self.q_empty = cable["mass_per_length"] * self.gravity
-        self.q = (cable["mass_per_length"] + ice) * self.gravity
+        self.q = self.q_empty + ice_mass(cable) * self.gravity
         warmer = cable["temperature"] - cable["reference_temperature"] if "temperature" in cable else 0.0
         self.heat = 1.0 + cable.get("expansion", 0.0) * warmer
 
     def x(self, car: dict[str, Any], i: int) -> float:
-        at = car["at"] if isinstance(car["at"], list) else [car["at"]]
-        return float(at[i] if len(at) > 1 else at[0])
+        at = np.atleast_1d(car["at"])
+        return float(at[i if at.size > 1 else 0])
 
     def saddle(self, car: dict[str, Any], i: int) -> dict[str, Any] | None:
         """The saddle on whose shoe a car rests at position i."""
         x = self.x(car, i)
-        return next((c for c in self.contacts if "shoe" in c and abs(x - c["at"][0]) <= c["shoe"]), None)
+        return next((c for c in self.contacts if abs(x - c["at"][0]) <= c.get("shoe", -1.0)), None)
 
     def stations(self, i: int | None, on_rope: Mapping[str, float] | None = None) -> list[Station]:
         """Stations at position i, None of the empty line; on_rope : x of cars that a shoe does not carry."""
-        there = [Station(c["name"], c["kind"], c["at"][0], c["at"][1], c) for c in self.contacts]
-        for car in self.cars if i is not None else ():
+        stations = [Station(c["name"], c["kind"], c["at"][0], c["at"][1], c) for c in self.contacts]
+        for car in [] if i is None else self.cars:
             x = (on_rope or {}).get(car["name"])
             if x is None and self.saddle(car, i or 0) is None:
                 x = self.x(car, i or 0)
             if x is not None:
                 kind = "hauled" if car["hauled"] else "grips"
-                there.append(Station(car["name"], kind, x, math.nan, car, car["mass"] * self.gravity))
-        return sorted(there, key=lambda p: p.x)
+                stations.append(Station(car["name"], kind, x, math.nan, car, car["mass"] * self.gravity))
+        return sorted(stations, key=lambda station: station.x)
 
 
 class Rope:
@@ -100,15 +97,17 @@ class Rope:
         self.EA = data.EA
         self.q = data.q_empty if empty else data.q
         self.heat = 1.0 if empty else data.heat
-        self.s, self.points, self.behind, self.ahead, self.haul = (
-            np.asarray(getattr(state, name)) for name in ("s", "place", "behind", "ahead", "haul")
-        )
-        self.reach = float(np.ptp([p.x for p in stations]))
-        tensions = np.concatenate([np.linalg.norm(self.ahead[:-1], axis=1), np.linalg.norm(self.behind[1:], axis=1)])
-        self.tension_max = float(tensions.max())
+        self.s = np.asarray(state.s)
+        self.points = np.asarray(state.place)
+        self.behind = np.asarray(state.behind)
+        self.ahead = np.asarray(state.ahead)
+        self.haul = np.asarray(state.haul)
+        self.reach = float(np.ptp([station.x for station in stations]))
+        self.tensions = np.linalg.norm([self.behind, self.ahead], axis=2)  # (2, n), nan outside
+        self.tension_max = float(max(self.tensions[0, 1:].max(), self.tensions[1, :-1].max()))
 
     def index(self, name: str) -> int:
-        return [p.name for p in self.stations].index(name)
+        return [station.name for station in self.stations].index(name)
 
     def along(self, s: Array) -> tuple[Array, Array, Array]:
         """x, y [m] and tension [N] at s (m,) [m]."""
@@ -139,25 +138,20 @@ class Rope:
         _, y, N = self.along(s)
         return y, N
 
-    def smallest(self, height: Callable[[Array, Array], Array], first: int = 0, last: int | None = None) -> float:
-        """Smallest height(x, y) between two stations, by samples ever closer to the smallest one."""
-        pieces = itertools.pairwise(self.s[first : None if last is None else last + 1])
-        s = np.unique(np.concatenate([np.linspace(a, b, 65) for a, b in pieces]))
-        for _ in range(4):
-            heights = height(*self.along(s)[:2])
-            k = int(np.argmin(heights))
-            s = np.append(np.linspace(s[max(k - 1, 0)], s[min(k + 1, s.size - 1)], 65), s[k])  # s[k] may be a kink
-            s.sort()
-        return float(np.min(heights))
+    def parallel(self, slope: float) -> Array:
+        """Points x, y (n - 1, 2) where each piece has a slope dy/dx, or where it comes closest to that."""
+        H, P = self.ahead[:-1].T
+        s = self.s[:-1] + np.clip((P - slope * H) / self.q, 0.0, np.diff(self.s))
+        # the end of a piece, not the begin of the next one
+        x, y, _ = self.along(np.minimum(s, np.nextafter(self.s[1:], -math.inf)))
+        return np.stack([x, y], axis=1)
 
     def tension_min(self) -> float:
-        """Distance of the origin from the straight lines that N t follows along the pieces."""
-        # (n - 1, 2)
-        start = self.ahead[:-1]
-        end = self.behind[1:]
-        change = end - start
-        part = np.clip(-np.sum(start * change, axis=1) / np.sum(change**2, axis=1), 0.0, 1.0)
-        return float(np.linalg.norm(start + part[:, None] * change, axis=1).min())
+        """Distance of the origin from the straight lines that the force follows along the pieces."""
+        start = self.ahead[:-1]  # (n - 1, 2)
+        change = self.behind[1:] - start
+        share = np.clip(-np.sum(start * change, axis=1) / np.sum(change**2, axis=1), 0.0, 1.0)
+        return float(np.linalg.norm(start + share[:, None] * change, axis=1).min())
 
 
 def _ropes(data: LineData, rest: Any) -> Iterator[tuple[str, Rope]]:
@@ -165,15 +159,44 @@ def _ropes(data: LineData, rest: Any) -> Iterator[tuple[str, Rope]]:
     yield "empty", Rope(data, rest.empty, data.stations(None), empty=True)
     for i, state in rest.states.items():
         yield f"position {i + 1}", Rope(data, state, data.stations(i))
-    for (i, name), ends in rest.shoe_ends.items():
-        for side, state in zip((-1.0, 1.0), ends, strict=True):
-            yield f"position {i + 1}, {name} at an end of the shoe", _at_shoe_end(data, i, name, side, state)
+    for i, name in rest.shoe_ends:
+        for rope in _at_shoe_ends(data, rest, i, name):
+            yield f"position {i + 1}, {name} at an end of the shoe", rope
 
 
-def _at_shoe_end(data: LineData, i: int, name: str, side: float, state: Any) -> Rope:
+def _at_shoe_ends(data: LineData, rest: Any, i: int, name: str) -> list[Rope]:
+    """Both states with a car at an end of the shoe that carries it."""
     saddle = data.saddle(next(car for car in data.cars if car["name"] == name), i)
     assert saddle is not None
-    return Rope(data, state, data.stations(i, {name: saddle["at"][0] + side * saddle["shoe"]}))
+    ends = (saddle["at"][0] - saddle["shoe"], saddle["at"][0] + saddle["shoe"])
+    states = rest.shoe_ends[i, name]
+    return [Rope(data, state, data.stations(i, {name: x})) for x, state in zip(ends, states, strict=True)]
+
+
+class Gaps:
+    """Largest gap of each law, and where."""
+
+    def __init__(self) -> None:
+        self.largest: dict[str, tuple[float, str]] = {}
+
+    def note(self, law: str, where: str, gap: float) -> None:
+        gap = min(gap, 1e300) if gap == gap else 1e300  # what is not there at all is a finite gap
+        if gap >= self.largest.get(law, (0.0, ""))[0]:
+            self.largest[law] = gap, where
+
+    def compare(self, law: str, where: str, printed: Any, right: Any, allowed: float = 0.0) -> None:
+        """Note the gap of two numbers over what is allowed, or of two words."""
+        gap = 0.0 if printed == right else math.inf
+        if isinstance(printed, float) and isinstance(right, float) and allowed > 0.0:
+            gap = abs(printed - right) / allowed
+        self.note(law, where, gap)
+
+    def rows(self, quantity: str, allowed: Part) -> Iterator[Agreement]:
+        for law, (gap, where) in self.largest.items():
+            yield Agreement(quantity, gap, Bound("law", (allowed,)), where, law=law, unit="-")
+
+
+# --- laws -----------------------------------------------------------------------------------------------------------
 
 
 def laws(toml: str, rest: Any) -> Iterator[Agreement]:
@@ -182,57 +205,63 @@ def laws(toml: str, rest: Any) -> Iterator[Agreement]:
     rest : `empty` and, by position, `states`; by position and car on a shoe, `shoe_ends`.
     """
     data = LineData(toml)
-    worst: dict[str, tuple[float, str]] = {}
+    gaps = Gaps()
     for where, rope in _ropes(data, rest):
-        for law, defect in _defects(data, rope, rest.empty, where == "empty"):
-            largest = float(np.max(np.abs(defect), initial=0.0))
-            largest = largest if math.isfinite(largest) else math.inf
-            worst[law] = max(worst.get(law, (0.0, where)), (largest, where), key=lambda x: x[0])
-    for law, (gap, where) in worst.items():
-        yield Agreement(
-            "laws_si", gap, Bound("law", (Part("catenaries", ROUNDING, "rounding"),)), where, law=law, unit="-"
-        )
+        defects = [*_of_rope(data, rope, float(np.ptp(rest.empty.s))), *_of_stations(rope)]
+        if where == "empty" and data.tie is not None:
+            tension = float(np.nanmax(rope.tensions[:, rope.index(data.tie["at"])]))
+            defects.append(("tension of the empty line", (tension - data.tie["value"]) / rope.tension_max))
+        for law, defect in defects:
+            gaps.note(law, where, float(np.max(np.abs(defect), initial=0.0)))
+    return gaps.rows("laws_si", Part("catenaries", ROUNDING, "rounding"))
 
 
-def _defects(data: LineData, rope: Rope, empty: Any, is_empty: bool) -> Iterator[tuple[str, Any]]:
-    """Defects of the laws on one state."""
+def _of_rope(data: LineData, rope: Rope, empty_length: float) -> Iterator[tuple[str, Any]]:
+    """Defects of pieces and of their sum."""
     S = np.diff(rope.s)
-    T = rope.tension_max
-    yield "weight of each piece", (rope.behind[1:] - rope.ahead[:-1] + rope.q * S[:, None] * DOWN) / T
-    end = np.stack(rope.along(np.nextafter(rope.s[1:], -math.inf))[:2], axis=1)  # (n - 1, 2)
-    yield "shape and stretch", (end - rope.points[1:]) / rope.reach
+    weight = rope.q * S[:, None] * DOWN  # (n - 1, 2)
+    yield "weight of each piece", (rope.behind[1:] - rope.ahead[:-1] + weight) / rope.tension_max
+    x, y, _ = rope.along(np.nextafter(rope.s[1:], -math.inf))
+    yield "shape and stretch", (np.stack([x, y], axis=1) - rope.points[1:]) / rope.reach
     if not any(c["kind"] == "counterweight" for c in data.contacts):
-        length = float(np.ptp(empty.s)) if data.length is None else data.length
+        length = data.length or empty_length
         yield "unstretched length", (np.ptp(rope.s) - length) / length
-    if is_empty and data.tie is not None:
-        k = rope.index(data.tie["at"])
-        tension = np.linalg.norm(rope.ahead[k] if k < rope.s.size - 1 else rope.behind[k])
-        yield "tension of the empty line", (tension - data.tie["value"]) / T
+
+
+def _of_stations(rope: Rope) -> Iterator[tuple[str, Any]]:
+    """Defects of contacts and cars, and of all forces together."""
+    T = rope.tension_max
     total = rope.behind[-1] - rope.ahead[0] + rope.q * np.ptp(rope.s) * DOWN
-    for k, p in enumerate(rope.stations):
-        inner = 0 < k < rope.s.size - 1
-        force = rope.ahead[k] - rope.behind[k] if inner else np.zeros(2)  # of the rope on the station
-        N = np.linalg.norm([rope.behind[k], rope.ahead[k]], axis=1)
-        if p.kind == "spring":
-            of_rope = rope.ahead[k] if k == 0 else -rope.behind[k]
-            of_spring = np.array(p.data["stiffness"]) * (rope.points[k] - [p.x, p.y])
-            yield "force of springs", (of_rope - of_spring) / T
-        elif p.weight:
-            tau = (rope.ahead[k] + rope.behind[k]) / np.linalg.norm(rope.ahead[k] + rope.behind[k])
-            F = rope.haul[k] if p.kind == "hauled" else 0.0
-            yield "balance of cars", (force + p.weight * DOWN + F * tau) / T
-            yield "points of contacts and cars", (rope.points[k, 0] - p.x) / rope.reach
-            total = total + p.weight * DOWN + F * tau
+    force = np.zeros_like(rope.ahead)  # of the rope on inner stations (n, 2)
+    force[1:-1] = rope.ahead[1:-1] - rope.behind[1:-1]
+    for k, station in enumerate(rope.stations):
+        N = rope.tensions[:, k]
+        data = station.data
+        off = rope.points[k] - [station.x, station.y]
+        if station.weight:
+            mean = rope.ahead[k] + rope.behind[k]
+            haul = rope.haul[k] * mean / np.linalg.norm(mean) if station.kind == "hauled" else 0.0
+            load = station.weight * DOWN + haul
+            yield "balance of cars", (force[k] + load) / T
+            total = total + load
+            off = off[:1]
         else:
-            yield "points of contacts and cars", (rope.points[k] - [p.x, p.y]) / rope.reach
-            total = total - force
-        if p.kind == "counterweight":
-            yield "tension at the counterweight", (np.nanmax(N) - p.data["tension"]) / T
-        if p.kind in ("saddle", "hauled"):
+            total = total - force[k]
+        if station.kind == "spring":
+            of_rope = rope.ahead[k] if k == 0 else -rope.behind[k]
+            yield "force of springs", (of_rope - np.array(data["stiffness"]) * off) / T
+        else:
+            yield "points of contacts and cars", off / rope.reach
+        if station.kind == "counterweight":
+            yield "tension at the counterweight", (np.nanmax(N) - data["tension"]) / T
+        if station.kind in ("saddle", "hauled"):
             yield "tension past saddles and hauled cars", (N[1] - N[0]) / T
-        if p.kind == "saddle":
-            yield "saddles press down", min(force[1], 0.0) / T
+        if station.kind == "saddle":
+            yield "saddles press down", min(force[k, 1], 0.0) / T
     yield "rope, loads and reactions", total / T
+
+
+# --- numbers --------------------------------------------------------------------------------------------------------
 
 
 def numbers(toml: str, rest: Any) -> list[Numbers | None]:
@@ -243,147 +272,125 @@ def numbers(toml: str, rest: Any) -> list[Numbers | None]:
 
 def _position(data: LineData, rest: Any, i: int) -> Numbers:
     rope = Rope(data, rest.states[i], data.stations(i))
-    out: Numbers = {"position": i + 1}
+    row: Numbers = {"position": i + 1}
     for car in data.cars:
-        name = car["name"]
-        saddle = data.saddle(car, i)
-        forces: dict[str, float | None] = dict.fromkeys(("tension_behind", "tension_ahead"))
-        if car["hauled"]:
-            forces["haul"] = None
-        if saddle is None:
-            k = rope.index(name)
-            depth = float(rope.points[k, 1])
-            N = np.linalg.norm([rope.behind[k], rope.ahead[k]], axis=1)
-            values = {"tension_behind": N[0], "tension_ahead": N[1], "haul": rope.haul[k]}
-            forces = {key: float(values[key]) for key in forces}
-        else:
-            depth = _on_shoe(data, rest, i, car, saddle)
-        out |= {f"x:{name}": data.x(car, i), f"depth:{name}": depth, f"on:{name}": saddle and saddle["name"]}
-        out |= {f"{key}:{name}": value for key, value in forces.items()}
-        if data.ground.size and data.ground[0, 0] <= data.x(car, i) <= data.ground[-1, 0]:
-            height = float(np.interp(data.x(car, i), *data.ground.T)) - depth - car.get("below", 0.0)
-            out[f"clearance_car:{name} over {GROUND}"] = height
-    for j, c in enumerate(data.contacts):
-        out |= _at_contact(data, rest, rope, i, j, c)
+        row |= _at_car(data, rest, rope, i, car)
+    for j, contact in enumerate(data.contacts):
+        row |= {f"{kind}:{contact['name']}": x for kind, x in _at_contact(data, rest, rope, i, j).items()}
     for a, b in itertools.pairwise(data.contacts):
-        out[f"sag:{a['name']} to {b['name']}"] = _sag(rope, rope.index(a["name"]), rope.index(b["name"]))
-    out["tension_max"] = rope.tension_max
-    out["tension_min"] = rope.tension_min()
+        row[f"sag:{a['name']} to {b['name']}"] = _sag(rope, rope.index(a["name"]), rope.index(b["name"]))
+    row["tension_max"] = rope.tension_max
+    row["tension_min"] = rope.tension_min()
     if data.breaking_load is not None:
-        out["safety_factor"] = data.breaking_load / rope.tension_max
-    for o in data.obstacles:
-        out[f"clearance_rope:{o['name']}"] = o["top"] - float(rope.at(np.array([o["at"]]))[0][0])
-    if (height := _over_ground(data, rope)) is not None:
-        out["clearance_rope:ground"] = height
-    return out
+        row["safety_factor"] = data.breaking_load / rope.tension_max
+    for name, [[x, top]] in data.tops.items():
+        row[f"clearance_rope:{name}"] = float(top - rope.at(np.array([x]))[0][0])
+    heights = _over_ground(data.ground, rope)
+    if heights.size:
+        row["clearance_rope:ground"] = float(heights.min())
+    return row
 
 
-def _on_shoe(data: LineData, rest: Any, i: int, car: dict[str, Any], saddle: dict[str, Any]) -> float:
-    """Depth of a car on a shoe: cubics from the ends, on the car's path, to the saddle.
+def _at_car(data: LineData, rest: Any, rope: Rope, i: int, car: dict[str, Any]) -> Numbers:
+    name = car["name"]
+    x = data.x(car, i)
+    saddle = data.saddle(car, i)
+    row: Numbers = {f"x:{name}": x, f"on:{name}": None}
+    forces: dict[str, float | None] = {"tension_behind": None, "tension_ahead": None, "haul": None}
+    if saddle is None:
+        k = rope.index(name)
+        depth = float(rope.points[k, 1])
+        behind, ahead = rope.tensions[:, k]
+        forces = {"tension_behind": float(behind), "tension_ahead": float(ahead), "haul": float(rope.haul[k])}
+    else:
+        depth = _on_shoe(_at_shoe_ends(data, rest, i, name), name, x, np.array(saddle["at"]))
+        row[f"on:{name}"] = saddle["name"]
+    if not car["hauled"]:
+        del forces["haul"]
+    row |= {f"{kind}:{name}": force for kind, force in forces.items()}
+    row[f"depth:{name}"] = depth
+    if data.ground.size and data.ground[0, 0] <= x <= data.ground[-1, 0]:
+        ground = float(np.interp(x, data.ground[:, 0], data.ground[:, 1]))
+        row[f"clearance_car:{name} over {GROUND}"] = ground - depth - car.get("below", 0.0)
+    return row
+
+
+def _on_shoe(ropes: list[Rope], name: str, x: float, top: Array) -> float:
+    """Depth of a car on a shoe: cubics from the ends, on the car's path, to the saddle's top.
 
     A cubic leaves the end along its chord, and passes the saddle with the mean slope of both chords.
     """
-    name = car["name"]
-    x = data.x(car, i)
-    ropes = [_at_shoe_end(data, i, name, e, x) for e, x in zip((-1.0, 1.0), rest.shoe_ends[i, name], strict=True)]
     left, right = (rope.points[rope.index(name)] for rope in ropes)
-    top = np.array(saddle["at"])
-    slopes = [float((top - left)[1] / (top - left)[0]), float((right - top)[1] / (right - top)[0])]
-    end, slope = (left, slopes[0]) if x <= top[0] else (right, slopes[1])
+    end = left if x <= top[0] else right
+    slopes = [float((top[1] - point[1]) / (top[0] - point[0])) for point in (left, right)]
+    slope = slopes[0] if x <= top[0] else slopes[1]
     d = float(top[0] - end[0])
     w = (x - float(end[0])) / d  # 0 at the end, 1 at the saddle
     bent = 0.5 * (sum(slopes) - 2.0 * slope) * d * (w**3 - w**2)
     return float(end[1] + slope * d * w + bent)
 
 
-def _at_contact(data: LineData, rest: Any, rope: Rope, i: int, j: int, c: dict[str, Any]) -> Numbers:
-    name = c["name"]
-    k = rope.index(c["name"])
-    sides = [rope.behind[k], rope.ahead[k]]
-    out: Numbers = {f"tension:{name}": float(np.nanmax(np.linalg.norm(sides, axis=1)))}
-    if c["kind"] == "saddle":
+def _at_contact(data: LineData, rest: Any, rope: Rope, i: int, j: int) -> Numbers:
+    """Numbers of contact j by kind."""
+    contact = data.contacts[j]
+    k = rope.index(contact["name"])
+    row: Numbers = {"tension": float(np.nanmax(rope.tensions[:, k]))}
+    if contact["kind"] == "saddle":
         across, down = rope.ahead[k] - rope.behind[k]
-        carried = sum(car["mass"] for car in data.cars if data.saddle(car, i) is c) * data.gravity
-        for word, weight in (("pressure", 0.0), ("load", carried)):
-            out[f"{word}:{name}"] = math.hypot(across, down + weight)
-            out[f"{word}_down:{name}"] = float(down + weight)
-        out[f"direction:{name}"] = 90.0 - math.degrees(math.atan2(down, across))
-        out[f"rope_over:{name}"] = float(rest.empty.s[j] - rope.s[k])
-    elif c["kind"] == "counterweight":
+        carried = sum(car["mass"] for car in data.cars if data.saddle(car, i) is contact) * data.gravity
+        for kind, weight in (("pressure", 0.0), ("load", carried)):
+            row[kind] = math.hypot(across, down + weight)
+            row[f"{kind}_down"] = float(down + weight)
+        row["direction"] = 90.0 - math.degrees(math.atan2(down, across))
+        row["rope_over"] = float(rest.empty.s[j] - rope.s[k])
+    elif contact["kind"] == "counterweight":
         taken = float(np.ptp(rope.s) - np.ptp(rest.empty.s))
-        out[f"rise:{name}"] = data.heat * taken * (1.0 + c["tension"] / data.EA)
-    elif c["kind"] == "spring":
-        out[f"shift:{name}"] = float(np.linalg.norm(rope.points[k] - c["at"]))
-    return out
+        row["rise"] = data.heat * taken * (1.0 + contact["tension"] / data.EA)
+    elif contact["kind"] == "spring":
+        row["shift"] = float(np.linalg.norm(rope.points[k] - contact["at"]))
+    return row
 
 
 def _sag(rope: Rope, first: int, last: int) -> float:
-    chord = rope.points[[first, last]].T
+    """Largest depth below the chord of two stations: there the rope is parallel to it."""
+    (x0, y0), (x1, y1) = rope.points[[first, last]]
+    slope = (y1 - y0) / (x1 - x0)
+    x, y = rope.parallel(slope)[first:last].T
+    return float(np.max(y - y0 - slope * (x - x0)))
 
-    def above_chord(x: Array, y: Array) -> Array:
-        return np.interp(x, *chord) - y
 
-    return -rope.smallest(above_chord, first, last)
-
-
-def _over_ground(data: LineData, rope: Rope) -> float | None:
-    """Smallest height of the rope over the ground; None where there is no ground below it."""
-    if not data.ground.size:
-        return None
-    x, depth = data.ground.T
-    low = max(x[0], rope.points[0, 0])
-    high = min(x[-1], rope.points[-1, 0])
-    if low > high:
-        return None
-
-    def height(x_rope: Array, y: Array) -> Array:
-        free = np.interp(x_rope, x, depth) - y
-        return np.where((x_rope >= low) & (x_rope <= high), free, math.inf)
-
-    corners = np.concatenate([x[(x >= low) & (x <= high)], [low, high]])
-    at_corners = np.interp(corners, x, depth) - rope.at(corners)[0]
-    return min(rope.smallest(height), float(at_corners.min()))
+def _over_ground(ground: Array, rope: Rope) -> Array:
+    """Heights of the rope where it is lowest over the ground (n, 2); none where there is no ground below it."""
+    if not ground.size:
+        return np.empty(0)
+    x, depth = ground.T
+    corners = np.concatenate([x, rope.points[:, 0]])
+    points = [np.stack([corners, rope.at(corners)[0]], axis=1)]
+    points += [rope.parallel(slope) for slope in np.diff(depth) / np.diff(x)]
+    x_rope, y = np.concatenate(points).T
+    within = (x_rope >= max(x[0], rope.points[0, 0])) & (x_rope <= min(x[-1], rope.points[-1, 0]))
+    return np.asarray(np.interp(x_rope[within], x, depth) - y[within])
 
 
 def extremes(toml: str, rows: Sequence[Numbers | None]) -> dict[str, tuple[float, float]]:
     """Smallest and largest value of each number over all positions; of cars also where they pass between two."""
     data = LineData(toml)
+    at_rest = [row for row in rows if row]
     values: dict[str, list[float]] = {}
-    for name, value in ((name, value) for row in rows if row for name, value in row.items()):
+    for name, value in itertools.chain.from_iterable(row.items() for row in at_rest):
         if isinstance(value, float) and not name.startswith("x:"):
             values.setdefault(name, []).append(value)
-    tops = {o["name"]: np.array([[o["at"], o["top"]]]) for o in data.obstacles} | {GROUND: data.ground}
-    for car, (name, points) in itertools.product(data.cars, tops.items()):
-        track = [(r[f"x:{car['name']}"], r[f"depth:{car['name']}"]) for r in rows if r]
-        for one, two in itertools.pairwise([*track, track[-1]]):
-            (x0, y0), (x1, y1) = sorted([one, two])
-            for x, top in points[(points[:, 0] >= x0) & (points[:, 0] <= x1)]:
-                depth = float(np.interp(x, [x0, x1], [y0, y1]))
-                key = f"clearance_car:{car['name']} over {name}"
-                values.setdefault(key, []).append(float(top) - depth - car.get("below", 0.0))
-    return {name: (min(x), max(x)) for name, x in values.items()}
+    for car, (name, points) in itertools.product(data.cars, (data.tops | {GROUND: data.ground}).items()):
+        track = [(row[f"x:{car['name']}"], row[f"depth:{car['name']}"]) for row in at_rest]
+        for pair in itertools.pairwise([*track, track[-1]]):
+            x, depth = np.transpose(sorted(pair))
+            passed = points[(points[:, 0] >= x[0]) & (points[:, 0] <= x[1])]
+            heights = passed[:, 1] - np.interp(passed[:, 0], x, depth) - car.get("below", 0.0)
+            values.setdefault(f"clearance_car:{car['name']} over {name}", []).extend(heights.tolist())
+    return {name: (min(x), max(x)) for name, x in values.items() if x}
 
 
-class _Gaps:
-    """Largest gap between printed and recomputed values, over what is allowed, by file and kind of number."""
-
-    def __init__(self) -> None:
-        self.worst: dict[str, tuple[float, str]] = {}
-
-    def note(self, law: str, where: str, printed: Any, right: Any, allowed: float = 0.0) -> None:
-        """Compare two numbers within `allowed`, or two words."""
-        gap = 0.0 if printed == right else math.inf
-        if isinstance(printed, float) and isinstance(right, float) and allowed > 0.0:
-            gap = abs(printed - right) / allowed
-        gap = gap if math.isfinite(gap) else math.inf
-        self.worst[law] = max(self.worst.get(law, (0.0, where)), (gap, where), key=lambda x: x[0])
-
-    def rows(self) -> Iterator[Agreement]:
-        for law, (gap, where) in self.worst.items():
-            known = min(gap, 1e300)  # what is not there at all is no unknown
-            yield Agreement(
-                "printed", known, Bound("law", (Part("catenaries", 1.0, "allowed"),)), where, law=law, unit="-"
-            )
+# --- what is printed ------------------------------------------------------------------------------------------------
 
 
 def printed(toml: str, rest: Any, folder: Path, page: str, words: Mapping[str, Mapping[str, str]]) -> list[Agreement]:
@@ -393,30 +400,34 @@ def printed(toml: str, rest: Any, folder: Path, page: str, words: Mapping[str, M
     words : how the page calls each kind of number.
     """
     data = LineData(toml)
-    gaps = _Gaps()
+    gaps = Gaps()
     rows = numbers(toml, rest)
+    known = extremes(toml, rows)
     reach = data.contacts[-1]["at"][0]
-    tension = max(row["tension_max"] for row in rows if row)
-    pressures = [row[name] for row in rows if row for name in row if name.startswith("pressure:")]
+    tension = known["tension_max"][1]
+    pressure = min((low for name, (low, _) in known.items() if name.startswith("pressure:")), default=1.0)
+    scales = dict.fromkeys(LENGTHS, reach) | {"safety_factor": 1.0}
+    scales["direction"] = math.degrees(tension / max(pressure, 1.0))
 
     def rounding(name: str) -> float:
-        kind = re.sub("_(min|max)$", "", name.partition(":")[0])
-        scales = {"safety_factor": 1.0, "direction": math.degrees(tension / max(min(pressures, default=1.0), 1.0))}
-        return ROUNDING * float(reach if kind in LENGTHS else scales.get(kind, tension))
+        return ROUNDING * float(scales.get(_kind(name), tension))
 
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    refused = [i + 1 for i, row in enumerate(rows) if row is None]
+    gaps.compare("summary.json", "refused", [x["position"] for x in summary["refused"]], refused)
+    gaps.compare("summary.json", "positions", summary["positions"], len(rows))
+    length = float(np.ptp(rest.empty.s))
+    gaps.compare("summary.json", "empty_length", summary["empty_length"], length, ROUNDING * length)
     _positions(gaps, rows, _table(folder / "positions.csv"), rounding)
     _profile(gaps, data, rest, folder)
-    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    refused = [i + 1 for i in range(len(rows)) if rows[i] is None]
-    gaps.note("summary.json", "refused", [x["position"] for x in summary["refused"]], refused)
-    gaps.note("summary.json", "positions", summary["positions"], len(rows))
-    length = float(np.ptp(rest.empty.s))
-    gaps.note("summary.json", "empty_length", summary["empty_length"], length, ROUNDING * length)
-    known = extremes(toml, rows)
     _design(gaps, data, rows, summary["design"], known, rounding)
-    _outcome(gaps, data, summary, known, len(refused))
+    _outcome(gaps, data, summary, known)
     _page(gaps, page, summary, words)
-    return list(gaps.rows())
+    return list(gaps.rows("printed", Part("catenaries", 1.0, "allowed")))
+
+
+def _kind(name: str) -> str:
+    return re.sub("_(min|max)$", "", name.partition(":")[0])
 
 
 def _table(file: Path) -> list[dict[str, str]]:
@@ -432,112 +443,117 @@ def _number(cell: str | None) -> float | None:
 
 
 def _positions(
-    gaps: _Gaps, rows: Sequence[Numbers | None], table: list[dict[str, str]], rounding: Callable[[str], float]
+    gaps: Gaps, rows: Sequence[Numbers | None], table: list[dict[str, str]], rounding: Callable[[str], float]
 ) -> None:
-    gaps.note("positions.csv", "rows", len(table), len(rows))
-    for i, (line, row) in enumerate(zip(table, rows, strict=False)):
+    gaps.compare("positions.csv", "rows", len(table), len(rows))
+    for i, (cells, row) in enumerate(zip(table, rows, strict=False)):
         right = row or {"position": i + 1}
-        for name in {**line, **right}:
+        for name in {**cells, **right}:
             kind, _, of = name.partition(":")
             where = f"{of or 'the line'}, position {i + 1}"
-            wanted = right.get(name)
-            cell = line.get(name)
-            if isinstance(wanted, float):
-                gaps.note(f"positions.csv, {kind}", where, _number(cell), wanted, rounding(name))
+            expected = right.get(name)
+            cell: Any = cells.get(name) or ""
+            if isinstance(expected, float):
+                cell = _number(cell)
             else:
-                gaps.note(f"positions.csv, {kind}", where, cell or "", "" if wanted is None else str(wanted))
+                expected = "" if expected is None else str(expected)
+            gaps.compare(f"positions.csv, {kind}", where, cell, expected, rounding(name))
 
 
-def _profile(gaps: _Gaps, data: LineData, rest: Any, folder: Path) -> None:
+def _profile(gaps: Gaps, data: LineData, rest: Any, folder: Path) -> None:
     table = _table(folder / "profile.csv")
     drawn = json.loads((folder / "ropes.json").read_text(encoding="utf-8"))
-    x = np.array([float(line["x"]) for line in table])
-    ropes = {i: Rope(data, state, data.stations(i)) for i, state in rest.states.items()}
-    curves = {i: rope.at(x) for i, rope in ropes.items()}
-    y, T = (np.array([curve[part] for curve in curves.values()]) for part in (0, 1))  # (positions, m)
+    x = np.array([float(row["x"]) for row in table])
+    curves = {i: Rope(data, state, data.stations(i)).at(x) for i, state in rest.states.items()}
+    y = np.array([depth for depth, _ in curves.values()])  # (positions, m)
+    T = np.array([tension for _, tension in curves.values()])
     empty = Rope(data, rest.empty, data.stations(None), empty=True).at(x)[0]
     columns = {
-        "x": x, "y_rest": empty, "y_highest": y.min(axis=0), "y_lowest": y.max(axis=0),
-        "tension_max": T.max(axis=0), "tension_min": T.min(axis=0),
-    }  # fmt: skip
+        "x": x,
+        "y_rest": empty,
+        "y_highest": y.min(axis=0),
+        "y_lowest": y.max(axis=0),
+        "tension_max": T.max(axis=0),
+        "tension_min": T.min(axis=0),
+    }
+    rounding = ROUNDING * float(np.ptp(x))
     for name, right in columns.items():
-        allowed = ROUNDING * float(T.max() if "tension" in name else np.ptp(x))
+        allowed = ROUNDING * float(T.max()) if "tension" in name else rounding
         for k, value in enumerate(right.tolist()):
             where = f"x = {x[k]:.6g} m"
-            gaps.note(f"profile.csv, {name}", where, _number(table[k].get(name)), value, allowed)
-            gaps.note("ropes.json", where, drawn["profile"][name][k], value, allowed)
+            gaps.compare(f"profile.csv, {name}", where, _number(table[k].get(name)), value, allowed)
+            gaps.compare("ropes.json", where, drawn["profile"][name][k], value, allowed)
     for position, depths in drawn["depths"].items():
-        for k, value in enumerate(curves[int(position) - 1][0].tolist()):
-            gaps.note("ropes.json", f"position {position}", depths[k], value, ROUNDING * float(np.ptp(x)))
+        off = np.abs(np.subtract(depths, curves[int(position) - 1][0]))
+        gaps.note("ropes.json", f"position {position}", float(off.max()) / rounding)
 
 
 def _design(
-    gaps: _Gaps, data: LineData, rows: Sequence[Numbers | None], design: Sequence[dict[str, Any]],
-    known: Mapping[str, tuple[float, float]], rounding: Callable[[str], float],
+    gaps: Gaps, data: LineData, rows: Sequence[Numbers | None], design: Sequence[dict[str, Any]],
+    known: Extremes, rounding: Callable[[str], float],
 ) -> None:  # fmt: skip
-    printed: set[str] = set()
-    for d in design:
-        kind, _, of = d["quantity"].partition(":")
-        side = kind.endswith("_max")
-        name = kind if kind in known and not of else re.sub("_(min|max)$", "", kind) + (f":{of}" if of else "")
-        printed.add(name)
-        allowed = rounding(name) + (d["bar"] or 0.0)
-        right = known[name][side] if name in known else None
-        gaps.note("design", d["quantity"], d["value"], right, allowed)
-        at = {car["name"]: data.x(car, d["position"] - 1) for car in data.cars}
-        gaps.note("design, positions of cars", d["quantity"], d["at"], at)
-        row = rows[d["position"] - 1] or {}
+    names = set()
+    for number in design:
+        quantity = number["quantity"]
+        kind, colon, of = quantity.partition(":")
+        name = quantity if quantity in known else _kind(quantity) + colon + of
+        names.add(name)
+        allowed = rounding(name) + (number["bar"] or 0.0)
+        right = known[name][kind.endswith("_max")] if name in known else None
+        gaps.compare("design", quantity, number["value"], right, allowed)
+        i = number["position"] - 1
+        at = {car["name"]: data.x(car, i) for car in data.cars}
+        gaps.compare("design, positions of cars", quantity, number["at"], at)
+        row = rows[i] or {}
         if name in row and not name.startswith("clearance_car"):
-            gaps.note("design, value there", d["quantity"], d["value"], row[name], allowed)
+            gaps.compare("design, value there", quantity, number["value"], row[name], allowed)
     for name in known:
-        gaps.note("design", name, name in printed, True)
+        gaps.compare("design", name, name in names, True)
 
 
-def _outcome(
-    gaps: _Gaps, data: LineData, summary: dict[str, Any], known: Mapping[str, tuple[float, float]], refused: int
-) -> None:
+def _outcome(gaps: Gaps, data: LineData, summary: dict[str, Any], known: Extremes) -> None:
     """The outcome names a rope beyond its breaking load first, then everything that is hit."""
     text = summary["outcome"]
-    hit = {
-        name.partition(":")[2].split(" over ")[-1] for name, (low, _) in known.items() if "clear" in name and low < 0
-    }
-    broken = data.breaking_load is not None and known["tension_max"][1] > data.breaking_load
-    kind = "breaks" if broken else "collides" if hit else "incomplete" if refused else "carries"
-    gaps.note("outcome", "kind", summary["outcome_kind"], kind)
-    gaps.note("outcome", "breaking load", "breaking load" in text.split(";")[0], broken)
+    tension = known["tension_max"][1]
+    clearances = {name.partition(":")[2]: low for name, (low, _) in known.items() if name.startswith("clearance")}
+    hit = {name.split(" over ")[-1].removeprefix("the ") for name, low in clearances.items() if low < 0.0}
+    broken = data.breaking_load is not None and tension > data.breaking_load
+    kinds = {"breaks": broken, "collides": hit, "incomplete": summary["refused"], "carries": True}
+    kind = next(kind for kind, holds in kinds.items() if holds)
+    gaps.compare("outcome", "kind", summary["outcome_kind"], kind)
+    gaps.compare("outcome", "breaking load", "breaking load" in text.split(";")[0], broken)
     for name in hit:
-        gaps.note("outcome", name, f"{name.removeprefix('the ')} by " in text or "more" in text, True)
-    kilonewton = re.search(r"(\d+\.\d) kN", text)
-    if kilonewton:
-        gaps.note("outcome", "tension", float(kilonewton[1]), known["tension_max"][1] / 1e3, 0.06)
-    depth = max((-low for name, (low, _) in known.items() if "clear" in name), default=0.0)
+        gaps.compare("outcome", name, f"{name} by " in text or "more" in text, True)
+    for kilonewton in re.findall(r"(\d+\.\d) kN", text)[:1]:
+        gaps.compare("outcome", "tension", float(kilonewton), tension / 1e3, 0.06)
     if hit:
-        by = [float(x) for x in re.findall(r" by (\d+\.\d\d) m", text)]
-        gaps.note("outcome", "depth of a collision", max(by, default=math.inf), depth, 0.006)
+        depths = [float(x) for x in re.findall(r" by (\d+\.\d\d) m", text)]
+        depth = max(depths, default=math.inf)
+        gaps.compare("outcome", "depth of a collision", depth, -min(clearances.values()), 0.006)
 
 
-def _page(gaps: _Gaps, page: str, summary: dict[str, Any], words: Mapping[str, Mapping[str, str]]) -> None:
+def _page(gaps: Gaps, page: str, summary: dict[str, Any], words: Mapping[str, Mapping[str, str]]) -> None:
     """Every design number stands in the page's table, with its unit, to half its last digit, with the cars then."""
-    text = html.unescape(page).replace("\u202f", " ").replace("−", "-")
-    gaps.note("page", "outcome", summary["outcome"] in text, True)
-    cells = re.findall(r'data-label="(quantity|largest|smallest)[^"]*"><div>(.*?)</div>', text, re.DOTALL)
+    gaps.compare("page", "outcome", plain(summary["outcome"]) in plain(page), True)
     table: dict[str, dict[str, str]] = {}
-    quantity = ""
-    for label, cell in cells:
-        quantity = cell if label == "quantity" else quantity
-        table.setdefault(quantity, {})[label] = cell
-    for d in summary["design"]:
-        kind, _, of = d["quantity"].partition(":")
-        column = "smallest" if kind.endswith("_min") else "largest"
-        bare = kind if kind in words and not of else re.sub("_(min|max)$", "", kind)
-        row = table.get(words[bare]["words"].format(of), {})
-        cell = row.get("largest" if row.get("smallest") == "the same" else column, "")
-        parts = re.fullmatch(r"(-?\d+\.(\d+)) ?([a-zA-Z°]*)(?: \((.*)\))?", cell)
-        where = d["quantity"]
+    for label, content in re.findall(r'data-label="(quantity|largest|smallest)[^"]*"><div>(.*?)</div>', page, re.S):
+        cell = plain(content)
+        if label == "quantity":
+            row = table.setdefault(cell, {})
+        else:
+            row[label] = cell
+    for number in summary["design"]:
+        where = number["quantity"]
+        kind, _, of = where.partition(":")
+        name = kind if kind in words and not of else _kind(where)
+        row = table.get(words[name]["words"].format(of), {})
+        column = "smallest" if kind.endswith("_min") and row.get("smallest") != "the same" else "largest"
+        parts = re.fullmatch(r"(-?\d+\.(\d+)) ?([a-zA-Z°]*)(?: \((.*)\))?", row.get(column, ""))
         if parts is None:
-            gaps.note("page", where, cell, "a number")
+            gaps.note("page", where, math.inf)
             continue
-        factor = UNITS.get(parts[3], math.nan)
-        gaps.note("page", where, float(parts[1]) * factor, d["value"], 0.51 * factor * 10.0 ** -len(parts[2]))
-        cars = ", ".join(f"{name} {x:.0f}" for name, x in d["at"].items())
-        gaps.note("page, cars", where, parts[4] or cars, cars)
+        value, decimals, unit, at = parts.groups()
+        factor = si_factor(unit, number["unit"])
+        gaps.compare("page", where, float(value) * factor, number["value"], 0.51 * factor * 10.0 ** -len(decimals))
+        cars = ", ".join(f"{name} {x:.0f}" for name, x in number["at"].items())
+        gaps.compare("page, cars", where, at or cars, cars)

@@ -1,6 +1,5 @@
 """Measures that compare two responses or check one; `window` is a pair of s_o/l."""
 
-import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any
@@ -26,19 +25,18 @@ class NotComparable(ValueError):
 def window_of(*responses: MassPath, window: Window | None = None) -> Window:
     """The window (default: of the drive), cut where a run goes slack or ends; a free ride may turn back at its end."""
     low, high = window or WINDOWS[responses[0].drive]
-    ends = [min(r.slack_from, r.reached if r.drive != "free" else math.inf) for r in responses]
-    if min(high, *ends) > low:
-        return low, min(high, *ends)
-    first = int(np.argmin(ends))
-    what = "is slack" if responses[first].slack_from <= ends[first] else "ends"
-    raise NotComparable(
-        f"nothing to compare: {responses[first].method} {what} at s_o/l = {min(ends):.4f}, before {low:g}"
-    )
+    ends = [r.slack_from if r.drive == "free" else min(r.slack_from, r.reached) for r in responses]
+    end = min(ends)
+    if min(high, end) > low:
+        return low, min(high, end)
+    first = responses[ends.index(end)]
+    what = "is slack" if first.slack_from <= end else "ends"
+    raise NotComparable(f"nothing to compare: {first.method} {what} at s_o/l = {end:.4f}, before {low:g}")
 
 
 def meant_until(*runs: Response) -> float:
-    """Time [s] up to which runs say something: the first end, or slack onset, of them."""
-    return min(min(float(x.t[-1]), x.slack_since) for x in runs)
+    """Time [s] up to which all runs have an answer: their first end or slack onset."""
+    return min(min(float(r.t[-1]), r.slack_since) for r in runs)
 
 
 def extremes_within(r: Response, twin: Response | None) -> tuple[float, float]:
@@ -47,47 +45,58 @@ def extremes_within(r: Response, twin: Response | None) -> tuple[float, float]:
     A rolling car begins in equilibrium, so that its start counts.
     """
     end = meant_until(r, twin or r)
-    low, high = (float(np.interp(place * r.length, r.s_o, r.t)) for place in WINDOWS[r.drive])
-    return low if r.drive == "grip" else float(r.t[0]), end if r.drive == "free" else min(end, high)
+    if r.drive == "free":
+        return float(r.t[0]), end
+    low, high = (float(np.interp(limit * r.length, r.s_o, r.t)) for limit in WINDOWS[r.drive])
+    return low if r.drive == "grip" else float(r.t[0]), min(end, high)
 
 
 def inside(r: MassPath, window: Window) -> NDArray[np.bool_]:
-    place = r.s_o / r.length
-    return (place >= window[0]) & (place <= window[1] * (1.0 + 1e-12))
+    """Which steps (n,) lie in the window."""
+    position = r.s_o / r.length
+    return (position >= window[0]) & (position <= window[1] * (1.0 + 1e-12))
 
 
 def at_steps_of(a: MassPath, b: MassPath, values: Array) -> Array:
     """`values` (n_b, ...) at steps of b, splined to times of a."""
-    when = np.clip(a.t, b.t[0], b.t[-1])
-    same = 1e-12 * b.t[-1]
-    at = np.searchsorted(b.t, when - same)
-    if np.abs(b.t[at] - when).max(initial=0.0) <= same:
-        return values[at]
+    t = np.clip(a.t, b.t[0], b.t[-1])
+    rounding = 1e-12 * b.t[-1]
+    steps = np.searchsorted(b.t, t - rounding)
+    if np.abs(b.t[steps] - t).max(initial=0.0) <= rounding:
+        return values[steps]
     from scipy.interpolate import CubicSpline  # slow to load
 
-    return CubicSpline(b.t, values, axis=0)(when)
+    return CubicSpline(b.t, values, axis=0)(t)
 
 
 def path_distances(a: MassPath, b: MassPath, window: Window) -> tuple[Array, Array, Array]:
-    """Times, s_o/l, and |w_a - w_b| (free ride: of places) over b's `path_scale`, at the coarser steps."""
+    """Times, s_o/l, and distance of the paths over b's `path_scale`, (n,) each, at the coarser run's steps.
+
+    Displacements are compared; of a free ride the points x, y.
+    """
     if not b.path_scale > 0.0:
         raise NotComparable("the mass is nowhere below its place at rest: no deflection to relate a gap to")
-    coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
+    coarse, fine = _by_steps(a, b)
     within = inside(coarse, window) & (coarse.t <= fine.t[-1] * (1.0 + 1e-12))
-    if np.count_nonzero(within) < 5:
-        raise NotComparable(
-            f"{coarse.method} has {np.count_nonzero(within)} steps in the window {window}, 5 are needed"
-        )
+    steps = np.count_nonzero(within)
+    if steps < 5:
+        raise NotComparable(f"{coarse.method} has {steps} steps in the window {window}, 5 are needed")
     names = ("x", "y") if coarse.drive == "free" else ("u", "v")
-    c, f = (np.stack([getattr(r, name) for name in names], axis=1) for r in (coarse, fine))
-    gap = (c - at_steps_of(coarse, fine, f))[within] / b.path_scale
+    first, second = (np.stack([getattr(r, name) for name in names], axis=1) for r in (coarse, fine))  # (n, 2)
+    gap = (first - at_steps_of(coarse, fine, second))[within] / b.path_scale
     return coarse.t[within], coarse.s_o[within] / coarse.length, np.hypot(gap[:, 0], gap[:, 1])
+
+
+def _by_steps(a: Any, b: Any) -> tuple[Any, Any]:
+    """The run with fewer steps, then the other."""
+    return (a, b) if a.t.size <= b.t.size else (b, a)
 
 
 def path_gap(a: MassPath, b: MassPath, window: Window) -> tuple[float, float, float]:
     """The largest of `path_distances`, its rms over time, and the s_o/l of the largest."""
-    t, place, size = path_distances(a, b, window)
-    return float(size.max()), float(np.sqrt(_over_time(t, size**2))), float(place[size.argmax()])
+    t, position, distance = path_distances(a, b, window)
+    rms = float(np.sqrt(_over_time(t, distance**2)))
+    return float(distance.max()), rms, float(position[distance.argmax()])
 
 
 def _over_time(t: Array, values: Array) -> Array:
@@ -95,27 +104,26 @@ def _over_time(t: Array, values: Array) -> Array:
 
 
 def common_frames(a: Response, b: Response, window: Window) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:
-    """s_o/l of the common frames in the window, one at least, and their indices in a and b."""
-    if a.fields.s.shape != b.fields.s.shape or not np.allclose(a.fields.s, b.fields.s, rtol=0.0, atol=1e-9 * a.length):
+    """s_o/l of the common frames in the window, at least one, and their indices in a and b."""
+    stations = a.fields.s
+    if stations.shape != b.fields.s.shape or np.abs(stations - b.fields.s).max() > 1e-9 * a.length:
         raise NotComparable("the tension fields are given at different stations")
-    stands = any(np.unique(np.round(r.fields.s_o / r.length, 9)).size < r.fields.t.size for r in (a, b))
-    marks = [r.fields.s_o / r.length for r in (a, b)]
-    if a.drive == "free" or stands:  # the same instants
-        marks = [r.fields.t / max(a.t[-1], b.t[-1]) for r in (a, b)]
-    first, second = (np.round(x, 9) for x in marks)
-    _, i, j = np.intersect1d(first, second, return_indices=True)
-    place = np.round(a.fields.s_o[i] / a.length, 9)
-    within = (place >= window[0]) & (place <= window[1])
+    marks = [np.round(r.fields.s_o / r.length, 9) for r in (a, b)]
+    if a.drive == "free" or any(np.unique(x).size < x.size for x in marks):  # the car stands: the same instants
+        marks = [np.round(r.fields.t / max(a.t[-1], b.t[-1]), 9) for r in (a, b)]
+    _, i, j = np.intersect1d(marks[0], marks[1], return_indices=True)
+    position = np.round(a.fields.s_o[i] / a.length, 9)
+    within = (position >= window[0]) & (position <= window[1])
     if not within.any():
         raise NotComparable(f"no common frame of the fields in the window {window}")
-    return place[within], i[within], j[within]
+    return position[within], i[within], j[within]
 
 
 def tension_gap(a: Response, b: Response, window: Window, of: str = "T") -> float:
     """Rms gap of the tension fields `of` over frames in the window, off the mass, over H."""
-    place, i, j = common_frames(a, b, window)
-    away = np.abs(a.fields.s / a.length - place[:, None]) >= JUMP_WIDTH
-    gap = (getattr(a.fields, of)[i] - getattr(b.fields, of)[j])[away]
+    position, i, j = common_frames(a, b, window)
+    off_mass = np.abs(a.fields.s / a.length - position[:, None]) >= JUMP_WIDTH  # (frames, stations)
+    gap = (getattr(a.fields, of)[i] - getattr(b.fields, of)[j])[off_mass]
     return float(np.sqrt(np.mean(gap**2))) / b.horizontal_tension
 
 
@@ -127,50 +135,56 @@ def series_gap(
 
     axial : averaging time [s].
     """
-    coarse, fine = (a, b) if a.t.size <= b.t.size else (b, a)
+    coarse, fine = _by_steps(a, b)
     within = inside(coarse, window)
     if not within.any():
         raise NotComparable(f"{coarse.method} has no step in the window {window}")
-    within &= coarse.t <= fine.t[-1]
-    t = coarse.t[within]
-    known = [np.isfinite(of(r).reshape(r.t.size, -1)).all(axis=1) for r in (coarse, fine)]
-    if not all(k.sum() > 3 for k in known):
+    t = coarse.t[within & (coarse.t <= fine.t[-1])]
+    known = [_known(r, of) for r in (coarse, fine)]
+    if min(times.size for times, _ in known) < 4:
         raise NotComparable("one of the answers does not say it")
     # the same times in all runs, none past the window
-    last = min(t[-1], coarse.t[known[0]][-1], fine.t[known[1]][-1])
-    first = max(coarse.t[known[0]][0], fine.t[known[1]][0])
-    t = t[(t >= first) & (t <= last)]
+    last = min(t[-1], *(times[-1] for times, _ in known))
+    first = max(times[0] for times, _ in known)
     if not last > first:
         raise NotComparable("both answers say it at one instant")
+    t = t[(t >= first) & (t <= last)]
     low = np.clip(t - 0.5 * axial, first, last)
     high = np.clip(t + 0.5 * axial, first, last)
 
-    def at(r: Response, k: Any) -> Any:
-        k = np.flatnonzero(k)[: np.searchsorted(r.t[k], last) + 1]
-        when = r.t[k]
-        values = of(r).reshape(r.t.size, -1)[k]
-        if not axial:
-            return _spline(when, values, [x["t"] for x in r.events], low)
-        return averaged(when, values, low, high, r.breaks)
+    def sampled(r: Response, times: Array, values: Array) -> Array:
+        end = np.searchsorted(times, last) + 1
+        if axial:
+            return averaged(times[:end], values[:end], low, high, r.breaks)
+        return _spline(times[:end], values[:end], [event["t"] for event in r.events], low)
 
-    gap: Array = np.sum(np.square(at(coarse, known[0]) - at(fine, known[1])), axis=1)
-    return float(np.sqrt(gap.max() if largest else _over_time(t, gap)))
+    gap = sampled(coarse, *known[0]) - sampled(fine, *known[1])  # (n, c)
+    squares = np.sum(gap**2, axis=1)
+    return float(np.sqrt(squares.max() if largest else _over_time(t, squares)))
+
+
+def _known(r: Response, of: Callable[[Response], Array]) -> tuple[Array, Array]:
+    """Times (k,) and values (k, c) of a series where it is finite."""
+    values = of(r).reshape(r.t.size, -1)
+    finite = np.isfinite(values).all(axis=1)
+    return r.t[finite], values[finite]
 
 
 def averaged(t: Array, values: Array, low: Array, high: Array, breaks: Sequence[float] = ()) -> Array:
-    """Means (k, c) of the lines through values (n, c) between times low and high (k,).
+    """Means (k, c) of values (n, c), linear in time, between times low and high (k,).
 
     A break's value is that before the jump; the step after it extrapolates backwards.
     """
     from scipy.interpolate import PPoly
 
+    dt = np.diff(t)[:, None]  # (n - 1, 1)
     begin = values[:-1].copy()
-    dt = np.diff(t)[:, None]
     for i in np.searchsorted(t, np.array(breaks) * (1.0 - 1e-12)).tolist():
         if 0 < i < t.size - 2:
             begin[i] = values[i + 1] - (values[i + 2] - values[i + 1]) * (dt[i] / dt[i + 1])
-    total = PPoly(np.stack([(values[1:] - begin) / dt, begin]), t).antiderivative()
-    return (total(high) - total(low)) / (high - low)[:, None]
+    slope = (values[1:] - begin) / dt
+    area = PPoly(np.stack([slope, begin]), t).antiderivative()
+    return (area(high) - area(low)) / (high - low)[:, None]
 
 
 def _spline(t: Array, values: Array, kinks: Sequence[float], at: Array) -> Array:
@@ -191,16 +205,18 @@ def field_gap(a: Response, b: Response, window: Window, *, rate: bool = False, a
     The station at the mass is left out: rounding decides which of its sides is sampled.
     """
 
-    def of(f: Fields) -> Array:
-        i = np.gradient(f.x, f.s)
-        j = np.gradient(f.y, f.s)
+    def component(f: Fields) -> Array:
+        """Of all frames and stations, (k, m)."""
+        dx = np.gradient(f.x, f.s)
+        dy = np.gradient(f.y, f.s)
         x, y = (f.du, f.dv) if rate else (f.u, f.v)
-        return (i * x + j * y if along else i * y - j * x) / np.hypot(i, j)
+        moved = dx * x + dy * y if along else dx * y - dy * x
+        return moved / np.hypot(dx, dy)
 
-    place, i, j = common_frames(a, b, window)
-    off = np.abs(a.fields.s / a.length - place[:, None]) > 1e-6
-    first = of(a.fields)[i][off]
-    second = of(b.fields)[j][off]
+    position, i, j = common_frames(a, b, window)
+    off_mass = np.abs(a.fields.s / a.length - position[:, None]) > 1e-6
+    first = component(a.fields)[i][off_mass]
+    second = component(b.fields)[j][off_mass]
     return float(np.sqrt(np.mean((first - second) ** 2) / np.mean(second**2)))
 
 

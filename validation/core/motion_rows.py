@@ -245,7 +245,7 @@ class Comparison:
         names = [[name for name, _ in run.events] for ladder in ladders for run in moved_runs(ladder)]
         finest: list[Any] = [ladder.finest for ladder in ladders]
         times = [np.array([t for _, t in run.events]) for run in finest]
-        bars = [ladder.told(event_names) for ladder in ladders]
+        bars = [ladder.unanimous(event_names) for ladder in ladders]
         alike = names[0] == names[len(moved_runs(self.a))]
         gap = float(np.max(np.abs(times[0] - times[1]), initial=0.0)) / self.end if alike else 1.0
         if alike and names[0] and not any(bars):

@@ -1,4 +1,4 @@
-"""What is left of an error, from the changes of a value as it is refined twice."""
+"""Error bars from the changes of a value that is refined twice."""
 
 import math
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ import numpy as np
 
 SAFETY = 1.25  # for three grids (Roache 1998, Verification and Validation, section 5)
 NONSENSE = 4.0  # times the nominal fall: a quarter run this far off is ignored
-LEAST_ORDER = 0.5  # least order credited (Eca & Hoekstra 2014, J. Comput. Phys. 262): a bar of at most 3 d at ratio 2
+LEAST_ORDER = 0.5  # smallest order credited (Eca & Hoekstra 2014, J. Comput. Phys. 262): so a bar of at most 3 d
 FIRST = 1.0  # largest order credited to forces and to velocities, which jump at fronts
 
 
@@ -25,16 +25,16 @@ def left(d: Any, before: Any, ratios: Sequence[float], order: float) -> Any:
     before = np.abs(np.asarray(before, float))
     r = ratios[0]
     coarser = ratios[-1]
-    least = min(order, LEAST_ORDER)
-    floor = before * (r**order - 1.0) / (r**order * (coarser**order - 1.0))
-    tells = floor <= NONSENSE * d
-    d = np.where(tells, np.maximum(d, floor), d)
-    before = np.where(tells, before, 0.0)
+    smallest = min(order, LEAST_ORDER)
+    floor = before * (r**order - 1.0) / (r**order * (coarser**order - 1.0))  # the change at the nominal order
+    sensible = floor <= NONSENSE * d
+    d = np.where(sensible, np.maximum(d, floor), d)
+    before = np.where(sensible, before, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         fall = np.where(d > 0.0, before / d, 0.0)
         p = np.full(d.shape, order)
         for _ in range(10):
-            p = np.clip(np.log(fall * (r**p - 1.0) / (coarser**p - 1.0)) / math.log(r), least, order)
-    bar = SAFETY * d / (r ** np.nan_to_num(p, nan=least) - 1.0)
+            p = np.clip(np.log(fall * (r**p - 1.0) / (coarser**p - 1.0)) / math.log(r), smallest, order)
+    bar = SAFETY * d / (r ** np.nan_to_num(p, nan=smallest) - 1.0)
     bar = np.where(np.isfinite(bar), bar, np.inf)
     return bar if bar.ndim else float(bar)

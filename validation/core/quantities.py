@@ -14,16 +14,12 @@ KNOWN = SAID["main"] | SAID["more"]
 
 def matter(design: list[dict[str, Any]], most: int = 8) -> list[dict[str, Any]]:
     """The key numbers: the smallest clearance, with how many more there are, then forces, speed, the steeper end."""
-    known = [d for d in design if d["value"] is not None]
-    clearances = sorted((d for d in known if d["quantity"].startswith("clearance_")), key=_value)
-    angles = sorted((d for d in known if d["quantity"].startswith("angle_")), key=_value)
-    rest = [d for d in known if d not in clearances and d not in angles[:-1]]
+    numbers = sorted((x for x in design if x["value"] is not None), key=lambda x: float(x["value"]))
+    clearances = [x for x in numbers if x["quantity"].startswith("clearance_")]
+    angles = [x for x in numbers if x["quantity"].startswith("angle_")]
     first = [clearances[0] | {"more": len(clearances) - 1}] if clearances else []
-    return (first + [d for quantity in SAID["main"] for d in rest if d["quantity"] == quantity])[:most]
-
-
-def _value(number: dict[str, Any]) -> float:
-    return float(number["value"])
+    by_name = {x["quantity"]: x for x in numbers if x not in angles[:-1]}
+    return [*first, *(by_name[quantity] for quantity in SAID["main"] if quantity in by_name)][:most]
 
 
 def told(number: dict[str, Any]) -> dict[str, str]:
@@ -34,18 +30,22 @@ def told(number: dict[str, Any]) -> dict[str, str]:
     if value is None:
         return {"what": named(number["quantity"]), "value": "the car never passes", "t": "", "mass": "", "at": ""}
     factor, name = scale_of(np.array([value, bar or 0.0]), unit)
-    text = f"{with_bar(factor * value, bar and factor * bar)} {'' if unit == 's_o/l' else name}".rstrip()
+    text = with_bar(factor * value, bar and factor * bar)
+    if name and unit != "s_o/l":
+        text += f" {name}"
     if unit == "m/s":
         text += f" = {with_bar(3.6 * value, bar and 3.6 * bar)} km/h"
+    what = named(number["quantity"])
+    if number.get("more"):
+        what += f" ({number['more']} more are larger)"
+    where = {"t": _formatted(number, "t", ".4g", "s")}
+    where |= {key: _formatted(number, name, ".1f", "m") for key, name in (("mass", "s_o"), ("at", "s"))}
+    return {"what": what, "value": text, **where}
 
-    def place(key: str) -> str:
-        return "" if number.get(key) is None else f"{number[key]:.1f} m"
 
-    more = f" ({number['more']} more are larger)" if number.get("more") else ""
-    return {
-        "what": named(number["quantity"]) + more, "value": text,
-        "t": "" if number.get("t") is None else f"{number['t']:.4g} s", "mass": place("s_o"), "at": place("s"),
-    }  # fmt: skip
+def _formatted(number: dict[str, Any], key: str, digits: str, unit: str) -> str:
+    value = number.get(key)
+    return "" if value is None else f"{value:{digits}} {unit}"
 
 
 def named(quantity: str) -> str:
@@ -61,11 +61,12 @@ def unit_of(quantity: str) -> str:
 def scale_of(values: Array, unit: str) -> tuple[float, str]:
     """Factor and prefixed unit that give the largest value one to four digits."""
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
-    if unit == "m":
-        return (1.0, "m") if largest >= 0.1 or largest == 0.0 else (1e3, "mm")
-    for factor, prefix in ((1e9, "G"), (1e6, "M"), (1e3, "k")) if unit in ("N", "J") else ():
-        if largest >= 2.0 * factor:
-            return 1.0 / factor, prefix + unit
+    if unit == "m" and 0.0 < largest < 0.1:
+        return 1e3, "mm"
+    if unit in ("N", "J"):
+        for factor, prefix in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+            if largest >= 2.0 * factor:
+                return 1.0 / factor, prefix + unit
     return 1.0, unit
 
 

@@ -1,18 +1,19 @@
 """What was written, read back: files, page and terminal against the stored fields and JSON files.
 
-It imports nothing of what writes them; units, factors and digits are its own.  Every reader yields faults, sentences.
-A table or line without a reader is noted: a test fails then.
+It imports nothing of what writes them.  Every reader yields faults, sentences.
+A table or printed text without a reader is noted: a test fails then.
 """
 
 from __future__ import annotations
 
 import base64
+import csv
 import html
 import json
 import math
 import re
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -20,29 +21,22 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, make_interp_spline
+from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
-Array = NDArray[np.float64]
+from validation.core.scene_data import Array, deepest, ice_mass, mean_around, si_factor
+
 Faults = Iterator[str]
+Run = dict[str, Any]  # stored arrays of a method by name, its TOML as "scene", its numbers as "rest"
+Row = dict[str, Any]  # of a JSON file
 
 ROUNDING = 1e-9  # of a column's largest value
 SINGLE = 1e-6  # of single precision
 FRAMES = 5  # of an animation that are read
-PLACES = 201
+POINTS = 201  # of profile.csv
 PACKED = 65535  # steps between the extremes of a packed series
-
-# SI unit: printed units and what a value in SI is multiplied by
-FACTORS = {
-    "N": {"N": 1.0, "kN": 1e-3, "MN": 1e-6, "GN": 1e-9}, "m": {"m": 1.0, "mm": 1e3}, "s": {"s": 1.0},
-    "m/s": {"m/s": 1.0, "km/h": 3.6}, "deg": {"deg": 1.0}, "": {"": 1.0}, "s_o/l": {"": 1.0}, "%": {"%": 100.0},
-}  # fmt: skip
-LAWS = {"energy", "impulse", "laws_si"}
-PRINTED = {"design", "outcome"}
-SHARED = {"deep"}
-COUNTED = {"agree": "agree", "disagree": "disagree", "too coarse": "too coarse to tell",
-           "not comparable": "cannot be compared"}  # fmt: skip
+ORDER = ("disagree", "not comparable", "too coarse", "agree")  # of verdicts: the first one counts
+SHOWN_AS = {"too coarse": "too coarse to tell", "not comparable": "cannot be compared"}
 
 
 class Stored:
@@ -54,34 +48,30 @@ class Stored:
         self.summaries = [_json(folder / name / "summary.json") for name in methods]
         self.agreement = _json(folder / "agreement.json") if judged else {}
         shown = self.agreement or self.summaries[0]
-        self.design: list[dict[str, Any]] = shown["design"]
-        self.events: list[dict[str, Any]] = [*shown["events"], *self.agreement.get("quasi_static", [])]
-        self.rows: list[dict[str, Any]] = self.agreement.get("rows", [])
+        self.design: list[Row] = shown["design"]
+        self.events: list[Row] = [*shown["events"], *self.agreement.get("quasi_static", [])]
+        self.rows: list[Row] = self.agreement.get("rows", [])
         self.outcome: str = self.summaries[0].get("outcome", "")
         self.unread: list[str] = []  # what has no reader
 
     @property
-    def asked(self) -> list[dict[str, Any]]:
-        return [row for row in self.rows if row["asked"] and not row.get("with")]
-
-    @property
     def verdict(self) -> str:
-        """Of both solvers; a third party has its own."""
-        return _worst(self.asked) or "not comparable"
+        """Of both solvers; another program has its own."""
+        return _worst(row for row in self.rows if not row.get("with")) or "not comparable"
 
     @cache  # noqa: B019  a few, short-lived
-    def run(self, i: int) -> dict[str, Any]:
+    def run(self, i: int) -> Run:
         """The stored arrays of a method, and its scene's TOML."""
         with np.load(self.folder / self.methods[i] / "response.npz", allow_pickle=False) as data:
-            arrays: dict[str, Any] = {name: data[name] for name in data.files if name != "_rest"}
-            arrays["rest"] = json.loads(str(data["_rest"]))
-        arrays["scene"] = tomllib.loads(arrays["rest"]["scene_toml"])
-        return arrays
+            run: Run = {name: data[name] for name in data.files if name != "_rest"}
+            run["rest"] = json.loads(str(data["_rest"]))
+        run["scene"] = tomllib.loads(run["rest"]["scene_toml"])
+        return run
 
 
-def _worst(rows: Sequence[dict[str, Any]]) -> str | None:
+def _worst(rows: Iterable[Row]) -> str | None:
     verdicts = {row["verdict"] for row in rows if row["asked"]}
-    return next((v for v in ("disagree", "not comparable", "too coarse", "agree") if v in verdicts), None)
+    return next((verdict for verdict in ORDER if verdict in verdicts), None)
 
 
 def _json(file: Path) -> Any:
@@ -95,7 +85,7 @@ _VALUE = re.compile(rf"({_NUMBER})(?: ± ({_NUMBER}))?(?: ?([a-zA-Z%°][\w/%°]*
 _POWERS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 
 
-def _plain(text: str) -> str:
+def plain(text: str) -> str:
     """The text of HTML, with plain minus signs and spaces."""
     text = html.unescape(re.sub(r"<[^>]*>", "", text)).replace("\u202f", " ").replace("−", "-")
     return re.sub(r"\s+", " ", text).strip()
@@ -107,7 +97,7 @@ def _real(text: str) -> float:
 
 
 def _magnitude(x: float) -> int:
-    return math.floor(math.log10(abs(x)))
+    return math.floor(math.log10(abs(x))) if x else 0
 
 
 def shows(text: str, value: float | None, unit: str = "", *, bar: float | None = None, digits: int = 5) -> bool:
@@ -117,28 +107,28 @@ def shows(text: str, value: float | None, unit: str = "", *, bar: float | None =
     """
     if value is None or not math.isfinite(value):
         return text in ("–", "-")
-    found = _VALUE.fullmatch(text)
-    factor = None if found is None else FACTORS[unit].get(found[3] or "")
-    if found is None or factor is None:
+    match = _VALUE.fullmatch(text)
+    if match is None:
         return False
-    shown = _real(found[1])
-    value = factor * value
-    bar = factor * bar if bar and math.isfinite(bar) else 0.0
-    if abs(value) < 1e-9 and digits >= 5:
-        return shown == 0.0 and found[2] is None
-    if bar < ROUNDING * abs(value) or bar == 0.0:
-        step = 10.0 ** (_magnitude(value) - digits + 1) if value else 1.0
-        return found[2] is None and abs(shown - value) <= 0.501 * step
-    step = 10.0 ** (_magnitude(bar) - 1)
-    return found[2] is not None and max(abs(shown - value), abs(_real(found[2]) - bar)) <= 0.501 * step
+    factor = si_factor(match[3] or "", unit)
+    printed = [_real(number) for number in match.group(1, 2) if number]
+    expected = [value / factor]
+    if printed == [0.0] and abs(expected[0]) < ROUNDING:
+        return True
+    digit = _magnitude(value / factor) - digits + 1 if math.isfinite(factor) else 0
+    if bar and ROUNDING * abs(value) <= bar < math.inf and math.isfinite(factor):
+        expected.append(bar / factor)
+        digit = _magnitude(bar / factor) - 1
+    return len(printed) == len(expected) and np.allclose(printed, expected, rtol=0.0, atol=0.501 * 10.0**digit)
 
 
-def _fixed(text: str, value: float | None, unit: str, decimals: int) -> bool:
+def shows_decimals(text: str, value: float | None, unit: str, decimals: int) -> bool:
     """The same of a value with so many decimals; "" if it is unknown."""
     if value is None:
         return text == ""
-    found = re.fullmatch(rf"(-?\d+\.\d{{{decimals}}})(?: (.*))?", text)
-    return found is not None and (found[2] or "") == unit and abs(float(found[1]) - value) <= 0.501 * 10.0**-decimals
+    number, _, printed = text.partition(" ")
+    good = re.fullmatch(rf"-?\d+\.\d{{{decimals}}}", number) and printed == unit
+    return bool(good) and abs(float(number) - value) <= 0.501 * 10.0**-decimals
 
 
 # --- files ----------------------------------------------------------------------------------------------------------
@@ -150,382 +140,340 @@ def files(of: Stored) -> Faults:
         for name, reader in FILES.items():
             file = of.folder / method / name
             if reader is not None and file.exists():
-                yield from (f"{file}: {fault}" for fault in reader(file, of.run(i)))
+                for fault in reader(file, of.run(i)):
+                    yield f"{file}: {fault}"
 
 
-def _table(file: Path) -> dict[str, Array]:
-    """Columns of a CSV; nan for empty cells."""
-    head, _, body = file.read_text(encoding="ascii").partition("\n")
-    names = head.split(",")
-    body = f",{body.strip()}".replace("\n", ",")
-    while ",," in body:
-        body = body.replace(",,", ",nan,")
-    body = body[1:] + ("nan" if body.endswith(",") else "")
-    return dict(zip(names, np.fromstring(body, sep=",").reshape(-1, len(names)).T, strict=True))
-
-
-def _columns(found: dict[str, Array], wanted: dict[str, Array], rounding: float = ROUNDING) -> Faults:
-    for name in found.keys() ^ wanted.keys():
+def _columns(file: Path, expected: dict[str, Array]) -> Faults:
+    """Faults of the columns of a CSV; its empty cells are nan."""
+    with file.open(encoding="ascii", newline="") as opened:
+        names, *rows = csv.reader(opened)
+    cells = np.array(rows, dtype="U32")
+    cells[cells == ""] = "nan"
+    columns = dict(zip(names, cells.astype(float).T, strict=True))
+    for name in columns.keys() ^ expected.keys():
         yield f"column {name} has no second computation or is not there"
-    for name in found.keys() & wanted.keys():
-        yield from _series(name, found[name], wanted[name], rounding)
+    for name in columns.keys() & expected.keys():
+        yield from _series(name, columns[name], expected[name], ROUNDING)
 
 
-def _series(name: str, found: Array, wanted: Array, rounding: float, scale: float | None = None) -> Faults:
-    if found.shape != wanted.shape or not np.array_equal(np.isnan(found), np.isnan(wanted)):
+def _series(name: str, written: Array, expected: Array, rounding: float, scale: float | None = None) -> Faults:
+    if written.shape != expected.shape or not np.array_equal(np.isnan(written), np.isnan(expected)):
         yield f"{name} has other rows than were computed"
         return
-    off = float(np.nanmax(np.abs(found - wanted), initial=0.0))
-    scale = scale or float(np.nanmax(np.abs(wanted), initial=0.0)) or 1.0
+    off = float(np.nanmax(np.abs(written - expected), initial=0.0))
+    scale = scale or float(np.nanmax(np.abs(expected), initial=0.0)) or 1.0
     if off > rounding * scale:
         yield f"{name} is not what was computed: off by {off:.3g} of {scale:.3g}"
 
 
-def _path(file: Path, of: dict[str, Any]) -> Faults:
-    yield from _columns(_table(file), path_of(of))
+def _path(file: Path, run: Run) -> Faults:
+    yield from _columns(file, path_of(run))
 
 
-def path_of(of: dict[str, Any]) -> dict[str, Array]:
+def path_of(run: Run) -> dict[str, Array]:
     """Columns of path.csv from the stored arrays (n,)."""
-    tangent = of["slope_behind"] + of["slope_ahead"]  # (n, 2)
-    across = tangent[:, 0] * of["contact"][:, 1] - tangent[:, 1] * of["contact"][:, 0]
-    stored = {name: of[name] for name in ("t", "s_o", "x", "y", "u", "v", "T_behind", "T_ahead", "F_haul")}
-    return stored | {
-        "speed": np.sqrt(np.sum(of["velocity"] ** 2, axis=1)),
-        "F_contact": across / np.sqrt(np.sum(tangent**2, axis=1)),
-    }  # fmt: skip
+    tangent = run["slope_behind"] + run["slope_ahead"]  # (n, 2)
+    across = tangent[:, 0] * run["contact"][:, 1] - tangent[:, 1] * run["contact"][:, 0]
+    path = {name: run[name] for name in ("t", "s_o", "x", "y", "u", "v", "T_behind", "T_ahead", "F_haul")}
+    path["speed"] = np.sqrt(np.sum(run["velocity"] ** 2, axis=1))
+    path["F_contact"] = across / np.sqrt(np.sum(tangent**2, axis=1))
+    return path
 
 
-def _tension(file: Path, of: dict[str, Any]) -> Faults:
-    """All rows are counted; those of some frames are read."""
-    head, *lines = file.read_text(encoding="ascii").splitlines()
-    k, m = of["fields.T"].shape
-    if head != "t,s,T" or len(lines) != k * (m + 2):
-        yield "columns are not t, s, T, or rows are missing"
-        return
-    for i in np.unique(np.linspace(0, k - 1, 4 * FRAMES).round().astype(int)):
-        cells = [line.split(",") for line in lines[i * (m + 2) : (i + 1) * (m + 2)]]
-        found = np.array([[float(cell or "nan") for cell in row] for row in cells])  # (m + 2, 3)
-        at_car = [[of["fields.s_o"][i], of[f"fields.T_{side}"][i]] for side in ("behind", "ahead")]
-        wanted = np.vstack([np.stack([of["fields.s"], of["fields.T"][i]], axis=1), at_car])
-        yield from _series("t", found[:, 0], np.full(m + 2, of["fields.t"][i]), ROUNDING)
-        yield from _series("s", found[:, 1], wanted[:, 0], ROUNDING)
-        yield from _series("T", found[:, 2], wanted[:, 1], ROUNDING)
+def _tension(file: Path, run: Run) -> Faults:
+    """Rows of each frame: all stations, then the car's two sides."""
+    k, m = run["fields.T"].shape
+    s_o = run["fields.s_o"]
+    columns = {
+        "t": np.repeat(run["fields.t"], m + 2),
+        "s": np.column_stack([np.tile(run["fields.s"], (k, 1)), s_o, s_o]),
+        "T": np.column_stack([run["fields.T"], run["fields.T_behind"], run["fields.T_ahead"]]),
+    }
+    yield from _columns(file, {name: x.ravel() for name, x in columns.items()})
 
 
-def _profile(file: Path, of: dict[str, Any]) -> Faults:
+def _profile(file: Path, run: Run) -> Faults:
     """Envelopes of depth and tension over x: from all taut frames, and of the car's path between them."""
-    onset = of["rest"]["slack_onset"]
+    onset = run["rest"]["slack_onset"]
     until = math.inf
     if onset is not None:
-        until = of["t"][np.argmin(np.abs(of["s_o"] - onset * of["rest"]["length"]))]
-    taut = of["t"] <= until
-    x_rest = of["fields.x"]
-    y_rest = of["fields.y"]
-    x = np.linspace(x_rest[0], x_rest[-1], PLACES)
-    depth = [np.interp(x, x_rest, y_rest)]
-    pull = [np.interp(x, x_rest, of["fields.T_static"])]
-    s = of["fields.s"]
-    s_o = of["fields.s_o"]
-    car = car_of(of)
-    at_car = np.fmax(of["fields.T_behind"], of["fields.T_ahead"])
-    for k, place in enumerate(s_o[of["fields.t"] <= until]):
-        i = int(np.searchsorted(s, place, side="right"))
-        rope = np.insert(x_rest + of["fields.u"][k], i, car[k, 0])
-        depth.append(np.interp(x, rope, np.insert(y_rest + of["fields.v"][k], i, car[k, 1])))
-        pull.append(np.interp(x, rope, np.insert(of["fields.T"][k], i, at_car[k])))
-    yield from _columns(_table(file), {
-        "x": x, "y_rest": depth[0], "y_highest": np.min(depth, axis=0),
-        "y_lowest": np.maximum(np.max(depth, axis=0), _deepest(x, of["x"][taut], of["y"][taut])),
-        "tension_max": np.max(pull, axis=0), "tension_min": np.min(pull, axis=0),
-    })  # fmt: skip
+        until = run["t"][np.argmin(np.abs(run["s_o"] - onset * run["rest"]["length"]))]
+    taut = run["t"] <= until
+    x_rest = run["fields.x"]
+    y_rest = run["fields.y"]
+    x = np.linspace(x_rest[0], x_rest[-1], POINTS)
+    depths = [np.interp(x, x_rest, y_rest)]
+    tensions = [np.interp(x, x_rest, run["fields.T_static"])]
+    car = car_of(run)
+    at_car = np.fmax(run["fields.T_behind"], run["fields.T_ahead"])
+    for k in np.flatnonzero(run["fields.t"] <= until):
+        i = int(np.searchsorted(run["fields.s"], run["fields.s_o"][k], side="right"))
+        x_rope = np.insert(x_rest + run["fields.u"][k], i, car[k, 0])
+        y_rope = np.insert(y_rest + run["fields.v"][k], i, car[k, 1])
+        depths.append(np.interp(x, x_rope, y_rope))
+        tensions.append(np.interp(x, x_rope, np.insert(run["fields.T"][k], i, at_car[k])))
+    columns = {
+        "x": x,
+        "y_rest": depths[0],
+        "y_highest": np.min(depths, axis=0),
+        "y_lowest": np.maximum(np.max(depths, axis=0), deepest(x, run["x"][taut], run["y"][taut])),
+        "tension_max": np.max(tensions, axis=0),
+        "tension_min": np.min(tensions, axis=0),
+    }
+    yield from _columns(file, columns)
 
 
-def car_of(of: dict[str, Any]) -> Array:
+def car_of(run: Run) -> Array:
     """Where the car is at each frame (k, 2): on the rope at rest, moved."""
-    rest = [np.interp(of["fields.s_o"], of["fields.s"], of[f"fields.{name}"]) for name in "xy"]
-    return np.stack([rest[0] + of["fields.mass_u"], rest[1] + of["fields.mass_v"]], axis=1)
+    s_o = run["fields.s_o"]
+    x = np.interp(s_o, run["fields.s"], run["fields.x"]) + run["fields.mass_u"]
+    y = np.interp(s_o, run["fields.s"], run["fields.y"]) + run["fields.mass_v"]
+    return np.stack([x, y], axis=1)
 
 
-def _deepest(at: Array, x: Array, y: Array) -> Array:
-    """Deepest y of a polyline (n,) at each place (m,); -inf where it does not pass."""
-    low = np.minimum(x[:-1], x[1:])
-    high = np.maximum(x[:-1], x[1:])
-    out = np.full(at.size, -math.inf)
-    for j, place in enumerate(at):
-        i = np.flatnonzero((low <= place) & (place <= high) & (low < high))
-        if i.size:
-            w = (place - x[i]) / (x[i + 1] - x[i])
-            out[j] = np.max(y[i] + w * (y[i + 1] - y[i]))
-    return out
+def _animation(file: Path, run: Run) -> Faults:
+    """Points, velocity and tension of the rope in some frames; the car's two ends come last."""
+    for k, frame in _frames(file, run):
+        u = run["fields.u"][k]
+        v = run["fields.v"][k]
+        rates = [run["fields.du"][k], run["fields.dv"][k]]
+        at_car = [np.interp(run["fields.s_o"][[k, k]], run["fields.s"], rate) for rate in rates]
+        rope = _upwards(run["fields.x"] + u, run["fields.y"] + v)
+        T = [*run["fields.T"][k], run["fields.T_behind"][k], run["fields.T_ahead"][k]]
+        velocity = np.concatenate([_upwards(*rates), _upwards(*at_car)])
+        moved = frame["points"] + frame["displacement"]  # (m + 2, 3)
+        yield from _series(f"rope in frame {k}", moved[:-2], rope, SINGLE, float(np.ptp(run["fields.x"])))
+        yield from _car(k, moved[-1], run)
+        yield from _series(f"velocity in frame {k}", frame["velocity"], velocity, SINGLE)
+        yield from _series(f"tension in frame {k}", frame["tension"], np.array(T), SINGLE)
 
 
-def _animation(file: Path, of: dict[str, Any]) -> Faults:
-    """Points, displacement, velocity and tension of some frames; y is up there, the car's two ends come last."""
-    import h5py
-
-    x = of["fields.x"]
-    s = of["fields.s"]
-    s_o = of["fields.s_o"]
-    reach = float(x[-1] - x[0])
-    with h5py.File(file.with_suffix(".h5")) as data:
-        for k, grid in _frames(file, of):
-            frame = {
-                name: np.array(data[str(item.text).strip().partition(":")[2]], dtype=float)
-                for name, item in _items(grid) if item.get("Format") == "HDF"
-            }  # fmt: skip
-            moved = frame["points"] + frame["displacement"]  # (m + 2, 3)
-            rates = [of["fields.du"][k], of["fields.dv"][k]]
-            at_car = [np.interp(s_o[k : k + 1], s, rate) for rate in rates]
-            speed = np.concatenate([_up(*rates), _up(*at_car), _up(*at_car)])
-            rope = _up(x + of["fields.u"][k], of["fields.y"] + of["fields.v"][k])
-            T = np.append(of["fields.T"][k], [of["fields.T_behind"][k], of["fields.T_ahead"][k]])
-            yield from _series(f"rope in frame {k}", moved[:-2], rope, SINGLE, reach)
-            yield from _series(f"car in frame {k}", moved[-1], _up(*car_of(of)[k : k + 1].T)[0], 1e-4, reach)
-            yield from _series(f"velocity in frame {k}", frame["velocity"], speed, SINGLE)
-            yield from _series(f"tension in frame {k}", frame["tension"], T, SINGLE)
+def _mass(file: Path, run: Run) -> Faults:
+    for k, frame in _frames(file, run):
+        yield from _car(k, frame["points"] + frame["displacement"], run)
+        for side in ("behind", "ahead"):
+            T = run[f"fields.T_{side}"][k : k + 1]
+            yield from _series(f"tension {side} in frame {k}", frame[f"tension_{side}"], T, SINGLE)
 
 
-def _mass(file: Path, of: dict[str, Any]) -> Faults:
-    reach = float(of["fields.x"][-1] - of["fields.x"][0])
-    for k, grid in _frames(file, of):
-        frame = {
-            name: np.array(str(item.text).split(), dtype=float)
-            for name, item in _items(grid) if name in ("points", "displacement", "tension_behind", "tension_ahead")
-        }  # fmt: skip
-        moved = frame["points"] + frame["displacement"]
-        yield from _series(f"car in frame {k}", moved, _up(*car_of(of)[k : k + 1].T)[0], 1e-4, reach)
-        for name in ("tension_behind", "tension_ahead"):
-            T = of[f"fields.{name.replace('tension', 'T')}"][k : k + 1]
-            yield from _series(f"{name} in frame {k}", frame[name], T, SINGLE)
+def _car(k: int, point: Array, run: Run) -> Faults:
+    x, y = car_of(run)[k]
+    yield from _series(f"car in frame {k}", point, _upwards(x, y), 1e-4, float(np.ptp(run["fields.x"])))
 
 
-def _frames(file: Path, of: dict[str, Any]) -> Iterator[tuple[int, Any]]:
-    """Some frames of an animation, with their numbers; all times must be those of the stored frames."""
-    grids = [x for x in ElementTree.parse(file).iter("Grid") if x.get("GridType") == "Uniform"]
-    times = np.array([float(x.find("Time").get("Value")) for x in grids])  # type: ignore[union-attr, arg-type]
-    if not np.array_equal(times, of["fields.t"]):
+def _frames(file: Path, run: Run) -> Iterator[tuple[int, dict[str, Array]]]:
+    """Numbers and arrays of some frames of an animation, whose times must be those of the stored frames."""
+    grids: list[Any] = [x for x in ElementTree.parse(file).iter("Grid") if x.get("GridType") == "Uniform"]
+    times = np.array([float(grid.find("Time").get("Value")) for grid in grids])
+    if not np.array_equal(times, run["fields.t"]):
         raise ValueError(f"{file}: frames at other times than were computed")
-    some = np.unique(np.linspace(0, len(grids) - 1, FRAMES).round().astype(int))
-    return ((int(k), grids[k]) for k in some)
+    for k in np.unique(np.linspace(0, len(grids) - 1, FRAMES).round().astype(int)):
+        parts = [part for part in grids[k] if part.tag != "Topology" and part.find("DataItem") is not None]
+        yield int(k), {part.get("Name") or "points": _values(part.find("DataItem"), file) for part in parts}
 
 
-def _items(grid: Any) -> Iterator[tuple[str, Any]]:
-    for part in grid:
-        for item in part.iter("DataItem"):
-            yield (part.get("Name") or "points" if part.tag != "Topology" else "cells"), item
+def _values(item: Any, file: Path) -> Array:
+    """Values of an item of XDMF: in the file, or in the HDF5 beside it."""
+    import h5py  # seldom needed
+
+    text = item.text.strip()
+    if item.get("Format") != "HDF":
+        return np.array(text.split(), dtype=float)
+    with h5py.File(file.with_suffix(".h5")) as data:
+        return np.array(data[text.partition(":")[2]], dtype=float)
 
 
-def _up(x: Array, y: Array) -> Array:
-    return np.stack([x, -y, 0.0 * x], axis=1)
+def _upwards(x: Any, y: Any) -> Array:
+    return np.stack([x, -y, 0.0 * x], axis=-1)
 
 
-def _summary(file: Path, of: dict[str, Any]) -> Faults:
+def _summary(file: Path, run: Run) -> Faults:
     """Numbers of summary.json that follow from the path; all others are as they are stored."""
-    told = _json(file)
-    rest = of["rest"]
-    length = of["rest"]["length"]
-    if abs(told["reached"] - of["s_o"][-1] / length) > ROUNDING:
+    written = _json(file)
+    rest = run["rest"]
+    if abs(written["reached"] - run["s_o"][-1] / rest["length"]) > ROUNDING:
         yield "reached is not where the path ends"
-    if told["max_deflection"] not in (*of["v"], of["v"][0]):
+    if written["max_deflection"] not in run["v"]:
         yield "max_deflection is no v of the path"
-    same = [name for name in told.keys() & rest.keys() if name != "flags"]
-    for name in same:
-        if told[name] != rest[name]:
+    for name in written.keys() & rest.keys() - {"flags"}:
+        if written[name] != rest[name]:
             yield f"{name} is not as stored"
-    for name in told.keys() - rest.keys() - KEYS.keys() - rest["work"].keys():
+    for name in written.keys() - rest.keys() - COMPUTED - rest["work"].keys():
         yield f"key {name} has no second computation"
 
 
-# keys of summary.json that are not stored as they are, and what computes them a second time
-KEYS = {
-    "reached": "the path", "max_deflection": "the path", "path_scale": "max_deflection or length", "outcome": "design",
-    "outcome_kind": "design", "flag_kinds": "flags", "flags": "flags",
-}  # fmt: skip
-FILES: dict[str, Callable[[Path, dict[str, Any]], Faults] | None] = {
-    "path.csv": _path, "tension.csv": _tension, "profile.csv": _profile, "response.xdmf": _animation,
-    "mass.xdmf": _mass, "summary.json": _summary,
+# keys of summary.json that are not stored as they are: this reader and `recomputed` compute them a second time
+COMPUTED = {"reached", "max_deflection", "path_scale", "outcome", "outcome_kind", "flag_kinds"}
+FILES: dict[str, Callable[[Path, Run], Faults] | None] = {
+    "path.csv": _path,
+    "tension.csv": _tension,
+    "profile.csv": _profile,
+    "response.xdmf": _animation,
+    "mass.xdmf": _mass,
+    "summary.json": _summary,
     "response.h5": None,  # by response.xdmf
     "response.npz": None,  # the stored fields themselves
-}  # fmt: skip
+}
 
 
 # --- words and numbers of page and terminal -------------------------------------------------------------------------
 
 
-def _words(name: str) -> dict[str, Any]:
-    package, _, file = name.rpartition("/")
-    text = resources.files("validation").joinpath(*package.split("/"), file).read_text(encoding="utf-8")
-    return tomllib.loads(text)
-
-
 @cache
-def _quantities() -> dict[str, list[str]]:
-    known = _words("core/quantities.toml")
-    return known["main"] | known["more"]
+def _words(package: str, file: str) -> dict[str, Any]:
+    return tomllib.loads(resources.files(f"validation.{package}").joinpath(file).read_text(encoding="utf-8"))
 
 
-def _named(row: dict[str, Any]) -> str:
+def _named(row: Row) -> str:
     kind, _, of = row["quantity"].partition(":")
-    return _quantities()[kind][0].format(of)
+    quantities = _words("core", "quantities.toml")
+    words: str = (quantities["main"] | quantities["more"])[kind][0]
+    return words.format(of)
 
 
-def _valued(text: str, row: dict[str, Any]) -> bool:
+def _compared(row: Row) -> str:
+    """What a row of agreement.json compares, in the words of the page."""
+    words = (row["quantity"].replace("_", " "), row.get("law"), row.get("with"))
+    return plain(": ".join(x for x in words if x))
+
+
+def _shows_number(text: str, row: Row) -> bool:
     """Whether a text shows a design number with its bar; a speed in m/s and km/h."""
-    value = row["value"]
-    bar = row.get("bar")
-    unit = row["unit"]
-    if value is None:
+    if row["value"] is None:
         return text == "the car never passes"
     parts = text.split(" = ")
-    units = ["m/s", "km/h"] if unit == "m/s" else [""]
-    return len(parts) == len(units) and all(
-        part.endswith(name) and shows(part, value, unit, bar=bar) for part, name in zip(parts, units, strict=True)
-    )
+    endings = ["m/s", "km/h"] if row["unit"] == "m/s" else [""]
+    return [True] * len(endings) == [
+        part.endswith(endings[i % len(endings)]) and shows(part, row["value"], row["unit"], bar=row.get("bar"))
+        for i, part in enumerate(parts)
+    ]
 
 
-def _cells_of_number(cells: Sequence[str], of: Stored) -> Faults:
-    what, value, when, car, where = cells
-    what = re.sub(r" \(\d+ more are larger\)$", "", what)  # after the smallest of several clearances
-    row = next((x for x in of.design if _named(x) == what), None)
+def _number(cells: Sequence[str], of: Stored) -> Faults:
+    name, value, when, car_at, at = cells
+    name = re.sub(r" \(\d+ more are larger\)$", "", name)  # after the smallest of several clearances
+    row = next((x for x in of.design if _named(x) == name), None)
     if row is None:
-        yield f"{what}: no such design number"
+        yield f"{name}: no such design number"
         return
-    if not _valued(value, row):
-        yield f"{what}: {value} where {row['value']} {row['unit']} with the bar {row.get('bar')} is stored"
-    # without a value there is no place
-    t, s_o, s = (row.get(name) if row["value"] is not None else None for name in ("t", "s_o", "s"))
-    if not (when == "" if t is None else shows(when, t, "s", digits=4)):
-        yield f"{what}: after {when} where {t} s is stored"
-    for name, text, place in (("car at", car, s_o), ("at", where, s)):
-        if not _fixed(text, place, "m", 1):
-            yield f"{what}: {name} {text} where {place} m is stored"
+    if not _shows_number(value, row):
+        yield f"{name}: {value} where {row['value']} {row['unit']} with the bar {row.get('bar')} is stored"
+    where = row if row["value"] is not None else {}
+    t = where.get("t")
+    if when != "" if t is None else not shows(when, t, "s", digits=4):
+        yield f"{name}: after {when} where {t} s is stored"
+    for text, s in ((car_at, where.get("s_o")), (at, where.get("s"))):
+        if not shows_decimals(text, s, "m", 1):
+            yield f"{name}: at {text} where {s} m is stored"
 
 
-def _cells_of_load(cells: Sequence[str], of: Stored) -> Faults:
+def _load(cells: Sequence[str], of: Stored) -> Faults:
     """Components of what a support carries at one instant: means over an axial round trip."""
     side, when, right, down = cells
     run = of.run(0)
-    row = next(x for x in of.design if x["quantity"] == f"reaction_{cells[0]}_max")
+    t_max = next(x["t"] for x in of.design if x["quantity"] == f"reaction_{side}_max")
     cable = run["scene"]["cable"]
-    length = run["rest"]["length"]
-    t = run["t"]
-    half = length * math.sqrt((cable["mass_per_length"] + _ice(cable)) / cable["EA"])
-    force = -run[f"reaction_{side}"]
+    period = 2.0 * run["rest"]["length"] * math.sqrt((cable["mass_per_length"] + ice_mass(cable)) / cable["EA"])
+    force = -run[f"reaction_{side}"]  # (n, 2)
     known = np.isfinite(force).all(axis=1)
-    total = make_interp_spline(t[known], force[known], k=1).antiderivative()
-    low, high = np.clip([row["t"] - half, row["t"] + half], t[known][0], t[known][-1])
-    wanted = (total(high) - total(low)) / (high - low)
-    good = [shows(text, float(x), "N", digits=4) for text, x in zip((right, down), wanted, strict=True)]
-    if not all(good) or not shows(when, row["t"], "s", digits=4):
-        yield f"{side} support: {right}, {down} after {when} where {wanted} N after {row['t']} s follow"
+    mean = mean_around(run["t"][known], force[known], np.array([t_max]), period)[0]
+    good = shows(right, mean[0], "N", digits=4) and shows(down, mean[1], "N", digits=4)
+    if not good or not shows(when, t_max, "s", digits=4):
+        yield f"{side} support: {right}, {down} after {when} where {mean} N after {t_max} s follow"
 
 
-def _ice(cable: dict[str, Any]) -> float:
-    """Mass of ice per length [kg/m]."""
-    ice = cable.get("ice", 0.0)
-    if not isinstance(ice, dict):
-        return float(ice)
-    return float(ice["density"] * math.pi * ice["thickness"] * (cable["diameter"] + ice["thickness"]))
+def _event(cells: Sequence[str], of: Stored) -> Faults:
+    event, t, s_o, speed = cells
+    texts = [f"{t} s", f"{s_o} m", f"{speed} km/h"]
+    for row in of.events:
+        shown = [
+            text[0] == " " or shows(text, row[name], unit, bar=row.get(f"bar_{name}"))
+            for text, name, unit in zip(texts, ("t", "s_o", "speed"), ("s", "m", "m/s"), strict=True)
+        ]
+        if row["event"].replace("_", " ") == event and all(shown):
+            return
+    yield f"{event} {', '.join(texts)}: no such event is stored"
 
 
-def _cells_of_event(cells: Sequence[str], of: Stored) -> Faults:
-    event, *texts = cells
-
-    def alike(x: dict[str, Any]) -> bool:
-        numbers = ((x["t"], x.get("bar_t"), "s", ""), (x["s_o"], x.get("bar_s_o"), "m", ""),
-                   (x["speed"], x.get("bar_speed"), "m/s", " km/h"))  # fmt: skip
-        return all(
-            text == "" or shows(text + (name or f" {unit}"), value, unit, bar=bar)
-            for text, (value, bar, unit, name) in zip(texts, numbers, strict=True)
-        )
-
-    if not any(x["event"].replace("_", " ") == event and alike(x) for x in of.events):
-        yield f"{event} {', '.join(texts)}: no such event is stored"
-
-
-def _cells_of_row(cells: Sequence[str], of: Stored) -> Faults:
-    name, verdict, gap, allowed, asked_for, where, asked = cells
+def _comparison(cells: Sequence[str], of: Stored) -> Faults:
+    name, verdict, *numbers, where, counts = cells
     for row in of.rows:
-        said = [row["quantity"].replace("_", " "), row.get("law"), row.get("with")]
+        words = [_compared(row), row["verdict"] or "–", "asked" if row["asked"] else "shown only"]
+        at = row.get("where")
         if (
-            name == _plain(": ".join(x for x in said if x))
-            and verdict.lstrip("✓✗≈? ") == (row["verdict"] or "–")
-            and all(shows(text, row.get(key), "%", digits=3) for key, text in
-                    (("gap", gap), ("allowed", allowed), ("asked_for", asked_for)))
-            and (where == "–" if row.get("where") is None else _fixed(where, row["where"], "", 3))
-            and asked == ("asked" if row.get("asked", True) else "shown only")
-        ):  # fmt: skip
+            [name, verdict.lstrip("✓✗≈? "), counts] == words
+            and _shows_gaps(numbers, row, 3)
+            and (where == "–" if at is None else shows_decimals(where, at, "", 3))
+        ):
             return
     yield f"{' | '.join(cells)}: no such comparison in agreement.json"
 
 
-def _cells_of_group(cells: Sequence[str], of: Stored) -> Faults:
+def _shows_gaps(texts: Sequence[str], row: Row, digits: int) -> bool:
+    """Whether texts show gap, bars and tolerance of a comparison."""
+    values = [row.get(name) for name in ("gap", "allowed", "asked_for")]
+    return all(shows(text, value, digits=digits) for text, value in zip(texts, values, strict=True))
+
+
+def _group(cells: Sequence[str], of: Stored) -> Faults:
     group, verdict, text = cells
-    known = _words("commands/check/words.toml")["groups"]
-    named = {name for names in known.values() for name in names}
-    rows = [
-        row for row in of.rows if row.get("asked", True)
-        and (row["quantity"] in known[group] if group in known else row["quantity"] not in named)
-    ]  # fmt: skip
+    groups = _words("commands.check", "words.toml")["groups"]
+    others = {row["quantity"] for row in of.rows}.difference(*groups.values())
+    rows = [row for row in of.rows if row["asked"] and row["quantity"] in groups.get(group, others)]
     worst = _worst(rows) or "–"
     if verdict.lstrip("✓✗≈? ") != worst:
         yield f"{group}: {verdict} where {worst} is the worst verdict"
-    for name, words in COUNTED.items():
+    for name in ORDER:
         count = sum(row["verdict"] == name for row in rows)
+        words = SHOWN_AS.get(name, name)
         if count and not re.search(rf"\b{count} {words}", text):
             yield f"{group}: {text!r} where {count} {words}"
 
 
-def _cells_of_work(cells: Sequence[str], of: Stored) -> Faults:
-    method, n_dof, steps, iterations, seconds, reached = cells
+def _work(cells: Sequence[str], of: Stored) -> Faults:
+    method, *counts, seconds, reached = cells
     i = of.methods.index(method)
-    x = of.summaries[i]
-    for name, text in (("n_dof", n_dof), ("steps", steps), ("newton_iterations", iterations)):
-        if int(text.replace(" ", "")) != x[name]:
-            yield f"{name} of {method}: {text} where {x[name]} is stored"
-    if not shows(seconds, x["seconds"], digits=3):
-        yield f"seconds of {method}: {seconds} where {x['seconds']} is stored"
-    if not _fixed(reached, float(of.run(i)["s_o"][-1]), "m", 1):
+    summary = of.summaries[i]
+    for name, text in zip(("n_dof", "steps", "newton_iterations"), counts, strict=True):
+        if int(text.replace(" ", "")) != summary[name]:
+            yield f"{name} of {method}: {text} where {summary[name]} is stored"
+    if not shows(seconds, summary["seconds"], digits=3):
+        yield f"seconds of {method}: {seconds} where {summary['seconds']} is stored"
+    if not shows_decimals(reached, float(of.run(i)["s_o"][-1]), "m", 1):
         yield f"{method} computed up to {reached}, which is not where its path ends"
 
 
-def _cells_of_setting(cells: Sequence[str], of: Stored) -> Faults:
+def _setting(cells: Sequence[str], of: Stored) -> Faults:
     name, text, _ = cells
-    values = [(x["settings"] | {key: x[key] for key in ("model", "load", "law")}).get(name) for x in of.summaries]
+    values = [(x | x["settings"]).get(name) for x in of.summaries]
     if text not in [f"{value:g}" if isinstance(value, float) else str(value) for value in values]:
         yield f"{name} = {text} where {values} is stored"
 
 
-def _cells_of_fact(cells: Sequence[str], of: Stored) -> Faults:
-    """What follows from the scene, from the rope at rest."""
+def _fact(cells: Sequence[str], of: Stored) -> Faults:
+    """What follows from the scene: length, tension and sag of the rope at rest, and how fast the car is."""
     name, text = cells
     run = of.run(0)
-    rest = run["rest"]
-    s = run["fields.s"]
     x = run["fields.x"]
     y = run["fields.y"]
-    H = rest["horizontal_tension"]
-    fine = np.linspace(s[0], s[-1], 20001)
-    curve = CubicSpline(s, np.stack([x, y], axis=1))(fine)
-    sag = float(np.max(curve[:, 1] - y[-1] * curve[:, 0] / x[-1]))
+    length = run["rest"]["length"]
+    H = run["rest"]["horizontal_tension"]
     first, _, second = text.partition(", ")
     if name == "rope between the supports":
-        good = shows(first, rest["length"], "m", digits=6)
+        good = shows(first, length, "m", digits=6)
     elif name == "horizontal tension at rest":
         good = shows(first, H, "N", digits=4)
     elif name == "sag at rest":
-        good = shows(first, sag, "m", digits=4) and shows(
-            second.removesuffix(" of the span"), sag / float(x[-1]), "%", digits=2
-        )
+        below = CubicSpline(run["fields.s"], y - y[-1] / x[-1] * x)  # the chord
+        sag = float(below(np.linspace(0.0, length, 20001)).max())
+        share = second.removesuffix(" of the span")
+        good = shows(first, sag, "m", digits=4) and shows(share, sag / float(x[-1]), digits=2)
     elif name == "top speed over that of waves across the rope":
-        rho = run["scene"]["cable"]["mass_per_length"]
-        pace = np.max(np.abs(np.diff(run["s_o"]) / np.diff(run["t"])))
-        # steps are short chords of the travel
-        good = (
-            "ice" in run["scene"]["cable"]
-            or abs(_real(text.removesuffix(" %")) / 100.0 - pace * (rho / H) ** 0.5) < 0.06
-        )
+        cable = run["scene"]["cable"]
+        rho = cable["mass_per_length"] + ice_mass(cable)
+        speed = np.max(np.abs(np.diff(run["s_o"]) / np.diff(run["t"])))  # steps are short chords of the travel
+        good = abs(_real(text.removesuffix(" %")) / 100.0 - speed * math.sqrt(rho / H)) < 0.06
     else:
         of.unread.append(name)
         return
@@ -533,256 +481,279 @@ def _cells_of_fact(cells: Sequence[str], of: Stored) -> Faults:
         yield f"{name}: {text}"
 
 
-def _cells_of_input(cells: Sequence[str], of: Stored) -> Faults:
+def _input(cells: Sequence[str], of: Stored) -> Faults:
     key, text, _ = cells
     value: Any = of.run(0)["scene"]
     for name in key.split("."):
         value = value[int(name)] if isinstance(value, list) else value[name]
     if isinstance(value, int | float) and not isinstance(value, bool):
-        good = abs(_real(text.split(" ")[0]) - value) <= 1e-9 * abs(value)
+        good = abs(_real(text.split(" ")[0]) - value) <= ROUNDING * abs(value)
     else:
         good = text.startswith(str(len(value)) if isinstance(value, list) else str(value))
     if not good:
         yield f"{key}: {text} where {value} was read"
 
 
-def _nothing(cells: Sequence[str], of: Stored) -> Faults:
-    """A table of words alone."""
+def _nothing(text: Any, of: Stored) -> Faults:
+    """Words alone."""
     return iter(())
 
 
-def sure(text: str, of: Stored) -> Faults:
+def counts(text: str, of: Stored) -> Faults:
     """Counts of comparisons of two solvers, of laws, and of numbers computed twice."""
-    named = LAWS | PRINTED | SHARED
-    kinds = {
-        "comparisons of two solvers": [row for row in of.asked if row["quantity"] not in named],
-        "laws": [row for row in of.asked if row["quantity"] in LAWS],
-        "printed numbers": [row for row in of.asked if row["quantity"] in PRINTED],
-    }
-    for kind, rows in kinds.items():
-        good = sum(row["verdict"] == "agree" for row in rows)
-        count = f"{good} {kind}" if good == len(rows) else f"{good} of {len(rows)} {kind}"
-        if rows and not re.search(rf"(?<!of )\b{count}\b", text):
-            yield f"{text!r} where {count} agree or hold"
+    kinds = dict.fromkeys(("energy", "impulse", "laws_si"), "laws")
+    kinds |= dict.fromkeys(("design", "outcome"), "printed numbers") | {"deep": ""}
+    verdicts: dict[str, list[str]] = {}
+    for row in of.rows:
+        if row["asked"] and not row.get("with"):
+            kind = kinds.get(row["quantity"], "comparisons of two solvers")
+            verdicts.setdefault(kind, []).append(row["verdict"])
+    verdicts.pop("", None)
+    for kind, each in verdicts.items():
+        good = each.count("agree")
+        words = f"{good} {kind}" if good == len(each) else f"{good} of {len(each)} {kind}"
+        if not re.search(rf"(?<!of )\b{words}\b", text):
+            yield f"{text!r} where {words} agree or hold"
 
 
 TABLES: dict[str, Callable[[Sequence[str], Stored], Faults]] = {
-    "quantity|value|when|car at|where": _cells_of_number,
-    "support|when|to the right|down": _cells_of_load,
-    "event|after [s]|at [m]|speed [km/h]": _cells_of_event,
-    "comparison|verdict|gap|sum of both bars|asked for|largest at sₒ/l|in the verdict": _cells_of_row,
-    "comparison|verdict|of those asked": _cells_of_group,
-    "run|unknowns|steps|Newton iterations|time loop [s]|computed up to": _cells_of_work,
-    "setting|value|meaning": _cells_of_setting,
-    "shared|checked on its own by": _nothing, "follows from it|value": _cells_of_fact,
-    "key|value|meaning": _cells_of_input,
-}  # fmt: skip
-
-
+    "quantity|value|when|car at|where": _number,
+    "support|when|to the right|down": _load,
+    "event|after [s]|at [m]|speed [km/h]": _event,
+    "comparison|verdict|gap|sum of both bars|asked for|largest at sₒ/l|in the verdict": _comparison,
+    "comparison|verdict|of those asked": _group,
+    "run|unknowns|steps|Newton iterations|time loop [s]|computed up to": _work,
+    "setting|value|meaning": _setting,
+    "shared|checked on its own by": _nothing,
+    "follows from it|value": _fact,
+    "key|value|meaning": _input,
+}
 SECTIONS = ("answer", "side-view", "ride", "tension", "scene", "how-sure", "rests")
 
 
-def page(whole: str, command: str, of: Stored) -> Faults:
-    """Faults of the sections of a page that show a run or a check; another command's may have the same names."""
-    sections = {
-        name: re.search(rf'<section id="{name}-{command}".*?</section>', whole, re.S)
-        or re.search(rf'<section id="{name}".*?</section>', whole, re.S)
-        for name in SECTIONS
-    }
+def _each(tag: str, text: str) -> list[str]:
+    """Contents of all elements of a tag, which may name a class."""
+    name = tag.partition(" ")[0]
+    return re.findall(rf"<{tag}[^>]*>(.*?)</{name}>", text, re.S)
+
+
+def _section(html_text: str, name: str, command: str) -> str:
+    """A section of a command; another command's may have the same name."""
+    for of in (f"{name}-{command}", name):
+        for content in _each(f'section id="{of}"', html_text):
+            return str(content)
+    return ""
+
+
+def page(html_text: str, command: str, of: Stored) -> Faults:
+    """Faults of the sections of a page that show a run or a check."""
+    sections = {name: _section(html_text, name, command) for name in SECTIONS}
     answer = sections["answer"]
-    text = "".join(x[0] for x in sections.values() if x is not None)
-    if answer is None:
+    if not answer:
         yield "the page has no answer"
         return
-    head = _plain("".join(re.findall(r"<h2.*?</h2>", answer[0], re.S)))
+    head = plain("".join(_each("h2", answer)))
     if of.agreement and not head.endswith(f" {of.verdict}"):
         yield f"the page's verdict is {head!r}, that of the rows {of.verdict}"
-    summary = _plain("".join(re.findall(r'<p class="summary">.*?</p>', answer[0], re.S)))
-    if not summary.startswith(_plain(f"{of.outcome[0].upper()}{of.outcome[1:]}.")):
+    summary = plain("".join(_each('p class="summary"', answer)))
+    if not summary.startswith(plain(f"{of.outcome[0].upper()}{of.outcome[1:]}.")):
         yield f"{summary!r} where the outcome is {of.outcome!r}"
     if of.rows:
-        yield from sure(summary, of)
-    for table in re.findall(r"<table[^>]*>\s*<.*?</table>", text, re.S):  # that of the side view is empty
-        head, *lines = re.findall(r"<tr>(.*?)</tr>", table, re.S)
-        columns = "|".join(_plain(x) for x in re.findall(r"<th[^>]*>(.*?)</th>", head, re.S))
-        reader = TABLES.get(columns)
-        if reader is None:
-            of.unread.append(columns)
-            continue
-        for line in lines:
-            yield from reader([_plain(x) for x in re.findall(r"<td[^>]*>(.*?)</td>", line, re.S)], of)
-    for data in re.findall(r'<script type="application/json">(.*?)</script>', text, re.S):
-        yield from _side_view(json.loads(data), of)
+        yield from counts(summary, of)
+    text = "".join(sections.values())
+    for table in _each("table", text):
+        yield from _table(table, of)
+    for data in _each('script type="application/json"', text):
+        for fault in _side_view(json.loads(data), of):
+            yield f"side view: {fault}"
+
+
+def _table(table: str, of: Stored) -> Faults:
+    rows = _each("tr", table)
+    if not rows:  # the side view's, before its script runs
+        return
+    columns = "|".join(plain(x) for x in _each("th", rows[0]))
+    reader = TABLES.get(columns)
+    if reader is None:
+        of.unread.append(columns)
+        return
+    for row in rows[1:]:
+        yield from reader([plain(x) for x in _each("td", row)], of)
+
+
+# --- the side view --------------------------------------------------------------------------------------------------
 
 
 def _side_view(view: dict[str, Any], of: Stored) -> Faults:
     run = of.run(0)
     path = path_of(run)
-    scene = run["scene"]
+    points = np.stack([path["x"], path["y"]], axis=1)  # (n, 2)
     reach = float(np.ptp(path["x"])) or 1.0
-    x, y = (np.array(z) for z in view["path"])
-    off, _ = cKDTree(np.stack([path["x"], path["y"]], axis=1)).query(np.stack([x, y], axis=1))
-    ends = np.hypot(x[[0, -1]] - path["x"][[0, -1]], y[[0, -1]] - path["y"][[0, -1]])
-    if max(*off, *ends) > 1e-5 * reach:
-        yield f"side view: the path is {max(off):.3g} m off path.csv"
+    drawn = np.array(view["path"]).T  # (m, 2)
+    distances, _ = cKDTree(points).query(drawn)
+    ends = np.linalg.norm(drawn[[0, -1]] - points[[0, -1]], axis=1)
+    if max(*distances, *ends) > 1e-5 * reach:
+        yield f"the path is {max(distances):.3g} m off path.csv"
     for mark in view["speeds"]:
-        apart = np.hypot(path["x"] - mark["x"], path["y"] - mark["y"])
-        # a car that rolls back passes a place twice
-        near = np.flatnonzero(apart <= apart.min() + 0.01 * reach)
-        around = 3.6 * np.stack([path["speed"][(near + i).clip(0, apart.size - 1)] for i in (-1, 0, 1)])  # (3, k)
-        shown = float(mark["text"].removesuffix(" km/h"))
-        if not np.any((around.min(axis=0) - 0.51 <= shown) & (shown <= around.max(axis=0) + 0.51)):
-            yield f"side view: {mark['text']} where the car has {around[1].mean():.1f} km/h"
-    if [view["span"], view["drop"]] != [scene["supports"]["span"], scene["supports"].get("drop", 0.0)]:
-        yield "side view: span or drop is not the scene's"
-    tops = [[x["name"], x["at"], x["top"]] for x in scene.get("obstacle", [])]
-    if [[x["name"], x["x"], x["top"]] for x in view["obstacles"]] != tops:
-        yield "side view: obstacles are not the scene's"
-    if view["ground"] != scene.get("ground", []) or view["below"] != scene["mass"].get("below", 0.0):
-        yield "side view: ground or the car's height is not the scene's"
+        yield from _speed(mark, points, path["speed"], 0.01 * reach)
+    scene = run["scene"]
+    supports = scene["supports"]
+    obstacles = [{"name": x["name"], "x": x["at"], "top": x["top"]} for x in scene.get("obstacle", [])]
+    expected = {
+        "span": supports["span"],
+        "drop": supports.get("drop", 0.0),
+        "obstacles": obstacles,
+        "ground": scene.get("ground", []),
+        "below": scene["mass"].get("below", 0.0),
+    }
+    for name, value in expected.items():
+        if view[name] != value:
+            yield f"{name} is not the scene's"
     for cable in view["cables"]:
-        yield from (f"side view: {fault}" for fault in _moving(cable, view, of))
+        yield from _moving(cable, view, of)
+
+
+def _speed(mark: dict[str, Any], points: Array, speed: Array, near: float) -> Faults:
+    """A car that rolls back passes a point twice: one of the speeds near a mark is its text."""
+    distances = np.hypot(*(points - [mark["x"], mark["y"]]).T)
+    i = np.flatnonzero(distances <= distances.min() + near)
+    around = 3.6 * np.stack([speed[(i + j).clip(0, speed.size - 1)] for j in (-1, 0, 1)])  # (3, k)
+    shown = float(mark["text"].removesuffix(" km/h"))
+    if not np.any((around.min(axis=0) - 0.51 <= shown) & (shown <= around.max(axis=0) + 0.51)):
+        yield f"{mark['text']} where the car has {around[1].mean():.1f} km/h"
+
+
+# columns that a side view shows beside the car: column of path.csv and its SI unit
+BESIDE = {"speed": ("speed", "m/s"), "press on the rope": ("F_contact", "N"), "haul or thrust": ("F_haul", "N")}
 
 
 def _moving(cable: dict[str, Any], view: dict[str, Any], of: Stored) -> Faults:
     """Frames of a rope against the stored ones; a frame at rest may come first."""
     run = of.run(of.methods.index(cable["name"]))
-    k = run["fields.t"].size
-    shown = np.abs(run["fields.s"][:, None] - np.array(view["s"])).argmin(axis=0)  # stations (m,)
+    t = run["fields.t"]
+    stations = np.abs(run["fields.s"][:, None] - np.array(view["s"])).argmin(axis=0)  # (m,)
     car = car_of(run)
-    wanted = {"t": run["fields.t"], "s_o": run["fields.s_o"], "mass_x": car[:, 0], "mass_y": car[:, 1]}
-    wanted |= {name: run[f"fields.{name}"][:, shown] for name in ("u", "v", "T")}
-    for side in ("behind", "ahead"):
-        other = run[f"fields.T_{'ahead' if side == 'behind' else 'behind'}"]
-        wanted[side] = np.where(np.isnan(run[f"fields.T_{side}"]), other, run[f"fields.T_{side}"])
+    expected = {"t": t, "s_o": run["fields.s_o"], "mass_x": car[:, 0], "mass_y": car[:, 1]}
+    for name in ("u", "v", "T"):
+        expected[name] = run[f"fields.{name}"][:, stations]
+    behind = run["fields.T_behind"]
+    ahead = run["fields.T_ahead"]
+    expected["behind"] = np.where(np.isnan(behind), ahead, behind)
+    expected["ahead"] = np.where(np.isnan(ahead), behind, ahead)
     path = path_of(run)
-    unit = view["unit"]
-    for told in cable["told"]:
-        name, _, printed = told["name"].partition(" [")
-        values, si = {"speed": (path["speed"], "m/s"), "press on the rope": (path["F_contact"], "N"),
-                      "haul or thrust": (path["F_haul"], "N")}[name]  # fmt: skip
-        cable[name] = told["data"]
-        wanted[name] = FACTORS[si][printed.rstrip("]")] * np.interp(run["fields.t"], path["t"], values)
-    if FACTORS["N"][view["unitName"]] * unit != 1.0:
-        yield f"forces are in {view['unitName']} but divided by {unit}"
-    for name, values in wanted.items():
-        part = cable[name]
-        steps = np.frombuffer(base64.b64decode(part["data"]), "<u2")
-        found = part["low"] + steps / PACKED * (part["high"] - part["low"])
-        step = (part["high"] - part["low"]) / PACKED
-        places = 1e-4 * float(np.ptp(run["fields.x"])) if name.startswith("mass") else 0.0
-        yield from _series(name, found[-values.size :], values.ravel(), 1.0, step + places + 1e-12 * abs(part["high"]))
-        if found.size not in (values.size, values.size // k * (k + 1)):
+    series = {name: cable[name] for name in expected}
+    for beside in cable["told"]:
+        name, _, unit = beside["name"].rstrip("]").partition(" [")
+        column, si = BESIDE[name]
+        series[name] = beside["data"]
+        expected[name] = np.interp(t, path["t"], path[column]) / si_factor(unit, si)
+    if si_factor(view["unitName"], "N") != view["unit"]:
+        yield f"forces are in {view['unitName']} but divided by {view['unit']}"
+    for name, values in expected.items():
+        low = series[name]["low"]
+        step = (series[name]["high"] - low) / PACKED
+        shown = low + step * np.frombuffer(base64.b64decode(series[name]["data"]), "<u2")
+        rounding = 1e-4 * float(np.ptp(run["fields.x"])) if name.startswith("mass") else 0.0
+        allowed = step + rounding + 1e-12 * abs(series[name]["high"])
+        yield from _series(name, shown[-values.size :], values.ravel(), 1.0, allowed)
+        if shown.size not in (values.size, values.size // t.size * (t.size + 1)):
             yield f"{name} has other frames than are stored"
 
 
 # --- terminal -------------------------------------------------------------------------------------------------------
 
 
-def terminal(lines: Sequence[str], of: Stored) -> Faults:
+def terminal(printed: Sequence[str], of: Stored) -> Faults:
     """Faults of what a run or a check printed."""
-    for line in lines:
-        text = line.strip()
-        reader = next((read for pattern, read in LINES if re.match(pattern, line)), None)
-        if text and reader is not None:
-            yield from reader(text, of)
-        elif text:
-            # the longer of two names that begin alike
-            numbers = [x for x in of.design if text.startswith(f"{_named(x)} ")]
-            number = max(numbers, key=lambda x: len(_named(x)), default=None)
-            event = next((x for x in of.events if re.match(rf"{x['event'].replace('_', ' ')} +after ", text)), None)
-            if number is None and event is None and text not in _said(of):
-                of.unread.append(text)
-            elif number is not None:
-                yield from _line_of_number(text, number, of)
-            elif event is not None:
-                yield from _line_of_event(text, of)
+    stored = _sentences(of)
+    for text in printed:
+        reader = next((read for pattern, read in LINES if re.match(pattern, text)), _printed_number)
+        if text.strip() and text.strip() not in stored:
+            yield from reader(text.strip(), of)
 
 
-def _said(of: Stored) -> set[str]:
+def _sentences(of: Stored) -> set[str]:
     """Sentences that are printed as they are stored."""
-    words = _words("commands/check/words.toml")["verdicts"]
-    verdict = {words[of.verdict]} if of.agreement else set()
-    flags = {flag for x in of.summaries for flag in x["flags"]}
-    doubts = {f"{x['method']}: {x['words']}" for x in of.agreement.get("doubts", [])}
-    return verdict | flags | doubts | {f"{of.summaries[0]['scene']}: {of.outcome}"}
+    sentences = {f"{of.summaries[0]['scene']}: {of.outcome}"}
+    for summary in of.summaries:
+        sentences |= set(summary["flags"])
+    for doubt in of.agreement.get("doubts", []):
+        sentences.add(f"{doubt['method']}: {doubt['words']}")
+    if of.agreement:
+        sentences.add(_words("commands.check", "words.toml")["verdicts"][of.verdict])
+    return sentences
 
 
-def _line_of_number(text: str, row: dict[str, Any], of: Stored) -> Faults:
+def _printed_number(text: str, of: Stored) -> Faults:
+    """A design number; of two names that begin alike the longer one."""
+    rows = [row for row in of.design if text.startswith(f"{_named(row)} ")]
+    if not rows:
+        of.unread.append(text)
+        return
+    row = max(rows, key=lambda x: len(_named(x)))
     rest = re.sub(r"^\(\d+ more are larger\)", "", text.removeprefix(_named(row)).strip()).strip()
-    value, at, when = re.fullmatch(r"(.*?)(?:, at ([\d.-]+ m))?(?: after (\S+ s))?", rest).groups("")  # type: ignore[union-attr]
+    parts = re.fullmatch(r"(.*?)(?:, at ([\d.-]+ m))?(?: after (\S+ s))?", rest)
+    assert parts is not None
+    value, at, when = parts.groups("")
     car = f"{row['s_o']:.1f} m" if row.get("s_o") is not None and row["value"] is not None else ""
-    yield from _cells_of_number([_named(row), value, when, car, at], of)
+    yield from _number([_named(row), value, when, car, at], of)
 
 
-def _line_of_event(text: str, of: Stored) -> Faults:
-    found = re.fullmatch(r"(.*?) +after (.*) s at (.*) m(?: with (.*) km/h)?", text)
-    yield from [f"{text!r} is no event"] if found is None else _cells_of_event(found.groups(""), of)
+def _printed_event(text: str, of: Stored) -> Faults:
+    parts = re.fullmatch(r"(.*?) +after (.*) s at (.*) m(?: with (.*) km/h)?", text)
+    if parts is None or parts[1].replace(" ", "_") not in [row["event"] for row in of.events]:
+        of.unread.append(text)
+    else:
+        yield from _event(parts.groups(""), of)
 
 
-def _line_of_slack(text: str, of: Stored) -> Faults:
-    row = next((x for x in of.design if x["quantity"] == "slack_onset"), None)
+def _printed_slack(text: str, of: Stored) -> Faults:
+    row = next((x for x in of.design if x["quantity"] == "slack_onset"), {"value": None})
     length = of.run(0)["rest"]["length"]
-    found = re.match(r"slack somewhere from car at (.*) m on;", text)
-    if (
-        row is None
-        or found is None
-        or not shows(
-            f"{found[1]} m", row["value"] * length, "m", bar=None if row["bar"] is None else row["bar"] * length
-        )
-    ):
+    number = text.removeprefix("slack somewhere from car at ").partition(" on;")[0]
+    if row["value"] is None or not shows(number, row["value"] * length, "m", bar=(row["bar"] or 0.0) * length):
         yield f"{text!r} is not the stored slack onset"
 
 
-def _line_of_work(text: str, of: Stored) -> Faults:
-    found = re.fullmatch(r"by (\S+) \((.*)\) in (\S+) s(?:; path ± (\S+) m)?", text)
-    x = of.summaries[0]
-    if found is None or found[1] != x["method"]:
+def _printed_work(text: str, of: Stored) -> Faults:
+    parts = re.fullmatch(r"by (\S+) \((.*)\) in (\S+) s(?:; path ± (\S+) m)?", text)
+    run = of.summaries[0]
+    if parts is None or parts[1] != run["method"]:
         yield f"{text!r} is not the stored run"
         return
-    known = {f"{key}={value}" for key, value in x["settings"].items()} | {x["model"], x["load"], x["law"]}
-    if not set(found[2].split(", ")) <= known:
-        yield f"{found[2]!r} are not the stored settings"
-    bar = None if x["path_error"] is None else x["path_error"] * x["path_scale"]
-    if not shows(found[3], x["seconds"], digits=2) or not (
-        found[4] is None if bar is None else shows(found[4] or "", bar, digits=2)
-    ):
-        yield f"{text!r}: {x['seconds']} s and {bar} m are stored"
+    settings = {f"{key}={value}" for key, value in run["settings"].items()} | {run["model"], run["load"], run["law"]}
+    if not set(parts[2].split(", ")) <= settings:
+        yield f"{parts[2]!r} are not the stored settings"
+    bar = None if run["path_error"] is None else run["path_error"] * run["path_scale"]
+    if not shows(parts[3], run["seconds"], digits=2) or not shows(parts[4] or "–", bar, digits=2):
+        yield f"{text!r}: {run['seconds']} s and {bar} m are stored"
 
 
-def _line_of_row(text: str, of: Stored) -> Faults:
-    """A comparison: name, gap, bars, asked, where, verdict."""
-    cells = re.match(r"(.*?)  +(\S+)  +(\S+)  +(\S+)  +(\S+)  +(\S.*)", text)
-    for row in of.rows if cells else ():
-        said = " ".join(row[key] for key in ("quantity", "law", "with") if row.get(key))
-        numbers = zip(cells.groups()[1:4], ("gap", "allowed", "asked_for"), strict=True)  # type: ignore[union-attr]
-        if (cells[1], cells[6]) == (said, row["verdict"] or "shown") and all(  # type: ignore[index]
-            shows(cell, row.get(key), digits=2) for cell, key in numbers
-        ):
+def _printed_comparison(text: str, of: Stored) -> Faults:
+    """Name, gap, bars, tolerance, where, verdict."""
+    name, *cells, verdict = re.split("  +", text)
+    for row in of.rows:
+        words = " ".join(row[key] for key in ("quantity", "law", "with") if row.get(key))
+        if (name, verdict) == (words, row["verdict"] or "shown") and _shows_gaps(cells[:3], row, 2):
             return
     yield f"{text!r} is no comparison in agreement.json"
 
 
-def _line_of_party(text: str, of: Stored) -> Faults:
+def _printed_party(text: str, of: Stored) -> Faults:
+    words = _words("commands.check", "words.toml")["third"]
     for party in {row["with"] for row in of.rows if row.get("with")}:
-        worst = _worst([row for row in of.rows if row.get("with") == party]) or "not comparable"
-        if text.startswith(f"{party}: {_words('commands/check/words.toml')['third'][worst]}"):
+        worst = _worst(row for row in of.rows if row.get("with") == party)
+        if text.startswith(f"{party}: {words[worst or 'not comparable']}"):
             return
-    yield f"{text!r} is no verdict on a third party"
-
-
-def _silent(text: str, of: Stored) -> Faults:
-    return iter(())
+    yield f"{text!r} is no verdict on another program"
 
 
 LINES: tuple[tuple[str, Callable[[str, Stored], Faults]], ...] = (
-    (r"  slack somewhere from car at ", _line_of_slack),
-    (r"  by the quasi-static model", _silent),
-    (r"  by \S+ \(", _line_of_work),
-    (r"  \d+ (of \d+ )?(comparisons|laws|printed)", sure),
-    (r"  Nothing could be compared", _silent),
-    (r"  written to ", _silent),
-    (r"  \S.*: (agrees|DISAGREES|is too coarse|cannot be compared)", _line_of_party),
-    (r"quantity +gap", _silent),
-    (r"\S.*(  +(-|\d\S*)){4}  (agree|disagree|too coarse|not comparable|shown)$", _line_of_row),
-)  # fmt: skip
+    (r"  slack somewhere from car at ", _printed_slack),
+    (r"  by the quasi-static model|  Nothing could be compared|  written to |quantity +gap", _nothing),
+    (r"  by \S+ \(", _printed_work),
+    (r"  \d+ (of \d+ )?(comparisons|laws|printed)", counts),
+    (r"  \S.*: (agrees|DISAGREES|is too coarse|cannot be compared)", _printed_party),
+    (r"\S.*(  +(-|\d\S*)){4}  (agree|disagree|too coarse|not comparable|shown)$", _printed_comparison),
+    (r"  \S.* after \S+( ± \S+)? s at .* m", _printed_event),
+)

@@ -5,7 +5,6 @@ It reads the TOML, the path and the stored fields, and imports nothing that writ
 
 import math
 import re
-import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -19,6 +18,7 @@ from validation.core import timetable
 from validation.core.agreement import Agreement, Bound, Part, nothing
 from validation.core.evidence import ROUNDING, Evidence, Given, Windows, cross, integral
 from validation.core.measures import JUMP_WIDTH, extremes_within, meant_until
+from validation.core.scene_data import deepest, mean_around
 
 
 def _row(r: Response, quantity: str, law: str, gap: float, allowed: float, where: float | None = None) -> Agreement:
@@ -61,6 +61,7 @@ def design(r: Response, twin: Response | None = None) -> Iterator[Agreement]:
 
 
 Signals = list[tuple[Array, Array]]  # times (n,), values (n,) or (n, m)
+FORCES = ("tension", "reaction", "contact", "haul_force", "angle")  # felt as means over an axial round trip
 
 
 class Readings:
@@ -69,17 +70,23 @@ class Readings:
     def __init__(self, r: Response, twin: Response | None) -> None:
         self.r = r
         self.given = Given(r.scene_toml, r.length)
-        self.signals = _signals(r)
+        self.signals = _signals(r, self.given)
         self.span = extremes_within(r, twin)
-        self.taut = float(r.t[0]), meant_until(r, twin or r)
-        self.rooms = Surroundings(r)
+        self.until = meant_until(r, twin or r)
+        # obstacles and ground: points (n, 2), x and depth [m]
+        scene = self.given.scene
+        self.profiles = {o["name"]: np.array([[o["at"], o["top"]]], float) for o in scene.get("obstacle", [])}
+        if scene.get("ground"):
+            self.profiles["the ground"] = np.array(scene["ground"], float)
+
+    def _signal(self, kind: str) -> Signals | None:
+        return self.signals.get(kind) or self.signals.get(kind.removesuffix("_max").removesuffix("_min"))
 
     def knows(self, quantity: str) -> bool:
         kind, _, name = quantity.partition(":")
-        extreme = kind.removesuffix("_max").removesuffix("_min")
-        if kind in ("clearance_rope_min", "clearance_car_min"):
-            return name in self.rooms.profiles
-        return kind in ("safety_factor_min", "slack_onset") or kind in self.signals or extreme in self.signals
+        if name:
+            return kind in ("clearance_rope_min", "clearance_car_min") and name in self.profiles
+        return kind in ("safety_factor_min", "slack_onset") or self._signal(kind) is not None
 
     def of(self, quantity: str, raw: bool = False) -> float | None:
         """A number in SI, or None where there is none; raw: without means over an axial round trip."""
@@ -87,102 +94,80 @@ class Readings:
         if kind == "slack_onset":
             slack = np.flatnonzero(self.r.tension_min[1:] < 0.0)
             return float(self.r.s_o[1:][slack[0]] / self.r.length) if slack.size else None
-        if kind.startswith("clearance_"):
-            return self.rooms.smallest(kind == "clearance_car_min", name, self.taut)
+        if name:
+            return self._clearance(kind == "clearance_car_min", self.profiles[name])
         if kind == "safety_factor_min":
             tension = self.of("tension_max")
             return None if tension is None else self.given.cable["breaking_load"] / tension
-        signals = self.signals.get(kind) or self.signals[kind.removesuffix("_max").removesuffix("_min")]
-        means = 0.0 if raw or not kind.startswith(FORCES) else self.given.round_trip
-        found = np.concatenate([_means(t, v, self.span, means).ravel() for t, v in signals if t.size])
-        if not found.size:
+        signals = self._signal(kind)
+        assert signals is not None
+        period = 0.0 if raw or not kind.startswith(FORCES) else self.given.round_trip
+        values = np.concatenate([_means(t, v, self.span, period).ravel() for t, v in signals if t.size])
+        if not values.size:
             return None
-        return float(found.min() if kind.endswith("_min") else found.max())
+        return float(values.min() if kind.endswith("_min") else values.max())
 
-
-FORCES = ("tension", "reaction", "contact", "haul_force", "angle")  # felt as means over an axial round trip
-
-
-class Surroundings:
-    """Obstacles and ground of the TOML, and the heights of rope and car over them."""
-
-    def __init__(self, r: Response) -> None:
-        scene = tomllib.loads(r.scene_toml)
-        # points (n, 2): x and depth [m]
-        self.profiles = {o["name"]: np.array([[o["at"], o["top"]]], float) for o in scene.get("obstacle", [])}
-        if scene.get("ground"):
-            self.profiles["the ground"] = np.array(scene["ground"], float)
-        self.r = r
-        self.below = scene["mass"].get("below", 0.0)
-
-    def smallest(self, car: bool, name: str, span: tuple[float, float]) -> float | None:
-        """Smallest height [m] over an obstacle or the ground between two times; None: never above it."""
-        profile = self.profiles[name]
-        heights = [self._under_car(profile, span)] + ([] if car else [self._under_rope(profile, span)])
-        found = np.concatenate(heights) - (self.below if car else 0.0)
-        return float(found.min()) if found.size else None
-
-    def _under_car(self, profile: Array, span: tuple[float, float]) -> Array:
-        """Heights of the rope at the car: at steps above the profile, and where it passes a point of it."""
+    def _clearance(self, car: bool, profile: Array) -> float | None:
+        """Smallest height [m] of car or rope over an obstacle or the ground; None: never above it."""
         r = self.r
-        over = (r.x > profile[0, 0]) & (r.x < profile[-1, 0]) & (r.t >= span[0]) & (r.t <= span[1])
-        at_steps = np.interp(r.x[over], profile[:, 0], profile[:, 1]) - r.y[over]
-        passes = []
-        for x, depth in profile:
-            ahead = r.x >= x
-            i = np.flatnonzero(ahead[1:] != ahead[:-1])
-            part = (x - r.x[i]) / np.diff(r.x)[i]
-            t, y = ((1.0 - part) * of[i] + part * of[i + 1] for of in (r.t, r.y))
-            passes.append((depth - y)[(t >= span[0]) & (t <= span[1])])
-        return np.concatenate([at_steps, *passes])
-
-    def _under_rope(self, profile: Array, span: tuple[float, float]) -> Array:
-        """Heights of the rope at frames: at its stations, at the car, and above the profile's points."""
-        f = self.r.fields
-        frames = np.flatnonzero((f.t >= span[0]) & (f.t <= span[1]))
-        heights = [np.empty(0)]
-        for k in frames:
+        f = r.fields
+        steps = r.t <= self.until
+        heights = [_height(profile, r.x[steps], r.y[steps])]
+        for k in [] if car else np.flatnonzero(f.t <= self.until):
             x = np.append(f.x + f.u[k], np.interp(f.s_o[k], f.s, f.x) + f.mass_u[k])
             y = np.append(f.y + f.v[k], np.interp(f.s_o[k], f.s, f.y) + f.mass_v[k])
             order = np.argsort(x)
-            above = (x >= profile[0, 0]) & (x <= profile[-1, 0])
-            heights.append(np.interp(x[above], profile[:, 0], profile[:, 1]) - y[above])
-            reached = (profile[:, 0] >= x.min()) & (profile[:, 0] <= x.max())
-            heights.append(profile[reached, 1] - np.interp(profile[reached, 0], x[order], y[order]))
-        return np.concatenate(heights)
+            heights.append(_height(profile, x[order], y[order]))
+        below = self.given.scene["mass"].get("below", 0.0) if car else 0.0
+        return min(heights) - below if math.isfinite(min(heights)) else None
 
 
-def _signals(r: Response) -> dict[str, Signals]:
+def _height(profile: Array, x: Array, y: Array) -> float:
+    """Smallest height of a polyline (n,) over a profile (m, 2); inf where it is never above it."""
+    over = (x >= profile[0, 0]) & (x <= profile[-1, 0])
+    at_vertices = np.interp(x[over], profile[:, 0], profile[:, 1]) - y[over]
+    at_points = profile[:, 1] - deepest(profile[:, 0], x, y)
+    return float(min(at_vertices.min(initial=math.inf), at_points.min()))
+
+
+def _signals(r: Response, given: Given) -> dict[str, Signals]:
+    """Signals of each kind of design number."""
     f = r.fields
-    given = Given(r.scene_toml, r.length)
     tilt = math.degrees(math.atan(given.blown(2) / (given.rho * given.gravity)))
-    known: dict[str, Signals] = {
-        "wind_tilt": [(r.t, np.full(r.t.shape, tilt))],
-        "tension": [(r.t, r.T_behind), (r.t, r.T_ahead), (f.t, f.T)],
+    at_steps = {
+        "wind_tilt": np.full(r.t.shape, tilt),
+        "contact": _contact(r),
+        "haul_force": np.abs(r.F_haul),
+        "haul_force_min": r.F_haul,
+        "mass_deflection": r.v,
+        "mass_deepest": r.y,
+        "speed": _speed(r),
     }
+    tensions = [(r.t, r.T_behind), (r.t, r.T_ahead), (f.t, f.T)]
     for side, force in (("left", r.reaction_left), ("right", r.reaction_right)):
         horizontal, vertical = np.abs(force.T)
-        size = np.sqrt(horizontal**2 + vertical**2)
-        parts = {"": size, "_horizontal": horizontal, "_vertical": vertical}
-        known |= {f"reaction_{side}{part}": [(r.t, x)] for part, x in parts.items()}
-        known["tension"].append((r.t, size))
-        known[f"angle_{side}"] = [(r.t, np.degrees(np.arcsin(vertical / size)))]
-    at_mass = {
-        "contact": _press(r), "haul_force": np.abs(r.F_haul), "haul_force_min": r.F_haul, "mass_deflection": r.v,
-        "speed": np.sqrt(np.sum(r.velocity**2, axis=1)),
-    }  # fmt: skip
-    known |= {name: [(r.t, x)] for name, x in at_mass.items()}
-    deep: Signals = [(r.t, r.y), (f.t, f.y + f.v)]
-    return known | {"mass_deepest": deep[:1], "deepest_point": deep}
+        size = np.hypot(horizontal, vertical)
+        tensions.append((r.t, size))
+        at_steps[f"reaction_{side}"] = size
+        at_steps[f"reaction_{side}_horizontal"] = horizontal
+        at_steps[f"reaction_{side}_vertical"] = vertical
+        at_steps[f"angle_{side}"] = np.degrees(np.arcsin(vertical / size))
+    signals: dict[str, Signals] = {name: [(r.t, values)] for name, values in at_steps.items()}
+    return signals | {"tension": tensions, "deepest_point": [(r.t, r.y), (f.t, f.y + f.v)]}
 
 
-def _press(r: Response) -> Array:
+def _speed(r: Response) -> Array:
+    return np.asarray(np.sqrt(np.sum(r.velocity**2, axis=1)))
+
+
+def _contact(r: Response) -> Array:
     """Force of the mass on the cable across the mean tangent (n,), positive down."""
     tangent = r.slope_behind + r.slope_ahead
     return cross(tangent, r.contact) / np.sqrt(np.sum(tangent**2, axis=1))
 
 
 def _means(t: Array, v: Array, span: tuple[float, float], period: float) -> Array:
+    """Means of a signal, or of a field (n, m) over frames, over a period around all times in a span."""
     known = np.isfinite(v.reshape(t.size, -1)).all(axis=1)
     t = t[known]
     v = v[known]
@@ -190,19 +175,12 @@ def _means(t: Array, v: Array, span: tuple[float, float], period: float) -> Arra
     if v.ndim == 2:
         return _means_of_frames(t[rows], v[rows], period)
     if rows.any():  # up to the ends of the range
-        signal = make_interp_spline(t, v, k=1)
         ends = np.clip(span, t[0], t[-1])
-        t = np.unique(np.concatenate([ends, t[rows & (t > ends[0]) & (t < ends[1])]]))
-        v = signal(t)
-    else:
-        t = t[rows]
-        v = v[rows]
-    if not period or t.size < 3:
-        return v
-    total = make_interp_spline(t, v, k=1).antiderivative()
-    low = np.clip(t - 0.5 * period, t[0], t[-1])
-    high = np.clip(t + 0.5 * period, t[0], t[-1])
-    return np.asarray((total(high) - total(low)) / (high - low))
+        inner = t[rows & (t > ends[0]) & (t < ends[1])]
+        times = np.unique(np.concatenate([ends, inner]))
+        v = np.interp(times, t, v)
+        t = times
+    return mean_around(t, v, t, period) if period and t.size >= 3 else v
 
 
 def _means_of_frames(t: Array, v: Array, period: float) -> Array:
@@ -210,7 +188,7 @@ def _means_of_frames(t: Array, v: Array, period: float) -> Array:
     if not period or t.size < 3:
         return v
     k = np.arange(t.size)
-    near = (np.abs(t[:, None] - t) <= 0.5 * period) | (np.abs(k[:, None] - k) <= 1)
+    near = (np.abs(t[:, None] - t) <= 0.5 * period) | (np.abs(k[:, None] - k) <= 1)  # (n, n)
     return np.asarray(near @ v / near.sum(axis=1)[:, None])
 
 
@@ -248,17 +226,18 @@ def _tension_distance(r: Response, twin: Response, window: tuple[float, float]) 
     """Rms distance of the tensions at common frames, off the car, over H."""
     a = r.fields
     b = twin.fields
-    of_time = r.drive == "free"
-    squares = []
-    for k in range(a.t.size):
-        marks, mark = (b.t, a.t[k]) if of_time else (b.s_o, a.s_o[k])
+    axis = "t" if r.drive == "free" else "s_o"
+    marks = getattr(b, axis)
+    squares = [np.empty(0)]
+    for k, mark in enumerate(getattr(a, axis)):
         j = int(np.argmin(np.abs(marks - mark)))
-        place = a.s_o[k] / r.length
+        at = a.s_o[k] / r.length
         same = abs(marks[j] - mark) <= ROUNDING * marks[-1]
-        if same and window[0] - ROUNDING <= place <= window[1] + ROUNDING:
-            off = np.abs(a.s / r.length - place) >= JUMP_WIDTH
-            squares.append((a.T[k] - b.T[j])[off] ** 2)
-    return float(np.sqrt(np.mean(np.concatenate(squares)))) / r.horizontal_tension if squares else 0.0
+        if same and window[0] - ROUNDING <= at <= window[1] + ROUNDING:
+            off_car = np.abs(a.s / r.length - at) >= JUMP_WIDTH
+            squares.append((a.T[k] - b.T[j])[off_car] ** 2)
+    each = np.concatenate(squares)
+    return math.sqrt(each.mean()) / r.horizontal_tension if each.size else 0.0
 
 
 # --- the outcome --------------------------------------------------------------------------------------------------
@@ -275,120 +254,119 @@ class Ending:
     parts: list[str] = field(default_factory=list)
 
     def fits(self, kind: str, sentence: str) -> bool:
-        told = sentence.split(": ", 2)[-1] if kind == "breaks" else sentence
-        parts = [part for part in told.split("; ") if part.startswith(("would hit", "too close"))]
+        text = sentence.split(": ", 2)[-1] if kind == "breaks" else sentence
+        parts = [part for part in text.split("; ") if part.startswith(("would hit", "too close"))]
         printed = [float(x) for x in re.findall(r"-?\d+\.\d+", sentence)]
-        if self.kind == "incomplete":  # the reason may hold numbers
+        if kind == "incomplete":  # the reason may hold numbers
             printed = printed[: len(self.numbers)]
-        alike = len(printed) == len(self.numbers) and not any(
-            abs(x - y) > DIGIT for x, y in zip(printed, self.numbers, strict=True)
-        )
-        return alike and kind == self.kind and parts == self.parts
+        if (kind, parts, len(printed)) != (self.kind, self.parts, len(self.numbers)):
+            return False
+        return not np.any(np.abs(np.subtract(printed, self.numbers)) > DIGIT)
 
 
 def ending(r: Response, twin: Response | None, kind: str, sentence: str) -> Agreement:
     """Check an outcome against the last event, the TOML's brakes and travel, breaking load and clearances."""
     readings = Readings(r, twin)
-    right = _end_of_ride(r, readings) if r.drive == "free" else _end_of_travel(r, readings)
     if r.status != "complete" and r.slack_onset is None:
         right = Ending("incomplete", [float(r.s_o[-1]), float(r.t[-1])])
-    right.parts = _contacts(r, readings)
-    _break(r, readings, right)
+    elif r.drive == "free":
+        right = _end_of_ride(r, readings.given.drive)
+    else:
+        right = _end_of_travel(r, readings)
+    bars = {row["quantity"]: row["bar"] or 0.0 for row in r.design}
+    right.parts = _contacts(readings, bars)
+    if "safety_factor_min" in bars:
+        _break(right, readings, bars["safety_factor_min"])
     return _row(r, "outcome", "", 0.0 if right.fits(kind, sentence) else 1.0, ROUNDING)
 
 
-def _end_of_ride(r: Response, readings: Readings) -> Ending:
+def _end_of_ride(r: Response, drive: dict[str, Any]) -> Ending:
     """The end of a free ride, by its last event."""
-    speed = np.sqrt(np.sum(r.velocity**2, axis=1))
+    speed = 3.6 * _speed(r)
     last = next((x for x in reversed(r.events) if x["event"] in ("arrival", "back", "stop")), None)
     if last is None:
-        return Ending("rolling", [float(r.t[-1]), float(r.s_o[-1]), 3.6 * float(speed[-1])])
+        return Ending("rolling", [float(r.t[-1]), float(r.s_o[-1]), float(speed[-1])])
     t = last["t"]
-    place = last["s_o"]
+    s_o = last["s_o"]
     if last["event"] == "arrival":
-        return Ending("arrives", [place, t, 3.6 * float(np.interp(t, r.t, speed))])
+        return Ending("arrives", [s_o, t, float(np.interp(t, r.t, speed))])
+    farthest = float(np.max(r.s_o))
     if last["event"] == "back":
-        return Ending("rolls_back", [t])
-    first = min((brake["from"] for brake in readings.given.drive.get("brake", [])), default=math.inf)
-    if place >= first:
-        return Ending("stopped_by_brake", [place, place - first, t])
-    never = math.isfinite(first) and not any(x["event"] == "brake" for x in r.events)
-    return Ending("stuck", [first - place, place, t] if never else [place, t])
+        return Ending("rolls_back", [t, farthest])
+    first = min((brake["from"] for brake in drive.get("brake", [])), default=math.inf)
+    if s_o >= first:
+        return Ending("stopped_by_brake", [s_o, s_o - first, t])
+    braked = any(x["event"] == "brake" for x in r.events)
+    before = [] if braked or math.isinf(first) else [first - s_o]
+    return Ending("stuck", [*before, s_o, t, farthest])
 
 
 def _end_of_travel(r: Response, readings: Readings) -> Ending:
     """The end of a prescribed travel, by the TOML."""
-    law = readings.given.travel
-    drive = readings.given.drive
-    hauled = drive.get("mode") == "haul"
-    start = timetable.begins(law, drive, r.length)
-    end = drive.get("end", {}).get("place", 0.99 * r.length) if hauled else r.length
-    lasts, last = _travelled(law, drive, r.length, start, end)
+    given = readings.given
+    hauled = r.drive == "haul"
+    start = timetable.begins(given.travel, given.drive, r.length)
+    end = given.drive.get("end", {}).get("place", 0.99 * r.length) if hauled else r.length
+    last, duration = _travelled(given, r.length, start, end)
     onset = readings.of("slack_onset")
     slack = [] if onset is None else [onset * r.length]
     if last < 0.999 * end:
-        return Ending("stopped", [last, lasts, *slack])
-    return Ending("crossed", [*([start, last] if hauled else []), lasts, *slack])
+        return Ending("stopped", [last, duration, *slack])
+    ends = [start, last] if hauled else []
+    return Ending("crossed", [*ends, duration, *slack])
 
 
-def _travelled(law: dict[str, Any], drive: dict[str, Any], length: float, start: float, end: float) -> list[float]:
-    """Duration [s] and end [m] of a travel; nan where a table does not say it."""
+def _travelled(given: Given, length: float, start: float, end: float) -> tuple[float, float]:
+    """End [m] and duration [s] of a travel; nan where a table does not say it."""
+    law = given.travel
     if law["kind"] == "table":
         last = min(end, law["positions"][-1] + start)
-        return [law["times"][-1] if last < end and "stop" not in law else math.nan, last]
+        known = last < end and "stop" not in law
+        return last, law["times"][-1] if known else math.nan
 
-    def place(t: float) -> float:
-        return float(timetable.places(law, drive, length, np.array([t]))[0])
+    def s_o(t: float) -> float:
+        return float(timetable.places(law, given.drive, length, np.array([t]))[0])
 
     late = 1.0
-    while place(late) < end and place(2.0 * late) > place(late):
+    while s_o(late) < end and s_o(2.0 * late) > s_o(late):
         late *= 2.0
-    last = min(end, place(late))
+    last = min(end, s_o(late))
     near = start + (1.0 - ROUNDING) * (last - start)  # a car comes to rest slowly
-    lasts = float(brentq(lambda t: place(t) - near, 0.0, late))
-    limit = drive.get("end", {}).get("time", math.inf) if drive.get("mode") == "haul" else math.inf
-    return [lasts, last] if lasts <= limit else [limit, place(limit)]
+    duration = float(brentq(lambda t: s_o(t) - near, 0.0, late))
+    limit = given.drive.get("end", {}).get("time", math.inf)
+    return (last, duration) if duration <= limit else (s_o(limit), limit)
 
 
-def _bars(r: Response) -> dict[str, float]:
-    """Printed bars of design numbers."""
-    return {row["quantity"]: row["bar"] or 0.0 for row in r.design}
-
-
-def _contacts(r: Response, readings: Readings) -> list[str]:
+def _contacts(readings: Readings, bars: dict[str, float]) -> list[str]:
     """What is hit, and what is closer than its printed bar."""
-    bars = _bars(r)
     hit = []
     near = []
-    for name in readings.rooms.profiles:
-        possible = []
-        for kind in ("clearance_rope_min", "clearance_car_min"):
-            value = readings.of(f"{kind}:{name}")
+    for name in readings.profiles:
+        low = high = math.inf
+        for quantity in (f"clearance_rope_min:{name}", f"clearance_car_min:{name}"):
+            value = readings.of(quantity)
             if value is not None:
-                bar = bars.get(f"{kind}:{name}", 0.0)
-                possible.append((value - bar, value + bar))
-        lowest, highest = (min((x[i] for x in possible), default=math.inf) for i in (0, 1))
-        if highest < 0.0:
+                bar = bars.get(quantity, 0.0)
+                low = min(low, value - bar)
+                high = min(high, value + bar)
+        if high < 0.0:
             hit.append(name)
-        elif lowest < 0.0:
+        elif low < 0.0:
             near.append(name)
-    parts = [f"would hit {' and '.join(hit)}"] if hit else []
-    return parts + ([f"too close to tell whether it clears {' and '.join(near)}"] if near else [])
+    parts = {"would hit ": hit, "too close to tell whether it clears ": near}
+    return [words + " and ".join(names) for words, names in parts.items() if names]
 
 
-def _break(r: Response, readings: Readings, right: Ending) -> None:
+def _break(right: Ending, readings: Readings, bar: float) -> None:
     """Put a breaking rope into what an outcome must say."""
-    bar = _bars(r).get("safety_factor_min")
-    if bar is None:
-        return
     factor = readings.of("safety_factor_min")
-    load = readings.given.cable["breaking_load"]
     assert factor is not None
     if factor + bar < 1.0:
+        load = readings.given.cable["breaking_load"] / 1e3
         right.kind = "breaks"
-        right.numbers = [load / factor / 1e3, load / 1e3, *right.numbers]
+        right.numbers = [load / factor, load, *right.numbers]
     elif factor - bar < 1.0:
-        right.parts = ["too close to tell whether the rope breaks", *right.parts]
+        right.parts.insert(0, "too close to tell whether the rope breaks")
 
 
 # --- the quasi-static ride ----------------------------------------------------------------------------------------
@@ -400,12 +378,11 @@ def energy_of_ride(r: Response) -> Agreement:
     The car has kinetic energy, the rope has none. The gap is over the car's weight times the range of its depth.
     """
     m = Evidence(r, Windows(r.fields.t[::2], r.t))
-    gap, coarse = (_unexplained(x) for x in (m, m.thinned()))
-    allowed = 3.0 * float(np.abs(gap - coarse).max()) + STATICS
+    gap = _unexplained(m)
+    allowed = 3.0 * float(np.abs(gap - _unexplained(m.thinned())).max()) + STATICS
     k = int(np.abs(gap).argmax())
-    return _row(
-        r, "energy", "quasi-static", float(np.abs(gap[k])), allowed, float(r.fields.s_o[m.frames][k] / r.length)
-    )
+    where = float(r.fields.s_o[m.frames][k] / r.length)
+    return _row(r, "energy", "quasi-static", float(np.abs(gap[k])), allowed, where)
 
 
 STATICS = 1e-5  # of the energy: interpolation of the cable at rest
@@ -415,9 +392,9 @@ def _unexplained(m: Evidence) -> Array:
     """Energy at frames (k,) beyond that at the start and the work since, over the scale."""
     r = m.r
     given = m.given
-    car = 0.5 * given.mass * np.sum(r.velocity**2, axis=1) - given.weight * r.y
+    speed = _speed(r)[:, None]
+    car = 0.5 * given.mass * speed[:, 0] ** 2 - given.weight * r.y
     energy = np.interp(m.t, r.t, car) + m.along["energies"][:, 1:].sum(axis=1)  # without the rope's motion
-    speed = np.sqrt(np.sum(r.velocity**2, axis=1))[:, None]
     along = np.divide(r.velocity, speed, out=np.zeros_like(r.velocity), where=speed > 0.0)  # the path (n, 2)
     pressed = given.mass * (r.acceleration - [0.0, given.gravity]) - m.drag  # force of the rope on the car (n, 2)
     normal = np.abs(cross(along, pressed))

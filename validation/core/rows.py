@@ -1,8 +1,8 @@
 """The table of compared quantities, with scales and tolerances."""
 
-import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
@@ -14,7 +14,7 @@ from cablefem.response import Array, Flag, Response
 from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.agreement import APART, DEFAULT_TOL, Agreement, Bound, Part, finite, nothing
-from validation.core.ladder import Apart, Ladder, Of, itself, largest
+from validation.core.ladder import Apart, Goal, Ladder, Of, itself, largest
 from validation.core.measures import SLACK_END, NotComparable
 from validation.core.methods import METHODS
 from validation.core.order import FIRST
@@ -22,6 +22,8 @@ from validation.core.view import View
 
 Gap = Callable[[Response, Response, View], float]
 Series = Callable[[Response], Array]
+Asked = Callable[[str], float]
+Event = dict[str, Any]
 
 TENSION = 10.0  # force tolerance over path tolerance: forces are first order, paths second
 REST = 0.05  # tolerance of all else
@@ -29,15 +31,15 @@ VELOCITY = 0.10  # tolerance of summed velocity against displacement
 ROUNDING = 1e-12  # of every scale
 AXIAL_MEAN = "mean over an axial round trip"
 ALONG = "along the cable"
-EVENTS = ("brake", "arrival", "back", "stop", "turn")  # both answers must tell the first of each
+EVENTS = ("brake", "arrival", "back", "stop", "turn")  # both answers must have the first of each
 DOUBTS = ("fast", "slow waves", "energy", "hidden slack", "no bar")  # flags of bars that may be too small
 
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """One line of the table.
+    """One compared quantity.
 
-    asks : tolerance "path", "force" or "rest"; "" if only shown.  concerns : views with such a row.
+    asks : tolerance "path", "force" or "rest"; "" if only shown.  concerns : views that have the quantity.
     order : the most credited.
     """
 
@@ -58,9 +60,13 @@ def _of(names: tuple[str, ...], scale: float, r: Response) -> Array:
 
 
 def _series(*names: str, over: str, mean: bool = False, largest: bool = False) -> Gap:
+    """The gap of series of a response, over a scale of the view; mean : over an axial round trip."""
 
     def gap(x: Response, y: Response, view: View) -> float:
-        of: Series = partial(_of, names, getattr(view, over) if over != "top" or view.top else float(y.speed.max()))
+        scale = getattr(view, over)
+        if over == "top" and not scale:  # of a ride
+            scale = float(y.speed.max())
+        of: Series = partial(_of, names, scale)
         if "speed" in names and view.free:
             of = partial(_until_stop, of)
         return measures.series_gap(x, y, view.window, of, view.axial if mean else 0.0, largest=largest)
@@ -70,7 +76,7 @@ def _series(*names: str, over: str, mean: bool = False, largest: bool = False) -
 
 def _until_stop(of: Series, r: Response) -> Array:
     """Values (n, c) with nan past a lasting stop, whose time depends on axial waves."""
-    stop = happened("stop", r)
+    stop = happened("stop", r.events)
     values = of(r)
     return values if stop is None else np.where(r.t[:, None] <= stop["t"], values, math.nan)
 
@@ -105,57 +111,76 @@ TABLE = (
 
 
 def asked_of(asks: str, tol: float, tol_tension: float | None) -> float:
-    rest = max(REST, 10.0 * tol)
-    known = {"path": tol, "force": TENSION * tol if tol_tension is None else tol_tension}
-    return known.get(asks, max(VELOCITY, rest) if asks == "velocity" else rest)
+    """The tolerance of a kind of quantity: "path", "force", "velocity", or any other."""
+    if asks == "path":
+        return tol
+    if asks == "force":
+        return TENSION * tol if tol_tension is None else tol_tension
+    return max(VELOCITY if asks == "velocity" else REST, 10.0 * tol)
 
 
 def compare(
     scene: Scene, a: Ladder, b: Ladder, *, tol: float = DEFAULT_TOL, tol_tension: float | None = None
 ) -> list[Agreement]:
-    """All rows of two answers to one scene.
+    """All rows of two answers to one scene, laws of mechanics among them.
 
     tol : of path, place and mean speed;  tol_tension : of mean forces, default ten times `tol`.
     """
-    from validation.core import laws  # loaded while solvers run
-
-    whole = View.of(scene)
     asked = partial(asked_of, tol=tol, tol_tension=tol_tension)
+    return compare_answers(scene, a, b, asked) + check_laws(scene, a, b, asked)
+
+
+def compare_answers(scene: Scene, a: Ladder, b: Ladder, asked: Asked) -> list[Agreement]:
+    """The rows that compare two answers;  asked : tolerance of a kind of quantity, as `asked_of`."""
+    full = View.of(scene)
     rows = list(independent(a.finest, b.finest))
     try:
-        view = whole.cut(a.finest, b.finest)
+        view = full.cut(a.finest, b.finest)
     except NotComparable as why:
         return [Agreement("path_max", math.nan, nothing(why)), *rows]
     a = a.over(view)
     b = b.over(view)
     for quantity in TABLE:
-        if quantity.concerns(view) and all(_tells(quantity, x.finest, view) for x in (a, b)):
+        if quantity.concerns(view) and all(_has(quantity, x.finest, view) for x in (a, b)):
             rows.append(_row(quantity, a, b, view, asked(quantity.asks)))
-    rows += _worse_of(row for x in (a, b) for row in laws.hold(x, view.window, view.until, asked))
     if view.free:
-        rows += [row for event in EVENTS for row in _event(event, a, b, asked("rest"))]
-    rows += [*_range(a, b, view, whole, asked("rest")), _slack_onset(a, b, whole, asked("rest"))]
+        for event in EVENTS:
+            rows += _event(event, a, b, asked("rest"))
+    rows += _range(a, b, view, full, asked("rest"))
+    rows.append(_slack_onset(a, b, full, asked("rest")))
     unique = scene.groups.internal_damping > 0.0  # else waves of the slack cable have no answer to converge to
     return rows + [replace(row, asked=unique) for row in _past_slack(a, b, view, asked("rest"))]
 
 
-def forces_left(scene: Scene, ladder: Ladder, tol: float) -> tuple[float, float]:
-    """Parts of space and time in the worst bar of a mean force, over what is asked at `tol`."""
+def check_laws(scene: Scene, a: Ladder, b: Ladder, asked: Asked) -> list[Agreement]:
+    """The rows of laws of mechanics, each of the answer that keeps it worse; none if there is nothing to compare."""
+    from validation.core import laws  # loaded while solvers run
+
+    try:
+        view = View.of(scene).cut(a.finest, b.finest)
+    except NotComparable:
+        return []
+    ladders = a.over(view), b.over(view)
+    return list(_worse_of(row for x in ladders for row in laws.hold(x, view.window, view.until, asked)))
+
+
+def force_goal(scene: Scene, ladder: Ladder, tol: float) -> Goal:
+    """The mean force with the largest bar, and what is asked of it at a path tolerance."""
+    asked = asked_of("force", tol, None)
+    worst = Goal((0.0, 0.0), asked, FIRST)
     try:
         view = View.of(scene).cut(ladder.finest)
     except NotComparable:
-        return 0.0, 0.0
-    asked = asked_of("force", tol, None)
+        return worst
     over = ladder.over(view)
-    worst = (0.0, 0.0)
     for quantity in TABLE:
-        if quantity.asks == "force" and quantity.concerns(view) and _tells(quantity, over.finest, view):
-            found = over.parts(itself, partial(_apart, quantity, view))
-            worst = max(worst, (found[0] / asked, found[1] / asked), key=sum)
+        if quantity.asks == "force" and quantity.concerns(view) and _has(quantity, over.finest, view):
+            parts = over.parts(itself, partial(_apart, quantity, view))
+            worst = max(worst, Goal(parts, asked, FIRST), key=lambda goal: goal.excess)
     return worst
 
 
-def _tells(quantity: Quantity, r: Response, view: View) -> bool:
+def _has(quantity: Quantity, r: Response, view: View) -> bool:
     try:
         quantity.gap(r, r, view)
     except NotComparable:
@@ -186,16 +211,17 @@ def _compared(
 def _barred(
     name: str, gap: float, a: Ladder, b: Ladder, parts: list[tuple[float, float]], asked_for: float
 ) -> Agreement:
-    bars = tuple(
-        Part(x.finest.method, max(ROUNDING, sum(part)), "coarser runs") for x, part in zip((a, b), parts, strict=True)
-    )
-    return Agreement(name, gap, Bound("error bars", bars), asked_for=asked_for, parts=tuple(parts))
+    bars = []
+    for x, in_space_and_time in zip((a, b), parts, strict=True):
+        bars.append(Part(x.finest.method, max(ROUNDING, sum(in_space_and_time)), "coarser runs"))
+    return Agreement(name, gap, Bound("error bars", tuple(bars)), asked_for=asked_for, parts=tuple(parts))
 
 
 def independent(a: Response, b: Response) -> Iterator[Agreement]:
     """A row if two answers share a wing or their numbers."""
-    wings = {METHODS[r.method].wing for r in (a, b) if r.method in METHODS}
-    if len(wings) == 1 and all(r.method in METHODS for r in (a, b)):
+    ours = [METHODS[r.method] for r in (a, b) if r.method in METHODS]
+    wings = {method.wing for method in ours}
+    if len(wings) == 1 and len(ours) == 2:
         yield Agreement("independence", math.nan, nothing(f"both answers come from the wing {wings.pop()!r}"))
     if np.array_equal(a.v, b.v) and a.v.any():
         yield Agreement("independence", math.nan, nothing("both answers are the same numbers"))
@@ -204,97 +230,124 @@ def independent(a: Response, b: Response) -> Iterator[Agreement]:
 # --- events and slack -----------------------------------------------------------------------------------------------
 
 
-def happened(event: str, r: Response, after: int = 0) -> dict[str, Any] | None:
-    """An event of the run, number `after` of its kind, or None."""
-    return next(itertools.islice((x for x in r.events if x["event"] == event), after, None), None)
+def happened(event: str, events: Sequence[Event], after: int = 0) -> Event | None:
+    """An event, number `after` of its kind, or None."""
+    of_kind = [x for x in events if x["event"] == event]
+    return of_kind[after] if after < len(of_kind) else None
+
+
+def _numbered(events: Sequence[Event]) -> Iterator[tuple[Event, int]]:
+    """Each event and its number among those of its kind."""
+    counts: Counter[str] = Counter()
+    for event in events:
+        yield event, counts[event["event"]]
+        counts[event["event"]] += 1
 
 
 def _of_event(event: str, name: str, scale: float, r: Response, after: int = 0) -> float:
-    found = happened(event, r, after)
+    found = happened(event, r.events, after)
     if found is None:
-        raise NotComparable(f"{r.method} tells no {event}")
+        raise NotComparable(f"{r.method} has no {event}")
     return float(found[name]) / scale
 
 
 def _event(event: str, a: Ladder, b: Ladder, asked_for: float) -> Iterator[Agreement]:
     runs = a.finest, b.finest
-    told = [x for r in runs if (x := happened(event, r)) is not None]
-    slack = min(r.slack_since for r in runs)
-    if not told or min(x["t"] for x in told) > slack:
+    both = [happened(event, r.events) for r in runs]
+    instants = [x["t"] for x in both if x is not None]
+    if not instants or min(instants) > min(r.slack_since for r in runs):
         return
-    if len(told) < 2:
-        bars = [(x.told(lambda r: happened(event, r) is not None), 0.0) for x in (a, b)]
+    if len(instants) < 2:
+        bars = [(x.unanimous(lambda r: happened(event, r.events) is not None), 0.0) for x in (a, b)]
         yield replace(_barred("events", 1.0, a, b, bars, asked_for), law=event)
         return
-    for name, what, scale in (("t", "time", runs[1].t[-1]), ("speed", "speed", runs[1].speed.max())):
-        if what == "time" or event not in ("stop", "turn"):
-            row = _compared("events", a, b, asked_for, partial(_of_event, event, name, float(scale)))
-            yield replace(row, law=f"{event}: {what}")
+    scales = {"t": ("time", float(runs[1].t[-1])), "speed": ("speed", float(runs[1].speed.max()))}
+    if event in ("stop", "turn"):
+        del scales["speed"]
+    for name, (what, scale) in scales.items():
+        row = _compared("events", a, b, asked_for, partial(_of_event, event, name, scale))
+        yield replace(row, law=f"{event}: {what}")
 
 
-def with_bars(ladder: Ladder) -> list[dict[str, Any]]:
+EVENT_BARS = {"t": "bar_t", "s_o": "bar_s_o", "speed": "bar_speed"}
+
+
+def with_bars(ladder: Ladder) -> list[Event]:
     """A run's events with bars bar_t [s], bar_s_o [m], bar_speed [m/s]; None if unknown."""
-
-    def bar(x: dict[str, Any], name: str, after: int) -> float | None:
-        return finite(ladder.bar(partial(_of_event, x["event"], name, 1.0, after=after), order=1.0))
-
-    out = []
-    kinds = [x["event"] for x in ladder.finest.events]
-    for i, x in enumerate(ladder.finest.events):
-        after = kinds[:i].count(x["event"])
-        out.append(x | {f"bar_{name}": bar(x, name, after) for name in ("t", "s_o", "speed")})
-    return out
+    barred = []
+    for event, after in _numbered(ladder.finest.events):
+        bars = {}
+        for name, bar in EVENT_BARS.items():
+            value = partial(_of_event, event["event"], name, 1.0, after=after)
+            bars[bar] = finite(ladder.bar(value, order=FIRST))
+        barred.append(event | bars)
+    return barred
 
 
-def beside(a: Ladder, quasi_static: list[dict[str, Any]], asked_for: float) -> Iterator[Agreement]:
-    """Shown rows: time over the ride's, speed over the largest, of events of the full and the quasi-static ride."""
+def widened_events(events: Sequence[Event], others: Sequence[Event]) -> list[Event]:
+    """Events with bars of at least the gap to the same event of the other solver."""
+    widened = []
+    for event, after in _numbered(events):
+        other = happened(event["event"], others, after)
+        bars = {}
+        for name, bar in EVENT_BARS.items():
+            if other is not None and event[bar] is not None:
+                bars[bar] = max(event[bar], abs(event[name] - other[name]))
+        widened.append(event | bars)
+    return widened
+
+
+def beside(a: Ladder, quasi_static: list[Event], asked_for: float) -> Iterator[Agreement]:
+    """Shown rows of events of the full and the quasi-static ride: time over duration, speed over top speed."""
     scales = {"t": ("time", float(a.run.t[-1])), "speed": ("speed", float(a.run.speed.max()))}
     for event in EVENTS[:3]:
-        full, static = (next((x for x in of if x["event"] == event), None) for of in (a.run.events, quasi_static))
+        full = happened(event, a.run.events)
+        static = happened(event, quasi_static)
         if full is None or static is None:
             continue
         for name, (what, scale) in scales.items():
-            own = finite(full[f"bar_{name}"])
-            other = static[f"bar_{name}"]
+            own = full[EVENT_BARS[name]]
             parts = (
                 Part(a.run.method, math.inf if own is None else own / scale, "coarser runs"),
-                Part("quasi-static", other / scale, "inertia of the rope"),
+                Part("quasi-static", static[EVENT_BARS[name]] / scale, "inertia of the rope"),
             )
             gap = abs(full[name] - static[name]) / scale
-            law = f"{event}: {what}"
             bound = Bound("error bars", parts)
+            law = f"{event}: {what}"
             yield Agreement("quasi-static", gap, bound, law=law, asked_for=asked_for, asked=False)
 
 
-def _slack_onset(a: Ladder, b: Ladder, whole: View, asked_for: float) -> Agreement:
-    """How far both answers are apart where the first cable goes slack; no slack counts as the window's end.
+def _slack_onset(a: Ladder, b: Ladder, full: View, asked_for: float) -> Agreement:
+    """Distance of both answers where the first cable goes slack; no slack counts as the window's end.
 
-    Least tensions so far, over H, are falling curves over s_o/l.  Their distance is that of Levy: along a line of
-    slope 1 through the onset, so that it is a difference of places at a steep front and of tensions on a gentle slope.
+    Smallest tensions so far, over H, are falling curves over s_o/l.  Their Levy distance is taken along a slope of 1
+    through the onset: a difference of positions at a steep front, of tensions on a gentle slope.
     """
-    end = whole.window[1]
+    end = full.window[1]
     first = min(end, a.finest.slack_from, b.finest.slack_from)
 
     def passes(r: Response) -> float:
-        place = np.maximum.accumulate(r.s_o) / whole.length
-        told = r.tension_min / whole.H
-        least = np.minimum.accumulate(np.where(place < r.slack_from, told, np.minimum(told, 0.0)))
-        n = int(np.searchsorted(place, end))
-        last = float(np.interp(end, place, least))
-        x = np.append(place[:n], [end, end])
-        y = np.append(least[:n], [last, min(0.0, last)])
+        position = np.maximum.accumulate(r.s_o) / full.length  # (n,)
+        tension = r.tension_min / full.H
+        slack = position >= r.slack_from
+        smallest = np.minimum.accumulate(np.where(slack, np.minimum(tension, 0.0), tension))
+        at_end = float(np.interp(end, position, smallest))
+        inside = position < end  # beyond, the curve drops to slack
+        x = np.append(position[inside], [end, end])
+        y = np.append(smallest[inside], [at_end, min(0.0, at_end)])
         return float(np.interp(first, x - y, y))
 
     return replace(_compared("slack_onset", a, b, asked_for, passes), where=first)
 
 
-def _range(a: Ladder, b: Ladder, view: View, whole: View, asked_for: float) -> Iterator[Agreement]:
+def _range(a: Ladder, b: Ladder, view: View, full: View, asked_for: float) -> Iterator[Agreement]:
     """A row if an answer breaks before the window ends or the other goes slack."""
-    if whole.free:
-        broke = any(r.finest.status != "complete" and r.finest.slack_onset is None for r in (a, b))
-        missing = max(0.0, 1.0 - view.until / max(float(x.finest.t[-1]) for x in (a, b))) if broke else 0.0
-    else:
-        missing = min(whole.window[1], a.finest.slack_from, b.finest.slack_from) - view.window[1]
+    runs = a.finest, b.finest
+    missing = 0.0
+    if not full.free:
+        missing = min(full.window[1], *(r.slack_from for r in runs)) - view.window[1]
+    elif any(r.status != "complete" and r.slack_onset is None for r in runs):
+        missing = max(0.0, 1.0 - view.until / max(float(r.t[-1]) for r in runs))
     if missing > 1e-6:
         yield replace(_barred("range", missing, a, b, [(math.inf, 0.0)] * 2, asked_for), where=view.window[1])
 
@@ -307,19 +360,19 @@ def _past_slack(a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[
     end = min(SLACK_END, a.finest.reached, b.finest.reached)
     if view.rolls or not onset < end:
         return
-    place = np.linspace(onset, end, 200)[1:-1]
+    positions = np.linspace(onset, end, 200)[1:-1]  # s_o/l, (n,)
 
-    def apart(x: Response, y: Response) -> Array:
-        return np.maximum.accumulate(np.nan_to_num(trust.gap(x, y, place), nan=math.inf))
+    def largest_so_far(x: Response, y: Response) -> Array:
+        return np.maximum.accumulate(np.nan_to_num(trust.gap(x, y, positions), nan=math.inf))
 
-    bars = [x.bar(itself, apart, 1.0) for x in (a, b)]
-    allowed = sum(bars) * np.ones(place.size)
-    gaps = apart(a.finest, b.finest)
-    known = max(1, int(np.count_nonzero(np.maximum.accumulate(allowed) <= asked_for)))
-    worst = int(np.argmax((gaps / allowed)[:known]))
-    parts = [(float(np.ravel(bar * np.ones(place.size))[worst]), 0.0) for bar in bars]
+    bars = [np.broadcast_to(x.bar(itself, largest_so_far, FIRST), positions.shape) for x in (a, b)]
+    allowed = bars[0] + bars[1]
+    gaps = largest_so_far(a.finest, b.finest)
+    within = int(np.count_nonzero(np.maximum.accumulate(allowed) <= asked_for))
+    worst = int(np.argmax((gaps / allowed)[: max(1, within)]))
+    parts = [(float(bar[worst]), 0.0) for bar in bars]
     row = _barred("path_slack", float(gaps[worst]), a, b, parts, asked_for)
-    yield replace(row, where=float(place[worst]))
+    yield replace(row, where=float(positions[worst]))
 
 
 # --- an answer and mechanics ----------------------------------------------------------------------------------------

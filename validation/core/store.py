@@ -25,6 +25,11 @@ class Refused(ValueError):
         return "\n".join(self.faults)
 
 
+def study_folder(name: str, quick: bool) -> str:
+    """Name of the folder of a study; a quick one has a folder of its own."""
+    return f"{name}-quick" if quick else name
+
+
 def claim(out: Path | None, command: str, scene: Any, writes: Sequence[str]) -> Path:
     """The folder for a command's results, made and marked; Refused if a file that is not ours has one of their names.
 

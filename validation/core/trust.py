@@ -1,4 +1,4 @@
-"""How far an answer can be trusted: up to where its path and a finer one part."""
+"""How far an answer can be trusted: to where its path differs from that of finer runs."""
 
 import math
 from collections.abc import Sequence
@@ -10,16 +10,18 @@ from scipy.interpolate import PchipInterpolator
 from cablefem.response import Array, Response
 
 
-def _path(r: Response, place: Array) -> Array:
-    """(u, v) of the mass at places s_o/l, (n, 2); nan beyond the last step."""
-    s = r.s_o / r.length
-    rising = np.concatenate([[True], np.diff(s) > 0.0])
-    return np.asarray(PchipInterpolator(s[rising], np.stack([r.u, r.v], axis=1)[rising], extrapolate=False)(place))
+def _path(r: Response, at: Array) -> Array:
+    """(u, v) of the mass at s_o/l (n,), (n, 2); nan beyond the last step."""
+    position = r.s_o / r.length
+    rising = np.concatenate([[True], np.diff(position) > 0.0])
+    path = np.stack([r.u, r.v], axis=1)
+    return np.asarray(PchipInterpolator(position[rising], path[rising], extrapolate=False)(at))
 
 
-def gap(a: Response, b: Response, place: Array) -> Array:
+def gap(a: Response, b: Response, at: Array) -> Array:
     """The distance of two paths at s_o/l (n,), over the largest deflection."""
-    return np.linalg.norm(_path(a, place) - _path(b, place), axis=1) / max(a.max_deflection, b.max_deflection)
+    distance = np.linalg.norm(_path(a, at) - _path(b, at), axis=1)
+    return distance / max(a.max_deflection, b.max_deflection)
 
 
 def post_slack_spread(a: Response, b: Response, stop: float) -> float:
@@ -34,6 +36,10 @@ FLOOR = 1e-3
 STRETCH = 0.02
 
 
+def _rms(x: Array) -> float:
+    return float(np.sqrt(np.nanmean(x**2)))
+
+
 def convergence_limit(runs: Sequence[Response]) -> float:
     """The s_o/l beyond which finer runs do not approach each other.
 
@@ -45,10 +51,9 @@ def convergence_limit(runs: Sequence[Response]) -> float:
     end = min(r.reached for r in (coarse, middle, fine))
     edges = np.append(np.arange(0.0, end, STRETCH), end)
     for low, high in pairwise(edges.tolist()):
-        place = np.linspace(low, high, 41)[1:]
-        before, after = (
-            float(np.sqrt(np.nanmean(gap(a, b, place) ** 2))) for a, b in ((coarse, middle), (middle, fine))
-        )
+        at = np.linspace(low, high, 41)[1:]
+        before = _rms(gap(coarse, middle, at))
+        after = _rms(gap(middle, fine, at))
         if not after <= max(CLOSING * before, FLOOR):
             return float(low)
     return float(end)

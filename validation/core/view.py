@@ -12,7 +12,7 @@ from validation.core.measures import WINDOWS, Window, window_of
 class View:
     """What is compared of one scene.
 
-    axis : "place"; "time" for a ride, or a travel that stands still on its way.
+    axis : "place"; "time" for a ride, or a travel with a standstill.
     window : range of s_o/l.  until : [s] end of a ride's comparison; else infinite.
     free : the travel is an answer;  rolls : friction and contact matter.
     """

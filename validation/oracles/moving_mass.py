@@ -11,7 +11,7 @@ by collocation at Chebyshev points between arrivals of fronts.
 With sigma (1 + V^2) it is the limit of a sagging cable for sigma -> 0 at fixed V, mu, alpha.
 
 Source: Smith 1964; Dyniewicz & Bajer 2009
-Validity: 0 <= xi <= 1 - REACH, |xi'| < 1 throughout
+Validity: 0 <= xi <= 0.99, |xi'| < 1 throughout
 Accuracy: 5e-9 of the largest y up to xi = 0.95, mu 0.1 to 20, speeds 0.14 to 0.9; 1e-7 at speed 0.1
 Group: A mass on a taut string
 """

@@ -13,7 +13,7 @@ from markupsafe import Markup, escape
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from validation.page.page import asset
+from validation.page.page import asset, figure_of, plain
 from validation.page.plot import BLACK, COLORS, GREY
 
 WIDTH = 4.8  # inches: fills a phone, and two fill a row of a desktop
@@ -23,10 +23,10 @@ _LOOKS = tomllib.loads(asset("looks.toml"))
 DASHES = ("-", *((0, tuple(dash)) for dash in _LOOKS["dashes"]))  # after a solid line
 MARKERS = tuple(_LOOKS["markers"])
 
-_FILE = resources.files("validation.page") / "assets" / "report.mplstyle"
-STYLE: Any = mpl.rc_params_from_file(str(_FILE), use_default_template=False) | {
-    "axes.edgecolor": GREY, "axes.prop_cycle": cycler(color=list(PALETTE)) + cycler(linestyle=list(DASHES)),
-}  # fmt: skip
+_FILE = resources.files(__package__) / "assets" / "report.mplstyle"
+STYLE: Any = mpl.rc_params_from_file(str(_FILE), use_default_template=False)
+STYLE["axes.edgecolor"] = GREY
+STYLE["axes.prop_cycle"] = cycler(color=list(PALETTE)) + cycler(linestyle=list(DASHES))
 
 
 def style() -> Any:
@@ -41,6 +41,11 @@ def panels(rows: int = 1, columns: int = 1, *, height: float = 2.9, **how: Any) 
         return fig, fig.subplots(rows, columns, **how)
 
 
+def figure(fig: Figure, caption: str, *, label: str = "") -> Markup:
+    """A figure with its caption; `label` describes it for screen readers."""
+    return figure_of(svg(fig, plain(label or caption)), caption)
+
+
 def svg(fig: Figure, label: str) -> Markup:
     """A figure as inline SVG with ids of its own."""
     out = io.BytesIO()
@@ -53,10 +58,9 @@ def svg(fig: Figure, label: str) -> Markup:
     text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
     # to 0.01 pt
     text = re.sub(r'(?<= d=")[^"]+', lambda d: re.sub(r"(\.\d\d)\d+", r"\1", d[0]), text)
-    text = re.sub(r'\s(?:xmlns(?::xlink)?|version)="[^"]*"', "", text)  # known to HTML
+    text = re.sub(r'\s(?:xmlns(?::xlink)?|version)="[^"]*"', "", text)  # HTML needs none
     text = text.replace("xlink:href", "href")
     # at most the drawn size
-    text = re.sub(
-        r'<svg width="[\d.]+pt" height="[\d.]+pt"', f'<svg role="img" aria-label="{escape(label)}"', text, count=1
-    )
+    size = r'<svg width="[\d.]+pt" height="[\d.]+pt"'
+    text = re.sub(size, f'<svg role="img" aria-label="{escape(label)}"', text, count=1)
     return Markup(re.sub(r"\n\s*", "\n", text).strip())

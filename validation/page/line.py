@@ -17,8 +17,8 @@ from validation.page.answer.many import Column, Columns, Row, label, table_of
 from validation.page.page import VERDICTS, Section, asset, drawn
 from validation.page.plot import BLACK, BLUE, COLORS, DASHED, DOTTED, GREY, Panel, plot, side
 
-SAID = tomllib.loads(asset("line.toml"))
-WORDS: dict[str, dict[str, str]] = SAID["quantity"]
+_TEXT = tomllib.loads(asset("line.toml"))
+WORDS: dict[str, dict[str, str]] = _TEXT["quantity"]
 RECHECKED = ("laws_si", "printed")  # rows from the TOML alone
 GRID = ("tension_max", "safety_factor", "load", "haul", "rise", "clearance_rope", "clearance_car")
 
@@ -35,15 +35,18 @@ def named(name: str) -> str:
 
 def value_of(value: float, unit: str) -> str:
     """A value with its unit, to a millimetre or a newton."""
-    factor, words = (1.0, unit) if unit == "m" else scale_of(np.array([value]), unit)
-    words = {"deg": "°", "": ""}.get(words, f" {words}")
-    return f"{round(factor * value, 3) + 0.0:.3f}{words}"  # no -0.000
+    factor = 1.0
+    if unit != "m":
+        factor, unit = scale_of(np.array([value]), unit)
+    suffix = {"deg": "°", "": ""}.get(unit, f" {unit}")
+    return f"{round(factor * value, 3) + 0.0:.3f}{suffix}"  # no -0.000
 
 
 def pairs(design: Sequence[Row]) -> list[Row]:
     """One row per quantity: largest and smallest value, and the cars' positions then."""
     out: dict[str, Row] = {}
-    for d in sorted(design, key=lambda d: list(WORDS).index(kind_of(d["quantity"]))):
+    order = list(WORDS)
+    for d in sorted(design, key=lambda d: order.index(kind_of(d["quantity"]))):
         words = named(d["quantity"])
         row = out.setdefault(words, {"quantity": words, "largest": "", "smallest": ""})
         cars = ", ".join(f"{name} {x:.0f}" for name, x in d["at"].items())
@@ -56,13 +59,14 @@ def pairs(design: Sequence[Row]) -> list[Row]:
     return list(out.values())
 
 
-def tell(line: Any, outcome: str, design: Sequence[Row], refused: Sequence[Row], most: int = 14) -> None:
+def tell(line: Any, outcome: str, design: Sequence[Row], refused: Sequence[Row]) -> None:
+    """Print outcome, the first 14 design numbers, and the first three positions without rest."""
     terminal.say(f"{line.name}: {outcome}", style="bold")
-    few = ("tension", "tension_behind", "tension_ahead", "pressure", "pressure_down", "load")
-    first = pairs([d for d in design if kind_of(d["quantity"]) not in few])
-    terminal.table(["quantity", "largest (cars at x [m])", "smallest"], [list(x.values()) for x in first[:most]])
-    if len(first) > most:
-        terminal.say(f"  {len(first) - most} more in the report")
+    not_printed = ("tension", "tension_behind", "tension_ahead", "pressure", "pressure_down", "load")
+    printed = pairs([d for d in design if kind_of(d["quantity"]) not in not_printed])
+    terminal.table(["quantity", "largest (cars at x [m])", "smallest"], [list(x.values()) for x in printed[:14]])
+    if len(printed) > 14:
+        terminal.say(f"  {len(printed) - 14} more in the report")
     for x in refused[:3]:
         terminal.say(f"  position {x['position']}: {x['reason']}", style="bold red")
     if len(refused) > 3:
@@ -70,36 +74,49 @@ def tell(line: Any, outcome: str, design: Sequence[Row], refused: Sequence[Row],
 
 
 def columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
-    names = dict.fromkeys(name for x in rows for name in x if kind_of(name) in GRID and name not in keys)
-    words = ("outcome", "status", "verdict", "why")
-    last = [name for name in words if any(x.get(name) not in (None, "complete") for x in rows)]
-    heads = {key: key for key in keys} | {n: _head(n) for n in names} | {name: name for name in last}
+    """Columns of a table of lines: varied values, design numbers of GRID, what became of each line."""
+    heads = {key: key for key in keys}
+    for name in dict.fromkeys(name for x in rows for name in x):
+        if kind_of(name) in GRID and name not in keys:
+            heads[name] = _head(name)
+    for name in ("outcome", "status", "verdict", "why"):
+        if any(x.get(name) not in (None, "complete") for x in rows):
+            heads[name] = name
     return {name: Column(head, digits=6) for name, head in heads.items()}
 
 
 def _head(name: str) -> str:
-    unit = WORDS[kind_of(name)]["unit"]
-    smallest = name.partition(":")[0].endswith("_min")
-    which = "smallest " if smallest else "largest "
-    if kind_of(name) in ("tension_max", "safety_factor"):
+    kind = kind_of(name)
+    unit = WORDS[kind]["unit"]
+    which = "smallest " if name.partition(":")[0].endswith("_min") else "largest "
+    if kind in ("tension_max", "safety_factor"):
         which = ""
-    return which + named(name) + (f" [{unit}]" if unit else "")
+    return f"{which}{named(name)} [{unit}]" if unit else which + named(name)
 
 
 def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None) -> list[Section]:
     """Pages of the line in a folder; rows and verdict of a check."""
-    summary, ropes = (store.read(folder / f"{name}.json") for name in ("summary", "ropes"))
+    summary = store.read(folder / "summary.json")
+    ropes = store.read(folder / "ropes.json")
     line = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
     with (folder / "positions.csv").open(encoding="utf-8", newline="") as file:
         positions = list(csv.DictReader(file))
     over = list(_over(line["car"][0]["name"], positions)) if summary["positions"] > 1 else []
-    kind = {"breaks": "disagree", "collides": "disagree"}.get(summary["outcome_kind"])
+    alarm = "disagree" if summary["outcome_kind"] in ("breaks", "collides") else None
     return drawn(
-        "validation.page", "assets/line.html", id=folder.name, verdict=verdict, refused=summary["refused"],
-        outcome=summary["outcome"], alarm=kind, side=_side(line, ropes, positions), design=pairs(summary["design"]),
-        over=over, compared=[x for x in rows if x["quantity"] not in RECHECKED],
+        __package__,
+        "assets/line.html",
+        id=folder.name,
+        verdict=verdict,
+        refused=summary["refused"],
+        outcome=summary["outcome"],
+        alarm=alarm,
+        side=_side(line, ropes, positions),
+        design=pairs(summary["design"]),
+        over=over,
+        compared=[x for x in rows if x["quantity"] not in RECHECKED],
         rechecked=[x for x in rows if x["quantity"] in RECHECKED],
-    )  # fmt: skip
+    )
 
 
 def _floats(positions: Sequence[Row], name: str) -> Array:
@@ -107,39 +124,50 @@ def _floats(positions: Sequence[Row], name: str) -> Array:
 
 
 def _side(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup:
-    told = {name: np.array(values) for name, values in ropes["profile"].items()}
-    x = told["x"]
-    end = float(told["x"][-1])
+    """Rope at rest and at all positions, cars, supports, ground and obstacles from the side."""
+    profile = {name: np.array(values) for name, values in ropes["profile"].items()}
+    x = profile["x"]
+    highest = profile["y_highest"]
+    lowest = profile["y_lowest"]
+    end = float(x[-1])
     ground = np.array(line.get("ground", [])).reshape(-1, 2)
     obstacles = line.get("obstacle", [])
+    cars = [_Car(car, positions) for car in line.get("car", [])]
     p = Panel("depth [m]", "", down=True)
-    cars = [
-        (car, _floats(positions, f"x:{car['name']}"), _floats(positions, f"depth:{car['name']}"))
-        for car in line.get("car", [])
-    ]
-    depths = [told["y_highest"], told["y_lowest"], ground[:, 1], np.array([o["top"] for o in obstacles])]
-    p.fit([*depths, *(y + car.get("below", 0.0) for car, _, y in cars)], pad=0.14)
+    depths = [highest, lowest, ground[:, 1], np.array([o["top"] for o in obstacles])]
+    p.fit([*depths, *(car.lowest for car in cars)], pad=0.14)
     caption = side(p, 1.12 * end, ground, [(o["name"], o["at"], o["top"]) for o in obstacles])
-    p.bands.append((x, told["y_highest"], told["y_lowest"], "#0072b233"))
-    p.line(x, told["y_rest"], GREY, DOTTED, 1.4, "empty rope")
+    p.bands.append((x, highest, lowest, "#0072b233"))
+    p.line(x, profile["y_rest"], GREY, DOTTED, 1.4, "empty rope")
     for depth in ropes["depths"].values():
         p.line(x, np.array(depth), BLUE, "", 1.0, "rope at some positions; shaded: at all")
-    for (car, at, y), color in zip(cars, COLORS[1:] * len(cars), strict=False):
-        p.line(at, y + car.get("below", 0.0), color, DASHED, 1.8, f"lowest point of {car['name']}")
-        if at.size == 1:
-            p.dots.append((float(at[0]), float(y[0]), color, True))
-    for c in line["contact"]:
-        p.dots.append((c["at"][0], c["at"][1], BLACK, c["kind"] in ("anchor", "saddle")))
-        away = -1.0 if c["at"][0] > 0.9 * end else 1.0 if c["at"][0] < 0.1 * end else 0.0
-        p.labels.append((c["at"][0] + away * 0.04 * end, c["at"][1] - 0.05 * (p.high - p.low), c["name"]))
+    for car, color in zip(cars, COLORS[1:] * len(cars), strict=False):
+        p.line(car.x, car.lowest, color, DASHED, 1.8, f"lowest point of {car.name}")
+        if car.x.size == 1:
+            p.dots.append((float(car.x[0]), float(car.depth[0]), color, True))
+    for contact in line["contact"]:
+        at, depth = contact["at"]
+        p.dots.append((at, depth, BLACK, contact["kind"] in ("anchor", "saddle")))
+        inwards = float(at < 0.1 * end) - float(at > 0.9 * end)
+        p.labels.append((at + inwards * 0.04 * end, depth - 0.05 * (p.high - p.low), contact["name"]))
     return plot([p], (-0.06 * end, 1.06 * end), "x [m]", caption, wide=True)
 
 
+class _Car:
+    """A car at all positions: x, depth on the rope and depth of its lowest point, (positions,) [m]."""
+
+    def __init__(self, car: Row, positions: Sequence[Row]) -> None:
+        self.name = car["name"]
+        self.x = _floats(positions, f"x:{self.name}")
+        self.depth = _floats(positions, f"depth:{self.name}")
+        self.lowest = self.depth + car.get("below", 0.0)
+
+
 def _over(car: str, positions: Sequence[Row]) -> Iterator[Markup]:
-    """One figure per kind of quantity, over the place of the first car."""
+    """One figure per kind of quantity, over the position of the first car."""
     at = _floats(positions, f"x:{car}")
     reach = float(np.nanmin(at)), float(np.nanmax(at))
-    for title, kinds in SAID["over"].items():
+    for title, kinds in _TEXT["over"].items():
         values = {name: _floats(positions, name) for name in positions[0] if name.partition(":")[0] in kinds}
         if not values:
             continue
@@ -152,13 +180,14 @@ def _over(car: str, positions: Sequence[Row]) -> Iterator[Markup]:
 
 
 def _lowest(rows: Sequence[Row], paths: Sequence[Any], keys: Sequence[str]) -> Markup:
-    drawn = [(np.array(path), x) for path, x in zip(paths, rows, strict=True) if path]
     p = Panel("depth [m]", "", 180.0, down=True)
-    p.fit([depth for (_, depth), _ in drawn], pad=0.05)
-    for ((at, depth), x), color in zip(drawn, COLORS * len(drawn), strict=False):
-        p.line(at, depth, color, "", 1.4, label(x, keys))
-    end = float(drawn[0][0][0, -1])
-    return plot([p], (0.0, end), "x [m]", "The lowest place of the rope over all positions.", wide=True)
+    for path, row, color in zip(paths, rows, COLORS * len(rows), strict=False):
+        if path:
+            x, depth = np.array(path)
+            p.line(x, depth, color, "", 1.4, label(row, keys))
+    p.fit([curve.y for curve in p.curves], pad=0.05)
+    end = float(p.curves[0].x[-1])
+    return plot([p], (0.0, end), "x [m]", "The lowest point of the rope over all positions.", wide=True)
 
 
 def grid(folder: Path) -> list[Section]:
@@ -169,5 +198,6 @@ def grid(folder: Path) -> list[Section]:
     if any(stored["paths"]):
         html.append(_lowest(rows, stored["paths"], keys))
     text = f"{len(rows)} lines, {sum(x['status'] != 'complete' for x in rows)} incomplete."
-    worst = next((v for v in VERDICTS if any(x.get("verdict") == v for x in rows)), None)
+    verdicts = {x.get("verdict") for x in rows}
+    worst = next((v for v in VERDICTS if v in verdicts), None)
     return [Section(folder.name, "All of them", Markup("\n").join(html), worst, text)]

@@ -1,4 +1,4 @@
-"""Common parts of commands: arguments, their faults, and the course of a study."""
+"""Common parts of commands: arguments, their faults, and how a study runs."""
 
 from __future__ import annotations
 
@@ -36,11 +36,6 @@ def to(folder: str) -> Any:
 Quick = Annotated[bool, typer.Option("--quick", help="A small part of it, coarsely, within a minute.")]
 
 
-def small(name: str, quick: bool) -> str:
-    """The folder of a study; a small part of it has a folder of its own."""
-    return f"{name}-quick" if quick else name
-
-
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A built-in scene (cablefem scenes) or a TOML file.")]
 Out = Annotated[Path | None, to("SCENE")]
 
@@ -65,6 +60,7 @@ def scene_named(name: str, faults: Sequence[str] = (), *, travelling: bool = Fal
 
 
 def line_named(name: str) -> Line | None:
+    """The line of that name; None if it is a scene; Refused with its faults."""
     from cablefem.scene import SceneError
     from cablefem.scene.line import line_of
 
@@ -75,15 +71,19 @@ def line_named(name: str) -> Line | None:
 
 
 def refuse_moving(given: dict[str, bool]) -> None:
+    """Refuse the first given option that has a meaning for a moving car only."""
     from cablefem.scene.described import AT_REST
 
-    if names := [name for name, there in given.items() if there]:
-        raise store.Refused(f"{names[0]}: {AT_REST}")
+    for name, is_given in given.items():
+        if is_given:
+            raise store.Refused(f"{name}: {AT_REST}")
 
 
 def tol_faults(value: float | None, name: str = "--tol", low: float = 1e-6, high: float = 0.2) -> list[str]:
     """Faults of a tolerance, or of another number in [low, high]."""
-    return [] if value is None or low <= value <= high else [f"{name} must lie in [{low:g}, {high:g}], got {value:g}"]
+    if value is None or low <= value <= high:
+        return []
+    return [f"{name} must lie in [{low:g}, {high:g}], got {value:g}"]
 
 
 Set = Annotated[
@@ -111,19 +111,20 @@ def points_of(scene: Scene | Line, pairs: list[str] | None) -> list[Point]:
     from validation.core import grid
 
     try:
-        found = grid.points(pairs or [])
+        points = grid.points(pairs or [])
     except ValueError as error:
         raise store.Refused(str(error)) from None
     out = []
     faults = []
-    for given in found:
+    for given in points:
         of_scene, settings = grid.parts(given, ("gravity", "title"))
         faults += _undotted(settings, type(scene))
         try:
-            out.append(Point(given, scene.replace(of_scene) if of_scene else scene, settings))
+            changed = scene.replace(of_scene) if of_scene else scene
+            out.append(Point(given, changed, settings))
         except (SceneError, ValueError) as error:
-            told = error.faults if isinstance(error, SceneError) else [str(error)]
-            faults += [f"--set {', '.join(of_scene)}: {fault}" for fault in told]
+            reasons = error.faults if isinstance(error, SceneError) else [str(error)]
+            faults += [f"--set {', '.join(of_scene)}: {reason}" for reason in reasons]
     if faults:
         raise store.Refused(list(dict.fromkeys(faults)))
     return out
@@ -134,8 +135,9 @@ def _undotted(settings: Iterable[str], part: type[Any]) -> list[str]:
     from cablefem.scene.keys import hint
     from validation.core.methods import METHODS
 
-    unknown = [name for name in settings if not any(name in method.knobs for method in METHODS.values())]
-    return [f"--set {name}: keys of the scene have a dot; {text}" for name in unknown if (text := hint(name, part))]
+    knobs = {name for method in METHODS.values() for name in method.knobs}
+    hints = {name: hint(name, part) for name in settings if name not in knobs}
+    return [f"--set {name}: keys of the scene have a dot; {text}" for name, text in hints.items() if text]
 
 
 @contextmanager
@@ -158,8 +160,8 @@ def study(
 
     folder = store.claim(out, command, scene, writes)
     with terminal.progress() as progress:
-        found = run(*inputs, folder, progress)
+        results = run(*inputs, folder, progress)
         report.write(folder, command)
     report.tell(report.kept(folder, command))
     terminal.say(f"written to {folder}: report.html, {', '.join(writes)}")
-    return found
+    return results

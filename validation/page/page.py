@@ -38,12 +38,15 @@ class Section:
 
 def render(title: str, sections: Sequence[Section], out_file: Path) -> None:
     """Write the report atomically; the contents list the worst verdicts first."""
-    judged = sorted((s for s in sections if s.verdict), key=lambda s: list(VERDICTS).index(s.verdict or ""))
     names = ["page.js", *dict.fromkeys(name for s in sections for name in s.scripts)]
     page = _ENVIRONMENT.get_template("page.html").render(
-        title=title, sections=sections, judged=judged, rest=[s for s in sections if not s.verdict],
-        css=Markup(asset("page.css")), scripts=[Markup(asset(name)) for name in names],
-    )  # fmt: skip
+        title=title,
+        sections=sections,
+        judged=[s for verdict in VERDICTS for s in sections if s.verdict == verdict],
+        rest=[s for s in sections if not s.verdict],
+        css=Markup(asset("page.css")),
+        scripts=[Markup(asset(name)) for name in names],
+    )
     write_text(out_file, page)
 
 
@@ -58,8 +61,8 @@ def drawn(package: str, file: str = "page.html", /, **content: Any) -> list[Sect
         id: str, title: str, verdict: str | None = None, summary: str = "", *, scripts: Sequence[str] = (),
         caller: Callable[[], Markup],
     ) -> str:  # fmt: skip
-        said = plain(summary) if isinstance(summary, Markup) else summary
-        out.append(Section(id, title, caller(), verdict, said, tuple(scripts)))
+        text = plain(summary) if isinstance(summary, Markup) else summary
+        out.append(Section(id, title, caller(), verdict, text, tuple(scripts)))
         return ""
 
     text = (resources.files(package) / file).read_text(encoding="utf-8")
@@ -69,7 +72,8 @@ def drawn(package: str, file: str = "page.html", /, **content: Any) -> list[Sect
 
 def plain(words: str) -> str:
     """The text of HTML; narrow spaces stay."""
-    return re.sub(r"[ \n]+", " ", html.unescape(re.sub(r"<[^>]*>", "", str(words)))).strip()
+    text = html.unescape(re.sub(r"<[^>]*>", "", str(words)))
+    return re.sub(r"[ \n]+", " ", text).strip()
 
 
 def table(
@@ -83,8 +87,8 @@ def table(
     """
     rows = list(rows)
     if sort:
-        order = list(VERDICTS)
-        rows.sort(key=lambda row: order.index(row["verdict"]) if row.get("verdict") in order else len(order))
+        rank = {verdict: i for i, verdict in enumerate(VERDICTS)}
+        rows.sort(key=lambda row: rank.get(row.get("verdict") or "", len(rank)))
     numeric = [key for key in columns if rows and all(isinstance(row.get(key), Real | None) for row in rows)]
     return _PARTS.table(rows, columns, numeric, caption, stack)
 
@@ -92,10 +96,10 @@ def table(
 def listed(rows: Iterable[Mapping[str, Any]], columns: Mapping[str, Any], **how: Any) -> Markup:
     """A table by heading: an expression of a row's entries, or a macro of the row; `how` as in `table`."""
 
-    def cell(of: Any, row: Mapping[str, Any]) -> Any:
-        return of(row) if callable(of) else expression(of)(**row)
+    def cells(row: Mapping[str, Any]) -> dict[str, Any]:
+        return {head: of(row) if callable(of) else expression(of)(**row) for head, of in columns.items()}
 
-    return table([{head: cell(of, row) for head, of in columns.items()} for row in rows], list(columns), **how)
+    return table(map(cells, rows), list(columns), **how)
 
 
 @cache
@@ -107,7 +111,9 @@ def expression(text: str) -> Callable[..., Any]:
 def _cell(value: Any) -> Any:
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return number(value) if value is None or isinstance(value, Real) else value  # type: ignore[arg-type]
+    if value is None or isinstance(value, Real):
+        return number(value)  # type: ignore[arg-type]
+    return value
 
 
 def number(x: float | None, digits: int = 3) -> str:
@@ -121,7 +127,8 @@ def number(x: float | None, digits: int = 3) -> str:
     mantissa, exponent = f"{x:.{digits - 1}e}".split("e")
     power = int(exponent)
     if -4 < power < 5:
-        return f"{float(f'{mantissa}e{power}'):.{max(0, digits - 1 - power)}f}".replace("-", "−")
+        decimals = max(0, digits - 1 - power)
+        return f"{float(f'{mantissa}e{power}'):.{decimals}f}".replace("-", "−")
     return f"{mantissa}\u202f×\u202f10{raised(power)}".replace("-", "−")
 
 
@@ -171,29 +178,32 @@ def settings(of: Mapping[str, Any]) -> str:
     return ", ".join(f"{name} {value}" for name, value in of.items())
 
 
-def figure(fig: Any, caption: str, *, label: str = "") -> Markup:
-    """A matplotlib figure with its caption; `label` describes it for screen readers."""
-    from validation.page.figures import svg  # slow to import
-
-    return _PARTS.figure(svg(fig, plain(label or caption)), caption)
-
-
 def rendered(name: str, **content: Any) -> Markup:
     return Markup(_ENVIRONMENT.get_template(name).render(**content))
 
 
 def asset(name: str) -> str:
-    return (resources.files("validation.page") / "assets" / name).read_text(encoding="utf-8")
+    return (resources.files(__package__) / "assets" / name).read_text(encoding="utf-8")
 
 
 _ENVIRONMENT = jinja2.Environment(
-    loader=jinja2.FunctionLoader(asset), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
+    loader=jinja2.FunctionLoader(asset),
+    autoescape=True,
+    undefined=jinja2.StrictUndefined,
+    trim_blocks=True,
     lstrip_blocks=True,
-)  # fmt: skip
+)
 _ENVIRONMENT.filters |= {
-    "cell": _cell, "number": number, "percent": percent, "seconds": seconds, "settings": settings, "force": force,
-    "told": told, "typeset": typeset, "with_bar": with_bar,
-}  # fmt: skip
+    "cell": _cell,
+    "number": number,
+    "percent": percent,
+    "seconds": seconds,
+    "settings": settings,
+    "force": force,
+    "told": told,
+    "typeset": typeset,
+    "with_bar": with_bar,
+}
 _ENVIRONMENT.globals["verdicts"] = VERDICTS
 _PARTS: Any = _ENVIRONMENT.get_template("parts.html").module
 badge = _PARTS.badge
@@ -202,6 +212,12 @@ details = _PARTS.details
 gallery = _PARTS.gallery
 figure_of = _PARTS.figure
 _ENVIRONMENT.globals |= {
-    "table": table, "listed": listed, "badge": badge, "callout": callout, "details": details, "gallery": gallery,
-    "columns": _PARTS.columns, "figure": figure, "pairs": pairs,
-}  # fmt: skip
+    "table": table,
+    "listed": listed,
+    "badge": badge,
+    "callout": callout,
+    "details": details,
+    "gallery": gallery,
+    "columns": _PARTS.columns,
+    "pairs": pairs,
+}

@@ -1,7 +1,7 @@
 """A response as files that ParaView animates: response.xdmf, the cable, and mass.xdmf, the mass on it.
 
 y is UP here, unlike in path.csv.  Points lie on the static cable; "Warp By Vector" with `displacement` shows the
-motion.  Single precision; response.npz is in full.
+motion.  Single precision; response.npz has all digits.
 """
 
 import shutil
@@ -46,31 +46,48 @@ def write(r: Response, folder: Path) -> None:
     At both ends `velocity` is the one behind the mass; `tension` differs.
     Mass: one point, `displacement` (1, 3) [m], `tension_behind`, `tension_ahead` (1,) [N].
     """
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".paraview") as name:
+        temporary = Path(name)
+        with _Writer(temporary / CABLE) as cable, _Writer(temporary / MASS, "XML") as mass:
+            _write_frames(r, cable, mass)
+        for file in sorted(temporary.iterdir(), key=lambda file: file.suffix):  # data first
+            shutil.move(file, folder / file.name)
+
+
+def _write_frames(r: Response, cable: Any, mass: Any) -> None:
     shape = Scene.from_toml(r.scene_toml).catenary
     f = r.fields
-    places = _upward(shape.x(f.s_o), shape.y(f.s_o))
-    moved = _upward(f.mass_u, f.mass_v)
-    m = f.s.size
     stations = _upward(shape.x(f.s), shape.y(f.s))
-    ends = np.arange(f.s.size)
-    folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder, prefix=".paraview") as apart:
-        with _Writer(Path(apart) / CABLE) as cable, _Writer(Path(apart) / MASS, "XML") as mass:
-            for k, t in enumerate(f.t.tolist()):
-                i = min(max(int(np.searchsorted(f.s, f.s_o[k], side="right")) - 1, 0), m - 2)  # s_i <= s_o <= s_i+1
-                lines = np.stack([np.insert(ends[:-1], i + 1, m + 1), np.insert(ends[1:], i, m)], axis=1)
-                du, dv = (np.interp(f.s_o[k], f.s, x[k]) for x in (f.du, f.dv))
-                cable.frame(
-                    t, np.vstack([stations, places[k], places[k]]), ("line", lines),
-                    displacement=np.vstack([_upward(f.u[k], f.v[k]), moved[k], moved[k]]),
-                    velocity=_upward(np.append(f.du[k], [du, du]), np.append(f.dv[k], [dv, dv])),
-                    tension=np.append(f.T[k], [f.T_behind[k], f.T_ahead[k]]),
-                )  # fmt: skip
-                at = slice(k, k + 1)
-                sides = {"tension_behind": f.T_behind[at], "tension_ahead": f.T_ahead[at]}
-                mass.frame(t, places[at], ("vertex", np.array([[0]])), displacement=moved[at], **sides)
-        for file in sorted(Path(apart).iterdir(), key=lambda file: file.suffix):  # data first
-            shutil.move(file, folder / file.name)
+    at_mass = _upward(shape.x(f.s_o), shape.y(f.s_o))
+    displacement = _upward(f.mass_u, f.mass_v)
+    m = f.s.size
+    numbers = np.arange(m)
+    behind_mass = np.searchsorted(f.s, f.s_o, side="right") - 1  # station i of s_i <= s_o <= s_i+1
+    behind_mass = np.clip(behind_mass, 0, m - 2)
+    for k, t in enumerate(f.t.tolist()):
+        i = behind_mass[k]
+        begins = np.insert(numbers[:-1], i + 1, m + 1)
+        ends = np.insert(numbers[1:], i, m)
+        du = np.interp(f.s_o[k], f.s, f.du[k])
+        dv = np.interp(f.s_o[k], f.s, f.dv[k])
+        cable.frame(
+            t,
+            np.vstack([stations, at_mass[k], at_mass[k]]),
+            ("line", np.stack([begins, ends], axis=1)),
+            displacement=np.vstack([_upward(f.u[k], f.v[k]), displacement[k], displacement[k]]),
+            velocity=_upward(np.append(f.du[k], [du, du]), np.append(f.dv[k], [dv, dv])),
+            tension=np.append(f.T[k], [f.T_behind[k], f.T_ahead[k]]),
+        )
+        at = slice(k, k + 1)
+        mass.frame(
+            t,
+            at_mass[at],
+            ("vertex", np.array([[0]])),
+            displacement=displacement[at],
+            tension_behind=f.T_behind[at],
+            tension_ahead=f.T_ahead[at],
+        )
 
 
 def _upward(x: Array, y: Array) -> Array:

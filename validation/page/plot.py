@@ -1,4 +1,4 @@
-"""Lines and fields over one common axis as SVG from a template, 100 times as fast as matplotlib."""
+"""Curves and fields over one common axis as SVG from a template, 100 times as fast as matplotlib."""
 
 import base64
 import io
@@ -20,9 +20,15 @@ LEFT = 70
 RIGHT = 20
 BELOW = 42
 # Okabe and Ito (2008) without yellow
-BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"
-BLACK, GREY = "#1a1a1a", "#767676"
-COLORS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)  # in the order of lines
+BLUE = "#0072b2"
+VERMILLION = "#d55e00"
+GREEN = "#009e73"
+PURPLE = "#cc79a7"
+ORANGE = "#e69f00"
+SKY = "#56b4e9"
+BLACK = "#1a1a1a"
+GREY = "#767676"
+COLORS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)  # in the order of curves
 DASHED = "8 4"
 DOTTED = "2 3"
 # matplotlib's viridis, to 2 percent
@@ -30,6 +36,16 @@ FIELD = (
     "440154 48186a 472d7b 424086 3b528b 33638d 2c728e 26828e 21918c 1fa088 28ae80 3fbc73 5ec962 84d44b addc30 d8e219 "
     "fde725"
 )
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    x: Array
+    y: Array
+    color: str
+    dash: str = ""
+    width: float = 2.0
+    name: str = ""  # in the key; without it the curve has none
 
 
 @dataclass(slots=True)
@@ -43,7 +59,7 @@ class Panel:
     high: float = 1.0
     down: bool = False  # y points down
     log: bool = False
-    lines: list[tuple[Array, Array, str, str, float, str]] = field(default_factory=list)  # x, y, look, key
+    curves: list[Curve] = field(default_factory=list)
     bands: list[tuple[Array, Array, Array, str]] = field(default_factory=list)  # x, low, high, colour
     dots: list[tuple[float, float, str, bool]] = field(default_factory=list)  # x, y, colour, filled
     labels: list[tuple[float, float, str]] = field(default_factory=list)  # x, y, text
@@ -51,73 +67,88 @@ class Panel:
     image: Array | None = None  # (rows from above, columns), 0 to 1 in the colours FIELD
     scale: tuple[float, float, str] | None = None  # of the image: values at 0 and 1, unit
 
-    def line(self, x: Array, y: Array, color: str, dash: str = "", width: float = 2.0, name: str = "") -> None:
-        self.lines.append((x, y, color, dash, width, name))
+    def line(self, *curve: Any, **look: Any) -> None:
+        """Add a curve, described as in `Curve`."""
+        self.curves.append(Curve(*curve, **look))
 
     def fit(self, values: Sequence[Array], pad: float = 0.12) -> None:
-        """Fit the axis to all finite values; a spread of rounding errors is none."""
-        finite = np.concatenate([np.ravel(v)[np.isfinite(np.ravel(v))] for v in values] or [np.zeros(1)])
-        if finite.size:
-            low = float(finite.min())
-            high = float(finite.max())
-            varies = high - low > 1e-9 * max(abs(low), abs(high))
-            room = pad * (high - low) if varies else 0.1 * abs(high) or 1.0
-            self.low = low - room
-            self.high = high + room
+        """Fit the axis to all finite values, with a margin of `pad` times their range."""
+        flat = np.concatenate([np.ravel(v) for v in values] or [np.zeros(1)])
+        finite = flat[np.isfinite(flat)]
+        if not finite.size:
+            return
+        low = float(finite.min())
+        high = float(finite.max())
+        margin = pad * (high - low)
+        if high - low <= 1e-9 * max(abs(low), abs(high)):  # equal but for rounding
+            margin = 0.1 * abs(high) or 1.0
+        self.low = low - margin
+        self.high = high + margin
 
-    def decades(self, most: float) -> None:
-        """Show four decades below the largest value; none if all values are equal."""
-        if most > 0.0:
+    def decades(self, largest: float) -> None:
+        """Show four decades below the largest value; none if all values are zero."""
+        if largest > 0.0:
             self.log = True
-            self.low = 1e-4 * most
-            self.high = 4.0 * most
+            self.low = 1e-4 * largest
+            self.high = 4.0 * largest
 
-    def _y(self, y: Array | float) -> Array:
-        """Places on the paper, downwards."""
-        low, high = (math.log10(v) if self.log else v for v in (self.low, self.high))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            part = ((np.log10(y) if self.log else np.asarray(y)) - low) / (high - low)
-        return self.height * np.clip(part if self.down else 1.0 - part, -9.0, 9.0)
+    def _paper(self, y: Array | float) -> Array:
+        """Heights on the paper, downwards."""
+        values = np.append([self.low, self.high], y)
+        if self.log:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                values = np.log10(values)
+        low, high, *_ = values
+        fraction = (values[2:] - low) / (high - low)
+        below_top = fraction if self.down else 1.0 - fraction
+        return self.height * np.clip(below_top, -9.0, 9.0).reshape(np.shape(y))
 
     def _scale(self) -> dict[str, Any] | None:
         if self.scale is None:
             return None
         low, high, unit = self.scale
-        ticks = [(_place(self.height * (high - y) / (high - low)), words) for y, words in _ticks(low, high, False, 4)]
+        per_unit = self.height / (high - low)
+        ticks = [(_rounded(per_unit * (high - y)), words) for y, words in _ticks(low, high, 4)]
         return {"image": _png(np.linspace(1.0, 0.0, 64)[:, None]), "unit": unit, "ticks": ticks}
 
-    def drawn(self, across: Callable[[Any], Array], w: float) -> dict[str, Any]:
-        """The template's input in user units; across : place of x on the paper, w : width of the panel."""
+    def drawn(self, across: Callable[[Any], Array], width: float) -> dict[str, Any]:
+        """The template's input in user units; across : x on the paper, width : of the panel."""
 
-        def at(x: float, y: float) -> tuple[float, float]:
-            return _place(across(x)), _place(self._y(y))
+        def point(x: float, y: float) -> tuple[float, float]:
+            return _rounded(across(x)), _rounded(self._paper(y))
 
-        ticks = [(_place(self._y(y)), words) for y, words in _ticks(self.low, self.high, self.log, self.height / 28)]
+        ticks = _ticks_log(self.low, self.high) if self.log else _ticks(self.low, self.high, self.height / 28)
+        bands = []
+        for x, low, high, color in self.bands:
+            there_and_back = across(np.append(x, x[::-1]))
+            bands.append((_path(there_and_back, self._paper(np.append(high, low[::-1]))), color))
         return {
-            "h": self.height, "w": w, "title": self.title, "unit": self.unit, "ticks": ticks, "scale": self._scale(),
-            "verticals": [(_place(across(x)), color, dash) for x, color, dash in self.verticals],
-            "lines": [(_path(across(x), self._y(y)), color, dash, width) for x, y, color, dash, width, _ in self.lines],
-            "bands": [
-                (_path(np.r_[across(x), across(x)[::-1]], np.r_[self._y(high), self._y(low)[::-1]]), color)
-                for x, low, high, color in self.bands
-            ],
-            "dots": [(*at(x, y), *how) for x, y, *how in self.dots],
-            "labels": [(*at(x, y), words) for x, y, words in self.labels],
+            "h": self.height,
+            "w": width,
+            "title": self.title,
+            "unit": self.unit,
+            "ticks": [(_rounded(self._paper(y)), words) for y, words in ticks],
+            "scale": self._scale(),
+            "verticals": [(_rounded(across(x)), color, dash) for x, color, dash in self.verticals],
+            "curves": [(_path(across(c.x), self._paper(c.y)), c) for c in self.curves],
+            "bands": bands,
+            "dots": [(*point(x, y), *look) for x, y, *look in self.dots],
+            "labels": [(*point(x, y), words) for x, y, words in self.labels],
             "image": None if self.image is None else _png(self.image),
-        }  # fmt: skip
+        }
 
 
 def side(p: Panel, reach: float, ground: Any, obstacles: Sequence[tuple[str, float, float]]) -> str:
     """Draw ground and obstacles (name, x, depth of the top) in a side view over `reach` metres; return its caption.
 
-    Depths are to scale, or enlarged by a whole number.
+    Depths are to scale, or enlarged by an integer.
     """
     height = (p.high - p.low) * (WIDTH - LEFT - RIGHT) / reach
     times = max(1, round(80.0 / height))
     p.height = times * height
     if len(ground):
         x, depth = np.array(ground).T
-        p.line(x, depth, "#8a7a55", "", 2.0, "ground")
+        p.line(x, depth, "#8a7a55", name="ground")
     for name, at, top in obstacles:
         p.line(np.array([at, at]), np.array([top, p.high]), "#6b8e5a", "", 5.0, name)
     scale = "To scale." if times == 1 else f"Depths are drawn {times} times too large."
@@ -129,45 +160,55 @@ def plot(
 ) -> Markup:  # fmt: skip
     """Panels below one another, with a caption and a key, over x between two values."""
     right = 74 if any(p.scale for p in panels) else RIGHT
-    w = WIDTH - LEFT - right
+    width = WIDTH - LEFT - right
+    per_unit = width / ((x[1] - x[0]) or 1.0)
 
     def across(values: Any) -> Array:
-        return w * (np.asarray(values, dtype=float) - x[0]) / ((x[1] - x[0]) or 1.0)
+        return per_unit * (np.asarray(values, dtype=float) - x[0])
 
     shown = []
     top = 6.0
     for p in panels:
         top += 20.0 if p.title or p.scale else 0.0
-        shown.append(p.drawn(across, w) | {"top": top, "last": p is panels[-1]})
+        shown.append(p.drawn(across, width) | {"top": top, "last": p is panels[-1]})
         top += p.height + 14.0
-    key = {name: (*look, name) for p in panels for _, _, *look, name in p.lines if name}
     svg = rendered(
-        "plot.svg", panels=shown, width=WIDTH, height=top - 14.0 + BELOW, left=LEFT, right=right, xlabel=xlabel,
-        label=plain(caption), key=list(key.values()),
-        xticks=[(_place(across(t)), words) for t, words in _ticks(*x, False, 7)],
-    )  # fmt: skip
+        "plot.svg",
+        panels=shown,
+        width=WIDTH,
+        height=top - 14.0 + BELOW,
+        left=LEFT,
+        right=right,
+        xlabel=xlabel,
+        label=plain(caption),
+        key={c.name: c for p in panels for c in p.curves if c.name},
+        xticks=[(_rounded(across(value)), words) for value, words in _ticks(*x, 7)],
+    )
     return figure_of(svg, caption, wide=wide)
 
 
-def _ticks(low: float, high: float, log: bool, most: float) -> list[tuple[float, str]]:
-    """Round values and their text, about so many at most."""
-    if log:
-        powers = range(math.ceil(math.log10(low)), math.floor(math.log10(high)) + 1)
-        return [(10.0**n, f"{10.0**n:g}" if -3 < n < 4 else f"10{raised(n)}") for n in powers]
-    rough = (high - low) / max(most, 2.0)
+def _ticks_log(low: float, high: float) -> list[tuple[float, str]]:
+    powers = range(math.ceil(math.log10(low)), math.floor(math.log10(high)) + 1)
+    return [(10.0**n, f"{10.0**n:g}" if -3 < n < 4 else f"10{raised(n)}") for n in powers]
+
+
+def _ticks(low: float, high: float, count: float) -> list[tuple[float, str]]:
+    """Round values and their text, `count` at most."""
+    rough = (high - low) / max(count, 2.0)
     if not (rough > 0.0 and math.isfinite(rough)):
         return []
     tens = 10.0 ** math.floor(math.log10(rough))
-    step = tens * next(k for k in (1.0, 2.0, 5.0, 10.0) if k * tens >= rough * (1.0 - 1e-9))
-    if math.floor(high / step) - math.ceil(low / step) < 2:  # fewer than three values: one step less
-        step /= 2.5 if 4.9 < step / tens < 5.1 else 2.0
+    factor = next(k for k in (1.0, 2.0, 5.0, 10.0) if k * tens >= rough * (1.0 - 1e-9))
+    step = factor * tens
+    if math.floor(high / step) - math.ceil(low / step) < 2:  # fewer than three values: the next smaller step
+        step /= 2.5 if factor == 5.0 else 2.0
     first = math.ceil(low / step - 1e-9)
     last = math.floor(high / step + 1e-9)
     digits = max(0, -math.floor(math.log10(step) + 1e-9))
     return [(n * step, f"{n * step:.{digits}f}".replace("-", "−")) for n in range(first, last + 1)]
 
 
-def _place(x: Any) -> float:
+def _rounded(x: Any) -> float:
     return round(float(x), 1)
 
 
@@ -177,25 +218,32 @@ def _path(x: Array, y: Array) -> str:
     x = x[good]
     y = y[good]
     if x.size > 3 * WIDTH and np.all(np.diff(x) >= 0.0):
-        at = np.flatnonzero(np.diff(np.floor(2.0 * x), prepend=-1.0))
-        low = np.minimum.reduceat(y, at)
-        high = np.maximum.reduceat(y, at)
-        rising = y[np.append(at[1:] - 1, y.size - 1)] >= y[at]
-        y = np.stack([np.where(rising, low, high), np.where(rising, high, low)], axis=1).ravel()
-        x = np.repeat(x[at], 2)
-    return "M" + " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x.tolist(), y.tolist(), strict=True)) if x.size else ""
+        first = np.flatnonzero(np.diff(np.floor(2.0 * x), prepend=-1.0))  # of each half pixel
+        last = np.append(first[1:] - 1, y.size - 1)
+        low = np.minimum.reduceat(y, first)
+        high = np.maximum.reduceat(y, first)
+        falls = y[last] < y[first]
+        y = np.stack([low, high], axis=1)  # (half pixels, 2), in the order of the curve
+        y[falls] = y[falls, ::-1]
+        y = y.ravel()
+        x = np.repeat(x[first], 2)
+    points = [f"{a:.1f},{b:.1f}" for a, b in zip(x.tolist(), y.tolist(), strict=True)]
+    return "M" + " ".join(points) if points else ""
 
 
 def colors(n: int) -> Array:
     """(n, 3) colours, bytes, along FIELD."""
-    known = np.array([list(bytes.fromhex(name)) for name in FIELD.split()], dtype=float)
-    at = np.linspace(0.0, len(known) - 1.0, n)
-    return np.stack([np.interp(at, np.arange(len(known)), c) for c in known.T], axis=1).round().astype(np.uint8)
+    nodes = np.array([list(bytes.fromhex(name)) for name in FIELD.split()], dtype=float)  # (nodes, 3)
+    at = np.linspace(0.0, len(nodes) - 1.0, n)
+    columns = [np.interp(at, np.arange(len(nodes)), column) for column in nodes.T]
+    return np.stack(columns, axis=1).round().astype(np.uint8)
 
 
 def _png(values: Array) -> str:
     """Values (rows, columns) from 0 to 1 as a PNG of the 256 colours of FIELD, in base64."""
-    image = Image.fromarray(np.clip(np.nan_to_num(values) * 255.0, 0.0, 255.0).round().astype(np.uint8))
+    levels = np.clip(np.nan_to_num(values) * 255.0, 0.0, 255.0)
+    image = Image.fromarray(levels.round().astype(np.uint8))
     image.putpalette(colors(256).tobytes())
-    image.save(out := io.BytesIO(), "PNG")
+    out = io.BytesIO()
+    image.save(out, "PNG")
     return base64.b64encode(out.getvalue()).decode("ascii")

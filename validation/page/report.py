@@ -11,22 +11,21 @@ from markupsafe import Markup
 from cablefem.response import write_json
 from validation.core import readback, store
 from validation.page import page, terminal
-from validation.page.options import small
 from validation.page.page import Section, callout
 
 
 def write(folder: Path, command: str, faults: Sequence[str] = ()) -> None:
-    """Draw and keep the pages of a command, write report.html with those of all finished ones, and mark it finished.
+    """Draw and store the pages of a command, write report.html with those of all finished ones, mark it finished.
 
     faults : of what is written; they come first.
     """
     drawn: list[Section] = importlib.import_module(f"validation.commands.{command}.page").sections(folder)
     if faults:
-        said = Markup("").join(callout(fault, "disagree") for fault in faults)
-        drawn = [Section("read-back", "What was written is not what was computed", said, "disagree"), *drawn]
+        text = Markup("").join(callout(fault, "disagree") for fault in faults)
+        drawn.insert(0, Section("read-back", "What was written is not what was computed", text, "disagree"))
     write_json(store.pages(folder, command), [asdict(section) for section in drawn])
     done = [other for other in store.results(folder) if other == command or store.finished(folder, other)]
-    sections = _apart((other, s) for other in done for s in (drawn if other == command else kept(folder, other)))
+    sections = _with_own_ids((other, section) for other in done for section in kept(folder, other))
     title = store.title(folder) or next((s.title for s in sections), folder.name)
     page.render(title, sections, folder / "report.html")
     store.finish(folder, command)
@@ -43,15 +42,16 @@ def read_back(command: str, of: readback.Stored, lines: Sequence[str]) -> int:
 
 
 def kept(folder: Path, command: str) -> list[Section]:
+    """The stored pages of a command, or one that says why there are none."""
     try:
         pages = store.read(store.pages(folder, command))
         return [Section(**page | {"html": Markup(page["html"]), "scripts": tuple(page["scripts"])}) for page in pages]
     except (OSError, ValueError, TypeError, KeyError):
-        told = callout(f"Its pages are gone or of another version; run cablefem {command} again.", "not comparable")
-        return [Section(command, command, told)]
+        text = callout(f"Its pages are gone or of another version; run cablefem {command} again.", "not comparable")
+        return [Section(command, command, text)]
 
 
-def _apart(pages: Iterable[tuple[str, Section]]) -> list[Section]:
+def _with_own_ids(pages: Iterable[tuple[str, Section]]) -> list[Section]:
     """An id used by two commands gets the command's name."""
     out: dict[str, Section] = {}
     for command, section in pages:
@@ -69,24 +69,25 @@ def missing(root: Path | None, parts: Sequence[Part]) -> Iterator[tuple[Path, li
 
     A folder with the results of one scene lacks nothing.
     """
-    root = store.ROOT if root is None else root
+    before = store.ROOT
+    root = root or before
     if set(store.results(root)) - {"report"}:
         yield root, []
         return
     store.claim(root, "report", "report", ["report.html"])
-    store.ROOT, before = root, store.ROOT
+    store.ROOT = root
     try:
-        yield root, [part for part in parts if not store.finished(root / _place(part)[1], part[0])]
+        yield root, [part for part in parts if not store.finished(root / _folder(part), part[0])]
     finally:
         store.ROOT = before
 
 
 def broken(part: Part, faults: Sequence[str]) -> Section:
     """The page of a part that ended without a result."""
-    command, name = _place(part)
-    reason = callout("; ".join(faults), "disagree")
+    id = f"{_folder(part)}-{part[0]}-broken"
     title = f"cablefem {' '.join(part)}"
-    return Section(f"{name}-{command}-broken", title, reason, "disagree", "It ended without a result.")
+    reason = callout("; ".join(faults), "disagree")
+    return Section(id, title, reason, "disagree", "It ended without a result.")
 
 
 def gather(root: Path, parts: Sequence[Part], broken: Sequence[Section] = ()) -> bool:
@@ -95,20 +96,22 @@ def gather(root: Path, parts: Sequence[Part], broken: Sequence[Section] = ()) ->
     The first pages of all scenes of a command come before the rest, what broke before all.
     Return whether anything on it is red.
     """
-    order = [_place(part) for part in parts]
+    rank = {(part[0], _folder(part)): i for i, part in enumerate(parts)}
     done = [
         (command, folder)
         for folder in [root, *sorted(root.glob("*/"))]
         for command in store.results(folder)
         if store.finished(folder, command)
     ]
-    done.sort(key=lambda x: order.index((x[0], x[1].name)) if (x[0], x[1].name) in order else len(order))
-    commands = list(dict.fromkeys(command for command, _ in done))
-    pages = [
-        (commands.index(command), i > 0, replace(s, id=f"{folder.name}-{s.id}", title=f"{folder.name}: {s.title}"))
-        for command, folder in done for i, s in enumerate(kept(folder, command))
-    ]  # fmt: skip
-    sections = [*broken, *_apart((commands[i], section) for i, _, section in sorted(pages, key=lambda x: x[:2]))]
+    done.sort(key=lambda result: rank.get((result[0], result[1].name), len(rank)))
+    first: dict[str, list[Section]] = {}
+    others: dict[str, list[Section]] = {}
+    for command, folder in done:
+        for i, s in enumerate(kept(folder, command)):
+            section = replace(s, id=f"{folder.name}-{s.id}", title=f"{folder.name}: {s.title}")
+            (others if i else first).setdefault(command, []).append(section)
+    pages = [(command, s) for command in first for s in [*first[command], *others.get(command, [])]]
+    sections = [*broken, *_with_own_ids(pages)]
     if not sections:
         raise store.Refused(f"{root} holds no finished results to report")
     page.render("cablefem", sections, root / "report.html")
@@ -117,12 +120,12 @@ def gather(root: Path, parts: Sequence[Part], broken: Sequence[Section] = ()) ->
     return any(section.verdict == "disagree" for section in sections)
 
 
-def _place(part: Part) -> tuple[str, str]:
-    """The command, and the folder of its results: its scene's, or its own."""
+def _folder(part: Part) -> str:
+    """Name of the folder of its results: its scene's, or its own."""
     command, *arguments = part
     if arguments and not arguments[0].startswith("-"):
-        return command, arguments[0]
-    return command, small(command, "--quick" in arguments)
+        return arguments[0]
+    return store.study_folder(command, "--quick" in arguments)
 
 
 def tell(sections: Sequence[Section]) -> None:

@@ -15,44 +15,54 @@ from validation.page.answer import EVENTS
 
 
 def rows(verdicts: Sequence[Agreement]) -> None:
+    """Print verdicts as a table, one row per quantity."""
     cells = []
-    for row in (r.row() for r in verdicts):
+    for verdict in verdicts:
+        row = verdict.row()
         name = " ".join(row[key] for key in ("quantity", "law", "with") if row.get(key))
-        numbers = [f"{row[key]:.1e}" if row.get(key) is not None else "-" for key in ("gap", "allowed", "asked_for")]
-        where = "-" if row.get("where") is None else f"{row['where']:.3f}"
-        cells.append([name, *numbers, where, row["verdict"] or "shown"])
+        numbers = [_text(row.get(key), ".1e") for key in ("gap", "allowed", "asked_for")]
+        cells.append([name, *numbers, _text(row.get("where"), ".3f"), row["verdict"] or "shown"])
     columns = ["quantity", "gap", "allowed", "asked for", "at s_o/l", "verdict"]
     terminal.table(columns, cells, right=columns[1:5])
 
 
+def _text(value: float | None, digits: str) -> str:
+    return "-" if value is None else format(value, digits)
+
+
 def answer(scene: Scene, r: Response) -> None:
+    """Print what became of a run, its events, the numbers that matter, and where the cable goes slack."""
     terminal.say(f"{r.scene}: {outcome(scene, r).sentence}", style="bold")
     events([x for x in r.events if x["event"] in EVENTS[1:]])  # without the release
     numbers(matter(r.design))
     if r.slack_onset is not None:
         bar = next((row["bar"] for row in r.design if row["quantity"] == "slack_onset"), None)
         at = with_bar(r.slack_onset * r.length, bar and bar * r.length)
-        elastic = "this elastic law carries compression, and means nothing"
-        after = elastic if r.law == "elastic" else "the rope carries no compression"
+        after = "the rope carries no compression"
+        if r.law == "elastic":
+            after = "this elastic law carries compression, and means nothing"
         terminal.say(f"  slack somewhere from car at {at} m on; from there on {after}")
 
 
 def numbers(design: Sequence[dict[str, Any]]) -> None:
-    lines = [told(x) for x in design]
-    width = max((len(line["what"]) for line in lines), default=0)
-    for line in lines:
-        at = f", at {line['at']}" if line["at"] else ""
-        when = f" after {line['t']}" if line["t"] else ""
-        terminal.say(f"  {line['what']:<{width}}  {line['value']}{at}{when}")
+    """Print design numbers, one per row."""
+    texts = [told(x) for x in design]
+    width = max((len(x["what"]) for x in texts), default=0)
+    for x in texts:
+        at = f", at {x['at']}" if x["at"] else ""
+        when = f" after {x['t']}" if x["t"] else ""
+        terminal.say(f"  {x['what']:<{width}}  {x['value']}{at}{when}")
 
 
-def events(happened: Sequence[dict[str, Any]], most: int = 5) -> None:
-    """Print events, one per line; the last ones if there are many."""
-    for x in happened[-most:]:
-        t, s_o = (with_bar(x[name], x.get(f"bar_{name}")) for name in ("t", "s_o"))
-        v = 3.6 * x["speed"]
-        bar = x.get("bar_speed")
-        speed = "" if x["event"] in ("stop", "turn") else f" with {with_bar(v, bar and 3.6 * bar)} km/h"
+def events(happened: Sequence[dict[str, Any]]) -> None:
+    """Print the last five events, one per row."""
+    for x in happened[-5:]:
+        t = with_bar(x["t"], x.get("bar_t"))
+        s_o = with_bar(x["s_o"], x.get("bar_s_o"))
+        speed = ""
+        if x["event"] not in ("stop", "turn"):
+            bar = x.get("bar_speed")
+            speed = f" with {with_bar(3.6 * x['speed'], bar and 3.6 * bar)} km/h"
         terminal.say(f"  {x['event'].replace('_', ' '):<10}  after {t} s at {s_o} m{speed}")
 
 
@@ -60,28 +70,33 @@ def work(r: Response) -> None:
     """Print method, settings and reach of a run, and reasons for doubt."""
     if r.model == "quasi-static":
         terminal.say("  by the quasi-static model, which leaves out the inertia of the rope: that is in its bars")
-        for line in map(str, r.flags):
-            terminal.say(f"  {line}", style="yellow")
-        return
+    else:
+        bar = "" if r.path_error is None else f"; path ± {r.path_error * r.path_scale:.2g} m"
+        terminal.say(f"  by {r.method} ({', '.join(_unusual(r))}) in {r.seconds:.2g} s{bar}")
+    for flag in r.flags:
+        terminal.say(f"  {flag}", style="yellow")
+
+
+def _unusual(r: Response) -> list[str]:
+    """Resolution, steps, and all that is not the default of a run."""
     method = find(r.method)
-    settings = {
-        key: value for key, value in r.settings.items()
+    settings = [
+        f"{key}={value}"
+        for key, value in r.settings.items()
         if key in (method.resolution.setting, "steps") or value != method.knobs[key].default
-    }  # fmt: skip
-    kinds = [kind for kind, usual in ((r.model, "full"), (r.load, "mass"), (r.law, "auto")) if kind != usual]
-    told = ", ".join([*(f"{key}={value}" for key, value in settings.items()), *kinds])
-    bar = "" if r.path_error is None else f"; path ± {r.path_error * r.path_scale:.2g} m"
-    terminal.say(f"  by {r.method} ({told}) in {r.seconds:.2g} s{bar}")
-    for line in map(str, r.flags):
-        terminal.say(f"  {line}", style="yellow")
+    ]
+    usual = {"model": "full", "load": "mass", "law": "auto"}
+    return settings + [getattr(r, name) for name, kind in usual.items() if getattr(r, name) != kind]
 
 
 def broken(*responses: Response) -> int:
     """Return 2 with a message if a run broke before slack and the end of the comparison, else 0."""
-    bad = [
-        r for r in responses
-        if r.status != "complete" and (r.slack_onset is None or r.cause == "unstable")
-        and (r.drive == "free" or r.reached < WINDOWS[r.drive][1])
-    ]  # fmt: skip
+    bad = [r for r in responses if _broke(r)]
     terminal.complain([f"{r.method} broke with the car at {r.s_o[-1]:.1f} m: {r.reason}" for r in bad])
     return 2 if bad else 0
+
+
+def _broke(r: Response) -> bool:
+    if r.status == "complete" or (r.slack_onset is not None and r.cause != "unstable"):
+        return False
+    return r.drive == "free" or r.reached < WINDOWS[r.drive][1]

@@ -1,4 +1,4 @@
-"""Output while a command works: tables, lines, progress; plain text without a terminal."""
+"""Output while a command works: tables, text, progress; plain text without a terminal."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from validation.core.sidebyside import Progress
 
-_HEARD: list[list[str]] = []  # copies of what is printed
+_COPIES: list[list[str]] = []  # of what is printed
 STYLES = {"agree": "green", "disagree": "bold red", "not comparable": "yellow", "too coarse": "yellow"}
 
 
 def say(text: str = "", style: str = "") -> None:
-    """Print a line, on a terminal wrapped below its indent, in a style of rich."""
-    for lines in _HEARD:
-        lines.append(text)
+    """Print text, on a terminal wrapped below its indent, in a style of rich."""
+    for copy in _COPIES:
+        copy.append(text)
     console = _console()
     if console is None:
         print(text)
@@ -33,12 +33,12 @@ def say(text: str = "", style: str = "") -> None:
 @contextmanager
 def heard() -> Iterator[list[str]]:
     """The lines that are printed in the `with` block."""
-    lines: list[str] = []
-    _HEARD.append(lines)
+    copy: list[str] = []
+    _COPIES.append(copy)
     try:
-        yield lines
+        yield copy
     finally:
-        _HEARD.pop()
+        _COPIES.pop()
 
 
 def complain(faults: Sequence[str]) -> None:
@@ -61,13 +61,16 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence
     In a pipe every row is one line; on a narrow terminal every cell.
     """
     text = _plain(columns, rows, right)
-    for lines in _HEARD:
-        lines.extend(text)
+    for copy in _COPIES:
+        copy.extend(text)
     console = _console()
     if console is None:
         print("\n".join(text))
         return
-    narrowest = [_longest(x, name in right) for name, *x in zip(columns, columns, *rows, strict=True)]
+    narrowest = []
+    for name, *cells in zip(columns, *rows, strict=True):
+        unbroken = [name, *cells] if name in right else [word for cell in (name, *cells) for word in cell.split()]
+        narrowest.append(max(map(len, unbroken), default=0))
     if sum(narrowest) + 3 * (len(columns) - 1) > console.width:
         _stacked(columns, rows)
         return
@@ -83,11 +86,6 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence
     console.print(drawn)
 
 
-def _longest(cells: Sequence[str], whole: bool) -> int:
-    """The length of the longest cell, or of the longest word in any."""
-    return max(len(word) for cell in cells for word in ([cell] if whole else cell.split() or [""]))
-
-
 def _stacked(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     for row in rows:
         for name, cell in zip(columns, row, strict=True):
@@ -95,34 +93,41 @@ def _stacked(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
 
 
 def _plain(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str]) -> list[str]:
-    lines = [columns, *rows]
-    widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
-    cells = [zip(line, widths, columns, strict=True) for line in lines]
-    return ["  ".join(x.rjust(n) if name in right else x.ljust(n) for x, n, name in row).rstrip() for row in cells]
+    aligned = []
+    for name, *cells in zip(columns, columns, *rows, strict=True):
+        width = max(map(len, cells))
+        aligned.append([cell.rjust(width) if name in right else cell.ljust(width) for cell in cells])
+    return ["  ".join(row).rstrip() for row in zip(*aligned, strict=True)]
 
 
 @contextmanager
 def progress() -> Iterator[Progress]:
-    """Show a bar per label with the time left, on standard error; in a pipe one line a minute."""
+    """Show a bar per label with the remaining time, on standard error; in a pipe one row a minute."""
     if not sys.stderr.isatty():
-        last = [time.monotonic()]
+        last = time.monotonic()
 
-        def line(label: str, done: float, note: str = "") -> None:
-            if time.monotonic() - last[0] > 60.0:
-                last[0] = time.monotonic()
+        def show_text(label: str, done: float, note: str = "") -> None:
+            nonlocal last
+            if time.monotonic() - last > 60.0:
+                last = time.monotonic()
                 print(f"{label}: {done:.0%} {note}".rstrip(), file=sys.stderr, flush=True)
 
-        yield line
+        yield show_text
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
     tasks: dict[str, TaskID] = {}
-    with Progress(
-        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeElapsedColumn(),
-        TextColumn("left"), TimeRemainingColumn(), TextColumn("{task.fields[note]}"),
-        console=Console(stderr=True), transient=True,
-    ) as bars:  # fmt: skip
+    columns = [
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f} %"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[note]}"),
+    ]
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
 
         def show(label: str, done: float, note: str = "") -> None:
             if label not in tasks:

@@ -31,9 +31,10 @@ from cablefem.scene import LoadPath, Scene
 from cablefem.scene.ride import ride
 from validation.core import store
 from validation.core.climb import BUDGET, TooCoarse, climb, parts_of, refined_until
-from validation.core.ladder import Ladder
+from validation.core.ladder import Goal, Ladder
 from validation.core.measures import JUMP_WIDTH, NotComparable, series_gap, tension_gap
 from validation.core.methods import METHODS, find
+from validation.core.order import FIRST
 from validation.core.quasi_static import Statics, quasi_static
 from validation.core.rows import asked_of
 from validation.core.running import run
@@ -156,15 +157,12 @@ def _full(scene: Scene, view: View, tol: float, asked: dict[str, float], report:
     except TooCoarse as error:
         return error.ladder
 
-    def left(ladder: Ladder) -> tuple[float, float]:
-        """Bars of space and time over their share, of the need that is worst."""
-        shares = []
-        for need, enough in asked.items():
-            space, time = parts_of(ladder, view, *NEEDS[need])
-            shares.append((space / (SHARE * enough), time / (SHARE * enough)))
-        return max(shares, key=sum)
+    def worst(ladder: Ladder) -> Goal:
+        """The need whose bar exceeds its share most."""
+        goals = [Goal(parts_of(ladder, view, *NEEDS[need]), SHARE * enough, FIRST) for need, enough in asked.items()]
+        return max(goals, key=lambda goal: goal.excess)
 
-    return refined_until(scene, ladder, left, budget=budget, until=view.stop)
+    return refined_until(scene, ladder, worst, budget=budget, until=view.stop)
 
 
 def _lesser(scene: Scene, full: Response, view: View, report: Progress) -> Iterator[Rung]:

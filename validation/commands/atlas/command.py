@@ -2,7 +2,8 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from validation.page.options import Quick, small, study, to
+from validation.core.store import study_folder
+from validation.page.options import Quick, study, to
 
 EXAMPLE = "cablefem atlas"
 
@@ -15,5 +16,7 @@ def command(quick: Quick = False, out: Annotated[Path | None, to("atlas")] = Non
     """
     from validation.commands.atlas.study import atlas
 
-    result = study("atlas", small("atlas", quick), ["atlas.json", "cells.jsonl"], out, partial(atlas, quick=quick))
+    result = study(
+        "atlas", study_folder("atlas", quick), ["atlas.json", "cells.jsonl"], out, partial(atlas, quick=quick)
+    )
     return 0 if result["verdict"] == "agree" else 1

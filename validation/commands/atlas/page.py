@@ -9,8 +9,8 @@ from markupsafe import Markup, escape
 from matplotlib.patches import Patch
 
 from validation.core import store
-from validation.page.figures import panels, style
-from validation.page.page import Section, drawn, figure
+from validation.page.figures import figure, panels, style
+from validation.page.page import Section, drawn
 from validation.page.plot import BLUE, GREY
 
 MAPS = store.shipped(__package__, "maps.toml")

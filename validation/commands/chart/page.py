@@ -16,8 +16,8 @@ from matplotlib.transforms import Bbox
 from validation.commands.chart.front import OURS, Row, best_of, front
 from validation.core import store
 from validation.core.methods import METHODS
-from validation.page.figures import DASHES, MARKERS, PALETTE, panels, style
-from validation.page.page import Section, drawn, figure
+from validation.page.figures import DASHES, MARKERS, PALETTE, figure, panels, style
+from validation.page.page import Section, drawn
 from validation.page.plot import BLACK, GREY
 
 WORK = {"seconds": "seconds of the time loop, one core", "unknown_steps": "steps × unknowns"}

@@ -15,15 +15,24 @@ from cablefem.scene.errors import nearest, shown
 from validation.core import foreign, measures
 from validation.core.agreement import DEFAULT_TOL, TOL_HIGH, TOL_LOW, Agreement, Verdict, check_range, overall
 from validation.core.answers import outcome
-from validation.core.climb import AIM, BUDGET, TooCoarse, cheapest, climb, dear, laddered, own_path_error
+from validation.core.climb import BUDGET, TooCoarse, climb, dear, laddered, next_settings, own_path_error
 from validation.core.design import design, gaps, widened
 from validation.core.foreign import WITH_TOL, ForeignPath
-from validation.core.ladder import Ladder
+from validation.core.ladder import Goal, Ladder
 from validation.core.methods import Method, find, pair, refined
 from validation.core.quantities import matter, told
 from validation.core.quasi_static import events_beside
 from validation.core.remedy import advised
-from validation.core.rows import asked_of, beside, compare, doubts, printed, with_bars
+from validation.core.rows import (
+    asked_of,
+    beside,
+    check_laws,
+    compare_answers,
+    doubts,
+    printed,
+    widened_events,
+    with_bars,
+)
 from validation.core.sidebyside import Progress, side_by_side
 from validation.core.store import Refused
 from validation.core.view import View
@@ -161,10 +170,14 @@ class _Side:
         larger : for the larger bar of a row, else for the smaller one.
         """
         if overall(rows) is Verdict.DISAGREE:
-            tries = [refined(self.method, ladder.run.settings, space=CONFIRMS, time=CONFIRMS)]
-        else:  # with a margin, or just enough
-            tries = [x for aim in (AIM, 1.0) if (x := _finer(self.method, ladder, rows, larger, aim)) is not None]
-        return next((x for x in tries if not dear(self.method, ladder, x, self.budget)), None)
+            finer = refined(self.method, ladder.run.settings, space=CONFIRMS, time=CONFIRMS)
+            return None if dear(self.method, ladder, finer, self.budget) else finer
+        coarse = [row for row in rows if row.asked and row.verdict is Verdict.TOO_COARSE and row.asked_for]
+        goals = [goal for row in coarse for goal in _goals(row, self.method.name, larger)]
+        if not goals:
+            return None
+        worst = max(goals, key=lambda goal: goal.excess)
+        return next_settings(self.method, ladder, worst, self.budget)
 
     def remade(self, before: Ladder, settings: Settings | None, progress: Progress) -> Ladder:
         if settings is None:
@@ -189,20 +202,32 @@ def _judged(
 ) -> tuple[list[Ladder], list[Agreement]]:
     """Refine both ladders until they agree or cannot get closer; return them and the rows."""
     jobs: list[Callable[[Progress], Any]] = [side.climbed for side in sides]
+    asked = partial(asked_of, tol=tol, tol_tension=tol_tension)
     confirmed = False
     toml = scene.to_toml()
     while True:
         first, other = side_by_side(jobs, progress, _load)
-        ladders = [first, other.map(lambda r: replace(r, scene_toml=toml))]  # the judge knows one scene alone
-        rows = required(compare(scene, *ladders, tol=tol, tol_tension=tol_tension), ask)
-        finer: list[Settings | None] = []
-        for larger in (True, False):  # the smaller bar only if the larger one costs too much
-            if not any(finer):
-                finer = [side.finer(ladder, rows, larger) for side, ladder in zip(sides, ladders, strict=True)]
+        second = other.map(lambda r: replace(r, scene_toml=toml))  # the judge knows one scene alone
+        ladders = [first, second]
+        rows = required(compare_answers(scene, first, second, asked), ask)
+        finer = _finer(sides, ladders, rows)
+        if confirmed or not any(finer):  # laws need not be checked on runs that are refined anyway
+            rows += required(check_laws(scene, first, second, asked), ask)
+            finer = _finer(sides, ladders, rows)
         if confirmed or not any(finer):
             return ladders, rows
         confirmed = overall(rows) is Verdict.DISAGREE
         jobs = [partial(side.remade, *each) for side, *each in zip(sides, ladders, finer, strict=True)]
+
+
+def _finer(sides: list[_Side], ladders: list[Ladder], rows: list[Agreement]) -> list[Settings | None]:
+    """Finer settings of each side: for the larger bar of a row, or for the smaller one if that costs too much."""
+    finer: list[Settings | None] = []
+    for larger in (True, False):
+        finer = [side.finer(ladder, rows, larger) for side, ladder in zip(sides, ladders, strict=True)]
+        if any(finer):
+            break
+    return finer
 
 
 def _window(scene: Scene, a: Ladder, b: Ladder) -> measures.Window:
@@ -212,19 +237,8 @@ def _window(scene: Scene, a: Ladder, b: Ladder) -> measures.Window:
         return measures.WINDOW[0], measures.WINDOW[0]
 
 
-def _finer(method: Method, ladder: Ladder, rows: list[Agreement], larger: bool, aim: float) -> Settings | None:
-    """Finer settings of a method with too large bars, by the worst asked row; aim : planned bar over its target."""
-    coarse = [row for row in rows if row.asked and row.verdict is Verdict.TOO_COARSE and row.asked_for]
-    worst = max((x for row in coarse for x in _excess(row, method.name, larger)), key=lambda x: x[0], default=None)
-    if worst is None:
-        return None
-    _, parts, target, order = worst
-    settings = cheapest(method, ladder.run.settings, parts, aim * target, order)
-    return None if settings == ladder.run.settings else settings
-
-
-def _excess(row: Agreement, method: str, larger: bool) -> Iterator[tuple[float, tuple[float, float], float, float]]:
-    """A method's bar over its target, its parts, the target, and the order credited.
+def _goals(row: Agreement, method: str, larger: bool) -> Iterator[Goal]:
+    """What the bar of a method in a row should be.
 
     larger : of a method with a row's larger bar, else with the smaller one, if the larger leaves room.
     """
@@ -232,11 +246,16 @@ def _excess(row: Agreement, method: str, larger: bool) -> Iterator[tuple[float, 
     largest = max(sum(parts) for parts in row.parts)
     for parts, of in zip(row.parts, row.bound.parts, strict=False):
         bar = sum(parts)
-        room = row.asked_for - (row.allowed - bar if math.isfinite(row.allowed) else 0.0)
-        if of.name == method and (bar == largest) is larger and (larger or room > 0.0):
-            target = max(room, row.asked_for / 2.0) if larger else room
-            target *= min(1.0, row.allowed / row.gap if row.gap else 1.0)
-            yield bar / target, parts, target, math.inf if "path" in row.quantity else 1.0
+        if of.name != method or (bar == largest) is not larger:
+            continue
+        other = row.allowed - bar if math.isfinite(row.allowed) else 0.0
+        room = row.asked_for - other
+        if larger:
+            room = max(room, row.asked_for / 2.0)
+        if room <= 0.0:
+            continue
+        falls = min(1.0, row.allowed / row.gap) if row.gap else 1.0  # a gap beyond the bars falls as they do
+        yield Goal(parts, room * falls, math.inf if "path" in row.quantity else 1.0)
 
 
 def _load() -> None:
@@ -259,6 +278,7 @@ def _widened(ladder: Ladder, twin: Ladder, rows: list[Agreement]) -> Ladder:
 
     run = replace(
         ladder.run, design=widened(ladder.run.design, twin.run.design),
+        events=widened_events(ladder.run.events, twin.run.events),
         path_error=at_least(ladder.run.path_error, "path_max"),
         tension_error=at_least(ladder.run.tension_error, "tension"),
     )  # fmt: skip

@@ -2,7 +2,8 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from validation.page.options import Quick, small, study, to
+from validation.core.store import study_folder
+from validation.page.options import Quick, study, to
 
 EXAMPLE = "cablefem oracles"
 
@@ -15,6 +16,10 @@ def command(quick: Quick = False, out: Annotated[Path | None, to("oracles")] = N
     from validation.commands.oracles.study import oracle_table
 
     found = study(
-        "oracles", small("oracles", quick), ["oracles.json", "oracles.jsonl"], out, partial(oracle_table, quick=quick)
-    )  # fmt: skip
+        "oracles",
+        study_folder("oracles", quick),
+        ["oracles.json", "oracles.jsonl"],
+        out,
+        partial(oracle_table, quick=quick),
+    )
     return 0 if found["verdict"] == "agree" else 1

@@ -8,21 +8,24 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from validation.core import store
-from validation.page.figures import DASHES, MARKERS, PALETTE, panels, style
+from validation.oracles.case import BEST
+from validation.page.figures import DASHES, MARKERS, PALETTE, figure, panels, style
 from validation.page.page import Section, drawn
 from validation.page.plot import GREY
 
 
 def sections(folder: Path) -> list[Section]:
     content = store.read(folder / "oracles.json")
-    return drawn(__package__, content=content, ladders=_ladders(content["rows"]), draw=_draw)
+    return drawn(__package__, content=content, ladders=_ladders(content["rows"]), draw=_draw, figure=figure)
 
 
 def _ladders(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
-    """The rows of the case that every method goes through, by wing."""
+    """The rows of the case that every method goes through, by wing; none of a small part without such a case."""
     methods = {row["case"]: {r["method"] for r in rows if r["case"] == row["case"]} for row in rows}
     every = max(methods, key=lambda case: len(methods[case]), default="")
     parts: dict[str, list[dict[str, Any]]] = {}
+    if len(methods.get(every, ())) <= len(BEST):
+        return parts
     for row in rows:
         if row["case"] == every:
             parts.setdefault("Elements" if row["ladder"][0].startswith("elements") else "Galerkin", []).append(row)

@@ -2,7 +2,8 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from validation.page.options import Quick, small, study, to
+from validation.core.store import study_folder
+from validation.page.options import Quick, study, to
 
 EXAMPLE = "cablefem paper"
 
@@ -15,5 +16,5 @@ def command(quick: Quick = False, out: Annotated[Path | None, to("paper")] = Non
     from validation.commands.paper.study import paper
 
     writes = ["claims.json", "numbers.jsonl", "runs"]
-    study("paper", small("paper", quick), writes, out, partial(paper, quick=quick))
+    study("paper", study_folder("paper", quick), writes, out, partial(paper, quick=quick))
     return 0

@@ -17,8 +17,8 @@ from cablefem.scene import Scene
 from validation.commands.paper.judged import sentence
 from validation.core import store
 from validation.core.quantities import with_bar
-from validation.page.figures import panels, style
-from validation.page.page import Section, drawn, figure, number
+from validation.page.figures import figure, panels, style
+from validation.page.page import Section, drawn, number
 from validation.page.plot import BLACK, BLUE, GREY
 
 SAID = store.shipped(__package__, "figures.toml")

@@ -21,8 +21,8 @@ from validation.commands.sweep.study import Study
 from validation.core import store
 from validation.core.quantities import KNOWN, named, scale_of, unit_of
 from validation.page.answer.many import ENDS
-from validation.page.figures import panels
-from validation.page.page import Section, drawn, figure, number, percent, table
+from validation.page.figures import figure, panels
+from validation.page.page import Section, drawn, number, percent, table
 from validation.page.plot import COLORS
 
 SHOWN = 4000  # most rows in the page and dots in a map, evenly taken

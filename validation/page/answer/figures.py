@@ -1,6 +1,6 @@
 """Figures of an answer: the first solver in blue and solid, the second in vermillion and dashed.
 
-Places are metres along the rope.
+Positions are metres along the rope.
 """
 
 import tomllib
@@ -18,8 +18,8 @@ from validation.page.answer.stored import Stored
 from validation.page.page import asset, expression
 from validation.page.plot import BLACK, BLUE, DASHED, DOTTED, GREEN, PURPLE, VERMILLION, Panel, plot
 
-LOOK = ((BLUE, ""), (VERMILLION, DASHED))
-PLACE = "metres along the rope"
+LOOKS = ((BLUE, ""), (VERMILLION, DASHED))
+POSITION = "metres along the rope"
 TIME = "time [s]"
 
 
@@ -29,101 +29,119 @@ def _inside(x: Stored, r: Response, t: Array, values: Array) -> Array:
     return values[inside] if inside.any() else values
 
 
+def _axis(r: Any, time: bool) -> Array:
+    return r.t if time else r.s_o
+
+
 def _drawn(x: Stored, panels: Sequence[Panel], caption: str, *, time: bool) -> Markup:
-    """Draw panels over time or place, with lines at the events and the slack onset."""
+    """Draw panels over time or position, with verticals at the events and the slack onset."""
     r = x.runs[0]
-    end = max(float((run.t if time else run.s_o).max()) for run in x.runs)
+    end = max(float(_axis(run, time).max()) for run in x.runs)
+    verticals = [(event["t" if time else "s_o"], GREEN, "") for event in x.events]
+    if x.onset is not None:
+        onset = float(np.interp(x.onset, r.s_o, r.t)) if time else x.onset
+        verticals.append((onset, BLACK, DOTTED))
     for p in panels:
-        if x.onset is not None:
-            p.verticals.append((float(np.interp(x.onset, r.s_o, r.t)) if time else x.onset, BLACK, DOTTED))
-        p.verticals += [(e["t"] if time else e["s_o"], GREEN, "") for e in x.events]
-    return plot(panels, (0.0, end), TIME if time else PLACE, caption)
+        p.verticals = verticals
+    return plot(panels, (0.0, end), TIME if time else POSITION, caption)
 
 
 def series(x: Stored, rows: Sequence[tuple[str, str, str]], caption: str, *, time: bool) -> Markup:
     """Draw series (words, unit, expression of a run r) below one another; "below" points down."""
-    panels = []
-    for title, unit, text in rows:
-        value = expression(text)
-
-        def of(r: Any, value: Any = value) -> Any:
-            return value(r=r)
-
-        # limits from the compared part, before slack
-        inside = [_inside(x, r, r.t, of(r)) for r in x.runs]
-        factor, name = scale_of(np.concatenate(inside), unit)
-        p = Panel(f"[{name}]", title, 110.0, down="below" in title)
-        p.fit([factor * part for part in inside])
-        for r, look in zip(x.runs, LOOK, strict=False):
-            p.line(r.t if time else r.s_o, factor * of(r), *look, name=r.method)
-        if x.party is not None and (theirs := _told(x.party, of)) is not None:
-            p.line(x.party.t if time else x.party.s_o, factor * theirs, PURPLE, DASHED, 2.2, x.party.method)
-        panels.append(p)
+    panels = [_panel(x, title, unit, expression(text), time) for title, unit, text in rows]
     return _drawn(x, panels, caption, time=time)
 
 
-def _told(party: Any, of: Callable[[Any], Any]) -> Array | None:
+def _panel(x: Stored, title: str, unit: str, of: Callable[..., Any], time: bool) -> Panel:
+    # limits from the compared part, before slack
+    inside = [_inside(x, r, r.t, of(r=r)) for r in x.runs]
+    factor, name = scale_of(np.concatenate(inside), unit)
+    p = Panel(f"[{name}]", title, 110.0, down="below" in title)
+    p.fit([factor * values for values in inside])
+    for r, look in zip(x.runs, LOOKS, strict=False):
+        p.line(_axis(r, time), factor * of(r=r), *look, name=r.method)
+    values = None if x.party is None else _of_party(x.party, of)
+    if values is not None:
+        _add_party(p, x.party, _axis(x.party, time), factor * values)
+    return p
+
+
+def _add_party(p: Panel, party: Any, at: Array, values: Array, words: str = "") -> None:
+    p.line(at, values, PURPLE, DASHED, 2.2, words + party.method)
+
+
+def _of_party(party: Any, of: Callable[..., Any]) -> Array | None:
     """A series of a third party; None if it lacks it."""
     try:
-        found = of(party)
+        values = of(r=party)
     except (UndefinedError, TypeError):
         return None
-    return None if isinstance(found, Undefined) else found
+    return None if isinstance(values, Undefined) else values
 
 
 def distance(x: Stored, caption: str) -> Markup:
+    """Draw the distance of both paths, of a third party's too, and the sum of both error bars."""
     a, b = x.runs
     time = x.free
-    at, apart = _apart(a, b, time)
-    inside = _inside(x, a, a.t, np.pad(apart, (0, a.t.size - apart.size)))
+    at, gap = _distance(a, b, time)
+    inside = _inside(x, a, a.t, np.pad(gap, (0, a.t.size - gap.size)))
     factor, unit = scale_of(inside, "m")
     p = Panel(f"apart [{unit}]", height=150.0)
-    p.line(at, factor * apart, BLACK, "", 1.6, "distance of the paths")
+    p.line(at, factor * gap, BLACK, "", 1.6, "distance of the paths")
+    largest = float(inside.max(initial=0.0))
     allowed = x.row("path_max").get("allowed")
-    most = factor * float(inside.max(initial=0.0))
     if allowed is not None:
-        ends = np.array(x.compared(a)) if time else np.interp(x.compared(a), a.t, a.s_o)
-        p.line(ends, np.full(2, factor * allowed * a.path_scale), GREEN, "9 3 2 3", 2.0, "sum of both error bars")
-        most = max(most, factor * allowed * a.path_scale)
+        bars = allowed * a.path_scale
+        times = np.array(x.compared(a))
+        ends = times if time else np.interp(times, a.t, a.s_o)
+        p.line(ends, np.full(2, factor * bars), GREEN, "9 3 2 3", 2.0, "sum of both error bars")
+        largest = max(largest, bars)
     if x.party is not None:
-        at, theirs = _apart(a, x.party, time)
-        p.line(at, factor * theirs, PURPLE, DASHED, 2.2, f"distance to {x.party.method}")
-        most = max(most, factor * float(theirs.max(initial=0.0)))
-    p.decades(most)
+        at, gap = _distance(a, x.party, time)
+        _add_party(p, x.party, at, factor * gap, "distance to ")
+        largest = max(largest, float(gap.max(initial=0.0)))
+    p.decades(factor * largest)
     return _drawn(x, [p], caption, time=time)
 
 
-def _apart(a: Response, b: Any, time: bool) -> tuple[Array, Array]:
-    """The axis and the distance of two paths [m] where both are known, of the components both tell."""
-    at, there = (a.t, b.t) if time else (a.s_o, b.s_o)
-    both = (at >= there[0]) & (at <= there[-1])
-    columns = [c for c in (("x", "y") if time else ("u", "v")) if getattr(b, c) is not None]
-    parts = [getattr(a, c)[both] - np.interp(at[both], there, getattr(b, c)) for c in columns]
+def _distance(a: Response, b: Any, time: bool) -> tuple[Array, Array]:
+    """The axis and the distance of two paths [m] where both exist, of the components that b has."""
+    at = _axis(a, time)
+    of_b = _axis(b, time)
+    both = (at >= of_b[0]) & (at <= of_b[-1])
+    names = ("x", "y") if time else ("u", "v")
+    parts = [
+        getattr(a, name)[both] - np.interp(at[both], of_b, getattr(b, name))
+        for name in names
+        if getattr(b, name) is not None
+    ]
     return at[both], np.linalg.norm(parts, axis=0)
 
 
 def tension_range(x: Stored) -> tuple[float, float]:
-    """Least and largest tension [N] of the compared part of the fields."""
-    parts = [_inside(x, r, r.fields.t, r.fields.T) for r in x.runs]
-    return max(0.0, min(float(part.min()) for part in parts)), max(float(part.max()) for part in parts)
+    """Smallest and largest tension [N] of the compared part of the fields."""
+    parts = np.concatenate([_inside(x, r, r.fields.t, r.fields.T).ravel() for r in x.runs])
+    return max(0.0, float(parts.min())), float(parts.max())
 
 
-def tension_field(x: Stored, r: Response, caption: str, across: int = 5, up: int = 3) -> Markup:
-    """Draw tension over time and place, with so many numbers on it across and up."""
+def tension_field(x: Stored, r: Response, caption: str) -> Markup:
+    """Draw tension over time and position, with five numbers on it across and three up."""
     low, high = tension_range(x)
     factor, unit = scale_of(np.array([low, high]), "N")
     f = r.fields
     end = float(r.t[-1])
-    p = Panel(PLACE, "", 220.0, low=0.0, high=r.length, scale=(factor * low, factor * high, unit))
+    p = Panel(POSITION, "", 220.0, low=0.0, high=r.length, scale=(factor * low, factor * high, unit))
     times = np.linspace(0.0, end, 300)
-    nearest = np.abs(times[:, None] - f.t[None, :]).argmin(axis=1)
-    p.image = ((f.T[nearest] - low) / ((high - low) or 1.0)).T[::-1]
+    nearest = np.abs(times[:, None] - f.t).argmin(axis=1)  # frame of each time
+    share = (f.T[nearest] - low) / ((high - low) or 1.0)  # (times, stations)
+    p.image = share.T[::-1]
     for color, width in ((BLACK, 2.6), ("#fff", 1.4)):
         p.line(r.t, r.s_o, color, "", width)
-    for t in end * (np.arange(across) + 0.5) / across:
+    for t in end * (np.arange(5) + 0.5) / 5:
         k = int(np.abs(f.t - t).argmin())
-        for s in r.length * (np.arange(up) + 0.5) / up:
-            p.labels.append((float(t), float(s), f"{factor * np.interp(s, f.s, f.T[k]):.3g}"))
+        for s in r.length * (np.arange(3) + 0.5) / 3:
+            T = factor * np.interp(s, f.s, f.T[k])
+            p.labels.append((float(t), float(s), f"{T:.3g}"))
     return plot([p], (0.0, end), TIME, caption)
 
 
@@ -133,15 +151,16 @@ PARTS: dict[str, list[str]] = tomllib.loads(asset("looks.toml"))["energy"]
 def energy_split(x: Stored, caption: str) -> Markup:
     """Draw the energy: motion, height, stretch, and the work of outside forces."""
     r = x.runs[0]
-    lines = {name: y - y[0] for name, y in (("motion", r.kinetic), ("height", r.potential), ("stretch", r.strain))}
+    energies = {"motion": r.kinetic, "height": r.potential, "stretch": r.strain}
+    energies = {name: y - y[0] for name, y in energies.items()}
     for name, power in r.powers.items():
         work = cumulative_trapezoid(np.nan_to_num(power), r.t, initial=0.0)
-        lines["damping" if name == "lost_viscous" else name] = -work
-    factor, unit = scale_of(np.concatenate(list(lines.values())), "J")
+        energies["damping" if name == "lost_viscous" else name] = -work
+    factor, unit = scale_of(np.concatenate(list(energies.values())), "J")
     p = Panel(f"since start [{unit}]", height=200.0)
-    for name, y in lines.items():
+    for name, y in energies.items():
         if np.abs(y).max() > 0.0:
             color, dash = PARTS.get(name, (BLACK, DOTTED))
             p.line(r.t, factor * y, color, dash, name=name)
-    p.fit([line[1] for line in p.lines])
+    p.fit([curve.y for curve in p.curves])
     return _drawn(x, [p], caption, time=True)

@@ -1,4 +1,4 @@
-"""Many answers: a table with one row per point of a grid, all rides from the side, their speeds."""
+"""Many answers: a table with one row per point of a grid, all paths from the side, their speeds."""
 
 import csv
 import json
@@ -27,18 +27,27 @@ ANNOUNCED = 50  # scenes: of more the number is said before they start
 DASHES = ("", DASHED, DOTTED, "8 3 2 3")  # one for each value of the keys after the first
 Row = dict[str, Any]
 HEADS = {
-    "outcome": "outcome", "arrival_km_h": "at the brake or end [km/h]", "rests_at_m": "rests at [m]",
+    "outcome": "outcome",
+    "arrival_km_h": "at the brake or end [km/h]",
+    "rests_at_m": "rests at [m]",
     "farthest_m": "farthest point [m]",
-    "clearance_rope_min": "clearance, rope [m]", "clearance_car_min": "clearance, car [m]", "verdict": "verdict",
-}  # fmt: skip
-# kind of an outcome in words, of one ride or of many
+    "clearance_rope_min": "clearance, rope [m]",
+    "clearance_car_min": "clearance, car [m]",
+    "verdict": "verdict",
+}
+# kind of an outcome in words, of one run or of many
 ENDS = {
     "breaks": "broke the rope",
-    "arrives": "arrived", "stopped_by_brake": "stopped in the brake", "stuck": "got stuck",
-    "rolls_back": "rolled back to the start", "rolling": "still rolled at the end", "crossed": "crossed the cable",
-    "stopped": "stopped before the end", "incomplete": "broke off",
-}  # fmt: skip
-# columns of a table of rides
+    "arrives": "arrived",
+    "stopped_by_brake": "stopped in the brake",
+    "stuck": "got stuck",
+    "rolls_back": "rolled back to the start",
+    "rolling": "still rolled at the end",
+    "crossed": "crossed the cable",
+    "stopped": "stopped before the end",
+    "incomplete": "broke off",
+}
+# columns of a table of runs
 NUMBERS = ("tension_max", "safety_factor_min", "haul_force_max", "clearance_rope_min", "clearance_car_min")
 
 
@@ -51,8 +60,10 @@ class Column:
     digits: int = 4
 
     def cell(self, value: Any) -> str:
-        if value is None or isinstance(value, bool | str | list):
-            return "-" if value is None else str(value)
+        if value is None:
+            return "-"
+        if isinstance(value, bool | str | list):
+            return str(value)
         return f"{self.factor * value:.{self.digits}g}"
 
 
@@ -61,25 +72,29 @@ Columns = dict[str, Column]
 
 def row(scene: Scene, r: Response, verdict: str | None = None) -> Row:
     """The table's row of one answer; SI, speeds in km/h."""
-    found = outcome(scene, r)
-    events = {e["event"]: e for e in reversed(r.events)}  # the first of each kind
-    arrives = events.get("brake") or events.get("arrival")
-    out: Row = {"outcome_kind": found.kind, "outcome": found.sentence, "duration_s": round(float(r.t[-1]), 3)}
+    end = outcome(scene, r)
+    out: Row = {"outcome_kind": end.kind, "outcome": end.sentence, "duration_s": round(float(r.t[-1]), 3)}
     if r.drive == "free":
-        out["arrival_km_h"] = None if arrives is None else round(3.6 * arrives["speed"], 2)
-        rests = r.s_o[-1] if found.kind in ("stuck", "stopped_by_brake") else None
-        out["rests_at_m"] = None if rests is None else round(float(rests), 2)
+        events = {e["event"]: e for e in reversed(r.events)}  # the first of each kind
+        arrival = events.get("brake") or events.get("arrival")
+        out["arrival_km_h"] = None if arrival is None else round(3.6 * arrival["speed"], 2)
+        rests = end.kind in ("stuck", "stopped_by_brake")
+        out["rests_at_m"] = round(float(r.s_o[-1]), 2) if rests else None
         out["farthest_m"] = round(float(r.s_o.max()), 2)
-    return out | _numbers(r.design) | ({} if verdict is None else {"verdict": verdict})
+    out |= _numbers(r.design)
+    if verdict is not None:
+        out["verdict"] = verdict
+    return out
 
 
 def _numbers(design: Sequence[dict[str, Any]]) -> Row:
-    """The table's design numbers, of several obstacles the least."""
-    known: dict[str, list[float]] = {quantity: [] for quantity in NUMBERS}
-    for d in design:
-        if d["value"] is not None and (kind := d["quantity"].split(":")[0]) in known:
-            known[kind].append(d["value"])
-    return {kind: (max if kind.endswith("max") else min)(values) for kind, values in known.items() if values}
+    """The table's design numbers, of several obstacles the smallest."""
+    out: Row = {}
+    for kind in NUMBERS:
+        values = [d["value"] for d in design if d["quantity"].split(":")[0] == kind and d["value"] is not None]
+        if values:
+            out[kind] = max(values) if kind.endswith("max") else min(values)
+    return out
 
 
 def path(r: Response) -> dict[str, list[float]]:
@@ -91,7 +106,7 @@ def grid(
     command: str, home: str, scene: Any, points: Sequence[Point], out: Path | None,
     answered: Callable[[Point], tuple[Row, Any]], columns: Callable[[list[Row], list[str]], Columns],
 ) -> list[Row]:  # fmt: skip
-    """Answer every point of a grid by a row and what is drawn of it; store, draw, print and return the rows.
+    """Answer every point of a grid by a row and its path; store, draw, print and return the rows.
 
     Writes table.csv, grid.json and scene.toml to the folder `home` of the command's results.
     """
@@ -102,12 +117,15 @@ def grid(
         terminal.say(f"{len(points)} scenes")
     with terminal.progress() as progress:
 
-        def told(i: int, answer: tuple[Row, Any]) -> None:
+        def on_result(i: int, answer: tuple[Row, Any]) -> None:
             answers[i] = answer
             progress("grid", len(answers) / len(points))
 
-        spread(answered, points, told)
-    rows = [{k: store.plain(v) for k, v in point.given.items()} | answers[i][0] for i, point in enumerate(points)]
+        spread(answered, points, on_result)
+    rows = []
+    for i, point in enumerate(points):
+        values = {key: store.plain(value) for key, value in point.given.items()}
+        rows.append(values | answers[i][0])
     write_rows(folder / home / "table.csv", rows)
     paths = [answers[i][1] for i in range(len(points))]
     write_json(folder / home / "grid.json", {"keys": keys, "rows": rows, "paths": paths})
@@ -120,9 +138,10 @@ def grid(
 
 def write_rows(file: Path, rows: Sequence[Row]) -> None:
     with whole(file) as temporary, temporary.open("w", encoding="utf-8", newline="") as out:
-        lines = csv.DictWriter(out, list(dict.fromkeys(name for row in rows for name in row)), restval="")
-        lines.writeheader()
-        lines.writerows(rows)
+        names = dict.fromkeys(name for row in rows for name in row)
+        writer = csv.DictWriter(out, list(names), restval="")
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 def _tell(rows: list[Row], shown: Columns) -> None:
@@ -132,15 +151,18 @@ def _tell(rows: list[Row], shown: Columns) -> None:
 
 
 def columns(rows: list[Row], keys: Sequence[str]) -> Columns:
-    """Columns of a table of rides: varied values, outcomes, common numbers, verdicts."""
-    found = {key: Column(key) for key in keys}
+    """Columns of a table of runs: varied values, outcomes, common numbers, verdicts."""
+    out = {key: Column(key) for key in keys}
     for name in ("outcome", "arrival_km_h", "rests_at_m", "farthest_m", *NUMBERS, "verdict"):
         values = [x[name] for x in rows if x.get(name) is not None]
-        force = name.startswith(("tension", "haul"))
-        factor, unit = scale_of(np.array(values), "N") if force and values else (1.0, "")
-        if values:
-            found[name] = Column(HEADS.get(name) or named(name) + (f" [{unit}]" if unit else ""), factor)
-    return found
+        if not values:
+            continue
+        if name.startswith(("tension", "haul")):
+            factor, unit = scale_of(np.array(values), "N")
+            out[name] = Column(f"{named(name)} [{unit}]", factor)
+        else:
+            out[name] = Column(HEADS.get(name) or named(name))
+    return out
 
 
 def table_of(rows: list[Row], columns: Columns, key: str) -> Markup:
@@ -174,37 +196,45 @@ def label(point: Row, keys: Sequence[str]) -> str:
 
 def _looks(rows: list[dict], keys: Sequence[str]) -> list[tuple[str, str]]:
     """Colour and dash of each row, by the first key and by the others."""
-    firsts = [json.dumps(point[keys[0]]) for point in rows]
-    others = [json.dumps([point[key] for key in keys[1:]]) for point in rows]
-    order = [list(dict.fromkeys(values)) for values in (firsts, others)]
-    return [
-        (COLORS[order[0].index(a) % len(COLORS)], DASHES[order[1].index(b) % len(DASHES)])
-        for a, b in zip(firsts, others, strict=True)
-    ]
+    firsts = _numbered([json.dumps(point[keys[0]]) for point in rows])
+    others = _numbered([json.dumps([point[key] for key in keys[1:]]) for point in rows])
+    return [(COLORS[a % len(COLORS)], DASHES[b % len(DASHES)]) for a, b in zip(firsts, others, strict=True)]
+
+
+def _numbered(values: Sequence[str]) -> list[int]:
+    """Equal values get equal numbers, in order of first appearance."""
+    order = list(dict.fromkeys(values))
+    return [order.index(value) for value in values]
+
+
+def _add_paths(
+    p: Panel, rows: list[dict], paths: list[dict | None], keys: Sequence[str], x: str, y: str
+) -> None:  # fmt: skip
+    for values, point, look in zip(paths, rows, _looks(rows, keys), strict=True):
+        if values:
+            p.line(np.array(values[x]), np.array(values[y]), *look, 1.6, label(point, keys))
 
 
 def _side(scene: Scene, rows: list[dict], paths: list[dict | None], keys: Sequence[str]) -> Markup:
+    """The empty rope, the paths, ground and obstacles from the side."""
     span = scene.supports.span
     below = 0.0 if scene.mass is None else scene.mass.below
     X = scene.catenary
     s = np.linspace(0.0, scene.length, 101)
     ground = np.array(scene.ground).reshape(-1, 2)
-    depths = [X.y(s), *(np.array(p["y"]) + below for p in paths if p), ground[:, 1], [o.top for o in scene.obstacle]]
+    depths = [X.y(s), ground[:, 1], np.array([o.top for o in scene.obstacle])]
+    depths += [np.array(path["y"]) + below for path in paths if path]
     p = Panel("depth [m]", "path of the car", down=True)
-    p.fit([np.asarray(d, float) for d in depths], pad=0.05)
+    p.fit(depths, pad=0.05)
     caption = side(p, span, ground, [(o.name, o.at, o.top) for o in scene.obstacle])
-    p.line(X.x(s), X.y(s), GREY, "2 3", 1.2, "empty rope at rest")
-    for found, point, look in zip(paths, rows, _looks(rows, keys), strict=True):
-        if found:
-            p.line(np.array(found["x"]), np.array(found["y"]), *look, 1.6, label(point, keys))
+    p.line(X.x(s), X.y(s), GREY, DOTTED, 1.2, "empty rope at rest")
+    _add_paths(p, rows, paths, keys, "x", "y")
     return plot([p], (0.0, span), "x [m]", caption)
 
 
 def _speeds(rows: list[dict], paths: list[dict | None], keys: Sequence[str]) -> Markup:
     p = Panel("[km/h]", "speed", 180.0)
-    for found, point, look in zip(paths, rows, _looks(rows, keys), strict=True):
-        if found:
-            p.line(np.array(found["s_o"]), np.array(found["kmh"]), *look, 1.6, label(point, keys))
-    p.fit([np.zeros(1), *(line[1] for line in p.lines)])
-    end = max((max(found["s_o"]) for found in paths if found), default=1.0)
+    _add_paths(p, rows, paths, keys, "s_o", "kmh")
+    p.fit([np.zeros(1), *(curve.y for curve in p.curves)])
+    end = max((max(path["s_o"]) for path in paths if path), default=1.0)
     return plot([p], (0.0, end), "metres along the rope", "Speed of the car along the rope.")

@@ -36,13 +36,13 @@ class Stored:
 
     @property
     def events(self) -> list[dict[str, Any]]:
-        """Events of the first solver's ride, without rattling before a stop."""
-        told = self.agreement.get("events") or self.runs[0].events
-        return [event for event in told if event["event"] in EVENTS]
+        """Events of the first solver's run, without rattling before a stop."""
+        events = self.agreement.get("events") or self.runs[0].events
+        return [event for event in events if event["event"] in EVENTS]
 
     @property
     def onset(self) -> float | None:
-        """Place of the mass [m] where the first solver found the cable slack."""
+        """Position of the mass [m] at the first slack cable of any solver."""
         return min((r.slack_onset * r.length for r in self.runs if r.slack_onset is not None), default=None)
 
     @property
@@ -65,10 +65,12 @@ class Stored:
 def read(folder: Path) -> Stored | None:
     """The stored results of a check; None where every run broke at its start."""
     agreement = store.read(folder / "agreement.json")
-    runs = tuple(r for name in agreement["methods"][:2] if (r := Response.read(folder / name)).t.size > 1)
+    both = [Response.read(folder / name) for name in agreement["methods"][:2]]
+    runs = tuple(r for r in both if r.t.size > 1)
+    if not runs:
+        return None
     scene = Scene.from_toml((folder / "scene.toml").read_text(encoding="utf-8"))
-    party = None
+    names = [row["with"] for row in agreement["rows"] if row.get("with")]
     file = folder / "with.csv"
-    if (name := next((row["with"] for row in agreement["rows"] if row.get("with")), None)) and file.exists():
-        party = replace(ForeignPath.read(file, scene), method=name)
-    return Stored(scene, runs, agreement, party) if runs else None
+    party = replace(ForeignPath.read(file, scene), method=names[0]) if names and file.exists() else None
+    return Stored(scene, runs, agreement, party)

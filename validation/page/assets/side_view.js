@@ -14,7 +14,7 @@ for (const root of document.querySelectorAll(".player")) {
   const cables = data.cables.map((c) => {
     const out = { ...c };
     for (const key of ["t", "s_o", "u", "v", "T", "mass_x", "mass_y", "mass_v", "behind", "ahead"]) out[key] = unpack(c[key]);
-    out.told = c.told.map((x) => ({ ...x, data: unpack(x.data) }));
+    out.readout = c.readout.map((x) => ({ ...x, data: unpack(x.data) }));
     return out;
   });
   const longest = cables.reduce((a, b) => (b.t[b.t.length - 1] > a.t[a.t.length - 1] ? b : a));
@@ -40,7 +40,7 @@ for (const root of document.querySelectorAll(".player")) {
       points.push({ s: data.s[i], x: data.x[i] + mix(c.u, a, b), y: data.y[i] + mix(c.v, a, b), T });
     }
     const mass = { s: s_o, x: one("mass_x"), y: one("mass_y"), v: one("mass_v"), behind: one("behind"), ahead: one("ahead") };
-    mass.told = c.told.map((x) => mix(x.data, f, g).toFixed(x.digits));
+    mass.readout = c.readout.map((x) => mix(x.data, f, g).toFixed(x.digits));
     const k = points.findIndex((p) => p.s > s_o);
     points.splice(k < 0 ? m : k, 0, { ...mass, T: mass.behind }, { ...mass, T: mass.ahead });
     return { points, mass };
@@ -213,7 +213,7 @@ for (const root of document.querySelectorAll(".player")) {
   const table = find(".readout");
   const row = (cells, kind) => { const tr = table.insertRow(); for (const c of cells) { const td = document.createElement(kind); td.textContent = c; tr.append(td); } return tr; };
   row(["at this time", ...cables.map((c) => c.name)], "th");
-  const heads = ["deflection [m]", `tension behind [${data.unitName}]`, `tension ahead [${data.unitName}]`, ...cables[0].told.map((x) => x.name)];
+  const heads = ["deflection [m]", `tension behind [${data.unitName}]`, `tension ahead [${data.unitName}]`, ...cables[0].readout.map((x) => x.name)];
   const lines = heads.map((head) => row([head, ...cables.map(() => "")], "td"));
 
   function where(s_o) {
@@ -228,8 +228,8 @@ for (const root of document.querySelectorAll(".player")) {
     find(".now").textContent = `${now.toFixed(2)} s, ${s_o.toFixed(1)} m along the rope${where(s_o)}`;
     shown.forEach((state, i) => {
       const cells = state
-        ? [state.mass.v.toFixed(2), kilo(state.mass.behind, 1), kilo(state.mass.ahead, 1), ...state.mass.told]
-        : ["ended", "–", "–", ...cables[i].told.map(() => "–")];
+        ? [state.mass.v.toFixed(2), kilo(state.mass.behind, 1), kilo(state.mass.ahead, 1), ...state.mass.readout]
+        : ["ended", "–", "–", ...cables[i].readout.map(() => "–")];
       cells.forEach((c, k) => { lines[k].cells[i + 1].textContent = c; });
     });
     slider.value = Math.round((1000 * now) / end);
