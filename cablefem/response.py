@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cablefem import views
+from cablefem.motion import CarMotion, ContactMotion
 
 Array = NDArray[np.float64]
 _ABSENT: Any = None  # nan, or of a pointwise tension the other one
@@ -284,6 +285,16 @@ class Response(MassPath):
     def speed(self) -> Array:
         """|dp/dt| of the mass (n,) [m/s]."""
         return np.hypot(self.velocity[:, 0], self.velocity[:, 1])
+
+    @property
+    def cars(self) -> tuple[CarMotion, ...]:
+        """The car, as on a line of several contacts."""
+        return (views.car(self),)
+
+    @property
+    def contacts(self) -> tuple[ContactMotion, ...]:
+        """Left and right support, as on a line of several contacts."""
+        return views.supports(self)
 
     @property
     def jumps(self) -> list[float]:

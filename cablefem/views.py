@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cablefem.motion import CarMotion, ContactMotion
+
 if TYPE_CHECKING:
     from cablefem.response import Array, Response
 
@@ -54,6 +56,36 @@ def _between(r: Response, t: float, s_o: float) -> tuple[Array, Array]:
     same = [(f.s > f.s_o[j]) == (f.s > s_o) for j in (i, i + 1)]
     weight = np.where(same[0] & same[1], x, np.where(same[1], 1.0, 0.0))
     return w, (1.0 - weight) * f.T[i] + weight * f.T[i + 1]
+
+
+def car(r: Response) -> CarMotion:
+    """The car of a run of one span; its speed along the rope is that of its point over the stretch."""
+    stretch = 0.5 * (np.linalg.norm(r.slope_behind, axis=1) + np.linalg.norm(r.slope_ahead, axis=1))
+    tangent = r.slope_behind + r.slope_ahead
+    along = np.sum(r.velocity * tangent, axis=1) / np.linalg.norm(tangent, axis=1)
+    return CarMotion(
+        name="car", s=r.s_o, ds=along / stretch, point=np.stack([r.x, r.y], axis=1), velocity=r.velocity,
+        acceleration=r.acceleration, tension_behind=r.T_behind, tension_ahead=r.T_ahead, slope_behind=r.slope_behind,
+        slope_ahead=r.slope_ahead, haul_force=r.F_haul, grip_force=np.full_like(r.t, np.nan),
+        contact_force=r.F_contact,
+    )  # fmt: skip
+
+
+def supports(r: Response) -> tuple[ContactMotion, ContactMotion]:
+    """Left and right support of a run of one span; the force of the rope on them is that of the reactions."""
+    none = np.full_like(r.t, np.nan)
+    still = np.zeros_like(r.t)
+    sides = (("left", 0, r.reaction_left), ("right", -1, r.reaction_right))
+    out = []
+    for name, k, reaction in sides:
+        tension = np.linalg.norm(reaction, axis=1)
+        point = np.broadcast_to([r.fields.x[k], r.fields.y[k]], (r.t.size, 2))
+        behind, ahead = (none, tension) if name == "left" else (tension, none)
+        out.append(ContactMotion(
+            name=name, kind="anchor", s=np.full_like(r.t, r.fields.s[k]), ds=still, point=point,
+            tension_behind=behind, tension_ahead=ahead, pressure=-reaction, rise=none,
+        ))  # fmt: skip
+    return out[0], out[1]
 
 
 def picture(r: Response) -> str:

@@ -26,7 +26,7 @@ def test_positions_are_a_number_a_list_or_a_range():
 
 
 def test_a_scene_of_one_span_refuses_a_line_in_one_sentence():
-    with pytest.raises(SceneError, match=r"^a line of several contacts is computed at rest; one span between two anc"):
+    with pytest.raises(SceneError, match=r"^a line of several contacts takes run and check alone"):
         Scene.load("two-span")
 
 

@@ -253,8 +253,8 @@ class Comparison:
         return self._row("events", gap, [(bar, 0.0) for bar in bars], self.asked.path, "")
 
 
-def event_names(moved: Any) -> list[str]:
-    return [name for name, _ in moved.events]
+def event_names(moved: Any) -> tuple[str, ...]:
+    return tuple(name for name, _ in moved.events)
 
 
 def largest(a: Array, b: Array) -> float:

@@ -14,7 +14,7 @@ from validation.core.quantities import scale_of, with_bar
 from validation.page import terminal
 from validation.page.answer.many import Column, Columns, Row, table_of
 from validation.page.page import VERDICTS, Section, asset, drawn
-from validation.page.plot import BLACK, COLORS, DASHED, DOTTED, GREY, Panel, plot, side
+from validation.page.plot import BLACK, BLUE, COLORS, DASHED, DOTTED, GREY, Panel, plot, side
 
 WORDS: dict[str, dict[str, str]] = tomllib.loads(asset("motion.toml"))
 FEW = ("tension_max", "clearance_rope", "haul_max", "contact_min", "load_max", "rise_max", "speed_max")  # in a table
@@ -93,7 +93,9 @@ def _side(line: Row, profile: dict[str, Array], paths: dict[str, dict[str, Array
     p.fit([*depths, *(path["y"] + below[name] for name, path in paths.items())], pad=0.14)
     caption = side(p, 1.12 * end, ground, [(o["name"], o["at"], o["top"]) for o in obstacles])
     p.bands.append((x, profile["y_highest"], profile["y_lowest"], "#0072b233"))
-    p.line(x, profile["y_rest"], GREY, DOTTED, 1.4, "empty rope; shaded: where the rope passes")
+    p.line(x, profile["y_rest"], GREY, DOTTED, 1.4, "empty rope")
+    for edge in ("y_highest", "y_lowest"):
+        p.line(x, profile[edge], BLUE, "", 0.8, "rope at its highest and lowest")
     for (name, path), color in zip(paths.items(), COLORS[1:] * len(paths), strict=False):
         p.line(path["x"], path["y"], color, "", 2.0, f"path of {name}")
         if below[name]:

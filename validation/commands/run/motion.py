@@ -186,7 +186,7 @@ class Answers:
         if not ended and self.moved.reason is None:
             kinds.append("arrives")
             places = ", ".join(f"{car.name} at x = {car.point[-1, 0]:.1f} m" for car in self.cars)
-            parts.append(f"after {self.moved.end:.1f} s {places}")
+            parts.append(f"ends after {self.moved.end:.1f} s with {places}")
         parts.append(f"largest tension {largest['value'] / 1e3:.1f} kN at {largest['t']:.1f} s")
         return Outcome(kinds[0], "; ".join(parts))
 

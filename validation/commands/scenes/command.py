@@ -1,10 +1,13 @@
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from validation.page import terminal
 from validation.page.options import line_named, scene_named, written
+
+if TYPE_CHECKING:
+    from cablefem.scene.line import Line
 
 EXAMPLE = "cablefem scenes level > my.toml"
 
@@ -56,9 +59,17 @@ def _list() -> int:
     for key, title in Line.library().items():
         line = Line.load(key)
         masses = ", ".join(f"{car.mass:.0f} kg" for car in line.car)
-        rows.append([key, f"{line.contact[-1].at[0]:.0f} m", masses, "at rest", title])
+        rows.append([key, f"{line.contact[-1].at[0]:.0f} m", masses, _speed(line), title])
     terminal.table(["scene", "span", "mass", "top speed", "title"], rows, right=["span", "mass", "top speed"])
     return 0
+
+
+def _speed(line: "Line") -> str:
+    """The largest speed of timetables; of a line at rest, and of free cars alone, words."""
+    if not line.moves:
+        return "at rest"
+    speeds = [speed for car in line.car if (speed := getattr(car.travel, "top_speed", None)) is not None]
+    return f"{max(speeds):.3g} m/s" if speeds else "in motion"
 
 
 def _keys() -> int:
@@ -66,7 +77,7 @@ def _keys() -> int:
     from cablefem.scene.keys import keys
     from cablefem.scene.line import Line
 
-    for title, part in (("one span, in motion", Scene), ("a line of several contacts, at rest", Line)):
+    for title, part in (("one span, in motion", Scene), ("a line of several contacts, at rest or in motion", Line)):
         terminal.say(f"{title}:")
         rows = [
             [key.name, key.unit, f"{key.kind}: {key.meaning}" if key.kind else key.meaning, key.default, key.brief]
