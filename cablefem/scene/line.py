@@ -194,6 +194,11 @@ class LineRest:
         """States of the positions that have a rest."""
         return {i: x for i, x in enumerate(self.positions) if isinstance(x, LineState)}
 
+    @property
+    def refused(self) -> dict[int, NoLine]:
+        """Reasons of the positions that have no rest."""
+        return {i: x for i, x in enumerate(self.positions) if isinstance(x, NoLine)}
+
 
 class Line(Described):
     """A rope over several contacts, and the positions of cars on it."""
@@ -265,8 +270,12 @@ class Line(Described):
         saddles = {(i, car.name): self.shoe(self.place(car, i)) for i in range(self.count) for car in self.car}
         return {key: saddle for key, saddle in saddles.items() if saddle is not None}
 
-    def rest(self, solve: Solver) -> LineRest:
-        """Solve all positions; SceneError where the empty line has no rest."""
+    def rest(self, solve: Solver, refused: Mapping[int, NoLine] | None = None) -> LineRest:
+        """Solve all positions; SceneError where the empty line has no rest.
+
+        refused : positions that are not tried again, with the reason.
+        """
+        refused = refused or {}
         empty = _refuse_unsound(solve([self.case(None, self.cable.length)])[0])
         if isinstance(empty, NoLine):
             raise SceneError([f"the empty line: {empty}"])
@@ -274,27 +283,29 @@ class Line(Described):
         length = self.cable.length
         if self.contact[-1].kind != "counterweight":
             length = length or float(empty.s[-1])
-        on_shoes = self._on_shoes()
-        cases = [self.case(i, length) for i in range(self.count)]
+        open_positions = [i for i in range(self.count) if i not in refused]
+        on_shoes = {key: saddle for key, saddle in self._on_shoes().items() if key[0] not in refused}
+        cases = [self.case(i, length) for i in open_positions]
         for (i, name), saddle in on_shoes.items():
             reach = saddle.shoe or 0.0
             cases += [self.case(i, length, (name, saddle.at[0] + side)) for side in (-reach, reach)]
-        states = [_refuse_unsound(state) for state in solve(cases)]
-        positions = [self._with_loads(state, i) for i, state in enumerate(states[: self.count])]
+        states = iter([_refuse_unsound(state) for state in solve(cases)] if cases else [])
+        positions = dict(refused) | {i: self._with_loads(next(states), i) for i in open_positions}
         shoe_ends = {}
-        for k, ((i, name), saddle) in enumerate(on_shoes.items()):
-            left, right = states[self.count + 2 * k : self.count + 2 * k + 2]
+        for (i, name), saddle in on_shoes.items():
+            left = next(states)
+            right = next(states)
             if isinstance(left, LineState) and isinstance(right, LineState):
                 shoe_ends[i, name] = left, right
             elif isinstance(positions[i], LineState):
                 why = left if isinstance(left, NoLine) else right
                 positions[i] = NoLine(f"{name} does not come onto the shoe of {saddle.name}: {why}")
-        for i in range(self.count):
+        for i in open_positions:
             saddles = [saddle.name for (k, _), saddle in on_shoes.items() if k == i]
             twice = sorted({name for name in saddles if saddles.count(name) > 1})
             if twice:
                 positions[i] = NoLine(f"two cars on the shoe of {twice[0]}")
-        return LineRest(self, empty, positions, shoe_ends)
+        return LineRest(self, empty, [positions[i] for i in range(self.count)], shoe_ends)
 
     def _with_loads(self, state: LineState | NoLine, i: int) -> LineState | NoLine:
         """Add to a search without result what the rope has to carry at position i, and what holds it."""

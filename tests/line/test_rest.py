@@ -175,3 +175,20 @@ def test_one_span_is_the_statics_of_a_scene_but_for_the_strain():
         state = one((rope, *ends, car("car", 3000.0, float(x), hauled=False)), catenary_line.solve)
         apart = max(abs(state.place[1, 1] - y) / y, abs(state.tensions[1, 1] - N) / N)
         assert apart < 2.0 * N / EA
+
+
+def test_a_position_known_to_have_no_rest_is_not_tried_again():
+    """Also where the length follows from a counterweight, so that each solver computes it anew."""
+    counts = []
+
+    def counted(cases):
+        counts.append(len(cases))
+        return catenary_line.solve(cases)
+
+    heavy = Line.load("two-span").replace({"car.up.mass": 60000.0, "car.up.at": [50, 300], "car.down.at": [488, 738]})
+    first = heavy.rest(counted)
+    again = heavy.rest(counted, first.refused)
+    assert list(first.refused) == [1]
+    assert counts == [1, 2, 1, 1]
+    assert again.refused == first.refused
+    assert set(again.states) == {0}

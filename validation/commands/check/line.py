@@ -1,6 +1,6 @@
 """A line at rest by exact catenaries and by elements: do they agree?
 
-Bars: change in one more Newton step (catenaries), three times the change on halving (elements); at least rounding.
+Bars: change in one more Newton step (catenaries); of elements `order.left` of the change on halving; at least rounding.
 """
 
 import math
@@ -15,16 +15,16 @@ import numpy as np
 from cablefem import catenary_line
 from cablefem.elements import line as elements
 from cablefem.response import Array
-from cablefem.scene.line import Case, Line, LineRest, LineState, NoLine, NotFound, Solver
+from cablefem.scene.line import Line, LineRest, LineState, NotFound
 from validation.commands.run.line import Answers, Row, answer, answers, extremes, numbers_of, write
 from validation.core import line_laws, store
 from validation.core.agreement import APART, Agreement, Bound, Part, nothing
+from validation.core.order import FIRST, left
 from validation.page import line as page
 from validation.page.options import Point
 
 FINEST = 32  # elements on each piece, at most
 BY_ELEMENTS = 0.5  # their largest bar over the tolerance
-HALVED = 3.0  # bar over the change on halving the elements
 ROUNDING = 256 * np.finfo(float).eps  # of the reach for lengths, of EA for forces
 TOL = 1e-6  # [m], and of the largest tension
 TOL_RANGE = (1e-9, 1e-2)
@@ -52,6 +52,17 @@ class Both:
     @property
     def all(self) -> tuple[LineRest, ...]:
         return self.a, self.less_a, self.b, self.less_b
+
+    @property
+    def shared(self) -> list[int]:
+        """Positions that have a rest in all of them."""
+        return [i for i in self.a.states if all(i in rest.states for rest in self.all)]
+
+    def designs(self) -> list[list[Row]]:
+        """Design numbers of each, over the shared positions."""
+        shared = self.shared
+        numbers = [(rest, numbers_of(rest)) for rest in self.all]
+        return [extremes(rest.line, [x[i] if i in shared else None for i in range(len(x))]) for rest, x in numbers]
 
     def units(self, tol: float, tol_tension: float) -> tuple[Unit, Unit]:
         """Metres and newtons."""
@@ -83,7 +94,7 @@ def quantities(state: LineState) -> dict[str, tuple[Array, list[str]]]:
 
 def compare_states(both: Both, metres: Unit, newtons: Unit) -> Iterator[Agreement]:
     """One row a quantity, of the worst station and position."""
-    shared = [i for i in both.a.states if all(i in rest.states for rest in both.all)]
+    shared = both.shared
     if not shared:
         return
     states = [[quantities(rest.states[i]) for i in shared] for rest in both.all]
@@ -108,7 +119,7 @@ def _row(quantity: str, values: Sequence[Array], where: Sequence[str], unit: Uni
     a, less_a, b, less_b = values
     gap = np.abs(a - b)
     bar_a = np.maximum(np.abs(a - less_a), unit.rounding)
-    bar_b = np.maximum(HALVED * np.abs(b - less_b), unit.rounding)
+    bar_b = np.maximum(left(b - less_b, 0.0, (2.0,), FIRST), unit.rounding)
     bars = bar_a + bar_b
     badness = np.where(gap > APART * bars, gap / ROUNDING, np.maximum(gap, bars))
     k = np.unravel_index(np.argmax(np.nan_to_num(badness, nan=math.inf)), badness.shape)
@@ -118,42 +129,31 @@ def _row(quantity: str, values: Sequence[Array], where: Sequence[str], unit: Uni
 
 
 def _solved_by_one(both: Both) -> Iterator[Agreement]:
-    """A row `rest` for the first position that only one solver solves: a disagreement, unless a search did not end."""
-    for i, (x, y) in enumerate(zip(both.a.positions, both.b.positions, strict=True)):
-        if isinstance(x, LineState) != isinstance(y, LineState):
-            unknown = isinstance(x, NotFound) or isinstance(y, NotFound)
-            parts = Part("catenaries", math.inf if unknown else 0.0), Part("elements", 0.0)
-            yield Agreement("rest", 1.0, Bound("error bars", parts), f"position {i + 1}", asked_for=0.0)
-            return
-
-
-class Attempts:
-    """A solver that notes the cases without rest, and tries those known to be hopeless no more."""
-
-    def __init__(self, solve: Solver, hopeless: dict[Case, NoLine]) -> None:
-        self.solve = solve
-        self.refused = dict(hopeless)
-
-    def __call__(self, cases: Sequence[Case]) -> list[LineState | NoLine]:
-        open_cases = [case for case in cases if case not in self.refused]
-        states = dict(zip(open_cases, self.solve(open_cases), strict=True)) if open_cases else {}
-        self.refused |= {case: x for case, x in states.items() if isinstance(x, NoLine)}
-        return [self.refused[case] if case in self.refused else states[case] for case in cases]
+    """A row `rest` for positions that one solver alone solves: a disagreement, unless a search did not end."""
+    pairs = list(enumerate(zip(both.a.positions, both.b.positions, strict=True), start=1))
+    alone = [(i, pair) for i, pair in pairs if len({isinstance(x, LineState) for x in pair}) == 2]
+    if alone:
+        i, pair = alone[0]
+        unfinished = any(isinstance(x, NotFound) for x in pair)
+        parts = Part("catenaries", math.inf if unfinished else 0.0), Part("elements", 0.0)
+        bound = Bound("error bars", parts)
+        yield Agreement("rest", len(alone), bound, f"position {i}", asked_for=0.0, unit="positions")
 
 
 def solve_both(line: Line, second: Line, tol: float, tol_tension: float) -> Both:
-    """Both answers; elements are doubled until their bars are small enough, up to FINEST."""
-    by_catenaries = Attempts(partial(catenary_line.solve, more=1), {})
-    a = line.rest(by_catenaries)
+    """Both answers; elements are doubled until their bars are small enough, up to FINEST.
+
+    A position that a solver refuses is not tried again by it; one that both refuse, by none.
+    """
+    a = line.rest(partial(catenary_line.solve, more=1))
     if not a.states:
         raise store.Refused(f"{line.name}: no position has a rest; at the first {a.positions[0]}")
-    less_a = line.rest(Attempts(catenary_line.solve, by_catenaries.refused))
+    less_a = line.rest(catenary_line.solve, a.refused)
     n = 4
-    by_elements = Attempts(partial(elements.solve, elements=n // 2), {})
-    less_b = second.rest(by_elements)
-    hopeless = {case: why for case, why in by_elements.refused.items() if case in by_catenaries.refused}
+    less_b = second.rest(partial(elements.solve, elements=n // 2))
+    hopeless = {i: why for i, why in less_b.refused.items() if i in a.refused}
     while True:
-        b = second.rest(Attempts(partial(elements.solve, elements=n), hopeless))
+        b = second.rest(partial(elements.solve, elements=n), hopeless)
         both = Both(a, less_a, b, less_b)
         rows = [row for row in compare_states(both, *both.units(tol, tol_tension)) if row.bound.parts]
         coarse = any(row.bound.parts[1].value > BY_ELEMENTS * (row.asked_for or 0.0) for row in rows)
@@ -172,9 +172,9 @@ def checked(line: Line, tol: float = TOL, tol_tension: float | None = None, seco
     tol_tension = tol if tol_tension is None else tol_tension
     both = solve_both(line, second or line, tol, tol_tension)
     units = both.units(tol, tol_tension)
-    designs = [extremes(rest.line, numbers_of(rest)) for rest in both.all]
+    designs = both.designs()
     result = answers(line, both.a)
-    result = replace(result, design=with_bars(*designs[:3]))
+    result = replace(result, design=with_bars(result.design, designs[1], designs[2]))
     rows = [*compare_states(both, *units), *compare_design(designs, *units), *_solved_by_one(both)]
     return replace(result, rows=[*rows, *line_laws.laws(line.to_toml(), both.a), *recheck_outputs(result)])
 
