@@ -28,11 +28,13 @@ def command(
     with_tol: Annotated[float, options.number("--with-tol", "Allowed to it beside our own error bar.")] = 5e-3,
     set_: options.Set = None,
     verbose: Annotated[bool, typer.Option("--verbose", help="Print every comparison.")] = False,
-    deep: Annotated[bool, typer.Option("--deep", help="Hold what both share against third parties.")] = False,
+    deep: Annotated[bool, typer.Option("--deep", help="Compare other programs, too.")] = False,
     second: Annotated[Path | None, typer.Option("--second", metavar="FILE", help=SECOND)] = None,
     second_set: Annotated[list[str] | None, typer.Option("--second-set", metavar="KEY=VALUE", help=SECOND_SET)] = None,
-    sensitive: Annotated[bool, typer.Option("--sensitivity", help="Smallest fault of each key that it sees.")] = False,
-    self_test: Annotated[bool, typer.Option("--self-test", help="Plant a fault of 1 %: it must be seen.")] = False,
+    sensitive: Annotated[
+        bool, typer.Option("--sensitivity", help="Smallest error of each key that is detected.")
+    ] = False,
+    self_test: Annotated[bool, typer.Option("--self-test", help="Add 1 % to one mass: must be detected.")] = False,
     ask: Annotated[str, typer.Option("--ask", metavar="WHAT", help=ASK)] = "all",
     out: options.Out = None,
 ) -> int:

@@ -11,7 +11,7 @@ EXAMPLE = "cablefem methods"
 
 
 def command(
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write methods.json there instead.")] = None,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for methods.json.")] = None,
     files: Annotated[bool, typer.Option("--files", help="Print every column and key of the files of results.")] = False,
 ) -> int:
     """List every method, when to use it, and its settings; or say what the files of results hold."""

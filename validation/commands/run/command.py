@@ -29,7 +29,7 @@ def command(
     method: Annotated[str, typer.Option(metavar="NAME", help="A method (cablefem methods).")] = METHOD,
     set_: options.Set = None,
     model: Annotated[str, typer.Option(metavar="NAME", help=MODEL)] = "full",
-    load: Annotated[str, typer.Option(metavar="NAME", help="mass, or force: its weight alone.")] = "mass",
+    load: Annotated[str, typer.Option(metavar="NAME", help="mass: with its inertia; force: only its weight.")] = "mass",
     law: Annotated[str, typer.Option(metavar="NAME", help=LAW)] = "auto",
     tol: Annotated[float | None, options.number("--tol", TOL)] = None,
     bars: Annotated[bool, typer.Option("--bars/--no-bars", help="Error bars from coarser runs.")] = True,

@@ -14,7 +14,7 @@ EXAMPLE = "cablefem scenes level > my.toml"
 
 def command(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="Print this scene's TOML, to copy.")] = None,
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write TOML files there instead.")] = None,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write TOML files into this folder instead.")] = None,
     keys: Annotated[bool, typer.Option("--keys", help="Print all keys of a scene file, with units.")] = False,
     schema: Annotated[bool, typer.Option("--schema", help="Print the JSON schema of a scene file.")] = False,
 ) -> int:

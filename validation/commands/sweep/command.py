@@ -18,9 +18,11 @@ def command(
     study: Annotated[str | None, typer.Argument(metavar="STUDY", help="A TOML file or a built-in study.")] = None,
     workers: Annotated[int | None, typer.Option(min=1, metavar="N", help="Processes; default one per core.")] = None,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Of a running Dask: tcp://host:8786.")
+        str | None, typer.Option(metavar="ADDRESS", help="Address of a Dask: tcp://host:8786.")
     ] = None,
-    scene: Annotated[int | None, typer.Option(min=0, metavar="I", help="Print scene I as TOML; run nothing.")] = None,
+    scene: Annotated[
+        int | None, typer.Option(min=0, metavar="I", help="Print scene I as TOML and run nothing.")
+    ] = None,
     keys: Annotated[bool, typer.Option("--keys", help="Print all keys of a study file, with units.")] = False,
     csv: Annotated[bool, typer.Option("--csv", help="Write rows.csv as well.")] = False,
     out: Annotated[Path | None, options.to("STUDY")] = None,
