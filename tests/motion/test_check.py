@@ -74,9 +74,7 @@ def test_a_saddle_a_counterweight_and_two_cars_agree(line, by_elements, by_sines
     assert verdict(line, by_elements, by_sines) == "agree"
 
 
-@pytest.mark.parametrize(
-    "key", ["car.up.mass", "car.down.mass", "cable.mass_per_length", "contact.valley.tension"]
-)
+@pytest.mark.parametrize("key", ["car.up.mass", "car.down.mass", "cable.mass_per_length", "contact.valley.tension"])
 def test_a_fault_of_a_percent_in_one_solver_is_seen(line, by_elements, key):
     fault = Runs(SINES, line.replace({key: "+1%"})).ladder(2, 2)
     assert verdict(line, by_elements, fault) == "disagree"

@@ -308,8 +308,8 @@ def _end_of_travel(r: Response, readings: Readings) -> Ending:
     start = timetable.begins(given.travel, given.drive, r.length)
     end = given.drive.get("end", {}).get("place", 0.99 * r.length) if hauled else r.length
     last, duration = _travelled(given, r.length, start, end)
-    onset = readings.of("slack_onset")
-    slack = [] if onset is None else [onset * r.length]
+    # a law and a design number judge the onset itself; here its text is compared
+    slack = [] if r.slack_onset is None else [r.slack_onset * r.length]
     if last < 0.999 * end:
         return Ending("stopped", [last, duration, *slack])
     ends = [start, last] if hauled else []

@@ -35,9 +35,10 @@ def answer(scene: Scene, r: Response) -> None:
     terminal.say(f"{r.scene}: {outcome(scene, r).sentence}", style="bold")
     events([x for x in r.events if x["event"] in EVENTS[1:]])  # without the release
     numbers(matter(r.design))
-    if r.slack_onset is not None:
-        bar = next((row["bar"] for row in r.design if row["quantity"] == "slack_onset"), None)
-        at = with_bar(r.slack_onset * r.length, bar and bar * r.length)
+    onset = next((row for row in r.design if row["quantity"] == "slack_onset"), None)
+    if onset is not None:
+        bar = onset["bar"]
+        at = with_bar(onset["value"] * r.length, bar and bar * r.length)
         after = "the rope carries no compression"
         if r.law == "elastic":
             after = "this elastic law carries compression, and means nothing"
