@@ -129,7 +129,8 @@ def test_what_is_too_coarse_is_refined_where_its_bar_comes_from(right):
     def finer(*parts, larger=True, asked=True):
         bars = tuple(Part(m.name, sum(p)) for m, p in zip(methods, parts, strict=True))
         wide = Agreement("speed", 0.1, Bound("error bars", bars), asked_for=0.5, asked=asked, parts=parts)
-        return [study._finer(m, ladder, [wide], larger, 0.8) for m, ladder in zip(methods, right, strict=True)]
+        sides = [study._Side(LEVEL, m, 1e-2, float("inf"), {}) for m in methods]
+        return [side.finer(ladder, [wide], larger) for side, ladder in zip(sides, right, strict=True)]
 
     sines = (0.0, 0.01), (0.9, 0.01)
     first, second = finer(*sines)
