@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import InitVar, asdict, dataclass, field, fields
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,7 +122,40 @@ class Flag:
         return self.words.format(**self.numbers)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+Value = TypeVar("Value")
+
+
+class Once(Generic[Value]):
+    """A value that is computed at the first call; what computes it is dropped then."""
+
+    def __init__(self, compute: Callable[[], Value]) -> None:
+        self._compute: Callable[[], Value] | None = compute
+
+    def __call__(self) -> Value:
+        if self._compute is not None:
+            self._value = self._compute()
+            self._compute = None
+        return self._value
+
+
+def _later(otherwise: Callable[[Response], Any] | None = None) -> Any:
+    """A field that is computed when it is first looked at, and kept.
+
+    otherwise : computes it where neither the field nor a function for it was given.
+    """
+    lazy: cached_property[Any] = cached_property(lambda r: r._later.get(lazy.attrname, otherwise)(r))
+    return lazy
+
+
+def _none(r: Response) -> None:
+    """Of a field that is optional."""
+
+
+def _empty(r: Response) -> list[Any]:
+    return []
+
+
+@dataclass(frozen=True, kw_only=True)
 class MassPath:
     """How the mass moved, SI, arrays (n,); y and v down."""
 
@@ -173,12 +207,15 @@ class MassPath:
         return "a tenth of the length" if self.drive == "free" else "the largest deflection"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Response(MassPath):
     """The answer of one run, in SI; arrays (n,), but velocity .. slope_ahead, reactions and contact (n, 2).
 
-    T is total tension, with two values at the mass. `fields` holds the cable, `design` the extremes;
-    r.at(t=12.0, s=100.0) answers for any place.
+    The path is there at once. All from `velocity` on is computed when it is first looked at, and kept; until then
+    the states of the run are kept. T is total tension, with two values at the mass. `fields` holds the cable, `design`
+    the extremes; r.at(t=12.0, s=100.0) answers for any time and point.
+
+    later : functions of the response, by name, that compute fields which are not given.
     """
 
     scene: str
@@ -187,42 +224,61 @@ class Response(MassPath):
     load: str
     law: str
     reason: str | None
+    cause: str | None = None
     slack_at: float | None  # s/l of the onset
     switched: float | None  # s_o/l of the switch of law = auto
     horizontal_tension: float  # H [N]
-    T_behind: Array  # [N] nan on the left support
-    T_ahead: Array  # [N] nan on the right support
-    velocity: Array  # [m/s]
-    acceleration: Array  # [m/s^2]
-    slope_behind: Array  # d(place)/ds
-    slope_ahead: Array
-    energy: Array  # [J] cable and mass
-    power: Array  # [W] of the drive
-    tension_min: Array  # [N] least total tension
-    tension_min_at: Array  # its s
-    fields: Fields
+    breaks: list[float] = field(default_factory=list)  # [s] jumps of acceleration; samples are from before
     n_dof: int
     seconds: float  # of the time loop
-    path_error: float | None = None  # largest, over path_scale
-    tension_error: float | None = None  # rms off the jump, over H
-    error_parts: dict[str, float] | None = None
-    error_window: list[float] | None = None  # s_o/l
-    energy_gain: float | None = None  # over weight x largest deflection
-    flags: list[Flag] = field(default_factory=list)
-    cause: str | None = None
-    events: list[dict[str, Any]] = field(default_factory=list)  # event, t, s_o, speed
-    breaks: list[float] = field(default_factory=list)  # [s] jumps of acceleration; samples are from before
-    design: list[dict[str, Any]] = field(default_factory=list)  # quantity, value, bar, unit, t, s_o, s
-    T_behind_pointwise: Array  # by slopes; T_behind is from equilibrium
-    T_ahead_pointwise: Array
-    reaction_left: Array  # [N] force on the cable
-    reaction_right: Array
-    contact: Array  # [N] of the mass on the cable
-    F_haul: Array  # [N] outside force along the mean tangent, or nan
-    kinetic: Array  # [J]
-    strain: Array  # [J]
-    potential: Array  # [J]
-    powers: dict[str, Array] = field(default_factory=dict)  # [W]
+    velocity: Array = _later()  # [m/s]
+    acceleration: Array = _later()  # [m/s^2]
+    slope_behind: Array = _later()  # d(place)/ds
+    slope_ahead: Array = _later()
+    T_behind: Array = _later()  # [N] nan on the left support
+    T_ahead: Array = _later()  # [N] nan on the right support
+    T_behind_pointwise: Array = _later()  # by slopes; T_behind is from equilibrium
+    T_ahead_pointwise: Array = _later()
+    reaction_left: Array = _later()  # [N] force on the cable
+    reaction_right: Array = _later()
+    contact: Array = _later()  # [N] of the mass on the cable
+    F_haul: Array = _later()  # [N] outside force along the mean tangent, or nan
+    tension_min: Array = _later()  # [N] least total tension
+    tension_min_at: Array = _later()  # its s
+    energy: Array = _later()  # [J] cable and mass
+    kinetic: Array = _later()  # [J]
+    strain: Array = _later()  # [J]
+    potential: Array = _later()  # [J]
+    power: Array = _later()  # [W] of the drive
+    powers: dict[str, Array] = _later(lambda r: {})  # [W]
+    fields: Fields = _later()
+    events: list[dict[str, Any]] = _later(_empty)  # event, t, s_o, speed
+    energy_gain: float | None = _later(_none)  # over weight x largest deflection
+    flags: list[Flag] = _later(_empty)
+    path_error: float | None = _later(_none)  # largest, over path_scale
+    tension_error: float | None = _later(_none)  # rms off the jump, over H
+    error_parts: dict[str, float] | None = _later(_none)
+    error_window: list[float] | None = _later(_none)  # s_o/l
+    design: list[dict[str, Any]] = _later(_empty)  # quantity, value, bar, unit, t, s_o, s
+    later: InitVar[Mapping[str, Callable[[Response], Any]] | None] = None
+    _later: ClassVar[Mapping[str, Callable[[Response], Any]]] = {}
+
+    def __post_init__(self, later: Mapping[str, Callable[[Response], Any]] | None) -> None:
+        values = vars(self)
+        for name in [name for name, value in values.items() if isinstance(value, cached_property)]:
+            del values[name]
+        values["_later"] = later or {}
+
+    def with_later(self, **functions: Callable[[Response], Any]) -> Response:
+        """A copy with these fields computed anew when they are looked at."""
+        values = {name: value for name, value in vars(self).items() if name not in functions}
+        other = object.__new__(Response)
+        vars(other).update(values, _later={**self._later, **functions})
+        return other
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All fields, computed now: other processes get no states."""
+        return {name: getattr(self, name) for name in FIELDS}
 
     @property
     def speed(self) -> Array:
@@ -320,7 +376,7 @@ class Response(MassPath):
         f = self.fields
         arrays = {n: getattr(self, n) for n in _ARRAYS} | {f"fields.{n}": getattr(f, n) for n in _FIELDS}
         arrays |= {f"powers.{n}": power for n, power in self.powers.items()}
-        plain = [n for n in self.__dataclass_fields__ if n not in (*_ARRAYS, "fields", "powers")]
+        plain = [n for n in FIELDS if n not in (*_ARRAYS, "fields", "powers")]
         rest = {n: getattr(self, n) for n in plain}
         rest["flags"] = [asdict(flag) for flag in self.flags]
         with whole(folder / "response.npz") as temporary, temporary.open("wb") as out:
@@ -350,7 +406,8 @@ _PATH_UNITS = {
 }  # fmt: skip
 _FIELD_UNITS = {"u": "m", "v": "m", "du": "m/s", "dv": "m/s", "T": "N"}
 _FIELDS = tuple(Fields.__dataclass_fields__)
-_ARRAYS = tuple(name for name, f in Response.__dataclass_fields__.items() if f.type == "Array")
+FIELDS = {field.name: field for field in fields(Response)}
+_ARRAYS = tuple(name for name, field in FIELDS.items() if field.type == "Array")
 
 
 @contextmanager

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from cablefem.newmark import scheme
-from cablefem.response import MassPath, Response
+from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.ladder import Branch, Ladder, itself
 from validation.core.measures import SLACK_END, NotComparable
 from validation.core.methods import Method, find
 from validation.core.order import LEAST_ORDER
-from validation.core.running import Run, whole
+from validation.core.running import Run
 from validation.core.sidebyside import Progress, silent
 from validation.core.view import View
 from validation.core.watch import flagged
@@ -56,7 +56,7 @@ class Runs:
 
     def __init__(
         self, scene: Scene, method: str | Method, kind: dict[str, Any], view: View | None,
-        known: Sequence[MassPath] = (),
+        known: Sequence[Response] = (),
     ) -> None:  # fmt: skip
         self.scene = scene
         self.method = find(method) if isinstance(method, str) else method
@@ -68,7 +68,7 @@ class Runs:
         self.end = self.how.pop("until", None)
         self.short = min((x for x in (self.view.stop, self.end) if x is not None), default=None)
 
-    def at(self, settings: dict[str, Any], until: float | None, past: float = math.inf) -> MassPath:
+    def at(self, settings: dict[str, Any], until: float | None, past: float = math.inf) -> Response:
         """The run with these settings to s_o/l = until or further."""
         for r in self.known:
             far = until is not None and r.reached >= until * (1.0 - 1e-9)
@@ -78,7 +78,7 @@ class Runs:
         if marched is None:
             marched = Run(self.scene, self.method, **self.how, **settings)
             self.made.append(marched)
-        return marched.try_to(until, past=past)
+        return marched.to(until, past=past)
 
     def ladder(self, settings: dict[str, Any]) -> Ladder:
         finest = self.at(settings, self.short)
@@ -88,8 +88,8 @@ class Runs:
             resolution = self.method.resolution
             count = resolution.ratio if name == resolution.setting else lambda a, b: b / a
             ratios = tuple(count(b, a) for a, b in pairwise(values))
-            branches.append(Branch(runs, ratios, nominal))  # type: ignore[arg-type]
-        return Ladder(finest, *branches)  # type: ignore[arg-type]
+            branches.append(Branch(runs, ratios, nominal))
+        return Ladder(finest, *branches)
 
     def _coarser(self, settings: dict[str, Any]) -> list[tuple[str, list[int], float]]:
         """(setting, values from the finest on, nominal order) of space and time."""
@@ -109,17 +109,17 @@ class Runs:
         return [(space.setting, counts, order), ("steps", times, min(2.0, scheme(settings["scheme"]).order))]
 
     def finished(self, ladder: Ladder, past: float) -> Ladder:
-        """The ladder with its finest run marched to the end, all runs observed, and bars."""
-        finest = whole(self.at(ladder.finest.settings, self.end, past))
+        """The ladder with its finest run marched to the end, and bars."""
+        finest = self.at(ladder.finest.settings, self.end, past)
         until = self.short
         if self.view.stop is not None and finest.slack_from < SLACK_END:
             until = SLACK_END if self.end is None else min(self.end, SLACK_END)
-        ladder = ladder.map(lambda r: finest if r.settings == finest.settings else whole(self.at(r.settings, until)))
+        ladder = ladder.map(lambda r: finest if r.settings == finest.settings else self.at(r.settings, until))
         return annotated(ladder, self.view)
 
 
 def laddered(
-    scene: Scene, method: str | Method, *, progress: Progress | None = None, known: Sequence[MassPath] = (),
+    scene: Scene, method: str | Method, *, progress: Progress | None = None, known: Sequence[Response] = (),
     past: float = math.inf, view: View | None = None, **kind: Any,
 ) -> Ladder:  # fmt: skip
     """The ladder of a run; `kind` as in `run`, `known` runs are reused."""

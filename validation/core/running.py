@@ -6,12 +6,10 @@ import bisect
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
-from threadpoolctl import ThreadpoolController
 
 from cablefem import newmark
 from cablefem.newmark import (
@@ -25,10 +23,10 @@ from cablefem.newmark import (
     StepUnderflow,
     Work,
 )
-from cablefem.response import Array, MassPath, Response
+from cablefem.response import Array, Response
 from cablefem.scene import Groups, Scene
 from validation.core.methods import Method, find, pair
-from validation.core.sampling import FRAMES, History, moved, respond
+from validation.core.sampling import FRAMES, History, one_thread, respond
 from validation.core.solver import Solver
 from validation.core.watch import watched
 
@@ -40,8 +38,6 @@ MOST_FRAMES = 20_000  # 300 MB
 
 Progress = Callable[[float], None]
 _NONE = np.empty(0)
-
-_threads = cache(ThreadpoolController)  # cached: slow
 
 
 def run(
@@ -94,7 +90,7 @@ class Run:
         self.times = steps_of(solver, groups, settings)
         self.history = History(StateHistory(), Work(), 0.0, None, None, solver, None)
         self._ended = False
-        self._seen: tuple[int, Response] | None = None
+        self._seen: tuple[Any, Response] | None = None
 
     def to(
         self, until: float | None = None, progress: Progress | None = None, *, past: float = math.inf
@@ -108,18 +104,12 @@ class Run:
         self.march(until, progress, past)
         return self.seen()
 
-    def try_to(self, until: float | None = None, *, past: float = math.inf) -> Trial:
-        """The same, with only the path observed."""
-        self.march(until, None, past)
-        path = moved(self.scene, self.history)
-        return Trial(**path, method=self.method.name, settings=self.settings, run=self)
-
     def seen(self) -> Response:
-        now = len(self.history.states)
+        """The response so far; all but the path is computed when it is looked at."""
+        now = len(self.history.states), self.history.failure
         if self._seen is None or self._seen[0] != now:
-            told = {"method": self.method.name, "settings": self.settings, **self.kind}
-            with _threads().limit(limits=1):
-                response = respond(self.scene, self.history, frames=self.frames, **told)
+            how = {"method": self.method.name, "settings": self.settings, **self.kind}
+            response = respond(self.scene, self.history, frames=self.frames, **how)
             self._seen = now, watched(response, self.scene, self.method)
         return self._seen[1]
 
@@ -134,7 +124,7 @@ class Run:
         report = progress or (lambda done: None)
         try:
             if h.failure is None:
-                with _threads().limit(limits=1):  # small matrices
+                with one_thread():
                     self._advance(until or math.inf, past, report)
         except StepFailure as error:
             h.failure = _cause(error, h.onset is not None, h.after is not None)
@@ -193,21 +183,6 @@ class Run:
 
         ends = [bisect.bisect_left(t, until, key=partial(place, phase=k)) for k, t in enumerate(self.times)]
         return [t[: end + 1] for t, end in zip(self.times, ends, strict=True)]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Trial(MassPath):
-    """The path of a run, with the rest on request."""
-
-    run: Run
-
-
-def whole(path: MassPath) -> Response:
-    """The response of a path, observed now if need be."""
-    if isinstance(path, Trial):
-        return path.run.seen()
-    assert isinstance(path, Response)
-    return path
 
 
 def steps_of(solver: Solver, groups: Groups, settings: dict[str, Any]) -> list[Array]:

@@ -1,17 +1,19 @@
 """From a solver's states to a Response in SI."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import ThreadpoolController
 
 from cablefem import newmark
-from cablefem.newmark import Collocated, State, StateHistory, Work, densified, hermite
-from cablefem.response import Array, Fields, Observation, Response, States
+from cablefem.newmark import Collocated, Passed, State, StateHistory, Work, densified, hermite
+from cablefem.response import Array, Fields, Observation, Once, Response, States
 from cablefem.scene import Motion, Scene
 from validation.core.solver import Solver
 
@@ -19,6 +21,18 @@ FRAMES = 200  # of the fields: at s_o/l = 1/FRAMES, 2/FRAMES, ..., and so often 
 STATIONS = 201  # least in the file contract
 ON_CABLE = 1.0 + 1e-9  # largest s_o/l on the cable
 WITHIN = 6  # parts of a collocation step, for cubics
+OBSERVED = (
+    "velocity", "acceleration", "slope_behind", "slope_ahead", "T_behind", "T_ahead", "T_behind_pointwise",
+    "T_ahead_pointwise", "reaction_left", "reaction_right", "contact", "F_haul", "tension_min", "tension_min_at",
+    "energy", "kinetic", "strain", "potential", "power", "powers", "fields", "events",
+)  # fmt: skip
+
+_threads = cache(ThreadpoolController)  # cached: slow
+
+
+def one_thread() -> Any:
+    """One BLAS thread while in force: the matrices are small."""
+    return _threads().limit(limits=1)
 
 
 @dataclass(slots=True)
@@ -43,13 +57,6 @@ def finite(h: History) -> States:
         return states
     h.failure = "unstable", "the solution grew beyond all bounds; take more steps or a damped scheme"
     return _rows(states, slice(0, int(np.argmin(sound))))
-
-
-def moved(scene: Scene, h: History) -> dict[str, Any]:
-    """The fields of a `MassPath` except those that say what was run."""
-    states = finite(h)
-    place, w = h.solver.path(states)
-    return _ended(h, states, place) | _path(scene, states.t, place, w)
 
 
 def _ended(h: History, states: States, place: Array) -> dict[str, Any]:
@@ -77,31 +84,45 @@ def _onset(h: History, states: States) -> tuple[int, float] | None:
     return h.onset if h.onset is not None and h.onset[0] < states.t.size else None
 
 
-def respond(scene: Scene, h: History, *, frames: int = FRAMES, **asked: Any) -> Response:
-    """The response of a history; `asked` are the fields that say what was run.
+def respond(scene: Scene, h: History, *, frames: int = FRAMES, **how: Any) -> Response:
+    """The response of a history so far; all but the path is computed when it is looked at.
 
-    frames : least number of instants with fields.
+    how : the fields that say what was run;  frames : least number of instants with fields.
     """
     states = finite(h)
+    onset = _onset(h, states)
+    s_o, w = h.solver.path(states)
+    ended = _ended(h, states, s_o)
+    cause, reason = h.failure or (None, None)
+    motion = scene.groups.motion
+    breaks = [] if motion is None else [scene.time_scale * t for t, _ in motion.phases[1:] if t < states.t[-1]]
+    observed = Once(partial(_observed, scene, copy(h), states, frames, list(h.work.events)))
+
+    def look(name: str) -> Callable[[Response], Any]:
+        return lambda r: observed()[name]
+
+    return Response(
+        **how, **ended, **_path(scene, states.t, s_o, w), scene=scene.name, scene_toml=scene.to_toml(),
+        horizontal_tension=scene.horizontal_tension, cause=cause, reason=reason,
+        slack_at=None if onset is None else float(onset[1]),
+        switched=None if h.after is None else ended["slack_onset"], breaks=breaks,
+        n_dof=h.states[0].q.size, seconds=h.seconds, later={name: look(name) for name in OBSERVED},
+    )  # fmt: skip
+
+
+def _observed(scene: Scene, h: History, states: States, frames: int, events: list[Passed]) -> dict[str, Any]:
+    """The fields of a `Response` that are OBSERVED."""
     n = states.t.size
     onset = _onset(h, states)
     switch = states.t[onset[0]] if onset is not None and h.after is not None else math.inf
     t = frame_times(scene, float(states.t[-1]), frames)
-    at_frames = _between(_around(h, states, t), t) if t.size and n > 1 else _rows(states, slice(0, 0))
-    s = np.linspace(0.0, 1.0, STATIONS)
-    seen, steps = _observe(h, states, at_frames, switch, s)
-    tau = scene.time_scale
-    s_o = seen.s_o[steps]
-    told = in_si(scene, seen, steps, s) | _ended(h, states, s_o)
-    cause, reason = h.failure or (None, None)
-    motion = scene.groups.motion
-    return Response(
-        **asked, **told, cause=cause, reason=reason, slack_at=None if onset is None else float(onset[1]),
-        switched=None if h.after is None else told["slack_onset"],
-        events=_events(scene, h.work, states.t, s_o, told),
-        breaks=[] if motion is None else [float(tau * t) for t, _ in motion.phases[1:] if t < states.t[-1]],
-        n_dof=h.states[0].q.size, seconds=h.seconds,
-    )  # fmt: skip
+    with one_thread():
+        at_frames = _between(_around(h, states, t), t) if t.size and n > 1 else _rows(states, slice(0, 0))
+        s = np.linspace(0.0, 1.0, STATIONS)
+        seen, steps = _observe(h, states, at_frames, switch, s)
+    result = in_si(scene, seen, steps, s)
+    result["events"] = _events(scene, events, states.t, seen.s_o[steps], result)
+    return result
 
 
 def in_si(scene: Scene, seen: Observation, steps: NDArray[np.bool_], s: Array) -> dict[str, Any]:
@@ -137,14 +158,16 @@ def _at(times: Array, t: float) -> int:
     return int(np.argmin(np.abs(times - t)))
 
 
-def _events(scene: Scene, work: Work, t: Array, s_o: Array, told: dict[str, Any]) -> list[dict[str, Any]]:
+def _events(
+    scene: Scene, passed: list[Passed], t: Array, s_o: Array, told: dict[str, Any]
+) -> list[dict[str, Any]]:  # fmt: skip
     """Events of the car without stick-slip, with time [s], place [m] and speed [m/s] of the step next to them."""
     drive = scene.groups.drive
     phases = [("release", drive.release), *[("thrust_end", t) for t, _ in drive.thrust_table[-1:]]]
     found = [(name, at) for name, at in phases if 0.0 < at <= t[-1]]
-    for e in work.events:
+    for e in passed:
         if e.name not in ("standstill", "breaking loose", "brake off", "turn"):
-            found.append((e.name, _stopped(scene, work, t, s_o, e.t) if e.name == "stop" else e.t))
+            found.append((e.name, _stopped(scene, passed, t, s_o, e.t) if e.name == "stop" else e.t))
     if drive.mode == "free":
         found += [("turn", x) for x in _turns(t, s_o)]
     rows = []
@@ -155,10 +178,10 @@ def _events(scene: Scene, work: Work, t: Array, s_o: Array, told: dict[str, Any]
     return rows
 
 
-def _stopped(scene: Scene, work: Work, t: Array, s_o: Array, end: float) -> float:
+def _stopped(scene: Scene, passed: list[Passed], t: Array, s_o: Array, end: float) -> float:
     """The first standstill that lasts; else the end of the ride."""
     near = scene.groups.drive.rest_speed * 2.0 / math.sqrt(scene.groups.alpha)  # the way in an axial round trip
-    still = (e.t for e in work.events if e.name == "standstill")
+    still = (e.t for e in passed if e.name == "standstill")
     return next((x for x in still if abs(s_o[_at(t, x)] - s_o[-1]) <= near), end)
 
 
@@ -217,7 +240,7 @@ def _passages(motion: Motion, frames: int) -> Array:
 
 def _around(h: History, states: States, t: Array) -> States:
     """States around t, with collocation steps in parts so that cubics suffice."""
-    if not isinstance(h.states[-1], Collocated):
+    if not isinstance(h.states[states.t.size - 1], Collocated):
         return states
     steps = np.unique(np.clip(np.searchsorted(states.t, t), 1, states.t.size - 1)).tolist()
     parts = [x for i in steps for x in densified([h.states[i - 1], h.states[i]], WITHIN)]

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -30,26 +31,48 @@ def flagged(r: Response, kind: str, **numbers: float | str) -> Response:
 
 
 def watched(r: Response, scene: Scene, method: Method) -> Response:
-    """The response with its energy gain before slack, and its flags."""
-    assert scene.mass is not None
-    reached = math.inf if r.drive == "free" else r.reached  # a ride may roll back
-    stop = min(measures.WINDOW[1], reached, math.inf if r.switched is None else r.switched)
-    if r.t.size < 3 or not r.max_deflection > 0.0 or not measures.inside(r, (0.0, stop)).any():
+    """The response with its energy gain before slack, and its flags; both are computed when they are looked at."""
+    r = r.with_later(energy_gain=partial(_energy_gain, scene), flags=partial(_flags, scene, method))
+    if r.cause is None:
         return r
+    energy = next((flag for flag in r.flags if flag.kind == "energy"), None)
+    if energy is None:
+        return r
+    return replace(r, cause="unstable", reason=f"{energy}; it broke at s_o/l = {r.reached:.3f}")
+
+
+def _taut(r: Response) -> measures.Window | None:
+    """The part of the run, s_o/l, in which it is taut and comparable; None if nothing can be said of it."""
+    reached = math.inf if r.drive == "free" else r.reached  # a ride may roll back
+    window = 0.0, min(measures.WINDOW[1], reached, math.inf if r.switched is None else r.switched)
+    enough = r.t.size >= 3 and r.max_deflection > 0.0 and measures.inside(r, window).any()
+    return window if enough else None
+
+
+def _energy_gain(scene: Scene, r: Response) -> float | None:
+    taut = _taut(r)
+    if taut is None:
+        return None
+    assert scene.mass is not None
+    return measures.energy_gain(r, scene.mass.mass * scene.gravity, taut)
+
+
+def _flags(scene: Scene, method: Method, r: Response) -> list[Flag]:
+    taut = _taut(r)
+    if taut is None:
+        return []
+    assert scene.mass is not None
+    assert r.energy_gain is not None
     weight = scene.mass.mass * scene.gravity
-    unit = max(1.0, float(np.ptp(r.energy[measures.inside(r, (0.0, stop))])) / (weight * r.max_deflection))
-    gain = measures.energy_gain(r, weight, (0.0, stop))
+    range_of_energy = float(np.ptp(r.energy[measures.inside(r, taut)]))
+    unit = max(1.0, range_of_energy / (weight * r.max_deflection))
     flags = _waves(r, scene, method)
     if scene.speed_ratio is not None and scene.speed_ratio >= 1.0:
         # V/c = 1.1: half the true error; 1.5: no convergence
         flags.insert(0, flag("fast", speed_ratio=scene.speed_ratio))
-    if not gain <= MOST_GAIN * unit:
-        flags.append(flag("energy", gain=gain / unit, allowed=MOST_GAIN))
-        if r.cause is not None:
-            r = replace(r, cause="unstable", reason=f"{flags[-1]}; it broke at s_o/l = {r.reached:.3f}")
-    else:
-        flags += _gain_once_slack(r, weight, unit)
-    return replace(r, energy_gain=gain, flags=flags)
+    if not r.energy_gain <= MOST_GAIN * unit:
+        return [*flags, flag("energy", gain=r.energy_gain / unit, allowed=MOST_GAIN)]
+    return flags + _gain_once_slack(r, weight, unit)
 
 
 def _gain_once_slack(r: Response, weight: float, unit: float) -> list[Flag]:

@@ -81,6 +81,7 @@ def _one(point: options.Point, name: str, answered: "Callable[..., tuple[Respons
     folder = store.claim(out, "run", point.scene, [name])
     with terminal.progress() as progress:
         r, missed = answered(point, partial(progress, name))
+        r.summary()  # bars are computed when they are looked at
     with aside(partial(_animate, r, folder / name)) if name != QUASI_STATIC else nullcontext():
         r.write(folder / name)
         write_answers(folder / name, scene, r)

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from cablefem.response import Response
+from cablefem.response import Once, Response
 from cablefem.scene import Scene
 from cablefem.scene.errors import nearest, shown
 from validation.commands.run.command import CHOICES, QUASI_STATIC
@@ -35,21 +35,32 @@ def answer(
     """
     if method is None:
         return quasi_static_answer(scene), ""
-    if tol is None and not bars:
-        response = run(scene, method, **kind, progress=progress)
-        return replace(response, design=design(response)), ""
-    missed = ""
     if tol is None:
-        ladder = laddered(scene, method, **kind, progress=progress)
-    else:
-        try:
-            ladder = climb(scene, method, tol, **kind, progress=progress)
-            # mean forces, as in `check`
-            ladder = refined_until(scene, ladder, lambda x: forces_left(scene, x, tol), **kind)
-        except TooCoarse as error:
-            ladder = error.ladder
-            missed = str(error)
+        return _with_design(scene, run(scene, method, **kind, progress=progress), method, bars, kind), ""
+    missed = ""
+    try:
+        ladder = climb(scene, method, tol, **kind, progress=progress)
+        # mean forces, as in `check`
+        ladder = refined_until(scene, ladder, lambda x: forces_left(scene, x, tol), **kind)
+    except TooCoarse as error:
+        ladder = error.ladder
+        missed = str(error)
     return replace(ladder.run, design=design(ladder), events=with_bars(ladder)), missed
+
+
+def _with_design(scene: Scene, r: Response, method: Method, bars: bool, kind: dict[str, Any]) -> Response:
+    """The response with its design numbers; with bars, coarser runs are made when one is looked at."""
+    if not bars:
+        return r.with_later(design=design)
+    ladder = Once(lambda: laddered(scene, method, known=[r], **kind))
+
+    def of_finest(name: str) -> Callable[[Response], Any]:
+        return lambda _: getattr(ladder().run, name)
+
+    return r.with_later(
+        **{name: of_finest(name) for name in ("path_error", "tension_error", "error_parts", "error_window", "flags")},
+        design=lambda _: design(ladder()), events=lambda _: with_bars(ladder()),
+    )  # fmt: skip
 
 
 def quasi_static_answer(scene: Scene) -> Response:
@@ -67,20 +78,23 @@ def quasi_static_answer(scene: Scene) -> Response:
 
 def run_with_bars(
     scene: Scene, method: str = "following-p2", *, tol: float | None = None, bars: bool = True, model: str = "full",
-    load: str = "mass", law: str = "auto", frames: int = FRAMES, **settings: Any,
+    load: str = "mass", law: str = "auto", frames: int = FRAMES, until: float | None = None, **settings: Any,
 ) -> Response:  # fmt: skip
     """Run one method as `cablefem run` does: with design numbers, events and their bars.
 
     method : see `cablefem methods`; settings : of the method, as elements=20, steps=800.
     tol : of the path, relative to its largest deflection, in [1e-6, 0.2]; resolution and steps are then chosen.
     frames : least number of instants at which the fields are kept, for `Response.at`.
+    until : s_o/l at which the run may end; default: the end of the travel.
+    The run is made at once. Fields, forces, design numbers and bars are computed when they are looked at.
     Raises ValueError for a tolerance out of range or beside a resolution, and for settings that no such method has.
     run("zipline", tol=1e-3).design
     """
     kind = {"model": model, "load": load, "law": law}
     if refused := faults(scene, find(method), kind, settings, tol):
         raise ValueError("\n".join(refused))
-    return answer(scene, find(method), tol=tol, bars=bars, progress=silent, frames=frames, **kind, **settings)[0]
+    how = {"frames": frames, "until": until, **kind, **settings}
+    return answer(scene, find(method), tol=tol, bars=bars, progress=silent, **how)[0]
 
 
 def faults(
