@@ -2,14 +2,20 @@
 
 import csv
 import dataclasses
+import gc
 import json
+import pickle
+import weakref
 
 import numpy as np
 import pytest
 
+import cablefem as cf
 from cablefem import Scene
 from cablefem.response import Flag, Response, whole, write_csv, write_json
-from validation.core.running import run
+from validation.core.climb import laddered
+from validation.core.design import design
+from validation.core.running import Run, run
 
 
 @pytest.fixture(scope="module")
@@ -73,6 +79,53 @@ def test_what_is_written_reads_back(level, tmp_path):
     assert same(level.fields.T, again.fields.T)
     names = {field.name for field in dataclasses.fields(Response)} - {"fields"}
     assert [name for name in names if not same(getattr(level, name), getattr(again, name))] == []
+
+
+def test_a_run_gives_its_path_and_all_else_when_it_is_looked_at():
+    """A copy with one field changed is complete, and so is what another process gets, or a run that goes on."""
+    marched = Run(Scene.load("level"), "following-p2", elements=4, steps=120)
+    early = marched.to(0.3)
+    late = marched.to(0.6)
+    assert "fields" not in vars(early)
+    assert "energy" not in vars(early)
+    assert (early.status, early.slack_onset, early.reached < 0.35) == ("complete", None, True)
+    alone = Run(Scene.load("level"), "following-p2", elements=4, steps=120).to(0.3)
+    np.testing.assert_array_equal(early.fields.T, alone.fields.T)
+    assert early.energy is early.energy
+    changed = dataclasses.replace(late, T_behind=late.T_ahead)
+    assert changed.T_behind is late.T_ahead
+    assert changed.fields is late.fields
+    again = pickle.loads(pickle.dumps(alone))
+    names = {field.name for field in dataclasses.fields(Response)} - {"fields"}
+    assert [name for name in names if not same(getattr(alone, name), getattr(again, name))] == []
+
+
+def test_states_are_dropped_when_the_response_has_used_them_or_goes():
+    for use in (lambda r: r.energy, lambda r: None):
+        marched = Run(Scene.load("level"), "following-p2", elements=4, steps=120)
+        response = marched.to(0.3)
+        states = weakref.ref(marched.history.states)
+        use(response)
+        del marched
+        if use(response) is None:
+            assert states() is not None
+            del response
+        gc.collect()
+        assert states() is None
+
+
+def test_a_run_that_breaks_says_so_before_anything_is_looked_at():
+    r = run(Scene.load("level"), "following-p2", elements=4, steps=120, law="elastic", scheme="central-difference")
+    assert r.status == "incomplete"
+    assert r.reason
+
+
+def test_bars_are_computed_when_they_are_looked_at():
+    r = cf.run("level", elements=4, steps=120, until=0.5)
+    finest = laddered(Scene.load("level"), "following-p2", elements=4, steps=120, until=0.5)
+    assert {"path_error", "design", "flags"}.isdisjoint(vars(r))
+    assert (r.path_error, r.error_parts) == (finest.run.path_error, finest.run.error_parts)
+    assert r.design == design(finest)
 
 
 def test_the_mass_is_where_the_displaced_cable_is(level):
