@@ -50,7 +50,7 @@ def _solved(system: System, q: Array, shorten: Shorten) -> Array:
             norm = float(np.linalg.norm(r))
             stagnates = norm <= ROUNDING * bound and norm >= smallest
             if norm <= bound or stagnates:
-                return q
+                return np.asarray(q - solve(r.copy()))  # one step more, down to rounding
             if not norm < math.inf:
                 break
             if i == 0:
