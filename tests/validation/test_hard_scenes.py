@@ -27,7 +27,7 @@ def test_a_ride_on_a_cable_without_a_rest_is_refused():
     other = HOSTILE.model_copy(update={"sample": HOSTILE.sample.model_copy(update={"seed": 231126})})
     row = job.row(other, 8042, other.point(8042))
     assert (row["status"], row["cause"]) == ("refused", "scene")
-    assert "at rest under the car was not found" in row["reason"]
+    assert "no cable at rest under the car was found" in row["reason"]
 
 
 @pytest.mark.parametrize("index", range(0, len(HOSTILE), 1000))
