@@ -114,7 +114,6 @@ def inclined():
         ({}, 0),
         ({**BROKEN, "slack_onset": None, "cause": "Newton stalled"}, 2),
         ({**BROKEN, "slack_onset": None, "cause": "past the window"}, 0),
-        ({**BROKEN, "slack_onset": 0.7, "cause": "slack"}, 0),
         ({**BROKEN, "slack_onset": 0.2, "cause": "unstable"}, 2),  # its slack is the instability's own
         ({"flags": [flag("energy", gain=0.4, allowed=0.2)]}, 1),
     ],
