@@ -5,7 +5,7 @@ import math
 import pytest
 
 from cablefem import Scene, SceneError
-from validation.core.evidence import Given
+from validation.core.scene_data import Given
 from validation.oracles import irvine
 
 LEVEL = Scene.load("level")

@@ -11,8 +11,9 @@ from cablefem.response import Fields, Response
 from cablefem.scene import Catenary, catenary
 from tests.scene.test_ride import ZIP
 from tests.validation.ladders import alone, ladder
-from validation.core import evidence, laws
+from validation.core import laws
 from validation.core.running import run
+from validation.core.scene_data import Given
 
 WINDOW = (0.02, 0.40)
 
@@ -273,7 +274,7 @@ def test_a_brake_at_the_end_of_a_ride_is_held():
 
 
 def test_the_judge_reads_the_toml_by_itself(level):
-    given = evidence.Given(level.finest.scene_toml, level.finest.length)
+    given = Given(level.finest.scene_toml, level.finest.length)
     assert (given.rho, given.mass, given.span) == (1.0, 2002.3720103, 2000.0)
     assert given.asked == ("length", 2002.3720103)
     hanging = Catenary.from_length(given.span, given.drop, given.rho * given.gravity, given.asked[1])

@@ -19,11 +19,11 @@ from cablefem.response import Array, Response
 from cablefem.scene import Scene
 from validation.core.agreement import Agreement, Bound, Part, finite
 from validation.core.clearances import Clearances, Track, clearances, grounds
-from validation.core.evidence import ROUNDING, Given
 from validation.core.ladder import Ladder, largest
 from validation.core.measures import averaged, extremes_within, meant_until
 from validation.core.order import FIRST
 from validation.core.quantities import unit_of
+from validation.core.scene_data import ROUNDING, Given
 
 NEAR = 9  # times around an extreme at which two runs are compared
 BETWEEN = 0.25  # of the larger neighbouring step: a parabola's rise above its highest sample

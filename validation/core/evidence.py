@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -13,107 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import simpson
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
-from scipy.optimize import brentq
 
 from cablefem.response import Array, Response
-from validation.core.scene_data import ice_mass
+from validation.core.scene_data import ROUNDING, Given
 
 EVERY = 12  # frames per window: 0.06 of the travel
-ROUNDING = 1e-9  # relative, of static splines and of times in different runs
 
 AT_REST = ("s", "x", "y", "T_static")
 
 Window = tuple[float, float]
-
-
-class Given:
-    """A scene's numbers from its TOML, SI; `length` is that at rest."""
-
-    def __init__(self, toml: str, length: float) -> None:
-        x = tomllib.loads(toml)
-        self.scene = x
-        cable = x["cable"]
-        supports = x["supports"]
-        self.gravity: float = x.get("gravity", 9.81)
-        self.rho: float = cable["mass_per_length"]
-        self.EA: float = cable["EA"]
-        self.span = supports["span"]
-        self.drop = supports["drop"]
-        self.mass: float = x["mass"]["mass"]
-        self.weight = self.mass * self.gravity
-        # name and value
-        self.asked = next((name, cable[name]) for name in ("length", "sag", "horizontal_tension") if name in cable)
-        self.travel = x.get("travel", {})
-        self.drive = x.get("drive", {})
-        self.cable = cable
-        self.wind = x.get("wind", {})
-        self.tau: float = cable.get("internal_damping", 0.0)
-        if "ice" in cable or "temperature" in cable:
-            self._change(cable, length)
-        self.round_trip = 2.0 * length * math.sqrt(self.rho / self.EA)  # of an axial wave [s]
-
-    def _change(self, cable: dict[str, Any], length: float) -> None:
-        """Heat lengthens the unstretched cable; ice adds weight."""
-        l, mean_tension = _hung(self.span, self.drop, self.rho * self.gravity, *self.asked)
-        dT = cable["temperature"] - cable.get("reference_temperature", 0.0) if "temperature" in cable else 0.0
-        self.rho = (self.rho + ice_mass(cable)) * l / length
-        natural = l / (1.0 + mean_tension / self.EA)
-        self.asked = "unstretched", natural * (1.0 + cable.get("expansion", 0.0) * dT)
-
-    def blown(self, power: int) -> float:
-        """rho_air c_D d U^power/2 of the crosswind [N/m] or [N s/m^2], d with ice."""
-        if not self.wind:
-            return 0.0
-        ice = self.cable.get("ice")
-        d = self.cable["diameter"] + 2.0 * (ice["thickness"] if isinstance(ice, dict) else 0.0)
-        air = self.wind.get("air_density", 1.2)
-        c_D = self.wind.get("drag_coefficient", 1.2)
-        return 0.5 * air * c_D * d * self.wind["across"] ** power
-
-    def damping(self, length: float, H: float) -> float:
-        """Force over momentum of the cable [1/s]; its own and the crosswind's."""
-        own = self.cable.get("damping", 0.0)
-        ratio, rate = (0.0, own["rate"]) if isinstance(own, dict) else (own, 0.0)
-        return rate + 2.0 * ratio * self._slowest(length, H) + self.blown(1) / self.rho if own or self.wind else 0.0
-
-    def _slowest(self, length: float, H: float) -> float:
-        """Lowest frequency [rad/s] of the empty cable; in units of sqrt(tau/rho)/l antisymmetric 2 pi, symmetric
-
-        1 + sum over odd n of 8 L^2/(n^2 pi^2 (n^2 pi^2 - w^2)) = 0.
-        """
-        cos = self.span / math.hypot(self.span, self.drop)
-        n = math.pi * np.arange(1.0, 20001.0, 2.0)
-        L2 = (self.rho * self.gravity * length / H) ** 2 * self.EA / H * cos**5
-
-        def sums(w: float) -> float:
-            return 1.0 + float(np.sum(8.0 * L2 / (n**2 * (n**2 - w**2))))
-
-        w = 2.0 * math.pi
-        if sums(w) > 0.0:
-            w = float(brentq(sums, math.pi * (1.0 + 1e-12), w, xtol=1e-12))
-        return w * math.sqrt(H / cos / self.rho) / length
-
-
-def _hung(span: float, drop: float, weight: float, name: str, value: float) -> tuple[float, float]:
-    """Length and mean tension of a catenary by length, sag or horizontal tension.
-
-    u = asinh(slope) falls by span/a; ds = a cosh(u) du, T = H cosh(u).
-    """
-
-    def hang(a: float) -> tuple[float, float, float, float]:
-        half = 0.5 * span / a
-        middle = math.asinh(drop / (2.0 * a * math.sinh(half)))
-        deepest = math.asinh(drop / span)
-        left = middle + half
-        sag = a * (math.cosh(left) - math.cosh(deepest)) - drop / span * a * (left - deepest)
-        return 2.0 * a * math.cosh(middle) * math.sinh(half), sag, middle, half
-
-    a = value / weight
-    if name != "horizontal_tension":
-        told = 0 if name == "length" else 1
-        a = math.exp(brentq(lambda x: hang(math.exp(x))[told] - value, math.log(0.1 * span), math.log(1e6 * span)))
-    length, _, middle, half = hang(a)
-    return length, a * weight * (half + 0.5 * math.sinh(2.0 * half) * math.cosh(2.0 * middle)) * a / length
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,8 +18,9 @@ from scipy.interpolate import CubicSpline
 from cablefem.response import Array, Response
 from validation.core import rest, timetable
 from validation.core.agreement import Agreement, Bound, Part
-from validation.core.evidence import ROUNDING, Evidence, Side, Window, Windows, cross
+from validation.core.evidence import Evidence, Side, Window, Windows, cross
 from validation.core.order import FIRST, left
+from validation.core.scene_data import ROUNDING
 
 OFTEN = 0.1  # of a transverse wave's time along the cable: rarer frames hide velocities
 ROLLS = 0.05  # of the top speed: below it friction's direction is not checked

@@ -24,9 +24,8 @@ import numpy as np
 
 from cablefem.response import Array
 from validation.core.agreement import Agreement, Bound, Part
-from validation.core.evidence import ROUNDING
 from validation.core.readback import plain
-from validation.core.scene_data import ice_mass, si_factor
+from validation.core.scene_data import ROUNDING, ice_mass, si_factor
 
 DOWN = np.array([0.0, 1.0])
 GROUND = "the ground"

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from cablefem.response import Array, Observation, Response
 from cablefem.scene import Groups, Scene
@@ -134,6 +133,8 @@ class Statics:
     """The cable at rest over s_o, interpolated between `nodes`; dimensionless."""
 
     def __init__(self, groups: Groups) -> None:
+        from scipy.interpolate import CubicSpline  # slow to import
+
         self._sigma = groups.sigma
         positions = nodes(NEAREST if groups.drive.mode == "grip" else None)
         at_rest = hauled if groups.drive.mode == "haul" else gripped

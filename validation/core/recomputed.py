@@ -16,9 +16,9 @@ from scipy.optimize import brentq
 from cablefem.response import Array, Response
 from validation.core import timetable
 from validation.core.agreement import Agreement, Bound, Part, nothing
-from validation.core.evidence import ROUNDING, Evidence, Given, Windows, cross, integral
+from validation.core.evidence import Evidence, Windows, cross, integral
 from validation.core.measures import JUMP_WIDTH, extremes_within, meant_until
-from validation.core.scene_data import deepest, mean_around
+from validation.core.scene_data import ROUNDING, Given, deepest, mean_around
 
 
 def _row(r: Response, quantity: str, law: str, gap: float, allowed: float, where: float | None = None) -> Agreement:

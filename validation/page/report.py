@@ -1,17 +1,23 @@
 """One report from the pages of many commands; each command draws its own (`page.sections`)."""
 
+from __future__ import annotations
+
 import importlib
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
 from cablefem.response import write_json
-from validation.core import readback, store
+from validation.core import store
 from validation.page import page, terminal
 from validation.page.page import Section, callout
+
+if TYPE_CHECKING:
+    from validation.core.readback import Stored
 
 
 def write(folder: Path, command: str, faults: Sequence[str] = ()) -> None:
@@ -31,8 +37,10 @@ def write(folder: Path, command: str, faults: Sequence[str] = ()) -> None:
     store.finish(folder, command)
 
 
-def read_back(command: str, of: readback.Stored, lines: Sequence[str]) -> int:
+def read_back(command: str, of: Stored, lines: Sequence[str]) -> int:
     """Read files, page and printed lines back; faults come first on the page, and 1 is returned."""
+    from validation.core import readback  # slow to import
+
     text = (of.folder / store.REPORT).read_text(encoding="utf-8")
     faults = [*readback.files(of), *readback.page(text, command, of), *readback.terminal(lines, of)]
     if faults:

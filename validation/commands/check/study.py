@@ -260,7 +260,7 @@ def _goals(row: Agreement, method: str, larger: bool) -> Iterator[Goal]:
 
 def _load() -> None:
     """Import judging and drawing while a solver runs."""
-    for name in ("core.laws", "core.recomputed", "core.trust", "commands.check.page"):
+    for name in ("core.laws", "core.readback", "core.recomputed", "core.trust", "commands.check.page"):
         importlib.import_module(f"validation.{name}")
 
 

@@ -13,10 +13,10 @@ from markupsafe import Markup
 from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.core.answers import outcome
-from validation.core.evidence import Given
 from validation.core.measures import averaged
 from validation.core.methods import METHODS
 from validation.core.quantities import matter
+from validation.core.scene_data import Given
 from validation.page.answer import figures as draw
 from validation.page.answer.stored import Stored
 from validation.page.page import drawn_with, table
