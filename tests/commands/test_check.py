@@ -31,7 +31,7 @@ def test_check_agrees_and_leaves_everything_in_its_folder(cablefem, tmp_path):
     assert quantities - {"path_slack"} == {  # where coarse companions reach beyond the onset
         "path_max", "path_rms", "tension", "tension_behind", "tension_ahead", "reactions",
         "displacement", "velocity", "slack_onset", "energy", "impulse", "laws_si", "speed", "contact", "tension_min",
-        "design",
+        "design", "design gap", "outcome",
     }  # fmt: skip
     assert out.startswith("Both solvers agree.\nlevel: crosses the cable in 14.3 s")
     assert all(said in out for said in ("comparisons of two solvers agree; ", "slack somewhere from car at 1"))

@@ -31,5 +31,5 @@ def test_lines_at_rest_are_taken_too():
     line = cf.Line.load("two-span")
     assert cf.run(line).design[0]["value"] == pytest.approx(by_name.design[0]["value"], rel=1e-9)
     assert len(repr(cf.run(line))) < 120
-    with pytest.raises(cf.SceneError, match="computed at rest"):
+    with pytest.raises(cf.SceneError, match="takes run and check alone"):
         cf.quasi_static("two-span")

@@ -20,7 +20,6 @@ QUICK = {"elements": 4, "steps": 100, "bars": False}
         ({"tol": 0.5}, r"tol must lie in \[1e-06, 0.2\], got 0.5"),
         ({"tol": float("nan")}, "tol must lie in"),
         ({"elemnts": 8}, "has no setting 'elemnts'. Did you mean elements?"),
-        ({"until": 0.5}, "has no setting 'until'"),
         ({"budget": 3.0, "tol": 1e-2}, "has no setting 'budget'"),
         ({"model": "ful"}, "model = 'ful': unknown. Did you mean full?"),
     ],

@@ -190,7 +190,7 @@ class Answers:
 
     def __repr__(self) -> str:
         result = self.verdict.value if self.verdict else self.status
-        return f"Answers({self.line.name}: {result}, {self.line.count} positions at rest; {self.outcome.sentence})"
+        return f"Answers({self.line.name}: {result}; {self.outcome.sentence})"
 
     @property
     def verdict(self) -> Verdict | None:
