@@ -181,7 +181,7 @@ class RollingCar(System):
         drive = self.drive
         s_o = float(x.q[-1])
         if self.free and not 0.0 < s_o < 1.0:  # off the cable only these have values
-            ends = {"arrival": drive.end_place - s_o, "back": s_o - drive.back_place}
+            ends = {"arrival": drive.end_position - s_o, "back": s_o - drive.back_position}
             return tuple(ends.get(name, math.inf) for name in EVENTS)
         look = self.car_forces(x)
         lift_off = math.inf if mode.lifted else look.normal
@@ -206,7 +206,7 @@ class RollingCar(System):
         direction = 0.0 if mode.awaits_waves or not self.has_friction else mode.heading  # which only a standstill turns
         ahead = drive.brakes[n][0] - s_o if n < len(drive.brakes) and direction >= 0.0 else math.inf
         back = s_o - drive.brakes[n - 1][0] if n and direction <= 0.0 else math.inf
-        return ahead, back, drive.end_place - s_o, s_o - drive.back_place
+        return ahead, back, drive.end_position - s_o, s_o - drive.back_position
 
     def _drifts(self, x: State) -> bool:
         mode = self.mode
@@ -217,7 +217,7 @@ class RollingCar(System):
         if x.phase < len(self.phases) - 1:
             return math.inf
         remaining = max(self.mode.slow_since, self.phases[-1][0]) + self.round_trip - x.t
-        rests = self.drive.stays(float(x.q[-1])) and not self._drifts(x)
+        rests = self.drive.is_rest_position(float(x.q[-1])) and not self._drifts(x)
         return remaining if rests else max(remaining, self.round_trip)
 
     def step_fraction(self, x: State, since: float, ahead: float = 0.0) -> float:
@@ -225,7 +225,7 @@ class RollingCar(System):
         slip = x.v.item(-1)
         holds = self.drive.resists and (mode.brakes > 0 or mode.sticks)
         after_jump = (mode.forward, since) if self.short_steps_after_jumps or self.drive.resists else (0.0, math.inf)
-        return self.drive.part_of_step(
+        return self.drive.step_fraction(
             self.round_trip, self.sigma, x.q.item(-1) + ahead * slip, slip, *after_jump, holds
         )
 
@@ -241,6 +241,6 @@ class RollingCar(System):
         drive = self.drive
         places = (0.0, *(place for place, _ in drive.brakes), 1.0)
         n = mode.brakes
-        low = max(drive.back_place, places[n])
-        high = min(drive.end_place, places[n + 1])
+        low = max(drive.back_position, places[n])
+        high = min(drive.end_position, places[n + 1])
         return low, high, mode.heading if self.has_friction else 0.0, mode.forward, drive.rest_speed

@@ -7,7 +7,18 @@ from typing import Annotated, Any
 from cablefem.scene.bisection import bisected
 from cablefem.scene.catenary import Z_MAX, Z_MIN, Catenary
 from cablefem.scene.errors import shown
-from cablefem.scene.fields import POSITIVE, Admits, NonNegative, Part, Positive, Real, between, number_or, one_of, said
+from cablefem.scene.fields import (
+    POSITIVE,
+    Admits,
+    NonNegative,
+    Part,
+    Positive,
+    Real,
+    between,
+    described,
+    number_or,
+    one_of_faults,
+)
 
 SHAPES = ("length", "sag", "horizontal_tension")
 STEEPEST = 10.0  # [-] largest slope of the chord, 84 degrees; steeper lines lose digits
@@ -16,21 +27,23 @@ Celsius = Annotated[float, between(-100.0, 300.0)]
 
 
 class Ice(Part):
-    thickness: Positive = said("[m] radial thickness")
-    density: Positive = said("[kg/m3] density of the ice")
+    thickness: Positive = described("[m] radial thickness")
+    density: Positive = described("[kg/m3] density of the ice")
 
 
 class Rope(Part):
     """A uniform elastic rope, its temperature and its ice."""
 
-    mass_per_length: Positive = said("[kg/m] mass of the cable per stretched length at rest")
-    EA: Positive = said("[N] axial stiffness per strain of the cable stretched at rest; of the unstretched: EA - T")
-    diameter: Positive | None = said("[m] of the cable without ice", None)
-    breaking_load: Positive | None = said("[N] tension at which the cable breaks", None)
-    temperature: Celsius | None = said("[C] during the run", None)
-    reference_temperature: Celsius | None = said("[C] at which the lengths and tensions given hold", None)
-    expansion: Annotated[float, between(-1e-3, 1e-3)] | None = said("[1/K] thermal expansion; steel 1.2e-5", None)
-    ice: number_or(POSITIVE, Ice) | None = said("[kg/m] of the cable at the reference temperature", None)  # type: ignore[valid-type]
+    mass_per_length: Positive = described("[kg/m] mass of the cable per stretched length at rest")
+    EA: Positive = described(
+        "[N] axial stiffness per strain of the cable stretched at rest; of the unstretched: EA - T"
+    )
+    diameter: Positive | None = described("[m] of the cable without ice", None)
+    breaking_load: Positive | None = described("[N] tension at which the cable breaks", None)
+    temperature: Celsius | None = described("[C] during the run", None)
+    reference_temperature: Celsius | None = described("[C] at which the lengths and tensions given hold", None)
+    expansion: Annotated[float, between(-1e-3, 1e-3)] | None = described("[1/K] thermal expansion; steel 1.2e-5", None)
+    ice: number_or(POSITIVE, Ice) | None = described("[kg/m] of the cable at the reference temperature", None)  # type: ignore[valid-type]
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         faults = []
@@ -68,7 +81,7 @@ class Rope(Part):
 
 
 class Damping(Part):
-    rate: NonNegative = said("[1/s] force per momentum of the cable")
+    rate: NonNegative = described("[1/s] force per momentum of the cable")
 
 
 RATIO = Admits("a ratio of critical from 0 to 1 (0.01 is 1 %)", ge=0.0, le=1.0)
@@ -77,21 +90,21 @@ RATIO = Admits("a ratio of critical from 0 to 1 (0.01 is 1 %)", ge=0.0, le=1.0)
 class Cable(Rope):
     """The cable of one span; exactly one of length, sag and horizontal_tension."""
 
-    damping: number_or(RATIO, Damping) = said("[-] ratio of critical in the first mode of the empty cable", 0.0)  # type: ignore[valid-type]
-    internal_damping: NonNegative = said("[s] tau of N = T + EA (eps + tau deps/dt), of a car that grips", 0.0)
-    length: Positive | None = said("[m] stretched arc length at rest", None)
-    sag: Positive | None = said("[m] largest vertical distance below the chord at rest", None)
-    horizontal_tension: Positive | None = said("[N] horizontal part of the tension at rest", None)
+    damping: number_or(RATIO, Damping) = described("[-] ratio of critical in the first mode of the empty cable", 0.0)  # type: ignore[valid-type]
+    internal_damping: NonNegative = described("[s] tau of N = T + EA (eps + tau deps/dt), of a car that grips", 0.0)
+    length: Positive | None = described("[m] stretched arc length at rest", None)
+    sag: Positive | None = described("[m] largest vertical distance below the chord at rest", None)
+    horizontal_tension: Positive | None = described("[N] horizontal part of the tension at rest", None)
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
-        return one_of(SHAPES, given) + super().faults_between(given)
+        return one_of_faults(SHAPES, given) + super().faults_between(given)
 
 
 class Supports(Part):
     """Two fixed points; the left one is the origin."""
 
-    span: Positive = said("[m] horizontal distance of the supports")
-    drop: Real = said("[m] right support below the left one: positive", 0.0)
+    span: Positive = described("[m] horizontal distance of the supports")
+    drop: Real = described("[m] right support below the left one: positive", 0.0)
 
 
 def hang(gravity: float, cable: Cable, supports: Supports) -> Catenary:

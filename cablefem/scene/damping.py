@@ -7,7 +7,7 @@ import math
 from cablefem.scene.bisection import bisected
 from cablefem.scene.cable import Cable, Damping
 from cablefem.scene.catenary import Catenary
-from cablefem.scene.fields import NonNegative, Part, Positive, said
+from cablefem.scene.fields import NonNegative, Part, Positive, described
 
 SMALLEST_INTERNAL = 1e-4  # [l sqrt(rho/H)] smallest internal damping; with 3e-5 elements stall once slack
 
@@ -15,9 +15,9 @@ SMALLEST_INTERNAL = 1e-4  # [l sqrt(rho/H)] smallest internal damping; with 3e-5
 class Wind(Part):
     """The table [wind]."""
 
-    across: NonNegative = said("[m/s] across the line; it damps the cable")
-    drag_coefficient: Positive = said("[-] of the cable", 1.2)
-    air_density: Positive = said("[kg/m3] density of the air", 1.2)
+    across: NonNegative = described("[m/s] across the line; it damps the cable")
+    drag_coefficient: Positive = described("[-] of the cable", 1.2)
+    air_density: Positive = described("[kg/m3] density of the air", 1.2)
 
     def force(self, diameter: float) -> float:
         """Horizontal force [N/m] on a cable at rest, rho_air c_D d U^2/2."""

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self
 import tomli_w
 
 from cablefem.scene.errors import SceneError, nearest, shown
-from cablefem.scene.fields import Line, Name, Part, Positive, said
+from cablefem.scene.fields import Name, OneLine, Part, Positive, described
 from cablefem.scene.surroundings import read_ground
 
 _FILES = resources.files(__package__) / "library"
@@ -63,9 +63,9 @@ class Described(Part):
 
     built_in: ClassVar[Sequence[str]]  # names
 
-    name: Name = said("[-] name of its folder of results; of a file, the file's name", "scene")
-    title: Line = said("[-] what it is, on one line", "")
-    gravity: Positive = said("[m/s2] g", 9.81)
+    name: Name = described("[-] name of its folder of results; of a file, the file's name", "scene")
+    title: OneLine = described("[-] what it is, on one line", "")
+    gravity: Positive = described("[m/s2] g", 9.81)
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Self:

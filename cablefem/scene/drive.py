@@ -21,12 +21,12 @@ from cablefem.scene.fields import (
     Positive,
     Real,
     Reals,
-    as_long,
     between,
+    described,
+    length_faults,
     number_or,
-    one_of,
-    rising,
-    said,
+    one_of_faults,
+    rising_faults,
     tables,
 )
 
@@ -34,7 +34,7 @@ from cablefem.scene.fields import (
 NEAREST_START = 1e-4
 FARTHEST_END = 0.99
 START = 0.01  # [l] where a rolling car begins by default
-# steps of a run; a step is at most 1/12, 1/240, ... of the times below, see `Drive.part_of_step`
+# steps of a run; a step is at most 1/12, 1/240, ... of the times below, see `Drive.step_fraction`
 STANDARD = 1000.0
 SINCE = 12.0  # since a jump of force, and to a support
 RINGS = 240.0  # axial round trip
@@ -50,28 +50,28 @@ IDLE = {  # why other keys have no meaning
 class Thrust(Part):
     """Force along the mean tangent, linear between its times, else zero."""
 
-    times: Numbers = said("[s] strictly increasing")
-    forces: Reals = said("[N] positive to the right")
+    times: Numbers = described("[s] strictly increasing")
+    forces: Reals = described("[N] positive to the right")
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
-        return as_long(self.times, "forces", self.forces) + rising("times", self.times)
+        return length_faults(self.times, "forces", self.forces) + rising_faults("times", self.times)
 
 
 class Brake(Part):
     """A shoe that acts against the motion beyond a position; several add up."""
 
-    place: Positive = said("[m] position along the cable from which it brakes", alias="from")
-    force: Positive = said("[N] braking force along the cable")
+    position: Positive = described("[m] position along the cable from which it brakes", alias="from")
+    force: Positive = described("[N] braking force along the cable")
 
 
 class End(Part):
     """Where or when the run ends: exactly one of both."""
 
-    time: Positive | None = said("[s] at which the ride ends", None)
-    place: Positive | None = said("[m] position along the cable that counts as arrival", None)
+    time: Positive | None = described("[s] at which the ride ends", None)
+    place: Positive | None = described("[m] position along the cable that counts as arrival", None)
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
-        return one_of(("time", "place"), given)
+        return one_of_faults(("time", "place"), given)
 
 
 def of_mode(mode: str) -> tuple[str, ...]:
@@ -84,18 +84,18 @@ def of_mode(mode: str) -> tuple[str, ...]:
 class Driving(Part):
     """The table [drive]."""
 
-    mode: Literal["grip", "haul", "free"] = said("[-] grip, haul or free: what moves the car", "grip")
-    start: Positive | None = said("[m] position of the car at the start; default 1 % of the length", None)
-    release: NonNegative = said("[s] over which the force that holds a free car goes", 0.0)
-    rolling_friction: Annotated[float, between(0.0, 1.0)] = said("[-] friction over contact force", 0.0)
-    drag_area: NonNegative = said("[m2] drag coefficient times area of the car", 0.0)
-    air_density: Positive = said("[kg/m3] density of the air", 1.2)
-    wind: Real = said("[m/s] along x on the car alone; negative is a headwind", 0.0)
-    thrust: number_or(REAL, Thrust) = said("[N] force along the cable", 0.0)  # type: ignore[valid-type]
-    brake: Annotated[tuple[Brake, ...], tables("{from = ..., force = ...}")] = said("[-] brakes, in order", ())
-    end: End | None = said("[-] where or when the ride is over", None)
-    rest_speed: Positive = said("[m/s] a slower car is at rest where friction or the valley holds it", 1e-3)
-    rest_distance: Positive = said("[m] from its static position of rest in which a slow car is at rest", 0.01)
+    mode: Literal["grip", "haul", "free"] = described("[-] grip, haul or free: what moves the car", "grip")
+    start: Positive | None = described("[m] position of the car at the start; default 1 % of the length", None)
+    release: NonNegative = described("[s] over which the force that holds a free car goes", 0.0)
+    rolling_friction: Annotated[float, between(0.0, 1.0)] = described("[-] friction over contact force", 0.0)
+    drag_area: NonNegative = described("[m2] drag coefficient times area of the car", 0.0)
+    air_density: Positive = described("[kg/m3] density of the air", 1.2)
+    wind: Real = described("[m/s] along x on the car alone; negative is a headwind", 0.0)
+    thrust: number_or(REAL, Thrust) = described("[N] force along the cable", 0.0)  # type: ignore[valid-type]
+    brake: Annotated[tuple[Brake, ...], tables("{from = ..., force = ...}")] = described("[-] brakes, in order", ())
+    end: End | None = described("[-] where or when the ride is over", None)
+    rest_speed: Positive = described("[m/s] a slower car is at rest where friction or the valley holds it", 1e-3)
+    rest_distance: Positive = described("[m] from its static position of rest in which a slow car is at rest", 0.01)
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         meaningful = of_mode(self.mode)
@@ -118,25 +118,27 @@ class Driving(Part):
             return []
         near = NEAREST_START * length
         far = FARTHEST_END * length
-        end = self.end_place(length)
+        end = self.end_position(length)
         faults = []
         last = min(end, far)
         if end > far:
             must = f"must be < {far:.6g} m, {FARTHEST_END:g} of the length of the cable"
             faults.append(f"end.place = {end!r}: {must}: next to the support no answer converges")
-        if not near <= self.start_place(length) < last:
+        if not near <= self.start_position(length) < last:
             must = f"must be from {near:.6g} to {last:.6g} m, between the left support and the end of the ride"
             faults.append(f"start = {self.start!r}: {must}")
         for i, brake in enumerate(self.brake):
-            if brake.place >= length:
-                faults.append(f"brake[{i}].from = {brake.place!r}: must be < {length:.6g} m, the length of the cable")
+            if brake.position >= length:
+                faults.append(
+                    f"brake[{i}].from = {brake.position!r}: must be < {length:.6g} m, the length of the cable"
+                )
         return faults
 
-    def start_place(self, length: float) -> float:
+    def start_position(self, length: float) -> float:
         """Where the car begins [m]."""
         return START * length if self.start is None else self.start
 
-    def end_place(self, length: float) -> float:
+    def end_position(self, length: float) -> float:
         """Where a rolling car arrives [m]."""
         return FARTHEST_END * length if self.end is None or self.end.place is None else self.end.place
 
@@ -150,11 +152,11 @@ class Driving(Part):
     def scaled(self, length: float, time: float, force: float, rho: float) -> Drive:
         """The drive of a rolling car in these units of m, s and N."""
         points = self.thrust_points
-        brakes = sorted((brake.place / length, brake.force / force) for brake in self.brake)
+        brakes = sorted((brake.position / length, brake.force / force) for brake in self.brake)
         end_time = math.inf if self.end is None or self.end.time is None else self.end.time
         return Drive(
             mode=self.mode,
-            start=self.start_place(length) / length,
+            start=self.start_position(length) / length,
             release=self.release / time,
             mu_r=self.rolling_friction,
             k=self.air_density * self.drag_area / (2.0 * rho),
@@ -162,7 +164,7 @@ class Driving(Part):
             thrust_table=tuple((t / time, f / force) for t, f in points),
             brakes=tuple(brakes),
             end_time=end_time / time,
-            end_place=self.end_place(length) / length,
+            end_position=self.end_position(length) / length,
             rest_speed=self.rest_speed * time / length,
             rest_distance=self.rest_distance / length,
         )
@@ -184,16 +186,16 @@ class Drive:
     k: float = 0.0  # rho_air c_d A/(2 rho): drag is -k |dp - wind i| (dp - wind i)
     wind: float = 0.0
     thrust_table: tuple[tuple[float, float], ...] = ()  # (t, force)
-    brakes: tuple[tuple[float, float], ...] = ()  # (place, force), by place
+    brakes: tuple[tuple[float, float], ...] = ()  # (s_o, force), by s_o
     end_time: float = math.inf
-    end_place: float = 1.0
+    end_position: float = 1.0
     nominal: float = math.inf  # quasi-static duration; steps are nominal/steps
     rest_speed: float = 0.0
     rest_distance: float = 0.0
-    ways: tuple[tuple[float, int], ...] = ()  # from s_o on, direction in which a car at rest sets out: 1, 0 or -1
+    directions: tuple[tuple[float, int], ...] = ()  # from s_o on, direction in which a car at rest sets out: 1, 0 or -1
 
     @property
-    def back_place(self) -> float:
+    def back_position(self) -> float:
         """A run that rolls back is over here."""
         return 0.5 * min(self.start, START)
 
@@ -216,32 +218,32 @@ class Drive:
 
     def brake(self, s_o):
         """Force of all brakes that reach s_o; any shape."""
-        return sum(force * (s_o >= place) for place, force in self.brakes)
+        return sum(force * (s_o >= position) for position, force in self.brakes)
 
     @property
     def resists(self) -> bool:
         """Whether friction or a brake acts."""
         return self.mu_r > 0.0 or bool(self.brakes)
 
-    def way(self, s_o: float) -> int:
+    def direction(self, s_o: float) -> int:
         """Direction in which a car at rest at s_o sets out under the last thrust: 1, -1, or 0."""
-        i = bisect.bisect_right(self.ways, (s_o, math.inf)) - 1
-        return self.ways[i][1] if i >= 0 else 0
+        i = bisect.bisect_right(self.directions, (s_o, math.inf)) - 1
+        return self.directions[i][1] if i >= 0 else 0
 
-    def stays(self, s_o: float) -> bool:
+    def is_rest_position(self, s_o: float) -> bool:
         """Whether s_o is within `rest_distance` of a position of rest."""
         d = self.rest_distance
-        ends = [*(s for s, _ in self.ways[1:]), math.inf]
-        zones = [(begin, end) for (begin, way), end in zip(self.ways, ends, strict=True) if way == 0]
+        ends = [*(s for s, _ in self.directions[1:]), math.inf]
+        zones = [(begin, end) for (begin, direction), end in zip(self.directions, ends, strict=True) if direction == 0]
         return any(begin - d <= s_o <= end + d for begin, end in zones)
 
-    def part_of_step(
-        self, axial: float, sigma: float, s_o: float, speed: float, forward: float, since: float, rubs: bool
+    def step_fraction(
+        self, axial: float, sigma: float, s_o: float, speed: float, forward: float, since: float, held: bool
     ) -> float:
         """The fraction of a step that a rolling car takes at s_o.
 
         axial : round trip of axial waves. forward : sign of the motion. since : time after a jump of force.
-        rubs : whether a brake or a hold acts.
+        held : whether a brake or a hold acts.
         """
         step = self.nominal / STANDARD
         near = min(s_o, 1.0 - s_o)
@@ -253,8 +255,8 @@ class Drive:
             limits.append(2.0 * ahead / WAVES)
         rings = axial / RINGS
         # friction turns nowhere where the car would set out again in the same direction
-        halts = self.mu_r > 0.0 and forward * self.way(s_o) <= 0.0
-        if rubs:
+        halts = self.mu_r > 0.0 and forward * self.direction(s_o) <= 0.0
+        if held:
             limits.append(rings)
         elif halts:
             limits.append(max(abs(speed) / sigma / HALT, rings))

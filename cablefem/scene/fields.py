@@ -63,12 +63,12 @@ Switch = Annotated[bool, Admits("true or false")]
 Numbers = Annotated[tuple[NonNegative, ...], _SEVERAL]
 Reals = Annotated[tuple[Real, ...], _SEVERAL]
 Pair = Annotated[tuple[Real, Real], Admits("two numbers in brackets", strict=False)]
-Line = Annotated[str, Admits("text on one line", pattern=r"^[^\x00-\x1f\x7f]*$")]
+OneLine = Annotated[str, Admits("text on one line", pattern=r"^[^\x00-\x1f\x7f]*$")]
 Name = Annotated[str, Admits("letters, digits, '_', '-' and '.', the first no '-' or '.'", pattern=r"^\w[\w.-]*$")]
 Word = Annotated[str, Admits("letters, digits, spaces, '_' and '-'", pattern=r"^\w[\w -]*$")]  # part of a dotted key
 
 
-def said(text: str, default: Any = ..., **more: Any) -> Any:
+def described(text: str, default: Any = ..., **more: Any) -> Any:
     """A field whose description begins with its unit: "[kg] mass of the car"."""
     return Field(default, description=text, **more)
 
@@ -77,7 +77,7 @@ def between(low: float, high: float) -> Admits:
     return Admits(f"a number from {low:g} to {high:g}", ge=low, le=high)
 
 
-def whole(low: int, high: int) -> Admits:
+def integer(low: int, high: int) -> Admits:
     return Admits(f"a whole number from {low} to {high}", ge=low, le=high)
 
 
@@ -85,14 +85,14 @@ def tables(like: str) -> Admits:
     return Admits(f"a list of tables {like}", strict=False)
 
 
-def as_long(times: Sequence[float] | None, name: str, column: Sequence[float] | None) -> list[str]:
+def length_faults(times: Sequence[float] | None, name: str, column: Sequence[float] | None) -> list[str]:
     """Fault of a column that is not as long as the times; None: faulty by itself."""
     if times is None or column is None or len(column) == len(times):
         return []
     return [f"{name}: {len(column)} values; must be {len(times)}, as times"]
 
 
-def one_of(names: Sequence[str], given: Mapping[str, Any]) -> list[str]:
+def one_of_faults(names: Sequence[str], given: Mapping[str, Any]) -> list[str]:
     """Faults unless exactly one of these fields is given."""
     present = [f"{name} = {shown(given[name])}" for name in names if given.get(name) is not None]
     must = f"exactly one of {', '.join(names)} must be given"
@@ -101,7 +101,7 @@ def one_of(names: Sequence[str], given: Mapping[str, Any]) -> list[str]:
     return [f"{extra}: too much beside {present[0]}; {must}" for extra in present[1:]]
 
 
-def rising(name: str, column: Sequence[float] | None, sign: str = ">") -> list[str]:
+def rising_faults(name: str, column: Sequence[float] | None, sign: str = ">") -> list[str]:
     """Fault at the first row where a column falls, or with '>' where it does not rise."""
     for i, (before, after) in enumerate(pairwise(column or ()), start=1):
         if after < before or (sign == ">" and after == before):

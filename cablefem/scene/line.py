@@ -21,7 +21,19 @@ from cablefem.scene.cable import STEEPEST, Rope
 from cablefem.scene.described import LINES, Described, parsed, scene_text
 from cablefem.scene.drive import Driving
 from cablefem.scene.errors import NOT_MODELLED, SceneError, nearest, shown
-from cablefem.scene.fields import Admits, NonNegative, Pair, Part, Positive, Real, Switch, Word, said, tables, whole
+from cablefem.scene.fields import (
+    Admits,
+    NonNegative,
+    Pair,
+    Part,
+    Positive,
+    Real,
+    Switch,
+    Word,
+    described,
+    integer,
+    tables,
+)
 from cablefem.scene.surroundings import Ground, Obstacles, surroundings_faults
 from cablefem.scene.travel import Travel
 
@@ -35,7 +47,7 @@ class Places(Part):
 
     first: Real = Field(alias="from")
     last: Real = Field(alias="to")
-    count: Annotated[int, whole(2, MOST)]
+    count: Annotated[int, integer(2, MOST)]
 
 
 def _places(value: Any) -> Any:
@@ -55,14 +67,14 @@ class Contact(Part):
     """What holds the rope at one place."""
 
     not_modelled: ClassVar = NOT_MODELLED | {"friction": "the rope runs over a saddle without friction"}
-    name: Word = said("[-] its name in the results")
-    kind: Literal["anchor", "spring", "saddle", "counterweight"] = said("[-] kind of the contact")
-    at: Pair = said("[m] x and depth; of a spring: without load")
-    tension: Positive | None = said("[N] of a counterweight", None)
-    stiffness: Annotated[tuple[Positive, Positive], Admits("two numbers > 0 in brackets", strict=False)] | None = said(
-        "[N/m] of a spring along x and down", None
+    name: Word = described("[-] its name in the results")
+    kind: Literal["anchor", "spring", "saddle", "counterweight"] = described("[-] kind of the contact")
+    at: Pair = described("[m] x and depth; of a spring: without load")
+    tension: Positive | None = described("[N] of a counterweight", None)
+    stiffness: Annotated[tuple[Positive, Positive], Admits("two numbers > 0 in brackets", strict=False)] | None = (
+        described("[N/m] of a spring along x and down", None)
     )
-    shoe: Positive | None = said("[m] to either side of a saddle: a car within rests on it", None)
+    shoe: Positive | None = described("[m] to either side of a saddle: a car within rests on it", None)
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         faults = []
@@ -78,17 +90,17 @@ class Contact(Part):
 class Car(Part):
     """A load on the rope, at one or more positions, or in motion."""
 
-    name: Word = said("[-] its name in the results")
-    mass: Positive = said("[kg]")
-    hauled: Switch | None = said(
+    name: Word = described("[-] its name in the results")
+    mass: Positive = described("[kg]")
+    hauled: Switch | None = described(
         "[-] at rest: true: it rolls, and a haul rope holds it; false: it grips the rope", None
     )
-    at: Positions | None = said(
+    at: Positions | None = described(
         "[m] x at rest, one for each position", None, json_schema_extra={"type": ["number", "array", "object"]}
     )
-    travel: Travel | None = said("[-] in motion: along the rope; in x if hauled on several spans", None)
-    drive: Driving | None = said("[-] in motion: what moves it; without it the car grips", None)
-    below: NonNegative = said("[m] from the rope down to the lowest point of the car", 0.0)
+    travel: Travel | None = described("[-] in motion: along the rope; in x if hauled on several spans", None)
+    drive: Driving | None = described("[-] in motion: what moves it; without it the car grips", None)
+    below: NonNegative = described("[m] from the rope down to the lowest point of the car", 0.0)
 
     @property
     def mode(self) -> str:
@@ -113,17 +125,17 @@ class Car(Part):
 class Tie(Part):
     """Tension of the empty line at a contact."""
 
-    at: Word = said("[-] name of the contact")
-    value: Positive = said("[N] tension of the empty line there")
+    at: Word = described("[-] name of the contact")
+    value: Positive = described("[N] tension of the empty line there")
 
 
 class LineRope(Rope):
     """The rope of a line; with two fixed ends it needs `length` or `tension`."""
 
-    mass_per_length: Positive = said("[kg/m] mass of the rope per unstretched length")
-    EA: Positive = said("[N] axial stiffness per strain of the unstretched rope; of the stretched at rest: EA + T")
-    length: Positive | None = said("[m] unstretched length between two fixed ends", None)
-    tension: Tie | None = said("[N] tension of the empty line at a contact", None)
+    mass_per_length: Positive = described("[kg/m] mass of the rope per unstretched length")
+    EA: Positive = described("[N] axial stiffness per strain of the unstretched rope; of the stretched at rest: EA + T")
+    length: Positive | None = described("[m] unstretched length between two fixed ends", None)
+    tension: Tie | None = described("[N] tension of the empty line at a contact", None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,7 +245,7 @@ class Line(Described):
 
     cable: LineRope
     contact: Annotated[tuple[Contact, ...], tables("[[contact]]")]
-    car: Annotated[tuple[Car, ...], tables("[[car]]")] = said("[-] cars from left to right", ())
+    car: Annotated[tuple[Car, ...], tables("[[car]]")] = described("[-] cars from left to right", ())
     obstacle: Obstacles = ()
     ground: Ground = ()
 

@@ -74,7 +74,7 @@ class Motion:
         return t
 
     @property
-    def begin(self) -> float:
+    def start_position(self) -> float:
         return self.at(0.0, 0)[0]
 
     def position(self, t) -> np.ndarray:
@@ -89,9 +89,9 @@ class Motion:
 
     def times_at(self, s_o: np.ndarray) -> np.ndarray:
         """`time_at` of many positions (n,), by bisection to the last bit."""
-        outside = s_o[~((self.begin <= s_o) & (s_o <= self.end))]
+        outside = s_o[~((self.start_position <= s_o) & (s_o <= self.end))]
         if outside.size:
-            travel = f"its travel covers [{self.begin:g}, {self.end!r}]"
+            travel = f"its travel covers [{self.start_position:g}, {self.end!r}]"
             raise ValueError(f"the mass is never at s_o = {outside.tolist()[0]!r}: {travel}")
         times = np.append(self._columns[0], self.phases[-1][1])
         positions = self.position(times)

@@ -89,7 +89,7 @@ def _car(car: CarTable, in_x: bool, heat: float) -> Car:
 
 def _ends(law: Law) -> tuple[float, float]:
     """First and last position [m]."""
-    begin = law.place or 0.0
+    begin = law.position or 0.0
     if isinstance(law, Trapezoid):
         return begin, law.to or 0.0
     assert isinstance(law, Table)
@@ -111,8 +111,8 @@ def _travel_fault(car: CarTable) -> str:
         return f"car.{car.name}.{missing}: missing; must be given on a line" if missing else ""
     if not isinstance(law, Trapezoid | Table):
         return f"car.{car.name}.travel.kind = {shown(law.kind)}: must be trapezoid or table on a line"
-    if law.place is None or (isinstance(law, Trapezoid) and law.to is None):
-        return f"car.{car.name}.travel.{'from' if law.place is None else 'to'}: missing; must be given on a line"
+    if law.position is None or (isinstance(law, Trapezoid) and law.to is None):
+        return f"car.{car.name}.travel.{'from' if law.position is None else 'to'}: missing; must be given on a line"
     begin, end = _ends(law)
     fault = law.fault(abs(end - begin), begin)
     return f"car.{car.name}.travel.{fault}" if fault else ""

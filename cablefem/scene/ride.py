@@ -124,9 +124,9 @@ class Forces:
         self.mu = mu
         self.sigma = sigma
         self.drive = drive
-        self.begin_hold = path(drive.start)[4]
-        self.places = [place for place, _ in drive.brakes]
-        self.level = [0.0, *np.cumsum([force for _, force in drive.brakes]).tolist()]
+        self.start_hold = path(drive.start)[4]
+        self.brake_positions = [position for position, _ in drive.brakes]
+        self.brake_force = [0.0, *np.cumsum([force for _, force in drive.brakes]).tolist()]
 
     def at(self, t: float, s: float, v: float, phase: int) -> tuple[float, float, float, float]:
         """Force without friction, normal load without brakes, mu |P'|^2, <lam>."""
@@ -144,47 +144,47 @@ class Forces:
         fx = mu * (bx * v * v) - drag * rx
         fy = mu * (by * v * v - self.sigma) - drag * ry
         normal = abs(fx * py - fy * px) / p
-        free = along - hold + drive.hold(t) * self.begin_hold - mu * (px * bx + py * by) * v * v
+        free = along - hold + drive.hold(t) * self.start_hold - mu * (px * bx + py * by) * v * v
         return free, normal, mu * p2, stretch
 
-    def stands(self, t: float, s: float, phase: int, brakes: int) -> float:
+    def excess_force(self, t: float, s: float, phase: int, brakes: int) -> float:
         """Signed force beyond what friction and brakes hold; else 0."""
         free, normal, _, stretch = self.at(t, s, 0.0, phase)
-        resistance = stretch * (self.drive.mu_r * normal + self.level[brakes]) + STICKS
+        resistance = stretch * (self.drive.mu_r * normal + self.brake_force[brakes]) + STICKS
         return math.copysign(max(0.0, abs(free) - resistance), free)
 
-    def loose(self, t: float, s: float, phase: int, brakes: int) -> tuple[float, int] | None:
+    def departure(self, t: float, s: float, phase: int, brakes: int) -> tuple[float, int] | None:
         """When and in which phase a car at rest begins to move; None: never."""
         phases = self.drive.phases
         for k in range(phase, len(phases)):
             t0 = max(t, phases[k][0])
             t1 = phases[k][1]
-            if self.stands(t0, s, k, brakes):
+            if self.excess_force(t0, s, k, brakes):
                 return t0, k
             if not math.isfinite(t1):
                 continue
 
             def excess(t: float, k: int = k) -> float:
-                return abs(self.stands(t, s, k, brakes)) - 1e-300
+                return abs(self.excess_force(t, s, k, brakes)) - 1e-300
 
             for a, b in itertools.pairwise(np.linspace(t0, t1, 33)):
                 if excess(b) > 0.0:
                     return bisected(excess, a, b), k
         return None
 
-    def ways(self) -> tuple[tuple[float, int], ...]:
-        """`Drive.ways` by the forces of the last phase."""
+    def directions(self) -> tuple[tuple[float, int], ...]:
+        """`Drive.directions` by the forces of the last phase."""
         last = len(self.drive.phases) - 1
         t = self.drive.phases[last][0]
-        low = self.drive.back_place
-        high = self.drive.end_place
-        inside = [s for s in (*self.path.s[::8].tolist(), *self.places) if low < s < high]
+        low = self.drive.back_position
+        high = self.drive.end_position
+        inside = [s for s in (*self.path.s[::8].tolist(), *self.brake_positions) if low < s < high]
         out: list[tuple[float, int]] = []
         for a, b in itertools.pairwise(sorted({low, high, *inside})):
-            brakes = bisect.bisect_right(self.places, a)
+            brakes = bisect.bisect_right(self.brake_positions, a)
 
             def sign(s: float, brakes: int = brakes) -> int:
-                force = self.stands(t, s, last, brakes)
+                force = self.excess_force(t, s, last, brakes)
                 return (force > 0.0) - (force < 0.0)
 
             before = sign(a)
@@ -213,7 +213,7 @@ class _Rolling:
         self.v = 0.0
         self.phase = 0
         self.sign = 0.0  # of the motion that friction opposes
-        self.brakes = bisect.bisect_right(self.forces.places, drive.start)  # number reached
+        self.brakes = bisect.bisect_right(self.forces.brake_positions, drive.start)  # number reached
         self.end = min(drive.end_time, HORIZON)
         self.events: list[Event] = []
         self.sections: list[tuple[float, float, Callable]] = []
@@ -234,7 +234,7 @@ class _Rolling:
         """Stay at rest until the forces exceed friction; return whether the car moves on."""
         s = self.s
         forces = self.forces
-        departure = forces.loose(self.t, s, self.phase, self.brakes)
+        departure = forces.departure(self.t, s, self.phase, self.brakes)
         if departure is None:
             self._log("stop")
             return False
@@ -245,7 +245,9 @@ class _Rolling:
             self.sections.append((self.t, t, lambda t: np.stack([np.full_like(t, s), np.zeros_like(t)])))
         self.t = t
         self.phase = phase
-        ahead = forces.stands(self.t, s, self.phase, self.brakes) or forces.at(self.t + 1e-9, s, 0.0, self.phase)[0]
+        ahead = (
+            forces.excess_force(self.t, s, self.phase, self.brakes) or forces.at(self.t + 1e-9, s, 0.0, self.phase)[0]
+        )
         before = self.sign
         self.sign = math.copysign(1.0, ahead)
         if before * self.sign < 0.0:
@@ -255,7 +257,7 @@ class _Rolling:
 
     def _next_brake(self) -> tuple[str, float]:
         """Event and position of the next brake ahead; the car turns at a standstill only."""
-        positions = [-math.inf, *self.forces.places, math.inf]
+        positions = [-math.inf, *self.forces.brake_positions, math.inf]
         if self.sign > 0.0:
             return "brake", positions[self.brakes + 1]
         return "brake off", positions[self.brakes]
@@ -269,14 +271,14 @@ class _Rolling:
             """Negative where the car is slow, and would stay."""
             px, py, *_ = self.path(y[0])
             excess = abs(y[1]) * math.hypot(px, py) - drive.rest_speed
-            return excess if drive.stays(y[0]) else max(excess, drive.rest_speed)
+            return excess if drive.is_rest_position(y[0]) else max(excess, drive.rest_speed)
 
         watches: dict[str, Any] = {
             "still": lambda t, y: self.sign * y[1],
-            "arrival": lambda t, y: drive.end_place - y[0],
-            "back": lambda t, y: y[0] - drive.back_place,
+            "arrival": lambda t, y: drive.end_position - y[0],
+            "back": lambda t, y: y[0] - drive.back_position,
         }
-        if drive.ways and self.phase == len(drive.phases) - 1:
+        if drive.directions and self.phase == len(drive.phases) - 1:
             watches["rest"] = slow
         if math.isfinite(position):
             watches[brake] = lambda t, y: self.sign * (position - y[0])
@@ -293,7 +295,7 @@ class _Rolling:
         sign = self.sign
         forces = self.forces
         mu_r = self.drive.mu_r
-        braking = forces.level[self.brakes]
+        braking = forces.brake_force[self.brakes]
 
         def rate(t: float, y: np.ndarray) -> list[float]:
             free, normal, inertia, stretch = forces.at(t, y[0], y[1], phase)
@@ -324,15 +326,15 @@ class _Rolling:
         elif event in ("still", "rest"):
             self.v = 0.0
         elif event == "brake":
-            self.s = self.forces.places[self.brakes]
+            self.s = self.forces.brake_positions[self.brakes]
             self.brakes += 1
         elif event == "brake off":
             self.brakes -= 1
-            self.s = self.forces.places[self.brakes]
+            self.s = self.forces.brake_positions[self.brakes]
         elif event == "arrival":
-            self.s = self.drive.end_place
+            self.s = self.drive.end_position
         else:
-            self.s = self.drive.back_place
+            self.s = self.drive.back_position
         if event in ("rest", "brake", "arrival", "back"):
             self._log("stop" if event == "rest" else event)
         return event not in ("rest", "arrival", "back")
@@ -359,7 +361,7 @@ def quasi_static(groups, drive: Drive) -> tuple[Ride, Drive]:
     A swinging ride of open end is over at its second turn.
     """
     path = LoadPath.loaded(groups)
-    drive = replace(drive, ways=Forces(path, groups.mu, groups.sigma, drive).ways())
+    drive = replace(drive, directions=Forces(path, groups.mu, groups.sigma, drive).directions())
     ends = math.isfinite(drive.end_time)
     first = ride(path, groups.mu, groups.sigma, drive, math.inf if ends else 2)
     nominal = first.duration or min(1.0, drive.end_time)  # a car that stays

@@ -18,7 +18,7 @@ from cablefem.scene.damping import Wind, damping_fault, damping_rates, first_fre
 from cablefem.scene.described import AT_REST, LIBRARY, Described, library_text, parsed
 from cablefem.scene.drive import GRIP, NEAREST_START, Drive, Driving
 from cablefem.scene.errors import SceneError
-from cablefem.scene.fields import LARGE, NonNegative, Part, Positive, said
+from cablefem.scene.fields import LARGE, NonNegative, Part, Positive, described
 from cablefem.scene.motion import Motion
 from cablefem.scene.ride import Ride, quasi_static
 from cablefem.scene.statics import NoRest
@@ -32,8 +32,8 @@ PACES = {"constant_speed": "speed", "constant_acceleration": "acceleration", "ac
 class Mass(Part):
     """The moving mass particle."""
 
-    mass: Positive = said("[kg] M, mass of the car")
-    below: NonNegative = said("[m] how far the lowest part of the car or rider hangs below the cable", 0.0)
+    mass: Positive = described("[kg] M, mass of the car")
+    below: NonNegative = described("[m] how far the lowest part of the car or rider hangs below the cable", 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,12 +69,12 @@ class Scene(Described):
     built_in: ClassVar[Sequence[str]] = LIBRARY
     library_text: ClassVar = staticmethod(library_text)
 
-    cable: Cable = said("[-] the cable")
-    supports: Supports = said("[-] the two fixed ends")
-    mass: Mass | None = said("[-] the car; a bare cable has neither mass nor travel", None)
-    travel: Travel | None = said("[-] how the car moves along the cable; not with drive.mode = 'free'", None)
-    drive: Driving = said("[-] what moves the car", Driving())
-    wind: Wind | None = said("[-] wind on the cable", None)
+    cable: Cable = described("[-] the cable")
+    supports: Supports = described("[-] the two fixed ends")
+    mass: Mass | None = described("[-] the car; a bare cable has neither mass nor travel", None)
+    travel: Travel | None = described("[-] how the car moves along the cable; not with drive.mode = 'free'", None)
+    drive: Driving = described("[-] what moves the car", Driving())
+    wind: Wind | None = described("[-] wind on the cable", None)
     obstacle: Obstacles = ()
     ground: Ground = ()
 
@@ -303,7 +303,7 @@ class Scene(Described):
         motion = self.travel.motion(distance, begin)
         if self.drive.mode != "haul":
             return motion
-        end = self.drive.end_place(self.length)
+        end = self.drive.end_position(self.length)
         if motion.end > end:
             motion = replace(motion.until(motion.time_at(end)), end=end)
         return motion if self.drive.end is None else motion.until(self.drive.end.time or math.inf)
@@ -335,7 +335,7 @@ class Scene(Described):
         if motion is None or self.drive.mode == "grip":
             return self._groups(motion, GRIP)
         end = motion.phases[-1][1]
-        drive = replace(self._drive, start=motion.begin, end_time=end, end_place=motion.end, nominal=end)
+        drive = replace(self._drive, start=motion.start_position, end_time=end, end_position=motion.end, nominal=end)
         return self._groups(motion, drive)
 
     def _groups(self, motion: Motion | None, drive: Drive) -> Groups:
@@ -390,14 +390,14 @@ def _travel_fault(travel: Any, drive: Driving, length: float, axial: float) -> s
     begin, distance = _extent(travel, drive, length)
     near = NEAREST_START * length
     end = begin + distance
-    if travel.place is not None:
-        value = f"travel.from = {travel.place!r}"
+    if travel.position is not None:
+        value = f"travel.from = {travel.position!r}"
         if drive.mode == "haul" and drive.start is not None:
             return f"{value}: too much beside drive.start = {drive.start!r}; give one of them"
         if not near <= begin < end:
             return f"{value}: must be from {near:.6g} m to less than {end:.6g} m, the end of the travel"
     to = getattr(travel, "to", None)
-    farthest = drive.end_place(length) if drive.mode == "haul" else length
+    farthest = drive.end_position(length) if drive.mode == "haul" else length
     if to is not None and to > farthest:
         return f"travel.to = {to!r}: must be at most {farthest:.6g} m, the end of the ride"
     if fault := travel.fault(distance, begin, length):
@@ -414,10 +414,10 @@ def _extent(travel: Any, drive: Driving, length: float) -> tuple[float, float]:
     begin = 0.0
     end = length
     if drive.mode == "haul":
-        begin = drive.start_place(length)
-        end = drive.end_place(length)
-    if travel.place is not None:
-        begin = travel.place
+        begin = drive.start_position(length)
+        end = drive.end_position(length)
+    if travel.position is not None:
+        begin = travel.position
     if isinstance(travel, Table):  # its positions are checked against the cable
         return begin, length if drive.mode == "haul" else length - begin
     return begin, (getattr(travel, "to", None) or end) - begin

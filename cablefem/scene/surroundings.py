@@ -10,19 +10,19 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from cablefem.scene.errors import SceneError, shown
-from cablefem.scene.fields import Admits, Pair, Part, Real, Word, rising, said, tables
+from cablefem.scene.fields import Admits, Pair, Part, Real, Word, described, rising_faults, tables
 
 GROUND = "the ground"  # its name beside those of obstacles
 
 
 class Obstacle(Part):
-    name: Word = said("[-] its name in the results")
-    at: Real = said("[m] x, from the left support")
-    top: Real = said("[m] depth of its top below the left support")
+    name: Word = described("[-] its name in the results")
+    at: Real = described("[m] x, from the left support")
+    top: Real = described("[m] depth of its top below the left support")
 
 
 def _profile(points: tuple[Pair, ...]) -> tuple[Pair, ...]:
-    if len(points) == 1 or rising("x", [x for x, _ in points]):
+    if len(points) == 1 or rising_faults("x", [x for x, _ in points]):
         raise ValueError("no profile")
     return points
 

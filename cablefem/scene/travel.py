@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from cablefem.scene.bisection import bisected
-from cablefem.scene.fields import NonNegative, Numbers, Part, Positive, Real, as_long, rising, said
+from cablefem.scene.fields import NonNegative, Numbers, Part, Positive, Real, described, length_faults, rising_faults
 from cablefem.scene.motion import Motion, Piece
 
 AT_REST = 1e-3  # of the largest speed: a first or last speed below counts as rest
@@ -21,26 +21,26 @@ ROUNDING = 1e-9  # of the length or the largest speed: nearer, a travel ends on 
 class Stop(Part):
     """Emergency stop: constant deceleration from `time` on."""
 
-    time: Positive = said("[s] at which the stop begins")
-    deceleration: Positive = said("[m/s2] until the mass stands")
+    time: Positive = described("[s] at which the stop begins")
+    deceleration: Positive = described("[m/s2] until the mass stands")
 
 
 class Law(Part):
-    """Base of the laws; each runs from `begin` [m] over a distance `way` [m]."""
+    """Base of the laws; each runs from `begin` [m] over a distance [m]."""
 
     paces: ClassVar[dict[str, int]] = {}  # powers of pace in the fields
 
-    place: Positive | None = said(
+    position: Positive | None = described(
         "[m] position along the cable where the mass is let in, in equilibrium", None, alias="from"
     )
-    stop: Stop | None = said("[-] emergency stop", None)
-    rest: NonNegative = said("[s] that the run goes on after the mass has come to rest", 0.0)
+    stop: Stop | None = described("[-] emergency stop", None)
+    rest: NonNegative = described("[s] that the run goes on after the mass has come to rest", 0.0)
 
-    def fault(self, way: float, begin: float = 0.0, length: float = math.inf) -> str:
+    def fault(self, distance: float, begin: float = 0.0, length: float = math.inf) -> str:
         """What is wrong with this travel on a cable of this length [m]; empty if nothing is."""
-        if fault := self.own_fault(way):
+        if fault := self.own_fault(distance):
             return fault
-        law = self.course(way)
+        law = self.motion_over(distance)
         if begin == 0.0 and law.at(0.0, 0)[1:] == (0.0, 0.0):
             jerk = getattr(self, "jerk", None)
             return f"jerk = {jerk!r}: not yet from a support; must be let in on the way by from"
@@ -49,9 +49,9 @@ class Law(Part):
             return f"stop.time = {self.stop.time!r}: must be < {end:.6g} s, the end of the travel"
         stopped = self._stopped(law)
         rests = begin + stopped.end
-        if self.stop is not None and stopped.end > way * (1.0 + ROUNDING):
+        if self.stop is not None and stopped.end > distance * (1.0 + ROUNDING):
             where = f"stop.deceleration = {self.stop.deceleration!r}"
-            return f"{where}: the mass comes to rest at {rests:.6g} m; must be by {begin + way:.6g} m"
+            return f"{where}: the mass comes to rest at {rests:.6g} m; must be by {begin + distance:.6g} m"
         if not self.rest:
             return ""
         _, speed, _ = stopped.at(stopped.phases[-1][1], len(stopped.phases) - 1)
@@ -62,13 +62,13 @@ class Law(Part):
             return f"rest = {self.rest!r}: the mass is on the far support then; must stop before {length:.6g} m"
         return ""
 
-    def own_fault(self, way: float) -> str:
+    def own_fault(self, distance: float) -> str:
         """What is wrong with the fields of this law over a distance [m]; empty if nothing is."""
         return ""
 
-    def motion(self, way: float, begin: float = 0.0) -> Motion:
+    def motion(self, distance: float, begin: float = 0.0) -> Motion:
         """The travel with its stop and final rest, in SI."""
-        motion = self._stopped(self.course(way))
+        motion = self._stopped(self.motion_over(distance))
         if self.rest:
             motion = motion.then(self.rest, 0.0)
         return motion.shifted(begin) if begin else motion
@@ -81,7 +81,7 @@ class Law(Part):
         _, speed, _ = begun.at(self.stop.time, len(begun.phases) - 1)
         return begun.then(speed / a, -a) if speed > 0.0 else begun
 
-    def course(self, way: float) -> Motion:
+    def motion_over(self, distance: float) -> Motion:
         """The motion from 0 over a distance [m], in SI."""
         raise NotImplementedError
 
@@ -99,23 +99,23 @@ class Law(Part):
 class ConstantSpeed(Law):
     """s_o = V t (the paper), or after an entry ramp of length L, T = 3 L/(2 V): s_o = V T (x^2 - x^3/3), x = t/T."""
 
-    kind: Literal["constant_speed"] = said("[-] law of travel", "constant_speed")
-    speed: Positive = said("[m/s] V")
-    entry_ramp: Positive | None = said("[m] L, over which the mass comes to its speed", None)
+    kind: Literal["constant_speed"] = described("[-] law of travel", "constant_speed")
+    speed: Positive = described("[m/s] V")
+    entry_ramp: Positive | None = described("[m] L, over which the mass comes to its speed", None)
 
-    def own_fault(self, way: float) -> str:
-        if self.entry_ramp is not None and self.entry_ramp >= way:
-            return f"entry_ramp = {self.entry_ramp!r}: must be < {way:.6g} m, the length of the ride"
+    def own_fault(self, distance: float) -> str:
+        if self.entry_ramp is not None and self.entry_ramp >= distance:
+            return f"entry_ramp = {self.entry_ramp!r}: must be < {distance:.6g} m, the length of the ride"
         return ""
 
-    def course(self, way: float) -> Motion:
+    def motion_over(self, distance: float) -> Motion:
         V = self.speed
         L = self.entry_ramp
         if L is None:
-            return _one_phase(way / V, [Piece(0.0, 0.0, 0.0, V, 0.0)], way)
+            return _one_phase(distance / V, [Piece(0.0, 0.0, 0.0, V, 0.0)], distance)
         T = 1.5 * L / V
         ramp = Piece(0.0, 0.0, 0.0, 0.0, V / T, -V / (3.0 * T * T))
-        return _one_phase(T + (way - L) / V, [ramp, Piece(T, T, L, V, 0.0)], way)
+        return _one_phase(T + (distance - L) / V, [ramp, Piece(T, T, L, V, 0.0)], distance)
 
     paces: ClassVar = {"speed": 1}
 
@@ -123,26 +123,26 @@ class ConstantSpeed(Law):
 class ConstantAcceleration(Law):
     """s_o = V_o t + a t^2/2 up to the far support."""
 
-    kind: Literal["constant_acceleration"] = said("[-] law of travel", "constant_acceleration")
-    acceleration: Real = said("[m/s2] a")
-    initial_speed: NonNegative = said("[m/s] V_o", 0.0)
+    kind: Literal["constant_acceleration"] = described("[-] law of travel", "constant_acceleration")
+    acceleration: Real = described("[m/s2] a")
+    initial_speed: NonNegative = described("[m/s] V_o", 0.0)
 
-    def own_fault(self, way: float) -> str:
+    def own_fault(self, distance: float) -> str:
         a = self.acceleration
         v0 = self.initial_speed
         if v0 == 0.0 and a <= 0.0:
             return f"acceleration = {a!r}: must be > 0 m/s^2 with initial_speed = 0, or the mass never moves"
-        smallest = -0.5 * v0 * v0 / way
+        smallest = -0.5 * v0 * v0 / distance
         if a < smallest * (1.0 + 1e-12):
-            stops = f"the mass stops after {-0.5 * v0 * v0 / a:.6g} m of {way:.6g} m"
+            stops = f"the mass stops after {-0.5 * v0 * v0 / a:.6g} m of {distance:.6g} m"
             return f"acceleration = {a!r}: must be >= {smallest!r} m/s^2 with initial_speed = {v0!r}, or {stops}"
         return ""
 
-    def course(self, way: float) -> Motion:
+    def motion_over(self, distance: float) -> Motion:
         a = self.acceleration
         v0 = self.initial_speed
-        v1 = math.sqrt(max(0.0, v0 * v0 + 2.0 * a * way))
-        return _one_phase(2.0 * way / (v0 + v1), [Piece(0.0, 0.0, 0.0, v0, 0.5 * a)], way)
+        v1 = math.sqrt(max(0.0, v0 * v0 + 2.0 * a * distance))
+        return _one_phase(2.0 * distance / (v0 + v1), [Piece(0.0, 0.0, 0.0, v0, 0.5 * a)], distance)
 
     paces: ClassVar = {"acceleration": 2, "initial_speed": 1}
 
@@ -150,16 +150,16 @@ class ConstantAcceleration(Law):
 class AccelerateCruiseBrake(Law):
     """The paper's law (40), each part over a third of the distance."""
 
-    kind: Literal["accelerate_cruise_brake"] = said(
+    kind: Literal["accelerate_cruise_brake"] = described(
         "[-] law of travel: the paper's (40), a third of the way each; `trapezoid` takes accelerations",
         "accelerate_cruise_brake",
     )
-    top_speed: Positive = said("[m/s] V_max")
+    top_speed: Positive = described("[m/s] V_max")
 
-    def course(self, way: float) -> Motion:
+    def motion_over(self, distance: float) -> Motion:
         """a = 3 V^2/(2 l), durations 2l/3V, l/3V, 2l/3V."""
-        a = 1.5 * self.top_speed**2 / way
-        return _ramped(self.top_speed, (a, a), None, way)
+        a = 1.5 * self.top_speed**2 / distance
+        return _ramped(self.top_speed, (a, a), None, distance)
 
     paces: ClassVar = {"top_speed": 1}
 
@@ -170,26 +170,28 @@ class Trapezoid(Law):
     Over a short distance the top speed is lower.
     """
 
-    kind: Literal["trapezoid"] = said("[-] law of travel", "trapezoid")
-    top_speed: Positive = said("[m/s] largest speed")
-    acceleration: Positive = said("[m/s2] at the start")
-    deceleration: Positive = said("[m/s2] at the end")
-    jerk: Positive | None = said("[m/s3] largest change of the acceleration; without it the acceleration jumps", None)
-    to: Positive | None = said("[m] position along the cable where the mass comes to rest; default the end", None)
+    kind: Literal["trapezoid"] = described("[-] law of travel", "trapezoid")
+    top_speed: Positive = described("[m/s] largest speed")
+    acceleration: Positive = described("[m/s2] at the start")
+    deceleration: Positive = described("[m/s2] at the end")
+    jerk: Positive | None = described(
+        "[m/s3] largest change of the acceleration; without it the acceleration jumps", None
+    )
+    to: Positive | None = described("[m] position along the cable where the mass comes to rest; default the end", None)
 
-    def own_fault(self, way: float) -> str:
-        return "" if way > 0.0 else f"to = {self.to!r}: must be beyond the start of the travel"
+    def own_fault(self, distance: float) -> str:
+        return "" if distance > 0.0 else f"to = {self.to!r}: must be beyond the start of the travel"
 
-    def course(self, way: float) -> Motion:
+    def motion_over(self, distance: float) -> Motion:
         V = self.top_speed
         ramps = (self.acceleration, self.deceleration)
 
         def excess(V: float) -> float:
-            return _ramps_way(V, ramps, self.jerk) - way
+            return _ramps_distance(V, ramps, self.jerk) - distance
 
         if excess(V) > 0.0:
             V = bisected(excess, 0.0, V)
-        return _ramped(V, ramps, self.jerk, way)
+        return _ramped(V, ramps, self.jerk, distance)
 
     paces: ClassVar = {"top_speed": 1, "acceleration": 2, "deceleration": 2, "jerk": 3}
 
@@ -208,12 +210,12 @@ def _ramp(V: float, a: float, jerk: float | None) -> tuple[float, float]:
     return 2.0 * peak / jerk, max(0.0, V / peak - peak / jerk)
 
 
-def _ramps_way(V: float, ramps: tuple[float, float], jerk: float | None) -> float:
+def _ramps_distance(V: float, ramps: tuple[float, float], jerk: float | None) -> float:
     """Distance over which both ramps run."""
     return sum(0.5 * V * sum(_ramp(V, a, jerk)) for a in ramps)
 
 
-def _ramped(V: float, ramps: tuple[float, float], jerk: float | None, way: float) -> Motion:
+def _ramped(V: float, ramps: tuple[float, float], jerk: float | None, distance: float) -> Motion:
     """From rest to V, cruise, and to rest, by the largest accelerations of both ramps."""
     steps = []  # duration, acceleration at its start, jerk
     for sign, a in zip((1.0, -1.0), ramps, strict=True):
@@ -221,7 +223,7 @@ def _ramped(V: float, ramps: tuple[float, float], jerk: float | None, way: float
         j = sign * (jerk or 0.0)
         peak = sign * a if jerk is None else 0.5 * rise * j
         steps += [(0.5 * rise, 0.0, j), (hold, peak, 0.0), (0.5 * rise, peak, -j)]
-    steps.insert(3, ((way - _ramps_way(V, ramps, jerk)) / V, 0.0, 0.0))
+    steps.insert(3, ((distance - _ramps_distance(V, ramps, jerk)) / V, 0.0, 0.0))
     t = 0.0
     s = 0.0
     v = 0.0
@@ -233,11 +235,11 @@ def _ramped(V: float, ramps: tuple[float, float], jerk: float | None, way: float
             v += x * (a + 0.5 * x * j)
             t += x
     last = pieces[-1]  # from the end, where speed is exactly zero
-    pieces[-1] = Piece(last.start, t, way, 0.0, 0.0 if jerk else last.c2, last.c3)
+    pieces[-1] = Piece(last.start, t, distance, 0.0, 0.0 if jerk else last.c2, last.c3)
     if jerk is not None:
-        return _one_phase(t, pieces, way)
+        return _one_phase(t, pieces, distance)
     times = [p.start for p in pieces] + [t]
-    return Motion(tuple(itertools.pairwise(times)), tuple((p,) for p in pieces), way)
+    return Motion(tuple(itertools.pairwise(times)), tuple((p,) for p in pieces), distance)
 
 
 class Table(Law):
@@ -246,41 +248,43 @@ class Table(Law):
     The car is at rest before and after a standstill. The travel may end before the far support.
     """
 
-    kind: Literal["table"] = said("[-] law of travel", "table")
-    times: Numbers = said("[s] from 0, strictly increasing")
-    positions: Numbers = said("[m] distance along the cable, from 0, never decreasing; equal ones are a standstill")
+    kind: Literal["table"] = described("[-] law of travel", "table")
+    times: Numbers = described("[s] from 0, strictly increasing")
+    positions: Numbers = described(
+        "[m] distance along the cable, from 0, never decreasing; equal ones are a standstill"
+    )
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
-        faults = as_long(self.times, "positions", self.positions)
+        faults = length_faults(self.times, "positions", self.positions)
         for name, sign in (("times", ">"), ("positions", ">=")):
             column = getattr(self, name)
             if column and column[0] > 0.0:
                 faults.append(f"{name}[0] = {column[0]!r}: must be 0, the start")
-            faults += rising(name, column, sign)
+            faults += rising_faults(name, column, sign)
         return faults
 
-    def own_fault(self, way: float) -> str:
-        if self.positions[-1] > way * (1.0 + ROUNDING):
+    def own_fault(self, distance: float) -> str:
+        if self.positions[-1] > distance * (1.0 + ROUNDING):
             last = f"positions[{len(self.positions) - 1}] = {self.positions[-1]!r}"
-            return f"{last}: must be <= {way!r}, the length of the cable"
+            return f"{last}: must be <= {distance!r}, the length of the cable"
         if self.positions[-1] == 0.0:
             return "positions: the mass never moves; must increase somewhere"
-        motion = self.course(way)
+        motion = self.motion_over(distance)
         t, slowest = min(motion.speeds, key=lambda sample: sample[1])
         if slowest < -1e-12 * motion.top_speed:
             where = f"runs backwards at t = {t:.6g} s ({slowest:.3g} m/s)"
             must = "must run >= 0 m/s throughout: give more points there"
             return f"positions: the smooth curve through them {where}; {must}"
         _, ds, dds = motion.at(0.0, 0)
-        if self.place is None and ds == 0.0 and dds * motion.phases[-1][1] <= AT_REST * motion.top_speed:
+        if self.position is None and ds == 0.0 and dds * motion.phases[-1][1] <= AT_REST * motion.top_speed:
             return "positions: the mass enters without speed and acceleration; must have one of them at t = 0"
         return ""
 
-    def course(self, way: float) -> Motion:
+    def motion_over(self, distance: float) -> Motion:
         t = np.array(self.times)
         s = np.array(self.positions)
-        if abs(s[-1] - way) <= ROUNDING * way:
-            s[-1] = way
+        if abs(s[-1] - distance) <= ROUNDING * distance:
+            s[-1] = distance
         at_rest = np.diff(s) == 0.0
         changes = np.flatnonzero(at_rest[1:] != at_rest[:-1]) + 1
         phases: list[tuple[float, float]] = []

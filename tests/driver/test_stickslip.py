@@ -22,7 +22,7 @@ class Block(RollingCar):
     short_steps_after_jumps = False
 
     def __init__(self, slope, damping=0.0, **drive):
-        usual = {"nominal": 1.0, "rest_speed": 1e-4, "rest_distance": 1e-3, "end_place": 0.95, "end_time": 10.0}
+        usual = {"nominal": 1.0, "rest_speed": 1e-4, "rest_distance": 1e-3, "end_position": 0.95, "end_time": 10.0}
         drive = Drive(**{"mode": "free"} | usual | drive)
         self.slope, self.damping, self.n_dof, self.phases = slope, damping, 1, drive.phases
         self.force_scale, self.force_floor = WEIGHT, 1e-15
@@ -70,7 +70,7 @@ def ride(block, steps=400):
 def braked():
     """On an incline of 0.3, friction 0.05, down to a brake: rest zones as statics has them, then the exact answer."""
     brake, from_, start = 0.4, 0.5, 0.2
-    block = Block(lambda s: 0.3, start=start, mu_r=0.05, brakes=((from_, brake),), ways=((0.0, 1), (from_, 0)))
+    block = Block(lambda s: 0.3, start=start, mu_r=0.05, brakes=((from_, brake),), directions=((0.0, 1), (from_, 0)))
     a = SIGMA * (math.sin(0.3) - 0.05 * math.cos(0.3))
     b = brake / MU - a
     v = math.sqrt(2.0 * a * (from_ - start))
@@ -92,7 +92,9 @@ def test_a_block_breaks_loose_when_the_pull_exceeds_friction():
     """Held at first by friction, on a slope too gentle to slide on; thrust grows linearly in time."""
     slope, mu_r, rate = 0.1, 0.3, 0.25
     loose, table = WEIGHT * (mu_r * math.cos(slope) - math.sin(slope)) / rate, ((0.0, 0.0), (9.0, 9.0 * rate))
-    block = Block(lambda s: slope, start=0.2, mu_r=mu_r, thrust_table=table, ways=((0.0, 1),), end_time=loose + 0.9)
+    block = Block(
+        lambda s: slope, start=0.2, mu_r=mu_r, thrust_table=table, directions=((0.0, 1),), end_time=loose + 0.9
+    )
     last, found = ride(block)
     assert found["breaking loose"] == pytest.approx([loose], abs=1e-9)
     assert list(found) == ["breaking loose"]
@@ -103,13 +105,13 @@ def test_a_block_turns_where_friction_cannot_hold_it_and_comes_back_slower():
     """Uphill it is slowed by weight and friction, downhill driven by weight less friction."""
     slope, mu_r, start, push, ends = -0.4, 0.1, 0.3, 0.6, 0.8
     table = ((0.0, push), (ends, push))
-    block = Block(lambda s: slope, start=start, mu_r=mu_r, thrust_table=table, ways=((0.0, -1),))
+    block = Block(lambda s: slope, start=start, mu_r=mu_r, thrust_table=table, directions=((0.0, -1),))
     weight, rub = SIGMA * math.sin(-slope), SIGMA * mu_r * math.cos(slope)
     up = push / MU - weight - rub
     v, s = up * ends, start + 0.5 * up * ends**2
     turn, top = ends + v / (weight + rub), s + 0.5 * v**2 / (weight + rub)
     down = weight - rub
-    back = turn + math.sqrt(2.0 * (top - block.drive.back_place) / down)
+    back = turn + math.sqrt(2.0 * (top - block.drive.back_position) / down)
     _, found = ride(block)
     assert found["standstill"] == pytest.approx([turn], abs=1e-5)
     assert found["turn"] == pytest.approx([turn], abs=1e-3)
@@ -121,8 +123,10 @@ def test_a_block_that_creeps_into_a_valley_is_at_rest_there(friction):
     """Overdamped, s -> s* like exp(-k t/c): never at s*, but soon within `rest_distance` and below `rest_speed`."""
     bottom, k, c = 0.6, 0.5, 30.0  # sin(slope) = k (bottom - s)
     edge = bottom - math.tan(math.atan(friction)) / k  # where friction takes over, to first order
-    ways = ((0.0, 1), (edge, 0), (2 * bottom - edge, -1))
-    block = Block(lambda s: math.asin(k * (bottom - s)), c, start=0.2, mu_r=friction, ways=ways, end_time=2000.0)
+    directions = ((0.0, 1), (edge, 0), (2 * bottom - edge, -1))
+    block = Block(
+        lambda s: math.asin(k * (bottom - s)), c, start=0.2, mu_r=friction, directions=directions, end_time=2000.0
+    )
     last, found = ride(block, steps=3000)
     assert list(found)[-1] == "stop"
     assert abs(last.q[0] - edge) <= 2e-3
@@ -132,7 +136,7 @@ def test_a_block_that_creeps_into_a_valley_is_at_rest_there(friction):
 
 
 def test_a_block_that_rolls_on_does_not_stop():
-    block = Block(lambda s: 0.3, start=0.2, mu_r=0.05, end_place=0.9, ways=((0.0, 1),))
+    block = Block(lambda s: 0.3, start=0.2, mu_r=0.05, end_position=0.9, directions=((0.0, 1),))
     _, found = ride(block)
     a = SIGMA * (math.sin(0.3) - 0.05 * math.cos(0.3))
     assert list(found) == ["arrival"]

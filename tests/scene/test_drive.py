@@ -142,19 +142,24 @@ def test_a_hauled_car_runs_its_law_between_start_and_end():
     law = 'kind = "accelerate_cruise_brake"\ntop_speed = 6.0'
     scene = Scene.from_toml(HAUL.replace(TRAVEL, law) + "start = 10.0\nend = {place = 310.0}")
     motion = scene.groups.motion
-    assert motion.begin * scene.length == pytest.approx(10.0, rel=1e-14)
+    assert motion.start_position * scene.length == pytest.approx(10.0, rel=1e-14)
     assert motion.end * scene.length == pytest.approx(310.0, rel=1e-14)
     assert scene.arrival == pytest.approx(5.0 / 3.0 * 300.0 / 6.0, rel=1e-14)
     (s0, v0, _), (s1, v1, _) = motion.at(0.0, 0), motion.at(motion.phases[-1][1], 2)
     assert (v0, v1, s1) == (0.0, 0.0, motion.end)
-    assert s0 == motion.begin
-    assert motion.time_at(motion.begin) == 0.0
+    assert s0 == motion.start_position
+    assert motion.time_at(motion.start_position) == 0.0
     with pytest.raises(ValueError, match="never at"):
-        motion.time_at(0.9 * motion.begin)
+        motion.time_at(0.9 * motion.start_position)
     d = scene.groups.drive
-    assert (d.mode, d.start, d.end_place, d.nominal) == ("haul", motion.begin, motion.end, motion.phases[-1][1])
+    assert (d.mode, d.start, d.end_position, d.nominal) == (
+        "haul",
+        motion.start_position,
+        motion.end,
+        motion.phases[-1][1],
+    )
     default = Scene.from_toml(HAUL)
-    assert (default.groups.motion.begin, default.groups.motion.end) == pytest.approx((0.01, 0.99), rel=1e-13)
+    assert (default.groups.motion.start_position, default.groups.motion.end) == pytest.approx((0.01, 0.99), rel=1e-13)
     assert default.arrival == pytest.approx(0.98 * 330.0 / 14.0, rel=1e-13)
     assert Scene.from_toml(HAUL + "end = {time = 3.0}").arrival == 3.0
 
@@ -183,4 +188,4 @@ def test_steps_are_short_where_friction_may_turn_round(mu_r, speed, part):
     """Half the time in which weight alone stops the car, and no less than axial waves ask for; only with friction."""
     sigma, axial = 0.1, 0.01
     drive = Drive(mode="free", mu_r=mu_r, nominal=10.0)  # steps of 0.01
-    assert drive.part_of_step(axial, sigma, 0.5, speed, 0.0, math.inf, False) == pytest.approx(part, rel=1e-12)
+    assert drive.step_fraction(axial, sigma, 0.5, speed, 0.0, math.inf, False) == pytest.approx(part, rel=1e-12)

@@ -110,7 +110,7 @@ def test_a_quasi_static_ride_keeps_its_energy(factor):
     """mu |P'|^2 ds^2/2 + int Pi' ds stays; with a holding force 2 percent off (must fail) it does not."""
     g = Scene.from_toml(ZIP).groups
     path = LoadPath.loaded(g)
-    r = ride(path, g.mu, g.sigma, Drive(mode="free", start=0.05, end_place=0.9, end_time=30.0))
+    r = ride(path, g.mu, g.sigma, Drive(mode="free", start=0.05, end_position=0.9, end_time=30.0))
     t = np.linspace(0.0, r.duration, 400)
     s = np.linspace(0.04, 0.91, 4001)
     hold = factor * np.array([path(x)[4] for x in s])
@@ -148,9 +148,9 @@ def test_drag_on_the_chord():
     r = ride(path, mu, FLAT.sigma, Drive(mode="free", start=start, k=k, end_time=15.0))
     terminal = math.sqrt(mu * FLAT.sigma * py / p / k)
     t = np.linspace(0.3, 15.0, 9)
-    way = mu / k * np.log(np.cosh(t * terminal * k / mu))
-    np.testing.assert_allclose((r.at(t)[0] - start) * p, way, rtol=1e-8)
-    np.testing.assert_allclose(r.speed(t), terminal * np.sqrt(-np.expm1(-2 * k * way / mu)), rtol=1e-8)
+    distance = mu / k * np.log(np.cosh(t * terminal * k / mu))
+    np.testing.assert_allclose((r.at(t)[0] - start) * p, distance, rtol=1e-8)
+    np.testing.assert_allclose(r.speed(t), terminal * np.sqrt(-np.expm1(-2 * k * distance / mu)), rtol=1e-8)
     assert p == pytest.approx(math.hypot(px, py), rel=1e-14)
 
 
@@ -202,8 +202,8 @@ def test_a_slow_release_starts_the_ride_slowly():
     a = FLAT.sigma * path(start)[1] / path(start)[5]
     # dds = a (1 - hold); int int (1 - x)^2 (1 + 2x) = tau^2 (7/20), int hold = tau/2
     t = 7.0
-    way = 0.5 * a * t**2 - a * (2.0**2 * 0.35 + 0.5 * 2.0 * (t - 2.0))
-    assert (r.at(t)[0] - start) * path(start)[5] == pytest.approx(way, rel=1e-8)
+    distance = 0.5 * a * t**2 - a * (2.0**2 * 0.35 + 0.5 * 2.0 * (t - 2.0))
+    assert (r.at(t)[0] - start) * path(start)[5] == pytest.approx(distance, rel=1e-8)
     assert r.events[0].event == "release"
 
 
@@ -253,6 +253,6 @@ def test_a_rider_who_creeps_to_rest_has_an_end():
 def test_places_where_a_car_at_rest_stays():
     """Friction of 0.02 holds a rider around the lowest point of his path, a brake beyond its place."""
     drive, l = CREEPER.groups.drive, CREEPER.length
-    assert [drive.way(x / l) for x in (50.0, 199.0, 201.0, 289.0, 291.0, 394.0, 396.0)] == [1, 1, 0, 0, -1, -1, 0]
-    assert drive.stays(199.96 / l)
-    assert not drive.stays(199.94 / l)  # 0.023 m before friction holds it
+    assert [drive.direction(x / l) for x in (50.0, 199.0, 201.0, 289.0, 291.0, 394.0, 396.0)] == [1, 1, 0, 0, -1, -1, 0]
+    assert drive.is_rest_position(199.96 / l)
+    assert not drive.is_rest_position(199.94 / l)  # 0.023 m before friction holds it

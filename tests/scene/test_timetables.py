@@ -46,12 +46,12 @@ def test_the_judge_s_timetable_is_the_solvers_travel(name, drive):
     m, made = motion(LAWS[name], drive)
     t = np.linspace(0.0, m.phases[-1][1] * (1.0 - 1e-9), 301)
     x = tomllib.loads(made.to_toml())
-    said = timetable.places(x["travel"], x.get("drive", {}), made.length, t)
+    said = timetable.positions(x["travel"], x.get("drive", {}), made.length, t)
     np.testing.assert_allclose(m.position(t), said, rtol=0.0, atol=1e-9 * made.length)
     for key in x["travel"].keys() & {"acceleration", "speed", "from", "stop"}:
         value = x["travel"][key]
         wrong = {**value, "time": value["time"] * 1.001} if isinstance(value, dict) else value * 1.001
-        other = timetable.places({**x["travel"], key: wrong}, x.get("drive", {}), made.length, t)
+        other = timetable.positions({**x["travel"], key: wrong}, x.get("drive", {}), made.length, t)
         assert np.nanmax(np.abs(other - said)) > 1e-4, key
 
 
@@ -67,7 +67,7 @@ def test_a_trapezoid_takes_the_times_of_the_textbook():
 def test_a_way_too_short_for_the_top_speed_is_run_with_what_it_allows():
     m, _ = motion(LAWS["too short for the top speed"])
     assert m.top_speed == pytest.approx(math.sqrt(2.0 * 50.0 / (1.0 / 0.5 + 1.0 / 0.4)), rel=1e-10)
-    assert (m.begin, m.end) == (pytest.approx(40.0), pytest.approx(90.0))
+    assert (m.start_position, m.end) == (pytest.approx(40.0), pytest.approx(90.0))
 
 
 def test_with_jerk_the_acceleration_is_continuous_and_bounded():
