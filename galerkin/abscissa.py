@@ -44,7 +44,7 @@ class PositionAbscissa(System):
     def min_tension(self) -> tuple[float, float]:
         return self.system.min_tension
 
-    def place(self, x: State) -> float:
+    def position(self, x: State) -> float:
         return x.t
 
     def with_law(self, law: str) -> PositionAbscissa:

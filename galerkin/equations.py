@@ -93,7 +93,7 @@ class GalerkinSystem(System):
         other._fresh()
         return other
 
-    def place(self, x: State) -> float:
+    def position(self, x: State) -> float:
         return self.motion.at(x.t, x.phase)[0]
 
     def between(self, t0: Array, t1: Array, w: float, phase: int) -> Array:

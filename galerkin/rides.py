@@ -66,7 +66,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         other._watched = None
         return other
 
-    def place(self, x: State) -> float:
+    def position(self, x: State) -> float:
         return self._travel(x)[0]
 
     def kinematics(self, states: States) -> Array:
@@ -147,7 +147,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
     def _seen_at(self, x: State, count: int) -> tuple[Array, Array]:
         r = np.full(self.n_dof, np.nan)
         parts = np.zeros((count, 1, self.n_dof, self.n_dof))
-        if 0.0 < self.place(x) < 1.0:  # else a trial off the cable
+        if 0.0 < self.position(x) < 1.0:  # else a trial off the cable
             ride, line, place = self._ride(x)
             _, self.min_tension = kernels.look(ride, line, place, np.array(x[1:4]), r, parts)
         return r, parts[:, 0]

@@ -81,7 +81,7 @@ class CableElements(System):
         other._make_workspaces()
         return other
 
-    def place(self, x: State) -> float:
+    def position(self, x: State) -> float:
         return self.motion.at(x.t, x.phase)[0]
 
     def between(self, t0: Array, t1: Array, w: float, phase: int) -> Array:

@@ -63,8 +63,8 @@ class RollingElements(RollingCar, FollowingElements):
         twin.mode = replace(self.mode)
         return twin
 
-    def place(self, x: State) -> float:
-        return float(x.q[-1]) if self.free else super().place(x)
+    def position(self, x: State) -> float:
+        return float(x.q[-1]) if self.free else super().position(x)
 
     def start(self, phase: int, state: State | None) -> State:
         """Begin a phase; the first one as follows.

@@ -22,7 +22,7 @@ class Solver(System, Protocol):
     def with_law(self, law: str) -> Solver:
         """The same system under "elastic" or "tension-only"."""
 
-    def place(self, x: State) -> float:
+    def position(self, x: State) -> float:
         """s_o of a state."""
 
     def in_time(self, states: States) -> States:
