@@ -13,7 +13,7 @@ from tests.commands.calls import BROKEN, lines
 from validation.commands.check import selftest
 from validation.core.agreement import nothing
 from validation.core.methods import CHECKED
-from validation.core.watch import flagged
+from validation.core.watch import with_flag
 
 DATA = Path(__file__).parents[1] / "validation" / "data"
 
@@ -87,7 +87,7 @@ def test_the_exit_code_of_a_check_is_its_verdict(cablefem, checked, level_check,
         "agree": first,
         "disagree": dataclasses.replace(first, gap=4.0 * first.allowed),
         "not comparable": dataclasses.replace(first, bound=nothing("nothing to compare")),
-        "too coarse": dataclasses.replace(first, asked_for=1e-9),
+        "too coarse": dataclasses.replace(first, required=1e-9),
     }[verdict]
     checked(rows=[other, *rest])
     found, out, _ = cablefem("check", "level")
@@ -101,7 +101,7 @@ def test_the_exit_code_of_a_check_is_its_verdict(cablefem, checked, level_check,
 
 
 def test_a_bar_that_may_be_too_small_is_1_and_said(cablefem, checked, level_check):
-    run = flagged(level_check.b.run, "hidden slack", least=-0.02, since=0.3, at=0.9)
+    run = with_flag(level_check.b.run, "hidden slack", least=-0.02, since=0.3, at=0.9)
     checked(b=dataclasses.replace(level_check.b, finest=run))
     code, out, _ = cablefem("check", "level")
     assert code == 1

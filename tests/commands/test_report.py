@@ -139,7 +139,7 @@ def test_verdicts_of_all_scenes_come_before_what_is_behind_them(tmp_path, monkey
             json.dumps({"scene": "", "results": {command: {"scene": "", "writes": [], "files": [], "finished": True}}})
         )
     two = [Section(name, name.capitalize(), "<p>1</p>") for name in ("verdict", "path")]
-    monkeypatch.setattr(report, "kept", lambda folder, command: two)
+    monkeypatch.setattr(report, "stored_pages", lambda folder, command: two)
     report.gather(tmp_path, parts)
     page = (tmp_path / "report.html").read_text()
     order = ["level-verdict", "tramway-verdict", "level-path", "tramway-path", "paper-verdict", "paper-path"]
@@ -153,7 +153,7 @@ def test_two_commands_on_one_scene_may_have_pages_of_one_name(tmp_path, monkeypa
         folder = store.claim(None, command, Scene.load("bare"), [command])
         store.finish(folder, command)
     one = [Section("answer", "The answer", "<p>1</p>")]
-    monkeypatch.setattr(report, "kept", lambda folder, command: one)
+    monkeypatch.setattr(report, "stored_pages", lambda folder, command: one)
     monkeypatch.setattr(run_page, "sections", lambda folder: one)
     report.write(folder, "run")
     page = (folder / "report.html").read_text()

@@ -13,8 +13,8 @@ from cablefem import Scene
 from cablefem.response import Response
 from tests.commands.calls import BROKEN, QUICK, lines
 from validation.commands.run import study
-from validation.core.climb import TooCoarse, laddered
-from validation.core.quantities import told
+from validation.core.quantities import number_text
+from validation.core.refine import TooCoarse, run_with_error_bars
 from validation.core.running import run
 from validation.core.watch import flag
 
@@ -35,7 +35,7 @@ def test_run_writes_its_files_and_says_what_came_out(cablefem, tmp_path):
     assert "by following-p2 (elements=4, steps=100)" in out
     assert out.startswith("level: crosses the cable in 14.3 s")
     assert len(out.splitlines()) <= 20
-    numbers = {row["quantity"]: told(row)["value"] for row in summary["design"]}
+    numbers = {row["quantity"]: number_text(row)["value"] for row in summary["design"]}
     assert re.search(rf"largest deflection of the car +{re.escape(numbers['mass_deflection_max'])}", out)
     assert " ± " in numbers["mass_deflection_max"]
     assert re.search(rf"largest tension +{re.escape(numbers['tension_max'])}", out)
@@ -78,10 +78,10 @@ def test_a_tolerance_holds_for_the_haul_force_too():
 
 def test_a_tolerance_out_of_reach_is_1_and_said(cablefem, monkeypatch):
     def too_coarse(scene, method, tol, **how):
-        coarse = laddered(scene, method, elements=4, steps=60)
+        coarse = run_with_error_bars(scene, method, elements=4, steps=60)
         raise TooCoarse(coarse, 1.0, tol)
 
-    monkeypatch.setattr(study, "climb", too_coarse)
+    monkeypatch.setattr(study, "refine_to_tolerance", too_coarse)
     code, _, err = cablefem("run", "inclined", "--method", "following-p2", "--tol", "1e-6", "--out", "x")
     assert code == 1
     (said,) = lines(err)

@@ -16,8 +16,8 @@ from tests.validation.ladders import ladder
 from tests.validation.test_laws import held
 from validation import run
 from validation.core.agreement import Verdict
-from validation.core.climb import laddered
 from validation.core.methods import METHODS, pair
+from validation.core.refine import run_with_error_bars
 from validation.core.rows import compare
 from validation.oracles import irvine
 from validation.oracles.case import BARE
@@ -95,14 +95,17 @@ def test_both_wings_agree_past_slack_and_see_another_tau():
 def test_a_wrong_path_past_slack_is_judged():
     """Without internal damping it is shown alone."""
     scene, how = damped(1e-3), {"steps": 1000, "until": 0.95, "scheme": "generalized-alpha", "rho_inf": 0.8}
-    a, b = laddered(scene, "following-p2", elements=16, **how), laddered(scene, "fourier-riding", terms=16, **how)
+    a, b = (
+        run_with_error_bars(scene, "following-p2", elements=16, **how),
+        run_with_error_bars(scene, "fourier-riding", terms=16, **how),
+    )
 
     def sinks(r):
         return replace(r, v=r.v * (1.0 + 4.0 * np.maximum(0.0, r.s_o / r.length - 0.89)))
 
     for change, verdict in ((lambda r: r, Verdict.AGREE), (sinks, Verdict.DISAGREE)):
         (row,) = (row for row in compare(scene, a.map(change), b, tol=1e-2) if row.quantity == "path_slack")
-        assert (row.asked, row.verdict) == (True, verdict)
+        assert (row.decides, row.verdict) == (True, verdict)
 
 
 def test_both_wings_lose_the_same():

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from cablefem import Scene, SceneError
-from validation.core.scene_data import Given
+from validation.core.scene_data import SceneData
 from validation.oracles import irvine
 
 LEVEL = Scene.load("level")
@@ -91,8 +91,8 @@ def test_the_judge_computes_the_rate_again_from_the_file(name):
         {"cable.damping": 0.1} | ice | BLOWN,
     ):
         scene = Scene.load(name).replace(changes)
-        given = Given(scene.to_toml(), scene.length)
+        given = SceneData(scene.to_toml(), scene.length)
         assert given.damping(scene.length, scene.horizontal_tension) == pytest.approx(scene.damping, rel=1e-12)
     deep = Scene.from_groups(sag_ratio=0.1, alpha=700.0, mu=0.1, speed_ratio=0.2).replace({"cable.damping": 0.02})
-    own = Given(deep.to_toml(), deep.length).damping(deep.length, deep.horizontal_tension)
+    own = SceneData(deep.to_toml(), deep.length).damping(deep.length, deep.horizontal_tension)
     assert own == pytest.approx(deep.damping, rel=1e-12)

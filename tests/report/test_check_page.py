@@ -16,7 +16,7 @@ from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.commands.check import page as check
 from validation.core.foreign import ForeignPath
-from validation.core.quantities import scale_of, told
+from validation.core.quantities import number_text, scale_of
 from validation.page import page
 from validation.page.answer.content import inputs
 from validation.page.answer.stored import read
@@ -134,7 +134,7 @@ def test_units_suit_their_numbers(x, unit, told):
     ],
 )  # fmt: skip
 def test_a_number_has_the_digits_that_its_bar_leaves(value, bar, shown):
-    assert told({"quantity": "contact_min", "value": value, "bar": bar, "unit": "N"})["value"] == shown
+    assert number_text({"quantity": "contact_min", "value": value, "bar": bar, "unit": "N"})["value"] == shown
 
 
 # --- the side view's data -------------------------------------------------------------------------------------------

@@ -13,8 +13,8 @@ import pytest
 import cablefem as cf
 from cablefem import Scene
 from cablefem.response import Flag, Response, whole, write_csv, write_json
-from validation.core.climb import laddered
 from validation.core.design import design
+from validation.core.refine import run_with_error_bars
 from validation.core.running import Run, run
 
 
@@ -122,7 +122,7 @@ def test_a_run_that_breaks_says_so_before_anything_is_looked_at():
 
 def test_bars_are_computed_when_they_are_looked_at():
     r = cf.run("level", elements=4, steps=120, until=0.5)
-    finest = laddered(Scene.load("level"), "following-p2", elements=4, steps=120, until=0.5)
+    finest = run_with_error_bars(Scene.load("level"), "following-p2", elements=4, steps=120, until=0.5)
     assert {"path_error", "design", "flags"}.isdisjoint(vars(r))
     assert (r.path_error, r.error_parts) == (finest.run.path_error, finest.run.error_parts)
     assert r.design == design(finest)

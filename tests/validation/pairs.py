@@ -3,8 +3,8 @@
 from functools import cache
 
 from cablefem import Scene
-from validation.core.climb import laddered
 from validation.core.ladder import Ladder
+from validation.core.refine import run_with_error_bars
 
 LEVEL = Scene.load("level")
 DAMPED = {"scheme": "generalized-alpha", "rho_inf": 0.8}
@@ -15,4 +15,6 @@ SINES = {"terms": 40, "steps": 1000, **DAMPED}
 @cache
 def right() -> tuple[Ladder, Ladder]:
     """Return runs of the level scene, past its slack onset, with coarser ones."""
-    return laddered(LEVEL, "following-p2", until=0.95, **ELEMENTS), laddered(LEVEL, "fourier-kink", until=0.95, **SINES)
+    return run_with_error_bars(LEVEL, "following-p2", until=0.95, **ELEMENTS), run_with_error_bars(
+        LEVEL, "fourier-kink", until=0.95, **SINES
+    )

@@ -83,7 +83,7 @@ class Sines(System):
         other.law = law
         return other
 
-    def place(self, x):
+    def position(self, x):
         return self.groups.motion.at(x.t, x.phase)[0]
 
     def in_time(self, states):

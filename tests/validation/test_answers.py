@@ -13,7 +13,7 @@ from validation.core import answers
 from validation.core.answers import outcome, write_answers
 from validation.core.clearances import clearances
 from validation.core.design import design
-from validation.core.quantities import matter, told
+from validation.core.quantities import key_numbers, number_text
 from validation.core.quasi_static import quasi_static
 from validation.core.running import run
 
@@ -159,6 +159,6 @@ def test_a_clearance_of_what_is_never_passed_is_null(tmp_path):
     write_answers(tmp_path, scene, r)
     kept = json.loads((tmp_path / "summary.json").read_text())["design"]
     assert {"clearance_car_min:tree": None}.items() <= {d["quantity"]: d["value"] for d in kept}.items()
-    assert told(rows["clearance_car_min:tree"])["value"] == "the car never passes"
-    assert "clearance_car_min:tree" not in {d["quantity"] for d in matter(kept, 99)}
+    assert number_text(rows["clearance_car_min:tree"])["value"] == "the car never passes"
+    assert "clearance_car_min:tree" not in {d["quantity"] for d in key_numbers(kept, 99)}
     assert "hit" not in outcome(scene, r).sentence

@@ -9,10 +9,10 @@ from scipy.interpolate import CubicSpline
 from cablefem import Scene
 from validation.commands.check import study
 from validation.commands.check.study import check
-from validation.core.agreement import APART, Agreement, Bound, Part, Verdict, overall
-from validation.core.climb import laddered
+from validation.core.agreement import FACTOR_DISAGREE, Agreement, Bound, Part, Verdict, overall
 from validation.core.ladder import Ladder
 from validation.core.methods import METHODS
+from validation.core.refine import run_with_error_bars
 from validation.core.rows import compare
 
 LEVEL = Scene.load("level")
@@ -23,7 +23,7 @@ SINES = {"terms": 44, "steps": 1200, "scheme": "generalized-alpha"}
 @pytest.fixture(scope="module")
 def right() -> tuple[Ladder, Ladder]:
     """Two answers as a check ends with."""
-    return laddered(LEVEL, "following-p2", **ELEMENTS), laddered(LEVEL, "fourier-kink", **SINES)
+    return run_with_error_bars(LEVEL, "following-p2", **ELEMENTS), run_with_error_bars(LEVEL, "fourier-kink", **SINES)
 
 
 @pytest.mark.parametrize("group", ["mu", "alpha"])
@@ -35,32 +35,33 @@ def test_a_planted_fault_turns_the_verdict(right, wing, group):
     def build(groups, x, **how):
         return method.build(dataclasses.replace(groups, **{group: 1.01 * getattr(groups, group)}), x, **how)
 
-    wrong = laddered(LEVEL, dataclasses.replace(method, build=build), **(SINES if wing else ELEMENTS))
+    wrong = run_with_error_bars(LEVEL, dataclasses.replace(method, build=build), **(SINES if wing else ELEMENTS))
     rows = compare(LEVEL, *((right[0], wrong) if wing else (wrong, right[1])))
     assert overall(rows) is Verdict.DISAGREE
     path = next(r for r in rows if r.quantity == "path_rms")
     assert path.verdict is Verdict.DISAGREE, (path.gap, path.allowed)
 
 
-def row(gap: float, bars: tuple[float, float], asked_for: float, asked: bool = True) -> Agreement:
+def row(gap: float, bars: tuple[float, float], required: float, decides: bool = True) -> Agreement:
     parts = tuple(Part(name, bar) for name, bar in zip(("a", "b"), bars, strict=True))
-    return Agreement("speed", gap, Bound("error bars", parts), asked_for=asked_for, asked=asked)
+    return Agreement("speed", gap, Bound("error bars", parts), required=required, decides=decides)
 
 
 INF = float("inf")
 
 
 @pytest.mark.parametrize(
-    ("gap", "bars", "asked_for", "verdict"),
+    ("gap", "bars", "required", "verdict"),
     [
         (0.2, (0.3, 0.4), 1.0, Verdict.AGREE), (0.9, (0.3, 0.4), 1.0, Verdict.AGREE),
         (0.2, (0.8, 0.4), 1.0, Verdict.TOO_COARSE), (1.1, (0.3, 0.4), 1.0, Verdict.TOO_COARSE),
-        (APART * 0.7 + 0.01, (0.3, 0.4), 9.0, Verdict.DISAGREE), (APART * 0.7 - 0.01, (0.3, 0.4), 9.0, Verdict.AGREE),
+        (FACTOR_DISAGREE * 0.7 + 0.01, (0.3, 0.4), 9.0, Verdict.DISAGREE),
+        (FACTOR_DISAGREE * 0.7 - 0.01, (0.3, 0.4), 9.0, Verdict.AGREE),
         (1.0, (0.0, 0.0), 9.0, Verdict.DISAGREE), (1.0, (INF, 0.0), 9.0, Verdict.TOO_COARSE),
     ],
 )  # fmt: skip
-def test_the_rule_has_three_lines(gap, bars, asked_for, verdict):
-    assert row(gap, bars, asked_for).verdict is verdict
+def test_the_rule_has_three_lines(gap, bars, required, verdict):
+    assert row(gap, bars, required).verdict is verdict
 
 
 def test_the_whole_is_the_first_of_disagree_too_coarse_and_agree_of_asked_rows():
@@ -68,7 +69,7 @@ def test_the_whole_is_the_first_of_disagree_too_coarse_and_agree_of_asked_rows()
     assert overall([agrees]) is Verdict.AGREE
     assert overall([agrees, coarse]) is Verdict.TOO_COARSE
     assert overall([agrees, coarse, apart]) is Verdict.DISAGREE
-    assert overall([agrees, dataclasses.replace(apart, asked=False)]) is Verdict.AGREE
+    assert overall([agrees, dataclasses.replace(apart, decides=False)]) is Verdict.AGREE
     assert overall([]) is Verdict.NOT_COMPARABLE
 
 
@@ -76,7 +77,7 @@ def test_a_row_says_its_bars_and_what_was_asked():
     told = row(0.2, (0.3, INF), 1.0).row()
     assert (told["bar_a"], told["bar_b"], told["allowed"]) == (0.3, None, None)
     assert (told["asked_for"], told["asked"], told["verdict"]) == (1.0, True, "too coarse")
-    assert row(0.2, (0.3, 0.1), 1.0, asked=False).row()["verdict"] is None
+    assert row(0.2, (0.3, 0.1), 1.0, decides=False).row()["verdict"] is None
 
 
 def test_check_meets_its_tolerance_and_writes_the_contract(tmp_path):
@@ -126,9 +127,9 @@ def test_a_disagreement_is_looked_at_once_more_finer_in_space_and_time_and_then_
 def test_what_is_too_coarse_is_refined_where_its_bar_comes_from(right):
     methods = [METHODS["following-p2"], METHODS["fourier-kink"]]
 
-    def finer(*parts, larger=True, asked=True):
+    def finer(*parts, larger=True, decides=True):
         bars = tuple(Part(m.name, sum(p)) for m, p in zip(methods, parts, strict=True))
-        wide = Agreement("speed", 0.1, Bound("error bars", bars), asked_for=0.5, asked=asked, parts=parts)
+        wide = Agreement("speed", 0.1, Bound("error bars", bars), required=0.5, decides=decides, parts=parts)
         sides = [study._Side(LEVEL, m, 1e-2, float("inf"), {}) for m in methods]
         return [side.finer(ladder, [wide], larger) for side, ladder in zip(sides, right, strict=True)]
 
@@ -137,7 +138,7 @@ def test_what_is_too_coarse_is_refined_where_its_bar_comes_from(right):
     assert first is None
     assert second["terms"] > SINES["terms"]
     assert second["steps"] > SINES["steps"]
-    assert finer(*sines, asked=False) == [None, None]
+    assert finer(*sines, decides=False) == [None, None]
     assert finer(*sines, larger=False) == [None, None]  # the larger bar alone is more than what is asked
     first, second = finer((0.0, 0.2), (0.4, 0.0), larger=False)
     assert first["steps"] > ELEMENTS["steps"]
@@ -147,8 +148,8 @@ def test_what_is_too_coarse_is_refined_where_its_bar_comes_from(right):
 def test_required_of_the_path_alone_forces_and_laws_are_shown():
     found = check("level", tol=3e-2, tol_tension=1e-6, ask="path")
     assert found.verdict is Verdict.AGREE
-    assert {row.quantity for row in found.rows if row.asked} <= {"path_max", "path_rms", "place", "speed"}
-    assert any(row.verdict is Verdict.TOO_COARSE for row in found.rows if not row.asked)
+    assert {row.quantity for row in found.rows if row.decides} <= {"path_max", "path_rms", "place", "speed"}
+    assert any(row.verdict is Verdict.TOO_COARSE for row in found.rows if not row.decides)
     # twin: a fault in the path is seen
     wrong = check("level", tol=3e-2, ask="path", second=LEVEL.replace({"mass.mass": "+20%"}))
     assert wrong.verdict is Verdict.DISAGREE

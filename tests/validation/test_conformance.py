@@ -13,8 +13,8 @@ from validation import assert_agree, check, run
 from validation.commands.atlas import study as atlas
 from validation.commands.chart import study as chart
 from validation.commands.oracles import study as oracles
-from validation.core.climb import TooCoarse, climb
 from validation.core.methods import METHODS, find, refined
+from validation.core.refine import TooCoarse, refine_to_tolerance
 from validation.core.sampling import stacked
 from validation.oracles import moving_mass
 
@@ -50,7 +50,7 @@ def begun(name):
 def test_a_solver_is_what_the_contract_says(name):
     solver, states = begun(name)
     assert all(x.q.shape == x.v.shape == x.a.shape == (solver.n_dof,) for x in states)
-    places = [solver.place(x) for x in states]
+    places = [solver.position(x) for x in states]
     assert places == sorted(places)
     assert 0.0 <= places[0] < places[-1] < 1.0
     value, s = solver.min_tension
@@ -89,10 +89,10 @@ def test_a_run_by_name_or_by_object_under_the_default_law(name, tmp_path):
 def test_a_tolerance_is_met_or_refused_with_the_best_there_is(name):
     if find(name).wrong:
         with pytest.raises(ValueError, match="wrong answer"):
-            climb(SCENE, name, 0.2, until=0.3)
+            refine_to_tolerance(SCENE, name, 0.2, until=0.3)
         return
     try:
-        response = climb(SCENE, name, 0.2, until=0.3, budget=1e4).run
+        response = refine_to_tolerance(SCENE, name, 0.2, until=0.3, budget=1e4).run
         assert response.path_error <= 0.2
     except TooCoarse as error:
         response = error.ladder.finest

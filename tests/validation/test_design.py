@@ -13,7 +13,7 @@ from tests.validation.pairs import right
 from validation.core import readback, recomputed
 from validation.core.agreement import Verdict
 from validation.core.answers import outcome
-from validation.core.design import QUANTITIES, design, gaps, widened
+from validation.core.design import QUANTITIES, design, gaps, widened_numbers
 from validation.core.measures import energy_defect, extremes_within, path_gap
 from validation.core.quasi_static import quasi_static
 from validation.core.running import run
@@ -96,14 +96,14 @@ def test_a_bar_is_no_less_than_the_gap_to_the_twin(told):
     _, found, known = told
     deeper = found.map(lambda r: replace(r, y=r.y + 1.0, v=r.v + 1.0))
     own, other = design(found, deeper), design(deeper, found)
-    after = {row["quantity"]: row["bar"] for row in widened(own, other)}
+    after = {row["quantity"]: row["bar"] for row in widened_numbers(own, other)}
     assert {n.quantity: n for n in known}["mass_deepest"].bar < 0.1
     assert after["mass_deepest"] == pytest.approx(1.0, abs=0.02)
     ladders = [replace(x, finest=replace(x.finest, design=n)) for x, n in ((found, own), (deeper, other))]
     rows = {row.law: row for row in gaps(*ladders, 0.05)}
     assert rows["mass_deepest"].verdict is Verdict.DISAGREE  # by the solvers' own bars
     assert rows["tension_max"].verdict is Verdict.AGREE
-    assert not any(row.asked for row in rows.values())
+    assert not any(row.decides for row in rows.values())
 
 
 def test_without_coarser_runs_there_are_no_bars(told):

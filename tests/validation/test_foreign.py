@@ -9,8 +9,8 @@ import pytest
 from cablefem import Scene
 from validation.core import foreign, measures
 from validation.core.agreement import Verdict
-from validation.core.climb import laddered
 from validation.core.foreign import ForeignPath, refuse_misnamed
+from validation.core.refine import run_with_error_bars
 from validation.core.running import run
 from validation.core.store import Refused
 
@@ -21,7 +21,7 @@ L = LEVEL.length
 
 @pytest.fixture(scope="module")
 def ours():
-    return laddered(LEVEL, "following-p2", elements=16, steps=800)
+    return run_with_error_bars(LEVEL, "following-p2", elements=16, steps=800)
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +62,7 @@ def test_the_two_real_files_agree_with_the_error_they_have(name, gap, ours, coar
     row = rows_of(path, ours)["path_max"]
     assert row.verdict is Verdict.AGREE
     assert row.gap == pytest.approx(gap, rel=0.1, abs=0.0)  # ours moves by its own error bar, a tenth of it
-    assert row.party == f"{name}_level.csv"
+    assert row.third_party == f"{name}_level.csv"
     assert row.row()["with"] == f"{name}_level.csv"
     assert "its error bar" in row.allowed_because
     assert "0.005" in row.allowed_because
@@ -255,7 +255,7 @@ ZIPLINE = Scene.load("zipline")
 
 @pytest.fixture(scope="module")
 def ridden():
-    return laddered(ZIPLINE, "following-p2", elements=6, steps=300)
+    return run_with_error_bars(ZIPLINE, "following-p2", elements=6, steps=300)
 
 
 @pytest.fixture(scope="module")

@@ -10,12 +10,12 @@ from cablefem.newmark import StateHistory
 from validation.commands.sweep import job
 from validation.commands.sweep.study import Study
 from validation.core import measures, recomputed
-from validation.core.climb import laddered
 from validation.core.design import design
 from validation.core.methods import METHODS
+from validation.core.refine import run_with_error_bars
 from validation.core.running import Run, run
 from validation.core.sampling import respond
-from validation.core.watch import watched
+from validation.core.watch import with_flags
 
 LEVEL = Scene.load("level")
 # the campaign itself takes an hour: some of its scenes
@@ -50,7 +50,7 @@ def test_hard_scenes_get_an_error_estimate_or_a_diagnosis(name):
         scene = Scene.from_groups(sag_ratio=0.05, alpha=844.0, slope=45.0, mu=1.1, speed_ratio=0.41)
     else:
         scene = LEVEL.variant(**HARD[name])
-    r = laddered(scene, "following-p2", elements=8, steps=400).run
+    r = run_with_error_bars(scene, "following-p2", elements=8, steps=400).run
     assert job.faults_of(r) == []
     if r.path_error is None:
         assert r.cause is not None
@@ -75,11 +75,11 @@ def test_the_checker_sees_a_response_that_is_not_finite_or_ends_without_a_reason
 def test_a_run_that_breaks_where_the_cable_goes_slack_has_no_energy_after_it():
     r = run(LEVEL, "following-p2", elements=4, steps=100, until=0.5)
     broken = replace(r, switched=r.reached * (1.0 + 1e-15) + 1e-15)
-    assert watched(broken, LEVEL, METHODS["following-p2"]).flag_kinds == r.flag_kinds
+    assert with_flags(broken, LEVEL, METHODS["following-p2"]).flag_kinds == r.flag_kinds
 
 
 def test_a_bar_that_is_too_small_is_seen():
-    r = laddered(LEVEL, "following-p2", elements=6, steps=200).run
+    r = run_with_error_bars(LEVEL, "following-p2", elements=6, steps=200).run
     found = job.truth(LEVEL, r, 4)
     assert found["doubt"] < found["true_error"] / 3.0
     assert found["true_error"] <= r.path_error
@@ -93,7 +93,7 @@ def test_a_ride_that_rolls_back_ends_by_the_support_it_came_from(method):
     scene = HOSTILE.scene_at(point)
     r = run(scene, method, steps=60)
     assert (r.status, [x["event"] for x in r.events]) == ("complete", ["back"])
-    assert r.s_o[-1] == pytest.approx(scene.groups.drive.back_place * r.length, rel=1e-9)
+    assert r.s_o[-1] == pytest.approx(scene.groups.drive.back_position * r.length, rel=1e-9)
     assert r.work["steps"] < 5 * 60
 
 

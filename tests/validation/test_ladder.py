@@ -8,7 +8,7 @@ import pytest
 
 from validation.core.ladder import Branch, Ladder
 from validation.core.measures import NotComparable
-from validation.core.order import left
+from validation.core.order import error_bar
 
 SAME: Any = lambda r: r  # noqa: E731 - runs of these tests are their own answers
 
@@ -21,31 +21,31 @@ def ladder(finest: Any, space: Any = (), time: Any = (), order: float = 2.0, rat
 @pytest.mark.parametrize("ratios", [(2.0, 2.0), (1.5, 1.7), (1.9, 1.5)])
 def test_a_bar_is_a_little_more_than_an_error_with_an_order(order: float, ratios: tuple[float, float]) -> None:
     error = np.array([1.0, ratios[0] ** order, (ratios[0] * ratios[1]) ** order])
-    bar = left(error[1] - error[0], error[2] - error[1], ratios, 2.0)
+    bar = error_bar(error[1] - error[0], error[2] - error[1], ratios, 2.0)
     assert bar == pytest.approx(1.25, rel=1e-3)
 
 
 def test_more_than_the_nominal_order_is_not_credited() -> None:
-    assert left(1.0, 12.0, (2.0, 2.0), 2.0) == pytest.approx(1.25 * 12.0 / 4.0 / 3.0)
-    assert left(1.0, 4.0, (2.0, 2.0), 2.0) == pytest.approx(1.25 / 3.0)
+    assert error_bar(1.0, 12.0, (2.0, 2.0), 2.0) == pytest.approx(1.25 * 12.0 / 4.0 / 3.0)
+    assert error_bar(1.0, 4.0, (2.0, 2.0), 2.0) == pytest.approx(1.25 / 3.0)
 
 
 def test_a_change_that_is_small_by_chance_is_none() -> None:
-    assert left(0.2, 1.0, (2.0, 2.0), 1.0) == pytest.approx(1.25 * 0.5)
+    assert error_bar(0.2, 1.0, (2.0, 2.0), 1.0) == pytest.approx(1.25 * 0.5)
 
 
 def test_a_quarter_that_is_far_off_tells_nothing() -> None:
-    assert left(1e-3, 1.0, (2.0, 2.0), 2.0) == pytest.approx(3e-3, rel=0.01)
+    assert error_bar(1e-3, 1.0, (2.0, 2.0), 2.0) == pytest.approx(3e-3, rel=0.01)
 
 
 def test_where_no_order_shows_the_bar_is_three_times_the_change() -> None:
     for before in (0.0, 0.5, 1.0, 1.4):
-        assert left(1.0, before, (2.0, 2.0), 2.0) == pytest.approx(3.0, rel=0.01)
+        assert error_bar(1.0, before, (2.0, 2.0), 2.0) == pytest.approx(3.0, rel=0.01)
 
 
 def test_nothing_that_changes_has_no_bar_and_nan_has_an_infinite_one() -> None:
-    assert left(0.0, 0.0, (2.0, 2.0), 2.0) == 0.0
-    assert left(math.nan, 1.0, (2.0, 2.0), 2.0) == math.inf
+    assert error_bar(0.0, 0.0, (2.0, 2.0), 2.0) == 0.0
+    assert error_bar(math.nan, 1.0, (2.0, 2.0), 2.0) == math.inf
 
 
 def test_space_and_time_add_and_arrays_have_a_bar_of_each_value() -> None:

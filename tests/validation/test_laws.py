@@ -13,7 +13,7 @@ from tests.scene.test_ride import ZIP
 from tests.validation.ladders import alone, ladder
 from validation.core import laws
 from validation.core.running import run
-from validation.core.scene_data import Given
+from validation.core.scene_data import SceneData
 
 WINDOW = (0.02, 0.40)
 
@@ -274,10 +274,10 @@ def test_a_brake_at_the_end_of_a_ride_is_held():
 
 
 def test_the_judge_reads_the_toml_by_itself(level):
-    given = Given(level.finest.scene_toml, level.finest.length)
+    given = SceneData(level.finest.scene_toml, level.finest.length)
     assert (given.rho, given.mass, given.span) == (1.0, 2002.3720103, 2000.0)
-    assert given.asked == ("length", 2002.3720103)
-    hanging = Catenary.from_length(given.span, given.drop, given.rho * given.gravity, given.asked[1])
+    assert given.prescribed == ("length", 2002.3720103)
+    hanging = Catenary.from_length(given.span, given.drop, given.rho * given.gravity, given.prescribed[1])
     assert hanging.horizontal_tension == pytest.approx(level.finest.horizontal_tension, rel=1e-9)
 
 

@@ -74,14 +74,14 @@ def test_right_answers_agree():
     off = [
         (row.quantity, row.law, row.gap, row.allowed)
         for row in found.values()
-        if row.asked and row.verdict is not Verdict.AGREE
+        if row.decides and row.verdict is not Verdict.AGREE
     ]
     assert overall(list(found.values())) is Verdict.AGREE, off
     assert {name for name, _ in found} == {
         "path_max", "path_rms", "path_slack", "speed", "tension", "tension_behind", "tension_ahead", "reactions",
         "contact", "displacement", "velocity", "energy", "impulse", "laws_si", "slack_onset", "tension_min",
     }  # fmt: skip
-    assert {key for key, row in found.items() if not row.asked} == {
+    assert {key for key, row in found.items() if not row.decides} == {
         ("speed", ""), ("tension_behind", ""), ("tension_ahead", ""), ("reactions", ""), ("contact", ""),
         ("velocity", ""), ("velocity", ALONG), ("velocity", "up to the mass"), ("tension_min", "least tension"),
         ("path_slack", ""),

@@ -7,7 +7,7 @@ import string
 import pytest
 
 from validation.core.agreement import Agreement, Bound, Part, nothing
-from validation.core.watch import WORDS, flag
+from validation.core.watch import TEXTS, flag
 
 
 def test_a_bound_is_the_sum_of_its_parts():
@@ -23,9 +23,9 @@ def test_a_bound_without_a_value_is_none():
     assert (none.value != none.value, str(none)) == (True, "no common range")
 
 
-@pytest.mark.parametrize("kind", WORDS)
+@pytest.mark.parametrize("kind", TEXTS)
 def test_every_flag_says_its_numbers(kind):
-    names = {name for _, name, _, _ in string.Formatter().parse(WORDS[kind]) if name}
+    names = {name for _, name, _, _ in string.Formatter().parse(TEXTS[kind]) if name}
     numbers = dict.fromkeys(names, 0.25) if kind != "no bar" else {"why": "0.25"}
     assert ("0.25" in str(flag(kind, **numbers))) == bool(names)
     if names:

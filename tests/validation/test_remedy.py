@@ -9,8 +9,8 @@ import pytest
 from cablefem import Scene
 from validation.core import foreign, measures, remedy
 from validation.core.agreement import Verdict
-from validation.core.climb import laddered
 from validation.core.foreign import ForeignPath
+from validation.core.refine import run_with_error_bars
 from validation.core.running import run
 
 
@@ -20,8 +20,8 @@ class Case:
     def __init__(self, name, elements, terms, steps):
         self.scene = Scene.load(name)
         self.both = (
-            laddered(self.scene, "following-p2", elements=elements, steps=steps),
-            laddered(self.scene, "fourier-kink", terms=terms, steps=steps),
+            run_with_error_bars(self.scene, "following-p2", elements=elements, steps=steps),
+            run_with_error_bars(self.scene, "fourier-kink", terms=terms, steps=steps),
         )
         self.window = measures.window_of(*(ladder.run for ladder in self.both))
         self.other = run(self.scene, "fourier-kink", terms=terms, steps=steps)

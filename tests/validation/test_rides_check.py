@@ -9,15 +9,18 @@ import pytest
 from cablefem import Scene
 from tests.scene.test_ride import ZIP
 from validation.core.agreement import Verdict, overall
-from validation.core.climb import laddered
-from validation.core.rows import AXIAL_MEAN, compare, widened_events, with_bars
+from validation.core.refine import run_with_error_bars
+from validation.core.rows import AXIAL_MEAN, compare, events_with_bars, widened_events
 
 RIDE = Scene.from_toml(ZIP + "rolling_friction = 0.02\nbrake = [{from = 25.0, force = 40.0}]\nend = {place = 45.0}")
 
 
 @cache
 def pair():
-    return (laddered(RIDE, "following-p2", elements=16, steps=500), laddered(RIDE, "fourier-kink", terms=16, steps=500))
+    return (
+        run_with_error_bars(RIDE, "following-p2", elements=16, steps=500),
+        run_with_error_bars(RIDE, "fourier-kink", terms=16, steps=500),
+    )
 
 
 def rows(a, b):
@@ -26,7 +29,7 @@ def rows(a, b):
 
 def test_both_wings_ride_alike_and_keep_the_laws():
     found = rows(*pair())
-    asked = {key: row for key, row in found.items() if row.asked}
+    asked = {key: row for key, row in found.items() if row.decides}
     assert overall(list(found.values())) is Verdict.AGREE, [
         (key, row.gap, row.allowed) for key, row in asked.items() if row.verdict is not Verdict.AGREE
     ]
@@ -84,7 +87,7 @@ def test_speed_is_compared_until_a_lasting_stop(wrong_from, verdict):
 
 def test_events_have_bars():
     a, b = pair()
-    told = {x["event"]: x for x in with_bars(a)}
+    told = {x["event"]: x for x in events_with_bars(a)}
     for name in ("brake", "arrival"):
         assert 0.0 < told[name]["bar_t"] < 0.05
         assert 0.0 < told[name]["bar_speed"] < 0.05
@@ -99,7 +102,7 @@ def test_events_after_the_first_of_their_kind_have_bars_where_coarser_runs_have_
     def told(*times):
         e = pair()[0].map(lambda r: turning(r, 1.0, 3.0))
         space = replace(e.space, runs=(turning(e.space.runs[0], *times), *e.space.runs[1:]))
-        return [x["bar_t"] for x in with_bars(replace(e, space=space))]
+        return [x["bar_t"] for x in events_with_bars(replace(e, space=space))]
 
     first, second = told(1.0, 3.1)
     assert second > first + 0.1
@@ -110,8 +113,8 @@ def test_bars_of_events_are_at_least_the_gap_to_the_other_solver():
     """An arrival was printed as +- 0.0001 s where the other solver had it a second later."""
     a, b = pair()
     late = b.map(lambda r: replace(r, events=event(r, "arrival", t=r.events[-1]["t"] + 1.0)))
-    own = with_bars(a)
-    other = with_bars(late)
+    own = events_with_bars(a)
+    other = events_with_bars(late)
     for events, others in ((own, other), (other, own)):
         arrival = widened_events(events, others)[-1]
         assert arrival["event"] == "arrival"

@@ -17,11 +17,11 @@ from validation.commands.atlas.catalogue import CATALOGUE, holds, run_row
 from validation.commands.atlas.study import CELLS, atlas, judged
 from validation.commands.sweep.job import faults_of
 from validation.core import measures
-from validation.core.climb import laddered
 from validation.core.methods import METHODS
+from validation.core.refine import run_with_error_bars
 from validation.core.running import run
-from validation.core.trust import convergence_limit, post_slack_spread
-from validation.core.watch import MOST_GAIN
+from validation.core.trust import convergence_limit, gap_past_slack
+from validation.core.watch import MAX_GAIN
 from validation.page.page import render
 
 LEVEL = Scene.load("level")
@@ -49,11 +49,11 @@ def test_level_reaches_the_far_support_and_finds_the_onset(case):
 
 def test_paths_agree_after_the_onset_and_one_that_is_off_there_is_seen():
     runs = [level(*case) for case in FAR]
-    assert max(post_slack_spread(a, b, 0.95) for a, b in combinations(runs, 2)) < 0.02
+    assert max(gap_past_slack(a, b, 0.95) for a, b in combinations(runs, 2)) < 0.02
     a, b = runs[:2]
     shifted = replace(b, v=b.v + 0.05 * b.max_deflection * (b.s_o > 0.9 * b.length))
-    assert post_slack_spread(a, shifted, 0.95) > 0.04
-    assert math.isnan(post_slack_spread(*[replace(a, slack_onset=None)] * 2, 0.95))
+    assert gap_past_slack(a, shifted, 0.95) > 0.04
+    assert math.isnan(gap_past_slack(*[replace(a, slack_onset=None)] * 2, 0.95))
 
 
 @pytest.mark.parametrize("scheme", ["trapezoidal", "newmark", "generalized-alpha"])
@@ -109,7 +109,7 @@ def test_a_run_that_gains_energy_is_flagged_in_its_summary_and_a_sound_one_is_no
     assert sound["flags"] == []
     assert sound["energy_gain"] < 0.01
     r = run(LEVEL, "fixed-p1-path", scheme="trapezoidal", law="elastic", elements=20, steps=500)
-    assert r.energy_gain > 10.0 * MOST_GAIN
+    assert r.energy_gain > 10.0 * MAX_GAIN
     assert "gains energy" in r.summary()["flags"][0]
 
 
@@ -245,6 +245,6 @@ def test_cells_are_judged_by_their_error_and_only_against_a_sure_reference():
 @pytest.mark.parametrize("terms", [1, 2, 3])
 def test_a_ride_over_very_few_sines_has_an_answer_and_companions(terms):
     """One sine by itself has nothing to be graded by; companions of two and three have but one."""
-    e = laddered(Scene.load("zipline"), "fourier-kink", terms=terms, steps=300)
+    e = run_with_error_bars(Scene.load("zipline"), "fourier-kink", terms=terms, steps=300)
     assert [r.events[-1]["event"] for r in e.runs] == len(e.runs) * ["arrival"]
     assert e.run.path_error is None or e.run.path_error > 1e-4

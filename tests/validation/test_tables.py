@@ -8,7 +8,7 @@ import pytest
 
 from cablefem import Scene
 from tests.validation.tables import PLACES, TABLES, Path101, Track, nearby, read_table, to_the_end
-from validation.core.climb import laddered
+from validation.core.refine import run_with_error_bars
 from validation.core.running import run
 
 CHEAP = {
@@ -31,7 +31,7 @@ def test_cheap_runs_lie_within_their_own_bar_of_the_shipped_table(file, method):
     toml, table = read_table(file)
     scene = Scene.from_toml(toml)
     assert scene.to_toml() == toml
-    found = Path101.of(laddered(scene, method, **to_the_end(scene), **CHEAP[method]))
+    found = Path101.of(run_with_error_bars(scene, method, **to_the_end(scene), **CHEAP[method]))
     assert filling(found, table) <= 1.0
     # twin: the same table of a mass that came a little later
     widest = np.nanmax(found.bar[0, 0.9 * table.reaches >= PLACES])

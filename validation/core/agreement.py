@@ -8,7 +8,7 @@ from typing import Any
 DEFAULT_TOL = 1e-3
 TOL_LOW = 1e-6  # what may be asked of the path
 TOL_HIGH = 0.2
-APART = 3.0  # times both bars: less may be discretisation error (`order.left`)
+FACTOR_DISAGREE = 3.0  # times both bars: less may be discretisation error (`order.error_bar`)
 
 
 class Verdict(enum.Enum):
@@ -20,11 +20,11 @@ class Verdict(enum.Enum):
     AGREE = "agree"
 
 
-def three_lines(gap: float, bars: float, asked_for: float) -> Verdict:
+def verdict_of(gap: float, bars: float, required: float) -> Verdict:
     """Disagree beyond APART times both bars; too coarse if gap or bars exceed the tolerance; else agree."""
-    if gap > APART * bars:
+    if gap > FACTOR_DISAGREE * bars:
         return Verdict.DISAGREE
-    return Verdict.AGREE if max(gap, bars) <= asked_for else Verdict.TOO_COARSE
+    return Verdict.AGREE if max(gap, bars) <= required else Verdict.TOO_COARSE
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +66,8 @@ def nothing(why: object) -> Bound:
 class Agreement:
     """One row of a verdict.
 
-    asked_for : tolerance of gap and bars; None: the bound alone decides (third parties).
-    asked : whether the row counts.
+    required : tolerance of gap and bars; None: the bound alone decides (third parties).
+    decides : whether the row counts.
     parts : of both bars in space and time.
     """
 
@@ -75,10 +75,10 @@ class Agreement:
     gap: float
     bound: Bound
     where: float | str | None = None  # s_o/l; of a line its station and position
-    party: str = ""  # compared with our better solver
+    third_party: str = ""  # compared with our better solver
     law: str = ""  # tells rows of one quantity apart
-    asked_for: float | None = None
-    asked: bool = True
+    required: float | None = None
+    decides: bool = True
     parts: tuple[tuple[float, float], ...] = ()
     unit: str = ""  # of gap and bars; "": relative
 
@@ -92,11 +92,11 @@ class Agreement:
 
     @property
     def verdict(self) -> Verdict:
-        """By `three_lines`; without a tolerance a gap within its bound agrees."""
+        """By `verdict_of`; without a tolerance a gap within its bound agrees."""
         if self.bound.kind == "nothing":
             return Verdict.NOT_COMPARABLE
-        if self.asked_for is not None:
-            return three_lines(self.gap, self.allowed, self.asked_for)
+        if self.required is not None:
+            return verdict_of(self.gap, self.allowed, self.required)
         if not (math.isfinite(self.gap) and math.isfinite(self.allowed)):
             return Verdict.NOT_COMPARABLE
         return Verdict.AGREE if self.gap <= self.allowed else Verdict.DISAGREE
@@ -105,19 +105,19 @@ class Agreement:
         bars: list[float | None] = [None, None]
         if self.bound.kind in ("error bars", "law"):
             bars = [*(part.value for part in self.bound.parts), *bars]
-        more = {"law": self.law, "with": self.party, "notes": self.bound.notes, "unit": self.unit}
+        more = {"law": self.law, "with": self.third_party, "notes": self.bound.notes, "unit": self.unit}
         return {
             "quantity": self.quantity, "gap": finite(self.gap), "allowed": finite(self.allowed),
-            "bar_a": finite(bars[0]), "bar_b": finite(bars[1]), "asked_for": self.asked_for, "asked": self.asked,
-            "verdict": self.verdict.value if self.asked else None, "where": self.where,
+            "bar_a": finite(bars[0]), "bar_b": finite(bars[1]), "asked_for": self.required, "asked": self.decides,
+            "verdict": self.verdict.value if self.decides else None, "where": self.where,
             "allowed_because": self.allowed_because,
             **{k: v for k, v in more.items() if v},
         }  # fmt: skip
 
 
 def overall(rows: list[Agreement]) -> Verdict:
-    """The first verdict, in order of precedence, of the asked rows."""
-    verdicts = {row.verdict for row in rows if row.asked} or {Verdict.NOT_COMPARABLE}
+    """The first verdict, in order of precedence, of the rows that decide."""
+    verdicts = {row.verdict for row in rows if row.decides} or {Verdict.NOT_COMPARABLE}
     return next(verdict for verdict in Verdict if verdict in verdicts)
 
 

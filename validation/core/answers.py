@@ -10,9 +10,9 @@ from cablefem.response import Array, Response, write_csv, write_json
 from cablefem.scene import Scene
 from validation.core.clearances import shapes
 from validation.core.design import design
-from validation.core.measures import meant_until
+from validation.core.measures import valid_until
 
-PLACES = 201  # stations of profile.csv
+STATIONS = 201  # stations of profile.csv
 
 
 class Outcome(NamedTuple):
@@ -70,7 +70,7 @@ def _end(scene: Scene, r: Response) -> Outcome:
     duration = scene.arrival
     assert motion is not None
     assert duration is not None
-    end = scene.length if r.drive == "grip" else scene.drive.end_place(scene.length)
+    end = scene.length if r.drive == "grip" else scene.drive.end_position(scene.length)
     last = motion.end * scene.length
     kind = "crossed"
     sentence = f"crosses the cable in {duration:.1f} s"
@@ -91,7 +91,7 @@ def _end_of_ride(scene: Scene, r: Response) -> Outcome:
         still = f"still rolls after {r.t[-1]:.1f} s, at {r.s_o[-1]:.1f} m with {3.6 * r.speed[-1]:.1f} km/h"
         return Outcome("rolling", still)
     s_o = e["s_o"]
-    first_brake = min((brake.place for brake in scene.drive.brake), default=math.inf)
+    first_brake = min((brake.position for brake in scene.drive.brake), default=math.inf)
     at = f"at {s_o:.1f} m"
     after = f"after {e['t']:.1f} s"
     if e["event"] == "arrival":
@@ -112,8 +112,8 @@ def _end_of_ride(scene: Scene, r: Response) -> Outcome:
 def profile(r: Response) -> dict[str, Array]:
     """Columns of profile.csv: the rope at rest, and the extremes of depth and tension up to a slack onset."""
     f = r.fields
-    end = meant_until(r)
-    x = np.linspace(float(f.x[0]), float(f.x[-1]), PLACES)
+    end = valid_until(r)
+    x = np.linspace(float(f.x[0]), float(f.x[-1]), STATIONS)
     rest = np.interp(x, f.x, f.y)
     depth = [rest]
     tension = [np.interp(x, f.x, f.T_static)]

@@ -35,11 +35,11 @@ def assert_agree(
         raise AssertionError(f"{names} cannot be compared: {reason}") from None
     failed = [row for row in rows if row.verdict is not Verdict.AGREE]
     if failed:
-        raise AssertionError("\n".join([f"{names} disagree", *(f"  {told(row)}" for row in failed)]))
+        raise AssertionError("\n".join([f"{names} disagree", *(f"  {row_text(row)}" for row in failed)]))
     return rows
 
 
-def told(row: Agreement) -> str:
+def row_text(row: Agreement) -> str:
     where = "" if row.where is None else f", largest at s_o/l = {row.where:.3f}"
     return f"{row.quantity}: gap {row.gap:.3g}, allowed {row.allowed:.3g}{where}; {row.allowed_because}"
 

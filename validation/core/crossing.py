@@ -12,7 +12,7 @@ from validation.core.methods import find
 from validation.core.sampling import stacked
 
 
-def crossed(
+def path_over_cable(
     groups: Groups, name: str, settings: dict[str, Any], *, model: str = "straight", load: str = "mass", until: float,
     begun: bool = False,
 ) -> tuple[Array, Array, Array]:  # fmt: skip

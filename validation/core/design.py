@@ -20,10 +20,10 @@ from cablefem.scene import Scene
 from validation.core.agreement import Agreement, Bound, Part, finite
 from validation.core.clearances import Clearances, Track, clearances, grounds
 from validation.core.ladder import Ladder, largest
-from validation.core.measures import averaged, extremes_within, meant_until
+from validation.core.measures import averaged, extremes_within, valid_until
 from validation.core.order import FIRST
 from validation.core.quantities import unit_of
-from validation.core.scene_data import ROUNDING, Given
+from validation.core.scene_data import ROUNDING, SceneData
 
 NEAR = 9  # times around an extreme at which two runs are compared
 BETWEEN = 0.25  # of the larger neighbouring step: a parabola's rise above its highest sample
@@ -109,7 +109,7 @@ _scene = lru_cache(maxsize=4)(Scene.from_toml)
 @lru_cache(maxsize=4)
 def _round_trip(toml: str, length: float) -> float:
     """Of an axial wave [s]."""
-    return Given(toml, length).round_trip
+    return SceneData(toml, length).round_trip
 
 
 def quantities(r: Response) -> dict[str, Quantity]:
@@ -157,7 +157,7 @@ def design(of: Ladder | Response, twin: Ladder | None = None) -> list[Number]:
     r = of.finest if isinstance(of, Ladder) else of
     other = None if twin is None else twin.finest
     span = extremes_within(r, other)
-    everything = (float(r.t[0]), meant_until(r, other or r))
+    everything = (float(r.t[0]), valid_until(r, other or r))
     numbers = []
     for name, quantity in quantities(r).items():
         number = _number(name, quantity, r, everything if quantity.anywhere else span, ladder)
@@ -170,7 +170,7 @@ def design(of: Ladder | Response, twin: Ladder | None = None) -> list[Number]:
     return [*numbers, *_onset(r, ladder)]
 
 
-def widened(numbers: Sequence[Number], others: Sequence[Number]) -> list[Number]:
+def widened_numbers(numbers: Sequence[Number], others: Sequence[Number]) -> list[Number]:
     """Design numbers with bars of at least the gap to the other solver's."""
     other = {row["quantity"]: row for row in others}
     rows = []
@@ -204,7 +204,7 @@ def gaps(a: Ladder, b: Ladder, tolerance: float) -> Iterator[Agreement]:
         for x, row in ((a, number), (b, counterpart)):
             bars.append(Part(x.run.method, math.inf if row["bar"] is None else row["bar"] / size, "coarser runs"))
         bound = Bound("error bars", tuple(bars))
-        yield Agreement("design gap", gap / size, bound, law=number["quantity"], asked_for=tolerance, asked=False)
+        yield Agreement("design gap", gap / size, bound, law=number["quantity"], required=tolerance, decides=False)
 
 
 def _number(

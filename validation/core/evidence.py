@@ -14,7 +14,7 @@ from scipy.integrate import simpson
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from cablefem.response import Array, Response
-from validation.core.scene_data import ROUNDING, Given
+from validation.core.scene_data import ROUNDING, SceneData
 
 EVERY = 12  # frames per window: 0.06 of the travel
 
@@ -70,7 +70,7 @@ class Evidence:
     def __init__(self, r: Response, windows: Windows) -> None:
         self.r = r
         self.windows = windows
-        self.given = Given(r.scene_toml, r.length)
+        self.given = SceneData(r.scene_toml, r.length)
 
     def thinned(self) -> Evidence:
         """Without every second station, frame and step; window ends and jumps stay."""
@@ -116,7 +116,7 @@ class Evidence:
         return self.r.fields.t[self.frames]
 
     @property
-    def lasts(self) -> float:
+    def window_duration(self) -> float:
         return float(np.mean(np.diff(self.windows.frames)))
 
     def at(self, t: Array, values: Array) -> Array:
@@ -141,7 +141,7 @@ class Evidence:
         return self.given.damping(self.r.length, self.r.horizontal_tension)
 
     @cached_property
-    def swept(self) -> Array:
+    def areal_impulse(self) -> Array:
         """int int r x dr ds at frames (k,), r on straight lines between frames."""
         f = self.r.fields
         at = np.stack([f.x + f.u, f.y + f.v], axis=2)
@@ -150,7 +150,7 @@ class Evidence:
     # --- travel and drive --------------------------------------------------------------------------------
 
     @cached_property
-    def pace(self) -> Array:
+    def travel_speed(self) -> Array:
         """ds_o/dt (n,)."""
         return np.asarray(CubicSpline(self.r.t, self.r.s_o)(self.r.t, 1))
 
@@ -163,7 +163,7 @@ class Evidence:
         return np.array(thrust["times"], float), np.array(thrust["forces"], float)
 
     @cached_property
-    def pull(self) -> Array:
+    def thrust_force(self) -> Array:
         """Thrust on a free car along the mean tangent (n,) [N], else the run's haul force."""
         if self.r.drive == "haul":
             return np.nan_to_num(self.r.F_haul)
@@ -177,7 +177,7 @@ class Evidence:
         return -k * np.hypot(past[:, 0], past[:, 1])[:, None] * past
 
     @cached_property
-    def rub(self) -> tuple[Array, Array]:
+    def friction(self) -> tuple[Array, Array]:
         """Rolling friction and brakes (n,) [N]."""
         r = self.r
         drive = self.given.drive
@@ -192,7 +192,7 @@ class Evidence:
         work -= (T_ahead**2 - T_behind**2) / (2.0 * self.given.EA)
         for T, slope in ((T_behind, behind), (T_ahead, ahead)):
             work += 0.5 * T / np.hypot(*slope.T) * np.sum(slope * (ahead - behind), axis=1)
-        return self.pace * work
+        return self.travel_speed * work
 
     # --- the cable, at frames ------------------------------------------------------------------------------
 
@@ -204,7 +204,7 @@ class Evidence:
         T_static = CubicSpline(f.s, f.T_static)(at)
         place = self.curve(at) + np.stack([f.mass_u, f.mass_v], axis=1)[self.frames]
         # dp/dt = r_t + ds_o r' on either side
-        moves = [self.at(self.t, r.velocity - self.pace[:, None] * x) for x in (r.slope_behind, r.slope_ahead)]
+        moves = [self.at(self.t, r.velocity - self.travel_speed[:, None] * x) for x in (r.slope_behind, r.slope_ahead)]
         out = []
         for i, k in enumerate(self.frames):
             rows = np.stack([f.s, f.x + f.u[k], f.y + f.v[k], f.du[k], f.dv[k], f.T_static, f.T[k]], axis=1)
@@ -244,7 +244,7 @@ class Evidence:
         """Power lost in the thin layer behind a car that grips, ds_o [N]^2/(2 EA) (n,)."""
         r = self.r
         jump = np.nan_to_num(r.T_ahead - r.T_behind) if self.given.tau else np.zeros(r.t.size)
-        return self.pace * jump**2 / (2.0 * self.given.EA)
+        return self.travel_speed * jump**2 / (2.0 * self.given.EA)
 
     # --- energy --------------------------------------------------------------------------------------------
 
@@ -277,12 +277,12 @@ class Evidence:
         mean = 0.5 * (r.slope_behind + r.slope_ahead)
         stretch = 0.5 * (np.hypot(*r.slope_behind.T) + np.hypot(*r.slope_ahead.T))
         along = np.sum(mean * r.velocity, axis=1) / np.hypot(*mean.T)
-        friction, brakes = (-rub * stretch * np.abs(self.pace) for rub in self.rub)
+        friction, brakes = (-rub * stretch * np.abs(self.travel_speed) for rub in self.friction)
         x = np.minimum(r.t / drive["release"], 1.0) if drive.get("release") else np.ones(r.t.size)
         return {
-            "thrust" if r.drive == "free" else "haul": self.pull * along, "friction": friction, "brake": brakes,
+            "thrust" if r.drive == "free" else "haul": self.thrust_force * along, "friction": friction, "brake": brakes,
             "drag": np.sum(self.drag * r.velocity, axis=1),
-            "hold": (r.T_ahead - r.T_behind)[0] * stretch * (1.0 - x) ** 2 * (1.0 + 2.0 * x) * self.pace,
+            "hold": (r.T_ahead - r.T_behind)[0] * stretch * (1.0 - x) ** 2 * (1.0 + 2.0 * x) * self.travel_speed,
             **lost,
         }  # fmt: skip
 

@@ -25,9 +25,9 @@ from cablefem.response import Array, MassPath, Response, write_csv
 from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.agreement import Agreement, Bound, Part, nothing
-from validation.core.ladder import Ladder, itself
+from validation.core.ladder import Ladder, response
 from validation.core.measures import WINDOW, NotComparable, Window
-from validation.core.rows import happened
+from validation.core.rows import event_of
 from validation.core.scene_data import si_factor
 from validation.core.store import Refused
 
@@ -227,7 +227,7 @@ def _placed(scene: Scene, given: dict[str, Array]) -> dict[str, Array]:
         return x
     if "t" not in x:
         _on_cable(x["s_o"], float(x["s_o"][-1]), l)
-        x["t"] = tau * motion.times_at(np.clip(x["s_o"] / l, motion.begin, motion.end))
+        x["t"] = tau * motion.times_at(np.clip(x["s_o"] / l, motion.start_position, motion.end))
     place = motion.position(x["t"] / tau)
     # the scene's mass stays at the end
     off = np.abs(np.minimum(x.setdefault("s_o", l * place) / l, motion.end) - place)
@@ -322,12 +322,12 @@ def rows(path: ForeignPath | Response, ours: Ladder, window: Window, with_tol: f
         part = _common(path, window)
         where = measures.path_gap(path, run, part)[2]
     except NotComparable as reason:
-        yield Agreement("path_max", math.nan, nothing(f"{party}: {reason}"), party=party)
+        yield Agreement("path_max", math.nan, nothing(f"{party}: {reason}"), third_party=party)
         return
     short = _short(path, run, window)
     found = []
     for name, (apart, components) in _measures(path, run, part, of_path).items():
-        bars = Part(run.method, ours.bar(itself, apart), "its error bar"), Part(f"allowed to {party}", with_tol)
+        bars = Part(run.method, ours.bar(response, apart), "its error bar"), Part(f"allowed to {party}", with_tol)
         bound = Bound("our error bar", bars, f"of {components}")
         if short:
             bound = nothing(f"{party} covers {short}; there {bound.value:.2g} would be allowed")
@@ -344,7 +344,7 @@ def _measures(
         "path_rms": (lambda a, b: measures.path_gap(a, b, part)[1], of_path),
     }
     if run.drive == "free" and path.speed is not None:
-        stop = happened("stop", run.events)
+        stop = event_of("stop", run.events)
         top = float(run.speed.max())
         until = math.inf if stop is None else stop["t"]
 

@@ -13,14 +13,14 @@ import numpy as np
 
 from cablefem.response import Response
 from validation.core.measures import NotComparable
-from validation.core.order import left
+from validation.core.order import error_bar
 from validation.core.view import View
 
 Of = Callable[[Response], Any]
-Apart = Callable[[Any, Any], Any]  # distance of two values
+Distance = Callable[[Any, Any], Any]  # distance of two values
 
 
-def itself(r: Response) -> Response:
+def response(r: Response) -> Response:
     return r
 
 
@@ -36,7 +36,7 @@ class Branch:
     ratios: tuple[float, ...]  # times coarser than the run before
     order: float  # nominal, of the path
 
-    def bar(self, finest: Response, of: Of, apart: Apart, order: float) -> Any:
+    def bar(self, finest: Response, of: Of, apart: Distance, order: float) -> Any:
         """The bar of the finest run in this direction; infinite without a half."""
         if not self.runs:
             return math.inf
@@ -50,7 +50,7 @@ class Branch:
             with contextlib.suppress(NotComparable):
                 change_before = apart(half, of(quarter))
         change_before = np.nan_to_num(change_before, nan=0.0, posinf=0.0)
-        return left(change, change_before, self.ratios, min(self.order, order))
+        return error_bar(change, change_before, self.ratios, min(self.order, order))
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,11 +83,11 @@ class Ladder:
 
         return replace(self, space=covering(self.space), time=covering(self.time))
 
-    def parts(self, of: Of, apart: Apart = largest, order: float = math.inf) -> tuple[Any, Any]:
+    def parts(self, of: Of, apart: Distance = largest, order: float = math.inf) -> tuple[Any, Any]:
         """The parts of `bar` in space and time."""
         return self.space.bar(self.finest, of, apart, order), self.time.bar(self.finest, of, apart, order)
 
-    def bar(self, of: Of, apart: Apart = largest, order: float = math.inf) -> Any:
+    def bar(self, of: Of, apart: Distance = largest, order: float = math.inf) -> Any:
         """The error bar of a functional of the finest run.
 
         of : a number or series;  apart : a distance, an array for a bar of each value.

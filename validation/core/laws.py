@@ -19,7 +19,7 @@ from cablefem.response import Array, Response
 from validation.core import rest, timetable
 from validation.core.agreement import Agreement, Bound, Part
 from validation.core.evidence import Evidence, Side, Window, Windows, cross
-from validation.core.order import FIRST, left
+from validation.core.order import FIRST, error_bar
 from validation.core.scene_data import ROUNDING
 
 OFTEN = 0.1  # of a transverse wave's time along the cable: rarer frames hide velocities
@@ -43,11 +43,11 @@ UNSEEN = Defect(np.empty(0), np.empty((0, 1)))  # no frame shows the law
 
 
 def hold(
-    ladder: Any, window: Window, until: float = math.inf, asked: Callable[[str], float | None] = lambda asks: None
+    ladder: Any, window: Window, until: float = math.inf, tolerance: Callable[[str], float | None] = lambda asks: None
 ) -> Iterator[Agreement]:
     """Check the finest run of a `ladder.Ladder` by all laws that apply; of each the component with the worst defect.
 
-    window : s_o/l;  until : [s];  asked : tolerance of what a law asks.
+    window : s_o/l;  until : [s];  tolerance : of what a law asks.
     """
     finest = ladder.finest
     windows = replace(Windows.of(finest, window, until), far=min(r.reached for r in ladder.runs))
@@ -73,8 +73,8 @@ def hold(
             at = float(found.place[np.abs(found.value[:, worst]).argmax()])
         yield Agreement(
             law.of, gap, Bound("law", (Part(finest.method, bar, "coarser runs and sampling"),)),
-            where=None if math.isnan(at) else at, law="" if name == law.of else name, asked_for=asked(law.asks),
-            asked=bool(law.asks), parts=(parts,),
+            where=None if math.isnan(at) else at, law="" if name == law.of else name, required=tolerance(law.asks),
+            decides=bool(law.asks), parts=(parts,),
         )  # fmt: skip
 
 
@@ -83,7 +83,7 @@ def _bars(
 ) -> tuple[Array, Array, Array]:
     """Bars (c,) of a defect in space and time, and of sampling, which a finer run does not lessen."""
     half, quarter = (law.defect(x).value for x in sparse)
-    sampling = ROUNDING + left(_rms_apart(found.value, half), _rms_apart(half, quarter), (2.0, 2.0), FIRST)
+    sampling = ROUNDING + error_bar(_rms_apart(found.value, half), _rms_apart(half, quarter), (2.0, 2.0), FIRST)
     defects = {key: (found if law.exact else law.defect(x)).value for key, x in known.items()}
     space, time = ladder.parts(lambda x: defects[id(x)], _rms_apart, FIRST)
     space, time = (np.broadcast_to(x, found.rms.shape) for x in (space, time))
@@ -103,7 +103,7 @@ class Law:
     defect: Finds
     concerns: Callable[[Evidence], bool]
     of: str
-    asks: str  # tolerance "rest" or "velocity" (`rows.asked_of`); "" if only shown
+    asks: str  # tolerance "rest" or "velocity" (`rows.tolerance_of`); "" if only shown
     exact: bool  # to rounding in every run
 
 
@@ -182,17 +182,17 @@ def ends_at_rest(m: Evidence) -> Defect:
 def length_at_rest(m: Evidence) -> Defect:
     """Stations measure arc length up to the length asked for (heat, ice: unstretched); over it."""
     s = m.r.fields.s
-    name, value = m.given.asked
+    name, value = m.given.prescribed
     strain = CubicSpline(s, m.r.fields.T_static / m.given.EA).integrate(s[0], s[-1]) / s[-1]
-    asked = {"length": value, "unstretched": value * (1.0 + strain)}.get(name, m.r.length)
+    length = {"length": value, "unstretched": value * (1.0 + strain)}.get(name, m.r.length)
     counted = float(np.abs(np.cumsum(_arcs(m.curve(s))) - s[1:]).max())
-    return _static(*(np.array([s[0], counted, m.r.length - s[-1], s[-1] - asked]) / s[-1]))
+    return _static(*(np.array([s[0], counted, m.r.length - s[-1], s[-1] - length]) / s[-1]))
 
 
 @_law(exact=True)
 def shape_at_rest(m: Evidence) -> Defect:
     """Sag or horizontal tension as asked for; over itself."""
-    name, value = m.given.asked
+    name, value = m.given.prescribed
     f = m.r.fields
     if name == "sag":
         below = CubicSpline(f.s, f.y - m.given.drop / m.given.span * f.x)
@@ -225,7 +225,7 @@ def travel(m: Evidence) -> Defect:
     l = m.r.fields.s[-1]
     t = r.t[m.inside]
     s = r.s_o[m.inside]
-    start = timetable.begins(law, drive, l)
+    start = timetable.start_position(law, drive, l)
     if law["kind"] == "table":
         stop = min(t[-1], law.get("stop", {}).get("time", math.inf))
         off = [0.0]
@@ -234,7 +234,7 @@ def travel(m: Evidence) -> Defect:
             if piece.sum() >= 4 and t[0] <= b <= stop:
                 off.append(np.polyfit(r.t[piece][-4:] - b, r.s_o[piece][-4:], 3)[-1] - (place + start))
         return _static(float(np.abs(off).max()) / l)
-    want = timetable.places(law, drive, l, t)
+    want = timetable.positions(law, drive, l, t)
     worst = np.argmax(np.abs(s - want))
     return Defect(s[worst, None] / l, (s - want)[worst, None, None] / l)
 
@@ -255,7 +255,7 @@ def drive(m: Evidence) -> Defect:
     l = m.r.fields.s[-1]
     T = m.r.t[-1]
     times, forces = m.thrust
-    start = timetable.begins(m.given.travel, drive, l)
+    start = timetable.start_position(m.given.travel, drive, l)
     off = [(r.s_o[0] - start) / l]
     told = {
         "release": ("t", T, [drive.get("release", 0.0)]), "thrust_end": ("t", T, times[-1:].tolist()),
@@ -271,7 +271,7 @@ def drive(m: Evidence) -> Defect:
         off += [min(abs(x[of] - y) for y in wanted) / scale] if wanted else []
     if r.drive == "free" and forces.any():
         smooth = np.abs(r.t[:, None] - times).min(axis=1) > 1e-6 * T
-        off.append(np.abs(r.F_haul - m.pull)[smooth].max() / float(np.abs(forces).max()))
+        off.append(np.abs(r.F_haul - m.thrust_force)[smooth].max() / float(np.abs(forces).max()))
     return _static(float(np.abs(off).max()))
 
 
@@ -283,7 +283,7 @@ def car_at_rest(m: Evidence) -> Defect:
     friction = None if r.drive == "free" else given.drive.get("rolling_friction", 0.0)
     supports = (given.span, given.drop)
     weights = (given.rho * given.gravity, given.weight)
-    want = rest.place(
+    want = rest.car_position(
         supports, given.EA, weights[0], r.length, r.horizontal_tension, float(r.s_o[0]), weights[1], friction
     )
     off = np.array([r.x[0], r.y[0]]) - want
@@ -320,7 +320,9 @@ def strain_at_the_mass(m: Evidence) -> Defect:
 def speed_of_the_mass(m: Evidence) -> Defect:
     """The mass moves by the integral of its velocity; over top speed times window."""
     r = m.r
-    return _over_steps(m, np.stack([r.x, r.y], axis=1) - m.impulse(r.velocity), float(r.speed.max()) * m.lasts)
+    return _over_steps(
+        m, np.stack([r.x, r.y], axis=1) - m.impulse(r.velocity), float(r.speed.max()) * m.window_duration
+    )
 
 
 def _of_mass(m: Evidence, pull: Array) -> Defect:
@@ -329,8 +331,8 @@ def _of_mass(m: Evidence, pull: Array) -> Defect:
     force = pull + weight * DOWN
     if r.drive != "grip":
         mean = r.slope_behind + r.slope_ahead
-        force = force + m.pull[:, None] * mean / np.hypot(*mean.T)[:, None] + m.drag
-    return _over_steps(m, m.given.mass * r.velocity - m.impulse(force), weight * m.lasts)
+        force = force + m.thrust_force[:, None] * mean / np.hypot(*mean.T)[:, None] + m.drag
+    return _over_steps(m, m.given.mass * r.velocity - m.impulse(force), weight * m.window_duration)
 
 
 @_law()
@@ -344,7 +346,7 @@ def impulse(m: Evidence) -> Defect:
     """M (v_2 - v_1) by the pull [ N t - rho ds_o^2 r' ] of both tensions; over M g times window."""
 
     def pull(T: Array, slope: Array) -> Array:
-        return (T / np.hypot(*slope.T) - m.given.rho * m.pace**2)[:, None] * slope
+        return (T / np.hypot(*slope.T) - m.given.rho * m.travel_speed**2)[:, None] * slope
 
     return _of_mass(m, pull(m.r.T_ahead, m.r.slope_ahead) - pull(m.r.T_behind, m.r.slope_behind))
 
@@ -357,12 +359,12 @@ def tension_on_both_sides(m: Evidence) -> Defect:
     """
     r = m.r
     given = m.given
-    jump = (r.T_ahead - r.T_behind) * (1.0 - given.rho * m.pace**2 / given.EA)
-    most = np.sum(m.rub, axis=0)
-    rolls = np.abs(m.pace) > ROLLS * np.abs(m.pace).max()
-    apart = np.where(rolls, jump + most * np.sign(m.pace), np.sign(jump) * np.maximum(np.abs(jump) - most, 0.0))
+    jump = (r.T_ahead - r.T_behind) * (1.0 - given.rho * m.travel_speed**2 / given.EA)
+    most = np.sum(m.friction, axis=0)
+    rolls = np.abs(m.travel_speed) > ROLLS * np.abs(m.travel_speed).max()
+    apart = np.where(rolls, jump + most * np.sign(m.travel_speed), np.sign(jump) * np.maximum(np.abs(jump) - most, 0.0))
     let_go = r.t >= given.drive.get("release", 0.0)
-    return _over_steps(m, m.impulse(np.where(let_go, apart, 0.0)[:, None]), given.weight * m.lasts)
+    return _over_steps(m, m.impulse(np.where(let_go, apart, 0.0)[:, None]), given.weight * m.window_duration)
 
 
 # --- the cable, at frames ------------------------------------------------------------------------------
@@ -450,7 +452,7 @@ def summed_over_time(m: Evidence) -> Defect:
     w, dw = ((tangent[:, 0] * b - tangent[:, 1] * a) @ sine for a, b in ((f.u, f.v), (f.du, f.dv)))
     kept = w - CubicSpline(f.t, dw).antiderivative()(f.t)
     within = dw[m.frames[0] : m.frames[-1] + 1]
-    return _over_frames(m, kept[m.frames, None], math.sqrt(float(np.mean(within**2))) * m.lasts)
+    return _over_frames(m, kept[m.frames, None], math.sqrt(float(np.mean(within**2))) * m.window_duration)
 
 
 @_law()
@@ -479,7 +481,7 @@ def momentum_of_the_cable(m: Evidence) -> Defect:
     weight = rho * m.given.gravity * r.fields.s[-1]
     force = r.reaction_left + r.reaction_right + r.contact + weight * DOWN
     kept = rho * (m.along["velocity"] + m.damping * m.along["place"]) - m.impulse_at_frames(force)
-    return _over_frames(m, kept, (weight + m.given.weight) * m.lasts)
+    return _over_frames(m, kept, (weight + m.given.weight) * m.window_duration)
 
 
 @_law()
@@ -495,9 +497,9 @@ def moment_of_momentum(m: Evidence) -> Defect:
     moves = m.along["velocity"][:, 0]
     h = np.diff(t)
     own = weight * (0.5 * h * (lever[1:] + lever[:-1]) - h**2 / 12.0 * np.diff(moves))  # by cubics
-    spin = given.rho * (m.along["spin"] + m.damping * m.swept if m.damping else m.along["spin"])
+    spin = given.rho * (m.along["spin"] + m.damping * m.areal_impulse if m.damping else m.along["spin"])
     kept = (spin - np.append(0.0, np.cumsum(own)))[:, None] - m.impulse_at_frames(moment[:, None])
-    return _over_frames(m, kept, (weight * r.fields.s[-1] + given.weight) * given.span * m.lasts)
+    return _over_frames(m, kept, (weight * r.fields.s[-1] + given.weight) * given.span * m.window_duration)
 
 
 # --- energy; all over weight times largest deflection ---------------------------------------------------

@@ -34,7 +34,7 @@ def window_of(*responses: MassPath, window: Window | None = None) -> Window:
     raise NotComparable(f"nothing to compare: {first.method} {what} at s_o/l = {end:.4f}, before {low:g}")
 
 
-def meant_until(*runs: Response) -> float:
+def valid_until(*runs: Response) -> float:
     """Time [s] up to which all runs have an answer: their first end or slack onset."""
     return min(min(float(r.t[-1]), r.slack_since) for r in runs)
 
@@ -44,7 +44,7 @@ def extremes_within(r: Response, twin: Response | None) -> tuple[float, float]:
 
     A rolling car begins in equilibrium, so that its start counts.
     """
-    end = meant_until(r, twin or r)
+    end = valid_until(r, twin or r)
     if r.drive == "free":
         return float(r.t[0]), end
     low, high = (float(np.interp(limit * r.length, r.s_o, r.t)) for limit in WINDOWS[r.drive])

@@ -129,7 +129,7 @@ class Comparison:
     def rows(self) -> Iterator[Agreement]:
         first: Any = self.a.finest
         if np.count_nonzero(first.instants <= self.end) < SETTLED:
-            yield Agreement("path_max", math.nan, nothing(f"a run ends at {self.end:.4g} s"), asked_for=self.asked.path)
+            yield Agreement("path_max", math.nan, nothing(f"a run ends at {self.end:.4g} s"), required=self.asked.path)
             return
         for car in first.motion.cars:
             yield from self._car(car)
@@ -140,7 +140,7 @@ class Comparison:
         yield self._events()
 
     def series(
-        self, quantity: str, law: str, of: Of, scale: float, asked_for: float, means: bool = False,
+        self, quantity: str, law: str, of: Of, scale: float, required: float, means: bool = False,
         rms: bool = False,
     ) -> Agreement:  # fmt: skip
         """Row of the largest distance, or of its rms, of a series (n,) or (n, 2)."""
@@ -159,13 +159,13 @@ class Comparison:
         parts = [tuple(size(x) for x in ladder.parts(at, distance)) for ladder in (self.a, self.b)]
         at_instants = a.instants[a.instants <= self.end * (1.0 + 1e-12)]
         where = None if rms else f"t = {at_instants[int(np.argmax(gap))]:.4g} s"
-        return self._row(quantity, size(gap), parts, asked_for, law, where)
+        return self._row(quantity, size(gap), parts, required, law, where)
 
-    def _row(self, quantity: str, gap: float, parts: Any, asked_for: float, law: str, where: Any = None) -> Agreement:
+    def _row(self, quantity: str, gap: float, parts: Any, required: float, law: str, where: Any = None) -> Agreement:
         names = (self.a.finest.method, self.b.finest.method)
         bars = tuple(Part(name, sum(part)) for name, part in zip(names, parts, strict=True))
         bound = Bound("error bars", bars)
-        return Agreement(quantity, gap, bound, where, law=law, asked_for=asked_for, parts=tuple(parts))
+        return Agreement(quantity, gap, bound, where, law=law, required=required, parts=tuple(parts))
 
     def _car(self, car: CarMotion) -> Iterator[Agreement]:
         name = car.name
@@ -303,7 +303,7 @@ def law_row(ladder: Ladder, quantity: str, law: str, defect: Any, end: float, me
     sampling = 3.0 * abs(gap - size(defect(finest, 2)))
     parts = (Part("ladder", space + time), Part("sampling", sampling))
     bound = Bound("law", parts)
-    return Agreement(quantity, gap, bound, law=f"{law}, {method}", asked_for=FIELDS, parts=((space, time),))
+    return Agreement(quantity, gap, bound, law=f"{law}, {method}", required=FIELDS, parts=((space, time),))
 
 
 def design_of(moved: Moved, obstacles: Sequence[tuple[str, float, float]] = ()) -> dict[str, tuple[float, float]]:

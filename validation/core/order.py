@@ -8,11 +8,11 @@ import numpy as np
 
 SAFETY = 1.25  # for three grids (Roache 1998, Verification and Validation, section 5)
 NONSENSE = 4.0  # times the nominal fall: a quarter run this far off is ignored
-LEAST_ORDER = 0.5  # smallest order credited (Eca & Hoekstra 2014, J. Comput. Phys. 262): so a bar of at most 3 d
+MIN_ORDER = 0.5  # smallest order credited (Eca & Hoekstra 2014, J. Comput. Phys. 262): so a bar of at most 3 d
 FIRST = 1.0  # largest order credited to forces and to velocities, which jump at fronts
 
 
-def left(d: Any, before: Any, ratios: Sequence[float], order: float) -> Any:
+def error_bar(d: Any, before: Any, ratios: Sequence[float], order: float) -> Any:
     """The bar F d / (r^p - 1) of a finest run, value by value.
 
     d : change from half to finest;  before : from quarter to half, 0 if unknown.
@@ -25,7 +25,7 @@ def left(d: Any, before: Any, ratios: Sequence[float], order: float) -> Any:
     before = np.abs(np.asarray(before, float))
     r = ratios[0]
     coarser = ratios[-1]
-    smallest = min(order, LEAST_ORDER)
+    smallest = min(order, MIN_ORDER)
     floor = before * (r**order - 1.0) / (r**order * (coarser**order - 1.0))  # the change at the nominal order
     sensible = floor <= NONSENSE * d
     d = np.where(sensible, np.maximum(d, floor), d)

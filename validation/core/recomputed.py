@@ -17,8 +17,8 @@ from cablefem.response import Array, Response
 from validation.core import timetable
 from validation.core.agreement import Agreement, Bound, Part, nothing
 from validation.core.evidence import Evidence, Windows, cross, integral
-from validation.core.measures import JUMP_WIDTH, extremes_within, meant_until
-from validation.core.scene_data import ROUNDING, Given, deepest, mean_around
+from validation.core.measures import JUMP_WIDTH, extremes_within, valid_until
+from validation.core.scene_data import ROUNDING, SceneData, deepest, mean_around
 
 
 def _row(r: Response, quantity: str, law: str, gap: float, allowed: float, where: float | None = None) -> Agreement:
@@ -28,13 +28,13 @@ def _row(r: Response, quantity: str, law: str, gap: float, allowed: float, where
     )
 
 
-def rows(r: Response, twin: Response | None = None, told: tuple[str, str] | None = None) -> Iterator[Agreement]:
+def rows(r: Response, twin: Response | None = None, outcome: tuple[str, str] | None = None) -> Iterator[Agreement]:
     """Check design numbers, errors of path and tension, and an outcome's kind and sentence."""
     yield from design(r, twin)
     if twin is not None:
         yield from errors(r, twin)
-    if told is not None:
-        yield ending(r, twin, *told)
+    if outcome is not None:
+        yield ending(r, twin, *outcome)
 
 
 def design(r: Response, twin: Response | None = None) -> Iterator[Agreement]:
@@ -69,10 +69,10 @@ class Readings:
 
     def __init__(self, r: Response, twin: Response | None) -> None:
         self.r = r
-        self.given = Given(r.scene_toml, r.length)
+        self.given = SceneData(r.scene_toml, r.length)
         self.signals = _signals(r, self.given)
         self.span = extremes_within(r, twin)
-        self.until = meant_until(r, twin or r)
+        self.until = valid_until(r, twin or r)
         # obstacles and ground: points (n, 2), x and depth [m]
         scene = self.given.scene
         self.profiles = {o["name"]: np.array([[o["at"], o["top"]]], float) for o in scene.get("obstacle", [])}
@@ -130,7 +130,7 @@ def _height(profile: Array, x: Array, y: Array) -> float:
     return float(min(at_vertices.min(initial=math.inf), at_points.min()))
 
 
-def _signals(r: Response, given: Given) -> dict[str, Signals]:
+def _signals(r: Response, given: SceneData) -> dict[str, Signals]:
     """Signals of each kind of design number."""
     f = r.fields
     tilt = math.degrees(math.atan(given.blown(2) / (given.rho * given.gravity)))
@@ -305,7 +305,7 @@ def _end_of_travel(r: Response, readings: Readings) -> Ending:
     """The end of a prescribed travel, by the TOML."""
     given = readings.given
     hauled = r.drive == "haul"
-    start = timetable.begins(given.travel, given.drive, r.length)
+    start = timetable.start_position(given.travel, given.drive, r.length)
     end = given.drive.get("end", {}).get("place", 0.99 * r.length) if hauled else r.length
     last, duration = _travelled(given, r.length, start, end)
     # a law and a design number judge the onset itself; here its text is compared
@@ -316,7 +316,7 @@ def _end_of_travel(r: Response, readings: Readings) -> Ending:
     return Ending("crossed", [*ends, duration, *slack])
 
 
-def _travelled(given: Given, length: float, start: float, end: float) -> tuple[float, float]:
+def _travelled(given: SceneData, length: float, start: float, end: float) -> tuple[float, float]:
     """End [m] and duration [s] of a travel; nan where a table does not say it."""
     law = given.travel
     if law["kind"] == "table":
@@ -325,7 +325,7 @@ def _travelled(given: Given, length: float, start: float, end: float) -> tuple[f
         return last, law["times"][-1] if known else math.nan
 
     def s_o(t: float) -> float:
-        return float(timetable.places(law, given.drive, length, np.array([t]))[0])
+        return float(timetable.positions(law, given.drive, length, np.array([t]))[0])
 
     late = 1.0
     while s_o(late) < end and s_o(2.0 * late) > s_o(late):
@@ -399,10 +399,10 @@ def _unexplained(m: Evidence) -> Array:
     pressed = given.mass * (r.acceleration - [0.0, given.gravity]) - m.drag  # force of the rope on the car (n, 2)
     normal = np.abs(cross(along, pressed))
     stretch = 0.5 * (np.hypot(*r.slope_behind.T) + np.hypot(*r.slope_ahead.T))
-    friction = -given.drive.get("rolling_friction", 0.0) * normal * stretch * np.abs(m.pace)
+    friction = -given.drive.get("rolling_friction", 0.0) * normal * stretch * np.abs(m.travel_speed)
     powers = m.powers | {"friction": friction}
     if r.drive == "free":  # thrust acts along the path
-        powers["thrust"] = m.pull * speed[:, 0] * np.sign(m.pace)
+        powers["thrust"] = m.thrust_force * speed[:, 0] * np.sign(m.travel_speed)
     power = np.sum([*powers.values()], axis=0)
     work = np.interp(m.t, r.t, integral(r.t, power[:, None], r.jumps)[:, 0])
     unexplained = energy - work

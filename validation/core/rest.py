@@ -21,7 +21,7 @@ POINTS = 200  # of Gauss on each side of the car
 
 
 @cache
-def place(
+def car_position(
     supports: tuple[float, float], EA: float, w: float, length: float, H: float, s_o: float, weight: float,
     friction: float | None,
 ) -> Array:  # fmt: skip

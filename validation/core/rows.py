@@ -13,8 +13,8 @@ import numpy as np
 from cablefem.response import Array, Flag, Response
 from cablefem.scene import Scene
 from validation.core import measures
-from validation.core.agreement import APART, DEFAULT_TOL, Agreement, Bound, Part, finite, nothing
-from validation.core.ladder import Apart, Goal, Ladder, Of, itself, largest
+from validation.core.agreement import DEFAULT_TOL, FACTOR_DISAGREE, Agreement, Bound, Part, finite, nothing
+from validation.core.ladder import Distance, Goal, Ladder, Of, largest, response
 from validation.core.measures import SLACK_END, NotComparable
 from validation.core.methods import METHODS
 from validation.core.order import FIRST
@@ -22,7 +22,7 @@ from validation.core.view import View
 
 Gap = Callable[[Response, Response, View], float]
 Series = Callable[[Response], Array]
-Asked = Callable[[str], float]
+Tolerance = Callable[[str], float]
 Event = dict[str, Any]
 
 TENSION = 10.0  # force tolerance over path tolerance: forces are first order, paths second
@@ -76,7 +76,7 @@ def _series(*names: str, over: str, mean: bool = False, largest: bool = False) -
 
 def _until_stop(of: Series, r: Response) -> Array:
     """Values (n, c) with nan past a lasting stop, whose time depends on axial waves."""
-    stop = happened("stop", r.events)
+    stop = event_of("stop", r.events)
     values = of(r)
     return values if stop is None else np.where(r.t[:, None] <= stop["t"], values, math.nan)
 
@@ -110,7 +110,7 @@ TABLE = (
 )
 
 
-def asked_of(asks: str, tol: float, tol_tension: float | None) -> float:
+def tolerance_of(asks: str, tol: float, tol_tension: float | None) -> float:
     """The tolerance of a kind of quantity: "path", "force", "velocity", or any other."""
     if asks == "path":
         return tol
@@ -126,12 +126,12 @@ def compare(
 
     tol : of path, place and mean speed;  tol_tension : of mean forces, default ten times `tol`.
     """
-    asked = partial(asked_of, tol=tol, tol_tension=tol_tension)
-    return compare_answers(scene, a, b, asked) + check_laws(scene, a, b, asked)
+    tolerance = partial(tolerance_of, tol=tol, tol_tension=tol_tension)
+    return compare_answers(scene, a, b, tolerance) + check_laws(scene, a, b, tolerance)
 
 
-def compare_answers(scene: Scene, a: Ladder, b: Ladder, asked: Asked) -> list[Agreement]:
-    """The rows that compare two answers;  asked : tolerance of a kind of quantity, as `asked_of`."""
+def compare_answers(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) -> list[Agreement]:
+    """The rows that compare two answers;  tolerance : of a kind of quantity, as `tolerance_of`."""
     full = View.of(scene)
     rows = list(independent(a.finest, b.finest))
     try:
@@ -142,17 +142,17 @@ def compare_answers(scene: Scene, a: Ladder, b: Ladder, asked: Asked) -> list[Ag
     b = b.over(view)
     for quantity in TABLE:
         if quantity.concerns(view) and all(_has(quantity, x.finest, view) for x in (a, b)):
-            rows.append(_row(quantity, a, b, view, asked(quantity.asks)))
+            rows.append(_row(quantity, a, b, view, tolerance(quantity.asks)))
     if view.free:
         for event in EVENTS:
-            rows += _event(event, a, b, asked("rest"))
-    rows += _range(a, b, view, full, asked("rest"))
-    rows.append(_slack_onset(a, b, full, asked("rest")))
+            rows += _event(event, a, b, tolerance("rest"))
+    rows += _range(a, b, view, full, tolerance("rest"))
+    rows.append(_slack_onset(a, b, full, tolerance("rest")))
     unique = scene.groups.internal_damping > 0.0  # else waves of the slack cable have no answer to converge to
-    return rows + [replace(row, asked=unique) for row in _past_slack(a, b, view, asked("rest"))]
+    return rows + [replace(row, decides=unique) for row in _past_slack(a, b, view, tolerance("rest"))]
 
 
-def check_laws(scene: Scene, a: Ladder, b: Ladder, asked: Asked) -> list[Agreement]:
+def check_laws(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) -> list[Agreement]:
     """The rows of laws of mechanics, each of the answer that keeps it worse; none if there is nothing to compare."""
     from validation.core import laws  # loaded while solvers run
 
@@ -161,13 +161,13 @@ def check_laws(scene: Scene, a: Ladder, b: Ladder, asked: Asked) -> list[Agreeme
     except NotComparable:
         return []
     ladders = a.over(view), b.over(view)
-    return list(_worse_of(row for x in ladders for row in laws.hold(x, view.window, view.until, asked)))
+    return list(_worse_of(row for x in ladders for row in laws.hold(x, view.window, view.until, tolerance)))
 
 
 def force_goal(scene: Scene, ladder: Ladder, tol: float) -> Goal:
     """The mean force with the largest bar, and what is asked of it at a path tolerance."""
-    asked = asked_of("force", tol, None)
-    worst = Goal((0.0, 0.0), asked, FIRST)
+    required = tolerance_of("force", tol, None)
+    worst = Goal((0.0, 0.0), required, FIRST)
     try:
         view = View.of(scene).cut(ladder.finest)
     except NotComparable:
@@ -175,8 +175,8 @@ def force_goal(scene: Scene, ladder: Ladder, tol: float) -> Goal:
     over = ladder.over(view)
     for quantity in TABLE:
         if quantity.asks == "force" and quantity.concerns(view) and _has(quantity, over.finest, view):
-            parts = over.parts(itself, partial(_apart, quantity, view))
-            worst = max(worst, Goal(parts, asked, FIRST), key=lambda goal: goal.excess)
+            parts = over.parts(response, partial(_apart, quantity, view))
+            worst = max(worst, Goal(parts, required, FIRST), key=lambda goal: goal.excess)
     return worst
 
 
@@ -192,29 +192,29 @@ def _apart(quantity: Quantity, view: View, x: Response, y: Response) -> float:
     return quantity.gap(y, x, view)
 
 
-def _row(quantity: Quantity, a: Ladder, b: Ladder, view: View, asked_for: float) -> Agreement:
+def _row(quantity: Quantity, a: Ladder, b: Ladder, view: View, required: float) -> Agreement:
     try:
-        row = _compared(quantity.name, a, b, asked_for, itself, partial(_apart, quantity, view), quantity.order)
+        row = _compared(quantity.name, a, b, required, response, partial(_apart, quantity, view), quantity.order)
     except NotComparable as why:
         return Agreement(quantity.name, math.nan, nothing(why), law=quantity.law)
     where = measures.path_gap(a.finest, b.finest, view.window)[2] if quantity.name == "path_max" else None
-    return replace(row, law=quantity.law, asked=bool(quantity.asks), where=where)
+    return replace(row, law=quantity.law, decides=bool(quantity.asks), where=where)
 
 
 def _compared(
-    name: str, a: Ladder, b: Ladder, asked_for: float, of: Of, apart: Apart = largest, order: float = 1.0
+    name: str, a: Ladder, b: Ladder, required: float, of: Of, apart: Distance = largest, order: float = 1.0
 ) -> Agreement:
     gap = apart(of(b.finest), of(a.finest))
-    return _barred(name, gap, a, b, [x.parts(of, apart, order) for x in (a, b)], asked_for)
+    return _barred(name, gap, a, b, [x.parts(of, apart, order) for x in (a, b)], required)
 
 
 def _barred(
-    name: str, gap: float, a: Ladder, b: Ladder, parts: list[tuple[float, float]], asked_for: float
+    name: str, gap: float, a: Ladder, b: Ladder, parts: list[tuple[float, float]], required: float
 ) -> Agreement:
     bars = []
     for x, in_space_and_time in zip((a, b), parts, strict=True):
         bars.append(Part(x.finest.method, max(ROUNDING, sum(in_space_and_time)), "coarser runs"))
-    return Agreement(name, gap, Bound("error bars", tuple(bars)), asked_for=asked_for, parts=tuple(parts))
+    return Agreement(name, gap, Bound("error bars", tuple(bars)), required=required, parts=tuple(parts))
 
 
 def independent(a: Response, b: Response) -> Iterator[Agreement]:
@@ -230,7 +230,7 @@ def independent(a: Response, b: Response) -> Iterator[Agreement]:
 # --- events and slack -----------------------------------------------------------------------------------------------
 
 
-def happened(event: str, events: Sequence[Event], after: int = 0) -> Event | None:
+def event_of(event: str, events: Sequence[Event], after: int = 0) -> Event | None:
     """An event, number `after` of its kind, or None."""
     of_kind = [x for x in events if x["event"] == event]
     return of_kind[after] if after < len(of_kind) else None
@@ -245,34 +245,34 @@ def _numbered(events: Sequence[Event]) -> Iterator[tuple[Event, int]]:
 
 
 def _of_event(event: str, name: str, scale: float, r: Response, after: int = 0) -> float:
-    found = happened(event, r.events, after)
+    found = event_of(event, r.events, after)
     if found is None:
         raise NotComparable(f"{r.method} has no {event}")
     return float(found[name]) / scale
 
 
-def _event(event: str, a: Ladder, b: Ladder, asked_for: float) -> Iterator[Agreement]:
+def _event(event: str, a: Ladder, b: Ladder, required: float) -> Iterator[Agreement]:
     runs = a.finest, b.finest
-    both = [happened(event, r.events) for r in runs]
+    both = [event_of(event, r.events) for r in runs]
     instants = [x["t"] for x in both if x is not None]
     if not instants or min(instants) > min(r.slack_since for r in runs):
         return
     if len(instants) < 2:
-        bars = [(x.unanimous(lambda r: happened(event, r.events) is not None), 0.0) for x in (a, b)]
-        yield replace(_barred("events", 1.0, a, b, bars, asked_for), law=event)
+        bars = [(x.unanimous(lambda r: event_of(event, r.events) is not None), 0.0) for x in (a, b)]
+        yield replace(_barred("events", 1.0, a, b, bars, required), law=event)
         return
     scales = {"t": ("time", float(runs[1].t[-1])), "speed": ("speed", float(runs[1].speed.max()))}
     if event in ("stop", "turn"):
         del scales["speed"]
     for name, (what, scale) in scales.items():
-        row = _compared("events", a, b, asked_for, partial(_of_event, event, name, scale))
+        row = _compared("events", a, b, required, partial(_of_event, event, name, scale))
         yield replace(row, law=f"{event}: {what}")
 
 
 EVENT_BARS = {"t": "bar_t", "s_o": "bar_s_o", "speed": "bar_speed"}
 
 
-def with_bars(ladder: Ladder) -> list[Event]:
+def events_with_bars(ladder: Ladder) -> list[Event]:
     """A run's events with bars bar_t [s], bar_s_o [m], bar_speed [m/s]; None if unknown."""
     barred = []
     for event, after in _numbered(ladder.finest.events):
@@ -288,7 +288,7 @@ def widened_events(events: Sequence[Event], others: Sequence[Event]) -> list[Eve
     """Events with bars of at least the gap to the same event of the other solver."""
     widened = []
     for event, after in _numbered(events):
-        other = happened(event["event"], others, after)
+        other = event_of(event["event"], others, after)
         bars = {}
         for name, bar in EVENT_BARS.items():
             if other is not None and event[bar] is not None:
@@ -297,12 +297,12 @@ def widened_events(events: Sequence[Event], others: Sequence[Event]) -> list[Eve
     return widened
 
 
-def beside(a: Ladder, quasi_static: list[Event], asked_for: float) -> Iterator[Agreement]:
+def quasi_static_rows(a: Ladder, quasi_static: list[Event], required: float) -> Iterator[Agreement]:
     """Shown rows of events of the full and the quasi-static ride: time over duration, speed over top speed."""
     scales = {"t": ("time", float(a.run.t[-1])), "speed": ("speed", float(a.run.speed.max()))}
     for event in EVENTS[:3]:
-        full = happened(event, a.run.events)
-        static = happened(event, quasi_static)
+        full = event_of(event, a.run.events)
+        static = event_of(event, quasi_static)
         if full is None or static is None:
             continue
         for name, (what, scale) in scales.items():
@@ -314,10 +314,10 @@ def beside(a: Ladder, quasi_static: list[Event], asked_for: float) -> Iterator[A
             gap = abs(full[name] - static[name]) / scale
             bound = Bound("error bars", parts)
             law = f"{event}: {what}"
-            yield Agreement("quasi-static", gap, bound, law=law, asked_for=asked_for, asked=False)
+            yield Agreement("quasi-static", gap, bound, law=law, required=required, decides=False)
 
 
-def _slack_onset(a: Ladder, b: Ladder, full: View, asked_for: float) -> Agreement:
+def _slack_onset(a: Ladder, b: Ladder, full: View, required: float) -> Agreement:
     """Distance of both answers where the first cable goes slack; no slack counts as the window's end.
 
     Smallest tensions so far, over H, are falling curves over s_o/l.  Their Levy distance is taken along a slope of 1
@@ -337,10 +337,10 @@ def _slack_onset(a: Ladder, b: Ladder, full: View, asked_for: float) -> Agreemen
         y = np.append(smallest[inside], [at_end, min(0.0, at_end)])
         return float(np.interp(first, x - y, y))
 
-    return replace(_compared("slack_onset", a, b, asked_for, passes), where=first)
+    return replace(_compared("slack_onset", a, b, required, passes), where=first)
 
 
-def _range(a: Ladder, b: Ladder, view: View, full: View, asked_for: float) -> Iterator[Agreement]:
+def _range(a: Ladder, b: Ladder, view: View, full: View, required: float) -> Iterator[Agreement]:
     """A row if an answer breaks before the window ends or the other goes slack."""
     runs = a.finest, b.finest
     missing = 0.0
@@ -349,10 +349,10 @@ def _range(a: Ladder, b: Ladder, view: View, full: View, asked_for: float) -> It
     elif any(r.status != "complete" and r.slack_onset is None for r in runs):
         missing = max(0.0, 1.0 - view.until / max(float(r.t[-1]) for r in runs))
     if missing > 1e-6:
-        yield replace(_barred("range", missing, a, b, [(math.inf, 0.0)] * 2, asked_for), where=view.window[1])
+        yield replace(_barred("range", missing, a, b, [(math.inf, 0.0)] * 2, required), where=view.window[1])
 
 
-def _past_slack(a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[Agreement]:
+def _past_slack(a: Ladder, b: Ladder, view: View, required: float) -> Iterator[Agreement]:
     """Path gap from where both are slack to where the bars exceed the tolerance."""
     from validation.core import trust  # loaded while solvers run
 
@@ -365,20 +365,20 @@ def _past_slack(a: Ladder, b: Ladder, view: View, asked_for: float) -> Iterator[
     def largest_so_far(x: Response, y: Response) -> Array:
         return np.maximum.accumulate(np.nan_to_num(trust.gap(x, y, positions), nan=math.inf))
 
-    bars = [np.broadcast_to(x.bar(itself, largest_so_far, FIRST), positions.shape) for x in (a, b)]
+    bars = [np.broadcast_to(x.bar(response, largest_so_far, FIRST), positions.shape) for x in (a, b)]
     allowed = bars[0] + bars[1]
     gaps = largest_so_far(a.finest, b.finest)
-    within = int(np.count_nonzero(np.maximum.accumulate(allowed) <= asked_for))
+    within = int(np.count_nonzero(np.maximum.accumulate(allowed) <= required))
     worst = int(np.argmax((gaps / allowed)[: max(1, within)]))
     parts = [(float(bar[worst]), 0.0) for bar in bars]
-    row = _barred("path_slack", float(gaps[worst]), a, b, parts, asked_for)
+    row = _barred("path_slack", float(gaps[worst]), a, b, parts, required)
     yield replace(row, where=float(positions[worst]))
 
 
 # --- an answer and mechanics ----------------------------------------------------------------------------------------
 
 
-def printed(scene: Scene, a: Response, b: Response) -> Iterator[Agreement]:
+def recheck_outputs(scene: Scene, a: Response, b: Response) -> Iterator[Agreement]:
     """Check what both runs print against its second computation."""
     from validation.core import recomputed
     from validation.core.answers import outcome
@@ -397,7 +397,7 @@ def _worse_of(rows: Iterable[Agreement]) -> Iterator[Agreement]:
 
 
 def _badness(row: Agreement) -> tuple[bool, float]:
-    return row.gap > APART * row.allowed, row.gap / row.allowed if row.allowed > 0.0 else 0.0
+    return row.gap > FACTOR_DISAGREE * row.allowed, row.gap / row.allowed if row.allowed > 0.0 else 0.0
 
 
 # --- doubts ---------------------------------------------------------------------------------------------------------

@@ -28,7 +28,7 @@ from cablefem.scene import Groups, Scene
 from validation.core.methods import Method, find, pair
 from validation.core.sampling import FRAMES, History, one_thread, respond
 from validation.core.solver import Solver
-from validation.core.watch import watched
+from validation.core.watch import with_flags
 
 # for rules that do not damp, on the slack cable; Newmark's damping is of first order
 ON_SLACK = newmark.scheme("generalized-alpha", rho_inf=0.8)
@@ -85,7 +85,7 @@ class Run:
         solver = self.method.build(
             groups, settings, model=model, load=load, law="tension-only" if law == "tension-only" else "elastic"
         )
-        if solver.at_support and groups.motion is not None and groups.motion.begin > 0.0:
+        if solver.at_support and groups.motion is not None and groups.motion.start_position > 0.0:
             raise ValueError(f"not yet: travel.from with {self.method.name}; take following-p2 or fourier-kink")
         self.times = steps_of(solver, groups, settings)
         self.history = History(StateHistory(), Work(), 0.0, None, None, solver, None)
@@ -110,7 +110,7 @@ class Run:
         if self._seen is None or self._seen[0] != now:
             how = {"method": self.method.name, "settings": self.settings, **self.kind}
             response = respond(self.scene, self.history, frames=self.frames, **how)
-            self._seen = now, watched(response, self.scene, self.method)
+            self._seen = now, with_flags(response, self.scene, self.method)
         return self._seen[1]
 
     def march(self, until: float | None, progress: Progress | None, past: float) -> None:
@@ -144,7 +144,7 @@ class Run:
             goes_on = self.scheme.damps and not self.scheme.nodes
             damped = self.scheme if goes_on else ON_SLACK
             assert h.onset is not None
-            self._march(h.after, damped, min(until, h.after.place(h.states[h.onset[0]]) + past), progress)
+            self._march(h.after, damped, min(until, h.after.position(h.states[h.onset[0]]) + past), progress)
 
     def _march(
         self, solver: Solver, scheme: Scheme, until: float, progress: Progress, switch: bool = False
@@ -153,7 +153,7 @@ class Run:
         h = self.history
         t0, t1 = (solver.phases[0][0], solver.phases[-1][1])
         start = h.states[-1] if h.states else None
-        if start is not None and solver.place(start) >= until:
+        if start is not None and solver.position(start) >= until:
             return False
         free = self.scene.groups.motion is None  # otherwise the times end there
         newton = KEEPS if free and scheme.name == "trapezoidal" else Newton()
@@ -164,12 +164,12 @@ class Run:
             state = states[-1]
             n = len(h.states)
             if n % 32 < len(states):
-                progress(max((state.t - t0) / (t1 - t0), solver.place(state) / until))
+                progress(max((state.t - t0) / (t1 - t0), solver.position(state) / until))
             if h.onset is None and n > 1 and solver.min_tension[0] < 0.0:  # only the last state may be slack
                 h.onset = n - 1, solver.min_tension[1]
                 if switch:
                     return True
-            if free and solver.place(state) >= until:
+            if free and solver.position(state) >= until:
                 break
         return False
 
@@ -179,7 +179,7 @@ class Run:
             return self.times
 
         def place(t: float, phase: int) -> float:
-            return self.history.solver.place(State(t, _NONE, _NONE, _NONE, phase))
+            return self.history.solver.position(State(t, _NONE, _NONE, _NONE, phase))
 
         ends = [bisect.bisect_left(t, until, key=partial(place, phase=k)) for k, t in enumerate(self.times)]
         return [t[: end + 1] for t, end in zip(self.times, ends, strict=True)]

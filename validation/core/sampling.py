@@ -52,7 +52,7 @@ def finite(h: History) -> States:
     """A history over time, cut and marked failed where it leaves finite numbers or the cable."""
     states = h.solver.in_time(stacked(h.states))
     sound = np.isfinite(np.concatenate([states.q, states.v, states.a], axis=1)).all(axis=1)
-    sound[-1] &= h.solver.place(h.states[-1]) <= ON_CABLE
+    sound[-1] &= h.solver.position(h.states[-1]) <= ON_CABLE
     if sound.all():
         return states
     h.failure = "unstable", "the solution grew beyond all bounds; take more steps or a damped scheme"
@@ -231,11 +231,11 @@ def _passages(motion: Motion, frames: int) -> Array:
     end = motion.position(np.array([motion.phases[-1][1]]))[0]
     marks = np.arange(1, FRAMES) / FRAMES
     longest = motion.phases[-1][1] / frames
-    passed = motion.times_at(marks[(motion.begin <= marks) & (marks < end)])
+    passed = motion.times_at(marks[(motion.start_position <= marks) & (marks < end)])
     known = np.unique(np.concatenate([[0.0], passed, [motion.phases[-1][1]]]))
     parts = np.ceil(np.diff(known) / longest * (1.0 - 1e-9)).astype(int)
     filled = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(known[:-1], known[1:], parts, strict=True)]
-    return np.concatenate(filled)[0 if motion.begin > 0.0 else 1 :]
+    return np.concatenate(filled)[0 if motion.start_position > 0.0 else 1 :]
 
 
 def _around(h: History, states: States, t: Array) -> States:

@@ -52,7 +52,7 @@ def deepest(at: Array, x: Array, y: Array) -> Array:
     return depths
 
 
-class Given:
+class SceneData:
     """A scene's numbers from its TOML, SI; `length` is that at rest."""
 
     def __init__(self, toml: str, length: float) -> None:
@@ -68,7 +68,7 @@ class Given:
         self.mass: float = x["mass"]["mass"]
         self.weight = self.mass * self.gravity
         # name and value
-        self.asked = next((name, cable[name]) for name in ("length", "sag", "horizontal_tension") if name in cable)
+        self.prescribed = next((name, cable[name]) for name in ("length", "sag", "horizontal_tension") if name in cable)
         self.travel = x.get("travel", {})
         self.drive = x.get("drive", {})
         self.cable = cable
@@ -80,11 +80,11 @@ class Given:
 
     def _change(self, cable: dict[str, Any], length: float) -> None:
         """Heat lengthens the unstretched cable; ice adds weight."""
-        l, mean_tension = _hung(self.span, self.drop, self.rho * self.gravity, *self.asked)
+        l, mean_tension = _hung(self.span, self.drop, self.rho * self.gravity, *self.prescribed)
         dT = cable["temperature"] - cable.get("reference_temperature", 0.0) if "temperature" in cable else 0.0
         self.rho = (self.rho + ice_mass(cable)) * l / length
         natural = l / (1.0 + mean_tension / self.EA)
-        self.asked = "unstretched", natural * (1.0 + cable.get("expansion", 0.0) * dT)
+        self.prescribed = "unstretched", natural * (1.0 + cable.get("expansion", 0.0) * dT)
 
     def blown(self, power: int) -> float:
         """rho_air c_D d U^power/2 of the crosswind [N/m] or [N s/m^2], d with ice."""

@@ -11,15 +11,15 @@ from cablefem.response import Array
 Stretches = list[tuple[float, float, float]]  # duration [s], initial acceleration [m/s2], jerk [m/s3]
 
 
-def begins(travel: dict[str, Any], drive: dict[str, Any], length: float) -> float:
+def start_position(travel: dict[str, Any], drive: dict[str, Any], length: float) -> float:
     """Where the car begins [m]."""
     rolls = drive.get("mode", "grip") != "grip"
     return float(travel.get("from", drive.get("start", 0.01 * length if rolls else 0.0)))
 
 
-def places(travel: dict[str, Any], drive: dict[str, Any], length: float, t: Array) -> Array:
+def positions(travel: dict[str, Any], drive: dict[str, Any], length: float, t: Array) -> Array:
     """s_o (n,) [m] at times t (n,), tables excepted."""
-    start = begins(travel, drive, length)
+    start = start_position(travel, drive, length)
     end = drive.get("end", {}).get("place", 0.99 * length) if drive.get("mode") == "haul" else length
     speed, stretches = _stretches(travel, travel.get("to", end) - start)
     if "stop" not in travel:

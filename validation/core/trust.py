@@ -24,7 +24,7 @@ def gap(a: Response, b: Response, at: Array) -> Array:
     return distance / max(a.max_deflection, b.max_deflection)
 
 
-def post_slack_spread(a: Response, b: Response, stop: float) -> float:
+def gap_past_slack(a: Response, b: Response, stop: float) -> float:
     """Largest gap of two paths from slack onset to `stop`, which both reach; nan without slack before."""
     onset = min(a.slack_from, b.slack_from)
     return float(np.nanmax(gap(a, b, np.linspace(onset, stop, 400)))) if onset < stop else math.nan

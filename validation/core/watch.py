@@ -12,23 +12,23 @@ from validation.core import measures, store
 from validation.core.measures import SLACK_END
 from validation.core.methods import Method
 
-MOST_GAIN = 0.2  # of the energy's range; right runs gain 0.12, wrong ones 0.6
-MOST_GAIN_SLACK = 2.0  # the same after the onset; runs that agree 1.4, others from 9
-WORDS = store.shipped(__package__, "flags.toml")
+MAX_GAIN = 0.2  # of the energy's range; right runs gain 0.12, wrong ones 0.6
+MAX_GAIN_SLACK = 2.0  # the same after the onset; runs that agree 1.4, others from 9
+TEXTS = store.shipped(__package__, "flags.toml")
 
 
 def flag(kind: str, **numbers: float | str) -> Flag:
     """A flag of a kind in flags.toml with its numbers."""
-    made = Flag(kind, WORDS[kind], numbers)
+    made = Flag(kind, TEXTS[kind], numbers)
     str(made)  # fails if a number is missing
     return made
 
 
-def flagged(r: Response, kind: str, **numbers: float | str) -> Response:
+def with_flag(r: Response, kind: str, **numbers: float | str) -> Response:
     return replace(r, flags=[*r.flags, flag(kind, **numbers)])
 
 
-def watched(r: Response, scene: Scene, method: Method) -> Response:
+def with_flags(r: Response, scene: Scene, method: Method) -> Response:
     """The response with its energy gain before slack, and its flags; both are computed when they are looked at."""
     r = r.with_later(energy_gain=partial(_energy_gain, scene), flags=partial(_flags, scene, method))
     if r.cause is None:
@@ -68,8 +68,8 @@ def _flags(scene: Scene, method: Method, r: Response) -> list[Flag]:
     if scene.speed_ratio is not None and scene.speed_ratio >= 1.0:
         # V/c = 1.1: half the true error; 1.5: no convergence
         flags.insert(0, flag("fast", speed_ratio=scene.speed_ratio))
-    if not r.energy_gain <= MOST_GAIN * unit:
-        return [*flags, flag("energy", gain=r.energy_gain / unit, allowed=MOST_GAIN)]
+    if not r.energy_gain <= MAX_GAIN * unit:
+        return [*flags, flag("energy", gain=r.energy_gain / unit, allowed=MAX_GAIN)]
     return flags + _gain_once_slack(r, weight, unit)
 
 
@@ -77,7 +77,7 @@ def _gain_once_slack(r: Response, weight: float, unit: float) -> list[Flag]:
     if r.switched is None or not measures.inside(r, (r.switched, SLACK_END)).any():
         return []
     gain = measures.energy_gain(r, weight, (r.switched, SLACK_END)) / unit
-    return [] if gain <= MOST_GAIN_SLACK else [flag("slack energy", gain=gain, since=r.switched)]
+    return [] if gain <= MAX_GAIN_SLACK else [flag("slack energy", gain=gain, since=r.switched)]
 
 
 HIDDEN = 0.03  # s_o/l from compression at a point to slack of an element; right runs 0.01

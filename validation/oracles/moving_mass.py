@@ -111,7 +111,7 @@ def solve(motion: Motion, *, mu: float, sigma: float) -> Ride:
         return csr_array((weights[on], (rows[on], columns[on])), shape=(n, n))
 
     def reflected(sign: float, phase: Array) -> csr_array:
-        heard = phase > sign * motion.begin
+        heard = phase > sign * motion.start_position
         panel, weights = _place(_sent(motion, sign, phase, t), edges)
         return sparse(panel, weights * heard[:, None])
 

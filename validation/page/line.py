@@ -138,11 +138,11 @@ def _side(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup:
     p.fit([*depths, *(car.lowest for car in cars)], pad=0.14)
     caption = side(p, 1.12 * end, ground, [(o["name"], o["at"], o["top"]) for o in obstacles])
     p.bands.append((x, highest, lowest, "#0072b233"))
-    p.line(x, profile["y_rest"], GREY, DOTTED, 1.4, "empty rope")
+    p.curve(x, profile["y_rest"], GREY, DOTTED, 1.4, "empty rope")
     for depth in ropes["depths"].values():
-        p.line(x, np.array(depth), BLUE, "", 1.0, "rope at some positions; shaded: at all")
+        p.curve(x, np.array(depth), BLUE, "", 1.0, "rope at some positions; shaded: at all")
     for car, color in zip(cars, COLORS[1:] * len(cars), strict=False):
-        p.line(car.x, car.lowest, color, DASHED, 1.8, f"lowest point of {car.name}")
+        p.curve(car.x, car.lowest, color, DASHED, 1.8, f"lowest point of {car.name}")
         if car.x.size == 1:
             p.dots.append((float(car.x[0]), float(car.depth[0]), color, True))
     for contact in line["contact"]:
@@ -175,7 +175,7 @@ def _over(car: str, positions: Sequence[Row]) -> Iterator[Markup]:
         p = Panel(f"[{unit}]" if unit else "", "", 140.0)
         p.fit([factor * v for v in values.values()])
         for (name, v), color in zip(values.items(), COLORS * len(values), strict=False):
-            p.line(at, factor * v, color, "", 1.8, named(name))
+            p.curve(at, factor * v, color, "", 1.8, named(name))
         yield plot([p], reach, f"x of {car} [m]", title)
 
 
@@ -184,7 +184,7 @@ def _lowest(rows: Sequence[Row], paths: Sequence[Any], keys: Sequence[str]) -> M
     for path, row, color in zip(paths, rows, COLORS * len(rows), strict=False):
         if path:
             x, depth = np.array(path)
-            p.line(x, depth, color, "", 1.4, label(row, keys))
+            p.curve(x, depth, color, "", 1.4, label(row, keys))
     p.fit([curve.y for curve in p.curves], pad=0.05)
     end = float(p.curves[0].x[-1])
     return plot([p], (0.0, end), "x [m]", "The lowest point of the rope over all positions.", wide=True)

@@ -93,13 +93,13 @@ def _side(line: Row, profile: dict[str, Array], paths: dict[str, dict[str, Array
     p.fit([*depths, *(path["y"] + below[name] for name, path in paths.items())], pad=0.14)
     caption = side(p, 1.12 * end, ground, [(o["name"], o["at"], o["top"]) for o in obstacles])
     p.bands.append((x, profile["y_highest"], profile["y_lowest"], "#0072b233"))
-    p.line(x, profile["y_rest"], GREY, DOTTED, 1.4, "empty rope")
+    p.curve(x, profile["y_rest"], GREY, DOTTED, 1.4, "empty rope")
     for edge in ("y_highest", "y_lowest"):
-        p.line(x, profile[edge], BLUE, "", 0.8, "rope at its highest and lowest")
+        p.curve(x, profile[edge], BLUE, "", 0.8, "rope at its highest and lowest")
     for (name, path), color in zip(paths.items(), COLORS[1:] * len(paths), strict=False):
-        p.line(path["x"], path["y"], color, "", 2.0, f"path of {name}")
+        p.curve(path["x"], path["y"], color, "", 2.0, f"path of {name}")
         if below[name]:
-            p.line(path["x"], path["y"] + below[name], color, DASHED, 1.4, f"lowest point of {name}")
+            p.curve(path["x"], path["y"] + below[name], color, DASHED, 1.4, f"lowest point of {name}")
         p.dots.append((float(path["x"][0]), float(path["y"][0]), color, False))
         p.dots.append((float(path["x"][-1]), float(path["y"][-1]), color, True))
     for c in line["contact"]:
@@ -139,7 +139,7 @@ def _over(line: Row, contacts: dict[str, Array], paths: dict[str, dict[str, Arra
         p.fit([factor * v for v in shown.values()])
         dashes = ("", DASHED)
         for i, (name, v) in enumerate(shown.items()):
-            p.line(t, factor * v, COLORS[i % len(COLORS)], dashes[i // len(COLORS) % 2], 1.6, name)
+            p.curve(t, factor * v, COLORS[i % len(COLORS)], dashes[i // len(COLORS) % 2], 1.6, name)
         yield plot([p], (float(t[0]), float(t[-1])), "time [s]", title)
 
 

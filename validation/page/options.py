@@ -162,6 +162,6 @@ def study(
     with terminal.progress() as progress:
         results = run(*inputs, folder, progress)
         report.write(folder, command)
-    report.tell(report.kept(folder, command))
+    report.print_findings(report.stored_pages(folder, command))
     terminal.say(f"written to {folder}: report.html, {', '.join(writes)}")
     return results

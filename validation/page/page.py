@@ -18,7 +18,7 @@ import numpy as np
 from markupsafe import Markup
 
 from cablefem.response import write_text
-from validation.core.quantities import scale_of, told, with_bar
+from validation.core.quantities import number_text, scale_of, with_bar
 
 # worst first, with signs for readers who see no colour
 VERDICTS = {"disagree": "✗", "not comparable": "?", "too coarse": "≈", "agree": "✓"}
@@ -202,7 +202,7 @@ _ENVIRONMENT.filters |= {
     "seconds": seconds,
     "settings": settings,
     "force": force,
-    "told": told,
+    "told": number_text,
     "typeset": typeset,
     "with_bar": with_bar,
 }

@@ -67,7 +67,7 @@ class Panel:
     image: Array | None = None  # (rows from above, columns), 0 to 1 in the colours FIELD
     scale: tuple[float, float, str] | None = None  # of the image: values at 0 and 1, unit
 
-    def line(self, *curve: Any, **look: Any) -> None:
+    def curve(self, *curve: Any, **look: Any) -> None:
         """Add a curve, described as in `Curve`."""
         self.curves.append(Curve(*curve, **look))
 
@@ -148,9 +148,9 @@ def side(p: Panel, reach: float, ground: Any, obstacles: Sequence[tuple[str, flo
     p.height = times * height
     if len(ground):
         x, depth = np.array(ground).T
-        p.line(x, depth, "#8a7a55", name="ground")
+        p.curve(x, depth, "#8a7a55", name="ground")
     for name, at, top in obstacles:
-        p.line(np.array([at, at]), np.array([top, p.high]), "#6b8e5a", "", 5.0, name)
+        p.curve(np.array([at, at]), np.array([top, p.high]), "#6b8e5a", "", 5.0, name)
     scale = "To scale." if times == 1 else f"Depths are drawn {times} times too large."
     return f"The line from the side. {scale}"
 

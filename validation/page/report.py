@@ -31,7 +31,7 @@ def write(folder: Path, command: str, faults: Sequence[str] = ()) -> None:
         drawn.insert(0, Section("read-back", "What was written is not what was computed", text, "disagree"))
     write_json(store.pages(folder, command), [asdict(section) for section in drawn])
     done = [other for other in store.results(folder) if other == command or store.finished(folder, other)]
-    sections = _with_own_ids((other, section) for other in done for section in kept(folder, other))
+    sections = _with_own_ids((other, section) for other in done for section in stored_pages(folder, other))
     title = store.title(folder) or next((s.title for s in sections), folder.name)
     page.render(title, sections, folder / "report.html")
     store.finish(folder, command)
@@ -49,7 +49,7 @@ def read_back(command: str, of: Stored, lines: Sequence[str]) -> int:
     return int(bool(faults))
 
 
-def kept(folder: Path, command: str) -> list[Section]:
+def stored_pages(folder: Path, command: str) -> list[Section]:
     """The stored pages of a command, or one that says why there are none."""
     try:
         pages = store.read(store.pages(folder, command))
@@ -72,7 +72,7 @@ Part = tuple[str, ...]  # a command and its arguments
 
 
 @contextmanager
-def missing(root: Path | None, parts: Sequence[Part]) -> Iterator[tuple[Path, list[Part]]]:
+def missing_parts(root: Path | None, parts: Sequence[Part]) -> Iterator[tuple[Path, list[Part]]]:
     """Give the folder of all results, where commands in the `with` block write, and the parts it lacks.
 
     A folder with the results of one scene lacks nothing.
@@ -90,7 +90,7 @@ def missing(root: Path | None, parts: Sequence[Part]) -> Iterator[tuple[Path, li
         store.ROOT = before
 
 
-def broken(part: Part, faults: Sequence[str]) -> Section:
+def broken_part(part: Part, faults: Sequence[str]) -> Section:
     """The page of a part that ended without a result."""
     id = f"{_folder(part)}-{part[0]}-broken"
     title = f"cablefem {' '.join(part)}"
@@ -115,7 +115,7 @@ def gather(root: Path, parts: Sequence[Part], broken: Sequence[Section] = ()) ->
     first: dict[str, list[Section]] = {}
     others: dict[str, list[Section]] = {}
     for command, folder in done:
-        for i, s in enumerate(kept(folder, command)):
+        for i, s in enumerate(stored_pages(folder, command)):
             section = replace(s, id=f"{folder.name}-{s.id}", title=f"{folder.name}: {s.title}")
             (others if i else first).setdefault(command, []).append(section)
     pages = [(command, s) for command in first for s in [*first[command], *others.get(command, [])]]
@@ -123,7 +123,7 @@ def gather(root: Path, parts: Sequence[Part], broken: Sequence[Section] = ()) ->
     if not sections:
         raise store.Refused(f"{root} holds no finished results to report")
     page.render("cablefem", sections, root / "report.html")
-    tell(sections)
+    print_findings(sections)
     terminal.say(f"written to {root}: report.html")
     return any(section.verdict == "disagree" for section in sections)
 
@@ -136,6 +136,6 @@ def _folder(part: Part) -> str:
     return store.study_folder(command, "--quick" in arguments)
 
 
-def tell(sections: Sequence[Section]) -> None:
+def print_findings(sections: Sequence[Section]) -> None:
     cells = [[s.title, s.verdict or "", s.summary] for s in sections if s.verdict or s.summary]
     terminal.table(["page", "verdict", "found"], cells)

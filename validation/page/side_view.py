@@ -71,7 +71,7 @@ def _surroundings(scene: Scene, r: Response) -> dict[str, Any]:
         "path": [short(r.x[at]), short(r.y[at])],
         "below": 0.0 if scene.mass is None else scene.mass.below,
         "speeds": speeds,
-        "brakes": [{"x": float(X.x(b.place)), "y": float(X.y(b.place))} for b in scene.drive.brake],
+        "brakes": [{"x": float(X.x(b.position)), "y": float(X.y(b.position))} for b in scene.drive.brake],
         "obstacles": [{"name": o.name, "x": o.at, "top": o.top} for o in scene.obstacle],
         "ground": [list(point) for point in scene.ground],
     }

@@ -9,7 +9,7 @@ from validation.core.agreement import Agreement
 from validation.core.answers import outcome
 from validation.core.measures import WINDOWS
 from validation.core.methods import find
-from validation.core.quantities import matter, told, with_bar
+from validation.core.quantities import key_numbers, number_text, with_bar
 from validation.page import terminal
 from validation.page.answer import EVENTS
 
@@ -34,7 +34,7 @@ def answer(scene: Scene, r: Response) -> None:
     """Print what became of a run, its events, the numbers that matter, and where the cable goes slack."""
     terminal.say(f"{r.scene}: {outcome(scene, r).sentence}", style="bold")
     events([x for x in r.events if x["event"] in EVENTS[1:]])  # without the release
-    numbers(matter(r.design))
+    numbers(key_numbers(r.design))
     onset = next((row for row in r.design if row["quantity"] == "slack_onset"), None)
     if onset is not None:
         bar = onset["bar"]
@@ -47,7 +47,7 @@ def answer(scene: Scene, r: Response) -> None:
 
 def numbers(design: Sequence[dict[str, Any]]) -> None:
     """Print design numbers, one per row."""
-    texts = [told(x) for x in design]
+    texts = [number_text(x) for x in design]
     width = max((len(x["what"]) for x in texts), default=0)
     for x in texts:
         at = f", at {x['at']}" if x["at"] else ""

@@ -31,7 +31,7 @@ def say(text: str = "", style: str = "") -> None:
 
 
 @contextmanager
-def heard() -> Iterator[list[str]]:
+def copied() -> Iterator[list[str]]:
     """The lines that are printed in the `with` block."""
     copy: list[str] = []
     _COPIES.append(copy)

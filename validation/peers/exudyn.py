@@ -124,7 +124,7 @@ def _ride(groups: Groups, elements: int, steps: int) -> PeerPath:
         along = -math.copysign(d.mu_r * normal + braked, way)
         system.SetObjectParameter(joint, "axialForce", along)
         system.systemData.SetDataCoordinates([which, s_o + way])
-        return bool(s_o < d.end_place)
+        return bool(s_o < d.end_position)
 
     system.SetPreStepUserFunction(before)
     t_end = min(d.end_time, 2.0 * d.nominal)

@@ -27,7 +27,7 @@ def _paths(x: dict[str, Any], rungs: list[dict[str, Any]]) -> Markup:
     p = Panel("deflection, down [–]", "Path of the mass", height=240.0, down=True)
     for rung, v in zip(rungs, paths, strict=True):
         dash = DASHED if rung["load"] == "force" else ""
-        p.line(place, v / size, COLOURS.get(rung["model"], BLACK), dash, 2.0, rung["name"])
+        p.curve(place, v / size, COLOURS.get(rung["model"], BLACK), dash, 2.0, rung["name"])
     p.fit([np.clip(v / size, -3.0, 5.0) for v in paths])
     caption = "Deflection from the static cable by each model, over the largest one of the full model."
     return plot([p], (0.0, x["range"][1]), "place of the mass sₒ/l [–]", caption, wide=True)

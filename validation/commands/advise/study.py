@@ -30,13 +30,13 @@ from cablefem.response import Response, write_json
 from cablefem.scene import LoadPath, Scene
 from cablefem.scene.ride import ride
 from validation.core import store
-from validation.core.climb import BUDGET, TooCoarse, climb, parts_of, refined_until
 from validation.core.ladder import Goal, Ladder
 from validation.core.measures import JUMP_WIDTH, NotComparable, series_gap, tension_gap
 from validation.core.methods import METHODS, find
 from validation.core.order import FIRST
 from validation.core.quasi_static import Statics, quasi_static
-from validation.core.rows import asked_of
+from validation.core.refine import BUDGET, TooCoarse, parts_of, refine_to_tolerance, refined_until
+from validation.core.rows import tolerance_of
 from validation.core.running import run
 from validation.core.sidebyside import Progress, silent
 from validation.core.view import View
@@ -72,7 +72,7 @@ OF = {"grip": ("path", "tension"), "free": ("timetable", "path", "tension"), "ha
 def required(scene: Scene, tol: float) -> dict[str, float]:
     """What a tolerance of the path asks of each need of the scene."""
     needs = OF[scene.drive.mode]
-    return {need: asked_of("force" if need in FORCES else "path", tol, None) for need in needs}
+    return {need: tolerance_of("force" if need in FORCES else "path", tol, None) for need in needs}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,7 +153,7 @@ def _full(scene: Scene, view: View, tol: float, asked: dict[str, float], report:
     told = partial(report, "full model")
     budget = SHARE * BUDGET
     try:
-        ladder = climb(scene, REFERENCE, SHARE * tol, budget=budget, progress=told, until=view.stop)
+        ladder = refine_to_tolerance(scene, REFERENCE, SHARE * tol, budget=budget, progress=told, until=view.stop)
     except TooCoarse as error:
         return error.ladder
 

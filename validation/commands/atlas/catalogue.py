@@ -18,8 +18,8 @@ from validation.commands.modes.study import bare
 from validation.commands.paper import measured
 from validation.commands.paper.vibration import free_vibration
 from validation.core import measures, running, store
-from validation.core.trust import convergence_limit, post_slack_spread
-from validation.core.watch import MOST_GAIN
+from validation.core.trust import convergence_limit, gap_past_slack
+from validation.core.watch import MAX_GAIN
 from validation.page import page
 
 Row = dict[str, Any]
@@ -110,7 +110,7 @@ def frequency(J: int, reading: Literal["literal", "scaling"]) -> float:
 
 def beyond(a: Response, b: Response, last: float = 1.0) -> float:
     """Distance of two paths on the slack cable, as far as both go."""
-    return post_slack_spread(a, b, min(a.reached, b.reached, last))
+    return gap_past_slack(a, b, min(a.reached, b.reached, last))
 
 
 def start(**finer: float) -> float:
@@ -160,4 +160,4 @@ MEASURES = {
         run, gap, path, energy, ripple, vibration, left, frequency, beyond, start, negative, stiff, tension_gap, frozen,
         explicit_steps, convergence_limit,
     )
-} | {"most_gain": MOST_GAIN}  # fmt: skip
+} | {"most_gain": MAX_GAIN}  # fmt: skip

@@ -27,9 +27,9 @@ from cablefem.scene import Groups, Scene
 from validation.commands.chart.cost import implicit_floor
 from validation.commands.chart.front import Row, fastest
 from validation.core import measures, store
-from validation.core.climb import TooCoarse, climb, laddered
 from validation.core.measures import NotComparable, Window
 from validation.core.methods import METHODS, Method, refined
+from validation.core.refine import TooCoarse, refine_to_tolerance, run_with_error_bars
 from validation.core.running import Run, run
 from validation.core.sidebyside import Progress, silent
 from validation.page.page import versions
@@ -156,7 +156,7 @@ class _Truth:
                 witness = measures.path_gap(other, reference, window)[0]
             except NotComparable:
                 witness = None
-            bars = laddered(scene, name, known=[reference], until=stop, **settings).run
+            bars = run_with_error_bars(scene, name, known=[reference], until=stop, **settings).run
             told = {
                 "method": name, "settings": settings, "path_error": bars.path_error,
                 "tension_error": bars.tension_error, "witness": WITNESS[0], "witness_settings": WITNESS[1],
@@ -259,7 +259,7 @@ def _ours(scene: Scene, line: Series, rung: Row, truth: _Truth) -> tuple[Row, fl
     assert line.method is not None
     if "tol" in rung:
         begin = time.process_time()
-        r = climb(scene, line.method, rung["tol"], until=stop_of(scene)).run
+        r = refine_to_tolerance(scene, line.method, rung["tol"], until=stop_of(scene)).run
         seconds = time.process_time() - begin
         found = {"bar": r.path_error, "chosen": METHODS[line.method].told(r.settings)}
     else:

@@ -86,7 +86,7 @@ def command(
     from validation.core.readback import Stored
     from validation.page import report, telling
 
-    with terminal.heard() as lines:
+    with terminal.copied() as lines:
         words.tell(result, verbose)
     if sensitive:
         from validation.commands.check import sensitivity

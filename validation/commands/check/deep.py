@@ -16,10 +16,10 @@ from cablefem.scene.statics import gripped, hauled
 from validation.commands.modes.study import modes
 from validation.core import measures
 from validation.core.agreement import Agreement, Bound, Part, nothing
-from validation.core.climb import laddered, own_path_error
 from validation.core.ladder import Ladder
 from validation.core.methods import METHODS
 from validation.core.order import SAFETY
+from validation.core.refine import own_path_error, run_with_error_bars
 from validation.core.view import View
 
 ROUNDING = 1e-8
@@ -71,7 +71,7 @@ def _driver(scene: Scene, a: Ladder) -> Agreement | None:
     scheme = newmark.scheme("trapezoidal")
     first = None
     for first in newmark.integrate(system, scheme, newmark.step_times(system, settings["steps"])):
-        if system.place(first) >= begin:
+        if system.position(first) >= begin:
             break
     assert first is not None
     t0 = first.t
@@ -117,7 +117,7 @@ def _bars(scene: Scene, a: Ladder) -> Agreement:
     """
     finer = a.run.settings | {"elements": max(4, a.run.settings["elements"] // 2), "steps": 2 * a.run.settings["steps"]}
     view = View.of(scene)
-    other = laddered(scene, "following-p4", until=view.stop, **finer)
+    other = run_with_error_bars(scene, "following-p4", until=view.stop, **finer)
     gap = measures.path_gap(other.run, a.run, view.cut(a.run, other.run).window)[0]
     return _row(gap, *(Part(x.run.method, own_path_error(x.run), HALVED) for x in (a, other)))
 

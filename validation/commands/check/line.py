@@ -18,8 +18,8 @@ from cablefem.response import Array
 from cablefem.scene.line import Line, LineRest, LineState, NotFound
 from validation.commands.run.line import Answers, Row, answer, answers, extremes, numbers_of, write
 from validation.core import line_laws, store
-from validation.core.agreement import APART, Agreement, Bound, Part, nothing
-from validation.core.order import FIRST, left
+from validation.core.agreement import FACTOR_DISAGREE, Agreement, Bound, Part, nothing
+from validation.core.order import FIRST, error_bar
 from validation.page import line as page
 from validation.page.options import Point
 
@@ -119,13 +119,13 @@ def _row(quantity: str, values: Sequence[Array], where: Sequence[str], unit: Uni
     a, less_a, b, less_b = values
     gap = np.abs(a - b)
     bar_a = np.maximum(np.abs(a - less_a), unit.rounding)
-    bar_b = np.maximum(left(b - less_b, 0.0, (2.0,), FIRST), unit.rounding)
+    bar_b = np.maximum(error_bar(b - less_b, 0.0, (2.0,), FIRST), unit.rounding)
     bars = bar_a + bar_b
-    badness = np.where(gap > APART * bars, gap / ROUNDING, np.maximum(gap, bars))
+    badness = np.where(gap > FACTOR_DISAGREE * bars, gap / ROUNDING, np.maximum(gap, bars))
     k = np.unravel_index(np.argmax(np.nan_to_num(badness, nan=math.inf)), badness.shape)
     parts = Part("catenaries", float(bar_a[k])), Part("elements", float(bar_b[k]))
     bound = Bound("error bars", parts) if np.isfinite(badness[k]) else nothing("a number beyond all bounds")
-    return Agreement(quantity, float(gap[k]), bound, where[int(k[0])], asked_for=unit.tolerance, unit=unit.name)
+    return Agreement(quantity, float(gap[k]), bound, where[int(k[0])], required=unit.tolerance, unit=unit.name)
 
 
 def _solved_by_one(both: Both) -> Iterator[Agreement]:
@@ -137,7 +137,7 @@ def _solved_by_one(both: Both) -> Iterator[Agreement]:
         unfinished = any(isinstance(x, NotFound) for x in pair)
         parts = Part("catenaries", math.inf if unfinished else 0.0), Part("elements", 0.0)
         bound = Bound("error bars", parts)
-        yield Agreement("rest", len(alone), bound, f"position {i}", asked_for=0.0, unit="positions")
+        yield Agreement("rest", len(alone), bound, f"position {i}", required=0.0, unit="positions")
 
 
 def solve_both(line: Line, second: Line, tol: float, tol_tension: float) -> Both:
@@ -156,7 +156,7 @@ def solve_both(line: Line, second: Line, tol: float, tol_tension: float) -> Both
         b = second.rest(partial(elements.solve, elements=n), hopeless)
         both = Both(a, less_a, b, less_b)
         rows = [row for row in compare_states(both, *both.units(tol, tol_tension)) if row.bound.parts]
-        coarse = any(row.bound.parts[1].value > BY_ELEMENTS * (row.asked_for or 0.0) for row in rows)
+        coarse = any(row.bound.parts[1].value > BY_ELEMENTS * (row.required or 0.0) for row in rows)
         unsolved = any(_solved_by_one(both))  # finer elements do not help
         if not coarse or unsolved or n >= FINEST:
             return both

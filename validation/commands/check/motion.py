@@ -70,8 +70,8 @@ def checked(
         if overall(rows) is Verdict.AGREE or space * time >= FINEST:
             return answer_of(line, a, b, rows)
         coarse = [row for row in rows if row.verdict is not Verdict.AGREE and row.parts]
-        in_space = max((part[0] / (row.asked_for or 1.0) for row in coarse for part in row.parts), default=0.0)
-        in_time = max((part[1] / (row.asked_for or 1.0) for row in coarse for part in row.parts), default=0.0)
+        in_space = max((part[0] / (row.required or 1.0) for row in coarse for part in row.parts), default=0.0)
+        in_time = max((part[1] / (row.required or 1.0) for row in coarse for part in row.parts), default=0.0)
         if in_space > in_time and space < FINEST // 4:
             space *= 2
         else:

@@ -5,8 +5,8 @@ from typing import Any
 
 from validation.commands.check.study import Check
 from validation.core.agreement import Verdict, overall
-from validation.core.climb import laddered
 from validation.core.methods import find
+from validation.core.refine import run_with_error_bars
 from validation.core.rows import compare
 from validation.core.view import View
 
@@ -24,7 +24,7 @@ def planted(result: Check) -> Verdict:
     settings = coarse.settings | {"steps": shorter.settings["steps"]}
     stop = View.of(scene).stop
     ends: dict[str, Any] = {} if stop is None else {"until": stop}
-    faulty = laddered(scene.replace(FAULT), find(coarse.method), past=0.0, **ends, **settings)
+    faulty = run_with_error_bars(scene.replace(FAULT), find(coarse.method), past=0.0, **ends, **settings)
     toml = scene.to_toml()
     faulty = faulty.map(lambda r: replace(r, scene_toml=toml))
     return overall(compare(scene, result.a, faulty, tol=result.tol))

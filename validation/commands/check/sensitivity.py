@@ -9,7 +9,7 @@ from typing import Any
 
 from cablefem.scene import Scene, SceneError
 from validation.commands.check.study import Check
-from validation.core.agreement import APART
+from validation.core.agreement import FACTOR_DISAGREE
 from validation.core.measures import NotComparable
 from validation.core.methods import find
 from validation.core.rows import TABLE
@@ -37,7 +37,7 @@ def sensitivity(result: Check, largest: float = 1.0) -> dict[str, float]:
     """
     base = (*result.a.space.runs, result.a.run)[0]
     view = View.of(result.scene).cut(result.a.run, result.b.run)
-    bars = {(row.quantity, row.law): row.allowed for row in result.rows if row.asked}
+    bars = {(row.quantity, row.law): row.allowed for row in result.rows if row.decides}
     out = {}
     for key in keys(tomllib.loads(result.scene.to_toml())):
         other = _changed(result.scene, key)
@@ -47,7 +47,9 @@ def sensitivity(result: Check, largest: float = 1.0) -> dict[str, float]:
         changed = replace(changed, scene_toml=base.scene_toml)
         gaps = {(q.name, q.law): _gap(q, changed, base, view) for q in TABLE if q.asks and q.concerns(view)}
         # the gap grows with the fault
-        noticed = [APART * bars.get(row, math.inf) * 0.01 * STEP / gap for row, gap in gaps.items() if gap > 0.0]
+        noticed = [
+            FACTOR_DISAGREE * bars.get(row, math.inf) * 0.01 * STEP / gap for row, gap in gaps.items() if gap > 0.0
+        ]
         if noticed and min(noticed) < largest:
             out[key] = min(noticed)
     return dict(sorted(out.items(), key=lambda item: item[1]))

@@ -15,23 +15,31 @@ from cablefem.scene.errors import nearest, shown
 from validation.core import foreign, measures
 from validation.core.agreement import DEFAULT_TOL, TOL_HIGH, TOL_LOW, Agreement, Verdict, check_range, overall
 from validation.core.answers import outcome
-from validation.core.climb import BUDGET, TooCoarse, climb, dear, laddered, next_settings, own_path_error
-from validation.core.design import design, gaps, widened
+from validation.core.design import design, gaps, widened_numbers
 from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.ladder import Goal, Ladder
 from validation.core.methods import Method, find, pair, refined
-from validation.core.quantities import matter, told
+from validation.core.quantities import key_numbers, number_text
 from validation.core.quasi_static import events_beside
+from validation.core.refine import (
+    BUDGET,
+    TooCoarse,
+    exceeds_budget,
+    next_settings,
+    own_path_error,
+    refine_to_tolerance,
+    run_with_error_bars,
+)
 from validation.core.remedy import advised
 from validation.core.rows import (
-    asked_of,
-    beside,
     check_laws,
     compare_answers,
     doubts,
-    printed,
+    events_with_bars,
+    quasi_static_rows,
+    recheck_outputs,
+    tolerance_of,
     widened_events,
-    with_bars,
 )
 from validation.core.sidebyside import Progress, side_by_side
 from validation.core.store import Refused
@@ -63,7 +71,7 @@ class Check:
     @property
     def own_verdict(self) -> Verdict:
         """Of both solvers alone, without a third party."""
-        return overall([row for row in self.rows if not row.party])
+        return overall([row for row in self.rows if not row.third_party])
 
     @property
     def design(self) -> list[dict[str, Any]]:
@@ -84,7 +92,7 @@ class Check:
         from validation.page.page import listed  # for notebooks alone
 
         columns = {"quantity": "what", "value": "value", "when": "t", "where": "at"}
-        rows = listed(map(told, matter(self.design)), columns)
+        rows = listed(map(number_text, key_numbers(self.design)), columns)
         return f"<div><p>{html.escape(repr(self))}</p>{rows}{self.a.run._repr_html_()}</div>"
 
     def agreement(self) -> dict[str, Any]:
@@ -129,11 +137,11 @@ def check(
     sides = _sides((scene, second or scene), methods or pair(scene.groups), tol, until)
     (first, other), rows = _judged(scene, sides, tol, tol_tension, ask, progress)
     own = _with_numbers(first, other), _with_numbers(other, first)
-    rows += gaps(*own, asked_of("rest", tol, tol_tension))
+    rows += gaps(*own, tolerance_of("rest", tol, tol_tension))
     a, b = (_widened(x, twin, rows) for x, twin in (own, own[::-1]))
     static = events_beside(scene, a.run.max_deflection)
-    rows += beside(a, static, asked_of("rest", tol, tol_tension))
-    rows += required(printed(scene, a.run, b.run), ask)
+    rows += quasi_static_rows(a, static, tolerance_of("rest", tol, tol_tension))
+    rows += required(recheck_outputs(scene, a.run, b.run), ask)
     if deep:
         from validation.commands.check import deep as third
 
@@ -144,12 +152,12 @@ def check(
 def required(rows: Iterable[Agreement], ask: str) -> list[Agreement]:
     """The rows, of which those that `ask` does not name are shown only."""
     names = ASKED[ask]
-    return [replace(row, asked=row.asked and (not names or row.quantity in names)) for row in rows]
+    return [replace(row, decides=row.decides and (not names or row.quantity in names)) for row in rows]
 
 
 @dataclass(frozen=True, slots=True)
 class _Side:
-    """A method on the scene that it is told; `ends` as in `climb`."""
+    """A method on the scene that it is told; `ends` as in `refine_to_tolerance`."""
 
     scene: Scene
     method: Method
@@ -158,9 +166,11 @@ class _Side:
     ends: dict[str, Any]
 
     def climbed(self, progress: Progress) -> Ladder:
-        told = partial(progress, self.method.name)
+        report = partial(progress, self.method.name)
         try:
-            return climb(self.scene, self.method, self.tol, budget=self.budget, progress=told, **self.ends)
+            return refine_to_tolerance(
+                self.scene, self.method, self.tol, budget=self.budget, progress=report, **self.ends
+            )
         except TooCoarse as error:
             return error.ladder
 
@@ -171,8 +181,8 @@ class _Side:
         """
         if overall(rows) is Verdict.DISAGREE:
             finer = refined(self.method, ladder.run.settings, space=CONFIRMS, time=CONFIRMS)
-            return None if dear(self.method, ladder, finer, self.budget) else finer
-        coarse = [row for row in rows if row.asked and row.verdict is Verdict.TOO_COARSE and row.asked_for]
+            return None if exceeds_budget(self.method, ladder, finer, self.budget) else finer
+        coarse = [row for row in rows if row.decides and row.verdict is Verdict.TOO_COARSE and row.required]
         goals = [goal for row in coarse for goal in _goals(row, self.method.name, larger)]
         if not goals:
             return None
@@ -182,8 +192,8 @@ class _Side:
     def remade(self, before: Ladder, settings: Settings | None, progress: Progress) -> Ladder:
         if settings is None:
             return before
-        told = partial(progress, self.method.name)
-        return laddered(self.scene, self.method, known=before.runs, progress=told, **self.ends, **settings)
+        report = partial(progress, self.method.name)
+        return run_with_error_bars(self.scene, self.method, known=before.runs, progress=report, **self.ends, **settings)
 
 
 def _sides(
@@ -202,17 +212,17 @@ def _judged(
 ) -> tuple[list[Ladder], list[Agreement]]:
     """Refine both ladders until they agree or cannot get closer; return them and the rows."""
     jobs: list[Callable[[Progress], Any]] = [side.climbed for side in sides]
-    asked = partial(asked_of, tol=tol, tol_tension=tol_tension)
+    tolerance = partial(tolerance_of, tol=tol, tol_tension=tol_tension)
     confirmed = False
     toml = scene.to_toml()
     while True:
         first, other = side_by_side(jobs, progress, _load)
         second = other.map(lambda r: replace(r, scene_toml=toml))  # the judge knows one scene alone
         ladders = [first, second]
-        rows = required(compare_answers(scene, first, second, asked), ask)
+        rows = required(compare_answers(scene, first, second, tolerance), ask)
         finer = _finer(sides, ladders, rows)
         if confirmed or not any(finer):  # laws need not be checked on runs that are refined anyway
-            rows += required(check_laws(scene, first, second, asked), ask)
+            rows += required(check_laws(scene, first, second, tolerance), ask)
             finer = _finer(sides, ladders, rows)
         if confirmed or not any(finer):
             return ladders, rows
@@ -242,16 +252,16 @@ def _goals(row: Agreement, method: str, larger: bool) -> Iterator[Goal]:
 
     larger : of a method with a row's larger bar, else with the smaller one, if the larger leaves room.
     """
-    assert row.asked_for is not None
+    assert row.required is not None
     largest = max(sum(parts) for parts in row.parts)
     for parts, of in zip(row.parts, row.bound.parts, strict=False):
         bar = sum(parts)
         if of.name != method or (bar == largest) is not larger:
             continue
         other = row.allowed - bar if math.isfinite(row.allowed) else 0.0
-        room = row.asked_for - other
+        room = row.required - other
         if larger:
-            room = max(room, row.asked_for / 2.0)
+            room = max(room, row.required / 2.0)
         if room <= 0.0:
             continue
         falls = min(1.0, row.allowed / row.gap) if row.gap else 1.0  # a gap beyond the bars falls as they do
@@ -266,7 +276,7 @@ def _load() -> None:
 
 def _with_numbers(ladder: Ladder, twin: Ladder) -> Ladder:
     """The ladder with design numbers and events of its finest run."""
-    return replace(ladder, finest=replace(ladder.run, design=design(ladder, twin), events=with_bars(ladder)))
+    return replace(ladder, finest=replace(ladder.run, design=design(ladder, twin), events=events_with_bars(ladder)))
 
 
 def _widened(ladder: Ladder, twin: Ladder, rows: list[Agreement]) -> Ladder:
@@ -277,7 +287,7 @@ def _widened(ladder: Ladder, twin: Ladder, rows: list[Agreement]) -> Ladder:
         return None if error is None else max(error, gap.get(quantity, 0.0))
 
     run = replace(
-        ladder.run, design=widened(ladder.run.design, twin.run.design),
+        ladder.run, design=widened_numbers(ladder.run.design, twin.run.design),
         events=widened_events(ladder.run.events, twin.run.events),
         path_error=at_least(ladder.run.path_error, "path_max"),
         tension_error=at_least(ladder.run.tension_error, "tension"),

@@ -47,13 +47,13 @@ def checking(tell: Tell, kept: dict[Any, Check]) -> Callable[..., Check]:
                 result = check_solver(scene, solver, tol=tol, with_tol=with_tol, ours=result)
             except Refused as refused:  # without the library's source
                 raise Refused(refused.faults) from None
-            rows = [row for row in result.rows if row.party or row.quantity == "path_max"]
-            party = rows[-1].party
+            rows = [row for row in result.rows if row.third_party or row.quantity == "path_max"]
+            party = rows[-1].third_party
         verdict = overall(rows)
-        theirs = [row for row in rows if row.party]
+        theirs = [row for row in rows if row.third_party]
         tell(f"{scene.name}, {party}: {_worst(theirs or rows)}", verdict.value)
         if verdict is not Verdict.AGREE:
-            failed = [f"  {assertions.told(row)}" for row in rows if row.verdict is not Verdict.AGREE]
+            failed = [f"  {assertions.row_text(row)}" for row in rows if row.verdict is not Verdict.AGREE]
             raise AssertionError("\n".join([f"{scene.name}: {verdict.value}", *failed]))
         return result
 

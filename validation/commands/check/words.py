@@ -23,6 +23,6 @@ def tell(result: Check, verbose: bool = False) -> None:
         terminal.say(f"  {party}: {said}", style=terminal.STYLES[worst])
     for method, flag in result.doubts:
         terminal.say(f"  {method}: {flag}", style="yellow")
-    if shown := [row for row in result.rows if verbose or (row.asked and row.verdict is not Verdict.AGREE)]:
+    if shown := [row for row in result.rows if verbose or (row.decides and row.verdict is not Verdict.AGREE)]:
         terminal.say()
         telling.rows(shown)

@@ -24,7 +24,7 @@ from cablefem.scene.motion import at_rest
 from validation import oracles
 from validation.commands.modes.study import bare
 from validation.core import store
-from validation.core.crossing import crossed
+from validation.core.crossing import path_over_cable
 from validation.core.methods import ELEMENTS, LEVELS, METHODS, TERMS, find
 from validation.core.running import run
 from validation.core.sampling import stacked
@@ -202,7 +202,7 @@ class _Solvers:
         if crossing.scene:
             r = run(scene := Scene.load(crossing.scene), name, model="string", until=crossing.until, **settings)
             return MassPath(r.t / scene.time_scale, r.s_o / r.length, r.v / r.length)
-        return MassPath(*crossed(crossing.groups, name, settings, **crossing.how))
+        return MassPath(*path_over_cable(crossing.groups, name, settings, **crossing.how))
 
     def modes(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Array:
         return bare(groups, degree=2, model=model, n=count, **settings)

@@ -32,7 +32,7 @@ def command(context: typer.Context, quick: Quick = False, out: Annotated[Path | 
     if quick and out is None:
         out = store.ROOT / "report-quick"
     broken = []
-    with report.missing(out, parts) as (root, missing):
+    with report.missing_parts(out, parts) as (root, missing):
         for i, part in enumerate(missing):
             terminal.say(f"part {i + 1} of {len(missing)}: cablefem {' '.join(part)}", style="bold")
             try:
@@ -42,6 +42,6 @@ def command(context: typer.Context, quick: Quick = False, out: Annotated[Path | 
             except Exception as error:  # the other parts are still worth having
                 faults = terminal.faults(error)
                 terminal.complain(faults)
-                broken.append(report.broken(part, faults))
+                broken.append(report.broken_part(part, faults))
             terminal.say()
     return int(report.gather(root, parts, broken))

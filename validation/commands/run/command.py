@@ -89,7 +89,7 @@ def _one(point: options.Point, name: str, answered: "Callable[..., tuple[Respons
         write_answers(folder / name, scene, r)
         report.write(folder, "run")
     store.finish(folder, "run")  # with the animation's files
-    with terminal.heard() as lines:
+    with terminal.copied() as lines:
         telling.answer(scene, r)
         telling.work(r)
     terminal.say(f"  written to {folder}: report.html, {name}/")

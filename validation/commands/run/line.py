@@ -21,7 +21,7 @@ from cablefem.scene.line import Car, Line, LineRest, NoLine
 from cablefem.scene.surroundings import GROUND
 from validation.core import store
 from validation.core.agreement import Agreement, Verdict, overall
-from validation.core.answers import PLACES
+from validation.core.answers import STATIONS
 from validation.page import report, terminal
 from validation.page.answer import many as table
 from validation.page.line import WORDS, columns, kind_of, tell
@@ -161,7 +161,7 @@ def extremes(line: Line, rows: Sequence[Row | None]) -> list[Row]:
 
 def envelope(rest: LineRest) -> dict[str, Array]:
     """Columns of profile.csv: the empty rope, and the extremes of depth and tension over all positions."""
-    x = np.linspace(0.0, rest.line.contact[-1].at[0], PLACES)
+    x = np.linspace(0.0, rest.line.contact[-1].at[0], STATIONS)
     curves = [catenary_line.at(state, x) for state in rest.states.values()]
     y, T = (np.array([curve[part] for curve in curves]) for part in (0, 1))  # (positions, PLACES)
     return {

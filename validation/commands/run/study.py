@@ -12,15 +12,15 @@ from validation.commands.run.command import CHOICES, QUASI_STATIC
 from validation.core import recomputed
 from validation.core.agreement import TOL_HIGH, TOL_LOW, Verdict
 from validation.core.answers import outcome
-from validation.core.climb import TooCoarse, climb, laddered, refined_until
 from validation.core.design import design
 from validation.core.methods import Method, find
 from validation.core.quasi_static import quasi_static, with_error_bars
-from validation.core.rows import force_goal, with_bars
+from validation.core.refine import TooCoarse, refine_to_tolerance, refined_until, run_with_error_bars
+from validation.core.rows import events_with_bars, force_goal
 from validation.core.running import Run, run
 from validation.core.sampling import FRAMES
 from validation.core.sidebyside import silent
-from validation.core.watch import flagged
+from validation.core.watch import with_flag
 from validation.page.answer import many as table
 from validation.page.options import Point
 
@@ -39,27 +39,27 @@ def answer(
         return _with_design(scene, run(scene, method, **kind, progress=progress), method, bars, kind), ""
     missed = ""
     try:
-        ladder = climb(scene, method, tol, **kind, progress=progress)
+        ladder = refine_to_tolerance(scene, method, tol, **kind, progress=progress)
         # mean forces, as in `check`
         ladder = refined_until(scene, ladder, lambda x: force_goal(scene, x, tol), **kind)
     except TooCoarse as error:
         ladder = error.ladder
         missed = str(error)
-    return replace(ladder.run, design=design(ladder), events=with_bars(ladder)), missed
+    return replace(ladder.run, design=design(ladder), events=events_with_bars(ladder)), missed
 
 
 def _with_design(scene: Scene, r: Response, method: Method, bars: bool, kind: dict[str, Any]) -> Response:
     """The response with its design numbers; with bars, coarser runs are made when one is looked at."""
     if not bars:
         return r.with_later(design=design)
-    ladder = Once(lambda: laddered(scene, method, known=[r], **kind))
+    ladder = Once(lambda: run_with_error_bars(scene, method, known=[r], **kind))
 
     def of_finest(name: str) -> Callable[[Response], Any]:
         return lambda _: getattr(ladder().run, name)
 
     return r.with_later(
         **{name: of_finest(name) for name in ("path_error", "tension_error", "error_parts", "error_window", "flags")},
-        design=lambda _: design(ladder()), events=lambda _: with_bars(ladder()),
+        design=lambda _: design(ladder()), events=lambda _: events_with_bars(ladder()),
     )  # fmt: skip
 
 
@@ -72,7 +72,7 @@ def quasi_static_answer(scene: Scene) -> Response:
         rows.append(recomputed.energy_of_ride(r))
     for row in rows:
         if row.verdict is not Verdict.AGREE:
-            r = flagged(r, "recomputed", what=f"{row.quantity} {row.law}".strip(), gap=row.gap, allowed=row.allowed)
+            r = with_flag(r, "recomputed", what=f"{row.quantity} {row.law}".strip(), gap=row.gap, allowed=row.allowed)
     return r
 
 

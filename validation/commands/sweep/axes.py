@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from cablefem.scene.errors import SceneError, shown
-from cablefem.scene.fields import Admits, Part, Real, Switch, whole
+from cablefem.scene.fields import Admits, Part, Real, Switch, integer
 
 MOST = 10_000_000  # points
 
@@ -57,7 +57,7 @@ class Range(Part):
 class Steps(Range):
     """So many values over a range, its ends included."""
 
-    count: Annotated[int, whole(2, MOST)]
+    count: Annotated[int, integer(2, MOST)]
 
     @property
     def values(self) -> tuple[float, ...]:  # type: ignore[override]

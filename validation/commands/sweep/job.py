@@ -104,9 +104,9 @@ def _row(study: Study, point: dict[str, Any], index: int) -> dict[str, Any]:
 
 
 def _run(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
-    from validation.core.climb import TooCoarse, climb, laddered
     from validation.core.design import design
     from validation.core.methods import find
+    from validation.core.refine import TooCoarse, refine_to_tolerance, run_with_error_bars
     from validation.core.running import Run
 
     tol = how.pop("tol", None)
@@ -121,7 +121,11 @@ def _run(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[str,
         return {"status": "refused", "cause": "method", "reason": str(error)}
     how["until"] = _end(scene)
     try:
-        e = laddered(scene, method, **how) if tol is None else climb(scene, method, tol, past=0.0, **how)
+        e = (
+            run_with_error_bars(scene, method, **how)
+            if tol is None
+            else refine_to_tolerance(scene, method, tol, past=0.0, **how)
+        )
     except TooCoarse as error:
         e = error.ladder
         too_coarse = {"verdict": "too coarse", "reason": str(error)}
@@ -193,7 +197,7 @@ def _checked(scene: Any, tol: float, second: Any) -> dict[str, Any]:
     found = check(scene, tol=tol, until=_end(scene), second=second)
     best = min((found.a, found.b), key=lambda e: math.inf if e.run.path_error is None else e.run.path_error)
     agree = type(found.verdict).AGREE
-    rows = dict.fromkeys(row.quantity for row in found.rows if row.asked and row.verdict is not agree)
+    rows = dict.fromkeys(row.quantity for row in found.rows if row.decides and row.verdict is not agree)
     return of_response(best.run, scene) | {"verdict": found.verdict.value, "not_agreed": ", ".join(rows) or None}
 
 

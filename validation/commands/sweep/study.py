@@ -16,7 +16,7 @@ from pydantic import AfterValidator, Field, PlainValidator, PrivateAttr
 from cablefem.scene import Scene, SceneError
 from cablefem.scene.drive import of_mode
 from cablefem.scene.errors import nearest, shown
-from cablefem.scene.fields import Line, Part, between, whole
+from cablefem.scene.fields import OneLine, Part, between, integer
 from validation.commands.sweep import families
 from validation.commands.sweep.axes import MOST, Axis, grid, ranges
 from validation.core.methods import METHODS, installed
@@ -38,22 +38,22 @@ class Sample(Part):
     """Points of a design of experiments."""
 
     kind: Literal["sobol", "latin_hypercube", "random"] = "sobol"
-    count: Annotated[int, whole(1, MOST)]
-    seed: Annotated[int, whole(0, 2**32 - 1)] = 0
+    count: Annotated[int, integer(1, MOST)]
+    seed: Annotated[int, integer(0, 2**32 - 1)] = 0
     range: Annotated[dict[str, Axis], PlainValidator(ranges)]
 
 
 class Truth(Part):
     """Runs held against finer ones."""
 
-    every: Annotated[int, whole(1, 1000)]  # every n-th scene
-    finer: Annotated[int, whole(1, 1000)]  # so many times, in space and in time
+    every: Annotated[int, integer(1, 1000)]  # every n-th scene
+    finer: Annotated[int, integer(1, 1000)]  # so many times, in space and in time
 
 
 class Study(Part):
     """A sweep as data, named as in its file."""
 
-    title: Line = ""
+    title: OneLine = ""
     scene: Scene | None = None  # None: every scene is made from its groups
     job: Literal["run", "check", "advise", "power"] = "run"
     method: Annotated[str, AfterValidator(_known)] | None = None  # None: the cheapest that will do

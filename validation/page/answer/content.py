@@ -15,8 +15,8 @@ from cablefem.scene import Scene
 from validation.core.answers import outcome
 from validation.core.measures import averaged
 from validation.core.methods import METHODS
-from validation.core.quantities import matter
-from validation.core.scene_data import Given
+from validation.core.quantities import key_numbers
+from validation.core.scene_data import SceneData
 from validation.page.answer import figures as draw
 from validation.page.answer.stored import Stored
 from validation.page.page import drawn_with, table
@@ -31,9 +31,9 @@ def content(x: Stored) -> dict[str, Any]:
         "x": x,
         "verdict": x.verdict,
         "outcome": outcome(x.scene, replace(x.runs[0], design=x.design)).sentence,
-        "matter": matter(x.design),
+        "matter": key_numbers(x.design),
         "view": view,
-        "known": lambda name: np.isfinite(getattr(x.runs[0], name)).any(),
+        "has_values": lambda name: np.isfinite(getattr(x.runs[0], name)).any(),
         "series": partial(draw.series, x),
         "energy_split": partial(draw.energy_split, x),
         "tension_field": partial(draw.tension_field, x),
@@ -53,7 +53,7 @@ def _work(r: Response) -> dict[str, Any]:
 def loads(x: Stored) -> Iterator[dict[str, Any]]:
     """What each support carries when that is largest: components of one instant, means over an axial round trip."""
     r = x.runs[0]
-    half = 0.5 * Given(r.scene_toml, r.length).round_trip
+    half = 0.5 * SceneData(r.scene_toml, r.length).round_trip
     for side in ("left", "right"):
         row = next((d for d in x.design if d["quantity"] == f"reaction_{side}_max"), None)
         if row is None or row["t"] is None:

@@ -59,7 +59,7 @@ def _panel(x: Stored, title: str, unit: str, of: Callable[..., Any], time: bool)
     p = Panel(f"[{name}]", title, 110.0, down="below" in title)
     p.fit([factor * values for values in inside])
     for r, look in zip(x.runs, LOOKS, strict=False):
-        p.line(_axis(r, time), factor * of(r=r), *look, name=r.method)
+        p.curve(_axis(r, time), factor * of(r=r), *look, name=r.method)
     values = None if x.party is None else _of_party(x.party, of)
     if values is not None:
         _add_party(p, x.party, _axis(x.party, time), factor * values)
@@ -67,7 +67,7 @@ def _panel(x: Stored, title: str, unit: str, of: Callable[..., Any], time: bool)
 
 
 def _add_party(p: Panel, party: Any, at: Array, values: Array, words: str = "") -> None:
-    p.line(at, values, PURPLE, DASHED, 2.2, words + party.method)
+    p.curve(at, values, PURPLE, DASHED, 2.2, words + party.method)
 
 
 def _of_party(party: Any, of: Callable[..., Any]) -> Array | None:
@@ -87,14 +87,14 @@ def distance(x: Stored, caption: str) -> Markup:
     inside = _inside(x, a, a.t, np.pad(gap, (0, a.t.size - gap.size)))
     factor, unit = scale_of(inside, "m")
     p = Panel(f"apart [{unit}]", height=150.0)
-    p.line(at, factor * gap, BLACK, "", 1.6, "distance of the paths")
+    p.curve(at, factor * gap, BLACK, "", 1.6, "distance of the paths")
     largest = float(inside.max(initial=0.0))
     allowed = x.row("path_max").get("allowed")
     if allowed is not None:
         bars = allowed * a.path_scale
         times = np.array(x.compared(a))
         ends = times if time else np.interp(times, a.t, a.s_o)
-        p.line(ends, np.full(2, factor * bars), GREEN, "9 3 2 3", 2.0, "sum of both error bars")
+        p.curve(ends, np.full(2, factor * bars), GREEN, "9 3 2 3", 2.0, "sum of both error bars")
         largest = max(largest, bars)
     if x.party is not None:
         at, gap = _distance(a, x.party, time)
@@ -136,7 +136,7 @@ def tension_field(x: Stored, r: Response, caption: str) -> Markup:
     share = (f.T[nearest] - low) / ((high - low) or 1.0)  # (times, stations)
     p.image = share.T[::-1]
     for color, width in ((BLACK, 2.6), ("#fff", 1.4)):
-        p.line(r.t, r.s_o, color, "", width)
+        p.curve(r.t, r.s_o, color, "", width)
     for t in end * (np.arange(5) + 0.5) / 5:
         k = int(np.abs(f.t - t).argmin())
         for s in r.length * (np.arange(3) + 0.5) / 3:
@@ -161,6 +161,6 @@ def energy_split(x: Stored, caption: str) -> Markup:
     for name, y in energies.items():
         if np.abs(y).max() > 0.0:
             color, dash = PARTS.get(name, (BLACK, DOTTED))
-            p.line(r.t, factor * y, color, dash, name=name)
+            p.curve(r.t, factor * y, color, dash, name=name)
     p.fit([curve.y for curve in p.curves])
     return _drawn(x, [p], caption, time=True)

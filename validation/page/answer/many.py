@@ -212,7 +212,7 @@ def _add_paths(
 ) -> None:  # fmt: skip
     for values, point, look in zip(paths, rows, _looks(rows, keys), strict=True):
         if values:
-            p.line(np.array(values[x]), np.array(values[y]), *look, 1.6, label(point, keys))
+            p.curve(np.array(values[x]), np.array(values[y]), *look, 1.6, label(point, keys))
 
 
 def _side(scene: Scene, rows: list[dict], paths: list[dict | None], keys: Sequence[str]) -> Markup:
@@ -227,7 +227,7 @@ def _side(scene: Scene, rows: list[dict], paths: list[dict | None], keys: Sequen
     p = Panel("depth [m]", "path of the car", down=True)
     p.fit(depths, pad=0.05)
     caption = side(p, span, ground, [(o.name, o.at, o.top) for o in scene.obstacle])
-    p.line(X.x(s), X.y(s), GREY, DOTTED, 1.2, "empty rope at rest")
+    p.curve(X.x(s), X.y(s), GREY, DOTTED, 1.2, "empty rope at rest")
     _add_paths(p, rows, paths, keys, "x", "y")
     return plot([p], (0.0, span), "x [m]", caption)
 

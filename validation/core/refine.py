@@ -10,20 +10,20 @@ from cablefem.newmark import scheme
 from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.core import measures
-from validation.core.ladder import Branch, Goal, Ladder, itself
+from validation.core.ladder import Branch, Goal, Ladder, response
 from validation.core.measures import SLACK_END, NotComparable
 from validation.core.methods import Method, find
-from validation.core.order import FIRST, LEAST_ORDER
+from validation.core.order import FIRST, MIN_ORDER
 from validation.core.running import Run
 from validation.core.sidebyside import Progress, silent
 from validation.core.view import View
-from validation.core.watch import flagged
+from validation.core.watch import with_flag
 
 KIND = ("model", "load", "law", "until", "frames")  # arguments beside the method's settings
 FIRST_STEPS = 120
-MOST_STEPS = 64_000
+MAX_STEPS = 64_000
 MAX_SIZE = 2e6  # steps times resolution, about 0.5 GB
-BUDGET = 1.2e6  # work (see `dear`) of the finest run of a ladder, which takes 30 to 60 s
+BUDGET = 1.2e6  # work (see `exceeds_budget`) of the finest run of a ladder, which takes 30 to 60 s
 AIM = 0.8  # planned bar over its target
 FINER = (1.0, 1.25, 1.5, 1.75, 2.0)  # refinements of space in one step of planning; larger ones may cost too much
 SHORTER = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0)  # of time; orders do not hold further
@@ -124,10 +124,10 @@ class Runs:
         def marched(run: Response) -> Response:
             return finest if run.settings == finest.settings else self.at(run.settings, until)
 
-        return annotated(ladder.map(marched), self.view)
+        return with_error_bars(ladder.map(marched), self.view)
 
 
-def laddered(
+def run_with_error_bars(
     scene: Scene, method: str | Method, *, progress: Progress | None = None, known: Sequence[Response] = (),
     past: float = math.inf, view: View | None = None, **kind: Any,
 ) -> Ladder:  # fmt: skip
@@ -139,13 +139,13 @@ def laddered(
     return runs.finished(ladder, past)
 
 
-def climb(
+def refine_to_tolerance(
     scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None, budget: float = BUDGET,
     past: float = math.inf, view: View | None = None, **kind: Any,
 ) -> Ladder:  # fmt: skip
     """A ladder whose finest run has a path bar of at most `tol`; see README.md, "How fine a run is".
 
-    budget : see `dear`;  past : s_o/l the finest run goes on once slack.
+    budget : see `exceeds_budget`;  past : s_o/l the finest run goes on once slack.
     view : range of the path's bar; default: of the scene.
 
     Raises TooCoarse.
@@ -165,7 +165,7 @@ def climb(
         if goal.excess <= 1.0:
             break
         in_space, _ = goal.parts
-        if ratio > 1.0 and not in_space < bar_before / ratio**LEAST_ORDER:  # steps are too long for a finer mesh
+        if ratio > 1.0 and not in_space < bar_before / ratio**MIN_ORDER:  # steps are too long for a finer mesh
             finer = _twice_the_steps(method, ladder, budget)
         else:
             finer = next_settings(method, ladder, goal, budget, half=True)
@@ -190,7 +190,7 @@ def refined_until(
         finer = next_settings(method, ladder, now, budget)
         if finer is None:
             break
-        ladder = laddered(scene, method, known=ladder.runs, **{**kind, **finer})
+        ladder = run_with_error_bars(scene, method, known=ladder.runs, **{**kind, **finer})
     return ladder
 
 
@@ -205,27 +205,27 @@ def next_settings(
     half : half of that refinement will do where the full one costs too much.
     """
     now = ladder.finest.settings
-    tries = [cheapest(method, now, goal, AIM), cheapest(method, now, goal, 1.0)]
+    tries = [cheapest_settings(method, now, goal, AIM), cheapest_settings(method, now, goal, 1.0)]
     if half:
-        tries.append(cheapest(method, now, goal, AIM, share=0.5))
+        tries.append(cheapest_settings(method, now, goal, AIM, share=0.5))
     return _first_within(method, ladder, tries, budget)
 
 
 def _twice_the_steps(method: Method, ladder: Ladder, budget: float) -> dict[str, Any] | None:
     now = ladder.finest.settings
-    steps = min(2 * now["steps"], max(now["steps"], MOST_STEPS))
+    steps = min(2 * now["steps"], max(now["steps"], MAX_STEPS))
     return _first_within(method, ladder, [now | {"steps": steps}], budget)
 
 
 def _first_within(method: Method, ladder: Ladder, tries: list[dict[str, Any]], budget: float) -> dict[str, Any] | None:
     """The first settings that are finer than the ladder's and within the budget."""
     for settings in tries:
-        if settings != ladder.finest.settings and not dear(method, ladder, settings, budget):
+        if settings != ladder.finest.settings and not exceeds_budget(method, ladder, settings, budget):
             return settings
     return None
 
 
-def cheapest(
+def cheapest_settings(
     method: Method, settings: dict[str, Any], goal: Goal, aim: float = AIM, share: float = 1.0
 ) -> dict[str, Any]:
     """The cheapest settings predicted to leave a bar of at most `aim` times the target, by one refinement.
@@ -253,10 +253,10 @@ def cheapest(
         b = 1.0 if in_time <= target else 2.0
     b = max(b, math.sqrt(a))  # shorter waves need shorter steps
     resolution = max(count, space.finer(count, a)) if a > 1.0 else count
-    return settings | {space.setting: resolution, "steps": min(math.ceil(steps * b), max(steps, MOST_STEPS))}
+    return settings | {space.setting: resolution, "steps": min(math.ceil(steps * b), max(steps, MAX_STEPS))}
 
 
-def dear(method: Method, ladder: Ladder, finer: dict[str, Any], budget: float) -> bool:
+def exceeds_budget(method: Method, ladder: Ladder, finer: dict[str, Any], budget: float) -> bool:
     """Whether finer settings exceed MAX_SIZE or the budget.
 
     Work is Newton iterations, times nodes of a step, times cost of the resolution.
@@ -283,23 +283,23 @@ def parts_of(ladder: Ladder, view: View, gap: Callable[..., float], order: float
         view = view.cut(ladder.finest)
     except NotComparable:
         return math.inf, math.inf
-    return ladder.over(view).parts(itself, lambda fine, coarse: gap(coarse, fine, view), order)
+    return ladder.over(view).parts(response, lambda fine, coarse: gap(coarse, fine, view), order)
 
 
-def annotated(ladder: Ladder, view: View) -> Ladder:
+def with_error_bars(ladder: Ladder, view: View) -> Ladder:
     """The ladder with bars of path and tension in its finest run, else a flag."""
     finest = ladder.finest
     try:
         path = path_parts(ladder, view)
         view = view.cut(finest)
-        tension = ladder.over(view).parts(itself, lambda a, b: measures.tension_gap(a, b, view.window), FIRST)
+        tension = ladder.over(view).parts(response, lambda a, b: measures.tension_gap(a, b, view.window), FIRST)
         measures.path_gap(finest, finest, view.window)
         if not math.isfinite(sum(path)):
             what = "resolution" if math.isinf(path[0]) else "steps"
             end = f"s_o/l = {view.window[1]:.3f}"
             raise NotComparable(f"the run with half the {what} ends before {end}, or there is none")
     except NotComparable as why:
-        return replace(ladder, finest=flagged(finest, "no bar", why=str(why)))
+        return replace(ladder, finest=with_flag(finest, "no bar", why=str(why)))
     parts = {"path_space": path[0], "path_time": path[1]}
     tension_error = None
     if math.isfinite(sum(tension)):

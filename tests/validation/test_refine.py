@@ -10,11 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cablefem import Scene
-from validation.core import climb as module
 from validation.core import measures
-from validation.core.climb import TooCoarse, cheapest, climb, dear, laddered
+from validation.core import refine as module
 from validation.core.ladder import Goal
 from validation.core.methods import METHODS, find
+from validation.core.refine import (
+    TooCoarse,
+    cheapest_settings,
+    exceeds_budget,
+    refine_to_tolerance,
+    run_with_error_bars,
+)
 from validation.core.running import run
 
 LEVEL, INCLINED = Scene.load("level"), Scene.load("inclined")
@@ -29,7 +35,7 @@ def sure():
 @pytest.mark.parametrize("tol", [1.3e-2, 1.1e-3])
 @pytest.mark.parametrize("scene", [LEVEL, INCLINED], ids=["level", "inclined"])
 def test_the_true_error_is_within_the_bar_and_the_bar_within_the_tolerance(scene, tol, sure):
-    ladder = climb(scene, "following-p2", tol, until=0.8)
+    ladder = refine_to_tolerance(scene, "following-p2", tol, until=0.8)
     r = ladder.run
     assert measures.path_gap(r, sure[scene.name], WINDOW)[0] <= r.path_error <= tol
     assert measures.tension_gap(r, sure[scene.name], WINDOW) <= r.tension_error
@@ -38,13 +44,13 @@ def test_the_true_error_is_within_the_bar_and_the_bar_within_the_tolerance(scene
 
 
 def test_the_galerkin_side_meets_a_tolerance_too(sure):
-    r = climb(LEVEL, "fourier-kink", 1.3e-2, until=0.8).run
+    r = refine_to_tolerance(LEVEL, "fourier-kink", 1.3e-2, until=0.8).run
     assert measures.path_gap(r, sure["level"], WINDOW)[0] <= r.path_error <= 1.3e-2
 
 
 def test_a_ladder_has_half_and_quarter_of_space_and_of_steps():
-    ladder = laddered(LEVEL, "following-p2", elements=16, steps=400, until=0.8)
-    few = laddered(LEVEL, "following-p2", elements=9, steps=40, until=0.3)
+    ladder = run_with_error_bars(LEVEL, "following-p2", elements=16, steps=400, until=0.8)
+    few = run_with_error_bars(LEVEL, "following-p2", elements=9, steps=40, until=0.3)
 
     def sizes(runs):
         return [(r.settings["elements"], r.settings["steps"]) for r in runs]
@@ -55,34 +61,34 @@ def test_a_ladder_has_half_and_quarter_of_space_and_of_steps():
 
 
 def test_runs_that_are_there_are_not_made_again(monkeypatch):
-    first = laddered(LEVEL, "following-p2", elements=9, steps=80, until=0.8)
+    first = run_with_error_bars(LEVEL, "following-p2", elements=9, steps=80, until=0.8)
     monkeypatch.setattr(module, "Run", None)
-    again = laddered(LEVEL, "following-p2", known=first.runs, elements=9, steps=80, until=0.8)
+    again = run_with_error_bars(LEVEL, "following-p2", known=first.runs, elements=9, steps=80, until=0.8)
     assert again.run.path_error == first.run.path_error
 
 
 def test_a_finer_tolerance_takes_a_finer_run():
-    coarse, fine = (climb(INCLINED, "following-p2", tol, until=0.8).run for tol in (1e-2, 1e-5))
+    coarse, fine = (refine_to_tolerance(INCLINED, "following-p2", tol, until=0.8).run for tol in (1e-2, 1e-5))
     assert fine.work["steps"] > coarse.work["steps"]
     assert fine.n_dof > coarse.n_dof
 
 
 def test_only_the_finest_run_goes_on_to_the_far_support():
-    ladder = climb(INCLINED, "following-p2", 2e-2)
+    ladder = refine_to_tolerance(INCLINED, "following-p2", 2e-2)
     assert ladder.run.reached > 0.95
     assert max(x.reached for x in ladder.runs[1:]) < 0.86
     assert ladder.run.work["steps"] == ladder.run.t.size - 1
 
 
 def test_coarser_runs_go_on_where_the_cable_falls_slack():
-    ladder = climb(LEVEL, "following-p2", 3e-3)
+    ladder = refine_to_tolerance(LEVEL, "following-p2", 3e-3)
     assert 0.8 < ladder.run.slack_onset < 0.95
     assert min(x.reached for x in ladder.runs[1:]) >= 0.95
 
 
 def test_a_light_car_is_resolved_where_its_front_meets_it():
     light = LEVEL.variant(mu=0.053)
-    r = climb(light, "following-p4", 1.1e-3, until=0.8).run
+    r = refine_to_tolerance(light, "following-p4", 1.1e-3, until=0.8).run
     fine = run(light, "following-p4", elements=40, steps=700, scheme="radau", until=0.8)
     assert r.settings["scheme"] == "radau"
     assert measures.path_gap(r, fine, WINDOW)[0] <= r.path_error <= 1.1e-3
@@ -94,38 +100,38 @@ def test_the_bar_of_a_ride_holds_with_few_elements():
         "[cable]\nmass_per_length = 1.4\nEA = 1.6e7\nsag = 8.0\n[supports]\nspan = 400.0\ndrop = 30.0\n"
         "[mass]\nmass = 60.0\n[drive]\nmode = 'free'\nstart = 2.0\nrolling_friction = 0.015\nend = {place = 200.0}"
     )
-    r = climb(long, "following-p2", 1e-3).run
+    r = refine_to_tolerance(long, "following-p2", 1e-3).run
     fine = run(long, "following-p2", elements=24, steps=1000)
     assert measures.path_gap(r, fine, measures.window_of(r, fine))[0] <= r.path_error < 1e-3
 
 
 def test_what_is_out_of_reach_is_said_so_with_the_best_there_is(monkeypatch):
-    monkeypatch.setattr(module, "MOST_STEPS", 200)
+    monkeypatch.setattr(module, "MAX_STEPS", 200)
     method = find("following-p2")
     near = replace(method, resolution=replace(method.resolution, most=8))
     with pytest.raises(
         TooCoarse, match=r"following-p2 reaches an error bar of .* with elements = .*, not the 1e-05"
     ) as e:
-        climb(LEVEL, near, 1e-5, until=0.8)
+        refine_to_tolerance(LEVEL, near, 1e-5, until=0.8)
     assert e.value.ladder.finest.path_error > 1e-5
 
 
 def test_a_wrong_method_is_refused():
     with pytest.raises(ValueError, match="converges to a wrong answer"):
-        climb(LEVEL, "fixed-p1-naive", 1e-2)
+        refine_to_tolerance(LEVEL, "fixed-p1-naive", 1e-2)
 
 
 def test_what_leaves_more_for_its_cost_is_refined():
     method = find("following-p2")
     now = method.settings({"elements": 10, "steps": 300})
-    in_time = cheapest(method, now, Goal((1e-5, 4e-3), 2e-3), 1.0)
+    in_time = cheapest_settings(method, now, Goal((1e-5, 4e-3), 2e-3), 1.0)
     assert (in_time["elements"], in_time["steps"] > 400) == (10, True)
-    in_space = cheapest(method, now, Goal((4e-3, 1e-5), 2e-3), 1.0)
+    in_space = cheapest_settings(method, now, Goal((4e-3, 1e-5), 2e-3), 1.0)
     assert in_space["elements"] >= 14
     assert 300 < in_space["steps"] < 600
-    broken = cheapest(method, now, Goal((math.inf, 1e-3), 2e-3))
+    broken = cheapest_settings(method, now, Goal((math.inf, 1e-3), 2e-3))
     assert (broken["elements"], broken["steps"]) == (20, math.ceil(300 * math.sqrt(2.0)))
-    assert cheapest(method, now, Goal((math.inf, 1.0), 2e-3))["steps"] == 600
+    assert cheapest_settings(method, now, Goal((math.inf, 1.0), 2e-3))["steps"] == 600
 
 
 def test_until_ends_a_run_after_the_first_step_past_it():
@@ -141,22 +147,22 @@ def test_until_ends_a_run_after_the_first_step_past_it():
 def test_a_budget_ends_a_climb_with_the_finest_run_within_it():
     slow = LEVEL.variant(speed_ratio=0.1)
     with pytest.raises(TooCoarse) as spent:
-        climb(slow, "following-p2", 1e-4, until=0.8, budget=2e4)
+        refine_to_tolerance(slow, "following-p2", 1e-4, until=0.8, budget=2e4)
     finest = spent.value.ladder.finest
-    assert not dear(METHODS["following-p2"], spent.value.ladder, finest.settings, 2.5e4)
+    assert not exceeds_budget(METHODS["following-p2"], spent.value.ladder, finest.settings, 2.5e4)
     assert 1e-4 < finest.path_error < 0.1
 
 
 def test_the_coarsest_resolution_has_no_bar():
-    r = laddered(LEVEL, "wavelet", level=0, steps=100).run
+    r = run_with_error_bars(LEVEL, "wavelet", level=0, steps=100).run
     assert (r.path_error, r.flag_kinds) == (None, ["no bar"])
 
 
 def test_a_mass_that_is_lifted_all_the_way_has_no_bar():
     """Relative to no deflection any error would be infinite."""
-    ladder = laddered(LEVEL, "following-p2", elements=9, steps=80, until=0.8)
+    ladder = run_with_error_bars(LEVEL, "following-p2", elements=9, steps=80, until=0.8)
     lifted = replace(ladder, finest=replace(ladder.run, v=-np.abs(ladder.run.v), path_error=None))
-    told = module.annotated(lifted, module.View.of(LEVEL)).run
+    told = module.with_error_bars(lifted, module.View.of(LEVEL)).run
     assert told.path_error is None
     assert any(x.kind == "no bar" and "no deflection" in str(x) for x in told.flags)
 
