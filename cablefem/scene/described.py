@@ -11,6 +11,7 @@ import tomli_w
 
 from cablefem.scene.errors import SceneError, nearest, shown
 from cablefem.scene.fields import Name, OneLine, Part, Positive, described
+from cablefem.scene.limits import Limits
 from cablefem.scene.surroundings import read_ground
 
 _FILES = resources.files(__package__) / "library"
@@ -66,6 +67,7 @@ class Described(Part):
     name: Name = described("[-] name of its folder of results; of a file, the file's name", "scene")
     title: OneLine = described("[-] what it is, on one line", "")
     gravity: Positive = described("[m/s2] g", 9.81)
+    limits: Limits | None = described("[-] what the answer is held against", None)
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Self:

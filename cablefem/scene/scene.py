@@ -109,7 +109,7 @@ class Scene(Described):
         return super().from_toml(text, name=name, folder=folder)
 
     def _tables(self, changes: Container[str] = ()) -> dict[str, Any]:
-        brief = {"mass", "drive", "wind", "obstacle", "ground"}
+        brief = {"mass", "drive", "wind", "obstacle", "ground", "limits"}
         data = self.model_dump(exclude_none=True, exclude=brief)
         data |= self.model_dump(exclude_none=True, exclude_defaults=True, include=brief)
         for table, name in (("travel", "rest"), ("cable", "damping"), ("cable", "internal_damping")):

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
 
-from cablefem.scene.errors import SceneError, shown
+from cablefem.scene.errors import SceneError, nearest, shown
 from cablefem.scene.fields import Admits, Pair, Part, Real, Word, described, rising_faults, tables
+from cablefem.scene.limits import KINDS
 
 GROUND = "the ground"  # its name beside those of obstacles
 
@@ -19,6 +21,12 @@ class Obstacle(Part):
     name: Word = described("[-] its name in the results")
     at: Real = described("[m] x, from the left support")
     top: Real = described("[m] depth of its top below the left support")
+    kind: Word | None = described(f"[-] for limits: {', '.join(KINDS)}", None)
+
+    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+        if self.kind is None or self.kind in KINDS:
+            return []
+        return [f"kind = {self.kind!r}: unknown.{nearest(self.kind, KINDS)}"]
 
 
 def _profile(points: tuple[Pair, ...]) -> tuple[Pair, ...]:

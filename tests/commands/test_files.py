@@ -15,7 +15,7 @@ from validation.commands.methods.files import entries
 def known(file):
     """Keys of a file in the dictionary, those of its tables as they stand in the file."""
     own = {e.key for e in entries() if e.file == file}
-    for table in ("design[]", "events[]"):
+    for table in ("design[]", "events[]", "limits[]"):
         if table[:-2] in own:
             own |= {f"{table}.{e.key}" for e in entries() if e.file == table}
     if file == "advice.json":

@@ -35,7 +35,7 @@ CABLE_KEYS = (
     "temperature, "
     "reference_temperature, expansion, ice."
 )
-SCENE_KEYS = "Known: cable, supports, mass, travel, drive, wind, obstacle, ground, name, title, gravity."
+SCENE_KEYS = "Known: cable, supports, mass, travel, drive, wind, obstacle, ground, name, title, gravity, limits."
 # The bounds below were computed apart, in 30 digits: chord hypot(320, 25), catenaries of z = 1e-9 and z = 5,
 # and H sqrt(1 + c^2) of the good scene.
 CHORD = "320.97507691408066"

@@ -8,6 +8,7 @@ import numpy as np
 
 from cablefem.response import Array, Response, write_csv, write_json
 from cablefem.scene import Scene
+from validation.core import limits
 from validation.core.clearances import shapes
 from validation.core.design import design
 from validation.core.measures import valid_until
@@ -134,7 +135,10 @@ def profile(r: Response) -> dict[str, Array]:
 
 def write_answers(folder: Path, scene: Scene, r: Response) -> None:
     found = outcome(scene, r)
-    write_json(folder / "summary.json", {"outcome": found.sentence, "outcome_kind": found.kind, **r.summary()})
+    first: dict[str, Any] = {"outcome": found.sentence, "outcome_kind": found.kind}
+    if judged := limits.rows(scene, r.design, r.events):
+        first["limits"] = judged
+    write_json(folder / "summary.json", first | r.summary())
     columns = profile(r)
     table = np.stack(list(columns.values()), axis=1)
     write_csv(folder / "profile.csv", ",".join(columns), table)

@@ -26,6 +26,9 @@ from validation.core.quantities import unit_of
 from validation.core.scene_data import ROUNDING, SceneData
 
 NEAR = 9  # times around an extreme at which two runs are compared
+SAMPLES = 2001  # places of the car at rest
+INTERPOLATION = 1e-5  # of the sag, of `Statics` and between these places
+SAMPLES_OF_PHASE = 21  # accelerations are linear in a phase
 BETWEEN = 0.25  # of the larger neighbouring step: a parabola's rise above its highest sample
 
 
@@ -126,7 +129,46 @@ def quantities(r: Response) -> dict[str, Quantity]:
     for ground in grounds(scene):
         for body in ("rope", "car"):
             named[f"clearance_{body}_min:{ground}"] = Quantity(-1.0, partial(track, (body, ground)), anywhere=True)
+    if "sag_growth" in demands(scene):
+        named["sag_car_max"] = Quantity(1.0, _sag)
     return named
+
+
+def demands(scene: Scene) -> set[str]:
+    """What the limits of a scene ask for."""
+    if scene.limits is None:
+        return set()
+    return {rule["demand"] for rule in scene.limits.rules(scene.supports.span)}
+
+
+def _sag(r: Response) -> list[Track]:
+    """Depth of the car below the chord."""
+    f = r.fields
+    return [Track(r.t, r.y - r.x * f.y[-1] / f.x[-1], r.s_o)]
+
+
+def _for_limits(scene: Scene) -> Iterator[Number]:
+    """Numbers that limits need: largest sag at the car at rest, extremes of the timetable."""
+    asked = demands(scene)
+    if "sag_growth" in asked:
+        from validation.core.quasi_static import Statics  # splines are slow to load
+
+        points = scene.length * Statics(scene.groups)(np.linspace(0.0, 1.0, SAMPLES)).place  # (n, 2)
+        sag = points[:, 1] - points[:, 0] * scene.supports.drop / scene.supports.span
+        yield _number_row("sag_car_rest", float(sag.max()), INTERPOLATION * float(sag.max()), "m")
+    motion = scene.groups.motion
+    if scene.travel is None or scene.travel.kind == "table" or motion is None:
+        return
+    unit = scene.length / scene.time_scale**2
+    begin = 0.0
+    rates = []
+    for phase, (_, end) in enumerate(motion.phases):
+        rates += [motion.at(float(t), phase)[2] * unit for t in np.linspace(begin, end, SAMPLES_OF_PHASE)]
+        begin = end
+    if "acceleration" in asked:
+        yield _number_row("acceleration_max", max(0.0, *rates), 0.0, "m/s2")
+    if "deceleration" in asked:
+        yield _number_row("deceleration_max", max(0.0, *(-rate for rate in rates)), 0.0, "m/s2")
 
 
 def _number_row(quantity: str, value: float | None, bar: float, unit: str, **where: float | None) -> Number:
@@ -167,6 +209,7 @@ def design(of: Ladder | Response, twin: Ladder | None = None) -> list[Number]:
     tilt = _scene(r.scene_toml).wind_tilt
     if tilt is not None:
         numbers.append(_number_row("wind_tilt", tilt, 0.0, "deg"))
+    numbers += _for_limits(_scene(r.scene_toml))
     return [*numbers, *_onset(r, ladder)]
 
 

@@ -24,7 +24,7 @@ import numpy as np
 
 from cablefem.response import Array
 from validation.core.agreement import Agreement, Bound, Part
-from validation.core.readback import plain
+from validation.core.readback import limit_faults, plain
 from validation.core.scene_data import ROUNDING, ice_mass, si_factor
 
 DOWN = np.array([0.0, 1.0])
@@ -340,6 +340,8 @@ def _at_contact(data: LineData, rest: Any, rope: Rope, i: int, j: int) -> Number
         for kind, weight in (("pressure", 0.0), ("load", carried)):
             row[kind] = math.hypot(across, down + weight)
             row[f"{kind}_down"] = float(down + weight)
+        row["knee"] = _knee(rope.behind[k], rope.ahead[k])
+        row["knee_empty"] = _knee(np.asarray(rest.empty.behind)[j], np.asarray(rest.empty.ahead)[j])
         row["direction"] = 90.0 - math.degrees(math.atan2(down, across))
         row["rope_over"] = float(rest.empty.s[j] - rope.s[k])
     elif contact["kind"] == "counterweight":
@@ -348,6 +350,11 @@ def _at_contact(data: LineData, rest: Any, rope: Rope, i: int, j: int) -> Number
     elif contact["kind"] == "spring":
         row["shift"] = float(np.linalg.norm(rope.points[k] - contact["at"]))
     return row
+
+
+def _knee(behind: Array, ahead: Array) -> float:
+    """Angle between two pulls (2,) [deg], positive where the rope bends down."""
+    return math.degrees(math.atan2(float(behind[0] * ahead[1] - behind[1] * ahead[0]), float(behind @ ahead)))
 
 
 def _sag(rope: Rope, first: int, last: int) -> float:
@@ -406,7 +413,7 @@ def printed(toml: str, rest: Any, folder: Path, page: str, words: Mapping[str, M
     tension = known["tension_max"][1]
     pressure = min((low for name, (low, _) in known.items() if name.startswith("pressure:")), default=1.0)
     scales = dict.fromkeys(LENGTHS, reach) | {"safety_factor": 1.0}
-    scales["direction"] = math.degrees(tension / max(pressure, 1.0))
+    scales["knee"] = scales["knee_empty"] = scales["direction"] = math.degrees(tension / max(pressure, 1.0))
 
     def rounding(name: str) -> float:
         return ROUNDING * float(scales.get(_kind(name), tension))
@@ -422,6 +429,10 @@ def printed(toml: str, rest: Any, folder: Path, page: str, words: Mapping[str, M
     _design(gaps, data, rows, summary["design"], known, rounding)
     _outcome(gaps, data, summary, known)
     _page(gaps, page, summary, words)
+    for fault in limit_faults(summary["limits"], tomllib.loads(toml), summary["design"], ()):
+        gaps.note("limits", fault, math.inf)
+    for row in summary["limits"]:
+        gaps.compare("limits", row["demand"], f"{row['source']} {row['verdict']}" in _verdicts(page), True)
     return list(gaps.rows("printed", Part("catenaries", 1.0, "allowed")))
 
 
@@ -529,6 +540,13 @@ def _outcome(gaps: Gaps, data: LineData, summary: dict[str, Any], known: Extreme
         depths = [float(x) for x in re.findall(r" by (\d+\.\d\d) m", text)]
         depth = max(depths, default=math.inf)
         gaps.compare("outcome", "depth of a collision", depth, -min(clearances.values()), 0.006)
+
+
+def _verdicts(page: str) -> set[str]:
+    """Sources and verdicts in the page's table of limits."""
+    cells = re.findall(r'data-label="(by|verdict)"><div>(.*?)</div>', page, re.S)
+    texts = [plain(cell).lstrip("✓✗≈? ") for _, cell in cells]
+    return {f"{source} {verdict}" for source, verdict in zip(texts[::2], texts[1::2], strict=True)}
 
 
 def _page(gaps: Gaps, page: str, summary: dict[str, Any], words: Mapping[str, Mapping[str, str]]) -> None:

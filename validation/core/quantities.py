@@ -29,18 +29,31 @@ def number_text(number: dict[str, Any]) -> dict[str, str]:
     unit = number["unit"]
     if value is None:
         return {"what": named(number["quantity"]), "value": "the car never passes", "t": "", "mass": "", "at": ""}
-    factor, name = scale_of(np.array([value, bar or 0.0]), unit)
-    text = with_bar(factor * value, bar and factor * bar)
-    if name and unit != "s_o/l":
-        text += f" {name}"
-    if unit == "m/s":
-        text += f" = {with_bar(3.6 * value, bar and 3.6 * bar)} km/h"
+    text = quantity_text(value, bar, unit)
     what = named(number["quantity"])
     if number.get("more"):
         what += f" ({number['more']} more are larger)"
     where = {"t": _formatted(number, "t", ".4g", "s")}
     where |= {key: _formatted(number, name, ".1f", "m") for key, name in (("mass", "s_o"), ("at", "s"))}
     return {"what": what, "value": text, **where}
+
+
+def quantity_text(value: float, bar: float | None, unit: str) -> str:
+    """A value with its bar and unit; a speed also in km/h."""
+    factor, name = scale_of(np.array([value, bar or 0.0]), unit)
+    text = with_bar(factor * value, bar and factor * bar)
+    if name and unit != "s_o/l":
+        text += f" {name}"
+    if unit == "m/s":
+        text += f" = {with_bar(3.6 * value, bar and 3.6 * bar)} km/h"
+    return text
+
+
+def limit_text(row: dict[str, Any]) -> dict[str, str]:
+    """A verdict on a limit as text."""
+    value = "-" if row["value"] is None else quantity_text(row["value"], row["bar"], row["unit"])
+    limit = f"{row['side']} {quantity_text(row['limit'], None, row['unit'])}"
+    return {"limit": row["demand"], "value": value, "demanded": limit, "by": row["source"], "verdict": row["verdict"]}
 
 
 def _formatted(number: dict[str, Any], key: str, digits: str, unit: str) -> str:

@@ -246,7 +246,7 @@ def with_error_bars(scene: Scene, r: Response) -> Response:
     def bar(row: dict[str, Any]) -> float | None:
         quantity = row["quantity"]
         value = row["value"]
-        if value is None or quantity == "wind_tilt":
+        if value is None or row["bar"] is not None:
             return row["bar"]
         if quantity == "speed_max":
             slope = 4.0 * inertia.deflection / scene.length

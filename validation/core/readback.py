@@ -49,8 +49,10 @@ class Stored:
         self.agreement = _json(folder / "agreement.json") if judged else {}
         shown = self.agreement or self.summaries[0]
         self.design: list[Row] = shown["design"]
+        self.shown_events: list[Row] = shown["events"]
         self.events: list[Row] = [*shown["events"], *self.agreement.get("quasi_static", [])]
         self.rows: list[Row] = self.agreement.get("rows", [])
+        self.limits: list[Row] = shown.get("limits", [])
         self.outcome: str = self.summaries[0].get("outcome", "")
         self.unread: list[str] = []  # what has no reader
 
@@ -135,7 +137,9 @@ def shows_decimals(text: str, value: float | None, unit: str, decimals: int) -> 
 
 
 def files(of: Stored) -> Faults:
-    """Faults of the files of each method."""
+    """Faults of the files of each method, and of the limits."""
+    for faults in limit_faults(of.limits, of.run(0)["scene"], of.design, of.shown_events):
+        yield f"limits: {faults}"
     for i, method in enumerate(of.methods):
         for name, reader in FILES.items():
             file = of.folder / method / name
@@ -304,7 +308,7 @@ def _summary(file: Path, run: Run) -> Faults:
 
 
 # keys of summary.json that are not stored as they are: this reader and `recomputed` compute them a second time
-COMPUTED = {"reached", "max_deflection", "path_scale", "outcome", "outcome_kind", "flag_kinds"}
+COMPUTED = {"reached", "max_deflection", "path_scale", "outcome", "outcome_kind", "flag_kinds", "limits"}
 FILES: dict[str, Callable[[Path, Run], Faults] | None] = {
     "path.csv": _path,
     "tension.csv": _tension,
@@ -322,7 +326,8 @@ FILES: dict[str, Callable[[Path, Run], Faults] | None] = {
 
 @cache
 def _words(package: str, file: str) -> dict[str, Any]:
-    return tomllib.loads(resources.files(f"validation.{package}").joinpath(file).read_text(encoding="utf-8"))
+    home = package if package.startswith("cablefem") else f"validation.{package}"
+    return tomllib.loads(resources.files(home).joinpath(file).read_text(encoding="utf-8"))
 
 
 def _named(row: Row) -> str:
@@ -516,9 +521,136 @@ def counts(text: str, of: Stored) -> Faults:
             yield f"{text!r} where {words} agree or hold"
 
 
+def _limit(cells: Sequence[str], of: Stored) -> Faults:
+    for row in of.limits:
+        verdict = cells[4].lstrip("✓✗≈? ")
+        if (cells[0], cells[3], verdict) == (row["demand"], row["source"], row["verdict"]):
+            side = f"{row['side']} "
+            limit = {"value": row["limit"], "unit": row["unit"]}
+            good = cells[2].startswith(side) and _shows_number(cells[2].removeprefix(side), limit)
+            value = cells[1] in ("–", "-") if row["value"] is None else _shows_number(cells[1], row)
+            if good and value:
+                return
+    yield f"{' | '.join(cells)}: no such limit is stored"
+
+
+def _printed_limit(text: str, of: Stored) -> Faults:
+    yield from _limit(re.split("  +", text), of)
+
+
+# --- limits ---------------------------------------------------------------------------------------------------------
+
+RATIOS = {  # of demands: numbers whose ratio they are
+    "safety_factor": ("breaking_load", "tension_max"), "tension_over_contact": ("tension_min", "contact_max"),
+    "tension_over_wheel": ("tension_min", "contact_max"), "sag_growth": ("sag_car_max", "sag_car_rest"),
+}  # fmt: skip
+NUMBERS = {  # of other demands
+    "knee_empty": "knee_empty_min", "knee_loaded": "knee_max", "knee_last": "knee_max", "speed": "speed_max",
+    "acceleration": "acceleration_max", "deceleration": "deceleration_max",
+}  # fmt: skip
+OVER = "smallest clearance over "
+OF_GROUND = ("the ground", "ground")
+
+
+def limit_faults(rows: Sequence[Row], scene: Row, design: Sequence[Row], events: Sequence[Row]) -> Faults:
+    """Faults of verdicts on limits, from a scene's TOML, the shipped texts and the printed numbers."""
+    given = scene.get("limits", {})
+    shipped = _words("cablefem.scene", "limits.toml")
+    for row in rows:
+        words = shipped["demand"]
+        name = next(key for key in words if re.fullmatch(words[key][0].format(".*"), row["demand"]))
+        if [row["side"], row["unit"]] != words[name][1:3]:
+            yield f"{row['demand']}: {row['side']} in {row['unit']}"
+        own = row["source"] == "the scene"
+        rules = [rule for x in shipped["text"].values() for rule in x["limit"] if _is_rule(rule, name, row, x, scene)]
+        if not (given.get(name) == row["limit"] if own else rules):
+            yield f"{row['demand']}: {row['limit']} is not the limit of {row['source']}"
+        yield from _wrong_verdict(name, row, scene, design, events)
+    sources = [row["source"] for row in rows]
+    for name in given.get("use", []):
+        if not any(source.startswith(shipped["text"][name]["source"]) for source in sources):
+            yield f"{name}: none of its limits is printed"
+
+
+def _is_rule(rule: Row, name: str, row: Row, text: Row, scene: Row) -> bool:
+    """Whether a row states a rule of a text, which is for this obstacle and for what the scene says."""
+    same = rule["demand"] == name and rule["limit"] == row["limit"]
+    kind = _kinds(scene).get(row["demand"].removeprefix(OVER))
+    fits = rule.get("kind") in (None, kind) or kind is None
+    applies = rule.get("when") in (None, *scene["limits"].get("when", []))
+    return same and fits and applies and row["source"] == f"{text['source']}, {rule['clause']}"
+
+
+def _kinds(scene: Row) -> dict[str, str | None]:
+    kinds = {x["name"]: x.get("kind") for x in scene.get("obstacle", [])}
+    return kinds | {"the ground": scene["limits"].get("ground")}
+
+
+def _wrong_verdict(name: str, row: Row, scene: Row, design: Sequence[Row], events: Sequence[Row]) -> Faults:
+    value = _limit_value(name, row, scene, design, events)
+    if value is None or row["value"] is None:
+        if value is not row["value"] or not row["verdict"].startswith(("cannot be judged: ", "not computed")):
+            yield f"{row['demand']}: {row['value']}, {row['verdict']}, where {value} follows"
+        return
+    if abs(value - row["value"]) > ROUNDING * abs(value) + ROUNDING:
+        yield f"{row['demand']}: {row['value']} where {value} follows"
+    bar = math.inf if row["bar"] is None else row["bar"]
+    low, high = sorted([row["limit"], value])
+    verdict = "met" if (row["side"] == "at least") == (high == value) or low == high else "not met"
+    if high - low < bar or math.isinf(bar):
+        verdict = "too close to tell"
+    if row["verdict"] != verdict:
+        yield f"{row['demand']}: {row['verdict']} where {verdict} follows"
+
+
+def _limit_value(
+    name: str, row: Row, scene: Row, design: Sequence[Row], events: Sequence[Row]
+) -> float | None:  # fmt: skip
+    """The value of a demand; None where it is unknown."""
+    values: dict[str, dict[str, float]] = {}  # by kind, then by obstacle or contact
+    for number in design:
+        if number["value"] is not None:
+            kind, _, of = number["quantity"].partition(":")
+            values.setdefault(kind, {})[of] = number["value"]
+    limits = scene["limits"]
+    if name == "clearance":
+        return _clearance(row, values, scene)
+    if name == "arrival_speed":
+        return next((x["speed"] for x in events if x["event"] in ("brake", "arrival")), None)
+    last = scene["contact"][-2]["name"] if "contact" in scene else ""
+    if name in NUMBERS:
+        found = dict(values.get(NUMBERS[name], {}))
+        if name.startswith("knee_l"):
+            found = {of: x for of, x in found.items() if (of == last) is (name == "knee_last")}
+        extreme = min if name == "knee_empty" else max
+        return extreme(found.values(), default=None)
+    if name not in RATIOS:
+        return None
+    if "breaking_load" in scene["cable"]:
+        values["breaking_load"] = {"": scene["cable"]["breaking_load"]}
+    above, below = (values.get(kind, {}).values() for kind in RATIOS[name])
+    if not above or not below:
+        return None
+    ratio = min(above) / max(below)
+    if name == "tension_over_wheel":
+        return ratio * limits["wheels"] if "wheels" in limits else None
+    return ratio - 1.0 if name == "sag_growth" else ratio
+
+
+def _clearance(row: Row, values: dict[str, dict[str, float]], scene: Row) -> float | None:
+    name = row["demand"].removeprefix(OVER)
+    if _kinds(scene).get(name) is None and row["source"] != "the scene":
+        return None
+    names = OF_GROUND if name in OF_GROUND else (name,)
+    clearances = [numbers for kind, numbers in values.items() if kind.startswith("clearance")]
+    found = [x for numbers in clearances for of, x in numbers.items() if of.split(" over ")[-1] in names]
+    return min(found, default=None)
+
+
 TABLES: dict[str, Callable[[Sequence[str], Stored], Faults]] = {
     "quantity|value|when|car at|where": _number,
     "support|when|to the right|down": _load,
+    "limit|value|demanded|by|verdict": _limit,
     "event|after [s]|at [m]|speed [km/h]": _event,
     "comparison|verdict|gap|sum of both bars|asked for|largest at sₒ/l|in the verdict": _comparison,
     "comparison|verdict|of those asked": _group,
@@ -715,6 +847,17 @@ def _printed_slack(text: str, of: Stored) -> Faults:
         yield f"{text!r} is not the stored slack onset"
 
 
+def _scope(text: str, of: Stored) -> Faults:
+    """What a text is for, and whether the scene is that."""
+    for x in _words("cablefem.scene", "limits.toml")["text"].values():
+        expected = f"{x['source']}: for {x['scope']}"
+        if of.run(0)["rest"]["drive"] not in x["modes"]:
+            expected += "; this scene is outside its scope"
+        if text == expected:
+            return
+    yield f"{text!r} is no scope of a text"
+
+
 def _printed_work(text: str, of: Stored) -> Faults:
     parts = re.fullmatch(r"by (\S+) \((.*)\) in (\S+) s(?:; path ± (\S+) m)?", text)
     run = of.summaries[0]
@@ -752,6 +895,9 @@ LINES: tuple[tuple[str, Callable[[str, Stored], Faults]], ...] = (
     (r"  slack somewhere from car at ", _printed_slack),
     (r"  by the quasi-static model|  Nothing could be compared|  written to |quantity +gap", _nothing),
     (r"  by \S+ \(", _printed_work),
+    (r"limit  +value", _nothing),
+    (r"\S.*  (met|not met|too close to tell|cannot be judged: .*|not computed.*)$", _printed_limit),
+    (r"  [^:]*: for .*", _scope),
     (r"  \d+ (of \d+ )?(comparisons|laws|printed)", counts),
     (r"  \S.*: (agrees|DISAGREES|is too coarse|cannot be compared)", _printed_party),
     (r"\S.*(  +(-|\d\S*)){4}  (agree|disagree|too coarse|not comparable|shown)$", _printed_comparison),

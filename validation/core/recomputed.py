@@ -18,6 +18,7 @@ from validation.core import timetable
 from validation.core.agreement import Agreement, Bound, Part, nothing
 from validation.core.evidence import Evidence, Windows, cross, integral
 from validation.core.measures import JUMP_WIDTH, extremes_within, valid_until
+from validation.core.rest import car_position
 from validation.core.scene_data import ROUNDING, SceneData, deepest, mean_around
 
 
@@ -60,6 +61,7 @@ def design(r: Response, twin: Response | None = None) -> Iterator[Agreement]:
             yield _row(r, "design", quantity + law, gap, allowed, where)
 
 
+FROM_TOML = ("sag_car_rest", "acceleration_max", "deceleration_max")
 Signals = list[tuple[Array, Array]]  # times (n,), values (n,) or (n, m)
 FORCES = ("tension", "reaction", "contact", "haul_force", "angle")  # felt as means over an axial round trip
 
@@ -86,7 +88,7 @@ class Readings:
         kind, _, name = quantity.partition(":")
         if name:
             return kind in ("clearance_rope_min", "clearance_car_min") and name in self.profiles
-        return kind in ("safety_factor_min", "slack_onset") or self._signal(kind) is not None
+        return kind in ("safety_factor_min", "slack_onset", *FROM_TOML) or self._signal(kind) is not None
 
     def of(self, quantity: str, raw: bool = False) -> float | None:
         """A number in SI, or None where there is none; raw: without means over an axial round trip."""
@@ -96,6 +98,11 @@ class Readings:
             return float(self.r.s_o[1:][slack[0]] / self.r.length) if slack.size else None
         if name:
             return self._clearance(kind == "clearance_car_min", self.profiles[name])
+        if kind == "sag_car_rest":
+            return _sag_at_rest(self.r, self.given)
+        if kind in FROM_TOML:
+            rates = timetable.accelerations(self.given.travel, self.given.drive, self.r.length)
+            return max(0.0, *(rates if kind == "acceleration_max" else -rates))
         if kind == "safety_factor_min":
             tension = self.of("tension_max")
             return None if tension is None else self.given.cable["breaking_load"] / tension
@@ -122,6 +129,23 @@ class Readings:
         return min(heights) - below if math.isfinite(min(heights)) else None
 
 
+def _sag_at_rest(r: Response, given: SceneData) -> float:
+    """Largest depth below the chord of a car at rest: a parabola through the largest of some places."""
+    friction = given.drive.get("rolling_friction", 0.0) if r.drive == "haul" else None
+    s_o = r.length * np.linspace(0.02, 0.98, 49)
+    weight = given.rho * given.gravity
+    supports = (given.span, given.drop)
+    points = [
+        car_position(supports, given.EA, weight, r.length, r.horizontal_tension, float(s), given.weight, friction)
+        for s in s_o
+    ]
+    x, y = np.array(points).T
+    sag = y - x * given.drop / given.span
+    k = int(np.clip(np.nanargmax(sag), 1, s_o.size - 2))
+    a, b, c = np.polyfit(x[k - 1 : k + 2], sag[k - 1 : k + 2], 2)
+    return float(c - b * b / (4.0 * a))
+
+
 def _height(profile: Array, x: Array, y: Array) -> float:
     """Smallest height of a polyline (n,) over a profile (m, 2); inf where it is never above it."""
     over = (x >= profile[0, 0]) & (x <= profile[-1, 0])
@@ -141,6 +165,7 @@ def _signals(r: Response, given: SceneData) -> dict[str, Signals]:
         "haul_force_min": r.F_haul,
         "mass_deflection": r.v,
         "mass_deepest": r.y,
+        "sag_car": r.y - r.x * given.drop / given.span,
         "speed": _speed(r),
     }
     tensions = [(r.t, r.T_behind), (r.t, r.T_ahead), (f.t, f.T)]

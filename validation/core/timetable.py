@@ -31,6 +31,18 @@ def positions(travel: dict[str, Any], drive: dict[str, Any], length: float, t: A
     return s + x * (v - 0.5 * hard * x)
 
 
+def accelerations(travel: dict[str, Any], drive: dict[str, Any], length: float) -> Array:
+    """Accelerations at both ends of each stretch (n,) [m/s2], tables excepted; a stop counts."""
+    end = drive.get("end", {}).get("place", 0.99 * length) if drive.get("mode") == "haul" else length
+    _, stretches = _stretches(travel, travel.get("to", end) - start_position(travel, drive, length))
+    rates = [0.0]
+    for duration, a, jerk in stretches:
+        rates += [a, a + jerk * duration if jerk else a]
+    if "stop" in travel:
+        rates.append(-travel["stop"]["deceleration"])
+    return np.array(rates)
+
+
 def _along(start: float, speed: float, stretches: Stretches, t: Array) -> tuple[Array, Array]:
     """Place and speed (n,) at times t; at rest after the last stretch."""
     s = np.full(t.shape, start)

@@ -10,11 +10,13 @@ import numpy as np
 from markupsafe import Markup
 
 from cablefem.response import Array
+from cablefem.scene.line import Line
 from validation.core import store
-from validation.core.quantities import scale_of
-from validation.page import terminal
-from validation.page.answer.many import Column, Columns, Row, label, table_of
-from validation.page.page import VERDICTS, Section, asset, drawn
+from validation.core.limits import scopes
+from validation.core.quantities import limit_text, scale_of
+from validation.page import telling, terminal
+from validation.page.answer.many import LIMITS, Column, Columns, Row, label, table_of
+from validation.page.page import VERDICTS, Section, asset, drawn, limits_of
 from validation.page.plot import BLACK, BLUE, COLORS, DASHED, DOTTED, GREY, Panel, plot, side
 
 _TEXT = tomllib.loads(asset("line.toml"))
@@ -59,9 +61,12 @@ def pairs(design: Sequence[Row]) -> list[Row]:
     return list(out.values())
 
 
-def tell(line: Any, outcome: str, design: Sequence[Row], refused: Sequence[Row]) -> None:
-    """Print outcome, the first 14 design numbers, and the first three positions without rest."""
+def tell(
+    line: Any, outcome: str, design: Sequence[Row], refused: Sequence[Row], limits: Sequence[Row] = ()
+) -> None:  # fmt: skip
+    """Print outcome, limits, the first 14 design numbers, and the first three positions without rest."""
     terminal.say(f"{line.name}: {outcome}", style="bold")
+    telling.limits(line, limits)
     not_printed = ("tension", "tension_behind", "tension_ahead", "pressure", "pressure_down", "load")
     printed = pairs([d for d in design if kind_of(d["quantity"]) not in not_printed])
     terminal.table(["quantity", "largest (cars at x [m])", "smallest"], [list(x.values()) for x in printed[:14]])
@@ -79,7 +84,7 @@ def columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
     for name in dict.fromkeys(name for x in rows for name in x):
         if kind_of(name) in GRID and name not in keys:
             heads[name] = _head(name)
-    for name in ("outcome", "status", "verdict", "why"):
+    for name in ("outcome", "status", *LIMITS, "verdict", "why"):
         if any(x.get(name) not in (None, "complete") for x in rows):
             heads[name] = name
     return {name: Column(head, digits=6) for name, head in heads.items()}
@@ -110,6 +115,7 @@ def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None)
         verdict=verdict,
         refused=summary["refused"],
         outcome=summary["outcome"],
+        limits=limits_from(folder, summary),
         alarm=alarm,
         side=_side(line, ropes, positions),
         design=pairs(summary["design"]),
@@ -117,6 +123,12 @@ def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None)
         compared=[x for x in rows if x["quantity"] not in RECHECKED],
         rechecked=[x for x in rows if x["quantity"] in RECHECKED],
     )
+
+
+def limits_from(folder: Path, summary: Row) -> Markup:
+    """Stored verdicts on limits, and what their texts are for."""
+    line = Line.from_toml((folder / "scene.toml").read_text(encoding="utf-8"))
+    return limits_of(list(map(limit_text, summary["limits"])), scopes(line))
 
 
 def _floats(positions: Sequence[Row], name: str) -> Array:

@@ -4,6 +4,7 @@ import csv
 import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -11,8 +12,9 @@ from markupsafe import Markup
 from cablefem.response import Array
 from validation.core import store
 from validation.core.quantities import scale_of, with_bar
-from validation.page import terminal
-from validation.page.answer.many import Column, Columns, Row, table_of
+from validation.page import telling, terminal
+from validation.page.answer.many import LIMITS, Column, Columns, Row, table_of
+from validation.page.line import limits_from
 from validation.page.page import VERDICTS, Section, asset, drawn
 from validation.page.plot import BLACK, BLUE, COLORS, DASHED, DOTTED, GREY, Panel, plot, side
 
@@ -43,8 +45,9 @@ def rows_of(design: Sequence[Row]) -> list[Row]:
     return [{"words": named(d["quantity"]), "value": value_of(d), "t": f"{d['t']:.4g} s"} for d in ordered]
 
 
-def tell(name: str, outcome: str, design: Sequence[Row], most: int = 14) -> None:
-    terminal.say(f"{name}: {outcome}", style="bold")
+def tell(line: Any, outcome: str, design: Sequence[Row], limits: Sequence[Row] = (), most: int = 14) -> None:
+    terminal.say(f"{line.name}: {outcome}", style="bold")
+    telling.limits(line, limits)
     rows = rows_of([d for d in design if d["quantity"].partition(":")[0] in FEW])
     terminal.table(["quantity", "value", "at"], [list(row.values()) for row in rows[:most]])
     if len(design) > len(rows[:most]):
@@ -53,7 +56,7 @@ def tell(name: str, outcome: str, design: Sequence[Row], most: int = 14) -> None
 
 def columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
     names = dict.fromkeys(name for row in rows for name in row if name.partition(":")[0] in FEW)
-    words = ("outcome", "status", "verdict")
+    words = ("outcome", "status", *LIMITS, "verdict")
     heads = {key: key for key in keys} | {name: f"{named(name)} [{unit_of(name)}]" for name in names}
     heads |= {name: name for name in words if any(name in row for row in rows)}
     return {name: Column(head, digits=6) for name, head in heads.items()}
@@ -70,7 +73,8 @@ def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None)
     alarm = {"breaks": "disagree", "collides": "disagree", "incomplete": "disagree"}.get(summary["outcome_kind"])
     return drawn(
         "validation.page", "assets/motion.html", id=folder.name, verdict=verdict, outcome=summary["outcome"],
-        alarm=alarm, side=_side(line, _columns(folder / "profile.csv"), paths), design=rows_of(summary["design"]),
+        limits=limits_from(folder, summary), alarm=alarm, side=_side(line, _columns(folder / "profile.csv"), paths),
+        design=rows_of(summary["design"]),
         over=list(_over(line, contacts, paths)), round_trip=f"{summary['round_trip']:.2g} s",
         compared=[row for row in compared if row not in laws], laws=laws,
     )  # fmt: skip

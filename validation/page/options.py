@@ -96,6 +96,30 @@ Set = Annotated[
 ]  # fmt: skip
 
 
+LimitNames = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--limits", metavar="NAME", help="Limits of a text (cablefem scenes --limits) beside the scene's own."
+    ),
+]
+RequireLimits = Annotated[
+    bool, typer.Option("--require-limits", help="Exit with 1 where a limit is not met or too close to tell.")
+]
+
+
+def limited(scene: Any, names: list[str] | None) -> Any:
+    """The scene or line with limits of texts; Refused for an unknown text."""
+    from cablefem.scene import SceneError
+
+    if not names:
+        return scene
+    given = () if scene.limits is None else scene.limits.use
+    try:
+        return scene.replace({"limits.use": list(dict.fromkeys([*given, *names]))})
+    except SceneError as error:
+        raise store.Refused([fault.replace("limits.use", "--limits", 1) for fault in error.faults]) from None
+
+
 @dataclass(frozen=True, slots=True)
 class Point:
     """One point of the grid of --set: its values, its scene, settings of the method."""

@@ -211,6 +211,7 @@ _PARTS: Any = _ENVIRONMENT.get_template("parts.html").module
 badge = _PARTS.badge
 callout = _PARTS.callout
 details = _PARTS.details
+limits_of = _PARTS.limits
 gallery = _PARTS.gallery
 figure_of = _PARTS.figure
 _ENVIRONMENT.globals |= {

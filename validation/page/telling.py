@@ -5,11 +5,13 @@ from typing import Any
 
 from cablefem.response import Response
 from cablefem.scene import Scene
+from cablefem.scene.line import Line
+from validation.core import limits as judge
 from validation.core.agreement import Agreement
 from validation.core.answers import outcome
 from validation.core.measures import WINDOWS
 from validation.core.methods import find
-from validation.core.quantities import key_numbers, number_text, with_bar
+from validation.core.quantities import key_numbers, limit_text, number_text, with_bar
 from validation.page import terminal
 from validation.page.answer import EVENTS
 
@@ -33,6 +35,7 @@ def _text(value: float | None, digits: str) -> str:
 def answer(scene: Scene, r: Response) -> None:
     """Print what became of a run, its events, the numbers that matter, and where the cable goes slack."""
     terminal.say(f"{r.scene}: {outcome(scene, r).sentence}", style="bold")
+    limits(scene, judge.rows(scene, r.design, r.events))
     events([x for x in r.events if x["event"] in EVENTS[1:]])  # without the release
     numbers(key_numbers(r.design))
     onset = next((row for row in r.design if row["quantity"] == "slack_onset"), None)
@@ -43,6 +46,15 @@ def answer(scene: Scene, r: Response) -> None:
         if r.law == "elastic":
             after = "this elastic law carries compression, and means nothing"
         terminal.say(f"  slack somewhere from car at {at} m on; from there on {after}")
+
+
+def limits(scene: Scene | Line, judged: Sequence[dict[str, Any]]) -> None:
+    """Print verdicts on limits, and what their texts are for."""
+    if judged:
+        cells = [limit_text(row) for row in judged]
+        terminal.table(list(cells[0]), [list(cell.values()) for cell in cells])
+    for sentence in judge.scopes(scene):
+        terminal.say(f"  {sentence}")
 
 
 def numbers(design: Sequence[dict[str, Any]]) -> None:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 _COPIES: list[list[str]] = []  # of what is printed
 STYLES = {"agree": "green", "disagree": "bold red", "not comparable": "yellow", "too coarse": "yellow"}
+STYLES |= {"met": "green", "not met": "bold red", "too close to tell": "yellow"}
 
 
 def say(text: str = "", style: str = "") -> None:

@@ -36,6 +36,8 @@ def command(
     ] = False,
     self_test: Annotated[bool, typer.Option("--self-test", help="Add 1 % to one mass: must be detected.")] = False,
     ask: Annotated[str, typer.Option("--ask", metavar="WHAT", help=ASK)] = "all",
+    limits: options.LimitNames = None,
+    require: options.RequireLimits = False,
     out: options.Out = None,
 ) -> int:
     """Run two solvers that share no formula on one scene, or on a grid of scenes; do they agree?
@@ -63,26 +65,27 @@ def command(
         from validation.commands.check import motion
 
         kind = motion if line.moves else at_rest
-        given = options.points_of(line, set_)
-        return kind.check(given, tol, tol_tension, out, _second(given[0].scene, second, second_set))
+        given = options.points_of(options.limited(line, limits), set_)
+        return kind.check(given, tol, tol_tension, out, _second(given[0].scene, second, second_set), require)
     faults = [
         *options.tol_faults(tol), *options.tol_faults(tol_tension, "--tol-tension", 1e-6, 1.0),
         *options.tol_faults(with_tol, "--with-tol", 0.0, 1.0),
     ]  # fmt: skip
     if ask not in ("all", "path"):
         faults.append(f"--ask = {ask!r}: must be all or path")
-    loaded = options.scene_named(scene, faults, travelling=True)
+    loaded = options.limited(options.scene_named(scene, faults, travelling=True), limits)
     points = _points(loaded, set_)
     asked = {"tol": 1e-3 if tol is None else tol, "tol_tension": tol_tension, "ask": ask}
     if len(points) > 1:
         if other is not None:
             raise store.Refused("--with: holds one path against one scene; leave it out of a grid")
-        return _many(loaded, points, out, **asked)
+        return _many(loaded, points, out, require, **asked)
     loaded = points[0].scene
     third = None if other is None else (_path(other, loaded), with_tol)
     result, folder = _checked(loaded, third, out, deep=deep, second=_second(loaded, second, second_set), **asked)
 
     from validation.commands.check import words
+    from validation.core import limits as judge
     from validation.core.readback import Stored
     from validation.page import report, telling
 
@@ -98,6 +101,8 @@ def command(
     broken = telling.broken(a, b)
     wrong = 0 if broken else report.read_back("check", Stored(folder, [a.method, b.method], judged=True), lines)
     sound = result.verdict.value == "agree" and not result.doubts and not wrong
+    if require and judge.failed(result.limits):
+        sound = False
     if self_test:
         from validation.commands.check import selftest
 
@@ -170,9 +175,10 @@ def _animate(folder: Path, runs: "tuple[Response, ...]") -> None:
         paraview.write(run, folder / run.method)
 
 
-def _many(scene: Any, points: list[options.Point], out: Path | None, **asked: Any) -> int:
+def _many(scene: Any, points: list[options.Point], out: Path | None, require: bool, **asked: Any) -> int:
     """Check every point of a grid; 1 unless all agree."""
     from validation.commands.check import study
+    from validation.core.limits import failed_columns
     from validation.page.answer import many
 
     def row(point: options.Point) -> tuple[dict[str, Any], Any]:
@@ -181,4 +187,6 @@ def _many(scene: Any, points: list[options.Point], out: Path | None, **asked: An
         return many.row(point.scene, r, found.verdict.value), many.path(r)
 
     rows = many.grid("check", "grid-check", scene, points, out, row, many.columns)
+    if require and failed_columns(rows):
+        return 1
     return 0 if all(row["verdict"] == "agree" for row in rows) else 1

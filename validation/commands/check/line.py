@@ -199,8 +199,9 @@ def recheck_outputs(result: Answers) -> list[Agreement]:
 
 
 def check(
-    points: Sequence[Point], tol: float | None, tol_tension: float | None, out: Path | None, second: Line | None
-) -> int:
+    points: Sequence[Point], tol: float | None, tol_tension: float | None, out: Path | None, second: Line | None,
+    require: bool = False,
+) -> int:  # fmt: skip
     """Check a line or a grid of lines; 1 unless they agree, 2 for a position without rest."""
     tol = TOL if tol is None else tol
     low, high = TOL_RANGE
@@ -208,7 +209,7 @@ def check(
         raise store.Refused(f"--tol must lie in [{low:g}, {high:g}] m for a line at rest, got {tol:g}")
     if second is not None and any(_layout(second) != _layout(point.scene) for point in points):
         raise store.Refused("--second: must be a line with the same contacts, cars and positions")
-    return answer("check", points, out, lambda line: checked(line, tol, tol_tension, second))
+    return answer("check", points, out, lambda line: checked(line, tol, tol_tension, second), require)
 
 
 def _layout(line: Line) -> list[tuple[str, ...]]:

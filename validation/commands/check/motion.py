@@ -79,8 +79,9 @@ def checked(
 
 
 def check(
-    points: Sequence[Point], tol: float | None, tol_tension: float | None, out: Path | None, second: Line | None
-) -> int:
+    points: Sequence[Point], tol: float | None, tol_tension: float | None, out: Path | None, second: Line | None,
+    require: bool = False,
+) -> int:  # fmt: skip
     """Check a line in motion or a grid of them; 1 unless they agree, 2 where a run broke."""
     tol = TOL if tol is None else tol
     if faults := [*tol_faults(tol), *tol_faults(tol_tension, "--tol-tension", 1e-6, 1.0)]:
@@ -88,7 +89,7 @@ def check(
     if second is not None and any(_names(second) != _names(point.scene) for point in points):
         raise store.Refused("--second: must be a line in motion with the same contacts and cars")
     solve = partial(checked, tol=tol, tol_tension=tol_tension, second=second)
-    return answer("check", points, out, solve)
+    return answer("check", points, out, solve, require)
 
 
 def _names(line: Line) -> list[Any]:

@@ -12,7 +12,7 @@ from typing import Any
 from cablefem.response import Flag, Response, write_json, write_text
 from cablefem.scene import Scene
 from cablefem.scene.errors import nearest, shown
-from validation.core import foreign, measures
+from validation.core import foreign, limits, measures
 from validation.core.agreement import DEFAULT_TOL, TOL_HIGH, TOL_LOW, Agreement, Verdict, check_range, overall
 from validation.core.answers import outcome
 from validation.core.design import design, gaps, widened_numbers
@@ -95,8 +95,14 @@ class Check:
         rows = listed(map(number_text, key_numbers(self.design)), columns)
         return f"<div><p>{html.escape(repr(self))}</p>{rows}{self.a.run._repr_html_()}</div>"
 
+    @property
+    def limits(self) -> list[dict[str, Any]]:
+        """Verdicts on the limits of the scene."""
+        return limits.rows(self.scene, self.design, self.a.run.events)
+
     def agreement(self) -> dict[str, Any]:
-        return {
+        judged = {"limits": self.limits} if self.scene.limits else {}
+        return judged | {
             "scene": self.scene.name, "verdict": self.verdict.value, "range": list(self.window),
             "axis": View.of(self.scene).axis, "tol": self.tol,
             "methods": [self.a.run.method, self.b.run.method], "rows": [row.row() for row in self.rows],

@@ -33,6 +33,8 @@ def command(
     law: Annotated[str, typer.Option(metavar="NAME", help=LAW)] = "auto",
     tol: Annotated[float | None, options.number("--tol", TOL)] = None,
     bars: Annotated[bool, typer.Option("--bars/--no-bars", help="Error bars from coarser runs.")] = True,
+    limits: options.LimitNames = None,
+    require: options.RequireLimits = False,
     out: options.Out = None,
 ) -> int:
     """Run one method on one scene, or on a grid of scenes: what becomes of the ride, in numbers and pictures.
@@ -50,14 +52,15 @@ def command(
         from validation.commands.run import motion
 
         kind_of_line = motion if line.moves else at_rest
-        return kind_of_line.answer("run", options.points_of(line, set_), out, kind_of_line.answers)
+        given = options.points_of(options.limited(line, limits), set_)
+        return kind_of_line.answer("run", given, out, kind_of_line.answers, require)
     faults = [
         f"--{option} = {shown(given)}: unknown.{nearest(given, CHOICES[option])}"
         for option, given in kind.items() if given not in CHOICES[option]
     ]  # fmt: skip
     faults += options.tol_faults(tol)
     chosen = None if model == QUASI_STATIC else _found(method, tol, faults)
-    loaded = options.scene_named(scene, faults, travelling=True)
+    loaded = options.limited(options.scene_named(scene, faults, travelling=True), limits)
     points = options.points_of(loaded, set_)
     if faults := [fault for point in points for fault in _faults(chosen, kind, point, tol)]:
         raise store.Refused(list(dict.fromkeys(faults)))
@@ -69,11 +72,14 @@ def command(
         return study.answer(point.scene, chosen, tol=tol, bars=bars, progress=progress, **how)
 
     if len(points) > 1:
-        return study.many(loaded, points, answered, out)
-    return _one(points[0], QUASI_STATIC if chosen is None else method, answered, out)
+        return study.many(loaded, points, answered, out, require)
+    return _one(points[0], QUASI_STATIC if chosen is None else method, answered, out, require)
 
 
-def _one(point: options.Point, name: str, answered: "Callable[..., tuple[Response, str]]", out: Path | None) -> int:
+def _one(
+    point: options.Point, name: str, answered: "Callable[..., tuple[Response, str]]", out: Path | None, require: bool
+) -> int:  # fmt: skip
+    from validation.core import limits
     from validation.core.answers import write_answers
     from validation.core.readback import Stored
     from validation.core.sidebyside import aside
@@ -98,6 +104,8 @@ def _one(point: options.Point, name: str, answered: "Callable[..., tuple[Respons
     wrong = report.read_back("run", Stored(folder, [name], judged=False), lines)
     if missed:
         terminal.complain([missed])
+        return 1
+    if require and limits.failed(limits.rows(scene, r.design, r.events)):
         return 1
     # a bar that could not be made is no fault of the run
     return 1 if wrong or any(flag.kind != "no bar" for flag in r.flags) else 0

@@ -17,9 +17,9 @@ from scipy.interpolate import CubicHermiteSpline
 from cablefem import catenary_line
 from cablefem.response import Array, write_csv, write_json, write_text
 from cablefem.scene import SceneError
-from cablefem.scene.line import Car, Line, LineRest, NoLine
+from cablefem.scene.line import Car, Line, LineRest, LineState, NoLine
 from cablefem.scene.surroundings import GROUND
-from validation.core import store
+from validation.core import limits, store
 from validation.core.agreement import Agreement, Verdict, overall
 from validation.core.answers import STATIONS
 from validation.page import report, terminal
@@ -109,6 +109,8 @@ def _at_contact(rest: LineRest, i: int, j: int, index: dict[str, int]) -> Row:
         out[f"load_down:{name}"] = down + cars
         out[f"pressure:{name}"] = math.hypot(across, down)
         out[f"pressure_down:{name}"] = down
+        out[f"knee:{name}"] = _knee(state, k)
+        out[f"knee_empty:{name}"] = _knee(rest.empty, j)
         out[f"direction:{name}"] = math.degrees(math.atan2(across, down))
         out[f"rope_over:{name}"] = float(rest.empty.s[j] - state.s[k])
     elif contact.kind == "counterweight":
@@ -117,6 +119,12 @@ def _at_contact(rest: LineRest, i: int, j: int, index: dict[str, int]) -> Row:
     elif contact.kind == "spring":
         out[f"shift:{name}"] = math.dist(state.place[k], contact.at)
     return out
+
+
+def _knee(state: LineState, k: int) -> float:
+    """Angle [deg] by which the rope bends down at a station."""
+    behind, ahead = (math.atan2(pull[1], pull[0]) for pull in (state.behind[k], state.ahead[k]))
+    return math.degrees(ahead - behind)
 
 
 def _over(car: Car, what: str) -> str:
@@ -203,6 +211,11 @@ class Answers:
         return [{"position": i + 1, "reason": str(x)} for i, x in positions if isinstance(x, NoLine)]
 
     @property
+    def limits(self) -> list[Row]:
+        """Verdicts on the limits of the line."""
+        return limits.rows(self.line, self.design)
+
+    @property
     def status(self) -> str:
         return "incomplete" if self.refused else "complete"
 
@@ -272,7 +285,7 @@ def write(folder: Path, result: Answers, seconds: float) -> None:
         "scene": line.name, "title": line.title, "method": "catenaries", "status": result.status,
         "outcome": result.outcome.sentence, "outcome_kind": result.outcome.kind,
         "refused": result.refused, "positions": line.count, "empty_length": float(np.ptp(result.rest.empty.s)),
-        "design": result.design, "seconds": seconds,
+        "design": result.design, "limits": result.limits, "seconds": seconds,
     })  # fmt: skip
     at_rest = list(result.rest.states)
     # the ropes of some positions are drawn
@@ -282,13 +295,17 @@ def write(folder: Path, result: Answers, seconds: float) -> None:
     write_json(folder / "ropes.json", store.plain(ropes))
 
 
-def answer(command: str, points: Sequence[Point], out: Path | None, solve: Callable[[Line], Answers]) -> int:
+def answer(
+    command: str, points: Sequence[Point], out: Path | None, solve: Callable[[Line], Answers], require: bool = False
+) -> int:
     """Answer a line or a grid, store, draw and print; 1 where solvers do not agree, 2 where a position has no rest."""
     line: Line = points[0].scene
     rows = _many(command, points, out, solve) if len(points) > 1 else [_one(command, line, out, solve)]
     if any(x.get("verdict", "agree") != "agree" for x in rows):
         return 1
-    return 2 if any(x["status"] != "complete" for x in rows) else 0
+    if any(x["status"] != "complete" for x in rows):
+        return 2
+    return int(require and limits.failed_columns(rows))
 
 
 def _one(command: str, line: Line, out: Path | None, solve: Callable[[Line], Answers]) -> Row:
@@ -303,11 +320,11 @@ def _one(command: str, line: Line, out: Path | None, solve: Callable[[Line], Ans
     if result.verdict:
         verdict = result.verdict.value
         rows = [row.row() for row in result.rows]
-        agreement = {"verdict": verdict, "methods": ["catenaries", "elements"], "rows": rows}
+        agreement = {"verdict": verdict, "methods": ["catenaries", "elements"], "rows": rows, "limits": result.limits}
         write_json(folder / "agreement.json", agreement)
         terminal.say(verdict, style=terminal.STYLES[verdict])
     report.write(folder, command)
-    tell(line, result.outcome.sentence, result.design, result.refused)
+    tell(line, result.outcome.sentence, result.design, result.refused, result.limits)
     terminal.say(f"  {_positions(line.count)} in {seconds:.2g} s")
     if result.verdict:
         terminal.say(f"  {sure(result.rows)}")
@@ -318,6 +335,7 @@ def _one(command: str, line: Line, out: Path | None, solve: Callable[[Line], Ans
 def _entry(result: Answers, **numbers: Any) -> Row:
     """A row of a grid's table."""
     words = {"outcome": result.outcome.sentence, "status": result.status}
+    words |= limits.columns(result.limits)
     return words | numbers | ({"verdict": result.verdict.value} if result.verdict else {})
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,10 +21,11 @@ from cablefem.scene.contacts import MovingLine
 from cablefem.scene.line import Line, LineState
 from cablefem.scene.moving import moving
 from galerkin.lines import LineSines
-from validation.core import motion_laws, store
+from validation.core import limits, motion_laws, store
 from validation.core.agreement import Agreement, Verdict, overall
 from validation.core.ladder import Branch, Ladder
 from validation.core.motion_rows import Moved, rope_depths, tension_of, with_bars
+from validation.core.readback import limit_faults
 from validation.page import report, terminal
 from validation.page.answer import many as table
 from validation.page.motion import columns, tell, unit_of
@@ -158,6 +160,11 @@ class Answers:
         return overall(self.rows) if self.rows else None
 
     @property
+    def limits(self) -> list[Row]:
+        """Verdicts on the limits of the line."""
+        return limits.rows(self.line, self.design)
+
+    @property
     def status(self) -> str:
         return "complete" if self.moved.reason is None else "incomplete"
 
@@ -249,18 +256,23 @@ def write(folder: Path, result: Answers, seconds: float) -> None:
         "scene": line.name, "title": line.title, "method": moved.method, "settings": moved.settings,
         "status": result.status, "reason": moved.reason, "outcome": result.outcome.sentence,
         "outcome_kind": result.outcome.kind, "events": [{"event": name, "t": t} for name, t in moved.events],
-        "design": result.design, "round_trip": moved.period, "n_dof": moved.n_dof, "steps": moved.steps,
+        "design": result.design, "limits": result.limits,
+        "round_trip": moved.period, "n_dof": moved.n_dof, "steps": moved.steps,
         "seconds": seconds,
     }))  # fmt: skip
 
 
-def answer(command: str, points: Sequence[Point], out: Path | None, solve: Callable[[Line], Answers]) -> int:
+def answer(
+    command: str, points: Sequence[Point], out: Path | None, solve: Callable[[Line], Answers], require: bool = False
+) -> int:
     """Answer a line or a grid, store, draw and print; 1 where solvers do not agree, 2 where a run broke."""
     line: Line = points[0].scene
     rows = _many(command, points, out, solve) if len(points) > 1 else [_one(command, line, out, solve)]
     if any(x.get("verdict", "agree") != "agree" or x.get("faults") for x in rows):
         return 1
-    return 2 if any(x["status"] != "complete" for x in rows) else 0
+    if any(x["status"] != "complete" for x in rows):
+        return 2
+    return int(require and limits.failed_columns(rows))
 
 
 def _one(command: str, line: Line, out: Path | None, solve: Callable[[Line], Answers]) -> Row:
@@ -276,12 +288,14 @@ def _one(command: str, line: Line, out: Path | None, solve: Callable[[Line], Ans
         verdict = result.verdict.value
         methods = [result.moved.method, "" if result.other is None else result.other.method]
         agreement = {"verdict": verdict, "methods": methods, "rows": [row.row() for row in result.rows]}
+        agreement["limits"] = result.limits
         write_json(folder / "agreement.json", agreement)
         terminal.say(verdict, style=terminal.STYLES[verdict])
     faults = motion_laws.read_back(folder / home, result.motion, result.design, result.moved.period)
+    faults += limit_faults(result.limits, tomllib.loads(line.to_toml()), result.design, ())
     report.write(folder, command, faults)
     terminal.complain([f"not what was computed: {fault}" for fault in faults[:5]])
-    tell(line.name, result.outcome.sentence, result.design)
+    tell(line, result.outcome.sentence, result.design, result.limits)
     terminal.say(f"  {result.moved.method}, {_settings(result.moved)}; {seconds:.2g} s")
     if result.rows:
         terminal.say(f"  {counted(result.rows)}")
@@ -306,7 +320,7 @@ def counted(rows: Sequence[Agreement]) -> str:
 
 def _entry(result: Answers) -> Row:
     """A row of a grid's table."""
-    row: Row = {"outcome": result.outcome.sentence, "status": result.status}
+    row: Row = {"outcome": result.outcome.sentence, "status": result.status, **limits.columns(result.limits)}
     return row | ({"verdict": result.verdict.value} if result.verdict else {})
 
 

@@ -9,7 +9,7 @@ from cablefem.response import Once, Response
 from cablefem.scene import Scene
 from cablefem.scene.errors import nearest, shown
 from validation.commands.run.command import CHOICES, QUASI_STATIC
-from validation.core import recomputed
+from validation.core import limits, recomputed
 from validation.core.agreement import TOL_HIGH, TOL_LOW, Verdict
 from validation.core.answers import outcome
 from validation.core.design import design
@@ -123,12 +123,17 @@ def faults(
     return found
 
 
-def many(scene: Scene, points: Sequence[Point], answered: Callable[..., tuple[Response, str]], out: Path | None) -> int:
-    """Answer every point of a grid; 2 where a run broke."""
+def many(
+    scene: Scene, points: Sequence[Point], answered: Callable[..., tuple[Response, str]], out: Path | None,
+    require: bool = False,
+) -> int:  # fmt: skip
+    """Answer every point of a grid; 2 where a run broke, 1 where limits are required and one fails."""
 
     def row(point: Point) -> tuple[table.Row, Any]:
         found = answered(point, silent)[0]
         return table.row(point.scene, found), table.path(found)
 
     rows = table.grid("run", "grid", scene, points, out, row, table.columns)
-    return 2 if any(x["outcome_kind"] == "incomplete" for x in rows) else 0
+    if any(x["outcome_kind"] == "incomplete" for x in rows):
+        return 2
+    return int(require and limits.failed_columns(rows))

@@ -16,9 +16,14 @@ def command(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="Print this scene's TOML, to copy.")] = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write TOML files into this folder instead.")] = None,
     keys: Annotated[bool, typer.Option("--keys", help="Print all keys of a scene file, with units.")] = False,
+    limits: Annotated[
+        bool, typer.Option("--limits", help="Print the limits that are shipped, with their sources.")
+    ] = False,
     schema: Annotated[bool, typer.Option("--schema", help="Print the JSON schema of a scene file.")] = False,
 ) -> int:
     """List the built-in scenes, print one as TOML, or say what a scene file may hold."""
+    if limits:
+        return _limits()
     if keys or schema:
         return _keys() if keys else _schema()
     if name is None and out is None:
@@ -84,6 +89,24 @@ def _keys() -> int:
             for key in keys(part)
         ]
         terminal.table(["key", "unit", "meaning", "default", "range"], rows)
+    return 0
+
+
+def _limits() -> int:
+    from cablefem.scene.limits import DEMANDS, TEXTS
+    from validation.core.quantities import quantity_text
+
+    rows = []
+    for name, text in TEXTS.items():
+        year = str(text.get("year", ""))
+        year = "" if year in text["source"] else f", {year}"
+        terminal.say(f"{name}: {text['source']}{year}; for {text['scope']}; {text['link']}")
+        for rule in text["limit"]:
+            words, side, unit, _ = DEMANDS[rule["demand"]]
+            about = rule.get("kind") or rule.get("when", "")
+            limit = f"{side} {quantity_text(rule['limit'], None, unit)}"
+            rows.append([name, words.format("obstacles"), limit, about, rule["clause"]])
+    terminal.table(["name", "limit", "number", "where or when", "clause"], rows)
     return 0
 
 

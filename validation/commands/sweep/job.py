@@ -211,6 +211,7 @@ def _advise(scene: Any, tol: float) -> dict[str, Any]:
 
 
 def of_response(r: Any, scene: Any) -> dict[str, Any]:
+    from validation.core import limits
     from validation.core.answers import outcome
 
     found = outcome(scene, r)
@@ -219,6 +220,7 @@ def of_response(r: Any, scene: Any) -> dict[str, Any]:
     out |= {name: r.work[name] for name in COLUMNS["counts"]}
     out |= {"flags": "; ".join(map(str, r.flags)) or None, "settings": json.dumps(r.settings)}
     out |= {"events": json.dumps(r.events) if r.events else None, "outcome": found.sentence, "outcome_kind": found.kind}
+    out |= limits.columns(limits.rows(scene, r.design, r.events))
     for number in r.design:
         if number["quantity"] in DESIGN:
             out |= {number["quantity"]: number["value"], f"{number['quantity']}_bar": number["bar"]}

@@ -12,14 +12,15 @@ from markupsafe import Markup
 
 from cablefem.response import Response
 from cablefem.scene import Scene
+from validation.core import limits
 from validation.core.answers import outcome
 from validation.core.measures import averaged
 from validation.core.methods import METHODS
-from validation.core.quantities import key_numbers
+from validation.core.quantities import key_numbers, limit_text
 from validation.core.scene_data import SceneData
 from validation.page.answer import figures as draw
 from validation.page.answer.stored import Stored
-from validation.page.page import drawn_with, table
+from validation.page.page import drawn_with, limits_of, table
 from validation.page.side_view import side_view
 
 
@@ -39,6 +40,7 @@ def content(x: Stored) -> dict[str, Any]:
         "tension_field": partial(draw.tension_field, x),
         "methods": METHODS,
         "drawn_with": drawn_with(),
+        "limits": limits_of(map(limit_text, limits.rows(x.scene, x.design, x.all_events)), limits.scopes(x.scene)),
         "inputs": inputs(x.scene.to_toml()),
         "loads": list(loads(x)),
         "work": [_work(r) for r in x.runs],

@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from cablefem.response import Response, whole, write_json, write_text
 from cablefem.scene import Scene
-from validation.core import store
+from validation.core import limits, store
 from validation.core.answers import outcome
 from validation.core.quantities import named, scale_of
 from validation.core.sidebyside import spread
@@ -25,6 +25,7 @@ from validation.page.side_view import short, some
 
 ANNOUNCED = 50  # scenes: of more the number is said before they start
 DASHES = ("", DASHED, DOTTED, "8 3 2 3")  # one for each value of the keys after the first
+LIMITS = ("limits_met", "limits_worst")
 Row = dict[str, Any]
 HEADS = {
     "outcome": "outcome",
@@ -33,6 +34,8 @@ HEADS = {
     "farthest_m": "farthest point [m]",
     "clearance_rope_min": "clearance, rope [m]",
     "clearance_car_min": "clearance, car [m]",
+    "limits_met": "limits",
+    "limits_worst": "worst limit",
     "verdict": "verdict",
 }
 # kind of an outcome in words, of one run or of many
@@ -81,7 +84,7 @@ def row(scene: Scene, r: Response, verdict: str | None = None) -> Row:
         rests = end.kind in ("stuck", "stopped_by_brake")
         out["rests_at_m"] = round(float(r.s_o[-1]), 2) if rests else None
         out["farthest_m"] = round(float(r.s_o.max()), 2)
-    out |= _numbers(r.design)
+    out |= _numbers(r.design) | limits.columns(limits.rows(scene, r.design, r.events))
     if verdict is not None:
         out["verdict"] = verdict
     return out
@@ -153,7 +156,7 @@ def _tell(rows: list[Row], shown: Columns) -> None:
 def columns(rows: list[Row], keys: Sequence[str]) -> Columns:
     """Columns of a table of runs: varied values, outcomes, common numbers, verdicts."""
     out = {key: Column(key) for key in keys}
-    for name in ("outcome", "arrival_km_h", "rests_at_m", "farthest_m", *NUMBERS, "verdict"):
+    for name in ("outcome", "arrival_km_h", "rests_at_m", "farthest_m", *NUMBERS, *LIMITS, "verdict"):
         values = [x[name] for x in rows if x.get(name) is not None]
         if not values:
             continue

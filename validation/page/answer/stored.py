@@ -37,8 +37,11 @@ class Stored:
     @property
     def events(self) -> list[dict[str, Any]]:
         """Events of the first solver's run, without rattling before a stop."""
-        events = self.agreement.get("events") or self.runs[0].events
-        return [event for event in events if event["event"] in EVENTS]
+        return [event for event in self.all_events if event["event"] in EVENTS]
+
+    @property
+    def all_events(self) -> list[dict[str, Any]]:
+        return list(self.agreement.get("events") or self.runs[0].events)
 
     @property
     def onset(self) -> float | None:

@@ -1,0 +1,163 @@
+"""Limits: verdicts with the bar, what is missing, and a second computation that denies a planted fault."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import cablefem as cf
+from cablefem.scene import Scene, SceneError
+from validation.commands.run.study import quasi_static_answer
+from validation.core import limits, readback, recomputed
+
+ZIP = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8").split("```toml\n")[1].split("```")[0]
+TEXTS = {"limits.use": ["vorarlberg-goods", "vorarlberg-staff", "france-1974"], "limits.wheels": 8}
+HUT = {"name": "hut", "at": 300.0, "top": -100.0, "kind": "road"}
+TRAMWAY = Scene.load("tramway").replace({**TEXTS, "cable.breaking_load": 2.3e6, "obstacle": [HUT]})
+
+
+@pytest.fixture(scope="module")
+def tramway():
+    r = quasi_static_answer(TRAMWAY)
+    return r, limits.rows(TRAMWAY, r.design, r.events)
+
+
+def verdicts(rows):
+    return {(row["demand"], row["limit"]): row["verdict"] for row in rows}
+
+
+def test_numbers_of_texts_are_held_against_the_answer(tramway):
+    r, rows = tramway
+    known = {row["quantity"]: row["value"] for row in r.design}
+    found = verdicts(rows)
+    assert found["breaking load over largest tension", 3.15] == "not met"
+    assert 2.3e6 / known["tension_max"] < 3.15
+    assert found["smallest tension over wheel load, all wheels alike", 40.0] == "met"
+    assert found["acceleration of the timetable", 0.2] == "met"  # 0.196: 1.5 V^2/way of 764 m
+    assert found["top speed", 4.0] == "not met"
+    assert found["smallest clearance over hut", 4.5] == "met"
+    assert ("smallest clearance over hut", 6.0) not in found  # a road is no house
+    assert found["swing across the line, its tangent", 0.2] == "not computed: the run is planar"
+    assert not r.flags  # the design numbers behind it have a second computation
+
+
+def test_a_limit_within_the_bar_is_too_close_to_tell(tramway):
+    r, _ = tramway
+    tension = next(row for row in r.design if row["quantity"] == "tension_max")
+    near = 2.3e6 / (tension["value"] + 0.5 * tension["bar"])
+    for factor, verdict in ((1.0, "too close to tell"), (0.97, "met"), (1.03, "not met")):
+        scene = TRAMWAY.replace({"limits": {"safety_factor": factor * near}})
+        assert [row["verdict"] for row in limits.rows(scene, r.design)] == [verdict]
+    without_bar = [row | {"bar": None} for row in r.design]
+    scene = TRAMWAY.replace({"limits": {"safety_factor": 1.0}})
+    assert limits.rows(scene, without_bar)[0]["verdict"] == "too close to tell"
+
+
+def test_what_is_missing_is_named():
+    scene = Scene.load("tramway").replace(TEXTS | {"obstacle": [HUT | {"kind": None}]})
+    bare = scene.replace({"limits.wheels": None})
+    r = quasi_static_answer(bare)
+    missing = {row["verdict"] for row in limits.rows(bare, r.design)}
+    keys = ("cable.breaking_load", "limits.wheels", "obstacle.hut.kind")
+    assert {f"cannot be judged: give {key}" for key in keys} <= missing
+    with pytest.raises(SceneError, match=r"unknown. Did you mean skyline\? Known: france-1974, "):
+        scene.replace({"limits.use": ["skylin"]})
+
+
+def test_circumstances_choose_between_numbers_of_a_text():
+    scene = TRAMWAY.replace({"limits.when": ["more than two persons", "rare use"]})
+    rules = [rule["limit"] for rule in scene.limits.rules(700.0) if rule["demand"] == "tension_over_wheel"]
+    assert rules == [20.0, 50.0]
+    short = [rule["limit"] for rule in scene.limits.rules(90.0) if rule["demand"] == "sag_growth"]
+    assert short == [0.15]  # the other text asks it of spans over 100 m
+
+
+def test_every_shipped_number_has_a_clause_and_every_text_a_link():
+    for text in limits.TEXTS.values():
+        assert text["source"]
+        assert text["link"].startswith("https://")
+        assert text["scope"]
+        assert all(rule["clause"] and rule["demand"] in limits.DEMANDS for rule in text["limit"])
+
+
+FAULTS = {
+    "another verdict": lambda row: row.update(verdict="met" if row["verdict"] == "not met" else "not met"),
+    "another limit": lambda row: row.update(limit=1.01 * row["limit"]),
+    "another value": lambda row: row.update(value=1.01 * row["value"] + 1e-6),
+    "another side": lambda row: row.update(side="at most" if row["side"] == "at least" else "at least"),
+    "another clause": lambda row: row.update(source=row["source"][:-1] + "9"),
+}
+
+
+@pytest.mark.parametrize("fault", [None, *FAULTS])
+def test_verdicts_are_computed_a_second_time(tramway, fault):
+    r, rows = tramway
+    toml = tomllib.loads(TRAMWAY.to_toml())
+    judged = [row for row in rows if row["value"] is not None]
+    assert len(judged) > 8
+    for i in range(len(judged)):
+        told = json.loads(json.dumps(rows))
+        if fault is not None:
+            FAULTS[fault](next(row for row in told if row == judged[i]))
+        faults = list(readback.limit_faults(told, toml, r.design, r.events))
+        assert bool(faults) is (fault is not None)
+
+
+def test_a_wrong_sag_at_rest_is_denied(tramway):
+    r, _ = tramway
+    wrong = [row | {"value": 1.001 * row["value"]} if row["quantity"] == "sag_car_rest" else row for row in r.design]
+    forged = recomputed.Readings(r, None).of("sag_car_rest")
+    assert abs(next(row["value"] for row in wrong if row["quantity"] == "sag_car_rest") - forged) > 5e-4 * forged
+
+
+@pytest.mark.parametrize(("limit", "code"), [("2.9", 0), ("3.54", 1), ("5", 1)])
+def test_required_limits_decide_the_exit_code(cablefem, limit, code):
+    Path("zip.toml").write_text(ZIP)
+    given = ("run", "zip.toml", "--model", "quasi-static", "--set", f"limits.safety_factor={limit}")
+    assert cablefem(*given)[0] == 0
+    assert cablefem(*given, "--require-limits")[0] == code
+
+
+def test_limits_are_printed_stored_and_read_back(cablefem):
+    Path("zip.toml").write_text(ZIP)
+    code, out, _ = cablefem("run", "zip.toml", "--model", "quasi-static", "--limits", "zip-line", "--out", "x")
+    assert code == 0
+    assert "lines of 6 mph (10 km/h) or less" in out
+    of = readback.Stored(Path("x"), ["quasi-static"], judged=False)
+    page = Path("x/report.html").read_text()
+    assert [*readback.files(of), *readback.page(page, "run", of)] == []
+    assert of.unread == []
+    file = Path("x/quasi-static/summary.json")
+    stored = json.loads(file.read_text())
+    stored["limits"][0]["verdict"] = "not met" if stored["limits"][0]["verdict"] == "met" else "met"
+    file.write_text(json.dumps(stored))
+    forged = readback.Stored(Path("x"), ["quasi-static"], judged=False)
+    assert any("limits: " in fault for fault in readback.files(forged))
+    assert any("no such limit" in fault for fault in readback.page(page, "run", forged))
+    code, _, err = cablefem("run", "zip.toml", "--limits", "acct")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "--limits = 'acct': unknown." in err.replace(".use", "")
+
+
+def test_limits_of_a_line_at_rest_are_printed_and_judged(cablefem):
+    code, out, _ = cablefem("check", "skyline", "--limits", "skyline", "--out", "x")
+    assert code == 0
+    rows = json.loads(Path("x/agreement.json").read_text())["limits"]
+    assert [row["verdict"] for row in rows] == ["cannot be judged: give cable.breaking_load", "not met", "met", "met"]
+    assert "smallest knee angle, empty" in out
+    assert cablefem("check", "skyline", "--limits", "skyline", "--out", "x", "--require-limits")[0] == 1
+
+
+def test_a_grid_has_the_worst_limit_of_each_scene(cablefem):
+    Path("zip.toml").write_text(ZIP)
+    given = ("--set", "mass.mass=60,120", "--set", "limits.safety_factor=3.5", "--out", "x")
+    assert cablefem("run", "zip.toml", "--model", "quasi-static", *given)[0] == 0
+    rows = json.loads(Path("x/grid/grid.json").read_text())["rows"]
+    assert [row["limits_met"] for row in rows] == ["met", "not met"]
+    assert rows[1]["limits_worst"] == "breaking load over largest tension (the scene)"
+
+
+def test_limits_from_python():
+    found = cf.Line.load("skyline").replace({"cable.breaking_load": 4e5, "limits.use": ["skyline"]})
+    assert [row["verdict"] for row in cf.run(found).limits] == ["met", "not met", "met", "met"]
