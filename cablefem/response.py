@@ -80,6 +80,8 @@ class Observation:
 
     @classmethod
     def joined(cls, parts: Sequence[Observation]) -> Observation:
+        if len(parts) == 1:
+            return parts[0]
         powers = {name: np.concatenate([p.powers[name] for p in parts]) for name in parts[0].powers}
         return cls(**{n: np.concatenate([getattr(p, n) for p in parts]) for n in _OBSERVED}, powers=powers)
 

@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any, Self
 
 import numpy as np
-from numpy.polynomial.polynomial import polyder, polyint, polyval, polyvander
 from numpy.typing import NDArray
 
 from cablefem import newmark
@@ -18,6 +17,8 @@ from cablefem.elements.kernels.balance import Cable, Contact, Instant, Mesh, Rat
 from cablefem.elements.kernels.banded import Tangent, factorise, solve
 from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY
 from cablefem.elements.kernels.newton import NO_TANGENT, Steps, solve_steps
+from cablefem.elements.observing import Along
+from cablefem.elements.reference import Points
 from cablefem.newmark import Array, Newton, Solve, State, StepResult, System, Tableau
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
@@ -29,6 +30,14 @@ STRETCHING = {"straight": (0.0, 0.0), "string": (0.0, 0.0), "sagged": (1.0, 0.0)
 
 Factors = tuple[float, float, float]  # of dr/dq, dr/dv, dr/da
 UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def _times_linear(polynomials: Array, line: Array) -> Array:
+    """Polynomials (powers, ...) times linear functions (2, ...)."""
+    out = np.zeros((len(polynomials) + 1, *np.broadcast_shapes(polynomials.shape[1:], line.shape[1:])))
+    out[:-1] = polynomials * line[0]
+    out[1:] += polynomials * line[1]
+    return out
 
 
 class CableElements(System):
@@ -44,6 +53,8 @@ class CableElements(System):
     _band: int
     _operators: Array  # see `kernels.balance.Cable`
     _mesh: Mesh
+    _at_inertia: Points  # that integrate products of two shapes
+    _at_force: Points  # of `_mesh`
     _knots: Array  # 0 at the mass or the end of a fixed mesh
     _shapes: Array  # `reference.shape_polynomials`
     _moments: Array  # `reference.moments` of each side of the mass
@@ -203,10 +214,13 @@ class CableElements(System):
         """s_o, ds_o, dds_o of a history (n, 3)."""
         return np.ascontiguousarray(self.motion.along(states.t, states.phase).T)
 
-    def _padded(self, x: Array) -> Array:
-        """Unknowns of the cable (n, n_scalar + 1, fields); the last ones, of the supports, are 0."""
+    def _nodal(self, x: Array, dofs: Any, row: Any = slice(None)) -> Array:
+        """Scalar unknowns `dofs` (...) of the cable from x (n, n_dof), (n, ..., fields); 0 at supports, -1.
+
+        row : of each of `dofs`; default all.
+        """
         cable = x[:, : self.fields * self.n_scalar].reshape(len(x), self.n_scalar, self.fields)
-        return np.pad(cable, ((0, 0), (0, 1), (0, 0)))
+        return np.where(np.asarray(dofs)[..., None] >= 0, cable[row, dofs], 0.0)
 
     def _mesh_at(self, kinematics: Array) -> Array:
         """s_o, ds_o, dds_o of the mesh."""
@@ -216,63 +230,78 @@ class CableElements(System):
         """w(s_o(t), t), dw/dt, d2w/dt2, and w' behind and ahead, (n, fields) each."""
         raise NotImplementedError
 
+    def _ends_with_mass(self, states: States, kinematics: Array, ends: Array, force: Array) -> Array:
+        """`observing.CableState.ends` of a mesh without a node at the mass; force : see `_along`."""
+        return ends
+
     def _along(
         self, states: States, kinematics: Array, ends: Array, force: Array, s: Array, frames: NDArray[np.intp]
-    ) -> tuple[Sequence[Array], Array, Array]:
-        """(w, dw/dt at fixed s, w'), f - c^2 w' (k, m, fields) each, and mesh speed c (k, m); at s_o behind the mass.
+    ) -> Along:
+        """Fields at stations s, (m,) or (k, m), for the rows `frames` (k,).
 
-        ends : see `observing._end_forces`;  force : of the cable on the mass (n, fields).
+        Each is a polynomial in every element, with coefficients (powers, elements, fields, k).
+
+        ends : see `observing.CableState`;  force : of the cable on the mass (fields, n).
         Momentum is tested with phi = 1 up to s, from the support or the mass.
         """
         knots = self._knots
-        shapes = self._shapes
-        dofs = self._mesh.dofs
         n_left = self._mesh.n_left
-        q, v, a = (self._padded(x[frames]) for x in (states.q, states.v, states.a))
         c_d = self.groups.damping
-        s_o, ds, dds = kinematics[frames].T[..., None]
-        a = a + c_d * v
+        q, v, a = self._element_polynomials([x[frames] for x in (states.q, states.v, states.a)])
+        a += c_d * v
+        s_o, ds, dds = kinematics[frames].T  # (k,) each
+        is_behind = (np.arange(len(knots) - 1) < n_left)[:, None, None]  # (elements, 1, 1)
+        side = np.where(is_behind, 1.0, -1.0)  # dh/ds_o
+        length = np.diff(knots)[:, None, None]
+        h = np.where(is_behind, s_o, 1.0 - s_o)  # (elements, 1, k)
+        # speed of the mesh over ds_o in an element, linear in the position
+        chi = np.stack([1.0 + side * knots[:-1, None, None], side * length])
+        power = np.arange(1.0, len(q) + 1.0)[:, None, None, None]
+        w_x = power[:-1] * q[1:] / np.where(h > 0.0, length * h, 1.0)
+        rate = v - _times_linear(ds * w_x, chi)
+        # int d2(h w)/dt2 phi dxi with phi = 1 up to the position, from the support or the mass
         dds = dds + c_d * ds
-        length = np.diff(knots)
-        integrals = polyint(shapes.T)
-        # d2(h w)/dt2 behind and ahead, (2, k, n_scalar + 1, fields)
-        moving = dds[..., None] * q + 2.0 * ds[..., None] * v
-        rates = np.stack([s_o[..., None] * a + moving, (1.0 - s_o)[..., None] * a - moving])
-        of_element = polyval(1.0, integrals)  # integrals of the shapes over an element
-        up_to_element = []
-        for side, rate in zip((slice(0, n_left), slice(n_left, None)), rates, strict=True):
-            over_element = np.einsum("kelf,l,e->kef", rate[:, dofs[side]], of_element, length[side])
-            up_to_element.append(np.cumsum(over_element, axis=1) - over_element)
+        moving = dds * q + 2.0 * ds * v
+        momentum = np.zeros((len(q) + 1, *q.shape[1:]))
+        momentum[1:] = (h * a + side * moving) * length / power
+        over_element = momentum.sum(axis=0)  # (elements, fields, k)
+        for of_side in (slice(0, n_left), slice(n_left, None)):
+            momentum[0, of_side] += np.cumsum(over_element[of_side], axis=0) - over_element[of_side]
+        at_node = 2.0 * ds * self._nodal(states.v[frames], self.node).T  # (fields, k)
+        at_node += dds * self._nodal(states.q[frames], self.node).T
+        momentum[0] += np.where(is_behind, ends[0][:, frames], ends[2][:, frames] + at_node)
+        carried = momentum - _times_linear(moving, chi)
 
         # the element e of each station and the position in it, (k, m)
+        s_o = s_o[:, None]
         behind = (s <= s_o) & (s_o > 0.0)
-        h = np.where(behind, s_o, 1.0 - s_o)
-        x = np.clip((s - s_o) / h, -1.0, 1.0)
+        x = np.clip((s - s_o) / np.where(behind, s_o, 1.0 - s_o), -1.0, 1.0)
         e = np.searchsorted(knots[1:-1], x)
-        e = np.where(behind, np.minimum(e, n_left - 1), np.maximum(e, n_left))
-        inside = (x - knots[e]) / length[e]
+        e = np.where(behind, e, np.maximum(e, n_left))
+        inside = (x - knots[e]) / np.diff(knots)[e]
         row = np.arange(frames.size)[:, None]
-        nodes = dofs[e]  # (k, m, n_loc)
-        powers = polyvander(inside, len(integrals) - 1)
+        at = np.stack([(e * self.fields + field) * frames.size + row for field in range(self.fields)])
 
-        def sums(coefficients: NDArray[np.floating], unknowns: Array) -> Array:
-            """Polynomials of the shapes at the stations, times the unknowns, (k, m, fields)."""
-            functions = powers[..., : len(coefficients)] @ coefficients
-            return np.einsum("kml,kmlf->kmf", functions, unknowns)
+        def values(polynomials: Array) -> Array:
+            """Polynomials at the stations, (fields, k, m)."""
+            highest, *others = polynomials.reshape(len(polynomials), -1)[::-1]
+            value = highest.take(at)
+            for coefficients in others:
+                value *= inside
+                value += coefficients.take(at)
+            return value
 
-        of_q = q[row[..., None], nodes]
-        rate = rates[(e >= n_left)[..., None].astype(int), row[..., None], nodes]
-        w = sums(shapes.T, of_q)
-        w_t = sums(shapes.T, v[row[..., None], nodes])  # at a node
-        w_x = sums(polyder(shapes.T), of_q) / (length[e] * h)[..., None]
-        momentum = sums(integrals, rate) * length[e][..., None] + np.concatenate(up_to_element, axis=1)[row, e]
-        chi = 1.0 - abs(x)
-        node = self.node
-        c = ds * chi
-        ahead = ends[frames, 2] + 2.0 * ds * v[:, node] + dds * q[:, node]
-        start = np.where(behind[..., None], ends[frames, None, 0], ahead[:, None])
-        carried = start + momentum - 2.0 * c[..., None] * w_t - (dds * chi)[..., None] * w
-        return (w, w_t - c[..., None] * w_x, w_x), carried, c
+        return Along(values(q), values(rate), values(w_x), values(carried), ds[:, None] * (1.0 - abs(x)))
+
+    def _element_polynomials(self, histories: Sequence[Array]) -> Array:
+        """Coefficients of fields with unknowns (k, n_dof), (histories, powers, elements, fields, k)."""
+        size = self.fields * self.n_scalar
+        k = len(histories[0])
+        unknowns = np.zeros((self.n_scalar + 1, len(histories), self.fields, k))  # the last ones, -1, of the supports
+        for i, x in enumerate(histories):
+            unknowns[:-1, i] = x[:, :size].T.reshape(self.n_scalar, self.fields, k)
+        polynomials = np.tensordot(self._shapes, unknowns[self._mesh.dofs], ((0,), (1,)))
+        return np.moveaxis(polynomials, 2, 0)
 
     def _set_law(self, law: str) -> None:
         if law not in ("elastic", "tension-only"):

@@ -18,7 +18,7 @@ from skfem.models.poisson import mass
 
 from cablefem.elements.cable import CableElements
 from cablefem.elements.kernels.balance import Contact, Mesh
-from cablefem.elements.reference import bands, force_order, moments, shape_polynomials, tabulated
+from cablefem.elements.reference import Points, bands, force_order, moments, shape_polynomials, tabulated
 from cablefem.newmark import Array, Solve, State, StepResult, collocate, consistent_acceleration, iterate
 from cablefem.response import States
 from cablefem.scene import Groups
@@ -112,6 +112,7 @@ class FixedElements(CableElements):
             x[:, :, :2] /= n
             x[:, :, 2 + n_loc :] *= n
         self._mesh = Mesh(dofs, tab, n, (), ())
+        self._at_inertia, self._at_force = (Points.of(dofs, x, n, self.n_scalar) for x in (fine, tab))
         b = int(offsets.max())
         self._band = self.fields * b + self.fields - 1
         M = bands(np.repeat(mass.coo_data(basis).tolocal() / n, n, axis=0), dofs, self.n_scalar, b)
@@ -164,7 +165,7 @@ class FixedElements(CableElements):
         s_o, ds, dds = kinematics.T
         row = np.arange(s_o.size)[:, None]
         dofs, shapes = self._evaluate(s_o, "ahead")
-        q, v, a = (self._padded(x)[row, dofs] for x in (states.q, states.v, states.a))  # (n, n_loc, fields)
+        q, v, a = (self._nodal(x, dofs, row) for x in (states.q, states.v, states.a))  # (n, n_loc, fields)
 
         def at(shape: Array, x: Array) -> Array:
             return np.einsum("ln,nlf->nf", shape, x)
@@ -172,7 +173,7 @@ class FixedElements(CableElements):
         N, N_s, N_ss = shapes
         ahead = at(N_s, q)
         dofs, shapes = self._evaluate(s_o, "behind")
-        behind = at(shapes[1], self._padded(states.q)[row, dofs])
+        behind = at(shapes[1], self._nodal(states.q, dofs, row))
         if self.particle:
             f = self.fields
             return states.q[:, -f:], states.v[:, -f:], states.a[:, -f:], behind, ahead
@@ -180,13 +181,16 @@ class FixedElements(CableElements):
         w_tt = at(N, a) + at(2.0 * ds * N_s, v) + at(ds**2 * N_ss + dds * N_s, q)
         return at(N, q), w_t, w_tt, behind, ahead
 
+    def _ends_with_mass(self, states, kinematics, ends, force):
+        """Adds the mass; half of ds_o^2 [r'] is missing in the element under it."""
+        s_o = kinematics[:, 0]
+        left = ends[0] - (1.0 - s_o) * force
+        right = ends[1] + s_o * force
+        at_mass = np.stack([left, ends[1], ends[2], right]), force, s_o[:, None], np.arange(s_o.size)
+        behind = super()._along(states, self._mesh_at(kinematics), *at_mass).carried[..., 0]
+        return np.stack([left, behind, behind + force, right])
+
     def _along(self, states, kinematics, ends, force, s, frames):
-        """Adds the mass to `ends`; half of ds_o^2 [r'] is missing in the element under it."""
-        s_o = kinematics[:, :1]
-        mesh_at = self._mesh_at(kinematics)
-        ends[:, 0] -= (1.0 - s_o) * force
-        ends[:, 3] = ends[:, 1] + s_o * force
-        ends[:, 1] = super()._along(states, mesh_at, ends, force, s_o, np.arange(len(s_o)))[1][:, 0]
-        ends[:, 2] = ends[:, 1] + force
-        seen, along, c = super()._along(states, mesh_at, ends, force, s, frames)
-        return seen, along + (s > s_o[frames])[..., None] * force[frames, None], c
+        along = super()._along(states, self._mesh_at(kinematics), ends, force, s, frames)
+        is_ahead = s > kinematics[frames, :1]  # (k, m)
+        return along._replace(carried=along.carried + is_ahead * force[:, frames, None])

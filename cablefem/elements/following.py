@@ -7,7 +7,7 @@ from numpy.polynomial.polynomial import polyder, polyval
 from scipy.linalg import solveh_banded
 
 from cablefem.elements.cable import CableElements
-from cablefem.elements.forms import section_force, stiffness
+from cablefem.elements.forms import section, stiffness
 from cablefem.elements.kernels.balance import Contact, Mesh, Rates
 from cablefem.elements.reference import reference
 from cablefem.newmark import Array, State, StepFailure, consistent_acceleration, quasi_static_start
@@ -38,6 +38,8 @@ class FollowingElements(CableElements):
         self.reference = of = reference(elements, degree, grading, groups.internal_damping > 0.0)
         unrolled = ((0,) * (degree + 1), (0,) * of.forces.shape[1]) if degree == 2 and self.fields == 2 else ((), ())
         self._mesh = Mesh(of.dofs, of.forces, elements, *unrolled)
+        self._at_inertia = of.at_inertia
+        self._at_force = of.at_force
         self._moments = of.moments
         self._knots = of.knots
         self._shapes = of.shapes
@@ -130,7 +132,7 @@ class FollowingElements(CableElements):
 
         def linearise(d: Array) -> tuple[Array, Array]:
             at = X_s, T, d, self.groups.alpha, self._law[3]
-            return m * d + section_force(*at)[0] + load, m * np.eye(2) + stiffness(*at)
+            return m * d + section(*at).force + load, m * np.eye(2) + stiffness(*at)
 
         d = solve_dense(linearise, np.zeros(2))
         if d is None:
@@ -156,18 +158,17 @@ class FollowingElements(CableElements):
     # --- observation -----------------------------------------------------------------------------------
     def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
         s_o, ds, dds = kinematics.T
-        q, v, a = (self._padded(x) for x in (states.q, states.v, states.a))  # (n, n_scalar + 1, fields)
+        node = self.node
         first_ahead = self._mesh.n_left
-        dofs_behind, dofs_ahead = self._mesh.dofs[first_ahead - 1 : first_ahead + 1]
-        behind = np.tensordot(q[:, dofs_behind], self._at_car[0], axes=(1, 0))
-        ahead = np.tensordot(q[:, dofs_ahead], self._at_car[1], axes=(1, 0))
+        around = self._nodal(states.q, self._mesh.dofs[first_ahead - 1 : first_ahead + 1])  # (n, 2, n_loc, fields)
+        behind, ahead = (np.tensordot(around[:, side], self._at_car[side], axes=(1, 0)) for side in (0, 1))
+        q, v, a = (self._nodal(x, node) for x in (states.q, states.v, states.a))
         behind /= np.where(s_o > 0.0, s_o, 1.0)[:, None]
         ahead /= (1.0 - s_o)[:, None]
-        node = self.node
         if s_o.size and s_o[0] == 0.0:  # limit of w(s_o)/s_o
             behind[0] = 0.0
             if ds[0] > 0.0:
-                behind[0] = v[0, node] / ds[0]
+                behind[0] = v[0] / ds[0]
             elif dds[0] > 0.0:
-                behind[0] = a[0, node] / dds[0]
-        return q[:, node], v[:, node], a[:, node], behind, ahead
+                behind[0] = a[0] / dds[0]
+        return q, v, a, behind, ahead

@@ -11,7 +11,7 @@ w_t, w_tt, c_t are rates at a node.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import skfem
@@ -27,40 +27,56 @@ if TYPE_CHECKING:
 def tension(eps, T, alpha, law):
     """N, dN/deps and the strain energy W from the static state, of a strain eps."""
     N = T + alpha * eps
-    taut = (N > 0.0) | (law != TENSION_ONLY)
     W = (T + 0.5 * alpha * eps) * eps
+    if law != TENSION_ONLY:
+        return N, alpha, W
+    taut = N > 0.0
     W_slack = -0.5 * T * T / alpha
     return np.where(taut, N, 0.0), np.where(taut, alpha, 0.0), np.where(taut, W, W_slack)
 
 
-def strain(X_s, w_s):
-    """|r'| - 1 without cancellation."""
-    return np.sum((2.0 * X_s + w_s) * w_s, axis=0) / (np.hypot(*(X_s + w_s)) + 1.0)
+def length_of(r_s):
+    """|r'|; np.hypot is slow."""
+    return np.sqrt(r_s[0] * r_s[0] + r_s[1] * r_s[1])
 
 
-def section_force(X_s, T, w_s, alpha, law):
-    """f = N t - T X' (2, ...), N, dN/deps and W."""
-    stretch = np.hypot(*(X_s + w_s))
-    eps = strain(X_s, w_s)
+def strain(X_s, w_s, stretch):
+    """|r'| - 1 without cancellation; stretch : |r'|, r' = X' + w'."""
+    return ((2.0 * X_s[0] + w_s[0]) * w_s[0] + (2.0 * X_s[1] + w_s[1]) * w_s[1]) / (stretch + 1.0)
+
+
+class Section(NamedTuple):
+    """What a section of the cable bears at r' = X' + w'."""
+
+    force: Any  # N t - T X' (2, ...)
+    N: Any
+    stiffness: Any  # dN/deps
+    energy: Any  # W
+    strain: Any  # |r'| - 1
+    stretch: Any  # |r'|
+
+
+def section(X_s, T, w_s, alpha, law) -> Section:
+    """The section with slopes w' (2, ...) from X'; differences of nearly equal numbers are avoided."""
+    stretch = length_of(X_s + w_s)
+    eps = strain(X_s, w_s, stretch)
     N, dN, W = tension(eps, T, alpha, law)
-    f = N / stretch * w_s + ((N - T) - T * eps) / stretch * X_s  # without cancellation
-    return f, N, dN, W
+    force = N / stretch * w_s + ((N - T) - T * eps) / stretch * X_s
+    return Section(force, N, dN, W, eps, stretch)
 
 
 def stiffness(X_s, T, w_s, alpha, law):
     """df/dw' (2, 2, ...)."""
-    r_s = X_s + w_s
-    stretch = np.hypot(*r_s)
-    _, N, dN, _ = section_force(X_s, T, w_s, alpha, law)
-    t = r_s / stretch
-    unit = np.eye(2).reshape(2, 2, *[1] * np.ndim(stretch))
-    across = N / stretch
-    return across * unit + (dN - across) * t[:, None] * t[None]
+    x = section(X_s, T, w_s, alpha, law)
+    t = (X_s + w_s) / x.stretch
+    unit = np.eye(2).reshape(2, 2, *[1] * np.ndim(x.stretch))
+    across = x.N / x.stretch
+    return across * unit + (x.stiffness - across) * t[:, None] * t[None]
 
 
 @skfem.LinearForm
 def internal_force(eta, w):
-    f = section_force(w["X_s"], w["T"], w["w_s"], w["alpha"], w["law"])[0]
+    f = section(w["X_s"], w["T"], w["w_s"], w["alpha"], w["law"]).force
     return np.sum(f * eta.grad[:, 0], axis=0)
 
 

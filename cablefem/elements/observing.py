@@ -1,181 +1,216 @@
 """Observation: paths, energies, and tensions and reactions from the balance of momentum.
 
-Kinematics (n, 3) are s_o, ds_o, dds_o.  The mesh moves with c = ds_o chi: README.md, 1.
+The time is the last axis: unknowns are (n_scalar, fields, n), values at the mass (fields, n).
+Kinematics (3, n) are s_o, ds_o, dds_o.  The mesh moves with c = ds_o chi: README.md, 1.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import dia_array
 
-from cablefem.elements.forms import section_force, strain, tension
+from cablefem.elements.forms import length_of, section, strain, tension
+from cablefem.elements.reference import Points
 from cablefem.newmark import Array
 from cablefem.response import Observation, States
 
 if TYPE_CHECKING:
     from cablefem.elements.cable import CableElements
 
+BLOCK = 1 << 13  # numbers in an array of a block
+
 
 def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
     """Measurements of a history; fields at stations s (m,) for the rows `frames` (k,)."""
     g = system.groups
-    n = states.t.size
     kinematics = system._kinematics(states)
     s_o, ds, dds = kinematics.T
-    w, w_t, w_tt, *slopes = system._at_mass(states, kinematics)
-    position, slope, bend = system.static(s_o)
-    velocity = w_t + ds[:, None] * slope
-    acceleration = w_tt + dds[:, None] * slope + (ds**2)[:, None] * bend
-    force = system.inertia * acceleration - system.weight
-    power = ds * np.sum(force * (slope + 0.5 * (slopes[0] + slopes[1])), axis=1)
+    w, w_t, w_tt, *slopes = (x.T for x in system._at_mass(states, kinematics))
+    position, slope, bend = (x.T for x in system.static(s_o))
+    velocity = w_t + ds * slope
+    acceleration = w_tt + dds * slope + ds**2 * bend
+    force = system.inertia * acceleration - system.weight[:, None]
+    power = ds * np.sum(force * (slope + 0.5 * (slopes[0] + slopes[1])), axis=0)
 
-    mesh_at = system._mesh_at(kinematics)
-    size = system.fields * system.n_scalar
-    q, v, a = (np.ascontiguousarray(x[:, :size]).reshape(n, -1, system.fields) for x in (states.q, states.v, states.a))
-    full = system.fields == 2
-    (kinetic, strain, potential), min_tension, min_at, internal, more = energies(system, mesh_at, q, v)
-    lost = 2.0 * g.damping * kinetic
+    mesh_at = system._mesh_at(kinematics).T
+    cable = observe_cable(system, mesh_at, states)
+    lost = 2.0 * g.damping * cable.kinetic
     powers = {}
     if g.damping:
         powers["lost_viscous"] = -lost
-    kinetic += 0.5 * system.inertia * np.sum(velocity**2, axis=1)
-    potential -= (position + w) @ system.weight
+    kinetic = cable.kinetic + 0.5 * system.inertia * np.sum(velocity**2, axis=0)
+    potential = cable.potential - system.weight @ (position + w)
 
     T, xp, yp, xpp, ypp = g.static(s_o)
-    static = np.stack([xp, yp], axis=1)
-    bend = np.stack([xpp, ypp], axis=1)
-    behind, ahead = (static + x @ system.direction for x in slopes)
-    ends = _end_forces(system, mesh_at, (q, v, a), internal)
-    motion, carried, c = system._along(states, kinematics, ends, force, s, frames)
-    w_s, w_s_t, slopes_s = (x @ system.direction for x in motion)  # w, dw/dt, w' at the frames
-    if full:
-        at_mass = static, T, behind, ahead
-        tensions, kink = _tensions(system, ends, (carried, slopes_s, s), (mesh_at[:, 1], c), at_mass)
+    static = np.stack([xp, yp])
+    bend = np.stack([xpp, ypp])
+    direction = system.direction.T
+    behind, ahead = (static + direction @ x for x in slopes)
+    ends = system._ends_with_mass(states, kinematics, cable.ends, force)
+    if system.fields == 2:
+        at_mass, kink = _tensions(system, ends, mesh_at[1], (static, T, behind, ahead))
         power += ds * kink
         if g.internal_damping:  # and in a thin layer behind the car, which the grip supplies
-            lost = lost + more
-            jump = np.nan_to_num(tensions["T_ahead"] - tensions["T_behind"])
-            powers["lost_internal"] = -more - ds * jump**2 / (2.0 * g.alpha)
+            lost = lost + cable.more
+            jump = np.nan_to_num(at_mass["T_ahead"] - at_mass["T_behind"])
+            powers["lost_internal"] = -cable.more - ds * jump**2 / (2.0 * g.alpha)
     else:
-        tensions = _chord_tensions(system, ends, more, T, s, frames)
+        at_mass = _chord_tensions(system, ends, cable.more, T)
     power -= lost
-    for name in [name for name in tensions if "behind" in name]:
-        tensions[name] = np.where(s_o > 0.0, tensions[name], np.nan)
+    for name in [name for name in at_mass if "behind" in name]:
+        at_mass[name] = np.where(s_o > 0.0, at_mass[name], np.nan)
+    fields = []
+    for rows in _blocks(frames, s.size):
+        along = system._along(states, kinematics, ends, force, s, rows)
+        fields.append(_fields(system, along, s, cable.more[rows]))
     return Observation(
-        path=w @ system.direction, path_velocity=w_t @ system.direction + ds[:, None] * static,
-        path_acceleration=w_tt @ system.direction + dds[:, None] * static + (ds**2)[:, None] * bend,
-        slope_behind=behind, slope_ahead=ahead,
-        energy=kinetic + strain + potential, power=power, kinetic=kinetic, strain=strain, potential=potential,
-        tension_min=min_tension, tension_min_at=min_at,
-        u=w_s[..., 0], v=w_s[..., 1], du=w_s_t[..., 0], dv=w_s_t[..., 1],
-        t=states.t, s_o=s_o, contact=-force @ system.direction, **tensions,
-        powers=powers,
+        path=(direction @ w).T, path_velocity=(direction @ w_t + ds * static).T,
+        path_acceleration=(direction @ w_tt + dds * static + ds**2 * bend).T,
+        slope_behind=behind.T, slope_ahead=ahead.T,
+        energy=kinetic + cable.strain + potential, power=power, kinetic=kinetic, strain=cable.strain,
+        potential=potential, tension_min=cable.tension_min, tension_min_at=cable.tension_min_at,
+        t=states.t, s_o=s_o, contact=-(direction @ force).T, powers=powers, **at_mass,
+        **{name: np.concatenate([of[name] for of in fields]) for name in fields[0]},
     )  # fmt: skip
 
 
-def energies(system: CableElements, mesh_at: Array, q: Array, v: Array) -> tuple[Any, ...]:
-    """Kinetic energy, strain energy and potential of the cable (3, n), and the rest of `_strained`.
-
-    mesh_at : (n, 3) kinematics of the mesh;  q, v : (n, n_scalar, fields).
-    """
-    s_o = mesh_at[:, 0]
-    strain, *more = _strained(system, mesh_at, q, v)
-    kinetic = kinetic_energy(system, mesh_at, q, v)
-    depth = sum(h[:, None] * (of[:, 0] @ q) for of, h, _ in _sides(system, s_o))  # int w ds (n, fields)
-    potential = -system.groups.sigma * (depth @ system.direction)[:, 1] * (system.fields == 2)
-    return np.array([kinetic, strain, potential]), *more
+def _blocks(rows: NDArray[np.intp], width: int) -> list[NDArray[np.intp]]:
+    """Rows of arrays of a width in blocks, at least one, that stay in a processor's cache."""
+    length = max(1, BLOCK // max(1, width))
+    return [rows[begin : begin + length] for begin in range(0, max(1, rows.size), length)]
 
 
-def _sides(system: CableElements, s_o: Array) -> list[tuple[Array, Array, float]]:
-    """`moments`, length h and dh/ds_o of each side; a fixed mesh has one."""
-    return list(zip(system._moments, (s_o, 1.0 - s_o), (1.0, -1.0), strict=False))
+class CableState(NamedTuple):
+    """Of the cable alone, n instants; the time is the last axis."""
+
+    kinetic: Array  # (n,)
+    potential: Array
+    strain: Array
+    tension_min: Array
+    tension_min_at: Array  # its s
+    more: Array  # power of internal damping; of one field the rise of the uniform tension
+    ends: Array  # (4, fields, n) f - c^2 w' at the left support, behind and ahead of the mass, at the right support
+
+
+def observe_cable(system: CableElements, mesh_at: Array, states: States) -> CableState:
+    """The cable in a history; mesh_at (3, n) : kinematics of the mesh."""
+    size = system.fields * system.n_scalar
+    columns = np.concatenate(system._moments, axis=1).T  # (4 sides, n_scalar)
+    parts = []
+    for block in _blocks(np.arange(states.t.size), system._at_inertia.x.size):
+        rows = slice(block[0], block[-1] + 1)
+        at = mesh_at[:, rows]
+        x = np.empty((system.n_scalar, 3, system.fields, at.shape[1]))
+        for i, of in enumerate((states.q, states.v, states.a)):
+            x[:, i] = of[rows, :size].T.reshape(system.n_scalar, system.fields, -1)
+        q = np.ascontiguousarray(x[:, 0])
+        v = np.ascontiguousarray(x[:, 1])
+        kinetic = kinetic_energy(system, at, q, v)
+        parts.append((kinetic, *strain_energy(system, at, q, v), _times(columns, x)))
+    kinetic, *arrays, moments = (np.concatenate(values, axis=-1) for values in zip(*parts, strict=True))
+    strained = Strained(*arrays)
+    of_sides = moments.reshape(-1, 4, *moments.shape[1:])
+    potential = np.zeros_like(kinetic)
+    if system.fields == 2:
+        depth = sum(h * x[0, 0, 1] for x, h, _ in _sides(of_sides, mesh_at[0]))  # int v ds
+        potential -= system.groups.sigma * depth
+    ends = _end_forces(system, mesh_at, of_sides, states.v, strained.force)
+    return CableState(
+        kinetic, potential, strained.energy, strained.tension_min, strained.tension_min_at, strained.more, ends
+    )
+
+
+def _sides(of: Array, s_o: Array) -> list[tuple[Array, Array, float]]:
+    """What is given `of` the sides, length h and dh/ds_o of each; a fixed mesh has one."""
+    return list(zip(of, (s_o, 1.0 - s_o), (1.0, -1.0), strict=False))
+
+
+def _times(matrix: Any, x: Array) -> Array:
+    """A matrix (p, n_scalar) times unknowns (n_scalar, ...)."""
+    product = matrix @ x.reshape(len(x), -1)
+    return np.asarray(product).reshape(-1, *x.shape[1:])
 
 
 def kinetic_energy(system: CableElements, mesh_at: Array, q: Array, v: Array) -> Array:
-    """int |w.|^2/2 ds (n,): h/2 v.M v - ds_o v.G q + ds_o^2/(2h) q.H q of each side."""
-    s_o, ds, _ = mesh_at.T
-    q, v = (x.reshape(s_o.size, -1).T for x in (q, v))
-    _, width, n = system._operators.shape
-    total = np.zeros(s_o.size)
-    offsets = system.fields * (width // 2 - np.arange(width))
-
-    def product(k: int, x: Array, y: Array) -> Array:
-        transposed = dia_array((system._operators[k], offsets), shape=(n, n))
-        return np.sum((transposed @ x) * y, axis=0)
-
-    for k, (_, h, _) in enumerate(_sides(system, s_o)):
-        total += 0.5 * h * product(k, v, v)
-        if len(system._operators) > 1:
-            flux = np.divide(0.5 * ds**2, h, out=np.zeros_like(h), where=h > 0.0)
-            total += flux * product(6 + k, q, q) - ds * product(2 + k, v, q)
-    return total
+    """int |w.|^2/2 ds (n,), w. = dv/dt at fixed s = v - c w'."""
+    s_o, ds, _ = mesh_at
+    points = system._at_inertia
+    xi = points.x
+    h = np.where(points.behind, s_o, 1.0 - s_o)  # (p, n)
+    rate = _times(points.values, v)
+    if np.any(ds):
+        c = ds * np.where(points.behind, xi, 1.0 - xi)
+        per_length = np.divide(c, h, out=np.zeros_like(h), where=h > 0.0)
+        rate -= per_length[:, None] * _times(points.slopes, q)
+    squared = np.sum(rate * rate, axis=1)  # (p, n)
+    return np.asarray(0.5 * np.sum(points.weights * h * squared, axis=0))
 
 
-def _strained(system: CableElements, mesh_at: Array, q: Array, v: Array) -> tuple[Array, ...]:
-    """Strain energy, smallest tension, its s, int f dxi of both sides (n, 2, fields), and one more (n,).
+class Strained(NamedTuple):
+    energy: Array  # (n,)
+    tension_min: Array  # (n,)
+    tension_min_at: Array  # (n,)
+    more: Array  # (n,) see `CableState`
+    force: Array  # int f dxi of both sides (2, fields, n)
 
-    The last is the power of internal damping; with one field, the rise of the uniform tension.
-    """
-    s_o, ds, _ = mesh_at.T
-    dofs, tab, n_left, *_ = system._mesh
-    law = system._law
-    n = np.arange(s_o.size)
-    n_loc = dofs.shape[1]
-    behind = np.arange(len(dofs)) < n_left
-    xi, dxi = np.moveaxis(tab[..., :2], -1, 0)
-    h = np.where(behind, s_o[:, None], 1.0 - s_o[:, None])[..., None]
-    s = np.where(behind, 0.0, s_o[:, None])[..., None] + h * xi
-    weight = dxi * h
-    padded = np.pad(q, ((0, 0), (0, 1), (0, 0)))  # zeros last for supports
-    w = np.einsum("egk,nekf->fneg", tab[..., 2 + n_loc :], padded[:, dofs]) / np.where(h > 0.0, h, 1.0)
+
+def strain_energy(system: CableElements, mesh_at: Array, q: Array, v: Array) -> Strained:
+    """Strain energy, smallest tension and internal force."""
+    s_o, ds, _ = mesh_at
+    points = system._at_force
+    h = np.where(points.behind, s_o, 1.0 - s_o)  # (p, n)
+    length = np.where(h > 0.0, h, 1.0)
+    s = np.where(points.behind, 0.0, s_o) + h * points.x
+    weight = points.weights * h
+    w_s = np.moveaxis(_times(points.slopes, q), 1, 0) / length  # (fields, p, n)
     if system.fields == 2:
         T, *slope = system.groups.static(s)[:3]
         X_s = np.array(slope)
-        f, _, _, W = section_force(X_s, T, w, law[0], law[3])
-        N = T + law[0] * strain(X_s, w)
-        more = np.zeros(n.size)
+        x = section(X_s, T, w_s, system._law[0], system._law[3])
+        f = x.force
+        N = T + system._law[0] * x.strain
+        more = np.zeros(s_o.size)
         if system.groups.internal_damping:
-            length = np.where(h > 0.0, h, 1.0)
-            f_damping, N, power = _damped(system, (q, v), ds[:, None, None], length, X_s + w, N)
+            f_damping, N, power = _damped(system, points, (q, v), ds, length, X_s + w_s, N)
             f = f + f_damping
-            more = np.sum(weight * power, axis=(1, 2))
-        N = np.where(h > 0.0, N, math.inf).reshape(n.size, -1)
-        energy = np.sum(weight * W, axis=(1, 2))
-        at = np.argmin(N, axis=1)
-        min_tension = N[n, at]
-        min_at = s.reshape(n.size, -1)[n, at]
+            more = np.sum(weight * power, axis=0)
+        N = np.where(h > 0.0, N, math.inf)
+        energy = np.sum(weight * x.energy, axis=0)
+        at = np.argmin(N, axis=0)[None]
+        tension_min = np.take_along_axis(N, at, axis=0)[0]
+        tension_min_at = np.take_along_axis(s, at, axis=0)[0]
     else:
-        alpha, tau, curvature, lam, kap, kind = law
-        (w,) = w
+        alpha, tau, curvature, lam, kap, kind = system._law
+        (w_s,) = w_s
         y = curvature * (0.5 - s)
-        eps = lam * np.sum(weight * (y * w + 0.5 * kap * w * w), axis=(1, 2))
+        eps = lam * np.sum(weight * (y * w_s + 0.5 * kap * w_s * w_s), axis=0)
         N, _, W = tension(eps, tau, alpha, kind)
-        min_tension = tau + alpha * eps
-        min_at = np.full(n.size, 0.5)
+        tension_min = tau + alpha * eps
+        tension_min_at = np.full(s_o.size, 0.5)
         more = N - tau
-        energy = 0.5 * tau * np.sum(weight * w * w, axis=(1, 2)) + W - tau * eps
-        f = (tau * w + more[:, None, None] * (y + kap * w))[None]
-    force = np.stack([np.sum((dxi * f)[:, :, side], axis=(2, 3)).T for side in (behind, ~behind)], axis=1)
-    return energy, min_tension, min_at, force, more
+        energy = 0.5 * tau * np.sum(weight * w_s * w_s, axis=0) + W - tau * eps
+        f = (tau * w_s + more * (y + kap * w_s))[None]
+    of_sides = np.where([points.behind[:, 0], ~points.behind[:, 0]], points.weights[:, 0], 0.0)  # (2, p)
+    return Strained(energy, tension_min, tension_min_at, more, np.tensordot(of_sides, f, (1, 1)))
 
 
 def _damped(
-    system: CableElements, state: tuple[Array, Array], ds: Array, h: Array, slope: Array, N: Array
+    system: CableElements, points: Points, state: tuple[Array, Array], ds: Array, h: Array, slope: Array, N: Array
 ) -> tuple[Array, Array, Array]:
     """Force of internal damping, N with it, and its power per s, as in `kernels.balance.add_rates`.
 
-    slope : r' (2, n, n_el, n_q).
+    slope : r' (2, p, n).
     """
+    q, v = state
     mesh = system._mesh
     rates = system._cable.rates
-    q, v = (np.pad(x, ((0, 0), (0, 1), (0, 0)))[:, mesh.dofs] for x in state)
-    grad = mesh.tab[..., 2 + mesh.dofs.shape[1] :]
-    t = slope / np.hypot(*slope)
-    moved = np.einsum("egk,nekf->fneg", grad, v) + ds / h * np.einsum("egk,nekf->fneg", rates.moved, q)
+    tab = np.concatenate([mesh.tab[..., :2], rates.moved, rates.moved], axis=2)
+    carried = _times(Points.of(mesh.dofs, tab, mesh.n_left, system.n_scalar).slopes, q)
+    t = slope / length_of(slope)
+    moved = np.moveaxis(_times(points.slopes, v), 1, 0) + ds / h * np.moveaxis(carried, 1, 0)
     rate = np.sum(t * moved / h, axis=0)
     lowest = 0.0 if system.law == "tension-only" else -math.inf
     damped = N + system.groups.alpha * rates.tau * rate
@@ -183,94 +218,109 @@ def _damped(
     return added * t, damped, added * rate
 
 
-def _end_forces(system: CableElements, mesh_at: Array, history: tuple[Array, Array, Array], internal: Array) -> Array:
-    """f - c^2 w' (n, 4, fields) at the left support, behind and ahead of the mass, and at the right support.
+def _end_forces(system: CableElements, mesh_at: Array, moments: Array, v: Array, internal: Array) -> Array:
+    """`CableState.ends` with f = N t - T X'.
 
-    f = N t - T X'.  Momentum of a side, tested with phi = 1, and with phi = 1 at the mass and 0 at the support:
+    Momentum of a side, tested with phi = 1, and with phi = 1 at the mass and 0 at the support:
     int d(h w.)/dt phi dxi + int (c w. + f) phi' ds = [(f + c w.) phi].
-    internal : (n, 2, fields) int f dxi of each side.
+    moments : of q, v, a on each side (sides, 4, 3, fields, n);  v : (n, n_dof);  internal : `Strained.force`.
     """
-    q, v, a = history
-    s_o, ds, dds = mesh_at.T[..., None]
-    out = np.zeros((len(q), 4, system.fields))
+    s_o, ds, dds = mesh_at
+    out = np.zeros((4, system.fields, s_o.size))
     c_d = system.groups.damping
     dds = dds + c_d * ds
-    for (of, h, sign), near, end in zip(_sides(system, s_o), (1, 2), (0, 3), strict=False):
-        of_q, of_v, of_a = (np.moveaxis(of.T @ x, 1, 0) for x in (q, v, a))
+    at_node = ds * system._nodal(v, system.node).T
+    for (of, h, sign), near, end in zip(_sides(moments, s_o), (1, 2), (0, 3), strict=False):
+        of_q, of_v, of_a = np.moveaxis(of, 1, 0)  # (4, fields, n)
         dh = sign * ds + c_d * h
-        total, tested = (h * of_a[k] + dh * of_v[k] - dds * of_q[k + 2] - ds * of_v[k + 2] for k in (0, 1))
+        total, tested = h * of_a[:2] + dh * of_v[:2] - dds * of_q[2:] - ds * of_v[2:]
         flux = np.divide(ds**2 * of_q[3], h, out=np.zeros_like(tested), where=h > 0.0)
-        force = sign * tested + ds * of_v[1] - flux + internal[:, near - 1]
-        out[:, near] = force - ds * v[:, system.node]
-        out[:, end] = force - sign * total
-    entering = s_o[:, 0] == 0.0
-    out[entering, :2] = out[entering, 2:3]
+        force = sign * tested + ds * of_v[1] - flux + internal[near - 1]
+        out[near] = force - at_node
+        out[end] = force - sign * total
+    entering = s_o == 0.0  # nothing is behind the mass
+    out[:2, :, entering] = out[2, :, entering].T
     return out
 
 
-def _tensions(
-    system: CableElements, ends: Array, along: tuple[Array, Array, Array], c: tuple[Array, Array],
-    at_mass: tuple[Array, ...],
-) -> tuple[dict[str, Any], Array]:  # fmt: skip
-    """Tensions and reactions of the full cable, and <N t> . [r'] - [W] of the kink.
+class Along(NamedTuple):
+    """Fields of k frames at m stations, (fields, k, m) each; at s_o behind the mass."""
 
-    along : f - c^2 w' (k, m, 2), w' (k, m, 2), s (m,);  c : at the mass (n,) and along the cable (k, m);
-    at_mass : X' (n, 2), T (n,), r' behind and ahead (n, 2).
-    """
+    w: Array
+    rate: Array  # dw/dt at fixed s
+    slope: Array  # w'
+    carried: Array  # f - c^2 w'
+    c: Array  # (k, m) speed of the mesh
+
+
+def _fields(system: CableElements, along: Along, s: Array, rise: Array) -> dict[str, Array]:
+    """Displacement, velocity and tension (k, m) at stations s (m,); rise : of the tension of one field (k,)."""
     g = system.groups
-    carried, slopes, s = along
+    direction = system.direction.T
+    w, rate, slope = (
+        x if system.fields == 2 else np.tensordot(direction, x, 1) for x in (along.w, along.rate, along.slope)
+    )  # (2, k, m)
+    seen = {"u": w[0], "v": w[1], "du": rate[0], "dv": rate[1]}
+    T, *static = g.static(s)[:3]
+    if system.fields == 1:
+        seen["T"] = T + rise[:, None]
+        seen["T_pointwise"] = seen["T"]
+        return seen
+    X_s = np.array(static)[:, None]  # (2, 1, m)
+    r_s = X_s + slope
+    alpha = system._law[0]
+    seen["T"] = _tension_from_momentum(system, along.carried, along.c, (X_s, T, r_s))
+    seen["T_pointwise"] = tension(strain(X_s, slope, length_of(r_s)), T, alpha, system._law[3])[0]
+    return seen
+
+
+def _tensions(
+    system: CableElements, ends: Array, c: Array, at_mass: tuple[Array, ...]
+) -> tuple[dict[str, Any], Array]:  # fmt: skip
+    """Tensions at the mass and reactions of the full cable, and <N t> . [r'] - [W] of the kink.
+
+    c : speed of the mesh at the mass (n,);  at_mass : X' (2, n), T (n,), r' behind and ahead (2, n).
+    """
     static, T, behind, ahead = at_mass
-    T_s, x_s, y_s = (np.broadcast_to(x, slopes.shape[:2]) for x in g.static(s)[:3])
-    static_s = np.stack([x_s, y_s], axis=-1)
-
-    def pointwise(static: Array, T: Array, w_s: Array) -> tuple[Array, Array, Array]:
-        """N t, N and W by slopes."""
-        alpha, _, _, law = system._law
-        f, N, _, W = section_force(np.moveaxis(static, -1, 0), T, np.moveaxis(w_s, -1, 0), alpha, law)
-        return np.moveaxis(f, 0, -1) + T[..., None] * static, N, W
-
-    force_behind, N_behind, W_behind = pointwise(static, T, behind - static)
-    force_ahead, N_ahead, W_ahead = pointwise(static, T, ahead - static)
-    kink = 0.5 * np.sum((force_behind + force_ahead) * (ahead - behind), axis=1) - (W_ahead - W_behind)
-    T_ends, x_ends, y_ends = g.static(np.array([0.0, 1.0]))[:3]
-    static_left, static_right = np.stack([T_ends * x_ends, T_ends * y_ends], axis=1)
+    alpha = system._law[0]
+    law = system._law[3]
+    at_behind, at_ahead = (section(static, T, slope - static, alpha, law) for slope in (behind, ahead))
+    mean = 0.5 * (at_behind.force + at_ahead.force) + T * static  # <N t>
+    kink = np.sum(mean * (ahead - behind), axis=0) - (at_ahead.energy - at_behind.energy)
+    T_ends, x_ends, y_ends = system.groups.static(np.array([0.0, 1.0]))[:3]
+    static_ends = np.stack([T_ends * x_ends, T_ends * y_ends])  # (2 fields, 2 ends)
     return {
-        "T_behind": _tension_from_momentum(system, ends[:, 1], c[0], (static, T, behind)),
-        "T_ahead": _tension_from_momentum(system, ends[:, 2], c[0], (static, T, ahead)),
-        "T": _tension_from_momentum(system, carried, c[1], (static_s, T_s, static_s + slopes)),
-        "T_behind_pointwise": N_behind,
-        "T_ahead_pointwise": N_ahead,
-        "T_pointwise": pointwise(static_s, T_s, slopes)[1],
-        "reaction_left": -(ends[:, 0] + static_left),
-        "reaction_right": ends[:, 3] + static_right,
+        "T_behind": _tension_from_momentum(system, ends[1], c, (static, T, behind)),
+        "T_ahead": _tension_from_momentum(system, ends[2], c, (static, T, ahead)),
+        "T_behind_pointwise": at_behind.N,
+        "T_ahead_pointwise": at_ahead.N,
+        "reaction_left": -(ends[0] + static_ends[:, :1]).T,
+        "reaction_right": (ends[3] + static_ends[:, 1:]).T,
     }, kink
 
 
-def _chord_tensions(system: CableElements, ends: Array, rise: Array, T: Array, s: Array, frames: Any) -> dict[str, Any]:
+def _chord_tensions(system: CableElements, ends: Array, rise: Array, T: Array) -> dict[str, Any]:
     """The same for one field; its tension rises uniformly."""
     g = system.groups
     tau, curvature = system._law[1:3]
     chord = np.array([g.chord_cos, g.chord_sin])
     along = (tau + rise)[:, None] * chord
-    left = along + (ends[:, 0] + 0.5 * tau * curvature) @ system.direction
-    right = along + (ends[:, 3] - 0.5 * tau * curvature) @ system.direction
+    left = along + (ends[0].T + 0.5 * tau * curvature) @ system.direction
+    right = along + (ends[3].T - 0.5 * tau * curvature) @ system.direction
     at_mass = T + rise
-    return {
-        "T_behind": at_mass, "T_ahead": at_mass, "T": g.static(s)[0] + rise[frames, None],
-        "reaction_left": -left, "reaction_right": right,
-    }  # fmt: skip
+    return {"T_behind": at_mass, "T_ahead": at_mass, "reaction_left": -left, "reaction_right": right}
 
 
 def _tension_from_momentum(system: CableElements, carried: Array, c: Array, at: tuple[Array, Array, Array]) -> Array:
-    """N from `carried` = N t - T X' - c^2 w'; at : X', T, r'.
+    """N from `carried` = N t - T X' - c^2 w'; at : X', T, r'; components come first.
 
     N t - c^2 r' = (N (1 - c^2/alpha) - c^2 (1 - T/alpha)) t; r' gives the sign.
     """
     static, T, slope = at
     alpha = system._law[0]
-    flux = c**2
-    force = carried + (T - flux)[..., None] * static  # N t - c^2 r'
-    size = np.hypot(force[..., 0], force[..., 1])
-    size = np.where(np.sum(force * slope, axis=-1) < 0.0, -size, size)
+    flux = c * c
+    x, y = carried + (T - flux) * static  # N t - c^2 r'
+    size = length_of((x, y))
+    size = np.where(x * slope[0] + y * slope[1] < 0.0, -size, size)
     N = (size + flux * (1.0 - T / alpha)) / (1.0 - flux / alpha)
     return np.maximum(N, 0.0) if system.law == "tension-only" else N

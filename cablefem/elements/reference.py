@@ -1,11 +1,14 @@
 """Reference meshes, tabulated by scikit-fem."""
 
+from __future__ import annotations
+
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 import skfem
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 from skfem.models.poisson import mass
 
 from cablefem.newmark import Array
@@ -58,6 +61,32 @@ def tabulated(basis: skfem.Basis) -> Array:
     return np.stack([np.broadcast_to(np.asarray(column), x.shape) for column in columns], axis=2)
 
 
+class Points(NamedTuple):
+    """Points of quadrature of all elements, p, and matrices (p, n) from unknowns to values and slopes there."""
+
+    x: Array  # (p, 1)
+    weights: Array  # (p, 1)
+    behind: NDArray[np.bool_]  # (p, 1) the mass
+    values: csr_array
+    slopes: csr_array  # d/dx
+
+    @classmethod
+    def of(cls, dofs: NDArray[np.int64], tab: Array, n_left: int, n: int) -> Points:
+        """dofs : (n_el, n_loc) of n unknowns, -1 on a support;  tab : see `tabulated`;  n_left : elements behind."""
+        n_el, n_q, _ = tab.shape
+        n_loc = dofs.shape[1]
+        column = np.repeat(dofs, n_q, axis=0)  # (p, n_loc)
+        inner = column >= 0
+        first = np.append(0, np.cumsum(inner.sum(axis=1)))  # entry of each row
+        of_points = tab.reshape(n_el * n_q, -1)
+        values, slopes = (
+            csr_array((functions[inner], column[inner], first), shape=(n_el * n_q, n))
+            for functions in (of_points[:, 2 : 2 + n_loc], of_points[:, 2 + n_loc :])
+        )
+        behind = np.arange(n_el * n_q)[:, None] < n_left * n_q
+        return cls(of_points[:, :1], of_points[:, 1:2], behind, values, slopes)
+
+
 class Reference(NamedTuple):
     """Both sides of the mass, which is at x = 0: xi = 1 + x behind it, xi = x ahead of it.
 
@@ -69,6 +98,8 @@ class Reference(NamedTuple):
     node: int  # unknown of the mass
     dofs: NDArray[np.int64]  # (n_el, n_loc), -1 on a support
     forces: Array  # xi and the rest of `tabulated`, at the points of `force_order`
+    at_force: Points  # those of `forces`
+    at_inertia: Points  # that integrate products of two shapes
     operators: Array  # (8, 2 degree + 1, n) `bands` of M^, G^, G^T and H^, each behind and ahead
     moments: Array  # (2, n, 4) of each side, see `moments`
     shapes: Array  # see `shape_polynomials`
@@ -122,8 +153,10 @@ def reference(elements: int, degree: int, grading: float, damped: bool = False) 
     forces = tabulated(of_forces)
     inertia = tabulated(basis)
     of_sides = np.array([moments(dofs[x], inertia[x], chi[x], n) for x in sides])
-    forces[:elements, :, 0] += 1.0
+    for tab in (forces, inertia):
+        tab[:elements, :, 0] += 1.0
+    at_force, at_inertia = (Points.of(dofs, tab, elements, n) for tab in (forces, inertia))
     return Reference(
-        degree, knots, elements * degree - 1, dofs, forces, np.array(operators), of_sides,
+        degree, knots, elements * degree - 1, dofs, forces, at_force, at_inertia, np.array(operators), of_sides,
         shape_polynomials(lagrange_element(degree)),
     )  # fmt: skip

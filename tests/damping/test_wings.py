@@ -36,10 +36,10 @@ def test_damping_is_the_momentum_of_the_cable(model):
     """-c_d times dT/dv of the cable alone, T = int |w.|^2/2 ds, w. at fixed s."""
     x = q, v, a = 0.1 * np.random.default_rng(3).standard_normal((3, 2 * 11))[:, : 22 if model == "full" else 11]
     elements = FollowingElements(STEEP, elements=3, model=model)
-    at = np.array([STEEP.motion.at(0.7, 0)])
+    at = np.array([STEEP.motion.at(0.7, 0)]).T
 
     def of_elements(v):
-        shape = (1, elements.n_scalar, elements.fields)
+        shape = (elements.n_scalar, elements.fields, 1)
         return float(kinetic_energy(elements, at, q.reshape(shape), v.reshape(shape))[0])
 
     got = force(lambda g: FollowingElements(g, elements=3, model=model), 0.7, *x, 0)
@@ -61,8 +61,8 @@ def test_the_row_of_the_place_has_damping_too():
     damped = RollingElements(replace(groups, damping=RATE), elements=3, grading=1.4)
 
     def energy(v):
-        of = (x[:-1].reshape(1, -1, 2) for x in (q, v))
-        return float(kinetic_energy(plain, np.array([[q[-1], v[-1], 0.0]]), *of)[0])
+        of = (x[:-1].reshape(-1, 2, 1) for x in (q, v))
+        return float(kinetic_energy(plain, np.array([[q[-1]], [v[-1]], [0.0]]), *of)[0])
 
     got = damped.residual(0.4, q, v, a, 0) - plain.residual(0.4, q, v, a, 0)
     np.testing.assert_allclose(got, RATE * by_rates(energy, v), rtol=0.0, atol=1e-10)

@@ -8,9 +8,9 @@ import pytest
 
 from cablefem import Scene
 from cablefem.elements.fixed import FixedElements
-from cablefem.elements.observing import energies
+from cablefem.elements.observing import observe_cable
 from cablefem.elements.rolling import RollingElements, following
-from cablefem.newmark import Newton, Work, collocate, integrate, iterate, scheme, step_times
+from cablefem.newmark import Newton, State, Work, collocate, integrate, iterate, scheme, step_times
 from cablefem.scene.statics import gripped
 from tests.runs import LEVEL, stack
 from validation import run
@@ -38,13 +38,13 @@ DAMPED = {"method": "generalized-alpha", "rho_inf": 0.9}
 def lagrangian(system, q, v):
     """L of cable and car at unknowns (q, s_o) and their rates, from the energies."""
     g, s_o, ds = system.groups, q[-1], v[-1]
-    of = (x[:-1].reshape(1, -1, 2) for x in (q, v))
-    kinetic, strain, potential = energies(system, np.array([[s_o, ds, 0.0]]), *of)[0][:, 0]
+    cable = observe_cable(system, np.array([[s_o], [ds], [0.0]]), stack([State(0.0, q, v, 0.0 * q)]))
     _, xp, yp, _, _ = g.static(s_o)
     m = 2 * system.node
     velocity = v[m : m + 2] + ds * np.array([xp, yp])
     depth = g.shape(s_o)[1] + q[m + 1]
-    return kinetic - strain - potential + 0.5 * g.mu * velocity @ velocity + g.mu * g.sigma * depth
+    energy = float((cable.kinetic - cable.strain - cable.potential)[0])
+    return energy + 0.5 * g.mu * velocity @ velocity + g.mu * g.sigma * depth
 
 
 def by_differences(system, q, v, a):

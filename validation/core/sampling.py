@@ -51,7 +51,7 @@ class History:
 def finite(h: History) -> States:
     """A history over time, cut and marked failed where it leaves finite numbers or the cable."""
     states = h.solver.in_time(stacked(h.states))
-    sound = np.isfinite(np.concatenate([states.q, states.v, states.a], axis=1)).all(axis=1)
+    sound = np.logical_and.reduce([np.isfinite(x).all(axis=1) for x in (states.q, states.v, states.a)])
     sound[-1] &= h.solver.position(h.states[-1]) <= ON_CABLE
     if sound.all():
         return states
@@ -264,7 +264,10 @@ def _observe(
     parts = []
     is_step = []
     for solver, late in ((h.solver, False), (h.after, True)):
-        mine = [_rows(x, (x.t > switch) == late) for x in (steps, frames)]
+        mine = []
+        for x in (steps, frames):
+            taut = int(np.searchsorted(x.t, switch, side="right"))
+            mine.append(_rows(x, slice(taut, None) if late else slice(taut)))
         n, k = (x.t.size for x in mine)
         if solver is not None and n + k:
             both = States(*(np.concatenate([getattr(x, name) for x in mine]) for name in States.__dataclass_fields__))
