@@ -21,7 +21,7 @@ import numpy as np
 
 from cablefem.scene.bisection import bisected
 from cablefem.scene.drive import Drive
-from cablefem.scene.statics import NoRest, gripped, nodes
+from cablefem.scene.statics import NoRest, Rest, gripped, nodes
 
 HORIZON = 1e3  # [l sqrt(rho/H)] longest ride
 LASTS = 10.0  # longest ride over the quasi-static one
@@ -29,7 +29,12 @@ STICKS = 1e-13  # [H] smaller forces are rounding
 
 
 class LoadPath:
-    """Curve on which the car rolls: P, P', P'', holding force Pi', stretch <lam>."""
+    """Curve on which the car rolls: P, P', P'', holding force Pi', stretch <lam>.
+
+    rest : what it is made of, if the cable is loaded.
+    """
+
+    rest: Rest | None = None
 
     def __init__(self, s, place, slope, bend, hold, stretch) -> None:
         from scipy.interpolate import CubicHermiteSpline, CubicSpline  # slow to import
@@ -54,7 +59,9 @@ class LoadPath:
     def loaded(cls, groups) -> LoadPath:
         """The elastic catenary of two pieces; groups: mu, alpha, sigma, c."""
         r = gripped(nodes(), groups)
-        return cls(r.s, r.place, r.along, r.bend, r.hold, r.stretch)
+        path = cls(r.s, r.place, r.along, r.bend, r.hold, r.stretch)
+        path.rest = r
+        return path
 
     @classmethod
     def empty(cls, groups) -> LoadPath:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import pickle
 import re
 from pathlib import Path
 
@@ -22,6 +23,14 @@ from validation.core.running import run
 
 README = re.search(r"```toml\n(.*?)```", Path("README.md").read_text(encoding="utf-8"), re.DOTALL).group(1)
 HAULED = Scene.library_text("tramway")
+
+
+def test_it_gives_its_path_and_all_else_when_it_is_looked_at():
+    r = quasi_static(Scene.load("zipline"))
+    assert {"fields", "energy", "T_behind"}.isdisjoint(vars(r))
+    again = pickle.loads(pickle.dumps(quasi_static(Scene.load("zipline"))))
+    np.testing.assert_array_equal(again.fields.T, r.fields.T)
+    np.testing.assert_array_equal(again.v, r.v)
 
 
 @pytest.mark.parametrize("text", [ZIP, HAULED, Scene.library_text("level")], ids=["free", "haul", "grip"])

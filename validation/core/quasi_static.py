@@ -11,16 +11,18 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from cablefem.response import Array, Observation, Response
+from cablefem.response import Array, Observation, Once, Response
 from cablefem.scene import Groups, Scene
 from cablefem.scene.catenary import shape, static
 from cablefem.scene.statics import Rest, gripped, hauled, nodes
-from validation.core.sampling import STATIONS, frame_times, in_si
+from validation.core.sampling import OBSERVED, STATIONS, frame_times, in_si, path_in_si
 
 ROWS = 1001
 POINTS = 4  # Gauss points between two stations
@@ -42,29 +44,39 @@ def quasi_static(scene: Scene) -> Response:
     if scene.mass is None:
         raise ValueError(f"scene {scene.name!r} has no car")
     begin = time.perf_counter()
-    g = scene.groups
-    s = np.linspace(0.0, 1.0, STATIONS)
     travel = _travel(scene)
+    statics = Statics(scene.groups, None if scene.ride is None else scene.ride.path.rest)
+    t, s_o, *_ = travel
+    observed = Once(partial(_observed, scene, statics, travel))
+
+    def look(name: str) -> Callable[[Response], Any]:
+        return lambda r: observed()[name]
+
+    work = dict.fromkeys(("rejected", "newton_iterations", "factorisations", "residuals"), 0)
+    return Response(
+        **path_in_si(scene, t, s_o, statics.path(s_o)), scene=scene.name, scene_toml=scene.to_toml(),
+        horizontal_tension=scene.horizontal_tension, method="quasi-static", settings={}, model="quasi-static",
+        load="mass", law="elastic", reason=None, slack_onset=None, slack_at=None, switched=None,
+        events=events_of(scene), work={"steps": t.size - 1, **work}, n_dof=0, seconds=time.perf_counter() - begin,
+        later={name: look(name) for name in OBSERVED if name != "events"},
+    )  # fmt: skip
+
+
+def _observed(scene: Scene, statics: Statics, travel: tuple[Array, Array, Array, Array]) -> dict[str, Any]:
+    """The fields of a `Response` that are OBSERVED; travel : t, s_o, ds_o, dds_o (n,) of the steps."""
+    s = np.linspace(0.0, 1.0, STATIONS)
     n = travel[0].size
     frames = frame_times(scene, float(travel[0][-1]))
     # n steps, then frames
     t, s_o, ds, dds = (np.append(x, np.interp(frames, travel[0], x)) for x in travel)
-    seen = _observed(g, n, s, t, s_o, ds, dds)
-    work = dict.fromkeys(("rejected", "newton_iterations", "factorisations", "residuals"), 0)
-    return Response(
-        **in_si(scene, seen, np.arange(t.size) < n, s), method="quasi-static", settings={}, model="quasi-static",
-        load="mass", law="elastic", reason=None, slack_onset=None, slack_at=None, switched=None,
-        events=events_of(scene), work={"steps": n - 1, **work}, n_dof=0, seconds=time.perf_counter() - begin,
-    )  # fmt: skip
+    return in_si(scene, _observation(scene.groups, statics, n, s, t, s_o, ds, dds), np.arange(t.size) < n, s)
 
 
-def _observed(g: Groups, n: int, s: Array, t: Array, s_o: Array, ds: Array, dds: Array) -> Observation:
+def _observation(
+    g: Groups, statics: Statics, n: int, s: Array, t: Array, s_o: Array, ds: Array, dds: Array
+) -> Observation:  # fmt: skip
     """All that is known of n steps and of the frames after them, with fields at stations s; dimensionless."""
-    statics = Statics(g)
     here = statics(s_o)
-    off_supports = (s_o > NEAREST) & (s_o < 1.0 - NEAREST)
-    hanging = np.stack(shape(s_o, g.sigma, g.c), -1)  # points of the empty cable (n, 2)
-    path = np.where(off_supports[:, None], here.place - hanging, 0.0)
     velocity = here.along * ds[:, None]
     acceleration = here.along * dds[:, None] + here.bend * (ds**2)[:, None]
     kinetic = 0.5 * g.mu * (velocity**2).sum(1)
@@ -74,7 +86,7 @@ def _observed(g: Groups, n: int, s: Array, t: Array, s_o: Array, ds: Array, dds:
     smallest, smallest_at = _smallest_tension(here, g.sigma)
     haul = _haul(g, here, velocity, acceleration) if g.drive.mode == "haul" else np.full(t.size, np.nan)
     return Observation(
-        t=t, s_o=s_o, path=path, path_velocity=velocity, path_acceleration=acceleration,
+        t=t, s_o=s_o, path=statics.path(s_o), path_velocity=velocity, path_acceleration=acceleration,
         slope_behind=here.slope_behind, slope_ahead=here.slope_ahead,
         T_behind=np.where(s_o > 0.0, here.behind, np.nan), T_ahead=np.where(s_o < 1.0, here.ahead, np.nan),
         energy=energy, power=power, kinetic=kinetic, tension_min=smallest, tension_min_at=smallest_at,
@@ -111,8 +123,8 @@ def _travel(scene: Scene) -> tuple[Array, Array, Array, Array]:
         return _ride(scene)
     t = np.linspace(0.0, motion.phases[-1][1], ROWS)
     phase = np.searchsorted([end for _, end in motion.phases[:-1]], t)
-    travel = np.array([motion.at(float(x), int(k)) for x, k in zip(t, phase, strict=True)])  # (n, 3)
-    return t, travel[:, 0], travel[:, 1], travel[:, 2]
+    s_o, ds, dds = motion.along(t, phase)
+    return t, s_o, ds, dds
 
 
 def _ride(scene: Scene) -> tuple[Array, Array, Array, Array]:
@@ -130,30 +142,45 @@ def _ride(scene: Scene) -> tuple[Array, Array, Array, Array]:
 
 
 class Statics:
-    """The cable at rest over s_o, interpolated between `nodes`; dimensionless."""
+    """The cable at rest over s_o, interpolated between `nodes`; dimensionless.
 
-    def __init__(self, groups: Groups) -> None:
+    rest : at these nodes, if it is known.
+    """
+
+    def __init__(self, groups: Groups, rest: Rest | None = None) -> None:
         from scipy.interpolate import CubicSpline  # slow to import
 
-        self._sigma = groups.sigma
-        positions = nodes(NEAREST if groups.drive.mode == "grip" else None)
+        self._groups = groups
         at_rest = hauled if groups.drive.mode == "haul" else gripped
-        r = at_rest(positions, groups)
-        self._splines = {name: CubicSpline(r.s, getattr(r, name)) for name in Rest.__dataclass_fields__ if name != "s"}
+        r = rest or at_rest(nodes(NEAREST if groups.drive.mode == "grip" else None), groups)
         force = r.hold + r.haul * (_mean_tangent(r) * r.along).sum(1)  # that drives the car along s_o (n,)
-        self.energy = CubicSpline(r.s, force).antiderivative()
+        columns = {name: getattr(r, name).reshape(r.s.size, -1) for name in Rest.__dataclass_fields__ if name != "s"}
+        ends = np.cumsum([x.shape[1] for x in columns.values()])
+        self._columns = dict(zip(columns, np.split(np.arange(ends[-1]), ends[:-1]), strict=True))
+        self._spline = CubicSpline(r.s, np.concatenate([*columns.values(), force[:, None]], axis=1))
         self._range = float(r.s[0]), float(r.s[-1])
+
+    def energy(self, s_o: Array) -> Array:
+        """Work of the force that drives the car, from the first node."""
+        return np.asarray(self._spline.antiderivative()(s_o)[:, -1])
+
+    def path(self, s_o: Array) -> Array:
+        """Displacement of the car (n, 2); none next to a support."""
+        hanging = np.stack(shape(s_o, self._groups.sigma, self._groups.c), -1)  # points of the empty cable
+        off_supports = (s_o > NEAREST) & (s_o < 1.0 - NEAREST)
+        return np.where(off_supports[:, None], self(s_o).place - hanging, 0.0)
 
     def tension(self, s: Array, s_o: Array) -> Array:
         """T at stations s (m,) with the car at s_o (k,): (k, m), behind at s = s_o."""
         r = self(s_o)
         ahead = (s > s_o[:, None])[..., None]  # (k, m, 1)
         force = r.left[:, None] + ahead * r.jump[:, None]  # (k, m, 2)
-        return np.hypot(force[..., 0], force[..., 1] - self._sigma * s)
+        return np.hypot(force[..., 0], force[..., 1] - self._groups.sigma * s)
 
     def __call__(self, s: Array) -> Rest:
-        at = np.clip(s, *self._range)
-        return Rest(s=np.asarray(s, float), **{name: spline(at) for name, spline in self._splines.items()})
+        values = self._spline(np.clip(s, *self._range))
+        columns = {name: values[:, k] for name, k in self._columns.items()}
+        return Rest(s=np.asarray(s, float), **{n: x[:, 0] if x.shape[1] == 1 else x for n, x in columns.items()})
 
 
 def _smallest_tension(r: Rest, sigma: float) -> tuple[Array, Array]:

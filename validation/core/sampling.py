@@ -69,7 +69,8 @@ def _ended(h: History, states: States, place: Array) -> dict[str, Any]:
     }
 
 
-def _path(scene: Scene, t: Array, place: Array, w: Array) -> dict[str, Any]:
+def path_in_si(scene: Scene, t: Array, place: Array, w: Array) -> dict[str, Any]:
+    """Fields of a `MassPath` from times, s_o and displacements (n, 2)."""
     l = scene.length
     X = scene.catenary
     s_o = l * place
@@ -102,7 +103,7 @@ def respond(scene: Scene, h: History, *, frames: int = FRAMES, **how: Any) -> Re
         return lambda r: observed()[name]
 
     return Response(
-        **how, **ended, **_path(scene, states.t, s_o, w), scene=scene.name, scene_toml=scene.to_toml(),
+        **how, **ended, **path_in_si(scene, states.t, s_o, w), scene=scene.name, scene_toml=scene.to_toml(),
         horizontal_tension=scene.horizontal_tension, cause=cause, reason=reason,
         slack_at=None if onset is None else float(onset[1]),
         switched=None if h.after is None else ended["slack_onset"], breaks=breaks,
@@ -146,7 +147,7 @@ def in_si(scene: Scene, seen: Observation, steps: NDArray[np.bool_], s: Array) -
     )  # fmt: skip
     return {
         "scene": scene.name, "scene_toml": scene.to_toml(), "horizontal_tension": H, "fields": fields,
-        **_path(scene, seen.t[steps], seen.s_o[steps], seen.path[steps]),
+        **path_in_si(scene, seen.t[steps], seen.s_o[steps], seen.path[steps]),
         "velocity": l / tau * seen.path_velocity[steps], "acceleration": l / tau**2 * seen.path_acceleration[steps],
         "F_haul": H * seen.haul[steps], "powers": {name: H * l / tau * x[steps] for name, x in seen.powers.items()},
         **si(steps, "slope_behind", "slope_ahead", "energy", "power", "tension_min", "tension_min_at",
