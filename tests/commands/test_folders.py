@@ -13,6 +13,7 @@ from validation.commands.run import study as run_study
 from validation.core import store
 
 LEVEL = Scene.load("level")
+FOURIER = ("--method", "fourier", "--set", "terms=8", "--set", "steps=80", "--no-bars")
 EDITED = LEVEL.variant(mu=0.9, name="level").to_toml()
 
 _modes = cache(lambda toml, modes=study.modes: modes(Scene.from_toml(toml)))
@@ -35,7 +36,7 @@ def test_a_file_of_a_name_that_is_to_be_written_is_refused_and_left_alone(cablef
     (tmp_path / "full" / "following-p2").mkdir(parents=True)
     (tmp_path / "full" / name).write_text("years of work")
     before = tree(tmp_path)
-    code, out, err = cablefem("run", "level", *QUICK, "--out", "full")
+    code, out, err = cablefem("run", "level", *QUICK, "--no-bars", "--out", "full")
     assert (code, out) == (2, "")
     assert lines(err) == [
         "full holds following-p2, which this version of cablefem did not write; "
@@ -49,7 +50,7 @@ def test_results_stand_beside_files_of_ones_own_and_of_other_commands(cablefem, 
     (tmp_path / "x" / "thesis.tex").write_text("years of work")
     assert cablefem("modes", "level", "--out", "x")[0] == 0
     before = tree(tmp_path / "x")
-    assert cablefem("run", "level", *QUICK, "--out", "x")[0] == 0
+    assert cablefem("run", "level", *QUICK, "--no-bars", "--out", "x")[0] == 0
     after = tree(tmp_path / "x")
     assert {name: after[name] for name in ("thesis.tex", "modes.json")} == {
         name: before[name] for name in ("thesis.tex", "modes.json")
@@ -62,11 +63,11 @@ def test_results_stand_beside_files_of_ones_own_and_of_other_commands(cablefem, 
 
 def test_an_edited_scene_replaces_the_results_of_the_same_command(cablefem, tmp_path):
     (tmp_path / "a.toml").write_text(LEVEL.to_toml())
-    assert cablefem("run", "a.toml", *QUICK)[0] == 0
-    assert cablefem("run", "a.toml", "--method", "fourier", "--set", "terms=8", "--set", "steps=80")[0] == 0
+    assert cablefem("run", "a.toml", *QUICK, "--no-bars")[0] == 0
+    assert cablefem("run", "a.toml", *FOURIER)[0] == 0
     before = tree(tmp_path / "cablefem-out/level")
     (tmp_path / "a.toml").write_text(EDITED)
-    assert cablefem("run", "a.toml", *QUICK)[0] == 0
+    assert cablefem("run", "a.toml", *QUICK, "--no-bars")[0] == 0
     after = tree(tmp_path / "cablefem-out/level")
     assert not any(name.startswith("fourier/") for name in after)  # it was of the scene before
     assert after["following-p2/path.csv"] != before["following-p2/path.csv"]
@@ -74,13 +75,12 @@ def test_an_edited_scene_replaces_the_results_of_the_same_command(cablefem, tmp_
 
 def test_what_a_command_did_not_write_outlives_its_results(cablefem, tmp_path):
     (tmp_path / "a.toml").write_text(LEVEL.to_toml())
-    fourier = ("--method", "fourier", "--set", "terms=8", "--set", "steps=80")
-    assert cablefem("run", "a.toml", *fourier, "--out", "x")[0] == 0
+    assert cablefem("run", "a.toml", *FOURIER, "--out", "x")[0] == 0
     for name in ("notes.txt", "fourier/notes.txt"):
         (tmp_path / "x" / name).write_text("mine")
-    assert cablefem("run", "a.toml", *fourier, "--out", "x")[0] == 0  # a second time: it does not make them ours
+    assert cablefem("run", "a.toml", *FOURIER, "--out", "x")[0] == 0  # a second time: it does not make them ours
     (tmp_path / "a.toml").write_text(EDITED)
-    assert cablefem("run", "a.toml", *QUICK, "--out", "x")[0] == 0
+    assert cablefem("run", "a.toml", *QUICK, "--no-bars", "--out", "x")[0] == 0
     after = tree(tmp_path / "x")
     assert {name for name in after if not name.startswith("following-p2/")} == {
         "notes.txt", "fourier/notes.txt", "report.html", store.MARKER, ".run.pages.json",
@@ -93,7 +93,7 @@ def test_an_edited_scene_leaves_the_results_of_other_commands(cablefem, tmp_path
     assert cablefem("modes", "a.toml")[0] == 0
     before = tree(Path("cablefem-out"))
     (tmp_path / "a.toml").write_text(EDITED)
-    assert cablefem("run", "a.toml", *QUICK)[0] == 0
+    assert cablefem("run", "a.toml", *QUICK, "--no-bars")[0] == 0
     after = tree(Path("cablefem-out"))
     assert after["level/modes.json"] == before["level/modes.json"]
     assert store.results(Path("cablefem-out/level")) == ["run"]  # a page shows results of one scene
@@ -104,16 +104,16 @@ def test_a_command_replaces_results_of_ours_whose_files_it_writes(cablefem):
     """`run` and then `check` was refused."""
     folder = Path("cablefem-out/level")
     assert cablefem("modes", "level")[0] == 0
-    assert cablefem("run", "level", "--method", "fourier", "--set", "terms=8", "--set", "steps=80")[0] == 0
-    assert cablefem("run", "level", *QUICK)[0] == 0
+    assert cablefem("run", "level", *FOURIER)[0] == 0
+    assert cablefem("run", "level", *QUICK, "--no-bars")[0] == 0
     for _ in range(2):
-        assert cablefem("check", "level")[0] == 0
+        assert cablefem("check", "level", "--tol", "3e-2")[0] == 0
         assert store.results(folder) == ["modes", "check"]
         assert not (folder / "fourier").exists()
         page = (folder / "report.html").read_text()
         assert page.count('id="check-verdict"') == 1
         assert 'id="answer"' not in page
-    assert cablefem("run", "level", *QUICK)[0] == 0  # writes over one half of the check
+    assert cablefem("run", "level", *QUICK, "--no-bars")[0] == 0  # writes over one half of the check
     assert store.results(folder) == ["modes", "run"]
     assert not (folder / "agreement.json").exists()
     assert 'id="check-verdict"' not in (folder / "report.html").read_text()
@@ -128,7 +128,7 @@ def test_an_interrupted_result_is_taken_up_again(cablefem, monkeypatch):
         code, _, err = cablefem("run", "level", *QUICK, "--no-bars", "--out", "x")
     assert code == 130
     assert lines(err) == ["interrupted; files that were written are whole, and the command can be given again"]
-    assert cablefem("run", "level", *QUICK, "--out", "x")[0] == 0
+    assert cablefem("run", "level", *QUICK, "--no-bars", "--out", "x")[0] == 0
 
 
 @pytest.mark.parametrize(
@@ -137,7 +137,7 @@ def test_an_interrupted_result_is_taken_up_again(cablefem, monkeypatch):
 )
 def test_a_folder_that_cannot_be_made_is_said(cablefem, tmp_path, out, said):
     (tmp_path / "file").write_text("mine")
-    code, _, err = cablefem("run", "level", *QUICK, "--out", out)
+    code, _, err = cablefem("run", "level", *QUICK, "--no-bars", "--out", out)
     assert code == 2
     assert lines(err) == [said]
     assert (tmp_path / "file").read_text() == "mine"

@@ -89,6 +89,7 @@ def test_a_tolerance_out_of_reach_is_1_and_said(cablefem, monkeypatch):
     assert Path("x/following-p2/path.csv").exists()
 
 
+@pytest.mark.slow  # 51 scenes
 def test_many_scenes_are_announced_before_they_start(cablefem):
     code, out, _ = cablefem("run", "zipline", "--model", "quasi-static", "--set", "mass.mass=60:80:51")
     assert code == 0

@@ -277,7 +277,7 @@ def test_a_sweep_goes_on_where_it_stopped_and_does_nothing_twice(tmp_path, clust
     assert (again.status.total(), again.done) == (0, 60)
 
 
-@pytest.mark.parametrize("there", ["study.toml", "rows/*.parquet"])
+@pytest.mark.parametrize("there", ["study.toml", pytest.param("rows/*.parquet", marks=pytest.mark.slow)])
 def test_an_interrupt_ends_a_sweep_at_once_while_workers_start_and_while_they_compute(tmp_path, there):
     """The terminal sends Ctrl-C to the workers, too."""
     arguments = [sys.executable, "-m", "validation.cli", "sweep", "throughput", "--workers", "1", "--out", tmp_path]
@@ -312,6 +312,7 @@ def test_a_scene_that_kills_its_workers_is_a_row_that_says_so(tmp_path, cluster)
     assert "died" in rows.loc[7, "reason"]
 
 
+@pytest.mark.slow  # the README's study in .ci/commands starts workers, too
 def test_a_cluster_of_its_own_and_the_page(tmp_path):
     engine.sweep(Study.of(GRID), tmp_path, workers=1)
     (tmp_path / "study.toml").write_text(GRID_TOML, encoding="utf-8")

@@ -92,6 +92,7 @@ def test_both_wings_agree_past_slack_and_see_another_tau():
     assert gap(elements, wrong, 0.8, 0.95) > 4e-3
 
 
+@pytest.mark.slow
 def test_a_wrong_path_past_slack_is_judged():
     """Without internal damping it is shown alone."""
     scene, how = damped(1e-3), {"steps": 1000, "until": 0.95, "scheme": "generalized-alpha", "rho_inf": 0.8}

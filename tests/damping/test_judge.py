@@ -61,6 +61,7 @@ def test_a_check_agrees_and_sees_a_fault_of_the_rate():
     assert told.verdict.value == "disagree"
 
 
+@pytest.mark.slow
 def test_the_tilt_is_a_design_number_that_the_judge_computes_again():
     result = rider_check()
     tilt = next(x for x in result.a.run.design if x["quantity"] == "wind_tilt")
@@ -70,6 +71,7 @@ def test_the_tilt_is_a_design_number_that_the_judge_computes_again():
     assert not any(x["quantity"] == "wind_tilt" for x in run(LEVEL, "following-p2", elements=2, steps=20).design)
 
 
+@pytest.mark.slow
 def test_the_bar_of_an_event_in_a_check_is_at_least_the_gap():
     result = rider_check()
     assert result.a.run.events

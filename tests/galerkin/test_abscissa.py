@@ -59,7 +59,12 @@ def test_start_from_rest_tends_to_the_papers():
 
 
 @pytest.mark.parametrize(
-    ("groups", "kink"), [(LEVEL, False), (INCLINED, True), (CRUISE, True)], ids=["level", "inclined", "cruise"]
+    ("groups", "kink"),
+    [
+        pytest.param(LEVEL, False, id="level"),
+        pytest.param(INCLINED, True, id="inclined", marks=pytest.mark.slow),
+        pytest.param(CRUISE, True, id="cruise", marks=pytest.mark.slow),
+    ],
 )
 def test_path_is_that_of_time(groups, kink):
     """At speed, from rest, with jumps of acceleration: steps of t and of s_o meet in one path."""

@@ -88,7 +88,7 @@ def test_a_tolerance_that_makes_no_sense_is_refused(tol, tmp_path):
 TOL = 0.07
 
 
-@pytest.mark.parametrize("seed", [31, 32])
+@pytest.mark.parametrize("seed", [pytest.param(31, marks=pytest.mark.slow), 32])
 def test_random_advice_is_right(seed):
     """The rungs it chose are within what was asked of a finer full model, and the next cheaper ones are not.
 

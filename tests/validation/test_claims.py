@@ -149,6 +149,7 @@ def test_the_overshoot_of_plain_sines_does_not_shrink_and_is_gone_with_the_kink(
 # --- free vibration -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_trapezoidal_rule_gains_energy_where_the_energy_rule_keeps_it():
     groups = Scene.load("level").groups
     assert vibration.energy_ratio(groups, 12) > 10.0

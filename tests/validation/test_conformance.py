@@ -99,7 +99,7 @@ def test_a_tolerance_is_met_or_refused_with_the_best_there_is(name):
     assert find(name).resolution.setting in response.settings
 
 
-@pytest.mark.parametrize("name", ["fixed-p1-path", "wavelet", MINE])
+@pytest.mark.parametrize("name", ["fixed-p1-path", "wavelet", pytest.param(MINE, marks=pytest.mark.slow)])
 def test_a_check_holds_it_against_the_other_wing(name, monkeypatch):
     monkeypatch.setattr("validation.commands.check.study.BUDGET", 1e3)
     other = "fourier-kink" if find(name).wing == "elements" else "following-p2"

@@ -205,6 +205,7 @@ def test_a_coarser_run_that_does_not_say_what_a_law_asks_for_leaves_no_bar(ride)
     assert np.isfinite(found["travel" if "travel" in found else "drive"].allowed)
 
 
+@pytest.mark.slow
 def test_a_rider_back_from_a_slack_cable_keeps_its_law():
     """Slack next to the far support, where the rider turns: s_o says nothing of when that was."""
     cable = "[cable]\nmass_per_length = 1.0\nEA = 1.5e7\nsag = 7.2\n[supports]\nspan = 137.0\ndrop = 15.0\n"

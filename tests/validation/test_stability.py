@@ -170,7 +170,15 @@ def test_a_run_without_a_start_is_an_answer_too(scene, method):
 
 
 # --- catalogue --------------------------------------------------------------------------------------------------------
-@pytest.mark.parametrize("row", CATALOGUE, ids=lambda row: row["name"])
+DEAR = (  # two seconds and more; `cablefem atlas` runs all
+    "trapezoidal rule on a nonlinear cable", "constraint and average acceleration",
+    "chain rule inside fixed P1 elements", "Gibbs oscillations of the tension",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "row", [pytest.param(row, id=row["name"], marks=[pytest.mark.slow] * (row["name"] in DEAR)) for row in CATALOGUE]
+)
 def test_failure_shows_and_its_remedy_works(row):
     found = run_row(row)
     assert found["failure_shown"], found["failure"]

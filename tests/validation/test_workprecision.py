@@ -129,6 +129,7 @@ def test_another_scene_is_not_gone_on_with(small, tmp_path):
     assert store.stored(tmp_path / "chart.json", scene_toml=Scene.load("inclined").to_toml()) == {}
 
 
+@pytest.mark.slow  # many figures
 def test_pages_are_drawn_without_a_solver(small, monkeypatch):
     def never(*a, **k):
         raise AssertionError("a page called a solver")
