@@ -53,7 +53,7 @@ class Friction(NamedTuple):
     rolling: float = 0.0
     brake: float = 0.0
     sign: float = 0.0
-    hold: float = 0.0
+    hold: float | Array = 0.0  # (...)
 
 
 class Body:

@@ -17,6 +17,8 @@ from galerkin.segments import Layout, Rope, functions
 if TYPE_CHECKING:
     from galerkin.lines import LineSines
 
+AT_ONCE = 64  # states
+
 
 def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
     """The motion at all states and at the stations s (m,)."""
@@ -26,12 +28,13 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
     points, tension = np.empty((n, s.size, 2)), np.empty((n, s.size))
     energies = np.empty((3, n))
     integrals = _integrals(layout)
-    for i, x in enumerate(states):
-        Z = system.coordinates(x)
+    for first in range(0, n, AT_ONCE):
+        some = slice(first, first + AT_ONCE)
+        Z = np.stack([system.coordinates(x) for x in states[some]], axis=1)
         rope = Rope(layout, Z)
-        touches[i], positions[i] = system.equations.touches(rope, Z), Z[0, layout.s]
-        energies[:, i] = _rope_energies(rope)
-        points[i], tension[i] = _stations(rope, Z, s, integrals)
+        touches[some], positions[some] = system.equations.touches(rope, Z), Z[0][:, layout.s]
+        energies[:, some] = _rope_energies(rope)
+        points[some], tension[some] = _stations(rope, Z, s, integrals)
     beyond = (s < positions[:, :1]) | (s > positions[:, -1:])
     points[beyond], tension[beyond] = np.nan, np.nan
 
@@ -113,13 +116,13 @@ def _energy(N_r: Array, stretch: Array, EA: float) -> Array:
 
 
 def _rope_energies(rope: Rope) -> Array:
-    """Kinetic, strain and potential energy (3,) [J]."""
+    """Kinetic, strain and potential energy (3, n) [J]."""
     line, law = rope.layout.line, rope.law
     w = rope.layout.weights * rope.h[0]
     N_r, _ = line.rope.at_rest(rope.s)
     kinetic = 0.5 * line.rope.mass_per_length * (rope.r[1] ** 2).sum(axis=-1)
     densities = np.stack([kinetic, _energy(N_r, law.stretch, line.rope.EA), -line.weight * rope.r[0, ..., 1]])
-    return (w * densities).sum(axis=(1, 2))
+    return (w * densities).sum(axis=(-2, -1))
 
 
 def _integrals(layout: Layout) -> Array:
@@ -131,13 +134,16 @@ def _integrals(layout: Layout) -> Array:
 
 
 def _stations(rope: Rope, Z: Array, s: Array, integrals: Array) -> tuple[Array, Array]:
-    """Points (m, 2) and tensions (m,) at s, on the segment behind a contact: N t at L and the load from there."""
+    """Points (n, m, 2) and tensions (n, m) at s, on the segment behind a contact: N t at L and the load from there."""
     layout = rope.layout
-    at = Z[0, layout.s]
-    i = np.clip(np.searchsorted(at, s, side="left") - 1, 0, layout.segments - 1)
-    xi = (s - at[i]) / rope.h[0, i, 0]
-    u = Z[0, layout.columns[i, :-2]].reshape(s.size, -1, 2)
-    points = (functions(xi, layout.functions - 2)[0, :, None] @ u)[:, 0]
-    sums = (integrals @ rope.load)[i]  # (m, coefficients, 2)
-    load = rope.h[0, i] * (legendre.legvander(2.0 * xi - 1.0, len(integrals) - 1)[:, None] @ sums)[:, 0]
-    return points, length(load - rope.rows[i, -2])
+    at = Z[0][:, layout.s]  # (n, contacts)
+    row = np.arange(len(at))[:, None]
+    i = np.sum(at[:, 1:-1, None] < s, axis=1)  # (n, m)
+    xi = (s - at[row, i]) / rope.h[0, row, i, 0]
+    u = Z[0][:, layout.columns[:, :-2]].reshape(len(at), layout.segments, -1, 2)
+    B = functions(xi.ravel(), layout.functions - 2)[0].reshape(*xi.shape, -1)
+    points = (B[..., None, :] @ u[row, i])[..., 0, :]
+    sums = (integrals @ rope.load)[row, i]  # (n, m, coefficients, 2)
+    legendres = legendre.legvander(2.0 * xi - 1.0, len(integrals) - 1)
+    load = rope.h[0, row, i] * (legendres[..., None, :] @ sums)[..., 0, :]
+    return points, length(load - rope.rows[row, i, -2])

@@ -21,6 +21,7 @@ ITERATIONS = 100  # of the search for rest
 TOL = 1e-11  # of EA
 SOFTENED = 4  # steps from a soft rope to the stiff one
 TURNING = 1e-9  # [m/s] slower cars keep the direction of their friction
+KEPT = 8  # instants whose prescribed coordinates are kept: a step's nodes are evaluated several times
 NUDGE = 1e-4  # [s] for the velocity of a line that starts in motion
 
 
@@ -34,55 +35,64 @@ class Equations:
         self.free = np.array([*range(layout.inner), *ends])  # coordinates of the unknowns
         self.forces = np.isin(self.free, layout.F)
         self.size = self.free.size
+        self._column = np.full(layout.size, self.size)  # of each coordinate; of a known one the last, which is cut off
+        self._column[self.free] = np.arange(self.size)
+        self._tangent = np.zeros((3, self.size, self.size + 1))
 
     def touches(self, rope: Rope, Z: Array) -> Array:
-        """The numbers of `Touch` at all contacts (contacts, 17)."""
+        """The numbers of `Touch` at all contacts (..., contacts, 17)."""
         layout = self.layout
-        x = np.zeros((layout.contacts, Touch.size))
-        x[1:, 0:2], x[:-1, 2:4] = rope.rows[:, -1], -rope.rows[:, -2]
-        x[1:, 4:6], x[:-1, 6:8] = rope.end_slopes[:, 1], rope.end_slopes[:, 0]
-        x[:, 8:14:2], x[:, 9:14:2] = Z[:, layout.x].T, Z[:, layout.y].T
-        x[:, 14], x[:, 15], x[:, 16] = Z[1, layout.s], Z[2, layout.s], Z[2, layout.F]
+        x = np.zeros((*Z.shape[1:-1], layout.contacts, Touch.size))
+        x[..., 1:, 0:2], x[..., :-1, 2:4] = rope.rows[..., -1, :], -rope.rows[..., -2, :]
+        x[..., 1:, 4:6], x[..., :-1, 6:8] = rope.end_slopes[..., 1, :], rope.end_slopes[..., 0, :]
+        for order in range(3):
+            x[..., 8 + 2 * order], x[..., 9 + 2 * order] = Z[order][..., layout.x], Z[order][..., layout.y]
+        x[..., 14], x[..., 15], x[..., 16] = Z[1][..., layout.s], Z[2][..., layout.s], Z[2][..., layout.F]
         return x
 
-    def touch_columns(self, rope: Rope, columns: Array) -> Array:
-        """d(touches)/d(coordinates) (3, contacts, 17, layout.size): by coordinates, velocities, accelerations."""
-        layout = self.layout
-        out = np.zeros((3, layout.contacts, Touch.size, layout.size))
-        slopes = rope.end_slope_columns
-        for i, at in enumerate(layout.columns):
-            out[:, i + 1, 0:2, at] = np.moveaxis(columns[:, i, -1], -1, 0)
-            out[:, i, 2:4, at] = -np.moveaxis(columns[:, i, -2], -1, 0)
-            out[0, i + 1, 4:6, at], out[0, i, 6:8, at] = slopes[i, 1].T, slopes[i, 0].T
-        for k in range(layout.contacts):
-            for order in range(3):
-                out[order, k, 8 + 2 * order, layout.x[k]] = out[order, k, 9 + 2 * order, layout.y[k]] = 1.0
-            out[1, k, 14, layout.s[k]] = out[2, k, 15, layout.s[k]] = out[2, k, 16, layout.F[k]] = 1.0
-        return out
-
     def residual(self, Z: Array, frictions: Sequence[Friction]) -> Array:
+        """The rows (..., n) at Z (3, ..., layout.size)."""
         rope = Rope(self.layout, Z)
         x = self.touches(rope, Z)
-        ends = [body.rows(Touch(x[k]), frictions[k]) for k, body in enumerate(self.bodies)]
-        return np.concatenate([rope.rows[:, :-2].ravel(), *ends])
+        ends = [body.rows(Touch(x[..., k, :]), frictions[k]) for k, body in enumerate(self.bodies)]
+        inner = rope.rows[..., :-2, :].reshape(*Z.shape[1:-1], self.layout.inner)
+        return np.concatenate([inner, *ends], axis=-1)
 
     def linearise(self, Z: Array, frictions: Sequence[Friction]) -> tuple[Array, Array]:
-        """The residual, and its derivatives (3, n, n) by unknowns, their velocities and accelerations."""
+        """The residual, and its derivatives (3, n, n) by unknowns, their velocities and accelerations.
+
+        The next call overwrites the derivatives.
+        """
         rope, layout = Rope(self.layout, Z), self.layout
-        columns, n = rope.columns, 2 * layout.functions
-        K = np.zeros((3, self.size, layout.size))
+        columns, slopes, n = rope.columns, rope.end_slope_columns, 2 * layout.functions
+        K = self._tangent
+        K[:] = 0.0
         r = np.zeros(self.size)
         r[: layout.inner] = rope.rows[:, :-2].ravel()
-        for i, at in enumerate(layout.columns):
-            K[:, n * i : n * (i + 1), at] = columns[:, i, :-2].reshape(3, n, -1)
-        x, dx = self.touches(rope, Z), self.touch_columns(rope, columns)
+        at = self._column[layout.columns]
+        for i in range(layout.segments):
+            K[:, n * i : n * (i + 1), at[i]] = columns[:, i, :-2].reshape(3, n, -1)
+        x = self.touches(rope, Z)
         row = layout.inner
         for k, body in enumerate(self.bodies):
+            if not body.unknown:
+                continue
             rows = slice(row, row + len(body.unknown))
             r[rows] = body.rows(Touch(x[k]), frictions[k])
-            K[:, rows] = body.derivatives(x[k], frictions[k]) @ dx[:, k]
+            by = body.derivatives(x[k], frictions[k])  # by the numbers of `Touch`, (rows, 17)
+            here = K[:, rows]
+            if k > 0:
+                here[:, :, at[k - 1]] += by[:, 0:2] @ columns[:, k - 1, -1]
+                here[0][:, at[k - 1]] += by[:, 4:6] @ slopes[k - 1, 1]
+            if k < layout.segments:
+                here[:, :, at[k]] -= by[:, 2:4] @ columns[:, k, -2]
+                here[0][:, at[k]] += by[:, 6:8] @ slopes[k, 0]
+            for order in range(3):
+                here[order][:, self._column[[layout.x[k], layout.y[k]]]] += by[:, 8 + 2 * order : 10 + 2 * order]
+            here[1:, :, self._column[layout.s[k]]] += by[:, 14:16].T
+            here[2, :, self._column[layout.F[k]]] += by[:, 16]
             row = rows.stop
-        return r, K[:, :, self.free]
+        return r, K[:, :, :-1]
 
 
 class LineSines(System):
@@ -111,6 +121,8 @@ class LineSines(System):
         self.saddles = [k for k, body in enumerate(bodies) if isinstance(body, Saddle)]
         loose = ["rope falls slack", *(f"rope lifts off {names[k]}" for k in self.saddles)]
         self.events = (*meetings, *stops, *brakes, *lifted, *loose)
+        self._prescribed: dict[tuple[float, int], Array] = {}
+        self._loaded: tuple[State | None, list[float]] = (None, [])  # of the last state that was watched
         self._known: tuple[Array, float, int, Array, Array] | None = None
 
     @property
@@ -121,6 +133,13 @@ class LineSines(System):
     # --- coordinates -------------------------------------------------------------------------------------------------
     def prescribed(self, t: float, phase: int) -> Array:
         """Jets of all coordinates (3, layout.size), zero where unknown."""
+        if (t, phase) not in self._prescribed:
+            if len(self._prescribed) >= KEPT:
+                self._prescribed.clear()
+            self._prescribed[t, phase] = self._prescribe(t, phase)
+        return self._prescribed[t, phase].copy()
+
+    def _prescribe(self, t: float, phase: int) -> Array:
         line, layout = self.line, self.layout
         Z = np.zeros((3, layout.size))
         for k, contact in enumerate(line.contacts):
@@ -141,18 +160,24 @@ class LineSines(System):
         Z[:, self.equations.free] = x.q, x.v, x.a
         return Z
 
-    def present(self, t: float) -> list[Friction]:
-        """Friction at all contacts at t."""
+    def present(self, t: Array | float) -> list[Friction]:
+        """Friction at all contacts at the time or times t."""
         present = list(self.frictions)
         for k, body in self.free_cars.items():
-            present[k] = present[k]._replace(hold=self.holds[k] * body.car.drive.hold(t))
+            hold = np.array([body.car.drive.hold(at) for at in np.ravel(t).tolist()]).reshape(np.shape(t))
+            present[k] = present[k]._replace(hold=self.holds[k] * hold)
         return present
 
     # --- the system --------------------------------------------------------------------------------------------------
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
-        Z = self.coordinates(State(t, q, v, a, phase))
-        if not (np.diff(Z[0, self.layout.s]) > 0.0).all():
-            return np.full(self.n_dof, np.nan)
+        return self.residuals(np.array([t]), q[None], v[None], a[None], phase)[0]
+
+    def residuals(self, t: Array, q: Array, v: Array, a: Array, phase: int) -> Array:
+        Z = np.stack([self.prescribed(at, phase) for at in t.tolist()], axis=1)  # (3, n, layout.size)
+        Z[..., self.equations.free] = q, v, a
+        s = Z[0][:, self.layout.s]
+        if not (s[:, 1:] > s[:, :-1]).all():
+            return np.full(q.shape, np.nan)
         return self.equations.residual(Z, self.present(t))
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
@@ -161,7 +186,9 @@ class LineSines(System):
         if known is None or known[1:3] != (t, phase) or not np.array_equal(known[0], state):
             r, K = self.equations.linearise(self.coordinates(State(t, q, v, a, phase)), self.present(t))
             known = self._known = (state, t, phase, r, K)
-        return known[3], factorised(np.tensordot(c, known[4], 1))
+        c0, c1, c2 = c
+        by_q, by_v, by_a = known[4]
+        return known[3], factorised(c0 * by_q + c1 * by_v + c2 * by_a)
 
     def begin_step(self, x: State) -> None:
         """Keep the direction of friction, and the brakes that act, for one step."""
@@ -192,10 +219,12 @@ class LineSines(System):
         ahead = [place - float(s[k]) for k, place in self.brakes]
         loads = [math.inf] * (len(self.cars) + 1 + len(self.saddles))
         if min(gaps, default=1.0) > 0.0:
-            rope = Rope(self.layout, Z)
-            touches = self.equations.touches(rope, Z)
-            loads = [float(body.pressing(Touch(touches[k]))) for k, body in self.cars.items()]
-            loads += self._tautness(rope, touches)
+            if self._loaded[0] is not x:
+                rope = Rope(self.layout, Z)
+                touches = self.equations.touches(rope, Z)
+                loads = [float(body.pressing(Touch(touches[k]))) for k, body in self.cars.items()]
+                self._loaded = x, loads + self._tautness(rope, touches)
+            loads = self._loaded[1]
         return (*gaps, *speeds, *ahead, *loads)
 
     def _tautness(self, rope: Rope, touches: Array) -> list[float]:

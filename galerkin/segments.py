@@ -14,8 +14,12 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
 
 from cablefem.scene.contacts import Array, MovingLine
+
+# coefficients of xi (1 - xi), xi (1 - xi)(1 - 2 xi), 1 - xi, xi by rising powers, one a column
+POLYNOMIALS = np.array([[0.0, 1.0, -1.0, 0.0], [0.0, 1.0, -3.0, 2.0], [1.0, -1.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]]).T
 
 
 def product(f: Array, g: Array) -> Array:
@@ -33,8 +37,10 @@ def quotient(f: Array, g: Array) -> Array:
 def composed(F: Array, xi: Array) -> Array:
     """The jet of F(xi, t); F[i, k] holds the i-th time derivative of the k-th xi derivative at fixed xi."""
     x, dx, ddx = F[0], xi[1, ..., None], xi[2, ..., None]
-    acceleration = F[2, 0] + 2.0 * F[1, 1] * dx + x[2] * dx**2 + x[1] * ddx
-    return np.stack(np.broadcast_arrays(x[0], F[1, 0] + x[1] * dx, acceleration))
+    acceleration = F[2, 0] + (2.0 * F[1, 1] + x[2] * dx) * dx + x[1] * ddx
+    out = np.empty((3, *acceleration.shape))
+    out[0], out[1], out[2] = x[0], F[1, 0] + x[1] * dx, acceleration
+    return out
 
 
 def functions(xi: Array, terms: int) -> Array:
@@ -42,10 +48,8 @@ def functions(xi: Array, terms: int) -> Array:
     k = np.pi * np.arange(1, terms + 1)
     sin, cos = np.sin(k * xi[:, None]), np.cos(k * xi[:, None])
     sines = np.stack([sin, k * cos, -(k**2) * sin, -(k**3) * cos])
-    x = np.polynomial.Polynomial([0.0, 1.0])
-    others = (x * (1.0 - x), x * (1.0 - x) * (1.0 - 2.0 * x), 1.0 - x, x)
-    columns = [[p.deriv(k)(xi) if k else p(xi) for p in others] for k in range(4)]
-    return np.concatenate([sines, np.moveaxis(np.array(columns), 1, 2)], axis=2)
+    others = [polyval(xi, polyder(POLYNOMIALS, order)).T for order in range(4)]
+    return np.concatenate([sines, np.array(others)], axis=2)
 
 
 class Layout:
@@ -60,6 +64,10 @@ class Layout:
         points, weights = np.polynomial.legendre.leggauss(2 * terms + 12)
         self.points, self.weights = 0.5 + 0.5 * points, 0.5 * weights
         self.B = functions(self.points, terms)
+        self.tables = self.B.reshape(-1, terms + 4)
+        self.tests = np.concatenate([self.B[0], self.B[1]]).T.copy()  # (M, 2 G)
+        slopes = self.B[1].T
+        self.slope_pairs = (slopes[:, None] * slopes).reshape(-1, self.points.size)  # (M M, G)
         self.ends = functions(np.array([0.0, 1.0]), terms)[1]  # B' at L and R
         self.functions = terms + 2  # without those of the ends
         self.inner = 2 * self.functions * self.segments
@@ -90,27 +98,33 @@ class Law(NamedTuple):
 
 
 class Rope:
-    """All segments at one instant; arrays over (segment, point), S by G, and M functions with those of the ends."""
+    """All segments at instants (...): arrays (..., S segments, G points), and M functions with those of the ends."""
 
     def __init__(self, layout: Layout, Z: Array) -> None:
-        """Z (3, layout.size): the jets of all coordinates."""
+        """Z (3, ..., layout.size): the jets of all coordinates."""
         self.layout = layout
-        u = Z[:, layout.columns[:, :-2]].reshape(3, layout.segments, -1, 2)  # (3, S, M, 2)
-        at = Z[:, layout.columns[:, -2:]]  # s of L and R (3, S, 2)
-        self.h = (at[:, :, 1] - at[:, :, 0])[..., None]
-        still = np.zeros((3, layout.segments, layout.points.size))
-        still[0] = self.s = at[0, :, :1] + self.h[0] * layout.points
-        self.xi = quotient(still - at[:, :, :1], self.h)
-        self.Y = layout.B[:, None] @ u[:, None]  # (3, 4, S, G, 2): time derivatives of xi derivatives
+        u = Z[..., layout.columns[:, :-2]]  # (3, ..., S, 2 M)
+        at = Z[..., layout.columns[:, -2:]]  # s of L and R (3, ..., S, 2)
+        self.h = (at[..., 1] - at[..., 0])[..., None]
+        left, h = at[..., :1], self.h[0]
+        self.xi = np.empty((*self.h.shape[:-1], layout.points.size))
+        self.xi[0] = layout.points
+        self.xi[1] = -(left[1] + layout.points * self.h[1]) / h
+        self.xi[2] = -(left[2] + 2.0 * self.xi[1] * self.h[1] + layout.points * self.h[2]) / h
+        self.s = left[0] + h * layout.points
+        jets = np.moveaxis(u.reshape(*u.shape[:-1], -1, 2), 0, -2)  # (..., S, M, 3, 2)
+        values = layout.tables @ jets.reshape(*jets.shape[:-2], 6)  # (..., S, 4 G, 6)
+        values = values.reshape(*values.shape[:-2], 4, -1, 3, 2)
+        self.Y = np.moveaxis(values, (-2, -4), (0, 1))  # (3, 4, ..., S, G, 2): time derivatives of xi derivatives
         self.r = composed(self.Y, self.xi)
-        self.slope = self.Y[0, 1] / self.h[0, ..., None]  # r' (S, G, 2)
-        self.end_slopes = layout.ends @ u[0] / self.h[0, ..., None]  # at L and R (S, 2, 2)
+        self.slope = self.Y[0, 1] / h[..., None]  # r' (..., S, G, 2)
+        self.end_slopes = layout.ends @ jets[..., 0, :] / h[..., None]  # at L and R (..., S, 2, 2)
 
     @cached_property
     def law(self) -> Law:
         rope, softness = self.layout.line.rope, self.layout.softness
         N_r, N_s = rope.at_rest(self.s)
-        squared = (self.slope**2).sum(axis=-1)
+        squared = self.slope[..., 0] ** 2 + self.slope[..., 1] ** 2
         stretch = np.sqrt(squared)
         N = N_r + rope.EA * (squared - 1.0) / (stretch + 1.0)
         N = softness.about + softness.fraction * (N - softness.about)
@@ -119,22 +133,24 @@ class Rope:
 
     @cached_property
     def load(self) -> Array:
-        """rho (r.. + c r. - g j) (S, G, 2): inertia, damping and weight."""
+        """rho (r.. + c r. - g j) (..., S, G, 2): inertia, damping and weight."""
         line = self.layout.line
-        acceleration = self.r[2] + line.rope.damping * self.r[1] - [0.0, line.gravity]
+        acceleration = self.r[2] + line.rope.damping * self.r[1]
+        acceleration[..., 1] -= line.gravity
         return line.rope.mass_per_length * acceleration
 
     @cached_property
     def loads(self) -> Array:
-        """int load B ds (S, M, 2)."""
-        w = self.layout.weights[:, None] * self.h[0, ..., None]
+        """int load B ds (..., S, M, 2)."""
+        w = (self.layout.weights * self.h[0])[..., None]  # (..., S, G, 1)
         return self.layout.B[0].T @ (w * self.load)
 
     @cached_property
     def rows(self) -> Array:
-        """int load B + N t . B' ds (S, M, 2); the last two are - N t at L and N t at R."""
+        """int load B + N t . B' ds (..., S, M, 2); the last two are - N t at L and N t at R."""
         w = self.layout.weights[:, None]
-        return self.loads + self.layout.B[1].T @ (w * self.law.force)
+        both = np.concatenate([self.h[0, ..., None] * self.load, self.law.force], axis=-2)
+        return self.layout.tests @ (np.concatenate([w, w]) * both)
 
     # --- derivatives by the coordinates of a segment, in the order of `Layout.columns` -------------------------------
     @property
@@ -160,9 +176,11 @@ class Rope:
             """d(r.. + c r.) where the jet is that of dr/d(coordinate)."""
             return np.stack([jet[2] + c * jet[1], 2.0 * jet[1] + c * jet[0], jet[0]])
 
-        constant = np.zeros((3, 4, 1, G, M))  # B has no time of its own
-        constant[0, :, 0] = layout.B
-        inertia = B @ ((rho * h * weights)[..., None] * rates(composed(constant, self.xi)))  # (3, S, M, M)
+        jets = np.empty((3, S, G, M))  # of dr/d(coordinate): B has no time of its own
+        jets[0] = layout.B[0]
+        jets[1] = layout.B[1] * self.xi[1, ..., None]
+        jets[2] = layout.B[2] * self.xi[1, ..., None] ** 2 + layout.B[1] * self.xi[2, ..., None]
+        inertia = B @ ((rho * h * weights)[..., None] * rates(jets))  # (3, S, M, M)
         out = np.zeros((3, S, M, 2, 2 * M + 2))
         out[:, :, :, 0, 0:-2:2] = out[:, :, :, 1, 1:-2:2] = inertia
 
@@ -170,9 +188,7 @@ class Rope:
         ratio = (law.N / law.stretch)[..., None, None]
         along = unit[..., :, None] * unit[..., None, :]
         stiffness = ratio * np.eye(2) + (law.N_stretch - ratio) * along  # d(N t)/dr' (S, G, 2, 2)
-        block = (slopes[:, None] * slopes).reshape(M * M, G) @ (
-            (weights / h)[..., None] * stiffness.reshape(S, G, 4)
-        )  # (S, M M, 4)
+        block = layout.slope_pairs @ ((weights / h)[..., None] * stiffness.reshape(S, G, 4))  # (S, M M, 4)
         out[0, ..., :-2] += block.reshape(S, M, M, 2, 2).transpose(0, 1, 3, 2, 4).reshape(S, M, 2, 2 * M)
 
         one = np.array([1.0, 0.0, 0.0])[:, None, None]

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
 from cablefem.newmark import Array
@@ -46,29 +47,19 @@ class Bordered:
         self.rows[to], self.corner[to] = 0.0, self.columns[i]
         self.rows[to, j] = self.ab[at, j]
 
-    def set_diagonal(self, i: int, value: complex) -> None:
-        """Make row i zero but for its diagonal."""
-        if i < self.n:
-            j, at = self._row(i)
-            self.ab[at, j] = 0.0
-            self.columns[i] = 0.0
-        else:
-            self.rows[i - self.n] = 0.0
-            self.corner[i - self.n] = 0.0
-        self.add(i, i, value)
-
-    def clear_column(self, j: int) -> None:
-        """Make column j zero but for its diagonal."""
-        if j < self.n:
-            diagonal = self.ab[2 * self.b, j]
-            self.ab[:, j] = 0.0
-            self.ab[2 * self.b, j] = diagonal
-            self.rows[:, j] = 0.0
-        else:
-            diagonal = self.corner[j - self.n, j - self.n]
-            self.columns[:, j - self.n] = 0.0
-            self.corner[:, j - self.n] = 0.0
-            self.corner[j - self.n, j - self.n] = diagonal
+    def fix(self, at: NDArray[np.intp]) -> None:
+        """Make rows and columns `at` zero but for ones on the diagonal: these unknowns drop out."""
+        inner, border = at[at < self.n], at[at >= self.n] - self.n
+        j = inner[:, None] + np.arange(-self.b, self.b + 1)
+        place = np.broadcast_to(np.arange(3 * self.b, self.b - 1, -1), j.shape)
+        inside = (j >= 0) & (j < self.n)
+        self.ab[place[inside], j[inside]] = 0.0
+        self.ab[:, inner] = 0.0
+        self.ab[2 * self.b, inner] = 1.0
+        self.columns[inner], self.columns[:, border] = 0.0, 0.0
+        self.rows[:, inner], self.rows[border] = 0.0, 0.0
+        self.corner[border], self.corner[:, border] = 0.0, 0.0
+        self.corner[border, border] = 1.0
 
     def factored(self) -> Callable[[Array], Array]:
         """The solution as a function of the right-hand side."""

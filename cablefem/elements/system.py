@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from cablefem.elements.segment_kernels import Kernel
 
 SHIFT = 1e-4  # [s] for velocities through states of rest
+KEPT = 8  # instants whose prescribed slots are kept: a step's nodes are evaluated several times
 
 
 class Slots(NamedTuple):
@@ -66,6 +67,9 @@ class LineElements(System):
         self.prescribed: list[tuple[Car, int]] = []
         for k, contact in enumerate(contacts):
             self._prescribe(k, contact)
+        self._known: dict[tuple[float, int], Array] = {}
+        self._same_law: Law | None = None  # of a rope whose law does not depend on s
+        self._loaded: tuple[State | None, list[float]] = (None, [])  # of the last state that was watched
         self._outer = [(k, line.supports[k]) for k in (0, -1) if line.supports[k].kind != "anchor"]
         self._masses = np.array([c.mass for c in line.cars])
         self._air = np.array([(c.drive.k, c.drive.wind, c.drive.mu_r) for c in line.cars]).reshape(-1, 3).T
@@ -80,6 +84,7 @@ class LineElements(System):
         self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA * elements * degree * count
         names = [c.name for c in contacts]
         self._gaps = [k for k in range(count) if k in self.cars or k + 1 in self.cars]
+        self._rolls = any(car.kind == "free" for car in line.cars)
         self._stops = [i for i, car in enumerate(line.cars) if car.kind == "free" and car.drive.resists]
         self.events = (
             *(f"{names[k]} meets {names[k + 1]}" for k in self._gaps),
@@ -118,17 +123,24 @@ class LineElements(System):
 
     def known(self, t: float, phase: int) -> Slots:
         """Slots with what is prescribed at t; zero elsewhere."""
-        out = Slots(*np.zeros((3, self.size)))
-        out.q[:] = self.constant
-        for car, slot in self.prescribed:
-            out.q[slot], out.v[slot], out.a[slot] = self.line.position(car, t, phase)
-        return out
+        return Slots(*self._prescribed_at(t, phase).copy())
+
+    def _prescribed_at(self, t: float, phase: int) -> Array:
+        """`known` as an array (3, size) that is kept."""
+        if (t, phase) not in self._known:
+            if len(self._known) >= KEPT:
+                self._known.clear()
+            out = np.zeros((3, self.size))
+            out[0] = self.constant
+            for car, slot in self.prescribed:
+                out[:, slot] = self.line.position(car, t, phase)
+            self._known[t, phase] = out
+        return self._known[t, phase]
 
     def slots(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Slots:
-        out = self.known(t, phase)
-        for x, unknown in zip(out, (q, v, a), strict=True):
-            x[self._unknown] = unknown
-        return out
+        out = self._prescribed_at(t, phase).copy()
+        out[:, self._unknown] = q, v, a
+        return Slots(*out)
 
     def motion(self, x: Slots) -> Motion:
         nodal = [z[: 2 * self.n].reshape(-1, 2)[self.nodes] for z in x]
@@ -145,11 +157,19 @@ class LineElements(System):
         if self.cars and cars is None:
             cars = self.car_data(t, phase)
         add = self._kernel.add_rows if self.compiled else self._add_rows
-        law = law or self.segments.law(np.stack([x.q[self.s[:-1]], x.q[self.s[1:]]], axis=1))
+        law = law or self._law(x)
         self.lowest_tension = add(x, law, cars, rows)
         self._add_supports(rows, x)
         rows[self.force] = rows[self.kept]
         return rows
+
+    def _law(self, x: Slots) -> Law:
+        if self._same_law is None:
+            law = self.segments.law(np.stack([x.q[self.s[:-1]], x.q[self.s[1:]]], axis=1))
+            if self.line.rope.rest_tension is not None:
+                return law
+            self._same_law = law
+        return self._same_law
 
     def _add_rows(self, x: Slots, law: Law, cars: Cars | None, rows: Array) -> float:
         """Add the rows of the segments and the cars; return the smallest tension."""
@@ -207,8 +227,10 @@ class LineElements(System):
 
     def car_data(self, t: float, phase: int) -> Cars:
         cars, line = self.line.cars, self.line
-        thrust = np.array([line.thrust(c, t, phase) for c in cars])
-        released = np.array([c.drive.hold(t) for c in cars])
+        thrust = released = np.zeros(len(cars))
+        if self._rolls:
+            thrust = np.array([line.thrust(c, t, phase) for c in cars])
+            released = np.array([c.drive.hold(t) for c in cars])
         k, wind, friction = self._air
         return Cars(
             self._masses, k, wind, friction, thrust, self.brakes, self.hold * released, self.signs, line.gravity
@@ -275,8 +297,10 @@ class LineElements(System):
         ahead = [float(slots.v[self.s[self.cars[i]]] * self.signs[i]) for i in self._stops]
         if gaps.min(initial=np.inf) <= 0.0:  # the rest has no meaning there
             return (*gaps.tolist(), *[np.inf] * (len(self.events) - len(self._gaps)))
-        loads = self._kernel.loads(slots, self.car_data(x.t, x.phase)).tolist() if self.cars else []
-        return (*gaps.tolist(), *ahead, *loads, *self._hangs(self.rows(x.t, slots, x.phase)))
+        if self._loaded[0] is not x:
+            loads = self._kernel.loads(slots, self.car_data(x.t, x.phase)).tolist() if self.cars else []
+            self._loaded = x, loads + self._hangs(self.rows(x.t, slots, x.phase))
+        return (*gaps.tolist(), *ahead, *self._loaded[1])
 
     def _hangs(self, rows: Array) -> list[float]:
         """Smallest tension, and pressures of the rope on the saddles [N], where `rows` are the last ones computed."""
@@ -305,7 +329,7 @@ class LineElements(System):
         """The solution with c0 dr/dq + c1 dr/dv + c2 dr/da of free slots; without c2 forces F/M count once."""
         if self.cars and cars is None:
             cars = self.car_data(t, phase)
-        law = law or self.segments.law(np.stack([x.q[self.s[:-1]], x.q[self.s[1:]]], axis=1))
+        law = law or self._law(x)
         if not self.compiled:
             return self._sparse(x, law, cars, c, free)
         kind = complex if any(isinstance(z, complex) for z in c) else float
@@ -315,9 +339,7 @@ class LineElements(System):
             matrix.add(slot, slot, value)
         for slot, kept in zip(self.force - 2 * self.n, self.kept, strict=True):
             matrix.copy_row(slot, int(kept))
-        for slot in np.flatnonzero(np.logical_not(free)).tolist():
-            matrix.set_diagonal(slot, 1.0)
-            matrix.clear_column(slot)
+        matrix.fix(np.flatnonzero(np.logical_not(free)))
         solve_all, unknown = matrix.factored(), np.flatnonzero(free)
 
         def solve(b: Array) -> Array:

@@ -30,11 +30,11 @@ class _Nodes:
         self.v0 = self.ends[0, 1]
         self.drift = self.ends[0, 0] + np.outer(rule.c * self.dt, self.v0)  # q without a, (s, n_dof)
 
-    def at(self, i: int) -> tuple[Array, Array, Array]:
-        """q, v and a at node i."""
-        q = self.drift[i] + self.dt**2 * (self.rule.AA[i] @ self.a)
-        v = self.v0 + self.dt * (self.rule.A[i] @ self.a)
-        return q, v, self.a[i]
+    def states(self) -> tuple[Array, Array, Array]:
+        """q, v and a at the nodes, (s, n_dof) each."""
+        q = self.drift + self.dt**2 * (self.rule.AA @ self.a)
+        v = self.v0 + self.dt * (self.rule.A @ self.a)
+        return q, v, self.a
 
     def finish(self) -> None:
         """Set q and v at the end of the step."""
@@ -43,7 +43,7 @@ class _Nodes:
         self.ends[1, 1] = self.v0 + self.dt * once
 
     def residual(self) -> Array:
-        return np.concatenate([self.system.residual(t, *self.at(i), self.phase) for i, t in enumerate(self.t)])
+        return self.system.residuals(self.t, *self.states(), self.phase).ravel()
 
     def tangent(self) -> Callable[[Array], Array]:
         """The solution with M + dt A C + dt^2 A^2 K, the same M, C, K for all nodes.
@@ -52,11 +52,11 @@ class _Nodes:
         """
         rule = self.rule
         middle = rule.middle
-        state = self.at(middle)
+        q, v, a = (x[middle] for x in self.states())
         lams = [self.dt * (value if value.imag else value.real) for value in rule.values]
         solves = []
         for lam in lams:
-            _, solve_one = self.system.linearise(self.t[middle], *state, self.phase, lam * lam, lam, 1.0)
+            _, solve_one = self.system.linearise(self.t[middle], q, v, a, self.phase, lam * lam, lam, 1.0)
             solves.append(solve_one)
 
         def solve(r: Array) -> Array:

@@ -38,6 +38,10 @@ class System(Protocol):
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         raise NotImplementedError
 
+    def residuals(self, t: Array, q: Array, v: Array, a: Array, phase: int) -> Array:
+        """`residual` at n instants: t (n,), the others (n, n_dof)."""
+        return np.array([self.residual(*x, phase) for x in zip(t.tolist(), q, v, a, strict=True)])
+
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:

@@ -113,11 +113,11 @@ class MovingLine:
         """q = rho g [N/m]."""
         return self.rope.mass_per_length * self.gravity
 
-    @property
+    @cached_property
     def cars(self) -> tuple[Car, ...]:
         return tuple(c for c in self.contacts if isinstance(c, Car))
 
-    @property
+    @cached_property
     def supports(self) -> tuple[Contact, ...]:
         return tuple(c for c in self.contacts if isinstance(c, Contact))
 
