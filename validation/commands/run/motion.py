@@ -76,14 +76,12 @@ class Runs:
         return self._known[space, time]
 
     def ladder(self, space: int, time: int) -> Ladder:
-        """The run, half and, where it is known, quarter in space and in time."""
-        coarser = [(space // 2, time), (space // 4, time)]
-        earlier = [(space, time // 2), (space, time // 4)]
+        """The run, half and quarter in space and in time; no quarter of 2."""
+        coarser = [(space // k, time) for k in (2, 4) if space >= k]
+        earlier = [(space, time // k) for k in (2, 4) if time >= k]
         branches = []
-        for half, quarter in (coarser, earlier):
-            runs: list[Any] = [self.run(*half)]
-            if quarter in self._known:
-                runs.append(self._known[quarter])
+        for settings in (coarser, earlier):
+            runs: list[Any] = [self.run(*setting) for setting in settings]
             branches.append(Branch(tuple(runs), (2.0,) * len(runs), ORDER))
         finest: Any = self.run(space, time)
         return Ladder(finest, *branches)
