@@ -62,11 +62,11 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
 def _car(body: PointCar, s: Array, x: Touch) -> CarMotion:
     car, none = body.car, np.full(s.size, np.nan)
     along = (body.contact_force(x) * x.tau).sum(axis=-1)
-    driven = car.drive.mode == "haul" or bool(car.drive.thrust_table)
+    hauled, grips = car.drive.mode == "haul", car.kind == "grip"
     return CarMotion(
         name=car.name, s=s, ds=x.ds, point=x.p, velocity=x.dp, acceleration=x.ddp, tension_behind=length(x.behind),
         tension_ahead=length(x.ahead), slope_behind=x.slope_behind, slope_ahead=x.slope_ahead,
-        haul_force=x.F if driven else none, grip_force=along / x.projection if car.kind == "grip" else none,
+        haul_force=x.F if hauled else none, grip_force=along / x.projection if grips else none,
         contact_force=body.pressing(x),
     )  # fmt: skip
 
@@ -76,11 +76,13 @@ def _car_powers(line: MovingLine, body: PointCar, s: Array, x: Touch, hold: Arra
     if drive.mode == "grip":
         kink = _flux(line, x.ahead, s, x.ds) - _flux(line, x.behind, s, x.ds)
         return {f"{name} grip": -kink * x.ds}
-    powers = {f"{name} haul": x.F * (x.tau * x.dp).sum(axis=-1)}
-    powers[f"{name} drag"] = (body.drag(x) * x.dp).sum(axis=-1)
     stretch = 0.5 * (length(x.slope_behind) + length(x.slope_ahead))
-    resisting = drive.mu_r * np.abs(body.pressing(x)) + sum((f * (s >= place) for place, f in drive.brakes), 0.0 * s)
-    powers[f"{name} friction"] = stretch * (hold * x.ds - resisting * np.abs(x.ds))
+    resisting = drive.mu_r * np.abs(body.pressing(x)) + drive.brake(s)
+    powers = {f"{name} drag": (body.drag(x) * x.dp).sum(axis=-1)}
+    powers[f"{name} friction"] = -stretch * resisting * np.abs(x.ds)
+    powers[f"{name} {'haul' if drive.mode == 'haul' else 'thrust'}"] = x.F * (x.tau * x.dp).sum(axis=-1)
+    if drive.mode == "free":
+        powers[f"{name} hold"] = stretch * hold * x.ds
     return powers
 
 

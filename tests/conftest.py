@@ -1,4 +1,4 @@
-"""One BLAS thread: the matrices are small, and threads that wait for each other cost tenfold on a shared machine."""
+"""The command, and one BLAS thread: on a shared machine threads that wait for each other cost tenfold."""
 
 import pytest
 from threadpoolctl import threadpool_limits
@@ -8,6 +8,22 @@ from threadpoolctl import threadpool_limits
 def one_thread():
     with threadpool_limits(1):
         yield
+
+
+@pytest.fixture
+def cablefem(capsys, tmp_path, monkeypatch):
+    """Call the command in an empty folder; returns (exit code, standard output, standard error)."""
+    from validation import cli  # slow to load
+
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments):
+        code = cli.main([str(argument) for argument in arguments])
+        out, err = capsys.readouterr()
+        assert "Traceback" not in err
+        return code, out, err
+
+    return call
 
 
 def pytest_collection_modifyitems(items):

@@ -117,7 +117,7 @@ def _cars(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]:
     velocity, acceleration = (np.stack([x.at(k, z) for k in ks], axis=1) for z in (x.v, x.a))
     F = np.zeros((x.t.size, ks.size, 1))
     F[:, system.of_force, 0] = x.a[:, system.force]
-    data = _car_data(x, x.v[:, slots])
+    data = _car_data(x, x.q[:, slots], x.v[:, slots])
     on = forces(data, np.concatenate([behind, ahead, velocity, acceleration, F], axis=2))
     along = np.sum(on.tau * velocity, axis=2)
     rows = x.ends[1][:, ks - 1] + x.ends[0][:, ks]
@@ -130,7 +130,7 @@ def _cars(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]:
         powers[f"{car.name} drag"] = np.sum(on.drag[:, i] * velocity[:, i], axis=1)
         if grips:
             powers[f"{car.name} grip"] = rows[:, i] * ds
-            del powers[f"{car.name} friction"]
+            del powers[f"{car.name} friction"], powers[f"{car.name} drag"]
         if hauled:
             powers[f"{car.name} haul"] = on.haul[:, i] * along[:, i]
         if car.kind == "free":
@@ -146,16 +146,16 @@ def _cars(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]:
     return tuple(out)
 
 
-def _car_data(x: _History, ds: Array) -> Cars:
+def _car_data(x: _History, s: Array, ds: Array) -> Cars:
     """Data of the cars at all times, (n, cars)."""
     system = x.system
     phases = system.phases
     phase = np.minimum(np.searchsorted([t1 for _, t1 in phases], x.t), len(phases) - 1)
     each = [system.car_data(t, i) for t, i in zip(x.t.tolist(), phase.tolist(), strict=True)]
-    changing: dict[str, Any] = {
-        name: np.array([getattr(y, name) for y in each]) for name in ("thrust", "brake", "hold")
-    }
-    return each[0]._replace(**changing, sign=np.where(ds == 0.0, each[0].sign, np.sign(ds)))
+    changing: dict[str, Any] = {name: np.array([getattr(y, name) for y in each]) for name in ("thrust", "hold")}
+    brakes = [car.drive.brake(s[:, i]) + 0.0 * ds[:, i] for i, car in enumerate(system.line.cars)]
+    sign = np.where(ds == 0.0, each[0].sign, np.sign(ds))
+    return each[0]._replace(**changing, brake=np.stack(brakes, axis=1), sign=sign)
 
 
 def _stations(x: _History, s: Array) -> tuple[Array, Array]:

@@ -43,8 +43,8 @@ class LineElements(System):
     """A rope over contacts with cars; `elements` of `degree` on each segment.
 
     compiled : loops of `segment_kernels` in the place of numpy.  Events end the run: "A meets B" at NEAREST of a car,
-    "CAR lifts off" where the rope would have to hold it down, "CAR stops" where friction stops a free one,
-    "rope falls slack" and "rope lifts off SADDLE".
+    "CAR lifts off" where the rope would have to hold it down, "CAR stops" where friction holds a free one,
+    "rope falls slack" and "rope lifts off SADDLE".  The run goes on after "CAR brakes", and where nothing holds a car.
     """
 
     def __init__(self, line: MovingLine, *, elements: int = 6, degree: int = 4, compiled: bool = True) -> None:
@@ -86,9 +86,11 @@ class LineElements(System):
         self._gaps = [k for k in range(count) if k in self.cars or k + 1 in self.cars]
         self._rolls = any(car.kind == "free" for car in line.cars)
         self._stops = [i for i, car in enumerate(line.cars) if car.kind == "free" and car.drive.resists]
+        self._brakes = [(i, place) for i in self._stops for place, _ in line.cars[i].drive.brakes]
         self.events = (
             *(f"{names[k]} meets {names[k + 1]}" for k in self._gaps),
             *(f"{line.cars[i].name} stops" for i in self._stops),
+            *(f"{line.cars[i].name} brakes" for i, _ in self._brakes),
             *(f"{car.name} lifts off" for car in line.cars),
             "rope falls slack",
             *(f"rope lifts off {c.name}" for c in line.supports[1:-1]),
@@ -295,6 +297,7 @@ class LineElements(System):
         slots = self.slots(*x)
         gaps = np.diff(slots.q[self.s])[self._gaps] - NEAREST
         ahead = [float(slots.v[self.s[self.cars[i]]] * self.signs[i]) for i in self._stops]
+        ahead += [place - float(slots.q[self.s[self.cars[i]]]) for i, place in self._brakes]
         if gaps.min(initial=np.inf) <= 0.0:  # the rest has no meaning there
             return (*gaps.tolist(), *[np.inf] * (len(self.events) - len(self._gaps)))
         if self._loaded[0] is not x:
@@ -307,7 +310,25 @@ class LineElements(System):
         saddles = [k for k in range(1, len(self.node) - 1) if k not in self.cars]
         return [self.lowest_tension, *(-rows[2 * self.node[saddles] + 1]).tolist()]
 
-    def pass_event(self, name: str, x: State) -> None:
+    def pass_event(self, name: str, x: State) -> State | None:
+        """A car that friction cannot hold goes on, and so does one that reaches a brake; else the run ends."""
+        for i in self._stops:
+            car = self.line.cars[i].name
+            if name == f"{car} stops":
+                return self._turned(i, x)
+            if name == f"{car} brakes":
+                self.begin_step(x)
+                return consistent_acceleration(self, x.t, x.q, x.v, x.phase)
+        return None
+
+    def _turned(self, i: int, x: State) -> State | None:
+        """The state after a standstill, forwards or backwards; None if friction holds the car."""
+        slot, before = self.s[self.cars[i]], self.signs[i]
+        for sign in (before, -before):
+            self.signs[i] = sign
+            after = consistent_acceleration(self, x.t, x.q, x.v, x.phase)
+            if self.slots(*after).a[slot] * sign > 0.0:
+                return after
         return None
 
     def observe(self, states: Sequence[State], s: Array) -> LineMotion:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -48,13 +49,31 @@ def moving(line: Line, solve: Solver) -> MovingLine:
         raise SceneError(faults)
     cars = [_car(car, in_x, heat) for car in line.car]
     ends = [car.travel.phases[-1][1] if car.travel is not None else car.drive.end_time for car in cars]
-    supports = {c.name: (c.point[0] if in_x else s) for c, s in zip(contacts, (empty.s * heat).tolist(), strict=True)}
-    starts = {car.name: _start(car) for car in cars}
+    s, x = empty.s * heat, np.array([c.point[0] for c in contacts])
+    places = {c.name: place for c, place in zip(contacts, x.tolist(), strict=True)}
+    places |= {car.name: _x_of(car, _start(car), s, x) for car in cars}
+    if faults := _order_faults(cars, places):
+        raise SceneError(faults)
     everything: list[Contact | Car] = [*contacts, *cars]
-    order = sorted(everything, key=lambda c: {**supports, **starts}[c.name])
+    order = sorted(everything, key=lambda c: places[c.name])
     found = MovingLine(rope=elastic, contacts=tuple(order), t_end=max(ends, default=0.0), gravity=line.gravity)
-    refuse_meeting(found, empty.s * heat, np.array([c.point[0] for c in contacts]))
+    refuse_meeting(found, s, x)
     return found
+
+
+def _x_of(car: Car, position: float, s: Array, x: Array) -> float:
+    """x [m], of a position along the rope about; s and x (k,) [m] of the contacts at rest."""
+    return position if car.along == "x" else float(np.interp(position, s, x))
+
+
+def _order_faults(cars: Sequence[Car], places: Mapping[str, float]) -> list[str]:
+    faults = []
+    for a, b in itertools.pairwise(cars):
+        between = places[b.name] - places[a.name]
+        if between < NEAREST:
+            where = f"car.{b.name}: begins {between:.4g} m to the right of {a.name}"
+            faults.append(f"{where}; must be >= {NEAREST:g} m; cars are listed from left to right and cannot pass")
+    return faults
 
 
 def refuse_meeting(line: MovingLine, s: Array, x: Array) -> None:
@@ -64,8 +83,7 @@ def refuse_meeting(line: MovingLine, s: Array, x: Array) -> None:
             continue
         for phase, (t0, t1) in enumerate(line.phases):
             for t in np.linspace(t0, t1, SAMPLES).tolist():
-                at = [line.position(car, t, phase)[0] for car in (a, b)]
-                at = [p if car.along == "x" else float(np.interp(p, s, x)) for p, car in zip(at, (a, b), strict=True)]
+                at = [_x_of(car, line.position(car, t, phase)[0], s, x) for car in (a, b)]
                 if at[1] - at[0] < NEAREST:
                     must = f"must be >= {NEAREST:g} m; cars are listed from left to right and cannot pass"
                     raise SceneError(

@@ -1,27 +1,12 @@
-"""The command, called in an empty folder, and a check that is found at once."""
+"""A check that is found at once."""
 
 import dataclasses
 
 import pytest
 
 from cablefem.response import write_json
-from validation import cli
 from validation.commands.check import study as check_study
 from validation.page.page import Section
-
-
-@pytest.fixture
-def cablefem(capsys, tmp_path, monkeypatch):
-    """Call the command in an empty folder; returns (exit code, standard output, standard error)."""
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments):
-        code = cli.main([str(argument) for argument in arguments])
-        out, err = capsys.readouterr()
-        assert "Traceback" not in err
-        return code, out, err
-
-    return call
 
 
 @pytest.fixture(scope="session")

@@ -7,9 +7,10 @@ import pytest
 from scipy.integrate import cumulative_simpson
 
 from cablefem.elements.system import LineElements
-from cablefem.newmark import StepFailure, Work, integrate_blocks, scheme, step_times
+from cablefem.newmark import StepFailure, Work, integrate, integrate_blocks, scheme, step_times
 from cablefem.scene import Scene
 from cablefem.scene.contacts import Elastic
+from galerkin.lines import LineSines
 from tests.motion.lines import LEFT, Smooth, anchor, car, line, run, saddle
 
 ZIP = {"mass_per_length": 1.1, "EA": 1.2e6, "length": 151.0}
@@ -44,6 +45,30 @@ def test_friction_stops_a_rider_or_holds_it():
     assert 5.0 < t < 29.0
     with pytest.raises(StepFailure, match="friction holds rider where it begins"):
         LineElements(rider(mu_r=0.9)).start(0, None)
+
+
+def test_a_brake_is_reached_in_both_wings_and_acts_from_there_on():
+    scene = rider(8.0, mu_r=0.02, brakes=((40.0, 100.0),))
+    times = []
+    for system in (LineElements(scene, elements=3), LineSines(scene, 6)):
+        work = Work()
+        states = list(integrate(system, scheme("radau"), step_times(system, 80), work=work))
+        assert [event.name for event in work.events] == ["rider brakes"]
+        times.append(work.events[0].t)
+        x = system.observe(states, np.array([1.0]))
+        at = x.cars[0]
+        braked = at.s > 40.0
+        speed = at.ds * np.linalg.norm(at.slope_ahead, axis=1)
+        friction = -(0.02 * np.abs(at.contact_force) + 100.0 * braked) * speed
+        clear = np.abs(x.t - times[-1]) > 1e-9
+        np.testing.assert_allclose(x.powers["rider friction"][clear], friction[clear], rtol=1e-2, atol=1.0)
+    assert times[0] == pytest.approx(times[1], abs=1e-3)
+
+
+def test_two_cars_that_meet_end_the_run():
+    contacts = car("one", 95.0, None, "free", start=15.0), car("two", 80.0, None, "free", start=30.0, mu_r=0.04)
+    names, _ = ending(line(ZIP, LEFT, *contacts, anchor("right", 150.0, 3.0), t_end=30.0), 300)
+    assert names == ["one meets two"]
 
 
 def test_a_car_meets_a_saddle_a_meter_before_it():

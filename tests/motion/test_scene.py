@@ -28,14 +28,14 @@ name = "mountain"
 kind = "anchor"
 at = [1200.0, -480.0]
 [[car]]
+name = "up"
+mass = 6000.0
+travel = {kind = "trapezoid", top_speed = 7.0, acceleration = 0.5, deceleration = 0.5, from = 60.0, to = 640.0}
+[[car]]
 name = "down"
 mass = 4500.0
 drive = {mode = "haul", drag_area = 12.0}
 travel = {kind = "trapezoid", top_speed = 7.0, acceleration = 0.5, deceleration = 0.5, from = 1100.0, to = 760.0}
-[[car]]
-name = "up"
-mass = 6000.0
-travel = {kind = "trapezoid", top_speed = 7.0, acceleration = 0.5, deceleration = 0.5, from = 60.0, to = 640.0}
 """
 
 
@@ -55,10 +55,10 @@ def test_a_file_of_a_line_in_motion():
     ("old", "new", "says"),
     [
         ('travel = {kind = "trapezoid", top_speed = 7.0', 'at = 5.0\ntravel = {kind = "trapezoid", top_speed = 7.0',
-         r"car\[0\].travel and drive: too much beside at"),
+         r"car\[0\].travel: too much beside at"),
         (', from = 1100.0', "", "car.down.travel.from: missing"),
-        ("mass = 4500.0", "mass = 4500.0\nhauled = true", r"car\[0\].hauled: of a car at rest"),
-        ('mode = "haul", drag_area = 12.0', 'mode = "free"', r"car\[0\].travel: must be given for a car that grips"),
+        ("mass = 4500.0", "mass = 4500.0\nhauled = true", r"car\[1\].hauled: of a car at rest"),
+        ('mode = "haul", drag_area = 12.0', 'mode = "free"', r"car\[1\].travel: must be given for a car that grips"),
     ],
 )  # fmt: skip
 def test_a_fault_of_a_file_is_one_sentence(old, new, says):
@@ -85,3 +85,20 @@ def test_a_line_that_cannot_move_is_refused(contacts, says):
     with pytest.raises(SceneError, match=says) as error:
         line(ROPE, *contacts)
     assert len(error.value.faults) == 1
+
+
+class BackAndForth:
+    """At rest at 100 m, 10 m back, at rest, 20 m on, at rest: 10 s each."""
+
+    stops = (100.0, 100.0, 90.0, 90.0, 110.0, 110.0)
+    phases = tuple((10.0 * i, 10.0 * i + 10.0) for i in range(5))
+
+    def at(self, t, phase):
+        first, last = self.stops[phase : phase + 2]
+        speed = (last - first) / 10.0
+        return first + speed * (t - 10.0 * phase), speed, 0.0
+
+
+def test_the_direction_of_a_car_is_that_of_its_next_motion_and_stays_after_the_last():
+    found = line(ROPE, LEFT, car("car", 2000.0, BackAndForth(), "haul"), RIGHT, t_end=50.0)
+    assert [found.direction(found.cars[0], i) for i in range(5)] == [-1.0, -1.0, 1.0, 1.0, 1.0]

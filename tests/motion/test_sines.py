@@ -135,6 +135,10 @@ def test_both_wings_agree(name, runs):
     T = max(np.nanmax(c.tension_ahead) for c in one.cars)
     np.testing.assert_allclose(one.points, other.points, atol=1e-4)
     np.testing.assert_allclose(one.tension, other.tension, atol=1e-5 * T)
+    assert one.powers.keys() == other.powers.keys()
+    largest = max(np.abs(power).max() for power in one.powers.values())
+    for cause, power in one.powers.items():
+        np.testing.assert_allclose(power, other.powers[cause], atol=1e-3 * largest + 1e-5 * T)
     for a, b in zip((*one.cars, *one.contacts), (*other.cars, *other.contacts), strict=True):
         for field in dataclasses.fields(a):
             x, y = getattr(a, field.name), getattr(b, field.name)

@@ -317,19 +317,20 @@ def _series(tables: dict[str, dict[str, Array]], contacts: dict[str, Array], mot
 
 
 def _mean(t: Array, values: Array, period: float) -> Array:
-    """Means over `period` around each time, the values linear between; at the ends over less."""
+    """Means over the `period` around each time, inside the run; the values are linear between."""
     keep = np.concatenate([[True], np.diff(t) > 0.0])
     after = np.concatenate([np.diff(t) > 0.0, [True]])  # values after a jump
     first = t[keep]
     areas = 0.5 * (values[after][:-1] + values[keep][1:]) * np.diff(first)
     total = np.append(0.0, np.cumsum(areas))
 
-    def upto(x: float) -> float:
-        k = min(max(int(np.searchsorted(first, x, side="right")) - 1, 0), first.size - 2)
-        a = values[after][k]
-        b = values[keep][k + 1]
+    def upto(x: Array) -> Array:
+        k = np.clip(np.searchsorted(first, x, side="right") - 1, 0, first.size - 2)
+        begin = values[after][k]
+        slope = (values[keep][k + 1] - begin) / (first[k + 1] - first[k])
         d = x - first[k]
-        return float(total[k] + d * (a + 0.5 * d / (first[k + 1] - first[k]) * (b - a)))
+        return np.asarray(total[k] + d * (begin + 0.5 * d * slope))
 
-    edges = [(max(x - 0.5 * period, first[0]), min(x + 0.5 * period, first[-1])) for x in t]
-    return np.array([(upto(high) - upto(low)) / (high - low) for low, high in edges])
+    begins = np.clip(t - 0.5 * period, first[0], max(first[-1] - period, first[0]))
+    ends = np.minimum(begins + period, first[-1])
+    return (upto(ends) - upto(begins)) / (ends - begins)

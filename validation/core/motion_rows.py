@@ -54,7 +54,7 @@ class Moved:
 
 
 def means(t: Array, values: Array, period: float) -> Array:
-    """Means of values (n, ...), linear between the times t (n,), over `period` around each; at the ends over less."""
+    """Means of values (n, ...), linear between the times t (n,), over the `period` around each, inside the run."""
     flat = values.reshape(t.size, -1)  # (n, m)
     steps = np.diff(t)
     areas = 0.5 * (flat[1:] + flat[:-1]) * steps[:, None]
@@ -67,8 +67,8 @@ def means(t: Array, values: Array, period: float) -> Array:
         share = d / np.where(steps[k] > 0.0, steps[k], 1.0)
         return total[k] + d[:, None] * (flat[k] + 0.5 * share[:, None] * (flat[k + 1] - flat[k]))
 
-    low = np.maximum(t - 0.5 * period, t[0])
-    high = np.minimum(t + 0.5 * period, t[-1])
+    low = np.clip(t - 0.5 * period, t[0], max(t[-1] - period, t[0]))
+    high = np.minimum(low + period, t[-1])
     out = (integral(high) - integral(low)) / (high - low)[:, None]
     return out.reshape(values.shape)
 

@@ -57,6 +57,8 @@ def checked(
 ) -> Answers:  # fmt: skip
     """Run both methods on a line in motion and compare them; refine until they agree or the budget is spent.
 
+    Where they disagree, one refinement is a second look.
+
     tol : of the path, over its largest deflection;  tol_tension : of forces, default 10 tol.
     second : a line for the sines alone.
     """
@@ -64,11 +66,15 @@ def checked(
     both = Runs(ELEMENTS, line), Runs(SINES, second or line)
     space = 2
     time = 2
+    before = None
     while True:
         a, b = (runs.ladder(space, time) for runs in both)
         rows = judged(line, a, b, asked)
-        if overall(rows) is Verdict.AGREE or space * time >= FINEST:
+        verdict = overall(rows)
+        again = verdict is before is Verdict.DISAGREE
+        if verdict is Verdict.AGREE or again or space * time >= FINEST:
             return answer_of(line, a, b, rows)
+        before = verdict
         coarse = [row for row in rows if row.verdict is not Verdict.AGREE and row.parts]
         in_space = max((part[0] / (row.required or 1.0) for row in coarse for part in row.parts), default=0.0)
         in_time = max((part[1] / (row.required or 1.0) for row in coarse for part in row.parts), default=0.0)
