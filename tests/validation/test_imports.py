@@ -26,6 +26,7 @@ LIGHT = {
     "plugin": ("import cablefem.pytest_plugin", HEAVY),
     "command": ("import validation.cli", HEAVY),
     "help": ("from validation.cli import main; main(['check', '--help'])", SOLVERS | {"numpy", "scipy"}),
+    "list of scenes": ("from validation.cli import main; main(['scenes'])", SOLVERS | {"scipy"}),
     "scene": ("from cablefem import Scene; scene = Scene.load('zipline'); str(scene), scene.groups.motion", SOLVERS),
     "common ground": ("import cablefem.scene, cablefem.newmark, cablefem.response", SOLVERS),
     "method table": ("from validation.core.methods import METHODS", SOLVERS - {"galerkin"} | {"galerkin.equations"}),

@@ -7,6 +7,7 @@ from validation.page import terminal
 from validation.page.options import line_named, scene_named, written
 
 if TYPE_CHECKING:
+    from cablefem.scene import Scene
     from cablefem.scene.line import Line
 
 EXAMPLE = "cablefem scenes level > my.toml"
@@ -59,14 +60,20 @@ def _list() -> int:
     for key, title in Scene.library().items():
         scene = Scene.load(key)
         mass = "-" if scene.mass is None else f"{scene.mass.mass:.0f} kg"
-        speed = "-" if scene.top_speed is None else f"{scene.top_speed:.3g} m/s"
-        rows.append([key, f"{scene.supports.span:.0f} m", mass, speed, title])
+        rows.append([key, f"{scene.supports.span:.0f} m", mass, _top_speed(scene), title])
     for key, title in Line.library().items():
         line = Line.load(key)
         masses = ", ".join(f"{car.mass:.0f} kg" for car in line.car)
         rows.append([key, f"{line.contact[-1].at[0]:.0f} m", masses, _speed(line), title])
     terminal.table(["scene", "span", "mass", "top speed", "title"], rows, right=["span", "mass", "top speed"])
     return 0
+
+
+def _top_speed(scene: "Scene") -> str:
+    """The largest speed of a timetable; a free car has none before its ride is computed."""
+    if scene.travel is None:
+        return "in motion" if scene.drive.mode == "free" else "-"
+    return f"{scene.top_speed:.3g} m/s"
 
 
 def _speed(line: "Line") -> str:
