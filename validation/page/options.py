@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -154,7 +154,7 @@ def points_of(scene: Scene | Line, pairs: list[str] | None) -> list[Point]:
     return out
 
 
-def _undotted(settings: Sequence[str], part: type[Any]) -> list[str]:
+def _undotted(settings: Mapping[str, Any], part: type[Any]) -> list[str]:
     """Faults of names that no method has as a setting, but the scene as a key with its dot."""
     if not settings:
         return []
