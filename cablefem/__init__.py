@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from cablefem.response import Response
     from cablefem.scene import Scene, SceneError
     from cablefem.scene.line import Line
-    from validation import assert_agree, check, quasi_static, sweep
+    from validation import assert_agree, check, find, quasi_static, sweep
     from validation import run_with_bars as run
 
 __all__ = [
@@ -28,6 +28,7 @@ __all__ = [
     "__version__",
     "assert_agree",
     "check",
+    "find",
     "quasi_static",
     "run",
     "sweep",

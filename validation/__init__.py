@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar, cast
 
 if TYPE_CHECKING:
     from validation.commands.check.study import check, check_solver
+    from validation.commands.find.study import find
     from validation.commands.run.study import run_with_bars as _run_with_bars
     from validation.commands.sweep.engine import sweep as _sweep
     from validation.core.assertions import assert_agree
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 _HOME = {
     "run": "core.running",
     "run_with_bars": "commands.run.study",
+    "find": "commands.find.study",
     "sweep": "commands.sweep.engine",
     "quasi_static": "core.quasi_static",
     "assert_agree": "core.assertions",
@@ -31,7 +33,17 @@ _HOME = {
     "ForeignPath": "core.foreign",
 } | {name: f"commands.{name}.study" for name in ("advise", "atlas", "chart", "check", "modes", "paper")}
 
-__all__ = ["ForeignPath", "assert_agree", "check", "check_solver", "quasi_static", "run", "run_with_bars", "sweep"]
+__all__ = [
+    "ForeignPath",
+    "assert_agree",
+    "check",
+    "check_solver",
+    "find",
+    "quasi_static",
+    "run",
+    "run_with_bars",
+    "sweep",
+]
 
 
 # what computes a line of several contacts

@@ -18,7 +18,7 @@ from validation import command_names
 from validation.page import terminal
 
 ORDER = (
-    "scenes", "methods", "run", "check", "modes", "advise", "chart", "atlas", "oracles", "paper", "sweep",
+    "scenes", "methods", "run", "check", "find", "modes", "advise", "chart", "atlas", "oracles", "paper", "sweep",
     "report",
 )  # fmt: skip
 

@@ -13,7 +13,7 @@ from tests.commands.calls import QUICK, lines, tree
 from validation import cli
 
 COMMANDS = (
-    "scenes", "methods", "run", "check", "modes", "advise", "chart", "atlas", "oracles", "paper", "sweep",
+    "scenes", "methods", "run", "check", "find", "modes", "advise", "chart", "atlas", "oracles", "paper", "sweep",
     "report",
 )  # fmt: skip
 

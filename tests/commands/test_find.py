@@ -1,0 +1,122 @@
+"""The inverse question: its answers hold on one side and fail on the other, and bad questions are one sentence."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+import cablefem as cf
+from validation.commands.find.condition import parsed
+from validation.core.quasi_static import quasi_static
+
+ZIPLINE = cf.Scene.load("zipline")
+RIDER = ZIPLINE.replace({"mass.mass": 50.0, "drive.wind": -4.0})
+GROUND = [[0.0, 12.0], [97.0, 39.118], [182.0, 62.176], [250.0, 87.842], [305.0, 119.0]]
+SKYLINE = cf.Line.load("skyline").replace({"cable.breaking_load": 4e5, "ground": GROUND})
+
+
+def test_which_tension_lets_a_light_rider_reach_the_brake_against_the_wind():
+    found = cf.find(RIDER, {"cable.horizontal_tension": (12e3, 18e3)}, so_that="brake.speed >= 0.5 m/s", check=False)
+    assert len(found.changes) == 1
+    above, below = (
+        quasi_static(RIDER.replace({"cable.horizontal_tension": found.value + dH})).events[0] for dH in (2.0, -2.0)
+    )
+    assert above["event"] == "brake"
+    assert above["speed"] >= 0.5
+    assert below["event"] != "brake" or below["speed"] < 0.5
+    assert "at least" in found.sentence
+
+
+def test_which_brake_force_stops_the_heavy_rider_and_lets_the_light_one_in():
+    both = {"mass.mass": [40.0, 120.0]}
+    asked = "stop.s_o >= 385.7 m and stop.s_o <= 398 m"
+    found = cf.find(ZIPLINE, {"drive.brake.0.force": (400.0, 1600.0)}, so_that=asked, all_of=both, check=False)
+    assert len(found.changes) == 2  # too weak, then too strong
+    assert "it changes 2 times" in found.sentence
+    weakest, strongest = (change.value for change in found.changes)
+    stop = {}
+    for mass, force in ((120.0, weakest), (40.0, strongest)):
+        events = quasi_static(ZIPLINE.replace({"mass.mass": mass, "drive.brake.0.force": force})).events
+        stop[mass] = next(x["s_o"] for x in events if x["event"] in ("stop", "arrival"))
+    assert stop[120.0] == pytest.approx(398.0, abs=0.01)
+    assert stop[40.0] == pytest.approx(385.7, abs=0.01)
+
+
+def test_the_heaviest_load_of_a_skyline_with_its_bar_from_the_check():
+    asked = "clearance_car >= 2 m and safety_factor >= 3"
+    found = cf.find(SKYLINE, {"car.carriage.mass": (500.0, 6000.0)}, so_that=asked)
+    change = found.changes[0]
+    assert change.verdict == "agree"
+    assert change.bar is not None
+    assert change.bar < 0.01
+    at, beyond = (cf.run(SKYLINE.replace({"car.carriage.mass": change.value + d})).design for d in (0.0, 1.0))
+    room = [
+        min(x["value"] - limit for x in rows for kind, limit in (("clearance_car", 2.0), ("safety_factor", 3.0))
+            if x["quantity"].startswith(kind))
+        for rows in (at, beyond)
+    ]  # fmt: skip
+    assert room[0] == pytest.approx(0.0, abs=1e-5)
+    assert room[1] < 0.0
+
+
+def test_the_speed_from_which_an_emergency_stop_keeps_the_haul_rope_taut():
+    stop = {"time": 50.0, "deceleration": 4.0}
+    travel = {"kind": "trapezoid", "top_speed": 8.0, "acceleration": 0.3, "deceleration": 0.3, "stop": stop}
+    tramway = cf.Scene.load("tramway").replace({"travel": travel})
+    found = cf.find(tramway, {"travel.top_speed": (4.0, 10.0)}, so_that="haul_force_min >= 0 kN", check=False)
+    below, above = (
+        quasi_static(tramway.replace({"travel.top_speed": found.value + dV})).F_haul.min() for dV in (-0.1, 0.1)
+    )
+    assert below * above < 0.0
+
+
+def test_words_are_bisected_and_a_condition_that_never_changes_says_what_happens():
+    found = cf.find(RIDER, {"cable.horizontal_tension": (12e3, 18e3)}, so_that="outcome = stuck", check=False)
+    assert found.changes[0].fails_at > found.changes[0].holds_at
+    never = cf.find(RIDER, {"mass.mass": (49.0, 51.0)}, so_that="outcome = arrives", check=False)
+    assert never.value is None
+    assert "holds nowhere in the range; at 49: " in never.sentence
+
+
+def test_the_command_stores_the_answer_and_a_value_that_fails_does_not_hold(cablefem):
+    Path("bad.toml").write_text(RIDER.to_toml())
+    code, out, _ = cablefem(
+        "find", "bad.toml", "drive.start=2:500", "--so-that", "brake.speed >= 0.1 km/h", "--no-check", "--out", "x"
+    )  # fmt: skip
+    stored = json.loads(Path("x/find.json").read_text())
+    assert code == (0 if stored["changes"] else 1)
+    assert any("drive.start" in x["outcome"] and not x["holds"] for x in stored["evaluations"])
+    assert stored["sentence"] in out
+    assert 'id="find"' in Path("x/report.html").read_text()
+
+
+def test_the_curve_of_two_keys(cablefem):
+    given = ("cable.sag=4:8", "--so-that", "safety_factor >= 4", "--for", "mass.mass=80,120")
+    Path("zip.toml").write_text(ZIPLINE.replace({"cable.sag": 5.0, "cable.breaking_load": 9e4}).to_toml())
+    assert cablefem("find", "zip.toml", *given, "--out", "x")[0] == 0
+    light, heavy = (json.loads(Path("x/find.json").read_text())["rows"][i]["cable.sag"] for i in (0, 1))
+    assert heavy > light  # a heavier rider needs more sag
+    assert Path("x/find.csv").read_text().startswith("mass.mass,cable.sag,answer")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("mass.mass=200:40", "outcome = arrives"), "LOW must be below HIGH"),
+        (("mass.mass", "outcome = arrives"), "must be KEY=LOW:HIGH"),
+        (("mass.mass=40:200", "outcome = arrives and speed >"), "cannot read 'speed >'"),
+        (("mass.mass=40:200", "spede_max >= 3 m/s"), "unknown name. Did you mean speed_max?"),
+        (("mass.mass=40:200", "speed_max >= 3 kN"), "unit 'kN'; speed_max is in m/s"),
+        (("mass.mas=40:200", "outcome = arrives"), "mass.mas"),
+    ],
+)  # fmt: skip
+def test_a_bad_question_is_one_sentence(cablefem, arguments, words):
+    code, out, err = cablefem("find", "zipline", arguments[0], "--so-that", arguments[1])
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert words in err
+
+
+def test_units_are_those_that_are_printed():
+    clause = parsed("arrival.speed <= 10 km/h")[0]
+    assert clause.limit("m/s") == pytest.approx(10.0 / 3.6)
+    assert parsed("tension_max <= 30 kN")[0].limit("N") == 30e3

@@ -1,0 +1,83 @@
+from typing import Annotated, Any
+
+import typer
+
+from validation.core import store
+from validation.page import options, terminal
+
+EXAMPLE = 'cablefem find zipline mass.mass=40:200 --so-that "arrival.speed <= 16 km/h"'
+SO_THAT = "NAME <= NUMBER UNIT, NAME >= NUMBER UNIT, outcome = KIND, limits met; several joined by and."
+FOR = "Another key with several values: one answer for each, as a curve."
+ALL_OF = "The condition must hold for each of these values."
+MODEL = "quasi-static or full: of the search; a line has one model."
+
+
+def command(
+    scene: options.SceneName,
+    key: Annotated[str, typer.Argument(metavar="KEY=LOW:HIGH", help="A key of the scene, and its range.")],
+    so_that: Annotated[str, typer.Option("--so-that", metavar="CONDITION", help=SO_THAT)],
+    set_: options.Set = None,
+    other: Annotated[str | None, typer.Option("--for", metavar="KEY=VALUES", help=FOR)] = None,
+    all_of: Annotated[list[str] | None, typer.Option("--all-of", metavar="KEY=VALUES", help=ALL_OF)] = None,
+    model: Annotated[str, typer.Option(metavar="NAME", help=MODEL)] = "quasi-static",
+    limits: options.LimitNames = None,
+    check: Annotated[bool, typer.Option("--check/--no-check", help="Run both solvers at the answer.")] = True,
+    out: options.Out = None,
+) -> int:
+    """Find the largest or smallest value of one key for which a condition holds.
+
+    Names are those of summary.json; of events, as arrival.speed. Writes DIR/: find.json, with --for find.csv.
+
+    A few runs bracket each change, bisection on the least model narrows it, and both solvers run at the answer: what
+    they print is as sure as the number that decides.
+    """
+    faults = [] if model in ("quasi-static", "full") else [f"--model = {model!r}: must be quasi-static or full"]
+    loaded = options.line_named(scene) or options.scene_named(scene, faults, travelling=True)
+    points = options.points_of(options.limited(loaded, limits), set_)
+    if len(points) > 1 or points[0].settings:
+        raise store.Refused("--set: one value for each key of the scene; --for takes several")
+    name, ends = _range(key)
+
+    from validation.commands.find import condition, study
+
+    condition.parsed(so_that)
+    how: Any = {"so_that": so_that, "model": model, "all_of": dict(map(_values, all_of or []))}
+    found = points[0].scene
+    writes = ["find.json"] if other is None else ["find.csv", "find.json"]
+    with options.written(out, "find", found, writes) as folder, terminal.progress() as progress:
+        if other is not None:
+            rows = study.curve(found, {name: ends}, *_values(other), **how)
+            study.write_curve(folder, rows)
+            result = [row["answer"] for row in rows]
+            answered = any(row[name] is not None for row in rows)
+        else:
+            one = study.find(found, {name: ends}, check=check, progress=progress, **how)
+            study.write(folder, one)
+            result = [one.sentence]
+            answered = bool(one.changes)
+    for sentence in result:
+        terminal.say(sentence, style="bold")
+    from validation.page import report
+
+    report.write(folder, "find")
+    return 0 if answered else 1
+
+
+def _range(pair: str) -> tuple[str, tuple[float, float]]:
+    key, _, text = pair.partition("=")
+    try:
+        low, high = map(float, text.split(":"))
+    except ValueError:
+        raise store.Refused(f"{pair}: must be KEY=LOW:HIGH, as mass.mass=40:200") from None
+    if not low < high:
+        raise store.Refused(f"{pair}: LOW must be below HIGH")
+    return key, (low, high)
+
+
+def _values(pair: str) -> tuple[str, list[Any]]:
+    from validation.core import grid
+
+    try:
+        return grid.parsed(pair)
+    except ValueError as error:
+        raise store.Refused(str(error)) from None

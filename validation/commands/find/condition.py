@@ -1,0 +1,124 @@
+"""Conditions on an answer: NAME <= NUMBER UNIT, outcome = KIND and limits met, joined by `and`."""
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from cablefem.scene.errors import nearest
+from validation.core.limits import MET, columns
+from validation.core.scene_data import si_factor
+from validation.core.store import Refused
+
+_CLAUSE = re.compile(r"([A-Za-z][\w.: -]*?)\s*(<=|>=|<|>|=)\s*(-?[\d.]+(?:e[+-]?\d+)?|[a-z_]+)\s*(\S*)")
+_EXTREME = re.compile(r"_(min|max)(?=\.|$)")
+FORMS = "NAME <= NUMBER UNIT, NAME >= NUMBER UNIT, outcome = KIND, limits met"
+UNITS = {"t": "s", "s_o": "m", "speed": "m/s"}  # of an event
+EVENTS = ("release", "thrust_end", "brake", "turn", "stop", "arrival", "back", "lift_off")
+LIMITS = "limits met"
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    value: float
+    bar: float | None
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What is known of a scene: outcome, numbers by name, worst limit; or why there is none."""
+
+    kind: str
+    sentence: str
+    numbers: dict[str, Number]
+    limits: str = ""
+
+    @classmethod
+    def of(cls, outcome: Any, design: Sequence[Row], events: Sequence[Row], limits: Sequence[Row]) -> "Answer":
+        """Names as in summary.json with `.` for `:`, or the kind alone for the extreme of all; of events the first.
+
+        Where there is one extreme, `_min` or `_max` may be left out.
+        """
+        numbers: dict[str, Number] = {}
+        for row in design:
+            if row["value"] is not None:
+                number = Number(row["value"], row["bar"], row["unit"])
+                kind = row["quantity"].partition(":")[0]
+                pick = max if kind.endswith("_max") else min
+                numbers[_dotted(row["quantity"])] = number
+                numbers[kind] = pick(number, numbers.get(kind, number), key=lambda x: x.value)
+        short = [_EXTREME.sub("", name) for name in numbers]
+        for name, brief in zip(list(numbers), short, strict=True):
+            if short.count(brief) == 1:
+                numbers[brief] = numbers[name]
+        for event in reversed(events):
+            for name, unit in UNITS.items():
+                bar = event.get(f"bar_{name}")
+                numbers[f"{event['event']}.{name}"] = Number(event.get(name, math.nan), bar, unit)
+        return cls(outcome.kind, outcome.sentence, numbers, columns(limits).get("limits_met", ""))
+
+
+def _dotted(name: str) -> str:
+    return name.replace(":", ".").rstrip(".")
+
+
+@dataclass(frozen=True, slots=True)
+class Clause:
+    """One part of a condition."""
+
+    text: str
+    name: str
+    sign: float = 0.0  # +1: at least, -1: at most, 0: words
+    right: str = ""
+    unit: str = ""
+
+    def number(self, answer: Answer) -> Number | None:
+        return answer.numbers.get(self.name)
+
+    def limit(self, unit: str) -> float:
+        """The limit in an SI unit; Refused for one that does not fit."""
+        factor = si_factor(self.unit, unit)
+        if math.isnan(factor):
+            raise Refused(f"--so-that {self.text}: unit {self.unit!r}; {self.name} is in {unit or 'no unit'}")
+        return float(self.right) * factor
+
+    def room(self, answer: Answer) -> float:
+        """By how much a condition holds; negative: it does not; nan: words that do not hold, or no number."""
+        if not self.sign:
+            known = answer.limits == MET if self.text == LIMITS else answer.kind == self.right
+            return 0.0 if known else math.nan
+        number = self.number(answer)
+        return math.nan if number is None else self.sign * (number.value - self.limit(number.unit))
+
+
+def parsed(condition: str) -> list[Clause]:
+    """The clauses of a condition; Refused shows the part that cannot be read."""
+    return [_clause(part.strip()) for part in re.split(r"\band\b", condition)]
+
+
+def _clause(text: str) -> Clause:
+    if text == LIMITS:
+        return Clause(text, "")
+    match = _CLAUSE.fullmatch(text)
+    words = match is not None and match[3].isidentifier()
+    if match is None or words is not (match[1] == "outcome" and match[2] == "="):
+        raise Refused(f"--so-that: cannot read {text!r}; must be {FORMS}")
+    if words:
+        return Clause(text, "outcome", right=match[3])
+    if match[2] == "=":
+        raise Refused(f"--so-that: cannot read {text!r}; numbers are compared by <= or >=")
+    return Clause(text, _dotted(match[1]), 1.0 if match[2][0] == ">" else -1.0, match[3], match[4])
+
+
+def refuse_unknown(clauses: Sequence[Clause], answers: Sequence[Answer]) -> None:
+    """Refused for a name that no answer knows and no event has."""
+    names = {name for answer in answers for name in answer.numbers}
+    known = sorted(
+        {name.partition(".")[0] for name in names} | {f"{event}.{name}" for event in EVENTS for name in UNITS}
+    )
+    for clause in clauses:
+        if clause.sign and clause.name not in names | set(known) and names:
+            raise Refused(f"--so-that {clause.text}: unknown name.{nearest(clause.name, known)}")

@@ -1,0 +1,279 @@
+"""The largest or smallest value of one key of a scene for which a condition holds.
+
+Some runs over the range bracket each change; bisection on the least model narrows it, and a check judges the answer.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from cablefem.response import write_json
+from cablefem.scene import Scene, SceneError
+from cablefem.scene.line import Line, line_of
+from validation.commands.find.condition import Answer, Clause, parsed, refuse_unknown
+from validation.core import store
+from validation.core.quantities import with_bar
+from validation.core.sidebyside import Progress, silent
+from validation.core.store import Refused
+from validation.page.answer.many import write_rows
+
+BRACKETS = 8  # parts of the range that are looked at
+HALVINGS = 12  # of a part in which the condition changes, at most
+NARROW = 1e-3  # of a part: numbers are linear in it
+CHECK = 5e-3  # tolerance of the path in the check at the answer
+WIDENINGS = 10  # of the range around an answer in words, until the full model confirms it
+NONE = Answer("failed", "", {})
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """Where a condition changes along the key: the answer, neighbours that hold and fail, and how sure it is."""
+
+    value: float
+    holds_at: float
+    fails_at: float
+    fails: str  # what happens there
+    bar: float | None = None  # of the key; None: nothing was checked
+    verdict: str = ""  # of the check
+
+    @property
+    def sentence(self) -> str:
+        side = "at most" if self.fails_at > self.holds_at else "at least"
+        # a bar of rounding would print digits that bisection does not have
+        width = abs(self.fails_at - self.holds_at)
+        text = with_bar(self.value, width if self.bar is None else max(self.bar, width))
+        sure = f"; the check: {self.verdict}" if self.verdict else "; by the least model alone"
+        return f"{side} {text}; beyond: {self.fails}{sure}"
+
+
+@dataclass(frozen=True)
+class Found:
+    """The answer to an inverse question."""
+
+    key: str
+    condition: str
+    changes: list[Change]
+    tried: list[dict[str, Any]] = field(default_factory=list)  # values, whether the condition holds, what happens
+
+    @property
+    def value(self) -> float | None:
+        """The answer; None where the condition never changes."""
+        return self.changes[0].value if self.changes else None
+
+    @property
+    def sentence(self) -> str:
+        if not self.changes:
+            always = "everywhere" if self.tried[0]["holds"] else "nowhere"
+            ends = "; ".join(f"at {x['value']:g}: {x['outcome']}" for x in (self.tried[0], self.tried[-1]))
+            return f"{self.key}: {self.condition} holds {always} in the range; {ends}"
+        many = f" (it changes {len(self.changes)} times)" if len(self.changes) > 1 else ""
+        return f"{self.key}{many}: " + "; and ".join(change.sentence for change in self.changes)
+
+    def row(self) -> dict[str, Any]:
+        """Content of find.json."""
+        first: dict[str, Any] = dict.fromkeys(("value", "bar", "holds_at", "fails_at"))
+        changes = []
+        for change in self.changes:
+            names = ("value", "bar", "holds_at", "fails_at", "fails", "verdict")
+            changes.append({name: getattr(change, name) for name in names})
+        if changes:
+            first = {name: changes[0][name] for name in first}
+        return {
+            "key": self.key, **first, "condition": self.condition, "sentence": self.sentence, "changes": changes,
+            "evaluations": self.tried, "check": changes[0]["verdict"] if changes else None,
+        }  # fmt: skip
+
+
+def find(
+    of: Scene | Line | str | Path, keys: Mapping[str, Sequence[float]], *, so_that: str,
+    model: str = "quasi-static", all_of: Mapping[str, Sequence[Any]] | None = None, check: bool = True,
+    progress: Progress = silent,
+) -> Found:  # fmt: skip
+    """The value of one key, from low to high, at which a condition begins or ceases to hold.
+
+    of : a scene, a line, a built-in name or a file.
+    so_that : as "outcome = arrives and clearance_car.tree >= 1.5 m"; names as in summary.json.
+    model : of the search, quasi-static or full; a line has one model.  all_of : the condition must hold for each value.
+    check : both solvers run at the answer; their number gives the bar of the key.
+    find("zipline", {"mass.mass": (40.0, 200.0)}, so_that="arrival.speed <= 16 km/h")
+    """
+    scene = of if isinstance(of, Scene | Line) else line_of(of) or Scene.load(of)
+    ((key, (low, high)),) = keys.items()
+    if not low < high:
+        raise Refused(f"{key} = {low:g}:{high:g}: LOW must be below HIGH")
+    search = _Search(scene, key, parsed(so_that), model, all_of or {}, progress)
+    values = [low + (high - low) * i / BRACKETS for i in range(BRACKETS + 1)]
+    search.refuse_unknown([low, high])
+    changes = []
+    for a, b in itertools.pairwise(values):
+        if search.holds(a) is not search.holds(b):
+            changes.append(search.narrowed(a, b))
+    if check:
+        changes = [search.judged(change, (high - low) / 2.0**WIDENINGS) for change in changes]
+    tried = []
+    for value, answers in sorted(search.known.items()):
+        sentence = "; ".join(dict.fromkeys(answer.sentence for answer in answers))
+        tried.append({"value": value, "holds": search.holds(value), "outcome": sentence})
+    return Found(key, so_that, changes, tried)
+
+
+@dataclass
+class _Search:
+    scene: Any
+    key: str
+    clauses: list[Clause]
+    model: str
+    all_of: Mapping[str, Sequence[Any]]
+    progress: Progress
+    known: dict[float, list[Answer]] = field(default_factory=dict)
+
+    def scenes(self, value: float) -> list[Any]:
+        """Scenes at a value of the key, one for each combination of `all_of`."""
+        combinations = itertools.product(*self.all_of.values())
+        return [self.scene.replace({self.key: value, **dict(zip(self.all_of, x, strict=True))}) for x in combinations]
+
+    def answers(self, value: float) -> list[Answer]:
+        """Answers at a value of the key; a scene or run that fails says why."""
+        if value not in self.known:
+            try:
+                self.known[value] = [answer_of(scene, self.model) for scene in self.scenes(value)]
+            except (SceneError, Refused, ArithmeticError) as error:
+                self.known[value] = [replace(NONE, sentence=str(error).splitlines()[0])]
+            self.progress(f"{self.key} = {value:.6g}", min(0.9, len(self.known) / (BRACKETS + HALVINGS + 1.0)))
+        return self.known[value]
+
+    def refuse_unknown(self, ends: Sequence[float]) -> None:
+        answers = [answer for value in ends for answer in self.answers(value)]
+        if all(answer.kind == NONE.kind for answer in answers):
+            raise Refused(f"{self.key}: {answers[0].sentence}")
+        refuse_unknown(self.clauses, answers)
+
+    def rooms(self, value: float) -> list[float]:
+        """Room of each clause in each answer."""
+        return [clause.room(answer) for answer in self.answers(value) for clause in self.clauses]
+
+    def holds(self, value: float) -> bool:
+        return all(room >= 0.0 for room in self.rooms(value))
+
+    def narrowed(self, a: float, b: float) -> Change:
+        """The change between two values, by bisection; of numbers linear in the last interval."""
+        holds_at, fails_at = (a, b) if self.holds(a) else (b, a)
+        for _ in range(HALVINGS):
+            share = self._share(holds_at, fails_at)
+            if math.isfinite(share) and abs(fails_at - holds_at) < NARROW * (b - a):
+                break
+            steps = [0.5] if math.isnan(share) else [share - 0.01, share + 0.01]  # on both sides of the zero of a chord
+            for x in [holds_at + step * (fails_at - holds_at) for step in steps if 0.0 < step < 1.0]:
+                if self.holds(x):
+                    holds_at = x
+                else:
+                    fails_at = x
+        share = self._share(holds_at, fails_at)
+        value = holds_at if math.isnan(share) else holds_at + share * (fails_at - holds_at)
+        return Change(value, holds_at, fails_at, self._failure(fails_at))
+
+    def _share(self, holds_at: float, fails_at: float) -> float:
+        """Where the first number that fails crosses its limit, over the interval; nan where words decide."""
+        pairs = zip(self.rooms(holds_at), self.rooms(fails_at), strict=False)
+        return min((above / (above - below) for above, below in pairs if below < 0.0 <= above), default=math.nan)
+
+    def _failure(self, value: float) -> str:
+        """What does not hold at a value, with its number or what happens."""
+        count = len(self.clauses)
+        i = next(i for i, room in enumerate(self.rooms(value)) if not room >= 0.0)
+        answers = self.answers(value)
+        answer = answers[min(i // count, len(answers) - 1)]
+        number = self.clauses[i % count].number(answer)
+        if number is None or not self.clauses[i % count].sign:
+            return answer.sentence
+        return f"{self.clauses[i % count].name} = {number.value:.6g} {number.unit}".rstrip()
+
+    def judged(self, change: Change, width: float) -> Change:
+        """The change with its bar: of the checked number over its slope, or a range that the full model confirms."""
+        count = len(self.clauses)
+        before = self.rooms(change.holds_at)
+        after = self.rooms(change.fails_at)
+        numbers = [i for i, room in enumerate(before) if i < len(after) and after[i] < 0.0 <= room]
+        i = numbers[0] if numbers else next(i for i, room in enumerate(after) if not room >= 0.0)
+        scene = self.scenes(change.holds_at)[min(i // count, len(before) // count - 1)]
+        self.progress("check", 0.95)
+        answer, verdict = checked(scene)
+        number = self.clauses[i % count].number(answer)
+        if not numbers or number is None:
+            return replace(change, bar=self._confirmed(change, width), verdict=verdict)
+        slope = (after[i] - before[i]) / (change.fails_at - change.holds_at)
+        off = abs(self.clauses[i % count].room(answer) - before[i])
+        bar = math.inf if number.bar is None else (off + number.bar) / abs(slope)
+        return replace(change, bar=bar if math.isfinite(bar) else None, verdict=verdict)
+
+    def _confirmed(self, change: Change, width: float) -> float | None:
+        """Half a range around the answer at whose ends the full model says the same; None: none was found."""
+        full = replace(self, model="full", known={})
+        side = math.copysign(1.0, change.fails_at - change.holds_at)
+        for _ in range(WIDENINGS):
+            if full.holds(change.value - side * width) and not full.holds(change.value + side * width):
+                return width
+            width *= 2.0
+        return None
+
+
+def answer_of(scene: Any, model: str) -> Answer:
+    """The answer of the least model that was asked for."""
+    from validation.core import limits
+    from validation.core.answers import outcome
+
+    if isinstance(scene, Line):
+        from validation import run_with_bars
+
+        found: Any = run_with_bars(scene)
+        return Answer.of(found.outcome, found.design, getattr(found, "events", ()), found.limits)
+    if model == "full":
+        from validation import run_with_bars
+
+        r = run_with_bars(scene, bars=False)
+    else:
+        from validation.core.design import design
+        from validation.core.quasi_static import quasi_static, with_error_bars
+
+        r = quasi_static(scene)
+        r = with_error_bars(scene, replace(r, design=design(r)))
+    return Answer.of(outcome(scene, r), r.design, r.events, limits.rows(scene, r.design, r.events))
+
+
+def checked(scene: Any) -> tuple[Answer, str]:
+    """The answer of both solvers, and their verdict."""
+    from validation import check
+    from validation.core.answers import outcome
+
+    if isinstance(scene, Line):
+        judge: Any = check
+        found = judge(scene)
+        return Answer.of(found.outcome, found.design, (), found.limits), found.verdict.value
+    both = check(scene, tol=CHECK)
+    r = replace(both.a.run, design=both.design)
+    return Answer.of(outcome(scene, r), both.design, r.events, both.limits), both.verdict.value
+
+
+def curve(
+    scene: Any, keys: Mapping[str, Sequence[float]], other: str, values: Sequence[Any], **how: Any
+) -> list[dict[str, Any]]:  # fmt: skip
+    """One row for each value of another key, by the least model."""
+    rows = []
+    for value in values:
+        found = find(scene.replace({other: value}), keys, check=False, **how)
+        rows.append({other: value, found.key: found.value, "answer": found.sentence})
+    return rows
+
+
+def write(folder: Path, found: Found) -> None:
+    write_json(folder / "find.json", store.plain(found.row()))
+
+
+def write_curve(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
+    write_rows(folder / "find.csv", rows)
+    write_json(folder / "find.json", {"rows": rows})
