@@ -39,6 +39,7 @@ def command(
     name, ends = _range(key)
 
     from validation.commands.find import condition, study
+    from validation.page import report
 
     condition.parsed(so_that)
     how: Any = {"so_that": so_that, "model": model, "all_of": dict(map(_values, all_of or []))}
@@ -55,11 +56,9 @@ def command(
             study.write(folder, one)
             result = [one.sentence]
             answered = bool(one.changes)
-    for sentence in result:
-        terminal.say(sentence, style="bold")
-    from validation.page import report
-
-    report.write(folder, "find")
+        report.write(folder, "find")
+        for sentence in result:
+            terminal.say(sentence, style="bold")
     return 0 if answered else 1
 
 

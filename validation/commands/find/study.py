@@ -14,6 +14,7 @@ from typing import Any
 
 from cablefem.response import write_json
 from cablefem.scene import Scene, SceneError
+from cablefem.scene.keys import keys as keys_of
 from cablefem.scene.line import Line, line_of
 from validation.commands.find.condition import Answer, Clause, parsed, refuse_unknown
 from validation.core import store
@@ -40,13 +41,14 @@ class Change:
     fails: str  # what happens there
     bar: float | None = None  # of the key; None: nothing was checked
     verdict: str = ""  # of the check
+    unit: str = ""
 
     @property
     def sentence(self) -> str:
         side = "at most" if self.fails_at > self.holds_at else "at least"
         # a bar of rounding would print digits that bisection does not have
         width = abs(self.fails_at - self.holds_at)
-        text = with_bar(self.value, width if self.bar is None else max(self.bar, width))
+        text = f"{with_bar(self.value, max(self.bar or 0.0, width))} {self.unit}".rstrip()
         sure = f"; the check: {self.verdict}" if self.verdict else "; by the least model alone"
         return f"{side} {text}; beyond: {self.fails}{sure}"
 
@@ -175,7 +177,14 @@ class _Search:
                     fails_at = x
         share = self._share(holds_at, fails_at)
         value = holds_at if math.isnan(share) else holds_at + share * (fails_at - holds_at)
-        return Change(value, holds_at, fails_at, self._failure(fails_at))
+        return Change(value, holds_at, fails_at, self._failure(fails_at), unit=self._unit())
+
+    def _unit(self) -> str:
+        """Unit of the key, of lists of tables that of the first."""
+        table, *rest = self.key.split(".")
+        names = (self.key, ".".join([table, "0", *rest[1:]]), ".".join([table, *rest[:1], "0", *rest[2:]]))
+        unit = next((key.unit for key in keys_of(type(self.scene)) if key.name in names), "-")
+        return "" if unit == "-" else unit
 
     def _share(self, holds_at: float, fails_at: float) -> float:
         """Where the first number that fails crosses its limit, over the interval; nan where words decide."""
