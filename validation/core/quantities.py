@@ -32,7 +32,7 @@ def number_text(number: dict[str, Any]) -> dict[str, str]:
     text = quantity_text(value, bar, unit)
     what = named(number["quantity"])
     if number.get("more"):
-        what += f" ({number['more']} more are larger)"
+        what += f" ({number['more']} more, larger)"
     where = {"t": _formatted(number, "t", ".4g", "s")}
     where |= {key: _formatted(number, name, ".1f", "m") for key, name in (("mass", "s_o"), ("at", "s"))}
     return {"what": what, "value": text, **where}

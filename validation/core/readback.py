@@ -357,7 +357,7 @@ def _shows_number(text: str, row: Row) -> bool:
 
 def _number(cells: Sequence[str], of: Stored) -> Faults:
     name, value, when, car_at, at = cells
-    name = re.sub(r" \(\d+ more are larger\)$", "", name)  # after the smallest of several clearances
+    name = re.sub(r" \(\d+ more, larger\)$", "", name)  # after the smallest of several clearances
     row = next((x for x in of.design if _named(x) == name), None)
     if row is None:
         yield f"{name}: no such design number"
@@ -823,7 +823,7 @@ def _printed_number(text: str, of: Stored) -> Faults:
         of.unread.append(text)
         return
     row = max(rows, key=lambda x: len(_named(x)))
-    rest = re.sub(r"^\(\d+ more are larger\)", "", text.removeprefix(_named(row)).strip()).strip()
+    rest = re.sub(r"^\(\d+ more, larger\)", "", text.removeprefix(_named(row)).strip()).strip()
     parts = re.fullmatch(r"(.*?)(?:, at ([\d.-]+ m))?(?: after (\S+ s))?", rest)
     assert parts is not None
     value, at, when = parts.groups("")

@@ -27,6 +27,7 @@ from validation.page.side_view import side_view
 def content(x: Stored) -> dict[str, Any]:
     """What assets/answer.html shows of a run or of a check of two."""
     moving = [r for r in x.runs if r.fields.t.size > 1]
+    rows_of_limits = [limit_text(row) for row in limits.rows(x.scene, x.design, x.all_events)]
     view = side_view(x.scene, moving, range_T=draw.tension_range(x), party=x.party) if moving else ""
     return {
         "x": x,
@@ -40,7 +41,7 @@ def content(x: Stored) -> dict[str, Any]:
         "tension_field": partial(draw.tension_field, x),
         "methods": METHODS,
         "drawn_with": drawn_with(),
-        "limits": limits_of(map(limit_text, limits.rows(x.scene, x.design, x.all_events)), limits.scopes(x.scene)),
+        "limits": limits_of(rows_of_limits, limits.scopes(x.scene)),
         "inputs": inputs(x.scene.to_toml()),
         "loads": list(loads(x)),
         "work": [_work(r) for r in x.runs],
