@@ -16,7 +16,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from cablefem import catenary_line
 from cablefem.scene import Scene, SceneError
+from cablefem.scene.moving import moving
 from validation import cli, run
 from validation.commands.sweep import engine, job
 from validation.commands.sweep.page import sections
@@ -349,3 +351,17 @@ def test_every_key_of_a_study_is_printed_with_a_meaning(cablefem):
     parts = {"": Study, "sample.": Sample, "truth.": Truth}
     fields = {f"{before}{name}" for before, part in parts.items() for name in part.model_fields}
     assert printed >= (fields - {"sample", "truth"}) | {*GROUPS, *FREE}
+
+
+def test_lines_of_the_study_move_and_take_their_fault():
+    """Every case is a line that the solvers accept; a fault changes one number by a percent."""
+    study = Study.load("power-lines")
+    keys = set()
+    for number in (0, 1, 2, 3, 60, 61, 62, 63, 64, 65, 69):
+        line, key = study.case({"case": number})
+        assert moving(line, catenary_line.solve).cars
+        assert (key is None) is (number < 60)
+        if key is not None:
+            keys.add(key.split(".")[-1])
+            assert line.replace({key: "+1%"}) != line
+    assert keys >= {"mass", "EA", "mass_per_length", "top_speed"}

@@ -43,6 +43,19 @@ mass = 4500.0
 drive = {mode = "haul", drag_area = 12.0, rolling_friction = 0.01}
 travel = {kind = "trapezoid", top_speed = 2.5, acceleration = 0.5, deceleration = 0.5, from = 1050.0, to = 1037.5}
 """
+EVERYTHING = (
+    EVERYTHING.replace('name = "up"', 'name = "up"\nbelow = 5.0')
+    + """
+[[obstacle]]
+name = "road"
+at = 260.0
+top = -40.0
+[[obstacle]]
+name = "hut"
+at = 900.0
+top = -350.0
+"""
+)
 ASKED = Tolerance(1e-3, 1e-2)
 
 
@@ -151,6 +164,16 @@ def test_a_wrong_file_and_a_wrong_number_are_found(tmp_path, answer):
     file.write_text("\n".join([head, *(",".join(row) for row in table)]) + "\n")
     faults = read_back(folder, answer.motion, [], answer.moved.period)
     assert faults == ["path-up.csv: y is not what was computed"]
+
+
+def test_cars_and_rope_in_motion_clear_what_they_pass(answer):
+    """The rope moves with the car over the road; no car passes the hut."""
+    found = {d["quantity"]: d["value"] for d in answer.design if d["quantity"].startswith("clearance")}
+    assert found.keys() == {"clearance_rope:road", "clearance_rope:hut", "clearance_car:up over road"}
+    up = answer.cars[0].point
+    passing = np.interp(260.0, up[:, 0], up[:, 1])
+    assert found["clearance_car:up over road"] == pytest.approx(-40.0 - passing - 5.0, abs=1e-9)
+    assert found["clearance_rope:road"] <= found["clearance_car:up over road"] + 5.0 + 1e-9
 
 
 def test_a_line_in_motion_says_where_its_cars_are(answer):

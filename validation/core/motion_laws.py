@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 Array = NDArray[np.float64]
 AIR = 1.2  # kg/m3, default density
@@ -264,14 +265,23 @@ def read_back(folder: Path, motion: Any, design: Sequence[dict[str, Any]], perio
         faults += _unlike("contacts.csv", contacts, {f"{x.name}.{name}": values for name, values in right.items()})
     t = contacts["t"]
     series = _series(tables, contacts, motion)
+    scene = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
     for number in design:
         kind, _, of = number["quantity"].partition(":")
-        if kind.startswith("clearance"):
-            continue
         name, _, word = kind.rpartition("_")
-        values = series[name if of == "" else f"{name}:{of}"]
-        forces = name in ("tension", "haul", "grip", "contact", "load")
-        if forces:
+        if name == "clearance":
+            word = "min"
+            values = []
+            body, _, over = of.rpartition(" over ")
+            below = {car["name"]: car.get("below", 0.0) for car in scene["car"]}
+            if kind == "clearance_rope":
+                below = dict.fromkeys(below, 0.0)
+                values = [_under_rope(scene, motion, over)]
+            passing = [x for x in below if x == (body or x)]
+            values = [*values, *(_under_car(_ground(scene, over), tables[x]) - below[x] for x in passing)]
+        else:
+            values = series[name if of == "" else f"{name}:{of}"]
+        if name in ("tension", "haul", "grip", "contact", "load"):
             values = [_mean(t, v, period) for v in values]
         if name == "load":
             values = [np.hypot(*values)]
@@ -280,6 +290,41 @@ def read_back(folder: Path, motion: Any, design: Sequence[dict[str, Any]], perio
         if not abs(extreme - number["value"]) <= allowed:
             faults.append(f"{number['quantity']} = {number['value']:.6g}: the files give {extreme:.6g}")
     return faults
+
+
+def _ground(scene: dict[str, Any], name: str) -> Array:
+    """Rows x and depth of an obstacle or the ground."""
+    if name.removeprefix("the ") == "ground":
+        return np.array(scene["ground"], float).T
+    return np.array([[o["at"], o["top"]] for o in scene["obstacle"] if o["name"] == name]).T
+
+
+def _under_car(ground: Array, table: dict[str, Array]) -> Array:
+    """Heights of a car's wheels over rows x and depth of a ground, along its path and at each corner; inf beyond."""
+    x, depth = ground
+    path = np.stack([table["x"], table["y"]])  # (2, n)
+    begin, step = path[:, :-1, None], np.diff(path)[:, :, None]
+    w = np.where(step[0] == 0.0, -1.0, (x - begin[0]) / np.where(step[0] == 0.0, 1.0, step[0]))  # (n - 1, corners)
+    at_corners = (depth - begin[1] - w * step[1])[(w >= 0.0) & (w <= 1.0)]
+    inside = (path[0] >= x[0]) & (path[0] <= x[-1])
+    along = np.interp(path[0], x, depth)[inside] - path[1, inside]
+    return np.concatenate([at_corners, along, [np.inf]])
+
+
+def _under_rope(scene: dict[str, Any], motion: Any, over: str) -> Array:
+    """Least height (n,) of the rope, straight between stations, cars and contacts."""
+    x, depth = _ground(scene, over)
+    lowest = np.empty(motion.t.size)
+    for i in range(motion.t.size):
+        known = np.isfinite(motion.tension[i])
+        rows = [np.column_stack([motion.s[known], motion.points[i, known]])]
+        rows += [np.array([[body.s[i], *body.point[i]]]) for body in (*motion.cars, *motion.contacts)]
+        chain = np.concatenate(rows)
+        _, at, y = chain[np.argsort(chain[:, 0], kind="stable")].T
+        inside = (at >= x[0]) & (at <= x[-1])
+        free = np.concatenate([depth - np.interp(x, at, y), np.interp(at[inside], x, depth) - y[inside]])
+        lowest[i] = free.min()
+    return lowest
 
 
 def _columns(file: Path) -> dict[str, Array]:
@@ -317,20 +362,19 @@ def _series(tables: dict[str, dict[str, Array]], contacts: dict[str, Array], mot
 
 
 def _mean(t: Array, values: Array, period: float) -> Array:
-    """Means over the `period` around each time, inside the run; the values are linear between."""
-    keep = np.concatenate([[True], np.diff(t) > 0.0])
-    after = np.concatenate([np.diff(t) > 0.0, [True]])  # values after a jump
-    first = t[keep]
-    areas = 0.5 * (values[after][:-1] + values[keep][1:]) * np.diff(first)
-    total = np.append(0.0, np.cumsum(areas))
+    """Means over the `period` around each time, inside the run; the values follow splines between jumps."""
+    total = 0.0
+    splines: list[tuple[float, float, Any]] = []
+    for part in np.split(np.arange(t.size), np.flatnonzero(np.diff(t) <= 0.0) + 1):
+        if part.size > 1:
+            spline = CubicSpline(t[part], values[part])
+            splines.append((float(t[part[0]]), total, spline))
+            total += float(spline.integrate(t[part[0]], t[part[-1]]))
 
-    def upto(x: Array) -> Array:
-        k = np.clip(np.searchsorted(first, x, side="right") - 1, 0, first.size - 2)
-        begin = values[after][k]
-        slope = (values[keep][k + 1] - begin) / (first[k + 1] - first[k])
-        d = x - first[k]
-        return np.asarray(total[k] + d * (begin + 0.5 * d * slope))
+    def upto(x: float) -> float:
+        begin, done, spline = [row for row in splines if row[0] <= x][-1]
+        return done + float(spline.integrate(begin, x))
 
-    begins = np.clip(t - 0.5 * period, first[0], max(first[-1] - period, first[0]))
-    ends = np.minimum(begins + period, first[-1])
-    return (upto(ends) - upto(begins)) / (ends - begins)
+    begins = np.clip(t - 0.5 * period, t[0], max(t[-1] - period, t[0]))
+    ends = np.minimum(begins + period, t[-1])
+    return np.array([(upto(b) - upto(a)) / (b - a) for a, b in zip(begins, ends, strict=True)])

@@ -6,14 +6,17 @@ Forces are means over an axial round trip of the rope.  Series are compared at i
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from cablefem.motion import CarMotion, ContactMotion, LineMotion
 from cablefem.response import Array
+from cablefem.scene.line import Line
+from cablefem.scene.surroundings import GROUND
 from validation.core.agreement import Agreement, Bound, Part, nothing
 from validation.core.ladder import Ladder
 from validation.core.motion_laws import taken
@@ -54,23 +57,28 @@ class Moved:
 
 
 def means(t: Array, values: Array, period: float) -> Array:
-    """Means of values (n, ...), linear between the times t (n,), over the `period` around each, inside the run."""
-    flat = values.reshape(t.size, -1)  # (n, m)
-    steps = np.diff(t)
-    areas = 0.5 * (flat[1:] + flat[:-1]) * steps[:, None]
-    total = np.concatenate([np.zeros((1, flat.shape[1])), np.cumsum(areas, axis=0)])
+    """Means of values (n, ...) over the `period` around each time t (n,), inside the run.
 
-    def integral(x: Array) -> Array:
-        k = np.clip(np.searchsorted(t, x, side="right") - 1, 0, t.size - 2)
-        k = np.where((steps[k] <= 0.0) & (k > 0), k - 1, k)
-        d = x - t[k]
-        share = d / np.where(steps[k] > 0.0, steps[k], 1.0)
-        return total[k] + d[:, None] * (flat[k] + 0.5 * share[:, None] * (flat[k + 1] - flat[k]))
-
+    Between the times values follow cubic splines, one between two jumps: straight lines cut off axial waves.
+    All nan where a value is.
+    """
+    if not np.isfinite(values).all():
+        return np.full_like(values, np.nan)
+    jumps = np.flatnonzero(np.diff(t) <= 0.0)
+    pieces = list(zip([0, *(jumps + 1)], [*jumps, t.size - 1], strict=True))
+    pieces = [(first, last) for first, last in pieces if last > first]
+    starts = np.array([t[first] for first, _ in pieces])
     low = np.clip(t - 0.5 * period, t[0], max(t[-1] - period, t[0]))
     high = np.minimum(low + period, t[-1])
-    out = (integral(high) - integral(low)) / (high - low)[:, None]
-    return out.reshape(values.shape)
+    at = np.stack([low, high])
+    owner = np.clip(np.searchsorted(starts, at, side="right") - 1, 0, None)
+    integrals = np.empty((2, *values.shape))
+    before = np.zeros(values.shape[1:])
+    for k, (first, last) in enumerate(pieces):
+        spline = CubicSpline(t[first : last + 1], values[first : last + 1]).antiderivative()
+        integrals[owner == k] = before + spline(at[owner == k])
+        before = before + spline(t[last])
+    return (integrals[1] - integrals[0]) / (high - low).reshape(-1, *[1] * (values.ndim - 1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -306,7 +314,7 @@ def law_row(ladder: Ladder, quantity: str, law: str, defect: Any, end: float, me
     return Agreement(quantity, gap, bound, law=f"{law}, {method}", required=FIELDS, parts=((space, time),))
 
 
-def design_of(moved: Moved, obstacles: Sequence[tuple[str, float, float]] = ()) -> dict[str, tuple[float, float]]:
+def design_of(moved: Moved, line: Line) -> dict[str, tuple[float, float]]:
     """Extremes and their times [s] by quantity; forces are means over an axial round trip."""
     motion = moved.motion
     t = motion.t
@@ -340,11 +348,47 @@ def design_of(moved: Moved, obstacles: Sequence[tuple[str, float, float]] = ()) 
     for name, values, pick in (("tension_max", largest_tension, np.argmax), ("tension_min", smallest, np.argmin)):
         k = int(pick(values))
         out[name] = (float(values[k]), float(t[k]))
-    for name, x, top in obstacles:
-        heights = top - rope_depths(motion, np.array([x]))[:, 0]
-        k = int(np.nanargmin(heights))
-        out[f"clearance_rope:{name}"] = (float(heights[k]), float(t[k]))
+    for name, (times, heights) in clearances(motion, line).items():
+        k = int(np.argmin(heights))
+        out[name] = (float(heights[k]), float(times[k]))
     return out
+
+
+def clearances(motion: LineMotion, line: Line) -> dict[str, tuple[Array, Array]]:
+    """Times [s] and free heights [m] of rope and cars over obstacles and ground, by quantity, where they pass."""
+    grounds = {o.name: np.array([[o.at, o.top]]) for o in line.obstacle}  # points (n, 2), x and depth
+    if line.ground:
+        grounds[GROUND] = np.array(line.ground)
+    below = {car.name: car.below for car in line.car}
+    chain = Chain(motion).points if grounds else np.empty((motion.t.size, 0, 2))
+    out = {}
+    for name, ground in grounds.items():
+        x, depth = ground.T
+        corners = depth - rope_depths(motion, x)  # (n, x.size)
+        at, y = np.moveaxis(chain, 2, 0)  # (n, k): least height is at a corner of either
+        heights = np.where((at >= x[0]) & (at <= x[-1]), np.interp(at, x, depth) - y, np.inf)
+        of_rope = [(motion.t, np.minimum(corners.min(axis=1), heights.min(axis=1)))]
+        for car in motion.cars:
+            times, places = _over(motion.t, car.point, x)
+            if times.size:
+                free = np.interp(places[:, 0], x, depth) - places[:, 1]
+                of_rope.append((times, free))
+                out[f"clearance_car:{car.name} over {name}"] = times, free - below[car.name]
+        times, lowest = (np.concatenate(part) for part in zip(*of_rope, strict=True))
+        out[f"clearance_rope:{name.removeprefix('the ')}"] = times, lowest
+    return out
+
+
+def _over(t: Array, path: Array, x: Array) -> tuple[Array, Array]:
+    """Times and points of a path (n, 2) between the first and the last of x, and where it passes each of them."""
+    over = (path[:, 0] >= x[0]) & (path[:, 0] <= x[-1])
+    times, points = [t[over]], [path[over]]
+    for at in x:
+        i = np.flatnonzero((path[:-1, 0] < at) != (path[1:, 0] < at))
+        w = (at - path[i, 0]) / (path[i + 1, 0] - path[i, 0])
+        times.append(t[i] + w * (t[i + 1] - t[i]))
+        points.append(path[i] + w[:, None] * (path[i + 1] - path[i]))
+    return np.concatenate(times), np.concatenate(points)
 
 
 def rope_depths(motion: LineMotion, x: Array) -> Array:
@@ -380,11 +424,11 @@ def _mean_tension(body: CarMotion | ContactMotion) -> Array:
     return np.asarray(sides.mean(axis=0))
 
 
-def with_bars(a: Ladder, b: Ladder | None, obstacles: Sequence[tuple[str, float, float]], units: Any) -> list[Any]:
+def with_bars(a: Ladder, b: Ladder | None, line: Line, units: Any) -> list[Any]:
     """Design numbers of `a` with bars: from coarser runs, and at least the gap to `b`."""
 
     def design(moved: Any) -> dict[str, tuple[float, float]]:
-        return design_of(moved, obstacles)
+        return design_of(moved, line)
 
     known = {id(run): design(run) for ladder in (a, b) if ladder is not None for run in moved_runs(ladder)}
     finest: Any = a.finest

@@ -19,7 +19,16 @@ from validation.page.page import VERDICTS, Section, asset, drawn
 from validation.page.plot import BLACK, BLUE, COLORS, DASHED, DOTTED, GREY, Panel, plot, side
 
 WORDS: dict[str, dict[str, str]] = tomllib.loads(asset("motion.toml"))
-FEW = ("tension_max", "clearance_rope", "haul_max", "contact_min", "load_max", "rise_max", "speed_max")  # in a table
+FEW = (
+    "tension_max",
+    "clearance_rope",
+    "clearance_car",
+    "haul_max",
+    "contact_min",
+    "load_max",
+    "rise_max",
+    "speed_max",
+)  # in a table
 
 
 def unit_of(quantity: str) -> str:

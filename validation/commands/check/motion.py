@@ -20,7 +20,7 @@ from validation.page.options import Point, tol_faults
 
 TOL = 1e-3
 LOOSER = 10.0  # forces over the path
-FINEST = 16  # times the coarsest resolution and steps together, before a comparison stays too coarse
+FINEST = 32  # times the coarsest resolution and steps together, before a comparison stays too coarse
 
 
 def scales_of(line: Line, moved: Moved) -> Scales:

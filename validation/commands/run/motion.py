@@ -182,8 +182,8 @@ class Answers:
         for d in self.design:
             if d["quantity"].startswith("clearance") and d["value"] < 0.0:
                 kinds.append("collides")
-                over = d["quantity"].partition(":")[2]
-                parts.append(f"would collide: the rope hits {over} by {-d['value']:.2f} m")
+                body, _, over = d["quantity"].partition(":")[2].rpartition(" over ")
+                parts.append(f"would collide: {body or 'the rope'} hits {over} by {-d['value']:.2f} m")
         ended = self.moved.events[-1:] if self.moved.end < self.moved.instants[-1] * (1.0 - 1e-9) else ()
         for name, t in ended:
             kinds.append("ends")
@@ -206,8 +206,7 @@ def answers(line: Line) -> Answers:
 def answer_of(line: Line, a: Ladder, b: Ladder | None, rows: Sequence[Agreement] = ()) -> Answers:
     finest: Any = a.finest
     other: Any = None if b is None else b.finest
-    obstacles = [(o.name, o.at, o.top) for o in line.obstacle]
-    design = with_bars(a, b, obstacles, unit_of)
+    design = with_bars(a, b, line, unit_of)
     return Answers(line, finest, line.empty(catenary_line.solve), design, other, list(rows))
 
 

@@ -4,6 +4,7 @@ The first three are a gripped car on a locked rope, a hauled one, and a rider on
 The others are harder: `wide` families.
 """
 
+import itertools
 import math
 import tomllib
 from collections.abc import Callable
@@ -13,6 +14,7 @@ import numpy as np
 import tomli_w
 
 from cablefem.scene import Scene
+from cablefem.scene.line import Line
 
 Draw = Callable[[float, float], float]
 Tables = dict[str, Any]
@@ -132,6 +134,64 @@ def windy(draw: Draw) -> Scene:
     return Scene.from_toml(tomli_w.dumps(x | {"name": "windy"}))
 
 
+def spans(draw: Draw) -> Line:
+    """A locked rope over one or two saddles with a car in the first span, and at times another in the last one.
+
+    Cars grip or are hauled.  One end is an anchor, the other too or a counterweight.
+    """
+    x = _locked(draw)
+    cable, T = x["cable"], x["cable"].pop("horizontal_tension")
+    at = [[0.0, 0.0]]
+    slope = draw(-0.35, 0.25)
+    for _ in range(2 + int(draw(0.0, 2.0))):
+        span = draw(150.0, 500.0)
+        at.append([at[-1][0] + span, at[-1][1] + span * slope])
+        slope += draw(0.0, 0.1)  # down: the saddle is a crest
+    kinds = ["anchor", *["saddle"] * (len(at) - 2), "anchor"]
+    contacts: list[Tables] = [
+        {"name": f"contact{i}", "kind": kind, "at": place}
+        for i, (kind, place) in enumerate(zip(kinds, at, strict=True))
+    ]
+    if draw(0.0, 1.0) < 0.5:
+        cable["tension"] = {"at": "contact0", "value": T}
+    else:
+        contacts[-1 if draw(0.0, 1.0) < 0.5 else 0] |= {"kind": "counterweight", "tension": T}
+    chords = [0.0]
+    for (a, b), (c, d) in itertools.pairwise(at):
+        chords.append(chords[-1] + math.hypot(c - a, d - b))
+    cars = [_car_between(draw, "first", T, *[(at[i][0], chords[i]) for i in (0, 1)])]
+    if draw(0.0, 1.0) < 0.5:
+        cars.append(_car_between(draw, "second", T, *[(at[i][0], chords[i]) for i in (-2, -1)]))
+    tables: Tables = {"cable": cable, "contact": contacts, "car": cars}
+    return Line(name="spans", **tables)
+
+
+def _car_between(draw: Draw, name: str, T: float, begin: tuple[float, float], end: tuple[float, float]) -> Tables:
+    """A car that goes 0.3 to 0.6 of the way between two contacts, each x and length of the chords up to there."""
+    hauled = draw(0.0, 1.0) < 0.5
+    low, high = (place[0 if hauled else 1] for place in (begin, end))
+    places = [low + share * (high - low) for share in (draw(0.15, 0.35), draw(0.65, 0.85))]
+    first, last = places if draw(0.0, 1.0) < 0.5 else places[::-1]
+    acceleration = draw(0.3, 0.8)
+    travel = {"kind": "trapezoid", "top_speed": draw(3.0, 8.0), "from": first, "to": last}
+    travel |= {"acceleration": acceleration, "deceleration": acceleration}
+    car: Tables = {"name": name, "mass": T * draw(0.02, 0.1) / 9.81, "travel": travel}
+    return car | ({"drive": {"mode": "haul", "rolling_friction": draw(0.0, 0.02)}} if hauled else {})
+
+
+def line_case(seed: int, number: int) -> tuple[Line, str | None]:
+    """A case of lines in motion, as `case`."""
+    index = number if number < SOUND else number - SOUND
+    rng = np.random.default_rng([seed, index])
+    line = spans(lambda low, high: float(rng.uniform(low, high)))
+    if number < SOUND:
+        return line, None
+    weights = [f"contact.{c.name}.tension" for c in line.contact if c.kind == "counterweight"]
+    keys = ["car.first.mass", "cable.EA", "cable.mass_per_length", "car.first.travel.top_speed"]
+    keys.append(weights[0] if weights else "cable.tension.value")
+    return line, keys[index % len(keys)]
+
+
 Family = Callable[[Draw], Scene]
 FAMILIES: tuple[Family, ...] = (gripped, hauled, free)
 WIDE: tuple[Family, ...] = (*FAMILIES, fibre, slack, steep, iced, stopped, windy)
@@ -148,11 +208,13 @@ SOUND = 60  # cases without a fault
 FAULTS = ("mass.mass", "cable.EA", "cable.mass_per_length", "travel.top_speed")
 
 
-def case(seed: int, number: int, of: str = "ropeway") -> tuple[Scene, str | None]:
+def case(seed: int, number: int, of: str = "ropeway") -> tuple[Scene | Line, str | None]:
     """The scene of a case of the study `power`, and the key that the second solver is told 1 percent larger.
 
-    of : a key of SETS; "wide" has faults in friction, drag, brake and drop, too.
+    of : a key of SETS, or "lines" in motion; "wide" has faults in friction, drag, brake and drop, too.
     """
+    if of == "lines":
+        return line_case(seed, number)
     families = SETS[of]
     if number < SOUND:
         return realistic(seed, number, families), None

@@ -83,10 +83,11 @@ def lost(study: Study, index: int, cause: str) -> dict[str, Any]:
 
 def _row(study: Study, point: dict[str, Any], index: int) -> dict[str, Any]:
     from cablefem.scene import SceneError
+    from cablefem.scene.line import Line
 
     try:
-        scene = study.scene_at(point)
-        out = {name: x for name in GROUPS if (x := getattr(scene, name)) is not None and math.isfinite(x)}
+        scene: Any = study.scene_at(point)
+        out = {name: x for name in GROUPS if (x := getattr(scene, name, None)) is not None and math.isfinite(x)}
     except (SceneError, ValueError) as error:
         return {"status": "refused", "cause": "scene", "reason": str(error)}
     how = study.how(point)
@@ -100,6 +101,8 @@ def _row(study: Study, point: dict[str, Any], index: int) -> dict[str, Any]:
     key = study.case(point)[1]
     second = None if key is None else scene.replace({key: "+1%"})
     told = {"family": scene.name, "fault": "none" if key is None else f"{key} +1 %"}
+    if isinstance(scene, Line):
+        return out | told | _checked_line(scene, how["tol"], second)
     return out | told | _checked(scene, how["tol"], second)
 
 
@@ -199,6 +202,16 @@ def _checked(scene: Any, tol: float, second: Any) -> dict[str, Any]:
     agree = type(found.verdict).AGREE
     rows = dict.fromkeys(row.quantity for row in found.rows if row.decides and row.verdict is not agree)
     return of_response(best.run, scene) | {"verdict": found.verdict.value, "not_agreed": ", ".join(rows) or None}
+
+
+def _checked_line(line: Any, tol: float, second: Any) -> dict[str, Any]:
+    from validation.commands.check.motion import checked
+
+    found: Any = checked(line, tol, second=second)
+    agree = type(found.verdict).AGREE
+    rows = dict.fromkeys(row.quantity for row in found.rows if row.decides and row.verdict is not agree)
+    verdict = {"verdict": found.verdict.value, "not_agreed": ", ".join(rows) or None}
+    return verdict | {"status": found.status, "reason": found.moved.reason, "method": found.moved.method}
 
 
 def _advise(scene: Any, tol: float) -> dict[str, Any]:

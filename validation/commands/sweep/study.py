@@ -17,6 +17,7 @@ from cablefem.scene import Scene, SceneError
 from cablefem.scene.drive import of_mode
 from cablefem.scene.errors import nearest, shown
 from cablefem.scene.fields import OneLine, Part, between, integer
+from cablefem.scene.line import Line
 from validation.commands.sweep import families
 from validation.commands.sweep.axes import MOST, Axis, grid, ranges
 from validation.core.methods import METHODS, installed
@@ -150,7 +151,7 @@ class Study(Part):
         at = np.unravel_index(index, [len(axis.values) for axis in self.axes.values()])
         return {name: axis.values[i] for (name, axis), i in zip(self.axes.items(), at, strict=True)}
 
-    def scene_at(self, point: dict[str, Any]) -> Scene:
+    def scene_at(self, point: dict[str, Any]) -> Scene | Line:
         """The scene of a point; SceneError where it has faults."""
         if self.job == "power":
             return self.case(point)[0]
@@ -163,7 +164,7 @@ class Study(Part):
         scene = scene.replace(dotted) if dotted else scene
         return scene.variant(**groups) if groups and self.scene is not None else scene
 
-    def case(self, point: dict[str, Any]) -> tuple[Scene, str | None]:
+    def case(self, point: dict[str, Any]) -> tuple[Scene | Line, str | None]:
         told = self.settings
         return families.case(told.get("seed", 0), round(point["case"]), told.get("families", "ropeway"))
 
