@@ -13,7 +13,7 @@ from validation.commands.chart import page as pages
 from validation.core import measures, store
 from validation.core.methods import METHODS, find
 from validation.core.running import run
-from validation.peers import PEERS, PeerPath
+from validation.peers import PEERS, Peer, PeerPath
 
 LEVEL = Scene.load("level")
 
@@ -31,6 +31,12 @@ def test_every_method_model_and_scheme_is_charted_and_nothing_else():
     assert schemes == {"newmark", "generalized-alpha", "radau", "gauss"}
 
 
+def echo(groups, elements):
+    """Another code's path: ours."""
+    r = run(LEVEL, "following-p2", elements=elements, steps=200, until=0.8)
+    return PeerPath(r.s_o / r.length, r.u / r.length, r.v / r.length, r.t / LEVEL.time_scale, 1e-3, "")
+
+
 # --- a small chart ----------------------------------------------------------------------------------------------------
 @pytest.fixture(scope="module")
 def small(tmp_path_factory):
@@ -39,20 +45,23 @@ def small(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         all_series = study.series
         names = ("following-p2", "fixed-p1-naive", "model string", *PEERS)
-        names = (*names, "following-p2 --tol")
+        waiting = f"following-p2 --tol{study.WHOLE}"
+        names = (*names, "following-p2 --tol", waiting, "echo")
+        patch.setattr(study, "PEERS", {"echo": Peer("math", echo, ({"elements": 6},)), **PEERS})
 
         def few(groups):
             failing = tuple({"elements": 6, "steps": steps, "scheme": "central-difference"} for steps in (50, 100))
             yield study.Series("scheme central-difference", "integrator", failing, study.BASE)
             for x in all_series(groups):
                 if x.name in names:
-                    rungs = x.rungs[:2] if x.kind == "tolerance" else x.rungs[:8:3]
+                    rungs = x.rungs[: {"tolerance": 2, "waiting": 1}.get(x.kind, 8)]
+                    rungs = rungs if len(rungs) < 3 else rungs[::3]
                     yield study.Series(x.name, x.kind, rungs, x.method, x.model)
 
         patch.setattr(study, "series", few)
         patch.setattr(study, "REFERENCE", ("following-p4", {"elements": 10, "steps": 1250}))
         patch.setattr(study, "WITNESS", ("fourier-kink", {"terms": 12, "steps": 200}))
-        patch.setattr(study, "available", lambda name: "not installed")
+        patch.setattr(study, "available", lambda name: None if name == "echo" else "not installed")
         labels = []
         found = study.chart(LEVEL, out, lambda label, done: labels.append((label, done)), repeats=2, budget=3000.0)
         runs = []
@@ -110,6 +119,18 @@ def test_a_tolerance_is_a_row_with_its_bar_and_all_its_seconds(small):
         assert row["path_error"] <= row["bar"] <= row["settings"]["tol"]
         assert row["chosen"]["elements"] >= 6
         assert row["seconds"] > 0.0
+
+
+def test_what_a_user_waits_for_is_the_whole_command(small):
+    (row,) = rows_of(small[1], f"following-p2 --tol{study.WHOLE}")
+    quick = rows_of(small[1], "following-p2 --tol")[0]
+    assert row["settings"] == quick["settings"]
+    assert row["path_error"] <= row["bar"] <= row["settings"]["tol"]
+    assert (row["kind"], row["chosen"]) == ("waiting", quick["chosen"])
+    (march,) = rows_of(small[1], "echo")
+    (whole,) = rows_of(small[1], f"echo{study.WHOLE}")
+    assert (whole["kind"], whole["path_error"]) == ("waiting", march["path_error"])
+    assert whole["seconds"] == march["wait"]
 
 
 def test_what_is_stored_is_what_was_found_and_a_second_call_measures_nothing_anew(small):

@@ -4,15 +4,20 @@ Reference: far finer than the chart, in the window of comparison or up to the sl
 Path error: largest distance over the largest deflection (of a free ride at equal times, over a tenth of the length).
 Tension error: rms off the mass, over H.
 Seconds: time loop up to the end of the window, best of separate runs on one core, without what others took of it.
+Lines of kind "waiting": processor time of all that a user waits for, from a fresh interpreter on.
 """
 
 from __future__ import annotations
 
 import platform
+import resource
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +27,7 @@ from threadpoolctl import threadpool_limits
 
 from cablefem import newmark
 from cablefem.newmark import SCHEMES
-from cablefem.response import Response, write_json
+from cablefem.response import Response, write_json, write_text
 from cablefem.scene import Groups, Scene
 from validation.commands.chart.cost import implicit_floor
 from validation.commands.chart.front import Row, fastest
@@ -42,6 +47,7 @@ REFERENCE_OF_RIDES = SAID["reference_of_rides"]
 WITNESS = SAID["witness"]
 BASE = SAID["base"]
 FINER = tuple(2.0 ** (0.5 * k) for k in range(-3, 4))  # over the default resolution
+WHOLE = ", all that a user waits for"
 DENSE = tuple(2.0 ** (-0.25 * k) for k in range(8, -1, -1))  # shares of steps, for short runs
 
 
@@ -50,7 +56,7 @@ class Series:
     """One line of the chart, its rungs from coarse to fine."""
 
     name: str
-    kind: str  # "method" | "model" | "integrator" | "tolerance" | "peer"
+    kind: str  # "method" | "model" | "integrator" | "tolerance" | "waiting" | "peer"
     rungs: tuple[Row, ...]
     method: str | None = None
     model: str = "full"
@@ -77,6 +83,8 @@ def chart(scene: Scene, out: Path, report: Progress = silent, *, repeats: int = 
         report(line.name, 0.05 + 0.85 * i / len(todo))
         share = (6.0 if line.kind == "peer" else 1.5) * budget / len(todo)  # other codes are slow
         rows += _line(scene, line, truth, rows, repeats, share)
+        if line.kind == "peer" and line.name + WHOLE not in {r["series"] for r in rows}:
+            rows += [_whole(r) for r in rows if r["series"] == line.name and r["wait"]]
         write_json(path, found)
     if scene.groups.drive.mode == "grip":
         report("cost of a step", 0.9)
@@ -99,6 +107,7 @@ def series(groups: Groups) -> Iterator[Series]:
     yield from _schemes(base, base.settings_on(groups, {})["scheme"])
     for name in (BASE, WITNESS[0]):
         yield Series(f"{name} --tol", "tolerance", tuple({"tol": tol} for tol in SAID["asked"]), name)
+    yield Series(f"{BASE} --tol{WHOLE}", "waiting", tuple({"tol": tol} for tol in SAID["asked"]), BASE)
     for name, peer in PEERS.items():
         ours = (groups.drive.mode == "free" and peer.rides) or peer.ladder
         yield Series(name, "peer", tuple(dict(rung) for rung in ours))
@@ -200,7 +209,7 @@ def _line(scene: Scene, line: Series, truth: _Truth, rows: list[Row], repeats: i
     if reason := absent or _refused(scene, line):
         return [] if {} in done else [_row(line, {}, status="not installed" if absent else "failed", reason=reason)]
     missing = [x for x in line.rungs if x not in done]
-    if missing and line.kind not in ("tolerance", "peer"):
+    if missing and line.kind not in ("tolerance", "waiting", "peer"):
         _repeated(scene, line, missing[0], truth, 1, 0.0)  # the first run may compile
     new = []
     last = 0.0
@@ -229,7 +238,7 @@ def _refused(scene: Scene, line: Series) -> str | None:
 def _row(line: Series, settings: Row, **found: Any) -> Row:
     empty = dict.fromkeys((
         "reason", "reached", "path_error", "path_rms", "tension_error", "seconds", "spread", "repeats", "n_dof",
-        "steps", "newton_iterations", "factorisations", "unknown_steps",
+        "steps", "newton_iterations", "factorisations", "unknown_steps", "wait",
     ))  # fmt: skip
     known = {"series": line.name, "kind": line.kind, "method": line.method, "model": line.model, "settings": settings}
     return known | empty | found
@@ -240,7 +249,8 @@ def _repeated(scene: Scene, line: Series, rung: Row, truth: _Truth, repeats: int
 
     Short runs are repeated more often.
     """
-    once = partial(_of_peer if line.kind == "peer" else _ours, scene, line, rung, truth)
+    measure = {"peer": _of_peer, "waiting": _of_command}.get(line.kind, _ours)
+    once = partial(measure, scene, line, rung, truth)
     try:
         found, first = once()
     except (ValueError, TooCoarse) as error:
@@ -281,9 +291,46 @@ def _of_peer(scene: Scene, line: Series, rung: Row, truth: _Truth) -> tuple[Row,
             p = PEERS[line.name].run(groups, **rung)
     except Exception as error:  # other codes' failures
         raise ValueError(f"{type(error).__name__}: {error}") from error
-    share = min(1.0, (time.process_time() - own) / (time.perf_counter() - wall))  # of the processor
+    own = time.process_time() - own
+    share = min(1.0, own / (time.perf_counter() - wall))  # of the processor
     found = truth.judged(p.reached, p.note, lambda: truth.errors_of_path(p, scene))
+    found["wait"] = own + _import_time(PEERS[line.name].module)
     return {"steps": p.t.size - 1, "reached": p.reached, **found}, share * p.seconds
+
+
+def _whole(row: Row) -> Row:
+    """The row of another code with the time of all of its program."""
+    return row | {"series": row["series"] + WHOLE, "kind": "waiting", "seconds": row["wait"], "spread": None}
+
+
+def _of_command(scene: Scene, line: Series, rung: Row, truth: _Truth) -> tuple[Row, float]:
+    """Result and processor time of `cablefem run --tol`, with its bars, files and page."""
+    assert line.method is not None
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "scene.toml"
+        write_text(file, scene.to_toml())
+        told = ["--method", line.method, "--tol", repr(rung["tol"]), "--out", str(Path(folder) / "out")]
+        seconds = _processor_time("-m", "validation.cli", "run", str(file), *told)
+        try:
+            r = Response.read(Path(folder) / "out" / line.method)
+        except FileNotFoundError:
+            raise ValueError("the command wrote no response") from None
+    found = truth.judged(r.reached, r.reason, lambda: truth.errors(r))
+    found |= {"bar": r.path_error, "chosen": METHODS[line.method].told(r.settings), "reached": r.reached}
+    return found, seconds
+
+
+def _processor_time(*arguments: str) -> float:
+    """Processor time [s] of a fresh interpreter and its processes."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([sys.executable, *arguments], capture_output=True, check=False)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+@cache
+def _import_time(module: str) -> float:
+    return _processor_time("-c", f"import {module}")
 
 
 def until(groups: Groups, place: float) -> Groups:
