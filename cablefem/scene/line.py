@@ -96,8 +96,9 @@ class Car(Part):
         "[-] at rest: true: it rolls, and a haul rope holds it; false: it grips the rope", None
     )
     at: Positions | None = described(
-        "[m] x at rest, one for each position", None, json_schema_extra={"type": ["number", "array", "object"]}
-    )
+        "[m] x at rest, one for each position; without it a single car is where its numbers are extreme", None,
+        json_schema_extra={"type": ["number", "array", "object"]},
+    )  # fmt: skip
     travel: Travel | None = described("[-] in motion: along the rope; in x if hauled on several spans", None)
     drive: Driving | None = described("[-] in motion: what moves it; without it the car grips", None)
     below: NonNegative = described("[m] from the rope down to the lowest point of the car", 0.0)
@@ -114,6 +115,8 @@ class Car(Part):
                 return [f"{' and '.join(present)}: too much beside at, of a car at rest"]
             return ["hauled: missing; must be true or false for a car at rest"] if given.get("hauled") is None else []
         if not present:
+            if given.get("hauled") is not None:
+                return []
             return ["at: missing; must be given for a car at rest, travel or drive for one in motion"]
         if given.get("hauled") is not None:
             return ["hauled: of a car at rest; in motion drive.mode says it"]
@@ -277,7 +280,7 @@ class Line(Described):
 
     @property
     def moves(self) -> bool:
-        return any(car.at is None for car in self.car)
+        return any(car.at is None and car.hauled is None for car in self.car)
 
     def place(self, car: Car, i: int) -> float:
         """x [m] of a car at position i."""
@@ -432,7 +435,14 @@ def _rope_faults(rope: LineRope, contacts: Sequence[Contact]) -> list[str]:
 
 def _car_faults(cars: Sequence[Car], contacts: Sequence[Contact]) -> list[str]:
     end = contacts[-1].at[0]
-    moving = [car.name for car in cars if car.at is None]
+    moving = [car.name for car in cars if car.at is None and car.hauled is None]
+    anywhere = [car.name for car in cars if car.at is None and car.hauled is not None]
+    if anywhere and len(cars) > 1:
+        return [f"car.{anywhere[0]}.at: missing; must be given for each of several cars"]
+    if anywhere:
+        missing = [c.name for c in contacts[1:-1] if c.shoe is None]
+        passed = f"missing; must be given where a car passes, here {anywhere[0]}"
+        return [f"contact.{name}.shoe: {passed}" for name in missing] + _shoe_faults(contacts)
     if moving and len(moving) < len(cars):
         return [f"car.{moving[0]}: in motion beside cars at rest; all must have at, or none"]
     cars = [car for car in cars if car.at is not None]

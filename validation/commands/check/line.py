@@ -17,6 +17,7 @@ from cablefem.elements import line as elements
 from cablefem.response import Array
 from cablefem.scene.line import Line, LineRest, LineState, NotFound
 from validation.commands.run.line import Answers, Row, answer, answers, extremes, numbers_of, write
+from validation.commands.run.worst import located
 from validation.core import line_laws, store
 from validation.core.agreement import FACTOR_DISAGREE, Agreement, Bound, Part, nothing
 from validation.core.order import FIRST, error_bar
@@ -170,6 +171,11 @@ def checked(line: Line, tol: float = TOL, tol_tension: float | None = None, seco
     tol : [m];  tol_tension : of the largest tension, default `tol`;  second : a line for the elements alone.
     """
     tol_tension = tol if tol_tension is None else tol_tension
+    given = line
+    line = located(line)
+    if second is not None and line is not given:
+        car = line.car[0]
+        second = second.replace({f"car.{car.name}.at": list(car.at or ())})
     both = solve_both(line, second or line, tol, tol_tension)
     units = both.units(tol, tol_tension)
     designs = both.designs()

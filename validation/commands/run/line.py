@@ -266,7 +266,11 @@ def answers(line: Line, rest: LineRest | None = None) -> Answers:
 
     rest : its solution, if there is one.
     """
-    rest = rest or line.rest(catenary_line.solve)
+    if rest is None:
+        from validation.commands.run.worst import located
+
+        line = located(line)
+        rest = line.rest(catenary_line.solve)
     numbers = numbers_of(rest)
     if not any(numbers):
         raise store.Refused(f"{line.name}: no position has a rest; at the first {rest.positions[0]}")
@@ -325,7 +329,7 @@ def _one(command: str, line: Line, out: Path | None, solve: Callable[[Line], Ans
         terminal.say(verdict, style=terminal.STYLES[verdict])
     report.write(folder, command)
     tell(line, result.outcome.sentence, result.design, result.refused, result.limits)
-    terminal.say(f"  {_positions(line.count)} in {seconds:.2g} s")
+    terminal.say(f"  {_positions(result.line.count)} in {seconds:.2g} s")
     if result.verdict:
         terminal.say(f"  {sure(result.rows)}")
     terminal.say(f"  written to {folder}: report.html, {home}/")

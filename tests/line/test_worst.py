@@ -1,0 +1,75 @@
+"""A line at rest without positions: its extremes are those of all places of its car."""
+
+import pytest
+from scipy.optimize import minimize_scalar
+
+import cablefem as cf
+from cablefem.scene import SceneError
+
+GROUND = [[0.0, 30.0], [220.0, 61.0], [600.0, 80.0]]
+TOML = """
+[cable]
+mass_per_length = 9.0
+EA = 1.4e8
+breaking_load = 1.1e6
+tension = {at = "left", value = 3.1e5}
+[[contact]]
+name = "left"
+kind = "anchor"
+at = [0.0, 0.0]
+[[contact]]
+name = "right"
+kind = "anchor"
+at = [600.0, 45.0]
+[[car]]
+name = "car"
+mass = 3700.0
+hauled = true
+below = 4.0
+[[obstacle]]
+name = "hut"
+at = 301.7
+top = 62.0
+"""
+LINE = cf.Line.from_toml(f"ground = {GROUND}\n{TOML}")
+
+
+def numbers(line):
+    return {row["quantity"]: row["value"] for row in cf.run(line).design}
+
+
+@pytest.fixture(scope="module")
+def found():
+    return numbers(LINE)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "sign"),
+    [("tension_max", -1.0), ("clearance_car_min:car over the ground", 1.0), ("clearance_rope_min:hut", 1.0)],
+)
+def test_extremes_are_those_of_a_search_over_all_places(found, quantity, sign):
+    def value(x):
+        return sign * numbers(LINE.replace({"car.car.at": float(x)}))[quantity]
+
+    best = minimize_scalar(value, bounds=(120.0, 480.0), method="bounded", options={"xatol": 1e-3})
+    assert found[quantity] == pytest.approx(sign * best.fun, rel=1e-6)
+
+
+def test_the_car_stands_exactly_over_an_obstacle(found):
+    over = numbers(LINE.replace({"car.car.at": 301.7}))
+    assert found["clearance_car_min:car over hut"] == pytest.approx(over["clearance_car_min:car over hut"], rel=1e-9)
+
+
+@pytest.mark.slow
+def test_a_check_of_all_places_agrees():
+    assert cf.check(LINE).verdict.value == "agree"
+
+
+def test_a_car_anywhere_needs_shoes_and_is_alone():
+    skyline = cf.Line.load("skyline")
+    anywhere = skyline.replace({"car.carriage.at": None})
+    assert not anywhere.moves
+    with pytest.raises(SceneError, match=r"contact.pole-1.shoe: missing"):
+        anywhere.replace({"contact.pole-1.shoe": None})
+    with pytest.raises(SceneError, match=r"car.up.at: missing; must be given for each of several cars"):
+        cf.Line.load("two-span").replace({"car.up.at": None})

@@ -1,0 +1,91 @@
+"""Places of a car at rest where numbers are extreme, by exact statics."""
+
+import itertools
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from cablefem import catenary_line
+from cablefem.scene.line import Line
+from validation.commands.run.line import Row, numbers_of
+
+POINTS = 17  # places in each span that are looked at first
+ROUNDS = 6  # of parabolas, at most
+NEAR = 1e-3  # of a span: closest to an end of the rope
+SAME = 1e-6  # of the line: places that are one
+
+
+def located(line: Line) -> Line:
+    """The line with its car, if it has no `at`, over each span and at every place where a number is extreme."""
+    car = next((car for car in line.car if car.at is None), None)
+    if car is None:
+        return line
+    places = _Places(line, f"car.{car.name}.at")
+    first = sorted(set(_first(line)))
+    places.solve(first)
+    for _ in range(ROUNDS):
+        found = places.vertices()
+        if not found:
+            break
+        places.solve(found)
+    return places.at([*first, *places.extreme()])
+
+
+def _first(line: Line) -> Iterator[float]:
+    """Places over each span, the middles of shoes, obstacles and corners of the ground."""
+    low = 0.0
+    high = line.contact[-1].at[0]
+    for left, right in itertools.pairwise(line.contact):
+        a = left.at[0]
+        b = right.at[0]
+        gap = NEAR * (b - a)
+        yield from np.linspace(a + (left.shoe or gap) + gap, b - (right.shoe or gap) - gap, POINTS).tolist()
+        if left.shoe is not None:
+            yield from (a - left.shoe, a, a + left.shoe)
+    for x in (*(o.at for o in line.obstacle), *(x for x, _ in line.ground)):
+        if low < x < high:
+            yield x
+
+
+class _Places:
+    """Numbers of a line by place of its car; a place without rest has none."""
+
+    def __init__(self, line: Line, key: str) -> None:
+        self.line = line
+        self.key = key
+        self.rows: dict[float, Row] = {}
+
+    def at(self, places: list[float]) -> Line:
+        return self.line.replace({self.key: sorted(set(places))})
+
+    def solve(self, places: list[float]) -> None:
+        rest = self.at(places).rest(catenary_line.solve)
+        for x, row in zip(sorted(set(places)), numbers_of(rest), strict=True):
+            self.rows[x] = row or {}
+
+    def _series(self) -> Iterator[tuple[np.ndarray, np.ndarray, int]]:
+        """Places and values (n,) of each number, and the index of its largest and of its smallest."""
+        x = np.array(sorted(self.rows))
+        names = {name for row in self.rows.values() for name, value in row.items() if isinstance(value, float)}
+        for name in sorted(names):
+            y = np.array([self.rows[place].get(name) for place in x], float)  # None is nan
+            if np.isfinite(y).any():
+                yield x, y, int(np.nanargmax(y))
+                yield x, y, int(np.nanargmin(y))
+
+    def extreme(self) -> list[float]:
+        return [float(x[k]) for x, _, k in self._series()]
+
+    def vertices(self) -> list[float]:
+        """Vertices of parabolas through each extreme and its neighbours, where nothing was solved yet."""
+        out: list[float] = []
+        for x, y, k in self._series():
+            if not 0 < k < x.size - 1 or not np.isfinite(y[k - 1 : k + 2]).all():
+                continue
+            a, b = np.polyfit(x[k - 1 : k + 2] - x[k], y[k - 1 : k + 2] - y[k], 2)[:2]
+            vertex = float(x[k] - b / (2.0 * a)) if a else math.nan
+            known = np.array([*self.rows, *out])
+            if x[k - 1] < vertex < x[k + 1] and np.abs(known - vertex).min() > SAME * x[-1]:
+                out.append(vertex)
+        return out
