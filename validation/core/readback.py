@@ -657,6 +657,7 @@ TABLES: dict[str, Callable[[Sequence[str], Stored], Faults]] = {
     "run|unknowns|steps|Newton iterations|time loop [s]|computed up to": _work,
     "setting|value|meaning": _setting,
     "shared|checked on its own by": _nothing,
+    "question|answer": _nothing,
     "follows from it|value": _fact,
     "key|value|meaning": _input,
 }
