@@ -46,6 +46,7 @@ class Rope(Part):
     ice: number_or(POSITIVE, Ice) | None = described("[kg/m] of the cable at the reference temperature", None)  # type: ignore[valid-type]
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+        """Faults of ice, heat and shape, one line each."""
         faults = []
         if self.temperature is not None:
             needs = [name for name in ("reference_temperature", "expansion") if given.get(name) is None]

@@ -50,6 +50,7 @@ def scene_text(name_or_path: str | Path) -> tuple[str, str]:
 
 
 def parsed(text: str) -> dict[str, Any]:
+    """The content of a TOML; SceneError where it is none."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

@@ -98,6 +98,7 @@ class Driving(Part):
     rest_distance: Positive = described("[m] from its static position of rest in which a slow car is at rest", 0.01)
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+        """Faults of keys without meaning in the mode, one line each."""
         meaningful = of_mode(self.mode)
         written: dict[str, str] = {}  # all that is not the default
         faults = []

@@ -158,26 +158,32 @@ class Part(BaseModel):
         name, *inner = item["loc"]
         cause = item.get("ctx", {}).get("error")
         where = str(name) + "".join(f"[{i}]" for i in inner if isinstance(i, int))
-        value = f"{where} = {shown(item['input'])}"
+        if isinstance(cause, SceneError):  # of a part inside this one
+            return [f"{where}.{fault}" for fault in cause.faults]
+        if item["type"] == "too_short":  # beside the faults of its items
+            return []
+        if item["type"] == "missing":
+            return [f"{where}: missing; must be {cls._admissible(name)}"]
+        return [cls._value_fault(where, str(name), item, cause)]
+
+    @classmethod
+    def _value_fault(cls, where: str, name: str, item: Any, cause: Any) -> str:
+        """Fault of a value that is there."""
+        given = item["input"]
+        value = f"{where} = {shown(given)}"
         match item["type"]:
-            case "value_error" if isinstance(cause, SceneError):  # of a part inside this one
-                return [f"{where}.{fault}" for fault in cause.faults]
-            case "too_short":  # beside the faults of its items
-                return []
-            case "missing":
-                return [f"{where}: missing; must be {cls._admissible(name)}"]
             case "extra_forbidden" if where in cls.not_modelled:
-                return [f"{where}: not modelled: {cls.not_modelled[where]}"]
+                return f"{where}: not modelled: {cls.not_modelled[where]}"
             case "extra_forbidden":
-                return [f"{value}: unknown key.{nearest(where, cls.field_names())}"]
+                return f"{value}: unknown key.{nearest(where, cls.field_names())}"
             case "literal_error":
-                return [f"{value}: unknown.{nearest(str(item['input']), _words(cls.model_fields[name].annotation))}"]
+                return f"{value}: unknown.{nearest(str(given), _words(cls.model_fields[name].annotation))}"
             case "union_tag_invalid" | "union_tag_not_found":
-                return [_kind_fault(where, item["input"], _words(cls.model_fields[name].annotation))]
-        if where == "mass" and isinstance(item["input"], list | tuple):
+                return _kind_fault(where, given, _words(cls.model_fields[name].annotation))
+        if where == "mass" and isinstance(given, list | tuple):
             cause = f"not modelled: {NOT_MODELLED['masses']}"
         # pydantic's own error without a cause: the field must be a part
-        return [f"{value}: {cause or f'must be a table [{where}]'}"]
+        return f"{value}: {cause or f'must be a table [{where}]'}"
 
     @classmethod
     def _admissible(cls, name: str) -> str:

@@ -38,6 +38,7 @@ class _Schema(GenerateJsonSchema):
         return self.generate_inner(schema["schema"])
 
     def default_schema(self, schema: Any) -> Any:
+        """Pydantic's schema of a default, without it where it is no number or word."""
         out = super().default_schema(schema)
         if not isinstance(out.get("default"), int | float | str) or out["default"] == "":
             out.pop("default", None)

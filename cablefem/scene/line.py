@@ -43,7 +43,7 @@ MOST = 10_000  # positions of the cars
 
 
 class Places(Part):
-    """So many places between two, both included."""
+    """So many positions between two, both included."""
 
     first: Real = Field(alias="from")
     last: Real = Field(alias="to")
@@ -52,8 +52,8 @@ class Places(Part):
 
 def _places(value: Any) -> Any:
     if isinstance(value, dict):
-        told = Places(**value)
-        return np.linspace(told.first, told.last, told.count).tolist()
+        places = Places(**value)
+        return np.linspace(places.first, places.last, places.count).tolist()
     return value if isinstance(value, list | tuple) else [value]
 
 
@@ -64,7 +64,7 @@ Positions = Annotated[
 
 
 class Contact(Part):
-    """What holds the rope at one place."""
+    """What holds the rope at one point."""
 
     not_modelled: ClassVar = NOT_MODELLED | {"friction": "the rope runs over a saddle without friction"}
     name: Word = described("[-] its name in the results")
@@ -77,12 +77,13 @@ class Contact(Part):
     shoe: Positive | None = described("[m] to either side of a saddle: a car within rests on it", None)
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+        """Faults between fields, one line each."""
         faults = []
         for key, owner in OWNED.items():
-            told = given.get(key) is not None
-            if told and self.kind not in (None, owner):
+            missing = given.get(key) is None
+            if not missing and self.kind not in (None, owner):
                 faults.append(f"{key} = {shown(given[key])}: only a {owner} has it; this is kind = {self.kind!r}")
-            elif not told and self.kind == owner and key != "shoe":
+            elif missing and self.kind == owner and key != "shoe":
                 faults.append(f"{key}: missing; must be given for a {owner}")
         return faults
 
@@ -108,6 +109,7 @@ class Car(Part):
         return "grip" if self.drive is None else self.drive.mode
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+        """Faults between fields, one line each."""
         at_rest = given.get("at") is not None
         present = [name for name in ("travel", "drive") if given.get(name) is not None]
         if at_rest:
@@ -143,7 +145,7 @@ class LineRope(Rope):
 
 @dataclass(frozen=True, slots=True)
 class Station:
-    """A contact or a car; nan: unknown place."""
+    """A contact or a car; nan: unknown coordinate."""
 
     name: str
     kind: str  # or "grips", "hauled"
@@ -170,7 +172,7 @@ class Case:
 
     @property
     def fixed_places(self) -> np.ndarray:
-        """Places of the stations (n, 2) [m], nan where unknown."""
+        """Points of the stations (n, 2) [m], nan where unknown."""
         return np.array([[np.nan, np.nan] if p.kind == "spring" else [p.x, p.y] for p in self.stations])
 
     @property
@@ -187,7 +189,7 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class LineState:
-    """A line at rest with n stations. Forces are N t, the pull towards growing s."""
+    """A line at rest with n stations. Forces are N t, towards growing s."""
 
     case: Case
     s: np.ndarray  # (n,) [m]
@@ -195,7 +197,7 @@ class LineState:
     behind: np.ndarray  # (n, 2) [N]; nan at the left end
     ahead: np.ndarray  # (n, 2) [N]; nan at the right end
     haul: np.ndarray  # (n,) [N] F of hauled cars, positive to the right; else nan
-    middle: np.ndarray  # (n - 1, 2) [m] places halfway along the pieces
+    middle: np.ndarray  # (n - 1, 2) [m] points halfway along the pieces
 
     @property
     def tensions(self) -> np.ndarray:
@@ -253,6 +255,7 @@ class Line(Described):
     ground: Ground = ()
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+        """Faults between fields, one line each."""
         rope = self.cable
         contacts = self.contact
         cars = self.car
@@ -298,28 +301,27 @@ class Line(Described):
         """
         stations = [Station(c.name, c.kind, *c.at, force=c.tension or 0.0, stiffness=c.stiffness) for c in self.contact]
         rope = self.cable
-        tie = None
         if i is None:
-            names = [p.name for p in stations]
+            tie = None
             if rope.tension is not None:
-                tie = names.index(rope.tension.at), rope.tension.value
+                tie = [p.name for p in stations].index(rope.tension.at), rope.tension.value
             return Case(tuple(stations), rope.mass_per_length * self.gravity, rope.EA, length=length, tie=tie)
+        positions = {car.name: x for car in self.car if self.shoe(x := self.place(car, i)) is None}
+        positions |= dict([on_rope] if on_rope else [])
         for car in self.car:
-            x = self.place(car, i)
-            hangs = self.shoe(x) is None
-            if on_rope is not None and car.name == on_rope[0]:
-                x = on_rope[1]
-                hangs = True
-            if hangs:
-                kind = "hauled" if car.hauled else "grips"
-                stations.append(Station(car.name, kind, x, math.nan, car.mass * self.gravity))
+            if car.name in positions:
+                stations.append(self._hanging(car, positions[car.name]))
         stations.sort(key=lambda p: p.x)
         weight = (rope.mass_per_length + rope.ice_per_length) * self.gravity
         return Case(tuple(stations), weight, rope.EA, 1.0 + rope.warmer, length)
 
-    def _on_shoes(self) -> dict[tuple[int, str], Contact]:
+    def _hanging(self, car: Car, x: float) -> Station:
+        kind = "hauled" if car.hauled else "grips"
+        return Station(car.name, kind, x, math.nan, car.mass * self.gravity)
+
+    def _on_shoes(self, positions: Sequence[int]) -> dict[tuple[int, str], Contact]:
         """The saddle by position and car on its shoe."""
-        saddles = {(i, car.name): self.shoe(self.place(car, i)) for i in range(self.count) for car in self.car}
+        saddles = {(i, car.name): self.shoe(self.place(car, i)) for i in positions for car in self.car}
         return {key: saddle for key, saddle in saddles.items() if saddle is not None}
 
     def empty(self, solve: Solver) -> LineState:
@@ -341,29 +343,19 @@ class Line(Described):
         length = self.cable.length
         if self.contact[-1].kind != "counterweight":
             length = length or float(empty.s[-1])
-        open_positions = [i for i in range(self.count) if i not in refused]
-        on_shoes = {key: saddle for key, saddle in self._on_shoes().items() if key[0] not in refused}
-        cases = [self.case(i, length) for i in open_positions]
+        tried = [i for i in range(self.count) if i not in refused]
+        on_shoes = self._on_shoes(tried)
+        cases = [self.case(i, length) for i in tried]
         for (i, name), saddle in on_shoes.items():
             reach = saddle.shoe or 0.0
             cases += [self.case(i, length, (name, saddle.at[0] + side)) for side in (-reach, reach)]
-        states = iter([_refuse_unsound(state) for state in solve(cases)] if cases else [])
-        positions = dict(refused) | {i: self._with_loads(next(states), i) for i in open_positions}
-        shoe_ends = {}
-        for (i, name), saddle in on_shoes.items():
-            left = next(states)
-            right = next(states)
-            if isinstance(left, LineState) and isinstance(right, LineState):
-                shoe_ends[i, name] = left, right
-            elif isinstance(positions[i], LineState):
-                why = left if isinstance(left, NoLine) else right
-                positions[i] = NoLine(f"{name} does not come onto the shoe of {saddle.name}: {why}")
-        for i in open_positions:
-            saddles = [saddle.name for (k, _), saddle in on_shoes.items() if k == i]
-            twice = sorted({name for name in saddles if saddles.count(name) > 1})
-            if twice:
-                positions[i] = NoLine(f"two cars on the shoe of {twice[0]}")
-        return LineRest(self, empty, [positions[i] for i in range(self.count)], shoe_ends)
+        states = [_refuse_unsound(state) for state in solve(cases)] if cases else []
+        at_rest = zip(tried, states, strict=False)
+        positions = dict(refused) | {i: self._with_loads(state, i) for i, state in at_rest}
+        at_ends = states[len(tried) :]
+        shoe_ends = dict(zip(on_shoes, zip(at_ends[::2], at_ends[1::2], strict=True), strict=True))
+        sound = _refuse_shoes(positions, on_shoes, shoe_ends)
+        return LineRest(self, empty, [positions[i] for i in range(self.count)], sound)
 
     def _with_loads(self, state: LineState | NoLine, i: int) -> LineState | NoLine:
         """Add to a search without result what the rope has to carry at position i, and what holds it."""
@@ -397,6 +389,28 @@ def _refuse_unsound(state: LineState | NoLine) -> LineState | NoLine:
     return state
 
 
+Ends = dict[tuple[int, str], tuple[LineState | NoLine, LineState | NoLine]]  # by position and car on a shoe
+
+
+def _refuse_shoes(
+    positions: dict[int, LineState | NoLine], on_shoes: Mapping[tuple[int, str], Contact], shoe_ends: Ends
+) -> dict[tuple[int, str], tuple[LineState, LineState]]:
+    """Refuse positions with a car that does not come onto its shoe, or with two on one shoe; return the other ends."""
+    sound = {}
+    occupied = set()
+    for (i, name), (left, right) in shoe_ends.items():
+        saddle = on_shoes[i, name].name
+        if isinstance(left, LineState) and isinstance(right, LineState):
+            sound[i, name] = left, right
+        elif isinstance(positions[i], LineState):
+            why = left if isinstance(left, NoLine) else right
+            positions[i] = NoLine(f"{name} does not come onto the shoe of {saddle}: {why}")
+        if (i, saddle) in occupied:
+            positions[i] = NoLine(f"two cars on the shoe of {saddle}")
+        occupied.add((i, saddle))
+    return sound
+
+
 def _contact_faults(contacts: Sequence[Contact]) -> list[str]:
     if len(contacts) < 2:
         return ["contact: must be at least two, the ends of the rope"]
@@ -406,18 +420,26 @@ def _contact_faults(contacts: Sequence[Contact]) -> list[str]:
     for i, (a, b) in enumerate(itertools.pairwise(contacts), start=1):
         run = b.at[0] - a.at[0]
         drop = b.at[1] - a.at[1]
-        told = f"contact[{i}].at = {shown(list(b.at))}"
+        where = f"contact[{i}].at = {shown(list(b.at))}"
         if run <= 0.0:
-            faults.append(f"{told}: x must be > {a.at[0]:.6g} m, that of {a.name}")
+            faults.append(f"{where}: x must be > {a.at[0]:.6g} m, that of {a.name}")
         elif abs(drop) > STEEPEST * run:
-            faults.append(f"{told}: must be less steep than {STEEPEST:g} m per m from {a.name}")
-    ends = 0, len(contacts) - 1
-    for i in (i for i, c in enumerate(contacts) if (i in ends) is (c.kind == "saddle")):
-        what = "an end must be an anchor, a spring or a counterweight"
-        what = what if i in ends else "between the ends it must be a saddle"
-        faults.append(f"contact[{i}].kind = {contacts[i].kind!r}: {what}")
+            faults.append(f"{where}: must be less steep than {STEEPEST:g} m per m from {a.name}")
+    faults += _kind_faults([contact.kind for contact in contacts])
     if [c.kind for c in contacts].count("counterweight") > 1:
         faults.append("contact: two counterweights; at most one, or the rope would run from one to the other")
+    return faults
+
+
+def _kind_faults(kinds: Sequence[str]) -> list[str]:
+    """Faults of ends that are saddles, and of others that are none."""
+    faults = []
+    for i, kind in enumerate(kinds):
+        inner = 0 < i < len(kinds) - 1
+        if inner is not (kind == "saddle"):
+            ends = "an end must be an anchor, a spring or a counterweight"
+            must = "between the ends it must be a saddle" if inner else ends
+            faults.append(f"contact[{i}].kind = {kind!r}: {must}")
     return faults
 
 
@@ -451,19 +473,31 @@ def _car_faults(cars: Sequence[Car], contacts: Sequence[Contact]) -> list[str]:
         return [f"car.at: lists of {many[0]} and of {many[-1]} positions; must be one number or lists of one length"]
     faults = []
     for car in cars:
-        low = min(car.at or ())
-        high = max(car.at or ())
-        if not 0.0 < low <= high < end:
-            faults.append(f"car.{car.name}.at: from {low:.6g} to {high:.6g} m; must be between 0 and {end:.6g} m")
-        missing = [c.name for c in contacts[1:-1] if c.shoe is None and low <= c.at[0] <= high]
-        faults += [f"contact.{x}.shoe: missing; must be given where a car passes, here {car.name}" for x in missing]
+        faults += _range_faults(car, contacts)
     for a, b in itertools.pairwise(cars):
-        told = enumerate(np.broadcast(a.at or (), b.at or ()), start=1)
-        if (wrong := next(((i, x, y) for i, (x, y) in told if not x < y), None)) is not None:
-            i, x, y = wrong
-            must = f"must be > {x:.6g} m, that of {a.name}; cars are listed from left to right and cannot pass"
-            faults.append(f"car.{b.name}.at = {y:.6g} m at position {i}: {must}")
+        faults += _order_faults(a, b)
     return faults + _shoe_faults(contacts)
+
+
+def _range_faults(car: Car, contacts: Sequence[Contact]) -> list[str]:
+    """Faults of positions off the line, and of saddles without shoe that a car passes."""
+    low = min(car.at or ())
+    high = max(car.at or ())
+    end = contacts[-1].at[0]
+    faults = []
+    if not 0.0 < low <= high < end:
+        faults.append(f"car.{car.name}.at: from {low:.6g} to {high:.6g} m; must be between 0 and {end:.6g} m")
+    missing = [c.name for c in contacts[1:-1] if c.shoe is None and low <= c.at[0] <= high]
+    return faults + [f"contact.{x}.shoe: missing; must be given where a car passes, here {car.name}" for x in missing]
+
+
+def _order_faults(a: Car, b: Car) -> list[str]:
+    """Fault at the first position where car b is not to the right of car a."""
+    for i, (x, y) in enumerate(np.broadcast(a.at or (), b.at or ()), start=1):
+        if not x < y:
+            must = f"must be > {x:.6g} m, that of {a.name}; cars are listed from left to right and cannot pass"
+            return [f"car.{b.name}.at = {y:.6g} m at position {i}: {must}"]
+    return []
 
 
 def _shoe_faults(contacts: Sequence[Contact]) -> list[str]:

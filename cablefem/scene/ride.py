@@ -65,6 +65,7 @@ class LoadPath:
 
     @classmethod
     def empty(cls, groups) -> LoadPath:
+        """The path along the empty cable's shape."""
         s = nodes()
         _, xp, yp, xpp, ypp = groups.static(s)
         place = np.stack(groups.shape(s), -1)
@@ -73,6 +74,7 @@ class LoadPath:
 
     @classmethod
     def chord(cls, groups) -> LoadPath:
+        """The path along the straight chord."""
         s = nodes()
         slope = np.stack(groups.shape(1.0))
         slopes = np.tile(slope, (s.size, 1))
@@ -226,6 +228,7 @@ class _Rolling:
         self.sections: list[tuple[float, float, Callable]] = []
 
     def to_its_end(self) -> Ride:
+        """Roll and rest until the ride is over."""
         while self.t < self.end:
             if self.v == 0.0 and not self._depart():
                 break

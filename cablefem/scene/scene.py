@@ -79,24 +79,28 @@ class Scene(Described):
     ground: Ground = ()
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+        """Faults between fields, one line each."""
         present = [name for name in ("mass", "travel") if given.get(name) is not None]
         faults = [] if self.drive is None else _presence(self.drive.mode, present)
         hung = (self.gravity, self.cable, self.supports)
-        drive = self.drive or Driving()
         if None in hung:
             return faults
         faults += surroundings_faults(self.obstacle or (), self.supports.span)
         if hanging := hanging_fault(*hung):
             return [*faults, hanging]
-        possible = [
-            stretch_fault(*hung),
+        return [*faults, *filter(None, self._dynamic_faults(self.drive or Driving()))]
+
+    def _dynamic_faults(self, drive: Driving) -> list[str]:
+        """Faults of stretch, damping, travel and drive on a cable that hangs; "" where there is none."""
+        faults = [
+            stretch_fault(self.gravity, self.cable, self.supports),
             damping_fault(*self._damped),
             internal_fault(self.cable.internal_damping, self.time_scale, drive.mode),
         ]
         rolling = [f"drive.{fault}" for fault in drive.faults(self.length)]
         if self.travel is not None and drive.mode != "free" and not rolling:
-            possible.append(_travel_fault(self.travel, drive, self.length, self.axial_speed))
-        return faults + [fault for fault in possible if fault] + rolling
+            faults.append(_travel_fault(self.travel, drive, self.length, self.axial_speed))
+        return faults + rolling
 
     @property
     def _damped(self) -> tuple[Catenary, Cable, Wind | None, float]:
@@ -104,6 +108,7 @@ class Scene(Described):
 
     @classmethod
     def from_toml(cls, text: str, *, name: str = "scene", folder: Path = Path()) -> Self:
+        """The scene that a TOML describes; SceneError with all its faults, and for a line."""
         if "contact" in parsed(text):
             raise SceneError([AT_REST])
         return super().from_toml(text, name=name, folder=folder)
@@ -150,7 +155,7 @@ class Scene(Described):
         A cable with temperature or ice is then described by its horizontal tension.
         """
         scene = self
-        if self.cable.changed and any(group is not None for group in (sag_ratio, mu, alpha)):
+        if self.cable.changed and (sag_ratio, mu, alpha) != (None, None, None):
             scene = scene._hung(horizontal_tension=scene.horizontal_tension)
         if sag_ratio is not None:
             scene = scene._hung(sag=sag_ratio * scene.supports.span)
@@ -160,11 +165,15 @@ class Scene(Described):
             mass = mu * scene.rho * scene.length
             fields["mass"] = Mass(mass=mass) if scene.mass is None else scene.mass.model_copy(update={"mass": mass})
         if speed_ratio is not None:
-            if scene.travel is None or scene.speed_ratio is None:
-                why = "a bare cable has no travel, a free ride finds its own"
-                raise SceneError([f"speed_ratio = {speed_ratio!r}: {why}"])
-            fields["travel"] = scene.travel.faster(speed_ratio / scene.speed_ratio)
+            fields["travel"] = scene._travel_at(speed_ratio)
         return scene.model_copy(update=fields)
+
+    def _travel_at(self, speed_ratio: float) -> Any:
+        """The travel so much faster that it has this speed ratio."""
+        if self.travel is None or self.speed_ratio is None:
+            why = "a bare cable has no travel, a free ride finds its own"
+            raise SceneError([f"speed_ratio = {speed_ratio!r}: {why}"])
+        return self.travel.faster(speed_ratio / self.speed_ratio)
 
     def _hung(self, **shape: float) -> Self:
         """This scene, without temperature and ice, hung otherwise."""

@@ -177,6 +177,7 @@ class _Pieces:
         return _Side(N, f[:, None] * n, by_n, by_s)
 
     def rest(self, place: np.ndarray, along: np.ndarray, bend: np.ndarray, haul: np.ndarray) -> Rest:
+        """Results of the search, in the form that is returned."""
         behind, ahead = self.sides
         N0 = behind.N
         N1 = ahead.N

@@ -51,6 +51,7 @@ def _taut(case: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def _of_length(case: Case, length: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     def excess(log_T: float) -> float:
+        """Length of a catenary with this tension beyond the prescribed one."""
         try:
             _, _, pieces = _string(case, math.exp(log_T), None)
             return float(pieces.sum()) - length

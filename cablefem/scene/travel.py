@@ -44,21 +44,24 @@ class Law(Part):
         if begin == 0.0 and law.at(0.0, 0)[1:] == (0.0, 0.0):
             jerk = getattr(self, "jerk", None)
             return f"jerk = {jerk!r}: not yet from a support; must be let in on the way by from"
+        stopped = self._stopped(law)
         end = law.phases[-1][1]
         if self.stop is not None and self.stop.time >= end:
             return f"stop.time = {self.stop.time!r}: must be < {end:.6g} s, the end of the travel"
-        stopped = self._stopped(law)
-        rests = begin + stopped.end
         if self.stop is not None and stopped.end > distance * (1.0 + ROUNDING):
             where = f"stop.deceleration = {self.stop.deceleration!r}"
-            return f"{where}: the mass comes to rest at {rests:.6g} m; must be by {begin + distance:.6g} m"
-        if not self.rest:
-            return ""
-        _, speed, _ = stopped.at(stopped.phases[-1][1], len(stopped.phases) - 1)
-        if abs(speed) > ROUNDING * stopped.top_speed:
+            return (
+                f"{where}: the mass comes to rest at {begin + stopped.end:.6g} m; must be by {begin + distance:.6g} m"
+            )
+        return self._rest_fault(stopped, begin + stopped.end, length) if self.rest else ""
+
+    def _rest_fault(self, motion: Motion, end: float, length: float) -> str:
+        """Fault of a rest after a travel that ends at `end` [m] on a cable of this length [m]."""
+        _, speed, _ = motion.at(motion.phases[-1][1], len(motion.phases) - 1)
+        if abs(speed) > ROUNDING * motion.top_speed:
             moves = f"the mass still moves with {speed:.4g} m/s at the end of its travel"
             return f"rest = {self.rest!r}: {moves}; must stop"
-        if rests >= length:
+        if end >= length:
             return f"rest = {self.rest!r}: the mass is on the far support then; must stop before {length:.6g} m"
         return ""
 
@@ -109,6 +112,7 @@ class ConstantSpeed(Law):
         return ""
 
     def motion_over(self, distance: float) -> Motion:
+        """The motion from 0 over a distance [m], in SI."""
         V = self.speed
         L = self.entry_ramp
         if L is None:
@@ -128,6 +132,7 @@ class ConstantAcceleration(Law):
     initial_speed: NonNegative = described("[m/s] V_o", 0.0)
 
     def own_fault(self, distance: float) -> str:
+        """What is wrong with the fields of this law over a distance [m]; empty if nothing is."""
         a = self.acceleration
         v0 = self.initial_speed
         if v0 == 0.0 and a <= 0.0:
@@ -139,6 +144,7 @@ class ConstantAcceleration(Law):
         return ""
 
     def motion_over(self, distance: float) -> Motion:
+        """The motion from 0 over a distance [m], in SI."""
         a = self.acceleration
         v0 = self.initial_speed
         v1 = math.sqrt(max(0.0, v0 * v0 + 2.0 * a * distance))
@@ -183,6 +189,7 @@ class Trapezoid(Law):
         return "" if distance > 0.0 else f"to = {self.to!r}: must be beyond the start of the travel"
 
     def motion_over(self, distance: float) -> Motion:
+        """The motion from 0 over a distance [m], in SI."""
         V = self.top_speed
         ramps = (self.acceleration, self.deceleration)
 
@@ -255,6 +262,7 @@ class Table(Law):
     )
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+        """Faults between fields, one line each."""
         faults = length_faults(self.times, "positions", self.positions)
         for name, sign in (("times", ">"), ("positions", ">=")):
             column = getattr(self, name)
@@ -264,6 +272,7 @@ class Table(Law):
         return faults
 
     def own_fault(self, distance: float) -> str:
+        """What is wrong with the fields of this law over a distance [m]; empty if nothing is."""
         if self.positions[-1] > distance * (1.0 + ROUNDING):
             last = f"positions[{len(self.positions) - 1}] = {self.positions[-1]!r}"
             return f"{last}: must be <= {distance!r}, the length of the cable"
@@ -281,6 +290,7 @@ class Table(Law):
         return ""
 
     def motion_over(self, distance: float) -> Motion:
+        """The motion from 0 over a distance [m], in SI."""
         t = np.array(self.times)
         s = np.array(self.positions)
         if abs(s[-1] - distance) <= ROUNDING * distance:
