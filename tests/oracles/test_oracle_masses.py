@@ -94,7 +94,7 @@ def test_accelerating_mass_through_the_wave_speed(mu, a):
         return -0.5 * sign * sigma * mu * np.expm1(-2.0 * u / mu)
 
     def v(x, t):
-        starts, ends = accelerating_force.heard(x, t, V0=0.0, a=a)
+        starts, ends = accelerating_force.sources(x, t, V0=0.0, a=a)
         return 0.5 * np.sum(impulse(ends) - impulse(starts), axis=-1)
 
     def xi(s):

@@ -8,11 +8,11 @@ from validation.commands.oracles import study
 
 TASKS = {" ".join(task.key): task for task in study.tasks() if task.oracle != "line"}
 DEAR = (  # about a second and more
-    "ellipse", "energy sines", "energy the same", "incline friction", "quasi-static up to V/c = 0.4: speed along",
+    "ellipse", "incline friction", "quasi-static up to V/c = 0.4: speed along",
     "rest held", "rocket", "accelerating-mass through",
 )  # fmt: skip
 DEAR_OF_SINES = (
-    "energy damped", "rest car", "moving-force", "moving-mass mass", "moving-mass acc", "moving-mass from",
+    "rest car", "moving-force", "moving-mass mass", "moving-mass acc", "moving-mass from",
     "accelerating-force", "damped",
     "quasi-static up",
 )  # fmt: skip

@@ -16,6 +16,6 @@ def find() -> dict[str, Oracle]:
 
 def _oracle(file: ModuleType) -> Oracle:
     text = file.__doc__ or ""
-    told = dict(re.findall(r"^(Source|Validity|Group): (.+)$", text, re.MULTILINE))
-    parts = {name.lower(): said for name, said in told.items()}
+    headers = dict(re.findall(r"^(Source|Validity|Group): (.+)$", text, re.MULTILINE))
+    parts = {name.lower(): content for name, content in headers.items()}
     return Oracle(title=text.partition("\n")[0].rstrip("."), cases=getattr(file, "cases", tuple), **parts)

@@ -20,11 +20,11 @@ from validation.oracles.case import BEST, MU, SIGMA, Array, Crossing, inside, le
 
 
 def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V0: float = 0.0, a: float) -> Array:
-    starts, ends = heard(x, t, V0=V0, a=a)
+    starts, ends = sources(x, t, V0=V0, a=a)
     return 0.5 * np.sum(P * ends - P * starts, axis=-1)
 
 
-def heard(x: ArrayLike, t: ArrayLike, *, V0: float, a: float) -> tuple[Array, Array]:
+def sources(x: ArrayLike, t: ArrayLike, *, V0: float, a: float) -> tuple[Array, Array]:
     """Starts and ends (..., 5) of the intervals of s with |x - xi(s)| < t - s."""
     x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
     needs("V0 and a finite, t >= 0", math.isfinite(V0), math.isfinite(a), t >= 0.0)
@@ -62,6 +62,7 @@ faster = partial(slower, name="through the wave speed", until=0.8, methods=("fou
 
 
 def cases() -> list[Crossing]:
+    """Comparisons with the solvers, wrong ones among them."""
     front = "the front left behind at the wave speed has a vertical tangent"
     unstable = "none: faster than its waves, what rides with the load is unstable, the more the finer"
     force: dict[str, Any] = {"exact": _exact, "load": "force"}

@@ -19,6 +19,7 @@ from validation.oracles.case import MU, SIGMA, Array, Crossing, needs
 
 
 def path(t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
+    """y(t) of the mass; its shape is that of t."""
     t = np.asarray(t, float)
     needs("mu, sigma, a > 0 and t >= 0", mu > 0.0, sigma > 0.0, a > 0.0, t >= 0.0)
     u = np.where(a * t <= 1.0, t, np.maximum(2.0 / a - t, 0.0))
@@ -26,6 +27,8 @@ def path(t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
 
 
 def cases() -> list[Crossing]:
+    """Comparisons with the solvers, wrong ones among them."""
+
     def exact(t: Array) -> Array:
         return path(t, mu=MU, sigma=SIGMA, a=A)
 

@@ -186,9 +186,9 @@ class Law(Case):
         return self.defect(solvers, method, rung.settings)
 
 
-def ridden(scene: Scene, defect: Callable[[Any], Any], until: float | None = None) -> Callable:
-    """The defect of a ride up to s_o/l = until."""
-    return lambda solvers, method, settings: defect(solvers.ride(scene, method, until=until, **settings))
+def ridden(scene: Scene, defect: Callable[[Any], Any]) -> Callable:
+    """The defect of a ride."""
+    return lambda solvers, method, settings: defect(solvers.ride(scene, method, **settings))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -62,14 +62,16 @@ def extrapolated(t_end: float, n: int = 150, **of: float) -> CubicSpline:
 
 
 def cases() -> list[Crossing]:
+    """Comparisons with the solvers, wrong ones among them."""
     mu = 0.5
     sigma = 0.2
     s0 = 0.3
     V = 0.4
     end = 1.5
 
-    def ride(name: str, c: float, told: float, load: str = "mass", **kind: Any) -> Crossing:
-        exact = extrapolated(1.75, mu=mu * (load == "mass"), P=mu * sigma, V=V, s0=s0, c=told)
+    def ride(name: str, c: float, c_exact: float, load: str = "mass", **kind: Any) -> Crossing:
+        """A crossing with damping c against the exact path with damping `c_exact`."""
+        exact = extrapolated(1.75, mu=mu * (load == "mass"), P=mu * sigma, V=V, s0=s0, c=c_exact)
         return Crossing(
             name=name, groups=replace(level(inside(s0, V, 0.0), mu, sigma), damping=c),
             exact=exact, begins=s0, until=s0 + V * end, load=load, **kind,

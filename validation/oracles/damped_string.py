@@ -33,6 +33,7 @@ def modes(W: Array, c: float) -> Any:
 
 
 def plucked(t: Array, *, P: float, p: float, c: float) -> Array:
+    """Displacement at p, of the shape of t, of a string let go."""
     n = np.pi * np.arange(1.0, TERMS + 1.0)
     w = np.sqrt(n**2 - 0.25 * c**2)
     wave = np.multiply.outer
@@ -43,23 +44,26 @@ def plucked(t: Array, *, P: float, p: float, c: float) -> Array:
 
 
 def cases() -> list[Case]:
+    """Comparisons with the solvers, wrong ones among them."""
     W = irvine.frequencies(irvine.parameter(BARE.sigma, BARE.alpha), 4)
 
     def free(name: str, c: float, **kind: Any) -> Modes:
+        """Frequencies and decays of a string with damping c."""
         why = "stationary values: twice the degree; sines against their own ends"
         return Modes(
             name=name, groups=replace(BARE, damping=0.1), model="sagged", exact=modes(W, c), falls=3.0,
             because=why, methods=BEST, **kind,
         )  # fmt: skip
 
-    def pulled(name: str, told: float, **kind: Any) -> Law:
+    def pulled(name: str, c_exact: float, **kind: Any) -> Law:
+        """A string let go with damping 0.8 against one with damping `c_exact`."""
         P = MU * SIGMA
         p = 0.3
         why = "the kink runs away from the node or hat it starts on"
 
         def defect(solvers: Solvers, method: str, settings: dict[str, Any]) -> Array:
             t, y = solvers.plucked(method, replace(level(at_rest(p, END)), damping=0.8), p, END, **settings)
-            return (y - plucked(t, P=P, p=p, c=told)) / (P * p * (1.0 - p))
+            return (y - plucked(t, P=P, p=p, c=c_exact)) / (P * p * (1.0 - p))
 
         return Law(name=name, defect=defect, falls=1.0, because=why, **kind)
 

@@ -38,7 +38,7 @@ class Ellipse:
     def b(self) -> float:
         return math.sqrt(0.25 - 0.25 * self.D**2)
 
-    def place(self, s_o: ArrayLike) -> tuple[Array, Array]:
+    def point(self, s_o: ArrayLike) -> tuple[Array, Array]:
         """(x, y) from the left support."""
         r1 = np.asarray(s_o, float)
         along = (2.0 * r1 - 1.0 + self.D**2) / (2.0 * self.D)
@@ -46,7 +46,7 @@ class Ellipse:
 
     def speed(self, s_o: ArrayLike, start: float) -> Array:
         """v when released at `start`."""
-        return np.sqrt(np.maximum(2.0 * self.g * (self.place(s_o)[1] - self.place(start)[1]), 0.0))
+        return np.sqrt(np.maximum(2.0 * self.g * (self.point(s_o)[1] - self.point(start)[1]), 0.0))
 
     def tension(self, s_o: ArrayLike, start: float) -> Array:
         """N for a unit mass."""
@@ -70,6 +70,7 @@ class Ellipse:
         begin = [float(self._angle(np.array(start))), 0.0]
 
         def motion(now: float, q: Array) -> list[float]:
+            """Rates of angle and angular speed."""
             c = math.cos(q[0])
             s = math.sin(q[0])
             m = 0.25 * s * s + b * b * c * c
@@ -106,7 +107,7 @@ def _ride(solvers: Solvers, method: str, scene: Scene) -> Any:
 def _deviation(solvers: Solvers, method: str, stiffness: float) -> Any:
     """Distance from the ellipse, over l."""
     r = _ride(solvers, method, line(stiffness))
-    x, y = BEAD.place(r.s_o / r.length)
+    x, y = BEAD.point(r.s_o / r.length)
     return np.hypot(r.x / r.length - x, r.y / r.length - y)
 
 
@@ -148,6 +149,7 @@ def _swing(solvers: Solvers, method: str, mu: float) -> Any:
 
 
 def cases() -> list[Limit]:
+    """Comparisons with the solvers, wrong ones among them."""
     stretch = "the cable stretches by M g/EA"
     bounces = "the car that is let go bounces, at a speed like sqrt(M g/EA)"
     light = "stiff light cable: "

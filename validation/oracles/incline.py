@@ -25,7 +25,7 @@ def terminal(*, mu: float, g: float, sin: float, k: float) -> float:
     return math.sqrt(mu * g * sin / k)
 
 
-def way(t: ArrayLike, *, mu: float, g: float, sin: float, k: float) -> Array:
+def distance(t: ArrayLike, *, mu: float, g: float, sin: float, k: float) -> Array:
     """s(t) with drag."""
     x = np.asarray(t, float) * terminal(mu=mu, g=g, sin=sin, k=k) * k / mu
     return mu / k * (x + np.log1p(np.exp(-2.0 * x)) - math.log(2.0))
@@ -44,9 +44,9 @@ def braked(t: ArrayLike, s_b: float, *, mu: float, g: float, sin: float, mu_r: f
     """s(t) with friction and brake."""
     end, last = stop(s_b, mu=mu, g=g, sin=sin, mu_r=mu_r, F_b=F_b)
     a = g * (sin - mu_r * math.sqrt(1.0 - sin * sin))
-    left = np.maximum(end - np.asarray(t, float), 0.0)
-    return np.where(left > end - math.sqrt(2.0 * s_b / a), 0.5 * a * np.asarray(t, float) ** 2,
-                    last - 0.5 * (F_b / mu - a) * left**2)  # fmt: skip
+    remaining = np.maximum(end - np.asarray(t, float), 0.0)
+    return np.where(remaining > end - math.sqrt(2.0 * s_b / a), 0.5 * a * np.asarray(t, float) ** 2,
+                    last - 0.5 * (F_b / mu - a) * remaining**2)  # fmt: skip
 
 
 MU = 0.3
@@ -64,7 +64,7 @@ def _drag(solvers: Solvers, method: str, sigma: float) -> Any:
     t_end = math.acosh(math.exp(0.7 * k / MU)) * MU / k / terminal(mu=MU, g=sigma, sin=SIN, k=k)
     scene = _scene(sigma, air_density=1.0, drag_area=2.0 * k, end={"time": t_end})
     r = solvers.ride(scene, method, steps=200, scheme="generalized-alpha")
-    return r.s_o - START - way(r.t, mu=MU, g=sigma, sin=SIN, k=k)
+    return r.s_o - START - distance(r.t, mu=MU, g=sigma, sin=SIN, k=k)
 
 
 def _stop(solvers: Solvers, method: str, sigma: float) -> Any:
@@ -78,12 +78,13 @@ def _stop(solvers: Solvers, method: str, sigma: float) -> Any:
 
 
 def cases() -> list[Limit]:
-    told = [
+    """Comparisons with the solvers, wrong ones among them."""
+    variants = [
         ("drag, taut cable: place over l", (0.1, 0.01, 0.001), _drag),
         ("friction and brake, taut cable: place over l", (0.01, 0.003, 0.0003), _stop),
     ]
     return [
         Limit(name=name, refined="sigma", values=values, falls=1.0, because="the cable sags and gives way like sigma",
               deviation=deviation, methods=RIDERS)
-        for name, values, deviation in told
+        for name, values, deviation in variants
     ]  # fmt: skip

@@ -46,10 +46,10 @@ ASTER = """
         {name = "two", kind = "saddle", at = [200, 0]}, {name = "right", kind = "anchor", at = [210, 0]}]
 """
 # numbers by station and quantity, one table for each position of the cars
-Told = Sequence[dict[str, float]]
+Numbers = Sequence[dict[str, float]]
 
 
-def _skyline(*tensions: float) -> Told:
+def _skyline(*tensions: float) -> Numbers:
     """Tensions with the load in each field."""
     return [{"carriage ahead": tension} for tension in tensions]
 
@@ -57,7 +57,7 @@ def _skyline(*tensions: float) -> Told:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AtRest(Case):
     line: Line
-    told: Told
+    numbers: Numbers
     digits: float = DIGITS
     methods: tuple[str, ...] | None = METHODS
 
@@ -73,20 +73,22 @@ class AtRest(Case):
         return self.digits + float(np.abs(self.off(coarse) - self.off(fine)).max())
 
     def off(self, answer: LineRest) -> np.ndarray:
-        positions: Any = zip(answer.positions, self.told, strict=True)
-        return np.array([_off(state, name, x) for state, told in positions for name, x in told.items()])
+        positions: Any = zip(answer.positions, self.numbers, strict=True)
+        return np.array([_off(state, name, right) for state, known in positions for name, right in known.items()])
 
 
-def _off(state: LineState, name: str, told: float) -> float:
+def _off(state: LineState, name: str, right: float) -> float:
+    """Distance of a number, named by station and quantity, to the right one; over the reach or the largest tension."""
     station, what = name.split()
     k = [p.name for p in state.case.stations].index(station)
     lengths = {"s": state.s, "y": state.place[:, 1], "middle": np.append(state.middle[:, 1], np.nan)}
     forces = {"behind": state.tensions[:, 0], "ahead": state.tensions[:, 1], "haul": state.haul}
     scale = np.ptp(state.place[:, 0]) if what in lengths else np.nanmax(state.tensions)
-    return ((lengths | forces)[what][k] - told) / scale
+    return ((lengths | forces)[what][k] - right) / scale
 
 
 def cases() -> list[Case]:
+    """Comparisons with the solvers, wrong ones among them."""
     three, weighed, tramway, aster = (Line.from_toml(text) for text in (THREE, WEIGHED, TRAMWAY, ASTER))
     skyline = Line.load("skyline")
     in_three = {
@@ -105,19 +107,19 @@ def cases() -> list[Case]:
     }  # fmt: skip
     forgotten = weighed.replace({"contact.weight.tension": 5e5 - 150.0 * 9.0 * 9.81})
     return [
-        AtRest(name="three spans, a gripping and a hauled car", line=three, told=[in_three]),
-        AtRest(name="counterweight 150 m up, a gripping car", line=weighed, told=[in_weighed]),
-        AtRest(name="tramway of one span, counterweight, a hauled car", line=tramway, told=[in_tramway]),
+        AtRest(name="three spans, a gripping and a hauled car", line=three, numbers=[in_three]),
+        AtRest(name="counterweight 150 m up, a gripping car", line=weighed, numbers=[in_weighed]),
+        AtRest(name="tramway of one span, counterweight, a hauled car", line=tramway, numbers=[in_tramway]),
         AtRest(name="skyline, load in each field", line=skyline, digits=1e-7,
-               told=_skyline(110438.79, 119370.18, 132122.47, 122143.86, 107195.94, 84077.84)),
+               numbers=_skyline(110438.79, 119370.18, 132122.47, 122143.86, 107195.94, 84077.84)),
         AtRest(name="skyline, as SEILAPLAN prints it", line=skyline, digits=0.012,
-               told=_skyline(109.9e3, 119.6e3, 131.1e3, 121.5e3, 106.0e3, 83.5e3)),
+               numbers=_skyline(109.9e3, 119.6e3, 131.1e3, 121.5e3, 106.0e3, 83.5e3)),
         AtRest(name="rope over two pulleys, as Code_Aster prints it", line=aster, digits=6e-4,
-               told=[{"left middle": 13.930, "one middle": 13.930}]),
-        AtRest(name="a saddle with tensions 1 percent apart", line=three, told=[in_three | {"first ahead": 404380.0}],
-               expected="disagree"),
+               numbers=[{"left middle": 13.930, "one middle": 13.930}]),
+        AtRest(name="a saddle with tensions 1 percent apart", line=three,
+               numbers=[in_three | {"first ahead": 404380.0}], expected="disagree"),
         AtRest(name="a counterweight that falls where it must rise", line=tramway,
-               told=[in_tramway | {"weight s": 10.817098}], expected="disagree"),
-        AtRest(name="weight of the rope forgotten at the pulley", line=forgotten, told=[in_weighed],
+               numbers=[in_tramway | {"weight s": 10.817098}], expected="disagree"),
+        AtRest(name="weight of the rope forgotten at the pulley", line=forgotten, numbers=[in_weighed],
                expected="disagree"),
     ]  # fmt: skip

@@ -20,6 +20,7 @@ from validation.oracles.case import MU, SIGMA, Array, Crossing, level, needs
 
 
 def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V: float) -> Array:
+    """v(x, t) of the string, of the common shape of x and t."""
     x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
     needs("0 <= x <= 1 on the string, t >= 0, speed > 0 but 1", x >= 0.0, x <= 1.0, t >= 0.0, V > 0.0, V != 1.0)
     during = (green(x, V * t) - V * green(x, t)) / (1.0 - V * V)
@@ -39,9 +40,12 @@ FRONT = "a force without inertia sends off a front with a jump of slope at once"
 
 
 def cases() -> list[Crossing]:
-    def at(V: float, told: str = "") -> Crossing:
+    """Comparisons with the solvers, wrong ones among them."""
+
+    def at(V: float, remark: str = "") -> Crossing:
+        """A crossing at speed V."""
         return Crossing(
-            name=f"speed {V:g}{told}", groups=level(ConstantSpeed(speed=V).motion(1.0)), load="force",
+            name=f"speed {V:g}{remark}", groups=level(ConstantSpeed(speed=V).motion(1.0)), load="force",
             exact=lambda t: displacement(V * t, t, P=MU * SIGMA, V=V),
             methods=("following-p1", "following-p2", "fourier", "fourier-kink"), because=FRONT, at_most=1.0,
             orders={"following-p2": 1.2, "fourier-kink": 1.5},

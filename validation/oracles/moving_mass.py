@@ -37,7 +37,7 @@ DEGREE = 10
 POINTS, _TO_COEF, _INTEGRAL = chebyshev(DEGREE)
 
 
-def _place(t: Array, edges: Array) -> tuple[NDArray[np.intp], Array]:
+def _panels_of(t: Array, edges: Array) -> tuple[NDArray[np.intp], Array]:
     """Panels of the times t (n,), and weights (n, DEGREE + 1) of the values at their points."""
     k = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, edges.size - 2)
     return k, chebvander(2.0 * (t - edges[k]) / np.diff(edges)[k] - 1.0, DEGREE) @ _TO_COEF
@@ -60,12 +60,12 @@ def _fronts(motion: Motion, end: float) -> Array:
     starts = [piece.start for pieces in motion.pieces for piece in pieces if piece.start < end]
     found = {*starts, end}
     for start in starts:
-        for sign, way in ((1.0, 0.0), (-1.0, 2.0)):  # by the near support, by the far one
+        for sign, turn in ((1.0, 0.0), (-1.0, 2.0)):  # by the near support, by the far one
             last = -1.0
             t = start
             while last + 1e-9 < t < end:
                 found.add(t)
-                phase = t + sign * float(motion.position(t)) + way
+                phase = t + sign * float(motion.position(t)) + turn
                 last = t
                 t = float(_sent(motion, -sign, np.array([phase]), np.array([end]))[0])
     return np.array(sorted(found))
@@ -80,7 +80,7 @@ class Ride:
         """y, F, G at t, each of its shape."""
         t = np.asarray(t, float)
         needs(f"t inside [0, {self.edges[-1]}]", t >= 0.0, t <= self.edges[-1])
-        k, weights = _place(t.ravel(), self.edges)
+        k, weights = _panels_of(t.ravel(), self.edges)
         y, F, G = np.einsum("fnk,nk->fn", self.values[:, k], weights).reshape(3, *t.shape)
         return y, F, G
 
@@ -111,17 +111,21 @@ def solve(motion: Motion, *, mu: float, sigma: float) -> Ride:
         return csr_array((weights[on], (rows[on], columns[on])), shape=(n, n))
 
     def reflected(sign: float, phase: Array) -> csr_array:
-        heard = phase > sign * motion.start_position
-        panel, weights = _place(_sent(motion, sign, phase, t), edges)
-        return sparse(panel, weights * heard[:, None])
+        arrived = phase > sign * motion.start_position
+        panel, weights = _panels_of(_sent(motion, sign, phase, t), edges)
+        return sparse(panel, weights * arrived[:, None])
 
     one = eye_array(n)
     before = np.tile(np.eye(DEGREE + 1)[0], (n, 1))
     integral = sparse(own, half[own, None] * np.tile(_INTEGRAL[1:], (half.size, 1)))
     near = reflected(1.0, t - xi)
     far = reflected(-1.0, t + xi - 2.0)
-    push = (2.0 / mu) * integral
-    equations = [[one - sparse(own, before) - push, push, push], [-one, one - near, None], [-one, None, one - far]]
+    impulse = (2.0 / mu) * integral
+    equations = [
+        [one - sparse(own, before) - impulse, impulse, impulse],
+        [-one, one - near, None],
+        [-one, None, one - far],
+    ]
     right = np.concatenate([integral @ (sigma * t), np.zeros(2 * n)])
     values = spsolve(block_array(equations, format="csc"), right).reshape(3, -1, DEGREE)
     first = np.pad(values[:, :-1, -1:], ((0, 0), (1, 0), (0, 0)))
@@ -129,7 +133,10 @@ def solve(motion: Motion, *, mu: float, sigma: float) -> Ride:
 
 
 def cases() -> list[Crossing | Limit]:
+    """Comparisons with the solvers, wrong ones among them."""
+
     def ride(name: str, motion: Motion, mu: float = MU) -> Crossing:
+        """A crossing with any travel against its exact path."""
         exact = solve(motion, mu=mu, sigma=SIGMA).path
         groups = level(motion, mu)
         finer = 3.0 if mu < 0.5 else 1.0
@@ -162,14 +169,15 @@ def _small_sag(model: str, *, plain: bool = False) -> Limit:
     motion = ConstantSpeed(speed=V).motion(1.0)
 
     def deviation(solvers: Solvers, method: str, sigma: float) -> Array:
+        """Error of a sagging cable against the taut string."""
         groups = level(motion, sigma=sigma)
         exact = solve(motion, mu=groups.mu, sigma=sigma if plain else sigma * (1.0 + V * V)).path
         crossing = Crossing(name="", groups=groups, exact=exact, model=model)
         return crossing.off(solvers.path(crossing, method))
 
-    told = "plain g instead of g (1 + V²)" if plain else "g (1 + V²)"
+    gravity = "plain g instead of g (1 + V²)" if plain else "g (1 + V²)"
     return Limit(
-        name=f"limit of small sag, model {model}, {told}", refined="sag", values=(0.02, 0.01, 0.005), falls=2.0,
+        name=f"limit of small sag, model {model}, {gravity}", refined="sag", values=(0.02, 0.01, 0.005), falls=2.0,
         because="the tension that the sag adds goes like alpha sigma²", deviation=deviation,
         methods=("following-p2",) if plain else BEST, expected="disagree" if plain else "agree",
     )  # fmt: skip

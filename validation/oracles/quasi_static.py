@@ -43,15 +43,15 @@ def _fast(what: str, curve: Curve, solvers: Solvers, method: str, sigma: float) 
     t = r.t / scene.time_scale
     there = t <= other.duration
     t = np.minimum(t, other.duration)
-    pace = r.speed * scene.time_scale / r.length
-    off = (other.speed(t) - pace) / pace.max() if what == "speed" else other.at(t)[0] - r.s_o / r.length
+    speed = r.speed * scene.time_scale / r.length
+    off = (other.speed(t) - speed) / speed.max() if what == "speed" else other.at(t)[0] - r.s_o / r.length
     return off[there]
 
 
 def cases() -> list[Limit]:
     waves = "waves take (V/c)² of what the car bends, and both fall like sigma"
     slow = "the cable's inertia counts like the speed's square, which falls like one over the drag"
-    told = [
+    variants = [
         ("place over l", "place", LoadPath.loaded), ("speed over the largest", "speed", LoadPath.loaded),
         ("speed along the empty cable's shape", "speed", LoadPath.empty),
     ]  # fmt: skip
@@ -60,5 +60,5 @@ def cases() -> list[Limit]:
               deviation=_deviation, methods=RIDERS),
         *(Limit(name=f"up to V/c = 0.4: {name}", refined="sigma", values=(0.32, 0.16, 0.08), falls=1.6,
                 because=waves, deviation=partial(_fast, what, curve), methods=RIDERS,
-                expected="agree" if i < 2 else "disagree") for i, (name, what, curve) in enumerate(told)),
+                expected="agree" if i < 2 else "disagree") for i, (name, what, curve) in enumerate(variants)),
     ]  # fmt: skip

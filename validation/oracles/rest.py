@@ -37,7 +37,7 @@ ZIP = """
 TENTH = 0.1  # s_o of a held car
 
 
-def place_of_rest(groups: Groups, low: float = 0.05, high: float = 0.95) -> float:
+def rest_position(groups: Groups, low: float = 0.05, high: float = 0.95) -> float:
     return float(brentq(lambda s: gripped(s, groups).hold[0], low, high, xtol=1e-14))
 
 
@@ -57,19 +57,21 @@ def _held() -> list[Law]:
     def hold(solvers: Solvers, method: str, settings: dict[str, Any]) -> Array:
         return each(lambda g: solvers.hold(g, method, TENTH, **settings))
 
-    def place(solvers: Solvers, method: str, settings: dict[str, Any]) -> Array:
+    def position(solvers: Solvers, method: str, settings: dict[str, Any]) -> Array:
+        """s_o/l of rest on each line."""
+
         def found(g: Groups) -> float:
-            at = place_of_rest(g)
+            at = rest_position(g)
             return float(brentq(lambda s: solvers.hold(g, method, s, **settings), at - 0.06, at + 0.06, xtol=1e-14))
 
         return each(found)
 
     def off(force: bool, exact: Array) -> Callable:
-        answer, scale = (hold, holds) if force else (place, 1.0)
+        answer, scale = (hold, holds) if force else (position, 1.0)
         return lambda solvers, method, settings: (answer(solvers, method, settings) - exact) / scale
 
     holds = each(lambda g: gripped(TENTH, g).hold[0])
-    places = each(place_of_rest)
+    positions = each(rest_position)
     balanced = each(lambda g: balance(gripped(TENTH, g)))
     # wrong on purpose: on the empty cable's shape
     weights = each(lambda g: -g.mu * g.sigma * g.static(TENTH)[2])
@@ -78,10 +80,10 @@ def _held() -> list[Law]:
     statics = "statics alone"
     gives = "the cable gives way under the car"
     empty = " on the empty cable's shape"
-    told = [
+    variants = [
         (RIDERS[:1], True, holds, 3.0, statics, ""), (RIDERS, True, weights, 1.0, gives, empty),
         (RIDERS[1:], True, balanced, 1.9, statics + ", by the car's balance", ""),
-        (RIDERS, False, places, 2.4, statics, ""), (RIDERS, False, lowest, 1.0, gives, empty),
+        (RIDERS, False, positions, 2.4, statics, ""), (RIDERS, False, lowest, 1.0, gives, empty),
     ]  # fmt: skip
     return [
         Law(
@@ -89,11 +91,12 @@ def _held() -> list[Law]:
             methods=methods, defect=off(force, exact), falls=falls, because=because,
             expected="disagree" if where else "agree",
         )
-        for methods, force, exact, falls, because, where in told
+        for methods, force, exact, falls, because, where in variants
     ]  # fmt: skip
 
 
 def cases() -> list[Law]:
+    """Comparisons with the solvers, wrong ones among them."""
     start = 30.0
     scene = Scene.from_toml(ZIP + f"start = {start}\nrelease = 5.0\nend = {{time = 0.02}}")
     exact = gripped(start / scene.length, scene.groups)
@@ -107,7 +110,7 @@ def cases() -> list[Law]:
         off = np.abs(np.array([r.T_behind[0], r.T_ahead[0]]) - N).max() / H
         return max(np.hypot(r.x[0] - x, r.y[0] - y) / sag, off)
 
-    at = place_of_rest(scene.groups)
+    at = rest_position(scene.groups)
     still = Scene.from_toml(ZIP + f"start = {at * l!r}\nend = {{time = 6.0}}\nrest_speed = 1e-12")
     laws = {
         "held car: place over deflection, tension over H": ridden(scene, defect),

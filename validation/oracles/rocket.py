@@ -51,9 +51,10 @@ def _deviation(solvers: Solvers, method: str, sigma: float, lift: bool = True) -
 
 
 def cases() -> list[Limit]:
+    """Comparisons with the solvers, wrong ones among them."""
     because = "sag and stretch change the waves like the square of sigma where alpha sigma² is small"
     few = (1e-2, 3e-3, 1e-3)
-    told = [
+    variants = [
         ("", (1e-2, 1e-3, 1e-4), "following-p2", True), ("", few, "fourier-kink", True),
         (", thrust without lift", few, "following-p2", False),
     ]  # fmt: skip
@@ -61,5 +62,5 @@ def cases() -> list[Limit]:
         Limit(name="taut cable: depth over mu sigma" + more, refined="sigma", values=values, falls=2.0,
               deviation=partial(_deviation, lift=lift), methods=(method,), because=because,
               expected="agree" if lift else "disagree")
-        for more, values, method, lift in told
+        for more, values, method, lift in variants
     ]  # fmt: skip

@@ -103,12 +103,13 @@ def held(EA: float) -> tuple[Scene, np.ndarray, np.ndarray]:
 
 def _deviation(solvers: Solvers, method: str, EA: float) -> float:
     """Error of the place over the deflection."""
-    scene, place, empty = held(EA)
+    scene, point, empty = held(EA)
     r = solvers.ride(scene, method, steps=100, **({"terms": 40} if method == "fourier-kink" else {}))
-    return math.hypot(r.x[0] - place[0], r.y[0] - place[1]) / math.hypot(*(place - empty))
+    return math.hypot(r.x[0] - point[0], r.y[0] - point[1]) / math.hypot(*(point - empty))
 
 
 def cases() -> list[Case]:
+    """Comparisons with the solvers, wrong ones among them."""
     return [
         Limit(
             name="cold and iced: place of a held car over its deflection", refined="EA", values=(2.5e5, 5e5, 1e6),

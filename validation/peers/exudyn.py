@@ -24,6 +24,7 @@ SPECTRAL_RADIUS = 0.5
 
 
 def run(groups: Groups, *, elements: int, steps: int) -> PeerPath:
+    """The dimensionless path of the mass by Exudyn, gripped or rolling."""
     if groups.drive.mode == "free":
         return _ride(groups, elements, steps)
     motion = groups.motion
@@ -112,18 +113,21 @@ def _ride(groups: Groups, elements: int, steps: int) -> PeerPath:
     along = 0.0  # friction and brake
 
     def before(system: Any, t: float) -> bool:
+        """Move the joint to where the car is at the end of this step; False ends the run."""
         nonlocal along
         which, s_o = system.GetNodeOutput(where, output.Coordinates)
         x, y, _ = system.GetNodeOutput(particle, output.Position)
-        way = s_o - rows[-1][1] if rows else 0.0
+        distance = s_o - rows[-1][1] if rows else 0.0
         rows.append((t, s_o, x, -y))
         force = system.GetObjectOutput(joint, output.Force)
         normal = math.sqrt(max(0.0, force[0] ** 2 + force[1] ** 2 - along**2)) or weight
         # a brake met within the step counts in part
-        braked = sum(f * min(1.0, max(0.0, (s_o + abs(way) - at) / max(abs(way), 1e-12))) for at, f in d.brakes)
-        along = -math.copysign(d.mu_r * normal + braked, way)
+        braked = sum(
+            f * min(1.0, max(0.0, (s_o + abs(distance) - at) / max(abs(distance), 1e-12))) for at, f in d.brakes
+        )
+        along = -math.copysign(d.mu_r * normal + braked, distance)
         system.SetObjectParameter(joint, "axialForce", along)
-        system.systemData.SetDataCoordinates([which, s_o + way])
+        system.systemData.SetDataCoordinates([which, s_o + distance])
         return bool(s_o < d.end_position)
 
     system.SetPreStepUserFunction(before)

@@ -91,7 +91,7 @@ def _travel(ops: Any, groups: Groups, t: Array, nodes: Array) -> tuple[Array, fl
     dp = ds * along
     ddp = weight / mass if ds > 0.0 else dds * along
     inertia = mass / (NEWMARK_BETA * dt * dt)
-    places = [p]
+    positions = [p]
     begin = time.perf_counter()
     for k in range(1, t.size):
         if k > 1:
@@ -110,5 +110,5 @@ def _travel(ops: Any, groups: Groups, t: Array, nodes: Array) -> tuple[Array, fl
         before = ddp
         ddp = (p - p_star) / (NEWMARK_BETA * dt * dt)
         dp = dp + dt * ((1.0 - NEWMARK_GAMMA) * before + NEWMARK_GAMMA * ddp)
-        places.append(p)
-    return np.array(places) * up, time.perf_counter() - begin
+        positions.append(p)
+    return np.array(positions) * up, time.perf_counter() - begin

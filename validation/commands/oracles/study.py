@@ -196,7 +196,7 @@ class _Solvers:
         sharp = method.resolution.doubling and method.space_order > 1.0
         dear = finer > 1.0 or sharp or method.keeps_pace > 2.0
         settings = method.ladder(3 if dear else 4, finer)
-        return [Rung(method.told(x), method.resolution.unknowns(method.value(x))) for x in settings]
+        return [Rung(method.main_settings(x), method.resolution.unknowns(method.value(x))) for x in settings]
 
     def path(self, crossing: Crossing, name: str, **settings: Any) -> MassPath:
         if crossing.scene:
