@@ -16,7 +16,7 @@ from validation.core.limits import scopes
 from validation.core.quantities import limit_text, scale_of
 from validation.page import telling, terminal
 from validation.page.answer.many import LIMITS, Column, Columns, Row, label, table_of
-from validation.page.page import VERDICTS, Section, asset, drawn, limits_of
+from validation.page.page import Section, asset, drawn, limits_of, worst
 from validation.page.plot import BLACK, BLUE, COLORS, DASHED, DOTTED, GREY, Panel, plot, side
 
 _TEXT = tomllib.loads(asset("line.toml"))
@@ -80,14 +80,14 @@ def tell(
 
 def columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
     """Columns of a table of lines: varied values, design numbers of GRID, what became of each line."""
-    heads = {key: key for key in keys}
-    for name in dict.fromkeys(name for x in rows for name in x):
-        if kind_of(name) in GRID and name not in keys:
-            heads[name] = _head(name)
+    names = [name for name in dict.fromkeys(name for x in rows for name in x) if kind_of(name) in GRID]
+    heads = {name: _head(name) for name in names}
     for name in ("outcome", "status", *LIMITS, "verdict", "why"):
-        if any(x.get(name) not in (None, "complete") for x in rows):
+        if {x.get(name) for x in rows} - {None, "complete"}:
             heads[name] = name
-    return {name: Column(head, digits=6) for name, head in heads.items()}
+    heads |= {key: key for key in keys}
+    order = [*keys, *(name for name in heads if name not in keys)]
+    return {name: Column(heads[name], digits=6) for name in order}
 
 
 def _head(name: str) -> str:
@@ -135,34 +135,60 @@ def _floats(positions: Sequence[Row], name: str) -> Array:
     return np.array([float(x[name]) if x.get(name) else np.nan for x in positions])
 
 
-def _side(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup:
-    """Rope at rest and at all positions, cars, supports, ground and obstacles from the side."""
-    profile = {name: np.array(values) for name, values in ropes["profile"].items()}
+def side_of(line: Row, profile: dict[str, Array], lowest: Sequence[Array]) -> tuple[Panel, str]:
+    """The side view of a line without its cars, and its caption.
+
+    profile : columns of profile.csv;  lowest : depths of the cars' lowest points [m], to fit.
+    """
     x = profile["x"]
-    highest = profile["y_highest"]
-    lowest = profile["y_lowest"]
-    end = float(x[-1])
+    highest_of_rope = profile["y_highest"]
+    lowest_of_rope = profile["y_lowest"]
     ground = np.array(line.get("ground", [])).reshape(-1, 2)
-    obstacles = line.get("obstacle", [])
-    cars = [_Car(car, positions) for car in line.get("car", [])]
+    obstacles = [(o["name"], o["at"], o["top"]) for o in line.get("obstacle", [])]
+    tops = np.array([top for _, _, top in obstacles])
     p = Panel("depth [m]", "", down=True)
-    depths = [highest, lowest, ground[:, 1], np.array([o["top"] for o in obstacles])]
-    p.fit([*depths, *(car.lowest for car in cars)], pad=0.14)
-    caption = side(p, 1.12 * end, ground, [(o["name"], o["at"], o["top"]) for o in obstacles])
-    p.bands.append((x, highest, lowest, "#0072b233"))
+    p.fit([highest_of_rope, lowest_of_rope, ground[:, 1], tops, *lowest], pad=0.14)
+    end = float(x[-1])
+    caption = side(p, 1.12 * end, ground, obstacles)
+    p.bands.append((x, highest_of_rope, lowest_of_rope, "#0072b233"))
     p.curve(x, profile["y_rest"], GREY, DOTTED, 1.4, "empty rope")
-    for depth in ropes["depths"].values():
-        p.curve(x, np.array(depth), BLUE, "", 1.0, "rope at some positions; shaded: at all")
-    for car, color in zip(cars, COLORS[1:] * len(cars), strict=False):
-        p.curve(car.x, car.lowest, color, DASHED, 1.8, f"lowest point of {car.name}")
-        if car.x.size == 1:
-            p.dots.append((float(car.x[0]), float(car.depth[0]), color, True))
     for contact in line["contact"]:
         at, depth = contact["at"]
         p.dots.append((at, depth, BLACK, contact["kind"] in ("anchor", "saddle")))
         inwards = float(at < 0.1 * end) - float(at > 0.9 * end)
         p.labels.append((at + inwards * 0.04 * end, depth - 0.05 * (p.high - p.low), contact["name"]))
+    return p, caption
+
+
+def plot_side(p: Panel, line: Row, caption: str) -> Markup:
+    """The figure of a side view, a little longer than the line."""
+    end = line["contact"][-1]["at"][0]
     return plot([p], (-0.06 * end, 1.06 * end), "x [m]", caption, wide=True)
+
+
+def figure(values: dict[str, Array], unit: str, x: Array, xlabel: str, title: str) -> Markup:
+    """Series by name, (n,) in SI, over a common axis x (n,)."""
+    factor, prefixed = scale_of(np.concatenate(list(values.values())), unit)
+    p = Panel(f"[{prefixed}]" if prefixed else "", "", 140.0)
+    p.fit([factor * v for v in values.values()])
+    for i, (name, v) in enumerate(values.items()):
+        dash = ("", DASHED)[i // len(COLORS) % 2]
+        p.curve(x, factor * v, COLORS[i % len(COLORS)], dash, 1.7, name)
+    return plot([p], (float(np.nanmin(x)), float(np.nanmax(x))), xlabel, title)
+
+
+def _side(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup:
+    """Rope at rest and at all positions, cars, supports, ground and obstacles from the side."""
+    profile = {name: np.array(values) for name, values in ropes["profile"].items()}
+    cars = [_Car(car, positions) for car in line.get("car", [])]
+    p, caption = side_of(line, profile, [car.lowest for car in cars])
+    for depth in ropes["depths"].values():
+        p.curve(profile["x"], np.array(depth), BLUE, "", 1.0, "rope at some positions; shaded: at all")
+    for car, color in zip(cars, COLORS[1:] * len(cars), strict=False):
+        p.curve(car.x, car.lowest, color, DASHED, 1.8, f"lowest point of {car.name}")
+        if car.x.size == 1:
+            p.dots.append((float(car.x[0]), float(car.depth[0]), color, True))
+    return plot_side(p, line, caption)
 
 
 class _Car:
@@ -178,17 +204,11 @@ class _Car:
 def _over(car: str, positions: Sequence[Row]) -> Iterator[Markup]:
     """One figure per kind of quantity, over the position of the first car."""
     at = _floats(positions, f"x:{car}")
-    reach = float(np.nanmin(at)), float(np.nanmax(at))
     for title, kinds in _TEXT["over"].items():
-        values = {name: _floats(positions, name) for name in positions[0] if name.partition(":")[0] in kinds}
-        if not values:
-            continue
-        factor, unit = scale_of(np.concatenate(list(values.values())), WORDS[kinds[0]]["unit"])
-        p = Panel(f"[{unit}]" if unit else "", "", 140.0)
-        p.fit([factor * v for v in values.values()])
-        for (name, v), color in zip(values.items(), COLORS * len(values), strict=False):
-            p.curve(at, factor * v, color, "", 1.8, named(name))
-        yield plot([p], reach, f"x of {car} [m]", title)
+        names = [name for name in positions[0] if name.partition(":")[0] in kinds]
+        if names:
+            values = {named(name): _floats(positions, name) for name in names}
+            yield figure(values, WORDS[kinds[0]]["unit"], at, f"x of {car} [m]", title)
 
 
 def _lowest(rows: Sequence[Row], paths: Sequence[Any], keys: Sequence[str]) -> Markup:
@@ -203,6 +223,7 @@ def _lowest(rows: Sequence[Row], paths: Sequence[Any], keys: Sequence[str]) -> M
 
 
 def grid(folder: Path) -> list[Section]:
+    """The page of a grid of lines at rest in a folder."""
     stored = store.read(folder / "grid.json")
     rows = stored["rows"]
     keys = stored["keys"]
@@ -210,6 +231,4 @@ def grid(folder: Path) -> list[Section]:
     if any(stored["paths"]):
         html.append(_lowest(rows, stored["paths"], keys))
     text = f"{len(rows)} lines, {sum(x['status'] != 'complete' for x in rows)} incomplete."
-    verdicts = {x.get("verdict") for x in rows}
-    worst = next((v for v in VERDICTS if v in verdicts), None)
-    return [Section(folder.name, "All of them", Markup("\n").join(html), worst, text)]
+    return [Section(folder.name, "All of them", Markup("\n").join(html), worst(rows), text)]

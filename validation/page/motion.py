@@ -14,9 +14,9 @@ from validation.core import store
 from validation.core.quantities import scale_of, with_bar
 from validation.page import telling, terminal
 from validation.page.answer.many import LIMITS, Column, Columns, Row, table_of
-from validation.page.line import limits_from
-from validation.page.page import VERDICTS, Section, asset, drawn
-from validation.page.plot import BLACK, BLUE, COLORS, DASHED, DOTTED, GREY, Panel, plot, side
+from validation.page.line import figure, limits_from, plot_side, side_of
+from validation.page.page import Section, asset, drawn, worst
+from validation.page.plot import BLUE, COLORS, DASHED
 
 WORDS: dict[str, dict[str, str]] = tomllib.loads(asset("motion.toml"))
 FEW = (
@@ -41,6 +41,7 @@ def named(quantity: str) -> str:
 
 
 def value_of(number: Row) -> str:
+    """A number with bar and unit; a speed also in km/h."""
     factor, unit = scale_of(np.array([number["value"], number["bar"] or 0.0]), number["unit"])
     bar = None if number["bar"] is None else factor * number["bar"]
     text = f"{with_bar(factor * number['value'], bar)} {unit}".rstrip()
@@ -54,16 +55,18 @@ def rows_of(design: Sequence[Row]) -> list[Row]:
     return [{"words": named(d["quantity"]), "value": value_of(d), "t": f"{d['t']:.4g} s"} for d in ordered]
 
 
-def tell(line: Any, outcome: str, design: Sequence[Row], limits: Sequence[Row] = (), most: int = 14) -> None:
+def tell(line: Any, outcome: str, design: Sequence[Row], limits: Sequence[Row] = ()) -> None:
+    """Print the outcome, limits, and the first 14 design numbers."""
     terminal.say(f"{line.name}: {outcome}", style="bold")
     telling.limits(line, limits)
-    rows = rows_of([d for d in design if d["quantity"].partition(":")[0] in FEW])
-    terminal.table(["quantity", "value", "at"], [list(row.values()) for row in rows[:most]])
-    if len(design) > len(rows[:most]):
-        terminal.say(f"  {len(design) - len(rows[:most])} more in the report")
+    rows = rows_of([d for d in design if d["quantity"].partition(":")[0] in FEW])[:14]
+    terminal.table(["quantity", "value", "at"], [list(row.values()) for row in rows])
+    if len(design) > len(rows):
+        terminal.say(f"  {len(design) - len(rows)} more in the report")
 
 
 def columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
+    """Columns of a table: varied values, design numbers of FEW, what became of each line."""
     names = dict.fromkeys(name for row in rows for name in row if name.partition(":")[0] in FEW)
     words = ("outcome", "status", *LIMITS, "verdict")
     heads = {key: key for key in keys} | {name: f"{named(name)} [{unit_of(name)}]" for name in names}
@@ -79,7 +82,7 @@ def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None)
     paths = {car["name"]: _columns(folder / f"path-{car['name']}.csv") for car in line["car"]}
     compared = [row | {"named": f"{row['quantity']} {row.get('law', '')}".replace("_", " ")} for row in rows]
     laws = [row for row in compared if row["quantity"] in ("laws_si", "energy")]
-    alarm = {"breaks": "disagree", "collides": "disagree", "incomplete": "disagree"}.get(summary["outcome_kind"])
+    alarm = "disagree" if summary["outcome_kind"] in ("breaks", "collides", "incomplete") else None
     return drawn(
         "validation.page", "assets/motion.html", id=folder.name, verdict=verdict, outcome=summary["outcome"],
         limits=limits_from(folder, summary), alarm=alarm, side=_side(line, _columns(folder / "profile.csv"), paths),
@@ -96,34 +99,20 @@ def _columns(file: Path) -> dict[str, Array]:
 
 
 def _side(line: Row, profile: dict[str, Array], paths: dict[str, dict[str, Array]]) -> Markup:
-    x = profile["x"]
-    end = float(x[-1])
-    ground = np.array(line.get("ground", [])).reshape(-1, 2)
-    obstacles = line.get("obstacle", [])
-    p = Panel("depth [m]", "", down=True)
+    """Envelope of the rope, paths and lowest points of the cars from the side."""
     below = {car["name"]: car.get("below", 0.0) for car in line["car"]}
-    depths = [profile["y_highest"], profile["y_lowest"], ground[:, 1], np.array([o["top"] for o in obstacles])]
-    p.fit([*depths, *(path["y"] + below[name] for name, path in paths.items())], pad=0.14)
-    caption = side(p, 1.12 * end, ground, [(o["name"], o["at"], o["top"]) for o in obstacles])
-    p.bands.append((x, profile["y_highest"], profile["y_lowest"], "#0072b233"))
-    p.curve(x, profile["y_rest"], GREY, DOTTED, 1.4, "empty rope")
+    p, caption = side_of(line, profile, [path["y"] + below[name] for name, path in paths.items()])
     for edge in ("y_highest", "y_lowest"):
-        p.curve(x, profile[edge], BLUE, "", 0.8, "rope at its highest and lowest")
+        p.curve(profile["x"], profile[edge], BLUE, "", 0.8, "rope at its highest and lowest")
     for (name, path), color in zip(paths.items(), COLORS[1:] * len(paths), strict=False):
-        p.curve(path["x"], path["y"], color, "", 2.0, f"path of {name}")
+        x = path["x"]
+        y = path["y"]
+        p.curve(x, y, color, "", 2.0, f"path of {name}")
         if below[name]:
-            p.curve(path["x"], path["y"] + below[name], color, DASHED, 1.4, f"lowest point of {name}")
-        p.dots.append((float(path["x"][0]), float(path["y"][0]), color, False))
-        p.dots.append((float(path["x"][-1]), float(path["y"][-1]), color, True))
-    for c in line["contact"]:
-        p.dots.append((c["at"][0], c["at"][1], BLACK, c["kind"] in ("anchor", "saddle")))
-        shift = 0.0
-        if c["at"][0] < 0.1 * end:
-            shift = 0.04 * end
-        elif c["at"][0] > 0.9 * end:
-            shift = -0.04 * end
-        p.labels.append((c["at"][0] + shift, c["at"][1] - 0.05 * (p.high - p.low), c["name"]))
-    return plot([p], (-0.06 * end, 1.06 * end), "x [m]", f"{caption} Full dots: where the cars end.", wide=True)
+            p.curve(x, y + below[name], color, DASHED, 1.4, f"lowest point of {name}")
+        p.dots.append((float(x[0]), float(y[0]), color, False))
+        p.dots.append((float(x[-1]), float(y[-1]), color, True))
+    return plot_side(p, line, f"{caption} Full dots: where the cars end.")
 
 
 def _over(line: Row, contacts: dict[str, Array], paths: dict[str, dict[str, Array]]) -> Iterator[Markup]:
@@ -133,32 +122,33 @@ def _over(line: Row, contacts: dict[str, Array], paths: dict[str, dict[str, Arra
     for name, path in paths.items():
         tensions |= {f"behind {name}": path["T_behind"], f"ahead of {name}": path["T_ahead"]}
     saddles = [c["name"] for c in line["contact"] if c["kind"] == "saddle"]
-    runs = [c["name"] for c in line["contact"] if c["kind"] in ("saddle", "counterweight")]
+    moving = [c["name"] for c in line["contact"] if c["kind"] in ("saddle", "counterweight")]
+
+    def of_cars(column: str) -> dict[str, Array]:
+        return {name: path[column] for name, path in paths.items()}
+
+    def at_contacts(names: Sequence[str], column: str) -> dict[str, Array]:
+        return {name: contacts[f"{name}.{column}"] for name in names}
+
+    flow = {name: s - s[0] for name, s in at_contacts(moving, "s").items()}
     figures = (
         ("Tension at the ends of each segment of rope.", tensions, "N"),
-        ("Haul force; positive where it pulls to the right.", {n: p["F_haul"] for n, p in paths.items()}, "N"),
-        ("Contact force.", {n: p["F_contact"] for n, p in paths.items()}, "N"),
-        ("Rise of the counterweight.", {c: contacts[f"{c}.rise"] for c in runs}, "m"),
-        ("Rope that has run to the left.", {c: contacts[f"{c}.s"] - contacts[f"{c}.s"][0] for c in runs}, "m"),
-        ("Pressure of the rope on saddles.", {c: contacts[f"{c}.pressure"] for c in saddles}, "N"),
-        ("Speed of the cars.", {n: p["speed"] for n, p in paths.items()}, "m/s"),
+        ("Haul force; positive where it pulls to the right.", of_cars("F_haul"), "N"),
+        ("Contact force.", of_cars("F_contact"), "N"),
+        ("Rise of the counterweight.", at_contacts(moving, "rise"), "m"),
+        ("Rope that has run to the left.", flow, "m"),
+        ("Pressure of the rope on saddles.", at_contacts(saddles, "pressure"), "N"),
+        ("Speed of the cars.", of_cars("speed"), "m/s"),
     )
     for title, values, unit in figures:
-        shown = {name: v for name, v in values.items() if np.isfinite(v).any()}
-        if not shown:
-            continue
-        factor, prefixed = scale_of(np.concatenate(list(shown.values())), unit)
-        p = Panel(f"[{prefixed}]", "", 140.0)
-        p.fit([factor * v for v in shown.values()])
-        dashes = ("", DASHED)
-        for i, (name, v) in enumerate(shown.items()):
-            p.curve(t, factor * v, COLORS[i % len(COLORS)], dashes[i // len(COLORS) % 2], 1.6, name)
-        yield plot([p], (float(t[0]), float(t[-1])), "time [s]", title)
+        known = {name: v for name, v in values.items() if np.isfinite(v).any()}
+        if known:
+            yield figure(known, unit, t, "time [s]", title)
 
 
 def grid(folder: Path) -> list[Section]:
+    """The page of a grid of lines in motion in a folder."""
     stored = store.read(folder / "grid.json")
     rows = stored["rows"]
     html = table_of(rows, columns(rows, stored["keys"]), stored["keys"][0])
-    worst = next((v for v in VERDICTS if any(x.get("verdict") == v for x in rows)), None)
-    return [Section(folder.name, "All of them", html, worst, f"{len(rows)} lines in motion.")]
+    return [Section(folder.name, "All of them", html, worst(rows), f"{len(rows)} lines in motion.")]

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 
 def real(text: str) -> float:
+    """A number; BadParameter for any other text."""
     try:
         return float(text)
     except ValueError:

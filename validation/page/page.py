@@ -24,6 +24,12 @@ from validation.core.quantities import number_text, scale_of, with_bar
 VERDICTS = {"disagree": "✗", "not comparable": "?", "too coarse": "≈", "agree": "✓"}
 
 
+def worst(rows: Iterable[Mapping[str, Any]]) -> str | None:
+    """The worst verdict of rows that have one; None: none has."""
+    verdicts = {row.get("verdict") for row in rows}
+    return next((verdict for verdict in VERDICTS if verdict in verdicts), None)
+
+
 @dataclass(frozen=True, slots=True)
 class Section:
     """One part of a report."""
@@ -63,6 +69,7 @@ def drawn(package: str, file: str = "page.html", /, **content: Any) -> list[Sect
         id: str, title: str, verdict: str | None = None, summary: str = "", *, scripts: Sequence[str] = (),
         caller: Callable[[], Markup],
     ) -> str:  # fmt: skip
+        """Collect a section; the template shows nothing in its stead."""
         text = plain(summary) if isinstance(summary, Markup) else summary
         out.append(Section(id, title, caller(), verdict, text, tuple(scripts)))
         return ""

@@ -31,6 +31,7 @@ class _Writer(TimeSeriesWriter):
         return self
 
     def frame(self, t: float, points: Array, cells: tuple[str, Array], **data: Array) -> None:
+        """Add a frame: points (m, 3), cells, and named data of the points."""
         grid = ElementTree.SubElement(self.collection, "Grid", Name="frame", GridType="Uniform")
         ElementTree.SubElement(grid, "Time", Value=repr(t))
         self.cells([cells], grid)

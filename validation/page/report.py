@@ -104,28 +104,28 @@ def gather(root: Path, parts: Sequence[Part], broken: Sequence[Section] = ()) ->
     The first pages of all scenes of a command come before the rest, what broke before all.
     Return whether anything on it is red.
     """
-    rank = {(part[0], _folder(part)): i for i, part in enumerate(parts)}
-    done = [
-        (command, folder)
-        for folder in [root, *sorted(root.glob("*/"))]
-        for command in store.results(folder)
-        if store.finished(folder, command)
-    ]
-    done.sort(key=lambda result: rank.get((result[0], result[1].name), len(rank)))
-    first: dict[str, list[Section]] = {}
-    others: dict[str, list[Section]] = {}
-    for command, folder in done:
+    pages: dict[str, tuple[list[Section], list[Section]]] = {}  # of each command: first ones, others
+    for command, folder in _finished(root, parts):
         for i, s in enumerate(stored_pages(folder, command)):
             section = replace(s, id=f"{folder.name}-{s.id}", title=f"{folder.name}: {s.title}")
-            (others if i else first).setdefault(command, []).append(section)
-    pages = [(command, s) for command in first for s in [*first[command], *others.get(command, [])]]
-    sections = [*broken, *_with_own_ids(pages)]
+            pages.setdefault(command, ([], []))[min(i, 1)].append(section)
+    ordered = [(command, s) for command, (first, others) in pages.items() for s in first + others]
+    sections = [*broken, *_with_own_ids(ordered)]
     if not sections:
         raise store.Refused(f"{root} holds no finished results to report")
     page.render("cablefem", sections, root / "report.html")
     print_findings(sections)
     terminal.say(f"written to {root}: report.html")
     return any(section.verdict == "disagree" for section in sections)
+
+
+def _finished(root: Path, parts: Sequence[Part]) -> list[tuple[str, Path]]:
+    """Commands with finished results and their folders, these parts first."""
+    rank = {(part[0], _folder(part)): i for i, part in enumerate(parts)}
+    done = []
+    for folder in [root, *sorted(root.glob("*/"))]:
+        done += [(command, folder) for command in store.results(folder) if store.finished(folder, command)]
+    return sorted(done, key=lambda result: rank.get((result[0], result[1].name), len(rank)))
 
 
 def _folder(part: Part) -> str:

@@ -93,6 +93,7 @@ def _cable(scene: Scene, r: Response, unit: float, unit_name: str) -> dict[str, 
     late = f.t[0] > 0.0
 
     def frames(name: str) -> Array:
+        """A field at the drawn stations, with the rope at rest as its first frame."""
         values = getattr(f, name)
         if values.ndim == 2:
             values = values[:, ::stride]

@@ -68,10 +68,7 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence
     if console is None:
         print("\n".join(text))
         return
-    narrowest = []
-    for name, *cells in zip(columns, *rows, strict=True):
-        unbroken = [name, *cells] if name in right else [word for cell in (name, *cells) for word in cell.split()]
-        narrowest.append(max(map(len, unbroken), default=0))
+    narrowest = [_narrowest(column, column[0] in right) for column in zip(columns, *rows, strict=True)]
     if sum(narrowest) + 3 * (len(columns) - 1) > console.width:
         _stacked(columns, rows)
         return
@@ -85,6 +82,12 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence
     for row in rows:
         drawn.add_row(*(Text(cell, style=STYLES.get(cell, "")) for cell in row))
     console.print(drawn)
+
+
+def _narrowest(column: Sequence[str], unbroken: bool) -> int:
+    """Width of the longest cell, or of the longest word where cells may break."""
+    words = column if unbroken else " ".join(column).split()
+    return max(map(len, words), default=0)
 
 
 def _stacked(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
@@ -108,6 +111,7 @@ def progress() -> Iterator[Progress]:
         last = time.monotonic()
 
         def show_text(label: str, done: float, note: str = "") -> None:
+            """Print a row at most once a minute."""
             nonlocal last
             if time.monotonic() - last > 60.0:
                 last = time.monotonic()
@@ -124,13 +128,14 @@ def progress() -> Iterator[Progress]:
         BarColumn(),
         TextColumn("{task.percentage:3.0f} %"),
         TimeElapsedColumn(),
-        TextColumn("left"),
+        TextColumn("remaining"),
         TimeRemainingColumn(),
         TextColumn("{task.fields[note]}"),
     ]
     with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
 
         def show(label: str, done: float, note: str = "") -> None:
+            """Move the bar of a label."""
             if label not in tasks:
                 tasks[label] = bars.add_task(label, total=1.0, note="")
             bars.update(tasks[label], completed=done, note=note)

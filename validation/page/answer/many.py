@@ -15,7 +15,7 @@ from cablefem.scene import Scene
 from validation.core import limits, store
 from validation.core.answers import outcome
 from validation.core.quantities import named, scale_of
-from validation.core.sidebyside import spread
+from validation.core.sidebyside import in_parallel
 from validation.page import report, terminal
 from validation.page.answer.content import inputs
 from validation.page.options import Point
@@ -63,6 +63,7 @@ class Column:
     digits: int = 4
 
     def cell(self, value: Any) -> str:
+        """Text of a value; a missing one is empty."""
         if value is None:
             return "-"
         if isinstance(value, bool | str | list):
@@ -124,7 +125,7 @@ def grid(
             answers[i] = answer
             progress("grid", len(answers) / len(points))
 
-        spread(answered, points, on_result)
+        in_parallel(answered, points, on_result)
     rows = []
     for i, point in enumerate(points):
         values = {key: store.plain(value) for key, value in point.given.items()}
@@ -140,6 +141,7 @@ def grid(
 
 
 def write_rows(file: Path, rows: Sequence[Row]) -> None:
+    """Write a CSV with all columns of all rows, empty where a row has none."""
     with whole(file) as temporary, temporary.open("w", encoding="utf-8", newline="") as out:
         names = dict.fromkeys(name for row in rows for name in row)
         writer = csv.DictWriter(out, list(names), restval="")
@@ -177,6 +179,7 @@ def table_of(rows: list[Row], columns: Columns, key: str) -> Markup:
 
 
 def sections(folder: Path) -> list[Section]:
+    """The page of the grid of runs in a folder."""
     stored = store.read(folder / "grid.json")
     rows = stored["rows"]
     paths = stored["paths"]
