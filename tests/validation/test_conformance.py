@@ -34,7 +34,7 @@ def coarse(name):
     """Settings of some milliseconds."""
     method = find(name)
     settings = method.settings(refined(method, method.ladder(1)[0], space=0.5)) | {"steps": 120}
-    return method.told(settings)
+    return method.main_settings(settings)
 
 
 def begun(name):

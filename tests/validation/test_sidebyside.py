@@ -7,7 +7,7 @@ import signal
 import pytest
 
 from validation.core import sidebyside
-from validation.core.sidebyside import aside, side_by_side, spread
+from validation.core.sidebyside import in_background, in_parallel, side_by_side
 
 forks = pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="nothing can be forked")
 
@@ -34,12 +34,12 @@ def test_results_come_in_order_and_progress_is_passed_on(monkeypatch, cores):
 def test_every_item_is_worked_on_once_and_told_as_it_is_done(monkeypatch, cores):
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(range(cores)), raising=False)
     told = []
-    spread(lambda x: 10 * x, [3, 1, 2], lambda i, result: told.append((i, result)))
+    in_parallel(lambda x: 10 * x, [3, 1, 2], lambda i, result: told.append((i, result)))
     assert sorted(told) == [(0, 30), (1, 10), (2, 20)]
-    spread(fails, [], lambda *what: told.append(what))
+    in_parallel(fails, [], lambda *what: told.append(what))
     assert len(told) == 3
     with pytest.raises(ValueError, match="on purpose"):
-        spread(fails, [1, 2], lambda *what: told.append(what))
+        in_parallel(fails, [1, 2], lambda *what: told.append(what))
 
 
 @forks
@@ -47,7 +47,7 @@ def test_a_forked_process_forks_no_further(monkeypatch):
     """A grid keeps every core busy with points; two solvers beside each other in each would only get in the way."""
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1}, raising=False)
     told = []
-    spread(
+    in_parallel(
         lambda x: (os.getpid(), [pid for _, pid in side_by_side([job(x), job(x)])]), [1, 2], lambda i, r: told.append(r)
     )
     assert all(mine != os.getpid() and within == [mine, mine] for mine, within in told)
@@ -82,10 +82,10 @@ def test_a_process_that_is_killed_is_an_error_and_nothing_hangs(monkeypatch):
 @pytest.mark.parametrize("cores", [1, 2])
 def test_work_done_aside_is_done_at_the_end_and_says_why_not(monkeypatch, tmp_path, cores):
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(range(cores)), raising=False)
-    with aside(lambda: (tmp_path / "file").write_text("there")):
+    with in_background(lambda: (tmp_path / "file").write_text("there")):
         pass
     assert (tmp_path / "file").read_text() == "there"
-    with pytest.raises(ValueError, match="on purpose"), aside(lambda: fails(None)):
+    with pytest.raises(ValueError, match="on purpose"), in_background(lambda: fails(None)):
         pass
-    with pytest.raises(KeyError), aside(lambda: None):
+    with pytest.raises(KeyError), in_background(lambda: None):
         raise KeyError

@@ -102,6 +102,7 @@ class Agreement:
         return Verdict.AGREE if self.gap <= self.allowed else Verdict.DISAGREE
 
     def row(self) -> dict[str, Any]:
+        """The row as it is stored in agreement.json."""
         bars: list[float | None] = [None, None]
         if self.bound.kind in ("error bars", "law"):
             bars = [*(part.value for part in self.bound.parts), *bars]

@@ -134,6 +134,7 @@ def profile(r: Response) -> dict[str, Array]:
 
 
 def write_answers(folder: Path, scene: Scene, r: Response) -> None:
+    """Write summary.json and profile.csv of a run."""
     found = outcome(scene, r)
     first: dict[str, Any] = {"outcome": found.sentence, "outcome_kind": found.kind}
     if judged := limits.rows(scene, r.design, r.events):

@@ -38,5 +38,5 @@ def path_over_cable(
     except newmark.NewtonStalled:  # the solution diverged
         return np.zeros(1), np.full(1, until), np.full(1, math.nan)
     history = stacked(states)
-    seen = system.observe(history, np.zeros(0), np.zeros(0, np.intp))
-    return history.t, motion.position(history.t), seen.path[:, 1]
+    observed = system.observe(history, np.zeros(0), np.zeros(0, np.intp))
+    return history.t, motion.position(history.t), observed.path[:, 1]

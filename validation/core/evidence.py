@@ -33,6 +33,7 @@ class Windows:
 
     @classmethod
     def of(cls, r: Response, window: Window, until: float = math.inf) -> Windows:
+        """Twelve windows over a part of a run: s_o/l of a travel, time [s] of a ride."""
         begin = 0.0
         end = min(until, float(r.t[-1]))
         if r.drive != "free":
@@ -48,7 +49,7 @@ class Side:
     """One side of the mass at a frame; m nodes in order of s."""
 
     s: Array
-    place: Array  # (m, 2)
+    points: Array  # (m, 2)
     velocity: Array  # (m, 2) at fixed s
     T_static: Array  # (m,)
     T: Array  # (m,)
@@ -60,7 +61,7 @@ class Side:
     @property
     def lengthening(self) -> Array:
         """Rate at which the pieces between nodes lengthen (m - 1,)."""
-        chord = np.diff(self.place, axis=0)
+        chord = np.diff(self.points, axis=0)
         return np.sum(chord * np.diff(self.velocity, axis=0), axis=1) / np.hypot(*chord.T)
 
 
@@ -70,7 +71,7 @@ class Evidence:
     def __init__(self, r: Response, windows: Windows) -> None:
         self.r = r
         self.windows = windows
-        self.given = SceneData(r.scene_toml, r.length)
+        self.data = SceneData(r.scene_toml, r.length)
 
     def thinned(self) -> Evidence:
         """Without every second station, frame and step; window ends and jumps stay."""
@@ -82,17 +83,17 @@ class Evidence:
             i = int(np.argmin(np.abs(r.t - jump)))
             steps[max(0, i - 1) : i + 2] = True
         steps[-1] = frames[self.frames] = True
-        found: dict[str, Array] = {n: x[::2] if n in AT_REST else x[frames] for n, x in _arrays(f).items()}
-        found = {n: x[:, ::2] if x.ndim == 2 else x for n, x in found.items()}
+        thin: dict[str, Array] = {n: x[::2] if n in AT_REST else x[frames] for n, x in _arrays(f).items()}
+        thin = {n: x[:, ::2] if x.ndim == 2 else x for n, x in thin.items()}
         rows = {n: x[steps] for n, x in _arrays(r).items()}
         powers = {name: power[steps] for name, power in r.powers.items()}
-        return Evidence(replace(r, **rows, powers=powers, fields=replace(f, **found)), self.windows)
+        return Evidence(replace(r, **rows, powers=powers, fields=replace(f, **thin)), self.windows)
 
     # --- the cable at rest -----------------------------------------------------------------------------
 
     @cached_property
     def curve(self) -> CubicSpline:
-        """Static place (x, y) over s."""
+        """Points (x, y) at rest over s."""
         f = self.r.fields
         return CubicSpline(f.s, np.stack([f.x, f.y], axis=1))
 
@@ -100,6 +101,7 @@ class Evidence:
 
     @cached_property
     def inside(self) -> NDArray[np.bool_]:
+        """Steps (n,) within the windows at which the car is off the supports."""
         r = self.r
         t = self.windows.steps
         off = (r.s_o > ROUNDING * r.length) & (r.s_o < (1.0 - ROUNDING) * r.length)
@@ -138,7 +140,7 @@ class Evidence:
 
     @cached_property
     def damping(self) -> float:
-        return self.given.damping(self.r.length, self.r.horizontal_tension)
+        return self.data.damping(self.r.length, self.r.horizontal_tension)
 
     @cached_property
     def areal_impulse(self) -> Array:
@@ -157,7 +159,7 @@ class Evidence:
     @cached_property
     def thrust(self) -> tuple[Array, Array]:
         """Times and forces of the TOML's thrust; a constant one never ends."""
-        thrust = self.given.drive.get("thrust", 0.0)
+        thrust = self.data.drive.get("thrust", 0.0)
         if not isinstance(thrust, dict):
             thrust = {"times": [0.0, math.inf], "forces": [thrust, thrust]}
         return np.array(thrust["times"], float), np.array(thrust["forces"], float)
@@ -171,7 +173,8 @@ class Evidence:
 
     @cached_property
     def drag(self) -> Array:
-        drive = self.given.drive
+        """Drag on the car by the TOML (n, 2) [N]."""
+        drive = self.data.drive
         k = 0.5 * drive.get("air_density", 1.2) * drive.get("drag_area", 0.0)
         past = self.r.velocity - [drive.get("wind", 0.0), 0.0]
         return -k * np.hypot(past[:, 0], past[:, 1])[:, None] * past
@@ -180,7 +183,7 @@ class Evidence:
     def friction(self) -> tuple[Array, Array]:
         """Rolling friction and brakes (n,) [N]."""
         r = self.r
-        drive = self.given.drive
+        drive = self.data.drive
         shoes = [x["force"] * (r.s_o >= x["from"]) for x in drive.get("brake", [])]
         return drive.get("rolling_friction", 0.0) * np.abs(r.F_contact), np.sum([np.zeros(r.t.size), *shoes], axis=0)
 
@@ -189,7 +192,7 @@ class Evidence:
         behind = self.r.slope_behind
         ahead = self.r.slope_ahead
         work = -0.5 * np.sum(self.r.contact * (behind + ahead), axis=1)
-        work -= (T_ahead**2 - T_behind**2) / (2.0 * self.given.EA)
+        work -= (T_ahead**2 - T_behind**2) / (2.0 * self.data.EA)
         for T, slope in ((T_behind, behind), (T_ahead, ahead)):
             work += 0.5 * T / np.hypot(*slope.T) * np.sum(slope * (ahead - behind), axis=1)
         return self.travel_speed * work
@@ -198,18 +201,19 @@ class Evidence:
 
     @cached_property
     def sides(self) -> list[tuple[Side, Side]]:
+        """The rope behind and ahead of the car at each frame, with the car as its last or first node."""
         r = self.r
         f = self.r.fields
         at = self.r.fields.s_o[self.frames]
         T_static = CubicSpline(f.s, f.T_static)(at)
-        place = self.curve(at) + np.stack([f.mass_u, f.mass_v], axis=1)[self.frames]
+        points = self.curve(at) + np.stack([f.mass_u, f.mass_v], axis=1)[self.frames]
         # dp/dt = r_t + ds_o r' on either side
         moves = [self.at(self.t, r.velocity - self.travel_speed[:, None] * x) for x in (r.slope_behind, r.slope_ahead)]
         out = []
         for i, k in enumerate(self.frames):
             rows = np.stack([f.s, f.x + f.u[k], f.y + f.v[k], f.du[k], f.dv[k], f.T_static, f.T[k]], axis=1)
             behind, ahead = (
-                np.r_[at[i], place[i], moves[side][i], T_static[i], T[k]]
+                np.r_[at[i], points[i], moves[side][i], T_static[i], T[k]]
                 for side, T in enumerate((f.T_behind, f.T_ahead))
             )
             before = rows[f.s < at[i] * (1.0 - ROUNDING)]
@@ -219,32 +223,38 @@ class Evidence:
 
     @cached_property
     def along(self) -> dict[str, Array]:
-        """Integrals over the cable at frames: velocity, place (k, 2), spin (k,), energies (k, 3)."""
-        given = self.given
+        """Integrals over the cable at frames: velocity, points (k, 2), spin (k,), energies (k, 3)."""
+        data = self.data
 
         def densities(x: Side) -> Array:
-            spin = cross(x.place, x.velocity)
-            kinetic = 0.5 * given.rho * np.sum(x.velocity**2, axis=1)
-            strain = (self.elastic(x) ** 2 - x.T_static**2) / (2.0 * given.EA)
-            weight = -given.rho * given.gravity * x.place[:, 1]
-            return np.stack([*x.velocity.T, *x.place.T, spin, kinetic, weight, strain], axis=1)
+            """Integrands (m, 8) at the nodes of a side."""
+            spin = cross(x.points, x.velocity)
+            kinetic = 0.5 * data.rho * np.sum(x.velocity**2, axis=1)
+            strain = (self.elastic(x) ** 2 - x.T_static**2) / (2.0 * data.EA)
+            weight = -data.rho * data.gravity * x.points[:, 1]
+            return np.stack([*x.velocity.T, *x.points.T, spin, kinetic, weight, strain], axis=1)
 
-        found = np.array([sum(simpson(densities(x), x=x.s, axis=0) for x in pair) for pair in self.sides])
-        return {"velocity": found[:, :2], "place": found[:, 2:4], "spin": found[:, 4], "energies": found[:, 5:]}
+        integrals = np.array([sum(simpson(densities(x), x=x.s, axis=0) for x in pair) for pair in self.sides])
+        return {
+            "velocity": integrals[:, :2],
+            "points": integrals[:, 2:4],
+            "spin": integrals[:, 4],
+            "energies": integrals[:, 5:],
+        }
 
     def elastic(self, x: Side) -> Array:
         """Tension of a side without that of internal damping, EA tau deps/dt (m,)."""
-        if not self.given.tau or x.s.size < 3:
+        if not self.data.tau or x.s.size < 3:
             return x.T
         rate = np.interp(x.s, 0.5 * (x.s[1:] + x.s[:-1]), x.lengthening / np.diff(x.s))
-        return x.T - self.given.EA * self.given.tau * rate
+        return x.T - self.data.EA * self.data.tau * rate
 
     @cached_property
     def layer(self) -> Array:
         """Power lost in the thin layer behind a car that grips, ds_o [N]^2/(2 EA) (n,)."""
         r = self.r
-        jump = np.nan_to_num(r.T_ahead - r.T_behind) if self.given.tau else np.zeros(r.t.size)
-        return self.travel_speed * jump**2 / (2.0 * self.given.EA)
+        jump = np.nan_to_num(r.T_ahead - r.T_behind) if self.data.tau else np.zeros(r.t.size)
+        return self.travel_speed * jump**2 / (2.0 * self.data.EA)
 
     # --- energy --------------------------------------------------------------------------------------------
 
@@ -252,13 +262,13 @@ class Evidence:
     def energies(self) -> Array:
         """Kinetic, potential, strain (k, 3) [J]; W = (N^2 - T^2)/(2 EA)."""
         r = self.r
-        given = self.given
-        of_mass = [0.5 * given.mass * np.sum(r.velocity**2, axis=1), -given.weight * r.y, np.zeros(r.t.size)]
+        data = self.data
+        of_mass = [0.5 * data.mass * np.sum(r.velocity**2, axis=1), -data.weight * r.y, np.zeros(r.t.size)]
         return self.at(self.t, np.stack(of_mass, axis=1)) + self.along["energies"]
 
     @property
     def work(self) -> float:
-        return self.given.weight * self.r.max_deflection
+        return self.data.weight * self.r.max_deflection
 
     @cached_property
     def powers(self) -> dict[str, Array]:
@@ -267,11 +277,11 @@ class Evidence:
         Damping: by the run's kinetic energy; a law checks it.
         """
         r = self.r
-        drive = self.given.drive
-        of_mass = 0.5 * self.given.mass * np.sum(r.velocity**2, axis=1)
+        drive = self.data.drive
+        of_mass = 0.5 * self.data.mass * np.sum(r.velocity**2, axis=1)
         lost = {"lost_viscous": -2.0 * self.damping * (r.kinetic - of_mass)} if self.damping else {}
         if r.drive == "grip":
-            if self.given.tau:  # what `internal_losses` checks
+            if self.data.tau:  # what `internal_losses` checks
                 lost["lost_internal"] = r.powers.get("lost_internal", np.zeros(r.t.size))
             return {"grip": self.grip(r.T_behind, r.T_ahead) + self.layer, **lost}
         mean = 0.5 * (r.slope_behind + r.slope_ahead)

@@ -14,7 +14,7 @@ Other columns are ignored.
 
 import csv
 import math
-from collections.abc import Callable, Container, Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
@@ -25,15 +25,15 @@ from cablefem.response import Array, MassPath, Response, write_csv
 from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.agreement import Agreement, Bound, Part, nothing
-from validation.core.ladder import Ladder, response
+from validation.core.ladder import Distance, Ladder, response
 from validation.core.measures import WINDOW, NotComparable, Window
 from validation.core.rows import event_of
 from validation.core.scene_data import si_factor
 from validation.core.store import Refused
 
 WITH_TOL = 5e-3  # of the largest deflection, allowed beside our own bar
-LEAST_ROWS = 5  # in the window
-TRAVEL_TOLERANCE = 5e-3  # of l: programs may round the place to a node
+MIN_ROWS = 5  # in the window
+TRAVEL_TOLERANCE = 5e-3  # of l: programs may round the position to a node
 _ENDINGS = "the name of a column tells its unit and direction, as t_ms, s_o_over_l, v_mm, v_up"
 _UNITS = {"s": ("s", "ms"), "m": ("m", "mm", "km"), "m/s": ("km/h",), "N": ("N", "kN")}  # SI: others beside it
 _COLUMNS = {
@@ -196,13 +196,7 @@ def _columns(scene: Scene, given: dict[str, Array], rows: Sequence[str]) -> dict
             raise Refused(f"a free ride needs t, s_o or x, and v or y; it has {', '.join(given)}")
     elif scene.groups.motion is None:
         raise Refused(f"scene {scene.name} has no travelling mass: there is no path to compare")
-    clock, unit = ("t", "s") if "t" in given else ("s_o", "m")
-    for i in np.flatnonzero(np.diff(given[clock]) <= 0.0)[:1]:
-        before, after = given[clock][i : i + 2]
-        raise Refused(
-            f"{rows[i + 1]}: {clock} = {after:.6g} {unit} does not come after {before:.6g} {unit} in {rows[i]}; "
-            f"{clock} must increase"
-        )
+    _refuse_unordered("t" if "t" in given else "s_o", given, rows)
     x = _placed(scene, given)
     rest = {"x": scene.catenary.x(x["s_o"]), "y": scene.catenary.y(x["s_o"])}
     for moved, at in (("u", "x"), ("v", "y")):
@@ -212,6 +206,19 @@ def _columns(scene: Scene, given: dict[str, Array], rows: Sequence[str]) -> dict
             x[moved] = x[at] - rest[at]
     _enough(x["s_o"] / scene.length, *measures.WINDOWS[scene.drive.mode])
     return x
+
+
+def _refuse_unordered(name: str, given: dict[str, Array], rows: Sequence[str]) -> None:
+    """Raise Refused at the first row where the column t or s_o does not increase."""
+    late = np.flatnonzero(np.diff(given[name]) <= 0.0)
+    if late.size:
+        i = late[0]
+        unit = _COLUMNS[name]
+        before, after = given[name][i : i + 2]
+        raise Refused(
+            f"{rows[i + 1]}: {name} = {after:.6g} {unit} does not come after {before:.6g} {unit} in {rows[i]}; "
+            f"{name} must increase"
+        )
 
 
 def _placed(scene: Scene, given: dict[str, Array]) -> dict[str, Array]:
@@ -228,14 +235,14 @@ def _placed(scene: Scene, given: dict[str, Array]) -> dict[str, Array]:
     if "t" not in x:
         _on_cable(x["s_o"], float(x["s_o"][-1]), l)
         x["t"] = tau * motion.times_at(np.clip(x["s_o"] / l, motion.start_position, motion.end))
-    place = motion.position(x["t"] / tau)
+    position = motion.position(x["t"] / tau)
     # the scene's mass stays at the end
-    off = np.abs(np.minimum(x.setdefault("s_o", l * place) / l, motion.end) - place)
+    off = np.abs(np.minimum(x.setdefault("s_o", l * position) / l, motion.end) - position)
     if "t" in given and off.max() > TRAVEL_TOLERANCE:
         i = int(np.argmax(off))
         raise Refused(
             f"t and s_o are not the scene's travel: at t = {x['t'][i]:.6g} s it has s_o/l = {x['s_o'][i] / l:.4g}, "
-            f"the scene {place[i]:.4g}; {_ENDINGS}"
+            f"the scene {position[i]:.4g}; {_ENDINGS}"
         )
     on_the_way = x["t"] <= tau * motion.phases[-1][1] * (1.0 + 1e-9)
     return {k: a[on_the_way] for k, a in x.items()}
@@ -246,14 +253,14 @@ def _on_cable(s_o: Array, last: float, l: float) -> None:
         raise Refused(f"s_o runs from {s_o[0]:.6g} to {s_o[-1]:.6g} m on a cable of {l:.6g} m; {_ENDINGS}")
 
 
-def _enough(place: Array, low: float, high: float) -> None:
+def _enough(position: Array, low: float, high: float) -> None:
     """Refuse places s_o/l of which too few lie in the window."""
-    within = int(np.count_nonzero((place >= low) & (place <= high * (1.0 + 1e-12))))
-    if within < LEAST_ROWS:
-        covers = f"s_o/l = {place[0]:.4g} to {place[-1]:.4g}" if place.size else "no time of the travel"
+    within = int(np.count_nonzero((position >= low) & (position <= high * (1.0 + 1e-12))))
+    if within < MIN_ROWS:
+        covers = f"s_o/l = {position[0]:.4g} to {position[-1]:.4g}" if position.size else "no time of the travel"
         raise Refused(
             f"{within} rows in s_o/l = {low:g} to {high:g}, where paths are compared; "
-            f"{LEAST_ROWS} are needed (it covers {covers})"
+            f"{MIN_ROWS} are needed (it covers {covers})"
         )
 
 
@@ -305,9 +312,6 @@ def mass_tension_gap(a: Any, b: Any, window: Window, H: float) -> float:
     return measures.series_gap(a, b, window, lambda r: np.stack([r.T_behind, r.T_ahead], axis=1) / (math.sqrt(2.0) * H))
 
 
-Apart = Callable[[Any, Any], float]
-
-
 def rows(path: ForeignPath | Response, ours: Ladder, window: Window, with_tol: float) -> Iterator[Agreement]:
     """Compare a foreign path with a run; allowed is our bar plus `with_tol`.  It must cover the window."""
     along, upright = ("x", "y") if ours.run.drive == "free" else ("u", "v")
@@ -326,20 +330,20 @@ def rows(path: ForeignPath | Response, ours: Ladder, window: Window, with_tol: f
         return
     short = _short(path, run, window)
     found = []
-    for name, (apart, components) in _measures(path, run, part, of_path).items():
-        bars = Part(run.method, ours.bar(response, apart), "its error bar"), Part(f"allowed to {party}", with_tol)
+    for name, (distance, components) in _measures(path, run, part, of_path).items():
+        bars = Part(run.method, ours.bar(response, distance), "its error bar"), Part(f"allowed to {party}", with_tol)
         bound = Bound("our error bar", bars, f"of {components}")
         if short:
             bound = nothing(f"{party} covers {short}; there {bound.value:.2g} would be allowed")
-        found.append(Agreement(name, apart(path, run), bound, where if name == "path_max" else None, party))
+        found.append(Agreement(name, distance(path, run), bound, where if name == "path_max" else None, party))
     yield from found
 
 
 def _measures(
     path: ForeignPath | Response, run: Response, part: Window, of_path: str
-) -> dict[str, tuple[Apart, str]]:  # fmt: skip
+) -> dict[str, tuple[Distance, str]]:  # fmt: skip
     """Comparable quantities, path first: a distance of two answers, and its components, `of_path` of the path."""
-    found: dict[str, tuple[Apart, str]] = {
+    found: dict[str, tuple[Distance, str]] = {
         "path_max": (lambda a, b: measures.path_gap(a, b, part)[0], of_path),
         "path_rms": (lambda a, b: measures.path_gap(a, b, part)[1], of_path),
     }

@@ -16,6 +16,7 @@ from validation.core.measures import NotComparable
 from validation.core.order import error_bar
 from validation.core.view import View
 
+ROUNDING = 1e-12  # of the scale of any quantity
 Of = Callable[[Response], Any]
 Distance = Callable[[Any, Any], Any]  # distance of two values
 
@@ -36,19 +37,19 @@ class Branch:
     ratios: tuple[float, ...]  # times coarser than the run before
     order: float  # nominal, of the path
 
-    def bar(self, finest: Response, of: Of, apart: Distance, order: float) -> Any:
+    def bar(self, finest: Response, of: Of, distance: Distance, order: float) -> Any:
         """The bar of the finest run in this direction; infinite without a half."""
         if not self.runs:
             return math.inf
         try:
             half = of(self.runs[0])
-            change = apart(of(finest), half)
+            change = distance(of(finest), half)
         except NotComparable:
             return math.inf
         change_before = 0.0
         for quarter in self.runs[1:2]:
             with contextlib.suppress(NotComparable):
-                change_before = apart(half, of(quarter))
+                change_before = distance(half, of(quarter))
         change_before = np.nan_to_num(change_before, nan=0.0, posinf=0.0)
         return error_bar(change, change_before, self.ratios, min(self.order, order))
 
@@ -83,17 +84,17 @@ class Ladder:
 
         return replace(self, space=covering(self.space), time=covering(self.time))
 
-    def parts(self, of: Of, apart: Distance = largest, order: float = math.inf) -> tuple[Any, Any]:
+    def parts(self, of: Of, distance: Distance = largest, order: float = math.inf) -> tuple[Any, Any]:
         """The parts of `bar` in space and time."""
-        return self.space.bar(self.finest, of, apart, order), self.time.bar(self.finest, of, apart, order)
+        return self.space.bar(self.finest, of, distance, order), self.time.bar(self.finest, of, distance, order)
 
-    def bar(self, of: Of, apart: Distance = largest, order: float = math.inf) -> Any:
+    def bar(self, of: Of, distance: Distance = largest, order: float = math.inf) -> Any:
         """The error bar of a functional of the finest run.
 
         of : a number or series;  apart : a distance, an array for a bar of each value.
         order : the most credited, if less than the path's.
         """
-        return sum(self.parts(of, apart, order))
+        return sum(self.parts(of, distance, order))
 
     def unanimous(self, of: Of) -> float:
         """The bar of a yes or no: 0 if all runs answer alike, else infinite."""

@@ -29,9 +29,9 @@ DOWN = np.array([0.0, 1.0])
 
 @dataclass(frozen=True, slots=True)
 class Defect:
-    """Defect of a law at places s_o/l (nan without a place)."""
+    """Defect of a law at positions s_o/l (nan: anywhere)."""
 
-    place: Array  # (k,)
+    s_o: Array  # (k,)
     value: Array  # (k, c)
 
     @property
@@ -58,19 +58,19 @@ def hold(
     for name, law in LAWS.items():
         if not law.concerns(case):
             continue
-        found = law.defect(case)
+        defect = law.defect(case)
         gap = math.nan
         bar = math.inf
         parts = (math.nan, 0.0)
         at = math.nan
-        if found.place.size and np.isfinite(found.value).all():
-            space, time, sampling = _bars(law, found, ladder, known, sparse)
+        if defect.s_o.size and np.isfinite(defect.value).all():
+            space, time, sampling = _bars(law, defect, ladder, known, sparse)
             bars = space + time + sampling
-            worst = int((found.rms / bars).argmax())
-            gap = float(found.rms[worst])
+            worst = int((defect.rms / bars).argmax())
+            gap = float(defect.rms[worst])
             parts = (float(space[worst]), float(time[worst]))
             bar = float(bars[worst]) if np.isfinite(bars[worst]) else math.inf
-            at = float(found.place[np.abs(found.value[:, worst]).argmax()])
+            at = float(defect.s_o[np.abs(defect.value[:, worst]).argmax()])
         yield Agreement(
             law.of, gap, Bound("law", (Part(finest.method, bar, "coarser runs and sampling"),)),
             where=None if math.isnan(at) else at, law="" if name == law.of else name, required=tolerance(law.asks),
@@ -79,18 +79,18 @@ def hold(
 
 
 def _bars(
-    law: Law, found: Defect, ladder: Any, known: dict[int, Evidence], sparse: tuple[Evidence, Evidence]
+    law: Law, defect: Defect, ladder: Any, known: dict[int, Evidence], sparse: tuple[Evidence, Evidence]
 ) -> tuple[Array, Array, Array]:
     """Bars (c,) of a defect in space and time, and of sampling, which a finer run does not lessen."""
     half, quarter = (law.defect(x).value for x in sparse)
-    sampling = ROUNDING + error_bar(_rms_apart(found.value, half), _rms_apart(half, quarter), (2.0, 2.0), FIRST)
-    defects = {key: (found if law.exact else law.defect(x)).value for key, x in known.items()}
-    space, time = ladder.parts(lambda x: defects[id(x)], _rms_apart, FIRST)
-    space, time = (np.broadcast_to(x, found.rms.shape) for x in (space, time))
+    sampling = ROUNDING + error_bar(_rms_distance(defect.value, half), _rms_distance(half, quarter), (2.0, 2.0), FIRST)
+    defects = {key: (defect if law.exact else law.defect(x)).value for key, x in known.items()}
+    space, time = ladder.parts(lambda x: defects[id(x)], _rms_distance, FIRST)
+    space, time = (np.broadcast_to(x, defect.rms.shape) for x in (space, time))
     return space, time, sampling
 
 
-def _rms_apart(a: Array, b: Array) -> Array:
+def _rms_distance(a: Array, b: Array) -> Array:
     known = a.shape == b.shape and np.isfinite(b).all()
     return np.sqrt(np.mean((a - b) ** 2, axis=0)) if known else np.full(a.shape[1], math.inf)
 
@@ -126,7 +126,7 @@ def _rolls(m: Evidence) -> bool:
 
 def _sees_swings(m: Evidence) -> bool:
     between = float(np.diff(m.r.fields.t[m.frames[0] : m.frames[-1] + 1]).max(initial=0.0))
-    return between <= OFTEN * m.r.length * math.sqrt(m.given.rho / m.r.horizontal_tension)
+    return between <= OFTEN * m.r.length * math.sqrt(m.data.rho / m.r.horizontal_tension)
 
 
 def _off_supports(m: Evidence) -> bool:
@@ -157,14 +157,14 @@ def _at_frames(m: Evidence, value: Array) -> Defect:
     return Defect(m.r.fields.s_o[m.frames] / m.r.length, value.reshape(m.frames.size, -1))
 
 
-def _over_frames(m: Evidence, kept: Array, scale: float, t: Array | None = None) -> Defect:
+def _over_frames(m: Evidence, conserved: Array, scale: float, t: Array | None = None) -> Defect:
     """Change of a conserved quantity (k, c) over each window, over a scale."""
     at = np.interp(m.windows.frames if t is None else t, m.r.t, m.r.s_o) / m.r.length
-    return Defect(0.5 * (at[1:] + at[:-1]), np.diff(kept, axis=0) / scale)
+    return Defect(0.5 * (at[1:] + at[:-1]), np.diff(conserved, axis=0) / scale)
 
 
-def _over_steps(m: Evidence, kept: Array, scale: float) -> Defect:
-    return _over_frames(m, m.at(m.windows.steps, kept), scale, m.windows.steps)
+def _over_steps(m: Evidence, conserved: Array, scale: float) -> Defect:
+    return _over_frames(m, m.at(m.windows.steps, conserved), scale, m.windows.steps)
 
 
 # --- the cable at rest -----------------------------------------------------------------------------
@@ -174,16 +174,16 @@ def _over_steps(m: Evidence, kept: Array, scale: float) -> Defect:
 def ends_at_rest(m: Evidence) -> Defect:
     """The cable ends at its supports; over the span."""
     f = m.r.fields
-    given = m.given
-    return _static(*(np.array([f.x[0], f.y[0], f.x[-1] - given.span, f.y[-1] - given.drop]) / given.span))
+    data = m.data
+    return _static(*(np.array([f.x[0], f.y[0], f.x[-1] - data.span, f.y[-1] - data.drop]) / data.span))
 
 
 @_law(exact=True)
 def length_at_rest(m: Evidence) -> Defect:
     """Stations measure arc length up to the length asked for (heat, ice: unstretched); over it."""
     s = m.r.fields.s
-    name, value = m.given.prescribed
-    strain = CubicSpline(s, m.r.fields.T_static / m.given.EA).integrate(s[0], s[-1]) / s[-1]
+    name, value = m.data.prescribed
+    strain = CubicSpline(s, m.r.fields.T_static / m.data.EA).integrate(s[0], s[-1]) / s[-1]
     length = {"length": value, "unstretched": value * (1.0 + strain)}.get(name, m.r.length)
     counted = float(np.abs(np.cumsum(_arcs(m.curve(s))) - s[1:]).max())
     return _static(*(np.array([s[0], counted, m.r.length - s[-1], s[-1] - length]) / s[-1]))
@@ -192,14 +192,14 @@ def length_at_rest(m: Evidence) -> Defect:
 @_law(exact=True)
 def shape_at_rest(m: Evidence) -> Defect:
     """Sag or horizontal tension as asked for; over itself."""
-    name, value = m.given.prescribed
+    name, value = m.data.prescribed
     f = m.r.fields
     if name == "sag":
-        below = CubicSpline(f.s, f.y - m.given.drop / m.given.span * f.x)
-        found = max([0.0, *below(below.derivative().roots(extrapolate=False)).tolist()])
+        below = CubicSpline(f.s, f.y - m.data.drop / m.data.span * f.x)
+        hung = max([0.0, *below(below.derivative().roots(extrapolate=False)).tolist()])
     else:
-        found = m.r.horizontal_tension if name == "horizontal_tension" else value
-    return _static(found / value - 1.0)
+        hung = m.r.horizontal_tension if name == "horizontal_tension" else value
+    return _static(hung / value - 1.0)
 
 
 @_law(exact=True)
@@ -207,7 +207,7 @@ def forces_at_rest(m: Evidence) -> Defect:
     """T x' = H, over H; T y' falls by rho g per metre, over rho g l."""
     s = m.r.fields.s
     H = m.r.horizontal_tension
-    weight = m.given.rho * m.given.gravity
+    weight = m.data.rho * m.data.gravity
     force = m.r.fields.T_static[:, None] * m.curve(s, 1)
     falls = force[0, 1] - force[:, 1] - weight * s
     return _static(np.abs(force[:, 0] - H).max() / H, np.abs(falls).max() / (weight * s[-1]))
@@ -220,8 +220,8 @@ def forces_at_rest(m: Evidence) -> Defect:
 def travel(m: Evidence) -> Defect:
     """s_o(t) is the travel of the TOML; over the length."""
     r = m.r
-    law = m.given.travel
-    drive = m.given.drive
+    law = m.data.travel
+    drive = m.data.drive
     l = m.r.fields.s[-1]
     t = r.t[m.inside]
     s = r.s_o[m.inside]
@@ -229,10 +229,10 @@ def travel(m: Evidence) -> Defect:
     if law["kind"] == "table":
         stop = min(t[-1], law.get("stop", {}).get("time", math.inf))
         off = [0.0]
-        for (a, b), place in zip(pairwise(law["times"]), law["positions"][1:], strict=True):
+        for (a, b), position in zip(pairwise(law["times"]), law["positions"][1:], strict=True):
             piece = (r.t >= a) & (r.t <= b) & (r.t <= t[-1])
             if piece.sum() >= 4 and t[0] <= b <= stop:
-                off.append(np.polyfit(r.t[piece][-4:] - b, r.s_o[piece][-4:], 3)[-1] - (place + start))
+                off.append(np.polyfit(r.t[piece][-4:] - b, r.s_o[piece][-4:], 3)[-1] - (position + start))
         return _static(float(np.abs(off).max()) / l)
     want = timetable.positions(law, drive, l, t)
     worst = np.argmax(np.abs(s - want))
@@ -242,22 +242,22 @@ def travel(m: Evidence) -> Defect:
 def _crawls(m: Evidence) -> float:
     """Speed [m/s] above `rest_speed` of a stopped car, over its last axial round trip."""
     r = m.r
-    lasts = min(r.t[-1] - r.t[0], m.given.round_trip)
-    way = abs(r.s_o[-1] - np.interp(r.t[-1] - lasts, r.t, r.s_o))
-    return max(0.0, way / lasts - 1.01 * m.given.drive.get("rest_speed", 1e-3)) if lasts else 0.0
+    duration = min(r.t[-1] - r.t[0], m.data.round_trip)
+    distance = abs(r.s_o[-1] - np.interp(r.t[-1] - duration, r.t, r.s_o))
+    return max(0.0, distance / duration - 1.01 * m.data.drive.get("rest_speed", 1e-3)) if duration else 0.0
 
 
 @_law(_rolls, exact=True)
 def drive(m: Evidence) -> Defect:
     """Start, brakes, arrival and thrust are those of the TOML; over length, time, top speed, thrust."""
     r = m.r
-    drive = m.given.drive
+    drive = m.data.drive
     l = m.r.fields.s[-1]
     T = m.r.t[-1]
     times, forces = m.thrust
-    start = timetable.start_position(m.given.travel, drive, l)
+    start = timetable.start_position(m.data.travel, drive, l)
     off = [(r.s_o[0] - start) / l]
-    told = {
+    expected = {
         "release": ("t", T, [drive.get("release", 0.0)]), "thrust_end": ("t", T, times[-1:].tolist()),
         "brake": ("s_o", l, [brake["from"] for brake in drive.get("brake", [])]),
         "arrival": ("s_o", l, [drive.get("end", {}).get("place", 0.99 * l)]),
@@ -267,7 +267,7 @@ def drive(m: Evidence) -> Defect:
         off.append((np.interp(x["t"], r.t, r.s_o) - x["s_o"]) / l)
         speed = _crawls(m) if x["event"] == "stop" else np.interp(x["t"], r.t, r.speed)
         off.append((speed - x["speed"]) / float(r.speed.max()))
-        of, scale, wanted = told.get(x["event"], ("t", 1.0, []))
+        of, scale, wanted = expected.get(x["event"], ("t", 1.0, []))
         off += [min(abs(x[of] - y) for y in wanted) / scale] if wanted else []
     if r.drive == "free" and forces.any():
         smooth = np.abs(r.t[:, None] - times).min(axis=1) > 1e-6 * T
@@ -279,12 +279,12 @@ def drive(m: Evidence) -> Defect:
 def car_at_rest(m: Evidence) -> Defect:
     """A car that rolls begins where the cable at rest holds it, clamped or on its rope; over the largest deflection."""
     r = m.r
-    given = m.given
-    friction = None if r.drive == "free" else given.drive.get("rolling_friction", 0.0)
-    supports = (given.span, given.drop)
-    weights = (given.rho * given.gravity, given.weight)
+    data = m.data
+    friction = None if r.drive == "free" else data.drive.get("rolling_friction", 0.0)
+    supports = (data.span, data.drop)
+    weights = (data.rho * data.gravity, data.weight)
     want = rest.car_position(
-        supports, given.EA, weights[0], r.length, r.horizontal_tension, float(r.s_o[0]), weights[1], friction
+        supports, data.EA, weights[0], r.length, r.horizontal_tension, float(r.s_o[0]), weights[1], friction
     )
     off = np.array([r.x[0], r.y[0]]) - want
     return _static(*(off / r.max_deflection))
@@ -310,9 +310,9 @@ def strain_at_the_mass(m: Evidence) -> Defect:
     f = m.r.fields
     T = CubicSpline(f.s, f.T_static)(r.s_o[k])
     off = []
-    for slope, told in ((r.slope_behind, r.T_behind_pointwise), (r.slope_ahead, r.T_ahead_pointwise)):
-        N = T + m.given.EA * (np.hypot(*slope[k].T) - 1.0)
-        off.append(told[k] - np.where(_carries_none(r, r.t[k]), np.maximum(N, 0.0), N))
+    for slope, stored in ((r.slope_behind, r.T_behind_pointwise), (r.slope_ahead, r.T_ahead_pointwise)):
+        N = T + m.data.EA * (np.hypot(*slope[k].T) - 1.0)
+        off.append(stored[k] - np.where(_carries_none(r, r.t[k]), np.maximum(N, 0.0), N))
     return _static(*(np.abs(np.array(off)).max(axis=1) / r.horizontal_tension))
 
 
@@ -325,14 +325,15 @@ def speed_of_the_mass(m: Evidence) -> Defect:
     )
 
 
-def _of_mass(m: Evidence, pull: Array) -> Defect:
+def _of_mass(m: Evidence, force: Array) -> Defect:
+    """Change of the car's momentum by the force of the rope (n, 2) [N] and all others; over M g times window."""
     r = m.r
-    weight = m.given.weight
-    force = pull + weight * DOWN
+    weight = m.data.weight
+    force = force + weight * DOWN
     if r.drive != "grip":
         mean = r.slope_behind + r.slope_ahead
         force = force + m.thrust_force[:, None] * mean / np.hypot(*mean.T)[:, None] + m.drag
-    return _over_steps(m, m.given.mass * r.velocity - m.impulse(force), weight * m.window_duration)
+    return _over_steps(m, m.data.mass * r.velocity - m.impulse(force), weight * m.window_duration)
 
 
 @_law()
@@ -343,12 +344,12 @@ def momentum_of_the_mass(m: Evidence) -> Defect:
 
 @_law(of="impulse")
 def impulse(m: Evidence) -> Defect:
-    """M (v_2 - v_1) by the pull [ N t - rho ds_o^2 r' ] of both tensions; over M g times window."""
+    """M (v_2 - v_1) by the force [ N t - rho ds_o^2 r' ] of both tensions; over M g times window."""
 
-    def pull(T: Array, slope: Array) -> Array:
-        return (T / np.hypot(*slope.T) - m.given.rho * m.travel_speed**2)[:, None] * slope
+    def force(T: Array, slope: Array) -> Array:
+        return (T / np.hypot(*slope.T) - m.data.rho * m.travel_speed**2)[:, None] * slope
 
-    return _of_mass(m, pull(m.r.T_ahead, m.r.slope_ahead) - pull(m.r.T_behind, m.r.slope_behind))
+    return _of_mass(m, force(m.r.T_ahead, m.r.slope_ahead) - force(m.r.T_behind, m.r.slope_behind))
 
 
 @_law(_rolls)
@@ -358,13 +359,14 @@ def tension_on_both_sides(m: Evidence) -> Defect:
     [N] (1 - rho ds_o^2/EA) = -(mu_r |contact| + brakes) sign(ds_o); at most that for a slow car.
     """
     r = m.r
-    given = m.given
-    jump = (r.T_ahead - r.T_behind) * (1.0 - given.rho * m.travel_speed**2 / given.EA)
-    most = np.sum(m.friction, axis=0)
+    data = m.data
+    jump = (r.T_ahead - r.T_behind) * (1.0 - data.rho * m.travel_speed**2 / data.EA)
+    resistance = np.sum(m.friction, axis=0)
     rolls = np.abs(m.travel_speed) > ROLLS * np.abs(m.travel_speed).max()
-    apart = np.where(rolls, jump + most * np.sign(m.travel_speed), np.sign(jump) * np.maximum(np.abs(jump) - most, 0.0))
-    let_go = r.t >= given.drive.get("release", 0.0)
-    return _over_steps(m, m.impulse(np.where(let_go, apart, 0.0)[:, None]), given.weight * m.window_duration)
+    of_slow = np.sign(jump) * np.maximum(np.abs(jump) - resistance, 0.0)
+    defect = np.where(rolls, jump + resistance * np.sign(m.travel_speed), of_slow)  # (n,)
+    released = r.t >= data.drive.get("release", 0.0)
+    return _over_steps(m, m.impulse(np.where(released, defect, 0.0)[:, None]), data.weight * m.window_duration)
 
 
 # --- the cable, at frames ------------------------------------------------------------------------------
@@ -394,8 +396,8 @@ def slack_onset(m: Evidence) -> Defect:
     """
     r = m.r
     onset = int(np.searchsorted(m.r.t, m.r.slack_since))
-    told = onset < r.t.size and r.s_o[onset] <= m.windows.far * r.length
-    there = r.tension_min[max(0, onset - 2) : onset + 3].min() if told else 0.0
+    reached = onset < r.t.size and r.s_o[onset] <= m.windows.far * r.length
+    there = r.tension_min[max(0, onset - 2) : onset + 3].min() if reached else 0.0
     slack = r.s_o[m.inside & (r.t > 0.0) & (r.tension_min < 0.0)]
     late = min(r.slack_from * r.length, float(r.s_o[m.inside][-1])) - slack[0] if slack.size else 0.0
     late -= 2.0 * float(np.abs(np.diff(r.s_o)).max())
@@ -414,14 +416,14 @@ def fields_at_the_mass(m: Evidence) -> Defect:
 
 def _at_and_up_to(m: Evidence, of: Callable[[Side], Array]) -> tuple[Array, ...]:
     """A field (m,) or (m, c) at the mass, and its gap to the extrapolation from either side; (k, 2 c)."""
-    found = []
+    fields = []
     for pair in m.sides:
-        rows = [(x.s[::way][:3], of(x)[::way][:3]) for x, way in zip(pair, (-1, 1), strict=True)]
+        rows = [(x.s[::order][:3], of(x)[::order][:3]) for x, order in zip(pair, (-1, 1), strict=True)]
         far = _has_room(pair)
-        told = [far * y[0] for _, y in rows]
+        at_mass = [far * y[0] for _, y in rows]
         goes_on = [y[1] + (y[1] - y[2]) * (s[0] - s[1]) / (s[1] - s[2]) if far else 0.0 * y[0] for s, y in rows]
-        found.append((told, np.subtract(told, goes_on)))
-    return tuple(np.reshape(x, (len(found), -1)) for x in zip(*found, strict=True))
+        fields.append((at_mass, np.subtract(at_mass, goes_on)))
+    return tuple(np.reshape(x, (len(fields), -1)) for x in zip(*fields, strict=True))
 
 
 @_law(_off_supports)
@@ -438,8 +440,8 @@ def up_to_the_mass(m: Evidence) -> Defect:
     """Velocity of the cable tends to that at the mass; over its rms."""
     if not np.any(m.t > 0.0):
         return UNSEEN
-    told, off = _at_and_up_to(m, lambda x: x.velocity)
-    size = np.sqrt(np.mean(told**2, axis=0))
+    at_mass, off = _at_and_up_to(m, lambda x: x.velocity)
+    size = np.sqrt(np.mean(at_mass**2, axis=0))
     return _at_frames(m, off / size) if np.all(size > 0.0) else UNSEEN
 
 
@@ -450,9 +452,9 @@ def summed_over_time(m: Evidence) -> Defect:
     tangent = m.curve(f.s, 1)
     sine = np.sin(math.pi / f.s[-1] * f.s)
     w, dw = ((tangent[:, 0] * b - tangent[:, 1] * a) @ sine for a, b in ((f.u, f.v), (f.du, f.dv)))
-    kept = w - CubicSpline(f.t, dw).antiderivative()(f.t)
+    conserved = w - CubicSpline(f.t, dw).antiderivative()(f.t)
     within = dw[m.frames[0] : m.frames[-1] + 1]
-    return _over_frames(m, kept[m.frames, None], math.sqrt(float(np.mean(within**2))) * m.window_duration)
+    return _over_frames(m, conserved[m.frames, None], math.sqrt(float(np.mean(within**2))) * m.window_duration)
 
 
 @_law()
@@ -464,8 +466,8 @@ def stretch(m: Evidence) -> Defect:
         for x in pair:
             steps = np.diff(x.s)
             N = x.T - x.T_static
-            stretched = _arcs(x.place) - steps + m.given.tau * x.lengthening
-            missing = 0.5 * steps * (N[1:] + N[:-1]) - m.given.EA * stretched
+            stretched = _arcs(x.points) - steps + m.data.tau * x.lengthening
+            missing = 0.5 * steps * (N[1:] + N[:-1]) - m.data.EA * stretched
             missing = np.append(0.0, np.cumsum(missing))
             middle = np.searchsorted(x.s, 0.5 * (x.s[0] + x.s[-1]))
             cuts = np.array([0, middle, x.s.size - 1] if x is longer else [0, x.s.size - 1])
@@ -477,29 +479,29 @@ def stretch(m: Evidence) -> Defect:
 def momentum_of_the_cable(m: Evidence) -> Defect:
     """rho int r. ds changes by the impulse of all forces; over total weight times window."""
     r = m.r
-    rho = m.given.rho
-    weight = rho * m.given.gravity * r.fields.s[-1]
+    rho = m.data.rho
+    weight = rho * m.data.gravity * r.fields.s[-1]
     force = r.reaction_left + r.reaction_right + r.contact + weight * DOWN
-    kept = rho * (m.along["velocity"] + m.damping * m.along["place"]) - m.impulse_at_frames(force)
-    return _over_frames(m, kept, (weight + m.given.weight) * m.window_duration)
+    conserved = rho * (m.along["velocity"] + m.damping * m.along["points"]) - m.impulse_at_frames(force)
+    return _over_frames(m, conserved, (weight + m.data.weight) * m.window_duration)
 
 
 @_law()
 def moment_of_momentum(m: Evidence) -> Defect:
     """rho int r x r. ds about the left support changes by the impulse of moments; over weight, span and window."""
     r = m.r
-    given = m.given
+    data = m.data
     t = m.t
-    weight = given.rho * given.gravity
-    right = np.array([given.span, given.drop])
+    weight = data.rho * data.gravity
+    right = np.array([data.span, data.drop])
     moment = cross(right, r.reaction_right) + cross(np.stack([r.x, r.y], axis=1), r.contact)
-    lever = m.along["place"][:, 0]
+    lever = m.along["points"][:, 0]
     moves = m.along["velocity"][:, 0]
     h = np.diff(t)
     own = weight * (0.5 * h * (lever[1:] + lever[:-1]) - h**2 / 12.0 * np.diff(moves))  # by cubics
-    spin = given.rho * (m.along["spin"] + m.damping * m.areal_impulse if m.damping else m.along["spin"])
-    kept = (spin - np.append(0.0, np.cumsum(own)))[:, None] - m.impulse_at_frames(moment[:, None])
-    return _over_frames(m, kept, (weight * r.fields.s[-1] + given.weight) * given.span * m.window_duration)
+    spin = data.rho * (m.along["spin"] + m.damping * m.areal_impulse if m.damping else m.along["spin"])
+    conserved = (spin - np.append(0.0, np.cumsum(own)))[:, None] - m.impulse_at_frames(moment[:, None])
+    return _over_frames(m, conserved, (weight * r.fields.s[-1] + data.weight) * data.span * m.window_duration)
 
 
 # --- energy; all over weight times largest deflection ---------------------------------------------------
@@ -512,18 +514,18 @@ def _summed(powers: dict[str, Array]) -> Array:
 @_law(of="energy")
 def energy(m: Evidence) -> Defect:
     """Energy of cable and mass changes by the work of the drive, until slack: a snapping cable loses some."""
-    kept = m.energies.sum(axis=1)[:, None] - m.impulse_at_frames(_summed(m.powers)[:, None])
-    found = _over_frames(m, kept, m.work)
-    return Defect(found.place, np.where((m.t[1:] <= m.r.slack_since)[:, None], found.value, 0.0))
+    conserved = m.energies.sum(axis=1)[:, None] - m.impulse_at_frames(_summed(m.powers)[:, None])
+    defect = _over_frames(m, conserved, m.work)
+    return Defect(defect.s_o, np.where((m.t[1:] <= m.r.slack_since)[:, None], defect.value, 0.0))
 
 
 @_law(lambda m: bool(np.isfinite(m.r.kinetic).any()))
 def parts_of_the_energy(m: Evidence) -> Defect:
     """Energies are those of the run, and sum to the total."""
     r = m.r
-    told = np.stack([r.kinetic, r.potential, r.strain, r.energy], axis=1)
-    own = np.concatenate([m.energies, m.at(m.t, np.sum(told[:, :3], axis=1)[:, None])], axis=1)
-    return _over_frames(m, m.at(m.t, told) - own, m.work)
+    stored = np.stack([r.kinetic, r.potential, r.strain, r.energy], axis=1)
+    own = np.concatenate([m.energies, m.at(m.t, np.sum(stored[:, :3], axis=1)[:, None])], axis=1)
+    return _over_frames(m, m.at(m.t, stored) - own, m.work)
 
 
 @_law()
@@ -533,11 +535,11 @@ def power(m: Evidence) -> Defect:
     own = m.powers
     if r.drive == "grip":
         own = own | {"grip": m.grip(r.T_behind_pointwise, r.T_ahead_pointwise) + m.layer}
-    apart = [r.power - _summed(own), *(r.powers[name] - own[name] for name in own if name in r.powers)]
-    return _over_steps(m, m.impulse(np.stack(apart, axis=1)), m.work)
+    off = [r.power - _summed(own), *(r.powers[name] - own[name] for name in own if name in r.powers)]
+    return _over_steps(m, m.impulse(np.stack(off, axis=1)), m.work)
 
 
-@_law(lambda m: m.given.tau > 0.0)
+@_law(lambda m: m.data.tau > 0.0)
 def internal_losses(m: Evidence) -> Defect:
     """Internal damping takes EA tau (deps/dt)^2 along the taut cable, and the layer's loss; over its rms."""
     own = m.at(m.t, m.layer[:, None])[:, 0]
@@ -546,15 +548,15 @@ def internal_losses(m: Evidence) -> Defect:
         for x in pair:
             steps = np.diff(x.s)
             long = steps > shortest  # next to the mass a difference quotient is all error
-            own[k] += m.given.EA * m.given.tau * np.sum(x.lengthening[long] ** 2 / steps[long])
-    told = m.at(m.t, m.powers["lost_internal"][:, None])[:, 0]
+            own[k] += m.data.EA * m.data.tau * np.sum(x.lengthening[long] ** 2 / steps[long])
+    stored = m.at(m.t, m.powers["lost_internal"][:, None])[:, 0]
     taut = m.t <= m.r.slack_since
-    return _at_frames(m, np.where(taut, own + told, 0.0) / math.sqrt(float(np.mean(own[taut] ** 2))))
+    return _at_frames(m, np.where(taut, own + stored, 0.0) / math.sqrt(float(np.mean(own[taut] ** 2))))
 
 
-def _arcs(place: Array) -> Array:
+def _arcs(points: Array) -> Array:
     """Arc lengths between nodes (m, 2): chord times 1 + (bend of the tangent)^2/24."""
-    chord = np.diff(place, axis=0)
+    chord = np.diff(points, axis=0)
     length = np.hypot(*chord.T)
     bend = np.gradient(chord / length[:, None], axis=0) if len(chord) > 1 else np.zeros((1, 2))
     return np.asarray(length * (1.0 + np.sum(bend**2, axis=1) / 24.0))

@@ -78,14 +78,15 @@ class LineData:
     def stations(self, i: int | None, on_rope: Mapping[str, float] | None = None) -> list[Station]:
         """Stations at position i, None of the empty line; on_rope : x of cars that a shoe does not carry."""
         stations = [Station(c["name"], c["kind"], c["at"][0], c["at"][1], c) for c in self.contacts]
-        for car in [] if i is None else self.cars:
-            x = (on_rope or {}).get(car["name"])
-            if x is None and self.saddle(car, i or 0) is None:
-                x = self.x(car, i or 0)
-            if x is not None:
-                kind = "hauled" if car["hauled"] else "grips"
-                stations.append(Station(car["name"], kind, x, math.nan, car, car["mass"] * self.gravity))
+        if i is not None:
+            hanging = {car["name"]: self.x(car, i) for car in self.cars if self.saddle(car, i) is None}
+            hanging.update(on_rope or {})
+            stations += [self._on_rope(car, hanging[car["name"]]) for car in self.cars if car["name"] in hanging]
         return sorted(stations, key=lambda station: station.x)
+
+    def _on_rope(self, car: dict[str, Any], x: float) -> Station:
+        kind = "hauled" if car["hauled"] else "grips"
+        return Station(car["name"], kind, x, math.nan, car, car["mass"] * self.gravity)
 
 
 class Rope:
@@ -560,17 +561,22 @@ def _page(gaps: Gaps, page: str, summary: dict[str, Any], words: Mapping[str, Ma
         else:
             row[label] = cell
     for number in summary["design"]:
-        where = number["quantity"]
-        kind, _, of = where.partition(":")
-        name = kind if kind in words and not of else _kind(where)
+        kind, _, of = number["quantity"].partition(":")
+        name = kind if kind in words and not of else _kind(kind)
         row = table.get(words[name]["words"].format(of), {})
-        column = "smallest" if kind.endswith("_min") and row.get("smallest") != "the same" else "largest"
-        parts = re.fullmatch(r"(-?\d+\.(\d+)) ?([a-zA-Z°]*)(?: \((.*)\))?", row.get(column, ""))
-        if parts is None:
-            gaps.note("page", where, math.inf)
-            continue
-        value, decimals, unit, at = parts.groups()
-        factor = si_factor(unit, number["unit"])
-        gaps.compare("page", where, float(value) * factor, number["value"], 0.51 * factor * 10.0 ** -len(decimals))
-        cars = ", ".join(f"{name} {x:.0f}" for name, x in number["at"].items())
-        gaps.compare("page, cars", where, at or cars, cars)
+        same = row.get("smallest") == "the same"
+        _shown(gaps, number, row.get("smallest" if kind.endswith("_min") and not same else "largest", ""))
+
+
+def _shown(gaps: Gaps, number: dict[str, Any], text: str) -> None:
+    """Note the gap of a design number to its text in the page's table, and whether the cars are named with it."""
+    where = number["quantity"]
+    parts = re.fullmatch(r"(-?\d+\.(\d+)) ?([a-zA-Z°]*)(?: \((.*)\))?", text)
+    if parts is None:
+        gaps.note("page", where, math.inf)
+        return
+    value, decimals, unit, at = parts.groups()
+    factor = si_factor(unit, number["unit"])
+    gaps.compare("page", where, float(value) * factor, number["value"], 0.51 * factor * 10.0 ** -len(decimals))
+    cars = ", ".join(f"{name} {x:.0f}" for name, x in number["at"].items())
+    gaps.compare("page, cars", where, at or cars, cars)

@@ -39,12 +39,12 @@ def valid_until(*runs: Response) -> float:
     return min(min(float(r.t[-1]), r.slack_since) for r in runs)
 
 
-def extremes_within(r: Response, twin: Response | None) -> tuple[float, float]:
+def extremes_within(r: Response, counterpart: Response | None) -> tuple[float, float]:
     """Times [s] between which extremes are taken: in the window, as far as both runs go.
 
     A rolling car begins in equilibrium, so that its start counts.
     """
-    end = valid_until(r, twin or r)
+    end = valid_until(r, counterpart or r)
     if r.drive == "free":
         return float(r.t[0]), end
     low, high = (float(np.interp(limit * r.length, r.s_o, r.t)) for limit in WINDOWS[r.drive])
@@ -141,26 +141,30 @@ def series_gap(
         raise NotComparable(f"{coarse.method} has no step in the window {window}")
     t = coarse.t[within & (coarse.t <= fine.t[-1])]
     known = [_known(r, of) for r in (coarse, fine)]
-    if min(times.size for times, _ in known) < 4:
-        raise NotComparable("one of the answers does not say it")
-    # the same times in all runs, none past the window
-    last = min(t[-1], *(times[-1] for times, _ in known))
-    first = max(times[0] for times, _ in known)
-    if not last > first:
-        raise NotComparable("both answers say it at one instant")
+    first, last = _common_span(t, *(times for times, _ in known))
     t = t[(t >= first) & (t <= last)]
     low = np.clip(t - 0.5 * axial, first, last)
     high = np.clip(t + 0.5 * axial, first, last)
-
-    def sampled(r: Response, times: Array, values: Array) -> Array:
+    samples = []
+    for r, (times, values) in zip((coarse, fine), known, strict=True):
         end = np.searchsorted(times, last) + 1
         if axial:
-            return averaged(times[:end], values[:end], low, high, r.breaks)
-        return _spline(times[:end], values[:end], [event["t"] for event in r.events], low)
-
-    gap = sampled(coarse, *known[0]) - sampled(fine, *known[1])  # (n, c)
-    squares = np.sum(gap**2, axis=1)
+            samples.append(averaged(times[:end], values[:end], low, high, r.breaks))
+        else:
+            samples.append(_spline(times[:end], values[:end], [event["t"] for event in r.events], low))
+    squares = np.sum((samples[0] - samples[1]) ** 2, axis=1)  # of (n, c)
     return float(np.sqrt(squares.max() if largest else _over_time(t, squares)))
+
+
+def _common_span(t: Array, *known: Array) -> tuple[float, float]:
+    """First and last time that all answers have, none past the last of t; known : their times."""
+    if min(times.size for times in known) < 4:
+        raise NotComparable("one of the answers does not say it")
+    first = float(max(times[0] for times in known))
+    last = float(min(t[-1], *(times[-1] for times in known)))
+    if not last > first:
+        raise NotComparable("both answers say it at one instant")
+    return first, last
 
 
 def _known(r: Response, of: Callable[[Response], Array]) -> tuple[Array, Array]:

@@ -33,9 +33,9 @@ class Setting:
         except (TypeError, ValueError):
             word = "an integer" if kind is int else "a number"
             raise ValueError(f"{name} must be {word}, got {value!r}") from None
-        least, largest = self.allowed
-        if not least <= number <= largest:
-            raise ValueError(f"{name} must lie in [{least:g}, {largest:g}], got {value!r}")
+        smallest, largest = self.allowed
+        if not smallest <= number <= largest:
+            raise ValueError(f"{name} must lie in [{smallest:g}, {largest:g}], got {value!r}")
         return number
 
 
@@ -159,7 +159,7 @@ class Method:
     def value(self, settings: dict[str, Any]) -> int:
         return settings[self.resolution.setting]
 
-    def told(self, settings: dict[str, Any]) -> dict[str, Any]:
+    def main_settings(self, settings: dict[str, Any]) -> dict[str, Any]:
         return {k: settings[k] for k in (self.resolution.setting, "steps")}
 
     def refusal(self, groups: Groups, model: str = "full") -> str:
@@ -331,8 +331,8 @@ def pair(groups: Groups) -> tuple[str, ...]:
 def refined(method: Method, settings: dict[str, Any], *, space: float = 1.0, time: float = 1.0) -> dict[str, Any]:
     """Settings at `space` times the resolution, `time` times the steps."""
     out = dict(settings)
-    least = method.knobs[method.resolution.setting].allowed[0]
+    smallest = method.knobs[method.resolution.setting].allowed[0]
     if space != 1.0:
-        out[method.resolution.setting] = max(least, method.resolution.nearest(method.value(settings), space))
+        out[method.resolution.setting] = max(smallest, method.resolution.nearest(method.value(settings), space))
     out["steps"] = max(2, round(settings["steps"] * time))
     return out

@@ -24,13 +24,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
-from validation.core.scene_data import Array, deepest, ice_mass, mean_around, si_factor
+from validation.core.scene_data import ROUNDING, Array, deepest, ice_mass, mean_around, si_factor
 
 Faults = Iterator[str]
 Run = dict[str, Any]  # stored arrays of a method by name, its TOML as "scene", its numbers as "rest"
 Row = dict[str, Any]  # of a JSON file
 
-ROUNDING = 1e-9  # of a column's largest value
 SINGLE = 1e-6  # of single precision
 FRAMES = 5  # of an animation that are read
 POINTS = 201  # of profile.csv
@@ -110,15 +109,15 @@ def shows(text: str, value: float | None, unit: str = "", *, bar: float | None =
     if value is None or not math.isfinite(value):
         return text in ("–", "-")
     match = _VALUE.fullmatch(text)
-    if match is None:
+    factor = math.nan if match is None else si_factor(match[3] or "", unit)
+    if match is None or math.isnan(factor):
         return False
-    factor = si_factor(match[3] or "", unit)
     printed = [_real(number) for number in match.group(1, 2) if number]
     expected = [value / factor]
     if printed == [0.0] and abs(expected[0]) < ROUNDING:
         return True
-    digit = _magnitude(value / factor) - digits + 1 if math.isfinite(factor) else 0
-    if bar and ROUNDING * abs(value) <= bar < math.inf and math.isfinite(factor):
+    digit = _magnitude(value / factor) - digits + 1
+    if bar and ROUNDING * abs(value) <= bar < math.inf:
         expected.append(bar / factor)
         digit = _magnitude(bar / factor) - 1
     return len(printed) == len(expected) and np.allclose(printed, expected, rtol=0.0, atol=0.501 * 10.0**digit)
@@ -561,15 +560,21 @@ def limit_faults(rows: Sequence[Row], scene: Row, design: Sequence[Row], events:
         name = next(key for key in words if re.fullmatch(words[key][0].format(".*"), row["demand"]))
         if [row["side"], row["unit"]] != words[name][1:3]:
             yield f"{row['demand']}: {row['side']} in {row['unit']}"
-        own = row["source"] == "the scene"
-        rules = [rule for x in shipped["text"].values() for rule in x["limit"] if _is_rule(rule, name, row, x, scene)]
-        if not (given.get(name) == row["limit"] if own else rules):
+        if row["source"] == "the scene":
+            known = given.get(name) == row["limit"]
+        else:
+            known = _has_rule(shipped["text"].values(), name, row, scene)
+        if not known:
             yield f"{row['demand']}: {row['limit']} is not the limit of {row['source']}"
         yield from _wrong_verdict(name, row, scene, design, events)
     sources = [row["source"] for row in rows]
     for name in given.get("use", []):
         if not any(source.startswith(shipped["text"][name]["source"]) for source in sources):
             yield f"{name}: none of its limits is printed"
+
+
+def _has_rule(texts: Iterable[Row], name: str, row: Row, scene: Row) -> bool:
+    return any(_is_rule(rule, name, row, text, scene) for text in texts for rule in text["limit"])
 
 
 def _is_rule(rule: Row, name: str, row: Row, text: Row, scene: Row) -> bool:
@@ -594,10 +599,11 @@ def _wrong_verdict(name: str, row: Row, scene: Row, design: Sequence[Row], event
         return
     if abs(value - row["value"]) > ROUNDING * abs(value) + ROUNDING:
         yield f"{row['demand']}: {row['value']} where {value} follows"
-    bar = math.inf if row["bar"] is None else row["bar"]
-    low, high = sorted([row["limit"], value])
-    verdict = "met" if (row["side"] == "at least") == (high == value) or low == high else "not met"
-    if high - low < bar or math.isinf(bar):
+    margin = value - row["limit"]
+    if row["side"] != "at least":
+        margin = -margin
+    verdict = "met" if margin >= 0.0 else "not met"
+    if row["bar"] is None or abs(margin) < row["bar"]:
         verdict = "too close to tell"
     if row["verdict"] != verdict:
         yield f"{row['demand']}: {row['verdict']} where {verdict} follows"
@@ -607,37 +613,45 @@ def _limit_value(
     name: str, row: Row, scene: Row, design: Sequence[Row], events: Sequence[Row]
 ) -> float | None:  # fmt: skip
     """The value of a demand; None where it is unknown."""
-    values: dict[str, dict[str, float]] = {}  # by kind, then by obstacle or contact
+    values: Values = {}
     for number in design:
         if number["value"] is not None:
             kind, _, of = number["quantity"].partition(":")
             values.setdefault(kind, {})[of] = number["value"]
-    limits = scene["limits"]
     if name == "clearance":
         return _clearance(row, values, scene)
     if name == "arrival_speed":
         return next((x["speed"] for x in events if x["event"] in ("brake", "arrival")), None)
-    last = scene["contact"][-2]["name"] if "contact" in scene else ""
     if name in NUMBERS:
-        found = dict(values.get(NUMBERS[name], {}))
-        if name.startswith("knee_l"):
-            found = {of: x for of, x in found.items() if (of == last) is (name == "knee_last")}
-        extreme = min if name == "knee_empty" else max
-        return extreme(found.values(), default=None)
-    if name not in RATIOS:
-        return None
+        return _extreme(name, values.get(NUMBERS[name], {}), scene)
+    return _ratio(name, values, scene) if name in RATIOS else None
+
+
+Values = dict[str, dict[str, float]]  # numbers by kind, then by obstacle or contact
+
+
+def _extreme(name: str, numbers: dict[str, float], scene: Row) -> float | None:
+    """The number of a demand; of knees under load, of the last contact before the end or of the others."""
+    last = scene["contact"][-2]["name"] if "contact" in scene else ""
+    if name.startswith("knee_l"):
+        numbers = {of: x for of, x in numbers.items() if (of == last) is (name == "knee_last")}
+    extreme = min if name == "knee_empty" else max
+    return extreme(numbers.values(), default=None)
+
+
+def _ratio(name: str, values: Values, scene: Row) -> float | None:
+    """The ratio of two numbers that a demand names; breaking load and wheels are those of the scene."""
     if "breaking_load" in scene["cable"]:
         values["breaking_load"] = {"": scene["cable"]["breaking_load"]}
     above, below = (values.get(kind, {}).values() for kind in RATIOS[name])
-    if not above or not below:
+    wheels = scene["limits"].get("wheels") if name == "tension_over_wheel" else 1.0
+    if not above or not below or wheels is None:
         return None
-    ratio = min(above) / max(below)
-    if name == "tension_over_wheel":
-        return ratio * limits["wheels"] if "wheels" in limits else None
+    ratio = wheels * min(above) / max(below)
     return ratio - 1.0 if name == "sag_growth" else ratio
 
 
-def _clearance(row: Row, values: dict[str, dict[str, float]], scene: Row) -> float | None:
+def _clearance(row: Row, values: Values, scene: Row) -> float | None:
     name = row["demand"].removeprefix(OVER)
     if _kinds(scene).get(name) is None and row["source"] != "the scene":
         return None

@@ -29,36 +29,42 @@ def _row(r: Response, quantity: str, law: str, gap: float, allowed: float, where
     )
 
 
-def rows(r: Response, twin: Response | None = None, outcome: tuple[str, str] | None = None) -> Iterator[Agreement]:
+def rows(
+    r: Response, counterpart: Response | None = None, outcome: tuple[str, str] | None = None
+) -> Iterator[Agreement]:
     """Check design numbers, errors of path and tension, and an outcome's kind and sentence."""
-    yield from design(r, twin)
-    if twin is not None:
-        yield from errors(r, twin)
+    yield from design(r, counterpart)
+    if counterpart is not None:
+        yield from errors(r, counterpart)
     if outcome is not None:
-        yield ending(r, twin, *outcome)
+        yield ending(r, counterpart, *outcome)
 
 
-def design(r: Response, twin: Response | None = None) -> Iterator[Agreement]:
+def design(r: Response, counterpart: Response | None = None) -> Iterator[Agreement]:
     """Check design numbers against a second computation, in the range of both runs."""
-    readings = Readings(r, twin)
+    readings = Readings(r, counterpart)
     for row in r.design:
         quantity = row["quantity"]
-        where = None if row["s_o"] is None else row["s_o"] / r.length
-        for name, bar, law in (("value", "bar", ""), ("peak", "bar_peak", " peak")):
-            if law and row.get(name) is None:
-                continue
-            if not readings.knows(quantity):
-                yield Agreement("design", math.nan, nothing("printed without a second computation"), law=quantity)
-                continue
-            right = readings.of(quantity, raw=bool(law))
-            if row[name] is None or right is None:
-                gap = 0.0 if row[name] is right else 1.0
-                allowed = ROUNDING
+        names = [("value", "bar", "")]
+        if row.get("peak") is not None:
+            names.append(("peak", "bar_peak", " peak"))
+        for name, bar, law in names:
+            if readings.knows(quantity):
+                yield _of_number(r, row, name, bar, readings.of(quantity, raw=bool(law)), quantity + law)
             else:
-                size = abs(right) or 1.0
-                gap = abs(row[name] - right) / size
-                allowed = (row[bar] or 0.0) / size + ROUNDING
-            yield _row(r, "design", quantity + law, gap, allowed, where)
+                yield Agreement("design", math.nan, nothing("printed without a second computation"), law=quantity)
+
+
+def _of_number(
+    r: Response, row: dict[str, Any], name: str, bar: str, right: float | None, law: str
+) -> Agreement:  # fmt: skip
+    """The row of a printed number or peak, of that name in `row`, against the right one."""
+    where = None if row["s_o"] is None else row["s_o"] / r.length
+    if row[name] is None or right is None:
+        return _row(r, "design", law, 0.0 if row[name] is right else 1.0, ROUNDING, where)
+    size = abs(right) or 1.0
+    allowed = (row[bar] or 0.0) / size + ROUNDING
+    return _row(r, "design", law, abs(row[name] - right) / size, allowed, where)
 
 
 FROM_TOML = ("sag_car_rest", "acceleration_max", "deceleration_max")
@@ -69,14 +75,14 @@ FORCES = ("tension", "reaction", "contact", "haul_force", "angle")  # felt as me
 class Readings:
     """Second computations of design numbers from stored fields, path and TOML."""
 
-    def __init__(self, r: Response, twin: Response | None) -> None:
+    def __init__(self, r: Response, counterpart: Response | None) -> None:
         self.r = r
-        self.given = SceneData(r.scene_toml, r.length)
-        self.signals = _signals(r, self.given)
-        self.span = extremes_within(r, twin)
-        self.until = valid_until(r, twin or r)
+        self.data = SceneData(r.scene_toml, r.length)
+        self.signals = _signals(r, self.data)
+        self.span = extremes_within(r, counterpart)
+        self.until = valid_until(r, counterpart or r)
         # obstacles and ground: points (n, 2), x and depth [m]
-        scene = self.given.scene
+        scene = self.data.scene
         self.profiles = {o["name"]: np.array([[o["at"], o["top"]]], float) for o in scene.get("obstacle", [])}
         if scene.get("ground"):
             self.profiles["the ground"] = np.array(scene["ground"], float)
@@ -85,6 +91,7 @@ class Readings:
         return self.signals.get(kind) or self.signals.get(kind.removesuffix("_max").removesuffix("_min"))
 
     def knows(self, quantity: str) -> bool:
+        """Whether a quantity has a second computation."""
         kind, _, name = quantity.partition(":")
         if name:
             return kind in ("clearance_rope_min", "clearance_car_min") and name in self.profiles
@@ -99,16 +106,20 @@ class Readings:
         if name:
             return self._clearance(kind == "clearance_car_min", self.profiles[name])
         if kind == "sag_car_rest":
-            return _sag_at_rest(self.r, self.given)
+            return _sag_at_rest(self.r, self.data)
         if kind in FROM_TOML:
-            rates = timetable.accelerations(self.given.travel, self.given.drive, self.r.length)
+            rates = timetable.accelerations(self.data.travel, self.data.drive, self.r.length)
             return max(0.0, *(rates if kind == "acceleration_max" else -rates))
         if kind == "safety_factor_min":
-            tension = self.of("tension_max")
-            return None if tension is None else self.given.cable["breaking_load"] / tension
+            tension = self._extreme("tension_max", raw=False)
+            return None if tension is None else self.data.cable["breaking_load"] / tension
+        return self._extreme(kind, raw)
+
+    def _extreme(self, kind: str, raw: bool) -> float | None:
+        """Smallest or largest value of a signal over the span; None where nothing is known."""
         signals = self._signal(kind)
         assert signals is not None
-        period = 0.0 if raw or not kind.startswith(FORCES) else self.given.round_trip
+        period = 0.0 if raw or not kind.startswith(FORCES) else self.data.round_trip
         values = np.concatenate([_means(t, v, self.span, period).ravel() for t, v in signals if t.size])
         if not values.size:
             return None
@@ -125,22 +136,22 @@ class Readings:
             y = np.append(f.y + f.v[k], np.interp(f.s_o[k], f.s, f.y) + f.mass_v[k])
             order = np.argsort(x)
             heights.append(_height(profile, x[order], y[order]))
-        below = self.given.scene["mass"].get("below", 0.0) if car else 0.0
+        below = self.data.scene["mass"].get("below", 0.0) if car else 0.0
         return min(heights) - below if math.isfinite(min(heights)) else None
 
 
-def _sag_at_rest(r: Response, given: SceneData) -> float:
+def _sag_at_rest(r: Response, data: SceneData) -> float:
     """Largest depth below the chord of a car at rest: a parabola through the largest of some places."""
-    friction = given.drive.get("rolling_friction", 0.0) if r.drive == "haul" else None
+    friction = data.drive.get("rolling_friction", 0.0) if r.drive == "haul" else None
     s_o = r.length * np.linspace(0.02, 0.98, 49)
-    weight = given.rho * given.gravity
-    supports = (given.span, given.drop)
+    weight = data.rho * data.gravity
+    supports = (data.span, data.drop)
     points = [
-        car_position(supports, given.EA, weight, r.length, r.horizontal_tension, float(s), given.weight, friction)
+        car_position(supports, data.EA, weight, r.length, r.horizontal_tension, float(s), data.weight, friction)
         for s in s_o
     ]
     x, y = np.array(points).T
-    sag = y - x * given.drop / given.span
+    sag = y - x * data.drop / data.span
     k = int(np.clip(np.nanargmax(sag), 1, s_o.size - 2))
     a, b, c = np.polyfit(x[k - 1 : k + 2], sag[k - 1 : k + 2], 2)
     return float(c - b * b / (4.0 * a))
@@ -154,10 +165,10 @@ def _height(profile: Array, x: Array, y: Array) -> float:
     return float(min(at_vertices.min(initial=math.inf), at_points.min()))
 
 
-def _signals(r: Response, given: SceneData) -> dict[str, Signals]:
+def _signals(r: Response, data: SceneData) -> dict[str, Signals]:
     """Signals of each kind of design number."""
     f = r.fields
-    tilt = math.degrees(math.atan(given.blown(2) / (given.rho * given.gravity)))
+    tilt = math.degrees(math.atan(data.blown(2) / (data.rho * data.gravity)))
     at_steps = {
         "wind_tilt": np.full(r.t.shape, tilt),
         "contact": _contact(r),
@@ -165,7 +176,7 @@ def _signals(r: Response, given: SceneData) -> dict[str, Signals]:
         "haul_force_min": r.F_haul,
         "mass_deflection": r.v,
         "mass_deepest": r.y,
-        "sag_car": r.y - r.x * given.drop / given.span,
+        "sag_car": r.y - r.x * data.drop / data.span,
         "speed": _speed(r),
     }
     tensions = [(r.t, r.T_behind), (r.t, r.T_ahead), (f.t, f.T)]
@@ -220,37 +231,37 @@ def _means_of_frames(t: Array, v: Array, period: float) -> Array:
 # --- errors of path and tension -----------------------------------------------------------------------------------
 
 
-def errors(r: Response, twin: Response) -> Iterator[Agreement]:
+def errors(r: Response, counterpart: Response) -> Iterator[Agreement]:
     """Check that path_error and tension_error are at least the distance to the other solver."""
-    if r.error_window is None or twin.error_window is None or r.path_error is None:
+    if r.error_window is None or counterpart.error_window is None or r.path_error is None:
         return
-    window = max(r.error_window[0], twin.error_window[0]), min(r.error_window[1], twin.error_window[1])
-    distances = [_path_distance(r, twin, window, k) for k in (3, 5)]
+    window = max(r.error_window[0], counterpart.error_window[0]), min(r.error_window[1], counterpart.error_window[1])
+    distances = [_path_distance(r, counterpart, window, k) for k in (3, 5)]
     allowed = abs(distances[1] - distances[0]) + ROUNDING
     yield _row(r, "design", "path_error", max(0.0, distances[0] - r.path_error), allowed)
     if r.tension_error is not None:
-        missing = max(0.0, _tension_distance(r, twin, window) - r.tension_error)
+        missing = max(0.0, _tension_distance(r, counterpart, window) - r.tension_error)
         yield _row(r, "design", "tension_error", missing, ROUNDING)
 
 
-def _path_distance(r: Response, twin: Response, window: tuple[float, float], k: int) -> float:
+def _path_distance(r: Response, counterpart: Response, window: tuple[float, float], k: int) -> float:
     """Largest distance of the car in two runs, at the steps of the coarser one, over the scale of the path."""
-    coarse, fine = sorted((r, twin), key=lambda x: x.t.size)
-    place = coarse.s_o / coarse.length
-    rows = (place >= window[0]) & (place <= window[1] * (1.0 + ROUNDING)) & (coarse.t <= fine.t[-1])
+    coarse, fine = sorted((r, counterpart), key=lambda x: x.t.size)
+    position = coarse.s_o / coarse.length
+    rows = (position >= window[0]) & (position <= window[1] * (1.0 + ROUNDING)) & (coarse.t <= fine.t[-1])
     names = ("x", "y") if r.drive == "free" else ("u", "v")
-    apart = [
+    offset = [
         getattr(coarse, name)[rows] - make_interp_spline(fine.t, getattr(fine, name), k=k)(coarse.t[rows])
         for name in names
     ]
-    scale = max(0.1 * x.length if x.drive == "free" else x.max_deflection for x in (r, twin))
-    return float(np.sqrt(apart[0] ** 2 + apart[1] ** 2).max(initial=0.0)) / scale
+    scale = max(0.1 * x.length if x.drive == "free" else x.max_deflection for x in (r, counterpart))
+    return float(np.sqrt(offset[0] ** 2 + offset[1] ** 2).max(initial=0.0)) / scale
 
 
-def _tension_distance(r: Response, twin: Response, window: tuple[float, float]) -> float:
+def _tension_distance(r: Response, counterpart: Response, window: tuple[float, float]) -> float:
     """Rms distance of the tensions at common frames, off the car, over H."""
     a = r.fields
-    b = twin.fields
+    b = counterpart.fields
     axis = "t" if r.drive == "free" else "s_o"
     marks = getattr(b, axis)
     squares = [np.empty(0)]
@@ -279,6 +290,7 @@ class Ending:
     parts: list[str] = field(default_factory=list)
 
     def fits(self, kind: str, sentence: str) -> bool:
+        """Whether a printed outcome has this kind, these numbers to the last digit, and these parts."""
         text = sentence.split(": ", 2)[-1] if kind == "breaks" else sentence
         parts = [part for part in text.split("; ") if part.startswith(("would hit", "too close"))]
         printed = [float(x) for x in re.findall(r"-?\d+\.\d+", sentence)]
@@ -289,13 +301,13 @@ class Ending:
         return not np.any(np.abs(np.subtract(printed, self.numbers)) > DIGIT)
 
 
-def ending(r: Response, twin: Response | None, kind: str, sentence: str) -> Agreement:
+def ending(r: Response, counterpart: Response | None, kind: str, sentence: str) -> Agreement:
     """Check an outcome against the last event, the TOML's brakes and travel, breaking load and clearances."""
-    readings = Readings(r, twin)
+    readings = Readings(r, counterpart)
     if r.status != "complete" and r.slack_onset is None:
         right = Ending("incomplete", [float(r.s_o[-1]), float(r.t[-1])])
     elif r.drive == "free":
-        right = _end_of_ride(r, readings.given.drive)
+        right = _end_of_ride(r, readings.data.drive)
     else:
         right = _end_of_travel(r, readings)
     bars = {row["quantity"]: row["bar"] or 0.0 for row in r.design}
@@ -328,11 +340,11 @@ def _end_of_ride(r: Response, drive: dict[str, Any]) -> Ending:
 
 def _end_of_travel(r: Response, readings: Readings) -> Ending:
     """The end of a prescribed travel, by the TOML."""
-    given = readings.given
+    data = readings.data
     hauled = r.drive == "haul"
-    start = timetable.start_position(given.travel, given.drive, r.length)
-    end = given.drive.get("end", {}).get("place", 0.99 * r.length) if hauled else r.length
-    last, duration = _travelled(given, r.length, start, end)
+    start = timetable.start_position(data.travel, data.drive, r.length)
+    end = data.drive.get("end", {}).get("place", 0.99 * r.length) if hauled else r.length
+    last, duration = _travelled(data, r.length, start, end)
     # a law and a design number judge the onset itself; here its text is compared
     slack = [] if r.slack_onset is None else [r.slack_onset * r.length]
     if last < 0.999 * end:
@@ -341,16 +353,16 @@ def _end_of_travel(r: Response, readings: Readings) -> Ending:
     return Ending("crossed", [*ends, duration, *slack])
 
 
-def _travelled(given: SceneData, length: float, start: float, end: float) -> tuple[float, float]:
+def _travelled(data: SceneData, length: float, start: float, end: float) -> tuple[float, float]:
     """End [m] and duration [s] of a travel; nan where a table does not say it."""
-    law = given.travel
+    law = data.travel
     if law["kind"] == "table":
         last = min(end, law["positions"][-1] + start)
         known = last < end and "stop" not in law
         return last, law["times"][-1] if known else math.nan
 
     def s_o(t: float) -> float:
-        return float(timetable.positions(law, given.drive, length, np.array([t]))[0])
+        return float(timetable.positions(law, data.drive, length, np.array([t]))[0])
 
     late = 1.0
     while s_o(late) < end and s_o(2.0 * late) > s_o(late):
@@ -358,7 +370,7 @@ def _travelled(given: SceneData, length: float, start: float, end: float) -> tup
     last = min(end, s_o(late))
     near = start + (1.0 - ROUNDING) * (last - start)  # a car comes to rest slowly
     duration = float(brentq(lambda t: s_o(t) - near, 0.0, late))
-    limit = given.drive.get("end", {}).get("time", math.inf)
+    limit = data.drive.get("end", {}).get("time", math.inf)
     return (last, duration) if duration <= limit else (s_o(limit), limit)
 
 
@@ -387,7 +399,7 @@ def _break(right: Ending, readings: Readings, bar: float) -> None:
     factor = readings.of("safety_factor_min")
     assert factor is not None
     if factor + bar < 1.0:
-        load = readings.given.cable["breaking_load"] / 1e3
+        load = readings.data.cable["breaking_load"] / 1e3
         right.kind = "breaks"
         right.numbers = [load / factor, load, *right.numbers]
     elif factor - bar < 1.0:
@@ -416,19 +428,19 @@ STATICS = 1e-5  # of the energy: interpolation of the cable at rest
 def _unexplained(m: Evidence) -> Array:
     """Energy at frames (k,) beyond that at the start and the work since, over the scale."""
     r = m.r
-    given = m.given
+    data = m.data
     speed = _speed(r)[:, None]
-    car = 0.5 * given.mass * speed[:, 0] ** 2 - given.weight * r.y
+    car = 0.5 * data.mass * speed[:, 0] ** 2 - data.weight * r.y
     energy = np.interp(m.t, r.t, car) + m.along["energies"][:, 1:].sum(axis=1)  # without the rope's motion
     along = np.divide(r.velocity, speed, out=np.zeros_like(r.velocity), where=speed > 0.0)  # the path (n, 2)
-    pressed = given.mass * (r.acceleration - [0.0, given.gravity]) - m.drag  # force of the rope on the car (n, 2)
+    pressed = data.mass * (r.acceleration - [0.0, data.gravity]) - m.drag  # force of the rope on the car (n, 2)
     normal = np.abs(cross(along, pressed))
     stretch = 0.5 * (np.hypot(*r.slope_behind.T) + np.hypot(*r.slope_ahead.T))
-    friction = -given.drive.get("rolling_friction", 0.0) * normal * stretch * np.abs(m.travel_speed)
+    friction = -data.drive.get("rolling_friction", 0.0) * normal * stretch * np.abs(m.travel_speed)
     powers = m.powers | {"friction": friction}
     if r.drive == "free":  # thrust acts along the path
         powers["thrust"] = m.thrust_force * speed[:, 0] * np.sign(m.travel_speed)
     power = np.sum([*powers.values()], axis=0)
     work = np.interp(m.t, r.t, integral(r.t, power[:, None], r.jumps)[:, 0])
     unexplained = energy - work
-    return np.asarray((unexplained - unexplained[0]) / (given.weight * np.ptp(r.y)))
+    return np.asarray((unexplained - unexplained[0]) / (data.weight * np.ptp(r.y)))

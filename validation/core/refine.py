@@ -6,11 +6,13 @@ from dataclasses import replace
 from itertools import pairwise, product
 from typing import Any
 
+import numpy as np
+
 from cablefem.newmark import scheme
 from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.core import measures
-from validation.core.ladder import Branch, Goal, Ladder, response
+from validation.core.ladder import ROUNDING, Branch, Goal, Ladder, response
 from validation.core.measures import SLACK_END, NotComparable
 from validation.core.methods import Method, find
 from validation.core.order import FIRST, MIN_ORDER
@@ -25,9 +27,8 @@ MAX_STEPS = 64_000
 MAX_SIZE = 2e6  # steps times resolution, about 0.5 GB
 BUDGET = 1.2e6  # work (see `exceeds_budget`) of the finest run of a ladder, which takes 30 to 60 s
 AIM = 0.8  # planned bar over its target
-FINER = (1.0, 1.25, 1.5, 1.75, 2.0)  # refinements of space in one step of planning; larger ones may cost too much
-SHORTER = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0)  # of time; orders do not hold further
-ROUNDING = 1e-12  # of the path's scale
+FINER = np.linspace(1.0, 2.0, 5).tolist()  # refinements of space in one step of planning; larger ones may cost too much
+SHORTER = np.linspace(1.0, 4.0, 7).tolist()  # of time; orders do not hold further
 
 # Affordable steps do not resolve axial waves, so the rule damps them.
 SHARP = {"scheme": "radau"}  # of order 5; elements take a fraction of the steps
@@ -42,7 +43,7 @@ class TooCoarse(RuntimeError):
     def __init__(self, ladder: Ladder, bar: float, tol: float) -> None:
         run = ladder.run
         reached = f"an error bar of {bar:.2g}" if math.isfinite(bar) else "no end of the window"
-        settings = ", ".join(f"{key} = {value}" for key, value in find(run.method).told(run.settings).items())
+        settings = ", ".join(f"{key} = {value}" for key, value in find(run.method).main_settings(run.settings).items())
         super().__init__(
             f"{run.method} reaches {reached} with {settings}, not the {tol:g} asked for; loosen the tolerance or "
             "take another method (cablefem advise)"

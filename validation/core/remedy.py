@@ -74,6 +74,7 @@ def _remedy(
     for change in _changes(both[0]):
 
         def rms(x: float, change: Change = change) -> float:
+            """Rms gap of the changed path to our run; FAR where it is none."""
             try:
                 changed = change.of(path, scene, x)
                 if changed.u is None:

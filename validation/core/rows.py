@@ -14,7 +14,7 @@ from cablefem.response import Array, Flag, Response
 from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.agreement import DEFAULT_TOL, FACTOR_DISAGREE, Agreement, Bound, Part, finite, nothing
-from validation.core.ladder import Distance, Goal, Ladder, Of, largest, response
+from validation.core.ladder import ROUNDING, Distance, Goal, Ladder, Of, largest, response
 from validation.core.measures import SLACK_END, NotComparable
 from validation.core.methods import METHODS
 from validation.core.order import FIRST
@@ -28,7 +28,6 @@ Event = dict[str, Any]
 TENSION = 10.0  # force tolerance over path tolerance: forces are first order, paths second
 REST = 0.05  # tolerance of all else
 VELOCITY = 0.10  # tolerance of summed velocity against displacement
-ROUNDING = 1e-12  # of every scale
 AXIAL_MEAN = "mean over an axial round trip"
 ALONG = "along the cable"
 EVENTS = ("brake", "arrival", "back", "stop", "turn")  # both answers must have the first of each
@@ -63,6 +62,7 @@ def _series(*names: str, over: str, mean: bool = False, largest: bool = False) -
     """The gap of series of a response, over a scale of the view; mean : over an axial round trip."""
 
     def gap(x: Response, y: Response, view: View) -> float:
+        """Distance of the series of two runs."""
         scale = getattr(view, over)
         if over == "top" and not scale:  # of a ride
             scale = float(y.speed.max())
@@ -175,7 +175,7 @@ def force_goal(scene: Scene, ladder: Ladder, tol: float) -> Goal:
     over = ladder.over(view)
     for quantity in TABLE:
         if quantity.asks == "force" and quantity.concerns(view) and _has(quantity, over.finest, view):
-            parts = over.parts(response, partial(_apart, quantity, view))
+            parts = over.parts(response, partial(_distance, quantity, view))
             worst = max(worst, Goal(parts, required, FIRST), key=lambda goal: goal.excess)
     return worst
 
@@ -188,13 +188,13 @@ def _has(quantity: Quantity, r: Response, view: View) -> bool:
     return True
 
 
-def _apart(quantity: Quantity, view: View, x: Response, y: Response) -> float:
+def _distance(quantity: Quantity, view: View, x: Response, y: Response) -> float:
     return quantity.gap(y, x, view)
 
 
 def _row(quantity: Quantity, a: Ladder, b: Ladder, view: View, required: float) -> Agreement:
     try:
-        row = _compared(quantity.name, a, b, required, response, partial(_apart, quantity, view), quantity.order)
+        row = _compared(quantity.name, a, b, required, response, partial(_distance, quantity, view), quantity.order)
     except NotComparable as why:
         return Agreement(quantity.name, math.nan, nothing(why), law=quantity.law)
     where = measures.path_gap(a.finest, b.finest, view.window)[2] if quantity.name == "path_max" else None
@@ -202,10 +202,10 @@ def _row(quantity: Quantity, a: Ladder, b: Ladder, view: View, required: float) 
 
 
 def _compared(
-    name: str, a: Ladder, b: Ladder, required: float, of: Of, apart: Distance = largest, order: float = 1.0
+    name: str, a: Ladder, b: Ladder, required: float, of: Of, distance: Distance = largest, order: float = 1.0
 ) -> Agreement:
-    gap = apart(of(b.finest), of(a.finest))
-    return _barred(name, gap, a, b, [x.parts(of, apart, order) for x in (a, b)], required)
+    gap = distance(of(b.finest), of(a.finest))
+    return _barred(name, gap, a, b, [x.parts(of, distance, order) for x in (a, b)], required)
 
 
 def _barred(
@@ -327,6 +327,7 @@ def _slack_onset(a: Ladder, b: Ladder, full: View, required: float) -> Agreement
     first = min(end, a.finest.slack_from, b.finest.slack_from)
 
     def passes(r: Response) -> float:
+        """Ordinate at which the falling curve of a run meets the slope of 1 through the onset."""
         position = np.maximum.accumulate(r.s_o) / full.length  # (n,)
         tension = r.tension_min / full.H
         slack = position >= r.slack_from
@@ -384,7 +385,7 @@ def recheck_outputs(scene: Scene, a: Response, b: Response) -> Iterator[Agreemen
     from validation.core.answers import outcome
 
     pairs = (a, b), (b, a)
-    return _worse_of(row for r, twin in pairs for row in recomputed.rows(r, twin, outcome(scene, r)))
+    return _worse_of(row for r, counterpart in pairs for row in recomputed.rows(r, counterpart, outcome(scene, r)))
 
 
 def _worse_of(rows: Iterable[Agreement]) -> Iterator[Agreement]:

@@ -48,7 +48,7 @@ def run(
 
 
 class Run:
-    """One method on one scene, marched as far as asked, and further when asked again.
+    """One method on one scene, marched up to a position, and later further.
 
     method, settings : a name from `METHODS` and changes to its defaults.
     model : "full", "stretching", "sagged" or "string"; load : "mass" or "force".
@@ -64,13 +64,8 @@ class Run:
         self, scene: Scene, method: str | Method, *, model: str = "full", load: str = "mass", law: str = "auto",
         frames: int = FRAMES, **settings: Any,
     ) -> None:  # fmt: skip
-        if law not in ("elastic", "tension-only", "auto"):
-            raise ValueError(f"law must be elastic, tension-only or auto, got {law!r}")
-        if not (isinstance(frames, int) and 2 <= frames <= MOST_FRAMES):
-            raise ValueError(f"frames must be a whole number from 2 to {MOST_FRAMES}, got {frames!r}")
         groups = scene.groups
-        if groups.motion is None and groups.drive.mode != "free":
-            raise ValueError(f"scene {scene.name!r} has no travelling mass: only its frequencies can be computed")
+        _refuse(scene, law, frames)
         self.scene = scene
         self.method = find(method) if isinstance(method, str) else method
         self.frames = frames
@@ -82,9 +77,8 @@ class Run:
             settings["scheme"], newmark_gamma=settings["newmark_gamma"], rho_inf=settings["rho_inf"]
         )
         self.switches = law == "auto" and self.scheme.implicit
-        solver = self.method.build(
-            groups, settings, model=model, load=load, law="tension-only" if law == "tension-only" else "elastic"
-        )
+        first_law = "elastic" if law == "auto" else law
+        solver = self.method.build(groups, settings, model=model, load=load, law=first_law)
         if solver.at_support and groups.motion is not None and groups.motion.start_position > 0.0:
             raise ValueError(f"not yet: travel.from with {self.method.name}; take following-p2 or fourier-kink")
         self.times = steps_of(solver, groups, settings)
@@ -114,6 +108,7 @@ class Run:
         return self._seen[1]
 
     def march(self, until: float | None, progress: Progress | None, past: float) -> None:
+        """Compute states to s_o/l = until, once slack `past` further; a failure ends the run with its reason."""
         if until is not None and not until > 0.0:
             raise ValueError(f"until must be a place s_o/l > 0, got {until!r}")
         if self._ended:
@@ -151,7 +146,6 @@ class Run:
     ) -> bool:  # fmt: skip
         """Append states up to the end, `until` or, if the law switches, the slack onset; return whether it switched."""
         h = self.history
-        t0, t1 = (solver.phases[0][0], solver.phases[-1][1])
         start = h.states[-1] if h.states else None
         if start is not None and solver.position(start) >= until:
             return False
@@ -161,31 +155,48 @@ class Run:
             solver, scheme, self.times_to(until), newton=newton, work=h.work, start=start
         ):
             h.states.extend(states)
-            state = states[-1]
-            n = len(h.states)
-            if n % 32 < len(states):
-                progress(max((state.t - t0) / (t1 - t0), solver.position(state) / until))
-            if h.onset is None and n > 1 and solver.min_tension[0] < 0.0:  # only the last state may be slack
-                h.onset = n - 1, solver.min_tension[1]
-                if switch:
-                    return True
-            if free and solver.position(state) >= until:
+            position = solver.position(states[-1])
+            if len(h.states) % 32 < len(states):
+                progress(max(_time_done(solver, states[-1].t), position / until))
+            if self._goes_slack(solver) and switch:
+                return True
+            if free and position >= until:
                 break
         return False
+
+    def _goes_slack(self, solver: Solver) -> bool:
+        """Note the slack onset at the last state, the only one that may be slack; return whether it is the first."""
+        h = self.history
+        tension, s = solver.min_tension
+        first = h.onset is None and len(h.states) > 1 and tension < 0.0
+        if first:
+            h.onset = len(h.states) - 1, s
+        return first
 
     def times_to(self, until: float) -> list[Array]:
         """The step times up to s_o/l = until."""
         if self.scene.groups.motion is None or until >= 1.0:
             return self.times
 
-        def place(t: float, phase: int) -> float:
+        def position(t: float, phase: int) -> float:
             return self.history.solver.position(State(t, _NONE, _NONE, _NONE, phase))
 
-        ends = [bisect.bisect_left(t, until, key=partial(place, phase=k)) for k, t in enumerate(self.times)]
+        ends = [bisect.bisect_left(t, until, key=partial(position, phase=k)) for k, t in enumerate(self.times)]
         return [t[: end + 1] for t, end in zip(self.times, ends, strict=True)]
 
 
+def _refuse(scene: Scene, law: str, frames: int) -> None:
+    """Raise ValueError for arguments of `Run` out of their range, and for a scene without travelling mass."""
+    if law not in ("elastic", "tension-only", "auto"):
+        raise ValueError(f"law must be elastic, tension-only or auto, got {law!r}")
+    if not (isinstance(frames, int) and 2 <= frames <= MOST_FRAMES):
+        raise ValueError(f"frames must be a whole number from 2 to {MOST_FRAMES}, got {frames!r}")
+    if scene.groups.motion is None and scene.drive.mode != "free":
+        raise ValueError(f"scene {scene.name!r} has no travelling mass: only its frequencies can be computed")
+
+
 def steps_of(solver: Solver, groups: Groups, settings: dict[str, Any]) -> list[Array]:
+    """Step times of each phase (n,)."""
     steps = settings["steps"]
     if groups.motion is None:  # rides may last longer
         steps = math.ceil(steps * (solver.phases[-1][1] - solver.phases[0][0]) / groups.drive.nominal)
@@ -193,6 +204,12 @@ def steps_of(solver: Solver, groups: Groups, settings: dict[str, Any]) -> list[A
     if groups.motion is None or groups.motion.end < 1.0:  # ends off the support
         times[-1] = np.append(times[-1], solver.phases[-1][1])
     return times
+
+
+def _time_done(solver: Solver, t: float) -> float:
+    """Fraction of the duration up to t."""
+    begin = solver.phases[0][0]
+    return (t - begin) / (solver.phases[-1][1] - begin)
 
 
 def _cause(error: StepFailure, slack: bool, switched: bool) -> tuple[str, str]:

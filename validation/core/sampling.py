@@ -59,21 +59,21 @@ def finite(h: History) -> States:
     return _rows(states, slice(0, int(np.argmin(sound))))
 
 
-def _ended(h: History, states: States, place: Array) -> dict[str, Any]:
+def _ended(h: History, states: States, position: Array) -> dict[str, Any]:
     onset = _onset(h, states)
     work = ("steps", "rejected", "newton_iterations", "factorisations", "residuals")
     return {
         "status": "complete" if h.failure is None else "incomplete",
-        "slack_onset": None if onset is None else float(place[onset[0]]),
+        "slack_onset": None if onset is None else float(position[onset[0]]),
         "work": {name: getattr(h.work, name) for name in work},
     }
 
 
-def path_in_si(scene: Scene, t: Array, place: Array, w: Array) -> dict[str, Any]:
+def path_in_si(scene: Scene, t: Array, position: Array, w: Array) -> dict[str, Any]:
     """Fields of a `MassPath` from times, s_o and displacements (n, 2)."""
     l = scene.length
     X = scene.catenary
-    s_o = l * place
+    s_o = l * position
     u, v = l * w.T
     return {
         "drive": scene.drive.mode, "length": l, "t": scene.time_scale * t, "s_o": s_o, "x": X.x(s_o) + u,
@@ -120,13 +120,13 @@ def _observed(scene: Scene, h: History, states: States, frames: int, events: lis
     with one_thread():
         at_frames = _between(_around(h, states, t), t) if t.size and n > 1 else _rows(states, slice(0, 0))
         s = np.linspace(0.0, 1.0, STATIONS)
-        seen, steps = _observe(h, states, at_frames, switch, s)
-    result = in_si(scene, seen, steps, s)
-    result["events"] = _events(scene, events, states.t, seen.s_o[steps], result)
+        observed, steps = _observe(h, states, at_frames, switch, s)
+    result = in_si(scene, observed, steps, s)
+    result["events"] = _events(scene, events, states.t, observed.s_o[steps], result)
     return result
 
 
-def in_si(scene: Scene, seen: Observation, steps: NDArray[np.bool_], s: Array) -> dict[str, Any]:
+def in_si(scene: Scene, observed: Observation, steps: NDArray[np.bool_], s: Array) -> dict[str, Any]:
     """Fields of a `Response`; rows are `steps`, or frames with fields at stations s."""
     l = scene.length
     H = scene.horizontal_tension
@@ -137,22 +137,30 @@ def in_si(scene: Scene, seen: Observation, steps: NDArray[np.bool_], s: Array) -
 
     def si(rows: Any, *names: str) -> dict[str, Any]:
         """The named ones, forces if nothing else."""
-        return {name: scale.get(name, H) * getattr(seen, name)[rows] for name in names}
+        return {name: scale.get(name, H) * getattr(observed, name)[rows] for name in names}
 
     x_rest, y_rest = scene.groups.shape(s)
     fields = Fields(
         **si(~steps, "t", "s_o", *_TENSIONS), **si(slice(None), "u", "v", "du", "dv", "T", "T_pointwise"), s=l * s,
-        mass_u=l * seen.path[~steps, 0], mass_v=l * seen.path[~steps, 1], x=l * x_rest, y=l * y_rest,
+        mass_u=l * observed.path[~steps, 0], mass_v=l * observed.path[~steps, 1], x=l * x_rest, y=l * y_rest,
         T_static=H * scene.groups.static(s)[0],
     )  # fmt: skip
+    series = (
+        "slope_behind", "slope_ahead", "energy", "power", "tension_min", "tension_min_at", "reaction_left",
+        "reaction_right", "contact", "kinetic", "strain", "potential", *_TENSIONS,
+    )  # fmt: skip
     return {
-        "scene": scene.name, "scene_toml": scene.to_toml(), "horizontal_tension": H, "fields": fields,
-        **path_in_si(scene, seen.t[steps], seen.s_o[steps], seen.path[steps]),
-        "velocity": l / tau * seen.path_velocity[steps], "acceleration": l / tau**2 * seen.path_acceleration[steps],
-        "F_haul": H * seen.haul[steps], "powers": {name: H * l / tau * x[steps] for name, x in seen.powers.items()},
-        **si(steps, "slope_behind", "slope_ahead", "energy", "power", "tension_min", "tension_min_at",
-             "reaction_left", "reaction_right", "contact", "kinetic", "strain", "potential", *_TENSIONS),
-    }  # fmt: skip
+        "scene": scene.name,
+        "scene_toml": scene.to_toml(),
+        "horizontal_tension": H,
+        "fields": fields,
+        **path_in_si(scene, observed.t[steps], observed.s_o[steps], observed.path[steps]),
+        "velocity": l / tau * observed.path_velocity[steps],
+        "acceleration": l / tau**2 * observed.path_acceleration[steps],
+        "F_haul": H * observed.haul[steps],
+        "powers": {name: H * l / tau * x[steps] for name, x in observed.powers.items()},
+        **si(steps, *series),
+    }
 
 
 def _at(times: Array, t: float) -> int:
@@ -160,22 +168,22 @@ def _at(times: Array, t: float) -> int:
 
 
 def _events(
-    scene: Scene, passed: list[Passed], t: Array, s_o: Array, told: dict[str, Any]
+    scene: Scene, passed: list[Passed], t: Array, s_o: Array, values: dict[str, Any]
 ) -> list[dict[str, Any]]:  # fmt: skip
     """Events of the car without stick-slip, with time [s], place [m] and speed [m/s] of the step next to them."""
     drive = scene.groups.drive
     phases = [("release", drive.release), *[("thrust_end", t) for t, _ in drive.thrust_table[-1:]]]
-    found = [(name, at) for name, at in phases if 0.0 < at <= t[-1]]
+    times = [(name, at) for name, at in phases if 0.0 < at <= t[-1]]
     for e in passed:
         if e.name not in ("standstill", "breaking loose", "brake off", "turn"):
-            found.append((e.name, _stopped(scene, passed, t, s_o, e.t) if e.name == "stop" else e.t))
+            times.append((e.name, _stopped(scene, passed, t, s_o, e.t) if e.name == "stop" else e.t))
     if drive.mode == "free":
-        found += [("turn", x) for x in _turns(t, s_o)]
+        times += [("turn", x) for x in _turns(t, s_o)]
     rows = []
-    for name, at in sorted(found, key=lambda event: event[1]):
+    for name, at in sorted(times, key=lambda event: event[1]):
         i = _at(t, at)
-        speed = 0.0 if name == "stop" else float(np.hypot(*told["velocity"][i]))
-        rows.append({"event": name, "t": float(told["t"][i]), "s_o": float(told["s_o"][i]), "speed": speed})
+        speed = 0.0 if name == "stop" else float(np.hypot(*values["velocity"][i]))
+        rows.append({"event": name, "t": float(values["t"][i]), "s_o": float(values["s_o"][i]), "speed": speed})
     return rows
 
 
@@ -190,16 +198,16 @@ SWING = 1e-3  # of the length: least way back after a turn
 
 
 def _turns(t: Array, s_o: Array) -> Iterator[float]:
-    way = 0.0
+    sense = 0.0
     far = 0
-    for i, place in enumerate(s_o.tolist()):
-        gone = place - s_o[far]
-        if way * gone < -SWING:
+    for i, position in enumerate(s_o.tolist()):
+        gone = position - s_o[far]
+        if sense * gone < -SWING:
             yield float(t[far])
-        if abs(gone) > SWING and way * gone <= 0.0:
-            way = math.copysign(1.0, gone)
+        if abs(gone) > SWING and sense * gone <= 0.0:
+            sense = math.copysign(1.0, gone)
             far = i
-        elif way * gone > 0.0:
+        elif sense * gone > 0.0:
             far = i
 
 

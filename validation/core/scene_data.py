@@ -129,6 +129,7 @@ def _hung(span: float, drop: float, weight: float, name: str, value: float) -> t
     """
 
     def hang(a: float) -> tuple[float, float, float, float]:
+        """Length, sag, and u at the middle and half its range, of the catenary with a = H/weight."""
         half = 0.5 * span / a
         middle = math.asinh(drop / (2.0 * a * math.sinh(half)))
         deepest = math.asinh(drop / span)
@@ -140,7 +141,7 @@ def _hung(span: float, drop: float, weight: float, name: str, value: float) -> t
     if name != "horizontal_tension":
         from scipy.optimize import brentq  # slow to import
 
-        told = 0 if name == "length" else 1
-        a = math.exp(brentq(lambda x: hang(math.exp(x))[told] - value, math.log(0.1 * span), math.log(1e6 * span)))
+        which = 0 if name == "length" else 1
+        a = math.exp(brentq(lambda x: hang(math.exp(x))[which] - value, math.log(0.1 * span), math.log(1e6 * span)))
     length, _, middle, half = hang(a)
     return length, a * weight * (half + 0.5 * math.sinh(2.0 * half) * math.cosh(2.0 * middle)) * a / length

@@ -6,7 +6,7 @@ Forks inherit jobs; results and progress are pickled.
 import multiprocessing
 import os
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, as_completed, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -19,7 +19,7 @@ Progress = Callable[..., None]  # label, fraction done, place reached
 Job = Callable[[Progress], Result]
 
 
-def silent(*told: object) -> None:
+def silent(*progressed: object) -> None:
     """A progress report that does nothing."""
 
 
@@ -39,36 +39,42 @@ def side_by_side(
     queue = multiprocessing.get_context("fork").SimpleQueue()
 
     def work(i: int) -> Result:
-        return jobs[i](lambda *told: queue.put(told))
+        return jobs[i](lambda *progressed: queue.put(progressed))
 
     with _forked(len(jobs), work) as submit:
         futures = [submit(i) for i in range(len(jobs))]
-        left = set(futures)
-        while left:
-            done, left = wait(left, timeout=0.1, return_when=FIRST_COMPLETED)
+        running = set(futures)
+        while running:
+            done, running = wait(running, timeout=0.1, return_when=FIRST_COMPLETED)
             while not queue.empty():
                 report(*queue.get())
-            for future in done:
-                future.result()
-            if done and left and meanwhile is not None:
+            _raise_faults(done)
+            if meanwhile is not None and done and running:
                 meanwhile()
                 meanwhile = None
         return [future.result() for future in futures]
 
 
-def spread(work: Callable[[Item], Result], items: Sequence[Item], told: Callable[[int, Result], None]) -> None:
-    """Call told(i, work(items[i])) for all items, each when it is done."""
+def _raise_faults(done: Iterable[Future]) -> None:
+    for future in done:
+        future.result()
+
+
+def in_parallel(
+    work: Callable[[Item], Result], items: Sequence[Item], on_result: Callable[[int, Result], None]
+) -> None:
+    """Call on_result(i, work(items[i])) for all items, each when it is done."""
     if len(items) < 2 or not _can_fork():
         for i, item in enumerate(items):
-            told(i, work(item))
+            on_result(i, work(item))
         return
     with _forked(min(_cores(), len(items)), lambda i: (i, work(items[i]))) as submit:
         for future in as_completed([submit(i) for i in range(len(items))]):
-            told(*future.result())
+            on_result(*future.result())
 
 
 @contextmanager
-def aside(work: Callable[[], object]) -> Iterator[None]:
+def in_background(work: Callable[[], object]) -> Iterator[None]:
     """Do work in another process while the body runs, or after it without forks."""
     if not _can_fork():
         yield

@@ -43,14 +43,11 @@ def claim(out: Path | None, command: str, scene: Any, writes: Sequence[str]) -> 
     try:
         folder.mkdir(parents=True, exist_ok=True)
         results = _marker(folder).get("results", {})
-        ours = {name for result in results.values() for name in result["writes"]} | ({REPORT} if results else set())
-        strange = [name for name in (*writes, REPORT) if name not in ours and (folder / name).exists()]
-        if strange:
-            raise Refused(f"{folder} holds {strange[0]}, which this version of cablefem did not write; {_REMEDY}")
+        _refuse_strange(folder, results, writes)
         for other, result in list(results.items()):
-            old_scene = other == command and result["scene"] != text
-            shared = other != command and set(result["writes"]) & set(writes)
-            if old_scene or shared:
+            shared = set(writes) & set(result["writes"])
+            outdated = result["scene"] != text if other == command else shared
+            if outdated:
                 _delete(folder, other, results.pop(other))
         before = results.get(command, {"writes": [], "files": []})
         results[command] = {
@@ -63,6 +60,16 @@ def claim(out: Path | None, command: str, scene: Any, writes: Sequence[str]) -> 
     except OSError as error:
         raise Refused(f"cannot write to {folder}: {error.strerror}") from None
     return folder
+
+
+def _refuse_strange(folder: Path, results: dict[str, Any], writes: Sequence[str]) -> None:
+    """Raise Refused if a file or folder of these names is there and of no command's results."""
+    ours = {name for result in results.values() for name in result["writes"]}
+    if results:
+        ours.add(REPORT)
+    for name in (*writes, REPORT):
+        if name not in ours and (folder / name).exists():
+            raise Refused(f"{folder} holds {name}, which this version of cablefem did not write; {_REMEDY}")
 
 
 def _delete(folder: Path, command: str, result: dict[str, Any]) -> None:
@@ -145,7 +152,7 @@ def each_once(
     file: Path, jobs: dict[str, Any], work: Callable[[Any], Any], report: Callable[[float], None]
 ) -> dict[str, Any]:
     """work(job) by key; each result is kept in a file and not computed again."""
-    from validation.core.sidebyside import spread
+    from validation.core.sidebyside import in_parallel
 
     done: dict[str, Any] = {}
     for line in file.read_text(encoding="utf-8").splitlines() if file.exists() else ():
@@ -159,13 +166,14 @@ def each_once(
     with file.open("a", encoding="utf-8") as out:
 
         def keep(i: int, item: Any) -> None:
+            """Append a result to the file."""
             done[missing[i]] = item
             # a line cut off must not swallow this one
             out.write("\n" + json.dumps([missing[i], item], allow_nan=False))
             out.flush()
             report(sum(key in done for key in jobs) / len(jobs))
 
-        spread(lambda key: plain(work(jobs[key])), missing, keep)
+        in_parallel(lambda key: plain(work(jobs[key])), missing, keep)
     return {key: done[key] for key in jobs}
 
 

@@ -56,7 +56,7 @@ def _along(start: float, speed: float, stretches: Stretches, t: Array) -> tuple[
     return s, v
 
 
-def _stretches(law: dict[str, Any], way: float) -> tuple[float, Stretches]:
+def _stretches(law: dict[str, Any], distance: float) -> tuple[float, Stretches]:
     kind = law["kind"]
     if kind == "constant_speed":
         V = law["speed"]
@@ -66,7 +66,7 @@ def _stretches(law: dict[str, Any], way: float) -> tuple[float, Stretches]:
     if kind == "constant_acceleration":
         return law.get("initial_speed", 0.0), [(math.inf, law["acceleration"], 0.0)]
     V = law["top_speed"]
-    thirds = 1.5 * V * V / way  # accelerate_cruise_brake: each takes a third of the way
+    thirds = 1.5 * V * V / distance  # accelerate_cruise_brake: each takes a third of the way
     up = law.get("acceleration", thirds)
     down = law.get("deceleration", thirds)
     jerk = law.get("jerk")
@@ -83,6 +83,6 @@ def _stretches(law: dict[str, Any], way: float) -> tuple[float, Stretches]:
     def both(V: float) -> float:
         return 0.5 * V * sum(duration for a in (up, down) for duration, _, _ in ramp(V, a, 1.0))
 
-    if both(V) > way:
-        V = brentq(lambda V: both(V) - way, 1e-12 * V, V, xtol=1e-14 * V, rtol=1e-15)
-    return 0.0, [*ramp(V, up, 1.0), ((way - both(V)) / V, 0.0, 0.0), *ramp(V, down, -1.0)]
+    if both(V) > distance:
+        V = brentq(lambda V: both(V) - distance, 1e-12 * V, V, xtol=1e-14 * V, rtol=1e-15)
+    return 0.0, [*ramp(V, up, 1.0), ((distance - both(V)) / V, 0.0, 0.0), *ramp(V, down, -1.0)]

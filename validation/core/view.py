@@ -31,6 +31,7 @@ class View:
 
     @classmethod
     def of(cls, scene: Scene) -> View:
+        """The view of a scene, over its whole window."""
         assert scene.mass is not None
         motion = scene.groups.motion
         low, high = WINDOWS[scene.drive.mode]

@@ -95,7 +95,7 @@ class Rung:
     def line(self, asked: dict[str, float]) -> dict[str, Any]:
         r = self.run
         gaps = self.gaps
-        settings = {} if r is None else find(r.method).told(r.settings) | {"scheme": r.settings["scheme"]}
+        settings = {} if r is None else find(r.method).main_settings(r.settings) | {"scheme": r.settings["scheme"]}
         out = {
             "name": self.name, "model": self.model, "load": self.load, "seconds": self.seconds,
             "path_error": gaps["path"], "tension_error": gaps["tension"], "gaps": gaps, "meets": self.within(asked),

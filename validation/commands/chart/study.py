@@ -137,7 +137,7 @@ def ladder(method: Method, shares: Sequence[float] = SAID["shares"]) -> Iterator
     pace = min(2.0, method.keeps_pace)
     for finer in FINER:
         for share in shares:
-            x = method.told(refined(method, settings, space=finer, time=share * finer**pace))
+            x = method.main_settings(refined(method, settings, space=finer, time=share * finer**pace))
             if x not in seen:
                 seen.append(x)
                 yield x
@@ -271,7 +271,7 @@ def _ours(scene: Scene, line: Series, rung: Row, truth: _Truth) -> tuple[Row, fl
         begin = time.process_time()
         r = refine_to_tolerance(scene, line.method, rung["tol"], until=stop_of(scene)).run
         seconds = time.process_time() - begin
-        found = {"bar": r.path_error, "chosen": METHODS[line.method].told(r.settings)}
+        found = {"bar": r.path_error, "chosen": METHODS[line.method].main_settings(r.settings)}
     else:
         r = run(scene, line.method, model=line.model, until=stop_of(scene), **rung)
         found = {}

@@ -135,7 +135,7 @@ def _checked(scene: Any, third: tuple[Any, float] | None, out: Path | None, **as
     from validation.commands.check import study
     from validation.core.answers import write_answers
     from validation.core.methods import CHECKED
-    from validation.core.sidebyside import aside
+    from validation.core.sidebyside import in_background
     from validation.page import report
 
     folder = store.claim(out, "check", scene, ["agreement.json", "scene.toml", "with.csv", *CHECKED])
@@ -149,7 +149,7 @@ def _checked(scene: Any, third: tuple[Any, float] | None, out: Path | None, **as
         result.write(folder)
         progress("writing", 0.3)
         runs = result.a.run, result.b.run
-        with aside(partial(_animate, folder, runs)):
+        with in_background(partial(_animate, folder, runs)):
             report.write(folder, "check")
         for r in runs:
             write_answers(folder / r.method, scene, r)

@@ -13,7 +13,7 @@ from validation.core import measures, store
 from validation.core.ladder import Branch, Ladder
 from validation.core.methods import find, refined
 from validation.core.running import run
-from validation.core.sidebyside import Progress, spread
+from validation.core.sidebyside import Progress, in_parallel
 
 SAID = store.shipped(__package__, "runs.toml")
 
@@ -92,7 +92,7 @@ def all_runs(out: Path, report: Progress, quick: bool = False) -> Runs:
 
     names = list(jobs)
     done = itertools.count(1)
-    spread(lambda name: bool(made(name)), names, lambda i, there: report("runs", next(done) / len(names)))
+    in_parallel(lambda name: bool(made(name)), names, lambda i, there: report("runs", next(done) / len(names)))
     found = {name: made(name) for name in jobs}
     return Runs(known, found, {scene: _reference(found, scene) for scene in SAID["references"]})
 

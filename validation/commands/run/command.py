@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from validation.commands.run import CHOICES, QUASI_STATIC
 from validation.core import store
 from validation.page import options, terminal
 
@@ -14,11 +15,6 @@ if TYPE_CHECKING:
 
 EXAMPLE = "cablefem run zipline --model quasi-static --set mass.mass=40,60,80"
 METHOD = "following-p2"
-QUASI_STATIC = "quasi-static"
-CHOICES = {
-    "model": ("full", "stretching", "sagged", "string", QUASI_STATIC), "load": ("mass", "force"),
-    "law": ("auto", "elastic", "tension-only"),
-}  # fmt: skip
 MODEL = "full, stretching, sagged or string; quasi-static needs no method."
 LAW = "elastic, tension-only, or auto: tension-only from the slack onset on."
 TOL = "Choose resolution and steps for a path error of at most X, of mean forces 10 X."
@@ -82,7 +78,7 @@ def _one(
     from validation.core import limits
     from validation.core.answers import write_answers
     from validation.core.readback import Stored
-    from validation.core.sidebyside import aside
+    from validation.core.sidebyside import in_background
     from validation.page import report, telling
 
     scene = point.scene
@@ -90,7 +86,7 @@ def _one(
     with terminal.progress() as progress:
         r, missed = answered(point, partial(progress, name))
         r.summary()  # bars are computed when they are looked at
-    with aside(partial(_animate, r, folder / name)) if name != QUASI_STATIC else nullcontext():
+    with in_background(partial(_animate, r, folder / name)) if name != QUASI_STATIC else nullcontext():
         r.write(folder / name)
         write_answers(folder / name, scene, r)
         report.write(folder, "run")

@@ -8,7 +8,7 @@ from typing import Any
 from cablefem.response import Once, Response
 from cablefem.scene import Scene
 from cablefem.scene.errors import nearest, shown
-from validation.commands.run.command import CHOICES, QUASI_STATIC
+from validation.commands.run import CHOICES, QUASI_STATIC
 from validation.core import limits, recomputed
 from validation.core.agreement import TOL_HIGH, TOL_LOW, Verdict
 from validation.core.answers import outcome
