@@ -167,11 +167,12 @@ class Run:
     def _goes_slack(self, solver: Solver) -> bool:
         """Note the slack onset at the last state, the only one that may be slack; return whether it is the first."""
         h = self.history
+        if h.onset is not None or len(h.states) < 2:
+            return False
         tension, s = solver.min_tension
-        first = h.onset is None and len(h.states) > 1 and tension < 0.0
-        if first:
+        if tension < 0.0:
             h.onset = len(h.states) - 1, s
-        return first
+        return tension < 0.0
 
     def times_to(self, until: float) -> list[Array]:
         """The step times up to s_o/l = until."""

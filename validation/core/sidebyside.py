@@ -49,8 +49,8 @@ def side_by_side(
             while not queue.empty():
                 report(*queue.get())
             _raise_faults(done)
-            if meanwhile is not None and done and running:
-                meanwhile()
+            if done and running:
+                (meanwhile or silent)()
                 meanwhile = None
         return [future.result() for future in futures]
 
