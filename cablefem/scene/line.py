@@ -456,7 +456,6 @@ def _rope_faults(rope: LineRope, contacts: Sequence[Contact]) -> list[str]:
 
 
 def _car_faults(cars: Sequence[Car], contacts: Sequence[Contact]) -> list[str]:
-    end = contacts[-1].at[0]
     moving = [car.name for car in cars if car.at is None and car.hauled is None]
     anywhere = [car.name for car in cars if car.at is None and car.hauled is not None]
     if anywhere and len(cars) > 1:

@@ -316,7 +316,7 @@ def _of_command(scene: Scene, line: Series, rung: Row, truth: _Truth) -> tuple[R
         except FileNotFoundError:
             raise ValueError("the command wrote no response") from None
     found = truth.judged(r.reached, r.reason, lambda: truth.errors(r))
-    found |= {"bar": r.path_error, "chosen": METHODS[line.method].told(r.settings), "reached": r.reached}
+    found |= {"bar": r.path_error, "chosen": METHODS[line.method].main_settings(r.settings), "reached": r.reached}
     return found, seconds
 
 
