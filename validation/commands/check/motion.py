@@ -20,7 +20,7 @@ from validation.page.options import Point, tol_faults
 
 TOL = 1e-3
 LOOSER = 10.0  # forces over the path
-FINEST = 32  # times the coarsest resolution and steps together, before a comparison stays too coarse
+FINEST = 16  # times the coarsest resolution and steps together, before a comparison stays too coarse
 
 
 def scales_of(line: Line, moved: Moved) -> Scales:
@@ -63,7 +63,8 @@ def checked(
     second : a line for the sines alone.
     """
     asked = Tolerance(tol, LOOSER * tol if tol_tension is None else tol_tension)
-    both = Runs(ELEMENTS, line), Runs(SINES, second or line)
+    first = Runs(ELEMENTS, line)
+    both = first, Runs(SINES, second or line, first)
     space = 2
     time = 2
     before = None
@@ -76,12 +77,11 @@ def checked(
             return answer_of(line, a, b, rows)
         before = verdict
         coarse = [row for row in rows if row.verdict is not Verdict.AGREE and row.parts]
-        in_space = max((part[0] / (row.required or 1.0) for row in coarse for part in row.parts), default=0.0)
-        in_time = max((part[1] / (row.required or 1.0) for row in coarse for part in row.parts), default=0.0)
-        if in_space > in_time and space < FINEST // 4:
-            space *= 2
-        else:
-            time *= 2
+        # bars of both solvers over half of what is asked, in space and in time
+        excess = np.array([2.0 * np.sum(row.parts, axis=0) / (row.required or 1.0) for row in coarse] or [(0.0, 1.0)])
+        in_space, in_time = (excess.max(axis=0) >= min(1.0, excess.max())).tolist()
+        space *= 2 if in_space else 1
+        time *= 2 if in_time or not in_space else 1
 
 
 def check(

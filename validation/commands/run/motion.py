@@ -56,7 +56,8 @@ SINES = Method("sines", "terms", 3, lambda line, n: LineSines(line, n))
 class Runs:
     """Runs of one method on a line, each made once."""
 
-    def __init__(self, method: Method, line: Line) -> None:
+    def __init__(self, method: Method, line: Line, like: Runs | None = None) -> None:
+        """like : runs to be compared with, at whose instants these step, too."""
         self.method = method
         empty = line.empty(catenary_line.solve)
         self.line = moving(line, catenary_line.solve)
@@ -64,10 +65,17 @@ class Runs:
         self.length = rope.length or float(np.ptp(empty.s)) * (1.0 + line.cable.warmer)
         self.period = 2.0 * self.length * math.sqrt(rope.mass_per_length / rope.EA)
         total = self.line.t_end
-        self.counts = [max(2, math.ceil(STEPS * (t1 - t0) / total)) for t0, t1 in self.line.phases]
-        ends = [np.linspace(t0, t1, n + 1) for (t0, t1), n in zip(self.line.phases, self.counts, strict=True)]
-        self.instants = np.unique(np.concatenate(ends))
+        self.grid = [
+            np.linspace(t0, t1, max(2, math.ceil(STEPS * (t1 - t0) / total)) + 1) for t0, t1 in self.line.phases
+        ]
+        if like is not None:
+            self.grid = [np.unique([t0, t1, *like.within(t0, t1)]) for t0, t1 in self.line.phases]
+        self.instants = np.unique(np.concatenate(self.grid)) if like is None else like.within(0.0, total)
         self._known: dict[tuple[int, int], Moved] = {}
+
+    def within(self, t0: float, t1: float) -> Array:
+        """Instants from t0 to t1."""
+        return self.instants[(self.instants >= t0) & (self.instants <= t1)]
 
     def run(self, space: int, time: int) -> Moved:
         """The run with `space` times the coarsest resolution and `time` times the fewest steps."""
@@ -89,8 +97,8 @@ class Runs:
     def _made(self, space: int, time: int) -> Moved:
         n = space * self.method.coarsest
         system = self.method.system(self.line, n)
-        phases = zip(self.line.phases, self.counts, strict=True)
-        grid = [np.linspace(t0, t1, time * count + 1) for (t0, t1), count in phases]
+        shares = [np.arange(time * (t.size - 1) + 1) / time for t in self.grid]
+        grid = [np.interp(share, np.arange(t.size), t) for share, t in zip(shares, self.grid, strict=True)]
         work = Work()
         states: list[Any] = []
         reason = None
@@ -107,7 +115,7 @@ class Runs:
         origin = self.line.rope.length if self.line.rope.length is not None else self.length
         s = np.linspace(origin - self.length, origin, STATIONS)
         return Moved(
-            method=self.method.name, settings={self.method.setting: n, "steps": sum(time * c for c in self.counts)},
+            method=self.method.name, settings={self.method.setting: n, "steps": sum(t.size - 1 for t in grid)},
             motion=system.observe(states, s), events=tuple((e.name, e.t) for e in work.events), reason=reason,
             period=self.period, instants=self.instants, n_dof=system.n_dof, steps=work.steps,
         )  # fmt: skip
