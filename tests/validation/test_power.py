@@ -21,6 +21,13 @@ def test_a_fault_of_one_percent_is_seen_and_as_small_a_one_as_is_said():
     assert fault.verdict.value == "disagree"
 
 
+def test_a_station_on_the_edge_of_the_jump_is_no_disagreement():
+    """Stations as far from the car as is left out around it are in or out in both computations of an error."""
+    scene, fault = case(81126, 40)
+    assert fault is None
+    assert check(scene, tol=1e-3).verdict.value == "agree"
+
+
 def test_keys_are_the_numbers_of_the_tables():
     data = {"title": "x", "cable": {"EA": 1e6, "on": True}, "drive": {"brake": [{"from": 3.0, "force": 0.0}]}}
     assert list(keys(data)) == ["cable.EA", "drive.brake.0.from"]

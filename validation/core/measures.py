@@ -13,7 +13,8 @@ from cablefem.response import Array, Fields, MassPath, Response
 WINDOW = (0.02, 0.80)  # s_o/l past the start-up, before the layer at the far support
 SLACK_END = 0.95  # s_o/l: end for slack cables and hauled cars
 WINDOWS = {"grip": WINDOW, "haul": (WINDOW[0], SLACK_END), "free": (0.0, 1.0)}
-JUMP_WIDTH = 0.02  # |s - s_o|/l left out of tension gaps, where meshes smear the jump
+# |s - s_o|/l left out of tension gaps, where meshes smear the jump; no round number, which stations lie on
+JUMP_WIDTH = 0.019999
 
 Window = tuple[float, float]
 

@@ -262,7 +262,8 @@ def _tension_distance(r: Response, counterpart: Response, window: tuple[float, f
     """Rms distance of the tensions at common frames, off the car, over H."""
     a = r.fields
     b = counterpart.fields
-    axis = "t" if r.drive == "free" else "s_o"
+    stands = bool(np.any(np.diff(a.s_o) <= ROUNDING * r.length))
+    axis = "t" if r.drive == "free" or stands else "s_o"
     marks = getattr(b, axis)
     squares = [np.empty(0)]
     for k, mark in enumerate(getattr(a, axis)):
