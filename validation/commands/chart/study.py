@@ -47,7 +47,7 @@ REFERENCE_OF_RIDES = SAID["reference_of_rides"]
 WITNESS = SAID["witness"]
 BASE = SAID["base"]
 FINER = tuple(2.0 ** (0.5 * k) for k in range(-3, 4))  # over the default resolution
-WHOLE = ", all that a user waits for"
+WHOLE = ", whole"  # short, for legends
 DENSE = tuple(2.0 ** (-0.25 * k) for k in range(8, -1, -1))  # shares of steps, for short runs
 
 
