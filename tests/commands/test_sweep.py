@@ -195,7 +195,7 @@ def test_a_check_tells_why_a_run_broke_and_beside_it_which_rows_do_not_agree(tmp
 
 
 def test_the_page_of_planted_faults_counts_verdicts_by_fault(tmp_path, monkeypatch):
-    monkeypatch.setattr(job, "_checked", lambda *given: {"status": "complete", "verdict": "disagree"})
+    monkeypatch.setattr(job, "_check", lambda *given: {"status": "complete", "verdict": "disagree"})
     study = Study.load("power")
     engine.write(tmp_path, study, [job.row(study, i, study.point(i)) for i in (0, 60)])
     (tmp_path / "study.toml").write_text(study.to_toml(), encoding="utf-8")

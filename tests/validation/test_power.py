@@ -3,7 +3,7 @@
 from cablefem import Scene
 from validation import check
 from validation.commands.check.sensitivity import keys, sensitivity, told
-from validation.commands.sweep.families import FAMILIES, SOUND, WIDE, case
+from validation.commands.sweep.families import FAMILIES, SETS, SOUND, case
 
 INCLINED = Scene.load("inclined")
 
@@ -43,7 +43,7 @@ def test_cases_of_the_study_are_the_families_in_turn_and_sound_ones_have_no_faul
     assert {key for key in given if key.startswith("travel.")} & {"travel.speed", "travel.top_speed"}
     assert all(isinstance(scene.replace({key: "+1%"}), Scene) for scene, key in faults if key)
     faults = [case(11, SOUND + number, "wide") for number in range(90)]
-    assert [scene.name for scene, _ in faults[:9]] == [family.__name__ for family in WIDE]
+    assert [scene.name for scene, _ in faults[:9]] == [family.__name__ for family in SETS["wide"]]
     more = {"drive.rolling_friction", "drive.drag_area", "drive.brake.0.force", "supports.drop"}
     assert {key for _, key in faults} >= more
     assert all(isinstance(scene.replace({key: "+1%"}), Scene) for scene, key in faults if key)

@@ -28,27 +28,31 @@ def outcome(scene: Scene, r: Response) -> Outcome:
     sentence = "; ".join([*_collisions(numbers), end.sentence])
     load = scene.cable.breaking_load
     safety = numbers.get("safety_factor_min")
-    if load is None or safety is None or safety["value"] - _bar(safety) >= 1.0:
+    if load is None or safety is None:
         return Outcome(end.kind, sentence)
-    if safety["value"] + _bar(safety) >= 1.0:
+    smallest, largest = _range(safety)
+    if smallest >= 1.0:
+        return Outcome(end.kind, sentence)
+    if largest >= 1.0:
         return Outcome(end.kind, f"too close to tell whether the rope breaks; {sentence}")
     tension = numbers["tension_max"]["value"] / 1e3
     broken = f"the rope breaks: {tension:.1f} kN, breaking load {load / 1e3:.1f} kN; if it held"
     return Outcome("breaks", f"{broken}: {sentence}")
 
 
-def _bar(number: dict[str, Any]) -> float:
-    """The error bar of a design number; 0 where it has none."""
-    return number["bar"] or 0.0
+def _range(number: dict[str, Any]) -> tuple[float, float]:
+    """Smallest and largest possible value of a design number, by its error bar."""
+    bar = number["bar"] or 0.0
+    return number["value"] - bar, number["value"] + bar
 
 
 def _collisions(numbers: dict[str, dict[str, Any]]) -> list[str]:
     """What rope or car would hit, and what is closer than its error bar."""
-    ranges: dict[str, list[float]] = {}  # of each obstacle: smallest and largest possible clearance
+    ranges: dict[str, Any] = {}  # of each obstacle: smallest and largest possible clearance
     for quantity, number in numbers.items():
         kind, _, name = quantity.partition(":")
         if kind.startswith("clearance_") and number["value"] is not None:
-            ends = [number["value"] - _bar(number), number["value"] + _bar(number)]
+            ends = _range(number)
             ranges[name] = np.minimum(ranges.get(name, ends), ends).tolist()
     hit = [name for name, (_, largest) in ranges.items() if largest < 0.0]
     near = [name for name, (smallest, largest) in ranges.items() if smallest < 0.0 <= largest]
@@ -87,18 +91,19 @@ def _end(scene: Scene, r: Response) -> Outcome:
 
 def _end_of_ride(scene: Scene, r: Response) -> Outcome:
     events = {e["event"]: e for e in r.events}  # the last of each kind
-    e = next((events[name] for name in ("arrival", "back", "stop") if name in events), None)
-    if e is None:
-        still = f"still rolls after {r.t[-1]:.1f} s, at {r.s_o[-1]:.1f} m with {3.6 * r.speed[-1]:.1f} km/h"
-        return Outcome("rolling", still)
-    s_o = e["s_o"]
+    ends = [events[name] for name in ("arrival", "back", "stop") if name in events]
+    if not ends:
+        rolls = f"still rolls after {r.t[-1]:.1f} s, at {r.s_o[-1]:.1f} m with {3.6 * r.speed[-1]:.1f} km/h"
+        return Outcome("rolling", rolls)
+    end = ends[0]
+    s_o = end["s_o"]
     first_brake = min((brake.position for brake in scene.drive.brake), default=math.inf)
     at = f"at {s_o:.1f} m"
-    after = f"after {e['t']:.1f} s"
-    if e["event"] == "arrival":
-        return Outcome("arrives", f"arrives {at} {after} with {3.6 * e['speed']:.1f} km/h")
+    after = f"after {end['t']:.1f} s"
+    if end["event"] == "arrival":
+        return Outcome("arrives", f"arrives {at} {after} with {3.6 * end['speed']:.1f} km/h")
     farthest = f"the farthest point is {r.s_o.max():.1f} m"
-    if e["event"] == "back":
+    if end["event"] == "back":
         return Outcome("rolls_back", f"rolls back to the start {after}, {farthest}")
     if s_o >= first_brake:
         return Outcome("stopped_by_brake", f"stops in the brake {at}, {s_o - first_brake:.1f} m into it, {after}")
@@ -118,11 +123,11 @@ def profile(r: Response) -> dict[str, Array]:
     rest = np.interp(x, f.x, f.y)
     depth = [rest]
     tension = [np.interp(x, f.x, f.T_static)]
-    for time, at, y, T in zip(f.t, *shapes(r), strict=True):
+    for time, x_cable, y, T in zip(f.t, *shapes(r), strict=True):
         if time > end:
             break
-        depth.append(np.interp(x, at, y))
-        tension.append(np.interp(x, at, T))
+        depth.append(np.interp(x, x_cable, y))
+        tension.append(np.interp(x, x_cable, T))
     lowest = np.max(depth, axis=0)
     for x_car, y_car in _pieces_of_path(r, end):  # between frames the car is the lowest point nearby
         inside = (x >= x_car[0]) & (x <= x_car[-1])
@@ -134,15 +139,15 @@ def profile(r: Response) -> dict[str, Array]:
 
 
 def write_answers(folder: Path, scene: Scene, r: Response) -> None:
-    """Write summary.json and profile.csv of a run."""
-    found = outcome(scene, r)
-    first: dict[str, Any] = {"outcome": found.sentence, "outcome_kind": found.kind}
-    if judged := limits.rows(scene, r.design, r.events):
+    """Write summary.json and profile.csv."""
+    end = outcome(scene, r)
+    first: dict[str, Any] = {"outcome": end.sentence, "outcome_kind": end.kind}
+    judged = limits.rows(scene, r.design, r.events)
+    if judged:
         first["limits"] = judged
     write_json(folder / "summary.json", first | r.summary())
     columns = profile(r)
-    table = np.stack(list(columns.values()), axis=1)
-    write_csv(folder / "profile.csv", ",".join(columns), table)
+    write_csv(folder / "profile.csv", ",".join(columns), np.stack(list(columns.values()), axis=1))
 
 
 def _pieces_of_path(r: Response, end: float) -> list[tuple[Array, Array]]:

@@ -24,12 +24,16 @@ class NotComparable(ValueError):
 
 
 def window_of(*responses: MassPath, window: Window | None = None) -> Window:
-    """The window (default: of the drive), cut where a run goes slack or ends; a free ride may turn back at its end."""
+    """The window, cut where a run goes slack or ends; a free ride may turn back at its end.
+
+    window : of the drive by default.  Raises NotComparable where nothing remains.
+    """
     low, high = window or WINDOWS[responses[0].drive]
     ends = [r.slack_from if r.drive == "free" else min(r.slack_from, r.reached) for r in responses]
     end = min(ends)
-    if min(high, end) > low:
-        return low, min(high, end)
+    cut = min(high, end)
+    if cut > low:
+        return low, cut
     first = responses[ends.index(end)]
     what = "is slack" if first.slack_from <= end else "ends"
     raise NotComparable(f"nothing to compare: {first.method} {what} at s_o/l = {end:.4f}, before {low:g}")
@@ -37,19 +41,22 @@ def window_of(*responses: MassPath, window: Window | None = None) -> Window:
 
 def valid_until(*runs: Response) -> float:
     """Time [s] up to which all runs have an answer: their first end or slack onset."""
-    return min(min(float(r.t[-1]), r.slack_since) for r in runs)
+    ends = [r.t[-1] for r in runs] + [r.slack_since for r in runs]
+    return float(min(ends))
 
 
-def extremes_within(r: Response, counterpart: Response | None) -> tuple[float, float]:
+def extremes_within(r: Response, other: Response | None) -> tuple[float, float]:
     """Times [s] between which extremes are taken: in the window, as far as both runs go.
 
     A rolling car begins in equilibrium, so that its start counts.
     """
-    end = valid_until(r, counterpart or r)
+    end = valid_until(r, other or r)
     if r.drive == "free":
         return float(r.t[0]), end
-    low, high = (float(np.interp(limit * r.length, r.s_o, r.t)) for limit in WINDOWS[r.drive])
-    return low if r.drive == "grip" else float(r.t[0]), min(end, high)
+    limits = r.length * np.array(WINDOWS[r.drive])
+    low, high = np.interp(limits, r.s_o, r.t).tolist()
+    begin = low if r.drive == "grip" else float(r.t[0])
+    return begin, min(end, high)
 
 
 def inside(r: MassPath, window: Window) -> NDArray[np.bool_]:
@@ -58,7 +65,7 @@ def inside(r: MassPath, window: Window) -> NDArray[np.bool_]:
     return (position >= window[0]) & (position <= window[1] * (1.0 + 1e-12))
 
 
-def at_steps_of(a: MassPath, b: MassPath, values: Array) -> Array:
+def _at_steps_of(a: MassPath, b: MassPath, values: Array) -> Array:
     """`values` (n_b, ...) at steps of b, splined to times of a."""
     t = np.clip(a.t, b.t[0], b.t[-1])
     rounding = 1e-12 * b.t[-1]
@@ -71,9 +78,9 @@ def at_steps_of(a: MassPath, b: MassPath, values: Array) -> Array:
 
 
 def path_distances(a: MassPath, b: MassPath, window: Window) -> tuple[Array, Array, Array]:
-    """Times, s_o/l, and distance of the paths over b's `path_scale`, (n,) each, at the coarser run's steps.
+    """Times [s], s_o/l, and distance of the paths over b's `path_scale`, (n,) each, at the coarser run's steps.
 
-    Displacements are compared; of a free ride the points x, y.
+    Displacements are compared; of a free ride the points x, y.  Raises NotComparable where there are few steps.
     """
     if not b.path_scale > 0.0:
         raise NotComparable("the mass is nowhere below its place at rest: no deflection to relate a gap to")
@@ -82,9 +89,9 @@ def path_distances(a: MassPath, b: MassPath, window: Window) -> tuple[Array, Arr
     steps = np.count_nonzero(within)
     if steps < 5:
         raise NotComparable(f"{coarse.method} has {steps} steps in the window {window}, 5 are needed")
-    names = ("x", "y") if coarse.drive == "free" else ("u", "v")
-    first, second = (np.stack([getattr(r, name) for name in names], axis=1) for r in (coarse, fine))  # (n, 2)
-    gap = (first - at_steps_of(coarse, fine, second))[within] / b.path_scale
+    u, v = ("x", "y") if coarse.drive == "free" else ("u", "v")
+    first, second = (np.stack([getattr(r, u), getattr(r, v)], axis=1) for r in (coarse, fine))  # (n, 2)
+    gap = (first - _at_steps_of(coarse, fine, second))[within] / b.path_scale
     return coarse.t[within], coarse.s_o[within] / coarse.length, np.hypot(gap[:, 0], gap[:, 1])
 
 
@@ -101,16 +108,22 @@ def path_gap(a: MassPath, b: MassPath, window: Window) -> tuple[float, float, fl
 
 
 def _over_time(t: Array, values: Array) -> Array:
-    return np.asarray(np.average(values, weights=np.gradient(t) if t.size > 1 else None))
+    """The mean over time of values (n,)."""
+    weights = np.gradient(t) if t.size > 1 else None
+    return np.asarray(np.average(values, weights=weights))
 
 
 def common_frames(a: Response, b: Response, window: Window) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:
-    """s_o/l of the common frames in the window, at least one, and their indices in a and b."""
+    """s_o/l of the common frames in the window, and their indices in a and b, (k,) each.
+
+    Raises NotComparable where there is none.
+    """
     stations = a.fields.s
     if stations.shape != b.fields.s.shape or np.abs(stations - b.fields.s).max() > 1e-9 * a.length:
         raise NotComparable("the tension fields are given at different stations")
     marks = [np.round(r.fields.s_o / r.length, 9) for r in (a, b)]
-    if a.drive == "free" or any(np.unique(x).size < x.size for x in marks):  # the car stands: the same instants
+    stops = any(np.unique(x).size < x.size for x in marks)  # then frames are common at the same instants
+    if a.drive == "free" or stops:
         marks = [np.round(r.fields.t / max(a.t[-1], b.t[-1]), 9) for r in (a, b)]
     _, i, j = np.intersect1d(marks[0], marks[1], return_indices=True)
     position = np.round(a.fields.s_o[i] / a.length, 9)
@@ -134,20 +147,20 @@ def series_gap(
 ) -> float:  # fmt: skip
     """Rms (or largest) distance of series of(r), (n,) or (n, c), at the coarser run's steps.
 
-    axial : averaging time [s].
+    axial : averaging time [s].  Raises NotComparable where a run has too few values.
     """
     coarse, fine = _by_steps(a, b)
     within = inside(coarse, window)
     if not within.any():
         raise NotComparable(f"{coarse.method} has no step in the window {window}")
     t = coarse.t[within & (coarse.t <= fine.t[-1])]
-    known = [_known(r, of) for r in (coarse, fine)]
-    first, last = _common_span(t, *(times for times, _ in known))
+    series = [_finite_values(r, of) for r in (coarse, fine)]
+    first, last = _common_span(t, *(times for times, _ in series))
     t = t[(t >= first) & (t <= last)]
     low = np.clip(t - 0.5 * axial, first, last)
     high = np.clip(t + 0.5 * axial, first, last)
     samples = []
-    for r, (times, values) in zip((coarse, fine), known, strict=True):
+    for r, (times, values) in zip((coarse, fine), series, strict=True):
         end = np.searchsorted(times, last) + 1
         if axial:
             samples.append(averaged(times[:end], values[:end], low, high, r.breaks))
@@ -157,18 +170,18 @@ def series_gap(
     return float(np.sqrt(squares.max() if largest else _over_time(t, squares)))
 
 
-def _common_span(t: Array, *known: Array) -> tuple[float, float]:
-    """First and last time that all answers have, none past the last of t; known : their times."""
-    if min(times.size for times in known) < 4:
+def _common_span(t: Array, *series: Array) -> tuple[float, float]:
+    """First and last time that all answers have, none past the last of t; series : their times."""
+    if min(times.size for times in series) < 4:
         raise NotComparable("one of the answers does not say it")
-    first = float(max(times[0] for times in known))
-    last = float(min(t[-1], *(times[-1] for times in known)))
+    first = float(max(times[0] for times in series))
+    last = float(min(t[-1], *(times[-1] for times in series)))
     if not last > first:
         raise NotComparable("both answers say it at one instant")
     return first, last
 
 
-def _known(r: Response, of: Callable[[Response], Array]) -> tuple[Array, Array]:
+def _finite_values(r: Response, of: Callable[[Response], Array]) -> tuple[Array, Array]:
     """Times (k,) and values (k, c) of a series where it is finite."""
     values = of(r).reshape(r.t.size, -1)
     finite = np.isfinite(values).all(axis=1)
@@ -207,11 +220,11 @@ def _spline(t: Array, values: Array, kinks: Sequence[float], at: Array) -> Array
 def field_gap(a: Response, b: Response, window: Window, *, rate: bool = False, along: bool = False) -> float:
     """Rms distance of displacements, or velocities, across (or along) the static cable, over the rms of b.
 
-    The station at the mass is left out: rounding decides which of its sides is sampled.
+    Without the station at the mass: rounding decides which of its sides is sampled.
     """
 
     def component(f: Fields) -> Array:
-        """Of all frames and stations, (k, m)."""
+        """Component at all frames and stations, (k, m)."""
         dx = np.gradient(f.x, f.s)
         dy = np.gradient(f.y, f.s)
         x, y = (f.du, f.dv) if rate else (f.u, f.v)

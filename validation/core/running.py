@@ -26,7 +26,7 @@ from cablefem.newmark import (
 from cablefem.response import Array, Response
 from cablefem.scene import Groups, Scene
 from validation.core.methods import Method, find, pair
-from validation.core.sampling import FRAMES, History, one_thread, respond
+from validation.core.sampling import FRAMES, History, Onset, one_thread, respond
 from validation.core.solver import Solver
 from validation.core.watch import with_flags
 
@@ -139,7 +139,7 @@ class Run:
             goes_on = self.scheme.damps and not self.scheme.nodes
             damped = self.scheme if goes_on else ON_SLACK
             assert h.onset is not None
-            self._march(h.after, damped, min(until, h.after.position(h.states[h.onset[0]]) + past), progress)
+            self._march(h.after, damped, min(until, h.after.position(h.states[h.onset.step]) + past), progress)
 
     def _march(
         self, solver: Solver, scheme: Scheme, until: float, progress: Progress, switch: bool = False
@@ -171,7 +171,7 @@ class Run:
             return False
         tension, s = solver.min_tension
         if tension < 0.0:
-            h.onset = len(h.states) - 1, s
+            h.onset = Onset(len(h.states) - 1, s)
         return tension < 0.0
 
     def times_to(self, until: float) -> list[Array]:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cache, lru_cache, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,15 +17,19 @@ from cablefem.response import Array, Fields, Observation, Once, Response, States
 from cablefem.scene import Motion, Scene
 from validation.core.solver import Solver
 
-FRAMES = 200  # of the fields: at s_o/l = 1/FRAMES, 2/FRAMES, ..., and so often in time
-STATIONS = 201  # least in the file contract
+FRAMES = 200  # of the fields: at s_o/l = 1/FRAMES, 2/FRAMES, ..., and at as many equal times
+STATIONS = 201  # the fewest that the file contract allows
 ON_CABLE = 1.0 + 1e-9  # largest s_o/l on the cable
-WITHIN = 6  # parts of a collocation step, for cubics
-OBSERVED = (
-    "velocity", "acceleration", "slope_behind", "slope_ahead", "T_behind", "T_ahead", "T_behind_pointwise",
-    "T_ahead_pointwise", "reaction_left", "reaction_right", "contact", "F_haul", "tension_min", "tension_min_at",
-    "energy", "kinetic", "strain", "potential", "power", "powers", "fields", "events",
+PARTS = 6  # of a collocation step, for cubics
+_TENSIONS = ("T_behind", "T_ahead", "T_behind_pointwise", "T_ahead_pointwise")
+# fields of a `Response` named as in `Observation`
+_OF_STEPS = (
+    "slope_behind", "slope_ahead", *_TENSIONS, "reaction_left", "reaction_right", "contact", "tension_min",
+    "tension_min_at", "energy", "kinetic", "strain", "potential", "power",
 )  # fmt: skip
+OBSERVED = ("velocity", "acceleration", "F_haul", "powers", "fields", "events", *_OF_STEPS)
+SWING = 1e-3  # of the length: shortest way back after a turn
+STICK_SLIP = ("standstill", "breaking loose", "brake off", "turn")  # events of friction: not of the car
 
 _threads = cache(ThreadpoolController)  # cached: slow
 
@@ -33,6 +37,13 @@ _threads = cache(ThreadpoolController)  # cached: slow
 def one_thread() -> Any:
     """One BLAS thread while in force: the matrices are small."""
     return _threads().limit(limits=1)
+
+
+class Onset(NamedTuple):
+    """The first slack state."""
+
+    step: int
+    s: float  # s/l of the slack point
 
 
 @dataclass(slots=True)
@@ -43,15 +54,15 @@ class History:
     work: Work
     seconds: float
     failure: tuple[str, str] | None  # cause and reason
-    onset: tuple[int, float] | None  # of the first slack state, s/l
+    onset: Onset | None
     solver: Solver
     after: Solver | None  # tension-only, from the onset on
 
 
-def finite(h: History) -> States:
-    """A history over time, cut and marked failed where it leaves finite numbers or the cable."""
+def _over_time(h: History) -> States:
+    """The states over time, cut and marked failed where they are not finite or the mass is past the cable."""
     states = h.solver.in_time(stacked(h.states))
-    sound = np.logical_and.reduce([np.isfinite(x).all(axis=1) for x in (states.q, states.v, states.a)])
+    sound = np.logical_and.reduce([np.isfinite(x).all(axis=1) for x in (states.q, states.v, states.a)])  # (n,)
     sound[-1] &= h.solver.position(h.states[-1]) <= ON_CABLE
     if sound.all():
         return states
@@ -59,18 +70,11 @@ def finite(h: History) -> States:
     return _rows(states, slice(0, int(np.argmin(sound))))
 
 
-def _ended(h: History, states: States, position: Array) -> dict[str, Any]:
-    onset = _onset(h, states)
-    work = ("steps", "rejected", "newton_iterations", "factorisations", "residuals")
-    return {
-        "status": "complete" if h.failure is None else "incomplete",
-        "slack_onset": None if onset is None else float(position[onset[0]]),
-        "work": {name: getattr(h.work, name) for name in work},
-    }
-
-
 def path_in_si(scene: Scene, t: Array, position: Array, w: Array) -> dict[str, Any]:
-    """Fields of a `MassPath` from times, s_o and displacements (n, 2)."""
+    """Fields of a `MassPath` in SI.
+
+    t : times (n,);  position : s_o/l (n,);  w : displacements of the mass (n, 2); all dimensionless.
+    """
     l = scene.length
     X = scene.catenary
     s_o = l * position
@@ -81,53 +85,59 @@ def path_in_si(scene: Scene, t: Array, position: Array, w: Array) -> dict[str, A
     }  # fmt: skip
 
 
-def _onset(h: History, states: States) -> tuple[int, float] | None:
-    return h.onset if h.onset is not None and h.onset[0] < states.t.size else None
+def _onset(h: History, states: States) -> Onset | None:
+    """The slack onset, if it lies within the states."""
+    return h.onset if h.onset is not None and h.onset.step < states.t.size else None
 
 
 def respond(scene: Scene, h: History, *, frames: int = FRAMES, **how: Any) -> Response:
     """The response of a history so far; all but the path is computed when it is looked at.
 
-    how : the fields that say what was run;  frames : least number of instants with fields.
+    how : the fields that say what was run;  frames : smallest number of instants with fields.
     """
-    states = finite(h)
+    states = _over_time(h)
     onset = _onset(h, states)
-    s_o, w = h.solver.path(states)
-    ended = _ended(h, states, s_o)
+    position, w = h.solver.path(states)
+    slack_onset = None if onset is None else float(position[onset.step])
     cause, reason = h.failure or (None, None)
     motion = scene.groups.motion
     breaks = [] if motion is None else [scene.time_scale * t for t, _ in motion.phases[1:] if t < states.t[-1]]
+    work = ("steps", "rejected", "newton_iterations", "factorisations", "residuals")
     observed = Once(partial(_observed, scene, copy(h), states, frames, list(h.work.events)))
 
     def look(name: str) -> Callable[[Response], Any]:
         return lambda r: observed()[name]
 
     return Response(
-        **how, **ended, **path_in_si(scene, states.t, s_o, w), scene=scene.name, scene_toml=scene.to_toml(),
-        horizontal_tension=scene.horizontal_tension, cause=cause, reason=reason,
-        slack_at=None if onset is None else float(onset[1]),
-        switched=None if h.after is None else ended["slack_onset"], breaks=breaks,
-        n_dof=h.states[0].q.size, seconds=h.seconds, later={name: look(name) for name in OBSERVED},
+        **how, **path_in_si(scene, states.t, position, w), scene=scene.name, scene_toml=scene.to_toml(),
+        horizontal_tension=scene.horizontal_tension, status="complete" if h.failure is None else "incomplete",
+        cause=cause, reason=reason, slack_onset=slack_onset, slack_at=None if onset is None else float(onset.s),
+        switched=None if h.after is None else slack_onset, breaks=breaks,
+        work={name: getattr(h.work, name) for name in work}, n_dof=h.states[0].q.size, seconds=h.seconds,
+        later={name: look(name) for name in OBSERVED},
     )  # fmt: skip
 
 
-def _observed(scene: Scene, h: History, states: States, frames: int, events: list[Passed]) -> dict[str, Any]:
+def _observed(scene: Scene, h: History, states: States, frames: int, passed: list[Passed]) -> dict[str, Any]:
     """The fields of a `Response` that are OBSERVED."""
-    n = states.t.size
     onset = _onset(h, states)
-    switch = states.t[onset[0]] if onset is not None and h.after is not None else math.inf
+    switch = states.t[onset.step] if onset is not None and h.after is not None else math.inf
     t = frame_times(scene, float(states.t[-1]), frames)
+    s = np.linspace(0.0, 1.0, STATIONS)
     with one_thread():
-        at_frames = _between(_around(h, states, t), t) if t.size and n > 1 else _rows(states, slice(0, 0))
-        s = np.linspace(0.0, 1.0, STATIONS)
-        observed, steps = _observe(h, states, at_frames, switch, s)
-    result = in_si(scene, observed, steps, s)
-    result["events"] = _events(scene, events, states.t, observed.s_o[steps], result)
+        no_frames = t.size == 0 or states.t.size == 1
+        at_frames = _rows(states, slice(0, 0)) if no_frames else _between(_around(h, states, t), t)
+        observation, steps = _observe(h, states, at_frames, switch, s)
+    result = in_si(scene, observation, steps, s)
+    result["events"] = _events(scene, passed, states.t, observation.s_o[steps], result["velocity"])
     return result
 
 
-def in_si(scene: Scene, observed: Observation, steps: NDArray[np.bool_], s: Array) -> dict[str, Any]:
-    """Fields of a `Response`; rows are `steps`, or frames with fields at stations s."""
+def in_si(scene: Scene, observation: Observation, steps: NDArray[np.bool_], s: Array) -> dict[str, Any]:
+    """The fields of a `Response` that are OBSERVED, without events.
+
+    steps : which rows of the observation are steps (n,); the others are frames.  s : s/l of its stations (m,).
+    """
     l = scene.length
     H = scene.horizontal_tension
     tau = scene.time_scale
@@ -136,82 +146,70 @@ def in_si(scene: Scene, observed: Observation, steps: NDArray[np.bool_], s: Arra
     scale |= dict.fromkeys(("energy", "kinetic", "strain", "potential"), H * l)
 
     def si(rows: Any, *names: str) -> dict[str, Any]:
-        """The named ones, forces if nothing else."""
-        return {name: scale.get(name, H) * getattr(observed, name)[rows] for name in names}
+        """Rows of the named ones, forces if nothing else."""
+        return {name: scale.get(name, H) * getattr(observation, name)[rows] for name in names}
 
     x_rest, y_rest = scene.groups.shape(s)
+    mass_u, mass_v = l * observation.path[~steps].T
     fields = Fields(
         **si(~steps, "t", "s_o", *_TENSIONS), **si(slice(None), "u", "v", "du", "dv", "T", "T_pointwise"), s=l * s,
-        mass_u=l * observed.path[~steps, 0], mass_v=l * observed.path[~steps, 1], x=l * x_rest, y=l * y_rest,
-        T_static=H * scene.groups.static(s)[0],
-    )  # fmt: skip
-    series = (
-        "slope_behind", "slope_ahead", "energy", "power", "tension_min", "tension_min_at", "reaction_left",
-        "reaction_right", "contact", "kinetic", "strain", "potential", *_TENSIONS,
+        mass_u=mass_u, mass_v=mass_v, x=l * x_rest, y=l * y_rest, T_static=H * scene.groups.static(s)[0],
     )  # fmt: skip
     return {
-        "scene": scene.name,
-        "scene_toml": scene.to_toml(),
-        "horizontal_tension": H,
-        "fields": fields,
-        **path_in_si(scene, observed.t[steps], observed.s_o[steps], observed.path[steps]),
-        "velocity": l / tau * observed.path_velocity[steps],
-        "acceleration": l / tau**2 * observed.path_acceleration[steps],
-        "F_haul": H * observed.haul[steps],
-        "powers": {name: H * l / tau * x[steps] for name, x in observed.powers.items()},
-        **si(steps, *series),
-    }
+        "fields": fields, **si(steps, *_OF_STEPS), "velocity": l / tau * observation.path_velocity[steps],
+        "acceleration": l / tau**2 * observation.path_acceleration[steps], "F_haul": H * observation.haul[steps],
+        "powers": {name: H * l / tau * power[steps] for name, power in observation.powers.items()},
+    }  # fmt: skip
 
 
-def _at(times: Array, t: float) -> int:
+def _nearest(times: Array, t: float) -> int:
     return int(np.argmin(np.abs(times - t)))
 
 
-def _events(
-    scene: Scene, passed: list[Passed], t: Array, s_o: Array, values: dict[str, Any]
-) -> list[dict[str, Any]]:  # fmt: skip
-    """Events of the car without stick-slip, with time [s], place [m] and speed [m/s] of the step next to them."""
+def _events(scene: Scene, passed: list[Passed], t: Array, s_o: Array, velocity: Array) -> list[dict[str, Any]]:
+    """Events of the car without stick-slip, with time [s], position [m] and speed [m/s] of the step next to them.
+
+    passed : events of the march;  t, s_o : of the steps (n,), dimensionless;  velocity : (n, 2) [m/s].
+    """
     drive = scene.groups.drive
-    phases = [("release", drive.release), *[("thrust_end", t) for t, _ in drive.thrust_table[-1:]]]
-    times = [(name, at) for name, at in phases if 0.0 < at <= t[-1]]
-    for e in passed:
-        if e.name not in ("standstill", "breaking loose", "brake off", "turn"):
-            times.append((e.name, _stopped(scene, passed, t, s_o, e.t) if e.name == "stop" else e.t))
+    prescribed = [Passed("release", drive.release), *[Passed("thrust_end", end) for end, _ in drive.thrust_table[-1:]]]
+    events = [event for event in prescribed if 0.0 < event.t <= t[-1]]
+    for event in passed:
+        if event.name == "stop":
+            events.append(Passed("stop", _first_standstill(scene, passed, t, s_o, event.t)))
+        elif event.name not in STICK_SLIP:
+            events.append(event)
     if drive.mode == "free":
-        times += [("turn", x) for x in _turns(t, s_o)]
+        events += [Passed("turn", time) for time in _turns(t, s_o)]
     rows = []
-    for name, at in sorted(times, key=lambda event: event[1]):
-        i = _at(t, at)
-        speed = 0.0 if name == "stop" else float(np.hypot(*values["velocity"][i]))
-        rows.append({"event": name, "t": float(values["t"][i]), "s_o": float(values["s_o"][i]), "speed": speed})
+    for event in sorted(events, key=lambda event: event.t):
+        i = _nearest(t, event.t)
+        speed = 0.0 if event.name == "stop" else float(np.hypot(*velocity[i]))
+        t_event = float(scene.time_scale * t[i])
+        rows.append({"event": event.name, "t": t_event, "s_o": float(scene.length * s_o[i]), "speed": speed})
     return rows
 
 
-def _stopped(scene: Scene, passed: list[Passed], t: Array, s_o: Array, end: float) -> float:
-    """The first standstill that lasts; else the end of the ride."""
-    near = scene.groups.drive.rest_speed * 2.0 / math.sqrt(scene.groups.alpha)  # the way in an axial round trip
-    still = (e.t for e in passed if e.name == "standstill")
-    return next((x for x in still if abs(s_o[_at(t, x)] - s_o[-1]) <= near), end)
-
-
-SWING = 1e-3  # of the length: least way back after a turn
+def _first_standstill(scene: Scene, passed: list[Passed], t: Array, s_o: Array, end: float) -> float:
+    """Time of the first standstill that lasts; `end` if none does."""
+    near = scene.groups.drive.rest_speed * 2.0 / math.sqrt(scene.groups.alpha)  # distance in an axial round trip
+    stops = (event.t for event in passed if event.name == "standstill")
+    return next((time for time in stops if abs(s_o[_nearest(t, time)] - s_o[-1]) <= near), end)
 
 
 def _turns(t: Array, s_o: Array) -> Iterator[float]:
-    sense = 0.0
-    far = 0
+    """Give the times at which a car turns back by more than SWING."""
+    direction = 0.0
+    farthest = 0
     for i, position in enumerate(s_o.tolist()):
-        gone = position - s_o[far]
-        if sense * gone < -SWING:
-            yield float(t[far])
-        if abs(gone) > SWING and sense * gone <= 0.0:
-            sense = math.copysign(1.0, gone)
-            far = i
-        elif sense * gone > 0.0:
-            far = i
-
-
-_TENSIONS = ("T_behind", "T_ahead", "T_behind_pointwise", "T_ahead_pointwise")
+        moved = position - s_o[farthest]
+        if direction * moved < -SWING:
+            yield float(t[farthest])
+        if abs(moved) > SWING and direction * moved <= 0.0:
+            direction = math.copysign(1.0, moved)
+            farthest = i
+        elif direction * moved > 0.0:
+            farthest = i
 
 
 def stacked(states: Sequence[State]) -> States:
@@ -223,7 +221,7 @@ def _rows(states: States, rows: slice | NDArray[Any]) -> States:
 
 
 def frame_times(scene: Scene, t_last: float, frames: int = FRAMES) -> Array:
-    """Times of the fields: when a travel passes its marks, gaps filled; of a car that rolls also the end."""
+    """Times of the fields (k,): when a travel passes its marks, gaps filled; of a car that rolls also the end."""
     motion = scene.groups.motion
     if motion is None:
         nominal = scene.groups.drive.nominal
@@ -237,23 +235,28 @@ def frame_times(scene: Scene, t_last: float, frames: int = FRAMES) -> Array:
 
 @lru_cache(maxsize=64)
 def _passages(motion: Motion, frames: int) -> Array:
-    end = motion.position(np.array([motion.phases[-1][1]]))[0]
+    """Times (k,) at which a travel passes its marks, with at least `frames` intervals."""
+    end_time = motion.phases[-1][1]
+    end = motion.position(np.array([end_time]))[0]
     marks = np.arange(1, FRAMES) / FRAMES
-    longest = motion.phases[-1][1] / frames
     passed = motion.times_at(marks[(motion.start_position <= marks) & (marks < end)])
-    known = np.unique(np.concatenate([[0.0], passed, [motion.phases[-1][1]]]))
-    parts = np.ceil(np.diff(known) / longest * (1.0 - 1e-9)).astype(int)
-    filled = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(known[:-1], known[1:], parts, strict=True)]
-    return np.concatenate(filled)[0 if motion.start_position > 0.0 else 1 :]
+    edges = np.unique(np.concatenate([[0.0], passed, [end_time]]))
+    longest = end_time / frames
+    parts = np.ceil(np.diff(edges) / longest * (1.0 - 1e-9)).astype(int)
+    filled = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(edges[:-1], edges[1:], parts, strict=True)]
+    first = 0 if motion.start_position > 0.0 else 1
+    return np.concatenate(filled)[first:]
 
 
 def _around(h: History, states: States, t: Array) -> States:
     """States around t, with collocation steps in parts so that cubics suffice."""
     if not isinstance(h.states[states.t.size - 1], Collocated):
         return states
-    steps = np.unique(np.clip(np.searchsorted(states.t, t), 1, states.t.size - 1)).tolist()
-    parts = [x for i in steps for x in densified([h.states[i - 1], h.states[i]], WITHIN)]
-    return h.solver.in_time(stacked(parts))
+    steps = np.unique(np.clip(np.searchsorted(states.t, t), 1, states.t.size - 1))
+    dense: list[State] = []
+    for i in steps.tolist():
+        dense += densified([h.states[i - 1], h.states[i]], PARTS)
+    return h.solver.in_time(stacked(dense))
 
 
 def _between(h: States, t: Array) -> States:
@@ -261,25 +264,31 @@ def _between(h: States, t: Array) -> States:
     i = np.clip(np.searchsorted(h.t, t, side="left"), 1, h.t.size - 1)
     before = _rows(h, i - 1)
     after = _rows(h, i)
-    dt = (after.t - before.t)[:, None]
+    dt = (after.t - before.t)[:, None]  # (k, 1)
     x = (t - before.t)[:, None] / dt
-    return States(t, *hermite(x, dt, before, after), (1.0 - x) * before.a + x * after.a, after.phase)
+    a = (1.0 - x) * before.a + x * after.a  # (k, n_dof)
+    return States(t, *hermite(x, dt, before, after), a, after.phase)
 
 
 def _observe(
     h: History, steps: States, frames: States, switch: float, s: Array
 ) -> tuple[Observation, NDArray[np.bool_]]:
-    """Observe steps and frames together with the law in force; also tells which rows are steps."""
-    parts = []
+    """Observe steps and frames together with the law in force, and say which rows are steps."""
+    observations = []
     is_step = []
-    for solver, late in ((h.solver, False), (h.after, True)):
-        mine = []
-        for x in (steps, frames):
-            taut = int(np.searchsorted(x.t, switch, side="right"))
-            mine.append(_rows(x, slice(taut, None) if late else slice(taut)))
-        n, k = (x.t.size for x in mine)
-        if solver is not None and n + k:
-            both = States(*(np.concatenate([getattr(x, name) for x in mine]) for name in States.__dataclass_fields__))
-            parts.append(solver.observe(both, s, n + np.arange(k)))
+    end, frames_end = (int(np.searchsorted(x.t, switch, side="right")) for x in (steps, frames))
+    pieces = [(h.solver, _rows(steps, slice(end)), _rows(frames, slice(frames_end)))]
+    if h.after is not None:
+        pieces.append((h.after, _rows(steps, slice(end, None)), _rows(frames, slice(frames_end, None))))
+    for solver, of_steps, of_frames in pieces:
+        n = of_steps.t.size
+        k = of_frames.t.size
+        if n + k:
+            observations.append(solver.observe(_joined(of_steps, of_frames), s, n + np.arange(k)))
             is_step.append(np.arange(n + k) < n)
-    return Observation.joined(parts), np.concatenate(is_step)
+    return Observation.joined(observations), np.concatenate(is_step)
+
+
+def _joined(a: States, b: States) -> States:
+    names = States.__dataclass_fields__
+    return States(**{name: np.concatenate([getattr(a, name), getattr(b, name)]) for name in names})

@@ -13,7 +13,7 @@ from cablefem.response import Array, Response
 def _path(r: Response, at: Array) -> Array:
     """(u, v) of the mass at s_o/l (n,), (n, 2); nan beyond the last step."""
     position = r.s_o / r.length
-    rising = np.concatenate([[True], np.diff(position) > 0.0])
+    rising = np.diff(position, prepend=-math.inf) > 0.0
     path = np.stack([r.u, r.v], axis=1)
     return np.asarray(PchipInterpolator(position[rising], path[rising], extrapolate=False)(at))
 
@@ -30,7 +30,7 @@ def gap_past_slack(a: Response, b: Response, stop: float) -> float:
     return float(np.nanmax(gap(a, b, np.linspace(onset, stop, 400)))) if onset < stop else math.nan
 
 
-# A gap over a STRETCH closes if refinement leaves less than CLOSING of it, or than FLOOR.
+# A gap over a STRETCH closes if refinement brings it below CLOSING of it, or below FLOOR.
 CLOSING = 0.8
 FLOOR = 1e-3
 STRETCH = 0.02

@@ -197,7 +197,6 @@ def asset(name: str) -> str:
 
 _ENVIRONMENT = jinja2.Environment(
     loader=jinja2.FunctionLoader(asset),
-    bytecode_cache=jinja2.FileSystemBytecodeCache(),  # compiling takes a tenth of a command
     autoescape=True,
     undefined=jinja2.StrictUndefined,
     trim_blocks=True,

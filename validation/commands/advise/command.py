@@ -10,7 +10,7 @@ def command(
     tol: Annotated[float, number("--tol", "Error of the mass path that is good enough; of forces ten times it.")],
     out: Out = None,
 ) -> int:
-    """Find the least model and cheapest method for a scene.
+    """Find the simplest model and cheapest method for a scene.
 
     Writes DIR/: advice.json, with the evidence, and report.html.
     """

@@ -21,13 +21,14 @@ def sections(folder: Path) -> list[Section]:
 
 
 def _paths(x: dict[str, Any], rungs: list[dict[str, Any]]) -> Markup:
-    place = np.array(x["place"])
+    position = np.array(x["place"])
+    end = x["range"][1]
     paths = [np.array(rung["v"], dtype=float) for rung in rungs]
-    size = np.nanmax(np.abs(paths[-1][place <= x["range"][1] + 1e-9]))
+    size = np.nanmax(np.abs(paths[-1][position <= end + 1e-9]))
     p = Panel("deflection, down [–]", "Path of the mass", height=240.0, down=True)
     for rung, v in zip(rungs, paths, strict=True):
         dash = DASHED if rung["load"] == "force" else ""
-        p.curve(place, v / size, COLOURS.get(rung["model"], BLACK), dash, 2.0, rung["name"])
+        p.curve(position, v / size, COLOURS.get(rung["model"], BLACK), dash, 2.0, rung["name"])
     p.fit([np.clip(v / size, -3.0, 5.0) for v in paths])
     caption = "Deflection from the static cable by each model, over the largest one of the full model."
-    return plot([p], (0.0, x["range"][1]), "place of the mass sₒ/l [–]", caption, wide=True)
+    return plot([p], (0.0, end), "place of the mass sₒ/l [–]", caption, wide=True)

@@ -1,15 +1,15 @@
-"""The least model that is enough for each need, and its cheapest run.
+"""The simplest model that is enough for each need, and its cheapest run.
 
 A car that grips: from a taut string under a force to the full cable.
-A free car: quasi-static rides on the chord, the empty cable, the loaded cable.  A hauled car: the cable at rest, and a
-car that grips.
+A free car: quasi-static rides on the chord, the empty cable, the loaded cable.
+A hauled car: the cable at rest, and a car that grips.
 
 path : largest distance in v, over the largest v.
 tension : rms over cable and time, off the mass, over H.
-timetable : largest distance in place over the length, in speed over its largest, and in duration.
+timetable : largest distance in position over the length, in speed over its largest, and in duration.
 haul force : largest distance of means over an axial round trip, over the largest force.
 
-Of path and timetable the tolerance is asked, of forces ten times as much: as `check --tol` asks.
+The tolerance holds for path and timetable, ten times as much for forces: as in `check --tol`.
 """
 
 import itertools
@@ -43,8 +43,8 @@ from validation.core.view import View
 
 REFERENCE = "following-p2"
 SHARE = 0.25  # of the tolerance: for the full run's error
-PLACE = np.linspace(0.0, 1.0, 101)  # s_o/l of drawn paths
-# of cable and load, cheap to full
+POSITIONS = np.linspace(0.0, 1.0, 101)  # s_o/l of drawn paths
+# models of cable and load, cheap to full
 LADDER = (*itertools.product(("string", "sagged", "stretching"), ("force", "mass")), ("full", "mass"))
 Gap = Callable[[Response, Response, View], float]
 
@@ -55,8 +55,8 @@ def _over_largest(name: str, a: Response, b: Response, view: View, axial: float 
 
 
 def _timetable(a: Response, b: Response, view: View) -> float:
-    place = series_gap(a, b, view.window, lambda r: r.s_o, largest=True) / b.length
-    return max(place, _over_largest("speed", a, b, view))
+    position = series_gap(a, b, view.window, attrgetter("s_o"), largest=True) / b.length
+    return max(position, _over_largest("speed", a, b, view))
 
 
 FORCES = ("tension", "haul force")
@@ -70,7 +70,7 @@ OF = {"grip": ("path", "tension"), "free": ("timetable", "path", "tension"), "ha
 
 
 def required(scene: Scene, tol: float) -> dict[str, float]:
-    """What a tolerance of the path asks of each need of the scene."""
+    """The tolerance of each need of a scene, from that of the path."""
     needs = OF[scene.drive.mode]
     return {need: tolerance_of("force" if need in FORCES else "path", tol, None) for need in needs}
 
@@ -89,89 +89,96 @@ class Rung:
     def name(self) -> str:
         return f"{self.model} + {self.load}" if (self.model, self.load) in LADDER else self.model
 
-    def within(self, asked: dict[str, float]) -> bool:
-        return all(gap <= asked[need] for need, gap in self.gaps.items())
+    def within(self, tolerances: dict[str, float]) -> bool:
+        return all(gap <= tolerances[need] for need, gap in self.gaps.items())
 
-    def line(self, asked: dict[str, float]) -> dict[str, Any]:
-        r = self.run
-        gaps = self.gaps
-        settings = {} if r is None else find(r.method).main_settings(r.settings) | {"scheme": r.settings["scheme"]}
-        out = {
+    def row(self, tolerances: dict[str, float]) -> dict[str, Any]:
+        """The rung as it is stored."""
+        out: dict[str, Any] = {
             "name": self.name, "model": self.model, "load": self.load, "seconds": self.seconds,
-            "path_error": gaps["path"], "tension_error": gaps["tension"], "gaps": gaps, "meets": self.within(asked),
-            "method": r.method if r else None, "settings": settings,
+            "path_error": self.gaps["path"], "tension_error": self.gaps["tension"], "gaps": self.gaps,
+            "meets": self.within(tolerances), "method": None, "settings": {},
         }  # fmt: skip
-        if r is not None and r.drive != "free":
-            v = np.interp(PLACE, r.s_o / r.length, r.v, right=math.nan)
-            out["v"] = [float(f"{x:.6g}") for x in v]
+        r = self.run
+        if r is not None:
+            out["method"] = r.method
+            out["settings"] = find(r.method).main_settings(r.settings) | {"scheme": r.settings["scheme"]}
+            if r.drive != "free":
+                v = np.interp(POSITIONS, r.s_o / r.length, r.v, right=math.nan)
+                out["v"] = [float(f"{x:.6g}") for x in v]
         return store.plain(out)
 
 
 def advise(scene: Scene, tol: float, out: Path, report: Progress = silent) -> dict[str, Any]:
-    """Write advice.json, to a tolerance of all that is needed; an advice for the same is kept."""
+    """Write advice.json for a tolerance of the path; an advice that is stored for the same is returned.
+
+    Raises ValueError for a tolerance outside (0, 1).
+    """
     if not (math.isfinite(tol) and 0.0 < tol < 1.0):
         raise ValueError(f"tol must lie in (0, 1), got {tol!r}")
-    if kept := store.stored(out / "advice.json", scene_toml=scene.to_toml(), asked=required(scene, tol)):
-        return kept
+    file = out / "advice.json"
+    stored = store.stored(file, scene_toml=scene.to_toml(), asked=required(scene, tol))
+    if stored:
+        return stored
     content = advice(scene, tol, report)
-    write_json(out / "advice.json", content)
+    write_json(file, content)
     return content
 
 
 def advice(scene: Scene, tol: float, report: Progress = silent) -> dict[str, Any]:
-    asked = required(scene, tol)
-    rungs, full, view = _rungs(scene, tol, asked, report)
-    least = {need: next((r for r in rungs if r.gaps[need] <= enough), rungs[-1]) for need, enough in asked.items()}
-    best = max(least.values(), key=rungs.index)
-    entries = [best, *(_raced(scene, best, full, view, asked, report) if full.drive == "grip" else ())]
-    cheapest = min((r for r in entries if r.within(asked)), key=lambda r: r.seconds, default=best)
-    return {
-        "scene": scene.name, "scene_toml": scene.to_toml(), "tol": tol, "asked": asked, "drive": full.drive,
-        **cheapest.line(asked), "least": {need: r.name for need, r in least.items()},
-        "range": list(view.window), "slack_onset": full.slack_onset,
-        "full": rungs[-1].line(asked), "candidates": [r.line(asked) for r in entries],
-        "rungs": [r.line(asked) for r in rungs], "place": PLACE.tolist(),
-    }  # fmt: skip
-
-
-def _rungs(
-    scene: Scene, tol: float, asked: dict[str, float], report: Progress
-) -> tuple[list[Rung], Response, View]:  # fmt: skip
+    """The content of advice.json: the cheapest run that meets the tolerance, and all that was compared with it."""
+    tolerances = required(scene, tol)
     view = View.of(scene)
-    ladder = _full(scene, view, tol, asked, report)
-    full = ladder.run
-    bars = {need: sum(parts_of(ladder, view, *NEEDS[need])) for need in asked}
+    ladder = _full(scene, view, tol, tolerances, report)
+    full = ladder.finest
+    bars = {need: sum(parts_of(ladder, view, *NEEDS[need])) for need in tolerances}
     rungs = [Rung("full", "mass", full.seconds, bars, full)]
     if all(map(math.isfinite, bars.values())):
         view = view.cut(full)
-        rungs = [*_lesser(scene, full, view, report), *rungs]
-    return rungs, full, view
+        rungs = [*_cheaper(scene, full, view, report), *rungs]
+    enough = {
+        need: next((rung for rung in rungs if rung.gaps[need] <= limit), rungs[-1])
+        for need, limit in tolerances.items()
+    }
+    best = max(enough.values(), key=rungs.index)
+    candidates = [best]
+    if full.drive == "grip":
+        candidates += _raced(scene, best, full, view, tolerances, report)
+    meeting = (rung for rung in candidates if rung.within(tolerances))
+    cheapest = min(meeting, key=attrgetter("seconds"), default=best)
+    return {
+        "scene": scene.name, "scene_toml": scene.to_toml(), "tol": tol, "asked": tolerances, "drive": full.drive,
+        **cheapest.row(tolerances), "least": {need: rung.name for need, rung in enough.items()},
+        "range": list(view.window), "slack_onset": full.slack_onset, "full": rungs[-1].row(tolerances),
+        "candidates": [rung.row(tolerances) for rung in candidates],
+        "rungs": [rung.row(tolerances) for rung in rungs], "place": POSITIONS.tolist(),
+    }  # fmt: skip
 
 
-def _full(scene: Scene, view: View, tol: float, asked: dict[str, float], report: Progress) -> Ladder:
+def _full(scene: Scene, view: View, tol: float, tolerances: dict[str, float], report: Progress) -> Ladder:
     """The full model, as fine as tolerance and budget allow."""
-    told = partial(report, "full model")
+    progress = partial(report, "full model")
     budget = SHARE * BUDGET
     try:
-        ladder = refine_to_tolerance(scene, REFERENCE, SHARE * tol, budget=budget, progress=told, until=view.stop)
+        ladder = refine_to_tolerance(scene, REFERENCE, SHARE * tol, budget=budget, progress=progress, until=view.stop)
     except TooCoarse as error:
         return error.ladder
 
     def worst(ladder: Ladder) -> Goal:
         """The need whose bar exceeds its share most."""
-        goals = [Goal(parts_of(ladder, view, *NEEDS[need]), SHARE * enough, FIRST) for need, enough in asked.items()]
-        return max(goals, key=lambda goal: goal.excess)
+        goals = [Goal(parts_of(ladder, view, *NEEDS[need]), SHARE * limit, FIRST) for need, limit in tolerances.items()]
+        return max(goals, key=attrgetter("excess"))
 
     return refined_until(scene, ladder, worst, budget=budget, until=view.stop)
 
 
-def _lesser(scene: Scene, full: Response, view: View, report: Progress) -> Iterator[Rung]:
-    """Give the rungs below the full one, cheap to rich."""
+def _cheaper(scene: Scene, full: Response, view: View, report: Progress) -> Iterator[Rung]:
+    """Yield the rungs below the full one, cheap to rich."""
     if scene.drive.mode == "free":
-        yield from _rolled(scene, full)
+        yield from _quasi_static_rides(scene, full)
         return
     if scene.drive.mode == "haul":
-        yield _at_rest(scene, full, view)
+        yield _statics(scene, full, view)
         gripped = _timed(scene.variant(drive={"mode": "grip"}), REFERENCE, until=view.stop, **full.settings)
         yield Rung("grip", "mass", gripped.seconds, distances(gripped, full, view), gripped)
         return
@@ -190,14 +197,16 @@ def _timed(scene: Scene, method: Any, **how: Any) -> Response:
 def distances(r: Response, full: Response, view: View) -> dict[str, float]:
     """Distances to the full run by need; infinite where a run says nothing, or ends before the range."""
     out = dict.fromkeys(OF[full.drive], math.inf)
-    for need in out if view.covers(r) else ():
+    if not view.covers(r):
+        return out
+    for need in out:
         with suppress(NotComparable):
             out[need] = NEEDS[need][0](r, full, view)
     return out
 
 
-def _rolled(scene: Scene, full: Response) -> Iterator[Rung]:
-    """Give the quasi-static rides; the one on the loaded cable tells path and tension, too."""
+def _quasi_static_rides(scene: Scene, full: Response) -> Iterator[Rung]:
+    """Yield the quasi-static rides; the one on the loaded cable has path and tension, too."""
     g = scene.groups
     l = scene.length
     tau = scene.time_scale
@@ -205,48 +214,50 @@ def _rolled(scene: Scene, full: Response) -> Iterator[Rung]:
         begin = time.perf_counter()
         rolled = ride(kind(g), g.mu, g.sigma, g.drive)
         seconds = time.perf_counter() - begin
-        gaps = dict.fromkeys(OF["free"], math.inf) | (_static_gaps(scene, full) if model == "quasi-static" else {})
+        gaps = dict.fromkeys(OF["free"], math.inf)
+        if model == "quasi-static":
+            gaps |= _static_gaps(scene, full)
         if rolled.sections:
-            t = full.t[full.t <= rolled.duration * tau] / tau
-            place = np.abs(rolled.at(t)[0] - full.s_o[: t.size] / l).max()
+            end = rolled.duration * tau
+            t = full.t[full.t <= end] / tau
+            position = np.abs(rolled.at(t)[0] - full.s_o[: t.size] / l).max()
             speed = np.abs(rolled.speed(t) * l / tau - full.speed[: t.size]).max() / full.speed.max()
-            gaps["timetable"] = float(max(place, speed, abs(rolled.duration * tau / full.t[-1] - 1.0)))
+            gaps["timetable"] = float(max(position, speed, abs(end / full.t[-1] - 1.0)))
         yield Rung(model, "mass", seconds, gaps)
 
 
-def _at_rest(scene: Scene, full: Response, view: View) -> Rung:
+def _statics(scene: Scene, full: Response, view: View) -> Rung:
     begin = time.perf_counter()
     r = quasi_static(scene)
     seconds = time.perf_counter() - begin
     step = (full.t[-1] - full.t[0]) / (full.t.size - 1)
     mean = uniform_filter1d(full.F_haul, max(1, round(view.axial / step)), mode="nearest")
-    force = np.nanmax(np.abs(mean - np.interp(full.s_o, r.s_o, r.F_haul))) / np.nanmax(np.abs(full.F_haul))
+    gap = np.abs(mean - np.interp(full.s_o, r.s_o, r.F_haul))  # (n,)
+    force = np.nanmax(gap) / np.nanmax(np.abs(full.F_haul))
     return Rung("statics", "mass", seconds, _static_gaps(scene, full) | {"haul force": float(force)})
 
 
 def _static_gaps(scene: Scene, full: Response) -> dict[str, float]:
-    """Distance of the cable at rest from the full run, at equal places."""
+    """Distance of the cable at rest from the full run, at equal positions."""
     l = scene.length
-    H = scene.horizontal_tension
     g = scene.groups
-    f = full.fields
-    at = Statics(g)
-    here = at(full.s_o / l)
-    v = l * (here.place[:, 1] - g.shape(here.s)[1])
-    s = f.s / l
-    s_o = f.s_o / l
-    off = np.abs(s - s_o[:, None]) > JUMP_WIDTH
-    tension = at.tension(s, s_o) - f.T / H
+    statics = Statics(g)
+    here = statics(full.s_o / l)
+    v = l * (here.place[:, 1] - g.shape(here.s)[1])  # (n,)
+    s = full.fields.s / l
+    s_o = full.fields.s_o / l
+    off_mass = np.abs(s - s_o[:, None]) > JUMP_WIDTH  # (frames, stations)
+    tension = statics.tension(s, s_o) - full.fields.T / scene.horizontal_tension
     return {
         "path": float(np.abs(v - full.v).max() / np.abs(full.v).max()),
-        "tension": float(np.sqrt(np.mean(tension[off] ** 2))),
+        "tension": float(np.sqrt(np.mean(tension[off_mass] ** 2))),
     }
 
 
 def _raced(
-    scene: Scene, best: Rung, full: Response, view: View, asked: dict[str, float], report: Progress
+    scene: Scene, best: Rung, full: Response, view: View, tolerances: dict[str, float], report: Progress
 ) -> Iterator[Rung]:  # fmt: skip
-    """Give runs of a model by all candidates, refined until within the tolerance or dearer than one that is."""
+    """Yield runs of a model by all methods that race, refined until one meets the tolerances or costs too much."""
     candidates = [method for method in METHODS.values() if method.races]
     cheapest = full.seconds
     for i, method in enumerate(candidates):
@@ -254,7 +265,10 @@ def _raced(
         for resolution, steps in method.races:
             settings: dict[str, Any] = {method.resolution.setting: resolution, "steps": steps}
             r = _timed(scene, method, model=best.model, load=best.load, until=view.stop, **settings)
-            yield (entry := Rung(best.model, best.load, r.seconds, distances(r, full, view), r))
-            cheapest = min(cheapest, r.seconds) if entry.within(asked) else cheapest
-            if entry.within(asked) or 2.0 * r.seconds > cheapest:  # the next costs about twice
+            rung = Rung(best.model, best.load, r.seconds, distances(r, full, view), r)
+            yield rung
+            if rung.within(tolerances):
+                cheapest = min(cheapest, r.seconds)
+                break
+            if 2.0 * r.seconds > cheapest:  # the next costs about twice
                 break

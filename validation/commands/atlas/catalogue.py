@@ -1,4 +1,4 @@
-"""The ways methods fail (catalogue.toml), with cases of failure and remedy, and the measures that they name."""
+"""How methods fail (catalogue.toml), with cases of failure and remedy, and the measures that they name."""
 
 import json
 import math
@@ -30,14 +30,19 @@ CATALOGUE: tuple[Row, ...] = tuple(store.shipped(__package__, "catalogue.toml")[
 
 def run_row(row: Row) -> Row:
     """A row's words, what was measured, and whether failure and remedy showed."""
-    failed, cured = (
-        {name: math.nan if (x := _evaluated(text)) is None else float(x) for name, text in row[side].items()}
-        for side in ("shows", "cures")
-    )
-    return {k: row[k] for k in ("name", "scene", "method", "symptom", "cause", "remedy")} | {
-        "failure": failed, "cure": cured, "failure_shown": holds(row["shown"], failed),
-        "remedy_works": holds(row["cured"], cured),
+    failure = _numbers(row["shows"])
+    cure = _numbers(row["cures"])
+    words = {k: row[k] for k in ("name", "scene", "method", "symptom", "cause", "remedy")}
+    return words | {
+        "failure": failure, "cure": cure, "failure_shown": holds(row["shown"], failure),
+        "remedy_works": holds(row["cured"], cure),
     }  # fmt: skip
+
+
+def _numbers(expressions: dict[str, str]) -> dict[str, float]:
+    """Values by name; nan for None."""
+    values = {name: _evaluated(expression) for name, expression in expressions.items()}
+    return {name: math.nan if x is None else float(x) for name, x in values.items()}
 
 
 def holds(condition: str, x: dict[str, float]) -> bool:
@@ -54,13 +59,13 @@ def level(**groups: float) -> Scene:
 
 def run(method: str, scene: Groups | None = None, **how: Any) -> Response:
     """Run a method, or one with a planted fault, on the level scene."""
-    return _run(json.dumps([method, scene, how]))
+    return _run(json.dumps([method, scene or {}, how]))
 
 
 @cache
 def _run(key: str) -> Response:
     method, scene, how = json.loads(key)
-    return running.run(level(**(scene or {})), specimens.PLANTED.get(method, method), **how)
+    return running.run(level(**scene), specimens.PLANTED.get(method, method), **how)
 
 
 def gap(a: Response, b: Response, low: float = measures.WINDOW[0], high: float = measures.WINDOW[1]) -> float:
@@ -91,7 +96,7 @@ def ripple(method: str, **how: Any) -> float:
 
 @cache
 def vibration(scheme: str) -> Array:
-    """The energy of a free cable over the one given, at every step, in the second mode."""
+    """The energy of a free cable over that at the start, at every step, in the second mode."""
     large: dict[str, Any] = {"terms": 30, "speed": 0.1, "sine": 2, "dt": 0.04, "steps": 200}
     return free_vibration(level().groups, newmark.scheme(scheme), **large)
 
@@ -118,18 +123,20 @@ def start(**finer: float) -> float:
     light = {"mu": 0.01}
     r = run("following-p2", light, elements=8, steps=400, **finer)
     fine = run("following-p2", light, elements=40, steps=3000, grading=30.0, entry=0.01)
-    off = np.interp([0.02, 0.05], r.s_o / r.length, r.v) - np.interp([0.02, 0.05], fine.s_o / fine.length, fine.v)
-    return float(np.abs(off).max() / fine.max_deflection)
+    position = r.length * np.array([0.02, 0.05])
+    error = np.interp(position, r.s_o, r.v) - np.interp(position, fine.s_o, fine.v)
+    return float(np.abs(error).max() / fine.max_deflection)
 
 
 def negative(method: str, **how: Any) -> float:
-    """Place of the mass when a point of the cable is first compressed, else infinite."""
+    """s_o/l of the mass when a point of the cable is first compressed, else infinite."""
     r = run(method, law="elastic", **how)
     pressed = r.fields.s_o[r.fields.T_pointwise.min(axis=1) < 0.0]
     return float(pressed[0] / r.length) if pressed.size else math.inf
 
 
 def stiff(model: str) -> tuple[Response, Response]:
+    """A coarse and a finer run on a stiff cable."""
     a, b = (run("following-p2", {"alpha": 1e6}, model=model, elements=n, steps=50 * n) for n in (8, 16))
     return a, b
 
@@ -143,7 +150,8 @@ def frozen(terms: int) -> float:
     """Growth over the crossing, by eigenvalues of the system frozen at instants."""
     system = GalerkinSystem(level().groups, Fourier(terms))
     end = system.phases[-1][1]
-    return float(np.exp(end * max(specimens.frozen_growth(system, x * end) for x in (0.1, 0.5, 0.9))))
+    rate = max(specimens.frozen_growth(system, x * end) for x in (0.1, 0.5, 0.9))
+    return float(np.exp(end * rate))
 
 
 def explicit_steps(terms: int, factor: float) -> int:
@@ -151,13 +159,12 @@ def explicit_steps(terms: int, factor: float) -> int:
     system = GalerkinSystem(level().groups, Fourier(terms))
     end = system.phases[-1][1]
     M, _, K = specimens.frozen(system, 0.5 * end)
-    return round(end * math.sqrt(eigvals(K, M).real.max()) / 2.0 / factor)
+    omega_max = math.sqrt(eigvals(K, M).real.max())
+    return round(end * omega_max / 2.0 / factor)
 
 
-MEASURES = {
-    f.__name__: f
-    for f in (
-        run, gap, path, energy, ripple, vibration, left, frequency, beyond, start, negative, stiff, tension_gap, frozen,
-        explicit_steps, convergence_limit,
-    )
-} | {"most_gain": MAX_GAIN}  # fmt: skip
+_FUNCTIONS = (
+    run, gap, path, energy, ripple, vibration, left, frequency, beyond, start, negative, stiff, tension_gap, frozen,
+    explicit_steps, convergence_limit,
+)  # fmt: skip
+MEASURES: dict[str, Any] = {f.__name__: f for f in _FUNCTIONS} | {"most_gain": MAX_GAIN}

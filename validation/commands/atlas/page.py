@@ -27,20 +27,21 @@ def _map(atlas: dict[str, Any], m: dict[str, Any]) -> dict[str, Any]:
     """A map with its figures, its cells by class, and these by method."""
     cells = {(c["method"], c["x"], c["y"]): c for c in atlas["cells"] if c["map"] == m["name"]}
     classes = [name for name in CLASSES if name != "not computed"]
-    of = {method: Counter(c["class"] for c in cells.values() if c["method"] == method) for method in m["methods"]}
-    return m | {
-        "figures": [_figure(m, method, cells) for method in m["methods"]],
-        "counts": {name: sum(count[name] for count in of.values()) for name in classes},
-        "rows": [{"method": method} | {name: count[name] for name in classes} for method, count in of.items()],
-    }
+    counts = Counter(cell["class"] for cell in cells.values())
+    rows = []
+    for method in m["methods"]:
+        count = Counter(cell["class"] for cell in cells.values() if cell["method"] == method)
+        rows.append({"method": method} | {name: count[name] for name in classes})
+    figures = [_figure(m, method, cells) for method in m["methods"]]
+    return m | {"figures": figures, "counts": {name: counts[name] for name in classes}, "rows": rows}
 
 
 def _figure(m: dict[str, Any], method: str, cells: dict[Any, Any]) -> Markup:
     xs = m["x"]["values"]
     ys = m["y"]["values"]
     grid = {(i, j): cells.get((method, x, y), UNKNOWN) for i, x in enumerate(xs) for j, y in enumerate(ys)}
-    kinds = [cell["class"] for cell in grid.values()]
-    shown = [name for name in CLASSES if name in kinds]
+    counts = Counter(cell["class"] for cell in grid.values())
+    shown = [name for name in CLASSES if counts[name]]
     fig, ax = panels(height=3.6)
     with style():
         for (i, j), cell in grid.items():
@@ -48,9 +49,10 @@ def _figure(m: dict[str, Any], method: str, cells: dict[Any, Any]) -> Markup:
         _curves(ax, m)
         _axes(ax, m)
         ax.set_title(method)
-        handles = _key(shown, {cell["cause"] for cell in grid.values()}) + ax.get_legend_handles_labels()[0]
-        fig.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=7.5)
-    tally = ", ".join(f"{kinds.count(k)} {k}" for k in shown)
+        key = _key(shown, {cell["cause"] for cell in grid.values()})
+        key += ax.get_legend_handles_labels()[0]
+        fig.legend(handles=key, loc="outside lower center", ncols=2, fontsize=7.5)
+    tally = ", ".join(f"{counts[name]} {name}" for name in shown)
     return figure(fig, escape(f"{m['title']}: {method}"), label=f"Map of {method}: {tally}")
 
 
@@ -62,42 +64,50 @@ def _axes(ax: Any, m: dict[str, Any]) -> None:
     ax.set_xticks(range(len(xs)), xs, rotation=45)
     ax.set_yticks(range(len(ys)), ys)
     ax.set(xlim=(-0.5, len(xs) - 0.5), ylim=(-0.5, len(ys) - 0.5))
-    ax.set(**{f"{axis}label": MAPS["names"].get(m[axis]["name"], m[axis]["name"]) for axis in "xy"})
+    x, y = (m[axis]["name"] for axis in "xy")
+    ax.set(xlabel=MAPS["names"].get(x, x), ylabel=MAPS["names"].get(y, y))
     ax.grid(False)
 
 
 def _key(classes: list[str], causes: set[str | None]) -> list[Patch]:
     looks = [CLASSES[name] for name in classes]
-    looks += [(badge, "", f"{c}: {words}") for name, (c, badge, _, words) in CAUSES.items() if name in causes]
+    for name, (letter, badge, _, words) in CAUSES.items():
+        if name in causes:
+            looks.append((badge, "", f"{letter}: {words}"))
     return [Patch(facecolor=colour, hatch=hatch, edgecolor=GREY, label=words) for colour, hatch, words in looks]
 
 
 def _cell(ax: Any, i: int, j: int, cell: dict[str, Any]) -> None:
     """Draw a cell in the colour of its class, with the letter of its cause and how far the run came."""
     colour, hatch, _ = CLASSES[cell["class"]]
-    how = {"facecolor": colour, "hatch": hatch, "edgecolor": "white", "linewidth": 0.5}
-    ax.fill_between([i - 0.5, i + 0.5], j - 0.5, j + 0.5, **how)
-    if cell["cause"] is not None:
-        letter, badge, ink, _ = CAUSES[cell["cause"]]
-        if cell["reached"] is not None and cell["reached"] < 0.995 and cell["cause"] != "too coarse":
-            letter += f"\n{cell['reached']:.2f}"
+    look = {"facecolor": colour, "hatch": hatch, "edgecolor": "white", "linewidth": 0.5}
+    ax.fill_between([i - 0.5, i + 0.5], j - 0.5, j + 0.5, **look)
+    cause = cell["cause"]
+    if cause is not None:
+        letter, badge, ink, _ = CAUSES[cause]
+        reached = cell["reached"]
+        if reached is not None and reached < 0.995 and cause != "too coarse":
+            letter += f"\n{reached:.2f}"
         box = {"facecolor": badge, "edgecolor": "white", "linewidth": 0.5, "pad": 1.2}
         ax.text(i, j, letter, ha="center", va="center", fontsize=7.5, color=ink, bbox=box)
 
 
 def _curves(ax: Any, m: dict[str, Any]) -> None:
-    """Draw the curves of theory; places on axes of cells are interpolated by logarithms."""
+    """Draw the curves of theory."""
 
-    def place(values: list[float], x: Any) -> Any:
+    def index(values: list[float], x: Any) -> Any:
+        """Cell numbers, interpolated by logarithms."""
         return np.interp(np.log(x), np.log(values), np.arange(len(values)), left=np.nan, right=np.nan)
 
     xs = m["x"]["values"]
     ys = m["y"]["values"]
     if m["name"] == "speed-mass":
-        ax.axvline(place(xs, 1.0), color=BLUE, linestyle="--", label="V = wave speed")
+        ax.axvline(index(xs, 1.0), color=BLUE, linestyle="--", label="V = wave speed")
     elif m["name"] == "sag-stiffness":
         # L^2 = sigma^2 alpha = 4 pi^2, sigma = 8 sag/span for a flat parabola
         sag = np.geomspace(xs[0], xs[-1], 200)
         stiff = 4.0 * np.pi**2 / (8.0 * sag) ** 2
         inside = (stiff >= ys[0]) & (stiff <= ys[-1])
-        ax.plot(place(xs, sag[inside]), place(ys, stiff[inside]), color=BLUE, linestyle="--", label="Irvine $L^2=4π^2$")
+        x = index(xs, sag[inside])
+        y = index(ys, stiff[inside])
+        ax.plot(x, y, color=BLUE, linestyle="--", label="Irvine $L^2=4π^2$")

@@ -15,19 +15,21 @@ from validation.core.methods import METHODS, Method
 
 def frozen(system: GalerkinSystem, t: float) -> Any:
     """M, C and K of the cable and mass at rest, frozen at time t."""
-    return (system.tangent(t, np.zeros(system.n_dof), 0, *c) for c in ((0, 0, 1.0), (0, 1.0, 0), (1.0, 0, 0)))
+    q = np.zeros(system.n_dof)
+    return [system.tangent(t, q, 0, *factors) for factors in ((0, 0, 1.0), (0, 1.0, 0), (1.0, 0, 0))]
 
 
 def frozen_growth(system: GalerkinSystem, t: float) -> float:
     """Largest growth rate Re lambda of the `frozen` system."""
     M, C, K = frozen(system, t)
     n = system.n_dof
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, np.hstack([K, C]))]])
+    lower = -np.linalg.solve(M, np.hstack([K, C]))  # (n, 2 n)
+    A = np.vstack([np.eye(n, 2 * n, n), lower])
     return float(eigvals(A).real.max())
 
 
 def _without(*terms: str) -> type[GalerkinSystem]:
-    """FAULT: terms (22), (23) of the travel left out of the acceleration of the mass; f_v : 2 ds_o w.'."""
+    """FAULT: the acceleration of the mass without terms (22), (23) of the travel; f_v : 2 ds_o w.'."""
 
     class Faulty(GalerkinSystem):
         def _instant(self, *kinematics: float) -> Instant:
@@ -50,6 +52,7 @@ class _RestingStart(GalerkinSystem):
 
 
 def planted(method: str, fault: type[GalerkinSystem]) -> Method:
+    """A method whose system is the faulty one."""
 
     def build(groups: Groups, x: dict[str, Any], **kind: Any) -> Any:
         return fault(groups, Fourier(x["terms"]), kink=method.endswith("kink"), **kind)

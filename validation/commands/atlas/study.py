@@ -1,6 +1,6 @@
-"""Maps of where each method can be trusted (maps.toml): every cell is a run held against a finer one.
+"""Maps of where each method can be trusted (maps.toml): every cell is a run compared with a finer one.
 
-Finished cells are kept in cells.jsonl.
+Finished cells are stored in cells.jsonl.
 """
 
 import json
@@ -26,11 +26,15 @@ Map = dict[str, Any]  # as in maps.toml
 
 
 def methods(m: Map) -> list[tuple[str, dict[str, Any]]]:
-    """The methods of a map, with the settings that its axes leave open."""
-    surveyed = [
-        (x.name, {x.resolution.setting: x.survey[0], "steps": x.survey[1]}) for x in METHODS.values() if x.survey
-    ]
-    return [tuple(pair) for pair in m.get("methods", ())] or surveyed
+    """The methods of a map, with the settings that its axes do not have."""
+    if "methods" in m:
+        return [tuple(pair) for pair in m["methods"]]
+    out = []
+    for method in METHODS.values():
+        if method.survey:
+            resolution, steps = method.survey
+            out.append((method.name, {method.resolution.setting: resolution, "steps": steps}))
+    return out
 
 
 def scene_at(m: Map, x: float, y: float) -> Scene:
@@ -47,7 +51,7 @@ def settings_at(m: Map, x: float, y: float, method: str, fixed: dict[str, Any]) 
 
 
 def label(method: str, fixed: dict[str, Any]) -> str:
-    """The name of a method's map, with its scheme if given."""
+    """The name of a method's map, with its scheme if it has one."""
     return f"{method}, {fixed['scheme']}" if "scheme" in fixed else method
 
 
@@ -116,12 +120,13 @@ def _reference(toml: str) -> tuple[Response, float]:
 
 
 def cells(m: Map, x: float, y: float) -> list[dict[str, Any]]:
+    """The cells of all methods at a point of a map."""
     out = [{"map": m["name"], "x": x, "y": y, "method": label(*method)} for method in methods(m)]
     try:
         scene = scene_at(m, x, y)
     except ValueError as error:
-        none = dict.fromkeys(("cause", "reached", "error", "slack_onset")) | {"class": "no scene", "reason": str(error)}
-        return [cell | none for cell in out]
+        none = dict.fromkeys(("cause", "reached", "error", "slack_onset"))
+        return [cell | none | {"class": "no scene", "reason": str(error)} for cell in out]
     for cell, (name, fixed) in zip(out, methods(m), strict=True):
         cell["settings"] = settings_at(m, x, y, name, fixed)
         cell |= judged(run(scene, name, **cell["settings"]), *_reference(scene.to_toml()))
@@ -143,12 +148,23 @@ def judged(r: Response, reference: Response, unsure: float, earliest: float = 0.
         error = measures.path_gap(r, reference, (measures.WINDOW[0], min(stop, r.reached)))[0]
     except (measures.NotComparable, ValueError):
         error = math.inf
-    wrong = r.reached < stop or error >= MAPS["wrong"]
-    verdict = "wrong" if wrong else "poor" if error > MAPS["good"] else "good"
-    bound = {"good": MAPS["good"], "poor": MAPS["wrong"]}.get(verdict, math.inf)
+    verdict = "good"
+    bound = MAPS["good"]
+    if r.reached < stop or error >= MAPS["wrong"]:
+        verdict = "wrong"
+        bound = math.inf
+    elif error > MAPS["good"]:
+        verdict = "poor"
+        bound = MAPS["wrong"]
     if unsure > 0.5 * bound:
         return out | {"class": "not judged", "reason": f"the reference itself is sure to {unsure:.2g} only"}
-    if verdict != "good":
-        early = "slack too early" if r.slack_from < stop - 0.05 else "too coarse"
-        out["cause"] = r.cause or ("unstable" if "energy" in r.flag_kinds else early)
+    if verdict != "good" and not r.cause:
+        out["cause"] = _cause(r, stop)
     return out | {"class": verdict, "error": error}
+
+
+def _cause(r: Response, stop: float) -> str:
+    """Why a run that did not break is not good."""
+    if "energy" in r.flag_kinds:
+        return "unstable"
+    return "slack too early" if r.slack_from < stop - 0.05 else "too coarse"

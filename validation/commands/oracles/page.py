@@ -21,15 +21,18 @@ def sections(folder: Path) -> list[Section]:
 
 def _ladders(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
     """The rows of the case that every method goes through, by wing; none of a small part without such a case."""
-    methods = {row["case"]: {r["method"] for r in rows if r["case"] == row["case"]} for row in rows}
+    methods: dict[str, set[str]] = {}
+    for row in rows:
+        methods.setdefault(row["case"], set()).add(row["method"])
     every = max(methods, key=lambda case: len(methods[case]), default="")
-    parts: dict[str, list[dict[str, Any]]] = {}
+    wings: dict[str, list[dict[str, Any]]] = {}
     if len(methods.get(every, ())) <= len(BEST):
-        return parts
+        return wings
     for row in rows:
         if row["case"] == every:
-            parts.setdefault("Elements" if row["ladder"][0].startswith("elements") else "Galerkin", []).append(row)
-    return parts
+            wing = "Elements" if row["ladder"][0].startswith("elements") else "Galerkin"
+            wings.setdefault(wing, []).append(row)
+    return wings
 
 
 @style()
@@ -38,17 +41,17 @@ def _draw(rows: Sequence[dict[str, Any]], title: str) -> Figure:
     for i, row in enumerate(rows):
         pairs = [(n, e) for n, e in zip(row["sizes"], row["errors"], strict=True) if e is not None]
         n, e = np.array(pairs, float).reshape(-1, 2).T  # none of a row that broke
-        seen = "" if row["observed_order"] is None else f", order {row['observed_order']:.1f}"
+        result = "" if row["observed_order"] is None else f", order {row['observed_order']:.1f}"
         if row["expected"] != "agree":
-            seen = ", wrong"
+            result = ", wrong"
         look = {"color": PALETTE[i % 7], "linestyle": DASHES[(i + i // 7) % 7], "marker": MARKERS[(i + i // 7) % 7]}
-        ax.loglog(n, e, label=row["method"] + seen, **look)
+        ax.loglog(n, e, label=row["method"] + result, **look)
     sizes = np.array(ax.get_xlim())
     start = 0.35 * max((row["errors"][0] or 0.0 for row in rows if row["expected"] == "agree"), default=1.0)
     for p in (1, 2):
-        line = start * (sizes[0] / sizes) ** p
-        ax.loglog(sizes, line, color=GREY, linewidth=0.8, linestyle="-", zorder=0, scaley=False)
-        ax.annotate(str(p), (sizes[1], line[1]), (3, -3), textcoords="offset points", color=GREY, fontsize=9)
+        slope = start * (sizes[0] / sizes) ** p
+        ax.loglog(sizes, slope, color=GREY, linewidth=0.8, linestyle="-", zorder=0, scaley=False)
+        ax.annotate(str(p), (sizes[1], slope[1]), (3, -3), textcoords="offset points", color=GREY, fontsize=9)
     ticks = (5, 10, 20, 40, 80)
     ax.set_xticks(ticks, list(map(str, ticks)))
     ax.minorticks_off()

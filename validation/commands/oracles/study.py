@@ -35,10 +35,8 @@ from validation.oracles.case import Path as MassPath
 ROWS = "oracles.jsonl"
 RESULT = "oracles.json"
 ORDER_SCATTER = 0.3  # of an order from three or four runs: fronts meet the mass elsewhere in each mesh
-
-
-SAFETY = 1.5  # of what the order leaves of the last change, between Roache's 1.25 for three grids and 3 for two
-CREDITED = 1.5  # the most order that is credited: wave fronts pass the mass as spikes
+SAFETY = 1.5  # of the remaining change by the order, between Roache's 1.25 for three grids and 3 for two
+MAX_ORDER = 1.5  # largest order that is credited: wave fronts pass the mass as spikes
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +52,7 @@ class Task:
         return self.oracle, self.case.name, self.method
 
     def compute(self, solvers: Solvers | None = None) -> dict[str, Any]:
-        """Climb the case's ladder, hold every rung against the exact answer, return the row.
+        """Run the case's ladder, compare every rung with the exact answer, return the row.
 
         ladder : what was refined, coarse to fine; sizes : resolution, or one over the parameter of a limit;
         errors : relative rms, nan of a run that broke; error, worst : rms and largest of the finest;
@@ -74,11 +72,10 @@ class Task:
         try:
             return row | self._judged(solvers, rungs, p)
         except Exception as error:  # whatever breaks in one row, the others are still worth having
+            row |= dict.fromkeys(("error", "worst", "observed_order", "allowed"), math.nan)
             reason = f"{type(error).__name__}: {error}"
-        none = dict.fromkeys(("error", "worst", "observed_order", "allowed"), math.nan)
-        return row | none | {
-            "errors": [math.nan] * len(rungs), "allowed_because": "it broke", "verdict": "failed", "reason": reason,
-        }  # fmt: skip
+            errors = [math.nan] * len(rungs)
+            return row | {"errors": errors, "allowed_because": "it broke", "verdict": "failed", "reason": reason}
 
     def _judged(self, solvers: Solvers, rungs: Sequence[Rung], p: float | None) -> dict[str, Any]:
         """Run every rung; return errors, what is allowed, and the verdict."""
@@ -87,11 +84,12 @@ class Task:
         sizes = [rung.size for rung in rungs]
         rms = [error for _, error in errors]
         allowed, why = _allowed(sizes[-1] / sizes[-2], p, self.case.gap(*answers[-2:]), rms[-2])
+        if not math.isfinite(allowed):
+            why = "the run broke"
         observed = order(sizes, rms)
         return {
             "errors": rms, "error": rms[-1], "worst": errors[-1][0], "observed_order": observed, "allowed": allowed,
-            "allowed_because": why if math.isfinite(allowed) else "the run broke",
-            "verdict": judge(rms[-1], allowed, observed, p), "reason": "",
+            "allowed_because": why, "verdict": judge(rms[-1], allowed, observed, p), "reason": "",
         }  # fmt: skip
 
 
@@ -104,18 +102,18 @@ def _allowed(ratio: float, p: float | None, gap: float | None, before: float) ->
     if gap is None:
         assert p is not None
         return SAFETY * before / ratio**p, f"{SAFETY} x the deviation before, fallen with order {p:g}"
-    credited = 1.0 if p is None else min(p, CREDITED)
+    credited = 1.0 if p is None else min(p, MAX_ORDER)
     why = f"own error bar: {SAFETY} x gap to the run before / (ratio to the {credited:g} - 1)"
     return SAFETY * gap / (ratio**credited - 1.0), why
 
 
 def tasks() -> list[Task]:
-    return [
-        Task(name, one, method)
-        for name, oracle in sorted(oracles.find().items(), key=lambda entry: entry[1].group)
-        for one in oracle.cases()
-        for method in one.methods or METHODS
-    ]
+    """All rows of the table, by groups of exact answers."""
+    out = []
+    for name, oracle in sorted(oracles.find().items(), key=lambda entry: entry[1].group):
+        for case in oracle.cases():
+            out += [Task(name, case, method) for method in case.methods or METHODS]
+    return out
 
 
 def oracle_table(out: Path, progress: Progress = silent, *, quick: bool = False) -> dict[str, Any]:
@@ -123,43 +121,48 @@ def oracle_table(out: Path, progress: Progress = silent, *, quick: bool = False)
 
     quick : of each heading a comparison that must agree and one that must not.
     """
-    jobs = {json.dumps(task.key): task for task in (_one_of_each(tasks()) if quick else tasks())}
-    rows = list(store.each_once(out / ROWS, jobs, lambda task: task.compute(), partial(progress, "oracles")).values())
+    computed = _one_of_each(tasks()) if quick else tasks()
+    jobs = {json.dumps(task.key): task for task in computed}
+    results = store.each_once(out / ROWS, jobs, lambda task: task.compute(), partial(progress, "oracles"))
+    rows = list(results.values())
     as_expected = all(row["verdict"] == row["expected"] for row in rows)
-    known = [
-        {"name": name} | {k: getattr(o, k) for k in ("title", "source", "validity", "group")}
-        for name, o in oracles.find().items()
+    exact = [
+        {"name": name, "title": x.title, "source": x.source, "validity": x.validity, "group": x.group}
+        for name, x in oracles.find().items()
     ]
-    content = {"verdict": "agree" if as_expected else "disagree", "rows": rows, "oracles": known}
+    content = {"verdict": "agree" if as_expected else "disagree", "rows": rows, "oracles": exact}
     write_json(out / RESULT, content)
     (out / ROWS).unlink()
     return content
 
 
-def _one_of_each(those: list[Task]) -> list[Task]:
+def _one_of_each(every: list[Task]) -> list[Task]:
     """The first task of each group of exact answers and expected verdict."""
-    groups = {name: oracle.group for name, oracle in oracles.find().items()}
+    exact = oracles.find()
     first: dict[tuple[str, str], Task] = {}
-    for task in those:
-        first.setdefault((groups[task.oracle], task.case.must(SOLVERS, task.method)), task)
+    for task in every:
+        expected = task.case.must(SOLVERS, task.method)
+        first.setdefault((exact[task.oracle].group, expected), task)
     return list(first.values())
 
 
 def order(sizes: Sequence[float], errors: Sequence[float]) -> float:
     """Slope of log(error) on log(1/size); nan where a run failed or the error does not fall.
 
-    Runs with zero error are left out.
+    Finest runs with zero error do not count.
     """
     e = np.trim_zeros(np.asarray(errors, float), "b")
-    if not (np.isfinite(e).all() and np.all(e > 0.0) and e.size > 1 and e[-1] < e[0]):
+    computed = np.isfinite(e).all() and np.all(e > 0.0) and e.size > 1
+    if not (computed and e[-1] < e[0]):
         return math.nan
     return float(-np.polyfit(np.log(sizes[: e.size]), np.log(e), 1)[0])
 
 
 def judge(error: float, allowed: float, observed: float, expected: float | None) -> str:
-    if not (math.isfinite(error) and error <= allowed):
-        return "disagree"
-    return "agree" if expected is None or observed >= expected - ORDER_SCATTER else "disagree"
+    """The verdict: the error is allowed, and falls with the expected order, if there is one."""
+    close = math.isfinite(error) and error <= allowed
+    falls = expected is None or observed >= expected - ORDER_SCATTER
+    return "agree" if close and falls else "disagree"
 
 
 BASES = {  # of frequencies: what is refined; order and why
@@ -189,18 +192,19 @@ class _Solvers:
     def ladder(self, name: str, *, finer: float = 1.0) -> list[Rung]:
         """Four rungs of a method; three of a basis, and where one more would cost minutes."""
         if name in BASES:
-            r = BASES[name][0]
-            values = (0, 1, 2) if r.doubling else (10, 20, 40)
-            return [Rung({r.setting: n}, r.unknowns(n)) for n in values]
+            resolution = BASES[name][0]
+            values = (0, 1, 2) if resolution.doubling else (10, 20, 40)
+            return [Rung({resolution.setting: n}, resolution.unknowns(n)) for n in values]
         method = find(name)
         sharp = method.resolution.doubling and method.space_order > 1.0
-        dear = finer > 1.0 or sharp or method.keeps_pace > 2.0
-        settings = method.ladder(3 if dear else 4, finer)
+        slow = finer > 1.0 or sharp or method.keeps_pace > 2.0
+        settings = method.ladder(3 if slow else 4, finer)
         return [Rung(method.main_settings(x), method.resolution.unknowns(method.value(x))) for x in settings]
 
     def path(self, crossing: Crossing, name: str, **settings: Any) -> MassPath:
         if crossing.scene:
-            r = run(scene := Scene.load(crossing.scene), name, model="string", until=crossing.until, **settings)
+            scene = Scene.load(crossing.scene)
+            r = run(scene, name, model="string", until=crossing.until, **settings)
             return MassPath(r.t / scene.time_scale, r.s_o / r.length, r.v / r.length)
         return MassPath(*path_over_cable(crossing.groups, name, settings, **crossing.how))
 
@@ -211,23 +215,26 @@ class _Solvers:
         """Matrices of the linear model column by column, then its quadratic eigenvalues i w."""
         system = _built(name, replace(groups, mu=0.0, motion=at_rest(0.4, 1.0)), model, settings)
         n = system.n_dof
-        rows = np.eye(n)
+        unit = np.eye(n)
         none = np.zeros((n, n))
-        still = system.residual(0.0, none[0], none[0], none[0], 0)
+        at_rest_residual = system.residual(0.0, none[0], none[0], none[0], 0)
 
-        def columns(place: int) -> Array:
-            states = [none, none, none]
-            states[place] = rows
-            return np.array([system.residual(0.0, *x, 0) - still for x in zip(*states, strict=True)]).T
+        def matrix(q: Array, v: Array, a: Array) -> Array:
+            residuals = [system.residual(0.0, *state, 0) for state in zip(q, v, a, strict=True)]
+            return (np.array(residuals) - at_rest_residual).T
 
-        K, C, M = map(columns, range(3))
-        found = -1j * np.linalg.eigvals(np.block([[none, rows], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]]))
-        return np.sort_complex(found[found.real > 0.0])[:count]
+        K = matrix(unit, none, none)
+        C = matrix(none, unit, none)
+        M = matrix(none, none, unit)
+        A = np.block([[none, unit], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])  # (2 n, 2 n)
+        omega = -1j * np.linalg.eigvals(A)
+        return np.sort_complex(omega[omega.real > 0.0])[:count]
 
     def plucked(self, name: str, groups: Groups, p: float, end: float, **settings: Any) -> tuple[Array, Array]:
-        """Let a straight string go that the weight of groups holds at p; return t, and w at p."""
+        """Release a straight string that the weight of groups holds at p; return t, and w at p."""
         groups = replace(groups, motion=at_rest(p, end))
-        loaded, free = (_built(name, x, "straight", settings) for x in (groups, replace(groups, mu=0.0)))
+        loaded = _built(name, groups, "straight", settings)
+        free = _built(name, replace(groups, mu=0.0), "straight", settings)
         rest = equilibrium(loaded)
         start = newmark.consistent_acceleration(free, 0.0, rest, np.zeros_like(rest), 0)
         grid = np.linspace(0.0, end, 1 + find(name).settings(settings)["steps"])

@@ -7,36 +7,34 @@ A sum of N smooth functions has ripples of wavelength 1/N at the kink.  Their si
 import numpy as np
 
 from cablefem.elements.following import FollowingElements
-from cablefem.newmark import integrate, scheme, step_times
+from cablefem.newmark import State, integrate, scheme, step_times
 from cablefem.response import Array
 from cablefem.scene import Groups
 from galerkin.bases import Basis
 from galerkin.bases.daubechies import Daubechies
 from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
-from validation.commands.paper.runs import SAID
+from validation.commands.paper.runs import SETTINGS
 from validation.core.sampling import stacked
 
-ASKED = SAID["overshoot"]
-PLACES = np.linspace(ASKED["places"]["first"], ASKED["places"]["last"], ASKED["places"]["count"])
+OVERSHOOT = SETTINGS["overshoot"]
+POSITIONS = np.linspace(*(OVERSHOOT["places"][end] for end in ("first", "last", "count")))
 
 
 def _tensions(system: GalerkinSystem | FollowingElements, distances: Array) -> Array:
-    """T at s_o -+ each distance (m,) at every one of PLACES, (places, 2 m)."""
-    states = []
-    wanted = list(PLACES)
-    for x in integrate(system, scheme("trapezoidal"), step_times(system, ASKED["steps"])):
-        if system.motion.at(x.t, x.phase)[0] >= wanted[0]:
+    """T at s_o -+ each distance (m,) when the mass passes each of POSITIONS, (positions, 2 m)."""
+    states: list[State] = []
+    for x in integrate(system, scheme("trapezoidal"), step_times(system, OVERSHOOT["steps"])):
+        if system.motion.at(x.t, x.phase)[0] >= POSITIONS[len(states)]:
             states.append(x)
-            del wanted[0]
-            if not wanted:
+            if len(states) == POSITIONS.size:
                 break
-    stack = stacked(states)
-    s_o = system.motion.position(stack.t)
-    return np.array([
-        system.observe(stack, np.r_[place - distances[::-1], place + distances], np.array([i])).T_pointwise[0]
-        for i, place in enumerate(s_o)
-    ])  # fmt: skip
+    history = stacked(states)
+    out = []
+    for i, s_o in enumerate(system.motion.position(history.t)):
+        s = np.r_[s_o - distances[::-1], s_o + distances]
+        out.append(system.observe(history, s, np.array([i])).T_pointwise[0])
+    return np.array(out)
 
 
 def overshoots(groups: Groups, ladders: dict[str, list[int]]) -> dict[str, list[dict[str, float]]]:
@@ -44,15 +42,19 @@ def overshoots(groups: Groups, ladders: dict[str, list[int]]) -> dict[str, list[
     return {method: [overshoot(groups, method, terms) for terms in ladder] for method, ladder in ladders.items()}
 
 
+def _wavelets(terms: int) -> Basis:
+    """The paper's set of so many wavelets."""
+    sets = (Daubechies(order=4, level=level, reading="literal") for level in range(9))
+    return next(wavelets for wavelets in sets if wavelets.n == terms)
+
+
 def overshoot(groups: Groups, method: str, terms: int) -> dict[str, float]:
     """Largest |T - T_converged|/H between half a wavelength and two of them from the mass.
 
-    size : mean over PLACES;  spread : standard error of the mean.
+    size : mean over POSITIONS;  spread : standard error of the mean.
     """
     distances = np.linspace(0.5, 2.0, 120) / terms
-    basis: Basis = Fourier(terms) if method != "wavelet" else next(
-        w for w in (Daubechies(order=4, level=level, reading="literal") for level in range(9)) if w.n == terms
-    )  # fmt: skip
+    basis: Basis = _wavelets(terms) if method == "wavelet" else Fourier(terms)
     reference = _tensions(FollowingElements(groups, elements=24, degree=2), distances)
     gap = np.abs(_tensions(GalerkinSystem(groups, basis, kink=method.endswith("kink")), distances) - reference)
     sizes = gap.max(axis=1)

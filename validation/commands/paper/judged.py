@@ -21,17 +21,19 @@ VERDICTS = (HOLDS, PAPER_ONLY, FAILS, OPEN)
 Row = dict[str, Any]
 
 
-def claims(known: Row) -> list[Row]:
-    """All claims of claims.toml, judged, as they are stored."""
+def claims(names: Row) -> list[Row]:
+    """All claims of claims.toml, judged, as they are stored; names : of `known.names`."""
     content = store.shipped(__package__, "claims.toml")
     out = []
     for claim in content["claim"]:
         readings = claim.get("readings", False)
-        found = [q for entry in claim.get("quantity", ()) for q in quantities(entry, content["meaning"], known)]
+        judged: list[Row] = []
+        for entry in claim.get("quantity", ()):
+            judged += quantities(entry, content["meaning"], names)
         out.append({
             "id": claim["id"], "where": claim["where"], "claim": claim["says"], "readings": readings,
-            "kind": claim.get("kind", "physics"), "quantities": found, "verdict": verdict(found, readings),
-            "why": sentence(claim["why"], known | {"q": found}),
+            "kind": claim.get("kind", "physics"), "quantities": judged, "verdict": verdict(judged, readings),
+            "why": sentence(claim["why"], names | {"q": judged}),
         })  # fmt: skip
     return out
 
@@ -56,48 +58,49 @@ def _true(q: Row, value: float | None, bar: float | None = 0.0) -> int:
     return -1 if value + bar < low or value - bar > high else 0
 
 
-def quantities(entry: Row, meaning: Row, known: Row) -> Iterator[Row]:
+def quantities(entry: Row, meaning: Row, names: Row) -> Iterator[Row]:
     """Yield the number of an entry, one for each of its `keys`: value, bar, and the range in which it is true."""
     for key in entry.get("keys", (None,)):
-        here = known | {"key": key}
+        here = names | {"key": key}
         value, bar, paper = _measured(entry, here)
         claimed, low, high = _range(entry, meaning, here)
-        found = {"claimed": claimed, "low": low, "high": high, "paper": paper, "converged": value, "uncertainty": bar}
-        yield {"name": sentence(entry["name"], here), **store.plain(found)}
+        numbers = {"claimed": claimed, "low": low, "high": high, "paper": paper, "converged": value, "uncertainty": bar}
+        yield {"name": sentence(entry["name"], here), **store.plain(numbers)}
 
 
-def _measured(entry: Row, known: Row) -> tuple[float, float, float | None]:
+def _measured(entry: Row, names: Row) -> tuple[float, float, float | None]:
     """The value, its bar, and the value at the paper's resolution.
 
-    of : converged runs by scene; each gives the bar of its ladder.  paper : the paper's runs in their place.
+    of : converged runs by scene; each gives the bar of its ladder.  paper : the paper's runs instead of them.
     r, others : a run (or number), and what else the paper may have taken: the bar is the largest change.
     """
 
     def value(**replaced: Any) -> float:
-        return evaluated(entry["value"], known | replaced)
+        return evaluated(entry["value"], names | replaced)
 
     of = entry.get("of", ())
-    reference = known["reference"]
-    bar = evaluated(entry.get("bar", 0.0), known)
+    reference = names["reference"]
+    bar = evaluated(entry.get("bar", 0.0), names)
     bar += sum(reference[scene].bar(lambda run, scene=scene: value(**{scene: run})) for scene in of)
     if "r" in entry:
-        first, *others = (known["runs"].get(x, x) for x in (entry["r"], *entry.get("others", ())))
-        known["r"] = first
+        first, *others = (names["runs"].get(x, x) for x in (entry["r"], *entry.get("others", ())))
+        names["r"] = first
         bar += max((abs(value(r=x) - value()) for x in others), default=0.0)
     paper = entry.get("paper")
     if isinstance(paper, list):
-        paper = value(**dict(zip(of, (known["runs"][name] for name in paper), strict=True)))
-    return value(), bar, None if paper is None else evaluated(paper, known)
+        runs = [names["runs"][name] for name in paper]
+        paper = value(**dict(zip(of, runs, strict=True)))
+    return value(), bar, None if paper is None else evaluated(paper, names)
 
 
-def _range(entry: Row, meaning: Row, known: Row) -> tuple[str, float | None, float | None]:
+def _range(entry: Row, meaning: Row, names: Row) -> tuple[str, float | None, float | None]:
     """The range in words, and its ends; None: no such end."""
     ends = {}
     reasons = [entry.get("reason", "")]
     for name in ("around", "within", "at_least", "at_most"):
         if name in entry:
             size, reason = meaning.get(entry[name], (entry[name], ""))
-            ends[name] = evaluated(size, known)
+            ends[name] = evaluated(size, names)
             reasons.append(reason)
     low = ends.get("at_least")
     high = ends.get("at_most")
@@ -112,15 +115,15 @@ def _range(entry: Row, meaning: Row, known: Row) -> tuple[str, float | None, flo
     return f"{words} ({next(filter(None, reasons), '')})", low, high
 
 
-def evaluated(expression: str | float, known: Row) -> float:
+def evaluated(expression: str | float, names: Row) -> float:
     """The value of an expression; an unknown name is an error."""
     if not isinstance(expression, str):
         return expression
-    return float(page.expression(expression)(**known))
+    return float(page.expression(expression)(**names))
 
 
-def sentence(template: str, known: Row) -> str:
-    return _TEMPLATES.from_string(template).render(known)
+def sentence(template: str, names: Row) -> str:
+    return _TEMPLATES.from_string(template).render(names)
 
 
 def decimal(x: float) -> str:

@@ -25,40 +25,48 @@ LATEST = 0.83  # s_o/l: beyond it the level cable goes slack
 def extrema(r: Response, reading: str) -> list[tuple[float, str]]:
     """(s_o/l, "max" | "min") of every turning point; downward is positive.
 
-    reading : "v", the displacement, or "y + v", the place.
+    reading : "v", the displacement, or "y + v", the point.
     Turns shallower than half a percent of the largest value do not count.
     """
-    curve, places = _level_places(r, reading, 0.05, LATEST)
-    values = curve(places)
+    curve = _curve(r, reading)
+    candidates = _candidates(curve, 0.05, LATEST)
+    depths = curve(candidates)
     deep = 0.005 * np.abs(curve(np.linspace(0.05, LATEST, 4000))).max()
-    return sorted(
-        (float(places[i]), kind)
-        for sign, kind in ((1.0, "max"), (-1.0, "min"))
-        for i in find_peaks(sign * values, prominence=deep)[0]
-    )
+    out = []
+    for sign, kind in ((1.0, "max"), (-1.0, "min")):
+        peaks = find_peaks(sign * depths, prominence=deep)[0]
+        out += [(float(candidates[i]), kind) for i in peaks]
+    return sorted(out)
 
 
-def _level_places(r: Response, reading: str, start: float, end: float) -> tuple[CubicSpline, Array]:
-    """The path over s_o/l, and where it may be extreme between two places, both included."""
-    curve = CubicSpline(r.s_o / r.length, r.v if reading == "v" else r.y)
+def _curve(r: Response, reading: str) -> CubicSpline:
+    """The path over s_o/l."""
+    return CubicSpline(r.s_o / r.length, r.v if reading == "v" else r.y)
+
+
+def _candidates(curve: CubicSpline, start: float, end: float) -> Array:
+    """Where a curve may be extreme between two positions, both included."""
     roots = curve.derivative().roots(extrapolate=False)
-    return curve, np.array([start, *roots[(roots > start) & (roots < end)], end])
+    return np.array([start, *roots[(roots > start) & (roots < end)], end])
 
 
 def turn(r: Response, reading: str, near: float, kind: str | None = None) -> float:
     """s_o/l of the nearest turning point; nan without any."""
-    places = [s for s, k in extrema(r, reading) if kind in (None, k)]
-    return min(places, key=lambda s: abs(s - near), default=math.nan)
+    turns = [s for s, k in extrema(r, reading) if kind in (None, k)]
+    return min(turns, key=lambda s: abs(s - near), default=math.nan)
 
 
 def lowest(r: Response, reading: str, end: float = LATEST) -> float:
-    curve, places = _level_places(r, reading, 0.0, min(end, r.reached))
-    return float(places[np.argmax(curve(places))])
+    """s_o/l of the lowest point of the path."""
+    curve = _curve(r, reading)
+    candidates = _candidates(curve, 0.0, min(end, r.reached))
+    return float(candidates[np.argmax(curve(candidates))])
 
 
 def depth(r: Response, reading: str, end: float = LATEST) -> float:
     """Largest value of the path [m], up to `end`."""
-    return float((r.v if reading == "v" else r.y)[r.s_o <= end * r.length].max())
+    path = r.v if reading == "v" else r.y
+    return float(path[r.s_o <= end * r.length].max())
 
 
 def apart(a: Response, b: Response) -> float:
@@ -67,17 +75,20 @@ def apart(a: Response, b: Response) -> float:
 
 
 def unaccounted(r: Response, whole: bool = True) -> float:
-    """Energy gained without work, over weight times largest displacement; whole : with M g y(s_o)."""
+    """Largest energy without work, over weight times largest displacement; whole : with M g y(s_o)."""
     scene = Scene.from_toml(r.scene_toml)
     assert scene.mass is not None
     weight = scene.mass.mass * scene.gravity
-    defect = measures.energy_defect(r) + (0.0 if whole else weight * (r.y - r.v))
+    defect = measures.energy_defect(r)
+    if not whole:
+        defect = defect + weight * (r.y - r.v)
     return float(np.abs(defect[measures.inside(r, measures.WINDOW)]).max() / (weight * r.max_deflection))
 
 
 def frames(r: Response, low: float, high: float) -> slice:
     """Frames with s_o/l in [low, high]."""
-    inside = np.flatnonzero((r.fields.s_o >= (low - 1e-9) * r.length) & (r.fields.s_o <= (high + 1e-9) * r.length))
+    position = r.fields.s_o / r.length
+    inside = np.flatnonzero((position >= low - 1e-9) & (position <= high + 1e-9))
     return slice(int(inside[0]), int(inside[-1]) + 1)
 
 
@@ -102,9 +113,10 @@ def unevenness(r: Response, *, sides: bool = False, width: float = 0.05) -> Arra
     out = []
     s = r.fields.s / r.length
     for row, s_o in moving(r):
-        away = np.abs(s - s_o) >= width
-        parts = [away & (s < s_o), away & (s > s_o)] if sides else [away]
-        out.append(np.mean([np.mean((row[p] / row[p].mean() - 1.0) ** 2) for p in parts if p.any()]))
+        off_mass = np.abs(s - s_o) >= width
+        parts = [off_mass & (s < s_o), off_mass & (s > s_o)] if sides else [off_mass]
+        tensions = [row[part] for part in parts if part.any()]
+        out.append(np.mean([np.mean((T / T.mean() - 1.0) ** 2) for T in tensions]))
     return np.sqrt(out)
 
 
@@ -116,44 +128,51 @@ def wiggle(r: Response, near: float = 0.2, far: float = 1.0) -> float:
     for row, s_o in moving(r):
         for side in (s < s_o, s > s_o):
             if np.count_nonzero(side) > 2 * half:
-                whole = slice(half, -half)  # where the mean has all its stations
-                fast = (row[side] - uniform_filter1d(row[side], 2 * half + 1))[whole]
-                distance = np.abs(s[side] - s_o)[whole]
+                inner = slice(half, -half)  # where the mean has all its stations
+                fast = (row[side] - uniform_filter1d(row[side], 2 * half + 1))[inner]
+                distance = np.abs(s[side] - s_o)[inner]
                 parts.append(fast[(distance >= near) & (distance <= far)])
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)) / r.horizontal_tension)
 
 
 def turns(r: Response) -> float:
     """Crests and troughs of T along the cable deeper than 0.005 H, mean over frames."""
-    rows = (T / r.horizontal_tension for T, _ in moving(r))
-    return float(np.mean([sum(find_peaks(x * sign, prominence=0.005)[0].size for sign in (1, -1)) for x in rows]))
+    counts = []
+    for row, _ in moving(r):
+        T = row / r.horizontal_tension
+        crests = find_peaks(T, prominence=0.005)[0]
+        troughs = find_peaks(-T, prominence=0.005)[0]
+        counts.append(crests.size + troughs.size)
+    return float(np.mean(counts))
 
 
 def tension_jump(r: Response) -> float:
     """Mean tension ahead of the mass less that behind it, over H."""
-    rows = frames(r, *MOVING)
-    return float(np.mean(r.fields.T_ahead_pointwise[rows] - r.fields.T_behind_pointwise[rows]) / r.horizontal_tension)
+    jump = r.fields.T_ahead_pointwise - r.fields.T_behind_pointwise
+    return float(np.mean(jump[frames(r, *MOVING)]) / r.horizontal_tension)
 
 
 def meeting(r: Response) -> float:
     """s_o/l at which the transverse front from the entry, of speed sqrt(N/rho), meets the mass after its reflection."""
     f = r.fields
     t = np.concatenate([[0.0], f.t])
-    T = np.concatenate([np.ones_like(f.T_pointwise[:1]), np.maximum(f.T_pointwise, 0.0) / r.horizontal_tension])
+    taut = np.maximum(f.T_pointwise, 0.0) / r.horizontal_tension
+    T = np.concatenate([np.ones_like(taut[:1]), taut])  # (frames + 1, stations)
     tension = RegularGridInterpolator((t, f.s / r.length), T)
     speed = 1.0 / Scene.from_toml(r.scene_toml).time_scale  # sqrt(H/rho)/l
     mass = CubicSpline(r.t, r.s_o / r.length)
 
     def front(t: float, x: Array) -> Array:
-        s = 1.0 - abs(1.0 - x[0])  # unfolded at the far support
-        return np.array([speed * np.sqrt(tension((min(t, f.t[-1]), np.clip(s, 0.0, 1.0))))]).ravel()
+        s = np.clip(1.0 - abs(1.0 - x[0]), 0.0, 1.0)  # unfolded at the far support
+        return speed * np.sqrt(tension((min(t, f.t[-1]), s))).ravel()
 
     def meets(t: float, x: Array) -> float:
         return 2.0 - x[0] - float(mass(t))
 
     meets.terminal = True  # type: ignore[attr-defined]
     done = solve_ivp(front, (0.0, float(f.t[-1])), [0.0], events=meets, rtol=1e-6, atol=1e-8, max_step=f.t[0])
-    return float(mass(done.t_events[0][0])) if done.t_events[0].size else math.nan
+    times = done.t_events[0]
+    return float(mass(times[0])) if times.size else math.nan
 
 
 def linear_theory(sigma: float, alpha: float) -> float:
@@ -162,8 +181,9 @@ def linear_theory(sigma: float, alpha: float) -> float:
 
 
 def static_variation(scene: Scene) -> float:
-    """Of the tension along the cable, over H."""
-    return float(np.ptp(scene.catenary.tension(np.linspace(0.0, scene.length, 201))) / scene.horizontal_tension)
+    """Range of the tension along the cable at rest, over H."""
+    T = scene.catenary.tension(np.linspace(0.0, scene.length, 201))
+    return float(np.ptp(T) / scene.horizontal_tension)
 
 
 def wavelet_terms(level: int) -> int:
@@ -187,7 +207,8 @@ def start_of_48(groups: Groups, d: float) -> float:
     a = groups.motion.at(0.0, 0)[2]
     _, xp, yp, _, _ = groups.static(np.zeros(1))
     slope = system.basis.basis.phi(np.zeros(1), 1)[0]
-    pull = np.array([a * xp[0], a * yp[0] - groups.sigma])
-    printed = np.linalg.solve(system.basis.basis.mass(), -groups.mu * np.outer(slope, pull)).T.ravel() / (3.0 * a)
+    force = np.array([a * xp[0], a * yp[0] - groups.sigma])
+    load = -groups.mu * np.outer(slope, force)  # (terms, 2)
+    printed = np.linalg.solve(system.basis.basis.mass(), load).T.ravel() / (3.0 * a)
     balanced = PositionAbscissa(system).second_order(np.zeros(system.n_dof), d)
     return float(np.linalg.norm(balanced - printed) / np.linalg.norm(printed))

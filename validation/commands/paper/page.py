@@ -21,8 +21,8 @@ from validation.page.figures import figure, panels, style
 from validation.page.page import Section, drawn, number
 from validation.page.plot import BLACK, BLUE, GREY
 
-SAID = store.shipped(__package__, "figures.toml")
-LOOKS: dict[str, dict[str, Any]] = SAID["looks"]
+FIGURES = store.shipped(__package__, "figures.toml")
+LOOKS: dict[str, dict[str, Any]] = FIGURES["looks"]
 STATIC = LOOKS["static"] | {"label": "static"}
 DOTTED = {"color": GREY, "linewidth": 0.8, "linestyle": (0, (1, 2))}
 
@@ -36,32 +36,34 @@ def sections(folder: Path) -> list[Section]:
     def stored(name: str) -> Response:
         return Response.read(folder / "runs" / name)
 
-    parts = [x | {"drawn": [_figure(one, content, stored) for one in x["figure"]]} for x in SAID["section"]]
-    references = [x | {"name": SAID["scenes"][name]} for name, x in content["references"].items()]
+    parts = []
+    for part in FIGURES["section"]:
+        parts.append(part | {"drawn": [_figure(one, content, stored) for one in part["figure"]]})
+    references = [x | {"name": FIGURES["scenes"][name]} for name, x in content["references"].items()]
     return drawn(__package__, content=content, parts=parts, references=references, value=_value, with_bar=with_bar)
 
 
 def _value(x: float | None, q: dict[str, Any], bar: float | None = None) -> str:
-    """A value to the digits of its bar; without one to those that tell it from the ends of the range."""
+    """A value to the digits of its bar; without one to those that differ from the ends of the range."""
     if x is None:
         return "–"
     if bar and 1e-6 * abs(x) < bar < abs(x) < 1e6:
         return with_bar(x, bar).replace(" ± ", "\u202f±\u202f").replace("-", "−")
-    apart = [abs(x / end - 1.0) for end in (q["low"], q["high"]) if end and end != x]
-    return number(x, int(np.clip(2 - np.floor(np.log10(min(apart, default=1.0))), 3, 8)))
+    distances = [abs(x / end - 1.0) for end in (q["low"], q["high"]) if end and end != x]
+    digits = 2 - np.floor(np.log10(min(distances, default=1.0)))
+    return number(x, int(np.clip(digits, 3, 8)))
 
 
 def _figure(one: dict[str, Any], content: dict[str, Any], stored: Callable[[str], Response]) -> Markup:
+    claims = {claim["id"]: claim for claim in content["claims"]}
+
     def converged(claim: str, i: int = 0) -> float:
-        return next(c for c in content["claims"] if c["id"] == claim)["quantities"][i]["converged"]
+        return claims[claim]["quantities"][i]["converged"]
 
     runs = [(stored(name), LOOKS[look] | {"label": label}) for name, look, label in one.get("of", ())]
+    caption = sentence(one["caption"], {"converged": converged})
     with style():
-        return figure(
-            DRAWN[one["draw"]](one, content, runs),
-            sentence(one["caption"], {"converged": converged}),
-            label=one["label"],
-        )
+        return figure(DRAWN[one["draw"]](one, content, runs), caption, label=one["label"])
 
 
 def _frequencies(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
@@ -75,8 +77,8 @@ def _frequencies(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> F
     for name in ("fourier", "wavelet"):
         n = np.array(f[name]["terms"])
         omega = np.array(f[name]["omega_1"])
-        top.plot(n, omega, "-", **SAID["ladders"][name])
-        bottom.semilogy(n, omega / exact - 1.0, "-", **SAID["ladders"][name])
+        top.plot(n, omega, "-", **FIGURES["ladders"][name])
+        bottom.semilogy(n, omega / exact - 1.0, "-", **FIGURES["ladders"][name])
     top.set(ylabel="ω₁ l √(ρ/H)", xlim=(0, 62), ylim=(5.343, 5.375))
     bottom.set(xlabel="number of terms N", ylabel="relative error of ω₁")
     top.legend()
@@ -89,18 +91,20 @@ def _slack(ax: Any, r: Response) -> None:
 
 
 def _paths(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
-    """Draw the path of the mass in one reading, over its place; the first run says where the cable is slack."""
+    """Draw the path of the mass in one reading, over s_o/l; the first run says where the cable is slack."""
     first = runs[0][0]
     reading = one["reading"]
     fig, ax = panels(height=3.4)
     _slack(ax, first)
-    for place in one.get("marks", ()):
-        ax.axvline(place, **DOTTED)
+    for position in one.get("marks", ()):
+        ax.axvline(position, **DOTTED)
     if reading == "y + v":
         s = np.linspace(0.0, first.length, 201)
-        ax.plot(s / first.length, Scene.from_toml(first.scene_toml).catenary.y(s) / first.length, **STATIC)
-    for r, how in runs:
-        ax.plot(r.s_o / r.length, (r.v if reading == "v" else r.y) / r.length, **how)
+        y = Scene.from_toml(first.scene_toml).catenary.y(s)
+        ax.plot(s / first.length, y / first.length, **STATIC)
+    for r, look in runs:
+        path = r.v if reading == "v" else r.y
+        ax.plot(r.s_o / r.length, path / r.length, **look)
     ax.invert_yaxis()
     ax.set(xlabel="place of the mass sₒ/l", ylabel=f"{reading}, over l (down)", xlim=(0.0, 1.0))
     ax.set_title(one.get("title", ""))
@@ -109,31 +113,17 @@ def _paths(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
 
 
 def _along(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
-    """Draw shapes or tensions along the cable, one panel for each place of the mass."""
+    """Draw shapes or tensions along the cable, one panel for each position of the mass."""
     first = runs[0][0]
-    shapes = one["draw"] == "shapes"
     scene = Scene.from_toml(first.scene_toml)
-    static = scene.catenary
-    s = first.fields.s
-    l = first.length
-    H = first.horizontal_tension
-    fig, axes = panels(len(one["places"]), 1, height=1.15 + 1.25 * len(one["places"]), sharex=True, sharey=True)
-    for k, (ax, place) in enumerate(zip(axes, one["places"], strict=True)):
-        ax.plot(s / l, static.y(s) / l if shapes else static.tension(s) / H, **STATIC)
-        for r, how in runs:
-            f = r.fields
-            i = _frames(r, one["places"])[k]
-            ax.plot(f.s / l, (static.y(f.s) + f.v[i]) / l if shapes else f.T_pointwise[i] / H, **how)
-        i = _frames(first, one["places"])[k]
-        s_o = first.fields.s_o[i]
-        v = first.fields.mass_v[i]
-        if shapes:
-            ax.plot(s_o / l, (static.y(np.array([s_o]))[0] + v) / l, "o", color=BLACK, markersize=5)
-        else:
-            ax.axvline(place, **DOTTED)
-        ax.set_ylabel("y + v, over l" if shapes else "T/H")
-        ax.set_title(f"sₒ/l = {place:g}   (t* = {first.fields.t[i] / scene.time_scale:.2f})", fontsize=9)
-    if shapes:
+    positions = one["places"]
+    fig, axes = panels(len(positions), 1, height=1.15 + 1.25 * len(positions), sharex=True, sharey=True)
+    draw = _shapes if one["draw"] == "shapes" else _tensions
+    for ax, position in zip(axes, positions, strict=True):
+        draw(ax, scene, runs, position)
+        t = first.fields.t[_frame(first, position)] / scene.time_scale
+        ax.set_title(f"sₒ/l = {position:g}   (t* = {t:.2f})", fontsize=9)
+    if one["draw"] == "shapes":
         axes[0].invert_yaxis()
     elif "top" in one:
         axes[0].set_ylim(0.0, one["top"])
@@ -142,15 +132,43 @@ def _along(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     return fig
 
 
-def _frames(r: Response, places: list[float]) -> list[int]:
-    return [int(np.argmin(np.abs(r.fields.s_o / r.length - place))) for place in places]
+def _shapes(ax: Any, scene: Scene, runs: Shown, position: float) -> None:
+    """Draw the cable, with the mass of the first run."""
+    l = scene.length
+    static = scene.catenary
+    first = runs[0][0].fields
+    ax.plot(first.s / l, static.y(first.s) / l, **STATIC)
+    for r, look in runs:
+        f = r.fields
+        ax.plot(f.s / l, (static.y(f.s) + f.v[_frame(r, position)]) / l, **look)
+    i = _frame(runs[0][0], position)
+    y_mass = static.y(first.s_o[i : i + 1])[0] + first.mass_v[i]
+    ax.plot(first.s_o[i] / l, y_mass / l, "o", color=BLACK, markersize=5)
+    ax.set_ylabel("y + v, over l")
+
+
+def _tensions(ax: Any, scene: Scene, runs: Shown, position: float) -> None:
+    l = scene.length
+    H = scene.horizontal_tension
+    s = runs[0][0].fields.s
+    ax.plot(s / l, scene.catenary.tension(s) / H, **STATIC)
+    for r, look in runs:
+        ax.plot(r.fields.s / l, r.fields.T_pointwise[_frame(r, position)] / H, **look)
+    ax.axvline(position, **DOTTED)
+    ax.set_ylabel("T/H")
+
+
+def _frame(r: Response, position: float) -> int:
+    """The frame next to s_o/l."""
+    return int(np.argmin(np.abs(r.fields.s_o / r.length - position)))
 
 
 def _levels(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     fig, ax = panels(height=3.2)
     _slack(ax, runs[0][0])
-    for r, how in runs:
-        ax.plot(r.fields.s_o / r.length, np.median(r.fields.T_pointwise, axis=1) / r.horizontal_tension, **how)
+    for r, look in runs:
+        median = np.median(r.fields.T_pointwise, axis=1) / r.horizontal_tension
+        ax.plot(r.fields.s_o / r.length, median, **look)
     ax.axhspan(2.5, 2.7, color="#dbe8f3", zorder=0, label="2.6 ± 0.1")
     ax.set(xlabel="place of the mass sₒ/l", ylabel="median of T/H along the cable", xlim=(0, 1), ylim=(0, 3.4))
     ax.legend(fontsize=8.0)
@@ -158,7 +176,7 @@ def _levels(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure
 
 
 def _law(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
-    """Draw acceleration, speed and place of the mass over time."""
+    """Draw acceleration, speed and position of the mass over time."""
     motion = Scene.from_toml(runs[0][0].scene_toml).groups.motion
     assert motion is not None
     fig, axes = panels(3, 1, height=4.2, sharex=True)
@@ -176,8 +194,10 @@ def _law(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
 def _overshoot(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     fig, ax = panels(height=3.2)
     for method, ladder in content["overshoot"].items():
-        n, size, spread = (np.array([x[k] for x in ladder]) for k in ("terms", "size", "spread"))
-        ax.errorbar(n, size, spread, linestyle="-", capsize=2, **SAID["ladders"][method])
+        n = [x["terms"] for x in ladder]
+        sizes = [x["size"] for x in ladder]
+        bars = [x["spread"] for x in ladder]
+        ax.errorbar(n, sizes, bars, linestyle="-", capsize=2, **FIGURES["ladders"][method])
     ax.set(xscale="log", yscale="log", xlabel="number of terms N", ylabel="|T − T converged|/H beside the mass")
     ax.legend(fontsize=8.0)
     return fig

@@ -20,24 +20,21 @@ def paper(out: Path, report: Progress = silent, *, quick: bool = False) -> dict[
     quick : all runs by a quarter of the steps, overshoots without the longest ladders.
     """
     runs = all_runs(out, report, quick)
-    beyond = known.numbers(runs, out / "numbers.jsonl", report, quick)
+    numbers = known.numbers(runs, out / "numbers.jsonl", report, quick)
     report("claims", 0.0)
-    claims = judged.claims(known.names(runs, beyond))
+    claims = judged.claims(known.names(runs, numbers))
     counts = Counter(claim["verdict"] for claim in claims)
+    references = {}
+    for scene, reference in runs.reference.items():
+        r = reference.ladder.finest
+        references[scene] = {
+            "method": r.method, "settings": r.settings, "crossed_by": reference.cross.method,
+            "path_bar": reference.path_bar, "slack_onset": r.slack_onset,
+            "largest_v": _largest_v(r), "largest_v_bar": reference.bar(_largest_v),
+        }  # fmt: skip
     content = {
-        "quick": quick,
-        "claims": claims,
-        "count": {verdict: counts[verdict] for verdict in judged.VERDICTS},
-        "references": {
-            scene: {
-                "method": x.ladder.run.method, "settings": x.ladder.run.settings, "crossed_by": x.cross.method,
-                "path_bar": x.path_bar, "slack_onset": x.ladder.run.slack_onset,
-                "largest_v": _largest_v(x.ladder.run), "largest_v_bar": x.bar(_largest_v),
-            }
-            for scene, x in runs.reference.items()
-        },
-        "frequencies": beyond["frequencies"],
-        "overshoot": beyond["overshoot"],
+        "quick": quick, "claims": claims, "count": {verdict: counts[verdict] for verdict in judged.VERDICTS},
+        "references": references, "frequencies": numbers["frequencies"], "overshoot": numbers["overshoot"],
     }  # fmt: skip
     write_json(out / "claims.json", content)
     report("claims", 1.0)

@@ -12,7 +12,7 @@ from cablefem.scene import Groups
 from cablefem.scene.motion import at_rest
 from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
-from validation.commands.paper.runs import SAID
+from validation.commands.paper.runs import SETTINGS
 from validation.core.sampling import stacked
 
 
@@ -27,20 +27,22 @@ def free_vibration(
     v = np.zeros(system.n_dof)
     v[terms + sine - 1] = speed
     states = [consistent_acceleration(system, 0.0, np.zeros_like(v), v, 0)]
+    times = np.linspace(0.0, dt * steps, steps + 1)
     newton = Newton(tol=1e-9, max_iter=40)
     with suppress(newmark.StepFailure):
-        states.extend(
-            newmark.integrate(system, scheme, [np.linspace(0.0, dt * steps, steps + 1)], newton=newton, start=states[0])
-        )
-    still = State(0.0, *np.zeros((3, system.n_dof)))
+        states.extend(newmark.integrate(system, scheme, [times], newton=newton, start=states[0]))
+    at_rest_state = State(0.0, *np.zeros((3, system.n_dof)))
     with np.errstate(over="ignore", invalid="ignore"):
-        energy = system.observe(stacked([still, *states]), np.zeros(0), np.zeros(0, np.intp)).energy
+        energy = system.observe(stacked([at_rest_state, *states]), np.zeros(0), np.zeros(0, np.intp)).energy
         return (energy[1:] - energy[0]) / (energy[1] - energy[0])
 
 
 def energy_ratio(groups: Groups, per_period: int, name: str = "trapezoidal") -> float:
-    """Largest energy of the bare cable in free vibration over that given; per_period : steps in the first mode's."""
-    swing = SAID["vibration"]
+    """Largest energy of the bare cable in free vibration, over that at the start.
+
+    per_period : steps in a period of the first mode.
+    """
+    swing = SETTINGS["vibration"]
     dt = 2.0 * np.pi / 5.3454766 / per_period
     steps = round(swing["periods"] * per_period)
     how = {"terms": swing["terms"], "speed": swing["speed"], "dt": dt, "steps": steps}

@@ -72,7 +72,7 @@ def _list() -> int:
 def _top_speed(scene: "Scene") -> str:
     """The largest speed of a timetable; a free car has none before its ride is computed."""
     if scene.travel is None:
-        return "in motion" if scene.drive.mode == "free" else "-"
+        return "free" if scene.drive.mode == "free" else "-"
     return f"{scene.top_speed:.3g} m/s"
 
 
@@ -81,7 +81,7 @@ def _speed(line: "Line") -> str:
     if not line.moves:
         return "at rest"
     speeds = [speed for car in line.car if (speed := getattr(car.travel, "top_speed", None)) is not None]
-    return f"{max(speeds):.3g} m/s" if speeds else "in motion"
+    return f"{max(speeds):.3g} m/s" if speeds else "free"
 
 
 def _keys() -> int:

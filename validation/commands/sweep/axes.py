@@ -9,11 +9,11 @@ from pydantic import Field
 from cablefem.scene.errors import SceneError, shown
 from cablefem.scene.fields import Admits, Part, Real, Switch, integer
 
-MOST = 10_000_000  # points
+MAX_POINTS = 10_000_000
 
 
 class Choices(Part):
-    """Given values."""
+    """Listed values."""
 
     choices: Annotated[tuple[Any, ...], Admits("a list of at least one value", min_length=1, strict=False)]
     log: ClassVar[bool] = False
@@ -46,7 +46,9 @@ class Range(Part):
             return []
         if self.log and self.low <= 0.0:
             return [f"from = {self.low:g}: must be > 0 with log"]
-        return [] if self.low < self.high else [f"to = {self.high:g}: must be > {self.low:g}, where the range begins"]
+        if self.low >= self.high:
+            return [f"to = {self.high:g}: must be > {self.low:g}, where the range begins"]
+        return []
 
     def at(self, share: float) -> float:
         if self.log:
@@ -57,7 +59,7 @@ class Range(Part):
 class Steps(Range):
     """So many values over a range, its ends included."""
 
-    count: Annotated[int, integer(2, MOST)]
+    count: Annotated[int, integer(2, MAX_POINTS)]
 
     @property
     def values(self) -> tuple[float, ...]:  # type: ignore[override]
@@ -67,26 +69,27 @@ class Steps(Range):
 Axis = Choices | Range
 
 
-def _axes(kind: type[Range], given: Any) -> dict[str, Axis]:
+def _axes(kind: type[Range], data: Any) -> dict[str, Axis]:
     """Axes of a table; each is a list, a table with choices, or a range of that kind."""
-    if not (isinstance(given, dict) and given):
+    if not (isinstance(data, dict) and data):
         raise ValueError("must be a table of at least one axis")
     axes: dict[str, Axis] = {}
     faults = []
-    for name, one in given.items():
-        match one:
+    for name, axis in data.items():
+        match axis:
             case [low, high] if kind is Range:
-                one = {"from": low, "to": high}
+                axis = {"from": low, "to": high}
             case [_, *_] if kind is Steps:
-                one = {"choices": one}
+                axis = {"choices": axis}
         try:
-            axes[name] = one if isinstance(one, Axis) else (Choices if "choices" in one else kind)(**one)
+            if isinstance(axis, Axis):
+                axes[name] = axis
+            else:
+                axes[name] = Choices(**axis) if "choices" in axis else kind(**axis)
         except SceneError as error:
             faults += [f"{name}.{fault}" for fault in error.faults]
         except TypeError:
-            faults.append(
-                f"{name} = {shown(given[name])}: must be a list, or a table with choices, or with from and to"
-            )
+            faults.append(f"{name} = {shown(data[name])}: must be a list, or a table with choices, or with from and to")
     if faults:
         raise SceneError(faults)
     return axes

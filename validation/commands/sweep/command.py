@@ -27,7 +27,7 @@ def command(
     csv: Annotated[bool, typer.Option("--csv", help="Write rows.csv as well.")] = False,
     out: Annotated[Path | None, options.to("STUDY")] = None,
 ) -> int:
-    """Run a study of many scenes; given again it goes on where it stopped.
+    """Run a study of many scenes; the same command goes on where it stopped.
 
     Without a STUDY it lists the built-in ones.
     Writes DIR/: rows/*.parquet, one row per scene; study.toml and report.html.
@@ -38,25 +38,25 @@ def command(
         return _keys()
     if study is None:
         for name in built_in():
-            asked = Study.load(name)
-            terminal.say(f"{name}: {asked.title} ({len(asked)} scenes)")
+            shipped = Study.load(name)
+            terminal.say(f"{name}: {shipped.title} ({len(shipped)} scenes)")
         return 0
-    asked = Study.load(study)
+    loaded = Study.load(study)
     if scene is not None:
-        _print(asked, scene)
+        _print(loaded, scene)
         return 0
 
     from validation.commands.sweep import engine
 
     def swept(folder: Path, progress: Progress) -> tuple[engine.Tally, Any]:
-        tally = engine.sweep(asked, folder, workers=workers, scheduler=scheduler, progress=progress)
+        tally = engine.sweep(loaded, folder, workers=workers, scheduler=scheduler, progress=progress)
         rows = engine.frame(folder)
         if csv:
             rows.to_csv(folder / "rows.csv")
         return tally, rows
 
     writes = [*engine.WRITES, *(["rows.csv"] if csv else [])]
-    tally, rows = options.study("sweep", asked.name, writes, out, swept)
+    tally, rows = options.study("sweep", loaded.name, writes, out, swept)
     terminal.say(f"{tally.status.total()} scenes in this call, {tally.rate:.3g} per second")
     return _outcome(rows)
 
@@ -64,9 +64,9 @@ def command(
 def _keys() -> int:
     from validation.core import store
 
-    known = store.shipped(__package__, "keys.toml")
-    groups = known.pop("groups")
-    terminal.table(["key", "unit", "meaning", "default"], [[name, *texts] for name, texts in known.items()])
+    keys = store.shipped(__package__, "keys.toml")
+    groups = keys.pop("groups")
+    terminal.table(["key", "unit", "meaning", "default"], [[name, *texts] for name, texts in keys.items()])
     terminal.say()
     terminal.table(["axis", "unit", "meaning"], [[name, *texts] for name, texts in groups.items()])
     return 0

@@ -51,8 +51,8 @@ class Tally:
 
     def __str__(self) -> str:
         failed = sum(self.status[x] for x in job.BROKEN)
-        left = self.total - self.done
-        return f"{self.done} done, {failed} failed, {left} left, {self.rate:.3g} scenes/s {self.dashboard}"
+        to_do = self.total - self.done
+        return f"{self.done} done, {failed} failed, {to_do} left, {self.rate:.3g} scenes/s {self.dashboard}"
 
 
 def sweep(
@@ -69,9 +69,9 @@ def sweep(
     """
     with _alone(store.claim(out, "sweep", study.name, WRITES)):
         _same_study(study, out)
-        known = done(out)
-        todo = deque(i for i in range(len(study)) if i not in known)
-        tally = Tally(len(study), len(known))
+        before = done(out)
+        todo = deque(i for i in range(len(study)) if i not in before)
+        tally = Tally(len(study), len(before))
         progress("sweep", tally.done / tally.total, str(tally))
         if todo:
             try:
@@ -88,7 +88,7 @@ def sweep(
 
 
 def _computed(client: Any, study: Study, todo: deque[int], work: Work) -> Iterator[list[Row]]:
-    """Give the rows of all scenes, chunk by chunk.
+    """Yield the rows of all scenes, chunk by chunk.
 
     Dask retries a chunk once if its worker died; then each of its scenes is a chunk.
     No chunk waits at a worker: it would die with it.
@@ -132,7 +132,7 @@ def _lasting(seconds: float, rows: list[Row]) -> int:
 
 
 def write(out: Path, study: Study, rows: list[Row]) -> None:
-    """Write rows as one Parquet file, whole or not at all."""
+    """Write rows as one Parquet file, complete or not at all."""
     import pyarrow
     from pyarrow import parquet
 
@@ -144,19 +144,19 @@ def write(out: Path, study: Study, rows: list[Row]) -> None:
 def _schema(study: Study) -> Any:
     import pyarrow as pa
 
-    kinds = dict.fromkeys(job.COLUMNS["words"], pa.string()) | dict.fromkeys(job.COLUMNS["counts"], pa.int64())
-    design = [name for quantity in job.DESIGN for name in (quantity, f"{quantity}_bar")]
-    kinds |= dict.fromkeys([*job.GROUPS, *design, *job.COLUMNS["numbers"]], pa.float64())
     inputs = {name: pa.float64() if axis.numeric else pa.string() for name, axis in study.axes.items()}
-    return pa.schema({"index": pa.int64(), **inputs, **{name: x for name, x in kinds.items() if name not in inputs}})
+    results = dict.fromkeys(job.COLUMNS["words"], pa.string()) | dict.fromkeys(job.COLUMNS["counts"], pa.int64())
+    design = [name for quantity in job.DESIGN for name in (quantity, f"{quantity}_bar")]
+    results |= dict.fromkeys([*job.GROUPS, *design, *job.COLUMNS["numbers"]], pa.float64())
+    return pa.schema({"index": pa.int64()} | inputs | results | inputs)
 
 
 def frame(out: Path, *columns: str) -> Any:
     """All rows as a pandas.DataFrame, by index; with these columns, if some are named."""
     import pandas
 
-    wanted = ["index", *columns] if columns else None
-    return pandas.read_parquet(out / "rows", columns=wanted).set_index("index").sort_index()
+    names = ["index", *columns] if columns else None
+    return pandas.read_parquet(out / "rows", columns=names).set_index("index").sort_index()
 
 
 def done(out: Path) -> set[int]:
@@ -176,12 +176,12 @@ def _alone(out: Path) -> Iterator[None]:
 
 
 def _same_study(study: Study, out: Path) -> None:
-    """Keep the study beside its rows; raise Refused where another one is kept."""
-    kept = out / "study.toml"
-    if kept.is_file() and _of_rows(Study.load(kept)) != _of_rows(study):
+    """Store the study beside its rows; raise Refused where another one is stored."""
+    file = out / "study.toml"
+    if file.is_file() and _of_rows(Study.load(file)) != _of_rows(study):
         raise Refused(f"{out} holds rows of another study; nothing was written; choose another folder with --out")
     (out / "rows").mkdir(exist_ok=True)
-    write_text(kept, study.to_toml())
+    write_text(file, study.to_toml())
 
 
 def _of_rows(study: Study) -> dict[str, Any]:
@@ -191,7 +191,7 @@ def _of_rows(study: Study) -> dict[str, Any]:
 
 @contextmanager
 def _client(workers: int | None, scheduler: str | None, scenes: int) -> Iterator[Any]:
-    """Give a client of a running scheduler, or of processes on this machine."""
+    """Yield a client of a running scheduler, or of processes on this machine."""
     try:
         import dask
         import pyarrow  # noqa: F401
@@ -206,8 +206,8 @@ def _client(workers: int | None, scheduler: str | None, scenes: int) -> Iterator
         except (OSError, ValueError, TimeoutError) as error:
             raise Refused(f"--scheduler {scheduler}: {error or 'no answer'}") from None
         return
-    calm = {"distributed.scheduler.allowed-failures": 1, "distributed.comm.timeouts.connect": "60s"}
-    with dask.config.set(calm):
+    config = {"distributed.scheduler.allowed-failures": 1, "distributed.comm.timeouts.connect": "60s"}
+    with dask.config.set(config):
         with _uninterrupted():
             cluster = LocalCluster(
                 n_workers=min(workers or os.cpu_count() or 1, scenes), threads_per_worker=1, memory_limit=0,

@@ -21,6 +21,7 @@ from validation.core import store
 BROKEN = ("cut off", "failed", "died")
 GRACE = 5.0  # [s] between asking a scene to stop and ending its worker
 FRESH = 120.0  # [s] more for a new process, which may load and compile
+LARGEST_TRUTH = 2e6  # steps times elements of a reference
 COLUMNS = store.shipped(__package__, "columns.toml")
 GROUPS = COLUMNS["groups"]
 DESIGN = COLUMNS["design"]
@@ -38,11 +39,9 @@ def time_limit(seconds: float) -> Iterator[None]:
     """
     thread = ctypes.c_ulong(threading.get_ident())
     begin = time.perf_counter()
-    cut = ctypes.pythonapi.PyThreadState_SetAsyncExc
-    timers = [
-        threading.Timer(seconds, cut, (thread, ctypes.py_object(CutOff))),
-        threading.Timer(seconds + GRACE, os._exit, (1,)),
-    ]
+    interrupt = ctypes.pythonapi.PyThreadState_SetAsyncExc
+    interruption = threading.Timer(seconds, interrupt, (thread, ctypes.py_object(CutOff)))
+    timers = [interruption, threading.Timer(seconds + GRACE, os._exit, (1,))]
     for timer in timers:
         timer.daemon = True
         timer.start()
@@ -62,7 +61,7 @@ def rows(study: Study, numbered: list[tuple[int, dict[str, Any]]]) -> list[dict[
 
 
 def row(study: Study, index: int, point: dict[str, Any]) -> dict[str, Any]:
-    """The row of one point: index, inputs, groups, status and what the job found."""
+    """The row of one point: index, inputs, groups, status and the results of the job."""
     begin = time.perf_counter()
     out: dict[str, Any] = {"index": index, **point}
     try:
@@ -77,6 +76,7 @@ def row(study: Study, index: int, point: dict[str, Any]) -> dict[str, Any]:
 
 
 def lost(study: Study, index: int, cause: str) -> dict[str, Any]:
+    """The row of a scene that ends its worker."""
     reason = "each worker died that computed it"
     return {"index": index, **study.point(index), "status": "died", "cause": cause, "reason": reason}
 
@@ -87,23 +87,24 @@ def _row(study: Study, point: dict[str, Any], index: int) -> dict[str, Any]:
 
     try:
         scene: Any = study.scene_at(point)
-        out = {name: x for name in GROUPS if (x := getattr(scene, name, None)) is not None and math.isfinite(x)}
+        groups = {name: getattr(scene, name, None) for name in GROUPS}
     except (SceneError, ValueError) as error:
         return {"status": "refused", "cause": "scene", "reason": str(error)}
+    out = {name: x for name, x in groups.items() if x is not None and math.isfinite(x)}
     how = study.how(point)
     match study.job:
         case "run":
             return out | _run(study, how, scene, index)
         case "check":
-            return out | _checked(scene, how["tol"], None)
+            return out | _check(scene, how["tol"], None)
         case "advise":
             return out | _advise(scene, how["tol"])
+    out["family"] = scene.name
     key = study.case(point)[1]
+    fault = "none" if key is None else f"{key} +1 %"
     second = None if key is None else scene.replace({key: "+1%"})
-    told = {"family": scene.name, "fault": "none" if key is None else f"{key} +1 %"}
-    if isinstance(scene, Line):
-        return out | told | _checked_line(scene, how["tol"], second)
-    return out | told | _checked(scene, how["tol"], second)
+    judged = _check_line if isinstance(scene, Line) else _check
+    return out | {"fault": fault} | judged(scene, how["tol"], second)
 
 
 def _run(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
@@ -124,17 +125,17 @@ def _run(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[str,
         return {"status": "refused", "cause": "method", "reason": str(error)}
     how["until"] = _end(scene)
     try:
-        e = (
-            run_with_error_bars(scene, method, **how)
-            if tol is None
-            else refine_to_tolerance(scene, method, tol, past=0.0, **how)
-        )
+        if tol is None:
+            ladder = run_with_error_bars(scene, method, **how)
+        else:
+            ladder = refine_to_tolerance(scene, method, tol, past=0.0, **how)
     except TooCoarse as error:
-        e = error.ladder
+        ladder = error.ladder
         too_coarse = {"verdict": "too coarse", "reason": str(error)}
-    r = replace(e.run, design=design(e))
-    out = of_response(r, scene) | too_coarse
-    if faults := faults_of(r):
+    r = replace(ladder.run, design=design(ladder))
+    out = _numbers(r, scene) | too_coarse
+    faults = faults_of(r)
+    if faults:
         return out | {"status": "failed", "cause": "not finite", "reason": "; ".join(faults)}
     if study.truth is None or index % study.truth.every:
         return out
@@ -142,25 +143,28 @@ def _run(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[str,
 
 
 def _end(scene: Any) -> float | None:
-    """s_o/l at which runs end: rows tell nothing of the slack cable; None: the end of the ride."""
+    """s_o/l at which runs end: rows say nothing of the slack cable; None: the end of the motion."""
     from validation.core.measures import SLACK_END
 
     return SLACK_END if scene.drive.mode == "grip" else None
 
 
-def truth(scene: Any, r: Any, finer: int, most: float = 2e6) -> dict[str, Any]:
+def truth(scene: Any, r: Any, finer: int) -> dict[str, Any]:
     """Errors of a run, and of one half as fine as the reference, over the range of the run's bar.
 
-    The reference, by following-p2, is `finer` times as fine as the run; {} if its steps times elements exceed `most`.
+    The reference, by following-p2, is `finer` times as fine as the run; {} if that exceeds LARGEST_TRUTH.
     """
     from validation.core import measures
     from validation.core.running import run
 
-    fine = {k: max(least, finer * r.settings.get(k, 0)) for k, least in (("elements", 32), ("steps", 2400))}
-    if r.path_error is None or fine["steps"] * fine["elements"] > most:
+    elements = max(32, finer * r.settings.get("elements", 0))
+    steps = max(2400, finer * r.settings.get("steps", 0))
+    if r.path_error is None or steps * elements > LARGEST_TRUTH:
         return {}
     how = {"model": r.model, "load": r.load, "until": measures.WINDOW[1]}
-    best, half = (run(scene, "following-p2", **how, **{k: v // n for k, v in fine.items()}) for n in (1, 2))
+    best, half = (
+        run(scene, "following-p2", **how, elements=elements // coarser, steps=steps // coarser) for coarser in (1, 2)
+    )
     try:
         window = measures.window_of(r, best, half, window=tuple(r.error_window or measures.WINDOW))
         true, doubt = (measures.path_gap(x, best, window)[0] for x in (r, half))
@@ -174,9 +178,10 @@ def faults_of(r: Any) -> list[str]:
     """Faults of a response: numbers that are not finite, an end without a reason."""
     import numpy as np
 
-    whole = ("t", "s_o", "x", "y", "u", "v", "velocity", "acceleration", "energy", "power", "tension_min")
+    names = ("t", "s_o", "x", "y", "u", "v", "velocity", "acceleration", "energy", "power", "tension_min")
+    arrays = {name: getattr(r, name) for name in names}
     inner = (r.s_o > 0.0) & (r.s_o < r.length)
-    arrays = {name: getattr(r, name) for name in whole} | {"T_behind": r.T_behind[inner], "T_ahead": r.T_ahead[inner]}
+    arrays |= {"T_behind": r.T_behind[inner], "T_ahead": r.T_ahead[inner]}
     arrays |= {f"fields.{name}": getattr(r.fields, name) for name in ("T", "u", "v", "du", "dv")}
     out = [f"{name} is not finite" for name, values in arrays.items() if not np.isfinite(values).all()]
     if r.status == "incomplete" and not (r.reason and r.cause):
@@ -185,56 +190,67 @@ def faults_of(r: Any) -> list[str]:
 
 
 def _cheapest(scene: Any, tol: float) -> dict[str, Any]:
-    """Least model and method that `advise` finds; of a car that rolls, a method that can ride."""
+    """Simplest model and method that `advise` finds; of a car that rolls, a method that can ride."""
     from validation import advice
 
     if scene.drive.mode != "grip":
         return {"method": "following-p2"}
-    found = advice(scene, tol)
-    return {k: found[k] for k in ("method", "model", "load")}
+    advised = advice(scene, tol)
+    return {k: advised[k] for k in ("method", "model", "load")}
 
 
-def _checked(scene: Any, tol: float, second: Any) -> dict[str, Any]:
+def _check(scene: Any, tol: float, second: Any) -> dict[str, Any]:
     from validation import check
 
-    found = check(scene, tol=tol, until=_end(scene), second=second)
-    best = min((found.a, found.b), key=lambda e: math.inf if e.run.path_error is None else e.run.path_error)
-    agree = type(found.verdict).AGREE
-    rows = dict.fromkeys(row.quantity for row in found.rows if row.decides and row.verdict is not agree)
-    return of_response(best.run, scene) | {"verdict": found.verdict.value, "not_agreed": ", ".join(rows) or None}
+    def path_error(ladder: Any) -> float:
+        return math.inf if ladder.run.path_error is None else float(ladder.run.path_error)
+
+    result = check(scene, tol=tol, until=_end(scene), second=second)
+    best = min((result.a, result.b), key=path_error)
+    return _numbers(best.run, scene) | {"verdict": result.verdict.value, "not_agreed": _not_agreed(result)}
 
 
-def _checked_line(line: Any, tol: float, second: Any) -> dict[str, Any]:
+def _check_line(line: Any, tol: float, second: Any) -> dict[str, Any]:
     from validation.commands.check.motion import checked
 
-    found: Any = checked(line, tol, second=second)
-    agree = type(found.verdict).AGREE
-    rows = dict.fromkeys(row.quantity for row in found.rows if row.decides and row.verdict is not agree)
-    verdict = {"verdict": found.verdict.value, "not_agreed": ", ".join(rows) or None}
-    return verdict | {"status": found.status, "reason": found.moved.reason, "method": found.moved.method}
+    result: Any = checked(line, tol, second=second)
+    verdict = {"verdict": result.verdict.value, "not_agreed": _not_agreed(result)}
+    return verdict | {"status": result.status, "reason": result.moved.reason, "method": result.moved.method}
+
+
+def _not_agreed(result: Any) -> str | None:
+    """The quantities that decide and do not agree."""
+    agree = type(result.verdict).AGREE
+    differ = dict.fromkeys(row.quantity for row in result.rows if row.decides and row.verdict is not agree)
+    return ", ".join(differ) or None
 
 
 def _advise(scene: Any, tol: float) -> dict[str, Any]:
     from validation import advice
 
-    found = advice(scene, tol)
-    told = {k: found[k] for k in ("model", "load", "method", "path_error", "tension_error")}
-    verdict = "meets" if found["meets"] else "too coarse"
-    return told | {"status": "complete", "settings": json.dumps(found["settings"]), "verdict": verdict}
+    advised = advice(scene, tol)
+    out = {k: advised[k] for k in ("model", "load", "method", "path_error", "tension_error")}
+    verdict = "meets" if advised["meets"] else "too coarse"
+    return out | {"status": "complete", "settings": json.dumps(advised["settings"]), "verdict": verdict}
 
 
-def of_response(r: Any, scene: Any) -> dict[str, Any]:
+def _numbers(r: Any, scene: Any) -> dict[str, Any]:
+    """What a row holds of a response."""
     from validation.core import limits
     from validation.core.answers import outcome
 
-    found = outcome(scene, r)
     same = ("status", "cause", "reason", "method", "model", "load", "max_deflection", "path_error", "tension_error")
     out = {name: getattr(r, name) for name in (*same, "slack_onset", "reached")}
     out |= {name: r.work[name] for name in COLUMNS["counts"]}
-    out |= {"flags": "; ".join(map(str, r.flags)) or None, "settings": json.dumps(r.settings)}
-    out |= {"events": json.dumps(r.events) if r.events else None, "outcome": found.sentence, "outcome_kind": found.kind}
+    out["flags"] = "; ".join(map(str, r.flags)) or None
+    out["settings"] = json.dumps(r.settings)
+    out["events"] = json.dumps(r.events) if r.events else None
+    end = outcome(scene, r)
+    out |= {"outcome": end.sentence, "outcome_kind": end.kind}
     out |= limits.columns(limits.rows(scene, r.design, r.events))
     for number in r.design:
-        if number["quantity"] in DESIGN:
-            out |= {number["quantity"]: number["value"], f"{number['quantity']}_bar": number["bar"]}
+        name = number["quantity"]
+        if name in DESIGN:
+            out[name] = number["value"]
+            out[f"{name}_bar"] = number["bar"]
     return out

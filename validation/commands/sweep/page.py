@@ -1,6 +1,7 @@
 """Pages of a sweep: what came out, maps of the design numbers, and every scene to filter."""
 
 import json
+import math
 import re
 import textwrap
 from collections.abc import Iterator
@@ -25,7 +26,7 @@ from validation.page.figures import figure, panels
 from validation.page.page import Section, drawn, number, percent, table
 from validation.page.plot import COLORS
 
-SHOWN = 4000  # most rows in the page and dots in a map, evenly taken
+SHOWN = 4000  # the most rows in the page and dots in a map, evenly taken
 MAPS = ("tension_max", "speed_max", "mass_deepest", "contact_min", "haul_force_max", "max_deflection", "path_error")
 PARTS = 3  # of a third axis
 
@@ -36,13 +37,13 @@ def sections(folder: Path) -> list[Section]:
     rows = frame(folder)
     complete = rows["status"] == "complete"
     thin = _thinned(rows)
-    packed = Markup(json.dumps(_scenes(study, file, thin)).replace("<", "\\u003c"))
+    data = json.dumps(_scenes(study, file, thin)).replace("<", "\\u003c")
     script = Markup((resources.files(__package__) / "explorer.js").read_text(encoding="utf-8"))
     return drawn(
         __package__, study=study, rows=rows, complete=complete.sum(), broken=rows["status"].isin(BROKEN).sum(),
         unfinished=rows[~complete], judged=rows[rows["verdict"].notna()], counted=_counted,
         bars=coverage(rows) if rows["true_error"].notna().any() else [], maps=list(_maps(study, rows)),
-        shown=len(thin), data=packed, script=script,
+        shown=len(thin), data=Markup(data), script=script,
     )  # fmt: skip
 
 
@@ -57,33 +58,52 @@ OF = {"path": ("path_error", "true_error", "doubt"), "tension": ("tension_error"
 
 
 def coverage(rows: Any) -> list[dict[str, Any]]:
-    """Do the bars hold?  Judged where the two finer runs differ by less than a third of the bar or of the error."""
-    lines = []
+    """Table rows that say whether the bars hold, by method.
+
+    Judged where the two finer runs differ by less than a third of the bar or of the error.
+    """
+    out = []
     for quantity, (bar, true, doubt) in OF.items():
-        known = rows[rows[true].notna()]
-        judged = known[known[doubt] <= known[[bar, true]].max(axis=1) / 3.0]
+        largest = rows[[bar, true]].max(axis=1)
+        judged = rows[rows[doubt] <= largest / 3.0]  # no doubt, no row
         for name, part in [*judged.groupby("method"), ("all", judged)]:
             short = part[part[true] > part[bar]]
             plain = part[part["flags"].isna()]
-            lines.append({
-                "bar of": quantity, "method": name, "held against": len(part),
-                "bar holds": f"{100.0 * (1.0 - len(short) / len(part)):.1f} %" if len(part) else "",
+            holds = f"{100.0 * (1.0 - len(short) / len(part)):.1f} %" if len(part) else ""
+            out.append({
+                "bar of": quantity, "method": name, "held against": len(part), "bar holds": holds,
                 "unflagged": len(plain), "too small and unflagged": int(short["flags"].isna().sum()),
                 "bar over true, median": float((part[bar] / part[true]).median()),
                 "the same, unflagged": float((plain[bar] / plain[true]).median()),
             })  # fmt: skip
-    return lines
+    return out
 
 
 def _maps(study: Study, rows: Any) -> Iterator[Markup]:
     axes = [name for name, a in study.axes.items() if a.numeric and rows[name].nunique() > 1]
-    logs = {name for name, a in study.axes.items() if a.log}
-    if axes and rows["outcome_kind"].notna().any():
-        yield _outcomes(_thinned(rows[rows["outcome_kind"].notna()]), axes, logs)
-    for quantity in MAPS if axes else ():
-        known = _thinned(rows[rows[quantity].notna()])
-        if len(known) > 2:
-            yield _map(known, quantity, axes, logs)
+    if not axes:
+        return
+    logs = _logarithmic(study)
+    ended = rows[rows["outcome_kind"].notna()]
+    if len(ended):
+        yield _outcomes(_thinned(ended), axes, logs)
+    for quantity in MAPS:
+        computed = _thinned(rows[rows[quantity].notna()])
+        if len(computed) > 2:
+            yield _map(computed, quantity, axes, logs)
+
+
+def _logarithmic(study: Study) -> set[str]:
+    return {name for name, axis in study.axes.items() if axis.log}
+
+
+def _dots(ax: Any, rows: Any, x: str, y: str, logs: set[str], **looks: Any) -> Any:
+    """Draw a dot for each scene, a link to its row; x, y : columns."""
+    dots = ax.scatter(rows[x], rows[y], s=14, linewidths=0, **looks)
+    dots.set_urls([f"#scene-{i}" for i in rows.index])
+    scale_x, scale_y = ("log" if name in logs else "linear" for name in (x, y))
+    ax.set(xlabel=_with_unit(x), xscale=scale_x, yscale=scale_y)
+    return dots
 
 
 def _outcomes(rows: Any, axes: list[str], logs: set[str]) -> Markup:
@@ -94,11 +114,10 @@ def _outcomes(rows: Any, axes: list[str], logs: set[str]) -> Markup:
     ax = grid[0][0]
     for i, kind in enumerate(rows["outcome_kind"].value_counts().index):
         part = rows[rows["outcome_kind"] == kind]
-        look = {"color": COLORS[i % len(COLORS)], "marker": "o" if i < len(COLORS) else "s"}
-        dots = ax.scatter(part[x], part[y], s=14, linewidths=0, label=ENDS.get(kind, kind), **look)
-        dots.set_urls([f"#scene-{i}" for i in part.index])
-    ax.set(xlabel=_with_unit(x), ylabel=_with_unit(y))
-    ax.set(xscale="log" if x in logs else "linear", yscale="log" if y in logs else "linear")
+        marker = "o" if i < len(COLORS) else "s"
+        label = ENDS.get(kind, kind)
+        _dots(ax, part, x, y, logs, color=COLORS[i % len(COLORS)], marker=marker, label=label)
+    ax.set_ylabel(_with_unit(y))
     ax.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure(fig, f"What becomes of the car over {x} and {y}")
 
@@ -112,9 +131,15 @@ def _units() -> dict[str, str]:
 
 def _with_unit(name: str) -> str:
     """A column with its unit, for an axis or the head of a table."""
-    kind = name.partition(":")[0]
-    unit = unit_of(name) if kind in KNOWN else {"seconds": "s"}.get(name, _units().get(re.sub(r"\.\d+\.", ".0.", name)))
-    return name if unit is None else f"{name} [{unit if unit not in ('', '-') else '–'}]"
+    if name == "seconds":
+        unit: str | None = "s"
+    elif name.partition(":")[0] in KNOWN:
+        unit = unit_of(name)
+    else:
+        unit = _units().get(re.sub(r"\.\d+\.", ".0.", name))
+    if unit is None:
+        return name
+    return f"{name} [–]" if unit in ("", "-") else f"{name} [{unit}]"
 
 
 def _thinned(rows: Any) -> Any:
@@ -127,21 +152,23 @@ def _map(rows: Any, quantity: str, axes: list[str], logs: set[str]) -> Markup:
     rows = rows.assign(**{quantity: factor * rows[quantity]})
     name = f"{named(quantity)} [{unit or '–'}]"
     x, y = (*axes, quantity)[:2]
-    parts = _parts(rows, axes[2]) if len(axes) > 2 else [("", rows)]
+    parts = [("", rows)]
+    split = ""
+    if len(axes) > 2:
+        parts = _parts(rows, axes[2])
+        split = f", {axes[2]} from left to right"
     fig, grid = panels(1, len(parts), height=2.9 if len(parts) == 1 else 2.6, sharey=True, squeeze=False)
     low, high = np.percentile(rows[quantity].to_numpy(float), [1, 99])
     for ax, (title, part) in zip(grid[0], parts, strict=True):
-        dots = ax.scatter(part[x], part[y], c=part[quantity], s=14, vmin=low, vmax=high, linewidths=0)
-        dots.set_urls([f"#scene-{i}" for i in part.index])
+        dots = _dots(ax, part, x, y, logs, c=part[quantity], vmin=low, vmax=high)
         slack = part[part["slack_onset"].notna()]
         ax.scatter(slack[x], slack[y], s=30, facecolors="none", edgecolors="#d55e00", linewidths=0.7)
         ax.set_title(title, fontsize=8)
-        ax.set(xlabel=_with_unit(x), xscale="log" if x in logs else "linear", yscale="log" if y in logs else "linear")
     grid[0][0].set_ylabel(name if y == quantity else _with_unit(y))
     # longer names would be cut off
     fig.colorbar(dots, ax=list(grid[0]), label=textwrap.fill(name, 24))
-    split = f", {axes[2]} from left to right" if len(axes) > 2 else ""
-    return figure(fig, f"{named(quantity)[0].upper()}{named(quantity)[1:]} over {x} and {y}{split}")
+    words = named(quantity)
+    return figure(fig, f"{words[0].upper()}{words[1:]} over {x} and {y}{split}")
 
 
 def _parts(rows: Any, axis: str) -> list[tuple[str, Any]]:
@@ -153,13 +180,19 @@ def _parts(rows: Any, axis: str) -> list[tuple[str, Any]]:
 
 
 def _scenes(study: Study, file: Path, rows: Any) -> dict[str, Any]:
-    """What explorer.js shows: lines of scenes across their axes, and a table with the command of each."""
-    columns = [*study.axes, *DESIGN, "max_deflection", "path_error", "seconds"]
-    columns = [c for c in dict.fromkeys([*columns, "status", "verdict", "method"]) if rows[c].notna().any()]
-    logs = {name for name, a in study.axes.items() if a.log}
-    told = [{"name": _with_unit(c), "log": c in logs, "values": _plain(rows[c])} for c in columns]
-    return {"study": str(file), "index": rows.index.tolist(), "columns": told}
+    """What explorer.js shows: curves of scenes across their axes, and a table with the command of each."""
+    names = [*study.axes, *DESIGN, "max_deflection", "path_error", "seconds", "status", "verdict", "method"]
+    logs = _logarithmic(study)
+    columns = [
+        {"name": _with_unit(name), "log": name in logs, "values": [_plain(x) for x in rows[name].tolist()]}
+        for name in dict.fromkeys(names)
+        if rows[name].notna().any()
+    ]
+    return {"study": str(file), "index": rows.index.tolist(), "columns": columns}
 
 
-def _plain(values: Any) -> list[Any]:
-    return [None if x is None or x != x else x if isinstance(x, str) else float(f"{x:.5g}") for x in values.tolist()]
+def _plain(value: Any) -> Any:
+    """A word as it is, a number to five digits, None for nan."""
+    if isinstance(value, str):
+        return value
+    return None if value is None or math.isnan(value) else float(f"{value:.5g}")

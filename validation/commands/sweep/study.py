@@ -1,4 +1,4 @@
-"""What a sweep asks for: a base scene, axes that vary, a job for every point."""
+"""A sweep as data: a base scene, axes that vary, a job for every point."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cablefem.scene.errors import nearest, shown
 from cablefem.scene.fields import OneLine, Part, between, integer
 from cablefem.scene.line import Line
 from validation.commands.sweep import families
-from validation.commands.sweep.axes import MOST, Axis, grid, ranges
+from validation.commands.sweep.axes import MAX_POINTS, Axis, grid, ranges
 from validation.core.methods import METHODS, installed
 from validation.core.store import Refused
 
@@ -28,7 +28,8 @@ FREE = ("slope", "travel", "span", "rho", "gravity")  # besides them, of `Scene.
 HOW = ("method", "model", "load", "law", "tol")  # of the run, not of the scene
 
 
-def _known(method: str) -> str:
+def _method(method: str) -> str:
+    """The name of a method that there is."""
     names = [*METHODS, *installed()]
     if method not in names:
         raise ValueError(f"unknown.{nearest(method, names)}")
@@ -39,13 +40,13 @@ class Sample(Part):
     """Points of a design of experiments."""
 
     kind: Literal["sobol", "latin_hypercube", "random"] = "sobol"
-    count: Annotated[int, integer(1, MOST)]
+    count: Annotated[int, integer(1, MAX_POINTS)]
     seed: Annotated[int, integer(0, 2**32 - 1)] = 0
     range: Annotated[dict[str, Axis], PlainValidator(ranges)]
 
 
 class Truth(Part):
-    """Runs held against finer ones."""
+    """Which runs are compared with finer ones."""
 
     every: Annotated[int, integer(1, 1000)]  # every n-th scene
     finer: Annotated[int, integer(1, 1000)]  # so many times, in space and in time
@@ -57,7 +58,7 @@ class Study(Part):
     title: OneLine = ""
     scene: Scene | None = None  # None: every scene is made from its groups
     job: Literal["run", "check", "advise", "power"] = "run"
-    method: Annotated[str, AfterValidator(_known)] | None = None  # None: the cheapest that will do
+    method: Annotated[str, AfterValidator(_method)] | None = None  # None: the cheapest that will do
     settings: dict[str, Any] = Field(default_factory=dict)  # of the method; of job power `families.case`
     tol: Annotated[float, between(1e-6, 0.2)] | None = None
     seconds: Annotated[float, between(0.1, 86_400.0)] = 120.0  # a scene may take
@@ -76,8 +77,8 @@ class Study(Part):
             raise Refused(f"{name_or_path}: not valid TOML: {error}") from None
         except (OSError, UnicodeDecodeError):
             hint = nearest(str(name_or_path), built_in())
-            told = f"study = {shown(str(name_or_path))}: no built-in study, no readable file.{hint}"
-            raise Refused(told) from None
+            fault = f"study = {shown(str(name_or_path))}: no built-in study, no readable file.{hint}"
+            raise Refused(fault) from None
 
     @classmethod
     def of(cls, data: dict[str, Any], name: str = "study", folder: Path = Path()) -> Study:
@@ -85,33 +86,44 @@ class Study(Part):
         try:
             scene = data.get("scene")
             if isinstance(scene, str):
-                data = data | {"scene": Scene.load(folder / scene if (folder / scene).is_file() else scene)}
+                file = folder / scene
+                data = data | {"scene": Scene.load(file if file.is_file() else scene)}
             study = cls(**data)
             study._name = name
-            if faults := study._faults():
+            faults = study._faults()
+            if faults:
                 raise SceneError(faults)
             return study
         except SceneError as error:
             raise Refused([f"{name}: {fault}" for fault in error.faults]) from None
 
     def _faults(self) -> list[str]:
-        """Faults between fields that are sound by themselves."""
+        """Faults between fields each of which is sound."""
         if (self.vary is None) == (self.sample is None):
             return ["exactly one of [vary] (a full grid) and [sample] (a design of experiments) must be given"]
-        faults = [] if len(self) <= MOST else [f"vary: {len(self)} scenes; must be at most {MOST}"]
-        faults += [fault for name, axis in self.axes.items() for fault in self._faults_of(name, axis)]
+        faults = [] if len(self) <= MAX_POINTS else [f"vary: {len(self)} scenes; must be at most {MAX_POINTS}"]
+        for name, axis in self.axes.items():
+            faults += self._faults_of(name, axis)
         named = {*self.axes, *self.how({})}
-        needed = {"run": () if "method" in named else ("tol",), "power": ("tol", "case")}.get(self.job, ("tol",))
-        job = f"job {shown(self.job)}" + (" without a method" if self.job == "run" else "")
+        needed = ["tol", "case"] if self.job == "power" else ["tol"]
+        job = f"job {shown(self.job)}"
+        if self.job == "run":
+            job += " without a method"
+            if "method" in named:
+                needed = []
         faults += [f"{x}: missing; {job} needs it" for x in needed if x not in named]
         return faults
 
     def _faults_of(self, name: str, axis: Axis) -> list[str]:
         """Faults of an axis' name: no group, no field of the scene, nothing of the run."""
-        known = {*GROUPS, *HOW, *(() if self.scene else FREE), *(("case",) if self.job == "power" else ())}
+        names = {*GROUPS, *HOW}
+        if not self.scene:
+            names |= {*FREE}
+        if self.job == "power":
+            names.add("case")
         part, dot, _ = name.partition(".")
-        if name not in known and not (dot and part in Scene.field_names()):
-            near = nearest(name, known)
+        if name not in names and not (dot and part in Scene.field_names()):
+            near = nearest(name, names)
             return [f"{name}: must be a field of the scene file (cable.sag) or one of them.{near}"]
         try:
             if dot and self.scene is not None:
@@ -133,10 +145,10 @@ class Study(Part):
 
         Points are numbered by the order of the axes: each is a table, as the writer puts lists before tables.
         """
-        given = self.model_dump(exclude={"scene"}, exclude_defaults=True, serialize_as_any=True)
+        data = self.model_dump(exclude={"scene"}, exclude_defaults=True, serialize_as_any=True)
         if self.scene is not None:
-            given["scene"] = tomllib.loads(self.scene.to_toml())
-        return tomli_w.dumps(given)
+            data["scene"] = tomllib.loads(self.scene.to_toml())
+        return tomli_w.dumps(data)
 
     def __len__(self) -> int:
         return self.sample.count if self.sample else math.prod(len(axis.values) for axis in self.axes.values())
@@ -155,9 +167,8 @@ class Study(Part):
         """The scene of a point; SceneError where it has faults."""
         if self.job == "power":
             return self.case(point)[0]
-        what = {k: v for k, v in point.items() if k not in HOW}
-        dotted = {k: v for k, v in what.items() if "." in k}
-        groups = {k: v for k, v in what.items() if "." not in k}
+        dotted = {k: v for k, v in point.items() if "." in k}
+        groups = {k: v for k, v in point.items() if "." not in k and k not in HOW}
         scene = Scene.from_groups(**groups) if self.scene is None else self.scene
         if "drive.mode" in dotted:
             scene, dotted = _driven(scene, dotted)
@@ -165,22 +176,24 @@ class Study(Part):
         return scene.variant(**groups) if groups and self.scene is not None else scene
 
     def case(self, point: dict[str, Any]) -> tuple[Scene | Line, str | None]:
-        told = self.settings
-        return families.case(told.get("seed", 0), round(point["case"]), told.get("families", "ropeway"))
+        """The scene of a point of job power, and the key of its fault."""
+        seed = self.settings.get("seed", 0)
+        return families.case(seed, round(point["case"]), self.settings.get("families", "ropeway"))
 
     def how(self, point: dict[str, Any]) -> dict[str, Any]:
         """The entries of HOW that the study names."""
-        named = {key: x for key, x in (("method", self.method), ("tol", self.tol)) if x is not None}
-        return named | {k: v for k, v in point.items() if k in HOW}
+        named = {"method": self.method, "tol": self.tol} | {k: v for k, v in point.items() if k in HOW}
+        return {k: v for k, v in named.items() if v is not None}
 
 
 def _driven(scene: Scene, changes: dict[str, Any]) -> tuple[Scene, dict[str, Any]]:
     """A scene and its changes in another drive.mode, without keys that mean nothing there."""
     mode = changes["drive.mode"]
-    known = of_mode(mode)
-    drive = {k: x for k, x in scene.drive.model_dump(exclude_defaults=True).items() if k in known} | {"mode": mode}
-    left = {k: x for k, x in changes.items() if not k.startswith("drive.") or k.split(".")[1] in known}
-    return scene.variant(drive=drive, **({"travel": None} if mode == "free" else {})), left
+    keys = of_mode(mode)
+    drive = {k: x for k, x in scene.drive.model_dump(exclude_defaults=True).items() if k in keys} | {"mode": mode}
+    others = {k: x for k, x in changes.items() if not k.startswith("drive.") or k.split(".")[1] in keys}
+    no_travel: dict[str, Any] = {"travel": None} if mode == "free" else {}
+    return scene.variant(drive=drive, **no_travel), others
 
 
 def built_in() -> dict[str, Path]:
