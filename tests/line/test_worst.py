@@ -73,3 +73,12 @@ def test_a_car_anywhere_needs_shoes_and_is_alone():
         anywhere.replace({"contact.pole-1.shoe": None})
     with pytest.raises(SceneError, match=r"car.up.at: missing; must be given for each of several cars"):
         cf.Line.load("two-span").replace({"car.up.at": None})
+
+
+def test_a_rope_that_ends_on_the_ground_does_not_hit_it(cablefem, tmp_path):
+    """Its clearance there is zero and rounding, in both computations."""
+    line = cf.Line.from_toml(TOML).replace({"ground": [[0.0, 0.0], [300.0, 200.0], [600.0, 45.0]], "obstacle": []})
+    (tmp_path / "ends.toml").write_text(line.replace({"car.car.at": [200.0, 400.0]}).to_toml())
+    code, out, err = cablefem("check", "ends.toml")
+    assert (code, err) == (0, "")
+    assert "collide" not in out

@@ -28,6 +28,7 @@ from validation.core.readback import limit_faults, plain
 from validation.core.scene_data import ROUNDING, ice_mass, si_factor
 
 DOWN = np.array([0.0, 1.0])
+LOWEST = -1e-6  # [m] least clearance of what touches
 GROUND = "the ground"
 LENGTHS = ("x", "depth", "rope_over", "rise", "shift", "sag", "clearance_rope", "clearance_car")
 Numbers = dict[str, Any]  # by name: a value, a word or None
@@ -527,7 +528,7 @@ def _outcome(gaps: Gaps, data: LineData, summary: dict[str, Any], known: Extreme
     text = summary["outcome"]
     tension = known["tension_max"][1]
     clearances = {name.partition(":")[2]: low for name, (low, _) in known.items() if name.startswith("clearance")}
-    hit = {name.split(" over ")[-1].removeprefix("the ") for name, low in clearances.items() if low < 0.0}
+    hit = {name.split(" over ")[-1].removeprefix("the ") for name, low in clearances.items() if low < LOWEST}
     broken = data.breaking_load is not None and tension > data.breaking_load
     kinds = {"breaks": broken, "collides": hit, "incomplete": summary["refused"], "carries": True}
     kind = next(kind for kind, holds in kinds.items() if holds)

@@ -28,6 +28,7 @@ from validation.page.line import WORDS, columns, kind_of, tell
 from validation.page.options import Point
 
 NAMED = 3  # collisions in an outcome
+TOUCHES = -1e-6  # [m] a rope that ends on the ground does not hit it
 Row = dict[str, Any]
 
 
@@ -230,7 +231,7 @@ class Answers:
             kinds.append("breaks")
             force = f"{tension['value'] / 1e3:.1f} kN in a rope of {breaking_load / 1e3:.1f} kN"
             parts.append(f"the rope is loaded beyond its breaking load: {force}{_cars(tension)}")
-        hits = [d for d in self.design if d["quantity"].startswith("clearance") and d["value"] < 0.0]
+        hits = [d for d in self.design if d["quantity"].startswith("clearance") and d["value"] < TOUCHES]
         hits.sort(key=lambda d: d["value"])
         if hits:
             kinds.append("collides")

@@ -21,6 +21,7 @@ from cablefem.scene.contacts import MovingLine
 from cablefem.scene.line import Line, LineState
 from cablefem.scene.moving import moving
 from galerkin.lines import LineSines
+from validation.commands.run.line import TOUCHES
 from validation.core import limits, motion_laws, store
 from validation.core.agreement import Agreement, Verdict, overall
 from validation.core.ladder import Branch, Ladder
@@ -188,7 +189,7 @@ class Answers:
             kinds.append("breaks")
             parts.append(f"the rope is loaded beyond its breaking load of {strength / 1e3:.1f} kN")
         for d in self.design:
-            if d["quantity"].startswith("clearance") and d["value"] < 0.0:
+            if d["quantity"].startswith("clearance") and d["value"] < TOUCHES:
                 kinds.append("collides")
                 body, _, over = d["quantity"].partition(":")[2].rpartition(" over ")
                 parts.append(f"would collide: {body or 'the rope'} hits {over} by {-d['value']:.2f} m")
