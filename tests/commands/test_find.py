@@ -27,6 +27,7 @@ def test_which_tension_lets_a_light_rider_reach_the_brake_against_the_wind():
     assert "at least" in found.sentence
 
 
+@pytest.mark.slow
 def test_which_brake_force_stops_the_heavy_rider_and_lets_the_light_one_in():
     both = {"mass.mass": [40.0, 120.0]}
     asked = "stop.s_o >= 385.7 m and stop.s_o <= 398 m"
@@ -42,6 +43,7 @@ def test_which_brake_force_stops_the_heavy_rider_and_lets_the_light_one_in():
     assert stop[40.0] == pytest.approx(385.7, abs=0.01)
 
 
+@pytest.mark.slow
 def test_the_heaviest_load_of_a_skyline_with_its_bar_from_the_check():
     asked = "clearance_car >= 2 m and safety_factor >= 3"
     found = cf.find(SKYLINE, {"car.carriage.mass": (500.0, 6000.0)}, so_that=asked)
@@ -90,6 +92,7 @@ def test_the_command_stores_the_answer_and_a_value_that_fails_does_not_hold(cabl
     assert 'id="find"' in Path("x/report.html").read_text()
 
 
+@pytest.mark.slow
 def test_the_curve_of_two_keys(cablefem):
     given = ("cable.sag=4:8", "--so-that", "safety_factor >= 4", "--for", "mass.mass=80,120")
     Path("zip.toml").write_text(ZIPLINE.replace({"cable.sag": 5.0, "cable.breaking_load": 9e4}).to_toml())

@@ -31,7 +31,7 @@ def broken(name, *claims, factor=3.0):
     return {law for law, h in found.items() if not h.gap <= factor * h.allowed}
 
 
-@pytest.mark.parametrize("name", ["level", "zipline", "to-rest"])
+@pytest.mark.parametrize("name", ["level", "zipline", pytest.param("to-rest", marks=pytest.mark.slow)])
 def test_right_answers_keep_every_law(name):
     assert broken(name, factor=2.0) == set()
 
@@ -54,6 +54,7 @@ def test_the_ledger_has_what_damping_took():
     assert run(Scene.load("level"), "following-p2", elements=2, steps=20).powers == {}
 
 
+@pytest.mark.slow
 def test_a_check_agrees_and_sees_a_fault_of_the_rate():
     right = check(LEVEL, tol=1e-2)
     assert right.verdict.value == "agree"

@@ -15,7 +15,7 @@ PARTS = (
 )  # fmt: skip
 QUICK_PARTS = (
     ("check", "level"), ("paper", "--quick"), ("oracles", "--quick"), ("chart", "level", "--budget", "8"),
-    ("advise", "level", "--tol", "5e-2"), ("modes", "bare"), ("atlas", "--quick"),
+    ("advise", "level", "--tol", "5e-2"), ("modes", "bare"),
 )  # fmt: skip
 
 
