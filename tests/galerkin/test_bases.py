@@ -150,7 +150,7 @@ def test_the_basis_spans_the_papers_functions_with_their_derivatives(p, level):
     assert np.abs(basis.phi(grid) @ weights - values).max() < rounding
     assert np.abs(basis.phi(1.0 - grid) @ mirrored - values).max() > 1e-3  # twin: the mirrored filter
     anywhere = np.append(np.random.default_rng(100 + p).random(2), [] if p == 3 else 7.7e-13)  # its Theta'' is rough
-    allowed = 1e-12 if p <= 6 and level < 2 else 1e-9  # of the weights
+    allowed = 1e-11 if p <= 6 and level < 2 else 1e-8  # rounding of the weights, on kernels without fused products too
     for derivative in range(3 if p > 2 else 2):
         largest = np.abs(basis.phi(grid, derivative) @ weights).max(axis=0)
         gap = basis.phi(anywhere, derivative) @ weights - printed(p, level, anywhere, derivative) / size

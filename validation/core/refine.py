@@ -34,6 +34,7 @@ SHORTER = np.linspace(1.0, 4.0, 7).tolist()  # of time; orders do not hold furth
 SHARP = {"scheme": "radau"}  # of order 5; elements take a fraction of the steps
 QUIET = {"scheme": "generalized-alpha", "rho_inf": 0.8}
 SWINGING = {"rho_inf": 0.5}  # on free rides axial waves reverse the friction
+NEAR = 0.15  # waves of fixed functions times start/l of a rider: fewer do not know that he is off the support
 LIGHT = 0.1  # mass ratio mu of a car whose front the first mesh must resolve
 
 
@@ -339,6 +340,8 @@ def _begin(scene: Scene, method: Method) -> dict[str, int]:
     if space.doubling:
         first = method.begins[0] + 2
     if motion is None:
+        if scene.drive.mode == "free" and not method.follows:
+            first = max(first, math.ceil(NEAR / groups.drive.start))
         return {space.setting: first, "steps": method.settings_on(groups, {})["steps"] // 2}
     if scene.mu > LIGHT:
         return {space.setting: first, "steps": FIRST_STEPS}
