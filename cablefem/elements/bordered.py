@@ -22,16 +22,11 @@ class Bordered:
         self.rows: Any = np.zeros((border, n), kind)
         self.corner: Any = np.zeros((border, border), kind)
 
-    def add(self, i: int, j: int, value: complex) -> None:
-        n = self.n
-        if i < n and j < n:
-            self.ab[2 * self.b + i - j, j] += value
-        elif i < n:
-            self.columns[i, j - n] += value
-        elif j < n:
-            self.rows[i - n, j] += value
+    def add_diagonal(self, i: int, value: complex) -> None:
+        if i < self.n:
+            self.ab[2 * self.b, i] += value
         else:
-            self.corner[i - n, j - n] += value
+            self.corner[i - self.n, i - self.n] += value
 
     def _row(self, i: int) -> tuple[Any, Any]:
         """Numbers of the columns of row i < n in the band, and their places in it."""

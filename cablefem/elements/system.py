@@ -357,7 +357,7 @@ class LineElements(System):
         matrix = Bordered(2 * self.n, self.band, self.size - 2 * self.n, kind)
         self._kernel.add_tangent(x, law, cars, np.array(c, kind).tolist(), matrix)
         for slot, value in self._support_tangent(x, c):
-            matrix.add(slot, slot, value)
+            matrix.add_diagonal(slot, value)
         for slot, kept in zip(self.force - 2 * self.n, self.kept, strict=True):
             matrix.copy_row(slot, int(kept))
         matrix.fix(np.flatnonzero(np.logical_not(free)))

@@ -30,7 +30,6 @@ from tests.motion.lines import (
     weight,
 )
 from tests.motion.test_moving import _steady, _string_answer
-from tests.motion.test_rest import EXACT
 from tests.scene.test_ride import ZIP
 
 TWO = line({"mass_per_length": 11.4, "EA": 2.1e8, "length": 812.0}, LEFT, car("up", 5000.0, Smooth(100.0, 8.0)),
@@ -81,20 +80,6 @@ def test_newton_doubles_the_digits():
         a = a - solve(r.copy())
     assert norms[2] > 1e5 * system.force_floor
     assert norms[3] < 1e-5 * norms[2]
-
-
-@pytest.mark.parametrize("name", EXACT)
-def test_contacts_slide_to_where_catenaries_put_them(name):
-    scene, s, points, haul = EXACT[name]
-    system = LineSines(scene, 16)
-    x = system.observe([system.start(0, None)], np.array([100.0]))
-    everything = {c.name: c for c in (*x.contacts, *x.cars)}
-    for k, exact in s.items():
-        assert everything[scene.contacts[k].name].s[0] == pytest.approx(exact, abs=2e-6)
-    for at, exact in zip(x.cars, points or [], strict=False):
-        np.testing.assert_allclose(at.point[0], exact, atol=2e-6)
-    if haul is not None:
-        assert x.cars[-1].haul_force[0] == pytest.approx(haul, abs=1e-2)
 
 
 def frequencies(scene, terms):

@@ -209,7 +209,7 @@ _ENVIRONMENT.filters |= {
     "seconds": seconds,
     "settings": settings,
     "force": force,
-    "told": number_text,
+    "number_text": number_text,
     "typeset": typeset,
     "with_bar": with_bar,
 }

@@ -54,6 +54,20 @@ def add(m, i, j, value):
         m.corner[i - n, j - n] += value
 
 
+@inner
+def interpolate(mesh, z, first, e, g, f):
+    """Fill f (10,) with r, r_xi, v, v_xi, a at point g of element e; first : slot of the segment's first node."""
+    f[:] = 0.0
+    for i in range(mesh.dofs.shape[1]):
+        slot = first + 2 * mesh.dofs[e, i]
+        for x in range(2):
+            f[x] += mesh.phi[g, i] * z[0, slot + x]
+            f[2 + x] += mesh.phi_xi[g, i] * z[0, slot + x]
+            f[4 + x] += mesh.phi[g, i] * z[1, slot + x]
+            f[6 + x] += mesh.phi_xi[g, i] * z[1, slot + x]
+            f[8 + x] += mesh.phi[g, i] * z[2, slot + x]
+
+
 @compiled
 def add_rows(mesh, rope, law, z, rows):
     """Add the rows of all segments to rows (size,); return the smallest tension.
@@ -64,20 +78,12 @@ def add_rows(mesh, rope, law, z, rows):
     elements, n_loc = mesh.dofs.shape
     nn = mesh.ends.shape[1]
     S = 2 * (count * (nn - 1) + 1)
-    f, lowest = np.empty(10), np.inf  # r, r_xi, v, v_xi, a
+    f, lowest = np.empty(10), np.inf
     for k in range(count):
         h, dh = z[0, S + k + 1] - z[0, S + k], z[1, S + k + 1] - z[1, S + k]
         for e in range(elements):
             for g in range(mesh.weights.size):
-                f[:] = 0.0
-                for i in range(n_loc):
-                    slot = 2 * (k * (nn - 1) + mesh.dofs[e, i])
-                    for x in range(2):
-                        f[x] += mesh.phi[g, i] * z[0, slot + x]
-                        f[2 + x] += mesh.phi_xi[g, i] * z[0, slot + x]
-                        f[4 + x] += mesh.phi[g, i] * z[1, slot + x]
-                        f[6 + x] += mesh.phi_xi[g, i] * z[1, slot + x]
-                        f[8 + x] += mesh.phi[g, i] * z[2, slot + x]
+                interpolate(mesh, z, 2 * k * (nn - 1), e, g, f)
                 xi, weight = mesh.xi[e, g], mesh.weights[g]
                 c = z[1, S + k] * (1.0 - xi) + z[1, S + k + 1] * xi
                 dc = z[2, S + k] * (1.0 - xi) + z[2, S + k + 1] * xi
@@ -221,15 +227,7 @@ def add_tangent(mesh, rope, law, z, c0, c1, c2, matrix):
         h, dh = z[0, S + k + 1] - z[0, S + k], z[1, S + k + 1] - z[1, S + k]
         for e in range(elements):
             for g in range(mesh.weights.size):
-                f[:] = 0.0
-                for i in range(n_loc):
-                    slot = 2 * (k * (nn - 1) + mesh.dofs[e, i])
-                    for x in range(2):
-                        f[x] += mesh.phi[g, i] * z[0, slot + x]
-                        f[2 + x] += mesh.phi_xi[g, i] * z[0, slot + x]
-                        f[4 + x] += mesh.phi[g, i] * z[1, slot + x]
-                        f[6 + x] += mesh.phi_xi[g, i] * z[1, slot + x]
-                        f[8 + x] += mesh.phi[g, i] * z[2, slot + x]
+                interpolate(mesh, z, 2 * k * (nn - 1), e, g, f)
                 xi, weight = mesh.xi[e, g], mesh.weights[g]
                 c = z[1, S + k] * (1.0 - xi) + z[1, S + k + 1] * xi
                 dc = z[2, S + k] * (1.0 - xi) + z[2, S + k + 1] * xi
