@@ -208,9 +208,6 @@ class LineSines(System):
         self.frictions[k] = Friction(drive.mu_r, float(drive.brake(s)), sign)
         self._known = None
 
-    def _touch(self, k: int, Z: Array) -> Touch:
-        return Touch(self.equations.touches(Rope(self.layout, Z), Z)[k])
-
     def watch(self, x: State) -> tuple[float, ...]:
         Z = self.coordinates(x)
         s, ds = Z[0, self.layout.s], Z[1, self.layout.s]
@@ -266,7 +263,8 @@ class LineSines(System):
             return self.accelerated(state)
         rest = self.rest()
         rope = Rope(self.layout, rest)
-        slack, *pressures = self._tautness(rope, self.held.touches(rope, rest))
+        touches = self.held.touches(rope, rest)
+        slack, *pressures = self._tautness(rope, touches)
         if min(slack, *pressures, 0.0) < 0.0:
             lowest = min(pressures, default=0.0)
             cause = (
@@ -274,7 +272,7 @@ class LineSines(System):
             )
             raise StepFailure(0.0, cause, "tighten the rope")
         for k in self.free_cars:
-            self._release(k, rest)
+            self._release(k, rest, Touch(touches[k]))
         v = np.zeros(self.n_dof)
         moving = self.prescribed(0.0, 0)[1]
         if moving.any():
@@ -285,9 +283,9 @@ class LineSines(System):
         self.begin_step(x)
         return self.accelerated(x)
 
-    def _release(self, k: int, Z: Array) -> None:
+    def _release(self, k: int, Z: Array, touch: Touch) -> None:
         """Let a free car at rest go; StepFailure if friction holds it."""
-        body, touch, name = self.cars[k].held(), self._touch(k, Z), self.cars[k].car.name
+        body, name = self.cars[k].held(), self.cars[k].car.name
         projection = float(touch.projection)
         self.holds[k] = float((body.contact_force(touch) * touch.tau).sum()) / projection
         needed = self.holds[k] - self.line.thrust(body.car, 0.0, 0) / projection

@@ -15,7 +15,7 @@ import numpy as np
 from cablefem.newmark import Array
 
 STEP = 1e-30  # of derivatives by a complex step
-INPUTS = 9  # of `rows`: r' behind (2) and ahead (2), p. (2), p.. (2), F/M
+INPUTS = 9  # of `forces`: r' behind (2) and ahead (2), p. (2), p.. (2), F/M
 
 
 class Cars(NamedTuple):

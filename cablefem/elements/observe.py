@@ -25,6 +25,7 @@ class _History:
     def __init__(self, system: LineElements, states: Sequence[State]) -> None:
         self.system, self.segments = system, system.segments
         self.t = np.array([x.t for x in states])
+        self.phase = [x.phase for x in states]
         slots = [system.slots(*x) for x in states]
         motions = [system.motion(x) for x in slots]
         self.q, self.v, self.a = (np.array([x[i] for x in slots]) for i in range(3))  # (n, size)
@@ -125,7 +126,7 @@ def _cars(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]:
     out = []
     for i, (k, car) in enumerate(zip(ks.tolist(), system.line.cars, strict=True)):
         ds = x.v[:, slots[i]]
-        grips, hauled = car.kind == "grip", car.kind in ("haul", "haul_x")
+        grips, hauled = car.kind == "grip", car.drive.mode == "haul"
         powers[f"{car.name} friction"] = on.stretch[:, i] * on.friction[:, i] * ds
         powers[f"{car.name} drag"] = np.sum(on.drag[:, i] * velocity[:, i], axis=1)
         if grips:
@@ -149,9 +150,7 @@ def _cars(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]:
 def _car_data(x: _History, s: Array, ds: Array) -> Cars:
     """Data of the cars at all times, (n, cars)."""
     system = x.system
-    phases = system.phases
-    phase = np.minimum(np.searchsorted([t1 for _, t1 in phases], x.t), len(phases) - 1)
-    each = [system.car_data(t, i) for t, i in zip(x.t.tolist(), phase.tolist(), strict=True)]
+    each = [system.car_data(t, phase) for t, phase in zip(x.t.tolist(), x.phase, strict=True)]
     changing: dict[str, Any] = {name: np.array([getattr(y, name) for y in each]) for name in ("thrust", "hold")}
     brakes = [car.drive.brake(s[:, i]) + 0.0 * ds[:, i] for i, car in enumerate(system.line.cars)]
     sign = np.where(ds == 0.0, each[0].sign, np.sign(ds))

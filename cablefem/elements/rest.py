@@ -147,7 +147,7 @@ def _begin(system: LineElements, q: Array, free: NDArray[np.bool_]) -> Array:
 
 def _station(contact: Contact | Car, x: float, gravity: float) -> Station:
     if isinstance(contact, Car):
-        kind = "grips" if contact.fixes_s or contact.kind == "free" else "hauled"
+        kind = "hauled" if contact.kind == "haul_x" else "grips"
         return Station(contact.name, kind, x, np.nan, contact.mass * gravity)
     x, y = contact.point
     return Station(contact.name, contact.kind, x, y, contact.force or 0.0, contact.stiffness)

@@ -57,7 +57,7 @@ class LineElements(System):
         self.n = int(self.node[-1]) + 1
         self.cars = [k for k, c in enumerate(contacts) if isinstance(c, Car)]
         self.s = 2 * self.n + np.arange(count + 1)  # slots of s
-        hauled = [k for k in self.cars if contacts[k].kind in ("haul", "haul_x")]
+        hauled = [k for k, car in zip(self.cars, line.cars, strict=True) if car.drive.mode == "haul"]
         self.force = self.s[-1] + 1 + np.arange(len(hauled))  # slots of F/M
         self.kept = np.array([self._slot(k) for k in hauled], int)  # rows that determine F
         self.of_force = np.searchsorted(self.cars, hauled)  # their numbers among the cars
@@ -267,14 +267,16 @@ class LineElements(System):
         """Let free cars go; they must move against friction."""
         self.hold[:] = 0.0
         slots = self.s[self.cars]
-        stretch = forces(held, self.car_inputs(x, self.motion(x))).stretch
+        inputs = self.car_inputs(x, self.motion(x))
+        stretch = forces(held, inputs).stretch
         self.hold = self.rows(t, x, phase, cars=held)[slots] / stretch
         for i, car in enumerate(self.line.cars):
             if car.kind == "free":
                 self.brakes[i] = car.drive.brake(x.q[slots[i]])
         now = self.car_data(t, phase)
-        loads = forces(now, self.car_inputs(x, self.motion(x))).normal
-        free = now._replace(hold=np.zeros_like(now.hold), brake=now.hold * 0.0, friction=now.hold * 0.0)
+        loads = forces(now, inputs).normal
+        none = np.zeros_like(now.hold)
+        free = now._replace(hold=none, brake=none, friction=none)
         needed = self.rows(t, x, phase, cars=free)[slots] / stretch
         for i, car in enumerate(self.line.cars):
             if car.kind != "free":
@@ -301,9 +303,16 @@ class LineElements(System):
         if gaps.min(initial=np.inf) <= 0.0:  # the rest has no meaning there
             return (*gaps.tolist(), *[np.inf] * (len(self.events) - len(self._gaps)))
         if self._loaded[0] is not x:
-            loads = self._kernel.loads(slots, self.car_data(x.t, x.phase)).tolist() if self.cars else []
-            self._loaded = x, loads + self._hangs(self.rows(x.t, slots, x.phase))
+            cars = self.car_data(x.t, x.phase) if self.cars else None
+            loads = [] if cars is None else self._loads(slots, cars).tolist()
+            self._loaded = x, loads + self._hangs(self.rows(x.t, slots, x.phase, cars=cars))
         return (*gaps.tolist(), *ahead, *self._loaded[1])
+
+    def _loads(self, x: Slots, cars: Cars) -> Array:
+        """Contact forces of the cars [N], (cars,)."""
+        if self.compiled:
+            return self._kernel.loads(x, cars)
+        return forces(cars, self.car_inputs(x, self.motion(x))).normal
 
     def _hangs(self, rows: Array) -> list[float]:
         """Smallest tension, and pressures of the rope on the saddles [N], where `rows` are the last ones computed."""
@@ -340,8 +349,9 @@ class LineElements(System):
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
         x = self.slots(t, q, v, a, phase)
-        solve = self.solver(t, x, phase, (c0, c1, c2), self.free)
-        return self.rows(t, x, phase)[self._unknown], solve
+        law, cars = self._law(x), self.car_data(t, phase) if self.cars else None
+        solve = self.solver(t, x, phase, (c0, c1, c2), self.free, law, cars)
+        return self.rows(t, x, phase, law, cars)[self._unknown], solve
 
     def solver(
         self, t: float, x: Slots, phase: int, c: tuple[complex, complex, complex], free: NDArray[np.bool_],

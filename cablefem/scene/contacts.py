@@ -87,10 +87,6 @@ class Car:
         """grip, haul, haul_x or free."""
         return "haul_x" if self.along == "x" else self.drive.mode
 
-    @property
-    def fixes_s(self) -> bool:
-        return self.kind in ("grip", "haul")
-
 
 @dataclass(frozen=True, kw_only=True)
 class MovingLine:
@@ -238,7 +234,8 @@ def _meeting_faults(line: MovingLine) -> list[str]:
     """Cars whose timetables come too close, where both are prescribed alike."""
     faults = []
     times = np.linspace(0.0, line.t_end, SAMPLES + 1).tolist()
-    phases = [min(sum(t1 <= t for _, t1 in line.phases), len(line.phases) - 1) for t in times]
+    ends = [t1 for _, t1 in line.phases]
+    phases = np.minimum(np.searchsorted(ends, times, side="right"), len(ends) - 1).tolist()
     for a, b in itertools.pairwise(line.cars):
         if a.travel is None or b.travel is None or a.along != b.along:
             continue

@@ -6,6 +6,7 @@ import numpy as np
 
 from cablefem.response import Array, Response
 from cablefem.scene import Scene
+from cablefem.scene.line import Line
 from cablefem.scene.surroundings import GROUND
 
 
@@ -30,7 +31,7 @@ class Track(NamedTuple):
     s: Array  # [m] on the rope
 
 
-def grounds(scene: Scene) -> dict[str, Array]:
+def grounds(scene: Scene | Line) -> dict[str, Array]:
     """What the ride must clear, each as points [x, depth], (n, 2)."""
     found = {o.name: np.array([[o.at, o.top]]) for o in scene.obstacle}
     return found | ({GROUND: np.array(scene.ground, float)} if scene.ground else {})

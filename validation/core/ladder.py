@@ -91,7 +91,7 @@ class Ladder:
     def bar(self, of: Of, distance: Distance = largest, order: float = math.inf) -> Any:
         """The error bar of a functional of the finest run.
 
-        of : a number or series;  apart : a distance, an array for a bar of each value.
+        of : a number or series;  distance : of two values, an array for a bar of each value.
         order : the most credited, if less than the path's.
         """
         return sum(self.parts(of, distance, order))

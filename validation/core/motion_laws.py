@@ -25,7 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-Array = NDArray[np.float64]
+from validation.core.scene_data import Array, ice_mass
+
 AIR = 1.2  # kg/m3, default density
 WINDOWS = 12
 PART = 0.25  # length of a window over the run's
@@ -38,12 +39,8 @@ class LineOf:
         data = tomllib.loads(toml)
         cable = data["cable"]
         self.gravity: float = data.get("gravity", 9.81)
-        ice = cable.get("ice", 0.0)
-        if isinstance(ice, dict):
-            outer = 0.5 * cable["diameter"] + ice["thickness"]
-            ice = ice["density"] * math.pi * (outer**2 - (0.5 * cable["diameter"]) ** 2)
         warmer = cable["temperature"] - cable["reference_temperature"] if "temperature" in cable else 0.0
-        self.rho: float = (cable["mass_per_length"] + ice) / (1.0 + cable.get("expansion", 0.0) * warmer)
+        self.rho: float = (cable["mass_per_length"] + ice_mass(cable)) / (1.0 + cable.get("expansion", 0.0) * warmer)
         self.EA: float = cable["EA"]
         self.cars: dict[str, dict[str, Any]] = {car["name"]: car for car in data.get("car", [])}
         self.contacts: list[dict[str, Any]] = data["contact"]

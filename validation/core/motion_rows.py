@@ -16,13 +16,13 @@ from scipy.interpolate import CubicSpline
 from cablefem.motion import CarMotion, ContactMotion, LineMotion
 from cablefem.response import Array
 from cablefem.scene.line import Line
-from cablefem.scene.surroundings import GROUND
 from validation.core.agreement import Agreement, Bound, Part, nothing
+from validation.core.clearances import grounds
 from validation.core.ladder import Ladder
 from validation.core.motion_laws import taken
 
 SETTLED = 3  # instants that a comparison needs
-FIELDS = 0.05  # smallest tolerance of fields along the rope
+FIELDS = 0.05  # smallest tolerance of fields along the rope, and of laws
 
 Of = Callable[[Any], Array]
 
@@ -117,11 +117,6 @@ def distance(a: Array, b: Array) -> Array:
 def tension_of(contact: ContactMotion) -> Array:
     """Tension (n,) [N]; at a saddle, where both sides are alike, that behind."""
     return np.where(np.isnan(contact.tension_behind), contact.tension_ahead, contact.tension_behind)
-
-
-def load_of(contact: ContactMotion) -> Array:
-    """Size (n,) [N] of the force of the rope on a contact."""
-    return np.asarray(np.linalg.norm(contact.pressure, axis=1))
 
 
 class Comparison:
@@ -257,16 +252,12 @@ class Comparison:
         alike = names[0] == names[len(moved_runs(self.a))]
         gap = float(np.max(np.abs(times[0] - times[1]), initial=0.0)) / self.end if alike else 1.0
         if alike and names[0] and not any(bars):
-            bars = [ladder.bar(self._times, largest) for ladder in ladders]
+            bars = [ladder.bar(self._times) for ladder in ladders]
         return self._row("events", gap, [(bar, 0.0) for bar in bars], self.asked.path, "")
 
 
 def event_names(moved: Any) -> tuple[str, ...]:
     return tuple(name for name, _ in moved.events)
-
-
-def largest(a: Array, b: Array) -> float:
-    return float(np.max(np.abs(a - b), initial=0.0))
 
 
 def moved_runs(ladder: Ladder) -> tuple[Any, ...]:
@@ -307,7 +298,7 @@ def law_row(ladder: Ladder, quantity: str, law: str, defect: Any, end: float, me
         return float(np.max(np.abs(values), initial=0.0))
 
     gap = size(defect(finest))
-    space, time = ladder.parts(at, largest)
+    space, time = ladder.parts(at)
     sampling = 3.0 * abs(gap - size(defect(finest, 2)))
     parts = (Part("ladder", space + time), Part("sampling", sampling))
     bound = Bound("law", parts)
@@ -356,16 +347,14 @@ def design_of(moved: Moved, line: Line) -> dict[str, tuple[float, float]]:
 
 def clearances(motion: LineMotion, line: Line) -> dict[str, tuple[Array, Array]]:
     """Times [s] and free heights [m] of rope and cars over obstacles and ground, by quantity, where they pass."""
-    grounds = {o.name: np.array([[o.at, o.top]]) for o in line.obstacle}  # points (n, 2), x and depth
-    if line.ground:
-        grounds[GROUND] = np.array(line.ground)
+    beneath = grounds(line)
     below = {car.name: car.below for car in line.car}
-    chain = Chain(motion).points if grounds else np.empty((motion.t.size, 0, 2))
+    rope = chain(motion) if beneath else np.empty((motion.t.size, 0, 2))
     out = {}
-    for name, ground in grounds.items():
+    for name, ground in beneath.items():
         x, depth = ground.T
-        corners = depth - rope_depths(motion, x)  # (n, x.size)
-        at, y = np.moveaxis(chain, 2, 0)  # (n, k): least height is at a corner of either
+        corners = depth - rope_depths(rope, x)  # (n, x.size)
+        at, y = np.moveaxis(rope, 2, 0)  # (n, k): least height is at a corner of either
         heights = np.where((at >= x[0]) & (at <= x[-1]), np.interp(at, x, depth) - y, np.inf)
         of_rope = [(motion.t, np.minimum(corners.min(axis=1), heights.min(axis=1)))]
         for car in motion.cars:
@@ -391,37 +380,22 @@ def _over(t: Array, path: Array, x: Array) -> tuple[Array, Array]:
     return np.concatenate(times), np.concatenate(points)
 
 
-def rope_depths(motion: LineMotion, x: Array) -> Array:
-    """Depths (n, k) [m] of the rope at x (k,) [m], linear between stations, cars and contacts."""
-    chain = Chain(motion)
-    return np.array([np.interp(x, *points.T) for points in chain.points])
+def rope_depths(points: Array, x: Array) -> Array:
+    """Depths (n, k) [m] at x (k,) [m] of the rope through the points (n, m, 2) of a `chain`."""
+    return np.array([np.interp(x, *each.T) for each in points])
 
 
-class Chain:
-    """The rope as a chain of points: stations, cars and contacts from left to right, (n, k) each."""
-
-    def __init__(self, motion: LineMotion) -> None:
-        bodies: list[CarMotion | ContactMotion] = [*motion.contacts, *motion.cars]
-        first = motion.contacts[0]
-        here = ~np.isnan(motion.tension)  # (n, m)
-        s = np.where(here, motion.s, first.s[:, None])
-        points = np.where(here[..., None], motion.points, first.point[:, None])
-        start = np.nan_to_num(first.tension_ahead)[:, None]
-        tension = np.where(here, motion.tension, start)
-        at_bodies = np.array([_mean_tension(body) for body in bodies]).T
-        s = np.concatenate([s, np.array([body.s for body in bodies]).T], axis=1)
-        points = np.concatenate([points, np.stack([body.point for body in bodies], axis=1)], axis=1)
-        tension = np.concatenate([tension, at_bodies], axis=1)
-        order = np.argsort(s, axis=1, kind="stable")
-        self.s = np.take_along_axis(s, order, axis=1)
-        self.points = np.take_along_axis(points, order[..., None], axis=1)
-        self.tension = np.take_along_axis(tension, order, axis=1)
-
-
-def _mean_tension(body: CarMotion | ContactMotion) -> Array:
-    sides = np.array([body.tension_behind, body.tension_ahead])
-    sides = np.where(np.isnan(sides), sides[::-1], sides)
-    return np.asarray(sides.mean(axis=0))
+def chain(motion: LineMotion) -> Array:
+    """The rope as points (n, m, 2) [m]: stations, cars and contacts from left to right."""
+    bodies: list[CarMotion | ContactMotion] = [*motion.contacts, *motion.cars]
+    first = motion.contacts[0]
+    here = ~np.isnan(motion.tension)  # (n, stations)
+    s = np.where(here, motion.s, first.s[:, None])
+    points = np.where(here[..., None], motion.points, first.point[:, None])
+    s = np.concatenate([s, np.array([body.s for body in bodies]).T], axis=1)
+    points = np.concatenate([points, np.stack([body.point for body in bodies], axis=1)], axis=1)
+    order = np.argsort(s, axis=1, kind="stable")
+    return np.take_along_axis(points, order[..., None], axis=1)
 
 
 def with_bars(a: Ladder, b: Ladder | None, line: Line, units: Any) -> list[Any]:

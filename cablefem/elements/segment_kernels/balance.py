@@ -32,7 +32,7 @@ class Rope(NamedTuple):
 
 
 class Border(NamedTuple):
-    """A bordered band, see `system.Bordered`."""
+    """A bordered band, see `bordered.Bordered`."""
 
     ab: Array
     columns: Array

@@ -1,6 +1,7 @@
 """A line at rest by exact catenaries and by elements: do they agree?
 
-Bars: change in one more Newton step (catenaries); of elements `order.left` of the change on halving; at least rounding.
+Bars: change in one more Newton step (catenaries); of elements `order.error_bar` of the change on halving; at least
+rounding.
 """
 
 import math

@@ -10,12 +10,12 @@ from cablefem.scene.errors import nearest
 from validation.core.limits import MET, columns
 from validation.core.scene_data import si_factor
 from validation.core.store import Refused
+from validation.page.answer import EVENTS
 
 _CLAUSE = re.compile(r"([A-Za-z][\w.: -]*?)\s*(<=|>=|<|>|=)\s*(-?[\d.]+(?:e[+-]?\d+)?|[a-z_]+)\s*(\S*)")
 _EXTREME = re.compile(r"_(min|max)(?=\.|$)")
 FORMS = "NAME <= NUMBER UNIT, NAME >= NUMBER UNIT, outcome = KIND, limits met"
 UNITS = {"t": "s", "s_o": "m", "speed": "m/s"}  # of an event
-EVENTS = ("release", "thrust_end", "brake", "turn", "stop", "arrival", "back", "lift_off")
 LIMITS = "limits met"
 Row = dict[str, Any]
 

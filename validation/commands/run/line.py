@@ -21,7 +21,7 @@ from cablefem.scene.line import Car, Line, LineRest, LineState, NoLine
 from cablefem.scene.surroundings import GROUND
 from validation.core import limits, store
 from validation.core.agreement import Agreement, Verdict, overall
-from validation.core.answers import STATIONS
+from validation.core.answers import STATIONS, Outcome
 from validation.page import report, terminal
 from validation.page.answer import many as table
 from validation.page.line import WORDS, columns, kind_of, tell
@@ -172,19 +172,11 @@ def envelope(rest: LineRest) -> dict[str, Array]:
     """Columns of profile.csv: the empty rope, and the extremes of depth and tension over all positions."""
     x = np.linspace(0.0, rest.line.contact[-1].at[0], STATIONS)
     curves = [catenary_line.at(state, x) for state in rest.states.values()]
-    y, T = (np.array([curve[part] for curve in curves]) for part in (0, 1))  # (positions, PLACES)
+    y, T = (np.array([curve[part] for curve in curves]) for part in (0, 1))  # (positions, STATIONS)
     return {
         "x": x, "y_rest": catenary_line.at(rest.empty, x)[0], "y_highest": y.min(axis=0), "y_lowest": y.max(axis=0),
         "tension_max": T.max(axis=0), "tension_min": T.min(axis=0),
     }  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """What becomes of a line: breaks, collides, incomplete or carries."""
-
-    kind: str
-    sentence: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,7 +214,7 @@ class Answers:
 
     @property
     def outcome(self) -> Outcome:
-        """A rope beyond its breaking load comes first, then collisions, the deepest first."""
+        """Kinds: breaks, collides, the deepest first, incomplete, carries."""
         tension = next((d for d in self.design if d["quantity"] == "tension_max"), None)
         breaking_load = self.line.cable.breaking_load
         parts = []

@@ -24,16 +24,16 @@ from galerkin.lines import LineSines
 from validation.commands.run.line import TOUCHES
 from validation.core import limits, motion_laws, store
 from validation.core.agreement import Agreement, Verdict, overall
+from validation.core.answers import STATIONS, Outcome
 from validation.core.ladder import Branch, Ladder
-from validation.core.motion_rows import Moved, rope_depths, tension_of, with_bars
+from validation.core.motion_rows import Moved, chain, rope_depths, tension_of, with_bars
 from validation.core.readback import limit_faults
 from validation.page import report, terminal
 from validation.page.answer import many as table
 from validation.page.motion import columns, tell, unit_of
 from validation.page.options import Point
 
-STATIONS = 101  # of the rope
-PLACES = 201  # of profile.csv
+ROPE_STATIONS = 101
 STEPS = 120  # of the coarsest run
 PATH = "t,s_o,x,y,u,v,T_behind,T_ahead,speed,F_haul,F_contact"  # columns of path-NAME.csv
 ORDER = 4.0  # credited to refinement in space and time, at most
@@ -114,20 +114,12 @@ class Runs:
                 raise store.Refused(f"{self.method.name}: {error}") from None
             reason = str(error)
         origin = self.line.rope.length if self.line.rope.length is not None else self.length
-        s = np.linspace(origin - self.length, origin, STATIONS)
+        s = np.linspace(origin - self.length, origin, ROPE_STATIONS)
         return Moved(
             method=self.method.name, settings={self.method.setting: n, "steps": sum(t.size - 1 for t in grid)},
             motion=system.observe(states, s), events=tuple((e.name, e.t) for e in work.events), reason=reason,
             period=self.period, instants=self.instants, n_dof=system.n_dof, steps=work.steps,
         )  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """What becomes of a line: incomplete, ends early, breaks, collides or arrives."""
-
-    kind: str
-    sentence: str
 
 
 @dataclass(frozen=True)
@@ -177,7 +169,7 @@ class Answers:
 
     @property
     def outcome(self) -> Outcome:
-        """A broken run comes first, then a broken rope, collisions, what ended the run, arrival."""
+        """Kinds: incomplete, breaks, collides, ends, arrives; the first that holds."""
         parts = []
         kinds = []
         if self.moved.reason is not None:
@@ -251,8 +243,8 @@ def write(folder: Path, result: Answers, seconds: float) -> None:
         header += [f"{x.name}.{name}" for name in ("s", "tension", "pressure", "rise")]
         values += [x.s, tension_of(x), np.hypot(*x.pressure.T), x.rise]
     write_csv(folder / "contacts.csv", ",".join(header), np.stack(values, axis=1))
-    places = np.linspace(0.0, line.contact[-1].at[0], PLACES)
-    depths = rope_depths(motion, places)  # (n, PLACES)
+    places = np.linspace(0.0, line.contact[-1].at[0], STATIONS)
+    depths = rope_depths(chain(motion), places)  # (n, STATIONS)
     rest = catenary_line.at(result.empty, places)[0]
     profile = np.stack([places, rest, depths.min(axis=0), depths.max(axis=0)], axis=1)
     write_csv(folder / "profile.csv", "x,y_rest,y_highest,y_lowest", profile)
