@@ -117,6 +117,23 @@ def test_a_wrong_number_of_the_summary_is_seen(results):
     file.write_text(before)
 
 
+@pytest.mark.parametrize(
+    "key", ["value", "bar", "other", "bar_other", "gap", "uncertainty", "order_space", "order_time", "levels_space"]
+)  # fmt: skip
+def test_a_verification_one_percent_off_is_seen(results, key):
+    _, of, _, _ = results("a check of a ride")
+    rows = of.agreement["verification"]
+    assert len(rows) > 10
+    assert {row["order_space"] is None for row in rows} == {False, True}  # reached, and not reached
+    row = next(row for row in rows if row["order_space"] and row["order_time"] and row["gap"])
+    before = row[key]
+    row[key] = [before[0], 1.01 * before[1], *before[2:]] if isinstance(before, list) else 1.01 * before
+    faults = list(readback.verification_faults(of))
+    row[key] = before
+    assert faults
+    assert all(row["quantity"] in fault for fault in faults)
+
+
 # --- page and terminal ------------------------------------------------------------------------------------------------
 
 NUMBER = r"(-?[\d.]+)( ?± ?)([\d.]+)( ?kN)"
@@ -172,6 +189,9 @@ def test_other_words_and_numbers_on_the_terminal_are_seen(results, there, instea
         (r"(\d+)( laws hold)", r"1\1\2", "laws"),
         (r"Arrives at", "Stops at", "outcome"),
         (r'(data-label="gap"><div>)', r"\g<1>1", "no such comparison"),
+        (r'(data-label="D"><div>)', r"\g<1>1", "is not what is stored"),
+        (r'(data-label="order in time"><div>)\d', r"\g<1>9", "is not what is stored"),
+        (r'(data-label="\|E\|"><div>)', r"\g<1>1", "is not what is stored"),
         (r'(data-label="at \[m\]"><div>)', r"\g<1>1", "no such event"),
         (r'(data-label="unknowns"><div>)', r"\g<1>1", "n_dof"),
         (r'(drag_area</div></td><td data-label="value"><div>)', r"\g<1>1", "drag_area"),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Any
 
@@ -198,11 +198,9 @@ def design(of: Ladder | Response, twin: Ladder | None = None) -> list[Number]:
     ladder = of if isinstance(of, Ladder) else None
     r = of.finest if isinstance(of, Ladder) else of
     other = None if twin is None else twin.finest
-    span = extremes_within(r, other)
-    everything = (float(r.t[0]), valid_until(r, other or r))
     numbers = []
-    for name, quantity in quantities(r).items():
-        number = _number(name, quantity, r, everything if quantity.anywhere else span, ladder)
+    for name, signal in signals(r, other).items():
+        number = _number(name, signal, r, ladder)
         if number is not None:
             numbers.append(number)
     numbers += _safety(r, numbers)
@@ -211,6 +209,18 @@ def design(of: Ladder | Response, twin: Ladder | None = None) -> list[Number]:
         numbers.append(_number_row("wind_tilt", tilt, 0.0, "deg"))
     numbers += _for_limits(_scene(r.scene_toml))
     return [*numbers, *_onset(r, ladder)]
+
+
+def signals(r: Response, other: Response | None = None) -> dict[str, Signal]:
+    """What the extremes of a run are taken of, as far as both runs go."""
+    span = extremes_within(r, other)
+    everything = (float(r.t[0]), valid_until(r, other or r))
+    round_trip = _round_trip(r.scene_toml, r.length)
+    out = {}
+    for name, quantity in quantities(r).items():
+        means = unit_of(name) in ("N", "deg")  # an angle follows a force
+        out[name] = Signal(quantity, everything if quantity.anywhere else span, round_trip if means else 0.0)
+    return out
 
 
 def widened_numbers(numbers: Sequence[Number], others: Sequence[Number]) -> list[Number]:
@@ -250,22 +260,18 @@ def gaps(a: Ladder, b: Ladder, tolerance: float) -> Iterator[Agreement]:
         yield Agreement("design gap", gap / size, bound, law=number["quantity"], required=tolerance, decides=False)
 
 
-def _number(
-    name: str, quantity: Quantity, r: Response, span: tuple[float, float], ladder: Ladder | None
-) -> Number | None:
+def _number(name: str, signal: Signal, r: Response, ladder: Ladder | None) -> Number | None:
     unit = unit_of(name)
-    means = unit in ("N", "deg")  # an angle follows a force
-    period = _round_trip(r.scene_toml, r.length) if means else 0.0
-    mean = _Signal(quantity, span, period)
-    found = mean.extreme(r)
+    period = signal.period
+    found = signal.extreme(r)
     if found is None:
         return _number_row(name, None, math.inf, unit) if name.startswith("clearance_") else None
-    if quantity.inner and _at_an_end(found, r, span):
+    if signal.quantity.inner and _at_an_end(found, r, signal.span):
         return None  # no extreme in the range
-    near = np.clip(found.t + np.linspace(-1.0, 1.0, NEAR) * max(period, found.step), *span)
+    near = np.clip(found.t + np.linspace(-1.0, 1.0, NEAR) * max(period, found.step), *signal.span)
     bar = math.inf
     if ladder is not None:
-        bar = _bar(mean, found, near, ladder, FIRST if period else math.inf)
+        bar = _bar(signal, found, near, ladder, FIRST if period else math.inf)
     where = {
         "t": found.t,
         "s_o": float(np.interp(found.t, r.t, r.s_o)),
@@ -274,7 +280,7 @@ def _number(
     }
     if unit != "N":
         return _number_row(name, found.value, bar, unit, **where)
-    raw = _Signal(quantity, span, 0.0)
+    raw = replace(signal, period=0.0)
     bar_peak = math.inf
     if ladder is not None and not _damps(r):  # else coarser runs do not show the error of axial waves
         bar_peak = _bar(raw, found, near, ladder, FIRST)
@@ -286,7 +292,7 @@ def _damps(r: Response) -> bool:
     return scheme(r.settings["scheme"], rho_inf=r.settings.get("rho_inf", 1.0)).damps
 
 
-def _bar(signal: _Signal, found: _Extreme, near: Array, ladder: Ladder, order: float) -> float:
+def _bar(signal: Signal, found: _Extreme, near: Array, ladder: Ladder, order: float) -> float:
     """Bar of an extreme and of the signal near it."""
     bar = ladder.bar(signal.value, largest, order)
     if found.step > 0.0:
@@ -305,7 +311,7 @@ class _Extreme:
 
 
 @dataclass(frozen=True, slots=True)
-class _Signal:
+class Signal:
     """A quantity in a range of times [s], as a mean over a period."""
 
     quantity: Quantity

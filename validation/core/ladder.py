@@ -53,6 +53,11 @@ class Branch:
         change_before = np.nan_to_num(change_before, nan=0.0, posinf=0.0)
         return error_bar(change, change_before, self.ratios, min(self.order, order))
 
+    def levels(self, finest: Response, of: Of) -> list[float]:
+        """Values of the finest run, of half and of a quarter, up to the first that is not known."""
+        values = [float(of(run)) for run in (finest, *self.runs[:2])]
+        return list(itertools.takewhile(math.isfinite, values))
+
 
 @dataclass(frozen=True, slots=True)
 class Ladder:

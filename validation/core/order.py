@@ -9,6 +9,7 @@ import numpy as np
 SAFETY = 1.25  # for three grids (Roache 1998, Verification and Validation, section 5)
 NONSENSE = 4.0  # times the nominal fall: a quarter run this far off is ignored
 MIN_ORDER = 0.5  # smallest order credited (Eca & Hoekstra 2014, J. Comput. Phys. 262): so a bar of at most 3 d
+LARGEST = 12.0  # order that is observed: a smaller change is one of rounding
 FIRST = 1.0  # largest order credited to forces and to velocities, which jump at fronts
 
 
@@ -30,11 +31,31 @@ def error_bar(d: Any, before: Any, ratios: Sequence[float], order: float) -> Any
     sensible = floor <= NONSENSE * d
     d = np.where(sensible, np.maximum(d, floor), d)
     before = np.where(sensible, before, 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        fall = np.where(d > 0.0, before / d, 0.0)
-        p = np.full(d.shape, order)
-        for _ in range(10):
-            p = np.clip(np.log(fall * (r**p - 1.0) / (coarser**p - 1.0)) / math.log(r), smallest, order)
+    p = _order(d, before, (r, coarser), smallest, order)
     bar = SAFETY * d / (r ** np.nan_to_num(p, nan=smallest) - 1.0)
     bar = np.where(np.isfinite(bar), bar, np.inf)
     return bar if bar.ndim else float(bar)
+
+
+def _order(d: Any, before: Any, ratios: Sequence[float], low: float, high: float) -> Any:
+    """The p of `error_bar` within bounds; nan if unknown."""
+    r = ratios[0]
+    coarser = ratios[-1]
+    p = np.full(np.shape(d), high)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        fall = np.where(d > 0.0, before / d, 0.0)
+        for _ in range(10):
+            p = np.clip(np.log(fall * (r**p - 1.0) / (coarser**p - 1.0)) / math.log(r), low, high)
+    return p
+
+
+def observed_order(levels: Sequence[float], ratios: Sequence[float]) -> float | None:
+    """The order that a value shows; None: fewer than three resolutions, or less than MIN_ORDER.
+
+    levels : values of the finest run, of half and of a quarter;  ratios : finest over half, half over quarter.
+    """
+    if len(levels) < 3:
+        return None
+    finest, half, quarter = levels
+    p = float(_order(abs(finest - half), abs(half - quarter), ratios, 0.0, LARGEST))
+    return p if MIN_ORDER < p < LARGEST else None

@@ -56,6 +56,20 @@ def limit_text(row: dict[str, Any]) -> dict[str, str]:
     return {"limit": row["demand"], "value": value, "demanded": limit, "by": row["source"], "verdict": row["verdict"]}
 
 
+def verification_text(row: dict[str, Any]) -> dict[str, str]:
+    """A row of the verification as text."""
+    factor, name = scale_of(np.array([row["uncertainty"]]), row["unit"])
+    orders = {key: row[f"order_{key}"] for key in ("space", "time")}
+    return {
+        "quantity": named(row["quantity"]),
+        "S": quantity_text(row["value"], row["bar"], row["unit"]),
+        "D": quantity_text(row["other"], row["bar_other"], row["unit"]),
+        **{f"order in {key}": "not reached" if p is None else f"{p:.1f}" for key, p in orders.items()},
+        "|E|": f"{factor * row['gap']:.2g} {name}".rstrip(),
+        "validation uncertainty": f"{factor * row['uncertainty']:.2g} {name}".rstrip(),
+    }
+
+
 def _formatted(number: dict[str, Any], key: str, digits: str, unit: str) -> str:
     value = number.get(key)
     return "" if value is None else f"{value:{digits}} {unit}"

@@ -22,6 +22,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
 from validation.core.scene_data import ROUNDING, Array, deepest, ice_mass, mean_around, si_factor
@@ -139,6 +140,8 @@ def files(of: Stored) -> Faults:
     """Faults of the files of each method, and of the limits."""
     for faults in limit_faults(of.limits, of.run(0)["scene"], of.design, of.shown_events):
         yield f"limits: {faults}"
+    for faults in verification_faults(of):
+        yield f"verification: {faults}"
     for i, method in enumerate(of.methods):
         for name, reader in FILES.items():
             file = of.folder / method / name
@@ -533,6 +536,78 @@ def _limit(cells: Sequence[str], of: Stored) -> Faults:
     yield f"{' | '.join(cells)}: no such limit is stored"
 
 
+def _verified(cells: Sequence[str], of: Stored) -> Faults:
+    """A number in the terms of ASME V&V 20, whose row has no fault either."""
+    name, printed, in_space, in_time, other, gap, uncertainty = cells
+    row = next((x for x in of.agreement["verification"] if _named(x) == name), None)
+    if row is None:
+        yield f"{name}: not in the verification"
+        return
+    good = [
+        _shows_number(printed, row),
+        _shows_number(other, row | {"value": row["other"], "bar": row["bar_other"]}),
+        *(shows(text, row[key], row["unit"], digits=2) for text, key in ((gap, "gap"), (uncertainty, "uncertainty"))),
+        *(
+            text == "not reached" if row[key] is None else shows_decimals(text, row[key], "", 1)
+            for text, key in ((in_space, "order_space"), (in_time, "order_time"))
+        ),
+    ]
+    if not all(good):
+        yield f"{' | '.join(cells)}: is not what is stored"
+
+
+# --- verification ---------------------------------------------------------------------------------------------------
+
+SAFETY = 1.25
+ORDERS = (0.5, 12.0)  # that are observed
+CREDITED = 2.0  # most
+
+
+def verification_faults(of: Stored) -> Faults:
+    """Faults of each row from the comparison of both solvers and from the values of three resolutions."""
+    gaps = {x["law"]: x for x in of.rows if x["quantity"] == "design gap"}
+    for row in of.agreement.get("verification", []):
+        size = max(abs(row["value"]), abs(row["other"])) or 1.0
+        expected = {"gap": abs(row["value"] - row["other"]), "uncertainty": math.hypot(row["bar"], row["bar_other"])}
+        i = of.methods.index(row["method"])
+        for key, method in (("value", i), ("other", 1 - i)):
+            numbers = of.run(method)["rest"]["design"]
+            expected[key] = next(x["value"] for x in numbers if x["quantity"] == row["quantity"])
+        for key, bar in (("bar", "ab"[i]), ("bar_other", "ba"[i])):
+            expected[key] = size * gaps[row["quantity"]][f"bar_{bar}"]
+        smallest = 0.0
+        for direction in ("space", "time"):
+            order = _order(row[f"levels_{direction}"], row[f"ratios_{direction}"])
+            if (order is None) is not (row[f"order_{direction}"] is None):
+                yield f"{row['quantity']}: order in {direction} {row[f'order_{direction}']} where {order} follows"
+            elif order is not None:
+                expected[f"order_{direction}"] = order
+            finest, half = row[f"levels_{direction}"][:2]
+            if finest != row["value"]:
+                yield f"{row['quantity']}: {finest} is not the value"
+            credited = min(order or ORDERS[0], CREDITED)
+            smallest += SAFETY * abs(finest - half) / (row[f"ratios_{direction}"][0] ** credited - 1.0)
+        if smallest > row["bar"] * (1.0 + ROUNDING):
+            yield f"{row['quantity']}: the bar {row['bar']} is smaller than {smallest} from the last changes"
+        for key, value in expected.items():
+            if abs(row[key] - value) > 1e-5 * abs(value) + ROUNDING * size:
+                yield f"{row['quantity']}: {key} {row[key]} where {value} follows"
+
+
+def _order(levels: Sequence[float], ratios: Sequence[float]) -> float | None:
+    """The order whose falling changes are those of three resolutions; None: none in the range."""
+    if len(levels) < 3 or levels[0] == levels[1]:
+        return None
+    fall = abs((levels[1] - levels[2]) / (levels[0] - levels[1]))
+    r, coarser = ratios
+
+    def excess(p: float) -> float:
+        return r**p * (coarser**p - 1.0) / (r**p - 1.0) - fall
+
+    low, high = ORDERS
+    return float(brentq(excess, low, high)) if excess(low) < 0.0 < excess(high) else None
+
+
 def _printed_limit(text: str, of: Stored) -> Faults:
     yield from _limit(re.split("  +", text), of)
 
@@ -665,6 +740,7 @@ TABLES: dict[str, Callable[[Sequence[str], Stored], Faults]] = {
     "quantity|value|when|car at|where": _number,
     "support|when|to the right|down": _load,
     "limit|value|demanded|by|verdict": _limit,
+    "quantity|S|order in space|order in time|D||E||validation uncertainty": _verified,
     "event|after [s]|at [m]|speed [km/h]": _event,
     "comparison|verdict|gap|sum of both bars|asked for|largest at sₒ/l|in the verdict": _comparison,
     "comparison|verdict|of those asked": _group,

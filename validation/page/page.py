@@ -18,7 +18,7 @@ import numpy as np
 from markupsafe import Markup
 
 from cablefem.response import write_text
-from validation.core.quantities import number_text, scale_of, with_bar
+from validation.core.quantities import number_text, scale_of, verification_text, with_bar
 
 # worst first, with signs for readers who see no colour
 VERDICTS = {"disagree": "✗", "not comparable": "?", "too coarse": "≈", "agree": "✓"}
@@ -210,6 +210,7 @@ _ENVIRONMENT.filters |= {
     "settings": settings,
     "force": force,
     "number_text": number_text,
+    "verification_text": verification_text,
     "typeset": typeset,
     "with_bar": with_bar,
 }

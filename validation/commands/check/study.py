@@ -12,7 +12,7 @@ from typing import Any
 from cablefem.response import Flag, Response, write_json, write_text
 from cablefem.scene import Scene
 from cablefem.scene.errors import nearest, shown
-from validation.core import foreign, limits, measures
+from validation.core import foreign, limits, measures, verification
 from validation.core.agreement import DEFAULT_TOL, TOL_HIGH, TOL_LOW, Agreement, Verdict, check_range, overall
 from validation.core.answers import outcome
 from validation.core.design import design, gaps, widened_numbers
@@ -63,6 +63,7 @@ class Check:
     window: tuple[float, float]
     rows: list[Agreement]
     quasi_static: list[dict[str, Any]] = field(default_factory=list)  # events of the quasi-static ride
+    verification: list[dict[str, Any]] = field(default_factory=list)  # of design numbers, see `verification`
 
     @property
     def verdict(self) -> Verdict:
@@ -106,7 +107,8 @@ class Check:
             "scene": self.scene.name, "verdict": self.verdict.value, "range": list(self.window),
             "axis": View.of(self.scene).axis, "tol": self.tol,
             "methods": [self.a.run.method, self.b.run.method], "rows": [row.row() for row in self.rows],
-            "design": self.design, "events": self.a.run.events, "quasi_static": self.quasi_static,
+            "design": self.design, "verification": self.verification, "events": self.a.run.events,
+            "quasi_static": self.quasi_static,
             "doubts": [{"method": name, "kind": flag.kind, "words": str(flag)} for name, flag in self.doubts],
         }  # fmt: skip
 
@@ -152,7 +154,7 @@ def check(
         from validation.commands.check import deep as third
 
         rows += third.deep(scene, a)
-    return Check(scene, a, b, tol, _window(scene, a, b), rows, static)
+    return Check(scene, a, b, tol, _window(scene, a, b), rows, static, verification.rows(*own))
 
 
 def required(rows: Iterable[Agreement], ask: str) -> list[Agreement]:

@@ -1,0 +1,41 @@
+"""The table of a verification in the language of ASME V&V 20: the other solver's number is D."""
+
+import math
+from typing import Any
+
+from validation.core.design import signals
+from validation.core.ladder import Ladder
+from validation.core.order import observed_order
+
+Row = dict[str, Any]
+
+
+def rows(a: Ladder, b: Ladder) -> list[Row]:
+    """One row for each design number with a bar of both solvers, of the one with the smaller bar.
+
+    a, b : with design numbers whose bars are their own.  Values are those of the run, of half and of a quarter.
+    """
+    numbers = [{row["quantity"]: row for row in x.run.design if row["bar"] is not None} for x in (a, b)]
+    computed = [signals(a.finest, b.finest), signals(b.finest, a.finest)]
+    out = []
+    for name in computed[0]:
+        if not all(name in known for known in numbers):
+            continue
+        gap = abs(numbers[0][name]["value"] - numbers[1][name]["value"])
+        i = int(max(numbers[1][name]["bar"], gap) < max(numbers[0][name]["bar"], gap))
+        number = numbers[i][name]
+        other = numbers[1 - i][name]
+        row = {
+            "quantity": name, "method": (a, b)[i].run.method, "unit": number["unit"], "value": number["value"],
+            "bar": number["bar"], "other": other["value"], "bar_other": other["bar"], "gap": gap,
+            "uncertainty": math.hypot(number["bar"], other["bar"]),
+        }  # fmt: skip
+        for direction in ("space", "time"):
+            branch = getattr((a, b)[i], direction)
+            levels = branch.levels((a, b)[i].finest, computed[i][name].value)
+            row |= {
+                f"levels_{direction}": levels, f"ratios_{direction}": list(branch.ratios),
+                f"order_{direction}": observed_order(levels, branch.ratios),
+            }  # fmt: skip
+        out.append(row)
+    return out
