@@ -11,8 +11,39 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
+class WheelMotion:
+    """One of two wheels; arrays (n,), points and slopes (n, 2)."""
+
+    name: str  # "CAR.rear", "CAR.front"
+    s: Array  # [m]
+    ds: Array  # [m/s] along the rope
+    point: Array  # [m]
+    load: Array  # [N] normal to the mean tangent, positive when the wheel presses down
+    tension_behind: Array  # [N] by the balance of that segment
+    tension_ahead: Array  # [N]
+    slope_behind: Array  # r'
+    slope_ahead: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Turning:
+    """A body that turns: the cabin of a hanger, which swings, or a car on two wheels, which pitches; arrays (n,)."""
+
+    # [rad] swing: of the cabin forward, from below the contact; pitch: of the line of the wheels, front down
+    angle: Array
+    rate: Array  # [rad/s]
+    acceleration: Array  # [rad/s2]
+    centre: Array  # (n, 2) [m] centre of mass
+    wheels: tuple[WheelMotion, ...] = ()  # rear and front
+
+
+@dataclass(frozen=True, kw_only=True)
 class CarMotion:
-    """One car; arrays (n,), points and slopes (n, 2)."""
+    """One car; arrays (n,), points and slopes (n, 2).
+
+    Of two wheels s, point, velocity, acceleration and what is ahead are the front wheel's, what is behind the rear
+    one's; the haul force acts along the line of the wheels, and the contact force is the sum of both loads.
+    """
 
     name: str
     s: Array  # [m]
@@ -27,6 +58,7 @@ class CarMotion:
     haul_force: Array  # [N] outside force along the mean tangent, positive to the right; nan: none
     grip_force: Array  # [N] along the rope that the grip gives the car, positive to the right; nan: no grip
     contact_force: Array  # [N] normal to the mean tangent, positive when the car presses down
+    turning: Turning | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

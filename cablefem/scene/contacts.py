@@ -15,11 +15,13 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from cablefem.scene.bodies import Hanger, Wheels
 from cablefem.scene.drive import GRIP, Drive
 from cablefem.scene.errors import SceneError, shown
 
 Array = NDArray[np.float64]
 NEAREST = 1.0  # [m] of rope between two contacts: forces grow like one over it
+NEAREST_WHEEL = 0.002  # and, of the length, between a rear wheel and the left support at the start
 SAMPLES = 1000  # of timetables, to compare cars
 
 
@@ -71,13 +73,17 @@ class Contact:
 
 @dataclass(frozen=True, kw_only=True)
 class Car:
-    """A point mass on the rope.
+    """A point mass on the rope; with `hanger` a part of it swings; with `wheels` it is rigid and touches at two points.
 
     `drive`, in SI, is how it is driven: grip or haul with a `travel`, or free from s = `drive.start`.
+    Of two wheels travel, start and the positions of brakes are the front wheel's, which is the right one.  A car that
+    grips does so there, and its rear wheel rolls.
     """
 
     name: str
-    mass: float  # [kg]
+    mass: float  # [kg] all of it
+    hanger: Hanger | None = None
+    wheels: Wheels | None = None
     drive: Drive = GRIP
     travel: Travel | None = None  # [m] prescribed s, or x of a hauled car
     along: Literal["s", "x"] = "s"  # what `travel` prescribes
@@ -86,6 +92,18 @@ class Car:
     def kind(self) -> str:
         """grip, haul, haul_x or free."""
         return "haul_x" if self.along == "x" else self.drive.mode
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wheel:
+    """The rear or the front one of two wheels."""
+
+    car: Car
+    front: bool
+
+    @property
+    def name(self) -> str:
+        return f"{self.car.name}.{'front' if self.front else 'rear'}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +118,7 @@ class MovingLine:
     def __post_init__(self) -> None:
         faults = _number_faults(self)
         faults = faults or [*_contact_faults(self), *_car_faults(self)]
-        faults = faults or [*_length_faults(self), *_meeting_faults(self)]
+        faults = faults or [*_length_faults(self), *_wheel_faults(self), *_meeting_faults(self)]
         if faults:
             raise SceneError(faults)
 
@@ -112,6 +130,17 @@ class MovingLine:
     @cached_property
     def cars(self) -> tuple[Car, ...]:
         return tuple(c for c in self.contacts if isinstance(c, Car))
+
+    @cached_property
+    def touching(self) -> tuple[Contact | Car | Wheel, ...]:
+        """`contacts`, but of a car on two wheels the rear and the front one."""
+        out: list[Contact | Car | Wheel] = []
+        for contact in self.contacts:
+            if isinstance(contact, Car) and contact.wheels is not None:
+                out += [Wheel(car=contact, front=False), Wheel(car=contact, front=True)]
+            else:
+                out.append(contact)
+        return tuple(out)
 
     @cached_property
     def supports(self) -> tuple[Contact, ...]:
@@ -228,6 +257,23 @@ def _length_faults(line: MovingLine) -> list[str]:
     if fixed and length <= shortest:
         return [f"rope.length = {length!r}: must be > {shortest:.6g} m; the chords of the contacts are {reach:.6g} m"]
     return []
+
+
+def _wheel_faults(line: MovingLine) -> list[str]:
+    """Cars that begin with a wheel on the platform, where the left end of the rope is fixed."""
+    if line.supports[0].kind == "counterweight":
+        return []
+    faults = []
+    nearest = max(NEAREST, NEAREST_WHEEL * (line.rope.length or 0.0))
+    for car in line.cars:
+        if car.wheels is None or car.along == "x":
+            continue
+        front = car.drive.start if car.travel is None else car.travel.at(0.0, 0)[0]
+        least = nearest + car.wheels.base
+        if front < least:
+            must = f"must be >= {least:.6g} m: {nearest:.4g} m and the base, both wheels begin on the rope"
+            faults.append(f"{car.name}: begins with its front wheel at {front:.6g} m; {must}")
+    return faults
 
 
 def _meeting_faults(line: MovingLine) -> list[str]:

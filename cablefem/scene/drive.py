@@ -17,6 +17,7 @@ from cablefem.scene.fields import (
     REAL,
     NonNegative,
     Numbers,
+    Pair,
     Part,
     Positive,
     Real,
@@ -40,10 +41,14 @@ SINCE = 12.0  # since a jump of force, and to a support
 RINGS = 240.0  # axial round trip
 HALT = 2.0  # until friction may turn
 WAVES = 60.0  # transverse round trip ahead of the car
-FREE_ONLY = ("release", "thrust", "brake", "rest_speed", "rest_distance")
+ONLY = {  # modes that alone have a key
+    **dict.fromkeys(("release", "thrust", "brake", "rest_speed", "rest_distance"), "free"),
+    "hitch": "haul",
+}
 IDLE = {  # why other keys have no meaning
     "grip": "where the car takes its travel from [travel] and nothing else; leave it out, or take haul or free",
     "haul": "where the rope supplies whatever force the travel needs; leave it out, or take free",
+    "free": "where no rope hauls the car; leave it out, or take haul",
 }
 
 
@@ -52,6 +57,8 @@ class Thrust(Part):
 
     times: Numbers = described("[s] strictly increasing")
     forces: Reals = described("[N] positive to the right")
+    angle: Annotated[float, between(-90.0, 90.0)] = described("[deg] of two wheels: above the line of the wheels", 0.0)
+    at: Pair | None = described("[m] of two wheels: where it acts, ahead of and below the centre of mass", None)
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         return length_faults(self.times, "forces", self.forces) + rising_faults("times", self.times)
@@ -62,6 +69,12 @@ class Brake(Part):
 
     position: Positive = described("[m] position along the cable from which it brakes", alias="from")
     force: Positive = described("[N] braking force along the cable")
+    wheel: Literal["rear", "front", "both"] = described("[-] of two wheels: which brakes; both: with half each", "both")
+
+    @property
+    def at_rear(self) -> float:
+        """Force [N] at the rear one of two wheels."""
+        return self.force * {"rear": 1.0, "front": 0.0, "both": 0.5}[self.wheel]
 
 
 class End(Part):
@@ -78,7 +91,7 @@ def of_mode(mode: str) -> tuple[str, ...]:
     """Names of the table [drive] with a meaning in a mode."""
     if mode == "grip":
         return ("mode",)
-    return tuple(name for name in Driving.field_names() if mode != "haul" or name not in FREE_ONLY)
+    return tuple(name for name in Driving.field_names() if mode not in IDLE or ONLY.get(name, mode) == mode)
 
 
 class Driving(Part):
@@ -94,6 +107,7 @@ class Driving(Part):
     thrust: number_or(REAL, Thrust) = described("[N] force along the cable", 0.0)  # type: ignore[valid-type]
     brake: Annotated[tuple[Brake, ...], tables("{from = ..., force = ...}")] = described("[-] brakes, in order", ())
     end: End | None = described("[-] where or when the ride is over", None)
+    hitch: Pair | None = described("[m] of two wheels: of the haul rope, ahead of and below the centre of mass", None)
     rest_speed: Positive = described("[m/s] a slower car is at rest where friction or the valley holds it", 1e-3)
     rest_distance: Positive = described("[m] from its static position of rest in which a slow car is at rest", 0.01)
 
@@ -154,6 +168,7 @@ class Driving(Part):
         """The drive of a rolling car in these units of m, s and N."""
         points = self.thrust_points
         brakes = sorted((brake.position / length, brake.force / force) for brake in self.brake)
+        thrust = self.thrust if isinstance(self.thrust, Thrust) else None
         end_time = math.inf if self.end is None or self.end.time is None else self.end.time
         return Drive(
             mode=self.mode,
@@ -168,6 +183,10 @@ class Driving(Part):
             end_position=self.end_position(length) / length,
             rest_speed=self.rest_speed * time / length,
             rest_distance=self.rest_distance / length,
+            hitch=self.hitch or (0.0, 0.0),
+            thrust_angle=math.radians(thrust.angle) if thrust else 0.0,
+            thrust_at=(thrust and thrust.at) or (0.0, 0.0),
+            rear_brakes=tuple(sorted((brake.position / length, brake.at_rear / force) for brake in self.brake)),
         )
 
     def __str__(self) -> str:
@@ -193,6 +212,11 @@ class Drive:
     nominal: float = math.inf  # quasi-static duration; steps are nominal/steps
     rest_speed: float = 0.0
     rest_distance: float = 0.0
+    # of two wheels; points [m] ahead of and below the centre of mass
+    hitch: tuple[float, float] = (0.0, 0.0)
+    thrust_angle: float = 0.0  # [rad] above the line of the wheels
+    thrust_at: tuple[float, float] = (0.0, 0.0)
+    rear_brakes: tuple[tuple[float, float], ...] = ()  # of `brakes` the force at the rear wheel
     directions: tuple[tuple[float, int], ...] = ()  # from s_o on, direction in which a car at rest sets out: 1, 0 or -1
 
     @property
@@ -220,6 +244,10 @@ class Drive:
     def brake(self, s_o):
         """Force of all brakes that reach s_o; any shape."""
         return sum(force * (s_o >= position) for position, force in self.brakes)
+
+    def rear_brake(self, s_o):
+        """Of it the force at the rear one of two wheels."""
+        return sum(force * (s_o >= position) for position, force in self.rear_brakes)
 
     @property
     def resists(self) -> bool:

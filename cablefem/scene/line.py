@@ -17,6 +17,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field
 
+from cablefem.scene.bodies import Hanger, Wheels, body_faults
 from cablefem.scene.cable import STEEPEST, Rope
 from cablefem.scene.described import LINES, Described, parsed, scene_text
 from cablefem.scene.drive import Driving
@@ -103,6 +104,8 @@ class Car(Part):
     travel: Travel | None = described("[-] in motion: along the rope; in x if hauled on several spans", None)
     drive: Driving | None = described("[-] in motion: what moves it; without it the car grips", None)
     below: NonNegative = described("[m] from the rope down to the lowest point of the car", 0.0)
+    hanger: Hanger | None = described("[-] in motion: a part of the mass that swings below the rope", None)
+    wheels: Wheels | None = described("[-] in motion: two wheels; travel, start and brakes are of the front one", None)
 
     @property
     def mode(self) -> str:
@@ -111,7 +114,7 @@ class Car(Part):
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         """Faults between fields, one line each."""
         at_rest = given.get("at") is not None
-        present = [name for name in ("travel", "drive") if given.get(name) is not None]
+        present = [name for name in ("travel", "drive", "hanger", "wheels") if given.get(name) is not None]
         if at_rest:
             if present:
                 return [f"{' and '.join(present)}: too much beside at, of a car at rest"]
@@ -124,7 +127,7 @@ class Car(Part):
             return ["hauled: of a car at rest; in motion drive.mode says it"]
         if (self.mode == "free") is ("travel" in present):
             return ["travel: must be given for a car that grips or is hauled, and for no other"]
-        return []
+        return body_faults(self.mass, self.hanger, self.wheels, self.drive)
 
 
 class Tie(Part):

@@ -52,7 +52,7 @@ def moving(line: Line, solve: Solver) -> MovingLine:
     s, x = empty.s * heat, np.array([c.point[0] for c in contacts])
     places = {c.name: place for c, place in zip(contacts, x.tolist(), strict=True)}
     places |= {car.name: _x_of(car, _start(car), s, x) for car in cars}
-    if faults := _order_faults(cars, places):
+    if faults := [*_order_faults(cars, places), *_saddle_faults(cars, contacts, s, x)]:
         raise SceneError(faults)
     everything: list[Contact | Car] = [*contacts, *cars]
     order = sorted(everything, key=lambda c: places[c.name])
@@ -73,6 +73,20 @@ def _order_faults(cars: Sequence[Car], places: Mapping[str, float]) -> list[str]
         if between < NEAREST:
             where = f"car.{b.name}: begins {between:.4g} m to the right of {a.name}"
             faults.append(f"{where}; must be >= {NEAREST:g} m; cars are listed from left to right and cannot pass")
+    return faults
+
+
+def _saddle_faults(cars: Sequence[Car], contacts: Sequence[Contact], s: Array, x: Array) -> list[str]:
+    """Faults of cars on two wheels that would pass a saddle; s and x (k,) [m] of the contacts at rest."""
+    faults = []
+    for car in cars:
+        if car.wheels is None or car.travel is None:
+            continue
+        last = len(car.travel.phases) - 1
+        positions = (_start(car), car.travel.at(car.travel.phases[last][1], last)[0])
+        low, high = sorted(_x_of(car, position, s, x) for position in positions)
+        passed = [c.name for c in contacts[1:-1] if low - car.wheels.base <= c.point[0] <= high]
+        faults += [f"car.{car.name}.wheels: {name} is in the way; two wheels stay on one span" for name in passed]
     return faults
 
 
@@ -102,7 +116,8 @@ def _car(car: CarTable, in_x: bool, heat: float) -> Car:
     if car.travel is not None:
         travel = _motion(car.travel)
         travel = travel.scaled(1.0 / heat, 1.0) if along == "s" else travel
-    return Car(name=car.name, mass=car.mass, drive=drive, travel=travel, along=along)
+    wheels = car.wheels if car.wheels is not None and car.wheels.model == "rigid" else None
+    return Car(name=car.name, mass=car.mass, hanger=car.hanger, wheels=wheels, drive=drive, travel=travel, along=along)
 
 
 def _ends(law: Law) -> tuple[float, float]:

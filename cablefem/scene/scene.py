@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from cablefem.scene import catenary as _catenary
+from cablefem.scene.bodies import body_faults
 from cablefem.scene.cable import SHAPES, Cable, Supports, hang, hanging_fault, stretch_fault
 from cablefem.scene.catenary import Catenary
 from cablefem.scene.damping import Wind, damping_fault, damping_rates, first_frequency, internal_fault
@@ -82,6 +83,7 @@ class Scene(Described):
         """Faults between fields, one line each."""
         present = [name for name in ("mass", "travel") if given.get(name) is not None]
         faults = [] if self.drive is None else _presence(self.drive.mode, present)
+        faults += body_faults(None, None, None, self.drive)
         hung = (self.gravity, self.cable, self.supports)
         if None in hung:
             return faults

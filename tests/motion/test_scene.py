@@ -6,6 +6,7 @@ import pytest
 
 from cablefem.elements.line import solve
 from cablefem.scene import SceneError
+from cablefem.scene.bodies import Wheels
 from cablefem.scene.line import Line
 from cablefem.scene.moving import moving
 from tests.motion.lines import LEFT, RIGHT, ROPE, Smooth, anchor, car, line, saddle, spring
@@ -51,9 +52,33 @@ def test_a_file_of_a_line_in_motion():
     assert found.t_end == pytest.approx(580.0 / 7.0 + 14.0)
 
 
+WHEELS = "wheels = {base = 4.0, inertia = 3e4, below = 3.0, ahead = 0.2}"
+HANGER = "hanger = {mass = 5000.0, length = 5.5, gyration = 1.3, damping = 0.05}"
+
+
+def test_two_wheels_and_a_cabin_from_a_file():
+    text = TEXT.replace("mass = 6000.0", f"mass = 6000.0\n{WHEELS}").replace(
+        "mass = 4500.0", f"mass = 5500.0\n{HANGER}"
+    )
+    found = moving(Line.from_toml(text), solve)
+    up, down = found.cars
+    assert [x.name for x in found.touching] == ["valley", "up.rear", "up.front", "tower", "down", "mountain"]
+    assert (up.wheels.base, up.wheels.below, up.wheels.ahead) == (4.0, 3.0, 0.2)
+    assert down.hanger.inertia == pytest.approx(5000.0 * 1.3**2)
+    # c = 2 zeta omega (J + m h^2), omega^2 = m g h/(J + m h^2)
+    about = 5000.0 * (1.3**2 + 5.5**2)
+    omega = (5000.0 * 9.81 * 5.5 / about) ** 0.5
+    assert down.hanger.resistance(9.81) == pytest.approx(0.1 * omega * about)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
+        ("mass = 6000.0", f"mass = 6000.0\n{WHEELS}\n{HANGER}", r"car\[0\].hanger: too much beside wheels"),
+        ("mass = 4500.0", f"mass = 4500.0\n{HANGER}", r"car\[1\].hanger.mass = 5000.0: must be < 4500 kg"),
+        ("drag_area", "hitch = [0.0, -2.0], drag_area", r"car\[1\].drive.hitch: of a car on two wheels"),
+        ("to = 640.0}", "to = 698.0}\n" + WHEELS.replace("4.0", "-4.0"), r"car\[0\].wheels.base = -4.0: must be"),
+        ("to = 760.0}", f"to = 702.0}}\n{WHEELS}", "car.down.wheels: tower is in the way"),
         ('travel = {kind = "trapezoid", top_speed = 7.0', 'at = 5.0\ntravel = {kind = "trapezoid", top_speed = 7.0',
          r"car\[0\].travel: too much beside at"),
         (', from = 1100.0', "", "car.down.travel.from: missing"),
@@ -79,6 +104,8 @@ def test_a_fault_of_a_file_is_one_sentence(old, new, says):
         ((LEFT, car("a", -2.0, 100.0), RIGHT), "a.mass = -2.0: must be > 0"),
         ((LEFT, car("a", 2.0, None), RIGHT), "a.travel: must be given"),
         ((LEFT, car("left", 2.0, 50.0), RIGHT), "name = 'left': given twice"),
+        ((LEFT, dataclasses.replace(car("a", 2.0, 4.5), wheels=Wheels(base=4.0, inertia=3.0)), RIGHT),
+         "a: begins with its front wheel at 4.5 m; must be >= 5 m"),
     ],
 )  # fmt: skip
 def test_a_line_that_cannot_move_is_refused(contacts, says):

@@ -19,7 +19,7 @@ PLACES = "must be from 0.033 to 326.7 m, between the left support and the end of
     ("text", "expected"),
     [
         (FREE + "star = 3", ["drive.star = 3: unknown key. Did you mean start? Known: mode, start, release, "
-                             "rolling_friction, drag_area, air_density, wind, thrust, brake, end, rest_speed, "
+                             "rolling_friction, drag_area, air_density, wind, thrust, brake, end, hitch, rest_speed, "
                              "rest_distance."]),
         (FREE.replace('"free"', '"fee"'), ["drive.mode = 'fee': unknown. Did you mean free? Known: grip, haul, free."]),
         (FREE + "start = 0", [f"drive.start = 0: must be a number > 0, {NUMBER}"]),
@@ -29,18 +29,18 @@ PLACES = "must be from 0.033 to 326.7 m, between the left support and the end of
         (FREE + "rolling_friction = 1.5", ["drive.rolling_friction = 1.5: must be a number from 0 to 1"]),
         (FREE + "wind = -5.0", ["drive.wind = -5.0: acts through drag alone; must be given with drag_area"]),
         (FREE + "thrust = true",
-         ["drive.thrust = True: must be a number from -1e+15 to 1e+15, or a table {times, forces}"]),
+         ["drive.thrust = True: must be a number from -1e+15 to 1e+15, or a table {times, forces, angle, at}"]),
         (FREE + "thrust = {times = [0, 2, 2], forces = [5.0, 6.0]}",
          ["drive.thrust.forces: 2 values; must be 3, as times",
           "drive.thrust.times[2] = 2.0: must be > 2.0, the one before it"]),
         (FREE + "thrust = {times = [0, 2], force = [5.0, nan]}",
          ["drive.thrust.forces: missing; must be a list of at least two numbers",
-          "drive.thrust.force = [5.0, nan]: unknown key. Did you mean forces? Known: times, forces."]),
+          "drive.thrust.force = [5.0, nan]: unknown key. Did you mean forces? Known: times, forces, angle, at."]),
         (FREE + "brake = 600", ["drive.brake = 600: must be a list of tables {from = ..., force = ...}"]),
         (FREE + "brake = [{from = 280, force = 3}, {at = 290, force = 0}]",
          ["drive.brake[1].from: missing; must be a number > 0, " + NUMBER,
           f"drive.brake[1].force = 0: must be a number > 0, {NUMBER}",
-          "drive.brake[1].at = 290: unknown key. Known: from, force."]),
+          "drive.brake[1].at = 290: unknown key. Known: from, force, wheel."]),
         (FREE + "brake = [{from = 331, force = 3}]",
          ["drive.brake[0].from = 331.0: must be < 330 m, the length of the cable"]),
         (FREE + "end = {time = 3, place = 4}",
