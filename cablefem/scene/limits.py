@@ -13,6 +13,7 @@ from cablefem.scene.fields import Admits, NonNegative, Part, Positive, Word, des
 _SHIPPED = tomllib.loads((resources.files(__package__) / "limits.toml").read_text(encoding="utf-8"))
 DEMANDS: dict[str, list[str]] = _SHIPPED["demand"]
 TEXTS: dict[str, dict[str, Any]] = _SHIPPED["text"]
+CASES: dict[str, dict[str, Any]] = _SHIPPED["case"]
 KINDS = sorted({rule["kind"] for text in TEXTS.values() for rule in text["limit"] if "kind" in rule})
 CIRCUMSTANCES = sorted({rule["when"] for text in TEXTS.values() for rule in text["limit"] if "when" in rule})
 

@@ -1,6 +1,7 @@
 """Limits: verdicts with the bar, what is missing, and a second computation that denies a planted fault."""
 
 import json
+import math
 import tomllib
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 
 import cablefem as cf
 from cablefem.scene import Scene, SceneError
+from cablefem.scene.limits import CASES
 from validation.commands.run.study import quasi_static_answer
 from validation.core import limits, readback, recomputed
 
@@ -156,6 +158,30 @@ def test_a_grid_has_the_worst_limit_of_each_scene(cablefem):
     rows = json.loads(Path("x/grid/grid.json").read_text())["rows"]
     assert [row["limits_met"] for row in rows] == ["met", "not met"]
     assert rows[1]["limits_worst"] == "breaking load over largest tension (the scene)"
+
+
+@pytest.mark.parametrize(("case", "pressure"), [("wind", 300.0), ("storm", 0.7 * 1000.0)])
+def test_a_wind_case_is_a_pressure_on_the_face_of_the_rope(case, pressure):
+    scene = Scene.load("zipline").replace({"cable.diameter": 0.016, **CASES[case]["set"]})
+    assert scene.wind.force(0.016) == pytest.approx(0.016 * pressure)
+
+
+def test_load_cases_make_a_grid_and_say_what_is_missing(cablefem):
+    ice = 500.0 * math.pi * (0.1**2 - 0.05**2) / 4.0  # kg/m of a ring of 25 mm
+    heavier = Scene.load("tramway").replace({"cable.diameter": 0.05, "cable.ice": ice})
+    given = ("run", "tramway", "--model", "quasi-static", "--set", "cable.diameter=0.05", "--out", "x")
+    assert cablefem(*given, "--case", "ice", "--case", "wind")[0] == 0
+    rows = json.loads(Path("x/grid/grid.json").read_text())["rows"]
+    tension = next(row["value"] for row in quasi_static_answer(heavier).design if row["quantity"] == "tension_max")
+    assert [row["case"] for row in rows] == ["ice", "wind"]
+    assert rows[0]["tension_max"] == pytest.approx(tension)
+    assert rows[1]["tension_max"] < 0.95 * tension
+    code, _, err = cablefem("check", "tramway", "--case", "ice")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "--case ice: cable.diameter: missing" in err
+    code, _, err = cablefem("run", "two-span", "--case", "icy")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "--case icy: unknown. Did you mean ice? Known: ice, wind, storm" in err
 
 
 def test_limits_from_python():

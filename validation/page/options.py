@@ -108,6 +108,12 @@ RequireLimits = Annotated[
 ]
 
 
+Cases = Annotated[
+    list[str] | None,
+    typer.Option("--case", metavar="NAME", help="A load case (cablefem scenes --limits); several make a grid."),
+]
+
+
 def limited(scene: Any, names: list[str] | None) -> Any:
     """The scene or line with limits of texts; Refused for an unknown text."""
     from cablefem.scene import SceneError
@@ -130,26 +136,35 @@ class Point:
     settings: dict[str, Any]
 
 
-def points_of(scene: Scene | Line, pairs: list[str] | None) -> list[Point]:
-    """Points of a grid, one without --set; Refused with all faults."""
+def points_of(scene: Scene | Line, pairs: list[str] | None, cases: list[str] | None = None) -> list[Point]:
+    """Points of a grid, one without --set and --case; Refused with all faults."""
     from cablefem.scene import SceneError
+    from cablefem.scene.errors import nearest
+    from cablefem.scene.limits import CASES
     from validation.core import grid
 
     try:
-        points = grid.points(pairs or [])
+        points = grid.points([*([f"case={','.join(cases)}"] if cases else []), *(pairs or [])])
     except ValueError as error:
         raise store.Refused(str(error)) from None
     out = []
     faults = []
     for given in points:
         of_scene, settings = grid.parts(given, ("gravity", "title"))
+        source = f"--set {', '.join(of_scene)}"
+        if cases:
+            name = settings.pop("case")
+            source = f"--case {name}"
+            if name not in CASES:
+                raise store.Refused(f"{source}: unknown.{nearest(name, CASES)}")
+            of_scene = CASES[name]["set"] | {"title": f"{scene.title}: {CASES[name]['says']}"} | of_scene
         faults += _undotted(settings, type(scene))
         try:
             changed = scene.replace(of_scene) if of_scene else scene
             out.append(Point(given, changed, settings))
         except (SceneError, ValueError) as error:
             reasons = error.faults if isinstance(error, SceneError) else [str(error)]
-            faults += [f"--set {', '.join(of_scene)}: {reason}" for reason in reasons]
+            faults += [f"{source}: {reason}" for reason in reasons]
     if faults:
         raise store.Refused(list(dict.fromkeys(faults)))
     return out

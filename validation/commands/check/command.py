@@ -37,6 +37,7 @@ def command(
     self_test: Annotated[bool, typer.Option("--self-test", help="Add 1 % to one mass: must be detected.")] = False,
     ask: Annotated[str, typer.Option("--ask", metavar="WHAT", help=ASK)] = "all",
     limits: options.LimitNames = None,
+    case: options.Cases = None,
     require: options.RequireLimits = False,
     out: options.Out = None,
 ) -> int:
@@ -65,7 +66,7 @@ def command(
         from validation.commands.check import motion
 
         kind = motion if line.moves else at_rest
-        given = options.points_of(options.limited(line, limits), set_)
+        given = options.points_of(options.limited(line, limits), set_, case)
         return kind.check(given, tol, tol_tension, out, _second(given[0].scene, second, second_set), require)
     faults = [
         *options.tol_faults(tol), *options.tol_faults(tol_tension, "--tol-tension", 1e-6, 1.0),
@@ -74,7 +75,7 @@ def command(
     if ask not in ("all", "path"):
         faults.append(f"--ask = {ask!r}: must be all or path")
     loaded = options.limited(options.scene_named(scene, faults, travelling=True), limits)
-    points = _points(loaded, set_)
+    points = _points(loaded, set_, case)
     asked = {"tol": 1e-3 if tol is None else tol, "tol_tension": tol_tension, "ask": ask}
     if len(points) > 1:
         if other is not None:
@@ -112,9 +113,9 @@ def command(
     return broken or int(not sound)
 
 
-def _points(scene: Any, pairs: list[str] | None) -> list[options.Point]:
+def _points(scene: Any, pairs: list[str] | None, cases: list[str] | None) -> list[options.Point]:
     """Scenes of a grid; Refused for settings of a method."""
-    points = options.points_of(scene, pairs)
+    points = options.points_of(scene, pairs, cases)
     if settings := sorted({key for point in points for key in point.settings}):
         raise store.Refused(f"--set {settings[0]}: check chooses its settings; keys of the scene have a dot")
     return points

@@ -30,6 +30,7 @@ def command(
     tol: Annotated[float | None, options.number("--tol", TOL)] = None,
     bars: Annotated[bool, typer.Option("--bars/--no-bars", help="Error bars from coarser runs.")] = True,
     limits: options.LimitNames = None,
+    case: options.Cases = None,
     require: options.RequireLimits = False,
     out: options.Out = None,
 ) -> int:
@@ -48,7 +49,7 @@ def command(
         from validation.commands.run import motion
 
         kind_of_line = motion if line.moves else at_rest
-        given = options.points_of(options.limited(line, limits), set_)
+        given = options.points_of(options.limited(line, limits), set_, case)
         return kind_of_line.answer("run", given, out, kind_of_line.answers, require)
     faults = [
         f"--{option} = {shown(given)}: unknown.{nearest(given, CHOICES[option])}"
@@ -57,7 +58,7 @@ def command(
     faults += options.tol_faults(tol)
     chosen = None if model == QUASI_STATIC else _found(method, tol, faults)
     loaded = options.limited(options.scene_named(scene, faults, travelling=True), limits)
-    points = options.points_of(loaded, set_)
+    points = options.points_of(loaded, set_, case)
     if faults := [fault for point in points for fault in _faults(chosen, kind, point, tol)]:
         raise store.Refused(list(dict.fromkeys(faults)))
 

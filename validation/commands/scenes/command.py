@@ -18,7 +18,7 @@ def command(
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write TOML files into this folder instead.")] = None,
     keys: Annotated[bool, typer.Option("--keys", help="Print all keys of a scene file, with units.")] = False,
     limits: Annotated[
-        bool, typer.Option("--limits", help="Print the limits that are shipped, with their sources.")
+        bool, typer.Option("--limits", help="Print limits and load cases that are shipped, with their sources.")
     ] = False,
     schema: Annotated[bool, typer.Option("--schema", help="Print the JSON schema of a scene file.")] = False,
 ) -> int:
@@ -100,7 +100,7 @@ def _keys() -> int:
 
 
 def _limits() -> int:
-    from cablefem.scene.limits import DEMANDS, TEXTS
+    from cablefem.scene.limits import CASES, DEMANDS, TEXTS
     from validation.core.quantities import quantity_text
 
     rows = []
@@ -114,6 +114,8 @@ def _limits() -> int:
             limit = f"{side} {quantity_text(rule['limit'], None, unit)}"
             rows.append([name, words.format("obstacles"), limit, about, rule["clause"]])
     terminal.table(["name", "limit", "number", "where or when", "clause"], rows)
+    for name, case in CASES.items():
+        terminal.say(f"--case {name}: {case['says']} ({case['source']})")
     return 0
 
 
