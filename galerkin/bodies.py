@@ -3,14 +3,19 @@
     C = M (p.. - g j) - F_ext,  [N t] = C + rho ds^2 [r'],  C . tau = f |<r'>|/<|r'|>,  tau = <r'>/|<r'>|
 
 [ ] is ahead less behind and < > their mean; C is the force that the rope gives to the car; f acts between both.
+A cabin m that hangs h below, its angle phi positive forward, has its centre at p + h e2, e2 = (sin phi, cos phi),
+e1 = de2/dphi. It adds m h (phi.. e1 - phi.^2 e2) to C, and the balance of moments about the hanger
+
+    (J + m h^2) phi.. + m h (p.. . e1 + g sin phi) + c phi. = h F_drag . e1.
 """
 
 from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,21 +30,37 @@ def length(v: Array) -> Array:
     return np.sqrt(v[..., 0] ** 2 + v[..., 1] ** 2)
 
 
-class Touch:
-    """Numbers (..., 17) at a contact: N t behind, ahead; r' behind, ahead; p, p., p..; s., s..; F."""
+def dot(a: Array, b: Array) -> Array:
+    return (a * b).sum(axis=-1)
 
-    size = 17
+
+def across(force: Array, tau: Array) -> Array:
+    """The component normal to tau, positive down."""
+    return force[..., 1] * tau[..., 0] - force[..., 0] * tau[..., 1]
+
+
+class Touch:
+    """Numbers (..., 26) at a contact: N t behind, ahead; r' behind, ahead; p, angle, c and their rates; s., s..; F."""
+
+    size = 26
 
     def __init__(self, x: Array) -> None:
         self.behind, self.ahead = x[..., 0:2], x[..., 2:4]  # 0 beyond the ends of the rope
         self.slope_behind, self.slope_ahead = x[..., 4:6], x[..., 6:8]
-        self.p, self.dp, self.ddp = x[..., 8:10], x[..., 10:12], x[..., 12:14]
-        self.ds, self.dds, self.F = x[..., 14], x[..., 15], x[..., 16]
+        self.p, self.dp, self.ddp = x[..., 8:10], x[..., 13:15], x[..., 18:20]
+        self.angle, self.dangle, self.ddangle = x[..., 10, None], x[..., 15, None], x[..., 20, None]  # (..., 1)
+        self.c, self.dc, self.ddc = x[..., 11:13], x[..., 16:18], x[..., 21:23]
+        self.ds, self.dds, self.F = x[..., 23], x[..., 24], x[..., 25]
 
     @cached_property
     def tau(self) -> Array:
         mean = self.slope_behind + self.slope_ahead
         return mean / length(mean)[..., None]
+
+    @property
+    def stretch(self) -> Array:
+        """<|r'|>."""
+        return 0.5 * (length(self.slope_behind) + length(self.slope_ahead))
 
     @cached_property
     def projection(self) -> Array:
@@ -51,7 +72,7 @@ class Friction(NamedTuple):
     """f = hold - sign (rolling |N_c| + brake)."""
 
     rolling: float = 0.0
-    brake: float = 0.0
+    brake: float | Array = 0.0  # (..., wheels)
     sign: float = 0.0
     hold: float | Array = 0.0  # (...)
 
@@ -59,18 +80,24 @@ class Friction(NamedTuple):
 class Body:
     """What a contact is tied to: an anchor unless a subclass says more."""
 
-    unknown = ""  # of x, y, s and F
+    unknown = ""  # coordinates: x, y, angle t, centre u and v, s, that of the next contact S, F
+    contacts = 1
 
-    def rows(self, x: Touch, of: Friction) -> Array:
+    def touch(self, numbers: Array) -> Any:
+        """What `rows` takes, from the numbers (..., contacts, 26)."""
+        return Touch(numbers[..., 0, :])
+
+    def rows(self, x: Any, of: Friction) -> Array:
         """The balances (..., n), one per unknown, zero where they hold."""
         return np.empty((*x.ds.shape, 0))
 
     def derivatives(self, numbers: Array, of: Friction) -> Array:
-        """d(rows)/d(numbers) (n, 17)."""
-        shifted = numbers + 1j * TINY * np.eye(Touch.size)
-        return (self.rows(Touch(shifted), of).imag / TINY).T
+        """d(rows)/d(numbers) (n, contacts, 26)."""
+        shifted = numbers + 1j * TINY * np.eye(numbers.size).reshape(-1, *numbers.shape)
+        by = self.rows(self.touch(shifted), of).imag / TINY
+        return by.T.reshape(-1, *numbers.shape)
 
-    def energies(self, x: Touch) -> Array:
+    def energies(self, x: Any) -> Array:
         """Kinetic, strain and potential energy (3, ...) [J]."""
         return np.zeros((3, *x.ds.shape))
 
@@ -113,62 +140,128 @@ class Counterweight(Body):
         return (length(x.ahead + x.behind) - self.force - self.mass * self.lift * x.dds)[..., None]
 
 
-class PointCar(Body):
-    """A point mass; without an unknown s or F it grips the rope."""
+class CarBody(Body):
+    """What cars on one and on two wheels have in common."""
+
+    turns = True
 
     def __init__(self, car: Car, line: MovingLine) -> None:
         self.car, self.gravity, self.rho = car, line.gravity, line.rope.mass_per_length
         self.k = car.drive.k  # of drag [kg/m]
-        self.unknown = {"grip": "xy", "haul": "xyF", "haul_x": "ysF", "free": "xys"}[car.kind]
+        self.driven = "haul" if car.drive.mode == "haul" else "thrust"
 
-    def held(self) -> PointCar:
+    def held(self) -> Any:
         """The car at rest: a free one is held, and no wind blows."""
         other = copy.copy(self)
         other.k = 0.0
         if self.car.kind == "free":
-            other.unknown = "xy"
+            other.unknown = self.unknown[:-1]
         return other
 
-    def drag(self, x: Touch) -> Array:
-        air = x.dp - np.array([self.car.drive.wind, 0.0])
+    def brakes(self, s: Any) -> Array:
+        """Forces of the brakes on the wheels (..., wheels) [N] with the car at s (...)."""
+        return np.asarray(self.car.drive.brake(s))[..., None]
+
+    def of_centre(self, x: Any) -> tuple[Array, Array]:
+        """Point and velocity (..., 2) of the centre of mass of what turns, else of the car."""
+        raise NotImplementedError
+
+    def powers(self, x: Any) -> dict[str, Array]:
+        """Powers (...) [W] by cause, but those of friction, grip and hold."""
+        raise NotImplementedError
+
+    def on_rope(self, wheel: Touch) -> Array:
+        """The force (..., 2) on the rope at a wheel, by the balance of the pieces beside it."""
+        kink = (self.rho * wheel.ds**2)[..., None] * (wheel.slope_ahead - wheel.slope_behind)
+        return wheel.behind - wheel.ahead + kink
+
+    def wheels(self, x: Any) -> Sequence[Touch]:
+        """The contacts, from left to right."""
+        return (x,)
+
+    def pressing(self, x: Any) -> Array:
+        """Forces of the wheels on the rope (..., wheels) [N] normal to tau, positive down."""
+        raise NotImplementedError
+
+    def along(self, x: Any) -> Array:
+        """Force (...) [N] of the rope on the last wheel along tau."""
+        raise NotImplementedError
+
+    def drag(self, velocity: Array) -> Array:
+        air = velocity - np.array([self.car.drive.wind, 0.0])
         return -self.k * length(air)[..., None] * air
+
+    def resisting(self, x: Any, of: Friction) -> Array:
+        """Friction and brakes (..., wheels) [N]."""
+        pressing = self.pressing(x)
+        return of.rolling * pressing * np.sign(pressing.real) + of.brake
+
+    def slip(self, x: Any, of: Friction) -> Array:
+        """f of each wheel (..., wheels) [N]; what holds a car holds the last one."""
+        out = -of.sign * self.resisting(x, of)
+        out[..., -1] += of.hold
+        return out
+
+
+class PointCar(CarBody):
+    """A point mass, with a cabin that swings or without; unless s or F is unknown it grips the rope."""
+
+    def __init__(self, car: Car, line: MovingLine) -> None:
+        super().__init__(car, line)
+        hanger = car.hanger
+        self.unknown = {"grip": "xy", "haul": "xyF", "haul_x": "ysF", "free": "xys"}[car.kind]
+        self.m = self.h = self.about_hanger = self.damping = 0.0
+        self.turns = hanger is not None
+        if hanger is not None:
+            self.unknown = "t" + self.unknown
+            self.m, self.h, self.damping = hanger.mass, hanger.length, hanger.resistance(line.gravity)
+            self.about_hanger = hanger.inertia + self.m * self.h**2
+
+    @staticmethod
+    def axes(x: Touch) -> tuple[Array, Array]:
+        """e1 and e2 (..., 2)."""
+        cos, sin = np.cos(x.angle), np.sin(x.angle)
+        return np.concatenate([cos, -sin], axis=-1), np.concatenate([sin, cos], axis=-1)
+
+    def of_centre(self, x: Touch) -> tuple[Array, Array]:
+        e1, e2 = self.axes(x)
+        return x.p + self.h * e2, x.dp + self.h * x.dangle * e1
 
     def contact_force(self, x: Touch) -> Array:
         """C."""
-        own = self.car.mass * (x.ddp - self.gravity * DOWN)
-        return own - self.drag(x) - x.F[..., None] * x.tau
+        e1, e2 = self.axes(x)
+        swinging = self.m * self.h * (x.ddangle * e1 - x.dangle**2 * e2)
+        own = self.car.mass * (x.ddp - self.gravity * DOWN) + swinging
+        return own - self.drag(self.of_centre(x)[1]) - x.F[..., None] * x.tau
 
     def pressing(self, x: Touch) -> Array:
-        """Force on the rope normal to tau, positive down."""
-        C, tau = self.contact_force(x), x.tau
-        return C[..., 0] * tau[..., 1] - C[..., 1] * tau[..., 0]
+        return -across(self.contact_force(x), x.tau)[..., None]
 
-    def friction(self, x: Touch, of: Friction) -> Array:
-        """f."""
-        if of.sign == 0.0:
-            return of.hold + 0.0 * x.F
-        pressing = self.pressing(x)
-        return of.hold - of.sign * (of.rolling * pressing * np.sign(pressing.real) + of.brake)
+    def along(self, x: Touch) -> Array:
+        return dot(self.contact_force(x), x.tau)
 
     def rows(self, x: Touch, of: Friction) -> Array:
-        kink = (self.rho * x.ds**2)[..., None] * (x.slope_ahead - x.slope_behind)
         C = self.contact_force(x)
-        balance = x.behind - x.ahead + kink + C
-        if self.unknown == "xy":
-            return balance
-        rolling = (C * x.tau).sum(axis=-1) - self.friction(x, of) * x.projection
-        return np.concatenate([balance, rolling[..., None]], axis=-1)
+        balances = [self.on_rope(x) + C]
+        if self.turns:
+            e1, e2 = self.axes(x)
+            weight = self.gravity * e2[..., 0]
+            hanging = self.m * self.h * (dot(x.ddp, e1) + weight) - self.h * dot(self.drag(self.of_centre(x)[1]), e1)
+            balances.append(self.about_hanger * x.ddangle + self.damping * x.dangle + hanging[..., None])
+        if self.unknown[-1] != "y":
+            balances.append((dot(C, x.tau) - self.slip(x, of)[..., 0] * x.projection)[..., None])
+        return np.concatenate(balances, axis=-1)
 
     def energies(self, x: Touch) -> Array:
-        kinetic = 0.5 * self.car.mass * (x.dp**2).sum(axis=-1)
-        return np.stack([kinetic, 0.0 * kinetic, -self.car.mass * self.gravity * x.p[..., 1]])
+        carriage, (c, dc) = self.car.mass - self.m, self.of_centre(x)
+        turning = (self.about_hanger - self.m * self.h**2) * x.dangle[..., 0] ** 2
+        kinetic = 0.5 * (carriage * dot(x.dp, x.dp) + self.m * dot(dc, dc) + turning)
+        height = carriage * x.p[..., 1] + self.m * c[..., 1]
+        return np.stack([kinetic, 0.0 * kinetic, -self.gravity * height])
 
-
-def body_of(line: MovingLine, contact: Contact | Car) -> Body:
-    if isinstance(contact, Car):
-        return PointCar(contact, line)
-    if contact.kind == "counterweight":
-        return Counterweight(contact, 1.0 if contact is line.contacts[-1] else -1.0, line)
-    if contact.kind == "spring":
-        return Spring(contact)
-    return Saddle() if contact.kind == "saddle" else Body()
+    def powers(self, x: Touch) -> dict[str, Array]:
+        velocity = self.of_centre(x)[1]
+        powers = {"swing": -self.damping * x.dangle[..., 0] ** 2} if self.damping else {}
+        if self.car.kind == "grip":
+            return powers
+        return powers | {"drag": dot(self.drag(velocity), velocity), self.driven: x.F * dot(x.tau, x.dp)}

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.polynomial import legendre
 
-from cablefem.motion import CarMotion, ContactMotion, LineMotion
+from cablefem.motion import CarMotion, ContactMotion, LineMotion, Turning, WheelMotion
 from cablefem.newmark import State
 from cablefem.scene.contacts import Array, Contact, MovingLine
-from galerkin.bodies import Body, Counterweight, PointCar, Touch, length
+from galerkin.bodies import Body, CarBody, Counterweight, Friction, Touch, length
 from galerkin.segments import Layout, Rope, functions
 
 if TYPE_CHECKING:
@@ -40,13 +40,14 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
 
     powers = {"damping": -2.0 * line.rope.damping * energies[0]} if line.rope.damping else {}
     cars, contacts = [], []
-    for k, (contact, body) in enumerate(zip(line.contacts, system.equations.bodies, strict=True)):
-        at, here = Touch(touches[:, k]), positions[:, k]
+    for k, (contact, body) in enumerate(zip(line.touching, system.equations.bodies, strict=True)):
+        at, here = system.equations.touch(touches, k), positions[:, k]
         energies += body.energies(at)
-        if isinstance(body, PointCar):
+        if isinstance(body, CarBody):
             hold = system.holds.get(k, 0.0) * np.array([body.car.drive.hold(x.t) for x in states])
-            cars.append(_car(body, here, at))
-            powers |= _car_powers(line, body, here, at, hold)
+            of_car = positions[:, k : k + body.contacts]
+            cars.append(_car(body, of_car, at))
+            powers |= _car_powers(line, body, of_car[:, -1], at, hold)
         elif isinstance(contact, Contact):
             contacts.append(_contact(line, contact, body, here, at))
         if isinstance(body, Counterweight):
@@ -59,30 +60,48 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
     )  # fmt: skip
 
 
-def _car(body: PointCar, s: Array, x: Touch) -> CarMotion:
-    car, none = body.car, np.full(s.size, np.nan)
-    along = (body.contact_force(x) * x.tau).sum(axis=-1)
+def _car(body: CarBody, s: Array, at: Any) -> CarMotion:
+    """A car with the positions s (n, wheels); of two wheels x is the front one."""
+    car, wheels = body.car, body.wheels(at)
+    rear, x = wheels[0], wheels[-1]
+    none, pressing = np.full(len(s), np.nan), body.pressing(at)
     hauled, grips = car.drive.mode == "haul", car.kind == "grip"
+    turning = None
+    if body.turns:
+        both = () if len(wheels) == 1 else zip(("rear", "front"), wheels, s.T, pressing.T, strict=True)
+        turning = Turning(
+            angle=rear.angle[:, 0], rate=rear.dangle[:, 0], acceleration=rear.ddangle[:, 0],
+            centre=body.of_centre(at)[0], wheels=tuple(_wheel(f"{car.name}.{name}", *of) for name, *of in both),
+        )  # fmt: skip
     return CarMotion(
-        name=car.name, s=s, ds=x.ds, point=x.p, velocity=x.dp, acceleration=x.ddp, tension_behind=length(x.behind),
-        tension_ahead=length(x.ahead), slope_behind=x.slope_behind, slope_ahead=x.slope_ahead,
-        haul_force=x.F if hauled else none, grip_force=along / x.projection if grips else none,
-        contact_force=body.pressing(x),
+        name=car.name, s=s[:, -1], ds=x.ds, point=x.p, velocity=x.dp, acceleration=x.ddp,
+        tension_behind=length(rear.behind), tension_ahead=length(x.ahead), slope_behind=rear.slope_behind,
+        slope_ahead=x.slope_ahead, haul_force=rear.F if hauled else none,
+        grip_force=body.along(at) / x.projection if grips else none, contact_force=pressing.sum(axis=-1),
+        turning=turning,
     )  # fmt: skip
 
 
-def _car_powers(line: MovingLine, body: PointCar, s: Array, x: Touch, hold: Array) -> dict[str, Array]:
+def _wheel(name: str, x: Touch, s: Array, load: Array) -> WheelMotion:
+    return WheelMotion(
+        name=name, s=s, ds=x.ds, point=x.p, load=load, tension_behind=length(x.behind),
+        tension_ahead=length(x.ahead), slope_behind=x.slope_behind, slope_ahead=x.slope_ahead,
+    )  # fmt: skip
+
+
+def _car_powers(line: MovingLine, body: CarBody, s: Array, at: Any, hold: Array) -> dict[str, Array]:
     name, drive = body.car.name, body.car.drive
+    wheels = body.wheels(at)
+    x = wheels[-1]
+    powers = {f"{name} {cause}": power for cause, power in body.powers(at).items()}
     if drive.mode == "grip":
         kink = _flux(line, x.ahead, s, x.ds) - _flux(line, x.behind, s, x.ds)
-        return {f"{name} grip": -kink * x.ds}
-    stretch = 0.5 * (length(x.slope_behind) + length(x.slope_ahead))
-    resisting = drive.mu_r * np.abs(body.pressing(x)) + drive.brake(s)
-    powers = {f"{name} drag": (body.drag(x) * x.dp).sum(axis=-1)}
-    powers[f"{name} friction"] = -stretch * resisting * np.abs(x.ds)
-    powers[f"{name} {'haul' if drive.mode == 'haul' else 'thrust'}"] = x.F * (x.tau * x.dp).sum(axis=-1)
+        return powers | {f"{name} grip": -kink * x.ds}
+    resisting = body.resisting(at, Friction(drive.mu_r, body.brakes(s)))
+    lost = [wheel.stretch * resisting[..., i] * np.abs(wheel.ds) for i, wheel in enumerate(wheels)]
+    powers[f"{name} friction"] = -sum(lost, np.zeros(s.size))
     if drive.mode == "free":
-        powers[f"{name} hold"] = stretch * hold * x.ds
+        powers[f"{name} hold"] = x.stretch * hold * x.ds
     return powers
 
 

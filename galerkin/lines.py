@@ -5,16 +5,18 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from cablefem.motion import LineMotion
 from cablefem.newmark import Solve, State, StepFailure, System
-from cablefem.scene.contacts import NEAREST, Array, Car, MovingLine
-from galerkin.bodies import Body, Friction, PointCar, Saddle, Touch, body_of
+from cablefem.scene.contacts import NEAREST, Array, Car, Contact, MovingLine, Wheel
+from galerkin.bodies import Body, CarBody, Counterweight, Friction, PointCar, Saddle, Spring, Touch
 from galerkin.equations import factorised
 from galerkin.line_observe import observe
 from galerkin.segments import Layout, Rope, Softness
+from galerkin.trolley import Trolley, turned
 
 SAG = 0.02  # of the first guess, over the chord
 ITERATIONS = 100  # of the search for rest
@@ -25,37 +27,59 @@ KEPT = 8  # instants whose prescribed coordinates are kept: a step's nodes are e
 NUDGE = 1e-4  # [s] for the velocity of a line that starts in motion
 
 
+def body_of(line: MovingLine, contact: Contact | Car | Wheel) -> Body:
+    """What a contact is tied to; a car on two wheels stands at the rear one."""
+    if isinstance(contact, Wheel):
+        return Body() if contact.front else Trolley(contact.car, line)
+    if isinstance(contact, Car):
+        return PointCar(contact, line)
+    if contact.kind == "counterweight":
+        return Counterweight(contact, 1.0 if contact is line.contacts[-1] else -1.0, line)
+    if contact.kind == "spring":
+        return Spring(contact)
+    return Saddle() if contact.kind == "saddle" else Body()
+
+
 class Equations:
     """Rows of a line, one for each unknown."""
 
     def __init__(self, layout: Layout, bodies: Sequence[Body]) -> None:
         self.layout, self.bodies = layout, bodies
-        at = {"x": layout.x, "y": layout.y, "s": layout.s, "F": layout.F}
+        x, y, t, u, v = layout.moving.T
+        at = {"x": x, "y": y, "t": t, "u": u, "v": v, "s": layout.s, "S": np.roll(layout.s, -1), "F": layout.F}
         ends = [at[name][k] for k, body in enumerate(bodies) for name in body.unknown]
-        self.free = np.array([*range(layout.inner), *ends])  # coordinates of the unknowns
+        self.free = np.array([*layout.shapes, *ends])  # coordinates of the unknowns
         self.forces = np.isin(self.free, layout.F)
         self.size = self.free.size
-        self._column = np.full(layout.size, self.size)  # of each coordinate; of a known one the last, which is cut off
-        self._column[self.free] = np.arange(self.size)
-        self._tangent = np.zeros((3, self.size, self.size + 1))
+        # columns of coordinates: unknowns; those that follow and the last, of known ones, are cut off
+        following = [i for follower in layout.followers for i in follower.p]
+        last = self.size + len(following)
+        self._column = np.full(layout.size, last)
+        self._column[[*self.free, *following]] = np.arange(last)
+        self._tangent = np.zeros((3, self.size, last + 1))
 
     def touches(self, rope: Rope, Z: Array) -> Array:
-        """The numbers of `Touch` at all contacts (..., contacts, 17)."""
+        """The numbers of `Touch` at all contacts (..., contacts, 26)."""
         layout = self.layout
         x = np.zeros((*Z.shape[1:-1], layout.contacts, Touch.size))
         x[..., 1:, 0:2], x[..., :-1, 2:4] = rope.rows[..., -1, :], -rope.rows[..., -2, :]
         x[..., 1:, 4:6], x[..., :-1, 6:8] = rope.end_slopes[..., 1, :], rope.end_slopes[..., 0, :]
         for order in range(3):
-            x[..., 8 + 2 * order], x[..., 9 + 2 * order] = Z[order][..., layout.x], Z[order][..., layout.y]
-        x[..., 14], x[..., 15], x[..., 16] = Z[1][..., layout.s], Z[2][..., layout.s], Z[2][..., layout.F]
+            x[..., 8 + 5 * order : 13 + 5 * order] = Z[order][..., layout.moving]
+        x[..., 23], x[..., 24], x[..., 25] = Z[1][..., layout.s], Z[2][..., layout.s], Z[2][..., layout.F]
         return x
+
+    def touch(self, touches: Array, k: int) -> Any:
+        """What the body at contact k touches."""
+        body = self.bodies[k]
+        return body.touch(touches[..., k : k + body.contacts, :])
 
     def residual(self, Z: Array, frictions: Sequence[Friction]) -> Array:
         """The rows (..., n) at Z (3, ..., layout.size)."""
         rope = Rope(self.layout, Z)
         x = self.touches(rope, Z)
-        ends = [body.rows(Touch(x[..., k, :]), frictions[k]) for k, body in enumerate(self.bodies)]
-        inner = rope.rows[..., :-2, :].reshape(*Z.shape[1:-1], self.layout.inner)
+        ends = [body.rows(self.touch(x, k), frictions[k]) for k, body in enumerate(self.bodies)]
+        inner = rope.rows[..., :-2, :].reshape(*Z.shape[1:-1], self.layout.inner)[..., self.layout.shapes]
         return np.concatenate([inner, *ends], axis=-1)
 
     def linearise(self, Z: Array, frictions: Sequence[Friction]) -> tuple[Array, Array]:
@@ -64,35 +88,41 @@ class Equations:
         The next call overwrites the derivatives.
         """
         rope, layout = Rope(self.layout, Z), self.layout
-        columns, slopes, n = rope.columns, rope.end_slope_columns, 2 * layout.functions
+        columns, slopes = rope.columns, rope.end_slope_columns
         K = self._tangent
         K[:] = 0.0
         r = np.zeros(self.size)
-        r[: layout.inner] = rope.rows[:, :-2].ravel()
+        r[: layout.shapes.size] = rope.rows[:, :-2].ravel()[layout.shapes]
         at = self._column[layout.columns]
-        for i in range(layout.segments):
-            K[:, n * i : n * (i + 1), at[i]] = columns[:, i, :-2].reshape(3, n, -1)
+        row = 0
+        for i, shapes in enumerate(layout.functions_of):
+            block = columns[:, i, :-2].reshape(3, 2 * layout.functions, -1)[:, shapes]
+            K[:, row : row + block.shape[1], at[i]] = block
+            row += block.shape[1]
         x = self.touches(rope, Z)
-        row = layout.inner
         for k, body in enumerate(self.bodies):
             if not body.unknown:
                 continue
             rows = slice(row, row + len(body.unknown))
-            r[rows] = body.rows(Touch(x[k]), frictions[k])
-            by = body.derivatives(x[k], frictions[k])  # by the numbers of `Touch`, (rows, 17)
+            r[rows] = body.rows(self.touch(x, k), frictions[k])
+            derivatives = body.derivatives(x[k : k + body.contacts], frictions[k])
             here = K[:, rows]
-            if k > 0:
-                here[:, :, at[k - 1]] += by[:, 0:2] @ columns[:, k - 1, -1]
-                here[0][:, at[k - 1]] += by[:, 4:6] @ slopes[k - 1, 1]
-            if k < layout.segments:
-                here[:, :, at[k]] -= by[:, 2:4] @ columns[:, k, -2]
-                here[0][:, at[k]] += by[:, 6:8] @ slopes[k, 0]
-            for order in range(3):
-                here[order][:, self._column[[layout.x[k], layout.y[k]]]] += by[:, 8 + 2 * order : 10 + 2 * order]
-            here[1:, :, self._column[layout.s[k]]] += by[:, 14:16].T
-            here[2, :, self._column[layout.F[k]]] += by[:, 16]
+            for j in range(k, k + body.contacts):
+                by = derivatives[:, j - k]  # by the numbers of `Touch`, (rows, 26)
+                if j > 0:
+                    here[:, :, at[j - 1]] += by[:, 0:2] @ columns[:, j - 1, -1]
+                    here[0][:, at[j - 1]] += by[:, 4:6] @ slopes[j - 1, 1]
+                if j < layout.segments:
+                    here[:, :, at[j]] -= by[:, 2:4] @ columns[:, j, -2]
+                    here[0][:, at[j]] += by[:, 6:8] @ slopes[j, 0]
+                for order in range(3):
+                    here[order][:, self._column[layout.moving[j]]] += by[:, 8 + 5 * order : 13 + 5 * order]
+                here[1:, :, self._column[layout.s[j]]] += by[:, 23:25].T
+                here[2, :, self._column[layout.F[j]]] += by[:, 25]
             row = rows.stop
-        return r, K[:, :, :-1]
+        for follower in reversed(layout.followers):
+            follower.fold(K, Z, self._column)
+        return r, K[:, :, : self.size]
 
 
 class LineSines(System):
@@ -100,27 +130,28 @@ class LineSines(System):
 
     def __init__(self, line: MovingLine, terms: int) -> None:
         self.line, self.layout, self.phases = line, Layout(line, terms), line.phases
-        bodies = [body_of(line, contact) for contact in line.contacts]
-        self.cars = {k: body for k, body in enumerate(bodies) if isinstance(body, PointCar)}
+        bodies = [body_of(line, contact) for contact in line.touching]
+        self.cars = {k: body for k, body in enumerate(bodies) if isinstance(body, CarBody)}
+        self.lead = {k: k + body.contacts - 1 for k, body in self.cars.items()}  # contact that the travel is of
         self.free_cars = {k: body for k, body in self.cars.items() if body.car.kind == "free"}
         self.equations = Equations(self.layout, bodies)
-        self.held = Equations(self.layout, [body.held() if isinstance(body, PointCar) else body for body in bodies])
+        self.held = Equations(self.layout, [body.held() if isinstance(body, CarBody) else body for body in bodies])
         self.n_dof = self.equations.size
         self.force_scale = max((line.gravity * car.mass for car in line.cars), default=line.weight * self._reach)
         self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA
         self.frictions = [Friction() for _ in bodies]
         self.holds = dict.fromkeys(self.free_cars, 0.0)  # [N] on free cars before they are released
-        names = [c.name for c in line.contacts]
-        self.gaps = [i for i in range(len(names) - 1) if i in self.cars or i + 1 in self.cars]
+        names = [c.name for c in line.touching]
+        self.gaps = [i for i in self.layout.outer if i in self.lead.values() or i + 1 in self.cars]
         self.stops = [k for k, body in self.free_cars.items() if body.car.drive.resists]
         meetings = [f"{names[i]} meets {names[i + 1]}" for i in self.gaps]
-        stops = [f"{names[k]} stops" for k in self.stops]
+        stops = [f"{self.cars[k].car.name} stops" for k in self.stops]
         self.brakes = [(k, place) for k in self.stops for place, _ in self.cars[k].car.drive.brakes]
-        brakes = [f"{names[k]} brakes" for k, _ in self.brakes]
-        lifted = [f"{names[k]} lifts off" for k in self.cars]
+        brakes = [f"{self.cars[k].car.name} brakes" for k, _ in self.brakes]
+        lifted = [f"{names[i]} lifts off" for k in self.cars for i in range(k, self.lead[k] + 1)]
         self.saddles = [k for k, body in enumerate(bodies) if isinstance(body, Saddle)]
-        loose = ["rope falls slack", *(f"rope lifts off {names[k]}" for k in self.saddles)]
-        self.events = (*meetings, *stops, *brakes, *lifted, *loose)
+        self.loose = ["rope falls slack", *(f"rope lifts off {names[k]}" for k in self.saddles)]
+        self.events = (*meetings, *stops, *brakes, *lifted, *self.loose)
         self._prescribed: dict[tuple[float, int], Array] = {}
         self._loaded: tuple[State | None, list[float]] = (None, [])  # of the last state that was watched
         self._known: tuple[Array, float, int, Array, Array] | None = None
@@ -142,22 +173,27 @@ class LineSines(System):
     def _prescribe(self, t: float, phase: int) -> Array:
         line, layout = self.line, self.layout
         Z = np.zeros((3, layout.size))
-        for k, contact in enumerate(line.contacts):
-            if isinstance(contact, Car):
-                if contact.travel is not None:
-                    at = layout.x[k] if contact.kind == "haul_x" else layout.s[k]
-                    Z[:, at] = line.position(contact, t, phase)
-                else:
-                    Z[0, layout.s[k]] = contact.drive.start
-                    Z[2, layout.F[k]] = line.thrust(contact, t, phase)
-            else:
+        for k, contact in enumerate(line.touching):
+            if isinstance(contact, Contact):
                 Z[0, layout.x[k]], Z[0, layout.y[k]] = contact.point
+        for k, body in self.cars.items():
+            car, lead = body.car, self.lead[k]
+            if car.travel is not None:
+                at = layout.x if car.kind == "haul_x" else layout.s
+                Z[:, at[lead]] = line.position(car, t, phase)
+            else:
+                Z[0, layout.s[lead]] = car.drive.start
+                Z[2, layout.F[k]] = line.thrust(car, t, phase)
         Z[0, layout.s[-1]] = line.rope.length or 0.0
         return Z
 
     def coordinates(self, x: State) -> Array:
-        Z = self.prescribed(x.t, x.phase)
-        Z[:, self.equations.free] = x.q, x.v, x.a
+        return self._with(self.prescribed(x.t, x.phase), x.q, x.v, x.a)
+
+    def _with(self, Z: Array, q: Array, v: Array, a: Array) -> Array:
+        """Z with the unknowns, and what follows from them."""
+        Z[..., self.equations.free] = q, v, a
+        self.layout.place_followers(Z)
         return Z
 
     def present(self, t: Array | float) -> list[Friction]:
@@ -174,8 +210,7 @@ class LineSines(System):
 
     def residuals(self, t: Array, q: Array, v: Array, a: Array, phase: int) -> Array:
         Z = np.stack([self.prescribed(at, phase) for at in t.tolist()], axis=1)  # (3, n, layout.size)
-        Z[..., self.equations.free] = q, v, a
-        s = Z[0][:, self.layout.s]
+        s = self._with(Z, q, v, a)[0][:, self.layout.s]
         if not (s[:, 1:] > s[:, :-1]).all():
             return np.full(q.shape, np.nan)
         return self.equations.residual(Z, self.present(t))
@@ -196,38 +231,38 @@ class LineSines(System):
         for k, body in self.cars.items():
             if not body.car.drive.resists:
                 continue
-            ds, sign = Z[1, self.layout.s[k]], self.frictions[k].sign
+            ds, sign = Z[1, self.layout.s[self.lead[k]]], self.frictions[k].sign
             if k not in self.free_cars:
                 sign = self.line.direction(body.car, x.phase)
             elif abs(ds) > TURNING:
                 sign = float(np.sign(ds))
-            self._set_friction(k, float(Z[0, self.layout.s[k]]), sign)
+            self._set_friction(k, float(Z[0, self.layout.s[self.lead[k]]]), sign)
 
     def _set_friction(self, k: int, s: float, sign: float) -> None:
-        drive = self.cars[k].car.drive
-        self.frictions[k] = Friction(drive.mu_r, float(drive.brake(s)), sign)
+        body = self.cars[k]
+        self.frictions[k] = Friction(body.car.drive.mu_r, body.brakes(s), sign)
         self._known = None
 
     def watch(self, x: State) -> tuple[float, ...]:
         Z = self.coordinates(x)
         s, ds = Z[0, self.layout.s], Z[1, self.layout.s]
         gaps = [float(s[i + 1] - s[i]) - NEAREST for i in self.gaps]
-        speeds = [float(ds[k] * self.frictions[k].sign) for k in self.stops]
-        ahead = [place - float(s[k]) for k, place in self.brakes]
-        loads = [math.inf] * (len(self.cars) + 1 + len(self.saddles))
+        speeds = [float(ds[self.lead[k]] * self.frictions[k].sign) for k in self.stops]
+        ahead = [place - float(s[self.lead[k]]) for k, place in self.brakes]
+        loads = [math.inf] * (sum(body.contacts for body in self.cars.values()) + len(self.loose))
         if min(gaps, default=1.0) > 0.0:
             if self._loaded[0] is not x:
                 rope = Rope(self.layout, Z)
                 touches = self.equations.touches(rope, Z)
-                loads = [float(body.pressing(Touch(touches[k]))) for k, body in self.cars.items()]
-                self._loaded = x, loads + self._tautness(rope, touches)
+                pressing = [body.pressing(self.equations.touch(touches, k)) for k, body in self.cars.items()]
+                self._loaded = x, [*np.concatenate([*pressing, self._tautness(rope, touches)]).tolist()]
             loads = self._loaded[1]
         return (*gaps, *speeds, *ahead, *loads)
 
     def _tautness(self, rope: Rope, touches: Array) -> list[float]:
         """The smallest tension, and the force of the rope down on each saddle [N]."""
         down = touches[:, 3] - touches[:, 1]
-        return [float(rope.law.N.min()), *(float(down[k]) for k in self.saddles)]
+        return [float(rope.law.N[self.layout.outer].min()), *(float(down[k]) for k in self.saddles)]
 
     def pass_event(self, name: str, x: State) -> State | None:
         """A car that friction cannot hold goes on, and so does one that reaches a brake; else the run ends."""
@@ -242,7 +277,7 @@ class LineSines(System):
 
     def _turned(self, k: int, x: State) -> State | None:
         """The state after a standstill, forwards or backwards; None if friction holds the car."""
-        slot = int(np.flatnonzero(self.equations.free == self.layout.s[k])[0])
+        slot = int(np.flatnonzero(self.equations.free == self.layout.s[self.lead[k]])[0])
         before = self.frictions[k].sign
         for sign in (before, -before):
             self._set_friction(k, float(x.q[slot]), sign)
@@ -272,7 +307,7 @@ class LineSines(System):
             )
             raise StepFailure(0.0, cause, "tighten the rope")
         for k in self.free_cars:
-            self._release(k, rest, Touch(touches[k]))
+            self._release(k, rest, touches)
         v = np.zeros(self.n_dof)
         moving = self.prescribed(0.0, 0)[1]
         if moving.any():
@@ -283,15 +318,15 @@ class LineSines(System):
         self.begin_step(x)
         return self.accelerated(x)
 
-    def _release(self, k: int, Z: Array, touch: Touch) -> None:
+    def _release(self, k: int, Z: Array, touches: Array) -> None:
         """Let a free car at rest go; StepFailure if friction holds it."""
-        body, name = self.cars[k].held(), self.cars[k].car.name
-        projection = float(touch.projection)
-        self.holds[k] = float((body.contact_force(touch) * touch.tau).sum()) / projection
-        needed = self.holds[k] - self.line.thrust(body.car, 0.0, 0) / projection
-        self._set_friction(k, float(Z[0, self.layout.s[k]]), -float(np.sign(needed)))
-        friction = self.frictions[k]
-        if body.car.drive.resists and abs(needed) <= friction.rolling * float(body.pressing(touch)) + friction.brake:
+        body, name, touch = self.cars[k].held(), self.cars[k].car.name, self.held.touch(touches, k)
+        projection = float(body.wheels(touch)[-1].projection)
+        self.holds[k] = float(body.along(touch)) / projection
+        thrust = self.line.thrust(body.car, 0.0, 0) * math.cos(body.car.drive.thrust_angle)
+        needed = self.holds[k] - thrust / projection
+        self._set_friction(k, float(Z[0, self.layout.s[self.lead[k]]]), -float(np.sign(needed)))
+        if body.car.drive.resists and abs(needed) <= float(body.resisting(touch, self.frictions[k]).sum()):
             raise StepFailure(0.0, f"friction holds {name} where it begins", "begin on steeper rope")
 
     def accelerated(self, x: State) -> State:
@@ -357,6 +392,7 @@ class LineSines(System):
 
         def put(values: Array) -> Array:
             Z[0, held.free] = np.where(held.forces, 0.0, values)
+            layout.place_followers(Z)
             Z[2, held.free[held.forces]] = values[held.forces]
             return Z
 
@@ -381,7 +417,7 @@ class LineSines(System):
         """Chords with a little sag."""
         line, layout = self.line, self.layout
         Z = Z.copy()
-        at = [k for k, c in enumerate(line.contacts) if not isinstance(c, Car)]
+        at = [k for k, c in enumerate(line.touching) if isinstance(c, Contact)]
         points = np.array([c.point for c in line.supports])
         chords = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
         kinds = [c.kind for c in line.supports]
@@ -392,17 +428,21 @@ class LineSines(System):
             ends = (line.rope.length or 0.0) - chords[-1], line.rope.length or 0.0
         Z[0, layout.s[at]] = ends[0] + (ends[1] - ends[0]) * chords / chords[-1]
         sags = 4.0 * SAG * np.diff(chords)
-        for k, contact in enumerate(line.contacts):
-            if not isinstance(contact, Car):
-                continue
+        for k, body in self.cars.items():
+            lead = self.lead[k]
             i = int(np.searchsorted(at, k)) - 1
             (x, y), way = points[i], points[i + 1] - points[i]
             s = Z[0, layout.s[at[i : i + 2]]]
-            if contact.kind == "haul_x":
-                z = (Z[0, layout.x[k]] - x) / way[0]
-                Z[0, layout.s[k]] = s[0] + z * (s[1] - s[0])
+            if body.car.kind == "haul_x":
+                z = (Z[0, layout.x[lead]] - x) / way[0]
+                Z[0, layout.s[lead]] = s[0] + z * (s[1] - s[0])
             else:
-                z = (Z[0, layout.s[k]] - s[0]) / (s[1] - s[0])
-                Z[0, layout.x[k]] = x + z * way[0]
-            Z[0, layout.y[k]] = y + z * way[1] + sags[i] * z * (1.0 - z)
+                z = (Z[0, layout.s[lead]] - s[0]) / (s[1] - s[0])
+                Z[0, layout.x[lead]] = x + z * way[0]
+            Z[0, layout.y[lead]] = y + z * way[1] + sags[i] * z * (1.0 - z)
+            if lead > k:
+                front = layout.wheels[lead]
+                Z[0, layout.s[k]] = Z[0, layout.s[lead]] - (front.arm[0] - layout.wheels[k].arm[0])
+                Z[0, front.pitch] = math.atan2(way[1], way[0])
+                Z[0, front.c] = Z[0, front.p] - turned(front.arm, Z[0, front.pitch, None])
         return Z

@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
 
-from cablefem.scene.contacts import Array, MovingLine
+from cablefem.scene.contacts import Array, MovingLine, Wheel
+from galerkin.trolley import Follower, arm_of
 
 # coefficients of xi (1 - xi), xi (1 - xi)(1 - 2 xi), 1 - xi, xi by rising powers, one a column
 POLYNOMIALS = np.array([[0.0, 1.0, -1.0, 0.0], [0.0, 1.0, -3.0, 2.0], [1.0, -1.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]]).T
@@ -53,14 +54,19 @@ def functions(xi: Array, terms: int) -> Array:
 
 
 class Layout:
-    """Order of the coordinates: q (segment, function, axis), then x, y, s and an outside force F of each contact.
+    """Order of the coordinates: q (segment, function, axis), then x, y, angle, centre, s, outside force of contacts.
 
-    F stands where second time derivatives stand.
+    F stands where second time derivatives stand.  A car on two wheels has two contacts; the angle, centre and force
+    of its rear one are its own.
     """
 
     def __init__(self, line: MovingLine, terms: int) -> None:
-        self.line, self.contacts = line, len(line.contacts)
+        self.line = line
+        self.contacts = len(line.touching)
         self.segments = self.contacts - 1
+        wheels = {k: contact for k, contact in enumerate(line.touching) if isinstance(contact, Wheel)}
+        rear = [k for k, wheel in wheels.items() if not wheel.front]
+        self.outer = [i for i in range(self.segments) if i not in rear]
         points, weights = np.polynomial.legendre.leggauss(2 * terms + 12)
         self.points, self.weights = 0.5 + 0.5 * points, 0.5 * weights
         self.B = functions(self.points, terms)
@@ -71,13 +77,32 @@ class Layout:
         self.ends = functions(np.array([0.0, 1.0]), terms)[1]  # B' at L and R
         self.functions = terms + 2  # without those of the ends
         self.inner = 2 * self.functions * self.segments
-        self.size = self.inner + 4 * self.contacts
-        self.x, self.y, self.s, self.F = (self.inner + 4 * np.arange(self.contacts) + i for i in range(4))
+        self.size = self.inner + 7 * self.contacts
+        own = self.inner + np.arange(7 * self.contacts).reshape(-1, 7)
+        self.moving = own[:, :5]
+        self.x, self.y, self.angle, _, _, self.s, self.F = own.T
+        self.wheels: dict[int, Follower] = {}
+        given_x = []
+        for k, wheel in wheels.items():
+            car = k - wheel.front
+            x, y = arm_of(wheel)
+            self.wheels[k] = Follower(own[k, :2], own[car, 3:5], int(self.angle[car]), (x, y))
+            if wheel.front and wheel.car.kind == "haul_x":
+                given_x.append(Follower(own[car, 3:4], own[k, :1], int(self.angle[car]), (-x, -y)))
+        self.followers = [*given_x, *self.wheels.values()]
         q = np.arange(self.inner).reshape(self.segments, -1)
+        # between two wheels the rope takes the polynomials alone
+        self.functions_of = [slice(2 * terms * (i in rear), 2 * self.functions) for i in range(self.segments)]
+        self.shapes = np.concatenate([q[i, part] for i, part in enumerate(self.functions_of)])
         ends = [at[side] for side in (slice(-1), slice(1, None)) for at in (self.x, self.y)]
         # of a segment: q, p of L and R, s of L and R, (segments, 2 functions + 6)
         self.columns = np.column_stack([q, *ends, self.s[:-1], self.s[1:]])
         self.softness = Softness(0.0, 1.0)
+
+    def place_followers(self, Z: Array) -> None:
+        """Set what follows from other coordinates in Z (3, ..., size)."""
+        for follower in self.followers:
+            follower.place(Z)
 
 
 class Softness(NamedTuple):

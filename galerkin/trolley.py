@@ -1,0 +1,132 @@
+"""A car on two wheels; wheel i puts P_i on the rope, by the balance of the pieces beside it.
+
+    sum P_i + m (c.. - g j) = f,  sum n_i . P_i + J th.. = M,  P_i . tau_i + f_i |<r'>|/<|r'|> = 0
+
+e1 = (cos th, sin th), e2 = (-sin th, cos th), p_i = c + a_i e1 - d e2, n_i = dp_i/dth; f, M: force, moment about c.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cablefem.scene.contacts import Array, Car, MovingLine, Wheel
+from galerkin.bodies import DOWN, CarBody, Friction, Touch, across, dot
+
+Pair = tuple[float, float]
+
+
+def turned(of: Pair, angle: Array) -> Array:
+    """The vectors (..., 2) with these components along e1 and e2; angle (..., 1)."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    x, y = of
+    return np.concatenate([x * cos - y * sin, x * sin + y * cos], axis=-1)
+
+
+class Follower(NamedTuple):
+    """Coordinates p = c + arm, where the arm turns with a car."""
+
+    p: NDArray[np.intp]  # numbers of the coordinates, x and y or x alone
+    c: NDArray[np.intp]
+    pitch: int
+    arm: Pair  # [m] along e1, e2
+
+    def arms(self, pitch: Array) -> tuple[Array, Array]:
+        """The arm and d(arm)/d(pitch), (..., 2) or (..., 1)."""
+        return turned(self.arm, pitch)[..., : self.p.size], turned(across_of(self.arm), pitch)[..., : self.p.size]
+
+    def place(self, Z: Array) -> None:
+        """Set the jet of p in Z (3, ..., coordinates)."""
+        th, dth, ddth = Z[..., self.pitch, None]
+        arm, n = self.arms(th)
+        Z[0][..., self.p] = Z[0][..., self.c] + arm
+        Z[1][..., self.p] = Z[1][..., self.c] + dth * n
+        Z[2][..., self.p] = Z[2][..., self.c] + ddth * n - dth**2 * arm
+
+    def fold(self, K: Array, Z: Array, column: Array) -> None:
+        """Add the derivatives by the jet of p to those by the jets of c and pitch; K (3, rows, columns)."""
+        th, dth, ddth = Z[:, self.pitch, None]
+        arm, n = self.arms(th)
+        by = K[..., column[self.p]]  # (3, rows, p.size)
+        at = column[self.pitch]
+        K[..., column[self.c]] += by
+        K[0, :, at] += by[0] @ n - by[1] @ (dth * arm) - by[2] @ (ddth * arm + dth**2 * n)
+        K[1, :, at] += by[1] @ n - by[2] @ (2.0 * dth * arm)
+        K[2, :, at] += by[2] @ n
+
+
+def across_of(arm: Pair) -> Pair:
+    """d(arm)/dth."""
+    return -arm[1], arm[0]
+
+
+def arm_of(wheel: Wheel) -> Pair:
+    """p - c along e1 and e2 [m]."""
+    of = wheel.car.wheels
+    assert of is not None
+    return (0.5 if wheel.front else -0.5) * of.base - of.ahead, -of.below
+
+
+class Trolley(CarBody):
+    """A rigid car on two wheels; unless S or F is unknown, the front wheel grips the rope."""
+
+    contacts = 2
+
+    def __init__(self, car: Car, line: MovingLine) -> None:
+        super().__init__(car, line)
+        self.unknown = {"grip": "tuvs", "haul": "tuvsF", "haul_x": "tvsSF", "free": "tuvsS"}[car.kind]
+        self.arms = [arm_of(Wheel(car=car, front=front)) for front in (False, True)]
+        self.inertia = car.wheels.inertia if car.wheels is not None else 0.0
+        drive = car.drive
+        ahead, below = drive.hitch if drive.mode == "haul" else drive.thrust_at
+        self.push = math.cos(drive.thrust_angle), -math.sin(drive.thrust_angle)  # of a unit force
+        self.lever = ahead * self.push[1] - below * self.push[0]
+
+    def brakes(self, s: Any) -> Array:
+        rear = np.asarray(self.car.drive.rear_brake(s))
+        return np.stack([rear, self.car.drive.brake(s) - rear], axis=-1)
+
+    def of_centre(self, x: tuple[Touch, Touch]) -> tuple[Array, Array]:
+        return x[0].c, x[0].dc
+
+    def touch(self, numbers: Array) -> tuple[Touch, Touch]:
+        """The rear wheel, with angle, centre and F of the car, and the front wheel."""
+        return Touch(numbers[..., 0, :]), Touch(numbers[..., 1, :])
+
+    def wheels(self, x: tuple[Touch, Touch]) -> Sequence[Touch]:
+        return x
+
+    def pressing(self, x: tuple[Touch, Touch]) -> Array:
+        return np.stack([across(self.on_rope(wheel), wheel.tau) for wheel in x], axis=-1)
+
+    def along(self, x: tuple[Touch, Touch]) -> Array:
+        return -dot(self.on_rope(x[1]), x[1].tau)
+
+    def rows(self, x: tuple[Touch, Touch], of: Friction) -> Array:
+        car, rear = self.car, x[0]
+        P = [self.on_rope(wheel) for wheel in x]
+        n = [turned(across_of(arm), rear.angle) for arm in self.arms]
+        driven = rear.F[..., None] * turned(self.push, rear.angle)
+        force = P[0] + P[1] + car.mass * (rear.ddc - self.gravity * DOWN) - driven - self.drag(rear.dc)
+        moment = dot(n[0], P[0]) + dot(n[1], P[1]) + self.inertia * rear.ddangle[..., 0] - self.lever * rear.F
+        slip = self.slip(x, of)
+        rolling = [dot(P[i], x[i].tau) + slip[..., i] * x[i].projection for i in (0, 1)]
+        if self.unknown[-1] == "s":
+            rolling.pop()
+        return np.concatenate([force, np.stack([moment, *rolling], axis=-1)], axis=-1)
+
+    def energies(self, x: tuple[Touch, Touch]) -> Array:
+        car, at = self.car, x[0]
+        kinetic = 0.5 * (car.mass * dot(at.dc, at.dc) + self.inertia * at.dangle[..., 0] ** 2)
+        return np.stack([kinetic, 0.0 * kinetic, -car.mass * self.gravity * at.c[..., 1]])
+
+    def powers(self, x: tuple[Touch, Touch]) -> dict[str, Array]:
+        at = x[0]
+        if self.car.kind == "grip":
+            return {}
+        driven = dot(turned(self.push, at.angle), at.dc) + self.lever * at.dangle[..., 0]
+        return {"drag": dot(self.drag(at.dc), at.dc), self.driven: at.F * driven}
