@@ -54,11 +54,21 @@ def results(cablefem):
     assert cablefem("run", "zipline", *QUICK, "--out", "run")[0] == 0
     assert cablefem("check", "two-span", "--out", "line")[0] == 0
     cablefem("run", "zipline", "--model", "quasi-static", "--set", "mass.mass=60,80", "--out", "grid")
+    given = ("zipline", "cable.horizontal_tension=12e3:30e3", "--so-that", "tension_max <= 25 kN", "--no-check")
+    assert cablefem("find", *given, "--out", "find")[0] == 0
+    assert cablefem("find", *given, "--for", "mass.mass=80,90", "--out", "curve")[0] == 0
     return [file for file in Path().rglob("*.*") if file.name in {e.file for e in entries()}]
 
 
 def test_every_column_and_key_has_an_entry(results):
-    assert {file.name for file in results} >= {*WRITTEN, "positions.csv", "agreement.json", "table.csv"}
+    assert {file.name for file in results} >= {
+        *WRITTEN,
+        "positions.csv",
+        "agreement.json",
+        "table.csv",
+        "find.json",
+        "find.csv",
+    }
     assert {str(file): unknown(file) for file in results} == {str(file): [] for file in results}
 
 

@@ -1,13 +1,16 @@
 """The inverse question: its answers hold on one side and fail on the other, and bad questions are one sentence."""
 
 import json
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 import cablefem as cf
 from validation.commands.find.condition import parsed
+from validation.core import readback
 from validation.core.quasi_static import quasi_static
+from validation.page import terminal
 
 ZIPLINE = cf.Scene.load("zipline")
 RIDER = ZIPLINE.replace({"mass.mass": 50.0, "drive.wind": -4.0})
@@ -72,6 +75,47 @@ def test_the_speed_from_which_an_emergency_stop_keeps_the_haul_rope_taut():
     assert below * above < 0.0
 
 
+def scaled(at, key, factor=1.01):
+    at[key] *= factor
+
+
+def at_the_change(x):
+    return next(row for row in x["evaluations"] if row["value"] == x["changes"][0]["holds_at"])
+
+
+FAULTS = {
+    "value": lambda x: scaled(x["changes"][0], "value"),
+    "first value": lambda x: scaled(x, "value"),
+    "bar": lambda x: scaled(x["changes"][0], "bar"),
+    "number of the check": lambda x: scaled(x["changes"][0]["checked"], 1),
+    "tried value": lambda x: scaled(x["evaluations"][3], "value"),
+    "number that was read": lambda x: scaled(at_the_change(x)["read"][0], 0),
+    "limit": lambda x: x.update(condition="tension_max <= 25.25 kN"),
+    "holds": lambda x: x["evaluations"][0].update(holds=False),
+    "side": lambda x: x.update(sentence=x["sentence"].replace("at most", "at least")),
+    "word": lambda x: x["evaluations"][0].update(outcome="crashes"),
+}
+
+
+def test_each_planted_fault_of_an_answer_is_seen(cablefem):
+    given = ("find", "zipline", "cable.horizontal_tension=12e3:30e3", "--so-that", "tension_max <= 25 kN")
+    code, out, _ = cablefem(*given, "--out", "x")
+    assert code == 0
+    page = Path("x/report.html").read_text()
+    printed = out.splitlines()
+    assert list(readback.inverse(Path("x"), page, printed)) == []
+    right = json.loads(Path("x/find.json").read_text())
+    for plant in FAULTS.values():
+        wrong = json.loads(json.dumps(right))
+        plant(wrong)
+        Path("x/find.json").write_text(json.dumps(wrong))
+        assert list(readback.inverse(Path("x"), page, printed))
+    Path("x/find.json").write_text(json.dumps(right))
+    number = f"{right['value']:.0f}"
+    assert list(readback.inverse(Path("x"), page.replace(number, number[:-1] + "9"), printed))
+    assert list(readback.inverse(Path("x"), page, [text.replace(number, number[:-1] + "9") for text in printed]))
+
+
 def test_words_are_bisected_and_a_condition_that_never_changes_says_what_happens():
     found = cf.find(RIDER, {"cable.horizontal_tension": (12e3, 18e3)}, so_that="outcome = stuck", check=False)
     assert found.changes[0].fails_at > found.changes[0].holds_at
@@ -92,14 +136,54 @@ def test_the_command_stores_the_answer_and_a_value_that_fails_does_not_hold(cabl
     assert 'id="find"' in Path("x/report.html").read_text()
 
 
+@pytest.mark.parametrize(("count", "more"), [(6, ()), (20, ("--for", "mass.mass=60,80,100"))])
+def test_ctrl_c_leaves_what_was_computed(cablefem, monkeypatch, count, more):
+    shown = []
+
+    @contextmanager
+    def interrupting():
+        def show(label, done):
+            shown.append(label)
+            if len(shown) == count:
+                raise KeyboardInterrupt
+
+        yield show
+
+    monkeypatch.setattr(terminal, "progress", interrupting)
+    Path("zip.toml").write_text(ZIPLINE.replace({"cable.sag": 5.0}).to_toml())
+    code, out, err = cablefem(
+        "find", "zip.toml", "cable.sag=4:8", "--so-that", "tension_max <= 20 kN", "--no-check", *more, "--out", "x"
+    )  # fmt: skip
+    assert code == 130
+    assert err == "cablefem: interrupted; what was computed is in x/find.json\n"
+    stored = json.loads(Path("x/find.json").read_text())
+    if more:
+        assert 0 < len(stored["rows"]) < 3
+        assert Path("x/find.csv").read_text().count("\n") == 1 + len(stored["rows"])
+    else:
+        tried = {x["value"]: x["holds"] for x in stored["evaluations"]}
+        assert tried[4.0] is False
+        assert stored["sentence"] in out
+        assert "interrupted; tension_max <= 20 kN changes between" in out
+    assert 'id="find"' in Path("x/report.html").read_text()
+
+
 @pytest.mark.slow
 def test_the_curve_of_two_keys(cablefem):
     given = ("cable.sag=4:8", "--so-that", "safety_factor >= 4", "--for", "mass.mass=80,120")
     Path("zip.toml").write_text(ZIPLINE.replace({"cable.sag": 5.0, "cable.breaking_load": 9e4}).to_toml())
-    assert cablefem("find", "zip.toml", *given, "--out", "x")[0] == 0
-    light, heavy = (json.loads(Path("x/find.json").read_text())["rows"][i]["cable.sag"] for i in (0, 1))
+    code, out, _ = cablefem("find", "zip.toml", *given, "--out", "x")
+    assert code == 0
+    light, heavy = (json.loads(Path("x/find.json").read_text())["rows"][i]["value"] for i in (0, 1))
     assert heavy > light  # a heavier rider needs more sag
-    assert Path("x/find.csv").read_text().startswith("mass.mass,cable.sag,answer")
+    table = Path("x/find.csv").read_text()
+    assert table.startswith("mass.mass,cable.sag,answer")
+    page = Path("x/report.html").read_text()
+    printed = out.splitlines()
+    assert list(readback.inverse(Path("x"), page, printed)) == []
+    Path("x/find.csv").write_text(table.replace("\n80,", "\n81,"))
+    assert list(readback.inverse(Path("x"), page, printed)) == ["find.csv is not find.json"]
+    assert list(readback.inverse(Path("x"), page.replace(f">{heavy:.6g}<", f">{1.01 * heavy:.6g}<"), printed))
 
 
 @pytest.mark.parametrize(

@@ -148,6 +148,13 @@ def test_limits_of_a_line_at_rest_are_printed_and_judged(cablefem):
     rows = json.loads(Path("x/agreement.json").read_text())["limits"]
     assert [row["verdict"] for row in rows] == ["cannot be judged: give cable.breaking_load", "not met", "met", "met"]
     assert "smallest knee angle, empty" in out
+    page = Path("x/report.html").read_text()
+    assert list(readback.limits_shown(page, rows)) == []
+    value = f"{rows[1]['value']:.5g}"
+    for there, instead in ((value, f"{1.01 * rows[1]['value']:.5g}"), ("at least 3", "at least 4"), ("not met", "met")):
+        assert there in page
+        assert list(readback.limits_shown(page.replace(there, instead), rows))
+    assert list(readback.limits_shown(page, rows[1:]))
     assert cablefem("check", "skyline", "--limits", "skyline", "--out", "x", "--require-limits")[0] == 1
 
 

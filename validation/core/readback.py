@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import csv
 import html
+import itertools
 import json
 import math
 import re
@@ -523,8 +524,21 @@ def counts(text: str, of: Stored) -> Faults:
             yield f"{text!r} where {words} agree or hold"
 
 
-def _limit(cells: Sequence[str], of: Stored) -> Faults:
-    for row in of.limits:
+def limits_shown(html_text: str, rows: Sequence[Row]) -> Faults:
+    """Faults of the tables of limits on a page, which show all stored rows."""
+    shown = []
+    for table in _each("table", html_text):
+        rows_of_table = [_cells(row) for row in _each("tr", table)]
+        if rows_of_table and "|".join(rows_of_table[0]) == LIMITS:
+            shown += rows_of_table[1:]
+    if len(shown) != len(rows):
+        yield f"{len(shown)} limits are shown where {len(rows)} are stored"
+    for cells in shown:
+        yield from _limit(cells, rows)
+
+
+def _limit(cells: Sequence[str], rows: Sequence[Row]) -> Faults:
+    for row in rows:
         verdict = cells[4].lstrip("✓✗≈? ")
         if (cells[0], cells[3], verdict) == (row["demand"], row["source"], row["verdict"]):
             side = f"{row['side']} "
@@ -609,7 +623,7 @@ def _order(levels: Sequence[float], ratios: Sequence[float]) -> float | None:
 
 
 def _printed_limit(text: str, of: Stored) -> Faults:
-    yield from _limit(re.split("  +", text), of)
+    yield from _limit(re.split("  +", text), of.limits)
 
 
 # --- limits ---------------------------------------------------------------------------------------------------------
@@ -736,10 +750,11 @@ def _clearance(row: Row, values: Values, scene: Row) -> float | None:
     return min(found, default=None)
 
 
+LIMITS = "limit|value|demanded|by|verdict"  # columns
 TABLES: dict[str, Callable[[Sequence[str], Stored], Faults]] = {
     "quantity|value|when|car at|where": _number,
     "support|when|to the right|down": _load,
-    "limit|value|demanded|by|verdict": _limit,
+    LIMITS: _nothing,  # by `limits_shown`
     "quantity|S|order in space|order in time|D||E||validation uncertainty": _verified,
     "event|after [s]|at [m]|speed [km/h]": _event,
     "comparison|verdict|gap|sum of both bars|asked for|largest at sₒ/l|in the verdict": _comparison,
@@ -755,9 +770,14 @@ SECTIONS = ("answer", "side-view", "ride", "tension", "scene", "how-sure", "rest
 
 
 def _each(tag: str, text: str) -> list[str]:
-    """Contents of all elements of a tag, which may name a class."""
+    """Contents of all elements of a tag, a pattern that may name a class."""
     name = tag.partition(" ")[0]
     return re.findall(rf"<{tag}[^>]*>(.*?)</{name}>", text, re.S)
+
+
+def _cells(row: str) -> list[str]:
+    """Texts of a row's cells, or of its heads."""
+    return [plain(x) for x in _each("t[hd]", row)]
 
 
 def _section(html_text: str, name: str, command: str) -> str:
@@ -784,6 +804,7 @@ def page(html_text: str, command: str, of: Stored) -> Faults:
     if of.rows:
         yield from counts(summary, of)
     text = "".join(sections.values())
+    yield from limits_shown(text, of.limits)
     for table in _each("table", text):
         yield from _table(table, of)
     for data in _each('script type="application/json"', text):
@@ -795,13 +816,13 @@ def _table(table: str, of: Stored) -> Faults:
     rows = _each("tr", table)
     if not rows:  # the side view's, before its script runs
         return
-    columns = "|".join(plain(x) for x in _each("th", rows[0]))
+    columns = "|".join(_cells(rows[0]))
     reader = TABLES.get(columns)
     if reader is None:
         of.unread.append(columns)
         return
     for row in rows[1:]:
-        yield from reader([plain(x) for x in _each("td", row)], of)
+        yield from reader(_cells(row), of)
 
 
 # --- the side view --------------------------------------------------------------------------------------------------
@@ -994,3 +1015,120 @@ LINES: tuple[tuple[str, Callable[[str, Stored], Faults]], ...] = (
     (r"\S.*(  +(-|\d\S*)){4}  (agree|disagree|too coarse|not comparable|shown)$", _printed_comparison),
     (r"  \S.* after \S+( ± \S+)? s at .* m", _printed_event),
 )
+
+
+# --- an inverse question ----------------------------------------------------------------------------------------------
+
+_CLAUSE = re.compile(r"(\S+)\s*(<=|>=|<|>|=)\s*(\S+)\s*(\S*)")
+_ANSWER = re.compile(rf"(at most|at least) (about )?({_NUMBER}(?: ± {_NUMBER})?)(?: (\S+))?; (above|below): ")
+OF_EVENT = {"t": "s", "s_o": "m", "speed": "m/s"}
+
+
+def inverse(folder: Path, html_text: str, printed: Sequence[str]) -> Faults:
+    """Faults of find.json, find.csv, their page and what was printed."""
+    found = _json(folder / "find.json")
+    section = _section(html_text, "find", "find")
+    rows = [_cells(row) for table in _each("table", section) for row in _each("tr", table)][1:]
+    if "rows" in found:
+        stored = [list(row.values()) for row in found["rows"]]
+        expected = [[found["for"], found["key"], "answer"], *stored]
+        with (folder / "find.csv").open(encoding="utf-8", newline="") as file:
+            if [*csv.reader(file)] != [["" if x is None else str(x) for x in row] for row in expected]:
+                yield "find.csv is not find.json"
+        sentences = [f"{found['for']} = {of}: {answer}" for of, _, answer in stored]
+        for _, value, answer in stored:
+            match = _ANSWER.search(answer)
+            if (match is None) is not (value is None) or (match and not _rounds(match, value)):
+                yield f"{answer!r} where {value} is stored"
+        yield from _unlike_rows(rows, stored)
+    else:
+        sentences = [found["sentence"]]
+        yield from _search(found)
+        if plain("".join(_each('p class="summary"', section))) != plain(found["sentence"]):
+            yield "the page has another answer than find.json"
+        tried = [[x["value"], "yes" if x["holds"] else "no", x["outcome"]] for x in found["evaluations"]]
+        yield from _unlike_rows(rows, tried)
+    for sentence in sentences:
+        if sentence not in printed:
+            yield f"{sentence!r} was not printed"
+
+
+def _unlike_rows(shown: Sequence[Sequence[str]], stored: Sequence[Sequence[Any]]) -> Faults:
+    if len(shown) != len(stored):
+        yield f"{len(shown)} rows are shown where {len(stored)} are stored"
+    for cells, row in zip(shown, stored, strict=False):
+        for text, value in zip(cells, row, strict=True):
+            good = shows(text, value, digits=6) if isinstance(value, float | int | None) else text == plain(value)
+            if not good:
+                yield f"{text} is shown where {value} is stored"
+
+
+def _rounds(match: re.Match[str], value: float) -> bool:
+    """Whether an answer in words is a value to its last digit, two of one that is about."""
+    bar = match[3].partition(" ± ")[2]
+    return shows(match[3], value, bar=float(bar) if bar else None, digits=2 if match[2] else 5)
+
+
+def _search(found: Row) -> Faults:
+    """Faults of the values that were tried, of each change between them, and of the sentence."""
+    clauses = [_CLAUSE.fullmatch(text.strip()) for text in re.split(r"\band\b", found["condition"])]
+    rooms: dict[float, list[float]] = {}
+    reads: dict[float, list[Any]] = {}
+    for row in found["evaluations"]:
+        reads[row["value"]] = list(itertools.chain(*row["read"]))
+        rooms[row["value"]] = list(map(_room, itertools.cycle(clauses), reads[row["value"]]))
+        if row["holds"] is not all(room >= 0.0 for room in rooms[row["value"]]):
+            yield f"at {row['value']}: holds is {row['holds']} where {rooms[row['value']]} follow"
+    for name in ("value", "bar", "holds_at", "fails_at"):
+        if found[name] != (found["changes"][0][name] if found["changes"] else None):
+            yield f"{name} is not that of the first change"
+    answers = [] if "interrupted" in found["sentence"] else list(_ANSWER.finditer(found["sentence"]))
+    if answers and len(answers) != len(found["changes"]):
+        yield f"{len(answers)} answers in words of {len(found['changes'])}"
+    for i, change in enumerate(found["changes"]):
+        yield from _change(change, rooms, reads)
+        if answers:
+            yield from _answer(answers[i], change)
+
+
+def _room(match: re.Match[str] | None, read: Any) -> float:
+    """By how much a clause holds; negative or nan: it does not."""
+    if match is None or match[2] == "=":
+        return 0.0 if read == ("met" if match is None else match[3]) else math.nan
+    if read is None:
+        return math.nan
+    kind = re.split("[.:]", match[1])[0]
+    quantities = _words("core", "quantities.toml")
+    units = {name: row[1] for table in ("main", "more") for name, row in quantities[table].items()}
+    unit = next((units[name] for name in (kind, f"{kind}_min", f"{kind}_max") if name in units), None)
+    if unit is None:
+        unit = OF_EVENT[match[1].partition(".")[2]]
+    room = float(read) - float(match[3]) * si_factor(match[4], unit)
+    return room if match[2][0] == ">" else -room
+
+
+def _change(change: Row, rooms: dict[float, list[float]], read: dict[float, list[Any]]) -> Faults:
+    """Faults of a change: where the first number that fails crosses its limit on a chord, and the bar of a check."""
+    good, bad = change["holds_at"], change["fails_at"]
+    above, below = rooms[good], rooms[bad]
+    if not all(x >= 0.0 for x in above) or all(x >= 0.0 for x in below):
+        yield f"the condition does not change between {good} and {bad}"
+    shares = [a / (a - b) for a, b in zip(above, below, strict=False) if b < 0.0 <= a]
+    value = good + min(shares, default=0.0) * (bad - good)
+    if abs(change["value"] - value) > 1e-9 * abs(value):
+        yield f"value {change['value']} where {value} follows"
+    if change["checked"] is not None and change["bar"] is not None:
+        i, number, of_number = change["checked"]
+        slope = abs((read[bad][i] - read[good][i]) / (bad - good))
+        bar = (abs(number - read[good][i]) + of_number) / slope
+        if abs(change["bar"] - bar) > ROUNDING * bar:
+            yield f"bar {change['bar']} where {bar} follows from the check"
+
+
+def _answer(match: re.Match[str], change: Row) -> Faults:
+    at_most = change["fails_at"] > change["holds_at"]
+    words = match[1] == ("at most" if at_most else "at least") and match[5] == ("above" if at_most else "below")
+    width = max(change["bar"] or 0.0, abs(change["fails_at"] - change["holds_at"]))
+    good = _rounds(match, change["value"]) if match[2] else shows(match[3], change["value"], bar=width)
+    if not words or not good or (match[4] or "") != change["unit"]:
+        yield f"{match[0]!r} where {change['value']} with the bar {change['bar']} is stored"

@@ -43,8 +43,13 @@ def read_back(command: str, of: Stored, lines: Sequence[str]) -> int:
 
     text = (of.folder / store.REPORT).read_text(encoding="utf-8")
     faults = [*readback.files(of), *readback.page(text, command, of), *readback.terminal(lines, of)]
+    return say_faults(of.folder, command, faults)
+
+
+def say_faults(folder: Path, command: str, faults: Sequence[str]) -> int:
+    """Draw a page that begins with faults and complain of them; 1 if there are any."""
     if faults:
-        write(of.folder, command, faults)
+        write(folder, command, faults)
         terminal.complain([f"not what was computed: {fault}" for fault in faults[:5]])
     return int(bool(faults))
 

@@ -39,27 +39,34 @@ def command(
     name, ends = _range(key)
 
     from validation.commands.find import condition, study
+    from validation.core.readback import inverse
     from validation.page import report
 
     condition.parsed(so_that)
     how: Any = {"so_that": so_that, "model": model, "all_of": dict(map(_values, all_of or []))}
     found = points[0].scene
     writes = ["find.json"] if other is None else ["find.csv", "find.json"]
-    with options.written(out, "find", found, writes) as folder, terminal.progress() as progress:
-        if other is not None:
-            rows = study.curve(found, {name: ends}, *_values(other), **how)
-            study.write_curve(folder, rows)
-            result = [row["answer"] for row in rows]
-            answered = any(row[name] is not None for row in rows)
-        else:
-            one = study.find(found, {name: ends}, check=check, progress=progress, **how)
-            study.write(folder, one)
-            result = [one.sentence]
-            answered = bool(one.changes)
+    with options.written(out, "find", found, writes) as folder:
+        result: Any
+        try:
+            with terminal.progress() as progress:
+                how["progress"] = progress
+                if other is None:
+                    result = study.find(found, {name: ends}, check=check, **how)
+                else:
+                    result = study.curve(found, {name: ends}, *_values(other), **how)
+        except study.Interrupted as stop:
+            result = stop.found
+        result.write(folder)
         report.write(folder, "find")
-        for sentence in result:
-            terminal.say(sentence, style="bold")
-    return 0 if answered else 1
+        with terminal.copied() as lines:
+            for sentence in result.sentence.splitlines():
+                terminal.say(sentence, style="bold")
+        page = (folder / store.REPORT).read_text(encoding="utf-8")
+        wrong = report.say_faults(folder, "find", list(inverse(folder, page, lines)))
+        if result.interrupted:
+            raise KeyboardInterrupt(f"what was computed is in {folder / 'find.json'}")
+    return wrong or int(not result.changes)
 
 
 def _range(pair: str) -> tuple[str, tuple[float, float]]:

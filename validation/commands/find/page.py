@@ -13,12 +13,11 @@ def sections(folder: Path) -> list[Section]:
     found = store.read(folder / "find.json")
     rows = found.get("rows", [])
     figure = ""
-    points = [list(row.values())[:2] for row in rows if list(row.values())[1] is not None]
+    points = [(row["at"], row["value"]) for row in rows if row["value"] is not None]
     if len(points) > 1:
         x, y = np.array(points, float).T
-        other, key, _ = rows[0]
-        p = Panel(key, "", 220.0)
+        p = Panel(found["key"], "", 220.0)
         p.curve(x, y, BLUE, "", 1.8)
         p.fit([y])
-        figure = plot([p], (float(x.min()), float(x.max())), other, f"{key} over {other}.")
+        figure = plot([p], (float(x.min()), float(x.max())), found["for"], f"{found['key']} over {found['for']}.")
     return drawn(__package__, found=found, rows=rows, figure=figure)

@@ -26,7 +26,7 @@ from validation.page.answer.many import write_rows
 BRACKETS = 8  # parts of the range that are looked at
 HALVINGS = 12  # of a part in which the condition changes, at most
 NARROW = 1e-3  # of a part: numbers are linear in it
-CHECK = 5e-3  # tolerance of the path in the check at the answer
+CHECKS = (5e-3, 1e-3)  # tolerances of the path in the check at the answer: finer if its bar is of no use
 WIDENINGS = 10  # of the range around an answer in words, until the full model confirms it
 NONE = Answer("failed", "", {})
 
@@ -42,15 +42,20 @@ class Change:
     bar: float | None = None  # of the key; None: nothing was checked
     verdict: str = ""  # of the check
     unit: str = ""
+    checked: tuple[int, float, float | None] | None = None  # index among the rooms, number of the check, its bar
 
     @property
     def sentence(self) -> str:
-        side = "at most" if self.fails_at > self.holds_at else "at least"
-        # a bar of rounding would print digits that bisection does not have
-        width = abs(self.fails_at - self.holds_at)
-        text = f"{with_bar(self.value, max(self.bar or 0.0, width))} {self.unit}".rstrip()
-        sure = f"; the check: {self.verdict}" if self.verdict else "; by the least model alone"
-        return f"{side} {text}; beyond: {self.fails}{sure}"
+        side, beyond = ("at most", "above") if self.fails_at > self.holds_at else ("at least", "below")
+        if self.verdict and self.bar is None:
+            text = f"about {self.value:.2g} {self.unit}".rstrip()
+            sure = f"the check: {self.verdict}, but its error bar leaves no digit of that"
+        else:
+            # a bar of rounding would print digits that bisection does not have
+            width = abs(self.fails_at - self.holds_at)
+            text = f"{with_bar(self.value, max(self.bar or 0.0, width))} {self.unit}".rstrip()
+            sure = f"the check: {self.verdict}" if self.verdict else "by the least model alone"
+        return f"{side} {text}; {beyond}: {self.fails}; {sure}"
 
 
 @dataclass(frozen=True)
@@ -61,6 +66,7 @@ class Found:
     condition: str
     changes: list[Change]
     tried: list[dict[str, Any]] = field(default_factory=list)  # values, whether the condition holds, what happens
+    interrupted: bool = False
 
     @property
     def value(self) -> float | None:
@@ -69,6 +75,12 @@ class Found:
 
     @property
     def sentence(self) -> str:
+        if self.interrupted:
+            between = [
+                f"between {a['value']:.6g} and {b['value']:.6g}"
+                for a, b in itertools.pairwise(self.tried) if a["holds"] is not b["holds"]
+            ]  # fmt: skip
+            return f"{self.key}: interrupted; {self.condition} changes {' and '.join(between) or 'nowhere so far'}"
         if not self.changes:
             always = "everywhere" if self.tried[0]["holds"] else "nowhere"
             ends = "; ".join(f"at {x['value']:g}: {x['outcome']}" for x in (self.tried[0], self.tried[-1]))
@@ -76,12 +88,15 @@ class Found:
         many = f" (it changes {len(self.changes)} times)" if len(self.changes) > 1 else ""
         return f"{self.key}{many}: " + "; and ".join(change.sentence for change in self.changes)
 
+    def write(self, folder: Path) -> None:
+        write_json(folder / "find.json", store.plain(self.row()))
+
     def row(self) -> dict[str, Any]:
         """Content of find.json."""
         first: dict[str, Any] = dict.fromkeys(("value", "bar", "holds_at", "fails_at"))
         changes = []
         for change in self.changes:
-            names = ("value", "bar", "holds_at", "fails_at", "fails", "verdict")
+            names = ("value", "bar", "holds_at", "fails_at", "fails", "verdict", "unit", "checked")
             changes.append({name: getattr(change, name) for name in names})
         if changes:
             first = {name: changes[0][name] for name in first}
@@ -89,6 +104,30 @@ class Found:
             "key": self.key, **first, "condition": self.condition, "sentence": self.sentence, "changes": changes,
             "evaluations": self.tried, "check": changes[0]["verdict"] if changes else None,
         }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Answers for values of another key: rows of that value, of the key's or None, and of the answer in words."""
+
+    other: str
+    key: str
+    rows: list[dict[str, Any]]
+    interrupted: bool = False
+
+    @property
+    def changes(self) -> list[float]:
+        """Values that were found."""
+        return [row["value"] for row in self.rows if row["value"] is not None]
+
+    @property
+    def sentence(self) -> str:
+        return "\n".join(f"{self.other} = {row['at']}: {row['answer']}" for row in self.rows)
+
+    def write(self, folder: Path) -> None:
+        names = {"at": self.other, "value": self.key, "answer": "answer"}
+        write_rows(folder / "find.csv", [{names[name]: x for name, x in row.items()} for row in self.rows])
+        write_json(folder / "find.json", {"for": self.other, "key": self.key, "rows": self.rows})
 
 
 def find(
@@ -102,26 +141,34 @@ def find(
     so_that : as "outcome = arrives and clearance_car.tree >= 1.5 m"; names as in summary.json.
     model : of the search, quasi-static or full; a line has one model.  all_of : the condition must hold for each value.
     check : both solvers run at the answer; their number gives the bar of the key.
+    Ctrl-C raises Interrupted, whose `found` has what was computed.
     find("zipline", {"mass.mass": (40.0, 200.0)}, so_that="arrival.speed <= 16 km/h")
     """
     scene = of if isinstance(of, Scene | Line) else line_of(of) or Scene.load(of)
     ((key, (low, high)),) = keys.items()
     if not low < high:
         raise Refused(f"{key} = {low:g}:{high:g}: LOW must be below HIGH")
-    search = _Search(scene, key, parsed(so_that), model, all_of or {}, progress)
+    search = _Search(scene, key, parsed(so_that), model, all_of or {}, progress, high - low)
     values = [low + (high - low) * i / BRACKETS for i in range(BRACKETS + 1)]
-    search.refuse_unknown([low, high])
-    changes = []
-    for a, b in itertools.pairwise(values):
-        if search.holds(a) is not search.holds(b):
-            changes.append(search.narrowed(a, b))
-    if check:
-        changes = [search.judged(change, (high - low) / 2.0**WIDENINGS) for change in changes]
-    tried = []
-    for value, answers in sorted(search.known.items()):
-        sentence = "; ".join(dict.fromkeys(answer.sentence for answer in answers))
-        tried.append({"value": value, "holds": search.holds(value), "outcome": sentence})
-    return Found(key, so_that, changes, tried)
+    changes: list[Change] = []
+    try:
+        search.refuse_unknown([low, high])
+        for a, b in itertools.pairwise(values):
+            if search.holds(a) is not search.holds(b):
+                changes.append(search.narrowed(a, b))
+        if check:
+            changes = [search.judged(change) for change in changes]
+    except KeyboardInterrupt:
+        raise Interrupted(Found(key, so_that, changes, search.tried(), interrupted=True)) from None
+    return Found(key, so_that, changes, search.tried())
+
+
+class Interrupted(KeyboardInterrupt):
+    """A search that was interrupted; `found` is what it had computed."""
+
+    def __init__(self, found: Found | Curve) -> None:
+        super().__init__()
+        self.found = found
 
 
 @dataclass
@@ -132,6 +179,7 @@ class _Search:
     model: str
     all_of: Mapping[str, Sequence[Any]]
     progress: Progress
+    width: float  # of the range
     known: dict[float, list[Answer]] = field(default_factory=dict)
 
     def scenes(self, value: float) -> list[Any]:
@@ -148,6 +196,15 @@ class _Search:
                 self.known[value] = [replace(NONE, sentence=str(error).splitlines()[0])]
             self.progress(f"{self.key} = {value:.6g}", min(0.9, len(self.known) / (BRACKETS + HALVINGS + 1.0)))
         return self.known[value]
+
+    def tried(self) -> list[dict[str, Any]]:
+        """What happens at each value that was tried."""
+        rows = []
+        for value, answers in sorted(self.known.items()):
+            sentence = "; ".join(dict.fromkeys(answer.sentence for answer in answers))
+            read = [[clause.read(answer) for clause in self.clauses] for answer in answers]
+            rows.append({"value": value, "holds": self.holds(value), "outcome": sentence, "read": read})
+        return rows
 
     def refuse_unknown(self, ends: Sequence[float]) -> None:
         answers = [answer for value in ends for answer in self.answers(value)]
@@ -192,17 +249,17 @@ class _Search:
         return min((above / (above - below) for above, below in pairs if below < 0.0 <= above), default=math.nan)
 
     def _failure(self, value: float) -> str:
-        """What does not hold at a value, with its number or what happens."""
+        """What does not hold at a value: a number, or what happens."""
         count = len(self.clauses)
         i = next(i for i, room in enumerate(self.rooms(value)) if not room >= 0.0)
         answers = self.answers(value)
         answer = answers[min(i // count, len(answers) - 1)]
-        number = self.clauses[i % count].number(answer)
-        if number is None or not self.clauses[i % count].sign:
+        clause = self.clauses[i % count]
+        if not clause.sign or clause.number(answer) is None:
             return answer.sentence
-        return f"{self.clauses[i % count].name} = {number.value:.6g} {number.unit}".rstrip()
+        return f"{clause.name} {'<' if clause.sign > 0.0 else '>'} {clause.right} {clause.unit}".rstrip()
 
-    def judged(self, change: Change, width: float) -> Change:
+    def judged(self, change: Change) -> Change:
         """The change with its bar: of the checked number over its slope, or a range that the full model confirms."""
         count = len(self.clauses)
         before = self.rooms(change.holds_at)
@@ -210,15 +267,21 @@ class _Search:
         numbers = [i for i, room in enumerate(before) if i < len(after) and after[i] < 0.0 <= room]
         i = numbers[0] if numbers else next(i for i, room in enumerate(after) if not room >= 0.0)
         scene = self.scenes(change.holds_at)[min(i // count, len(before) // count - 1)]
-        self.progress("check", 0.95)
-        answer, verdict = checked(scene)
-        number = self.clauses[i % count].number(answer)
-        if not numbers or number is None:
-            return replace(change, bar=self._confirmed(change, width), verdict=verdict)
-        slope = (after[i] - before[i]) / (change.fails_at - change.holds_at)
-        off = abs(self.clauses[i % count].room(answer) - before[i])
-        bar = math.inf if number.bar is None else (off + number.bar) / abs(slope)
-        return replace(change, bar=bar if math.isfinite(bar) else None, verdict=verdict)
+        for tol in CHECKS:
+            self.progress("check", 0.95)
+            answer, verdict = checked(scene, tol)
+            change = replace(change, verdict=verdict)
+            number = self.clauses[i % count].number(answer)
+            if not numbers or number is None:
+                return replace(change, bar=self._confirmed(change, self.width / 2.0**WIDENINGS))
+            slope = (after[i] - before[i]) / (change.fails_at - change.holds_at)
+            off = abs(self.clauses[i % count].room(answer) - before[i])
+            bar = math.inf if number.bar is None else (off + number.bar) / abs(slope)
+            useful = bar < self.width / BRACKETS
+            change = replace(change, bar=bar if useful else None, checked=(i, number.value, number.bar))
+            if useful or isinstance(scene, Line):
+                break
+        return change
 
     def _confirmed(self, change: Change, width: float) -> float | None:
         """Half a range around the answer at whose ends the full model says the same; None: none was found."""
@@ -254,8 +317,8 @@ def answer_of(scene: Any, model: str) -> Answer:
     return Answer.of(outcome(scene, r), r.design, r.events, limits.rows(scene, r.design, r.events))
 
 
-def checked(scene: Any) -> tuple[Answer, str]:
-    """The answer of both solvers, and their verdict."""
+def checked(scene: Any, tol: float) -> tuple[Answer, str]:
+    """The answer of both solvers, and their verdict; tol : of the path of one span."""
     from validation import check
     from validation.core.answers import outcome
 
@@ -263,26 +326,21 @@ def checked(scene: Any) -> tuple[Answer, str]:
         judge: Any = check
         found = judge(scene)
         return Answer.of(found.outcome, found.design, (), found.limits), found.verdict.value
-    both = check(scene, tol=CHECK)
+    both = check(scene, tol=tol)
     r = replace(both.a.run, design=both.design)
     return Answer.of(outcome(scene, r), both.design, r.events, both.limits), both.verdict.value
 
 
 def curve(
     scene: Any, keys: Mapping[str, Sequence[float]], other: str, values: Sequence[Any], **how: Any
-) -> list[dict[str, Any]]:  # fmt: skip
-    """One row for each value of another key, by the least model."""
-    rows = []
+) -> Curve:  # fmt: skip
+    """One row for each value of another key, by the least model; `how` as in `find`."""
+    rows: list[dict[str, Any]] = []
+    (key,) = keys
     for value in values:
-        found = find(scene.replace({other: value}), keys, check=False, **how)
-        rows.append({other: value, found.key: found.value, "answer": found.sentence})
-    return rows
-
-
-def write(folder: Path, found: Found) -> None:
-    write_json(folder / "find.json", store.plain(found.row()))
-
-
-def write_curve(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
-    write_rows(folder / "find.csv", rows)
-    write_json(folder / "find.json", {"rows": rows})
+        try:
+            found = find(scene.replace({other: value}), keys, check=False, **how)
+        except KeyboardInterrupt:
+            raise Interrupted(Curve(other, key, rows, interrupted=True)) from None
+        rows.append({"at": value, "value": found.value, "answer": found.sentence})
+    return Curve(other, key, rows)

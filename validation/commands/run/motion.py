@@ -27,10 +27,10 @@ from validation.core.agreement import Agreement, Verdict, overall
 from validation.core.answers import STATIONS, Outcome
 from validation.core.ladder import Branch, Ladder
 from validation.core.motion_rows import Moved, chain, rope_depths, tension_of, with_bars
-from validation.core.readback import limit_faults
+from validation.core.readback import limit_faults, limits_shown
 from validation.page import report, terminal
 from validation.page.answer import many as table
-from validation.page.motion import columns, tell, unit_of
+from validation.page.motion import columns, sections, tell, unit_of
 from validation.page.options import Point
 
 ROPE_STATIONS = 101
@@ -291,8 +291,9 @@ def _one(command: str, line: Line, out: Path | None, solve: Callable[[Line], Ans
         terminal.say(verdict, style=terminal.STYLES[verdict])
     faults = motion_laws.read_back(folder / home, result.motion, result.design, result.moved.period)
     faults += limit_faults(result.limits, tomllib.loads(line.to_toml()), result.design, ())
-    report.write(folder, command, faults)
-    terminal.complain([f"not what was computed: {fault}" for fault in faults[:5]])
+    faults += limits_shown("".join(section.html for section in sections(folder / home)), result.limits)
+    report.write(folder, command)
+    report.say_faults(folder, command, faults)
     tell(line, result.outcome.sentence, result.design, result.limits)
     terminal.say(f"  {result.moved.method}, {_settings(result.moved)}; {seconds:.2g} s")
     if result.rows:
