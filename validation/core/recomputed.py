@@ -50,20 +50,25 @@ def design(r: Response, counterpart: Response | None = None) -> Iterator[Agreeme
             names.append(("peak", "bar_peak", " peak"))
         for name, bar, law in names:
             if readings.knows(quantity):
-                yield _of_number(r, row, name, bar, readings.of(quantity, raw=bool(law)), quantity + law)
+                right = readings.of(quantity, raw=bool(law))
+                yield _of_number(r, row, (name, bar), right, readings.resolution(quantity), quantity + law)
             else:
                 yield Agreement("design", math.nan, nothing("printed without a second computation"), law=quantity)
 
 
 def _of_number(
-    r: Response, row: dict[str, Any], name: str, bar: str, right: float | None, law: str
+    r: Response, row: dict[str, Any], names: tuple[str, str], right: float | None, resolution: float, law: str
 ) -> Agreement:  # fmt: skip
-    """The row of a printed number or peak, of that name in `row`, against the right one."""
+    """The row of a printed number or peak against the right one.
+
+    names : of the number and its bar in `row`;  resolution : of the right one, counts where there is no bar.
+    """
+    name, bar = names
     where = None if row["s_o"] is None else row["s_o"] / r.length
     if row[name] is None or right is None:
         return _row(r, "design", law, 0.0 if row[name] is right else 1.0, ROUNDING, where)
     size = abs(right) or 1.0
-    allowed = (row[bar] or 0.0) / size + ROUNDING
+    allowed = (row[bar] or resolution) / size + ROUNDING
     return _row(r, "design", law, abs(row[name] - right) / size, allowed, where)
 
 
@@ -96,6 +101,10 @@ class Readings:
         if name:
             return kind in ("clearance_rope_min", "clearance_car_min") and name in self.profiles
         return kind in ("safety_factor_min", "slack_onset", *FROM_TOML) or self._signal(kind) is not None
+
+    def resolution(self, quantity: str) -> float:
+        """How exactly a quantity is known from stored steps: slack begins between two of them."""
+        return float(np.abs(np.diff(self.r.s_o)).max()) / self.r.length if quantity == "slack_onset" else 0.0
 
     def of(self, quantity: str, raw: bool = False) -> float | None:
         """A number in SI, or None where there is none; raw: without means over an axial round trip."""
