@@ -23,6 +23,7 @@ DAMPED = Scheme("damped", 0.5, 1.0)
 MAX_HALVINGS = 6  # of a step
 MAX_FAILED = 100  # steps, beyond half of the grid's number
 MAX_EVENTS = 20  # without a step between them
+MAX_EVENTS_OF_RUN = 200  # rides that come to an end have at most 20
 MAX_STEPS = 256  # at once, on the grid
 MAX_ADAPTIVE_STEPS = 32  # at once
 MAX_GROWTH = 2.0  # longest over shortest of adaptive steps taken at once
@@ -166,6 +167,10 @@ class _March:
             raise EndlessEvents(
                 x.t, f"more than {MAX_EVENTS} events without a step between them, at last {names[-1]!r}",
                 "what changes at the event does not keep it from happening again at once",
+            )  # fmt: skip
+        if len(self.work.events) > MAX_EVENTS_OF_RUN:
+            raise EndlessEvents(
+                x.t, f"more than {MAX_EVENTS_OF_RUN} events, at last {names[-1]!r}", "let the ride end before that",
             )  # fmt: skip
         self.last_event = x.t
         self.single_steps = 1

@@ -97,6 +97,12 @@ def test_a_ball_that_comes_to_rest_by_ever_more_bounces_ends_with_a_typed_error(
     assert caught.value.t == pytest.approx(limit, abs=1e-5)
 
 
+def test_a_ball_that_bounces_on_and_on_ends_with_a_typed_error():
+    ball = Ball(restitution=1.0, end=2000.0)
+    with pytest.raises(EndlessEvents, match="more than 200 events"):
+        run(ball, 4000)
+
+
 @pytest.mark.parametrize("steps", [60, 160])
 def test_dry_friction_takes_the_same_from_every_swing_and_holds_the_last_one(steps):
     """Turning points at (-1)^n (q0 - 2 n f/k); the trapezoidal rule keeps the energy of a swing, so they are exact."""

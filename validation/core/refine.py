@@ -26,6 +26,7 @@ FIRST_STEPS = 120
 MAX_STEPS = 64_000
 MAX_SIZE = 2e6  # steps times resolution, about 0.5 GB
 BUDGET = 1.2e6  # work (see `exceeds_budget`) of the finest run of a ladder, which takes 30 to 60 s
+MAX_BROKEN = 3  # ladders one after the other that do not reach the end of the window
 AIM = 0.8  # planned bar over its target
 FINER = np.linspace(1.0, 2.0, 5).tolist()  # refinements of space in one step of planning; larger ones may cost too much
 SHORTER = np.linspace(1.0, 4.0, 7).tolist()  # of time; orders do not hold further
@@ -160,11 +161,13 @@ def refine_to_tolerance(
     settings = method.settings_on(scene.groups, _rule(scene, method, runs.settings) | _begin(scene, method))
     ratio = 1.0  # last refinement of space
     bar_before = math.inf  # in space, before it
+    broken = 0
     while True:
         ladder = runs.ladder(settings)
         goal = Goal(path_parts(ladder, runs.view), tol)
         report(0.3, f"{len(runs.made)} runs, bar {goal.bar:.1g} of {tol:g} wanted")
-        if goal.excess <= 1.0:
+        broken = 0 if math.isfinite(goal.bar) else broken + 1
+        if goal.excess <= 1.0 or broken == MAX_BROKEN:
             break
         in_space, _ = goal.parts
         if ratio > 1.0 and not in_space < bar_before / ratio**MIN_ORDER:  # steps are too long for a finer mesh
