@@ -4,6 +4,11 @@ C = M (p.. - g j) - F_ext is the force that the rope must give to the car's poin
 
     tau = <r'>/|<r'>|        F_ext = (F + thrust) tau - k |p. - wind| (p. - wind)
     f = hold - (mu_r |n . C| + brake) sign        n across tau
+
+A cabin of mass m swings by phi at the arm h below p: its centre is p_c = p + h (sin phi, cos phi). Its drag acts there.
+
+    C = M p.. + m h (phi.. e1 - phi.^2 e2) - M g j - F_ext        e1 = (cos phi, - sin phi), e2 = (sin phi, cos phi)
+    row of phi: (J + m h^2) phi.. + m h (p.. . e1 + g sin phi) + c phi. - h e1 . drag
 """
 
 from __future__ import annotations
@@ -12,10 +17,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cablefem.elements.segments import dot
 from cablefem.newmark import Array
 
 STEP = 1e-30  # of derivatives by a complex step
-INPUTS = 9  # of `forces`: r' behind (2) and ahead (2), p. (2), p.. (2), F/M
+INPUTS = 12  # of `forces`: r' behind (2) and ahead (2), p. (2), p.. (2), F/M, phi, phi., phi..
 
 
 class Cars(NamedTuple):
@@ -29,7 +35,13 @@ class Cars(NamedTuple):
     brake: Array  # [N]
     hold: Array  # [N]
     sign: Array  # of the motion along the rope
+    # of the cabin that swings, part of the mass; 0 without
+    lever: Array  # m h [kg m]
+    arm: Array  # h [m]
+    inertia: Array  # J + m h^2 [kg m2]
+    resistance: Array  # c [N m s]
     gravity: float
+    rear_brake: Array  # [N] of `brake` at the rear one of two wheels
 
 
 class Forces(NamedTuple):
@@ -43,6 +55,8 @@ class Forces(NamedTuple):
     drag: Array
     friction: Array  # f without the hold
     normal: Array  # - n . C: the car presses on the rope
+    swing: Array  # row of phi
+    air_power: Array  # [W] of the drag
 
 
 def size(x: Array) -> Array:
@@ -53,24 +67,32 @@ def size(x: Array) -> Array:
 def forces(cars: Cars, inputs: Array) -> Forces:
     """Forces at inputs (..., n, INPUTS), which may be complex."""
     behind, ahead, velocity, acceleration = (inputs[..., i : i + 2] for i in (0, 2, 4, 6))
+    angle, rate, turning = (inputs[..., i] for i in (9, 10, 11))
+    forward = np.stack([np.cos(angle), -np.sin(angle)], axis=-1)
+    out = np.stack([np.sin(angle), np.cos(angle)], axis=-1)
     mean = 0.5 * (behind + ahead)
     tau = mean / size(mean)[..., None]
-    air = velocity - np.stack([cars.wind, np.zeros_like(cars.wind)], axis=-1)
+    carried = velocity + (cars.arm * rate)[..., None] * forward  # what the air meets
+    air = carried - np.stack([cars.wind, np.zeros_like(cars.wind)], axis=-1)
     speed = np.sqrt(air[..., 0] ** 2 + air[..., 1] ** 2 + 1e-24)  # differentiable at rest
     drag = -(cars.drag * speed)[..., None] * air
     haul = cars.mass * inputs[..., 8]
     weight = cars.mass[:, None] * np.array([0.0, cars.gravity])
     contact = cars.mass[:, None] * acceleration - weight - (haul + cars.thrust)[..., None] * tau - drag
+    contact = contact + (cars.lever * turning)[..., None] * forward - (cars.lever * rate**2)[..., None] * out
     normal = contact[..., 0] * tau[..., 1] - contact[..., 1] * tau[..., 0]
     load = np.where(normal.real < 0.0, -normal, normal)
     friction = -(cars.friction * load + cars.brake) * cars.sign
     stretch = 0.5 * (size(behind) + size(ahead))
-    return Forces(contact, stretch * (cars.hold + friction), tau, stretch, haul, drag, friction, normal)
+    about_hinge = cars.lever * (dot(acceleration, forward) + cars.gravity * np.sin(angle))
+    swing = cars.inertia * turning + about_hinge + cars.resistance * rate - cars.arm * dot(drag, forward)
+    Q = stretch * (cars.hold + friction)
+    return Forces(contact, Q, tau, stretch, haul, drag, friction, normal, swing, dot(drag, carried))
 
 
 def derivatives(cars: Cars, inputs: Array) -> Array:
-    """Derivatives (n, 3, INPUTS) of C and Q by the inputs (n, INPUTS)."""
+    """Derivatives (n, 4, INPUTS) of C, - Q and the row of phi by the inputs (n, INPUTS)."""
     shifted = inputs + 1j * STEP * np.eye(INPUTS)[:, None, :]  # (INPUTS, n, INPUTS)
     at = forces(cars, shifted)
-    values = np.concatenate([at.contact, at.drive[..., None]], axis=-1)  # (INPUTS, n, 3)
+    values = np.concatenate([at.contact, -at.drive[..., None], at.swing[..., None]], axis=-1)  # (INPUTS, n, 4)
     return np.moveaxis(values.imag / STEP, 0, -1)

@@ -11,36 +11,65 @@ from scipy.linalg import get_lapack_funcs
 
 from cablefem.newmark import Array
 
+Indices = Any
+
+
+class Full:
+    """A full matrix."""
+
+    def __init__(self, matrix: Any) -> None:
+        self.matrix, self.kind = matrix, matrix.dtype
+
+    def add(self, rows: Indices, columns: Indices, block: Array) -> None:
+        self.matrix[np.ix_(rows, columns)] += block
+
+    def add_row(self, to: int, i: int, factor: complex = 1.0) -> None:
+        self.matrix[to] += factor * self.matrix[i]
+
+    def add_column(self, to: int, j: int, factor: complex) -> None:
+        self.matrix[:, to] += factor * self.matrix[:, j]
+
 
 class Bordered:
     """A band matrix of n unknowns with border rows and columns; numbers count through."""
 
     def __init__(self, n: int, band: int, border: int, kind: type) -> None:
-        self.n, self.b = n, band
+        self.n, self.b, self.kind = n, band, kind
         self.ab: Any = np.zeros((3 * band + 1, n), kind, order="F")  # as LAPACK's gbtrf
         self.columns: Any = np.zeros((n, border), kind)
         self.rows: Any = np.zeros((border, n), kind)
         self.corner: Any = np.zeros((border, border), kind)
 
-    def add_diagonal(self, i: int, value: complex) -> None:
-        if i < self.n:
-            self.ab[2 * self.b, i] += value
+    def add(self, rows: Indices, columns: Indices, block: Array) -> None:
+        """Add a block (rows, columns) inside the band, in the border rows or in the corner."""
+        i, j = np.asarray(rows)[:, None], np.asarray(columns)
+        if i[0] < self.n:
+            self.ab[2 * self.b + i - j, j] += block
+        elif j[0] < self.n:
+            self.rows[i - self.n, j] += block
         else:
-            self.corner[i - self.n, i - self.n] += value
+            self.corner[i - self.n, j - self.n] += block
 
-    def _row(self, i: int) -> tuple[Any, Any]:
-        """Numbers of the columns of row i < n in the band, and their places in it."""
-        j = np.arange(max(0, i - self.b), min(self.n, i + self.b + 1))
-        return j, 2 * self.b + i - j
+    def _near(self, i: int) -> Any:
+        """Numbers within the band beside i < n."""
+        return np.arange(max(0, i - self.b), min(self.n, i + self.b + 1))
 
-    def copy_row(self, to: int, i: int) -> None:
-        """Copy row i to the border row `to`."""
+    def add_row(self, to: int, i: int, factor: complex = 1.0) -> None:
+        """Add row i to the border row `to`."""
+        to = to - self.n
         if i >= self.n:
-            self.rows[to], self.corner[to] = self.rows[i - self.n], self.corner[i - self.n]
+            self.rows[to] += factor * self.rows[i - self.n]
+            self.corner[to] += factor * self.corner[i - self.n]
             return
-        j, at = self._row(i)
-        self.rows[to], self.corner[to] = 0.0, self.columns[i]
-        self.rows[to, j] = self.ab[at, j]
+        j = self._near(i)
+        self.rows[to, j] += factor * self.ab[2 * self.b + i - j, j]
+        self.corner[to] += factor * self.columns[i]
+
+    def add_column(self, to: int, j: int, factor: complex) -> None:
+        """Add column j < n to the border column `to`."""
+        to, i = to - self.n, self._near(j)
+        self.columns[i, to] += factor * self.ab[2 * self.b + i - j, j]
+        self.corner[:, to] += factor * self.rows[:, j]
 
     def fix(self, at: NDArray[np.intp]) -> None:
         """Make rows and columns `at` zero but for ones on the diagonal: these unknowns drop out."""
@@ -69,3 +98,6 @@ class Bordered:
             return np.concatenate([inner - beside @ border, border])
 
         return solve
+
+
+Matrix = Full | Bordered

@@ -11,9 +11,10 @@ from numpy.polynomial.polynomial import polyder, polyval
 from cablefem.elements.bodies import Cars, forces
 from cablefem.elements.reference import lagrange_element, shape_polynomials
 from cablefem.elements.segments import Motion, dot
-from cablefem.motion import CarMotion, ContactMotion, LineMotion
+from cablefem.elements.trolley import Trolley
+from cablefem.motion import CarMotion, ContactMotion, LineMotion, Turning, WheelMotion
 from cablefem.newmark import Array, State
-from cablefem.scene.contacts import Contact
+from cablefem.scene.contacts import Car, Contact
 
 if TYPE_CHECKING:
     from cablefem.elements.system import LineElements
@@ -72,8 +73,7 @@ def observe(system: LineElements, states: Sequence[State], s: Array) -> LineMoti
     kinetic = x.total(0.5 * system.segments.rho * dot(p.w, p.w))
     powers = {"damping": -2.0 * rope.damping * kinetic} if rope.damping else {}
     strain, potential = x.total(p.W), -x.total(system.segments.q * p.y)
-    supports = [k for k in range(len(system.line.contacts)) if k not in system.cars]
-    contacts = tuple(_contact(x, k, c) for k, c in zip(supports, system.line.supports, strict=True))
+    contacts = tuple(_contact(x, k, c) for k, c in zip(system.supports, system.line.supports, strict=True))
     for k in (0, -1):
         contact = system.line.supports[k]
         if contact.stiffness is not None:
@@ -85,14 +85,33 @@ def observe(system: LineElements, states: Sequence[State], s: Array) -> LineMoti
             force = [system.pulley(k, v[slot], a[slot]) for v, a in zip(x.v, x.a, strict=True)]
             powers[f"{contact.name} weight"] = -np.array(force) * x.v[:, slot]
     cars = _cars(x, powers) if system.cars else ()
-    for car, k in zip(system.line.cars, system.cars, strict=True):
-        kinetic = kinetic + 0.5 * car.mass * np.sum(x.at(k, x.v) ** 2, axis=1)
-        potential = potential - car.mass * system.line.gravity * x.at(k, x.q)[:, 1]
+    for car, motion in zip(system.line.cars, cars, strict=True):
+        kinetic = kinetic + _kinetic(car, motion)
+        potential = potential - car.mass * system.line.gravity * motion.point[:, 1]
+        if motion.turning is not None:
+            hung = car.mass if car.hanger is None else car.hanger.mass
+            below = motion.turning.centre - motion.point
+            potential = potential - hung * system.line.gravity * below[:, 1]
     points, tension = _stations(x, s)
     return LineMotion(
         t=x.t, cars=cars, contacts=contacts, s=s, points=points, tension=tension, kinetic=kinetic, strain=strain,
         potential=potential, powers=powers,
     )  # fmt: skip
+
+
+def _kinetic(car: Car, motion: CarMotion) -> Array:
+    """Kinetic energy (n,) [J] of a car."""
+    turning, body = motion.turning, car.hanger or car.wheels
+    if turning is None or body is None:
+        return 0.5 * car.mass * dot(motion.velocity, motion.velocity)
+    mass = car.mass if car.hanger is None else car.hanger.mass
+    below = turning.centre - motion.point
+    # a swing forward turns from down to the right, a pitch from the right to down
+    sense = 1.0 if car.hanger is None else -1.0
+    across = sense * np.stack([-below[:, 1], below[:, 0]], axis=1)
+    centre = motion.velocity + turning.rate[:, None] * across
+    at_point = (car.mass - mass) * dot(motion.velocity, motion.velocity)
+    return 0.5 * (at_point + mass * dot(centre, centre) + body.inertia * turning.rate**2)
 
 
 def _contact(x: _History, k: int, contact: Contact) -> ContactMotion:
@@ -114,21 +133,32 @@ def _cars(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]:
     """Motion of the cars; adds their powers."""
     system = x.system
     ks, slots = np.array(system.cars), system.s[system.cars]
-    behind, ahead = x.slopes[1][:, ks - 1], x.slopes[0][:, ks]
+    behind, ahead = x.slopes[1][:, ks - 1], x.slopes[0][:, ks]  # of two wheels at the front one
     velocity, acceleration = (np.stack([x.at(k, z) for k in ks], axis=1) for z in (x.v, x.a))
-    F = np.zeros((x.t.size, ks.size, 1))
-    F[:, system.of_force, 0] = x.a[:, system.force]
+    F_and_swing = np.zeros((x.t.size, ks.size, 4))
+    F_and_swing[:, system.of_force, 0] = x.a[:, system.force]
+    F_and_swing[:, system.of_swing, 1:] = np.stack([z[:, system.swing] for z in (x.q, x.v, x.a)], axis=2)
     data = _car_data(x, x.q[:, slots], x.v[:, slots])
-    on = forces(data, np.concatenate([behind, ahead, velocity, acceleration, F], axis=2))
+    on = forces(data, np.concatenate([behind, ahead, velocity, acceleration, F_and_swing], axis=2))
+    trolleys = {trolley.i: trolley for trolley in system.trolleys}
     along = np.sum(on.tau * velocity, axis=2)
     rows = x.ends[1][:, ks - 1] + x.ends[0][:, ks]
     none = np.full(x.t.size, np.nan)
     out = []
     for i, (k, car) in enumerate(zip(ks.tolist(), system.line.cars, strict=True)):
         ds = x.v[:, slots[i]]
+        if i in trolleys:
+            out.append(_on_wheels(x, trolleys[i], data, rows[:, i], powers))
+            continue
         grips, hauled = car.kind == "grip", car.drive.mode == "haul"
         powers[f"{car.name} friction"] = on.stretch[:, i] * on.friction[:, i] * ds
-        powers[f"{car.name} drag"] = np.sum(on.drag[:, i] * velocity[:, i], axis=1)
+        powers[f"{car.name} drag"] = on.air_power[:, i]
+        turning = None
+        if i in system.of_swing:
+            angle, rate, faster = np.moveaxis(F_and_swing[:, i, 1:], 1, 0)
+            out_of = data.arm[i] * np.stack([np.sin(angle), np.cos(angle)], axis=1)
+            turning = Turning(angle=angle, rate=rate, acceleration=faster, centre=x.at(k, x.q) + out_of)
+            powers[f"{car.name} swing"] = -data.resistance[i] * rate**2
         if grips:
             powers[f"{car.name} grip"] = rows[:, i] * ds
             del powers[f"{car.name} friction"], powers[f"{car.name} drag"]
@@ -143,8 +173,52 @@ def _cars(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]:
             acceleration=acceleration[:, i], tension_behind=tension[0], tension_ahead=tension[1],
             slope_behind=behind[:, i], slope_ahead=ahead[:, i], haul_force=on.haul[:, i] if hauled else none,
             grip_force=rows[:, i] / on.stretch[:, i] if grips else none, contact_force=on.normal[:, i],
+            turning=turning,
         ))  # fmt: skip
     return tuple(out)
+
+
+def _on_wheels(x: _History, trolley: Trolley, data: Cars, grip: Array, powers: dict[str, Array]) -> CarMotion:
+    """Motion of a car on two wheels; adds its powers.  grip : row of s of the front wheel (n,)."""
+    system, car, pair = x.system, trolley.car, [trolley.k - 1, trolley.k]
+    nodes, slots = np.array(pair), system.s[pair]
+    P = x.rows[1][:, nodes - 1] + x.rows[0][:, nodes]
+    z, n = np.array([x.q, x.v, x.a]), x.t.size
+    on = trolley.forces(data, trolley.inputs(z, P.reshape(n, 4)))
+    sides = trolley.slopes(x.q).reshape(n, 2, 2, 2)  # of each wheel, behind and ahead
+    s, ds = x.q[:, slots], x.v[:, slots]
+    pulls = [[np.linalg.norm(z, axis=1) for z in x.beside(k, x.pulls)] for k in pair]
+    wheels = tuple(
+        WheelMotion(
+            name=system.line.touching[k].name, s=s[:, j], ds=ds[:, j], point=x.at(k, x.q), load=on.loads[j],
+            tension_behind=pulls[j][0], tension_ahead=pulls[j][1], slope_behind=sides[:, j, 0],
+            slope_ahead=sides[:, j, 1],
+        )
+        for j, k in enumerate(pair)
+    )  # fmt: skip
+    angle, rate, faster = (z[:, trolley.body[2]] for z in (x.q, x.v, x.a))
+    centre = x.at(trolley.k, x.q) + np.stack(on.centre, axis=1)
+    turning = Turning(angle=angle, rate=rate, acceleration=faster, centre=centre, wheels=wheels)
+    none = np.full(n, np.nan)
+    grips, hauled = car.kind == "grip", car.drive.mode == "haul"
+    if grips:
+        powers[f"{car.name} grip"] = grip * ds[:, 1]
+    else:
+        powers[f"{car.name} friction"] = on.friction[0] * ds[:, 0] + on.friction[1] * ds[:, 1]
+        powers[f"{car.name} drag"] = on.drag
+    if hauled:
+        powers[f"{car.name} haul"] = on.haul
+    if car.kind == "free":
+        powers[f"{car.name} thrust"] = on.thrust
+        powers[f"{car.name} hold"] = on.hold * ds[:, 1]
+    velocity, acceleration = (x.at(trolley.k, z) for z in (x.v, x.a))
+    return CarMotion(
+        name=car.name, s=s[:, 1], ds=ds[:, 1], point=wheels[1].point, velocity=velocity, acceleration=acceleration,
+        tension_behind=wheels[0].tension_behind, tension_ahead=wheels[1].tension_ahead,
+        slope_behind=wheels[0].slope_behind, slope_ahead=wheels[1].slope_ahead,
+        haul_force=car.mass * x.a[:, trolley.force] if hauled else none,
+        grip_force=grip / on.stretch if grips else none, contact_force=on.loads[0] + on.loads[1], turning=turning,
+    )  # fmt: skip
 
 
 def _car_data(x: _History, s: Array, ds: Array) -> Cars:
@@ -152,9 +226,11 @@ def _car_data(x: _History, s: Array, ds: Array) -> Cars:
     system = x.system
     each = [system.car_data(t, phase) for t, phase in zip(x.t.tolist(), x.phase, strict=True)]
     changing: dict[str, Any] = {name: np.array([getattr(y, name) for y in each]) for name in ("thrust", "hold")}
-    brakes = [car.drive.brake(s[:, i]) + 0.0 * ds[:, i] for i, car in enumerate(system.line.cars)]
+    drives = [car.drive for car in system.line.cars]
+    brakes = [drive.brake(s[:, i]) + 0.0 * ds[:, i] for i, drive in enumerate(drives)]
+    rear = [drive.rear_brake(s[:, i]) + 0.0 * ds[:, i] for i, drive in enumerate(drives)]
     sign = np.where(ds == 0.0, each[0].sign, np.sign(ds))
-    return each[0]._replace(**changing, brake=np.stack(brakes, axis=1), sign=sign)
+    return each[0]._replace(**changing, brake=np.stack(brakes, axis=1), rear_brake=np.stack(rear, axis=1), sign=sign)
 
 
 def _stations(x: _History, s: Array) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ from cablefem.elements.bodies import Cars
 from cablefem.elements.segments import Law
 from cablefem.elements.system import LineElements, Slots
 from cablefem.newmark import Array, StepFailure
-from cablefem.scene.contacts import Car, Contact
+from cablefem.scene.contacts import Car, Contact, Wheel
 from cablefem.scene.line import Case, NoLine, Station
 from cablefem.scene.taut import start
 
@@ -47,9 +47,9 @@ def rest(system: LineElements, t: float, phase: int, ahead: float = 0.0, near: A
 
 
 def at_rest(system: LineElements, q: Array) -> Slots:
-    a = np.zeros(system.size)
-    a[system.force] = q[system.force]
-    return Slots(q, np.zeros(system.size), a)
+    z = np.zeros((3, system.size))
+    z[0], z[2, system.force] = q, q[system.force]
+    return system.placed(z)
 
 
 def held_cars(system: LineElements, t: float, phase: int) -> Cars:
@@ -57,7 +57,9 @@ def held_cars(system: LineElements, t: float, phase: int) -> Cars:
     cars = system.car_data(t, phase)
     hauled = np.array([car.travel is not None for car in system.line.cars])
     none = np.zeros(hauled.size)
-    return cars._replace(drag=none, thrust=none, brake=none, hold=none, friction=cars.friction * hauled)
+    return cars._replace(
+        drag=none, thrust=none, brake=none, rear_brake=none, hold=none, friction=cars.friction * hauled
+    )
 
 
 def _newton(
@@ -65,7 +67,7 @@ def _newton(
 ) -> Array:
     points = np.array([c.point for c in system.line.supports])
     reach, bound = float(np.ptp(points[:, 0])), system.force_floor * np.sqrt(system.n_dof)
-    cars = held_cars(system, t, phase) if system.cars else None
+    cars = held_cars(system, t, phase)
     moving = free.copy()
     moving[system.force] = False
 
@@ -115,7 +117,7 @@ def _begin(system: LineElements, q: Array, free: NDArray[np.bool_]) -> Array:
         shorter = 1.0 / (1.0 + float(rope.at_rest(np.array(middle))[0]) / rope.EA)
     x = _guess_x(system, q)
     for _ in range(ROUNDS):
-        stations = tuple(_station(c, x[k], line.gravity) for k, c in enumerate(line.contacts))
+        stations = tuple(_station(c, x[k], line.gravity) for k, c in enumerate(line.touching))
         length = rope.length * shorter if rope.length is not None else None
         first = start(Case(stations, line.weight, rope.EA, length=length))
         if isinstance(first, NoLine):
@@ -127,6 +129,8 @@ def _begin(system: LineElements, q: Array, free: NDArray[np.bool_]) -> Array:
         for k in system.cars:
             if not free[system.s[k]]:
                 moved[k] = q[system.s[k]] - s[k]
+        for trolley in system.trolleys:
+            moved[trolley.k - 1] = moved[trolley.k]
         x = _between_supports(system, x + moved)
     s = np.where(free[system.s], s, q[system.s])
     q[system.s] = s
@@ -140,15 +144,20 @@ def _begin(system: LineElements, q: Array, free: NDArray[np.bool_]) -> Array:
         nodal[ends, 1] += 4.0 * sag[k] * at * (1.0 - at)
         if system.segments.degree == 2:
             nodal[nodes[1::2]] = 0.5 * (nodal[nodes[:-1:2]] + nodal[nodes[2::2]])
+    for trolley in system.trolleys:
+        rear, front = points[[trolley.k - 1, trolley.k]]
+        pitch = np.arctan2(*(front - rear)[::-1])
+        q[trolley.body] = np.where(free[trolley.body], [*front, pitch], q[trolley.body])
     coordinates = np.flatnonzero(free[: 2 * system.n])
     q[coordinates] = nodal.ravel()[coordinates]
     return H * np.hypot(run[:, 0], run[:, 1]) / run[:, 0]
 
 
-def _station(contact: Contact | Car, x: float, gravity: float) -> Station:
-    if isinstance(contact, Car):
-        kind = "hauled" if contact.kind == "haul_x" else "grips"
-        return Station(contact.name, kind, x, np.nan, contact.mass * gravity)
+def _station(contact: Contact | Car | Wheel, x: float, gravity: float) -> Station:
+    if not isinstance(contact, Contact):
+        car, share = (contact.car, 0.5) if isinstance(contact, Wheel) else (contact, 1.0)
+        kind = "hauled" if car.kind == "haul_x" else "grips"
+        return Station(contact.name, kind, x, np.nan, share * car.mass * gravity)
     x, y = contact.point
     return Station(contact.name, contact.kind, x, y, contact.force or 0.0, contact.stiffness)
 
@@ -161,20 +170,21 @@ def _guess_x(system: LineElements, q: Array) -> Array:
     begin = 0.0
     if line.supports[0].kind == "counterweight":
         begin = (line.rope.length or 0.0) - along[-1]
-    x = np.array([0.0 if isinstance(c, Car) else c.point[0] for c in line.contacts])
-    for k in system.cars:
-        if line.contacts[k].kind == "haul_x":
-            x[k] = q[2 * system.node[k]]
+    x = np.array([c.point[0] if isinstance(c, Contact) else 0.0 for c in line.touching])
+    for k, car in zip(system.cars, line.cars, strict=True):
+        if car.kind == "haul_x":
+            x[k] = q[system.slot(k)]
         else:
             x[k] = np.interp(q[system.s[k]] - begin, along, points[:, 0])
+    for trolley in system.trolleys:
+        x[trolley.k - 1] = x[trolley.k] - trolley.wheels.base
     return _between_supports(system, x)
 
 
 def _between_supports(system: LineElements, x: Array) -> Array:
     """x with the cars evenly ordered within their span, where they are not."""
     out = x.copy()
-    fixed = [k for k, c in enumerate(system.line.contacts) if not isinstance(c, Car)]
-    for i, j in itertools.pairwise(fixed):
+    for i, j in itertools.pairwise(system.supports):
         margin = 1e-3 * (x[j] - x[i])
         out[i + 1 : j] = np.sort(np.clip(x[i + 1 : j], x[i] + margin, x[j] - margin))
         out[i + 1 : j] += 1e-6 * margin * np.arange(j - i - 1)

@@ -1,7 +1,8 @@
 """A line in motion on elements, for the time driver: which unknowns are free, and what acts at the contacts.
 
-All coordinates have a slot: x and y of the nodes, s of the contacts, and F/M of hauled cars.  The last stands where
-accelerations stand.  Prescribed slots drop out; the row that a prescribed one leaves determines F.
+All coordinates have a slot: x and y of the nodes, s of the contacts, F/M of hauled cars, swing of cabins, point and
+pitch of cars on two wheels.  F/M is an acceleration.  Prescribed slots drop out; the row that a prescribed one leaves
+determines F.  The nodes at two wheels follow their car.
 """
 
 from __future__ import annotations
@@ -17,12 +18,13 @@ from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
 from cablefem.elements.bodies import INPUTS, Cars, derivatives, forces
-from cablefem.elements.bordered import Bordered
+from cablefem.elements.bordered import Bordered, Full, Matrix
 from cablefem.elements.observe import observe
 from cablefem.elements.segments import Law, Motion, Segments
+from cablefem.elements.trolley import Trolley
 from cablefem.motion import LineMotion
 from cablefem.newmark import Array, Solve, State, StepFailure, System, consistent_acceleration
-from cablefem.scene.contacts import NEAREST, Car, Contact, MovingLine
+from cablefem.scene.contacts import NEAREST, Car, Contact, MovingLine, Wheel
 
 if TYPE_CHECKING:
     from cablefem.elements.segment_kernels import Kernel
@@ -48,20 +50,22 @@ class LineElements(System):
     """
 
     def __init__(self, line: MovingLine, *, elements: int = 6, degree: int = 4, compiled: bool = True) -> None:
-        self.line, self.compiled, contacts = line, compiled, line.contacts
+        self.line, self.compiled, contacts = line, compiled, line.touching
         count = len(contacts) - 1
         self.segments = Segments(line.rope, line.gravity, elements, degree)
         self.phases = line.phases
         self.node = (self.segments.nn - 1) * np.arange(count + 1)  # of each contact
         self.nodes = self.node[:-1, None] + np.arange(self.segments.nn)  # of each segment, (K, nn)
         self.n = int(self.node[-1]) + 1
-        self.cars = [k for k, c in enumerate(contacts) if isinstance(c, Car)]
+        # contact of each car; of two wheels the front one
+        self.cars = [k for k, c in enumerate(contacts) if isinstance(c, Car) or (isinstance(c, Wheel) and c.front)]
+        self.supports = [k for k, c in enumerate(contacts) if isinstance(c, Contact)]
         self.s = 2 * self.n + np.arange(count + 1)  # slots of s
         hauled = [k for k, car in zip(self.cars, line.cars, strict=True) if car.drive.mode == "haul"]
         self.force = self.s[-1] + 1 + np.arange(len(hauled))  # slots of F/M
-        self.kept = np.array([self._slot(k) for k in hauled], int)  # rows that determine F
         self.of_force = np.searchsorted(self.cars, hauled)  # their numbers among the cars
-        self.size = int(self.s[-1]) + 1 + len(hauled)
+        self._bodies(int(self.s[-1]) + 1 + len(hauled))
+        self.kept = np.array([self.slot(k) for k in hauled], int)  # rows that determine F
         self.free = np.ones(self.size, bool)
         self.constant = np.zeros(self.size)
         self.prescribed: list[tuple[Car, int]] = []
@@ -78,12 +82,13 @@ class LineElements(System):
         self.n_dof = self._unknown.size
         self.signs = np.array([line.direction(c, 0) if c.travel else 1.0 for c in line.cars])
         self.brakes = np.zeros(len(self.cars))  # [N] that act on free cars
+        self.rear_brakes = np.zeros(len(self.cars))  # [N] of them at the rear one of two wheels
         self.hold = np.zeros(len(self.cars))  # [N] f that holds free cars at the start
         weights = [car.mass * line.gravity for car in line.cars] or [line.weight * line.supports[-1].point[0]]
         self.force_scale = min(weights)
         self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA * elements * degree * count
-        names = [c.name for c in contacts]
-        self._gaps = [k for k in range(count) if k in self.cars or k + 1 in self.cars]
+        names = [c.car.name if isinstance(c, Wheel) else c.name for c in contacts]
+        self._gaps = [k for k in range(count) if {k, k + 1} - {*self.supports} and names[k] != names[k + 1]]
         self._rolls = any(car.kind == "free" for car in line.cars)
         self._stops = [i for i, car in enumerate(line.cars) if car.kind == "free" and car.drive.resists]
         self._brakes = [(i, place) for i in self._stops for place, _ in line.cars[i].drive.brakes]
@@ -91,7 +96,7 @@ class LineElements(System):
             *(f"{names[k]} meets {names[k + 1]}" for k in self._gaps),
             *(f"{line.cars[i].name} stops" for i in self._stops),
             *(f"{line.cars[i].name} brakes" for i, _ in self._brakes),
-            *(f"{car.name} lifts off" for car in line.cars),
+            *(f"{line.cars[i].name}{wheel} lifts off" for i, wheel in self._pressing),
             "rope falls slack",
             *(f"rope lifts off {c.name}" for c in line.supports[1:-1]),
         )
@@ -100,21 +105,60 @@ class LineElements(System):
     def _kernel(self) -> Kernel:
         from cablefem.elements.segment_kernels import Kernel  # slow to load
 
-        force = np.full(len(self.cars), -1)
-        force[self.of_force] = self.force
-        return Kernel(self.segments, len(self.nodes), np.array(self.cars, int), force, self.line.gravity)
+        on_one, contacts = np.array(self.points, int), np.array(self.cars, int)
+        swings = np.full(len(contacts), -1)
+        swings[self.of_swing] = self.swing
+        slots = [self._force_slots[on_one], swings[on_one]]
+        return Kernel(self.segments, len(self.nodes), on_one, contacts[on_one], slots, self.line.gravity)
 
     # --- coordinates ---------------------------------------------------------------------------------------
-    def _slot(self, k: int) -> int:
-        """Slot that the travel of car k prescribes."""
-        return 2 * int(self.node[k]) if self.line.contacts[k].kind == "haul_x" else int(self.s[k])
+    @property
+    def _force_slots(self) -> NDArray[np.intp]:
+        """Slots of F/M of the cars, or -1."""
+        slots = np.full(len(self.cars), -1)
+        slots[self.of_force] = self.force
+        return slots
 
-    def _prescribe(self, k: int, contact: Contact | Car) -> None:
+    def _bodies(self, first: int) -> None:
+        """Give cabins and cars on two wheels their slots, from `first` on."""
+        cars = list(enumerate(self.line.cars))
+        self.of_swing = [i for i, car in cars if car.hanger is not None]
+        self.swing = first + np.arange(len(self.of_swing))  # slots of phi
+        first += len(self.of_swing)
+        self.trolleys = [Trolley(car, i, self.cars[i]) for i, car in cars if car.wheels is not None]
+        for trolley in self.trolleys:
+            force = int(self._force_slots[trolley.i])
+            trolley.bind(first + np.arange(3), force, self.nodes, self.s, self.segments.end_slopes)
+            first += 3
+        self.size = first
+        self.points = [i for i, car in cars if car.wheels is None]  # numbers of the cars on one contact
+        self._cabins = np.zeros((4, len(cars)))
+        for i in self.of_swing:
+            cabin = self.line.cars[i].hanger
+            assert cabin is not None
+            lever = cabin.mass * cabin.length
+            inertia = cabin.inertia + lever * cabin.length
+            self._cabins[:, i] = lever, cabin.length, inertia, cabin.resistance(self.line.gravity)
+        wheels = {trolley.i: (" rear wheel", " front wheel") for trolley in self.trolleys}
+        self._pressing = [(i, wheel) for i, _ in cars for wheel in wheels.get(i, ("",))]  # all that may lift off
+
+    def slot(self, k: int) -> int:
+        """Slot that the travel of the car at contact k prescribes."""
+        i = self.cars.index(k)
+        if self.line.cars[i].kind != "haul_x":
+            return int(self.s[k])
+        return next((int(x.body[0]) for x in self.trolleys if x.i == i), 2 * int(self.node[k]))
+
+    def _prescribe(self, k: int, contact: Contact | Car | Wheel) -> None:
         point = 2 * self.node[k] + np.arange(2)
-        if isinstance(contact, Car):
-            if contact.travel is not None:
-                self.free[self._slot(k)] = False
-                self.prescribed.append((contact, self._slot(k)))
+        if isinstance(contact, Wheel):
+            self.free[point] = False
+        if k in self.cars:
+            car = self.line.cars[self.cars.index(k)]
+            if car.travel is not None:
+                self.free[self.slot(k)] = False
+                self.prescribed.append((car, self.slot(k)))
+        if not isinstance(contact, Contact):
             return
         if contact.kind != "spring":
             self.free[point] = False
@@ -142,7 +186,13 @@ class LineElements(System):
     def slots(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Slots:
         out = self._prescribed_at(t, phase).copy()
         out[:, self._unknown] = q, v, a
-        return Slots(*out)
+        return self.placed(out)
+
+    def placed(self, z: Array) -> Slots:
+        """Slots of (3, size), where wheels follow their cars."""
+        for trolley in self.trolleys:
+            trolley.place(z)
+        return Slots(*z)
 
     def motion(self, x: Slots) -> Motion:
         nodal = [z[: 2 * self.n].reshape(-1, 2)[self.nodes] for z in x]
@@ -155,13 +205,12 @@ class LineElements(System):
 
     def rows(self, t: float, x: Slots, phase: int, law: Law | None = None, cars: Cars | None = None) -> Array:
         """Rows of all slots (size,): what is missing from balance; of prescribed ones the force that they need."""
-        rows = np.zeros(self.size)
-        if self.cars and cars is None:
-            cars = self.car_data(t, phase)
-        add = self._kernel.add_rows if self.compiled else self._add_rows
-        law = law or self._law(x)
-        self.lowest_tension = add(x, law, cars, rows)
+        cars = cars or self.car_data(t, phase)
+        rows = self._rope_rows(x, law or self._law(x), cars)
         self._add_supports(rows, x)
+        for trolley in self.trolleys:
+            y = trolley.inputs(np.array(x), rows[trolley.points.ravel()])
+            rows[trolley.rows] += trolley.forces(cars, y).rows
         rows[self.force] = rows[self.kept]
         return rows
 
@@ -173,8 +222,12 @@ class LineElements(System):
             self._same_law = law
         return self._same_law
 
-    def _add_rows(self, x: Slots, law: Law, cars: Cars | None, rows: Array) -> float:
-        """Add the rows of the segments and the cars; return the smallest tension."""
+    def _rope_rows(self, x: Slots, law: Law, cars: Cars) -> Array:
+        """Rows (size,) of the segments and of cars on one contact; notes the smallest tension."""
+        rows = np.zeros(self.size)
+        if self.compiled:
+            self.lowest_tension = self._kernel.add_rows(x, law, cars if self.points else None, rows)
+            return rows
         m = self.motion(x)
         fields = self.segments.fields(self.segments.at_points(m), law)
         nodes, ends = self.segments.residual(fields)
@@ -183,11 +236,13 @@ class LineElements(System):
         points[self.node[1:]] += nodes[:, -1]
         rows[self.s[:-1]] += ends[0]
         rows[self.s[1:]] += ends[1]
-        if cars is not None:
-            at = forces(cars, self.car_inputs(x, m))
-            points[self.node[self.cars]] += at.contact
-            rows[self.s[self.cars]] -= at.drive
-        return float(fields.N.min())
+        if self.points:
+            at, k = forces(cars, self.car_inputs(x, m)), np.array(self.cars, int)[self.points]
+            points[self.node[k]] += at.contact[self.points]
+            rows[self.s[k]] -= at.drive[self.points]
+            rows[self.swing] += at.swing[self.of_swing]
+        self.lowest_tension = float(fields.N.min())
+        return rows
 
     def _add_supports(self, rows: Array, x: Slots) -> None:
         for k, contact in self._outer:
@@ -225,6 +280,7 @@ class LineElements(System):
             k = np.array(self.cars)
             out[:, 0:2], out[:, 2:4], out[:, 4:6], out[:, 6:8] = right[k - 1], left[k], m.v[k, 0], m.a[k, 0]
             out[self.of_force, 8] = x.a[self.force]
+            out[self.of_swing, 9:12] = np.stack([z[self.swing] for z in x], axis=1)
         return out
 
     def car_data(self, t: float, phase: int) -> Cars:
@@ -234,9 +290,11 @@ class LineElements(System):
             thrust = np.array([line.thrust(c, t, phase) for c in cars])
             released = np.array([c.drive.hold(t) for c in cars])
         k, wind, friction = self._air
+        lever, arm, inertia, resistance = self._cabins
         return Cars(
-            self._masses, k, wind, friction, thrust, self.brakes, self.hold * released, self.signs, line.gravity
-        )
+            self._masses, k, wind, friction, thrust, self.brakes, self.hold * released, self.signs, lever, arm,
+            inertia, resistance, line.gravity, self.rear_brakes,
+        )  # fmt: skip
 
     # --- start ---------------------------------------------------------------------------------------------
     def start(self, phase: int, state: State | None) -> State:
@@ -272,9 +330,10 @@ class LineElements(System):
         self.hold = self.rows(t, x, phase, cars=held)[slots] / stretch
         for i, car in enumerate(self.line.cars):
             if car.kind == "free":
-                self.brakes[i] = car.drive.brake(x.q[slots[i]])
+                self._brake(i, x.q[slots[i]])
         now = self.car_data(t, phase)
-        loads = forces(now, inputs).normal
+        each = np.abs(self._loads(x, self.rows(t, x, phase, cars=now), now))
+        loads = np.bincount([i for i, _ in self._pressing], each)
         none = np.zeros_like(now.hold)
         free = now._replace(hold=none, brake=none, friction=none)
         needed = self.rows(t, x, phase, cars=free)[slots] / stretch
@@ -282,7 +341,7 @@ class LineElements(System):
             if car.kind != "free":
                 continue
             self.signs[i] = -np.sign(needed[i]) or 1.0
-            if car.drive.resists and abs(needed[i]) <= car.drive.mu_r * abs(loads[i]) + self.brakes[i]:
+            if car.drive.resists and abs(needed[i]) <= car.drive.mu_r * loads[i] + self.brakes[i]:
                 cause = f"friction holds {car.name} where it begins"
                 raise StepFailure(t, cause, "begin on steeper rope or with less friction")
 
@@ -293,7 +352,12 @@ class LineElements(System):
         for i in self._stops:
             slot = self.s[self.cars[i]]
             self.signs[i] = np.sign(slots.v[slot]) or self.signs[i]
-            self.brakes[i] = self.line.cars[i].drive.brake(slots.q[slot])
+            self._brake(i, slots.q[slot])
+
+    def _brake(self, i: int, s: float) -> None:
+        """Set the brakes of car i at s."""
+        drive = self.line.cars[i].drive
+        self.brakes[i], self.rear_brakes[i] = drive.brake(s), drive.rear_brake(s)
 
     def watch(self, x: State) -> tuple[float, ...]:
         slots = self.slots(*x)
@@ -303,21 +367,28 @@ class LineElements(System):
         if gaps.min(initial=np.inf) <= 0.0:  # the rest has no meaning there
             return (*gaps.tolist(), *[np.inf] * (len(self.events) - len(self._gaps)))
         if self._loaded[0] is not x:
-            cars = self.car_data(x.t, x.phase) if self.cars else None
-            loads = [] if cars is None else self._loads(slots, cars).tolist()
-            self._loaded = x, loads + self._hangs(self.rows(x.t, slots, x.phase, cars=cars))
+            cars = self.car_data(x.t, x.phase)
+            rows = self.rows(x.t, slots, x.phase, cars=cars)
+            self._loaded = x, self._loads(slots, rows, cars) + self._hangs(rows)
         return (*gaps.tolist(), *ahead, *self._loaded[1])
 
-    def _loads(self, x: Slots, cars: Cars) -> Array:
-        """Contact forces of the cars [N], (cars,)."""
-        if self.compiled:
-            return self._kernel.loads(x, cars)
-        return forces(cars, self.car_inputs(x, self.motion(x))).normal
+    def _loads(self, x: Slots, rows: Array, cars: Cars) -> list[float]:
+        """Contact forces [N] of all that may lift off; `rows` are those of x."""
+        if not self.cars:
+            return []
+        if self.compiled and not self.trolleys:
+            return self._kernel.loads(x, cars).tolist()
+        at = forces(cars, self.car_inputs(x, self.motion(x)))
+        loads = [[normal] for normal in at.normal.tolist()]
+        for trolley in self.trolleys:
+            y = trolley.inputs(np.array(x), rows[trolley.points.ravel()])
+            loads[trolley.i] = [*trolley.forces(cars, y).loads]
+        return [float(load) for each in loads for load in each]
 
     def _hangs(self, rows: Array) -> list[float]:
         """Smallest tension, and pressures of the rope on the saddles [N], where `rows` are the last ones computed."""
-        saddles = [k for k in range(1, len(self.node) - 1) if k not in self.cars]
-        return [self.lowest_tension, *(-rows[2 * self.node[saddles] + 1]).tolist()]
+        saddles = self.node[self.supports[1:-1]]
+        return [self.lowest_tension, *(-rows[2 * saddles + 1]).tolist()]
 
     def pass_event(self, name: str, x: State) -> State | None:
         """A car that friction cannot hold goes on, and so does one that reaches a brake; else the run ends."""
@@ -349,7 +420,7 @@ class LineElements(System):
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
         x = self.slots(t, q, v, a, phase)
-        law, cars = self._law(x), self.car_data(t, phase) if self.cars else None
+        law, cars = self._law(x), self.car_data(t, phase)
         solve = self.solver(t, x, phase, (c0, c1, c2), self.free, law, cars)
         return self.rows(t, x, phase, law, cars)[self._unknown], solve
 
@@ -358,18 +429,15 @@ class LineElements(System):
         law: Law | None = None, cars: Cars | None = None,
     ) -> Solve:  # fmt: skip
         """The solution with c0 dr/dq + c1 dr/dv + c2 dr/da of free slots; without c2 forces F/M count once."""
-        if self.cars and cars is None:
-            cars = self.car_data(t, phase)
+        cars = cars or self.car_data(t, phase)
         law = law or self._law(x)
         if not self.compiled:
             return self._sparse(x, law, cars, c, free)
         kind = complex if any(isinstance(z, complex) for z in c) else float
         matrix = Bordered(2 * self.n, self.band, self.size - 2 * self.n, kind)
-        self._kernel.add_tangent(x, law, cars, np.array(c, kind).tolist(), matrix)
-        for slot, value in self._support_tangent(x, c):
-            matrix.add_diagonal(slot, value)
-        for slot, kept in zip(self.force - 2 * self.n, self.kept, strict=True):
-            matrix.copy_row(slot, int(kept))
+        on_one = cars if self.points else None
+        self._kernel.add_tangent(x, law, on_one, np.array(c, kind).tolist(), matrix)
+        self._add_contacts(matrix, x, law, cars, c)
         matrix.fix(np.flatnonzero(np.logical_not(free)))
         solve_all, unknown = matrix.factored(), np.flatnonzero(free)
 
@@ -381,7 +449,7 @@ class LineElements(System):
         return solve
 
     def _sparse(
-        self, x: Slots, law: Law, cars: Cars | None, c: tuple[complex, complex, complex], free: NDArray[np.bool_]
+        self, x: Slots, law: Law, cars: Cars, c: tuple[complex, complex, complex], free: NDArray[np.bool_]
     ) -> Solve:
         """`solver` by numpy and a sparse factorisation."""
         m = self.motion(x)
@@ -390,12 +458,23 @@ class LineElements(System):
         slots = np.column_stack([own, self.s[:-1], self.s[1:]])  # (K, m)
         matrix = np.zeros((self.size, self.size), parts.dtype)
         np.add.at(matrix, (slots[:, :, None], slots[:, None, :]), parts)
-        for slot, value in self._support_tangent(x, c):
-            matrix[slot, slot] += value
-        if cars is not None:
-            self._add_car_tangent(matrix, derivatives(cars, self.car_inputs(x, m)), m, c)
-        matrix[self.force] = matrix[self.kept]
+        if self.points:
+            self._add_car_tangent(Full(matrix), derivatives(cars, self.car_inputs(x, m)), m, c)
+        self._add_contacts(Full(matrix), x, law, cars, c)
         return splu(csc_array(matrix[free][:, free])).solve
+
+    def _add_contacts(
+        self, matrix: Matrix, x: Slots, law: Law, cars: Cars, c: tuple[complex, complex, complex]
+    ) -> None:
+        """Add supports, cars on two wheels, and the rows that determine F."""
+        for slot, value in self._support_tangent(x, c):
+            matrix.add([slot], [slot], np.array([[value]]))
+        if self.trolleys:
+            rope, z = self._rope_rows(x, law, cars), np.array(x)
+            for trolley in self.trolleys:
+                trolley.add_tangent(matrix, z, rope[trolley.points.ravel()], cars, c)
+        for slot, kept in zip(self.force.tolist(), self.kept.tolist(), strict=True):
+            matrix.add_row(slot, kept)
 
     def _support_tangent(self, x: Slots, c: tuple[complex, complex, complex]) -> Iterator[tuple[int, complex]]:
         """Diagonal entries of springs and counterweights."""
@@ -408,11 +487,12 @@ class LineElements(System):
                 ds, lam = x.v[self.s[k]], 1.0 + (contact.force + sign * mass * x.a[self.s[k]]) / EA
                 yield int(self.s[k]), mass * (lam - rho * ds**2 * lam / EA) * c2 - sign * rho * ds * lam**2 * c1
 
-    def _add_car_tangent(self, matrix: Array, by_input: Array, m: Motion, c: tuple[complex, complex, complex]) -> None:
-        """Add the chain of `derivatives` (n, 3, INPUTS) and of the inputs by the slots."""
+    def _add_car_tangent(self, matrix: Full, by_input: Array, m: Motion, c: tuple[complex, complex, complex]) -> None:
+        """Add the chain of `derivatives` (n, 4, INPUTS) and of the inputs by the slots."""
         (c0, c1, c2), slopes = c, self.segments.slopes_at_ends(m)
-        for i, k in enumerate(self.cars):
-            inputs = np.zeros((INPUTS, self.size), matrix.dtype)
+        for i in self.points:
+            k = self.cars[i]
+            inputs = np.zeros((INPUTS, self.size), matrix.kind)
             point = 2 * self.node[k] + np.arange(2)
             for side in range(2):  # behind, ahead
                 j, end = k - 1 + side, 1 - side
@@ -421,8 +501,9 @@ class LineElements(System):
                     row[2 * self.nodes[j] + axis] = c0 / m.h[j, 0] * self.segments.end_slopes[end]
                     row[self.s[[j, j + 1]]] += c0 / m.h[j, 0] * slopes[end, j, axis] * np.array([1.0, -1.0])
             inputs[[4, 5], point], inputs[[6, 7], point] = c1, c2
-            if i in self.of_force:
-                inputs[8, self.force[self.of_force == i]] = c2 or 1.0
-            change = by_input[i] @ inputs
-            matrix[point] += change[:2]
-            matrix[self.s[k]] -= change[2]
+            inputs[8, self.force[self.of_force == i]] = c2 or 1.0
+            swing = self.swing[np.equal(self.of_swing, i)]
+            for row, factor in zip(inputs[9:], c, strict=True):
+                row[swing] = factor
+            rows = [*point, self.s[k], *swing]
+            matrix.matrix[rows] += by_input[i, : len(rows)] @ inputs

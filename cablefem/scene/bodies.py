@@ -1,4 +1,4 @@
-"""What hangs on a contact of a car or stands on two; equations in elements/README.md, "Bodies"."""
+"""What hangs on a contact of a car or stands on two; equations: `elements/bodies.py`, `elements/trolley.py`."""
 
 from __future__ import annotations
 

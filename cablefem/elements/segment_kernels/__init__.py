@@ -17,21 +17,23 @@ if TYPE_CHECKING:
 
 
 class Kernel:
-    """Rows and tangent of `count` segments and of cars at some of their contacts."""
+    """Rows and tangent of `count` segments and of cars on one contact each."""
 
-    def __init__(self, segments: Segments, count: int, contacts: Array, force: Array, gravity: float) -> None:
-        """force : slots of F/M of the cars, or -1."""
+    def __init__(
+        self, segments: Segments, count: int, cars: Array, contacts: Array, slots: Sequence[Array], gravity: float
+    ) -> None:
+        """cars : their numbers among all.  slots : of F/M and of phi of these cars, or -1."""
         points, first = segments.xi.size // segments.elements, segments.dofs[0]
         phi, phi_xi = (np.ascontiguousarray(x[:points, first]) for x in (segments.values, segments.slopes))
         xi = segments.xi.reshape(segments.elements, points)
         dofs = np.ascontiguousarray(segments.dofs)
         self.mesh = balance.Mesh(phi, phi_xi, segments.weights[:points].copy(), xi, dofs, segments.end_slopes)
         self.rope = balance.Rope(segments.rho, segments.q, float(segments.rope.damping))
-        self.count, self.contacts, self.force, self.gravity = count, contacts, force, float(gravity)
+        self.count, self.cars, self.contacts, self.slots, self.gravity = count, cars, contacts, slots, float(gravity)
 
     def _cars(self, cars: Cars) -> tuple[Any, ...]:
-        data = np.ascontiguousarray(np.array(cars[:8]).T)
-        return self.mesh, self.count, self.contacts, data, self.gravity, self.force
+        data = np.ascontiguousarray(np.array(cars[:12]).T[self.cars])
+        return self.mesh, self.count, self.contacts, data, self.gravity, *self.slots
 
     def add_rows(self, x: Sequence[Array], law: Law, cars: Cars | None, rows: Array) -> float:
         """Add rows to (size,) and return the smallest tension; x : q, v, a of all slots."""
@@ -42,7 +44,7 @@ class Kernel:
         return lowest
 
     def loads(self, x: Sequence[Array], cars: Cars) -> Array:
-        """Loads (cars,) [N] of the cars on the rope."""
+        """Loads [N] of these cars on the rope."""
         z = np.array(x)
         return balance.add_cars(*self._cars(cars), z, np.empty(z.shape[1]))
 

@@ -11,7 +11,7 @@ from cablefem.compiled import compiler
 from cablefem.newmark import Array
 
 compiled, inner = compiler(__file__), compiler(__file__, inner=True)
-INPUTS = 9  # of `car_forces`, see `bodies`
+INPUTS = 12  # of `car_forces`, see `bodies`
 
 
 class Mesh(NamedTuple):
@@ -116,19 +116,23 @@ def add_rows(mesh, rope, law, z, rows):
 
 @inner
 def car_forces(car, gravity, y, out):
-    """C, Q and the load on the rope into out (4,) from y (INPUTS,), see `bodies`.
+    """C, Q, the load on the rope and the row of phi into out (5,) from y (INPUTS,), see `bodies`.
 
-    car : mass, k, wind, mu_r, thrust, brake, hold, sign.
+    car : the first twelve of `bodies.Cars`.
     """
-    mass, k, wind, mu, thrust, brake, hold, sign = car
+    mass, k, wind, mu, thrust, brake, hold, sign, lever, arm, inertia, resistance = car
     mx, my = 0.5 * (y[0] + y[2]), 0.5 * (y[1] + y[3])
     size = np.sqrt(mx * mx + my * my)
     tx, ty = mx / size, my / size
-    ax, ay = y[4] - wind, y[5]
+    cos, sin = np.cos(y[9]), np.sin(y[9])
+    ax, ay = y[4] + arm * y[10] * cos - wind, y[5] - arm * y[10] * sin
     drag = k * np.sqrt(ax * ax + ay * ay + 1e-24)
     along = mass * y[8] + thrust
-    out[0] = mass * y[6] - along * tx + drag * ax
-    out[1] = mass * (y[7] - gravity) - along * ty + drag * ay
+    faster, slung = lever * y[11], lever * y[10] * y[10]
+    out[0] = mass * y[6] - along * tx + drag * ax + faster * cos - slung * sin
+    out[1] = mass * (y[7] - gravity) - along * ty + drag * ay - faster * sin - slung * cos
+    about_hinge = lever * (y[6] * cos - y[7] * sin + gravity * sin)
+    out[4] = inertia * y[11] + about_hinge + resistance * y[10] + arm * drag * (ax * cos - ay * sin)
     normal = out[0] * ty - out[1] * tx
     out[3] = normal
     if normal.real < 0.0:
@@ -138,8 +142,8 @@ def car_forces(car, gravity, y, out):
 
 
 @inner
-def car_inputs(mesh, count, k, z, force, y):
-    """Fill y (INPUTS,) for the car at contact k; force : slot of F/M, or -1."""
+def car_inputs(mesh, count, k, z, force, swing, y):
+    """Fill y (INPUTS,) for the car at contact k; force, swing : slots of F/M and phi, or -1."""
     nn = mesh.ends.shape[1]
     S = 2 * (count * (nn - 1) + 1)
     y[:] = 0.0
@@ -154,43 +158,49 @@ def car_inputs(mesh, count, k, z, force, y):
         y[4 + x], y[6 + x] = z[1, slot], z[2, slot]
     if force >= 0:
         y[8] = z[2, force]
+    if swing >= 0:
+        y[9], y[10], y[11] = z[0, swing], z[1, swing], z[2, swing]
 
 
 @compiled
-def add_cars(mesh, count, contacts, cars, gravity, forces, z, rows):
-    """Add C and - Q of the cars (n, 8) at contacts (n,); return their loads on the rope (n,)."""
+def add_cars(mesh, count, contacts, cars, gravity, forces, swings, z, rows):
+    """Add C, - Q and rows of phi of the cars (n, 12) at contacts (n,); return their loads on the rope (n,)."""
     nn = mesh.ends.shape[1]
     S = 2 * (count * (nn - 1) + 1)
-    y, out = np.empty(INPUTS, np.complex128), np.empty(4, np.complex128)
+    y, out = np.empty(INPUTS, np.complex128), np.empty(5, np.complex128)
     loads = np.empty(contacts.size)
     for i in range(contacts.size):
         k = contacts[i]
-        car_inputs(mesh, count, k, z, forces[i], y)
+        car_inputs(mesh, count, k, z, forces[i], swings[i], y)
         car_forces(cars[i], gravity, y, out)
         rows[2 * k * (nn - 1)] += out[0].real
         rows[2 * k * (nn - 1) + 1] += out[1].real
         rows[S + k] -= out[2].real
         loads[i] = out[3].real
+        if swings[i] >= 0:
+            rows[swings[i]] += out[4].real
     return loads
 
 
 @compiled
-def add_car_tangent(mesh, count, contacts, cars, gravity, forces, z, c0, c1, c2, matrix):
+def add_car_tangent(mesh, count, contacts, cars, gravity, forces, swings, z, c0, c1, c2, matrix):
     nn = mesh.ends.shape[1]
     S = 2 * (count * (nn - 1) + 1)
-    y, out = np.empty(INPUTS, np.complex128), np.empty(4, np.complex128)
-    by = np.empty((3, INPUTS))
+    y, out = np.empty(INPUTS, np.complex128), np.empty(5, np.complex128)
+    by = np.zeros((4, INPUTS))
     for i in range(contacts.size):
         k = contacts[i]
-        car_inputs(mesh, count, k, z, forces[i], y)
-        for j in range(INPUTS):
+        car_inputs(mesh, count, k, z, forces[i], swings[i], y)
+        swing = swings[i]
+        for j in range(INPUTS if swing >= 0 else 9):
             y[j] += 1e-30j
             car_forces(cars[i], gravity, y, out)
             y[j] = y[j].real
             by[0, j], by[1, j], by[2, j] = out[0].imag / 1e-30, out[1].imag / 1e-30, -out[2].imag / 1e-30
+            by[3, j] = out[4].imag / 1e-30
         node = 2 * k * (nn - 1)
-        for row in range(3):
-            slot = node + row if row < 2 else S + k
+        for row in range(4 if swing >= 0 else 3):
+            slot = (node, node + 1, S + k, swing)[row]
             for side in range(2):
                 segment, shapes = k - 1 + side, mesh.ends[1 - side]
                 h = z[0, S + segment + 1] - z[0, S + segment]
@@ -207,6 +217,8 @@ def add_car_tangent(mesh, count, contacts, cars, gravity, forces, z, c0, c1, c2,
                 add(matrix, slot, node + x, by[row, 4 + x] * c1 + by[row, 6 + x] * c2)
             if forces[i] >= 0:
                 add(matrix, slot, forces[i], by[row, 8] * (c2 if c2 != 0.0 else 1.0 + 0.0 * c2))
+            if swing >= 0:
+                add(matrix, slot, swing, by[row, 9] * c0 + by[row, 10] * c1 + by[row, 11] * c2)
 
 
 @compiled

@@ -1,0 +1,164 @@
+"""A rigid car on two wheels: its rows, which stand in the place of those of the two nodes below it.
+
+Both nodes follow X, the point of the front wheel, and the pitch th, front down.
+e1 = (cos th, sin th), e2 = (-sin th, cos th).
+
+    rear wheel X - b e1        centre of mass c = X - (b/2 - e) e1 + d e2        n = d/dth of these
+    row of X:  P_1 + P_2 + C,  C = m (c.. - g j) - f        P_i: row of the rope at wheel i
+    row of th: n_1 . P_1 + n_c . C + J th.. - Mo
+    row of s_i: - <lam>_i f_i,  f_i = hold - (mu_r |load_i| + brake_i) sign,  load_i across <r'>_i
+
+f holds thrust, haul force and drag, Mo their moments about c; the hold acts at the front wheel.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cablefem.elements.bodies import STEP, Cars
+from cablefem.newmark import Array
+from cablefem.scene.contacts import Car
+
+if TYPE_CHECKING:
+    from cablefem.elements.bordered import Matrix
+
+# inputs: r' behind and ahead of the rear wheel (4) and of the front one (4), P_1, P_2 (4), th, X. (2), th., X.. (2),
+# th.., F/M
+INPUTS = 20
+
+
+Slot = NDArray[np.intp]
+
+
+class Forces(NamedTuple):
+    """Of a trolley, each (...)."""
+
+    rows: tuple[Array, ...]  # of X, th and s of both wheels
+    centre: tuple[Array, Array]  # c - X
+    loads: tuple[Array, Array]  # of the rear wheel and of the front one
+    friction: tuple[Array, Array]  # <lam> f without the hold
+    hold: Array  # <lam> times it, at the front wheel
+    stretch: Array  # <lam> there
+    thrust: Array  # [W] of it, as the others below
+    haul: Array
+    drag: Array
+
+
+class Trolley:
+    """Car number `i`, whose front wheel is contact `k`."""
+
+    def __init__(self, car: Car, i: int, k: int) -> None:
+        assert car.wheels is not None
+        self.car, self.i, self.k, self.wheels = car, i, k, car.wheels
+        self.ahead = car.wheels.ahead - 0.5 * car.wheels.base  # [m] of the centre of mass ahead of the front wheel
+
+    def bind(self, body: Slot, force: int, nodes: Slot, s: Slot, end_slopes: Array) -> None:
+        """Slots of X and th, of F/M or -1; nodes (K, nn) of the segments; slots of s of all contacts.
+
+        end_slopes : of shape functions at the left and the right end of a segment, (2, nn).
+        """
+        self.body, self.force = body, force
+        behind, between, ahead = self.k - 2, self.k - 1, self.k
+        self.points = 2 * nodes[[between, ahead], 0][:, None] + np.arange(2)  # (wheel, 2)
+        self.rows = np.array([*body, *s[[between, ahead]]])
+        near = [np.flatnonzero(x) for x in end_slopes]
+        sides = [(behind, 1), (between, 0), (between, 1), (ahead, 0)]  # segment and end
+        self.near = np.array([2 * nodes[segment, near[end], None] + np.arange(2) for segment, end in sides])
+        self.shapes = np.array([end_slopes[end, near[end]] for _, end in sides])  # (4, near)
+        self.ends = np.array([s[[segment, segment + 1]] for segment, _ in sides])  # (4, 2)
+
+    def place(self, z: Array) -> None:
+        """Set the points of the wheels in q, v, a of all slots (3, size)."""
+        X, (th, rate, turning) = z[:, self.body[:2]], z[:, self.body[2]]
+        e1, e2 = np.array([np.cos(th), np.sin(th)]), np.array([-np.sin(th), np.cos(th)])
+        z[:, self.points[1]] = X
+        z[:, self.points[0]] = X - self.wheels.base * np.array([e1, rate * e2, turning * e2 - rate**2 * e1])
+
+    def slopes(self, q: Array) -> Array:
+        """r' at the sides of both wheels (..., 4, 2), from q of all slots (..., size)."""
+        h = q[..., self.ends[:, 1]] - q[..., self.ends[:, 0]]
+        return np.einsum("en,...ena->...ea", self.shapes, q[..., self.near]) / h[..., None]
+
+    def inputs(self, z: Array, P: Array) -> Array:
+        """Inputs (INPUTS, ...) of `forces`, from q, v, a (3, ..., size) and P of both wheels (..., 4)."""
+        q, v, a = z
+        slopes = self.slopes(q)
+        out = np.zeros((INPUTS, *P.shape[:-1]))
+        out[:8] = np.moveaxis(slopes.reshape(*P.shape[:-1], 8), -1, 0)
+        out[8:12], out[12] = np.moveaxis(P, -1, 0), q[..., self.body[2]]
+        out[13:16], out[16:19] = (np.moveaxis(x[..., self.body], -1, 0) for x in (v, a))
+        if self.force >= 0:
+            out[19] = a[..., self.force]
+        return out
+
+    def forces(self, cars: Cars, y: Any) -> Forces:
+        """Forces at INPUTS numbers or arrays y, which may be complex; data of all cars (..., cars)."""
+        drive, i, w, m = self.car.drive, self.i, self.wheels, self.car.mass
+        th, X_v, Y_v, rate, X_a, Y_a, turning, force = y[12:]
+        F, T, sign = m * force, cars.thrust[..., i], cars.sign[..., i]
+        cos, sin = np.cos(th), np.sin(th)
+        cx, cy = self.ahead * cos - w.below * sin, self.ahead * sin + w.below * cos  # c - X; n_c = (- cy, cx)
+        vx, vy = X_v - rate * cy, Y_v + rate * cx
+        air = vx - drive.wind
+        drag = -drive.k * np.sqrt(air * air + vy * vy + 1e-24)
+        along, down = drive.thrust_at
+        up, level = math.sin(drive.thrust_angle), math.cos(drive.thrust_angle)
+        thrust_x, thrust_y = T * (level * cos + up * sin), T * (level * sin - up * cos)
+        thrust_turns = -(along * up + down * level) * T
+        haul_turns = -drive.hitch[1] * F
+        C_x = m * (X_a - turning * cy - rate * rate * cx) - thrust_x - F * cos - drag * air
+        C_y = m * (Y_a + turning * cx - rate * rate * cy - cars.gravity) - thrust_y - F * sin - drag * vy
+        of_th = w.base * (sin * y[8] - cos * y[9]) - cy * C_x + cx * C_y
+        of_th = of_th + w.inertia * turning - thrust_turns - haul_turns
+        loads = []
+        friction = []
+        stretches = []
+        rear_brake = cars.rear_brake[..., i]
+        for wheel, brake in enumerate((rear_brake, cars.brake[..., i] - rear_brake)):
+            bx, by, ax, ay = y[4 * wheel : 4 * wheel + 4]
+            tx, ty = bx + ax, by + ay
+            load = (tx * y[9 + 2 * wheel] - ty * y[8 + 2 * wheel]) / np.sqrt(tx * tx + ty * ty)
+            stretch = 0.5 * (np.sqrt(bx * bx + by * by) + np.sqrt(ax * ax + ay * ay))
+            loads.append(load)
+            friction.append(-stretch * (drive.mu_r * load * np.sign(load.real) + brake) * sign)
+            stretches.append(stretch)
+        hold = stretches[1] * cars.hold[..., i]
+        return Forces(
+            rows=(y[8] + y[10] + C_x, y[9] + y[11] + C_y, of_th, -friction[0], -friction[1] - hold), centre=(cx, cy),
+            loads=(loads[0], loads[1]), friction=(friction[0], friction[1]), hold=hold, stretch=stretches[1],
+            thrust=thrust_x * vx + thrust_y * vy + thrust_turns * rate,
+            haul=F * (cos * vx + sin * vy) + haul_turns * rate, drag=drag * (air * vx + vy * vy),
+        )  # fmt: skip
+
+    def add_tangent(self, matrix: Matrix, z: Array, P: Array, cars: Cars, c: tuple[complex, complex, complex]) -> None:
+        """Add c0 d/dq + c1 d/dv + c2 d/da of the rows; the nodes follow the body in the columns of `matrix`.
+
+        What the pitch rate adds there to c1 and c2 is left out: it is of the order of the rate times the step.
+        """
+        c0, c1, c2 = c
+        y = self.inputs(z, P)
+        rows = self.forces(cars, y[:, None] + 1j * STEP * np.eye(INPUTS)).rows
+        by = np.array([row.imag / STEP for row in rows])  # (5, INPUTS)
+        factors = np.zeros((INPUTS, 4), matrix.kind)  # of X, th and F in the inputs
+        factors[[13, 14, 15], [0, 1, 2]], factors[[16, 17, 18], [0, 1, 2]] = c1, c2
+        factors[12, 2], factors[19, 3] = c0, c2 or 1.0
+        count = 4 if self.force >= 0 else 3
+        matrix.add(self.rows, [*self.body, self.force][:count], (by @ factors)[:, :count])
+        q, slopes = z[0], y[:8].reshape(4, 2)
+        for side in range(4):
+            by_slope = c0 / (q[self.ends[side, 1]] - q[self.ends[side, 0]]) * by[:, 2 * side : 2 * side + 2]
+            block = self.shapes[side, :, None] * by_slope[:, None, :]  # (5, near, 2)
+            matrix.add(self.rows, self.near[side].ravel(), block.reshape(5, -1))
+            matrix.add(self.rows, self.ends[side], np.outer(by_slope @ slopes[side], [1.0, -1.0]))
+        b_sin, b_cos = self.wheels.base * math.sin(q[self.body[2]]), self.wheels.base * math.cos(q[self.body[2]])
+        for axis, turned in enumerate((b_sin, -b_cos)):
+            rear, front = self.points[:, axis]
+            matrix.add_column(self.body[axis], front, 1.0)
+            matrix.add_column(self.body[axis], rear, 1.0)
+            matrix.add_column(self.body[2], rear, turned)
+        for row, slot in np.argwhere(by[:, 8:12]).tolist():
+            matrix.add_row(int(self.rows[row]), int(self.points.flat[slot]), by[row, 8 + slot])
