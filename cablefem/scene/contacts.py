@@ -177,7 +177,9 @@ class MovingLine:
 
     def thrust(self, car: Car, t: float, phase: int) -> float:
         """Thrust [N] of a free car along the mean tangent."""
-        return float(car.drive.thrust(t, self._phases_of[car.name][phase])) if car.drive.thrust_table else 0.0
+        last = len(car.drive.phases) - 1  # another car may move for longer
+        own = min(self._phases_of[car.name][phase], last)
+        return float(car.drive.thrust(t, own)) if car.drive.thrust_table else 0.0
 
     @cached_property
     def _phases_of(self) -> dict[str, list[int]]:

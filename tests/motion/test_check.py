@@ -265,3 +265,48 @@ def test_a_run_of_one_span_has_its_car_and_supports_as_a_line_has():
     weight = (r.contact[:, 1] + left.pressure[:, 1] + right.pressure[:, 1])[0]
     assert weight > 0.0
     np.testing.assert_array_equal(left.tension_ahead, np.linalg.norm(r.reaction_left, axis=1))
+
+
+SLED = """
+[cable]
+mass_per_length = 6.0
+EA = 9e7
+length = 402.0
+[[contact]]
+name = "left"
+kind = "anchor"
+at = [0.0, 0.0]
+[[contact]]
+name = "right"
+kind = "anchor"
+at = [400.0, -20.0]
+[[car]]
+name = "sled"
+mass = 500.0
+wheels = {base = 2.0, inertia = 400.0, below = 0.5}
+[car.drive]
+mode = "free"
+start = 60.0
+thrust = {times = [0.0, 9.0], forces = [2e3, 2e3], angle = 5.0}
+end = {time = 1.5}
+[[car]]
+name = "cabin"
+mass = 900.0
+hanger = {mass = 700.0, length = 3.0}
+travel = {kind = "trapezoid", top_speed = 3.0, acceleration = 3.0, deceleration = 3.0, from = 300.0, to = 303.0}
+"""
+
+
+def test_files_and_numbers_hold_swing_pitch_and_wheel_loads(tmp_path):
+    line = Line.from_toml(SLED)
+    result = answer_of(line, Runs(ELEMENTS, line).ladder(1, 1), None)
+    write(tmp_path, result, 0.0)
+    assert not read_back(tmp_path, result.motion, result.design, result.moved.period)
+    names = {number["quantity"] for number in result.design}
+    assert {"swing_max:cabin", "pitch_min:sled", "wheel_min:sled.rear", "wheel_max:sled.front"} <= names
+    for file, column in (("path-sled.csv", "pitch"), ("path-sled.csv", "wheel_rear"), ("path-cabin.csv", "swing")):
+        text = (tmp_path / file).read_text()
+        (tmp_path / file).write_text(text.replace(column, "gone", 1))
+        faults = read_back(tmp_path, result.motion, [], result.moved.period)
+        assert faults == [f"{file}: {column} is not what was computed"]
+        (tmp_path / file).write_text(text)

@@ -254,6 +254,9 @@ def read_back(folder: Path, motion: Any, design: Sequence[dict[str, Any]], perio
             "T_ahead": car.tension_ahead, "speed": np.hypot(*car.velocity.T), "F_contact": car.contact_force,
             "F_haul": car.haul_force,
         }  # fmt: skip
+        if car.turning is not None:
+            right["pitch" if car.turning.wheels else "swing"] = np.degrees(car.turning.angle)
+            right |= {f"wheel_{x.name.rpartition('.')[2]}": x.load for x in car.turning.wheels}
         faults += _unlike(f"path-{car.name}.csv", tables[car.name], right)
     contacts = _columns(folder / "contacts.csv")
     for x in motion.contacts:
@@ -278,7 +281,7 @@ def read_back(folder: Path, motion: Any, design: Sequence[dict[str, Any]], perio
             values = [*values, *(_under_car(_ground(scene, over), tables[x]) - below[x] for x in passing)]
         else:
             values = series[name if of == "" else f"{name}:{of}"]
-        if name in ("tension", "haul", "grip", "contact", "load"):
+        if name in ("tension", "haul", "grip", "contact", "load", "wheel"):
             values = [_mean(t, v, period) for v in values]
         if name == "load":
             values = [np.hypot(*values)]
@@ -315,7 +318,8 @@ def _under_rope(scene: dict[str, Any], motion: Any, over: str) -> Array:
     for i in range(motion.t.size):
         known = np.isfinite(motion.tension[i])
         rows = [np.column_stack([motion.s[known], motion.points[i, known]])]
-        rows += [np.array([[body.s[i], *body.point[i]]]) for body in (*motion.cars, *motion.contacts)]
+        wheels = [wheel for car in motion.cars if car.turning is not None for wheel in car.turning.wheels[:1]]
+        rows += [np.array([[body.s[i], *body.point[i]]]) for body in (*motion.cars, *motion.contacts, *wheels)]
         chain = np.concatenate(rows)
         _, at, y = chain[np.argsort(chain[:, 0], kind="stable")].T
         inside = (at >= x[0]) & (at <= x[-1])
@@ -348,6 +352,8 @@ def _series(tables: dict[str, dict[str, Array]], contacts: dict[str, Array], mot
         out[f"contact:{name}"] = [path["F_contact"]]
         out[f"speed:{name}"] = [path["speed"]]
         out[f"depth:{name}"] = [path["y"]]
+        out |= {f"{angle}:{name}": [path[angle]] for angle in ("swing", "pitch") if angle in path}
+        out |= {f"wheel:{name}.{x}": [path[f"wheel_{x}"]] for x in ("rear", "front") if f"wheel_{x}" in path}
     for car in motion.cars:
         out[f"grip:{car.name}"] = [car.grip_force]
     for x in motion.contacts:

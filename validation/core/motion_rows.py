@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from cablefem.motion import CarMotion, ContactMotion, LineMotion
+from cablefem.motion import CarMotion, ContactMotion, LineMotion, WheelMotion
 from cablefem.response import Array
 from cablefem.scene.line import Line
 from validation.core.agreement import Agreement, Bound, Part, nothing
@@ -328,6 +328,10 @@ def design_of(moved: Moved, line: Line) -> dict[str, tuple[float, float]]:
         note(f"contact:{car.name}", moved.mean(car.contact_force), "max", "min")
         note(f"speed:{car.name}", np.linalg.norm(car.velocity, axis=1), "max")
         note(f"depth:{car.name}", car.point[:, 1], "max")
+        for name, values in turning_columns(car).items():
+            kind, _, wheel = name.partition("_")
+            of = f"{car.name}.{wheel}" if wheel else car.name
+            note(f"{kind}:{of}", moved.mean(values) if wheel else values, "max", "min")
     for contact in motion.contacts:
         tensions.append(moved.mean(tension_of(contact)))
         note(f"load:{contact.name}", np.linalg.norm(moved.mean(contact.pressure), axis=1), "max")
@@ -343,6 +347,15 @@ def design_of(moved: Moved, line: Line) -> dict[str, tuple[float, float]]:
         k = int(np.argmin(heights))
         out[name] = (float(heights[k]), float(times[k]))
     return out
+
+
+def turning_columns(car: CarMotion) -> dict[str, Array]:
+    """Swing, or pitch [deg] and the loads of both wheels [N], by name; none of a car that does not turn."""
+    turning = car.turning
+    if turning is None:
+        return {}
+    loads = {f"wheel_{wheel.name.rpartition('.')[2]}": wheel.load for wheel in turning.wheels}
+    return {"pitch" if loads else "swing": np.degrees(turning.angle)} | loads
 
 
 def clearances(motion: LineMotion, line: Line) -> dict[str, tuple[Array, Array]]:
@@ -387,7 +400,8 @@ def rope_depths(points: Array, x: Array) -> Array:
 
 def chain(motion: LineMotion) -> Array:
     """The rope as points (n, m, 2) [m]: stations, cars and contacts from left to right."""
-    bodies: list[CarMotion | ContactMotion] = [*motion.contacts, *motion.cars]
+    rear = [car.turning.wheels[0] for car in motion.cars if car.turning is not None and car.turning.wheels]
+    bodies: list[CarMotion | ContactMotion | WheelMotion] = [*motion.contacts, *motion.cars, *rear]
     first = motion.contacts[0]
     here = ~np.isnan(motion.tension)  # (n, stations)
     s = np.where(here, motion.s, first.s[:, None])

@@ -25,6 +25,9 @@ FEW = (
     "clearance_car",
     "haul_max",
     "contact_min",
+    "wheel_min",
+    "swing_max",
+    "swing_min",
     "load_max",
     "rise_max",
     "speed_max",
@@ -125,16 +128,21 @@ def _over(line: Row, contacts: dict[str, Array], paths: dict[str, dict[str, Arra
     moving = [c["name"] for c in line["contact"] if c["kind"] in ("saddle", "counterweight")]
 
     def of_cars(column: str) -> dict[str, Array]:
-        return {name: path[column] for name, path in paths.items()}
+        return {name: path[column] for name, path in paths.items() if column in path}
 
     def at_contacts(names: Sequence[str], column: str) -> dict[str, Array]:
         return {name: contacts[f"{name}.{column}"] for name in names}
 
+    wheels = {f"rear wheel of {name}": load for name, load in of_cars("wheel_rear").items()}
+    wheels |= {f"front wheel of {name}": load for name, load in of_cars("wheel_front").items()}
     flow = {name: s - s[0] for name, s in at_contacts(moving, "s").items()}
     figures = (
         ("Tension at the ends of each segment of rope.", tensions, "N"),
         ("Haul force; positive where it pulls to the right.", of_cars("F_haul"), "N"),
         ("Contact force.", of_cars("F_contact"), "N"),
+        ("Loads of both wheels.", wheels, "N"),
+        ("Swing of the cabins forward.", of_cars("swing"), "deg"),
+        ("Pitch, front down.", of_cars("pitch"), "deg"),
         ("Rise of the counterweight.", at_contacts(moving, "rise"), "m"),
         ("Rope that has run to the left.", flow, "m"),
         ("Pressure of the rope on saddles.", at_contacts(saddles, "pressure"), "N"),

@@ -26,7 +26,7 @@ from validation.core import limits, motion_laws, store
 from validation.core.agreement import Agreement, Verdict, overall
 from validation.core.answers import STATIONS, Outcome
 from validation.core.ladder import Branch, Ladder
-from validation.core.motion_rows import Moved, chain, rope_depths, tension_of, with_bars
+from validation.core.motion_rows import Moved, chain, rope_depths, tension_of, turning_columns, with_bars
 from validation.core.readback import limit_faults, limits_shown
 from validation.page import report, terminal
 from validation.page.answer import many as table
@@ -35,7 +35,8 @@ from validation.page.options import Point
 
 ROPE_STATIONS = 101
 STEPS = 120  # of the coarsest run
-PATH = "t,s_o,x,y,u,v,T_behind,T_ahead,speed,F_haul,F_contact"  # columns of path-NAME.csv
+PATH = "t,s_o,x,y,u,v,T_behind,T_ahead,speed,F_haul,F_contact"  # columns of path-NAME.csv; see `turning_columns`
+PITCHING = 3.0  # coarsest steps in a period of the pitch of a car on two wheels
 ORDER = 4.0  # credited to refinement in space and time, at most
 Row = dict[str, Any]
 
@@ -54,6 +55,12 @@ ELEMENTS = Method("elements", "elements", 2, lambda line, n: LineElements(line, 
 SINES = Method("sines", "terms", 3, lambda line, n: LineSines(line, n))
 
 
+def pitch_periods(line: MovingLine, N: float) -> list[float]:
+    """About the periods [s] of the pitch of cars on two wheels where the tension is N."""
+    wheels = [(car.mass, car.wheels) for car in line.cars if car.wheels is not None]
+    return [2.0 * math.pi * math.sqrt((w.inertia + mass * w.below**2) / (N * w.base)) for mass, w in wheels]
+
+
 class Runs:
     """Runs of one method on a line, each made once."""
 
@@ -66,9 +73,9 @@ class Runs:
         self.length = rope.length or float(np.ptp(empty.s)) * (1.0 + line.cable.warmer)
         self.period = 2.0 * self.length * math.sqrt(rope.mass_per_length / rope.EA)
         total = self.line.t_end
-        self.grid = [
-            np.linspace(t0, t1, max(2, math.ceil(STEPS * (t1 - t0) / total)) + 1) for t0, t1 in self.line.phases
-        ]
+        pitches = pitch_periods(self.line, float(np.nanmax(empty.tensions)))
+        rate = max(STEPS / total, *(PITCHING / period for period in pitches), 0.0)
+        self.grid = [np.linspace(t0, t1, max(2, math.ceil(rate * (t1 - t0))) + 1) for t0, t1 in self.line.phases]
         if like is not None:
             self.grid = [np.unique([t0, t1, *like.within(t0, t1)]) for t0, t1 in self.line.phases]
         self.instants = np.unique(np.concatenate(self.grid)) if like is None else like.within(0.0, total)
@@ -232,11 +239,12 @@ def write(folder: Path, result: Answers, seconds: float) -> None:
     for car in motion.cars:
         w = car.point - at_rest_points(result.empty, car.s / heat)
         speed = np.hypot(*car.velocity.T)
+        more = turning_columns(car)
         columns = (
             motion.t, car.s, *car.point.T, *w.T, car.tension_behind, car.tension_ahead, speed, car.haul_force,
-            car.contact_force,
+            car.contact_force, *more.values(),
         )  # fmt: skip
-        write_csv(folder / f"path-{car.name}.csv", PATH, np.stack(columns, axis=1))
+        write_csv(folder / f"path-{car.name}.csv", ",".join([PATH, *more]), np.stack(columns, axis=1))
     header = ["t"]
     values = [motion.t]
     for x in motion.contacts:
