@@ -81,25 +81,25 @@ class Trolley:
     def slopes(self, q: Array) -> Array:
         """r' at the sides of both wheels (..., 4, 2), from q of all slots (..., size)."""
         h = q[..., self.ends[:, 1]] - q[..., self.ends[:, 0]]
-        return np.einsum("en,...ena->...ea", self.shapes, q[..., self.near]) / h[..., None]
+        return (self.shapes[:, None] @ q[..., self.near])[..., 0, :] / h[..., None]
 
     def inputs(self, z: Array, P: Array) -> Array:
-        """Inputs (INPUTS, ...) of `forces`, from q, v, a (3, ..., size) and P of both wheels (..., 4)."""
+        """Inputs (INPUTS, ...) of `forces`, from q, v, a (3, size) and P of both wheels (4,), or of n times (3, n, size)."""
         q, v, a = z
-        slopes = self.slopes(q)
         out = np.zeros((INPUTS, *P.shape[:-1]))
-        out[:8] = np.moveaxis(slopes.reshape(*P.shape[:-1], 8), -1, 0)
-        out[8:12], out[12] = np.moveaxis(P, -1, 0), q[..., self.body[2]]
-        out[13:16], out[16:19] = (np.moveaxis(x[..., self.body], -1, 0) for x in (v, a))
+        out[:8] = self.slopes(q).reshape(*P.shape[:-1], 8).T
+        out[8:12], out[12] = P.T, q[..., self.body[2]]
+        out[13:16], out[16:19] = v[..., self.body].T, a[..., self.body].T
         if self.force >= 0:
             out[19] = a[..., self.force]
         return out
 
     def forces(self, cars: Cars, y: Any) -> Forces:
-        """Forces at INPUTS numbers or arrays y, which may be complex; data of all cars (..., cars)."""
+        """Forces at y (INPUTS, ...), which may be complex; data of all cars (cars,), or (n, cars) with y (INPUTS, n)."""
         drive, i, w, m = self.car.drive, self.i, self.wheels, self.car.mass
+        y = y.tolist() if y.ndim == 1 else y  # plain numbers are faster
         th, X_v, Y_v, rate, X_a, Y_a, turning, force = y[12:]
-        F, T, sign = m * force, cars.thrust[..., i], cars.sign[..., i]
+        F, T, sign = m * force, cars.thrust.T[i], cars.sign.T[i]
         cos, sin = np.cos(th), np.sin(th)
         cx, cy = self.ahead * cos - w.below * sin, self.ahead * sin + w.below * cos  # c - X; n_c = (- cy, cx)
         vx, vy = X_v - rate * cy, Y_v + rate * cx
@@ -117,8 +117,8 @@ class Trolley:
         loads = []
         friction = []
         stretches = []
-        rear_brake = cars.rear_brake[..., i]
-        for wheel, brake in enumerate((rear_brake, cars.brake[..., i] - rear_brake)):
+        rear_brake = cars.rear_brake.T[i]
+        for wheel, brake in enumerate((rear_brake, cars.brake.T[i] - rear_brake)):
             bx, by, ax, ay = y[4 * wheel : 4 * wheel + 4]
             tx, ty = bx + ax, by + ay
             load = (tx * y[9 + 2 * wheel] - ty * y[8 + 2 * wheel]) / np.sqrt(tx * tx + ty * ty)
@@ -126,7 +126,7 @@ class Trolley:
             loads.append(load)
             friction.append(-stretch * (drive.mu_r * load * np.sign(load.real) + brake) * sign)
             stretches.append(stretch)
-        hold = stretches[1] * cars.hold[..., i]
+        hold = stretches[1] * cars.hold.T[i]
         return Forces(
             rows=(y[8] + y[10] + C_x, y[9] + y[11] + C_y, of_th, -friction[0], -friction[1] - hold), centre=(cx, cy),
             loads=(loads[0], loads[1]), friction=(friction[0], friction[1]), hold=hold, stretch=stretches[1],
