@@ -74,7 +74,8 @@ def named(function: Callable[Concatenate[Any, P], Result]) -> Callable[Concatena
     @functools.wraps(function)
     def with_name(of: Any, *args: P.args, **kwargs: P.kwargs) -> Result:
         from cablefem.scene import Scene
-        from cablefem.scene.line import Line, line_of
+        from cablefem.scene.line import Line
+        from cablefem.scene.short import line_of
 
         if isinstance(of, str | Path):
             kind = Scene if first == "scene" else _loaded("commands.sweep.study", "Study")

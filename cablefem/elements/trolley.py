@@ -84,7 +84,7 @@ class Trolley:
         return (self.shapes[:, None] @ q[..., self.near])[..., 0, :] / h[..., None]
 
     def inputs(self, z: Array, P: Array) -> Array:
-        """Inputs (INPUTS, ...) of `forces`, from q, v, a (3, size) and P of both wheels (4,), or of n times (3, n, size)."""
+        """Inputs (INPUTS, ...) of `forces`, from q, v, a (3, ..., size) and P of both wheels (..., 4)."""
         q, v, a = z
         out = np.zeros((INPUTS, *P.shape[:-1]))
         out[:8] = self.slopes(q).reshape(*P.shape[:-1], 8).T
@@ -95,7 +95,7 @@ class Trolley:
         return out
 
     def forces(self, cars: Cars, y: Any) -> Forces:
-        """Forces at y (INPUTS, ...), which may be complex; data of all cars (cars,), or (n, cars) with y (INPUTS, n)."""
+        """Forces at y (INPUTS, ...), which may be complex, with data of all cars (..., cars)."""
         drive, i, w, m = self.car.drive, self.i, self.wheels, self.car.mass
         y = y.tolist() if y.ndim == 1 else y  # plain numbers are faster
         th, X_v, Y_v, rate, X_a, Y_a, turning, force = y[12:]

@@ -110,11 +110,11 @@ class Supports(Part):
 
 def hang(gravity: float, cable: Cable, supports: Supports) -> Catenary:
     """The catenary with heat and ice; ValueError where `hanging_fault` finds one."""
-    reference = _reference(gravity, cable, supports)
+    cold = reference(gravity, cable, supports)
     if not cable.changed:
-        return reference
-    l = reference.length
-    T = reference.mean_tension
+        return cold
+    l = cold.length
+    T = cold.mean_tension
     heat = cable.warmer
     weight = (cable.mass_per_length + cable.ice_per_length) * gravity * l
 
@@ -126,12 +126,12 @@ def hang(gravity: float, cable: Cable, supports: Supports) -> Catenary:
         """l_2 minus that of rule 2, from l - chord: a taut cable keeps digits."""
         now = state(z)
         stretch = heat + (1.0 + heat) * (now.mean_tension - T) / (cable.EA + T)
-        return now.slack - reference.slack - l * stretch
+        return now.slack - cold.slack - l * stretch
 
     return state(bisected(excess, Z_MIN, Z_MAX))
 
 
-def _reference(gravity: float, cable: Cable, supports: Supports) -> Catenary:
+def reference(gravity: float, cable: Cable, supports: Supports) -> Catenary:
     """The described catenary, without heat and ice."""
     weight = cable.mass_per_length * gravity
     if cable.length is not None:
@@ -176,7 +176,7 @@ def hanging_fault(gravity: float, cable: Cable, supports: Supports) -> str:
 
 def stretch_fault(gravity: float, cable: Cable, supports: Supports) -> str:
     """Whether the cable is longer than twice its unstretched length."""
-    largest = max(state(gravity, cable, supports).max_tension for state in (_reference, hang))
+    largest = max(state(gravity, cable, supports).max_tension for state in (reference, hang))
     if largest < cable.EA:
         return ""
     why = "or the cable hangs at more than twice its unstretched length"

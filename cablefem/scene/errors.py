@@ -11,7 +11,7 @@ _WHY = {
     "spring": f"{_FIXED}; {_LINE}",
     "tower towers saddle spans": f"the cable has one span; {_LINE}",
     "masses cars": f"one car rides on the cable; {_LINE}",
-    "hanger pendulum swing": "the car is a point on the cable; it does not swing, mass.below says how far it reaches",
+    "hanger pendulum swing": "it is mass.hanger of one span, or hanger of a [[car]]; run and check alone take it",
     "bending bending_stiffness EI": "the cable bends without resistance",
     "torsion": "the cable has no torsion",
     "creep": "the cable keeps its unstretched length; give the length, sag or tension that it has on the day",

@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -19,7 +18,7 @@ from pydantic import BeforeValidator, Field
 
 from cablefem.scene.bodies import Hanger, Wheels, body_faults
 from cablefem.scene.cable import STEEPEST, Rope
-from cablefem.scene.described import LINES, Described, parsed, scene_text
+from cablefem.scene.described import LINES, Described
 from cablefem.scene.drive import Driving
 from cablefem.scene.errors import NOT_MODELLED, SceneError, nearest, shown
 from cablefem.scene.fields import (
@@ -369,15 +368,6 @@ class Line(Described):
         weights = [c for c in self.contact if c.tension is not None]
         holds = f"{weights[0].name} holds it with {weights[0].tension:.6g} N" if weights else "both ends are fixed"
         return NotFound(f"{state} with {weight:.6g} N of cars on the rope; {holds}")
-
-
-def line_of(name_or_path: str | Path) -> Line | None:
-    """The line of that name or TOML file; None for a scene of one span, or where it cannot be read."""
-    try:
-        several = "contact" in parsed(scene_text(name_or_path)[0])
-    except SceneError:
-        return None
-    return Line.load(name_or_path) if several else None
 
 
 def _refuse_unsound(state: LineState | NoLine) -> LineState | NoLine:

@@ -13,12 +13,12 @@ import numpy as np
 
 from cablefem.scene import catenary as _catenary
 from cablefem.scene.bodies import body_faults
-from cablefem.scene.cable import SHAPES, Cable, Supports, hang, hanging_fault, stretch_fault
+from cablefem.scene.cable import SHAPES, Cable, Supports, hang, hanging_fault, reference, stretch_fault
 from cablefem.scene.catenary import Catenary
 from cablefem.scene.damping import Wind, damping_fault, damping_rates, first_frequency, internal_fault
 from cablefem.scene.described import AT_REST, LIBRARY, Described, library_text, parsed
 from cablefem.scene.drive import GRIP, NEAREST_START, Drive, Driving
-from cablefem.scene.errors import SceneError
+from cablefem.scene.errors import NOT_MODELLED, SceneError
 from cablefem.scene.fields import LARGE, NonNegative, Part, Positive, described
 from cablefem.scene.motion import Motion
 from cablefem.scene.ride import Ride, quasi_static
@@ -26,6 +26,7 @@ from cablefem.scene.statics import NoRest
 from cablefem.scene.surroundings import Ground, Obstacles, surroundings_faults
 from cablefem.scene.travel import Table, Travel
 
+BODIES = ("wheels", "hanger")  # with them a scene is a line, see `short.py`
 # laws of `Scene.from_groups`, with the key that sets their pace
 PACES = {"constant_speed": "speed", "constant_acceleration": "acceleration", "accelerate_cruise_brake": "top_speed"}
 
@@ -33,6 +34,7 @@ PACES = {"constant_speed": "speed", "constant_acceleration": "acceleration", "ac
 class Mass(Part):
     """The moving mass particle."""
 
+    not_modelled: ClassVar = NOT_MODELLED | dict.fromkeys(BODIES, "run and check alone take it, from a file")
     mass: Positive = described("[kg] M, mass of the car")
     below: NonNegative = described("[m] how far the lowest part of the car or rider hangs below the cable", 0.0)
 
@@ -187,6 +189,11 @@ class Scene(Described):
     def catenary(self) -> Catenary:
         """The static cable, eqs (9)-(12)."""
         return hang(self.gravity, self.cable, self.supports)
+
+    @property
+    def reference(self) -> Catenary:
+        """The static cable without heat and ice."""
+        return reference(self.gravity, self.cable, self.supports)
 
     @property
     def notes(self) -> list[str]:

@@ -2,13 +2,15 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
 
 from cablefem.elements.line import solve
-from cablefem.scene import SceneError
+from cablefem.scene import Scene, SceneError
 from cablefem.scene.bodies import Wheels
 from cablefem.scene.line import Line
 from cablefem.scene.moving import moving
+from cablefem.scene.short import line_of
 from tests.motion.lines import LEFT, RIGHT, ROPE, Smooth, anchor, car, line, saddle, spring
 
 TEXT = """
@@ -129,3 +131,44 @@ class BackAndForth:
 def test_the_direction_of_a_car_is_that_of_its_next_motion_and_stays_after_the_last():
     found = line(ROPE, LEFT, car("car", 2000.0, BackAndForth(), "haul"), RIGHT, t_end=50.0)
     assert [found.direction(found.cars[0], i) for i in range(5)] == [-1.0, -1.0, 1.0, 1.0, 1.0]
+
+
+SPAN = """
+[cable]
+mass_per_length = 13.3
+EA = 2.52e8
+horizontal_tension = 450e3
+[supports]
+span = 700.0
+drop = -341.0
+[mass]
+mass = 8100.0
+wheels = {base = 4.0, inertia = 3e4, below = 3.0, ahead = 0.2}
+[travel]
+kind = "trapezoid"
+top_speed = 7.0
+acceleration = 0.5
+deceleration = 3.0
+from = 300.0
+to = 330.0
+[drive]
+mode = "haul"
+hitch = [0.0, -2.0]
+"""
+
+
+def test_one_span_whose_car_has_two_wheels_is_a_line_with_the_same_cable(tmp_path):
+    (tmp_path / "span.toml").write_text(SPAN)
+    found = line_of(tmp_path / "span.toml")
+    point = SPAN.replace("wheels", "#").replace("hitch", "#")
+    empty, same = found.empty(solve), Scene.from_toml(point)
+    assert empty.s[-1] * found.cable.mass_per_length == pytest.approx(13.3 * same.length)
+    assert np.abs(empty.ahead[0, 0]) == pytest.approx(450e3, rel=1e-5)
+    assert [x.name for x in moving(found, solve).touching] == ["left", "car.rear", "car.front", "right"]
+    (tmp_path / "span.toml").write_text(point)
+    assert line_of(tmp_path / "span.toml") is None
+
+
+def test_what_takes_no_line_says_so():
+    with pytest.raises(SceneError, match=r"mass.wheels: not modelled: run and check alone take it"):
+        Scene.from_toml(SPAN)

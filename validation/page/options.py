@@ -63,7 +63,7 @@ def scene_named(name: str, faults: Sequence[str] = (), *, travelling: bool = Fal
 def line_named(name: str) -> Line | None:
     """The line of that name; None if it is a scene; Refused with its faults."""
     from cablefem.scene import SceneError
-    from cablefem.scene.line import line_of
+    from cablefem.scene.short import line_of
 
     try:
         return line_of(name)

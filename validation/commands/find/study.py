@@ -15,7 +15,8 @@ from typing import Any
 from cablefem.response import write_json
 from cablefem.scene import Scene, SceneError
 from cablefem.scene.keys import keys as keys_of
-from cablefem.scene.line import Line, line_of
+from cablefem.scene.line import Line
+from cablefem.scene.short import line_of
 from validation.commands.find.condition import Answer, Clause, parsed, refuse_unknown
 from validation.core import store
 from validation.core.quantities import with_bar
