@@ -1,7 +1,20 @@
-"""The command, and one BLAS thread: on a shared machine threads that wait for each other cost tenfold."""
+"""The command, and one BLAS thread and one core: what waits for each other on shared cores costs tenfold."""
+
+import os
 
 import pytest
 from threadpoolctl import threadpool_limits
+
+
+def pytest_configure():
+    """Stay on one core: a check then forks no solvers, which would load all that they need anew.
+
+    Forks: tests/validation/test_sidebyside.py, and the commands of .ci/commands.
+    """
+    if hasattr(os, "sched_setaffinity"):
+        cores = sorted(os.sched_getaffinity(0))
+        number = int(os.environ.get("PYTEST_XDIST_WORKER", f"gw{os.getpid()}").removeprefix("gw"))
+        os.sched_setaffinity(0, {cores[number % len(cores)]})
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -7,7 +7,6 @@ A table or printed text without a reader is noted: a test fails then.
 from __future__ import annotations
 
 import base64
-import csv
 import html
 import itertools
 import json
@@ -153,11 +152,10 @@ def files(of: Stored) -> Faults:
 
 def _columns(file: Path, expected: dict[str, Array]) -> Faults:
     """Faults of the columns of a CSV; its empty cells are nan."""
-    with file.open(encoding="ascii", newline="") as opened:
-        names, *rows = csv.reader(opened)
-    cells = np.array(rows, dtype="U32")
-    cells[cells == ""] = "nan"
-    columns = dict(zip(names, cells.astype(float).T, strict=True))
+    header, _, body = file.read_text(encoding="ascii").rstrip().partition("\n")
+    names = header.split(",")
+    cells = [float(cell or "nan") for cell in body.replace("\n", ",").split(",")]
+    columns = dict(zip(names, np.reshape(cells, (-1, len(names))).T, strict=True))
     for name in columns.keys() ^ expected.keys():
         yield f"column {name} has no second computation or is not there"
     for name in columns.keys() & expected.keys():
