@@ -8,7 +8,7 @@ import pytest
 
 from validation.core.ladder import Branch, Ladder
 from validation.core.measures import NotComparable
-from validation.core.order import error_bar
+from validation.core.order import error_bar, observed_order
 
 SAME: Any = lambda r: r  # noqa: E731 - runs of these tests are their own answers
 
@@ -23,6 +23,16 @@ def test_a_bar_is_a_little_more_than_an_error_with_an_order(order: float, ratios
     error = np.array([1.0, ratios[0] ** order, (ratios[0] * ratios[1]) ** order])
     bar = error_bar(error[1] - error[0], error[2] - error[1], ratios, 2.0)
     assert bar == pytest.approx(1.25, rel=1e-3)
+
+
+@pytest.mark.parametrize("order", [0.56, 1.6, 4.0])
+@pytest.mark.parametrize("ratios", [(2.0, 2.0), (2.0, 2.25), (1.5, 2.2)])
+def test_the_order_of_three_values_is_observed(order: float, ratios: tuple[float, float]) -> None:
+    """It was none where the coarser runs are further apart than the finer ones."""
+    r, coarser = ratios
+    values = [1.0, r**order, (r * coarser) ** order]
+    assert observed_order(values, ratios) == pytest.approx(order, rel=1e-9)
+    assert observed_order([1.0, 2.0, 2.5], ratios) is None  # changes that grow
 
 
 def test_more_than_the_nominal_order_is_not_credited() -> None:

@@ -50,12 +50,19 @@ def _order(d: Any, before: Any, ratios: Sequence[float], low: float, high: float
 
 
 def observed_order(levels: Sequence[float], ratios: Sequence[float]) -> float | None:
-    """The order that a value shows; None: fewer than three resolutions, or less than MIN_ORDER.
+    """The order that a value shows; None: fewer than three resolutions, or none in the range.
 
     levels : values of the finest run, of half and of a quarter;  ratios : finest over half, half over quarter.
     """
-    if len(levels) < 3:
+    from scipy.optimize import brentq  # where bars are printed
+
+    if len(levels) < 3 or levels[0] == levels[1]:
         return None
     finest, half, quarter = levels
-    p = float(_order(abs(finest - half), abs(half - quarter), ratios, 0.0, LARGEST))
-    return p if MIN_ORDER < p < LARGEST else None
+    r, coarser = ratios
+    fall = abs((half - quarter) / (finest - half))
+
+    def missing(p: float) -> float:
+        return math.log(r**p * (coarser**p - 1.0) / (r**p - 1.0)) - math.log(fall or math.ulp(0.0))
+
+    return float(brentq(missing, MIN_ORDER, LARGEST)) if missing(MIN_ORDER) < 0.0 < missing(LARGEST) else None
