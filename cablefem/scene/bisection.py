@@ -3,15 +3,15 @@
 from collections.abc import Callable
 
 
-def bisected(f: Callable[[float], float], low: float, high: float) -> float:
-    """The zero of f between low and high, to the last bit; ValueError without a change of sign."""
+def bisected(f: Callable[[float], float], low: float, high: float, within: float = 0.0) -> float:
+    """The zero of f between low and high, `within` or to the last bit; ValueError without a change of sign."""
     at_low = f(low)
     at_high = f(high)
     if not min(at_low, at_high) <= 0.0 <= max(at_low, at_high):
         raise ValueError(f"f({low!r}) = {at_low!r} and f({high!r}) = {at_high!r} have one sign")
     rising = at_high > at_low
     middle = 0.5 * (low + high)
-    while low < middle < high:
+    while low < middle < high and high - low > within:
         if (f(middle) < 0.0) is rising:
             low = middle
         else:

@@ -11,6 +11,7 @@ from cablefem.scene.bisection import bisected
 from cablefem.scene.line import Case, NoLine
 
 ROUNDS = 8  # of tension and depth in turn
+WITHIN = 1e-5  # relative, of the tension of a guess
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +61,7 @@ def _of_length(case: Case, length: float) -> tuple[np.ndarray, np.ndarray, np.nd
 
     smallest = math.log(1e-6 * case.weight * length)
     try:
-        log_T = bisected(excess, smallest, math.log(case.EA))
+        log_T = bisected(excess, smallest, math.log(case.EA), WITHIN)
         return _string(case, math.exp(log_T), None)
     except ValueError:
         supports = np.array([(p.x, p.y) for p in case.stations if not p.is_car])
