@@ -7,6 +7,7 @@ A table or printed text without a reader is noted: a test fails then.
 from __future__ import annotations
 
 import base64
+import csv
 import html
 import itertools
 import json
