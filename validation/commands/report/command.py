@@ -14,8 +14,8 @@ PARTS = (
     ("chart", "level", "--budget", "80"), ("advise", "level", "--tol", "1e-2"), ("modes", "bare"), ("atlas",),
 )  # fmt: skip
 QUICK_PARTS = (
-    ("check", "level"), ("paper", "--quick"), ("oracles", "--quick"), ("chart", "level", "--budget", "8"),
-    ("advise", "level", "--tol", "5e-2"), ("modes", "bare"),
+    ("check", "level", "--tol", "1e-2"), ("paper", "--quick"), ("oracles", "--quick"),
+    ("chart", "level", "--budget", "1"), ("advise", "level", "--tol", "5e-2"), ("modes", "bare"),
 )  # fmt: skip
 
 
