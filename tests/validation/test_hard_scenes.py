@@ -30,7 +30,7 @@ def test_a_ride_on_a_cable_without_a_rest_is_refused():
     assert "no cable at rest under the car was found" in row["reason"]
 
 
-@pytest.mark.parametrize("index", range(0, len(HOSTILE), 1000))
+@pytest.mark.parametrize("index", range(0, len(HOSTILE), 1500))
 def test_a_hostile_scene_gets_an_answer_or_a_diagnosis(index):
     row = job.row(HOSTILE, index, HOSTILE.point(index))
     assert row["status"] in ("complete", "incomplete", "refused"), row

@@ -29,10 +29,12 @@ def broken(x):
 
 @pytest.fixture(scope="module")
 def level():
-    return ladder(Scene.load("level"))
+    right = ladder(Scene.load("level"))
+    assert broken(right) == set()
+    return right
 
 
-@pytest.mark.parametrize("name", ["level", "cruise", "inclined", "tramway", "zipline", "kevlar"])
+@pytest.mark.parametrize("name", ["cruise", "inclined", "tramway", "zipline"])
 def test_right_answers_keep_every_law(name):
     scene = Scene.load(name)
     free = scene.drive.mode == "free"
@@ -125,7 +127,6 @@ def test_a_wrong_curvature_of_the_shared_catenary_is_seen(monkeypatch):
     ],
 )  # fmt: skip
 def test_an_altered_answer_breaks_the_law_it_concerns(level, fault, law):
-    assert broken(level) == set()
     assert law in broken(level.map(fault))
 
 
@@ -174,7 +175,9 @@ def off(r, name, factor=1.05):
 
 @pytest.fixture(scope="module")
 def ride():
-    return ladder(Scene.from_toml(TOML), **RODE)
+    right = ladder(Scene.from_toml(TOML), **RODE)
+    assert broken(right) == set()
+    return right
 
 
 @pytest.mark.parametrize("name", [name for name in NUMBERS if name not in UNHELD])
@@ -184,7 +187,6 @@ def test_a_wrong_number_breaks_a_law(level, name):
 
 @pytest.mark.parametrize("name", RIDE_NUMBERS)
 def test_a_wrong_number_of_a_ride_breaks_a_law(ride, name):
-    assert broken(ride) == set()
     assert broken(ride.map(lambda r: off(r, name)))
 
 

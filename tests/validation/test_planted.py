@@ -58,8 +58,6 @@ def slack_at(place):
 FAULTS = {
     "slack falsely called": (0, slack_at, {"slack_onset"}, 0.40, 0.40),
     "tension at the mass": (1, at_mass, {"tension_behind", "tension_ahead"}, 0.035, 0.01),
-    "displacement field": (0, scaled("u", "v"), {"displacement"}, 0.05, 0.01),
-    "velocity field": (1, scaled("du", "dv"), {"velocity"}, 0.15, 0.03),
     "displacement along x": (0, scaled("u"), {"displacement"}, 0.10, 0.01),
     "displacement across": (1, scaled("v"), {"displacement"}, 0.05, 0.01),
     "velocity across": (0, scaled("dv"), {"velocity"}, 0.04, 0.03),

@@ -54,8 +54,8 @@ def small(tmp_path_factory):
             yield study.Series("scheme central-difference", "integrator", failing, study.BASE)
             for x in all_series(groups):
                 if x.name in names:
-                    rungs = x.rungs[: {"tolerance": 2, "waiting": 1}.get(x.kind, 8)]
-                    rungs = rungs if len(rungs) < 3 else rungs[::3]
+                    rungs = x.rungs[: {"tolerance": 2, "waiting": 1}.get(x.kind, 5)]
+                    rungs = rungs if len(rungs) < 3 else rungs[::2]
                     yield study.Series(x.name, x.kind, rungs, x.method, x.model)
 
         patch.setattr(study, "series", few)
