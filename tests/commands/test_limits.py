@@ -149,6 +149,7 @@ def test_limits_of_a_line_at_rest_are_printed_and_judged(cablefem):
     rows = json.loads(Path("x/agreement.json").read_text())["limits"]
     assert [row["verdict"] for row in rows] == ["cannot be judged: give cable.breaking_load", "not met", "met", "met"]
     assert "smallest knee angle, empty" in out
+    assert "at the given positions of the cars" in out
     page = Path("x/report.html").read_text()
     assert list(readback.limits_shown(page, rows)) == []
     value = f"{rows[1]['value']:.5g}"

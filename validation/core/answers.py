@@ -23,7 +23,8 @@ class Outcome(NamedTuple):
 
 def outcome(scene: Scene, r: Response) -> Outcome:
     """What becomes of a run: first a rope that breaks, then what is hit, then how the car's motion ends."""
-    numbers = {row["quantity"]: row for row in r.design or design(r)}
+    decides = scene.cable.breaking_load or scene.obstacle or scene.ground
+    numbers = {row["quantity"]: row for row in r.design or design(r)} if decides else {}
     end = _end(scene, r)
     sentence = "; ".join([*_collisions(numbers), end.sentence])
     load = scene.cable.breaking_load

@@ -107,6 +107,8 @@ def scopes(scene: Scene | Line) -> list[str]:
         text = TEXTS[name]
         outside = "" if _modes(scene) <= set(text["modes"]) else "; this scene is outside its scope"
         out.append(f"{text['source']}: for {text['scope']}{outside}")
+    if isinstance(scene, Line) and not scene.moves and all(car.at is not None for car in scene.car):
+        out.append("at the given positions of the cars; without `at` each number is that of its worst place")
     return out
 
 

@@ -1046,7 +1046,9 @@ def inverse(folder: Path, html_text: str, printed: Sequence[str]) -> Faults:
         if plain("".join(_each('p class="summary"', section))) != plain(found["sentence"]):
             yield "the page has another answer than find.json"
         tried = [[x["value"], "yes" if x["holds"] else "no", x["outcome"]] for x in found["evaluations"]]
-        yield from _unlike_rows(rows, tried)
+        yield from _unlike_rows([[cells[0], *cells[2:]] for cells in rows], tried)
+        for cells, row in zip(rows, found["evaluations"], strict=False):
+            yield from _unlike_rows([cells[1].split("; ")], [list(itertools.chain(*row["read"]))])
     for sentence in sentences:
         if sentence not in printed:
             yield f"{sentence!r} was not printed"
@@ -1057,7 +1059,10 @@ def _unlike_rows(shown: Sequence[Sequence[str]], stored: Sequence[Sequence[Any]]
         yield f"{len(shown)} rows are shown where {len(stored)} are stored"
     for cells, row in zip(shown, stored, strict=False):
         for text, value in zip(cells, row, strict=True):
-            good = shows(text, value, digits=6) if isinstance(value, float | int | None) else text == plain(value)
+            if isinstance(value, str) and value:
+                good = text == plain(value)
+            else:
+                good = shows(text, None if value == "" else value, digits=6)
             if not good:
                 yield f"{text} is shown where {value} is stored"
 

@@ -75,6 +75,11 @@ class Clause:
     right: str = ""
     unit: str = ""
 
+    @property
+    def of_event(self) -> bool:
+        """Whether it looks at events or the outcome alone."""
+        return self.name == "outcome" or self.name.partition(".")[0] in EVENTS
+
     def number(self, answer: Answer) -> Number | None:
         return answer.numbers.get(self.name)
 

@@ -192,7 +192,8 @@ class _Search:
         """Answers at a value of the key; a scene or run that fails says why."""
         if value not in self.known:
             try:
-                self.known[value] = [answer_of(scene, self.model) for scene in self.scenes(value)]
+                only_events = all(clause.of_event for clause in self.clauses)
+                self.known[value] = [answer_of(scene, self.model, only_events) for scene in self.scenes(value)]
             except (SceneError, Refused, ArithmeticError) as error:
                 self.known[value] = [replace(NONE, sentence=str(error).splitlines()[0])]
             self.progress(f"{self.key} = {value:.6g}", min(0.9, len(self.known) / (BRACKETS + HALVINGS + 1.0)))
@@ -295,8 +296,8 @@ class _Search:
         return None
 
 
-def answer_of(scene: Any, model: str) -> Answer:
-    """The answer of the least model that was asked for."""
+def answer_of(scene: Any, model: str, only_events: bool = False) -> Answer:
+    """The answer of the least model that was asked for; only_events : without design numbers and bars."""
     from validation.core import limits
     from validation.core.answers import outcome
 
@@ -314,6 +315,8 @@ def answer_of(scene: Any, model: str) -> Answer:
         from validation.core.quasi_static import quasi_static, with_error_bars
 
         r = quasi_static(scene)
+        if only_events:
+            return Answer.of(outcome(scene, r), (), r.events, ())
         r = with_error_bars(scene, replace(r, design=design(r)))
     return Answer.of(outcome(scene, r), r.design, r.events, limits.rows(scene, r.design, r.events))
 
