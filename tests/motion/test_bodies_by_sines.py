@@ -8,6 +8,7 @@ from scipy.integrate import cumulative_simpson
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 
+from cablefem.elements.system import LineElements
 from cablefem.newmark import State, Work, integrate, scheme, step_times
 from cablefem.scene.bodies import Hanger, Wheels
 from cablefem.scene.contacts import Car
@@ -184,9 +185,9 @@ def test_a_short_base_leaves_a_point_with_its_known_error():
     assert gap != pytest.approx(m * g * 0.99 * b / (4.0 * N), rel=5e-3)
 
 
-def free_sled(thrust, angle):
+def free_sled(thrust, angle, brake=1.5e3):
     drive = Drive(mode="free", start=60.0, mu_r=0.01, k=0.5, thrust_table=((0.0, thrust), (4.0, thrust)),
-                  thrust_angle=angle, brakes=((50.0, 1.5e3),), rear_brakes=((50.0, 5e2),))  # fmt: skip
+                  thrust_angle=angle, brakes=((50.0, brake),), rear_brakes=((50.0, brake / 3.0),))  # fmt: skip
     wheels = Wheels(base=2.0, inertia=400.0, below=0.5, ahead=0.3)
     car = Car(name="sled", mass=500.0, wheels=wheels, drive=drive)
     rope = {"mass_per_length": 6.0, "EA": 1e8, "length": 402.0}
@@ -205,6 +206,27 @@ def test_energy_is_what_drives_put_in_and_friction_takes(scene):
     x = run(LineSines(scene, 5), 240)
     work = np.append(0.0, cumulative_simpson(sum(x.powers.values()), x=x.t))
     np.testing.assert_allclose(x.energy - x.energy[0], work, atol=1e-4 * np.ptp(x.energy))
+
+
+@pytest.mark.parametrize("scene", [free_sled(3e3, 0.1, 0.0), hauled_cabin(), tram(Smooth(100.0, 10.0))])
+def test_both_wings_agree(scene):
+    scene = dataclasses.replace(scene, t_end=3.0)
+    s = np.array([20.0, 200.0])
+    one, other = run(LineElements(scene), 120, s), run(LineSines(scene, 12), 120, s)
+    a, b = one.cars[0], other.cars[0]
+    T, weight = a.tension_ahead.max(), 9.81 * scene.cars[0].mass
+    np.testing.assert_allclose(one.points, other.points, atol=1e-3)
+    np.testing.assert_allclose(a.turning.centre, b.turning.centre, atol=1e-3)
+    np.testing.assert_allclose(a.turning.angle, b.turning.angle, atol=1e-3)
+    np.testing.assert_allclose(
+        one.energy - other.energy, one.energy[0] - other.energy[0], atol=1e-4 * np.ptp(one.energy)
+    )
+    assert one.powers.keys() == other.powers.keys()
+    for x, y in [(a, b), *zip(a.turning.wheels, b.turning.wheels, strict=True)]:
+        np.testing.assert_allclose(x.tension_behind, y.tension_behind, atol=1e-3 * T)
+        np.testing.assert_allclose(x.tension_ahead, y.tension_ahead, atol=1e-3 * T)
+    for x, y in zip(a.turning.wheels, b.turning.wheels, strict=True):
+        np.testing.assert_allclose(x.load, y.load, atol=2e-2 * weight)
 
 
 def test_a_wheel_that_lifts_off_ends_the_run():

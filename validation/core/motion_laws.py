@@ -25,9 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from validation.core.scene_data import Array, ice_mass
+from validation.core.motion_bodies import CarBody, vector
+from validation.core.scene_data import ROUNDING, Array, ice_mass
 
-AIR = 1.2  # kg/m3, default density
 WINDOWS = 12
 PART = 0.25  # length of a window over the run's
 
@@ -53,6 +53,12 @@ class LineOf:
                 yield e, k, self.contacts[k]
 
 
+def touching(motion: Any) -> list[Any]:
+    """What touches the rope: contacts, cars, and of two wheels the rear one, too."""
+    rear = [car.turning.wheels[0] for car in motion.cars if car.turning is not None and car.turning.wheels]
+    return [*motion.contacts, *motion.cars, *rear]
+
+
 class Sampled:
     """A motion at every step, or every second one, and the rope as a chain of points (n, k, 2)."""
 
@@ -62,8 +68,8 @@ class Sampled:
         self.t = motion.t[self.taken]
         self.cars = list(motion.cars)
         self.contacts = list(motion.contacts)
-        self.tau = {car.name: self.of(_unit(car.slope_behind + car.slope_ahead)) for car in self.cars}
-        bodies = [*self.contacts, *self.cars]
+        self.bodies = [CarBody(line.cars[car.name], car, motion, self.of, line.gravity) for car in self.cars]
+        bodies = touching(motion)
         first = self.contacts[0]
         tension = self.of(motion.tension)
         here = np.isfinite(tension)
@@ -98,32 +104,12 @@ class Sampled:
         rows = np.cumsum(once) - 1
         return np.asarray(0.5 * self.line.rho * (v2 @ length)[rows])
 
-    def drag(self, car: Any) -> Array:
-        drive = self.line.cars[car.name].get("drive", {})
-        k = 0.5 * drive.get("air_density", AIR) * drive.get("drag_area", 0.0)
-        air = self.of(car.velocity) - np.array([drive.get("wind", 0.0), 0.0])
-        return np.asarray(-k * np.linalg.norm(air, axis=1)[:, None] * air)
-
-    def drive(self, car: Any) -> Array:
-        """Haul force or thrust (n,) [N] along the mean tangent."""
-        data = self.line.cars[car.name].get("drive", {})
-        if data.get("mode", "grip") == "haul":
-            return self.of(car.haul_force)
-        thrust = data.get("thrust", 0.0)
-        if isinstance(thrust, dict):
-            return np.interp(self.t, thrust["times"], thrust["forces"], left=0.0, right=0.0)
-        return np.full(self.t.size, float(thrust))
-
 
 def taken(t: Array, every: int) -> NDArray[np.intp]:
     """Numbers of the steps to take: every so many, and both sides of each jump, where a time stands twice."""
     jumps = np.flatnonzero(np.diff(t) <= 0.0)
     edges = zip([0, *(jumps + 1)], [*jumps, t.size - 1], strict=True)
     return np.concatenate([np.unique(np.append(np.arange(low, high, every), high)) for low, high in edges])
-
-
-def _unit(v: Array) -> Array:
-    return np.asarray(v / np.linalg.norm(v, axis=1)[:, None])
 
 
 def _sum(t: Array, values: Array) -> Array:
@@ -157,11 +143,10 @@ def momentum(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     force = np.zeros_like(moment)
     force[:, 1] = line.q * x.ds.sum(axis=1)
     impulse = np.zeros_like(moment)
-    for car in x.cars:
-        mass = line.cars[car.name]["mass"]
-        force += x.drive(car)[:, None] * x.tau[car.name] + x.drag(car)
-        force[:, 1] += mass * line.gravity
-        impulse += mass * x.of(car.velocity)
+    for body in x.bodies:
+        outside = body.force + body.drag + 1j * body.data["mass"] * line.gravity
+        force += np.stack([outside.real, outside.imag], axis=1)
+        impulse += np.stack([body.momentum.real, body.momentum.imag], axis=1)
     for contact in x.contacts:
         force -= x.of(contact.pressure)
     first = x.contacts[0]
@@ -202,13 +187,9 @@ def energy(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     x = Sampled(line, motion, every)
     E = x.kinetic - line.q * (x.middles[..., 1] * x.ds).sum(axis=1) + (x.squares * x.ds).sum(axis=1) / (2.0 * line.EA)
     powers = []
-    for car in x.cars:
-        data = line.cars[car.name]
-        velocity = x.of(car.velocity)
-        E += data["mass"] * (0.5 * (velocity**2).sum(axis=1) - line.gravity * x.of(car.point)[:, 1])
-        powers.append(x.drive(car) * (x.tau[car.name] * velocity).sum(axis=1))
-        powers.append((x.drag(car) * velocity).sum(axis=1))
-        powers.append(_along_rope(x, car, data, motion))
+    for body in x.bodies:
+        E += body.energy
+        powers += body.powers
     for contact, table in zip(x.contacts, line.contacts, strict=True):
         if table["kind"] == "spring":
             E += 0.5 * (np.array(table["stiffness"]) * (x.of(contact.point) - table["at"]) ** 2).sum(axis=1)
@@ -227,21 +208,47 @@ def energy(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     return np.asarray((E - E[0] - work(np.sum(powers, axis=0))) / done)
 
 
-def _along_rope(x: Sampled, car: Any, data: dict[str, Any], motion: Any) -> Array:
-    """Power (n,) [W] of grip, or of friction and brakes, between car and rope."""
-    ds = x.of(car.ds)
-    stretch = 0.5 * (np.linalg.norm(x.of(car.slope_behind), axis=1) + np.linalg.norm(x.of(car.slope_ahead), axis=1))
-    drive = data.get("drive", {})
-    if drive.get("mode", "grip") == "grip":
-        return np.asarray(stretch * x.of(car.grip_force) * ds)
-    friction = drive.get("rolling_friction", 0.0) * np.abs(x.of(car.contact_force))
-    for brake in drive.get("brake", []):
-        friction = friction + brake["force"] * (x.of(car.s) > brake["from"])
-    held = motion.powers.get(f"{car.name} hold")
-    return np.asarray(-stretch * friction * np.abs(ds) + (0.0 if held is None else x.of(held)))
+def moment(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+    """Defects of the moment of momentum of cabins and cars on two wheels, over their weight and size."""
+    x = Sampled(LineOf(toml), motion, every)
+    out = []
+    for body in x.bodies:
+        if body.turning is None:
+            continue
+        held, turned = body.moments()
+        for part, W, W1, _ in _windows(x.t, end):
+            t = x.t[part]
+            defect = float(_sum(t, W * held[part] + W1 * turned[part]))
+            out.append(defect / (body.masses[1][0] * body.g * body.size * float(_sum(t, W))))
+    return np.array(out)
+
+
+def kinks(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+    """Defects of the forces of cabins and wheels on the rope, by its tensions and slopes there, over the weight."""
+    line = LineOf(toml)
+    x = Sampled(line, motion, every)
+    out = []
+    for body in x.bodies:
+        for touching in body.touching if body.turning is not None else ():
+            defect = touching.on_rope - touching.force_of_rope(line.rho)
+            weight = body.data["mass"] * body.g
+            for part, W, _, _ in _windows(x.t, end):
+                t = x.t[part]
+                along, down = (_sum(t, W * component[part]) for component in (defect.real, defect.imag))
+                out.append(math.hypot(along, down) / (weight * float(_sum(t, W))))
+    return np.array(out)
+
+
+def centres(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+    """Distances beyond rounding of centres of mass from where contacts and angles put them, over the body's size."""
+    x = Sampled(LineOf(toml), motion, every)
+    turning = [body for body in x.bodies if body.turning is not None]
+    distances = np.array([np.max(np.abs(vector(x.of(b.turning.centre)) - b.c)) / b.size for b in turning])
+    return np.asarray(np.maximum(distances - ROUNDING, 0.0))
 
 
 LAWS = {"momentum of rope and cars": momentum, "motion of the counterweight": weight, "energy and work": energy}
+OF_BODIES = {"moment of momentum of bodies": moment, "forces on kinks of the rope": kinks, "centres of mass": centres}
 
 
 def read_back(folder: Path, motion: Any, design: Sequence[dict[str, Any]], period: float) -> list[str]:
@@ -318,8 +325,7 @@ def _under_rope(scene: dict[str, Any], motion: Any, over: str) -> Array:
     for i in range(motion.t.size):
         known = np.isfinite(motion.tension[i])
         rows = [np.column_stack([motion.s[known], motion.points[i, known]])]
-        wheels = [wheel for car in motion.cars if car.turning is not None for wheel in car.turning.wheels[:1]]
-        rows += [np.array([[body.s[i], *body.point[i]]]) for body in (*motion.cars, *motion.contacts, *wheels)]
+        rows += [np.array([[body.s[i], *body.point[i]]]) for body in touching(motion)]
         chain = np.concatenate(rows)
         _, at, y = chain[np.argsort(chain[:, 0], kind="stable")].T
         inside = (at >= x[0]) & (at <= x[-1])

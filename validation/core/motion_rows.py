@@ -13,15 +13,16 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from cablefem.motion import CarMotion, ContactMotion, LineMotion, WheelMotion
+from cablefem.motion import CarMotion, ContactMotion, LineMotion
 from cablefem.response import Array
 from cablefem.scene.line import Line
 from validation.core.agreement import Agreement, Bound, Part, nothing
 from validation.core.clearances import grounds
 from validation.core.ladder import Ladder
-from validation.core.motion_laws import taken
+from validation.core.motion_laws import taken, touching
 
 SETTLED = 3  # instants that a comparison needs
+ANGLES = ("swing", "pitch")
 FIELDS = 0.05  # smallest tolerance of fields along the rope, and of laws
 
 Of = Callable[[Any], Array]
@@ -188,6 +189,15 @@ class Comparison:
         for field in ("haul_force", "grip_force"):
             if np.isfinite(getattr(car, field)).any():
                 yield self.series(field, name, of(field), weight, asked.tension, means=True)
+        for column, values in turning_columns(car).items():
+
+            def turned(moved: Any, column: str = column) -> Array:
+                return turning_columns(car_of(moved, name))[column]
+
+            if column in ANGLES:
+                yield self.series(column, name, turned, float(np.ptp(values)) or 1.0, asked.tension)
+            else:
+                yield self.series(column, name, turned, weight, asked.tension, means=True)
 
     def _contact(self, contact: ContactMotion) -> Iterator[Agreement]:
         name = contact.name
@@ -400,8 +410,7 @@ def rope_depths(points: Array, x: Array) -> Array:
 
 def chain(motion: LineMotion) -> Array:
     """The rope as points (n, m, 2) [m]: stations, cars and contacts from left to right."""
-    rear = [car.turning.wheels[0] for car in motion.cars if car.turning is not None and car.turning.wheels]
-    bodies: list[CarMotion | ContactMotion | WheelMotion] = [*motion.contacts, *motion.cars, *rear]
+    bodies = touching(motion)
     first = motion.contacts[0]
     here = ~np.isnan(motion.tension)  # (n, stations)
     s = np.where(here, motion.s, first.s[:, None])

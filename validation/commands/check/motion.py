@@ -42,13 +42,16 @@ def judged(line: Line, a: Ladder, b: Ladder, asked: Tolerance) -> list[Agreement
 
 
 def laws(toml: str, ladders: Sequence[Ladder], end: float) -> Iterator[Agreement]:
+    finest: Any = ladders[0].finest
+    turns = any(car.turning is not None for car in finest.motion.cars)
+    known = motion_laws.LAWS | (motion_laws.OF_BODIES if turns else {})
     for ladder in ladders:
-        for name, law in motion_laws.LAWS.items():
+        for name, law in known.items():
 
             def defect(moved: Any, every: int = 1, law: Any = law) -> Any:
                 return law(toml, moved.motion, end, every)
 
-            finest: Any = ladder.finest
+            finest = ladder.finest
             yield law_row(ladder, "laws_si", name, defect, end, finest.method)
 
 

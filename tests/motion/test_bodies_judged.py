@@ -1,0 +1,105 @@
+"""Which planted faults of cabins and of cars on two wheels the laws of a check see."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from cablefem.scene.line import Line
+from validation.commands.check.motion import judged, laws
+from validation.commands.run.motion import SINES, Runs
+from validation.core.agreement import overall
+from validation.core.motion_rows import Tolerance
+
+SHORT = """
+[cable]
+mass_per_length = 6.0
+EA = 9e7
+length = 402.0
+[[contact]]
+name = "left"
+kind = "anchor"
+at = [0.0, 0.0]
+[[contact]]
+name = "right"
+kind = "anchor"
+at = [400.0, -20.0]
+[[car]]
+name = "sled"
+mass = 500.0
+wheels = {base = 2.0, inertia = 400.0, below = 0.5}
+[car.drive]
+mode = "free"
+start = 60.0
+drag_area = 0.5
+thrust = {times = [0.0, 9.0], forces = [5e3, 5e3], angle = 5.0}
+brake = [{from = 61.0, force = 1e3, wheel = "rear"}]
+end = {time = 2.0}
+[[car]]
+name = "cabin"
+mass = 900.0
+hanger = {mass = 700.0, length = 3.0, gyration = 1.0, damping = 0.05}
+drive = {mode = "haul"}
+travel = {kind = "trapezoid", top_speed = 3.0, acceleration = 3.0, deceleration = 3.0, from = 300.0, to = 303.0}
+"""
+MOMENT, KINKS, CENTRES = "moment of momentum of bodies", "forces on kinks of the rope", "centres of mass"
+
+
+@pytest.fixture(scope="module")
+def line():
+    return Line.from_toml(SHORT)
+
+
+@pytest.fixture(scope="module")
+def ladder(line):
+    return Runs(SINES, line).ladder(2, 2)
+
+
+def broken(toml, ladder):
+    """Names of the laws that the runs do not keep."""
+    rows = laws(toml, [ladder], ladder.finest.end)
+    return {row.law.rpartition(",")[0] for row in rows if row.verdict.value == "disagree"}
+
+
+def test_sines_keep_all_laws(line, ladder):
+    assert not broken(line.to_toml(), ladder)
+
+
+@pytest.mark.parametrize(
+    ("fault", "seen"),
+    [
+        ({"car.sled.wheels.ahead": 0.05}, {MOMENT, CENTRES}),
+        ({"car.sled.wheels.below": 0.55}, {CENTRES}),
+        ({"car.cabin.hanger.length": 3.05}, {MOMENT, CENTRES}),
+        ({"car.cabin.hanger.damping": 0.06}, {MOMENT}),
+        ({"car.sled.drive.brake.0.wheel": "front"}, {KINKS}),
+    ],
+)
+def test_a_body_that_is_not_that_of_the_toml_is_seen(line, ladder, fault, seen):
+    assert broken(line.replace(fault).to_toml(), ladder) == seen
+
+
+def light(motion, with_turning):
+    """The cabin's acceleration, or the part phi.^2 of it alone, is missing in the forces of its carriage."""
+    sled, cabin = motion.cars
+    x = cabin.turning
+    e1, e2 = np.exp(-1j * x.angle), 1j * np.exp(-1j * x.angle)
+    missing = 2100.0 * (with_turning * x.acceleration * e1 - x.rate**2 * e2)
+    tau = (cabin.slope_behind + cabin.slope_ahead) @ [1.0, 1j]
+    part = missing * np.conj(tau / np.abs(tau))
+    wrong = dataclasses.replace(
+        cabin, contact_force=cabin.contact_force + part.imag, haul_force=cabin.haul_force - part.real
+    )
+    return dataclasses.replace(motion, cars=(sled, wrong))
+
+
+@pytest.mark.parametrize("with_turning", [1.0, 0.0])
+def test_a_carriage_that_does_not_feel_how_its_cabin_swings_is_seen(line, ladder, with_turning):
+    wrong = ladder.map(lambda run: dataclasses.replace(run, motion=light(run.motion, with_turning)))
+    assert broken(line.to_toml(), wrong) == {"momentum of rope and cars", "energy and work", KINKS}
+
+
+@pytest.mark.slow
+def test_a_thrust_a_degree_off_in_one_solver_is_seen(line, ladder):
+    fault = Runs(SINES, line.replace({"car.sled.drive.thrust.angle": 6.0}), Runs(SINES, line)).ladder(2, 2)
+    assert overall(judged(line, ladder, fault, Tolerance(1e-3, 1e-2))).value == "disagree"

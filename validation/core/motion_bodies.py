@@ -1,0 +1,176 @@
+"""What a car in motion does, from its TOML and its motion alone; arrays (n,) of samples, vectors as x + i y.
+
+A body turns by the pitch of its wheel line, or by the swing of its cabin backward; `e` is its x axis and c its centre.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from validation.core.scene_data import Array
+
+AIR = 1.2  # kg/m3, default density
+Vector = NDArray[np.complex128]
+
+
+def dot(a: Vector, b: Vector) -> Array:
+    return np.asarray((np.conj(a) * b).real)
+
+
+def cross(a: Vector, b: Vector) -> Array:
+    return np.asarray((np.conj(a) * b).imag)
+
+
+def vector(points: Array) -> Vector:
+    return points[..., 0] + 1j * points[..., 1]
+
+
+def unit(v: Vector) -> Vector:
+    return v / np.abs(v)
+
+
+class Touching:
+    """One contact with the rope."""
+
+    def __init__(self, x: Any, load: Array, of: Callable[[Array], Array]) -> None:
+        self.load = of(load)
+        self.ds = of(x.ds)
+        behind = vector(of(x.slope_behind))
+        ahead = vector(of(x.slope_ahead))
+        self.tau = unit(behind + ahead)
+        self.stretch = 0.5 * (np.abs(behind) + np.abs(ahead))
+        self.projection = 0.5 * np.abs(behind + ahead) / self.stretch
+        self.kink = of(x.tension_behind) * unit(behind) - of(x.tension_ahead) * unit(ahead)
+        self.turn = ahead - behind
+        self.along = np.zeros(self.ds.size)  # f along the rope inside the pair
+
+    @property
+    def on_rope(self) -> Vector:
+        """The force on the rope."""
+        return self.tau * (1j * self.load - self.along * self.projection)
+
+    def force_of_rope(self, rho: float) -> Vector:
+        """`on_rope` by tensions and slopes of the rope."""
+        return self.kink + rho * self.ds**2 * self.turn
+
+
+class CarBody:
+    """The body of a car."""
+
+    def __init__(self, data: dict[str, Any], car: Any, motion: Any, of: Callable[[Array], Array], g: float) -> None:
+        """data : of the car, from the TOML;  of : takes samples."""
+        self.g = g
+        self.data = data
+        self.t = of(motion.t)
+        self.turning = car.turning
+        self.inertia = 0.0
+        self.damping = 0.0
+        self.rate: Array = np.zeros(self.t.size)
+        point = vector(of(car.point))
+        velocity = vector(of(car.velocity))
+        self.arms = [0.0 * point]  # contact less c
+        self.touching = [Touching(car, car.contact_force, of)]
+        self.e = self.touching[0].tau
+        mass = data["mass"]
+        carried = 0.0  # mass at the contact
+        if self.swings:
+            hanger = data["hanger"]
+            m = hanger["mass"]
+            self.size = hanger["length"]
+            carried = mass - m
+            self.inertia = m * hanger.get("gyration", 0.0) ** 2
+            stiffness = m * g * self.size
+            self.damping = 2.0 * hanger.get("damping", 0.0) * math.sqrt((self.inertia + m * self.size**2) * stiffness)
+            self.rate = -of(car.turning.rate)
+            self.arms = [-1j * self.size * np.exp(-1j * of(car.turning.angle))]
+        elif car.turning is not None:
+            wheels = data["wheels"]
+            self.size = wheels["base"]
+            self.inertia = wheels["inertia"]
+            self.rate = of(car.turning.rate)
+            rear, front = car.turning.wheels
+            self.e = unit(point - vector(of(rear.point)))
+            middle = -wheels.get("ahead", 0.0) - 1j * wheels.get("below", 0.0)
+            self.arms = [self.e * (middle + side * 0.5 * self.size) for side in (-1.0, 1.0)]
+            self.touching = [Touching(x, x.load, of) for x in (rear, front)]
+        self.c = point - self.arms[-1]
+        self.dc = velocity - 1j * self.rate * self.arms[-1]
+        self.masses = [(carried, point, velocity), (mass - carried, self.c, self.dc)]
+        self._drive(car, of)
+        self._slip(car, motion, of)
+
+    @property
+    def swings(self) -> bool:
+        return "hanger" in self.data
+
+    def _drive(self, car: Any, of: Callable[[Array], Array]) -> None:
+        drive = self.data.get("drive", {})
+        thrust = drive.get("thrust", 0.0)
+        if not isinstance(thrust, dict):
+            thrust = {"times": [0.0, math.inf], "forces": [thrust, thrust]}
+        force = np.interp(self.t, thrust["times"], thrust["forces"], left=0.0, right=0.0)
+        at = thrust.get("at", (0.0, 0.0))
+        angle = math.radians(thrust.get("angle", 0.0))
+        if drive.get("mode") == "haul":
+            force = of(car.haul_force)
+            at = drive.get("hitch", at)
+            angle = 0.0
+        lever = self.e * complex(*at)
+        if self.swings:
+            lever = self.arms[0]
+        self.force = force * np.exp(-1j * angle) * self.e
+        self.moment = cross(lever, self.force)
+        k = 0.5 * drive.get("air_density", AIR) * drive.get("drag_area", 0.0)
+        air = self.dc - drive.get("wind", 0.0)
+        self.drag = -k * np.abs(air) * air
+        self.powers = [dot(self.force, self.dc + 1j * self.rate * lever), dot(self.drag, self.dc)]
+        self.powers.append(-self.damping * self.rate**2)
+
+    def _slip(self, car: Any, motion: Any, of: Callable[[Array], Array]) -> None:
+        """Friction, brakes, grip and hold."""
+        drive = self.data.get("drive", {})
+        front = self.touching[-1]
+        moving = np.flatnonzero(front.ds)
+        following = np.searchsorted(moving, np.arange(front.ds.size))  # at a standstill the next motion
+        sign = np.sign(front.ds[moving[np.minimum(following, moving.size - 1)]]) if moving.size else front.ds
+        for x, share in zip(self.touching[::-1], ("front", "rear"), strict=False):
+            brake = np.zeros(self.t.size)
+            for row in drive.get("brake", []):
+                both = row.get("wheel", "both") == "both"
+                part = (both or row["wheel"] == share) / (len(self.touching) if both else 1)
+                brake += part * row["force"] * (of(car.s) > row["from"])
+            x.along = -sign * (drive.get("rolling_friction", 0.0) * np.abs(x.load) + brake)
+        if drive.get("mode", "grip") == "grip":
+            front.along = of(car.grip_force)
+        held = motion.powers.get(f"{car.name} hold")
+        if held is not None:
+            speed = front.stretch * front.ds
+            front.along += np.divide(of(held), speed, out=0.0 * speed, where=speed != 0.0)
+        self.powers += [x.stretch * x.along * x.ds for x in self.touching]
+
+    @property
+    def energy(self) -> Array:
+        masses = [m * (0.5 * np.abs(v) ** 2 - self.g * p.imag) for m, p, v in self.masses]
+        return np.asarray(sum(masses) + 0.5 * self.inertia * self.rate**2)
+
+    @property
+    def momentum(self) -> Vector:
+        (carried, _, v), (m, _, dc) = self.masses
+        return carried * v + m * dc
+
+    def moments(self) -> tuple[Array, Array]:
+        """Parts of the balance of moments about c that a window W takes, and that its slope takes."""
+        m = self.masses[1][0]
+        if self.swings:
+            arm = self.arms[0]
+            pulled = m * cross(arm, self.dc)
+            turned = m * cross(1j * self.rate * arm, self.dc)
+            weights = cross(arm, 1j * m * self.g + self.drag)
+            return turned + weights + self.damping * self.rate, pulled - self.inertia * self.rate
+        on_rope = sum(cross(arm, x.on_rope) for arm, x in zip(self.arms, self.touching, strict=True))
+        return on_rope - self.moment, -self.inertia * self.rate
