@@ -64,7 +64,7 @@ Job = tuple[str, str, dict[str, Any]]  # scene, method, settings
 
 
 def plan(quick: bool = False) -> dict[str, Job]:
-    """Every run by its folder's name; quick : a quarter of the steps, a sixteenth of those in position."""
+    """Every run by its folder's name; quick : a quarter of the steps, an eighth of those in position."""
     name, settings = SETTINGS["fine"]
     method = find(name)
     fine = method.settings(settings)
@@ -81,10 +81,10 @@ def plan(quick: bool = False) -> dict[str, Job]:
 
 
 def _coarser(job: Job) -> Job:
-    """A job by a quarter of the steps, or a sixteenth of those in position, which are not compiled."""
+    """A job by a quarter of the steps, or an eighth of those in position, which are not compiled."""
     scene, name, settings = job
     method = find(name)
-    share = 1.0 / 16.0 if settings.get("abscissa") == "s" else 0.25
+    share = 1.0 / 8.0 if settings.get("abscissa") == "s" else 0.25
     return scene, name, refined(method, method.settings(settings), time=share)
 
 
