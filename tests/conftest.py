@@ -1,4 +1,4 @@
-"""The command, and one BLAS thread and one core: what waits for each other on shared cores costs tenfold."""
+"""The command, one BLAS thread and one core: on a shared machine threads that wait for each other cost tenfold."""
 
 import os
 
@@ -7,7 +7,7 @@ from threadpoolctl import threadpool_limits
 
 
 def pytest_configure():
-    """Stay on one core: a check then forks no solvers, which would load all that they need anew.
+    """Stay on one core: a check then forks no solvers that load all they need anew, a tenth of its time.
 
     Forks: tests/validation/test_sidebyside.py, and the commands of .ci/commands.
     """
