@@ -12,6 +12,7 @@ from cablefem.scene.line import Line
 from tests.commands.calls import lines
 from validation.commands.check.motion import checked, judged
 from validation.commands.run.motion import ELEMENTS, SINES, Runs, answer_of, write
+from validation.core import motion_laws
 from validation.core.agreement import overall
 from validation.core.motion_laws import read_back
 from validation.core.motion_rows import Tolerance
@@ -310,3 +311,10 @@ def test_files_and_numbers_hold_swing_pitch_and_wheel_loads(tmp_path):
         faults = read_back(tmp_path, result.motion, [], result.moved.period)
         assert faults == [f"{file}: {column} is not what was computed"]
         (tmp_path / file).write_text(text)
+
+
+def test_a_thrust_that_ends_does_no_work_at_its_last_time():
+    """The law's sampling had half a step of it too much."""
+    line = Line.from_toml(SLED.replace("times = [0.0, 9.0]", "times = [0.0, 1.0]"))
+    moved = Runs(ELEMENTS, line).run(1, 1)
+    assert np.abs(motion_laws.momentum(line.to_toml(), moved.motion, moved.end)).max() < 3e-4

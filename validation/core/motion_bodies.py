@@ -113,7 +113,9 @@ class CarBody:
         thrust = drive.get("thrust", 0.0)
         if not isinstance(thrust, dict):
             thrust = {"times": [0.0, math.inf], "forces": [thrust, thrust]}
-        force = np.interp(self.t, thrust["times"], thrust["forces"], left=0.0, right=0.0)
+        after = np.append(False, np.diff(self.t) <= 0.0)  # a thrust may jump where a time stands twice
+        times = self.t + 1e-9 * self.t[-1] * after
+        force = np.interp(times, thrust["times"], thrust["forces"], left=0.0, right=0.0)
         at = thrust.get("at", (0.0, 0.0))
         angle = math.radians(thrust.get("angle", 0.0))
         if drive.get("mode") == "haul":
