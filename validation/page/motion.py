@@ -19,6 +19,7 @@ from validation.page.page import Section, asset, drawn, worst
 from validation.page.plot import BLUE, COLORS, DASHED
 
 WORDS: dict[str, dict[str, str]] = tomllib.loads(asset("motion.toml"))
+HANGERS = 9  # drawn of a cabin that swings
 FEW = (
     "tension_max",
     "clearance_rope",
@@ -113,9 +114,16 @@ def _side(line: Row, profile: dict[str, Array], paths: dict[str, dict[str, Array
         p.curve(x, y, color, "", 2.0, f"path of {name}")
         if below[name]:
             p.curve(x, y + below[name], color, DASHED, 1.4, f"lowest point of {name}")
+        if "swing" in path:
+            for i in np.linspace(0, x.size - 1, HANGERS).astype(int):
+                swing = np.radians(path["swing"][i])
+                hanger = 0.15 * (p.high - p.low) * np.array([np.sin(swing), np.cos(swing)])
+                p.curve(x[i] + [0.0, hanger[0]], y[i] + [0.0, hanger[1]], color, "", 1.0)
         p.dots.append((float(x[0]), float(y[0]), color, False))
         p.dots.append((float(x[-1]), float(y[-1]), color, True))
-    return plot_side(p, line, f"{caption} Full dots: where the cars end.")
+    swings = any("swing" in path for path in paths.values())
+    swinging = " Straight lines: how a cabin hangs at equal steps, enlarged." if swings else ""
+    return plot_side(p, line, f"{caption} Full dots: where the cars end.{swinging}")
 
 
 def _over(line: Row, contacts: dict[str, Array], paths: dict[str, dict[str, Array]]) -> Iterator[Markup]:
