@@ -1,12 +1,16 @@
-"""Compiled inner loops."""
+"""Compiled inner loops.
+
+A wheel may bring them compiled (validation/wheel.py), for processors with the features of `PROCESSOR`.
+"""
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from llvmlite.binding import get_host_cpu_features
 from numba import njit
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher
@@ -14,19 +18,43 @@ from numba.core.runtime import rtsys
 
 # zero divisors are not tested; without entries for C, compiling is faster
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
+PROCESSOR = "x86-64-v3"
+FEATURES = "avx2", "fma", "bmi", "bmi2"  # that tell it from older ones
+SHIPPED = "shipped"  # folder of compiled functions beside their source
 
 
 class _Cache(FunctionCache):
-    """numba's cache without the types that only compiling needs."""
+    """numba's cache without the types that only compiling needs, and the functions of a wheel."""
+
+    def __init__(self, function: Callable, stamp: bytes) -> None:
+        super().__init__(function)
+        self._cache_file._source_stamp = stamp
+        folder = Path(function.__code__.co_filename).parent / SHIPPED
+        self._shipped = IndexDataCacheFile(str(folder), self._impl.filename_base, stamp) if folder.is_dir() else None
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         rtsys.initialize(target_context)
         with self._guard_against_spurious_io_errors():
             try:
-                return self._load_overload(sig, target_context)
+                return self._load_shipped(sig, target_context) or self._load_overload(sig, target_context)
             except (ImportError, AttributeError):  # another version's types
                 self._cache_file.flush()
         return None
+
+    def _load_shipped(self, sig: Any, target_context: Any) -> Any:
+        """A function as it came with the wheel, by its types and code; None: not there, or not for this processor."""
+        if self._shipped is None or not can_run(get_host_cpu_features()):
+            return None
+        types, _, code = self._index_key(sig, target_context.codegen())
+        for key in self._shipped._load_index():
+            if (key[0], key[2]) == (types, code):
+                return self._impl.rebuild(target_context, self._shipped.load(key))
+        return None
+
+
+def can_run(features: Mapping[str, bool]) -> bool:
+    """Whether a processor with these features can run what is compiled for `PROCESSOR`."""
+    return all(features.get(name) for name in FEATURES)
 
 
 class _Inner(CPUDispatcher):
@@ -79,8 +107,7 @@ def compiler(file: str, *, inner: bool = False) -> Callable[[Callable], Any]:
             if inner:
                 fast.__class__ = _Inner
             else:
-                fast._cache = _Cache(function)
-                fast._cache._cache_file._source_stamp = stamp
+                fast._cache = _Cache(function, stamp)
         return fast
 
     return compiled

