@@ -337,6 +337,8 @@ class LineElements(System):
         none = np.zeros_like(now.hold)
         free = now._replace(hold=none, brake=none, friction=none)
         needed = self.rows(t, x, phase, cars=free)[slots] / stretch
+        projection = np.linalg.norm(inputs[:, 0:2] + inputs[:, 2:4], axis=1) / (2.0 * stretch)  # |<r'>|/<lam>
+        needed -= now.thrust * np.cos([car.drive.thrust_angle for car in self.line.cars]) / projection
         for i, car in enumerate(self.line.cars):
             if car.kind != "free":
                 continue

@@ -47,6 +47,18 @@ def test_friction_stops_a_rider_or_holds_it():
         LineElements(rider(mu_r=0.9)).start(0, None)
 
 
+@pytest.mark.parametrize("system", [LineElements, lambda scene: LineSines(scene, 6)])
+def test_a_thrust_moves_a_car_that_its_brake_alone_would_hold(system):
+    def sled(thrust):
+        times = ((0.0, thrust), (5.0, thrust))
+        contact = car("sled", 95.0, None, "free", start=75.0, thrust_table=times, brakes=((0.0, 1500.0),))
+        return system(line(ZIP, LEFT, contact, anchor("right", 150.0, 3.0), t_end=1.0))
+
+    assert run(sled(3000.0), 20).cars[0].ds[-1] > 5.0
+    with pytest.raises(StepFailure, match="friction holds sled where it begins"):
+        sled(1000.0).start(0, None)
+
+
 def test_a_brake_is_reached_in_both_wings_and_acts_from_there_on():
     scene = rider(8.0, mu_r=0.02, brakes=((40.0, 100.0),))
     times = []
