@@ -10,6 +10,7 @@ import pytest
 import cablefem as cf
 from cablefem.scene import Scene, SceneError
 from cablefem.scene.limits import CASES
+from cablefem.scene.line import Line
 from validation.commands.run.study import quasi_static_answer
 from validation.core import limits, readback, recomputed
 
@@ -196,3 +197,15 @@ def test_load_cases_make_a_grid_and_say_what_is_missing(cablefem):
 def test_limits_from_python():
     found = cf.Line.load("skyline").replace({"cable.breaking_load": 4e5, "limits.use": ["skyline"]})
     assert [row["verdict"] for row in cf.run(found).limits] == ["met", "not met", "met", "met"]
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.01])
+def test_the_swing_of_a_cabin_is_held_against_its_limit(factor):
+    line = Line.load("emergency-stop").replace({"limits": {"use": ["france-1974"]}})
+    numbers = {"swing_max:cabin": 10.0, "swing_min:cabin": -20.0}
+    design = [{"quantity": name, "value": value, "bar": 0.1, "unit": "deg"} for name, value in numbers.items()]
+    (row,) = (row for row in limits.rows(line, design) if row["demand"].startswith("swing along"))
+    assert (row["value"], row["verdict"]) == (pytest.approx(math.tan(math.radians(20.0))), "not met")
+    row["value"] *= factor
+    faults = list(readback.limit_faults([row], tomllib.loads(line.to_toml()), design, []))
+    assert any(fault.startswith("swing along") for fault in faults) is (factor != 1.0)

@@ -170,6 +170,16 @@ class _Values:
         growth = _ratio(moving, self._largest("sag_car_rest"))
         return None if growth is None else Value(growth.value - 1.0, growth.bar)
 
+    def _swing_along(self) -> Value | None:
+        """Tangent of the largest swing of a cabin to either side."""
+        largest = max(
+            [*self._numbers("swing_max"), *self._numbers("swing_min")], key=lambda x: abs(x.value), default=None
+        )
+        if largest is None:
+            return None
+        tangent = math.tan(math.radians(abs(largest.value)))
+        return Value(tangent, math.radians(largest.bar) * (1.0 + tangent**2))
+
     def _arrival_speed(self) -> Value | None:
         event = next((x for x in self.events if x["event"] in ("brake", "arrival")), None)
         if event is None:

@@ -710,6 +710,9 @@ def _limit_value(
         return _clearance(row, values, scene)
     if name == "arrival_speed":
         return next((x["speed"] for x in events if x["event"] in ("brake", "arrival")), None)
+    if name == "swing_along":
+        swings = [*values.get("swing_max", {}).values(), *values.get("swing_min", {}).values()]
+        return float(np.tan(np.radians(np.abs(swings).max()))) if swings else None
     if name in NUMBERS:
         return _extreme(name, values.get(NUMBERS[name], {}), scene)
     return _ratio(name, values, scene) if name in RATIOS else None
