@@ -33,7 +33,7 @@ __all__ = [
     "run",
     "sweep",
 ]
-__version__ = "0.3.0"
+__version__ = "0.4.0"
 _HOME = {
     "Line": "cablefem.scene.line", "Response": "cablefem.response", "Scene": "cablefem.scene",
     "SceneError": "cablefem.scene",
