@@ -141,7 +141,14 @@ class LineSines(System):
         self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA
         self.frictions = [Friction() for _ in bodies]
         self.holds = dict.fromkeys(self.free_cars, 0.0)  # [N] on free cars before they are released
-        names = [c.name for c in line.touching]
+        self._name_events(bodies)
+        self._prescribed: dict[tuple[float, int], Array] = {}
+        self._loaded: tuple[State | None, list[float]] = (None, [])  # of the last state that was watched
+        self._known: tuple[Array, float, int, Array, Array] | None = None
+
+    def _name_events(self, bodies: list[Body]) -> None:
+        """Set the events, and what each kind of them watches."""
+        names = [c.name for c in self.line.touching]
         self.gaps = [i for i in self.layout.outer if i in self.lead.values() or i + 1 in self.cars]
         self.stops = [k for k, body in self.free_cars.items() if body.car.drive.resists]
         meetings = [f"{names[i]} meets {names[i + 1]}" for i in self.gaps]
@@ -152,9 +159,6 @@ class LineSines(System):
         self.saddles = [k for k, body in enumerate(bodies) if isinstance(body, Saddle)]
         self.loose = ["rope falls slack", *(f"rope lifts off {names[k]}" for k in self.saddles)]
         self.events = (*meetings, *stops, *brakes, *lifted, *self.loose)
-        self._prescribed: dict[tuple[float, int], Array] = {}
-        self._loaded: tuple[State | None, list[float]] = (None, [])  # of the last state that was watched
-        self._known: tuple[Array, float, int, Array, Array] | None = None
 
     @property
     def _reach(self) -> float:

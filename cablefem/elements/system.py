@@ -44,33 +44,21 @@ class Slots(NamedTuple):
 class LineElements(System):
     """A rope over contacts with cars; `elements` of `degree` on each segment.
 
-    compiled : loops of `segment_kernels` in the place of numpy.  Events end the run: "A meets B" at NEAREST of a car,
-    "CAR lifts off" where the rope would have to hold it down, "CAR stops" where friction holds a free one,
+    compiled : loops of `segment_kernels` in the place of numpy.  Events end the run: "A meets B" at NEAREST of a car;
+    "CAR lifts off" where the rope would have to hold it down; "CAR stops" where friction holds a free one;
     "rope falls slack" and "rope lifts off SADDLE".  The run goes on after "CAR brakes", and where nothing holds a car.
     """
 
     def __init__(self, line: MovingLine, *, elements: int = 6, degree: int = 4, compiled: bool = True) -> None:
-        self.line, self.compiled, contacts = line, compiled, line.touching
-        count = len(contacts) - 1
+        self.line = line
+        self.compiled = compiled
+        count = len(line.touching) - 1
         self.segments = Segments(line.rope, line.gravity, elements, degree)
         self.phases = line.phases
         self.node = (self.segments.nn - 1) * np.arange(count + 1)  # of each contact
         self.nodes = self.node[:-1, None] + np.arange(self.segments.nn)  # of each segment, (K, nn)
         self.n = int(self.node[-1]) + 1
-        # contact of each car; of two wheels the front one
-        self.cars = [k for k, c in enumerate(contacts) if isinstance(c, Car) or (isinstance(c, Wheel) and c.front)]
-        self.supports = [k for k, c in enumerate(contacts) if isinstance(c, Contact)]
-        self.s = 2 * self.n + np.arange(count + 1)  # slots of s
-        hauled = [k for k, car in zip(self.cars, line.cars, strict=True) if car.drive.mode == "haul"]
-        self.force = self.s[-1] + 1 + np.arange(len(hauled))  # slots of F/M
-        self.of_force = np.searchsorted(self.cars, hauled)  # their numbers among the cars
-        self._bodies(int(self.s[-1]) + 1 + len(hauled))
-        self.kept = np.array([self.slot(k) for k in hauled], int)  # rows that determine F
-        self.free = np.ones(self.size, bool)
-        self.constant = np.zeros(self.size)
-        self.prescribed: list[tuple[Car, int]] = []
-        for k, contact in enumerate(contacts):
-            self._prescribe(k, contact)
+        self._number_slots()
         self._known: dict[tuple[float, int], Array] = {}
         self._same_law: Law | None = None  # of a rope whose law does not depend on s
         self._loaded: tuple[State | None, list[float]] = (None, [])  # of the last state that was watched
@@ -87,8 +75,32 @@ class LineElements(System):
         weights = [car.mass * line.gravity for car in line.cars] or [line.weight * line.supports[-1].point[0]]
         self.force_scale = min(weights)
         self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA * elements * degree * count
+        self._name_events()
+
+    def _number_slots(self) -> None:
+        """Number the slots of s, forces and bodies, and set what is prescribed."""
+        line = self.line
+        # contact of each car; of two wheels the front one
+        self.cars = [k for k, c in enumerate(line.touching) if isinstance(c, Car) or (isinstance(c, Wheel) and c.front)]
+        self.supports = [k for k, c in enumerate(line.touching) if isinstance(c, Contact)]
+        self.s = 2 * self.n + np.arange(self.node.size)  # slots of s
+        hauled = [k for k, car in zip(self.cars, line.cars, strict=True) if car.drive.mode == "haul"]
+        self.force = self.s[-1] + 1 + np.arange(len(hauled))  # slots of F/M
+        self.of_force = np.searchsorted(self.cars, hauled)  # their numbers among the cars
+        self._bodies(int(self.s[-1]) + 1 + len(hauled))
+        self.kept = np.array([self.slot(k) for k in hauled], int)  # rows that determine F
+        self.free = np.ones(self.size, bool)
+        self.constant = np.zeros(self.size)
+        self.prescribed: list[tuple[Car, int]] = []
+        for k, contact in enumerate(line.touching):
+            self._prescribe(k, contact)
+
+    def _name_events(self) -> None:
+        """Set the events, and what each kind of them watches."""
+        line, contacts = self.line, self.line.touching
         names = [c.car.name if isinstance(c, Wheel) else c.name for c in contacts]
-        self._gaps = [k for k in range(count) if {k, k + 1} - {*self.supports} and names[k] != names[k + 1]]
+        of_cars = set(range(len(contacts))) - set(self.supports)
+        self._gaps = [k for k in range(len(contacts) - 1) if {k, k + 1} & of_cars and names[k] != names[k + 1]]
         self._rolls = any(car.kind == "free" for car in line.cars)
         self._stops = [i for i, car in enumerate(line.cars) if car.kind == "free" and car.drive.resists]
         self._brakes = [(i, place) for i in self._stops for place, _ in line.cars[i].drive.brakes]

@@ -270,33 +270,44 @@ def read_back(folder: Path, motion: Any, design: Sequence[dict[str, Any]], perio
         tension = np.where(np.isnan(x.tension_behind), x.tension_ahead, x.tension_behind)
         right = {"s": x.s, "tension": tension, "pressure": np.hypot(*x.pressure.T), "rise": x.rise}
         faults += _unlike("contacts.csv", contacts, {f"{x.name}.{name}": values for name, values in right.items()})
-    t = contacts["t"]
     series = _series(tables, contacts, motion)
     scene = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
     for number in design:
         kind, _, of = number["quantity"].partition(":")
         name, _, word = kind.rpartition("_")
         if name == "clearance":
-            word = "min"
-            values = []
-            body, _, over = of.rpartition(" over ")
-            below = {car["name"]: car.get("below", 0.0) for car in scene["car"]}
-            if kind == "clearance_rope":
-                below = dict.fromkeys(below, 0.0)
-                values = [_under_rope(scene, motion, over)]
-            passing = [x for x in below if x == (body or x)]
-            values = [*values, *(_under_car(_ground(scene, over), tables[x]) - below[x] for x in passing)]
+            extreme = float(np.min([np.min(v) for v in _clearances(kind, of, scene, motion, tables)]))
         else:
             values = series[name if of == "" else f"{name}:{of}"]
-        if name in ("tension", "haul", "grip", "contact", "load", "wheel"):
-            values = [_mean(t, v, period) for v in values]
-        if name == "load":
-            values = [np.hypot(*values)]
-        extreme = max(np.max(v) for v in values) if word == "max" else min(np.min(v) for v in values)
+            extreme = _extreme(name, word, values, contacts["t"], period)
         allowed = (number["bar"] or 0.0) + 1e-9 * abs(number["value"])
         if not abs(extreme - number["value"]) <= allowed:
             faults.append(f"{number['quantity']} = {number['value']:.6g}: the files give {extreme:.6g}")
     return faults
+
+
+def _extreme(name: str, word: str, values: Sequence[Array], t: Array, period: float) -> float:
+    """The largest or smallest of some series (n,); of forces that of means over a period."""
+    if name in ("tension", "haul", "grip", "contact", "load", "wheel"):
+        values = [_mean(t, v, period) for v in values]
+    if name == "load":
+        values = [np.hypot(*values)]
+    pick = np.max if word == "max" else np.min
+    return float(pick([pick(v) for v in values]))
+
+
+def _clearances(
+    kind: str, of: str, scene: dict[str, Any], motion: Any, tables: dict[str, dict[str, Array]]
+) -> list[Array]:  # fmt: skip
+    """Heights over an obstacle or the ground of a car, or of the rope and all cars' points."""
+    body, _, over = of.rpartition(" over ")
+    below = {car["name"]: car.get("below", 0.0) for car in scene["car"]}
+    heights = []
+    if kind == "clearance_rope":
+        below = dict.fromkeys(below, 0.0)
+        heights = [_under_rope(scene, motion, over)]
+    passing = [x for x in below if x == (body or x)]
+    return [*heights, *(_under_car(_ground(scene, over), tables[x]) - below[x] for x in passing)]
 
 
 def _ground(scene: dict[str, Any], name: str) -> Array:

@@ -1032,17 +1032,8 @@ def inverse(folder: Path, html_text: str, printed: Sequence[str]) -> Faults:
     section = _section(html_text, "find", "find")
     rows = [_cells(row) for table in _each("table", section) for row in _each("tr", table)][1:]
     if "rows" in found:
-        stored = [list(row.values()) for row in found["rows"]]
-        expected = [[found["for"], found["key"], "answer"], *stored]
-        with (folder / "find.csv").open(encoding="utf-8", newline="") as file:
-            if [*csv.reader(file)] != [["" if x is None else str(x) for x in row] for row in expected]:
-                yield "find.csv is not find.json"
-        sentences = [f"{found['for']} = {of}: {answer}" for of, _, answer in stored]
-        for _, value, answer in stored:
-            match = _ANSWER.search(answer)
-            if (match is None) is not (value is None) or (match and not _rounds(match, value)):
-                yield f"{answer!r} where {value} is stored"
-        yield from _unlike_rows(rows, stored)
+        sentences = [f"{found['for']} = {row['of']}: {row['answer']}" for row in _points(found["rows"])]
+        yield from _curve(found, folder / "find.csv", rows)
     else:
         sentences = [found["sentence"]]
         yield from _search(found)
@@ -1055,6 +1046,26 @@ def inverse(folder: Path, html_text: str, printed: Sequence[str]) -> Faults:
     for sentence in sentences:
         if sentence not in printed:
             yield f"{sentence!r} was not printed"
+
+
+def _points(rows: Sequence[Row]) -> list[Row]:
+    """Rows of a curve, whose first key is the one that varies."""
+    return [dict(zip(("of", "value", "answer"), row.values(), strict=True)) for row in rows]
+
+
+def _curve(found: Row, table: Path, shown: Sequence[Sequence[str]]) -> Faults:
+    """Faults of a curve in find.csv and in the rows of its page."""
+    stored = [list(row.values()) for row in found["rows"]]
+    expected = [[found["for"], found["key"], "answer"], *stored]
+    with table.open(encoding="utf-8", newline="") as file:
+        if [*csv.reader(file)] != [["" if x is None else str(x) for x in row] for row in expected]:
+            yield "find.csv is not find.json"
+    for row in _points(found["rows"]):
+        match = _ANSWER.search(row["answer"])
+        unknown = row["value"] is None
+        if (match is None) is not unknown or (match and not _rounds(match, row["value"])):
+            yield f"{row['answer']!r} where {row['value']} is stored"
+    yield from _unlike_rows(shown, stored)
 
 
 def _unlike_rows(shown: Sequence[Sequence[str]], stored: Sequence[Sequence[Any]]) -> Faults:
