@@ -1021,7 +1021,7 @@ LINES: tuple[tuple[str, Callable[[str, Stored], Faults]], ...] = (
 
 # --- an inverse question ----------------------------------------------------------------------------------------------
 
-_CLAUSE = re.compile(r"(\S+)\s*(<=|>=|<|>|=)\s*(\S+)\s*(\S*)")
+_CLAUSE = re.compile(r"(.+?)\s*(<=|>=|<|>|=)\s*(\S+)\s*(\S*)")
 _ANSWER = re.compile(rf"(at most|at least) (about )?({_NUMBER}(?: ± {_NUMBER})?)(?: (\S+))?; (above|below): ")
 OF_EVENT = {"t": "s", "s_o": "m", "speed": "m/s"}
 
