@@ -89,3 +89,37 @@ def states_of(system: System, steps: int, start: State | None = None) -> list[St
 
 def run(system: Any, steps: int, s: Any = (0.0,)) -> LineMotion:
     return system.observe(states_of(system, steps), np.asarray(s, dtype=float))
+
+
+# A car on two wheels and one with a cabin, both in motion.
+BODIES = """
+[cable]
+mass_per_length = 6.0
+EA = 9e7
+length = 402.0
+[[contact]]
+name = "left"
+kind = "anchor"
+at = [0.0, 0.0]
+[[contact]]
+name = "right"
+kind = "anchor"
+at = [400.0, -20.0]
+[[car]]
+name = "sled"
+mass = 500.0
+wheels = {base = 2.0, inertia = 400.0, below = 0.5}
+[car.drive]
+mode = "free"
+start = 60.0
+drag_area = 0.5
+thrust = {times = [0.0, 9.0], forces = [5e3, 5e3], angle = 5.0}
+brake = [{from = 61.0, force = 1e3, wheel = "rear"}]
+end = {time = 2.0}
+[[car]]
+name = "cabin"
+mass = 900.0
+hanger = {mass = 700.0, length = 3.0, gyration = 1.0, damping = 0.05}
+drive = {mode = "haul"}
+travel = {kind = "trapezoid", top_speed = 3.0, acceleration = 3.0, deceleration = 3.0, from = 300.0, to = 303.0}
+"""

@@ -6,48 +6,18 @@ import numpy as np
 import pytest
 
 from cablefem.scene.line import Line
+from tests.motion.lines import BODIES
 from validation.commands.check.motion import judged, laws
 from validation.commands.run.motion import SINES, Runs
 from validation.core.agreement import overall
 from validation.core.motion_rows import Tolerance
 
-SHORT = """
-[cable]
-mass_per_length = 6.0
-EA = 9e7
-length = 402.0
-[[contact]]
-name = "left"
-kind = "anchor"
-at = [0.0, 0.0]
-[[contact]]
-name = "right"
-kind = "anchor"
-at = [400.0, -20.0]
-[[car]]
-name = "sled"
-mass = 500.0
-wheels = {base = 2.0, inertia = 400.0, below = 0.5}
-[car.drive]
-mode = "free"
-start = 60.0
-drag_area = 0.5
-thrust = {times = [0.0, 9.0], forces = [5e3, 5e3], angle = 5.0}
-brake = [{from = 61.0, force = 1e3, wheel = "rear"}]
-end = {time = 2.0}
-[[car]]
-name = "cabin"
-mass = 900.0
-hanger = {mass = 700.0, length = 3.0, gyration = 1.0, damping = 0.05}
-drive = {mode = "haul"}
-travel = {kind = "trapezoid", top_speed = 3.0, acceleration = 3.0, deceleration = 3.0, from = 300.0, to = 303.0}
-"""
 MOMENT, KINKS, CENTRES = "moment of momentum of bodies", "forces on kinks of the rope", "centres of mass"
 
 
 @pytest.fixture(scope="module")
 def line():
-    return Line.from_toml(SHORT)
+    return Line.from_toml(BODIES)
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,7 @@ import pytest
 import cablefem as cf
 from cablefem.scene.line import Line
 from tests.commands.calls import lines
+from tests.motion.lines import BODIES
 from validation.commands.check.motion import checked, judged
 from validation.commands.run.motion import ELEMENTS, SINES, Runs, answer_of, write
 from validation.core import motion_laws
@@ -268,38 +269,8 @@ def test_a_run_of_one_span_has_its_car_and_supports_as_a_line_has():
     np.testing.assert_array_equal(left.tension_ahead, np.linalg.norm(r.reaction_left, axis=1))
 
 
-SLED = """
-[cable]
-mass_per_length = 6.0
-EA = 9e7
-length = 402.0
-[[contact]]
-name = "left"
-kind = "anchor"
-at = [0.0, 0.0]
-[[contact]]
-name = "right"
-kind = "anchor"
-at = [400.0, -20.0]
-[[car]]
-name = "sled"
-mass = 500.0
-wheels = {base = 2.0, inertia = 400.0, below = 0.5}
-[car.drive]
-mode = "free"
-start = 60.0
-thrust = {times = [0.0, 9.0], forces = [2e3, 2e3], angle = 5.0}
-end = {time = 1.5}
-[[car]]
-name = "cabin"
-mass = 900.0
-hanger = {mass = 700.0, length = 3.0}
-travel = {kind = "trapezoid", top_speed = 3.0, acceleration = 3.0, deceleration = 3.0, from = 300.0, to = 303.0}
-"""
-
-
 def test_files_and_numbers_hold_swing_pitch_and_wheel_loads(tmp_path):
-    line = Line.from_toml(SLED)
+    line = Line.from_toml(BODIES)
     result = answer_of(line, Runs(ELEMENTS, line).ladder(1, 1), None)
     write(tmp_path, result, 0.0)
     assert not read_back(tmp_path, result.motion, result.design, result.moved.period)
@@ -315,6 +286,6 @@ def test_files_and_numbers_hold_swing_pitch_and_wheel_loads(tmp_path):
 
 def test_a_thrust_that_ends_does_no_work_at_its_last_time():
     """The law's sampling had half a step of it too much."""
-    line = Line.from_toml(SLED.replace("times = [0.0, 9.0]", "times = [0.0, 1.0]"))
+    line = Line.from_toml(BODIES.replace("times = [0.0, 9.0]", "times = [0.0, 1.0]"))
     moved = Runs(ELEMENTS, line).run(1, 1)
     assert np.abs(motion_laws.momentum(line.to_toml(), moved.motion, moved.end)).max() < 3e-4
