@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
-from cablefem.elements.bodies import INPUTS, Cars, derivatives, forces
+from cablefem.elements.bodies import INPUTS, Cars, derivatives, forces, size
 from cablefem.elements.bordered import Bordered, Full, Matrix
 from cablefem.elements.observe import observe
 from cablefem.elements.segments import Law, Motion, Segments
@@ -349,7 +349,7 @@ class LineElements(System):
         none = np.zeros_like(now.hold)
         free = now._replace(hold=none, brake=none, friction=none)
         needed = self.rows(t, x, phase, cars=free)[slots] / stretch
-        projection = np.linalg.norm(inputs[:, 0:2] + inputs[:, 2:4], axis=1) / (2.0 * stretch)  # |<r'>|/<lam>
+        projection = size(inputs[:, 0:2] + inputs[:, 2:4]) / (2.0 * stretch)  # |<r'>|/<lam>
         needed -= now.thrust * np.cos([car.drive.thrust_angle for car in self.line.cars]) / projection
         for i, car in enumerate(self.line.cars):
             if car.kind != "free":
