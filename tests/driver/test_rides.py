@@ -114,6 +114,14 @@ def test_a_heavy_car_on_a_light_rope_begins_at_its_stable_rest(method, mode, EA,
 TRAMWAY = Scene.load("tramway")
 
 
+@every
+def test_a_run_to_a_place_before_the_first_phase_ends_is_the_beginning_of_a_longer_one(method):
+    runs = [run(TRAMWAY, method, until=until, steps=60, **WINGS[method]) for until in (0.02, 0.3)]
+    n = runs[0].t.size
+    assert 0.02 * TRAMWAY.length <= runs[0].s_o[-1] < runs[1].s_o[n]
+    np.testing.assert_allclose(runs[0].y, runs[1].y[:n], rtol=1e-12)
+
+
 @pytest.mark.parametrize("friction", [0.0, 0.03])
 @pytest.mark.parametrize(("place", "force", "tension"), [(0.25, 31.0, 766.5), (0.50, 34.9, 822.0), (0.75, 38.6, 767.0)])
 @every

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
+from cablefem.scene.statics import hauled
 from tests.scene.test_ride import ZIP
 from validation import check
 from validation.core.agreement import Verdict, overall
@@ -26,6 +27,21 @@ def pair():
 
 def rows(a, b):
     return {(row.quantity, row.law): row for row in compare(RIDE, a, b)}
+
+
+def test_sines_tell_by_how_much_they_miss_the_start_of_a_car_close_to_its_support():
+    """The coarser runs miss it alike: none has waves as short as its distance from the support."""
+    scene = Scene(
+        cable={"mass_per_length": 7.6, "EA": 1.4e8, "horizontal_tension": 3.5e5},
+        supports={"span": 860.0, "drop": 210.0}, mass={"mass": 4500.0}, drive={"mode": "haul"},
+        travel={"kind": "accelerate_cruise_brake", "top_speed": 7.0},
+    )  # fmt: skip
+    ladder = run_with_error_bars(scene, "fourier-kink", terms=32, steps=120, until=0.1)
+    rest = hauled(0.01, scene.groups).place[0] * scene.length
+    off = np.abs([ladder.finest.x[0], ladder.finest.y[0]] - rest) / ladder.finest.max_deflection
+    coarse = ladder.space.runs[0]
+    assert abs(coarse.y[0] - ladder.finest.y[0]) / ladder.finest.max_deflection < off[1] / 5.0
+    np.testing.assert_allclose(ladder.start_gap, off, rtol=0.15)
 
 
 def test_both_wings_ride_alike_and_keep_the_laws():

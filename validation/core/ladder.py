@@ -66,6 +66,7 @@ class Ladder:
     finest: Response
     space: Branch
     time: Branch
+    start_gap: Any = 0.0  # (x, y) of the start from a run that resolves its distance from the support; over deflection
 
     @property
     def run(self) -> Response:
@@ -78,7 +79,7 @@ class Ladder:
     def map(self, change: Callable[[Any], Response]) -> Ladder:
         """The ladder with all runs changed."""
         space, time = (replace(x, runs=tuple(map(change, x.runs))) for x in (self.space, self.time))
-        return Ladder(change(self.finest), space, time)
+        return replace(self, finest=change(self.finest), space=space, time=time)
 
     def over(self, view: View) -> Ladder:
         """Without runs that end before the view does, and without all coarser ones."""

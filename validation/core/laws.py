@@ -19,7 +19,7 @@ from cablefem.response import Array, Response
 from validation.core import rest, timetable
 from validation.core.agreement import Agreement, Bound, Part
 from validation.core.evidence import Evidence, Side, Window, Windows, cross
-from validation.core.order import FIRST, error_bar
+from validation.core.order import FIRST, SAFETY, error_bar
 from validation.core.scene_data import ROUNDING
 
 OFTEN = 0.1  # of a transverse wave's time along the cable: rarer frames hide velocities
@@ -87,6 +87,8 @@ def _bars(
     defects = {key: (defect if law.exact else law.defect(x)).value for key, x in known.items()}
     space, time = ladder.parts(lambda x: defects[id(x)], _rms_distance, FIRST)
     space, time = (np.broadcast_to(x, defect.rms.shape) for x in (space, time))
+    if law.at_start:
+        space = np.maximum(space, SAFETY * ladder.start_gap)
     return space, time, sampling
 
 
@@ -105,16 +107,21 @@ class Law:
     of: str
     asks: str  # tolerance "rest" or "velocity" (`rows.tolerance_of`); "" if only shown
     exact: bool  # to rounding in every run
+    at_start: bool  # of the place (x, y) at which the car starts
 
 
 LAWS: dict[str, Law] = {}
 
 
 def _law(
-    concerns: Callable[[Evidence], bool] = lambda m: True, of: str = "laws_si", asks: str = "rest", exact: bool = False
+    concerns: Callable[[Evidence], bool] = lambda m: True,
+    of: str = "laws_si",
+    asks: str = "rest",
+    exact: bool = False,
+    at_start: bool = False,
 ) -> Callable[[Finds], Finds]:
     def listed(defect: Finds) -> Finds:
-        LAWS[defect.__name__.replace("_", " ")] = Law(defect, concerns, of, asks, exact)
+        LAWS[defect.__name__.replace("_", " ")] = Law(defect, concerns, of, asks, exact, at_start)
         return defect
 
     return listed
@@ -275,7 +282,7 @@ def drive(m: Evidence) -> Defect:
     return _static(float(np.abs(off).max()))
 
 
-@_law(lambda m: _rolls(m) and 0.0 < m.r.s_o[0] < m.r.length)
+@_law(lambda m: _rolls(m) and 0.0 < m.r.s_o[0] < m.r.length, at_start=True)
 def car_at_rest(m: Evidence) -> Defect:
     """A car that rolls begins where the cable at rest holds it, clamped or on its rope; over the largest deflection."""
     r = m.r

@@ -36,6 +36,7 @@ SHARP = {"scheme": "radau"}  # of order 5; elements take a fraction of the steps
 QUIET = {"scheme": "generalized-alpha", "rho_inf": 0.8}
 SWINGING = {"rho_inf": 0.5}  # on free rides axial waves reverse the friction
 NEAR = 0.15  # waves of fixed functions times start/l of a rider: fewer do not know that he is off the support
+RESOLVES = 1.2  # waves times start/l with which the start converges
 LIGHT = 0.1  # mass ratio mu of a car whose front the first mesh must resolve
 
 
@@ -127,7 +128,21 @@ class Runs:
         def marched(run: Response) -> Response:
             return finest if run.settings == finest.settings else self.at(run.settings, until)
 
-        return with_error_bars(ladder.map(marched), self.view)
+        ladder = replace(ladder.map(marched), start_gap=self._start_gap(finest))
+        return with_error_bars(ladder, self.view)
+
+    def _start_gap(self, finest: Response) -> Any:
+        """See `Ladder`; zero where the coarser runs resolve the distance, or no run needs to."""
+        start = float(finest.s_o[0]) / finest.length
+        space = self.method.resolution.setting
+        if self.method.follows or self.scene.drive.mode == "grip" or not start > 0.0:
+            return 0.0
+        enough = min(math.ceil(RESOLVES / start), self.method.knobs[space].allowed[1])
+        if 2 * self.method.value(finest.settings) >= enough:
+            return 0.0
+        resolved = self.at(finest.settings | {space: enough}, start * (1.0 + 1e-9))
+        off = np.array([finest.x[0] - resolved.x[0], finest.y[0] - resolved.y[0]])
+        return np.abs(off) / finest.max_deflection
 
 
 def run_with_error_bars(

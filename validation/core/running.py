@@ -182,8 +182,12 @@ class Run:
         def position(t: float, phase: int) -> float:
             return self.history.solver.position(State(t, _NONE, _NONE, _NONE, phase))
 
-        ends = [bisect.bisect_left(t, until, key=partial(position, phase=k)) for k, t in enumerate(self.times)]
-        return [t[: end + 1] for t, end in zip(self.times, ends, strict=True)]
+        times = []
+        for k, t in enumerate(self.times):
+            reached = position(t[0], k) >= until  # in an earlier phase
+            end = 0 if reached else bisect.bisect_left(t, until, key=partial(position, phase=k)) + 1
+            times.append(t[:end])
+        return times
 
 
 def _refuse(scene: Scene, law: str, frames: int) -> None:
