@@ -117,6 +117,7 @@ TRAMWAY = Scene.load("tramway")
 @every
 def test_a_run_to_a_place_before_the_first_phase_ends_is_the_beginning_of_a_longer_one(method):
     runs = [run(TRAMWAY, method, until=until, steps=60, **WINGS[method]) for until in (0.02, 0.3)]
+    assert runs[0].status == "complete"
     n = runs[0].t.size
     assert 0.02 * TRAMWAY.length <= runs[0].s_o[-1] < runs[1].s_o[n]
     np.testing.assert_allclose(runs[0].y, runs[1].y[:n], rtol=1e-12)
