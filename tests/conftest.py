@@ -6,12 +6,13 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 
-def pytest_configure():
+def pytest_configure(config):
     """Stay on one core: a check then forks no solvers that load all they need anew, a tenth of its time.
 
     Forks: tests/validation/test_sidebyside.py, and the commands of .ci/commands.
     """
-    if hasattr(os, "sched_setaffinity"):
+    distributes = getattr(config.option, "numprocesses", None)  # its workers would inherit its core
+    if hasattr(os, "sched_setaffinity") and not distributes:
         cores = sorted(os.sched_getaffinity(0))
         number = int(os.environ.get("PYTEST_XDIST_WORKER", f"gw{os.getpid()}").removeprefix("gw"))
         os.sched_setaffinity(0, {cores[number % len(cores)]})
