@@ -49,6 +49,7 @@ def _teller(request: pytest.FixtureRequest) -> Callable[[str, str], None]:
 
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:
+    """Add a line on each agreement that the tests asked for."""
     told = [
         f"{value}  ({report.nodeid})"
         for reports in terminalreporter.stats.values() for report in reports

@@ -373,6 +373,7 @@ class Response(MassPath):
         self.store(folder)
 
     def write_tables(self, folder: Path) -> None:
+        """Write path.csv, and tension.csv: rows of time, station and tension [N], those beside the car last."""
         self.write_path(folder)
         f = self.fields
         k, m = f.T.shape
@@ -386,6 +387,7 @@ class Response(MassPath):
         write_csv(folder / "path.csv", ",".join(PATH_COLUMNS), path)
 
     def store(self, folder: Path) -> None:
+        """Write response.npz, with all arrays, and summary.json."""
         f = self.fields
         arrays = {n: getattr(self, n) for n in _ARRAYS} | {f"fields.{n}": getattr(f, n) for n in _FIELDS}
         arrays |= {f"powers.{n}": power for n, power in self.powers.items()}

@@ -58,6 +58,7 @@ class RollingCar(System):
     hold: float  # force at the start
 
     def attach(self, groups: Groups) -> None:
+        """Take the drive of a scene, and begin with a car that sticks."""
         self.drive = groups.drive
         self.sigma = groups.sigma
         self.free = self.drive.mode == "free"
@@ -130,6 +131,7 @@ class RollingCar(System):
         return self.solve_acceleration(x._replace(v=v))
 
     def begin_step(self, x: State) -> None:
+        """Note where a slow car is, and whether axial waves have come back since it began to slip."""
         if not self.free:
             return
         mode = self.mode
@@ -151,6 +153,7 @@ class RollingCar(System):
             self.mode.heading = math.copysign(1.0, slip)
 
     def pass_event(self, name: str, x: State) -> State | None:
+        """The state after an event; None where the run ends."""
         mode = self.mode
         self._watched = None
         if name in ("arrival", "back", "stop"):
@@ -221,6 +224,7 @@ class RollingCar(System):
         return remaining if rests else max(remaining, self.round_trip)
 
     def step_fraction(self, x: State, since: float, ahead: float = 0.0) -> float:
+        """Fraction of the equal step that the next one may have; since : time from the last event."""
         mode = self.mode
         slip = x.v.item(-1)
         holds = self.drive.resists and (mode.brakes > 0 or mode.sticks)

@@ -104,6 +104,7 @@ def _axes(ax: Any) -> Any:
 
 
 def side_view(r: Response, ax: Any = None) -> Any:
+    """Plot the rope at rest, the envelope of its motion and the path of the car; return the axes."""
     ax = _axes(ax)
     f = r.fields
     ax.plot(f.x, f.y, color=GREY, linestyle="--", label="rope at rest")
@@ -116,6 +117,7 @@ def side_view(r: Response, ax: Any = None) -> Any:
 
 
 def tension(r: Response, ax: Any = None) -> Any:
+    """Plot the tension [kN] along the rope over time; return the axes."""
     ax = _axes(ax)
     f = r.fields
     mesh = ax.pcolormesh(f.s, f.t, f.T / 1e3, shading="nearest")

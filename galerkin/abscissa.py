@@ -59,6 +59,7 @@ class PositionAbscissa(System):
         return t, *self.motion.at(t, phase)[1:]
 
     def start(self, phase: int, state: State | None) -> State:
+        """The state at the start of a phase by place: q and its derivatives by s_o; (48) where the car is at rest."""
         s_o = self.phases[phase][0]
         t, ds_o, dds_o = self._kinematics(s_o, phase)
         if state is None:

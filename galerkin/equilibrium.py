@@ -33,6 +33,11 @@ class Equilibrium(NamedTuple):
 
 
 def recover(x: Measures, s: Array, frames: Array) -> Equilibrium:
+    """Forces (n, 2) at the car and the supports, and along s in these frames, by integrating the balance of forces.
+
+    x : states of the run;  s : stations (m,);  frames : indices of states (k,).
+    N' follows from w.. + c_d w. , whose primitives the basis knows, so no derivative of the strain enters.
+    """
     cable = x.system.cable
     basis = x.system.basis.basis
     damping = x.system.damping

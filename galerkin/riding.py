@@ -46,6 +46,7 @@ class RidingSystem(GalerkinSystem):
         return self._weighed(t, np.array([q, v, a]), phase, 0)[0]
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
+        """As of all sines; with internal damping both sides have their own blocks."""
         if not self.groups.internal_damping:
             return super().linearise(t, q, v, a, phase, *c)
         r, sides = self._weighed(t, np.array([q, v, a]), phase, 3)
@@ -114,6 +115,7 @@ class _Side:
         return self.sign * (self.q[..., :-1] @ (wave * (-1.0) ** np.arange(1, self.terms + 1))) / self.h
 
     def twice_kinetic(self) -> Array:
+        """int w.^2 ds of one side, (n,); the sines move with it."""
         xi = self.of.xi
         weights = self.of.weights
         bent = xi * shapes(self.terms, xi)[1]

@@ -73,6 +73,7 @@ def named(function: Callable[Concatenate[Any, P], Result]) -> Callable[Concatena
 
     @functools.wraps(function)
     def with_name(of: Any, *args: P.args, **kwargs: P.kwargs) -> Result:
+        """See the function that is wrapped."""
         from cablefem.scene import Scene
         from cablefem.scene.line import Line
         from cablefem.scene.short import line_of

@@ -109,6 +109,7 @@ class CableElements(System):
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
+        """Residual (n_dof,), and a solver of c0 dr/dq + c1 dr/dv + c2 dr/da, banded with a border."""
         r = np.empty(self.n_dof)
         x = np.array([q, v, a])
         tangent = self._single

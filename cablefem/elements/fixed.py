@@ -65,6 +65,7 @@ class FixedElements(CableElements):
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
+        """As of the cable; the rows of a particle are eliminated by its constraint."""
         r, solve = super().linearise(t, q, v, a, phase, c0, c1, c2)
         if not self.particle:
             return r, solve

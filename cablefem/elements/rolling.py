@@ -136,6 +136,7 @@ class RollingElements(RollingCar, FollowingElements):
         return self._step_results(told)
 
     def car_forces(self, x: State) -> CarForces:
+        """Normal force, speed along the rope and forces along it; dimensionless."""
         push = self._forces(x)
         tx, ty = push.tau
         px, py = push.velocity

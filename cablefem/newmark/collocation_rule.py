@@ -33,6 +33,7 @@ class CollocationRule(Stepper):
         self.rule = tableau(method.nodes)
 
     def solve_steps(self, x: State, times: Array) -> Iterator[Sequence[State]]:
+        """Yield the states at these times one by one, up to the first that does not converge."""
         if not isinstance(x, Collocated):
             return
         steps = self._steps(x, times)

@@ -40,6 +40,7 @@ class NewmarkRule(Stepper):
         return self.system.between(t0, t1, 1.0 - self.method.alpha_f, phase)
 
     def solve_steps(self, x: State, times: Array) -> Iterator[Sequence[State]]:
+        """Yield the states at these times in blocks, each up to an event; all by one call of the system."""
         begin = np.concatenate([[x.t], times[:-1]])
         t = self._instants(begin, times, x.phase)
         rules = np.repeat(self._rule[None], times.size, axis=0)

@@ -302,6 +302,7 @@ class Daubechies:
         return self._functions(s, m - 1)
 
     def split(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Points and weights (n_q,) of both sides of s_o; phi' and the hat's slope, (n + 1, n_q)."""
         left, w_left = self.quadrature(0.0, s_o)
         right, w_right = self.quadrature(s_o)
         s = np.concatenate([left, right])
@@ -316,6 +317,7 @@ class Daubechies:
         return s, np.concatenate([w_left, w_right]), phi
 
     def mass(self) -> np.ndarray:
+        """int phi_j phi_k ds, (n, n), exact: cell by cell from the Gram matrix of the mother function."""
         T = _mother(self.order).walks[-1].T
         c = self._functions.c[-1]
         G = _cell_gram(T)

@@ -359,6 +359,7 @@ class Signal:
         return at, np.interp(at, t, value), np.interp(at, t, s)
 
     def extreme(self, r: Response) -> _Extreme | None:
+        """The largest value times the quantity's sign over all its tracks; None without samples."""
         found = None
         sign = self.quantity.sign
         for i, track in enumerate(self.quantity.tracks(r)):

@@ -271,6 +271,7 @@ def with_error_bars(scene: Scene, r: Response) -> Response:
     scales = {"m": inertia.deflection, "N": max(tensions, default=0.0)}
 
     def bar(row: dict[str, Any]) -> float | None:
+        """Bar of a design number, in its unit; None without a value."""
         quantity = row["quantity"]
         value = row["value"]
         if value is None or row["bar"] is not None:

@@ -49,6 +49,7 @@ def _fast(what: str, curve: Curve, solvers: Solvers, method: str, sigma: float) 
 
 
 def cases() -> list[Limit]:
+    """Limits in which rides become quasi-static: much drag, and waves that are fast against the car."""
     waves = "waves take (V/c)² of what the car bends, and both fall like sigma"
     slow = "the cable's inertia counts like the speed's square, which falls like one over the drag"
     variants = [

@@ -96,6 +96,7 @@ def chart(scene: Scene, out: Path, report: Progress = silent, *, repeats: int = 
 
 
 def series(groups: Groups) -> Iterator[Series]:
+    """All lines of the chart on a scene: methods, models, schemes, tolerances, whole commands and peers."""
     from cablefem.elements.cable import MODELS
 
     base = METHODS[BASE]
@@ -153,6 +154,10 @@ class _Truth:
 
     @classmethod
     def of(cls, scene: Scene, told: Row | None) -> _Truth:
+        """Run the reference; its error is that in `told`, or by coarser runs and the other solver.
+
+        Raises ValueError if the reference ends early.
+        """
         stop = stop_of(scene)
         name, settings = REFERENCE if stop else REFERENCE_OF_RIDES
         reference = run(scene, name, until=stop, **settings)

@@ -17,6 +17,7 @@ def asserting(tell: Tell) -> Callable[..., list[Agreement]]:
     """`assert_agree` that tells."""
 
     def asserted(a: Any, b: Any, **bounds: Any) -> list[Agreement]:
+        """See `assert_agree`."""
         __tracebackhide__ = True
         names = f"{a.method} and {b.method}"
         try:
@@ -34,6 +35,7 @@ def checking(tell: Tell, kept: dict[Any, Check]) -> Callable[..., Check]:
     """`check` or `check_solver` that asserts and tells; checks are kept."""
 
     def checked(scene: Any, solver: Any = None, *, tol: float = 1e-3, with_tol: float = WITH_TOL) -> Check:
+        """The check of a scene, or of a user's solver on it; AssertionError with its rows unless all agree."""
         __tracebackhide__ = True
         scene = scene if isinstance(scene, Scene) else Scene.load(scene)
         key = (scene.to_toml(), tol)

@@ -47,6 +47,7 @@ class Change:
 
     @property
     def sentence(self) -> str:
+        """The answer with its bar, what happens beyond it, and what the check says."""
         side, beyond = ("at most", "above") if self.fails_at > self.holds_at else ("at least", "below")
         if self.verdict and self.bar is None:
             text = f"about {self.value:.2g} {self.unit}".rstrip()
@@ -76,6 +77,7 @@ class Found:
 
     @property
     def sentence(self) -> str:
+        """All values at which the condition changes, or that it never does."""
         if self.interrupted:
             between = [
                 f"between {a['value']:.6g} and {b['value']:.6g}"
