@@ -10,6 +10,7 @@ import pytest
 
 from cablefem import Scene
 from tests.commands.calls import BROKEN, lines
+from tests.commands.test_lines import FEW
 from validation.commands.check import selftest
 from validation.core.agreement import nothing
 from validation.core.methods import CHECKED
@@ -126,3 +127,11 @@ def test_the_judge_plants_a_fault_in_itself_and_says_whether_it_is_seen(cablefem
     found, out, _ = cablefem("check", "inclined", "--tol", "0.1", "--self-test", "--out", "x")
     assert found == code
     assert f"self-test: 1 % more mass for fourier-kink {said}" in out
+
+
+@pytest.mark.parametrize(("fault", "code", "said"), [("+10%", 0, "is seen"), ("+1e-13%", 1, "is NOT seen")])
+def test_it_does_so_on_a_line_too(cablefem, monkeypatch, fault, code, said):
+    monkeypatch.setitem(selftest.FAULT, "mass.mass", fault)
+    found, out, _ = cablefem("check", "two-span", *FEW, "--self-test")
+    assert found == code
+    assert f"self-test: 1 % more mass for elements {said}" in out

@@ -59,15 +59,11 @@ def command(
                 "--with": other is not None,
                 "--deep": deep,
                 "--sensitivity": sensitive,
-                "--self-test": self_test,
             }
         )
-        from validation.commands.check import line as at_rest
-        from validation.commands.check import motion
-
-        kind = motion if line.moves else at_rest
-        given = options.points_of(options.limited(line, limits), set_, case)
-        return kind.check(given, tol, tol_tension, out, _second(given[0].scene, second, second_set), require)
+        points = options.points_of(options.limited(line, limits), set_, case)
+        told = _second(points[0].scene, second, second_set)
+        return _check_line(points, tol, tol_tension, out, told, require, self_test)
     faults = [
         *options.tol_faults(tol), *options.tol_faults(tol_tension, "--tol-tension", 1e-6, 1.0),
         *options.tol_faults(with_tol, "--with-tol", 0.0, 1.0),
@@ -108,9 +104,31 @@ def command(
         from validation.commands.check import selftest
 
         verdict = selftest.planted(result)
-        terminal.say(f"  {selftest.said(result, verdict)}")
+        terminal.say(f"  {selftest.sentence(verdict, b.method, result.tol)}")
         sound = sound and verdict.value == "disagree"
     return broken or int(not sound)
+
+
+def _check_line(
+    points: list[options.Point], tol: float | None, tol_tension: float | None, out: Path | None, second: Any,
+    require: bool, self_test: bool,
+) -> int:  # fmt: skip
+    """Check a line of several contacts, at rest or in motion; return the exit code.
+
+    second : the line the second solver is told, or None.
+    """
+    from validation.commands.check import line as at_rest
+    from validation.commands.check import motion, selftest
+
+    line = points[0].scene
+    kind = motion if line.moves else at_rest
+    tol = kind.TOL if tol is None else tol
+    code = kind.check(points, tol, tol_tension, out, second, require)
+    if not self_test:
+        return code
+    verdict = selftest.planted_in_line(kind.checked, line, tol, tol_tension)
+    terminal.say(f"  {selftest.sentence(verdict, kind.SECOND, tol)}")
+    return code or int(verdict.value != "disagree")
 
 
 def _points(scene: Any, pairs: list[str] | None, cases: list[str] | None) -> list[options.Point]:

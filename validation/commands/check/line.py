@@ -30,6 +30,7 @@ BY_ELEMENTS = 0.5  # their largest bar over the tolerance
 ROUNDING = 256 * np.finfo(float).eps  # of the reach for lengths, of EA for forces
 TOL = 1e-6  # [m], and of the largest tension
 TOL_RANGE = (1e-9, 1e-2)
+SECOND = "elements"  # solver that a planted fault is for
 METRES = ("place", "rope_place", "s", "rope_length")  # quantities in metres; the others are forces
 
 
@@ -206,11 +207,10 @@ def recheck_outputs(result: Answers) -> list[Agreement]:
 
 
 def check(
-    points: Sequence[Point], tol: float | None, tol_tension: float | None, out: Path | None, second: Line | None,
+    points: Sequence[Point], tol: float, tol_tension: float | None, out: Path | None, second: Line | None,
     require: bool = False,
 ) -> int:  # fmt: skip
     """Check a line or a grid of lines; 1 unless they agree, 2 for a position without rest."""
-    tol = TOL if tol is None else tol
     low, high = TOL_RANGE
     if not low <= tol <= high:
         raise store.Refused(f"--tol must lie in [{low:g}, {high:g}] m for a line at rest, got {tol:g}")

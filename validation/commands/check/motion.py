@@ -19,6 +19,7 @@ from validation.core.motion_rows import Comparison, Moved, Scales, Tolerance, la
 from validation.page.options import Point, tol_faults
 
 TOL = 1e-3
+SECOND = SINES.name  # solver that a planted fault is for
 LOOSER = 10.0  # forces over the path
 FINEST = 16  # times the coarsest resolution and steps together, before a comparison stays too coarse
 
@@ -88,11 +89,10 @@ def checked(
 
 
 def check(
-    points: Sequence[Point], tol: float | None, tol_tension: float | None, out: Path | None, second: Line | None,
+    points: Sequence[Point], tol: float, tol_tension: float | None, out: Path | None, second: Line | None,
     require: bool = False,
 ) -> int:  # fmt: skip
     """Check a line in motion or a grid of them; 1 unless they agree, 2 where a run broke."""
-    tol = TOL if tol is None else tol
     if faults := [*tol_faults(tol), *tol_faults(tol_tension, "--tol-tension", 1e-6, 1.0)]:
         raise store.Refused(faults)
     if second is not None and any(_names(second) != _names(point.scene) for point in points):

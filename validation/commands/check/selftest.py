@@ -1,8 +1,10 @@
 """The judge tests itself: a planted gap must be a disagreement."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from cablefem.scene.line import Line
 from validation.commands.check.study import Check
 from validation.core.agreement import Verdict, overall
 from validation.core.methods import find
@@ -30,8 +32,19 @@ def planted(result: Check) -> Verdict:
     return overall(compare(scene, result.a, faulty, tol=result.tol))
 
 
-def said(result: Check, verdict: Verdict) -> str:
-    of = f"self-test: 1 % more mass for {result.b.run.method}"
+def planted_in_line(checked: Callable[..., Any], line: Line, tol: float, tol_tension: float | None) -> Verdict:
+    """The verdict on a line whose second solver has 1 % more mass of the first car.
+
+    checked : of a line at rest or in motion.
+    """
+    fault = {f"car.{line.car[0].name}.mass": FAULT["mass.mass"]}
+    verdict: Verdict = checked(line, tol, tol_tension, line.replace(fault)).verdict
+    return verdict
+
+
+def sentence(verdict: Verdict, method: str, tol: float) -> str:
+    """What the self-test says of the verdict; method : of the second solver."""
+    of = f"self-test: 1 % more mass for {method}"
     if verdict is Verdict.DISAGREE:
         return f"{of} is seen"
-    return f"{of} is NOT seen ({verdict.value}); at --tol {result.tol:g} this check would miss such a fault"
+    return f"{of} is NOT seen ({verdict.value}); at --tol {tol:g} this check would miss such a fault"
