@@ -59,6 +59,7 @@ class CarMotion:
     grip_force: Array  # [N] along the rope that the grip gives the car, positive to the right; nan: no grip
     contact_force: Array  # [N] normal to the mean tangent, positive when the car presses down
     turning: Turning | None = None
+    wheel_loads: tuple[Array, Array] | None = None  # [N] by hand, of the rear and the front wheel of a point
 
 
 @dataclass(frozen=True, kw_only=True)

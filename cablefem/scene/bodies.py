@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
 from cablefem.scene.drive import Driving, Thrust
-from cablefem.scene.fields import NonNegative, Part, Positive, Real, described
+from cablefem.scene.fields import NonNegative, Part, Positive, Real, described, integer
 
 
 class Hanger(Part):
@@ -29,13 +30,29 @@ class Hanger(Part):
 
 
 class Wheels(Part):
-    """Two wheels of a rigid car; the front one is to the right."""
+    """Wheels of a rigid car, of which two touch the rope, the front one to the right; or of a point mass."""
 
-    base: Positive = described("[m] between the wheels")
-    inertia: Positive = described("[kg m2] moment of inertia of the car about its centre of mass")
+    base: NonNegative = described("[m] between the wheels, or between two pairs of them; 0: one point", 0.0)
+    inertia: NonNegative = described("[kg m2] moment of inertia of the car about its centre of mass", 0.0)
     below: Real = described("[m] from the line of the wheels down to the centre of mass", 0.0)
     ahead: Real = described("[m] of the centre of mass ahead of the middle between the wheels", 0.0)
-    model: Literal["rigid", "point"] = described("[-] rigid: two wheels touch the rope; point: one does", "rigid")
+    model: Literal["rigid", "point"] = described(
+        "[-] rigid: the car touches the rope at two wheels; point: at one point, loads of wheels are by hand", "rigid"
+    )
+    count: Annotated[int, integer(1, 1000)] = described("[-] wheels of the car, which share its load", 2)
+    radius: Positive | None = described(
+        "[m] of a wheel, whose groove bounds how far the rope bends; with cable.wire", None
+    )
+
+    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+        """Faults between fields, one line each."""
+        faults = []
+        if self.model == "rigid":
+            missing = [name for name in ("base", "inertia") if getattr(self, name) == 0.0]
+            faults = [f"{' and '.join(missing)}: missing; must be > 0 unless model = 'point'"] if missing else []
+        if self.base and self.count is not None and self.count % 2:
+            faults.append(f"count = {self.count}: must be even, half of the wheels at either end of base")
+        return faults
 
 
 def body_faults(mass: float | None, hanger: Hanger | None, wheels: Wheels | None, drive: Driving | None) -> list[str]:
@@ -45,8 +62,11 @@ def body_faults(mass: float | None, hanger: Hanger | None, wheels: Wheels | None
     if hanger is not None and mass is not None and hanger.mass >= mass:
         return [f"hanger.mass = {hanger.mass!r}: must be < {mass:.6g} kg, the mass of the car with it"]
     rigid = wheels is not None and wheels.model == "rigid"
-    if drive is None or rigid:
-        return []
+    return [] if drive is None or rigid else _lever_faults(wheels, drive)
+
+
+def _lever_faults(wheels: Wheels | None, drive: Driving) -> list[str]:
+    """Faults of keys of two wheels in the drive of a point car."""
     thrust = drive.thrust if isinstance(drive.thrust, Thrust) else None
     written = {
         "hitch": drive.hitch is not None,
@@ -54,5 +74,14 @@ def body_faults(mass: float | None, hanger: Hanger | None, wheels: Wheels | None
         "thrust.at": thrust is not None and thrust.at is not None,
         "brake.wheel": any(brake.wheel != "both" for brake in drive.brake or ()),
     }
+    if wheels is not None and wheels.base:  # levers count in loads by hand
+        return ["drive.thrust.angle: must be 0 with wheels.model = 'point'"] if written["thrust.angle"] else []
     given = [name for name, is_written in written.items() if is_written]
     return [f"drive.{name}: of a car on two wheels; must be given with wheels" for name in given]
+
+
+def groove_faults(wire: float | None, wheels: Wheels | None) -> list[str]:
+    """Fault of a radius of wheels on a rope whose wires are unknown."""
+    if wire is not None or wheels is None or wheels.radius is None:
+        return []
+    return [f"cable.wire: missing; must be given with wheels.radius = {wheels.radius!r}"]

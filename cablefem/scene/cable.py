@@ -4,6 +4,8 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Any
 
+from pydantic import ConfigDict, model_validator
+
 from cablefem.scene.bisection import bisected
 from cablefem.scene.catenary import Z_MAX, Z_MIN, Catenary
 from cablefem.scene.errors import shown
@@ -21,6 +23,7 @@ from cablefem.scene.fields import (
 )
 
 SHAPES = ("length", "sag", "horizontal_tension")
+SAME_STIFFNESS = 0.02  # of EA: E section is that of the unstretched cable, and both are rounded
 STEEPEST = 10.0  # [-] largest slope of the chord, 84 degrees; steeper lines lose digits
 
 Celsius = Annotated[float, between(-100.0, 300.0)]
@@ -34,10 +37,14 @@ class Ice(Part):
 class Rope(Part):
     """A uniform elastic rope, its temperature and its ice."""
 
+    model_config = ConfigDict(json_schema_extra=lambda schema: schema["required"].remove("EA"))
     mass_per_length: Positive = described("[kg/m] mass of the cable per stretched length at rest")
     EA: Positive = described(
-        "[N] axial stiffness per strain of the cable stretched at rest; of the unstretched: EA - T"
+        "[N] axial stiffness per strain of the cable stretched at rest; of the unstretched: EA - T; default E section"
     )
+    E: Positive | None = described("[Pa] modulus of elasticity of the cable", None)
+    section: Positive | None = described("[m2] metallic section of the cable", None)
+    wire: Positive | None = described("[m] diameter of its outer wires", None)
     diameter: Positive | None = described("[m] of the cable without ice", None)
     breaking_load: Positive | None = described("[N] tension at which the cable breaks", None)
     temperature: Celsius | None = described("[C] during the run", None)
@@ -45,9 +52,25 @@ class Rope(Part):
     expansion: Annotated[float, between(-1e-3, 1e-3)] | None = described("[1/K] thermal expansion; steel 1.2e-5", None)
     ice: number_or(POSITIVE, Ice) | None = described("[kg/m] of the cable at the reference temperature", None)  # type: ignore[valid-type]
 
+    @model_validator(mode="before")
+    @classmethod
+    def _stiffness(cls, data: Any) -> Any:
+        """EA from E and section; a negative one is a fault of its own."""
+        given = data if isinstance(data, dict) else {}
+        E, section = given.get("E"), given.get("section")
+        if isinstance(E, int | float) and isinstance(section, int | float):
+            return {"EA": abs(E * section), **data}
+        return data
+
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
-        """Faults of ice, heat and shape, one line each."""
+        """Faults of stiffness, ice and heat, one line each."""
         faults = []
+        if (given.get("E") is None) is not (given.get("section") is None):
+            name, other = ("E", "section") if given.get("E") is None else ("section", "E")
+            faults.append(f"{name}: missing; must be given with {other}")
+        elif self.EA and self.E and self.section and abs(self.EA / (self.E * self.section) - 1.0) > SAME_STIFFNESS:
+            must = f"must be E section = {self.E * self.section:.6g} N within {SAME_STIFFNESS:.0%}, or left out"
+            faults.append(f"EA = {self.EA!r}: {must}")
         if self.temperature is not None:
             needs = [name for name in ("reference_temperature", "expansion") if given.get(name) is None]
             faults += [f"{name}: missing; must be given with temperature" for name in needs]

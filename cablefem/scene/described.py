@@ -105,6 +105,11 @@ class Described(Part):
         line.replace({"contact.valley.tension": 4e5})
         """
         data = self._tables(changes)
+        cable = data["cable"]
+        if {"cable.E", "cable.section"} & changes.keys() and cable["EA"] == cable.get("E", 0.0) * cable.get(
+            "section", 0.0
+        ):
+            del cable["EA"]  # it follows
         for key, value in changes.items():
             try:
                 put(data, key, value)

@@ -16,7 +16,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field
 
-from cablefem.scene.bodies import Hanger, Wheels, body_faults
+from cablefem.scene.bodies import Hanger, Wheels, body_faults, groove_faults
 from cablefem.scene.cable import STEEPEST, Rope
 from cablefem.scene.described import LINES, Described
 from cablefem.scene.drive import Driving
@@ -104,7 +104,9 @@ class Car(Part):
     drive: Driving | None = described("[-] in motion: what moves it; without it the car grips", None)
     below: NonNegative = described("[m] from the rope down to the lowest point of the car", 0.0)
     hanger: Hanger | None = described("[-] in motion: a part of the mass that swings below the rope", None)
-    wheels: Wheels | None = described("[-] in motion: two wheels; travel, start and brakes are of the front one", None)
+    wheels: Wheels | None = described(
+        "[-] in motion: wheels; travel, start and brakes are of the front one of two", None
+    )
 
     @property
     def mode(self) -> str:
@@ -140,7 +142,9 @@ class LineRope(Rope):
     """The rope of a line; with two fixed ends it needs `length` or `tension`."""
 
     mass_per_length: Positive = described("[kg/m] mass of the rope per unstretched length")
-    EA: Positive = described("[N] axial stiffness per strain of the unstretched rope; of the stretched at rest: EA + T")
+    EA: Positive = described(
+        "[N] axial stiffness per strain of the unstretched rope; of the stretched at rest: EA + T; default E section"
+    )
     length: Positive | None = described("[m] unstretched length between two fixed ends", None)
     tension: Tie | None = described("[N] tension of the empty line at a contact", None)
 
@@ -269,6 +273,7 @@ class Line(Described):
         if faults:
             return faults
         faults = _rope_faults(rope, contacts) + _car_faults(cars, contacts)
+        faults += [fault for car in cars for fault in groove_faults(rope.wire, car.wheels)]
         return faults + surroundings_faults(self.obstacle or (), contacts[-1].at[0])
 
     @property

@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from cablefem.scene import catenary as _catenary
-from cablefem.scene.bodies import body_faults
+from cablefem.scene.bodies import Wheels, body_faults, groove_faults
 from cablefem.scene.cable import SHAPES, Cable, Supports, hang, hanging_fault, reference, stretch_fault
 from cablefem.scene.catenary import Catenary
 from cablefem.scene.damping import Wind, damping_fault, damping_rates, first_frequency, internal_fault
@@ -26,7 +26,7 @@ from cablefem.scene.statics import NoRest
 from cablefem.scene.surroundings import Ground, Obstacles, surroundings_faults
 from cablefem.scene.travel import Table, Travel
 
-BODIES = ("wheels", "hanger")  # with them a scene is a line, see `short.py`
+OF_LINES = "run and check alone take it, from a file"  # a scene with it is a line, see `short.py`
 # laws of `Scene.from_groups`, with the key that sets their pace
 PACES = {"constant_speed": "speed", "constant_acceleration": "acceleration", "accelerate_cruise_brake": "top_speed"}
 
@@ -34,9 +34,15 @@ PACES = {"constant_speed": "speed", "constant_acceleration": "acceleration", "ac
 class Mass(Part):
     """The moving mass particle."""
 
-    not_modelled: ClassVar = NOT_MODELLED | dict.fromkeys(BODIES, "run and check alone take it, from a file")
+    not_modelled: ClassVar = NOT_MODELLED | {"hanger": OF_LINES}
     mass: Positive = described("[kg] M, mass of the car")
     below: NonNegative = described("[m] how far the lowest part of the car or rider hangs below the cable", 0.0)
+    wheels: Wheels | None = described("[-] wheels of the car; without base it stays a point of one span", None)
+
+    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+        """Fault of wheels that make a scene a line."""
+        two = self.wheels is not None and (self.wheels.base or self.wheels.model == "rigid")
+        return [f"wheels: not modelled: {OF_LINES}"] if two else []
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +96,7 @@ class Scene(Described):
         if None in hung:
             return faults
         faults += surroundings_faults(self.obstacle or (), self.supports.span)
+        faults += groove_faults(self.cable.wire, None if self.mass is None else self.mass.wheels)
         if hanging := hanging_fault(*hung):
             return [*faults, hanging]
         return [*faults, *filter(None, self._dynamic_faults(self.drive or Driving()))]

@@ -11,7 +11,7 @@ from cablefem.scene.cable import SHAPES
 from cablefem.scene.described import parsed, scene_text
 from cablefem.scene.errors import SceneError
 from cablefem.scene.line import Line
-from cablefem.scene.scene import BODIES, Scene
+from cablefem.scene.scene import Scene
 
 
 def line_of(name_or_path: str | Path) -> Line | None:
@@ -25,7 +25,10 @@ def line_of(name_or_path: str | Path) -> Line | None:
     if "contact" in data:
         return Line.from_toml(text, name=name, folder=folder)
     mass = data.get("mass")
-    if isinstance(mass, dict) and any(body in mass for body in BODIES):
+    mass = mass if isinstance(mass, dict) else {}
+    wheels = mass.get("wheels", {})
+    point = isinstance(wheels, dict) and wheels.get("model") == "point" and not wheels.get("base")
+    if "hanger" in mass or ("wheels" in mass and not point):
         return Line.from_toml(tomli_w.dumps(as_line(data)), name=name, folder=folder)
     return None
 

@@ -26,7 +26,7 @@ def test_every_key_has_a_unit_a_meaning_and_a_range(part):
 
 def test_keys_are_those_that_scenes_read():
     found = {key.name: key for key in keys(Scene)}
-    assert (found["cable.EA"].unit, found["cable.EA"].default) == ("N", "required")
+    assert (found["cable.EA"].unit, found["cable.EA"].default) == ("N", "-")
     assert (found["drive.air_density"].default, found["wind.drag_coefficient"].default) == ("1.2", "1.2")
     assert (found["cable.damping"].unit, found["cable.damping"].default) == ("-", "0.0")
     assert (found["cable.damping.rate"].unit, found["cable.damping.rate"].default) == ("1/s", "required")

@@ -189,7 +189,8 @@ def ride():
     scene = RIDER.replace({
         "mass.below": 2.0, "cable.breaking_load": 90e3, "cable.diameter": 0.015, "wind": {"across": 5.0},
         "obstacle": [{"name": "tree 1", "at": 110.0, "top": 13.0}, {"name": "hut", "at": 226.0, "top": 20.0}],
-        "ground": [[50.0, 30.0], [120.0, 19.0], [200.0, 33.0]],
+        "ground": [[50.0, 30.0], [120.0, 19.0], [200.0, 33.0]], "mass.wheels": {"model": "point", "radius": 0.02},
+        "cable.E": 1.3e11, "cable.section": 1e-4, "cable.wire": 1e-3,
     })  # fmt: skip
     r = run(scene, "following-p2", elements=8, steps=500)
     return scene, replace(r, design=design(r))
@@ -219,6 +220,8 @@ def plus(shift):
         ("clearance_rope_min:tree 1", plus(1.0)), ("clearance_rope_min:the ground", plus(1.0)),
         ("clearance_car_min:the ground", plus(-1.0)), ("clearance_car_min:tree 1", plus(2.0)),  # feet ignored
         ("safety_factor_min", times(1.01)), ("wind_tilt", times(1.01)), ("angle_right", times(-1.0)),
+        *((f"stress{kind}_max", times(1.01)) for kind in ("", "_axial", "_bending")),
+        ("tension_over_wheel_min", times(1.01)),
     ],
 )  # fmt: skip
 def test_a_wrong_design_number_is_seen(ride, quantity, fault):

@@ -17,6 +17,8 @@ import numpy as np
 from cablefem.newmark import scheme
 from cablefem.response import Array, Response
 from cablefem.scene import Scene
+from cablefem.scene.bodies import Wheels
+from cablefem.scene.cable import Rope
 from validation.core.agreement import Agreement, Bound, Part, finite
 from validation.core.clearances import Clearances, Track, clearances, grounds
 from validation.core.ladder import Ladder, largest
@@ -24,6 +26,7 @@ from validation.core.measures import averaged, extremes_within, valid_until
 from validation.core.order import FIRST
 from validation.core.quantities import unit_of
 from validation.core.scene_data import ROUNDING, SceneData
+from validation.core.wheels import stresses
 
 NEAR = 9  # times around an extreme at which two runs are compared
 SAMPLES = 2001  # places of the car at rest
@@ -131,7 +134,17 @@ def quantities(r: Response) -> dict[str, Quantity]:
             named[f"clearance_{body}_min:{ground}"] = Quantity(-1.0, partial(track, (body, ground)), anywhere=True)
     if "sag_growth" in demands(scene):
         named["sag_car_max"] = Quantity(1.0, _sag)
+    if scene.mass is not None and scene.mass.wheels is not None:
+        for name in stresses(scene.cable, scene.mass.wheels, np.ones(1), np.ones(1)):
+            sign = -1.0 if name.endswith("min") else 1.0
+            named[name] = Quantity(sign, partial(_under_wheel, scene.cable, scene.mass.wheels, name))
     return named
+
+
+def _under_wheel(rope: Rope, wheels: Wheels, name: str, r: Response) -> list[Track]:
+    """A design number of the rope behind and ahead of the car."""
+    Q = r.F_contact / wheels.count
+    return [Track(r.t, stresses(rope, wheels, N, Q)[name], r.s_o) for N in (r.T_behind, r.T_ahead)]
 
 
 def demands(scene: Scene) -> set[str]:
@@ -218,7 +231,7 @@ def signals(r: Response, other: Response | None = None) -> dict[str, Signal]:
     round_trip = _round_trip(r.scene_toml, r.length)
     out = {}
     for name, quantity in quantities(r).items():
-        means = unit_of(name) in ("N", "deg")  # an angle follows a force
+        means = unit_of(name) in ("N", "deg", "Pa") or name == "tension_over_wheel_min"  # what follows a force
         out[name] = Signal(quantity, everything if quantity.anywhere else span, round_trip if means else 0.0)
     return out
 

@@ -15,11 +15,13 @@ from scipy.interpolate import CubicSpline
 
 from cablefem.motion import CarMotion, ContactMotion, LineMotion
 from cablefem.response import Array
-from cablefem.scene.line import Line
+from cablefem.scene.bodies import Wheels
+from cablefem.scene.line import Line, LineRope
 from validation.core.agreement import Agreement, Bound, Part, nothing
 from validation.core.clearances import grounds
 from validation.core.ladder import Ladder
 from validation.core.motion_laws import taken, touching
+from validation.core.wheels import left_out, stresses
 
 SETTLED = 3  # instants that a comparison needs
 ANGLES = ("swing", "pitch")
@@ -319,6 +321,7 @@ def design_of(moved: Moved, line: Line) -> dict[str, tuple[float, float]]:
     """Extremes and their times [s] by quantity; forces are means over an axial round trip."""
     motion = moved.motion
     t = motion.t
+    wheels = {car.name: car.wheels for car in line.car}
     out: dict[str, tuple[float, float]] = {}
     tensions: list[Array] = []
 
@@ -342,6 +345,9 @@ def design_of(moved: Moved, line: Line) -> dict[str, tuple[float, float]]:
             kind, _, wheel = name.partition("_")
             of = f"{car.name}.{wheel}" if wheel else car.name
             note(f"{kind}:{of}", moved.mean(values) if wheel else values, "max", "min")
+        for kind, values in stresses_at(moved, car, line.cable, wheels[car.name]).items():
+            name, _, word = kind.rpartition("_")
+            note(f"{name}:{car.name}", values, word)
     for contact in motion.contacts:
         tensions.append(moved.mean(tension_of(contact)))
         note(f"load:{contact.name}", np.linalg.norm(moved.mean(contact.pressure), axis=1), "max")
@@ -360,12 +366,25 @@ def design_of(moved: Moved, line: Line) -> dict[str, tuple[float, float]]:
 
 
 def turning_columns(car: CarMotion) -> dict[str, Array]:
-    """Swing, or pitch [deg] and the loads of both wheels [N], by name; none of a car that does not turn."""
+    """Swing, or pitch [deg] and the loads of both wheels [N], by name; of a point by hand, or none."""
     turning = car.turning
     if turning is None:
-        return {}
+        return dict(zip(("wheel_rear", "wheel_front"), car.wheel_loads or (), strict=False))
     loads = {f"wheel_{wheel.name.rpartition('.')[2]}": wheel.load for wheel in turning.wheels}
     return {"pitch" if loads else "swing": np.degrees(turning.angle)} | loads
+
+
+def stresses_at(moved: Moved, car: CarMotion, rope: LineRope, wheels: Wheels | None) -> dict[str, Array]:
+    """Design numbers (n,) of the rope at a car, of behind its rear wheels and ahead of its front ones the worse."""
+    if wheels is None:
+        return {}
+    loads = turning_columns(car)
+    sides = []
+    for side, N in (("rear", car.tension_behind), ("front", car.tension_ahead)):
+        load = loads.get(f"wheel_{side}", 0.5 * car.contact_force)
+        sides.append(stresses(rope, wheels, N, load * 2.0 / wheels.count))
+    rear, front = ({kind: moved.mean(values) for kind, values in side.items()} for side in sides)
+    return {kind: (np.fmin if kind.endswith("min") else np.fmax)(rear[kind], front[kind]) for kind in rear}
 
 
 def clearances(motion: LineMotion, line: Line) -> dict[str, tuple[Array, Array]]:
@@ -429,6 +448,12 @@ def with_bars(a: Ladder, b: Ladder | None, line: Line, units: Any) -> list[Any]:
 
     known = {id(run): design(run) for ladder in (a, b) if ladder is not None for run in moved_runs(ladder)}
     finest: Any = a.finest
+    cars = {car.name: car for car in finest.motion.cars}
+    by_hand = {
+        car.name: left_out(car.wheels, car.mass, line.gravity, finest.motion.t, cars[car.name])
+        for car in line.car
+        if car.wheels
+    }
     out = []
     for name, (value, t) in known[id(finest)].items():
 
@@ -438,6 +463,11 @@ def with_bars(a: Ladder, b: Ladder | None, line: Line, units: Any) -> list[Any]:
         bar = a.bar(number) if a.space.runs else None
         if b is not None and bar is not None:
             bar = max(bar, abs(value - number(b.finest)))
+        kind, _, of = name.partition(":")
+        car_name = of.partition(".")[0]
+        if bar is not None and kind.startswith("wheel"):
+            bar += by_hand[car_name]
         bar = bar if bar is not None and math.isfinite(bar) else None
-        out.append({"quantity": name, "value": value, "bar": bar, "unit": units(name), "t": t})
+        s_o = float(np.interp(t, finest.motion.t, cars[car_name].s)) if car_name in cars else None
+        out.append({"quantity": name, "value": value, "bar": bar, "unit": units(name), "t": t, "s_o": s_o})
     return out

@@ -90,7 +90,7 @@ def scale_of(values: Array, unit: str) -> tuple[float, str]:
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
     if unit == "m" and 0.0 < largest < 0.1:
         return 1e3, "mm"
-    if unit in ("N", "J"):
+    if unit in ("N", "J", "Pa"):
         for factor, prefix in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
             if largest >= 2.0 * factor:
                 return 1.0 / factor, prefix + unit

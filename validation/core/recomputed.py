@@ -19,7 +19,7 @@ from validation.core.agreement import Agreement, Bound, Part, nothing
 from validation.core.evidence import Evidence, Windows, cross, integral
 from validation.core.measures import JUMP_WIDTH, WINDOWS, extremes_within, valid_until
 from validation.core.rest import car_position
-from validation.core.scene_data import ROUNDING, SceneData, deepest, mean_around
+from validation.core.scene_data import ROUNDING, SceneData, deepest, mean_around, stressed
 
 
 def _row(r: Response, quantity: str, law: str, gap: float, allowed: float, where: float | None = None) -> Agreement:
@@ -74,7 +74,7 @@ def _of_number(
 
 FROM_TOML = ("sag_car_rest", "acceleration_max", "deceleration_max")
 Signals = list[tuple[Array, Array]]  # times (n,), values (n,) or (n, m)
-FORCES = ("tension", "reaction", "contact", "haul_force", "angle")  # felt as means over an axial round trip
+FORCES = ("tension", "reaction", "contact", "haul_force", "angle", "stress")  # felt as means over an axial round trip
 
 
 class Readings:
@@ -210,6 +210,10 @@ def _signals(r: Response, data: SceneData) -> dict[str, Signals]:
         at_steps[f"reaction_{side}_vertical"] = vertical
         at_steps[f"angle_{side}"] = np.degrees(np.arcsin(vertical / size))
     signals: dict[str, Signals] = {name: [(r.t, values)] for name, values in at_steps.items()}
+    wheels = data.scene["mass"].get("wheels", {})
+    for N in (r.T_behind, r.T_ahead) if wheels else ():
+        for kind, values in stressed(data.cable, wheels, N, at_steps["contact"] / wheels.get("count", 2)).items():
+            signals.setdefault(kind, []).append((r.t, values))
     return signals | {"tension": tensions, "deepest_point": [(r.t, r.y), (f.t, f.y + f.v)]}
 
 

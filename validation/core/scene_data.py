@@ -29,6 +29,20 @@ def ice_mass(cable: dict[str, Any]) -> float:
     return float(ice["density"] * math.pi * thickness * (cable["diameter"] + thickness))
 
 
+def stressed(cable: dict[str, Any], wheels: dict[str, Any], N: Array, Q: Array) -> dict[str, Array]:
+    """N/Q and stresses [Pa] (n,) of a TOML's cable under a wheel with the load Q; nan where it is slack."""
+    out = {"tension_over_wheel": N / np.maximum(Q, 1e-6 * N)}
+    if "E" in cable:
+        taut = np.where(N > 0.0, N, math.nan)
+        bending = Q * np.sqrt(cable["E"] / (cable["section"] * taut))
+        if "wire" in cable and "radius" in wheels:
+            bending = np.minimum(bending, 0.5 * cable["E"] * cable["wire"] / wheels["radius"])
+        out["stress_axial"] = taut / cable["section"]
+        out["stress_bending"] = bending
+        out["stress"] = out["stress_axial"] + bending
+    return out
+
+
 def mean_around(t: Array, values: Array, at: Array, period: float) -> Array:
     """Means of a signal (n,) or (n, c) over a period around times (k,), within the signal's own range."""
     from scipy.interpolate import make_interp_spline  # slow to import

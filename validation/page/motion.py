@@ -27,6 +27,7 @@ FEW = (
     "haul_max",
     "contact_min",
     "wheel_min",
+    "stress_max",
     "swing_max",
     "swing_min",
     "load_max",
@@ -56,7 +57,13 @@ def rows_of(design: Sequence[Row]) -> list[Row]:
     """Words, value and time of each number, in the order of WORDS."""
     order = list(WORDS)
     ordered = sorted(design, key=lambda d: order.index(d["quantity"].partition(":")[0]))
-    return [{"words": named(d["quantity"]), "value": value_of(d), "t": f"{d['t']:.4g} s"} for d in ordered]
+    return [{"words": named(d["quantity"]), "value": value_of(d), "t": _when(d)} for d in ordered]
+
+
+def _when(number: Row) -> str:
+    """Time of a number, and where its car is then."""
+    at = "" if number["s_o"] is None else f", {number['s_o']:.1f} m along the rope"
+    return f"{number['t']:.4g} s{at}"
 
 
 def tell(line: Any, outcome: str, design: Sequence[Row], limits: Sequence[Row] = ()) -> None:
@@ -91,6 +98,8 @@ def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None)
         "validation.page", "assets/motion.html", id=folder.name, verdict=verdict, outcome=summary["outcome"],
         limits=limits_from(folder, summary), alarm=alarm, side=_side(line, _columns(folder / "profile.csv"), paths),
         design=rows_of(summary["design"]),
+        by_hand=any("point" in car.get("wheels", {}).values() for car in line["car"]),
+        stressed=any(d["quantity"].startswith("stress") for d in summary["design"]),
         over=list(_over(line, contacts, paths)), round_trip=f"{summary['round_trip']:.2g} s",
         compared=[row for row in compared if row not in laws], laws=laws,
     )  # fmt: skip

@@ -231,4 +231,5 @@ _ENVIRONMENT.globals |= {
     "gallery": gallery,
     "columns": _PARTS.columns,
     "pairs": pairs,
+    "under_wheels": _PARTS.under_wheels,
 }

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from validation.core import store
 from validation.core.quantities import KNOWN
-from validation.page.line import WORDS
+from validation.page import line, motion
 
 
 class Entry(NamedTuple):
@@ -25,6 +25,9 @@ def entries() -> Iterator[Entry]:
         if file == "design[]":
             for name, (words, unit) in KNOWN.items():
                 yield Entry("quantity", name, unit or "-", words.format("an obstacle or the ground"))
+            for name, of in motion.WORDS.items():
+                if name not in KNOWN:
+                    yield Entry("quantity", name, of["unit"] or "-", of["words"].format("it"))
         if file == "positions.csv":
-            for name, of in WORDS.items():
+            for name, of in line.WORDS.items():
                 yield Entry(file, name, of["unit"] or "-", of["words"].format("it"))

@@ -28,6 +28,7 @@ from validation.core.answers import STATIONS, Outcome
 from validation.core.ladder import Branch, Ladder
 from validation.core.motion_rows import Moved, chain, rope_depths, tension_of, turning_columns, with_bars
 from validation.core.readback import limit_faults, limits_shown
+from validation.core.wheels import pitch_period, with_loads
 from validation.page import report, terminal
 from validation.page.answer import many as table
 from validation.page.motion import columns, sections, tell, unit_of
@@ -55,25 +56,21 @@ ELEMENTS = Method("elements", "elements", 2, lambda line, n: LineElements(line, 
 SINES = Method("sines", "terms", 3, lambda line, n: LineSines(line, n))
 
 
-def pitch_periods(line: MovingLine, N: float) -> list[float]:
-    """About the periods [s] of the pitch of cars on two wheels where the tension is N."""
-    wheels = [(car.mass, car.wheels) for car in line.cars if car.wheels is not None]
-    return [2.0 * math.pi * math.sqrt((w.inertia + mass * w.below**2) / (N * w.base)) for mass, w in wheels]
-
-
 class Runs:
     """Runs of one method on a line, each made once."""
 
     def __init__(self, method: Method, line: Line, like: Runs | None = None) -> None:
         """like : runs to be compared with, at whose instants these step, too."""
         self.method = method
+        self.table = line
         empty = line.empty(catenary_line.solve)
         self.line = moving(line, catenary_line.solve)
         rope = self.line.rope
         self.length = rope.length or float(np.ptp(empty.s)) * (1.0 + line.cable.warmer)
         self.period = 2.0 * self.length * math.sqrt(rope.mass_per_length / rope.EA)
         total = self.line.t_end
-        pitches = pitch_periods(self.line, float(np.nanmax(empty.tensions)))
+        N = float(np.nanmax(empty.tensions))
+        pitches = [pitch_period(car.wheels, car.mass, N) for car in self.line.cars if car.wheels is not None]
         rate = max(STEPS / total, *(PITCHING / period for period in pitches), 0.0)
         self.grid = [np.linspace(t0, t1, max(2, math.ceil(rate * (t1 - t0))) + 1) for t0, t1 in self.line.phases]
         if like is not None:
@@ -124,7 +121,8 @@ class Runs:
         s = np.linspace(origin - self.length, origin, ROPE_STATIONS)
         return Moved(
             method=self.method.name, settings={self.method.setting: n, "steps": sum(t.size - 1 for t in grid)},
-            motion=system.observe(states, s), events=tuple((e.name, e.t) for e in work.events), reason=reason,
+            motion=with_loads(system.observe(states, s), self.table, self.line, states),
+            events=tuple((e.name, e.t) for e in work.events), reason=reason,
             period=self.period, instants=self.instants, n_dof=system.n_dof, steps=work.steps,
         )  # fmt: skip
 

@@ -1,0 +1,91 @@
+"""Wheels of a car: loads of two wheels of a point car by hand, and stresses of the rope under a wheel.
+
+By hand: R_1 + R_2 = contact force, a_1 R_1 + a_2 R_2 = Mo - d (B_1 + B_2), a_1 and a_2 ahead of the centre of mass, d
+above it.  Mo is the moment of thrust or haul rope about it; B_1 + B_2 are friction and brakes, and what a grip takes.
+What turns the car is left out, and that the wheels' normals differ by the angle of the rope between them.
+
+Bending of the rope under the load Q of a wheel, sigma = (Q/A) sqrt(E/(N/A)): Isaachsen, Zeitschrift des VDI 51 (1907).
+A wheel of radius R bends wires of diameter delta by no more than E delta/(2 R).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from cablefem.motion import CarMotion, LineMotion
+from cablefem.newmark import State
+from cablefem.response import Array
+from cablefem.scene.bodies import Wheels
+from cablefem.scene.cable import Rope
+from cablefem.scene.contacts import Car, MovingLine
+from cablefem.scene.line import Line
+
+LIGHTEST = 1e-6  # of the tension: the load of a wheel that lifts off
+
+
+def with_loads(motion: LineMotion, line: Line, moving: MovingLine, states: Sequence[State]) -> LineMotion:
+    """The motion with loads by hand of the wheels of point cars."""
+    cars = list(motion.cars)
+    for i, (table, car) in enumerate(zip(line.car, moving.cars, strict=True)):
+        wheels = table.wheels
+        if wheels is not None and wheels.model == "point" and wheels.base:
+            thrust = np.array([moving.thrust(car, x.t, x.phase) for x in states])
+            loads = by_hand(wheels, car, cars[i], thrust, moving.gravity)
+            cars[i] = dataclasses.replace(cars[i], wheel_loads=loads)
+    return dataclasses.replace(motion, cars=tuple(cars))
+
+
+def by_hand(wheels: Wheels, car: Car, x: CarMotion, thrust: Array, gravity: float) -> tuple[Array, Array]:
+    """Loads (n,) [N] of the rear and the front wheel; thrust (n,) [N]."""
+    drive = car.drive
+    mean = x.slope_behind + x.slope_ahead  # (n, 2)
+    tau = mean / np.linalg.norm(mean, axis=1)[:, None]
+    air = x.velocity - [drive.wind, 0.0]
+    drag = -drive.k * np.linalg.norm(air, axis=1)[:, None] * air
+    needed = car.mass * (x.acceleration - [0.0, gravity]) - drag
+    hauled = drive.mode == "haul"
+    driving = x.haul_force if hauled else thrust
+    resisting = np.sum(needed * tau, axis=1) - driving  # - B_1 - B_2
+    below = drive.hitch[1] if hauled else drive.thrust_at[1]
+    moment = wheels.below * resisting - below * driving
+    rear = ((0.5 * wheels.base - wheels.ahead) * x.contact_force - moment) / wheels.base
+    return rear, x.contact_force - rear
+
+
+def pitch_period(wheels: Wheels, mass: float, N: float) -> float:
+    """About the period [s] of the pitch of a car on two wheels where the tension is N."""
+    return 2.0 * math.pi * math.sqrt((wheels.inertia + mass * wheels.below**2) / (N * wheels.base))
+
+
+def left_out(wheels: Wheels, mass: float, gravity: float, t: Array, x: CarMotion) -> float:
+    """What loads by hand at times t (n,) leave out [N].
+
+    The normals of the wheels are R_1/(2 N) and R_2/(2 N) off that of the rope between them, which has turned by half of
+    (R_2 - R_1)/N.  Pitch answers a change within half its period by as much again.
+    """
+    if x.wheel_loads is None:
+        return 0.0
+    rear, front = x.wheel_loads
+    N = 0.5 * (x.tension_behind + x.tension_ahead)
+    tau = x.slope_behind + x.slope_ahead  # (n, 2), not of unit length
+    along = mass * gravity * np.abs(tau[:, 1]) / np.linalg.norm(tau, axis=1)
+    lever = np.abs(wheels.below * x.contact_force) / wheels.base + 0.5 * along
+    tilted = lever * np.abs(front - rear) / (2.0 * N)
+    later = np.interp(t + 0.5 * pitch_period(wheels, mass, float(np.min(N))), t, rear)
+    return float(np.max(tilted) + np.max(np.abs(later - rear)))
+
+
+def stresses(rope: Rope, wheels: Wheels, N: Array, Q: Array) -> dict[str, Array]:
+    """Design numbers (n,) of the rope under a wheel, N and Q (n,) [N]: N/Q and stresses [Pa], nan where it is slack."""
+    out = {"tension_over_wheel_min": N / np.maximum(Q, LIGHTEST * N)}
+    if rope.E is None or rope.section is None:
+        return out
+    axial = np.where(N > 0.0, N, np.nan) / rope.section
+    bending = Q / rope.section * np.sqrt(rope.E / axial)
+    if rope.wire is not None and wheels.radius is not None:
+        bending = np.minimum(bending, rope.E * rope.wire / (2.0 * wheels.radius))
+    return out | {"stress_axial_max": axial, "stress_bending_max": bending, "stress_max": axial + bending}
