@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +59,8 @@ class CarMotion:
     slope_ahead: Array
     haul_force: Array  # [N] outside force along the mean tangent, positive to the right; nan: none
     grip_force: Array  # [N] along the rope that the grip gives the car, positive to the right; nan: no grip
-    contact_force: Array  # [N] normal to the mean tangent, positive when the car presses down
+    contact_force: Array  # [N] on rope and shoe, normal to the mean tangent, positive when the car presses down
+    shoe_force: Array  # [N] of it on a shoe, normal to its path there; negative: the shoe pulls the car down
     turning: Turning | None = None
     wheel_loads: tuple[Array, Array] | None = None  # [N] by hand, of the rear and the front wheel of a point
 
@@ -73,7 +76,7 @@ class ContactMotion:
     point: Array  # [m]
     tension_behind: Array  # [N]; nan at the left end
     tension_ahead: Array  # [N]; nan at the right end
-    pressure: Array  # (n, 2) [N] force of the rope on the contact
+    pressure: Array  # (n, 2) [N] force on the contact: of the rope, and of a car on the shoe
     rise: Array  # [m] of a counterweight since the start; else nan
 
 
@@ -98,3 +101,31 @@ class LineMotion:
     def energy(self) -> Array:
         """(n,) [J]; its rate is the sum of the powers."""
         return self.kinetic + self.strain + self.potential
+
+
+def joined(parts: Sequence[LineMotion]) -> LineMotion:
+    """One motion of those of a line before and after each change of what the rope touches."""
+    first = parts[0]
+    risen = dict.fromkeys((c.name for c in first.contacts), 0.0)
+    for part in parts:
+        for contact in part.contacts:
+            contact.rise[:] += risen[contact.name]
+            risen[contact.name] = contact.rise[-1]
+    at_first = [car.name for car in first.cars]
+    ordered = [replace(x, cars=tuple(sorted(x.cars, key=lambda car: at_first.index(car.name)))) for x in parts]
+    return replace(_join(ordered), s=first.s)
+
+
+def _join(values: Sequence[Any]) -> Any:
+    """The arrays of these one after another."""
+    first = values[0]
+    if isinstance(first, np.ndarray):
+        return np.concatenate(values)
+    if isinstance(first, tuple):
+        return tuple(_join(x) for x in zip(*values, strict=True))
+    if isinstance(first, dict):
+        return {name: _join([x[name] for x in values]) for name in first}
+    if is_dataclass(first):
+        kind: Any = type(first)
+        return kind(**{f.name: _join([getattr(x, f.name) for x in values]) for f in fields(first)})
+    return first

@@ -67,7 +67,7 @@ def car(r: Response) -> CarMotion:
         name="car", s=r.s_o, ds=along / stretch, point=np.stack([r.x, r.y], axis=1), velocity=r.velocity,
         acceleration=r.acceleration, tension_behind=r.T_behind, tension_ahead=r.T_ahead, slope_behind=r.slope_behind,
         slope_ahead=r.slope_ahead, haul_force=r.F_haul, grip_force=np.full_like(r.t, np.nan),
-        contact_force=r.F_contact,
+        contact_force=r.F_contact, shoe_force=np.zeros_like(r.t),
     )  # fmt: skip
 
 

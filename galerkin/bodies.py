@@ -18,8 +18,10 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cablefem.scene.contacts import Array, Car, Contact, MovingLine
+from cablefem.scene.rail import Rail
 
 TINY = 1e-30  # complex step
 DOWN = np.array([0.0, 1.0])
@@ -37,6 +39,30 @@ def dot(a: Array, b: Array) -> Array:
 def across(force: Array, tau: Array) -> Array:
     """The component normal to tau, positive down."""
     return force[..., 1] * tau[..., 0] - force[..., 0] * tau[..., 1]
+
+
+class OnRail(NamedTuple):
+    """The depth y = Y(x) of a car on a rail."""
+
+    p: NDArray[np.intp]  # number of the coordinate y
+    x: int
+    rail: Rail
+
+    def place(self, Z: Array) -> None:
+        """Set the jet of y in Z (3, ..., coordinates)."""
+        Y, slope, bend = self.rail.slopes(Z[0][..., self.x])
+        dx, ddx = Z[1][..., self.x], Z[2][..., self.x]
+        y = int(self.p[0])
+        Z[0][..., y], Z[1][..., y], Z[2][..., y] = Y, slope * dx, slope * ddx + bend * dx**2
+
+    def fold(self, K: Array, Z: Array, column: Array) -> None:
+        """Add the derivatives by the jet of y to those by that of x, without the third of Y; K (3, rows, columns)."""
+        _, dx, ddx = Z[:, self.x]
+        _, slope, bend = self.rail.slopes(Z[0, self.x])
+        by, at = K[..., int(column[self.p[0]])], column[self.x]
+        K[0, :, at] += by[0] * slope + by[1] * bend * dx + by[2] * bend * ddx
+        K[1, :, at] += by[1] * slope + by[2] * 2.0 * bend * dx
+        K[2, :, at] += by[2] * slope
 
 
 class Touch:
@@ -210,6 +236,8 @@ class PointCar(CarBody):
         super().__init__(car, line)
         hanger = car.hanger
         self.unknown = {"grip": "xy", "haul": "xyF", "haul_x": "ysF", "free": "xys"}[car.kind]
+        if car.rail is not None:
+            self.unknown = self.unknown.replace("y", "")
         self.m = self.h = self.about_hanger = self.damping = 0.0
         self.turns = hanger is not None
         if hanger is not None:
@@ -238,18 +266,21 @@ class PointCar(CarBody):
         return -across(self.contact_force(x), x.tau)[..., None]
 
     def along(self, x: Touch) -> Array:
-        return dot(self.contact_force(x), x.tau)
+        return dot(self.contact_force(x) if self.car.rail is None else -self.on_rope(x), x.tau)
 
     def rows(self, x: Touch, of: Friction) -> Array:
         C = self.contact_force(x)
         balances = [self.on_rope(x) + C]
+        if self.car.rail is not None:  # the shoe is normal to the path
+            slope = self.car.rail.slopes(x.p[..., 0])[1]
+            balances = [(balances[0][..., 0] + slope * balances[0][..., 1])[..., None]]
         if self.turns:
             e1, e2 = self.axes(x)
             weight = self.gravity * e2[..., 0]
             hanging = self.m * self.h * (dot(x.ddp, e1) + weight) - self.h * dot(self.drag(self.of_centre(x)[1]), e1)
             balances.append(self.about_hanger * x.ddangle + self.damping * x.dangle + hanging[..., None])
-        if self.unknown[-1] != "y":
-            balances.append((dot(C, x.tau) - self.slip(x, of)[..., 0] * x.projection)[..., None])
+        if self.unknown[-1] in "sF":
+            balances.append((self.along(x) - self.slip(x, of)[..., 0] * x.projection)[..., None])
         return np.concatenate(balances, axis=-1)
 
     def energies(self, x: Touch) -> Array:

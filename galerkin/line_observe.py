@@ -11,7 +11,8 @@ from numpy.polynomial import legendre
 from cablefem.motion import CarMotion, ContactMotion, LineMotion, Turning, WheelMotion
 from cablefem.newmark import State
 from cablefem.scene.contacts import Array, Contact, MovingLine
-from galerkin.bodies import Body, CarBody, Counterweight, Friction, Touch, length
+from cablefem.shoes import down, over_rope, with_shoes
+from galerkin.bodies import Body, CarBody, Counterweight, Friction, PointCar, Touch, length
 from galerkin.segments import Layout, Rope, functions
 
 if TYPE_CHECKING:
@@ -53,9 +54,16 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
         if isinstance(body, Counterweight):
             entering = _flux(line, at.behind + at.ahead, here, at.ds) - line.weight * at.p[:, 1]
             powers[f"{contact.name} weight"] = body.outward * at.ds * entering
+    for car in line.over:
+        jets = np.array([system.jet(car.name, x) for x in states])
+        motion = over_rope(line, car, states, jets, tuple(contacts), powers)
+        cars.append(motion)
+        energies[0] += 0.5 * car.mass * (motion.velocity**2).sum(axis=1)
+        energies[2] -= car.mass * line.gravity * motion.point[:, 1]
     kinetic, strain, potential = energies
+    standing = with_shoes(line, tuple(cars), tuple(contacts))
     return LineMotion(
-        t=np.array([x.t for x in states]), cars=tuple(cars), contacts=tuple(contacts), s=s, points=points,
+        t=np.array([x.t for x in states]), cars=tuple(cars), contacts=standing, s=s, points=points,
         tension=tension, kinetic=kinetic, strain=strain, potential=potential, powers=powers,
     )  # fmt: skip
 
@@ -66,6 +74,9 @@ def _car(body: CarBody, s: Array, at: Any) -> CarMotion:
     rear, x = wheels[0], wheels[-1]
     none, pressing = np.full(len(s), np.nan), body.pressing(at)
     hauled, grips = car.drive.mode == "haul", car.kind == "grip"
+    on_shoe = np.zeros(len(s))
+    if car.rail is not None and isinstance(body, PointCar):
+        on_shoe = -(down(car.rail, x.p[:, 0]) * (body.on_rope(x) + body.contact_force(x))).sum(axis=1)
     turning = None
     if body.turns:
         both = () if len(wheels) == 1 else zip(("rear", "front"), wheels, s.T, pressing.T, strict=True)
@@ -78,7 +89,7 @@ def _car(body: CarBody, s: Array, at: Any) -> CarMotion:
         tension_behind=length(rear.behind), tension_ahead=length(x.ahead), slope_behind=rear.slope_behind,
         slope_ahead=x.slope_ahead, haul_force=rear.F if hauled else none,
         grip_force=body.along(at) / x.projection if grips else none, contact_force=pressing.sum(axis=-1),
-        turning=turning,
+        shoe_force=on_shoe, turning=turning,
     )  # fmt: skip
 
 

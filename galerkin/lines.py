@@ -12,6 +12,7 @@ import numpy as np
 from cablefem.motion import LineMotion
 from cablefem.newmark import Solve, State, StepFailure, System
 from cablefem.scene.contacts import NEAREST, Array, Car, Contact, MovingLine, Wheel
+from cablefem.shoes import along_rail, passages
 from galerkin.bodies import Body, CarBody, Counterweight, Friction, PointCar, Saddle, Spring, Touch
 from galerkin.equations import factorised
 from galerkin.line_observe import observe
@@ -145,11 +146,18 @@ class LineSines(System):
         self._prescribed: dict[tuple[float, int], Array] = {}
         self._loaded: tuple[State | None, list[float]] = (None, [])  # of the last state that was watched
         self._known: tuple[Array, float, int, Array, Array] | None = None
+        # rows of saddles over which the grip of a car off the rope acts on it
+        rows = {name: int(np.flatnonzero(self.equations.free == self.layout.s[k])[0]) for name, k in self.below.items()}
+        off = [car for car in line.over if car.kind == "grip"]
+        self.gripping = [(rows[c.name], self.below[c.name], c, c.rail.stretch) for c in off if c.rail is not None]
 
     def _name_events(self, bodies: list[Body]) -> None:
         """Set the events, and what each kind of them watches."""
         names = [c.name for c in self.line.touching]
-        self.gaps = [i for i in self.layout.outer if i in self.lead.values() or i + 1 in self.cars]
+        self.passages = passages(self.line)
+        over = {(p.car, p.saddle.name) for p in self.passages}
+        pairs = [i for i in self.layout.outer if i in self.lead.values() or i + 1 in self.cars]
+        self.gaps = [i for i in pairs if not {(names[i], names[i + 1]), (names[i + 1], names[i])} & over]
         self.stops = [k for k, body in self.free_cars.items() if body.car.drive.resists]
         meetings = [f"{names[i]} meets {names[i + 1]}" for i in self.gaps]
         stops = [f"{self.cars[k].car.name} stops" for k in self.stops]
@@ -158,7 +166,8 @@ class LineSines(System):
         lifted = [f"{names[i]} lifts off" for k in self.cars for i in range(k, self.lead[k] + 1)]
         self.saddles = [k for k, body in enumerate(bodies) if isinstance(body, Saddle)]
         self.loose = ["rope falls slack", *(f"rope lifts off {names[k]}" for k in self.saddles)]
-        self.events = (*meetings, *stops, *brakes, *lifted, *self.loose)
+        self.events = (*meetings, *stops, *brakes, *lifted, *self.loose, *map(str, self.passages))
+        self.below = {car.name: names.index(car.rail.saddle) for car in self.line.over if car.rail is not None}
 
     @property
     def _reach(self) -> float:
@@ -217,13 +226,22 @@ class LineSines(System):
         s = self._with(Z, q, v, a)[0][:, self.layout.s]
         if not (s[:, 1:] > s[:, :-1]).all():
             return np.full(q.shape, np.nan)
-        return self.equations.residual(Z, self.present(t))
+        r = self.equations.residual(Z, self.present(t))
+        for row, k, car, _ in self.gripping:
+            jets = [self.line.off_rope(car, at, phase, Z[:, i, self.layout.s[k]]) for i, at in enumerate(t.tolist())]
+            r[:, row] -= [along_rail(car, jet, self.line.gravity) for jet in jets]
+        return r
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
         state = np.array([q, v, a])
         known = self._known
         if known is None or known[1:3] != (t, phase) or not np.array_equal(known[0], state):
-            r, K = self.equations.linearise(self.coordinates(State(t, q, v, a, phase)), self.present(t))
+            Z = self.coordinates(State(t, q, v, a, phase))
+            r, K = self.equations.linearise(Z, self.present(t))
+            for row, k, car, stretch in self.gripping:
+                jet = self.line.off_rope(car, t, phase, Z[:, self.layout.s[k]])
+                r[row] -= along_rail(car, jet, self.line.gravity)
+                K[2, row, row] += car.mass * stretch
             known = self._known = (state, t, phase, r, K)
         c0, c1, c2 = c
         by_q, by_v, by_a = known[4]
@@ -233,7 +251,7 @@ class LineSines(System):
         """Keep the direction of friction, and the brakes that act, for one step."""
         Z = self.coordinates(x)
         for k, body in self.cars.items():
-            if not body.car.drive.resists:
+            if not body.car.drive.resists or body.car.rail is not None:  # a shoe has no friction
                 continue
             ds, sign = Z[1, self.layout.s[self.lead[k]]], self.frictions[k].sign
             if k not in self.free_cars:
@@ -258,10 +276,14 @@ class LineSines(System):
             if self._loaded[0] is not x:
                 rope = Rope(self.layout, Z)
                 touches = self.equations.touches(rope, Z)
-                pressing = [body.pressing(self.equations.touch(touches, k)) for k, body in self.cars.items()]
+                pressing = [
+                    np.array([math.inf]) if body.car.rail else body.pressing(self.equations.touch(touches, k))
+                    for k, body in self.cars.items()
+                ]
                 self._loaded = x, [*np.concatenate([*pressing, self._tautness(rope, touches)]).tolist()]
             loads = self._loaded[1]
-        return (*gaps, *speeds, *ahead, *loads)
+        passing = [p.ahead(*self.jet(p.car, x)[:2, 0].tolist()) for p in self.passages]
+        return (*gaps, *speeds, *ahead, *loads, *passing)
 
     def _tautness(self, rope: Rope, touches: Array) -> list[float]:
         """The smallest tension, and the force of the rope down on each saddle [N]."""
@@ -278,6 +300,24 @@ class LineSines(System):
                 self.begin_step(x)
                 return self.accelerated(x)
         return None
+
+    def after(self, name: str, x: State) -> tuple[LineSines, State] | None:
+        """The line after a car passes an end of a shoe, and its state; None if another event has ended the run."""
+        for passage in self.passages:
+            if str(passage) == name:
+                from galerkin.carrying import after
+
+                return after(self, passage, x)
+        return None
+
+    def jet(self, name: str, x: State) -> Array:
+        """Point of a car on one contact, or off the rope, with its rates (3, 2)."""
+        Z, layout = self.coordinates(x), self.layout
+        for k, body in self.cars.items():
+            if body.car.name == name:
+                return Z[:, [layout.x[k], layout.y[k]]]
+        over = next(car for car in self.line.over if car.name == name)
+        return self.line.off_rope(over, x.t, x.phase, Z[:, layout.s[self.below[name]]])
 
     def _turned(self, k: int, x: State) -> State | None:
         """The state after a standstill, forwards or backwards; None if friction holds the car."""

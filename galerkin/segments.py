@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
 
-from cablefem.scene.contacts import Array, MovingLine, Wheel
+from cablefem.scene.contacts import Array, Car, MovingLine, Wheel
+from galerkin.bodies import OnRail
 from galerkin.trolley import Follower, arm_of
 
 # coefficients of xi (1 - xi), xi (1 - xi)(1 - 2 xi), 1 - xi, xi by rising powers, one a column
@@ -89,7 +90,9 @@ class Layout:
             self.wheels[k] = Follower(own[k, :2], own[car, 3:5], int(self.angle[car]), (x, y))
             if wheel.front and wheel.car.kind == "haul_x":
                 given_x.append(Follower(own[car, 3:4], own[k, :1], int(self.angle[car]), (-x, -y)))
-        self.followers = [*given_x, *self.wheels.values()]
+        rails = [(k, c.rail) for k, c in enumerate(line.touching) if isinstance(c, Car) and c.rail is not None]
+        on_rails = [OnRail(own[k, 1:2], int(own[k, 0]), rail) for k, rail in rails]
+        self.followers: list[Follower | OnRail] = [*given_x, *self.wheels.values(), *on_rails]
         q = np.arange(self.inner).reshape(self.segments, -1)
         # between two wheels the rope takes the polynomials alone
         self.functions_of = [slice(2 * terms * (i in rear), 2 * self.functions) for i in range(self.segments)]

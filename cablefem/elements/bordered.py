@@ -29,6 +29,11 @@ class Full:
     def add_column(self, to: int, j: int, factor: complex) -> None:
         self.matrix[:, to] += factor * self.matrix[:, j]
 
+    def slave(self, j: int, factor: float) -> None:
+        """Let unknown j follow j - 1: add its row and its column to those before, times the factor."""
+        self.add_row(j - 1, j, factor)
+        self.add_column(j - 1, j, factor)
+
 
 class Bordered:
     """A band matrix of n unknowns with border rows and columns; numbers count through."""
@@ -70,6 +75,14 @@ class Bordered:
         to, i = to - self.n, self._near(j)
         self.columns[i, to] += factor * self.ab[2 * self.b + i - j, j]
         self.corner[:, to] += factor * self.rows[:, j]
+
+    def slave(self, j: int, factor: float) -> None:
+        """Let unknown j < n follow j - 1: add its row and its column to those before, times the factor."""
+        i = np.arange(max(0, j - self.b), min(self.n, j + self.b))
+        self.ab[2 * self.b + j - 1 - i, i] += factor * self.ab[2 * self.b + j - i, i]
+        self.columns[j - 1] += factor * self.columns[j]
+        self.ab[2 * self.b + i - j + 1, j - 1] += factor * self.ab[2 * self.b + i - j, j]
+        self.rows[:, j - 1] += factor * self.rows[:, j]
 
     def fix(self, at: NDArray[np.intp]) -> None:
         """Make rows and columns `at` zero but for ones on the diagonal: these unknowns drop out."""

@@ -15,6 +15,7 @@ from cablefem.elements.trolley import Trolley
 from cablefem.motion import CarMotion, ContactMotion, LineMotion, Turning, WheelMotion
 from cablefem.newmark import Array, State
 from cablefem.scene.contacts import Car, Contact
+from cablefem.shoes import down, over_rope, with_shoes
 
 if TYPE_CHECKING:
     from cablefem.elements.system import LineElements
@@ -85,7 +86,10 @@ def observe(system: LineElements, states: Sequence[State], s: Array) -> LineMoti
             force = [system.pulley(k, v[slot], a[slot]) for v, a in zip(x.v, x.a, strict=True)]
             powers[f"{contact.name} weight"] = -np.array(force) * x.v[:, slot]
     cars = _cars(x, powers) if system.cars else ()
-    for car, motion in zip(system.line.cars, cars, strict=True):
+    for car in system.line.over:
+        jets = np.array([system.jet(car.name, state) for state in states])
+        cars += (over_rope(system.line, car, states, jets, contacts, powers),)
+    for car, motion in zip((*system.line.cars, *system.line.over), cars, strict=True):
         kinetic = kinetic + _kinetic(car, motion)
         potential = potential - car.mass * system.line.gravity * motion.point[:, 1]
         if motion.turning is not None:
@@ -94,8 +98,8 @@ def observe(system: LineElements, states: Sequence[State], s: Array) -> LineMoti
             potential = potential - hung * system.line.gravity * below[:, 1]
     points, tension = _stations(x, s)
     return LineMotion(
-        t=x.t, cars=cars, contacts=contacts, s=s, points=points, tension=tension, kinetic=kinetic, strain=strain,
-        potential=potential, powers=powers,
+        t=x.t, cars=cars, contacts=with_shoes(system.line, cars, contacts), s=s, points=points, tension=tension,
+        kinetic=kinetic, strain=strain, potential=potential, powers=powers,
     )  # fmt: skip
 
 
@@ -168,12 +172,16 @@ def _cars(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]:
             powers[f"{car.name} thrust"] = data.thrust[:, i] * along[:, i]
             powers[f"{car.name} hold"] = on.stretch[:, i] * data.hold[:, i] * ds
         tension = [np.linalg.norm(z, axis=1) for z in x.beside(k, x.pulls)]
+        on_shoe = np.zeros(x.t.size)
+        if car.rail is not None:
+            missing = np.sum(x.beside(k, x.rows), axis=0) + on.contact[:, i]  # what the rope does not give
+            on_shoe = -dot(missing, down(car.rail, x.at(k, x.q)[:, 0]))
         out.append(CarMotion(
             name=car.name, s=x.q[:, slots[i]], ds=ds, point=x.at(k, x.q), velocity=velocity[:, i],
             acceleration=acceleration[:, i], tension_behind=tension[0], tension_ahead=tension[1],
             slope_behind=behind[:, i], slope_ahead=ahead[:, i], haul_force=on.haul[:, i] if hauled else none,
             grip_force=rows[:, i] / on.stretch[:, i] if grips else none, contact_force=on.normal[:, i],
-            turning=turning,
+            shoe_force=on_shoe, turning=turning,
         ))  # fmt: skip
     return tuple(out)
 
@@ -217,7 +225,8 @@ def _on_wheels(x: _History, trolley: Trolley, data: Cars, grip: Array, powers: d
         tension_behind=wheels[0].tension_behind, tension_ahead=wheels[1].tension_ahead,
         slope_behind=wheels[0].slope_behind, slope_ahead=wheels[1].slope_ahead,
         haul_force=car.mass * x.a[:, trolley.force] if hauled else none,
-        grip_force=grip / on.stretch if grips else none, contact_force=on.loads[0] + on.loads[1], turning=turning,
+        grip_force=grip / on.stretch if grips else none, contact_force=on.loads[0] + on.loads[1],
+        shoe_force=np.zeros(n), turning=turning,
     )  # fmt: skip
 
 

@@ -25,6 +25,7 @@ from cablefem.elements.trolley import Trolley
 from cablefem.motion import LineMotion
 from cablefem.newmark import Array, Solve, State, StepFailure, System, consistent_acceleration
 from cablefem.scene.contacts import NEAREST, Car, Contact, MovingLine, Wheel
+from cablefem.shoes import along_rail, passages
 
 if TYPE_CHECKING:
     from cablefem.elements.segment_kernels import Kernel
@@ -89,6 +90,13 @@ class LineElements(System):
         self.of_force = np.searchsorted(self.cars, hauled)  # their numbers among the cars
         self._bodies(int(self.s[-1]) + 1 + len(hauled))
         self.kept = np.array([self.slot(k) for k in hauled], int)  # rows that determine F
+        rails = zip(self.node[self.cars].tolist(), line.cars, strict=True)
+        self.rails = [(2 * node, car.rail) for node, car in rails if car.rail is not None]  # slots of x
+        saddles = {line.touching[k].name: int(self.s[k]) for k in self.supports}  # slots of s
+        self.below = {car.name: saddles[car.rail.saddle] for car in line.over if car.rail is not None}
+        # cars off the rope whose grip acts on it where it runs over the saddle
+        gripping = [(car, car.rail.stretch) for car in line.over if car.kind == "grip" and car.rail is not None]
+        self.gripping = [(self.below[car.name], car, stretch) for car, stretch in gripping]
         self.free = np.ones(self.size, bool)
         self.constant = np.zeros(self.size)
         self.prescribed: list[tuple[Car, int]] = []
@@ -100,7 +108,10 @@ class LineElements(System):
         line, contacts = self.line, self.line.touching
         names = [c.car.name if isinstance(c, Wheel) else c.name for c in contacts]
         of_cars = set(range(len(contacts))) - set(self.supports)
-        self._gaps = [k for k in range(len(contacts) - 1) if {k, k + 1} & of_cars and names[k] != names[k + 1]]
+        self.passages = passages(line)
+        over = {(p.car, p.saddle.name) for p in self.passages}
+        pairs = [k for k in range(len(contacts) - 1) if {k, k + 1} & of_cars and names[k] != names[k + 1]]
+        self._gaps = [k for k in pairs if not {(names[k], names[k + 1]), (names[k + 1], names[k])} & over]
         self._rolls = any(car.kind == "free" for car in line.cars)
         self._stops = [i for i, car in enumerate(line.cars) if car.kind == "free" and car.drive.resists]
         self._brakes = [(i, place) for i in self._stops for place, _ in line.cars[i].drive.brakes]
@@ -111,6 +122,7 @@ class LineElements(System):
             *(f"{line.cars[i].name}{wheel} lifts off" for i, wheel in self._pressing),
             "rope falls slack",
             *(f"rope lifts off {c.name}" for c in line.supports[1:-1]),
+            *(str(p) for p in self.passages),
         )
 
     @cached_property
@@ -165,6 +177,8 @@ class LineElements(System):
         point = 2 * self.node[k] + np.arange(2)
         if isinstance(contact, Wheel):
             self.free[point] = False
+        if isinstance(contact, Car) and contact.rail is not None:
+            self.free[point[1]] = False
         if k in self.cars:
             car = self.line.cars[self.cars.index(k)]
             if car.travel is not None:
@@ -201,9 +215,11 @@ class LineElements(System):
         return self.placed(out)
 
     def placed(self, z: Array) -> Slots:
-        """Slots of (3, size), where wheels follow their cars."""
+        """Slots of (3, size), where wheels follow their cars, and cars on shoes their rails."""
         for trolley in self.trolleys:
             trolley.place(z)
+        for x, rail in self.rails:
+            z[:, x + 1] = rail.lifted(z[:, x])
         return Slots(*z)
 
     def motion(self, x: Slots) -> Motion:
@@ -223,6 +239,11 @@ class LineElements(System):
         for trolley in self.trolleys:
             y = trolley.inputs(np.array(x), rows[trolley.points.ravel()])
             rows[trolley.rows] += trolley.forces(cars, y).rows
+        for slot, rail in self.rails:
+            rows[slot] += rail.slopes(x.q[slot])[1] * rows[slot + 1]
+        for saddle, car, stretch in self.gripping:
+            jet = self.line.off_rope(car, t, phase, np.array(x)[:, saddle])
+            rows[saddle] -= stretch * along_rail(car, jet, self.line.gravity)
         rows[self.force] = rows[self.kept]
         return rows
 
@@ -302,6 +323,7 @@ class LineElements(System):
             thrust = np.array([line.thrust(c, t, phase) for c in cars])
             released = np.array([c.drive.hold(t) for c in cars])
         k, wind, friction = self._air
+        friction = np.where([car.rail is None for car in cars], friction, 0.0)  # a shoe has none
         lever, arm, inertia, resistance = self._cabins
         return Cars(
             self._masses, k, wind, friction, thrust, self.brakes, self.hold * released, self.signs, lever, arm,
@@ -312,9 +334,7 @@ class LineElements(System):
     def start(self, phase: int, state: State | None) -> State:
         """At rest with the cars held; prescribed cars move through states of rest with the first speed of theirs."""
         t = self.phases[phase][0]
-        self.signs = np.array(
-            [self.line.direction(c, phase) if c.travel else x for c, x in zip(self.line.cars, self.signs, strict=True)]
-        )
+        self.direct(phase)
         if state is not None:
             return consistent_acceleration(self, t, state.q, state.v, phase)
         from cablefem.elements.rest import at_rest, held_cars, rest
@@ -332,6 +352,12 @@ class LineElements(System):
         for x in (q, v):
             x[self.force] = 0.0
         return consistent_acceleration(self, t, q[self.free], v[self.free], phase)
+
+    def direct(self, phase: int) -> None:
+        """Set the directions of prescribed cars."""
+        self.signs = np.array(
+            [self.line.direction(c, phase) if c.travel else x for c, x in zip(self.line.cars, self.signs, strict=True)]
+        )
 
     def _release(self, t: float, phase: int, x: Slots, held: Cars) -> None:
         """Let free cars go; they must move against friction."""
@@ -384,19 +410,32 @@ class LineElements(System):
             cars = self.car_data(x.t, x.phase)
             rows = self.rows(x.t, slots, x.phase, cars=cars)
             self._loaded = x, self._loads(slots, rows, cars) + self._hangs(rows)
-        return (*gaps.tolist(), *ahead, *self._loaded[1])
+        passing = [p.ahead(*self.jet(p.car, x)[:2, 0].tolist()) for p in self.passages]
+        return (*gaps.tolist(), *ahead, *self._loaded[1], *passing)
+
+    def jet(self, car: str, x: State) -> Array:
+        """Point of a car with its rates (3, 2)."""
+        slots = np.array(self.slots(*x))
+        for k, of in zip(self.cars, self.line.cars, strict=True):
+            if of.name == car:
+                return slots[:, 2 * self.node[k] + np.arange(2)]
+        over = next(c for c in self.line.over if c.name == car)
+        return self.line.off_rope(over, x.t, x.phase, slots[:, self.below[car]])
 
     def _loads(self, x: Slots, rows: Array, cars: Cars) -> list[float]:
         """Contact forces [N] of all that may lift off; `rows` are those of x."""
         if not self.cars:
             return []
-        if self.compiled and not self.trolleys:
+        if self.compiled and not self.trolleys and not self.rails:
             return self._kernel.loads(x, cars).tolist()
         at = forces(cars, self.car_inputs(x, self.motion(x)))
         loads = [[normal] for normal in at.normal.tolist()]
         for trolley in self.trolleys:
             y = trolley.inputs(np.array(x), rows[trolley.points.ravel()])
             loads[trolley.i] = [*trolley.forces(cars, y).loads]
+        for i, car in enumerate(self.line.cars):
+            if car.rail is not None:
+                loads[i] = [np.inf]
         return [float(load) for each in loads for load in each]
 
     def _hangs(self, rows: Array) -> list[float]:
@@ -413,6 +452,15 @@ class LineElements(System):
             if name == f"{car} brakes":
                 self.begin_step(x)
                 return consistent_acceleration(self, x.t, x.q, x.v, x.phase)
+        return None
+
+    def after(self, name: str, x: State) -> tuple[LineElements, State] | None:
+        """The line after a car passes an end of a shoe, and its state; None if another event has ended the run."""
+        for passage in self.passages:
+            if str(passage) == name:
+                from cablefem.elements.carrying import after
+
+                return after(self, passage, x)
         return None
 
     def _turned(self, i: int, x: State) -> State | None:
@@ -487,6 +535,10 @@ class LineElements(System):
             rope, z = self._rope_rows(x, law, cars), np.array(x)
             for trolley in self.trolleys:
                 trolley.add_tangent(matrix, z, rope[trolley.points.ravel()], cars, c)
+        for slot, rail in self.rails:
+            matrix.slave(slot + 1, rail.slopes(x.q[slot])[1])
+        for saddle, car, stretch in self.gripping:
+            matrix.add([saddle], [saddle], np.array([[car.mass * stretch**2 * c[2]]]))
         for slot, kept in zip(self.force.tolist(), self.kept.tolist(), strict=True):
             matrix.add_row(slot, kept)
 

@@ -25,7 +25,7 @@ class Newton(NamedTuple):
         """Whether |r|, falling at its present rate, is above the bound after `enough` iterations."""
         if self.enough == math.inf or iterations <= self.patience:
             return False
-        return norm * (norm / before) ** (self.enough - iterations) > self.bound
+        return norm >= before or norm * (norm / before) ** (self.enough - iterations) > self.bound
 
 
 STANDARD = Newton()

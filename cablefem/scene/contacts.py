@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal, Protocol
 
@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from cablefem.scene.bodies import Hanger, Wheels
 from cablefem.scene.drive import GRIP, Drive
 from cablefem.scene.errors import SceneError, shown
+from cablefem.scene.line import Solver
+from cablefem.scene.rail import Rail
 
 Array = NDArray[np.float64]
 NEAREST = 1.0  # [m] of rope between two contacts: forces grow like one over it
@@ -69,6 +71,7 @@ class Contact:
     stiffness: tuple[float, float] | None = None  # [N/m] of a spring, along x and down
     force: float | None = None  # G [N] of a counterweight
     mass: float | None = None  # [kg] of a counterweight, default G/g; moving with a spring's end, default 0
+    shoe: float | None = None  # [m] to either side of a saddle: what a car runs on there
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,6 +90,7 @@ class Car:
     drive: Drive = GRIP
     travel: Travel | None = None  # [m] prescribed s, or x of a hauled car
     along: Literal["s", "x"] = "s"  # what `travel` prescribes
+    rail: Rail | None = None  # its path while it is on a shoe
 
     @property
     def kind(self) -> str:
@@ -114,6 +118,8 @@ class MovingLine:
     contacts: tuple[Contact | Car, ...]
     t_end: float  # [s]
     gravity: float = 9.81  # [m/s2]
+    over: tuple[Car, ...] = ()  # cars on rails over a saddle, off the rope
+    solve: Solver | None = field(default=None, compare=False)  # of lines at rest, where cars run over shoes
 
     def __post_init__(self) -> None:
         faults = _number_faults(self)
@@ -149,7 +155,9 @@ class MovingLine:
     @cached_property
     def phases(self) -> tuple[tuple[float, float], ...]:
         """Consecutive [t0, t1] in which all travels and forces are smooth."""
-        times = {t for car in self.cars for phase in _own_phases(car) for t in phase if 0.0 < t < self.t_end}
+        times = {
+            t for car in (*self.cars, *self.over) for phase in _own_phases(car) for t in phase if 0.0 < t < self.t_end
+        }
         return tuple(itertools.pairwise([0.0, *sorted(times), self.t_end]))
 
     def position(self, car: Car, t: float, phase: int) -> tuple[float, float, float]:
@@ -160,6 +168,13 @@ class MovingLine:
             return car.travel.at(t, i)
         end = car.travel.phases[-1][1]
         return car.travel.at(end, len(car.travel.phases) - 1)[0], 0.0, 0.0
+
+    def off_rope(self, car: Car, t: float, phase: int, flow: Array) -> Array:
+        """x and y with their rates (3, 2) of a car in `over`; flow : s at the saddle with its rates (3,)."""
+        position = np.array(self.position(car, t, phase))
+        assert car.rail is not None
+        x = position if car.along == "x" else car.rail.gripped(position - flow)
+        return np.stack([x, car.rail.lifted(x)], axis=1)
 
     def direction(self, car: Car, phase: int) -> float:
         """1 or -1: the direction of a prescribed travel in a phase.
@@ -185,7 +200,9 @@ class MovingLine:
     def _phases_of(self) -> dict[str, list[int]]:
         """Phase of each car in each phase of the line; after its last one their number."""
         middles = [0.5 * (t0 + t1) for t0, t1 in self.phases]
-        return {car.name: [sum(t1 < t for _, t1 in _own_phases(car)) for t in middles] for car in self.cars}
+        return {
+            car.name: [sum(t1 < t for _, t1 in _own_phases(car)) for t in middles] for car in (*self.cars, *self.over)
+        }
 
 
 def _own_phases(car: Car) -> tuple[tuple[float, float], ...]:

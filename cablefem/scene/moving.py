@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -12,11 +13,12 @@ from cablefem.scene.contacts import NEAREST, Array, Car, Contact, Elastic, Movin
 from cablefem.scene.drive import GRIP, Drive
 from cablefem.scene.errors import SceneError, shown
 from cablefem.scene.line import Car as CarTable
-from cablefem.scene.line import Line, Solver
+from cablefem.scene.line import Case, Line, NoLine, Solver, Station
 from cablefem.scene.motion import Motion
 from cablefem.scene.travel import Law, Table, Trapezoid
 
 SAMPLES = 100  # of timetables, in each phase
+HEAVIEST = 0.3  # M g/N of a car that runs over a shoe
 
 
 def moving(line: Line, solve: Solver) -> MovingLine:
@@ -32,7 +34,8 @@ def moving(line: Line, solve: Solver) -> MovingLine:
         length=float(empty.s[-1]) * heat if fixed_right else None,
     )
     contacts = [
-        Contact(name=c.name, kind=c.kind, point=c.at, stiffness=c.stiffness, force=c.tension) for c in line.contact
+        Contact(name=c.name, kind=c.kind, point=c.at, stiffness=c.stiffness, force=c.tension, shoe=c.shoe)
+        for c in line.contact
     ]
     in_x = len(contacts) > 2
     faults = [fault for car in line.car if (fault := _travel_fault(car))]
@@ -52,12 +55,17 @@ def moving(line: Line, solve: Solver) -> MovingLine:
     s, x = empty.s * heat, np.array([c.point[0] for c in contacts])
     places = {c.name: place for c, place in zip(contacts, x.tolist(), strict=True)}
     places |= {car.name: _x_of(car, _start(car), s, x) for car in cars}
-    if faults := [*_order_faults(cars, places), *_saddle_faults(cars, contacts, s, x)]:
+    passing = {car.name: _passed(car, contacts, s, x) for car in cars}
+    if faults := [*_order_faults(cars, places), *_saddle_faults(cars, passing, places)]:
         raise SceneError(faults)
     everything: list[Contact | Car] = [*contacts, *cars]
     order = sorted(everything, key=lambda c: places[c.name])
-    found = MovingLine(rope=elastic, contacts=tuple(order), t_end=max(ends, default=0.0), gravity=line.gravity)
-    refuse_meeting(found, s, x)
+    found = MovingLine(
+        rope=elastic, contacts=tuple(order), t_end=max(ends, default=0.0), gravity=line.gravity, solve=solve
+    )
+    _refuse_meeting(found, passing, s, x)
+    if faults := [fault for car in cars for saddle in passing[car.name] for fault in _shoe_faults(found, car, saddle)]:
+        raise SceneError(faults)
     return found
 
 
@@ -76,24 +84,64 @@ def _order_faults(cars: Sequence[Car], places: Mapping[str, float]) -> list[str]
     return faults
 
 
-def _saddle_faults(cars: Sequence[Car], contacts: Sequence[Contact], s: Array, x: Array) -> list[str]:
-    """Faults of cars on two wheels that would pass a saddle; s and x (k,) [m] of the contacts at rest."""
+def _passed(car: Car, contacts: Sequence[Contact], s: Array, x: Array) -> list[Contact]:
+    """Saddles that a car with a travel comes to; s and x (k,) [m] of the contacts at rest."""
+    if car.travel is None:
+        return []
+    last = len(car.travel.phases) - 1
+    positions = (_start(car), car.travel.at(car.travel.phases[last][1], last)[0])
+    low, high = sorted(_x_of(car, position, s, x) for position in positions)
+    base = 0.0 if car.wheels is None else car.wheels.base
+    return [c for c in contacts[1:-1] if low - base - (c.shoe or 0.0) <= c.point[0] <= high + (c.shoe or 0.0)]
+
+
+def _saddle_faults(
+    cars: Sequence[Car], passing: Mapping[str, Sequence[Contact]], places: Mapping[str, float]
+) -> list[str]:  # fmt: skip
+    """Faults of cars that cannot pass the saddles in their way."""
     faults = []
     for car in cars:
-        if car.wheels is None or car.travel is None:
-            continue
-        last = len(car.travel.phases) - 1
-        positions = (_start(car), car.travel.at(car.travel.phases[last][1], last)[0])
-        low, high = sorted(_x_of(car, position, s, x) for position in positions)
-        passed = [c.name for c in contacts[1:-1] if low - car.wheels.base <= c.point[0] <= high]
-        faults += [f"car.{car.name}.wheels: {name} is in the way; two wheels stay on one span" for name in passed]
+        for saddle in passing[car.name]:
+            body = "wheels" if car.wheels is not None else "hanger"
+            if car.wheels is not None or car.hanger is not None:
+                why = "two wheels stay" if car.wheels is not None else "a cabin that swings stays"
+                faults.append(f"car.{car.name}.{body}: {saddle.name} is in the way; {why} on one span")
+            elif saddle.shoe is None:
+                faults.append(f"contact.{saddle.name}.shoe: missing; must be given where a car passes, here {car.name}")
+            elif abs(places[car.name] - saddle.point[0]) <= saddle.shoe:
+                faults.append(f"car.{car.name}: begins on the shoe of {saddle.name}; must begin beside it")
     return faults
 
 
-def refuse_meeting(line: MovingLine, s: Array, x: Array) -> None:
-    """SceneError where a timetable along the rope meets one in x; s and x (k,) [m] of the contacts at rest."""
-    for a, b in itertools.pairwise(line.cars):
-        if a.travel is None or b.travel is None or a.along == b.along:
+def _shoe_faults(line: MovingLine, car: Car, saddle: Contact) -> Iterator[str]:
+    """Fault of a car that is too heavy for the rope at the ends of a shoe, where all others are off the rope."""
+    weight, shoe = car.mass * line.gravity, saddle.shoe or 0.0
+    assert line.solve is not None
+    for x in (saddle.point[0] - shoe, saddle.point[0] + shoe):
+        stations = [
+            Station(c.name, c.kind, *c.point, force=c.force or 0.0, stiffness=c.stiffness) for c in line.supports
+        ]
+        stations.append(Station(car.name, "grips" if car.kind == "grip" else "hauled", x, math.nan, weight))
+        stations.sort(key=lambda p: p.x)
+        state = line.solve([Case(tuple(stations), line.weight, line.rope.EA, length=line.rope.length)])[0]
+        if isinstance(state, NoLine):
+            yield f"car.{car.name}: does not come onto the shoe of {saddle.name}: {state}"
+            return
+        N = float(np.nanmin(state.tensions[[p.name for p in stations].index(saddle.name)]))
+        if weight > HEAVIEST * N:
+            ratio = f"M g/N = {weight / N:.3g} at the shoe of {saddle.name}; must be <= {HEAVIEST:g}"
+            yield f"car.{car.name}.mass = {car.mass:.6g} kg: {ratio}, or it does not run over it"
+            return
+
+
+def _refuse_meeting(line: MovingLine, passing: Mapping[str, Sequence[Contact]], s: Array, x: Array) -> None:
+    """SceneError where a timetable along the rope meets one in x, or two cars are on one shoe.
+
+    s and x (k,) [m] of the contacts at rest.
+    """
+    for a, b in itertools.combinations(line.cars, 2):
+        shoes = [saddle for saddle in passing[a.name] if saddle in passing[b.name]]
+        if a.travel is None or b.travel is None or (a.along == b.along and not shoes):
             continue
         for phase, (t0, t1) in enumerate(line.phases):
             for t in np.linspace(t0, t1, SAMPLES).tolist():
@@ -103,6 +151,10 @@ def refuse_meeting(line: MovingLine, s: Array, x: Array) -> None:
                     raise SceneError(
                         [f"{b.name}.travel: about {at[1] - at[0]:.3g} m ahead of {a.name} at t = {t:.4g} s; {must}"]
                     )
+                for saddle in shoes:
+                    if max(abs(place - saddle.point[0]) for place in at) <= (saddle.shoe or 0.0):
+                        where = f"on the shoe of {saddle.name} together with {a.name} at t = {t:.4g} s"
+                        raise SceneError([f"car.{b.name}.travel: {where}; must be there alone"])
 
 
 def _start(car: Car) -> float:

@@ -123,3 +123,28 @@ hanger = {mass = 700.0, length = 3.0, gyration = 1.0, damping = 0.05}
 drive = {mode = "haul"}
 travel = {kind = "trapezoid", top_speed = 3.0, acceleration = 3.0, deceleration = 3.0, from = 300.0, to = 303.0}
 """
+# A car that runs over a tower.
+OVER = """
+[cable]
+mass_per_length = 6.0
+EA = 9e7
+length = 300.8
+[[contact]]
+name = "left"
+kind = "anchor"
+at = [0.0, 0.0]
+[[contact]]
+name = "tower"
+kind = "saddle"
+at = [150.0, -12.0]
+shoe = 5.0
+[[contact]]
+name = "right"
+kind = "anchor"
+at = [300.0, 0.0]
+[[car]]
+name = "car"
+mass = 1200.0
+drive = {mode = "haul", drag_area = 2.0}
+travel = {kind = "trapezoid", top_speed = 6.0, acceleration = 3.0, deceleration = 3.0, from = 130.0, to = 170.0}
+"""

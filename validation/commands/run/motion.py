@@ -14,8 +14,8 @@ import numpy as np
 
 from cablefem import catenary_line
 from cablefem.elements.system import LineElements
-from cablefem.motion import CarMotion, ContactMotion, LineMotion
-from cablefem.newmark import StepFailure, Work, integrate_blocks, scheme
+from cablefem.motion import CarMotion, ContactMotion, LineMotion, joined
+from cablefem.newmark import State, StepFailure, Work, integrate_blocks, scheme
 from cablefem.response import Array, write_csv, write_json, write_text
 from cablefem.scene.contacts import MovingLine
 from cablefem.scene.line import Line, LineState
@@ -38,6 +38,7 @@ ROPE_STATIONS = 101
 STEPS = 120  # of the coarsest run
 PATH = "t,s_o,x,y,u,v,T_behind,T_ahead,speed,F_haul,F_contact"  # columns of path-NAME.csv; see `turning_columns`
 PITCHING = 3.0  # coarsest steps in a period of the pitch of a car on two wheels
+ON_RAIL = 6  # coarsest steps of a car on a rail over a shoe
 ORDER = 4.0  # credited to refinement in space and time, at most
 Row = dict[str, Any]
 
@@ -54,6 +55,13 @@ class Method:
 
 ELEMENTS = Method("elements", "elements", 2, lambda line, n: LineElements(line, elements=n, degree=4))
 SINES = Method("sines", "terms", 3, lambda line, n: LineSines(line, n))
+
+
+def time_on_rails(system: Any, state: State) -> float:
+    """[s] that cars on rails need for them at their present speed, the shortest; 0 without."""
+    cars = [(car.rail, car.name) for car in (*system.line.cars, *system.line.over) if car.rail is not None]
+    times = [abs((rail.end.x - rail.begin.x) / system.jet(name, state)[1, 0]) for rail, name in cars]
+    return float(min(times, default=0.0))
 
 
 class Runs:
@@ -102,28 +110,43 @@ class Runs:
     def _made(self, space: int, time: int) -> Moved:
         n = space * self.method.coarsest
         system = self.method.system(self.line, n)
+        n_dof = system.n_dof
         shares = [np.arange(time * (t.size - 1) + 1) / time for t in self.grid]
         grid = [np.interp(share, np.arange(t.size), t) for share, t in zip(shares, self.grid, strict=True)]
-        work = Work()
-        states: list[Any] = []
-        reason = None
-        try:
-            for group in integrate_blocks(system, scheme("radau"), grid, work=work):
-                for x in group:
-                    if states and x.phase > states[-1].phase:  # forces may jump: the state after the jump, too
-                        states.append(system.start(x.phase, states[-1]))
-                    states.append(x)
-        except StepFailure as error:
-            if len(states) < 2:
-                raise store.Refused(f"{self.method.name}: {error}") from None
-            reason = str(error)
         origin = self.line.rope.length if self.line.rope.length is not None else self.length
         s = np.linspace(origin - self.length, origin, ROPE_STATIONS)
+        work = Work()
+        parts: list[LineMotion] = []
+        run: list[Any] = []
+        begun: tuple[Any, Any] | None = system, None
+        finer = np.empty(0)  # instants of cars on rails
+        reason = None
+        while begun is not None:
+            system, state = begun
+            states: list[Any] = [] if state is None else [state]
+            begun = None
+            steps = [np.union1d(t, finer[(finer > t[0]) & (finer < t[-1])]) for t in grid]
+            try:
+                for group in integrate_blocks(system, scheme("radau"), steps, work=work, start=state):
+                    for x in group:
+                        if states and x.phase > states[-1].phase:  # forces may jump: the state after the jump, too
+                            states.append(system.start(x.phase, states[-1]))
+                        states.append(x)
+                if work.events and states[-1].t < self.line.t_end:
+                    begun = system.after(work.events[-1].name, states[-1])
+            except StepFailure as error:
+                if len(states) < 2 and not parts:
+                    raise store.Refused(f"{self.method.name}: {error}") from None
+                reason = str(error)
+            parts.append(system.observe(states, s))
+            run += states
+            if begun is not None:
+                finer = begun[1].t + time_on_rails(*begun) * np.linspace(0.0, 2.0, 2 * ON_RAIL * time + 1)
         return Moved(
             method=self.method.name, settings={self.method.setting: n, "steps": sum(t.size - 1 for t in grid)},
-            motion=with_loads(system.observe(states, s), self.table, self.line, states),
+            motion=with_loads(joined(parts), self.table, self.line, run),
             events=tuple((e.name, e.t) for e in work.events), reason=reason,
-            period=self.period, instants=self.instants, n_dof=system.n_dof, steps=work.steps,
+            period=self.period, instants=self.instants, n_dof=n_dof, steps=work.steps,
         )  # fmt: skip
 
 

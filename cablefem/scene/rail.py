@@ -1,0 +1,65 @@
+"""The path of a car over the shoe of a saddle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+ITERATIONS = 20  # from an arc length to its x
+
+
+class End(NamedTuple):
+    """A point of a path with slope and curvature."""
+
+    x: float
+    y: float
+    slope: float  # dy/dx
+    bend: float = 0.0  # d2y/dx2 [1/m]
+
+
+@dataclass(frozen=True)
+class Rail:
+    """y = Y(x), of degree five between two ends; y down.
+
+    A car that grips, off the rope, goes on along it from `begin` by `stretch` times the rope that it passes.
+    """
+
+    saddle: str
+    begin: End
+    end: End
+    s: float = 0.0  # [m] of the car at `begin`, from the saddle
+    stretch: float = 1.0
+
+    def slopes(self, x: Any) -> tuple[Any, Any, Any]:
+        """Y, Y' and Y'' at x."""
+        (x0, y0, m0, k0), (x1, y1, m1, k1) = self.begin, self.end
+        L = x1 - x0
+        c1, c2 = m0 * L, 0.5 * k0 * L**2
+        D, E, F = y1 - y0 - c1 - c2, m1 * L - c1 - 2.0 * c2, k1 * L**2 - 2.0 * c2
+        c3, c4, c5 = 10.0 * D - 4.0 * E + 0.5 * F, -15.0 * D + 7.0 * E - F, 6.0 * D - 3.0 * E + 0.5 * F
+        u = (x - x0) / L
+        Y = y0 + u * (c1 + u * (c2 + u * (c3 + u * (c4 + u * c5))))
+        first = c1 + u * (2.0 * c2 + u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5)))
+        second = 2.0 * c2 + u * (6.0 * c3 + u * (12.0 * c4 + u * 20.0 * c5))
+        return Y, first / L, second / L**2
+
+    def lifted(self, x: Any) -> Any:
+        """y and its rates (3, ...) of a car at x with its rates (3, ...)."""
+        Y, slope, bend = self.slopes(x[0])
+        return np.array([Y, slope * x[1], slope * x[2] + bend * x[1] ** 2])
+
+    def gripped(self, s: Any) -> Any:
+        """x and its rates (3,) of a car off the rope that grips at s from the saddle, with its rates."""
+        way = self.stretch * (s[0] - self.s)
+        nodes, weights = np.polynomial.legendre.leggauss(12)
+        x = self.begin.x + way
+        for _ in range(ITERATIONS):
+            half = 0.5 * (x - self.begin.x)
+            arc = half * (weights @ np.hypot(1.0, self.slopes(self.begin.x + half * (1.0 + nodes))[1]))
+            x -= (arc - way) / np.hypot(1.0, self.slopes(x)[1])
+        _, slope, bend = self.slopes(x)
+        size = np.hypot(1.0, slope)
+        dx = self.stretch * s[1] / size
+        return np.array([x, dx, (self.stretch * s[2] - dx**2 * slope * bend / size) / size])

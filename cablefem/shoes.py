@@ -1,0 +1,239 @@
+"""Cars over the shoes of saddles: each event changes what the rope touches.
+
+At the end of a shoe a car lands on a rail.  TIP of the shoe before the saddle it leaves the rope, which has no kink
+there; as far behind it takes the rope again, and at the other end of the shoe it leaves the rail.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from cablefem.motion import CarMotion, ContactMotion
+from cablefem.newmark import State, StepFailure
+from cablefem.scene.contacts import Array, Car, Contact, MovingLine
+from cablefem.scene.line import Case, LineState, Station
+from cablefem.scene.rail import End, Rail
+
+TIP = 0.2  # of a shoe
+BESIDE = 1e-6  # [m] for slopes on one side of a contact
+ROUNDS = 8  # to find the rope below a car
+
+
+class Passage(NamedTuple):
+    """What a car may do next at a saddle."""
+
+    car: str
+    does: Literal["lands on the shoe of", "leaves the rope at", "takes the rope behind", "leaves the shoe of"]
+    saddle: Contact
+
+    def __str__(self) -> str:
+        return f"{self.car} {self.does} {self.saddle.name}"
+
+    def ahead(self, x: float, dx: float) -> float:
+        """[m] to go from x with the velocity dx; inf: not that way."""
+        shoe = self.saddle.shoe or 0.0
+        way = x - self.saddle.point[0]
+        if self.does == "takes the rope behind":
+            return TIP * shoe - math.copysign(way, way * dx)
+        outwards = self.does == "leaves the shoe of"
+        to_go = abs(way) - (shoe if self.does == "lands on the shoe of" else TIP * shoe)
+        if outwards:
+            to_go = shoe - abs(way)
+        return to_go if to_go > 0.0 or way * dx * (1.0 if outwards else -1.0) > 0.0 else math.inf
+
+
+class Now(NamedTuple):
+    """A line at an event, by names of contacts and cars; [m], [m/s], [m/s2]."""
+
+    s: dict[str, float]
+    ds: dict[str, float]
+    points: dict[str, Array]  # with rates (3, 2)
+    rope: Callable[[float], Array]  # r, r' and the velocity at fixed s (3, 2), of s
+
+
+def passages(line: MovingLine) -> tuple[Passage, ...]:
+    """All that may come next."""
+    out = []
+    by_name = {c.name: c for c in line.supports}
+    for k, car in enumerate(line.contacts):
+        if not isinstance(car, Car):
+            continue
+        if car.rail is not None:
+            saddle = by_name[car.rail.saddle]
+            out += [Passage(car.name, "leaves the rope at", saddle), Passage(car.name, "leaves the shoe of", saddle)]
+            continue
+        if car.kind == "free" or car.wheels is not None or car.hanger is not None:
+            continue
+        for beside in (line.contacts[k - 1], line.contacts[k + 1]):
+            if isinstance(beside, Contact) and beside.shoe is not None:
+                out.append(Passage(car.name, "lands on the shoe of", beside))
+    out += [Passage(car.name, "takes the rope behind", by_name[car.rail.saddle]) for car in line.over if car.rail]
+    return tuple(out)
+
+
+def passed(line: MovingLine, event: Passage, t: float, phase: int, now: Now) -> MovingLine:
+    """The line after an event; adds to `now` the car that takes the rope."""
+    contacts, saddle = list(line.contacts), event.saddle
+    car = next(c for c in (*line.cars, *line.over) if c.name == event.car)
+    top, tip = np.array(saddle.point), TIP * (saddle.shoe or 0.0)
+    (x, y), velocity, acceleration = now.points[car.name].tolist()
+    side = math.copysign(1.0, x - saddle.point[0])
+    slope = velocity[1] / velocity[0]
+    bend = (acceleration[1] - slope * acceleration[0]) / velocity[0] ** 2
+    if event.does == "leaves the shoe of":
+        contacts[contacts.index(car)] = replace(car, rail=None)
+    elif event.does == "lands on the shoe of":
+        if any(c.rail is not None and c.rail.saddle == saddle.name for c in (*line.cars, *line.over)):
+            raise StepFailure(t, f"two cars on the shoe of {saddle.name}", "let one follow later")
+        end = _straight(top, side * tip, now.rope(now.s[car.name] + side * BESIDE)[1])
+        rail = Rail(saddle.name, End(x, y, slope, bend), end)
+        contacts[contacts.index(car)] = replace(car, rail=rail)
+    elif event.does == "leaves the rope at":
+        end = _straight(top, -side * tip, now.rope(now.s[saddle.name] - side * BESIDE)[1])
+        stretch = float(np.hypot(*velocity)) / abs(now.ds[car.name] - now.ds[saddle.name])
+        rail = Rail(saddle.name, End(x, y, slope), end, now.s[car.name] - now.s[saddle.name], stretch)
+        contacts.remove(car)
+        return replace(line, contacts=tuple(contacts), over=(*line.over, replace(car, rail=rail)))
+    else:
+        _take_rope(line, car, t, phase, now)
+        (x, y), (r_x, r_y) = now.points[car.name][0], now.rope(now.s[car.name])[1]
+        rail = Rail(saddle.name, End(x, y, r_y / r_x), _on_load_path(line, car, saddle, side, t, now))
+        contacts.insert(contacts.index(saddle) + (side > 0.0), replace(car, rail=rail))
+        over = tuple(c for c in line.over if c is not car)
+        return replace(line, contacts=tuple(contacts), over=over)
+    return replace(line, contacts=tuple(contacts))
+
+
+def _straight(top: Array, away: float, along: Array) -> End:
+    """The point `away` from the top in x, along a slope r'."""
+    slope = along[1] / along[0]
+    return End(top[0] + away, top[1] + away * slope, slope)
+
+
+def _take_rope(line: MovingLine, car: Car, t: float, phase: int, now: Now) -> None:
+    """Put s and the point of the rope below a car off the rope into `now`, with their rates."""
+    position, speed, _ = line.position(car, t, phase)
+    near = "" if car.rail is None else car.rail.saddle
+    if car.along == "s":
+        r, along, w = now.rope(position)
+        # the grip has acted on the saddle: the rope up to the car takes the stretch of its other side
+        at = now.s[near]
+        before, behind = (np.hypot(*now.rope(at + side * BESIDE)[1]) for side in (-1.0, 1.0))
+        step = (before - behind) if position > at else (behind - before)
+        r = r + step * abs(position - at) * along / np.hypot(*along) * (1.0 if position > at else -1.0)
+        now.s[car.name], now.ds[car.name] = position, speed
+        now.points[car.name] = np.array([r, w + speed * along, 0.0 * r])
+        return
+    s = now.s[car.name]
+    for _ in range(ROUNDS):
+        r, along, w = now.rope(s)
+        s += (position - r[0]) / along[0]
+    ds = (speed - w[0]) / along[0]
+    now.s[car.name], now.ds[car.name] = s, ds
+    now.points[car.name] = np.array([[position, r[1]], w + ds * along, 0.0 * r])
+
+
+def _on_load_path(line: MovingLine, car: Car, saddle: Contact, side: float, t: float, now: Now) -> End:
+    """The end of the shoe on the path of the car at rest, in that one span between anchors at their present s."""
+    k = line.contacts.index(saddle)
+    others = line.contacts[k + 1 :] if side > 0.0 else line.contacts[k - 1 :: -1]
+    span: list[Station] = []
+    for contact in (saddle, *others):
+        name = contact.name if contact.name in now.points else f"{contact.name}.front"
+        x, y = now.points[name][0]
+        if isinstance(contact, Car):
+            kind = "grips" if contact.kind == "grip" else "hauled"
+            span.append(Station(contact.name, kind, x, math.nan, contact.mass * line.gravity))
+            continue
+        span.append(Station(contact.name, "anchor", x, y))
+        if contact is not saddle:
+            break
+    length = abs(now.s[contact.name] - now.s[saddle.name])
+    shoe = saddle.shoe or 0.0
+    at = saddle.point[0] + side * shoe + 0.25 * shoe * np.array([-1.0, 0.0, 1.0])
+    kind = "grips" if car.kind == "grip" else "hauled"
+    cases = []
+    for x in at.tolist():
+        mine = Station(car.name, kind, x, math.nan, car.mass * line.gravity)
+        stations = tuple(sorted([*span, mine], key=lambda p: p.x))
+        cases.append(Case(stations, line.weight, line.rope.EA, length=length))
+    assert line.solve is not None
+    states = line.solve(cases)
+    depths = []
+    for state in states:
+        if not isinstance(state, LineState):
+            raise StepFailure(t, f"no path of {car.name} behind {saddle.name}: {state}", "give more rope or less load")
+        names = [p.name for p in state.case.stations]
+        depths.append(float(state.place[names.index(car.name), 1]))
+    before, y, after = depths
+    step = 0.25 * shoe
+    return End(float(at[1]), y, (after - before) / (2.0 * step), (after - 2.0 * y + before) / step**2)
+
+
+def along_rail(car: Car, jet: Array, gravity: float) -> float:
+    """Force [N] along its rail that moves a car without drag; jet : its point and rates (3, 2)."""
+    assert car.rail is not None
+    slope = car.rail.slopes(jet[0, 0])[1]
+    x, y = jet[2]
+    return float(car.mass * (x + slope * (y - gravity)) / math.hypot(1.0, slope))
+
+
+def over_rope(
+    line: MovingLine, car: Car, states: Sequence[State], jets: Array, contacts: tuple[ContactMotion, ...],
+    powers: dict[str, Array],
+) -> CarMotion:  # fmt: skip
+    """Motion of a car off the rope, driven along its rail; adds its powers.  jets : its point and rates (n, 3, 2)."""
+    assert car.rail is not None
+    name, drive, near = car.name, car.drive, car.rail.saddle
+    saddle = next(c for c in contacts if c.name == near)
+    point, velocity, acceleration = jets.swapaxes(0, 1)
+    normal = down(car.rail, point[:, 0])
+    tangent = normal[:, ::-1] * np.array([1.0, -1.0])
+    air = velocity - np.array([drive.wind, 0.0])
+    drag = -drive.k * np.hypot(*air.T)[:, None] * air
+    force = car.mass * (acceleration - np.array([0.0, line.gravity])) - drag
+    along, pressing = (np.sum(force * axis, axis=1) for axis in (tangent, -normal))
+    speed = np.sum(velocity * tangent, axis=1)
+    none = np.full(len(states), np.nan)
+    s, ds, stretch = saddle.s + point[:, 0] - saddle.point[:, 0], speed, 1.0
+    if drive.mode == "grip":
+        s, ds, _ = np.array([line.position(car, x.t, x.phase) for x in states]).T
+        stretch = car.rail.stretch
+        powers[f"{name} grip"] = stretch * along * ds
+    else:
+        powers |= {f"{name} haul": along * speed, f"{name} drag": np.sum(drag * velocity, axis=1)}
+        powers[f"{name} friction"] = 0.0 * speed
+    return CarMotion(
+        name=name, s=s, ds=ds, point=point, velocity=velocity, acceleration=acceleration,
+        tension_behind=saddle.tension_behind, tension_ahead=saddle.tension_ahead, slope_behind=stretch * tangent,
+        slope_ahead=stretch * tangent, haul_force=none if drive.mode == "grip" else along,
+        grip_force=along if drive.mode == "grip" else none, contact_force=pressing, shoe_force=pressing,
+    )  # fmt: skip
+
+
+def down(rail: Rail, x: Array) -> Array:
+    """Normals of the rail (n, 2) at x (n,), downwards."""
+    slope = rail.slopes(x)[1]
+    return np.stack([-slope, np.ones_like(slope)], axis=1) / np.hypot(1.0, slope)[:, None]
+
+
+def with_shoes(
+    line: MovingLine, cars: tuple[CarMotion, ...], contacts: tuple[ContactMotion, ...]
+) -> tuple[ContactMotion, ...]:  # fmt: skip
+    """The contacts with what cars put on their shoes."""
+    rails = {car.name: car.rail for car in (*line.cars, *line.over)}
+    off = [car.name for car in line.over]
+    for car in cars:
+        rail = rails[car.name]
+        if rail is not None:
+            normal = down(rail, car.point[:, 0])
+            force = car.shoe_force[:, None] * normal
+            if car.name in off:  # its grip acts on the rope on the saddle
+                force -= np.nan_to_num(car.grip_force)[:, None] * normal[:, ::-1] * np.array([1.0, -1.0])
+            contacts = tuple(replace(c, pressure=c.pressure + force * (c.name == rail.saddle)) for c in contacts)
+    return contacts

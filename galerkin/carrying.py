@@ -1,0 +1,80 @@
+"""A line by sines where a car passes an end of a shoe: the state by the functions between the contacts of then."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cablefem.newmark import State
+from cablefem.scene.contacts import Array
+from cablefem.shoes import Now, Passage, passed
+from galerkin.lines import LineSines
+from galerkin.segments import Layout, functions
+
+
+def after(system: LineSines, passage: Passage, x: State) -> tuple[LineSines, State]:
+    """The line after a passage, and its state by least squares."""
+    old, before = system.layout, system.coordinates(x)
+    names = [c.name for c in system.line.touching]
+    s, ds = before[:2, old.s].tolist()
+    points = {name: before[:, [old.x[k], old.y[k]]] for k, name in enumerate(names)}
+    now = Now(
+        dict(zip(names, s, strict=True)), dict(zip(names, ds, strict=True)), points,
+        lambda at: rope_at(old, before, np.array([at]))[:, 0],
+    )  # fmt: skip
+    for car in system.line.over:
+        now.points[car.name] = system.jet(car.name, x)
+        if car.rail is not None:
+            now.s[car.name] = now.s[car.rail.saddle]
+    new = LineSines(passed(system.line, passage, x.t, x.phase, now), old.functions - 2)
+    layout = new.layout
+    Z = new.prescribed(x.t, x.phase)
+    for k, contact in enumerate(new.line.touching):
+        name = contact.name
+        Z[:2, layout.s[k]] = now.s[name], now.ds[name]
+        Z[:2, [layout.x[k], layout.y[k]]] = now.points[name][:2]
+        if name not in names:
+            continue
+        j = names.index(name)
+        Z[:2, layout.moving[k, 2:]] = before[:2, old.moving[j, 2:]]
+        if j in system.free_cars:
+            new.frictions[k] = system.frictions[j]
+        if j in system.holds:
+            new.holds[k] = system.holds[j]
+    layout.place_followers(Z)
+    for i in range(layout.segments):
+        _fit(old, before, layout, Z, i)
+    free = new.equations.free
+    q, v = np.where(new.equations.forces, 0.0, Z[:2, free])
+    state = State(x.t, q, v, np.zeros(new.n_dof), x.phase)
+    new.begin_step(state)
+    return new, new.accelerated(state)
+
+
+def rope_at(layout: Layout, Z: Array, s: Array) -> Array:
+    """r, r' and the velocity at fixed s (3, m, 2) at the points s (m,)."""
+    at, ds = Z[:2, layout.s]
+    i = np.clip(np.searchsorted(at, s, side="right") - 1, 0, layout.segments - 1)
+    h = at[i + 1] - at[i]
+    xi = (s - at[i]) / h
+    B, slopes = functions(xi, layout.functions - 2)[:2, :, None]  # (m, 1, M)
+    u, du = Z[:2, layout.columns[i, :-2]].reshape(2, s.size, -1, 2)
+    slope = (slopes @ u)[:, 0] / h[:, None]
+    moved = ds[i] + xi * (ds[i + 1] - ds[i])
+    return np.stack([(B @ u)[:, 0], slope, (B @ du)[:, 0] - moved[:, None] * slope])
+
+
+def _fit(old: Layout, before: Array, layout: Layout, Z: Array, i: int) -> None:
+    """Set the functions of segment i in Z: nearest slopes, and then nearest velocities at fixed xi."""
+    columns = layout.columns[i, :-2].reshape(-1, 2)
+    (a, b), (da, db) = Z[:2, layout.s[[i, i + 1]]]
+    _, slope, velocity = rope_at(old, before, a + layout.points * (b - a))
+    moved = da + layout.points * (db - da)
+    part = layout.functions_of[i]
+    inner = slice(part.start // 2, layout.functions)
+    root = np.sqrt(layout.weights)[:, None]
+    wanted = slope * (b - a)
+    for order, table in enumerate((layout.B[1], layout.B[0])):
+        if order:
+            wanted = velocity + moved[:, None] * (layout.B[1] @ Z[0, columns]) / (b - a)
+        ends = table[:, -2:] @ Z[order, columns[-2:]]
+        Z[order, columns[inner]] = np.linalg.lstsq(root * table[:, inner], root * (wanted - ends), rcond=None)[0]

@@ -1,0 +1,85 @@
+"""Cars that run over the shoes of towers."""
+
+import numpy as np
+import pytest
+from scipy.integrate import cumulative_trapezoid
+
+from cablefem.catenary_line import solve
+from cablefem.scene.errors import SceneError
+from cablefem.scene.line import Line
+from cablefem.scene.moving import moving
+from tests.motion.lines import OVER
+from validation.commands.run.motion import ELEMENTS, Runs
+
+WEIGHT = 1200.0 * 9.81
+EVENTS = ["lands on the shoe of", "leaves the rope at", "takes the rope behind", "leaves the shoe of"]
+HAULED = Line.from_toml(OVER)
+GRIPS = Line.from_toml(OVER.replace('drive = {mode = "haul", drag_area = 2.0}', ""))
+
+
+@pytest.fixture(scope="module", params=[HAULED, GRIPS], ids=["hauled", "grips"])
+def moved(request):
+    return Runs(ELEMENTS, request.param).run(2, 2)
+
+
+def test_a_car_lands_on_the_shoe_leaves_the_rope_takes_it_and_leaves_the_shoe(moved):
+    assert [name for name, _ in moved.events] == [f"car {does} tower" for does in EVENTS]
+    x = moved.motion.cars[0].point[:, 0]
+    at = np.interp([t for _, t in moved.events], moved.motion.t, x)
+    np.testing.assert_allclose(at, [145.0, 149.0, 151.0, 155.0], atol=0.02)
+
+
+def test_the_shoe_does_no_work(moved):
+    x = moved.motion
+    work = cumulative_trapezoid(sum(x.powers.values()), x.t, initial=0.0)
+    np.testing.assert_allclose(x.energy - x.energy[0], work, atol=8e-3 * np.ptp(x.energy))
+
+
+def test_neither_tension_nor_path_steps_at_an_event(moved):
+    x = moved.motion
+    jumps = np.flatnonzero(np.diff(x.t) == 0.0)
+    car = x.cars[0]
+    assert np.abs(np.diff(car.tension_behind)[jumps]).max() < 0.02 * WEIGHT
+    assert np.abs(np.diff(car.point, axis=0)[jumps]).max() < 3e-3
+    assert np.abs(np.diff(car.velocity, axis=0)[jumps]).max() < 0.03
+
+
+def test_the_tower_carries_rope_and_car(moved):
+    """Off the rope all of the car, less what its path turns it down."""
+    x = moved.motion
+    car = x.cars[0]
+    off = np.abs(car.point[:, 0] - 150.0) < 0.99
+    np.testing.assert_allclose(car.shoe_force[off], car.contact_force[off])
+    rope = x.contacts[1].tension_behind
+    kink = np.max(x.contacts[1].pressure[off, 1] - car.shoe_force[off]) / np.mean(rope[off])
+    assert 0.1 < kink < 0.3
+    assert (car.shoe_force[np.abs(car.point[:, 0] - 150.0) > 5.01] == 0.0).all()
+
+
+def test_a_car_passes_leftwards_as_rightwards():
+    mirrored = HAULED.replace({"car.car.travel.from": 170.0, "car.car.travel.to": 130.0})
+    there, back = (Runs(ELEMENTS, line).run(2, 2) for line in (HAULED, mirrored))
+    assert [name for name, _ in back.events] == [f"car {does} tower" for does in EVENTS]
+    one, other = there.motion.cars[0], back.motion.cars[0]
+    np.testing.assert_allclose(one.point[:, 0], 300.0 - other.point[:, 0], atol=1e-6)
+    np.testing.assert_allclose(one.point[:, 1], other.point[:, 1], atol=1e-5)
+    np.testing.assert_allclose(one.shoe_force, other.shoe_force, atol=1e-3 * WEIGHT)
+
+
+SECOND = OVER[OVER.index("[[car]]") :].replace('"car"', '"next"').replace("130.0, to = 170.0", "138.0, to = 178.0")
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (OVER.replace("mass = 1200.0", "mass = 6000.0"), r"car.car.mass = 6000 kg: M g/N = 0.\d+ at the shoe of tower"),
+        (OVER.replace("shoe = 5.0", ""), "contact.tower.shoe: missing; must be given where a car passes, here car"),
+        (OVER.replace("from = 130.0", "from = 147.0"), "car.car: begins on the shoe of tower; must begin beside it"),
+        (OVER + SECOND, "car.next.travel: on the shoe of tower together with car at t = "),
+        (OVER + "[car.hanger]\nmass = 900.0\nlength = 3.0", "car.car.hanger: tower is in the way"),
+    ],
+)
+def test_what_cannot_run_over_a_shoe_is_refused(text, says):
+    with pytest.raises(SceneError, match=says) as error:
+        moving(Line.from_toml(text), solve)
+    assert len(error.value.faults) == 1
