@@ -188,8 +188,9 @@ class Comparison:
         for field in ("tension_behind", "tension_ahead"):
             yield self.series(field, name, of(field), tension, asked.tension, means=True)
         yield self.series("contact_force", name, of("contact_force"), weight, asked.tension, means=True)
-        for field in ("haul_force", "grip_force"):
-            if np.isfinite(getattr(car, field)).any():
+        for field in ("haul_force", "grip_force", "shoe_force"):
+            values = getattr(car, field)
+            if np.isfinite(values).any() and (field != "shoe_force" or values.any()):
                 yield self.series(field, name, of(field), weight, asked.tension, means=True)
         for column, values in turning_columns(car).items():
 

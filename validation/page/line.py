@@ -155,6 +155,8 @@ def side_of(line: Row, profile: dict[str, Array], lowest: Sequence[Array]) -> tu
     for contact in line["contact"]:
         at, depth = contact["at"]
         p.dots.append((at, depth, BLACK, contact["kind"] in ("anchor", "saddle")))
+        if "shoe" in contact:
+            p.curve(at + contact["shoe"] * np.array([-1.0, 1.0]), np.array([depth, depth]), BLACK, "", 3.0)
         inwards = float(at < 0.1 * end) - float(at > 0.9 * end)
         p.labels.append((at + inwards * 0.04 * end, depth - 0.05 * (p.high - p.low), contact["name"]))
     return p, caption

@@ -162,7 +162,7 @@ def _over(line: Row, contacts: dict[str, Array], paths: dict[str, dict[str, Arra
         ("Pitch, front down.", of_cars("pitch"), "deg"),
         ("Rise of the counterweight.", at_contacts(moving, "rise"), "m"),
         ("Rope that has run to the left.", flow, "m"),
-        ("Pressure of the rope on saddles.", at_contacts(saddles, "pressure"), "N"),
+        ("Pressure on saddles, of the rope and of a car on the shoe.", at_contacts(saddles, "pressure"), "N"),
         ("Speed of the cars.", of_cars("speed"), "m/s"),
     )
     for title, values, unit in figures:

@@ -38,6 +38,7 @@ ROPE_STATIONS = 101
 STEPS = 120  # of the coarsest run
 PATH = "t,s_o,x,y,u,v,T_behind,T_ahead,speed,F_haul,F_contact"  # columns of path-NAME.csv; see `turning_columns`
 PITCHING = 3.0  # coarsest steps in a period of the pitch of a car on two wheels
+NOT_HELD = 0.01  # of its weight: a shoe that pulls a car down by less
 ON_RAIL = 6  # coarsest steps of a car on a rail over a shoe
 ORDER = 4.0  # credited to refinement in space and time, at most
 Row = dict[str, Any]
@@ -62,6 +63,34 @@ def time_on_rails(system: Any, state: State) -> float:
     cars = [(car.rail, car.name) for car in (*system.line.cars, *system.line.over) if car.rail is not None]
     times = [abs((rail.end.x - rail.begin.x) / system.jet(name, state)[1, 0]) for rail, name in cars]
     return float(min(times, default=0.0))
+
+
+def held_down(line: Line, motion: LineMotion) -> list[str]:
+    """Where a shoe would have to pull a car down, and what would do without.
+
+    The share of its force that the turn of the path takes grows with the speed squared, and falls with the length.
+    """
+    out = []
+    shoes = [(c.at[0], c.shoe, c.name) for c in line.contact if c.shoe is not None]
+    for car, data in zip(motion.cars, line.car, strict=True):
+        weight, i = data.mass * line.gravity, int(np.argmin(car.shoe_force))
+        if car.shoe_force[i] > -NOT_HELD * weight:
+            continue
+        x = car.point[i, 0]
+        _, shoe, name = min(shoes, key=lambda at: abs(at[0] - x))
+        lifted = car.shoe_force < 0.0
+        turn = np.sign(car.velocity[:, 0]) * np.cross(car.velocity, car.acceleration)  # down
+        turn = data.mass * turn[lifted] / np.hypot(*car.velocity[lifted].T)
+        share = float(np.min(1.0 + car.shoe_force[lifted] / turn))
+        enough = "no speed would do without"
+        if share > 0.0:
+            slower = math.floor(100.0 * math.sqrt(share))
+            enough = f"about {slower} % of its speed or a shoe of {math.ceil(shoe / share)} m would do without"
+        down = -car.shoe_force[i] / weight
+        out.append(
+            f"the shoe of {name} would have to pull {car.name} down by {down:.2f} M g at x = {x:.1f} m; {enough}"
+        )
+    return out
 
 
 class Runs:
@@ -198,7 +227,7 @@ class Answers:
     @property
     def outcome(self) -> Outcome:
         """Kinds: incomplete, breaks, collides, ends, arrives; the first that holds."""
-        parts = []
+        parts = held_down(self.line, self.motion)
         kinds = []
         if self.moved.reason is not None:
             kinds.append("incomplete")
