@@ -74,7 +74,7 @@ class Contact(Part):
     stiffness: Annotated[tuple[Positive, Positive], Admits("two numbers > 0 in brackets", strict=False)] | None = (
         described("[N/m] of a spring along x and down", None)
     )
-    shoe: Positive | None = described("[m] to either side of a saddle: a car within rests on it", None)
+    shoe: Positive | None = described("[m] to either side of a saddle: a car within rests on it, or runs over it", None)
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         """Faults between fields, one line each."""

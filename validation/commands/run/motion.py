@@ -79,8 +79,8 @@ def held_down(line: Line, motion: LineMotion) -> list[str]:
         x = car.point[i, 0]
         _, shoe, name = min(shoes, key=lambda at: abs(at[0] - x))
         lifted = car.shoe_force < 0.0
-        turn = np.sign(car.velocity[:, 0]) * np.cross(car.velocity, car.acceleration)  # down
-        turn = data.mass * turn[lifted] / np.hypot(*car.velocity[lifted].T)
+        (vx, vy), (ax, ay) = car.velocity[lifted].T, car.acceleration[lifted].T
+        turn = data.mass * np.sign(vx) * (vx * ay - vy * ax) / np.hypot(vx, vy)  # down
         share = float(np.min(1.0 + car.shoe_force[lifted] / turn))
         enough = "no speed would do without"
         if share > 0.0:
