@@ -56,6 +56,15 @@ class Now(NamedTuple):
     rope: Callable[[float], Array]  # r, r' and the velocity at fixed s (3, 2), of s
 
 
+def now_at(line: MovingLine, jets: Array, s: Array, over: dict[str, Array], rope: Callable[[float], Array]) -> Now:
+    """`Now` from points of all contacts (3, contacts, 2), their s (3, contacts), and points of cars off the rope."""
+    names = [c.name for c in line.touching]
+    at, rates = (dict(zip(names, values, strict=True)) for values in s[:2].tolist())
+    points = dict(zip(names, jets.swapaxes(0, 1), strict=True))
+    at |= {car.name: at[car.rail.saddle] for car in line.over if car.rail is not None}
+    return Now(at, rates, points | over, rope)
+
+
 def passages(line: MovingLine) -> tuple[Passage, ...]:
     """All that may come next."""
     out = []
@@ -118,14 +127,12 @@ def _straight(top: Array, away: float, along: Array) -> End:
 def _take_rope(line: MovingLine, car: Car, t: float, phase: int, now: Now) -> None:
     """Put s and the point of the rope below a car off the rope into `now`, with their rates."""
     position, speed, _ = line.position(car, t, phase)
-    near = "" if car.rail is None else car.rail.saddle
     if car.along == "s":
         r, along, w = now.rope(position)
         # the grip has acted on the saddle: the rope up to the car takes the stretch of its other side
-        at = now.s[near]
-        before, behind = (np.hypot(*now.rope(at + side * BESIDE)[1]) for side in (-1.0, 1.0))
-        step = (before - behind) if position > at else (behind - before)
-        r = r + step * abs(position - at) * along / np.hypot(*along) * (1.0 if position > at else -1.0)
+        at = now.s["" if car.rail is None else car.rail.saddle]
+        behind, ahead = (np.hypot(*now.rope(at + side * BESIDE)[1]) for side in (-1.0, 1.0))
+        r = r + (behind - ahead) * abs(position - at) * along / np.hypot(*along)
         now.s[car.name], now.ds[car.name] = position, speed
         now.points[car.name] = np.array([r, w + speed * along, 0.0 * r])
         return
@@ -147,8 +154,7 @@ def _on_load_path(line: MovingLine, car: Car, saddle: Contact, side: float, t: f
         name = contact.name if contact.name in now.points else f"{contact.name}.front"
         x, y = now.points[name][0]
         if isinstance(contact, Car):
-            kind = "grips" if contact.kind == "grip" else "hauled"
-            span.append(Station(contact.name, kind, x, math.nan, contact.mass * line.gravity))
+            span.append(contact.hanging(x, line.gravity))
             continue
         span.append(Station(contact.name, "anchor", x, y))
         if contact is not saddle:
@@ -156,11 +162,9 @@ def _on_load_path(line: MovingLine, car: Car, saddle: Contact, side: float, t: f
     length = abs(now.s[contact.name] - now.s[saddle.name])
     shoe = saddle.shoe or 0.0
     at = saddle.point[0] + side * shoe + 0.25 * shoe * np.array([-1.0, 0.0, 1.0])
-    kind = "grips" if car.kind == "grip" else "hauled"
     cases = []
     for x in at.tolist():
-        mine = Station(car.name, kind, x, math.nan, car.mass * line.gravity)
-        stations = tuple(sorted([*span, mine], key=lambda p: p.x))
+        stations = tuple(sorted([*span, car.hanging(x, line.gravity)], key=lambda p: p.x))
         cases.append(Case(stations, line.weight, line.rope.EA, length=length))
     assert line.solve is not None
     states = line.solve(cases)

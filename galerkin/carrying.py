@@ -6,7 +6,7 @@ import numpy as np
 
 from cablefem.newmark import State
 from cablefem.scene.contacts import Array
-from cablefem.shoes import Now, Passage, passed
+from cablefem.shoes import Passage, now_at, passed
 from galerkin.lines import LineSines
 from galerkin.segments import Layout, functions
 
@@ -15,16 +15,9 @@ def after(system: LineSines, passage: Passage, x: State) -> tuple[LineSines, Sta
     """The line after a passage, and its state by least squares."""
     old, before = system.layout, system.coordinates(x)
     names = [c.name for c in system.line.touching]
-    s, ds = before[:2, old.s].tolist()
-    points = {name: before[:, [old.x[k], old.y[k]]] for k, name in enumerate(names)}
-    now = Now(
-        dict(zip(names, s, strict=True)), dict(zip(names, ds, strict=True)), points,
-        lambda at: rope_at(old, before, np.array([at]))[:, 0],
-    )  # fmt: skip
-    for car in system.line.over:
-        now.points[car.name] = system.jet(car.name, x)
-        if car.rail is not None:
-            now.s[car.name] = now.s[car.rail.saddle]
+    jets = before[:, np.stack([old.x, old.y], axis=1)]  # (3, contacts, 2)
+    over = {car.name: system.jet(car.name, x) for car in system.line.over}
+    now = now_at(system.line, jets, before[:, old.s], over, lambda s: rope_at(old, before, np.array([s]))[:, 0])
     new = LineSines(passed(system.line, passage, x.t, x.phase, now), old.functions - 2)
     layout = new.layout
     Z = new.prescribed(x.t, x.phase)

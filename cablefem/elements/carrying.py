@@ -9,22 +9,17 @@ from cablefem.elements.reference import lagrange_element, shape_polynomials
 from cablefem.elements.segments import Segments
 from cablefem.elements.system import LineElements, Slots
 from cablefem.newmark import Array, State, consistent_acceleration
-from cablefem.shoes import Now, Passage, passed
+from cablefem.shoes import Passage, now_at, passed
 
 
 def after(system: LineElements, passage: Passage, x: State) -> tuple[LineElements, State]:
     """The line after a passage, and its state: r interpolated, velocities by least squares."""
     old = system.slots(*x)
-    contacts = system.line.touching
-    now = Now(
-        {c.name: float(old.q[slot]) for c, slot in zip(contacts, system.s, strict=True)},
-        {c.name: float(old.v[slot]) for c, slot in zip(contacts, system.s, strict=True)},
-        {c.name: np.array(old)[:, 2 * n + np.arange(2)] for c, n in zip(contacts, system.node, strict=True)},
-        lambda s: rope_at(system, old, np.array([s]))[:, 0],
+    jets = np.array(old)[:, 2 * system.node[:, None] + np.arange(2)]
+    over = {car.name: system.jet(car.name, x) for car in system.line.over}
+    now = now_at(
+        system.line, jets, np.array(old)[:, system.s], over, lambda s: rope_at(system, old, np.array([s]))[:, 0]
     )
-    for car in system.line.over:
-        assert car.rail is not None
-        now.points[car.name], now.s[car.name] = system.jet(car.name, x), now.s[car.rail.saddle]
     line = passed(system.line, passage, x.t, x.phase, now)
     new = LineElements(line, elements=system.segments.elements, degree=system.segments.degree, compiled=system.compiled)
     z = new.known(x.t, x.phase)

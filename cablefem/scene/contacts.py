@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from cablefem.scene.bodies import Hanger, Wheels
 from cablefem.scene.drive import GRIP, Drive
 from cablefem.scene.errors import SceneError, shown
-from cablefem.scene.line import Solver
+from cablefem.scene.line import Solver, Station
 from cablefem.scene.rail import Rail
 
 Array = NDArray[np.float64]
@@ -96,6 +96,10 @@ class Car:
     def kind(self) -> str:
         """grip, haul, haul_x or free."""
         return "haul_x" if self.along == "x" else self.drive.mode
+
+    def hanging(self, x: float, gravity: float) -> Station:
+        """The car at rest at x."""
+        return Station(self.name, "grips" if self.kind == "grip" else "hauled", x, math.nan, self.mass * gravity)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal
 
@@ -121,7 +120,7 @@ def _shoe_faults(line: MovingLine, car: Car, saddle: Contact) -> Iterator[str]:
         stations = [
             Station(c.name, c.kind, *c.point, force=c.force or 0.0, stiffness=c.stiffness) for c in line.supports
         ]
-        stations.append(Station(car.name, "grips" if car.kind == "grip" else "hauled", x, math.nan, weight))
+        stations.append(car.hanging(x, line.gravity))
         stations.sort(key=lambda p: p.x)
         state = line.solve([Case(tuple(stations), line.weight, line.rope.EA, length=line.rope.length)])[0]
         if isinstance(state, NoLine):
