@@ -73,8 +73,9 @@ class Layout:
         self.B = functions(self.points, terms)
         self.tables = self.B.reshape(-1, terms + 4)
         self.tests = np.concatenate([self.B[0], self.B[1]]).T.copy()  # (M, 2 G)
-        slopes = self.B[1].T
-        self.slope_pairs = (slopes[:, None] * slopes).reshape(-1, self.points.size)  # (M M, G)
+        powered = np.vander(self.points, 3, increasing=True).T * self.weights  # (3, G)
+        moments = self.B[0].T @ (powered[..., None] * self.B[:3, None])  # int B xi^k (B, B', B'')
+        self.moments = moments.reshape(9, terms + 4, -1)
         self.ends = functions(np.array([0.0, 1.0]), terms)[1]  # B' at L and R
         self.functions = terms + 2  # without those of the ends
         self.inner = 2 * self.functions * self.segments
@@ -101,6 +102,8 @@ class Layout:
         # of a segment: q, p of L and R, s of L and R, (segments, 2 functions + 6)
         self.columns = np.column_stack([q, *ends, self.s[:-1], self.s[1:]])
         self.softness = Softness(0.0, 1.0)
+        # of `Rope.columns`; the same at each call, large new arrays are slow
+        self.blocks = np.empty((3, self.segments, terms + 4, 2, 2 * terms + 10))
 
     def place_followers(self, Z: Array) -> None:
         """Set what follows from other coordinates in Z (3, ..., size)."""
@@ -134,7 +137,8 @@ class Rope:
         u = Z[..., layout.columns[:, :-2]]  # (3, ..., S, 2 M)
         at = Z[..., layout.columns[:, -2:]]  # s of L and R (3, ..., S, 2)
         self.h = (at[..., 1] - at[..., 0])[..., None]
-        left, h = at[..., :1], self.h[0]
+        self.left = left = at[..., :1]
+        h = self.h[0]
         self.xi = np.empty((*self.h.shape[:-1], layout.points.size))
         self.xi[0] = layout.points
         self.xi[1] = -(left[1] + layout.points * self.h[1]) / h
@@ -192,8 +196,24 @@ class Rope:
         return out
 
     @property
+    def moving_functions(self) -> Array:
+        """int B (jet of B) dxi (3, S, M, M): B has no time of its own, but xi does."""
+        (_, dl, ddl), (h, dh, ddh) = self.left, self.h  # (S, 1) each
+        rate = np.stack([-dl / h, -dh / h, 0.0 * h])  # of xi by rising powers of it, (3, S, 1)
+        squared = np.stack([rate[0] ** 2, 2.0 * rate[0] * rate[1], rate[1] ** 2])
+        faster = -np.stack([ddl, ddh, 0.0 * h]) / h - 2.0 * dh / h * rate
+        none = 0.0 * rate
+        one = none + np.array([1.0, 0.0, 0.0])[:, None, None]
+        # factors (3 derivatives of B, 3 powers) of the jet, (3, S, 9)
+        factors = np.array([[one, none, none], [none, rate, none], [none, faster, squared]])
+        return np.tensordot(np.moveaxis(factors[..., 0], 3, 1).reshape(3, -1, 9), self.layout.moments, 1)
+
+    @property
     def columns(self) -> Array:
-        """Those of the rows by coordinates, velocities and accelerations, (3, S, M, 2, 2 M + 2)."""
+        """Those of the rows by coordinates, velocities and accelerations, (3, S, M, 2, 2 M + 2).
+
+        The next call overwrites them.
+        """
         line, layout, law = self.layout.line, self.layout, self.law
         rho, c = line.rope.mass_per_length, line.rope.damping
         B, slopes = layout.B[0].T, layout.B[1].T  # (M, G)
@@ -204,20 +224,19 @@ class Rope:
             """d(r.. + c r.) where the jet is that of dr/d(coordinate)."""
             return np.stack([jet[2] + c * jet[1], 2.0 * jet[1] + c * jet[0], jet[0]])
 
-        jets = np.empty((3, S, G, M))  # of dr/d(coordinate): B has no time of its own
-        jets[0] = layout.B[0]
-        jets[1] = layout.B[1] * self.xi[1, ..., None]
-        jets[2] = layout.B[2] * self.xi[1, ..., None] ** 2 + layout.B[1] * self.xi[2, ..., None]
-        inertia = B @ ((rho * h * weights)[..., None] * rates(jets))  # (3, S, M, M)
-        out = np.zeros((3, S, M, 2, 2 * M + 2))
+        inertia = rates(self.moving_functions) * (rho * h)[..., None]  # (3, S, M, M)
+        out = layout.blocks
+        out[:] = 0.0
         out[:, :, :, 0, 0:-2:2] = out[:, :, :, 1, 1:-2:2] = inertia
 
         unit = self.slope / law.stretch[..., None]
         ratio = (law.N / law.stretch)[..., None, None]
         along = unit[..., :, None] * unit[..., None, :]
         stiffness = ratio * np.eye(2) + (law.N_stretch - ratio) * along  # d(N t)/dr' (S, G, 2, 2)
-        block = layout.slope_pairs @ ((weights / h)[..., None] * stiffness.reshape(S, G, 4))  # (S, M M, 4)
-        out[0, ..., :-2] += block.reshape(S, M, M, 2, 2).transpose(0, 1, 3, 2, 4).reshape(S, M, 2, 2 * M)
+        weighed = (weights / h)[..., None, None] * stiffness
+        for i in range(S):  # both axes by one product of matrices
+            moved = weighed[i, :, :, None] * layout.B[1][:, None, :, None]  # (G, 2, M, 2)
+            out[0, i, ..., :-2] += (slopes @ moved.reshape(G, -1)).reshape(M, 2, 2 * M)
 
         one = np.array([1.0, 0.0, 0.0])[:, None, None]
         slope = quotient(composed(self.Y[:, 1:], self.xi), self.h[..., None])  # the jet of r'

@@ -191,8 +191,8 @@ def _on_wheels(x: _History, trolley: Trolley, data: Cars, grip: Array, powers: d
     system, car, pair = x.system, trolley.car, [trolley.k - 1, trolley.k]
     nodes, slots = np.array(pair), system.s[pair]
     P = x.rows[1][:, nodes - 1] + x.rows[0][:, nodes]
-    z, n = np.array([x.q, x.v, x.a]), x.t.size
-    on = trolley.forces(data, trolley.inputs(z, P.reshape(n, 4)))
+    n = x.t.size
+    on = trolley.forces(data, trolley.inputs((x.q, x.v, x.a), P.reshape(n, 4)))
     sides = trolley.slopes(x.q).reshape(n, 2, 2, 2)  # of each wheel, behind and ahead
     s, ds = x.q[:, slots], x.v[:, slots]
     pulls = [[np.linalg.norm(z, axis=1) for z in x.beside(k, x.pulls)] for k in pair]

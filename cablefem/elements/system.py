@@ -234,10 +234,13 @@ class LineElements(System):
     def rows(self, t: float, x: Slots, phase: int, law: Law | None = None, cars: Cars | None = None) -> Array:
         """Rows of all slots (size,): what is missing from balance; of prescribed ones the force that they need."""
         cars = cars or self.car_data(t, phase)
-        rows = self._rope_rows(x, law or self._law(x), cars)
+        return self._with_bodies(self._rope_rows(x, law or self._law(x), cars), t, x, phase, cars)
+
+    def _with_bodies(self, rows: Array, t: float, x: Slots, phase: int, cars: Cars) -> Array:
+        """`rows` of `_rope_rows`, with what supports, cars on two wheels and forces F add to them."""
         self._add_supports(rows, x)
         for trolley in self.trolleys:
-            y = trolley.inputs(np.array(x), rows[trolley.points.ravel()])
+            y = trolley.inputs(x, rows[trolley.points.ravel()])
             rows[trolley.rows] += trolley.forces(cars, y).rows
         for slot, rail in self.rails:
             rows[slot] += rail.slopes(x.q[slot])[1] * rows[slot + 1]
@@ -426,17 +429,19 @@ class LineElements(System):
         """Contact forces [N] of all that may lift off; `rows` are those of x."""
         if not self.cars:
             return []
-        if self.compiled and not self.trolleys and not self.rails:
-            return self._kernel.loads(x, cars).tolist()
-        at = forces(cars, self.car_inputs(x, self.motion(x)))
-        loads = [[normal] for normal in at.normal.tolist()]
+        loads = {}
+        if self.compiled and self.points:
+            loads = dict(zip(self.points, self._kernel.loads(x, cars)[:, None], strict=True))
+        elif self.points:
+            at = forces(cars, self.car_inputs(x, self.motion(x)))
+            loads = {i: at.normal[[i]] for i in self.points}
         for trolley in self.trolleys:
-            y = trolley.inputs(np.array(x), rows[trolley.points.ravel()])
-            loads[trolley.i] = [*trolley.forces(cars, y).loads]
+            y = trolley.inputs(x, rows[trolley.points.ravel()])
+            loads[trolley.i] = np.array(trolley.forces(cars, y).loads)
         for i, car in enumerate(self.line.cars):
             if car.rail is not None:
-                loads[i] = [np.inf]
-        return [float(load) for each in loads for load in each]
+                loads[i] = np.array([np.inf])
+        return np.concatenate([loads[i] for i in range(len(self.cars))]).tolist()
 
     def _hangs(self, rows: Array) -> list[float]:
         """Smallest tension, and pressures of the rope on the saddles [N], where `rows` are the last ones computed."""
@@ -483,23 +488,28 @@ class LineElements(System):
     ) -> tuple[Array, Solve]:
         x = self.slots(t, q, v, a, phase)
         law, cars = self._law(x), self.car_data(t, phase)
-        solve = self.solver(t, x, phase, (c0, c1, c2), self.free, law, cars)
-        return self.rows(t, x, phase, law, cars)[self._unknown], solve
+        rope = self._rope_rows(x, law, cars)
+        solve = self.solver(t, x, phase, (c0, c1, c2), self.free, law, cars, rope)
+        return self._with_bodies(rope, t, x, phase, cars)[self._unknown], solve
 
     def solver(
         self, t: float, x: Slots, phase: int, c: tuple[complex, complex, complex], free: NDArray[np.bool_],
-        law: Law | None = None, cars: Cars | None = None,
+        law: Law | None = None, cars: Cars | None = None, rope: Array | None = None,
     ) -> Solve:  # fmt: skip
-        """The solution with c0 dr/dq + c1 dr/dv + c2 dr/da of free slots; without c2 forces F/M count once."""
+        """The solution with c0 dr/dq + c1 dr/dv + c2 dr/da of free slots; without c2 forces F/M count once.
+
+        rope : rows of x, see `_rope_rows`.
+        """
         cars = cars or self.car_data(t, phase)
         law = law or self._law(x)
+        rope = self._rope_rows(x, law, cars) if rope is None else rope
         if not self.compiled:
-            return self._sparse(x, law, cars, c, free)
+            return self._sparse(x, law, cars, c, free, rope)
         kind = complex if any(isinstance(z, complex) for z in c) else float
         matrix = Bordered(2 * self.n, self.band, self.size - 2 * self.n, kind)
         on_one = cars if self.points else None
         self._kernel.add_tangent(x, law, on_one, np.array(c, kind).tolist(), matrix)
-        self._add_contacts(matrix, x, law, cars, c)
+        self._add_contacts(matrix, x, rope, cars, c)
         matrix.fix(np.flatnonzero(np.logical_not(free)))
         solve_all, unknown = matrix.factored(), np.flatnonzero(free)
 
@@ -511,8 +521,9 @@ class LineElements(System):
         return solve
 
     def _sparse(
-        self, x: Slots, law: Law, cars: Cars, c: tuple[complex, complex, complex], free: NDArray[np.bool_]
-    ) -> Solve:
+        self, x: Slots, law: Law, cars: Cars, c: tuple[complex, complex, complex], free: NDArray[np.bool_],
+        rope: Array,
+    ) -> Solve:  # fmt: skip
         """`solver` by numpy and a sparse factorisation."""
         m = self.motion(x)
         parts = self.segments.tangent(m, law, c)
@@ -522,19 +533,17 @@ class LineElements(System):
         np.add.at(matrix, (slots[:, :, None], slots[:, None, :]), parts)
         if self.points:
             self._add_car_tangent(Full(matrix), derivatives(cars, self.car_inputs(x, m)), m, c)
-        self._add_contacts(Full(matrix), x, law, cars, c)
+        self._add_contacts(Full(matrix), x, rope, cars, c)
         return splu(csc_array(matrix[free][:, free])).solve
 
     def _add_contacts(
-        self, matrix: Matrix, x: Slots, law: Law, cars: Cars, c: tuple[complex, complex, complex]
+        self, matrix: Matrix, x: Slots, rope: Array, cars: Cars, c: tuple[complex, complex, complex]
     ) -> None:
         """Add supports, cars on two wheels, and the rows that determine F."""
         for slot, value in self._support_tangent(x, c):
             matrix.add([slot], [slot], np.array([[value]]))
-        if self.trolleys:
-            rope, z = self._rope_rows(x, law, cars), np.array(x)
-            for trolley in self.trolleys:
-                trolley.add_tangent(matrix, z, rope[trolley.points.ravel()], cars, c)
+        for trolley in self.trolleys:
+            trolley.add_tangent(matrix, x, rope[trolley.points.ravel()], cars, c)
         for slot, rail in self.rails:
             matrix.slave(slot + 1, rail.slopes(x.q[slot])[1])
         for saddle, car, stretch in self.gripping:

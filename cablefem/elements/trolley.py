@@ -14,6 +14,7 @@ f holds thrust, haul force and drag, Mo their moments about c; the hold acts at 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -73,26 +74,26 @@ class Trolley:
 
     def place(self, z: Array) -> None:
         """Set the points of the wheels in q, v, a of all slots (3, size)."""
-        X, (th, rate, turning) = z[:, self.body[:2]], z[:, self.body[2]]
-        e1, e2 = np.array([np.cos(th), np.sin(th)]), np.array([-np.sin(th), np.cos(th)])
+        base = self.wheels.base
+        th, rate, turning = z[:, self.body[2]].tolist()
+        cos, sin = base * math.cos(th), base * math.sin(th)
+        X = z[:, self.body[:2]]
         z[:, self.points[1]] = X
-        z[:, self.points[0]] = X - self.wheels.base * np.array([e1, rate * e2, turning * e2 - rate**2 * e1])
+        faster = [-turning * sin - rate**2 * cos, turning * cos - rate**2 * sin]
+        z[:, self.points[0]] = X - [[cos, sin], [-rate * sin, rate * cos], faster]
 
     def slopes(self, q: Array) -> Array:
         """r' at the sides of both wheels (..., 4, 2), from q of all slots (..., size)."""
         h = q[..., self.ends[:, 1]] - q[..., self.ends[:, 0]]
         return (self.shapes[:, None] @ q[..., self.near])[..., 0, :] / h[..., None]
 
-    def inputs(self, z: Array, P: Array) -> Array:
-        """Inputs (INPUTS, ...) of `forces`, from q, v, a (3, ..., size) and P of both wheels (..., 4)."""
+    def inputs(self, z: Sequence[Array], P: Array) -> Any:
+        """Inputs (INPUTS, ...) of `forces`, from q, v, a (..., size) and P of both wheels (..., 4)."""
         q, v, a = z
-        out = np.zeros((INPUTS, *P.shape[:-1]))
-        out[:8] = self.slopes(q).reshape(*P.shape[:-1], 8).T
-        out[8:12], out[12] = P.T, q[..., self.body[2]]
-        out[13:16], out[16:19] = v[..., self.body].T, a[..., self.body].T
-        if self.force >= 0:
-            out[19] = a[..., self.force]
-        return out
+        slopes = self.slopes(q).reshape(*P.shape[:-1], 8)
+        force = a[..., self.force] if self.force >= 0 else 0.0 * P[..., 0]
+        parts = [slopes, P, q[..., self.body[2:]], v[..., self.body], a[..., self.body], force[..., None]]
+        return np.concatenate(parts, axis=-1).T
 
     def forces(self, cars: Cars, y: Any) -> Forces:
         """Forces at y (INPUTS, ...), which may be complex, with data of all cars (..., cars)."""
@@ -134,7 +135,9 @@ class Trolley:
             haul=F * (cos * vx + sin * vy) + haul_turns * rate, drag=drag * (air * vx + vy * vy),
         )  # fmt: skip
 
-    def add_tangent(self, matrix: Matrix, z: Array, P: Array, cars: Cars, c: tuple[complex, complex, complex]) -> None:
+    def add_tangent(
+        self, matrix: Matrix, z: Sequence[Array], P: Array, cars: Cars, c: tuple[complex, complex, complex]
+    ) -> None:
         """Add c0 d/dq + c1 d/dv + c2 d/da of the rows; the nodes follow the body in the columns of `matrix`.
 
         What the pitch rate adds there to c1 and c2 is left out: it is of the order of the rate times the step.
