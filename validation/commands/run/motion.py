@@ -40,6 +40,7 @@ PATH = "t,s_o,x,y,u,v,T_behind,T_ahead,speed,F_haul,F_contact"  # columns of pat
 PITCHING = 3.0  # coarsest steps in a period of the pitch of a car on two wheels
 NOT_HELD = 0.01  # of its weight: a shoe that pulls a car down by less
 ON_RAIL = 6  # coarsest steps of a car on a rail over a shoe
+WAVES = 40.0  # of a pitching car on a span, at most, that set the coarsest resolution: more take hours
 ORDER = 4.0  # credited to refinement in space and time, at most
 Row = dict[str, Any]
 
@@ -51,11 +52,12 @@ class Method:
     name: str
     setting: str
     coarsest: int
+    on_wave: float  # coarsest resolution on the length of a wave; four times it leaves 0.1 % of the pitch
     system: Callable[[MovingLine, int], Any]
 
 
-ELEMENTS = Method("elements", "elements", 2, lambda line, n: LineElements(line, elements=n, degree=4))
-SINES = Method("sines", "terms", 3, lambda line, n: LineSines(line, n))
+ELEMENTS = Method("elements", "elements", 2, 0.6, lambda line, n: LineElements(line, elements=n, degree=4))
+SINES = Method("sines", "terms", 3, 0.9, lambda line, n: LineSines(line, n))
 
 
 def time_on_rails(system: Any, state: State) -> float:
@@ -96,8 +98,11 @@ def held_down(line: Line, motion: LineMotion) -> list[str]:
 class Runs:
     """Runs of one method on a line, each made once."""
 
-    def __init__(self, method: Method, line: Line, like: Runs | None = None) -> None:
-        """like : runs to be compared with, at whose instants these step, too."""
+    def __init__(self, method: Method, line: Line, like: Runs | None = None, coarser: float = 1.0) -> None:
+        """like : runs to be compared with, at whose instants these step, too.
+
+        coarser : times in space and time than what a car that pitches needs.
+        """
         self.method = method
         self.table = line
         empty = line.empty(catenary_line.solve)
@@ -108,7 +113,12 @@ class Runs:
         total = self.line.t_end
         N = float(np.nanmax(empty.tensions))
         pitches = [pitch_period(car.wheels, car.mass, N) for car in self.line.cars if car.wheels is not None]
-        rate = max(STEPS / total, *(PITCHING / period for period in pitches), 0.0)
+        # a car that pitches sends waves along the rope, which damp it: a rope too coarse for them lets it ring
+        longest_span = float(np.diff(empty.s).max()) * (1.0 + line.cable.warmer)
+        speed = math.sqrt(N / rope.mass_per_length)
+        waves = max((longest_span / (speed * period) for period in pitches), default=0.0)
+        self.coarsest = max(method.coarsest, math.ceil(method.on_wave * min(waves, WAVES) / coarser))
+        rate = max(STEPS / total, *(PITCHING / (period * coarser) for period in pitches), 0.0)
         self.grid = [np.linspace(t0, t1, max(2, math.ceil(rate * (t1 - t0))) + 1) for t0, t1 in self.line.phases]
         if like is not None:
             self.grid = [np.unique([t0, t1, *like.within(t0, t1)]) for t0, t1 in self.line.phases]
@@ -137,7 +147,7 @@ class Runs:
         return Ladder(finest, *branches)
 
     def _made(self, space: int, time: int) -> Moved:
-        n = space * self.method.coarsest
+        n = space * self.coarsest
         system = self.method.system(self.line, n)
         n_dof = system.n_dof
         shares = [np.arange(time * (t.size - 1) + 1) / time for t in self.grid]
