@@ -198,6 +198,7 @@ def test_the_paper_redone(tmp_path):
     holds = (
         "omega-1", "top-speed", "turn-at-0.655", "wu-chen-0.8", "deepest-at-a-third", "deepest-in-the-middle",
         "lowest-at-0.8", "jump-at-the-mass", "slow-elsewhere", "sine-oscillations-stay", "position-form", "start-48",
+        "outlook",
     )  # fmt: skip
     fails = (
         "factor-of-two", "tension-constant", "sign-of-h", "alpha-844", "count", "dyadic-places", "potential-energy",
@@ -211,6 +212,8 @@ def test_the_paper_redone(tmp_path):
     assert abs(content["references"]["level"]["largest_v"] - 0.018871) < 2e-6  # of the formulations
     assert {c["kind"] for c in found.values() if c["id"] in ("sign-of-h", "alpha-844", "count")} == {"print"}
     assert abs(found["wu-chen-0.8"]["quantities"][1]["converged"] - 0.7965) < 1e-3
+    # two wheels are m g b/(4 N) higher than a point where they carry alike
+    assert np.mean(content["outlook"]["0"]["change"]) == pytest.approx(-4905.0 * 2.0 / (4.0 * 1.4e5), rel=0.5)
     sections = report.sections(tmp_path)
     page.render("paper", sections, tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text(encoding="utf-8")

@@ -13,7 +13,7 @@ from galerkin.bases import Basis
 from galerkin.bases.daubechies import Daubechies
 from galerkin.bases.fourier import Fourier
 from galerkin.modes import bare_frequencies
-from validation.commands.paper import gibbs, measured, vibration
+from validation.commands.paper import gibbs, measured, outlook, vibration
 from validation.commands.paper.runs import SETTINGS, Runs
 from validation.core import store
 from validation.core.sidebyside import Progress
@@ -30,10 +30,10 @@ def names(runs: Runs, others: dict[str, Any]) -> dict[str, Any]:
 
 
 def numbers(runs: Runs, file: Path, report: Progress, quick: bool = False) -> dict[str, Any]:
-    """Numbers beyond runs: figure 2, overshoot beside the mass, energy in free vibration.
+    """Numbers beyond runs: figure 2, overshoot beside the mass, energy in free vibration, the outlook's trolley.
 
     file : where they are stored, and read again if scenes and settings are the same.
-    quick : overshoots of the three coarsest of each ladder.
+    quick : overshoots of the three coarsest of each ladder, a trolley on fewer elements.
     """
     count = 3 if quick else None
     ladders = {method: ladder[:count] for method, ladder in SETTINGS["overshoot"]["terms"].items()}
@@ -48,8 +48,9 @@ def numbers(runs: Runs, file: Path, report: Progress, quick: bool = False) -> di
             "coarse": energy(swing["coarse_steps"]), "fine": energy(swing["fine_steps"]),
             "kept": energy(swing["coarse_steps"], "gauss"),
         },
+        "outlook": lambda: outlook.rides(quick),
     }  # fmt: skip
-    conditions = level.to_toml(), inclined.to_toml(), SETTINGS["overshoot"] | {"terms": ladders}, swing
+    conditions = level.to_toml(), inclined.to_toml(), SETTINGS["overshoot"] | {"terms": ladders}, swing, quick
     keyed = {json.dumps((name, *conditions)): job for name, job in jobs.items()}
     results = store.each_once(file, keyed, lambda job: job(), partial(report, "numbers"))
     return dict(zip(jobs, results.values(), strict=True))

@@ -203,7 +203,22 @@ def _overshoot(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Fig
     return fig
 
 
+def _outlook(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
+    x = content["outlook"]["x"]
+    fig, (top, bottom) = panels(2, 1, height=5.0, sharex=True)
+    for angle, color in FIGURES["angles"].items():
+        ride = content["outlook"][angle]
+        top.plot(x, ride["change"], "-", color=color, label=f"thrust at {angle}°")
+        bottom.plot(x, ride["loads"]["wheel_front"], "-", color=color)
+        bottom.plot(x, ride["loads"]["wheel_rear"], "--", color=color)
+    top.invert_yaxis()
+    top.set(ylabel="change of the path [m]")
+    bottom.set(xlabel="x [m]", ylabel="wheel load over weight")
+    top.legend()
+    return fig
+
+
 DRAWN: dict[str, Callable[[dict[str, Any], dict[str, Any], Shown], Figure]] = {
     "frequencies": _frequencies, "paths": _paths, "shapes": _along, "tensions": _along, "levels": _levels,
-    "law": _law, "overshoot": _overshoot,
+    "law": _law, "overshoot": _overshoot, "outlook": _outlook,
 }  # fmt: skip

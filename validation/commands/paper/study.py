@@ -35,6 +35,7 @@ def paper(out: Path, report: Progress = silent, *, quick: bool = False) -> dict[
     content = {
         "quick": quick, "claims": claims, "count": {verdict: counts[verdict] for verdict in judged.VERDICTS},
         "references": references, "frequencies": numbers["frequencies"], "overshoot": numbers["overshoot"],
+        "outlook": numbers["outlook"],
     }  # fmt: skip
     write_json(out / "claims.json", content)
     report("claims", 1.0)

@@ -1,0 +1,64 @@
+"""The paper's last paragraph on its own cable: a trolley on two wheels, a thrust at an angle, brakes."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from cablefem.response import Array
+from cablefem.scene.line import Line
+from validation.commands.run.motion import ELEMENTS, Runs
+from validation.core.ladder import Ladder
+from validation.core.motion_rows import turning_columns, with_bars
+from validation.page.motion import unit_of
+
+ANGLES = ("0", "5", "15")  # [deg] of the thrust above the line of the wheels
+POINT = {"car.sled.wheels": None, "car.sled.drive.thrust.angle": 0.0}
+PLACES = np.linspace(70.0, 1000.0, 187)  # [m] that all rides pass
+Row = dict[str, Any]
+
+
+def rides(quick: bool) -> Row:
+    """Numbers with bars and series at PLACES of the ride of a point mass and of the trolley, by the thrust's angle."""
+    line = Line.load("rocket-trolley")
+    lines = {angle: line.replace({"car.sled.drive.thrust.angle": float(angle)}) for angle in ANGLES}
+    coarser = 3.0 if quick else 1.0
+    ladders = {name: Runs(ELEMENTS, each, coarser=coarser).ladder(2, 2) for name, each in lines.items()}
+    point = Runs(ELEMENTS, line.replace(POINT)).ladder(8, 2)  # without pitch the coarsest run has few elements
+    ladders["point"] = point
+    return {"x": PLACES.tolist(), **{name: _ride(ladder, point, line) for name, ladder in ladders.items()}}
+
+
+def _ride(ladder: Ladder, point: Ladder, line: Line) -> Row:
+    """Design numbers; besides where the ride ends, how far its path is from the point mass's, and series over x."""
+    at_point = _depths(point.finest)
+    x = _car(ladder.finest).point[:, 0]
+    loads = {name: of for name, of in turning_columns(_car(ladder.finest)).items() if name != "pitch"}
+    weight = line.car[0].mass * line.gravity
+
+    def away(run: Any) -> float:
+        return float(np.abs(_depths(run) - at_point).max())
+
+    numbers = {"end": _number(ladder, lambda run: float(_car(run).point[-1, 0] / line.contact[-1].at[0]))}
+    numbers["away"] = _number(ladder, away)
+    numbers["away"]["bar"] += point.bar(away)
+    for row in with_bars(ladder, None, line, unit_of):
+        numbers[row["quantity"]] = row
+    return numbers | {
+        "change": (_depths(ladder.finest) - at_point).tolist(),
+        "loads": {name: (np.interp(PLACES, x, of) / weight).tolist() for name, of in loads.items()},
+    }
+
+
+def _car(run: Any) -> Any:
+    return run.motion.cars[0]
+
+
+def _depths(run: Any) -> Array:
+    """At PLACES [m]."""
+    x, y = _car(run).point.T
+    return np.interp(PLACES, x, y)
+
+
+def _number(ladder: Ladder, of: Callable[[Any], float]) -> Row:
+    return {"value": of(ladder.finest), "bar": ladder.bar(of)}
