@@ -394,7 +394,7 @@ class Response(MassPath):
         plain = [n for n in FIELDS if n not in (*_ARRAYS, "fields", "powers")]
         rest = {n: getattr(self, n) for n in plain}
         rest["flags"] = [asdict(flag) for flag in self.flags]
-        with whole(folder / "response.npz") as temporary, temporary.open("wb") as out:
+        with atomic_write(folder / "response.npz") as temporary, temporary.open("wb") as out:
             np.savez(out, allow_pickle=False, _rest=np.array(json.dumps(rest)), **arrays)
         write_json(folder / "summary.json", self.summary())
 
@@ -426,7 +426,7 @@ _ARRAYS = tuple(name for name, field in FIELDS.items() if field.type == "Array")
 
 
 @contextmanager
-def whole(path: Path) -> Iterator[Path]:
+def atomic_write(path: Path) -> Iterator[Path]:
     """A temporary neighbour, put in place on success."""
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
@@ -439,13 +439,13 @@ def whole(path: Path) -> Iterator[Path]:
 
 def write_csv(path: Path, header: str, rows: Array) -> None:
     """Write rows in full; NaN as an empty cell."""
-    with whole(path) as temporary, temporary.open("w", encoding="ascii") as out:
+    with atomic_write(path) as temporary, temporary.open("w", encoding="ascii") as out:
         body = repr(rows.tolist())[2:-2].replace("], [", "\n").replace(", ", ",").replace("nan", "")
         out.write(f"{header}\n{body}\n" if rows.size else f"{header}\n")
 
 
 def write_text(path: Path, text: str) -> None:
-    with whole(path) as temporary:
+    with atomic_write(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 

@@ -150,7 +150,7 @@ class Motion:
         pieces = tuple(tuple(p._replace(c0=p.c0 + start) for p in pieces) for pieces in self.pieces)
         return Motion(self.phases, pieces, self.end + start)
 
-    def then(self, duration: float, acceleration: float) -> Motion:
+    def with_stop(self, duration: float, acceleration: float) -> Motion:
         """The same motion, then with `acceleration` to rest after `duration`; 0: at rest."""
         t = self.phases[-1][1]
         s, v, _ = self.at(t, len(self.phases) - 1)

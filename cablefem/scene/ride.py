@@ -15,13 +15,16 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cablefem.scene.bisection import bisected
 from cablefem.scene.drive import Drive
 from cablefem.scene.statics import NoRest, Rest, gripped, nodes
+
+if TYPE_CHECKING:
+    from cablefem.scene.scene import Groups
 
 HORIZON = 1e3  # [l sqrt(rho/H)] longest ride
 LASTS = 10.0  # longest ride over the quasi-static one
@@ -56,7 +59,7 @@ class LoadPath:
         return px, py, bx, by, hold, stretch
 
     @classmethod
-    def loaded(cls, groups) -> LoadPath:
+    def loaded(cls, groups: Groups) -> LoadPath:
         """The elastic catenary of two pieces; groups: mu, alpha, sigma, c."""
         r = gripped(nodes(), groups)
         path = cls(r.s, r.place, r.along, r.bend, r.hold, r.stretch)
@@ -64,7 +67,7 @@ class LoadPath:
         return path
 
     @classmethod
-    def empty(cls, groups) -> LoadPath:
+    def empty(cls, groups: Groups) -> LoadPath:
         """The path along the empty cable's shape."""
         s = nodes()
         _, xp, yp, xpp, ypp = groups.static(s)
@@ -73,7 +76,7 @@ class LoadPath:
         return cls(s, place, np.stack([xp, yp], -1), np.stack([xpp, ypp], -1), hold, np.ones_like(s))
 
     @classmethod
-    def chord(cls, groups) -> LoadPath:
+    def chord(cls, groups: Groups) -> LoadPath:
         """The path along the straight chord."""
         s = nodes()
         slope = np.stack(groups.shape(1.0))
@@ -365,7 +368,7 @@ def ride(path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float = m
     return _Rolling(path, mu, sigma, drive, turns).to_its_end()
 
 
-def quasi_static(groups, drive: Drive) -> tuple[Ride, Drive]:
+def quasi_static(groups: Groups, drive: Drive) -> tuple[Ride, Drive]:
     """The ride on the loaded cable, and the drive with `nominal` and `end_time`.
 
     A swinging ride of open end is over at its second turn.

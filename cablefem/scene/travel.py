@@ -73,7 +73,7 @@ class Law(Part):
         """The travel with its stop and final rest, in SI."""
         motion = self._stopped(self.motion_over(distance))
         if self.rest:
-            motion = motion.then(self.rest, 0.0)
+            motion = motion.with_stop(self.rest, 0.0)
         return motion.shifted(begin) if begin else motion
 
     def _stopped(self, motion: Motion) -> Motion:
@@ -82,7 +82,7 @@ class Law(Part):
         a = self.stop.deceleration
         begun = motion.until(self.stop.time)
         _, speed, _ = begun.at(self.stop.time, len(begun.phases) - 1)
-        return begun.then(speed / a, -a) if speed > 0.0 else begun
+        return begun.with_stop(speed / a, -a) if speed > 0.0 else begun
 
     def motion_over(self, distance: float) -> Motion:
         """The motion from 0 over a distance [m], in SI."""

@@ -103,17 +103,17 @@ def test_each_planted_fault_of_an_answer_is_seen(cablefem):
     assert code == 0
     page = Path("x/report.html").read_text()
     printed = out.splitlines()
-    assert list(readback.inverse(Path("x"), page, printed)) == []
+    assert list(readback.faults_of_find(Path("x"), page, printed)) == []
     right = json.loads(Path("x/find.json").read_text())
     for plant in FAULTS.values():
         wrong = json.loads(json.dumps(right))
         plant(wrong)
         Path("x/find.json").write_text(json.dumps(wrong))
-        assert list(readback.inverse(Path("x"), page, printed))
+        assert list(readback.faults_of_find(Path("x"), page, printed))
     Path("x/find.json").write_text(json.dumps(right))
     number = f"{right['value']:.0f}"
-    assert list(readback.inverse(Path("x"), page.replace(number, number[:-1] + "9"), printed))
-    assert list(readback.inverse(Path("x"), page, [text.replace(number, number[:-1] + "9") for text in printed]))
+    assert list(readback.faults_of_find(Path("x"), page.replace(number, number[:-1] + "9"), printed))
+    assert list(readback.faults_of_find(Path("x"), page, [text.replace(number, number[:-1] + "9") for text in printed]))
 
 
 def test_words_are_bisected_and_a_condition_that_never_changes_says_what_happens():
@@ -180,10 +180,10 @@ def test_the_curve_of_two_keys(cablefem):
     assert table.startswith("mass.mass,cable.sag,answer")
     page = Path("x/report.html").read_text()
     printed = out.splitlines()
-    assert list(readback.inverse(Path("x"), page, printed)) == []
+    assert list(readback.faults_of_find(Path("x"), page, printed)) == []
     Path("x/find.csv").write_text(table.replace("\n80,", "\n81,"))
-    assert list(readback.inverse(Path("x"), page, printed)) == ["find.csv is not find.json"]
-    assert list(readback.inverse(Path("x"), page.replace(f">{heavy:.6g}<", f">{1.01 * heavy:.6g}<"), printed))
+    assert list(readback.faults_of_find(Path("x"), page, printed)) == ["find.csv is not find.json"]
+    assert list(readback.faults_of_find(Path("x"), page.replace(f">{heavy:.6g}<", f">{1.01 * heavy:.6g}<"), printed))
 
 
 @pytest.mark.parametrize(

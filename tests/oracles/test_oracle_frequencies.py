@@ -56,8 +56,10 @@ def test_irvine_reference_and_limits():
     L2 = irvine.parameter(SIGMA, ALPHA)
     assert pytest.approx(24.08404, abs=1e-5) == L2
     assert irvine.frequencies(L2, 1)[0] == pytest.approx(5.3497920, abs=5e-8)
-    np.testing.assert_allclose(irvine.symmetric(1e-9, 4), math.pi * np.array([1.0, 3.0, 5.0, 7.0]), atol=1e-8)
-    for W in irvine.symmetric(L2, 5):
+    np.testing.assert_allclose(
+        irvine.symmetric_frequencies(1e-9, 4), math.pi * np.array([1.0, 3.0, 5.0, 7.0]), atol=1e-8
+    )
+    for W in irvine.symmetric_frequencies(L2, 5):
         z = 0.5 * W
         assert math.tan(z) == pytest.approx(z - 4.0 / L2 * z**3, rel=1e-10)
     assert abs(math.tan(2.67489) - (2.67489 + 4.0 / L2 * 2.67489**3)) > 1.0  # the sign of the cubic term matters
@@ -68,7 +70,7 @@ def test_irvine_modes_satisfy_the_integro_differential_equation(L2):
     """w'' + W^2 w = L^2 int w, ends fixed (h y'' = L^2 int w times -1 moved to the left)."""
     node, weight = np.polynomial.legendre.leggauss(60)
     s, weight = 0.5 * (1.0 + node), 0.5 * weight
-    for W in irvine.symmetric(L2, 4):
+    for W in irvine.symmetric_frequencies(L2, 4):
         w = symmetric_mode(s, W)
         assert np.abs(symmetric_mode([0.0, 1.0], W)).max() < 1e-12
         # w'' = W^2 (cos + tan sin) = W^2 (1 - w): the equation is W^2 = L^2 int w
@@ -81,7 +83,7 @@ def test_irvine_modes_satisfy_the_integro_differential_equation(L2):
 
 
 def test_inextensible_reference_and_constraint():
-    W = irvine.symmetric(math.inf, 5)
+    W = irvine.symmetric_frequencies(math.inf, 5)
     assert W[0] == pytest.approx(8.986819, abs=5e-7)
     np.testing.assert_allclose(np.tan(0.5 * W), 0.5 * W, rtol=1e-12)
     node, weight = np.polynomial.legendre.leggauss(60)

@@ -11,7 +11,7 @@ from cablefem.scene import Catenary
 from tests.validation.ladders import alone
 from validation.core import laws
 from validation.core.running import run
-from validation.oracles.temperature import elastic_catenary, heated, piece, unstretched
+from validation.oracles.temperature import elastic_catenary, heated_length_and_weight, piece, unstretched
 
 STEEL = 1.2e-5
 RTE = Catenary(480.0, -10.0, 9.55494, 2000.0 * 9.55494)  # H/w = 2000 m at 15 C
@@ -88,7 +88,7 @@ def changed(name):
 def test_the_scene_meets_the_elastic_catenary(name):
     before, after = changed(name)
     span, drop, _, EA, *_ = LINES[name]
-    S, weight = heated(after, before.length, unstretched(before.catenary, EA))
+    S, weight = heated_length_and_weight(after, before.length, unstretched(before.catenary, EA))
     H, _ = elastic_catenary(span, drop, S, weight, EA)
     assert after.horizontal_tension == pytest.approx(H, rel=2e-6)
     assert after.horizontal_tension != pytest.approx(before.horizontal_tension, rel=0.02)

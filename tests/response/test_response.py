@@ -12,7 +12,7 @@ import pytest
 
 import cablefem as cf
 from cablefem import Scene
-from cablefem.response import Flag, Response, whole, write_csv, write_json
+from cablefem.response import Flag, Response, atomic_write, write_csv, write_json
 from validation.core.design import design
 from validation.core.refine import run_with_error_bars
 from validation.core.running import Run, run
@@ -149,7 +149,7 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path):
         pass
 
     def interrupted() -> None:
-        with whole(target) as temporary:
+        with atomic_write(target) as temporary:
             temporary.write_text("half")
             raise Interrupted
 

@@ -14,7 +14,7 @@ from validation.core.design import design
 from validation.core.methods import METHODS
 from validation.core.refine import run_with_error_bars
 from validation.core.running import Run, run
-from validation.core.sampling import respond
+from validation.core.sampling import response_of
 from validation.core.watch import with_flags
 
 LEVEL = Scene.load("level")
@@ -80,7 +80,7 @@ def test_a_run_that_breaks_where_the_cable_goes_slack_has_no_energy_after_it():
 
 def test_a_bar_that_is_too_small_is_seen():
     r = run_with_error_bars(LEVEL, "following-p2", elements=6, steps=200).run
-    found = job.truth(LEVEL, r, 4)
+    found = job.true_errors(LEVEL, r, 4)
     assert found["doubt"] < found["true_error"] / 3.0
     assert found["true_error"] <= r.path_error
     assert found["true_error"] > 1e-9  # and a run so sure of itself would be found out
@@ -114,7 +114,7 @@ def test_a_ride_that_ends_beyond_the_cable_ended_before(method, settings, beyond
     ride.history.states = StateHistory(
         [*before, last._replace(q=np.append(last.q[:-1], 1.02 if beyond else last.q[-1]))]
     )
-    r = respond(ride.scene, ride.history, method=method, settings=ride.settings, **ride.kind)
+    r = response_of(ride.scene, ride.history, method=method, settings=ride.settings, **ride.kind)
     assert (r.status, r.t.size) == (
         ("incomplete", len(ride.history.states) - 1) if beyond else ("complete", len(ride.history.states))
     )

@@ -22,7 +22,7 @@ LEVEL = Scene.load("level")
 
 
 def test_every_method_model_and_scheme_is_charted_and_nothing_else():
-    lines = list(study.series(LEVEL.groups))
+    lines = list(study.chart_series(LEVEL.groups))
     assert len({x.name for x in lines}) == len(lines)
     assert [x.name for x in lines if x.kind == "method"] == list(METHODS)
     assert {x.name for x in lines if x.kind == "peer"} == set(PEERS)
@@ -43,7 +43,7 @@ def small(tmp_path_factory):
     """A chart of two methods and some of the rest, one repeat."""
     out = tmp_path_factory.mktemp("chart")
     with pytest.MonkeyPatch.context() as patch:
-        all_series = study.series
+        all_series = study.chart_series
         names = ("following-p2", "fixed-p1-naive", "model string", *PEERS)
         waiting = f"following-p2 --tol{study.WHOLE}"
         names = (*names, "following-p2 --tol", waiting, "echo")
@@ -58,7 +58,7 @@ def small(tmp_path_factory):
                     rungs = rungs if len(rungs) < 3 else rungs[::2]
                     yield study.Series(x.name, x.kind, rungs, x.method, x.model)
 
-        patch.setattr(study, "series", few)
+        patch.setattr(study, "chart_series", few)
         patch.setattr(study, "REFERENCE", ("following-p4", {"elements": 10, "steps": 1250}))
         patch.setattr(study, "WITNESS", ("fourier-kink", {"terms": 12, "steps": 200}))
         patch.setattr(study, "available", lambda name: None if name == "echo" else "not installed")
@@ -213,7 +213,7 @@ def test_another_code_runs_the_travel_up_to_the_end_of_the_window():
 def test_a_free_ride_is_charted_over_time_by_what_can_roll():
     text = Scene.load("zipline").to_toml().replace('mode = "free"', 'mode = "free"\nend = {place = 40.0}')
     ride = Scene.from_toml(text)
-    lines = {x.name: x for x in study.series(ride.groups)}
+    lines = {x.name: x for x in study.chart_series(ride.groups)}
     assert "scheme trapezoidal" in lines
     usual = find(study.BASE).settings_on(ride.groups, {})["scheme"]  # a line of its own already
     assert not {f"scheme {usual}"} & set(lines)

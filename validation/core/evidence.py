@@ -187,7 +187,7 @@ class Evidence:
         shoes = [x["force"] * (r.s_o >= x["from"]) for x in drive.get("brake", [])]
         return drive.get("rolling_friction", 0.0) * np.abs(r.F_contact), np.sum([np.zeros(r.t.size), *shoes], axis=0)
 
-    def grip(self, T_behind: Array, T_ahead: Array) -> Array:
+    def grip_power(self, T_behind: Array, T_ahead: Array) -> Array:
         """Power of a grip (n,) [W]: ds_o (-contact . <r'> + <N t> . [r'] - [W]), W = N^2/(2 EA) at equal rest."""
         behind = self.r.slope_behind
         ahead = self.r.slope_ahead
@@ -230,7 +230,7 @@ class Evidence:
             """Integrands (m, 8) at the nodes of a side."""
             spin = cross(x.points, x.velocity)
             kinetic = 0.5 * data.rho * np.sum(x.velocity**2, axis=1)
-            strain = (self.elastic(x) ** 2 - x.T_static**2) / (2.0 * data.EA)
+            strain = (self.elastic_tension(x) ** 2 - x.T_static**2) / (2.0 * data.EA)
             weight = -data.rho * data.gravity * x.points[:, 1]
             return np.stack([*x.velocity.T, *x.points.T, spin, kinetic, weight, strain], axis=1)
 
@@ -242,7 +242,7 @@ class Evidence:
             "energies": integrals[:, 5:],
         }
 
-    def elastic(self, x: Side) -> Array:
+    def elastic_tension(self, x: Side) -> Array:
         """Tension of a side without that of internal damping, EA tau deps/dt (m,)."""
         if not self.data.tau or x.s.size < 3:
             return x.T
@@ -250,7 +250,7 @@ class Evidence:
         return x.T - self.data.EA * self.data.tau * rate
 
     @cached_property
-    def layer(self) -> Array:
+    def layer_loss(self) -> Array:
         """Power lost in the thin layer behind a car that grips, ds_o [N]^2/(2 EA) (n,)."""
         r = self.r
         jump = np.nan_to_num(r.T_ahead - r.T_behind) if self.data.tau else np.zeros(r.t.size)
@@ -283,7 +283,7 @@ class Evidence:
         if r.drive == "grip":
             if self.data.tau:  # what `internal_losses` checks
                 lost["lost_internal"] = r.powers.get("lost_internal", np.zeros(r.t.size))
-            return {"grip": self.grip(r.T_behind, r.T_ahead) + self.layer, **lost}
+            return {"grip": self.grip_power(r.T_behind, r.T_ahead) + self.layer_loss, **lost}
         mean = 0.5 * (r.slope_behind + r.slope_ahead)
         stretch = 0.5 * (np.hypot(*r.slope_behind.T) + np.hypot(*r.slope_ahead.T))
         along = np.sum(mean * r.velocity, axis=1) / np.hypot(*mean.T)

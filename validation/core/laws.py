@@ -541,7 +541,7 @@ def power(m: Evidence) -> Defect:
     r = m.r
     own = m.powers
     if r.drive == "grip":
-        own = own | {"grip": m.grip(r.T_behind_pointwise, r.T_ahead_pointwise) + m.layer}
+        own = own | {"grip": m.grip_power(r.T_behind_pointwise, r.T_ahead_pointwise) + m.layer_loss}
     off = [r.power - _summed(own), *(r.powers[name] - own[name] for name in own if name in r.powers)]
     return _over_steps(m, m.impulse(np.stack(off, axis=1)), m.work)
 
@@ -549,7 +549,7 @@ def power(m: Evidence) -> Defect:
 @_law(lambda m: m.data.tau > 0.0)
 def internal_losses(m: Evidence) -> Defect:
     """Internal damping takes EA tau (deps/dt)^2 along the taut cable, and the layer's loss; over its rms."""
-    own = m.at(m.t, m.layer[:, None])[:, 0]
+    own = m.at(m.t, m.layer_loss[:, None])[:, 0]
     shortest = 0.5 * float(np.diff(m.r.fields.s).max())
     for k, pair in enumerate(m.sides):
         for x in pair:

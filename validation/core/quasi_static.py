@@ -54,7 +54,7 @@ def quasi_static(scene: Scene) -> Response:
 
     work = dict.fromkeys(("rejected", "newton_iterations", "factorisations", "residuals"), 0)
     return Response(
-        **path_in_si(scene, t, s_o, statics.path(s_o)), scene=scene.name, scene_toml=scene.to_toml(),
+        **path_in_si(scene, t, s_o, statics.displacement_of_car(s_o)), scene=scene.name, scene_toml=scene.to_toml(),
         horizontal_tension=scene.horizontal_tension, method="quasi-static", settings={}, model="quasi-static",
         load="mass", law="elastic", reason=None, slack_onset=None, slack_at=None, switched=None,
         events=events_of(scene), work={"steps": t.size - 1, **work}, n_dof=0, seconds=time.perf_counter() - begin,
@@ -86,7 +86,7 @@ def _observation(
     smallest, smallest_at = _smallest_tension(here, g.sigma)
     haul = _haul(g, here, velocity, acceleration) if g.drive.mode == "haul" else np.full(t.size, np.nan)
     return Observation(
-        t=t, s_o=s_o, path=statics.path(s_o), path_velocity=velocity, path_acceleration=acceleration,
+        t=t, s_o=s_o, path=statics.displacement_of_car(s_o), path_velocity=velocity, path_acceleration=acceleration,
         slope_behind=here.slope_behind, slope_ahead=here.slope_ahead,
         T_behind=np.where(s_o > 0.0, here.behind, np.nan), T_ahead=np.where(s_o < 1.0, here.ahead, np.nan),
         energy=energy, power=power, kinetic=kinetic, tension_min=smallest, tension_min_at=smallest_at,
@@ -164,7 +164,7 @@ class Statics:
         """Work of the force that drives the car, from the first node."""
         return np.asarray(self._spline.antiderivative()(s_o)[:, -1])
 
-    def path(self, s_o: Array) -> Array:
+    def displacement_of_car(self, s_o: Array) -> Array:
         """Displacement of the car (n, 2); none next to a support."""
         hanging = np.stack(shape(s_o, self._groups.sigma, self._groups.c), -1)  # points of the empty cable
         off_supports = (s_o > NEAREST) & (s_o < 1.0 - NEAREST)
@@ -297,8 +297,8 @@ def events_of(scene: Scene) -> list[dict[str, Any]]:
     return [{"event": e.event, "t": e.t * tau, "s_o": e.s_o * l, "speed": e.speed * l / tau} for e in events]
 
 
-def events_beside(scene: Scene, deflection: float) -> list[dict[str, Any]]:
-    """Events of the quasi-static ride with bars; deflection : largest, of a full run [m]."""
+def quasi_static_events(scene: Scene, max_deflection: float) -> list[dict[str, Any]]:
+    """Events of the quasi-static ride with bars; max_deflection : of a full run [m]."""
     ride = scene.ride
     if ride is None:
         return []
@@ -308,5 +308,5 @@ def events_beside(scene: Scene, deflection: float) -> list[dict[str, Any]]:
     if ride.sections:
         s_o = scene.length * ride.at(t)[0]
         speed = scene.length / scene.time_scale * ride.speed(t)
-    inertia = Inertia.of(scene, float(speed.max()), deflection)
+    inertia = Inertia.of(scene, float(speed.max()), max_deflection)
     return [event | inertia.event_bars(event, scene.time_scale * t, s_o, speed) for event in events_of(scene)]

@@ -506,7 +506,7 @@ def _nothing(text: Any, of: Stored) -> Faults:
     return iter(())
 
 
-def counts(text: str, of: Stored) -> Faults:
+def count_faults(text: str, of: Stored) -> Faults:
     """Counts of comparisons of two solvers, of laws, and of numbers computed twice."""
     kinds = dict.fromkeys(("energy", "impulse", "laws_si"), "laws")
     kinds |= dict.fromkeys(("design", "outcome"), "printed numbers") | {"deep": ""}
@@ -804,7 +804,7 @@ def page(html_text: str, command: str, of: Stored) -> Faults:
     if not summary.startswith(plain(f"{of.outcome[0].upper()}{of.outcome[1:]}.")):
         yield f"{summary!r} where the outcome is {of.outcome!r}"
     if of.rows:
-        yield from counts(summary, of)
+        yield from count_faults(summary, of)
     text = "".join(sections.values())
     yield from limits_shown(text, of.limits)
     for table in _each("table", text):
@@ -1012,7 +1012,7 @@ LINES: tuple[tuple[str, Callable[[str, Stored], Faults]], ...] = (
     (r"limit  +value", _nothing),
     (r"\S.*  (met|not met|too close to tell|cannot be judged: .*|not computed.*)$", _printed_limit),
     (r"  [^:]*: for .*", _scope),
-    (r"  \d+ (of \d+ )?(comparisons|laws|printed)", counts),
+    (r"  \d+ (of \d+ )?(comparisons|laws|printed)", count_faults),
     (r"  \S.*: (agrees|DISAGREES|is too coarse|cannot be compared)", _printed_party),
     (r"\S.*(  +(-|\d\S*)){4}  (agree|disagree|too coarse|not comparable|shown)$", _printed_comparison),
     (r"  \S.* after \S+( ± \S+)? s at .* m", _printed_event),
@@ -1026,7 +1026,7 @@ _ANSWER = re.compile(rf"(at most|at least) (about )?({_NUMBER}(?: ± {_NUMBER})?
 OF_EVENT = {"t": "s", "s_o": "m", "speed": "m/s"}
 
 
-def inverse(folder: Path, html_text: str, printed: Sequence[str]) -> Faults:
+def faults_of_find(folder: Path, html_text: str, printed: Sequence[str]) -> Faults:
     """Faults of find.json, find.csv, their page and what was printed."""
     found = _json(folder / "find.json")
     section = _section(html_text, "find", "find")

@@ -133,7 +133,7 @@ def compare(
 def compare_answers(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) -> list[Agreement]:
     """The rows that compare two answers;  tolerance : of a kind of quantity, as `tolerance_of`."""
     full = View.of(scene)
-    rows = list(independent(a.finest, b.finest))
+    rows = list(independence_rows(a.finest, b.finest))
     try:
         view = full.cut(a.finest, b.finest)
     except NotComparable as why:
@@ -217,7 +217,7 @@ def _barred(
     return Agreement(name, gap, Bound("error bars", tuple(bars)), required=required, parts=tuple(parts))
 
 
-def independent(a: Response, b: Response) -> Iterator[Agreement]:
+def independence_rows(a: Response, b: Response) -> Iterator[Agreement]:
     """A row if two answers share a wing or their numbers."""
     ours = [METHODS[r.method] for r in (a, b) if r.method in METHODS]
     wings = {method.wing for method in ours}

@@ -26,7 +26,7 @@ from cablefem.newmark import (
 from cablefem.response import Array, Response
 from cablefem.scene import Groups, Scene
 from validation.core.methods import Method, find, pair
-from validation.core.sampling import FRAMES, History, Onset, one_thread, respond
+from validation.core.sampling import FRAMES, History, Onset, one_thread, response_of
 from validation.core.solver import Solver
 from validation.core.watch import with_flags
 
@@ -96,14 +96,14 @@ class Run:
         past : s_o/l to go on once slack.
         """
         self.march(until, progress, past)
-        return self.seen()
+        return self.response_so_far()
 
-    def seen(self) -> Response:
+    def response_so_far(self) -> Response:
         """The response so far; all but the path is computed when it is looked at."""
         now = len(self.history.states), self.history.failure
         if self._seen is None or self._seen[0] != now:
             how = {"method": self.method.name, "settings": self.settings, **self.kind}
-            response = respond(self.scene, self.history, frames=self.frames, **how)
+            response = response_of(self.scene, self.history, frames=self.frames, **how)
             self._seen = now, with_flags(response, self.scene, self.method)
         return self._seen[1]
 

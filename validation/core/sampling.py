@@ -90,7 +90,7 @@ def _onset(h: History, states: States) -> Onset | None:
     return h.onset if h.onset is not None and h.onset.step < states.t.size else None
 
 
-def respond(scene: Scene, h: History, *, frames: int = FRAMES, **how: Any) -> Response:
+def response_of(scene: Scene, h: History, *, frames: int = FRAMES, **how: Any) -> Response:
     """The response of a history so far; all but the path is computed when it is looked at.
 
     how : the fields that say what was run;  frames : smallest number of instants with fields.

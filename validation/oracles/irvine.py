@@ -24,7 +24,7 @@ def parameter(sigma: float, alpha: float, chord_cos: float = 1.0) -> float:
     return alpha * sigma**2 * chord_cos**5
 
 
-def symmetric(L2: float, count: int) -> Array:
+def symmetric_frequencies(L2: float, count: int) -> Array:
     """L2 = inf: a cable that cannot stretch."""
     needs("L^2 > 0, count >= 1", L2 > 0.0, count >= 1)
 
@@ -37,7 +37,7 @@ def symmetric(L2: float, count: int) -> Array:
 
 
 def frequencies(L2: float, count: int) -> Array:
-    return np.sort(np.concatenate([symmetric(L2, count), 2.0 * math.pi * np.arange(1, count + 1)]))[:count]
+    return np.sort(np.concatenate([symmetric_frequencies(L2, count), 2.0 * math.pi * np.arange(1, count + 1)]))[:count]
 
 
 def cases() -> list[Modes]:

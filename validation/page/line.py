@@ -17,7 +17,7 @@ from validation.core.quantities import limit_text, scale_of
 from validation.page import telling, terminal
 from validation.page.answer.many import LIMITS, Column, Columns, Row, label, table_of
 from validation.page.page import Section, asset, drawn, limits_of, worst
-from validation.page.plot import BLACK, BLUE, COLORS, DASHED, DOTTED, GREY, Panel, plot, side
+from validation.page.plot import BLACK, BLUE, COLORS, DASHED, DOTTED, GREY, Panel, draw_surroundings, plot
 
 _TEXT = tomllib.loads(asset("line.toml"))
 WORDS: dict[str, dict[str, str]] = _TEXT["quantity"]
@@ -149,7 +149,7 @@ def side_of(line: Row, profile: dict[str, Array], lowest: Sequence[Array]) -> tu
     p = Panel("depth [m]", "", down=True)
     p.fit([highest_of_rope, lowest_of_rope, ground[:, 1], tops, *lowest], pad=0.14)
     end = float(x[-1])
-    caption = side(p, 1.12 * end, ground, obstacles)
+    caption = draw_surroundings(p, 1.12 * end, ground, obstacles)
     p.bands.append((x, highest_of_rope, lowest_of_rope, "#0072b233"))
     p.curve(x, profile["y_rest"], GREY, DOTTED, 1.4, "empty rope")
     for contact in line["contact"]:

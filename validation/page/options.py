@@ -71,11 +71,11 @@ def line_named(name: str) -> Line | None:
         raise store.Refused([f"{name}: {fault}" for fault in error.faults]) from None
 
 
-def refuse_moving(given: dict[str, bool]) -> None:
+def refuse_moving(options_of_moving_car: dict[str, bool]) -> None:
     """Refuse the first given option that has a meaning for a moving car only."""
     from cablefem.scene.described import AT_REST
 
-    for name, is_given in given.items():
+    for name, is_given in options_of_moving_car.items():
         if is_given:
             raise store.Refused(f"{name}: {AT_REST}")
 

@@ -1,7 +1,7 @@
 """Answers and verdicts in a few lines, for several commands."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 from cablefem.response import Response
 from cablefem.scene import Scene
@@ -102,9 +102,9 @@ def _unusual(r: Response) -> list[str]:
     return settings + [getattr(r, name) for name, kind in usual.items() if getattr(r, name) != kind]
 
 
-def broken(*responses: Response) -> int:
+def broken(*runs: Response) -> Literal[0, 2]:
     """Return 2 with a message if a run broke before slack and the end of the comparison, else 0."""
-    bad = [r for r in responses if _broke(r)]
+    bad = [r for r in runs if _broke(r)]
     terminal.complain([f"{r.method} broke with the car at {r.s_o[-1]:.1f} m: {r.reason}" for r in bad])
     return 2 if bad else 0
 

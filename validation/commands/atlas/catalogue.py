@@ -14,7 +14,7 @@ from cablefem.scene import Scene
 from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
 from validation.commands.atlas import specimens
-from validation.commands.modes.study import bare
+from validation.commands.modes.study import frequencies
 from validation.commands.paper import measured
 from validation.commands.paper.vibration import free_vibration
 from validation.core import measures, running, store
@@ -110,7 +110,7 @@ def left(scheme: str, **how: float) -> float:
 
 def frequency(J: int, reading: Literal["literal", "scaling"]) -> float:
     """The error of the first frequency; exact: the linearised catenary, by collocation to 11 digits."""
-    return abs(float(bare(level().groups, level=J, reading=reading, n=1)[0]) / 5.3454766022 - 1.0)
+    return abs(float(frequencies(level().groups, level=J, reading=reading, n=1)[0]) / 5.3454766022 - 1.0)
 
 
 def beyond(a: Response, b: Response, last: float = 1.0) -> float:

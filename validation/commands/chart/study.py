@@ -73,7 +73,7 @@ def chart(scene: Scene, out: Path, report: Progress = silent, *, repeats: int = 
     report("reference", 0.0)
     truth = _Truth.of(scene, before.get("reference"))
     rows: list[Row] = [r for r in before.get("rows", []) if r["status"] not in ("not run", "not installed")]
-    todo = list(series(scene.groups))
+    todo = list(chart_series(scene.groups))
     found = {
         "scene": scene.name, "scene_toml": scene.to_toml(), "drive": scene.groups.drive.mode,
         "machine": versions() | {"machine": platform.machine(), "threads": "1"}, "window": list(truth.window),
@@ -95,7 +95,7 @@ def chart(scene: Scene, out: Path, report: Progress = silent, *, repeats: int = 
     return found
 
 
-def series(groups: Groups) -> Iterator[Series]:
+def chart_series(groups: Groups) -> Iterator[Series]:
     """All lines of the chart on a scene: methods, models, schemes, tolerances, whole commands and peers."""
     from cablefem.elements.cable import MODELS
 

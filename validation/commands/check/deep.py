@@ -26,7 +26,7 @@ ROUNDING = 1e-8
 HALVED = "the change from coarser runs"
 
 
-def deep(scene: Scene, a: Ladder) -> Iterator[Agreement]:
+def third_party_rows(scene: Scene, a: Ladder) -> Iterator[Agreement]:
     """A row for each applicable third party; a : the estimated run of the elements."""
     for what, third in THIRD.items():
         try:

@@ -33,14 +33,14 @@ def sections(folder: Path) -> list[Section]:
     own = [row for row in x.rows if not row.get("with")]  # of both solvers; a third party has its own verdict
     return drawn(
         __package__, **content(x) | {"verdict": worst_of(own) or "not comparable"}, words=WORDS, named=_named,
-        said=sure(own), doubts=x.agreement.get("doubts", []),
-        third=third(x.rows, x.party.method) if x.party else None,
+        said=agreement_sentence(own), doubts=x.agreement.get("doubts", []),
+        third=third_party_verdict(x.rows, x.party.method) if x.party else None,
         groups=_groups(x.rows),
         distance=draw.distance(x, "How far the two paths of the car are apart.") if len(x.runs) > 1 else "",
     )  # fmt: skip
 
 
-def sure(rows: list[dict[str, Any]]) -> str:
+def agreement_sentence(rows: list[dict[str, Any]]) -> str:
     """One sentence: how many asked rows agree, by kind: two solvers, laws of one answer, printed numbers."""
     asked = [row for row in rows if row.get("asked", True)]
     groups = WORDS["groups"]
@@ -72,7 +72,7 @@ def worst_of(rows: list[dict[str, Any]]) -> str | None:
     return next((verdict for verdict in VERDICTS if verdict in verdicts), None)
 
 
-def third(rows: list[dict[str, Any]], party: str) -> tuple[str, str]:
+def third_party_verdict(rows: list[dict[str, Any]], party: str) -> tuple[str, str]:
     """The verdict on a third party, and a sentence with the one change that would make it agree."""
     theirs = [row for row in rows if row.get("with") == party]
     worst = worst_of(theirs) or "not comparable"

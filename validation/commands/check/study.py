@@ -20,7 +20,7 @@ from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.ladder import Goal, Ladder
 from validation.core.methods import Method, find, pair, refined
 from validation.core.quantities import key_numbers, number_text
-from validation.core.quasi_static import events_beside
+from validation.core.quasi_static import quasi_static_events
 from validation.core.refine import (
     BUDGET,
     TooCoarse,
@@ -147,13 +147,13 @@ def check(
     own = _with_numbers(first, other), _with_numbers(other, first)
     rows += gaps(*own, tolerance_of("rest", tol, tol_tension))
     a, b = (_widened(x, twin, rows) for x, twin in (own, own[::-1]))
-    static = events_beside(scene, a.run.max_deflection)
+    static = quasi_static_events(scene, a.run.max_deflection)
     rows += quasi_static_rows(a, static, tolerance_of("rest", tol, tol_tension))
     rows += required(recheck_outputs(scene, a.run, b.run), ask)
     if deep:
         from validation.commands.check import deep as third
 
-        rows += third.deep(scene, a)
+        rows += third.third_party_rows(scene, a)
     return Check(scene, a, b, tol, _window(scene, a, b), rows, static, verification.rows(*own))
 
 
@@ -173,7 +173,7 @@ class _Side:
     budget: float
     ends: dict[str, Any]
 
-    def climbed(self, progress: Progress) -> Ladder:
+    def refine(self, progress: Progress) -> Ladder:
         report = partial(progress, self.method.name)
         try:
             return refine_to_tolerance(
@@ -197,7 +197,7 @@ class _Side:
         worst = max(goals, key=lambda goal: goal.excess)
         return next_settings(self.method, ladder, worst, self.budget)
 
-    def remade(self, before: Ladder, settings: Settings | None, progress: Progress) -> Ladder:
+    def rerun(self, before: Ladder, settings: Settings | None, progress: Progress) -> Ladder:
         if settings is None:
             return before
         report = partial(progress, self.method.name)
@@ -219,7 +219,7 @@ def _judged(
     scene: Scene, sides: list[_Side], tol: float, tol_tension: float | None, ask: str, progress: Progress | None
 ) -> tuple[list[Ladder], list[Agreement]]:
     """Refine both ladders until they agree or cannot get closer; return them and the rows."""
-    jobs: list[Callable[[Progress], Any]] = [side.climbed for side in sides]
+    jobs: list[Callable[[Progress], Any]] = [side.refine for side in sides]
     tolerance = partial(tolerance_of, tol=tol, tol_tension=tol_tension)
     confirmed = False
     toml = scene.to_toml()
@@ -235,7 +235,7 @@ def _judged(
         if confirmed or not any(finer):
             return ladders, rows
         confirmed = overall(rows) is Verdict.DISAGREE
-        jobs = [partial(side.remade, *each) for side, *each in zip(sides, ladders, finer, strict=True)]
+        jobs = [partial(side.rerun, *each) for side, *each in zip(sides, ladders, finer, strict=True)]
 
 
 def _finer(sides: list[_Side], ladders: list[Ladder], rows: list[Agreement]) -> list[Settings | None]:

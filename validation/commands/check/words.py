@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from validation.commands.check.page import WORDS, sure, third
+from validation.commands.check.page import WORDS, agreement_sentence, third_party_verdict
 from validation.commands.check.study import Check
 from validation.core.agreement import Verdict
 from validation.page import telling, terminal
@@ -17,9 +17,9 @@ def tell(result: Check, verbose: bool = False) -> None:
         terminal.say("  by the quasi-static model, without the inertia of the rope:")
         telling.events(ends[-1:])
     rows = [row.row() for row in result.rows]
-    terminal.say(f"  {sure([row for row in rows if not row.get('with')])}")
+    terminal.say(f"  {agreement_sentence([row for row in rows if not row.get('with')])}")
     for party in dict.fromkeys(row["with"] for row in rows if row.get("with")):
-        worst, said = third(rows, party)
+        worst, said = third_party_verdict(rows, party)
         terminal.say(f"  {party}: {said}", style=terminal.STYLES[worst])
     for method, flag in result.doubts:
         terminal.say(f"  {method}: {flag}", style="yellow")

@@ -39,7 +39,7 @@ def command(
     name, ends = _range(key)
 
     from validation.commands.find import condition, study
-    from validation.core.readback import inverse
+    from validation.core.readback import faults_of_find
     from validation.page import report
 
     condition.parsed(so_that)
@@ -63,7 +63,7 @@ def command(
             for sentence in result.sentence.splitlines():
                 terminal.say(sentence, style="bold")
         page = (folder / store.REPORT).read_text(encoding="utf-8")
-        wrong = report.say_faults(folder, "find", list(inverse(folder, page, lines)))
+        wrong = report.say_faults(folder, "find", list(faults_of_find(folder, page, lines)))
         if result.interrupted:
             raise KeyboardInterrupt(f"what was computed is in {folder / 'find.json'}")
     return wrong or int(not result.changes)

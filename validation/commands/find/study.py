@@ -190,7 +190,7 @@ class _Search:
         combinations = itertools.product(*self.all_of.values())
         return [self.scene.replace({self.key: value, **dict(zip(self.all_of, x, strict=True))}) for x in combinations]
 
-    def answers(self, value: float) -> list[Answer]:
+    def answers_of_scenes(self, value: float) -> list[Answer]:
         """Answers at a value of the key; a scene or run that fails says why."""
         if value not in self.known:
             try:
@@ -211,14 +211,14 @@ class _Search:
         return rows
 
     def refuse_unknown(self, ends: Sequence[float]) -> None:
-        answers = [answer for value in ends for answer in self.answers(value)]
+        answers = [answer for value in ends for answer in self.answers_of_scenes(value)]
         if all(answer.kind == NONE.kind for answer in answers):
             raise Refused(f"{self.key}: {answers[0].sentence}")
         refuse_unknown(self.clauses, answers)
 
     def rooms(self, value: float) -> list[float]:
         """Room of each clause in each answer."""
-        return [clause.room(answer) for answer in self.answers(value) for clause in self.clauses]
+        return [clause.room(answer) for answer in self.answers_of_scenes(value) for clause in self.clauses]
 
     def holds(self, value: float) -> bool:
         return all(room >= 0.0 for room in self.rooms(value))
@@ -256,7 +256,7 @@ class _Search:
         """What does not hold at a value: a number, or what happens."""
         count = len(self.clauses)
         i = next(i for i, room in enumerate(self.rooms(value)) if not room >= 0.0)
-        answers = self.answers(value)
+        answers = self.answers_of_scenes(value)
         answer = answers[min(i // count, len(answers) - 1)]
         clause = self.clauses[i % count]
         if not clause.sign or clause.number(answer) is None:

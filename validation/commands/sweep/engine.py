@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from cablefem.response import whole, write_text
+from cablefem.response import atomic_write, write_text
 from validation.commands.sweep import job
 from validation.commands.sweep.study import Study
 from validation.core import store
@@ -137,7 +137,7 @@ def write(out: Path, study: Study, rows: list[Row]) -> None:
     from pyarrow import parquet
 
     table = pyarrow.Table.from_pylist(rows, _schema(study))
-    with whole(out / "rows" / f"{rows[0]['index']:08d}-{len(rows)}.parquet") as temporary:
+    with atomic_write(out / "rows" / f"{rows[0]['index']:08d}-{len(rows)}.parquet") as temporary:
         parquet.write_table(table, temporary)
 
 

@@ -139,7 +139,7 @@ def _run(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[str,
         return out | {"status": "failed", "cause": "not finite", "reason": "; ".join(faults)}
     if study.truth is None or index % study.truth.every:
         return out
-    return out | truth(scene, r, study.truth.finer)
+    return out | true_errors(scene, r, study.truth.finer)
 
 
 def _end(scene: Any) -> float | None:
@@ -149,7 +149,7 @@ def _end(scene: Any) -> float | None:
     return SLACK_END if scene.drive.mode == "grip" else None
 
 
-def truth(scene: Any, r: Any, finer: int) -> dict[str, Any]:
+def true_errors(scene: Any, r: Any, finer: int) -> dict[str, Any]:
     """Errors of a run, and of one half as fine as the reference, over the range of the run's bar.
 
     The reference, by following-p2, is `finer` times as fine as the run; {} if that exceeds LARGEST_TRUTH.

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from cablefem.response import Response, whole, write_json, write_text
+from cablefem.response import Response, atomic_write, write_json, write_text
 from cablefem.scene import Scene
 from validation.core import limits, store
 from validation.core.answers import outcome
@@ -20,7 +20,7 @@ from validation.page import report, terminal
 from validation.page.answer.content import inputs
 from validation.page.options import Point
 from validation.page.page import Section, details, drawn_with, gallery, table
-from validation.page.plot import COLORS, DASHED, DOTTED, GREY, Panel, plot, side
+from validation.page.plot import COLORS, DASHED, DOTTED, GREY, Panel, draw_surroundings, plot
 from validation.page.side_view import short, some
 
 ANNOUNCED = 50  # scenes: of more the number is said before they start
@@ -142,7 +142,7 @@ def grid(
 
 def write_rows(file: Path, rows: Sequence[Row]) -> None:
     """Write a CSV with all columns of all rows, empty where a row has none."""
-    with whole(file) as temporary, temporary.open("w", encoding="utf-8", newline="") as out:
+    with atomic_write(file) as temporary, temporary.open("w", encoding="utf-8", newline="") as out:
         names = dict.fromkeys(name for row in rows for name in row)
         writer = csv.DictWriter(out, list(names), restval="")
         writer.writeheader()
@@ -232,7 +232,7 @@ def _side(scene: Scene, rows: list[dict], paths: list[dict | None], keys: Sequen
     depths += [np.array(path["y"]) + below for path in paths if path]
     p = Panel("depth [m]", "path of the car", down=True)
     p.fit(depths, pad=0.05)
-    caption = side(p, span, ground, [(o.name, o.at, o.top) for o in scene.obstacle])
+    caption = draw_surroundings(p, span, ground, [(o.name, o.at, o.top) for o in scene.obstacle])
     p.curve(X.x(s), X.y(s), GREY, DOTTED, 1.2, "empty rope at rest")
     _add_paths(p, rows, paths, keys, "x", "y")
     return plot([p], (0.0, span), "x [m]", caption)
