@@ -71,7 +71,7 @@ class RollingCar(System):
     def car_forces(self, x: State) -> CarForces:
         raise NotImplementedError
 
-    def sticking_forces(self, x: State) -> tuple[float, float]:
+    def hold_and_normal_force(self, x: State) -> tuple[float, float]:
         """Force along the cable on a sticking car, and its normal force."""
         raise NotImplementedError
 
@@ -107,7 +107,7 @@ class RollingCar(System):
 
     def margin(self, x: State) -> float:
         """`max_resistance` less the force that holds the car."""
-        needed, normal = self.sticking_forces(x)
+        needed, normal = self.hold_and_normal_force(x)
         return self.max_resistance(normal) - abs(needed)
 
     def come_to_rest(self, x: State) -> State:
@@ -121,7 +121,7 @@ class RollingCar(System):
         return self._slip(x)
 
     def _slip(self, x: State) -> State:
-        needed, _ = self.sticking_forces(x)
+        needed, _ = self.hold_and_normal_force(x)
         mode = self.mode
         v = x.v.copy()
         force = needed if abs(needed) > 1e-9 * self.force_scale else self.hold

@@ -96,12 +96,16 @@ class GalerkinSystem(System):
     def position(self, x: State) -> float:
         return self.motion.at(x.t, x.phase)[0]
 
-    def between(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
-        return super().between(t0, t1, w, phase) if self.motion is None else self.motion.between(t0, t1, w, phase)
+    def balance_times(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
+        return (
+            super().balance_times(t0, t1, w, phase)
+            if self.motion is None
+            else self.motion.balance_times(t0, t1, w, phase)
+        )
 
     def kinematics(self, states: States) -> Array:
         """s_o, ds_o, dds_o of a history, (3, n)."""
-        return self.motion.along(states.t, states.phase)
+        return self.motion.kinematics(states.t, states.phase)
 
     def in_time(self, states: States) -> States:
         return states
@@ -201,7 +205,7 @@ class GalerkinSystem(System):
         return ends[:taken], results[:taken]
 
     def _step(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[int, Array, Array]:
-        places = self.motion.along(t, phase).T
+        places = self.motion.kinematics(t, phase).T
         same, line = next(self.lines(places[:, 0]))
         return kernels.solve_steps(None, None, line, np.ascontiguousarray(places[same]), start, rules[same], newton)
 
@@ -301,7 +305,7 @@ class GalerkinSystem(System):
 
     def path(self, states: States) -> tuple[Array, Array]:
         x = self.measures(self, states)
-        return x.s_o, x.displaced() @ self.cable.direction
+        return x.s_o, x.displacement_at_mass() @ self.cable.direction
 
     def observe(self, states: States, s: Array, frames: Array) -> Observation:
         return observe(self, states, s, frames)

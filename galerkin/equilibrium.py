@@ -41,14 +41,15 @@ def recover(x: Measures, s: Array, frames: Array) -> Equilibrium:
     cable = x.system.cable
     basis = x.system.basis.basis
     damping = x.system.damping
-    internal, strain, _ = sums(x)
+    internal, strain, _ = force_and_energy_integrals(x)
     s_o = x.inside[:, None]  # length of the sides (n, 1)
     rest = 1.0 - x.inside[:, None]
     A = (x.a + damping * x.v)[..., :-1]  # w.. + c_d w. without the hat (n, fields, N)
     first = basis.phi(x.inside, -1)
     second = basis.phi(x.inside, -2)
     ends = basis.phi(np.array([0.0, 1.0]), -2)
-    ray_behind, ray_ahead = (twice + damping * once for twice, once in zip(x.rays(2), x.rays(1), strict=True))
+    rates = zip(x.hat_slope_rates(2), x.hat_slope_rates(1), strict=True)  # behind, ahead
+    ray_behind, ray_ahead = (twice + damping * once for twice, once in rates)
     moment_behind = combined(A, s_o * first - second + ends[0]) + ray_behind * s_o**3 / 3.0
     moment_ahead = combined(A, ends[1] - second - rest * first) + ray_ahead * rest**3 / 3.0
     behind = (internal[:, 0] + moment_behind) / s_o
@@ -61,13 +62,13 @@ def recover(x: Measures, s: Array, frames: Array) -> Equilibrium:
         after = ahead[k, None] + 0.5 * (rest[k] ** 2 - (1.0 - s) ** 2)[..., None] * ray_ahead[k, None]
         return smooth + np.where((s <= s_o[k])[..., None], before, after) + static(cable, s)
 
-    least, where = least_along(cable, x.s_o.size, along, s)
+    least, where = smallest_tension(cable, x.s_o.size, along, s)
     left, right = along(np.arange(x.s_o.size), np.array([0.0, 1.0])).swapaxes(0, 1)
     at_mass = static(cable, x.inside)
     return Equilibrium(behind + at_mass, ahead + at_mass, left, right, along(frames, s), strain, least, where)
 
 
-def least_along(cable: FullCable, n: int, along: Callable[[Array, Array], Array], s: Array) -> tuple[Array, Array]:
+def smallest_tension(cable: FullCable, n: int, along: Callable[[Array, Array], Array], s: Array) -> tuple[Array, Array]:
     """Smallest tension of every instant and its s, (n,); along(k, s): N t at instants k and stations s."""
     stations = np.concatenate([[0.0], s[:: 1 + s.size // STATIONS], [1.0]])
     T = batched(lambda k: tension(along(k, stations), static(cable, stations)), np.arange(n))
@@ -79,7 +80,7 @@ def batched(values: Callable[[Array], Array], k: Array) -> Array:
     return np.concatenate([values(some) for some in np.array_split(k, 1 + k.size // BATCH)])
 
 
-def sums(of: Measures) -> tuple[Array, Array, Array]:
+def force_and_energy_integrals(of: Measures) -> tuple[Array, Array, Array]:
     """int (N t - T t_static) ds by sides and fields, (n, 2, 2); int W ds and power of internal damping, (n,)."""
     system = of.system
     Q = of.q
@@ -114,7 +115,7 @@ def tension(force: Array, r: Array) -> Array:
     return np.copysign(np.hypot(force[..., 0], force[..., 1]), np.sum(force * r, axis=-1))
 
 
-def slopes_by(force: Array, slopes: Array, T: Any, alpha: float) -> Array:
+def slopes_from_forces(force: Array, slopes: Array, T: Any, alpha: float) -> Array:
     """r' (..., 2) from forces N t; where the cable is slack, `slopes`, which converge slowly at the mass."""
     N = np.hypot(force[..., 0], force[..., 1])
     taut = (N > kernels.LEAST_PULL) & (np.sum(force * slopes, axis=-1) > 0.0)

@@ -8,7 +8,7 @@ import numpy as np
 
 from cablefem.response import Observation, States
 from galerkin.bases.kink import Array
-from galerkin.equilibrium import Equilibrium, combined, recover, slopes_by, tension
+from galerkin.equilibrium import Equilibrium, combined, recover, slopes_from_forces, tension
 from galerkin.models import ChordCable, FullCable
 
 if TYPE_CHECKING:
@@ -34,14 +34,14 @@ class Measures:
         )
         self.path_form = tuple(y[:, system.n_modal :] for y in (states.q, states.v, states.a))
 
-    def rays(self, order: int) -> tuple[Array, Array]:
-        """Time derivatives of q_hat/h behind and ahead; h is the length of the side."""
+    def hat_slope_rates(self, order: int) -> tuple[Array, Array]:
+        """Time derivatives of this order of q_hat/h behind and ahead; h is the length of the side."""
         h = self.inside[:, None]
         dh = self.ds_o[:, None]
         ddh = self.dds_o[:, None]
-        return self._ray(order, h, dh, ddh), self._ray(order, 1.0 - h, -dh, -ddh)
+        return self._hat_slope_rate(order, h, dh, ddh), self._hat_slope_rate(order, 1.0 - h, -dh, -ddh)
 
-    def _ray(self, order: int, h: Array, dh: Array, ddh: Array) -> Array:
+    def _hat_slope_rate(self, order: int, h: Array, dh: Array, ddh: Array) -> Array:
         q = self.q[..., -1]
         v = self.v[..., -1]
         if order == 0:
@@ -53,7 +53,7 @@ class Measures:
 
     def hat_slopes(self) -> Array:
         """The hat's part of w' behind and ahead; on the left support the limit t -> 0+."""
-        behind, ahead = self.rays(0)
+        behind, ahead = self.hat_slope_rates(0)
         entry = self.s_o == 0.0
         ds_o = self.ds_o[:, None]
         dds_o = self.dds_o[:, None]
@@ -62,7 +62,7 @@ class Measures:
             start = np.where(ds_o != 0.0, self.v[..., -1] / ds_o, slow)
         return np.array([np.where(entry[:, None], start, behind), -ahead])
 
-    def displaced(self) -> Array:
+    def displacement_at_mass(self) -> Array:
         """w at the mass, (n, fields)."""
         if self.system.path_form:
             return self.path_form[0]
@@ -77,7 +77,7 @@ class Measures:
         Q = self.q[..., :-1]
         V = self.v[..., :-1]
         A = self.a[..., :-1]
-        w = self.displaced()
+        w = self.displacement_at_mass()
         w_s = combined(Q, first)
         if self.system.path_form:
             _, w_t, w_tt = self.path_form
@@ -96,7 +96,7 @@ class Measures:
         from_support = np.where(is_behind, s, 1.0 - s)
 
         def with_hat(y: Array, functions: Array, order: int, hat: Array) -> Array:
-            behind, ahead = (ray[frames, :, None] for ray in self.rays(order))
+            behind, ahead = (ray[frames, :, None] for ray in self.hat_slope_rates(order))
             smooth = np.einsum("kfm,sm->kfs", y[frames, :, :-1], functions)
             return smooth + hat * np.where(is_behind, behind, ahead)
 
@@ -118,7 +118,7 @@ class Measures:
             twice = twice + np.sum(cross + v**2 / 3.0 + steep[:, None] * q**2, axis=1)
         return 0.5 * twice
 
-    def sunk(self) -> Array:
+    def depth_integral(self) -> Array:
         """int v ds, (n,)."""
         basis = self.system.basis
         n = self.system.n
@@ -144,7 +144,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     sunk = none
     if isinstance(cable, FullCable):
         forces, sides, working, lost = _full(cable, x, sides, fields[2], s, frames)
-        sunk = x.sunk()
+        sunk = x.depth_integral()
     else:
         forces = _one_field(cable, x, s, frames)
     _, xp, yp, xpp, ypp = groups.static(x.s_o)
@@ -191,7 +191,7 @@ def _full(
     behind = tension(balanced.behind, slopes[0]) + none_behind
     ahead = tension(balanced.ahead, slopes[1]) + none_ahead
     both = np.array([balanced.behind, balanced.ahead])
-    sides = slopes_by(both, slopes, T_o, cable.alpha) if x.system.by_force else slopes
+    sides = slopes_from_forces(both, slopes, T_o, cable.alpha) if x.system.by_force else slopes
     left, right = (cable.points(x.s_o, (side - static_o).T) for side in sides)
     mean = T_o * static_o.T + 0.5 * (left[2:4] + right[2:4])  # <N t>
     working = np.sum(mean * (sides[1] - sides[0]).T, axis=0) - (right[1] - left[1])

@@ -179,7 +179,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
             places = np.array([place])
             line = self._line(rules_at(max(s_o, reach))[0], rules_at(min(s_o, reach))[1])
         else:
-            places = np.ascontiguousarray(self.motion.along(t, phase).T)
+            places = np.ascontiguousarray(self.motion.kinematics(t, phase).T)
             turned = np.flatnonzero(np.signbit(places[:, 1]) != np.signbit(places[0, 1]))
             same, line = next(self.lines(places[: turned[0] if turned.size else t.size, 0]))
             t = t[same]
@@ -242,7 +242,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         along = self._thrust(x) + car.tx * car.drag_x + car.ty * (car.drag_y + self.mu * self.groups.sigma)
         return CarForces(max(car.pressing, car.normal), car.speed, along, self.mu * self.groups.sigma * car.tx)
 
-    def sticking_forces(self, x: State) -> tuple[float, float]:
+    def hold_and_normal_force(self, x: State) -> tuple[float, float]:
         car = self.car(x)
         return car.along - self.held(x.t) / car.stretch, car.normal
 

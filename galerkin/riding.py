@@ -14,7 +14,7 @@ from galerkin import kernels
 from galerkin.bases.kink import Array
 from galerkin.bases.riding import RidingSines, shapes
 from galerkin.equations import GalerkinSystem, factorised
-from galerkin.equilibrium import Equilibrium, batched, least_along, sums
+from galerkin.equilibrium import Equilibrium, batched, force_and_energy_integrals, smallest_tension
 from galerkin.observe import NEAR_SUPPORT, Measures
 
 
@@ -157,7 +157,7 @@ class RidingMeasures(Measures):
         super().__init__(system, states)
         self.sides = _Side(self, 1.0), _Side(self, -1.0)
 
-    def displaced(self) -> Array:
+    def displacement_at_mass(self) -> Array:
         return self.q[..., -1]
 
     def at_mass(self) -> tuple[Array, Array, Array, Array]:
@@ -180,7 +180,7 @@ class RidingMeasures(Measures):
         groups = self.system.groups
         every = np.arange(self.s_o.size)
         cable: Any = self.system.cable
-        internal, strain, lost = sums(self)
+        internal, strain, lost = force_and_energy_integrals(self)
         at_mass = [side.force_at_mass(internal[:, i]) for i, side in enumerate(sides)]
 
         def whole(side: _Side, force: Array, k: Array, s: Array) -> Array:
@@ -209,7 +209,7 @@ class RidingMeasures(Measures):
             for place in (self.inside[:, None], np.full((every.size, 1), 0.5 - 0.5 * side.sign))
         ]
         behind, left, ahead, right = ends
-        least, where = least_along(cable, every.size, along, s)
+        least, where = smallest_tension(cable, every.size, along, s)
         shown = batched(lambda k: along(k, s), frames)
         return Equilibrium(behind, ahead, left, right, shown, strain, least, where, lost)
 

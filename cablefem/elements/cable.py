@@ -95,8 +95,12 @@ class CableElements(System):
     def position(self, x: State) -> float:
         return self.motion.at(x.t, x.phase)[0]
 
-    def between(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
-        return super().between(t0, t1, w, phase) if self.motion is None else self.motion.between(t0, t1, w, phase)
+    def balance_times(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
+        return (
+            super().balance_times(t0, t1, w, phase)
+            if self.motion is None
+            else self.motion.balance_times(t0, t1, w, phase)
+        )
 
     def in_time(self, states: States) -> States:
         return states
@@ -213,7 +217,7 @@ class CableElements(System):
 
     def _kinematics(self, states: States) -> Array:
         """s_o, ds_o, dds_o of a history (n, 3)."""
-        return np.ascontiguousarray(self.motion.along(states.t, states.phase).T)
+        return np.ascontiguousarray(self.motion.kinematics(states.t, states.phase).T)
 
     def _nodal(self, x: Array, dofs: Any, row: Any = slice(None)) -> Array:
         """Scalar unknowns `dofs` (...) of the cable from x (n, n_dof), (n, ..., fields); 0 at supports, -1.

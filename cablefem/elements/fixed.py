@@ -133,7 +133,7 @@ class FixedElements(CableElements):
         return self.fields * dofs[keep][:, None] + np.arange(self.fields), N, N_s, N_ss
 
     def _places(self, t: Array, phase: int) -> Array:
-        load = self._load(*self.motion.along(t.ravel(), phase))
+        load = self._load(*self.motion.kinematics(t.ravel(), phase))
         zero = np.zeros(t.size)
         return np.stack([zero + 1.0, zero, zero, *load], axis=1).reshape(*t.shape, -1)
 

@@ -147,7 +147,7 @@ class FollowingElements(CableElements):
         return ends[:taken], results[: taken + 1]
 
     def _places(self, t: Array, phase: int) -> Array:
-        kinematics = self.motion.along(t.ravel(), phase)
+        kinematics = self.motion.kinematics(t.ravel(), phase)
         if not (kinematics[0].min() > 0.0 and kinematics[0].max() < 1.0):
             raise ValueError("a side of the following mesh has no length at an end of the travel")
         return np.stack([*kinematics, *self._load(*kinematics)], axis=1).reshape(*t.shape, -1)

@@ -110,7 +110,7 @@ class RollingElements(RollingCar, FollowingElements):
     def _driven(self, t: Array, phase: int) -> Array:
         """`now` of `kernels.Car` at t, (..., 3)."""
         if not self.free:
-            return np.ascontiguousarray(np.moveaxis(self.motion.along(t, phase), 0, -1))
+            return np.ascontiguousarray(np.moveaxis(self.motion.kinematics(t, phase), 0, -1))
         now = np.zeros((*t.shape, 3))
         drive = self.drive
         if t.min() < drive.release:
@@ -144,7 +144,7 @@ class RollingElements(RollingCar, FollowingElements):
         weight = self.inertia * self.groups.sigma
         return CarForces(push.normal, px * tx + py * ty, ex * tx + (ey + weight) * ty, weight * tx)
 
-    def sticking_forces(self, x: State) -> tuple[float, float]:
+    def hold_and_normal_force(self, x: State) -> tuple[float, float]:
         push = self._forces(x)
         now = self._driven(np.array(x.t), x.phase)
         needed = self._roll(self._car, now, np.array(x[1:4]), np.empty(self.n_dof))[2]

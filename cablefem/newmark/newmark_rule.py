@@ -37,7 +37,7 @@ class NewmarkRule(Stepper):
         """Times of the balance in steps from t0 to t1, (n,)."""
         if self.method.alpha_f == 0.0:
             return t1
-        return self.system.between(t0, t1, 1.0 - self.method.alpha_f, phase)
+        return self.system.balance_times(t0, t1, 1.0 - self.method.alpha_f, phase)
 
     def solve_steps(self, x: State, times: Array) -> Iterator[Sequence[State]]:
         """Yield the states at these times in blocks, each up to an event; all by one call of the system."""

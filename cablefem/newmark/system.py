@@ -74,7 +74,7 @@ class System(Protocol):
         return collocate(self, phase, steps, rule, newton)
 
     # --- the length of steps -----------------------------------------------------------------------------
-    def between(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
+    def balance_times(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
         """Times (n,) of the mean places, weighted 1 - w and w."""
         return (1.0 - w) * t0 + w * t1
 

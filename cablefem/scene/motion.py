@@ -50,22 +50,22 @@ class Motion:
             s = self.end  # without rounding
         return s, ds, dds
 
-    def along(self, t: np.ndarray, phase: np.ndarray | int) -> np.ndarray:
-        """`at` for many instants: rows s_o, ds_o, dds_o, (3, n)."""
+    def kinematics(self, t: np.ndarray, phase: np.ndarray | int) -> np.ndarray:
+        """Of many instants, as `at`: rows s_o, ds_o, dds_o, (3, n)."""
         first, last = self._ends[:, phase]
         piece = np.minimum(np.maximum(self._piece(t), first), last)
         out = np.array(self._on(piece)(t))
         out[0, t == self.phases[-1][1]] = self.end
         return out
 
-    def between(self, t0: np.ndarray, t1: np.ndarray, w: float, phase: int) -> np.ndarray:
+    def balance_times(self, t0: np.ndarray, t1: np.ndarray, w: float, phase: int) -> np.ndarray:
         """Times (n,) of the mean position w s_o(t1) + (1 - w) s_o(t0): a step is balanced there."""
-        first = self.along(t0, phase)[0]
-        last = self.along(t1, phase)[0]
+        first = self.kinematics(t0, phase)[0]
+        last = self.kinematics(t1, phase)[0]
         mean = (1.0 - w) * first + w * last
         t = (1.0 - w) * t0 + w * t1
         for _ in range(ITERATIONS):
-            s, ds, _ = self.along(t, phase)
+            s, ds, _ = self.kinematics(t, phase)
             far = (np.abs(mean - s) > SAME * (last - first)) & (ds > 0.0)
             if not far.any():
                 break

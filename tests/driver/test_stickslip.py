@@ -50,7 +50,7 @@ class Block(RollingCar):
         across = WEIGHT * math.cos(self.slope(x.q[0]))
         return CarForces(across, float(x.v[0]), self.along(x.t, x.q[0], 0.0, x.phase), across)
 
-    def sticking_forces(self, x):
+    def hold_and_normal_force(self, x):
         return -self.along(x.t, x.q[0], 0.0, x.phase), WEIGHT * math.cos(self.slope(x.q[0]))
 
     def solve_acceleration(self, x):

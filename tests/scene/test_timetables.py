@@ -73,7 +73,7 @@ def test_a_way_too_short_for_the_top_speed_is_run_with_what_it_allows():
 def test_with_jerk_the_acceleration_is_continuous_and_bounded():
     m, _ = motion(LAWS["jerk"], HAUL)
     t = np.linspace(0.0, m.phases[-1][1], 20001)
-    a = m.along(t, 0)[2]
+    a = m.kinematics(t, 0)[2]
     assert len(m.phases) == 1
     assert a.max() == pytest.approx(0.5, rel=1e-6)
     assert a.min() == pytest.approx(-0.4, rel=1e-6)

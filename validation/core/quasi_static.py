@@ -123,7 +123,7 @@ def _travel(scene: Scene) -> tuple[Array, Array, Array, Array]:
         return _ride(scene)
     t = np.linspace(0.0, motion.phases[-1][1], ROWS)
     phase = np.searchsorted([end for _, end in motion.phases[:-1]], t)
-    s_o, ds, dds = motion.along(t, phase)
+    s_o, ds, dds = motion.kinematics(t, phase)
     return t, s_o, ds, dds
 
 
