@@ -251,7 +251,7 @@ def test_what_cannot_move_is_refused_in_one_sentence(cablefem, tmp_path, text, s
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["two-cars", "counterweight", "over-tower"])
+@pytest.mark.parametrize("name", ["two-cars", "counterweight", "over-tower", "rocket-trolley"])
 def test_built_in_lines_agree(name):
     assert checked(Line.load(name)).verdict.value == "agree"
 

@@ -162,7 +162,8 @@ class Comparison:
         a: Any = self.a.finest
         b: Any = self.b.finest
         gap = distance(at(a), at(b))
-        parts = [tuple(size(x) for x in ladder.parts(at, distance)) for ladder in (self.a, self.b)]
+        # of the largest change, as a path's: at single instants a phase that shifts hides the order
+        parts = [ladder.parts(at, lambda x, y: size(distance(x, y))) for ladder in (self.a, self.b)]
         at_instants = a.instants[a.instants <= self.end * (1.0 + 1e-12)]
         where = None if rms else f"t = {at_instants[int(np.argmax(gap))]:.4g} s"
         return self._row(quantity, size(gap), parts, required, law, where)

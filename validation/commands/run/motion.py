@@ -37,7 +37,7 @@ from validation.page.options import Point
 ROPE_STATIONS = 101
 STEPS = 120  # of the coarsest run
 PATH = "t,s_o,x,y,u,v,T_behind,T_ahead,speed,F_haul,F_contact"  # columns of path-NAME.csv; see `turning_columns`
-PITCHING = 3.0  # coarsest steps in a period of the pitch of a car on two wheels
+PITCHING = 4.0  # coarsest steps in a period of the pitch of a car on two wheels
 NOT_HELD = 0.01  # of its weight: a shoe that pulls a car down by less
 ON_RAIL = 6  # coarsest steps of a car on a rail over a shoe
 WAVES = 40.0  # of a pitching car on a span, at most, that set the coarsest resolution: more take hours
