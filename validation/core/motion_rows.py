@@ -442,6 +442,24 @@ def chain(motion: LineMotion) -> Array:
     return np.take_along_axis(points, order[..., None], axis=1)
 
 
+def bars_by_hand(line: Line, moved: Moved, numbers: dict[str, tuple[float, float]]) -> dict[str, float]:
+    """Bars for what loads by hand leave out: of the loads of wheels, and of what follows from the largest one."""
+    bars: dict[str, float] = {}
+    for car in line.car:
+        x = car_of(moved, car.name)
+        if car.wheels is None or x.wheel_loads is None:
+            continue
+        left = left_out(car.wheels, car.mass, line.gravity, moved.motion.t, x)
+        loads = [f"wheel_{word}:{car.name}.{side}" for word in ("max", "min") for side in ("rear", "front")]
+        bars |= dict.fromkeys(loads, left)
+        share = left / max(numbers[name][0] for name in loads)
+        bending = f"stress_bending_max:{car.name}"
+        ratio = f"tension_over_wheel_min:{car.name}"
+        for name, of in {ratio: ratio, bending: bending, f"stress_max:{car.name}": bending}.items():
+            bars[name] = share * numbers.get(of, (0.0, 0.0))[0]
+    return bars
+
+
 def with_bars(a: Ladder, b: Ladder | None, line: Line, units: Any) -> list[Any]:
     """Design numbers of `a` with bars: from coarser runs, and at least the gap to `b`."""
 
@@ -451,11 +469,7 @@ def with_bars(a: Ladder, b: Ladder | None, line: Line, units: Any) -> list[Any]:
     known = {id(run): design(run) for ladder in (a, b) if ladder is not None for run in moved_runs(ladder)}
     finest: Any = a.finest
     cars = {car.name: car for car in finest.motion.cars}
-    by_hand = {
-        car.name: left_out(car.wheels, car.mass, line.gravity, finest.motion.t, cars[car.name])
-        for car in line.car
-        if car.wheels
-    }
+    by_hand = bars_by_hand(line, finest, known[id(finest)])
     out = []
     for name, (value, t) in known[id(finest)].items():
 
@@ -465,11 +479,8 @@ def with_bars(a: Ladder, b: Ladder | None, line: Line, units: Any) -> list[Any]:
         bar = a.bar(number) if a.space.runs else None
         if b is not None and bar is not None:
             bar = max(bar, abs(value - number(b.finest)))
-        kind, _, of = name.partition(":")
-        car_name = of.partition(".")[0]
-        if bar is not None and kind.startswith("wheel"):
-            bar += by_hand[car_name]
-        bar = bar if bar is not None and math.isfinite(bar) else None
+        car_name = name.partition(":")[2].partition(".")[0]
+        bar = bar + by_hand.get(name, 0.0) if bar is not None and math.isfinite(bar) else None
         s_o = float(np.interp(t, finest.motion.t, cars[car_name].s)) if car_name in cars else None
         out.append({"quantity": name, "value": value, "bar": bar, "unit": units(name), "t": t, "s_o": s_o})
     return out

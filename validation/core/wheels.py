@@ -67,8 +67,7 @@ def left_out(wheels: Wheels, mass: float, gravity: float, t: Array, x: CarMotion
     The normals of the wheels are R_1/(2 N) and R_2/(2 N) off that of the rope between them, which has turned by half of
     (R_2 - R_1)/N.  Pitch answers a change within half its period by as much again.
     """
-    if x.wheel_loads is None:
-        return 0.0
+    assert x.wheel_loads is not None
     rear, front = x.wheel_loads
     N = 0.5 * (x.tension_behind + x.tension_ahead)
     tau = x.slope_behind + x.slope_ahead  # (n, 2), not of unit length

@@ -192,7 +192,7 @@ def written(out: Path | None, command: str, scene: Scene | str, names: list[str]
 
 
 def study(
-    command: str, scene: Scene | str, writes: list[str], out: Path | None, run: Callable[..., Any], *inputs: Any
+    command: str, scene: Scene | Line | str, writes: list[str], out: Path | None, run: Callable[..., Any], *inputs: Any
 ) -> Any:
     """Run a study, write its pages and print their findings.
 

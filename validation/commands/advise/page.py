@@ -16,6 +16,8 @@ COLOURS = {"string": ORANGE, "sagged": SKY, "stretching": GREEN}
 
 def sections(folder: Path) -> list[Section]:
     x = store.read(folder / "advice.json")
+    if "bodies" in x:
+        return drawn(__package__, "bodies.html", x=x)
     rungs = [r for r in x["rungs"] if "v" in r]
     return drawn(__package__, x=x, drawing=_paths(x, rungs) if len(rungs) > 1 else "")
 

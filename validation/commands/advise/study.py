@@ -149,10 +149,17 @@ def advice(scene: Scene, tol: float, report: Progress = silent) -> dict[str, Any
     return {
         "scene": scene.name, "scene_toml": scene.to_toml(), "tol": tol, "asked": tolerances, "drive": full.drive,
         **cheapest.row(tolerances), "least": {need: rung.name for need, rung in enough.items()},
-        "range": list(view.window), "slack_onset": full.slack_onset, "full": rungs[-1].row(tolerances),
+        "range": list(view.window), "slack_onset": full.slack_onset,
+        "wheelbase": _wheelbase(full, tolerances["path"]), "full": rungs[-1].row(tolerances),
         "candidates": [rung.row(tolerances) for rung in candidates],
         "rungs": [rung.row(tolerances) for rung in rungs], "place": POSITIONS.tolist(),
     }  # fmt: skip
+
+
+def _wheelbase(r: Response, tol: float) -> float:
+    """Distance b [m] of two wheels whose m g cos(beta) b/(4 N) is the tolerance of the path."""
+    kink = 2.0 * r.F_contact / (r.T_behind + r.T_ahead)  # (n,)
+    return float(4.0 * tol * np.nanmax(np.abs(r.v)) / np.nanmax(kink))
 
 
 def _full(scene: Scene, view: View, tol: float, tolerances: dict[str, float], report: Progress) -> Ladder:

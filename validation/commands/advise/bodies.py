@@ -1,0 +1,125 @@
+"""Whether a point mass is enough for a line in motion whose cars have two wheels or a cabin that swings.
+
+By formula and by run: the line with its bodies against the same line with points.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cablefem.motion import CarMotion
+from cablefem.response import write_json
+from cablefem.scene.contacts import Car
+from cablefem.scene.line import Car as CarTable
+from cablefem.scene.line import Line
+from validation.commands.check.motion import LOOSER, scales_of
+from validation.commands.run.motion import ELEMENTS, Runs
+from validation.core import store
+from validation.core.motion_rows import Moved, turning_columns
+from validation.core.sidebyside import Progress, silent
+from validation.core.wheels import left_out, pitch_period
+
+SHORT = 0.1  # period over the duration of a start or stop that a point follows
+Row = dict[str, Any]
+
+
+def advise(line: Line, tol: float, out: Path, report: Progress = silent) -> Row:
+    """Write advice.json: distances of points from bodies, and periods beside starts and stops."""
+    runs: list[Runs] = []
+    for model in ("rigid", "point"):
+        report("bodies and points", 0.5 * len(runs))
+        runs.append(Runs(ELEMENTS, _with(line, model), runs[0] if runs else None))
+    body, point = (x.run(2, 2) for x in runs)
+    scales = scales_of(line, body)
+    allowed = {"path": tol * scales.path, "tension": LOOSER * tol * scales.tension}
+    rows: list[Row] = []
+    periods: list[Row] = []
+    for table, car, a, b in zip(line.car, runs[0].line.cars, body.motion.cars, point.motion.cars, strict=True):
+        if a.turning is None:
+            continue
+        period = _period(table, line.gravity, b)
+        ramp = _ramp(car)
+        periods.append({"car": car.name, "period": period, "ramp": ramp, "short": period <= SHORT * ramp})
+        formulas = _formulas(table, line.gravity, point, b, ramp, period)
+        for need, distance in _distances(body, a, point, b):
+            limit = allowed.get(need, LOOSER * tol * scales.weights[car.name])
+            rows.append({
+                "car": car.name, "need": need.replace("_", " "), "unit": "m" if need == "path" else "N",
+                "formula": formulas.get(need), "run": distance, "allowed": limit, "enough": distance <= limit,
+            })  # fmt: skip
+    content = {"scene": line.name, "scene_toml": line.to_toml(), "tol": tol, "bodies": rows, "periods": periods}
+    write_json(out / "advice.json", store.plain(content))
+    return content
+
+
+def _with(line: Line, model: str) -> Line:
+    """The line whose wheels have a model; a point has no cabin, and no thrust at an angle."""
+    data = tomllib.loads(line.to_toml())
+    for car in data["car"]:
+        if car.get("wheels", {}).get("inertia"):
+            car["wheels"]["model"] = model
+        if model == "point":
+            car.pop("hanger", None)
+            thrust = car.get("drive", {}).get("thrust")
+            if isinstance(thrust, dict):
+                thrust.pop("angle", None)
+    return Line(**data)
+
+
+def _ramp(car: Car) -> float:
+    """Shortest start or stop [s] of a timetable; 0 of a free car, whose forces jump."""
+    if car.travel is None:
+        return 0.0
+    ramps = []
+    for i, (t0, t1) in enumerate(car.travel.phases):
+        if car.travel.at(0.5 * (t0 + t1), i)[2]:
+            ramps.append(t1 - t0)
+    return min(ramps, default=math.inf)
+
+
+def _period(table: CarTable, gravity: float, x: CarMotion) -> float:
+    """Period [s] of the pitch, longest where the rope is least taut, or of the swing."""
+    if table.wheels is not None:
+        return pitch_period(table.wheels, table.mass, float(np.min(x.tension_ahead)))
+    assert table.hanger is not None
+    h = table.hanger.length
+    return 2.0 * math.pi * math.sqrt((table.hanger.gyration**2 + h**2) / (gravity * h))
+
+
+def _formulas(
+    table: CarTable, gravity: float, moved: Moved, x: CarMotion, ramp: float, period: float
+) -> dict[str, float]:
+    """Distances by formula: m g cos(beta) b/(4 N) of the path; of a cabin 2 m a |sin(w t/2)| after a stop of t."""
+    if table.wheels is not None:
+        lever = 0.5 * table.wheels.base / (x.tension_behind + x.tension_ahead)  # b/(4 N)
+        left = left_out(table.wheels, table.mass, gravity, moved.motion.t, x)
+        path = float(np.max(x.contact_force * lever))
+        return {"path": path, "haul force": 0.0, "wheel_rear": left, "wheel_front": left}
+    assert table.hanger is not None
+    largest = float(np.max(np.linalg.norm(x.acceleration, axis=1)))
+    swings = abs(math.sin(math.pi * ramp / period)) if math.isfinite(ramp) else 0.0
+    return {"haul force": 2.0 * table.hanger.mass * largest * swings}
+
+
+def _distances(body: Moved, a: CarMotion, point: Moved, b: CarMotion) -> Iterator[tuple[str, float]]:
+    """Largest distances of a car with a body and of a point at equal times: across the rope, and of mean forces."""
+    assert a.turning is not None
+    end = min(body.end, point.end)
+    place = np.mean([wheel.point for wheel in a.turning.wheels] or [a.point], axis=0)  # (n, 2)
+    apart = body.at_instants(place, end) - point.at_instants(b.point, end)
+    along = point.at_instants(b.slope_behind + b.slope_ahead, end)
+    across = along[:, 0] * apart[:, 1] - along[:, 1] * apart[:, 0]
+    yield "path", float(np.max(np.abs(across) / np.linalg.norm(along, axis=1)))
+    forces = [("tension", a.tension_ahead, b.tension_ahead), ("haul force", a.haul_force, b.haul_force)]
+    loads = turning_columns(b)
+    forces += [(name, values, loads[name]) for name, values in turning_columns(a).items() if name in loads]
+    for need, of_body, of_point in forces:
+        if np.isfinite(of_body).all():
+            means = [x.at_instants(x.mean(values), end) for x, values in ((body, of_body), (point, of_point))]
+            yield need, float(np.max(np.abs(means[0] - means[1])))
