@@ -30,7 +30,8 @@ NONE = np.array([math.nan])
 @pytest.mark.parametrize(("brakes", "rear", "front"), [(0.0, 816.75, 4088.25), (3000.0, 1566.75, 3338.25)])
 def test_loads_of_wheels_on_a_taut_level_string(brakes, rear, front):
     """R_1 + R_2 = m g and -1.3 R_1 + 0.7 R_2 = 0.2 T - 0.5 sum B, with T = 9 kN."""
-    still = dict.fromkeys(("s", "ds", "tension_behind", "tension_ahead", "haul_force", "grip_force"), NONE)
+    names = "s ds tension_behind tension_ahead haul_force grip_force shoe_force"
+    still = dict.fromkeys(names.split(), NONE)
     level = np.array([[1.0, 0.0]])
     x = CarMotion(
         name="sled", **still, point=level, velocity=0.0 * level, acceleration=(9000.0 - brakes) / 500.0 * level,
