@@ -97,6 +97,7 @@ def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None)
     return drawn(
         "validation.page", "assets/motion.html", id=folder.name, verdict=verdict, outcome=summary["outcome"],
         limits=limits_from(folder, summary), alarm=alarm, side=_side(line, _columns(folder / "profile.csv"), paths),
+        events=[{"event": e["event"], "at": f"{e['t']:.4g} s"} for e in summary["events"]],
         design=rows_of(summary["design"]),
         by_hand=any("point" in car.get("wheels", {}).values() for car in line["car"]),
         stressed=any(d["quantity"].startswith("stress") for d in summary["design"]),
