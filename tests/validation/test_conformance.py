@@ -113,7 +113,7 @@ def test_a_check_holds_it_against_the_other_wing(name, monkeypatch):
 
 @every
 def test_a_line_of_the_chart(name):
-    (line,) = (x for x in chart.series(SCENE.groups) if x.name == name)
+    (line,) = (x for x in chart.chart_series(SCENE.groups) if x.name == name)
     resolutions = [find(name).settings(x)[find(name).resolution.setting] for x in line.rungs]
     assert len(resolutions) > 6
     assert resolutions == sorted(resolutions)
