@@ -137,7 +137,7 @@ def test_both_wings_agree(name, runs):
             x, y = getattr(a, field.name), getattr(b, field.name)
             if "force" in field.name or "tension" in field.name or field.name == "pressure":
                 np.testing.assert_allclose(x, y, atol=1e-5 * T)
-            elif field.name not in ("name", "kind", "turning"):
+            elif field.name not in ("name", "kind", "turning", "wheel_loads"):
                 np.testing.assert_allclose(x, y, atol=1e-3 if field.name == "acceleration" else 1e-5)
 
 

@@ -138,7 +138,7 @@ def said(tmp_path, gaps, **other):
     least = {need: next(r["name"] for r in rungs if r["gaps"][need] <= enough) for need, enough in asked.items()}
     advice = {
         "tol": 0.05, "asked": asked, "rungs": rungs, "full": rungs[-1], "least": least, "method": None, "meets": True,
-        "drive": "grip", "candidates": [], "slack_onset": None,
+        "drive": "grip", "candidates": [], "slack_onset": None, "wheelbase": 1.0,
     }  # fmt: skip
     (tmp_path / "advice.json").write_text(json.dumps(advice | other))
     return Markup(page.sections(tmp_path)[0].html).striptags()
