@@ -187,7 +187,7 @@ class _March:
             while t - now > rounding(t):
                 fraction = self.system.step_fraction(x, now - self.last_event, now - x.t)
                 t1 = _next_time(now, t, (t - before) * fraction)
-                if not t1 > now or len(ends) == MAX_ADAPTIVE_STEPS or t1 - now > longest:
+                if not t1 - now > rounding(t1) or len(ends) == MAX_ADAPTIVE_STEPS or t1 - now > longest:
                     return ends
                 ends.append(t1)
                 longest = min(longest, MAX_GROWTH * (t1 - now))
