@@ -85,6 +85,11 @@ def passages(line: MovingLine) -> tuple[Passage, ...]:
     return tuple(out)
 
 
+def passes(passages: Sequence[Passage], a: str, b: str) -> bool:
+    """Whether one of two neighbours, by name, is a car that may pass the other, a saddle."""
+    return any({p.car, p.saddle.name} == {a, b} for p in passages)
+
+
 def passed(line: MovingLine, event: Passage, t: float, phase: int, now: Now) -> MovingLine:
     """The line after an event; adds to `now` the car that takes the rope."""
     contacts, saddle = list(line.contacts), event.saddle

@@ -50,10 +50,7 @@ class OnRail(NamedTuple):
 
     def place(self, Z: Array) -> None:
         """Set the jet of y in Z (3, ..., coordinates)."""
-        Y, slope, bend = self.rail.slopes(Z[0][..., self.x])
-        dx, ddx = Z[1][..., self.x], Z[2][..., self.x]
-        y = int(self.p[0])
-        Z[0][..., y], Z[1][..., y], Z[2][..., y] = Y, slope * dx, slope * ddx + bend * dx**2
+        Z[..., int(self.p[0])] = self.rail.lifted(Z[..., self.x])
 
     def fold(self, K: Array, Z: Array, column: Array) -> None:
         """Add the derivatives by the jet of y to those by that of x, without the third of Y; K (3, rows, columns)."""

@@ -97,11 +97,9 @@ class GalerkinSystem(System):
         return self.motion.at(x.t, x.phase)[0]
 
     def balance_times(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
-        return (
-            super().balance_times(t0, t1, w, phase)
-            if self.motion is None
-            else self.motion.balance_times(t0, t1, w, phase)
-        )
+        if self.motion is None:
+            return super().balance_times(t0, t1, w, phase)
+        return self.motion.balance_times(t0, t1, w, phase)
 
     def kinematics(self, states: States) -> Array:
         """s_o, ds_o, dds_o of a history, (3, n)."""

@@ -12,7 +12,7 @@ import numpy as np
 from cablefem.motion import LineMotion
 from cablefem.newmark import Solve, State, StepFailure, System
 from cablefem.scene.contacts import NEAREST, Array, Car, Contact, MovingLine, Wheel
-from cablefem.shoes import along_rail, passages
+from cablefem.shoes import along_rail, passages, passes
 from galerkin.bodies import Body, CarBody, Counterweight, Friction, PointCar, Saddle, Spring, Touch
 from galerkin.equations import factorised
 from galerkin.line_observe import observe
@@ -155,9 +155,8 @@ class LineSines(System):
         """Set the events, and what each kind of them watches."""
         names = [c.name for c in self.line.touching]
         self.passages = passages(self.line)
-        over = {(p.car, p.saddle.name) for p in self.passages}
         pairs = [i for i in self.layout.outer if i in self.lead.values() or i + 1 in self.cars]
-        self.gaps = [i for i in pairs if not {(names[i], names[i + 1]), (names[i + 1], names[i])} & over]
+        self.gaps = [i for i in pairs if not passes(self.passages, names[i], names[i + 1])]
         self.stops = [k for k, body in self.free_cars.items() if body.car.drive.resists]
         meetings = [f"{names[i]} meets {names[i + 1]}" for i in self.gaps]
         stops = [f"{self.cars[k].car.name} stops" for k in self.stops]

@@ -96,11 +96,9 @@ class CableElements(System):
         return self.motion.at(x.t, x.phase)[0]
 
     def balance_times(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
-        return (
-            super().balance_times(t0, t1, w, phase)
-            if self.motion is None
-            else self.motion.balance_times(t0, t1, w, phase)
-        )
+        if self.motion is None:
+            return super().balance_times(t0, t1, w, phase)
+        return self.motion.balance_times(t0, t1, w, phase)
 
     def in_time(self, states: States) -> States:
         return states

@@ -25,7 +25,7 @@ from cablefem.elements.trolley import Trolley
 from cablefem.motion import LineMotion
 from cablefem.newmark import Array, Solve, State, StepFailure, System, consistent_acceleration
 from cablefem.scene.contacts import NEAREST, Car, Contact, MovingLine, Wheel
-from cablefem.shoes import along_rail, passages
+from cablefem.shoes import along_rail, passages, passes
 
 if TYPE_CHECKING:
     from cablefem.elements.segment_kernels import Kernel
@@ -109,9 +109,8 @@ class LineElements(System):
         names = [c.car.name if isinstance(c, Wheel) else c.name for c in contacts]
         of_cars = set(range(len(contacts))) - set(self.supports)
         self.passages = passages(line)
-        over = {(p.car, p.saddle.name) for p in self.passages}
         pairs = [k for k in range(len(contacts) - 1) if {k, k + 1} & of_cars and names[k] != names[k + 1]]
-        self._gaps = [k for k in pairs if not {(names[k], names[k + 1]), (names[k + 1], names[k])} & over]
+        self._gaps = [k for k in pairs if not passes(self.passages, names[k], names[k + 1])]
         self._rolls = any(car.kind == "free" for car in line.cars)
         self._stops = [i for i, car in enumerate(line.cars) if car.kind == "free" and car.drive.resists]
         self._brakes = [(i, place) for i in self._stops for place, _ in line.cars[i].drive.brakes]

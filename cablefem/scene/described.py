@@ -106,9 +106,8 @@ class Described(Part):
         """
         data = self._tables(changes)
         cable = data["cable"]
-        if {"cable.E", "cable.section"} & changes.keys() and cable["EA"] == cable.get("E", 0.0) * cable.get(
-            "section", 0.0
-        ):
+        product = cable.get("E", 0.0) * cable.get("section", 0.0)
+        if {"cable.E", "cable.section"} & changes.keys() and cable["EA"] == product:
             del cable["EA"]  # it follows
         for key, value in changes.items():
             try:

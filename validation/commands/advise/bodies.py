@@ -6,7 +6,6 @@ By formula and by run: the line with its bodies against the same line with point
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ import numpy as np
 from cablefem.motion import CarMotion
 from cablefem.response import write_json
 from cablefem.scene.contacts import Car
+from cablefem.scene.drive import Thrust
 from cablefem.scene.line import Car as CarTable
 from cablefem.scene.line import Line
 from validation.commands.check.motion import LOOSER, scales_of
@@ -60,16 +60,15 @@ def advise(line: Line, tol: float, out: Path, report: Progress = silent) -> Row:
 
 def _with(line: Line, model: str) -> Line:
     """The line whose wheels have a model; a point has no cabin, and no thrust at an angle."""
-    data = tomllib.loads(line.to_toml())
-    for car in data["car"]:
-        if car.get("wheels", {}).get("inertia"):
-            car["wheels"]["model"] = model
+    changes: dict[str, Any] = {}
+    for car in line.car:
+        if car.wheels is not None and car.wheels.inertia:
+            changes[f"car.{car.name}.wheels.model"] = model
         if model == "point":
-            car.pop("hanger", None)
-            thrust = car.get("drive", {}).get("thrust")
-            if isinstance(thrust, dict):
-                thrust.pop("angle", None)
-    return Line(**data)
+            changes[f"car.{car.name}.hanger"] = None
+            if car.drive is not None and isinstance(car.drive.thrust, Thrust):
+                changes[f"car.{car.name}.drive.thrust.angle"] = 0.0
+    return line.replace(changes)
 
 
 def _ramp(car: Car) -> float:

@@ -118,7 +118,7 @@ def _check_line(
     second : the line the second solver is told, or None.
     """
     from validation.commands.check import line as at_rest
-    from validation.commands.check import motion, selftest
+    from validation.commands.check import motion
 
     line = points[0].scene
     kind = motion if line.moves else at_rest
@@ -126,6 +126,8 @@ def _check_line(
     code = kind.check(points, tol, tol_tension, out, second, require)
     if not self_test:
         return code
+    from validation.commands.check import selftest
+
     verdict = selftest.planted_in_line(kind.checked, line, tol, tol_tension)
     terminal.say(f"  {selftest.sentence(verdict, kind.SECOND, tol)}")
     return code or int(verdict.value != "disagree")

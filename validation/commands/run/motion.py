@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -95,6 +95,14 @@ def held_down(line: Line, motion: LineMotion) -> list[str]:
     return out
 
 
+class Part(NamedTuple):
+    """States of a line while it touches the same contacts."""
+
+    states: list[State]
+    following: tuple[Any, State] | None  # the system after an event that changes them, and its state
+    reason: str | None  # why it broke, or None
+
+
 class Runs:
     """Runs of one method on a line, each made once."""
 
@@ -156,37 +164,42 @@ class Runs:
         s = np.linspace(origin - self.length, origin, ROPE_STATIONS)
         work = Work()
         parts: list[LineMotion] = []
-        run: list[Any] = []
-        begun: tuple[Any, Any] | None = system, None
-        finer = np.empty(0)  # instants of cars on rails
-        reason = None
-        while begun is not None:
-            system, state = begun
-            states: list[Any] = [] if state is None else [state]
-            begun = None
+        run: list[State] = []
+        begun: tuple[Any, State | None] = system, None
+        steps = grid
+        while True:
+            part = self._march(*begun, steps, work)
+            parts.append(begun[0].observe(part.states, s))
+            run += part.states
+            if part.following is None:
+                break
+            begun = part.following
+            finer = begun[1].t + time_on_rails(*begun) * np.linspace(0.0, 2.0, 2 * ON_RAIL * time + 1)
             steps = [np.union1d(t, finer[(finer > t[0]) & (finer < t[-1])]) for t in grid]
-            try:
-                for group in integrate_blocks(system, scheme("radau"), steps, work=work, start=state):
-                    for x in group:
-                        if states and x.phase > states[-1].phase:  # forces may jump: the state after the jump, too
-                            states.append(system.start(x.phase, states[-1]))
-                        states.append(x)
-                if work.events and states[-1].t < self.line.t_end:
-                    begun = system.after(work.events[-1].name, states[-1])
-            except StepFailure as error:
-                if len(states) < 2 and not parts:
-                    raise store.Refused(f"{self.method.name}: {error}") from None
-                reason = str(error)
-            parts.append(system.observe(states, s))
-            run += states
-            if begun is not None:
-                finer = begun[1].t + time_on_rails(*begun) * np.linspace(0.0, 2.0, 2 * ON_RAIL * time + 1)
         return Moved(
             method=self.method.name, settings={self.method.setting: n, "steps": sum(t.size - 1 for t in grid)},
             motion=with_loads(joined(parts), self.table, self.line, run),
-            events=tuple((e.name, e.t) for e in work.events), reason=reason,
+            events=tuple((e.name, e.t) for e in work.events), reason=part.reason,
             period=self.period, instants=self.instants, n_dof=n_dof, steps=work.steps,
         )  # fmt: skip
+
+    def _march(self, system: Any, start: State | None, steps: list[Array], work: Work) -> Part:
+        """The run of one system from a state on; Refused where it does not begin."""
+        states: list[State] = [] if start is None else [start]
+        try:
+            for group in integrate_blocks(system, scheme("radau"), steps, work=work, start=start):
+                for x in group:
+                    if states and x.phase > states[-1].phase:  # forces may jump: the state after the jump, too
+                        states.append(system.start(x.phase, states[-1]))
+                    states.append(x)
+            following = None
+            if work.events and states[-1].t < self.line.t_end:
+                following = system.after(work.events[-1].name, states[-1])
+        except StepFailure as error:
+            if len(states) < 2 and start is None:
+                raise store.Refused(f"{self.method.name}: {error}") from None
+            return Part(states, None, str(error))
+        return Part(states, following, None)
 
 
 @dataclass(frozen=True)
