@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from cablefem.scene.errors import nearest
-from cablefem.scene.fields import Admits, NonNegative, Part, Positive, Word, described, integer
+from cablefem.scene.fields import Admits, NonNegative, Part, Positive, Word, described
 
 _SHIPPED = tomllib.loads((resources.files(__package__) / "limits.toml").read_text(encoding="utf-8"))
 DEMANDS: dict[str, list[str]] = _SHIPPED["demand"]
@@ -27,7 +27,6 @@ class Limits(Part):
     use: Words = described("[-] texts, as cablefem scenes --limits names them", ())
     when: Words = described(f"[-] what applies of {', '.join(CIRCUMSTANCES)}", ())
     ground: Word | None = described(f"[-] what the ground is: {', '.join(KINDS)}", None)
-    wheels: Annotated[int, integer(1, 1000)] | None = described("[-] wheels of the car, which share its load", None)
     safety_factor: Positive | None = described("[-] least breaking load over largest tension", None)
     tension_over_contact: Positive | None = described("[-] least tension over the largest force across", None)
     tension_over_wheel: Positive | None = described("[-] least tension over the load of a wheel", None)

@@ -159,11 +159,7 @@ class _Values:
         return _ratio(self._smallest("tension_min"), self._largest("contact_max"))
 
     def _tension_over_wheel(self) -> Value | None:
-        contact = self._largest("contact_max")
-        wheels = self.limits.wheels
-        if contact is None or wheels is None:
-            return None if wheels is None else unknown("not computed")
-        return _ratio(self._smallest("tension_min"), Value(contact.value / wheels, contact.bar / wheels))
+        return self._smallest("tension_over_wheel_min")
 
     def _sag_growth(self) -> Value | None:
         moving = self._largest("sag_car_max")

@@ -629,12 +629,17 @@ def _printed_limit(text: str, of: Stored) -> Faults:
 
 RATIOS = {  # of demands: numbers whose ratio they are
     "safety_factor": ("breaking_load", "tension_max"), "tension_over_contact": ("tension_min", "contact_max"),
-    "tension_over_wheel": ("tension_min", "contact_max"), "sag_growth": ("sag_car_max", "sag_car_rest"),
+    "sag_growth": ("sag_car_max", "sag_car_rest"),
 }  # fmt: skip
 NUMBERS = {  # of other demands
-    "knee_empty": "knee_empty_min", "knee_loaded": "knee_max", "knee_last": "knee_max", "speed": "speed_max",
-    "acceleration": "acceleration_max", "deceleration": "deceleration_max",
-}  # fmt: skip
+    "tension_over_wheel": "tension_over_wheel_min",
+    "knee_empty": "knee_empty_min",
+    "knee_loaded": "knee_max",
+    "knee_last": "knee_max",
+    "speed": "speed_max",
+    "acceleration": "acceleration_max",
+    "deceleration": "deceleration_max",
+}
 OVER = "smallest clearance over "
 OF_GROUND = ("the ground", "ground")
 
@@ -726,19 +731,18 @@ def _extreme(name: str, numbers: dict[str, float], scene: Row) -> float | None:
     last = scene["contact"][-2]["name"] if "contact" in scene else ""
     if name.startswith("knee_l"):
         numbers = {of: x for of, x in numbers.items() if (of == last) is (name == "knee_last")}
-    extreme = min if name == "knee_empty" else max
+    extreme = min if name in ("knee_empty", "tension_over_wheel") else max
     return extreme(numbers.values(), default=None)
 
 
 def _ratio(name: str, values: Values, scene: Row) -> float | None:
-    """The ratio of two numbers that a demand names; breaking load and wheels are those of the scene."""
+    """The ratio of two numbers that a demand names; the breaking load is the scene's."""
     if "breaking_load" in scene["cable"]:
         values["breaking_load"] = {"": scene["cable"]["breaking_load"]}
     above, below = (values.get(kind, {}).values() for kind in RATIOS[name])
-    wheels = scene["limits"].get("wheels") if name == "tension_over_wheel" else 1.0
-    if not above or not below or wheels is None:
+    if not above or not below:
         return None
-    ratio = wheels * min(above) / max(below)
+    ratio = min(above) / max(below)
     return ratio - 1.0 if name == "sag_growth" else ratio
 
 
