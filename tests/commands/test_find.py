@@ -207,3 +207,19 @@ def test_units_are_those_that_are_printed():
     clause = parsed("arrival.speed <= 10 km/h")[0]
     assert clause.limit("m/s") == pytest.approx(10.0 / 3.6)
     assert parsed("tension_max <= 30 kN")[0].limit("N") == 30e3
+
+
+def test_without_a_check_the_bar_is_what_the_least_model_leaves_out():
+    strong = ZIPLINE.replace({"cable.breaking_load": 9e4})
+    found = cf.find(strong, {"mass.mass": (40.0, 200.0)}, so_that="safety_factor >= 4.5", check=False)
+    change = found.changes[0]
+    assert "by the least model alone" in change.sentence
+    # the bar holds the mass at which the full model has the factor
+    at = {side: strong.replace({"mass.mass": change.value + side * change.bar}) for side in (-1.0, 1.0)}
+    factors = {side: design_number(cf.run(scene), "safety_factor_min") for side, scene in at.items()}
+    assert factors[-1.0] > 4.5 > factors[1.0]
+    assert change.bar < 20.0
+
+
+def design_number(r, quantity):
+    return next(row["value"] for row in r.design if row["quantity"] == quantity)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -40,24 +40,26 @@ class Change:
     holds_at: float
     fails_at: float
     fails: str  # what happens there
-    bar: float | None = None  # of the key; None: nothing was checked
+    bar: float | None = None  # of the key; None: unknown, or as wide as the range
     verdict: str = ""  # of the check
     unit: str = ""
-    checked: tuple[int, float, float | None] | None = None  # index among the rooms, number of the check, its bar
+    # index among the rooms of the number that decides, that number at `holds_at`, its bar
+    checked: tuple[int, float, float | None] | None = None
 
     @property
     def sentence(self) -> str:
         """The answer with its bar, what happens beyond it, and what the check says."""
         side, beyond = ("at most", "above") if self.fails_at > self.holds_at else ("at least", "below")
-        if self.verdict and self.bar is None:
-            text = f"about {self.value:.2g} {self.unit}".rstrip()
-            sure = f"the check: {self.verdict}, but its error bar leaves no digit of that"
+        sure = f"the check: {self.verdict}" if self.verdict else "by the least model alone"
+        if self.bar is None and (self.verdict or self.checked):
+            text = f"about {float(f'{self.value:.2g}'):g}"
+            sure += ", but its error bar leaves no digit of that"
         else:
             # a bar of rounding would print digits that bisection does not have
             width = abs(self.fails_at - self.holds_at)
-            text = f"{with_bar(self.value, max(self.bar or 0.0, width))} {self.unit}".rstrip()
-            sure = f"the check: {self.verdict}" if self.verdict else "by the least model alone"
-        return f"{side} {text}; {beyond}: {self.fails}; {sure}"
+            text = with_bar(self.value, max(self.bar or 0.0, width))
+            sure += "" if self.bar is not None else ", whose own error is not known"
+        return f"{side} {f'{text} {self.unit}'.rstrip()}; {beyond}: {self.fails}; {sure}"
 
 
 @dataclass(frozen=True)
@@ -143,7 +145,7 @@ def find(
     of : a scene, a line, a built-in name or a file.
     so_that : as "outcome = arrives and clearance_car.tree >= 1.5 m"; names as in summary.json.
     model : of the search, quasi-static or full; a line has one model.  all_of : the condition must hold for each value.
-    check : both solvers run at the answer; their number gives the bar of the key.
+    check : both solvers run at the answer; their number gives the bar of the key, else that of the least model.
     Ctrl-C raises Interrupted, whose `found` has what was computed.
     find("zipline", {"mass.mass": (40.0, 200.0)}, so_that="arrival.speed <= 16 km/h")
     """
@@ -159,8 +161,7 @@ def find(
         for a, b in itertools.pairwise(values):
             if search.holds(a) is not search.holds(b):
                 changes.append(search.narrowed(a, b))
-        if check:
-            changes = [search.judged(change) for change in changes]
+        changes = [search.judged(change, check) for change in changes]
     except KeyboardInterrupt:
         raise Interrupted(Found(key, so_that, changes, search.tried(), interrupted=True)) from None
     return Found(key, so_that, changes, search.tried())
@@ -263,29 +264,41 @@ class _Search:
             return answer.sentence
         return f"{clause.name} {'<' if clause.sign > 0.0 else '>'} {clause.right} {clause.unit}".rstrip()
 
-    def judged(self, change: Change) -> Change:
-        """The change with its bar: of the checked number over its slope, or a range that the full model confirms."""
+    def judged(self, change: Change, check: bool) -> Change:
+        """The change with its bar: that of the number over its slope, or a range that the full model confirms.
+
+        check : by both solvers, else by the least model, which leaves words without a bar.
+        """
         count = len(self.clauses)
         before = self.rooms(change.holds_at)
         after = self.rooms(change.fails_at)
         numbers = [i for i, room in enumerate(before) if i < len(after) and after[i] < 0.0 <= room]
         i = numbers[0] if numbers else next(i for i, room in enumerate(after) if not room >= 0.0)
         scene = self.scenes(change.holds_at)[min(i // count, len(before) // count - 1)]
-        for tol in CHECKS:
-            self.progress("check", 0.95)
-            answer, verdict = checked(scene, tol)
+        for answer, verdict in self._judgements(scene, check):
             change = replace(change, verdict=verdict)
             number = self.clauses[i % count].number(answer)
             if not numbers or number is None:
-                return replace(change, bar=self._confirmed(change, self.width / 2.0**WIDENINGS))
+                return replace(change, bar=self._confirmed(change, self.width / 2.0**WIDENINGS)) if check else change
             slope = (after[i] - before[i]) / (change.fails_at - change.holds_at)
             off = abs(self.clauses[i % count].room(answer) - before[i])
-            bar = math.inf if number.bar is None else (off + number.bar) / abs(slope)
+            exact = isinstance(scene, Line) and not scene.moves
+            of_number = 0.0 if exact and number.bar is None else number.bar
+            bar = math.inf if of_number is None else (off + of_number) / abs(slope)
             useful = bar < self.width / BRACKETS
-            change = replace(change, bar=bar if useful else None, checked=(i, number.value, number.bar))
+            change = replace(change, bar=bar if useful else None, checked=(i, number.value, of_number))
             if useful or isinstance(scene, Line):
                 break
         return change
+
+    def _judgements(self, scene: Any, check: bool) -> Iterator[tuple[Answer, str]]:
+        """Answers that have bars, with the verdict: of checks, each finer, or of the least model without one."""
+        if not check:
+            yield answer_of(scene, self.model, bars=True), ""
+            return
+        for tol in CHECKS:
+            self.progress("check", 0.95)
+            yield checked(scene, tol)
 
     def _confirmed(self, change: Change, width: float) -> float | None:
         """Half a range around the answer at whose ends the full model says the same; None: none was found."""
@@ -298,8 +311,11 @@ class _Search:
         return None
 
 
-def answer_of(scene: Any, model: str, only_events: bool = False) -> Answer:
-    """The answer of the least model that was asked for; only_events : without design numbers and bars."""
+def answer_of(scene: Any, model: str, only_events: bool = False, bars: bool = False) -> Answer:
+    """The answer of the least model that was asked for.
+
+    only_events : without design numbers and bars.  bars : of the full model, too.
+    """
     from validation.core import limits
     from validation.core.answers import outcome
 
@@ -311,7 +327,7 @@ def answer_of(scene: Any, model: str, only_events: bool = False) -> Answer:
     if model == "full":
         from validation import run_with_bars
 
-        r = run_with_bars(scene, bars=False)
+        r = run_with_bars(scene, bars=bars)
     else:
         from validation.core.design import design
         from validation.core.quasi_static import quasi_static, with_error_bars
