@@ -282,3 +282,11 @@ def test_a_derived_quantity_computed_wrongly_is_seen(told, name, monkeypatch, tm
     found.finest.write(tmp_path / "following-p2")
     seen = list(readback.files(readback.Stored(tmp_path, ["following-p2"], judged=False)))
     assert any(f"path.csv: {name} is not what was computed" in fault for fault in seen)
+
+
+def test_slack_onset_is_read_from_tensions_without_compression():
+    """Past the onset the law without compression leaves zeros, and a balance may leave no negative tension at all."""
+    r = run(Scene.load("level"), "fourier-kink", terms=16, steps=600, until=0.9)
+    numbers_of = replace(r, tension_min=np.maximum(r.tension_min, 0.0), design=design(r))
+    onset = recomputed.Readings(numbers_of, None)
+    assert onset.of("slack_onset") == pytest.approx(r.slack_onset, abs=onset.resolution("slack_onset"))

@@ -21,6 +21,7 @@ from validation.core.methods import METHODS
 from validation.core.refine import run_with_error_bars
 from validation.core.running import run
 from validation.core.trust import convergence_limit, gap_past_slack
+from validation.core.view import View
 from validation.core.watch import MAX_GAIN
 from validation.page.page import render
 
@@ -140,9 +141,13 @@ def test_waves_slower_than_the_mass_are_flagged():
     k = np.searchsorted(r.s_o, place * r.length)
     speed = (r.s_o[k] - r.s_o[k - 1]) / (r.t[k] - r.t[k - 1])
     assert r.tension_min[k : k + 2].min() < near.cable.mass_per_length * speed**2
+    # no bar holds from there on: neither paths nor design numbers go on
+    assert View.of(near).cut(r).window == (0.02, pytest.approx(place, abs=1e-6))
+    assert r.t[k - 1] <= measures.valid_until(r) <= r.t[k]
     # twin: a slower car on the same cable
     slower = run(near.variant(speed_ratio=0.4), "following-p2", elements=20, steps=900, until=0.8)
     assert "slow waves" not in slower.flag_kinds
+    assert View.of(near).cut(slower).window == (0.02, min(0.8, slower.slack_from))
 
 
 @pytest.mark.parametrize(

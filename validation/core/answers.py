@@ -11,7 +11,7 @@ from cablefem.scene import Scene
 from validation.core import limits
 from validation.core.clearances import shapes
 from validation.core.design import design
-from validation.core.measures import valid_until
+from validation.core.measures import steep_from, valid_until
 
 STATIONS = 201  # stations of profile.csv
 
@@ -85,8 +85,12 @@ def _end(scene: Scene, r: Response) -> Outcome:
         sentence = f"stops at {last:.1f} m after {duration:.1f} s"
     elif r.drive == "haul":
         sentence = f"is hauled from {r.s_o[0]:.1f} m to {last:.1f} m in {duration:.1f} s"
-    if r.slack_onset is not None:
+    if r.slack_onset is not None and r.slack_onset <= steep_from(r):
         sentence += f"; the cable goes slack when the mass is at {r.slack_onset * r.length:.1f} m"
+    elif steep_from(r) < r.reached:
+        sentence += (
+            f"; waves get slower than the mass when it is at {steep_from(r) * r.length:.1f} m, no bar holds there"
+        )
     return Outcome(kind, sentence)
 
 

@@ -22,7 +22,7 @@ from cablefem.scene.cable import Rope
 from validation.core.agreement import Agreement, Bound, Part, finite
 from validation.core.clearances import Clearances, Track, clearances, grounds
 from validation.core.ladder import Ladder, largest
-from validation.core.measures import averaged, extremes_within, valid_until
+from validation.core.measures import averaged, extremes_within, steep_from, valid_until
 from validation.core.order import FIRST
 from validation.core.quantities import unit_of
 from validation.core.scene_data import ROUNDING, SceneData
@@ -408,7 +408,7 @@ def _at_an_end(found: _Extreme, r: Response, span: tuple[float, float]) -> bool:
 
 
 def _onset(r: Response, ladder: Ladder | None) -> Iterator[Number]:
-    if r.slack_onset is None:
+    if r.slack_onset is None or r.slack_onset > steep_from(r):
         return
 
     def onset(x: Response) -> float:

@@ -1,5 +1,6 @@
 """Measures that compare two responses or check one; `window` is a pair of s_o/l."""
 
+import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any
@@ -34,14 +35,25 @@ def window_of(*responses: MassPath, window: Window | None = None) -> Window:
     cut = min(high, end)
     if cut > low:
         return low, cut
+    if not high > low:
+        raise NotComparable(f"nothing to compare: from s_o/l = {high:.4f} on waves are slower than the mass")
     first = responses[ends.index(end)]
     what = "is slack" if first.slack_from <= end else "ends"
     raise NotComparable(f"nothing to compare: {first.method} {what} at s_o/l = {end:.4f}, before {low:g}")
 
 
+def steep_from(r: MassPath) -> float:
+    """s_o/l from which waves are slower than the mass and steepen: no bar holds there.  Infinite: nowhere."""
+    flags = r.flags if isinstance(r, Response) else []
+    return min((float(flag.numbers["since"]) for flag in flags if flag.kind == "slow waves"), default=math.inf)
+
+
 def valid_until(*runs: Response) -> float:
-    """Time [s] up to which all runs have an answer: their first end or slack onset."""
+    """Time [s] up to which all runs have an answer: their first end, slack onset, or waves slower than the mass."""
     ends = [r.t[-1] for r in runs] + [r.slack_since for r in runs]
+    for r in runs:
+        if steep_from(r) < r.reached:  # of gripped cars alone, which never turn back
+            ends.append(np.interp(steep_from(r) * r.length, r.s_o, r.t))
     return float(min(ends))
 
 

@@ -200,11 +200,18 @@ def _tension(file: Path, run: Run) -> Faults:
 
 
 def _profile(file: Path, run: Run) -> Faults:
-    """Envelopes of depth and tension over x: from all taut frames, and of the car's path between them."""
+    """Envelopes of depth and tension over x: from all taut frames, and of the car's path between them.
+
+    Up to where waves get slower than the mass, too.
+    """
+    length = run["rest"]["length"]
     onset = run["rest"]["slack_onset"]
     until = math.inf
     if onset is not None:
-        until = run["t"][np.argmin(np.abs(run["s_o"] - onset * run["rest"]["length"]))]
+        until = run["t"][np.argmin(np.abs(run["s_o"] - onset * length))]
+    for flag in run["rest"]["flags"]:
+        if flag["kind"] == "slow waves":
+            until = min(until, np.interp(flag["numbers"]["since"] * length, run["s_o"], run["t"]))
     taut = run["t"] <= until
     x_rest = run["fields.x"]
     y_rest = run["fields.y"]

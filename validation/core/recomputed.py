@@ -17,7 +17,7 @@ from cablefem.response import Array, Response
 from validation.core import timetable
 from validation.core.agreement import Agreement, Bound, Part, nothing
 from validation.core.evidence import Evidence, Windows, cross, integral
-from validation.core.measures import JUMP_WIDTH, WINDOWS, extremes_within, valid_until
+from validation.core.measures import JUMP_WIDTH, WINDOWS, extremes_within, steep_from, valid_until
 from validation.core.rest import car_position
 from validation.core.scene_data import ROUNDING, SceneData, deepest, mean_around, stressed
 
@@ -124,12 +124,12 @@ class Readings:
         return self._extreme(kind, raw)
 
     def _slack_onset(self) -> float | None:
-        """s_o/l of the first step in the window with a negative tension, else of that nearest the printed one.
+        """s_o/l of the first step in the window with no tension, else of that nearest the printed one.
 
         Past the window a force from a balance dips below zero where no other answer does.
         """
         r = self.r
-        slack = r.s_o[1:][r.tension_min[1:] < 0.0] / r.length
+        slack = r.s_o[1:][r.tension_min[1:] <= 0.0] / r.length  # zero: by the law without compression
         first = slack[slack <= WINDOWS[r.drive][1]]
         printed = next((row["value"] for row in r.design if row["quantity"] == "slack_onset"), None)
         if first.size or printed is None or not slack.size:
@@ -372,7 +372,8 @@ def _end_of_travel(r: Response, readings: Readings) -> Ending:
     end = data.drive.get("end", {}).get("place", 0.99 * r.length) if hauled else r.length
     last, duration = _travelled(data, r.length, start, end)
     # a law and a design number judge the onset itself; here its text is compared
-    slack = [] if r.slack_onset is None else [r.slack_onset * r.length]
+    ends = [x * r.length for x in (r.slack_from, steep_from(r)) if x <= r.reached]
+    slack = [min(ends)] if ends else []
     if last < 0.999 * end:
         return Ending("stopped", [last, duration, *slack])
     ends = [start, last] if hauled else []

@@ -132,7 +132,7 @@ def compare(
 
 def compare_answers(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) -> list[Agreement]:
     """The rows that compare two answers;  tolerance : of a kind of quantity, as `tolerance_of`."""
-    full = View.of(scene)
+    full = View.of(scene).before_steep_waves(a.finest, b.finest)
     rows = list(independence_rows(a.finest, b.finest))
     try:
         view = full.cut(a.finest, b.finest)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from cablefem.response import MassPath
 from cablefem.scene import Scene
-from validation.core.measures import WINDOWS, Window, window_of
+from validation.core.measures import WINDOWS, Window, steep_from, window_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,10 +49,16 @@ class View:
         """s_o/l where coarser runs may end; None: the travel's end."""
         return None if self.ends else self.window[1]
 
+    def before_steep_waves(self, *finest: MassPath) -> View:
+        """The view up to where waves get slower than the mass and steepen: no bar holds from there on."""
+        low, high = self.window
+        return replace(self, window=(low, min(high, *map(steep_from, finest))))
+
     def cut(self, *finest: MassPath) -> View:
-        """The view cut where a finest run ends or goes slack; NotComparable if nothing is left."""
+        """The view up to steep waves, or where a finest run ends or goes slack; NotComparable if nothing is left."""
         until = min(float(r.t[-1]) for r in finest) if self.free else self.until
-        return replace(self, window=window_of(*finest, window=self.window), until=until)
+        window = self.before_steep_waves(*finest).window
+        return replace(self, window=window_of(*finest, window=window), until=until)
 
     def covers(self, r: MassPath) -> bool:
         """Whether a coarser run reaches the end of the comparison."""
