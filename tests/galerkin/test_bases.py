@@ -139,7 +139,7 @@ def fine_rule_error(basis, exponent, pieces=512):
 # --- the paper's functions ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("p", "level"), [*((p, 0) for p in ORDERS), (3, 1), (4, 2)])
+@pytest.mark.parametrize(("p", "level"), [(2, 0), (3, 1), (4, 2), (5, 0), (8, 0)])
 def test_the_basis_spans_the_papers_functions_with_their_derivatives(p, level):
     """Over each function's own maximum, at any float; the witness takes the same rounding of R s."""
     basis, grid = Daubechies(p, level), np.arange(65) / 64.0

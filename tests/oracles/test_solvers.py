@@ -8,20 +8,19 @@ from validation.commands.oracles import study
 
 TASKS = {" ".join(task.key): task for task in study.tasks() if task.oracle != "line"}
 DEAR = (  # about a second and more
-    "ellipse", "incline friction", "quasi-static up to V/c = 0.4: speed along",
+    "ellipse", "incline friction", "quasi-static up to",
     "rest held", "rocket", "accelerating-mass through",
 )  # fmt: skip
 DEAR_OF_SINES = (
     "rest car", "moving-force", "moving-mass mass", "moving-mass acc", "moving-mass from",
-    "accelerating-force", "damped",
-    "quasi-static up",
+    "accelerating-force", "damped", "moving-mass limit of small sag, model s",
 )  # fmt: skip
 
 
 def dear(key):
     plain = key.endswith(" fourier") and not key.startswith("moving-mass the paper")
     sines = key.endswith("fourier-kink") and key.startswith(DEAR_OF_SINES)
-    return key.endswith("fixed-hermite") or key.startswith(DEAR) or plain or sines
+    return key.endswith(("fixed-hermite", "fourier-riding")) or key.startswith(DEAR) or plain or sines
 
 
 @cache
