@@ -26,7 +26,7 @@ def opensees(scene):
 
 def string(scene, method=sines.METHOD, until=None):
     """A user's own solver: sines on a taut string, its moving mass by the chain rule."""
-    r = run(scene, method, model="string", law="elastic", waves=40, steps=200, until=until)
+    r = run(scene, method, model="string", law="elastic", waves=20, steps=100, until=until)
     return r.s_o, r.v
 
 
@@ -40,20 +40,20 @@ def coarse():
     return run(LEVEL, "following-p2", elements=6, steps=300)
 
 
-# Forty sines are right to about 1/40 of what one sine misses: a percent.
+# Twenty sines are right to about 1/20 of what one sine misses: two percent.
 def test_a_users_solver_agrees_and_without_coriolis_it_is_told_where_it_parts():
     ours = run(LEVEL, "following-p2", model="string", law="elastic", elements=12, steps=400)
     right = ForeignPath.of(LEVEL, *string(LEVEL, until=0.4), name="toy")
-    (row,) = validation.assert_agree(right, ours, path=2e-2)
-    assert 5e-3 < row.gap < 2e-2
+    (row,) = validation.assert_agree(right, ours, path=4e-2)
+    assert 1e-2 < row.gap < 4e-2
     wrong = ForeignPath.of(LEVEL, *string(LEVEL, sines.without_coriolis(), until=0.4), name="toy")
     with pytest.raises(AssertionError) as caught:
-        validation.assert_agree(wrong, ours, path=2e-2)
+        validation.assert_agree(wrong, ours, path=4e-2)
     title, line = str(caught.value).splitlines()
     assert title == "toy and following-p2 disagree"
     assert "path_max: gap" in line
-    assert "allowed 0.02, largest at s_o/l = 0.40" in line
-    assert "asked for: path 0.02" in line
+    assert "allowed 0.04, largest at s_o/l = 0.4" in line
+    assert "asked for: path 0.04" in line
     assert "they part from s_o/l = 0.0" in line  # it grows without bound, from the start
 
 
