@@ -178,7 +178,7 @@ class GalerkinSystem(System):
     def _constants(self) -> kernels.Cable:
         g = self.groups
         cable = self.cable
-        return kernels.Cable(self.inertia, self.mu, cable.alpha, cable.law, g.sigma, g.c, self.damping)
+        return kernels.Cable(self.inertia, self.mu, cable.alpha, cable.law, g.sigma, g.c, self.damping, self.slack_ends)
 
     @property
     def sines(self) -> Fourier:

@@ -56,22 +56,31 @@ def recover(x: Measures, s: Array, frames: Array) -> Equilibrium:
     ahead = (internal[:, 1] - moment_ahead) / rest
     here = combined(A, first)
 
-    def along(k: Array, s: Array) -> Array:
-        smooth = np.einsum("kfm,sm->ksf", A[k], basis.phi(s, -1), optimize=True) - here[k, None]
-        before = behind[k, None] - 0.5 * (s_o[k] ** 2 - s**2)[..., None] * ray_behind[k, None]
-        after = ahead[k, None] + 0.5 * (rest[k] ** 2 - (1.0 - s) ** 2)[..., None] * ray_ahead[k, None]
-        return smooth + np.where((s <= s_o[k])[..., None], before, after) + static(cable, s)
+    def along(s: Array) -> Callable[[Array], Array]:
+        """N t (k, m, 2) at stations s (m,), as a function of the instants (k,)."""
+        functions = basis.phi(s, -1)
+
+        def force(k: Array) -> Array:
+            smooth = np.einsum("kfm,sm->ksf", A[k], functions, optimize=True) - here[k, None]
+            before = behind[k, None] - 0.5 * (s_o[k] ** 2 - s**2)[..., None] * ray_behind[k, None]
+            after = ahead[k, None] + 0.5 * (rest[k] ** 2 - (1.0 - s) ** 2)[..., None] * ray_ahead[k, None]
+            return smooth + np.where((s <= s_o[k])[..., None], before, after) + static(cable, s)
+
+        return force
 
     least, where = smallest_tension(cable, x.s_o.size, along, s)
-    left, right = along(np.arange(x.s_o.size), np.array([0.0, 1.0])).swapaxes(0, 1)
+    left, right = along(np.array([0.0, 1.0]))(np.arange(x.s_o.size)).swapaxes(0, 1)
     at_mass = static(cable, x.inside)
-    return Equilibrium(behind + at_mass, ahead + at_mass, left, right, along(frames, s), strain, least, where)
+    return Equilibrium(behind + at_mass, ahead + at_mass, left, right, along(s)(frames), strain, least, where)
 
 
-def smallest_tension(cable: FullCable, n: int, along: Callable[[Array, Array], Array], s: Array) -> tuple[Array, Array]:
-    """Smallest tension of every instant and its s, (n,); along(k, s): N t at instants k and stations s."""
+def smallest_tension(
+    cable: FullCable, n: int, along: Callable[[Array], Callable[[Array], Array]], s: Array
+) -> tuple[Array, Array]:  # fmt: skip
+    """Smallest tension of every instant and its s, (n,); along(s)(k): N t at stations s and instants k."""
     stations = np.concatenate([[0.0], s[:: 1 + s.size // STATIONS], [1.0]])
-    T = batched(lambda k: tension(along(k, stations), static(cable, stations)), np.arange(n))
+    force = along(stations)
+    T = batched(lambda k: tension(force(k), static(cable, stations)), np.arange(n))
     return T.min(axis=1), stations[T.argmin(axis=1)]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -196,7 +197,7 @@ class RidingMeasures(Measures):
             N = (taut * size + flux * (1.0 - T / cable.alpha)) / (1.0 - flux / cable.alpha)
             return (taut * N / np.where(size > 0.0, size, 1.0))[..., None] * known
 
-        def along(k: Array, s: Array) -> Array:
+        def along(s: Array, k: Array) -> Array:
             places = np.broadcast_to(s, (k.size, s.size))
             parts = (
                 whole(side, side.force_along(at, k, places), k, places) for side, at in zip(sides, at_mass, strict=True)
@@ -209,8 +210,8 @@ class RidingMeasures(Measures):
             for place in (self.inside[:, None], np.full((every.size, 1), 0.5 - 0.5 * side.sign))
         ]
         behind, left, ahead, right = ends
-        least, where = smallest_tension(cable, every.size, along, s)
-        shown = batched(lambda k: along(k, s), frames)
+        least, where = smallest_tension(cable, every.size, lambda stations: partial(along, stations), s)
+        shown = batched(partial(along, s), frames)
         return Equilibrium(behind, ahead, left, right, shown, strain, least, where, lost)
 
 

@@ -27,6 +27,7 @@ class System(Protocol):
     force_floor: float
     events: tuple[str, ...] = ()
     many_steps: bool = False  # whether `solve_steps` or `collocate` takes several
+    slack_ends: bool = True  # whether several steps may end at a slack state only
     events_from: float = -math.inf  # events are looked for after this time
     adaptive: bool = False  # `step_fraction` shortens steps
     at_support: bool = False  # `start` begins at the left support only

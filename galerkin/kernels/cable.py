@@ -32,6 +32,7 @@ class Cable(NamedTuple):
     sigma: float
     c: float
     damping: float  # c_d
+    slack_ends: bool  # whether several steps may end at a slack state only
 
 
 @inner

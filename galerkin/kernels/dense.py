@@ -20,8 +20,8 @@ _gemm: Any = types.ExternalFunction(
     "numba_xxgemm",
     types.intc(_char, _char, _char, _size, _size, _size, _any, _any, _size, _any, _size, _any, _any, _size),
 )
-_gesv: Any = types.ExternalFunction(
-    "numba_xgesv", types.intc(_char, _size, _size, _real, _size, types.CPointer(F_INT_nbtype), _real, _size)
+_getrf: Any = types.ExternalFunction(
+    "numba_xxgetrf", types.intc(_char, _size, _size, _real, _size, types.CPointer(F_INT_nbtype))
 )
 DOUBLE = ord("d")
 PLAIN = ord("n")
@@ -46,12 +46,35 @@ def multiply(a, b, flip, out):
 
 
 @inner
-def solve_rows(K, n, x, count):
-    """Overwrite `count` rows of x (n,) by K[:n, :n]^-1 times them, by NaN if K is singular."""
-    columns = np.empty((n, n))
-    pivots = np.empty(n, dtype=F_INT_nptype)
-    for i in range(n):
-        for j in range(n):
+def factors_for(n):
+    """Space for `factorise`: the columns of L and U (n, n), and the rows that change places (n,)."""
+    return np.empty((n, n)), np.empty(n, dtype=F_INT_nptype)
+
+
+@inner
+def factorise(K, factors):
+    """Set factors (n, n) of K[:n, :n]; NaN if it is singular."""
+    columns, pivots = factors
+    n = pivots.size
+    for j in range(n):
+        for i in range(n):
             columns[j, i] = K[i, j]
-    if _gesv(DOUBLE, n, count, columns.ctypes, n, pivots.ctypes, x.ctypes, n) != 0:
-        x[:] = math.nan
+    if _getrf(DOUBLE, n, n, columns.ctypes, n, pivots.ctypes) != 0:
+        columns[0, 0] = math.nan
+
+
+@inner
+def solve(factors, x):
+    """Overwrite x (n,) by K^-1 x."""
+    columns, pivots = factors
+    n = pivots.size
+    for i in range(n):
+        other = pivots[i] - 1
+        x[i], x[other] = x[other], x[i]
+    for j in range(n):
+        for i in range(j + 1, n):
+            x[i] -= columns[j, i] * x[j]
+    for j in range(n - 1, -1, -1):
+        x[j] /= columns[j, j]
+        for i in range(j):
+            x[i] -= columns[j, i] * x[j]

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from galerkin.bases.riding import place_in, side_of
-from galerkin.kernels.dense import multiply, solve_rows
+from galerkin.kernels.dense import factorise, factors_for, multiply, solve
 from galerkin.law import inner
 
 
@@ -112,7 +112,10 @@ def solve_sides(K, r, x):
         for i in range(2 * n):
             rows[side, 1, i] = K[side, i, 2 * n]
             rows[side, 2, i] = K[side, i, 2 * n + 1]
-        solve_rows(K[side], 2 * n, rows[side], 3)
+        factors = factors_for(2 * n)
+        factorise(K[side], factors)
+        for row in range(3):
+            solve(factors, rows[side, row])
         for a in range(2):
             border = K[side, 2 * n + a]
             S[a, 0] += border[2 * n]

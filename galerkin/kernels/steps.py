@@ -9,7 +9,7 @@ import numpy as np
 
 from galerkin.kernels import rolling
 from galerkin.kernels.cable import Array, balance, damp, grip, grip_tangent, least
-from galerkin.kernels.dense import solve_rows
+from galerkin.kernels.dense import factorise, factors_for, solve
 from galerkin.kernels.places import free_place, moment, place_of, points_at
 from galerkin.kernels.riding import riding_tangent, solve_sides
 from galerkin.law import compiled, inner
@@ -23,6 +23,7 @@ class Space(NamedTuple):
     pull: Array  # (m,) tension of the elastic law, with internal damping
     sides: Array  # (2, 2) int (N t - T t_static) ds behind and ahead of the mass
     K: Array  # (1, n_dof, n_dof); riding sines: see `riding_tangent`
+    factors: tuple[Array, Array]  # of K, see `factorise`; riding sines have none
     step: Array  # (n_dof,)
     viscous: Array  # (m,) tension of internal damping
     rates: Array  # (5, m) t (2), then weighted: dN/d(deps/dt) d(deps/dt)/dr' (2), and dN/d(deps/dt)
@@ -35,7 +36,7 @@ def space_for(size, line):
     K = np.empty((1, size, size)) if line.riding is None else np.empty((2, size // 2 + 1, size // 2 + 1))
     return Space(
         np.empty((3, size)), np.empty(size), np.empty((2, n)), np.empty((3, m)), np.empty(m), np.empty((2, 2)), K,
-        np.empty(size), np.zeros(m), np.empty((5, m)),
+        factors_for(size if line.riding is None else 0), np.empty(size), np.zeros(m), np.empty((5, m)),
     )  # fmt: skip
 
 
@@ -131,12 +132,13 @@ def set_tangent(riding, here, ride, line, of, out, c):
 
 
 @inner
-def solve_for(riding, K, r, step):
+def solve_for(riding, of):
+    """Set the step of `Space` to K^-1 r."""
     if riding is None:
-        copy(r, step)
-        solve_rows(K[0], r.size, step, 1)
+        copy(of.r, of.step)
+        solve(of.factors, of.step)
     else:
-        solve_sides(K, r, step)
+        solve_sides(of.K, of.r, of.step)
 
 
 @inner
@@ -155,7 +157,7 @@ def correct(rule, end, step, share):
 
 @inner
 def solve_step(here, ride, line, ends, rule, newton, of):
-    """Solve one step for its end, like `cablefem.newmark.iterate`.
+    """Solve one step for its end, like `cablefem.newmark.find_root`.
 
     ends : start, and end to be set, (3, n_dof);  newton : `cablefem.newmark.Newton`
     Return |r|, counts of iterations, factorisations, evaluations, the least tension and its s.
@@ -174,7 +176,9 @@ def solve_step(here, ride, line, ends, rule, newton, of):
         if iterations == 0 or norm > newton.reuse * before:
             factorisations += 1
             set_tangent(line.riding, here, ride, line, of, out, c)
-        solve_for(line.riding, of.K, of.r, of.step)
+            if line.riding is None:
+                factorise(of.K[0], of.factors)
+        solve_for(line.riding, of)
         before = norm
         share = 1.0
         for _ in range(newton.halvings + 1):
@@ -214,7 +218,8 @@ def solve_steps(ride, course, line, places, start, rules, newton):
             here = moment(line, place_of(places, i))
         found = solve_step(here, now_ride, line, (begin, now[i]), rule, newton, of)
         told[i, 0], told[i, 1], told[i, 2], told[i, 3], told[i, 4], told[i, 5] = found
-        if not (found[0] <= newton.bound and found[4] >= 0.0):
+        slack = line.cable.slack_ends and not found[4] >= 0.0
+        if slack or not found[0] <= newton.bound:
             return i, now, told
         if course is not None and course.t.size > 0:
             now_car = rolling.end_step(ride, course, line, places, rule, i, now[i])

@@ -134,6 +134,7 @@ class Run:
         h = self.history
         if h.after is None and self._march(h.solver, self.scheme, until, progress, self.switches):
             h.after = h.solver.with_law("tension-only")
+            h.after.slack_ends = False
         if h.after is not None:
             # collocation loses its order at the law's kink
             goes_on = self.scheme.damps and not self.scheme.nodes
