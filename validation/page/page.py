@@ -2,6 +2,7 @@
 
 import html
 import math
+import os
 import platform
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -74,8 +75,7 @@ def drawn(package: str, file: str = "page.html", /, **content: Any) -> list[Sect
         out.append(Section(id, title, caller(), verdict, text, tuple(scripts)))
         return ""
 
-    text = (resources.files(package) / file).read_text(encoding="utf-8")
-    _ENVIRONMENT.from_string(text).render(section=section, **content)
+    _ENVIRONMENT.get_template(f"{package}/{file}").render(section=section, **content)
     return out
 
 
@@ -195,8 +195,16 @@ def asset(name: str) -> str:
     return (resources.files(__package__) / "assets" / name).read_text(encoding="utf-8")
 
 
+def _source(name: str) -> str:
+    """The text of a template: PACKAGE/FILE, or a file of assets/."""
+    package, _, file = name.rpartition("/")
+    return (resources.files(package) / file).read_text(encoding="utf-8") if package else asset(name)
+
+
+_COMPILED = Path(__spec__.cached or "").parent  # templates are kept where this module is
 _ENVIRONMENT = jinja2.Environment(
-    loader=jinja2.FunctionLoader(asset),
+    loader=jinja2.FunctionLoader(_source),
+    bytecode_cache=jinja2.FileSystemBytecodeCache(str(_COMPILED)) if os.access(_COMPILED, os.W_OK) else None,
     autoescape=True,
     undefined=jinja2.StrictUndefined,
     trim_blocks=True,
