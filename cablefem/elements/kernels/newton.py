@@ -9,7 +9,6 @@ from cablefem.elements.kernels import compiled, inner
 from cablefem.elements.kernels.balance import Instant, assemble, assemble_inertia
 from cablefem.elements.kernels.banded import dot, factorise, solve
 from cablefem.elements.kernels.car import roll, under_way
-from cablefem.elements.kernels.law import TENSION_ONLY
 
 NO_TANGENT = 0.0, 0.0, 0.0
 
@@ -80,9 +79,7 @@ def solve_steps(cable, ride, tangent, bands, steps, newton):
                 if norm < before or (iteration < patience and norm < math.inf):
                     break
                 share = -0.5 if share == 1.0 else 0.5 * share  # takes half of the correction back
-            # where the law has a kink the iterations only cycle; shorter steps help
-            stuck = cable.law[-1] == TENSION_ONLY and iteration >= patience and not norm < before
-            if norm <= bound or stuck or not norm < math.inf:
+            if norm <= bound or not norm < math.inf:
                 break
         told = steps.told[k]
         told[0] = norm
