@@ -46,3 +46,13 @@ def test_a_fixed_mesh_begins_at_the_support_and_says_so(method):
     scene = base.variant(travel=ConstantSpeed(speed=10.0, **{"from": 90.0}))
     with pytest.raises(ValueError, match=r"not yet: travel\.from with fixed-p1"):
         Run(scene, method)
+
+
+def test_many_steps_on_the_slack_cable_are_those_taken_one_by_one():
+    many, single = (Run(Scene.load("level"), "fourier-kink", terms=24, steps=200, scheme="newmark") for _ in range(2))
+    single.history.solver.many_steps = False
+    for run in (many, single):
+        run.march(0.95, None, np.inf)
+        assert run.history.onset.step < len(run.history.states) - 5
+    for a, b in zip(many.history.states, single.history.states, strict=True):
+        np.testing.assert_allclose(a.q, b.q, rtol=0.0, atol=1e-12)

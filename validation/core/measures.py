@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cablefem.newmark import scheme
 from cablefem.response import Array, Fields, MassPath, Response
+from validation.core.methods import METHODS
 
 WINDOW = (0.02, 0.80)  # s_o/l past the start-up, before the layer at the far support
 SLACK_END = 0.95  # s_o/l: end for slack cables and hauled cars
@@ -44,8 +45,9 @@ def window_of(*responses: MassPath, window: Window | None = None) -> Window:
 
 def steep_from(r: MassPath) -> float:
     """s_o/l from which waves are slower than the mass and steepen: no bar holds there.  Infinite: nowhere."""
-    flags = r.flags if isinstance(r, Response) else []
-    return min((float(flag.numbers["since"]) for flag in flags if flag.kind == "slow waves"), default=math.inf)
+    if not isinstance(r, Response) or (r.method in METHODS and not METHODS[r.method].resolves_waves):
+        return math.inf  # without a look at flags, which observes the run
+    return min((float(flag.numbers["since"]) for flag in r.flags if flag.kind == "slow waves"), default=math.inf)
 
 
 def valid_until(*runs: Response) -> float:

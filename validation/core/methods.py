@@ -117,6 +117,11 @@ class Method:
         """Whether the mesh follows the mass: then only waves limit the order in time."""
         return "grading" in self.knobs
 
+    @property
+    def resolves_waves(self) -> bool:
+        """Whether waves slower than the mass, and compression at a point, can be told from ripples."""
+        return self.wing == "elements" and self.space_order >= 2.0
+
     def ladder(self, rungs: int, finer: float = 1.0) -> list[dict[str, Any]]:
         """Settings from coarse to fine, each twice as fine, with steps that keep pace.
 

@@ -84,11 +84,8 @@ HIDDEN = 0.03  # s_o/l from compression at a point to slack of an element; right
 
 
 def _waves(r: Response, scene: Scene, method: Method) -> list[Flag]:
-    """Flag waves, of speed sqrt(N/rho), slower than the mass, and compression in part of an element.
-
-    Only methods that resolve the kink at the mass tell them from ripples.
-    """
-    if method.wing != "elements" or method.space_order < 2.0:
+    """Flag waves, of speed sqrt(N/rho), slower than the mass, and compression in part of an element."""
+    if not method.resolves_waves:
         return []
     end = min(measures.WINDOW[1], r.reached, r.slack_from - HIDDEN)
     within = measures.inside(r, (measures.WINDOW[0], end))
