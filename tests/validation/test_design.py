@@ -9,12 +9,11 @@ import pytest
 from cablefem import Scene
 from cablefem.response import Response
 from tests.validation.ladders import ladder
-from tests.validation.pairs import right
 from validation.core import readback, recomputed
 from validation.core.agreement import Verdict
 from validation.core.answers import outcome
 from validation.core.design import QUANTITIES, design, gaps, widened_numbers
-from validation.core.measures import energy_defect, extremes_within, path_gap
+from validation.core.measures import energy_defect, extremes_within
 from validation.core.quasi_static import quasi_static
 from validation.core.running import run
 
@@ -30,7 +29,7 @@ CAMERA = Scene(
     drive={"mode": "haul", "rolling_friction": 0.02}, travel={"kind": "accelerate_cruise_brake", "top_speed": 12.0},
 )  # fmt: skip
 SCENES = {"level": Scene.load("level"), "rider": RIDER, "camera": CAMERA}
-COARSE = {"elements": 12, "steps": 1000}
+COARSE = {"elements": 8, "steps": 600}
 
 
 def numbers(*of):
@@ -49,7 +48,7 @@ def told(request):
 def test_bars_hold_against_a_finer_run(told):
     scene, _, known = told
     until = {} if scene.drive.mode == "free" else {"until": 0.8}
-    true = {n.quantity: n for n in numbers(run(scene, "following-p2", elements=24, steps=2500, **until))}
+    true = {n.quantity: n for n in numbers(run(scene, "following-p2", elements=16, steps=1500, **until))}
     off = [n for n in known if not abs(n.value - true[n.quantity].value) <= n.bar]
     assert off == []
     # and say something: a wide bar would hold as well
@@ -131,7 +130,7 @@ def test_the_steepest_angle_is_the_largest_up_or_down(name):
 
 
 def test_a_slack_onset_has_a_bar():
-    found = ladder(SCENES["level"], **COARSE, until=0.9)
+    found = ladder(SCENES["level"], elements=12, steps=1000, until=0.9)
     (onset,) = (n for n in numbers(found) if n.quantity == "slack_onset")
     assert onset.value == found.finest.slack_onset
     assert 0.0 < onset.bar < 0.05
@@ -264,22 +263,12 @@ def test_outcomes_of_built_in_scenes_are_as_recomputed(name):
     assert wrong([recomputed.ending(r, None, *outcome(scene, r))]) == set()
 
 
-def test_an_error_below_the_gap_to_the_other_solver_is_seen():
-    a, b = (x.run for x in right())
-    gap = path_gap(a, b, (0.02, 0.8))[0]
-    assert wrong(recomputed.errors(replace(a, path_error=1.01 * gap, tension_error=1.0), b)) == set()
-    assert wrong(recomputed.errors(replace(a, path_error=0.9 * gap, tension_error=0.0), b)) == {
-        ("design", "path_error"), ("design", "tension_error"),
-    }  # fmt: skip
-
-
 @pytest.mark.parametrize("name", ["F_contact", "speed"])
-def test_a_derived_quantity_computed_wrongly_is_seen(told, name, monkeypatch, tmp_path):
+def test_a_derived_quantity_computed_wrongly_is_seen(name, monkeypatch, tmp_path):
     """The contact force of a car that grips, or the speed, wrong where both wings share it."""
     right = getattr(Response, name).fget
-    _, found, _ = told
     monkeypatch.setattr(Response, name, property(lambda r: 1.02 * right(r)))
-    found.finest.write(tmp_path / "following-p2")
+    run(SCENES["level"], "following-p2", elements=4, steps=100).write(tmp_path / "following-p2")
     seen = list(readback.files(readback.Stored(tmp_path, ["following-p2"], judged=False)))
     assert any(f"path.csv: {name} is not what was computed" in fault for fault in seen)
 
