@@ -1,4 +1,4 @@
-"""A check that is found at once."""
+"""A check that is found at once, and runs without their animation."""
 
 import dataclasses
 
@@ -16,13 +16,21 @@ def level_check():
 
 
 @pytest.fixture
-def checked(monkeypatch, level_check):
+def unanimated(monkeypatch):
+    """Write no animation, half of the time of a short run; tests/commands/test_readback.py reads them."""
+    from validation.page import paraview
+
+    monkeypatch.setattr(paraview, "write", lambda response, folder: None)
+
+
+@pytest.fixture
+def checked(monkeypatch, unanimated, level_check):
     """Let `check` find at once what it found before, and write the verdict alone: only the command is tested here.
 
     Returns a function that changes what it finds.
     """
     from validation.commands.check import page as pages
-    from validation.page import paraview, report
+    from validation.page import report
 
     def find(**changes):
         found = dataclasses.replace(level_check, **changes)
@@ -31,7 +39,6 @@ def checked(monkeypatch, level_check):
     find()
     section = Section("check-verdict", "Verdict", "<p>1</p>", "agree", "both solvers")
     monkeypatch.setattr(pages, "sections", lambda folder: [section])
-    monkeypatch.setattr(paraview, "write", lambda response, folder: None)
     monkeypatch.setattr(report, "read_back", lambda command, of, lines: 0)
     monkeypatch.setattr(
         check_study.Check, "write", lambda check, out: write_json(out / "agreement.json", check.agreement())

@@ -136,7 +136,9 @@ def test_the_command_stores_the_answer_and_a_value_that_fails_does_not_hold(cabl
     assert 'id="find"' in Path("x/report.html").read_text()
 
 
-@pytest.mark.parametrize(("count", "more"), [(6, ()), (20, ("--for", "mass.mass=60,80,100"))])
+@pytest.mark.parametrize(
+    ("count", "more"), [(6, ()), pytest.param(20, ("--for", "mass.mass=60,80,100"), marks=pytest.mark.slow)]
+)
 def test_ctrl_c_leaves_what_was_computed(cablefem, monkeypatch, count, more):
     shown = []
 
