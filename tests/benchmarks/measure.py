@@ -18,7 +18,7 @@ from validation.core.running import Run, run
 HOW = {"following-p2": {"elements": 16, "steps": 400}, "fourier-kink": {"terms": 32, "steps": 400}}
 UNTIL = 0.8
 PACKAGES = "numpy, scipy.interpolate, pydantic, typer, rich, jinja2"  # of any command that draws a page
-SOLVERS = "numba, skfem, h5py"
+SOLVERS = "numba, skfem, meshio, h5py"
 COMMANDS = {
     "--help": ["--help"],
     "scenes": ["scenes"],

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-SOLVERS = {"skfem", "numba", "matplotlib", "galerkin", "cablefem.elements"}
+SOLVERS = {"skfem", "numba", "matplotlib", "meshio", "galerkin", "cablefem.elements"}
 HEAVY = SOLVERS | {"numpy", "scipy", "pydantic", "rich", "jinja2"}
 INTERRUPTED = """
 import tempfile

@@ -6,23 +6,50 @@ motion.  Single precision; response.npz has all digits.
 
 import shutil
 import tempfile
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import h5py
 import numpy as np
 from h5py import h5d, h5s, h5t
+from meshio.xdmf import TimeSeriesWriter
 
-from cablefem.response import Array, Fields, Response
+from cablefem.response import Array, Response
 from cablefem.scene import Scene
 
 CABLE = "response.xdmf"
 MASS = "mass.xdmf"
-DATA = "response.h5"  # of the cable
-BEGIN = '<Xdmf Version="3.0"><Domain><Grid Name="frames" GridType="Collection" CollectionType="Temporal">'
-END = "</Grid></Domain></Xdmf>"
+
+
+class _Writer(TimeSeriesWriter):
+    """meshio's, with one mesh per frame and the HDF5 file beside it."""
+
+    def __enter__(self) -> Any:
+        if self.data_format == "HDF":
+            self.h5_filename = str(self.filename.with_suffix(".h5"))
+            self.h5_file = h5py.File(self.h5_filename, "w", libver="latest")
+        return self
+
+    def numpy_to_xml_string(self, data: Array) -> str:
+        """The text of an item: the numbers, or the name of a dataset; create_dataset takes twice as long."""
+        if self.data_format == "XML":
+            return " ".join(f"{x:.9g}" for x in data.ravel().tolist())
+        name = f"data{self.data_counter}"
+        self.data_counter += 1
+        content = np.ascontiguousarray(data)
+        space = h5s.create_simple(content.shape)
+        dataset = h5d.create(self.h5_file.id, name.encode(), h5t.py_create(content.dtype), space)
+        dataset.write(h5s.ALL, h5s.ALL, content)
+        return f"{Path(self.h5_filename).name}:/{name}"
+
+    def frame(self, t: float, points: Array, cells: tuple[str, Array], **data: Array) -> None:
+        """Add a frame: points (m, 3), cells, and named data of the points."""
+        grid = ElementTree.SubElement(self.collection, "Grid", Name="frame", GridType="Uniform")
+        ElementTree.SubElement(grid, "Time", Value=repr(t))
+        self.cells([cells], grid)
+        self.points(grid, points.astype(np.float32))
+        self.point_data({name: values.astype(np.float32) for name, values in data.items()}, grid)
 
 
 def write(r: Response, folder: Path) -> None:
@@ -33,103 +60,50 @@ def write(r: Response, folder: Path) -> None:
     At both ends `velocity` is the one behind the mass; `tension` differs.
     Mass: one point, `displacement` (1, 3) [m], `tension_behind`, `tension_ahead` (1,) [N].
     """
-    f = r.fields
-    shape = Scene.from_toml(r.scene_toml).catenary
-    stations = _upward(shape.x(f.s), shape.y(f.s))
-    at_mass = _upward(shape.x(f.s_o), shape.y(f.s_o))
-    displacement = _upward(f.mass_u, f.mass_v)
-    velocity = _upward(_at_mass(f, f.du), _at_mass(f, f.dv))
-    points = np.broadcast_to(stations, (f.t.size, *stations.shape))
-    cable = {
-        "points": _with_ends(points, at_mass, at_mass),
-        "displacement": _with_ends(_upward(f.u, f.v), displacement, displacement),
-        "velocity": _with_ends(_upward(f.du, f.dv), velocity, velocity),
-        "tension": _with_ends(f.T, f.T_behind, f.T_ahead),
-    }
-    mass = {
-        "points": at_mass[:, None],
-        "displacement": displacement[:, None],
-        "tension_behind": f.T_behind[:, None],
-        "tension_ahead": f.T_ahead[:, None],
-    }
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder, prefix=".paraview") as name:
         temporary = Path(name)
-        with h5py.File(temporary / DATA, "w", libver="latest") as data:
-            _write_frames(temporary / CABLE, f.t, _lines(f), cable, partial(_stored, data))
-        _write_frames(temporary / MASS, f.t, np.zeros((f.t.size, 1, 1), int), mass, _listed)
+        with _Writer(temporary / CABLE) as cable, _Writer(temporary / MASS, "XML") as mass:
+            _write_frames(r, cable, mass)
         for file in sorted(temporary.iterdir(), key=lambda file: file.suffix):  # data first
             shutil.move(file, folder / file.name)
 
 
-def _write_frames(
-    file: Path, t: Array, cells: Array, of_points: dict[str, Array], item: Callable[[Array], str]
-) -> None:  # fmt: skip
-    """Write the frames of a mesh.
-
-    cells : points of each (frames, n, 1) or of each line (frames, n, 2);  of_points : places and data (frames, m, ...).
-    item : the text of an array's values.
-    """
-    kind = "Polyline" if cells.shape[2] == 2 else "Polyvertex"
-    single = {name: np.ascontiguousarray(values, np.float32) for name, values in of_points.items()}
-    with file.open("w", encoding="ascii") as out:
-        out.write(BEGIN)
-        for k, time in enumerate(t.tolist()):
-            out.write(f'<Grid Name="frame" GridType="Uniform"><Time Value="{time!r}"/>')
-            out.write(f'<Topology TopologyType="{kind}" NumberOfElements="{len(cells[k])}">{item(cells[k])}</Topology>')
-            for name, values in single.items():
-                values_item = item(values[k])
-                if name == "points":
-                    out.write(f'<Geometry GeometryType="XYZ">{values_item}</Geometry>')
-                else:
-                    of = f'Name="{name}" AttributeType="{"Vector" if values.ndim == 3 else "Scalar"}" Center="Node"'
-                    out.write(f"<Attribute {of}>{values_item}</Attribute>")
-            out.write("</Grid>")
-        out.write(END)
-
-
-def _item(values: Array, format: str, text: str) -> str:
-    kind = "Int" if values.dtype.kind == "i" else "Float"
-    size = " ".join(map(str, values.shape))
-    of = f'DataType="{kind}" Dimensions="{size}" Format="{format}" Precision="{values.itemsize}"'
-    return f"<DataItem {of}>{text}</DataItem>"
-
-
-def _listed(values: Array) -> str:
-    return _item(values, "XML", " ".join(f"{x:.9g}" for x in values.ravel().tolist()))
-
-
-def _stored(data: Any, values: Array) -> str:
-    """The item of a new dataset of an HDF5 file; create_dataset takes twice as long."""
-    name = f"data{len(data)}"
-    dataset = h5d.create(data.id, name.encode(), h5t.py_create(values.dtype), h5s.create_simple(values.shape))
-    dataset.write(h5s.ALL, h5s.ALL, values)
-    return _item(values, "HDF", f"{DATA}:/{name}")
-
-
-def _lines(f: Fields) -> Array:
-    """Both points of the lines between stations, which part at the mass, (frames, m, 2)."""
+def _write_frames(r: Response, cable: Any, mass: Any) -> None:
+    shape = Scene.from_toml(r.scene_toml).catenary
+    f = r.fields
+    stations = _upward(shape.x(f.s), shape.y(f.s))
+    at_mass = _upward(shape.x(f.s_o), shape.y(f.s_o))
+    displacement = _upward(f.mass_u, f.mass_v)
     m = f.s.size
-    line = np.arange(m)
-    # station i of s_i <= s_o <= s_i+1
-    behind_mass = np.clip(np.searchsorted(f.s, f.s_o, side="right") - 1, 0, m - 2)[:, None]
-    begins = np.where(line <= behind_mass, line, line - 1)
-    begins[line == behind_mass + 1] = m + 1
-    ends = np.where(line < behind_mass, line + 1, line)
-    ends[line == behind_mass] = m
-    return np.stack([begins, ends], axis=2)
-
-
-def _at_mass(f: Fields, values: Array) -> Array:
-    """Values (frames, m) at the mass, (frames,)."""
-    return np.array([np.interp(s_o, f.s, row) for s_o, row in zip(f.s_o, values, strict=True)])
-
-
-def _with_ends(along: Array, behind: Array, ahead: Array) -> Array:
-    """Values at the stations (frames, m, ...), then at the cable's ends at the mass."""
-    return np.concatenate([along, behind[:, None], ahead[:, None]], axis=1)
+    numbers = np.arange(m)
+    behind_mass = np.searchsorted(f.s, f.s_o, side="right") - 1  # station i of s_i <= s_o <= s_i+1
+    behind_mass = np.clip(behind_mass, 0, m - 2)
+    for k, t in enumerate(f.t.tolist()):
+        i = behind_mass[k]
+        begins = np.insert(numbers[:-1], i + 1, m + 1)
+        ends = np.insert(numbers[1:], i, m)
+        du = np.interp(f.s_o[k], f.s, f.du[k])
+        dv = np.interp(f.s_o[k], f.s, f.dv[k])
+        cable.frame(
+            t,
+            np.vstack([stations, at_mass[k], at_mass[k]]),
+            ("line", np.stack([begins, ends], axis=1)),
+            displacement=np.vstack([_upward(f.u[k], f.v[k]), displacement[k], displacement[k]]),
+            velocity=_upward(np.append(f.du[k], [du, du]), np.append(f.dv[k], [dv, dv])),
+            tension=np.append(f.T[k], [f.T_behind[k], f.T_ahead[k]]),
+        )
+        at = slice(k, k + 1)
+        mass.frame(
+            t,
+            at_mass[at],
+            ("vertex", np.array([[0]])),
+            displacement=displacement[at],
+            tension_behind=f.T_behind[at],
+            tension_ahead=f.T_ahead[at],
+        )
 
 
 def _upward(x: Array, y: Array) -> Array:
-    """Vectors (..., 3), y up, from components (...), y down."""
-    return np.stack([x, -y, np.zeros_like(x)], axis=-1)
+    """(n, 3) vectors, y up, from components (n,), y down."""
+    return np.stack([x, -y, np.zeros_like(x)], axis=1)
