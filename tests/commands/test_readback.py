@@ -197,8 +197,8 @@ def test_other_words_and_numbers_on_the_terminal_are_seen(results, there, instea
         (r'(drag_area</div></td><td data-label="value"><div>)', r"\g<1>1", "drag_area"),
         (r'(horizontal tension at rest</div></td><td data-label="value"><div>)', r"\g<1>1", "horizontal tension"),
         (r'("text":")(\d+ km/h")', r"\g<1>1\2", "side view"),
-        (r'("mass_y":\{"low":)', r"\g<1>1", "side view: mass_y"),
-        (r'("path":\[\[[^\]]*\],\[)', r"\g<1>1", "side view: the path"),
+        (r'("y":\{"low":)', r"\g<1>1", "side view: y"),
+        (r'("paths":\[\{"x":\[[^\]]*\],"y":\[)', r"\g<1>1", "side view: the path"),
         (r'("obstacles":\[)', r'\1{"name":"a","x":1,"top":2}', "obstacles"),
     ],
 )  # fmt: skip

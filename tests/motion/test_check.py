@@ -127,6 +127,24 @@ def test_a_fault_that_both_share_is_seen_by_the_laws_alone(line, by_elements, by
     assert wrong == {"laws_si"}
 
 
+def test_a_ring_of_a_car_that_grips_is_no_gap_and_a_force_off_by_as_much_is_one(line, by_elements, by_sines):
+    """A car and the rope ring in other periods than the rope's round trip."""
+    ring = 0.7 * by_sines.finest.period
+    force = 0.03 * line.car[0].mass * line.gravity
+
+    def gap(shape):
+        def wrong(motion):
+            one, other = motion.cars
+            grip = one.grip_force + force * shape(2.0 * np.pi * motion.t / ring)
+            return dataclasses.replace(motion, cars=(dataclasses.replace(one, grip_force=grip), other))
+
+        rows = judged(line, by_elements, changed(by_sines, wrong), ASKED)
+        return next(row.gap for row in rows if row.quantity == "grip_force")
+
+    assert gap(np.sin) < 0.1 * 0.03
+    assert gap(np.ones_like) == pytest.approx(0.03, rel=0.1)
+
+
 def test_a_saddle_a_counterweight_and_two_cars_agree(cablefem, tmp_path):
     (tmp_path / "short.toml").write_text(EVERYTHING)
     code, out, err = cablefem("check", "short.toml", "--tol", "1e-2")
@@ -135,7 +153,8 @@ def test_a_saddle_a_counterweight_and_two_cars_agree(cablefem, tmp_path):
     assert len(out.splitlines()) <= 22
     folder = tmp_path / "cablefem-out" / "short"
     files = {path.name for path in (folder / "motion-check").iterdir()}
-    assert files == {"path-up.csv", "path-down.csv", "contacts.csv", "profile.csv", "scene.toml", "summary.json"}
+    tables = {"path-up.csv", "path-down.csv", "contacts.csv", "profile.csv", "rope.csv"}
+    assert files == tables | {"scene.toml", "summary.json"}
     with (folder / "motion-check" / "contacts.csv").open(newline="") as file:
         header = next(csv.reader(file))
     assert header[-4:] == ["mountain.s", "mountain.tension", "mountain.pressure", "mountain.rise"]

@@ -166,7 +166,8 @@ def test_the_side_view_carries_the_stored_answer(stored):
     assert misfit(data, r) < 0.51
     assert misfit(data, replace(r, fields=replace(r.fields, v=r.fields.v + 1e-4 * np.ptp(r.fields.v)))) > 5.0
     assert unpacked(cable["t"])[0] == 0.0
-    np.testing.assert_allclose(unpacked(cable["mass_v"])[1:], r.fields.mass_v, rtol=0.0, atol=1e-3)
+    deflection = cable["touching"][0]["readout"][0]["data"]
+    np.testing.assert_allclose(unpacked(deflection)[1:], r.fields.mass_v, rtol=0.0, atol=1e-3)
     step = (cable["u"]["high"] - cable["u"]["low"]) / 65535.0
     assert np.abs(unpacked(cable["u"])[: len(data["s"])]).max() < 0.51 * step  # at rest before the entry
     assert cable["slack"] == r.slack_onset * r.length

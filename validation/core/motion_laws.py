@@ -283,6 +283,8 @@ def read_back(folder: Path, motion: Any, design: Sequence[dict[str, Any]], perio
             at = np.full(values.size, True)
         else:
             values = _felt(name, series[name if of == "" else f"{name}:{of}"], t, period)
+            if name in ("grip", "contact") and "drive" not in line.cars[of]:
+                values = _felt(name, values, t, period)  # a car that grips rings: means of means
             at = t == t[np.argmin(np.abs(t - number["t"]))]
         pick = np.max if word == "max" else np.min
         faults += _unlike_number(number, [float(pick(values)), float(pick(values[:, at]))])
@@ -300,7 +302,7 @@ def _unlike_number(number: dict[str, Any], values: Sequence[float]) -> Iterator[
         yield f"{number['quantity']} = {number['value']:.6g}: the files give {given}"
 
 
-def _felt(name: str, values: Sequence[Array], t: Array, period: float) -> Array:
+def _felt(name: str, values: Any, t: Array, period: float) -> Array:
     """Some series (k, n); of forces means over a period."""
     if name.startswith(("tension", "haul", "grip", "contact", "load", "wheel", "stress")):
         values = [_mean(t, v, period) for v in values]

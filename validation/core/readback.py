@@ -846,7 +846,8 @@ def _side_view(view: dict[str, Any], of: Stored) -> Faults:
     path = path_of(run)
     points = np.stack([path["x"], path["y"]], axis=1)  # (n, 2)
     reach = float(np.ptp(path["x"])) or 1.0
-    drawn = np.array(view["path"]).T  # (m, 2)
+    track = view["paths"][0]
+    drawn = np.array([track["x"], track["y"]]).T  # (m, 2)
     distances, _ = cKDTree(points).query(drawn)
     ends = np.linalg.norm(drawn[[0, -1]] - points[[0, -1]], axis=1)
     if max(*distances, *ends) > 1e-5 * reach:
@@ -861,8 +862,9 @@ def _side_view(view: dict[str, Any], of: Stored) -> Faults:
         "drop": supports.get("drop", 0.0),
         "obstacles": obstacles,
         "ground": scene.get("ground", []),
-        "below": scene["mass"].get("below", 0.0),
     }
+    if track["below"] != scene["mass"].get("below", 0.0):
+        yield "below is not the scene's"
     for name, value in expected.items():
         if view[name] != value:
             yield f"{name} is not the scene's"
@@ -886,35 +888,111 @@ BESIDE = {"speed": ("speed", "m/s"), "press on the rope": ("F_contact", "N"), "h
 
 def _moving(cable: dict[str, Any], view: dict[str, Any], of: Stored) -> Faults:
     """Frames of a rope against the stored ones; a frame at rest may come first."""
-    run = of.run(of.methods.index(cable["name"]))
+    drawn = cable["touching"][0]
+    run = of.run(of.methods.index(drawn["name"]))
     t = run["fields.t"]
     stations = np.abs(run["fields.s"][:, None] - np.array(view["s"])).argmin(axis=0)  # (m,)
     car = car_of(run)
-    expected = {"t": t, "s_o": run["fields.s_o"], "mass_x": car[:, 0], "mass_y": car[:, 1]}
-    for name in ("u", "v", "T"):
-        expected[name] = run[f"fields.{name}"][:, stations]
     behind = run["fields.T_behind"]
     ahead = run["fields.T_ahead"]
-    expected["behind"] = np.where(np.isnan(behind), ahead, behind)
-    expected["ahead"] = np.where(np.isnan(ahead), behind, ahead)
+    sides = {"behind": np.where(np.isnan(behind), ahead, behind), "ahead": np.where(np.isnan(ahead), behind, ahead)}
+    series = {name: cable[name] for name in ("t", "u", "v", "T")}
+    expected = {"t": t} | {name: run[f"fields.{name}"][:, stations] for name in ("u", "v", "T")}
+    places = {"s": run["fields.s_o"], "x": car[:, 0], "y": car[:, 1]}
+    series |= {name: drawn[name] for name in (*places, *sides)}
+    expected |= places | sides
     path = path_of(run)
-    series = {name: cable[name] for name in expected}
-    for beside in cable["readout"]:
+    felt: dict[str, tuple[Any, str]] = {f"tension {side}": (values, "N") for side, values in sides.items()}
+    felt["deflection"] = run["fields.mass_v"], "m"
+    felt |= {name: (np.interp(t, path["t"], path[column]), si) for name, (column, si) in BESIDE.items()}
+    for beside in drawn["readout"]:
         name, _, unit = beside["name"].rstrip("]").partition(" [")
-        column, si = BESIDE[name]
+        values, si = felt[name]
         series[name] = beside["data"]
-        expected[name] = np.interp(t, path["t"], path[column]) / si_factor(unit, si)
+        expected[name] = values / si_factor(unit, si)
     if si_factor(view["unitName"], "N") != view["unit"]:
         yield f"forces are in {view['unitName']} but divided by {view['unit']}"
     for name, values in expected.items():
-        low = series[name]["low"]
-        step = (series[name]["high"] - low) / PACKED
-        shown = low + step * np.frombuffer(base64.b64decode(series[name]["data"]), "<u2")
-        rounding = 1e-4 * float(np.ptp(run["fields.x"])) if name.startswith("mass") else 0.0
-        allowed = step + rounding + 1e-12 * abs(series[name]["high"])
-        yield from _series(name, shown[-values.size :], values.ravel(), 1.0, allowed)
-        if shown.size not in (values.size, values.size // t.size * (t.size + 1)):
+        rounding = 1e-4 * float(np.ptp(run["fields.x"])) if name in ("x", "y") else 0.0
+        yield from _packed(name, series[name], values, rounding)
+        if _unpacked(series[name]).size not in (values.size, values.size // t.size * (t.size + 1)):
             yield f"{name} has other frames than are stored"
+
+
+def _packed(name: str, part: dict[str, Any], values: Array, rounding: float = 0.0) -> Faults:
+    """Faults of a packed series that ends with these values."""
+    allowed = _step(part) + rounding
+    yield from _series(name, _unpacked(part)[-values.size :], values.ravel(), 1.0, allowed)
+
+
+def _step(part: dict[str, Any]) -> float:
+    """Rounding of a packed series."""
+    return float((part["high"] - part["low"]) / PACKED + 1e-12 * abs(part["high"]))
+
+
+def _unpacked(part: dict[str, Any]) -> Array:
+    steps = np.frombuffer(base64.b64decode(part["data"]), "<u2")
+    return np.asarray(part["low"] + (part["high"] - part["low"]) / PACKED * steps)
+
+
+def moving_line(html_text: str, folder: Path, motion: Any) -> Faults:
+    """Faults of rope.csv, and of the side view of a line in motion."""
+    rope = _table_of(folder / "rope.csv")
+    t = np.unique(rope["t"])
+    stations = np.searchsorted(motion.s, np.unique(rope["s"]) - 1e-9 * motion.s[-1])  # (m,)
+    steps = np.searchsorted(motion.t, t - 1e-9 * motion.t[-1])  # (n,)
+    shape = steps.size, stations.size
+    grid = np.ix_(steps, stations)
+    columns = {
+        "t": np.broadcast_to(motion.t[steps, None], shape), "s": np.broadcast_to(motion.s[stations], shape),
+        "x": motion.points[grid][..., 0], "y": motion.points[grid][..., 1], "T": motion.tension[grid],
+    }  # fmt: skip
+    ends = motion.t[[0, -1]]
+    for name, values in columns.items():
+        allowed = ROUNDING * np.nanmax(np.abs(values)) + 1e-12
+        if not np.allclose(rope[name], values.ravel(), rtol=0.0, atol=allowed, equal_nan=True):
+            yield f"rope.csv: {name} is not what was computed"
+    if not np.allclose(t[[0, -1]], ends, rtol=1e-9, atol=0.0):
+        yield "rope.csv ends before the run does"
+    for data in _each('script type="application/json"', html_text):
+        view = json.loads(data)
+        cable = view["cables"][0]
+        here = np.isfinite(columns["T"])
+        for name, column in (("u", "x"), ("v", "y"), ("T", "T")):
+            shown = _unpacked(cable[name]).reshape(shape)
+            yield from _series(f"side view: {name}", shown[here], columns[column][here], 1.0, _step(cable[name]))
+        yield from _packed("side view: t", cable["t"], t)
+        for car in motion.cars:
+            drawn = next(x for x in cable["touching"] if x["name"] == car.name)
+            path = {name: x[steps] for name, x in _table_of(folder / f"path-{car.name}.csv").items()}
+            for fault in _car_drawn(drawn, car, steps, path):
+                yield f"side view: {car.name}: {fault}"
+
+
+def _car_drawn(drawn: dict[str, Any], car: Any, steps: Array, path: dict[str, Array]) -> Faults:
+    """Faults of a packed car; path : its columns at these steps."""
+    x, y = car.point[steps].T
+    known = {"s": car.s[steps], "x": x, "y": y}
+    known |= {"behind": car.tension_behind[steps], "ahead": car.tension_ahead[steps]}
+    if car.turning is not None:
+        known["turn"] = car.turning.angle[steps]
+        if drawn["body"] != ("wheels" if car.turning.wheels else "hangs"):
+            yield "another body is drawn"
+    for name, values in known.items():
+        yield from _packed(name, drawn[name], values)
+    columns = BESIDE | {"deflection": ("v", "m"), "swing": ("swing", "deg"), "pitch": ("pitch", "deg")}
+    columns |= {f"tension {side}": (f"T_{side}", "N") for side in ("behind", "ahead")}
+    columns |= {f"{side} wheel": (f"wheel_{side}", "N") for side in ("rear", "front")}
+    for beside in drawn["readout"]:
+        name, _, unit = beside["name"].rstrip("]").partition(" [")
+        column, si = columns[name]
+        yield from _packed(name, beside["data"], path[column] / si_factor(unit, si))
+
+
+def _table_of(file: Path) -> dict[str, Array]:
+    with file.open(encoding="utf-8", newline="") as opened:
+        rows = list(csv.DictReader(opened))
+    return {name: np.array([float(row[name] or "nan") for row in rows]) for name in rows[0]}
 
 
 # --- terminal -------------------------------------------------------------------------------------------------------

@@ -135,7 +135,7 @@ def _floats(positions: Sequence[Row], name: str) -> Array:
     return np.array([float(x[name]) if x.get(name) else np.nan for x in positions])
 
 
-def side_of(line: Row, profile: dict[str, Array], lowest: Sequence[Array]) -> tuple[Panel, str]:
+def _surroundings(line: Row, profile: dict[str, Array], lowest: Sequence[Array]) -> tuple[Panel, str]:
     """The side view of a line without its cars, and its caption.
 
     profile : columns of profile.csv;  lowest : depths of the cars' lowest points [m], to fit.
@@ -162,12 +162,6 @@ def side_of(line: Row, profile: dict[str, Array], lowest: Sequence[Array]) -> tu
     return p, caption
 
 
-def plot_side(p: Panel, line: Row, caption: str) -> Markup:
-    """The figure of a side view, a little longer than the line."""
-    end = line["contact"][-1]["at"][0]
-    return plot([p], (-0.06 * end, 1.06 * end), "x [m]", caption, wide=True)
-
-
 def figure(values: dict[str, Array], unit: str, x: Array, xlabel: str, title: str) -> Markup:
     """Series by name, (n,) in SI, over a common axis x (n,)."""
     factor, prefixed = scale_of(np.concatenate(list(values.values())), unit)
@@ -183,14 +177,15 @@ def _side(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup:
     """Rope at rest and at all positions, cars, supports, ground and obstacles from the side."""
     profile = {name: np.array(values) for name, values in ropes["profile"].items()}
     cars = [_Car(car, positions) for car in line.get("car", [])]
-    p, caption = side_of(line, profile, [car.lowest for car in cars])
+    p, caption = _surroundings(line, profile, [car.lowest for car in cars])
     for depth in ropes["depths"].values():
         p.curve(profile["x"], np.array(depth), BLUE, "", 1.0, "rope at some positions; shaded: at all")
     for car, color in zip(cars, COLORS[1:] * len(cars), strict=False):
         p.curve(car.x, car.lowest, color, DASHED, 1.8, f"lowest point of {car.name}")
         if car.x.size == 1:
             p.dots.append((float(car.x[0]), float(car.depth[0]), color, True))
-    return plot_side(p, line, caption)
+    end = line["contact"][-1]["at"][0]
+    return plot([p], (-0.06 * end, 1.06 * end), "x [m]", caption, wide=True)
 
 
 class _Car:

@@ -10,16 +10,18 @@ import numpy as np
 from markupsafe import Markup
 
 from cablefem.response import Array
+from cablefem.scene.line import Car, Contact, Line
 from validation.core import store
 from validation.core.quantities import scale_of, with_bar
 from validation.page import telling, terminal
 from validation.page.answer.many import LIMITS, Column, Columns, Row, table_of
-from validation.page.line import figure, limits_from, plot_side, side_of
+from validation.page.line import figure, limits_from
 from validation.page.page import Section, asset, drawn, worst
-from validation.page.plot import BLUE, COLORS, DASHED
+from validation.page.plot import COLORS
+from validation.page.side_view import beneath, drawn_path, packed, player, short, touching, unit_of_forces
 
 WORDS: dict[str, dict[str, str]] = tomllib.loads(asset("motion.toml"))
-HANGERS = 9  # drawn of a cabin that swings
+GRIPS = " A car that grips rings with the rope: grip and contact force of it are means of such means."
 FEW = (
     "tension_max",
     "clearance_rope",
@@ -96,12 +98,13 @@ def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None)
     alarm = "disagree" if summary["outcome_kind"] in ("breaks", "collides", "incomplete") else None
     return drawn(
         "validation.page", "assets/motion.html", id=folder.name, verdict=verdict, outcome=summary["outcome"],
-        limits=limits_from(folder, summary), alarm=alarm, side=_side(line, _columns(folder / "profile.csv"), paths),
+        limits=limits_from(folder, summary), alarm=alarm, side=_moving(folder, contacts, paths),
         events=[{"event": e["event"], "at": f"{e['t']:.4g} s"} for e in summary["events"]],
         design=rows_of(summary["design"]),
         by_hand=any("point" in car.get("wheels", {}).values() for car in line["car"]),
         stressed=any(d["quantity"].startswith("stress") for d in summary["design"]),
         over=list(_over(line, contacts, paths)), round_trip=f"{summary['round_trip']:.2g} s",
+        grips=GRIPS if any("drive" not in car for car in line["car"]) else "",
         compared=[row for row in compared if row not in laws], laws=laws,
     )  # fmt: skip
 
@@ -112,28 +115,89 @@ def _columns(file: Path) -> dict[str, Array]:
     return {name: np.array([float(row[name] or "nan") for row in rows]) for name in rows[0]}
 
 
-def _side(line: Row, profile: dict[str, Array], paths: dict[str, dict[str, Array]]) -> Markup:
-    """Envelope of the rope, paths and lowest points of the cars from the side."""
-    below = {car["name"]: car.get("below", 0.0) for car in line["car"]}
-    p, caption = side_of(line, profile, [path["y"] + below[name] for name, path in paths.items()])
-    for edge in ("y_highest", "y_lowest"):
-        p.curve(profile["x"], profile[edge], BLUE, "", 0.8, "rope at its highest and lowest")
-    for (name, path), color in zip(paths.items(), COLORS[1:] * len(paths), strict=False):
-        x = path["x"]
-        y = path["y"]
-        p.curve(x, y, color, "", 2.0, f"path of {name}")
-        if below[name]:
-            p.curve(x, y + below[name], color, DASHED, 1.4, f"lowest point of {name}")
-        if "swing" in path:
-            for i in np.linspace(0, x.size - 1, HANGERS).astype(int):
-                swing = np.radians(path["swing"][i])
-                hanger = 0.15 * (p.high - p.low) * np.array([np.sin(swing), np.cos(swing)])
-                p.curve(x[i] + [0.0, hanger[0]], y[i] + [0.0, hanger[1]], color, "", 1.0)
-        p.dots.append((float(x[0]), float(y[0]), color, False))
-        p.dots.append((float(x[-1]), float(y[-1]), color, True))
-    swings = any("swing" in path for path in paths.values())
-    swinging = " Straight lines: how a cabin hangs at equal steps, enlarged." if swings else ""
-    return plot_side(p, line, f"{caption} Full dots: where the cars end.{swinging}")
+def _moving(folder: Path, contacts: dict[str, Array], paths: dict[str, dict[str, Array]]) -> Markup:
+    """The side view in motion: rope, cars with what hangs and turns, counterweights."""
+    line = Line.load(folder / "scene.toml")
+    profile = _columns(folder / "profile.csv")
+    rope = _columns(folder / "rope.csv")
+    t = np.unique(rope["t"])
+    s = np.unique(rope["s"])
+    steps = np.searchsorted(contacts["t"], t)
+    shape = t.size, s.size
+    left, right = line.contact[0], line.contact[-1]
+    is_left = s < s.mean()
+    T = rope["T"].reshape(shape)
+    ends = [contacts[f"{c.name}.tension"][steps, None] for c in (left, right)]
+    cable = {"T": np.where(np.isnan(T), np.where(is_left, *ends), T)}  # beyond a pulley: as at the pulley
+    for name, column, i in (("u", "x", 0), ("v", "y", 1)):
+        values = rope[column].reshape(shape)
+        cable[name] = np.where(np.isnan(values), np.where(is_left, left.at[i], right.at[i]), values)
+    range_T = float(cable["T"].min()), float(cable["T"].max())
+    unit = unit_of_forces(range_T[1])
+    colors = COLORS[1:] * len(line.car)
+    bodies = [
+        _car_drawn(car, {name: values[steps] for name, values in paths[car.name].items()}, color, *unit)
+        for car, color in zip(line.car, colors, strict=False)
+    ]
+    weights = [c for c in line.contact if c.kind == "counterweight"]
+    rises = [packed(contacts[f"{c.name}.rise"][steps]) for c in weights]
+    bodies += [_contact_drawn(c, contacts, steps) for c in line.contact if c.kind != "spring"]
+    data = {
+        "line": True,
+        "enlarged": any("body" in body for body in bodies),
+        "span": right.at[0],
+        "drop": right.at[1],
+        "s": short(s),
+        "x": [0.0] * s.size,
+        "y": [0.0] * s.size,
+        "rest": [short(profile["x"]), short(profile["y_rest"])],
+        "static": [],
+        "envelope": [short(profile[name]) for name in ("x", "y_highest", "y_lowest")],
+        "contacts": [
+            {"x": c.at[0], "y": c.at[1], "kind": c.kind, "name": c.name, "shoe": c.shoe} for c in line.contact
+        ],
+        "weights": [{"x": c.at[0], "y": c.at[1], "side": 1 if c is right else -1} for c in weights],
+        "paths": [drawn_path(paths[car.name]["x"], paths[car.name]["y"], car.below) for car in line.car],
+        "speeds": [],
+        "brakes": [],
+        **beneath(line),
+        "cables": [
+            {name: packed(values) for name, values in cable.items()}
+            | {"t": packed(t), "touching": bodies, "weights": rises}
+        ],
+        "party": None,
+    }
+    return player(data, range_T, " and ".join(paths))
+
+
+def _car_drawn(car: Car, path: dict[str, Array], color: str, unit: float, unit_name: str) -> dict[str, Any]:
+    """A car for the side view; path : its columns at the frames."""
+    forces = {"press on the rope": "F_contact", "haul or thrust": "F_haul"}
+    forces |= {"rear wheel": "wheel_rear", "front wheel": "wheel_front"}
+    readout = [
+        ("deflection [m]", 2, path["v"]),
+        (f"tension behind [{unit_name}]", 1, path["T_behind"] / unit),
+        (f"tension ahead [{unit_name}]", 1, path["T_ahead"] / unit),
+        ("speed [km/h]", 1, 3.6 * path["speed"]),
+        *((f"{name} [{unit_name}]", 2, path[column] / unit) for name, column in forces.items() if column in path),
+        *((f"{name} [deg]", 1, path[name]) for name in ("swing", "pitch") if name in path),
+    ]
+    columns = {"s": "s_o", "x": "x", "y": "y", "behind": "T_behind", "ahead": "T_ahead"}
+    series = {name: path[column] for name, column in columns.items()}
+    how: dict[str, Any] = {"name": car.name, "color": color, "below": car.below}
+    for name, body in (("swing", "hangs"), ("pitch", "wheels")):
+        if name in path:
+            series["turn"] = np.radians(path[name])
+            how["body"] = body
+    return touching(series, readout, **how)
+
+
+def _contact_drawn(contact: Contact, contacts: dict[str, Array], steps: Any) -> dict[str, Any]:
+    """The rope at a contact, for the side view."""
+    T = contacts[f"{contact.name}.tension"][steps]
+    x, y = np.broadcast_to(np.array(contact.at)[:, None], (2, T.size))
+    series = {"s": contacts[f"{contact.name}.s"][steps], "x": x, "y": y, "behind": T, "ahead": T}
+    return touching(series, name=contact.name)
 
 
 def _over(line: Row, contacts: dict[str, Array], paths: dict[str, dict[str, Array]]) -> Iterator[Markup]:
@@ -143,7 +207,7 @@ def _over(line: Row, contacts: dict[str, Array], paths: dict[str, dict[str, Arra
     for name, path in paths.items():
         tensions |= {f"behind {name}": path["T_behind"], f"ahead of {name}": path["T_ahead"]}
     saddles = [c["name"] for c in line["contact"] if c["kind"] == "saddle"]
-    moving = [c["name"] for c in line["contact"] if c["kind"] in ("saddle", "counterweight")]
+    weights = [c["name"] for c in line["contact"] if c["kind"] == "counterweight"]
 
     def of_cars(column: str) -> dict[str, Array]:
         return {name: path[column] for name, path in paths.items() if column in path}
@@ -153,7 +217,7 @@ def _over(line: Row, contacts: dict[str, Array], paths: dict[str, dict[str, Arra
 
     wheels = {f"rear wheel of {name}": load for name, load in of_cars("wheel_rear").items()}
     wheels |= {f"front wheel of {name}": load for name, load in of_cars("wheel_front").items()}
-    flow = {name: s - s[0] for name, s in at_contacts(moving, "s").items()}
+    flow = {name: s - s[0] for name, s in at_contacts(saddles, "s").items()}
     figures = (
         ("Tension at the ends of each segment of rope.", tensions, "N"),
         ("Haul force; positive where it pulls to the right.", of_cars("F_haul"), "N"),
@@ -161,8 +225,8 @@ def _over(line: Row, contacts: dict[str, Array], paths: dict[str, dict[str, Arra
         ("Loads of both wheels.", wheels, "N"),
         ("Swing of the cabins forward.", of_cars("swing"), "deg"),
         ("Pitch, front down.", of_cars("pitch"), "deg"),
-        ("Rise of the counterweight.", at_contacts(moving, "rise"), "m"),
-        ("Rope that has run to the left.", flow, "m"),
+        ("Rise of the counterweight.", at_contacts(weights, "rise"), "m"),
+        ("Rope that has run over saddles to the left.", flow, "m"),
         ("Pressure on saddles, of the rope and of a car on the shoe.", at_contacts(saddles, "pressure"), "N"),
         ("Speed of the cars.", of_cars("speed"), "m/s"),
     )

@@ -10,6 +10,7 @@ from markupsafe import Markup
 
 from cablefem.response import Array, Response
 from cablefem.scene import Scene
+from cablefem.scene.line import Line
 from validation.core.answers import profile
 from validation.page.page import rendered
 from validation.page.plot import BLUE, VERMILLION, colors
@@ -25,29 +26,36 @@ def side_view(scene: Scene, runs: Sequence[Response], *, range_T: tuple[float, f
     r = runs[0]
     s = r.fields.s[:: _stride(r)]
     X = scene.catenary
-    large = range_T[1] >= 2e3
-    unit = 1e3 if large else 1.0
-    unit_name = "kN" if large else "N"
+    unit = unit_of_forces(range_T[1])
     data: dict[str, Any] = {
         "span": scene.supports.span,
         "drop": scene.supports.drop,
         "s": short(s),
         "x": short(X.x(s)),
         "y": short(X.y(s)),
+        "rest": [short(X.x(s)), short(X.y(s))],
         "static": short(X.tension(s)),
-        "T": list(range_T),
-        "unit": unit,
-        "unitName": unit_name,
-        "colors": [f"#{bytes(c).hex()}" for c in colors(48)],
         **_surroundings(scene, r),
-        "cables": [_cable(scene, run, unit, unit_name) for run in runs],
+        "weights": [],
+        "cables": [_cable(scene, run, color, *unit) for run, color in zip(runs, (BLUE, VERMILLION), strict=False)],
         "party": None if party is None else _party(scene, party),
     }
-    for cable, color in zip(data["cables"], (BLUE, VERMILLION), strict=False):
-        cable["color"] = color
+    return player(data, range_T, " and ".join(run.method for run in runs))
+
+
+def unit_of_forces(largest: float) -> tuple[float, str]:
+    """Newtons in the unit of a side view, and its name."""
+    return (1e3, "kN") if largest >= 2e3 else (1.0, "N")
+
+
+def player(data: dict[str, Any], range_T: tuple[float, float], names: str) -> Markup:
+    """The side view of packed data; names : of what moves."""
+    unit, name = unit_of_forces(range_T[1])
+    data |= {"T": list(range_T), "unit": unit, "unitName": name}
+    data["colors"] = [f"#{bytes(c).hex()}" for c in colors(48)]
     # "<" could end the script
-    packed = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-    return rendered("side_view.html", data=Markup(packed), names=" and ".join(run.method for run in runs))
+    text = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    return rendered("side_view.html", data=Markup(text), names=names)
 
 
 def _stride(r: Response) -> int:
@@ -57,7 +65,6 @@ def _stride(r: Response) -> int:
 def _surroundings(scene: Scene, r: Response) -> dict[str, Any]:
     """The parts that do not move: envelope, path of the car, brake, obstacles, ground, speeds at five positions."""
     p = profile(r)
-    at = some(r.t.size)
     ahead = np.flatnonzero(np.diff(np.maximum.accumulate(r.s_o), prepend=-1.0) > 0.0)  # first arrivals
     positions = np.linspace(r.s_o[0], r.s_o.max(), 7)[1:-1]
     times = np.interp(positions, r.s_o[ahead], r.t[ahead])
@@ -68,13 +75,26 @@ def _surroundings(scene: Scene, r: Response) -> dict[str, Any]:
     X = scene.catenary
     return {
         "envelope": [short(p[name]) for name in ("x", "y_highest", "y_lowest")],
-        "path": [short(r.x[at]), short(r.y[at])],
-        "below": 0.0 if scene.mass is None else scene.mass.below,
+        "contacts": [{"x": float(X.x(s)), "y": float(X.y(s)), "kind": "anchor"} for s in (0.0, scene.length)],
+        "paths": [drawn_path(r.x, r.y, _below(scene))],
         "speeds": speeds,
         "brakes": [{"x": float(X.x(b.position)), "y": float(X.y(b.position))} for b in scene.drive.brake],
+        **beneath(scene),
+    }
+
+
+def beneath(scene: Scene | Line) -> dict[str, Any]:
+    """Obstacles and ground."""
+    return {
         "obstacles": [{"name": o.name, "x": o.at, "top": o.top} for o in scene.obstacle],
         "ground": [list(point) for point in scene.ground],
     }
+
+
+def drawn_path(x: Array, y: Array, below: float) -> dict[str, Any]:
+    """The path of a car whose lowest part is `below` [m] the rope."""
+    at = some(x.size)
+    return {"x": short(x[at]), "y": short(y[at]), "below": below}
 
 
 def _party(scene: Scene, party: Any) -> dict[str, Any]:
@@ -83,7 +103,7 @@ def _party(scene: Scene, party: Any) -> dict[str, Any]:
     return {"name": party.method, "x": short(x[at]), "y": short(party.y[at])}
 
 
-def _cable(scene: Scene, r: Response, unit: float, unit_name: str) -> dict[str, Any]:
+def _cable(scene: Scene, r: Response, color: str, unit: float, unit_name: str) -> dict[str, Any]:
     """Frames of one rope, from shortly after the start: a gripped mass enters a rope at rest."""
     f = r.fields
     stride = _stride(r)
@@ -103,34 +123,51 @@ def _cable(scene: Scene, r: Response, unit: float, unit_name: str) -> dict[str, 
         return np.concatenate([first, values])
 
     t = np.append(0.0, f.t) if late else f.t
-    behind = frames("T_behind")
-    ahead = frames("T_ahead")
+    sides = [frames("T_behind"), frames("T_ahead")]
+    behind, ahead = (np.where(np.isnan(x), other, x) for x, other in (sides, sides[::-1]))
     s_o = frames("s_o")
-    packed = {name: frames(name) for name in ("s_o", "u", "v", "T")} | {
-        "t": t,
-        "mass_x": X.x(s_o) + frames("mass_u"),
-        "mass_y": X.y(s_o) + frames("mass_v"),
-        "mass_v": frames("mass_v"),
-        "behind": np.where(np.isnan(behind), ahead, behind),
-        "ahead": np.where(np.isnan(ahead), behind, ahead),
-    }
     readout = [
-        ("speed [km/h]", 1, 3.6 * r.speed),
-        (f"press on the rope [{unit_name}]", 2, r.F_contact / unit),
-        (f"haul or thrust [{unit_name}]", 2, r.F_haul / unit),
+        ("deflection [m]", 2, frames("mass_v")),
+        (f"tension behind [{unit_name}]", 1, behind / unit),
+        (f"tension ahead [{unit_name}]", 1, ahead / unit),
+        ("speed [km/h]", 1, 3.6 * np.interp(t, r.t, r.speed)),
+        (f"press on the rope [{unit_name}]", 2, np.interp(t, r.t, r.F_contact) / unit),
+        (f"haul or thrust [{unit_name}]", 2, np.interp(t, r.t, r.F_haul) / unit),
     ]
-    return {name: _packed(values) for name, values in packed.items()} | {
-        "name": r.method,
-        "readout": [
-            {"name": head, "digits": digits, "data": _packed(np.interp(t, r.t, values))}
-            for head, digits, values in readout
-            if np.isfinite(values).all()
-        ],
+    car = {
+        "s": s_o,
+        "x": X.x(s_o) + frames("mass_u"),
+        "y": X.y(s_o) + frames("mass_v"),
+        "behind": behind,
+        "ahead": ahead,
+    }
+    return {name: packed(frames(name)) for name in ("u", "v", "T")} | {
+        "t": packed(t),
+        "touching": [touching(car, readout, name=r.method, color=color, below=_below(scene))],
         "slack": None if r.slack_onset is None else r.slack_onset * r.length,
     }
 
 
-def _packed(x: Array) -> dict[str, Any]:
+def _below(scene: Scene) -> float:
+    return 0.0 if scene.mass is None else scene.mass.below
+
+
+def touching(
+    series: dict[str, Array], readout: Sequence[tuple[str, int, Array]] = (), **how: Any
+) -> dict[str, Any]:  # fmt: skip
+    """What touches the rope, packed: s, x, y, tensions behind and ahead, (n,) each.
+
+    readout : name, digits and series of numbers to show, of a car.  how : its name, color, body and `below`.
+    """
+    numbers = [
+        {"name": name, "digits": digits, "data": packed(values)}
+        for name, digits, values in readout
+        if np.isfinite(values).all()
+    ]
+    return {name: packed(values) for name, values in series.items()} | {"readout": numbers} | how
+
+
+def packed(x: Array) -> dict[str, Any]:
     """An array as 16-bit integers between its extremes, in base64."""
     low = float(x.min())
     high = float(x.max())

@@ -58,12 +58,11 @@ def command(
                 "--ask": ask != "all",
                 "--with": other is not None,
                 "--deep": deep,
-                "--sensitivity": sensitive,
             }
         )
         points = options.points_of(options.limited(line, limits), set_, case)
         told = _second(points[0].scene, second, second_set)
-        return _check_line(points, tol, tol_tension, out, told, require, self_test)
+        return _check_line(points, tol, tol_tension, out, told, require, self_test, sensitive)
     faults = [
         *options.tol_faults(tol), *options.tol_faults(tol_tension, "--tol-tension", 1e-6, 1.0),
         *options.tol_faults(with_tol, "--with-tol", 0.0, 1.0),
@@ -111,7 +110,7 @@ def command(
 
 def _check_line(
     points: list[options.Point], tol: float | None, tol_tension: float | None, out: Path | None, second: Any,
-    require: bool, self_test: bool,
+    require: bool, self_test: bool, sensitive: bool,
 ) -> int:  # fmt: skip
     """Check a line of several contacts, at rest or in motion; return the exit code.
 
@@ -119,11 +118,26 @@ def _check_line(
     """
     from validation.commands.check import line as at_rest
     from validation.commands.check import motion
+    from validation.commands.run import line as run_line
+    from validation.commands.run import motion as run_motion
 
     line = points[0].scene
-    kind = motion if line.moves else at_rest
+    kind: Any = motion if line.moves else at_rest
+    run: Any = run_motion if line.moves else run_line
     tol = kind.TOL if tol is None else tol
-    code = kind.check(points, tol, tol_tension, out, second, require)
+    kind.refuse(points, tol, tol_tension, second)
+    results: list[Any] = []
+
+    def solve(x: Any) -> Any:
+        results.append(kind.checked(x, tol, tol_tension, second))
+        return results[-1]
+
+    code = run.answer("check", points, out, solve, require)
+    if sensitive:
+        from validation.commands.check import sensitivity
+
+        for result in results:
+            terminal.say(f"  {sensitivity.told(kind.sensitivity(result))}")
     if not self_test:
         return code
     from validation.commands.check import selftest

@@ -17,7 +17,8 @@ from cablefem import catenary_line
 from cablefem.elements import line as elements
 from cablefem.response import Array
 from cablefem.scene.line import Line, LineRest, LineState, NotFound
-from validation.commands.run.line import Answers, Row, answer, answers, extremes, numbers_of, write
+from validation.commands.check import sensitivity as sensitivities
+from validation.commands.run.line import Answers, Row, answers, extremes, numbers_of, write
 from validation.commands.run.worst import located
 from validation.core import line_laws, store
 from validation.core.agreement import FACTOR_DISAGREE, Agreement, Bound, Part, nothing
@@ -206,17 +207,26 @@ def recheck_outputs(result: Answers) -> list[Agreement]:
         return line_laws.printed(result.line.to_toml(), result.rest, folder, html, page.WORDS)
 
 
-def check(
-    points: Sequence[Point], tol: float, tol_tension: float | None, out: Path | None, second: Line | None,
-    require: bool = False,
-) -> int:  # fmt: skip
-    """Check a line or a grid of lines; 1 unless they agree, 2 for a position without rest."""
+def sensitivity(result: Answers) -> dict[str, float]:
+    """Smallest relative fault of each key that matters, by catenaries."""
+    line = result.line
+    base = line.rest(catenary_line.solve)
+    exact = Unit("m", ROUNDING, 0.0), Unit("N", ROUNDING, 0.0)
+
+    def gaps(other: Line) -> sensitivities.Gaps:
+        changed = other.rest(catenary_line.solve)
+        return {(row.quantity, row.law): row.gap for row in compare_states(Both(base, base, changed, changed), *exact)}
+
+    return sensitivities.smallest_faults(line, result.rows, gaps)
+
+
+def refuse(points: Sequence[Point], tol: float, tol_tension: float | None, second: Line | None) -> None:
+    """Refuse tolerances out of range, and a second line that is another one."""
     low, high = TOL_RANGE
     if not low <= tol <= high:
         raise store.Refused(f"--tol must lie in [{low:g}, {high:g}] m for a line at rest, got {tol:g}")
     if second is not None and any(_layout(second) != _layout(point.scene) for point in points):
         raise store.Refused("--second: must be a line with the same contacts, cars and positions")
-    return answer("check", points, out, lambda line: checked(line, tol, tol_tension, second), require)
 
 
 def _layout(line: Line) -> list[tuple[str, ...]]:

@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cablefem import catenary_line
 from cablefem.scene.line import Line
-from validation.commands.run.motion import ELEMENTS, SINES, Answers, Runs, answer, answer_of, at_rest_points
+from validation.commands.check import sensitivity as sensitivities
+from validation.commands.run.motion import ELEMENTS, SINES, Answers, Runs, answer_of, at_rest_points
 from validation.core import motion_laws, store
 from validation.core.agreement import Agreement, Verdict, overall
-from validation.core.ladder import Ladder
+from validation.core.ladder import Branch, Ladder
 from validation.core.motion_rows import Comparison, Moved, Scales, Tolerance, law_row, tension_of
 from validation.page.options import Point, tol_faults
 
 TOL = 1e-3
 SECOND = SINES.name  # solver that a planted fault is for
 LOOSER = 10.0  # forces over the path
-FINEST = 16  # times the coarsest resolution and steps together, before a comparison stays too coarse
+FINEST = 32  # times the coarsest resolution and steps together, before a comparison stays too coarse
 
 
 def scales_of(line: Line, moved: Moved) -> Scales:
@@ -88,17 +87,33 @@ def checked(
         time *= 2 if in_time or not in_space else 1
 
 
-def check(
-    points: Sequence[Point], tol: float, tol_tension: float | None, out: Path | None, second: Line | None,
-    require: bool = False,
-) -> int:  # fmt: skip
-    """Check a line in motion or a grid of them; 1 unless they agree, 2 where a run broke."""
+def sensitivity(result: Answers) -> dict[str, float]:
+    """Smallest relative fault of each key that matters, by one of the coarsest runs a key."""
+    line = result.line
+    first = Runs(ELEMENTS, line)
+    base = _alone(first.run(1, 1))
+    asked = Tolerance(TOL, LOOSER * TOL)  # decides no gap
+
+    def gaps(other: Line) -> sensitivities.Gaps:
+        changed = _alone(Runs(ELEMENTS, other, first).run(1, 1))
+        comparison = Comparison(base, changed, scales_of(line, result.moved), asked)
+        return {(row.quantity, row.law): row.gap for row in comparison.rows() if row.bound.kind == "error bars"}
+
+    return sensitivities.smallest_faults(line, result.rows, gaps)
+
+
+def _alone(run: Any) -> Ladder:
+    """A run without coarser ones."""
+    none = Branch((), (), 0.0)
+    return Ladder(run, none, none)
+
+
+def refuse(points: Sequence[Point], tol: float, tol_tension: float | None, second: Line | None) -> None:
+    """Refuse tolerances out of range, and a second line that is another one."""
     if faults := [*tol_faults(tol), *tol_faults(tol_tension, "--tol-tension", 1e-6, 1.0)]:
         raise store.Refused(faults)
     if second is not None and any(_names(second) != _names(point.scene) for point in points):
         raise store.Refused("--second: must be a line in motion with the same contacts and cars")
-    solve = partial(checked, tol=tol, tol_tension=tol_tension, second=second)
-    return answer("check", points, out, solve, require)
 
 
 def _names(line: Line) -> list[Any]:

@@ -2,26 +2,31 @@
 
 import math
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
-from cablefem.scene import Scene, SceneError
+from cablefem.scene import SceneError
 from validation.commands.check.study import Check
-from validation.core.agreement import FACTOR_DISAGREE
+from validation.core.agreement import FACTOR_DISAGREE, Agreement
 from validation.core.measures import NotComparable
 from validation.core.methods import find
 from validation.core.rows import TABLE
 from validation.core.running import run
 from validation.core.view import View
 
+Gaps = dict[tuple[str, str], float]  # by quantity and law
 STEP = 0.1  # [percent] change of a key; rows are linear in it
 
 
 def keys(data: Any, way: str = "") -> Iterator[str]:
-    """Dotted keys of all numbers of a scene."""
-    entries = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    """Dotted keys of all numbers of a scene; tables of a list by name, or number."""
+    entries: Any = ()
+    if isinstance(data, dict):
+        entries = data.items()
+    elif isinstance(data, list):
+        entries = [(x.get("name", i) if isinstance(x, dict) else i, x) for i, x in enumerate(data)]
     for name, value in entries:
         key = f"{way}.{name}" if way else str(name)
         if isinstance(value, float | int) and not isinstance(value, bool) and isinstance(data, dict) and value:
@@ -30,32 +35,46 @@ def keys(data: Any, way: str = "") -> Iterator[str]:
             yield from keys(value, key)
 
 
-def sensitivity(result: Check, largest: float = 1.0) -> dict[str, float]:
-    """Smallest relative fault of each key that matters, up to `largest`.
+def sensitivity(result: Check) -> dict[str, float]:
+    """Smallest relative fault of each key that matters.
 
     One run a key at half the resolution: changes of rows need fewer digits.
     """
     base = (*result.a.space.runs, result.a.run)[0]
     view = View.of(result.scene).cut(result.a.run, result.b.run)
-    bars = {(row.quantity, row.law): row.allowed for row in result.rows if row.decides}
-    out = {}
-    for key in keys(tomllib.loads(result.scene.to_toml())):
-        other = _changed(result.scene, key)
-        if other is None:
-            continue
+
+    def gaps(other: Any) -> Gaps:
         changed = run(other, find(base.method), until=view.stop, **base.settings)
         changed = replace(changed, scene_toml=base.scene_toml)
-        gaps = {(q.name, q.law): _gap(q, changed, base, view) for q in TABLE if q.asks and q.concerns(view)}
+        return {(q.name, q.law): _gap(q, changed, base, view) for q in TABLE if q.asks and q.concerns(view)}
+
+    return smallest_faults(result.scene, result.rows, gaps)
+
+
+def smallest_faults(
+    scene: Any, rows: Sequence[Agreement], gaps: Callable[[Any], Gaps], largest: float = 1.0
+) -> dict[str, float]:  # fmt: skip
+    """The smallest relative fault of each key of a scene that a row notices, if less than `largest`.
+
+    gaps : of a changed scene to the scene, by quantity and law.
+    """
+    bars = {(row.quantity, row.law): row.allowed for row in rows if row.decides}
+    out = {}
+    for key in keys(tomllib.loads(scene.to_toml())):
+        other = _changed(scene, key)
+        if other is None:
+            continue
         # the gap grows with the fault
         noticed = [
-            FACTOR_DISAGREE * bars.get(row, math.inf) * 0.01 * STEP / gap for row, gap in gaps.items() if gap > 0.0
-        ]
+            FACTOR_DISAGREE * bars.get(row, math.inf) * 0.01 * STEP / gap
+            for row, gap in gaps(other).items() if gap > 0.0
+        ]  # fmt: skip
         if noticed and min(noticed) < largest:
             out[key] = min(noticed)
     return dict(sorted(out.items(), key=lambda item: item[1]))
 
 
-def _changed(scene: Scene, key: str) -> Scene | None:
+def _changed(scene: Any, key: str) -> Any:
     for sign in "+-":
         with suppress(SceneError, ValueError):
             return scene.replace({key: f"{sign}{STEP}%"})

@@ -27,7 +27,7 @@ from validation.core.agreement import Agreement, Verdict, overall
 from validation.core.answers import STATIONS, Outcome
 from validation.core.ladder import Branch, Ladder
 from validation.core.motion_rows import Moved, chain, rope_depths, tension_of, turning_columns, with_bars
-from validation.core.readback import limit_faults, limits_shown
+from validation.core.readback import limit_faults, limits_shown, moving_line
 from validation.core.wheels import pitch_period, with_loads
 from validation.page import report, terminal
 from validation.page.answer import many as table
@@ -35,6 +35,7 @@ from validation.page.motion import columns, sections, tell, unit_of
 from validation.page.options import Point
 
 ROPE_STATIONS = 101
+FRAMES = 101  # of rope.csv, at most, which has every second station
 STEPS = 120  # of the coarsest run
 PATH = "t,s_o,x,y,u,v,T_behind,T_ahead,speed,F_haul,F_contact"  # columns of path-NAME.csv; see `turning_columns`
 PITCHING = 4.0  # coarsest steps in a period of the pitch of a car on two wheels
@@ -305,7 +306,7 @@ def at_rest_points(empty: LineState, s: Array) -> Array:
 
 
 def write(folder: Path, result: Answers, seconds: float) -> None:
-    """Write path-NAME.csv, contacts.csv, profile.csv, summary.json and scene.toml."""
+    """Write path-NAME.csv, contacts.csv, profile.csv, rope.csv, summary.json and scene.toml."""
     line = result.line
     motion = result.motion
     heat = 1.0 + line.cable.warmer
@@ -329,6 +330,13 @@ def write(folder: Path, result: Answers, seconds: float) -> None:
     rest = catenary_line.at(result.empty, places)[0]
     profile = np.stack([places, rest, depths.min(axis=0), depths.max(axis=0)], axis=1)
     write_csv(folder / "profile.csv", "x,y_rest,y_highest,y_lowest", profile)
+    frames = np.unique(np.searchsorted(motion.t, np.linspace(motion.t[0], motion.t[-1], FRAMES)))
+    shown = slice(None, None, 2)  # stations
+    shape = frames.size, motion.s[shown].size
+    t = np.broadcast_to(motion.t[frames, None], shape)
+    s = np.broadcast_to(motion.s[shown], shape)
+    rope = np.stack([t, s, *np.moveaxis(motion.points[frames, shown], 2, 0), motion.tension[frames, shown]], axis=2)
+    write_csv(folder / "rope.csv", "t,s,x,y,T", rope.reshape(-1, 5))
     write_text(folder / "scene.toml", line.to_toml())
     moved = result.moved
     write_json(folder / "summary.json", store.plain({
@@ -372,7 +380,8 @@ def _one(command: str, line: Line, out: Path | None, solve: Callable[[Line], Ans
         terminal.say(verdict, style=terminal.STYLES[verdict])
     faults = motion_laws.read_back(folder / home, result.motion, result.design, result.moved.period)
     faults += limit_faults(result.limits, tomllib.loads(line.to_toml()), result.design, ())
-    faults += limits_shown("".join(section.html for section in sections(folder / home)), result.limits)
+    html = "".join(section.html for section in sections(folder / home))
+    faults += [*limits_shown(html, result.limits), *moving_line(html, folder / home, result.motion)]
     report.write(folder, command)
     report.say_faults(folder, command, faults)
     tell(line, result.outcome.sentence, result.design, result.limits)

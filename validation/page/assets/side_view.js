@@ -1,5 +1,5 @@
 "use strict";
-// The cable in motion. One function per player; all data stand in the page.
+// The rope in motion, of one car or of a line. One function per player; all data stand in the page.
 for (const root of document.querySelectorAll(".player")) {
   const data = JSON.parse(root.querySelector("script").textContent);
   const find = (selector) => root.querySelector(selector);
@@ -11,12 +11,16 @@ for (const root of document.querySelectorAll(".player")) {
     return Float64Array.from(new Uint16Array(bytes.buffer), (q) => low + (q / 65535) * (high - low));
   };
   const m = data.s.length;
-  const cables = data.cables.map((c) => {
-    const out = { ...c };
-    for (const key of ["t", "s_o", "u", "v", "T", "mass_x", "mass_y", "mass_v", "behind", "ahead"]) out[key] = unpack(c[key]);
-    out.readout = c.readout.map((x) => ({ ...x, data: unpack(x.data) }));
-    return out;
-  });
+  const unpacked = (object) =>
+    Object.fromEntries(Object.entries(object).map(([key, x]) => [key, x && typeof x.data === "string" ? unpack(x) : x]));
+  const cables = data.cables.map((c) => ({
+    ...unpacked(c),
+    // what touches the rope: cars, and contacts between the ends
+    touching: c.touching.map((b) => ({ ...unpacked(b), readout: (b.readout || []).map(unpacked) })),
+    weights: (c.weights || []).map(unpack), // rises
+  }));
+  const isCar = (b) => b.readout.length > 0;
+  const cars = cables.flatMap((c) => c.touching.filter(isCar).map((car) => ({ cable: c, car })));
   const longest = cables.reduce((a, b) => (b.t[b.t.length - 1] > a.t[a.t.length - 1] ? b : a));
   const end = longest.t[longest.t.length - 1];
   const slope = data.drop / data.span;
@@ -30,20 +34,26 @@ for (const root of document.querySelectorAll(".player")) {
     while (g - f > 1) { const h = (f + g) >> 1; if (c.t[h] <= t) f = h; else g = h; }
     const w = g > f ? Math.min(1, (t - c.t[f]) / (c.t[g] - c.t[f])) : 0;
     const mix = (array, i, j) => array[i] + w * (array[j] - array[i]);
-    const one = (key) => mix(c[key], f, g);
-    const s_o = one("s_o"), points = [];
+    const touching = c.touching.map((b) => {
+      const state = { ...b, from: b.s[f], to: b.s[g] };
+      for (const key of ["s", "x", "y", "behind", "ahead", "turn"]) if (b[key]) state[key] = mix(b[key], f, g);
+      state.readout = b.readout.map((x) => mix(x.data, f, g).toFixed(x.digits));
+      return state;
+    });
+    const points = [];
     for (let i = 0; i < m; i++) {
-      const a = f * m + i, b = g * m + i;
-      // a station that the mass passes between two frames has the tension of its present side
-      const passed = data.s[i] > c.s_o[f] && data.s[i] <= c.s_o[g];
-      const T = passed ? c.T[data.s[i] < s_o ? b : a] : mix(c.T, a, b);
-      points.push({ s: data.s[i], x: data.x[i] + mix(c.u, a, b), y: data.y[i] + mix(c.v, a, b), T });
+      const a = f * m + i, b = g * m + i, s = data.s[i];
+      // a station that a car passes between two frames has the tension of its present side
+      const by = touching.find((x) => x.from !== x.to && (s - x.from) * (s - x.to) <= 0);
+      const T = by ? c.T[(s < by.s) === (by.to > by.from) ? b : a] : mix(c.T, a, b);
+      points.push({ s, x: data.x[i] + mix(c.u, a, b), y: data.y[i] + mix(c.v, a, b), T });
     }
-    const mass = { s: s_o, x: one("mass_x"), y: one("mass_y"), v: one("mass_v"), behind: one("behind"), ahead: one("ahead") };
-    mass.readout = c.readout.map((x) => mix(x.data, f, g).toFixed(x.digits));
-    const k = points.findIndex((p) => p.s > s_o);
-    points.splice(k < 0 ? m : k, 0, { ...mass, T: mass.behind }, { ...mass, T: mass.ahead });
-    return { points, mass };
+    for (const x of touching) {
+      const k = points.findIndex((p) => p.s > x.s);
+      points.splice(k < 0 ? points.length : k, 0, { ...x, T: x.behind }, { ...x, T: x.ahead });
+    }
+    const weights = c.weights.map((rise) => mix(rise, f, g));
+    return { points, cars: touching.filter(isCar), weights };
   }
 
   // --- drawing ---------------------------------------------------------------------------------------------------
@@ -73,25 +83,70 @@ for (const root of document.querySelectorAll(".player")) {
 
   // --- the line that does not move ---------------------------------------------------------------------------------
   const inner = () => find("canvas").clientWidth - 28;
-  const [ex, high, low] = data.envelope, [px, py] = data.path;
+  const [ex, high, low] = data.envelope;
   const floor = data.ground.length ? data.ground.map((p) => p[1]) : [];
   // all depths below the chord that must be seen
   const chord = (x) => slope * x;
   const off = [
     ...ex.map((x, i) => high[i] - chord(x)), ...ex.map((x, i) => low[i] - chord(x)),
-    ...px.map((x, i) => py[i] + data.below - chord(x)), ...data.obstacles.map((o) => o.top - chord(o.x)),
+    ...data.paths.flatMap((p) => p.x.map((x, i) => p.y[i] + p.below - chord(x))), ...data.obstacles.map((o) => o.top - chord(o.x)),
     ...data.ground.map((p) => p[1] - chord(p[0])), 0,
   ];
   const [above, beneath] = [Math.min(...off), Math.max(...off)];
   const most = () => Math.max(1, Math.floor((0.4 * data.span) / (beneath - above)));
 
+  function drawContact(g, contact, x, y, unit, isLast) {
+    g.fillStyle = g.strokeStyle = ink; g.lineWidth = 1.5;
+    g.beginPath();
+    if (contact.kind === "counterweight") { g.arc(x, y + 6, 6, 0, 7); g.stroke(); }
+    else { g.moveTo(x, y); g.lineTo(x - 6, y + 11); g.lineTo(x + 6, y + 11); g.fill(); }
+    if (contact.shoe) { g.lineWidth = 4; g.beginPath(); g.moveTo(x - contact.shoe * unit, y); g.lineTo(x + contact.shoe * unit, y); g.stroke(); }
+    if (contact.name) text(g, contact.name, x + (contact.x ? (isLast ? 12 : 0) : -12), y - 12, contact.x ? (isLast ? "right" : "center") : "left", ink);
+  }
+  // A weight hangs beside its pulley, outside the line.
+  function drawWeight(g, weight, rise, X, Y, unit) {
+    const x = X(weight.x) + 6 * weight.side, y = Y(weight.x, weight.y) + 6, hangs = y + 26 - rise * unit;
+    g.strokeStyle = g.fillStyle = ink; g.lineWidth = 1.5;
+    g.beginPath(); g.moveTo(x, y); g.lineTo(x, hangs); g.stroke();
+    g.fillRect(x - 5, hangs, 10, 14);
+    text(g, `${rise < 0 ? "−" : "+"}${Math.abs(rise).toFixed(2)} m`, x - 10 * weight.side, hangs + 12, weight.side > 0 ? "right" : "left");
+  }
+  // Cabins and wheels are drawn larger than they are, at their true angle.
+  function drawCar(g, car, i, x, y, e) {
+    const fill = car.color;
+    const below = Math.max(car.below * e * inner() / data.span, car.body === "hangs" ? 30 : 0);
+    const angle = car.body === "wheels" ? Math.atan(slope + e * (Math.tan(car.turn) - slope)) : car.turn || 0;
+    const [cos, sin] = [Math.cos(angle), Math.sin(angle)];
+    g.save(); g.translate(x, y);
+    g.strokeStyle = i ? fill : ink; g.lineWidth = i ? 2.5 : 2;
+    if (car.body === "wheels") {
+      g.transform(cos, sin, -sin, cos, 0, 0);
+      g.strokeStyle = fill; g.lineWidth = 5; g.beginPath(); g.moveTo(-24, -6); g.lineTo(0, -6); g.stroke();
+      g.strokeStyle = white; g.fillStyle = fill; g.lineWidth = 1.5;
+      for (const wheel of [-24, 0]) { g.beginPath(); g.arc(wheel, -3, 5, 0, 7); g.fill(); g.stroke(); }
+      g.restore();
+      return;
+    }
+    if (car.body === "hangs") {
+      g.transform(cos, -sin, sin, cos, 0, 0);
+      g.beginPath(); g.moveTo(0, 0); g.lineTo(0, below - 14); g.stroke();
+      g.fillStyle = fill; g.fillRect(-10, below - 14, 20, 16);
+    } else if (!i && car.below) { g.beginPath(); g.moveTo(0, 0); g.lineTo(0, below); g.stroke(); }
+    g.strokeStyle = i ? fill : white; g.fillStyle = fill;
+    g.beginPath(); g.arc(0, 0, i ? 10 : car.body ? 5 : 7, 0, 7);
+    if (!i) g.fill();
+    g.stroke(); g.restore();
+  }
+
   function drawCable(shown) {
     const width = inner(), unit = width / data.span, e = Number(scale.value);
     const ends = [Math.min(0, data.drop), Math.max(0, data.drop)];
-    const xs = [...ex, ...ex, ...px, ...data.obstacles.map((o) => o.x), ...data.ground.map((p) => p[0]), 0];
+    const xs = [...ex, ...ex, ...data.paths.flatMap((p) => p.x), ...data.obstacles.map((o) => o.x), ...data.ground.map((p) => p[0]), 0];
     const ys = off.map((y, i) => chord(xs[i]) + e * y); // depths below the chord, exaggerated alike
     const [lowest, deepest] = [Math.min(ends[0], ...ys), Math.max(ends[1], ...ys)];
-    const top = 62 - lowest * unit, height = top + deepest * unit + 52;
+    const top = 62 - lowest * unit;
+    const hang = data.weights.map((w) => w.y * unit + 46); // below a pulley
+    const height = top + Math.max(deepest * unit, ...hang) + 52;
     const { g } = sheet(".cable", Math.round(Math.max(height, 150)));
     const X = (x) => 14 + unit * x, Y = (x, y) => top + unit * (chord(x) + e * (y - chord(x)));
     const path = (x, y) => { g.beginPath(); x.forEach((a, i) => (i ? g.lineTo(X(a), Y(a, y[i])) : g.moveTo(X(a), Y(a, y[i])))); };
@@ -109,16 +164,15 @@ for (const root of document.querySelectorAll(".player")) {
     // envelope, rope at rest, path of the car and of its lowest part
     path([...ex, ...ex.slice().reverse()], [...high, ...low.slice().reverse()]);
     g.closePath(); g.fillStyle = "rgba(0,0,0,.08)"; g.fill();
-    g.lineWidth = 1; g.strokeStyle = "#999"; path(data.x, data.y); g.stroke();
-    g.lineWidth = 1.2; g.strokeStyle = "#009e73"; g.setLineDash([2, 3]); path(px, py); g.stroke();
-    if (data.below) { path(px, py.map((y) => y + data.below)); g.stroke(); }
+    g.lineWidth = 1; g.strokeStyle = "#999"; path(...data.rest); g.stroke();
+    g.lineWidth = 1.2; g.strokeStyle = "#009e73"; g.setLineDash([2, 3]);
+    for (const p of data.paths) {
+      path(p.x, p.y); g.stroke();
+      if (p.below) { path(p.x, p.y.map((y) => y + p.below)); g.stroke(); }
+    }
     if (data.party) { g.lineWidth = 2.2; g.strokeStyle = "#cc79a7"; g.setLineDash([8, 3]); path(data.party.x, data.party.y); g.stroke(); }
     g.setLineDash([]);
-    g.fillStyle = ink;
-    for (const i of [0, m - 1]) {
-      const [x, y] = [X(data.x[i]), Y(data.x[i], data.y[i])];
-      g.beginPath(); g.moveTo(x, y); g.lineTo(x - 6, y + 11); g.lineTo(x + 6, y + 11); g.fill();
-    }
+    data.contacts.forEach((k, i) => drawContact(g, k, X(k.x), Y(k.x, k.y), unit, i === data.contacts.length - 1));
     for (const b of data.brakes) {
       const [x, y] = [X(b.x), Y(b.x, b.y)];
       g.strokeStyle = "#d55e00"; g.lineWidth = 2; g.beginPath(); g.moveTo(x, y - 16); g.lineTo(x, y + 6); g.stroke();
@@ -129,7 +183,7 @@ for (const root of document.querySelectorAll(".player")) {
     for (const v of data.speeds) {
       const half = g.measureText(v.text).width / 2 + 4, at = X(v.x);
       if (at - half < free || named.some(([from, to]) => at + half > from && at - half < to)) continue;
-      text(g, v.text, at, Y(v.x, v.y) + 20 + data.below * e * unit, "center", "#00654a");
+      text(g, v.text, at, Y(v.x, v.y) + 20 + data.paths[0].below * e * unit, "center", "#00654a");
       free = at + half;
     }
     // the rope now
@@ -149,12 +203,8 @@ for (const root of document.querySelectorAll(".player")) {
     });
     shown.forEach((state, i) => {
       if (!state) return;
-      const [x, y] = [X(state.mass.x), Y(state.mass.x, state.mass.y)];
-      g.strokeStyle = i ? cables[i].color : white; g.lineWidth = i ? 2.5 : 2;
-      if (!i && data.below) { g.strokeStyle = ink; g.beginPath(); g.moveTo(x, y); g.lineTo(x, y + data.below * e * unit); g.stroke(); g.strokeStyle = white; }
-      g.beginPath(); g.arc(x, y, i ? 10 : 7, 0, 7);
-      if (!i) { g.fillStyle = cables[0].color; g.fill(); }
-      g.stroke();
+      state.weights.forEach((rise, k) => drawWeight(g, data.weights[k], rise, X, Y, e * unit));
+      for (const car of state.cars) drawCar(g, car, i, X(car.x), Y(car.x, car.y), e);
     });
     // scale of colours above, scale of lengths below
     const bar = Math.min(200, 0.4 * width), n = data.colors.length;
@@ -162,7 +212,7 @@ for (const root of document.querySelectorAll(".player")) {
     text(g, kilo(data.T[0]), 14, 33);
     text(g, `${kilo(data.T[1])} ${data.unitName}`, 14 + bar, 33, "right");
     text(g, "tension", 22 + bar, 18);
-    if (cables.some((c) => c.slack !== null)) {
+    if (cables.some((c) => typeof c.slack === "number")) {
       g.strokeStyle = "#444"; g.lineWidth = 1; g.strokeRect(92 + bar, 8, 18, 10); text(g, "slack", 115 + bar, 18);
     }
     const tens = 10 ** Math.floor(Math.log10(data.span / 3)), length = tens * [5, 2, 1].find((k) => k * tens <= data.span / 3);
@@ -192,45 +242,51 @@ for (const root of document.querySelectorAll(".player")) {
     text(g, "metres along the rope", X(0.5 * data.s[m - 1]), height - 4, "center");
     g.save(); g.beginPath(); g.rect(left, top - 6, width - left - right, height - top - foot + 8); g.clip();
     const curve = (points) => { g.beginPath(); points.forEach((p, i) => (i ? g.lineTo(X(p.s), Y(p.T)) : g.moveTo(X(p.s), Y(p.T)))); g.stroke(); };
-    g.strokeStyle = "#999"; curve(data.s.map((s, i) => ({ s, T: data.static[i] })));
+    g.strokeStyle = "#999"; curve(data.static.map((T, i) => ({ s: data.s[i], T })));
     shown.forEach((state, i) => {
       if (!state) return;
-      g.strokeStyle = cables[i].color; g.lineWidth = i ? 2 : 2.5; g.setLineDash(i ? [7, 5] : []); g.lineCap = "butt";
+      g.strokeStyle = data.line ? "#0072b2" : cables[i].touching[0].color; g.lineWidth = i ? 2 : 2.5; g.setLineDash(i ? [7, 5] : []); g.lineCap = "butt";
       curve(state.points); g.setLineDash([]);
     });
     g.restore();
   }
 
   // --- words -----------------------------------------------------------------------------------------------------
-  const legend = cables.map((c, i) =>
-    `<span style="color:${c.color}">${i ? "◯" : "⬤"}</span> <b></b>: ` +
-    (i ? "dashed line over it" : `thick line${cables.length > 1 ? ", coloured by its tension" : ""}`));
-  const still_ = ["thin grey line: rope at rest", "grey band: where the rope was", `green dots: path of the car${data.below ? " and of its lowest part" : ""}`];
+  const sign = (color, i) => `<span style="color:${color}">${i ? "◯" : "⬤"}</span> <b></b>`;
+  const rope = `thick line${cables.length > 1 || data.line ? ", coloured by its tension" : ""}`;
+  const legend = data.line
+    ? [`${cars.map(({ car }) => sign(car.color, 0)).join(", ")}: ${cars.length > 1 ? "cars" : "car"}${data.enlarged ? ", larger than to scale" : ""}`, `${rope}: rope`]
+    : cars.map(({ car }, i) => `${sign(car.color, i)}: ${i ? "dashed line over it" : rope}`);
+  const lowest = data.paths.some((p) => p.below) ? " and of its lowest part" : "";
+  const still_ = ["thin grey line: empty rope at rest", "grey band: where the rope was", `green dots: path of ${data.line && cars.length > 1 ? "each" : "the"} car${lowest}`];
   const theirs = data.party ? ["purple dashes: path of the car by <b></b>"] : [];
-  const names = [...cables.map((c) => c.name), ...(data.party ? [data.party.name] : [])];
+  const names = [...cars.map(({ car }) => car.name), ...(data.party ? [data.party.name] : [])];
   find(".legend").innerHTML = [...legend, ...still_, ...theirs].join("; ");
   find(".legend").querySelectorAll("b").forEach((b, i) => { b.textContent = names[i]; });
   const table = find(".readout");
   const row = (cells, kind) => { const tr = table.insertRow(); for (const c of cells) { const td = document.createElement(kind); td.textContent = c; tr.append(td); } return tr; };
-  row(["at this time", ...cables.map((c) => c.name)], "th");
-  const heads = ["deflection [m]", `tension behind [${data.unitName}]`, `tension ahead [${data.unitName}]`, ...cables[0].readout.map((x) => x.name)];
-  const lines = heads.map((head) => row([head, ...cables.map(() => "")], "td"));
+  row(["at this time", ...names.slice(0, cars.length)], "th");
+  const heads = [...new Set(cars.flatMap(({ car }) => car.readout.map((x) => x.name)))];
+  const lines = heads.map((head) => row([head, ...cars.map(() => "")], "td"));
 
   function where(s_o) {
-    const slack = cables.map((c) => c.slack).filter((s) => s !== null);
+    const slack = cables.map((c) => c.slack).filter((s) => typeof s === "number");
     return slack.length && s_o > Math.min(...slack) ? ": the rope has gone slack somewhere" : "";
   }
 
   function draw() {
     const shown = cables.map((c) => at(c, now));
     drawCable(shown); drawTension(shown);
-    const s_o = (shown[cables.indexOf(longest)] || shown.find(Boolean)).mass.s;
-    find(".now").textContent = `${now.toFixed(2)} s, ${s_o.toFixed(1)} m along the rope${where(s_o)}`;
-    shown.forEach((state, i) => {
-      const cells = state
-        ? [state.mass.v.toFixed(2), kilo(state.mass.behind, 1), kilo(state.mass.ahead, 1), ...state.mass.readout]
-        : ["ended", "–", "–", ...cables[i].readout.map(() => "–")];
-      cells.forEach((c, k) => { lines[k].cells[i + 1].textContent = c; });
+    const first = shown[cables.indexOf(longest)] || shown.find(Boolean), s_o = first.cars[0].s;
+    const places = data.line ? first.cars.map((car) => `${car.name} at ${car.s.toFixed(1)} m`).join(", ") : `${s_o.toFixed(1)} m`;
+    find(".now").textContent = `${now.toFixed(2)} s, ${places} along the rope${where(s_o)}`;
+    cars.forEach(({ cable, car }, i) => {
+      const state = shown[cables.indexOf(cable)];
+      const present = state && state.cars.find((x) => x.name === car.name);
+      heads.forEach((head, k) => {
+        const j = car.readout.findIndex((x) => x.name === head);
+        lines[k].cells[i + 1].textContent = present && j >= 0 ? present.readout[j] : k || present ? "–" : "ended";
+      });
     });
     slider.value = Math.round((1000 * now) / end);
     slider.setAttribute("aria-valuetext", `${now.toFixed(2)} seconds, car at ${s_o.toFixed(1)} metres`);

@@ -1,0 +1,50 @@
+"""The page of a line in motion: its side view moves, and what it draws is read back."""
+
+import dataclasses
+import json
+import re
+
+import numpy as np
+import pytest
+
+from cablefem.scene.line import Line
+from tests.motion.test_check import EVERYTHING
+from validation.commands.run.motion import ELEMENTS, Runs, answer_of, write
+from validation.core.readback import moving_line
+from validation.page.motion import sections
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
+    """A coarse answer, its folder and its page."""
+    line = Line.from_toml(EVERYTHING)
+    result = answer_of(line, Runs(ELEMENTS, line).ladder(1, 1), None)
+    folder = tmp_path_factory.mktemp("line") / "motion-run"
+    folder.mkdir()
+    write(folder, result, 0.0)
+    return result, folder, "".join(section.html for section in sections(folder))
+
+
+def test_the_side_view_has_all_cars_and_weights_in_motion(stored):
+    result, _, html = stored
+    view = json.loads(re.search(r'<script type="application/json">(.*?)</script>', html)[1])
+    cable = view["cables"][0]
+    assert [x["name"] for x in cable["touching"] if x["readout"]] == ["up", "down"]
+    for car, drawn in zip(result.cars, cable["touching"], strict=False):
+        assert drawn["x"]["high"] - drawn["x"]["low"] == pytest.approx(np.ptp(car.point[:, 0]), rel=0.01)
+    assert [contact["kind"] for contact in view["contacts"]] == ["anchor", "saddle", "counterweight"]
+    assert cable["weights"][0]["high"] > cable["weights"][0]["low"]
+    assert [path["below"] for path in view["paths"]] == [5.0, 0.0]
+
+
+def test_what_the_side_view_draws_is_what_was_computed(stored):
+    result, folder, html = stored
+    motion = result.motion
+    assert not list(moving_line(html, folder, motion))
+    up, *others = motion.cars
+    for wrong, told in (
+        (dataclasses.replace(motion, tension=1.001 * motion.tension), "rope.csv: T"),
+        (dataclasses.replace(motion, points=motion.points + 0.1), "rope.csv: x"),
+        (dataclasses.replace(motion, cars=(dataclasses.replace(up, point=up.point + 0.1), *others)), "up: x"),
+    ):
+        assert told in "; ".join(moving_line(html, folder, wrong))
