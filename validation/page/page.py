@@ -197,8 +197,8 @@ def asset(name: str) -> str:
 
 def _source(name: str) -> str:
     """The text of a template: PACKAGE/FILE, or a file of assets/."""
-    package, _, file = name.rpartition("/")
-    return (resources.files(package) / file).read_text(encoding="utf-8") if package else asset(name)
+    package, _, file = name.partition("/")
+    return (resources.files(package) / file).read_text(encoding="utf-8") if file else asset(name)
 
 
 _COMPILED = Path(__spec__.cached or "").parent  # templates are kept where this module is
