@@ -20,7 +20,8 @@ from validation.page.page import Section, asset, drawn, worst
 from validation.page.plot import COLORS
 from validation.page.side_view import beneath, drawn_path, packed, player, short, touching, unit_of_forces
 
-WORDS: dict[str, dict[str, str]] = tomllib.loads(asset("motion.toml"))
+WORDS: dict[str, Any] = tomllib.loads(asset("motion.toml"))
+ROWS: dict[str, str] = WORDS.pop("rows")
 GRIPS = " A car that grips rings with the rope: grip and contact force of it are means of such means."
 FEW = (
     "tension_max",
@@ -39,12 +40,19 @@ FEW = (
 
 
 def unit_of(quantity: str) -> str:
-    return WORDS[quantity.partition(":")[0]]["unit"]
+    unit: str = WORDS[quantity.partition(":")[0]]["unit"]
+    return unit
 
 
 def named(quantity: str) -> str:
     kind, _, of = quantity.partition(":")
-    return WORDS[kind]["words"].format(of)
+    words: str = WORDS[kind]["words"]
+    return words.format(of)
+
+
+def compared_in_words(quantity: str, law: str) -> str:
+    """What a row of a comparison is of; law : its car or contact, or its law."""
+    return ROWS[quantity].format(law) if quantity in ROWS else law
 
 
 def value_of(number: Row) -> str:
@@ -93,7 +101,7 @@ def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None)
     line = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
     contacts = _columns(folder / "contacts.csv")
     paths = {car["name"]: _columns(folder / f"path-{car['name']}.csv") for car in line["car"]}
-    compared = [row | {"named": f"{row['quantity']} {row.get('law', '')}".replace("_", " ")} for row in rows]
+    compared = [row | {"named": compared_in_words(row["quantity"], row.get("law", ""))} for row in rows]
     laws = [row for row in compared if row["quantity"] in ("laws_si", "energy")]
     alarm = "disagree" if summary["outcome_kind"] in ("breaks", "collides", "incomplete") else None
     return drawn(

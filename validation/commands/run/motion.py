@@ -31,7 +31,7 @@ from validation.core.readback import limit_faults, limits_shown, moving_line
 from validation.core.wheels import pitch_period, with_loads
 from validation.page import report, terminal
 from validation.page.answer import many as table
-from validation.page.motion import columns, sections, tell, unit_of
+from validation.page.motion import columns, compared_in_words, sections, tell, unit_of
 from validation.page.options import Point
 
 ROPE_STATIONS = 101
@@ -403,7 +403,7 @@ def counted(rows: Sequence[Agreement]) -> str:
     parts = []
     for group, words in ((others, "comparisons of two solvers agree"), (laws, "laws hold")):
         parts.append(f"{sum(row.verdict is Verdict.AGREE for row in group)} of {len(group)} {words}")
-    wrong = [f"{row.quantity} {row.law}".strip() for row in rows if row.verdict is not Verdict.AGREE]
+    wrong = [compared_in_words(row.quantity, row.law) for row in rows if row.verdict is not Verdict.AGREE]
     return "; ".join(parts) + (f"; not so: {', '.join(wrong[:4])}" if wrong else "")
 
 
