@@ -88,8 +88,11 @@ def changed(ladder, change):
 @pytest.mark.parametrize(
     "key",
     [
-        "car.up.mass", "cable.mass_per_length", "car.up.travel.acceleration",
-        *(pytest.param(x, marks=pytest.mark.slow) for x in ("car.down.mass", "contact.mountain.tension", "gravity")),
+        "car.up.mass", "car.up.travel.acceleration",
+        *(
+            pytest.param(x, marks=pytest.mark.slow)
+            for x in ("cable.mass_per_length", "car.down.mass", "contact.mountain.tension", "gravity")
+        ),
     ],
 )  # fmt: skip
 def test_a_fault_of_a_percent_in_one_solver_is_seen(line, by_sines, key):
