@@ -9,13 +9,14 @@ import pytest
 
 from cablefem import Scene
 from tests.scene.test_ride import CREEPER
-from validation.core import answers
+from validation.core import answers, recomputed
+from validation.core.agreement import Verdict
 from validation.core.answers import outcome, write_answers
 from validation.core.clearances import clearances
 from validation.core.design import design
 from validation.core.quantities import key_numbers, number_text
 from validation.core.quasi_static import quasi_static
-from validation.core.running import run
+from validation.core.running import Run, run
 
 LINE = CREEPER.replace({"mass.mass": 80.0, "mass.below": 2.0, "drive.wind": 0.0})
 
@@ -162,3 +163,14 @@ def test_a_clearance_of_what_is_never_passed_is_null(tmp_path):
     assert number_text(rows["clearance_car_min:tree"])["value"] == "the car never passes"
     assert "clearance_car_min:tree" not in {d["quantity"] for d in key_numbers(kept, 99)}
     assert "hit" not in outcome(scene, r).sentence
+
+
+@pytest.mark.parametrize("steps", [300, 301, 304, 305, 309, 311])
+def test_a_run_that_ends_where_it_falls_slack_says_so(steps):
+    """The last position and that of the onset round differently: some of these runs end before it, some past it."""
+    steep = Scene.from_groups(sag_ratio=0.0164, slope=38.76, mu=0.884, alpha=6350.0, speed_ratio=0.66)
+    r = Run(steep, "fourier-kink", terms=8, steps=steps).to(0.95, past=0.0)
+    assert r.reached == pytest.approx(r.slack_from, abs=1e-12)
+    said = outcome(steep, r)
+    assert "goes slack" in said.sentence
+    assert recomputed.ending(r, None, said.kind, said.sentence).verdict is Verdict.AGREE

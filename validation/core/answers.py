@@ -87,7 +87,7 @@ def _end(scene: Scene, r: Response) -> Outcome:
         sentence = f"is hauled from {r.s_o[0]:.1f} m to {last:.1f} m in {duration:.1f} s"
     if r.slack_onset is not None and r.slack_onset <= steep_from(r):
         sentence += f"; the cable goes slack when the mass is at {r.slack_onset * r.length:.1f} m"
-    elif steep_from(r) < r.reached:
+    elif math.isfinite(steep_from(r)):
         sentence += (
             f"; waves get slower than the mass when it is at {steep_from(r) * r.length:.1f} m, no bar holds there"
         )

@@ -372,7 +372,7 @@ def _end_of_travel(r: Response, readings: Readings) -> Ending:
     end = data.drive.get("end", {}).get("place", 0.99 * r.length) if hauled else r.length
     last, duration = _travelled(data, r.length, start, end)
     # a law and a design number judge the onset itself; here its text is compared
-    ends = [x * r.length for x in (r.slack_from, steep_from(r)) if x <= r.reached]
+    ends = [x * r.length for x in (r.slack_from, steep_from(r)) if math.isfinite(x)]
     slack = [min(ends)] if ends else []
     if last < 0.999 * end:
         return Ending("stopped", [last, duration, *slack])
