@@ -115,7 +115,7 @@ def test_a_cabin_under_constant_acceleration_swings_twice_as_far_as_it_hangs_bac
     cabin = Hanger(mass=600.0, length=3.0, gyration=1.0)
     car = Car(name="cabin", mass=700.0, hanger=cabin, drive=HAUL, travel=Uniform(100.0, 0.0))
     rope = {"mass_per_length": 1e-3, "EA": 1e10, "length": 399.6}
-    x = run(LineSines(line(rope, LEFT, car, anchor("right", 400.0, 0.0), t_end=12.0), 2), 300)
+    x = run(LineSines(line(rope, LEFT, car, anchor("right", 400.0, 0.0), t_end=12.0), 2), 150)
     swing = x.cars[0].turning.angle
     assert swing.max() < 1e-4
     assert swing.min() == pytest.approx(-2.0 * np.arctan(a / 9.81), abs=2e-4)
@@ -156,7 +156,7 @@ def test_a_mirrored_trolley_moves_alike():
                       thrust_angle=angle, thrust_at=(-0.4 * side, -0.2))  # fmt: skip
         wheels = Wheels(base=2.0, inertia=400.0, below=0.5, ahead=0.3 * side)
         car = Car(name="sled", mass=500.0, wheels=wheels, drive=drive)
-        return run(LineSines(line(rope, LEFT, car, anchor("right", 400.0, drop), t_end=6.0), 5), 120)
+        return run(LineSines(line(rope, LEFT, car, anchor("right", 400.0, drop), t_end=6.0), 5), 60)
 
     x = moved(-20.0, 60.0, 6e3, 0.1, 1.0)
     one = x.cars[0].turning
@@ -203,7 +203,7 @@ def hauled_cabin():
 
 @pytest.mark.parametrize("scene", [free_sled(6e3, 0.1), hauled_cabin()])
 def test_energy_is_what_drives_put_in_and_friction_takes(scene):
-    x = run(LineSines(scene, 5), 240)
+    x = run(LineSines(scene, 5), 160)
     work = np.append(0.0, cumulative_simpson(sum(x.powers.values()), x=x.t))
     np.testing.assert_allclose(x.energy - x.energy[0], work, atol=1e-4 * np.ptp(x.energy))
 
@@ -212,7 +212,7 @@ def test_energy_is_what_drives_put_in_and_friction_takes(scene):
 def test_both_wings_agree(scene):
     scene = dataclasses.replace(scene, t_end=3.0)
     s = np.array([20.0, 200.0])
-    one, other = run(LineElements(scene), 120, s), run(LineSines(scene, 12), 120, s)
+    one, other = run(LineElements(scene), 60, s), run(LineSines(scene, 12), 60, s)
     a, b = one.cars[0], other.cars[0]
     T, weight = a.tension_ahead.max(), 9.81 * scene.cars[0].mass
     np.testing.assert_allclose(one.points, other.points, atol=1e-3)
