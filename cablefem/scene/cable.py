@@ -64,19 +64,24 @@ class Rope(Part):
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         """Faults of stiffness, ice and heat, one line each."""
-        faults = []
-        if (given.get("E") is None) is not (given.get("section") is None):
-            name, other = ("E", "section") if given.get("E") is None else ("section", "E")
-            faults.append(f"{name}: missing; must be given with {other}")
-        elif self.EA and self.E and self.section and abs(self.EA / (self.E * self.section) - 1.0) > SAME_STIFFNESS:
-            must = f"must be E section = {self.E * self.section:.6g} N within {SAME_STIFFNESS:.0%}, or left out"
-            faults.append(f"EA = {self.EA!r}: {must}")
+        faults = self._stiffness_faults(given)
         if self.temperature is not None:
             needs = [name for name in ("reference_temperature", "expansion") if given.get(name) is None]
             faults += [f"{name}: missing; must be given with temperature" for name in needs]
         if isinstance(self.ice, Ice) and given.get("diameter") is None:
             faults.append("diameter: missing; must be given with the thickness of ice")
         return faults
+
+    def _stiffness_faults(self, given: Mapping[str, Any]) -> list[str]:
+        missing = [name for name in ("E", "section") if given.get(name) is None]
+        if len(missing) == 1:
+            other = "section" if missing == ["E"] else "E"
+            return [f"{missing[0]}: missing; must be given with {other}"]
+        of_section = (self.E or 0.0) * (self.section or 0.0)
+        if self.EA and of_section and abs(self.EA / of_section - 1.0) > SAME_STIFFNESS:
+            must = f"must be E section = {of_section:.6g} N within {SAME_STIFFNESS:.0%}, or left out"
+            return [f"EA = {self.EA!r}: {must}"]
+        return []
 
     @property
     def changed(self) -> bool:

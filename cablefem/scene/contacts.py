@@ -17,14 +17,11 @@ from numpy.typing import NDArray
 
 from cablefem.scene.bodies import Hanger, Wheels
 from cablefem.scene.drive import GRIP, Drive
-from cablefem.scene.errors import SceneError
 from cablefem.scene.line import Solver, Station
 from cablefem.scene.rail import Rail
 
 Array = NDArray[np.float64]
 NEAREST = 1.0  # [m] of rope between two contacts: forces grow like one over it
-NEAREST_WHEEL = 0.002  # and, of the length, between a rear wheel and the left support at the start
-SAMPLES = 1000  # of timetables, to compare cars
 
 
 class Travel(Protocol):
@@ -125,10 +122,6 @@ class MovingLine:
     over: tuple[Car, ...] = ()  # cars on rails over a saddle, off the rope
     solve: Solver | None = field(default=None, compare=False)  # of lines at rest, where cars run over shoes
 
-    def __post_init__(self) -> None:
-        if faults := [*_end_faults(self), *_wheel_faults(self), *_meeting_faults(self)]:
-            raise SceneError(faults)
-
     @property
     def weight(self) -> float:
         """q = rho g [N/m]."""
@@ -208,52 +201,3 @@ class MovingLine:
 
 def _own_phases(car: Car) -> tuple[tuple[float, float], ...]:
     return car.drive.phases if car.travel is None else car.travel.phases
-
-
-def _end_faults(line: MovingLine) -> list[str]:
-    """Cars whose timetable ends in motion, before that of another car."""
-    faults = []
-    for car in line.cars:
-        if car.travel is None:
-            continue
-        end = car.travel.phases[-1][1]
-        speed = car.travel.at(end, len(car.travel.phases) - 1)[1]
-        if end < line.t_end and abs(speed) > 1e-9:
-            must = f"must be 0, for another car moves until {line.t_end:.6g} s"
-            faults.append(f"{car.name}.travel: {speed:.6g} m/s at its end, {end:.6g} s; {must}")
-    return faults
-
-
-def _wheel_faults(line: MovingLine) -> list[str]:
-    """Cars that begin with a wheel on the platform, where the left end of the rope is fixed."""
-    if line.supports[0].kind == "counterweight":
-        return []
-    faults = []
-    nearest = max(NEAREST, NEAREST_WHEEL * (line.rope.length or 0.0))
-    for car in line.cars:
-        if car.wheels is None or car.along == "x":
-            continue
-        front = car.drive.start if car.travel is None else car.travel.at(0.0, 0)[0]
-        least = nearest + car.wheels.base
-        if front < least:
-            must = f"must be >= {least:.6g} m: {nearest:.4g} m and the base, both wheels begin on the rope"
-            faults.append(f"{car.name}: begins with its front wheel at {front:.6g} m; {must}")
-    return faults
-
-
-def _meeting_faults(line: MovingLine) -> list[str]:
-    """Cars whose timetables come too close, where both are prescribed alike."""
-    faults = []
-    times = np.linspace(0.0, line.t_end, SAMPLES + 1).tolist()
-    ends = [t1 for _, t1 in line.phases]
-    phases = np.minimum(np.searchsorted(ends, times, side="right"), len(ends) - 1).tolist()
-    for a, b in itertools.pairwise(line.cars):
-        if a.travel is None or b.travel is None or a.along != b.along:
-            continue
-        for t, phase in zip(times, phases, strict=True):
-            between = line.position(b, t, phase)[0] - line.position(a, t, phase)[0]
-            if between < NEAREST:
-                must = f"must be >= {NEAREST:g} m; cars are listed from left to right and cannot pass"
-                faults.append(f"{b.name}.travel: {between:.6g} m ahead of {a.name} at t = {t:.6g} s; {must}")
-                break
-    return faults

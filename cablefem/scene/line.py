@@ -109,6 +109,15 @@ class Car(Part):
     )
 
     @property
+    def moves(self) -> bool:
+        return self.at is None and self.hauled is None
+
+    @property
+    def positions(self) -> tuple[float, ...]:
+        """Given x at rest."""
+        return self.at or ()
+
+    @property
     def mode(self) -> str:
         return "grip" if self.drive is None else self.drive.mode
 
@@ -279,7 +288,7 @@ class Line(Described):
     @property
     def count(self) -> int:
         """Number of positions of the cars."""
-        return max((len(car.at or ()) for car in self.car), default=1)
+        return max((len(car.positions) for car in self.car), default=1)
 
     def _tables(self, changes: Container[str] = ()) -> dict[str, Any]:
         data = super()._tables(changes)
@@ -290,7 +299,7 @@ class Line(Described):
 
     @property
     def moves(self) -> bool:
-        return any(car.at is None and car.hauled is None for car in self.car)
+        return any(car.moves for car in self.car)
 
     def place(self, car: Car, i: int) -> float:
         """x [m] of a car at position i."""
@@ -354,11 +363,11 @@ class Line(Described):
         on_shoes = self._on_shoes(tried)
         cases = [self.case(i, length) for i in tried]
         for (i, name), saddle in on_shoes.items():
-            reach = saddle.shoe or 0.0
-            cases += [self.case(i, length, (name, saddle.at[0] + side)) for side in (-reach, reach)]
-        states = [_refuse_unsound(state) for state in solve(cases)] if cases else []
-        at_rest = zip(tried, states, strict=False)
-        positions = dict(refused) | {i: self._with_loads(state, i) for i, state in at_rest}
+            x, reach = saddle.at[0], saddle.shoe or 0.0
+            cases += [self.case(i, length, (name, x - reach)), self.case(i, length, (name, x + reach))]
+        states = list(map(_refuse_unsound, solve(cases) if cases else []))
+        loaded = map(self._with_loads, states, tried)
+        positions = dict(refused) | dict(zip(tried, loaded, strict=True))
         at_ends = states[len(tried) :]
         shoe_ends = dict(zip(on_shoes, zip(at_ends[::2], at_ends[1::2], strict=True), strict=True))
         sound = _refuse_shoes(positions, on_shoes, shoe_ends)
@@ -454,43 +463,57 @@ def _rope_faults(rope: LineRope, contacts: Sequence[Contact]) -> list[str]:
 
 
 def _car_faults(cars: Sequence[Car], contacts: Sequence[Contact]) -> list[str]:
-    moving = [car.name for car in cars if car.at is None and car.hauled is None]
-    anywhere = [car.name for car in cars if car.at is None and car.hauled is not None]
-    if anywhere and len(cars) > 1:
-        return [f"car.{anywhere[0]}.at: missing; must be given for each of several cars"]
+    moving = [car.name for car in cars if car.moves]
+    placed = [car for car in cars if car.at is not None]
+    anywhere = [car.name for car in cars if not (car.moves or car.at)]
     if anywhere:
-        missing = [c.name for c in contacts[1:-1] if c.shoe is None]
-        passed = f"missing; must be given where a car passes, here {anywhere[0]}"
-        return [f"contact.{name}.shoe: {passed}" for name in missing] + _shoe_faults(contacts)
-    if moving and len(moving) < len(cars):
+        return _anywhere_faults(anywhere[0], len(cars), contacts)
+    if moving and placed:
         return [f"car.{moving[0]}: in motion beside cars at rest; all must have at, or none"]
-    cars = [car for car in cars if car.at is not None]
-    many = sorted({len(car.at or ()) for car in cars} - {1})
-    if len(many) > 1:
-        return [f"car.at: lists of {many[0]} and of {many[-1]} positions; must be one number or lists of one length"]
+    return _position_faults(placed, contacts)
+
+
+def _position_faults(placed: Sequence[Car], contacts: Sequence[Contact]) -> list[str]:
+    """Faults of cars at rest at given positions."""
+    counts = sorted({len(car.positions) for car in placed} - {1})
+    if len(counts) > 1:
+        lists = f"lists of {counts[0]} and of {counts[-1]} positions"
+        return [f"car.at: {lists}; must be one number or lists of one length"]
     faults = []
-    for car in cars:
+    for car in placed:
         faults += _range_faults(car, contacts)
-    for a, b in itertools.pairwise(cars):
+    for a, b in itertools.pairwise(placed):
         faults += _order_faults(a, b)
     return faults + _shoe_faults(contacts)
 
 
+def _anywhere_faults(name: str, count: int, contacts: Sequence[Contact]) -> list[str]:
+    """Faults of a car without `at`, one of so many: it passes every saddle."""
+    if count > 1:
+        return [f"car.{name}.at: missing; must be given for each of several cars"]
+    return _without_shoe(name, contacts[1:-1]) + _shoe_faults(contacts)
+
+
+def _without_shoe(name: str, passed: Sequence[Contact]) -> list[str]:
+    """Faults of saddles without shoe that a car passes."""
+    missing = [c.name for c in passed if c.shoe is None]
+    return [f"contact.{x}.shoe: missing; must be given where a car passes, here {name}" for x in missing]
+
+
 def _range_faults(car: Car, contacts: Sequence[Contact]) -> list[str]:
     """Faults of positions off the line, and of saddles without shoe that a car passes."""
-    low = min(car.at or ())
-    high = max(car.at or ())
+    low = min(car.positions)
+    high = max(car.positions)
     end = contacts[-1].at[0]
     faults = []
     if not 0.0 < low <= high < end:
         faults.append(f"car.{car.name}.at: from {low:.6g} to {high:.6g} m; must be between 0 and {end:.6g} m")
-    missing = [c.name for c in contacts[1:-1] if c.shoe is None and low <= c.at[0] <= high]
-    return faults + [f"contact.{x}.shoe: missing; must be given where a car passes, here {car.name}" for x in missing]
+    return faults + _without_shoe(car.name, [c for c in contacts[1:-1] if low <= c.at[0] <= high])
 
 
 def _order_faults(a: Car, b: Car) -> list[str]:
     """Fault at the first position where car b is not to the right of car a."""
-    for i, (x, y) in enumerate(np.broadcast(a.at or (), b.at or ()), start=1):
+    for i, (x, y) in enumerate(np.broadcast(a.positions, b.positions), start=1):
         if not x < y:
             must = f"must be > {x:.6g} m, that of {a.name}; cars are listed from left to right and cannot pass"
             return [f"car.{b.name}.at = {y:.6g} m at position {i}: {must}"]

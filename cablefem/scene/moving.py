@@ -4,20 +4,34 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from cablefem.scene.contacts import NEAREST, Array, Car, Contact, Elastic, MovingLine
-from cablefem.scene.drive import GRIP, Drive
+from cablefem.scene.drive import GRIP, Drive, Driving
 from cablefem.scene.errors import SceneError, shown
 from cablefem.scene.line import Car as CarTable
-from cablefem.scene.line import Case, Line, NoLine, Solver, Station
+from cablefem.scene.line import Case, Line, LineState, NoLine, Solver, Station
 from cablefem.scene.motion import Motion
 from cablefem.scene.travel import Law, Table, Trapezoid
 
 SAMPLES = 100  # of timetables, in each phase
 HEAVIEST = 0.3  # M g/N of a car that runs over a shoe
+NEAREST_WHEEL = 0.002  # of the length: from the left support to a rear wheel at the start
+
+
+@dataclass(frozen=True, slots=True)
+class Empty:
+    """Where the contacts touch the empty rope, which is hot."""
+
+    s: Array  # (k,) [m]
+    x: Array  # (k,) [m]
+
+    def x_of(self, car: Car, position: float) -> float:
+        """x [m] of a position of a car, about."""
+        return position if car.along == "x" else float(np.interp(position, self.s, self.x))
 
 
 def moving(line: Line, solve: Solver) -> MovingLine:
@@ -25,52 +39,50 @@ def moving(line: Line, solve: Solver) -> MovingLine:
 
     A hot rope is the same rope with s a times as long, a = 1 + thermal strain.
     """
-    empty, rope, heat = line.empty(solve), line.cable, 1.0 + line.cable.warmer
-    fixed_right = line.contact[-1].kind != "counterweight"
-    elastic = Elastic(
-        mass_per_length=(rope.mass_per_length + rope.ice_per_length) / heat,
-        EA=rope.EA,
-        length=float(empty.s[-1]) * heat if fixed_right else None,
-    )
+    state = line.empty(solve)
+    heat = 1.0 + line.cable.warmer
+    _refuse([*_travel_faults(line.car), *_weight_faults(line, state)])
     contacts = [
         Contact(name=c.name, kind=c.kind, point=c.at, stiffness=c.stiffness, force=c.tension, shoe=c.shoe)
         for c in line.contact
     ]
-    in_x = len(contacts) > 2
-    faults = [fault for car in line.car if (fault := _travel_fault(car))]
-    lowest = int(np.nanargmin(np.nanmin(empty.tensions, axis=1)))
-    N = float(np.nanmin(empty.tensions[lowest]))
-    for car in line.car:
-        weight = car.mass * line.gravity
-        if weight >= N:
-            at = line.contact[lowest].name
-            faults.append(
-                f"car.{car.name}.mass: M g = {weight:.6g} N; must be < {N:.6g} N, N at {at} of the empty line"
-            )
-    if faults:
-        raise SceneError(faults)
-    cars = [_car(car, in_x, heat) for car in line.car]
-    ends = [car.travel.phases[-1][1] if car.travel is not None else car.drive.end_time for car in cars]
-    s, x = empty.s * heat, np.array([c.point[0] for c in contacts])
-    places = {c.name: place for c, place in zip(contacts, x.tolist(), strict=True)}
-    places |= {car.name: _x_of(car, _start(car), s, x) for car in cars}
-    passing = {car.name: _passed(car, contacts, s, x) for car in cars}
-    if faults := [*_order_faults(cars, places), *_saddle_faults(cars, passing, places)]:
-        raise SceneError(faults)
+    empty = Empty(state.s * heat, np.array([c.point[0] for c in contacts]))
+    cars = [_car(car, len(contacts) > 2, heat) for car in line.car]
+    places = {c.name: c.point[0] for c in contacts} | {car.name: empty.x_of(car, _start(car)) for car in cars}
+    passing = {car.name: _passed(car, contacts, empty) for car in cars}
+    _refuse([*_order_faults(cars, places), *_saddle_faults(cars, passing, places)])
     everything: list[Contact | Car] = [*contacts, *cars]
-    order = sorted(everything, key=lambda c: places[c.name])
     found = MovingLine(
-        rope=elastic, contacts=tuple(order), t_end=max(ends, default=0.0), gravity=line.gravity, solve=solve
-    )
-    _refuse_meeting(found, passing, s, x)
-    if faults := [fault for car in cars for saddle in passing[car.name] for fault in _shoe_faults(found, car, saddle)]:
-        raise SceneError(faults)
+        rope=_elastic(line, float(empty.s[-1]), heat),
+        contacts=tuple(sorted(everything, key=lambda c: places[c.name])),
+        t_end=max(map(_end, cars), default=0.0), gravity=line.gravity, solve=solve,
+    )  # fmt: skip
+    _refuse([*_end_faults(found), *_wheel_faults(found), *_meeting_faults(found, passing, empty)])
+    _refuse([fault for car in cars for saddle in passing[car.name] for fault in _shoe_faults(found, car, saddle)])
     return found
 
 
-def _x_of(car: Car, position: float, s: Array, x: Array) -> float:
-    """x [m], of a position along the rope about; s and x (k,) [m] of the contacts at rest."""
-    return position if car.along == "x" else float(np.interp(position, s, x))
+def _refuse(faults: list[str]) -> None:
+    if faults:
+        raise SceneError(faults)
+
+
+def _elastic(line: Line, length: float, heat: float) -> Elastic:
+    """The hot rope with ice; length : [m] of the empty line."""
+    rope = line.cable
+    fixed = line.contact[-1].kind != "counterweight"
+    mass = (rope.mass_per_length + rope.ice_per_length) / heat
+    return Elastic(mass_per_length=mass, EA=rope.EA, length=length if fixed else None)
+
+
+def _weight_faults(line: Line, empty: LineState) -> list[str]:
+    """Cars heavier than the smallest tension of the empty line."""
+    tensions = np.nanmin(empty.tensions, axis=1)
+    lowest = int(np.nanargmin(tensions))
+    N = float(tensions[lowest])
+    must = f"must be < {N:.6g} N, N at {line.contact[lowest].name} of the empty line"
+    weights = {car.name: car.mass * line.gravity for car in line.car}
+    return [f"car.{name}.mass: M g = {weight:.6g} N; {must}" for name, weight in weights.items() if weight >= N]
 
 
 def _order_faults(cars: Sequence[Car], places: Mapping[str, float]) -> list[str]:
@@ -83,13 +95,13 @@ def _order_faults(cars: Sequence[Car], places: Mapping[str, float]) -> list[str]
     return faults
 
 
-def _passed(car: Car, contacts: Sequence[Contact], s: Array, x: Array) -> list[Contact]:
-    """Saddles that a car with a travel comes to; s and x (k,) [m] of the contacts at rest."""
+def _passed(car: Car, contacts: Sequence[Contact], empty: Empty) -> list[Contact]:
+    """Saddles that a car with a travel comes to."""
     if car.travel is None:
         return []
     last = len(car.travel.phases) - 1
     positions = (_start(car), car.travel.at(car.travel.phases[last][1], last)[0])
-    low, high = sorted(_x_of(car, position, s, x) for position in positions)
+    low, high = sorted(empty.x_of(car, position) for position in positions)
     base = 0.0 if car.wheels is None else car.wheels.base
     return [c for c in contacts[1:-1] if low - base - (c.shoe or 0.0) <= c.point[0] <= high + (c.shoe or 0.0)]
 
@@ -133,31 +145,73 @@ def _shoe_faults(line: MovingLine, car: Car, saddle: Contact) -> Iterator[str]:
             return
 
 
-def _refuse_meeting(line: MovingLine, passing: Mapping[str, Sequence[Contact]], s: Array, x: Array) -> None:
-    """SceneError where a timetable along the rope meets one in x, or two cars are on one shoe.
-
-    s and x (k,) [m] of the contacts at rest.
-    """
-    for a, b in itertools.combinations(line.cars, 2):
-        shoes = [saddle for saddle in passing[a.name] if saddle in passing[b.name]]
-        if a.travel is None or b.travel is None or (a.along == b.along and not shoes):
+def _end_faults(line: MovingLine) -> Iterator[str]:
+    """Cars whose timetable ends in motion, before that of another car."""
+    for car in line.cars:
+        if car.travel is None:
             continue
-        for phase, (t0, t1) in enumerate(line.phases):
-            for t in np.linspace(t0, t1, SAMPLES).tolist():
-                at = [_x_of(car, line.position(car, t, phase)[0], s, x) for car in (a, b)]
-                if at[1] - at[0] < NEAREST:
-                    must = f"must be >= {NEAREST:g} m; cars are listed from left to right and cannot pass"
-                    raise SceneError(
-                        [f"{b.name}.travel: about {at[1] - at[0]:.3g} m ahead of {a.name} at t = {t:.4g} s; {must}"]
-                    )
-                for saddle in shoes:
-                    if max(abs(place - saddle.point[0]) for place in at) <= (saddle.shoe or 0.0):
-                        where = f"on the shoe of {saddle.name} together with {a.name} at t = {t:.4g} s"
-                        raise SceneError([f"car.{b.name}.travel: {where}; must be there alone"])
+        end = car.travel.phases[-1][1]
+        speed = car.travel.at(end, len(car.travel.phases) - 1)[1]
+        if end < line.t_end and abs(speed) > 1e-9:
+            must = f"must be 0, for another car moves until {line.t_end:.6g} s"
+            yield f"car.{car.name}.travel: {speed:.6g} m/s at its end, {end:.6g} s; {must}"
+
+
+def _wheel_faults(line: MovingLine) -> Iterator[str]:
+    """Cars that begin with a wheel on the platform, where the left end of the rope is fixed."""
+    if line.supports[0].kind == "counterweight":
+        return
+    nearest = max(NEAREST, NEAREST_WHEEL * (line.rope.length or 0.0))
+    for car in line.cars:
+        if car.wheels is None or car.along == "x":
+            continue
+        smallest = nearest + car.wheels.base
+        if _start(car) < smallest:
+            must = f"must be >= {smallest:.6g} m: {nearest:.4g} m and the base, both wheels begin on the rope"
+            yield f"car.{car.name}: begins with its front wheel at {_start(car):.6g} m; {must}"
+
+
+def _meeting_faults(line: MovingLine, passing: Mapping[str, Sequence[Contact]], empty: Empty) -> Iterator[str]:
+    """The first fault of each two cars whose timetables meet, or that are on one shoe."""
+    for a, b in itertools.combinations(line.cars, 2):
+        if a.travel is not None and b.travel is not None:
+            shoes = [saddle for saddle in passing[a.name] if saddle in passing[b.name]]
+            yield from itertools.islice(_meetings(line, a, b, shoes, empty), 1)
+
+
+def _meetings(line: MovingLine, a: Car, b: Car, shoes: Sequence[Contact], empty: Empty) -> Iterator[str]:
+    """Faults of two cars at all instants; shoes : that both pass."""
+    for phase, (t0, t1) in enumerate(line.phases):
+        for t in np.linspace(t0, t1, SAMPLES).tolist():
+            first, second = (line.position(car, t, phase)[0] for car in (a, b))
+            x = empty.x_of(a, first), empty.x_of(b, second)
+            distance = second - first if a.along == b.along else x[1] - x[0]
+            fault = _too_close(a, b, t, distance) or _on_one_shoe(a, b, t, x, shoes)
+            if fault:
+                yield fault
+
+
+def _too_close(a: Car, b: Car, t: float, distance: float) -> str:
+    if distance >= NEAREST:
+        return ""
+    must = f"must be >= {NEAREST:g} m; cars are listed from left to right and cannot pass"
+    return f"car.{b.name}.travel: {distance:.4g} m ahead of {a.name} at t = {t:.4g} s; {must}"
+
+
+def _on_one_shoe(a: Car, b: Car, t: float, x: Sequence[float], shoes: Sequence[Contact]) -> str:
+    for saddle in shoes:
+        if max(abs(place - saddle.point[0]) for place in x) <= (saddle.shoe or 0.0):
+            where = f"on the shoe of {saddle.name} together with {a.name} at t = {t:.4g} s"
+            return f"car.{b.name}.travel: {where}; must be there alone"
+    return ""
 
 
 def _start(car: Car) -> float:
     return car.drive.start if car.travel is None else car.travel.at(0.0, 0)[0]
+
+
+def _end(car: Car) -> float:
+    return car.drive.end_time if car.travel is None else car.travel.phases[-1][1]
 
 
 def _car(car: CarTable, in_x: bool, heat: float) -> Car:
@@ -186,17 +240,32 @@ def _motion(law: Law) -> Motion:
     return (motion.scaled(-1.0, 1.0) if end < begin else motion).shifted(begin)
 
 
-def _travel_fault(car: CarTable) -> str:
-    law = car.travel
-    if law is None:
-        late = car.drive is None or car.drive.end is None or car.drive.end.time is None
-        start = car.drive is not None and car.drive.start is not None
-        missing = ("" if start else "drive.start") or ("drive.end.time" if late else "")
-        return f"car.{car.name}.{missing}: missing; must be given on a line" if missing else ""
-    if not isinstance(law, Trapezoid | Table):
-        return f"car.{car.name}.travel.kind = {shown(law.kind)}: must be trapezoid or table on a line"
-    if law.position is None or (isinstance(law, Trapezoid) and law.to is None):
-        return f"car.{car.name}.travel.{'from' if law.position is None else 'to'}: missing; must be given on a line"
-    begin, end = _ends(law)
-    fault = law.fault(abs(end - begin), begin)
-    return f"car.{car.name}.travel.{fault}" if fault else ""
+def _travel_faults(cars: Sequence[CarTable]) -> Iterator[str]:
+    """What cars lack in motion, and faults of their timetables; one of each car."""
+    for car in cars:
+        law = car.travel
+        if law is None:
+            missing = _missing_of_drive(car.drive)
+        elif isinstance(law, Trapezoid | Table):
+            missing = _missing_of_travel(law)
+        else:
+            yield f"car.{car.name}.travel.kind = {shown(law.kind)}: must be trapezoid or table on a line"
+            continue
+        if missing:
+            yield f"car.{car.name}.{missing}: missing; must be given on a line"
+        elif law is not None:
+            begin, end = _ends(law)
+            if fault := law.fault(abs(end - begin), begin):
+                yield f"car.{car.name}.travel.{fault}"
+
+
+def _missing_of_drive(drive: Driving | None) -> str:
+    if drive is None or drive.start is None:
+        return "drive.start"
+    return "drive.end.time" if drive.end is None or drive.end.time is None else ""
+
+
+def _missing_of_travel(law: Trapezoid | Table) -> str:
+    if law.position is None:
+        return "travel.from"
+    return "travel.to" if isinstance(law, Trapezoid) and law.to is None else ""

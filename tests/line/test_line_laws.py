@@ -10,7 +10,7 @@ from cablefem import catenary_line
 from cablefem.elements import line as elements
 from cablefem.scene.line import Line
 from tests.line.lines import SPRUNG, THREE, TRAMWAY, WEIGHED, line
-from validation.commands.run.line import answers, extremes, write
+from validation.commands.run.line import answers, extremes
 from validation.core.agreement import Verdict
 from validation.core.line_laws import laws, printed
 from validation.page import line as page
@@ -80,7 +80,7 @@ TRAM = Line.load("two-span").replace(FEW | {"ground": GROUND, "obstacle": [TREE]
 
 def reread(folder, result, edit=lambda folder: None, html=lambda text: text, of=TRAM):
     """What a judge of the line `of` finds wrong in the files and the page of a result."""
-    write(folder, result, 1.0)
+    result.write(folder, 1.0)
     text = "".join(section.html + section.summary for section in page.sections(folder))
     edit(folder)
     return disagreements(printed(of.to_toml(), result.rest, folder, html(text), page.WORDS))
@@ -170,7 +170,7 @@ def test_a_wrong_state_writes_no_nan_and_breaks_laws(tmp_path):
     rest = sound.rest(catenary_line.solve)
     state = rest.positions[0]
     wrong = replace(rest, positions=[replace(state, s=state.s[::-1])])
-    write(tmp_path, answers(sound, wrong), 1.0)
+    answers(sound, wrong).write(tmp_path, 1.0)
     for file in tmp_path.iterdir():
         assert "nan" not in file.read_text().lower()
     assert "shape and stretch" in disagreements(laws(sound.to_toml(), wrong))

@@ -13,7 +13,7 @@ from cablefem.scene.line import Line
 from tests.commands.calls import lines
 from tests.motion.lines import BODIES
 from validation.commands.check.motion import checked, judged
-from validation.commands.run.motion import ELEMENTS, SINES, Runs, answer_of, write
+from validation.commands.run.motion import ELEMENTS, SINES, Runs, answer_of
 from validation.core import motion_laws
 from validation.core.agreement import overall
 from validation.core.motion_laws import read_back
@@ -181,7 +181,7 @@ def answer(line, by_elements):
 
 def test_a_wrong_file_and_a_wrong_number_are_found(tmp_path, answer):
     folder = tmp_path / "a"
-    write(folder, answer, 0.0)
+    answer.write(folder, 0.0)
     assert not read_back(folder, answer.motion, answer.design, answer.moved.period)
     wrong = [number | {"value": number["value"] * 1.01 + 2.0 * number["bar"]} for number in answer.design]
     faults = read_back(folder, answer.motion, wrong, answer.moved.period)
@@ -308,7 +308,7 @@ def test_a_run_of_one_span_has_its_car_and_supports_as_a_line_has():
 def test_files_and_numbers_hold_swing_pitch_and_wheel_loads(tmp_path):
     line = Line.from_toml(BODIES)
     result = answer_of(line, Runs(ELEMENTS, line).ladder(1, 1), None)
-    write(tmp_path, result, 0.0)
+    result.write(tmp_path, 0.0)
     assert not read_back(tmp_path, result.motion, result.design, result.moved.period)
     names = {number["quantity"] for number in result.design}
     assert {"swing_max:cabin", "pitch_min:sled", "wheel_min:sled.rear", "wheel_max:sled.front"} <= names

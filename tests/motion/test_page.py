@@ -9,7 +9,7 @@ import pytest
 
 from cablefem.scene.line import Line
 from tests.motion.test_check import EVERYTHING
-from validation.commands.run.motion import ELEMENTS, Runs, answer_of, write
+from validation.commands.run.motion import ELEMENTS, Runs, answer_of
 from validation.core.readback import moving_line
 from validation.page.motion import sections
 
@@ -21,7 +21,7 @@ def stored(tmp_path_factory):
     result = answer_of(line, Runs(ELEMENTS, line).ladder(1, 1), None)
     folder = tmp_path_factory.mktemp("line") / "motion-run"
     folder.mkdir()
-    write(folder, result, 0.0)
+    result.write(folder, 0.0)
     return result, folder, "".join(section.html for section in sections(folder))
 
 

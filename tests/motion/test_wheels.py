@@ -20,7 +20,7 @@ from tests.motion.lines import BODIES
 from tests.motion.test_bodies import tram
 from tests.motion.test_scene import SPAN
 from validation.commands.advise import bodies, page
-from validation.commands.run.motion import SINES, Runs, answer_of, write
+from validation.commands.run.motion import SINES, Runs, answer_of
 from validation.core.motion_laws import read_back
 from validation.core.wheels import by_hand, left_out, stresses
 
@@ -87,7 +87,7 @@ POINTS = BODIES.replace("below = 0.5}", 'below = 0.5, model = "point", count = 4
 def test_loads_and_stresses_have_a_second_computation_that_sees_faults(tmp_path):
     line = Line.from_toml(POINTS)
     result = answer_of(line, Runs(SINES, line).ladder(2, 2), None)
-    write(tmp_path, result, 0.0)
+    result.write(tmp_path, 0.0)
 
     def faults(design=result.design):
         return {fault.partition(" = ")[0].partition(": the")[0] for fault in read_back(

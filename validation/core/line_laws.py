@@ -25,7 +25,7 @@ import numpy as np
 from cablefem.response import Array
 from validation.core.agreement import Agreement, Bound, Part
 from validation.core.readback import limit_faults, limits_shown, plain
-from validation.core.scene_data import ROUNDING, ice_mass, si_factor
+from validation.core.scene_data import ROUNDING, LineData, si_factor
 
 DOWN = np.array([0.0, 1.0])
 LOWEST = -1e-6  # [m] least clearance of what touches
@@ -47,25 +47,21 @@ class Station:
     weight: float = 0.0  # [N] of a car
 
 
-class LineData:
-    """A line's numbers from its TOML, SI."""
+class LineAtRest(LineData):
+    """A line and its cars at rest."""
 
     def __init__(self, toml: str) -> None:
-        data = tomllib.loads(toml)
+        super().__init__(toml)
+        data = self.data
         cable = data["cable"]
-        self.gravity: float = data.get("gravity", 9.81)
-        self.contacts: list[dict[str, Any]] = data["contact"]
         self.cars: list[dict[str, Any]] = data.get("car", [])
         self.tops = {o["name"]: np.array([[o["at"], o["top"]]]) for o in data.get("obstacle", [])}
         self.ground = np.array(data.get("ground", []), float).reshape(-1, 2)
-        self.EA: float = cable["EA"]
         self.length: float | None = cable.get("length")
         self.tie: dict[str, Any] | None = cable.get("tension")
         self.breaking_load: float | None = cable.get("breaking_load")
-        self.q_empty = cable["mass_per_length"] * self.gravity
-        self.q = self.q_empty + ice_mass(cable) * self.gravity
-        warmer = cable["temperature"] - cable["reference_temperature"] if "temperature" in cable else 0.0
-        self.heat = 1.0 + cable.get("expansion", 0.0) * warmer
+        self.q_empty = self.empty_mass * self.gravity
+        self.q = self.mass * self.gravity
 
     def x(self, car: dict[str, Any], i: int) -> float:
         at = np.atleast_1d(car["at"])
@@ -93,7 +89,7 @@ class LineData:
 class Rope:
     """A state of rest with n stations: s (n,) [m], points (n, 2) [m], forces behind and ahead (n, 2) [N]."""
 
-    def __init__(self, data: LineData, state: Any, stations: list[Station], empty: bool = False) -> None:
+    def __init__(self, data: LineAtRest, state: Any, stations: list[Station], empty: bool = False) -> None:
         self.stations = stations
         self.EA = data.EA
         self.q = data.q_empty if empty else data.q
@@ -155,7 +151,7 @@ class Rope:
         return float(np.linalg.norm(start + share[:, None] * change, axis=1).min())
 
 
-def _ropes(data: LineData, rest: Any) -> Iterator[tuple[str, Rope]]:
+def _ropes(data: LineAtRest, rest: Any) -> Iterator[tuple[str, Rope]]:
     """All states of a line, with what to call them."""
     yield "empty", Rope(data, rest.empty, data.stations(None), empty=True)
     for i, state in rest.states.items():
@@ -165,7 +161,7 @@ def _ropes(data: LineData, rest: Any) -> Iterator[tuple[str, Rope]]:
             yield f"position {i + 1}, {name} at an end of the shoe", rope
 
 
-def _at_shoe_ends(data: LineData, rest: Any, i: int, name: str) -> list[Rope]:
+def _at_shoe_ends(data: LineAtRest, rest: Any, i: int, name: str) -> list[Rope]:
     """Both states with a car at an end of the shoe that carries it."""
     saddle = data.saddle(next(car for car in data.cars if car["name"] == name), i)
     assert saddle is not None
@@ -205,7 +201,7 @@ def laws(toml: str, rest: Any) -> Iterator[Agreement]:
 
     rest : `empty` and, by position, `states`; by position and car on a shoe, `shoe_ends`.
     """
-    data = LineData(toml)
+    data = LineAtRest(toml)
     gaps = Gaps()
     for where, rope in _ropes(data, rest):
         defects = [*_of_rope(data, rope, float(np.ptp(rest.empty.s))), *_of_stations(rope)]
@@ -217,7 +213,7 @@ def laws(toml: str, rest: Any) -> Iterator[Agreement]:
     return gaps.rows("laws_si", Part("catenaries", ROUNDING, "rounding"))
 
 
-def _of_rope(data: LineData, rope: Rope, empty_length: float) -> Iterator[tuple[str, Any]]:
+def _of_rope(data: LineAtRest, rope: Rope, empty_length: float) -> Iterator[tuple[str, Any]]:
     """Defects of pieces and of their sum."""
     S = np.diff(rope.s)
     weight = rope.q * S[:, None] * DOWN  # (n - 1, 2)
@@ -267,11 +263,11 @@ def _of_stations(rope: Rope) -> Iterator[tuple[str, Any]]:
 
 def numbers(toml: str, rest: Any) -> list[Numbers | None]:
     """The numbers of each position, named as in positions.csv; None without rest."""
-    data = LineData(toml)
+    data = LineAtRest(toml)
     return [_position(data, rest, i) if i in rest.states else None for i in range(len(rest.positions))]
 
 
-def _position(data: LineData, rest: Any, i: int) -> Numbers:
+def _position(data: LineAtRest, rest: Any, i: int) -> Numbers:
     rope = Rope(data, rest.states[i], data.stations(i))
     row: Numbers = {"position": i + 1}
     for car in data.cars:
@@ -292,7 +288,7 @@ def _position(data: LineData, rest: Any, i: int) -> Numbers:
     return row
 
 
-def _at_car(data: LineData, rest: Any, rope: Rope, i: int, car: dict[str, Any]) -> Numbers:
+def _at_car(data: LineAtRest, rest: Any, rope: Rope, i: int, car: dict[str, Any]) -> Numbers:
     name = car["name"]
     x = data.x(car, i)
     saddle = data.saddle(car, i)
@@ -331,7 +327,7 @@ def _on_shoe(ropes: list[Rope], name: str, x: float, top: Array) -> float:
     return float(end[1] + slope * d * w + bent)
 
 
-def _at_contact(data: LineData, rest: Any, rope: Rope, i: int, j: int) -> Numbers:
+def _at_contact(data: LineAtRest, rest: Any, rope: Rope, i: int, j: int) -> Numbers:
     """Numbers of contact j by kind."""
     contact = data.contacts[j]
     k = rope.index(contact["name"])
@@ -382,7 +378,7 @@ def _over_ground(ground: Array, rope: Rope) -> Array:
 
 def extremes(toml: str, rows: Sequence[Numbers | None]) -> dict[str, tuple[float, float]]:
     """Smallest and largest value of each number over all positions; of cars also where they pass between two."""
-    data = LineData(toml)
+    data = LineAtRest(toml)
     at_rest = [row for row in rows if row]
     values: dict[str, list[float]] = {}
     for name, value in itertools.chain.from_iterable(row.items() for row in at_rest):
@@ -407,7 +403,7 @@ def printed(toml: str, rest: Any, folder: Path, page: str, words: Mapping[str, M
     A gap counts in parts of what is allowed: rounding, of a design number its bar, of the page half its last digit.
     words : how the page calls each kind of number.
     """
-    data = LineData(toml)
+    data = LineAtRest(toml)
     gaps = Gaps()
     rows = numbers(toml, rest)
     known = extremes(toml, rows)
@@ -472,7 +468,7 @@ def _positions(
             gaps.compare(f"positions.csv, {kind}", where, cell, expected, rounding(name))
 
 
-def _profile(gaps: Gaps, data: LineData, rest: Any, folder: Path) -> None:
+def _profile(gaps: Gaps, data: LineAtRest, rest: Any, folder: Path) -> None:
     table = _table(folder / "profile.csv")
     drawn = json.loads((folder / "ropes.json").read_text(encoding="utf-8"))
     x = np.array([float(row["x"]) for row in table])
@@ -501,7 +497,7 @@ def _profile(gaps: Gaps, data: LineData, rest: Any, folder: Path) -> None:
 
 
 def _design(
-    gaps: Gaps, data: LineData, rows: Sequence[Numbers | None], design: Sequence[dict[str, Any]],
+    gaps: Gaps, data: LineAtRest, rows: Sequence[Numbers | None], design: Sequence[dict[str, Any]],
     known: Extremes, rounding: Callable[[str], float],
 ) -> None:  # fmt: skip
     names = set()
@@ -523,7 +519,7 @@ def _design(
         gaps.compare("design", name, name in names, True)
 
 
-def _outcome(gaps: Gaps, data: LineData, summary: dict[str, Any], known: Extremes) -> None:
+def _outcome(gaps: Gaps, data: LineAtRest, summary: dict[str, Any], known: Extremes) -> None:
     """The outcome names a rope beyond its breaking load first, then everything that is hit."""
     text = summary["outcome"]
     tension = known["tension_max"][1]

@@ -14,10 +14,9 @@ Left out: the momentum of the rope that enters, rho ds^2, below 1e-5 of the tens
 
 from __future__ import annotations
 
-import csv
 import math
-import tomllib
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -26,32 +25,32 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from validation.core.motion_bodies import CarBody, vector
-from validation.core.scene_data import ROUNDING, Array, ice_mass, stressed
+from validation.core.scene_data import ROUNDING, Array, LineData, columns_of, stressed
 
 WINDOWS = 12
 PART = 0.25  # length of a window over the run's
 BALANCE = 1e-3  # of a load by hand: elements balance a car along the rope in the mean over its segments
 
 
-class LineOf:
-    """A line's numbers from its TOML, SI; lengths along a hot rope are heated ones."""
+class LineOf(LineData):
+    """A line in motion; lengths along a hot rope are heated ones."""
 
     def __init__(self, toml: str) -> None:
-        self.data = data = tomllib.loads(toml)
-        cable = data["cable"]
-        self.gravity: float = data.get("gravity", 9.81)
-        warmer = cable["temperature"] - cable["reference_temperature"] if "temperature" in cable else 0.0
-        self.rho: float = (cable["mass_per_length"] + ice_mass(cable)) / (1.0 + cable.get("expansion", 0.0) * warmer)
-        self.EA: float = cable["EA"]
-        self.cars: dict[str, dict[str, Any]] = {car["name"]: car for car in data.get("car", [])}
-        self.contacts: list[dict[str, Any]] = data["contact"]
+        super().__init__(toml)
+        self.rho = self.mass / self.heat
         self.q = self.rho * self.gravity
+        self.cars: dict[str, dict[str, Any]] = {car["name"]: car for car in self.data.get("car", [])}
 
     def ends(self) -> Iterator[tuple[float, int, dict[str, Any]]]:
         """e, index and table of a counterweight."""
         for e, k in ((-1.0, 0), (1.0, -1)):
             if self.contacts[k]["kind"] == "counterweight":
                 yield e, k, self.contacts[k]
+
+
+def tension_at(x: Any) -> Array:
+    """Tension (n,) at a contact; at a saddle that behind."""
+    return np.asarray(np.where(np.isnan(x.tension_behind), x.tension_ahead, x.tension_behind))
 
 
 def touching(motion: Any) -> list[Any]:
@@ -174,7 +173,7 @@ def weight(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     for e, k, data in line.ends():
         G = data["tension"]
         contact = motion.contacts[k]
-        N = np.where(np.isnan(contact.tension_behind), contact.tension_ahead, contact.tension_behind)[steps]
+        N = tension_at(contact)[steps]
         rate = e * (1.0 + G / line.EA) * contact.ds[steps]
         for part, W, W1, _ in _windows(t, end):
             defect = _sum(t[part], W * (N[part] - G) + W1 * G / line.gravity * rate[part])
@@ -254,52 +253,117 @@ OF_BODIES = {"moment of momentum of bodies": moment, "forces on kinks of the rop
 
 def read_back(folder: Path, motion: Any, design: Sequence[dict[str, Any]], period: float) -> list[str]:
     """Faults of path-NAME.csv, contacts.csv and the design numbers, each a sentence; none where all is as computed."""
+    files = _Files(folder, motion, period)
     faults: list[str] = []
-    line = LineOf((folder / "scene.toml").read_text(encoding="utf-8"))
-    tables = {car.name: _columns(folder / f"path-{car.name}.csv") for car in motion.cars}
     for car in motion.cars:
-        right = {
-            "t": motion.t, "s_o": car.s, "x": car.point[:, 0], "y": car.point[:, 1], "T_behind": car.tension_behind,
-            "T_ahead": car.tension_ahead, "speed": np.hypot(*car.velocity.T), "F_contact": car.contact_force,
-            "F_haul": car.haul_force,
-        }  # fmt: skip
-        if car.turning is not None:
-            right["pitch" if car.turning.wheels else "swing"] = np.degrees(car.turning.angle)
-            right |= {f"wheel_{x.name.rpartition('.')[2]}": x.load for x in car.turning.wheels}
-        faults += _unlike(f"path-{car.name}.csv", tables[car.name], right)
-        faults += _unlike(f"path-{car.name}.csv", tables[car.name], _by_hand(line, car, motion), BALANCE)
-    contacts = _columns(folder / "contacts.csv")
-    for x in motion.contacts:
-        tension = np.where(np.isnan(x.tension_behind), x.tension_ahead, x.tension_behind)
-        right = {"s": x.s, "tension": tension, "pressure": np.hypot(*x.pressure.T), "rise": x.rise}
-        faults += _unlike("contacts.csv", contacts, {f"{x.name}.{name}": values for name, values in right.items()})
-    series = _series(line, tables, contacts, motion)
-    t = contacts["t"]
+        name = f"path-{car.name}.csv"
+        faults += _unlike(name, files.paths[car.name], _path(car, motion))
+        faults += _unlike(name, files.paths[car.name], _by_hand(files.line, car, motion), BALANCE)
+    for contact in motion.contacts:
+        faults += _unlike("contacts.csv", files.contacts, _columns_of_contact(contact))
     for number in design:
-        kind, _, of = number["quantity"].partition(":")
-        name, _, word = kind.rpartition("_")
-        if name == "clearance":
-            values = np.array([[np.min(v) for v in _clearances(kind, of, line.data, motion, tables)]])
-            at = np.full(values.size, True)
-        else:
-            values = _felt(name, series[name if of == "" else f"{name}:{of}"], t, period)
-            if name in ("grip", "contact") and "drive" not in line.cars[of]:
-                values = _felt(name, values, t, period)  # a car that grips rings: means of means
-            at = t == t[np.argmin(np.abs(t - number["t"]))]
-        pick = np.max if word == "max" else np.min
-        faults += _unlike_number(number, [float(pick(values)), float(pick(values[:, at]))])
-        car = tables.get(of.partition(".")[0])
-        if car is not None and abs(np.interp(number["t"], t, car["s_o"]) - number["s_o"]) > 1e-9 * number["s_o"]:
-            faults.append(f"{number['quantity']}: the car is not at {number['s_o']:.6g} m then")
+        faults += files.faults(number)
     return faults
 
 
-def _unlike_number(number: dict[str, Any], values: Sequence[float]) -> Iterator[str]:
-    """Fault of a number that is not the extreme, or not the value at its time."""
-    allowed = (number["bar"] or 0.0) + 1e-9 * abs(number["value"])
-    if not all(abs(value - number["value"]) <= allowed for value in values):
-        given = ", at its time ".join(f"{value:.6g}" for value in values)
-        yield f"{number['quantity']} = {number['value']:.6g}: the files give {given}"
+def _path(car: Any, motion: Any) -> dict[str, Array]:
+    """Columns (n,) of a car's file."""
+    path = {
+        "t": motion.t, "s_o": car.s, "x": car.point[:, 0], "y": car.point[:, 1], "T_behind": car.tension_behind,
+        "T_ahead": car.tension_ahead, "speed": np.hypot(*car.velocity.T), "F_contact": car.contact_force,
+        "F_haul": car.haul_force,
+    }  # fmt: skip
+    if car.turning is not None:
+        path["pitch" if car.turning.wheels else "swing"] = np.degrees(car.turning.angle)
+        path |= {f"wheel_{x.name.rpartition('.')[2]}": x.load for x in car.turning.wheels}
+    return path
+
+
+def _columns_of_contact(x: Any) -> dict[str, Array]:
+    columns = {"s": x.s, "tension": tension_at(x), "pressure": np.hypot(*x.pressure.T), "rise": x.rise}
+    return {f"{x.name}.{name}": values for name, values in columns.items()}
+
+
+class _Files:
+    """What the files of a line in motion say."""
+
+    def __init__(self, folder: Path, motion: Any, period: float) -> None:
+        self.line = LineOf((folder / "scene.toml").read_text(encoding="utf-8"))
+        self.motion = motion
+        self.period = period
+        self.paths = {car.name: columns_of(folder / f"path-{car.name}.csv") for car in motion.cars}
+        self.contacts = columns_of(folder / "contacts.csv")
+        self.t = self.contacts["t"]
+
+    def faults(self, number: dict[str, Any]) -> Iterator[str]:
+        """Faults of a design number: it is not the extreme, or not the value at its time, or its car is elsewhere."""
+        name = number["quantity"]
+        values = self._extremes(number)
+        allowed = (number["bar"] or 0.0) + 1e-9 * abs(number["value"])
+        if not all(abs(value - number["value"]) <= allowed for value in values):
+            stored = ", at its time ".join(f"{value:.6g}" for value in values)
+            yield f"{name} = {number['value']:.6g}: the files give {stored}"
+        path = self.paths.get(name.partition(":")[2].partition(".")[0])
+        if path is not None and abs(np.interp(number["t"], self.t, path["s_o"]) - number["s_o"]) > 1e-9 * number["s_o"]:
+            yield f"{name}: the car is not at {number['s_o']:.6g} m then"
+
+    def _extremes(self, number: dict[str, Any]) -> list[float]:
+        """The extreme, and of a series that at the number's time."""
+        kind, _, of = number["quantity"].partition(":")
+        name, _, word = kind.rpartition("_")
+        if name == "clearance":
+            return [float(min(np.min(values) for values in self._clearances(kind, of)))]
+        values = _felt(name, self._series[f"{name}:{of}" if of else name], self.t, self.period)
+        if name in ("grip", "contact") and "drive" not in self.line.cars[of]:
+            values = _felt(name, values, self.t, self.period)  # a car that grips rings: means of means
+        now = self.t == self.t[np.argmin(np.abs(self.t - number["t"]))]
+        pick = np.max if word == "max" else np.min
+        return [float(pick(values)), float(pick(values[:, now]))]
+
+    def _clearances(self, kind: str, of: str) -> list[Array]:
+        """Heights over an obstacle or the ground of a car, or of the rope and all cars' points."""
+        scene = self.line.data
+        body, _, over = of.rpartition(" over ")
+        below = {car["name"]: car.get("below", 0.0) for car in scene["car"]}
+        heights = []
+        if kind == "clearance_rope":
+            below = dict.fromkeys(below, 0.0)
+            heights = [_under_rope(scene, self.motion, over)]
+        passing = [x for x in below if x == (body or x)]
+        return [*heights, *(_under_car(_ground(scene, over), self.paths[x]) - below[x] for x in passing)]
+
+    @cached_property
+    def _series(self) -> dict[str, list[Array]]:
+        """Columns by quantity; of a load its two components."""
+        contacts = self.motion.contacts
+        out = {"tension": [self.contacts[f"{x.name}.tension"] for x in contacts]}
+        for name, path in self.paths.items():
+            out["tension"] += [path["T_behind"], path["T_ahead"]]
+            out |= {f"{kind}:{name}": [path[column]] for kind, column in OF_PATH.items() if column in path}
+            out |= {f"wheel:{name}.{x}": [path[f"wheel_{x}"]] for x in ("rear", "front") if f"wheel_{x}" in path}
+            out |= {f"{kind}:{name}": values for kind, values in self._stresses(name, path).items()}
+        out |= {f"grip:{car.name}": [car.grip_force] for car in self.motion.cars}
+        for x in contacts:
+            s = self.contacts[f"{x.name}.s"]
+            out |= {f"rise:{x.name}": [self.contacts[f"{x.name}.rise"]], f"flow:{x.name}": [s - s[0]]}
+            out[f"load:{x.name}"] = list(x.pressure.T)
+        return out
+
+    def _stresses(self, name: str, path: dict[str, Array]) -> dict[str, list[Array]]:
+        """Of the rope behind the rear and ahead of the front wheels of a car, by kind."""
+        wheels = self.line.cars[name].get("wheels", {})
+        out: dict[str, list[Array]] = {}
+        for side, N in (("rear", path["T_behind"]), ("front", path["T_ahead"])) if wheels else ():
+            Q = path.get(f"wheel_{side}", 0.5 * path["F_contact"]) * 2.0 / wheels.get("count", 2)
+            for kind, values in stressed(self.line.data["cable"], wheels, N, Q).items():
+                out.setdefault(kind, []).append(values)
+        return out
+
+
+# kinds of design numbers, and their columns of a car's file
+OF_PATH = {
+    "haul": "F_haul", "contact": "F_contact", "speed": "speed", "depth": "y", "swing": "swing", "pitch": "pitch",
+}  # fmt: skip
 
 
 def _felt(name: str, values: Any, t: Array, period: float) -> Array:
@@ -320,20 +384,6 @@ def _by_hand(line: LineOf, car: Any, motion: Any) -> dict[str, Array]:
     turning = body.moment + wheels.get("below", 0.0) * rope.along * rope.projection
     front = rope.load * (0.5 + wheels.get("ahead", 0.0) / wheels["base"]) + turning / wheels["base"]
     return {"wheel_rear": rope.load - front, "wheel_front": front}
-
-
-def _clearances(
-    kind: str, of: str, scene: dict[str, Any], motion: Any, tables: dict[str, dict[str, Array]]
-) -> list[Array]:  # fmt: skip
-    """Heights over an obstacle or the ground of a car, or of the rope and all cars' points."""
-    body, _, over = of.rpartition(" over ")
-    below = {car["name"]: car.get("below", 0.0) for car in scene["car"]}
-    heights = []
-    if kind == "clearance_rope":
-        below = dict.fromkeys(below, 0.0)
-        heights = [_under_rope(scene, motion, over)]
-    passing = [x for x in below if x == (body or x)]
-    return [*heights, *(_under_car(_ground(scene, over), tables[x]) - below[x] for x in passing)]
 
 
 def _ground(scene: dict[str, Any], name: str) -> Array:
@@ -371,47 +421,12 @@ def _under_rope(scene: dict[str, Any], motion: Any, over: str) -> Array:
     return lowest
 
 
-def _columns(file: Path) -> dict[str, Array]:
-    with file.open(encoding="utf-8", newline="") as opened:
-        rows = list(csv.DictReader(opened))
-    return {name: np.array([float(row[name] or "nan") for row in rows]) for name in rows[0]}
-
-
 def _unlike(file: str, table: dict[str, Array], right: dict[str, Array], rounding: float = ROUNDING) -> Iterator[str]:
     for name, values in right.items():
         scale = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
         same = name in table and table[name].shape == values.shape
         if not (same and np.allclose(table[name], values, rtol=0.0, atol=rounding * scale + 1e-12, equal_nan=True)):
             yield f"{file}: {name} is not what was computed"
-
-
-def _series(
-    line: LineOf, tables: dict[str, dict[str, Array]], contacts: dict[str, Array], motion: Any
-) -> dict[str, list[Array]]:  # fmt: skip
-    """Columns by quantity; of a load its two components."""
-    names = [x.name for x in motion.contacts]
-    out = {"tension": [contacts[f"{name}.tension"] for name in names]}
-    for name, path in tables.items():
-        out["tension"] += [path["T_behind"], path["T_ahead"]]
-        out[f"haul:{name}"] = [path["F_haul"]]
-        out[f"contact:{name}"] = [path["F_contact"]]
-        out[f"speed:{name}"] = [path["speed"]]
-        out[f"depth:{name}"] = [path["y"]]
-        out |= {f"{angle}:{name}": [path[angle]] for angle in ("swing", "pitch") if angle in path}
-        out |= {f"wheel:{name}.{x}": [path[f"wheel_{x}"]] for x in ("rear", "front") if f"wheel_{x}" in path}
-        wheels = line.cars[name].get("wheels", {})
-        for side, N in (("rear", path["T_behind"]), ("front", path["T_ahead"])) if wheels else ():
-            Q = path.get(f"wheel_{side}", 0.5 * path["F_contact"]) * 2.0 / wheels.get("count", 2)
-            for kind, values in stressed(line.data["cable"], wheels, N, Q).items():
-                out.setdefault(f"{kind}:{name}", []).append(values)
-    for car in motion.cars:
-        out[f"grip:{car.name}"] = [car.grip_force]
-    for x in motion.contacts:
-        s = contacts[f"{x.name}.s"]
-        out[f"rise:{x.name}"] = [contacts[f"{x.name}.rise"]]
-        out[f"flow:{x.name}"] = [s - s[0]]
-        out[f"load:{x.name}"] = list(x.pressure.T)
-    return out
 
 
 def _mean(t: Array, values: Array, period: float) -> Array:

@@ -115,14 +115,19 @@ def shows(text: str, value: float | None, unit: str = "", *, bar: float | None =
     if match is None or math.isnan(factor):
         return False
     printed = [_real(number) for number in match.group(1, 2) if number]
-    expected = [value / factor]
-    if printed == [0.0] and abs(expected[0]) < ROUNDING:
+    if printed == [0.0] and abs(value / factor) < ROUNDING:
         return True
+    expected = [value / factor]
     digit = _magnitude(value / factor) - digits + 1
-    if bar and ROUNDING * abs(value) <= bar < math.inf:
-        expected.append(bar / factor)
-        digit = _magnitude(bar / factor) - 1
+    if _is_printed(bar, value):
+        expected.append((bar or 0.0) / factor)
+        digit = _magnitude(expected[1]) - 1
     return len(printed) == len(expected) and np.allclose(printed, expected, rtol=0.0, atol=0.501 * 10.0**digit)
+
+
+def _is_printed(bar: float | None, value: float) -> bool:
+    """Whether a bar is known and no rounding."""
+    return bool(bar) and ROUNDING * abs(value) <= (bar or 0.0) < math.inf
 
 
 def shows_decimals(text: str, value: float | None, unit: str, decimals: int) -> bool:
@@ -587,31 +592,40 @@ def verification_faults(of: Stored) -> Faults:
     """Faults of each row from the comparison of both solvers and from the values of three resolutions."""
     gaps = {x["law"]: x for x in of.rows if x["quantity"] == "design gap"}
     for row in of.agreement.get("verification", []):
-        size = max(abs(row["value"]), abs(row["other"])) or 1.0
-        expected = {"gap": abs(row["value"] - row["other"]), "uncertainty": math.hypot(row["bar"], row["bar_other"])}
-        i = of.methods.index(row["method"])
-        for key, method in (("value", i), ("other", 1 - i)):
-            numbers = of.run(method)["rest"]["design"]
-            expected[key] = next(x["value"] for x in numbers if x["quantity"] == row["quantity"])
-        for key, bar in (("bar", "ab"[i]), ("bar_other", "ba"[i])):
-            expected[key] = size * gaps[row["quantity"]][f"bar_{bar}"]
-        smallest = 0.0
-        for direction in ("space", "time"):
-            order = _order(row[f"levels_{direction}"], row[f"ratios_{direction}"])
-            if (order is None) is not (row[f"order_{direction}"] is None):
-                yield f"{row['quantity']}: order in {direction} {row[f'order_{direction}']} where {order} follows"
-            elif order is not None:
-                expected[f"order_{direction}"] = order
-            finest, half = row[f"levels_{direction}"][:2]
-            if finest != row["value"]:
-                yield f"{row['quantity']}: {finest} is not the value"
-            credited = min(order or ORDERS[0], CREDITED)
-            smallest += SAFETY * abs(finest - half) / (row[f"ratios_{direction}"][0] ** credited - 1.0)
-        if smallest > row["bar"] * (1.0 + ROUNDING):
-            yield f"{row['quantity']}: the bar {row['bar']} is smaller than {smallest} from the last changes"
-        for key, value in expected.items():
-            if abs(row[key] - value) > 1e-5 * abs(value) + ROUNDING * size:
-                yield f"{row['quantity']}: {key} {row[key]} where {value} follows"
+        for fault in _wrong_verification(of, row, gaps[row["quantity"]]):
+            yield f"{row['quantity']}: {fault}"
+
+
+def _wrong_verification(of: Stored, row: Row, gap: Row) -> Faults:
+    size = max(abs(row["value"]), abs(row["other"])) or 1.0
+    i = of.methods.index(row["method"])
+    values = [_stored_value(of, method, row["quantity"]) for method in (i, 1 - i)]
+    bars = [size * gap[f"bar_{'ab'[method]}"] for method in (i, 1 - i)]
+    expected = {"value": values[0], "other": values[1], "bar": bars[0], "bar_other": bars[1]}
+    expected |= {"gap": abs(row["value"] - row["other"]), "uncertainty": math.hypot(row["bar"], row["bar_other"])}
+    smallest = 0.0
+    for direction in ("space", "time"):
+        order = _order(row[f"levels_{direction}"], row[f"ratios_{direction}"])
+        finest, half = row[f"levels_{direction}"][:2]
+        if (order is None) is not (row[f"order_{direction}"] is None):
+            yield f"order in {direction} {row[f'order_{direction}']} where {order} follows"
+        elif order is not None:
+            expected[f"order_{direction}"] = order
+        if finest != row["value"]:
+            yield f"{finest} is not the value"
+        credited = min(order or ORDERS[0], CREDITED)
+        smallest += SAFETY * abs(finest - half) / (row[f"ratios_{direction}"][0] ** credited - 1.0)
+    if smallest > row["bar"] * (1.0 + ROUNDING):
+        yield f"the bar {row['bar']} is smaller than {smallest} from the last changes"
+    for key, value in expected.items():
+        if abs(row[key] - value) > 1e-5 * abs(value) + ROUNDING * size:
+            yield f"{key} {row[key]} where {value} follows"
+
+
+def _stored_value(of: Stored, method: int, quantity: str) -> float:
+    """A design number of a method."""
+    value: float = next(x["value"] for x in of.run(method)["rest"]["design"] if x["quantity"] == quantity)
+    return value
 
 
 def _order(levels: Sequence[float], ratios: Sequence[float]) -> float | None:
@@ -1179,16 +1193,20 @@ def _rounds(match: re.Match[str], value: float) -> bool:
 def _search(found: Row) -> Faults:
     """Faults of the values that were tried, of each change between them, and of the sentence."""
     clauses = [_CLAUSE.fullmatch(text.strip()) for text in re.split(r"\band\b", found["condition"])]
-    rooms: dict[float, list[float]] = {}
-    reads: dict[float, list[Any]] = {}
+    reads = {row["value"]: list(itertools.chain(*row["read"])) for row in found["evaluations"]}
+    rooms = {value: list(map(_room, itertools.cycle(clauses), read)) for value, read in reads.items()}
     for row in found["evaluations"]:
-        reads[row["value"]] = list(itertools.chain(*row["read"]))
-        rooms[row["value"]] = list(map(_room, itertools.cycle(clauses), reads[row["value"]]))
         if row["holds"] is not all(room >= 0.0 for room in rooms[row["value"]]):
             yield f"at {row['value']}: holds is {row['holds']} where {rooms[row['value']]} follow"
+    first = found["changes"][0] if found["changes"] else {}
     for name in ("value", "bar", "holds_at", "fails_at"):
-        if found[name] != (found["changes"][0][name] if found["changes"] else None):
+        if found[name] != first.get(name):
             yield f"{name} is not that of the first change"
+    yield from _said(found, rooms, reads)
+
+
+def _said(found: Row, rooms: dict[float, list[float]], reads: dict[float, list[Any]]) -> Faults:
+    """Faults of each change, and of its answer in words."""
     answers = [] if "interrupted" in found["sentence"] else list(_ANSWER.finditer(found["sentence"]))
     if answers and len(answers) != len(found["changes"]):
         yield f"{len(answers)} answers in words of {len(found['changes'])}"

@@ -1,7 +1,9 @@
 """What second computations share: a scene's numbers, units of printed numbers, ice, means, and heights of polylines."""
 
+import csv
 import math
 import tomllib
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,13 @@ ROUNDING = 1e-9  # relative, of static splines and of times in different runs
 
 # prefixes of a unit, and units that are no prefix and SI unit
 FACTORS = {"": 1.0, "m": 1e-3, "k": 1e3, "M": 1e6, "G": 1e9, "km/h": 1.0 / 3.6, "%": 0.01, "°": 1.0}
+
+
+def columns_of(file: Path) -> dict[str, Array]:
+    """Columns (n,) of a CSV of numbers; empty cells are nan."""
+    with file.open(encoding="utf-8", newline="") as opened:
+        rows = list(csv.DictReader(opened))
+    return {name: np.array([float(row[name] or "nan") for row in rows]) for name in rows[0]}
 
 
 def si_factor(printed: str, unit: str) -> float:
@@ -64,6 +73,21 @@ def deepest(at: Array, x: Array, y: Array) -> Array:
         w = (x_j - x[i]) / (x[i + 1] - x[i])
         depths[j] = np.max(y[i] + w * (y[i + 1] - y[i]), initial=-math.inf)
     return depths
+
+
+class LineData:
+    """What laws of a line at rest and in motion read of its TOML, SI."""
+
+    def __init__(self, toml: str) -> None:
+        self.data = tomllib.loads(toml)
+        cable = self.data["cable"]
+        self.gravity: float = self.data.get("gravity", 9.81)
+        self.contacts: list[dict[str, Any]] = self.data["contact"]
+        self.EA: float = cable["EA"]
+        self.empty_mass: float = cable["mass_per_length"]
+        self.mass = self.empty_mass + ice_mass(cable)  # [kg/m]
+        warmer = cable["temperature"] - cable["reference_temperature"] if "temperature" in cable else 0.0
+        self.heat: float = 1.0 + cable.get("expansion", 0.0) * warmer
 
 
 class SceneData:

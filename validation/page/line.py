@@ -2,7 +2,7 @@
 
 import csv
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -61,33 +61,30 @@ def pairs(design: Sequence[Row]) -> list[Row]:
     return list(out.values())
 
 
-def tell(
-    line: Any, outcome: str, design: Sequence[Row], refused: Sequence[Row], limits: Sequence[Row] = ()
-) -> None:  # fmt: skip
-    """Print outcome, limits, the first 14 design numbers, and the first three positions without rest."""
+def tell(line: Any, outcome: str, limits: Sequence[Row], printed: Sequence[Row], count: int) -> None:
+    """Print outcome, limits, and the first 14 rows of design numbers, of `count` in the report."""
     terminal.say(f"{line.name}: {outcome}", style="bold")
     telling.limits(line, limits)
-    not_printed = ("tension", "tension_behind", "tension_ahead", "pressure", "pressure_down", "load")
-    printed = pairs([d for d in design if kind_of(d["quantity"]) not in not_printed])
-    terminal.table(["quantity", "largest (cars at x [m])", "smallest"], [list(x.values()) for x in printed[:14]])
-    if len(printed) > 14:
-        terminal.say(f"  {len(printed) - 14} more in the report")
-    for x in refused[:3]:
-        terminal.say(f"  position {x['position']}: {x['reason']}", style="bold red")
-    if len(refused) > 3:
-        terminal.say(f"  and {len(refused) - 3} more positions without rest", style="bold red")
+    rows = printed[:14]
+    heads = {"largest": "largest (cars at x [m])", "words": "quantity", "t": "at"}
+    terminal.table([heads.get(name, name) for name in printed[0]], [list(row.values()) for row in rows])
+    if count > len(rows):
+        terminal.say(f"  {count - len(rows)} more in the report")
 
 
 def columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
     """Columns of a table of lines: varied values, design numbers of GRID, what became of each line."""
-    names = [name for name in dict.fromkeys(name for x in rows for name in x) if kind_of(name) in GRID]
-    heads = {name: _head(name) for name in names}
+    names = dict.fromkeys(name for row in rows for name in row if kind_of(name) in GRID)
+    return with_ends(rows, keys, {name: _head(name) for name in names})
+
+
+def with_ends(rows: Sequence[Row], keys: Sequence[str], numbers: dict[str, str]) -> Columns:
+    """Columns of a table: varied values, numbers with their heads, and what became of each line if it says more."""
+    heads = {key: key for key in keys} | numbers
     for name in ("outcome", "status", *LIMITS, "verdict", "why"):
-        if {x.get(name) for x in rows} - {None, "complete"}:
+        if {row.get(name) for row in rows} - {None, "complete"}:
             heads[name] = name
-    heads |= {key: key for key in keys}
-    order = [*keys, *(name for name in heads if name not in keys)]
-    return {name: Column(heads[name], digits=6) for name in order}
+    return {name: Column(head, digits=6) for name, head in heads.items()}
 
 
 def _head(name: str) -> str:
@@ -219,8 +216,8 @@ def _lowest(rows: Sequence[Row], paths: Sequence[Any], keys: Sequence[str]) -> M
     return plot([p], (0.0, end), "x [m]", "The lowest point of the rope over all positions.", wide=True)
 
 
-def grid(folder: Path) -> list[Section]:
-    """The page of a grid of lines at rest in a folder."""
+def grid(folder: Path, columns: Callable[[Sequence[Row], Sequence[str]], Columns] = columns) -> list[Section]:
+    """The page of a grid of lines in a folder."""
     stored = store.read(folder / "grid.json")
     rows = stored["rows"]
     keys = stored["keys"]

@@ -1,6 +1,5 @@
 """A line in motion, on the terminal and on its page."""
 
-import csv
 import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -13,10 +12,11 @@ from cablefem.response import Array
 from cablefem.scene.line import Car, Contact, Line
 from validation.core import store
 from validation.core.quantities import scale_of, with_bar
-from validation.page import telling, terminal
-from validation.page.answer.many import LIMITS, Column, Columns, Row, table_of
-from validation.page.line import figure, limits_from
-from validation.page.page import Section, asset, drawn, worst
+from validation.core.scene_data import columns_of
+from validation.page import line as at_rest
+from validation.page.answer.many import Columns, Row
+from validation.page.line import figure, limits_from, with_ends
+from validation.page.page import Section, asset, drawn
 from validation.page.plot import COLORS
 from validation.page.side_view import beneath, drawn_path, packed, player, short, touching, unit_of_forces
 
@@ -76,31 +76,18 @@ def _when(number: Row) -> str:
     return f"{number['t']:.4g} s{at}"
 
 
-def tell(line: Any, outcome: str, design: Sequence[Row], limits: Sequence[Row] = ()) -> None:
-    """Print the outcome, limits, and the first 14 design numbers."""
-    terminal.say(f"{line.name}: {outcome}", style="bold")
-    telling.limits(line, limits)
-    rows = rows_of([d for d in design if d["quantity"].partition(":")[0] in FEW])[:14]
-    terminal.table(["quantity", "value", "at"], [list(row.values()) for row in rows])
-    if len(design) > len(rows):
-        terminal.say(f"  {len(design) - len(rows)} more in the report")
-
-
 def columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
     """Columns of a table: varied values, design numbers of FEW, what became of each line."""
     names = dict.fromkeys(name for row in rows for name in row if name.partition(":")[0] in FEW)
-    words = ("outcome", "status", *LIMITS, "verdict")
-    heads = {key: key for key in keys} | {name: f"{named(name)} [{unit_of(name)}]" for name in names}
-    heads |= {name: name for name in words if any(name in row for row in rows)}
-    return {name: Column(head, digits=6) for name, head in heads.items()}
+    return with_ends(rows, keys, {name: f"{named(name)} [{unit_of(name)}]" for name in names})
 
 
 def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None) -> list[Section]:
     """Pages of the line in a folder; rows and verdict of a check."""
     summary = store.read(folder / "summary.json")
     line = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
-    contacts = _columns(folder / "contacts.csv")
-    paths = {car["name"]: _columns(folder / f"path-{car['name']}.csv") for car in line["car"]}
+    contacts = columns_of(folder / "contacts.csv")
+    paths = {car["name"]: columns_of(folder / f"path-{car['name']}.csv") for car in line["car"]}
     compared = [row | {"named": compared_in_words(row["quantity"], row.get("law", ""))} for row in rows]
     laws = [row for row in compared if row["quantity"] in ("laws_si", "energy")]
     alarm = "disagree" if summary["outcome_kind"] in ("breaks", "collides", "incomplete") else None
@@ -117,17 +104,11 @@ def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None)
     )  # fmt: skip
 
 
-def _columns(file: Path) -> dict[str, Array]:
-    with file.open(encoding="utf-8", newline="") as opened:
-        rows = list(csv.DictReader(opened))
-    return {name: np.array([float(row[name] or "nan") for row in rows]) for name in rows[0]}
-
-
 def _moving(folder: Path, contacts: dict[str, Array], paths: dict[str, dict[str, Array]]) -> Markup:
     """The side view in motion: rope, cars with what hangs and turns, counterweights."""
     line = Line.load(folder / "scene.toml")
-    profile = _columns(folder / "profile.csv")
-    rope = _columns(folder / "rope.csv")
+    profile = columns_of(folder / "profile.csv")
+    rope = columns_of(folder / "rope.csv")
     t = np.unique(rope["t"])
     s = np.unique(rope["s"])
     steps = np.searchsorted(contacts["t"], t)
@@ -209,8 +190,17 @@ def _contact_drawn(contact: Contact, contacts: dict[str, Array], steps: Any) -> 
 
 
 def _over(line: Row, contacts: dict[str, Array], paths: dict[str, dict[str, Array]]) -> Iterator[Markup]:
-    """One figure per kind of quantity, over time."""
-    t = contacts["t"]
+    """One figure per kind of quantity that is known, over time."""
+    for title, (values, unit) in _figures(line, contacts, paths).items():
+        known = {name: v for name, v in values.items() if np.isfinite(v).any()}
+        if known:
+            yield figure(known, unit, contacts["t"], "time [s]", title)
+
+
+def _figures(
+    line: Row, contacts: dict[str, Array], paths: dict[str, dict[str, Array]]
+) -> dict[str, tuple[dict[str, Array], str]]:
+    """Series and their unit, by title."""
     tensions = {f"at {c['name']}": contacts[f"{c['name']}.tension"] for c in line["contact"]}
     for name, path in paths.items():
         tensions |= {f"behind {name}": path["T_behind"], f"ahead of {name}": path["T_ahead"]}
@@ -226,27 +216,20 @@ def _over(line: Row, contacts: dict[str, Array], paths: dict[str, dict[str, Arra
     wheels = {f"rear wheel of {name}": load for name, load in of_cars("wheel_rear").items()}
     wheels |= {f"front wheel of {name}": load for name, load in of_cars("wheel_front").items()}
     flow = {name: s - s[0] for name, s in at_contacts(saddles, "s").items()}
-    figures = (
-        ("Tension at the ends of each segment of rope.", tensions, "N"),
-        ("Haul force; positive where it pulls to the right.", of_cars("F_haul"), "N"),
-        ("Contact force.", of_cars("F_contact"), "N"),
-        ("Loads of both wheels.", wheels, "N"),
-        ("Swing of the cabins forward.", of_cars("swing"), "deg"),
-        ("Pitch, front down.", of_cars("pitch"), "deg"),
-        ("Rise of the counterweight.", at_contacts(weights, "rise"), "m"),
-        ("Rope that has run over saddles to the left.", flow, "m"),
-        ("Pressure on saddles, of the rope and of a car on the shoe.", at_contacts(saddles, "pressure"), "N"),
-        ("Speed of the cars.", of_cars("speed"), "m/s"),
-    )
-    for title, values, unit in figures:
-        known = {name: v for name, v in values.items() if np.isfinite(v).any()}
-        if known:
-            yield figure(known, unit, t, "time [s]", title)
+    return {
+        "Tension at the ends of each segment of rope.": (tensions, "N"),
+        "Haul force; positive where it pulls to the right.": (of_cars("F_haul"), "N"),
+        "Contact force.": (of_cars("F_contact"), "N"),
+        "Loads of both wheels.": (wheels, "N"),
+        "Swing of the cabins forward.": (of_cars("swing"), "deg"),
+        "Pitch, front down.": (of_cars("pitch"), "deg"),
+        "Rise of the counterweight.": (at_contacts(weights, "rise"), "m"),
+        "Rope that has run over saddles to the left.": (flow, "m"),
+        "Pressure on saddles, of the rope and of a car on the shoe.": (at_contacts(saddles, "pressure"), "N"),
+        "Speed of the cars.": (of_cars("speed"), "m/s"),
+    }
 
 
 def grid(folder: Path) -> list[Section]:
     """The page of a grid of lines in motion in a folder."""
-    stored = store.read(folder / "grid.json")
-    rows = stored["rows"]
-    html = table_of(rows, columns(rows, stored["keys"]), stored["keys"][0])
-    return [Section(folder.name, "All of them", html, worst(rows), f"{len(rows)} lines in motion.")]
+    return at_rest.grid(folder, columns)

@@ -139,8 +139,6 @@ class Point:
 def points_of(scene: Scene | Line, pairs: list[str] | None, cases: list[str] | None = None) -> list[Point]:
     """Points of a grid, one without --set and --case; Refused with all faults."""
     from cablefem.scene import SceneError
-    from cablefem.scene.errors import nearest
-    from cablefem.scene.limits import CASES
     from validation.core import grid
 
     try:
@@ -155,9 +153,7 @@ def points_of(scene: Scene | Line, pairs: list[str] | None, cases: list[str] | N
         if cases:
             name = settings.pop("case")
             source = f"--case {name}"
-            if name not in CASES:
-                raise store.Refused(f"{source}: unknown.{nearest(name, CASES)}")
-            of_scene = CASES[name]["set"] | {"title": f"{scene.title}: {CASES[name]['says']}"} | of_scene
+            of_scene = _of_case(name, scene) | of_scene
         faults += _undotted(settings, type(scene))
         try:
             changed = scene.replace(of_scene) if of_scene else scene
@@ -168,6 +164,16 @@ def points_of(scene: Scene | Line, pairs: list[str] | None, cases: list[str] | N
     if faults:
         raise store.Refused(list(dict.fromkeys(faults)))
     return out
+
+
+def _of_case(name: str, scene: Scene | Line) -> dict[str, Any]:
+    """Changes of a scene by a load case; Refused for one that is unknown."""
+    from cablefem.scene.errors import nearest
+    from cablefem.scene.limits import CASES
+
+    if name not in CASES:
+        raise store.Refused(f"--case {name}: unknown.{nearest(name, CASES)}")
+    return CASES[name]["set"] | {"title": f"{scene.title}: {CASES[name]['says']}"}
 
 
 def _undotted(settings: Mapping[str, Any], part: type[Any]) -> list[str]:

@@ -63,12 +63,7 @@ def command(
         points = options.points_of(options.limited(line, limits), set_, case)
         told = _second(points[0].scene, second, second_set)
         return _check_line(points, tol, tol_tension, out, told, require, self_test, sensitive)
-    faults = [
-        *options.tol_faults(tol), *options.tol_faults(tol_tension, "--tol-tension", 1e-6, 1.0),
-        *options.tol_faults(with_tol, "--with-tol", 0.0, 1.0),
-    ]  # fmt: skip
-    if ask not in ("all", "path"):
-        faults.append(f"--ask = {ask!r}: must be all or path")
+    faults = _faults(tol, tol_tension, with_tol, ask)
     loaded = options.limited(options.scene_named(scene, faults, travelling=True), limits)
     points = _points(loaded, set_, case)
     asked = {"tol": 1e-3 if tol is None else tol, "tol_tension": tol_tension, "ask": ask}
@@ -79,7 +74,19 @@ def command(
     loaded = points[0].scene
     third = None if other is None else (_path(other, loaded), with_tol)
     result, folder = _checked(loaded, third, out, deep=deep, second=_second(loaded, second, second_set), **asked)
+    return _tell(result, folder, verbose, sensitive, require, self_test)
 
+
+def _faults(tol: float | None, tol_tension: float | None, with_tol: float, ask: str) -> list[str]:
+    faults = [
+        *options.tol_faults(tol), *options.tol_faults(tol_tension, "--tol-tension", 1e-6, 1.0),
+        *options.tol_faults(with_tol, "--with-tol", 0.0, 1.0),
+    ]  # fmt: skip
+    return faults if ask in ("all", "path") else [*faults, f"--ask = {ask!r}: must be all or path"]
+
+
+def _tell(result: "Check", folder: Path, verbose: bool, sensitive: bool, require: bool, self_test: bool) -> int:
+    """Print a check, read back what was written, and test the judge; return the exit code."""
     from validation.commands.check import words
     from validation.core import limits as judge
     from validation.core.readback import Stored
@@ -96,9 +103,8 @@ def command(
     terminal.say(f"  written to {folder}: report.html, {a.method}/, {b.method}/")
     broken = telling.broken(a, b)
     wrong = 0 if broken else report.read_back("check", Stored(folder, [a.method, b.method], judged=True), lines)
-    sound = result.verdict.value == "agree" and not result.doubts and not wrong
-    if require and judge.failed(result.limits):
-        sound = False
+    unmet = require and judge.failed(result.limits)
+    sound = result.verdict.value == "agree" and not (result.doubts or wrong or unmet)
     if self_test:
         from validation.commands.check import selftest
 
@@ -118,12 +124,10 @@ def _check_line(
     """
     from validation.commands.check import line as at_rest
     from validation.commands.check import motion
-    from validation.commands.run import line as run_line
-    from validation.commands.run import motion as run_motion
+    from validation.commands.run.lines import answer
 
     line = points[0].scene
     kind: Any = motion if line.moves else at_rest
-    run: Any = run_motion if line.moves else run_line
     tol = kind.TOL if tol is None else tol
     kind.refuse(points, tol, tol_tension, second)
     results: list[Any] = []
@@ -132,7 +136,7 @@ def _check_line(
         results.append(kind.checked(x, tol, tol_tension, second))
         return results[-1]
 
-    code = run.answer("check", points, out, solve, require)
+    code = answer("check", points, out, solve, require)
     if sensitive:
         from validation.commands.check import sensitivity
 

@@ -18,7 +18,8 @@ from cablefem.elements import line as elements
 from cablefem.response import Array
 from cablefem.scene.line import Line, LineRest, LineState, NotFound
 from validation.commands.check import sensitivity as sensitivities
-from validation.commands.run.line import Answers, Row, answers, extremes, numbers_of, write
+from validation.commands.run.line import Answers, answers, extremes, numbers_of
+from validation.commands.run.lines import Row
 from validation.commands.run.worst import located
 from validation.core import line_laws, store
 from validation.core.agreement import FACTOR_DISAGREE, Agreement, Bound, Part, nothing
@@ -202,7 +203,7 @@ def recheck_outputs(result: Answers) -> list[Agreement]:
     """Write files and page, and read them back."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        write(folder, result, 0.0)
+        result.write(folder, 0.0)
         html = "".join(section.html + section.summary for section in page.sections(folder))
         return line_laws.printed(result.line.to_toml(), result.rest, folder, html, page.WORDS)
 

@@ -79,12 +79,17 @@ def checked(
         if verdict is Verdict.AGREE or again or space * time >= FINEST:
             return answer_of(line, a, b, rows)
         before = verdict
-        coarse = [row for row in rows if row.verdict is not Verdict.AGREE and row.parts]
-        # bars of both solvers over half of what is asked, in space and in time
-        excess = np.array([2.0 * np.sum(row.parts, axis=0) / (row.required or 1.0) for row in coarse] or [(0.0, 1.0)])
-        in_space, in_time = (excess.max(axis=0) >= min(1.0, excess.max())).tolist()
+        in_space, in_time = _coarse(rows)
         space *= 2 if in_space else 1
         time *= 2 if in_time or not in_space else 1
+
+
+def _coarse(rows: Sequence[Agreement]) -> tuple[bool, bool]:
+    """Whether space and time are too coarse: bars of both solvers over half of what is asked, or the larger one."""
+    coarse = [row for row in rows if row.verdict is not Verdict.AGREE and row.parts]
+    excess = np.array([2.0 * np.sum(row.parts, axis=0) / (row.required or 1.0) for row in coarse] or [(0.0, 1.0)])
+    in_space, in_time = (excess.max(axis=0) >= min(1.0, excess.max())).tolist()
+    return in_space, in_time
 
 
 def sensitivity(result: Answers) -> dict[str, float]:

@@ -1,3 +1,4 @@
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -34,6 +35,12 @@ def command(
                 } for name, method in methods.items()
             })  # fmt: skip
         return 0
+    _list(methods)
+    return 0
+
+
+def _list(methods: Mapping[str, Any]) -> None:
+    """Print each method with the settings that are its own, then those of all."""
     first = next(iter(methods.values()))
     common = {key: knob for key, knob in first.knobs.items() if all(key in m.knobs for m in methods.values())}
     for name, method in methods.items():
@@ -45,7 +52,6 @@ def command(
     terminal.say("all methods, unless said otherwise above", style="bold")
     for key, knob in common.items():
         terminal.say(f"    {_told(key, knob)}")
-    return 0
 
 
 def _files() -> int:

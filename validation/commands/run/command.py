@@ -47,10 +47,10 @@ def command(
         options.refuse_moving({"--method": method != METHOD, **others, "--tol": tol is not None})
         from validation.commands.run import line as at_rest
         from validation.commands.run import motion
+        from validation.commands.run.lines import answer
 
-        kind_of_line = motion if line.moves else at_rest
         given = options.points_of(options.limited(line, limits), set_, case)
-        return kind_of_line.answer("run", given, out, kind_of_line.answers, require)
+        return answer("run", given, out, (motion if line.moves else at_rest).answers, require)
     faults = [
         f"--{option} = {shown(given)}: unknown.{nearest(given, CHOICES[option])}"
         for option, given in kind.items() if given not in CHOICES[option]

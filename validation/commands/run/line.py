@@ -5,10 +5,9 @@ Quantities are named `quantity:contact`, `quantity:car` or `quantity:obstacle`. 
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -16,20 +15,18 @@ from scipy.interpolate import CubicHermiteSpline
 
 from cablefem import catenary_line
 from cablefem.response import Array, write_csv, write_json, write_text
-from cablefem.scene import SceneError
 from cablefem.scene.line import Car, Line, LineRest, LineState, NoLine
 from cablefem.scene.surroundings import GROUND
-from validation.core import limits, store
-from validation.core.agreement import Agreement, Verdict, overall
+from validation.commands.run.lines import LineAnswers, Row
+from validation.core import store
 from validation.core.answers import STATIONS, Outcome
-from validation.page import report, terminal
+from validation.page import terminal
 from validation.page.answer import many as table
-from validation.page.line import WORDS, columns, kind_of, tell
-from validation.page.options import Point
+from validation.page.line import WORDS, kind_of, pairs, tell
 
 NAMED = 3  # collisions in an outcome
-TOUCHES = -1e-6  # [m] a rope that ends on the ground does not hit it
-Row = dict[str, Any]
+# in the table of the terminal
+NOT_PRINTED = ("tension", "tension_behind", "tension_ahead", "pressure", "pressure_down", "load")
 
 
 def numbers_of(rest: LineRest) -> list[Row | None]:
@@ -149,23 +146,34 @@ def _passing(line: Line, rows: Sequence[Row | None]) -> list[tuple[str, int, flo
 
 def extremes(line: Line, rows: Sequence[Row | None]) -> list[Row]:
     """Largest and smallest value of each quantity, and the position of each."""
+    out = []
+    for name, values in _series(line, rows).items():
+        kind = name.partition(":")[0]
+        for word, pick in (("max", max), ("min", min)):
+            if WORDS[kind].get("only", word) == word:
+                value, i = pick(values)
+                out.append({
+                    "quantity": _extreme_of(name, word), "value": value, "bar": None, "unit": WORDS[kind]["unit"],
+                    "position": i + 1, "at": {c.name: line.place(c, i) for c in line.car},
+                })  # fmt: skip
+    return out
+
+
+def _series(line: Line, rows: Sequence[Row | None]) -> dict[str, list[tuple[float, int]]]:
+    """Values by quantity, each with its position."""
     known = [(name, i, value) for i, row in enumerate(rows) for name, value in (row or {}).items()]
     series: dict[str, list[tuple[float, int]]] = {}
     for name, i, value in (*known, *_passing(line, rows)):
         if isinstance(value, float) and kind_of(name) != "x":
             series.setdefault(name, []).append((value, i))
-    out = []
-    for name, values in series.items():
-        kind, _, of = name.partition(":")
-        for word, pick in (("max", max), ("min", min)):
-            if WORDS[kind].get("only", word) == word:
-                value, i = pick(values)
-                quantity = kind if kind.endswith(f"_{word}") else f"{kind}_{word}"
-                out.append({
-                    "quantity": f"{quantity}:{of}" if of else quantity, "value": value, "bar": None,
-                    "unit": WORDS[kind]["unit"], "position": i + 1, "at": {c.name: line.place(c, i) for c in line.car},
-                })  # fmt: skip
-    return out
+    return series
+
+
+def _extreme_of(name: str, word: str) -> str:
+    """Name of the max or min of a quantity."""
+    kind, colon, of = name.partition(":")
+    quantity = kind if kind.endswith(f"_{word}") else f"{kind}_{word}"
+    return f"{quantity}{colon}{of}"
 
 
 def envelope(rest: LineRest) -> dict[str, Array]:
@@ -179,34 +187,17 @@ def envelope(rest: LineRest) -> dict[str, Array]:
     }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class Answers:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Answers(LineAnswers):
     """A line at rest and its numbers; of a check also the judged rows."""
 
-    line: Line
     rest: LineRest
     numbers: list[Row | None]  # None: a position without rest
-    design: list[Row]
-    rows: list[Agreement] = field(default_factory=list)
-
-    def __repr__(self) -> str:
-        result = self.verdict.value if self.verdict else self.status
-        return f"Answers({self.line.name}: {result}; {self.outcome.sentence})"
-
-    @property
-    def verdict(self) -> Verdict | None:
-        """Of all rows; None if nothing was compared."""
-        return overall(self.rows) if self.rows else None
 
     @property
     def refused(self) -> list[Row]:
         positions = enumerate(self.rest.positions)
         return [{"position": i + 1, "reason": str(x)} for i, x in positions if isinstance(x, NoLine)]
-
-    @property
-    def limits(self) -> list[Row]:
-        """Verdicts on the limits of the line."""
-        return limits.rows(self.line, self.design)
 
     @property
     def status(self) -> str:
@@ -215,28 +206,65 @@ class Answers:
     @property
     def outcome(self) -> Outcome:
         """Kinds: breaks, collides, the deepest first, incomplete, carries."""
-        tension = next((d for d in self.design if d["quantity"] == "tension_max"), None)
-        breaking_load = self.line.cable.breaking_load
         parts = []
-        kinds = []
-        if tension and breaking_load is not None and tension["value"] > breaking_load:
-            kinds.append("breaks")
-            force = f"{tension['value'] / 1e3:.1f} kN in a rope of {breaking_load / 1e3:.1f} kN"
-            parts.append(f"the rope is loaded beyond its breaking load: {force}{_cars(tension)}")
-        hits = [d for d in self.design if d["quantity"].startswith("clearance") and d["value"] < TOUCHES]
-        hits.sort(key=lambda d: d["value"])
+        tension = self.tension_max
+        load = f"{tension['value'] / 1e3:.1f} kN"
+        if self.breaks:
+            strength = f"{(self.line.cable.breaking_load or 0.0) / 1e3:.1f} kN"
+            force = f"{load} in a rope of {strength}{_cars(tension)}"
+            parts.append(Outcome("breaks", f"the rope is loaded beyond its breaking load: {force}"))
+        hits = list(map(_hit, self.hits))
         if hits:
-            kinds.append("collides")
             more = [f"{len(hits) - NAMED} more"] if len(hits) > NAMED else []
-            parts.append(f"would collide: {', '.join([*map(_hit, hits[:NAMED]), *more])}")
+            parts.append(Outcome("collides", f"would collide: {', '.join([*hits[:NAMED], *more])}"))
         if self.refused:
-            kinds.append("incomplete")
-            parts.append(f"{len(self.refused)} of {self.line.count} positions have no rest")
+            parts.append(Outcome("incomplete", f"{len(self.refused)} of {self.line.count} positions have no rest"))
         if not parts:
-            kinds.append("carries")
-            force = "" if tension is None else f"; largest tension {tension['value'] / 1e3:.1f} kN{_cars(tension)}"
-            parts.append(f"at rest at {_positions(self.line.count)}{force}")
-        return Outcome(kinds[0], "; ".join(parts))
+            carries = f"at rest at {_positions(self.line.count)}; largest tension {load}{_cars(tension)}"
+            parts.append(Outcome("carries", carries))
+        return Outcome(parts[0].kind, "; ".join(part.sentence for part in parts))
+
+    @property
+    def methods(self) -> list[str]:
+        """Names of both solvers."""
+        return ["catenaries", "elements"]
+
+    @property
+    def curve(self) -> Any:
+        """x and the lowest depths of the rope."""
+        profile = envelope(self.rest)
+        return [profile["x"].tolist(), profile["y_lowest"].tolist()]
+
+    def write(self, folder: Path, seconds: float) -> None:
+        """Write positions.csv, profile.csv, summary.json, scene.toml, and the ropes that the page draws."""
+        line = self.line
+        profile = envelope(self.rest)
+        rows = [{"position": i + 1} | (x or {}) for i, x in enumerate(self.numbers)]
+        table.write_rows(folder / "positions.csv", rows)
+        write_csv(folder / "profile.csv", ",".join(profile), np.stack(list(profile.values()), axis=1))
+        write_text(folder / "scene.toml", line.to_toml())
+        write_json(folder / "summary.json", {
+            "scene": line.name, "title": line.title, "method": "catenaries", "status": self.status,
+            "outcome": self.outcome.sentence, "outcome_kind": self.outcome.kind,
+            "refused": self.refused, "positions": line.count, "empty_length": float(np.ptp(self.rest.empty.s)),
+            "design": self.design, "limits": self.limits, "seconds": seconds,
+        })  # fmt: skip
+        at_rest = list(self.rest.states)
+        # the ropes of some positions are drawn
+        drawn = [at_rest[k] for k in np.unique(np.linspace(0, len(at_rest) - 1, 7).round().astype(int))]
+        depths = {str(i + 1): catenary_line.at(self.rest.states[i], profile["x"])[0].tolist() for i in drawn}
+        ropes = {"profile": {name: values.tolist() for name, values in profile.items()}, "depths": depths}
+        write_json(folder / "ropes.json", store.plain(ropes))
+
+    def tell(self, seconds: float) -> None:
+        """Print outcome, limits, design numbers, and the first three positions without rest."""
+        printed = pairs([d for d in self.design if kind_of(d["quantity"]) not in NOT_PRINTED])
+        tell(self.line, self.outcome.sentence, self.limits, printed, len(printed))
+        for x in self.refused[:3]:
+            terminal.say(f"  position {x['position']}: {x['reason']}", style="bold red")
+        if len(self.refused) > 3:
+            terminal.say(f"  and {len(self.refused) - 3} more positions without rest", style="bold red")
+        terminal.say(f"  {_positions(self.line.count)} in {seconds:.2g} s")
 
 
 def _positions(count: int) -> str:
@@ -267,94 +295,4 @@ def answers(line: Line, rest: LineRest | None = None) -> Answers:
     numbers = numbers_of(rest)
     if not any(numbers):
         raise store.Refused(f"{line.name}: no position has a rest; at the first {rest.positions[0]}")
-    return Answers(line, rest, numbers, extremes(line, numbers))
-
-
-def write(folder: Path, result: Answers, seconds: float) -> None:
-    """Write positions.csv, profile.csv, summary.json, scene.toml, and the ropes that the page draws."""
-    line = result.line
-    profile = envelope(result.rest)
-    rows = [{"position": i + 1} | (x or {}) for i, x in enumerate(result.numbers)]
-    table.write_rows(folder / "positions.csv", rows)
-    write_csv(folder / "profile.csv", ",".join(profile), np.stack(list(profile.values()), axis=1))
-    write_text(folder / "scene.toml", line.to_toml())
-    write_json(folder / "summary.json", {
-        "scene": line.name, "title": line.title, "method": "catenaries", "status": result.status,
-        "outcome": result.outcome.sentence, "outcome_kind": result.outcome.kind,
-        "refused": result.refused, "positions": line.count, "empty_length": float(np.ptp(result.rest.empty.s)),
-        "design": result.design, "limits": result.limits, "seconds": seconds,
-    })  # fmt: skip
-    at_rest = list(result.rest.states)
-    # the ropes of some positions are drawn
-    drawn = [at_rest[k] for k in np.unique(np.linspace(0, len(at_rest) - 1, 7).round().astype(int))]
-    depths = {str(i + 1): catenary_line.at(result.rest.states[i], profile["x"])[0].tolist() for i in drawn}
-    ropes = {"profile": {name: values.tolist() for name, values in profile.items()}, "depths": depths}
-    write_json(folder / "ropes.json", store.plain(ropes))
-
-
-def answer(
-    command: str, points: Sequence[Point], out: Path | None, solve: Callable[[Line], Answers], require: bool = False
-) -> int:
-    """Answer a line or a grid, store, draw and print; 1 where solvers do not agree, 2 where a position has no rest."""
-    line: Line = points[0].scene
-    rows = _many(command, points, out, solve) if len(points) > 1 else [_one(command, line, out, solve)]
-    if any(x.get("verdict", "agree") != "agree" for x in rows):
-        return 1
-    if any(x["status"] != "complete" for x in rows):
-        return 2
-    return int(require and limits.failed_columns(rows))
-
-
-def _one(command: str, line: Line, out: Path | None, solve: Callable[[Line], Answers]) -> Row:
-    home = "rest-check" if command == "check" else "rest"
-    folder = store.claim(out, command, line, [home, "agreement.json"] if command == "check" else [home])
-    with terminal.progress() as progress:
-        progress(line.name, 0.0)
-        begun = perf_counter()
-        result = solve(line)
-        seconds = perf_counter() - begun
-    write(folder / home, result, seconds)
-    if result.verdict:
-        verdict = result.verdict.value
-        rows = [row.row() for row in result.rows]
-        agreement = {"verdict": verdict, "methods": ["catenaries", "elements"], "rows": rows, "limits": result.limits}
-        write_json(folder / "agreement.json", agreement)
-        terminal.say(verdict, style=terminal.STYLES[verdict])
-    report.write(folder, command)
-    tell(line, result.outcome.sentence, result.design, result.refused, result.limits)
-    terminal.say(f"  {_positions(result.line.count)} in {seconds:.2g} s")
-    if result.verdict:
-        terminal.say(f"  {sure(result.rows)}")
-    terminal.say(f"  written to {folder}: report.html, {home}/")
-    return _entry(result)
-
-
-def _entry(result: Answers, **numbers: Any) -> Row:
-    """A row of a grid's table."""
-    words = {"outcome": result.outcome.sentence, "status": result.status}
-    words |= limits.columns(result.limits)
-    return words | numbers | ({"verdict": result.verdict.value} if result.verdict else {})
-
-
-def sure(rows: Sequence[Agreement]) -> str:
-    """How many comparisons agree, laws hold and printed numbers are as computed, and the worst comparison."""
-    groups = {"laws_si": "laws hold", "printed": "kinds of printed numbers are as computed"}
-    counts = []
-    for quantity, words in {"": "comparisons of two solvers agree", **groups}.items():
-        group = [row for row in rows if row.quantity == quantity or (not quantity and row.quantity not in groups)]
-        counts.append(f"{sum(row.verdict is Verdict.AGREE for row in group)} of {len(group)} {words}")
-    wrong = [f"{row.law or row.quantity} ({row.where})" for row in rows if row.verdict is not Verdict.AGREE]
-    return "; ".join(counts) + (f"; not so: {', '.join(wrong[:4])}" if wrong else "")
-
-
-def _many(command: str, points: Sequence[Point], out: Path | None, solve: Callable[[Line], Answers]) -> list[Row]:
-    def row(point: Point) -> tuple[Row, Any]:
-        try:
-            result = solve(point.scene)
-        except (store.Refused, SceneError) as error:
-            return {"status": "incomplete", "why": str(error)}, None
-        profile = envelope(result.rest)
-        entry = _entry(result, **{d["quantity"]: d["value"] for d in result.design})
-        return entry, store.plain([profile["x"].tolist(), profile["y_lowest"].tolist()])
-
-    return table.grid(command, f"grid-rest-{command}", points[0].scene, points, out, row, columns)
+    return Answers(line=line, rest=rest, numbers=numbers, design=extremes(line, numbers))

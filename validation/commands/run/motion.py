@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,18 +20,17 @@ from cablefem.scene.contacts import MovingLine
 from cablefem.scene.line import Line, LineState
 from cablefem.scene.moving import moving
 from galerkin.lines import LineSines
-from validation.commands.run.line import TOUCHES
-from validation.core import limits, motion_laws, store
-from validation.core.agreement import Agreement, Verdict, overall
+from validation.commands.run.lines import LineAnswers
+from validation.core import motion_laws, store
+from validation.core.agreement import Agreement
 from validation.core.answers import STATIONS, Outcome
 from validation.core.ladder import Branch, Ladder
 from validation.core.motion_rows import Moved, chain, rope_depths, tension_of, turning_columns, with_bars
 from validation.core.readback import limit_faults, limits_shown, moving_line
 from validation.core.wheels import pitch_period, with_loads
-from validation.page import report, terminal
-from validation.page.answer import many as table
-from validation.page.motion import columns, compared_in_words, sections, tell, unit_of
-from validation.page.options import Point
+from validation.page import terminal
+from validation.page.line import tell
+from validation.page.motion import FEW, compared_in_words, rows_of, sections, unit_of
 
 ROPE_STATIONS = 101
 FRAMES = 101  # of rope.csv, at most, which has every second station
@@ -43,7 +41,6 @@ NOT_HELD = 0.01  # of its weight: a shoe that pulls a car down by less
 ON_RAIL = 6  # coarsest steps of a car on a rail over a shoe
 WAVES = 40.0  # of a pitching car on a span, at most, that set the coarsest resolution: more take hours
 ORDER = 4.0  # credited to refinement in space and time, at most
-Row = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,20 +200,13 @@ class Runs:
         return Part(states, following, None)
 
 
-@dataclass(frozen=True)
-class Answers:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Answers(LineAnswers):
     """A line in motion and its numbers; of a check also the other method and the judged rows."""
 
-    line: Line
     moved: Moved
     empty: LineState
-    design: list[Row]
     other: Moved | None = None
-    rows: list[Agreement] = field(default_factory=list)
-
-    def __repr__(self) -> str:
-        result = self.verdict.value if self.verdict else self.status
-        return f"Answers({self.line.name}: {result}; {self.outcome.sentence})"
 
     @property
     def t(self) -> Array:
@@ -235,47 +225,106 @@ class Answers:
         return self.moved.motion
 
     @property
-    def verdict(self) -> Verdict | None:
-        """Of all rows; None if nothing was compared."""
-        return overall(self.rows) if self.rows else None
-
-    @property
-    def limits(self) -> list[Row]:
-        """Verdicts on the limits of the line."""
-        return limits.rows(self.line, self.design)
-
-    @property
     def status(self) -> str:
         return "complete" if self.moved.reason is None else "incomplete"
 
     @property
     def outcome(self) -> Outcome:
         """Kinds: incomplete, breaks, collides, ends, arrives; the first that holds."""
-        parts = held_down(self.line, self.motion)
-        kinds = []
+        parts = []
         if self.moved.reason is not None:
-            kinds.append("incomplete")
-            parts.append(f"the run broke: {self.moved.reason}")
-        largest = next(d for d in self.design if d["quantity"] == "tension_max")
-        strength = self.line.cable.breaking_load
-        if strength is not None and largest["value"] > strength:
-            kinds.append("breaks")
-            parts.append(f"the rope is loaded beyond its breaking load of {strength / 1e3:.1f} kN")
-        for d in self.design:
-            if d["quantity"].startswith("clearance") and d["value"] < TOUCHES:
-                kinds.append("collides")
-                body, _, over = d["quantity"].partition(":")[2].rpartition(" over ")
-                parts.append(f"would collide: {body or 'the rope'} hits {over} by {-d['value']:.2f} m")
-        ended = self.moved.events[-1:] if self.moved.end < self.moved.instants[-1] * (1.0 - 1e-9) else ()
-        for name, t in ended:
-            kinds.append("ends")
-            parts.append(f"{name} after {t:.1f} s")
-        if not ended and self.moved.reason is None:
-            kinds.append("arrives")
-            places = ", ".join(f"{car.name} at x = {car.point[-1, 0]:.1f} m" for car in self.cars)
-            parts.append(f"ends after {self.moved.end:.1f} s with {places}")
-        parts.append(f"largest tension {largest['value'] / 1e3:.1f} kN at {largest['t']:.1f} s")
-        return Outcome(kinds[0], "; ".join(parts))
+            parts.append(Outcome("incomplete", f"the run broke: {self.moved.reason}"))
+        if self.breaks:
+            strength = f"{(self.line.cable.breaking_load or 0.0) / 1e3:.1f} kN"
+            parts.append(Outcome("breaks", f"the rope is loaded beyond its breaking load of {strength}"))
+        for d in self.hits:
+            body, _, over = d["quantity"].partition(":")[2].rpartition(" over ")
+            hit = f"would collide: {body or 'the rope'} hits {over} by {-d['value']:.2f} m"
+            parts.append(Outcome("collides", hit))
+        parts += self._end()
+        sentences = [*held_down(self.line, self.motion), *(part.sentence for part in parts)]
+        largest = self.tension_max
+        sentences.append(f"largest tension {largest['value'] / 1e3:.1f} kN at {largest['t']:.1f} s")
+        return Outcome(parts[0].kind, "; ".join(sentences))
+
+    def _end(self) -> list[Outcome]:
+        """How the run ends; nothing of one that broke."""
+        if self.moved.events and self.moved.end < self.moved.instants[-1] * (1.0 - 1e-9):
+            name, t = self.moved.events[-1]
+            return [Outcome("ends", f"{name} after {t:.1f} s")]
+        if self.moved.reason is not None:
+            return []
+        places = ", ".join(f"{car.name} at x = {car.point[-1, 0]:.1f} m" for car in self.cars)
+        return [Outcome("arrives", f"ends after {self.moved.end:.1f} s with {places}")]
+
+    @property
+    def methods(self) -> list[str]:
+        """Names of both solvers."""
+        return [self.moved.method, "" if self.other is None else self.other.method]
+
+    def write(self, folder: Path, seconds: float) -> None:
+        """Write path-NAME.csv, contacts.csv, profile.csv, rope.csv, summary.json and scene.toml."""
+        line = self.line
+        motion = self.motion
+        heat = 1.0 + line.cable.warmer
+        for car in motion.cars:
+            w = car.point - at_rest_points(self.empty, car.s / heat)
+            speed = np.hypot(*car.velocity.T)
+            more = turning_columns(car)
+            columns = (
+                motion.t, car.s, *car.point.T, *w.T, car.tension_behind, car.tension_ahead, speed, car.haul_force,
+                car.contact_force, *more.values(),
+            )  # fmt: skip
+            write_csv(folder / f"path-{car.name}.csv", ",".join([PATH, *more]), np.stack(columns, axis=1))
+        header = ["t"]
+        values = [motion.t]
+        for x in motion.contacts:
+            header += [f"{x.name}.{name}" for name in ("s", "tension", "pressure", "rise")]
+            values += [x.s, tension_of(x), np.hypot(*x.pressure.T), x.rise]
+        write_csv(folder / "contacts.csv", ",".join(header), np.stack(values, axis=1))
+        places = np.linspace(0.0, line.contact[-1].at[0], STATIONS)
+        depths = rope_depths(chain(motion), places)  # (n, STATIONS)
+        rest = catenary_line.at(self.empty, places)[0]
+        profile = np.stack([places, rest, depths.min(axis=0), depths.max(axis=0)], axis=1)
+        write_csv(folder / "profile.csv", "x,y_rest,y_highest,y_lowest", profile)
+        frames = np.unique(np.searchsorted(motion.t, np.linspace(motion.t[0], motion.t[-1], FRAMES)))
+        shown = slice(None, None, 2)  # stations
+        shape = frames.size, motion.s[shown].size
+        t = np.broadcast_to(motion.t[frames, None], shape)
+        s = np.broadcast_to(motion.s[shown], shape)
+        rope = np.stack([t, s, *np.moveaxis(motion.points[frames, shown], 2, 0), motion.tension[frames, shown]], axis=2)
+        write_csv(folder / "rope.csv", "t,s,x,y,T", rope.reshape(-1, 5))
+        write_text(folder / "scene.toml", line.to_toml())
+        moved = self.moved
+        write_json(folder / "summary.json", store.plain({
+            "scene": line.name, "title": line.title, "method": moved.method, "settings": moved.settings,
+            "status": self.status, "reason": moved.reason, "outcome": self.outcome.sentence,
+            "outcome_kind": self.outcome.kind, "events": [{"event": name, "t": t} for name, t in moved.events],
+            "design": self.design, "limits": self.limits,
+            "round_trip": moved.period, "n_dof": moved.n_dof, "steps": moved.steps,
+            "seconds": seconds,
+        }))  # fmt: skip
+
+    def in_words(self, row: Agreement) -> str:
+        """What a row compares."""
+        return compared_in_words(row.quantity, row.law)
+
+    def faults(self, folder: Path) -> list[str]:
+        """Faults of the files and of the page, as sentences."""
+        html = "".join(section.html for section in sections(folder))
+        return [
+            *motion_laws.read_back(folder, self.motion, self.design, self.moved.period),
+            *limit_faults(self.limits, tomllib.loads(self.line.to_toml()), self.design, ()),
+            *limits_shown(html, self.limits),
+            *moving_line(html, folder, self.motion),
+        ]
+
+    def tell(self, seconds: float) -> None:
+        """Print outcome, limits and the most important design numbers."""
+        printed = rows_of([d for d in self.design if d["quantity"].partition(":")[0] in FEW])
+        tell(self.line, self.outcome.sentence, self.limits, printed, len(self.design))
+        settings = ", ".join(f"{value} {name}" for name, value in self.moved.settings.items())
+        terminal.say(f"  {self.moved.method}, {settings}; {seconds:.2g} s")
 
 
 def answers(line: Line) -> Answers:
@@ -289,7 +338,8 @@ def answer_of(line: Line, a: Ladder, b: Ladder | None, rows: Sequence[Agreement]
     finest: Any = a.finest
     other: Any = None if b is None else b.finest
     design = with_bars(a, b, line, unit_of)
-    return Answers(line, finest, line.empty(catenary_line.solve), design, other, list(rows))
+    empty = line.empty(catenary_line.solve)
+    return Answers(line=line, moved=finest, empty=empty, design=design, other=other, rows=list(rows))
 
 
 def at_rest_points(empty: LineState, s: Array) -> Array:
@@ -303,121 +353,3 @@ def at_rest_points(empty: LineState, s: Array) -> Array:
         pulls = np.broadcast_to(empty.ahead[i][None, :, None], (1, 2, lengths.size))
         out[here] = empty.place[i] + catenary_line.across(pulls, lengths, empty.case)[0].T
     return out
-
-
-def write(folder: Path, result: Answers, seconds: float) -> None:
-    """Write path-NAME.csv, contacts.csv, profile.csv, rope.csv, summary.json and scene.toml."""
-    line = result.line
-    motion = result.motion
-    heat = 1.0 + line.cable.warmer
-    for car in motion.cars:
-        w = car.point - at_rest_points(result.empty, car.s / heat)
-        speed = np.hypot(*car.velocity.T)
-        more = turning_columns(car)
-        columns = (
-            motion.t, car.s, *car.point.T, *w.T, car.tension_behind, car.tension_ahead, speed, car.haul_force,
-            car.contact_force, *more.values(),
-        )  # fmt: skip
-        write_csv(folder / f"path-{car.name}.csv", ",".join([PATH, *more]), np.stack(columns, axis=1))
-    header = ["t"]
-    values = [motion.t]
-    for x in motion.contacts:
-        header += [f"{x.name}.{name}" for name in ("s", "tension", "pressure", "rise")]
-        values += [x.s, tension_of(x), np.hypot(*x.pressure.T), x.rise]
-    write_csv(folder / "contacts.csv", ",".join(header), np.stack(values, axis=1))
-    places = np.linspace(0.0, line.contact[-1].at[0], STATIONS)
-    depths = rope_depths(chain(motion), places)  # (n, STATIONS)
-    rest = catenary_line.at(result.empty, places)[0]
-    profile = np.stack([places, rest, depths.min(axis=0), depths.max(axis=0)], axis=1)
-    write_csv(folder / "profile.csv", "x,y_rest,y_highest,y_lowest", profile)
-    frames = np.unique(np.searchsorted(motion.t, np.linspace(motion.t[0], motion.t[-1], FRAMES)))
-    shown = slice(None, None, 2)  # stations
-    shape = frames.size, motion.s[shown].size
-    t = np.broadcast_to(motion.t[frames, None], shape)
-    s = np.broadcast_to(motion.s[shown], shape)
-    rope = np.stack([t, s, *np.moveaxis(motion.points[frames, shown], 2, 0), motion.tension[frames, shown]], axis=2)
-    write_csv(folder / "rope.csv", "t,s,x,y,T", rope.reshape(-1, 5))
-    write_text(folder / "scene.toml", line.to_toml())
-    moved = result.moved
-    write_json(folder / "summary.json", store.plain({
-        "scene": line.name, "title": line.title, "method": moved.method, "settings": moved.settings,
-        "status": result.status, "reason": moved.reason, "outcome": result.outcome.sentence,
-        "outcome_kind": result.outcome.kind, "events": [{"event": name, "t": t} for name, t in moved.events],
-        "design": result.design, "limits": result.limits,
-        "round_trip": moved.period, "n_dof": moved.n_dof, "steps": moved.steps,
-        "seconds": seconds,
-    }))  # fmt: skip
-
-
-def answer(
-    command: str, points: Sequence[Point], out: Path | None, solve: Callable[[Line], Answers], require: bool = False
-) -> int:
-    """Answer a line or a grid, store, draw and print; 1 where solvers do not agree, 2 where a run broke."""
-    line: Line = points[0].scene
-    rows = _many(command, points, out, solve) if len(points) > 1 else [_one(command, line, out, solve)]
-    if any(x.get("verdict", "agree") != "agree" or x.get("faults") for x in rows):
-        return 1
-    if any(x["status"] != "complete" for x in rows):
-        return 2
-    return int(require and limits.failed_columns(rows))
-
-
-def _one(command: str, line: Line, out: Path | None, solve: Callable[[Line], Answers]) -> Row:
-    home = f"motion-{command}"
-    with terminal.progress() as progress:
-        progress(line.name, 0.0)
-        begun = perf_counter()
-        result = solve(line)
-        seconds = perf_counter() - begun
-    folder = store.claim(out, command, line, [home, "agreement.json"] if command == "check" else [home])
-    write(folder / home, result, seconds)
-    if result.verdict:
-        verdict = result.verdict.value
-        methods = [result.moved.method, "" if result.other is None else result.other.method]
-        agreement = {"verdict": verdict, "methods": methods, "rows": [row.row() for row in result.rows]}
-        agreement["limits"] = result.limits
-        write_json(folder / "agreement.json", agreement)
-        terminal.say(verdict, style=terminal.STYLES[verdict])
-    faults = motion_laws.read_back(folder / home, result.motion, result.design, result.moved.period)
-    faults += limit_faults(result.limits, tomllib.loads(line.to_toml()), result.design, ())
-    html = "".join(section.html for section in sections(folder / home))
-    faults += [*limits_shown(html, result.limits), *moving_line(html, folder / home, result.motion)]
-    report.write(folder, command)
-    report.say_faults(folder, command, faults)
-    tell(line, result.outcome.sentence, result.design, result.limits)
-    terminal.say(f"  {result.moved.method}, {_settings(result.moved)}; {seconds:.2g} s")
-    if result.rows:
-        terminal.say(f"  {counted(result.rows)}")
-    terminal.say(f"  written to {folder}: report.html, {home}/")
-    return _entry(result) | {"faults": len(faults)}
-
-
-def _settings(moved: Moved) -> str:
-    return ", ".join(f"{value} {name}" for name, value in moved.settings.items())
-
-
-def counted(rows: Sequence[Agreement]) -> str:
-    """How many comparisons agree and laws hold, and the worst of the others."""
-    laws = [row for row in rows if row.bound.kind == "law"]
-    others = [row for row in rows if row.bound.kind != "law"]
-    parts = []
-    for group, words in ((others, "comparisons of two solvers agree"), (laws, "laws hold")):
-        parts.append(f"{sum(row.verdict is Verdict.AGREE for row in group)} of {len(group)} {words}")
-    wrong = [compared_in_words(row.quantity, row.law) for row in rows if row.verdict is not Verdict.AGREE]
-    return "; ".join(parts) + (f"; not so: {', '.join(wrong[:4])}" if wrong else "")
-
-
-def _entry(result: Answers) -> Row:
-    """A row of a grid's table."""
-    row: Row = {"outcome": result.outcome.sentence, "status": result.status, **limits.columns(result.limits)}
-    return row | ({"verdict": result.verdict.value} if result.verdict else {})
-
-
-def _many(command: str, points: Sequence[Point], out: Path | None, solve: Callable[[Line], Answers]) -> list[Row]:
-    def row(point: Point) -> tuple[Row, Any]:
-        result = solve(point.scene)
-        car = result.cars[0].point
-        entry = _entry(result) | {d["quantity"]: d["value"] for d in result.design}
-        return entry, store.plain(car.T.tolist())
-
-    return table.grid(command, f"grid-motion-{command}", points[0].scene, points, out, row, columns)

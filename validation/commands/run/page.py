@@ -1,5 +1,6 @@
 """The page of one run, or of a grid of runs."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 from cablefem.response import Response
@@ -10,7 +11,7 @@ from validation.page.answer.content import content
 from validation.page.answer.stored import Stored
 from validation.page.page import Section, callout, drawn
 
-HOMES = {
+HOMES: dict[str, Callable[[Path], list[Section]]] = {
     "rest": line.sections, "grid-rest-run": line.grid, "motion-run": motion.sections, "grid-motion-run": motion.grid,
 }  # fmt: skip
 

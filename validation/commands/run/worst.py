@@ -8,7 +8,8 @@ import numpy as np
 
 from cablefem import catenary_line
 from cablefem.scene.line import Line
-from validation.commands.run.line import Row, numbers_of
+from validation.commands.run.line import numbers_of
+from validation.commands.run.lines import Row
 
 POINTS = 17  # places in each span that are looked at first
 ROUNDS = 6  # of parabolas, at most

@@ -76,23 +76,27 @@ def _axes(kind: type[Range], data: Any) -> dict[str, Axis]:
     axes: dict[str, Axis] = {}
     faults = []
     for name, axis in data.items():
-        match axis:
-            case [low, high] if kind is Range:
-                axis = {"from": low, "to": high}
-            case [_, *_] if kind is Steps:
-                axis = {"choices": axis}
         try:
-            if isinstance(axis, Axis):
-                axes[name] = axis
-            else:
-                axes[name] = Choices(**axis) if "choices" in axis else kind(**axis)
+            axes[name] = _axis(kind, axis)
         except SceneError as error:
             faults += [f"{name}.{fault}" for fault in error.faults]
         except TypeError:
-            faults.append(f"{name} = {shown(data[name])}: must be a list, or a table with choices, or with from and to")
+            faults.append(f"{name} = {shown(axis)}: must be a list, or a table with choices, or with from and to")
     if faults:
         raise SceneError(faults)
     return axes
+
+
+def _axis(kind: type[Range], axis: Any) -> Axis:
+    """One axis; TypeError for what is none."""
+    match axis:
+        case Choices() | Range():
+            return axis
+        case [low, high] if kind is Range:
+            return kind(**{"from": low, "to": high})
+        case [_, *_] if kind is Steps:
+            return Choices(choices=axis)
+    return Choices(**axis) if "choices" in axis else kind(**axis)
 
 
 # of [vary], of [sample.range]

@@ -1,0 +1,184 @@
+"""Lines at rest and in motion: what their answers have in common, and how they are stored and printed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from cablefem.response import write_json
+from cablefem.scene import SceneError
+from cablefem.scene.line import Line
+from validation.core import limits, store
+from validation.core.agreement import Agreement, Verdict, overall
+from validation.core.answers import Outcome
+from validation.page import line as at_rest
+from validation.page import motion, report, terminal
+from validation.page.answer import many as table
+from validation.page.options import Point
+
+TOUCHES = -1e-6  # [m] a rope that ends on the ground does not hit it
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class LineAnswers:
+    """A line and its numbers; of a check also the judged rows."""
+
+    line: Line
+    design: list[Row]
+    rows: list[Agreement] = field(default_factory=list)
+
+    def __repr__(self) -> str:
+        result = self.verdict.value if self.verdict else self.status
+        return f"Answers({self.line.name}: {result}; {self.outcome.sentence})"
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """Of all rows; None if nothing was compared."""
+        return overall(self.rows) if self.rows else None
+
+    @property
+    def limits(self) -> list[Row]:
+        """Verdicts on the limits of the line."""
+        return limits.rows(self.line, self.design)
+
+    @property
+    def tension_max(self) -> Row:
+        """The largest tension."""
+        return next(d for d in self.design if d["quantity"] == "tension_max")
+
+    @property
+    def breaks(self) -> bool:
+        """Whether the rope is loaded beyond its breaking load."""
+        breaking_load = self.line.cable.breaking_load
+        return breaking_load is not None and self.tension_max["value"] > breaking_load
+
+    @property
+    def hits(self) -> list[Row]:
+        """Negative clearances, the deepest first."""
+        clearances = [d for d in self.design if d["quantity"].startswith("clearance") and d["value"] < TOUCHES]
+        return sorted(clearances, key=lambda d: d["value"])
+
+    @property
+    def status(self) -> str:
+        """complete, or incomplete."""
+        raise NotImplementedError
+
+    @property
+    def outcome(self) -> Outcome:
+        """What becomes of the line, worst first."""
+        raise NotImplementedError
+
+    @property
+    def methods(self) -> list[str]:
+        """Names of both solvers."""
+        raise NotImplementedError
+
+    @property
+    def curve(self) -> Any:
+        """What a page of many lines draws of this one: x and depth, or None."""
+        return None
+
+    def write(self, folder: Path, seconds: float) -> None:
+        """Write the files; seconds : of the computation."""
+        raise NotImplementedError
+
+    def in_words(self, row: Agreement) -> str:
+        """What a row compares."""
+        return f"{row.quantity} {row.law}".strip()
+
+    def faults(self, folder: Path) -> list[str]:
+        """Faults of the files, as sentences."""
+        return []
+
+    def tell(self, seconds: float) -> None:
+        """Print outcome, limits and design numbers."""
+        raise NotImplementedError
+
+    def entry(self) -> Row:
+        """The row of a table of lines, without the design numbers."""
+        row: Row = {"outcome": self.outcome.sentence, "status": self.status, **limits.columns(self.limits)}
+        return row | ({"verdict": self.verdict.value} if self.verdict else {})
+
+
+def answer(
+    command: str, points: Sequence[Point], out: Path | None, solve: Callable[[Line], LineAnswers], require: bool = False
+) -> int:
+    """Answer a line or a grid, store, draw and print it.
+
+    1 where solvers or files do not agree, or a required limit fails; 2 where a run broke or a position has no rest.
+    """
+    line: Line = points[0].scene
+    rows = _many(command, points, out, solve) if len(points) > 1 else [_one(command, line, out, solve)]
+    if any(x.get("verdict", "agree") != "agree" or x.get("faults") for x in rows):
+        return 1
+    if any(x["status"] != "complete" for x in rows):
+        return 2
+    return int(require and limits.failed_columns(rows))
+
+
+def _home(command: str, line: Line) -> str:
+    """Name of the folder of a line's files."""
+    if line.moves:
+        return f"motion-{command}"
+    return "rest-check" if command == "check" else "rest"
+
+
+def _one(command: str, line: Line, out: Path | None, solve: Callable[[Line], LineAnswers]) -> Row:
+    home = _home(command, line)
+    with terminal.progress() as progress:
+        progress(line.name, 0.0)
+        begun = perf_counter()
+        result = solve(line)
+        seconds = perf_counter() - begun
+    folder = store.claim(out, command, line, [home, "agreement.json"] if command == "check" else [home])
+    result.write(folder / home, seconds)
+    if result.verdict:
+        verdict = result.verdict.value
+        rows = [row.row() for row in result.rows]
+        agreement = {"verdict": verdict, "methods": result.methods, "rows": rows, "limits": result.limits}
+        write_json(folder / "agreement.json", agreement)
+        terminal.say(verdict, style=terminal.STYLES[verdict])
+    faults = result.faults(folder / home)
+    report.write(folder, command)
+    report.say_faults(folder, command, faults)
+    result.tell(seconds)
+    if result.rows:
+        terminal.say(f"  {_counted(result)}")
+    terminal.say(f"  written to {folder}: report.html, {home}/")
+    return result.entry() | {"faults": len(faults)}
+
+
+def _counted(result: LineAnswers) -> str:
+    """How many comparisons agree, laws hold and printed numbers are as computed, and the worst of the others."""
+    rows = result.rows
+    printed = [row for row in rows if row.quantity == "printed"]
+    laws = [row for row in rows if row.bound.kind == "law" and row not in printed]
+    comparisons = [row for row in rows if row.bound.kind != "law"]
+    parts = []
+    for group, words in (
+        (comparisons, "comparisons of two solvers agree"),
+        (laws, "laws hold"),
+        (printed, "kinds of printed numbers are as computed"),
+    ):
+        if group:
+            parts.append(f"{sum(row.verdict is Verdict.AGREE for row in group)} of {len(group)} {words}")
+    wrong = [result.in_words(row) for row in rows if row.verdict is not Verdict.AGREE]
+    return "; ".join(parts) + (f"; not so: {', '.join(wrong[:4])}" if wrong else "")
+
+
+def _many(command: str, points: Sequence[Point], out: Path | None, solve: Callable[[Line], LineAnswers]) -> list[Row]:
+    def row(point: Point) -> tuple[Row, Any]:
+        try:
+            result = solve(point.scene)
+        except (store.Refused, SceneError) as error:
+            return {"status": "incomplete", "why": str(error)}, None
+        return result.entry() | {d["quantity"]: d["value"] for d in result.design}, store.plain(result.curve)
+
+    line = points[0].scene
+    kind = "motion" if line.moves else "rest"
+    columns = motion.columns if line.moves else at_rest.columns
+    return table.grid(command, f"grid-{kind}-{command}", line, points, out, row, columns)
