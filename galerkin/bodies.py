@@ -211,17 +211,19 @@ class CarBody(Body):
         raise NotImplementedError
 
     def drag(self, velocity: Array) -> Array:
+        if self.k == 0.0:
+            return np.zeros_like(velocity)
         air = velocity - np.array([self.car.drive.wind, 0.0])
         return -self.k * length(air)[..., None] * air
 
-    def resisting(self, x: Any, of: Friction) -> Array:
-        """Friction and brakes (..., wheels) [N]."""
-        pressing = self.pressing(x)
+    @staticmethod
+    def resisting(pressing: Array, of: Friction) -> Array:
+        """Friction and brakes (..., wheels) [N] of wheels that press on the rope with (..., wheels) [N]."""
         return of.rolling * pressing * np.sign(pressing.real) + of.brake
 
-    def slip(self, x: Any, of: Friction) -> Array:
+    def slip(self, pressing: Array, of: Friction) -> Array:
         """f of each wheel (..., wheels) [N]; what holds a car holds the last one."""
-        out = -of.sign * self.resisting(x, of)
+        out = -of.sign * self.resisting(pressing, of)
         out[..., -1] += of.hold
         return out
 
@@ -254,10 +256,12 @@ class PointCar(CarBody):
 
     def contact_force(self, x: Touch) -> Array:
         """C."""
+        own = self.car.mass * (x.ddp - self.gravity * DOWN) - x.F[..., None] * x.tau
+        if not self.turns:
+            return own - self.drag(x.dp)
         e1, e2 = self.axes(x)
         swinging = self.m * self.h * (x.ddangle * e1 - x.dangle**2 * e2)
-        own = self.car.mass * (x.ddp - self.gravity * DOWN) + swinging
-        return own - self.drag(self.of_centre(x)[1]) - x.F[..., None] * x.tau
+        return own + swinging - self.drag(self.of_centre(x)[1])
 
     def pressing(self, x: Touch) -> Array:
         return -across(self.contact_force(x), x.tau)[..., None]
@@ -266,8 +270,8 @@ class PointCar(CarBody):
         return dot(self.contact_force(x) if self.car.rail is None else -self.on_rope(x), x.tau)
 
     def rows(self, x: Touch, of: Friction) -> Array:
-        C = self.contact_force(x)
-        balances = [self.on_rope(x) + C]
+        C, on_rope = self.contact_force(x), self.on_rope(x)
+        balances = [on_rope + C]
         if self.car.rail is not None:  # the shoe is normal to the path
             slope = self.car.rail.slopes(x.p[..., 0])[1]
             balances = [(balances[0][..., 0] + slope * balances[0][..., 1])[..., None]]
@@ -277,7 +281,9 @@ class PointCar(CarBody):
             hanging = self.m * self.h * (dot(x.ddp, e1) + weight) - self.h * dot(self.drag(self.of_centre(x)[1]), e1)
             balances.append(self.about_hanger * x.ddangle + self.damping * x.dangle + hanging[..., None])
         if self.unknown[-1] in "sF":
-            balances.append((self.along(x) - self.slip(x, of)[..., 0] * x.projection)[..., None])
+            slip = self.slip(-across(C, x.tau)[..., None], of)[..., 0]
+            along = dot(C if self.car.rail is None else -on_rope, x.tau)
+            balances.append((along - slip * x.projection)[..., None])
         return np.concatenate(balances, axis=-1)
 
     def energies(self, x: Touch) -> Array:

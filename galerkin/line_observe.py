@@ -108,7 +108,7 @@ def _car_powers(line: MovingLine, body: CarBody, s: Array, at: Any, hold: Array)
     if drive.mode == "grip":
         kink = _flux(line, x.ahead, s, x.ds) - _flux(line, x.behind, s, x.ds)
         return powers | {f"{name} grip": -kink * x.ds}
-    resisting = body.resisting(at, Friction(drive.mu_r, body.brakes(s)))
+    resisting = body.resisting(body.pressing(at), Friction(drive.mu_r, body.brakes(s)))
     lost = [wheel.stretch * resisting[..., i] * np.abs(wheel.ds) for i, wheel in enumerate(wheels)]
     powers[f"{name} friction"] = -sum(lost, np.zeros(s.size))
     if drive.mode == "free":

@@ -75,12 +75,10 @@ class Equations:
         body = self.bodies[k]
         return body.touch(touches[..., k : k + body.contacts, :])
 
-    def residual(self, Z: Array, frictions: Sequence[Friction]) -> Array:
-        """The rows (..., n) at Z (3, ..., layout.size)."""
-        rope = Rope(self.layout, Z)
-        x = self.touches(rope, Z)
-        ends = [body.rows(self.touch(x, k), frictions[k]) for k, body in enumerate(self.bodies)]
-        inner = rope.rows[..., :-2, :].reshape(*Z.shape[1:-1], self.layout.inner)[..., self.layout.shapes]
+    def residual(self, rope: Rope, touches: Array, frictions: Sequence[Friction]) -> Array:
+        """The rows (..., n) of a rope and its `touches`."""
+        ends = [body.rows(self.touch(touches, k), frictions[k]) for k, body in enumerate(self.bodies) if body.unknown]
+        inner = rope.rows[..., :-2, :].reshape(*touches.shape[:-2], self.layout.inner)[..., self.layout.shapes]
         return np.concatenate([inner, *ends], axis=-1)
 
     def linearise(self, Z: Array, frictions: Sequence[Friction]) -> tuple[Array, Array]:
@@ -129,6 +127,8 @@ class Equations:
 class LineSines(System):
     """A line in motion, in SI.  The acceleration of a hauled car's last unknown is the haul force."""
 
+    keeps_factors = True
+
     def __init__(self, line: MovingLine, terms: int) -> None:
         self.line, self.layout, self.phases = line, Layout(line, terms), line.phases
         bodies = [body_of(line, contact) for contact in line.touching]
@@ -145,6 +145,9 @@ class LineSines(System):
         self._name_events(bodies)
         self._prescribed: dict[tuple[float, int], Array] = {}
         self._loaded: tuple[State | None, list[float]] = (None, [])  # of the last state that was watched
+        # t, a, tensions of the rope and touches at the last instant of the last residuals
+        self._last: tuple[float, Array, Array, Array] | None = None
+        self._instants: tuple[Array, int, Array] | None = None  # t, phase and what is prescribed of the last residuals
         self._known: tuple[Array, float, int, Array, Array] | None = None
         # rows of saddles over which the grip of a car off the rope acts on it
         rows = {name: int(np.flatnonzero(self.equations.free == self.layout.s[k])[0]) for name, k in self.below.items()}
@@ -221,11 +224,18 @@ class LineSines(System):
         return self.residuals(np.array([t]), q[None], v[None], a[None], phase)[0]
 
     def residuals(self, t: Array, q: Array, v: Array, a: Array, phase: int) -> Array:
-        Z = np.stack([self.prescribed(at, phase) for at in t.tolist()], axis=1)  # (3, n, layout.size)
+        instants = self._instants
+        if instants is None or instants[0] is not t or instants[1] != phase:
+            prescribed = np.stack([self.prescribed(at, phase) for at in t.tolist()], axis=1)
+            instants = self._instants = t, phase, prescribed  # the same for all residuals of a step
+        Z = instants[2].copy()  # (3, n, layout.size)
         s = self._with(Z, q, v, a)[0][:, self.layout.s]
         if not (s[:, 1:] > s[:, :-1]).all():
             return np.full(q.shape, np.nan)
-        r = self.equations.residual(Z, self.present(t))
+        rope = Rope(self.layout, Z)
+        touches = self.equations.touches(rope, Z)
+        self._last = t.item(-1), a[-1], rope.law.N[-1], touches[-1]
+        r = self.equations.residual(rope, touches, self.present(t))
         for row, k, car, _ in self.gripping:
             jets = [self.line.off_rope(car, at, phase, Z[:, i, self.layout.s[k]]) for i, at in enumerate(t.tolist())]
             r[:, row] -= [along_rail(car, jet, self.line.gravity) for jet in jets]
@@ -264,6 +274,14 @@ class LineSines(System):
         self.frictions[k] = Friction(body.car.drive.mu_r, body.brakes(s), sign)
         self._known = None
 
+    def _balanced(self, x: State, Z: Array) -> tuple[Array, Array]:
+        """Tensions (S, G) and touches of x; at the end of a step those of its residual."""
+        last = self._last
+        if last is None or last[0] != x.t or not np.array_equal(last[1], x.a):
+            rope = Rope(self.layout, Z)
+            return rope.law.N, self.equations.touches(rope, Z)
+        return last[2:]
+
     def watch(self, x: State) -> tuple[float, ...]:
         Z = self.coordinates(x)
         s, ds = Z[0, self.layout.s], Z[1, self.layout.s]
@@ -273,21 +291,20 @@ class LineSines(System):
         loads = [math.inf] * (sum(body.contacts for body in self.cars.values()) + len(self.loose))
         if min(gaps, default=1.0) > 0.0:
             if self._loaded[0] is not x:
-                rope = Rope(self.layout, Z)
-                touches = self.equations.touches(rope, Z)
+                N, touches = self._balanced(x, Z)
                 pressing = [
                     np.array([math.inf]) if body.car.rail else body.pressing(self.equations.touch(touches, k))
                     for k, body in self.cars.items()
                 ]
-                self._loaded = x, [*np.concatenate([*pressing, self._tautness(rope, touches)]).tolist()]
+                self._loaded = x, [*np.concatenate([*pressing, self._tautness(N, touches)]).tolist()]
             loads = self._loaded[1]
         passing = [p.ahead(*self.jet(p.car, x)[:2, 0].tolist()) for p in self.passages]
         return (*gaps, *speeds, *ahead, *loads, *passing)
 
-    def _tautness(self, rope: Rope, touches: Array) -> list[float]:
-        """The smallest tension, and the force of the rope down on each saddle [N]."""
+    def _tautness(self, N: Array, touches: Array) -> list[float]:
+        """The smallest of the tensions (S, G), and the force of the rope down on each saddle [N]."""
         down = touches[:, 3] - touches[:, 1]
-        return [float(rope.law.N[self.layout.outer].min()), *(float(down[k]) for k in self.saddles)]
+        return [float(N[self.layout.outer].min()), *(float(down[k]) for k in self.saddles)]
 
     def pass_event(self, name: str, x: State) -> State | None:
         """A car that friction cannot hold goes on, and so does one that reaches a brake; else the run ends."""
@@ -342,7 +359,7 @@ class LineSines(System):
         rest = self.rest()
         rope = Rope(self.layout, rest)
         touches = self.held.touches(rope, rest)
-        slack, *pressures = self._tautness(rope, touches)
+        slack, *pressures = self._tautness(rope.law.N, touches)
         if min(slack, *pressures, 0.0) < 0.0:
             lowest = min(pressures, default=0.0)
             cause = (
@@ -369,7 +386,9 @@ class LineSines(System):
         thrust = self.line.thrust(body.car, 0.0, 0) * math.cos(body.car.drive.thrust_angle)
         needed = self.holds[k] - thrust / projection
         self._set_friction(k, float(Z[0, self.layout.s[self.lead[k]]]), -float(np.sign(needed)))
-        if body.car.drive.resists and abs(needed) <= float(body.resisting(touch, self.frictions[k]).sum()):
+        if body.car.drive.resists and abs(needed) <= float(
+            body.resisting(body.pressing(touch), self.frictions[k]).sum()
+        ):
             raise StepFailure(0.0, f"friction holds {name} where it begins", "begin on steeper rope")
 
     def accelerated(self, x: State) -> State:
@@ -442,7 +461,8 @@ class LineSines(System):
         def norm(values: Array) -> float:
             if not (np.diff(put(values)[0, layout.s]) > 0.0).all():
                 return math.inf
-            return float(np.linalg.norm(held.residual(Z, frictions)))
+            rope = Rope(layout, Z)
+            return float(np.linalg.norm(held.residual(rope, held.touches(rope, Z), frictions)))
 
         before, bound = math.inf, TOL * self.line.rope.EA
         for _ in range(ITERATIONS):

@@ -113,7 +113,7 @@ class Trolley(CarBody):
         driven = rear.F[..., None] * turned(self.push, rear.angle)
         force = P[0] + P[1] + car.mass * (rear.ddc - self.gravity * DOWN) - driven - self.drag(rear.dc)
         moment = dot(n[0], P[0]) + dot(n[1], P[1]) + self.inertia * rear.ddangle[..., 0] - self.lever * rear.F
-        slip = self.slip(x, of)
+        slip = self.slip(self.pressing(x), of)
         rolling = [dot(P[i], x[i].tau) + slip[..., i] * x[i].projection for i in (0, 1)]
         if self.unknown[-1] == "s":
             rolling.pop()

@@ -83,8 +83,8 @@ def observe(system: LineElements, states: Sequence[State], s: Array) -> LineMoti
             kinetic = kinetic + 0.5 * (contact.mass or 0.0) * np.sum(x.at(k, x.v) ** 2, axis=1)
         if contact.force is not None:
             slot = system.s[k]
-            force = [system.pulley(k, v[slot], a[slot]) for v, a in zip(x.v, x.a, strict=True)]
-            powers[f"{contact.name} weight"] = -np.array(force) * x.v[:, slot]
+            force = system.pulley(k, x.v[:, slot], x.a[:, slot])
+            powers[f"{contact.name} weight"] = -force * x.v[:, slot]
     cars = _cars(x, powers) if system.cars else ()
     for car in system.line.over:
         jets = np.array([system.jet(car.name, state) for state in states])

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cablefem.elements.bodies import Cars
-from cablefem.elements.segments import Law
 from cablefem.elements.system import LineElements, Slots
 from cablefem.newmark import Array, StepFailure
 from cablefem.scene.contacts import Car, Contact, Wheel
@@ -63,7 +62,7 @@ def held_cars(system: LineElements, t: float, phase: int) -> Cars:
 
 
 def _newton(
-    system: LineElements, t: float, phase: int, q: Array, free: NDArray[np.bool_], law: Law | None, enough: float
+    system: LineElements, t: float, phase: int, q: Array, free: NDArray[np.bool_], law: Array | None, enough: float
 ) -> Array:
     points = np.array([c.point for c in system.line.supports])
     reach, bound = float(np.ptp(points[:, 0])), system.force_floor * np.sqrt(system.n_dof)
@@ -97,15 +96,15 @@ def _newton(
     raise StepFailure(t, "no rest of the loaded line was found", "compare the rope's length with its contacts")
 
 
-def _soft(system: LineElements, q: Array, N: Array, share: float) -> Law:
-    """The law N = N_ref + EA_soft (lam - lam_ref), which keeps the length of a rope under N_ref (K,)."""
+def _soft(system: LineElements, q: Array, N: Array, share: float) -> Array:
+    """The law (1, 4, K, G) N = N_ref + EA_soft (lam - lam_ref), which keeps the length of a rope under N_ref (K,)."""
     law, N_ref = system.segments.law(system.motion(at_rest(system, q)).s), N[:, None]
     soft = np.minimum(law.EA, SOFTEST * N_ref)
     EA = law.EA**share * soft ** (1.0 - share)
     more = (N_ref - law.N_r) / law.EA
     N_r = N_ref - EA * more
     W = (law.N_r + 0.5 * law.EA * more) * more
-    return Law(EA, N_r, np.zeros_like(N_r), W - (N_r + 0.5 * EA * more) * more)
+    return np.array([[EA, N_r, np.zeros_like(N_r), W - (N_r + 0.5 * EA * more) * more]])
 
 
 def _begin(system: LineElements, q: Array, free: NDArray[np.bool_]) -> Array:

@@ -105,8 +105,8 @@ class Segments:
 
     # --- fields --------------------------------------------------------------------------------------------
     def law(self, s: Array) -> Law:
-        """The rope's law between ends s (K, 2)."""
-        none = np.zeros((len(s), self.xi.size))
+        """The rope's law between ends s (..., K, 2)."""
+        none = np.zeros((*s.shape[:-1], self.xi.size))
         EA = none + self.rope.EA
         if self.rope.rest_tension is None:
             return Law(EA, none, none, none)

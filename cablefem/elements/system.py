@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +50,8 @@ class LineElements(System):
     "rope falls slack" and "rope lifts off SADDLE".  The run goes on after "CAR brakes", and where nothing holds a car.
     """
 
+    keeps_factors = True
+
     def __init__(self, line: MovingLine, *, elements: int = 6, degree: int = 4, compiled: bool = True) -> None:
         self.line = line
         self.compiled = compiled
@@ -61,11 +63,20 @@ class LineElements(System):
         self.n = int(self.node[-1]) + 1
         self._number_slots()
         self._known: dict[tuple[float, int], Array] = {}
-        self._same_law: Law | None = None  # of a rope whose law does not depend on s
+        self._same_law: Array | None = None  # of a rope whose law does not depend on s
         self._loaded: tuple[State | None, list[float]] = (None, [])  # of the last state that was watched
-        self._outer = [(k, line.supports[k]) for k in (0, -1) if line.supports[k].kind != "anchor"]
+        # t, a, rows and loads at the last instant of the last residuals
+        self._last: tuple[float, Array, Array, Array] | None = None
+        self._steady: Cars | None = None  # data of cars that do not change
+        self._instants: tuple[Array, int, Array] | None = None  # t, phase and prescribed slots of the last residuals
+        outer = [(k, line.supports[k]) for k in (0, -1)]
+        springs = [(k, c) for k, c in outer if c.stiffness is not None]
+        self._springs = [(2 * int(self.node[k]) + np.arange(2), np.array(c.stiffness), c) for k, c in springs]
+        self._weights = [(int(self.s[k]), k) for k, c in outer if c.force is not None]
         self._masses = np.array([c.mass for c in line.cars])
-        self._air = np.array([(c.drive.k, c.drive.wind, c.drive.mu_r) for c in line.cars]).reshape(-1, 3).T
+        # a shoe has no friction
+        air = [(c.drive.k, c.drive.wind, c.drive.mu_r if c.rail is None else 0.0) for c in line.cars]
+        self._air = np.array(air).reshape(-1, 3).T
         self.band = 2 * degree + 1
         self._unknown = np.flatnonzero(self.free)
         self.n_dof = self._unknown.size
@@ -132,7 +143,7 @@ class LineElements(System):
         swings = np.full(len(contacts), -1)
         swings[self.of_swing] = self.swing
         slots = [self._force_slots[on_one], swings[on_one]]
-        return Kernel(self.segments, len(self.nodes), on_one, contacts[on_one], slots, self.line.gravity)
+        return Kernel(self.segments, on_one, contacts[on_one], slots, self.line.gravity)
 
     # --- coordinates ---------------------------------------------------------------------------------------
     @property
@@ -214,11 +225,11 @@ class LineElements(System):
         return self.placed(out)
 
     def placed(self, z: Array) -> Slots:
-        """Slots of (3, size), where wheels follow their cars, and cars on shoes their rails."""
+        """Slots of (3, ..., size), where wheels follow their cars, and cars on shoes their rails."""
         for trolley in self.trolleys:
             trolley.place(z)
         for x, rail in self.rails:
-            z[:, x + 1] = rail.lifted(z[:, x])
+            z[..., x + 1] = rail.lifted(z[..., x])
         return Slots(*z)
 
     def motion(self, x: Slots) -> Motion:
@@ -230,39 +241,65 @@ class LineElements(System):
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         return self.rows(t, self.slots(t, q, v, a, phase), phase)[self._unknown]
 
-    def rows(self, t: float, x: Slots, phase: int, law: Law | None = None, cars: Cars | None = None) -> Array:
-        """Rows of all slots (size,): what is missing from balance; of prescribed ones the force that they need."""
-        cars = cars or self.car_data(t, phase)
-        return self._with_bodies(self._rope_rows(x, law or self._law(x), cars), t, x, phase, cars)
+    def residuals(self, t: Array, q: Array, v: Array, a: Array, phase: int) -> Array:
+        if not self.compiled:
+            return super().residuals(t, q, v, a, phase)
+        instants = self._instants
+        if instants is None or instants[0] is not t or instants[1] != phase:
+            prescribed = np.stack([self._prescribed_at(at, phase) for at in t.tolist()], axis=1)
+            instants = self._instants = t, phase, prescribed  # the same for all residuals of a step
+        z = instants[2].copy()  # (3, n, size)
+        z[..., self._unknown] = q, v, a
+        x = self.placed(z)
+        rows = self.rows(t, x, phase)
+        self._last = t.item(-1), a[-1], rows[-1], self.loads[-1]
+        return rows[:, self._unknown]
 
-    def _with_bodies(self, rows: Array, t: float, x: Slots, phase: int, cars: Cars) -> Array:
-        """`rows` of `_rope_rows`, with what supports, cars on two wheels and forces F add to them."""
+    def rows(self, t: Array | float, x: Slots, phase: int, law: Array | None = None, cars: Cars | None = None) -> Array:
+        """Rows of all slots (..., size): what is missing from balance; of prescribed ones the force that they need.
+
+        x : slots (..., size) at the time or times t.
+        """
+        cars = cars or self.car_data(t, phase)
+        rows = self._rope_rows(x, self._law(x) if law is None else law, cars)
         self._add_supports(rows, x)
         for trolley in self.trolleys:
-            y = trolley.inputs(x, rows[trolley.points.ravel()])
-            rows[trolley.rows] += trolley.forces(cars, y).rows
+            y = trolley.inputs(x, rows[..., trolley.points.ravel()])
+            rows[..., trolley.rows] += np.stack(trolley.forces(cars, y).rows, axis=-1)
         for slot, rail in self.rails:
-            rows[slot] += rail.slopes(x.q[slot])[1] * rows[slot + 1]
+            rows[..., slot] += rail.slopes(x.q[..., slot])[1] * rows[..., slot + 1]
         for saddle, car, stretch in self.gripping:
-            jet = self.line.off_rope(car, t, phase, np.array(x)[:, saddle])
-            rows[saddle] -= stretch * along_rail(car, jet, self.line.gravity)
-        rows[self.force] = rows[self.kept]
+            flow = np.array(x)[..., saddle].reshape(3, -1).T
+            times = np.ravel(t).tolist()
+            jets = [self.line.off_rope(car, at, phase, f) for at, f in zip(times, flow, strict=True)]
+            along = [along_rail(car, jet, self.line.gravity) for jet in jets]
+            rows[..., saddle] -= stretch * np.reshape(along, np.shape(t))
+        rows[..., self.force] = rows[..., self.kept]
         return rows
 
-    def _law(self, x: Slots) -> Law:
-        if self._same_law is None:
-            law = self.segments.law(np.stack([x.q[self.s[:-1]], x.q[self.s[1:]]], axis=1))
-            if self.line.rope.rest_tension is not None:
-                return law
-            self._same_law = law
-        return self._same_law
+    def _law(self, x: Slots) -> Array:
+        """The rope's law (1 or n, 4, K, G)."""
+        if self._same_law is not None:
+            return self._same_law
+        law = self.segments.law(np.stack([x.q[..., self.s[:-1]], x.q[..., self.s[1:]]], axis=-1))
+        values = np.stack(law, axis=-3).reshape(-1, 4, *law.EA.shape[-2:])
+        if self.line.rope.rest_tension is None:
+            self._same_law = values[:1]
+        return values
 
-    def _rope_rows(self, x: Slots, law: Law, cars: Cars) -> Array:
-        """Rows (size,) of the segments and of cars on one contact; notes the smallest tension."""
-        rows = np.zeros(self.size)
+    def _rope_rows(self, x: Slots, law: Array, cars: Cars) -> Array:
+        """Rows (..., size) of segments and of cars on one contact; notes loads of these and the smallest tension."""
+        rows = np.zeros(x.q.shape)
+        each = rows.reshape(-1, self.size)
+        self.loads = np.empty((len(each), len(self.points) + 1))
         if self.compiled:
-            self.lowest_tension = self._kernel.add_rows(x, law, cars if self.points else None, rows)
-            return rows
+            at = [z.reshape(each.shape) for z in x]
+            self._kernel.add_rows(at, law, cars, each, self.loads)
+        else:
+            self._add_by_numpy(rows, x, Law(*law[0]), cars)
+        return rows
+
+    def _add_by_numpy(self, rows: Array, x: Slots, law: Law, cars: Cars) -> None:
         m = self.motion(x)
         fields = self.segments.fields(self.segments.at_points(m), law)
         nodes, ends = self.segments.residual(fields)
@@ -276,17 +313,15 @@ class LineElements(System):
             points[self.node[k]] += at.contact[self.points]
             rows[self.s[k]] -= at.drive[self.points]
             rows[self.swing] += at.swing[self.of_swing]
-        self.lowest_tension = float(fields.N.min())
-        return rows
+            self.loads[0, :-1] = at.normal[self.points]
+        self.loads[0, -1] = fields.N.min()
 
     def _add_supports(self, rows: Array, x: Slots) -> None:
-        for k, contact in self._outer:
-            if contact.stiffness is not None:
-                slot = slice(2 * self.node[k], 2 * self.node[k] + 2)
-                rows[slot] += np.multiply(contact.stiffness, x.q[slot] - contact.point)
-                rows[slot] += (contact.mass or 0.0) * x.a[slot]
-            if contact.force is not None:
-                rows[self.s[k]] += self.pulley(k, x.v.item(self.s[k]), x.a.item(self.s[k]))
+        for slots, stiffness, spring in self._springs:
+            force = stiffness * (x.q[..., slots] - spring.point)
+            rows[..., slots] += force + (spring.mass or 0.0) * x.a[..., slots]
+        for slot, k in self._weights:
+            rows[..., slot] += self.pulley(k, x.v[..., slot], x.a[..., slot])
 
     def _weight(self, k: int, force: float) -> tuple[float, float]:
         """Mass of a counterweight for d2s/dt2, and +1 at the right end, -1 at the left one."""
@@ -294,7 +329,7 @@ class LineElements(System):
         mass = force / self.line.gravity if mass is None else mass
         return mass * (1.0 + force / self.line.rope.EA), 1.0 if k else -1.0
 
-    def pulley(self, k: int, ds: float, dds: float) -> float:
+    def pulley(self, k: int, ds: Array, dds: Array) -> Array:
         """e [N + N^2/(2 EA) + q y - rho (ds lam)^2/2], N = G + e m (1 + G/EA) dds, at the end k = 0 or -1.
 
         The rope that passes takes the energy of its weight and its motion along.
@@ -318,19 +353,26 @@ class LineElements(System):
             out[self.of_swing, 9:12] = np.stack([z[self.swing] for z in x], axis=1)
         return out
 
-    def car_data(self, t: float, phase: int) -> Cars:
+    def car_data(self, t: Array | float, phase: int) -> Cars:
+        """Data at the time or at times t (n,); thrust and hold are (n, cars) then, if a car rolls freely."""
+        if self._steady is not None:
+            return self._steady
         cars, line = self.line.cars, self.line
         thrust = released = np.zeros(len(cars))
         if self._rolls:
-            thrust = np.array([line.thrust(c, t, phase) for c in cars])
-            released = np.array([c.drive.hold(t) for c in cars])
+            times = np.ravel(t).tolist()
+            thrust, released = np.empty((2, *np.shape(t), len(cars)))
+            for i, car in enumerate(cars):
+                thrust[..., i] = np.reshape([line.thrust(car, at, phase) for at in times], np.shape(t))
+                released[..., i] = np.reshape([car.drive.hold(at) for at in times], np.shape(t))
         k, wind, friction = self._air
-        friction = np.where([car.rail is None for car in cars], friction, 0.0)  # a shoe has none
         lever, arm, inertia, resistance = self._cabins
-        return Cars(
+        data = Cars(
             self._masses, k, wind, friction, thrust, self.brakes, self.hold * released, self.signs, lever, arm,
             inertia, resistance, line.gravity, self.rear_brakes,
         )  # fmt: skip
+        self._steady = None if self._rolls else data
+        return data
 
     # --- start ---------------------------------------------------------------------------------------------
     def start(self, phase: int, state: State | None) -> State:
@@ -346,7 +388,7 @@ class LineElements(System):
             v = (rest(self, t, phase, SHIFT, q) - rest(self, t, phase, -SHIFT, q)) / (2.0 * SHIFT)
         if self.cars:
             self._release(t, phase, at_rest(self, q), held_cars(self, t, phase))
-        slack, *pressures = self._hangs(self.rows(t, at_rest(self, q), phase))
+        slack, *pressures = self._hangs(self.rows(t, at_rest(self, q), phase), self.loads[0])
         if min(slack, *pressures, 0.0) < 0.0:
             cause = f"at rest the smallest tension is {slack:.6g} N and the smallest pressure on a saddle"
             cause = f"{cause} {min(pressures, default=0.0):.6g} N"
@@ -357,6 +399,7 @@ class LineElements(System):
 
     def direct(self, phase: int) -> None:
         """Set the directions of prescribed cars."""
+        self._steady = None
         self.signs = np.array(
             [self.line.direction(c, phase) if c.travel else x for c, x in zip(self.line.cars, self.signs, strict=True)]
         )
@@ -372,7 +415,7 @@ class LineElements(System):
             if car.kind == "free":
                 self._brake(i, x.q[slots[i]])
         now = self.car_data(t, phase)
-        each = np.abs(self._loads(x, self.rows(t, x, phase, cars=now), now))
+        each = np.abs(self._pressing_forces(x, self.rows(t, x, phase, cars=now), self.loads[0], now))
         loads = np.bincount([i for i, _ in self._pressing], each)
         none = np.zeros_like(now.hold)
         free = now._replace(hold=none, brake=none, friction=none)
@@ -390,6 +433,8 @@ class LineElements(System):
     # --- events --------------------------------------------------------------------------------------------
     def begin_step(self, x: State) -> None:
         """Keep the direction of friction, and the brakes that act, for one step."""
+        if not self._stops:
+            return
         slots = self.slots(*x)
         for i in self._stops:
             slot = self.s[self.cars[i]]
@@ -401,6 +446,13 @@ class LineElements(System):
         drive = self.line.cars[i].drive
         self.brakes[i], self.rear_brakes[i] = drive.brake(s), drive.rear_brake(s)
 
+    def _balanced(self, x: State, slots: Slots) -> tuple[Array, Array]:
+        """Rows, and loads with the smallest tension, of x; of the end of a step those of its residual."""
+        last = self._last
+        if last is None or last[0] != x.t or not np.array_equal(last[1], x.a):
+            return self.rows(x.t, slots, x.phase), self.loads[0]
+        return last[2:]
+
     def watch(self, x: State) -> tuple[float, ...]:
         slots = self.slots(*x)
         gaps = np.diff(slots.q[self.s])[self._gaps] - NEAREST
@@ -409,9 +461,9 @@ class LineElements(System):
         if gaps.min(initial=np.inf) <= 0.0:  # the rest has no meaning there
             return (*gaps.tolist(), *[np.inf] * (len(self.events) - len(self._gaps)))
         if self._loaded[0] is not x:
-            cars = self.car_data(x.t, x.phase)
-            rows = self.rows(x.t, slots, x.phase, cars=cars)
-            self._loaded = x, self._loads(slots, rows, cars) + self._hangs(rows)
+            rows, loads = self._balanced(x, slots)
+            pressing = self._pressing_forces(slots, rows, loads, self.car_data(x.t, x.phase))
+            self._loaded = x, pressing + self._hangs(rows, loads)
         passing = [p.ahead(*self.jet(p.car, x)[:2, 0].tolist()) for p in self.passages]
         return (*gaps.tolist(), *ahead, *self._loaded[1], *passing)
 
@@ -424,28 +476,23 @@ class LineElements(System):
         over = next(c for c in self.line.over if c.name == car)
         return self.line.off_rope(over, x.t, x.phase, slots[:, self.below[car]])
 
-    def _loads(self, x: Slots, rows: Array, cars: Cars) -> list[float]:
-        """Contact forces [N] of all that may lift off; `rows` are those of x."""
+    def _pressing_forces(self, x: Slots, rows: Array, loads: Array, cars: Cars) -> list[float]:
+        """Contact forces [N] of all that may lift off; `rows` and `loads` are those of x."""
         if not self.cars:
             return []
-        loads = {}
-        if self.compiled and self.points:
-            loads = dict(zip(self.points, self._kernel.loads(x, cars)[:, None], strict=True))
-        elif self.points:
-            at = forces(cars, self.car_inputs(x, self.motion(x)))
-            loads = {i: at.normal[[i]] for i in self.points}
+        each: dict[int, Any] = {i: [load] for i, load in zip(self.points, loads[:-1].tolist(), strict=True)}
         for trolley in self.trolleys:
             y = trolley.inputs(x, rows[trolley.points.ravel()])
-            loads[trolley.i] = np.array(trolley.forces(cars, y).loads)
+            each[trolley.i] = trolley.forces(cars, y).loads
         for i, car in enumerate(self.line.cars):
             if car.rail is not None:
-                loads[i] = np.array([np.inf])
-        return np.concatenate([loads[i] for i in range(len(self.cars))]).tolist()
+                each[i] = [np.inf]
+        return [load for _, of_car in sorted(each.items()) for load in of_car]
 
-    def _hangs(self, rows: Array) -> list[float]:
-        """Smallest tension, and pressures of the rope on the saddles [N], where `rows` are the last ones computed."""
+    def _hangs(self, rows: Array, loads: Array) -> list[float]:
+        """Smallest tension, and pressures of the rope on the saddles [N]."""
         saddles = self.node[self.supports[1:-1]]
-        return [self.lowest_tension, *(-rows[2 * saddles + 1]).tolist()]
+        return [loads.item(-1), *(-rows[2 * saddles + 1]).tolist()]
 
     def pass_event(self, name: str, x: State) -> State | None:
         """A car that friction cannot hold goes on, and so does one that reaches a brake; else the run ends."""
@@ -486,28 +533,26 @@ class LineElements(System):
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
         x = self.slots(t, q, v, a, phase)
-        law, cars = self._law(x), self.car_data(t, phase)
-        rope = self._rope_rows(x, law, cars)
-        solve = self.solver(t, x, phase, (c0, c1, c2), self.free, law, cars, rope)
-        return self._with_bodies(rope, t, x, phase, cars)[self._unknown], solve
+        return self.rows(t, x, phase)[self._unknown], self.solver(t, x, phase, (c0, c1, c2), self.free)
+
+    def factored(
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
+    ) -> Solve:
+        return self.solver(t, self.slots(t, q, v, a, phase), phase, (c0, c1, c2), self.free)
 
     def solver(
         self, t: float, x: Slots, phase: int, c: tuple[complex, complex, complex], free: NDArray[np.bool_],
-        law: Law | None = None, cars: Cars | None = None, rope: Array | None = None,
+        law: Array | None = None, cars: Cars | None = None,
     ) -> Solve:  # fmt: skip
-        """The solution with c0 dr/dq + c1 dr/dv + c2 dr/da of free slots; without c2 forces F/M count once.
-
-        rope : rows of x, see `_rope_rows`.
-        """
+        """The solution with c0 dr/dq + c1 dr/dv + c2 dr/da of free slots; without c2 forces F/M count once."""
         cars = cars or self.car_data(t, phase)
-        law = law or self._law(x)
-        rope = self._rope_rows(x, law, cars) if rope is None else rope
+        law = self._law(x) if law is None else law
+        rope = self._rope_rows(x, law, cars) if self.trolleys else np.empty(0)
         if not self.compiled:
-            return self._sparse(x, law, cars, c, free, rope)
+            return self._sparse(x, Law(*law[0]), cars, c, free, rope)
         kind = complex if any(isinstance(z, complex) for z in c) else float
         matrix = Bordered(2 * self.n, self.band, self.size - 2 * self.n, kind)
-        on_one = cars if self.points else None
-        self._kernel.add_tangent(x, law, on_one, np.array(c, kind).tolist(), matrix)
+        self._kernel.add_tangent(x, law, cars, np.array(c, kind).tolist(), matrix)
         self._add_contacts(matrix, x, rope, cars, c)
         matrix.fix(np.flatnonzero(np.logical_not(free)))
         solve_all, unknown = matrix.factored(), np.flatnonzero(free)
@@ -553,13 +598,14 @@ class LineElements(System):
     def _support_tangent(self, x: Slots, c: tuple[complex, complex, complex]) -> Iterator[tuple[int, complex]]:
         """Diagonal entries of springs and counterweights."""
         (c0, c1, c2), EA, rho = c, self.line.rope.EA, self.segments.rho
-        for k, contact in self._outer:
-            for axis, stiffness in enumerate(contact.stiffness or ()):
-                yield 2 * int(self.node[k]) + axis, stiffness * c0 + (contact.mass or 0.0) * c2
-            if contact.force is not None:
-                mass, sign = self._weight(k, contact.force)
-                ds, lam = x.v[self.s[k]], 1.0 + (contact.force + sign * mass * x.a[self.s[k]]) / EA
-                yield int(self.s[k]), mass * (lam - rho * ds**2 * lam / EA) * c2 - sign * rho * ds * lam**2 * c1
+        for slots, stiffnesses, spring in self._springs:
+            for slot, stiffness in zip(slots.tolist(), stiffnesses.tolist(), strict=True):
+                yield slot, stiffness * c0 + (spring.mass or 0.0) * c2
+        for slot, k in self._weights:
+            force = self.line.supports[k].force or 0.0
+            mass, sign = self._weight(k, force)
+            ds, lam = x.v[slot], 1.0 + (force + sign * mass * x.a[slot]) / EA
+            yield slot, mass * (lam - rho * ds**2 * lam / EA) * c2 - sign * rho * ds * lam**2 * c1
 
     def _add_car_tangent(self, matrix: Full, by_input: Array, m: Motion, c: tuple[complex, complex, complex]) -> None:
         """Add the chain of `derivatives` (n, 4, INPUTS) and of the inputs by the slots."""

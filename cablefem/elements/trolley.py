@@ -73,14 +73,15 @@ class Trolley:
         self.ends = np.array([s[[segment, segment + 1]] for segment, _ in sides])  # (4, 2)
 
     def place(self, z: Array) -> None:
-        """Set the points of the wheels in q, v, a of all slots (3, size)."""
+        """Set the points of the wheels in q, v, a of all slots (3, ..., size)."""
         base = self.wheels.base
-        th, rate, turning = z[:, self.body[2]].tolist()
-        cos, sin = base * math.cos(th), base * math.sin(th)
-        X = z[:, self.body[:2]]
-        z[:, self.points[1]] = X
-        faster = [-turning * sin - rate**2 * cos, turning * cos - rate**2 * sin]
-        z[:, self.points[0]] = X - [[cos, sin], [-rate * sin, rate * cos], faster]
+        th, rate, turning = z[..., self.body[2]]
+        cos, sin = base * np.cos(th), base * np.sin(th)
+        X = z[..., self.body[:2]]
+        z[..., self.points[1]] = X
+        x = [cos, -rate * sin, -turning * sin - rate**2 * cos]
+        y = [sin, rate * cos, turning * cos - rate**2 * sin]
+        z[..., self.points[0]] = X - np.stack([x, y], axis=-1)
 
     def slopes(self, q: Array) -> Array:
         """r' at the sides of both wheels (..., 4, 2), from q of all slots (..., size)."""

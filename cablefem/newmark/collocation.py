@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,15 @@ from cablefem.newmark.tableau import Tableau
 
 if TYPE_CHECKING:
     from cablefem.newmark.system import System
+
+SAME = 1e-6  # relative change of the length of a step to which factors are kept
+
+
+class Factors(NamedTuple):
+    """Of the tangents of a step, which the next steps try first."""
+
+    dt: float
+    solves: list[Callable[[Array], Array]]  # of each of `Tableau.values`
 
 
 class _Nodes:
@@ -29,6 +38,11 @@ class _Nodes:
         self.ends = steps.ends
         self.v0 = self.ends[0, 1]
         self.drift = self.ends[0, 0] + np.outer(rule.c * self.dt, self.v0)  # q without a, (s, n_dof)
+        self.r: Array | None = None  # residual at the present a
+        self.solves: list[Callable[[Array], Array]] = []  # see `Factors`
+        kept = system.factors
+        if kept is not None and abs(kept.dt - self.dt) <= SAME * self.dt:
+            self.solves = kept.solves
 
     def states(self) -> tuple[Array, Array, Array]:
         """q, v and a at the nodes, (s, n_dof) each."""
@@ -43,7 +57,9 @@ class _Nodes:
         self.ends[1, 1] = self.v0 + self.dt * once
 
     def residual(self) -> Array:
-        return self.system.residuals(self.t, *self.states(), self.phase).ravel()
+        if self.r is None:
+            self.r = self.system.residuals(self.t, *self.states(), self.phase).ravel()
+        return self.r
 
     def tangent(self) -> Callable[[Array], Array]:
         """The solution with M + dt A C + dt^2 A^2 K, the same M, C, K for all nodes.
@@ -54,29 +70,31 @@ class _Nodes:
         middle = rule.middle
         q, v, a = (x[middle] for x in self.states())
         lams = [self.dt * (value if value.imag else value.real) for value in rule.values]
-        solves = []
-        for lam in lams:
-            _, solve_one = self.system.linearise(self.t[middle], q, v, a, self.phase, lam * lam, lam, 1.0)
-            solves.append(solve_one)
+        cs = [(lam * lam, lam, 1.0) for lam in lams]
+        self.solves = [self.system.factored(self.t[middle], q, v, a, self.phase, *c) for c in cs]
+        return self.solve
 
-        def solve(r: Array) -> Array:
-            along = rule.to @ r.reshape(self.a.shape)  # eigenvectors (m, n_dof)
-            for x, lam, solve_one in zip(along, lams, solves, strict=True):
-                x[:] = solve_one(x if isinstance(lam, complex) else x.real.copy())
-            return (rule.back @ along).real.ravel()
-
-        return solve
+    def solve(self, r: Array) -> Array:
+        """The solution with the last tangents."""
+        along = self.rule.to @ r.reshape(self.a.shape)  # eigenvectors (m, n_dof)
+        for x, value, solve_one in zip(along, self.rule.values, self.solves, strict=True):
+            x[:] = solve_one(x if value.imag else x.real.copy())
+        return (self.rule.back @ along).real.ravel()
 
     def update(self, da: Array) -> None:
         self.a -= da.reshape(self.a.shape)
+        self.r = None
 
 
 def collocate(system: System, phase: int, steps: Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
-    """Take the first step, with the tangent of its middle node."""
+    """Take the first step, with the tangent of its middle node, or with that of a step before."""
     nodes = _Nodes(system, phase, steps, rule)
     with np.errstate(over="ignore", invalid="ignore"):
-        result = find_root(nodes.residual, lambda: (nodes.residual(), nodes.tangent()), nodes.update, newton)
+        kept = nodes.solve if nodes.solves else None
+        result = find_root(nodes.residual, lambda: (nodes.residual(), nodes.tangent()), nodes.update, newton, kept)
         nodes.finish()
+    if system.keeps_factors:
+        system.factors = Factors(nodes.dt, nodes.solves) if result.serves else None
     yield result
 
 
@@ -95,6 +113,7 @@ def collocate_coupled(system: System, phase: int, steps: Steps, rule: Tableau, n
         nonlocal residuals
         residuals += 1
         nodes.a[:] = y.reshape(nodes.a.shape)
+        nodes.r = None
         return nodes.residual()
 
     norm = math.inf

@@ -31,6 +31,9 @@ class Newton(NamedTuple):
 STANDARD = Newton()
 
 
+SERVES = 0.1  # rate of convergence with which the tangent of a step before serves the next one
+
+
 class StepResult(NamedTuple):
     """|r| at the end of Newton's method, and its work."""
 
@@ -38,22 +41,33 @@ class StepResult(NamedTuple):
     iterations: int
     factorisations: int
     residuals: int
+    serves: bool = False  # whether the last tangent serves the next step, too
 
 
 def find_root(
     residual: Callable[[], Any], linearise: Callable[[], tuple[Any, Callable]], update: Callable[[Any], None],
-    newton: Newton,
+    newton: Newton, solve: Any = None,
 ) -> StepResult:  # fmt: skip
-    """Take corrections, `update(x)` subtracts x, until |residual()| <= newton.bound; NaN never converges."""
+    """Take corrections, `update(x)` subtracts x, until |residual()| <= newton.bound; NaN never converges.
+
+    solve : with the tangent of a step before; a correction by it that does not help is taken back.
+        What it leaves is larger than with a new tangent, so one more follows, whose effect is known without a residual.
+    """
     norm = math.inf
     factorisations = 0
     residuals = 0
-    new_tangent = True
+    old = solve is not None
+    new_tangent = not old
+    if old:
+        r = residual()
+        residuals += 1
+        norm = math.sqrt(r.dot(r))
     for iteration in range(newton.max_iter):
         if new_tangent:
             r, solve = linearise()
             norm = math.sqrt(r.dot(r))
             factorisations += 1
+            old = False
         before = norm
         correction = solve(r)
         update(correction)
@@ -64,13 +78,19 @@ def find_root(
             r = residual()
             residuals += 1
             norm = math.sqrt(r.dot(r))
-            if norm < before or (iteration < newton.patience and norm < math.inf):
+            if old or norm < before or (iteration < newton.patience and norm < math.inf):
                 break
-        converged = norm <= newton.bound
-        if converged or not norm < math.inf or newton.hopeless(norm, before, iteration + 1):
+        if norm <= newton.bound and (not old or norm <= SERVES * max(before, newton.bound)):
+            if old:
+                update(solve(r))
             break
-        new_tangent = norm > newton.reuse * before
-    return StepResult(norm, iteration + 1, factorisations, residuals)
+        if old and not norm < before:
+            update(-correction)
+        elif not norm < math.inf or (not old and newton.hopeless(norm, before, iteration + 1)):
+            break
+        new_tangent = not norm <= newton.reuse * before
+    serves = norm <= newton.bound and norm <= SERVES * before
+    return StepResult(norm, iteration + 1, factorisations, residuals, serves)
 
 
 def solve_dense(linearise: Callable[[Any], tuple[Any, Any]], x: Any, tol: float = 1e-13) -> Any:

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from cablefem.newmark.collocation import collocate
+from cablefem.newmark.collocation import Factors, collocate
 from cablefem.newmark.newton import Newton, StepResult, find_root
 from cablefem.newmark.states import Array, State, Steps
 from cablefem.newmark.tableau import Tableau
@@ -28,6 +28,8 @@ class System(Protocol):
     events: tuple[str, ...] = ()
     many_steps: bool = False  # whether `solve_steps` or `collocate` takes several
     slack_ends: bool = True  # whether several steps may end at a slack state only
+    keeps_factors: bool = False  # whether collocation steps try the tangent of a step before
+    factors: Factors | None = None  # of that step; its solutions stay valid
     events_from: float = -math.inf  # events are looked for after this time
     adaptive: bool = False  # `step_fraction` shortens steps
     at_support: bool = False  # `start` begins at the left support only
@@ -51,6 +53,12 @@ class System(Protocol):
         It may overwrite its argument.
         """
         raise NotImplementedError
+
+    def factored(
+        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
+    ) -> Solve:
+        """The second of `linearise`."""
+        return self.linearise(t, q, v, a, phase, c0, c1, c2)[1]
 
     # --- steps -----------------------------------------------------------------------------------------
     def solve_step(self, t: float, phase: int, start: Array, end: Array, rule: Array, newton: Newton) -> StepResult:

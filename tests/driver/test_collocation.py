@@ -21,6 +21,7 @@ from cablefem.newmark import (
     scheme,
     step_times,
 )
+from cablefem.newmark.newton import find_root
 from cablefem.newmark.schemes import GAUSS, RADAU
 from cablefem.newmark.tableau import tableau
 from galerkin.bases.fourier import Fourier
@@ -205,3 +206,23 @@ def test_between_steps_the_polynomial_of_the_step_answers():
     assert worst["radau", 40] < 2e-6
     assert worst["radau", 20] / worst["radau", 40] > 18.0
     assert worst["gauss", 20] / worst["gauss", 40] > 6.0
+
+
+def test_a_correction_by_an_old_tangent_that_does_not_help_is_taken_back():
+    """x^3 = 8 from 2.2, with the slope 12 of the root and with one of the wrong sign."""
+    for old, anew in ((12.0, 0), (-12.0, 1)):
+        x = np.array([2.2])
+
+        def residual(x=x):
+            return x**3 - 8.0
+
+        def linearise(x=x):
+            slope = 3.0 * x**2
+            return residual(x), lambda r: r / slope
+
+        def update(dx, x=x):
+            x -= dx
+
+        result = find_root(residual, linearise, update, Newton(bound=1e-10), lambda r, old=old: r / old)
+        assert abs(x[0] - 2.0) < 1e-10
+        assert min(result.factorisations, 1) == anew

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -13,15 +14,13 @@ from cablefem.newmark import Array
 if TYPE_CHECKING:
     from cablefem.elements.bodies import Cars
     from cablefem.elements.bordered import Bordered
-    from cablefem.elements.segments import Law, Segments
+    from cablefem.elements.segments import Segments
 
 
 class Kernel:
-    """Rows and tangent of `count` segments and of cars on one contact each."""
+    """Rows and tangent of segments and of cars on one contact each."""
 
-    def __init__(
-        self, segments: Segments, count: int, cars: Array, contacts: Array, slots: Sequence[Array], gravity: float
-    ) -> None:
+    def __init__(self, segments: Segments, cars: Any, contacts: Any, slots: Sequence[Any], gravity: float) -> None:
         """cars : their numbers among all.  slots : of F/M and of phi of these cars, or -1."""
         points, first = segments.xi.size // segments.elements, segments.dofs[0]
         phi, phi_xi = (np.ascontiguousarray(x[:points, first]) for x in (segments.values, segments.slopes))
@@ -29,30 +28,30 @@ class Kernel:
         dofs = np.ascontiguousarray(segments.dofs)
         self.mesh = balance.Mesh(phi, phi_xi, segments.weights[:points].copy(), xi, dofs, segments.end_slopes)
         self.rope = balance.Rope(segments.rho, segments.q, float(segments.rope.damping))
-        self.count, self.cars, self.contacts, self.slots, self.gravity = count, cars, contacts, slots, float(gravity)
+        self.cars, self.contacts, self.gravity = cars, contacts, float(gravity)
+        self.forces, self.swings = slots
+        self._known: tuple[Any, Any] = None, None  # the last cars and their data
 
-    def _cars(self, cars: Cars) -> tuple[Any, ...]:
-        data = np.ascontiguousarray(np.array(cars[:12]).T[self.cars])
-        return self.mesh, self.count, self.contacts, data, self.gravity, *self.slots
+    def _cars(self, cars: Cars) -> balance.Cars:
+        if cars is self._known[0]:
+            return self._known[1]
+        shape = (cars.thrust + cars.hold).shape
+        data = np.empty((*shape, 12))
+        for i, values in enumerate(cars[:12]):
+            data[..., i] = values
+        instants = math.prod(shape[:-1])
+        data = data.reshape(instants, shape[-1], 12)[:, self.cars]
+        self._known = cars, balance.Cars(self.contacts, self.forces, self.swings, self.gravity, data)
+        return self._known[1]
 
-    def add_rows(self, x: Sequence[Array], law: Law, cars: Cars | None, rows: Array) -> float:
-        """Add rows to (size,) and return the smallest tension; x : q, v, a of all slots."""
-        z = np.array(x)
-        lowest = balance.add_rows(self.mesh, self.rope, np.array(law), z, rows)
-        if cars is not None:
-            balance.add_cars(*self._cars(cars), z, rows)
-        return lowest
+    def add_rows(self, x: Sequence[Array], law: Array, cars: Cars, rows: Array, loads: Array) -> None:
+        """Add rows to (n, size), and set (n, cars + 1) to the loads [N] on the rope and the smallest tension.
 
-    def loads(self, x: Sequence[Array], cars: Cars) -> Array:
-        """Loads [N] of these cars on the rope."""
-        z = np.array(x)
-        return balance.add_cars(*self._cars(cars), z, np.empty(z.shape[1]))
+        x : q, v, a of all slots (n, size); law : (1 or n, 4, K, G).
+        """
+        balance.add_rows(self.mesh, self.rope, law, self._cars(cars), *x, rows, loads)
 
-    def add_tangent(
-        self, x: Sequence[Array], law: Law, cars: Cars | None, c: Sequence[complex], matrix: Bordered
-    ) -> None:
-        z = np.array(x)
+    def add_tangent(self, x: Sequence[Array], law: Array, cars: Cars, c: Sequence[complex], matrix: Bordered) -> None:
+        """Add c0 d/dq + c1 d/dv + c2 d/da of the rows at one instant; x : q, v, a (size,)."""
         border = balance.Border(matrix.ab, matrix.columns, matrix.rows, matrix.corner)
-        balance.add_tangent(self.mesh, self.rope, np.array(law), z, *c, border)
-        if cars is not None:
-            balance.add_car_tangent(*self._cars(cars), z, *c, border)
+        balance.add_tangent(self.mesh, self.rope, law, self._cars(cars), *x, *c, border)

@@ -31,6 +31,16 @@ class Rope(NamedTuple):
     damping: float
 
 
+class Cars(NamedTuple):
+    """Cars on one contact each; arrays (m,) unless stated."""
+
+    contacts: NDArray[np.int64]
+    forces: NDArray[np.int64]  # slots of F/M, or -1
+    swings: NDArray[np.int64]  # slots of phi, or -1
+    gravity: float
+    data: Array  # (1 or instants, m, 12) the first twelve of `bodies.Cars`
+
+
 class Border(NamedTuple):
     """A bordered band, see `bordered.Bordered`."""
 
@@ -55,46 +65,55 @@ def add(m, i, j, value):
 
 
 @inner
-def interpolate(mesh, z, first, e, g, f):
+def interpolate(mesh, q, v, a, first, e, g, f):
     """Fill f (10,) with r, r_xi, v, v_xi, a at point g of element e; first : slot of the segment's first node."""
     f[:] = 0.0
     for i in range(mesh.dofs.shape[1]):
         slot = first + 2 * mesh.dofs[e, i]
         for x in range(2):
-            f[x] += mesh.phi[g, i] * z[0, slot + x]
-            f[2 + x] += mesh.phi_xi[g, i] * z[0, slot + x]
-            f[4 + x] += mesh.phi[g, i] * z[1, slot + x]
-            f[6 + x] += mesh.phi_xi[g, i] * z[1, slot + x]
-            f[8 + x] += mesh.phi[g, i] * z[2, slot + x]
+            f[x] += mesh.phi[g, i] * q[slot + x]
+            f[2 + x] += mesh.phi_xi[g, i] * q[slot + x]
+            f[4 + x] += mesh.phi[g, i] * v[slot + x]
+            f[6 + x] += mesh.phi_xi[g, i] * v[slot + x]
+            f[8 + x] += mesh.phi[g, i] * a[slot + x]
 
 
 @compiled
-def add_rows(mesh, rope, law, z, rows):
-    """Add the rows of all segments to rows (size,); return the smallest tension.
+def add_rows(mesh, rope, law, cars, q, v, a, rows, loads):
+    """Add the rows of all segments and cars at n instants to rows (n, size).
 
-    z : (3, size) q, v, a of all slots; law : (4, K, G) EA, N_r, dN_r/ds, W_r.
+    q, v, a : (n, size) of all slots; law : (1 or n, 4, K, G) EA, N_r, dN_r/ds, W_r.
+    loads (n, m + 1) : are set to the loads of the cars and the smallest tension.
     """
+    for i in range(rows.shape[0]):
+        of_rope = law[min(i, law.shape[0] - 1)]
+        loads[i, -1] = add_segments(mesh, rope, of_rope, q[i], v[i], a[i], rows[i])
+        add_cars(mesh, of_rope.shape[1], cars, i, q[i], v[i], a[i], rows[i], loads[i])
+
+
+@inner
+def add_segments(mesh, rope, law, q, v, a, rows):
+    """Add the rows of the segments to rows (size,); return the smallest tension."""
     count = law.shape[1]
     elements, n_loc = mesh.dofs.shape
     nn = mesh.ends.shape[1]
     S = 2 * (count * (nn - 1) + 1)
-    f, lowest = np.empty(10), np.inf
+    f, by_a, by_b, lowest = np.empty(10), np.empty(2), np.empty(2), np.inf
     for k in range(count):
-        h, dh = z[0, S + k + 1] - z[0, S + k], z[1, S + k + 1] - z[1, S + k]
+        h, dh = q[S + k + 1] - q[S + k], v[S + k + 1] - v[S + k]
         for e in range(elements):
             for g in range(mesh.weights.size):
-                interpolate(mesh, z, 2 * k * (nn - 1), e, g, f)
+                interpolate(mesh, q, v, a, 2 * k * (nn - 1), e, g, f)
                 xi, weight = mesh.xi[e, g], mesh.weights[g]
-                c = z[1, S + k] * (1.0 - xi) + z[1, S + k + 1] * xi
-                dc = z[2, S + k] * (1.0 - xi) + z[2, S + k + 1] * xi
+                c = v[S + k] * (1.0 - xi) + v[S + k + 1] * xi
+                dc = a[S + k] * (1.0 - xi) + a[S + k + 1] * xi
                 EA, N_0, N_s, W_0 = law[:, k, e * mesh.weights.size + g]
                 size = np.sqrt(f[2] ** 2 + f[3] ** 2)
                 lam = size / h
                 N = N_0 + EA * (lam - 1.0)
                 lowest = min(lowest, N)
                 W = W_0 + (N_0 + 0.5 * EA * (lam - 1.0)) * (lam - 1.0)
-                by_a, momentum, kinetic = np.zeros(2), 0.0, 0.0
-                by_b = np.zeros(2)
+                momentum, kinetic = 0.0, 0.0
                 for x in range(2):
                     w = f[4 + x] - c / h * f[2 + x]
                     dw = f[8 + x] - c / h * f[6 + x] + (c * dh / h - dc) / h * f[2 + x]
@@ -142,59 +161,58 @@ def car_forces(car, gravity, y, out):
 
 
 @inner
-def car_inputs(mesh, count, k, z, force, swing, y):
-    """Fill y (INPUTS,) for the car at contact k; force, swing : slots of F/M and phi, or -1."""
+def car_inputs(mesh, count, cars, j, q, v, a, y):
+    """Fill y (INPUTS,) for car j."""
+    k, force, swing = cars.contacts[j], cars.forces[j], cars.swings[j]
     nn = mesh.ends.shape[1]
     S = 2 * (count * (nn - 1) + 1)
     y[:] = 0.0
     for side in range(2):  # behind, ahead
         segment, shapes = k - 1 + side, mesh.ends[1 - side]
-        h = z[0, S + segment + 1] - z[0, S + segment]
+        h = q[S + segment + 1] - q[S + segment]
         for i in range(nn):
             for x in range(2):
-                y[2 * side + x] += shapes[i] * z[0, 2 * (segment * (nn - 1) + i) + x] / h
+                y[2 * side + x] += shapes[i] * q[2 * (segment * (nn - 1) + i) + x] / h
     for x in range(2):
         slot = 2 * k * (nn - 1) + x
-        y[4 + x], y[6 + x] = z[1, slot], z[2, slot]
+        y[4 + x], y[6 + x] = v[slot], a[slot]
     if force >= 0:
-        y[8] = z[2, force]
+        y[8] = a[force]
     if swing >= 0:
-        y[9], y[10], y[11] = z[0, swing], z[1, swing], z[2, swing]
+        y[9], y[10], y[11] = q[swing], v[swing], a[swing]
 
 
-@compiled
-def add_cars(mesh, count, contacts, cars, gravity, forces, swings, z, rows):
-    """Add C, - Q and rows of phi of the cars (n, 12) at contacts (n,); return their loads on the rope (n,)."""
+@inner
+def add_cars(mesh, count, cars, i, q, v, a, rows, loads):
+    """Add C, - Q and rows of phi of the cars at instant i; set their loads on the rope, the first m."""
     nn = mesh.ends.shape[1]
     S = 2 * (count * (nn - 1) + 1)
     y, out = np.empty(INPUTS, np.complex128), np.empty(5, np.complex128)
-    loads = np.empty(contacts.size)
-    for i in range(contacts.size):
-        k = contacts[i]
-        car_inputs(mesh, count, k, z, forces[i], swings[i], y)
-        car_forces(cars[i], gravity, y, out)
+    data = cars.data[min(i, cars.data.shape[0] - 1)]
+    for j in range(cars.contacts.size):
+        k, swing = cars.contacts[j], cars.swings[j]
+        car_inputs(mesh, count, cars, j, q, v, a, y)
+        car_forces(data[j], cars.gravity, y, out)
         rows[2 * k * (nn - 1)] += out[0].real
         rows[2 * k * (nn - 1) + 1] += out[1].real
         rows[S + k] -= out[2].real
-        loads[i] = out[3].real
-        if swings[i] >= 0:
-            rows[swings[i]] += out[4].real
-    return loads
+        loads[j] = out[3].real
+        if swing >= 0:
+            rows[swing] += out[4].real
 
 
-@compiled
-def add_car_tangent(mesh, count, contacts, cars, gravity, forces, swings, z, c0, c1, c2, matrix):
+@inner
+def add_car_tangent(mesh, count, cars, q, v, a, c0, c1, c2, matrix):
     nn = mesh.ends.shape[1]
     S = 2 * (count * (nn - 1) + 1)
     y, out = np.empty(INPUTS, np.complex128), np.empty(5, np.complex128)
     by = np.zeros((4, INPUTS))
-    for i in range(contacts.size):
-        k = contacts[i]
-        car_inputs(mesh, count, k, z, forces[i], swings[i], y)
-        swing = swings[i]
+    for i in range(cars.contacts.size):
+        k, force, swing = cars.contacts[i], cars.forces[i], cars.swings[i]
+        car_inputs(mesh, count, cars, i, q, v, a, y)
         for j in range(INPUTS if swing >= 0 else 9):
             y[j] += 1e-30j
-            car_forces(cars[i], gravity, y, out)
+            car_forces(cars.data[0, i], cars.gravity, y, out)
             y[j] = y[j].real
             by[0, j], by[1, j], by[2, j] = out[0].imag / 1e-30, out[1].imag / 1e-30, -out[2].imag / 1e-30
             by[3, j] = out[4].imag / 1e-30
@@ -203,27 +221,33 @@ def add_car_tangent(mesh, count, contacts, cars, gravity, forces, swings, z, c0,
             slot = (node, node + 1, S + k, swing)[row]
             for side in range(2):
                 segment, shapes = k - 1 + side, mesh.ends[1 - side]
-                h = z[0, S + segment + 1] - z[0, S + segment]
+                h = q[S + segment + 1] - q[S + segment]
                 by_h = 0.0 * c0
                 for x in range(2):
                     factor = by[row, 2 * side + x] * c0 / h
                     by_h -= factor * y[2 * side + x].real
-                    for a in range(nn):
-                        if shapes[a] != 0.0:
-                            add(matrix, slot, 2 * (segment * (nn - 1) + a) + x, factor * shapes[a])
+                    for m in range(nn):
+                        if shapes[m] != 0.0:
+                            add(matrix, slot, 2 * (segment * (nn - 1) + m) + x, factor * shapes[m])
                 add(matrix, slot, S + segment + 1, by_h)
                 add(matrix, slot, S + segment, -by_h)
             for x in range(2):
                 add(matrix, slot, node + x, by[row, 4 + x] * c1 + by[row, 6 + x] * c2)
-            if forces[i] >= 0:
-                add(matrix, slot, forces[i], by[row, 8] * (c2 if c2 != 0.0 else 1.0 + 0.0 * c2))
+            if force >= 0:
+                add(matrix, slot, force, by[row, 8] * (c2 if c2 != 0.0 else 1.0 + 0.0 * c2))
             if swing >= 0:
                 add(matrix, slot, swing, by[row, 9] * c0 + by[row, 10] * c1 + by[row, 11] * c2)
 
 
 @compiled
-def add_tangent(mesh, rope, law, z, c0, c1, c2, matrix):
-    """Add c0 d/dq + c1 d/dv + c2 d/da of `add_rows`, see `Segments.tangent`."""
+def add_tangent(mesh, rope, law, cars, q, v, a, c0, c1, c2, matrix):
+    """Add c0 d/dq + c1 d/dv + c2 d/da of `add_rows` at one instant, q, v, a (size,), see `Segments.tangent`."""
+    add_rope_tangent(mesh, rope, law[0], q, v, a, c0, c1, c2, matrix)
+    add_car_tangent(mesh, law.shape[2], cars, q, v, a, c0, c1, c2, matrix)
+
+
+@inner
+def add_rope_tangent(mesh, rope, law, q, v, a, c0, c1, c2, matrix):
     count = law.shape[1]
     elements, n_loc = mesh.dofs.shape
     nn = mesh.ends.shape[1]
@@ -236,13 +260,13 @@ def add_tangent(mesh, rope, law, z, c0, c1, c2, matrix):
     ab, columns, rows = matrix.ab, matrix.columns, matrix.rows
     diagonal = 2 * ((ab.shape[0] - 1) // 3)
     for k in range(count):
-        h, dh = z[0, S + k + 1] - z[0, S + k], z[1, S + k + 1] - z[1, S + k]
+        h, dh = q[S + k + 1] - q[S + k], v[S + k + 1] - v[S + k]
         for e in range(elements):
             for g in range(mesh.weights.size):
-                interpolate(mesh, z, 2 * k * (nn - 1), e, g, f)
+                interpolate(mesh, q, v, a, 2 * k * (nn - 1), e, g, f)
                 xi, weight = mesh.xi[e, g], mesh.weights[g]
-                c = z[1, S + k] * (1.0 - xi) + z[1, S + k + 1] * xi
-                dc = z[2, S + k] * (1.0 - xi) + z[2, S + k + 1] * xi
+                c = v[S + k] * (1.0 - xi) + v[S + k + 1] * xi
+                dc = a[S + k] * (1.0 - xi) + a[S + k + 1] * xi
                 EA, N_0, N_s = law[:3, k, e * mesh.weights.size + g]
                 size = np.sqrt(f[2] ** 2 + f[3] ** 2)
                 lam = size / h
