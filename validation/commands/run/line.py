@@ -264,7 +264,7 @@ class Answers(LineAnswers):
             terminal.say(f"  position {x['position']}: {x['reason']}", style="bold red")
         if len(self.refused) > 3:
             terminal.say(f"  and {len(self.refused) - 3} more positions without rest", style="bold red")
-        terminal.say(f"  {_positions(self.line.count)} in {seconds:.2g} s")
+        terminal.say(f"  {_positions(self.line.count)} in {seconds:.1f} s")
 
 
 def _positions(count: int) -> str:

@@ -324,7 +324,7 @@ class Answers(LineAnswers):
         printed = rows_of([d for d in self.design if d["quantity"].partition(":")[0] in FEW])
         tell(self.line, self.outcome.sentence, self.limits, printed, len(self.design))
         settings = ", ".join(f"{value} {name}" for name, value in self.moved.settings.items())
-        terminal.say(f"  {self.moved.method}, {settings}; {seconds:.2g} s")
+        terminal.say(f"  {self.moved.method}, {settings}; {seconds:.1f} s")
 
 
 def answers(line: Line) -> Answers:
