@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import cablefem as cf
-from validation.commands.find.condition import parsed
+from validation.commands.find.condition import parse_condition
 from validation.core import readback
 from validation.core.quasi_static import quasi_static
 from validation.page import terminal
@@ -206,9 +206,9 @@ def test_a_bad_question_is_one_sentence(cablefem, arguments, words):
 
 
 def test_units_are_those_that_are_printed():
-    clause = parsed("arrival.speed <= 10 km/h")[0]
+    clause = parse_condition("arrival.speed <= 10 km/h")[0]
     assert clause.limit("m/s") == pytest.approx(10.0 / 3.6)
-    assert parsed("tension_max <= 30 kN")[0].limit("N") == 30e3
+    assert parse_condition("tension_max <= 30 kN")[0].limit("N") == 30e3
 
 
 def test_without_a_check_the_bar_is_what_the_least_model_leaves_out():

@@ -23,7 +23,7 @@ from cablefem.scene.moving import moving
 from validation import cli, run
 from validation.commands.sweep import engine, job
 from validation.commands.sweep.page import sections
-from validation.commands.sweep.study import Study, built_in
+from validation.commands.sweep.study import Study, built_in_studies
 from validation.core.agreement import Agreement, Bound, Verdict
 from validation.core.store import Refused
 
@@ -144,7 +144,7 @@ def test_what_has_no_meaning_in_a_drive_gives_way():
 
 
 def test_the_studies_that_come_along_are_sound():
-    for name in built_in():
+    for name in built_in_studies():
         study = Study.load(name)
         assert study.title
         for index in range(0, len(study), max(1, len(study) // 7)):
@@ -158,22 +158,22 @@ def test_the_studies_that_come_along_are_sound():
 
 def test_a_row_holds_the_run(tmp_path):
     study = Study.of(GRID)
-    row = job.row(study, 4, study.point(4))
+    row = job.row_of_point(study, 4, study.point(4))
     assert (row["status"], row["method"], row["index"]) == ("complete", "following-p2", 4)
     assert row["mass.mass"] == 2000.0
     assert row["max_deflection"] > 1.0
     assert math.isfinite(row["mu"])
-    engine.write(tmp_path, study, [row])
-    stored = engine.frame(tmp_path).loc[4]
+    engine.write_rows(tmp_path, study, [row])
+    stored = engine.read_rows(tmp_path).loc[4]
     assert stored["max_deflection"] == row["max_deflection"]
 
 
 def test_whatever_happens_to_a_scene_is_a_row(monkeypatch):
     refused = Study.of(GRID | {"vary": {"cable.EA": [1.0, 2.0]}})
-    assert job.row(refused, 0, refused.point(0))["status"] == "refused"
-    assert "cable.EA" in job.row(refused, 0, refused.point(0))["reason"]
+    assert job.row_of_point(refused, 0, refused.point(0))["status"] == "refused"
+    assert "cable.EA" in job.row_of_point(refused, 0, refused.point(0))["reason"]
     monkeypatch.setattr(job, "_run", lambda *given: 1 / 0)
-    failed = job.row(Study.of(GRID), 1, {})
+    failed = job.row_of_point(Study.of(GRID), 1, {})
     assert (failed["status"], failed["cause"]) == ("failed", "ZeroDivisionError")
 
 
@@ -185,9 +185,9 @@ def test_a_check_tells_why_a_run_broke_and_beside_it_which_rows_do_not_agree(tmp
     found = SimpleNamespace(a=either, b=either, rows=rows, verdict=Verdict.DISAGREE)
     monkeypatch.setattr("validation.check", lambda *given, **how: found)
     study = Study.of({k: x for k, x in GRID.items() if k not in ("method", "settings")} | {"job": "check", "tol": 1e-2})
-    row = job.row(study, 4, study.point(4))
+    row = job.row_of_point(study, 4, study.point(4))
     assert (row["status"], row["cause"], row["not_agreed"]) == ("incomplete", "Newton stalled", "tension")
-    engine.write(tmp_path, study, [row])
+    engine.write_rows(tmp_path, study, [row])
     (tmp_path / "study.toml").write_text(study.to_toml(), encoding="utf-8")
     outcome = sections(tmp_path)[0].html
     assert "Newton stalled" in outcome
@@ -197,22 +197,22 @@ def test_a_check_tells_why_a_run_broke_and_beside_it_which_rows_do_not_agree(tmp
 def test_the_page_of_planted_faults_counts_verdicts_by_fault(tmp_path, monkeypatch):
     monkeypatch.setattr(job, "_check", lambda *given: {"status": "complete", "verdict": "disagree"})
     study = Study.load("power")
-    engine.write(tmp_path, study, [job.row(study, i, study.point(i)) for i in (0, 60)])
+    engine.write_rows(tmp_path, study, [job.row_of_point(study, i, study.point(i)) for i in (0, 60)])
     (tmp_path / "study.toml").write_text(study.to_toml(), encoding="utf-8")
-    assert set(engine.frame(tmp_path)["fault"]) == {"none", "mass.mass +1 %"}
+    assert set(engine.read_rows(tmp_path)["fault"]) == {"none", "mass.mass +1 %"}
     assert "mass.mass +1 %" in sections(tmp_path)[0].html
 
 
 def test_a_method_that_cannot_roll_is_a_row():
     study = Study.of({"scene": "zipline", "method": "fixed-hermite", "vary": {"mass.mass": [80.0]}})
-    row = job.row(study, 0, study.point(0))
+    row = job.row_of_point(study, 0, study.point(0))
     assert (row["status"], row["cause"]) == ("refused", "method")
 
 
 @pytest.mark.parametrize("asked", [{"job": "run"}, {"job": "advise"}])
 def test_rides_with_a_tolerance_and_no_method_are_run_by_one_that_can_ride(asked):
     study = Study.of({"scene": "zipline", "tol": 0.2, "vary": {"mass.mass": [80.0]}} | asked)
-    row = job.row(study, 0, study.point(0))
+    row = job.row_of_point(study, 0, study.point(0))
     assert (row["status"], row.get("cause")) == ("complete", None)
     assert row["path_error"] <= 0.2
 
@@ -225,7 +225,7 @@ def test_a_scene_that_hangs_is_cut_off(monkeypatch):
     monkeypatch.setattr(job, "_run", endless)
     monkeypatch.setattr(job, "FRESH", 0.0)
     study = Study.of(GRID | {"seconds": 0.3})
-    row = job.row(study, 2, study.point(2))
+    row = job.row_of_point(study, 2, study.point(2))
     assert (row["status"], row["cause"]) == ("cut off", "time")
     assert 0.3 <= row["seconds"] < 30.0
 
@@ -270,11 +270,11 @@ def test_a_sweep_goes_on_where_it_stopped_and_does_nothing_twice(tmp_path, clust
 
     with pytest.raises(KeyboardInterrupt):
         engine.sweep(study, tmp_path, progress=interrupted, **cluster)
-    before = engine.done(tmp_path)
+    before = engine.finished_indices(tmp_path)
     assert 10 <= len(before) < 60
     tally = engine.sweep(study, tmp_path, progress=lambda label, done, note: seen.append(done), **cluster)
     assert tally.status.total() == 60 - len(before)
-    rows = engine.frame(tmp_path)
+    rows = engine.read_rows(tmp_path)
     assert rows.index.tolist() == list(range(60))
     np.testing.assert_array_equal(rows["mu"], [study.point(i)["mu"] for i in range(60)])
     again = engine.sweep(study, tmp_path, **cluster)
@@ -310,7 +310,7 @@ def test_a_worker_that_dies_takes_its_chunk_along_and_that_is_tried_again(tmp_pa
 
 def test_a_scene_that_kills_its_workers_is_a_row_that_says_so(tmp_path, cluster):
     engine.sweep(wide(8, f"always {tmp_path / 'died'}"), tmp_path / "out", **cluster)
-    rows = engine.frame(tmp_path / "out")
+    rows = engine.read_rows(tmp_path / "out")
     assert rows["status"].value_counts().to_dict() == {"complete": 7, "died": 1}
     assert rows.loc[7, "status"] == "died"
     assert "died" in rows.loc[7, "reason"]

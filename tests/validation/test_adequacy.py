@@ -9,7 +9,7 @@ from markupsafe import Markup
 from cablefem import Scene, SceneError
 from validation.commands.advise import page
 from validation.commands.advise import study as adequacy
-from validation.commands.advise.study import LADDER, distances
+from validation.commands.advise.study import LADDER, gaps_by_need
 from validation.core.running import run
 from validation.core.view import View
 
@@ -45,7 +45,7 @@ def test_the_run_that_is_advised_does_what_is_said_of_it(level):
     fine = run(LEVEL, "following-p2", elements=40, steps=2000, until=0.8)
     view = View.of(LEVEL).cut(fine)
     r = run(LEVEL, content["method"], model=content["model"], load=content["load"], until=0.8, **content["settings"])
-    found = distances(r, fine, view)
+    found = gaps_by_need(r, fine, view)
     for need, bar in content["full"]["gaps"].items():  # what is said was measured against a coarser full run
         assert found[need] == pytest.approx(content["gaps"][need], abs=bar + 1e-4)
 
@@ -60,7 +60,7 @@ def test_an_advice_that_is_there_is_kept_and_another_tolerance_is_another_advice
 
 def test_a_taut_light_scene_needs_little():
     """Tight, stiff and slow with a light mass: linear, but not without the mass's inertia."""
-    found = adequacy.advice(TAUT, 0.05)
+    found = adequacy.find_advice(TAUT, 0.05)
     index = NAMES.index(found["name"])
     assert 0 < index < NAMES.index("stretching + mass")
     below = found["rungs"][index - 1]
@@ -95,7 +95,7 @@ def test_random_advice_is_right(seed):
     Rungs by the other solver, which shares no formula with the ladder's.
     """
     scene = random_scene(np.random.default_rng(seed))
-    found = adequacy.advice(scene, TOL)
+    found = adequacy.find_advice(scene, TOL)
     full = found["full"]["settings"]
     finer = {"elements": round(1.5 * full["elements"]), "steps": 2 * full["steps"], "scheme": full["scheme"]}
     view = View.of(scene)
@@ -105,7 +105,7 @@ def test_random_advice_is_right(seed):
     def meets(index, need):
         model, load = LADDER[index]
         r = run(scene, "fourier-kink", model=model, load=load, terms=30, steps=1500, until=view.stop)
-        return distances(r, truth, view)[need] <= found["asked"][need]
+        return gaps_by_need(r, truth, view)[need] <= found["asked"][need]
 
     for need, name in found["least"].items():
         index = NAMES.index(name)

@@ -12,7 +12,7 @@ from cablefem.response import Response
 from validation.commands.paper import gibbs, judged, known, measured, runs, vibration
 from validation.commands.paper import page as report
 from validation.commands.paper import study as claims
-from validation.commands.paper.judged import FAILS, HOLDS, OPEN, PAPER_ONLY, verdict
+from validation.commands.paper.judged import FAILS, HOLDS, OPEN, PAPER_ONLY, claim_verdict
 from validation.core.running import run
 from validation.page import page
 
@@ -30,7 +30,7 @@ def quantity(value, bar=0.0, paper=None, **entry):
     """Return one quantity as claims.toml would have it."""
     names = {"level": value, "reference": {"level": Told(bar)}, "runs": {}, "printed": paper}
     entry |= {} if paper is None else {"paper": "printed"}
-    (found,) = judged.quantities({"name": "x", "value": "level", "of": ["level"], **entry}, MEANING, names)
+    (found,) = judged.claim_quantities({"name": "x", "value": "level", "of": ["level"], **entry}, MEANING, names)
     return found
 
 
@@ -50,18 +50,18 @@ def quantity(value, bar=0.0, paper=None, **entry):
     ],
 )
 def test_a_verdict_follows_from_value_bar_and_range(value, bar, paper, expected):
-    assert verdict([quantity(value, bar, paper, around=0.655, within="read off")]) == expected
+    assert claim_verdict([quantity(value, bar, paper, around=0.655, within="read off")]) == expected
 
 
 def test_one_true_reading_is_enough_and_one_false_condition_too_much():
     yes, no = quantity(0.2, 0.01, at_most=0.3), quantity(0.2, 0.01, at_least=0.7)
     unknown = quantity(0.69, 0.02, at_least=0.7)
-    assert verdict([yes, no], readings=True) == HOLDS
-    assert verdict([yes, no]) == FAILS
-    assert verdict([yes, unknown]) == OPEN
-    assert verdict([no, unknown]) == FAILS
-    assert verdict([no, unknown], readings=True) == OPEN
-    assert verdict([]) == OPEN
+    assert claim_verdict([yes, no], readings=True) == HOLDS
+    assert claim_verdict([yes, no]) == FAILS
+    assert claim_verdict([yes, unknown]) == OPEN
+    assert claim_verdict([no, unknown]) == FAILS
+    assert claim_verdict([no, unknown], readings=True) == OPEN
+    assert claim_verdict([]) == OPEN
 
 
 def test_a_range_in_words():
@@ -75,17 +75,19 @@ def test_a_range_in_words():
 def test_keys_are_a_quantity_each_and_other_choices_are_the_bar():
     names = {"x": {"v": 0.2, "y + v": 0.4}, "runs": {"a": 3.0, "b": 3.5}, "reference": {}}
     entry = {"name": "{{ key }} at {{ x['v']|d(2) }}", "value": "x[key]", "keys": ["v", "y + v"], "at_most": 0.3}
-    found = list(judged.quantities(entry, MEANING, names))
+    found = list(judged.claim_quantities(entry, MEANING, names))
     assert [q["name"] for q in found] == ["v at 0.20", "y + v at 0.20"]
-    assert [verdict([q]) for q in found] == [HOLDS, FAILS]
-    (q,) = judged.quantities({"name": "n", "value": "2 * r", "r": "a", "others": ["b", 2.9], "at_most": 1}, {}, names)
+    assert [claim_verdict([q]) for q in found] == [HOLDS, FAILS]
+    (q,) = judged.claim_quantities(
+        {"name": "n", "value": "2 * r", "r": "a", "others": ["b", 2.9], "at_most": 1}, {}, names
+    )
     assert (q["converged"], q["uncertainty"]) == (6.0, 1.0)
 
 
 def test_a_sentence_that_asks_for_an_unknown_number_is_an_error():
     with pytest.raises(jinja2.UndefinedError, match="linaer"):
-        judged.sentence("it gives {{ linaer|d(3) }}", {"linear": 5.3})
-    assert judged.sentence("{{ a|power }}, {{ a|pct(1) }}, {{ a|d(3) }}", {"a": 0.0213}) == "2·10⁻², 2.1, 0.021"
+        judged.render_sentence("it gives {{ linaer|d(3) }}", {"linear": 5.3})
+    assert judged.render_sentence("{{ a|power }}, {{ a|pct(1) }}, {{ a|d(3) }}", {"a": 0.0213}) == "2·10⁻², 2.1, 0.021"
 
 
 # --- measures -------------------------------------------------------------------------------------------------------
@@ -100,10 +102,10 @@ def test_turning_points_of_a_known_path(level):
     s = level.s_o / level.length
     wave = dataclasses.replace(level, v=np.cos(2.0 * np.pi * 1.7 * (s - 0.21)), y=np.sin(2.0 * np.pi * 1.1 * s))
     exact = [(0.21, "max"), (0.21 + 0.5 / 1.7, "min"), (0.21 + 1.0 / 1.7, "max")]
-    found = measured.extrema(wave, "v")
+    found = measured.turning_points(wave, "v")
     assert [kind for _, kind in found] == [kind for _, kind in exact]
     np.testing.assert_allclose([x for x, _ in found], [x for x, _ in exact], atol=2e-6)  # spline, 600 steps
-    assert abs(measured.lowest(wave, "y + v") - 0.25 / 1.1) < 2e-6
+    assert abs(measured.lowest_point_position(wave, "y + v") - 0.25 / 1.1) < 2e-6
 
 
 def test_a_ripple_of_known_size_is_found_and_none_where_there_is_none(level):
@@ -115,12 +117,12 @@ def test_a_ripple_of_known_size_is_found_and_none_where_there_is_none(level):
     rms = 0.07 / math.sqrt(2.0)
     x = np.pi * 31.0 / 200.0
     left = np.sin(21.0 * x) / (21.0 * np.sin(x))  # what a moving mean of 21 stations leaves of 31 waves
-    assert abs(measured.wiggle(wavy) / rms - (1.0 - left)) < 0.02
+    assert abs(measured.tension_ripple(wavy) / rms - (1.0 - left)) < 0.02
     assert abs(measured.tension_error(wavy, flat) / rms - 1.0) < 0.02
-    assert abs(np.median(measured.unevenness(wavy)) / rms - 1.0) < 0.02
-    assert abs(measured.turns(wavy) - 62.0) < 2.0
-    assert measured.wiggle(flat) < 1e-12
-    assert measured.tension_error(flat, flat) == measured.turns(flat) == 0.0
+    assert abs(np.median(measured.tension_unevenness(wavy)) / rms - 1.0) < 0.02
+    assert abs(measured.tension_extremes_count(wavy) - 62.0) < 2.0
+    assert measured.tension_ripple(flat) < 1e-12
+    assert measured.tension_error(flat, flat) == measured.tension_extremes_count(flat) == 0.0
 
 
 def test_a_front_in_a_cable_of_static_tension_meets_the_mass_where_a_string_says(level):
@@ -130,10 +132,10 @@ def test_a_front_in_a_cable_of_static_tension_meets_the_mass_where_a_string_says
     string = dataclasses.replace(
         level, fields=dataclasses.replace(level.fields, T_pointwise=np.full_like(level.fields.T, H))
     )
-    assert abs(measured.meeting(string) - 2.0 * V / (1.0 + V)) < 1e-4
+    assert abs(measured.front_meeting_position(string) - 2.0 * V / (1.0 + V)) < 1e-4
     twice = np.full_like(level.fields.T, 2.0 * H)
     tight = dataclasses.replace(level, fields=dataclasses.replace(level.fields, T_pointwise=twice))
-    assert measured.meeting(tight) < 0.5
+    assert measured.front_meeting_position(tight) < 0.5
 
 
 def test_the_overshoot_of_plain_sines_does_not_shrink_and_is_gone_with_the_kink():
@@ -152,8 +154,8 @@ def test_the_overshoot_of_plain_sines_does_not_shrink_and_is_gone_with_the_kink(
 @pytest.mark.slow
 def test_the_trapezoidal_rule_gains_energy_where_the_energy_rule_keeps_it():
     groups = Scene.load("level").groups
-    assert vibration.energy_ratio(groups, 12) > 10.0
-    assert abs(vibration.energy_ratio(groups, 80) - 1.0) < 2e-3
+    assert vibration.max_energy_ratio(groups, 12) > 10.0
+    assert abs(vibration.max_energy_ratio(groups, 80) - 1.0) < 2e-3
 
 
 # --- the study ------------------------------------------------------------------------------------------------------
@@ -169,22 +171,22 @@ def test_a_stored_run_is_used_again_only_if_it_is_the_same(tmp_path, monkeypatch
     monkeypatch.setattr(runs, "run", counted)
     scene = Scene.load("inclined")
     for settings in ({"terms": 4, "steps": 60}, {"terms": 4, "steps": 60}, {"terms": 5, "steps": 60}):
-        runs.stored(tmp_path / "a", scene, "fourier", settings)
+        runs.load_or_run(tmp_path / "a", scene, "fourier", settings)
     assert len(made) == 2
-    runs.stored(tmp_path / "a", scene.variant(mu=0.7), "fourier", {"terms": 5, "steps": 60})
+    runs.load_or_run(tmp_path / "a", scene.variant(mu=0.7), "fourier", {"terms": 5, "steps": 60})
     assert len(made) == 3
     (tmp_path / "a" / "response.npz").write_bytes(b"broken")
-    assert runs.stored(tmp_path / "a", scene, "fourier", {"terms": 5, "steps": 60}).status == "complete"
+    assert runs.load_or_run(tmp_path / "a", scene, "fourier", {"terms": 5, "steps": 60}).status == "complete"
     assert len(made) == 4
 
 
 def test_every_scene_of_the_plan_is_known_and_every_method_accepts_its_settings():
     from validation.core.methods import find
 
-    scenes = runs.scenes()
+    scenes = runs.paper_scenes()
     assert scenes["heavy"].mu == pytest.approx(2.0, rel=1e-12)
     assert scenes["rising"].supports.drop == -90.0
-    for scene, method, settings in runs.plan().values():
+    for scene, method, settings in runs.planned_runs().values():
         assert scene in scenes
         find(method).settings(settings)
 
@@ -221,6 +223,6 @@ def test_the_paper_redone(tmp_path):
     assert "Dynamics of an Elastic Cable Carrying a Moving Mass Particle" in text
     silent = lambda *told: None  # noqa: E731
     again = runs.all_runs(tmp_path, silent)
-    beyond = known.numbers(again, tmp_path / "numbers.jsonl", silent)
-    assert judged.claims(known.names(again, beyond)) == content["claims"]
+    beyond = known.claim_numbers(again, tmp_path / "numbers.jsonl", silent)
+    assert judged.judged_claims(known.claim_names(again, beyond)) == content["claims"]
     assert tuple(content["count"]) == judged.VERDICTS

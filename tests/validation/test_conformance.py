@@ -130,9 +130,9 @@ def test_a_line_of_the_chart(name):
 def test_a_cell_of_the_atlas(name):
     settings = {find(name).resolution.setting: find(name).resolution.with_unknowns(4.0), "steps": 100}
     drawn = {"name": "mine", "scene": {}, "methods": [[name, settings]]}
-    (cell,) = atlas.cells(drawn, 100.0, 4.0)
+    (cell,) = atlas.cells_at(drawn, 100.0, 4.0)
     assert cell["class"] in ("good", "poor", "wrong")
-    assert (name in dict(atlas.methods(atlas.MAPS["map"][0]))) == (find(name).survey is not None)
+    assert (name in dict(atlas.methods_of_map(atlas.MAPS["map"][0]))) == (find(name).survey is not None)
 
 
 def test_a_case_of_an_oracle(monkeypatch):

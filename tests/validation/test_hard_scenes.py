@@ -25,7 +25,7 @@ HOSTILE = Study.load("reliability").model_copy(update={"truth": None, "seconds":
 def test_a_ride_on_a_cable_without_a_rest_is_refused():
     """Its top speed is that of the quasi-static ride, which there is none of."""
     other = HOSTILE.model_copy(update={"sample": HOSTILE.sample.model_copy(update={"seed": 231126})})
-    row = job.row(other, 8042, other.point(8042))
+    row = job.row_of_point(other, 8042, other.point(8042))
     assert (row["status"], row["cause"]) == ("refused", "scene")
     assert "no cable at rest under the car was found" in row["reason"]
 
@@ -43,7 +43,7 @@ def test_steps_of_a_ride_are_longer_than_rounding():
 
 @pytest.mark.parametrize("index", range(0, len(HOSTILE), 1500))
 def test_a_hostile_scene_gets_an_answer_or_a_diagnosis(index):
-    row = job.row(HOSTILE, index, HOSTILE.point(index))
+    row = job.row_of_point(HOSTILE, index, HOSTILE.point(index))
     assert row["status"] in ("complete", "incomplete", "refused"), row
     assert row["status"] == "complete" or (row["cause"] and row["reason"])
 
@@ -62,7 +62,7 @@ def test_hard_scenes_get_an_error_estimate_or_a_diagnosis(name):
     else:
         scene = LEVEL.variant(**HARD[name])
     r = run_with_error_bars(scene, "following-p2", elements=8, steps=400).run
-    assert job.faults_of(r) == []
+    assert job.response_faults(r) == []
     if r.path_error is None:
         assert r.cause is not None
     elif not r.flags:  # nothing said against the bar: it has to hold
@@ -75,12 +75,12 @@ def test_hard_scenes_get_an_error_estimate_or_a_diagnosis(name):
 
 def test_the_checker_sees_a_response_that_is_not_finite_or_ends_without_a_reason(monkeypatch):
     r = run(LEVEL, "following-p2", elements=4, steps=100)
-    assert job.faults_of(r) == []
+    assert job.response_faults(r) == []
     v = r.v.copy()
     v[7] = np.nan
     broken = replace(r, v=v)
-    assert job.faults_of(broken) == ["v is not finite"]
-    assert job.faults_of(replace(r, status="incomplete", reason=None)) == ["incomplete without a reason"]
+    assert job.response_faults(broken) == ["v is not finite"]
+    assert job.response_faults(replace(r, status="incomplete", reason=None)) == ["incomplete without a reason"]
 
 
 def test_a_run_that_breaks_where_the_cable_goes_slack_has_no_energy_after_it():
@@ -109,7 +109,7 @@ def test_a_ride_that_rolls_back_ends_by_the_support_it_came_from(method):
 
 
 def test_a_coarse_companion_of_which_nothing_is_known_leaves_no_bar():
-    row = job.row(HOSTILE, 589, HOSTILE.point(589))
+    row = job.row_of_point(HOSTILE, 589, HOSTILE.point(589))
     assert row["status"] in ("complete", "incomplete"), row["reason"]
 
 
@@ -135,7 +135,7 @@ def test_a_ride_that_ends_beyond_the_cable_ended_before(method, settings, beyond
 @pytest.mark.parametrize("method", ["following-p1", "following-p2"])
 def test_one_element_on_each_side_is_enough_to_run(method):
     r = run(LEVEL, method, elements=1, steps=40)
-    assert (r.status, job.faults_of(r)) == ("complete", [])
+    assert (r.status, job.response_faults(r)) == ("complete", [])
 
 
 @pytest.mark.parametrize(

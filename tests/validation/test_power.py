@@ -3,7 +3,7 @@
 from cablefem import Scene
 from validation import check
 from validation.commands.check.sensitivity import keys, sensitivity, told
-from validation.commands.sweep.families import FAMILIES, SETS, SOUND, case
+from validation.commands.sweep.families import FAMILIES, SETS, SOUND, scene_case
 
 INCLINED = Scene.load("inclined")
 
@@ -23,7 +23,7 @@ def test_a_fault_of_one_percent_is_seen_and_as_small_a_one_as_is_said():
 
 def test_a_station_on_the_edge_of_the_jump_is_no_disagreement():
     """Stations as far from the car as is left out around it are in or out in both computations of an error."""
-    scene, fault = case(81126, 40)
+    scene, fault = scene_case(81126, 40)
     assert fault is None
     assert check(scene, tol=1e-3).verdict.value == "agree"
 
@@ -34,17 +34,17 @@ def test_keys_are_the_numbers_of_the_tables():
 
 
 def test_cases_of_the_study_are_the_families_in_turn_and_sound_ones_have_no_fault():
-    names = [case(11, number)[0].name for number in range(6)]
+    names = [scene_case(11, number)[0].name for number in range(6)]
     assert names == 2 * [family.__name__ for family in FAMILIES]
-    assert {case(11, number)[1] for number in range(SOUND)} == {None}
-    faults = [case(11, SOUND + number) for number in range(45)]
+    assert {scene_case(11, number)[1] for number in range(SOUND)} == {None}
+    faults = [scene_case(11, SOUND + number) for number in range(45)]
     given = {key for _, key in faults}
     assert given >= {"mass.mass", "cable.EA", "cable.mass_per_length"}
     assert {key for key in given if key.startswith("travel.")} & {"travel.speed", "travel.top_speed"}
     assert all(isinstance(scene.replace({key: "+1%"}), Scene) for scene, key in faults if key)
-    faults = [case(11, SOUND + number, "wide") for number in range(90)]
+    faults = [scene_case(11, SOUND + number, "wide") for number in range(90)]
     assert [scene.name for scene, _ in faults[:9]] == [family.__name__ for family in SETS["wide"]]
     more = {"drive.rolling_friction", "drive.drag_area", "drive.brake.0.force", "supports.drop"}
     assert {key for _, key in faults} >= more
     assert all(isinstance(scene.replace({key: "+1%"}), Scene) for scene, key in faults if key)
-    assert case(11, 4)[0].to_toml() == case(11, 4)[0].to_toml() != case(12, 4)[0].to_toml()
+    assert scene_case(11, 4)[0].to_toml() == scene_case(11, 4)[0].to_toml() != scene_case(12, 4)[0].to_toml()

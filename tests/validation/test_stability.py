@@ -13,9 +13,9 @@ from cablefem import Scene
 from cablefem.newmark import StepFailure
 from cablefem.response import Response
 from validation.commands.atlas import page as pages
-from validation.commands.atlas.catalogue import CATALOGUE, holds, run_row
-from validation.commands.atlas.study import CELLS, atlas, judged
-from validation.commands.sweep.job import faults_of
+from validation.commands.atlas.catalogue import CATALOGUE, condition_holds, run_row
+from validation.commands.atlas.study import CELLS, atlas, judged_cell
+from validation.commands.sweep.job import response_faults
 from validation.core import measures
 from validation.core.methods import METHODS
 from validation.core.refine import run_with_error_bars
@@ -171,7 +171,7 @@ def test_a_run_without_a_start_is_an_answer_too(scene, method):
     assert (r.status, r.cause) == ("incomplete", "no start")
     assert r.reached < 0.02
     assert "try another" in r.reason
-    assert faults_of(r) == []
+    assert response_faults(r) == []
 
 
 # --- catalogue --------------------------------------------------------------------------------------------------------
@@ -193,8 +193,8 @@ def test_failure_shows_and_its_remedy_works(row):
     assert found["remedy_works"], found["cure"]
     # the conditions can fail: each with the other's numbers, where they are numbers of the same kind
     if found["failure"].keys() == found["cure"].keys() and row["shows"] != row["cures"]:
-        assert not holds(row["shown"], found["cure"])
-        assert not holds(row["cured"], found["failure"])
+        assert not condition_holds(row["shown"], found["cure"])
+        assert not condition_holds(row["cured"], found["failure"])
 
 
 # --- atlas ------------------------------------------------------------------------------------------------------------
@@ -257,14 +257,14 @@ def test_a_remedy_that_does_not_help_makes_the_atlas_red(tmp_path):
 
 def test_cells_are_judged_by_their_error_and_only_against_a_sure_reference():
     fine = level("following-p2", 20, 2000)
-    assert judged(level("following-p2", 10, 1000), fine, 1e-4)["class"] == "good"
-    naive = judged(run(LEVEL, "fixed-p1-naive", elements=20, steps=300), fine, 1e-4)
+    assert judged_cell(level("following-p2", 10, 1000), fine, 1e-4)["class"] == "good"
+    naive = judged_cell(run(LEVEL, "fixed-p1-naive", elements=20, steps=300), fine, 1e-4)
     assert (naive["class"], naive["cause"]) == ("wrong", "too coarse")
-    assert judged(level("following-p2", 10, 1000), fine, 0.03)["class"] == "not judged"
+    assert judged_cell(level("following-p2", 10, 1000), fine, 0.03)["class"] == "not judged"
     broken = run(LEVEL, "fourier", terms=12, steps=300, scheme="central-difference")
     assert (broken.status, broken.cause, broken.switched) == ("incomplete", "unstable", None)
-    assert judged(broken, fine, 1e-4)["class"] == "wrong"
-    assert judged(broken, fine, 1e-4)["cause"] == "unstable"
+    assert judged_cell(broken, fine, 1e-4)["class"] == "wrong"
+    assert judged_cell(broken, fine, 1e-4)["cause"] == "unstable"
     assert measures.WINDOW[1] > broken.reached
 
 

@@ -175,35 +175,35 @@ def rows_at(points, series="a", kind="method", status="ok"):
 
 def test_seconds_at_an_error_follow_the_power_law_between_the_best_dots():
     rows = rows_at([(0.3, 1e-1), (3.0, 1e-3), (1.0, 0.5)])  # error ~ seconds^-2, and one dot that is no use
-    assert front.seconds_at(rows, 1e-2) == pytest.approx(0.3 * math.sqrt(10.0), rel=1e-12)
-    assert front.seconds_at(rows, 1e-4) is None
-    assert front.seconds_at(rows, 0.4) == 0.3
-    assert front.seconds_at(rows_at([(1.0, 1e-3)], status="failed"), 1e-2) is None
+    assert front.seconds_at_error(rows, 1e-2) == pytest.approx(0.3 * math.sqrt(10.0), rel=1e-12)
+    assert front.seconds_at_error(rows, 1e-4) is None
+    assert front.seconds_at_error(rows, 0.4) == 0.3
+    assert front.seconds_at_error(rows_at([(1.0, 1e-3)], status="failed"), 1e-2) is None
 
 
 def test_the_front_holds_what_nothing_else_beats():
     rows = rows_at([(1.0, 1e-1), (2.0, 2e-1), (3.0, 1e-2), (3.0, 5e-2)]) + rows_at([(0.5, 1e-3)], kind="model")
-    assert front.front(rows, "path") == [rows[0], rows[2]]
+    assert front.our_best_rows(rows, "path") == [rows[0], rows[2]]
 
 
 def test_ratios_to_other_codes_are_at_equal_error():
     rows = rows_at([(0.01, 1e-2), (0.1, 1e-4)]) + rows_at([(2.0, 1e-2), (50.0, 1e-3)], "b", "peer")
-    at = front.fastest(rows, 1e-3)
+    at = front.fastest_methods(rows, 1e-3)
     assert at["series"] == "a"
     assert at["tension"] == {"series": "a", "seconds": pytest.approx(0.01), "cut": False}  # at its coarsest already
     assert at["seconds"] == pytest.approx(0.01 * math.sqrt(10.0))
     assert at["peers"]["b"]["ratio"] == pytest.approx(50.0 / (0.01 * math.sqrt(10.0)))
-    beyond = front.fastest(rows, 1e-4)["peers"]["b"]
+    beyond = front.fastest_methods(rows, 1e-4)["peers"]["b"]
     assert beyond["ratio"] is None
     assert beyond["reason"] == "comes to 0.1 % at best"
     cut = [*rows, rows[-1] | {"status": "not run", "path_error": None}]  # a budget that ended before the ladder did
-    assert front.fastest(cut, 1e-4)["peers"]["b"]["reason"] == "comes to 0.1 % within the time it was given"
+    assert front.fastest_methods(cut, 1e-4)["peers"]["b"]["reason"] == "comes to 0.1 % within the time it was given"
 
 
 def test_another_code_runs_the_travel_up_to_the_end_of_the_window():
     for name in ("level", "cruise"):
         groups = Scene.load(name).groups
-        short = study.until(groups, 0.8)
+        short = study.groups_until(groups, 0.8)
         t = np.linspace(0.0, short.motion.phases[-1][1], 50)
         np.testing.assert_allclose(short.motion.position(t), groups.motion.position(t), rtol=0.0, atol=1e-14)
         assert short.motion.position(t[-1]) == short.motion.end == 0.8
@@ -218,18 +218,18 @@ def test_a_free_ride_is_charted_over_time_by_what_can_roll():
     usual = find(study.BASE).settings_on(ride.groups, {})["scheme"]  # a line of its own already
     assert not {f"scheme {usual}"} & set(lines)
     for name, why in {"fixed-p1-path": "rolls", "model string": "rolls", "opensees": "grips", "exudyn": None}.items():
-        found = study._refused(ride, lines[name])
+        found = study._refusal(ride, lines[name])
         assert found is None if why is None else why in found
     truth, r = run(ride, "following-p4", elements=4, steps=400), run(ride, "following-p2", elements=4, steps=150)
-    known = study._Truth(truth, measures.window_of(truth), {})
+    known = study._Reference(truth, measures.window_of(truth), {})
     assert known.judged(r.reached, r.reason, dict)["status"] == "ok"
     assert known.judged(0.5, "it broke", dict) == {"status": "failed", "reason": "it broke"}
     l, tau = ride.length, ride.time_scale
     path = PeerPath(r.s_o / l, r.u / l, r.v / l, r.t / tau, 1.0, "")
     ours = known.errors(r)["path_error"]
-    assert known.errors_of_path(path, ride)["path_error"] == pytest.approx(ours, rel=1e-6)
+    assert known.peer_path_errors(path, ride)["path_error"] == pytest.approx(ours, rel=1e-6)
     late = replace(path, t=1.01 * path.t)
-    assert known.errors_of_path(late, ride)["path_error"] > 10.0 * ours
+    assert known.peer_path_errors(late, ride)["path_error"] > 10.0 * ours
 
 
 # --- cost ------------------------------------------------------------------------------------------------------------

@@ -34,7 +34,7 @@ def advise(line: Line, tol: float, out: Path, report: Progress = silent) -> Row:
     runs: list[Runs] = []
     for model in ("rigid", "point"):
         report("bodies and points", 0.5 * len(runs))
-        runs.append(Runs(ELEMENTS, _with(line, model), runs[0] if runs else None))
+        runs.append(Runs(ELEMENTS, _line_with_model(line, model), runs[0] if runs else None))
     body, point = (x.run(2, 2) for x in runs)
     scales = scales_of(line, body)
     allowed = {"path": tol * scales.path, "tension": LOOSER * tol * scales.tension}
@@ -43,11 +43,11 @@ def advise(line: Line, tol: float, out: Path, report: Progress = silent) -> Row:
     for table, car, a, b in zip(line.car, runs[0].line.cars, body.motion.cars, point.motion.cars, strict=True):
         if a.turning is None:
             continue
-        period = _period(table, line.gravity, b)
-        ramp = _ramp(car)
+        period = _body_period(table, line.gravity, b)
+        ramp = _shortest_ramp(car)
         periods.append({"car": car.name, "period": period, "ramp": ramp, "short": period <= SHORT * ramp})
-        formulas = _formulas(table, line.gravity, point, b, ramp, period)
-        for need, distance in _distances(body, a, point, b):
+        formulas = _distances_by_formula(table, line.gravity, point, b, ramp, period)
+        for need, distance in _distances_of_runs(body, a, point, b):
             limit = allowed.get(need, LOOSER * tol * scales.weights[car.name])
             rows.append({
                 "car": car.name, "need": need.replace("_", " "), "unit": "m" if need == "path" else "N",
@@ -58,7 +58,7 @@ def advise(line: Line, tol: float, out: Path, report: Progress = silent) -> Row:
     return content
 
 
-def _with(line: Line, model: str) -> Line:
+def _line_with_model(line: Line, model: str) -> Line:
     """The line whose wheels have a model; a point has no cabin, and no thrust at an angle."""
     changes: dict[str, Any] = {}
     for car in line.car:
@@ -71,7 +71,7 @@ def _with(line: Line, model: str) -> Line:
     return line.replace(changes)
 
 
-def _ramp(car: Car) -> float:
+def _shortest_ramp(car: Car) -> float:
     """Shortest start or stop [s] of a timetable; 0 of a free car, whose forces jump."""
     if car.travel is None:
         return 0.0
@@ -82,7 +82,7 @@ def _ramp(car: Car) -> float:
     return min(ramps, default=math.inf)
 
 
-def _period(table: CarTable, gravity: float, x: CarMotion) -> float:
+def _body_period(table: CarTable, gravity: float, x: CarMotion) -> float:
     """Period [s] of the pitch, longest where the rope is least taut, or of the swing."""
     if table.wheels is not None:
         return pitch_period(table.wheels, table.mass, float(np.min(x.tension_ahead)))
@@ -91,7 +91,7 @@ def _period(table: CarTable, gravity: float, x: CarMotion) -> float:
     return 2.0 * math.pi * math.sqrt((table.hanger.gyration**2 + h**2) / (gravity * h))
 
 
-def _formulas(
+def _distances_by_formula(
     table: CarTable, gravity: float, moved: Moved, x: CarMotion, ramp: float, period: float
 ) -> dict[str, float]:
     """Distances by formula: m g cos(beta) b/(4 N) of the path; of a cabin 2 m a |sin(w t/2)| after a stop of t."""
@@ -106,7 +106,7 @@ def _formulas(
     return {"haul force": 2.0 * table.hanger.mass * largest * swings}
 
 
-def _distances(body: Moved, a: CarMotion, point: Moved, b: CarMotion) -> Iterator[tuple[str, float]]:
+def _distances_of_runs(body: Moved, a: CarMotion, point: Moved, b: CarMotion) -> Iterator[tuple[str, float]]:
     """Largest distances of a car with a body and of a point at equal times: across the rope, and of mean forces."""
     assert a.turning is not None
     end = min(body.end, point.end)

@@ -19,10 +19,10 @@ def sections(folder: Path) -> list[Section]:
     if "bodies" in x:
         return drawn(__package__, "bodies.html", x=x)
     rungs = [r for r in x["rungs"] if "v" in r]
-    return drawn(__package__, x=x, drawing=_paths(x, rungs) if len(rungs) > 1 else "")
+    return drawn(__package__, x=x, drawing=_plot_paths(x, rungs) if len(rungs) > 1 else "")
 
 
-def _paths(x: dict[str, Any], rungs: list[dict[str, Any]]) -> Markup:
+def _plot_paths(x: dict[str, Any], rungs: list[dict[str, Any]]) -> Markup:
     position = np.array(x["place"])
     end = x["range"][1]
     paths = [np.array(rung["v"], dtype=float) for rung in rungs]

@@ -49,27 +49,27 @@ LADDER = (*itertools.product(("string", "sagged", "stretching"), ("force", "mass
 Gap = Callable[[Response, Response, View], float]
 
 
-def _over_largest(name: str, a: Response, b: Response, view: View, axial: float = 0.0) -> float:
+def _relative_gap(name: str, a: Response, b: Response, view: View, axial: float = 0.0) -> float:
     gap = series_gap(a, b, view.window, attrgetter(name), axial, largest=True)
     return gap / float(np.nanmax(np.abs(getattr(b, name))))
 
 
-def _timetable(a: Response, b: Response, view: View) -> float:
+def _timetable_gap(a: Response, b: Response, view: View) -> float:
     position = series_gap(a, b, view.window, attrgetter("s_o"), largest=True) / b.length
-    return max(position, _over_largest("speed", a, b, view))
+    return max(position, _relative_gap("speed", a, b, view))
 
 
 FORCES = ("tension", "haul force")
 # need -> distance of two runs, and the largest order credited
 NEEDS: dict[str, tuple[Gap, float]] = {
-    "timetable": (_timetable, math.inf), "path": (partial(_over_largest, "v"), math.inf),
+    "timetable": (_timetable_gap, math.inf), "path": (partial(_relative_gap, "v"), math.inf),
     "tension": (lambda a, b, view: tension_gap(a, b, view.window), 1.0),
-    "haul force": (lambda a, b, view: _over_largest("F_haul", a, b, view, view.axial), 1.0),
+    "haul force": (lambda a, b, view: _relative_gap("F_haul", a, b, view, view.axial), 1.0),
 }  # fmt: skip
 OF = {"grip": ("path", "tension"), "free": ("timetable", "path", "tension"), "haul": ("path", "tension", "haul force")}
 
 
-def required(scene: Scene, tol: float) -> dict[str, float]:
+def required_tolerances(scene: Scene, tol: float) -> dict[str, float]:
     """The tolerance of each need of a scene, from that of the path."""
     needs = OF[scene.drive.mode]
     return {need: tolerance_of("force" if need in FORCES else "path", tol, None) for need in needs}
@@ -89,7 +89,7 @@ class Rung:
     def name(self) -> str:
         return f"{self.model} + {self.load}" if (self.model, self.load) in LADDER else self.model
 
-    def within(self, tolerances: dict[str, float]) -> bool:
+    def meets_tolerances(self, tolerances: dict[str, float]) -> bool:
         return all(gap <= tolerances[need] for need, gap in self.gaps.items())
 
     def row(self, tolerances: dict[str, float]) -> dict[str, Any]:
@@ -97,7 +97,7 @@ class Rung:
         out: dict[str, Any] = {
             "name": self.name, "model": self.model, "load": self.load, "seconds": self.seconds,
             "path_error": self.gaps["path"], "tension_error": self.gaps["tension"], "gaps": self.gaps,
-            "meets": self.within(tolerances), "method": None, "settings": {},
+            "meets": self.meets_tolerances(tolerances), "method": None, "settings": {},
         }  # fmt: skip
         r = self.run
         if r is not None:
@@ -117,25 +117,25 @@ def advise(scene: Scene, tol: float, out: Path, report: Progress = silent) -> di
     if not (math.isfinite(tol) and 0.0 < tol < 1.0):
         raise ValueError(f"tol must lie in (0, 1), got {tol!r}")
     file = out / "advice.json"
-    stored = store.stored(file, scene_toml=scene.to_toml(), asked=required(scene, tol))
+    stored = store.stored(file, scene_toml=scene.to_toml(), asked=required_tolerances(scene, tol))
     if stored:
         return stored
-    content = advice(scene, tol, report)
+    content = find_advice(scene, tol, report)
     write_json(file, content)
     return content
 
 
-def advice(scene: Scene, tol: float, report: Progress = silent) -> dict[str, Any]:
+def find_advice(scene: Scene, tol: float, report: Progress = silent) -> dict[str, Any]:
     """The content of advice.json: the cheapest run that meets the tolerance, and all that was compared with it."""
-    tolerances = required(scene, tol)
+    tolerances = required_tolerances(scene, tol)
     view = View.of(scene)
-    ladder = _full(scene, view, tol, tolerances, report)
+    ladder = _full_ladder(scene, view, tol, tolerances, report)
     full = ladder.finest
     bars = {need: sum(parts_of(ladder, view, *NEEDS[need])) for need in tolerances}
     rungs = [Rung("full", "mass", full.seconds, bars, full)]
     if all(map(math.isfinite, bars.values())):
         view = view.cut(full)
-        rungs = [*_cheaper(scene, full, view, report), *rungs]
+        rungs = [*_cheaper_rungs(scene, full, view, report), *rungs]
     enough = {
         need: next((rung for rung in rungs if rung.gaps[need] <= limit), rungs[-1])
         for need, limit in tolerances.items()
@@ -143,26 +143,26 @@ def advice(scene: Scene, tol: float, report: Progress = silent) -> dict[str, Any
     best = max(enough.values(), key=rungs.index)
     candidates = [best]
     if full.drive == "grip":
-        candidates += _raced(scene, best, full, view, tolerances, report)
-    meeting = (rung for rung in candidates if rung.within(tolerances))
+        candidates += _race_methods(scene, best, full, view, tolerances, report)
+    meeting = (rung for rung in candidates if rung.meets_tolerances(tolerances))
     cheapest = min(meeting, key=attrgetter("seconds"), default=best)
     return {
         "scene": scene.name, "scene_toml": scene.to_toml(), "tol": tol, "asked": tolerances, "drive": full.drive,
         **cheapest.row(tolerances), "least": {need: rung.name for need, rung in enough.items()},
         "range": list(view.window), "slack_onset": full.slack_onset,
-        "wheelbase": _wheelbase(full, tolerances["path"]), "full": rungs[-1].row(tolerances),
+        "wheelbase": _wheelbase_at_tolerance(full, tolerances["path"]), "full": rungs[-1].row(tolerances),
         "candidates": [rung.row(tolerances) for rung in candidates],
         "rungs": [rung.row(tolerances) for rung in rungs], "place": POSITIONS.tolist(),
     }  # fmt: skip
 
 
-def _wheelbase(r: Response, tol: float) -> float:
+def _wheelbase_at_tolerance(r: Response, tol: float) -> float:
     """Distance b [m] of two wheels whose m g cos(beta) b/(4 N) is the tolerance of the path."""
     kink = 2.0 * r.F_contact / (r.T_behind + r.T_ahead)  # (n,)
     return float(4.0 * tol * np.nanmax(np.abs(r.v)) / np.nanmax(kink))
 
 
-def _full(scene: Scene, view: View, tol: float, tolerances: dict[str, float], report: Progress) -> Ladder:
+def _full_ladder(scene: Scene, view: View, tol: float, tolerances: dict[str, float], report: Progress) -> Ladder:
     """The full model, as fine as tolerance and budget allow."""
     progress = partial(report, "full model")
     budget = SHARE * BUDGET
@@ -171,37 +171,37 @@ def _full(scene: Scene, view: View, tol: float, tolerances: dict[str, float], re
     except TooCoarse as error:
         return error.ladder
 
-    def worst(ladder: Ladder) -> Goal:
+    def worst_goal(ladder: Ladder) -> Goal:
         """The need whose bar exceeds its share most."""
         goals = [Goal(parts_of(ladder, view, *NEEDS[need]), SHARE * limit, FIRST) for need, limit in tolerances.items()]
         return max(goals, key=attrgetter("excess"))
 
-    return refined_until(scene, ladder, worst, budget=budget, until=view.stop)
+    return refined_until(scene, ladder, worst_goal, budget=budget, until=view.stop)
 
 
-def _cheaper(scene: Scene, full: Response, view: View, report: Progress) -> Iterator[Rung]:
+def _cheaper_rungs(scene: Scene, full: Response, view: View, report: Progress) -> Iterator[Rung]:
     """Yield the rungs below the full one, cheap to rich."""
     if scene.drive.mode == "free":
-        yield from _quasi_static_rides(scene, full)
+        yield from _quasi_static_rungs(scene, full)
         return
     if scene.drive.mode == "haul":
-        yield _statics(scene, full, view)
-        gripped = _timed(scene.variant(drive={"mode": "grip"}), REFERENCE, until=view.stop, **full.settings)
-        yield Rung("grip", "mass", gripped.seconds, distances(gripped, full, view), gripped)
+        yield _statics_rung(scene, full, view)
+        gripped = _run_timed(scene.variant(drive={"mode": "grip"}), REFERENCE, until=view.stop, **full.settings)
+        yield Rung("grip", "mass", gripped.seconds, gaps_by_need(gripped, full, view), gripped)
         return
     for i, (model, load) in enumerate(LADDER[:-1]):
         report("cheaper models", (i + 1) / (len(LADDER) - 1))
-        r = _timed(scene, REFERENCE, model=model, load=load, until=view.stop, **full.settings)
-        yield Rung(model, load, r.seconds, distances(r, full, view), r)
+        r = _run_timed(scene, REFERENCE, model=model, load=load, until=view.stop, **full.settings)
+        yield Rung(model, load, r.seconds, gaps_by_need(r, full, view), r)
 
 
-def _timed(scene: Scene, method: Any, **how: Any) -> Response:
+def _run_timed(scene: Scene, method: Any, **how: Any) -> Response:
     """A run after a short one, so that its time has no compiling in it."""
     run(scene, method, **how | {"steps": 8})
     return run(scene, method, **how)
 
 
-def distances(r: Response, full: Response, view: View) -> dict[str, float]:
+def gaps_by_need(r: Response, full: Response, view: View) -> dict[str, float]:
     """Distances to the full run by need; infinite where a run says nothing, or ends before the range."""
     out = dict.fromkeys(OF[full.drive], math.inf)
     if not view.covers(r):
@@ -212,7 +212,7 @@ def distances(r: Response, full: Response, view: View) -> dict[str, float]:
     return out
 
 
-def _quasi_static_rides(scene: Scene, full: Response) -> Iterator[Rung]:
+def _quasi_static_rungs(scene: Scene, full: Response) -> Iterator[Rung]:
     """Yield the quasi-static rides; the one on the loaded cable has path and tension, too."""
     g = scene.groups
     l = scene.length
@@ -233,7 +233,7 @@ def _quasi_static_rides(scene: Scene, full: Response) -> Iterator[Rung]:
         yield Rung(model, "mass", seconds, gaps)
 
 
-def _statics(scene: Scene, full: Response, view: View) -> Rung:
+def _statics_rung(scene: Scene, full: Response, view: View) -> Rung:
     begin = time.perf_counter()
     r = quasi_static(scene)
     seconds = time.perf_counter() - begin
@@ -261,7 +261,7 @@ def _static_gaps(scene: Scene, full: Response) -> dict[str, float]:
     }
 
 
-def _raced(
+def _race_methods(
     scene: Scene, best: Rung, full: Response, view: View, tolerances: dict[str, float], report: Progress
 ) -> Iterator[Rung]:  # fmt: skip
     """Yield runs of a model by all methods that race, refined until one meets the tolerances or costs too much."""
@@ -271,10 +271,10 @@ def _raced(
         report("methods", (i + 1) / len(candidates))
         for resolution, steps in method.races:
             settings: dict[str, Any] = {method.resolution.setting: resolution, "steps": steps}
-            r = _timed(scene, method, model=best.model, load=best.load, until=view.stop, **settings)
-            rung = Rung(best.model, best.load, r.seconds, distances(r, full, view), r)
+            r = _run_timed(scene, method, model=best.model, load=best.load, until=view.stop, **settings)
+            rung = Rung(best.model, best.load, r.seconds, gaps_by_need(r, full, view), r)
             yield rung
-            if rung.within(tolerances):
+            if rung.meets_tolerances(tolerances):
                 cheapest = min(cheapest, r.seconds)
                 break
             if 2.0 * r.seconds > cheapest:  # the next costs about twice

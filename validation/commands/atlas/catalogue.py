@@ -14,9 +14,9 @@ from cablefem.scene import Scene
 from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
 from validation.commands.atlas import specimens
-from validation.commands.modes.study import frequencies
+from validation.commands.modes.study import cable_frequencies
 from validation.commands.paper import measured
-from validation.commands.paper.vibration import free_vibration
+from validation.commands.paper.vibration import free_vibration_energy
 from validation.core import measures, running, store
 from validation.core.trust import convergence_limit, gap_past_slack
 from validation.core.watch import MAX_GAIN
@@ -30,141 +30,142 @@ CATALOGUE: tuple[Row, ...] = tuple(store.shipped(__package__, "catalogue.toml")[
 
 def run_row(row: Row) -> Row:
     """A row's words, what was measured, and whether failure and remedy showed."""
-    failure = _numbers(row["shows"])
-    cure = _numbers(row["cures"])
+    failure = _evaluate_all(row["shows"])
+    cure = _evaluate_all(row["cures"])
     words = {k: row[k] for k in ("name", "scene", "method", "symptom", "cause", "remedy")}
     return words | {
-        "failure": failure, "cure": cure, "failure_shown": holds(row["shown"], failure),
-        "remedy_works": holds(row["cured"], cure),
+        "failure": failure, "cure": cure, "failure_shown": condition_holds(row["shown"], failure),
+        "remedy_works": condition_holds(row["cured"], cure),
     }  # fmt: skip
 
 
-def _numbers(expressions: dict[str, str]) -> dict[str, float]:
+def _evaluate_all(expressions: dict[str, str]) -> dict[str, float]:
     """Values by name; nan for None."""
-    values = {name: _evaluated(expression) for name, expression in expressions.items()}
+    values = {name: _evaluate(expression) for name, expression in expressions.items()}
     return {name: math.nan if x is None else float(x) for name, x in values.items()}
 
 
-def holds(condition: str, x: dict[str, float]) -> bool:
-    return bool(_evaluated(condition, x=x))
+def condition_holds(condition: str, x: dict[str, float]) -> bool:
+    return bool(_evaluate(condition, x=x))
 
 
-def _evaluated(expression: str, **names: Any) -> Any:
+def _evaluate(expression: str, **names: Any) -> Any:
     return page.expression(expression)(**MEASURES, **names)
 
 
-def level(**groups: float) -> Scene:
+def level_scene(**groups: float) -> Scene:
     return Scene.load("level").variant(**groups)
 
 
-def run(method: str, scene: Groups | None = None, **how: Any) -> Response:
+def run_on_level(method: str, scene: Groups | None = None, **how: Any) -> Response:
     """Run a method, or one with a planted fault, on the level scene."""
-    return _run(json.dumps([method, scene or {}, how]))
+    return _run_once(json.dumps([method, scene or {}, how]))
 
 
 @cache
-def _run(key: str) -> Response:
+def _run_once(key: str) -> Response:
     method, scene, how = json.loads(key)
-    return running.run(level(**scene), specimens.PLANTED.get(method, method), **how)
+    return running.run(level_scene(**scene), specimens.PLANTED.get(method, method), **how)
 
 
-def gap(a: Response, b: Response, low: float = measures.WINDOW[0], high: float = measures.WINDOW[1]) -> float:
+def path_gap(a: Response, b: Response, low: float = measures.WINDOW[0], high: float = measures.WINDOW[1]) -> float:
     """Largest distance of two paths, over the largest deflection of the second."""
     return measures.path_gap(a, b, (low, min(high, a.reached, b.reached)))[0]
 
 
-def path(method: str, model: str = "full", scene: Groups | None = None, **how: Any) -> float:
+def path_error(method: str, model: str = "full", scene: Groups | None = None, **how: Any) -> float:
     """Largest path error; infinite for a run that broke before 0.80.
 
     The reference is right to 2e-4 (level) and takes a second.
     """
-    r = run(method, scene, model=model, law="elastic", **how)
+    r = run_on_level(method, scene, model=model, law="elastic", **how)
     if r.reached < measures.WINDOW[1]:
         return math.inf
-    return gap(r, run("following-p2", scene, model=model, elements=20, steps=1500))
+    return path_gap(r, run_on_level("following-p2", scene, model=model, elements=20, steps=1500))
 
 
-def energy(method: str, **how: Any) -> float:
+def energy_gain(method: str, **how: Any) -> float:
     """The energy gained without work, over weight times deflection."""
-    gain = run(method, **how).energy_gain
+    gain = run_on_level(method, **how).energy_gain
     return math.inf if gain is None else gain
 
 
-def ripple(method: str, **how: Any) -> float:
-    return measured.wiggle(run(method, law="elastic", **how), near=measures.JUMP_WIDTH)
+def tension_ripple(method: str, **how: Any) -> float:
+    return measured.tension_ripple(run_on_level(method, law="elastic", **how), near=measures.JUMP_WIDTH)
 
 
 @cache
-def vibration(scheme: str) -> Array:
+def vibration_energy(scheme: str) -> Array:
     """The energy of a free cable over that at the start, at every step, in the second mode."""
     large: dict[str, Any] = {"terms": 30, "speed": 0.1, "sine": 2, "dt": 0.04, "steps": 200}
-    return free_vibration(level().groups, newmark.scheme(scheme), **large)
+    return free_vibration_energy(level_scene().groups, newmark.scheme(scheme), **large)
 
 
-def left(scheme: str, **how: float) -> float:
+def remaining_energy(scheme: str, **how: float) -> float:
     """Remaining energy of a vibration small enough to be linear."""
     small: dict[str, Any] = {"terms": 16, "speed": 1e-3, "sine": 2, "dt": 0.05, "steps": 600}
-    energy = free_vibration(level().groups, newmark.scheme(scheme, **how), **small)
+    energy = free_vibration_energy(level_scene().groups, newmark.scheme(scheme, **how), **small)
     return energy[-1] / energy[100]  # without the axial waves of the start
 
 
-def frequency(J: int, reading: Literal["literal", "scaling"]) -> float:
+def frequency_error(J: int, reading: Literal["literal", "scaling"]) -> float:
     """The error of the first frequency; exact: the linearised catenary, by collocation to 11 digits."""
-    return abs(float(frequencies(level().groups, level=J, reading=reading, n=1)[0]) / 5.3454766022 - 1.0)
+    return abs(float(cable_frequencies(level_scene().groups, level=J, reading=reading, n=1)[0]) / 5.3454766022 - 1.0)
 
 
-def beyond(a: Response, b: Response, last: float = 1.0) -> float:
+def slack_path_gap(a: Response, b: Response, last: float = 1.0) -> float:
     """Distance of two paths on the slack cable, as far as both go."""
     return gap_past_slack(a, b, min(a.reached, b.reached, last))
 
 
-def start(**finer: float) -> float:
+def entry_error(**finer: float) -> float:
     """The path error of a light mass just after the entry; finer : settings for its layer."""
     light = {"mu": 0.01}
-    r = run("following-p2", light, elements=8, steps=400, **finer)
-    fine = run("following-p2", light, elements=40, steps=3000, grading=30.0, entry=0.01)
+    r = run_on_level("following-p2", light, elements=8, steps=400, **finer)
+    fine = run_on_level("following-p2", light, elements=40, steps=3000, grading=30.0, entry=0.01)
     position = r.length * np.array([0.02, 0.05])
     error = np.interp(position, r.s_o, r.v) - np.interp(position, fine.s_o, fine.v)
     return float(np.abs(error).max() / fine.max_deflection)
 
 
-def negative(method: str, **how: Any) -> float:
+def compression_onset(method: str, **how: Any) -> float:
     """s_o/l of the mass when a point of the cable is first compressed, else infinite."""
-    r = run(method, law="elastic", **how)
+    r = run_on_level(method, law="elastic", **how)
     pressed = r.fields.s_o[r.fields.T_pointwise.min(axis=1) < 0.0]
     return float(pressed[0] / r.length) if pressed.size else math.inf
 
 
-def stiff(model: str) -> tuple[Response, Response]:
+def stiff_cable_runs(model: str) -> tuple[Response, Response]:
     """A coarse and a finer run on a stiff cable."""
-    a, b = (run("following-p2", {"alpha": 1e6}, model=model, elements=n, steps=50 * n) for n in (8, 16))
+    a, b = (run_on_level("following-p2", {"alpha": 1e6}, model=model, elements=n, steps=50 * n) for n in (8, 16))
     return a, b
 
 
-def tension_gap(a: Response, b: Response, of: str = "T") -> float:
+def taut_tension_gap(a: Response, b: Response, of: str = "T") -> float:
     """The distance of two tension fields before the slack."""
     return measures.tension_gap(a, b, (0.02, min(0.2, a.reached, b.reached)), of)
 
 
-def frozen(terms: int) -> float:
+def frozen_growth_factor(terms: int) -> float:
     """Growth over the crossing, by eigenvalues of the system frozen at instants."""
-    system = GalerkinSystem(level().groups, Fourier(terms))
+    system = GalerkinSystem(level_scene().groups, Fourier(terms))
     end = system.phases[-1][1]
     rate = max(specimens.frozen_growth(system, x * end) for x in (0.1, 0.5, 0.9))
     return float(np.exp(end * rate))
 
 
-def explicit_steps(terms: int, factor: float) -> int:
+def explicit_step_count(terms: int, factor: float) -> int:
     """Number of steps `factor` times as long as the longest stable one: 2/omega_max with the mass at mid-span."""
-    system = GalerkinSystem(level().groups, Fourier(terms))
+    system = GalerkinSystem(level_scene().groups, Fourier(terms))
     end = system.phases[-1][1]
-    M, _, K = specimens.frozen(system, 0.5 * end)
+    M, _, K = specimens.frozen_matrices(system, 0.5 * end)
     omega_max = math.sqrt(eigvals(K, M).real.max())
     return round(end * omega_max / 2.0 / factor)
 
 
 _FUNCTIONS = (
-    run, gap, path, energy, ripple, vibration, left, frequency, beyond, start, negative, stiff, tension_gap, frozen,
-    explicit_steps, convergence_limit,
+    run_on_level, path_gap, path_error, energy_gain, tension_ripple, vibration_energy, remaining_energy, frequency_error,
+    slack_path_gap, entry_error, compression_onset, stiff_cable_runs, taut_tension_gap, frozen_growth_factor,
+    explicit_step_count, convergence_limit,
 )  # fmt: skip
 MEASURES: dict[str, Any] = {f.__name__: f for f in _FUNCTIONS} | {"most_gain": MAX_GAIN}

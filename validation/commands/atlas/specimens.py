@@ -13,22 +13,22 @@ from galerkin.equations import GalerkinSystem, Instant
 from validation.core.methods import METHODS, Method
 
 
-def frozen(system: GalerkinSystem, t: float) -> Any:
+def frozen_matrices(system: GalerkinSystem, t: float) -> Any:
     """M, C and K of the cable and mass at rest, frozen at time t."""
     q = np.zeros(system.n_dof)
     return [system.tangent(t, q, 0, *factors) for factors in ((0, 0, 1.0), (0, 1.0, 0), (1.0, 0, 0))]
 
 
 def frozen_growth(system: GalerkinSystem, t: float) -> float:
-    """Largest growth rate Re lambda of the `frozen` system."""
-    M, C, K = frozen(system, t)
+    """Largest growth rate Re lambda of the system of `frozen_matrices`."""
+    M, C, K = frozen_matrices(system, t)
     n = system.n_dof
     lower = -np.linalg.solve(M, np.hstack([K, C]))  # (n, 2 n)
     A = np.vstack([np.eye(n, 2 * n, n), lower])
     return float(eigvals(A).real.max())
 
 
-def _without(*terms: str) -> type[GalerkinSystem]:
+def _system_without(*terms: str) -> type[GalerkinSystem]:
     """FAULT: the acceleration of the mass without terms (22), (23) of the travel; f_v : 2 ds_o w.'."""
 
     class Faulty(GalerkinSystem):
@@ -51,16 +51,17 @@ class _RestingStart(GalerkinSystem):
         return State(x.t, x.q, np.zeros_like(x.v), a, 0)
 
 
-def planted(method: str, fault: type[GalerkinSystem]) -> Method:
+def method_with_fault(method: str, fault: type[GalerkinSystem]) -> Method:
     """A method whose system is the faulty one."""
 
-    def build(groups: Groups, x: dict[str, Any], **kind: Any) -> Any:
+    def build_faulty(groups: Groups, x: dict[str, Any], **kind: Any) -> Any:
         return fault(groups, Fourier(x["terms"]), kink=method.endswith("kink"), **kind)
 
-    return replace(METHODS[method], build=build)
+    return replace(METHODS[method], build=build_faulty)
 
 
 PLANTED = {
-    "no Coriolis": planted("fourier", _without("f_v")), "no convection": planted("fourier", _without("f_v", "f_q")),
-    "resting start": planted("fourier-kink", _RestingStart),
+    "no Coriolis": method_with_fault("fourier", _system_without("f_v")),
+    "no convection": method_with_fault("fourier", _system_without("f_v", "f_q")),
+    "resting start": method_with_fault("fourier-kink", _RestingStart),
 }  # fmt: skip

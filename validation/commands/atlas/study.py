@@ -25,7 +25,7 @@ MAPS = store.shipped(__package__, "maps.toml")
 Map = dict[str, Any]  # as in maps.toml
 
 
-def methods(m: Map) -> list[tuple[str, dict[str, Any]]]:
+def methods_of_map(m: Map) -> list[tuple[str, dict[str, Any]]]:
     """The methods of a map, with the settings that its axes do not have."""
     if "methods" in m:
         return [tuple(pair) for pair in m["methods"]]
@@ -37,12 +37,12 @@ def methods(m: Map) -> list[tuple[str, dict[str, Any]]]:
     return out
 
 
-def scene_at(m: Map, x: float, y: float) -> Scene:
+def scene_of_cell(m: Map, x: float, y: float) -> Scene:
     axes = {"x": x, "y": y}
-    return catalogue.level(**{name: axes.get(value, value) for name, value in m.get("scene", {}).items()})
+    return catalogue.level_scene(**{name: axes.get(value, value) for name, value in m.get("scene", {}).items()})
 
 
-def settings_at(m: Map, x: float, y: float, method: str, fixed: dict[str, Any]) -> dict[str, Any]:
+def settings_of_cell(m: Map, x: float, y: float, method: str, fixed: dict[str, Any]) -> dict[str, Any]:
     """The method's settings in a cell, with about y unknowns per field on the map of resolution."""
     if m["name"] != "step-resolution":
         return fixed
@@ -50,7 +50,7 @@ def settings_at(m: Map, x: float, y: float, method: str, fixed: dict[str, Any]) 
     return {**fixed, "steps": round(x), space.setting: space.with_unknowns(y)}
 
 
-def label(method: str, fixed: dict[str, Any]) -> str:
+def map_label(method: str, fixed: dict[str, Any]) -> str:
     """The name of a method's map, with its scheme if it has one."""
     return f"{method}, {fixed['scheme']}" if "scheme" in fixed else method
 
@@ -65,9 +65,9 @@ def atlas(
     verdict of the result : whether every failure of the catalogue shows, and its remedy works.
     """
     if quick:
-        maps = [_thinned(m) for m in maps]
+        maps = [_every_fifth_value(m) for m in maps]
         rows = rows[::5]
-    jobs = _jobs(maps, rows)
+    jobs = _jobs_by_key(maps, rows)
     results = store.each_once(out / CELLS, jobs, lambda job: job(), partial(progress, "atlas"))
     cells_of_maps = []
     catalogue_rows = []
@@ -80,34 +80,34 @@ def atlas(
     as_described = all(row["verdict"] == "agree" for row in catalogue_rows)
     content = {
         "verdict": "agree" if as_described else "disagree",
-        "maps": [m | {"methods": [label(*x) for x in methods(m)]} for m in maps],
+        "maps": [m | {"methods": [map_label(*x) for x in methods_of_map(m)]} for m in maps],
         "good": MAPS["good"], "wrong": MAPS["wrong"], "cells": cells_of_maps, "catalogue": catalogue_rows,
     }  # fmt: skip
     write_json(out / RESULT, content)
     return content
 
 
-def _thinned(m: Map) -> Map:
+def _every_fifth_value(m: Map) -> Map:
     return m | {axis: m[axis] | {"values": m[axis]["values"][1::5]} for axis in "xy"}
 
 
-def _jobs(maps: Sequence[Map], rows: Sequence[catalogue.Row]) -> dict[str, Callable[[], Any]]:
+def _jobs_by_key(maps: Sequence[Map], rows: Sequence[catalogue.Row]) -> dict[str, Callable[[], Any]]:
     jobs: dict[str, Callable[[], Any]] = {}
     for m in maps:
         for x in m["x"]["values"]:
             for y in m["y"]["values"]:
-                used = [(name, settings_at(m, x, y, name, fixed)) for name, fixed in methods(m)]
-                jobs[_key("cell", m["name"], x, y, used, MAPS["reference"])] = partial(cells, m, x, y)
-    jobs |= {_key("row", row["name"]): partial(catalogue.run_row, row) for row in rows}
+                used = [(name, settings_of_cell(m, x, y, name, fixed)) for name, fixed in methods_of_map(m)]
+                jobs[_job_key("cell", m["name"], x, y, used, MAPS["reference"])] = partial(cells_at, m, x, y)
+    jobs |= {_job_key("row", row["name"]): partial(catalogue.run_row, row) for row in rows}
     return jobs
 
 
-def _key(*what: Any) -> str:
+def _job_key(*what: Any) -> str:
     return json.dumps(what, sort_keys=True)
 
 
 @lru_cache(maxsize=2)
-def _reference(toml: str) -> tuple[Response, float]:
+def _reference_run(toml: str) -> tuple[Response, float]:
     """The run to compare with, and its error."""
     scene = Scene.from_toml(toml)
     settings = find("following-p2").settings(MAPS["reference"])
@@ -119,21 +119,21 @@ def _reference(toml: str) -> tuple[Response, float]:
         return fine, math.inf
 
 
-def cells(m: Map, x: float, y: float) -> list[dict[str, Any]]:
+def cells_at(m: Map, x: float, y: float) -> list[dict[str, Any]]:
     """The cells of all methods at a point of a map."""
-    out = [{"map": m["name"], "x": x, "y": y, "method": label(*method)} for method in methods(m)]
+    out = [{"map": m["name"], "x": x, "y": y, "method": map_label(*method)} for method in methods_of_map(m)]
     try:
-        scene = scene_at(m, x, y)
+        scene = scene_of_cell(m, x, y)
     except ValueError as error:
         none = dict.fromkeys(("cause", "reached", "error", "slack_onset"))
         return [cell | none | {"class": "no scene", "reason": str(error)} for cell in out]
-    for cell, (name, fixed) in zip(out, methods(m), strict=True):
-        cell["settings"] = settings_at(m, x, y, name, fixed)
-        cell |= judged(run(scene, name, **cell["settings"]), *_reference(scene.to_toml()))
+    for cell, (name, fixed) in zip(out, methods_of_map(m), strict=True):
+        cell["settings"] = settings_of_cell(m, x, y, name, fixed)
+        cell |= judged_cell(run(scene, name, **cell["settings"]), *_reference_run(scene.to_toml()))
     return out
 
 
-def judged(r: Response, reference: Response, unsure: float, earliest: float = 0.05) -> dict[str, Any]:
+def judged_cell(r: Response, reference: Response, unsure: float, earliest: float = 0.05) -> dict[str, Any]:
     """A cell: how far the run came, its path error with a class, and the cause of a failure.
 
     The error is taken up to the slack onset of the reference; a run that stops before is wrong.
@@ -159,11 +159,11 @@ def judged(r: Response, reference: Response, unsure: float, earliest: float = 0.
     if unsure > 0.5 * bound:
         return out | {"class": "not judged", "reason": f"the reference itself is sure to {unsure:.2g} only"}
     if verdict != "good" and not r.cause:
-        out["cause"] = _cause(r, stop)
+        out["cause"] = _failure_cause(r, stop)
     return out | {"class": verdict, "error": error}
 
 
-def _cause(r: Response, stop: float) -> str:
+def _failure_cause(r: Response, stop: float) -> str:
     """Why a run that did not break is not good."""
     if "energy" in r.flag_kinds:
         return "unstable"

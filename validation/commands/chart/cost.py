@@ -37,17 +37,19 @@ def implicit_floor(scene: Scene, *, elements: int = 10, steps: int = 480, repeat
             x = next(x for x in advance if work.steps >= steps // 2)
             whole = (time.perf_counter() - begin) / work.newton_iterations
 
-            def iteration(x: newmark.State = x) -> None:
+            def solver_iteration(x: newmark.State = x) -> None:
                 r, solve = system.linearise(x.t, x.q, x.v, x.a, x.phase, *c)
                 solve(r)
 
-            def bare() -> None:
+            def bare_solve() -> None:
                 lapack.dgbsv(band, band, matrix, b)  # copies both
 
-            def copies() -> None:
+            def copy_arrays() -> None:
                 matrix.copy(order="F"), b.copy()
 
-            one, full, copied = (timeit(job, job, number=200) / 200 for job in (iteration, bare, copies))
+            one, full, copied = (
+                timeit(job, job, number=200) / 200 for job in (solver_iteration, bare_solve, copy_arrays)
+            )
             found.append((full - copied, one, whole))
     lone, one, whole = np.median(found, axis=0).tolist()
     return {

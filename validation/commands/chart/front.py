@@ -9,7 +9,7 @@ Row = dict[str, Any]
 OURS = ("method", "integrator")  # full cable
 
 
-def best_of(rows: Sequence[Row], quantity: str, work: str = "seconds") -> list[Row]:
+def best_rows(rows: Sequence[Row], quantity: str, work: str = "seconds") -> list[Row]:
     """Rows that no other one beats in work and error."""
     error = f"{quantity}_error"
     out: list[Row] = []
@@ -20,48 +20,48 @@ def best_of(rows: Sequence[Row], quantity: str, work: str = "seconds") -> list[R
     return out
 
 
-def front(rows: Sequence[Row], quantity: str, work: str = "seconds") -> list[Row]:
-    return best_of([r for r in rows if r["kind"] in OURS], quantity, work)
+def our_best_rows(rows: Sequence[Row], quantity: str, work: str = "seconds") -> list[Row]:
+    return best_rows([r for r in rows if r["kind"] in OURS], quantity, work)
 
 
-def seconds_at(rows: list[Row], error: float, quantity: str = "path") -> float | None:
+def seconds_at_error(rows: list[Row], error: float, quantity: str = "path") -> float | None:
     """Seconds at an error, between the best rows, log over log.
 
     None where no row reaches it; of a better coarsest row, its seconds.
     """
-    best = best_of(rows, quantity)
+    best = best_rows(rows, quantity)
     if not best or best[-1][f"{quantity}_error"] > error:
         return None
     seconds, errors = (np.log([r[name] for r in best]) for name in ("seconds", f"{quantity}_error"))
     return float(np.exp(np.interp(-np.log(error), -errors, seconds)))
 
 
-def fastest(rows: list[Row], error: float) -> Row:
+def fastest_methods(rows: list[Row], error: float) -> Row:
     """The fastest method for an error of path and of tension, and each peer's time (path)."""
     of = {name: [r for r in rows if r["series"] == name] for name in dict.fromkeys(r["series"] for r in rows)}
     full = {name: x for name, x in of.items() if x[0]["kind"] in OURS}
 
-    def first(quantity: str) -> Row:
-        at = {name: t for name, x in full.items() if (t := seconds_at(x, error, quantity)) is not None}
+    def fastest_series(quantity: str) -> Row:
+        at = {name: t for name, x in full.items() if (t := seconds_at_error(x, error, quantity)) is not None}
         name = min(at, key=at.__getitem__, default="")
-        return {"series": name or None, "seconds": at.get(name), "cut": any(map(cut, full.values()))}
+        return {"series": name or None, "seconds": at.get(name), "cut": any(map(cut_by_budget, full.values()))}
 
-    path = first("path")
-    peers = {name: _peer(x, error, path["seconds"]) for name, x in of.items() if x[0]["kind"] == "peer"}
-    return {"error": error, **path, "tension": first("tension"), "peers": peers}
+    path = fastest_series("path")
+    peers = {name: _peer_seconds(x, error, path["seconds"]) for name, x in of.items() if x[0]["kind"] == "peer"}
+    return {"error": error, **path, "tension": fastest_series("tension"), "peers": peers}
 
 
-def cut(rows: list[Row]) -> bool:
+def cut_by_budget(rows: list[Row]) -> bool:
     """Whether the budget ended before the ladder of settings did."""
     return any(r["status"] == "not run" for r in rows)
 
 
-def _peer(rows: list[Row], error: float, ours: float | None) -> Row:
+def _peer_seconds(rows: list[Row], error: float, ours: float | None) -> Row:
     """Seconds of another code at an error, over ours, or why there are none."""
-    at = seconds_at(rows, error)
+    at = seconds_at_error(rows, error)
     reason = None
     if at is None:
         errors = [r["path_error"] for r in rows if r["path_error"] is not None]
-        how = "within the time it was given" if cut(rows) else "at best"
+        how = "within the time it was given" if cut_by_budget(rows) else "at best"
         reason = f"comes to {100.0 * min(errors):.2g} % {how}" if errors else f"not measured: {rows[0]['reason']}"
     return {"seconds": at, "ratio": None if at is None or ours is None else at / ours, "reason": reason}

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from matplotlib.transforms import Bbox
 
-from validation.commands.chart.front import OURS, Row, best_of, front
+from validation.commands.chart.front import OURS, Row, best_rows, our_best_rows
 from validation.core import store
 from validation.core.methods import METHODS
 from validation.page.figures import DASHES, MARKERS, PALETTE, figure, panels, style
@@ -26,19 +26,19 @@ WORK = {"seconds": "seconds of the time loop, one core", "unknown_steps": "steps
 def sections(folder: Path) -> list[Section]:
     chart = store.read(folder / "chart.json")
     return drawn(
-        __package__, chart=chart, free=chart.get("drive") == "free", fastest=chart.get("fastest", []), front=front,
-        charts=partial(_charts, chart), without_dot=_failures(chart),
+        __package__, chart=chart, free=chart.get("drive") == "free", fastest=chart.get("fastest", []),
+        front=our_best_rows, charts=partial(_work_precision_charts, chart), without_dot=_failed_runs(chart),
     )  # fmt: skip
 
 
-def _error(chart: dict[str, Any], quantity: str) -> str:
+def _error_label(chart: dict[str, Any], quantity: str) -> str:
     if quantity == "tension":
         return "rms error of the tension / H"
     free = chart.get("drive") == "free"
     return "distance of the rider / (length / 10)" if free else "error of the mass path / deflection"
 
 
-def _group(r: Row) -> str:
+def _chart_title(r: Row) -> str:
     """The title of the chart that shows a row: each has few enough lines."""
     if r["kind"] != "method":
         known = {"integrator": "integration in time", "model": "cheaper models"}
@@ -49,26 +49,31 @@ def _group(r: Row) -> str:
     return "Galerkin" if wing == "galerkin" else "other methods"
 
 
-def _charts(chart: dict[str, Any], quantity: str, work: str) -> Iterator[Markup]:
+def _work_precision_charts(chart: dict[str, Any], quantity: str, work: str) -> Iterator[Markup]:
     groups: dict[str, dict[str, list[Row]]] = {}
-    for r in _dots(chart, quantity, work):
+    for r in _rows_with_dots(chart, quantity, work):
         if work == "seconds" or r["kind"] in OURS:
-            groups.setdefault(_group(r), {}).setdefault(r["series"], []).append(r)
+            groups.setdefault(_chart_title(r), {}).setdefault(r["series"], []).append(r)
     for title, lines in groups.items():
-        yield figure(draw(chart, quantity, work, title, lines), f"{title.capitalize()}: {_error(chart, quantity)}")
+        yield figure(
+            draw_work_precision(chart, quantity, work, title, lines),
+            f"{title.capitalize()}: {_error_label(chart, quantity)}",
+        )
 
 
-def _dots(chart: dict[str, Any], quantity: str, work: str) -> list[Row]:
+def _rows_with_dots(chart: dict[str, Any], quantity: str, work: str) -> list[Row]:
     return [r for r in chart["rows"] if r["status"] == "ok" and r[f"{quantity}_error"] and r[work]]
 
 
 @style()
-def draw(chart: dict[str, Any], quantity: str, work: str, title: str, lines: dict[str, list[Row]]) -> Figure:
+def draw_work_precision(
+    chart: dict[str, Any], quantity: str, work: str, title: str, lines: dict[str, list[Row]]
+) -> Figure:
     """Draw a work-precision chart, logarithmic, in the same frame for all of a page."""
     error = f"{quantity}_error"
     fig, ax = panels(height=4.4)
-    dots = _dots(chart, quantity, work)
-    best = front(dots, quantity, work)
+    dots = _rows_with_dots(chart, quantity, work)
+    best = our_best_rows(dots, quantity, work)
     ax.plot(*_columns(best, work, error), color="#c8c8c8", linewidth=6.0, solid_capstyle="round", zorder=1)
     ends: list[tuple[Row, str, int]] = []
     for i, (name, rows) in enumerate(lines.items()):
@@ -76,20 +81,20 @@ def draw(chart: dict[str, Any], quantity: str, work: str, title: str, lines: dic
         marker = MARKERS[i % len(MARKERS)]
         dash = DASHES[i % len(DASHES)]
         ax.plot(*_columns(rows, work, error), marker, color=colour, alpha=0.25, markersize=3.5, zorder=2)
-        best = best_of(rows, quantity, work)
+        best = best_rows(rows, quantity, work)
         ax.plot(*_columns(best, work, error), marker=marker, color=colour, linestyle=dash, label=name, zorder=3)
         ends += [(best[k], colour, 1 if k == 0 else -1) for k in dict.fromkeys((0, len(best) - 1))]
-    _frame(ax, [r[work] for r in dots], [r[error] for r in dots], chart["reference"].get(error))
-    ax.set(title=title, xlabel=WORK[work], ylabel=_error(chart, quantity))
+    _set_axes(ax, [r[work] for r in dots], [r[error] for r in dots], chart["reference"].get(error))
+    ax.set(title=title, xlabel=WORK[work], ylabel=_error_label(chart, quantity))
     fig.legend(loc="outside lower center", ncols=2)
     fig.draw_without_rendering()
     taken: list[Bbox] = []
     for row, colour, up in ends:
-        _label(ax, _short(row), (row[work], row[error]), colour, up, taken)
+        _write_label(ax, _settings_text(row), (row[work], row[error]), colour, up, taken)
     return fig
 
 
-def _frame(ax: Axes, work: list[float], errors: list[float], floor: float | None) -> None:
+def _set_axes(ax: Axes, work: list[float], errors: list[float], floor: float | None) -> None:
     """Set the axes for the page; grey: below the reference's error."""
     ax.set(xscale="log", yscale="log", xlim=(0.4 * min(work), 3.0 * max(work)))
     ax.xaxis.set_minor_formatter(NullFormatter())
@@ -103,7 +108,7 @@ def _columns(rows: Sequence[Row], *names: str) -> list[list[float]]:
     return [[row[name] for row in rows] for name in names]
 
 
-def _short(row: Row) -> str:
+def _settings_text(row: Row) -> str:
     """Settings at a dot: resolution · steps, or the tolerance."""
     settings = row["settings"]
     if "tol" in settings:
@@ -111,7 +116,7 @@ def _short(row: Row) -> str:
     return " · ".join(str(v) for v in settings.values() if not isinstance(v, str))
 
 
-def _label(ax: Axes, text: str, at: tuple[float, float], colour: str, up: int, taken: list[Bbox]) -> None:
+def _write_label(ax: Axes, text: str, at: tuple[float, float], colour: str, up: int, taken: list[Bbox]) -> None:
     """Write a text at a dot, above or (up = -1) below, where free."""
     note = ax.annotate(
         text, at, (3, -9), textcoords="offset points", fontsize=7.0, color=BLACK, va="center",
@@ -127,7 +132,7 @@ def _label(ax: Axes, text: str, at: tuple[float, float], colour: str, up: int, t
     taken.append(box)
 
 
-def _failures(chart: dict[str, Any]) -> list[Row]:
+def _failed_runs(chart: dict[str, Any]) -> list[Row]:
     """The runs without a dot: one row per line of the chart and status."""
     grouped: dict[tuple[str, str], list[Row]] = {}
     for r in chart["rows"]:

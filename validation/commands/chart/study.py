@@ -30,7 +30,7 @@ from cablefem.newmark import SCHEMES
 from cablefem.response import Response, write_json, write_text
 from cablefem.scene import Groups, Scene
 from validation.commands.chart.cost import implicit_floor
-from validation.commands.chart.front import Row, fastest
+from validation.commands.chart.front import Row, fastest_methods
 from validation.core import measures, store
 from validation.core.measures import NotComparable, Window
 from validation.core.methods import METHODS, Method, refined
@@ -71,7 +71,7 @@ def chart(scene: Scene, out: Path, report: Progress = silent, *, repeats: int = 
     path = out / "chart.json"
     before = store.stored(path, scene_toml=scene.to_toml())
     report("reference", 0.0)
-    truth = _Truth.of(scene, before.get("reference"))
+    truth = _Reference.of(scene, before.get("reference"))
     rows: list[Row] = [r for r in before.get("rows", []) if r["status"] not in ("not run", "not installed")]
     todo = list(chart_series(scene.groups))
     found = {
@@ -82,14 +82,14 @@ def chart(scene: Scene, out: Path, report: Progress = silent, *, repeats: int = 
     for i, line in enumerate(todo):
         report(line.name, 0.05 + 0.85 * i / len(todo))
         share = (6.0 if line.kind == "peer" else 1.5) * budget / len(todo)  # other codes are slow
-        rows += _line(scene, line, truth, rows, repeats, share)
+        rows += _missing_rows(scene, line, truth, rows, repeats, share)
         if line.kind == "peer" and line.name + WHOLE not in {r["series"] for r in rows}:
-            rows += [_whole(r) for r in rows if r["series"] == line.name and r["wait"]]
+            rows += [_whole_program_row(r) for r in rows if r["series"] == line.name and r["wait"]]
         write_json(path, found)
     if scene.groups.drive.mode == "grip":
         report("cost of a step", 0.9)
         found["floor"] = before.get("floor") or implicit_floor(scene)
-    found["fastest"] = [fastest(rows, error) for error in SAID["decades"]]
+    found["fastest"] = [fastest_methods(rows, error) for error in SAID["decades"]]
     write_json(path, found)
     report("done", 1.0)
     return found
@@ -102,10 +102,10 @@ def chart_series(groups: Groups) -> Iterator[Series]:
     base = METHODS[BASE]
     for method in METHODS.values():
         shares = DENSE if method is base else SAID["shares"]
-        yield Series(method.name, "method", tuple(ladder(method, shares)), method.name)
+        yield Series(method.name, "method", tuple(settings_ladder(method, shares)), method.name)
     for model in sorted(set(MODELS) - {"full"}, key=MODELS.index):
-        yield Series(f"model {model}", "model", tuple(ladder(base))[::4], BASE, model)
-    yield from _schemes(base, base.settings_on(groups, {})["scheme"])
+        yield Series(f"model {model}", "model", tuple(settings_ladder(base))[::4], BASE, model)
+    yield from _other_scheme_series(base, base.settings_on(groups, {})["scheme"])
     for name in (BASE, WITNESS[0]):
         yield Series(f"{name} --tol", "tolerance", tuple({"tol": tol} for tol in SAID["asked"]), name)
     yield Series(f"{BASE} --tol{WHOLE}", "waiting", tuple({"tol": tol} for tol in SAID["asked"]), BASE)
@@ -114,20 +114,20 @@ def chart_series(groups: Groups) -> Iterator[Series]:
         yield Series(name, "peer", tuple(dict(rung) for rung in ours))
 
 
-def _schemes(base: Method, usual: str) -> Iterator[Series]:
+def _other_scheme_series(base: Method, usual: str) -> Iterator[Series]:
     """The schemes besides the usual one, without one that is never on a front."""
     for scheme in SCHEMES:
         if scheme not in (usual, "central-difference"):
             # with fewer, Newton's method fails at wave fronts
             few, least = (4, 150) if newmark.scheme(scheme).nodes else (1, 20)
-            rungs = [x | {"scheme": scheme, "steps": max(least, x["steps"] // few)} for x in ladder(base)]
+            rungs = [x | {"scheme": scheme, "steps": max(least, x["steps"] // few)} for x in settings_ladder(base)]
             rungs = [x for i, x in enumerate(rungs) if x not in rungs[:i]]
             yield Series(f"scheme {scheme}", "integrator", tuple(rungs[::2]), BASE)
     sharp = tuple({"elements": n, "steps": steps, "scheme": "radau"} for n, steps in SAID["sharp"])
     yield Series("following-p4 radau", "integrator", sharp, "following-p4")
 
 
-def ladder(method: Method, shares: Sequence[float] = SAID["shares"]) -> Iterator[Row]:
+def settings_ladder(method: Method, shares: Sequence[float] = SAID["shares"]) -> Iterator[Row]:
     """A method's settings from coarse to fine, around its defaults.
 
     Steps grow with the resolution, between linearly and as its square; then `shares` of them.
@@ -145,7 +145,7 @@ def ladder(method: Method, shares: Sequence[float] = SAID["shares"]) -> Iterator
 
 
 @dataclass(frozen=True, slots=True)
-class _Truth:
+class _Reference:
     """The reference, and what is told of it."""
 
     run: Response
@@ -153,12 +153,12 @@ class _Truth:
     told: Row
 
     @classmethod
-    def of(cls, scene: Scene, told: Row | None) -> _Truth:
+    def of(cls, scene: Scene, told: Row | None) -> _Reference:
         """Run the reference; its error is that in `told`, or by coarser runs and the other solver.
 
         Raises ValueError if the reference ends early.
         """
-        stop = stop_of(scene)
+        stop = last_position(scene)
         name, settings = REFERENCE if stop else REFERENCE_OF_RIDES
         reference = run(scene, name, until=stop, **settings)
         if (reference.reason if stop is None else reference.reached < stop) and reference.slack_onset is None:
@@ -179,7 +179,7 @@ class _Truth:
             }  # fmt: skip
         return cls(reference, window, told)
 
-    def judged(self, reached: float, reason: str | None, errors: Callable[[], dict[str, float]]) -> Row:
+    def status_and_errors(self, reached: float, reason: str | None, errors: Callable[[], dict[str, float]]) -> Row:
         """Status and errors of a run, or why there are none; a free ride may end before the window does."""
         if reason if self.run.drive == "free" else reached < self.window[1] * (1.0 - 1e-9):
             return {"status": "failed", "reason": reason or f"ended at s_o/l = {reached:.3f}"}
@@ -188,11 +188,11 @@ class _Truth:
         except NotComparable as error:
             return {"status": "failed", "reason": str(error)}
 
-    def errors(self, r: Response) -> dict[str, float]:
+    def run_errors(self, r: Response) -> dict[str, float]:
         path, rms, _ = measures.path_gap(r, self.run, self.window)
         return {"path_error": path, "path_rms": rms, "tension_error": measures.tension_gap(r, self.run, self.window)}
 
-    def errors_of_path(self, p: PeerPath, scene: Scene) -> dict[str, float]:
+    def peer_path_errors(self, p: PeerPath, scene: Scene) -> dict[str, float]:
         """Errors of another code's path, dimensionless."""
         t = scene.time_scale * p.t
         place = np.stack(scene.groups.shape(p.s_o)) + np.stack([p.u, p.v])
@@ -202,33 +202,39 @@ class _Truth:
         return {"path_error": float(gap.max()), "path_rms": float(np.sqrt(np.mean(gap**2)))}
 
 
-def stop_of(scene: Scene) -> float | None:
+def last_position(scene: Scene) -> float | None:
     """Last s_o/l of runs; None for a free ride."""
     return None if scene.groups.drive.mode == "free" else STOP
 
 
-def _line(scene: Scene, line: Series, truth: _Truth, rows: list[Row], repeats: int, share: float) -> list[Row]:
+def _missing_rows(
+    scene: Scene, line: Series, truth: _Reference, rows: list[Row], repeats: int, share: float
+) -> list[Row]:
     """The missing rows of a series, while the next run is likely to fit into `share` [s]."""
     done = [r["settings"] for r in rows if r["series"] == line.name]
     absent = available(line.name) if line.kind == "peer" else None
-    if reason := absent or _refused(scene, line):
-        return [] if {} in done else [_row(line, {}, status="not installed" if absent else "failed", reason=reason)]
+    if reason := absent or _refusal(scene, line):
+        return (
+            [] if {} in done else [_chart_row(line, {}, status="not installed" if absent else "failed", reason=reason)]
+        )
     missing = [x for x in line.rungs if x not in done]
     if missing and line.kind not in ("tolerance", "waiting", "peer"):
-        _repeated(scene, line, missing[0], truth, 1, 0.0)  # the first run may compile
+        _row_of_repeats(scene, line, missing[0], truth, 1, 0.0)  # the first run may compile
     new = []
     last = 0.0
     left = share
     while missing and last <= left:
         begin = time.perf_counter()
-        row = _repeated(scene, line, missing.pop(0), truth, max(1, repeats), left)
+        row = _row_of_repeats(scene, line, missing.pop(0), truth, max(1, repeats), left)
         left -= time.perf_counter() - begin
         last = row["seconds"] or 0.0
         new.append(row)
-    return new + [_row(line, rung, status="not run", reason="more than its share of the time") for rung in missing]
+    return new + [
+        _chart_row(line, rung, status="not run", reason="more than its share of the time") for rung in missing
+    ]
 
 
-def _refused(scene: Scene, line: Series) -> str | None:
+def _refusal(scene: Scene, line: Series) -> str | None:
     """Why a series cannot run the scene; None: it can."""
     try:
         if line.method is not None:
@@ -240,7 +246,7 @@ def _refused(scene: Scene, line: Series) -> str | None:
     return None
 
 
-def _row(line: Series, settings: Row, **found: Any) -> Row:
+def _chart_row(line: Series, settings: Row, **found: Any) -> Row:
     empty = dict.fromkeys((
         "reason", "reached", "path_error", "path_rms", "tension_error", "seconds", "spread", "repeats", "n_dof",
         "steps", "newton_iterations", "factorisations", "unknown_steps", "wait",
@@ -249,46 +255,46 @@ def _row(line: Series, settings: Row, **found: Any) -> Row:
     return known | empty | found
 
 
-def _repeated(scene: Scene, line: Series, rung: Row, truth: _Truth, repeats: int, left: float) -> Row:
+def _row_of_repeats(scene: Scene, line: Series, rung: Row, truth: _Reference, repeats: int, left: float) -> Row:
     """The row of a run: the best of separate repeats and their spread (slowest over best), as time allows.
 
     Short runs are repeated more often.
     """
-    measure = {"peer": _of_peer, "waiting": _of_command}.get(line.kind, _ours)
+    measure = {"peer": _timed_peer_run, "waiting": _timed_command}.get(line.kind, _timed_run)
     once = partial(measure, scene, line, rung, truth)
     try:
         found, first = once()
     except (ValueError, TooCoarse) as error:
-        return _row(line, rung, status="failed", reason=str(error))
+        return _chart_row(line, rung, status="failed", reason=str(error))
     seconds = [first]
     while found["status"] == "ok" and sum(seconds) + first < left:
         if len(seconds) >= repeats and (len(seconds) >= 3 * repeats or sum(seconds) > 0.2):
             break
         seconds.append(once()[1])
     spread = max(seconds) / min(seconds) if len(seconds) > 1 else None
-    return _row(line, rung, **found, seconds=min(seconds), spread=spread, repeats=len(seconds))
+    return _chart_row(line, rung, **found, seconds=min(seconds), spread=spread, repeats=len(seconds))
 
 
-def _ours(scene: Scene, line: Series, rung: Row, truth: _Truth) -> tuple[Row, float]:
+def _timed_run(scene: Scene, line: Series, rung: Row, truth: _Reference) -> tuple[Row, float]:
     """Result and seconds of a run; by tolerance its seconds include all runs up to it."""
     assert line.method is not None
     if "tol" in rung:
         begin = time.process_time()
-        r = refine_to_tolerance(scene, line.method, rung["tol"], until=stop_of(scene)).run
+        r = refine_to_tolerance(scene, line.method, rung["tol"], until=last_position(scene)).run
         seconds = time.process_time() - begin
         found = {"bar": r.path_error, "chosen": METHODS[line.method].main_settings(r.settings)}
     else:
-        r = run(scene, line.method, model=line.model, until=stop_of(scene), **rung)
+        r = run(scene, line.method, model=line.model, until=last_position(scene), **rung)
         found = {}
         seconds = r.seconds
     work = {name: r.work[name] for name in ("steps", "newton_iterations", "factorisations")}
     found |= work | {"reached": r.reached, "n_dof": r.n_dof, "unknown_steps": r.work["steps"] * r.n_dof}
-    return found | truth.judged(r.reached, r.reason, lambda: truth.errors(r)), seconds
+    return found | truth.status_and_errors(r.reached, r.reason, lambda: truth.run_errors(r)), seconds
 
 
-def _of_peer(scene: Scene, line: Series, rung: Row, truth: _Truth) -> tuple[Row, float]:
-    stop = stop_of(scene)
-    groups = scene.groups if stop is None else until(scene.groups, stop)
+def _timed_peer_run(scene: Scene, line: Series, rung: Row, truth: _Reference) -> tuple[Row, float]:
+    stop = last_position(scene)
+    groups = scene.groups if stop is None else groups_until(scene.groups, stop)
     wall = time.perf_counter()
     own = time.process_time()
     try:
@@ -298,17 +304,17 @@ def _of_peer(scene: Scene, line: Series, rung: Row, truth: _Truth) -> tuple[Row,
         raise ValueError(f"{type(error).__name__}: {error}") from error
     own = time.process_time() - own
     share = min(1.0, own / (time.perf_counter() - wall))  # of the processor
-    found = truth.judged(p.reached, p.note, lambda: truth.errors_of_path(p, scene))
+    found = truth.status_and_errors(p.reached, p.note, lambda: truth.peer_path_errors(p, scene))
     found["wait"] = own + _import_time(PEERS[line.name].module)
     return {"steps": p.t.size - 1, "reached": p.reached, **found}, share * p.seconds
 
 
-def _whole(row: Row) -> Row:
+def _whole_program_row(row: Row) -> Row:
     """The row of another code with the time of all of its program."""
     return row | {"series": row["series"] + WHOLE, "kind": "waiting", "seconds": row["wait"], "spread": None}
 
 
-def _of_command(scene: Scene, line: Series, rung: Row, truth: _Truth) -> tuple[Row, float]:
+def _timed_command(scene: Scene, line: Series, rung: Row, truth: _Reference) -> tuple[Row, float]:
     """Result and processor time of `cablefem run --tol`, with its bars, files and page."""
     assert line.method is not None
     with tempfile.TemporaryDirectory() as folder:
@@ -320,7 +326,7 @@ def _of_command(scene: Scene, line: Series, rung: Row, truth: _Truth) -> tuple[R
             r = Response.read(Path(folder) / "out" / line.method)
         except FileNotFoundError:
             raise ValueError("the command wrote no response") from None
-    found = truth.judged(r.reached, r.reason, lambda: truth.errors(r))
+    found = truth.status_and_errors(r.reached, r.reason, lambda: truth.run_errors(r))
     found |= {"bar": r.path_error, "chosen": METHODS[line.method].main_settings(r.settings), "reached": r.reached}
     return found, seconds
 
@@ -338,7 +344,7 @@ def _import_time(module: str) -> float:
     return _processor_time("-c", f"import {module}")
 
 
-def until(groups: Groups, place: float) -> Groups:
+def groups_until(groups: Groups, place: float) -> Groups:
     motion = groups.motion
     assert motion is not None
     if place >= motion.end:

@@ -36,14 +36,14 @@ def command(
     points = options.points_of(options.limited(loaded, limits), set_)
     if len(points) > 1 or points[0].settings:
         raise store.Refused("--set: one value for each key of the scene; --for takes several")
-    name, ends = _range(key)
+    name, ends = _key_and_range(key)
 
     from validation.commands.find import condition, study
     from validation.core.readback import faults_of_find
     from validation.page import report
 
-    condition.parsed(so_that)
-    how: Any = {"so_that": so_that, "model": model, "all_of": dict(map(_values, all_of or []))}
+    condition.parse_condition(so_that)
+    how: Any = {"so_that": so_that, "model": model, "all_of": dict(map(_key_and_values, all_of or []))}
     found = points[0].scene
     writes = ["find.json"] if other is None else ["find.csv", "find.json"]
     with options.written(out, "find", found, writes) as folder:
@@ -54,7 +54,7 @@ def command(
                 if other is None:
                     result = study.find(found, {name: ends}, check=check, **how)
                 else:
-                    result = study.curve(found, {name: ends}, *_values(other), **how)
+                    result = study.find_curve(found, {name: ends}, *_key_and_values(other), **how)
         except study.Interrupted as stop:
             result = stop.found
         result.write(folder)
@@ -69,7 +69,7 @@ def command(
     return wrong or int(not result.changes)
 
 
-def _range(pair: str) -> tuple[str, tuple[float, float]]:
+def _key_and_range(pair: str) -> tuple[str, tuple[float, float]]:
     key, _, text = pair.partition("=")
     try:
         low, high = map(float, text.split(":"))
@@ -80,7 +80,7 @@ def _range(pair: str) -> tuple[str, tuple[float, float]]:
     return key, (low, high)
 
 
-def _values(pair: str) -> tuple[str, list[Any]]:
+def _key_and_values(pair: str) -> tuple[str, list[Any]]:
     from validation.core import grid
 
     try:

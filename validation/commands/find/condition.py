@@ -90,27 +90,27 @@ class Clause:
             raise Refused(f"--so-that {self.text}: unit {self.unit!r}; {self.name} is in {unit or 'no unit'}")
         return float(self.right) * factor
 
-    def read(self, answer: Answer) -> float | str | None:
+    def observed_value(self, answer: Answer) -> float | str | None:
         """What the clause looks at, in SI or in words; None: it is not known."""
         if self.sign:
             number = self.number(answer)
             return None if number is None else number.value
         return answer.limits if self.text == LIMITS else answer.kind
 
-    def room(self, answer: Answer) -> float:
+    def margin(self, answer: Answer) -> float:
         """By how much a condition holds; negative: it does not; nan: words that do not hold, or no number."""
         if not self.sign:
-            return 0.0 if self.read(answer) == (MET if self.text == LIMITS else self.right) else math.nan
+            return 0.0 if self.observed_value(answer) == (MET if self.text == LIMITS else self.right) else math.nan
         number = self.number(answer)
         return math.nan if number is None else self.sign * (number.value - self.limit(number.unit))
 
 
-def parsed(condition: str) -> list[Clause]:
+def parse_condition(condition: str) -> list[Clause]:
     """The clauses of a condition; Refused shows the part that cannot be read."""
-    return [_clause(part.strip()) for part in re.split(r"\band\b", condition)]
+    return [_parse_clause(part.strip()) for part in re.split(r"\band\b", condition)]
 
 
-def _clause(text: str) -> Clause:
+def _parse_clause(text: str) -> Clause:
     if text == LIMITS:
         return Clause(text, "")
     match = _CLAUSE.fullmatch(text)

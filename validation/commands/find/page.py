@@ -21,10 +21,10 @@ def sections(folder: Path) -> list[Section]:
         p.fit([y])
         figure = plot([p], (float(x.min()), float(x.max())), found["for"], f"{found['key']} over {found['for']}.")
     for row in found.get("evaluations", []):
-        row["said"] = "; ".join(_said(x) for of_scene in row["read"] for x in of_scene)
+        row["said"] = "; ".join(_observed_text(x) for of_scene in row["read"] for x in of_scene)
     return drawn(__package__, found=found, rows=rows, figure=figure)
 
 
-def _said(read: float | str | None) -> str:
+def _observed_text(read: float | str | None) -> str:
     """A number or a word that a condition looks at."""
     return f"{read:.6g}" if isinstance(read, float) else read or "–"

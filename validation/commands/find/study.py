@@ -17,7 +17,7 @@ from cablefem.scene import Scene, SceneError
 from cablefem.scene.keys import keys as keys_of
 from cablefem.scene.line import Line
 from cablefem.scene.short import line_of
-from validation.commands.find.condition import Answer, Clause, parsed, refuse_unknown
+from validation.commands.find.condition import Answer, Clause, parse_condition, refuse_unknown
 from validation.core import store
 from validation.core.quantities import with_bar
 from validation.core.sidebyside import Progress, silent
@@ -44,7 +44,7 @@ class Change:
     verdict: str = ""  # of the check
     unit: str = ""
     # index among the rooms of the number that decides, that number at `holds_at`, its bar
-    checked: tuple[int, float, float | None] | None = None
+    checked_answer: tuple[int, float, float | None] | None = None
 
     @property
     def sentence(self) -> str:
@@ -69,7 +69,7 @@ class Found:
     key: str
     condition: str
     changes: list[Change]
-    tried: list[dict[str, Any]] = field(default_factory=list)  # values, whether the condition holds, what happens
+    tried_rows: list[dict[str, Any]] = field(default_factory=list)  # values, whether the condition holds, what happens
     interrupted: bool = False
 
     @property
@@ -83,12 +83,12 @@ class Found:
         if self.interrupted:
             between = [
                 f"between {a['value']:.6g} and {b['value']:.6g}"
-                for a, b in itertools.pairwise(self.tried) if a["holds"] is not b["holds"]
+                for a, b in itertools.pairwise(self.tried_rows) if a["holds"] is not b["holds"]
             ]  # fmt: skip
             return f"{self.key}: interrupted; {self.condition} changes {' and '.join(between) or 'nowhere so far'}"
         if not self.changes:
-            always = "everywhere" if self.tried[0]["holds"] else "nowhere"
-            ends = "; ".join(f"at {x['value']:g}: {x['outcome']}" for x in (self.tried[0], self.tried[-1]))
+            always = "everywhere" if self.tried_rows[0]["holds"] else "nowhere"
+            ends = "; ".join(f"at {x['value']:g}: {x['outcome']}" for x in (self.tried_rows[0], self.tried_rows[-1]))
             return f"{self.key}: {self.condition} holds {always} in the range; {ends}"
         many = f" (it changes {len(self.changes)} times)" if len(self.changes) > 1 else ""
         return f"{self.key}{many}: " + "; and ".join(change.sentence for change in self.changes)
@@ -107,7 +107,7 @@ class Found:
             first = {name: changes[0][name] for name in first}
         return {
             "key": self.key, **first, "condition": self.condition, "sentence": self.sentence, "changes": changes,
-            "evaluations": self.tried, "check": changes[0]["verdict"] if changes else None,
+            "evaluations": self.tried_rows, "check": changes[0]["verdict"] if changes else None,
         }  # fmt: skip
 
 
@@ -153,18 +153,18 @@ def find(
     ((key, (low, high)),) = keys.items()
     if not low < high:
         raise Refused(f"{key} = {low:g}:{high:g}: LOW must be below HIGH")
-    search = _Search(scene, key, parsed(so_that), model, all_of or {}, progress, high - low)
+    search = _Search(scene, key, parse_condition(so_that), model, all_of or {}, progress, high - low)
     values = [low + (high - low) * i / BRACKETS for i in range(BRACKETS + 1)]
     changes: list[Change] = []
     try:
         search.refuse_unknown([low, high])
         for a, b in itertools.pairwise(values):
-            if search.holds(a) is not search.holds(b):
-                changes.append(search.narrowed(a, b))
-        changes = [search.judged(change, check) for change in changes]
+            if search.condition_holds(a) is not search.condition_holds(b):
+                changes.append(search.bisect_change(a, b))
+        changes = [search.change_with_bar(change, check) for change in changes]
     except KeyboardInterrupt:
-        raise Interrupted(Found(key, so_that, changes, search.tried(), interrupted=True)) from None
-    return Found(key, so_that, changes, search.tried())
+        raise Interrupted(Found(key, so_that, changes, search.tried_rows(), interrupted=True)) from None
+    return Found(key, so_that, changes, search.tried_rows())
 
 
 class Interrupted(KeyboardInterrupt):
@@ -196,19 +196,19 @@ class _Search:
         if value not in self.known:
             try:
                 only_events = all(clause.of_event for clause in self.clauses)
-                self.known[value] = [answer_of(scene, self.model, only_events) for scene in self.scenes(value)]
+                self.known[value] = [answer_by_model(scene, self.model, only_events) for scene in self.scenes(value)]
             except (SceneError, Refused, ArithmeticError) as error:
                 self.known[value] = [replace(NONE, sentence=str(error).splitlines()[0])]
             self.progress(f"{self.key} = {value:.6g}", min(0.9, len(self.known) / (BRACKETS + HALVINGS + 1.0)))
         return self.known[value]
 
-    def tried(self) -> list[dict[str, Any]]:
+    def tried_rows(self) -> list[dict[str, Any]]:
         """What happens at each value that was tried."""
         rows = []
         for value, answers in sorted(self.known.items()):
             sentence = "; ".join(dict.fromkeys(answer.sentence for answer in answers))
             read = [[clause.read(answer) for clause in self.clauses] for answer in answers]
-            rows.append({"value": value, "holds": self.holds(value), "outcome": sentence, "read": read})
+            rows.append({"value": value, "holds": self.condition_holds(value), "outcome": sentence, "read": read})
         return rows
 
     def refuse_unknown(self, ends: Sequence[float]) -> None:
@@ -217,46 +217,46 @@ class _Search:
             raise Refused(f"{self.key}: {answers[0].sentence}")
         refuse_unknown(self.clauses, answers)
 
-    def rooms(self, value: float) -> list[float]:
+    def clause_margins(self, value: float) -> list[float]:
         """Room of each clause in each answer."""
-        return [clause.room(answer) for answer in self.answers_of_scenes(value) for clause in self.clauses]
+        return [clause.margin(answer) for answer in self.answers_of_scenes(value) for clause in self.clauses]
 
-    def holds(self, value: float) -> bool:
-        return all(room >= 0.0 for room in self.rooms(value))
+    def condition_holds(self, value: float) -> bool:
+        return all(room >= 0.0 for room in self.clause_margins(value))
 
-    def narrowed(self, a: float, b: float) -> Change:
+    def bisect_change(self, a: float, b: float) -> Change:
         """The change between two values, by bisection; of numbers linear in the last interval."""
-        holds_at, fails_at = (a, b) if self.holds(a) else (b, a)
+        holds_at, fails_at = (a, b) if self.condition_holds(a) else (b, a)
         for _ in range(HALVINGS):
-            share = self._share(holds_at, fails_at)
+            share = self._crossing_share(holds_at, fails_at)
             if math.isfinite(share) and abs(fails_at - holds_at) < NARROW * (b - a):
                 break
             steps = [0.5] if math.isnan(share) else [share - 0.01, share + 0.01]  # on both sides of the zero of a chord
             for x in [holds_at + step * (fails_at - holds_at) for step in steps if 0.0 < step < 1.0]:
-                if self.holds(x):
+                if self.condition_holds(x):
                     holds_at = x
                 else:
                     fails_at = x
-        share = self._share(holds_at, fails_at)
+        share = self._crossing_share(holds_at, fails_at)
         value = holds_at if math.isnan(share) else holds_at + share * (fails_at - holds_at)
-        return Change(value, holds_at, fails_at, self._failure(fails_at), unit=self._unit())
+        return Change(value, holds_at, fails_at, self._failure_text(fails_at), unit=self._key_unit())
 
-    def _unit(self) -> str:
+    def _key_unit(self) -> str:
         """Unit of the key, of lists of tables that of the first."""
         table, *rest = self.key.split(".")
         names = (self.key, ".".join([table, "0", *rest[1:]]), ".".join([table, *rest[:1], "0", *rest[2:]]))
         unit = next((key.unit for key in keys_of(type(self.scene)) if key.name in names), "-")
         return "" if unit == "-" else unit
 
-    def _share(self, holds_at: float, fails_at: float) -> float:
+    def _crossing_share(self, holds_at: float, fails_at: float) -> float:
         """Where the first number that fails crosses its limit, over the interval; nan where words decide."""
-        pairs = zip(self.rooms(holds_at), self.rooms(fails_at), strict=False)
+        pairs = zip(self.clause_margins(holds_at), self.clause_margins(fails_at), strict=False)
         return min((above / (above - below) for above, below in pairs if below < 0.0 <= above), default=math.nan)
 
-    def _failure(self, value: float) -> str:
+    def _failure_text(self, value: float) -> str:
         """What does not hold at a value: a number, or what happens."""
         count = len(self.clauses)
-        i = next(i for i, room in enumerate(self.rooms(value)) if not room >= 0.0)
+        i = next(i for i, room in enumerate(self.clause_margins(value)) if not room >= 0.0)
         answers = self.answers_of_scenes(value)
         answer = answers[min(i // count, len(answers) - 1)]
         clause = self.clauses[i % count]
@@ -264,24 +264,28 @@ class _Search:
             return answer.sentence
         return f"{clause.name} {'<' if clause.sign > 0.0 else '>'} {clause.right} {clause.unit}".rstrip()
 
-    def judged(self, change: Change, check: bool) -> Change:
+    def change_with_bar(self, change: Change, check: bool) -> Change:
         """The change with its bar: that of the number over its slope, or a range that the full model confirms.
 
         check : by both solvers, else by the least model, which leaves words without a bar.
         """
         count = len(self.clauses)
-        before = self.rooms(change.holds_at)
-        after = self.rooms(change.fails_at)
+        before = self.clause_margins(change.holds_at)
+        after = self.clause_margins(change.fails_at)
         numbers = [i for i, room in enumerate(before) if i < len(after) and after[i] < 0.0 <= room]
         i = numbers[0] if numbers else next(i for i, room in enumerate(after) if not room >= 0.0)
         scene = self.scenes(change.holds_at)[min(i // count, len(before) // count - 1)]
-        for answer, verdict in self._judgements(scene, check):
+        for answer, verdict in self._judged_answers(scene, check):
             change = replace(change, verdict=verdict)
             number = self.clauses[i % count].number(answer)
             if not numbers or number is None:
-                return replace(change, bar=self._confirmed(change, self.width / 2.0**WIDENINGS)) if check else change
+                return (
+                    replace(change, bar=self._confirmed_half_range(change, self.width / 2.0**WIDENINGS))
+                    if check
+                    else change
+                )
             slope = (after[i] - before[i]) / (change.fails_at - change.holds_at)
-            off = abs(self.clauses[i % count].room(answer) - before[i])
+            off = abs(self.clauses[i % count].margin(answer) - before[i])
             exact = isinstance(scene, Line) and not scene.moves
             of_number = 0.0 if exact and number.bar is None else number.bar
             bar = math.inf if of_number is None else (off + of_number) / abs(slope)
@@ -291,27 +295,29 @@ class _Search:
                 break
         return change
 
-    def _judgements(self, scene: Any, check: bool) -> Iterator[tuple[Answer, str]]:
+    def _judged_answers(self, scene: Any, check: bool) -> Iterator[tuple[Answer, str]]:
         """Answers that have bars, with the verdict: of checks, each finer, or of the least model without one."""
         if not check:
-            yield answer_of(scene, self.model, bars=True), ""
+            yield answer_by_model(scene, self.model, bars=True), ""
             return
         for tol in CHECKS:
             self.progress("check", 0.95)
-            yield checked(scene, tol)
+            yield checked_answer(scene, tol)
 
-    def _confirmed(self, change: Change, width: float) -> float | None:
+    def _confirmed_half_range(self, change: Change, width: float) -> float | None:
         """Half a range around the answer at whose ends the full model says the same; None: none was found."""
         full = replace(self, model="full", known={})
         side = math.copysign(1.0, change.fails_at - change.holds_at)
         for _ in range(WIDENINGS):
-            if full.holds(change.value - side * width) and not full.holds(change.value + side * width):
+            if full.condition_holds(change.value - side * width) and not full.condition_holds(
+                change.value + side * width
+            ):
                 return width
             width *= 2.0
         return None
 
 
-def answer_of(scene: Any, model: str, only_events: bool = False, bars: bool = False) -> Answer:
+def answer_by_model(scene: Any, model: str, only_events: bool = False, bars: bool = False) -> Answer:
     """The answer of the least model that was asked for.
 
     only_events : without design numbers and bars.  bars : of the full model, too.
@@ -339,7 +345,7 @@ def answer_of(scene: Any, model: str, only_events: bool = False, bars: bool = Fa
     return Answer.of(outcome(scene, r), r.design, r.events, limits.rows(scene, r.design, r.events))
 
 
-def checked(scene: Any, tol: float) -> tuple[Answer, str]:
+def checked_answer(scene: Any, tol: float) -> tuple[Answer, str]:
     """The answer of both solvers, and their verdict; tol : of the path of one span."""
     from validation import check
     from validation.core.answers import outcome
@@ -353,7 +359,7 @@ def checked(scene: Any, tol: float) -> tuple[Answer, str]:
     return Answer.of(outcome(scene, r), both.design, r.events, both.limits), both.verdict.value
 
 
-def curve(
+def find_curve(
     scene: Any, keys: Mapping[str, Sequence[float]], other: str, values: Sequence[Any], **how: Any
 ) -> Curve:  # fmt: skip
     """One row for each value of another key, by the least model; `how` as in `find`."""

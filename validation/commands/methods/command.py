@@ -17,7 +17,7 @@ def command(
 ) -> int:
     """List every method, when to use it, and its settings; or say what the files of results hold."""
     if files:
-        return _files()
+        return _print_files()
     from cablefem.response import write_json
     from validation.core import store
     from validation.core.methods import METHODS, installed
@@ -48,20 +48,19 @@ def _list(methods: Mapping[str, Any]) -> None:
         terminal.say(f"    use: {method.trust}")
         for key, knob in method.knobs.items():
             if knob != common.get(key):
-                terminal.say(f"    {_told(key, knob)}")
+                terminal.say(f"    {_setting_text(key, knob)}")
     terminal.say("all methods, unless said otherwise above", style="bold")
     for key, knob in common.items():
-        terminal.say(f"    {_told(key, knob)}")
+        terminal.say(f"    {_setting_text(key, knob)}")
 
 
-def _files() -> int:
-    from validation.commands.methods.files import entries
+def _print_files() -> int:
 
-    terminal.table(["file", "key", "unit", "meaning"], [list(entry) for entry in entries()])
+    terminal.table(["file", "key", "unit", "meaning"], [list(entry) for entry in dictionary_entries()])
     return 0
 
 
-def _told(key: str, knob: Any) -> str:
+def _setting_text(key: str, knob: Any) -> str:
     named = isinstance(knob.default, str)
     allowed = "|".join(knob.allowed) if named else f"{knob.allowed[0]:g} to {knob.allowed[1]:g}"
     return f"{key}={knob.default}  {knob.meaning} ({allowed})"

@@ -27,7 +27,7 @@ class Modes:
         write_json(out / "modes.json", {name: omega.tolist() for name, omega in self.omega.items()})
 
 
-def frequencies(
+def cable_frequencies(
     groups: Groups, *, elements: int | None = None, terms: int | None = None, level: int = 0, degree: int = 8,
     reading: Literal["literal", "scaling"] = "literal", **how: Any,
 ) -> Array:  # fmt: skip
@@ -54,9 +54,9 @@ def modes(scene: Scene, out: Path | None = None, progress: Progress = silent) ->
 
     groups = scene.groups
     pairs = {
-        "elements": [frequencies(groups, elements=n, n=COUNT) for n in (10, 5)],
-        "fourier": [frequencies(groups, terms=n, n=COUNT) for n in (120, 60)],
-        "wavelet": [frequencies(groups, level=n, n=COUNT) for n in (4, 3)],
+        "elements": [cable_frequencies(groups, elements=n, n=COUNT) for n in (10, 5)],
+        "fourier": [cable_frequencies(groups, terms=n, n=COUNT) for n in (120, 60)],
+        "wavelet": [cable_frequencies(groups, level=n, n=COUNT) for n in (4, 3)],
     }
     exact = catenary_modes.solve(groups.sigma, groups.alpha, groups.c, count=COUNT)
     rows = []

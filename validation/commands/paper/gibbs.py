@@ -21,7 +21,7 @@ OVERSHOOT = SETTINGS["overshoot"]
 POSITIONS = np.linspace(*(OVERSHOOT["places"][end] for end in ("first", "last", "count")))
 
 
-def _tensions(system: GalerkinSystem | FollowingElements, distances: Array) -> Array:
+def _tensions_near_mass(system: GalerkinSystem | FollowingElements, distances: Array) -> Array:
     """T at s_o -+ each distance (m,) when the mass passes each of POSITIONS, (positions, 2 m)."""
     states: list[State] = []
     for x in integrate(system, scheme("trapezoidal"), step_times(system, OVERSHOOT["steps"])):
@@ -42,7 +42,7 @@ def overshoots(groups: Groups, ladders: dict[str, list[int]]) -> dict[str, list[
     return {method: [overshoot(groups, method, terms) for terms in ladder] for method, ladder in ladders.items()}
 
 
-def _wavelets(terms: int) -> Basis:
+def _wavelet_basis(terms: int) -> Basis:
     """The paper's set of so many wavelets."""
     sets = (Daubechies(order=4, level=level, reading="literal") for level in range(9))
     return next(wavelets for wavelets in sets if wavelets.n == terms)
@@ -54,8 +54,10 @@ def overshoot(groups: Groups, method: str, terms: int) -> dict[str, float]:
     size : mean over POSITIONS;  spread : standard error of the mean.
     """
     distances = np.linspace(0.5, 2.0, 120) / terms
-    basis: Basis = _wavelets(terms) if method == "wavelet" else Fourier(terms)
-    reference = _tensions(FollowingElements(groups, elements=24, degree=2), distances)
-    gap = np.abs(_tensions(GalerkinSystem(groups, basis, kink=method.endswith("kink")), distances) - reference)
+    basis: Basis = _wavelet_basis(terms) if method == "wavelet" else Fourier(terms)
+    reference = _tensions_near_mass(FollowingElements(groups, elements=24, degree=2), distances)
+    gap = np.abs(
+        _tensions_near_mass(GalerkinSystem(groups, basis, kink=method.endswith("kink")), distances) - reference
+    )
     sizes = gap.max(axis=1)
     return {"terms": terms, "size": float(sizes.mean()), "spread": float(sizes.std(ddof=1) / np.sqrt(sizes.size))}

@@ -1,6 +1,6 @@
 """Verdicts from a range, a value and its bar.
 
-claims.toml holds the paper's statements; its values are expressions, its sentences templates, of `known.names`.
+claims.toml holds the paper's statements; its values are expressions, its sentences templates, of `known.claim_names`.
 """
 
 import math
@@ -21,33 +21,33 @@ VERDICTS = (HOLDS, PAPER_ONLY, FAILS, OPEN)
 Row = dict[str, Any]
 
 
-def claims(names: Row) -> list[Row]:
-    """All claims of claims.toml, judged, as they are stored; names : of `known.names`."""
+def judged_claims(names: Row) -> list[Row]:
+    """All claims of claims.toml, judged, as they are stored; names : of `known.claim_names`."""
     content = store.shipped(__package__, "claims.toml")
     out = []
     for claim in content["claim"]:
         readings = claim.get("readings", False)
         judged: list[Row] = []
         for entry in claim.get("quantity", ()):
-            judged += quantities(entry, content["meaning"], names)
+            judged += claim_quantities(entry, content["meaning"], names)
         out.append({
             "id": claim["id"], "where": claim["where"], "claim": claim["says"], "readings": readings,
-            "kind": claim.get("kind", "physics"), "quantities": judged, "verdict": verdict(judged, readings),
-            "why": sentence(claim["why"], names | {"q": judged}),
+            "kind": claim.get("kind", "physics"), "quantities": judged, "verdict": claim_verdict(judged, readings),
+            "why": render_sentence(claim["why"], names | {"q": judged}),
         })  # fmt: skip
     return out
 
 
-def verdict(quantities: Sequence[Row], readings: bool = False) -> str:
+def claim_verdict(quantities: Sequence[Row], readings: bool = False) -> str:
     """The verdict; readings : one true quantity is enough."""
     joined = max if readings else min  # or, and
-    true = joined((_true(q, q["converged"], q["uncertainty"]) for q in quantities), default=0)
+    true = joined((_truth_sign(q, q["converged"], q["uncertainty"]) for q in quantities), default=0)
     if true >= 0:
         return HOLDS if true else OPEN
-    return PAPER_ONLY if joined(_true(q, q["paper"]) for q in quantities) > 0 else FAILS
+    return PAPER_ONLY if joined(_truth_sign(q, q["paper"]) for q in quantities) > 0 else FAILS
 
 
-def _true(q: Row, value: float | None, bar: float | None = 0.0) -> int:
+def _truth_sign(q: Row, value: float | None, bar: float | None = 0.0) -> int:
     """1 inside the range, -1 outside, 0 where the bar reaches across an end or is unknown."""
     if value is None or bar is None:
         return 0
@@ -58,17 +58,17 @@ def _true(q: Row, value: float | None, bar: float | None = 0.0) -> int:
     return -1 if value + bar < low or value - bar > high else 0
 
 
-def quantities(entry: Row, meaning: Row, names: Row) -> Iterator[Row]:
+def claim_quantities(entry: Row, meaning: Row, names: Row) -> Iterator[Row]:
     """Yield the number of an entry, one for each of its `keys`: value, bar, and the range in which it is true."""
     for key in entry.get("keys", (None,)):
         here = names | {"key": key}
-        value, bar, paper = _measured(entry, here)
-        claimed, low, high = _range(entry, meaning, here)
+        value, bar, paper = _value_with_bar(entry, here)
+        claimed, low, high = _claimed_range(entry, meaning, here)
         numbers = {"claimed": claimed, "low": low, "high": high, "paper": paper, "converged": value, "uncertainty": bar}
-        yield {"name": sentence(entry["name"], here), **store.plain(numbers)}
+        yield {"name": render_sentence(entry["name"], here), **store.plain(numbers)}
 
 
-def _measured(entry: Row, names: Row) -> tuple[float, float, float | None]:
+def _value_with_bar(entry: Row, names: Row) -> tuple[float, float, float | None]:
     """The value, its bar, and the value at the paper's resolution.
 
     of : converged runs by scene; each gives the bar of its ladder.  paper : the paper's runs instead of them.
@@ -76,11 +76,11 @@ def _measured(entry: Row, names: Row) -> tuple[float, float, float | None]:
     """
 
     def value(**replaced: Any) -> float:
-        return evaluated(entry["value"], names | replaced)
+        return evaluate_expression(entry["value"], names | replaced)
 
     of = entry.get("of", ())
     reference = names["reference"]
-    bar = evaluated(entry.get("bar", 0.0), names)
+    bar = evaluate_expression(entry.get("bar", 0.0), names)
     bar += sum(reference[scene].bar(lambda run, scene=scene: value(**{scene: run})) for scene in of)
     if "r" in entry:
         first, *others = (names["runs"].get(x, x) for x in (entry["r"], *entry.get("others", ())))
@@ -90,56 +90,56 @@ def _measured(entry: Row, names: Row) -> tuple[float, float, float | None]:
     if isinstance(paper, list):
         runs = [names["runs"][name] for name in paper]
         paper = value(**dict(zip(of, runs, strict=True)))
-    return value(), bar, None if paper is None else evaluated(paper, names)
+    return value(), bar, None if paper is None else evaluate_expression(paper, names)
 
 
-def _range(entry: Row, meaning: Row, names: Row) -> tuple[str, float | None, float | None]:
+def _claimed_range(entry: Row, meaning: Row, names: Row) -> tuple[str, float | None, float | None]:
     """The range in words, and its ends; None: no such end."""
     ends = {}
     reasons = [entry.get("reason", "")]
     for name in ("around", "within", "at_least", "at_most"):
         if name in entry:
             size, reason = meaning.get(entry[name], (entry[name], ""))
-            ends[name] = evaluated(size, names)
+            ends[name] = evaluate_expression(size, names)
             reasons.append(reason)
     low = ends.get("at_least")
     high = ends.get("at_most")
     if "around" in ends:
         low = ends["around"] - ends["within"]
         high = ends["around"] + ends["within"]
-        words = f"{decimal(ends['around'])} ± {decimal(ends['within'])}"
+        words = f"{decimal_text(ends['around'])} ± {decimal_text(ends['within'])}"
     elif low is not None and high is not None:
-        words = f"{decimal(low)} to {decimal(high)}"
+        words = f"{decimal_text(low)} to {decimal_text(high)}"
     else:
-        words = f"at most {decimal(ends['at_most'])}" if low is None else f"at least {decimal(low)}"
+        words = f"at most {decimal_text(ends['at_most'])}" if low is None else f"at least {decimal_text(low)}"
     return f"{words} ({next(filter(None, reasons), '')})", low, high
 
 
-def evaluated(expression: str | float, names: Row) -> float:
+def evaluate_expression(expression: str | float, names: Row) -> float:
     """The value of an expression; an unknown name is an error."""
     if not isinstance(expression, str):
         return expression
     return float(page.expression(expression)(**names))
 
 
-def sentence(template: str, names: Row) -> str:
+def render_sentence(template: str, names: Row) -> str:
     return _TEMPLATES.from_string(template).render(names)
 
 
-def decimal(x: float) -> str:
+def decimal_text(x: float) -> str:
     """A number without an exponent: 0.000005."""
     return f"{x:.9f}".rstrip("0").rstrip(".")
 
 
-def fixed(x: float, decimals: int = 0, factor: float = 1.0) -> str:
+def fixed_decimals(x: float, decimals: int = 0, factor: float = 1.0) -> str:
     return f"{float(factor * x):.{decimals}f}"
 
 
-def power(x: float) -> str:
+def power_of_ten_text(x: float) -> str:
     """A number to one digit as 2·10⁻⁵."""
     mantissa, exponent = f"{x:.0e}".split("e")
     return f"{mantissa}·10{page.raised(int(exponent))}"
 
 
 _TEMPLATES = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)
-_TEMPLATES.filters |= {"d": fixed, "pct": partial(fixed, factor=100.0), "power": power}
+_TEMPLATES.filters |= {"d": fixed_decimals, "pct": partial(fixed_decimals, factor=100.0), "power": power_of_ten_text}

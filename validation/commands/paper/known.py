@@ -20,8 +20,8 @@ from validation.core.sidebyside import Progress
 from validation.oracles import catenary_modes
 
 
-def names(runs: Runs, others: dict[str, Any]) -> dict[str, Any]:
-    """Everything by name; others : of `numbers`.  A scene's name is that of its converged run."""
+def claim_names(runs: Runs, others: dict[str, Any]) -> dict[str, Any]:
+    """Everything by name; others : of `claim_numbers`.  A scene's name is that of its converged run."""
     converged = {scene: x.ladder.finest for scene, x in runs.reference.items()}
     return {
         "m": measured, "median": np.median, "pi": math.pi, "asked": SETTINGS, "scenes": runs.scenes,
@@ -29,7 +29,7 @@ def names(runs: Runs, others: dict[str, Any]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def numbers(runs: Runs, file: Path, report: Progress, quick: bool = False) -> dict[str, Any]:
+def claim_numbers(runs: Runs, file: Path, report: Progress, quick: bool = False) -> dict[str, Any]:
     """Numbers beyond runs: figure 2, overshoot beside the mass, energy in free vibration, the outlook's trolley.
 
     file : where they are stored, and read again if scenes and settings are the same.
@@ -40,15 +40,15 @@ def numbers(runs: Runs, file: Path, report: Progress, quick: bool = False) -> di
     level = runs.scenes["level"]
     inclined = runs.scenes["inclined"]
     swing = SETTINGS["vibration"]
-    energy = partial(vibration.energy_ratio, level.groups)
+    energy = partial(vibration.max_energy_ratio, level.groups)
     jobs: dict[str, Callable[[], Any]] = {
-        "frequencies": lambda: figure_2(runs),
+        "frequencies": lambda: first_frequency_by_terms(runs),
         "overshoot": lambda: gibbs.overshoots(inclined.groups, ladders),
         "vibration": lambda: {
             "coarse": energy(swing["coarse_steps"]), "fine": energy(swing["fine_steps"]),
             "kept": energy(swing["coarse_steps"], "gauss"),
         },
-        "outlook": lambda: outlook.rides(quick),
+        "outlook": lambda: outlook.ride_numbers_by_angle(quick),
     }  # fmt: skip
     conditions = level.to_toml(), inclined.to_toml(), SETTINGS["overshoot"] | {"terms": ladders}, swing, quick
     keyed = {json.dumps((name, *conditions)): job for name, job in jobs.items()}
@@ -56,22 +56,22 @@ def numbers(runs: Runs, file: Path, report: Progress, quick: bool = False) -> di
     return dict(zip(jobs, results.values(), strict=True))
 
 
-def figure_2(runs: Runs) -> dict[str, Any]:
+def first_frequency_by_terms(runs: Runs) -> dict[str, Any]:
     """omega_1 against the number of terms in both bases, with the exact and the linear theory's value."""
     groups = runs.scenes["level"].groups
     exact = catenary_modes.solve(groups.sigma, groups.alpha, groups.c, count=10).omega
     wavelets = [Daubechies(order=4, level=level, reading="literal") for level in range(4)]
     sines = [Fourier(n) for n in (*range(1, 21), 24, 30, 40, 59)]
 
-    def ladder(bases: Sequence[Basis]) -> dict[str, Any]:
+    def frequencies_of(bases: Sequence[Basis]) -> dict[str, Any]:
         first = [float(bare_frequencies(groups, basis, n=1)[0]) for basis in bases]
         return {"terms": [basis.n for basis in bases], "omega_1": first}
 
-    def worst_of_ten(basis: Basis) -> float:
+    def max_error_of_ten(basis: Basis) -> float:
         return float(np.abs(bare_frequencies(groups, basis, n=10) / exact - 1.0).max())
 
     return {
-        "fourier": ladder(sines), "wavelet": ladder(wavelets), "exact": float(exact[0]),
-        "linear_theory": measured.linear_theory(groups.sigma, groups.alpha),
-        "worst_of_ten": {"fourier 30": worst_of_ten(Fourier(30)), "wavelet 31": worst_of_ten(wavelets[2])},
+        "fourier": frequencies_of(sines), "wavelet": frequencies_of(wavelets), "exact": float(exact[0]),
+        "linear_theory": measured.linear_first_frequency(groups.sigma, groups.alpha),
+        "worst_of_ten": {"fourier 30": max_error_of_ten(Fourier(30)), "wavelet 31": max_error_of_ten(wavelets[2])},
     }  # fmt: skip

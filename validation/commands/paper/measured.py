@@ -22,14 +22,14 @@ MOVING = (0.1, 0.8)  # s_o/l
 LATEST = 0.83  # s_o/l: beyond it the level cable goes slack
 
 
-def extrema(r: Response, reading: str) -> list[tuple[float, str]]:
+def turning_points(r: Response, reading: str) -> list[tuple[float, str]]:
     """(s_o/l, "max" | "min") of every turning point; downward is positive.
 
     reading : "v", the displacement, or "y + v", the point.
     Turns shallower than half a percent of the largest value do not count.
     """
-    curve = _curve(r, reading)
-    candidates = _candidates(curve, 0.05, LATEST)
+    curve = _path_spline(r, reading)
+    candidates = _possible_extremes(curve, 0.05, LATEST)
     depths = curve(candidates)
     deep = 0.005 * np.abs(curve(np.linspace(0.05, LATEST, 4000))).max()
     out = []
@@ -39,42 +39,42 @@ def extrema(r: Response, reading: str) -> list[tuple[float, str]]:
     return sorted(out)
 
 
-def _curve(r: Response, reading: str) -> CubicSpline:
+def _path_spline(r: Response, reading: str) -> CubicSpline:
     """The path over s_o/l."""
     return CubicSpline(r.s_o / r.length, r.v if reading == "v" else r.y)
 
 
-def _candidates(curve: CubicSpline, start: float, end: float) -> Array:
+def _possible_extremes(curve: CubicSpline, start: float, end: float) -> Array:
     """Where a curve may be extreme between two positions, both included."""
     roots = curve.derivative().roots(extrapolate=False)
     return np.array([start, *roots[(roots > start) & (roots < end)], end])
 
 
-def turn(r: Response, reading: str, near: float, kind: str | None = None) -> float:
+def nearest_turning_point(r: Response, reading: str, near: float, kind: str | None = None) -> float:
     """s_o/l of the nearest turning point; nan without any."""
-    turns = [s for s, k in extrema(r, reading) if kind in (None, k)]
+    turns = [s for s, k in turning_points(r, reading) if kind in (None, k)]
     return min(turns, key=lambda s: abs(s - near), default=math.nan)
 
 
-def lowest(r: Response, reading: str, end: float = LATEST) -> float:
+def lowest_point_position(r: Response, reading: str, end: float = LATEST) -> float:
     """s_o/l of the lowest point of the path."""
-    curve = _curve(r, reading)
-    candidates = _candidates(curve, 0.0, min(end, r.reached))
+    curve = _path_spline(r, reading)
+    candidates = _possible_extremes(curve, 0.0, min(end, r.reached))
     return float(candidates[np.argmax(curve(candidates))])
 
 
-def depth(r: Response, reading: str, end: float = LATEST) -> float:
+def max_depth(r: Response, reading: str, end: float = LATEST) -> float:
     """Largest value of the path [m], up to `end`."""
     path = r.v if reading == "v" else r.y
     return float(path[r.s_o <= end * r.length].max())
 
 
-def apart(a: Response, b: Response) -> float:
+def path_distance(a: Response, b: Response) -> float:
     """Largest distance of two paths over the largest deflection of the second."""
     return measures.path_gap(a, b, measures.WINDOW)[0]
 
 
-def unaccounted(r: Response, whole: bool = True) -> float:
+def energy_without_work(r: Response, whole: bool = True) -> float:
     """Largest energy without work, over weight times largest displacement; whole : with M g y(s_o)."""
     scene = Scene.from_toml(r.scene_toml)
     assert scene.mass is not None
@@ -85,22 +85,22 @@ def unaccounted(r: Response, whole: bool = True) -> float:
     return float(np.abs(defect[measures.inside(r, measures.WINDOW)]).max() / (weight * r.max_deflection))
 
 
-def frames(r: Response, low: float, high: float) -> slice:
+def frames_between(r: Response, low: float, high: float) -> slice:
     """Frames with s_o/l in [low, high]."""
     position = r.fields.s_o / r.length
     inside = np.flatnonzero((position >= low - 1e-9) & (position <= high + 1e-9))
     return slice(int(inside[0]), int(inside[-1]) + 1)
 
 
-def moving(r: Response) -> Iterator[tuple[Array, float]]:
+def tension_profiles(r: Response) -> Iterator[tuple[Array, float]]:
     """The tension along the cable and s_o/l of each frame in MOVING."""
-    rows = frames(r, *MOVING)
+    rows = frames_between(r, *MOVING)
     return zip(r.fields.T_pointwise[rows], r.fields.s_o[rows] / r.length, strict=True)
 
 
-def level(r: Response, low: float, high: float) -> Array:
+def median_tension(r: Response, low: float, high: float) -> Array:
     """The median tension along the cable, over H, of every such frame."""
-    return np.median(r.fields.T_pointwise[frames(r, low, high)], axis=1) / r.horizontal_tension
+    return np.median(r.fields.T_pointwise[frames_between(r, low, high)], axis=1) / r.horizontal_tension
 
 
 def tension_error(r: Response, reference: Response) -> float:
@@ -108,11 +108,11 @@ def tension_error(r: Response, reference: Response) -> float:
     return measures.tension_gap(r, reference, MOVING, "T_pointwise")
 
 
-def unevenness(r: Response, *, sides: bool = False, width: float = 0.05) -> Array:
+def tension_unevenness(r: Response, *, sides: bool = False, width: float = 0.05) -> Array:
     """Rms of T about its mean along the cable (or each side), over that mean, by frame, beyond `width` of the mass."""
     out = []
     s = r.fields.s / r.length
-    for row, s_o in moving(r):
+    for row, s_o in tension_profiles(r):
         off_mass = np.abs(s - s_o) >= width
         parts = [off_mass & (s < s_o), off_mass & (s > s_o)] if sides else [off_mass]
         tensions = [row[part] for part in parts if part.any()]
@@ -120,12 +120,12 @@ def unevenness(r: Response, *, sides: bool = False, width: float = 0.05) -> Arra
     return np.sqrt(out)
 
 
-def wiggle(r: Response, near: float = 0.2, far: float = 1.0) -> float:
+def tension_ripple(r: Response, near: float = 0.2, far: float = 1.0) -> float:
     """Rms of T less its running mean over a tenth of the cable on one side, over H, `near` to `far` off the mass."""
     s = r.fields.s / r.length
     half = round(0.05 * (r.fields.s.size - 1))
     parts = []
-    for row, s_o in moving(r):
+    for row, s_o in tension_profiles(r):
         for side in (s < s_o, s > s_o):
             if np.count_nonzero(side) > 2 * half:
                 inner = slice(half, -half)  # where the mean has all its stations
@@ -135,10 +135,10 @@ def wiggle(r: Response, near: float = 0.2, far: float = 1.0) -> float:
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)) / r.horizontal_tension)
 
 
-def turns(r: Response) -> float:
+def tension_extremes_count(r: Response) -> float:
     """Crests and troughs of T along the cable deeper than 0.005 H, mean over frames."""
     counts = []
-    for row, _ in moving(r):
+    for row, _ in tension_profiles(r):
         T = row / r.horizontal_tension
         crests = find_peaks(T, prominence=0.005)[0]
         troughs = find_peaks(-T, prominence=0.005)[0]
@@ -149,10 +149,10 @@ def turns(r: Response) -> float:
 def tension_jump(r: Response) -> float:
     """Mean tension ahead of the mass less that behind it, over H."""
     jump = r.fields.T_ahead_pointwise - r.fields.T_behind_pointwise
-    return float(np.mean(jump[frames(r, *MOVING)]) / r.horizontal_tension)
+    return float(np.mean(jump[frames_between(r, *MOVING)]) / r.horizontal_tension)
 
 
-def meeting(r: Response) -> float:
+def front_meeting_position(r: Response) -> float:
     """s_o/l at which the transverse front from the entry, of speed sqrt(N/rho), meets the mass after its reflection."""
     f = r.fields
     t = np.concatenate([[0.0], f.t])
@@ -162,25 +162,27 @@ def meeting(r: Response) -> float:
     speed = 1.0 / Scene.from_toml(r.scene_toml).time_scale  # sqrt(H/rho)/l
     mass = CubicSpline(r.t, r.s_o / r.length)
 
-    def front(t: float, x: Array) -> Array:
+    def front_speed(t: float, x: Array) -> Array:
         s = np.clip(1.0 - abs(1.0 - x[0]), 0.0, 1.0)  # unfolded at the far support
         return speed * np.sqrt(tension((min(t, f.t[-1]), s))).ravel()
 
-    def meets(t: float, x: Array) -> float:
+    def distance_to_mass(t: float, x: Array) -> float:
         return 2.0 - x[0] - float(mass(t))
 
-    meets.terminal = True  # type: ignore[attr-defined]
-    done = solve_ivp(front, (0.0, float(f.t[-1])), [0.0], events=meets, rtol=1e-6, atol=1e-8, max_step=f.t[0])
+    distance_to_mass.terminal = True  # type: ignore[attr-defined]
+    done = solve_ivp(
+        front_speed, (0.0, float(f.t[-1])), [0.0], events=distance_to_mass, rtol=1e-6, atol=1e-8, max_step=f.t[0]
+    )
     times = done.t_events[0]
     return float(mass(times[0])) if times.size else math.nan
 
 
-def linear_theory(sigma: float, alpha: float) -> float:
+def linear_first_frequency(sigma: float, alpha: float) -> float:
     """Irvine and Caughey's first frequency of a level cable."""
     return float(irvine.frequencies(irvine.parameter(sigma, alpha), 1)[0])
 
 
-def static_variation(scene: Scene) -> float:
+def static_tension_range(scene: Scene) -> float:
     """Range of the tension along the cable at rest, over H."""
     T = scene.catenary.tension(np.linspace(0.0, scene.length, 201))
     return float(np.ptp(T) / scene.horizontal_tension)
@@ -191,7 +193,7 @@ def wavelet_terms(level: int) -> int:
     return Daubechies(order=4, level=level, reading="literal").n
 
 
-def rate(rows: list[dict[str, float]]) -> tuple[float, float]:
+def overshoot_exponent(rows: list[dict[str, float]]) -> tuple[float, float]:
     """The exponent of an overshoot in N, and its bar."""
     first = rows[0]
     last = rows[-1]
@@ -200,7 +202,7 @@ def rate(rows: list[dict[str, float]]) -> tuple[float, float]:
     return math.log(first["size"] / last["size"]) / steps, bar
 
 
-def start_of_48(groups: Groups, d: float) -> float:
+def start_formula_error(groups: Groups, d: float) -> float:
     """Relative distance of (48) from the g'' that balances (45) at s_o = d, for ten sines."""
     system = GalerkinSystem(groups, Fourier(10))
     assert groups.motion is not None

@@ -18,7 +18,7 @@ PLACES = np.linspace(70.0, 1000.0, 187)  # [m] that all rides pass
 Row = dict[str, Any]
 
 
-def rides(quick: bool) -> Row:
+def ride_numbers_by_angle(quick: bool) -> Row:
     """Numbers with bars and series at PLACES of the ride of a point mass and of the trolley, by the thrust's angle."""
     line = Line.load("rocket-trolley")
     lines = {angle: line.replace({"car.sled.drive.thrust.angle": float(angle)}) for angle in ANGLES}
@@ -26,39 +26,39 @@ def rides(quick: bool) -> Row:
     ladders = {name: Runs(ELEMENTS, each, coarser=coarser).ladder(2, 2) for name, each in lines.items()}
     point = Runs(ELEMENTS, line.replace(POINT)).ladder(8, 2)  # without pitch the coarsest run has few elements
     ladders["point"] = point
-    return {"x": PLACES.tolist(), **{name: _ride(ladder, point, line) for name, ladder in ladders.items()}}
+    return {"x": PLACES.tolist(), **{name: _ride_numbers(ladder, point, line) for name, ladder in ladders.items()}}
 
 
-def _ride(ladder: Ladder, point: Ladder, line: Line) -> Row:
+def _ride_numbers(ladder: Ladder, point: Ladder, line: Line) -> Row:
     """Design numbers; besides where the ride ends, how far its path is from the point mass's, and series over x."""
-    at_point = _depths(point.finest)
-    x = _car(ladder.finest).point[:, 0]
-    loads = {name: of for name, of in turning_columns(_car(ladder.finest)).items() if name != "pitch"}
+    at_point = _depths_at_places(point.finest)
+    x = _first_car(ladder.finest).point[:, 0]
+    loads = {name: of for name, of in turning_columns(_first_car(ladder.finest)).items() if name != "pitch"}
     weight = line.car[0].mass * line.gravity
 
-    def away(run: Any) -> float:
-        return float(np.abs(_depths(run) - at_point).max())
+    def distance_from_point(run: Any) -> float:
+        return float(np.abs(_depths_at_places(run) - at_point).max())
 
-    numbers = {"end": _number(ladder, lambda run: float(_car(run).point[-1, 0] / line.contact[-1].at[0]))}
-    numbers["away"] = _number(ladder, away)
-    numbers["away"]["bar"] += point.bar(away)
+    numbers = {"end": _value_with_bar(ladder, lambda run: float(_first_car(run).point[-1, 0] / line.contact[-1].at[0]))}
+    numbers["away"] = _value_with_bar(ladder, distance_from_point)
+    numbers["away"]["bar"] += point.bar(distance_from_point)
     for row in with_bars(ladder, None, line, unit_of):
         numbers[row["quantity"]] = row
     return numbers | {
-        "change": (_depths(ladder.finest) - at_point).tolist(),
+        "change": (_depths_at_places(ladder.finest) - at_point).tolist(),
         "loads": {name: (np.interp(PLACES, x, of) / weight).tolist() for name, of in loads.items()},
     }
 
 
-def _car(run: Any) -> Any:
+def _first_car(run: Any) -> Any:
     return run.motion.cars[0]
 
 
-def _depths(run: Any) -> Array:
+def _depths_at_places(run: Any) -> Array:
     """At PLACES [m]."""
-    x, y = _car(run).point.T
+    x, y = _first_car(run).point.T
     return np.interp(PLACES, x, y)
 
 
-def _number(ladder: Ladder, of: Callable[[Any], float]) -> Row:
+def _value_with_bar(ladder: Ladder, of: Callable[[Any], float]) -> Row:
     return {"value": of(ladder.finest), "bar": ladder.bar(of)}

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from cablefem.response import Response
 from cablefem.scene import Scene
-from validation.commands.paper.judged import sentence
+from validation.commands.paper.judged import render_sentence
 from validation.core import store
 from validation.core.quantities import with_bar
 from validation.page.figures import figure, panels, style
@@ -33,17 +33,17 @@ def sections(folder: Path) -> list[Section]:
     content = store.read(folder / "claims.json")
 
     @cache
-    def stored(name: str) -> Response:
+    def stored_response(name: str) -> Response:
         return Response.read(folder / "runs" / name)
 
     parts = []
     for part in FIGURES["section"]:
-        parts.append(part | {"drawn": [_figure(one, content, stored) for one in part["figure"]]})
+        parts.append(part | {"drawn": [_draw_figure(one, content, stored_response) for one in part["figure"]]})
     references = [x | {"name": FIGURES["scenes"][name]} for name, x in content["references"].items()]
-    return drawn(__package__, content=content, parts=parts, references=references, value=_value, with_bar=with_bar)
+    return drawn(__package__, content=content, parts=parts, references=references, value=_value_text, with_bar=with_bar)
 
 
-def _value(x: float | None, q: dict[str, Any], bar: float | None = None) -> str:
+def _value_text(x: float | None, q: dict[str, Any], bar: float | None = None) -> str:
     """A value to the digits of its bar; without one to those that differ from the ends of the range."""
     if x is None:
         return "–"
@@ -54,19 +54,19 @@ def _value(x: float | None, q: dict[str, Any], bar: float | None = None) -> str:
     return number(x, int(np.clip(digits, 3, 8)))
 
 
-def _figure(one: dict[str, Any], content: dict[str, Any], stored: Callable[[str], Response]) -> Markup:
+def _draw_figure(one: dict[str, Any], content: dict[str, Any], stored: Callable[[str], Response]) -> Markup:
     claims = {claim["id"]: claim for claim in content["claims"]}
 
-    def converged(claim: str, i: int = 0) -> float:
+    def converged_value(claim: str, i: int = 0) -> float:
         return claims[claim]["quantities"][i]["converged"]
 
     runs = [(stored(name), LOOKS[look] | {"label": label}) for name, look, label in one.get("of", ())]
-    caption = sentence(one["caption"], {"converged": converged})
+    caption = render_sentence(one["caption"], {"converged": converged_value})
     with style():
         return figure(DRAWN[one["draw"]](one, content, runs), caption, label=one["label"])
 
 
-def _frequencies(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
+def _draw_frequencies(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     f = content["frequencies"]
     linear = f["linear_theory"]
     exact = f["exact"]
@@ -85,17 +85,17 @@ def _frequencies(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> F
     return fig
 
 
-def _slack(ax: Any, r: Response) -> None:
+def _shade_slack(ax: Any, r: Response) -> None:
     if r.slack_onset is not None:
         ax.axvspan(r.slack_onset, 1.0, color="#f2e6c4", zorder=0, label="cable slack somewhere")
 
 
-def _paths(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
+def _draw_paths(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     """Draw the path of the mass in one reading, over s_o/l; the first run says where the cable is slack."""
     first = runs[0][0]
     reading = one["reading"]
     fig, ax = panels(height=3.4)
-    _slack(ax, first)
+    _shade_slack(ax, first)
     for position in one.get("marks", ()):
         ax.axvline(position, **DOTTED)
     if reading == "y + v":
@@ -112,16 +112,16 @@ def _paths(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     return fig
 
 
-def _along(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
+def _draw_along_cable(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     """Draw shapes or tensions along the cable, one panel for each position of the mass."""
     first = runs[0][0]
     scene = Scene.from_toml(first.scene_toml)
     positions = one["places"]
     fig, axes = panels(len(positions), 1, height=1.15 + 1.25 * len(positions), sharex=True, sharey=True)
-    draw = _shapes if one["draw"] == "shapes" else _tensions
+    draw = _draw_shapes if one["draw"] == "shapes" else _draw_tensions
     for ax, position in zip(axes, positions, strict=True):
         draw(ax, scene, runs, position)
-        t = first.fields.t[_frame(first, position)] / scene.time_scale
+        t = first.fields.t[_nearest_frame(first, position)] / scene.time_scale
         ax.set_title(f"sₒ/l = {position:g}   (t* = {t:.2f})", fontsize=9)
     if one["draw"] == "shapes":
         axes[0].invert_yaxis()
@@ -132,7 +132,7 @@ def _along(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     return fig
 
 
-def _shapes(ax: Any, scene: Scene, runs: Shown, position: float) -> None:
+def _draw_shapes(ax: Any, scene: Scene, runs: Shown, position: float) -> None:
     """Draw the cable, with the mass of the first run."""
     l = scene.length
     static = scene.catenary
@@ -140,32 +140,32 @@ def _shapes(ax: Any, scene: Scene, runs: Shown, position: float) -> None:
     ax.plot(first.s / l, static.y(first.s) / l, **STATIC)
     for r, look in runs:
         f = r.fields
-        ax.plot(f.s / l, (static.y(f.s) + f.v[_frame(r, position)]) / l, **look)
-    i = _frame(runs[0][0], position)
+        ax.plot(f.s / l, (static.y(f.s) + f.v[_nearest_frame(r, position)]) / l, **look)
+    i = _nearest_frame(runs[0][0], position)
     y_mass = static.y(first.s_o[i : i + 1])[0] + first.mass_v[i]
     ax.plot(first.s_o[i] / l, y_mass / l, "o", color=BLACK, markersize=5)
     ax.set_ylabel("y + v, over l")
 
 
-def _tensions(ax: Any, scene: Scene, runs: Shown, position: float) -> None:
+def _draw_tensions(ax: Any, scene: Scene, runs: Shown, position: float) -> None:
     l = scene.length
     H = scene.horizontal_tension
     s = runs[0][0].fields.s
     ax.plot(s / l, scene.catenary.tension(s) / H, **STATIC)
     for r, look in runs:
-        ax.plot(r.fields.s / l, r.fields.T_pointwise[_frame(r, position)] / H, **look)
+        ax.plot(r.fields.s / l, r.fields.T_pointwise[_nearest_frame(r, position)] / H, **look)
     ax.axvline(position, **DOTTED)
     ax.set_ylabel("T/H")
 
 
-def _frame(r: Response, position: float) -> int:
+def _nearest_frame(r: Response, position: float) -> int:
     """The frame next to s_o/l."""
     return int(np.argmin(np.abs(r.fields.s_o / r.length - position)))
 
 
-def _levels(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
+def _draw_tension_levels(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     fig, ax = panels(height=3.2)
-    _slack(ax, runs[0][0])
+    _shade_slack(ax, runs[0][0])
     for r, look in runs:
         median = np.median(r.fields.T_pointwise, axis=1) / r.horizontal_tension
         ax.plot(r.fields.s_o / r.length, median, **look)
@@ -175,7 +175,7 @@ def _levels(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure
     return fig
 
 
-def _law(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
+def _draw_travel_law(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     """Draw acceleration, speed and position of the mass over time."""
     motion = Scene.from_toml(runs[0][0].scene_toml).groups.motion
     assert motion is not None
@@ -191,7 +191,7 @@ def _law(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     return fig
 
 
-def _overshoot(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
+def _draw_overshoot(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     fig, ax = panels(height=3.2)
     for method, ladder in content["overshoot"].items():
         n = [x["terms"] for x in ladder]
@@ -203,7 +203,7 @@ def _overshoot(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Fig
     return fig
 
 
-def _outlook(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
+def _draw_outlook(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     x = content["outlook"]["x"]
     fig, (top, bottom) = panels(2, 1, height=5.0, sharex=True)
     for angle, color in FIGURES["angles"].items():
@@ -219,6 +219,6 @@ def _outlook(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figur
 
 
 DRAWN: dict[str, Callable[[dict[str, Any], dict[str, Any], Shown], Figure]] = {
-    "frequencies": _frequencies, "paths": _paths, "shapes": _along, "tensions": _along, "levels": _levels,
-    "law": _law, "overshoot": _overshoot, "outlook": _outlook,
+    "frequencies": _draw_frequencies, "paths": _draw_paths, "shapes": _draw_along_cable,
+    "tensions": _draw_along_cable, "levels": _draw_tension_levels, "law": _draw_travel_law, "overshoot": _draw_overshoot, "outlook": _draw_outlook,
 }  # fmt: skip

@@ -18,7 +18,7 @@ from validation.core.sidebyside import Progress, in_parallel
 SETTINGS = store.shipped(__package__, "runs.toml")
 
 
-def scenes() -> dict[str, Scene]:
+def paper_scenes() -> dict[str, Scene]:
     """The paper's scenes, the level one with Wu & Chen's mu = 2, and (12) taken literally (a rising chord)."""
     level = Scene.load("level")
     inclined = Scene.load("inclined")
@@ -55,7 +55,7 @@ class Reference:
 class Runs:
     """All runs by name, references by scene."""
 
-    scenes: dict[str, Scene]
+    paper_scenes: dict[str, Scene]
     by_name: dict[str, Response]
     reference: dict[str, Reference]
 
@@ -63,7 +63,7 @@ class Runs:
 Job = tuple[str, str, dict[str, Any]]  # scene, method, settings
 
 
-def plan(quick: bool = False) -> dict[str, Job]:
+def planned_runs(quick: bool = False) -> dict[str, Job]:
     """Every run by its folder's name; quick : a quarter of the steps, an eighth of those in position."""
     name, settings = SETTINGS["fine"]
     method = find(name)
@@ -77,10 +77,10 @@ def plan(quick: bool = False) -> dict[str, Job]:
         jobs |= {f"{scene}-reference{end}": (scene, name, x) for end, x in ladder.items()}
     jobs |= {f"{scene}-cross": (scene, *SETTINGS["cross"]) for scene in SETTINGS["references"]}
     jobs |= {run_name: tuple(job) for run_name, job in SETTINGS["runs"].items()}  # after the long ones
-    return {run_name: _coarser(job) for run_name, job in jobs.items()} if quick else jobs
+    return {run_name: _with_fewer_steps(job) for run_name, job in jobs.items()} if quick else jobs
 
 
-def _coarser(job: Job) -> Job:
+def _with_fewer_steps(job: Job) -> Job:
     """A job by a quarter of the steps, or an eighth of those in position, which are not compiled."""
     scene, name, settings = job
     method = find(name)
@@ -90,20 +90,20 @@ def _coarser(job: Job) -> Job:
 
 def all_runs(out: Path, report: Progress, quick: bool = False) -> Runs:
     """All runs, stored in out/runs/NAME."""
-    by_name = scenes()
-    jobs = plan(quick)
+    by_name = paper_scenes()
+    jobs = planned_runs(quick)
 
-    def made(name: str) -> Response:
+    def run_of(name: str) -> Response:
         scene, method, settings = jobs[name]
-        return stored(out / "runs" / name, by_name[scene], method, settings)
+        return load_or_run(out / "runs" / name, by_name[scene], method, settings)
 
     done = itertools.count(1)
-    in_parallel(lambda name: bool(made(name)), list(jobs), lambda i, there: report("runs", next(done) / len(jobs)))
-    runs = {name: made(name) for name in jobs}
-    return Runs(by_name, runs, {scene: _reference(runs, scene) for scene in SETTINGS["references"]})
+    in_parallel(lambda name: bool(run_of(name)), list(jobs), lambda i, there: report("runs", next(done) / len(jobs)))
+    runs = {name: run_of(name) for name in jobs}
+    return Runs(by_name, runs, {scene: _reference_of(runs, scene) for scene in SETTINGS["references"]})
 
 
-def stored(folder: Path, scene: Scene, method: str, settings: dict[str, Any]) -> Response:
+def load_or_run(folder: Path, scene: Scene, method: str, settings: dict[str, Any]) -> Response:
     """The stored run of this scene and settings, made if there is none."""
     as_stored = json.loads(json.dumps(find(method).settings(settings)))
     try:
@@ -117,11 +117,11 @@ def stored(folder: Path, scene: Scene, method: str, settings: dict[str, Any]) ->
     return new
 
 
-def _reference(runs: dict[str, Response], scene: str) -> Reference:
-    def branch(what: str, order: float) -> Branch:
+def _reference_of(runs: dict[str, Response], scene: str) -> Reference:
+    def coarser_branch(what: str, order: float) -> Branch:
         coarser = tuple(runs[f"{scene}-reference-{word}-{what}"] for word in ("half", "quarter"))
         return Branch(coarser, (2.0, 2.0), order)
 
-    space = branch("resolution", find(SETTINGS["fine"][0]).space_order)
-    time = branch("steps", 2.0)
+    space = coarser_branch("resolution", find(SETTINGS["fine"][0]).space_order)
+    time = coarser_branch("steps", 2.0)
     return Reference(Ladder(runs[f"{scene}-reference"], space, time), runs[f"{scene}-cross"])

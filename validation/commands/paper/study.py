@@ -10,7 +10,7 @@ from validation.commands.paper.runs import all_runs
 from validation.core.sidebyside import Progress, silent
 
 
-def _largest_v(r: Response) -> float:
+def _relative_deflection(r: Response) -> float:
     return r.max_deflection / r.length
 
 
@@ -20,9 +20,9 @@ def paper(out: Path, report: Progress = silent, *, quick: bool = False) -> dict[
     quick : all runs by a quarter of the steps, overshoots without the longest ladders.
     """
     runs = all_runs(out, report, quick)
-    numbers = known.numbers(runs, out / "numbers.jsonl", report, quick)
+    numbers = known.claim_numbers(runs, out / "numbers.jsonl", report, quick)
     report("claims", 0.0)
-    claims = judged.claims(known.names(runs, numbers))
+    claims = judged.judged_claims(known.claim_names(runs, numbers))
     counts = Counter(claim["verdict"] for claim in claims)
     references = {}
     for scene, reference in runs.reference.items():
@@ -30,7 +30,7 @@ def paper(out: Path, report: Progress = silent, *, quick: bool = False) -> dict[
         references[scene] = {
             "method": r.method, "settings": r.settings, "crossed_by": reference.cross.method,
             "path_bar": reference.path_bar, "slack_onset": r.slack_onset,
-            "largest_v": _largest_v(r), "largest_v_bar": reference.bar(_largest_v),
+            "largest_v": _relative_deflection(r), "largest_v_bar": reference.bar(_relative_deflection),
         }  # fmt: skip
     content = {
         "quick": quick, "claims": claims, "count": {verdict: counts[verdict] for verdict in judged.VERDICTS},

@@ -24,14 +24,14 @@ def command(
 ) -> int:
     """List the built-in scenes, print one as TOML, or say what a scene file may hold."""
     if limits:
-        return _limits()
+        return _print_limits()
     if keys or schema:
-        return _keys() if keys else _schema()
+        return _print_keys() if keys else _print_schema()
     if name is None and out is None:
-        return _list()
+        return _print_scenes()
     from cablefem.response import write_text
 
-    texts = _texts(name)
+    texts = _scene_texts(name)
     if out is None:
         print("".join(texts.values()), end="")
         return 0
@@ -41,7 +41,7 @@ def command(
     return 0
 
 
-def _texts(name: str | None) -> dict[str, str]:
+def _scene_texts(name: str | None) -> dict[str, str]:
     """The TOML of a scene by its name; of all built-in ones for None."""
     from cablefem.scene import Scene
     from cablefem.scene.described import BUILT_IN
@@ -52,7 +52,7 @@ def _texts(name: str | None) -> dict[str, str]:
     return {found.name: found.to_toml()}
 
 
-def _list() -> int:
+def _print_scenes() -> int:
     from cablefem.scene import Scene
     from cablefem.scene.line import Line
 
@@ -60,23 +60,23 @@ def _list() -> int:
     for key, title in Scene.library().items():
         scene = Scene.load(key)
         mass = "-" if scene.mass is None else f"{scene.mass.mass:.0f} kg"
-        rows.append([key, f"{scene.supports.span:.0f} m", mass, _top_speed(scene), title])
+        rows.append([key, f"{scene.supports.span:.0f} m", mass, _top_speed_text(scene), title])
     for key, title in Line.library().items():
         line = Line.load(key)
         masses = ", ".join(f"{car.mass:.0f} kg" for car in line.car)
-        rows.append([key, f"{line.contact[-1].at[0]:.0f} m", masses, _speed(line), title])
+        rows.append([key, f"{line.contact[-1].at[0]:.0f} m", masses, _line_speed_text(line), title])
     terminal.table(["scene", "span", "mass", "top speed", "title"], rows, right=["span", "mass", "top speed"])
     return 0
 
 
-def _top_speed(scene: "Scene") -> str:
+def _top_speed_text(scene: "Scene") -> str:
     """The largest speed of a timetable; a free car has none before its ride is computed."""
     if scene.travel is None:
         return "free" if scene.drive.mode == "free" else "-"
     return f"{scene.top_speed:.3g} m/s"
 
 
-def _speed(line: "Line") -> str:
+def _line_speed_text(line: "Line") -> str:
     """The largest speed of timetables; of a line at rest, and of free cars alone, words."""
     if not line.moves:
         return "at rest"
@@ -84,7 +84,7 @@ def _speed(line: "Line") -> str:
     return f"{max(speeds):.3g} m/s" if speeds else "free"
 
 
-def _keys() -> int:
+def _print_keys() -> int:
     from cablefem.scene import Scene
     from cablefem.scene.keys import keys
     from cablefem.scene.line import Line
@@ -99,7 +99,7 @@ def _keys() -> int:
     return 0
 
 
-def _limits() -> int:
+def _print_limits() -> int:
     from cablefem.scene.limits import CASES, DEMANDS, TEXTS
     from validation.core.quantities import quantity_text
 
@@ -119,7 +119,7 @@ def _limits() -> int:
     return 0
 
 
-def _schema() -> int:
+def _print_schema() -> int:
     import json
 
     from cablefem.scene import Scene

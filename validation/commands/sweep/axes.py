@@ -26,7 +26,7 @@ class Choices(Part):
     def numeric(self) -> bool:
         return all(isinstance(x, int | float) and not isinstance(x, bool) for x in self.values)
 
-    def at(self, share: float) -> Any:
+    def value_at_share(self, share: float) -> Any:
         """The value at a share in [0, 1] of the axis."""
         return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
 
@@ -50,7 +50,7 @@ class Range(Part):
             return [f"to = {self.high:g}: must be > {self.low:g}, where the range begins"]
         return []
 
-    def at(self, share: float) -> float:
+    def value_at_share(self, share: float) -> float:
         if self.log:
             return float(self.low * (self.high / self.low) ** share)
         return float(self.low + share * (self.high - self.low))
@@ -63,13 +63,13 @@ class Steps(Range):
 
     @property
     def values(self) -> tuple[float, ...]:  # type: ignore[override]
-        return tuple(self.at(i / (self.count - 1)) for i in range(self.count))
+        return tuple(self.value_at_share(i / (self.count - 1)) for i in range(self.count))
 
 
 Axis = Choices | Range
 
 
-def _axes(kind: type[Range], data: Any) -> dict[str, Axis]:
+def _parse_axes(kind: type[Range], data: Any) -> dict[str, Axis]:
     """Axes of a table; each is a list, a table with choices, or a range of that kind."""
     if not (isinstance(data, dict) and data):
         raise ValueError("must be a table of at least one axis")
@@ -100,5 +100,5 @@ def _axis(kind: type[Range], axis: Any) -> Axis:
 
 
 # of [vary], of [sample.range]
-grid = partial(_axes, Steps)
-ranges = partial(_axes, Range)
+grid = partial(_parse_axes, Steps)
+ranges = partial(_parse_axes, Range)

@@ -32,36 +32,36 @@ def command(
     Without a STUDY it lists the built-in ones.
     Writes DIR/: rows/*.parquet, one row per scene; study.toml and report.html.
     """
-    from validation.commands.sweep.study import Study, built_in
+    from validation.commands.sweep.study import Study
 
     if keys:
-        return _keys()
+        return _print_keys()
     if study is None:
-        for name in built_in():
+        for name in built_in_studies():
             shipped = Study.load(name)
             terminal.say(f"{name}: {shipped.title} ({len(shipped)} scenes)")
         return 0
     loaded = Study.load(study)
     if scene is not None:
-        _print(loaded, scene)
+        _print_scene(loaded, scene)
         return 0
 
     from validation.commands.sweep import engine
 
-    def swept(folder: Path, progress: Progress) -> tuple[engine.Tally, Any]:
+    def sweep_and_read(folder: Path, progress: Progress) -> tuple[engine.Tally, Any]:
         tally = engine.sweep(loaded, folder, workers=workers, scheduler=scheduler, progress=progress)
-        rows = engine.frame(folder)
+        rows = engine.read_rows(folder)
         if csv:
             rows.to_csv(folder / "rows.csv")
         return tally, rows
 
     writes = [*engine.WRITES, *(["rows.csv"] if csv else [])]
-    tally, rows = options.study("sweep", loaded.name, writes, out, swept)
+    tally, rows = options.study("sweep", loaded.name, writes, out, sweep_and_read)
     terminal.say(f"{tally.status.total()} scenes in this call, {tally.rate:.3g} per second")
-    return _outcome(rows)
+    return _print_outcomes(rows)
 
 
-def _keys() -> int:
+def _print_keys() -> int:
     from validation.core import store
 
     keys = store.shipped(__package__, "keys.toml")
@@ -72,14 +72,14 @@ def _keys() -> int:
     return 0
 
 
-def _print(study: Study, scene: int) -> None:
+def _print_scene(study: Study, scene: int) -> None:
     point = study.point(scene)
     how = " ".join(f"{key}={value}" for key, value in study.how(point).items())
     print(f"# scene {scene} of {study.name}: {study.job} {how}")
     print(study.scene_at(point).to_toml(), end="")
 
 
-def _outcome(rows: Any) -> int:
+def _print_outcomes(rows: Any) -> int:
     """Print the counts of outcomes, and the first scene without an answer; return the exit code."""
     terminal.say(", ".join(f"{n} {status}" for status, n in rows["status"].value_counts().items()))
     unanswered = rows[~rows["status"].isin(("complete", "incomplete"))]

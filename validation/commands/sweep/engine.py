@@ -57,7 +57,7 @@ class Tally:
 
 def sweep(
     study: Study, out: Path, *, workers: int | None = None, scheduler: str | None = None,
-    progress: Progress = silent, work: Work = job.rows,
+    progress: Progress = silent, work: Work = job.rows_of_points,
 ) -> Tally:  # fmt: skip
     """Compute every point of a study that has no row in out/rows yet; after a kill the same call goes on.
 
@@ -67,18 +67,18 @@ def sweep(
     says what is stored.
     sweep("riders.toml", Path("riders"))
     """
-    with _alone(store.claim(out, "sweep", study.name, WRITES)):
-        _same_study(study, out)
-        before = done(out)
+    with _lock_folder(store.claim(out, "sweep", study.name, WRITES)):
+        _store_study(study, out)
+        before = finished_indices(out)
         todo = deque(i for i in range(len(study)) if i not in before)
         tally = Tally(len(study), len(before))
         progress("sweep", tally.done / tally.total, str(tally))
         if todo:
             try:
-                with _client(workers, scheduler, min(len(todo), LARGEST)) as client:
+                with _dask_client(workers, scheduler, min(len(todo), LARGEST)) as client:
                     tally.dashboard = client.dashboard_link or ""
-                    for rows in filter(None, _computed(client, study, todo, work)):
-                        write(out, study, rows)
+                    for rows in filter(None, _compute_rows(client, study, todo, work)):
+                        write_rows(out, study, rows)
                         tally.status.update(row["status"] for row in rows)
                         progress("sweep", tally.done / tally.total, str(tally))
             except KeyboardInterrupt:
@@ -87,7 +87,7 @@ def sweep(
     return tally
 
 
-def _computed(client: Any, study: Study, todo: deque[int], work: Work) -> Iterator[list[Row]]:
+def _compute_rows(client: Any, study: Study, todo: deque[int], work: Work) -> Iterator[list[Row]]:
     """Yield the rows of all scenes, chunk by chunk.
 
     Dask retries a chunk once if its worker died; then each of its scenes is a chunk.
@@ -101,7 +101,7 @@ def _computed(client: Any, study: Study, todo: deque[int], work: Work) -> Iterat
     running = dict[Any, list[int]]()
     suspects: deque[int] = deque()
 
-    def fill() -> None:
+    def submit_chunks() -> None:
         while (suspects or todo) and len(running) < capacity:
             share = max(1, len(todo) // (2 * capacity))  # smaller at the end: all workers end together
             chunk = [suspects.popleft()] if suspects else [todo.popleft() for _ in range(min(size, share))]
@@ -109,39 +109,39 @@ def _computed(client: Any, study: Study, todo: deque[int], work: Work) -> Iterat
             running[future] = chunk
             results.add(future)
 
-    fill()
+    submit_chunks()
     for future in results:
         chunk = running.pop(future)
         rows = list[Row]()
         if future.status == "finished":
             rows = future.result()
-            size = min(_lasting(CHUNK, rows), 4 * max(size, len(rows)))
+            size = min(_chunk_size(CHUNK, rows), 4 * max(size, len(rows)))
         elif len(chunk) == 1:
-            rows = [job.lost(study, chunk[0], type(future.exception()).__name__)]
+            rows = [job.row_of_lost_scene(study, chunk[0], type(future.exception()).__name__)]
         else:
             suspects.extend(chunk)
         future.release()
-        fill()
+        submit_chunks()
         yield rows
 
 
-def _lasting(seconds: float, rows: list[Row]) -> int:
+def _chunk_size(seconds: float, rows: list[Row]) -> int:
     """How many scenes take `seconds`, from 1 to LARGEST."""
     took = sum(row.get("seconds") or 0.0 for row in rows)
     return int(np.clip(seconds * len(rows) / max(took, 1e-9), 1, LARGEST))
 
 
-def write(out: Path, study: Study, rows: list[Row]) -> None:
+def write_rows(out: Path, study: Study, rows: list[Row]) -> None:
     """Write rows as one Parquet file, complete or not at all."""
     import pyarrow
     from pyarrow import parquet
 
-    table = pyarrow.Table.from_pylist(rows, _schema(study))
+    table = pyarrow.Table.from_pylist(rows, _rows_schema(study))
     with atomic_write(out / "rows" / f"{rows[0]['index']:08d}-{len(rows)}.parquet") as temporary:
         parquet.write_table(table, temporary)
 
 
-def _schema(study: Study) -> Any:
+def _rows_schema(study: Study) -> Any:
     import pyarrow as pa
 
     inputs = {name: pa.float64() if axis.numeric else pa.string() for name, axis in study.axes.items()}
@@ -151,7 +151,7 @@ def _schema(study: Study) -> Any:
     return pa.schema({"index": pa.int64()} | inputs | results | inputs)
 
 
-def frame(out: Path, *columns: str) -> Any:
+def read_rows(out: Path, *columns: str) -> Any:
     """All rows as a pandas.DataFrame, by index; with these columns, if some are named."""
     import pandas
 
@@ -159,13 +159,13 @@ def frame(out: Path, *columns: str) -> Any:
     return pandas.read_parquet(out / "rows", columns=names).set_index("index").sort_index()
 
 
-def done(out: Path) -> set[int]:
+def finished_indices(out: Path) -> set[int]:
     """Indices of the scenes that have a row."""
-    return set(frame(out, "status").index) if any((out / "rows").glob("*.parquet")) else set()
+    return set(read_rows(out, "status").index) if any((out / "rows").glob("*.parquet")) else set()
 
 
 @contextmanager
-def _alone(out: Path) -> Iterator[None]:
+def _lock_folder(out: Path) -> Iterator[None]:
     """Keep a second call out of the folder while this one writes."""
     with (out / ".lock").open("w") as lock:
         try:
@@ -175,22 +175,22 @@ def _alone(out: Path) -> Iterator[None]:
         yield
 
 
-def _same_study(study: Study, out: Path) -> None:
+def _store_study(study: Study, out: Path) -> None:
     """Store the study beside its rows; raise Refused where another one is stored."""
     file = out / "study.toml"
-    if file.is_file() and _of_rows(Study.load(file)) != _of_rows(study):
+    if file.is_file() and _entries_of_rows(Study.load(file)) != _entries_of_rows(study):
         raise Refused(f"{out} holds rows of another study; nothing was written; choose another folder with --out")
     (out / "rows").mkdir(exist_ok=True)
     write_text(file, study.to_toml())
 
 
-def _of_rows(study: Study) -> dict[str, Any]:
+def _entries_of_rows(study: Study) -> dict[str, Any]:
     """The entries of a study that change its rows."""
     return study.model_dump(exclude={"title", "seconds"}, serialize_as_any=True)
 
 
 @contextmanager
-def _client(workers: int | None, scheduler: str | None, scenes: int) -> Iterator[Any]:
+def _dask_client(workers: int | None, scheduler: str | None, scenes: int) -> Iterator[Any]:
     """Yield a client of a running scheduler, or of processes on this machine."""
     try:
         import dask
@@ -208,7 +208,7 @@ def _client(workers: int | None, scheduler: str | None, scenes: int) -> Iterator
         return
     config = {"distributed.scheduler.allowed-failures": 1, "distributed.comm.timeouts.connect": "60s"}
     with dask.config.set(config):
-        with _uninterrupted():
+        with _hold_back_interrupt():
             cluster = LocalCluster(
                 n_workers=min(workers or os.cpu_count() or 1, scenes), threads_per_worker=1, memory_limit=0,
                 dashboard_address=":0", silence_logs=logging.CRITICAL,
@@ -217,12 +217,12 @@ def _client(workers: int | None, scheduler: str | None, scenes: int) -> Iterator
             try:
                 yield client
             except BaseException:
-                cluster.sync(_stop, cluster.workers.values())
+                cluster.sync(_stop_workers, cluster.workers.values())
                 raise
 
 
 @contextmanager
-def _uninterrupted() -> Iterator[None]:
+def _hold_back_interrupt() -> Iterator[None]:
     """Hold back Ctrl-C while workers start: a cluster that is half up cannot be closed.
 
     Threads and processes that begin here never get the signal: this process alone ends them.

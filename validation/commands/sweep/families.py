@@ -24,7 +24,7 @@ def _wave_speed(x: Tables) -> float:
     return math.sqrt(x["cable"]["horizontal_tension"] / x["cable"]["mass_per_length"])
 
 
-def _locked(draw: Draw) -> Tables:
+def _locked_rope_tables(draw: Draw) -> Tables:
     """Cable, supports and mass of a ropeway.
 
     A full locked rope: 0.87 of its circle is metal, 8450 kg/m^3 with filling, 160 GPa.
@@ -38,9 +38,9 @@ def _locked(draw: Draw) -> Tables:
     return {"cable": cable, "supports": supports, "mass": {"mass": H * draw(0.02, 0.2) / 9.81}}
 
 
-def gripped(draw: Draw) -> Scene:
+def gripped_scene(draw: Draw) -> Scene:
     """A car that grips a locked rope, at 0.1 to 0.5 of the wave speed."""
-    x = _locked(draw)
+    x = _locked_rope_tables(draw)
     speed = draw(0.1, 0.5) * _wave_speed(x)
     travel = {"kind": "constant_speed", "speed": speed}
     if draw(0.0, 1.0) > 0.5:
@@ -48,15 +48,15 @@ def gripped(draw: Draw) -> Scene:
     return Scene(**x | {"travel": travel}, name="gripped")
 
 
-def hauled(draw: Draw) -> Scene:
+def hauled_scene(draw: Draw) -> Scene:
     """A car that rolls on a locked rope and is hauled at 4 to 12 m/s."""
-    x = _locked(draw)
+    x = _locked_rope_tables(draw)
     travel = {"kind": "accelerate_cruise_brake", "top_speed": draw(4.0, 12.0)}
     x |= {"travel": travel, "drive": {"mode": "haul", "rolling_friction": draw(0.0, 0.02)}}
     return Scene(**x, name="hauled")
 
 
-def free(draw: Draw) -> Scene:
+def free_rider_scene(draw: Draw) -> Scene:
     """A rider on a thin rope, with a brake at 0.93 of the span.
 
     A stranded rope of diameter d [mm]: 0.0045 d^2 kg/m, 56 d^2 kN.
@@ -71,7 +71,7 @@ def free(draw: Draw) -> Scene:
     return Scene(**x, name="free")
 
 
-def fibre(draw: Draw) -> Scene:
+def fibre_rope_scene(draw: Draw) -> Scene:
     """A heavy rider on a light fibre rope, 5 to 300 times as heavy as it.
 
     A braided rope of diameter d [mm]: 0.00075 d^2 kg/m, 4 to 25 d^2 kN.
@@ -86,9 +86,9 @@ def fibre(draw: Draw) -> Scene:
     return Scene(**x, name="fibre")
 
 
-def slack(draw: Draw) -> Scene:
+def slack_rope_scene(draw: Draw) -> Scene:
     """A car that grips a slack locked rope, at 0.05 to 0.2 of the wave speed."""
-    x = _locked(draw)
+    x = _locked_rope_tables(draw)
     span = x["supports"]["span"]
     sag = span * draw(0.06, 0.15)
     H = 9.81 * x["cable"]["mass_per_length"] * span**2 / (8.0 * sag)
@@ -100,27 +100,27 @@ def slack(draw: Draw) -> Scene:
     return Scene(**x, name="slack")
 
 
-def steep(draw: Draw) -> Scene:
+def steep_scene(draw: Draw) -> Scene:
     """A car that is hauled up or down 45 to 60 degrees."""
-    x = _locked(draw)
+    x = _locked_rope_tables(draw)
     x["supports"]["drop"] = math.copysign(draw(1.0, 1.7), draw(-1.0, 1.0)) * x["supports"]["span"]
     x["travel"] = {"kind": "accelerate_cruise_brake", "top_speed": draw(3.0, 8.0)}
     x["drive"] = {"mode": "haul", "rolling_friction": draw(0.0, 0.05), "drag_area": draw(0.0, 15.0)}
     return Scene(**x, name="steep")
 
 
-def iced(draw: Draw) -> Scene:
+def iced_scene(draw: Draw) -> Scene:
     """A car that grips a damped locked rope with up to a third of its weight in ice."""
-    x = _locked(draw)
+    x = _locked_rope_tables(draw)
     x["cable"] |= {"ice": draw(0.02, 0.3) * x["cable"]["mass_per_length"], "damping": draw(0.002, 0.05)}
     speed = draw(0.1, 0.4) * _wave_speed(x)
     x["travel"] = {"kind": "accelerate_cruise_brake", "top_speed": speed}
     return Scene(**x, name="iced")
 
 
-def stopped(draw: Draw) -> Scene:
+def emergency_stop_scene(draw: Draw) -> Scene:
     """A hauled car that makes an emergency stop of 0.5 to 2 m/s2 at 0.2 to 0.7 of the distance."""
-    x = _locked(draw)
+    x = _locked_rope_tables(draw)
     speed = draw(4.0, 12.0)
     distance = math.hypot(x["supports"]["span"], x["supports"]["drop"])
     stop = {"time": draw(0.2, 0.7) * distance / speed, "deceleration": draw(0.5, 2.0)}
@@ -129,21 +129,21 @@ def stopped(draw: Draw) -> Scene:
     return Scene(**x, name="stopped")
 
 
-def windy(draw: Draw) -> Scene:
-    """A rider as `free`, damped and against the wind, 80 to 200 kg."""
-    x = tomllib.loads(free(draw).to_toml())
+def windy_scene(draw: Draw) -> Scene:
+    """A rider as in `free_rider_scene`, damped and against the wind, 80 to 200 kg."""
+    x = tomllib.loads(free_rider_scene(draw).to_toml())
     x["cable"]["damping"] = draw(0.001, 0.03)
     x["mass"]["mass"] = draw(80.0, 200.0)
     x["drive"]["wind"] = draw(-8.0, 4.0)
     return Scene.from_toml(tomli_w.dumps(x | {"name": "windy"}))
 
 
-def spans(draw: Draw) -> Line:
+def line_of_spans(draw: Draw) -> Line:
     """A locked rope over one or two saddles with a car in the first span, and at times another in the last one.
 
     Cars grip or are hauled.  One end is an anchor, the other too or a counterweight.
     """
-    x = _locked(draw)
+    x = _locked_rope_tables(draw)
     cable, T = x["cable"], x["cable"].pop("horizontal_tension")
     at = [[0.0, 0.0]]
     slope = draw(-0.35, 0.25)
@@ -163,14 +163,14 @@ def spans(draw: Draw) -> Line:
     chords = [0.0]
     for (a, b), (c, d) in itertools.pairwise(at):
         chords.append(chords[-1] + math.hypot(c - a, d - b))
-    cars = [_car_between(draw, "first", T, *[(at[i][0], chords[i]) for i in (0, 1)])]
+    cars = [_car_table(draw, "first", T, *[(at[i][0], chords[i]) for i in (0, 1)])]
     if draw(0.0, 1.0) < 0.5:
-        cars.append(_car_between(draw, "second", T, *[(at[i][0], chords[i]) for i in (-2, -1)]))
+        cars.append(_car_table(draw, "second", T, *[(at[i][0], chords[i]) for i in (-2, -1)]))
     tables: Tables = {"cable": cable, "contact": contacts, "car": cars}
     return Line(name="spans", **tables)
 
 
-def _car_between(draw: Draw, name: str, T: float, begin: tuple[float, float], end: tuple[float, float]) -> Tables:
+def _car_table(draw: Draw, name: str, T: float, begin: tuple[float, float], end: tuple[float, float]) -> Tables:
     """A car that goes 0.3 to 0.6 of the way between two contacts, each x and length of the chords up to there."""
     hauled = draw(0.0, 1.0) < 0.5
     low, high = (place[0 if hauled else 1] for place in (begin, end))
@@ -184,10 +184,10 @@ def _car_between(draw: Draw, name: str, T: float, begin: tuple[float, float], en
 
 
 def line_case(seed: int, number: int) -> tuple[Line, str | None]:
-    """A case of lines in motion, as `case`."""
+    """A case of lines in motion, as `scene_case`."""
     index = number if number < SOUND else number - SOUND
     rng = np.random.default_rng([seed, index])
-    line = spans(lambda low, high: float(rng.uniform(low, high)))
+    line = line_of_spans(lambda low, high: float(rng.uniform(low, high)))
     if number < SOUND:
         return line, None
     weights = [f"contact.{c.name}.tension" for c in line.contact if c.kind == "counterweight"]
@@ -197,11 +197,14 @@ def line_case(seed: int, number: int) -> tuple[Line, str | None]:
 
 
 Family = Callable[[Draw], Scene]
-FAMILIES: tuple[Family, ...] = (gripped, hauled, free)
-SETS = {"ropeway": FAMILIES, "wide": (*FAMILIES, fibre, slack, steep, iced, stopped, windy)}
+FAMILIES: tuple[Family, ...] = (gripped_scene, hauled_scene, free_rider_scene)
+SETS = {
+    "ropeway": FAMILIES,
+    "wide": (*FAMILIES, fibre_rope_scene, slack_rope_scene, steep_scene, iced_scene, emergency_stop_scene, windy_scene),
+}
 
 
-def realistic(seed: int, index: int, families: tuple[Family, ...] = FAMILIES) -> Scene:
+def realistic_scene(seed: int, index: int, families: tuple[Family, ...] = FAMILIES) -> Scene:
     """A scene of the families in turn."""
     rng = np.random.default_rng([seed, index])
     return families[index % len(families)](lambda low, high: float(rng.uniform(low, high)))
@@ -211,7 +214,7 @@ SOUND = 60  # cases without a fault
 FAULTS = ("mass.mass", "cable.EA", "cable.mass_per_length")  # and the speed of a travel
 
 
-def case(seed: int, number: int, of: str = "ropeway") -> tuple[Scene | Line, str | None]:
+def scene_case(seed: int, number: int, of: str = "ropeway") -> tuple[Scene | Line, str | None]:
     """The scene of a case of the study `power`, and the key that is 1 percent larger in the second solver.
 
     of : a key of SETS, or "lines" in motion; "wide" has faults in friction, drag, brake and drop, too.
@@ -220,9 +223,9 @@ def case(seed: int, number: int, of: str = "ropeway") -> tuple[Scene | Line, str
         return line_case(seed, number)
     families = SETS[of]
     if number < SOUND:
-        return realistic(seed, number, families), None
+        return realistic_scene(seed, number, families), None
     index = number - SOUND
-    scene = realistic(seed, index, families)
+    scene = realistic_scene(seed, index, families)
     drive = scene.drive
     keys = list(FAULTS)
     if drive.mode != "free":

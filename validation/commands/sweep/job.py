@@ -56,17 +56,17 @@ def time_limit(seconds: float) -> Iterator[None]:
             timer.cancel()
 
 
-def rows(study: Study, numbered: list[tuple[int, dict[str, Any]]]) -> list[dict[str, Any]]:
-    return [row(study, index, point) for index, point in numbered]
+def rows_of_points(study: Study, numbered: list[tuple[int, dict[str, Any]]]) -> list[dict[str, Any]]:
+    return [row_of_point(study, index, point) for index, point in numbered]
 
 
-def row(study: Study, index: int, point: dict[str, Any]) -> dict[str, Any]:
+def row_of_point(study: Study, index: int, point: dict[str, Any]) -> dict[str, Any]:
     """The row of one point: index, inputs, groups, status and the results of the job."""
     begin = time.perf_counter()
     out: dict[str, Any] = {"index": index, **point}
     try:
         with time_limit(study.seconds + max(0.0, FRESH - time.process_time())):
-            out |= _row(study, point, index)
+            out |= _check_or_run(study, point, index)
     except CutOff:
         out |= {"status": "cut off", "cause": "time", "reason": f"more than {study.seconds:g} s"}
     except Exception as error:
@@ -75,13 +75,13 @@ def row(study: Study, index: int, point: dict[str, Any]) -> dict[str, Any]:
     return out | {"seconds": time.perf_counter() - begin}
 
 
-def lost(study: Study, index: int, cause: str) -> dict[str, Any]:
+def row_of_lost_scene(study: Study, index: int, cause: str) -> dict[str, Any]:
     """The row of a scene that ends its worker."""
     reason = "each worker died that computed it"
     return {"index": index, **study.point(index), "status": "died", "cause": cause, "reason": reason}
 
 
-def _row(study: Study, point: dict[str, Any], index: int) -> dict[str, Any]:
+def _check_or_run(study: Study, point: dict[str, Any], index: int) -> dict[str, Any]:
     from cablefem.scene import SceneError
     from cablefem.scene.line import Line
 
@@ -94,20 +94,20 @@ def _row(study: Study, point: dict[str, Any], index: int) -> dict[str, Any]:
     how = study.how(point)
     match study.job:
         case "run":
-            return out | _run(study, how, scene, index)
+            return out | _run_row(study, how, scene, index)
         case "check":
-            return out | _check(scene, how["tol"], None)
+            return out | _check_row(scene, how["tol"], None)
         case "advise":
-            return out | _advise(scene, how["tol"])
+            return out | _advice_row(scene, how["tol"])
     out["family"] = scene.name
     key = study.case(point)[1]
     fault = "none" if key is None else f"{key} +1 %"
     second = None if key is None else scene.replace({key: "+1%"})
-    judged = _check_line if isinstance(scene, Line) else _check
+    judged = _line_check_row if isinstance(scene, Line) else _check_row
     return out | {"fault": fault} | judged(scene, how["tol"], second)
 
 
-def _run(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
+def _run_row(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
     from validation.core.design import design
     from validation.core.methods import find
     from validation.core.refine import TooCoarse, refine_to_tolerance, run_with_error_bars
@@ -115,7 +115,7 @@ def _run(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[str,
 
     tol = how.pop("tol", None)
     if "method" not in how:
-        how |= _cheapest(scene, tol)
+        how |= _advised_settings(scene, tol)
     method = how.pop("method")
     how |= {k: v for k, v in study.settings.items() if k in find(method).knobs}
     too_coarse: dict[str, Any] = {}
@@ -123,7 +123,7 @@ def _run(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[str,
         Run(scene, method, **how)
     except ValueError as error:  # a method that cannot do what the scene asks for
         return {"status": "refused", "cause": "method", "reason": str(error)}
-    how["until"] = _end(scene)
+    how["until"] = _last_position(scene)
     try:
         if tol is None:
             ladder = run_with_error_bars(scene, method, **how)
@@ -133,8 +133,8 @@ def _run(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[str,
         ladder = error.ladder
         too_coarse = {"verdict": "too coarse", "reason": str(error)}
     r = replace(ladder.run, design=design(ladder))
-    out = _numbers(r, scene) | too_coarse
-    faults = faults_of(r)
+    out = _response_numbers(r, scene) | too_coarse
+    faults = response_faults(r)
     if faults:
         return out | {"status": "failed", "cause": "not finite", "reason": "; ".join(faults)}
     if study.truth is None or index % study.truth.every:
@@ -142,7 +142,7 @@ def _run(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[str,
     return out | true_errors(scene, r, study.truth.finer)
 
 
-def _end(scene: Any) -> float | None:
+def _last_position(scene: Any) -> float | None:
     """s_o/l at which runs end: rows say nothing of the slack cable; None: the end of the motion."""
     from validation.core.measures import SLACK_END
 
@@ -174,7 +174,7 @@ def true_errors(scene: Any, r: Any, finer: int) -> dict[str, Any]:
     return {"true_error": true, "doubt": doubt, "true_tension": tension, "doubt_tension": unsure}
 
 
-def faults_of(r: Any) -> list[str]:
+def response_faults(r: Any) -> list[str]:
     """Faults of a response: numbers that are not finite, an end without a reason."""
     import numpy as np
 
@@ -189,7 +189,7 @@ def faults_of(r: Any) -> list[str]:
     return out
 
 
-def _cheapest(scene: Any, tol: float) -> dict[str, Any]:
+def _advised_settings(scene: Any, tol: float) -> dict[str, Any]:
     """Simplest model and method that `advise` finds; of a car that rolls, a method that can ride."""
     from validation import advice
 
@@ -199,33 +199,36 @@ def _cheapest(scene: Any, tol: float) -> dict[str, Any]:
     return {k: advised[k] for k in ("method", "model", "load")}
 
 
-def _check(scene: Any, tol: float, second: Any) -> dict[str, Any]:
+def _check_row(scene: Any, tol: float, second: Any) -> dict[str, Any]:
     from validation import check
 
     def path_error(ladder: Any) -> float:
         return math.inf if ladder.run.path_error is None else float(ladder.run.path_error)
 
-    result = check(scene, tol=tol, until=_end(scene), second=second)
+    result = check(scene, tol=tol, until=_last_position(scene), second=second)
     best = min((result.a, result.b), key=path_error)
-    return _numbers(best.run, scene) | {"verdict": result.verdict.value, "not_agreed": _not_agreed(result)}
+    return _response_numbers(best.run, scene) | {
+        "verdict": result.verdict.value,
+        "not_agreed": _disagreeing_quantities(result),
+    }
 
 
-def _check_line(line: Any, tol: float, second: Any) -> dict[str, Any]:
+def _line_check_row(line: Any, tol: float, second: Any) -> dict[str, Any]:
     from validation.commands.check.motion import checked
 
     result: Any = checked(line, tol, second=second)
-    verdict = {"verdict": result.verdict.value, "not_agreed": _not_agreed(result)}
+    verdict = {"verdict": result.verdict.value, "not_agreed": _disagreeing_quantities(result)}
     return verdict | {"status": result.status, "reason": result.moved.reason, "method": result.moved.method}
 
 
-def _not_agreed(result: Any) -> str | None:
+def _disagreeing_quantities(result: Any) -> str | None:
     """The quantities that decide and do not agree."""
     agree = type(result.verdict).AGREE
     differ = dict.fromkeys(row.quantity for row in result.rows if row.decides and row.verdict is not agree)
     return ", ".join(differ) or None
 
 
-def _advise(scene: Any, tol: float) -> dict[str, Any]:
+def _advice_row(scene: Any, tol: float) -> dict[str, Any]:
     from validation import advice
 
     advised = advice(scene, tol)
@@ -234,7 +237,7 @@ def _advise(scene: Any, tol: float) -> dict[str, Any]:
     return out | {"status": "complete", "settings": json.dumps(advised["settings"]), "verdict": verdict}
 
 
-def _numbers(r: Any, scene: Any) -> dict[str, Any]:
+def _response_numbers(r: Any, scene: Any) -> dict[str, Any]:
     """What a row holds of a response."""
     from validation.core import limits
     from validation.core.answers import outcome

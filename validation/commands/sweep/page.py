@@ -16,7 +16,7 @@ from pandas import qcut
 
 from cablefem.scene import Scene
 from cablefem.scene.keys import keys
-from validation.commands.sweep.engine import frame
+from validation.commands.sweep.engine import read_rows
 from validation.commands.sweep.job import BROKEN, DESIGN
 from validation.commands.sweep.study import Study
 from validation.core import store
@@ -34,20 +34,20 @@ PARTS = 3  # of a third axis
 def sections(folder: Path) -> list[Section]:
     file = folder / "study.toml"
     study = Study.load(file)
-    rows = frame(folder)
+    rows = read_rows(folder)
     complete = rows["status"] == "complete"
-    thin = _thinned(rows)
-    data = json.dumps(_scenes(study, file, thin)).replace("<", "\\u003c")
+    thin = _thin_rows(rows)
+    data = json.dumps(_explorer_data(study, file, thin)).replace("<", "\\u003c")
     script = Markup((resources.files(__package__) / "explorer.js").read_text(encoding="utf-8"))
     return drawn(
         __package__, study=study, rows=rows, complete=complete.sum(), broken=rows["status"].isin(BROKEN).sum(),
-        unfinished=rows[~complete], judged=rows[rows["verdict"].notna()], counted=_counted,
-        bars=coverage(rows) if rows["true_error"].notna().any() else [], maps=list(_maps(study, rows)),
+        unfinished=rows[~complete], judged=rows[rows["verdict"].notna()], counted=_count_table,
+        bars=bar_coverage(rows) if rows["true_error"].notna().any() else [], maps=list(_draw_maps(study, rows)),
         shown=len(thin), data=Markup(data), script=script,
     )  # fmt: skip
 
 
-def _counted(rows: Any, by: list[str], caption: str) -> Markup:
+def _count_table(rows: Any, by: list[str], caption: str) -> Markup:
     """Table of how often each combination of words occurs, most frequent first."""
     counts = rows.value_counts(by, dropna=False).reset_index(name="scenes").rename(columns={"verdict": "judged"})
     counts["part"] = [percent(n / len(rows), 3) for n in counts["scenes"]]
@@ -57,7 +57,7 @@ def _counted(rows: Any, by: list[str], caption: str) -> Markup:
 OF = {"path": ("path_error", "true_error", "doubt"), "tension": ("tension_error", "true_tension", "doubt_tension")}
 
 
-def coverage(rows: Any) -> list[dict[str, Any]]:
+def bar_coverage(rows: Any) -> list[dict[str, Any]]:
     """Table rows that say whether the bars hold, by method.
 
     Judged where the two finer runs differ by less than a third of the bar or of the error.
@@ -79,25 +79,25 @@ def coverage(rows: Any) -> list[dict[str, Any]]:
     return out
 
 
-def _maps(study: Study, rows: Any) -> Iterator[Markup]:
+def _draw_maps(study: Study, rows: Any) -> Iterator[Markup]:
     axes = [name for name, a in study.axes.items() if a.numeric and rows[name].nunique() > 1]
     if not axes:
         return
-    logs = _logarithmic(study)
+    logs = _logarithmic_axes(study)
     ended = rows[rows["outcome_kind"].notna()]
     if len(ended):
-        yield _outcomes(_thinned(ended), axes, logs)
+        yield _draw_outcomes(_thin_rows(ended), axes, logs)
     for quantity in MAPS:
-        computed = _thinned(rows[rows[quantity].notna()])
+        computed = _thin_rows(rows[rows[quantity].notna()])
         if len(computed) > 2:
-            yield _map(computed, quantity, axes, logs)
+            yield _draw_map(computed, quantity, axes, logs)
 
 
-def _logarithmic(study: Study) -> set[str]:
+def _logarithmic_axes(study: Study) -> set[str]:
     return {name for name, axis in study.axes.items() if axis.log}
 
 
-def _dots(ax: Any, rows: Any, x: str, y: str, logs: set[str], **looks: Any) -> Any:
+def _draw_dots(ax: Any, rows: Any, x: str, y: str, logs: set[str], **looks: Any) -> Any:
     """Draw a dot for each scene, a link to its row; x, y : columns."""
     dots = ax.scatter(rows[x], rows[y], s=14, linewidths=0, **looks)
     dots.set_urls([f"#scene-{i}" for i in rows.index])
@@ -106,7 +106,7 @@ def _dots(ax: Any, rows: Any, x: str, y: str, logs: set[str], **looks: Any) -> A
     return dots
 
 
-def _outcomes(rows: Any, axes: list[str], logs: set[str]) -> Markup:
+def _draw_outcomes(rows: Any, axes: list[str], logs: set[str]) -> Markup:
     """Draw what becomes of the car over the first two axes, a colour for each kind."""
     x = axes[0]
     y = axes[1] if len(axes) > 1 else "speed_max"
@@ -116,14 +116,14 @@ def _outcomes(rows: Any, axes: list[str], logs: set[str]) -> Markup:
         part = rows[rows["outcome_kind"] == kind]
         marker = "o" if i < len(COLORS) else "s"
         label = ENDS.get(kind, kind)
-        _dots(ax, part, x, y, logs, color=COLORS[i % len(COLORS)], marker=marker, label=label)
+        _draw_dots(ax, part, x, y, logs, color=COLORS[i % len(COLORS)], marker=marker, label=label)
     ax.set_ylabel(_with_unit(y))
     ax.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure(fig, f"What becomes of the car over {x} and {y}")
 
 
 @cache
-def _units() -> dict[str, str]:
+def _unit_by_name() -> dict[str, str]:
     """Unit of each axis and each number."""
     groups = store.shipped(__package__, "keys.toml")["groups"]
     return {key.name: key.unit for key in keys(Scene)} | {name: unit for name, (unit, _) in groups.items()}
@@ -136,17 +136,17 @@ def _with_unit(name: str) -> str:
     elif name.partition(":")[0] in KNOWN:
         unit = unit_of(name)
     else:
-        unit = _units().get(re.sub(r"\.\d+\.", ".0.", name))
+        unit = _unit_by_name().get(re.sub(r"\.\d+\.", ".0.", name))
     if unit is None:
         return name
     return f"{name} [–]" if unit in ("", "-") else f"{name} [{unit}]"
 
 
-def _thinned(rows: Any) -> Any:
+def _thin_rows(rows: Any) -> Any:
     return rows.iloc[:: max(1, -(-len(rows) // SHOWN))]
 
 
-def _map(rows: Any, quantity: str, axes: list[str], logs: set[str]) -> Markup:
+def _draw_map(rows: Any, quantity: str, axes: list[str], logs: set[str]) -> Markup:
     """Draw a quantity over the first two axes, or over the only one; a third axis is cut into parts."""
     factor, unit = scale_of(rows[quantity].to_numpy(float), unit_of(quantity))
     rows = rows.assign(**{quantity: factor * rows[quantity]})
@@ -155,12 +155,12 @@ def _map(rows: Any, quantity: str, axes: list[str], logs: set[str]) -> Markup:
     parts = [("", rows)]
     split = ""
     if len(axes) > 2:
-        parts = _parts(rows, axes[2])
+        parts = _split_by_axis(rows, axes[2])
         split = f", {axes[2]} from left to right"
     fig, grid = panels(1, len(parts), height=2.9 if len(parts) == 1 else 2.6, sharey=True, squeeze=False)
     low, high = np.percentile(rows[quantity].to_numpy(float), [1, 99])
     for ax, (title, part) in zip(grid[0], parts, strict=True):
-        dots = _dots(ax, part, x, y, logs, c=part[quantity], vmin=low, vmax=high)
+        dots = _draw_dots(ax, part, x, y, logs, c=part[quantity], vmin=low, vmax=high)
         slack = part[part["slack_onset"].notna()]
         ax.scatter(slack[x], slack[y], s=30, facecolors="none", edgecolors="#d55e00", linewidths=0.7)
         ax.set_title(title, fontsize=8)
@@ -171,7 +171,7 @@ def _map(rows: Any, quantity: str, axes: list[str], logs: set[str]) -> Markup:
     return figure(fig, f"{words[0].upper()}{words[1:]} over {x} and {y}{split}")
 
 
-def _parts(rows: Any, axis: str) -> list[tuple[str, Any]]:
+def _split_by_axis(rows: Any, axis: str) -> list[tuple[str, Any]]:
     """Scenes by an axis: its values where they are few, else in equal shares."""
     if rows[axis].nunique() <= PARTS:
         return [(f"{axis} = {number(x)}", part) for x, part in rows.groupby(axis)]
@@ -179,19 +179,19 @@ def _parts(rows: Any, axis: str) -> list[tuple[str, Any]]:
     return [(f"{number(x.left)} to {number(x.right)}", part) for x, part in rows.groupby(shares, observed=True)]
 
 
-def _scenes(study: Study, file: Path, rows: Any) -> dict[str, Any]:
+def _explorer_data(study: Study, file: Path, rows: Any) -> dict[str, Any]:
     """What explorer.js shows: curves of scenes across their axes, and a table with the command of each."""
     names = [*study.axes, *DESIGN, "max_deflection", "path_error", "seconds", "status", "verdict", "method"]
-    logs = _logarithmic(study)
+    logs = _logarithmic_axes(study)
     columns = [
-        {"name": _with_unit(name), "log": name in logs, "values": [_plain(x) for x in rows[name].tolist()]}
+        {"name": _with_unit(name), "log": name in logs, "values": [_plain_value(x) for x in rows[name].tolist()]}
         for name in dict.fromkeys(names)
         if rows[name].notna().any()
     ]
     return {"study": str(file), "index": rows.index.tolist(), "columns": columns}
 
 
-def _plain(value: Any) -> Any:
+def _plain_value(value: Any) -> Any:
     """A word as it is, a number to five digits, None for nan."""
     if isinstance(value, str):
         return value

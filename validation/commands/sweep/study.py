@@ -28,7 +28,7 @@ FREE = ("slope", "travel", "span", "rho", "gravity")  # besides them, of `Scene.
 HOW = ("method", "model", "load", "law", "tol")  # of the run, not of the scene
 
 
-def _method(method: str) -> str:
+def _known_method(method: str) -> str:
     """The name of a method that there is."""
     names = [*METHODS, *installed()]
     if method not in names:
@@ -58,8 +58,8 @@ class Study(Part):
     title: OneLine = ""
     scene: Scene | None = None  # None: every scene is made from its groups
     job: Literal["run", "check", "advise", "power"] = "run"
-    method: Annotated[str, AfterValidator(_method)] | None = None  # None: the cheapest that will do
-    settings: dict[str, Any] = Field(default_factory=dict)  # of the method; of job power `families.case`
+    method: Annotated[str, AfterValidator(_known_method)] | None = None  # None: the cheapest that will do
+    settings: dict[str, Any] = Field(default_factory=dict)  # of the method; of job power `families.scene_case`
     tol: Annotated[float, between(1e-6, 0.2)] | None = None
     seconds: Annotated[float, between(0.1, 86_400.0)] = 120.0  # a scene may take
     vary: Annotated[dict[str, Axis], PlainValidator(grid)] | None = None  # the full grid of all axes
@@ -70,13 +70,13 @@ class Study(Part):
     @classmethod
     def load(cls, name_or_path: str | Path) -> Study:
         """A built-in study, or that in a TOML file; Refused with one line per fault."""
-        path = built_in().get(str(name_or_path), Path(name_or_path))
+        path = built_in_studies().get(str(name_or_path), Path(name_or_path))
         try:
             return cls.of(tomllib.loads(path.read_text(encoding="utf-8-sig")), path.stem, path.parent)
         except tomllib.TOMLDecodeError as error:
             raise Refused(f"{name_or_path}: not valid TOML: {error}") from None
         except (OSError, UnicodeDecodeError):
-            hint = nearest(str(name_or_path), built_in())
+            hint = nearest(str(name_or_path), built_in_studies())
             fault = f"study = {shown(str(name_or_path))}: no built-in study, no readable file.{hint}"
             raise Refused(fault) from None
 
@@ -103,7 +103,7 @@ class Study(Part):
             return ["exactly one of [vary] (a full grid) and [sample] (a design of experiments) must be given"]
         faults = [] if len(self) <= MAX_POINTS else [f"vary: {len(self)} scenes; must be at most {MAX_POINTS}"]
         for name, axis in self.axes.items():
-            faults += self._faults_of(name, axis)
+            faults += self._axis_faults(name, axis)
         named = {*self.axes, *self.how({})}
         needed = ["tol", "case"] if self.job == "power" else ["tol"]
         job = f"job {shown(self.job)}"
@@ -114,7 +114,7 @@ class Study(Part):
         faults += [f"{x}: missing; {job} needs it" for x in needed if x not in named]
         return faults
 
-    def _faults_of(self, name: str, axis: Axis) -> list[str]:
+    def _axis_faults(self, name: str, axis: Axis) -> list[str]:
         """Faults of an axis' name: no group, no field of the scene, nothing of the run."""
         names = {*GROUPS, *HOW}
         if not self.scene:
@@ -127,7 +127,7 @@ class Study(Part):
             return [f"{name}: must be a field of the scene file (cable.sag) or one of them.{near}"]
         try:
             if dot and self.scene is not None:
-                self.scene.replace({name: axis.at(0.0)})
+                self.scene.replace({name: axis.value_at_share(0.0)})
         except SceneError as error:
             return [fault for fault in error.faults if "unknown key" in fault]
         return []
@@ -158,8 +158,10 @@ class Study(Part):
         if not 0 <= index < len(self):
             raise Refused(f"scene {index}: {self.name} has the scenes 0 to {len(self) - 1}")
         if self.sample is not None:
-            shares = _shares(self.sample.kind, self.sample.count, self.sample.seed, len(self.axes))[index]
-            return {name: axis.at(share) for (name, axis), share in zip(self.axes.items(), shares, strict=True)}
+            shares = _design_points(self.sample.kind, self.sample.count, self.sample.seed, len(self.axes))[index]
+            return {
+                name: axis.value_at_share(share) for (name, axis), share in zip(self.axes.items(), shares, strict=True)
+            }
         at = np.unravel_index(index, [len(axis.values) for axis in self.axes.values()])
         return {name: axis.values[i] for (name, axis), i in zip(self.axes.items(), at, strict=True)}
 
@@ -171,14 +173,14 @@ class Study(Part):
         groups = {k: v for k, v in point.items() if "." not in k and k not in HOW}
         scene = Scene.from_groups(**groups) if self.scene is None else self.scene
         if "drive.mode" in dotted:
-            scene, dotted = _driven(scene, dotted)
+            scene, dotted = _with_drive_mode(scene, dotted)
         scene = scene.replace(dotted) if dotted else scene
         return scene.variant(**groups) if groups and self.scene is not None else scene
 
     def case(self, point: dict[str, Any]) -> tuple[Scene | Line, str | None]:
         """The scene of a point of job power, and the key of its fault."""
         seed = self.settings.get("seed", 0)
-        return families.case(seed, round(point["case"]), self.settings.get("families", "ropeway"))
+        return families.scene_case(seed, round(point["case"]), self.settings.get("families", "ropeway"))
 
     def how(self, point: dict[str, Any]) -> dict[str, Any]:
         """The entries of HOW that the study names."""
@@ -186,7 +188,7 @@ class Study(Part):
         return {k: v for k, v in named.items() if v is not None}
 
 
-def _driven(scene: Scene, changes: dict[str, Any]) -> tuple[Scene, dict[str, Any]]:
+def _with_drive_mode(scene: Scene, changes: dict[str, Any]) -> tuple[Scene, dict[str, Any]]:
     """A scene and its changes in another drive.mode, without keys that mean nothing there."""
     mode = changes["drive.mode"]
     keys = of_mode(mode)
@@ -196,14 +198,14 @@ def _driven(scene: Scene, changes: dict[str, Any]) -> tuple[Scene, dict[str, Any
     return scene.variant(drive=drive, **no_travel), others
 
 
-def built_in() -> dict[str, Path]:
+def built_in_studies() -> dict[str, Path]:
     """Name -> file of the studies that come with the package."""
     folder = Path(str(resources.files(__package__))) / "library"
     return {file.stem: file for file in sorted(folder.glob("*.toml"))}
 
 
 @cache
-def _shares(kind: str, count: int, seed: int, axes: int) -> np.ndarray:
+def _design_points(kind: str, count: int, seed: int, axes: int) -> np.ndarray:
     """All points of a design in the unit cube, (count, axes)."""
     from scipy.stats import qmc
 
