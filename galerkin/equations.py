@@ -80,9 +80,9 @@ class GalerkinSystem(System):
         self.force_floor = float(np.finfo(float).eps) * groups.alpha
         # of the last residual, and its s; see `kernels.least`
         self.min_tension = np.inf, 0.0
-        self._fresh()
+        self._reset_cache()
 
-    def _fresh(self) -> None:
+    def _reset_cache(self) -> None:
         """Make the cache of instants; a collocation step visits three."""
         self.instant = lru_cache(maxsize=8)(lambda t, phase: self._instant(*self.motion.at(t, phase)))
 
@@ -90,7 +90,7 @@ class GalerkinSystem(System):
         other = copy.copy(self)
         other.law = law
         other.cable = cable_model(self.groups, self.model, law)
-        other._fresh()
+        other._reset_cache()
         return other
 
     def position(self, x: State) -> float:

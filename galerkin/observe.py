@@ -124,7 +124,7 @@ class Measures:
         n = self.system.n
         return np.array([v[:n] @ basis.integral(s_o) for v, s_o in zip(self.q[:, -1], self.inside, strict=True)])
 
-    def recover(self, s: Array, frames: Array) -> Equilibrium:
+    def forces_from_momentum(self, s: Array, frames: Array) -> Equilibrium:
         return recover(self, s, frames)
 
 
@@ -185,7 +185,7 @@ def _full(
     T_o = cable.groups.static(x.s_o)[0]
     static_o = cable.static_slope(x.s_o)[0]
     static = cable.static_slope(s)[0]
-    balanced = x.recover(s, frames)
+    balanced = x.forces_from_momentum(s, frames)
     none_behind = np.where(x.s_o > 0.0, 0.0, np.nan)
     none_ahead = np.where(x.s_o < 1.0, 0.0, np.nan)
     behind = tension(balanced.behind, slopes[0]) + none_behind

@@ -175,7 +175,7 @@ class RidingMeasures(Measures):
     def kinetic(self) -> Array:
         return 0.5 * sum((side.twice_kinetic() for side in self.sides), np.zeros(self.s_o.size))
 
-    def recover(self, s: Array, frames: Array) -> Equilibrium:
+    def forces_from_momentum(self, s: Array, frames: Array) -> Equilibrium:
         """Balances of both pieces; N t - c^2 r' = (N (1 - c^2/alpha) - c^2 (1 - T/alpha)) t gives N without slopes."""
         sides = self.sides
         groups = self.system.groups

@@ -12,7 +12,7 @@ from cablefem import Scene
 from tests.commands.calls import BROKEN, lines
 from tests.commands.test_lines import FEW
 from validation.commands.check import selftest
-from validation.core.agreement import nothing
+from validation.core.agreement import no_bound
 from validation.core.methods import CHECKED
 from validation.core.watch import with_flag
 
@@ -87,7 +87,7 @@ def test_the_exit_code_of_a_check_is_its_verdict(cablefem, checked, level_check,
     other = {
         "agree": first,
         "disagree": dataclasses.replace(first, gap=4.0 * first.allowed),
-        "not comparable": dataclasses.replace(first, bound=nothing("nothing to compare")),
+        "not comparable": dataclasses.replace(first, bound=no_bound("nothing to compare")),
         "too coarse": dataclasses.replace(first, required=1e-9),
     }[verdict]
     checked(rows=[other, *rest])

@@ -12,7 +12,7 @@ from tests.validation.ladders import ladder
 from validation.core import readback, recomputed
 from validation.core.agreement import Verdict
 from validation.core.answers import outcome
-from validation.core.design import QUANTITIES, design, gaps, widened_numbers
+from validation.core.design import QUANTITIES, design, design_gap_rows, widened_numbers
 from validation.core.measures import energy_defect, extremes_within
 from validation.core.quasi_static import quasi_static
 from validation.core.running import run
@@ -99,7 +99,7 @@ def test_a_bar_is_no_less_than_the_gap_to_the_twin(told):
     assert {n.quantity: n for n in known}["mass_deepest"].bar < 0.1
     assert after["mass_deepest"] == pytest.approx(1.0, abs=0.02)
     ladders = [replace(x, finest=replace(x.finest, design=n)) for x, n in ((found, own), (deeper, other))]
-    rows = {row.law: row for row in gaps(*ladders, 0.05)}
+    rows = {row.law: row for row in design_gap_rows(*ladders, 0.05)}
     assert rows["mass_deepest"].verdict is Verdict.DISAGREE  # by the solvers' own bars
     assert rows["tension_max"].verdict is Verdict.AGREE
     assert not any(row.decides for row in rows.values())

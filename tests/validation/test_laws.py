@@ -45,7 +45,7 @@ def test_right_answers_keep_every_law(name):
     others = {"compression", "internal losses"}
     others |= {"tension on both sides", "drive", "car at rest"} if scene.drive.mode == "grip" else set()
     others |= {"travel"} if free else set()
-    others |= {"summed over time"} if name == "tramway" else set()  # slow: few frames in a swing
+    others |= {"displacement from velocity"} if name == "tramway" else set()  # slow: few frames in a swing
     assert set(found) == set(laws.LAWS) - others
 
 

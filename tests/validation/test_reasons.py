@@ -6,7 +6,7 @@ import string
 
 import pytest
 
-from validation.core.agreement import Agreement, Bound, Part, nothing
+from validation.core.agreement import Agreement, Bound, Part, no_bound
 from validation.core.watch import TEXTS, flag
 
 
@@ -19,7 +19,7 @@ def test_a_bound_is_the_sum_of_its_parts():
 
 
 def test_a_bound_without_a_value_is_none():
-    none = nothing("no common range")
+    none = no_bound("no common range")
     assert (none.value != none.value, str(none)) == (True, "no common range")
 
 

@@ -58,7 +58,7 @@ class Bound:
         return "; ".join(filter(None, (parts, self.why, *self.notes)))
 
 
-def nothing(why: object) -> Bound:
+def no_bound(why: object) -> Bound:
     return Bound("nothing", why=str(why))
 
 

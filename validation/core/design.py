@@ -213,7 +213,7 @@ def design(of: Ladder | Response, twin: Ladder | None = None) -> list[Number]:
     other = None if twin is None else twin.finest
     numbers = []
     for name, signal in signals(r, other).items():
-        number = _number(name, signal, r, ladder)
+        number = _design_number(name, signal, r, ladder)
         if number is not None:
             numbers.append(number)
     numbers += _safety(r, numbers)
@@ -221,7 +221,7 @@ def design(of: Ladder | Response, twin: Ladder | None = None) -> list[Number]:
     if tilt is not None:
         numbers.append(_number_row("wind_tilt", tilt, 0.0, "deg"))
     numbers += _for_limits(_scene(r.scene_toml))
-    return [*numbers, *_onset(r, ladder)]
+    return [*numbers, *_slack_onset_number(r, ladder)]
 
 
 def signals(r: Response, other: Response | None = None) -> dict[str, Signal]:
@@ -243,26 +243,26 @@ def widened_numbers(numbers: Sequence[Number], others: Sequence[Number]) -> list
     for number in numbers:
         changed = dict(number)
         for name, bar in (("value", "bar"), ("peak", "bar_peak")):
-            gap = _gap(name, number, other.get(number["quantity"]))
+            gap = _number_gap(name, number, other.get(number["quantity"]))
             if gap is not None and number[bar] is not None:
                 changed[bar] = max(number[bar], gap)
         rows.append(changed)
     return rows
 
 
-def _gap(name: str, number: Number, other: Number | None) -> float | None:
+def _number_gap(name: str, number: Number, other: Number | None) -> float | None:
     """Distance of two solvers in a design number; None where one of them does not know it."""
     if other is None or number[name] is None or other[name] is None:
         return None
     return float(abs(number[name] - other[name]))
 
 
-def gaps(a: Ladder, b: Ladder, tolerance: float) -> Iterator[Agreement]:
+def design_gap_rows(a: Ladder, b: Ladder, tolerance: float) -> Iterator[Agreement]:
     """Shown rows of two solvers' design numbers with their own bars, over the larger value."""
     other = {row["quantity"]: row for row in b.run.design}
     for number in a.run.design:
         counterpart = other.get(number["quantity"])
-        gap = _gap("value", number, counterpart)
+        gap = _number_gap("value", number, counterpart)
         if counterpart is None or gap is None:
             continue
         size = max(abs(number["value"]), abs(counterpart["value"])) or 1.0
@@ -273,7 +273,7 @@ def gaps(a: Ladder, b: Ladder, tolerance: float) -> Iterator[Agreement]:
         yield Agreement("design gap", gap / size, bound, law=number["quantity"], required=tolerance, decides=False)
 
 
-def _number(name: str, signal: Signal, r: Response, ladder: Ladder | None) -> Number | None:
+def _design_number(name: str, signal: Signal, r: Response, ladder: Ladder | None) -> Number | None:
     unit = unit_of(name)
     period = signal.period
     found = signal.extreme(r)
@@ -284,7 +284,7 @@ def _number(name: str, signal: Signal, r: Response, ladder: Ladder | None) -> Nu
     near = np.clip(found.t + np.linspace(-1.0, 1.0, NEAR) * max(period, found.step), *signal.span)
     bar = math.inf
     if ladder is not None:
-        bar = _bar(signal, found, near, ladder, FIRST if period else math.inf)
+        bar = _error_bar(signal, found, near, ladder, FIRST if period else math.inf)
     where = {
         "t": found.t,
         "s_o": float(np.interp(found.t, r.t, r.s_o)),
@@ -296,7 +296,7 @@ def _number(name: str, signal: Signal, r: Response, ladder: Ladder | None) -> Nu
     raw = replace(signal, period=0.0)
     bar_peak = math.inf
     if ladder is not None and not _damps(r):  # else coarser runs do not show the error of axial waves
-        bar_peak = _bar(raw, found, near, ladder, FIRST)
+        bar_peak = _error_bar(raw, found, near, ladder, FIRST)
     return _number_row(name, found.value, bar, unit, **where, peak=raw.value(r), bar_peak=finite(bar_peak))
 
 
@@ -305,7 +305,7 @@ def _damps(r: Response) -> bool:
     return scheme(r.settings["scheme"], rho_inf=r.settings.get("rho_inf", 1.0)).damps
 
 
-def _bar(signal: Signal, found: _Extreme, near: Array, ladder: Ladder, order: float) -> float:
+def _error_bar(signal: Signal, found: _Extreme, near: Array, ladder: Ladder, order: float) -> float:
     """Bar of an extreme and of the signal near it."""
     bar = ladder.bar(signal.value, largest, order)
     if found.step > 0.0:
@@ -407,7 +407,7 @@ def _at_an_end(found: _Extreme, r: Response, span: tuple[float, float]) -> bool:
     return bool(ends or not 0.0 < found.s < r.length)
 
 
-def _onset(r: Response, ladder: Ladder | None) -> Iterator[Number]:
+def _slack_onset_number(r: Response, ladder: Ladder | None) -> Iterator[Number]:
     if r.slack_onset is None or r.slack_onset > steep_from(r):
         return
 

@@ -24,7 +24,7 @@ import numpy as np
 from cablefem.response import Array, MassPath, Response, write_csv
 from cablefem.scene import Scene
 from validation.core import measures
-from validation.core.agreement import Agreement, Bound, Part, nothing
+from validation.core.agreement import Agreement, Bound, Part, no_bound
 from validation.core.ladder import Distance, Ladder, response
 from validation.core.measures import WINDOW, NotComparable, Window
 from validation.core.rows import event_of
@@ -104,7 +104,7 @@ class ForeignPath(MassPath):
 # --- reading --------------------------------------------------------------------------------------------------------
 
 
-def _names(l: float) -> dict[str, tuple[str, float]]:
+def _column_names(l: float) -> dict[str, tuple[str, float]]:
     """Quantity and factor to SI, v and y down, of every name that a column may have on a cable of length l [m]."""
     names = {}
     for quantity, si in _COLUMNS.items():
@@ -121,11 +121,11 @@ def _names(l: float) -> dict[str, tuple[str, float]]:
 
 def _read(file: Path, scene: Scene) -> tuple[dict[str, Array], list[str]]:
     """The known columns of a file in SI, and the line of each row."""
-    names = _names(scene.length)
+    names = _column_names(scene.length)
     header, rows = _table(file, names)
     known = {i: names[name] for i, name in enumerate(header) if name in names}
-    faults = ["no rows below the names of the columns"] if not rows else _of_names(header, known, scene)
-    faults = faults or list(_of_cells(header, known, rows))
+    faults = ["no rows below the names of the columns"] if not rows else _name_faults(header, known, scene)
+    faults = faults or list(_cell_faults(header, known, rows))
     if faults:
         more = [f"and {len(faults) - 5} more cells like these"] if len(faults) > 5 else []
         raise Refused([f"{file.name}: {fault}" for fault in faults[:5] + more])
@@ -151,7 +151,7 @@ def _table(file: Path, names: Container[str]) -> tuple[list[str], list[tuple[int
     raise Refused(f"{file.name}: the file is empty")
 
 
-def _of_names(header: list[str], known: dict[int, tuple[str, float]], scene: Scene) -> list[str]:
+def _name_faults(header: list[str], known: dict[int, tuple[str, float]], scene: Scene) -> list[str]:
     names: dict[str, list[str]] = {}
     for i, (quantity, _) in known.items():
         names.setdefault(quantity, []).append(header[i])
@@ -164,7 +164,7 @@ def _of_names(header: list[str], known: dict[int, tuple[str, float]], scene: Sce
     return faults
 
 
-def _of_cells(header: list[str], known: dict[int, tuple[str, float]], rows: list[Any]) -> Iterator[str]:
+def _cell_faults(header: list[str], known: dict[int, tuple[str, float]], rows: list[Any]) -> Iterator[str]:
     for n, row in rows:
         if len(row) != len(header):
             yield f"line {n}: {len(row)} cells under {len(header)} names of columns"
@@ -197,14 +197,14 @@ def _columns(scene: Scene, given: dict[str, Array], rows: Sequence[str]) -> dict
     elif scene.groups.motion is None:
         raise Refused(f"scene {scene.name} has no travelling mass: there is no path to compare")
     _refuse_unordered("t" if "t" in given else "s_o", given, rows)
-    x = _placed(scene, given)
+    x = _with_time_and_position(scene, given)
     rest = {"x": scene.catenary.x(x["s_o"]), "y": scene.catenary.y(x["s_o"])}
     for moved, at in (("u", "x"), ("v", "y")):
         if moved in x:
             x.setdefault(at, rest[at] + x[moved])
         elif at in x:
             x[moved] = x[at] - rest[at]
-    _enough(x["s_o"] / scene.length, *measures.WINDOWS[scene.drive.mode])
+    _refuse_few_positions(x["s_o"] / scene.length, *measures.WINDOWS[scene.drive.mode])
     return x
 
 
@@ -221,7 +221,7 @@ def _refuse_unordered(name: str, given: dict[str, Array], rows: Sequence[str]) -
         )
 
 
-def _placed(scene: Scene, given: dict[str, Array]) -> dict[str, Array]:
+def _with_time_and_position(scene: Scene, given: dict[str, Array]) -> dict[str, Array]:
     """The columns with t and s_o, up to the end of the travel."""
     motion = scene.groups.motion
     l = scene.length
@@ -230,10 +230,10 @@ def _placed(scene: Scene, given: dict[str, Array]) -> dict[str, Array]:
     if motion is None:
         s = np.linspace(0.0, l, 2001)
         x.setdefault("s_o", np.interp(x.get("x", s[:1]), scene.catenary.x(s), s))
-        _on_cable(x["s_o"], float(x["s_o"].max()), l)
+        _refuse_off_cable(x["s_o"], float(x["s_o"].max()), l)
         return x
     if "t" not in x:
-        _on_cable(x["s_o"], float(x["s_o"][-1]), l)
+        _refuse_off_cable(x["s_o"], float(x["s_o"][-1]), l)
         x["t"] = tau * motion.times_at(np.clip(x["s_o"] / l, motion.start_position, motion.end))
     position = motion.position(x["t"] / tau)
     # the scene's mass stays at the end
@@ -248,12 +248,12 @@ def _placed(scene: Scene, given: dict[str, Array]) -> dict[str, Array]:
     return {k: a[on_the_way] for k, a in x.items()}
 
 
-def _on_cable(s_o: Array, last: float, l: float) -> None:
+def _refuse_off_cable(s_o: Array, last: float, l: float) -> None:
     if s_o.min() < -TRAVEL_TOLERANCE * l or not WINDOW[0] < last / l <= 1.0 + TRAVEL_TOLERANCE:
         raise Refused(f"s_o runs from {s_o[0]:.6g} to {s_o[-1]:.6g} m on a cable of {l:.6g} m; {_ENDINGS}")
 
 
-def _enough(position: Array, low: float, high: float) -> None:
+def _refuse_few_positions(position: Array, low: float, high: float) -> None:
     """Refuse places s_o/l of which too few lie in the window."""
     within = int(np.count_nonzero((position >= low) & (position <= high * (1.0 + 1e-12))))
     if within < MIN_ROWS:
@@ -272,7 +272,7 @@ def refuse_misnamed(path: MassPath, ours: Response) -> None:
     of = "y" if ours.drive == "free" else "v"
     l = path.length
     try:
-        window = _common(path, measures.window_of(ours))
+        window = _common_window(path, measures.window_of(ours))
         off = {
             factor: measures.path_gap(
                 vertical(replace(path, **{of: factor * getattr(path, of)})), vertical(ours), window
@@ -296,7 +296,7 @@ def vertical(r: Any) -> Any:
     return replace(r, u=np.zeros_like(r.v), x=np.zeros_like(r.v))
 
 
-def _common(path: MassPath, window: Window) -> Window:
+def _common_window(path: MassPath, window: Window) -> Window:
     if path.drive == "free":
         return window
     start = max(window[0], float(path.s_o[0] / path.length))
@@ -323,18 +323,18 @@ def rows(path: ForeignPath | Response, ours: Ladder, window: Window, with_tol: f
     party = path.method
     run = ours.run
     try:
-        part = _common(path, window)
+        part = _common_window(path, window)
         where = measures.path_gap(path, run, part)[2]
     except NotComparable as reason:
-        yield Agreement("path_max", math.nan, nothing(f"{party}: {reason}"), third_party=party)
+        yield Agreement("path_max", math.nan, no_bound(f"{party}: {reason}"), third_party=party)
         return
-    short = _short(path, run, window)
+    short = _covered_part(path, run, window)
     found = []
     for name, (distance, components) in _measures(path, run, part, of_path).items():
         bars = Part(run.method, ours.bar(response, distance), "its error bar"), Part(f"allowed to {party}", with_tol)
         bound = Bound("our error bar", bars, f"of {components}")
         if short:
-            bound = nothing(f"{party} covers {short}; there {bound.value:.2g} would be allowed")
+            bound = no_bound(f"{party} covers {short}; there {bound.value:.2g} would be allowed")
         found.append(Agreement(name, distance(path, run), bound, where if name == "path_max" else None, party))
     yield from found
 
@@ -362,7 +362,7 @@ def _measures(
     return found
 
 
-def _short(path: MassPath, run: Response, window: Window) -> str:
+def _covered_part(path: MassPath, run: Response, window: Window) -> str:
     """The part of the window that a path covers, if not all; else ""."""
     axis = "s_o/l"
     at = path.s_o / path.length

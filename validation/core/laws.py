@@ -453,7 +453,7 @@ def up_to_the_mass(m: Evidence) -> Defect:
 
 
 @_law(_sees_swings, of="velocity", asks="velocity")
-def summed_over_time(m: Evidence) -> Defect:
+def displacement_from_velocity(m: Evidence) -> Defect:
     """Transverse displacement, weighted by half a sine, is the integral of its velocity; over its rms."""
     f = m.r.fields
     tangent = m.curve(f.s, 1)

@@ -156,7 +156,7 @@ def tension_gap(a: Response, b: Response, window: Window, of: str = "T") -> floa
 
 
 def series_gap(
-    a: Response, b: Response, window: Window, of: Callable[[Response], Array], axial: float = 0.0,
+    a: Response, b: Response, window: Window, of: Callable[[Response], Array], averaging_time: float = 0.0,
     largest: bool = False,
 ) -> float:  # fmt: skip
     """Rms (or largest) distance of series of(r), (n,) or (n, c), at the coarser run's steps.
@@ -171,12 +171,12 @@ def series_gap(
     series = [_finite_values(r, of) for r in (coarse, fine)]
     first, last = _common_span(t, *(times for times, _ in series))
     t = t[(t >= first) & (t <= last)]
-    low = np.clip(t - 0.5 * axial, first, last)
-    high = np.clip(t + 0.5 * axial, first, last)
+    low = np.clip(t - 0.5 * averaging_time, first, last)
+    high = np.clip(t + 0.5 * averaging_time, first, last)
     samples = []
     for r, (times, values) in zip((coarse, fine), series, strict=True):
         end = np.searchsorted(times, last) + 1
-        if axial:
+        if averaging_time:
             samples.append(averaged(times[:end], values[:end], low, high, r.breaks))
         else:
             samples.append(_spline(times[:end], values[:end], [event["t"] for event in r.events], low))

@@ -118,7 +118,7 @@ def _sum(t: Array, values: Array) -> Array:
     return np.asarray((0.5 * (values[1:] + values[:-1]) * steps).sum(axis=0))
 
 
-def _windows(t: Array, end: float) -> Iterator[tuple[slice, Array, Array, Array]]:
+def _smooth_windows(t: Array, end: float) -> Iterator[tuple[slice, Array, Array, Array]]:
     """Samples of a window, W and its two derivatives there: W = (1 - cos x)^2/4."""
     length = PART * end
     for middle in np.linspace(0.5 * length, end - 0.5 * length, WINDOWS):
@@ -154,7 +154,7 @@ def momentum(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     entering = line.rho * (x.of(last.point) * x.of(last.ds)[:, None] - x.of(first.point) * x.of(first.ds)[:, None])
     largest = max(float(np.max(x._tension(body))) for body in (*x.contacts, *x.cars))
     out = []
-    for part, W, W1, W2 in _windows(x.t, end):
+    for part, W, W1, W2 in _smooth_windows(x.t, end):
         t = x.t[part]
         m = moment[part]
         share = ((t - t[0]) / (t[-1] - t[0]))[:, None]
@@ -175,7 +175,7 @@ def weight(toml: str, motion: Any, end: float, every: int = 1) -> Array:
         contact = motion.contacts[k]
         N = tension_at(contact)[steps]
         rate = e * (1.0 + G / line.EA) * contact.ds[steps]
-        for part, W, W1, _ in _windows(t, end):
+        for part, W, W1, _ in _smooth_windows(t, end):
             defect = _sum(t[part], W * (N[part] - G) + W1 * G / line.gravity * rate[part])
             out.append(float(defect) / (G * float(_sum(t[part], W))))
     return np.array(out)
@@ -216,7 +216,7 @@ def moment(toml: str, motion: Any, end: float, every: int = 1) -> Array:
         if body.turning is None:
             continue
         held, turned = body.moments()
-        for part, W, W1, _ in _windows(x.t, end):
+        for part, W, W1, _ in _smooth_windows(x.t, end):
             t = x.t[part]
             defect = float(_sum(t, W * held[part] + W1 * turned[part]))
             out.append(defect / (body.masses[1][0] * body.g * body.size * float(_sum(t, W))))
@@ -232,7 +232,7 @@ def kinks(toml: str, motion: Any, end: float, every: int = 1) -> Array:
         for touching in body.touching if body.turning is not None else ():
             defect = touching.on_rope - touching.force_of_rope(line.rho)
             weight = body.data["mass"] * body.g
-            for part, W, _, _ in _windows(x.t, end):
+            for part, W, _, _ in _smooth_windows(x.t, end):
                 t = x.t[part]
                 along, down = (_sum(t, W * component[part]) for component in (defect.real, defect.imag))
                 out.append(math.hypot(along, down) / (weight * float(_sum(t, W))))

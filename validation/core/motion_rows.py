@@ -18,7 +18,7 @@ from cablefem.motion import CarMotion, ContactMotion, LineMotion
 from cablefem.response import Array
 from cablefem.scene.bodies import Wheels
 from cablefem.scene.line import Line, LineRope
-from validation.core.agreement import Agreement, Bound, Part, nothing
+from validation.core.agreement import Agreement, Bound, Part, no_bound
 from validation.core.clearances import grounds
 from validation.core.ladder import Ladder
 from validation.core.motion_laws import taken, touching
@@ -141,7 +141,7 @@ class Comparison:
     def rows(self) -> Iterator[Agreement]:
         first: Any = self.a.finest
         if np.count_nonzero(first.instants <= self.end) < SETTLED:
-            yield Agreement("path_max", math.nan, nothing(f"a run ends at {self.end:.4g} s"), required=self.asked.path)
+            yield Agreement("path_max", math.nan, no_bound(f"a run ends at {self.end:.4g} s"), required=self.asked.path)
             return
         for car in first.motion.cars:
             yield from self._car(car)

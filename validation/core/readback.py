@@ -450,7 +450,7 @@ def _group(cells: Sequence[str], of: Stored) -> Faults:
             yield f"{group}: {text!r} where {count} {words}"
 
 
-def _work(cells: Sequence[str], of: Stored) -> Faults:
+def _cost_row(cells: Sequence[str], of: Stored) -> Faults:
     method, *counts, seconds, reached = cells
     i = of.methods.index(method)
     summary = of.summaries[i]
@@ -786,7 +786,7 @@ TABLES: dict[str, Callable[[Sequence[str], Stored], Faults]] = {
     "event|after [s]|at [m]|speed [km/h]": _event,
     "comparison|verdict|gap|sum of both bars|asked for|largest at sₒ/l|in the verdict": _comparison,
     "comparison|verdict|of those asked": _group,
-    "run|unknowns|steps|Newton iterations|time loop [s]|computed up to": _work,
+    "run|unknowns|steps|Newton iterations|time loop [s]|computed up to": _cost_row,
     "setting|value|meaning": _setting,
     "shared|checked on its own by": _nothing,
     "question|answer": _nothing,

@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 from cablefem.response import Array, Response
 from validation.core import timetable
-from validation.core.agreement import Agreement, Bound, Part, nothing
+from validation.core.agreement import Agreement, Bound, Part, no_bound
 from validation.core.evidence import Evidence, Windows, cross, integral
 from validation.core.measures import JUMP_WIDTH, WINDOWS, extremes_within, steep_from, valid_until
 from validation.core.rest import car_position
@@ -53,7 +53,7 @@ def design(r: Response, counterpart: Response | None = None) -> Iterator[Agreeme
                 right = readings.of(quantity, raw=bool(law))
                 yield _of_number(r, row, (name, bar), right, readings.resolution(quantity), quantity + law)
             else:
-                yield Agreement("design", math.nan, nothing("printed without a second computation"), law=quantity)
+                yield Agreement("design", math.nan, no_bound("printed without a second computation"), law=quantity)
 
 
 def _of_number(

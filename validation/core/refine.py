@@ -125,13 +125,13 @@ class Runs:
         if self.view.stop is not None and finest.slack_from < SLACK_END:
             until = SLACK_END if self.end is None else min(self.end, SLACK_END)
 
-        def marched(run: Response) -> Response:
+        def continued(run: Response) -> Response:
             return finest if run.settings == finest.settings else self.at(run.settings, until)
 
-        ladder = replace(ladder.map(marched), start_gap=self._start_gap(finest))
+        ladder = replace(ladder.map(continued), start_gap=self._start_error_bar(finest))
         return with_error_bars(ladder, self.view)
 
-    def _start_gap(self, finest: Response) -> Any:
+    def _start_error_bar(self, finest: Response) -> Any:
         """See `Ladder`; zero where the coarser runs resolve the distance, or no run needs to."""
         start = float(finest.s_o[0]) / finest.length
         space = self.method.resolution.setting

@@ -13,7 +13,7 @@ import numpy as np
 from cablefem.response import Array, Flag, Response
 from cablefem.scene import Scene
 from validation.core import measures
-from validation.core.agreement import DEFAULT_TOL, FACTOR_DISAGREE, Agreement, Bound, Part, finite, nothing
+from validation.core.agreement import DEFAULT_TOL, FACTOR_DISAGREE, Agreement, Bound, Part, finite, no_bound
 from validation.core.ladder import ROUNDING, Distance, Goal, Ladder, Of, largest, response
 from validation.core.measures import SLACK_END, NotComparable
 from validation.core.methods import METHODS
@@ -50,15 +50,15 @@ class Quantity:
     order: float = math.inf
 
 
-def _path(i: int) -> Gap:
+def _path_gap_part(i: int) -> Gap:
     return lambda x, y, view: measures.path_gap(x, y, view.window)[i]
 
 
-def _of(names: tuple[str, ...], scale: float, r: Response) -> Array:
+def _series_values(names: tuple[str, ...], scale: float, r: Response) -> Array:
     return np.concatenate([getattr(r, name).reshape(r.t.size, -1) for name in names], axis=1) / scale
 
 
-def _series(*names: str, over: str, mean: bool = False, largest: bool = False) -> Gap:
+def _series_gap(*names: str, over: str, mean: bool = False, largest: bool = False) -> Gap:
     """The gap of series of a response, over a scale of the view; mean : over an axial round trip."""
 
     def gap(x: Response, y: Response, view: View) -> float:
@@ -66,7 +66,7 @@ def _series(*names: str, over: str, mean: bool = False, largest: bool = False) -
         scale = getattr(view, over)
         if over == "top" and not scale:  # of a ride
             scale = float(y.speed.max())
-        of: Series = partial(_of, names, scale)
+        of: Series = partial(_series_values, names, scale)
         if "speed" in names and view.free:
             of = partial(_until_stop, of)
         return measures.series_gap(x, y, view.window, of, view.axial if mean else 0.0, largest=largest)
@@ -81,32 +81,32 @@ def _until_stop(of: Series, r: Response) -> Array:
     return values if stop is None else np.where(r.t[:, None] <= stop["t"], values, math.nan)
 
 
-def _field(gap: Callable[..., float], **how: Any) -> Gap:
+def _field_gap(gap: Callable[..., float], **how: Any) -> Gap:
     return lambda x, y, view: gap(x, y, view.window, **how)
 
 
 _rolls = attrgetter("rolls")
 TABLE = (
-    Quantity("path_max", _path(0), "path"),
-    Quantity("path_rms", _path(1), "path"),
-    Quantity("place", _series("s_o", over="length", largest=True), "path", concerns=lambda v: v.free),
-    Quantity("speed", _series("speed", over="top", mean=True), "path", AXIAL_MEAN, order=FIRST),
-    Quantity("tension_behind", _series("T_behind", over="H", mean=True), "force", AXIAL_MEAN),
-    Quantity("tension_ahead", _series("T_ahead", over="H", mean=True), "force", AXIAL_MEAN),
-    Quantity("reactions", _series("reaction_left", "reaction_right", over="H", mean=True), "force", AXIAL_MEAN),
-    Quantity("contact", _series("F_contact", over="weight", mean=True), "force", AXIAL_MEAN, concerns=_rolls),
-    Quantity("haul_force", _series("F_haul", over="weight", mean=True), "force", AXIAL_MEAN, concerns=_rolls),
-    Quantity("tension", _field(measures.tension_gap), "rest"),
-    Quantity("displacement", _field(measures.field_gap), "rest"),
-    Quantity("displacement", _field(measures.field_gap, along=True), "rest", ALONG),
-    Quantity("speed", _series("speed", over="top", largest=True), ""),
-    Quantity("tension_behind", _series("T_behind", over="H"), ""),
-    Quantity("tension_ahead", _series("T_ahead", over="H"), ""),
-    Quantity("reactions", _series("reaction_left", "reaction_right", over="H"), ""),
-    Quantity("contact", _series("F_contact", over="weight"), ""),
-    Quantity("haul_force", _series("F_haul", over="weight"), "", concerns=_rolls),
-    Quantity("velocity", _field(measures.field_gap, rate=True), ""),
-    Quantity("velocity", _field(measures.field_gap, rate=True, along=True), "", ALONG),
+    Quantity("path_max", _path_gap_part(0), "path"),
+    Quantity("path_rms", _path_gap_part(1), "path"),
+    Quantity("place", _series_gap("s_o", over="length", largest=True), "path", concerns=lambda v: v.free),
+    Quantity("speed", _series_gap("speed", over="top", mean=True), "path", AXIAL_MEAN, order=FIRST),
+    Quantity("tension_behind", _series_gap("T_behind", over="H", mean=True), "force", AXIAL_MEAN),
+    Quantity("tension_ahead", _series_gap("T_ahead", over="H", mean=True), "force", AXIAL_MEAN),
+    Quantity("reactions", _series_gap("reaction_left", "reaction_right", over="H", mean=True), "force", AXIAL_MEAN),
+    Quantity("contact", _series_gap("F_contact", over="weight", mean=True), "force", AXIAL_MEAN, concerns=_rolls),
+    Quantity("haul_force", _series_gap("F_haul", over="weight", mean=True), "force", AXIAL_MEAN, concerns=_rolls),
+    Quantity("tension", _field_gap(measures.tension_gap), "rest"),
+    Quantity("displacement", _field_gap(measures.field_gap), "rest"),
+    Quantity("displacement", _field_gap(measures.field_gap, along=True), "rest", ALONG),
+    Quantity("speed", _series_gap("speed", over="top", largest=True), ""),
+    Quantity("tension_behind", _series_gap("T_behind", over="H"), ""),
+    Quantity("tension_ahead", _series_gap("T_ahead", over="H"), ""),
+    Quantity("reactions", _series_gap("reaction_left", "reaction_right", over="H"), ""),
+    Quantity("contact", _series_gap("F_contact", over="weight"), ""),
+    Quantity("haul_force", _series_gap("F_haul", over="weight"), "", concerns=_rolls),
+    Quantity("velocity", _field_gap(measures.field_gap, rate=True), ""),
+    Quantity("velocity", _field_gap(measures.field_gap, rate=True, along=True), "", ALONG),
 )
 
 
@@ -137,7 +137,7 @@ def compare_answers(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) ->
     try:
         view = full.cut(a.finest, b.finest)
     except NotComparable as why:
-        return [Agreement("path_max", math.nan, nothing(why)), *rows]
+        return [Agreement("path_max", math.nan, no_bound(why)), *rows]
     a = a.over(view)
     b = b.over(view)
     for quantity in TABLE:
@@ -145,8 +145,8 @@ def compare_answers(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) ->
             rows.append(_row(quantity, a, b, view, tolerance(quantity.asks)))
     if view.free:
         for event in EVENTS:
-            rows += _event(event, a, b, tolerance("rest"))
-    rows += _range(a, b, view, full, tolerance("rest"))
+            rows += _event_rows(event, a, b, tolerance("rest"))
+    rows += _range_row(a, b, view, full, tolerance("rest"))
     rows.append(_slack_onset(a, b, full, tolerance("rest")))
     unique = scene.groups.internal_damping > 0.0  # else waves of the slack cable have no answer to converge to
     return rows + [replace(row, decides=unique) for row in _past_slack(a, b, view, tolerance("rest"))]
@@ -196,7 +196,7 @@ def _row(quantity: Quantity, a: Ladder, b: Ladder, view: View, required: float) 
     try:
         row = _compared(quantity.name, a, b, required, response, partial(_distance, quantity, view), quantity.order)
     except NotComparable as why:
-        return Agreement(quantity.name, math.nan, nothing(why), law=quantity.law)
+        return Agreement(quantity.name, math.nan, no_bound(why), law=quantity.law)
     where = measures.path_gap(a.finest, b.finest, view.window)[2] if quantity.name == "path_max" else None
     return replace(row, law=quantity.law, decides=bool(quantity.asks), where=where)
 
@@ -222,9 +222,9 @@ def independence_rows(a: Response, b: Response) -> Iterator[Agreement]:
     ours = [METHODS[r.method] for r in (a, b) if r.method in METHODS]
     wings = {method.wing for method in ours}
     if len(wings) == 1 and len(ours) == 2:
-        yield Agreement("independence", math.nan, nothing(f"both answers come from the wing {wings.pop()!r}"))
+        yield Agreement("independence", math.nan, no_bound(f"both answers come from the wing {wings.pop()!r}"))
     if np.array_equal(a.v, b.v) and a.v.any():
-        yield Agreement("independence", math.nan, nothing("both answers are the same numbers"))
+        yield Agreement("independence", math.nan, no_bound("both answers are the same numbers"))
 
 
 # --- events and slack -----------------------------------------------------------------------------------------------
@@ -244,14 +244,14 @@ def _numbered(events: Sequence[Event]) -> Iterator[tuple[Event, int]]:
         counts[event["event"]] += 1
 
 
-def _of_event(event: str, name: str, scale: float, r: Response, after: int = 0) -> float:
+def _event_value(event: str, name: str, scale: float, r: Response, after: int = 0) -> float:
     found = event_of(event, r.events, after)
     if found is None:
         raise NotComparable(f"{r.method} has no {event}")
     return float(found[name]) / scale
 
 
-def _event(event: str, a: Ladder, b: Ladder, required: float) -> Iterator[Agreement]:
+def _event_rows(event: str, a: Ladder, b: Ladder, required: float) -> Iterator[Agreement]:
     runs = a.finest, b.finest
     both = [event_of(event, r.events) for r in runs]
     instants = [x["t"] for x in both if x is not None]
@@ -265,7 +265,7 @@ def _event(event: str, a: Ladder, b: Ladder, required: float) -> Iterator[Agreem
     if event in ("stop", "turn"):
         del scales["speed"]
     for name, (what, scale) in scales.items():
-        row = _compared("events", a, b, required, partial(_of_event, event, name, scale))
+        row = _compared("events", a, b, required, partial(_event_value, event, name, scale))
         yield replace(row, law=f"{event}: {what}")
 
 
@@ -278,7 +278,7 @@ def events_with_bars(ladder: Ladder) -> list[Event]:
     for event, after in _numbered(ladder.finest.events):
         bars = {}
         for name, bar in EVENT_BARS.items():
-            value = partial(_of_event, event["event"], name, 1.0, after=after)
+            value = partial(_event_value, event["event"], name, 1.0, after=after)
             bars[bar] = finite(ladder.bar(value, order=FIRST))
         barred.append(event | bars)
     return barred
@@ -341,7 +341,7 @@ def _slack_onset(a: Ladder, b: Ladder, full: View, required: float) -> Agreement
     return replace(_compared("slack_onset", a, b, required, passes), where=first)
 
 
-def _range(a: Ladder, b: Ladder, view: View, full: View, required: float) -> Iterator[Agreement]:
+def _range_row(a: Ladder, b: Ladder, view: View, full: View, required: float) -> Iterator[Agreement]:
     """A row if an answer breaks before the window ends or the other goes slack."""
     runs = a.finest, b.finest
     missing = 0.0
@@ -364,7 +364,7 @@ def _past_slack(a: Ladder, b: Ladder, view: View, required: float) -> Iterator[A
     positions = np.linspace(onset, end, 200)[1:-1]  # s_o/l, (n,)
 
     def largest_so_far(x: Response, y: Response) -> Array:
-        return np.maximum.accumulate(np.nan_to_num(trust.gap(x, y, positions), nan=math.inf))
+        return np.maximum.accumulate(np.nan_to_num(trust.path_gaps(x, y, positions), nan=math.inf))
 
     bars = [np.broadcast_to(x.bar(response, largest_so_far, FIRST), positions.shape) for x in (a, b)]
     allowed = bars[0] + bars[1]

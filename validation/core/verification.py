@@ -10,7 +10,7 @@ from validation.core.order import observed_order
 Row = dict[str, Any]
 
 
-def rows(a: Ladder, b: Ladder) -> list[Row]:
+def verification_rows(a: Ladder, b: Ladder) -> list[Row]:
     """One row for each design number with a bar of both solvers, of the one with the smaller bar.
 
     a, b : with design numbers whose bars are their own.  Values are those of the run, of half and of a quarter.

@@ -205,7 +205,7 @@ def _over(car: str, positions: Sequence[Row]) -> Iterator[Markup]:
             yield figure(values, WORDS[kinds[0]]["unit"], at, f"x of {car} [m]", title)
 
 
-def _lowest(rows: Sequence[Row], paths: Sequence[Any], keys: Sequence[str]) -> Markup:
+def _lowest_point_plot(rows: Sequence[Row], paths: Sequence[Any], keys: Sequence[str]) -> Markup:
     p = Panel("depth [m]", "", 180.0, down=True)
     for path, row, color in zip(paths, rows, COLORS * len(rows), strict=False):
         if path:
@@ -223,6 +223,6 @@ def grid(folder: Path, columns: Callable[[Sequence[Row], Sequence[str]], Columns
     keys = stored["keys"]
     html = [table_of(rows, columns(rows, keys), keys[0])]
     if any(stored["paths"]):
-        html.append(_lowest(rows, stored["paths"], keys))
+        html.append(_lowest_point_plot(rows, stored["paths"], keys))
     text = f"{len(rows)} lines, {sum(x['status'] != 'complete' for x in rows)} incomplete."
     return [Section(folder.name, "All of them", Markup("\n").join(html), worst(rows), text)]

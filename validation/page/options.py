@@ -30,7 +30,7 @@ def number(name: str, help: str) -> Any:
     return typer.Option(name, parser=real, metavar="X", help=help)
 
 
-def to(folder: str) -> Any:
+def out_option(folder: str) -> Any:
     return typer.Option("--out", metavar="DIR", help=f"Folder for the results. Default: {store.ROOT / folder}.")
 
 
@@ -38,7 +38,7 @@ Quick = Annotated[bool, typer.Option("--quick", help="A small part of it, coarse
 
 
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A built-in scene (cablefem scenes) or a TOML file.")]
-Out = Annotated[Path | None, to("SCENE")]
+Out = Annotated[Path | None, out_option("SCENE")]
 
 
 def scene_named(name: str, faults: Sequence[str] = (), *, travelling: bool = False) -> Scene:

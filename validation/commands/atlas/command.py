@@ -3,12 +3,12 @@ from pathlib import Path
 from typing import Annotated
 
 from validation.core.store import study_folder
-from validation.page.options import Quick, study, to
+from validation.page.options import Quick, out_option, study
 
 EXAMPLE = "cablefem atlas"
 
 
-def command(quick: Quick = False, out: Annotated[Path | None, to("atlas")] = None) -> int:
+def command(quick: Quick = False, out: Annotated[Path | None, out_option("atlas")] = None) -> int:
     """Map where methods fail, and what helps; --quick: every fifth value and failure.
 
     Writes DIR/: atlas.json and report.html. The exit code is 1 where a failure does not show as described, or its

@@ -15,7 +15,7 @@ from cablefem.scene import Scene
 from cablefem.scene.statics import gripped, hauled
 from validation.commands.modes.study import modes
 from validation.core import measures
-from validation.core.agreement import Agreement, Bound, Part, nothing
+from validation.core.agreement import Agreement, Bound, Part, no_bound
 from validation.core.ladder import Ladder
 from validation.core.methods import METHODS
 from validation.core.order import SAFETY
@@ -32,7 +32,7 @@ def third_party_rows(scene: Scene, a: Ladder) -> Iterator[Agreement]:
         try:
             row = third(scene, a)
         except (measures.NotComparable, newmark.StepFailure) as error:
-            row = Agreement("deep", math.nan, nothing(error))
+            row = Agreement("deep", math.nan, no_bound(error))
         if row is not None:
             yield replace(row, quantity="deep", law=what)
 

@@ -22,7 +22,7 @@ from validation.commands.run.line import Answers, answers, extremes, numbers_of
 from validation.commands.run.lines import Row
 from validation.commands.run.worst import located
 from validation.core import line_laws, store
-from validation.core.agreement import FACTOR_DISAGREE, Agreement, Bound, Part, nothing
+from validation.core.agreement import FACTOR_DISAGREE, Agreement, Bound, Part, no_bound
 from validation.core.order import FIRST, error_bar
 from validation.page import line as page
 from validation.page.options import Point
@@ -129,7 +129,7 @@ def _row(quantity: str, values: Sequence[Array], where: Sequence[str], unit: Uni
     badness = np.where(gap > FACTOR_DISAGREE * bars, gap / ROUNDING, np.maximum(gap, bars))
     k = np.unravel_index(np.argmax(np.nan_to_num(badness, nan=math.inf)), badness.shape)
     parts = Part("catenaries", float(bar_a[k])), Part("elements", float(bar_b[k]))
-    bound = Bound("error bars", parts) if np.isfinite(badness[k]) else nothing("a number beyond all bounds")
+    bound = Bound("error bars", parts) if np.isfinite(badness[k]) else no_bound("a number beyond all bounds")
     return Agreement(quantity, float(gap[k]), bound, where[int(k[0])], required=unit.tolerance, unit=unit.name)
 
 
@@ -145,7 +145,7 @@ def _solved_by_one(both: Both) -> Iterator[Agreement]:
         yield Agreement("rest", len(alone), bound, f"position {i}", required=0.0, unit="positions")
 
 
-def solve_both(line: Line, second: Line, tol: float, tol_tension: float) -> Both:
+def refine_both(line: Line, second: Line, tol: float, tol_tension: float) -> Both:
     """Both answers; elements are doubled until their bars are small enough, up to FINEST.
 
     A position that a solver refuses is not tried again by it; one that both refuse, by none.
@@ -180,7 +180,7 @@ def checked(line: Line, tol: float = TOL, tol_tension: float | None = None, seco
     if second is not None and line is not given:
         car = line.car[0]
         second = second.replace({f"car.{car.name}.at": list(car.at or ())})
-    both = solve_both(line, second or line, tol, tol_tension)
+    both = refine_both(line, second or line, tol, tol_tension)
     units = both.units(tol, tol_tension)
     designs = both.designs()
     result = answers(line, both.a)

@@ -15,7 +15,7 @@ from cablefem.scene.errors import nearest, shown
 from validation.core import foreign, limits, measures, verification
 from validation.core.agreement import DEFAULT_TOL, TOL_HIGH, TOL_LOW, Agreement, Verdict, check_range, overall
 from validation.core.answers import outcome
-from validation.core.design import design, gaps, widened_numbers
+from validation.core.design import design, design_gap_rows, widened_numbers
 from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.ladder import Goal, Ladder
 from validation.core.methods import Method, find, pair, refined
@@ -145,7 +145,7 @@ def check(
     sides = _sides((scene, second or scene), methods or pair(scene.groups), tol, until)
     (first, other), rows = _judged(scene, sides, tol, tol_tension, ask, progress)
     own = _with_numbers(first, other), _with_numbers(other, first)
-    rows += gaps(*own, tolerance_of("rest", tol, tol_tension))
+    rows += design_gap_rows(*own, tolerance_of("rest", tol, tol_tension))
     a, b = (_widened(x, twin, rows) for x, twin in (own, own[::-1]))
     static = quasi_static_events(scene, a.run.max_deflection)
     rows += quasi_static_rows(a, static, tolerance_of("rest", tol, tol_tension))
@@ -154,7 +154,7 @@ def check(
         from validation.commands.check import deep as third
 
         rows += third.third_party_rows(scene, a)
-    return Check(scene, a, b, tol, _window(scene, a, b), rows, static, verification.rows(*own))
+    return Check(scene, a, b, tol, _window(scene, a, b), rows, static, verification.verification_rows(*own))
 
 
 def required(rows: Iterable[Agreement], ask: str) -> list[Agreement]:

@@ -55,6 +55,7 @@ def _list(methods: Mapping[str, Any]) -> None:
 
 
 def _print_files() -> int:
+    from validation.commands.methods.files import dictionary_entries
 
     terminal.table(["file", "key", "unit", "meaning"], [list(entry) for entry in dictionary_entries()])
     return 0

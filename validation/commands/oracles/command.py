@@ -3,12 +3,12 @@ from pathlib import Path
 from typing import Annotated
 
 from validation.core.store import study_folder
-from validation.page.options import Quick, study, to
+from validation.page.options import Quick, out_option, study
 
 EXAMPLE = "cablefem oracles"
 
 
-def command(quick: Quick = False, out: Annotated[Path | None, to("oracles")] = None) -> int:
+def command(quick: Quick = False, out: Annotated[Path | None, out_option("oracles")] = None) -> int:
     """Hold the solvers against exact answers; --quick: a few of each kind.
 
     Writes DIR/: oracles.json and report.html.

@@ -3,12 +3,12 @@ from pathlib import Path
 from typing import Annotated
 
 from validation.core.store import study_folder
-from validation.page.options import Quick, study, to
+from validation.page.options import Quick, out_option, study
 
 EXAMPLE = "cablefem paper"
 
 
-def command(quick: Quick = False, out: Annotated[Path | None, to("paper")] = None) -> int:
+def command(quick: Quick = False, out: Annotated[Path | None, out_option("paper")] = None) -> int:
     """Redo the paper's figures; a verdict on each claim; --quick: by a quarter of the steps.
 
     Writes DIR/: claims.json and report.html.

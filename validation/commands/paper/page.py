@@ -220,5 +220,6 @@ def _draw_outlook(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> 
 
 DRAWN: dict[str, Callable[[dict[str, Any], dict[str, Any], Shown], Figure]] = {
     "frequencies": _draw_frequencies, "paths": _draw_paths, "shapes": _draw_along_cable,
-    "tensions": _draw_along_cable, "levels": _draw_tension_levels, "law": _draw_travel_law, "overshoot": _draw_overshoot, "outlook": _draw_outlook,
+    "tensions": _draw_along_cable, "levels": _draw_tension_levels,
+    "law": _draw_travel_law, "overshoot": _draw_overshoot, "outlook": _draw_outlook,
 }  # fmt: skip

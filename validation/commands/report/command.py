@@ -5,7 +5,7 @@ import typer
 
 from validation.core import store
 from validation.page import terminal
-from validation.page.options import Quick, to
+from validation.page.options import Quick, out_option
 
 EXAMPLE = "cablefem report"
 # in the order of pages
@@ -19,7 +19,7 @@ QUICK_PARTS = (
 )  # fmt: skip
 
 
-def command(context: typer.Context, quick: Quick = False, out: Annotated[Path | None, to("")] = None) -> int:
+def command(context: typer.Context, quick: Quick = False, out: Annotated[Path | None, out_option("")] = None) -> int:
     """Run what is missing and gather all results in one HTML file; --quick: less of each, in DIR/report-quick.
 
     Each part is a command of its own, with its results in DIR/SCENE; finished parts are taken as they are, so an

@@ -30,7 +30,7 @@ def located(line: Line) -> Line:
         if not found:
             break
         places.solve(found)
-    return places.at([*first, *places.extreme()])
+    return places.at([*first, *places.extreme_positions()])
 
 
 def _first(line: Line) -> Iterator[float]:
@@ -75,7 +75,7 @@ class _Places:
                 yield x, y, int(np.nanargmax(y))
                 yield x, y, int(np.nanargmin(y))
 
-    def extreme(self) -> list[float]:
+    def extreme_positions(self) -> list[float]:
         return [float(x[k]) for x, _, k in self._series()]
 
     def vertices(self) -> list[float]:

@@ -25,14 +25,14 @@ def command(
     ] = None,
     keys: Annotated[bool, typer.Option("--keys", help="Print all keys of a study file, with units.")] = False,
     csv: Annotated[bool, typer.Option("--csv", help="Write rows.csv as well.")] = False,
-    out: Annotated[Path | None, options.to("STUDY")] = None,
+    out: Annotated[Path | None, options.out_option("STUDY")] = None,
 ) -> int:
     """Run a study of many scenes; the same command goes on where it stopped.
 
     Without a STUDY it lists the built-in ones.
     Writes DIR/: rows/*.parquet, one row per scene; study.toml and report.html.
     """
-    from validation.commands.sweep.study import Study
+    from validation.commands.sweep.study import Study, built_in_studies
 
     if keys:
         return _print_keys()

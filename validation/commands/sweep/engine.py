@@ -243,6 +243,6 @@ def _hold_back_interrupt() -> Iterator[None]:
         raise KeyboardInterrupt
 
 
-async def _stop(workers: Iterable[Any]) -> None:
+async def _stop_workers(workers: Iterable[Any]) -> None:
     """End workers without waiting for their scenes."""
     await asyncio.gather(*(worker.close(timeout=0.5) for worker in workers), return_exceptions=True)
