@@ -44,7 +44,7 @@ class Change:
     verdict: str = ""  # of the check
     unit: str = ""
     # index among the rooms of the number that decides, that number at `holds_at`, its bar
-    checked_answer: tuple[int, float, float | None] | None = None
+    checked: tuple[int, float, float | None] | None = None
 
     @property
     def sentence(self) -> str:
@@ -207,7 +207,7 @@ class _Search:
         rows = []
         for value, answers in sorted(self.known.items()):
             sentence = "; ".join(dict.fromkeys(answer.sentence for answer in answers))
-            read = [[clause.read(answer) for clause in self.clauses] for answer in answers]
+            read = [[clause.observed_value(answer) for clause in self.clauses] for answer in answers]
             rows.append({"value": value, "holds": self.condition_holds(value), "outcome": sentence, "read": read})
         return rows
 

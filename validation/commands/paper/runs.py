@@ -55,7 +55,7 @@ class Reference:
 class Runs:
     """All runs by name, references by scene."""
 
-    paper_scenes: dict[str, Scene]
+    scenes: dict[str, Scene]
     by_name: dict[str, Response]
     reference: dict[str, Reference]
 
