@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cablefem.scene.line import Case, LineState, NoLine, NotFound, Station
-from cablefem.scene.taut import start
+from cablefem.scene.taut import first_guess
 
 # of Newton's method; smallest damping factor
 STEPS = 100
@@ -29,7 +29,7 @@ def _norm(v: np.ndarray) -> np.ndarray:
     return np.sqrt(v[..., 0, :] ** 2 + v[..., 1, :] ** 2)
 
 
-def across(n: np.ndarray, S: np.ndarray, case: Case) -> np.ndarray:
+def piece_chords(n: np.ndarray, S: np.ndarray, case: Case) -> np.ndarray:
     """(dx, dy) of pieces (k, 2, m) with left pulls n (k, 2, m) and lengths S (k, m)."""
     end = np.stack([n[:, 0], n[:, 1] - case.weight * S], axis=1)
     N = 0.5 * (_norm(n) + _norm(end))
@@ -49,7 +49,7 @@ class _Problem:
         self.s = case.fixed_s
         self.place = case.fixed_places
         self.free_s, self.free_place = np.isnan(self.s), np.isnan(self.place)
-        first = start(case)
+        first = first_guess(case)
         if isinstance(first, NoLine):
             raise first
         H = first.H
@@ -63,7 +63,7 @@ class _Problem:
         self.X = np.concatenate([pull.ravel(), s[self.free_s], place[self.free_place]])
         self.size = np.where(np.arange(self.X.size) < pull.size, self.H, self.reach)
 
-    def parts(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def forces_and_positions(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Pulls behind and ahead (n, 2, m), s (n, m) and places (n, 2, m) for X (k, m)."""
         m = X.shape[1]
         k = 2 * self.count
@@ -79,29 +79,32 @@ class _Problem:
 
     def residual(self, X: np.ndarray) -> np.ndarray:
         """Residual for X (k, m); lengths over the reach, forces over H."""
-        behind, ahead, s, place = self.parts(X)
-        gaps = np.diff(place, axis=0) - across(ahead[:-1], np.diff(s, axis=0), self.case)
-        rows = [_row(p, *each) / self.H for p, *each in zip(self.case.stations, behind, ahead, place, strict=True)]
+        behind, ahead, s, place = self.forces_and_positions(X)
+        gaps = np.diff(place, axis=0) - piece_chords(ahead[:-1], np.diff(s, axis=0), self.case)
+        rows = [
+            _station_equations(p, *each) / self.H
+            for p, *each in zip(self.case.stations, behind, ahead, place, strict=True)
+        ]
         if self.case.tie is not None:
             k, tension = self.case.tie
             pull = ahead[k] if k < self.count else behind[k]
             rows.append((_norm(pull) - tension)[None] / self.H)
         return np.concatenate([gaps.reshape(2 * self.count, -1) / self.reach, *rows])
 
-    def sound(self, X: np.ndarray) -> bool:
-        return bool(np.all(np.diff(self.parts(X[:, None])[2], axis=0) > 0.0))
+    def in_order(self, X: np.ndarray) -> bool:
+        return bool(np.all(np.diff(self.forces_and_positions(X[:, None])[2], axis=0) > 0.0))
 
     def state(self, X: np.ndarray) -> LineState:
-        behind, ahead, s, place = (part[..., 0] for part in self.parts(X[:, None]))
+        behind, ahead, s, place = (part[..., 0] for part in self.forces_and_positions(X[:, None]))
         half = 0.5 * np.diff(s)[:, None]
-        middle = place[:-1] + across(ahead[:-1, :, None], half, self.case)[..., 0]
+        middle = place[:-1] + piece_chords(ahead[:-1, :, None], half, self.case)[..., 0]
         behind[0] = ahead[-1] = np.nan
         hauled = np.array([p.force if p.kind == "hauled" else np.nan for p in self.case.stations])
-        haul = -hauled * _tau(behind.T, ahead.T)[1]
+        haul = -hauled * _mean_tangent(behind.T, ahead.T)[1]
         return LineState(self.case, s, place, behind, ahead, haul, middle)
 
 
-def _row(p: Station, behind: np.ndarray, ahead: np.ndarray, place: np.ndarray) -> np.ndarray:
+def _station_equations(p: Station, behind: np.ndarray, ahead: np.ndarray, place: np.ndarray) -> np.ndarray:
     """Equations (0 to 2, m) of a station."""
     if p.kind == "counterweight":  # one pull is zero
         return (_norm(ahead + behind) - p.force)[None]
@@ -115,11 +118,11 @@ def _row(p: Station, behind: np.ndarray, ahead: np.ndarray, place: np.ndarray) -
     weight = np.array([[0.0], [p.force]])
     if p.kind == "grips":
         return jump + weight
-    tau = _tau(behind, ahead)
+    tau = _mean_tangent(behind, ahead)
     return jump + weight - p.force * tau[1] * tau
 
 
-def _tau(behind: np.ndarray, ahead: np.ndarray) -> np.ndarray:
+def _mean_tangent(behind: np.ndarray, ahead: np.ndarray) -> np.ndarray:
     return (behind + ahead) / _norm(behind + ahead)
 
 
@@ -141,7 +144,7 @@ def _newton(problem: _Problem, more: int) -> np.ndarray:
             break
         part = 1.0
         while not (
-            problem.sound(X + part * step)
+            problem.in_order(X + part * step)
             and (large < 1e-4 or np.linalg.norm(problem.residual((X + part * step)[:, None])) < np.linalg.norm(r))
         ):
             part *= 0.5
@@ -154,7 +157,7 @@ def _newton(problem: _Problem, more: int) -> np.ndarray:
     raise NotFound("no state of rest was found")
 
 
-def _rest(case: Case, more: int) -> LineState | NoLine:
+def _solve_case(case: Case, more: int) -> LineState | NoLine:
     try:
         problem = _Problem(case)
         return problem.state(_newton(problem, more))
@@ -164,10 +167,10 @@ def _rest(case: Case, more: int) -> LineState | NoLine:
 
 def solve(cases: Sequence[Case], more: int = 0) -> list[LineState | NoLine]:
     """Each case at rest; `more` adds Newton steps."""
-    return [_rest(case, more) for case in cases]
+    return [_solve_case(case, more) for case in cases]
 
 
-def at(state: LineState, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def depth_and_tension(state: LineState, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Depth [m] and tension [N] at places x (m,) [m]."""
     piece = np.clip(np.searchsorted(state.place[:, 0], x, side="right") - 1, 0, len(state.s) - 2)
     start = state.place[piece]
@@ -176,7 +179,7 @@ def at(state: LineState, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     n = state.ahead[piece][:, :, None]
     S = (whole * (x - start[:, 0]) / run)[:, None]
     for _ in range(STEPS):  # three steps do
-        way = across(n, S, state.case)[..., 0]
+        way = piece_chords(n, S, state.case)[..., 0]
         N = np.hypot(n[:, 0, 0], n[:, 1, 0] - state.case.weight * S[:, 0])
         off = (x - start[:, 0] - way[:, 0]) / (state.case.heat * n[:, 0, 0] * (1.0 / N + 1.0 / state.case.EA))
         S = S + off[:, None]
@@ -192,17 +195,17 @@ def min_tension(state: LineState) -> float:
     return float(np.hypot(n[:, 0], n[:, 1] - state.case.weight * level).min())
 
 
-def parallel(state: LineState, slope: float) -> np.ndarray:
+def points_of_slope(state: LineState, slope: float) -> np.ndarray:
     """Points (n - 1, 2) [m] of the pieces where the rope has a slope dy/dx, or their ends nearest to it."""
     n = state.ahead[:-1]  # (n - 1, 2)
     S = np.clip((n[:, 1] - n[:, 0] * slope) / state.case.weight, 0.0, np.diff(state.s))
-    return state.place[:-1] + across(n[:, :, None], S[:, None], state.case)[..., 0]
+    return state.place[:-1] + piece_chords(n[:, :, None], S[:, None], state.case)[..., 0]
 
 
 def sag(state: LineState, first: int, last: int) -> float:
     """Largest vertical distance [m] of the rope below the chord of two stations."""
     dx, dy = state.place[last] - state.place[first]
-    below = parallel(state, dy / dx)[first:last] - state.place[first]  # (last - first, 2)
+    below = points_of_slope(state, dy / dx)[first:last] - state.place[first]  # (last - first, 2)
     return float(np.max(below[:, 1] - below[:, 0] * dy / dx))
 
 
@@ -213,7 +216,7 @@ def clearance(state: LineState, ground: np.ndarray) -> float:
     """
     x, depth = ground.T
     corners = np.concatenate([x, state.place[[0, -1], 0]])
-    nearest = [parallel(state, slope)[:, 0] for slope in np.diff(depth) / np.diff(x)]
+    nearest = [points_of_slope(state, slope)[:, 0] for slope in np.diff(depth) / np.diff(x)]
     here = np.concatenate([corners, *nearest])
     here = here[(here >= max(x[0], state.place[0, 0])) & (here <= min(x[-1], state.place[-1, 0]))]
-    return float(np.min(np.interp(here, x, depth) - at(state, here)[0], initial=np.inf))
+    return float(np.min(np.interp(here, x, depth) - depth_and_tension(state, here)[0], initial=np.inf))

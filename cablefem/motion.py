@@ -103,7 +103,7 @@ class LineMotion:
         return self.kinetic + self.strain + self.potential
 
 
-def joined(parts: Sequence[LineMotion]) -> LineMotion:
+def join_motions(parts: Sequence[LineMotion]) -> LineMotion:
     """One motion of those of a line before and after each change of what the rope touches."""
     first = parts[0]
     risen = dict.fromkeys((c.name for c in first.contacts), 0.0)
@@ -113,19 +113,19 @@ def joined(parts: Sequence[LineMotion]) -> LineMotion:
             risen[contact.name] = contact.rise[-1]
     at_first = [car.name for car in first.cars]
     ordered = [replace(x, cars=tuple(sorted(x.cars, key=lambda car: at_first.index(car.name)))) for x in parts]
-    return replace(_join(ordered), s=first.s)
+    return replace(_concatenate(ordered), s=first.s)
 
 
-def _join(values: Sequence[Any]) -> Any:
+def _concatenate(values: Sequence[Any]) -> Any:
     """The arrays of these one after another."""
     first = values[0]
     if isinstance(first, np.ndarray):
         return np.concatenate(values)
     if isinstance(first, tuple):
-        return tuple(_join(x) for x in zip(*values, strict=True))
+        return tuple(_concatenate(x) for x in zip(*values, strict=True))
     if isinstance(first, dict):
-        return {name: _join([x[name] for x in values]) for name in first}
+        return {name: _concatenate([x[name] for x in values]) for name in first}
     if is_dataclass(first):
         kind: Any = type(first)
-        return kind(**{f.name: _join([getattr(x, f.name) for x in values]) for f in fields(first)})
+        return kind(**{f.name: _concatenate([getattr(x, f.name) for x in values]) for f in fields(first)})
     return first

@@ -21,7 +21,7 @@ def cable_scene() -> Callable[[str], Any]:
 @pytest.fixture
 def assert_agree(request: pytest.FixtureRequest) -> Callable[..., Any]:
     """`validation.assert_agree`, listed at the end of the session."""
-    return _judge().asserting(_teller(request))
+    return _check_testing().asserting(_verdict_recorder(request))
 
 
 @pytest.fixture
@@ -31,10 +31,10 @@ def cable_check(request: pytest.FixtureRequest) -> Callable[..., Any]:
     cable_check("level", solver) holds solver(scene) -> (s_o, v) or (s_o, v, u) against both built-in solvers.
     cable_check("level") holds these against one another.
     """
-    return _judge().checking(_teller(request), request.config.stash.setdefault(_CHECKS, {}))
+    return _check_testing().checking(_verdict_recorder(request), request.config.stash.setdefault(_CHECKS, {}))
 
 
-def _judge() -> Any:
+def _check_testing() -> Any:
     try:
         return importlib.import_module("validation.commands.check.testing")
     except ModuleNotFoundError as error:
@@ -43,7 +43,7 @@ def _judge() -> Any:
         pytest.fail("a package of this project hides cablefem's own `validation`: its fixtures cannot be used here")
 
 
-def _teller(request: pytest.FixtureRequest) -> Callable[[str, str], None]:
+def _verdict_recorder(request: pytest.FixtureRequest) -> Callable[[str, str], None]:
     # user properties reach pytest-xdist
     return lambda text, verdict: request.node.user_properties.append((_KEY, f"{verdict:<14} {text}"))
 

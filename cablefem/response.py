@@ -141,7 +141,7 @@ class Once(Generic[Value]):
         return self._value
 
 
-def _later(otherwise: Callable[[Response], Any] | None = None) -> Any:
+def _lazy_field(otherwise: Callable[[Response], Any] | None = None) -> Any:
     """A field that is computed when it is first looked at, and kept.
 
     otherwise : computes it where neither the field nor a function for it was given.
@@ -150,11 +150,11 @@ def _later(otherwise: Callable[[Response], Any] | None = None) -> Any:
     return lazy
 
 
-def _none(r: Response) -> None:
+def _no_value(r: Response) -> None:
     """Of a field that is optional."""
 
 
-def _empty(r: Response) -> list[Any]:
+def _empty_list(r: Response) -> list[Any]:
     return []
 
 
@@ -234,35 +234,35 @@ class Response(MassPath):
     breaks: list[float] = field(default_factory=list)  # [s] jumps of acceleration; samples are from before
     n_dof: int
     seconds: float  # of the time loop
-    velocity: Array = _later()  # [m/s]
-    acceleration: Array = _later()  # [m/s^2]
-    slope_behind: Array = _later()  # d(place)/ds
-    slope_ahead: Array = _later()
-    T_behind: Array = _later()  # [N] nan on the left support
-    T_ahead: Array = _later()  # [N] nan on the right support
-    T_behind_pointwise: Array = _later()  # by slopes; T_behind is from equilibrium
-    T_ahead_pointwise: Array = _later()
-    reaction_left: Array = _later()  # [N] force on the cable
-    reaction_right: Array = _later()
-    contact: Array = _later()  # [N] of the mass on the cable
-    F_haul: Array = _later()  # [N] outside force along the mean tangent, or nan
-    tension_min: Array = _later()  # [N] least total tension
-    tension_min_at: Array = _later()  # its s
-    energy: Array = _later()  # [J] cable and mass
-    kinetic: Array = _later()  # [J]
-    strain: Array = _later()  # [J]
-    potential: Array = _later()  # [J]
-    power: Array = _later()  # [W] of the drive
-    powers: dict[str, Array] = _later(lambda r: {})  # [W]
-    fields: Fields = _later()
-    events: list[dict[str, Any]] = _later(_empty)  # event, t, s_o, speed
-    energy_gain: float | None = _later(_none)  # over weight x largest deflection
-    flags: list[Flag] = _later(_empty)
-    path_error: float | None = _later(_none)  # largest, over path_scale
-    tension_error: float | None = _later(_none)  # rms off the jump, over H
-    error_parts: dict[str, float] | None = _later(_none)
-    error_window: list[float] | None = _later(_none)  # s_o/l
-    design: list[dict[str, Any]] = _later(_empty)  # quantity, value, bar, unit, t, s_o, s
+    velocity: Array = _lazy_field()  # [m/s]
+    acceleration: Array = _lazy_field()  # [m/s^2]
+    slope_behind: Array = _lazy_field()  # d(place)/ds
+    slope_ahead: Array = _lazy_field()
+    T_behind: Array = _lazy_field()  # [N] nan on the left support
+    T_ahead: Array = _lazy_field()  # [N] nan on the right support
+    T_behind_pointwise: Array = _lazy_field()  # by slopes; T_behind is from equilibrium
+    T_ahead_pointwise: Array = _lazy_field()
+    reaction_left: Array = _lazy_field()  # [N] force on the cable
+    reaction_right: Array = _lazy_field()
+    contact: Array = _lazy_field()  # [N] of the mass on the cable
+    F_haul: Array = _lazy_field()  # [N] outside force along the mean tangent, or nan
+    tension_min: Array = _lazy_field()  # [N] least total tension
+    tension_min_at: Array = _lazy_field()  # its s
+    energy: Array = _lazy_field()  # [J] cable and mass
+    kinetic: Array = _lazy_field()  # [J]
+    strain: Array = _lazy_field()  # [J]
+    potential: Array = _lazy_field()  # [J]
+    power: Array = _lazy_field()  # [W] of the drive
+    powers: dict[str, Array] = _lazy_field(lambda r: {})  # [W]
+    fields: Fields = _lazy_field()
+    events: list[dict[str, Any]] = _lazy_field(_empty_list)  # event, t, s_o, speed
+    energy_gain: float | None = _lazy_field(_no_value)  # over weight x largest deflection
+    flags: list[Flag] = _lazy_field(_empty_list)
+    path_error: float | None = _lazy_field(_no_value)  # largest, over path_scale
+    tension_error: float | None = _lazy_field(_no_value)  # rms off the jump, over H
+    error_parts: dict[str, float] | None = _lazy_field(_no_value)
+    error_window: list[float] | None = _lazy_field(_no_value)  # s_o/l
+    design: list[dict[str, Any]] = _lazy_field(_empty_list)  # quantity, value, bar, unit, t, s_o, s
     later: InitVar[Mapping[str, Callable[[Response], Any]] | None] = None
     _later: ClassVar[Mapping[str, Callable[[Response], Any]]] = {}
 
@@ -291,12 +291,12 @@ class Response(MassPath):
     @property
     def cars(self) -> tuple[CarMotion, ...]:
         """The car, as on a line of several contacts."""
-        return (views.car(self),)
+        return (views.car_motion(self),)
 
     @property
     def contacts(self) -> tuple[ContactMotion, ...]:
         """Left and right support, as on a line of several contacts."""
-        return views.supports(self)
+        return views.support_motions(self)
 
     @property
     def jumps(self) -> list[float]:
@@ -325,15 +325,15 @@ class Response(MassPath):
 
         At the mass T is that behind. ValueError outside the run or the cable.
         """
-        return views.at(self, t, s)
+        return views.sample_fields(self, t, s)
 
     def plot(self, ax: Any = None) -> Any:
         """Draw rope, envelope and path of the car; return matplotlib's axes."""
-        return views.side_view(self, ax)
+        return views.plot_side_view(self, ax)
 
     def plot_tension(self, ax: Any = None) -> Any:
         """Draw the tension; return matplotlib's axes."""
-        return views.tension(self, ax)
+        return views.plot_tension(self, ax)
 
     def to_dataframe(self) -> Any:
         """Return path.csv as a pandas.DataFrame; units in `attrs["units"]`."""
@@ -360,7 +360,7 @@ class Response(MassPath):
         return xarray.Dataset(path, coords, {k: str(v) for k, v in self.summary().items()})
 
     def _repr_html_(self) -> str:
-        return views.picture(self)
+        return views.side_view_svg(self)
 
     def summary(self) -> dict[str, Any]:
         """Return the content of summary.json."""

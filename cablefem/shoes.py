@@ -56,7 +56,9 @@ class Now(NamedTuple):
     rope: Callable[[float], Array]  # r, r' and the velocity at fixed s (3, 2), of s
 
 
-def now_at(line: MovingLine, jets: Array, s: Array, over: dict[str, Array], rope: Callable[[float], Array]) -> Now:
+def line_snapshot(
+    line: MovingLine, jets: Array, s: Array, over: dict[str, Array], rope: Callable[[float], Array]
+) -> Now:
     """`Now` from points of all contacts (3, contacts, 2), their s (3, contacts), and points of cars off the rope."""
     names = [c.name for c in line.touching]
     at, rates = (dict(zip(names, values, strict=True)) for values in s[:2].tolist())
@@ -65,7 +67,7 @@ def now_at(line: MovingLine, jets: Array, s: Array, over: dict[str, Array], rope
     return Now(at, rates, points | over, rope)
 
 
-def passages(line: MovingLine) -> tuple[Passage, ...]:
+def next_passages(line: MovingLine) -> tuple[Passage, ...]:
     """All that may come next."""
     out = []
     by_name = {c.name: c for c in line.supports}
@@ -85,12 +87,12 @@ def passages(line: MovingLine) -> tuple[Passage, ...]:
     return tuple(out)
 
 
-def passes(passages: Sequence[Passage], a: str, b: str) -> bool:
+def may_pass(passages: Sequence[Passage], a: str, b: str) -> bool:
     """Whether one of two neighbours, by name, is a car that may pass the other, a saddle."""
     return any({p.car, p.saddle.name} == {a, b} for p in passages)
 
 
-def passed(line: MovingLine, event: Passage, t: float, phase: int, now: Now) -> MovingLine:
+def line_after_passage(line: MovingLine, event: Passage, t: float, phase: int, now: Now) -> MovingLine:
     """The line after an event; adds to `now` the car that takes the rope."""
     contacts, saddle = list(line.contacts), event.saddle
     car = next(c for c in (*line.cars, *line.over) if c.name == event.car)
@@ -104,32 +106,32 @@ def passed(line: MovingLine, event: Passage, t: float, phase: int, now: Now) -> 
     elif event.does == "lands on the shoe of":
         if any(c.rail is not None and c.rail.saddle == saddle.name for c in (*line.cars, *line.over)):
             raise StepFailure(t, f"two cars on the shoe of {saddle.name}", "let one follow later")
-        end = _straight(top, side * tip, now.rope(now.s[car.name] + side * BESIDE)[1])
+        end = _straight_end(top, side * tip, now.rope(now.s[car.name] + side * BESIDE)[1])
         rail = Rail(saddle.name, End(x, y, slope, bend), end)
         contacts[contacts.index(car)] = replace(car, rail=rail)
     elif event.does == "leaves the rope at":
-        end = _straight(top, -side * tip, now.rope(now.s[saddle.name] - side * BESIDE)[1])
+        end = _straight_end(top, -side * tip, now.rope(now.s[saddle.name] - side * BESIDE)[1])
         stretch = float(np.hypot(*velocity)) / abs(now.ds[car.name] - now.ds[saddle.name])
         rail = Rail(saddle.name, End(x, y, slope), end, now.s[car.name] - now.s[saddle.name], stretch)
         contacts.remove(car)
         return replace(line, contacts=tuple(contacts), over=(*line.over, replace(car, rail=rail)))
     else:
-        _take_rope(line, car, t, phase, now)
+        _add_rope_point(line, car, t, phase, now)
         (x, y), (r_x, r_y) = now.points[car.name][0], now.rope(now.s[car.name])[1]
-        rail = Rail(saddle.name, End(x, y, r_y / r_x), _on_load_path(line, car, saddle, side, t, now))
+        rail = Rail(saddle.name, End(x, y, r_y / r_x), _load_path_end(line, car, saddle, side, t, now))
         contacts.insert(contacts.index(saddle) + (side > 0.0), replace(car, rail=rail))
         over = tuple(c for c in line.over if c is not car)
         return replace(line, contacts=tuple(contacts), over=over)
     return replace(line, contacts=tuple(contacts))
 
 
-def _straight(top: Array, away: float, along: Array) -> End:
+def _straight_end(top: Array, away: float, along: Array) -> End:
     """The point `away` from the top in x, along a slope r'."""
     slope = along[1] / along[0]
     return End(top[0] + away, top[1] + away * slope, slope)
 
 
-def _take_rope(line: MovingLine, car: Car, t: float, phase: int, now: Now) -> None:
+def _add_rope_point(line: MovingLine, car: Car, t: float, phase: int, now: Now) -> None:
     """Put s and the point of the rope below a car off the rope into `now`, with their rates."""
     position, speed, _ = line.position(car, t, phase)
     if car.along == "s":
@@ -150,7 +152,7 @@ def _take_rope(line: MovingLine, car: Car, t: float, phase: int, now: Now) -> No
     now.points[car.name] = np.array([[position, r[1]], w + ds * along, 0.0 * r])
 
 
-def _on_load_path(line: MovingLine, car: Car, saddle: Contact, side: float, t: float, now: Now) -> End:
+def _load_path_end(line: MovingLine, car: Car, saddle: Contact, side: float, t: float, now: Now) -> End:
     """The end of the shoe on the path of the car at rest, in that one span between anchors at their present s."""
     k = line.contacts.index(saddle)
     others = line.contacts[k + 1 :] if side > 0.0 else line.contacts[k - 1 :: -1]
@@ -184,7 +186,7 @@ def _on_load_path(line: MovingLine, car: Car, saddle: Contact, side: float, t: f
     return End(float(at[1]), y, (after - before) / (2.0 * step), (after - 2.0 * y + before) / step**2)
 
 
-def along_rail(car: Car, jet: Array, gravity: float) -> float:
+def force_along_rail(car: Car, jet: Array, gravity: float) -> float:
     """Force [N] along its rail that moves a car without drag; jet : its point and rates (3, 2)."""
     assert car.rail is not None
     slope = car.rail.slopes(jet[0, 0])[1]
@@ -192,7 +194,7 @@ def along_rail(car: Car, jet: Array, gravity: float) -> float:
     return float(car.mass * (x + slope * (y - gravity)) / math.hypot(1.0, slope))
 
 
-def over_rope(
+def off_rope_motion(
     line: MovingLine, car: Car, states: Sequence[State], jets: Array, contacts: tuple[ContactMotion, ...],
     powers: dict[str, Array],
 ) -> CarMotion:  # fmt: skip
@@ -201,7 +203,7 @@ def over_rope(
     name, drive, near = car.name, car.drive, car.rail.saddle
     saddle = next(c for c in contacts if c.name == near)
     point, velocity, acceleration = jets.swapaxes(0, 1)
-    normal = down(car.rail, point[:, 0])
+    normal = downward_normals(car.rail, point[:, 0])
     tangent = normal[:, ::-1] * np.array([1.0, -1.0])
     air = velocity - np.array([drive.wind, 0.0])
     drag = -drive.k * np.hypot(*air.T)[:, None] * air
@@ -225,13 +227,13 @@ def over_rope(
     )  # fmt: skip
 
 
-def down(rail: Rail, x: Array) -> Array:
+def downward_normals(rail: Rail, x: Array) -> Array:
     """Normals of the rail (n, 2) at x (n,), downwards."""
     slope = rail.slopes(x)[1]
     return np.stack([-slope, np.ones_like(slope)], axis=1) / np.hypot(1.0, slope)[:, None]
 
 
-def with_shoes(
+def add_shoe_forces(
     line: MovingLine, cars: tuple[CarMotion, ...], contacts: tuple[ContactMotion, ...]
 ) -> tuple[ContactMotion, ...]:  # fmt: skip
     """The contacts with what cars put on their shoes."""
@@ -240,7 +242,7 @@ def with_shoes(
     for car in cars:
         rail = rails[car.name]
         if rail is not None:
-            normal = down(rail, car.point[:, 0])
+            normal = downward_normals(rail, car.point[:, 0])
             force = car.shoe_force[:, None] * normal
             if car.name in off:  # its grip acts on the rope on the saddle
                 force -= np.nan_to_num(car.grip_force)[:, None] * normal[:, ::-1] * np.array([1.0, -1.0])

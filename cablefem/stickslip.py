@@ -105,7 +105,7 @@ class RollingCar(System):
         """Largest force of friction and brakes."""
         return self.drive.mu_r * abs(normal) + self.brake
 
-    def margin(self, x: State) -> float:
+    def friction_margin(self, x: State) -> float:
         """`max_resistance` less the force that holds the car."""
         needed, normal = self.hold_and_normal_force(x)
         return self.max_resistance(normal) - abs(needed)
@@ -116,7 +116,7 @@ class RollingCar(System):
         v[-1] = 0.0
         self.mode.sticks = True
         x = self.solve_acceleration(x._replace(v=v))
-        if self.margin(x) > 0.0:
+        if self.friction_margin(x) > 0.0:
             return x
         return self._slip(x)
 
@@ -141,7 +141,7 @@ class RollingCar(System):
             answered = x.t >= max(self.drive.start, 1.0 - self.drive.start) * self.round_trip
             if turned or (answered and mode.heading * slip > 0.0):
                 self._end_waiting(slip)
-        if self._drifts(x):
+        if self._is_drifting(x):
             mode.slow_at = s_o
             mode.slow_since = x.t
             self._watched = None
@@ -176,10 +176,10 @@ class RollingCar(System):
         if x.t <= self.events_from:
             return (1.0,) * len(self.events)
         if self._watched is None or self._watched[0] is not x:
-            self._watched = x, self._values(x)
+            self._watched = x, self._event_values(x)
         return self._watched[1]
 
-    def _values(self, x: State) -> tuple[float, ...]:
+    def _event_values(self, x: State) -> tuple[float, ...]:
         mode = self.mode
         drive = self.drive
         s_o = float(x.q[-1])
@@ -192,17 +192,17 @@ class RollingCar(System):
             return (lift_off,)
         if mode.forward == 0.0 and abs(look.speed) > drive.rest_speed:
             mode.forward = math.copysign(1.0, look.speed)
-        return *self._force_events(x, look), *self._position_events(s_o), lift_off, self._time_to_stop(x)
+        return *self._force_event_values(x, look), *self._position_event_values(s_o), lift_off, self._time_to_stop(x)
 
-    def _force_events(self, x: State, look: CarForces) -> tuple[float, float, float]:
+    def _force_event_values(self, x: State, look: CarForces) -> tuple[float, float, float]:
         mode = self.mode
         if mode.sticks:
-            return math.inf, self.margin(x), math.inf
+            return math.inf, self.friction_margin(x), math.inf
         turns = mode.forward and abs(look.along) > self.max_resistance(look.across)
         slip = mode.heading * float(x.v[-1]) if self.has_friction and not mode.awaits_waves else math.inf
         return slip, math.inf, mode.forward * look.speed if turns else math.inf
 
-    def _position_events(self, s_o: float) -> tuple[float, float, float, float]:
+    def _position_event_values(self, s_o: float) -> tuple[float, float, float, float]:
         drive = self.drive
         n = self.mode.brakes
         mode = self.mode
@@ -211,7 +211,7 @@ class RollingCar(System):
         back = s_o - drive.brakes[n - 1][0] if n and direction <= 0.0 else math.inf
         return ahead, back, drive.end_position - s_o, s_o - drive.back_position
 
-    def _drifts(self, x: State) -> bool:
+    def _is_drifting(self, x: State) -> bool:
         mode = self.mode
         return abs(float(x.q[-1]) - mode.slow_at) > self.drive.rest_speed * max(self.round_trip, x.t - mode.slow_since)
 
@@ -220,7 +220,7 @@ class RollingCar(System):
         if x.phase < len(self.phases) - 1:
             return math.inf
         remaining = max(self.mode.slow_since, self.phases[-1][0]) + self.round_trip - x.t
-        rests = self.drive.is_rest_position(float(x.q[-1])) and not self._drifts(x)
+        rests = self.drive.is_rest_position(float(x.q[-1])) and not self._is_drifting(x)
         return remaining if rests else max(remaining, self.round_trip)
 
     def step_fraction(self, x: State, since: float, ahead: float = 0.0) -> float:

@@ -17,7 +17,7 @@ BESIDE = 1e-9  # of the length: a station so near the mass is under it
 BLUE, GREY = "#0072B2", "#999"
 
 
-def at(r: Response, t: Any, s: Any) -> dict[str, Array]:
+def sample_fields(r: Response, t: Any, s: Any) -> dict[str, Array]:
     """`Response.at`: between frames displacements are cubic by their velocities, tensions linear."""
     t, s = (np.atleast_1d(np.asarray(x, dtype=float)) for x in (t, s))
     for name, asked, known in (("t", t, (r.t[0], r.t[-1])), ("s", s, (0.0, r.length))):
@@ -26,8 +26,8 @@ def at(r: Response, t: Any, s: Any) -> dict[str, Array]:
     out = {name: np.empty((t.size, s.size)) for name in ("x", "y", "u", "v", "T")}
     rest = {name: np.interp(s, r.fields.s, getattr(r.fields, name)) for name in ("x", "y")}
     for k, instant in enumerate(t.tolist()):
-        s_o, u, v, behind, ahead = (np.interp(instant, r.t, z) for z in (r.s_o, r.u, r.v, *_sides(r)))
-        w, T = _between(r, instant, s_o)
+        s_o, u, v, behind, ahead = (np.interp(instant, r.t, z) for z in (r.s_o, r.u, r.v, *_tensions_at_mass(r)))
+        w, T = _interpolate_frames(r, instant, s_o)
         # a station under the mass has no side; just beyond it T is that ahead
         i, j = np.searchsorted(r.fields.s, [s_o - BESIDE * r.length, s_o + BESIDE * r.length]).tolist()
         places = np.concatenate([r.fields.s[:i], [s_o, np.nextafter(s_o, np.inf)], r.fields.s[j:]])
@@ -37,13 +37,13 @@ def at(r: Response, t: Any, s: Any) -> dict[str, Array]:
     return out
 
 
-def _sides(r: Response) -> tuple[Array, Array]:
+def _tensions_at_mass(r: Response) -> tuple[Array, Array]:
     """Tension at the mass behind and ahead; on a support the other side's."""
     missing = np.isnan(r.T_behind), np.isnan(r.T_ahead)
     return np.where(missing[0], r.T_ahead, r.T_behind), np.where(missing[1], r.T_behind, r.T_ahead)
 
 
-def _between(r: Response, t: float, s_o: float) -> tuple[Array, Array]:
+def _interpolate_frames(r: Response, t: float, s_o: float) -> tuple[Array, Array]:
     """(u, v) (2, m) and T (m,) at the stations; T is that of frames with the same side there."""
     f = r.fields
     if f.t.size < 2:
@@ -58,7 +58,7 @@ def _between(r: Response, t: float, s_o: float) -> tuple[Array, Array]:
     return w, (1.0 - weight) * f.T[i] + weight * f.T[i + 1]
 
 
-def car(r: Response) -> CarMotion:
+def car_motion(r: Response) -> CarMotion:
     """The car of a run of one span; its speed along the rope is that of its point over the stretch."""
     stretch = 0.5 * (np.linalg.norm(r.slope_behind, axis=1) + np.linalg.norm(r.slope_ahead, axis=1))
     tangent = r.slope_behind + r.slope_ahead
@@ -71,7 +71,7 @@ def car(r: Response) -> CarMotion:
     )  # fmt: skip
 
 
-def supports(r: Response) -> tuple[ContactMotion, ContactMotion]:
+def support_motions(r: Response) -> tuple[ContactMotion, ContactMotion]:
     """Left and right support of a run of one span; the force of the rope on them is that of the reactions."""
     none = np.full_like(r.t, np.nan)
     still = np.zeros_like(r.t)
@@ -88,10 +88,10 @@ def supports(r: Response) -> tuple[ContactMotion, ContactMotion]:
     return out[0], out[1]
 
 
-def picture(r: Response) -> str:
+def side_view_svg(r: Response) -> str:
     """The side view for notebooks as SVG."""
     out = io.StringIO()
-    side_view(r).figure.savefig(out, format="svg")
+    plot_side_view(r).figure.savefig(out, format="svg")
     return f"<p>{html.escape(repr(r))}</p>{out.getvalue()[out.getvalue().index('<svg') :]}"
 
 
@@ -103,7 +103,7 @@ def _axes(ax: Any) -> Any:
     return Figure(figsize=(9.0, 4.0), layout="constrained").add_subplot()
 
 
-def side_view(r: Response, ax: Any = None) -> Any:
+def plot_side_view(r: Response, ax: Any = None) -> Any:
     """Plot the rope at rest, the envelope of its motion and the path of the car; return the axes."""
     ax = _axes(ax)
     f = r.fields
@@ -116,7 +116,7 @@ def side_view(r: Response, ax: Any = None) -> Any:
     return ax
 
 
-def tension(r: Response, ax: Any = None) -> Any:
+def plot_tension(r: Response, ax: Any = None) -> Any:
     """Plot the tension [kN] along the rope over time; return the axes."""
     ax = _axes(ax)
     f = r.fields

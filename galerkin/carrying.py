@@ -6,7 +6,7 @@ import numpy as np
 
 from cablefem.newmark import State
 from cablefem.scene.contacts import Array
-from cablefem.shoes import Passage, now_at, passed
+from cablefem.shoes import Passage, line_after_passage, line_snapshot
 from galerkin.lines import LineSines
 from galerkin.segments import Layout, functions
 
@@ -17,8 +17,8 @@ def after(system: LineSines, passage: Passage, x: State) -> tuple[LineSines, Sta
     names = [c.name for c in system.line.touching]
     jets = before[:, np.stack([old.x, old.y], axis=1)]  # (3, contacts, 2)
     over = {car.name: system.jet(car.name, x) for car in system.line.over}
-    now = now_at(system.line, jets, before[:, old.s], over, lambda s: rope_at(old, before, np.array([s]))[:, 0])
-    new = LineSines(passed(system.line, passage, x.t, x.phase, now), old.functions - 2)
+    now = line_snapshot(system.line, jets, before[:, old.s], over, lambda s: rope_at(old, before, np.array([s]))[:, 0])
+    new = LineSines(line_after_passage(system.line, passage, x.t, x.phase, now), old.functions - 2)
     layout = new.layout
     Z = new.prescribed(x.t, x.phase)
     for k, contact in enumerate(new.line.touching):

@@ -16,7 +16,7 @@ from cablefem.newmark.equilibrium import equilibrium
 from cablefem.newmark.newton import solve_dense
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
-from cablefem.scene.motion import at_rest
+from cablefem.scene.motion import rest_motion
 from galerkin import kernels
 from galerkin.bases import Basis
 from galerkin.bases.fourier import Fourier
@@ -240,7 +240,7 @@ class GalerkinSystem(System):
     def with_clamped_car(self, s_o: float) -> GalerkinSystem:
         """The cable at rest, with its mass."""
         other = self.with_law("tension-only" if self.model == "full" else self.law)
-        other.motion = at_rest(s_o, 1.0)
+        other.motion = rest_motion(s_o, 1.0)
         return other
 
     def _entry(self) -> State:

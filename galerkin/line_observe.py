@@ -11,7 +11,7 @@ from numpy.polynomial import legendre
 from cablefem.motion import CarMotion, ContactMotion, LineMotion, Turning, WheelMotion
 from cablefem.newmark import State
 from cablefem.scene.contacts import Array, Contact, MovingLine
-from cablefem.shoes import down, over_rope, with_shoes
+from cablefem.shoes import add_shoe_forces, downward_normals, off_rope_motion
 from galerkin.bodies import Body, CarBody, Counterweight, Friction, PointCar, Touch, length
 from galerkin.segments import Layout, Rope, functions
 
@@ -56,12 +56,12 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
             powers[f"{contact.name} weight"] = body.outward * at.ds * entering
     for car in line.over:
         jets = np.array([system.jet(car.name, x) for x in states])
-        motion = over_rope(line, car, states, jets, tuple(contacts), powers)
+        motion = off_rope_motion(line, car, states, jets, tuple(contacts), powers)
         cars.append(motion)
         energies[0] += 0.5 * car.mass * (motion.velocity**2).sum(axis=1)
         energies[2] -= car.mass * line.gravity * motion.point[:, 1]
     kinetic, strain, potential = energies
-    standing = with_shoes(line, tuple(cars), tuple(contacts))
+    standing = add_shoe_forces(line, tuple(cars), tuple(contacts))
     return LineMotion(
         t=np.array([x.t for x in states]), cars=tuple(cars), contacts=standing, s=s, points=points,
         tension=tension, kinetic=kinetic, strain=strain, potential=potential, powers=powers,
@@ -76,7 +76,7 @@ def _car(body: CarBody, s: Array, at: Any) -> CarMotion:
     hauled, grips = car.drive.mode == "haul", car.kind == "grip"
     on_shoe = np.zeros(len(s))
     if car.rail is not None and isinstance(body, PointCar):
-        on_shoe = -(down(car.rail, x.p[:, 0]) * (body.on_rope(x) + body.contact_force(x))).sum(axis=1)
+        on_shoe = -(downward_normals(car.rail, x.p[:, 0]) * (body.on_rope(x) + body.contact_force(x))).sum(axis=1)
     turning = None
     if body.turns:
         both = () if len(wheels) == 1 else zip(("rear", "front"), wheels, s.T, pressing.T, strict=True)

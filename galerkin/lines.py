@@ -12,7 +12,7 @@ import numpy as np
 from cablefem.motion import LineMotion
 from cablefem.newmark import Solve, State, StepFailure, System
 from cablefem.scene.contacts import NEAREST, Array, Car, Contact, MovingLine, Wheel
-from cablefem.shoes import along_rail, passages, passes
+from cablefem.shoes import force_along_rail, may_pass, next_passages
 from galerkin.bodies import Body, CarBody, Counterweight, Friction, PointCar, Saddle, Spring, Touch
 from galerkin.equations import factorised
 from galerkin.line_observe import observe
@@ -157,9 +157,9 @@ class LineSines(System):
     def _name_events(self, bodies: list[Body]) -> None:
         """Set the events, and what each kind of them watches."""
         names = [c.name for c in self.line.touching]
-        self.passages = passages(self.line)
+        self.passages = next_passages(self.line)
         pairs = [i for i in self.layout.outer if i in self.lead.values() or i + 1 in self.cars]
-        self.gaps = [i for i in pairs if not passes(self.passages, names[i], names[i + 1])]
+        self.gaps = [i for i in pairs if not may_pass(self.passages, names[i], names[i + 1])]
         self.stops = [k for k, body in self.free_cars.items() if body.car.drive.resists]
         meetings = [f"{names[i]} meets {names[i + 1]}" for i in self.gaps]
         stops = [f"{self.cars[k].car.name} stops" for k in self.stops]
@@ -238,7 +238,7 @@ class LineSines(System):
         r = self.equations.residual(rope, touches, self.present(t))
         for row, k, car, _ in self.gripping:
             jets = [self.line.off_rope(car, at, phase, Z[:, i, self.layout.s[k]]) for i, at in enumerate(t.tolist())]
-            r[:, row] -= [along_rail(car, jet, self.line.gravity) for jet in jets]
+            r[:, row] -= [force_along_rail(car, jet, self.line.gravity) for jet in jets]
         return r
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
@@ -249,7 +249,7 @@ class LineSines(System):
             r, K = self.equations.linearise(Z, self.present(t))
             for row, k, car, stretch in self.gripping:
                 jet = self.line.off_rope(car, t, phase, Z[:, self.layout.s[k]])
-                r[row] -= along_rail(car, jet, self.line.gravity)
+                r[row] -= force_along_rail(car, jet, self.line.gravity)
                 K[2, row, row] += car.mass * stretch
             known = self._known = (state, t, phase, r, K)
         c0, c1, c2 = c

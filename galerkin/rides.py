@@ -18,7 +18,7 @@ from cablefem.newmark import NO_STEPS, Newton, Solve, State, quasi_static_start
 from cablefem.newmark.equilibrium import equilibrium, equilibrium_on_rope
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
-from cablefem.scene.motion import at_rest
+from cablefem.scene.motion import rest_motion
 from cablefem.stickslip import CarForces, RollingCar
 from galerkin import kernels
 from galerkin.bases import Basis, Fourier
@@ -220,12 +220,12 @@ class RollingSystem(RollingCar, GalerkinSystem):
 
     def with_clamped_car(self, s_o: float) -> GalerkinSystem:
         """The cable at rest with the car clamped to it."""
-        groups = replace(self.groups, motion=at_rest(s_o, 1.0))
+        groups = replace(self.groups, motion=rest_motion(s_o, 1.0))
         return GalerkinSystem(groups, self.sines, kink=True, law="tension-only")
 
     def _hung(self, s_o: float) -> Array:
         """q of a hauled car at rest on its rope, about to move."""
-        still = replace(self.groups, motion=at_rest(s_o, 1.0), drive=replace(self.drive, k=0.0))
+        still = replace(self.groups, motion=rest_motion(s_o, 1.0), drive=replace(self.drive, k=0.0))
         on_its_rope = OnItsRope(still, self.sines, law="tension-only")
         return np.append(equilibrium_on_rope(on_its_rope, equilibrium(self.with_clamped_car(s_o)))[:-1], 0.0)
 

@@ -76,11 +76,11 @@ def named(function: Callable[Concatenate[Any, P], Result]) -> Callable[Concatena
         """See the function that is wrapped."""
         from cablefem.scene import Scene
         from cablefem.scene.line import Line
-        from cablefem.scene.short import line_of
+        from cablefem.scene.short import line_or_none
 
         if isinstance(of, str | Path):
             kind = Scene if first == "scene" else _loaded("commands.sweep.study", "Study")
-            of = (of_line and line_of(of)) or kind.load(of)
+            of = (of_line and line_or_none(of)) or kind.load(of)
         if of_line and isinstance(of, Line):
             home, name = of_line
             kind = "motion" if of.moves else "line"

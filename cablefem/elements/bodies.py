@@ -90,7 +90,7 @@ def forces(cars: Cars, inputs: Array) -> Forces:
     return Forces(contact, Q, tau, stretch, haul, drag, friction, normal, swing, dot(drag, carried))
 
 
-def derivatives(cars: Cars, inputs: Array) -> Array:
+def force_jacobian(cars: Cars, inputs: Array) -> Array:
     """Derivatives (n, 4, INPUTS) of C, - Q and the row of phi by the inputs (n, INPUTS)."""
     shifted = inputs + 1j * STEP * np.eye(INPUTS)[:, None, :]  # (INPUTS, n, INPUTS)
     at = forces(cars, shifted)

@@ -116,7 +116,7 @@ class CableElements(System):
         x = np.array([q, v, a])
         tangent = self._single
         if isinstance(c0, complex):  # a sum of real ones
-            tangent = self._tangent(complex)
+            tangent = self._zero_tangent(complex)
             for factor, unit in zip((c0, c1, c2), UNITS, strict=True):
                 self._assemble(t, phase, x, r, unit)
                 for to, of in zip(tangent, self._single, strict=True):
@@ -182,25 +182,25 @@ class CableElements(System):
         chord = None if self.fields == 2 else True
         c_d = self.groups.damping
         self._cable = Cable(self._mesh, self._law, chord, self._operators, points, c_d, self._rates())
-        self._single, self._bands = self._tangent(float), np.empty((3, *self._operators.shape[1:]))
+        self._single, self._bands = self._zero_tangent(float), np.empty((3, *self._operators.shape[1:]))
         self._at = None
         self._space: collocation.Workspace | None = None
 
     def _rates(self) -> Rates | None:
         return None
 
-    def _tangent(self, kind: Any) -> Tangent:  # float or complex
+    def _zero_tangent(self, dtype: Any) -> Tangent:  # float or complex
         n = self.fields * self.n_scalar
         bordered = self.fields == 1 or "grip" not in self.drives
-        ab = np.zeros((n, 2 * self._band + 1), kind)
-        return Tangent(ab, np.zeros((3, n + 1), kind) if bordered else None)
+        ab = np.zeros((n, 2 * self._band + 1), dtype)
+        return Tangent(ab, np.zeros((3, n + 1), dtype) if bordered else None)
 
     def _workspace(self, s: int) -> collocation.Workspace:
         if self._space is None or len(self._space.bands) != s:
             n = self.n_dof
-            q, v, a = (self._tangent(float) for _ in range(3))
+            q, v, a = (self._zero_tangent(float) for _ in range(3))
             self._space = collocation.Workspace(
-                real=self._tangent(float), pair=self._tangent(complex), parts=(q, v, a),
+                real=self._zero_tangent(float), pair=self._zero_tangent(complex), parts=(q, v, a),
                 bands=np.empty((s, *self._bands.shape)), kept=np.full(1, math.nan), scales=np.ones((s, n)),
                 x=np.empty((s, 3, n)), r=np.empty((s, n)), da=np.empty((s, n)),
             )  # fmt: skip

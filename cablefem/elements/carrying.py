@@ -9,7 +9,7 @@ from cablefem.elements.reference import lagrange_element, shape_polynomials
 from cablefem.elements.segments import Segments
 from cablefem.elements.system import LineElements, Slots
 from cablefem.newmark import Array, State, consistent_acceleration
-from cablefem.shoes import Passage, now_at, passed
+from cablefem.shoes import Passage, line_after_passage, line_snapshot
 
 
 def after(system: LineElements, passage: Passage, x: State) -> tuple[LineElements, State]:
@@ -17,10 +17,10 @@ def after(system: LineElements, passage: Passage, x: State) -> tuple[LineElement
     old = system.slots(*x)
     jets = np.array(old)[:, 2 * system.node[:, None] + np.arange(2)]
     over = {car.name: system.jet(car.name, x) for car in system.line.over}
-    now = now_at(
+    now = line_snapshot(
         system.line, jets, np.array(old)[:, system.s], over, lambda s: rope_at(system, old, np.array([s]))[:, 0]
     )
-    line = passed(system.line, passage, x.t, x.phase, now)
+    line = line_after_passage(system.line, passage, x.t, x.phase, now)
     new = LineElements(line, elements=system.segments.elements, degree=system.segments.degree, compiled=system.compiled)
     z = new.known(x.t, x.phase)
     own, before = _own_slots(new), _own_slots(system)
@@ -33,7 +33,7 @@ def after(system: LineElements, passage: Passage, x: State) -> tuple[LineElement
         z.q[new.s[k]], z.v[new.s[k]] = now.s[name], now.ds[name]
         for i in (0, 1):
             z[i][2 * new.node[k] + np.arange(2)] = now.points[name][i]
-    z = new.placed(np.array(z))
+    z = new.fill_dependent_slots(np.array(z))
     for k in range(len(names) - 1):
         _carry_segment(system, old, new, z, k)
     new.hold, new.signs, new.brakes, new.rear_brakes = (

@@ -15,7 +15,7 @@ from cablefem.newmark.equilibrium import equilibrium
 from cablefem.newmark.newton import solve_dense
 from cablefem.response import States
 from cablefem.scene import Groups
-from cablefem.scene.motion import at_rest
+from cablefem.scene.motion import rest_motion
 
 _ONE = np.ones(1)
 _ZERO = np.zeros(1)
@@ -86,7 +86,7 @@ class FollowingElements(CableElements):
     def with_clamped_car(self, s_o: float) -> FollowingElements:
         """The cable at rest, with its mass."""
         other = self.with_law("tension-only")
-        other.motion = at_rest(s_o, 1.0)
+        other.motion = rest_motion(s_o, 1.0)
         return other
 
     # --- assembly --------------------------------------------------------------------------------------

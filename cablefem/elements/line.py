@@ -25,7 +25,7 @@ from scipy.sparse import bmat, coo_matrix, diags
 from scipy.sparse.linalg import MatrixRankWarning, spsolve
 
 from cablefem.scene.line import Case, LineState, NoLine, NotFound
-from cablefem.scene.taut import Start, start
+from cablefem.scene.taut import Start, first_guess
 
 DEGREE = 4
 ORDER = 12  # of quadrature
@@ -310,7 +310,7 @@ def solve(cases: Sequence[Case], elements: int = 4) -> list[LineState | NoLine]:
 
     If the equations of a case are singular, both halves are solved apart.
     """
-    starts = [start(case) for case in cases]
+    starts = [first_guess(case) for case in cases]
     carried = [(case, x) for case, x in zip(cases, starts, strict=True) if isinstance(x, Start)]
     solved = iter(_solved(carried, elements) if carried else [])
     return [next(solved) if isinstance(x, Start) else x for x in starts]

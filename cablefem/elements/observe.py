@@ -15,7 +15,7 @@ from cablefem.elements.trolley import Trolley
 from cablefem.motion import CarMotion, ContactMotion, LineMotion, Turning, WheelMotion
 from cablefem.newmark import Array, State
 from cablefem.scene.contacts import Car, Contact
-from cablefem.shoes import down, over_rope, with_shoes
+from cablefem.shoes import add_shoe_forces, downward_normals, off_rope_motion
 
 if TYPE_CHECKING:
     from cablefem.elements.system import LineElements
@@ -51,7 +51,7 @@ class _History:
         self.rows = self.by_time(rows)
         self.pulls = self.by_time(np.stack([-(rows[0] + flow[0]), rows[1] - flow[1]]))
 
-    def at(self, k: int, x: Array) -> Array:
+    def contact_points(self, k: int, x: Array) -> Array:
         """Points of contact k (n, 2), of slots (n, size)."""
         return x[:, 2 * self.system.node[k] + np.arange(2)]
 
@@ -78,9 +78,9 @@ def observe(system: LineElements, states: Sequence[State], s: Array) -> LineMoti
     for k in (0, -1):
         contact = system.line.supports[k]
         if contact.stiffness is not None:
-            away = x.at(k, x.q) - contact.point
+            away = x.contact_points(k, x.q) - contact.point
             strain = strain + 0.5 * np.sum(np.array(contact.stiffness) * away**2, axis=1)
-            kinetic = kinetic + 0.5 * (contact.mass or 0.0) * np.sum(x.at(k, x.v) ** 2, axis=1)
+            kinetic = kinetic + 0.5 * (contact.mass or 0.0) * np.sum(x.contact_points(k, x.v) ** 2, axis=1)
         if contact.force is not None:
             slot = system.s[k]
             force = system.pulley(k, x.v[:, slot], x.a[:, slot])
@@ -88,7 +88,7 @@ def observe(system: LineElements, states: Sequence[State], s: Array) -> LineMoti
     cars = _cars(x, powers) if system.cars else ()
     for car in system.line.over:
         jets = np.array([system.jet(car.name, state) for state in states])
-        cars += (over_rope(system.line, car, states, jets, contacts, powers),)
+        cars += (off_rope_motion(system.line, car, states, jets, contacts, powers),)
     for car, motion in zip((*system.line.cars, *system.line.over), cars, strict=True):
         kinetic = kinetic + _kinetic(car, motion)
         potential = potential - car.mass * system.line.gravity * motion.point[:, 1]
@@ -98,7 +98,7 @@ def observe(system: LineElements, states: Sequence[State], s: Array) -> LineMoti
             potential = potential - hung * system.line.gravity * below[:, 1]
     points, tension = _stations(x, s)
     return LineMotion(
-        t=x.t, cars=cars, contacts=with_shoes(system.line, cars, contacts), s=s, points=points, tension=tension,
+        t=x.t, cars=cars, contacts=add_shoe_forces(system.line, cars, contacts), s=s, points=points, tension=tension,
         kinetic=kinetic, strain=strain, potential=potential, powers=powers,
     )  # fmt: skip
 
@@ -127,7 +127,7 @@ def _contact(x: _History, k: int, contact: Contact) -> ContactMotion:
         taken_in = (x.q[:, slot] - x.q[0, slot]) * (1.0 if k else -1.0)
         rise = (1.0 + contact.force / x.system.line.rope.EA) * taken_in
     return ContactMotion(
-        name=contact.name, kind=contact.kind, s=x.q[:, slot], ds=x.v[:, slot], point=x.at(k, x.q),
+        name=contact.name, kind=contact.kind, s=x.q[:, slot], ds=x.v[:, slot], point=x.contact_points(k, x.q),
         tension_behind=np.linalg.norm(behind, axis=1), tension_ahead=np.linalg.norm(ahead, axis=1), pressure=pressure,
         rise=rise,
     )  # fmt: skip
@@ -138,7 +138,7 @@ def _cars(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]:
     system = x.system
     ks, slots = np.array(system.cars), system.s[system.cars]
     behind, ahead = x.slopes[1][:, ks - 1], x.slopes[0][:, ks]  # of two wheels at the front one
-    velocity, acceleration = (np.stack([x.at(k, z) for k in ks], axis=1) for z in (x.v, x.a))
+    velocity, acceleration = (np.stack([x.contact_points(k, z) for k in ks], axis=1) for z in (x.v, x.a))
     F_and_swing = np.zeros((x.t.size, ks.size, 4))
     F_and_swing[:, system.of_force, 0] = x.a[:, system.force]
     F_and_swing[:, system.of_swing, 1:] = np.stack([z[:, system.swing] for z in (x.q, x.v, x.a)], axis=2)
@@ -161,7 +161,7 @@ def _cars(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]:
         if i in system.of_swing:
             angle, rate, faster = np.moveaxis(F_and_swing[:, i, 1:], 1, 0)
             out_of = data.arm[i] * np.stack([np.sin(angle), np.cos(angle)], axis=1)
-            turning = Turning(angle=angle, rate=rate, acceleration=faster, centre=x.at(k, x.q) + out_of)
+            turning = Turning(angle=angle, rate=rate, acceleration=faster, centre=x.contact_points(k, x.q) + out_of)
             powers[f"{car.name} swing"] = -data.resistance[i] * rate**2
         if grips:
             powers[f"{car.name} grip"] = rows[:, i] * ds
@@ -175,9 +175,9 @@ def _cars(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]:
         on_shoe = np.zeros(x.t.size)
         if car.rail is not None:
             missing = np.sum(x.beside(k, x.rows), axis=0) + on.contact[:, i]  # what the rope does not give
-            on_shoe = -dot(missing, down(car.rail, x.at(k, x.q)[:, 0]))
+            on_shoe = -dot(missing, downward_normals(car.rail, x.contact_points(k, x.q)[:, 0]))
         out.append(CarMotion(
-            name=car.name, s=x.q[:, slots[i]], ds=ds, point=x.at(k, x.q), velocity=velocity[:, i],
+            name=car.name, s=x.q[:, slots[i]], ds=ds, point=x.contact_points(k, x.q), velocity=velocity[:, i],
             acceleration=acceleration[:, i], tension_behind=tension[0], tension_ahead=tension[1],
             slope_behind=behind[:, i], slope_ahead=ahead[:, i], haul_force=on.haul[:, i] if hauled else none,
             grip_force=rows[:, i] / on.stretch[:, i] if grips else none, contact_force=on.normal[:, i],
@@ -198,14 +198,14 @@ def _on_wheels(x: _History, trolley: Trolley, data: Cars, grip: Array, powers: d
     pulls = [[np.linalg.norm(z, axis=1) for z in x.beside(k, x.pulls)] for k in pair]
     wheels = tuple(
         WheelMotion(
-            name=system.line.touching[k].name, s=s[:, j], ds=ds[:, j], point=x.at(k, x.q), load=on.loads[j],
+            name=system.line.touching[k].name, s=s[:, j], ds=ds[:, j], point=x.contact_points(k, x.q), load=on.loads[j],
             tension_behind=pulls[j][0], tension_ahead=pulls[j][1], slope_behind=sides[:, j, 0],
             slope_ahead=sides[:, j, 1],
         )
         for j, k in enumerate(pair)
     )  # fmt: skip
     angle, rate, faster = (z[:, trolley.body[2]] for z in (x.q, x.v, x.a))
-    centre = x.at(trolley.k, x.q) + np.stack(on.centre, axis=1)
+    centre = x.contact_points(trolley.k, x.q) + np.stack(on.centre, axis=1)
     turning = Turning(angle=angle, rate=rate, acceleration=faster, centre=centre, wheels=wheels)
     none = np.full(n, np.nan)
     grips, hauled = car.kind == "grip", car.drive.mode == "haul"
@@ -219,7 +219,7 @@ def _on_wheels(x: _History, trolley: Trolley, data: Cars, grip: Array, powers: d
     if car.kind == "free":
         powers[f"{car.name} thrust"] = on.thrust
         powers[f"{car.name} hold"] = on.hold * ds[:, 1]
-    velocity, acceleration = (x.at(trolley.k, z) for z in (x.v, x.a))
+    velocity, acceleration = (x.contact_points(trolley.k, z) for z in (x.v, x.a))
     return CarMotion(
         name=car.name, s=s[:, 1], ds=ds[:, 1], point=wheels[1].point, velocity=velocity, acceleration=acceleration,
         tension_behind=wheels[0].tension_behind, tension_ahead=wheels[1].tension_ahead,

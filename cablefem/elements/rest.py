@@ -12,7 +12,7 @@ from cablefem.elements.system import LineElements, Slots
 from cablefem.newmark import Array, StepFailure
 from cablefem.scene.contacts import Car, Contact, Wheel
 from cablefem.scene.line import Case, NoLine, Station
-from cablefem.scene.taut import start
+from cablefem.scene.taut import first_guess
 
 SOFTENING = 8  # stages of EA up to its value
 SOFTEST = 5.0  # first EA over the tension
@@ -48,7 +48,7 @@ def rest(system: LineElements, t: float, phase: int, ahead: float = 0.0, near: A
 def at_rest(system: LineElements, q: Array) -> Slots:
     z = np.zeros((3, system.size))
     z[0], z[2, system.force] = q, q[system.force]
-    return system.placed(z)
+    return system.fill_dependent_slots(z)
 
 
 def held_cars(system: LineElements, t: float, phase: int) -> Cars:
@@ -118,7 +118,7 @@ def _begin(system: LineElements, q: Array, free: NDArray[np.bool_]) -> Array:
     for _ in range(ROUNDS):
         stations = tuple(_station(c, x[k], line.gravity) for k, c in enumerate(line.touching))
         length = rope.length * shorter if rope.length is not None else None
-        first = start(Case(stations, line.weight, rope.EA, length=length))
+        first = first_guess(Case(stations, line.weight, rope.EA, length=length))
         if isinstance(first, NoLine):
             raise StepFailure(0.0, str(first), "give more rope or less load")
         H = first.H

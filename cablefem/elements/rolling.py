@@ -26,12 +26,12 @@ from cablefem.newmark.equilibrium import equilibrium, equilibrium_on_rope
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 from cablefem.scene.drive import GRIP
-from cablefem.scene.motion import at_rest
+from cablefem.scene.motion import rest_motion
 from cablefem.stickslip import CarForces, RollingCar
 
 ANY = np.empty(0)  # course of a car in single steps
 MARGIN = 0.1  # least normal force over weight of a hauled car in compiled steps
-ABRUPT = 1e-5  # slip over l in a step that makes an acceleration abrupt
+ABRUPT = 1e-5  # slip over l in a step that makes an acceleration needs_damped_steps
 LEAST = 1e-30  # factor of dr/da, for a tangent that is regular for the rope's force
 
 
@@ -86,7 +86,7 @@ class RollingElements(RollingCar, FollowingElements):
         self.hold = self._roll(alone, np.zeros(3), np.array(x[1:4]), np.empty(self.n_dof))[2]
         return self.release_car(x)
 
-    def abrupt(self, x: State, dt: float) -> bool:
+    def needs_damped_steps(self, x: State, dt: float) -> bool:
         """After a jump of force the car slips until an axial wave stops it."""
         return self.free and 0.5 * dt * dt * abs(float(x.a[-1])) > ABRUPT
 
@@ -176,11 +176,11 @@ class RollingElements(RollingCar, FollowingElements):
 
     def with_clamped_car(self, s_o: float) -> FollowingElements:
         """The cable at rest with the car clamped to it."""
-        return FollowingElements(replace(self.groups, motion=at_rest(s_o, 1.0), drive=GRIP), **self._at_rest)
+        return FollowingElements(replace(self.groups, motion=rest_motion(s_o, 1.0), drive=GRIP), **self._at_rest)
 
     def _hung(self, s_o: float) -> Array:
         """q of a hauled car at rest on its rope, about to move."""
-        still = replace(self.groups, motion=at_rest(s_o, 1.0), drive=replace(self.drive, k=0.0))
+        still = replace(self.groups, motion=rest_motion(s_o, 1.0), drive=replace(self.drive, k=0.0))
         on_its_rope = OnItsRope(still, **self._at_rest)
         return np.append(equilibrium_on_rope(on_its_rope, equilibrium(self.with_clamped_car(s_o)))[:-1], 0.0)
 

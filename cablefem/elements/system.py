@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
-from cablefem.elements.bodies import INPUTS, Cars, derivatives, forces, size
+from cablefem.elements.bodies import INPUTS, Cars, force_jacobian, forces, size
 from cablefem.elements.bordered import Bordered, Full, Matrix
 from cablefem.elements.observe import observe
 from cablefem.elements.segments import Law, Motion, Segments
@@ -25,7 +25,7 @@ from cablefem.elements.trolley import Trolley
 from cablefem.motion import LineMotion
 from cablefem.newmark import Array, Solve, State, StepFailure, System, consistent_acceleration
 from cablefem.scene.contacts import NEAREST, Car, Contact, MovingLine, Wheel
-from cablefem.shoes import along_rail, passages, passes
+from cablefem.shoes import force_along_rail, may_pass, next_passages
 
 if TYPE_CHECKING:
     from cablefem.elements.segment_kernels import Kernel
@@ -119,9 +119,9 @@ class LineElements(System):
         line, contacts = self.line, self.line.touching
         names = [c.car.name if isinstance(c, Wheel) else c.name for c in contacts]
         of_cars = set(range(len(contacts))) - set(self.supports)
-        self.passages = passages(line)
+        self.passages = next_passages(line)
         pairs = [k for k in range(len(contacts) - 1) if {k, k + 1} & of_cars and names[k] != names[k + 1]]
-        self._gaps = [k for k in pairs if not passes(self.passages, names[k], names[k + 1])]
+        self._gaps = [k for k in pairs if not may_pass(self.passages, names[k], names[k + 1])]
         self._rolls = any(car.kind == "free" for car in line.cars)
         self._stops = [i for i, car in enumerate(line.cars) if car.kind == "free" and car.drive.resists]
         self._brakes = [(i, place) for i in self._stops for place, _ in line.cars[i].drive.brakes]
@@ -222,9 +222,9 @@ class LineElements(System):
     def slots(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Slots:
         out = self._prescribed_at(t, phase).copy()
         out[:, self._unknown] = q, v, a
-        return self.placed(out)
+        return self.fill_dependent_slots(out)
 
-    def placed(self, z: Array) -> Slots:
+    def fill_dependent_slots(self, z: Array) -> Slots:
         """Slots of (3, ..., size), where wheels follow their cars, and cars on shoes their rails."""
         for trolley in self.trolleys:
             trolley.place(z)
@@ -250,7 +250,7 @@ class LineElements(System):
             instants = self._instants = t, phase, prescribed  # the same for all residuals of a step
         z = instants[2].copy()  # (3, n, size)
         z[..., self._unknown] = q, v, a
-        x = self.placed(z)
+        x = self.fill_dependent_slots(z)
         rows = self.rows(t, x, phase)
         self._last = t.item(-1), a[-1], rows[-1], self.loads[-1]
         return rows[:, self._unknown]
@@ -272,7 +272,7 @@ class LineElements(System):
             flow = np.array(x)[..., saddle].reshape(3, -1).T
             times = np.ravel(t).tolist()
             jets = [self.line.off_rope(car, at, phase, f) for at, f in zip(times, flow, strict=True)]
-            along = [along_rail(car, jet, self.line.gravity) for jet in jets]
+            along = [force_along_rail(car, jet, self.line.gravity) for jet in jets]
             rows[..., saddle] -= stretch * np.reshape(along, np.shape(t))
         rows[..., self.force] = rows[..., self.kept]
         return rows
@@ -576,7 +576,7 @@ class LineElements(System):
         matrix = np.zeros((self.size, self.size), parts.dtype)
         np.add.at(matrix, (slots[:, :, None], slots[:, None, :]), parts)
         if self.points:
-            self._add_car_tangent(Full(matrix), derivatives(cars, self.car_inputs(x, m)), m, c)
+            self._add_car_tangent(Full(matrix), force_jacobian(cars, self.car_inputs(x, m)), m, c)
         self._add_contacts(Full(matrix), x, rope, cars, c)
         return splu(csc_array(matrix[free][:, free])).solve
 
@@ -608,7 +608,7 @@ class LineElements(System):
             yield slot, mass * (lam - rho * ds**2 * lam / EA) * c2 - sign * rho * ds * lam**2 * c1
 
     def _add_car_tangent(self, matrix: Full, by_input: Array, m: Motion, c: tuple[complex, complex, complex]) -> None:
-        """Add the chain of `derivatives` (n, 4, INPUTS) and of the inputs by the slots."""
+        """Add the chain of `force_jacobian` (n, 4, INPUTS) and of the inputs by the slots."""
         (c0, c1, c2), slopes = c, self.segments.slopes_at_ends(m)
         for i in self.points:
             k = self.cars[i]

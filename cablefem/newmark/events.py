@@ -12,7 +12,7 @@ from cablefem.newmark.system import System
 EPS = float(np.finfo(float).eps)
 
 
-def rounding(t: float) -> float:
+def shortest_step(t: float) -> float:
     """Shortest step at t."""
     return 16.0 * EPS * abs(t)
 
@@ -38,34 +38,34 @@ def pass_events(system: System, names: list[str], x: State, t: float, work: Work
 def first_event(system: System, step: Stepper, x0: State, x1: State) -> tuple[State, list[str]]:
     """The state at the first event in a step, and the names of all events there; (x1, []) if there is none."""
 
-    def values(x: State) -> tuple[float, ...]:
+    def event_values(x: State) -> tuple[float, ...]:
         watched = system.watch(x)
         for name, value in zip(system.events, watched, strict=True):
             if math.isnan(value):
                 raise StepFailure(x.t, f"event {name!r} has no value", "take more steps")
         return watched
 
-    before = values(x0)
-    evaluated = {x0.t: (x0, before), x1.t: (x1, values(x1))}  # once each: rounding may turn a sign
+    before = event_values(x0)
+    evaluated = {x0.t: (x0, before), x1.t: (x1, event_values(x1))}  # once each: rounding may turn a sign
     end = x1.t
     crossing = list[int]()
 
-    def fallen() -> list[int]:
+    def newly_due() -> list[int]:
         at_end = evaluated[end][1]
         return [i for i, value in enumerate(at_end) if 0.0 < before[i] < math.inf and value <= 0.0]
 
-    def smallest(t: float) -> float:
+    def min_event_value(t: float) -> float:
         if t not in evaluated:
             x = step(x0, t)
-            evaluated[t] = x, values(x)
+            evaluated[t] = x, event_values(x)
         return min(evaluated[t][1][i] for i in crossing)
 
     # at the first event others may be due that have risen again at the end of the step
-    while not set(fallen()) <= set(crossing):
+    while not set(newly_due()) <= set(crossing):
         from scipy.optimize import brentq  # slow to load
 
-        crossing = fallen()
-        brentq(smallest, x0.t, end, xtol=rounding(x1.t) / 4.0, rtol=4.0 * EPS, disp=False)
-        end = min(t for t in evaluated if smallest(t) <= 0.0)
+        crossing = newly_due()
+        brentq(min_event_value, x0.t, end, xtol=shortest_step(x1.t) / 4.0, rtol=4.0 * EPS, disp=False)
+        end = min(t for t in evaluated if min_event_value(t) <= 0.0)
     state, at_end = evaluated[end]
     return state, [system.events[i] for i in crossing if at_end[i] <= 0.0]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cablefem.newmark.collocation_rule import CollocationRule
-from cablefem.newmark.events import events_due, first_event, pass_events, rounding
+from cablefem.newmark.events import events_due, first_event, pass_events, shortest_step
 from cablefem.newmark.failures import EndlessEvents, NewtonStalled, StepUnderflow
 from cablefem.newmark.newmark_rule import NewmarkRule
 from cablefem.newmark.newton import STANDARD, Newton
@@ -17,7 +17,7 @@ from cablefem.newmark.states import Array, State
 from cablefem.newmark.stepper import Stepper, Work
 from cablefem.newmark.system import System
 
-# after an abrupt acceleration: steps per step of the grid, and their damped rule (Rannacher 1984)
+# after an needs_damped_steps acceleration: steps per step of the grid, and their damped rule (Rannacher 1984)
 DAMPED_STEPS = 4
 DAMPED = Scheme("damped", 0.5, 1.0)
 MAX_HALVINGS = 6  # of a step
@@ -89,14 +89,14 @@ class _March:
         for i, (before, t) in enumerate(itertools.pairwise(edges)):
             self.halvings = 0
             self.events = 0
-            while t - self.state.t > rounding(t):
+            while t - self.state.t > shortest_step(t):
                 if (yield from self._many_steps(edges[i:])):
                     continue
                 end = self._one_step(before, t, grid.size)
                 if end is None:
                     continue
                 x, names = end
-                if x.t - self.last_output > rounding(x.t):
+                if x.t - self.last_output > shortest_step(x.t):
                     self.last_output = x.t
                     yield [x]
                 after = self._pass_events(x, names)
@@ -132,7 +132,7 @@ class _March:
         length = t - before
         if system.adaptive:
             length *= system.step_fraction(state, state.t - self.last_event)
-        if self.first_step and self.damped is not None and system.abrupt(state, length):
+        if self.first_step and self.damped is not None and system.needs_damped_steps(state, length):
             self.damped_steps = DAMPED_STEPS
         self.first_step = False
         rule = self.step
@@ -184,10 +184,10 @@ class _March:
         longest = math.inf
         ends = list[float]()
         for before, t in itertools.pairwise(edges):
-            while t - now > rounding(t):
+            while t - now > shortest_step(t):
                 fraction = self.system.step_fraction(x, now - self.last_event, now - x.t)
                 t1 = _next_time(now, t, (t - before) * fraction)
-                if not t1 - now > rounding(t1) or len(ends) == MAX_ADAPTIVE_STEPS or t1 - now > longest:
+                if not t1 - now > shortest_step(t1) or len(ends) == MAX_ADAPTIVE_STEPS or t1 - now > longest:
                     return ends
                 ends.append(t1)
                 longest = min(longest, MAX_GROWTH * (t1 - now))

@@ -94,7 +94,7 @@ class System(Protocol):
         """
         return 1.0
 
-    def abrupt(self, x: State, dt: float) -> bool:
+    def needs_damped_steps(self, x: State, dt: float) -> bool:
         """Whether a jump of force makes x.a valid for less than a step dt; damped steps follow."""
         return False
 

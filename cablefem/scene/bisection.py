@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 
-def bisected(f: Callable[[float], float], low: float, high: float, within: float = 0.0) -> float:
+def bisect_zero(f: Callable[[float], float], low: float, high: float, within: float = 0.0) -> float:
     """The zero of f between low and high, `within` or to the last bit; ValueError without a change of sign."""
     at_low = f(low)
     at_high = f(high)

@@ -7,16 +7,16 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from cablefem.scene.drive import Driving, Thrust
-from cablefem.scene.fields import NonNegative, Part, Positive, Real, described, integer
+from cablefem.scene.fields import NonNegative, Part, Positive, Real, described_field, integer_between
 
 
 class Hanger(Part):
     """A cabin that swings below the carriage; its mass is part of the car's."""
 
-    mass: Positive = described("[kg] mass that swings, of the car's mass")
-    length: Positive = described("[m] from the rope to the centre of mass of the cabin")
-    gyration: NonNegative = described("[m] radius of gyration of the cabin about its centre of mass", 0.0)
-    damping: NonNegative = described("[-] damping ratio of the swing", 0.0)
+    mass: Positive = described_field("[kg] mass that swings, of the car's mass")
+    length: Positive = described_field("[m] from the rope to the centre of mass of the cabin")
+    gyration: NonNegative = described_field("[m] radius of gyration of the cabin about its centre of mass", 0.0)
+    damping: NonNegative = described_field("[-] damping ratio of the swing", 0.0)
 
     @property
     def inertia(self) -> float:
@@ -32,15 +32,15 @@ class Hanger(Part):
 class Wheels(Part):
     """Wheels of a rigid car, of which two touch the rope, the front one to the right; or of a point mass."""
 
-    base: NonNegative = described("[m] between the wheels, or between two pairs of them; 0: one point", 0.0)
-    inertia: NonNegative = described("[kg m2] moment of inertia of the car about its centre of mass", 0.0)
-    below: Real = described("[m] from the line of the wheels down to the centre of mass", 0.0)
-    ahead: Real = described("[m] of the centre of mass ahead of the middle between the wheels", 0.0)
-    model: Literal["rigid", "point"] = described(
+    base: NonNegative = described_field("[m] between the wheels, or between two pairs of them; 0: one point", 0.0)
+    inertia: NonNegative = described_field("[kg m2] moment of inertia of the car about its centre of mass", 0.0)
+    below: Real = described_field("[m] from the line of the wheels down to the centre of mass", 0.0)
+    ahead: Real = described_field("[m] of the centre of mass ahead of the middle between the wheels", 0.0)
+    model: Literal["rigid", "point"] = described_field(
         "[-] rigid: the car touches the rope at two wheels; point: at one point, loads of wheels are by hand", "rigid"
     )
-    count: Annotated[int, integer(1, 1000)] = described("[-] wheels of the car, which share its load", 2)
-    radius: Positive | None = described(
+    count: Annotated[int, integer_between(1, 1000)] = described_field("[-] wheels of the car, which share its load", 2)
+    radius: Positive | None = described_field(
         "[m] of a wheel, whose groove bounds how far the rope bends; with cable.wire", None
     )
 

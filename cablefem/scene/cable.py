@@ -6,9 +6,9 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, model_validator
 
-from cablefem.scene.bisection import bisected
+from cablefem.scene.bisection import bisect_zero
 from cablefem.scene.catenary import Z_MAX, Z_MIN, Catenary
-from cablefem.scene.errors import shown
+from cablefem.scene.errors import short_text
 from cablefem.scene.fields import (
     POSITIVE,
     Admits,
@@ -16,9 +16,9 @@ from cablefem.scene.fields import (
     Part,
     Positive,
     Real,
-    between,
-    described,
-    number_or,
+    described_field,
+    number_between,
+    number_or_table,
     one_of_faults,
 )
 
@@ -26,31 +26,35 @@ SHAPES = ("length", "sag", "horizontal_tension")
 SAME_STIFFNESS = 0.02  # of EA: E section is that of the unstretched cable, and both are rounded
 STEEPEST = 10.0  # [-] largest slope of the chord, 84 degrees; steeper lines lose digits
 
-Celsius = Annotated[float, between(-100.0, 300.0)]
+Celsius = Annotated[float, number_between(-100.0, 300.0)]
 
 
 class Ice(Part):
-    thickness: Positive = described("[m] radial thickness")
-    density: Positive = described("[kg/m3] density of the ice")
+    thickness: Positive = described_field("[m] radial thickness")
+    density: Positive = described_field("[kg/m3] density of the ice")
 
 
 class Rope(Part):
     """A uniform elastic rope, its temperature and its ice."""
 
     model_config = ConfigDict(json_schema_extra=lambda schema: schema["required"].remove("EA"))
-    mass_per_length: Positive = described("[kg/m] mass of the cable per stretched length at rest")
-    EA: Positive = described(
+    mass_per_length: Positive = described_field("[kg/m] mass of the cable per stretched length at rest")
+    EA: Positive = described_field(
         "[N] axial stiffness per strain of the cable stretched at rest; of the unstretched: EA - T; default E section"
     )
-    E: Positive | None = described("[Pa] modulus of elasticity of the cable", None)
-    section: Positive | None = described("[m2] metallic section of the cable", None)
-    wire: Positive | None = described("[m] diameter of its outer wires", None)
-    diameter: Positive | None = described("[m] of the cable without ice", None)
-    breaking_load: Positive | None = described("[N] tension at which the cable breaks", None)
-    temperature: Celsius | None = described("[C] during the run", None)
-    reference_temperature: Celsius | None = described("[C] at which the lengths and tensions given hold", None)
-    expansion: Annotated[float, between(-1e-3, 1e-3)] | None = described("[1/K] thermal expansion; steel 1.2e-5", None)
-    ice: number_or(POSITIVE, Ice) | None = described("[kg/m] of the cable at the reference temperature", None)  # type: ignore[valid-type]
+    E: Positive | None = described_field("[Pa] modulus of elasticity of the cable", None)
+    section: Positive | None = described_field("[m2] metallic section of the cable", None)
+    wire: Positive | None = described_field("[m] diameter of its outer wires", None)
+    diameter: Positive | None = described_field("[m] of the cable without ice", None)
+    breaking_load: Positive | None = described_field("[N] tension at which the cable breaks", None)
+    temperature: Celsius | None = described_field("[C] during the run", None)
+    reference_temperature: Celsius | None = described_field("[C] at which the lengths and tensions given hold", None)
+    expansion: Annotated[float, number_between(-1e-3, 1e-3)] | None = described_field(
+        "[1/K] thermal expansion; steel 1.2e-5", None
+    )
+    ice: number_or_table(POSITIVE, Ice) | None = described_field(  # type: ignore[valid-type]
+        "[kg/m] of the cable at the reference temperature", None
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -110,7 +114,7 @@ class Rope(Part):
 
 
 class Damping(Part):
-    rate: NonNegative = described("[1/s] force per momentum of the cable")
+    rate: NonNegative = described_field("[1/s] force per momentum of the cable")
 
 
 RATIO = Admits("a ratio of critical from 0 to 1 (0.01 is 1 %)", ge=0.0, le=1.0)
@@ -119,11 +123,15 @@ RATIO = Admits("a ratio of critical from 0 to 1 (0.01 is 1 %)", ge=0.0, le=1.0)
 class Cable(Rope):
     """The cable of one span; exactly one of length, sag and horizontal_tension."""
 
-    damping: number_or(RATIO, Damping) = described("[-] ratio of critical in the first mode of the empty cable", 0.0)  # type: ignore[valid-type]
-    internal_damping: NonNegative = described("[s] tau of N = T + EA (eps + tau deps/dt), of a car that grips", 0.0)
-    length: Positive | None = described("[m] stretched arc length at rest", None)
-    sag: Positive | None = described("[m] largest vertical distance below the chord at rest", None)
-    horizontal_tension: Positive | None = described("[N] horizontal part of the tension at rest", None)
+    damping: number_or_table(RATIO, Damping) = described_field(  # type: ignore[valid-type]
+        "[-] ratio of critical in the first mode of the empty cable", 0.0
+    )
+    internal_damping: NonNegative = described_field(
+        "[s] tau of N = T + EA (eps + tau deps/dt), of a car that grips", 0.0
+    )
+    length: Positive | None = described_field("[m] stretched arc length at rest", None)
+    sag: Positive | None = described_field("[m] largest vertical distance below the chord at rest", None)
+    horizontal_tension: Positive | None = described_field("[N] horizontal part of the tension at rest", None)
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         return one_of_faults(SHAPES, given) + super().faults_between(given)
@@ -132,13 +140,13 @@ class Cable(Rope):
 class Supports(Part):
     """Two fixed points; the left one is the origin."""
 
-    span: Positive = described("[m] horizontal distance of the supports")
-    drop: Real = described("[m] right support below the left one: positive", 0.0)
+    span: Positive = described_field("[m] horizontal distance of the supports")
+    drop: Real = described_field("[m] right support below the left one: positive", 0.0)
 
 
-def hang(gravity: float, cable: Cable, supports: Supports) -> Catenary:
+def hanging_catenary(gravity: float, cable: Cable, supports: Supports) -> Catenary:
     """The catenary with heat and ice; ValueError where `hanging_fault` finds one."""
-    cold = reference(gravity, cable, supports)
+    cold = reference_catenary(gravity, cable, supports)
     if not cable.changed:
         return cold
     l = cold.length
@@ -146,20 +154,20 @@ def hang(gravity: float, cable: Cable, supports: Supports) -> Catenary:
     heat = cable.warmer
     weight = (cable.mass_per_length + cable.ice_per_length) * gravity * l
 
-    def state(z: float) -> Catenary:
-        l_2 = Catenary.from_z(supports.span, supports.drop, 1.0, z).length
-        return Catenary.from_z(supports.span, supports.drop, weight / l_2, z)
+    def catenary_at(z: float) -> Catenary:
+        l_2 = Catenary.from_sag_parameter(supports.span, supports.drop, 1.0, z).length
+        return Catenary.from_sag_parameter(supports.span, supports.drop, weight / l_2, z)
 
-    def excess(z: float) -> float:
+    def excess_length(z: float) -> float:
         """l_2 minus that of rule 2, from l - chord: a taut cable keeps digits."""
-        now = state(z)
+        now = catenary_at(z)
         stretch = heat + (1.0 + heat) * (now.mean_tension - T) / (cable.EA + T)
         return now.slack - cold.slack - l * stretch
 
-    return state(bisected(excess, Z_MIN, Z_MAX))
+    return catenary_at(bisect_zero(excess_length, Z_MIN, Z_MAX))
 
 
-def reference(gravity: float, cable: Cable, supports: Supports) -> Catenary:
+def reference_catenary(gravity: float, cable: Cable, supports: Supports) -> Catenary:
     """The described catenary, without heat and ice."""
     weight = cable.mass_per_length * gravity
     if cable.length is not None:
@@ -180,8 +188,8 @@ def hanging_fault(gravity: float, cable: Cable, supports: Supports) -> str:
     name = next(name for name in SHAPES if getattr(cable, name) is not None)
     value = getattr(cable, name)
     weight = cable.mass_per_length * gravity
-    taut = Catenary.from_z(span, drop, weight, Z_MIN)
-    deep = Catenary.from_z(span, drop, weight, Z_MAX)
+    taut = Catenary.from_sag_parameter(span, drop, weight, Z_MIN)
+    deep = Catenary.from_sag_parameter(span, drop, weight, Z_MAX)
     low, high = sorted((getattr(taut, name), getattr(deep, name)))
     smallest = f"{low:.6g}"
     if name == "length":  # nearer to the chord, the sag has less than four digits
@@ -189,10 +197,12 @@ def hanging_fault(gravity: float, cable: Cable, supports: Supports) -> str:
         smallest = f"{low!r}"  # a length counts by its excess over the chord
     if low <= value <= high:
         try:
-            hang(gravity, cable, supports)
-        except ValueError:  # `bisected` found no root
+            hanging_catenary(gravity, cable, supports)
+        except ValueError:  # `bisect_zero` found no root
             name = "temperature" if cable.ice is None else "ice"
-            return f"cable.{name} = {shown(getattr(cable, name))}: must be less extreme; no cable at rest was found"
+            return (
+                f"cable.{name} = {short_text(getattr(cable, name))}: must be less extreme; no cable at rest was found"
+            )
         return ""
     fault = f"cable.{name} = {value!r}: must be from {smallest} to {high:.6g} with these supports"
     if name == "length" and value < low:
@@ -204,7 +214,7 @@ def hanging_fault(gravity: float, cable: Cable, supports: Supports) -> str:
 
 def stretch_fault(gravity: float, cable: Cable, supports: Supports) -> str:
     """Whether the cable is longer than twice its unstretched length."""
-    largest = max(state(gravity, cable, supports).max_tension for state in (reference, hang))
+    largest = max(state(gravity, cable, supports).max_tension for state in (reference_catenary, hanging_catenary))
     if largest < cable.EA:
         return ""
     why = "or the cable hangs at more than twice its unstretched length"

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cablefem.scene.bisection import bisected
+from cablefem.scene.bisection import bisect_zero
 
 # [-] z = rho g b/(2H); sag/span is 7.3 at z = 5; below 1e-9 it is none
 Z_MIN = 1e-9
@@ -53,7 +53,7 @@ class Catenary:
     horizontal_tension: float  # H [N]
 
     @classmethod
-    def from_z(cls, span: float, drop: float, weight: float, z: float) -> Catenary:
+    def from_sag_parameter(cls, span: float, drop: float, weight: float, z: float) -> Catenary:
         """From z = rho g b/(2H)."""
         return cls(span, drop, weight, weight * span / (2.0 * z))
 
@@ -65,17 +65,17 @@ class Catenary:
             raise ValueError(f"length {length} is at most the chord {chord}")
         level = math.sqrt((length - drop) * (length + drop))
         excess = (length - chord) * (length + chord) / (span * (level + span))  # = level/span - 1
-        z = bisected(lambda z: math.log(_sinhc_minus_1(z) / excess), *_BRACKET)
-        return cls.from_z(span, drop, weight, z)
+        z = bisect_zero(lambda z: math.log(_sinhc_minus_1(z) / excess), *_BRACKET)
+        return cls.from_sag_parameter(span, drop, weight, z)
 
     @classmethod
     def from_sag(cls, span: float, drop: float, weight: float, sag: float) -> Catenary:
         """ValueError if no z in [Z_MIN, Z_MAX] has this sag."""
-        z = bisected(lambda z: math.log(_sag(span, drop, z) / sag), *_BRACKET)
-        return cls.from_z(span, drop, weight, z)
+        z = bisect_zero(lambda z: math.log(_sag(span, drop, z) / sag), *_BRACKET)
+        return cls.from_sag_parameter(span, drop, weight, z)
 
     @property
-    def z(self) -> float:
+    def sag_parameter(self) -> float:
         """rho g b/(2H) [-]."""
         return self.weight * self.span / (2.0 * self.horizontal_tension)
 
@@ -87,7 +87,7 @@ class Catenary:
     @cached_property
     def slack(self) -> float:
         """l - chord [m]: l^2 - chord^2 = b^2 (S^2 - 1), S = sinh(z)/z."""
-        s1 = _sinhc_minus_1(self.z)
+        s1 = _sinhc_minus_1(self.sag_parameter)
         square = self.span**2 * s1 * (s1 + 2.0)
         return square / (math.sqrt(self.chord**2 + square) + self.chord)
 
@@ -104,12 +104,12 @@ class Catenary:
     @cached_property
     def c(self) -> float:
         """y'/x' at the left support [-]: sinh(theta_m + z), tanh(theta_m) = h/l."""
-        return math.sinh(_middle(self.span, self.drop, self.z) + self.z)
+        return math.sinh(_mean_asinh_slope(self.span, self.drop, self.sag_parameter) + self.sag_parameter)
 
     @cached_property
     def sag(self) -> float:
         """Largest vertical distance below the chord [m]."""
-        return _sag(self.span, self.drop, self.z)
+        return _sag(self.span, self.drop, self.sag_parameter)
 
     @property
     def max_tension(self) -> float:
@@ -155,14 +155,14 @@ def _sinhc_minus_1(z: float) -> float:
     return total
 
 
-def _middle(span: float, drop: float, z: float) -> float:
+def _mean_asinh_slope(span: float, drop: float, z: float) -> float:
     """Mean theta_m of asinh(y'/x') at the supports: sinh(theta_m) = (h/b)/(sinh(z)/z)."""
     return math.asinh(drop / span / (1.0 + _sinhc_minus_1(z)))
 
 
 def _sag(span: float, drop: float, z: float) -> float:
     """Sag [m]: (b/2z) [cosh(tm) (cosh z - cosh eta) + sinh(tm) (sinh eta - eta sinh(z)/z)], eta = tm - asinh(h/b)."""
-    tm = _middle(span, drop, z)
+    tm = _mean_asinh_slope(span, drop, z)
     eta = tm - math.asinh(drop / span)
     fall = 2.0 * math.sinh((z + eta) / 2.0) * math.sinh((z - eta) / 2.0)
     tilt = eta * (_sinhc_minus_1(eta) - _sinhc_minus_1(z))

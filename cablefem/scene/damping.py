@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from cablefem.scene.bisection import bisected
+from cablefem.scene.bisection import bisect_zero
 from cablefem.scene.cable import Cable, Damping
 from cablefem.scene.catenary import Catenary
-from cablefem.scene.fields import NonNegative, Part, Positive, described
+from cablefem.scene.fields import NonNegative, Part, Positive, described_field
 
 SMALLEST_INTERNAL = 1e-4  # [l sqrt(rho/H)] smallest internal damping; with 3e-5 elements stall once slack
 
@@ -15,9 +15,9 @@ SMALLEST_INTERNAL = 1e-4  # [l sqrt(rho/H)] smallest internal damping; with 3e-5
 class Wind(Part):
     """The table [wind]."""
 
-    across: NonNegative = described("[m/s] across the line; it damps the cable")
-    drag_coefficient: Positive = described("[-] of the cable", 1.2)
-    air_density: Positive = described("[kg/m3] density of the air", 1.2)
+    across: NonNegative = described_field("[m/s] across the line; it damps the cable")
+    drag_coefficient: Positive = described_field("[-] of the cable", 1.2)
+    air_density: Positive = described_field("[kg/m3] density of the air", 1.2)
 
     def force(self, diameter: float) -> float:
         """Horizontal force [N/m] on a cable at rest, rho_air c_D d U^2/2."""
@@ -36,10 +36,10 @@ def first_frequency(X: Catenary, EA: float, gravity: float) -> float:
     L2 = X.irvine(EA)
     tau = X.horizontal_tension / (X.span / X.chord)
 
-    def off(x: float) -> float:  # times L^2 cos(x): no poles
+    def frequency_equation(x: float) -> float:  # times L^2 cos(x): no poles
         return L2 * (x * math.cos(x) - math.sin(x)) - 4.0 * x**3 * math.cos(x)
 
-    x = bisected(off, 0.5 * math.pi, math.pi) if off(math.pi) > 0.0 else math.pi
+    x = bisect_zero(frequency_equation, 0.5 * math.pi, math.pi) if frequency_equation(math.pi) > 0.0 else math.pi
     return 2.0 * x * math.sqrt(tau * gravity / X.weight) / X.length
 
 
@@ -68,7 +68,7 @@ def damping_fault(X: Catenary, cable: Cable, wind: Wind | None, gravity: float) 
     return f"{name}: damps by {sum(rates):.4g} 1/s in all; {must}"
 
 
-def internal_fault(tau: float, time_scale: float, mode: str) -> str:
+def internal_damping_fault(tau: float, time_scale: float, mode: str) -> str:
     """What is wrong with the internal damping tau [s]; empty if nothing is."""
     smallest = SMALLEST_INTERNAL * time_scale
     must = f"cable.internal_damping = {tau!r} s: must be 0"

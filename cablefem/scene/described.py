@@ -9,8 +9,8 @@ from typing import Any, ClassVar, Self
 
 import tomli_w
 
-from cablefem.scene.errors import SceneError, nearest, shown
-from cablefem.scene.fields import Name, OneLine, Part, Positive, described
+from cablefem.scene.errors import SceneError, did_you_mean, short_text
+from cablefem.scene.fields import Name, OneLine, Part, Positive, described_field
 from cablefem.scene.limits import Limits
 from cablefem.scene.surroundings import read_ground
 
@@ -28,12 +28,12 @@ RELATIVE = re.compile(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?%")
 def library_text(name: str) -> str:
     """The TOML of a built-in scene or line, with comments."""
     if name not in BUILT_IN:
-        raise SceneError([f"scene = {shown(name)}: no built-in scene.{nearest(name, BUILT_IN)}"])
+        raise SceneError([f"scene = {short_text(name)}: no built-in scene.{did_you_mean(name, BUILT_IN)}"])
     folder = _FILES / "lines" if name in LINES else _FILES
     return (folder / f"{name}.toml").read_text(encoding="utf-8")
 
 
-def scene_text(name_or_path: str | Path) -> tuple[str, str]:
+def scene_text_and_name(name_or_path: str | Path) -> tuple[str, str]:
     """Text and name of a built-in scene or of a TOML file."""
     text = str(name_or_path)
     if text in BUILT_IN:
@@ -42,14 +42,16 @@ def scene_text(name_or_path: str | Path) -> tuple[str, str]:
     try:
         content = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
-        raise SceneError([f"scene = {shown(text)}: no built-in scene, no file.{nearest(text, BUILT_IN)}"]) from None
+        raise SceneError(
+            [f"scene = {short_text(text)}: no built-in scene, no file.{did_you_mean(text, BUILT_IN)}"]
+        ) from None
     except (OSError, ValueError) as error:  # a folder, no permission, not UTF-8
         why = error.strerror if isinstance(error, OSError) else error
-        raise SceneError([f"scene = {shown(text)}: must be a readable TOML file ({why})"]) from None
+        raise SceneError([f"scene = {short_text(text)}: must be a readable TOML file ({why})"]) from None
     return content, re.sub(r"[^\w.-]+", "-", path.stem).strip(".-") or "scene"
 
 
-def parsed(text: str) -> dict[str, Any]:
+def parse_toml(text: str) -> dict[str, Any]:
     """The content of a TOML; SceneError where it is none."""
     try:
         return tomllib.loads(text)
@@ -65,21 +67,21 @@ class Described(Part):
 
     built_in: ClassVar[Sequence[str]]  # names
 
-    name: Name = described("[-] name of its folder of results; of a file, the file's name", "scene")
-    title: OneLine = described("[-] what it is, on one line", "")
-    gravity: Positive = described("[m/s2] g", 9.81)
-    limits: Limits | None = described("[-] what the answer is held against", None)
+    name: Name = described_field("[-] name of its folder of results; of a file, the file's name", "scene")
+    title: OneLine = described_field("[-] what it is, on one line", "")
+    gravity: Positive = described_field("[m/s2] g", 9.81)
+    limits: Limits | None = described_field("[-] what the answer is held against", None)
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Self:
         """A built-in one or that of a TOML file; SceneError with all its faults."""
-        text, name = scene_text(name_or_path)
+        text, name = scene_text_and_name(name_or_path)
         return cls.from_toml(text, name=name, folder=Path(name_or_path).parent)
 
     @classmethod
     def from_toml(cls, text: str, *, name: str = "scene", folder: Path = Path()) -> Self:
         """What a TOML text describes, a file of the ground in `folder`; SceneError with all its faults."""
-        data = parsed(text)
+        data = parse_toml(text)
         if isinstance(ground := data.get("ground"), str):
             data["ground"] = read_ground(ground, folder)
         return cls(**{"name": name, **data})
@@ -87,7 +89,7 @@ class Described(Part):
     @classmethod
     def library(cls) -> dict[str, str]:
         """Names and titles of the built-in ones."""
-        return {name: parsed(library_text(name))["title"] for name in cls.built_in}
+        return {name: parse_toml(library_text(name))["title"] for name in cls.built_in}
 
     def to_toml(self) -> str:
         """A file that reads back as this."""
@@ -111,18 +113,18 @@ class Described(Part):
             del cable["EA"]  # it follows
         for key, value in changes.items():
             try:
-                put(data, key, value)
+                set_dotted_key(data, key, value)
             except ValueError as error:
                 raise SceneError([str(error)]) from None
         return type(self)(**data)
 
 
-def put(data: dict[str, Any], key: str, value: Any) -> None:
+def set_dotted_key(data: dict[str, Any], key: str, value: Any) -> None:
     """Set a dotted key; list items by name or number, "+1%" is relative; ValueError for an unknown key."""
     before, _, last = key.rpartition(".")
     here: Any = data
     for name in before.split(".") if before else ():
-        here = here.setdefault(name, {}) if isinstance(here, dict) else _entry(here, name, key)
+        here = here.setdefault(name, {}) if isinstance(here, dict) else _list_entry(here, name, key)
     if isinstance(here, list | tuple) and here:
         raise ValueError(f"{key}: {before} is a list; write {before}.0.{last}, or its name for the 0")
     if not isinstance(here, dict):
@@ -135,7 +137,7 @@ def put(data: dict[str, Any], key: str, value: Any) -> None:
     here[last] = value
 
 
-def _entry(tables: Any, name: str, key: str) -> Any:
+def _list_entry(tables: Any, name: str, key: str) -> Any:
     if isinstance(tables, list | tuple):
         for i, table in enumerate(tables):
             if isinstance(table, dict) and name in (table.get("name"), str(i)):

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from cablefem.scene.errors import shown
+from cablefem.scene.errors import short_text
 from cablefem.scene.fields import (
     REAL,
     NonNegative,
@@ -22,13 +22,13 @@ from cablefem.scene.fields import (
     Positive,
     Real,
     Reals,
-    between,
-    described,
+    described_field,
     length_faults,
-    number_or,
+    number_between,
+    number_or_table,
     one_of_faults,
     rising_faults,
-    tables,
+    tables_like,
 )
 
 # [l] range of a rolling car: forces grow like one over the distance to a support
@@ -55,10 +55,12 @@ IDLE = {  # why other keys have no meaning
 class Thrust(Part):
     """Force along the mean tangent, linear between its times, else zero."""
 
-    times: Numbers = described("[s] strictly increasing")
-    forces: Reals = described("[N] positive to the right")
-    angle: Annotated[float, between(-90.0, 90.0)] = described("[deg] of two wheels: above the line of the wheels", 0.0)
-    at: Pair | None = described("[m] of two wheels: where it acts, ahead of and below the centre of mass", None)
+    times: Numbers = described_field("[s] strictly increasing")
+    forces: Reals = described_field("[N] positive to the right")
+    angle: Annotated[float, number_between(-90.0, 90.0)] = described_field(
+        "[deg] of two wheels: above the line of the wheels", 0.0
+    )
+    at: Pair | None = described_field("[m] of two wheels: where it acts, ahead of and below the centre of mass", None)
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         return length_faults(self.times, "forces", self.forces) + rising_faults("times", self.times)
@@ -67,9 +69,11 @@ class Thrust(Part):
 class Brake(Part):
     """A shoe that acts against the motion beyond a position; several add up."""
 
-    position: Positive = described("[m] position along the cable from which it brakes", alias="from")
-    force: Positive = described("[N] braking force along the cable")
-    wheel: Literal["rear", "front", "both"] = described("[-] of two wheels: which brakes; both: with half each", "both")
+    position: Positive = described_field("[m] position along the cable from which it brakes", alias="from")
+    force: Positive = described_field("[N] braking force along the cable")
+    wheel: Literal["rear", "front", "both"] = described_field(
+        "[-] of two wheels: which brakes; both: with half each", "both"
+    )
 
     @property
     def at_rear(self) -> float:
@@ -80,14 +84,14 @@ class Brake(Part):
 class End(Part):
     """Where or when the run ends: exactly one of both."""
 
-    time: Positive | None = described("[s] at which the ride ends", None)
-    place: Positive | None = described("[m] position along the cable that counts as arrival", None)
+    time: Positive | None = described_field("[s] at which the ride ends", None)
+    place: Positive | None = described_field("[m] position along the cable that counts as arrival", None)
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         return one_of_faults(("time", "place"), given)
 
 
-def of_mode(mode: str) -> tuple[str, ...]:
+def drive_keys_of_mode(mode: str) -> tuple[str, ...]:
     """Names of the table [drive] with a meaning in a mode."""
     if mode == "grip":
         return ("mode",)
@@ -97,29 +101,37 @@ def of_mode(mode: str) -> tuple[str, ...]:
 class Driving(Part):
     """The table [drive]."""
 
-    mode: Literal["grip", "haul", "free"] = described("[-] grip, haul or free: what moves the car", "grip")
-    start: Positive | None = described("[m] position of the car at the start; default 1 % of the length", None)
-    release: NonNegative = described("[s] over which the force that holds a free car goes", 0.0)
-    rolling_friction: Annotated[float, between(0.0, 1.0)] = described("[-] friction over contact force", 0.0)
-    drag_area: NonNegative = described("[m2] drag coefficient times area of the car", 0.0)
-    air_density: Positive = described("[kg/m3] density of the air", 1.2)
-    wind: Real = described("[m/s] along x on the car alone; negative is a headwind", 0.0)
-    thrust: number_or(REAL, Thrust) = described("[N] force along the cable", 0.0)  # type: ignore[valid-type]
-    brake: Annotated[tuple[Brake, ...], tables("{from = ..., force = ...}")] = described("[-] brakes, in order", ())
-    end: End | None = described("[-] where or when the ride is over", None)
-    hitch: Pair | None = described("[m] of two wheels: of the haul rope, ahead of and below the centre of mass", None)
-    rest_speed: Positive = described("[m/s] a slower car is at rest where friction or the valley holds it", 1e-3)
-    rest_distance: Positive = described("[m] from its static position of rest in which a slow car is at rest", 0.01)
+    mode: Literal["grip", "haul", "free"] = described_field("[-] grip, haul or free: what moves the car", "grip")
+    start: Positive | None = described_field("[m] position of the car at the start; default 1 % of the length", None)
+    release: NonNegative = described_field("[s] over which the force that holds a free car goes", 0.0)
+    rolling_friction: Annotated[float, number_between(0.0, 1.0)] = described_field(
+        "[-] friction over contact force", 0.0
+    )
+    drag_area: NonNegative = described_field("[m2] drag coefficient times area of the car", 0.0)
+    air_density: Positive = described_field("[kg/m3] density of the air", 1.2)
+    wind: Real = described_field("[m/s] along x on the car alone; negative is a headwind", 0.0)
+    thrust: number_or_table(REAL, Thrust) = described_field("[N] force along the cable", 0.0)  # type: ignore[valid-type]
+    brake: Annotated[tuple[Brake, ...], tables_like("{from = ..., force = ...}")] = described_field(
+        "[-] brakes, in order", ()
+    )
+    end: End | None = described_field("[-] where or when the ride is over", None)
+    hitch: Pair | None = described_field(
+        "[m] of two wheels: of the haul rope, ahead of and below the centre of mass", None
+    )
+    rest_speed: Positive = described_field("[m/s] a slower car is at rest where friction or the valley holds it", 1e-3)
+    rest_distance: Positive = described_field(
+        "[m] from its static position of rest in which a slow car is at rest", 0.01
+    )
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         """Faults of keys without meaning in the mode, one line each."""
-        meaningful = of_mode(self.mode)
+        meaningful = drive_keys_of_mode(self.mode)
         written: dict[str, str] = {}  # all that is not the default
         faults = []
         for name, field in type(self).model_fields.items():
             if name == "mode" or given.get(name) in (None, field.default):
                 continue
-            written[name] = f"{name} = {shown(given[name])}"
+            written[name] = f"{name} = {short_text(given[name])}"
             if name not in meaningful:
                 faults.append(f"{written[name]}: has no meaning with mode = {self.mode!r}, {IDLE[self.mode]}")
         if "drag_area" not in written and self.mode != "grip":

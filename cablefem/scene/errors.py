@@ -36,13 +36,13 @@ class SceneError(ValueError):
         return "\n".join(self.faults)
 
 
-def shown(value: object) -> str:
+def short_text(value: object) -> str:
     """The value on one line, shortened."""
     text = " ".join(repr(value).split())
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def nearest(word: str, names: Iterable[str]) -> str:
+def did_you_mean(word: str, names: Iterable[str]) -> str:
     """' Did you mean ...?' with the nearest name, and the list of all."""
     spelt = {name.lower(): name for name in names}
     match = difflib.get_close_matches(word.lower(), spelt, n=1, cutoff=0.5)

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field
 from pydantic import ValidationInfo as Info
 from pydantic_core import core_schema
 
-from cablefem.scene.errors import NOT_MODELLED, SceneError, nearest, shown
+from cablefem.scene.errors import NOT_MODELLED, SceneError, did_you_mean, short_text
 
 # within these no product of fields overflows or vanishes
 SMALL = 1e-12
@@ -27,7 +27,7 @@ class Admits:
         try:
             return handler(value.tolist() if isinstance(value, np.ndarray | np.generic) else value)
         except ValidationError as error:
-            if any(_inner(item) for item in error.errors(include_url=False)):
+            if any(_is_inner_error(item) for item in error.errors(include_url=False)):
                 raise
             raise ValueError(f"must be {self.words}") from None
 
@@ -38,7 +38,7 @@ class Admits:
         return handler(core) | {"$comment": self.words}
 
 
-def _inner(item: Any) -> bool:
+def _is_inner_error(item: Any) -> bool:
     """Whether it is an error of an item in a list, or of a part."""
     return any(isinstance(x, int) for x in item["loc"]) or isinstance(item.get("ctx", {}).get("error"), SceneError)
 
@@ -68,20 +68,20 @@ Name = Annotated[str, Admits("letters, digits, '_', '-' and '.', the first no '-
 Word = Annotated[str, Admits("letters, digits, spaces, '_' and '-'", pattern=r"^\w[\w -]*$")]  # part of a dotted key
 
 
-def described(text: str, default: Any = ..., **more: Any) -> Any:
+def described_field(text: str, default: Any = ..., **more: Any) -> Any:
     """A field whose description begins with its unit: "[kg] mass of the car"."""
     return Field(default, description=text, **more)
 
 
-def between(low: float, high: float) -> Admits:
+def number_between(low: float, high: float) -> Admits:
     return Admits(f"a number from {low:g} to {high:g}", ge=low, le=high)
 
 
-def integer(low: int, high: int) -> Admits:
+def integer_between(low: int, high: int) -> Admits:
     return Admits(f"a whole number from {low} to {high}", ge=low, le=high)
 
 
-def tables(like: str) -> Admits:
+def tables_like(like: str) -> Admits:
     return Admits(f"a list of tables {like}", strict=False)
 
 
@@ -94,7 +94,7 @@ def length_faults(times: Sequence[float] | None, name: str, column: Sequence[flo
 
 def one_of_faults(names: Sequence[str], given: Mapping[str, Any]) -> list[str]:
     """Faults unless exactly one of these fields is given."""
-    present = [f"{name} = {shown(given[name])}" for name in names if given.get(name) is not None]
+    present = [f"{name} = {short_text(given[name])}" for name in names if given.get(name) is not None]
     must = f"exactly one of {', '.join(names)} must be given"
     if not present:
         return [f"{names[0]}: missing; {must}"]
@@ -140,7 +140,7 @@ class Part(BaseModel):
         """A copy with some fields replaced, checked as a new one is."""
         part = type(self)
         values = {name: getattr(self, name) for name in part.model_fields} | dict(update or {})
-        return part(**{_written(part, name): value for name, value in values.items()})
+        return part(**{_written_name(part, name): value for name, value in values.items()})
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         """Faults between fields, of which faulty ones and missing ones are None; `given` as written."""
@@ -150,7 +150,7 @@ class Part(BaseModel):
     def field_names(cls) -> list[str]:
         """Names as written, inherited ones last."""
         own = sorted(cls.model_fields, key=lambda name: name not in cls.__annotations__)
-        return [_written(cls, name) for name in own]
+        return [_written_name(cls, name) for name in own]
 
     @classmethod
     def _lines(cls, item: Any) -> list[str]:
@@ -170,16 +170,18 @@ class Part(BaseModel):
     def _value_fault(cls, where: str, name: str, item: Any, cause: Any) -> str:
         """Fault of a value that is there."""
         given = item["input"]
-        value = f"{where} = {shown(given)}"
+        value = f"{where} = {short_text(given)}"
         match item["type"]:
             case "extra_forbidden" if where in cls.not_modelled:
                 return f"{where}: not modelled: {cls.not_modelled[where]}"
             case "extra_forbidden":
-                return f"{value}: unknown key.{nearest(where, cls.field_names())}"
+                return f"{value}: unknown key.{did_you_mean(where, cls.field_names())}"
             case "literal_error":
-                return f"{value}: unknown.{nearest(str(given), _words(cls.model_fields[name].annotation))}"
+                return (
+                    f"{value}: unknown.{did_you_mean(str(given), _admissible_words(cls.model_fields[name].annotation))}"
+                )
             case "union_tag_invalid" | "union_tag_not_found":
-                return _kind_fault(where, given, _words(cls.model_fields[name].annotation))
+                return _kind_fault(where, given, _admissible_words(cls.model_fields[name].annotation))
         if where == "mass" and isinstance(given, list | tuple):
             cause = f"not modelled: {NOT_MODELLED['masses']}"
         # pydantic's own error without a cause: the field must be a part
@@ -188,19 +190,19 @@ class Part(BaseModel):
     @classmethod
     def _admissible(cls, name: str) -> str:
         missing = next(x for key, x in cls.model_fields.items() if name in (key, x.alias))
-        if words := _words(missing.annotation):
+        if words := _admissible_words(missing.annotation):
             return f"one of {', '.join(words)}"
         return next((m.words for m in missing.metadata if isinstance(m, Admits)), f"a table [{name}]")
 
 
-def number_or(number: Admits, table: type[Part]) -> Any:
+def number_or_table(number: Admits, table: type[Part]) -> Any:
     """A number, or a table in its place."""
     kind = Discriminator(lambda x: "table" if isinstance(x, dict | table) else "number")
     either = Annotated[Annotated[float, number], Tag("number")] | Annotated[table, Tag("table")]  # type: ignore[valid-type]
     return Annotated[either, kind, Admits(f"{number.words}, or a table {{{', '.join(table.field_names())}}}")]
 
 
-def _written(part: type[Part], name: str) -> str:
+def _written_name(part: type[Part], name: str) -> str:
     field = part.model_fields.get(name)
     return name if field is None else field.alias or name
 
@@ -209,15 +211,15 @@ def _kind_fault(where: str, given: object, kinds: list[str]) -> str:
     kind = given.get("kind") if isinstance(given, dict) else None
     if kind is None:
         return f"{where}.kind: missing; must be one of {', '.join(kinds)}"
-    return f"{where}.kind = {shown(kind)}: unknown.{nearest(str(kind), kinds)}"
+    return f"{where}.kind = {short_text(kind)}: unknown.{did_you_mean(str(kind), kinds)}"
 
 
-def _words(annotation: Any) -> list[str]:
+def _admissible_words(annotation: Any) -> list[str]:
     """Words of a Literal, or values of `kind` in a union of parts."""
     if get_origin(annotation) is Literal:
         return list(get_args(annotation))
     kinds: list[str] = []
     for member in get_args(annotation):
         is_part = isinstance(member, type) and issubclass(member, Part) and "kind" in member.model_fields
-        kinds += [member.model_fields["kind"].default] if is_part else _words(member)
+        kinds += [member.model_fields["kind"].default] if is_part else _admissible_words(member)
     return kinds

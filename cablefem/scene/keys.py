@@ -48,22 +48,22 @@ class _Schema(GenerateJsonSchema):
         return False
 
 
-def schema(*parts: type[Part]) -> dict[str, Any]:
+def json_schema(*parts: type[Part]) -> dict[str, Any]:
     """The JSON schema of a scene file for these parts."""
     either: Any = Union[parts]  # noqa: UP007
     content = TypeAdapter(either).json_schema(schema_generator=_Schema)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | content | {"title": "scene of cablefem"}
 
 
-def keys(part: type[Part]) -> Iterator[Key]:
+def list_keys(part: type[Part]) -> Iterator[Key]:
     """All keys of a part and its parts."""
-    content = schema(part)
-    return _keys(content, content["$defs"], "")
+    content = json_schema(part)
+    return _table_keys(content, content["$defs"], "")
 
 
-def _keys(table: dict[str, Any], definitions: dict[str, Any], before: str) -> Iterator[Key]:
+def _table_keys(table: dict[str, Any], definitions: dict[str, Any], before: str) -> Iterator[Key]:
     for name, rule in table["properties"].items():
-        options = _options(rule, definitions)
+        options = _alternative_rules(rule, definitions)
         tables = [x for x in options if "properties" in x]
         numbers = [x for x in options if "properties" not in x]
         if numbers:
@@ -72,13 +72,13 @@ def _keys(table: dict[str, Any], definitions: dict[str, Any], before: str) -> It
             words = numbers[0].get("$comment") or f"one of {', '.join(numbers[0].get('enum', ()))}"
             yield Key(before + name, unit, meaning, default, words)
         if len(tables) > 1:
-            yield from _kinds(tables, definitions, before + name)
+            yield from _keys_of_kinds(tables, definitions, before + name)
         elif tables:
             index = ".0" if "items" in rule else ""
-            yield from _keys(tables[0], definitions, f"{before}{name}{index}.")
+            yield from _table_keys(tables[0], definitions, f"{before}{name}{index}.")
 
 
-def _options(rule: dict[str, Any], definitions: dict[str, Any]) -> list[dict[str, Any]]:
+def _alternative_rules(rule: dict[str, Any], definitions: dict[str, Any]) -> list[dict[str, Any]]:
     """The rules of which a value must follow one, of a list of tables those of its tables."""
     options = rule.get("anyOf") or rule.get("oneOf") or [rule]
     if "$ref" in rule.get("items", {}):
@@ -86,23 +86,23 @@ def _options(rule: dict[str, Any], definitions: dict[str, Any]) -> list[dict[str
     return [definitions[x["$ref"].split("/")[-1]] if "$ref" in x else x for x in options]
 
 
-def _kinds(tables: list[dict[str, Any]], definitions: dict[str, Any], name: str) -> Iterator[Key]:
+def _keys_of_kinds(tables: list[dict[str, Any]], definitions: dict[str, Any], name: str) -> Iterator[Key]:
     """Keys of a table of several kinds: kind, own ones, shared ones."""
     kinds = [table["properties"]["kind"]["const"] for table in tables]
     yield Key(f"{name}.kind", "-", "which law", "required", f"one of {', '.join(kinds)}")
     shared = set.intersection(*(set(table["properties"]) for table in tables))
     for table, kind in zip(tables, kinds, strict=True):
-        for key in _keys(table, definitions, f"{name}."):
+        for key in _table_keys(table, definitions, f"{name}."):
             if key.name.split(".")[1] not in shared:
                 yield replace(key, kind=kind)
-    for key in _keys(tables[0], definitions, f"{name}."):
+    for key in _table_keys(tables[0], definitions, f"{name}."):
         if key.name.split(".")[1] in shared - {"kind"}:
             yield key
 
 
-def hint(key: str, part: type[Part]) -> str:
+def key_hint(key: str, part: type[Part]) -> str:
     """The keys of a part whose last name, or whose table, is `key`, as a sentence; "" if there are none."""
-    names = list(dict.fromkeys(x.name for x in keys(part)))
+    names = list(dict.fromkeys(x.name for x in list_keys(part)))
     inside = [name for name in names if name.startswith(f"{key}.")]
     similar = [name for name in names if name.endswith(f".{key}")] or inside
     return f"the scene has {', '.join(similar[:4])}" if similar else ""

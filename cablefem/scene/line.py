@@ -20,7 +20,7 @@ from cablefem.scene.bodies import Hanger, Wheels, body_faults, groove_faults
 from cablefem.scene.cable import STEEPEST, Rope
 from cablefem.scene.described import LINES, Described
 from cablefem.scene.drive import Driving
-from cablefem.scene.errors import NOT_MODELLED, SceneError, nearest, shown
+from cablefem.scene.errors import NOT_MODELLED, SceneError, did_you_mean, short_text
 from cablefem.scene.fields import (
     Admits,
     NonNegative,
@@ -30,9 +30,9 @@ from cablefem.scene.fields import (
     Real,
     Switch,
     Word,
-    described,
-    integer,
-    tables,
+    described_field,
+    integer_between,
+    tables_like,
 )
 from cablefem.scene.surroundings import Ground, Obstacles, surroundings_faults
 from cablefem.scene.travel import Travel
@@ -47,10 +47,10 @@ class Places(Part):
 
     first: Real = Field(alias="from")
     last: Real = Field(alias="to")
-    count: Annotated[int, integer(2, MOST)]
+    count: Annotated[int, integer_between(2, MOST)]
 
 
-def _places(value: Any) -> Any:
+def _expand_positions(value: Any) -> Any:
     if isinstance(value, dict):
         places = Places(**value)
         return np.linspace(places.first, places.last, places.count).tolist()
@@ -58,7 +58,7 @@ def _places(value: Any) -> Any:
 
 
 Positions = Annotated[
-    tuple[Real, ...], Field(min_length=1, max_length=MOST, strict=False), BeforeValidator(_places),
+    tuple[Real, ...], Field(min_length=1, max_length=MOST, strict=False), BeforeValidator(_expand_positions),
     Admits(f"a number, a list of numbers, or {{from, to, count}} with a count from 2 to {MOST}"),
 ]  # fmt: skip
 
@@ -67,14 +67,16 @@ class Contact(Part):
     """What holds the rope at one point."""
 
     not_modelled: ClassVar = NOT_MODELLED | {"friction": "the rope runs over a saddle without friction"}
-    name: Word = described("[-] its name in the results")
-    kind: Literal["anchor", "spring", "saddle", "counterweight"] = described("[-] kind of the contact")
-    at: Pair = described("[m] x and depth; of a spring: without load")
-    tension: Positive | None = described("[N] of a counterweight", None)
+    name: Word = described_field("[-] its name in the results")
+    kind: Literal["anchor", "spring", "saddle", "counterweight"] = described_field("[-] kind of the contact")
+    at: Pair = described_field("[m] x and depth; of a spring: without load")
+    tension: Positive | None = described_field("[N] of a counterweight", None)
     stiffness: Annotated[tuple[Positive, Positive], Admits("two numbers > 0 in brackets", strict=False)] | None = (
-        described("[N/m] of a spring along x and down", None)
+        described_field("[N/m] of a spring along x and down", None)
     )
-    shoe: Positive | None = described("[m] to either side of a saddle: a car within rests on it, or runs over it", None)
+    shoe: Positive | None = described_field(
+        "[m] to either side of a saddle: a car within rests on it, or runs over it", None
+    )
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         """Faults between fields, one line each."""
@@ -82,7 +84,7 @@ class Contact(Part):
         for key, owner in OWNED.items():
             missing = given.get(key) is None
             if not missing and self.kind not in (None, owner):
-                faults.append(f"{key} = {shown(given[key])}: only a {owner} has it; this is kind = {self.kind!r}")
+                faults.append(f"{key} = {short_text(given[key])}: only a {owner} has it; this is kind = {self.kind!r}")
             elif missing and self.kind == owner and key != "shoe":
                 faults.append(f"{key}: missing; must be given for a {owner}")
         return faults
@@ -91,20 +93,20 @@ class Contact(Part):
 class Car(Part):
     """A load on the rope, at one or more positions, or in motion."""
 
-    name: Word = described("[-] its name in the results")
-    mass: Positive = described("[kg]")
-    hauled: Switch | None = described(
+    name: Word = described_field("[-] its name in the results")
+    mass: Positive = described_field("[kg]")
+    hauled: Switch | None = described_field(
         "[-] at rest: true: it rolls, and a haul rope holds it; false: it grips the rope", None
     )
-    at: Positions | None = described(
+    at: Positions | None = described_field(
         "[m] x at rest, one for each position; without it a single car is where its numbers are extreme", None,
         json_schema_extra={"type": ["number", "array", "object"]},
     )  # fmt: skip
-    travel: Travel | None = described("[-] in motion: along the rope; in x if hauled on several spans", None)
-    drive: Driving | None = described("[-] in motion: what moves it; without it the car grips", None)
-    below: NonNegative = described("[m] from the rope down to the lowest point of the car", 0.0)
-    hanger: Hanger | None = described("[-] in motion: a part of the mass that swings below the rope", None)
-    wheels: Wheels | None = described(
+    travel: Travel | None = described_field("[-] in motion: along the rope; in x if hauled on several spans", None)
+    drive: Driving | None = described_field("[-] in motion: what moves it; without it the car grips", None)
+    below: NonNegative = described_field("[m] from the rope down to the lowest point of the car", 0.0)
+    hanger: Hanger | None = described_field("[-] in motion: a part of the mass that swings below the rope", None)
+    wheels: Wheels | None = described_field(
         "[-] in motion: wheels; travel, start and brakes are of the front one of two", None
     )
 
@@ -143,19 +145,19 @@ class Car(Part):
 class Tie(Part):
     """Tension of the empty line at a contact."""
 
-    at: Word = described("[-] name of the contact")
-    value: Positive = described("[N] tension of the empty line there")
+    at: Word = described_field("[-] name of the contact")
+    value: Positive = described_field("[N] tension of the empty line there")
 
 
 class LineRope(Rope):
     """The rope of a line; with two fixed ends it needs `length` or `tension`."""
 
-    mass_per_length: Positive = described("[kg/m] mass of the rope per unstretched length")
-    EA: Positive = described(
+    mass_per_length: Positive = described_field("[kg/m] mass of the rope per unstretched length")
+    EA: Positive = described_field(
         "[N] axial stiffness per strain of the unstretched rope; of the stretched at rest: EA + T; default E section"
     )
-    length: Positive | None = described("[m] unstretched length between two fixed ends", None)
-    tension: Tie | None = described("[N] tension of the empty line at a contact", None)
+    length: Positive | None = described_field("[m] unstretched length between two fixed ends", None)
+    tension: Tie | None = described_field("[N] tension of the empty line at a contact", None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,7 +217,7 @@ class LineState:
     middle: np.ndarray  # (n - 1, 2) [m] points halfway along the pieces
 
     @property
-    def tensions(self) -> np.ndarray:
+    def station_tensions(self) -> np.ndarray:
         """(n, 2) [N], behind and ahead of each station; nan beyond the rope."""
         return np.stack([np.linalg.norm(self.behind, axis=1), np.linalg.norm(self.ahead, axis=1)], axis=1)
 
@@ -264,8 +266,8 @@ class Line(Described):
     not_modelled: ClassVar = NOT_MODELLED | dict.fromkeys(("supports", "mass", "travel", "drive"), ONE_SPAN)
 
     cable: LineRope
-    contact: Annotated[tuple[Contact, ...], tables("[[contact]]")]
-    car: Annotated[tuple[Car, ...], tables("[[car]]")] = described("[-] cars from left to right", ())
+    contact: Annotated[tuple[Contact, ...], tables_like("[[contact]]")]
+    car: Annotated[tuple[Car, ...], tables_like("[[car]]")] = described_field("[-] cars from left to right", ())
     obstacle: Obstacles = ()
     ground: Ground = ()
 
@@ -422,12 +424,14 @@ def _contact_faults(contacts: Sequence[Contact]) -> list[str]:
     if len(contacts) < 2:
         return ["contact: must be at least two, the ends of the rope"]
     if contacts[0].at != (0.0, 0.0):
-        return [f"contact[0].at = {shown(list(contacts[0].at))}: must be [0, 0]; places count from the first contact"]
+        return [
+            f"contact[0].at = {short_text(list(contacts[0].at))}: must be [0, 0]; places count from the first contact"
+        ]
     faults = []
     for i, (a, b) in enumerate(itertools.pairwise(contacts), start=1):
         run = b.at[0] - a.at[0]
         drop = b.at[1] - a.at[1]
-        where = f"contact[{i}].at = {shown(list(b.at))}"
+        where = f"contact[{i}].at = {short_text(list(b.at))}"
         if run <= 0.0:
             faults.append(f"{where}: x must be > {a.at[0]:.6g} m, that of {a.name}")
         elif abs(drop) > STEEPEST * run:
@@ -458,7 +462,7 @@ def _rope_faults(rope: LineRope, contacts: Sequence[Contact]) -> list[str]:
         return [f"cable.{'length' if not given else given[1]}: exactly one of length, tension must be given"]
     names = [c.name for c in contacts]
     if rope.tension is not None and rope.tension.at not in names:
-        return [f"cable.tension.at = {rope.tension.at!r}: no such contact.{nearest(rope.tension.at, names)}"]
+        return [f"cable.tension.at = {rope.tension.at!r}: no such contact.{did_you_mean(rope.tension.at, names)}"]
     return []
 
 

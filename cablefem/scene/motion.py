@@ -182,7 +182,7 @@ class Motion:
         return np.array(list(itertools.chain(*self.pieces))).T
 
 
-def at_rest(place: float, end: float) -> Motion:
+def rest_motion(place: float, end: float) -> Motion:
     """Rest at the position `place` until `end`."""
     piece = Piece(0.0, 0.0, place, 0.0, 0.0)
     return Motion(((0.0, end),), ((piece,),), place)

@@ -11,7 +11,7 @@ import numpy as np
 
 from cablefem.scene.contacts import NEAREST, Array, Car, Contact, Elastic, MovingLine
 from cablefem.scene.drive import GRIP, Drive, Driving
-from cablefem.scene.errors import SceneError, shown
+from cablefem.scene.errors import SceneError, short_text
 from cablefem.scene.line import Car as CarTable
 from cablefem.scene.line import Case, Line, LineState, NoLine, Solver, Station
 from cablefem.scene.motion import Motion
@@ -34,7 +34,7 @@ class Empty:
         return position if car.along == "x" else float(np.interp(position, self.s, self.x))
 
 
-def moving(line: Line, solve: Solver) -> MovingLine:
+def line_in_motion(line: Line, solve: Solver) -> MovingLine:
     """The line in motion; `solve` finds the length of the empty line.  SceneError with all its faults.
 
     A hot rope is the same rope with s a times as long, a = 1 + thermal strain.
@@ -47,9 +47,9 @@ def moving(line: Line, solve: Solver) -> MovingLine:
         for c in line.contact
     ]
     empty = Empty(state.s * heat, np.array([c.point[0] for c in contacts]))
-    cars = [_car(car, len(contacts) > 2, heat) for car in line.car]
-    places = {c.name: c.point[0] for c in contacts} | {car.name: empty.x_of(car, _start(car)) for car in cars}
-    passing = {car.name: _passed(car, contacts, empty) for car in cars}
+    cars = [_moving_car(car, len(contacts) > 2, heat) for car in line.car]
+    places = {c.name: c.point[0] for c in contacts} | {car.name: empty.x_of(car, _start_position(car)) for car in cars}
+    passing = {car.name: _saddles_passed(car, contacts, empty) for car in cars}
     _refuse([*_order_faults(cars, places), *_saddle_faults(cars, passing, places)])
     everything: list[Contact | Car] = [*contacts, *cars]
     found = MovingLine(
@@ -77,7 +77,7 @@ def _elastic(line: Line, length: float, heat: float) -> Elastic:
 
 def _weight_faults(line: Line, empty: LineState) -> list[str]:
     """Cars heavier than the smallest tension of the empty line."""
-    tensions = np.nanmin(empty.tensions, axis=1)
+    tensions = np.nanmin(empty.station_tensions, axis=1)
     lowest = int(np.nanargmin(tensions))
     N = float(tensions[lowest])
     must = f"must be < {N:.6g} N, N at {line.contact[lowest].name} of the empty line"
@@ -95,12 +95,12 @@ def _order_faults(cars: Sequence[Car], places: Mapping[str, float]) -> list[str]
     return faults
 
 
-def _passed(car: Car, contacts: Sequence[Contact], empty: Empty) -> list[Contact]:
+def _saddles_passed(car: Car, contacts: Sequence[Contact], empty: Empty) -> list[Contact]:
     """Saddles that a car with a travel comes to."""
     if car.travel is None:
         return []
     last = len(car.travel.phases) - 1
-    positions = (_start(car), car.travel.at(car.travel.phases[last][1], last)[0])
+    positions = (_start_position(car), car.travel.at(car.travel.phases[last][1], last)[0])
     low, high = sorted(empty.x_of(car, position) for position in positions)
     base = 0.0 if car.wheels is None else car.wheels.base
     return [c for c in contacts[1:-1] if low - base - (c.shoe or 0.0) <= c.point[0] <= high + (c.shoe or 0.0)]
@@ -138,7 +138,7 @@ def _shoe_faults(line: MovingLine, car: Car, saddle: Contact) -> Iterator[str]:
         if isinstance(state, NoLine):
             yield f"car.{car.name}: does not come onto the shoe of {saddle.name}: {state}"
             return
-        N = float(np.nanmin(state.tensions[[p.name for p in stations].index(saddle.name)]))
+        N = float(np.nanmin(state.station_tensions[[p.name for p in stations].index(saddle.name)]))
         if weight > HEAVIEST * N:
             ratio = f"M g/N = {weight / N:.3g} at the shoe of {saddle.name}; must be <= {HEAVIEST:g}"
             yield f"car.{car.name}.mass = {car.mass:.6g} kg: {ratio}, or it does not run over it"
@@ -166,9 +166,9 @@ def _wheel_faults(line: MovingLine) -> Iterator[str]:
         if car.wheels is None or car.along == "x":
             continue
         smallest = nearest + car.wheels.base
-        if _start(car) < smallest:
+        if _start_position(car) < smallest:
             must = f"must be >= {smallest:.6g} m: {nearest:.4g} m and the base, both wheels begin on the rope"
-            yield f"car.{car.name}: begins with its front wheel at {_start(car):.6g} m; {must}"
+            yield f"car.{car.name}: begins with its front wheel at {_start_position(car):.6g} m; {must}"
 
 
 def _meeting_faults(line: MovingLine, passing: Mapping[str, Sequence[Contact]], empty: Empty) -> Iterator[str]:
@@ -206,7 +206,7 @@ def _on_one_shoe(a: Car, b: Car, t: float, x: Sequence[float], shoes: Sequence[C
     return ""
 
 
-def _start(car: Car) -> float:
+def _start_position(car: Car) -> float:
     return car.drive.start if car.travel is None else car.travel.at(0.0, 0)[0]
 
 
@@ -214,18 +214,18 @@ def _end(car: Car) -> float:
     return car.drive.end_time if car.travel is None else car.travel.phases[-1][1]
 
 
-def _car(car: CarTable, in_x: bool, heat: float) -> Car:
+def _moving_car(car: CarTable, in_x: bool, heat: float) -> Car:
     drive: Drive = GRIP if car.drive is None else car.drive.scaled(1.0, 1.0, 1.0, 1.0)
     along: Literal["s", "x"] = "x" if in_x and drive.mode == "haul" else "s"
     travel = None
     if car.travel is not None:
-        travel = _motion(car.travel)
+        travel = _motion_of_law(car.travel)
         travel = travel.scaled(1.0 / heat, 1.0) if along == "s" else travel
     wheels = car.wheels if car.wheels is not None and car.wheels.model == "rigid" else None
     return Car(name=car.name, mass=car.mass, hanger=car.hanger, wheels=wheels, drive=drive, travel=travel, along=along)
 
 
-def _ends(law: Law) -> tuple[float, float]:
+def _end_positions(law: Law) -> tuple[float, float]:
     """First and last position [m]."""
     begin = law.position or 0.0
     if isinstance(law, Trapezoid):
@@ -234,8 +234,8 @@ def _ends(law: Law) -> tuple[float, float]:
     return begin, begin + law.positions[-1]
 
 
-def _motion(law: Law) -> Motion:
-    begin, end = _ends(law)
+def _motion_of_law(law: Law) -> Motion:
+    begin, end = _end_positions(law)
     motion = law.motion(abs(end - begin))
     return (motion.scaled(-1.0, 1.0) if end < begin else motion).shifted(begin)
 
@@ -249,12 +249,12 @@ def _travel_faults(cars: Sequence[CarTable]) -> Iterator[str]:
         elif isinstance(law, Trapezoid | Table):
             missing = _missing_of_travel(law)
         else:
-            yield f"car.{car.name}.travel.kind = {shown(law.kind)}: must be trapezoid or table on a line"
+            yield f"car.{car.name}.travel.kind = {short_text(law.kind)}: must be trapezoid or table on a line"
             continue
         if missing:
             yield f"car.{car.name}.{missing}: missing; must be given on a line"
         elif law is not None:
-            begin, end = _ends(law)
+            begin, end = _end_positions(law)
             if fault := law.fault(abs(end - begin), begin):
                 yield f"car.{car.name}.travel.{fault}"
 

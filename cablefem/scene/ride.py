@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cablefem.scene.bisection import bisected
+from cablefem.scene.bisection import bisect_zero
 from cablefem.scene.drive import Drive
-from cablefem.scene.statics import NoRest, Rest, gripped, nodes
+from cablefem.scene.statics import NoRest, Rest, gripped_rest, load_path_nodes
 
 if TYPE_CHECKING:
     from cablefem.scene.scene import Groups
@@ -61,7 +61,7 @@ class LoadPath:
     @classmethod
     def loaded(cls, groups: Groups) -> LoadPath:
         """The elastic catenary of two pieces; groups: mu, alpha, sigma, c."""
-        r = gripped(nodes(), groups)
+        r = gripped_rest(load_path_nodes(), groups)
         path = cls(r.s, r.place, r.along, r.bend, r.hold, r.stretch)
         path.rest = r
         return path
@@ -69,7 +69,7 @@ class LoadPath:
     @classmethod
     def empty(cls, groups: Groups) -> LoadPath:
         """The path along the empty cable's shape."""
-        s = nodes()
+        s = load_path_nodes()
         _, xp, yp, xpp, ypp = groups.static(s)
         place = np.stack(groups.shape(s), -1)
         hold = -groups.mu * groups.sigma * yp
@@ -78,7 +78,7 @@ class LoadPath:
     @classmethod
     def chord(cls, groups: Groups) -> LoadPath:
         """The path along the straight chord."""
-        s = nodes()
+        s = load_path_nodes()
         slope = np.stack(groups.shape(1.0))
         slopes = np.tile(slope, (s.size, 1))
         hold = np.full_like(s, -groups.mu * groups.sigma * slope[1])
@@ -181,7 +181,7 @@ class Forces:
 
             for a, b in itertools.pairwise(np.linspace(t0, t1, 33)):
                 if excess(b) > 0.0:
-                    return bisected(excess, a, b), k
+                    return bisect_zero(excess, a, b), k
         return None
 
     def directions(self) -> tuple[tuple[float, int], ...]:
@@ -204,8 +204,8 @@ class Forces:
             out.append((a, before))
             if before == after:
                 continue
-            begin = bisected(lambda s: abs(sign(s) - before) - 0.5, a, b)  # noqa: B023
-            end = bisected(lambda s: 0.5 - abs(sign(s) - after), a, b)  # noqa: B023
+            begin = bisect_zero(lambda s: abs(sign(s) - before) - 0.5, a, b)  # noqa: B023
+            end = bisect_zero(lambda s: 0.5 - abs(sign(s) - after), a, b)  # noqa: B023
             if before > after and end >= begin:
                 out.append((begin, 0))
             out.append((end, after))
@@ -325,7 +325,7 @@ class _Rolling:
         end = float(run.t[-1])
         brake, position = self._next_brake()
         if event != brake and sign * (run.y[0, -1] - position) > 0.0:  # there and back in one step
-            end = bisected(lambda t: sign * (position - run.sol(t)[0]), self.t, end)
+            end = bisect_zero(lambda t: sign * (position - run.sol(t)[0]), self.t, end)
             event = brake
         self.sections.append((self.t, end, run.sol))
         self.t = end
@@ -363,7 +363,7 @@ class _Rolling:
         self.phase += 1
 
 
-def ride(path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float = math.inf) -> Ride:
+def roll_ride(path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float = math.inf) -> Ride:
     """Roll until arrival, final rest, `turns` turns, or the end of time."""
     return _Rolling(path, mu, sigma, drive, turns).to_its_end()
 
@@ -376,11 +376,11 @@ def quasi_static(groups: Groups, drive: Drive) -> tuple[Ride, Drive]:
     path = LoadPath.loaded(groups)
     drive = replace(drive, directions=Forces(path, groups.mu, groups.sigma, drive).directions())
     ends = math.isfinite(drive.end_time)
-    first = ride(path, groups.mu, groups.sigma, drive, math.inf if ends else 2)
+    first = roll_ride(path, groups.mu, groups.sigma, drive, math.inf if ends else 2)
     nominal = first.duration or min(1.0, drive.end_time)  # a car that stays
     if ends:
         return first, replace(drive, nominal=nominal)
     drive = replace(drive, nominal=nominal, end_time=LASTS * nominal)
     if first.events and first.events[-1].event == "turn":
-        first = ride(path, groups.mu, groups.sigma, drive)
+        first = roll_ride(path, groups.mu, groups.sigma, drive)
     return first, drive

@@ -13,13 +13,21 @@ import numpy as np
 
 from cablefem.scene import catenary as _catenary
 from cablefem.scene.bodies import Wheels, body_faults, groove_faults
-from cablefem.scene.cable import SHAPES, Cable, Supports, hang, hanging_fault, reference, stretch_fault
+from cablefem.scene.cable import (
+    SHAPES,
+    Cable,
+    Supports,
+    hanging_catenary,
+    hanging_fault,
+    reference_catenary,
+    stretch_fault,
+)
 from cablefem.scene.catenary import Catenary
-from cablefem.scene.damping import Wind, damping_fault, damping_rates, first_frequency, internal_fault
-from cablefem.scene.described import AT_REST, LIBRARY, Described, library_text, parsed
+from cablefem.scene.damping import Wind, damping_fault, damping_rates, first_frequency, internal_damping_fault
+from cablefem.scene.described import AT_REST, LIBRARY, Described, library_text, parse_toml
 from cablefem.scene.drive import GRIP, NEAREST_START, Drive, Driving
 from cablefem.scene.errors import NOT_MODELLED, SceneError
-from cablefem.scene.fields import LARGE, NonNegative, Part, Positive, described
+from cablefem.scene.fields import LARGE, NonNegative, Part, Positive, described_field
 from cablefem.scene.motion import Motion
 from cablefem.scene.ride import Ride, quasi_static
 from cablefem.scene.statics import NoRest
@@ -35,9 +43,9 @@ class Mass(Part):
     """The moving mass particle."""
 
     not_modelled: ClassVar = NOT_MODELLED | {"hanger": OF_LINES}
-    mass: Positive = described("[kg] M, mass of the car")
-    below: NonNegative = described("[m] how far the lowest part of the car or rider hangs below the cable", 0.0)
-    wheels: Wheels | None = described("[-] wheels of the car; without base it stays a point of one span", None)
+    mass: Positive = described_field("[kg] M, mass of the car")
+    below: NonNegative = described_field("[m] how far the lowest part of the car or rider hangs below the cable", 0.0)
+    wheels: Wheels | None = described_field("[-] wheels of the car; without base it stays a point of one span", None)
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         """Fault of wheels that make a scene a line."""
@@ -78,19 +86,19 @@ class Scene(Described):
     built_in: ClassVar[Sequence[str]] = LIBRARY
     library_text: ClassVar = staticmethod(library_text)
 
-    cable: Cable = described("[-] the cable")
-    supports: Supports = described("[-] the two fixed ends")
-    mass: Mass | None = described("[-] the car; a bare cable has neither mass nor travel", None)
-    travel: Travel | None = described("[-] how the car moves along the cable; not with drive.mode = 'free'", None)
-    drive: Driving = described("[-] what moves the car", Driving())
-    wind: Wind | None = described("[-] wind on the cable", None)
+    cable: Cable = described_field("[-] the cable")
+    supports: Supports = described_field("[-] the two fixed ends")
+    mass: Mass | None = described_field("[-] the car; a bare cable has neither mass nor travel", None)
+    travel: Travel | None = described_field("[-] how the car moves along the cable; not with drive.mode = 'free'", None)
+    drive: Driving = described_field("[-] what moves the car", Driving())
+    wind: Wind | None = described_field("[-] wind on the cable", None)
     obstacle: Obstacles = ()
     ground: Ground = ()
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         """Faults between fields, one line each."""
         present = [name for name in ("mass", "travel") if given.get(name) is not None]
-        faults = [] if self.drive is None else _presence(self.drive.mode, present)
+        faults = [] if self.drive is None else _presence_faults(self.drive.mode, present)
         faults += body_faults(None, None, None, self.drive)
         hung = (self.gravity, self.cable, self.supports)
         if None in hung:
@@ -106,7 +114,7 @@ class Scene(Described):
         faults = [
             stretch_fault(self.gravity, self.cable, self.supports),
             damping_fault(*self._damped),
-            internal_fault(self.cable.internal_damping, self.time_scale, drive.mode),
+            internal_damping_fault(self.cable.internal_damping, self.time_scale, drive.mode),
         ]
         rolling = [f"drive.{fault}" for fault in drive.faults(self.length)]
         if self.travel is not None and drive.mode != "free" and not rolling:
@@ -120,7 +128,7 @@ class Scene(Described):
     @classmethod
     def from_toml(cls, text: str, *, name: str = "scene", folder: Path = Path()) -> Self:
         """The scene that a TOML describes; SceneError with all its faults, and for a line."""
-        if "contact" in parsed(text):
+        if "contact" in parse_toml(text):
             raise SceneError([AT_REST])
         return super().from_toml(text, name=name, folder=folder)
 
@@ -195,12 +203,12 @@ class Scene(Described):
     @cached_property
     def catenary(self) -> Catenary:
         """The static cable, eqs (9)-(12)."""
-        return hang(self.gravity, self.cable, self.supports)
+        return hanging_catenary(self.gravity, self.cable, self.supports)
 
     @property
     def reference(self) -> Catenary:
         """The static cable without heat and ice."""
-        return reference(self.gravity, self.cable, self.supports)
+        return reference_catenary(self.gravity, self.cable, self.supports)
 
     @property
     def notes(self) -> list[str]:
@@ -324,7 +332,7 @@ class Scene(Described):
     def _motion(self) -> Motion | None:
         if self.travel is None:
             return None
-        begin, distance = _extent(self.travel, self.drive, self.length)
+        begin, distance = _start_and_distance(self.travel, self.drive, self.length)
         motion = self.travel.motion(distance, begin)
         if self.drive.mode != "haul":
             return motion
@@ -396,7 +404,7 @@ class Scene(Described):
         return f"<pre>{html.escape(str(self))}</pre>"
 
 
-def _presence(mode: str, present: list[str]) -> list[str]:
+def _presence_faults(mode: str, present: list[str]) -> list[str]:
     if mode == "free":
         faults = [] if "mass" in present else ["mass: missing; must be given with drive.mode = 'free'"]
         if "travel" in present:
@@ -412,7 +420,7 @@ def _presence(mode: str, present: list[str]) -> list[str]:
 
 def _travel_fault(travel: Any, drive: Driving, length: float, axial: float) -> str:
     """What is wrong with a travel on a cable with this length [m] and axial wave speed [m/s]; empty if nothing is."""
-    begin, distance = _extent(travel, drive, length)
+    begin, distance = _start_and_distance(travel, drive, length)
     near = NEAREST_START * length
     end = begin + distance
     if travel.position is not None:
@@ -434,7 +442,7 @@ def _travel_fault(travel: Any, drive: Driving, length: float, axial: float) -> s
     return ""
 
 
-def _extent(travel: Any, drive: Driving, length: float) -> tuple[float, float]:
+def _start_and_distance(travel: Any, drive: Driving, length: float) -> tuple[float, float]:
     """Where the travel begins and the distance of its law, both [m]."""
     begin = 0.0
     end = length

@@ -8,17 +8,17 @@ from typing import Any
 import tomli_w
 
 from cablefem.scene.cable import SHAPES
-from cablefem.scene.described import parsed, scene_text
+from cablefem.scene.described import parse_toml, scene_text_and_name
 from cablefem.scene.errors import SceneError
 from cablefem.scene.line import Line
 from cablefem.scene.scene import Scene
 
 
-def line_of(name_or_path: str | Path) -> Line | None:
+def line_or_none(name_or_path: str | Path) -> Line | None:
     """The line of that name or TOML file; None for a scene of one span, or where it cannot be read."""
     try:
-        text, name = scene_text(name_or_path)
-        data = parsed(text)
+        text, name = scene_text_and_name(name_or_path)
+        data = parse_toml(text)
     except SceneError:
         return None
     folder = Path(name_or_path).parent
@@ -29,11 +29,11 @@ def line_of(name_or_path: str | Path) -> Line | None:
     wheels = mass.get("wheels", {})
     point = isinstance(wheels, dict) and wheels.get("model") == "point" and not wheels.get("base")
     if "hanger" in mass or ("wheels" in mass and not point):
-        return Line.from_toml(tomli_w.dumps(as_line(data)), name=name, folder=folder)
+        return Line.from_toml(tomli_w.dumps(line_tables(data)), name=name, folder=folder)
     return None
 
 
-def as_line(data: dict[str, Any]) -> dict[str, Any]:
+def line_tables(data: dict[str, Any]) -> dict[str, Any]:
     """Tables of the line of two anchors and one car; SceneError where the cable does not hang.
 
     Its rope is the same by unstretched length: a strain of it is 1 + T/EA of one at rest, with the mean T.

@@ -40,7 +40,7 @@ class Rest:
         return 0.5 * (np.linalg.norm(self.slope_behind, axis=1) + np.linalg.norm(self.slope_ahead, axis=1))
 
 
-def nodes(nearest: float | None = None) -> np.ndarray:
+def load_path_nodes(nearest: float | None = None) -> np.ndarray:
     """Positions s of a load path, uniform in log(s/(1 - s)), up to `nearest` of both supports."""
     if nearest is None:
         y = np.linspace(math.log(0.5 * NEAREST_START), -math.log(0.5 * (1.0 - FARTHEST_END)), NODES)
@@ -49,7 +49,7 @@ def nodes(nearest: float | None = None) -> np.ndarray:
     return 1.0 / (1.0 + np.exp(-y))
 
 
-def gripped(s, groups) -> Rest:
+def gripped_rest(s, groups) -> Rest:
     """The rest of a car that grips."""
     s = np.atleast_1d(np.asarray(s, dtype=float))
     weight = np.tile([0.0, -groups.mu * groups.sigma], (s.size, 1))
@@ -57,15 +57,15 @@ def gripped(s, groups) -> Rest:
     behind, ahead = x.sides
     _, A = x.moments()
     z = -_solve(A, behind.slope - ahead.slope)  # d(left)/ds (n, 2)
-    bent = behind.by_s - ahead.by_s + 2.0 * _times(behind.by_n - ahead.by_n, z) + x.second(z)
+    bent = behind.by_s - ahead.by_s + 2.0 * _matrix_times(behind.by_n - ahead.by_n, z) + x.second(z)
     zz = -_solve(A, bent)  # d2(left)/ds2 (n, 2)
     place, B = x.moments(x.behind)
-    along = behind.slope + _times(B, z)
-    bend = behind.by_s + 2.0 * _times(behind.by_n, z) + x.second(z, x.behind) + _times(B, zz)
+    along = behind.slope + _matrix_times(B, z)
+    bend = behind.by_s + 2.0 * _matrix_times(behind.by_n, z) + x.second(z, x.behind) + _matrix_times(B, zz)
     return x.rest(place, along, bend, np.zeros_like(s))
 
 
-def hauled(s, groups) -> Rest:
+def hauled_rest(s, groups) -> Rest:
     """Rest of a car that rolls, hangs on a rope along the mean tangent tau, and is about to move on.
 
     haul = friction - mu sigma tau_y, friction = mu_r mu sigma |tau_x| |<r'>|/<lam>, by iteration.
@@ -212,7 +212,7 @@ class _Pieces:
         return (w * (along_z + along_n)).sum(1)
 
 
-def _times(B: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _matrix_times(B: np.ndarray, y: np.ndarray) -> np.ndarray:
     return (B @ y[..., None])[..., 0]
 
 

@@ -10,26 +10,26 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
 
-from cablefem.scene.errors import SceneError, nearest, shown
-from cablefem.scene.fields import Admits, Pair, Part, Real, Word, described, rising_faults, tables
+from cablefem.scene.errors import SceneError, did_you_mean, short_text
+from cablefem.scene.fields import Admits, Pair, Part, Real, Word, described_field, rising_faults, tables_like
 from cablefem.scene.limits import KINDS
 
 GROUND = "the ground"  # its name beside those of obstacles
 
 
 class Obstacle(Part):
-    name: Word = described("[-] its name in the results")
-    at: Real = described("[m] x, from the left support")
-    top: Real = described("[m] depth of its top below the left support")
-    kind: Word | None = described(f"[-] for limits: {', '.join(KINDS)}", None)
+    name: Word = described_field("[-] its name in the results")
+    at: Real = described_field("[m] x, from the left support")
+    top: Real = described_field("[m] depth of its top below the left support")
+    kind: Word | None = described_field(f"[-] for limits: {', '.join(KINDS)}", None)
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:
         if self.kind is None or self.kind in KINDS:
             return []
-        return [f"kind = {self.kind!r}: unknown.{nearest(self.kind, KINDS)}"]
+        return [f"kind = {self.kind!r}: unknown.{did_you_mean(self.kind, KINDS)}"]
 
 
-def _profile(points: tuple[Pair, ...]) -> tuple[Pair, ...]:
+def _check_profile(points: tuple[Pair, ...]) -> tuple[Pair, ...]:
     if len(points) == 1 or rising_faults("x", [x for x, _ in points]):
         raise ValueError("no profile")
     return points
@@ -37,14 +37,14 @@ def _profile(points: tuple[Pair, ...]) -> tuple[Pair, ...]:
 
 _WORDS = "a list of at least two points [x, depth], x strictly increasing, or the name of a CSV file of them"
 Ground = Annotated[
-    tuple[Pair, ...], Field(strict=False), AfterValidator(_profile), Admits(_WORDS),
+    tuple[Pair, ...], Field(strict=False), AfterValidator(_check_profile), Admits(_WORDS),
     Field(
         description="[m] points [x, depth below the left support], linear between them, or a CSV file",
         json_schema_extra={"type": ["array", "string"]},
     ),
 ]  # fmt: skip
 Obstacles = Annotated[
-    tuple[Obstacle, ...], tables("{name = ..., at = ..., top = ...}"),
+    tuple[Obstacle, ...], tables_like("{name = ..., at = ..., top = ...}"),
     Field(description="[-] what the rope and the cars must clear"),
 ]  # fmt: skip
 
@@ -56,7 +56,7 @@ def read_ground(name: str, folder: Path) -> list[list[float]]:
         rows = [(reader.line_num, row) for row in reader if row]
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else error
-        raise SceneError([f"ground = {shown(name)}: must be a readable CSV file in {folder} ({why})"]) from None
+        raise SceneError([f"ground = {short_text(name)}: must be a readable CSV file in {folder} ({why})"]) from None
     if rows and not re.search(r"\d", "".join(rows[0][1])):
         del rows[0]
     points = []
@@ -64,8 +64,8 @@ def read_ground(name: str, folder: Path) -> list[list[float]]:
         try:
             x, depth = map(float, row)
         except ValueError:
-            must = f"line {number} {shown(row)} must hold two numbers, x and depth"
-            raise SceneError([f"ground = {shown(name)}: {must}"]) from None
+            must = f"line {number} {short_text(row)} must hold two numbers, x and depth"
+            raise SceneError([f"ground = {short_text(name)}: {must}"]) from None
         points.append([x, depth])
     return points
 
@@ -75,7 +75,7 @@ def surroundings_faults(obstacles: tuple[Obstacle, ...], span: float) -> list[st
     faults: list[str] = []
     names = [x.name for x in obstacles]
     for i, x in enumerate(obstacles):
-        name = f"obstacle[{i}].name = {shown(x.name)}"
+        name = f"obstacle[{i}].name = {short_text(x.name)}"
         if x.name in names[:i]:
             faults.append(f"{name}: given twice; names must differ")
         if x.name == GROUND:

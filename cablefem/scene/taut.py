@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cablefem.scene.bisection import bisected
+from cablefem.scene.bisection import bisect_zero
 from cablefem.scene.line import Case, NoLine
 
 ROUNDS = 8  # of tension and depth in turn
@@ -23,10 +23,10 @@ class Start:
     s: np.ndarray  # (n,) [m]
 
 
-def start(case: Case) -> Start | NoLine:
+def first_guess(case: Case) -> Start | NoLine:
     """A first guess, or why there is none."""
     try:
-        H, points, pieces = _taut(case)
+        H, points, pieces = _taut_guess(case)
     except NoLine as error:
         return error
     s = np.concatenate([[0.0], np.cumsum(pieces)])
@@ -35,34 +35,34 @@ def start(case: Case) -> Start | NoLine:
     return Start(H, points, s)
 
 
-def _taut(case: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _taut_guess(case: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """H, points and lengths of pieces; NoLine where the tension does not carry the case."""
     prescribed = case.tie
     for k in (0, len(case.stations) - 1):
         if prescribed is None and case.stations[k].kind == "counterweight":
             prescribed = k, case.stations[k].force
     if prescribed is None:
-        return _of_length(case, float(case.length or 0.0))
+        return _guess_of_length(case, float(case.length or 0.0))
     k, T = prescribed
     try:
-        return _string(case, T, k)
+        return _string_under_loads(case, T, k)
     except NoLine:
         raise NoLine(f"a tension of {T:.6g} N at {case.stations[k].name} does not carry it") from None
 
 
-def _of_length(case: Case, length: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _guess_of_length(case: Case, length: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     def excess(log_T: float) -> float:
         """Length of a catenary with this tension beyond the prescribed one."""
         try:
-            _, _, pieces = _string(case, math.exp(log_T), None)
+            _, _, pieces = _string_under_loads(case, math.exp(log_T), None)
             return float(pieces.sum()) - length
         except NoLine:  # too slack
             return math.inf
 
     smallest = math.log(1e-6 * case.weight * length)
     try:
-        log_T = bisected(excess, smallest, math.log(case.EA), WITHIN)
-        return _string(case, math.exp(log_T), None)
+        log_T = bisect_zero(excess, smallest, math.log(case.EA), WITHIN)
+        return _string_under_loads(case, math.exp(log_T), None)
     except ValueError:
         supports = np.array([(p.x, p.y) for p in case.stations if not p.is_car])
         reach = float(np.hypot(*np.diff(supports, axis=0).T).sum())
@@ -71,7 +71,7 @@ def _of_length(case: Case, length: float) -> tuple[np.ndarray, np.ndarray, np.nd
         raise NoLine(f"{length:.6g} m of rope hang too slack") from None
 
 
-def _string(case: Case, T: float, k: int | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _string_under_loads(case: Case, T: float, k: int | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """H, points and lengths of pieces, for tension T at station k or at the mean depth."""
     x = np.array([p.x for p in case.stations])
     y = np.array([p.y for p in case.stations])
@@ -84,8 +84,8 @@ def _string(case: Case, T: float, k: int | None) -> tuple[np.ndarray, np.ndarray
     for _ in range(ROUNDS):
         w = case.weight * np.hypot(1.0, np.diff(depth) / dx)  # per horizontal length
         k_x = H / dx
-        K = np.diag(_at_both_ends(k_x)) - np.diag(k_x, 1) - np.diag(k_x, -1)  # (n, n)
-        b = load + 0.5 * _at_both_ends(w * dx)
+        K = np.diag(_sum_at_stations(k_x)) - np.diag(k_x, 1) - np.diag(k_x, -1)  # (n, n)
+        b = load + 0.5 * _sum_at_stations(w * dx)
         depth = np.where(cars, 0.0, chord)
         depth[cars] = np.linalg.solve(K[np.ix_(cars, cars)], (b - K @ depth)[cars])
         level = depth.mean() if k is None else depth[k]
@@ -98,6 +98,6 @@ def _string(case: Case, T: float, k: int | None) -> tuple[np.ndarray, np.ndarray
     return H, np.stack([x, depth], axis=1), arc / (1.0 + N / case.EA) / case.heat
 
 
-def _at_both_ends(pieces: np.ndarray) -> np.ndarray:
+def _sum_at_stations(pieces: np.ndarray) -> np.ndarray:
     """Sum (n,) of the values of the pieces (n - 1,) that end at a station."""
     return np.append(pieces, 0.0) + np.append(0.0, pieces)

@@ -10,8 +10,17 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from cablefem.scene.bisection import bisected
-from cablefem.scene.fields import NonNegative, Numbers, Part, Positive, Real, described, length_faults, rising_faults
+from cablefem.scene.bisection import bisect_zero
+from cablefem.scene.fields import (
+    NonNegative,
+    Numbers,
+    Part,
+    Positive,
+    Real,
+    described_field,
+    length_faults,
+    rising_faults,
+)
 from cablefem.scene.motion import Motion, Piece
 
 AT_REST = 1e-3  # of the largest speed: a first or last speed below counts as rest
@@ -21,8 +30,8 @@ ROUNDING = 1e-9  # of the length or the largest speed: nearer, a travel ends on 
 class Stop(Part):
     """Emergency stop: constant deceleration from `time` on."""
 
-    time: Positive = described("[s] at which the stop begins")
-    deceleration: Positive = described("[m/s2] until the mass stands")
+    time: Positive = described_field("[s] at which the stop begins")
+    deceleration: Positive = described_field("[m/s2] until the mass stands")
 
 
 class Law(Part):
@@ -30,11 +39,11 @@ class Law(Part):
 
     paces: ClassVar[dict[str, int]] = {}  # powers of pace in the fields
 
-    position: Positive | None = described(
+    position: Positive | None = described_field(
         "[m] position along the cable where the mass is let in, in equilibrium", None, alias="from"
     )
-    stop: Stop | None = described("[-] emergency stop", None)
-    rest: NonNegative = described("[s] that the run goes on after the mass has come to rest", 0.0)
+    stop: Stop | None = described_field("[-] emergency stop", None)
+    rest: NonNegative = described_field("[s] that the run goes on after the mass has come to rest", 0.0)
 
     def fault(self, distance: float, begin: float = 0.0, length: float = math.inf) -> str:
         """What is wrong with this travel on a cable of this length [m]; empty if nothing is."""
@@ -44,7 +53,7 @@ class Law(Part):
         if begin == 0.0 and law.at(0.0, 0)[1:] == (0.0, 0.0):
             jerk = getattr(self, "jerk", None)
             return f"jerk = {jerk!r}: not yet from a support; must be let in on the way by from"
-        stopped = self._stopped(law)
+        stopped = self._with_stop_braking(law)
         end = law.phases[-1][1]
         if self.stop is not None and self.stop.time >= end:
             return f"stop.time = {self.stop.time!r}: must be < {end:.6g} s, the end of the travel"
@@ -71,12 +80,12 @@ class Law(Part):
 
     def motion(self, distance: float, begin: float = 0.0) -> Motion:
         """The travel with its stop and final rest, in SI."""
-        motion = self._stopped(self.motion_over(distance))
+        motion = self._with_stop_braking(self.motion_over(distance))
         if self.rest:
             motion = motion.with_stop(self.rest, 0.0)
         return motion.shifted(begin) if begin else motion
 
-    def _stopped(self, motion: Motion) -> Motion:
+    def _with_stop_braking(self, motion: Motion) -> Motion:
         if self.stop is None:
             return motion
         a = self.stop.deceleration
@@ -102,9 +111,9 @@ class Law(Part):
 class ConstantSpeed(Law):
     """s_o = V t (the paper), or after an entry ramp of length L, T = 3 L/(2 V): s_o = V T (x^2 - x^3/3), x = t/T."""
 
-    kind: Literal["constant_speed"] = described("[-] law of travel", "constant_speed")
-    speed: Positive = described("[m/s] V")
-    entry_ramp: Positive | None = described("[m] L, over which the mass comes to its speed", None)
+    kind: Literal["constant_speed"] = described_field("[-] law of travel", "constant_speed")
+    speed: Positive = described_field("[m/s] V")
+    entry_ramp: Positive | None = described_field("[m] L, over which the mass comes to its speed", None)
 
     def own_fault(self, distance: float) -> str:
         if self.entry_ramp is not None and self.entry_ramp >= distance:
@@ -127,9 +136,9 @@ class ConstantSpeed(Law):
 class ConstantAcceleration(Law):
     """s_o = V_o t + a t^2/2 up to the far support."""
 
-    kind: Literal["constant_acceleration"] = described("[-] law of travel", "constant_acceleration")
-    acceleration: Real = described("[m/s2] a")
-    initial_speed: NonNegative = described("[m/s] V_o", 0.0)
+    kind: Literal["constant_acceleration"] = described_field("[-] law of travel", "constant_acceleration")
+    acceleration: Real = described_field("[m/s2] a")
+    initial_speed: NonNegative = described_field("[m/s] V_o", 0.0)
 
     def own_fault(self, distance: float) -> str:
         """What is wrong with the fields of this law over a distance [m]; empty if nothing is."""
@@ -156,16 +165,16 @@ class ConstantAcceleration(Law):
 class AccelerateCruiseBrake(Law):
     """The paper's law (40), each part over a third of the distance."""
 
-    kind: Literal["accelerate_cruise_brake"] = described(
+    kind: Literal["accelerate_cruise_brake"] = described_field(
         "[-] law of travel: the paper's (40), a third of the way each; `trapezoid` takes accelerations",
         "accelerate_cruise_brake",
     )
-    top_speed: Positive = described("[m/s] V_max")
+    top_speed: Positive = described_field("[m/s] V_max")
 
     def motion_over(self, distance: float) -> Motion:
         """a = 3 V^2/(2 l), durations 2l/3V, l/3V, 2l/3V."""
         a = 1.5 * self.top_speed**2 / distance
-        return _ramped(self.top_speed, (a, a), None, distance)
+        return _ramped_motion(self.top_speed, (a, a), None, distance)
 
     paces: ClassVar = {"top_speed": 1}
 
@@ -176,14 +185,16 @@ class Trapezoid(Law):
     Over a short distance the top speed is lower.
     """
 
-    kind: Literal["trapezoid"] = described("[-] law of travel", "trapezoid")
-    top_speed: Positive = described("[m/s] largest speed")
-    acceleration: Positive = described("[m/s2] at the start")
-    deceleration: Positive = described("[m/s2] at the end")
-    jerk: Positive | None = described(
+    kind: Literal["trapezoid"] = described_field("[-] law of travel", "trapezoid")
+    top_speed: Positive = described_field("[m/s] largest speed")
+    acceleration: Positive = described_field("[m/s2] at the start")
+    deceleration: Positive = described_field("[m/s2] at the end")
+    jerk: Positive | None = described_field(
         "[m/s3] largest change of the acceleration; without it the acceleration jumps", None
     )
-    to: Positive | None = described("[m] position along the cable where the mass comes to rest; default the end", None)
+    to: Positive | None = described_field(
+        "[m] position along the cable where the mass comes to rest; default the end", None
+    )
 
     def own_fault(self, distance: float) -> str:
         return "" if distance > 0.0 else f"to = {self.to!r}: must be beyond the start of the travel"
@@ -197,8 +208,8 @@ class Trapezoid(Law):
             return _ramps_distance(V, ramps, self.jerk) - distance
 
         if excess(V) > 0.0:
-            V = bisected(excess, 0.0, V)
-        return _ramped(V, ramps, self.jerk, distance)
+            V = bisect_zero(excess, 0.0, V)
+        return _ramped_motion(V, ramps, self.jerk, distance)
 
     paces: ClassVar = {"top_speed": 1, "acceleration": 2, "deceleration": 2, "jerk": 3}
 
@@ -207,7 +218,7 @@ def _one_phase(duration: float, pieces: list[Piece], end: float) -> Motion:
     return Motion(((0.0, duration),), (tuple(pieces),), end)
 
 
-def _ramp(V: float, a: float, jerk: float | None) -> tuple[float, float]:
+def _ramp_times(V: float, a: float, jerk: float | None) -> tuple[float, float]:
     """Times in which the acceleration changes, and stays, from 0 to V."""
     if jerk is None:
         return 0.0, V / a
@@ -219,14 +230,14 @@ def _ramp(V: float, a: float, jerk: float | None) -> tuple[float, float]:
 
 def _ramps_distance(V: float, ramps: tuple[float, float], jerk: float | None) -> float:
     """Distance over which both ramps run."""
-    return sum(0.5 * V * sum(_ramp(V, a, jerk)) for a in ramps)
+    return sum(0.5 * V * sum(_ramp_times(V, a, jerk)) for a in ramps)
 
 
-def _ramped(V: float, ramps: tuple[float, float], jerk: float | None, distance: float) -> Motion:
+def _ramped_motion(V: float, ramps: tuple[float, float], jerk: float | None, distance: float) -> Motion:
     """From rest to V, cruise, and to rest, by the largest accelerations of both ramps."""
     steps = []  # duration, acceleration at its start, jerk
     for sign, a in zip((1.0, -1.0), ramps, strict=True):
-        rise, hold = _ramp(V, a, jerk)
+        rise, hold = _ramp_times(V, a, jerk)
         j = sign * (jerk or 0.0)
         peak = sign * a if jerk is None else 0.5 * rise * j
         steps += [(0.5 * rise, 0.0, j), (hold, peak, 0.0), (0.5 * rise, peak, -j)]
@@ -255,9 +266,9 @@ class Table(Law):
     The car is at rest before and after a standstill. The travel may end before the far support.
     """
 
-    kind: Literal["table"] = described("[-] law of travel", "table")
-    times: Numbers = described("[s] from 0, strictly increasing")
-    positions: Numbers = described(
+    kind: Literal["table"] = described_field("[-] law of travel", "table")
+    times: Numbers = described_field("[s] from 0, strictly increasing")
+    positions: Numbers = described_field(
         "[m] distance along the cable, from 0, never decreasing; equal ones are a standstill"
     )
 

@@ -19,7 +19,7 @@ import pytest
 from cablefem import catenary_line
 from cablefem.scene import Scene, SceneError
 from cablefem.scene.line import Line
-from cablefem.scene.moving import moving
+from cablefem.scene.moving import line_in_motion
 from validation import cli, run
 from validation.commands.sweep import engine, job
 from validation.commands.sweep.page import sections
@@ -361,7 +361,7 @@ def test_lines_of_the_study_move_and_take_their_fault():
     keys = set()
     for number in (0, 1, 2, 3, 60, 61, 62, 63, 64, 65, 69):
         line, key = study.case({"case": number})
-        assert moving(line, catenary_line.solve).cars
+        assert line_in_motion(line, catenary_line.solve).cars
         assert (key is None) is (number < 60)
         if key is not None:
             keys.add(key.split(".")[-1])

@@ -9,7 +9,7 @@ from scipy.optimize import newton
 
 from cablefem import Scene, SceneError
 from cablefem.elements.following import FollowingElements
-from cablefem.scene.motion import at_rest
+from cablefem.scene.motion import rest_motion
 from galerkin.riding import RidingSystem
 from tests.runs import STEEP, tangent_defect
 from tests.validation.ladders import ladder
@@ -190,7 +190,7 @@ def test_both_wings_come_to_the_damped_modes_of_a_shallow_cable(make):
         sigma = part * BARE.sigma
         g = replace(
             BARE, mu=0.0, sigma=sigma, c=0.5 * sigma, alpha=BARE.alpha / part**2, internal_damping=1e-2,
-            motion=at_rest(0.43, 1.0),
+            motion=rest_motion(0.43, 1.0),
         )  # fmt: skip
         off.append(abs(modes_of(make(g), 1)[0] - exact))
     assert off[0] < 1e-2

@@ -5,7 +5,7 @@ import pytest
 
 from cablefem import Scene
 from cablefem.scene import ConstantSpeed
-from cablefem.scene.statics import gripped
+from cablefem.scene.statics import gripped_rest
 from tests.runs import observe, stack
 from validation.core.methods import find
 from validation.core.running import Run
@@ -31,7 +31,7 @@ def test_a_car_let_in_on_the_way_begins_at_rest_on_the_loaded_cable(name, method
     system = kind.build(g, kind.settings_on(g, settings), model="full", load="mass", law="elastic")
     x = system.start(0, None)
     seen = observe(system, stack([x]))
-    exact = gripped(place, g)
+    exact = gripped_rest(place, g)
     w = exact.place[0] - np.array(g.shape(place))
     v = exact.along[0] * g.motion.at(0.0, 0)[1]
     assert np.linalg.norm(seen.path[0] - w) < tol * np.linalg.norm(w)

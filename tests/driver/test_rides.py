@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 
 from cablefem import Scene
-from cablefem.scene.statics import gripped, hauled
+from cablefem.scene.statics import gripped_rest, hauled_rest
 from tests.scene.test_ride import ZIP as RIDER
 from validation import run
 
@@ -106,7 +106,7 @@ def test_a_heavy_car_on_a_light_rope_begins_at_its_stable_rest(method, mode, EA,
         mass={"mass": mass}, drive={"mode": mode, "rolling_friction": 0.02, "start": start},
         travel=None if mode == "free" else {"kind": "constant_acceleration", "acceleration": 0.1},
     )  # fmt: skip
-    rest = (gripped if mode == "free" else hauled)(start / scene.length, scene.groups)
+    rest = (gripped_rest if mode == "free" else hauled_rest)(start / scene.length, scene.groups)
     r = run(scene, method, until=1e-6 + start / scene.length, **WINGS[method])
     np.testing.assert_allclose([r.x[0], r.y[0]], rest.place[0] * scene.length, rtol=0.0, atol=0.005)
 
@@ -131,7 +131,7 @@ def test_a_rope_holds_a_tramway_car_and_overcomes_its_friction_before_it_moves(m
     change = {"drive.start": place * TRAMWAY.length, "travel.top_speed": 0.1, "drive.rolling_friction": friction}
     scene = TRAMWAY.replace(change)
     r = run(scene, method, until=place + 1e-4, steps=200, **WINGS[method])
-    H, exact = scene.horizontal_tension, hauled(place, scene.groups)
+    H, exact = scene.horizontal_tension, hauled_rest(place, scene.groups)
     weight = scene.mass.mass * scene.gravity
     assert r.F_haul[0] == pytest.approx(exact.haul[0] * H, abs=2e-4 * weight)
     ends = [r.T_behind[0], r.T_ahead[0]]
@@ -150,7 +150,7 @@ def test_a_hauled_car_costs_what_its_rope_gives_less_drag_and_friction(method):
     scene = Scene.from_toml(f'{text}[drive]\nmode = "haul"\nrolling_friction = 0.02\ndrag_area = 12.0\n')
     r = run(scene, method, steps=300, **WINGS[method])
     at, h = r.s_o[0] / r.length, 1e-4
-    near = [hauled(x, scene.groups).place[0] for x in (at - h, at + h)]
+    near = [hauled_rest(x, scene.groups).place[0] for x in (at - h, at + h)]
     speed = np.gradient(r.s_o, r.t)[0]
     np.testing.assert_allclose(r.velocity[0], speed * (near[1] - near[0]) / (2.0 * h), rtol=5e-3)
     inside = r.t < 0.9 * r.t[-1]

@@ -11,7 +11,7 @@ from cablefem.elements.fixed import FixedElements
 from cablefem.elements.observing import observe_cable
 from cablefem.elements.rolling import RollingElements, following
 from cablefem.newmark import Newton, State, Work, collocate, integrate, iterate, scheme, step_times
-from cablefem.scene.statics import gripped
+from cablefem.scene.statics import gripped_rest
 from tests.runs import LEVEL, stack
 from validation import run
 from validation.oracles import ellipse
@@ -132,7 +132,7 @@ def test_under_a_car_of_a_thousand_cables_weight_the_cable_rests_without_folds(s
     system = RollingElements(groups, elements=elements)
     q = system.start(0, None).q
     place = np.ravel(groups.shape(0.2)) + q[2 * system.node : 2 * system.node + 2]
-    np.testing.assert_allclose(place, gripped(0.2, groups).place[0], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(place, gripped_rest(0.2, groups).place[0], rtol=0, atol=1e-6)
 
 
 # --- rides --------------------------------------------------------------------------------------------------------
@@ -146,7 +146,7 @@ def test_a_rest_next_to_a_support_is_found_to_rounding_on_short_elements():
     groups = replace(scene.groups, mu=3.0, drive=drive, motion=None)
     system = RollingElements(groups, elements=200)
     system.start(0, None)
-    assert abs(system.hold - gripped(5e-4, groups).hold[0]) < 1e-6 * groups.mu * groups.sigma
+    assert abs(system.hold - gripped_rest(5e-4, groups).hold[0]) < 1e-6 * groups.mu * groups.sigma
 
 
 @pytest.mark.parametrize("method", ["radau", "gauss"])

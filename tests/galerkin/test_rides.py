@@ -12,7 +12,7 @@ from cablefem.newmark import Newton, NewtonStalled, Work, integrate, scheme, ste
 from cablefem.newmark.newmark_rule import NewmarkRule
 from cablefem.scene import ConstantSpeed
 from cablefem.scene.drive import Drive
-from cablefem.scene.statics import gripped
+from cablefem.scene.statics import gripped_rest
 from galerkin import Daubechies, Fourier, GalerkinSystem, PositionAbscissa, RollingSystem
 from tests.galerkin.test_equations import DAMPED, STEEP, random_state
 from tests.runs import LEVEL, observe, stack
@@ -87,7 +87,7 @@ def test_the_tangent_of_a_step(mode, rubs):
 def test_a_short_side_that_sines_do_not_resolve():
     """What holds the car there is known from the catenary of two pieces."""
     groups = replace(LEVEL, drive=Drive(mode="free", start=0.02, end_time=1.0))
-    system, hold = RollingSystem(groups, Fourier(30)), gripped(0.02, groups).hold[0]
+    system, hold = RollingSystem(groups, Fourier(30)), gripped_rest(0.02, groups).hold[0]
     system.start(0, None)
     assert abs(system.hold - hold) < 5e-5 * abs(hold)
 

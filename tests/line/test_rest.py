@@ -9,7 +9,7 @@ from cablefem import catenary_line
 from cablefem.elements import line as elements
 from cablefem.scene import Cable, Scene, SceneError, Supports
 from cablefem.scene.line import Line, LineState, NoLine
-from cablefem.scene.statics import gripped
+from cablefem.scene.statics import gripped_rest
 from tests.line.lines import ASTER, SPRUNG, THREE, TRAMWAY, WEIGHED, car, changed, line
 from validation.commands.oracles.study import Task
 from validation.commands.run.line import answers
@@ -51,7 +51,7 @@ def test_seilaplan(solve):
         k = next(k for k, p in enumerate(state.case.stations) if p.is_car)
         (x, y), ends = state.place[k], state.place[[k - 1, k + 1]]
         assert y - np.interp(x, *ends.T) == pytest.approx(sag[i], abs=0.0051)
-    assert rest.positions[2].tensions[0, 1] == pytest.approx(133154.0, abs=0.5)
+    assert rest.positions[2].station_tensions[0, 1] == pytest.approx(133154.0, abs=0.5)
 
 
 def test_deepest_point_of_a_field():
@@ -86,8 +86,8 @@ def test_a_rope_that_leaves_over_the_pulley_takes_the_energy_of_its_weight_along
     case = line(*WEIGHED).case(0, None)
     forgotten = replace(case.stations[-1], force=5e5 + case.weight * case.stations[-1].y)
     state, right = elements.solve([replace(case, stations=(*case.stations[:-1], forgotten)), case])
-    assert right.tensions[-1, 0] == pytest.approx(5e5, rel=1e-11)
-    assert np.abs(state.tensions - right.tensions)[-1, 0] / 5e5 > 0.02
+    assert right.station_tensions[-1, 0] == pytest.approx(5e5, rel=1e-11)
+    assert np.abs(state.station_tensions - right.station_tensions)[-1, 0] / 5e5 > 0.02
 
 
 @pytest.mark.parametrize(
@@ -167,13 +167,13 @@ def test_one_span_is_the_statics_of_a_scene_but_for_the_strain():
             cable=Cable(mass_per_length=9.0, EA=EA, horizontal_tension=4e5), supports=Supports(span=500.0, drop=60.0)
         )
         mu = 3000.0 / (scene.rho * scene.length)
-        rest = gripped(0.4, replace(scene.groups, mu=mu))
+        rest = gripped_rest(0.4, replace(scene.groups, mu=mu))
         (x, y), N = rest.place[0] * scene.length, float(rest.ahead[0]) * scene.horizontal_tension
         tension = {"at": "left", "value": float(scene.catenary.tension(0.0))}
         rope = {"mass_per_length": 9.0, "EA": EA, "tension": tension}
         ends = ({"name": "left", "kind": "anchor", "at": [0, 0]}, {"name": "right", "kind": "anchor", "at": [500, 60]})
         state = one((rope, *ends, car("car", 3000.0, float(x), hauled=False)), catenary_line.solve)
-        apart = max(abs(state.place[1, 1] - y) / y, abs(state.tensions[1, 1] - N) / N)
+        apart = max(abs(state.place[1, 1] - y) / y, abs(state.station_tensions[1, 1] - N) / N)
         assert apart < 2.0 * N / EA
 
 

@@ -10,7 +10,7 @@ from cablefem.motion import LineMotion
 from cablefem.newmark import State, System, integrate_blocks, scheme, step_times
 from cablefem.scene.contacts import Car, Contact, Elastic, MovingLine
 from cablefem.scene.drive import Drive
-from cablefem.scene.motion import at_rest
+from cablefem.scene.motion import rest_motion
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def spring(x: float, y: float, **more: Any) -> Contact:
 
 def car(name: str, mass: float, travel: Any, mode: str = "grip", along: Any = "s", **drive: Any) -> Car:
     """A car with a travel, or standing at a number."""
-    travel = at_rest(travel, 1e3) if isinstance(travel, float) else travel
+    travel = rest_motion(travel, 1e3) if isinstance(travel, float) else travel
     return Car(name=name, mass=mass, travel=travel, drive=Drive(mode=mode, **drive), along=along)
 
 

@@ -13,7 +13,7 @@ from cablefem.newmark import State, Work, integrate, scheme, step_times
 from cablefem.scene.bodies import Hanger, Wheels
 from cablefem.scene.contacts import Car
 from cablefem.scene.drive import Drive
-from cablefem.scene.motion import at_rest
+from cablefem.scene.motion import rest_motion
 from galerkin.lines import LineSines
 from tests.motion.lines import LEFT, Smooth, anchor, line, run
 from tests.motion.test_sines import frequencies
@@ -53,7 +53,7 @@ def resting(system):
     ],
 )  # fmt: skip
 def test_a_trolley_at_rest(s, rope, centre, pitch, rear, haul, tension, loads):
-    x = resting(LineSines(tram(at_rest(s, 1e3), **rope), 20))
+    x = resting(LineSines(tram(rest_motion(s, 1e3), **rope), 20))
     car = x.cars[0]
     body = car.turning
     np.testing.assert_allclose(body.centre[0], centre, atol=2e-8)
@@ -96,7 +96,7 @@ def test_a_trolley_pitches_on_a_straight_rope():
     for rho, pitch in ((8.0, (3.0462985308, 6.0920141939, 9.1364901995)), (0.008, (38.7691492271,))):
         rope = {"mass_per_length": rho, "EA": EA, "length": l / (1.0 + N / EA)}
         front = (0.5 * (l + b)) / (1.0 + N / EA)
-        car = Car(name="sled", mass=500.0, wheels=Wheels(base=b, inertia=400.0), travel=at_rest(front, 1e3))
+        car = Car(name="sled", mass=500.0, wheels=Wheels(base=b, inertia=400.0), travel=rest_motion(front, 1e3))
         shown = frequencies(line(rope, LEFT, car, anchor("right", l, 0.0), gravity=1e-7), 12)
         for w in pitch:
             assert np.abs(shown / w - 1.0).min() < 1e-7
@@ -124,7 +124,7 @@ def test_a_cabin_under_constant_acceleration_swings_twice_as_far_as_it_hangs_bac
 def test_a_cabin_swings_with_the_carriage_that_grips_the_middle_of_a_rope():
     l, M, m, h, g, EA = 300.0, 300.0, 700.0, 4.0, 9.81, 1e8
     cabin = Hanger(mass=m, length=h, gyration=1.5)
-    car = Car(name="cabin", mass=M + m, hanger=cabin, travel=at_rest(0.5 * l, 1e3))
+    car = Car(name="cabin", mass=M + m, hanger=cabin, travel=rest_motion(0.5 * l, 1e3))
     chord = 299.5
 
     def pull(th):
@@ -176,7 +176,7 @@ def test_a_short_base_leaves_a_point_with_its_known_error():
 
     def depth(**body):
         front = 0.5 * (length + body["wheels"].base * length / 400.0) if body else 0.5 * length
-        car = Car(name="sled", mass=m, travel=at_rest(front, 1e3), drive=Drive(mode="haul"), **body)
+        car = Car(name="sled", mass=m, travel=rest_motion(front, 1e3), drive=Drive(mode="haul"), **body)
         of = resting(LineSines(level(car, length, 400.0), 4)).cars[0]
         return of.turning.centre[0, 1] if body else of.point[0, 1]
 

@@ -6,8 +6,8 @@ import pytest
 from cablefem.elements.line import solve
 from cablefem.scene import Scene, SceneError
 from cablefem.scene.line import Line
-from cablefem.scene.moving import moving
-from cablefem.scene.short import line_of
+from cablefem.scene.moving import line_in_motion
+from cablefem.scene.short import line_or_none
 from tests.motion.lines import LEFT, RIGHT, ROPE, car, line
 
 TEXT = """
@@ -40,7 +40,7 @@ travel = {kind = "trapezoid", top_speed = 7.0, acceleration = 0.5, deceleration 
 
 
 def test_a_file_of_a_line_in_motion():
-    found = moving(Line.from_toml(TEXT), solve)
+    found = line_in_motion(Line.from_toml(TEXT), solve)
     assert [c.name for c in found.contacts] == ["valley", "up", "tower", "down", "mountain"]
     up, down = found.cars
     assert (up.kind, down.kind) == ("grip", "haul_x")
@@ -59,7 +59,7 @@ def test_two_wheels_and_a_cabin_from_a_file():
     text = TEXT.replace("mass = 6000.0", f"mass = 6000.0\n{WHEELS}").replace(
         "mass = 4500.0", f"mass = 5500.0\n{HANGER}"
     )
-    found = moving(Line.from_toml(text), solve)
+    found = line_in_motion(Line.from_toml(text), solve)
     up, down = found.cars
     assert [x.name for x in found.touching] == ["valley", "up.rear", "up.front", "tower", "down", "mountain"]
     assert (up.wheels.base, up.wheels.below, up.wheels.ahead) == (4.0, 3.0, 0.2)
@@ -90,7 +90,7 @@ def test_two_wheels_and_a_cabin_from_a_file():
 )  # fmt: skip
 def test_a_fault_of_a_file_is_one_sentence(old, new, says):
     with pytest.raises(SceneError, match=says) as error:
-        moving(Line.from_toml(TEXT.replace(old, new, 1)), solve)
+        line_in_motion(Line.from_toml(TEXT.replace(old, new, 1)), solve)
     assert len(error.value.faults) == 1
 
 
@@ -137,17 +137,17 @@ hitch = [0.0, -2.0]
 
 def test_one_span_whose_car_has_two_wheels_is_a_line_with_the_same_cable(tmp_path):
     (tmp_path / "span.toml").write_text(SPAN)
-    found = line_of(tmp_path / "span.toml")
+    found = line_or_none(tmp_path / "span.toml")
     point = SPAN.replace("wheels", "#").replace("hitch", "#")
     empty, same = found.empty(solve), Scene.from_toml(point)
     assert empty.s[-1] * found.cable.mass_per_length == pytest.approx(13.3 * same.length)
     assert np.abs(empty.ahead[0, 0]) == pytest.approx(450e3, rel=1e-5)
-    assert [x.name for x in moving(found, solve).touching] == ["left", "car.rear", "car.front", "right"]
+    assert [x.name for x in line_in_motion(found, solve).touching] == ["left", "car.rear", "car.front", "right"]
     on_platform = found.replace({"car.car.travel.from": 4.5})
     with pytest.raises(SceneError, match=r"begins with its front wheel at 4.5 m; must be >= 5.\d+ m"):
-        moving(on_platform, solve)
+        line_in_motion(on_platform, solve)
     (tmp_path / "span.toml").write_text(point)
-    assert line_of(tmp_path / "span.toml") is None
+    assert line_or_none(tmp_path / "span.toml") is None
 
 
 def test_what_takes_no_line_says_so():

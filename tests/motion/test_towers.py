@@ -10,7 +10,7 @@ from scipy.integrate import cumulative_trapezoid
 from cablefem.catenary_line import solve
 from cablefem.scene.errors import SceneError
 from cablefem.scene.line import Line
-from cablefem.scene.moving import moving
+from cablefem.scene.moving import line_in_motion
 from tests.motion.lines import OVER
 from validation.commands.check.motion import judged, laws
 from validation.commands.run.motion import ELEMENTS, SINES, Runs, answer_of
@@ -132,5 +132,5 @@ SECOND = OVER[OVER.index("[[car]]") :].replace('"car"', '"next"').replace("130.0
 )
 def test_what_cannot_run_over_a_shoe_is_refused(text, says):
     with pytest.raises(SceneError, match=says) as error:
-        moving(Line.from_toml(text), solve)
+        line_in_motion(Line.from_toml(text), solve)
     assert len(error.value.faults) == 1

@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
 from cablefem import Scene
-from cablefem.scene.statics import gripped
+from cablefem.scene.statics import gripped_rest
 from validation.oracles import ellipse, incline, rest, rocket, wave_drag
 
 
@@ -138,10 +138,10 @@ def test_beside_a_car_at_rest_the_cable_slopes_alike_on_both_sides():
     g = scene.groups
     at = rest.rest_position(g)
     assert at == pytest.approx(0.784932735, abs=1e-9)
-    r = gripped(at, g)
+    r = gripped_rest(at, g)
     down = r.left[0, 1] - g.sigma * at
     assert down == pytest.approx(0.5 * g.mu * g.sigma, rel=1e-9)
-    assert abs(gripped(at + 1e-4, g).hold[0]) > 1e-7
+    assert abs(gripped_rest(at + 1e-4, g).hold[0]) > 1e-7
     with pytest.raises(ValueError, match="different signs"):
         rest.rest_position(g, 0.1, 0.2)
 

@@ -127,14 +127,14 @@ def test_every_digit_of_a_taut_and_of_a_deep_cable(slope, z):
 @pytest.mark.parametrize("drop", [0.0, 730.0, -1900.0])
 def test_the_ends_of_the_admissible_ranges_are_admissible_and_nothing_beyond(drop):
     span, weight = 1100.0, 5.2
-    taut, deep = (Catenary.from_z(span, drop, weight, z) for z in (Z_MIN, Z_MAX))
+    taut, deep = (Catenary.from_sag_parameter(span, drop, weight, z) for z in (Z_MIN, Z_MAX))
     for make, low, high in (
         (Catenary.from_length, taut.chord * (1.0 + 1e-12), deep.length),
         (Catenary.from_sag, taut.sag, deep.sag),
     ):
         for value in (low, high):
-            assert Z_MIN * 0.999 < make(span, drop, weight, value).z < Z_MAX * 1.001
+            assert Z_MIN * 0.999 < make(span, drop, weight, value).sag_parameter < Z_MAX * 1.001
         for value in (0.999 * low, 1.001 * high, math.nan, -1.0):
             with pytest.raises(ValueError, match=r"one sign|chord|domain|positive"):
                 make(span, drop, weight, value)
-    assert (deep.z, taut.z) == pytest.approx((Z_MAX, Z_MIN))
+    assert (deep.sag_parameter, taut.sag_parameter) == pytest.approx((Z_MAX, Z_MIN))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from cablefem import Scene, SceneError
 from cablefem.scene import Cable
-from cablefem.scene.keys import keys
+from cablefem.scene.keys import list_keys
 
 GOOD = """
 gravity = 3.7
@@ -267,7 +267,7 @@ KNOWN = ["constant_acceleration", "table", 1e-12, 1e15, 1e-3, 320.0, [0.0, 1.0, 
 PLAIN = st.floats() | st.integers() | st.booleans() | st.text(max_size=5) | st.none() | st.sampled_from(KNOWN)
 VALUES = PLAIN | st.lists(PLAIN, max_size=4) | st.dictionaries(st.text(max_size=5), PLAIN, max_size=2)
 TABLES = {
-    table: [key.name.split(".")[1] for key in keys(Scene) if key.name.startswith(f"{table}.")]
+    table: [key.name.split(".")[1] for key in list_keys(Scene) if key.name.startswith(f"{table}.")]
     for table in ("cable", "supports", "mass", "travel", "drive")
 }
 

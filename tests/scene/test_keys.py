@@ -6,7 +6,7 @@ import pytest
 
 from cablefem import Scene, SceneError
 from cablefem.scene import ConstantSpeed
-from cablefem.scene.keys import keys, schema
+from cablefem.scene.keys import json_schema, list_keys
 from cablefem.scene.line import Line
 from tests.scene.test_faults import GOOD, TRAVEL, faults
 from tests.scene.test_timetables import OBSTACLES
@@ -16,8 +16,8 @@ FREE = GOOD.replace(f"[travel]\n{TRAVEL}", '[drive]\nmode = "free"\n')
 
 @pytest.mark.parametrize("part", [Scene, Line])
 def test_every_key_has_a_unit_a_meaning_and_a_range(part):
-    found = {(key.name, key.kind): key for key in keys(part)}
-    assert len(found) == len(list(keys(part)))
+    found = {(key.name, key.kind): key for key in list_keys(part)}
+    assert len(found) == len(list(list_keys(part)))
     for key in found.values():
         assert key.unit, key
         assert key.admits, key
@@ -25,7 +25,7 @@ def test_every_key_has_a_unit_a_meaning_and_a_range(part):
 
 
 def test_keys_are_those_that_scenes_read():
-    found = {key.name: key for key in keys(Scene)}
+    found = {key.name: key for key in list_keys(Scene)}
     assert (found["cable.EA"].unit, found["cable.EA"].default) == ("N", "-")
     assert (found["drive.air_density"].default, found["wind.drag_coefficient"].default) == ("1.2", "1.2")
     assert (found["cable.damping"].unit, found["cable.damping"].default) == ("-", "0.0")
@@ -40,7 +40,7 @@ def test_keys_are_those_that_scenes_read():
 def test_a_printed_key_is_taken_by_replace():
     scene = Scene.from_toml(FREE + "brake = [{from = 280.0, force = 300.0}]" + OBSTACLES)
     for name in ("mass.mass", "drive.brake.0.force", "obstacle.0.top", "supports.drop"):
-        assert name in {key.name for key in keys(Scene)}
+        assert name in {key.name for key in list_keys(Scene)}
         assert scene.replace({name: 31.5}) != scene
     with pytest.raises(SceneError, match=r"write drive.brake.0.force"):
         scene.replace({"drive.brake.force": 400.0})
@@ -72,7 +72,7 @@ def broken(value, rule, where="", known=None):
 
 @pytest.mark.parametrize("name", Scene.library())
 def test_built_in_scenes_keep_the_schema(name):
-    assert broken(tomllib.loads(Scene.library_text(name)), schema(Scene)) == []
+    assert broken(tomllib.loads(Scene.library_text(name)), json_schema(Scene)) == []
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_built_in_scenes_keep_the_schema(name):
 )
 def test_the_schema_sees_what_the_scene_refuses(old, new, where):
     text = GOOD.replace(old, new)
-    assert where in broken(tomllib.loads(text), schema(Scene))
+    assert where in broken(tomllib.loads(text), json_schema(Scene))
     with pytest.raises(SceneError):
         Scene.from_toml(text)
 

@@ -12,8 +12,8 @@ from scipy.interpolate import CubicSpline
 from cablefem import Scene
 from cablefem.scene import Drive, Groups, LoadPath
 from cablefem.scene.catenary import static
-from cablefem.scene.ride import ride
-from cablefem.scene.statics import gripped, hauled
+from cablefem.scene.ride import roll_ride
+from cablefem.scene.statics import gripped_rest, hauled_rest
 from tests.scene.test_scene import choices
 from validation.oracles.rest import ZIP as ROPE
 
@@ -56,8 +56,8 @@ def test_who_reaches_a_brake_slowly_is_stopped_by_it(tension):
 def test_the_cable_at_rest_ends_at_its_supports_and_carries_the_car(choice):
     """Put into its own equation: dr/ds = lam n/N from the left support with the tension that was found."""
     g = Scene.from_groups(**choice).groups
-    s_o, l, ends, mu_r = 0.37, gripped(0.37, g), np.stack(g.shape(1.0)), 0.07
-    for r in (l, hauled(s_o, replace(g, drive=replace(g.drive, mu_r=mu_r)))):
+    s_o, l, ends, mu_r = 0.37, gripped_rest(0.37, g), np.stack(g.shape(1.0)), 0.07
+    for r in (l, hauled_rest(s_o, replace(g, drive=replace(g.drive, mu_r=mu_r)))):
 
         def slope(s, y, r=r):
             n = r.left[0] - [0.0, g.sigma * s] + (r.jump[0] if s > s_o else 0.0)
@@ -81,14 +81,14 @@ def test_the_cable_at_rest_ends_at_its_supports_and_carries_the_car(choice):
 def test_derivatives_of_the_load_path_are_those_of_its_places():
     g = Scene.from_toml(ZIP).groups
     s, h = np.linspace(0.02, 0.98, 7), 1e-5
-    here, there, back = gripped(s, g), gripped(s + h, g), gripped(s - h, g)
+    here, there, back = gripped_rest(s, g), gripped_rest(s + h, g), gripped_rest(s - h, g)
     np.testing.assert_allclose((there.place - back.place) / (2 * h), here.along, atol=1e-9)
     np.testing.assert_allclose((there.along - back.along) / (2 * h), here.bend, atol=1e-8)
     # the force that holds the car is the slope of the energy of cable and car
     x, w = np.polynomial.legendre.leggauss(60)
 
     def energy(s_o):
-        r = gripped(s_o, g)
+        r = gripped_rest(s_o, g)
         total = -g.mu * g.sigma * r.place[0, 1]
         for a, b, jump in ((0.0, s_o, 0.0 * r.jump[0]), (s_o, 1.0, r.jump[0])):
             p = a + 0.5 * (b - a) * (1.0 + x)
@@ -110,7 +110,7 @@ def test_a_quasi_static_ride_keeps_its_energy(factor):
     """mu |P'|^2 ds^2/2 + int Pi' ds stays; with a holding force 2 percent off (must fail) it does not."""
     g = Scene.from_toml(ZIP).groups
     path = LoadPath.loaded(g)
-    r = ride(path, g.mu, g.sigma, Drive(mode="free", start=0.05, end_position=0.9, end_time=30.0))
+    r = roll_ride(path, g.mu, g.sigma, Drive(mode="free", start=0.05, end_position=0.9, end_time=30.0))
     t = np.linspace(0.0, r.duration, 400)
     s = np.linspace(0.04, 0.91, 4001)
     hold = factor * np.array([path(x)[4] for x in s])
@@ -145,7 +145,7 @@ def test_drag_on_the_chord():
     path = LoadPath.chord(FLAT)
     px, py, *_, p = path(0.5)
     k, mu, start = 1.5, FLAT.mu, 0.1
-    r = ride(path, mu, FLAT.sigma, Drive(mode="free", start=start, k=k, end_time=15.0))
+    r = roll_ride(path, mu, FLAT.sigma, Drive(mode="free", start=start, k=k, end_time=15.0))
     terminal = math.sqrt(mu * FLAT.sigma * py / p / k)
     t = np.linspace(0.3, 15.0, 9)
     distance = mu / k * np.log(np.cosh(t * terminal * k / mu))
@@ -156,7 +156,7 @@ def test_drag_on_the_chord():
 
 def test_wind_drives_a_car_up_to_its_own_speed():
     level = Groups(mu=0.3, alpha=400.0, sigma=1e-5, c=0.5e-5, chord_cos=1.0, chord_sin=0.0, motion=None)
-    r = ride(LoadPath.chord(level), 0.3, 1e-5, Drive(mode="free", start=0.1, k=2.0, wind=0.05, end_time=15.0))
+    r = roll_ride(LoadPath.chord(level), 0.3, 1e-5, Drive(mode="free", start=0.1, k=2.0, wind=0.05, end_time=15.0))
     t = 11.0  # v' = k/mu (w - v)^2
     assert r.speed(t) == pytest.approx(0.05 - 1.0 / (1.0 / 0.05 + 2.0 / 0.3 * t), rel=1e-8)
 
@@ -168,7 +168,7 @@ def test_friction_and_brake_on_the_chord():
     mu_r, force, at = 0.07, 0.004, 0.5
     brakes = (at, 0.25 * force), (at + 0.1, 0.75 * force)
     drive = Drive(mode="free", start=0.1, mu_r=mu_r, brakes=brakes, end_time=1e3)
-    r = ride(path, FLAT.mu, FLAT.sigma, drive)
+    r = roll_ride(path, FLAT.mu, FLAT.sigma, drive)
     a = FLAT.sigma * (sin - mu_r * cos)
     first, second, stop = r.events
     assert (first.event, second.event, stop.event) == ("brake", "brake", "stop")
@@ -184,10 +184,10 @@ def test_a_car_that_friction_holds_stays_until_thrust_moves_it():
     path = LoadPath.chord(FLAT)
     _, py, *_, p = path(0.5)
     held, most = Drive(mode="free", start=0.1, mu_r=0.3, end_time=50.0), 0.002
-    (stop,) = ride(path, FLAT.mu, FLAT.sigma, held).events
+    (stop,) = roll_ride(path, FLAT.mu, FLAT.sigma, held).events
     assert (stop.event, stop.t, stop.s_o) == ("stop", 0.0, 0.1)
     pushed = replace(held, thrust_table=((2.0, 0.0), (12.0, most), (12.5, most)))
-    r = ride(path, FLAT.mu, FLAT.sigma, pushed)
+    r = roll_ride(path, FLAT.mu, FLAT.sigma, pushed)
     weight, sin = FLAT.mu * FLAT.sigma, py / p
     missing = 0.3 * weight * math.sqrt(1.0 - sin**2) - weight * sin
     assert r.sections[0][1] == pytest.approx(2.0 + 10.0 * missing / most, rel=1e-9)
@@ -198,7 +198,7 @@ def test_a_car_that_friction_holds_stays_until_thrust_moves_it():
 def test_a_slow_release_starts_the_ride_slowly():
     path, start = LoadPath.chord(FLAT), 0.1
     drive = Drive(mode="free", start=start, release=2.0, end_time=9.0)
-    r = ride(path, FLAT.mu, FLAT.sigma, drive)
+    r = roll_ride(path, FLAT.mu, FLAT.sigma, drive)
     a = FLAT.sigma * path(start)[1] / path(start)[5]
     # dds = a (1 - hold); int int (1 - x)^2 (1 + 2x) = tau^2 (7/20), int hold = tau/2
     t = 7.0

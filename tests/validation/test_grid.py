@@ -2,7 +2,7 @@
 
 import pytest
 
-from cablefem.scene.described import put
+from cablefem.scene.described import set_dotted_key
 from validation.core import grid
 
 
@@ -42,16 +42,16 @@ def test_several_keys_make_a_grid():
 
 def test_values_go_where_the_key_says():
     data = {"mass": {"mass": 80.0}, "contact": [{"name": "valley", "tension": 3e5}, {"name": "tower"}]}
-    put(data, "mass.mass", "-5%")
-    put(data, "contact.valley.tension", 4e5)
-    put(data, "contact.1.shoe", 6.0)
-    put(data, "drive.wind", -3.0)
+    set_dotted_key(data, "mass.mass", "-5%")
+    set_dotted_key(data, "contact.valley.tension", 4e5)
+    set_dotted_key(data, "contact.1.shoe", 6.0)
+    set_dotted_key(data, "drive.wind", -3.0)
     assert data == {
         "mass": {"mass": 76.0}, "contact": [{"name": "valley", "tension": 4e5}, {"name": "tower", "shoe": 6.0}],
         "drive": {"wind": -3.0},
     }  # fmt: skip
     for key in ("contact.peak.tension", "mass.mass.mass"):
         with pytest.raises(ValueError, match=r"no table|no such entry"):
-            put(data, key, 1.0)
+            set_dotted_key(data, key, 1.0)
     with pytest.raises(ValueError, match="does not give"):
-        put(data, "cable.EA", "+1%")
+        set_dotted_key(data, "cable.EA", "+1%")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from cablefem.scene.statics import hauled
+from cablefem.scene.statics import hauled_rest
 from tests.scene.test_ride import ZIP
 from validation import check
 from validation.core.agreement import Verdict, overall
@@ -37,7 +37,7 @@ def test_sines_tell_by_how_much_they_miss_the_start_of_a_car_close_to_its_suppor
         travel={"kind": "accelerate_cruise_brake", "top_speed": 7.0},
     )  # fmt: skip
     ladder = run_with_error_bars(scene, "fourier-kink", terms=32, steps=120, until=0.1)
-    rest = hauled(0.01, scene.groups).place[0] * scene.length
+    rest = hauled_rest(0.01, scene.groups).place[0] * scene.length
     off = np.abs([ladder.finest.x[0], ladder.finest.y[0]] - rest) / ladder.finest.max_deflection
     coarse = ladder.space.runs[0]
     assert abs(coarse.y[0] - ladder.finest.y[0]) / ladder.finest.max_deflection < off[1] / 5.0

@@ -9,7 +9,7 @@ from typing import Any
 
 from cablefem.newmark import SCHEMES
 from cablefem.scene import Groups
-from cablefem.scene.errors import nearest, shown
+from cablefem.scene.errors import did_you_mean, short_text
 from validation.core.solver import Solver
 
 
@@ -23,7 +23,9 @@ class Setting:
         """The value in the default's type; ValueError outside the allowed range."""
         if isinstance(self.default, str):
             if value not in self.allowed:
-                raise ValueError(f"{name} = {shown(value)}: unknown.{nearest(str(value), map(str, self.allowed))}")
+                raise ValueError(
+                    f"{name} = {short_text(value)}: unknown.{did_you_mean(str(value), map(str, self.allowed))}"
+                )
             return value
         kind = type(self.default)
         try:
@@ -153,7 +155,7 @@ class Method:
         for name, value in changes.items():
             try:
                 if name not in self.knobs:
-                    raise ValueError(f"{self.name} has no setting {name!r}.{nearest(name, self.knobs)}")
+                    raise ValueError(f"{self.name} has no setting {name!r}.{did_you_mean(name, self.knobs)}")
                 out[name] = self.knobs[name].check(name, value)
             except ValueError as fault:
                 faults.append(str(fault))
@@ -309,7 +311,7 @@ def find(name: str) -> Method:
         return METHODS[name]
     others = installed()
     if name not in others:
-        raise ValueError(f"unknown method {name!r}.{nearest(str(name), [*METHODS, *others])}")
+        raise ValueError(f"unknown method {name!r}.{did_you_mean(str(name), [*METHODS, *others])}")
     return others[name]
 
 

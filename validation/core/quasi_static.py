@@ -21,7 +21,7 @@ import numpy as np
 from cablefem.response import Array, Observation, Once, Response
 from cablefem.scene import Groups, Scene
 from cablefem.scene.catenary import shape, static
-from cablefem.scene.statics import Rest, gripped, hauled, nodes
+from cablefem.scene.statics import Rest, gripped_rest, hauled_rest, load_path_nodes
 from validation.core.sampling import OBSERVED, STATIONS, frame_times, in_si, path_in_si
 
 ROWS = 1001
@@ -151,8 +151,8 @@ class Statics:
         from scipy.interpolate import CubicSpline  # slow to import
 
         self._groups = groups
-        at_rest = hauled if groups.drive.mode == "haul" else gripped
-        r = rest or at_rest(nodes(NEAREST if groups.drive.mode == "grip" else None), groups)
+        at_rest = hauled_rest if groups.drive.mode == "haul" else gripped_rest
+        r = rest or at_rest(load_path_nodes(NEAREST if groups.drive.mode == "grip" else None), groups)
         force = r.hold + r.haul * (_mean_tangent(r) * r.along).sum(1)  # that drives the car along s_o (n,)
         columns = {name: getattr(r, name).reshape(r.s.size, -1) for name in Rest.__dataclass_fields__ if name != "s"}
         ends = np.cumsum([x.shape[1] for x in columns.values()])

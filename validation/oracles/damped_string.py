@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from cablefem.scene.motion import at_rest
+from cablefem.scene.motion import rest_motion
 from validation.oracles import irvine
 from validation.oracles.case import BARE, BEST, MU, SIGMA, Array, Case, Law, Modes, Solvers, level
 from validation.oracles.moving_force import green
@@ -62,7 +62,7 @@ def cases() -> list[Case]:
         why = "the kink runs away from the node or hat it starts on"
 
         def defect(solvers: Solvers, method: str, settings: dict[str, Any]) -> Array:
-            t, y = solvers.plucked(method, replace(level(at_rest(p, END)), damping=0.8), p, END, **settings)
+            t, y = solvers.plucked(method, replace(level(rest_motion(p, END)), damping=0.8), p, END, **settings)
             return (y - plucked(t, P=P, p=p, c=c_exact)) / (P * p * (1.0 - p))
 
         return Law(name=name, defect=defect, falls=1.0, because=why, **kind)

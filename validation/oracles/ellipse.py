@@ -137,7 +137,7 @@ def _mean(t: Array, values: Array, over: Array) -> Array:
     return ((np.interp(high, t, sums) - np.interp(low, t, sums)) / over)[within]
 
 
-def _swing(solvers: Solvers, method: str, mu: float) -> Any:
+def _period_error(solvers: Solvers, method: str, mu: float) -> Any:
     start = 0.49
     omega = math.sqrt(BEAD.g * BEAD.b) / 0.5
     r = _ride(solvers, method, line(1e5, mu, start, 5.5 * math.pi / omega))
@@ -164,6 +164,6 @@ def cases() -> list[Limit]:
         stiff(name=light + "tension over the largest, at any time", values=four[:3], falls=1.0,
               because="it rings on, whatever EA", deviation=raw, expected="disagree"),
         Limit(name="small swings on a stiff light cable: frequency", refined="mu", values=(10.0, 100.0, 1000.0),
-              falls=1.0, because="the cable's own weight counts like one over the car's", deviation=_swing,
+              falls=1.0, because="the cable's own weight counts like one over the car's", deviation=_period_error,
               methods=RIDERS),
     ]  # fmt: skip

@@ -82,8 +82,8 @@ def _off(state: LineState, name: str, right: float) -> float:
     station, what = name.split()
     k = [p.name for p in state.case.stations].index(station)
     lengths = {"s": state.s, "y": state.place[:, 1], "middle": np.append(state.middle[:, 1], np.nan)}
-    forces = {"behind": state.tensions[:, 0], "ahead": state.tensions[:, 1], "haul": state.haul}
-    scale = np.ptp(state.place[:, 0]) if what in lengths else np.nanmax(state.tensions)
+    forces = {"behind": state.station_tensions[:, 0], "ahead": state.station_tensions[:, 1], "haul": state.haul}
+    scale = np.ptp(state.place[:, 0]) if what in lengths else np.nanmax(state.station_tensions)
     return ((lengths | forces)[what][k] - right) / scale
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from cablefem.scene import Scene
-from cablefem.scene.ride import LoadPath, Ride, ride
+from cablefem.scene.ride import LoadPath, Ride, roll_ride
 from validation.oracles.case import RIDERS, Limit, Solvers, hung
 from validation.oracles.rest import ZIP
 
@@ -24,7 +24,7 @@ Curve = Callable[[Any], LoadPath]
 
 def rolled(scene: Scene, curve: Curve = LoadPath.loaded) -> Ride:
     g = scene.groups
-    return ride(curve(g), g.mu, g.sigma, g.drive)
+    return roll_ride(curve(g), g.mu, g.sigma, g.drive)
 
 
 def _deviation(solvers: Solvers, method: str, drag: float) -> Any:

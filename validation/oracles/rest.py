@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from cablefem.scene import Groups, Scene
-from cablefem.scene.statics import Rest, gripped
+from cablefem.scene.statics import Rest, gripped_rest
 from validation.oracles.case import RIDERS, Array, Law, Solvers, ridden
 
 ZIP = """
@@ -38,7 +38,7 @@ TENTH = 0.1  # s_o of a held car
 
 
 def rest_position(groups: Groups, low: float = 0.05, high: float = 0.95) -> float:
-    return float(brentq(lambda s: gripped(s, groups).hold[0], low, high, xtol=1e-14))
+    return float(brentq(lambda s: gripped_rest(s, groups).hold[0], low, high, xtol=1e-14))
 
 
 def balance(at: Rest) -> float:
@@ -70,9 +70,9 @@ def _held() -> list[Law]:
         answer, scale = (hold, holds) if force else (position, 1.0)
         return lambda solvers, method, settings: (answer(solvers, method, settings) - exact) / scale
 
-    holds = each(lambda g: gripped(TENTH, g).hold[0])
+    holds = each(lambda g: gripped_rest(TENTH, g).hold[0])
     positions = each(rest_position)
-    balanced = each(lambda g: balance(gripped(TENTH, g)))
+    balanced = each(lambda g: balance(gripped_rest(TENTH, g)))
     # wrong on purpose: on the empty cable's shape
     weights = each(lambda g: -g.mu * g.sigma * g.static(TENTH)[2])
     lowest = each(lambda g: g.c / g.sigma)
@@ -99,7 +99,7 @@ def cases() -> list[Law]:
     """Comparisons with the solvers, wrong ones among them."""
     start = 30.0
     scene = Scene.from_toml(ZIP + f"start = {start}\nrelease = 5.0\nend = {{time = 0.02}}")
-    exact = gripped(start / scene.length, scene.groups)
+    exact = gripped_rest(start / scene.length, scene.groups)
     l = scene.length
     H = scene.horizontal_tension
     x, y = exact.place[0] * l

@@ -40,12 +40,12 @@ def piece(H: float, P: float, S: float, q: float, EA: float) -> np.ndarray:
 def elastic_catenary(span: float, drop: float, S: float, weight: float, EA: float) -> tuple[float, float]:
     """(H, P) at the left support; S [m], weight [N]."""
 
-    def off(x: np.ndarray) -> np.ndarray:
+    def end_gap(x: np.ndarray) -> np.ndarray:
         return (piece(math.exp(x[0]), x[1] * weight, S, weight / S, EA) - [span, drop]) / span
 
     start = [math.log(weight), 0.5 + drop / span]
-    found, _, ok, message = fsolve(off, start, xtol=1e-14, full_output=True)
-    if ok != 1 and np.abs(off(found)).max() > 1e-13:
+    found, _, ok, message = fsolve(end_gap, start, xtol=1e-14, full_output=True)
+    if ok != 1 and np.abs(end_gap(found)).max() > 1e-13:
         raise ArithmeticError(message)
     return math.exp(found[0]), found[1] * weight
 
@@ -93,11 +93,11 @@ def held(EA: float) -> tuple[Scene, np.ndarray, np.ndarray]:
     H, P = elastic_catenary(span, drop, S, weight, EA)
     at = brentq(lambda x: stretched_length(H, P, x, q * x, EA) - START, 0.5 * START, START, xtol=1e-12)
 
-    def off(x: np.ndarray) -> np.ndarray:
+    def end_gap(x: np.ndarray) -> np.ndarray:
         h, p = x * weight
         return (piece(h, p, at, q, EA) + piece(h, p - q * at - car, S - at, q, EA) - ends) / ends[0]
 
-    h, p = fsolve(off, [1.3 * H / weight, (P + 0.7 * car) / weight], xtol=1e-12) * weight
+    h, p = fsolve(end_gap, [1.3 * H / weight, (P + 0.7 * car) / weight], xtol=1e-12) * weight
     return scene, piece(h, p, at, q, EA), piece(H, P, at, q, EA)
 
 

@@ -63,10 +63,10 @@ def scene_named(name: str, faults: Sequence[str] = (), *, travelling: bool = Fal
 def line_named(name: str) -> Line | None:
     """The line of that name; None if it is a scene; Refused with its faults."""
     from cablefem.scene import SceneError
-    from cablefem.scene.short import line_of
+    from cablefem.scene.short import line_or_none
 
     try:
-        return line_of(name)
+        return line_or_none(name)
     except SceneError as error:
         raise store.Refused([f"{name}: {fault}" for fault in error.faults]) from None
 
@@ -168,11 +168,11 @@ def points_of(scene: Scene | Line, pairs: list[str] | None, cases: list[str] | N
 
 def _of_case(name: str, scene: Scene | Line) -> dict[str, Any]:
     """Changes of a scene by a load case; Refused for one that is unknown."""
-    from cablefem.scene.errors import nearest
+    from cablefem.scene.errors import did_you_mean
     from cablefem.scene.limits import CASES
 
     if name not in CASES:
-        raise store.Refused(f"--case {name}: unknown.{nearest(name, CASES)}")
+        raise store.Refused(f"--case {name}: unknown.{did_you_mean(name, CASES)}")
     return CASES[name]["set"] | {"title": f"{scene.title}: {CASES[name]['says']}"}
 
 
@@ -180,11 +180,11 @@ def _undotted(settings: Mapping[str, Any], part: type[Any]) -> list[str]:
     """Faults of names that no method has as a setting, but the scene as a key with its dot."""
     if not settings:
         return []
-    from cablefem.scene.keys import hint
+    from cablefem.scene.keys import key_hint
     from validation.core.methods import METHODS
 
     knobs = {name for method in METHODS.values() for name in method.knobs}
-    hints = {name: hint(name, part) for name in settings if name not in knobs}
+    hints = {name: key_hint(name, part) for name in settings if name not in knobs}
     return [f"--set {name}: keys of the scene have a dot; {text}" for name, text in hints.items() if text]
 
 

@@ -28,7 +28,7 @@ from scipy.ndimage import uniform_filter1d
 
 from cablefem.response import Response, write_json
 from cablefem.scene import LoadPath, Scene
-from cablefem.scene.ride import ride
+from cablefem.scene.ride import roll_ride
 from validation.core import store
 from validation.core.ladder import Goal, Ladder
 from validation.core.measures import JUMP_WIDTH, NotComparable, series_gap, tension_gap
@@ -219,7 +219,7 @@ def _quasi_static_rungs(scene: Scene, full: Response) -> Iterator[Rung]:
     tau = scene.time_scale
     for model, kind in (("chord", LoadPath.chord), ("empty cable", LoadPath.empty), ("quasi-static", LoadPath.loaded)):
         begin = time.perf_counter()
-        rolled = ride(kind(g), g.mu, g.sigma, g.drive)
+        rolled = roll_ride(kind(g), g.mu, g.sigma, g.drive)
         seconds = time.perf_counter() - begin
         gaps = dict.fromkeys(OF["free"], math.inf)
         if model == "quasi-static":

@@ -12,7 +12,7 @@ from cablefem import newmark
 from cablefem.newmark import State, Work
 from cablefem.response import Array, Response
 from cablefem.scene import Scene
-from cablefem.scene.statics import gripped, hauled
+from cablefem.scene.statics import gripped_rest, hauled_rest
 from validation.commands.modes.study import modes
 from validation.core import measures
 from validation.core.agreement import Agreement, Bound, Part, no_bound
@@ -50,7 +50,7 @@ def _rest(scene: Scene, a: Ladder) -> Agreement | None:
         return None
     r = a.run
     l = scene.length
-    statics = (hauled if r.drive == "haul" else gripped)([r.s_o[0] / l], scene.groups)
+    statics = (hauled_rest if r.drive == "haul" else gripped_rest)([r.s_o[0] / l], scene.groups)
     at = statics.place[0] * l
 
     def off(x: Response) -> float:

@@ -73,7 +73,7 @@ class Both:
         """Metres and newtons."""
         reach = float(np.ptp(self.a.empty.place[:, 0]))
         EA = self.a.empty.case.EA
-        tension = max(float(np.nanmax(state.tensions)) for state in self.a.states.values())
+        tension = max(float(np.nanmax(state.station_tensions)) for state in self.a.states.values())
         return Unit("m", ROUNDING * reach, tol), Unit("N", ROUNDING * EA, tol_tension * tension)
 
 
@@ -89,8 +89,8 @@ def quantities(state: LineState) -> dict[str, tuple[Array, list[str]]]:
         "rope_place": (state.middle, pieces),
         "s": (state.s, np.flatnonzero(np.isnan(case.fixed_s))),
         "rope_length": (length, np.array([n - 1])),
-        "tension_behind": (state.tensions[:, 0], pieces + 1),
-        "tension_ahead": (state.tensions[:, 1], pieces),
+        "tension_behind": (state.station_tensions[:, 0], pieces + 1),
+        "tension_ahead": (state.station_tensions[:, 1], pieces),
         "haul": (state.haul, np.flatnonzero(kinds == "hauled")),
         "pressure": (state.pressure, np.flatnonzero(kinds == "saddle")),
     }

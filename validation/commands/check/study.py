@@ -11,7 +11,7 @@ from typing import Any
 
 from cablefem.response import Flag, Response, write_json, write_text
 from cablefem.scene import Scene
-from cablefem.scene.errors import nearest, shown
+from cablefem.scene.errors import did_you_mean, short_text
 from validation.core import foreign, limits, measures, verification
 from validation.core.agreement import DEFAULT_TOL, TOL_HIGH, TOL_LOW, Agreement, Verdict, check_range, overall
 from validation.core.answers import outcome
@@ -140,7 +140,7 @@ def check(
     check_range("tol", tol, TOL_LOW, TOL_HIGH)
     check_range("tol_tension", tol_tension, 1e-6, 1.0)
     if ask not in ASKED:
-        raise ValueError(f"ask = {shown(ask)}: unknown.{nearest(str(ask), ASKED)}")
+        raise ValueError(f"ask = {short_text(ask)}: unknown.{did_you_mean(str(ask), ASKED)}")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     sides = _sides((scene, second or scene), methods or pair(scene.groups), tol, until)
     (first, other), rows = _judged(scene, sides, tol, tol_tension, ask, progress)

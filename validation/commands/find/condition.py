@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from cablefem.scene.errors import nearest
+from cablefem.scene.errors import did_you_mean
 from validation.core.limits import MET, columns
 from validation.core.scene_data import si_factor
 from validation.core.store import Refused
@@ -132,4 +132,4 @@ def refuse_unknown(clauses: Sequence[Clause], answers: Sequence[Answer]) -> None
     )
     for clause in clauses:
         if clause.sign and clause.name not in names | set(known) and names:
-            raise Refused(f"--so-that {clause.text}: unknown name.{nearest(clause.name, known)}")
+            raise Refused(f"--so-that {clause.text}: unknown name.{did_you_mean(clause.name, known)}")

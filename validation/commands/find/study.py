@@ -14,9 +14,9 @@ from typing import Any
 
 from cablefem.response import write_json
 from cablefem.scene import Scene, SceneError
-from cablefem.scene.keys import keys as keys_of
+from cablefem.scene.keys import list_keys as keys_of
 from cablefem.scene.line import Line
-from cablefem.scene.short import line_of
+from cablefem.scene.short import line_or_none
 from validation.commands.find.condition import Answer, Clause, parse_condition, refuse_unknown
 from validation.core import store
 from validation.core.quantities import with_bar
@@ -149,7 +149,7 @@ def find(
     Ctrl-C raises Interrupted, whose `found` has what was computed.
     find("zipline", {"mass.mass": (40.0, 200.0)}, so_that="arrival.speed <= 16 km/h")
     """
-    scene = of if isinstance(of, Scene | Line) else line_of(of) or Scene.load(of)
+    scene = of if isinstance(of, Scene | Line) else line_or_none(of) or Scene.load(of)
     ((key, (low, high)),) = keys.items()
     if not low < high:
         raise Refused(f"{key} = {low:g}:{high:g}: LOW must be below HIGH")

@@ -20,7 +20,7 @@ from cablefem.newmark.equilibrium import equilibrium
 from cablefem.response import Array, Response, write_json
 from cablefem.scene import Drive, Groups, Scene
 from cablefem.scene.line import Line, LineRest
-from cablefem.scene.motion import at_rest
+from cablefem.scene.motion import rest_motion
 from validation import oracles
 from validation.commands.modes.study import cable_frequencies
 from validation.core import store
@@ -213,7 +213,7 @@ class _Solvers:
 
     def damped_modes(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Any:
         """Matrices of the linear model column by column, then its quadratic eigenvalues i w."""
-        system = _built(name, replace(groups, mu=0.0, motion=at_rest(0.4, 1.0)), model, settings)
+        system = _built(name, replace(groups, mu=0.0, motion=rest_motion(0.4, 1.0)), model, settings)
         n = system.n_dof
         unit = np.eye(n)
         none = np.zeros((n, n))
@@ -232,7 +232,7 @@ class _Solvers:
 
     def plucked(self, name: str, groups: Groups, p: float, end: float, **settings: Any) -> tuple[Array, Array]:
         """Release a straight string that the weight of groups holds at p; return t, and w at p."""
-        groups = replace(groups, motion=at_rest(p, end))
+        groups = replace(groups, motion=rest_motion(p, end))
         loaded = _built(name, groups, "straight", settings)
         free = _built(name, replace(groups, mu=0.0), "straight", settings)
         rest = equilibrium(loaded)

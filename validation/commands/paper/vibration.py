@@ -9,7 +9,7 @@ from cablefem import newmark
 from cablefem.newmark import Newton, Scheme, State, consistent_acceleration
 from cablefem.response import Array
 from cablefem.scene import Groups
-from cablefem.scene.motion import at_rest
+from cablefem.scene.motion import rest_motion
 from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
 from validation.commands.paper.runs import SETTINGS
@@ -23,7 +23,7 @@ def free_vibration_energy(
 
     Above the hanging cable's.  speed : at the start, of one sine of `terms`.
     """
-    system = GalerkinSystem(replace(groups, mu=0.0, motion=at_rest(0.5, dt * steps)), Fourier(terms))
+    system = GalerkinSystem(replace(groups, mu=0.0, motion=rest_motion(0.5, dt * steps)), Fourier(terms))
     v = np.zeros(system.n_dof)
     v[terms + sine - 1] = speed
     states = [consistent_acceleration(system, 0.0, np.zeros_like(v), v, 0)]

@@ -39,7 +39,7 @@ def command(
     Writes DIR/METHOD/: path.csv, tension.csv, profile.csv, summary.json, response.npz, and for ParaView response.xdmf
     with its data, response.h5, and mass.xdmf. Beside it report.html. A grid writes table.csv and report.html.
     """
-    from cablefem.scene.errors import nearest, shown
+    from cablefem.scene.errors import did_you_mean, short_text
 
     kind = {"model": model, "load": load, "law": law}
     if (line := options.line_named(scene)) is not None:
@@ -52,7 +52,7 @@ def command(
         given = options.points_of(options.limited(line, limits), set_, case)
         return answer("run", given, out, (motion if line.moves else at_rest).answers, require)
     faults = [
-        f"--{option} = {shown(given)}: unknown.{nearest(given, CHOICES[option])}"
+        f"--{option} = {short_text(given)}: unknown.{did_you_mean(given, CHOICES[option])}"
         for option, given in kind.items() if given not in CHOICES[option]
     ]  # fmt: skip
     faults += options.tol_faults(tol)

@@ -46,12 +46,12 @@ def _numbers(rest: LineRest, i: int) -> Row:
         out |= _at_contact(rest, i, j, index)
     for a, b in itertools.pairwise(line.contact):
         out[f"sag:{a.name} to {b.name}"] = catenary_line.sag(state, index[a.name], index[b.name])
-    out["tension_max"] = float(np.nanmax(state.tensions))
+    out["tension_max"] = float(np.nanmax(state.station_tensions))
     out["tension_min"] = catenary_line.min_tension(state)
     if line.cable.breaking_load is not None:
         out["safety_factor"] = line.cable.breaking_load / out["tension_max"]
     for o in line.obstacle:
-        out[f"clearance_rope:{o.name}"] = o.top - float(catenary_line.at(state, np.array([o.at]))[0][0])
+        out[f"clearance_rope:{o.name}"] = o.top - float(catenary_line.depth_and_tension(state, np.array([o.at]))[0][0])
     if line.ground:
         out["clearance_rope:ground"] = catenary_line.clearance(state, np.array(line.ground))
     return {name: None if isinstance(x, float) and not math.isfinite(x) else x for name, x in out.items()}
@@ -62,7 +62,7 @@ def _at_car(rest: LineRest, i: int, car: Car) -> Row:
     state = rest.states[i]
     x = line.place(car, i)
     shoe = line.shoe(x)
-    forces = {"tension_behind": state.tensions[:, 0], "tension_ahead": state.tensions[:, 1]}
+    forces = {"tension_behind": state.station_tensions[:, 0], "tension_ahead": state.station_tensions[:, 1]}
     if car.hauled:
         forces["haul"] = state.haul
     if shoe is None:
@@ -99,7 +99,7 @@ def _at_contact(rest: LineRest, i: int, j: int, index: dict[str, int]) -> Row:
     contact = rest.line.contact[j]
     name = contact.name
     k = index[contact.name]
-    out = {f"tension:{name}": float(np.nanmax(state.tensions[k]))}
+    out = {f"tension:{name}": float(np.nanmax(state.station_tensions[k]))}
     if contact.kind == "saddle":
         across, down = state.pressure[k].tolist()
         cars = sum(car.mass for car in line.car if line.shoe(line.place(car, i)) is contact) * line.gravity
@@ -179,10 +179,11 @@ def _extreme_of(name: str, word: str) -> str:
 def envelope(rest: LineRest) -> dict[str, Array]:
     """Columns of profile.csv: the empty rope, and the extremes of depth and tension over all positions."""
     x = np.linspace(0.0, rest.line.contact[-1].at[0], STATIONS)
-    curves = [catenary_line.at(state, x) for state in rest.states.values()]
+    curves = [catenary_line.depth_and_tension(state, x) for state in rest.states.values()]
     y, T = (np.array([curve[part] for curve in curves]) for part in (0, 1))  # (positions, STATIONS)
     return {
-        "x": x, "y_rest": catenary_line.at(rest.empty, x)[0], "y_highest": y.min(axis=0), "y_lowest": y.max(axis=0),
+        "x": x, "y_rest": catenary_line.depth_and_tension(rest.empty, x)[0],
+        "y_highest": y.min(axis=0), "y_lowest": y.max(axis=0),
         "tension_max": T.max(axis=0), "tension_min": T.min(axis=0),
     }  # fmt: skip
 
@@ -252,7 +253,9 @@ class Answers(LineAnswers):
         at_rest = list(self.rest.states)
         # the ropes of some positions are drawn
         drawn = [at_rest[k] for k in np.unique(np.linspace(0, len(at_rest) - 1, 7).round().astype(int))]
-        depths = {str(i + 1): catenary_line.at(self.rest.states[i], profile["x"])[0].tolist() for i in drawn}
+        depths = {
+            str(i + 1): catenary_line.depth_and_tension(self.rest.states[i], profile["x"])[0].tolist() for i in drawn
+        }
         ropes = {"profile": {name: values.tolist() for name, values in profile.items()}, "depths": depths}
         write_json(folder / "ropes.json", store.plain(ropes))
 

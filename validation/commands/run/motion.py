@@ -13,12 +13,12 @@ import numpy as np
 
 from cablefem import catenary_line
 from cablefem.elements.system import LineElements
-from cablefem.motion import CarMotion, ContactMotion, LineMotion, joined
+from cablefem.motion import CarMotion, ContactMotion, LineMotion, join_motions
 from cablefem.newmark import State, StepFailure, Work, integrate_blocks, scheme
 from cablefem.response import Array, write_csv, write_json, write_text
 from cablefem.scene.contacts import MovingLine
 from cablefem.scene.line import Line, LineState
-from cablefem.scene.moving import moving
+from cablefem.scene.moving import line_in_motion
 from galerkin.lines import LineSines
 from validation.commands.run.lines import LineAnswers
 from validation.core import motion_laws, store
@@ -112,12 +112,12 @@ class Runs:
         self.method = method
         self.table = line
         empty = line.empty(catenary_line.solve)
-        self.line = moving(line, catenary_line.solve)
+        self.line = line_in_motion(line, catenary_line.solve)
         rope = self.line.rope
         self.length = rope.length or float(np.ptp(empty.s)) * (1.0 + line.cable.warmer)
         self.period = 2.0 * self.length * math.sqrt(rope.mass_per_length / rope.EA)
         total = self.line.t_end
-        N = float(np.nanmax(empty.tensions))
+        N = float(np.nanmax(empty.station_tensions))
         pitches = [pitch_period(car.wheels, car.mass, N) for car in self.line.cars if car.wheels is not None]
         # a car that pitches sends waves along the rope, which damp it: a rope too coarse for them lets it ring
         longest_span = float(np.diff(empty.s).max()) * (1.0 + line.cable.warmer)
@@ -176,7 +176,7 @@ class Runs:
             steps = [np.union1d(t, finer[(finer > t[0]) & (finer < t[-1])]) for t in grid]
         return Moved(
             method=self.method.name, settings={self.method.setting: n, "steps": sum(t.size - 1 for t in grid)},
-            motion=with_loads(joined(parts), self.table, self.line, run),
+            motion=with_loads(join_motions(parts), self.table, self.line, run),
             events=tuple((e.name, e.t) for e in work.events), reason=part.reason,
             period=self.period, instants=self.instants, n_dof=n_dof, steps=work.steps,
         )  # fmt: skip
@@ -284,7 +284,7 @@ class Answers(LineAnswers):
         write_csv(folder / "contacts.csv", ",".join(header), np.stack(values, axis=1))
         places = np.linspace(0.0, line.contact[-1].at[0], STATIONS)
         depths = rope_depths(chain(motion), places)  # (n, STATIONS)
-        rest = catenary_line.at(self.empty, places)[0]
+        rest = catenary_line.depth_and_tension(self.empty, places)[0]
         profile = np.stack([places, rest, depths.min(axis=0), depths.max(axis=0)], axis=1)
         write_csv(folder / "profile.csv", "x,y_rest,y_highest,y_lowest", profile)
         frames = np.unique(np.searchsorted(motion.t, np.linspace(motion.t[0], motion.t[-1], FRAMES)))
@@ -351,5 +351,5 @@ def at_rest_points(empty: LineState, s: Array) -> Array:
         here = k == i
         lengths = (inner[here] - empty.s[i])[None]
         pulls = np.broadcast_to(empty.ahead[i][None, :, None], (1, 2, lengths.size))
-        out[here] = empty.place[i] + catenary_line.across(pulls, lengths, empty.case)[0].T
+        out[here] = empty.place[i] + catenary_line.piece_chords(pulls, lengths, empty.case)[0].T
     return out

@@ -7,7 +7,7 @@ from typing import Any
 
 from cablefem.response import Once, Response
 from cablefem.scene import Scene
-from cablefem.scene.errors import nearest, shown
+from cablefem.scene.errors import did_you_mean, short_text
 from validation.commands.run import CHOICES, QUASI_STATIC
 from validation.core import limits, recomputed
 from validation.core.agreement import TOL_HIGH, TOL_LOW, Verdict
@@ -102,7 +102,7 @@ def faults(
 ) -> list[str]:  # fmt: skip
     """Why a method does not run a scene so: model, load and law (`kind`), its settings, the path's tolerance."""
     found = [
-        f"{name} = {shown(given)}: unknown.{nearest(given, CHOICES[name])}"
+        f"{name} = {short_text(given)}: unknown.{did_you_mean(given, CHOICES[name])}"
         for name, given in kind.items() if given not in CHOICES[name] or given == QUASI_STATIC
     ]  # fmt: skip
     if tol is not None:

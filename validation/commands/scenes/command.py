@@ -86,14 +86,14 @@ def _line_speed_text(line: "Line") -> str:
 
 def _print_keys() -> int:
     from cablefem.scene import Scene
-    from cablefem.scene.keys import keys
+    from cablefem.scene.keys import list_keys
     from cablefem.scene.line import Line
 
     for title, part in (("one span, in motion", Scene), ("a line of several contacts, at rest or in motion", Line)):
         terminal.say(f"{title}:")
         rows = [
             [key.name, key.unit, f"{key.kind}: {key.meaning}" if key.kind else key.meaning, key.default, key.brief]
-            for key in keys(part)
+            for key in list_keys(part)
         ]
         terminal.table(["key", "unit", "meaning", "default", "range"], rows)
     return 0
@@ -123,8 +123,8 @@ def _print_schema() -> int:
     import json
 
     from cablefem.scene import Scene
-    from cablefem.scene.keys import schema
+    from cablefem.scene.keys import json_schema
     from cablefem.scene.line import Line
 
-    print(json.dumps(schema(Scene, Line), indent=2))
+    print(json.dumps(json_schema(Scene, Line), indent=2))
     return 0

@@ -6,8 +6,8 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from cablefem.scene.errors import SceneError, shown
-from cablefem.scene.fields import Admits, Part, Real, Switch, integer
+from cablefem.scene.errors import SceneError, short_text
+from cablefem.scene.fields import Admits, Part, Real, Switch, integer_between
 
 MAX_POINTS = 10_000_000
 
@@ -59,7 +59,7 @@ class Range(Part):
 class Steps(Range):
     """So many values over a range, its ends included."""
 
-    count: Annotated[int, integer(2, MAX_POINTS)]
+    count: Annotated[int, integer_between(2, MAX_POINTS)]
 
     @property
     def values(self) -> tuple[float, ...]:  # type: ignore[override]
@@ -81,7 +81,7 @@ def _parse_axes(kind: type[Range], data: Any) -> dict[str, Axis]:
         except SceneError as error:
             faults += [f"{name}.{fault}" for fault in error.faults]
         except TypeError:
-            faults.append(f"{name} = {shown(axis)}: must be a list, or a table with choices, or with from and to")
+            faults.append(f"{name} = {short_text(axis)}: must be a list, or a table with choices, or with from and to")
     if faults:
         raise SceneError(faults)
     return axes

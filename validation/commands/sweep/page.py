@@ -15,7 +15,7 @@ from markupsafe import Markup
 from pandas import qcut
 
 from cablefem.scene import Scene
-from cablefem.scene.keys import keys
+from cablefem.scene.keys import list_keys
 from validation.commands.sweep.engine import read_rows
 from validation.commands.sweep.job import BROKEN, DESIGN
 from validation.commands.sweep.study import Study
@@ -126,7 +126,7 @@ def _draw_outcomes(rows: Any, axes: list[str], logs: set[str]) -> Markup:
 def _unit_by_name() -> dict[str, str]:
     """Unit of each axis and each number."""
     groups = store.shipped(__package__, "keys.toml")["groups"]
-    return {key.name: key.unit for key in keys(Scene)} | {name: unit for name, (unit, _) in groups.items()}
+    return {key.name: key.unit for key in list_keys(Scene)} | {name: unit for name, (unit, _) in groups.items()}
 
 
 def _with_unit(name: str) -> str:

@@ -14,9 +14,9 @@ import tomli_w
 from pydantic import AfterValidator, Field, PlainValidator, PrivateAttr
 
 from cablefem.scene import Scene, SceneError
-from cablefem.scene.drive import of_mode
-from cablefem.scene.errors import nearest, shown
-from cablefem.scene.fields import OneLine, Part, between, integer
+from cablefem.scene.drive import drive_keys_of_mode
+from cablefem.scene.errors import did_you_mean, short_text
+from cablefem.scene.fields import OneLine, Part, integer_between, number_between
 from cablefem.scene.line import Line
 from validation.commands.sweep import families
 from validation.commands.sweep.axes import MAX_POINTS, Axis, grid, ranges
@@ -32,7 +32,7 @@ def _known_method(method: str) -> str:
     """The name of a method that there is."""
     names = [*METHODS, *installed()]
     if method not in names:
-        raise ValueError(f"unknown.{nearest(method, names)}")
+        raise ValueError(f"unknown.{did_you_mean(method, names)}")
     return method
 
 
@@ -40,16 +40,16 @@ class Sample(Part):
     """Points of a design of experiments."""
 
     kind: Literal["sobol", "latin_hypercube", "random"] = "sobol"
-    count: Annotated[int, integer(1, MAX_POINTS)]
-    seed: Annotated[int, integer(0, 2**32 - 1)] = 0
+    count: Annotated[int, integer_between(1, MAX_POINTS)]
+    seed: Annotated[int, integer_between(0, 2**32 - 1)] = 0
     range: Annotated[dict[str, Axis], PlainValidator(ranges)]
 
 
 class Truth(Part):
     """Which runs are compared with finer ones."""
 
-    every: Annotated[int, integer(1, 1000)]  # every n-th scene
-    finer: Annotated[int, integer(1, 1000)]  # so many times, in space and in time
+    every: Annotated[int, integer_between(1, 1000)]  # every n-th scene
+    finer: Annotated[int, integer_between(1, 1000)]  # so many times, in space and in time
 
 
 class Study(Part):
@@ -60,8 +60,8 @@ class Study(Part):
     job: Literal["run", "check", "advise", "power"] = "run"
     method: Annotated[str, AfterValidator(_known_method)] | None = None  # None: the cheapest that will do
     settings: dict[str, Any] = Field(default_factory=dict)  # of the method; of job power `families.scene_case`
-    tol: Annotated[float, between(1e-6, 0.2)] | None = None
-    seconds: Annotated[float, between(0.1, 86_400.0)] = 120.0  # a scene may take
+    tol: Annotated[float, number_between(1e-6, 0.2)] | None = None
+    seconds: Annotated[float, number_between(0.1, 86_400.0)] = 120.0  # a scene may take
     vary: Annotated[dict[str, Axis], PlainValidator(grid)] | None = None  # the full grid of all axes
     sample: Sample | None = None
     truth: Truth | None = None
@@ -76,8 +76,8 @@ class Study(Part):
         except tomllib.TOMLDecodeError as error:
             raise Refused(f"{name_or_path}: not valid TOML: {error}") from None
         except (OSError, UnicodeDecodeError):
-            hint = nearest(str(name_or_path), built_in_studies())
-            fault = f"study = {shown(str(name_or_path))}: no built-in study, no readable file.{hint}"
+            hint = did_you_mean(str(name_or_path), built_in_studies())
+            fault = f"study = {short_text(str(name_or_path))}: no built-in study, no readable file.{hint}"
             raise Refused(fault) from None
 
     @classmethod
@@ -106,7 +106,7 @@ class Study(Part):
             faults += self._axis_faults(name, axis)
         named = {*self.axes, *self.how({})}
         needed = ["tol", "case"] if self.job == "power" else ["tol"]
-        job = f"job {shown(self.job)}"
+        job = f"job {short_text(self.job)}"
         if self.job == "run":
             job += " without a method"
             if "method" in named:
@@ -123,7 +123,7 @@ class Study(Part):
             names.add("case")
         part, dot, _ = name.partition(".")
         if name not in names and not (dot and part in Scene.field_names()):
-            near = nearest(name, names)
+            near = did_you_mean(name, names)
             return [f"{name}: must be a field of the scene file (cable.sag) or one of them.{near}"]
         try:
             if dot and self.scene is not None:
@@ -191,7 +191,7 @@ class Study(Part):
 def _with_drive_mode(scene: Scene, changes: dict[str, Any]) -> tuple[Scene, dict[str, Any]]:
     """A scene and its changes in another drive.mode, without keys that mean nothing there."""
     mode = changes["drive.mode"]
-    keys = of_mode(mode)
+    keys = drive_keys_of_mode(mode)
     drive = {k: x for k, x in scene.drive.model_dump(exclude_defaults=True).items() if k in keys} | {"mode": mode}
     others = {k: x for k, x in changes.items() if not k.startswith("drive.") or k.split(".")[1] in keys}
     no_travel: dict[str, Any] = {"travel": None} if mode == "free" else {}

@@ -78,7 +78,7 @@ def inputs(toml: str, without: Container[str] = ()) -> Markup:
     for key, value in _leaves(tomllib.loads(toml)):
         if key in without or key in ("name", "title"):
             continue
-        general = re.sub(r"\.\d+", ".0", key)  # as `keys` names it
+        general = re.sub(r"\.\d+", ".0", key)  # as `list_keys` names it
         unit, meaning = _descriptions().get(general, ("", ""))
         rows.append({"key": key, "value": f"{_text(value)} {unit}".rstrip(), "meaning": meaning})
     return table(rows, ["key", "value", "meaning"], caption="All that the scene gives", stack=True)
@@ -98,10 +98,10 @@ def _leaves(data: Any, before: str = "") -> Iterator[tuple[str, Any]]:
 @cache
 def _descriptions() -> dict[str, tuple[str, str]]:
     """Units and meanings of all keys of a scene."""
-    from cablefem.scene.keys import keys  # slow to import
+    from cablefem.scene.keys import list_keys  # slow to import
 
     units = {"-": "", "C": "°C", "m2": "m²", "m/s2": "m/s²", "m/s3": "m/s³", "kg/m3": "kg/m³"}
-    return {key.name: (units.get(key.unit, key.unit), key.meaning) for key in keys(Scene)}
+    return {key.name: (units.get(key.unit, key.unit), key.meaning) for key in list_keys(Scene)}
 
 
 def _text(value: Any) -> str:
