@@ -52,7 +52,7 @@ def test_the_run_that_is_advised_does_what_is_said_of_it(level):
 
 def test_an_advice_that_is_there_is_kept_and_another_tolerance_is_another_advice(level, monkeypatch):
     content, out, _ = level
-    monkeypatch.setattr(adequacy, "advice", lambda *args: {"asked": "again"})
+    monkeypatch.setattr(adequacy, "find_advice", lambda *args: {"asked": "again"})
     assert adequacy.advise(LEVEL, 0.05, out) == content == json.loads((out / "advice.json").read_text())
     assert adequacy.advise(LEVEL, 0.04, out / "other") == {"asked": "again"}
     assert adequacy.advise(TAUT, 0.05, out / "other") == {"asked": "again"}

@@ -222,11 +222,11 @@ def test_a_free_ride_is_charted_over_time_by_what_can_roll():
         assert found is None if why is None else why in found
     truth, r = run(ride, "following-p4", elements=4, steps=400), run(ride, "following-p2", elements=4, steps=150)
     known = study._Reference(truth, measures.window_of(truth), {})
-    assert known.judged(r.reached, r.reason, dict)["status"] == "ok"
-    assert known.judged(0.5, "it broke", dict) == {"status": "failed", "reason": "it broke"}
+    assert known.status_and_errors(r.reached, r.reason, dict)["status"] == "ok"
+    assert known.status_and_errors(0.5, "it broke", dict) == {"status": "failed", "reason": "it broke"}
     l, tau = ride.length, ride.time_scale
     path = PeerPath(r.s_o / l, r.u / l, r.v / l, r.t / tau, 1.0, "")
-    ours = known.errors(r)["path_error"]
+    ours = known.run_errors(r)["path_error"]
     assert known.peer_path_errors(path, ride)["path_error"] == pytest.approx(ours, rel=1e-6)
     late = replace(path, t=1.01 * path.t)
     assert known.peer_path_errors(late, ride)["path_error"] > 10.0 * ours
