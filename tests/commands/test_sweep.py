@@ -172,7 +172,7 @@ def test_whatever_happens_to_a_scene_is_a_row(monkeypatch):
     refused = Study.of(GRID | {"vary": {"cable.EA": [1.0, 2.0]}})
     assert job.row_of_point(refused, 0, refused.point(0))["status"] == "refused"
     assert "cable.EA" in job.row_of_point(refused, 0, refused.point(0))["reason"]
-    monkeypatch.setattr(job, "_run", lambda *given: 1 / 0)
+    monkeypatch.setattr(job, "_run_row", lambda *given: 1 / 0)
     failed = job.row_of_point(Study.of(GRID), 1, {})
     assert (failed["status"], failed["cause"]) == ("failed", "ZeroDivisionError")
 
@@ -195,7 +195,7 @@ def test_a_check_tells_why_a_run_broke_and_beside_it_which_rows_do_not_agree(tmp
 
 
 def test_the_page_of_planted_faults_counts_verdicts_by_fault(tmp_path, monkeypatch):
-    monkeypatch.setattr(job, "_check", lambda *given: {"status": "complete", "verdict": "disagree"})
+    monkeypatch.setattr(job, "_check_row", lambda *given: {"status": "complete", "verdict": "disagree"})
     study = Study.load("power")
     engine.write_rows(tmp_path, study, [job.row_of_point(study, i, study.point(i)) for i in (0, 60)])
     (tmp_path / "study.toml").write_text(study.to_toml(), encoding="utf-8")
@@ -222,7 +222,7 @@ def test_a_scene_that_hangs_is_cut_off(monkeypatch):
         while True:
             time.sleep(0.01)
 
-    monkeypatch.setattr(job, "_run", endless)
+    monkeypatch.setattr(job, "_run_row", endless)
     monkeypatch.setattr(job, "FRESH", 0.0)
     study = Study.of(GRID | {"seconds": 0.3})
     row = job.row_of_point(study, 2, study.point(2))

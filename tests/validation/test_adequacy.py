@@ -52,7 +52,7 @@ def test_the_run_that_is_advised_does_what_is_said_of_it(level):
 
 def test_an_advice_that_is_there_is_kept_and_another_tolerance_is_another_advice(level, monkeypatch):
     content, out, _ = level
-    monkeypatch.setattr(adequacy, "find_advice", lambda *args: {"asked": "again"})
+    monkeypatch.setattr(adequacy, "advice", lambda *args: {"asked": "again"})
     assert adequacy.advise(LEVEL, 0.05, out) == content == json.loads((out / "advice.json").read_text())
     assert adequacy.advise(LEVEL, 0.04, out / "other") == {"asked": "again"}
     assert adequacy.advise(TAUT, 0.05, out / "other") == {"asked": "again"}
@@ -60,7 +60,7 @@ def test_an_advice_that_is_there_is_kept_and_another_tolerance_is_another_advice
 
 def test_a_taut_light_scene_needs_little():
     """Tight, stiff and slow with a light mass: linear, but not without the mass's inertia."""
-    found = adequacy.find_advice(TAUT, 0.05)
+    found = adequacy.advice(TAUT, 0.05)
     index = NAMES.index(found["name"])
     assert 0 < index < NAMES.index("stretching + mass")
     below = found["rungs"][index - 1]
@@ -95,7 +95,7 @@ def test_random_advice_is_right(seed):
     Rungs by the other solver, which shares no formula with the ladder's.
     """
     scene = random_scene(np.random.default_rng(seed))
-    found = adequacy.find_advice(scene, TOL)
+    found = adequacy.advice(scene, TOL)
     full = found["full"]["settings"]
     finer = {"elements": round(1.5 * full["elements"]), "steps": 2 * full["steps"], "scheme": full["scheme"]}
     view = View.of(scene)

@@ -120,12 +120,12 @@ def advise(scene: Scene, tol: float, out: Path, report: Progress = silent) -> di
     stored = store.stored(file, scene_toml=scene.to_toml(), asked=required_tolerances(scene, tol))
     if stored:
         return stored
-    content = find_advice(scene, tol, report)
+    content = advice(scene, tol, report)
     write_json(file, content)
     return content
 
 
-def find_advice(scene: Scene, tol: float, report: Progress = silent) -> dict[str, Any]:
+def advice(scene: Scene, tol: float, report: Progress = silent) -> dict[str, Any]:
     """The content of advice.json: the cheapest run that meets the tolerance, and all that was compared with it."""
     tolerances = required_tolerances(scene, tol)
     view = View.of(scene)
