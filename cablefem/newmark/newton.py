@@ -46,28 +46,25 @@ class StepResult(NamedTuple):
 
 def find_root(
     residual: Callable[[], Any], linearise: Callable[[], tuple[Any, Callable]], update: Callable[[Any], None],
-    newton: Newton, solve: Any = None,
+    newton: Newton, kept: Any = None,
 ) -> StepResult:  # fmt: skip
     """Take corrections, `update(x)` subtracts x, until |residual()| <= newton.bound; NaN never converges.
 
-    solve : with the tangent of a step before; a correction by it that does not help is taken back.
-        What it leaves is larger than with a new tangent, so one more follows, whose effect is known without a residual.
+    kept : solution with the tangent of a step before, which is tried first.
     """
-    norm = math.inf
-    factorisations = 0
-    residuals = 0
-    old = solve is not None
-    new_tangent = not old
-    if old:
-        r = residual()
-        residuals += 1
-        norm = math.sqrt(r.dot(r))
-    for iteration in range(newton.max_iter):
+    norm, iterations, factorisations, residuals = math.inf, 0, 0, 0
+    before = 0.0
+    if kept is not None:
+        tried, converged = _correct_by_kept_tangent(residual, kept, update, newton)
+        if converged:
+            return tried
+        norm, iterations, _, residuals, _ = tried
+    new_tangent = True
+    while iterations < newton.max_iter:
         if new_tangent:
             r, solve = linearise()
             norm = math.sqrt(r.dot(r))
             factorisations += 1
-            old = False
         before = norm
         correction = solve(r)
         update(correction)
@@ -78,19 +75,43 @@ def find_root(
             r = residual()
             residuals += 1
             norm = math.sqrt(r.dot(r))
-            if old or norm < before or (iteration < newton.patience and norm < math.inf):
+            if norm < before or (iterations < newton.patience and norm < math.inf):
                 break
-        if norm <= newton.bound and (not old or norm <= SERVES * max(before, newton.bound)):
-            if old:
-                update(solve(r))
+        iterations += 1
+        converged = norm <= newton.bound
+        if converged or not norm < math.inf or newton.hopeless(norm, before, iterations):
             break
-        if old and not norm < before:
-            update(-correction)
-        elif not norm < math.inf or (not old and newton.hopeless(norm, before, iteration + 1)):
-            break
-        new_tangent = not norm <= newton.reuse * before
+        new_tangent = norm > newton.reuse * before
     serves = norm <= newton.bound and norm <= SERVES * before
-    return StepResult(norm, iteration + 1, factorisations, residuals, serves)
+    return StepResult(norm, iterations, factorisations, residuals, serves)
+
+
+def _correct_by_kept_tangent(
+    residual: Callable[[], Any], solve: Callable[[Any], Any], update: Callable[[Any], None], newton: Newton
+) -> tuple[StepResult, bool]:
+    """Corrections with the tangent of a step before while |r| falls to `reuse` or less; and whether they converged.
+
+    One that does not help is taken back.  What they leave is larger than with a new tangent, so a last one follows,
+    whose effect is known without a residual.
+    """
+    r = residual()
+    norm = math.sqrt(r.dot(r))
+    iterations = 0
+    while iterations < newton.max_iter:
+        before = norm
+        correction = solve(r)
+        update(correction)
+        r = residual()
+        norm = math.sqrt(r.dot(r))
+        iterations += 1
+        if norm <= newton.bound and norm <= SERVES * max(before, newton.bound):
+            update(solve(r))
+            return StepResult(norm, iterations, 0, iterations + 1, norm <= SERVES * before), True
+        if not norm < before:
+            update(-correction)
+        if not norm <= newton.reuse * before:
+            break
+    return StepResult(norm, iterations, 0, iterations + 1), False
 
 
 def solve_dense(linearise: Callable[[Any], tuple[Any, Any]], x: Any, tol: float = 1e-13) -> Any:
