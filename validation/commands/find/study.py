@@ -269,28 +269,22 @@ class _Search:
 
         check : by both solvers, else by the least model, which leaves words without a bar.
         """
-        count = len(self.clauses)
         before = self.clause_margins(change.holds_at)
         after = self.clause_margins(change.fails_at)
-        numbers = [i for i, room in enumerate(before) if i < len(after) and after[i] < 0.0 <= room]
-        i = numbers[0] if numbers else next(i for i, room in enumerate(after) if not room >= 0.0)
+        i, numeric = _deciding_clause(before, after)
+        count = len(self.clauses)
+        clause = self.clauses[i % count]
         scene = self.scenes(change.holds_at)[min(i // count, len(before) // count - 1)]
         for answer, verdict in self._judged_answers(scene, check):
             change = replace(change, verdict=verdict)
-            number = self.clauses[i % count].number(answer)
-            if not numbers or number is None:
-                return (
-                    replace(change, bar=self._confirmed_half_range(change, self.width / 2.0**WIDENINGS))
-                    if check
-                    else change
-                )
-            slope = (after[i] - before[i]) / (change.fails_at - change.holds_at)
-            off = abs(self.clauses[i % count].margin(answer) - before[i])
-            exact = isinstance(scene, Line) and not scene.moves
-            of_number = 0.0 if exact and number.bar is None else number.bar
-            bar = math.inf if of_number is None else (off + of_number) / abs(slope)
+            number = clause.number(answer) if numeric else None
+            if number is None:
+                return self._with_confirmed_range(change) if check else change
+            slope = abs((after[i] - before[i]) / (change.fails_at - change.holds_at))
+            off = abs(clause.margin(answer) - before[i])
+            bar = math.inf if number.bar is None else (off + number.bar) / slope
             useful = bar < self.width / BRACKETS
-            change = replace(change, bar=bar if useful else None, checked=(i, number.value, of_number))
+            change = replace(change, bar=bar if useful else None, checked=(i, number.value, number.bar))
             if useful or isinstance(scene, Line):
                 break
         return change
@@ -304,17 +298,27 @@ class _Search:
             self.progress("check", 0.95)
             yield checked_answer(scene, tol)
 
-    def _confirmed_half_range(self, change: Change, width: float) -> float | None:
-        """Half a range around the answer at whose ends the full model says the same; None: none was found."""
+    def _with_confirmed_range(self, change: Change) -> Change:
+        """The change with half of a range at whose ends the full model says the same; without one if none was found."""
         full = replace(self, model="full", known={})
         side = math.copysign(1.0, change.fails_at - change.holds_at)
-        for _ in range(WIDENINGS):
-            if full.condition_holds(change.value - side * width) and not full.condition_holds(
-                change.value + side * width
-            ):
-                return width
-            width *= 2.0
-        return None
+        for k in range(WIDENINGS):
+            half = self.width / 2.0 ** (WIDENINGS - k)
+            inner, outer = change.value - side * half, change.value + side * half
+            if full.condition_holds(inner) and not full.condition_holds(outer):
+                return replace(change, bar=half)
+        return change
+
+
+def _deciding_clause(before: Sequence[float], after: Sequence[float]) -> tuple[int, bool]:
+    """Index of the margin that decides a change, and whether it is a number on both sides; else words decide.
+
+    before, after : margins where the condition holds, and where it fails.
+    """
+    for i, (held, failed) in enumerate(zip(before, after, strict=False)):
+        if failed < 0.0 <= held:
+            return i, True
+    return next(i for i, failed in enumerate(after) if not failed >= 0.0), False
 
 
 def answer_by_model(scene: Any, model: str, only_events: bool = False, bars: bool = False) -> Answer:
@@ -329,7 +333,7 @@ def answer_by_model(scene: Any, model: str, only_events: bool = False, bars: boo
         from validation import run_with_bars
 
         found: Any = run_with_bars(scene)
-        return Answer.of(found.outcome, found.design, getattr(found, "events", ()), found.limits)
+        return _answer_of_line(found)
     if model == "full":
         from validation import run_with_bars
 
@@ -345,6 +349,14 @@ def answer_by_model(scene: Any, model: str, only_events: bool = False, bars: boo
     return Answer.of(outcome(scene, r), r.design, r.events, limits.rows(scene, r.design, r.events))
 
 
+def _answer_of_line(found: Any) -> Answer:
+    """The answer of a line; at rest a number without a bar is exact."""
+    rows = found.design
+    if not found.line.moves:
+        rows = [row | {"bar": row["bar"] or 0.0} for row in rows]
+    return Answer.of(found.outcome, rows, (), found.limits)
+
+
 def checked_answer(scene: Any, tol: float) -> tuple[Answer, str]:
     """The answer of both solvers, and their verdict; tol : of the path of one span."""
     from validation import check
@@ -353,7 +365,7 @@ def checked_answer(scene: Any, tol: float) -> tuple[Answer, str]:
     if isinstance(scene, Line):
         judge: Any = check
         found = judge(scene)
-        return Answer.of(found.outcome, found.design, (), found.limits), found.verdict.value
+        return _answer_of_line(found), found.verdict.value
     both = check(scene, tol=tol)
     r = replace(both.a.run, design=both.design)
     return Answer.of(outcome(scene, r), both.design, r.events, both.limits), both.verdict.value
