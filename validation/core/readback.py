@@ -26,7 +26,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
-from validation.core.scene_data import ROUNDING, Array, deepest, ice_mass, mean_around, si_factor
+from validation.core.scene_data import ROUNDING, Array, columns_of, deepest, ice_mass, mean_around, si_factor
 
 Faults = Iterator[str]
 Run = dict[str, Any]  # stored arrays of a method by name, its TOML as "scene", its numbers as "rest"
@@ -951,7 +951,7 @@ def _unpacked(part: dict[str, Any]) -> Array:
 
 def moving_line(html_text: str, folder: Path, motion: Any) -> Faults:
     """Faults of rope.csv, and of the side view of a line in motion."""
-    rope = _table_of(folder / "rope.csv")
+    rope = columns_of(folder / "rope.csv")
     t = np.unique(rope["t"])
     stations = np.searchsorted(motion.s, np.unique(rope["s"]) - 1e-9 * motion.s[-1])  # (m,)
     steps = np.searchsorted(motion.t, t - 1e-9 * motion.t[-1])  # (n,)
@@ -978,7 +978,7 @@ def moving_line(html_text: str, folder: Path, motion: Any) -> Faults:
         yield from _packed("side view: t", cable["t"], t)
         for car in motion.cars:
             drawn = next(x for x in cable["touching"] if x["name"] == car.name)
-            path = {name: x[steps] for name, x in _table_of(folder / f"path-{car.name}.csv").items()}
+            path = {name: x[steps] for name, x in columns_of(folder / f"path-{car.name}.csv").items()}
             for fault in _car_drawn(drawn, car, steps, path):
                 yield f"side view: {car.name}: {fault}"
 
@@ -1001,12 +1001,6 @@ def _car_drawn(drawn: dict[str, Any], car: Any, steps: Array, path: dict[str, Ar
         name, _, unit = beside["name"].rstrip("]").partition(" [")
         column, si = columns[name]
         yield from _packed(name, beside["data"], path[column] / si_factor(unit, si))
-
-
-def _table_of(file: Path) -> dict[str, Array]:
-    with file.open(encoding="utf-8", newline="") as opened:
-        rows = list(csv.DictReader(opened))
-    return {name: np.array([float(row[name] or "nan") for row in rows]) for name in rows[0]}
 
 
 # --- terminal -------------------------------------------------------------------------------------------------------
