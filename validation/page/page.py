@@ -201,10 +201,15 @@ def _source(name: str) -> str:
     return (resources.files(package) / file).read_text(encoding="utf-8") if file else asset(name)
 
 
-_COMPILED = Path(__spec__.cached or "").parent  # templates are kept where this module is
+def _kept_templates() -> jinja2.BytecodeCache | None:
+    """Compiled templates beside this compiled module; None where it has no folder that can be written."""
+    folder = Path(__spec__.cached).parent if __spec__.cached else None
+    return jinja2.FileSystemBytecodeCache(str(folder)) if folder and os.access(folder, os.W_OK) else None
+
+
 _ENVIRONMENT = jinja2.Environment(
     loader=jinja2.FunctionLoader(_source),
-    bytecode_cache=jinja2.FileSystemBytecodeCache(str(_COMPILED)) if os.access(_COMPILED, os.W_OK) else None,
+    bytecode_cache=_kept_templates(),
     autoescape=True,
     undefined=jinja2.StrictUndefined,
     trim_blocks=True,

@@ -97,7 +97,7 @@ def _tell(result: "Check", folder: Path, verbose: bool, sensitive: bool, require
     if sensitive:
         from validation.commands.check import sensitivity
 
-        terminal.say(f"  {sensitivity.told(sensitivity.sensitivity(result))}")
+        terminal.say(f"  {sensitivity.sentence(sensitivity.sensitivity(result))}")
     a = result.a.run
     b = result.b.run
     terminal.say(f"  written to {folder}: report.html, {a.method}/, {b.method}/")
@@ -141,7 +141,7 @@ def _check_line(
         from validation.commands.check import sensitivity
 
         for result in results:
-            terminal.say(f"  {sensitivity.told(kind.sensitivity(result))}")
+            terminal.say(f"  {sensitivity.sentence(kind.sensitivity(result))}")
     if not self_test:
         return code
     from validation.commands.check import selftest

@@ -51,10 +51,8 @@ def sensitivity(result: Check) -> dict[str, float]:
     return smallest_faults(result.scene, result.rows, gaps)
 
 
-def smallest_faults(
-    scene: Any, rows: Sequence[Agreement], gaps: Callable[[Any], Gaps], largest: float = 1.0
-) -> dict[str, float]:  # fmt: skip
-    """The smallest relative fault of each key of a scene that a row notices, if less than `largest`.
+def smallest_faults(scene: Any, rows: Sequence[Agreement], gaps: Callable[[Any], Gaps]) -> dict[str, float]:
+    """The smallest relative fault of each key of a scene that a row notices, if less than the key itself.
 
     gaps : of a changed scene to the scene, by quantity and law.
     """
@@ -69,7 +67,7 @@ def smallest_faults(
             FACTOR_DISAGREE * bars.get(row, math.inf) * 0.01 * STEP / gap
             for row, gap in gaps(other).items() if gap > 0.0
         ]  # fmt: skip
-        if noticed and min(noticed) < largest:
+        if noticed and min(noticed) < 1.0:
             out[key] = min(noticed)
     return dict(sorted(out.items(), key=lambda item: item[1]))
 
@@ -88,6 +86,6 @@ def _gap(quantity: Any, changed: Any, base: Any, view: View) -> float:
         return 0.0
 
 
-def told(found: dict[str, float]) -> str:
+def sentence(found: dict[str, float]) -> str:
     parts = ", ".join(f"{key} {100.0 * fault:.2g} %" for key, fault in found.items())
     return f"would notice: {parts}" if parts else "would notice no fault of a key of the scene"
