@@ -2,7 +2,7 @@
 
 from cablefem import Scene
 from validation import check
-from validation.commands.check.sensitivity import keys, sensitivity, told
+from validation.commands.check.sensitivity import keys, sensitivity, sentence
 from validation.commands.sweep.families import FAMILIES, SETS, SOUND, scene_case
 
 INCLINED = Scene.load("inclined")
@@ -15,7 +15,7 @@ def test_a_fault_of_one_percent_is_seen_and_as_small_a_one_as_is_said():
     found = sensitivity(sound)
     assert {"mass.mass", "cable.EA", "supports.span"} <= set(found)
     assert 0.0 < found["mass.mass"] < 0.05
-    assert "mass.mass" in told(found)
+    assert "mass.mass" in sentence(found)
     percent = 300.0 * found["mass.mass"]
     fault = check(INCLINED, tol=3e-2, second=INCLINED.replace({"mass.mass": f"+{percent:.6f}%"}))
     assert fault.verdict.value == "disagree"
