@@ -75,7 +75,7 @@ class Path101:
 def to_the_end(scene: Scene) -> dict[str, Any]:
     """Arguments of a refinement with coarser runs up to the slack onset."""
     view = View.of(scene)
-    return {"view": replace(view, window=(view.window[0], max(view.window[1], SLACK_END)), ends=True), "past": 0.0}
+    return {"view": replace(view, window=(view.window[0], max(view.window[1], SLACK_END)), ends=True)}
 
 
 def nearby(gap: Array) -> Array:

@@ -72,7 +72,7 @@ class Runs:
         ends = [end for end in (self.view.stop, self.end) if end is not None]
         self.window_end = min(ends, default=None)
 
-    def at(self, settings: dict[str, Any], until: float | None, past: float = math.inf) -> Response:
+    def at(self, settings: dict[str, Any], until: float | None) -> Response:
         """The run with these settings to s_o/l = until or further."""
         for path in self.earlier:
             far = until is None or path.reached >= until * (1.0 - 1e-9)
@@ -82,7 +82,7 @@ class Runs:
         if run is None:
             run = Run(self.scene, self.method, **self.model, **settings)
             self.made.append(run)
-        return run.to(until, past=past)
+        return run.to(until)
 
     def ladder(self, settings: dict[str, Any]) -> Ladder:
         """The run with these settings and coarser ones, of which only the paths are computed."""
@@ -118,9 +118,9 @@ class Runs:
                 counts.append(coarser)
         return counts
 
-    def finished(self, ladder: Ladder, past: float) -> Ladder:
+    def finished(self, ladder: Ladder) -> Ladder:
         """The ladder with its finest run marched to the end, and bars."""
-        finest = self.at(ladder.finest.settings, self.end, past)
+        finest = self.at(ladder.finest.settings, self.end)
         until = self.window_end
         if self.view.stop is not None and finest.slack_from < SLACK_END:
             until = SLACK_END if self.end is None else min(self.end, SLACK_END)
@@ -147,23 +147,23 @@ class Runs:
 
 def run_with_error_bars(
     scene: Scene, method: str | Method, *, progress: Progress | None = None, known: Sequence[Response] = (),
-    past: float = math.inf, view: View | None = None, **kind: Any,
+    view: View | None = None, **kind: Any,
 ) -> Ladder:  # fmt: skip
     """The ladder of a run; `kind` as in `run`, `known` runs are reused."""
     runs = Runs(scene, method, kind, view, known)
     ladder = runs.ladder(runs.method.settings_on(scene.groups, runs.settings))
     if progress is not None:
         progress(0.5)
-    return runs.finished(ladder, past)
+    return runs.finished(ladder)
 
 
 def refine_to_tolerance(
     scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None, budget: float = BUDGET,
-    past: float = math.inf, view: View | None = None, **kind: Any,
+    view: View | None = None, **kind: Any,
 ) -> Ladder:  # fmt: skip
     """A ladder whose finest run has a path bar of at most `tol`; see README.md, "How fine a run is".
 
-    budget : see `exceeds_budget`;  past : s_o/l the finest run goes on once slack.
+    budget : see `exceeds_budget`.
     view : range of the path's bar; default: of the scene.
 
     Raises TooCoarse.
@@ -194,7 +194,7 @@ def refine_to_tolerance(
         ratio = method.resolution.ratio(method.value(settings), method.value(finer))
         bar_before = in_space
         settings = finer
-    ladder = runs.finished(ladder, past)
+    ladder = runs.finished(ladder)
     report(1.0)
     if goal.excess <= 1.0:
         return ladder

@@ -86,16 +86,12 @@ class Run:
         self._ended = False
         self._seen: tuple[Any, Response] | None = None
 
-    def to(
-        self, until: float | None = None, progress: Progress | None = None, *, past: float = math.inf
-    ) -> Response:  # fmt: skip
+    def to(self, until: float | None = None, progress: Progress | None = None) -> Response:
         """March to the first step at or past s_o/l = until (default: the end); return the response so far.
 
         A failed run has status "incomplete" and the reason.  Energy gained without work is flagged.
-
-        past : s_o/l to go on once slack.
         """
-        self.march(until, progress, past)
+        self.march(until, progress)
         return self.response_so_far()
 
     def response_so_far(self) -> Response:
@@ -107,20 +103,20 @@ class Run:
             self._seen = now, with_flags(response, self.scene, self.method)
         return self._seen[1]
 
-    def march(self, until: float | None, progress: Progress | None, past: float) -> None:
-        """Compute states to s_o/l = until, once slack `past` further; a failure ends the run with its reason."""
+    def march(self, until: float | None, progress: Progress | None) -> None:
+        """Compute states to s_o/l = until; a failure ends the run with its reason."""
         if until is not None and not until > 0.0:
             raise ValueError(f"until must be a place s_o/l > 0, got {until!r}")
         if self._ended:
             return
-        self._ended = until is None and math.isinf(past)
+        self._ended = until is None
         h = self.history
         begin = time.perf_counter()
         report = progress or (lambda done: None)
         try:
             if h.failure is None:
                 with one_thread():
-                    self._advance(until or math.inf, past, report)
+                    self._advance(until or math.inf, report)
         except StepFailure as error:
             h.failure = _cause(error, h.onset is not None, h.after is not None)
             if not h.states:  # only the hanging cable
@@ -129,8 +125,8 @@ class Run:
         h.seconds += time.perf_counter() - begin
         report(1.0)
 
-    def _advance(self, until: float, past: float, progress: Progress) -> None:
-        """March to `until`; once slack with the tension-only law, and `past` further."""
+    def _advance(self, until: float, progress: Progress) -> None:
+        """March to `until`; once slack with the tension-only law."""
         h = self.history
         if h.after is None and self._march(h.solver, self.scheme, until, progress, self.switches):
             h.after = h.solver.with_law("tension-only")
@@ -139,8 +135,7 @@ class Run:
             # collocation loses its order at the law's kink
             goes_on = self.scheme.damps and not self.scheme.nodes
             damped = self.scheme if goes_on else ON_SLACK
-            assert h.onset is not None
-            self._march(h.after, damped, min(until, h.after.position(h.states[h.onset.step]) + past), progress)
+            self._march(h.after, damped, until, progress)
 
     def _march(
         self, solver: Solver, scheme: Scheme, until: float, progress: Progress, switch: bool = False

@@ -26,7 +26,7 @@ def planted(result: Check) -> Verdict:
     settings = coarse.settings | {"steps": shorter.settings["steps"]}
     stop = View.of(scene).stop
     ends: dict[str, Any] = {} if stop is None else {"until": stop}
-    faulty = run_with_error_bars(scene.replace(FAULT), find(coarse.method), past=0.0, **ends, **settings)
+    faulty = run_with_error_bars(scene.replace(FAULT), find(coarse.method), **ends, **settings)
     toml = scene.to_toml()
     faulty = faulty.map(lambda r: replace(r, scene_toml=toml))
     return overall(compare(scene, result.a, faulty, tol=result.tol))

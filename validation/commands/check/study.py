@@ -209,7 +209,7 @@ def _sides(
 ) -> list[_Side]:
     found = [find(m) if isinstance(m, str) else m for m in methods]
     shares = [SHARES.get(m.wing, 1.0) for m in found]
-    ends = {} if until is None else {"until": until, "past": 0.0}
+    ends = {} if until is None else {"until": until}
     budget = BUDGET * max(1.0, DEFAULT_TOL / 3.0 / tol)
     each = zip(scenes, found, shares, strict=True)
     return [_Side(scene, m, tol * share / sum(shares), budget, ends) for scene, m, share in each]

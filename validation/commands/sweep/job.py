@@ -128,7 +128,7 @@ def _run_row(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[
         if tol is None:
             ladder = run_with_error_bars(scene, method, **how)
         else:
-            ladder = refine_to_tolerance(scene, method, tol, past=0.0, **how)
+            ladder = refine_to_tolerance(scene, method, tol, **how)
     except TooCoarse as error:
         ladder = error.ladder
         too_coarse = {"verdict": "too coarse", "reason": str(error)}
