@@ -10,7 +10,7 @@ import numpy as np
 from cablefem import catenary_line
 from cablefem.scene.line import Line
 from validation.commands.check import sensitivity as sensitivities
-from validation.commands.run.motion import ELEMENTS, SINES, Answers, Runs, answer_of, at_rest_points
+from validation.commands.run.motion import ELEMENTS, SINES, Answers, Runs, answer_of, at_rest_points, run_ladders
 from validation.core import motion_laws, store
 from validation.core.agreement import Agreement, Verdict, overall
 from validation.core.ladder import Branch, Ladder
@@ -72,6 +72,7 @@ def checked(
     time = 2
     before = None
     while True:
+        run_ladders(both, space, time)
         a, b = (runs.ladder(space, time) for runs in both)
         rows = judged(line, a, b, asked)
         verdict = overall(rows)

@@ -27,6 +27,7 @@ from validation.core.answers import STATIONS, Outcome
 from validation.core.ladder import Branch, Ladder
 from validation.core.motion_rows import Moved, chain, rope_depths, tension_of, turning_columns, with_bars
 from validation.core.readback import limit_faults, limits_shown, moving_line
+from validation.core.sidebyside import in_parallel
 from validation.core.wheels import pitch_period, with_loads
 from validation.page import terminal
 from validation.page.line import tell
@@ -93,6 +94,26 @@ def held_down(line: Line, motion: LineMotion) -> list[str]:
     return out
 
 
+def coarser_settings(space: int, time: int) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+    """Half and quarter of a run's resolution, and of its steps."""
+    in_space = [(space // k, time) for k in (2, 4) if space >= k]
+    in_time = [(space, time // k) for k in (2, 4) if time >= k]
+    return in_space, in_time
+
+
+def run_ladders(solvers: Sequence[Runs], space: int, time: int) -> None:
+    """Make the runs of the ladders of several solvers in parallel, the finest first."""
+    in_space, in_time = coarser_settings(space, time)
+    settings = [(space, time), *in_time, *in_space]
+    missing = [(solver, x) for x in settings for solver in reversed(solvers) if x not in solver.known]
+
+    def keep(i: int, moved: Moved) -> None:
+        solver, at = missing[i]
+        solver.known[at] = moved
+
+    in_parallel(lambda item: item[0].run(*item[1]), missing, keep)
+
+
 class Part(NamedTuple):
     """States of a line while it touches the same contacts."""
 
@@ -129,7 +150,7 @@ class Runs:
         if like is not None:
             self.grid = [np.unique([t0, t1, *like.within(t0, t1)]) for t0, t1 in self.line.phases]
         self.instants = np.unique(np.concatenate(self.grid)) if like is None else like.within(0.0, total)
-        self._known: dict[tuple[int, int], Moved] = {}
+        self.known: dict[tuple[int, int], Moved] = {}  # runs made so far, by `run`'s arguments
 
     def within(self, t0: float, t1: float) -> Array:
         """Instants from t0 to t1."""
@@ -137,16 +158,14 @@ class Runs:
 
     def run(self, space: int, time: int) -> Moved:
         """The run with `space` times the coarsest resolution and `time` times the fewest steps."""
-        if (space, time) not in self._known:
-            self._known[space, time] = self._made(space, time)
-        return self._known[space, time]
+        if (space, time) not in self.known:
+            self.known[space, time] = self._made(space, time)
+        return self.known[space, time]
 
     def ladder(self, space: int, time: int) -> Ladder:
         """The run, half and quarter in space and in time; no quarter of 2."""
-        coarser = [(space // k, time) for k in (2, 4) if space >= k]
-        earlier = [(space, time // k) for k in (2, 4) if time >= k]
         branches = []
-        for settings in (coarser, earlier):
+        for settings in coarser_settings(space, time):
             runs: list[Any] = [self.run(*setting) for setting in settings]
             branches.append(Branch(tuple(runs), (2.0,) * len(runs), ORDER))
         finest: Any = self.run(space, time)
