@@ -61,7 +61,7 @@ def test_design_numbers_of_a_line(cablefem, tmp_path):
 def test_check_agrees(cablefem, tmp_path):
     code, out, _ = cablefem("check", "two-span", *FEW)
     assert code == 0
-    assert out.startswith("agree")
+    assert out.startswith("Both solvers agree.")
     stored = json.loads((tmp_path / "cablefem-out" / "two-span" / "agreement.json").read_text())
     assert stored["verdict"] == "agree"
     told = {row["quantity"]: row for row in stored["rows"]}
@@ -132,4 +132,4 @@ def test_tolerance_of_a_line(cablefem, tol):
 def test_check_with_a_fault_told_to_one_solver(cablefem):
     code, out, _ = cablefem("check", "two-span", *FEW, "--second-set", "cable.EA=+0.1%")
     assert code == 1
-    assert out.startswith("disagree")
+    assert out.startswith("The solvers DISAGREE")

@@ -1023,7 +1023,7 @@ def _sentences(of: Stored) -> set[str]:
     for doubt in of.agreement.get("doubts", []):
         sentences.add(f"{doubt['method']}: {doubt['words']}")
     if of.agreement:
-        sentences.add(_words("commands.check", "words.toml")["verdicts"][of.verdict])
+        sentences.add(_words("page", "verdicts.toml")[of.verdict])
     return sentences
 
 

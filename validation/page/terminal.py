@@ -16,6 +16,14 @@ STYLES = {"agree": "green", "disagree": "bold red", "not comparable": "yellow", 
 STYLES |= {"met": "green", "not met": "bold red", "too close to tell": "yellow"}
 
 
+def say_verdict(verdict: str) -> None:
+    """Print the verdict on a whole check as a sentence."""
+    from validation.core import store
+
+    sentences = store.shipped(__package__, "verdicts.toml")
+    say(sentences[verdict], style=STYLES[verdict])
+
+
 def say(text: str = "", style: str = "") -> None:
     """Print text, on a terminal wrapped below its indent, in a style of rich."""
     for copy in _COPIES:

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from validation.commands.check.page import WORDS, agreement_sentence, third_party_verdict
+from validation.commands.check.page import agreement_sentence, third_party_verdict
 from validation.commands.check.study import Check
 from validation.core.agreement import Verdict
 from validation.page import telling, terminal
@@ -10,8 +10,7 @@ from validation.page import telling, terminal
 
 def tell(result: Check, verbose: bool = False) -> None:
     """Print the verdict, important numbers, and their certainty."""
-    own = result.own_verdict.value
-    terminal.say(WORDS["verdicts"][own], style=terminal.STYLES[own])
+    terminal.say_verdict(result.own_verdict.value)
     telling.answer(result.scene, replace(result.a.run, design=result.design))
     if ends := [x for x in result.quasi_static if x["event"] in ("arrival", "back", "stop")]:
         terminal.say("  by the quasi-static model, without the inertia of the rope:")

@@ -141,7 +141,7 @@ def _one(command: str, line: Line, out: Path | None, solve: Callable[[Line], Lin
         rows = [row.row() for row in result.rows]
         agreement = {"verdict": verdict, "methods": result.methods, "rows": rows, "limits": result.limits}
         write_json(folder / "agreement.json", agreement)
-        terminal.say(verdict, style=terminal.STYLES[verdict])
+        terminal.say_verdict(verdict)
     faults = result.faults(folder / home)
     report.write(folder, command)
     report.say_faults(folder, command, faults)
