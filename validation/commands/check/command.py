@@ -132,8 +132,9 @@ def _check_line(
     kind.refuse(points, tol, tol_tension, second)
     results: list[Any] = []
 
-    def solve(x: Any) -> Any:
-        results.append(kind.checked(x, tol, tol_tension, second))
+    def solve(x: Any, report: Any) -> Any:
+        how = {"report": report} if x.moves else {}  # at rest it takes a second
+        results.append(kind.checked(x, tol, tol_tension, second, **how))
         return results[-1]
 
     code = answer("check", points, out, solve, require)

@@ -10,6 +10,7 @@ import numpy as np
 from cablefem import catenary_line
 from cablefem.scene.line import Line
 from validation.commands.check import sensitivity as sensitivities
+from validation.commands.run.lines import Report, silent
 from validation.commands.run.motion import ELEMENTS, SINES, Answers, Runs, answer_of, at_rest_points, run_ladders
 from validation.core import motion_laws, store
 from validation.core.agreement import Agreement, Verdict, overall
@@ -56,14 +57,15 @@ def laws(toml: str, ladders: Sequence[Ladder], end: float) -> Iterator[Agreement
 
 
 def checked(
-    line: Line, tol: float = TOL, tol_tension: float | None = None, second: Line | None = None
+    line: Line, tol: float = TOL, tol_tension: float | None = None, second: Line | None = None,
+    report: Report = silent,
 ) -> Answers:  # fmt: skip
     """Run both methods on a line in motion and compare them; refine until they agree or the budget is spent.
 
     Where they disagree, one refinement is a second look.
 
     tol : of the path, over its largest deflection;  tol_tension : of forces, default 10 tol.
-    second : a line for the sines alone.
+    second : a line for the sines alone;  report : is called with the part of the runs that is done.
     """
     asked = Tolerance(tol, LOOSER * tol if tol_tension is None else tol_tension)
     first = Runs(ELEMENTS, line)
@@ -72,7 +74,7 @@ def checked(
     time = 2
     before = None
     while True:
-        run_ladders(both, space, time)
+        run_ladders(both, space, time, report)
         a, b = (runs.ladder(space, time) for runs in both)
         rows = judged(line, a, b, asked)
         verdict = overall(rows)

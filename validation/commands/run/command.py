@@ -50,7 +50,8 @@ def command(
         from validation.commands.run.lines import answer
 
         given = options.points_of(options.limited(line, limits), set_, case)
-        return answer("run", given, out, (motion if line.moves else at_rest).answers, require)
+        solve = motion.answers if line.moves else lambda x, _: at_rest.answers(x)
+        return answer("run", given, out, solve, require)
     faults = [
         f"--{option} = {short_text(given)}: unknown.{did_you_mean(given, CHOICES[option])}"
         for option, given in kind.items() if given not in CHOICES[option]

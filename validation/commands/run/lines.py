@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -21,6 +22,12 @@ from validation.page.options import Point
 
 TOUCHES = -1e-6  # [m] a rope that ends on the ground does not hit it
 Row = dict[str, Any]
+Report = Callable[[float, str], object]  # fraction done, and what
+Solve = Callable[[Line, Report], "LineAnswers"]
+
+
+def silent(done: float, what: str) -> None:
+    """A report that nobody sees."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -104,9 +111,7 @@ class LineAnswers:
         return row | ({"verdict": self.verdict.value} if self.verdict else {})
 
 
-def answer(
-    command: str, points: Sequence[Point], out: Path | None, solve: Callable[[Line], LineAnswers], require: bool = False
-) -> int:
+def answer(command: str, points: Sequence[Point], out: Path | None, solve: Solve, require: bool = False) -> int:
     """Answer a line or a grid, store, draw and print it.
 
     1 where solvers or files do not agree, or a required limit fails; 2 where a run broke or a position has no rest.
@@ -127,12 +132,12 @@ def _home(command: str, line: Line) -> str:
     return "rest-check" if command == "check" else "rest"
 
 
-def _one(command: str, line: Line, out: Path | None, solve: Callable[[Line], LineAnswers]) -> Row:
+def _one(command: str, line: Line, out: Path | None, solve: Solve) -> Row:
     home = _home(command, line)
     with terminal.progress() as progress:
         progress(line.name, 0.0)
         begun = perf_counter()
-        result = solve(line)
+        result = solve(line, partial(progress, line.name))
         seconds = perf_counter() - begun
     folder = store.claim(out, command, line, [home, "agreement.json"] if command == "check" else [home])
     result.write(folder / home, seconds)
@@ -170,10 +175,10 @@ def _counted(result: LineAnswers) -> str:
     return "; ".join(parts) + (f"; not so: {', '.join(wrong[:4])}" if wrong else "")
 
 
-def _many(command: str, points: Sequence[Point], out: Path | None, solve: Callable[[Line], LineAnswers]) -> list[Row]:
+def _many(command: str, points: Sequence[Point], out: Path | None, solve: Solve) -> list[Row]:
     def row(point: Point) -> tuple[Row, Any]:
         try:
-            result = solve(point.scene)
+            result = solve(point.scene, silent)
         except (store.Refused, SceneError) as error:
             return {"status": "incomplete", "why": str(error)}, None
         return result.entry() | {d["quantity"]: d["value"] for d in result.design}, store.plain(result.curve)

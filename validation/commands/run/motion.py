@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import tomllib
 from collections.abc import Callable, Sequence
@@ -20,7 +21,7 @@ from cablefem.scene.contacts import MovingLine
 from cablefem.scene.line import Line, LineState
 from cablefem.scene.moving import line_in_motion
 from galerkin.lines import LineSines
-from validation.commands.run.lines import LineAnswers
+from validation.commands.run.lines import LineAnswers, Report, silent
 from validation.core import motion_laws, store
 from validation.core.agreement import Agreement
 from validation.core.answers import STATIONS, Outcome
@@ -101,15 +102,19 @@ def coarser_settings(space: int, time: int) -> tuple[list[tuple[int, int]], list
     return in_space, in_time
 
 
-def run_ladders(solvers: Sequence[Runs], space: int, time: int) -> None:
+def run_ladders(solvers: Sequence[Runs], space: int, time: int, report: Report) -> None:
     """Make the runs of the ladders of several solvers in parallel, the finest first."""
     in_space, in_time = coarser_settings(space, time)
     settings = [(space, time), *in_time, *in_space]
     missing = [(solver, x) for x in settings for solver in reversed(solvers) if x not in solver.known]
 
+    count = itertools.count(1)
+
     def keep(i: int, moved: Moved) -> None:
         solver, at = missing[i]
         solver.known[at] = moved
+        done = next(count)
+        report(done / len(missing), f"{done} of {len(missing)} runs")
 
     in_parallel(lambda item: item[0].run(*item[1]), missing, keep)
 
@@ -346,11 +351,11 @@ class Answers(LineAnswers):
         terminal.say(f"  {self.moved.method}, {settings}; {seconds:.1f} s")
 
 
-def answers(line: Line) -> Answers:
+def answers(line: Line, report: Report = silent) -> Answers:
     """Run a line in motion on elements, with bars from coarser runs."""
     runs = Runs(ELEMENTS, line)
-    ladder = runs.ladder(2, 2)
-    return answer_of(line, ladder, None)
+    run_ladders([runs], 2, 2, report)
+    return answer_of(line, runs.ladder(2, 2), None)
 
 
 def answer_of(line: Line, a: Ladder, b: Ladder | None, rows: Sequence[Agreement] = ()) -> Answers:
