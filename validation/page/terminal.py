@@ -60,7 +60,7 @@ def faults(error: Exception) -> list[str]:
     if hasattr(error, "faults"):
         return list(error.faults)
     if isinstance(error, OSError):
-        return [f"{error.filename or 'a file'}: {error.strerror}"]
+        return [f"{error.filename or 'a file could not be read or written'}: {error.strerror or error}"]
     return [f"this is a fault of cablefem, not of your input ({type(error).__name__}: {error})"]
 
 
