@@ -144,13 +144,14 @@ class Rope:
         self.xi[1] = -(left[1] + layout.points * self.h[1]) / h
         self.xi[2] = -(left[2] + 2.0 * self.xi[1] * self.h[1] + layout.points * self.h[2]) / h
         self.s = left[0] + h * layout.points
-        jets = np.moveaxis(u.reshape(*u.shape[:-1], -1, 2), 0, -2)  # (..., S, M, 3, 2)
-        values = layout.tables @ jets.reshape(*jets.shape[:-2], 6)  # (..., S, 4 G, 6)
-        values = values.reshape(*values.shape[:-2], 4, -1, 3, 2)
-        self.Y = np.moveaxis(values, (-2, -4), (0, 1))  # (3, 4, ..., S, G, 2): time derivatives of xi derivatives
+        u = u.reshape(*u.shape[:-1], -1, 2)  # (3, ..., S, M, 2)
+        # one product for all instants and segments: the tables are large
+        values = layout.tables @ np.moveaxis(u, -2, 0).reshape(u.shape[-2], -1)  # (4 G, 3 ... S 2)
+        values = values.reshape(4, -1, *u.shape[:-2], 2)
+        self.Y = np.moveaxis(values, (2, 1), (0, -2))  # (3, 4, ..., S, G, 2): time derivatives of xi derivatives
         self.r = composed(self.Y, self.xi)
         self.slope = self.Y[0, 1] / h[..., None]  # r' (..., S, G, 2)
-        self.end_slopes = layout.ends @ jets[..., 0, :] / h[..., None]  # at L and R (..., S, 2, 2)
+        self.end_slopes = layout.ends @ u[0] / h[..., None]  # at L and R (..., S, 2, 2)
 
     @cached_property
     def law(self) -> Law:
