@@ -1,9 +1,11 @@
-"""The cache of compiled functions: kept from run to run, and forgotten when any file of the folder changes."""
+"""Compiled functions: kept from run to run, forgotten when a file of the folder changes; they round as Python does."""
 
 import importlib
 import sys
 
 import pytest
+from llvmlite.binding import get_host_cpu_features
+from numba import njit
 
 from cablefem.compiled import compiler
 
@@ -51,3 +53,17 @@ def test_an_inner_function_serves_compiled_ones_and_refuses_others():
     assert compiled(lambda x: inner(x) + 1.0)(3.0) == 2.5
     with pytest.raises(TypeError, match="half is for compiled functions"):
         inner(3.0)
+
+
+def test_loops_round_alike_with_a_processors_own_instructions_and_without_them():
+    """One instruction for product and sum rounds once instead of twice: .ci/run changes the kernels of BLAS only."""
+
+    def product_and_sum(a, b, c):
+        return a * b + c
+
+    tiny = 2.0**-30
+    values = 1.0 + tiny, 1.0 - tiny, -1.0
+    assert product_and_sum(*values) == 0.0
+    assert compiler(__file__)(product_and_sum)(*values) == 0.0
+    if get_host_cpu_features().get("fma"):
+        assert njit(fastmath={"contract"})(product_and_sum)(*values) == -(tiny**2)
