@@ -220,7 +220,10 @@ def averaged(t: Array, values: Array, low: Array, high: Array, breaks: Sequence[
 
 
 def _spline(t: Array, values: Array, kinks: Sequence[float], at: Array) -> Array:
-    """Splines through values (n, c), restarted at kinks against overshoot."""
+    """Splines through values (n, c), restarted at kinks against overshoot; at times of t these values."""
+    steps = np.searchsorted(t, at).clip(max=t.size - 1)
+    if np.array_equal(t[steps], at):
+        return values[steps]
     from scipy.interpolate import CubicSpline
 
     out = np.empty((at.size, values.shape[1]))

@@ -45,7 +45,10 @@ def _order(d: Any, before: Any, ratios: Sequence[float], low: float, high: float
     with np.errstate(divide="ignore", invalid="ignore"):
         fall = np.where(d > 0.0, before / d, 0.0)
         for _ in range(10):
+            before_it = p
             p = np.clip(np.log(fall * (r**p - 1.0) / (coarser**p - 1.0)) / math.log(r), low, high)
+            if np.array_equal(p, before_it, equal_nan=True):
+                break
     return p
 
 

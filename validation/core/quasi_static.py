@@ -20,7 +20,7 @@ import numpy as np
 
 from cablefem.response import Array, Observation, Once, Response
 from cablefem.scene import Groups, Scene
-from cablefem.scene.catenary import shape, static
+from cablefem.scene.catenary import shape
 from cablefem.scene.statics import Rest, gripped_rest, hauled_rest, load_path_nodes
 from validation.core.sampling import OBSERVED, STATIONS, frame_times, in_si, path_in_si
 
@@ -208,12 +208,13 @@ def _points(r: Rest, g: Groups, s: Array) -> Array:
     ends.sort(axis=1)
     half = 0.5 * np.diff(ends)[..., None]  # (k, m, 1)
     p = ends[:, :-1, None] + half * (1.0 + x)  # Gauss points (k, m, POINTS)
-    ahead = p > r.s[:, None, None]
-    force = r.left[:, None, None] + ahead[..., None] * r.jump[:, None, None]  # (k, m, POINTS, 2)
-    force[..., 1] -= g.sigma * p
-    stretch = 1.0 - static(p, g.sigma, g.c)[0] / g.alpha
-    factor = stretch / np.hypot(force[..., 0], force[..., 1]) + 1.0 / g.alpha
-    pieces = ((half * w * factor)[..., None] * force).sum(axis=2)
+    ahead = ends[:, 1:] > r.s[:, None]  # (k, m)
+    horizontal, vertical = ((r.left[:, i, None] + ahead * r.jump[:, i, None])[..., None] for i in (0, 1))  # (k, m, 1)
+    vertical = vertical - g.sigma * p
+    hanging = np.sqrt(1.0 + (g.c - g.sigma * p) ** 2)  # tension of the empty cable
+    stretch = 1.0 - hanging / g.alpha
+    weights = half * w * (stretch / np.sqrt(horizontal**2 + vertical**2) + 1.0 / g.alpha)  # (k, m, POINTS)
+    pieces = np.stack([horizontal[..., 0] * weights.sum(axis=2), (weights * vertical).sum(axis=2)], axis=2)
     points = np.concatenate([np.zeros((r.s.size, 1, 2)), np.cumsum(pieces, axis=1)], axis=1)
     index = np.arange(s.size) + (s > r.s[:, None])
     return np.take_along_axis(points, index[..., None], axis=1)
