@@ -16,6 +16,7 @@ LEVEL = Scene.load("level")
 FOURIER = ("--method", "fourier", "--set", "terms=8", "--set", "steps=80", "--no-bars")
 EDITED = LEVEL.variant(mu=0.9, name="level").to_toml()
 
+pytestmark = pytest.mark.usefixtures("unanimated")
 _modes = cache(lambda toml, modes=study.modes: modes(Scene.from_toml(toml)))
 
 

@@ -19,6 +19,7 @@ def package(tmp_path, monkeypatch):
     return install
 
 
+@pytest.mark.usefixtures("unanimated")
 def test_it_is_listed_and_runs(cablefem, package):
     arguments = "--method", "my-sines", "--set", "waves=6", "--set", "steps=60", "--no-bars"
     assert cablefem("run", "level", *arguments)[0] == 2

@@ -21,8 +21,7 @@ COMMANDS = {
     "a hauled car": ("run", "tramway", *QUICK),
     "a car that grips": ("run", "level", *QUICK, "--law", "elastic"),
     "quasi-static": ("run", "zipline", "--model", "quasi-static"),
-    "a check": ("check", "inclined", "--tol", "0.1", "--verbose"),
-    "a check of a ride": ("check", "zipline", "--tol", "0.1"),
+    "a check of a ride": ("check", "zipline", "--tol", "0.1", "--verbose", "--set", "drive.end.place=150"),
 }
 
 

@@ -74,10 +74,10 @@ def balances(system, steps, *, power=1.0, until=0.69):
 
 def test_energy_without_a_kink_is_kept_to_the_order_of_the_rule():
     """Galerkin's equations over a standing basis satisfy the energy balance exactly; what is left is time stepping."""
-    errors = [balances(GalerkinSystem(INCLINED, Fourier(10)), n)[0] for n in (500, 1000, 2000)]
+    errors = [balances(GalerkinSystem(INCLINED, Fourier(10)), n)[0] for n in (300, 600, 1200)]
     assert np.all(np.abs(orders(errors) - 2.0) < 0.4)
-    assert errors[-1] < 1e-6
-    assert balances(GalerkinSystem(INCLINED, Fourier(10)), 500, power=-1.0)[0] > 0.5
+    assert errors[-1] < 3e-6
+    assert balances(GalerkinSystem(INCLINED, Fourier(10)), 300, power=-1.0)[0] > 0.5
 
 
 def test_energy_and_jump_law_with_the_kink():

@@ -26,7 +26,7 @@ GRIPS = Line.from_toml(OVER.replace('drive = {mode = "haul", drag_area = 2.0}', 
 @pytest.fixture(scope="module", params=[(ELEMENTS, HAULED), (ELEMENTS, GRIPS), (SINES, HAULED), (SINES, GRIPS)])
 def moved(request):
     method, line = request.param
-    return Runs(method, line).run(4 if method is SINES else 2, 2)
+    return Runs(method, line).run(3 if method is SINES else 2, 2)
 
 
 def test_a_car_lands_on_the_shoe_leaves_the_rope_takes_it_and_leaves_the_shoe(moved):

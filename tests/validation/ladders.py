@@ -5,7 +5,7 @@ from dataclasses import replace
 from validation.core.ladder import Branch, Ladder
 from validation.core.running import run
 
-FINE = {"elements": 16, "steps": 1200, "until": 0.42}
+FINE = {"elements": 12, "steps": 800, "until": 0.42}
 
 
 def ladder(scene, change=lambda r: r, claims=None, **how):

@@ -29,7 +29,7 @@ WINDOW = (0.02, 0.8)
 
 @pytest.fixture(scope="module")
 def sure():
-    return {s.name: run(s, "following-p4", elements=20, steps=6000, until=0.8) for s in (LEVEL, INCLINED)}
+    return {s.name: run(s, "following-p4", elements=16, steps=3000, until=0.8) for s in (LEVEL, INCLINED)}
 
 
 @pytest.mark.parametrize("tol", [1.3e-2, 1.1e-3])

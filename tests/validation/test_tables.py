@@ -12,8 +12,8 @@ from validation.core.refine import run_with_error_bars
 from validation.core.running import run
 
 CHEAP = {
-    "following-p4": {"scheme": "radau", "elements": 3, "steps": 1600},
-    "fourier-kink": {"scheme": "trapezoidal", "terms": 10, "steps": 800},
+    "following-p4": {"scheme": "radau", "elements": 3, "steps": 800},
+    "fourier-kink": {"scheme": "trapezoidal", "terms": 10, "steps": 500},
 }
 
 
