@@ -150,7 +150,7 @@ def test_required_of_the_path_alone_forces_and_laws_are_shown():
     assert {row.quantity for row in found.rows if row.decides} <= {"path_max", "path_rms", "place", "speed"}
     assert any(row.verdict is Verdict.TOO_COARSE for row in found.rows if not row.decides)
     # twin: a fault in the path is seen
-    wrong = check("level", tol=3e-2, ask="path", second=LEVEL.replace({"mass.mass": "+20%"}))
+    wrong = check("level", tol=0.1, ask="path", second=LEVEL.replace({"mass.mass": "+20%"}))
     assert wrong.verdict is Verdict.DISAGREE
     with pytest.raises(ValueError, match=r"ask = 'pth': unknown\. Did you mean path"):
         check("level", ask="pth")
