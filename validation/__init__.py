@@ -47,16 +47,16 @@ __all__ = [
 
 
 # what computes a line of several contacts
-_LINE = {"run_with_bars": ("commands.run", "answers"), "check": ("commands.check", "checked")}
+_LINE = {"run_with_bars": ("commands.run", "answer_line"), "check": ("commands.check", "check_line")}
 
 
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return named(_loaded(_HOME[name], name))
+    return accepting_names(_import_name(_HOME[name], name))
 
 
-def _loaded(home: str, name: str) -> Any:
+def _import_name(home: str, name: str) -> Any:
     return getattr(importlib.import_module(f"validation.{home}"), name)
 
 
@@ -64,7 +64,7 @@ P = ParamSpec("P")
 Result = TypeVar("Result")
 
 
-def named(function: Callable[Concatenate[Any, P], Result]) -> Callable[Concatenate[Any, P], Result]:
+def accepting_names(function: Callable[Concatenate[Any, P], Result]) -> Callable[Concatenate[Any, P], Result]:
     """Let a function of a scene, or of a study, take its name or file, too."""
     first = next(iter(inspect.signature(function).parameters), "") if inspect.isfunction(function) else ""
     if first not in ("scene", "study"):
@@ -79,22 +79,22 @@ def named(function: Callable[Concatenate[Any, P], Result]) -> Callable[Concatena
         from cablefem.scene.short import line_or_none
 
         if isinstance(of, str | Path):
-            kind = Scene if first == "scene" else _loaded("commands.sweep.study", "Study")
+            kind = Scene if first == "scene" else _import_name("commands.sweep.study", "Study")
             of = (of_line and line_or_none(of)) or kind.load(of)
         if of_line and isinstance(of, Line):
             home, name = of_line
             kind = "motion" if of.moves else "line"
-            return cast(Result, _loaded(f"{home}.{kind}", name)(of, *args, **kwargs))
+            return cast(Result, _import_name(f"{home}.{kind}", name)(of, *args, **kwargs))
         return function(of, *args, **kwargs)
 
     return with_name
 
 
 if TYPE_CHECKING:
-    quasi_static = named(_quasi_static)
-    run = named(_run)
-    run_with_bars = named(_run_with_bars)
-    sweep = named(_sweep)
+    quasi_static = accepting_names(_quasi_static)
+    run = accepting_names(_run)
+    run_with_bars = accepting_names(_run_with_bars)
+    sweep = accepting_names(_sweep)
 
 
 def command_names() -> list[str]:

@@ -23,7 +23,7 @@ ORDER = (
 )  # fmt: skip
 
 
-def _app() -> typer.Typer:
+def _build_app() -> typer.Typer:
     """Collect the commands; those that ORDER does not name come last."""
     app = typer.Typer(
         add_completion=False,
@@ -32,28 +32,28 @@ def _app() -> typer.Typer:
         epilog="Start with: cablefem check level",
         invoke_without_command=True,
     )
-    app.callback()(_version)
+    app.callback()(_version_option)
     parts = {name: importlib.import_module(f"validation.commands.{name}.command") for name in command_names()}
     for name in sorted(parts, key=lambda name: ORDER.index(name) if name in ORDER else len(ORDER)):
         app.command(name, epilog=f"Example: {parts[name].EXAMPLE}")(parts[name].command)
     return app
 
 
-def _version(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
+def _version_option(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
     if version:
         from cablefem import __version__
 
-        terminal.say(f"cablefem {__version__}")
+        terminal.print_text(f"cablefem {__version__}")
         raise typer.Exit
 
 
-app = _app()
+app = _build_app()
 
 
-def run(arguments: list[str]) -> int:
+def run_command(arguments: list[str]) -> int:
     """Run one command; return its exit code. What breaks it is raised."""
     command = typer.main.get_command(app)
-    with command.make_context("cablefem", arguments or ["--help"], obj=run) as context:
+    with command.make_context("cablefem", arguments or ["--help"], obj=run_command) as context:
         return int(command.invoke(context) or 0)
 
 
@@ -65,16 +65,16 @@ def main(argv: list[str] | None = None) -> int:
     try:
         if argv is None:
             signal.signal(signal.SIGINT, signal.default_int_handler)  # in the background of a script it is ignored
-        return run(list(sys.argv[1:] if argv is None else argv))
+        return run_command(list(sys.argv[1:] if argv is None else argv))
     except typer.Exit as done:
         return done.exit_code
     except usage_error as error:
         where = error.ctx.command_path if error.ctx is not None else "cablefem"
-        terminal.complain([f"{' '.join(error.format_message().split())} (see {where} --help)"])
+        terminal.print_faults([f"{' '.join(error.format_message().split())} (see {where} --help)"])
         return 2
     except (KeyboardInterrupt, typer.Abort) as stop:
         stored = str(stop) or "files that were written are whole, and the command can be given again"
-        terminal.complain([f"interrupted; {stored}"])
+        terminal.print_faults([f"interrupted; {stored}"])
         return 130
     except BrokenPipeError:
         # The reader has gone: nothing to flush at the end.
@@ -83,7 +83,7 @@ def main(argv: list[str] | None = None) -> int:
     except Exception as error:
         if not (hasattr(error, "faults") or isinstance(error, OSError)):
             traceback.print_exc()  # it was not the input
-        terminal.complain(terminal.faults(error))
+        terminal.print_faults(terminal.fault_sentences(error))
         return 2
 
 

@@ -105,18 +105,18 @@ def test_each_planted_fault_of_an_answer_is_seen(cablefem):
     assert code == 0
     page = Path("x/report.html").read_text()
     printed = out.splitlines()
-    assert list(readback.faults_of_find(Path("x"), page, printed)) == []
+    assert list(readback.find_faults(Path("x"), page, printed)) == []
     right = json.loads(Path("x/find.json").read_text())
     for plant in FAULTS.values():
         wrong = json.loads(json.dumps(right))
         plant(wrong)
         Path("x/find.json").write_text(json.dumps(wrong))
-        assert list(readback.faults_of_find(Path("x"), page, printed))
+        assert list(readback.find_faults(Path("x"), page, printed))
     Path("x/find.json").write_text(json.dumps(right))
     number = re.search(r"at most (\d+)", right["sentence"])[1]
     other = f"{1.01 * float(number):.0f}"
-    assert list(readback.faults_of_find(Path("x"), page.replace(number, other), printed))
-    assert list(readback.faults_of_find(Path("x"), page, [text.replace(number, other) for text in printed]))
+    assert list(readback.find_faults(Path("x"), page.replace(number, other), printed))
+    assert list(readback.find_faults(Path("x"), page, [text.replace(number, other) for text in printed]))
 
 
 def test_words_are_bisected_and_a_condition_that_never_changes_says_what_happens():
@@ -154,7 +154,7 @@ def test_ctrl_c_leaves_what_was_computed(cablefem, monkeypatch, count, more):
 
         yield show
 
-    monkeypatch.setattr(terminal, "progress", interrupting)
+    monkeypatch.setattr(terminal, "progress_bars", interrupting)
     Path("zip.toml").write_text(ZIPLINE.replace({"cable.sag": 5.0}).to_toml())
     code, out, err = cablefem(
         "find", "zip.toml", "cable.sag=4:8", "--so-that", "tension_max <= 20 kN", "--no-check", *more, "--out", "x"
@@ -185,10 +185,10 @@ def test_the_curve_of_two_keys(cablefem):
     assert table.startswith("mass.mass,cable.sag,answer")
     page = Path("x/report.html").read_text()
     printed = out.splitlines()
-    assert list(readback.faults_of_find(Path("x"), page, printed)) == []
+    assert list(readback.find_faults(Path("x"), page, printed)) == []
     Path("x/find.csv").write_text(table.replace("\n80,", "\n81,"))
-    assert list(readback.faults_of_find(Path("x"), page, printed)) == ["find.csv is not find.json"]
-    assert list(readback.faults_of_find(Path("x"), page.replace(f">{heavy:.6g}<", f">{1.01 * heavy:.6g}<"), printed))
+    assert list(readback.find_faults(Path("x"), page, printed)) == ["find.csv is not find.json"]
+    assert list(readback.find_faults(Path("x"), page.replace(f">{heavy:.6g}<", f">{1.01 * heavy:.6g}<"), printed))
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ TRAMWAY = Scene.load("tramway").replace({**TEXTS, "cable.breaking_load": 2.3e6, 
 @pytest.fixture(scope="module")
 def tramway():
     r = quasi_static_answer(TRAMWAY)
-    return r, limits.rows(TRAMWAY, r.design, r.events)
+    return r, limits.limit_rows(TRAMWAY, r.design, r.events)
 
 
 def verdicts(rows):
@@ -54,17 +54,17 @@ def test_a_limit_within_the_bar_is_too_close_to_tell(tramway):
     near = 2.3e6 / (tension["value"] + 0.5 * tension["bar"])
     for factor, verdict in ((1.0, "too close to tell"), (0.97, "met"), (1.03, "not met")):
         scene = TRAMWAY.replace({"limits": {"safety_factor": factor * near}})
-        assert [row["verdict"] for row in limits.rows(scene, r.design)] == [verdict]
+        assert [row["verdict"] for row in limits.limit_rows(scene, r.design)] == [verdict]
     without_bar = [row | {"bar": None} for row in r.design]
     scene = TRAMWAY.replace({"limits": {"safety_factor": 1.0}})
-    assert limits.rows(scene, without_bar)[0]["verdict"] == "too close to tell"
+    assert limits.limit_rows(scene, without_bar)[0]["verdict"] == "too close to tell"
 
 
 def test_what_is_missing_is_named():
     scene = Scene.load("tramway").replace(TEXTS | {"obstacle": [HUT | {"kind": None}]})
     bare = scene.replace({"mass.wheels": None})
     r = quasi_static_answer(bare)
-    missing = {row["verdict"] for row in limits.rows(bare, r.design)}
+    missing = {row["verdict"] for row in limits.limit_rows(bare, r.design)}
     keys = ("cable.breaking_load", "the car wheels", "obstacle.hut.kind")
     assert {f"cannot be judged: give {key}" for key in keys} <= missing
     with pytest.raises(SceneError, match=r"unknown. Did you mean skyline\? Known: france-1974, "):
@@ -113,7 +113,7 @@ def test_verdicts_are_computed_a_second_time(tramway, fault):
 def test_a_wrong_sag_at_rest_is_denied(tramway):
     r, _ = tramway
     wrong = [row | {"value": 1.001 * row["value"]} if row["quantity"] == "sag_car_rest" else row for row in r.design]
-    forged = recomputed.Readings(r, None).of("sag_car_rest")
+    forged = recomputed.RecomputedNumbers(r, None).number("sag_car_rest")
     assert abs(next(row["value"] for row in wrong if row["quantity"] == "sag_car_rest") - forged) > 5e-4 * forged
 
 
@@ -131,17 +131,17 @@ def test_limits_are_printed_stored_and_read_back(cablefem):
     code, out, _ = cablefem("run", "zip.toml", "--model", "quasi-static", "--limits", "zip-line", "--out", "x")
     assert code == 0
     assert "lines of 6 mph (10 km/h) or less" in out
-    of = readback.Stored(Path("x"), ["quasi-static"], judged=False)
+    of = readback.StoredResults(Path("x"), ["quasi-static"], judged=False)
     page = Path("x/report.html").read_text()
-    assert [*readback.files(of), *readback.page(page, "run", of)] == []
+    assert [*readback.file_faults(of), *readback.page_faults(page, "run", of)] == []
     assert of.unread == []
     file = Path("x/quasi-static/summary.json")
     stored = json.loads(file.read_text())
     stored["limits"][0]["verdict"] = "not met" if stored["limits"][0]["verdict"] == "met" else "met"
     file.write_text(json.dumps(stored))
-    forged = readback.Stored(Path("x"), ["quasi-static"], judged=False)
-    assert any("limits: " in fault for fault in readback.files(forged))
-    assert any("no such limit" in fault for fault in readback.page(page, "run", forged))
+    forged = readback.StoredResults(Path("x"), ["quasi-static"], judged=False)
+    assert any("limits: " in fault for fault in readback.file_faults(forged))
+    assert any("no such limit" in fault for fault in readback.page_faults(page, "run", forged))
     code, _, err = cablefem("run", "zip.toml", "--limits", "acct")
     assert (code, err.count("\n")) == (2, 1)
     assert "--limits = 'acct': unknown." in err.replace(".use", "")
@@ -155,12 +155,12 @@ def test_limits_of_a_line_at_rest_are_printed_and_judged(cablefem):
     assert "smallest knee angle, empty" in out
     assert "at the given positions of the cars" in out
     page = Path("x/report.html").read_text()
-    assert list(readback.limits_shown(page, rows)) == []
+    assert list(readback.limit_table_faults(page, rows)) == []
     value = f"{rows[1]['value']:.5g}"
     for there, instead in ((value, f"{1.01 * rows[1]['value']:.5g}"), ("at least 3", "at least 4"), ("not met", "met")):
         assert there in page
-        assert list(readback.limits_shown(page.replace(there, instead), rows))
-    assert list(readback.limits_shown(page, rows[1:]))
+        assert list(readback.limit_table_faults(page.replace(there, instead), rows))
+    assert list(readback.limit_table_faults(page, rows[1:]))
 
 
 def test_a_grid_has_the_worst_limit_of_each_scene(cablefem):
@@ -206,7 +206,7 @@ def test_the_swing_of_a_cabin_is_held_against_its_limit(factor):
     line = Line.load("emergency-stop").replace({"limits": {"use": ["france-1974"]}})
     numbers = {"swing_max:cabin": 10.0, "swing_min:cabin": -20.0}
     design = [{"quantity": name, "value": value, "bar": 0.1, "unit": "deg"} for name, value in numbers.items()]
-    (row,) = (row for row in limits.rows(line, design) if row["demand"].startswith("swing along"))
+    (row,) = (row for row in limits.limit_rows(line, design) if row["demand"].startswith("swing along"))
     assert (row["value"], row["verdict"]) == (pytest.approx(math.tan(math.radians(20.0))), "not met")
     row["value"] *= factor
     faults = list(readback.limit_faults([row], tomllib.loads(line.to_toml()), design, []))

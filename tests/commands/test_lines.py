@@ -8,7 +8,7 @@ import pytest
 
 from tests.commands.calls import lines
 from tests.line.lines import THREE, TRAMWAY, car, line
-from validation.commands.check.line import checked
+from validation.commands.check.line import check_line
 
 FEW = ("--set", "car.up.at=[50,300,698,704]", "--set", "car.down.at=[488,702,900,1142]")
 
@@ -78,8 +78,8 @@ def test_check_agrees(cablefem, tmp_path):
 )  # fmt: skip
 def test_a_fault_told_to_one_solver_disagrees(key, value):
     sound = line(*THREE)
-    assert checked(sound, 1e-6, 1e-6).verdict.value == "agree"
-    assert checked(sound, 1e-6, 1e-6, second=sound.replace({key: value})).verdict.value == "disagree"
+    assert check_line(sound, 1e-6, 1e-6).verdict.value == "agree"
+    assert check_line(sound, 1e-6, 1e-6, second=sound.replace({key: value})).verdict.value == "disagree"
 
 
 def test_a_grid_is_a_table_with_one_row_a_line(cablefem, tmp_path):

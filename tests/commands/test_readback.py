@@ -34,10 +34,10 @@ def results(tmp_path_factory):
         if name not in known:
             command, scene, *options = COMMANDS[name]
             folder = tmp_path_factory.mktemp("results") / "x"
-            with terminal.copied() as lines:
+            with terminal.copy_printed() as lines:
                 assert cli.main([command, scene, *options, "--out", str(folder)]) == 0
             methods = CHECKED if command == "check" else [next(folder.glob("*/summary.json")).parent.name]
-            of = readback.Stored(folder, methods, judged=command == "check")
+            of = readback.StoredResults(folder, methods, judged=command == "check")
             known[name] = command, of, lines, (folder / "report.html").read_text(encoding="utf-8")
         return known[name]
 
@@ -47,13 +47,17 @@ def results(tmp_path_factory):
 @pytest.mark.parametrize("name", COMMANDS)
 def test_all_that_is_written_and_printed_has_a_reader(results, name):
     command, of, lines, page = results(name)
-    assert [*readback.files(of), *readback.page(page, command, of), *readback.terminal(lines, of)] == []
+    assert [
+        *readback.file_faults(of),
+        *readback.page_faults(page, command, of),
+        *readback.terminal_faults(lines, of),
+    ] == []
     assert of.unread == []
     for method in of.methods:
         written = {file.name for file in (of.folder / method).iterdir()}
         assert written <= readback.FILES.keys()
     path = (of.folder / of.methods[0] / "path.csv").read_text().splitlines()[0]
-    assert set(path.split(",")) == readback.path_of(of.run(0)).keys()
+    assert set(path.split(",")) == readback.path_columns(of.stored_run(0)).keys()
 
 
 # --- files ------------------------------------------------------------------------------------------------------------
@@ -82,7 +86,7 @@ def test_a_column_one_percent_off_is_seen(results, name, column):
     file = of.folder / of.methods[0] / name
     before = file.read_text()
     scaled(file, column)
-    found = list(readback.FILES[name](file, of.run(0)))
+    found = list(readback.FILES[name](file, of.stored_run(0)))
     file.write_text(before)
     assert found
     assert all(fault.startswith(column) for fault in found)
@@ -100,7 +104,7 @@ def test_an_animation_one_percent_off_is_seen(results, of_frame):
                 data[name][...] = factor * data[name][...]
 
     scale(1.01)
-    found = list(readback.FILES[file.name](file, of.run(0)))
+    found = list(readback.FILES[file.name](file, of.stored_run(0)))
     scale(1.0 / 1.01)
     assert found
 
@@ -111,8 +115,8 @@ def test_a_wrong_number_of_the_summary_is_seen(results):
     before = file.read_text()
     for key, value in (("reached", 0.97), ("n_dof", 3), ("max_deflection", 3.0), ("news", 1)):
         file.write_text(json.dumps(json.loads(before) | {key: value}))
-        assert any(key in fault for fault in readback.FILES[file.name](file, of.run(0)))
-    assert any(fault.startswith(str(file)) for fault in readback.files(of))
+        assert any(key in fault for fault in readback.FILES[file.name](file, of.stored_run(0)))
+    assert any(fault.startswith(str(file)) for fault in readback.file_faults(of))
     file.write_text(before)
 
 
@@ -157,9 +161,9 @@ def test_a_force_with_another_value_unit_or_bar_is_seen(results, name, change):
     spaced = NUMBER.replace(" ?", "[ \u202f]?")
     wrong, count = re.subn(spaced, change, page, count=1)
     assert count == 1
-    assert any("largest tension" in fault for fault in readback.page(wrong, command, of))
+    assert any("largest tension" in fault for fault in readback.page_faults(wrong, command, of))
     text = [re.sub(NUMBER, change, line) if "largest tension" in line else line for line in lines]
-    assert len(list(readback.terminal(text, of))) == 1
+    assert len(list(readback.terminal_faults(text, of))) == 1
 
 
 @pytest.mark.parametrize(
@@ -177,7 +181,7 @@ def test_other_words_and_numbers_on_the_terminal_are_seen(results, there, instea
     _, of, lines, _ = results("a ride")
     text = [re.sub(there, instead, line) for line in lines]
     assert text != lines
-    assert any(said in fault for fault in readback.terminal(text, of)) or any(said in x for x in of.unread)
+    assert any(said in fault for fault in readback.terminal_faults(text, of)) or any(said in x for x in of.unread)
     of.unread.clear()
 
 
@@ -205,7 +209,7 @@ def test_other_words_and_numbers_on_the_page_are_seen(results, there, instead, s
     command, of, _, page = results("a check of a ride")
     wrong, count = re.subn(there, instead, page, count=1)
     assert count == 1
-    assert any(said in fault for fault in readback.page(wrong, command, of))
+    assert any(said in fault for fault in readback.page_faults(wrong, command, of))
 
 
 def test_a_file_that_is_written_wrongly_is_said_first_on_the_page_and_is_1(cablefem, monkeypatch):

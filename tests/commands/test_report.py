@@ -140,7 +140,7 @@ def test_verdicts_of_all_scenes_come_before_what_is_behind_them(tmp_path, monkey
         )
     two = [Section(name, name.capitalize(), "<p>1</p>") for name in ("verdict", "path")]
     monkeypatch.setattr(report, "stored_pages", lambda folder, command: two)
-    report.gather(tmp_path, parts)
+    report.gather_report(tmp_path, parts)
     page = (tmp_path / "report.html").read_text()
     order = ["level-verdict", "tramway-verdict", "level-path", "tramway-path", "paper-verdict", "paper-path"]
     places = [page.index(f'id="{name}"') for name in order]
@@ -150,11 +150,11 @@ def test_verdicts_of_all_scenes_come_before_what_is_behind_them(tmp_path, monkey
 def test_two_commands_on_one_scene_may_have_pages_of_one_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for command in ("check", "run"):
-        folder = store.claim(None, command, Scene.load("bare"), [command])
-        store.finish(folder, command)
+        folder = store.claim_folder(None, command, Scene.load("bare"), [command])
+        store.mark_finished(folder, command)
     one = [Section("answer", "The answer", "<p>1</p>")]
     monkeypatch.setattr(report, "stored_pages", lambda folder, command: one)
     monkeypatch.setattr(run_page, "sections", lambda folder: one)
-    report.write(folder, "run")
+    report.write_report(folder, "run")
     page = (folder / "report.html").read_text()
     assert page.count('id="answer"') == page.count('id="answer-run"') == 1

@@ -16,7 +16,7 @@ from validation.commands.run import study
 from validation.core.quantities import number_text
 from validation.core.refine import TooCoarse, run_with_error_bars
 from validation.core.running import run
-from validation.core.watch import flag
+from validation.core.watch import make_flag
 
 pytestmark = pytest.mark.usefixtures("unanimated")
 
@@ -117,7 +117,7 @@ def inclined():
         ({**BROKEN, "slack_onset": None, "cause": "Newton stalled"}, 2),
         ({**BROKEN, "slack_onset": None, "cause": "past the window"}, 0),
         ({**BROKEN, "slack_onset": 0.2, "cause": "unstable"}, 2),  # its slack is the instability's own
-        ({"flags": [flag("energy", gain=0.4, allowed=0.2)]}, 1),
+        ({"flags": [make_flag("energy", gain=0.4, allowed=0.2)]}, 1),
     ],
 )
 def test_the_exit_code_of_a_run_says_whether_it_broke_before_the_slack_onset(

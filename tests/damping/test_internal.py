@@ -16,7 +16,7 @@ from tests.validation.ladders import ladder
 from tests.validation.test_laws import held
 from validation import run
 from validation.core.agreement import Verdict
-from validation.core.methods import METHODS, pair
+from validation.core.methods import METHODS, checking_pair
 from validation.core.refine import run_with_error_bars
 from validation.core.rows import compare
 from validation.oracles import irvine
@@ -61,8 +61,8 @@ def test_it_is_written_and_kept():
 
 def test_methods_that_lack_it_refuse():
     scene = damped(3e-4)
-    assert pair(scene.groups) == ("following-p2", "fourier-riding")
-    assert pair(LEVEL.groups) == ("following-p2", "fourier-kink")
+    assert checking_pair(scene.groups) == ("following-p2", "fourier-riding")
+    assert checking_pair(LEVEL.groups) == ("following-p2", "fourier-kink")
     for name in METHODS.keys() - {"following-p2", "following-p4", "fourier-riding"}:
         with pytest.raises(ValueError, match=r"internal damping: not with .*; take following-p2 or fourier-riding"):
             run(scene, name)
@@ -153,7 +153,7 @@ def internal_mode(w, L2, tau, c=0.0):
 
 @pytest.mark.parametrize(("tau", "c"), MODES)
 def test_modes_of_the_complex_equation(tau, c):
-    L2 = irvine.parameter(BARE.sigma, BARE.alpha)
+    L2 = irvine.irvine_parameter(BARE.sigma, BARE.alpha)
     undamped = irvine.frequencies(L2, 4)[[0, 2]]
     found = [internal_mode(w, 24.084, tau, c) for w in undamped]
     np.testing.assert_allclose(found, MODES[tau, c], rtol=0.0, atol=2e-5)
@@ -184,7 +184,7 @@ def modes_of(system, count):
 )
 def test_both_wings_come_to_the_damped_modes_of_a_shallow_cable(make):
     """The deviation falls like sigma^2 at the same L^2: 4e-3 at 0.17."""
-    L2, off = irvine.parameter(BARE.sigma, BARE.alpha), []
+    L2, off = irvine.irvine_parameter(BARE.sigma, BARE.alpha), []
     exact = internal_mode(irvine.frequencies(L2, 1)[0], L2, 1e-2)
     for part in (1.0, 0.2):
         sigma = part * BARE.sigma

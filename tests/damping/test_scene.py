@@ -16,7 +16,7 @@ BLOWN = {"wind.across": 10.0, "cable.diameter": 0.048}
 def test_a_ratio_is_of_the_lowest_frequency(name):
     scene = Scene.load(name).replace({"cable.damping": 0.013})
     g = scene.groups
-    L2 = irvine.parameter(g.sigma, g.alpha, g.chord_cos)
+    L2 = irvine.irvine_parameter(g.sigma, g.alpha, g.chord_cos)
     assert scene.irvine == pytest.approx(L2, rel=1e-13)
     lowest = float(irvine.frequencies(L2, 1)[0]) / math.sqrt(g.chord_cos)
     assert g.damping == pytest.approx(2.0 * 0.013 * lowest, rel=1e-12)

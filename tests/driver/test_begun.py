@@ -7,7 +7,7 @@ from cablefem import Scene
 from cablefem.scene import ConstantSpeed
 from cablefem.scene.statics import gripped_rest
 from tests.runs import observe, stack
-from validation.core.methods import find
+from validation.core.methods import find_method
 from validation.core.running import Run
 
 SCENES = {
@@ -27,7 +27,7 @@ def test_a_car_let_in_on_the_way_begins_at_rest_on_the_loaded_cable(name, method
     base = Scene.load(of)
     travel = ConstantSpeed(speed=0.1 * base.wave_speed, **{"from": place * base.length})
     g = base.variant(travel=travel, drive={"mode": "grip"}).groups
-    kind = find(method)
+    kind = find_method(method)
     system = kind.build(g, kind.settings_on(g, settings), model="full", load="mass", law="elastic")
     x = system.start(0, None)
     seen = observe(system, stack([x]))
@@ -52,7 +52,7 @@ def test_many_steps_on_the_slack_cable_are_those_taken_one_by_one():
     many, single = (Run(Scene.load("level"), "fourier-kink", terms=24, steps=200, scheme="newmark") for _ in range(2))
     single.history.solver.many_steps = False
     for run in (many, single):
-        run.march(0.95, None)
+        run.march_to(0.95, None)
         assert run.history.onset.step < len(run.history.states) - 5
     for a, b in zip(many.history.states, single.history.states, strict=True):
         np.testing.assert_allclose(a.q, b.q, rtol=0.0, atol=1e-12)

@@ -75,7 +75,7 @@ def test_a_jump_of_the_drive_is_a_jump_of_forces_in_balance(element, coupling, m
 # --- the taut string ----------------------------------------------------------------------------------------------
 MU, SIGMA, V = 1.3, 0.12, 0.35
 CROSSING = cable(mu=MU, sigma=SIGMA, c=0.5 * SIGMA, alpha=323.0, speed=V)
-RIDE = moving_mass.solve(CROSSING.motion, mu=MU, sigma=SIGMA)
+RIDE = moving_mass.solve_moving_mass(CROSSING.motion, mu=MU, sigma=SIGMA)
 
 
 def ride(t):

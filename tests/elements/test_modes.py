@@ -37,7 +37,7 @@ def test_frequencies_converge_from_above_with_twice_the_degree(degree, elements)
 
 @pytest.mark.parametrize("groups", [STEEP, cable(mu=0.7, sigma=1.9, c=1.1, alpha=57.0, speed=0.3)])
 def test_steep_and_deep_cables(groups):
-    exact = catenary_modes.solve(groups.sigma, groups.alpha, groups.c, count=8).omega
+    exact = catenary_modes.solve_modes(groups.sigma, groups.alpha, groups.c, count=8).omega
     np.testing.assert_allclose(bare_frequencies(groups, n=8), exact, rtol=1e-7)  # modes of a deep cable are less smooth
 
 
@@ -45,7 +45,7 @@ def test_steep_and_deep_cables(groups):
 @pytest.mark.parametrize("model", ["sagged", "stretching"])
 def test_irvine_and_caughey(model, groups):
     """The parabola along the chord, tension H/cos: L^2 = alpha sigma^2 cos^5."""
-    L2 = irvine.parameter(groups.sigma, groups.alpha, groups.chord_cos)
+    L2 = irvine.irvine_parameter(groups.sigma, groups.alpha, groups.chord_cos)
     exact = irvine.frequencies(L2, 10) / math.sqrt(groups.chord_cos)
     np.testing.assert_allclose(bare_frequencies(groups, model=model), exact, rtol=1e-9)
     assert abs(bare_frequencies(groups)[0] / exact[0] - 1.0) > 5e-4  # the catenary is another cable

@@ -80,7 +80,7 @@ def test_so_are_those_of_elements_the_mass_moves_through(element):
 def test_a_run_ends_at_the_same_step_whether_steps_are_taken_in_one_go_or_not(scene, end, settings):
     run, alone = (Run(Scene.load(scene), "following-p2", elements=3, steps=150, **settings) for _ in range(2))
     alone.history.solver.many_steps = False
-    one, other = run.to(end), alone.to(end)
+    one, other = run.run_to(end), alone.run_to(end)
     assert np.array_equal(one.t, other.t)
     assert np.abs(one.v - other.v).max() <= 1e-9 * np.abs(other.v).max()
     assert one.work == other.work
@@ -89,7 +89,7 @@ def test_a_run_ends_at_the_same_step_whether_steps_are_taken_in_one_go_or_not(sc
 
 def test_steps_taken_in_one_go_remember_what_was_inside():
     run = Run(Scene.load("tramway"), "following-p2", elements=3, steps=150, scheme="radau")
-    run.to(0.4)
+    run.run_to(0.4)
     rule, states = tableau(run.scheme.nodes), run.history.states
     for before, after in pairwise(states[20:40]):
         for t, a in zip(rule.instants(np.array([before.t, after.t]))[0], after.inside.a, strict=True):

@@ -10,9 +10,9 @@ from cablefem import catenary_line
 from cablefem.elements import line as elements
 from cablefem.scene.line import Line
 from tests.line.lines import SPRUNG, THREE, TRAMWAY, WEIGHED, line
-from validation.commands.run.line import answers, extremes
+from validation.commands.run.line import answer_line, extreme_rows
 from validation.core.agreement import Verdict
-from validation.core.line_laws import laws, printed
+from validation.core.line_laws import check_printed, check_statics
 from validation.page import line as page
 
 HOT = {"temperature": 35.0, "reference_temperature": 10.0, "expansion": 1.2e-5, "ice": 1.3}
@@ -34,7 +34,7 @@ def disagreements(rows):
 @pytest.mark.parametrize("solve", [catenary_line.solve, elements.solve], ids=["catenaries", "elements"])
 def test_laws_hold_on_sound_answers(name, weather, solve):
     sound = with_rope(LINES[name], **weather)
-    assert not disagreements(laws(sound.to_toml(), sound.rest(solve)))
+    assert not disagreements(check_statics(sound.to_toml(), sound.rest(solve)))
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,7 @@ def test_laws_hold_on_sound_answers(name, weather, solve):
     ],
 )  # fmt: skip
 def test_laws_see_an_answer_to_another_line(sound, changes, law):
-    assert law in disagreements(laws(sound.to_toml(), sound.replace(changes).rest(catenary_line.solve)))
+    assert law in disagreements(check_statics(sound.to_toml(), sound.replace(changes).rest(catenary_line.solve)))
 
 
 def test_laws_see_forces_that_saddles_and_cars_cannot_give():
@@ -69,7 +69,7 @@ def test_laws_see_forces_that_saddles_and_cars_cannot_give():
         "tension past saddles and hauled cars": slipping, "saddles press down": lifted, "balance of cars": unhauled,
     }  # fmt: skip
     for law, wrong in planted.items():
-        assert law in disagreements(laws(sound.to_toml(), replace(rest, positions=[wrong])))
+        assert law in disagreements(check_statics(sound.to_toml(), replace(rest, positions=[wrong])))
 
 
 GROUND = [[0.0, 5.0], [300.0, -60.0], [800.0, -260.0], [1300.0, -420.0]]
@@ -83,34 +83,34 @@ def reread(folder, result, edit=lambda folder: None, html=lambda text: text, of=
     result.write(folder, 1.0)
     text = "".join(section.html + section.summary for section in page.sections(folder))
     edit(folder)
-    return disagreements(printed(of.to_toml(), result.rest, folder, html(text), page.WORDS))
+    return disagreements(check_printed(of.to_toml(), result.rest, folder, html(text), page.WORDS))
 
 
 @pytest.mark.parametrize("given", [TRAM, with_rope(SPRUNG, **HOT), Line.load("skyline")], ids=lambda x: x.name)
 def test_printed_numbers_are_as_computed(tmp_path, given):
-    assert not reread(tmp_path, answers(given), of=given)
+    assert not reread(tmp_path, answer_line(given), of=given)
 
 
 @pytest.mark.parametrize(
     "kind", ["rise", "pressure", "load", "haul", "tension_min", "safety_factor", "rope_over", "sag"]
 )
 def test_a_number_one_percent_off_is_seen(tmp_path, kind):
-    result = answers(TRAM)
+    result = answer_line(TRAM)
     wrong = [
         {name: x * 1.01 if name.partition(":")[0] == kind and x is not None else x for name, x in row.items()}
         for row in result.numbers
     ]
-    seen = reread(tmp_path, replace(result, numbers=wrong, design=extremes(TRAM, wrong)))
+    seen = reread(tmp_path, replace(result, numbers=wrong, design=extreme_rows(TRAM, wrong)))
     assert {f"positions.csv, {kind}", "design"} <= seen
 
 
 def test_a_clearance_that_forgets_what_hangs_below_is_seen(tmp_path):
     bare = TRAM.replace({"car.up.below": 0.0, "car.down.below": 0.0})
-    assert {"positions.csv, clearance_car", "design"} <= reread(tmp_path, answers(bare))
+    assert {"positions.csv, clearance_car", "design"} <= reread(tmp_path, answer_line(bare))
 
 
 def test_a_car_on_a_shoe_at_the_depth_of_the_empty_rope_is_seen(tmp_path):
-    result = answers(TRAM)
+    result = answer_line(TRAM)
     wrong = [{**row, "depth:up": row["depth:up"] + 0.3} if row["on:up"] else row for row in result.numbers]
     assert "positions.csv, depth" in reread(tmp_path, replace(result, numbers=wrong))
 
@@ -149,18 +149,18 @@ def lower_rope(folder):
     ],
 )  # fmt: skip
 def test_a_fault_in_a_file_is_seen(tmp_path, edit, seen):
-    assert seen in reread(tmp_path, answers(TRAM), edit)
+    assert seen in reread(tmp_path, answer_line(TRAM), edit)
 
 
 @pytest.mark.parametrize(("old", "new"), [(" kN", " MN"), ("largest tension", "tension"), ("up 50", "up 60")])
 def test_a_fault_in_the_page_is_seen(tmp_path, old, new):
-    seen = reread(tmp_path, answers(TRAM), html=lambda text: text.replace(old, new))
+    seen = reread(tmp_path, answer_line(TRAM), html=lambda text: text.replace(old, new))
     assert seen <= {"page", "page, cars"}
     assert seen
 
 
 def test_a_column_without_second_computation_is_seen(tmp_path):
-    result = answers(TRAM)
+    result = answer_line(TRAM)
     more = [{**row, "wear:tower": 1.0} for row in result.numbers]
     assert "positions.csv, wear" in reread(tmp_path, replace(result, numbers=more))
 
@@ -170,17 +170,17 @@ def test_a_wrong_state_writes_no_nan_and_breaks_laws(tmp_path):
     rest = sound.rest(catenary_line.solve)
     state = rest.positions[0]
     wrong = replace(rest, positions=[replace(state, s=state.s[::-1])])
-    answers(sound, wrong).write(tmp_path, 1.0)
+    answer_line(sound, wrong).write(tmp_path, 1.0)
     for file in tmp_path.iterdir():
         assert "nan" not in file.read_text().lower()
-    assert "shape and stretch" in disagreements(laws(sound.to_toml(), wrong))
+    assert "shape and stretch" in disagreements(check_statics(sound.to_toml(), wrong))
 
 
 def test_the_outcome_names_a_broken_rope_first_then_what_collides():
-    assert answers(TRAM).outcome.kind == "collides"
-    assert "up hits tree by" in answers(TRAM).outcome.sentence
-    broken = answers(TRAM.replace({"cable.breaking_load": 4e5})).outcome
+    assert answer_line(TRAM).outcome.kind == "collides"
+    assert "up hits tree by" in answer_line(TRAM).outcome.sentence
+    broken = answer_line(TRAM.replace({"cable.breaking_load": 4e5})).outcome
     assert broken.kind == "breaks"
     assert broken.sentence.startswith("the rope is loaded beyond its breaking load: 4")
     assert "would collide: " in broken.sentence
-    assert answers(TRAM.replace({"ground": [], "obstacle": []})).outcome.kind == "carries"
+    assert answer_line(TRAM.replace({"ground": [], "obstacle": []})).outcome.kind == "carries"

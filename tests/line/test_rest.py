@@ -12,7 +12,7 @@ from cablefem.scene.line import Line, LineState, NoLine
 from cablefem.scene.statics import gripped_rest
 from tests.line.lines import ASTER, SPRUNG, THREE, TRAMWAY, WEIGHED, car, changed, line
 from validation.commands.oracles.study import Task
-from validation.commands.run.line import answers
+from validation.commands.run.line import answer_line
 from validation.oracles import line as oracle
 
 WITNESSES = {"catenaries": catenary_line.solve, "elements": elements.solve}
@@ -130,7 +130,7 @@ def test_a_car_on_a_shoe_is_not_felt(solve):
 def test_the_path_of_a_car_does_not_jump_at_the_ends_of_a_shoe(solve):
     at = [693.9999, 694.0001, 700, 705.9999, 706.0001]
     given = Line.load("two-span").replace({"car.down.at": 1100.0, "car.up.at": at})
-    result = answers(given, given.rest(solve))
+    result = answer_line(given, given.rest(solve))
     depths = [row["depth:up"] for row in result.numbers]
     assert [row["on:up"] for row in result.numbers] == [None, "tower", "tower", "tower", None]
     np.testing.assert_allclose(np.diff(depths)[[0, 3]], 0.0, rtol=0, atol=3e-4)
@@ -139,7 +139,7 @@ def test_the_path_of_a_car_does_not_jump_at_the_ends_of_a_shoe(solve):
 
 def test_a_tower_carries_the_car_on_its_shoe():
     given = Line.load("two-span").replace({"car.up.at": [690.0, 700.0], "car.down.at": 1136.0})
-    hanging, on_shoe = answers(given).numbers
+    hanging, on_shoe = answer_line(given).numbers
     assert hanging["load:tower"] == hanging["pressure:tower"]
     assert on_shoe["load_down:tower"] == pytest.approx(on_shoe["pressure_down:tower"] + 6000.0 * 9.81)
     assert on_shoe["load:tower"] > 136e3 > hanging["load:tower"]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import cablefem as cf
-from validation.commands.run.line import numbers_of
+from validation.commands.run.line import numbers_by_position
 
 SKYLINE = cf.Line.load("skyline")
 POLES = range(1, 6)
@@ -27,7 +27,7 @@ SADDLES = [38.2, 39.7, 44.6, 47.3, 61.6]
 
 def at(places):
     """Numbers with the load at each place."""
-    return numbers_of(cf.run(SKYLINE.replace({"car.carriage.at": places})).rest)
+    return numbers_by_position(cf.run(SKYLINE.replace({"car.carriage.at": places})).rest)
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,10 @@ import pytest
 
 from cablefem.scene.line import Line
 from tests.motion.lines import BODIES
-from validation.commands.check.motion import judged, laws
-from validation.commands.run.motion import SINES, Runs
-from validation.core.agreement import overall
-from validation.core.motion_rows import Tolerance
+from validation.commands.check.motion import judge_runs, law_rows
+from validation.commands.run.motion import SINES, LineRuns
+from validation.core.agreement import overall_verdict
+from validation.core.motion_rows import LineTolerance
 
 MOMENT, KINKS, CENTRES = "moment of momentum of bodies", "forces on kinks of the rope", "centres of mass"
 
@@ -22,12 +22,12 @@ def line():
 
 @pytest.fixture(scope="module")
 def ladder(line):
-    return Runs(SINES, line).ladder(2, 2)
+    return LineRuns(SINES, line).ladder(2, 2)
 
 
 def broken(toml, ladder):
     """Names of the laws that the runs do not keep."""
-    rows = laws(toml, [ladder], ladder.finest.end)
+    rows = law_rows(toml, [ladder], ladder.finest.end)
     return {row.law.rpartition(",")[0] for row in rows if row.verdict.value == "disagree"}
 
 
@@ -71,5 +71,5 @@ def test_a_carriage_that_does_not_feel_how_its_cabin_swings_is_seen(line, ladder
 
 @pytest.mark.slow
 def test_a_thrust_a_degree_off_in_one_solver_is_seen(line, ladder):
-    fault = Runs(SINES, line.replace({"car.sled.drive.thrust.angle": 6.0}), Runs(SINES, line)).ladder(2, 2)
-    assert overall(judged(line, ladder, fault, Tolerance(1e-3, 1e-2))).value == "disagree"
+    fault = LineRuns(SINES, line.replace({"car.sled.drive.thrust.angle": 6.0}), LineRuns(SINES, line)).ladder(2, 2)
+    assert overall_verdict(judge_runs(line, ladder, fault, LineTolerance(1e-3, 1e-2))).value == "disagree"

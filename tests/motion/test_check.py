@@ -12,12 +12,12 @@ import cablefem as cf
 from cablefem.scene.line import Line
 from tests.commands.calls import lines
 from tests.motion.lines import BODIES
-from validation.commands.check.motion import checked, judged
-from validation.commands.run.motion import ELEMENTS, SINES, Runs, answer_of
+from validation.commands.check.motion import check_line, judge_runs
+from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, answers_of_ladders
 from validation.core import motion_laws
-from validation.core.agreement import overall
-from validation.core.motion_laws import read_back
-from validation.core.motion_rows import Tolerance
+from validation.core.agreement import overall_verdict
+from validation.core.motion_laws import read_back_line_files
+from validation.core.motion_rows import LineTolerance
 
 EVERYTHING = """
 [cable]
@@ -59,7 +59,7 @@ at = 900.0
 top = -350.0
 """
 )
-ASKED = Tolerance(1e-3, 1e-2)
+ASKED = LineTolerance(1e-3, 1e-2)
 
 
 @pytest.fixture(scope="module")
@@ -69,16 +69,16 @@ def line():
 
 @pytest.fixture(scope="module")
 def by_elements(line):
-    return Runs(ELEMENTS, line).ladder(2, 2)
+    return LineRuns(ELEMENTS, line).ladder(2, 2)
 
 
 @pytest.fixture(scope="module")
 def by_sines(line):
-    return Runs(SINES, line).ladder(2, 2)
+    return LineRuns(SINES, line).ladder(2, 2)
 
 
 def verdict(*of):
-    return overall(judged(*of, ASKED)).value
+    return overall_verdict(judge_runs(*of, ASKED)).value
 
 
 def changed(ladder, change):
@@ -98,7 +98,7 @@ def changed(ladder, change):
 def test_a_fault_of_a_percent_in_one_solver_is_seen(line, by_sines, key):
     """A car of another acceleration has another timetable; both solvers step on the instants of one."""
     other = line.replace({key: 9.908 if key == "gravity" else "+1%"})
-    fault = Runs(ELEMENTS, other, Runs(SINES, line)).ladder(2, 2)
+    fault = LineRuns(ELEMENTS, other, LineRuns(SINES, line)).ladder(2, 2)
     assert verdict(line, by_sines, fault) == "disagree"
 
 
@@ -127,7 +127,7 @@ def test_a_fault_in_an_answer_is_seen(line, by_elements, by_sines, fault):
 
 def test_a_fault_that_both_share_is_seen_by_the_laws_alone(line, by_elements, by_sines):
     both = [changed(ladder, hauled_too_much) for ladder in (by_elements, by_sines)]
-    wrong = {row.quantity for row in judged(line, *both, ASKED) if row.verdict.value == "disagree"}
+    wrong = {row.quantity for row in judge_runs(line, *both, ASKED) if row.verdict.value == "disagree"}
     assert wrong == {"laws_si"}
 
 
@@ -142,7 +142,7 @@ def test_a_ring_of_a_car_that_grips_is_no_gap_and_a_force_off_by_as_much_is_one(
             grip = one.grip_force + force * shape(2.0 * np.pi * motion.t / ring)
             return dataclasses.replace(motion, cars=(dataclasses.replace(one, grip_force=grip), other))
 
-        rows = judged(line, by_elements, changed(by_sines, wrong), ASKED)
+        rows = judge_runs(line, by_elements, changed(by_sines, wrong), ASKED)
         return next(row.gap for row in rows if row.quantity == "grip_force")
 
     assert gap(np.sin) < 0.1 * 0.03
@@ -176,15 +176,15 @@ def test_a_saddle_a_counterweight_and_two_cars_agree(cablefem, tmp_path):
 
 @pytest.fixture(scope="module")
 def answer(line, by_elements):
-    return answer_of(line, by_elements, None)
+    return answers_of_ladders(line, by_elements, None)
 
 
 def test_a_wrong_file_and_a_wrong_number_are_found(tmp_path, answer):
     folder = tmp_path / "a"
     answer.write(folder, 0.0)
-    assert not read_back(folder, answer.motion, answer.design, answer.moved.period)
+    assert not read_back_line_files(folder, answer.motion, answer.design, answer.moved.period)
     wrong = [number | {"value": number["value"] * 1.01 + 2.0 * number["bar"]} for number in answer.design]
-    faults = read_back(folder, answer.motion, wrong, answer.moved.period)
+    faults = read_back_line_files(folder, answer.motion, wrong, answer.moved.period)
     assert [fault.partition(" = ")[0] for fault in faults] == [number["quantity"] for number in wrong]
     file = folder / "path-up.csv"
     head, *body = file.read_text().splitlines()
@@ -193,7 +193,7 @@ def test_a_wrong_file_and_a_wrong_number_are_found(tmp_path, answer):
     for row in table:
         row[column] = str(1.001 * float(row[column]))
     file.write_text("\n".join([head, *(",".join(row) for row in table)]) + "\n")
-    faults = read_back(folder, answer.motion, [], answer.moved.period)
+    faults = read_back_line_files(folder, answer.motion, [], answer.moved.period)
     assert faults == ["path-up.csv: y is not what was computed"]
 
 
@@ -280,14 +280,14 @@ def test_what_cannot_move_is_refused_in_one_sentence(cablefem, tmp_path, text, s
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["two-cars", "counterweight", "over-tower", "rocket-trolley"])
 def test_built_in_lines_agree(name):
-    assert checked(Line.load(name)).verdict.value == "agree"
+    assert check_line(Line.load(name)).verdict.value == "agree"
 
 
 def test_both_solvers_resolve_the_waves_that_a_pitching_car_sends():
     """On a rope too coarse for them they gave pitches 3 % apart."""
     line = Line.load("rocket-trolley").replace({"car.sled.drive.end.time": 1.5})
-    first = Runs(ELEMENTS, line)
-    runs = [x.run(4, 1) for x in (first, Runs(SINES, line, first))]
+    first = LineRuns(ELEMENTS, line)
+    runs = [x.run(4, 1) for x in (first, LineRuns(SINES, line, first))]
     one, other = (run.at_instants(run.motion.cars[0].turning.angle, 1.5) for run in runs)
     np.testing.assert_allclose(one, other, atol=1e-3 * np.ptp(one))
 
@@ -307,15 +307,15 @@ def test_a_run_of_one_span_has_its_car_and_supports_as_a_line_has():
 
 def test_files_and_numbers_hold_swing_pitch_and_wheel_loads(tmp_path):
     line = Line.from_toml(BODIES)
-    result = answer_of(line, Runs(ELEMENTS, line).ladder(1, 1), None)
+    result = answers_of_ladders(line, LineRuns(ELEMENTS, line).ladder(1, 1), None)
     result.write(tmp_path, 0.0)
-    assert not read_back(tmp_path, result.motion, result.design, result.moved.period)
+    assert not read_back_line_files(tmp_path, result.motion, result.design, result.moved.period)
     names = {number["quantity"] for number in result.design}
     assert {"swing_max:cabin", "pitch_min:sled", "wheel_min:sled.rear", "wheel_max:sled.front"} <= names
     for file, column in (("path-sled.csv", "pitch"), ("path-sled.csv", "wheel_rear"), ("path-cabin.csv", "swing")):
         text = (tmp_path / file).read_text()
         (tmp_path / file).write_text(text.replace(column, "gone", 1))
-        faults = read_back(tmp_path, result.motion, [], result.moved.period)
+        faults = read_back_line_files(tmp_path, result.motion, [], result.moved.period)
         assert faults == [f"{file}: {column} is not what was computed"]
         (tmp_path / file).write_text(text)
 
@@ -323,5 +323,5 @@ def test_files_and_numbers_hold_swing_pitch_and_wheel_loads(tmp_path):
 def test_a_thrust_that_ends_does_no_work_at_its_last_time():
     """The law's sampling had half a step of it too much."""
     line = Line.from_toml(BODIES.replace("times = [0.0, 9.0]", "times = [0.0, 1.0]"))
-    moved = Runs(ELEMENTS, line).run(1, 1)
-    assert np.abs(motion_laws.momentum(line.to_toml(), moved.motion, moved.end)).max() < 3e-4
+    moved = LineRuns(ELEMENTS, line).run(1, 1)
+    assert np.abs(motion_laws.momentum_defects(line.to_toml(), moved.motion, moved.end)).max() < 3e-4

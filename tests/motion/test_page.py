@@ -9,8 +9,8 @@ import pytest
 
 from cablefem.scene.line import Line
 from tests.motion.test_check import EVERYTHING
-from validation.commands.run.motion import ELEMENTS, Runs, answer_of
-from validation.core.readback import moving_line
+from validation.commands.run.motion import ELEMENTS, LineRuns, answers_of_ladders
+from validation.core.readback import line_motion_faults
 from validation.page.motion import sections
 
 
@@ -18,7 +18,7 @@ from validation.page.motion import sections
 def stored(tmp_path_factory):
     """A coarse answer, its folder and its page."""
     line = Line.from_toml(EVERYTHING)
-    result = answer_of(line, Runs(ELEMENTS, line).ladder(1, 1), None)
+    result = answers_of_ladders(line, LineRuns(ELEMENTS, line).ladder(1, 1), None)
     folder = tmp_path_factory.mktemp("line") / "motion-run"
     folder.mkdir()
     result.write(folder, 0.0)
@@ -40,11 +40,11 @@ def test_the_side_view_has_all_cars_and_weights_in_motion(stored):
 def test_what_the_side_view_draws_is_what_was_computed(stored):
     result, folder, html = stored
     motion = result.motion
-    assert not list(moving_line(html, folder, motion))
+    assert not list(line_motion_faults(html, folder, motion))
     up, *others = motion.cars
     for wrong, told in (
         (dataclasses.replace(motion, tension=1.001 * motion.tension), "rope.csv: T"),
         (dataclasses.replace(motion, points=motion.points + 0.1), "rope.csv: x"),
         (dataclasses.replace(motion, cars=(dataclasses.replace(up, point=up.point + 0.1), *others)), "up: x"),
     ):
-        assert told in "; ".join(moving_line(html, folder, wrong))
+        assert told in "; ".join(line_motion_faults(html, folder, wrong))

@@ -12,10 +12,10 @@ from cablefem.scene.errors import SceneError
 from cablefem.scene.line import Line
 from cablefem.scene.moving import line_in_motion
 from tests.motion.lines import OVER
-from validation.commands.check.motion import judged, laws
-from validation.commands.run.motion import ELEMENTS, SINES, Runs, answer_of
-from validation.core.agreement import overall
-from validation.core.motion_rows import Tolerance
+from validation.commands.check.motion import judge_runs, law_rows
+from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, answers_of_ladders
+from validation.core.agreement import overall_verdict
+from validation.core.motion_rows import LineTolerance
 
 WEIGHT = 1200.0 * 9.81
 EVENTS = ["lands on the shoe of", "leaves the rope at", "takes the rope behind", "leaves the shoe of"]
@@ -26,7 +26,7 @@ GRIPS = Line.from_toml(OVER.replace('drive = {mode = "haul", drag_area = 2.0}', 
 @pytest.fixture(scope="module", params=[(ELEMENTS, HAULED), (ELEMENTS, GRIPS), (SINES, HAULED), (SINES, GRIPS)])
 def moved(request):
     method, line = request.param
-    return Runs(method, line).run(3 if method is SINES else 2, 2)
+    return LineRuns(method, line).run(3 if method is SINES else 2, 2)
 
 
 def test_a_car_lands_on_the_shoe_leaves_the_rope_takes_it_and_leaves_the_shoe(moved):
@@ -64,7 +64,7 @@ def test_the_tower_carries_rope_and_car(moved):
 
 def test_a_car_passes_leftwards_as_rightwards():
     mirrored = HAULED.replace({"car.car.travel.from": 170.0, "car.car.travel.to": 130.0})
-    there, back = (Runs(ELEMENTS, line).run(2, 2) for line in (HAULED, mirrored))
+    there, back = (LineRuns(ELEMENTS, line).run(2, 2) for line in (HAULED, mirrored))
     assert [name for name, _ in back.events] == [f"car {does} tower" for does in EVENTS]
     one, other = there.motion.cars[0], back.motion.cars[0]
     np.testing.assert_allclose(one.point[:, 0], 300.0 - other.point[:, 0], atol=1e-6)
@@ -74,22 +74,22 @@ def test_a_car_passes_leftwards_as_rightwards():
 
 def test_a_shoe_that_would_have_to_pull_a_car_down_is_said_first():
     fast = HAULED.replace({"car.car.travel.top_speed": 9.0})
-    ladder = Runs(ELEMENTS, fast).ladder(1, 1)
-    said = answer_of(fast, ladder, None).outcome.sentence
+    ladder = LineRuns(ELEMENTS, fast).ladder(1, 1)
+    said = answers_of_ladders(fast, ladder, None).outcome.sentence
     found = re.match(r"the shoe of tower would have to pull car down by 0.\d\d M g at x = .*; about (\d+) % of", said)
     assert found is not None
     slower = fast.replace({"car.car.travel.top_speed": 9.0 * float(found[1]) / 100.0})
-    assert min(Runs(ELEMENTS, slower).run(1, 1).motion.cars[0].shoe_force) > -0.03 * WEIGHT
+    assert min(LineRuns(ELEMENTS, slower).run(1, 1).motion.cars[0].shoe_force) > -0.03 * WEIGHT
 
 
 @pytest.fixture(scope="module")
 def ladder():
-    return Runs(SINES, HAULED).ladder(2, 2)
+    return LineRuns(SINES, HAULED).ladder(2, 2)
 
 
 def broken(line, ladder):
     """Names of the laws that the runs do not keep."""
-    rows = laws(line.to_toml(), [ladder], ladder.finest.end)
+    rows = law_rows(line.to_toml(), [ladder], ladder.finest.end)
     return {row.law.rpartition(",")[0] for row in rows if row.verdict.value == "disagree"}
 
 
@@ -113,8 +113,8 @@ def test_a_car_that_bends_its_path_without_force_is_seen(ladder):
 @pytest.mark.slow
 def test_a_shoe_a_tenth_longer_in_one_solver_is_seen(ladder):
     line = HAULED.replace({"contact.tower.shoe": 5.5})
-    fault = Runs(SINES, line, Runs(SINES, HAULED)).ladder(2, 2)
-    assert overall(judged(HAULED, ladder, fault, Tolerance(1e-3, 1e-2))).value == "disagree"
+    fault = LineRuns(SINES, line, LineRuns(SINES, HAULED)).ladder(2, 2)
+    assert overall_verdict(judge_runs(HAULED, ladder, fault, LineTolerance(1e-3, 1e-2))).value == "disagree"
 
 
 SECOND = OVER[OVER.index("[[car]]") :].replace('"car"', '"next"').replace("130.0, to = 170.0", "138.0, to = 178.0")

@@ -20,9 +20,9 @@ from tests.motion.lines import BODIES
 from tests.motion.test_bodies import tram
 from tests.motion.test_scene import SPAN
 from validation.commands.advise import bodies, page
-from validation.commands.run.motion import SINES, Runs, answer_of
-from validation.core.motion_laws import read_back
-from validation.core.wheels import by_hand, left_out, stresses
+from validation.commands.run.motion import SINES, LineRuns, answers_of_ladders
+from validation.core.motion_laws import read_back_line_files
+from validation.core.wheels import neglected_wheel_load, rope_stresses_under_wheel, wheel_loads_by_hand
 
 NONE = np.array([math.nan])
 
@@ -39,7 +39,7 @@ def test_loads_of_wheels_on_a_taut_level_string(brakes, rear, front):
     )  # fmt: skip
     sled = Car(name="sled", mass=500.0, drive=Drive(mode="free", thrust_at=(-1.0, -0.2)))
     wheels = Wheels(base=2.0, below=0.5, ahead=0.3, model="point")
-    loads = by_hand(wheels, sled, x, np.array([9000.0]), 9.81)
+    loads = wheel_loads_by_hand(wheels, sled, x, np.array([9000.0]), 9.81)
     np.testing.assert_allclose(loads, [[rear], [front]], rtol=1e-12)
 
 
@@ -52,8 +52,8 @@ def test_loads_by_hand_of_a_trolley_at_rest_are_two_percent_of_its_weight_off_an
     q = rest(system, 0.0, 0)
     start = system.start(0, None)._replace(q=q[system.free], a=at_rest(system, q).a[system.free])
     x = system.observe([start], np.array([1.0])).cars[0]
-    loads = by_hand(wheels, point, x, np.zeros(1), 9.81)
-    bar = left_out(wheels, 8100.0, 9.81, np.zeros(1), dataclasses.replace(x, wheel_loads=loads))
+    loads = wheel_loads_by_hand(wheels, point, x, np.zeros(1), 9.81)
+    bar = neglected_wheel_load(wheels, 8100.0, 9.81, np.zeros(1), dataclasses.replace(x, wheel_loads=loads))
     assert bar < 0.025 * 8100.0 * 9.81
     np.testing.assert_allclose(np.ravel(loads), exact, rtol=0.0, atol=bar)
 
@@ -66,7 +66,7 @@ def test_the_bending_stress_is_that_of_a_bar_and_of_loose_wires_under_tension():
         EI = E * A * diameter**2 / 16.0  # of one wire, which carries its part of N and Q
         M = 0.5 * Q / count * math.sqrt(EI / (N / count))
         rope = Line.from_toml(BODIES).cable.model_copy(update={"E": E, "section": count * A, "EA": E * count * A})
-        at = stresses(rope, Wheels(model="point"), np.array([N]), np.array([Q]))
+        at = rope_stresses_under_wheel(rope, Wheels(model="point"), np.array([N]), np.array([Q]))
         assert at["stress_bending_max"][0] == pytest.approx(M * 0.5 * diameter / (EI / E))
         assert at["stress_max"][0] == pytest.approx(at["stress_bending_max"][0] + N / (count * A))
         assert at["tension_over_wheel_min"][0] == pytest.approx(N / Q)
@@ -74,7 +74,9 @@ def test_the_bending_stress_is_that_of_a_bar_and_of_loose_wires_under_tension():
 
 def test_a_groove_bounds_how_far_the_rope_bends():
     rope = Line.from_toml(BODIES).replace({"cable.E": 1.6e11, "cable.section": 9e7 / 1.6e11, "cable.wire": 3e-3}).cable
-    at = [stresses(rope, Wheels(model="point", radius=R), *np.array([[1e5], [1e4]])) for R in (0.1, 1.0)]
+    at = [
+        rope_stresses_under_wheel(rope, Wheels(model="point", radius=R), *np.array([[1e5], [1e4]])) for R in (0.1, 1.0)
+    ]
     assert at[0]["stress_bending_max"][0] == pytest.approx(1e4 / rope.section * math.sqrt(1.6e11 * rope.section / 1e5))
     assert at[1]["stress_bending_max"][0] == pytest.approx(1.6e11 * 3e-3 / 2.0)
 
@@ -86,11 +88,11 @@ POINTS = BODIES.replace("below = 0.5}", 'below = 0.5, model = "point", count = 4
 
 def test_loads_and_stresses_have_a_second_computation_that_sees_faults(tmp_path):
     line = Line.from_toml(POINTS)
-    result = answer_of(line, Runs(SINES, line).ladder(2, 2), None)
+    result = answers_of_ladders(line, LineRuns(SINES, line).ladder(2, 2), None)
     result.write(tmp_path, 0.0)
 
     def faults(design=result.design):
-        return {fault.partition(" = ")[0].partition(": the")[0] for fault in read_back(
+        return {fault.partition(" = ")[0].partition(": the")[0] for fault in read_back_line_files(
             tmp_path, result.motion, design, result.moved.period
         )}  # fmt: skip
 

@@ -24,7 +24,7 @@ def symmetric_mode(s, W):
 )
 def test_catenary_modes_satisfy_the_differential_equation(sigma, alpha, c):
     """The shapes, differentiated as Chebyshev series, in the strong form; the n^4 of that bounds the digits left."""
-    modes = catenary_modes.solve(sigma, alpha, c)
+    modes = catenary_modes.solve_modes(sigma, alpha, c)
     c = 0.5 * sigma if c is None else c
     p = c - sigma * modes.s
     T = np.sqrt(1.0 + p * p)
@@ -47,13 +47,13 @@ def test_catenary_modes_satisfy_the_differential_equation(sigma, alpha, c):
 def test_catenary_modes_are_as_exact_as_they_say():
     """Against twice as many points; half as many (must fail) are not."""
     for sigma, alpha, c in ((SIGMA, ALPHA, None), (1.3, 500.0, 1.1)):
-        half, told, fine = (catenary_modes.solve(sigma, alpha, c, n=n).omega for n in (24, 48, 96))
+        half, told, fine = (catenary_modes.solve_modes(sigma, alpha, c, n=n).omega for n in (24, 48, 96))
         np.testing.assert_allclose(told, fine, rtol=1e-11)
         assert np.abs(half / fine - 1.0).max() > 1e-11
 
 
 def test_irvine_reference_and_limits():
-    L2 = irvine.parameter(SIGMA, ALPHA)
+    L2 = irvine.irvine_parameter(SIGMA, ALPHA)
     assert pytest.approx(24.08404, abs=1e-5) == L2
     assert irvine.frequencies(L2, 1)[0] == pytest.approx(5.3497920, abs=5e-8)
     np.testing.assert_allclose(
@@ -97,7 +97,7 @@ def test_inextensible_reference_and_constraint():
 @pytest.mark.parametrize("slope", [0.0, 0.7])
 def test_a_flat_catenary_that_cannot_stretch_is_the_inextensible_cable(slope):
     def modes(sigma, alpha=math.inf):
-        return catenary_modes.solve(sigma, alpha, slope + 0.5 * sigma, count=5).omega / (1.0 + slope**2) ** 0.25
+        return catenary_modes.solve_modes(sigma, alpha, slope + 0.5 * sigma, count=5).omega / (1.0 + slope**2) ** 0.25
 
     gap = [np.abs(modes(sigma) - irvine.frequencies(math.inf, 5)).max() for sigma in (0.12, 0.06)]
     assert gap[0] < 0.05
@@ -107,11 +107,11 @@ def test_a_flat_catenary_that_cannot_stretch_is_the_inextensible_cable(slope):
 
 def test_parameters_outside_the_validity_are_refused():
     for call in (
-        lambda: catenary_modes.solve(-0.1, 500.0),
-        lambda: catenary_modes.solve(0.1, float("nan")),
-        lambda: catenary_modes.solve(0.1, 500.0, count=40, n=48),
+        lambda: catenary_modes.solve_modes(-0.1, 500.0),
+        lambda: catenary_modes.solve_modes(0.1, float("nan")),
+        lambda: catenary_modes.solve_modes(0.1, 500.0, count=40, n=48),
         lambda: irvine.frequencies(0.0, 3),
-        lambda: irvine.parameter(0.1, 500.0, 1.2),
+        lambda: irvine.irvine_parameter(0.1, 500.0, 1.2),
         lambda: irvine.frequencies(math.inf, 0),
     ):
         with pytest.raises(ValueError, match="needed"):
@@ -119,7 +119,7 @@ def test_parameters_outside_the_validity_are_refused():
 
 
 def test_every_oracle_is_listed_once_and_says_what_it_is():
-    found = oracles.find()
+    found = oracles.find_oracles()
     assert len(found) >= 14
     for name, o in found.items():
         doc = sys.modules[f"validation.oracles.{name.replace('-', '_')}"].__doc__ or ""

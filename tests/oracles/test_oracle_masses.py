@@ -42,7 +42,7 @@ def displacement(motion, impulse, x, t, *, mirror=-1.0):
 
 
 def steady(V, **of):
-    return moving_mass.solve(ConstantSpeed(speed=V).motion(1.0), **of)
+    return moving_mass.solve_moving_mass(ConstantSpeed(speed=V).motion(1.0), **of)
 
 
 def test_the_path_has_the_published_digits():
@@ -57,7 +57,7 @@ def test_the_mass_obeys_newton_and_sits_on_the_string_that_its_force_bends(name)
     """The string by images satisfies the wave equation, the supports and the state of rest."""
     travel, mu, sigma = TRAVELS[name]
     motion = travel.motion(1.0)
-    ride = moving_mass.solve(motion, mu=mu, sigma=sigma)
+    ride = moving_mass.solve_moving_mass(motion, mu=mu, sigma=sigma)
     t = np.linspace(0.0, motion.time_at(0.95), 401)
     y, size = ride.path(t), np.abs(ride.path(t)).max()
 
@@ -94,7 +94,7 @@ def test_accelerating_mass_through_the_wave_speed(mu, a):
         return -0.5 * sign * sigma * mu * np.expm1(-2.0 * u / mu)
 
     def v(x, t):
-        starts, ends = accelerating_force.sources(x, t, V0=0.0, a=a)
+        starts, ends = accelerating_force.source_intervals(x, t, V0=0.0, a=a)
         return 0.5 * np.sum(impulse(ends) - impulse(starts), axis=-1)
 
     def xi(s):
@@ -135,7 +135,7 @@ def test_parameters_outside_the_validity_are_refused():
     through = ConstantAcceleration(acceleration=1.4).motion(1.0)
     ride = steady(0.5, mu=1.2, sigma=0.2)
     for call in (
-        lambda: moving_mass.solve(through, mu=1.2, sigma=0.2),
+        lambda: moving_mass.solve_moving_mass(through, mu=1.2, sigma=0.2),
         lambda: steady(0.5, mu=-1.2, sigma=0.2),
         lambda: steady(0.5, mu=1.2, sigma=float("nan")),
         lambda: ride.path(2.1),

@@ -18,7 +18,7 @@ def test_the_bead_on_an_ellipse_obeys_newton_with_equal_tensions(factor):
     bead = ellipse.Ellipse(D=0.93, g=1.7)
     start = 0.22
     t = np.linspace(0.0, 2.2, 4001)
-    s_o = bead.ride(t, start)
+    s_o = bead.position_at_time(t, start)
     p = np.stack(bead.point(s_o), -1)
     path = CubicSpline(t, p)
     right = np.array([bead.D, 0.0])
@@ -36,7 +36,7 @@ def test_the_bead_on_an_ellipse_obeys_newton_with_equal_tensions(factor):
 
 def test_small_swings_of_the_bead():
     bead = ellipse.Ellipse(D=0.93, g=1.7)
-    crossing = brentq(lambda t: float(bead.ride(np.array(t), 0.499)) - 0.5, 0.1, 3.0)
+    crossing = brentq(lambda t: float(bead.position_at_time(np.array(t), 0.499)) - 0.5, 0.1, 3.0)
     assert crossing == pytest.approx(0.5 * math.pi / math.sqrt(bead.g * bead.b / 0.25), rel=1e-5)
     with pytest.raises(ValueError, match="0 < D < 1"):
         ellipse.Ellipse(D=1.1, g=1.0)
@@ -55,27 +55,29 @@ def test_a_bead_on_a_string_that_gives_way_bounces(factor):
         return 0.5 * stiffness * bead.g * (np.linalg.norm(p) + np.linalg.norm(right - p) - 1.0) ** 2
 
     omega = math.sqrt((energy(h) - 2.0 * energy(0.0) + energy(-h)) / h**2)
-    assert (abs(factor * float(bead.bounce(at, stiffness)) * omega / (2.0 * math.pi) - 1.0) < 1e-4) == (factor == 1.0)
+    assert (abs(factor * float(bead.bounce_period(at, stiffness)) * omega / (2.0 * math.pi) - 1.0) < 1e-4) == (
+        factor == 1.0
+    )
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.003])
 def test_drag_on_an_incline_obeys_newton(factor):
     given = {"mu": 0.31, "g": 0.7, "sin": 0.23, "k": 1.4}
     t = np.linspace(0.0, 6.0, 3001)
-    s = incline.distance(t, **given)
+    s = incline.distance_with_drag(t, **given)
     v = CubicSpline(t, s)(t, 1)
     a = CubicSpline(t, v)(t, 1)[5:-5]
     missing = np.abs(a - given["g"] * given["sin"] + factor * given["k"] / given["mu"] * v[5:-5] ** 2).max()
     assert (missing < 1e-6) == (factor == 1.0)
-    assert incline.terminal(**given) == pytest.approx(v[-1], rel=1e-2)
+    assert incline.terminal_speed(**given) == pytest.approx(v[-1], rel=1e-2)
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.003])
 def test_a_car_with_friction_and_a_brake_obeys_newton(factor):
     """mu s.. = mu g (sin - mu_r cos) - F_b [s > s_b] but at the brake; with F_b 0.3 % off (must fail) not."""
     given = {"mu": 0.31, "g": 0.7, "sin": 0.23, "mu_r": 0.06, "F_b": 0.2}
-    t = np.linspace(0.0, incline.stop(0.53, **given)[0], 4001)[1:-1]
-    s, h = incline.braked(t, 0.53, **given), t[1] - t[0]
+    t = np.linspace(0.0, incline.stop_by_brake(0.53, **given)[0], 4001)[1:-1]
+    s, h = incline.distance_with_brake(t, 0.53, **given), t[1] - t[0]
     a = (s[2:] - 2.0 * s[1:-1] + s[:-2]) / h**2
     away = np.abs(s[1:-1] - 0.53) > 1e-3
     force = 0.31 * 0.7 * (0.23 - 0.06 * math.sqrt(1.0 - 0.23**2)) - factor * 0.2 * (s[1:-1] > 0.53)
@@ -84,25 +86,25 @@ def test_a_car_with_friction_and_a_brake_obeys_newton(factor):
 
 def test_friction_and_brake_take_all_that_the_weight_has_given():
     mu, g, sin, mu_r, F_b, s_b = 0.31, 0.7, 0.23, 0.06, 0.2, 0.53
-    t, s = incline.stop(s_b, mu=mu, g=g, sin=sin, mu_r=mu_r, F_b=F_b)
+    t, s = incline.stop_by_brake(s_b, mu=mu, g=g, sin=sin, mu_r=mu_r, F_b=F_b)
     weight, cos = mu * g, math.sqrt(1.0 - sin**2)
     assert weight * sin * s == pytest.approx(mu_r * weight * cos * s + F_b * (s - s_b), rel=1e-13)
     given, v_b = {"mu": mu, "g": g, "sin": sin, "mu_r": mu_r, "F_b": F_b}, math.sqrt(2.0 * g * (sin - mu_r * cos) * s_b)
-    after = incline.braked(np.array([t, t + 1.0]), s_b, **given)
+    after = incline.distance_with_brake(np.array([t, t + 1.0]), s_b, **given)
     assert after[0] == after[1] == pytest.approx(s, rel=1e-14)
     at = v_b / (g * (sin - mu_r * cos))  # of the brake: place and speed on both sides
-    both = incline.braked(at + np.array([-2e-6, -1e-6, 1e-6, 2e-6]), s_b, **given)
+    both = incline.distance_with_brake(at + np.array([-2e-6, -1e-6, 1e-6, 2e-6]), s_b, **given)
     assert both[1] == pytest.approx(s_b, abs=2e-6) == both[2]
     np.testing.assert_allclose([both[1] - both[0], both[3] - both[2]], 1e-6 * v_b, rtol=1e-4)
     with pytest.raises(ValueError, match="must hold"):
-        incline.stop(s_b, mu=mu, g=g, sin=sin, mu_r=mu_r, F_b=0.01)
+        incline.stop_by_brake(s_b, mu=mu, g=g, sin=sin, mu_r=mu_r, F_b=0.01)
 
 
 @pytest.mark.parametrize("wrong", [False, True], ids=["rocket", "gripped"])
 def test_the_rocket_s_string_carries_what_its_newton_law_needs(wrong):
     """R from the path by d'Alembert, slopes from the waves on both sides; without the thrust's lift (must fail) not."""
     mu, sigma, a, s0 = 0.37, 0.011, 0.83, 0.42
-    sled = rocket.solve(0.71, mu=mu, sigma=sigma, a=a, s0=s0)
+    sled = rocket.solve_rocket(0.71, mu=mu, sigma=sigma, a=a, s0=s0)
     weight = mu * sigma
     t = np.linspace(0.0, 0.71, 4001)
     force = CubicSpline(t, 2.0 * sled(t)[1] + weight * (1.0 - (1.0 - 2.0 * s0) * a * t))
@@ -128,9 +130,9 @@ def test_the_rocket_s_string_carries_what_its_newton_law_needs(wrong):
         off = abs(float(force(now)) - needs) / weight
         assert (off < 1e-4) != wrong
     with pytest.raises(ValueError, match="echo"):
-        rocket.solve(1.1, mu=mu, sigma=sigma, a=0.1, s0=s0)
+        rocket.solve_rocket(1.1, mu=mu, sigma=sigma, a=0.1, s0=s0)
     with pytest.raises(ValueError, match="a t_end < 1"):
-        rocket.solve(0.7, mu=mu, sigma=sigma, a=1.5, s0=s0)
+        rocket.solve_rocket(0.7, mu=mu, sigma=sigma, a=1.5, s0=s0)
 
 
 def test_beside_a_car_at_rest_the_cable_slopes_alike_on_both_sides():
@@ -171,4 +173,4 @@ def test_a_hauled_sled_feels_the_waves_that_it_sends(drag):
     assert weight - mu * (ddw - sigma * V * V) == pytest.approx(R, abs=1e-4 * weight)
     mean = (depth(x + 2 * h, now) - depth(x + h, now) + depth(x - h, now) - depth(x - 2 * h, now)) / (2.0 * h)
     force = -R * (mean + sigma * (0.5 - x)) / weight**2
-    assert (abs(wave_drag.resistance(now, mu=mu, V=V, s0=s0, drag=drag) - force) < 1e-3) == drag
+    assert (abs(wave_drag.wave_resistance(now, mu=mu, V=V, s0=s0, drag=drag) - force) < 1e-3) == drag

@@ -11,7 +11,12 @@ from cablefem.scene import Catenary
 from tests.validation.ladders import alone
 from validation.core import laws
 from validation.core.running import run
-from validation.oracles.temperature import elastic_catenary, heated_length_and_weight, piece, unstretched
+from validation.oracles.temperature import (
+    catenary_piece,
+    elastic_catenary,
+    heated_length_and_weight,
+    unstretched_length,
+)
 
 STEEL = 1.2e-5
 RTE = Catenary(480.0, -10.0, 9.55494, 2000.0 * 9.55494)  # H/w = 2000 m at 15 C
@@ -44,7 +49,7 @@ def test_the_scene_agrees_with_rte_within_the_strain(change, H):
 
 
 def sag_level(H, P, S, weight, EA):
-    return float(piece(H, P, 0.5 * S, weight / S, EA)[1])
+    return float(catenary_piece(H, P, 0.5 * S, weight / S, EA)[1])
 
 
 @pytest.mark.parametrize(
@@ -88,7 +93,7 @@ def changed(name):
 def test_the_scene_meets_the_elastic_catenary(name):
     before, after = changed(name)
     span, drop, _, EA, *_ = LINES[name]
-    S, weight = heated_length_and_weight(after, before.length, unstretched(before.catenary, EA))
+    S, weight = heated_length_and_weight(after, before.length, unstretched_length(before.catenary, EA))
     H, _ = elastic_catenary(span, drop, S, weight, EA)
     assert after.horizontal_tension == pytest.approx(H, rel=2e-6)
     assert after.horizontal_tension != pytest.approx(before.horizontal_tension, rel=0.02)
@@ -123,7 +128,7 @@ def test_the_judge_hangs_a_cold_iced_cable_by_itself(shape):
     r = run(scene, "following-p2", elements=4, steps=60, until=0.3)
 
     def broken(r):
-        seen = laws.hold(alone(r), (0.02, 0.25))
+        seen = laws.check_laws_in_si(alone(r), (0.02, 0.25))
         return {held.law for held in seen if held.law.endswith("at rest") and held.gap > 1e-8}
 
     assert broken(r) == set()

@@ -12,11 +12,11 @@ from scipy.interpolate import CubicSpline
 
 from cablefem.scene import Scene
 from validation.core.running import run
-from validation.peers import PEERS, PeerPath, available
-from validation.peers.path import finite_path
+from validation.peers import PEERS, PeerPath, reason_if_missing
+from validation.peers.path import path_until_nan
 
 # What is importable here decides which tests exist: the other codes are optional.
-INSTALLED = [name for name in PEERS if available(name) is None]
+INSTALLED = [name for name in PEERS if reason_if_missing(name) is None]
 
 
 # --- availability ----------------------------------------------------------------------------------------
@@ -30,7 +30,7 @@ def test_a_missing_package_is_said_to_be_not_installed(name, monkeypatch):
     for module in [m for m in sys.modules if m.split(".")[0] == PEERS[name].module.split(".")[0]]:
         monkeypatch.delitem(sys.modules, module)
     monkeypatch.setattr(sys, "meta_path", [Nowhere(), *sys.meta_path])
-    assert available(name) == "not installed"
+    assert reason_if_missing(name) == "not installed"
 
 
 @pytest.mark.parametrize("name", PEERS)
@@ -39,7 +39,7 @@ def test_a_package_that_imports_is_available(name, monkeypatch):
         monkeypatch,
         {module: types.ModuleType(module) for module in (PEERS[name].module.split(".")[0], PEERS[name].module)},
     )
-    assert available(name) is None
+    assert reason_if_missing(name) is None
 
 
 def test_a_broken_import_names_its_first_cause_in_one_line(monkeypatch):
@@ -54,7 +54,7 @@ def test_a_broken_import_names_its_first_cause_in_one_line(monkeypatch):
     for module in [m for m in sys.modules if m.startswith("openseespy")]:
         monkeypatch.delitem(sys.modules, module)
     monkeypatch.setattr(sys, "meta_path", [Broken(), *sys.meta_path])
-    assert available("opensees") == "libblas.so.3: cannot open shared object file"
+    assert reason_if_missing("opensees") == "libblas.so.3: cannot open shared object file"
 
 
 def test_ladders_refine_and_fit_the_runs():
@@ -69,14 +69,14 @@ def test_what_is_not_finite_never_leaves():
     groups = Scene.load("inclined").groups
     s_o = np.linspace(0.0, 0.9, 91)
     place = np.stack(groups.shape(s_o), axis=1) + 0.013 * np.sin(3.1 * s_o)[:, None]
-    whole = finite_path(s_o, place, s_o * 2.3, groups, 0.7, "as it was")
+    whole = path_until_nan(s_o, place, s_o * 2.3, groups, 0.7, "as it was")
     assert whole.reached == 0.9
     assert whole.note == "as it was after s_o/l = 0.9000"
     np.testing.assert_allclose(whole.v, 0.013 * np.sin(3.1 * s_o), rtol=0, atol=1e-15)  # rounding of places below 1
 
     broken = place.copy()
     broken[47, 0] = np.nan
-    path = finite_path(s_o, broken, s_o * 2.3, groups, 0.7, "")
+    path = path_until_nan(s_o, broken, s_o * 2.3, groups, 0.7, "")
     assert (path.t.size, path.note) == (47, "not finite from s_o/l = 0.4700 on")
 
 

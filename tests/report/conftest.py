@@ -30,7 +30,7 @@ def report(stored: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     from validation.page import page
 
     out = tmp_path_factory.mktemp("report") / "report.html"
-    page.render("level <scene>", check.sections(stored), out)
+    page.write_page("level <scene>", check.sections(stored), out)
     return out
 
 

@@ -86,7 +86,7 @@ def test_it_opens_without_complaint_and_fits(browser, report, tmp_path, width):
 def test_what_does_not_fit_would_be_found(browser, tmp_path):
     figure = '<figure><svg viewBox="0 0 9 9"><text>here</text><text>too</text></svg></figure>'
     wide = f'<p style="width: 500px">wide</p>{figure}'
-    page.render("Twin", [page.Section("one", "One", wide)], tmp_path / "report.html")
+    page.write_page("Twin", [page.Section("one", "One", wide)], tmp_path / "report.html")
     browser.open(tmp_path / "report.html", PHONE)
     assert browser.run(OVERFLOW) > 50
     assert browser.run(WORDS)[0] == ["here | too"]

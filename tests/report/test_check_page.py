@@ -16,10 +16,10 @@ from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.commands.check import page as check
 from validation.core.foreign import ForeignPath
-from validation.core.quantities import number_text, scale_of
+from validation.core.quantities import number_text, unit_scale
 from validation.page import page
-from validation.page.answer.content import inputs
-from validation.page.answer.stored import read
+from validation.page.answer.content import table_of_keys
+from validation.page.answer.stored import read_answer
 from validation.page.plot import PURPLE
 from validation.page.side_view import side_view
 
@@ -71,7 +71,7 @@ def test_every_row_is_there_with_its_numbers(folder):
     rows = json.loads((folder / "agreement.json").read_text())["rows"]
     for row in rows:
         if row["gap"] is not None:
-            assert f"{page.number(100.0 * row['gap'])}\u202f%" in html
+            assert f"{page.number_html(100.0 * row['gap'])}\u202f%" in html
     assert f"All {len(rows)} comparisons" in html
 
 
@@ -94,7 +94,7 @@ def test_a_third_party_has_its_rows_and_its_path(folder):
     doctored(folder, rows=lambda rows: [*rows, party], verdict="disagree")
     path = ForeignPath.of(Scene.load("level"), np.linspace(0.0, 1900.0, 40), np.linspace(0.0, 2.5, 40))
     replace(path, speed=np.full(40, 140.0)).write(folder / "with.csv")
-    x = read(folder)
+    x = read_answer(folder)
     assert (x.party.method, x.party.v.tolist()) == ("other <code>", path.v.tolist())
     how_sure, ride = section(folder, "how-sure").html, section(folder, "ride").html
     said = section(folder, "answer").summary
@@ -123,7 +123,7 @@ def test_no_solver_is_loaded(stored):
                                                  (0.0047, "m", (1e3, "mm")), (37.7, "m", (1.0, "m")),
                                                  (7.4e6, "J", (1e-6, "MJ")), (0.0, "J", (1.0, "J"))])  # fmt: skip
 def test_units_suit_their_numbers(x, unit, told):
-    assert scale_of(np.array([x]), unit) == told
+    assert unit_scale(np.array([x]), unit) == told
 
 
 @pytest.mark.parametrize(
@@ -181,6 +181,6 @@ def test_a_name_cannot_end_the_script_of_the_side_view(stored):
 
 
 def test_a_key_in_a_list_of_tables_has_its_unit_and_meaning():
-    html = inputs(Scene.load("zipline").to_toml())
+    html = table_of_keys(Scene.load("zipline").to_toml())
     assert "<div>385 m</div>" in html
     assert "braking force along the cable" in html

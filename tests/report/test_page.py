@@ -9,8 +9,8 @@ import pytest
 from markupsafe import Markup
 
 from validation.page import page
-from validation.page.figures import figure, panels, style, svg
-from validation.page.page import Section, number, percent, render, table
+from validation.page.figures import captioned_figure, inline_svg, panels, report_style
+from validation.page.page import Section, html_table, number_html, percent_text, write_page
 from validation.page.plot import Panel
 
 EVIL = '<script>alert(7)</script> & "co"'
@@ -45,7 +45,7 @@ class Reader(HTMLParser):
 
 
 def drawn(label: str = "a line", marker: str = "o"):
-    with style():
+    with report_style():
         fig, ax = panels(height=2.3)
         ax.plot([0.0, 1.5, 2.5], [3.5, 7.0, 2.0], marker=marker, clip_on=True, label=label)
         ax.legend()
@@ -53,16 +53,16 @@ def drawn(label: str = "a line", marker: str = "o"):
 
 
 def written(tmp_path: Path, *sections: Section, title: str = "A report") -> str:
-    render(title, sections, tmp_path / "report.html")
+    write_page(title, sections, tmp_path / "report.html")
     return (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
 def test_text_is_escaped_everywhere(tmp_path):
     html = (
-        table([{EVIL: EVIL}], [EVIL], caption=EVIL)
+        html_table([{EVIL: EVIL}], [EVIL], caption=EVIL)
         + page.callout(EVIL)
         + page.details(EVIL, page.callout(EVIL))
-        + figure(drawn(EVIL), EVIL, label=EVIL)
+        + captioned_figure(drawn(EVIL), EVIL, label=EVIL)
     )
     text = written(tmp_path, Section("one", EVIL, html, "agree", EVIL), Section("two", "Two", "", None), title=EVIL)
     read = Reader(text)
@@ -72,7 +72,7 @@ def test_text_is_escaped_everywhere(tmp_path):
 
 
 def test_ids_of_two_figures_do_not_clash_and_every_reference_has_a_target(tmp_path):
-    html = page.gallery(figure(drawn("first"), "First"), figure(drawn("second"), "Second"))
+    html = page.gallery(captioned_figure(drawn("first"), "First"), captioned_figure(drawn("second"), "Second"))
     read = Reader(written(tmp_path, Section("one", "One", html), Section("two", "Two", "")))
     assert len(read.ids) > 30
     assert len(set(read.ids)) == len(read.ids)
@@ -81,13 +81,13 @@ def test_ids_of_two_figures_do_not_clash_and_every_reference_has_a_target(tmp_pa
 
 
 def test_ids_as_matplotlib_writes_them_would_clash(tmp_path):
-    bare = re.sub(r'"f[0-9a-f]{8}-', '"', svg(drawn("first"), "First") + svg(drawn("second"), "Second"))
+    bare = re.sub(r'"f[0-9a-f]{8}-', '"', inline_svg(drawn("first"), "First") + inline_svg(drawn("second"), "Second"))
     read = Reader(written(tmp_path, Section("one", "One", bare)))
     assert len(set(read.ids)) < len(read.ids)
 
 
 def test_nothing_is_loaded_from_elsewhere(tmp_path):
-    text = written(tmp_path, Section("one", "One", figure(drawn(), "First"), scripts=("side_view.js",)))
+    text = written(tmp_path, Section("one", "One", captioned_figure(drawn(), "First"), scripts=("side_view.js",)))
     assert Reader(text).loads == []
     assert "http" not in text.replace("http-equiv", "")
     assert "default-src 'none'" in text
@@ -104,7 +104,7 @@ def test_disagreements_come_first(tmp_path):
     text = written(tmp_path, *sections)
     contents = text[text.index("<nav") : text.index("</nav>")]
     assert re.findall(r'href="#(s\d)"', contents) == ["s3", "s1", "s0", "s2"]
-    rows = table([{"verdict": v, "n": i} for i, v in enumerate(verdicts)], ["n", "verdict"], sort=True)
+    rows = html_table([{"verdict": v, "n": i} for i, v in enumerate(verdicts)], ["n", "verdict"], sort=True)
     assert re.findall(r"<div>(\d)</div>", rows) == ["3", "1", "0", "2"]
     assert rows.count("badge") == 3
 
@@ -135,38 +135,38 @@ def test_an_unknown_verdict_is_refused_and_an_older_report_kept(tmp_path):
     ],
 )  # fmt: skip
 def test_numbers_are_short_and_never_nan(x, digits, text):
-    assert number(x, digits) == text
+    assert number_html(x, digits) == text
 
 
 def test_a_ratio_in_percent_has_its_unit():
-    assert percent(0.000253) == "0.025\u202f%"
-    assert percent(None) == "–"
+    assert percent_text(0.000253) == "0.025\u202f%"
+    assert percent_text(None) == "–"
 
 
 def test_cells_of_a_table():
     rows = [{"a": 1.5, "b": 7, "c": True, "d": Markup("<b>x</b>")}, {"a": None, "b": 3}]
-    html = table(rows, ["a", "b", "c", "d"])
+    html = html_table(rows, ["a", "b", "c", "d"])
     cells = re.findall(r'<td([^>]*) data-label="(\w)"><div>(.*?)</div></td>', html)
     assert [value for _, _, value in cells] == ["1.50", "7", "yes", "<b>x</b>", "–", "3", "–", "–"]
     assert ["n" in kind.split('"')[1].split() for kind, name, _ in cells[:2]] == [True, True]
-    assert table([], ["a"]).count("<td") == 0
+    assert html_table([], ["a"]).count("<td") == 0
     # on a phone an empty cell takes no line
-    assert table([{"a": "x", "b": ""}], ["a", "b"]).count('class="none"') == 1
+    assert html_table([{"a": "x", "b": ""}], ["a", "b"]).count('class="none"') == 1
 
 
 def test_figures_are_the_same_every_time_small_and_keep_their_text():
-    first, again = (svg(drawn(), "A line") for _ in range(2))
+    first, again = (inline_svg(drawn(), "A line") for _ in range(2))
     assert first == again
     assert "<text" in first
     assert 'aria-label="A line"' in first
     x = np.linspace(0.0, 1.0, 30_000)
-    with style():
+    with report_style():
         fig, ax = panels()
         ax.plot(x, np.sin(9.0 * x))
-        long = svg(fig, "A long line")
+        long = inline_svg(fig, "A long line")
         fig, ax = panels()
         ax.pcolormesh(x[::100], x[::150], np.outer(x[::150], x[::100]), rasterized=True)
-        field = svg(fig, "A field")
+        field = inline_svg(fig, "A field")
     assert len(long) < 40_000
     assert len(field) < 80_000
     assert "data:image/png;base64," in field
@@ -175,6 +175,6 @@ def test_figures_are_the_same_every_time_small_and_keep_their_text():
 @pytest.mark.parametrize(("spread", "told"), [(1e-12, False), (0.3, True)], ids=["rounding", "a change"])
 def test_an_axis_shows_changes_and_no_rounding_errors(spread, told):
     panel = Panel("[-]")
-    panel.fit([3.69 * np.array([1.0, 1.0 + spread, 1.0])])
+    panel.fit_axis([3.69 * np.array([1.0, 1.0 + spread, 1.0])])
     assert panel.low < 3.69 <= 3.69 * (1.0 + spread) < panel.high
     assert (panel.high - panel.low < 2.0 * 3.69 * spread) is told

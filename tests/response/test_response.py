@@ -13,7 +13,7 @@ import pytest
 import cablefem as cf
 from cablefem import Scene
 from cablefem.response import Flag, Response, atomic_write, write_csv, write_json
-from validation.core.design import design
+from validation.core.design import design_numbers
 from validation.core.refine import run_with_error_bars
 from validation.core.running import Run, run
 
@@ -84,12 +84,12 @@ def test_what_is_written_reads_back(level, tmp_path):
 def test_a_run_gives_its_path_and_all_else_when_it_is_looked_at():
     """A copy with one field changed is complete, and so is what another process gets, or a run that goes on."""
     marched = Run(Scene.load("level"), "following-p2", elements=4, steps=120)
-    early = marched.to(0.3)
-    late = marched.to(0.6)
+    early = marched.run_to(0.3)
+    late = marched.run_to(0.6)
     assert "fields" not in vars(early)
     assert "energy" not in vars(early)
     assert (early.status, early.slack_onset, early.reached < 0.35) == ("complete", None, True)
-    alone = Run(Scene.load("level"), "following-p2", elements=4, steps=120).to(0.3)
+    alone = Run(Scene.load("level"), "following-p2", elements=4, steps=120).run_to(0.3)
     np.testing.assert_array_equal(early.fields.T, alone.fields.T)
     assert early.energy is early.energy
     changed = dataclasses.replace(late, T_behind=late.T_ahead)
@@ -103,7 +103,7 @@ def test_a_run_gives_its_path_and_all_else_when_it_is_looked_at():
 def test_states_are_dropped_when_the_response_has_used_them_or_goes():
     for use in (lambda r: r.energy, lambda r: None):
         marched = Run(Scene.load("level"), "following-p2", elements=4, steps=120)
-        response = marched.to(0.3)
+        response = marched.run_to(0.3)
         states = weakref.ref(marched.history.states)
         use(response)
         del marched
@@ -125,7 +125,7 @@ def test_bars_are_computed_when_they_are_looked_at():
     finest = run_with_error_bars(Scene.load("level"), "following-p2", elements=4, steps=120, until=0.5)
     assert {"path_error", "design", "flags"}.isdisjoint(vars(r))
     assert (r.path_error, r.error_parts) == (finest.run.path_error, finest.run.error_parts)
-    assert r.design == design(finest)
+    assert r.design == design_numbers(finest)
 
 
 def test_the_mass_is_where_the_displaced_cable_is(level):

@@ -59,7 +59,7 @@ class Path101:
 
     @classmethod
     def of(cls, ladder: Ladder) -> Path101:
-        parts = [np.broadcast_to(x, (2, 101)) for x in ladder.parts(Track.of, lambda a, b: nearby(a.gap(b)))]
+        parts = [np.broadcast_to(x, (2, 101)) for x in ladder.bar_parts(Track.of, lambda a, b: nearby(a.gap(b)))]
         return cls(Track.of(ladder.run), np.sum(parts, axis=0))
 
     @property
@@ -74,8 +74,8 @@ class Path101:
 
 def to_the_end(scene: Scene) -> dict[str, Any]:
     """Arguments of a refinement with coarser runs up to the slack onset."""
-    view = View.of(scene)
-    return {"view": replace(view, window=(view.window[0], max(view.window[1], SLACK_END)), ends=True)}
+    view = View.of_scene(scene)
+    return {"view": replace(view, window=(view.window[0], max(view.window[1], SLACK_END)), reaches_end=True)}
 
 
 def nearby(gap: Array) -> Array:

@@ -11,9 +11,9 @@ from cablefem import Scene
 from tests.scene.test_ride import CREEPER
 from validation.core import answers, recomputed
 from validation.core.agreement import Verdict
-from validation.core.answers import outcome, write_answers
-from validation.core.clearances import clearances
-from validation.core.design import design
+from validation.core.answers import outcome_of_run, write_summary_and_profile
+from validation.core.clearances import clearance_tracks
+from validation.core.design import design_numbers
 from validation.core.quantities import key_numbers, number_text
 from validation.core.quasi_static import quasi_static
 from validation.core.running import Run, run
@@ -37,7 +37,7 @@ def scene(**changes):
     ],
 )
 def test_the_outcome_is_one_sentence(changes, kind, words):
-    found = answers.outcome(s := scene(**changes), quasi_static(s))
+    found = answers.outcome_of_run(s := scene(**changes), quasi_static(s))
     assert found.kind == kind
     assert found.sentence.startswith(words)
 
@@ -45,23 +45,23 @@ def test_the_outcome_is_one_sentence(changes, kind, words):
 def test_a_car_that_sticks_or_turns_back_says_how_far_it_came():
     s = scene(drive__wind=-8.0)
     r = quasi_static(s)
-    assert answers.outcome(s, r).sentence.endswith(f", the farthest point is {r.s_o.max():.1f} m")
+    assert answers.outcome_of_run(s, r).sentence.endswith(f", the farthest point is {r.s_o.max():.1f} m")
     s = Scene.load("rollback")
     r = quasi_static(s)
     farthest = max(event["s_o"] for event in r.events)
-    assert f", the farthest point is {farthest:.1f} m" in answers.outcome(s, r).sentence
+    assert f", the farthest point is {farthest:.1f} m" in answers.outcome_of_run(s, r).sentence
 
 
 def test_a_hauled_car_and_a_prescribed_stop():
     tramway = Scene.load("tramway")
-    found = answers.outcome(tramway, quasi_static(tramway))
+    found = answers.outcome_of_run(tramway, quasi_static(tramway))
     assert found.kind == "crossed"
     assert found.sentence.startswith("is hauled from 7.8 m to 771.9 m in ")
     data = tomllib.loads(tramway.to_toml()) | {
         "travel": {"kind": "table", "times": [0.0, 20.0, 60.0], "positions": [0.0, 60.0, 292.2]}
     }
     halfway = Scene(**data)
-    found = answers.outcome(halfway, quasi_static(halfway))
+    found = answers.outcome_of_run(halfway, quasi_static(halfway))
     assert (found.kind, found.sentence) == ("stopped", "stops at 300.0 m after 60.0 s")
 
 
@@ -71,26 +71,26 @@ def with_tree(top):
 
 def test_a_tree_is_hit_by_feet_first_and_then_by_the_rope():
     r = quasi_static(with_tree(22.0))
-    found = clearances(with_tree(22.0), r)
+    found = clearance_tracks(with_tree(22.0), r)
     rope, car = found["rope", "tree"], found["car", "tree"]
     depth = np.interp(180.0, r.x, r.y)  # the rope is deepest there when the car passes
     assert car.value == pytest.approx([22.0 - depth - 2.0], rel=0.0, abs=1e-6)
     assert rope.value.min() == pytest.approx(22.0 - depth, rel=0.0, abs=1e-6)
     assert rope.value.max() > 22.0 - 22.8  # the empty rope passes it 22.7 m below the start
     for top, hit in ((20.0, ["tree"]), (depth + 1.0, ["tree"]), (depth + 2.5, [])):
-        said = answers.outcome(with_tree(top), quasi_static(with_tree(top))).sentence
+        said = answers.outcome_of_run(with_tree(top), quasi_static(with_tree(top))).sentence
         assert said.startswith("would hit tree; ") is bool(hit)
 
 
 def test_a_rope_beyond_its_breaking_load_does_not_arrive():
     """8000 kg on a zip line arrived with 72.5 km/h, a safety factor of 0.47 in the lines below."""
     s = scene(mass__mass=8000.0, cable__breaking_load=90e3, obstacle=[{"name": "tree", "at": 180.0, "top": 22.0}])
-    found = answers.outcome(s, quasi_static(s))
+    found = answers.outcome_of_run(s, quasi_static(s))
     assert found.kind == "breaks"
     assert found.sentence.startswith("the rope breaks: ")
     assert ", breaking load 90.0 kN; if it held: would hit tree; arrives at " in found.sentence
     strong = s.replace({"cable.breaking_load": 1e6})
-    assert answers.outcome(strong, quasi_static(strong)).kind == "arrives"
+    assert answers.outcome_of_run(strong, quasi_static(strong)).kind == "arrives"
 
 
 @pytest.mark.parametrize(
@@ -105,8 +105,8 @@ def test_a_rope_beyond_its_breaking_load_does_not_arrive():
 def test_what_is_closer_than_its_bar_is_too_close_to_tell(quantity, value, words):
     s = scene(cable__breaking_load=90e3, obstacle=[{"name": "tree", "at": 180.0, "top": 30.0}])
     r = quasi_static(s)
-    changed = [row | {"value": value, "bar": 0.02} if row["quantity"] == quantity else row for row in design(r)]
-    assert answers.outcome(s, dataclasses.replace(r, design=changed)).sentence.startswith(words)
+    changed = [row | {"value": value, "bar": 0.02} if row["quantity"] == quantity else row for row in design_numbers(r)]
+    assert answers.outcome_of_run(s, dataclasses.replace(r, design=changed)).sentence.startswith(words)
 
 
 def test_a_profile_holds_nothing_past_the_slack_onset():
@@ -114,12 +114,12 @@ def test_a_profile_holds_nothing_past_the_slack_onset():
     r = run(Scene.load("level"), "following-p2", elements=12, steps=600, scheme="generalized-alpha")
     taut = r.fields.t <= r.slack_since
     assert r.fields.T[~taut].max() > 1.5 * r.fields.T[taut].max()
-    assert answers.profile(r)["tension_max"].max() <= r.fields.T[taut].max() * 1.05
+    assert answers.profile_columns(r)["tension_max"].max() <= r.fields.T[taut].max() * 1.05
 
 
 def test_a_rider_who_never_comes_there_does_not_hit_it():
     s = scene(obstacle=[{"name": "roof", "at": 410.0, "top": 32.5}])
-    rope, car = clearances(s, quasi_static(s)).values()
+    rope, car = clearance_tracks(s, quasi_static(s)).values()
     assert car.value.size == 0
     assert rope.value.size > 10
 
@@ -127,7 +127,7 @@ def test_a_rider_who_never_comes_there_does_not_hit_it():
 def test_ground_is_linear_and_says_nothing_outside_its_points():
     s = scene(ground=[[100.0, 40.0], [200.0, 30.0], [300.0, 50.0]])
     r = quasi_static(s)
-    rope, car = clearances(s, r).values()
+    rope, car = clearance_tracks(s, r).values()
     inside = (r.x >= 100.0) & (r.x <= 300.0)
     at_steps = np.isin(car.t, r.t)
     assert at_steps.sum() == inside.sum()
@@ -140,12 +140,12 @@ def test_ground_is_linear_and_says_nothing_outside_its_points():
 
 def test_the_profile_holds_every_place_of_the_car():
     r = quasi_static(scene())
-    p = answers.profile(r)
+    p = answers.profile_columns(r)
     assert (p["y_highest"] <= p["y_rest"] + 1e-9).all()
     assert (p["y_lowest"] >= p["y_rest"] - 1e-9).all()
     assert (np.interp(r.x, p["x"], p["y_lowest"]) >= r.y - 1e-2).all()
     assert p["tension_max"].max() == pytest.approx(r.fields.T.max(), rel=2e-3)
-    flat = answers.profile(quasi_static(scene(mass__mass=0.01)))
+    flat = answers.profile_columns(quasi_static(scene(mass__mass=0.01)))
     assert np.ptp(flat["y_lowest"] - flat["y_rest"]) < 1e-3  # without a rider the rope stays at rest
 
 
@@ -153,25 +153,25 @@ def test_a_clearance_of_what_is_never_passed_is_null(tmp_path):
     """The command ended in a trace where a rider stopped before the tree."""
     scene = Scene.load("rollback").replace({"obstacle": [{"name": "tree", "at": 299.0, "top": 30.0}]})
     r = quasi_static(scene)
-    rows = {d["quantity"]: d for d in design(r)}
+    rows = {d["quantity"]: d for d in design_numbers(r)}
     assert rows["clearance_car_min:tree"]["value"] is None
     assert rows["clearance_rope_min:tree"]["value"] > 0.0
     r = dataclasses.replace(r, design=list(rows.values()))
-    write_answers(tmp_path, scene, r)
+    write_summary_and_profile(tmp_path, scene, r)
     kept = json.loads((tmp_path / "summary.json").read_text())["design"]
     assert {"clearance_car_min:tree": None}.items() <= {d["quantity"]: d["value"] for d in kept}.items()
     assert number_text(rows["clearance_car_min:tree"])["value"] == "the car never passes"
     assert "clearance_car_min:tree" not in {d["quantity"] for d in key_numbers(kept, 99)}
-    assert "hit" not in outcome(scene, r).sentence
+    assert "hit" not in outcome_of_run(scene, r).sentence
 
 
 @pytest.mark.parametrize("steps", [300, 301, 304, 305, 309, 311])
 def test_a_run_that_ends_where_it_falls_slack_says_so(steps):
     """The position of the onset is rounded: some of these runs end just before it, some just past it."""
     steep = Scene.from_groups(sag_ratio=0.0164, slope=38.76, mu=0.884, alpha=6350.0, speed_ratio=0.66)
-    onset = Run(steep, "fourier-kink", terms=8, steps=steps).to(0.95).slack_from
-    r = Run(steep, "fourier-kink", terms=8, steps=steps).to(onset)
+    onset = Run(steep, "fourier-kink", terms=8, steps=steps).run_to(0.95).slack_from
+    r = Run(steep, "fourier-kink", terms=8, steps=steps).run_to(onset)
     assert r.reached == pytest.approx(r.slack_from, abs=1e-12)
-    said = outcome(steep, r)
+    said = outcome_of_run(steep, r)
     assert "goes slack" in said.sentence
-    assert recomputed.ending(r, None, said.kind, said.sentence).verdict is Verdict.AGREE
+    assert recomputed.check_outcome(r, None, said.kind, said.sentence).verdict is Verdict.AGREE

@@ -112,13 +112,16 @@ def checked():
 def test_check_solver_holds_a_solver_against_both_of_ours(checked):
     result = checked
     assert result.verdict.value == "agree"
-    assert [row.row().get("with") for row in result.rows][-2:] == ["opensees", "opensees"]
+    assert [row.to_json().get("with") for row in result.rows][-2:] == ["opensees", "opensees"]
     content = result.agreement()
     assert content["verdict"] == "agree"
     assert content["rows"][-1]["with"] == "opensees"
     again = check_solver(LEVEL, string, tol=5e-2, ours=result)  # right, but of the taut string
     assert again.verdict.value == "disagree"
-    assert [row.row()["with"] for row in again.rows if row.row().get("with") == "string"] == ["string", "string"]
+    assert [row.to_json()["with"] for row in again.rows if row.to_json().get("with") == "string"] == [
+        "string",
+        "string",
+    ]
 
 
 @pytest.mark.parametrize("answer", [None, (1.0,), 3.0])

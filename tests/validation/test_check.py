@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from cablefem import Scene
 from validation.commands.check import study
 from validation.commands.check.study import check
-from validation.core.agreement import FACTOR_DISAGREE, Agreement, Bound, Part, Verdict, overall
+from validation.core.agreement import FACTOR_DISAGREE, Agreement, Bound, BoundPart, Verdict, overall_verdict
 from validation.core.ladder import Ladder
 from validation.core.methods import METHODS
 from validation.core.refine import run_with_error_bars
@@ -36,13 +36,13 @@ def test_a_planted_fault_turns_the_verdict(right, wing, group):
 
     wrong = run_with_error_bars(LEVEL, dataclasses.replace(method, build=build), **(SINES if wing else ELEMENTS))
     rows = compare(LEVEL, *((right[0], wrong) if wing else (wrong, right[1])))
-    assert overall(rows) is Verdict.DISAGREE
+    assert overall_verdict(rows) is Verdict.DISAGREE
     path = next(r for r in rows if r.quantity == "path_rms")
     assert path.verdict is Verdict.DISAGREE, (path.gap, path.allowed)
 
 
 def row(gap: float, bars: tuple[float, float], required: float, decides: bool = True) -> Agreement:
-    parts = tuple(Part(name, bar) for name, bar in zip(("a", "b"), bars, strict=True))
+    parts = tuple(BoundPart(name, bar) for name, bar in zip(("a", "b"), bars, strict=True))
     return Agreement("speed", gap, Bound("error bars", parts), required=required, decides=decides)
 
 
@@ -65,18 +65,18 @@ def test_the_rule_has_three_lines(gap, bars, required, verdict):
 
 def test_the_whole_is_the_first_of_disagree_too_coarse_and_agree_of_asked_rows():
     agrees, coarse, apart = row(0.0, (0.1, 0.1), 1.0), row(0.0, (5.0, 0.1), 1.0), row(9.0, (0.1, 0.1), 1.0)
-    assert overall([agrees]) is Verdict.AGREE
-    assert overall([agrees, coarse]) is Verdict.TOO_COARSE
-    assert overall([agrees, coarse, apart]) is Verdict.DISAGREE
-    assert overall([agrees, dataclasses.replace(apart, decides=False)]) is Verdict.AGREE
-    assert overall([]) is Verdict.NOT_COMPARABLE
+    assert overall_verdict([agrees]) is Verdict.AGREE
+    assert overall_verdict([agrees, coarse]) is Verdict.TOO_COARSE
+    assert overall_verdict([agrees, coarse, apart]) is Verdict.DISAGREE
+    assert overall_verdict([agrees, dataclasses.replace(apart, decides=False)]) is Verdict.AGREE
+    assert overall_verdict([]) is Verdict.NOT_COMPARABLE
 
 
 def test_a_row_says_its_bars_and_what_was_asked():
-    told = row(0.2, (0.3, INF), 1.0).row()
+    told = row(0.2, (0.3, INF), 1.0).to_json()
     assert (told["bar_a"], told["bar_b"], told["allowed"]) == (0.3, None, None)
     assert (told["asked_for"], told["asked"], told["verdict"]) == (1.0, True, "too coarse")
-    assert row(0.2, (0.3, 0.1), 1.0, decides=False).row()["verdict"] is None
+    assert row(0.2, (0.3, 0.1), 1.0, decides=False).to_json()["verdict"] is None
 
 
 def test_check_meets_its_tolerance_and_writes_the_contract(tmp_path):
@@ -127,10 +127,10 @@ def test_what_is_too_coarse_is_refined_where_its_bar_comes_from(right):
     methods = [METHODS["following-p2"], METHODS["fourier-kink"]]
 
     def finer(*parts, larger=True, decides=True):
-        bars = tuple(Part(m.name, sum(p)) for m, p in zip(methods, parts, strict=True))
+        bars = tuple(BoundPart(m.name, sum(p)) for m, p in zip(methods, parts, strict=True))
         wide = Agreement("speed", 0.1, Bound("error bars", bars), required=0.5, decides=decides, parts=parts)
-        sides = [study._Side(LEVEL, m, 1e-2, float("inf"), {}) for m in methods]
-        return [side.finer(ladder, [wide], larger) for side, ladder in zip(sides, right, strict=True)]
+        sides = [study._MethodOnScene(LEVEL, m, 1e-2, float("inf"), {}) for m in methods]
+        return [side.finer_settings(ladder, [wide], larger) for side, ladder in zip(sides, right, strict=True)]
 
     sines = (0.0, 0.01), (0.9, 0.01)
     first, second = finer(*sines)

@@ -181,14 +181,14 @@ def test_a_stored_run_is_used_again_only_if_it_is_the_same(tmp_path, monkeypatch
 
 
 def test_every_scene_of_the_plan_is_known_and_every_method_accepts_its_settings():
-    from validation.core.methods import find
+    from validation.core.methods import find_method
 
     scenes = runs.paper_scenes()
     assert scenes["heavy"].mu == pytest.approx(2.0, rel=1e-12)
     assert scenes["rising"].supports.drop == -90.0
     for scene, method, settings in runs.planned_runs().values():
         assert scene in scenes
-        find(method).settings(settings)
+        find_method(method).settings(settings)
 
 
 @pytest.mark.slow
@@ -217,7 +217,7 @@ def test_the_paper_redone(tmp_path):
     # two wheels are m g b/(4 N) higher than a point where they carry alike
     assert np.mean(content["outlook"]["0"]["change"]) == pytest.approx(-4905.0 * 2.0 / (4.0 * 1.4e5), rel=0.5)
     sections = report.sections(tmp_path)
-    page.render("paper", sections, tmp_path / "report.html")
+    page.write_page("paper", sections, tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert all(f'id="claim-{i}"' in text for i in found)
     assert "Dynamics of an Elastic Cable Carrying a Moving Mass Particle" in text

@@ -13,9 +13,9 @@ from validation import check, run
 from validation.commands.atlas import study as atlas
 from validation.commands.chart import study as chart
 from validation.commands.oracles import study as oracles
-from validation.core.methods import METHODS, find, refined
+from validation.core.methods import METHODS, find_method, refined_settings
 from validation.core.refine import TooCoarse, refine_to_tolerance
-from validation.core.sampling import stacked
+from validation.core.sampling import stack_states
 from validation.oracles import moving_mass
 
 MINE = "my-sines"
@@ -32,14 +32,14 @@ def mine(monkeypatch):
 
 def coarse(name):
     """Settings of some milliseconds."""
-    method = find(name)
-    settings = method.settings(refined(method, method.ladder(1)[0], space=0.5)) | {"steps": 120}
+    method = find_method(name)
+    settings = method.settings(refined_settings(method, method.ladder(1)[0], space=0.5)) | {"steps": 120}
     return method.main_settings(settings)
 
 
 def begun(name):
     """Return a solver and its first states."""
-    method = find(name)
+    method = find_method(name)
     settings = method.settings(coarse(name))
     solver = method.build(SCENE.groups, settings, model="full", load="mass", law="elastic")
     steps = integrate(solver, scheme(settings["scheme"]), step_times(solver, 60))
@@ -56,7 +56,7 @@ def test_a_solver_is_what_the_contract_says(name):
     value, s = solver.min_tension
     assert np.isfinite(value)
     assert 0.0 <= s <= 1.0
-    history = solver.in_time(stacked(states))
+    history = solver.in_time(stack_states(states))
     seen = solver.observe(history, np.linspace(0.0, 1.0, 7), np.array([1, 3]))
     assert isinstance(seen, Observation)
     np.testing.assert_allclose(seen.s_o, places, rtol=1e-9, atol=1e-12)
@@ -85,13 +85,13 @@ def test_a_run_under_the_default_law(name, tmp_path):
 
 
 def test_a_run_by_object_is_that_by_name():
-    runs = [run(SCENE, method, **coarse("following-p2")) for method in ("following-p2", find("following-p2"))]
+    runs = [run(SCENE, method, **coarse("following-p2")) for method in ("following-p2", find_method("following-p2"))]
     np.testing.assert_array_equal(*(r.v for r in runs))
 
 
 @every
 def test_a_tolerance_is_met_or_refused_with_the_best_there_is(name):
-    if find(name).wrong:
+    if find_method(name).wrong:
         with pytest.raises(ValueError, match="wrong answer"):
             refine_to_tolerance(SCENE, name, 0.2, until=0.3)
         return
@@ -100,7 +100,7 @@ def test_a_tolerance_is_met_or_refused_with_the_best_there_is(name):
         assert response.path_error <= 0.2
     except TooCoarse as error:
         response = error.ladder.finest
-    assert find(name).resolution.setting in response.settings
+    assert find_method(name).resolution.setting in response.settings
 
 
 @pytest.mark.parametrize(
@@ -109,7 +109,7 @@ def test_a_tolerance_is_met_or_refused_with_the_best_there_is(name):
 )
 def test_a_check_holds_it_against_the_other_wing(name, monkeypatch):
     monkeypatch.setattr("validation.commands.check.study.BUDGET", 1e3)
-    other = "fourier-kink" if find(name).wing == "elements" else "following-p2"
+    other = "fourier-kink" if find_method(name).wing == "elements" else "following-p2"
     result = check(SCENE, tol=0.2, methods=(name, other))
     assert result.a.run.method == name
     assert {row.quantity for row in result.rows} >= {"path_max"}
@@ -121,18 +121,18 @@ def test_a_check_holds_it_against_the_other_wing(name, monkeypatch):
 @every
 def test_a_line_of_the_chart(name):
     (line,) = (x for x in chart.chart_series(SCENE.groups) if x.name == name)
-    resolutions = [find(name).settings(x)[find(name).resolution.setting] for x in line.rungs]
+    resolutions = [find_method(name).settings(x)[find_method(name).resolution.setting] for x in line.rungs]
     assert len(resolutions) > 6
     assert resolutions == sorted(resolutions)
 
 
 @every
 def test_a_cell_of_the_atlas(name):
-    settings = {find(name).resolution.setting: find(name).resolution.with_unknowns(4.0), "steps": 100}
+    settings = {find_method(name).resolution.setting: find_method(name).resolution.with_unknowns(4.0), "steps": 100}
     drawn = {"name": "mine", "scene": {}, "methods": [[name, settings]]}
     (cell,) = atlas.cells_at(drawn, 100.0, 4.0)
     assert cell["class"] in ("good", "poor", "wrong")
-    assert (name in dict(atlas.methods_of_map(atlas.MAPS["map"][0]))) == (find(name).survey is not None)
+    assert (name in dict(atlas.methods_of_map(atlas.MAPS["map"][0]))) == (find_method(name).survey is not None)
 
 
 def test_a_case_of_an_oracle(monkeypatch):
@@ -140,7 +140,7 @@ def test_a_case_of_an_oracle(monkeypatch):
     case = next(case for case in moving_mass.cases() if getattr(case, "scene", ""))
     assert MINE in (case.methods or METHODS)
     rungs = [oracles.Rung({"waves": n, "steps": 200}, float(n)) for n in (6, 12)]
-    monkeypatch.setattr(oracles._Solvers, "ladder", lambda self, name, finer: rungs)
+    monkeypatch.setattr(oracles._Solvers, "rungs", lambda self, name, finer: rungs)
     row = oracles.Task("moving-mass", case, MINE).compute()
     assert row["method"] == MINE
     assert row["error"] < 0.1

@@ -11,8 +11,8 @@ from cablefem.response import Response
 from tests.validation.ladders import ladder
 from validation.core import readback, recomputed
 from validation.core.agreement import Verdict
-from validation.core.answers import outcome
-from validation.core.design import QUANTITIES, design, design_gap_rows, widened_numbers
+from validation.core.answers import outcome_of_run
+from validation.core.design import QUANTITIES, design_gap_rows, design_numbers, widened_numbers
 from validation.core.measures import energy_defect, extremes_within
 from validation.core.quasi_static import quasi_static
 from validation.core.running import run
@@ -33,7 +33,7 @@ COARSE = {"elements": 8, "steps": 600}
 
 
 def numbers(*of):
-    return [SimpleNamespace(**row) for row in design(*of)]
+    return [SimpleNamespace(**row) for row in design_numbers(*of)]
 
 
 @pytest.fixture(scope="module", params=SCENES)
@@ -94,7 +94,7 @@ def test_a_car_that_only_goes_up_has_no_deepest_point():
 def test_a_bar_is_no_less_than_the_gap_to_the_twin(told):
     _, found, known = told
     deeper = found.map(lambda r: replace(r, y=r.y + 1.0, v=r.v + 1.0))
-    own, other = design(found, deeper), design(deeper, found)
+    own, other = design_numbers(found, deeper), design_numbers(deeper, found)
     after = {row["quantity"]: row["bar"] for row in widened_numbers(own, other)}
     assert {n.quantity: n for n in known}["mass_deepest"].bar < 0.1
     assert after["mass_deepest"] == pytest.approx(1.0, abs=0.02)
@@ -166,7 +166,7 @@ def printed(found, known):
 
 def test_what_is_printed_is_recomputed(told):
     _, found, known = told
-    checked = list(recomputed.rows(printed(found, known)))
+    checked = list(recomputed.recomputed_rows(printed(found, known)))
     assert wrong(checked) == set()
     laws = {x.law for x in checked}
     assert {n.quantity for n in known} <= laws
@@ -179,7 +179,7 @@ def test_a_design_number_three_percent_off_is_seen(told, quantity):
     r = printed(found, known)
     r.design[:] = [n | {"value": 1.03 * n["value"]} if n["quantity"] == quantity else n for n in r.design]
     bar = next((n.bar / abs(n.value) for n in known if n.quantity == quantity), np.inf)
-    assert ((("design", quantity) in wrong(recomputed.rows(r))) is True) or bar > 0.02
+    assert ((("design", quantity) in wrong(recomputed.recomputed_rows(r))) is True) or bar > 0.02
 
 
 @pytest.fixture(scope="module")
@@ -192,17 +192,17 @@ def ride():
         "cable.E": 1.3e11, "cable.section": 1e-4, "cable.wire": 1e-3,
     })  # fmt: skip
     r = run(scene, "following-p2", elements=8, steps=500)
-    return scene, replace(r, design=design(r))
+    return scene, replace(r, design=design_numbers(r))
 
 
 def test_every_printed_number_has_a_second_computation(ride):
     scene, r = ride
-    rows = list(recomputed.rows(r, None, outcome(scene, r)))
+    rows = list(recomputed.recomputed_rows(r, None, outcome_of_run(scene, r)))
     assert {row["quantity"] for row in r.design} <= {row.law for row in rows}
     assert {"wind_tilt", "safety_factor_min", "clearance_car_min:tree 1"} <= {row.law for row in rows}
     assert wrong(rows) == set()
     r = replace(r, design=[*r.design, r.design[0] | {"quantity": "knot_max"}])
-    assert wrong(recomputed.design(r)) == {("design", "knot_max")}
+    assert wrong(recomputed.check_design(r)) == {("design", "knot_max")}
 
 
 def times(factor):
@@ -226,41 +226,41 @@ def plus(shift):
 def test_a_wrong_design_number_is_seen(ride, quantity, fault):
     _, r = ride
     changed = [row | {"value": fault(row["value"])} if row["quantity"] == quantity else row for row in r.design]
-    assert wrong(recomputed.design(replace(r, design=changed))) == {("design", quantity)}
+    assert wrong(recomputed.check_design(replace(r, design=changed))) == {("design", quantity)}
 
 
 def test_an_outcome_is_recomputed(ride):
     scene, r = ride
-    kind, said = outcome(scene, r)
+    kind, said = outcome_of_run(scene, r)
     assert kind == "stopped_by_brake"
     assert said.startswith("would hit ")
     for other in (
         ("stuck", said), (kind, said.replace("would hit", "clears")), (kind, said.replace("tree 1", "hut")),
         (kind, said.replace("stops in the brake at 2", "stops in the brake at 3")),
     ):  # fmt: skip
-        assert wrong([recomputed.ending(r, None, *other)]) == {("outcome", "")}
+        assert wrong([recomputed.check_outcome(r, None, *other)]) == {("outcome", "")}
 
 
 @pytest.mark.parametrize("load", [90e3, 8e3, None])
 def test_an_arrival_its_speed_and_a_break_are_recomputed(load):
     scene = Scene.load("zipline").replace({"cable.breaking_load": load} if load else {})
     r = quasi_static(scene)
-    r = replace(r, design=design(r))
-    kind, said = outcome(scene, r)
+    r = replace(r, design=design_numbers(r))
+    kind, said = outcome_of_run(scene, r)
     assert kind == ("breaks" if load == 8e3 else "arrives")
-    assert wrong([recomputed.ending(r, None, kind, said)]) == set()
+    assert wrong([recomputed.check_outcome(r, None, kind, said)]) == set()
     speed = said.split(" with ")[1].removesuffix(" km/h")
     faster = said.replace(speed, f"{1.01 * float(speed):.1f}")
     for other in (("stuck", said), (kind, faster)):
-        assert wrong([recomputed.ending(r, None, *other)]) == {("outcome", "")}
+        assert wrong([recomputed.check_outcome(r, None, *other)]) == {("outcome", "")}
 
 
 @pytest.mark.parametrize("name", ["level", "inclined", "tramway", "kevlar", "rollback", "rocket"])
 def test_outcomes_of_built_in_scenes_are_as_recomputed(name):
     scene = Scene.load(name)
     r = quasi_static(scene)
-    r = replace(r, design=design(r))
-    assert wrong([recomputed.ending(r, None, *outcome(scene, r))]) == set()
+    r = replace(r, design=design_numbers(r))
+    assert wrong([recomputed.check_outcome(r, None, *outcome_of_run(scene, r))]) == set()
 
 
 @pytest.mark.parametrize("name", ["F_contact", "speed"])
@@ -269,13 +269,13 @@ def test_a_derived_quantity_computed_wrongly_is_seen(name, monkeypatch, tmp_path
     right = getattr(Response, name).fget
     monkeypatch.setattr(Response, name, property(lambda r: 1.02 * right(r)))
     run(SCENES["level"], "following-p2", elements=4, steps=100).write(tmp_path / "following-p2")
-    seen = list(readback.files(readback.Stored(tmp_path, ["following-p2"], judged=False)))
+    seen = list(readback.file_faults(readback.StoredResults(tmp_path, ["following-p2"], judged=False)))
     assert any(f"path.csv: {name} is not what was computed" in fault for fault in seen)
 
 
 def test_slack_onset_is_read_from_tensions_without_compression():
     """Past the onset the law without compression leaves zeros, and a balance may leave no negative tension at all."""
     r = run(Scene.load("level"), "fourier-kink", terms=16, steps=600, until=0.9)
-    numbers_of = replace(r, tension_min=np.maximum(r.tension_min, 0.0), design=design(r))
-    onset = recomputed.Readings(numbers_of, None)
-    assert onset.of("slack_onset") == pytest.approx(r.slack_onset, abs=onset.resolution("slack_onset"))
+    numbers_of = replace(r, tension_min=np.maximum(r.tension_min, 0.0), design=design_numbers(r))
+    onset = recomputed.RecomputedNumbers(numbers_of, None)
+    assert onset.number("slack_onset") == pytest.approx(r.slack_onset, abs=onset.resolution("slack_onset"))

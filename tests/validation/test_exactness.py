@@ -14,13 +14,13 @@ from validation.commands.oracles import study as exactness
 from validation.core.methods import METHODS
 from validation.oracles.case import Crossing
 
-EVERY = {task.key: task for task in exactness.tasks()}
+EVERY = {task.key: task for task in exactness.all_tasks()}
 CROSSINGS = {key[:2]: task.case for key, task in EVERY.items() if isinstance(task.case, Crossing)}
 
 
 def test_every_exact_answer_is_held_against_a_solver():
-    assert {oracle for oracle, _, _ in EVERY} == set(oracles.find())
-    assert len(EVERY) == len(exactness.tasks())  # no two rows have the same name
+    assert {oracle for oracle, _, _ in EVERY} == set(oracles.find_oracles())
+    assert len(EVERY) == len(exactness.all_tasks())  # no two rows have the same name
 
 
 def test_a_file_in_the_folder_is_all_that_an_oracle_needs(tmp_path, monkeypatch):
@@ -34,8 +34,8 @@ def test_a_file_in_the_folder_is_all_that_an_oracle_needs(tmp_path, monkeypatch)
         "cases = lambda: [case]\n"
     )
     monkeypatch.setattr(oracles, "__path__", [*oracles.__path__, str(tmp_path)])
-    (task,) = [t for t in exactness.tasks() if t.oracle == "brought-along"]
-    monkeypatch.setattr(exactness, "tasks", lambda: [task])
+    (task,) = [t for t in exactness.all_tasks() if t.oracle == "brought-along"]
+    monkeypatch.setattr(exactness, "all_tasks", lambda: [task])
     assert exactness.oracle_table(tmp_path)["verdict"] == "agree"
     html = "".join(str(s.html) for s in page.sections(tmp_path))
     assert all(word in html for word in ("brought-along", "A new group", "a source", "first three"))
@@ -43,11 +43,11 @@ def test_a_file_in_the_folder_is_all_that_an_oracle_needs(tmp_path, monkeypatch)
 
 # --- the judge ------------------------------------------------------------------------------------------------------
 def test_an_order_that_cannot_be_read_is_none():
-    assert exactness.order([5.0, 10.0, 20.0], [3e-2, 7.5e-3, 1.875e-3]) == pytest.approx(2.0)
-    assert exactness.order([5.0, 10.0, 20.0, 40.0], [3e-2, 7.5e-3, 1.875e-3, 0.0]) == pytest.approx(2.0)
-    assert math.isnan(exactness.order([5.0, 10.0, 20.0], [3e-2, 4e-2, 5e-2]))
-    assert math.isnan(exactness.order([5.0, 10.0, 20.0], [3e-2, 0.0, 1e-3]))
-    assert math.isnan(exactness.order([5.0, 10.0, 20.0], [3e-2, math.nan, 1e-3]))
+    assert exactness.observed_order([5.0, 10.0, 20.0], [3e-2, 7.5e-3, 1.875e-3]) == pytest.approx(2.0)
+    assert exactness.observed_order([5.0, 10.0, 20.0, 40.0], [3e-2, 7.5e-3, 1.875e-3, 0.0]) == pytest.approx(2.0)
+    assert math.isnan(exactness.observed_order([5.0, 10.0, 20.0], [3e-2, 4e-2, 5e-2]))
+    assert math.isnan(exactness.observed_order([5.0, 10.0, 20.0], [3e-2, 0.0, 1e-3]))
+    assert math.isnan(exactness.observed_order([5.0, 10.0, 20.0], [3e-2, math.nan, 1e-3]))
 
 
 @pytest.mark.parametrize(
@@ -61,15 +61,15 @@ def test_an_order_that_cannot_be_read_is_none():
     ],
 )
 def test_a_verdict_needs_both_the_bar_and_the_order(error, allowed, observed, verdict):
-    assert exactness.judge(error, allowed, observed, 1.9) == verdict
+    assert exactness.verdict_of_row(error, allowed, observed, 1.9) == verdict
 
 
 def test_the_bar_is_made_without_the_exact_answer():
     """A path off by a constant factor has the same small bar, and is found out."""
 
     class Heavier(type(exactness.SOLVERS)):
-        def path(self, crossing, name, **settings):
-            found = super().path(crossing, name, **settings)
+        def mass_path(self, crossing, name, **settings):
+            found = super().mass_path(crossing, name, **settings)
             return replace(found, v=1.01 * found.v)
 
     found = EVERY["moving-mass", "mass ratio 5, speed 0.37", "following-p2"].compute(Heavier())
@@ -79,12 +79,12 @@ def test_the_bar_is_made_without_the_exact_answer():
 
 def test_a_row_that_breaks_is_a_row_and_neither_sound_nor_a_comparison_that_must_fail(tmp_path, monkeypatch):
     class Silent(type(exactness.SOLVERS)):
-        def path(self, crossing, name, **settings):
+        def mass_path(self, crossing, name, **settings):
             return np.zeros(0).max()  # of a run without a single frame
 
     sound = EVERY["moving-mass", "mass ratio 5, speed 0.37", "following-p2"]
     wrong = EVERY["moving-mass", "the paper's mass and speed, g (1 + V²)", "fixed-p1-naive"]
-    monkeypatch.setattr(exactness, "tasks", lambda: [sound, wrong])
+    monkeypatch.setattr(exactness, "all_tasks", lambda: [sound, wrong])
     monkeypatch.setattr(exactness, "SOLVERS", Silent())
     content = exactness.oracle_table(tmp_path)
     assert content["verdict"] == "disagree"
@@ -113,13 +113,13 @@ def few(monkeypatch):
                 "refined": "resolution", "sizes": [3.0, 6.0], "errors": [4.0 * error, error], "error": error,
                 "worst": 1.7 * error, "observed_order": 2.0 if error < 0.1 else math.nan, "expected_order": 1.9,
                 "because": "x < y & z", "allowed": 0.02, "allowed_because": "its bar",
-                "verdict": exactness.judge(error, 0.02, 2.0, 1.9), "expected": expected, "reason": "",
+                "verdict": exactness.verdict_of_row(error, 0.02, 2.0, 1.9), "expected": expected, "reason": "",
             }  # fmt: skip
 
         return SimpleNamespace(key=("moving-mass", name, "following-p2"), compute=compute)
 
     tasks = [toy("the paper's mass, toy", 0.013, "agree"), toy("second", 0.3, "disagree")]
-    monkeypatch.setattr(exactness, "tasks", lambda: tasks)
+    monkeypatch.setattr(exactness, "all_tasks", lambda: tasks)
     return tasks, calls
 
 
@@ -131,7 +131,7 @@ def test_the_table_is_written_and_goes_on_where_it_stopped(few, tmp_path):
     assert content["verdict"] == "agree"
     assert content["rows"][1]["observed_order"] is None
     assert progress[-1] == ("oracles", 1.0)
-    assert [o["name"] for o in content["oracles"]] == [*oracles.find()]
+    assert [o["name"] for o in content["oracles"]] == [*oracles.find_oracles()]
     first = few[0][0]
     (tmp_path / exactness.ROWS).write_text(json.dumps([json.dumps(first.key), content["rows"][0]]))
     calls.clear()
@@ -142,7 +142,7 @@ def test_the_table_is_written_and_goes_on_where_it_stopped(few, tmp_path):
 def test_one_row_that_is_not_as_it_should_be_spoils_the_verdict(few, tmp_path, monkeypatch):
     tasks, _ = few
     failing = SimpleNamespace(key=tasks[1].key, compute=lambda: tasks[1].compute() | {"expected": "agree"})
-    monkeypatch.setattr(exactness, "tasks", lambda: [tasks[0], failing])
+    monkeypatch.setattr(exactness, "all_tasks", lambda: [tasks[0], failing])
     assert exactness.oracle_table(tmp_path)["verdict"] == "disagree"
     first = page.sections(tmp_path)[0]
     assert first.verdict == "disagree"

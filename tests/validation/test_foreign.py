@@ -30,7 +30,9 @@ def coarse():
 
 
 def rows_of(path, ours, with_tol=5e-3):
-    return {row.quantity: row for row in foreign.rows(path, ours, measures.window_of(*ours.runs), with_tol)}
+    return {
+        row.quantity: row for row in foreign.third_party_rows(path, ours, measures.common_window(*ours.runs), with_tol)
+    }
 
 
 def columns():
@@ -63,7 +65,7 @@ def test_the_two_real_files_agree_with_the_error_they_have(name, gap, ours, coar
     assert row.verdict is Verdict.AGREE
     assert row.gap == pytest.approx(gap, rel=0.1, abs=0.0)  # ours moves by its own error bar, a tenth of it
     assert row.third_party == f"{name}_level.csv"
-    assert row.row()["with"] == f"{name}_level.csv"
+    assert row.to_json()["with"] == f"{name}_level.csv"
     assert "its error bar" in row.allowed_because
     assert "0.005" in row.allowed_because
     assert rows_of(path, ours)["path_rms"].verdict is Verdict.AGREE

@@ -19,7 +19,7 @@ from validation.core import grid
     ],
 )
 def test_values_are_read(pair, values):
-    assert grid.parsed(pair) == (pair.split("=")[0].strip(), values)
+    assert grid.parse_key_and_values(pair) == (pair.split("=")[0].strip(), values)
 
 
 @pytest.mark.parametrize(
@@ -28,16 +28,16 @@ def test_values_are_read(pair, values):
 )
 def test_what_is_no_value_is_said(pair):
     with pytest.raises(ValueError, match="--set"):
-        grid.parsed(pair)
+        grid.parse_key_and_values(pair)
 
 
 def test_several_keys_make_a_grid():
-    points = grid.points(["mass.mass=40,60", "drive.wind=-8,0"])
+    points = grid.grid_points(["mass.mass=40,60", "drive.wind=-8,0"])
     assert [tuple(p.values()) for p in points] == [(40, -8), (40, 0), (60, -8), (60, 0)]
     with pytest.raises(ValueError, match="given twice"):
-        grid.points(["mass.mass=1", "mass.mass=2"])
+        grid.grid_points(["mass.mass=1", "mass.mass=2"])
     with pytest.raises(ValueError, match="at most"):
-        grid.points(["mass.mass=1:2:200", "drive.wind=0:1:200"])
+        grid.grid_points(["mass.mass=1:2:200", "drive.wind=0:1:200"])
 
 
 def test_values_go_where_the_key_says():

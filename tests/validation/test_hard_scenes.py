@@ -10,11 +10,11 @@ from cablefem.newmark import StateHistory
 from validation.commands.sweep import job
 from validation.commands.sweep.study import Study
 from validation.core import measures, recomputed
-from validation.core.design import design
+from validation.core.design import design_numbers
 from validation.core.methods import METHODS
 from validation.core.refine import run_with_error_bars
 from validation.core.running import Run, run
-from validation.core.sampling import response_of
+from validation.core.sampling import response_of_history
 from validation.core.watch import with_flags
 
 LEVEL = Scene.load("level")
@@ -67,7 +67,7 @@ def test_hard_scenes_get_an_error_estimate_or_a_diagnosis(name):
         assert r.cause is not None
     elif not r.flags:  # nothing said against the bar: it has to hold
         fine = run(scene, "following-p2", elements=24, steps=1200)
-        window = measures.window_of(r, fine, window=tuple(r.error_window))
+        window = measures.common_window(r, fine, window=tuple(r.error_window))
         assert measures.path_gap(r, fine, window)[0] <= r.path_error
     # from the wave speed on the bar is no bound, and that is said
     assert ("fast" in r.flag_kinds) == (scene.speed_ratio >= 1.0)
@@ -120,12 +120,12 @@ def test_a_coarse_companion_of_which_nothing_is_known_leaves_no_bar():
 @pytest.mark.parametrize("beyond", [True, False], ids=["beyond", "on the cable"])
 def test_a_ride_that_ends_beyond_the_cable_ended_before(method, settings, beyond):
     ride = Run(Scene.load("zipline"), method, steps=40, **settings)
-    ride.to(0.1)
+    ride.run_to(0.1)
     *before, last = ride.history.states
     ride.history.states = StateHistory(
         [*before, last._replace(q=np.append(last.q[:-1], 1.02 if beyond else last.q[-1]))]
     )
-    r = response_of(ride.scene, ride.history, method=method, settings=ride.settings, **ride.kind)
+    r = response_of_history(ride.scene, ride.history, method=method, settings=ride.settings, **ride.kind)
     assert (r.status, r.t.size) == (
         ("incomplete", len(ride.history.states) - 1) if beyond else ("complete", len(ride.history.states))
     )
@@ -148,11 +148,11 @@ def test_one_element_on_each_side_is_enough_to_run(method):
 def test_energy_is_kept_where_a_light_car_enters_fast_and_steps_are_few(settings):
     """It bends the cable at once: half of the drive's work in the first long step would be missing."""
     r = run(LEVEL.variant(mu=0.07, speed_ratio=0.6), "following-p2", until=0.6, **settings)
-    window = measures.window_of(r, window=(0.02, 0.58))
+    window = measures.common_window(r, window=(0.02, 0.58))
     scale = r.horizontal_tension * r.max_deflection
 
     def defect(r):
-        return float(np.abs(measures.energy_defect(r)[measures.inside(r, window)]).max()) / scale
+        return float(np.abs(measures.energy_defect(r)[measures.steps_in_window(r, window)]).max()) / scale
 
     assert defect(r) < 4e-4
     assert defect(replace(r, power=1.01 * r.power)) > 4e-4
@@ -162,7 +162,7 @@ def test_a_run_that_ends_before_its_first_frame_is_recomputed():
     """Must fail: a number that it cannot have."""
     r = run(Scene.load("level"), "following-p2", steps=200, until=1e-9)
     assert r.fields.t.size == 0
-    told = replace(r, design=design(r))
-    assert all(row.gap <= row.allowed for row in recomputed.rows(told))
+    told = replace(r, design=design_numbers(r))
+    assert all(row.gap <= row.allowed for row in recomputed.recomputed_rows(told))
     speed = {"quantity": "speed", "value": 1e6, "bar": 0.0, "unit": "m/s", "s_o": None}
-    assert not all(row.gap <= row.allowed for row in recomputed.rows(replace(r, design=[speed])))
+    assert not all(row.gap <= row.allowed for row in recomputed.recomputed_rows(replace(r, design=[speed])))

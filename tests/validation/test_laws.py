@@ -19,7 +19,9 @@ WINDOW = (0.02, 0.40)
 
 
 def held(x, window=WINDOW):
-    return {h.law or h.quantity: h for h in laws.hold(x, (0.0, 1.0) if x.finest.drive == "free" else window)}
+    return {
+        h.law or h.quantity: h for h in laws.check_laws_in_si(x, (0.0, 1.0) if x.finest.drive == "free" else window)
+    }
 
 
 def broken(x):

@@ -50,6 +50,6 @@ def test_models_that_differ_are_seen_to_differ():
 def test_a_run_that_stops_short_has_no_distance():
     far = full(LEVEL, elements=6, steps=200)
     short = run(LEVEL, "following-p2", model="string", elements=6, steps=200, until=0.4)
-    view = View.of(LEVEL)
+    view = View.of_scene(LEVEL)
     assert set(gaps_by_need(short, far, view).values()) == {np.inf}
     assert max(gaps_by_need(short, far, replace(view, window=(0.02, 0.39))).values()) < np.inf

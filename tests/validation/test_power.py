@@ -2,7 +2,7 @@
 
 from cablefem import Scene
 from validation import check
-from validation.commands.check.sensitivity import keys, sensitivity, sentence
+from validation.commands.check.sensitivity import noticed_sentence, number_keys, smallest_noticed_faults
 from validation.commands.sweep.families import FAMILIES, SETS, SOUND, scene_case
 
 INCLINED = Scene.load("inclined")
@@ -12,10 +12,10 @@ def test_a_fault_of_one_percent_is_seen_and_as_small_a_one_as_is_said():
     """The second solver is told another mass: beyond what the sound check says it would notice it disagrees."""
     sound = check(INCLINED, tol=3e-2, second=INCLINED)
     assert sound.verdict.value == "agree"
-    found = sensitivity(sound)
+    found = smallest_noticed_faults(sound)
     assert {"mass.mass", "cable.EA", "supports.span"} <= set(found)
     assert 0.0 < found["mass.mass"] < 0.05
-    assert "mass.mass" in sentence(found)
+    assert "mass.mass" in noticed_sentence(found)
     percent = 300.0 * found["mass.mass"]
     fault = check(INCLINED, tol=3e-2, second=INCLINED.replace({"mass.mass": f"+{percent:.6f}%"}))
     assert fault.verdict.value == "disagree"
@@ -30,7 +30,7 @@ def test_a_station_on_the_edge_of_the_jump_is_no_disagreement():
 
 def test_keys_are_the_numbers_of_the_tables():
     data = {"title": "x", "cable": {"EA": 1e6, "on": True}, "drive": {"brake": [{"from": 3.0, "force": 0.0}]}}
-    assert list(keys(data)) == ["cable.EA", "drive.brake.0.from"]
+    assert list(number_keys(data)) == ["cable.EA", "drive.brake.0.from"]
 
 
 def test_cases_of_the_study_are_the_families_in_turn_and_sound_ones_have_no_fault():

@@ -15,10 +15,10 @@ from tests.scene.test_ride import BRAKED, ZIP
 from validation.cli import main
 from validation.commands.run.study import quasi_static_answer
 from validation.core.agreement import Verdict
-from validation.core.answers import outcome
-from validation.core.design import design
+from validation.core.answers import outcome_of_run
+from validation.core.design import design_numbers
 from validation.core.quasi_static import quasi_static
-from validation.core.recomputed import energy_of_ride
+from validation.core.recomputed import check_energy_of_ride
 from validation.core.running import run
 
 README = re.search(r"```toml\n(.*?)```", Path("README.md").read_text(encoding="utf-8"), re.DOTALL).group(1)
@@ -88,7 +88,7 @@ def test_the_haul_force_feels_wind_and_drag(wind):
 
 def test_design_numbers_stand_where_they_are_said_to_stand():
     r = quasi_static(Scene.from_toml(BRAKED))
-    rows = {row["quantity"]: row for row in design(r)}
+    rows = {row["quantity"]: row for row in design_numbers(r)}
     assert {"tension_max", "tension_min", "reaction_left_max", "deepest_point", "contact_min", "speed_max"} <= set(rows)
     assert "haul_force_max" not in rows
     fastest = rows["speed_max"]
@@ -122,12 +122,14 @@ def test_bars_hold_against_the_full_model():
     scene = Scene.from_toml(README).replace({"mass.mass": 120.0, "cable.temperature": 20.0})
     quick = quasi_static_answer(scene)
     full = run(scene, "following-p2", elements=8, steps=500, scheme="radau")
-    true = {row["quantity"]: row["value"] for row in design(full)}
+    true = {row["quantity"]: row["value"] for row in design_numbers(full)}
     for row in quick.design:
         assert abs(row["value"] - true[row["quantity"]]) <= row["bar"], row
     # and say something: a wide bar would hold as well
     assert sorted(row["bar"] / abs(row["value"]) for row in quick.design)[len(quick.design) // 2] < 0.03
-    assert outcome(scene, quick).sentence.startswith("too close to tell whether it clears tree; stops in the brake")
+    assert outcome_of_run(scene, quick).sentence.startswith(
+        "too close to tell whether it clears tree; stops in the brake"
+    )
     happened = {event["event"]: event for event in full.events}
     for event in quick.events:
         for name in ("t", "s_o", "speed"):
@@ -145,8 +147,8 @@ def test_bars_hold_against_the_full_model():
 def test_energy_along_the_ride_sees_a_fault_in_its_forces(fault):
     scene = Scene.from_toml(README).replace({"mass.mass": 120.0, "cable.temperature": 20.0})
     right, wrong = quasi_static(scene), quasi_static(scene.replace(fault))
-    assert energy_of_ride(right).verdict is Verdict.AGREE
-    assert energy_of_ride(dataclasses.replace(wrong, scene_toml=right.scene_toml)).verdict is Verdict.DISAGREE
+    assert check_energy_of_ride(right).verdict is Verdict.AGREE
+    assert check_energy_of_ride(dataclasses.replace(wrong, scene_toml=right.scene_toml)).verdict is Verdict.DISAGREE
 
 
 @pytest.mark.parametrize("name", ["rocket", "rollback", "to-rest", "tramway", "level"])

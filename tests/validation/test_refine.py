@@ -13,7 +13,7 @@ from cablefem import Scene
 from validation.core import measures
 from validation.core import refine as module
 from validation.core.ladder import Goal
-from validation.core.methods import METHODS, find
+from validation.core.methods import METHODS, find_method
 from validation.core.refine import (
     TooCoarse,
     cheapest_settings,
@@ -102,12 +102,12 @@ def test_the_bar_of_a_ride_holds_with_few_elements():
     )
     r = refine_to_tolerance(long, "following-p2", 1e-3).run
     fine = run(long, "following-p2", elements=24, steps=1000)
-    assert measures.path_gap(r, fine, measures.window_of(r, fine))[0] <= r.path_error < 1e-3
+    assert measures.path_gap(r, fine, measures.common_window(r, fine))[0] <= r.path_error < 1e-3
 
 
 def test_what_is_out_of_reach_is_said_so_with_the_best_there_is(monkeypatch):
     monkeypatch.setattr(module, "MAX_STEPS", 200)
-    method = find("following-p2")
+    method = find_method("following-p2")
     near = replace(method, resolution=replace(method.resolution, most=8))
     with pytest.raises(
         TooCoarse, match=r"following-p2 reaches an error bar of .* with elements = .*, not the 1e-05"
@@ -122,7 +122,7 @@ def test_a_wrong_method_is_refused():
 
 
 def test_what_leaves_more_for_its_cost_is_refined():
-    method = find("following-p2")
+    method = find_method("following-p2")
     now = method.settings({"elements": 10, "steps": 300})
     in_time = cheapest_settings(method, now, Goal((1e-5, 4e-3), 2e-3), 1.0)
     assert (in_time["elements"], in_time["steps"] > 400) == (10, True)
@@ -162,7 +162,7 @@ def test_a_mass_that_is_lifted_all_the_way_has_no_bar():
     """Relative to no deflection any error would be infinite."""
     ladder = run_with_error_bars(LEVEL, "following-p2", elements=9, steps=80, until=0.8)
     lifted = replace(ladder, finest=replace(ladder.run, v=-np.abs(ladder.run.v), path_error=None))
-    told = module.with_error_bars(lifted, module.View.of(LEVEL)).run
+    told = module.with_error_bars(lifted, module.View.of_scene(LEVEL)).run
     assert told.path_error is None
     assert any(x.kind == "no bar" and "no deflection" in str(x) for x in told.flags)
 

@@ -23,13 +23,13 @@ class Case:
             run_with_error_bars(self.scene, "following-p2", elements=elements, steps=steps),
             run_with_error_bars(self.scene, "fourier-kink", terms=terms, steps=steps),
         )
-        self.window = measures.window_of(*(ladder.run for ladder in self.both))
+        self.window = measures.common_window(*(ladder.run for ladder in self.both))
         self.other = run(self.scene, "fourier-kink", terms=terms, steps=steps)
 
     def rows(self, file, with_tol):
         path = ForeignPath.read(file, self.scene)
-        rows = list(foreign.rows(path, self.both[0], self.window, with_tol))
-        return remedy.advised(rows, path, self.scene, self.both, self.window, with_tol)
+        rows = list(foreign.third_party_rows(path, self.both[0], self.window, with_tol))
+        return remedy.with_remedy(rows, path, self.scene, self.both, self.window, with_tol)
 
 
 @pytest.fixture(scope="module")
@@ -121,9 +121,9 @@ def test_the_headline_speaks_of_our_solvers_and_a_wrong_file_for_itself(tmp_path
     check = study.Check(level.scene, a, b, 1e-2, level.window, [])
     ours = compare(level.scene, a, b, tol=1e-2, tol_tension=0.5)
     wrong = ForeignPath.of(level.scene, level.other.s_o, 1.3 * level.other.v, name="other.csv")
-    check = study.joined(replace(check, rows=[row for row in ours if row.verdict is Verdict.AGREE]), wrong)
+    check = study.with_third_party(replace(check, rows=[row for row in ours if row.verdict is Verdict.AGREE]), wrong)
     assert check.verdict is Verdict.DISAGREE
-    words.tell(check)
+    words.print_check(check)
     text = capsys.readouterr().out
     assert text.startswith("Both solvers agree.")
     assert "other.csv: DISAGREES with both" in text

@@ -7,7 +7,7 @@ import signal
 import pytest
 
 from validation.core import sidebyside
-from validation.core.sidebyside import in_background, in_parallel, side_by_side
+from validation.core.sidebyside import do_in_background, map_in_parallel, run_in_parallel
 
 forks = pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="nothing can be forked")
 
@@ -24,7 +24,7 @@ def job(name):
 def test_results_come_in_order_and_progress_is_passed_on(monkeypatch, cores):
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(range(cores)), raising=False)
     told = []
-    names, pids = zip(*side_by_side([job("a"), job("b")], lambda *x: told.append(x)), strict=True)
+    names, pids = zip(*run_in_parallel([job("a"), job("b")], lambda *x: told.append(x)), strict=True)
     assert names == ("a", "b")
     assert sorted(told) == [("a", 0.5), ("b", 0.5)]
     assert (pids == (os.getpid(), os.getpid())) == (cores == 1 or not sidebyside._can_fork())
@@ -34,12 +34,12 @@ def test_results_come_in_order_and_progress_is_passed_on(monkeypatch, cores):
 def test_every_item_is_worked_on_once_and_told_as_it_is_done(monkeypatch, cores):
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(range(cores)), raising=False)
     told = []
-    in_parallel(lambda x: 10 * x, [3, 1, 2], lambda i, result: told.append((i, result)))
+    map_in_parallel(lambda x: 10 * x, [3, 1, 2], lambda i, result: told.append((i, result)))
     assert sorted(told) == [(0, 30), (1, 10), (2, 20)]
-    in_parallel(fails, [], lambda *what: told.append(what))
+    map_in_parallel(fails, [], lambda *what: told.append(what))
     assert len(told) == 3
     with pytest.raises(ValueError, match="on purpose"):
-        in_parallel(fails, [1, 2], lambda *what: told.append(what))
+        map_in_parallel(fails, [1, 2], lambda *what: told.append(what))
 
 
 @forks
@@ -47,8 +47,10 @@ def test_a_forked_process_forks_no_further(monkeypatch):
     """A grid keeps every core busy with points; two solvers beside each other in each would only get in the way."""
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1}, raising=False)
     told = []
-    in_parallel(
-        lambda x: (os.getpid(), [pid for _, pid in side_by_side([job(x), job(x)])]), [1, 2], lambda i, r: told.append(r)
+    map_in_parallel(
+        lambda x: (os.getpid(), [pid for _, pid in run_in_parallel([job(x), job(x)])]),
+        [1, 2],
+        lambda i, r: told.append(r),
     )
     assert all(mine != os.getpid() and within == [mine, mine] for mine, within in told)
 
@@ -69,23 +71,23 @@ def fails_oddly(report):
 @pytest.mark.parametrize(("work", "kind"), [(fails, ValueError), (fails_oddly, RuntimeError)])
 def test_an_exception_is_raised_where_the_results_were_wanted(work, kind):
     with pytest.raises(kind, match=r"on purpose|could not answer|cannot be pickled"):
-        side_by_side([job("a"), work])
+        run_in_parallel([job("a"), work])
 
 
 @forks
 def test_a_process_that_is_killed_is_an_error_and_nothing_hangs(monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1}, raising=False)
     with pytest.raises(RuntimeError, match="was killed"):
-        side_by_side([job("a"), lambda report: os.kill(os.getpid(), signal.SIGKILL)])
+        run_in_parallel([job("a"), lambda report: os.kill(os.getpid(), signal.SIGKILL)])
 
 
 @pytest.mark.parametrize("cores", [1, 2])
 def test_work_done_aside_is_done_at_the_end_and_says_why_not(monkeypatch, tmp_path, cores):
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(range(cores)), raising=False)
-    with in_background(lambda: (tmp_path / "file").write_text("there")):
+    with do_in_background(lambda: (tmp_path / "file").write_text("there")):
         pass
     assert (tmp_path / "file").read_text() == "there"
-    with pytest.raises(ValueError, match="on purpose"), in_background(lambda: fails(None)):
+    with pytest.raises(ValueError, match="on purpose"), do_in_background(lambda: fails(None)):
         pass
-    with pytest.raises(KeyError), in_background(lambda: None):
+    with pytest.raises(KeyError), do_in_background(lambda: None):
         raise KeyError

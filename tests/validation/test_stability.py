@@ -23,7 +23,7 @@ from validation.core.running import run
 from validation.core.trust import convergence_limit, gap_past_slack
 from validation.core.view import View
 from validation.core.watch import MAX_GAIN
-from validation.page.page import render
+from validation.page.page import write_page
 
 LEVEL = Scene.load("level")
 LIGHT = LEVEL.variant(mu=0.01)
@@ -142,12 +142,12 @@ def test_waves_slower_than_the_mass_are_flagged():
     speed = (r.s_o[k] - r.s_o[k - 1]) / (r.t[k] - r.t[k - 1])
     assert r.tension_min[k : k + 2].min() < near.cable.mass_per_length * speed**2
     # no bar holds from there on: neither paths nor design numbers go on
-    assert View.of(near).cut(r).window == (0.02, pytest.approx(place, abs=1e-6))
+    assert View.of_scene(near).up_to_valid(r).window == (0.02, pytest.approx(place, abs=1e-6))
     assert r.t[k - 1] <= measures.valid_until(r) <= r.t[k]
     # twin: a slower car on the same cable
     slower = run(near.variant(speed_ratio=0.4), "following-p2", elements=20, steps=900, until=0.8)
     assert "slow waves" not in slower.flag_kinds
-    assert View.of(near).cut(slower).window == (0.02, min(0.8, slower.slack_from))
+    assert View.of_scene(near).up_to_valid(slower).window == (0.02, min(0.8, slower.slack_from))
 
 
 @pytest.mark.parametrize(
@@ -242,7 +242,7 @@ def test_a_map_tells_computed_cells_from_uncomputed_ones(small, tmp_path):
     found = pages.sections(folder)
     assert "8 of 8 cells" in found[0].summary
     assert (result["verdict"], found[-1].verdict) == ("agree", "agree")
-    render("atlas", found, tmp_path / "report.html")
+    write_page("atlas", found, tmp_path / "report.html")
     result["cells"] = result["cells"][:5]
     (tmp_path / "atlas.json").write_text(json.dumps(result))
     assert "5 of 8 cells" in pages.sections(tmp_path)[0].summary

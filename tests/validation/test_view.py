@@ -23,31 +23,31 @@ def ran(**changes: Any) -> Any:
 
 
 def test_a_travel_is_compared_over_place_and_a_ride_over_time() -> None:
-    level, ride = View.of(Scene.load("level")), View.of(Scene.load("zipline"))
+    level, ride = View.of_scene(Scene.load("level")), View.of_scene(Scene.load("zipline"))
     assert (level.axis, level.window, level.free, level.rolls) == ("place", (0.02, 0.80), False, False)
-    assert (ride.axis, ride.free, ride.rolls, ride.stop) == ("time", True, True, None)
-    assert View.of(Scene.load("tramway")).rolls
+    assert (ride.axis, ride.free, ride.rolls, ride.last_needed_position) == ("time", True, True, None)
+    assert View.of_scene(Scene.load("tramway")).rolls
 
 
 def test_a_travel_that_ends_in_mid_span_is_compared_to_its_end() -> None:
     data = tomllib.loads(Scene.load("level").to_toml()) | {"travel": TABLE}
     scene = Scene(**data)
-    assert View.of(scene).window[1] == pytest.approx(100.0 / scene.length)
+    assert View.of_scene(scene).window[1] == pytest.approx(100.0 / scene.length)
 
 
 def test_windows_are_cut_where_a_run_ends_or_is_slack() -> None:
-    view = View.of(Scene.load("level"))
-    assert view.cut(ran(), ran(slack_onset=0.5)).window == (0.02, 0.5)
-    assert view.cut(ran(reached=0.999), ran()).window == (0.02, 0.80)
+    view = View.of_scene(Scene.load("level"))
+    assert view.up_to_valid(ran(), ran(slack_onset=0.5)).window == (0.02, 0.5)
+    assert view.up_to_valid(ran(reached=0.999), ran()).window == (0.02, 0.80)
     with pytest.raises(NotComparable, match="two ends"):
-        view.cut(ran(), ran(method="two", reached=0.01))
-    ride = View.of(Scene.load("zipline")).cut(ran(drive="free"), ran(drive="free", t=[0.0, 8.5]))
+        view.up_to_valid(ran(), ran(method="two", reached=0.01))
+    ride = View.of_scene(Scene.load("zipline")).up_to_valid(ran(drive="free"), ran(drive="free", t=[0.0, 8.5]))
     assert ride.until == 8.5
     assert ride.covers(ran(t=[0.0, 8.4]))
     assert not ride.covers(ran(t=[0.0, 8.4], status="incomplete"))
 
 
 def test_a_coarser_run_that_ends_early_covers_nothing() -> None:
-    view = dataclasses.replace(View.of(Scene.load("level")), window=(0.02, 0.6))
+    view = dataclasses.replace(View.of_scene(Scene.load("level")), window=(0.02, 0.6))
     assert view.covers(ran(reached=0.61))
     assert not view.covers(ran(reached=0.59))

@@ -11,7 +11,7 @@ from cablefem import Scene
 from validation.commands.chart import cost, front, study
 from validation.commands.chart import page as pages
 from validation.core import measures, store
-from validation.core.methods import METHODS, find
+from validation.core.methods import METHODS, find_method
 from validation.core.running import run
 from validation.peers import PEERS, Peer, PeerPath
 
@@ -61,7 +61,7 @@ def small(tmp_path_factory):
         patch.setattr(study, "chart_series", few)
         patch.setattr(study, "REFERENCE", ("following-p4", {"elements": 10, "steps": 1250}))
         patch.setattr(study, "WITNESS", ("fourier-kink", {"terms": 12, "steps": 200}))
-        patch.setattr(study, "available", lambda name: None if name == "echo" else "not installed")
+        patch.setattr(study, "reason_if_missing", lambda name: None if name == "echo" else "not installed")
         labels = []
         found = study.chart(LEVEL, out, lambda label, done: labels.append((label, done)), repeats=2, budget=3000.0)
         runs = []
@@ -146,8 +146,8 @@ def test_what_is_stored_is_what_was_found_and_a_second_call_measures_nothing_ane
 def test_another_scene_is_not_gone_on_with(small, tmp_path):
     stored = (small[0] / "chart.json").read_text()
     (tmp_path / "chart.json").write_text(stored)
-    assert store.stored(tmp_path / "chart.json", scene_toml=LEVEL.to_toml())["rows"]
-    assert store.stored(tmp_path / "chart.json", scene_toml=Scene.load("inclined").to_toml()) == {}
+    assert store.stored_json(tmp_path / "chart.json", scene_toml=LEVEL.to_toml())["rows"]
+    assert store.stored_json(tmp_path / "chart.json", scene_toml=Scene.load("inclined").to_toml()) == {}
 
 
 @pytest.mark.slow  # many figures
@@ -215,13 +215,13 @@ def test_a_free_ride_is_charted_over_time_by_what_can_roll():
     ride = Scene.from_toml(text)
     lines = {x.name: x for x in study.chart_series(ride.groups)}
     assert "scheme trapezoidal" in lines
-    usual = find(study.BASE).settings_on(ride.groups, {})["scheme"]  # a line of its own already
+    usual = find_method(study.BASE).settings_on(ride.groups, {})["scheme"]  # a line of its own already
     assert not {f"scheme {usual}"} & set(lines)
     for name, why in {"fixed-p1-path": "rolls", "model string": "rolls", "opensees": "grips", "exudyn": None}.items():
         found = study._refusal(ride, lines[name])
         assert found is None if why is None else why in found
     truth, r = run(ride, "following-p4", elements=4, steps=400), run(ride, "following-p2", elements=4, steps=150)
-    known = study._Reference(truth, measures.window_of(truth), {})
+    known = study._Reference(truth, measures.common_window(truth), {})
     assert known.status_and_errors(r.reached, r.reason, dict)["status"] == "ok"
     assert known.status_and_errors(0.5, "it broke", dict) == {"status": "failed", "reason": "it broke"}
     l, tau = ride.length, ride.time_scale

@@ -5,6 +5,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from validation.core.store import nulls_for_nonfinite
+
 DEFAULT_TOL = 1e-3
 TOL_LOW = 1e-6  # what may be asked of the path
 TOL_HIGH = 0.2
@@ -28,7 +30,7 @@ def verdict_of(gap: float, bars: float, required: float) -> Verdict:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class BoundPart:
     """One contribution to an allowed gap."""
 
     name: str  # its run, party or law
@@ -44,7 +46,7 @@ class Bound:
     """An allowed gap: the sum of its parts."""
 
     kind: str  # its parts in words: "error bars" of both, "law", "own bar", ...; "nothing": there is no bound
-    parts: tuple[Part, ...] = ()
+    parts: tuple[BoundPart, ...] = ()
     why: str = ""
     notes: tuple[str, ...] = ()
 
@@ -58,8 +60,8 @@ class Bound:
         return "; ".join(filter(None, (parts, self.why, *self.notes)))
 
 
-def no_bound(why: object) -> Bound:
-    return Bound("nothing", why=str(why))
+def no_bound(reason: object) -> Bound:
+    return Bound("nothing", why=str(reason))
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,32 +103,28 @@ class Agreement:
             return Verdict.NOT_COMPARABLE
         return Verdict.AGREE if self.gap <= self.allowed else Verdict.DISAGREE
 
-    def row(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """The row as it is stored in agreement.json."""
         bars: list[float | None] = [None, None]
         if self.bound.kind in ("error bars", "law"):
             bars = [*(part.value for part in self.bound.parts), *bars]
         more = {"law": self.law, "with": self.third_party, "notes": self.bound.notes, "unit": self.unit}
-        return {
-            "quantity": self.quantity, "gap": finite(self.gap), "allowed": finite(self.allowed),
-            "bar_a": finite(bars[0]), "bar_b": finite(bars[1]), "asked_for": self.required, "asked": self.decides,
+        return nulls_for_nonfinite({
+            "quantity": self.quantity, "gap": self.gap, "allowed": self.allowed, "bar_a": bars[0], "bar_b": bars[1],
+            "asked_for": self.required, "asked": self.decides,
             "verdict": self.verdict.value if self.decides else None, "where": self.where,
             "allowed_because": self.allowed_because,
             **{k: v for k, v in more.items() if v},
-        }  # fmt: skip
+        })  # fmt: skip
 
 
-def overall(rows: list[Agreement]) -> Verdict:
+def overall_verdict(rows: list[Agreement]) -> Verdict:
     """The first verdict, in order of precedence, of the rows that decide."""
     verdicts = {row.verdict for row in rows if row.decides} or {Verdict.NOT_COMPARABLE}
     return next(verdict for verdict in Verdict if verdict in verdicts)
 
 
-def check_range(name: str, value: float | None, low: float, high: float) -> None:
+def refuse_out_of_range(name: str, value: float | None, low: float, high: float) -> None:
     """Raise ValueError for a number out of its range; None passes."""
     if value is not None and not low <= value <= high:
         raise ValueError(f"{name} must lie in [{low:g}, {high:g}], got {value!r}")
-
-
-def finite(x: float | None) -> float | None:
-    return x if x is not None and math.isfinite(x) else None

@@ -9,9 +9,9 @@ import numpy as np
 from cablefem.response import Array, Response, write_csv, write_json
 from cablefem.scene import Scene
 from validation.core import limits
-from validation.core.clearances import shapes
-from validation.core.design import design
-from validation.core.measures import steep_from, valid_until
+from validation.core.clearances import rope_shapes
+from validation.core.design import design_numbers
+from validation.core.measures import onset_of_steep_waves, valid_until
 
 STATIONS = 201  # stations of profile.csv
 
@@ -21,17 +21,17 @@ class Outcome(NamedTuple):
     sentence: str
 
 
-def outcome(scene: Scene, r: Response) -> Outcome:
+def outcome_of_run(scene: Scene, r: Response) -> Outcome:
     """What becomes of a run: first a rope that breaks, then what is hit, then how the car's motion ends."""
     decides = scene.cable.breaking_load or scene.obstacle or scene.ground
-    numbers = {row["quantity"]: row for row in r.design or design(r)} if decides else {}
-    end = _end(scene, r)
-    sentence = "; ".join([*_collisions(numbers), end.sentence])
+    numbers = {row["quantity"]: row for row in r.design or design_numbers(r)} if decides else {}
+    end = _outcome_of_travel(scene, r)
+    sentence = "; ".join([*_collision_sentences(numbers), end.sentence])
     load = scene.cable.breaking_load
     safety = numbers.get("safety_factor_min")
     if load is None or safety is None:
         return Outcome(end.kind, sentence)
-    smallest, largest = _range(safety)
+    smallest, largest = _range_by_bar(safety)
     if smallest >= 1.0:
         return Outcome(end.kind, sentence)
     if largest >= 1.0:
@@ -41,19 +41,19 @@ def outcome(scene: Scene, r: Response) -> Outcome:
     return Outcome("breaks", f"{broken}: {sentence}")
 
 
-def _range(number: dict[str, Any]) -> tuple[float, float]:
+def _range_by_bar(number: dict[str, Any]) -> tuple[float, float]:
     """Smallest and largest possible value of a design number, by its error bar."""
     bar = number["bar"] or 0.0
     return number["value"] - bar, number["value"] + bar
 
 
-def _collisions(numbers: dict[str, dict[str, Any]]) -> list[str]:
+def _collision_sentences(numbers: dict[str, dict[str, Any]]) -> list[str]:
     """What rope or car would hit, and what is closer than its error bar."""
     ranges: dict[str, Any] = {}  # of each obstacle: smallest and largest possible clearance
     for quantity, number in numbers.items():
         kind, _, name = quantity.partition(":")
         if kind.startswith("clearance_") and number["value"] is not None:
-            ends = _range(number)
+            ends = _range_by_bar(number)
             ranges[name] = np.minimum(ranges.get(name, ends), ends).tolist()
     hit = [name for name, (_, largest) in ranges.items() if largest < 0.0]
     near = [name for name, (smallest, largest) in ranges.items() if smallest < 0.0 <= largest]
@@ -65,12 +65,12 @@ def _collisions(numbers: dict[str, dict[str, Any]]) -> list[str]:
     return sentences
 
 
-def _end(scene: Scene, r: Response) -> Outcome:
+def _outcome_of_travel(scene: Scene, r: Response) -> Outcome:
     if r.status != "complete" and r.slack_onset is None:
         broke = f"the computation broke at {r.s_o[-1]:.1f} m after {r.t[-1]:.1f} s: {r.reason}"
         return Outcome("incomplete", broke)
     if r.drive == "free":
-        return _end_of_ride(scene, r)
+        return _outcome_of_ride(scene, r)
     # past the slack onset nothing is compared
     motion = scene.groups.motion
     duration = scene.arrival
@@ -85,16 +85,15 @@ def _end(scene: Scene, r: Response) -> Outcome:
         sentence = f"stops at {last:.1f} m after {duration:.1f} s"
     elif r.drive == "haul":
         sentence = f"is hauled from {r.s_o[0]:.1f} m to {last:.1f} m in {duration:.1f} s"
-    if r.slack_onset is not None and r.slack_onset <= steep_from(r):
+    steep = onset_of_steep_waves(r)
+    if r.slack_onset is not None and r.slack_onset <= steep:
         sentence += f"; the cable goes slack when the mass is at {r.slack_onset * r.length:.1f} m"
-    elif math.isfinite(steep_from(r)):
-        sentence += (
-            f"; waves get slower than the mass when it is at {steep_from(r) * r.length:.1f} m, no bar holds there"
-        )
+    elif math.isfinite(steep):
+        sentence += f"; waves get slower than the mass when it is at {steep * r.length:.1f} m, no bar holds there"
     return Outcome(kind, sentence)
 
 
-def _end_of_ride(scene: Scene, r: Response) -> Outcome:
+def _outcome_of_ride(scene: Scene, r: Response) -> Outcome:
     events = {e["event"]: e for e in r.events}  # the last of each kind
     ends = [events[name] for name in ("arrival", "back", "stop") if name in events]
     if not ends:
@@ -120,7 +119,7 @@ def _end_of_ride(scene: Scene, r: Response) -> Outcome:
     return Outcome("stuck", f"gets stuck: comes to rest {at} {after}, {farthest}")
 
 
-def profile(r: Response) -> dict[str, Array]:
+def profile_columns(r: Response) -> dict[str, Array]:
     """Columns of profile.csv: the rope at rest, and the extremes of depth and tension up to a slack onset."""
     f = r.fields
     end = valid_until(r)
@@ -128,13 +127,13 @@ def profile(r: Response) -> dict[str, Array]:
     rest = np.interp(x, f.x, f.y)
     depth = [rest]
     tension = [np.interp(x, f.x, f.T_static)]
-    for time, x_cable, y, T in zip(f.t, *shapes(r), strict=True):
+    for time, x_cable, y, T in zip(f.t, *rope_shapes(r), strict=True):
         if time > end:
             break
         depth.append(np.interp(x, x_cable, y))
         tension.append(np.interp(x, x_cable, T))
     lowest = np.max(depth, axis=0)
-    for x_car, y_car in _pieces_of_path(r, end):  # between frames the car is the lowest point nearby
+    for x_car, y_car in _rising_pieces_of_path(r, end):  # between frames the car is the lowest point nearby
         inside = (x >= x_car[0]) & (x <= x_car[-1])
         lowest[inside] = np.maximum(lowest[inside], np.interp(x[inside], x_car, y_car))
     return {
@@ -143,19 +142,19 @@ def profile(r: Response) -> dict[str, Array]:
     }  # fmt: skip
 
 
-def write_answers(folder: Path, scene: Scene, r: Response) -> None:
+def write_summary_and_profile(folder: Path, scene: Scene, r: Response) -> None:
     """Write summary.json and profile.csv."""
-    end = outcome(scene, r)
+    end = outcome_of_run(scene, r)
     first: dict[str, Any] = {"outcome": end.sentence, "outcome_kind": end.kind}
-    judged = limits.rows(scene, r.design, r.events)
+    judged = limits.limit_rows(scene, r.design, r.events)
     if judged:
         first["limits"] = judged
     write_json(folder / "summary.json", first | r.summary())
-    columns = profile(r)
+    columns = profile_columns(r)
     write_csv(folder / "profile.csv", ",".join(columns), np.stack(list(columns.values()), axis=1))
 
 
-def _pieces_of_path(r: Response, end: float) -> list[tuple[Array, Array]]:
+def _rising_pieces_of_path(r: Response, end: float) -> list[tuple[Array, Array]]:
     """Path of the car up to a time, in pieces on which x rises."""
     x = r.x[r.t <= end]
     y = r.y[r.t <= end]

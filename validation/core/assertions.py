@@ -2,7 +2,7 @@ import numpy as np
 
 from cablefem.response import Response
 from validation.core import foreign, measures
-from validation.core.agreement import Agreement, Bound, Part, Verdict
+from validation.core.agreement import Agreement, Bound, BoundPart, Verdict
 from validation.core.foreign import ForeignPath
 from validation.core.measures import NotComparable, Window
 
@@ -24,7 +24,7 @@ def assert_agree(
     if not np.isclose(a.length, b.length, rtol=1e-6, atol=0.0):
         raise AssertionError(f"{names} are of different cables: {a.length:.6g} m and {b.length:.6g} m long")
     try:
-        cut = _window(a, b, window or measures.WINDOWS[a.drive])
+        cut = _comparable_window(a, b, window or measures.WINDOWS[a.drive])
         rows = [_path_row(a, b, path, cut)]
         if tension is not None:
             rows.append(_tension_row(a, b, tension, cut))
@@ -32,41 +32,41 @@ def assert_agree(
         raise AssertionError(f"{names} cannot be compared: {reason}") from None
     failed = [row for row in rows if row.verdict is not Verdict.AGREE]
     if failed:
-        raise AssertionError("\n".join([f"{names} disagree", *(f"  {row_text(row)}" for row in failed)]))
+        raise AssertionError("\n".join([f"{names} disagree", *(f"  {agreement_text(row)}" for row in failed)]))
     return rows
 
 
-def row_text(row: Agreement) -> str:
+def agreement_text(row: Agreement) -> str:
     where = "" if row.where is None else f", largest at s_o/l = {row.where:.3f}"
     return f"{row.quantity}: gap {row.gap:.3g}, allowed {row.allowed:.3g}{where}; {row.allowed_because}"
 
 
-def _window(a: Answer, b: Answer, window: Window) -> Window:
+def _comparable_window(a: Answer, b: Answer, window: Window) -> Window:
     start, end = window
     if a.drive != "free":
         start = max(start, *(float(x.s_o[0] / x.length) for x in (a, b)))
-    return measures.window_of(a, b, window=(start, end))
+    return measures.common_window(a, b, window=(start, end))
 
 
-def _over(window: Window, a: Answer, b: Answer) -> str:
+def _window_text(window: Window, a: Answer, b: Answer) -> str:
     onsets = [x.slack_onset for x in (a, b) if x.slack_onset is not None]
     cut = ", cut at the slack onset" if onsets and window[1] == min(onsets) else ""
     return f"s_o/l {window[0]:.3g} to {window[1]:.3g}{cut}"
 
 
 def _path_row(a: Answer, b: Answer, allowed: float, window: Window) -> Agreement:
-    x, y = (a, b) if a.u is not None and b.u is not None else map(foreign.vertical, (a, b))
+    x, y = (a, b) if a.u is not None and b.u is not None else map(foreign.without_u, (a, b))
     gap, rms, where = measures.path_gap(x, y, window)
     _, positions, distances = measures.path_distances(x, y, window)
     why = [f"relative to {b.path_scale_named} {b.path_scale:.4g} m"]
     beyond = positions[distances > allowed]
     if beyond.size:
         why.append(f"they part from s_o/l = {beyond[0]:.3f} on")
-    why += [f"rms gap {rms:.3g}", f"over {_over(window, a, b)}"]
+    why += [f"rms gap {rms:.3g}", f"over {_window_text(window, a, b)}"]
     for r in (a, b):
         if isinstance(r, Response) and r.path_error is not None:
             why.append(f"error bar of {r.method} {r.path_error:.2g}")
-    bound = Bound("asked for", (Part("path", allowed),), "; ".join(why))
+    bound = Bound("asked for", (BoundPart("path", allowed),), "; ".join(why))
     return Agreement("path_max", gap, bound, where)
 
 
@@ -75,7 +75,7 @@ def _tension_row(a: Answer, b: Answer, allowed: float, window: Window) -> Agreem
         gap = measures.tension_gap(a, b, window)
         frames, _, _ = measures.common_frames(a, b, window)
         worst = max(frames.tolist(), key=lambda frame: measures.tension_gap(a, b, (frame, frame)))
-        why = f"rms of the field off the mass, over H; over {_over(window, a, b)}"
+        why = f"rms of the field off the mass, over H; over {_window_text(window, a, b)}"
     else:
         for r in (a, b):
             if r.T_behind is None:
@@ -84,4 +84,4 @@ def _tension_row(a: Answer, b: Answer, allowed: float, window: Window) -> Agreem
         gap = foreign.mass_tension_gap(a, b, window, H)
         worst = None
         why = "rms at the mass, both sides, relative to H"
-    return Agreement("tension", gap, Bound("asked for", (Part("tension", allowed),), why), worst)
+    return Agreement("tension", gap, Bound("asked for", (BoundPart("tension", allowed),), why), worst)

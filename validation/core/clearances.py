@@ -10,7 +10,7 @@ from cablefem.scene.line import Line
 from cablefem.scene.surroundings import GROUND
 
 
-def shapes(r: Response) -> tuple[Array, Array, Array]:
+def rope_shapes(r: Response) -> tuple[Array, Array, Array]:
     """x, y [m], tension [N] of the rope with the mass at each frame, (k, m + 1) each."""
     f = r.fields
     x = f.x + f.u
@@ -31,7 +31,7 @@ class Track(NamedTuple):
     s: Array  # [m] on the rope
 
 
-def grounds(scene: Scene | Line) -> dict[str, Array]:
+def obstacle_profiles(scene: Scene | Line) -> dict[str, Array]:
     """What the ride must clear, each as points [x, depth], (n, 2)."""
     found = {o.name: np.array([[o.at, o.top]]) for o in scene.obstacle}
     return found | ({GROUND: np.array(scene.ground, float)} if scene.ground else {})
@@ -40,28 +40,28 @@ def grounds(scene: Scene | Line) -> dict[str, Array]:
 Clearances = dict[tuple[str, str], Track]
 
 
-def clearances(scene: Scene, r: Response) -> Clearances:
+def clearance_tracks(scene: Scene, r: Response) -> Clearances:
     """Free heights [m] of "rope" and "car" above each obstacle and the ground; negative: it hits; nan: unknown.
 
     Empty where the car never passes.  An obstacle is a ground of one point.
     """
     below = 0.0 if scene.mass is None else scene.mass.below
     rooms = {}
-    for name, ground in grounds(scene).items():
-        at_car = _under_car(r, ground)
-        rooms["rope", name] = _ordered(at_car, _under_rope(r, ground))
+    for name, ground in obstacle_profiles(scene).items():
+        at_car = _height_of_car(r, ground)
+        rooms["rope", name] = _joined_by_time(at_car, _min_height_of_rope(r, ground))
         rooms["car", name] = at_car._replace(value=at_car.value - below)
     return rooms
 
 
-def _ordered(*parts: tuple[Array, ...]) -> Track:
+def _joined_by_time(*parts: tuple[Array, ...]) -> Track:
     """Join (times, heights, places) in order of time."""
     t, height, s = (np.concatenate(x) for x in zip(*parts, strict=True))
     order = np.argsort(t, kind="stable")
     return Track(t[order], height[order], s[order])
 
 
-def _under_car(r: Response, ground: Array) -> Track:
+def _height_of_car(r: Response, ground: Array) -> Track:
     """Height of the rope at the car over the ground (n, 2) [x, depth], at steps and at the ground's points."""
     over = (r.x > ground[0, 0]) & (r.x < ground[-1, 0])
     parts = [(r.t[over], np.interp(r.x[over], *ground.T) - r.y[over], r.s_o[over])]
@@ -70,12 +70,12 @@ def _under_car(r: Response, ground: Array) -> Track:
         w = (x - r.x[i]) / (r.x[i + 1] - r.x[i])
         t, y, s_o = (of[i] + w * (of[i + 1] - of[i]) for of in (r.t, r.y, r.s_o))
         parts.append((t, depth - y, s_o))
-    return _ordered(*parts)
+    return _joined_by_time(*parts)
 
 
-def _under_rope(r: Response, ground: Array) -> Track:
+def _min_height_of_rope(r: Response, ground: Array) -> Track:
     """Least height of the rope over the ground at each frame; nan outside."""
-    at, y, _ = shapes(r)
+    at, y, _ = rope_shapes(r)
     heights = np.full(len(at), np.nan)
     s = np.full(len(at), np.nan)
     for k, (a, b) in enumerate(zip(at, y, strict=True)):

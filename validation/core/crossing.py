@@ -8,26 +8,26 @@ import numpy as np
 from cablefem import newmark
 from cablefem.response import Array
 from cablefem.scene import Groups
-from validation.core.methods import find
-from validation.core.sampling import stacked
+from validation.core.methods import find_method
+from validation.core.sampling import stack_states
 
 
 def path_over_cable(
-    groups: Groups, name: str, settings: dict[str, Any], *, model: str = "straight", load: str = "mass", until: float,
-    begun: bool = False,
+    groups: Groups, method_name: str, settings: dict[str, Any], *, model: str = "straight", load: str = "mass",
+    until: float, starts_on_cable: bool = False,
 ) -> tuple[Array, Array, Array]:  # fmt: skip
     """Dimensionless t, s_o and v (n,) of the mass up to s_o = until; v is nan if the run failed.
 
-    begun : the mass starts on the cable, not at the support.
+    starts_on_cable : the mass starts on the cable, not at the support.
     """
-    method = find(name)
+    method = find_method(method_name)
     motion = groups.motion
     assert motion is not None
     settings = method.settings(settings)
     system = method.build(groups, settings, model=model, load=load, law="elastic")
     scheme = newmark.scheme(settings["scheme"], newmark_gamma=settings["newmark_gamma"], rho_inf=settings["rho_inf"])
     rest = np.zeros(system.n_dof)
-    start = newmark.consistent_acceleration(system, 0.0, rest, rest.copy(), 0) if begun else None
+    start = newmark.consistent_acceleration(system, 0.0, rest, rest.copy(), 0) if starts_on_cable else None
     states: list[newmark.State] = []
     try:
         times = newmark.step_times(system, settings["steps"])
@@ -37,6 +37,6 @@ def path_over_cable(
                 break
     except newmark.NewtonStalled:  # the solution diverged
         return np.zeros(1), np.full(1, until), np.full(1, math.nan)
-    history = stacked(states)
+    history = stack_states(states)
     observed = system.observe(history, np.zeros(0), np.zeros(0, np.intp))
     return history.t, motion.position(history.t), observed.path[:, 1]

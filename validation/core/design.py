@@ -19,14 +19,15 @@ from cablefem.response import Array, Response
 from cablefem.scene import Scene
 from cablefem.scene.bodies import Wheels
 from cablefem.scene.cable import Rope
-from validation.core.agreement import Agreement, Bound, Part, finite
-from validation.core.clearances import Clearances, Track, clearances, grounds
-from validation.core.ladder import Ladder, largest
-from validation.core.measures import averaged, extremes_within, steep_from, valid_until
+from validation.core.agreement import Agreement, Bound, BoundPart
+from validation.core.clearances import Clearances, Track, clearance_tracks, obstacle_profiles
+from validation.core.ladder import Ladder, max_distance
+from validation.core.measures import extremes_within, means_between, onset_of_steep_waves, valid_until
 from validation.core.order import FIRST
 from validation.core.quantities import unit_of
 from validation.core.scene_data import ROUNDING, SceneData
-from validation.core.wheels import stresses
+from validation.core.store import nulls_for_nonfinite
+from validation.core.wheels import rope_stresses_under_wheel
 
 NEAR = 9  # times around an extreme at which two runs are compared
 SAMPLES = 2001  # places of the car at rest
@@ -47,20 +48,20 @@ class Quantity:
     anywhere: bool = False  # taken up to the end of the run, with gaps between its samples
 
 
-def _at_mass(*signals: Callable[[Response], Array]) -> Tracks:
+def _tracks_at_mass(*signals: Callable[[Response], Array]) -> Tracks:
     return lambda r: [Track(r.t, of(r), r.s_o) for of in signals]
 
 
-def _size(x: Array) -> Array:
-    return np.asarray(np.hypot(x[:, 0], x[:, 1]))
+def _magnitude(reaction: Array) -> Array:
+    return np.asarray(np.hypot(reaction[:, 0], reaction[:, 1]))
 
 
-def _steepness(x: Array) -> Array:
+def _angle_to_horizontal(reaction: Array) -> Array:
     """Angle [deg] of a reaction (n, 2) to the horizontal."""
-    return np.degrees(np.arctan2(np.abs(x[:, 1]), np.abs(x[:, 0])))
+    return np.degrees(np.arctan2(np.abs(reaction[:, 1]), np.abs(reaction[:, 0])))
 
 
-def _at_support(side: str, of: Callable[[Array], Array] = _size) -> Tracks:
+def _tracks_at_support(side: str, of: Callable[[Array], Array] = _magnitude) -> Tracks:
     """A signal of a reaction (n, 2)."""
 
     def tracks(r: Response) -> list[Track]:
@@ -70,99 +71,106 @@ def _at_support(side: str, of: Callable[[Array], Array] = _size) -> Tracks:
     return tracks
 
 
-def _tension(r: Response) -> list[Track]:
-    at_mass = _at_mass(lambda r: r.T_behind, lambda r: r.T_ahead)(r)
-    return [*at_mass, Track(r.fields.t, r.fields.T, r.fields.s), *_at_support("left")(r), *_at_support("right")(r)]
+def _tension_tracks(r: Response) -> list[Track]:
+    at_mass = _tracks_at_mass(lambda r: r.T_behind, lambda r: r.T_ahead)(r)
+    return [
+        *at_mass,
+        Track(r.fields.t, r.fields.T, r.fields.s),
+        *_tracks_at_support("left")(r),
+        *_tracks_at_support("right")(r),
+    ]
 
 
-def _depth(r: Response) -> list[Track]:
+def _depth_tracks(r: Response) -> list[Track]:
     return [Track(r.t, r.y, r.s_o), Track(r.fields.t, r.fields.y + r.fields.v, r.fields.s)]
 
 
-def _horizontal(x: Array) -> Array:
-    return np.abs(x[:, 0])
+def _horizontal_part(reaction: Array) -> Array:
+    return np.abs(reaction[:, 0])
 
 
-def _vertical(x: Array) -> Array:
-    return np.abs(x[:, 1])
+def _vertical_part(reaction: Array) -> Array:
+    return np.abs(reaction[:, 1])
 
 
 QUANTITIES: dict[str, Quantity] = {
-    "tension_max": Quantity(1.0, _tension),
-    "tension_min": Quantity(-1.0, _tension),
-    "reaction_left_max": Quantity(1.0, _at_support("left")),
-    "reaction_left_horizontal_max": Quantity(1.0, _at_support("left", _horizontal)),
-    "reaction_left_vertical_max": Quantity(1.0, _at_support("left", _vertical)),
-    "reaction_right_max": Quantity(1.0, _at_support("right")),
-    "reaction_right_horizontal_max": Quantity(1.0, _at_support("right", _horizontal)),
-    "reaction_right_vertical_max": Quantity(1.0, _at_support("right", _vertical)),
-    "contact_max": Quantity(1.0, _at_mass(lambda r: r.F_contact)),
-    "contact_min": Quantity(-1.0, _at_mass(lambda r: r.F_contact)),
-    "haul_force_max": Quantity(1.0, _at_mass(lambda r: np.abs(r.F_haul))),
-    "haul_force_min": Quantity(-1.0, _at_mass(lambda r: r.F_haul)),
-    "deepest_point": Quantity(1.0, _depth, inner=True),
-    "mass_deepest": Quantity(1.0, _at_mass(lambda r: r.y), inner=True),
-    "mass_deflection_max": Quantity(1.0, _at_mass(lambda r: r.v)),
-    "speed_max": Quantity(1.0, _at_mass(lambda r: r.speed)),
-    "angle_left": Quantity(1.0, _at_support("left", _steepness)),
-    "angle_right": Quantity(1.0, _at_support("right", _steepness)),
+    "tension_max": Quantity(1.0, _tension_tracks),
+    "tension_min": Quantity(-1.0, _tension_tracks),
+    "reaction_left_max": Quantity(1.0, _tracks_at_support("left")),
+    "reaction_left_horizontal_max": Quantity(1.0, _tracks_at_support("left", _horizontal_part)),
+    "reaction_left_vertical_max": Quantity(1.0, _tracks_at_support("left", _vertical_part)),
+    "reaction_right_max": Quantity(1.0, _tracks_at_support("right")),
+    "reaction_right_horizontal_max": Quantity(1.0, _tracks_at_support("right", _horizontal_part)),
+    "reaction_right_vertical_max": Quantity(1.0, _tracks_at_support("right", _vertical_part)),
+    "contact_max": Quantity(1.0, _tracks_at_mass(lambda r: r.F_contact)),
+    "contact_min": Quantity(-1.0, _tracks_at_mass(lambda r: r.F_contact)),
+    "haul_force_max": Quantity(1.0, _tracks_at_mass(lambda r: np.abs(r.F_haul))),
+    "haul_force_min": Quantity(-1.0, _tracks_at_mass(lambda r: r.F_haul)),
+    "deepest_point": Quantity(1.0, _depth_tracks, inner=True),
+    "mass_deepest": Quantity(1.0, _tracks_at_mass(lambda r: r.y), inner=True),
+    "mass_deflection_max": Quantity(1.0, _tracks_at_mass(lambda r: r.v)),
+    "speed_max": Quantity(1.0, _tracks_at_mass(lambda r: r.speed)),
+    "angle_left": Quantity(1.0, _tracks_at_support("left", _angle_to_horizontal)),
+    "angle_right": Quantity(1.0, _tracks_at_support("right", _angle_to_horizontal)),
 }  # fmt: skip
 
 
-_scene = lru_cache(maxsize=4)(Scene.from_toml)
+_scene_of_toml = lru_cache(maxsize=4)(Scene.from_toml)
 
 
 @lru_cache(maxsize=4)
-def _round_trip(toml: str, length: float) -> float:
+def _axial_round_trip(toml: str, length: float) -> float:
     """Of an axial wave [s]."""
     return SceneData(toml, length).round_trip
 
 
-def quantities(r: Response) -> dict[str, Quantity]:
+def quantities_of_run(r: Response) -> dict[str, Quantity]:
     """Quantities of a run, with clearances, which are computed once for each run of a ladder."""
-    scene = _scene(r.scene_toml)
+    scene = _scene_of_toml(r.scene_toml)
     computed: dict[int, Clearances] = {}
 
-    def track(key: tuple[str, str], r: Response) -> list[Track]:
+    def clearance_track(key: tuple[str, str], r: Response) -> list[Track]:
         if id(r) not in computed:
-            computed[id(r)] = clearances(scene, r)
+            computed[id(r)] = clearance_tracks(scene, r)
         return [computed[id(r)][key]]
 
     named = dict(QUANTITIES)
-    for ground in grounds(scene):
+    for ground in obstacle_profiles(scene):
         for body in ("rope", "car"):
-            named[f"clearance_{body}_min:{ground}"] = Quantity(-1.0, partial(track, (body, ground)), anywhere=True)
-    if "sag_growth" in demands(scene):
-        named["sag_car_max"] = Quantity(1.0, _sag)
+            named[f"clearance_{body}_min:{ground}"] = Quantity(
+                -1.0, partial(clearance_track, (body, ground)), anywhere=True
+            )
+    if "sag_growth" in demands_of_limits(scene):
+        named["sag_car_max"] = Quantity(1.0, _sag_tracks)
     if scene.mass is not None and scene.mass.wheels is not None:
-        for name in stresses(scene.cable, scene.mass.wheels, np.ones(1), np.ones(1)):
+        for name in rope_stresses_under_wheel(scene.cable, scene.mass.wheels, np.ones(1), np.ones(1)):
             sign = -1.0 if name.endswith("min") else 1.0
-            named[name] = Quantity(sign, partial(_under_wheel, scene.cable, scene.mass.wheels, name))
+            named[name] = Quantity(sign, partial(_stress_tracks, scene.cable, scene.mass.wheels, name))
     return named
 
 
-def _under_wheel(rope: Rope, wheels: Wheels, name: str, r: Response) -> list[Track]:
+def _stress_tracks(rope: Rope, wheels: Wheels, name: str, r: Response) -> list[Track]:
     """A design number of the rope behind and ahead of the car."""
     Q = r.F_contact / wheels.count
-    return [Track(r.t, stresses(rope, wheels, N, Q)[name], r.s_o) for N in (r.T_behind, r.T_ahead)]
+    return [Track(r.t, rope_stresses_under_wheel(rope, wheels, N, Q)[name], r.s_o) for N in (r.T_behind, r.T_ahead)]
 
 
-def demands(scene: Scene) -> set[str]:
+def demands_of_limits(scene: Scene) -> set[str]:
     """What the limits of a scene ask for."""
     if scene.limits is None:
         return set()
     return {rule["demand"] for rule in scene.limits.rules(scene.supports.span)}
 
 
-def _sag(r: Response) -> list[Track]:
+def _sag_tracks(r: Response) -> list[Track]:
     """Depth of the car below the chord."""
     f = r.fields
     return [Track(r.t, r.y - r.x * f.y[-1] / f.x[-1], r.s_o)]
 
 
-def _for_limits(scene: Scene) -> Iterator[Number]:
+def _numbers_for_limits(scene: Scene) -> Iterator[Number]:
     """Numbers that limits need: largest sag at the car at rest, extremes of the timetable."""
-    asked = demands(scene)
+    asked = demands_of_limits(scene)
     if "sag_growth" in asked:
         from validation.core.quasi_static import Statics  # splines are slow to load
 
@@ -190,11 +198,11 @@ def _number_row(quantity: str, value: float | None, bar: float, unit: str, **whe
     where : t [s]; s_o of the mass, static x, and s on the cable [m]; `peak`, the raw extreme of a force.
     """
     empty = dict.fromkeys(("t", "s_o", "x", "s", "peak", "bar_peak"))
-    return {"quantity": quantity, "value": value, "bar": finite(bar), "unit": unit, **empty, **where}
+    return {"quantity": quantity, "value": value, "bar": nulls_for_nonfinite(bar), "unit": unit, **empty, **where}
 
 
-def _safety(r: Response, numbers: list[Number]) -> Iterator[Number]:
-    load = _scene(r.scene_toml).cable.breaking_load
+def _safety_factor_number(r: Response, numbers: list[Number]) -> Iterator[Number]:
+    load = _scene_of_toml(r.scene_toml).cable.breaking_load
     tension = next((number for number in numbers if number["quantity"] == "tension_max"), None)
     if load is None or tension is None:
         return
@@ -203,34 +211,34 @@ def _safety(r: Response, numbers: list[Number]) -> Iterator[Number]:
     yield _number_row("safety_factor_min", load / tension["value"], bar, "", **where)
 
 
-def design(of: Ladder | Response, twin: Ladder | None = None) -> list[Number]:
+def design_numbers(ladder_or_run: Ladder | Response, counterpart: Ladder | None = None) -> list[Number]:
     """The `design` rows: known design numbers, of a ladder with its own bars.
 
-    twin : the other solver's; extremes are then taken as far as both go.
+    counterpart : the other solver's; extremes are then taken as far as both go.
     """
-    ladder = of if isinstance(of, Ladder) else None
-    r = of.finest if isinstance(of, Ladder) else of
-    other = None if twin is None else twin.finest
+    ladder = ladder_or_run if isinstance(ladder_or_run, Ladder) else None
+    r = ladder_or_run.finest if isinstance(ladder_or_run, Ladder) else ladder_or_run
+    other = None if counterpart is None else counterpart.finest
     numbers = []
-    for name, signal in signals(r, other).items():
+    for name, signal in signals_of_run(r, other).items():
         number = _design_number(name, signal, r, ladder)
         if number is not None:
             numbers.append(number)
-    numbers += _safety(r, numbers)
-    tilt = _scene(r.scene_toml).wind_tilt
+    numbers += _safety_factor_number(r, numbers)
+    tilt = _scene_of_toml(r.scene_toml).wind_tilt
     if tilt is not None:
         numbers.append(_number_row("wind_tilt", tilt, 0.0, "deg"))
-    numbers += _for_limits(_scene(r.scene_toml))
+    numbers += _numbers_for_limits(_scene_of_toml(r.scene_toml))
     return [*numbers, *_slack_onset_number(r, ladder)]
 
 
-def signals(r: Response, other: Response | None = None) -> dict[str, Signal]:
+def signals_of_run(r: Response, other: Response | None = None) -> dict[str, Signal]:
     """What the extremes of a run are taken of, as far as both runs go."""
     span = extremes_within(r, other)
     everything = (float(r.t[0]), valid_until(r, other or r))
-    round_trip = _round_trip(r.scene_toml, r.length)
+    round_trip = _axial_round_trip(r.scene_toml, r.length)
     out = {}
-    for name, quantity in quantities(r).items():
+    for name, quantity in quantities_of_run(r).items():
         means = unit_of(name) in ("N", "deg", "Pa") or name == "tension_over_wheel_min"  # what follows a force
         out[name] = Signal(quantity, everything if quantity.anywhere else span, round_trip if means else 0.0)
     return out
@@ -268,7 +276,7 @@ def design_gap_rows(a: Ladder, b: Ladder, tolerance: float) -> Iterator[Agreemen
         size = max(abs(number["value"]), abs(counterpart["value"])) or 1.0
         bars = []
         for x, row in ((a, number), (b, counterpart)):
-            bars.append(Part(x.run.method, math.inf if row["bar"] is None else row["bar"] / size, "coarser runs"))
+            bars.append(BoundPart(x.run.method, math.inf if row["bar"] is None else row["bar"] / size, "coarser runs"))
         bound = Bound("error bars", tuple(bars))
         yield Agreement("design gap", gap / size, bound, law=number["quantity"], required=tolerance, decides=False)
 
@@ -279,12 +287,12 @@ def _design_number(name: str, signal: Signal, r: Response, ladder: Ladder | None
     found = signal.extreme(r)
     if found is None:
         return _number_row(name, None, math.inf, unit) if name.startswith("clearance_") else None
-    if signal.quantity.inner and _at_an_end(found, r, signal.span):
+    if signal.quantity.inner and _is_at_end_of_span(found, r, signal.span):
         return None  # no extreme in the range
     near = np.clip(found.t + np.linspace(-1.0, 1.0, NEAR) * max(period, found.step), *signal.span)
     bar = math.inf
     if ladder is not None:
-        bar = _error_bar(signal, found, near, ladder, FIRST if period else math.inf)
+        bar = _bar_of_extreme(signal, found, near, ladder, FIRST if period else math.inf)
     where = {
         "t": found.t,
         "s_o": float(np.interp(found.t, r.t, r.s_o)),
@@ -295,21 +303,21 @@ def _design_number(name: str, signal: Signal, r: Response, ladder: Ladder | None
         return _number_row(name, found.value, bar, unit, **where)
     raw = replace(signal, period=0.0)
     bar_peak = math.inf
-    if ladder is not None and not _damps(r):  # else coarser runs do not show the error of axial waves
-        bar_peak = _error_bar(raw, found, near, ladder, FIRST)
-    return _number_row(name, found.value, bar, unit, **where, peak=raw.value(r), bar_peak=finite(bar_peak))
+    if ladder is not None and not _damps_axial_waves(r):  # else coarser runs do not show the error of axial waves
+        bar_peak = _bar_of_extreme(raw, found, near, ladder, FIRST)
+    return _number_row(name, found.value, bar, unit, **where, peak=raw.value(r), bar_peak=nulls_for_nonfinite(bar_peak))
 
 
-def _damps(r: Response) -> bool:
+def _damps_axial_waves(r: Response) -> bool:
     """Whether the rule of a run damps axial waves."""
     return scheme(r.settings["scheme"], rho_inf=r.settings.get("rho_inf", 1.0)).damps
 
 
-def _error_bar(signal: Signal, found: _Extreme, near: Array, ladder: Ladder, order: float) -> float:
+def _bar_of_extreme(signal: Signal, found: _Extreme, near: Array, ladder: Ladder, order: float) -> float:
     """Bar of an extreme and of the signal near it."""
-    bar = ladder.bar(signal.value, largest, order)
+    bar = ladder.bar(signal.value, max_distance, order)
     if found.step > 0.0:
-        bar = max(bar, ladder.bar(partial(signal.sampled, found.track, near), largest, order))
+        bar = max(bar, ladder.bar(partial(signal.values_at, found.track, near), max_distance, order))
     return bar + found.between
 
 
@@ -334,12 +342,12 @@ class Signal:
     def samples(self, track: Track) -> tuple[Array, Array, Array]:
         """Times, values and s, (n,) each: means over the period, extremes along the cable."""
         if track.value.ndim == 1:
-            t, value, s = self._within(track)
+            t, value, s = self._samples_in_span(track)
             if t.size == 0:
                 return t, t, t
             if self.period and t.size > 2:
                 low, high = (np.clip(t + half * self.period, t[0], t[-1]) for half in (-0.5, 0.5))
-                value = averaged(t, value[:, None], low, high)[:, 0]
+                value = means_between(t, value[:, None], low, high)[:, 0]
             return t, value, s
         rows = (track.t >= self.span[0] * (1.0 - ROUNDING)) & (track.t <= self.span[1] * (1.0 + ROUNDING))
         rows &= np.isfinite(track.value).all(axis=1)
@@ -356,7 +364,7 @@ class Signal:
         at = (self.quantity.sign * value).argmax(axis=1)
         return t, value[np.arange(t.size), at], track.s[at]
 
-    def _within(self, track: Track) -> tuple[Array, Array, Array]:
+    def _samples_in_span(self, track: Track) -> tuple[Array, Array, Array]:
         """Times, values and s in the range, its ends included, where the signal is finite."""
         has_value = np.isfinite(track.value)
         t = track.t[has_value]
@@ -394,7 +402,7 @@ class Signal:
         found = self.extreme(r)
         return math.nan if found is None else found.value
 
-    def sampled(self, track: int, near: Array, r: Response) -> Array:
+    def values_at(self, track: int, near: Array, r: Response) -> Array:
         """Values (n,) of a track at the times `near`; nan of a run that ends before."""
         t, value, _ = self.samples(self.quantity.tracks(r)[track])
         if t.size == 0 or t[-1] < min(near[-1], r.t[-1]) - np.ptp(near):
@@ -402,21 +410,21 @@ class Signal:
         return np.interp(near, t, value)
 
 
-def _at_an_end(found: _Extreme, r: Response, span: tuple[float, float]) -> bool:
+def _is_at_end_of_span(found: _Extreme, r: Response, span: tuple[float, float]) -> bool:
     ends = min(found.t - span[0], span[1] - found.t) <= 0.5 * found.step
     return bool(ends or not 0.0 < found.s < r.length)
 
 
 def _slack_onset_number(r: Response, ladder: Ladder | None) -> Iterator[Number]:
-    if r.slack_onset is None or r.slack_onset > steep_from(r):
+    if r.slack_onset is None or r.slack_onset > onset_of_steep_waves(r):
         return
 
-    def onset(x: Response) -> float:
+    def onset_or_nan(x: Response) -> float:
         return math.nan if x.slack_onset is None else x.slack_onset
 
     bar = math.inf
     if ladder is not None:
-        bar = ladder.bar(onset, largest, FIRST) + float(np.diff(r.s_o).max()) / r.length
+        bar = ladder.bar(onset_or_nan, max_distance, FIRST) + float(np.diff(r.s_o).max()) / r.length
     s_o = r.slack_onset * r.length
     where: dict[str, float | None] = {"t": float(np.interp(s_o, r.s_o, r.t)), "s_o": s_o}
     if r.slack_at is not None:

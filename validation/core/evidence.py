@@ -16,7 +16,7 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from cablefem.response import Array, Response
 from validation.core.scene_data import ROUNDING, SceneData
 
-EVERY = 12  # frames per window: 0.06 of the travel
+WINDOW_COUNT = 12  # frames per window: 0.06 of the travel
 
 AT_REST = ("s", "x", "y", "T_static")
 
@@ -32,14 +32,14 @@ class Windows:
     far: float = 1.0  # s_o/l that all these runs reach
 
     @classmethod
-    def of(cls, r: Response, window: Window, until: float = math.inf) -> Windows:
+    def over_part_of_run(cls, r: Response, window: Window, until: float = math.inf) -> Windows:
         """Twelve windows over a part of a run: s_o/l of a travel, time [s] of a ride."""
         begin = 0.0
         end = min(until, float(r.t[-1]))
         if r.drive != "free":
             begin, end = np.interp(np.array(window) * r.length, r.s_o, r.t)
         t = r.fields.t[(r.fields.t >= begin * (1.0 - ROUNDING)) & (r.fields.t <= end * (1.0 + ROUNDING))]
-        frames = np.append(t[:-1][:: min(EVERY, max(1, t.size // 4))], t[-1:])
+        frames = np.append(t[:-1][:: min(WINDOW_COUNT, max(1, t.size // 4))], t[-1:])
         inner = frames[(frames > begin * (1.0 + ROUNDING)) & (frames < end * (1.0 - ROUNDING))]
         return cls(frames, np.concatenate([[begin], inner, [end]]))
 
@@ -55,7 +55,7 @@ class Side:
     T: Array  # (m,)
 
     @classmethod
-    def of(cls, rows: Array) -> Side:
+    def from_rows(cls, rows: Array) -> Side:
         return cls(rows[:, 0], rows[:, 1:3], rows[:, 3:5], rows[:, 5], rows[:, 6])
 
     @property
@@ -73,7 +73,7 @@ class Evidence:
         self.windows = windows
         self.data = SceneData(r.scene_toml, r.length)
 
-    def thinned(self) -> Evidence:
+    def without_every_second(self) -> Evidence:
         """Without every second station, frame and step; window ends and jumps stay."""
         r = self.r
         f = self.r.fields
@@ -82,17 +82,17 @@ class Evidence:
         for jump in r.jumps:
             i = int(np.argmin(np.abs(r.t - jump)))
             steps[max(0, i - 1) : i + 2] = True
-        steps[-1] = frames[self.frames] = True
-        thin: dict[str, Array] = {n: x[::2] if n in AT_REST else x[frames] for n, x in _arrays(f).items()}
+        steps[-1] = frames[self.window_frames] = True
+        thin: dict[str, Array] = {n: x[::2] if n in AT_REST else x[frames] for n, x in _array_fields(f).items()}
         thin = {n: x[:, ::2] if x.ndim == 2 else x for n, x in thin.items()}
-        rows = {n: x[steps] for n, x in _arrays(r).items()}
+        rows = {n: x[steps] for n, x in _array_fields(r).items()}
         powers = {name: power[steps] for name, power in r.powers.items()}
         return Evidence(replace(r, **rows, powers=powers, fields=replace(f, **thin)), self.windows)
 
     # --- the cable at rest -----------------------------------------------------------------------------
 
     @cached_property
-    def curve(self) -> CubicSpline:
+    def rest_curve(self) -> CubicSpline:
         """Points (x, y) at rest over s."""
         f = self.r.fields
         return CubicSpline(f.s, np.stack([f.x, f.y], axis=1))
@@ -100,7 +100,7 @@ class Evidence:
     # --- windows -----------------------------------------------------------------------------------------
 
     @cached_property
-    def inside(self) -> NDArray[np.bool_]:
+    def steps_in_windows(self) -> NDArray[np.bool_]:
         """Steps (n,) within the windows at which the car is off the supports."""
         r = self.r
         t = self.windows.steps
@@ -108,20 +108,20 @@ class Evidence:
         return off & (r.t >= t[0] * (1.0 - ROUNDING)) & (r.t <= t[-1] * (1.0 + ROUNDING))
 
     @cached_property
-    def frames(self) -> NDArray[np.intp]:
+    def window_frames(self) -> NDArray[np.intp]:
         """Indices of frames at window ends; a run that ends early repeats its last."""
         t = self.r.fields.t
         return np.searchsorted(t, self.windows.frames * (1.0 - ROUNDING)).clip(max=t.size - 1)
 
     @property
     def t(self) -> Array:
-        return self.r.fields.t[self.frames]
+        return self.r.fields.t[self.window_frames]
 
     @property
     def window_duration(self) -> float:
         return float(np.mean(np.diff(self.windows.frames)))
 
-    def at(self, t: Array, values: Array) -> Array:
+    def interpolated_at(self, t: Array, values: Array) -> Array:
         """Interpolate (n, c) at steps linearly to times (k, c)."""
         return np.stack([np.interp(t, self.r.t, column) for column in values.T], axis=1)
 
@@ -131,7 +131,7 @@ class Evidence:
             return np.full_like(force, math.nan)
         return integral(self.r.t, np.nan_to_num(force), self.r.jumps)  # nan on the supports
 
-    def impulse_at_frames(self, force: Array) -> Array:
+    def impulse_at_window_ends(self, force: Array) -> Array:
         """The same at frames, (k, c)."""
         total = self.impulse(force)
         if np.isnan(total).any():
@@ -143,11 +143,11 @@ class Evidence:
         return self.data.damping(self.r.length, self.r.horizontal_tension)
 
     @cached_property
-    def areal_impulse(self) -> Array:
+    def swept_area_integral(self) -> Array:
         """int int r x dr ds at frames (k,), r on straight lines between frames."""
         f = self.r.fields
         at = np.stack([f.x + f.u, f.y + f.v], axis=2)
-        return np.append(0.0, np.cumsum(simpson(cross(at[:-1], at[1:]), x=f.s, axis=1)))[self.frames]
+        return np.append(0.0, np.cumsum(simpson(cross_product(at[:-1], at[1:]), x=f.s, axis=1)))[self.window_frames]
 
     # --- travel and drive --------------------------------------------------------------------------------
 
@@ -157,7 +157,7 @@ class Evidence:
         return np.asarray(CubicSpline(self.r.t, self.r.s_o)(self.r.t, 1))
 
     @cached_property
-    def thrust(self) -> tuple[Array, Array]:
+    def thrust_history(self) -> tuple[Array, Array]:
         """Times and forces of the TOML's thrust; a constant one never ends."""
         thrust = self.data.drive.get("thrust", 0.0)
         if not isinstance(thrust, dict):
@@ -169,10 +169,10 @@ class Evidence:
         """Thrust on a free car along the mean tangent (n,) [N], else the run's haul force."""
         if self.r.drive == "haul":
             return np.nan_to_num(self.r.F_haul)
-        return np.interp(self.r.t, *self.thrust, left=0.0, right=0.0)
+        return np.interp(self.r.t, *self.thrust_history, left=0.0, right=0.0)
 
     @cached_property
-    def drag(self) -> Array:
+    def air_drag(self) -> Array:
         """Drag on the car by the TOML (n, 2) [N]."""
         drive = self.data.drive
         k = 0.5 * drive.get("air_density", 1.2) * drive.get("drag_area", 0.0)
@@ -180,7 +180,7 @@ class Evidence:
         return -k * np.hypot(past[:, 0], past[:, 1])[:, None] * past
 
     @cached_property
-    def friction(self) -> tuple[Array, Array]:
+    def rolling_friction_and_brakes(self) -> tuple[Array, Array]:
         """Rolling friction and brakes (n,) [N]."""
         r = self.r
         drive = self.data.drive
@@ -204,13 +204,16 @@ class Evidence:
         """The rope behind and ahead of the car at each frame, with the car as its last or first node."""
         r = self.r
         f = self.r.fields
-        at = self.r.fields.s_o[self.frames]
+        at = self.r.fields.s_o[self.window_frames]
         T_static = CubicSpline(f.s, f.T_static)(at)
-        points = self.curve(at) + np.stack([f.mass_u, f.mass_v], axis=1)[self.frames]
+        points = self.rest_curve(at) + np.stack([f.mass_u, f.mass_v], axis=1)[self.window_frames]
         # dp/dt = r_t + ds_o r' on either side
-        moves = [self.at(self.t, r.velocity - self.travel_speed[:, None] * x) for x in (r.slope_behind, r.slope_ahead)]
+        moves = [
+            self.interpolated_at(self.t, r.velocity - self.travel_speed[:, None] * x)
+            for x in (r.slope_behind, r.slope_ahead)
+        ]
         out = []
-        for i, k in enumerate(self.frames):
+        for i, k in enumerate(self.window_frames):
             rows = np.stack([f.s, f.x + f.u[k], f.y + f.v[k], f.du[k], f.dv[k], f.T_static, f.T[k]], axis=1)
             behind, ahead = (
                 np.r_[at[i], points[i], moves[side][i], T_static[i], T[k]]
@@ -218,17 +221,17 @@ class Evidence:
             )
             before = rows[f.s < at[i] * (1.0 - ROUNDING)]
             after = rows[f.s > at[i] * (1.0 + ROUNDING)]
-            out.append((Side.of(np.vstack([before, behind])), Side.of(np.vstack([ahead, after]))))
+            out.append((Side.from_rows(np.vstack([before, behind])), Side.from_rows(np.vstack([ahead, after]))))
         return out
 
     @cached_property
-    def along(self) -> dict[str, Array]:
+    def cable_integrals(self) -> dict[str, Array]:
         """Integrals over the cable at frames: velocity, points (k, 2), spin (k,), energies (k, 3)."""
         data = self.data
 
         def densities(x: Side) -> Array:
             """Integrands (m, 8) at the nodes of a side."""
-            spin = cross(x.points, x.velocity)
+            spin = cross_product(x.points, x.velocity)
             kinetic = 0.5 * data.rho * np.sum(x.velocity**2, axis=1)
             strain = (self.elastic_tension(x) ** 2 - x.T_static**2) / (2.0 * data.EA)
             weight = -data.rho * data.gravity * x.points[:, 1]
@@ -264,10 +267,10 @@ class Evidence:
         r = self.r
         data = self.data
         of_mass = [0.5 * data.mass * np.sum(r.velocity**2, axis=1), -data.weight * r.y, np.zeros(r.t.size)]
-        return self.at(self.t, np.stack(of_mass, axis=1)) + self.along["energies"]
+        return self.interpolated_at(self.t, np.stack(of_mass, axis=1)) + self.cable_integrals["energies"]
 
     @property
-    def work(self) -> float:
+    def energy_scale(self) -> float:
         return self.data.weight * self.r.max_deflection
 
     @cached_property
@@ -287,17 +290,17 @@ class Evidence:
         mean = 0.5 * (r.slope_behind + r.slope_ahead)
         stretch = 0.5 * (np.hypot(*r.slope_behind.T) + np.hypot(*r.slope_ahead.T))
         along = np.sum(mean * r.velocity, axis=1) / np.hypot(*mean.T)
-        friction, brakes = (-rub * stretch * np.abs(self.travel_speed) for rub in self.friction)
+        friction, brakes = (-rub * stretch * np.abs(self.travel_speed) for rub in self.rolling_friction_and_brakes)
         x = np.minimum(r.t / drive["release"], 1.0) if drive.get("release") else np.ones(r.t.size)
         return {
             "thrust" if r.drive == "free" else "haul": self.thrust_force * along, "friction": friction, "brake": brakes,
-            "drag": np.sum(self.drag * r.velocity, axis=1),
+            "drag": np.sum(self.air_drag * r.velocity, axis=1),
             "hold": (r.T_ahead - r.T_behind)[0] * stretch * (1.0 - x) ** 2 * (1.0 + 2.0 * x) * self.travel_speed,
             **lost,
         }  # fmt: skip
 
 
-def _arrays(x: Any) -> dict[str, Array]:
+def _array_fields(x: Any) -> dict[str, Array]:
     return {f.name: value for f in fields(x) if isinstance(value := getattr(x, f.name), np.ndarray)}
 
 
@@ -313,6 +316,6 @@ def integral(t: Array, f: Array, jumps: Sequence[float]) -> Array:
     return np.concatenate([0.0 * f[:1], np.cumsum(mean * np.diff(t)[:, None], axis=0)])
 
 
-def cross(a: Array, b: Array) -> Array:
+def cross_product(a: Array, b: Array) -> Array:
     """a_x b_y - a_y b_x of (..., 2)."""
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

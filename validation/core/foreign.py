@@ -24,10 +24,10 @@ import numpy as np
 from cablefem.response import Array, MassPath, Response, write_csv
 from cablefem.scene import Scene
 from validation.core import measures
-from validation.core.agreement import Agreement, Bound, Part, no_bound
-from validation.core.ladder import Distance, Ladder, response
+from validation.core.agreement import Agreement, Bound, BoundPart, no_bound
+from validation.core.ladder import Distance, Ladder, identity
 from validation.core.measures import WINDOW, NotComparable, Window
-from validation.core.rows import event_of
+from validation.core.rows import find_event
 from validation.core.scene_data import si_factor
 from validation.core.store import Refused
 
@@ -75,7 +75,7 @@ class ForeignPath(MassPath):
         for k, given in arrays.items():
             if not np.isfinite(given).all():
                 raise Refused(f"{name}: {k}[{int(np.argmin(np.isfinite(given)))}] is not a finite number")
-        return cls.completed(name, scene, arrays)
+        return cls.from_columns(name, scene, arrays)
 
     @classmethod
     def read(cls, file: str | Path, scene: Scene) -> Self:
@@ -83,15 +83,15 @@ class ForeignPath(MassPath):
 
         Raises Refused with one line per fault.
         """
-        return cls.completed(Path(file).name, scene, *_read(Path(file), scene))
+        return cls.from_columns(Path(file).name, scene, *_read_known_columns(Path(file), scene))
 
     @classmethod
-    def completed(cls, name: str, scene: Scene, columns: dict[str, Array], rows: Sequence[str] = ()) -> Self:
+    def from_columns(cls, name: str, scene: Scene, columns: dict[str, Array], rows: Sequence[str] = ()) -> Self:
         """The path with these columns (n,); `rows` are named in faults.  Raises Refused for what is no path."""
         __tracebackhide__ = True
         rows = rows or [f"row {i}" for i in range(len(next(iter(columns.values()))))]
         try:
-            known = _columns(scene, columns, rows)
+            known = _completed_columns(scene, columns, rows)
             return cls(method=name, length=scene.length, drive=scene.drive.mode, columns=columns, **known)
         except Refused as fault:
             raise Refused(f"{name}: {fault}") from None
@@ -119,10 +119,10 @@ def _column_names(l: float) -> dict[str, tuple[str, float]]:
     return names
 
 
-def _read(file: Path, scene: Scene) -> tuple[dict[str, Array], list[str]]:
+def _read_known_columns(file: Path, scene: Scene) -> tuple[dict[str, Array], list[str]]:
     """The known columns of a file in SI, and the line of each row."""
     names = _column_names(scene.length)
-    header, rows = _table(file, names)
+    header, rows = _read_cells(file, names)
     known = {i: names[name] for i, name in enumerate(header) if name in names}
     faults = ["no rows below the names of the columns"] if not rows else _name_faults(header, known, scene)
     faults = faults or list(_cell_faults(header, known, rows))
@@ -130,12 +130,13 @@ def _read(file: Path, scene: Scene) -> tuple[dict[str, Array], list[str]]:
         more = [f"and {len(faults) - 5} more cells like these"] if len(faults) > 5 else []
         raise Refused([f"{file.name}: {fault}" for fault in faults[:5] + more])
     columns = {
-        quantity: factor * np.array([_number(row[i]) for _, row in rows]) for i, (quantity, factor) in known.items()
+        quantity: factor * np.array([_float_or_nan(row[i]) for _, row in rows])
+        for i, (quantity, factor) in known.items()
     }
     return columns, [f"line {n}" for n, _ in rows]
 
 
-def _table(file: Path, names: Container[str]) -> tuple[list[str], list[tuple[int, list[str]]]]:
+def _read_cells(file: Path, names: Container[str]) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """Column names, and rows of cells with their numbers."""
     try:
         text = file.read_text(encoding="utf-8-sig")
@@ -145,9 +146,9 @@ def _table(file: Path, names: Container[str]) -> tuple[list[str], list[tuple[int
     lines = [(n, line.strip()) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
     for i, (_, line) in enumerate(lines):
         separator = max(",;\t", key=line.count)
-        header = _cells(line.lstrip("# \t"), separator)
+        header = _split_cells(line.lstrip("# \t"), separator)
         if line[0] != "#" or any(name in names for name in header):  # a comment may hold the names
-            return header, [(n, _cells(row, separator)) for n, row in lines[i + 1 :] if row[0] != "#"]
+            return header, [(n, _split_cells(row, separator)) for n, row in lines[i + 1 :] if row[0] != "#"]
     raise Refused(f"{file.name}: the file is empty")
 
 
@@ -170,16 +171,16 @@ def _cell_faults(header: list[str], known: dict[int, tuple[str, float]], rows: l
             yield f"line {n}: {len(row)} cells under {len(header)} names of columns"
             continue
         for i, (quantity, _) in known.items():
-            if not (math.isfinite(_number(row[i])) or (quantity.startswith("T_") and not row[i])):
+            if not (math.isfinite(_float_or_nan(row[i])) or (quantity.startswith("T_") and not row[i])):
                 hint = " (a decimal comma? write a point)" if "," in row[i] else ""
                 yield f"line {n}: {header[i]} = {row[i]!r} is no number{hint}"
 
 
-def _cells(line: str, separator: str) -> list[str]:
+def _split_cells(line: str, separator: str) -> list[str]:
     return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
 
 
-def _number(cell: str) -> float:
+def _float_or_nan(cell: str) -> float:
     try:
         return float(cell)
     except ValueError:
@@ -189,7 +190,7 @@ def _number(cell: str) -> float:
 # --- completing, and refusing what does not fit the scene -------------------------------------------------------------
 
 
-def _columns(scene: Scene, given: dict[str, Array], rows: Sequence[str]) -> dict[str, Any]:
+def _completed_columns(scene: Scene, given: dict[str, Array], rows: Sequence[str]) -> dict[str, Any]:
     """All of t, s_o, x, y, u, v that follow from the given columns."""
     if scene.drive.mode == "free":
         if not ("t" in given and given.keys() & {"s_o", "x"} and given.keys() & {"v", "y"}):
@@ -204,7 +205,7 @@ def _columns(scene: Scene, given: dict[str, Array], rows: Sequence[str]) -> dict
             x.setdefault(at, rest[at] + x[moved])
         elif at in x:
             x[moved] = x[at] - rest[at]
-    _refuse_few_positions(x["s_o"] / scene.length, *measures.WINDOWS[scene.drive.mode])
+    _refuse_sparse_positions(x["s_o"] / scene.length, *measures.WINDOWS[scene.drive.mode])
     return x
 
 
@@ -253,7 +254,7 @@ def _refuse_off_cable(s_o: Array, last: float, l: float) -> None:
         raise Refused(f"s_o runs from {s_o[0]:.6g} to {s_o[-1]:.6g} m on a cable of {l:.6g} m; {_ENDINGS}")
 
 
-def _refuse_few_positions(position: Array, low: float, high: float) -> None:
+def _refuse_sparse_positions(position: Array, low: float, high: float) -> None:
     """Refuse places s_o/l of which too few lie in the window."""
     within = int(np.count_nonzero((position >= low) & (position <= high * (1.0 + 1e-12))))
     if within < MIN_ROWS:
@@ -272,10 +273,10 @@ def refuse_misnamed(path: MassPath, ours: Response) -> None:
     of = "y" if ours.drive == "free" else "v"
     l = path.length
     try:
-        window = _common_window(path, measures.window_of(ours))
+        window = _common_window(path, measures.common_window(ours))
         off = {
             factor: measures.path_gap(
-                vertical(replace(path, **{of: factor * getattr(path, of)})), vertical(ours), window
+                without_u(replace(path, **{of: factor * getattr(path, of)})), without_u(ours), window
             )[1]
             for unit in (1.0, 1e-3, 1e3, l, 1.0 / l)
             for factor in (unit, -unit)
@@ -291,7 +292,7 @@ def refuse_misnamed(path: MassPath, ours: Response) -> None:
         )
 
 
-def vertical(r: Any) -> Any:
+def without_u(r: Any) -> Any:
     """A path with zero u, to compare with one that lacks u."""
     return replace(r, u=np.zeros_like(r.v), x=np.zeros_like(r.v))
 
@@ -307,21 +308,25 @@ def _common_window(path: MassPath, window: Window) -> Window:
     return start, stop
 
 
-def mass_tension_gap(a: Any, b: Any, window: Window, H: float) -> float:
+def mass_tension_gap(first: Any, second: Any, window: Window, H: float) -> float:
     """Rms gap of both tensions at the mass over the window, over H."""
-    return measures.series_gap(a, b, window, lambda r: np.stack([r.T_behind, r.T_ahead], axis=1) / (math.sqrt(2.0) * H))
+    return measures.series_gap(
+        first, second, window, lambda r: np.stack([r.T_behind, r.T_ahead], axis=1) / (math.sqrt(2.0) * H)
+    )
 
 
-def rows(path: ForeignPath | Response, ours: Ladder, window: Window, with_tol: float) -> Iterator[Agreement]:
+def third_party_rows(
+    path: ForeignPath | Response, ladder: Ladder, window: Window, with_tol: float
+) -> Iterator[Agreement]:
     """Compare a foreign path with a run; allowed is our bar plus `with_tol`.  It must cover the window."""
-    along, upright = ("x", "y") if ours.run.drive == "free" else ("u", "v")
+    along, upright = ("x", "y") if ladder.run.drive == "free" else ("u", "v")
     of_path = f"{along} and {upright}"
     if path.u is None:
-        path = vertical(path)
-        ours = ours.map(vertical)
+        path = without_u(path)
+        ladder = ladder.map(without_u)
         of_path = f"{upright} alone"
     party = path.method
-    run = ours.run
+    run = ladder.run
     try:
         part = _common_window(path, window)
         where = measures.path_gap(path, run, part)[2]
@@ -330,8 +335,11 @@ def rows(path: ForeignPath | Response, ours: Ladder, window: Window, with_tol: f
         return
     short = _covered_part(path, run, window)
     found = []
-    for name, (distance, components) in _measures(path, run, part, of_path).items():
-        bars = Part(run.method, ours.bar(response, distance), "its error bar"), Part(f"allowed to {party}", with_tol)
+    for name, (distance, components) in _distances_by_quantity(path, run, part, of_path).items():
+        bars = (
+            BoundPart(run.method, ladder.bar(identity, distance), "its error bar"),
+            BoundPart(f"allowed to {party}", with_tol),
+        )
         bound = Bound("our error bar", bars, f"of {components}")
         if short:
             bound = no_bound(f"{party} covers {short}; there {bound.value:.2g} would be allowed")
@@ -339,7 +347,7 @@ def rows(path: ForeignPath | Response, ours: Ladder, window: Window, with_tol: f
     yield from found
 
 
-def _measures(
+def _distances_by_quantity(
     path: ForeignPath | Response, run: Response, part: Window, of_path: str
 ) -> dict[str, tuple[Distance, str]]:  # fmt: skip
     """Comparable quantities, path first: a distance of two answers, and its components, `of_path` of the path."""
@@ -348,14 +356,17 @@ def _measures(
         "path_rms": (lambda a, b: measures.path_gap(a, b, part)[1], of_path),
     }
     if run.drive == "free" and path.speed is not None:
-        stop = event_of("stop", run.events)
+        stop = find_event("stop", run.events)
         top = float(run.speed.max())
         until = math.inf if stop is None else stop["t"]
 
-        def speed(r: Any) -> Array:
+        def relative_speed(r: Any) -> Array:
             return np.where(r.t <= until, r.speed, math.nan) / top
 
-        found["speed"] = lambda a, b: measures.series_gap(a, b, part, speed, largest=True), "speed, of the largest"
+        found["speed"] = (
+            lambda a, b: measures.series_gap(a, b, part, relative_speed, largest=True),
+            "speed, of the largest",
+        )
     if path.T_behind is not None and path.T_ahead is not None:
         H = run.horizontal_tension
         found["tension"] = lambda a, b: mass_tension_gap(a, b, part, H), "tension at the mass, both sides"

@@ -14,24 +14,24 @@ from typing import Any
 
 import numpy as np
 
-MOST = 10_000  # larger ones are sweeps
-MOST_COUNT = 1000  # values of one range; more are a step given for a count
+MAX_POINTS = 10_000  # larger ones are sweeps
+MAX_RANGE_COUNT = 1000  # values of one range; more are a step given for a count
 
 
-def parsed(pair: str) -> tuple[str, list[Any]]:
+def parse_key_and_values(pair: str) -> tuple[str, list[Any]]:
     """Key and values of KEY=VALUES; ValueError says what is wrong."""
     key, given, text = (part.strip() for part in pair.partition("="))
     if not (key and given and text):
         raise ValueError(f"--set must be KEY=VALUE, got {pair!r}")
     if text.count(":") == 2:
-        return key, _range(key, text)
+        return key, _parse_range(key, text)
     try:
         return key, tomllib.loads(f"x = [{text}]")["x"]
     except tomllib.TOMLDecodeError:  # names without quotes
-        return key, [_value(part.strip()) for part in text.split(",")]
+        return key, [_parse_value(part.strip()) for part in text.split(",")]
 
 
-def _range(key: str, text: str) -> list[float]:
+def _parse_range(key: str, text: str) -> list[float]:
     """The values of FROM:TO:COUNT, both ends included."""
     low, high, count = text.split(":")
     try:
@@ -39,15 +39,15 @@ def _range(key: str, text: str) -> list[float]:
         values = int(count)
     except ValueError:
         values = 0
-    if not (2 <= values <= MOST_COUNT and np.isfinite(ends).all()):
+    if not (2 <= values <= MAX_RANGE_COUNT and np.isfinite(ends).all()):
         raise ValueError(
             f"--set {key} = {text}: a range must be FROM:TO:COUNT, COUNT (of values, no step) a whole number "
-            f"from 2 to {MOST_COUNT}"
+            f"from 2 to {MAX_RANGE_COUNT}"
         )
     return np.linspace(*ends, values).tolist()
 
 
-def _value(text: str) -> Any:
+def _parse_value(text: str) -> Any:
     """The TOML value, or the text itself: names need no quotes."""
     try:
         return tomllib.loads(f"x = {text}")["x"]
@@ -55,19 +55,19 @@ def _value(text: str) -> Any:
         return text
 
 
-def points(pairs: Sequence[str]) -> list[dict[str, Any]]:
+def grid_points(pairs: Sequence[str]) -> list[dict[str, Any]]:
     """The grid's points; the last key changes fastest."""
-    axes = [parsed(pair) for pair in pairs]
+    axes = [parse_key_and_values(pair) for pair in pairs]
     keys = [key for key, _ in axes]
     if twice := {key for key in keys if keys.count(key) > 1}:
         raise ValueError(f"--set {sorted(twice)[0]}: given twice; several values go in one, separated by commas")
     count = int(np.prod([len(values) for _, values in axes], dtype=float))
-    if count > MOST:
-        raise ValueError(f"--set makes {count} points; must be at most {MOST} (larger grids: cablefem sweep)")
+    if count > MAX_POINTS:
+        raise ValueError(f"--set makes {count} points; must be at most {MAX_POINTS} (larger grids: cablefem sweep)")
     return [dict(zip(keys, row, strict=True)) for row in itertools.product(*(values for _, values in axes))]
 
 
-def parts(point: dict[str, Any], known: Sequence[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+def split_settings(point: dict[str, Any], known: Sequence[str]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Split a point into settings of the scene (dotted or `known`) and of the method."""
     scene = {key: value for key, value in point.items() if "." in key or key in known}
     return scene, {key: value for key, value in point.items() if key not in scene}

@@ -17,15 +17,15 @@ from validation.core.order import error_bar
 from validation.core.view import View
 
 ROUNDING = 1e-12  # of the scale of any quantity
-Of = Callable[[Response], Any]
+Functional = Callable[[Response], Any]
 Distance = Callable[[Any, Any], Any]  # distance of two values
 
 
-def response(r: Response) -> Response:
+def identity(r: Response) -> Response:
     return r
 
 
-def largest(a: Any, b: Any) -> float:
+def max_distance(a: Any, b: Any) -> float:
     return float(np.max(np.abs(np.subtract(a, b)), initial=0.0))
 
 
@@ -37,7 +37,7 @@ class Branch:
     ratios: tuple[float, ...]  # times coarser than the run before
     order: float  # nominal, of the path
 
-    def bar(self, finest: Response, of: Of, distance: Distance, order: float) -> Any:
+    def bar(self, finest: Response, of: Functional, distance: Distance, order: float) -> Any:
         """The bar of the finest run in this direction; infinite without a half."""
         if not self.runs:
             return math.inf
@@ -53,7 +53,7 @@ class Branch:
         change_before = np.nan_to_num(change_before, nan=0.0, posinf=0.0)
         return error_bar(change, change_before, self.ratios, min(self.order, order))
 
-    def levels(self, finest: Response, of: Of) -> list[float]:
+    def levels(self, finest: Response, of: Functional) -> list[float]:
         """Values of the finest run, of half and of a quarter, up to the first that is not known."""
         values = [float(of(run)) for run in (finest, *self.runs[:2])]
         return list(itertools.takewhile(math.isfinite, values))
@@ -81,7 +81,7 @@ class Ladder:
         space, time = (replace(x, runs=tuple(map(change, x.runs))) for x in (self.space, self.time))
         return replace(self, finest=change(self.finest), space=space, time=time)
 
-    def over(self, view: View) -> Ladder:
+    def reaching_end_of(self, view: View) -> Ladder:
         """Without runs that end before the view does, and without all coarser ones."""
 
         def covering(branch: Branch) -> Branch:
@@ -90,19 +90,19 @@ class Ladder:
 
         return replace(self, space=covering(self.space), time=covering(self.time))
 
-    def parts(self, of: Of, distance: Distance = largest, order: float = math.inf) -> tuple[Any, Any]:
+    def bar_parts(self, of: Functional, distance: Distance = max_distance, order: float = math.inf) -> tuple[Any, Any]:
         """The parts of `bar` in space and time."""
         return self.space.bar(self.finest, of, distance, order), self.time.bar(self.finest, of, distance, order)
 
-    def bar(self, of: Of, distance: Distance = largest, order: float = math.inf) -> Any:
+    def bar(self, of: Functional, distance: Distance = max_distance, order: float = math.inf) -> Any:
         """The error bar of a functional of the finest run.
 
         of : a number or series;  distance : of two values, an array for a bar of each value.
         order : the most credited, if less than the path's.
         """
-        return sum(self.parts(of, distance, order))
+        return sum(self.bar_parts(of, distance, order))
 
-    def unanimous(self, of: Of) -> float:
+    def yes_no_bar(self, of: Functional) -> float:
         """The bar of a yes or no: 0 if all runs answer alike, else infinite."""
         if not (self.space.runs and self.time.runs):
             return math.inf

@@ -17,13 +17,13 @@ from scipy.interpolate import CubicSpline
 
 from cablefem.response import Array, Response
 from validation.core import rest, timetable
-from validation.core.agreement import Agreement, Bound, Part
-from validation.core.evidence import Evidence, Side, Window, Windows, cross
+from validation.core.agreement import Agreement, Bound, BoundPart
+from validation.core.evidence import Evidence, Side, Window, Windows, cross_product
 from validation.core.order import FIRST, SAFETY, error_bar
 from validation.core.scene_data import ROUNDING
 
-OFTEN = 0.1  # of a transverse wave's time along the cable: rarer frames hide velocities
-ROLLS = 0.05  # of the top speed: below it friction's direction is not checked
+MAX_FRAME_INTERVAL = 0.1  # of a transverse wave's time along the cable: rarer frames hide velocities
+MIN_ROLLING_SPEED = 0.05  # of the top speed: below it friction's direction is not checked
 DOWN = np.array([0.0, 1.0])
 
 
@@ -39,10 +39,10 @@ class Defect:
         return np.sqrt(np.mean(self.value**2, axis=0))
 
 
-UNSEEN = Defect(np.empty(0), np.empty((0, 1)))  # no frame shows the law
+NOT_OBSERVED = Defect(np.empty(0), np.empty((0, 1)))  # no frame shows the law
 
 
-def hold(
+def check_laws_in_si(
     ladder: Any, window: Window, until: float = math.inf, tolerance: Callable[[str], float | None] = lambda asks: None
 ) -> Iterator[Agreement]:
     """Check the finest run of a `ladder.Ladder` by all laws that apply; of each the component with the worst defect.
@@ -50,11 +50,11 @@ def hold(
     window : s_o/l;  until : [s];  tolerance : of what a law asks.
     """
     finest = ladder.finest
-    windows = replace(Windows.of(finest, window, until), far=min(r.reached for r in ladder.runs))
+    windows = replace(Windows.over_part_of_run(finest, window, until), far=min(r.reached for r in ladder.runs))
     known = {id(x): Evidence(x, windows) for x in ladder.runs}
     case = known[id(finest)]
-    thin = case.thinned()
-    sparse = thin, thin.thinned()
+    thin = case.without_every_second()
+    sparse = thin, thin.without_every_second()
     for name, law in LAWS.items():
         if not law.concerns(case):
             continue
@@ -64,7 +64,7 @@ def hold(
         parts = (math.nan, 0.0)
         at = math.nan
         if defect.s_o.size and np.isfinite(defect.value).all():
-            space, time, sampling = _bars(law, defect, ladder, known, sparse)
+            space, time, sampling = _bars_of_defect(law, defect, ladder, known, sparse)
             bars = space + time + sampling
             worst = int((defect.rms / bars).argmax())
             gap = float(defect.rms[worst])
@@ -72,20 +72,20 @@ def hold(
             bar = float(bars[worst]) if np.isfinite(bars[worst]) else math.inf
             at = float(defect.s_o[np.abs(defect.value[:, worst]).argmax()])
         yield Agreement(
-            law.of, gap, Bound("law", (Part(finest.method, bar, "coarser runs and sampling"),)),
+            law.of, gap, Bound("law", (BoundPart(finest.method, bar, "coarser runs and sampling"),)),
             where=None if math.isnan(at) else at, law="" if name == law.of else name, required=tolerance(law.asks),
             decides=bool(law.asks), parts=(parts,),
         )  # fmt: skip
 
 
-def _bars(
+def _bars_of_defect(
     law: Law, defect: Defect, ladder: Any, known: dict[int, Evidence], sparse: tuple[Evidence, Evidence]
 ) -> tuple[Array, Array, Array]:
     """Bars (c,) of a defect in space and time, and of sampling, which a finer run does not lessen."""
     half, quarter = (law.defect(x).value for x in sparse)
     sampling = ROUNDING + error_bar(_rms_distance(defect.value, half), _rms_distance(half, quarter), (2.0, 2.0), FIRST)
     defects = {key: (defect if law.exact else law.defect(x)).value for key, x in known.items()}
-    space, time = ladder.parts(lambda x: defects[id(x)], _rms_distance, FIRST)
+    space, time = ladder.bar_parts(lambda x: defects[id(x)], _rms_distance, FIRST)
     space, time = (np.broadcast_to(x, defect.rms.shape) for x in (space, time))
     if law.at_start:
         space = np.maximum(space, SAFETY * ladder.start_gap)
@@ -97,12 +97,12 @@ def _rms_distance(a: Array, b: Array) -> Array:
     return np.sqrt(np.mean((a - b) ** 2, axis=0)) if known else np.full(a.shape[1], math.inf)
 
 
-Finds = Callable[[Evidence], Defect]
+DefectOf = Callable[[Evidence], Defect]
 
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    defect: Finds
+    defect: DefectOf
     concerns: Callable[[Evidence], bool]
     of: str
     asks: str  # tolerance "rest" or "velocity" (`rows.tolerance_of`); "" if only shown
@@ -113,34 +113,34 @@ class Law:
 LAWS: dict[str, Law] = {}
 
 
-def _law(
+def _register_law(
     concerns: Callable[[Evidence], bool] = lambda m: True,
     of: str = "laws_si",
     asks: str = "rest",
     exact: bool = False,
     at_start: bool = False,
-) -> Callable[[Finds], Finds]:
-    def listed(defect: Finds) -> Finds:
+) -> Callable[[DefectOf], DefectOf]:
+    def register(defect: DefectOf) -> DefectOf:
         LAWS[defect.__name__.replace("_", " ")] = Law(defect, concerns, of, asks, exact, at_start)
         return defect
 
-    return listed
+    return register
 
 
-def _rolls(m: Evidence) -> bool:
+def _car_rolls(m: Evidence) -> bool:
     return m.r.drive != "grip"
 
 
-def _sees_swings(m: Evidence) -> bool:
-    between = float(np.diff(m.r.fields.t[m.frames[0] : m.frames[-1] + 1]).max(initial=0.0))
-    return between <= OFTEN * m.r.length * math.sqrt(m.data.rho / m.r.horizontal_tension)
+def _frames_resolve_waves(m: Evidence) -> bool:
+    between = float(np.diff(m.r.fields.t[m.window_frames[0] : m.window_frames[-1] + 1]).max(initial=0.0))
+    return between <= MAX_FRAME_INTERVAL * m.r.length * math.sqrt(m.data.rho / m.r.horizontal_tension)
 
 
-def _off_supports(m: Evidence) -> bool:
-    return any(_has_room(pair) for pair in m.sides)
+def _mass_leaves_supports(m: Evidence) -> bool:
+    return any(_can_extrapolate(pair) for pair in m.sides)
 
 
-def _has_room(pair: tuple[Side, Side]) -> bool:
+def _can_extrapolate(pair: tuple[Side, Side]) -> bool:
     """Whether the fields can be extrapolated to the mass."""
     return all(x.s.size > 4 for x in pair)
 
@@ -149,54 +149,54 @@ def _knows_strain(m: Evidence) -> bool:
     return m.r.model == "full" and not np.array_equal(m.r.T_behind, m.r.T_behind_pointwise, equal_nan=True)
 
 
-def _carries_none(r: Response, t: Array) -> NDArray[np.bool_]:
+def _excludes_compression(r: Response, t: Array) -> NDArray[np.bool_]:
     """Times at which the law excludes compression."""
     if r.switched is None:
         return np.full(t.shape, r.law == "tension-only")
     return t > r.slack_since
 
 
-def _static(*values: float) -> Defect:
+def _defect_at_rest(*values: float) -> Defect:
     return Defect(np.array([math.nan]), np.array([values]).reshape(1, -1))
 
 
-def _at_frames(m: Evidence, value: Array) -> Defect:
-    return Defect(m.r.fields.s_o[m.frames] / m.r.length, value.reshape(m.frames.size, -1))
+def _defect_at_frames(m: Evidence, value: Array) -> Defect:
+    return Defect(m.r.fields.s_o[m.window_frames] / m.r.length, value.reshape(m.window_frames.size, -1))
 
 
-def _over_frames(m: Evidence, conserved: Array, scale: float, t: Array | None = None) -> Defect:
+def _defect_of_change(m: Evidence, conserved: Array, scale: float, t: Array | None = None) -> Defect:
     """Change of a conserved quantity (k, c) over each window, over a scale."""
     at = np.interp(m.windows.frames if t is None else t, m.r.t, m.r.s_o) / m.r.length
     return Defect(0.5 * (at[1:] + at[:-1]), np.diff(conserved, axis=0) / scale)
 
 
-def _over_steps(m: Evidence, conserved: Array, scale: float) -> Defect:
-    return _over_frames(m, m.at(m.windows.steps, conserved), scale, m.windows.steps)
+def _defect_of_change_at_steps(m: Evidence, conserved: Array, scale: float) -> Defect:
+    return _defect_of_change(m, m.interpolated_at(m.windows.steps, conserved), scale, m.windows.steps)
 
 
 # --- the cable at rest -----------------------------------------------------------------------------
 
 
-@_law(exact=True)
+@_register_law(exact=True)
 def ends_at_rest(m: Evidence) -> Defect:
     """The cable ends at its supports; over the span."""
     f = m.r.fields
     data = m.data
-    return _static(*(np.array([f.x[0], f.y[0], f.x[-1] - data.span, f.y[-1] - data.drop]) / data.span))
+    return _defect_at_rest(*(np.array([f.x[0], f.y[0], f.x[-1] - data.span, f.y[-1] - data.drop]) / data.span))
 
 
-@_law(exact=True)
+@_register_law(exact=True)
 def length_at_rest(m: Evidence) -> Defect:
     """Stations measure arc length up to the length asked for (heat, ice: unstretched); over it."""
     s = m.r.fields.s
     name, value = m.data.prescribed
     strain = CubicSpline(s, m.r.fields.T_static / m.data.EA).integrate(s[0], s[-1]) / s[-1]
     length = {"length": value, "unstretched": value * (1.0 + strain)}.get(name, m.r.length)
-    counted = float(np.abs(np.cumsum(_arcs(m.curve(s))) - s[1:]).max())
-    return _static(*(np.array([s[0], counted, m.r.length - s[-1], s[-1] - length]) / s[-1]))
+    counted = float(np.abs(np.cumsum(_arc_lengths(m.rest_curve(s))) - s[1:]).max())
+    return _defect_at_rest(*(np.array([s[0], counted, m.r.length - s[-1], s[-1] - length]) / s[-1]))
 
 
-@_law(exact=True)
+@_register_law(exact=True)
 def shape_at_rest(m: Evidence) -> Defect:
     """Sag or horizontal tension as asked for; over itself."""
     name, value = m.data.prescribed
@@ -206,32 +206,32 @@ def shape_at_rest(m: Evidence) -> Defect:
         hung = max([0.0, *below(below.derivative().roots(extrapolate=False)).tolist()])
     else:
         hung = m.r.horizontal_tension if name == "horizontal_tension" else value
-    return _static(hung / value - 1.0)
+    return _defect_at_rest(hung / value - 1.0)
 
 
-@_law(exact=True)
+@_register_law(exact=True)
 def forces_at_rest(m: Evidence) -> Defect:
     """T x' = H, over H; T y' falls by rho g per metre, over rho g l."""
     s = m.r.fields.s
     H = m.r.horizontal_tension
     weight = m.data.rho * m.data.gravity
-    force = m.r.fields.T_static[:, None] * m.curve(s, 1)
+    force = m.r.fields.T_static[:, None] * m.rest_curve(s, 1)
     falls = force[0, 1] - force[:, 1] - weight * s
-    return _static(np.abs(force[:, 0] - H).max() / H, np.abs(falls).max() / (weight * s[-1]))
+    return _defect_at_rest(np.abs(force[:, 0] - H).max() / H, np.abs(falls).max() / (weight * s[-1]))
 
 
 # --- travel and drive --------------------------------------------------------------------------------
 
 
-@_law(lambda m: m.r.drive != "free", exact=True)
+@_register_law(lambda m: m.r.drive != "free", exact=True)
 def travel(m: Evidence) -> Defect:
     """s_o(t) is the travel of the TOML; over the length."""
     r = m.r
     law = m.data.travel
     drive = m.data.drive
     l = m.r.fields.s[-1]
-    t = r.t[m.inside]
-    s = r.s_o[m.inside]
+    t = r.t[m.steps_in_windows]
+    s = r.s_o[m.steps_in_windows]
     start = timetable.start_position(law, drive, l)
     if law["kind"] == "table":
         stop = min(t[-1], law.get("stop", {}).get("time", math.inf))
@@ -240,13 +240,13 @@ def travel(m: Evidence) -> Defect:
             piece = (r.t >= a) & (r.t <= b) & (r.t <= t[-1])
             if piece.sum() >= 4 and t[0] <= b <= stop:
                 off.append(np.polyfit(r.t[piece][-4:] - b, r.s_o[piece][-4:], 3)[-1] - (position + start))
-        return _static(float(np.abs(off).max()) / l)
-    want = timetable.positions(law, drive, l, t)
+        return _defect_at_rest(float(np.abs(off).max()) / l)
+    want = timetable.positions_at(law, drive, l, t)
     worst = np.argmax(np.abs(s - want))
     return Defect(s[worst, None] / l, (s - want)[worst, None, None] / l)
 
 
-def _crawls(m: Evidence) -> float:
+def _speed_after_stop(m: Evidence) -> float:
     """Speed [m/s] above `rest_speed` of a stopped car, over its last axial round trip."""
     r = m.r
     duration = min(r.t[-1] - r.t[0], m.data.round_trip)
@@ -254,14 +254,14 @@ def _crawls(m: Evidence) -> float:
     return max(0.0, distance / duration - 1.01 * m.data.drive.get("rest_speed", 1e-3)) if duration else 0.0
 
 
-@_law(_rolls, exact=True)
+@_register_law(_car_rolls, exact=True)
 def drive(m: Evidence) -> Defect:
     """Start, brakes, arrival and thrust are those of the TOML; over length, time, top speed, thrust."""
     r = m.r
     drive = m.data.drive
     l = m.r.fields.s[-1]
     T = m.r.t[-1]
-    times, forces = m.thrust
+    times, forces = m.thrust_history
     start = timetable.start_position(m.data.travel, drive, l)
     off = [(r.s_o[0] - start) / l]
     expected = {
@@ -272,17 +272,17 @@ def drive(m: Evidence) -> Defect:
     }  # fmt: skip
     for x in r.events:
         off.append((np.interp(x["t"], r.t, r.s_o) - x["s_o"]) / l)
-        speed = _crawls(m) if x["event"] == "stop" else np.interp(x["t"], r.t, r.speed)
+        speed = _speed_after_stop(m) if x["event"] == "stop" else np.interp(x["t"], r.t, r.speed)
         off.append((speed - x["speed"]) / float(r.speed.max()))
         of, scale, wanted = expected.get(x["event"], ("t", 1.0, []))
         off += [min(abs(x[of] - y) for y in wanted) / scale] if wanted else []
     if r.drive == "free" and forces.any():
         smooth = np.abs(r.t[:, None] - times).min(axis=1) > 1e-6 * T
         off.append(np.abs(r.F_haul - m.thrust_force)[smooth].max() / float(np.abs(forces).max()))
-    return _static(float(np.abs(off).max()))
+    return _defect_at_rest(float(np.abs(off).max()))
 
 
-@_law(lambda m: _rolls(m) and 0.0 < m.r.s_o[0] < m.r.length, at_start=True)
+@_register_law(lambda m: _car_rolls(m) and 0.0 < m.r.s_o[0] < m.r.length, at_start=True)
 def car_at_rest(m: Evidence) -> Defect:
     """A car that rolls begins where the cable at rest holds it, clamped or on its rope; over the largest deflection."""
     r = m.r
@@ -290,76 +290,76 @@ def car_at_rest(m: Evidence) -> Defect:
     friction = None if r.drive == "free" else data.drive.get("rolling_friction", 0.0)
     supports = (data.span, data.drop)
     weights = (data.rho * data.gravity, data.weight)
-    want = rest.car_position(
+    want = rest.car_position_at_rest(
         supports, data.EA, weights[0], r.length, r.horizontal_tension, float(r.s_o[0]), weights[1], friction
     )
     off = np.array([r.x[0], r.y[0]]) - want
-    return _static(*(off / r.max_deflection))
+    return _defect_at_rest(*(off / r.max_deflection))
 
 
 # --- the mass, at steps --------------------------------------------------------------------------------
 
 
-@_law(exact=True)
+@_register_law(exact=True)
 def place_of_the_mass(m: Evidence) -> Defect:
     """p = X(s_o) + w; over the largest deflection."""
     r = m.r
-    k = m.inside
-    off = np.stack([r.x - r.u, r.y - r.v], axis=1)[k] - m.curve(r.s_o[k])
-    return _static(float(np.abs(off).max()) / r.max_deflection)
+    k = m.steps_in_windows
+    off = np.stack([r.x - r.u, r.y - r.v], axis=1)[k] - m.rest_curve(r.s_o[k])
+    return _defect_at_rest(float(np.abs(off).max()) / r.max_deflection)
 
 
-@_law(_knows_strain, exact=True)
+@_register_law(_knows_strain, exact=True)
 def strain_at_the_mass(m: Evidence) -> Defect:
     """Pointwise tension is T + EA (|r'| - 1), cut at zero without compression; over H."""
     r = m.r
-    k = m.inside
+    k = m.steps_in_windows
     f = m.r.fields
     T = CubicSpline(f.s, f.T_static)(r.s_o[k])
     off = []
     for slope, stored in ((r.slope_behind, r.T_behind_pointwise), (r.slope_ahead, r.T_ahead_pointwise)):
         N = T + m.data.EA * (np.hypot(*slope[k].T) - 1.0)
-        off.append(stored[k] - np.where(_carries_none(r, r.t[k]), np.maximum(N, 0.0), N))
-    return _static(*(np.abs(np.array(off)).max(axis=1) / r.horizontal_tension))
+        off.append(stored[k] - np.where(_excludes_compression(r, r.t[k]), np.maximum(N, 0.0), N))
+    return _defect_at_rest(*(np.abs(np.array(off)).max(axis=1) / r.horizontal_tension))
 
 
-@_law()
+@_register_law()
 def speed_of_the_mass(m: Evidence) -> Defect:
     """The mass moves by the integral of its velocity; over top speed times window."""
     r = m.r
-    return _over_steps(
+    return _defect_of_change_at_steps(
         m, np.stack([r.x, r.y], axis=1) - m.impulse(r.velocity), float(r.speed.max()) * m.window_duration
     )
 
 
-def _of_mass(m: Evidence, force: Array) -> Defect:
+def _momentum_defect_of_mass(m: Evidence, force: Array) -> Defect:
     """Change of the car's momentum by the force of the rope (n, 2) [N] and all others; over M g times window."""
     r = m.r
     weight = m.data.weight
     force = force + weight * DOWN
     if r.drive != "grip":
         mean = r.slope_behind + r.slope_ahead
-        force = force + m.thrust_force[:, None] * mean / np.hypot(*mean.T)[:, None] + m.drag
-    return _over_steps(m, m.data.mass * r.velocity - m.impulse(force), weight * m.window_duration)
+        force = force + m.thrust_force[:, None] * mean / np.hypot(*mean.T)[:, None] + m.air_drag
+    return _defect_of_change_at_steps(m, m.data.mass * r.velocity - m.impulse(force), weight * m.window_duration)
 
 
-@_law()
+@_register_law()
 def momentum_of_the_mass(m: Evidence) -> Defect:
     """M (v_2 - v_1) is the impulse of weight, contact and outer forces; over M g times window."""
-    return _of_mass(m, -m.r.contact)
+    return _momentum_defect_of_mass(m, -m.r.contact)
 
 
-@_law(of="impulse")
+@_register_law(of="impulse")
 def impulse(m: Evidence) -> Defect:
     """M (v_2 - v_1) by the force [ N t - rho ds_o^2 r' ] of both tensions; over M g times window."""
 
     def force(T: Array, slope: Array) -> Array:
         return (T / np.hypot(*slope.T) - m.data.rho * m.travel_speed**2)[:, None] * slope
 
-    return _of_mass(m, force(m.r.T_ahead, m.r.slope_ahead) - force(m.r.T_behind, m.r.slope_behind))
+    return _momentum_defect_of_mass(m, force(m.r.T_ahead, m.r.slope_ahead) - force(m.r.T_behind, m.r.slope_behind))
 
 
-@_law(_rolls)
+@_register_law(_car_rolls)
 def tension_on_both_sides(m: Evidence) -> Defect:
     """The tension jump at a rolling car is friction plus brakes; over M g times window.
 
@@ -368,34 +368,38 @@ def tension_on_both_sides(m: Evidence) -> Defect:
     r = m.r
     data = m.data
     jump = (r.T_ahead - r.T_behind) * (1.0 - data.rho * m.travel_speed**2 / data.EA)
-    resistance = np.sum(m.friction, axis=0)
-    rolls = np.abs(m.travel_speed) > ROLLS * np.abs(m.travel_speed).max()
+    resistance = np.sum(m.rolling_friction_and_brakes, axis=0)
+    rolls = np.abs(m.travel_speed) > MIN_ROLLING_SPEED * np.abs(m.travel_speed).max()
     of_slow = np.sign(jump) * np.maximum(np.abs(jump) - resistance, 0.0)
     defect = np.where(rolls, jump + resistance * np.sign(m.travel_speed), of_slow)  # (n,)
     released = r.t >= data.drive.get("release", 0.0)
-    return _over_steps(m, m.impulse(np.where(released, defect, 0.0)[:, None]), data.weight * m.window_duration)
+    return _defect_of_change_at_steps(
+        m, m.impulse(np.where(released, defect, 0.0)[:, None]), data.weight * m.window_duration
+    )
 
 
 # --- the cable, at frames ------------------------------------------------------------------------------
 
 
-@_law(lambda m: m.r.switched is not None or m.r.law == "tension-only", exact=True)
+@_register_law(lambda m: m.r.switched is not None or m.r.law == "tension-only", exact=True)
 def compression(m: Evidence) -> Defect:
     """A tension-only cable has no compression; over H."""
-    T = m.r.fields.T_pointwise[_carries_none(m.r, m.r.fields.t)] / m.r.horizontal_tension
-    return _static(float(np.clip(T, -1.0, 0.0).min(initial=0.0)))
+    T = m.r.fields.T_pointwise[_excludes_compression(m.r, m.r.fields.t)] / m.r.horizontal_tension
+    return _defect_at_rest(float(np.clip(T, -1.0, 0.0).min(initial=0.0)))
 
 
-@_law(of="tension_min", asks="")
+@_register_law(of="tension_min", asks="")
 def least_tension(m: Evidence) -> Defect:
     """The least tension at steps is that at frames; over H."""
     f = m.r.fields
-    k = m.frames
+    k = m.window_frames
     field = np.minimum(f.T[k].min(axis=1), np.minimum(f.T_behind[k], f.T_ahead[k]))
-    return _at_frames(m, (m.at(m.t, m.r.tension_min[:, None])[:, 0] - field) / m.r.horizontal_tension)
+    return _defect_at_frames(
+        m, (m.interpolated_at(m.t, m.r.tension_min[:, None])[:, 0] - field) / m.r.horizontal_tension
+    )
 
 
-@_law()
+@_register_law()
 def slack_onset(m: Evidence) -> Defect:
     """The least tension is negative where slack begins, over H, and in the window not before, over the length.
 
@@ -405,66 +409,68 @@ def slack_onset(m: Evidence) -> Defect:
     onset = int(np.searchsorted(m.r.t, m.r.slack_since))
     reached = onset < r.t.size and r.s_o[onset] <= m.windows.far * r.length
     there = r.tension_min[max(0, onset - 2) : onset + 3].min() if reached else 0.0
-    slack = r.s_o[m.inside & (r.t > 0.0) & (r.tension_min < 0.0)]
-    late = min(r.slack_from * r.length, float(r.s_o[m.inside][-1])) - slack[0] if slack.size else 0.0
+    slack = r.s_o[m.steps_in_windows & (r.t > 0.0) & (r.tension_min < 0.0)]
+    late = min(r.slack_from * r.length, float(r.s_o[m.steps_in_windows][-1])) - slack[0] if slack.size else 0.0
     late -= 2.0 * float(np.abs(np.diff(r.s_o)).max())
-    return _static(max(0.0, there / r.horizontal_tension), max(0.0, late / r.length))
+    return _defect_at_rest(max(0.0, there / r.horizontal_tension), max(0.0, late / r.length))
 
 
-@_law()
+@_register_law()
 def fields_at_the_mass(m: Evidence) -> Defect:
     """Displacement of the mass at frames is that at steps; over the largest deflection."""
     r = m.r
     f = m.r.fields
     steps = CubicSpline(r.t, np.stack([r.s_o, r.u, r.v], axis=1))(m.t)
-    off = np.stack([f.s_o, f.mass_u, f.mass_v], axis=1)[m.frames] - steps
-    return _at_frames(m, off / r.max_deflection)
+    off = np.stack([f.s_o, f.mass_u, f.mass_v], axis=1)[m.window_frames] - steps
+    return _defect_at_frames(m, off / r.max_deflection)
 
 
-def _at_and_up_to(m: Evidence, of: Callable[[Side], Array]) -> tuple[Array, ...]:
+def _values_and_gaps_at_mass(m: Evidence, of: Callable[[Side], Array]) -> tuple[Array, ...]:
     """A field (m,) or (m, c) at the mass, and its gap to the extrapolation from either side; (k, 2 c)."""
     fields = []
     for pair in m.sides:
         rows = [(x.s[::order][:3], of(x)[::order][:3]) for x, order in zip(pair, (-1, 1), strict=True)]
-        far = _has_room(pair)
+        far = _can_extrapolate(pair)
         at_mass = [far * y[0] for _, y in rows]
         goes_on = [y[1] + (y[1] - y[2]) * (s[0] - s[1]) / (s[1] - s[2]) if far else 0.0 * y[0] for s, y in rows]
         fields.append((at_mass, np.subtract(at_mass, goes_on)))
     return tuple(np.reshape(x, (len(fields), -1)) for x in zip(*fields, strict=True))
 
 
-@_law(_off_supports)
+@_register_law(_mass_leaves_supports)
 def tension_up_to_the_mass(m: Evidence) -> Defect:
     """Tension along the cable tends to that at the mass, mean over frames after the start; over H."""
     if not np.any(m.t > 0.0):
-        return UNSEEN
-    _, off = _at_and_up_to(m, lambda x: x.T)
-    return _static(*(off[m.t > 0.0].mean(axis=0) / m.r.horizontal_tension))
+        return NOT_OBSERVED
+    _, off = _values_and_gaps_at_mass(m, lambda x: x.T)
+    return _defect_at_rest(*(off[m.t > 0.0].mean(axis=0) / m.r.horizontal_tension))
 
 
-@_law(_off_supports, of="velocity", asks="")
+@_register_law(_mass_leaves_supports, of="velocity", asks="")
 def up_to_the_mass(m: Evidence) -> Defect:
     """Velocity of the cable tends to that at the mass; over its rms."""
     if not np.any(m.t > 0.0):
-        return UNSEEN
-    at_mass, off = _at_and_up_to(m, lambda x: x.velocity)
+        return NOT_OBSERVED
+    at_mass, off = _values_and_gaps_at_mass(m, lambda x: x.velocity)
     size = np.sqrt(np.mean(at_mass**2, axis=0))
-    return _at_frames(m, off / size) if np.all(size > 0.0) else UNSEEN
+    return _defect_at_frames(m, off / size) if np.all(size > 0.0) else NOT_OBSERVED
 
 
-@_law(_sees_swings, of="velocity", asks="velocity")
+@_register_law(_frames_resolve_waves, of="velocity", asks="velocity")
 def displacement_from_velocity(m: Evidence) -> Defect:
     """Transverse displacement, weighted by half a sine, is the integral of its velocity; over its rms."""
     f = m.r.fields
-    tangent = m.curve(f.s, 1)
+    tangent = m.rest_curve(f.s, 1)
     sine = np.sin(math.pi / f.s[-1] * f.s)
     w, dw = ((tangent[:, 0] * b - tangent[:, 1] * a) @ sine for a, b in ((f.u, f.v), (f.du, f.dv)))
     conserved = w - CubicSpline(f.t, dw).antiderivative()(f.t)
-    within = dw[m.frames[0] : m.frames[-1] + 1]
-    return _over_frames(m, conserved[m.frames, None], math.sqrt(float(np.mean(within**2))) * m.window_duration)
+    within = dw[m.window_frames[0] : m.window_frames[-1] + 1]
+    return _defect_of_change(
+        m, conserved[m.window_frames, None], math.sqrt(float(np.mean(within**2))) * m.window_duration
+    )
 
 
-@_law()
+@_register_law()
 def stretch(m: Evidence) -> Defect:
     """Mean tension of half a side is that at rest plus EA times the curve's strain; over H."""
     off = []
@@ -473,27 +479,29 @@ def stretch(m: Evidence) -> Defect:
         for x in pair:
             steps = np.diff(x.s)
             N = x.T - x.T_static
-            stretched = _arcs(x.points) - steps + m.data.tau * x.lengthening
+            stretched = _arc_lengths(x.points) - steps + m.data.tau * x.lengthening
             missing = 0.5 * steps * (N[1:] + N[:-1]) - m.data.EA * stretched
             missing = np.append(0.0, np.cumsum(missing))
             middle = np.searchsorted(x.s, 0.5 * (x.s[0] + x.s[-1]))
             cuts = np.array([0, middle, x.s.size - 1] if x is longer else [0, x.s.size - 1])
             off += (np.diff(missing[cuts]) / np.diff(x.s[cuts])).tolist()
-    return _at_frames(m, np.array(off) / m.r.horizontal_tension)
+    return _defect_at_frames(m, np.array(off) / m.r.horizontal_tension)
 
 
-@_law()
+@_register_law()
 def momentum_of_the_cable(m: Evidence) -> Defect:
     """rho int r. ds changes by the impulse of all forces; over total weight times window."""
     r = m.r
     rho = m.data.rho
     weight = rho * m.data.gravity * r.fields.s[-1]
     force = r.reaction_left + r.reaction_right + r.contact + weight * DOWN
-    conserved = rho * (m.along["velocity"] + m.damping * m.along["points"]) - m.impulse_at_frames(force)
-    return _over_frames(m, conserved, (weight + m.data.weight) * m.window_duration)
+    conserved = rho * (
+        m.cable_integrals["velocity"] + m.damping * m.cable_integrals["points"]
+    ) - m.impulse_at_window_ends(force)
+    return _defect_of_change(m, conserved, (weight + m.data.weight) * m.window_duration)
 
 
-@_law()
+@_register_law()
 def moment_of_momentum(m: Evidence) -> Defect:
     """rho int r x r. ds about the left support changes by the impulse of moments; over weight, span and window."""
     r = m.r
@@ -501,67 +509,69 @@ def moment_of_momentum(m: Evidence) -> Defect:
     t = m.t
     weight = data.rho * data.gravity
     right = np.array([data.span, data.drop])
-    moment = cross(right, r.reaction_right) + cross(np.stack([r.x, r.y], axis=1), r.contact)
-    lever = m.along["points"][:, 0]
-    moves = m.along["velocity"][:, 0]
+    moment = cross_product(right, r.reaction_right) + cross_product(np.stack([r.x, r.y], axis=1), r.contact)
+    lever = m.cable_integrals["points"][:, 0]
+    moves = m.cable_integrals["velocity"][:, 0]
     h = np.diff(t)
     own = weight * (0.5 * h * (lever[1:] + lever[:-1]) - h**2 / 12.0 * np.diff(moves))  # by cubics
-    spin = data.rho * (m.along["spin"] + m.damping * m.areal_impulse if m.damping else m.along["spin"])
-    conserved = (spin - np.append(0.0, np.cumsum(own)))[:, None] - m.impulse_at_frames(moment[:, None])
-    return _over_frames(m, conserved, (weight * r.fields.s[-1] + data.weight) * data.span * m.window_duration)
+    spin = data.rho * (
+        m.cable_integrals["spin"] + m.damping * m.swept_area_integral if m.damping else m.cable_integrals["spin"]
+    )
+    conserved = (spin - np.append(0.0, np.cumsum(own)))[:, None] - m.impulse_at_window_ends(moment[:, None])
+    return _defect_of_change(m, conserved, (weight * r.fields.s[-1] + data.weight) * data.span * m.window_duration)
 
 
 # --- energy; all over weight times largest deflection ---------------------------------------------------
 
 
-def _summed(powers: dict[str, Array]) -> Array:
+def _total_power(powers: dict[str, Array]) -> Array:
     return np.sum(list(powers.values()), axis=0)
 
 
-@_law(of="energy")
+@_register_law(of="energy")
 def energy(m: Evidence) -> Defect:
     """Energy of cable and mass changes by the work of the drive, until slack: a snapping cable loses some."""
-    conserved = m.energies.sum(axis=1)[:, None] - m.impulse_at_frames(_summed(m.powers)[:, None])
-    defect = _over_frames(m, conserved, m.work)
+    conserved = m.energies.sum(axis=1)[:, None] - m.impulse_at_window_ends(_total_power(m.powers)[:, None])
+    defect = _defect_of_change(m, conserved, m.energy_scale)
     return Defect(defect.s_o, np.where((m.t[1:] <= m.r.slack_since)[:, None], defect.value, 0.0))
 
 
-@_law(lambda m: bool(np.isfinite(m.r.kinetic).any()))
+@_register_law(lambda m: bool(np.isfinite(m.r.kinetic).any()))
 def parts_of_the_energy(m: Evidence) -> Defect:
     """Energies are those of the run, and sum to the total."""
     r = m.r
     stored = np.stack([r.kinetic, r.potential, r.strain, r.energy], axis=1)
-    own = np.concatenate([m.energies, m.at(m.t, np.sum(stored[:, :3], axis=1)[:, None])], axis=1)
-    return _over_frames(m, m.at(m.t, stored) - own, m.work)
+    own = np.concatenate([m.energies, m.interpolated_at(m.t, np.sum(stored[:, :3], axis=1)[:, None])], axis=1)
+    return _defect_of_change(m, m.interpolated_at(m.t, stored) - own, m.energy_scale)
 
 
-@_law()
+@_register_law()
 def power(m: Evidence) -> Defect:
     """Work of drive and outer forces is that of the run, each and in total; of a grip by its pointwise tensions."""
     r = m.r
     own = m.powers
     if r.drive == "grip":
         own = own | {"grip": m.grip_power(r.T_behind_pointwise, r.T_ahead_pointwise) + m.layer_loss}
-    off = [r.power - _summed(own), *(r.powers[name] - own[name] for name in own if name in r.powers)]
-    return _over_steps(m, m.impulse(np.stack(off, axis=1)), m.work)
+    off = [r.power - _total_power(own), *(r.powers[name] - own[name] for name in own if name in r.powers)]
+    return _defect_of_change_at_steps(m, m.impulse(np.stack(off, axis=1)), m.energy_scale)
 
 
-@_law(lambda m: m.data.tau > 0.0)
+@_register_law(lambda m: m.data.tau > 0.0)
 def internal_losses(m: Evidence) -> Defect:
     """Internal damping takes EA tau (deps/dt)^2 along the taut cable, and the layer's loss; over its rms."""
-    own = m.at(m.t, m.layer_loss[:, None])[:, 0]
+    own = m.interpolated_at(m.t, m.layer_loss[:, None])[:, 0]
     shortest = 0.5 * float(np.diff(m.r.fields.s).max())
     for k, pair in enumerate(m.sides):
         for x in pair:
             steps = np.diff(x.s)
             long = steps > shortest  # next to the mass a difference quotient is all error
             own[k] += m.data.EA * m.data.tau * np.sum(x.lengthening[long] ** 2 / steps[long])
-    stored = m.at(m.t, m.powers["lost_internal"][:, None])[:, 0]
+    stored = m.interpolated_at(m.t, m.powers["lost_internal"][:, None])[:, 0]
     taut = m.t <= m.r.slack_since
-    return _at_frames(m, np.where(taut, own + stored, 0.0) / math.sqrt(float(np.mean(own[taut] ** 2))))
+    return _defect_at_frames(m, np.where(taut, own + stored, 0.0) / math.sqrt(float(np.mean(own[taut] ** 2))))
 
 
-def _arcs(points: Array) -> Array:
+def _arc_lengths(points: Array) -> Array:
     """Arc lengths between nodes (m, 2): chord times 1 + (bend of the tangent)^2/24."""
     chord = np.diff(points, axis=0)
     length = np.hypot(*chord.T)

@@ -30,28 +30,28 @@ class Value:
     why: str = ""
 
 
-def unknown(why: str) -> Value:
+def unknown_value(why: str) -> Value:
     return Value(math.nan, why=why)
 
 
-def rows(scene: Scene | Line, design: Sequence[Row], events: Sequence[Row] = ()) -> list[Row]:
+def limit_rows(scene: Scene | Line, design: Sequence[Row], events: Sequence[Row] = ()) -> list[Row]:
     """One row for each limit of a scene; none without [limits].
 
     design, events : numbers of an answer with their bars; an unknown bar leaves the verdict open.
     """
     if scene.limits is None:
         return []
-    values = _Values(scene, scene.limits, design, events)
+    values = _DemandedValues(scene, scene.limits, design, events)
     out: list[Row] = []
     open_rows = set()  # of each text one row for what cannot be judged
     for rule in scene.limits.rules(values.span):
         words, side, unit, _ = DEMANDS[rule["demand"]]
-        for value in values.of(rule):
+        for value in values.values_for_rule(rule):
             row = {
                 "demand": words.format(value.of), "source": rule["source"], "side": side, "limit": rule["limit"],
                 "value": None if math.isnan(value.value) else value.value,
                 "bar": value.bar if math.isfinite(value.bar) else None, "unit": unit,
-                "verdict": _verdict(value, rule["limit"], side),
+                "verdict": _limit_verdict(value, rule["limit"], side),
             }  # fmt: skip
             key = (rule["text"], row["demand"], row["verdict"])
             if row["value"] is not None or key not in open_rows:
@@ -60,7 +60,7 @@ def rows(scene: Scene | Line, design: Sequence[Row], events: Sequence[Row] = ())
     return out
 
 
-def _verdict(value: Value, limit: float, side: str) -> str:
+def _limit_verdict(value: Value, limit: float, side: str) -> str:
     if math.isnan(value.value):
         return value.why if value.why.startswith("not computed") else f"cannot be judged: {value.why}"
     room = value.value - limit if side == "at least" else limit - value.value
@@ -69,7 +69,7 @@ def _verdict(value: Value, limit: float, side: str) -> str:
     return MET if room >= 0.0 else NOT_MET
 
 
-def worst(rows: Sequence[Row]) -> Row | None:
+def worst_row(rows: Sequence[Row]) -> Row | None:
     """The first row that is not met, else that is too close, else that is met."""
     for verdict in (NOT_MET, TOO_CLOSE, MET):
         for row in rows:
@@ -78,47 +78,47 @@ def worst(rows: Sequence[Row]) -> Row | None:
     return None
 
 
-def columns(rows: Sequence[Row]) -> Row:
+def worst_limit_columns(rows: Sequence[Row]) -> Row:
     """Columns of a table of scenes: the worst verdict, and its limit; none without limits."""
     if not rows:
         return {}
-    first = worst(rows)
+    first = worst_row(rows)
     if first is None:
         return {"limits_met": "cannot be judged", "limits_worst": rows[0]["demand"]}
     return {"limits_met": first["verdict"], "limits_worst": f"{first['demand']} ({first['source']})"}
 
 
-def failed(rows: Sequence[Row]) -> bool:
+def any_limit_fails(rows: Sequence[Row]) -> bool:
     """Whether a limit is not met, or too close to tell."""
     return any(row["verdict"] in (NOT_MET, TOO_CLOSE) for row in rows)
 
 
-def failed_columns(rows: Sequence[Row]) -> bool:
+def columns_fail(rows: Sequence[Row]) -> bool:
     """The same of a table of scenes."""
     return any(row.get("limits_met") in (NOT_MET, TOO_CLOSE) for row in rows)
 
 
-def scopes(scene: Scene | Line) -> list[str]:
+def scope_sentences(scene: Scene | Line) -> list[str]:
     """What each text is for, and whether a scene is that; sentences."""
     if scene.limits is None:
         return []
     out = []
     for name in scene.limits.use:
         text = TEXTS[name]
-        outside = "" if _modes(scene) <= set(text["modes"]) else "; this scene is outside its scope"
+        outside = "" if _drive_modes(scene) <= set(text["modes"]) else "; this scene is outside its scope"
         out.append(f"{text['source']}: for {text['scope']}{outside}")
     if isinstance(scene, Line) and not scene.moves and all(car.at is not None for car in scene.car):
         out.append("at the given positions of the cars; without `at` each number is that of its worst place")
     return out
 
 
-def _modes(scene: Scene | Line) -> set[str]:
+def _drive_modes(scene: Scene | Line) -> set[str]:
     if isinstance(scene, Scene):
         return {scene.drive.mode}
     return {car.mode for car in scene.car} if scene.moves else {"rest"}
 
 
-class _Values:
+class _DemandedValues:
     """Values of demands from the numbers of an answer."""
 
     def __init__(
@@ -129,47 +129,49 @@ class _Values:
         self.design = [x for x in design if x["value"] is not None]
         self.events = events
         self.at_rest = isinstance(scene, Line) and not scene.moves
-        self.span = scene.supports.span if isinstance(scene, Scene) else _longest(scene)
+        self.span = scene.supports.span if isinstance(scene, Scene) else _longest_span(scene)
 
-    def of(self, rule: Row) -> list[Value]:
+    def values_for_rule(self, rule: Row) -> list[Value]:
         """Values that a rule is for, one for each obstacle of a clearance; unknown ones say why."""
         demand = rule["demand"]
         if demand == "clearance":
             return list(self._clearances(rule))
         found = getattr(self, f"_{demand}", lambda: None)()
-        return [unknown(DEMANDS[demand][3]) if found is None else found]
+        return [unknown_value(DEMANDS[demand][3]) if found is None else found]
 
-    def _numbers(self, kind: str) -> list[Value]:
+    def _numbers_of_kind(self, kind: str) -> list[Value]:
         """Numbers of a kind; a line at rest is exact without a bar."""
         rows = [x for x in self.design if x["quantity"].partition(":")[0] == kind]
         default = 0.0 if self.at_rest else math.inf
         return [Value(x["value"], default if x["bar"] is None else x["bar"], x["quantity"]) for x in rows]
 
     def _largest(self, kind: str) -> Value | None:
-        return max(self._numbers(kind), key=lambda x: x.value, default=None)
+        return max(self._numbers_of_kind(kind), key=lambda x: x.value, default=None)
 
     def _smallest(self, kind: str) -> Value | None:
-        return min(self._numbers(kind), key=lambda x: x.value, default=None)
+        return min(self._numbers_of_kind(kind), key=lambda x: x.value, default=None)
 
     def _safety_factor(self) -> Value | None:
         load = self.scene.cable.breaking_load
-        return _ratio(None if load is None else Value(load), self._largest("tension_max"))
+        return _ratio_with_bar(None if load is None else Value(load), self._largest("tension_max"))
 
     def _tension_over_contact(self) -> Value | None:
-        return _ratio(self._smallest("tension_min"), self._largest("contact_max"))
+        return _ratio_with_bar(self._smallest("tension_min"), self._largest("contact_max"))
 
     def _tension_over_wheel(self) -> Value | None:
         return self._smallest("tension_over_wheel_min")
 
     def _sag_growth(self) -> Value | None:
         moving = self._largest("sag_car_max")
-        growth = _ratio(moving, self._largest("sag_car_rest"))
+        growth = _ratio_with_bar(moving, self._largest("sag_car_rest"))
         return None if growth is None else Value(growth.value - 1.0, growth.bar)
 
     def _swing_along(self) -> Value | None:
         """Tangent of the largest swing of a cabin to either side."""
         largest = max(
-            [*self._numbers("swing_max"), *self._numbers("swing_min")], key=lambda x: abs(x.value), default=None
+            [*self._numbers_of_kind("swing_max"), *self._numbers_of_kind("swing_min")],
+            key=lambda x: abs(x.value),
+            default=None,
         )
         if largest is None:
             return None
@@ -187,11 +189,11 @@ class _Values:
         return self._smallest("knee_empty_min")
 
     def _knee_loaded(self) -> Value | None:
-        inner = [x for x in self._numbers("knee_max") if x.of != self._last_knee]
+        inner = [x for x in self._numbers_of_kind("knee_max") if x.of != self._last_knee]
         return max(inner, key=lambda x: x.value, default=None)
 
     def _knee_last(self) -> Value | None:
-        return next((x for x in self._numbers("knee_max") if x.of == self._last_knee), None)
+        return next((x for x in self._numbers_of_kind("knee_max") if x.of == self._last_knee), None)
 
     @property
     def _last_knee(self) -> str:
@@ -215,26 +217,26 @@ class _Values:
             if "kind" in rule and kind is None:
                 yield Value(math.nan, of=name, why=f"give {key}")
             elif rule.get("kind", kind) == kind:
-                yield min(self._over(name), key=lambda x: x.value, default=unknown("not computed"))
+                yield min(self._clearances_over(name), key=lambda x: x.value, default=unknown_value("not computed"))
 
-    def _over(self, name: str) -> list[Value]:
+    def _clearances_over(self, name: str) -> list[Value]:
         """Clearances over an obstacle or the ground, of rope and cars."""
         names = {name, name.removeprefix("the ")} if name == GROUND else {name}
         out = []
         for kind in {x["quantity"].partition(":")[0] for x in self.design}:
-            for value in self._numbers(kind) if kind.startswith("clearance") else ():
+            for value in self._numbers_of_kind(kind) if kind.startswith("clearance") else ():
                 if value.of.partition(":")[2].split(" over ")[-1] in names:
                     out.append(Value(value.value, value.bar, name))
         return out
 
 
-def _ratio(above: Value | None, below: Value | None) -> Value | None:
+def _ratio_with_bar(above: Value | None, below: Value | None) -> Value | None:
     if above is None or below is None:
         return None
     value = above.value / below.value
     return Value(value, abs(above.bar / below.value) + abs(value * below.bar / below.value))
 
 
-def _longest(line: Line) -> float:
+def _longest_span(line: Line) -> float:
     places = [contact.at[0] for contact in line.contact]
     return max(b - a for a, b in itertools.pairwise(places))

@@ -23,15 +23,15 @@ from typing import Any
 import numpy as np
 
 from cablefem.response import Array
-from validation.core.agreement import Agreement, Bound, Part
-from validation.core.readback import limit_faults, limits_shown, plain
+from validation.core.agreement import Agreement, Bound, BoundPart
+from validation.core.readback import limit_faults, limit_table_faults, plain_text
 from validation.core.scene_data import ROUNDING, LineData, si_factor
 
 DOWN = np.array([0.0, 1.0])
 LOWEST = -1e-6  # [m] least clearance of what touches
 GROUND = "the ground"
 LENGTHS = ("x", "depth", "rope_over", "rise", "shift", "sag", "clearance_rope", "clearance_car")
-Numbers = dict[str, Any]  # by name: a value, a word or None
+PositionNumbers = dict[str, Any]  # by name: a value, a word or None
 Extremes = Mapping[str, tuple[float, float]]  # smallest and largest value
 
 
@@ -63,25 +63,27 @@ class LineAtRest(LineData):
         self.q_empty = self.empty_mass * self.gravity
         self.q = self.mass * self.gravity
 
-    def x(self, car: dict[str, Any], i: int) -> float:
+    def position_of_car(self, car: dict[str, Any], i: int) -> float:
         at = np.atleast_1d(car["at"])
         return float(at[i if at.size > 1 else 0])
 
-    def saddle(self, car: dict[str, Any], i: int) -> dict[str, Any] | None:
+    def saddle_under_car(self, car: dict[str, Any], i: int) -> dict[str, Any] | None:
         """The saddle on whose shoe a car rests at position i."""
-        x = self.x(car, i)
+        x = self.position_of_car(car, i)
         return next((c for c in self.contacts if abs(x - c["at"][0]) <= c.get("shoe", -1.0)), None)
 
     def stations(self, i: int | None, on_rope: Mapping[str, float] | None = None) -> list[Station]:
         """Stations at position i, None of the empty line; on_rope : x of cars that a shoe does not carry."""
         stations = [Station(c["name"], c["kind"], c["at"][0], c["at"][1], c) for c in self.contacts]
         if i is not None:
-            hanging = {car["name"]: self.x(car, i) for car in self.cars if self.saddle(car, i) is None}
+            hanging = {
+                car["name"]: self.position_of_car(car, i) for car in self.cars if self.saddle_under_car(car, i) is None
+            }
             hanging.update(on_rope or {})
-            stations += [self._on_rope(car, hanging[car["name"]]) for car in self.cars if car["name"] in hanging]
+            stations += [self._car_on_rope(car, hanging[car["name"]]) for car in self.cars if car["name"] in hanging]
         return sorted(stations, key=lambda station: station.x)
 
-    def _on_rope(self, car: dict[str, Any], x: float) -> Station:
+    def _car_on_rope(self, car: dict[str, Any], x: float) -> Station:
         kind = "hauled" if car["hauled"] else "grips"
         return Station(car["name"], kind, x, math.nan, car, car["mass"] * self.gravity)
 
@@ -103,10 +105,10 @@ class Rope:
         self.tensions = np.linalg.norm([self.behind, self.ahead], axis=2)  # (2, n), nan outside
         self.tension_max = float(max(self.tensions[0, 1:].max(), self.tensions[1, :-1].max()))
 
-    def index(self, name: str) -> int:
+    def station_index(self, name: str) -> int:
         return [station.name for station in self.stations].index(name)
 
-    def along(self, s: Array) -> tuple[Array, Array, Array]:
+    def shape_and_tension(self, s: Array) -> tuple[Array, Array, Array]:
         """x, y [m] and tension [N] at s (m,) [m]."""
         k = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, self.s.size - 2)
         S = s - self.s[k]
@@ -118,21 +120,21 @@ class Rope:
         y = self.heat * ((P * S - 0.5 * self.q * S**2) / self.EA + (N - N1) / self.q)
         return self.points[k, 0] + x, self.points[k, 1] + y, N1
 
-    def at(self, x: Array) -> tuple[Array, Array]:
+    def depth_and_tension(self, x: Array) -> tuple[Array, Array]:
         """Depth [m] and tension [N] at x (m,) [m], by bisection and three steps of Newton's method."""
         k = np.clip(np.searchsorted(self.points[:, 0], x, side="right") - 1, 0, self.s.size - 2)
         low = self.s[k]
         high = self.s[k + 1]
         for _ in range(12):
             middle = 0.5 * (low + high)
-            short = self.along(middle)[0] < x
+            short = self.shape_and_tension(middle)[0] < x
             low = np.where(short, middle, low)
             high = np.where(short, high, middle)
         s = 0.5 * (low + high)
         for _ in range(3):
-            x_s, _, N = self.along(s)
+            x_s, _, N = self.shape_and_tension(s)
             s = s - (x_s - x) / (self.heat * self.ahead[k, 0] * (1.0 / N + 1.0 / self.EA))
-        _, y, N = self.along(s)
+        _, y, N = self.shape_and_tension(s)
         return y, N
 
     def points_with_slope(self, slope: float) -> Array:
@@ -140,7 +142,7 @@ class Rope:
         H, P = self.ahead[:-1].T
         s = self.s[:-1] + np.clip((P - slope * H) / self.q, 0.0, np.diff(self.s))
         # the end of a piece, not the begin of the next one
-        x, y, _ = self.along(np.minimum(s, np.nextafter(self.s[1:], -math.inf)))
+        x, y, _ = self.shape_and_tension(np.minimum(s, np.nextafter(self.s[1:], -math.inf)))
         return np.stack([x, y], axis=1)
 
     def tension_min(self) -> float:
@@ -151,44 +153,44 @@ class Rope:
         return float(np.linalg.norm(start + share[:, None] * change, axis=1).min())
 
 
-def _ropes(data: LineAtRest, rest: Any) -> Iterator[tuple[str, Rope]]:
+def _ropes_of_all_states(data: LineAtRest, rest: Any) -> Iterator[tuple[str, Rope]]:
     """All states of a line, with what to call them."""
     yield "empty", Rope(data, rest.empty, data.stations(None), empty=True)
     for i, state in rest.states.items():
         yield f"position {i + 1}", Rope(data, state, data.stations(i))
     for i, name in rest.shoe_ends:
-        for rope in _at_shoe_ends(data, rest, i, name):
+        for rope in _ropes_at_shoe_ends(data, rest, i, name):
             yield f"position {i + 1}, {name} at an end of the shoe", rope
 
 
-def _at_shoe_ends(data: LineAtRest, rest: Any, i: int, name: str) -> list[Rope]:
+def _ropes_at_shoe_ends(data: LineAtRest, rest: Any, i: int, name: str) -> list[Rope]:
     """Both states with a car at an end of the shoe that carries it."""
-    saddle = data.saddle(next(car for car in data.cars if car["name"] == name), i)
+    saddle = data.saddle_under_car(next(car for car in data.cars if car["name"] == name), i)
     assert saddle is not None
     ends = (saddle["at"][0] - saddle["shoe"], saddle["at"][0] + saddle["shoe"])
     states = rest.shoe_ends[i, name]
     return [Rope(data, state, data.stations(i, {name: x})) for x, state in zip(ends, states, strict=True)]
 
 
-class Gaps:
+class LargestGaps:
     """Largest gap of each law, and where."""
 
     def __init__(self) -> None:
         self.largest: dict[str, tuple[float, str]] = {}
 
-    def note(self, law: str, where: str, gap: float) -> None:
+    def note_gap(self, law: str, where: str, gap: float) -> None:
         gap = min(gap, 1e300) if gap == gap else 1e300  # what is not there at all is a finite gap
         if gap >= self.largest.get(law, (0.0, ""))[0]:
             self.largest[law] = gap, where
 
-    def compare(self, law: str, where: str, printed: Any, right: Any, allowed: float = 0.0) -> None:
+    def note_difference(self, law: str, where: str, printed: Any, right: Any, allowed: float = 0.0) -> None:
         """Note the gap of two numbers over what is allowed, or of two words."""
         gap = 0.0 if printed == right else math.inf
         if isinstance(printed, float) and isinstance(right, float) and allowed > 0.0:
             gap = abs(printed - right) / allowed
-        self.note(law, where, gap)
+        self.note_gap(law, where, gap)
 
-    def rows(self, quantity: str, allowed: Part) -> Iterator[Agreement]:
+    def rows(self, quantity: str, allowed: BoundPart) -> Iterator[Agreement]:
         for law, (gap, where) in self.largest.items():
             yield Agreement(quantity, gap, Bound("law", (allowed,)), where, law=law, unit="-")
 
@@ -196,36 +198,36 @@ class Gaps:
 # --- laws -----------------------------------------------------------------------------------------------------------
 
 
-def laws(toml: str, rest: Any) -> Iterator[Agreement]:
+def check_statics(toml: str, rest: Any) -> Iterator[Agreement]:
     """Laws of statics on all states of a line; of each law the worst state.
 
     rest : `empty` and, by position, `states`; by position and car on a shoe, `shoe_ends`.
     """
     data = LineAtRest(toml)
-    gaps = Gaps()
-    for where, rope in _ropes(data, rest):
-        defects = [*_of_rope(data, rope, float(np.ptp(rest.empty.s))), *_of_stations(rope)]
+    gaps = LargestGaps()
+    for where, rope in _ropes_of_all_states(data, rest):
+        defects = [*_defects_of_pieces(data, rope, float(np.ptp(rest.empty.s))), *_defects_of_stations(rope)]
         if where == "empty" and data.tie is not None:
-            tension = float(np.nanmax(rope.tensions[:, rope.index(data.tie["at"])]))
+            tension = float(np.nanmax(rope.tensions[:, rope.station_index(data.tie["at"])]))
             defects.append(("tension of the empty line", (tension - data.tie["value"]) / rope.tension_max))
         for law, defect in defects:
-            gaps.note(law, where, float(np.max(np.abs(defect), initial=0.0)))
-    return gaps.rows("laws_si", Part("catenaries", ROUNDING, "rounding"))
+            gaps.note_gap(law, where, float(np.max(np.abs(defect), initial=0.0)))
+    return gaps.rows("laws_si", BoundPart("catenaries", ROUNDING, "rounding"))
 
 
-def _of_rope(data: LineAtRest, rope: Rope, empty_length: float) -> Iterator[tuple[str, Any]]:
+def _defects_of_pieces(data: LineAtRest, rope: Rope, empty_length: float) -> Iterator[tuple[str, Any]]:
     """Defects of pieces and of their sum."""
     S = np.diff(rope.s)
     weight = rope.q * S[:, None] * DOWN  # (n - 1, 2)
     yield "weight of each piece", (rope.behind[1:] - rope.ahead[:-1] + weight) / rope.tension_max
-    x, y, _ = rope.along(np.nextafter(rope.s[1:], -math.inf))
+    x, y, _ = rope.shape_and_tension(np.nextafter(rope.s[1:], -math.inf))
     yield "shape and stretch", (np.stack([x, y], axis=1) - rope.points[1:]) / rope.reach
     if not any(c["kind"] == "counterweight" for c in data.contacts):
         length = data.length or empty_length
         yield "unstretched length", (np.ptp(rope.s) - length) / length
 
 
-def _of_stations(rope: Rope) -> Iterator[tuple[str, Any]]:
+def _defects_of_stations(rope: Rope) -> Iterator[tuple[str, Any]]:
     """Defects of contacts and cars, and of all forces together."""
     T = rope.tension_max
     total = rope.behind[-1] - rope.ahead[0] + rope.q * np.ptp(rope.s) * DOWN
@@ -261,46 +263,48 @@ def _of_stations(rope: Rope) -> Iterator[tuple[str, Any]]:
 # --- numbers --------------------------------------------------------------------------------------------------------
 
 
-def numbers(toml: str, rest: Any) -> list[Numbers | None]:
+def numbers_by_position(toml: str, rest: Any) -> list[PositionNumbers | None]:
     """The numbers of each position, named as in positions.csv; None without rest."""
     data = LineAtRest(toml)
-    return [_position(data, rest, i) if i in rest.states else None for i in range(len(rest.positions))]
+    return [_numbers_at_position(data, rest, i) if i in rest.states else None for i in range(len(rest.positions))]
 
 
-def _position(data: LineAtRest, rest: Any, i: int) -> Numbers:
+def _numbers_at_position(data: LineAtRest, rest: Any, i: int) -> PositionNumbers:
     rope = Rope(data, rest.states[i], data.stations(i))
-    row: Numbers = {"position": i + 1}
+    row: PositionNumbers = {"position": i + 1}
     for car in data.cars:
-        row |= _at_car(data, rest, rope, i, car)
+        row |= _numbers_at_car(data, rest, rope, i, car)
     for j, contact in enumerate(data.contacts):
-        row |= {f"{kind}:{contact['name']}": x for kind, x in _at_contact(data, rest, rope, i, j).items()}
+        row |= {f"{kind}:{contact['name']}": x for kind, x in _numbers_at_contact(data, rest, rope, i, j).items()}
     for a, b in itertools.pairwise(data.contacts):
-        row[f"sag:{a['name']} to {b['name']}"] = _sag(rope, rope.index(a["name"]), rope.index(b["name"]))
+        row[f"sag:{a['name']} to {b['name']}"] = _largest_sag(
+            rope, rope.station_index(a["name"]), rope.station_index(b["name"])
+        )
     row["tension_max"] = rope.tension_max
     row["tension_min"] = rope.tension_min()
     if data.breaking_load is not None:
         row["safety_factor"] = data.breaking_load / rope.tension_max
     for name, [[x, top]] in data.tops.items():
-        row[f"clearance_rope:{name}"] = float(top - rope.at(np.array([x]))[0][0])
-    heights = _over_ground(data.ground, rope)
+        row[f"clearance_rope:{name}"] = float(top - rope.depth_and_tension(np.array([x]))[0][0])
+    heights = _heights_over_ground(data.ground, rope)
     if heights.size:
         row["clearance_rope:ground"] = float(heights.min())
     return row
 
 
-def _at_car(data: LineAtRest, rest: Any, rope: Rope, i: int, car: dict[str, Any]) -> Numbers:
+def _numbers_at_car(data: LineAtRest, rest: Any, rope: Rope, i: int, car: dict[str, Any]) -> PositionNumbers:
     name = car["name"]
-    x = data.x(car, i)
-    saddle = data.saddle(car, i)
-    row: Numbers = {f"x:{name}": x, f"on:{name}": None}
+    x = data.position_of_car(car, i)
+    saddle = data.saddle_under_car(car, i)
+    row: PositionNumbers = {f"x:{name}": x, f"on:{name}": None}
     forces: dict[str, float | None] = {"tension_behind": None, "tension_ahead": None, "haul": None}
     if saddle is None:
-        k = rope.index(name)
+        k = rope.station_index(name)
         depth = float(rope.points[k, 1])
         behind, ahead = rope.tensions[:, k]
         forces = {"tension_behind": float(behind), "tension_ahead": float(ahead), "haul": float(rope.haul[k])}
     else:
-        depth = _on_shoe(_at_shoe_ends(data, rest, i, name), name, x, np.array(saddle["at"]))
+        depth = _depth_on_shoe(_ropes_at_shoe_ends(data, rest, i, name), name, x, np.array(saddle["at"]))
         row[f"on:{name}"] = saddle["name"]
     if not car["hauled"]:
         del forces["haul"]
@@ -312,12 +316,12 @@ def _at_car(data: LineAtRest, rest: Any, rope: Rope, i: int, car: dict[str, Any]
     return row
 
 
-def _on_shoe(ropes: list[Rope], name: str, x: float, top: Array) -> float:
+def _depth_on_shoe(ropes: list[Rope], name: str, x: float, top: Array) -> float:
     """Depth of a car on a shoe: cubics from the ends, on the car's path, to the saddle's top.
 
     A cubic leaves the end along its chord, and passes the saddle with the mean slope of both chords.
     """
-    left, right = (rope.points[rope.index(name)] for rope in ropes)
+    left, right = (rope.points[rope.station_index(name)] for rope in ropes)
     end = left if x <= top[0] else right
     slopes = [float((top[1] - point[1]) / (top[0] - point[0])) for point in (left, right)]
     slope = slopes[0] if x <= top[0] else slopes[1]
@@ -327,19 +331,19 @@ def _on_shoe(ropes: list[Rope], name: str, x: float, top: Array) -> float:
     return float(end[1] + slope * d * w + bent)
 
 
-def _at_contact(data: LineAtRest, rest: Any, rope: Rope, i: int, j: int) -> Numbers:
+def _numbers_at_contact(data: LineAtRest, rest: Any, rope: Rope, i: int, j: int) -> PositionNumbers:
     """Numbers of contact j by kind."""
     contact = data.contacts[j]
-    k = rope.index(contact["name"])
-    row: Numbers = {"tension": float(np.nanmax(rope.tensions[:, k]))}
+    k = rope.station_index(contact["name"])
+    row: PositionNumbers = {"tension": float(np.nanmax(rope.tensions[:, k]))}
     if contact["kind"] == "saddle":
         across, down = rope.ahead[k] - rope.behind[k]
-        carried = sum(car["mass"] for car in data.cars if data.saddle(car, i) is contact) * data.gravity
+        carried = sum(car["mass"] for car in data.cars if data.saddle_under_car(car, i) is contact) * data.gravity
         for kind, weight in (("pressure", 0.0), ("load", carried)):
             row[kind] = math.hypot(across, down + weight)
             row[f"{kind}_down"] = float(down + weight)
-        row["knee"] = _knee(rope.behind[k], rope.ahead[k])
-        row["knee_empty"] = _knee(np.asarray(rest.empty.behind)[j], np.asarray(rest.empty.ahead)[j])
+        row["knee"] = _bend_angle(rope.behind[k], rope.ahead[k])
+        row["knee_empty"] = _bend_angle(np.asarray(rest.empty.behind)[j], np.asarray(rest.empty.ahead)[j])
         row["direction"] = 90.0 - math.degrees(math.atan2(down, across))
         row["rope_over"] = float(rest.empty.s[j] - rope.s[k])
     elif contact["kind"] == "counterweight":
@@ -350,12 +354,12 @@ def _at_contact(data: LineAtRest, rest: Any, rope: Rope, i: int, j: int) -> Numb
     return row
 
 
-def _knee(behind: Array, ahead: Array) -> float:
+def _bend_angle(behind: Array, ahead: Array) -> float:
     """Angle between two pulls (2,) [deg], positive where the rope bends down."""
     return math.degrees(math.atan2(float(behind[0] * ahead[1] - behind[1] * ahead[0]), float(behind @ ahead)))
 
 
-def _sag(rope: Rope, first: int, last: int) -> float:
+def _largest_sag(rope: Rope, first: int, last: int) -> float:
     """Largest depth below the chord of two stations: there the rope is parallel to it."""
     (x0, y0), (x1, y1) = rope.points[[first, last]]
     slope = (y1 - y0) / (x1 - x0)
@@ -363,20 +367,20 @@ def _sag(rope: Rope, first: int, last: int) -> float:
     return float(np.max(y - y0 - slope * (x - x0)))
 
 
-def _over_ground(ground: Array, rope: Rope) -> Array:
+def _heights_over_ground(ground: Array, rope: Rope) -> Array:
     """Heights of the rope where it is lowest over the ground (n, 2); none where there is no ground below it."""
     if not ground.size:
         return np.empty(0)
     x, depth = ground.T
     corners = np.concatenate([x, rope.points[:, 0]])
-    points = [np.stack([corners, rope.at(corners)[0]], axis=1)]
+    points = [np.stack([corners, rope.depth_and_tension(corners)[0]], axis=1)]
     points += [rope.points_with_slope(slope) for slope in np.diff(depth) / np.diff(x)]
     x_rope, y = np.concatenate(points).T
     within = (x_rope >= max(x[0], rope.points[0, 0])) & (x_rope <= min(x[-1], rope.points[-1, 0]))
     return np.asarray(np.interp(x_rope[within], x, depth) - y[within])
 
 
-def extremes(toml: str, rows: Sequence[Numbers | None]) -> dict[str, tuple[float, float]]:
+def extremes(toml: str, rows: Sequence[PositionNumbers | None]) -> dict[str, tuple[float, float]]:
     """Smallest and largest value of each number over all positions; of cars also where they pass between two."""
     data = LineAtRest(toml)
     at_rest = [row for row in rows if row]
@@ -397,15 +401,17 @@ def extremes(toml: str, rows: Sequence[Numbers | None]) -> dict[str, tuple[float
 # --- what is printed ------------------------------------------------------------------------------------------------
 
 
-def printed(toml: str, rest: Any, folder: Path, page: str, words: Mapping[str, Mapping[str, str]]) -> list[Agreement]:
+def check_printed(
+    toml: str, rest: Any, folder: Path, page: str, words: Mapping[str, Mapping[str, str]]
+) -> list[Agreement]:
     """Check all that is printed of a line: its files in `folder`, and its page.
 
     A gap counts in parts of what is allowed: rounding, of a design number its bar, of the page half its last digit.
     words : how the page calls each kind of number.
     """
     data = LineAtRest(toml)
-    gaps = Gaps()
-    rows = numbers(toml, rest)
+    gaps = LargestGaps()
+    rows = numbers_by_position(toml, rest)
     known = extremes(toml, rows)
     reach = data.contacts[-1]["at"][0]
     tension = known["tension_max"][1]
@@ -413,47 +419,50 @@ def printed(toml: str, rest: Any, folder: Path, page: str, words: Mapping[str, M
     scales = dict.fromkeys(LENGTHS, reach) | {"safety_factor": 1.0}
     scales["knee"] = scales["knee_empty"] = scales["direction"] = math.degrees(tension / max(pressure, 1.0))
 
-    def rounding(name: str) -> float:
-        return ROUNDING * float(scales.get(_kind(name), tension))
+    def rounding_allowed(name: str) -> float:
+        return ROUNDING * float(scales.get(_quantity_kind(name), tension))
 
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     refused = [i + 1 for i, row in enumerate(rows) if row is None]
-    gaps.compare("summary.json", "refused", [x["position"] for x in summary["refused"]], refused)
-    gaps.compare("summary.json", "positions", summary["positions"], len(rows))
+    gaps.note_difference("summary.json", "refused", [x["position"] for x in summary["refused"]], refused)
+    gaps.note_difference("summary.json", "positions", summary["positions"], len(rows))
     length = float(np.ptp(rest.empty.s))
-    gaps.compare("summary.json", "empty_length", summary["empty_length"], length, ROUNDING * length)
-    _positions(gaps, rows, _table(folder / "positions.csv"), rounding)
-    _profile(gaps, data, rest, folder)
-    _design(gaps, data, rows, summary["design"], known, rounding)
-    _outcome(gaps, data, summary, known)
-    _page(gaps, page, summary, words)
+    gaps.note_difference("summary.json", "empty_length", summary["empty_length"], length, ROUNDING * length)
+    _check_positions(gaps, rows, _read_table(folder / "positions.csv"), rounding_allowed)
+    _check_profile(gaps, data, rest, folder)
+    _check_design(gaps, data, rows, summary["design"], known, rounding_allowed)
+    _check_outcome(gaps, data, summary, known)
+    _check_page(gaps, page, summary, words)
     for fault in limit_faults(summary["limits"], tomllib.loads(toml), summary["design"], ()):
-        gaps.note("limits", fault, math.inf)
-    for fault in limits_shown(page, summary["limits"]):
-        gaps.note("page, limits", fault, math.inf)
-    return list(gaps.rows("printed", Part("catenaries", 1.0, "allowed")))
+        gaps.note_gap("limits", fault, math.inf)
+    for fault in limit_table_faults(page, summary["limits"]):
+        gaps.note_gap("page, limits", fault, math.inf)
+    return list(gaps.rows("printed", BoundPart("catenaries", 1.0, "allowed")))
 
 
-def _kind(name: str) -> str:
+def _quantity_kind(name: str) -> str:
     return re.sub("_(min|max)$", "", name.partition(":")[0])
 
 
-def _table(file: Path) -> list[dict[str, str]]:
+def _read_table(file: Path) -> list[dict[str, str]]:
     with file.open(encoding="utf-8", newline="") as opened:
         return list(csv.DictReader(opened))
 
 
-def _number(cell: str | None) -> float | None:
+def _float_or_none(cell: str | None) -> float | None:
     try:
         return float(cell or "")
     except ValueError:
         return None
 
 
-def _positions(
-    gaps: Gaps, rows: Sequence[Numbers | None], table: list[dict[str, str]], rounding: Callable[[str], float]
+def _check_positions(
+    gaps: LargestGaps,
+    rows: Sequence[PositionNumbers | None],
+    table: list[dict[str, str]],
+    rounding: Callable[[str], float],
 ) -> None:
-    gaps.compare("positions.csv", "rows", len(table), len(rows))
+    gaps.note_difference("positions.csv", "rows", len(table), len(rows))
     for i, (cells, row) in enumerate(zip(table, rows, strict=False)):
         right = row or {"position": i + 1}
         for name in {**cells, **right}:
@@ -462,20 +471,20 @@ def _positions(
             expected = right.get(name)
             cell: Any = cells.get(name) or ""
             if isinstance(expected, float):
-                cell = _number(cell)
+                cell = _float_or_none(cell)
             else:
                 expected = "" if expected is None else str(expected)
-            gaps.compare(f"positions.csv, {kind}", where, cell, expected, rounding(name))
+            gaps.note_difference(f"positions.csv, {kind}", where, cell, expected, rounding(name))
 
 
-def _profile(gaps: Gaps, data: LineAtRest, rest: Any, folder: Path) -> None:
-    table = _table(folder / "profile.csv")
+def _check_profile(gaps: LargestGaps, data: LineAtRest, rest: Any, folder: Path) -> None:
+    table = _read_table(folder / "profile.csv")
     drawn = json.loads((folder / "ropes.json").read_text(encoding="utf-8"))
     x = np.array([float(row["x"]) for row in table])
-    curves = {i: Rope(data, state, data.stations(i)).at(x) for i, state in rest.states.items()}
+    curves = {i: Rope(data, state, data.stations(i)).depth_and_tension(x) for i, state in rest.states.items()}
     y = np.array([depth for depth, _ in curves.values()])  # (positions, m)
     T = np.array([tension for _, tension in curves.values()])
-    empty = Rope(data, rest.empty, data.stations(None), empty=True).at(x)[0]
+    empty = Rope(data, rest.empty, data.stations(None), empty=True).depth_and_tension(x)[0]
     columns = {
         "x": x,
         "y_rest": empty,
@@ -489,37 +498,37 @@ def _profile(gaps: Gaps, data: LineAtRest, rest: Any, folder: Path) -> None:
         allowed = ROUNDING * float(T.max()) if "tension" in name else rounding
         for k, value in enumerate(right.tolist()):
             where = f"x = {x[k]:.6g} m"
-            gaps.compare(f"profile.csv, {name}", where, _number(table[k].get(name)), value, allowed)
-            gaps.compare("ropes.json", where, drawn["profile"][name][k], value, allowed)
+            gaps.note_difference(f"profile.csv, {name}", where, _float_or_none(table[k].get(name)), value, allowed)
+            gaps.note_difference("ropes.json", where, drawn["profile"][name][k], value, allowed)
     for position, depths in drawn["depths"].items():
         off = np.abs(np.subtract(depths, curves[int(position) - 1][0]))
-        gaps.note("ropes.json", f"position {position}", float(off.max()) / rounding)
+        gaps.note_gap("ropes.json", f"position {position}", float(off.max()) / rounding)
 
 
-def _design(
-    gaps: Gaps, data: LineAtRest, rows: Sequence[Numbers | None], design: Sequence[dict[str, Any]],
+def _check_design(
+    gaps: LargestGaps, data: LineAtRest, rows: Sequence[PositionNumbers | None], design: Sequence[dict[str, Any]],
     known: Extremes, rounding: Callable[[str], float],
 ) -> None:  # fmt: skip
     names = set()
     for number in design:
         quantity = number["quantity"]
         kind, colon, of = quantity.partition(":")
-        name = quantity if quantity in known else _kind(quantity) + colon + of
+        name = quantity if quantity in known else _quantity_kind(quantity) + colon + of
         names.add(name)
         allowed = rounding(name) + (number["bar"] or 0.0)
         right = known[name][kind.endswith("_max")] if name in known else None
-        gaps.compare("design", quantity, number["value"], right, allowed)
+        gaps.note_difference("design", quantity, number["value"], right, allowed)
         i = number["position"] - 1
-        at = {car["name"]: data.x(car, i) for car in data.cars}
-        gaps.compare("design, positions of cars", quantity, number["at"], at)
+        at = {car["name"]: data.position_of_car(car, i) for car in data.cars}
+        gaps.note_difference("design, positions of cars", quantity, number["at"], at)
         row = rows[i] or {}
         if name in row and not name.startswith("clearance_car"):
-            gaps.compare("design, value there", quantity, number["value"], row[name], allowed)
+            gaps.note_difference("design, value there", quantity, number["value"], row[name], allowed)
     for name in known:
-        gaps.compare("design", name, name in names, True)
+        gaps.note_difference("design", name, name in names, True)
 
 
-def _outcome(gaps: Gaps, data: LineAtRest, summary: dict[str, Any], known: Extremes) -> None:
+def _check_outcome(gaps: LargestGaps, data: LineAtRest, summary: dict[str, Any], known: Extremes) -> None:
     """The outcome names a rope beyond its breaking load first, then everything that is hit."""
     text = summary["outcome"]
     tension = known["tension_max"][1]
@@ -528,45 +537,45 @@ def _outcome(gaps: Gaps, data: LineAtRest, summary: dict[str, Any], known: Extre
     broken = data.breaking_load is not None and tension > data.breaking_load
     kinds = {"breaks": broken, "collides": hit, "incomplete": summary["refused"], "carries": True}
     kind = next(kind for kind, holds in kinds.items() if holds)
-    gaps.compare("outcome", "kind", summary["outcome_kind"], kind)
-    gaps.compare("outcome", "breaking load", "breaking load" in text.split(";")[0], broken)
+    gaps.note_difference("outcome", "kind", summary["outcome_kind"], kind)
+    gaps.note_difference("outcome", "breaking load", "breaking load" in text.split(";")[0], broken)
     for name in hit:
-        gaps.compare("outcome", name, f"{name} by " in text or "more" in text, True)
+        gaps.note_difference("outcome", name, f"{name} by " in text or "more" in text, True)
     for kilonewton in re.findall(r"(\d+\.\d) kN", text)[:1]:
-        gaps.compare("outcome", "tension", float(kilonewton), tension / 1e3, 0.06)
+        gaps.note_difference("outcome", "tension", float(kilonewton), tension / 1e3, 0.06)
     if hit:
         depths = [float(x) for x in re.findall(r" by (\d+\.\d\d) m", text)]
         depth = max(depths, default=math.inf)
-        gaps.compare("outcome", "depth of a collision", depth, -min(clearances.values()), 0.006)
+        gaps.note_difference("outcome", "depth of a collision", depth, -min(clearances.values()), 0.006)
 
 
-def _page(gaps: Gaps, page: str, summary: dict[str, Any], words: Mapping[str, Mapping[str, str]]) -> None:
+def _check_page(gaps: LargestGaps, page: str, summary: dict[str, Any], words: Mapping[str, Mapping[str, str]]) -> None:
     """Every design number stands in the page's table, with its unit, to half its last digit, with the cars then."""
-    gaps.compare("page", "outcome", plain(summary["outcome"]) in plain(page), True)
+    gaps.note_difference("page", "outcome", plain_text(summary["outcome"]) in plain_text(page), True)
     table: dict[str, dict[str, str]] = {}
     for label, content in re.findall(r'data-label="(quantity|largest|smallest)[^"]*"><div>(.*?)</div>', page, re.S):
-        cell = plain(content)
+        cell = plain_text(content)
         if label == "quantity":
             row = table.setdefault(cell, {})
         else:
             row[label] = cell
     for number in summary["design"]:
         kind, _, of = number["quantity"].partition(":")
-        name = kind if kind in words and not of else _kind(kind)
+        name = kind if kind in words and not of else _quantity_kind(kind)
         row = table.get(words[name]["words"].format(of), {})
         same = row.get("smallest") == "the same"
-        _shown(gaps, number, row.get("smallest" if kind.endswith("_min") and not same else "largest", ""))
+        _check_shown_number(gaps, number, row.get("smallest" if kind.endswith("_min") and not same else "largest", ""))
 
 
-def _shown(gaps: Gaps, number: dict[str, Any], text: str) -> None:
+def _check_shown_number(gaps: LargestGaps, number: dict[str, Any], text: str) -> None:
     """Note the gap of a design number to its text in the page's table, and whether the cars are named with it."""
     where = number["quantity"]
     parts = re.fullmatch(r"(-?\d+\.(\d+)) ?([a-zA-Z°]*)(?: \((.*)\))?", text)
     if parts is None:
-        gaps.note("page", where, math.inf)
+        gaps.note_gap("page", where, math.inf)
         return
     value, decimals, unit, at = parts.groups()
     factor = si_factor(unit, number["unit"])
-    gaps.compare("page", where, float(value) * factor, number["value"], 0.51 * factor * 10.0 ** -len(decimals))
+    gaps.note_difference("page", where, float(value) * factor, number["value"], 0.51 * factor * 10.0 ** -len(decimals))
     cars = ", ".join(f"{name} {x:.0f}" for name, x in number["at"].items())
-    gaps.compare("page, cars", where, at or cars, cars)
+    gaps.note_difference("page, cars", where, at or cars, cars)

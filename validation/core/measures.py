@@ -25,7 +25,7 @@ class NotComparable(ValueError):
     """The responses share no range for the measure."""
 
 
-def window_of(*responses: MassPath, window: Window | None = None) -> Window:
+def common_window(*responses: MassPath, window: Window | None = None) -> Window:
     """The window, cut where a run goes slack or ends; a free ride may turn back at its end.
 
     window : of the drive by default.  Raises NotComparable where nothing remains.
@@ -43,7 +43,7 @@ def window_of(*responses: MassPath, window: Window | None = None) -> Window:
     raise NotComparable(f"nothing to compare: {first.method} {what} at s_o/l = {end:.4f}, before {low:g}")
 
 
-def steep_from(r: MassPath) -> float:
+def onset_of_steep_waves(r: MassPath) -> float:
     """s_o/l from which waves are slower than the mass and steepen: no bar holds there.  Infinite: nowhere."""
     if not isinstance(r, Response) or (r.method in METHODS and not METHODS[r.method].resolves_waves):
         return math.inf  # without a look at flags, which observes the run
@@ -54,8 +54,8 @@ def valid_until(*runs: Response) -> float:
     """Time [s] up to which all runs have an answer: their first end, slack onset, or waves slower than the mass."""
     ends = [r.t[-1] for r in runs] + [r.slack_since for r in runs]
     for r in runs:
-        if steep_from(r) < r.reached:  # of gripped cars alone, which never turn back
-            ends.append(np.interp(steep_from(r) * r.length, r.s_o, r.t))
+        if onset_of_steep_waves(r) < r.reached:  # of gripped cars alone, which never turn back
+            ends.append(np.interp(onset_of_steep_waves(r) * r.length, r.s_o, r.t))
     return float(min(ends))
 
 
@@ -73,13 +73,13 @@ def extremes_within(r: Response, other: Response | None) -> tuple[float, float]:
     return begin, min(end, high)
 
 
-def inside(r: MassPath, window: Window) -> NDArray[np.bool_]:
+def steps_in_window(r: MassPath, window: Window) -> NDArray[np.bool_]:
     """Which steps (n,) lie in the window."""
     position = r.s_o / r.length
     return (position >= window[0]) & (position <= window[1] * (1.0 + 1e-12))
 
 
-def _at_steps_of(a: MassPath, b: MassPath, values: Array) -> Array:
+def _values_at_steps_of(a: MassPath, b: MassPath, values: Array) -> Array:
     """`values` (n_b, ...) at steps of b, splined to times of a."""
     t = np.clip(a.t, b.t[0], b.t[-1])
     rounding = 1e-12 * b.t[-1]
@@ -98,18 +98,18 @@ def path_distances(a: MassPath, b: MassPath, window: Window) -> tuple[Array, Arr
     """
     if not b.path_scale > 0.0:
         raise NotComparable("the mass is nowhere below its place at rest: no deflection to relate a gap to")
-    coarse, fine = _by_steps(a, b)
-    within = inside(coarse, window) & (coarse.t <= fine.t[-1] * (1.0 + 1e-12))
+    coarse, fine = _coarser_first(a, b)
+    within = steps_in_window(coarse, window) & (coarse.t <= fine.t[-1] * (1.0 + 1e-12))
     steps = np.count_nonzero(within)
     if steps < 5:
         raise NotComparable(f"{coarse.method} has {steps} steps in the window {window}, 5 are needed")
     u, v = ("x", "y") if coarse.drive == "free" else ("u", "v")
     first, second = (np.stack([getattr(r, u), getattr(r, v)], axis=1) for r in (coarse, fine))  # (n, 2)
-    gap = (first - _at_steps_of(coarse, fine, second))[within] / b.path_scale
+    gap = (first - _values_at_steps_of(coarse, fine, second))[within] / b.path_scale
     return coarse.t[within], coarse.s_o[within] / coarse.length, np.hypot(gap[:, 0], gap[:, 1])
 
 
-def _by_steps(a: Any, b: Any) -> tuple[Any, Any]:
+def _coarser_first(a: Any, b: Any) -> tuple[Any, Any]:
     """The run with fewer steps, then the other."""
     return (a, b) if a.t.size <= b.t.size else (b, a)
 
@@ -117,11 +117,11 @@ def _by_steps(a: Any, b: Any) -> tuple[Any, Any]:
 def path_gap(a: MassPath, b: MassPath, window: Window) -> tuple[float, float, float]:
     """The largest of `path_distances`, its rms over time, and the s_o/l of the largest."""
     t, position, distance = path_distances(a, b, window)
-    rms = float(np.sqrt(_over_time(t, distance**2)))
+    rms = float(np.sqrt(_time_mean(t, distance**2)))
     return float(distance.max()), rms, float(position[distance.argmax()])
 
 
-def _over_time(t: Array, values: Array) -> Array:
+def _time_mean(t: Array, values: Array) -> Array:
     """The mean over time of values (n,)."""
     weights = np.gradient(t) if t.size > 1 else None
     return np.asarray(np.average(values, weights=weights))
@@ -163,8 +163,8 @@ def series_gap(
 
     axial : averaging time [s].  Raises NotComparable where a run has too few values.
     """
-    coarse, fine = _by_steps(a, b)
-    within = inside(coarse, window)
+    coarse, fine = _coarser_first(a, b)
+    within = steps_in_window(coarse, window)
     if not within.any():
         raise NotComparable(f"{coarse.method} has no step in the window {window}")
     t = coarse.t[within & (coarse.t <= fine.t[-1])]
@@ -177,11 +177,11 @@ def series_gap(
     for r, (times, values) in zip((coarse, fine), series, strict=True):
         end = np.searchsorted(times, last) + 1
         if averaging_time:
-            samples.append(averaged(times[:end], values[:end], low, high, r.breaks))
+            samples.append(means_between(times[:end], values[:end], low, high, r.breaks))
         else:
-            samples.append(_spline(times[:end], values[:end], [event["t"] for event in r.events], low))
+            samples.append(_piecewise_spline(times[:end], values[:end], [event["t"] for event in r.events], low))
     squares = np.sum((samples[0] - samples[1]) ** 2, axis=1)  # of (n, c)
-    return float(np.sqrt(squares.max() if largest else _over_time(t, squares)))
+    return float(np.sqrt(squares.max() if largest else _time_mean(t, squares)))
 
 
 def _common_span(t: Array, *series: Array) -> tuple[float, float]:
@@ -202,7 +202,7 @@ def _finite_values(r: Response, of: Callable[[Response], Array]) -> tuple[Array,
     return r.t[finite], values[finite]
 
 
-def averaged(t: Array, values: Array, low: Array, high: Array, breaks: Sequence[float] = ()) -> Array:
+def means_between(t: Array, values: Array, low: Array, high: Array, breaks: Sequence[float] = ()) -> Array:
     """Means (k, c) of values (n, c), linear in time, between times low and high (k,).
 
     A break's value is that before the jump; the step after it extrapolates backwards.
@@ -219,7 +219,7 @@ def averaged(t: Array, values: Array, low: Array, high: Array, breaks: Sequence[
     return (area(high) - area(low)) / (high - low)[:, None]
 
 
-def _spline(t: Array, values: Array, kinks: Sequence[float], at: Array) -> Array:
+def _piecewise_spline(t: Array, values: Array, kinks: Sequence[float], at: Array) -> Array:
     """Splines through values (n, c), restarted at kinks against overshoot; at times of t these values."""
     steps = np.searchsorted(t, at).clip(max=t.size - 1)
     if np.array_equal(t[steps], at):
@@ -267,6 +267,6 @@ def energy_defect(r: Response) -> Array:
 
 def energy_gain(r: Response, weight: float, window: Window) -> float:
     """Largest energy gained without work between two times in the window, over weight times largest deflection."""
-    defect = energy_defect(r)[inside(r, window)]
+    defect = energy_defect(r)[steps_in_window(r, window)]
     gain = np.maximum.accumulate(defect[::-1])[::-1] - defect
     return float(gain.max() / (weight * r.max_deflection))

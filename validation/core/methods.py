@@ -72,7 +72,7 @@ class Resolution:
     def nearest(self, value: int, ratio: float) -> int:
         return max(0, value + round(math.log2(ratio))) if self.doubling else max(1, round(value * ratio))
 
-    def finer(self, value: int, ratio: float) -> int:
+    def refined(self, value: int, ratio: float) -> int:
         """The least value at least `ratio` times as fine, up to `most`."""
         return min(value + math.ceil(math.log2(ratio)) if self.doubling else math.ceil(value * ratio), self.most)
 
@@ -115,7 +115,7 @@ class Method:
     no_internal: str = "functions over the whole length do not resolve the short side ahead of the mass"
 
     @property
-    def follows(self) -> bool:
+    def mesh_follows_mass(self) -> bool:
         """Whether the mesh follows the mass: then only waves limit the order in time."""
         return "grading" in self.knobs
 
@@ -163,7 +163,7 @@ class Method:
             raise ValueError("\n".join(faults))
         return out
 
-    def value(self, settings: dict[str, Any]) -> int:
+    def resolution_value(self, settings: dict[str, Any]) -> int:
         return settings[self.resolution.setting]
 
     def main_settings(self, settings: dict[str, Any]) -> dict[str, Any]:
@@ -182,13 +182,13 @@ CHECKED = ("following-p2", "fourier-kink", "fourier-riding")  # in order of pref
 # Solvers are imported when built: names load without scikit-fem.
 
 
-def _following(degree: int, groups: Groups, x: dict[str, Any], **kind: str) -> Solver:
+def _build_following(degree: int, groups: Groups, x: dict[str, Any], **kind: str) -> Solver:
     from cablefem.elements.rolling import following
 
     return following(groups, degree=degree, **{k: x[k] for k in ("elements", *_MESH)}, **kind)
 
 
-def _fixed(element: str, coupling: str, groups: Groups, x: dict[str, Any], **kind: str) -> Solver:
+def _build_fixed(element: str, coupling: str, groups: Groups, x: dict[str, Any], **kind: str) -> Solver:
     from cablefem.elements.fixed import FixedElements
 
     return FixedElements(groups, elements=x["elements"], element=element, coupling=coupling, **kind)
@@ -198,7 +198,7 @@ def _fixed(element: str, coupling: str, groups: Groups, x: dict[str, Any], **kin
 GRADING = 0.8
 
 
-def _galerkin(family: str, kink: bool, groups: Groups, x: dict[str, Any], **kind: Any) -> Solver:
+def _build_galerkin(family: str, kink: bool, groups: Groups, x: dict[str, Any], **kind: Any) -> Solver:
     from galerkin.abscissa import PositionAbscissa
     from galerkin.bases.daubechies import Daubechies
     from galerkin.bases.fourier import Fourier
@@ -218,11 +218,11 @@ def _galerkin(family: str, kink: bool, groups: Groups, x: dict[str, Any], **kind
     return PositionAbscissa(solver) if x["abscissa"] == "s" else solver
 
 
-def _each(unknowns: int) -> Resolution:
+def _element_resolution(unknowns: int) -> Resolution:
     return replace(ELEMENTS, unknowns=lambda elements: float(unknowns * elements))
 
 
-def _per_side(default: int) -> dict[str, Setting]:
+def _settings_per_side(default: int) -> dict[str, Setting]:
     return {"elements": Setting(default, (1, 100_000), "elements on each side of the mass"), **_MESH, **TIME}
 
 
@@ -234,70 +234,72 @@ _WAVELETS = {
         "literal", ("literal", "scaling", "shifted"), "of the printed index set (37); the other two are known to fail"
     ),
 }
-_COURSE = {"abscissa": Setting("t", ("t", "s"), "independent variable: time, or place of the mass (45)-(48)"), **TIME}
+_ABSCISSA = {"abscissa": Setting("t", ("t", "s"), "independent variable: time, or place of the mass (45)-(48)"), **TIME}
 _MANY_STEPS = Setting(4000, (2, 1_000_000), TIME["steps"].meaning)
-_WHOLE = {"elements": Setting(40, (2, 100_000), "elements on the whole cable"), **TIME}
+_WHOLE_CABLE = {"elements": Setting(40, (2, 100_000), "elements on the whole cable"), **TIME}
 # A constraint on positions needs a rule implicit at a step's end.
 _CONSTRAINED = tuple(x for x in SCHEMES if x not in ("gauss", "central-difference"))
-_DAMPED = _WHOLE | {"scheme": Setting("newmark", _CONSTRAINED, TIME["scheme"].meaning)}
+_DAMPED = _WHOLE_CABLE | {"scheme": Setting("newmark", _CONSTRAINED, TIME["scheme"].meaning)}
 
 _ALL = (
     Method(
         "following-p1", "elements", "linear elements on a mesh that follows the mass",
-        _per_side(20), _each(2), 2.0, partial(_following, 1), (10, 400),
+        _settings_per_side(20), _element_resolution(2), 2.0, partial(_build_following, 1), (10, 400),
         races=((5, 80), (9, 150), (16, 300), (30, 600), (55, 1200)),
         no_internal="linear elements have no curvature, which the rate of strain needs",
         trust="robust and simple; P2 gives more for the same time",
     ),
     Method(
         "following-p2", "elements", "quadratic elements on a mesh that follows the mass",
-        _per_side(10), _each(4), 2.5, partial(_following, 2), (4, 200),
+        _settings_per_side(10), _element_resolution(4), 2.5, partial(_build_following, 2), (4, 200),
         on_rides={"elements": 36, "scheme": "radau"}, keeps_pace=1.25, survey=(8, 600), no_internal="",
         races=((4, 80), (6, 150), (9, 300), (13, 600), (20, 1200)),
         trust="the default: fastest for a given error from 1e-2 to 1e-5",
     ),
     Method(
         "following-p4", "elements", "elements of degree 4 on a mesh that follows the mass",
-        _per_side(5), _each(8), 2.5, partial(_following, 4), (2, 200), on_rides={"scheme": "radau"}, keeps_pace=1.25,
+        _settings_per_side(5), _element_resolution(8), 2.5, partial(_build_following, 4), (2, 200),
+        on_rides={"scheme": "radau"}, keeps_pace=1.25,
         no_internal="",
         trust="smooth travel (from rest); wave fronts of a sudden entry take its advantage away",
     ),
     Method(
         "fixed-hermite", "elements", "C1 cubic elements, the mass moving through them",
-        _WHOLE | {"steps": _MANY_STEPS}, _each(2), 1.0, partial(_fixed, "hermite", "chain"), (8, 800), keeps_pace=3.0,
+        _WHOLE_CABLE | {"steps": _MANY_STEPS}, _element_resolution(2), 1.0,
+        partial(_build_fixed, "hermite", "chain"), (8, 800), keeps_pace=3.0,
         trust="first order, and N'' jumps at the nodes: wants steps like the square of the elements",
     ),
     Method(
         "fixed-p1-path", "elements", "linear elements, the mass a particle constrained to them",
-        _DAMPED, _each(1), 1.0, partial(_fixed, "p1", "path"), (10, 250), survey=(30, 600),
+        _DAMPED, _element_resolution(1), 1.0, partial(_build_fixed, "p1", "path"), (10, 250), survey=(30, 600),
         trust="only with numerical damping: the undamped rule blows up",
     ),
     Method(
         "fixed-p1-naive", "elements", "linear elements with chain-rule accelerations: WRONG",
-        _WHOLE, _each(1), 0.0, partial(_fixed, "p1", "naive"), (10, 250), wrong=True,
+        _WHOLE_CABLE, _element_resolution(1), 0.0, partial(_build_fixed, "p1", "naive"), (10, 250), wrong=True,
         trust="never: the centrifugal force is lost at the nodes; on show because everybody writes it first",
     ),
     Method(
         "fourier", "galerkin", "the paper's sines (33)-(34)",
-        _TERMS | _COURSE, TERMS, 1.0, partial(_galerkin, "fourier", False), (8, 320), survey=(30, 600),
+        _TERMS | _ABSCISSA, TERMS, 1.0, partial(_build_galerkin, "fourier", False), (8, 320), survey=(30, 600),
         trust="the paper's method; errors of order 1/N, tension with Gibbs oscillations",
     ),
     Method(
         "fourier-kink", "galerkin", "sines and a hat that travels with the mass",
-        _TERMS | _COURSE, TERMS, 2.0, partial(_galerkin, "fourier", True), (5, 500),
+        _TERMS | _ABSCISSA, TERMS, 2.0, partial(_build_galerkin, "fourier", True), (5, 500),
         on_rides={"terms": 45, "steps": 3000, "rho_inf": 0.7}, survey=(16, 600),
         races=((6, 50), (10, 100), (14, 170), (20, 300), (30, 600), (50, 1200)),
         trust="the Galerkin default, and its only method for cars that roll; ten terms beat 200 plain ones",
     ),
     Method(
         "fourier-riding", "galerkin", "sines on either side of the mass that ride with it, and a hat",
-        {"terms": Setting(20, (1, 1000), "sines on each side of the mass"), **_COURSE},
-        RIDING, 2.0, partial(_galerkin, "riding", True), (4, 500), no_internal="",
+        {"terms": Setting(20, (1, 1000), "sines on each side of the mass"), **_ABSCISSA},
+        RIDING, 2.0, partial(_build_galerkin, "riding", True), (4, 500), no_internal="",
         trust="gripped cars only: for the same error up to four times as fast as fourier-kink",
     ),
     Method(
         "wavelet", "galerkin", "the paper's anti-derivatives of Daubechies wavelets (35)-(39)",
-        _WAVELETS | _COURSE, LEVELS, 1.0, partial(_galerkin, "wavelet", False), (0, 400),
+        _WAVELETS | _ABSCISSA, LEVELS, 1.0, partial(_build_galerkin, "wavelet", False), (0, 400),
         trust="the paper's method; first order like sines, oscillations stay near the mass",
     ),
 )  # fmt: skip
@@ -305,17 +307,17 @@ METHODS = {m.name: m for m in _ALL}
 ENTRY_POINTS = "cablefem.methods"  # group in which another package names its methods
 
 
-def find(name: str) -> Method:
+def find_method(name: str) -> Method:
     """The method of this name, ours or that of an entry point; ValueError for an unknown one."""
     if name in METHODS:
         return METHODS[name]
-    others = installed()
+    others = installed_methods()
     if name not in others:
         raise ValueError(f"unknown method {name!r}.{did_you_mean(str(name), [*METHODS, *others])}")
     return others[name]
 
 
-def installed() -> dict[str, Method]:
+def installed_methods() -> dict[str, Method]:
     """Methods that other packages give by entry points; ValueError for what is none."""
     found = {}
     for point in entry_points(group=ENTRY_POINTS):
@@ -329,17 +331,21 @@ def installed() -> dict[str, Method]:
     return found
 
 
-def pair(groups: Groups) -> tuple[str, ...]:
+def checking_pair(groups: Groups) -> tuple[str, ...]:
     """First of `CHECKED` of each wing that runs the scene."""
     runs = [METHODS[name] for name in CHECKED if not METHODS[name].refusal(groups)]
     return tuple(next(m.name for m in runs if m.wing == wing) for wing in ("elements", "galerkin"))
 
 
-def refined(method: Method, settings: dict[str, Any], *, space: float = 1.0, time: float = 1.0) -> dict[str, Any]:
+def refined_settings(
+    method: Method, settings: dict[str, Any], *, space: float = 1.0, time: float = 1.0
+) -> dict[str, Any]:
     """Settings at `space` times the resolution, `time` times the steps."""
     out = dict(settings)
     smallest = method.knobs[method.resolution.setting].allowed[0]
     if space != 1.0:
-        out[method.resolution.setting] = max(smallest, method.resolution.nearest(method.value(settings), space))
+        out[method.resolution.setting] = max(
+            smallest, method.resolution.nearest(method.resolution_value(settings), space)
+        )
     out["steps"] = max(2, round(settings["steps"] * time))
     return out

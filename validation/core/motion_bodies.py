@@ -26,7 +26,7 @@ def cross(a: Vector, b: Vector) -> Array:
     return np.asarray((np.conj(a) * b).imag)
 
 
-def vector(points: Array) -> Vector:
+def to_complex(points: Array) -> Vector:
     return points[..., 0] + 1j * points[..., 1]
 
 
@@ -34,18 +34,18 @@ def unit(v: Vector) -> Vector:
     return v / np.abs(v)
 
 
-class Touching:
+class RopeTouch:
     """One contact with the rope."""
 
-    def __init__(self, x: Any, load: Array, of: Callable[[Array], Array]) -> None:
-        self.load = of(load)
-        self.ds = of(x.ds)
-        behind = vector(of(x.slope_behind))
-        ahead = vector(of(x.slope_ahead))
+    def __init__(self, contact: Any, load: Array, sampled: Callable[[Array], Array]) -> None:
+        self.load = sampled(load)
+        self.ds = sampled(contact.ds)
+        behind = to_complex(sampled(contact.slope_behind))
+        ahead = to_complex(sampled(contact.slope_ahead))
         self.tau = unit(behind + ahead)
         self.stretch = 0.5 * (np.abs(behind) + np.abs(ahead))
         self.projection = 0.5 * np.abs(behind + ahead) / self.stretch
-        self.kink = of(x.tension_behind) * unit(behind) - of(x.tension_ahead) * unit(ahead)
+        self.kink = sampled(contact.tension_behind) * unit(behind) - sampled(contact.tension_ahead) * unit(ahead)
         self.turn = ahead - behind
         self.along = np.zeros(self.ds.size)  # f along the rope inside the pair
 
@@ -62,53 +62,55 @@ class Touching:
 class CarBody:
     """The body of a car."""
 
-    def __init__(self, data: dict[str, Any], car: Any, motion: Any, of: Callable[[Array], Array], g: float) -> None:
-        """data : of the car, from the TOML;  of : takes samples."""
-        self.g = g
+    def __init__(
+        self, data: dict[str, Any], car: Any, motion: Any, sampled: Callable[[Array], Array], gravity: float
+    ) -> None:
+        """data : of the car, from the TOML;  sampled : takes samples."""
+        self.g = gravity
         self.data = data
-        self.t = of(motion.t)
+        self.t = sampled(motion.t)
         self.turning = car.turning
         self.inertia = 0.0
         self.damping = 0.0
         self.rate: Array = np.zeros(self.t.size)
-        point = vector(of(car.point))
-        velocity = vector(of(car.velocity))
+        point = to_complex(sampled(car.point))
+        velocity = to_complex(sampled(car.velocity))
         self.arms = [0.0 * point]  # contact less c
-        self.touching = [Touching(car, car.contact_force, of)]
+        self.touching = [RopeTouch(car, car.contact_force, sampled)]
         self.e = self.touching[0].tau
         mass = data["mass"]
         carried = 0.0  # mass at the contact
-        if self.swings:
+        if self.has_cabin:
             hanger = data["hanger"]
             m = hanger["mass"]
             self.size = hanger["length"]
             carried = mass - m
             self.inertia = m * hanger.get("gyration", 0.0) ** 2
-            stiffness = m * g * self.size
+            stiffness = m * gravity * self.size
             self.damping = 2.0 * hanger.get("damping", 0.0) * math.sqrt((self.inertia + m * self.size**2) * stiffness)
-            self.rate = -of(car.turning.rate)
-            self.arms = [-1j * self.size * np.exp(-1j * of(car.turning.angle))]
+            self.rate = -sampled(car.turning.rate)
+            self.arms = [-1j * self.size * np.exp(-1j * sampled(car.turning.angle))]
         elif car.turning is not None:
             wheels = data["wheels"]
             self.size = wheels["base"]
             self.inertia = wheels["inertia"]
-            self.rate = of(car.turning.rate)
+            self.rate = sampled(car.turning.rate)
             rear, front = car.turning.wheels
-            self.e = unit(point - vector(of(rear.point)))
+            self.e = unit(point - to_complex(sampled(rear.point)))
             middle = -wheels.get("ahead", 0.0) - 1j * wheels.get("below", 0.0)
             self.arms = [self.e * (middle + side * 0.5 * self.size) for side in (-1.0, 1.0)]
-            self.touching = [Touching(x, x.load, of) for x in (rear, front)]
+            self.touching = [RopeTouch(x, x.load, sampled) for x in (rear, front)]
         self.c = point - self.arms[-1]
         self.dc = velocity - 1j * self.rate * self.arms[-1]
         self.masses = [(carried, point, velocity), (mass - carried, self.c, self.dc)]
-        self._drive(car, of)
-        self._slip(car, motion, of)
+        self._set_thrust_and_drag(car, sampled)
+        self._set_force_along_rope(car, motion, sampled)
 
     @property
-    def swings(self) -> bool:
+    def has_cabin(self) -> bool:
         return "hanger" in self.data
 
-    def _drive(self, car: Any, of: Callable[[Array], Array]) -> None:
+    def _set_thrust_and_drag(self, car: Any, of: Callable[[Array], Array]) -> None:
         drive = self.data.get("drive", {})
         thrust = drive.get("thrust", 0.0)
         if not isinstance(thrust, dict):
@@ -123,7 +125,7 @@ class CarBody:
             at = drive.get("hitch", at)
             angle = 0.0
         lever = self.e * complex(*at)
-        if self.swings:
+        if self.has_cabin:
             lever = self.arms[0]
         self.force = force * np.exp(-1j * angle) * self.e
         self.moment = cross(lever, self.force)
@@ -133,7 +135,7 @@ class CarBody:
         self.powers = [dot(self.force, self.dc + 1j * self.rate * lever), dot(self.drag, self.dc)]
         self.powers.append(-self.damping * self.rate**2)
 
-    def _slip(self, car: Any, motion: Any, of: Callable[[Array], Array]) -> None:
+    def _set_force_along_rope(self, car: Any, motion: Any, of: Callable[[Array], Array]) -> None:
         """Friction, brakes, grip and hold."""
         drive = self.data.get("drive", {})
         front = self.touching[-1]
@@ -165,10 +167,10 @@ class CarBody:
         (carried, _, v), (m, _, dc) = self.masses
         return carried * v + m * dc
 
-    def moments(self) -> tuple[Array, Array]:
+    def moment_balance(self) -> tuple[Array, Array]:
         """Parts of the balance of moments about c that a window W takes, and that its slope takes."""
         m = self.masses[1][0]
-        if self.swings:
+        if self.has_cabin:
             arm = self.arms[0]
             pulled = m * cross(arm, self.dc)
             turned = m * cross(1j * self.rate * arm, self.dc)

@@ -24,15 +24,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from validation.core.motion_bodies import CarBody, vector
-from validation.core.scene_data import ROUNDING, Array, LineData, columns_of, stressed
+from validation.core.motion_bodies import CarBody, to_complex
+from validation.core.scene_data import ROUNDING, Array, LineData, read_columns, wheel_stresses
 
 WINDOWS = 12
-PART = 0.25  # length of a window over the run's
+WINDOW_SHARE = 0.25  # length of a window over the run's
 BALANCE = 1e-3  # of a load by hand: elements balance a car along the rope in the mean over its segments
 
 
-class LineOf(LineData):
+class LineTables(LineData):
     """A line in motion; lengths along a hot rope are heated ones."""
 
     def __init__(self, toml: str) -> None:
@@ -41,7 +41,7 @@ class LineOf(LineData):
         self.q = self.rho * self.gravity
         self.cars: dict[str, dict[str, Any]] = {car["name"]: car for car in self.data.get("car", [])}
 
-    def ends(self) -> Iterator[tuple[float, int, dict[str, Any]]]:
+    def counterweights(self) -> Iterator[tuple[float, int, dict[str, Any]]]:
         """e, index and table of a counterweight."""
         for e, k in ((-1.0, 0), (1.0, -1)):
             if self.contacts[k]["kind"] == "counterweight":
@@ -53,51 +53,51 @@ def tension_at(x: Any) -> Array:
     return np.asarray(np.where(np.isnan(x.tension_behind), x.tension_ahead, x.tension_behind))
 
 
-def touching(motion: Any) -> list[Any]:
+def touching_rope(motion: Any) -> list[Any]:
     """What touches the rope: contacts, cars, and of two wheels the rear one, too."""
     rear = [car.turning.wheels[0] for car in motion.cars if car.turning is not None and car.turning.wheels]
     return [*motion.contacts, *motion.cars, *rear]
 
 
-class Sampled:
+class SampledMotion:
     """A motion at every step, or every second one, and the rope as a chain of points (n, k, 2)."""
 
-    def __init__(self, line: LineOf, motion: Any, every: int) -> None:
+    def __init__(self, line: LineTables, motion: Any, every: int) -> None:
         self.line = line
-        self.taken = taken(motion.t, every)
+        self.taken = sampled_steps(motion.t, every)
         self.t = motion.t[self.taken]
         self.cars = list(motion.cars)
         self.contacts = list(motion.contacts)
-        self.bodies = [CarBody(line.cars[car.name], car, motion, self.of, line.gravity) for car in self.cars]
-        bodies = touching(motion)
+        self.bodies = [CarBody(line.cars[car.name], car, motion, self.at_samples, line.gravity) for car in self.cars]
+        bodies = touching_rope(motion)
         first = self.contacts[0]
-        tension = self.of(motion.tension)
+        tension = self.at_samples(motion.tension)
         here = np.isfinite(tension)
-        s = np.where(here, motion.s, self.of(first.s)[:, None])
-        points = np.where(here[..., None], self.of(motion.points), self.of(first.point)[:, None])
-        tension = np.where(here, tension, self.of(first.tension_ahead)[:, None])
-        s = np.concatenate([s, *(self.of(x.s)[:, None] for x in bodies)], axis=1)
-        points = np.concatenate([points, *(self.of(x.point)[:, None] for x in bodies)], axis=1)
-        tension = np.concatenate([tension, *(self._tension(x)[:, None] for x in bodies)], axis=1)
+        s = np.where(here, motion.s, self.at_samples(first.s)[:, None])
+        points = np.where(here[..., None], self.at_samples(motion.points), self.at_samples(first.point)[:, None])
+        tension = np.where(here, tension, self.at_samples(first.tension_ahead)[:, None])
+        s = np.concatenate([s, *(self.at_samples(x.s)[:, None] for x in bodies)], axis=1)
+        points = np.concatenate([points, *(self.at_samples(x.point)[:, None] for x in bodies)], axis=1)
+        tension = np.concatenate([tension, *(self._tension_of_contact(x)[:, None] for x in bodies)], axis=1)
         order = np.argsort(s, axis=1, kind="stable")
         self.ds = np.diff(np.take_along_axis(s, order, axis=1), axis=1)  # (n, k - 1)
         chain = np.take_along_axis(points, order[..., None], axis=1)
         T = np.take_along_axis(tension, order, axis=1)
         self.middles = 0.5 * (chain[:, 1:] + chain[:, :-1])
         self.squares = 0.5 * (T[:, 1:] ** 2 + T[:, :-1] ** 2)
-        self.kinetic = self._kinetic(motion)
+        self.kinetic = self._kinetic_energy(motion)
 
-    def of(self, values: Array) -> Array:
+    def at_samples(self, values: Array) -> Array:
         return np.asarray(values[self.taken])
 
-    def _tension(self, x: Any) -> Array:
-        sides = np.array([self.of(x.tension_behind), self.of(x.tension_ahead)])
+    def _tension_of_contact(self, x: Any) -> Array:
+        sides = np.array([self.at_samples(x.tension_behind), self.at_samples(x.tension_ahead)])
         return np.asarray(np.where(np.isnan(sides), sides[::-1], sides).mean(axis=0))
 
-    def _kinetic(self, motion: Any) -> Array:
+    def _kinetic_energy(self, motion: Any) -> Array:
         """Kinetic energy (n,) [J] of the rope, by the velocities of its stations."""
         once = np.concatenate([[True], np.diff(self.t) > 0.0])
-        points = self.of(motion.points)
+        points = self.at_samples(motion.points)
         velocity = np.gradient(points[once], self.t[once], axis=0)
         v2 = np.nan_to_num((velocity**2).sum(axis=2))  # (., m)
         length = np.gradient(motion.s)
@@ -105,14 +105,14 @@ class Sampled:
         return np.asarray(0.5 * self.line.rho * (v2 @ length)[rows])
 
 
-def taken(t: Array, every: int) -> NDArray[np.intp]:
+def sampled_steps(t: Array, every: int) -> NDArray[np.intp]:
     """Numbers of the steps to take: every so many, and both sides of each jump, where a time stands twice."""
     jumps = np.flatnonzero(np.diff(t) <= 0.0)
     edges = zip([0, *(jumps + 1)], [*jumps, t.size - 1], strict=True)
     return np.concatenate([np.unique(np.append(np.arange(low, high, every), high)) for low, high in edges])
 
 
-def _sum(t: Array, values: Array) -> Array:
+def _time_integral(t: Array, values: Array) -> Array:
     """Integral of values (n, ...) over t."""
     steps = np.diff(t).reshape(-1, *[1] * (values.ndim - 1))
     return np.asarray((0.5 * (values[1:] + values[:-1]) * steps).sum(axis=0))
@@ -120,7 +120,7 @@ def _sum(t: Array, values: Array) -> Array:
 
 def _smooth_windows(t: Array, end: float) -> Iterator[tuple[slice, Array, Array, Array]]:
     """Samples of a window, W and its two derivatives there: W = (1 - cos x)^2/4."""
-    length = PART * end
+    length = WINDOW_SHARE * end
     for middle in np.linspace(0.5 * length, end - 0.5 * length, WINDOWS):
         begin = middle - 0.5 * length
         low = max(int(np.searchsorted(t, begin)) - 1, 0)
@@ -135,10 +135,10 @@ def _smooth_windows(t: Array, end: float) -> Iterator[tuple[slice, Array, Array,
         yield part, W, W1, W2
 
 
-def momentum(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+def momentum_defects(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     """Defects (WINDOWS, 2) of the momentum of rope and cars, over the largest tension."""
-    line = LineOf(toml)
-    x = Sampled(line, motion, every)
+    line = LineTables(toml)
+    x = SampledMotion(line, motion, every)
     moment = line.rho * (x.middles * x.ds[..., None]).sum(axis=1)  # (n, 2)
     force = np.zeros_like(moment)
     force[:, 1] = line.q * x.ds.sum(axis=1)
@@ -148,11 +148,14 @@ def momentum(toml: str, motion: Any, end: float, every: int = 1) -> Array:
         force += np.stack([outside.real, outside.imag], axis=1)
         impulse += np.stack([body.momentum.real, body.momentum.imag], axis=1)
     for contact in x.contacts:
-        force -= x.of(contact.pressure)
+        force -= x.at_samples(contact.pressure)
     first = x.contacts[0]
     last = x.contacts[-1]
-    entering = line.rho * (x.of(last.point) * x.of(last.ds)[:, None] - x.of(first.point) * x.of(first.ds)[:, None])
-    largest = max(float(np.max(x._tension(body))) for body in (*x.contacts, *x.cars))
+    entering = line.rho * (
+        x.at_samples(last.point) * x.at_samples(last.ds)[:, None]
+        - x.at_samples(first.point) * x.at_samples(first.ds)[:, None]
+    )
+    largest = max(float(np.max(x._tension_of_contact(body))) for body in (*x.contacts, *x.cars))
     out = []
     for part, W, W1, W2 in _smooth_windows(x.t, end):
         t = x.t[part]
@@ -160,31 +163,31 @@ def momentum(toml: str, motion: Any, end: float, every: int = 1) -> Array:
         share = ((t - t[0]) / (t[-1] - t[0]))[:, None]
         m = m - (m[0] + share * (m[-1] - m[0]))  # W'' and a linear function have no integral
         rate = W2[:, None] * m + W1[:, None] * (entering[part] - impulse[part])
-        out.append(_sum(t, rate - W[:, None] * force[part]) / (_sum(t, W) * largest))
+        out.append(_time_integral(t, rate - W[:, None] * force[part]) / (_time_integral(t, W) * largest))
     return np.array(out)
 
 
-def weight(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+def counterweight_defects(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     """Defects of the motion of a counterweight, over its force; none without one."""
-    line = LineOf(toml)
-    steps = taken(motion.t, every)
+    line = LineTables(toml)
+    steps = sampled_steps(motion.t, every)
     t = motion.t[steps]
     out = [0.0]
-    for e, k, data in line.ends():
+    for e, k, data in line.counterweights():
         G = data["tension"]
         contact = motion.contacts[k]
         N = tension_at(contact)[steps]
         rate = e * (1.0 + G / line.EA) * contact.ds[steps]
         for part, W, W1, _ in _smooth_windows(t, end):
-            defect = _sum(t[part], W * (N[part] - G) + W1 * G / line.gravity * rate[part])
-            out.append(float(defect) / (G * float(_sum(t[part], W))))
+            defect = _time_integral(t[part], W * (N[part] - G) + W1 * G / line.gravity * rate[part])
+            out.append(float(defect) / (G * float(_time_integral(t[part], W))))
     return np.array(out)
 
 
-def energy(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+def energy_defects(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     """Energy less work since the start (n,), over all work done."""
-    line = LineOf(toml)
-    x = Sampled(line, motion, every)
+    line = LineTables(toml)
+    x = SampledMotion(line, motion, every)
     E = x.kinetic - line.q * (x.middles[..., 1] * x.ds).sum(axis=1) + (x.squares * x.ds).sum(axis=1) / (2.0 * line.EA)
     powers = []
     for body in x.bodies:
@@ -192,41 +195,41 @@ def energy(toml: str, motion: Any, end: float, every: int = 1) -> Array:
         powers += body.powers
     for contact, table in zip(x.contacts, line.contacts, strict=True):
         if table["kind"] == "spring":
-            E += 0.5 * (np.array(table["stiffness"]) * (x.of(contact.point) - table["at"]) ** 2).sum(axis=1)
-    for e, k, table in line.ends():
+            E += 0.5 * (np.array(table["stiffness"]) * (x.at_samples(contact.point) - table["at"]) ** 2).sum(axis=1)
+    for e, k, table in line.counterweights():
         contact = x.contacts[k]
-        N = x._tension(contact)
-        ds = x.of(contact.ds)
+        N = x._tension_of_contact(contact)
+        ds = x.at_samples(contact.ds)
         moving = 0.5 * line.rho * (ds * (1.0 + N / line.EA)) ** 2
         powers.append(-e * ds * (N + N**2 / (2.0 * line.EA) + line.q * table["at"][1] - moving))
     steps = np.diff(x.t)
 
-    def work(power: Array) -> Array:
+    def work_done(power: Array) -> Array:
         return np.append(0.0, np.cumsum(0.5 * (power[1:] + power[:-1]) * steps))
 
-    done = sum(float(work(np.abs(power))[-1]) for power in powers) or 1.0
-    return np.asarray((E - E[0] - work(np.sum(powers, axis=0))) / done)
+    done = sum(float(work_done(np.abs(power))[-1]) for power in powers) or 1.0
+    return np.asarray((E - E[0] - work_done(np.sum(powers, axis=0))) / done)
 
 
-def moment(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+def moment_defects(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     """Defects of the moment of momentum of cabins and cars on two wheels, over their weight and size."""
-    x = Sampled(LineOf(toml), motion, every)
+    x = SampledMotion(LineTables(toml), motion, every)
     out = []
     for body in x.bodies:
         if body.turning is None:
             continue
-        held, turned = body.moments()
+        held, turned = body.moment_balance()
         for part, W, W1, _ in _smooth_windows(x.t, end):
             t = x.t[part]
-            defect = float(_sum(t, W * held[part] + W1 * turned[part]))
-            out.append(defect / (body.masses[1][0] * body.g * body.size * float(_sum(t, W))))
+            defect = float(_time_integral(t, W * held[part] + W1 * turned[part]))
+            out.append(defect / (body.masses[1][0] * body.g * body.size * float(_time_integral(t, W))))
     return np.array(out)
 
 
-def kinks(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+def kink_force_defects(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     """Defects of the forces of cabins and wheels on the rope, by its tensions and slopes there, over the weight."""
-    line = LineOf(toml)
-    x = Sampled(line, motion, every)
+    line = LineTables(toml)
+    x = SampledMotion(line, motion, every)
     out = []
     for body in x.bodies:
         for touching in body.touching if body.turning is not None else ():
@@ -234,39 +237,47 @@ def kinks(toml: str, motion: Any, end: float, every: int = 1) -> Array:
             weight = body.data["mass"] * body.g
             for part, W, _, _ in _smooth_windows(x.t, end):
                 t = x.t[part]
-                along, down = (_sum(t, W * component[part]) for component in (defect.real, defect.imag))
-                out.append(math.hypot(along, down) / (weight * float(_sum(t, W))))
+                along, down = (_time_integral(t, W * component[part]) for component in (defect.real, defect.imag))
+                out.append(math.hypot(along, down) / (weight * float(_time_integral(t, W))))
     return np.array(out)
 
 
-def centres(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+def centre_of_mass_defects(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     """Distances beyond rounding of centres of mass from where contacts and angles put them, over the body's size."""
-    x = Sampled(LineOf(toml), motion, every)
+    x = SampledMotion(LineTables(toml), motion, every)
     turning = [body for body in x.bodies if body.turning is not None]
-    distances = np.array([np.max(np.abs(vector(x.of(b.turning.centre)) - b.c)) / b.size for b in turning])
+    distances = np.array([np.max(np.abs(to_complex(x.at_samples(b.turning.centre)) - b.c)) / b.size for b in turning])
     return np.asarray(np.maximum(distances - ROUNDING, 0.0))
 
 
-LAWS = {"momentum of rope and cars": momentum, "motion of the counterweight": weight, "energy and work": energy}
-OF_BODIES = {"moment of momentum of bodies": moment, "forces on kinks of the rope": kinks, "centres of mass": centres}
+LAWS = {
+    "momentum of rope and cars": momentum_defects,
+    "motion of the counterweight": counterweight_defects,
+    "energy and work": energy_defects,
+}
+BODY_LAWS = {
+    "moment of momentum of bodies": moment_defects,
+    "forces on kinks of the rope": kink_force_defects,
+    "centres of mass": centre_of_mass_defects,
+}
 
 
-def read_back(folder: Path, motion: Any, design: Sequence[dict[str, Any]], period: float) -> list[str]:
+def read_back_line_files(folder: Path, motion: Any, design: Sequence[dict[str, Any]], period: float) -> list[str]:
     """Faults of path-NAME.csv, contacts.csv and the design numbers, each a sentence; none where all is as computed."""
-    files = _Files(folder, motion, period)
+    files = _LineFiles(folder, motion, period)
     faults: list[str] = []
     for car in motion.cars:
         name = f"path-{car.name}.csv"
-        faults += _unlike(name, files.paths[car.name], _path(car, motion))
-        faults += _unlike(name, files.paths[car.name], _by_hand(files.line, car, motion), BALANCE)
+        faults += _column_faults(name, files.paths[car.name], _columns_of_car(car, motion))
+        faults += _column_faults(name, files.paths[car.name], _wheel_loads_by_hand(files.line, car, motion), BALANCE)
     for contact in motion.contacts:
-        faults += _unlike("contacts.csv", files.contacts, _columns_of_contact(contact))
+        faults += _column_faults("contacts.csv", files.contacts, _columns_of_contact(contact))
     for number in design:
-        faults += files.faults(number)
+        faults += files.number_faults(number)
     return faults
 
 
-def _path(car: Any, motion: Any) -> dict[str, Array]:
+def _columns_of_car(car: Any, motion: Any) -> dict[str, Array]:
     """Columns (n,) of a car's file."""
     path = {
         "t": motion.t, "s_o": car.s, "x": car.point[:, 0], "y": car.point[:, 1], "T_behind": car.tension_behind,
@@ -284,21 +295,21 @@ def _columns_of_contact(x: Any) -> dict[str, Array]:
     return {f"{x.name}.{name}": values for name, values in columns.items()}
 
 
-class _Files:
+class _LineFiles:
     """What the files of a line in motion say."""
 
     def __init__(self, folder: Path, motion: Any, period: float) -> None:
-        self.line = LineOf((folder / "scene.toml").read_text(encoding="utf-8"))
+        self.line = LineTables((folder / "scene.toml").read_text(encoding="utf-8"))
         self.motion = motion
         self.period = period
-        self.paths = {car.name: columns_of(folder / f"path-{car.name}.csv") for car in motion.cars}
-        self.contacts = columns_of(folder / "contacts.csv")
+        self.paths = {car.name: read_columns(folder / f"path-{car.name}.csv") for car in motion.cars}
+        self.contacts = read_columns(folder / "contacts.csv")
         self.t = self.contacts["t"]
 
-    def faults(self, number: dict[str, Any]) -> Iterator[str]:
+    def number_faults(self, number: dict[str, Any]) -> Iterator[str]:
         """Faults of a design number: it is not the extreme, or not the value at its time, or its car is elsewhere."""
         name = number["quantity"]
-        values = self._extremes(number)
+        values = self._extreme_and_value_then(number)
         allowed = (number["bar"] or 0.0) + 1e-9 * abs(number["value"])
         if not all(abs(value - number["value"]) <= allowed for value in values):
             stored = ", at its time ".join(f"{value:.6g}" for value in values)
@@ -307,20 +318,20 @@ class _Files:
         if path is not None and abs(np.interp(number["t"], self.t, path["s_o"]) - number["s_o"]) > 1e-9 * number["s_o"]:
             yield f"{name}: the car is not at {number['s_o']:.6g} m then"
 
-    def _extremes(self, number: dict[str, Any]) -> list[float]:
+    def _extreme_and_value_then(self, number: dict[str, Any]) -> list[float]:
         """The extreme, and of a series that at the number's time."""
         kind, _, of = number["quantity"].partition(":")
         name, _, word = kind.rpartition("_")
         if name == "clearance":
-            return [float(min(np.min(values) for values in self._clearances(kind, of)))]
-        values = _felt(name, self._series[f"{name}:{of}" if of else name], self.t, self.period)
+            return [float(min(np.min(values) for values in self._clearance_columns(kind, of)))]
+        values = _means_of_forces(name, self._columns_by_quantity[f"{name}:{of}" if of else name], self.t, self.period)
         if name in ("grip", "contact") and "drive" not in self.line.cars[of]:
-            values = _felt(name, values, self.t, self.period)  # a car that grips rings: means of means
+            values = _means_of_forces(name, values, self.t, self.period)  # a car that grips rings: means of means
         now = self.t == self.t[np.argmin(np.abs(self.t - number["t"]))]
         pick = np.max if word == "max" else np.min
         return [float(pick(values)), float(pick(values[:, now]))]
 
-    def _clearances(self, kind: str, of: str) -> list[Array]:
+    def _clearance_columns(self, kind: str, of: str) -> list[Array]:
         """Heights over an obstacle or the ground of a car, or of the rope and all cars' points."""
         scene = self.line.data
         body, _, over = of.rpartition(" over ")
@@ -328,20 +339,23 @@ class _Files:
         heights = []
         if kind == "clearance_rope":
             below = dict.fromkeys(below, 0.0)
-            heights = [_under_rope(scene, self.motion, over)]
+            heights = [_min_heights_of_rope(scene, self.motion, over)]
         passing = [x for x in below if x == (body or x)]
-        return [*heights, *(_under_car(_ground(scene, over), self.paths[x]) - below[x] for x in passing)]
+        return [
+            *heights,
+            *(_heights_of_car(_ground_or_obstacle_profile(scene, over), self.paths[x]) - below[x] for x in passing),
+        ]
 
     @cached_property
-    def _series(self) -> dict[str, list[Array]]:
+    def _columns_by_quantity(self) -> dict[str, list[Array]]:
         """Columns by quantity; of a load its two components."""
         contacts = self.motion.contacts
         out = {"tension": [self.contacts[f"{x.name}.tension"] for x in contacts]}
         for name, path in self.paths.items():
             out["tension"] += [path["T_behind"], path["T_ahead"]]
-            out |= {f"{kind}:{name}": [path[column]] for kind, column in OF_PATH.items() if column in path}
+            out |= {f"{kind}:{name}": [path[column]] for kind, column in COLUMN_OF_QUANTITY.items() if column in path}
             out |= {f"wheel:{name}.{x}": [path[f"wheel_{x}"]] for x in ("rear", "front") if f"wheel_{x}" in path}
-            out |= {f"{kind}:{name}": values for kind, values in self._stresses(name, path).items()}
+            out |= {f"{kind}:{name}": values for kind, values in self._rope_stresses(name, path).items()}
         out |= {f"grip:{car.name}": [car.grip_force] for car in self.motion.cars}
         for x in contacts:
             s = self.contacts[f"{x.name}.s"]
@@ -349,31 +363,31 @@ class _Files:
             out[f"load:{x.name}"] = list(x.pressure.T)
         return out
 
-    def _stresses(self, name: str, path: dict[str, Array]) -> dict[str, list[Array]]:
+    def _rope_stresses(self, name: str, path: dict[str, Array]) -> dict[str, list[Array]]:
         """Of the rope behind the rear and ahead of the front wheels of a car, by kind."""
         wheels = self.line.cars[name].get("wheels", {})
         out: dict[str, list[Array]] = {}
         for side, N in (("rear", path["T_behind"]), ("front", path["T_ahead"])) if wheels else ():
             Q = path.get(f"wheel_{side}", 0.5 * path["F_contact"]) * 2.0 / wheels.get("count", 2)
-            for kind, values in stressed(self.line.data["cable"], wheels, N, Q).items():
+            for kind, values in wheel_stresses(self.line.data["cable"], wheels, N, Q).items():
                 out.setdefault(kind, []).append(values)
         return out
 
 
 # kinds of design numbers, and their columns of a car's file
-OF_PATH = {
+COLUMN_OF_QUANTITY = {
     "haul": "F_haul", "contact": "F_contact", "speed": "speed", "depth": "y", "swing": "swing", "pitch": "pitch",
 }  # fmt: skip
 
 
-def _felt(name: str, values: Any, t: Array, period: float) -> Array:
+def _means_of_forces(name: str, values: Any, t: Array, period: float) -> Array:
     """Some series (k, n); of forces means over a period."""
     if name.startswith(("tension", "haul", "grip", "contact", "load", "wheel", "stress")):
-        values = [_mean(t, v, period) for v in values]
+        values = [_moving_mean(t, v, period) for v in values]
     return np.array([np.hypot(*values)] if name == "load" else values)
 
 
-def _by_hand(line: LineOf, car: Any, motion: Any) -> dict[str, Array]:
+def _wheel_loads_by_hand(line: LineTables, car: Any, motion: Any) -> dict[str, Array]:
     """Loads (n,) of both wheels of a point car by the balance of moments about its centre of mass."""
     data = line.cars[car.name]
     wheels = data.get("wheels", {})
@@ -386,14 +400,14 @@ def _by_hand(line: LineOf, car: Any, motion: Any) -> dict[str, Array]:
     return {"wheel_rear": rope.load - front, "wheel_front": front}
 
 
-def _ground(scene: dict[str, Any], name: str) -> Array:
+def _ground_or_obstacle_profile(scene: dict[str, Any], name: str) -> Array:
     """Rows x and depth of an obstacle or the ground."""
     if name.removeprefix("the ") == "ground":
         return np.array(scene["ground"], float).T
     return np.array([[o["at"], o["top"]] for o in scene["obstacle"] if o["name"] == name]).T
 
 
-def _under_car(ground: Array, table: dict[str, Array]) -> Array:
+def _heights_of_car(ground: Array, table: dict[str, Array]) -> Array:
     """Heights of a car's wheels over rows x and depth of a ground, along its path and at each corner; inf beyond."""
     x, depth = ground
     path = np.stack([table["x"], table["y"]])  # (2, n)
@@ -405,14 +419,14 @@ def _under_car(ground: Array, table: dict[str, Array]) -> Array:
     return np.concatenate([at_corners, along, [np.inf]])
 
 
-def _under_rope(scene: dict[str, Any], motion: Any, over: str) -> Array:
+def _min_heights_of_rope(scene: dict[str, Any], motion: Any, over: str) -> Array:
     """Least height (n,) of the rope, straight between stations, cars and contacts."""
-    x, depth = _ground(scene, over)
+    x, depth = _ground_or_obstacle_profile(scene, over)
     lowest = np.empty(motion.t.size)
     for i in range(motion.t.size):
         known = np.isfinite(motion.tension[i])
         rows = [np.column_stack([motion.s[known], motion.points[i, known]])]
-        rows += [np.array([[body.s[i], *body.point[i]]]) for body in touching(motion)]
+        rows += [np.array([[body.s[i], *body.point[i]]]) for body in touching_rope(motion)]
         chain = np.concatenate(rows)
         _, at, y = chain[np.argsort(chain[:, 0], kind="stable")].T
         inside = (at >= x[0]) & (at <= x[-1])
@@ -421,7 +435,9 @@ def _under_rope(scene: dict[str, Any], motion: Any, over: str) -> Array:
     return lowest
 
 
-def _unlike(file: str, table: dict[str, Array], right: dict[str, Array], rounding: float = ROUNDING) -> Iterator[str]:
+def _column_faults(
+    file: str, table: dict[str, Array], right: dict[str, Array], rounding: float = ROUNDING
+) -> Iterator[str]:
     for name, values in right.items():
         scale = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
         same = name in table and table[name].shape == values.shape
@@ -429,7 +445,7 @@ def _unlike(file: str, table: dict[str, Array], right: dict[str, Array], roundin
             yield f"{file}: {name} is not what was computed"
 
 
-def _mean(t: Array, values: Array, period: float) -> Array:
+def _moving_mean(t: Array, values: Array, period: float) -> Array:
     """Means over the `period` around each time, inside the run; the values follow splines between jumps."""
     total = 0.0
     splines: list[tuple[float, float, Any]] = []
@@ -439,10 +455,10 @@ def _mean(t: Array, values: Array, period: float) -> Array:
             splines.append((float(t[part[0]]), total, spline))
             total += float(spline.integrate(t[part[0]], t[part[-1]]))
 
-    def upto(x: float) -> float:
+    def integral_up_to(x: float) -> float:
         begin, done, spline = [row for row in splines if row[0] <= x][-1]
         return done + float(spline.integrate(begin, x))
 
     begins = np.clip(t - 0.5 * period, t[0], max(t[-1] - period, t[0]))
     ends = np.minimum(begins + period, t[-1])
-    return np.array([(upto(b) - upto(a)) / (b - a) for a, b in zip(begins, ends, strict=True)])
+    return np.array([(integral_up_to(b) - integral_up_to(a)) / (b - a) for a, b in zip(begins, ends, strict=True)])

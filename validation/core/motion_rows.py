@@ -18,24 +18,24 @@ from cablefem.motion import CarMotion, ContactMotion, LineMotion
 from cablefem.response import Array
 from cablefem.scene.bodies import Wheels
 from cablefem.scene.line import Line, LineRope
-from validation.core.agreement import Agreement, Bound, Part, no_bound
-from validation.core.clearances import grounds
+from validation.core.agreement import Agreement, Bound, BoundPart, no_bound
+from validation.core.clearances import obstacle_profiles
 from validation.core.ladder import Ladder
-from validation.core.motion_laws import taken, touching
-from validation.core.wheels import left_out, stresses
+from validation.core.motion_laws import sampled_steps, touching_rope
+from validation.core.wheels import neglected_wheel_load, rope_stresses_under_wheel
 
-SETTLED = 3  # instants that a comparison needs
+INITIAL_STEPS = 3  # instants that a comparison needs
 # passes of the mean of forces on a car that grips: it rings with the rope in other periods than the round trip, for its
 # mass; of a ring of 0.7 round trips a mean leaves a fifth, the mean of means a twentieth
-GRIP = 2
+GRIP_PASSES = 2
 ANGLES = ("swing", "pitch")
 FIELDS = 0.05  # smallest tolerance of fields along the rope, and of laws
 
-Of = Callable[[Any], Array]
+Series = Callable[[Any], Array]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Moved:
+class LineRun:
     """What one method makes of a line."""
 
     method: str
@@ -58,14 +58,14 @@ class Moved:
         rows = np.searchsorted(self.motion.t, at - 1e-9 * self.instants[-1])
         return values[np.minimum(rows, self.motion.t.size - 1)]
 
-    def mean(self, values: Array, passes: int = 1) -> Array:
+    def axial_mean(self, values: Array, passes: int = 1) -> Array:
         """Means (n, ...) of values (n, ...) over an axial round trip around each step; two passes: means of means."""
         for _ in range(passes):
-            values = means(self.motion.t, values, self.period)
+            values = moving_means(self.motion.t, values, self.period)
         return values
 
 
-def means(t: Array, values: Array, period: float) -> Array:
+def moving_means(t: Array, values: Array, period: float) -> Array:
     """Means of values (n, ...) over the `period` around each time t (n,), inside the run.
 
     Between the times values follow cubic splines, one between two jumps: straight lines cut off axial waves.
@@ -100,7 +100,7 @@ class Scales:
 
 
 @dataclass(frozen=True, slots=True)
-class Tolerance:
+class LineTolerance:
     path: float
     tension: float
 
@@ -109,21 +109,21 @@ class Tolerance:
         return max(FIELDS, 10.0 * self.path)
 
 
-def car_of(moved: Moved, name: str) -> CarMotion:
+def find_car(moved: LineRun, name: str) -> CarMotion:
     return next(car for car in moved.motion.cars if car.name == name)
 
 
-def contact_of(moved: Moved, name: str) -> ContactMotion:
+def find_contact(moved: LineRun, name: str) -> ContactMotion:
     return next(contact for contact in moved.motion.contacts if contact.name == name)
 
 
-def distance(a: Array, b: Array) -> Array:
+def distances(a: Array, b: Array) -> Array:
     """Distances (n,) of series (n,) or of points (n, 2)."""
     apart = np.abs(a - b)
     return apart if apart.ndim == 1 else np.linalg.norm(apart, axis=1)
 
 
-def tension_of(contact: ContactMotion) -> Array:
+def contact_tension(contact: ContactMotion) -> Array:
     """Tension (n,) [N]; at a saddle, where both sides are alike, that behind."""
     return np.where(np.isnan(contact.tension_behind), contact.tension_ahead, contact.tension_behind)
 
@@ -131,38 +131,38 @@ def tension_of(contact: ContactMotion) -> Array:
 class Comparison:
     """Rows of two ladders of runs."""
 
-    def __init__(self, a: Ladder, b: Ladder, scales: Scales, asked: Tolerance) -> None:
+    def __init__(self, a: Ladder, b: Ladder, scales: Scales, tolerance: LineTolerance) -> None:
         self.a = a
         self.b = b
         self.scales = scales
-        self.asked = asked
-        self.end = min(run.end for ladder in (a, b) for run in moved_runs(ladder))
+        self.asked = tolerance
+        self.end = min(run.end for ladder in (a, b) for run in runs_of_ladder(ladder))
 
     def rows(self) -> Iterator[Agreement]:
         first: Any = self.a.finest
-        if np.count_nonzero(first.instants <= self.end) < SETTLED:
+        if np.count_nonzero(first.instants <= self.end) < INITIAL_STEPS:
             yield Agreement("path_max", math.nan, no_bound(f"a run ends at {self.end:.4g} s"), required=self.asked.path)
             return
         for car in first.motion.cars:
-            yield from self._car(car)
+            yield from self._car_rows(car)
         for contact in first.motion.contacts:
-            yield from self._contact(contact)
-        yield from self._rope()
-        yield from self._energy()
-        yield self._events()
+            yield from self._contact_rows(contact)
+        yield from self._rope_rows()
+        yield from self._energy_rows()
+        yield self._events_row()
 
-    def series(
-        self, quantity: str, law: str, of: Of, scale: float, required: float, passes: int = 0,
+    def series_row(
+        self, quantity: str, law: str, of: Series, scale: float, required: float, passes: int = 0,
         rms: bool = False,
     ) -> Agreement:  # fmt: skip
         """Row of the largest distance, or of its rms, of a series (n,) or (n, 2).
 
-        passes : see `Moved.mean`.
+        passes : see `LineRun.axial_mean`.
         """
 
         def at(moved: Any) -> Array:
             values = of(moved)
-            return moved.at_instants(moved.mean(values, passes), self.end)
+            return moved.at_instants(moved.axial_mean(values, passes), self.end)
 
         def size(x: Any) -> float:
             x = np.atleast_1d(x)
@@ -170,69 +170,71 @@ class Comparison:
 
         a: Any = self.a.finest
         b: Any = self.b.finest
-        gap = distance(at(a), at(b))
+        gap = distances(at(a), at(b))
         # of the largest change, as a path's: at single instants a phase that shifts hides the order
-        parts = [ladder.parts(at, lambda x, y: size(distance(x, y))) for ladder in (self.a, self.b)]
+        parts = [ladder.bar_parts(at, lambda x, y: size(distances(x, y))) for ladder in (self.a, self.b)]
         at_instants = a.instants[a.instants <= self.end * (1.0 + 1e-12)]
         where = None if rms else f"t = {at_instants[int(np.argmax(gap))]:.4g} s"
-        return self._row(quantity, size(gap), parts, required, law, where)
+        return self._agreement(quantity, size(gap), parts, required, law, where)
 
-    def _row(self, quantity: str, gap: float, parts: Any, required: float, law: str, where: Any = None) -> Agreement:
+    def _agreement(
+        self, quantity: str, gap: float, parts: Any, required: float, law: str, where: Any = None
+    ) -> Agreement:
         names = (self.a.finest.method, self.b.finest.method)
-        bars = tuple(Part(name, sum(part)) for name, part in zip(names, parts, strict=True))
+        bars = tuple(BoundPart(name, sum(part)) for name, part in zip(names, parts, strict=True))
         bound = Bound("error bars", bars)
         return Agreement(quantity, gap, bound, where, law=law, required=required, parts=tuple(parts))
 
-    def _car(self, car: CarMotion) -> Iterator[Agreement]:
+    def _car_rows(self, car: CarMotion) -> Iterator[Agreement]:
         name = car.name
         path = self.scales.path
         tension = self.scales.tension
         weight = self.scales.weights[name]
         asked = self.asked
 
-        def of(field: str) -> Of:
-            return lambda moved: getattr(car_of(moved, name), field)
+        def of(field: str) -> Series:
+            return lambda moved: getattr(find_car(moved, name), field)
 
-        yield self.series("path_max", name, of("point"), path, asked.path)
-        yield self.series("path_rms", name, of("point"), path, asked.path, rms=True)
+        yield self.series_row("path_max", name, of("point"), path, asked.path)
+        yield self.series_row("path_rms", name, of("point"), path, asked.path, rms=True)
         for field in ("tension_behind", "tension_ahead"):
-            yield self.series(field, name, of(field), tension, asked.tension, passes=1)
-        passes = passes_of(car)
-        yield self.series("contact_force", name, of("contact_force"), weight, asked.tension, passes)
+            yield self.series_row(field, name, of(field), tension, asked.tension, passes=1)
+        passes = mean_passes(car)
+        yield self.series_row("contact_force", name, of("contact_force"), weight, asked.tension, passes)
         for field in ("haul_force", "grip_force", "shoe_force"):
             values = getattr(car, field)
             if np.isfinite(values).any() and (field != "shoe_force" or values.any()):
-                yield self.series(field, name, of(field), weight, asked.tension, passes)
-        for column, values in turning_columns(car).items():
+                yield self.series_row(field, name, of(field), weight, asked.tension, passes)
+        for column, values in turning_series(car).items():
 
             def turned(moved: Any, column: str = column) -> Array:
-                return turning_columns(car_of(moved, name))[column]
+                return turning_series(find_car(moved, name))[column]
 
             if column in ANGLES:
-                yield self.series(column, name, turned, float(np.ptp(values)) or 1.0, asked.tension)
+                yield self.series_row(column, name, turned, float(np.ptp(values)) or 1.0, asked.tension)
             else:
-                yield self.series(column, name, turned, weight, asked.tension, passes=1)
+                yield self.series_row(column, name, turned, weight, asked.tension, passes=1)
 
-    def _contact(self, contact: ContactMotion) -> Iterator[Agreement]:
+    def _contact_rows(self, contact: ContactMotion) -> Iterator[Agreement]:
         name = contact.name
         path = self.scales.path
         tension = self.scales.tension
 
-        def of(value: Callable[[ContactMotion], Array]) -> Of:
-            return lambda moved: value(contact_of(moved, name))
+        def of(value: Callable[[ContactMotion], Array]) -> Series:
+            return lambda moved: value(find_contact(moved, name))
 
-        yield self.series("tension", name, of(tension_of), tension, self.asked.tension, passes=1)
-        yield self.series("pressure", name, of(lambda x: x.pressure), tension, self.asked.tension, passes=1)
+        yield self.series_row("tension", name, of(contact_tension), tension, self.asked.tension, passes=1)
+        yield self.series_row("pressure", name, of(lambda x: x.pressure), tension, self.asked.tension, passes=1)
         if contact.kind in ("saddle", "counterweight"):
-            yield self.series("flow", name, of(lambda x: x.s), path, self.asked.path)
+            yield self.series_row("flow", name, of(lambda x: x.s), path, self.asked.path)
         if contact.kind == "counterweight":
-            yield self.series("rise", name, of(lambda x: x.rise), path, self.asked.path)
+            yield self.series_row("rise", name, of(lambda x: x.rise), path, self.asked.path)
         if contact.kind == "spring":
-            yield self.series("shift", name, of(lambda x: x.point), path, self.asked.path)
+            yield self.series_row("shift", name, of(lambda x: x.point), path, self.asked.path)
 
-    def _rope(self) -> Iterator[Agreement]:
+    def _rope_rows(self) -> Iterator[Agreement]:
         """Depth and place of the rope, and its tension, as rms over all stations and instants."""
-        runs = [*moved_runs(self.a), *moved_runs(self.b)]
+        runs = [*runs_of_ladder(self.a), *runs_of_ladder(self.b)]
         # a station beyond the rope in any run does not count
         beyond = np.any([np.isnan(run.motion.tension).any(axis=0) for run in runs], axis=0)
 
@@ -245,9 +247,9 @@ class Comparison:
             "rope_tension": (lambda moved: root(moved.motion.tension), self.scales.tension, self.asked.fields),
         }
         for quantity, (of, scale, asked) in fields.items():
-            yield self._field(quantity, of, scale, asked)
+            yield self._field_row(quantity, of, scale, asked)
 
-    def _field(self, quantity: str, of: Of, scale: float, asked: float) -> Agreement:
+    def _field_row(self, quantity: str, of: Series, scale: float, asked: float) -> Agreement:
         def at(moved: Any) -> Array:
             return moved.at_instants(of(moved), self.end)
 
@@ -255,43 +257,43 @@ class Comparison:
             return float(np.sqrt(np.mean((a - b) ** 2))) / scale
 
         gap = rms(at(self.a.finest), at(self.b.finest))
-        return self._row(quantity, gap, [x.parts(at, rms) for x in (self.a, self.b)], asked, "")
+        return self._agreement(quantity, gap, [x.bar_parts(at, rms) for x in (self.a, self.b)], asked, "")
 
-    def _energy(self) -> Iterator[Agreement]:
+    def _energy_rows(self) -> Iterator[Agreement]:
         """Of each method: energy less the work of its powers stays as it is."""
         for ladder in (self.a, self.b):
             finest: Any = ladder.finest
             yield law_row(ladder, "energy", "work of all powers", unbalanced_work, self.end, finest.method)
 
-    def _times(self, moved: Any) -> Array:
+    def _relative_event_times(self, moved: Any) -> Array:
         """Times of the events, over the end."""
         return np.array([t for _, t in moved.events]) / self.end
 
-    def _events(self) -> Agreement:
+    def _events_row(self) -> Agreement:
         ladders = (self.a, self.b)
-        names = [[name for name, _ in run.events] for ladder in ladders for run in moved_runs(ladder)]
+        names = [[name for name, _ in run.events] for ladder in ladders for run in runs_of_ladder(ladder)]
         finest: list[Any] = [ladder.finest for ladder in ladders]
         times = [np.array([t for _, t in run.events]) for run in finest]
-        bars = [ladder.unanimous(event_names) for ladder in ladders]
-        alike = names[0] == names[len(moved_runs(self.a))]
+        bars = [ladder.yes_no_bar(event_names) for ladder in ladders]
+        alike = names[0] == names[len(runs_of_ladder(self.a))]
         gap = float(np.max(np.abs(times[0] - times[1]), initial=0.0)) / self.end if alike else 1.0
         if alike and names[0] and not any(bars):
-            bars = [ladder.bar(self._times) for ladder in ladders]
-        return self._row("events", gap, [(bar, 0.0) for bar in bars], self.asked.path, "")
+            bars = [ladder.bar(self._relative_event_times) for ladder in ladders]
+        return self._agreement("events", gap, [(bar, 0.0) for bar in bars], self.asked.path, "")
 
 
 def event_names(moved: Any) -> tuple[str, ...]:
     return tuple(name for name, _ in moved.events)
 
 
-def moved_runs(ladder: Ladder) -> tuple[Any, ...]:
+def runs_of_ladder(ladder: Ladder) -> tuple[Any, ...]:
     return ladder.runs
 
 
-def unbalanced_work(moved: Moved, every: int = 1) -> Array:
+def unbalanced_work(moved: LineRun, every: int = 1) -> Array:
     """Energy less work since the start (n,), over all work done."""
     motion = moved.motion
-    steps = taken(motion.t, every)
+    steps = sampled_steps(motion.t, every)
     t = motion.t[steps]
     powers = {name: power[steps] for name, power in motion.powers.items()}
     energy = motion.energy[steps]
@@ -322,14 +324,14 @@ def law_row(ladder: Ladder, quantity: str, law: str, defect: Any, end: float, me
         return float(np.max(np.abs(values), initial=0.0))
 
     gap = size(defect(finest))
-    space, time = ladder.parts(at)
+    space, time = ladder.bar_parts(at)
     sampling = 3.0 * abs(gap - size(defect(finest, 2)))
-    parts = (Part("ladder", space + time), Part("sampling", sampling))
+    parts = (BoundPart("ladder", space + time), BoundPart("sampling", sampling))
     bound = Bound("law", parts)
     return Agreement(quantity, gap, bound, law=f"{law}, {method}", required=FIELDS, parts=((space, time),))
 
 
-def design_of(moved: Moved, line: Line) -> dict[str, tuple[float, float]]:
+def extremes_with_times(moved: LineRun, line: Line) -> dict[str, tuple[float, float]]:
     """Extremes and their times [s] by quantity; forces are means over an axial round trip."""
     motion = moved.motion
     t = motion.t
@@ -337,7 +339,7 @@ def design_of(moved: Moved, line: Line) -> dict[str, tuple[float, float]]:
     out: dict[str, tuple[float, float]] = {}
     tensions: list[Array] = []
 
-    def note(name: str, values: Array, *words: str) -> None:
+    def add_extremes(name: str, values: Array, *words: str) -> None:
         if np.isfinite(values).all():
             for word in words:
                 k = int(np.argmax(values) if word == "max" else np.argmin(values))
@@ -345,44 +347,44 @@ def design_of(moved: Moved, line: Line) -> dict[str, tuple[float, float]]:
                 out[f"{kind}_{word}:{of}"] = (float(values[k]), float(t[k]))
 
     for car in motion.cars:
-        behind = moved.mean(car.tension_behind)
-        ahead = moved.mean(car.tension_ahead)
+        behind = moved.axial_mean(car.tension_behind)
+        ahead = moved.axial_mean(car.tension_ahead)
         tensions += [behind, ahead]
-        note(f"haul:{car.name}", moved.mean(car.haul_force), "max", "min")
-        note(f"grip:{car.name}", moved.mean(car.grip_force, passes_of(car)), "max", "min")
-        note(f"contact:{car.name}", moved.mean(car.contact_force, passes_of(car)), "max", "min")
-        note(f"speed:{car.name}", np.linalg.norm(car.velocity, axis=1), "max")
-        note(f"depth:{car.name}", car.point[:, 1], "max")
-        for name, values in turning_columns(car).items():
+        add_extremes(f"haul:{car.name}", moved.axial_mean(car.haul_force), "max", "min")
+        add_extremes(f"grip:{car.name}", moved.axial_mean(car.grip_force, mean_passes(car)), "max", "min")
+        add_extremes(f"contact:{car.name}", moved.axial_mean(car.contact_force, mean_passes(car)), "max", "min")
+        add_extremes(f"speed:{car.name}", np.linalg.norm(car.velocity, axis=1), "max")
+        add_extremes(f"depth:{car.name}", car.point[:, 1], "max")
+        for name, values in turning_series(car).items():
             kind, _, wheel = name.partition("_")
             of = f"{car.name}.{wheel}" if wheel else car.name
-            note(f"{kind}:{of}", moved.mean(values) if wheel else values, "max", "min")
-        for kind, values in stresses_at(moved, car, line.cable, wheels[car.name]).items():
+            add_extremes(f"{kind}:{of}", moved.axial_mean(values) if wheel else values, "max", "min")
+        for kind, values in rope_stresses_at_car(moved, car, line.cable, wheels[car.name]).items():
             name, _, word = kind.rpartition("_")
-            note(f"{name}:{car.name}", values, word)
+            add_extremes(f"{name}:{car.name}", values, word)
     for contact in motion.contacts:
-        tensions.append(moved.mean(tension_of(contact)))
-        note(f"load:{contact.name}", np.linalg.norm(moved.mean(contact.pressure), axis=1), "max")
-        note(f"rise:{contact.name}", contact.rise, "max", "min")
+        tensions.append(moved.axial_mean(contact_tension(contact)))
+        add_extremes(f"load:{contact.name}", np.linalg.norm(moved.axial_mean(contact.pressure), axis=1), "max")
+        add_extremes(f"rise:{contact.name}", contact.rise, "max", "min")
         if contact.kind == "saddle":
-            note(f"flow:{contact.name}", contact.s - contact.s[0], "max", "min")
+            add_extremes(f"flow:{contact.name}", contact.s - contact.s[0], "max", "min")
     largest_tension = np.max(tensions, axis=0)
     smallest = np.min(tensions, axis=0)
     for name, values, pick in (("tension_max", largest_tension, np.argmax), ("tension_min", smallest, np.argmin)):
         k = int(pick(values))
         out[name] = (float(values[k]), float(t[k]))
-    for name, (times, heights) in clearances(motion, line).items():
+    for name, (times, heights) in clearance_series(motion, line).items():
         k = int(np.argmin(heights))
         out[name] = (float(heights[k]), float(times[k]))
     return out
 
 
-def passes_of(car: CarMotion) -> int:
+def mean_passes(car: CarMotion) -> int:
     """Passes of the mean of forces on a car."""
-    return GRIP if np.isfinite(car.grip_force).any() else 1
+    return GRIP_PASSES if np.isfinite(car.grip_force).any() else 1
 
 
-def turning_columns(car: CarMotion) -> dict[str, Array]:
+def turning_series(car: CarMotion) -> dict[str, Array]:
     """Swing, or pitch [deg] and the loads of both wheels [N], by name; of a point by hand, or none."""
     turning = car.turning
     if turning is None:
@@ -391,24 +393,24 @@ def turning_columns(car: CarMotion) -> dict[str, Array]:
     return {"pitch" if loads else "swing": np.degrees(turning.angle)} | loads
 
 
-def stresses_at(moved: Moved, car: CarMotion, rope: LineRope, wheels: Wheels | None) -> dict[str, Array]:
+def rope_stresses_at_car(moved: LineRun, car: CarMotion, rope: LineRope, wheels: Wheels | None) -> dict[str, Array]:
     """Design numbers (n,) of the rope at a car, of behind its rear wheels and ahead of its front ones the worse."""
     if wheels is None:
         return {}
-    loads = turning_columns(car)
+    loads = turning_series(car)
     sides = []
     for side, N in (("rear", car.tension_behind), ("front", car.tension_ahead)):
         load = loads.get(f"wheel_{side}", 0.5 * car.contact_force)
-        sides.append(stresses(rope, wheels, N, load * 2.0 / wheels.count))
-    rear, front = ({kind: moved.mean(values) for kind, values in side.items()} for side in sides)
+        sides.append(rope_stresses_under_wheel(rope, wheels, N, load * 2.0 / wheels.count))
+    rear, front = ({kind: moved.axial_mean(values) for kind, values in side.items()} for side in sides)
     return {kind: (np.fmin if kind.endswith("min") else np.fmax)(rear[kind], front[kind]) for kind in rear}
 
 
-def clearances(motion: LineMotion, line: Line) -> dict[str, tuple[Array, Array]]:
+def clearance_series(motion: LineMotion, line: Line) -> dict[str, tuple[Array, Array]]:
     """Times [s] and free heights [m] of rope and cars over obstacles and ground, by quantity, where they pass."""
-    beneath = grounds(line)
+    beneath = obstacle_profiles(line)
     below = {car.name: car.below for car in line.car}
-    rope = chain(motion) if beneath else np.empty((motion.t.size, 0, 2))
+    rope = rope_points(motion) if beneath else np.empty((motion.t.size, 0, 2))
     out = {}
     for name, ground in beneath.items():
         x, depth = ground.T
@@ -417,7 +419,7 @@ def clearances(motion: LineMotion, line: Line) -> dict[str, tuple[Array, Array]]
         heights = np.where((at >= x[0]) & (at <= x[-1]), np.interp(at, x, depth) - y, np.inf)
         of_rope = [(motion.t, np.minimum(corners.min(axis=1), heights.min(axis=1)))]
         for car in motion.cars:
-            times, places = _over(motion.t, car.point, x)
+            times, places = _path_above(motion.t, car.point, x)
             if times.size:
                 free = np.interp(places[:, 0], x, depth) - places[:, 1]
                 of_rope.append((times, free))
@@ -427,7 +429,7 @@ def clearances(motion: LineMotion, line: Line) -> dict[str, tuple[Array, Array]]
     return out
 
 
-def _over(t: Array, path: Array, x: Array) -> tuple[Array, Array]:
+def _path_above(t: Array, path: Array, x: Array) -> tuple[Array, Array]:
     """Times and points of a path (n, 2) between the first and the last of x, and where it passes each of them."""
     over = (path[:, 0] >= x[0]) & (path[:, 0] <= x[-1])
     times, points = [t[over]], [path[over]]
@@ -440,13 +442,13 @@ def _over(t: Array, path: Array, x: Array) -> tuple[Array, Array]:
 
 
 def rope_depths(points: Array, x: Array) -> Array:
-    """Depths (n, k) [m] at x (k,) [m] of the rope through the points (n, m, 2) of a `chain`."""
+    """Depths (n, k) [m] at x (k,) [m] of the rope through the points (n, m, 2) of `rope_points`."""
     return np.array([np.interp(x, *each.T) for each in points])
 
 
-def chain(motion: LineMotion) -> Array:
+def rope_points(motion: LineMotion) -> Array:
     """The rope as points (n, m, 2) [m]: stations, cars and contacts from left to right."""
-    bodies = touching(motion)
+    bodies = touching_rope(motion)
     first = motion.contacts[0]
     here = ~np.isnan(motion.tension)  # (n, stations)
     s = np.where(here, motion.s, first.s[:, None])
@@ -457,14 +459,14 @@ def chain(motion: LineMotion) -> Array:
     return np.take_along_axis(points, order[..., None], axis=1)
 
 
-def bars_by_hand(line: Line, moved: Moved, numbers: dict[str, tuple[float, float]]) -> dict[str, float]:
+def bars_by_hand(line: Line, moved: LineRun, numbers: dict[str, tuple[float, float]]) -> dict[str, float]:
     """Bars for what loads by hand leave out: of the loads of wheels, and of what follows from the largest one."""
     bars: dict[str, float] = {}
     for car in line.car:
-        x = car_of(moved, car.name)
+        x = find_car(moved, car.name)
         if car.wheels is None or x.wheel_loads is None:
             continue
-        left = left_out(car.wheels, car.mass, line.gravity, moved.motion.t, x)
+        left = neglected_wheel_load(car.wheels, car.mass, line.gravity, moved.motion.t, x)
         loads = [f"wheel_{word}:{car.name}.{side}" for word in ("max", "min") for side in ("rear", "front")]
         bars |= dict.fromkeys(loads, left)
         share = left / max(numbers[name][0] for name in loads)
@@ -475,25 +477,25 @@ def bars_by_hand(line: Line, moved: Moved, numbers: dict[str, tuple[float, float
     return bars
 
 
-def with_bars(a: Ladder, b: Ladder | None, line: Line, units: Any) -> list[Any]:
+def design_with_bars(a: Ladder, b: Ladder | None, line: Line, units: Any) -> list[Any]:
     """Design numbers of `a` with bars: from coarser runs, and at least the gap to `b`."""
 
     def design(moved: Any) -> dict[str, tuple[float, float]]:
-        return design_of(moved, line)
+        return extremes_with_times(moved, line)
 
-    known = {id(run): design(run) for ladder in (a, b) if ladder is not None for run in moved_runs(ladder)}
+    known = {id(run): design(run) for ladder in (a, b) if ladder is not None for run in runs_of_ladder(ladder)}
     finest: Any = a.finest
     cars = {car.name: car for car in finest.motion.cars}
     by_hand = bars_by_hand(line, finest, known[id(finest)])
     out = []
     for name, (value, t) in known[id(finest)].items():
 
-        def number(moved: Any, name: str = name) -> float:
+        def number_of_run(moved: Any, name: str = name) -> float:
             return known[id(moved)].get(name, (math.nan, 0.0))[0]
 
-        bar = a.bar(number) if a.space.runs else None
+        bar = a.bar(number_of_run) if a.space.runs else None
         if b is not None and bar is not None:
-            bar = max(bar, abs(value - number(b.finest)))
+            bar = max(bar, abs(value - number_of_run(b.finest)))
         car_name = name.partition(":")[2].partition(".")[0]
         bar = bar + by_hand.get(name, 0.0) if bar is not None and math.isfinite(bar) else None
         s_o = float(np.interp(t, finest.motion.t, cars[car_name].s)) if car_name in cars else None

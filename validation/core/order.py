@@ -31,13 +31,13 @@ def error_bar(d: Any, before: Any, ratios: Sequence[float], order: float) -> Any
     sensible = floor <= NONSENSE * d
     d = np.where(sensible, np.maximum(d, floor), d)
     before = np.where(sensible, before, 0.0)
-    p = _order(d, before, (r, coarser), smallest, order)
+    p = _clipped_order(d, before, (r, coarser), smallest, order)
     bar = SAFETY * d / (r ** np.nan_to_num(p, nan=smallest) - 1.0)
     bar = np.where(np.isfinite(bar), bar, np.inf)
     return bar if bar.ndim else float(bar)
 
 
-def _order(d: Any, before: Any, ratios: Sequence[float], low: float, high: float) -> Any:
+def _clipped_order(d: Any, before: Any, ratios: Sequence[float], low: float, high: float) -> Any:
     """The p of `error_bar` within bounds; nan if unknown."""
     r = ratios[0]
     coarser = ratios[-1]
@@ -65,7 +65,7 @@ def observed_order(levels: Sequence[float], ratios: Sequence[float]) -> float | 
     r, coarser = ratios
     fall = abs((half - quarter) / (finest - half))
 
-    def missing(p: float) -> float:
+    def equation(p: float) -> float:
         return math.log(r**p * (coarser**p - 1.0) / (r**p - 1.0)) - math.log(fall or math.ulp(0.0))
 
-    return float(brentq(missing, MIN_ORDER, LARGEST)) if missing(MIN_ORDER) < 0.0 < missing(LARGEST) else None
+    return float(brentq(equation, MIN_ORDER, LARGEST)) if equation(MIN_ORDER) < 0.0 < equation(LARGEST) else None

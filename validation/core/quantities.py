@@ -8,7 +8,7 @@ import numpy as np
 from cablefem.response import Array
 from validation.core import store
 
-TEXTS = store.shipped(__package__, "quantities.toml")
+TEXTS = store.shipped_toml(__package__, "quantities.toml")
 KNOWN = TEXTS["main"] | TEXTS["more"]
 
 
@@ -28,19 +28,25 @@ def number_text(number: dict[str, Any]) -> dict[str, str]:
     bar = number.get("bar")
     unit = number["unit"]
     if value is None:
-        return {"what": named(number["quantity"]), "value": "the car never passes", "t": "", "mass": "", "at": ""}
+        return {
+            "what": quantity_words(number["quantity"]),
+            "value": "the car never passes",
+            "t": "",
+            "mass": "",
+            "at": "",
+        }
     text = quantity_text(value, bar, unit)
-    what = named(number["quantity"])
+    what = quantity_words(number["quantity"])
     if number.get("more"):
         what += f" ({number['more']} more, larger)"
-    where = {"t": _formatted(number, "t", ".4g", "s")}
-    where |= {key: _formatted(number, name, ".1f", "m") for key, name in (("mass", "s_o"), ("at", "s"))}
+    where = {"t": _with_unit(number, "t", ".4g", "s")}
+    where |= {key: _with_unit(number, name, ".1f", "m") for key, name in (("mass", "s_o"), ("at", "s"))}
     return {"what": what, "value": text, **where}
 
 
 def quantity_text(value: float, bar: float | None, unit: str) -> str:
     """A value with its bar and unit; a speed also in km/h."""
-    factor, name = scale_of(np.array([value, bar or 0.0]), unit)
+    factor, name = unit_scale(np.array([value, bar or 0.0]), unit)
     text = with_bar(factor * value, bar and factor * bar)
     if name and unit != "s_o/l":
         text += f" {name}"
@@ -58,10 +64,10 @@ def limit_text(row: dict[str, Any]) -> dict[str, str]:
 
 def verification_text(row: dict[str, Any]) -> dict[str, str]:
     """A row of the verification as text."""
-    factor, name = scale_of(np.array([row["uncertainty"]]), row["unit"])
+    factor, name = unit_scale(np.array([row["uncertainty"]]), row["unit"])
     orders = {key: row[f"order_{key}"] for key in ("space", "time")}
     return {
-        "quantity": named(row["quantity"]),
+        "quantity": quantity_words(row["quantity"]),
         "S": quantity_text(row["value"], row["bar"], row["unit"]),
         "D": quantity_text(row["other"], row["bar_other"], row["unit"]),
         **{f"order in {key}": "not reached" if p is None else f"{p:.1f}" for key, p in orders.items()},
@@ -70,12 +76,12 @@ def verification_text(row: dict[str, Any]) -> dict[str, str]:
     }
 
 
-def _formatted(number: dict[str, Any], key: str, digits: str, unit: str) -> str:
+def _with_unit(number: dict[str, Any], key: str, digits: str, unit: str) -> str:
     value = number.get(key)
     return "" if value is None else f"{value:{digits}} {unit}"
 
 
-def named(quantity: str) -> str:
+def quantity_words(quantity: str) -> str:
     kind, _, of = quantity.partition(":")
     return KNOWN[kind][0].format(of)
 
@@ -85,7 +91,7 @@ def unit_of(quantity: str) -> str:
     return KNOWN[quantity.partition(":")[0]][1]
 
 
-def scale_of(values: Array, unit: str) -> tuple[float, str]:
+def unit_scale(values: Array, unit: str) -> tuple[float, str]:
     """Factor and prefixed unit that give the largest value one to four digits."""
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
     if unit == "m" and 0.0 < largest < 0.1:

@@ -22,10 +22,10 @@ from cablefem.response import Array, Observation, Once, Response
 from cablefem.scene import Groups, Scene
 from cablefem.scene.catenary import shape
 from cablefem.scene.statics import Rest, gripped_rest, hauled_rest, load_path_nodes
-from validation.core.sampling import OBSERVED, STATIONS, frame_times, in_si, path_in_si
+from validation.core.sampling import OBSERVED, STATIONS, frame_times, observation_in_si, path_fields_in_si
 
-ROWS = 1001
-POINTS = 4  # Gauss points between two stations
+STEPS = 1001
+GAUSS_POINTS = 4  # Gauss points between two stations
 # Error bars over beta or beta^2. On 22 random scenes the distance from full runs was at most 1.3 and 2.0.
 GRIPS = 2.0
 ROLLS = 2.5
@@ -44,32 +44,35 @@ def quasi_static(scene: Scene) -> Response:
     if scene.mass is None:
         raise ValueError(f"scene {scene.name!r} has no car")
     begin = time.perf_counter()
-    travel = _travel(scene)
+    travel = _travel_kinematics(scene)
     statics = Statics(scene.groups, None if scene.ride is None else scene.ride.path.rest)
     t, s_o, *_ = travel
-    observed = Once(partial(_observed, scene, statics, travel))
+    observed = Once(partial(_observed_fields, scene, statics, travel))
 
-    def look(name: str) -> Callable[[Response], Any]:
+    def observed_field(name: str) -> Callable[[Response], Any]:
         return lambda r: observed()[name]
 
     work = dict.fromkeys(("rejected", "newton_iterations", "factorisations", "residuals"), 0)
     return Response(
-        **path_in_si(scene, t, s_o, statics.displacement_of_car(s_o)), scene=scene.name, scene_toml=scene.to_toml(),
-        horizontal_tension=scene.horizontal_tension, method="quasi-static", settings={}, model="quasi-static",
-        load="mass", law="elastic", reason=None, slack_onset=None, slack_at=None, switched=None,
-        events=events_of(scene), work={"steps": t.size - 1, **work}, n_dof=0, seconds=time.perf_counter() - begin,
-        later={name: look(name) for name in OBSERVED if name != "events"},
+        **path_fields_in_si(scene, t, s_o, statics.displacement_of_car(s_o)),
+        scene=scene.name, scene_toml=scene.to_toml(), horizontal_tension=scene.horizontal_tension,
+        method="quasi-static", settings={}, model="quasi-static", load="mass", law="elastic",
+        reason=None, slack_onset=None, slack_at=None, switched=None,
+        events=ride_events(scene), work={"steps": t.size - 1, **work}, n_dof=0, seconds=time.perf_counter() - begin,
+        later={name: observed_field(name) for name in OBSERVED if name != "events"},
     )  # fmt: skip
 
 
-def _observed(scene: Scene, statics: Statics, travel: tuple[Array, Array, Array, Array]) -> dict[str, Any]:
+def _observed_fields(scene: Scene, statics: Statics, travel: tuple[Array, Array, Array, Array]) -> dict[str, Any]:
     """The fields of a `Response` that are OBSERVED; travel : t, s_o, ds_o, dds_o (n,) of the steps."""
     s = np.linspace(0.0, 1.0, STATIONS)
     n = travel[0].size
     frames = frame_times(scene, float(travel[0][-1]))
     # n steps, then frames
     t, s_o, ds, dds = (np.append(x, np.interp(frames, travel[0], x)) for x in travel)
-    return in_si(scene, _observation(scene.groups, statics, n, s, t, s_o, ds, dds), np.arange(t.size) < n, s)
+    return observation_in_si(
+        scene, _observation(scene.groups, statics, n, s, t, s_o, ds, dds), np.arange(t.size) < n, s
+    )
 
 
 def _observation(
@@ -84,18 +87,18 @@ def _observation(
     power = np.full(t.size, np.nan)
     power[:n] = np.gradient(energy[:n], t[:n])
     smallest, smallest_at = _smallest_tension(here, g.sigma)
-    haul = _haul(g, here, velocity, acceleration) if g.drive.mode == "haul" else np.full(t.size, np.nan)
+    haul = _haul_force(g, here, velocity, acceleration) if g.drive.mode == "haul" else np.full(t.size, np.nan)
     return Observation(
         t=t, s_o=s_o, path=statics.displacement_of_car(s_o), path_velocity=velocity, path_acceleration=acceleration,
         slope_behind=here.slope_behind, slope_ahead=here.slope_ahead,
         T_behind=np.where(s_o > 0.0, here.behind, np.nan), T_ahead=np.where(s_o < 1.0, here.ahead, np.nan),
         energy=energy, power=power, kinetic=kinetic, tension_min=smallest, tension_min_at=smallest_at,
         reaction_left=-here.left, reaction_right=here.left - g.sigma * DOWN + here.jump, contact=-here.jump,
-        haul=haul, **_fields(statics, g, s, s_o[n:], ds[n:]),
+        haul=haul, **_fields_at_frames(statics, g, s, s_o[n:], ds[n:]),
     )  # fmt: skip
 
 
-def _haul(g: Groups, r: Rest, velocity: Array, acceleration: Array) -> Array:
+def _haul_force(g: Groups, r: Rest, velocity: Array, acceleration: Array) -> Array:
     """Haul force (n,): holding force, drag and inertia along the mean tangent.
 
     The contact force they add changes only friction.
@@ -116,22 +119,22 @@ def _mean_tangent(r: Rest) -> Array:
     return mean / np.linalg.norm(mean, axis=1)[:, None]
 
 
-def _travel(scene: Scene) -> tuple[Array, Array, Array, Array]:
+def _travel_kinematics(scene: Scene) -> tuple[Array, Array, Array, Array]:
     """Times, s_o and its first two derivatives, (n,) each, dimensionless."""
     motion = scene.groups.motion
     if motion is None:
-        return _ride(scene)
-    t = np.linspace(0.0, motion.phases[-1][1], ROWS)
+        return _ride_kinematics(scene)
+    t = np.linspace(0.0, motion.phases[-1][1], STEPS)
     phase = np.searchsorted([end for _, end in motion.phases[:-1]], t)
     s_o, ds, dds = motion.kinematics(t, phase)
     return t, s_o, ds, dds
 
 
-def _ride(scene: Scene) -> tuple[Array, Array, Array, Array]:
+def _ride_kinematics(scene: Scene) -> tuple[Array, Array, Array, Array]:
     """The same of a free car, with the instants of events, at which forces jump."""
     ride = scene.ride
     assert ride is not None
-    t = np.linspace(0.0, ride.duration or scene.groups.drive.nominal, ROWS)
+    t = np.linspace(0.0, ride.duration or scene.groups.drive.nominal, STEPS)
     instants = [event.t for event in ride.events if np.abs(t - event.t).min() > SAME * t[-1]]
     t = np.sort(np.append(t, instants))
     s_o = np.full(t.size, scene.groups.drive.start)
@@ -191,19 +194,19 @@ def _smallest_tension(r: Rest, sigma: float) -> tuple[Array, Array]:
     return np.minimum(behind, ahead), np.where(behind <= ahead, at[0], at[1])
 
 
-def _fields(statics: Statics, g: Groups, s: Array, s_o: Array, ds: Array) -> dict[str, Any]:
+def _fields_at_frames(statics: Statics, g: Groups, s: Array, s_o: Array, ds: Array) -> dict[str, Any]:
     """Displacement, velocity and tension at frames, (k, m) each."""
     hanging = np.stack(shape(s, g.sigma, g.c), -1)
     step = 1e-5
-    w, later, earlier = (_points(statics(s_o + d), g, s) - hanging for d in (0.0, step, -step))  # (k, m, 2)
+    w, later, earlier = (_station_points(statics(s_o + d), g, s) - hanging for d in (0.0, step, -step))  # (k, m, 2)
     velocity = (later - earlier) / (2.0 * step) * ds[:, None, None]
     tension = statics.tension(s, s_o)
     return {"u": w[..., 0], "v": w[..., 1], "du": velocity[..., 0], "dv": velocity[..., 1], "T": tension}
 
 
-def _points(r: Rest, g: Groups, s: Array) -> Array:
+def _station_points(r: Rest, g: Groups, s: Array) -> Array:
     """Points (k, m, 2) of stations s: the integral of r' over pieces that are cut at the car."""
-    x, w = np.polynomial.legendre.leggauss(POINTS)
+    x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
     ends = np.concatenate([np.broadcast_to(s, (r.s.size, s.size)), r.s[:, None]], axis=1)
     ends.sort(axis=1)
     half = 0.5 * np.diff(ends)[..., None]  # (k, m, 1)
@@ -224,7 +227,7 @@ def _points(r: Rest, g: Groups, s: Array) -> Array:
 
 
 @dataclass(frozen=True, slots=True)
-class Inertia:
+class InertiaErrors:
     """Errors of a model without the inertia of the rope."""
 
     deflection: float  # [m] largest
@@ -233,7 +236,7 @@ class Inertia:
     late: float  # relative, of times
 
     @classmethod
-    def of(cls, scene: Scene, top_speed: float, deflection: float) -> Inertia:
+    def estimated(cls, scene: Scene, top_speed: float, deflection: float) -> InertiaErrors:
         beta = top_speed / scene.wave_speed
         sag = scene.gravity * max(0.0, deflection)
         error = GRIPS * beta if scene.drive.mode == "grip" else ROLLS * beta**2
@@ -265,13 +268,13 @@ class Inertia:
 def with_error_bars(scene: Scene, r: Response) -> Response:
     """The quasi-static response with bars of its design numbers and events."""
     assert scene.mass is not None
-    inertia = Inertia.of(scene, float(r.speed.max()), r.max_deflection)
+    inertia = InertiaErrors.estimated(scene, float(r.speed.max()), r.max_deflection)
     error = inertia.error
     weight = scene.mass.mass * scene.gravity
     tensions = [row["value"] for row in r.design if row["quantity"] == "tension_max"]
     scales = {"m": inertia.deflection, "N": max(tensions, default=0.0)}
 
-    def bar(row: dict[str, Any]) -> float | None:
+    def bar_of_number(row: dict[str, Any]) -> float | None:
         """Bar of a design number, in its unit; None without a value."""
         quantity = row["quantity"]
         value = row["value"]
@@ -287,10 +290,10 @@ def with_error_bars(scene: Scene, r: Response) -> Response:
         return error * scales.get(row["unit"], abs(value))
 
     events = [event | inertia.event_bars(event, r.t, r.s_o, r.speed) for event in r.events]
-    return replace(r, design=[row | {"bar": bar(row)} for row in r.design], events=events)
+    return replace(r, design=[row | {"bar": bar_of_number(row)} for row in r.design], events=events)
 
 
-def events_of(scene: Scene) -> list[dict[str, Any]]:
+def ride_events(scene: Scene) -> list[dict[str, Any]]:
     """Events of the quasi-static ride of a free car; none of another car."""
     l = scene.length
     tau = scene.time_scale
@@ -303,11 +306,11 @@ def quasi_static_events(scene: Scene, max_deflection: float) -> list[dict[str, A
     ride = scene.ride
     if ride is None:
         return []
-    t = np.linspace(0.0, ride.duration, ROWS)
-    s_o = np.zeros(ROWS)  # [m]
-    speed = np.zeros(ROWS)  # [m/s]
+    t = np.linspace(0.0, ride.duration, STEPS)
+    s_o = np.zeros(STEPS)  # [m]
+    speed = np.zeros(STEPS)  # [m/s]
     if ride.sections:
         s_o = scene.length * ride.at(t)[0]
         speed = scene.length / scene.time_scale * ride.speed(t)
-    inertia = Inertia.of(scene, float(speed.max()), max_deflection)
-    return [event | inertia.event_bars(event, scene.time_scale * t, s_o, speed) for event in events_of(scene)]
+    inertia = InertiaErrors.estimated(scene, float(speed.max()), max_deflection)
+    return [event | inertia.event_bars(event, scene.time_scale * t, s_o, speed) for event in ride_events(scene)]

@@ -26,13 +26,13 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
-from validation.core.scene_data import ROUNDING, Array, columns_of, deepest, ice_mass, mean_around, si_factor
+from validation.core.scene_data import ROUNDING, Array, ice_mass, max_depth_at, mean_around, read_columns, si_factor
 
 Faults = Iterator[str]
 Run = dict[str, Any]  # stored arrays of a method by name, its TOML as "scene", its numbers as "rest"
 Row = dict[str, Any]  # of a JSON file
 
-SINGLE = 1e-6  # of single precision
+SINGLE_PRECISION = 1e-6  # of single precision
 FRAMES = 5  # of an animation that are read
 POINTS = 201  # of profile.csv
 PACKED = 65535  # steps between the extremes of a packed series
@@ -40,14 +40,14 @@ ORDER = ("disagree", "not comparable", "too coarse", "agree")  # of verdicts: th
 SHOWN_AS = {"too coarse": "too coarse to tell", "not comparable": "cannot be compared"}
 
 
-class Stored:
+class StoredResults:
     """What a run or a check stored in a folder: of methods, the first one's numbers are those shown."""
 
     def __init__(self, folder: Path, methods: Sequence[str], judged: bool) -> None:
         self.folder = folder
         self.methods = methods
-        self.summaries = [_json(folder / name / "summary.json") for name in methods]
-        self.agreement = _json(folder / "agreement.json") if judged else {}
+        self.summaries = [_read_json(folder / name / "summary.json") for name in methods]
+        self.agreement = _read_json(folder / "agreement.json") if judged else {}
         shown = self.agreement or self.summaries[0]
         self.design: list[Row] = shown["design"]
         self.shown_events: list[Row] = shown["events"]
@@ -60,10 +60,10 @@ class Stored:
     @property
     def verdict(self) -> str:
         """Of both solvers; another program has its own."""
-        return _worst(row for row in self.rows if not row.get("with")) or "not comparable"
+        return _worst_verdict(row for row in self.rows if not row.get("with")) or "not comparable"
 
     @cache  # noqa: B019  a few, short-lived
-    def run(self, i: int) -> Run:
+    def stored_run(self, i: int) -> Run:
         """The stored arrays of a method, and its scene's TOML."""
         with np.load(self.folder / self.methods[i] / "response.npz", allow_pickle=False) as data:
             run: Run = {name: data[name] for name in data.files if name != "_rest"}
@@ -72,12 +72,12 @@ class Stored:
         return run
 
 
-def _worst(rows: Iterable[Row]) -> str | None:
+def _worst_verdict(rows: Iterable[Row]) -> str | None:
     verdicts = {row["verdict"] for row in rows if row["asked"]}
     return next((verdict for verdict in ORDER if verdict in verdicts), None)
 
 
-def _json(file: Path) -> Any:
+def _read_json(file: Path) -> Any:
     return json.loads(file.read_text(encoding="utf-8"))
 
 
@@ -88,13 +88,13 @@ _VALUE = re.compile(rf"({_NUMBER})(?: ± ({_NUMBER}))?(?: ?([a-zA-Z%°][\w/%°]*
 _POWERS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 
 
-def plain(text: str) -> str:
+def plain_text(text: str) -> str:
     """The text of HTML, with plain minus signs and spaces."""
     text = html.unescape(re.sub(r"<[^>]*>", "", text)).replace("\u202f", " ").replace("−", "-")
     return re.sub(r"\s+", " ", text).strip()
 
 
-def _real(text: str) -> float:
+def _parse_number(text: str) -> float:
     mantissa, _, power = text.partition(" × 10")
     return float(mantissa.replace(" ", "")) * 10.0 ** int(power.translate(_POWERS) or 0)
 
@@ -103,7 +103,7 @@ def _magnitude(x: float) -> int:
     return math.floor(math.log10(abs(x))) if x else 0
 
 
-def shows(text: str, value: float | None, unit: str = "", *, bar: float | None = None, digits: int = 5) -> bool:
+def shows_value(text: str, value: float | None, unit: str = "", *, bar: float | None = None, digits: int = 5) -> bool:
     """Whether a text shows a value in SI to its last digit, with its bar to two digits and a unit that suits.
 
     digits : of a value without bar; the digits before the point all count.
@@ -114,18 +114,18 @@ def shows(text: str, value: float | None, unit: str = "", *, bar: float | None =
     factor = math.nan if match is None else si_factor(match[3] or "", unit)
     if match is None or math.isnan(factor):
         return False
-    printed = [_real(number) for number in match.group(1, 2) if number]
+    printed = [_parse_number(number) for number in match.group(1, 2) if number]
     if printed == [0.0] and abs(value / factor) < ROUNDING:
         return True
     expected = [value / factor]
     digit = _magnitude(value / factor) - digits + 1
-    if _is_printed(bar, value):
+    if _is_bar_printed(bar, value):
         expected.append((bar or 0.0) / factor)
         digit = _magnitude(expected[1]) - 1
     return len(printed) == len(expected) and np.allclose(printed, expected, rtol=0.0, atol=0.501 * 10.0**digit)
 
 
-def _is_printed(bar: float | None, value: float) -> bool:
+def _is_bar_printed(bar: float | None, value: float) -> bool:
     """Whether a bar is known and no rounding."""
     return bool(bar) and ROUNDING * abs(value) <= (bar or 0.0) < math.inf
 
@@ -142,9 +142,9 @@ def shows_decimals(text: str, value: float | None, unit: str, decimals: int) -> 
 # --- files ----------------------------------------------------------------------------------------------------------
 
 
-def files(of: Stored) -> Faults:
+def file_faults(of: StoredResults) -> Faults:
     """Faults of the files of each method, and of the limits."""
-    for faults in limit_faults(of.limits, of.run(0)["scene"], of.design, of.shown_events):
+    for faults in limit_faults(of.limits, of.stored_run(0)["scene"], of.design, of.shown_events):
         yield f"limits: {faults}"
     for faults in verification_faults(of):
         yield f"verification: {faults}"
@@ -152,11 +152,11 @@ def files(of: Stored) -> Faults:
         for name, reader in FILES.items():
             file = of.folder / method / name
             if reader is not None and file.exists():
-                for fault in reader(file, of.run(i)):
+                for fault in reader(file, of.stored_run(i)):
                     yield f"{file}: {fault}"
 
 
-def _columns(file: Path, expected: dict[str, Array]) -> Faults:
+def _csv_faults(file: Path, expected: dict[str, Array]) -> Faults:
     """Faults of the columns of a CSV; its empty cells are nan."""
     header, _, body = file.read_text(encoding="ascii").rstrip().partition("\n")
     names = header.split(",")
@@ -165,10 +165,10 @@ def _columns(file: Path, expected: dict[str, Array]) -> Faults:
     for name in columns.keys() ^ expected.keys():
         yield f"column {name} has no second computation or is not there"
     for name in columns.keys() & expected.keys():
-        yield from _series(name, columns[name], expected[name], ROUNDING)
+        yield from _series_faults(name, columns[name], expected[name], ROUNDING)
 
 
-def _series(name: str, written: Array, expected: Array, rounding: float, scale: float | None = None) -> Faults:
+def _series_faults(name: str, written: Array, expected: Array, rounding: float, scale: float | None = None) -> Faults:
     if written.shape != expected.shape or not np.array_equal(np.isnan(written), np.isnan(expected)):
         yield f"{name} has other rows than were computed"
         return
@@ -178,11 +178,11 @@ def _series(name: str, written: Array, expected: Array, rounding: float, scale: 
         yield f"{name} is not what was computed: off by {off:.3g} of {scale:.3g}"
 
 
-def _path(file: Path, run: Run) -> Faults:
-    yield from _columns(file, path_of(run))
+def _path_faults(file: Path, run: Run) -> Faults:
+    yield from _csv_faults(file, path_columns(run))
 
 
-def path_of(run: Run) -> dict[str, Array]:
+def path_columns(run: Run) -> dict[str, Array]:
     """Columns of path.csv from the stored arrays (n,)."""
     tangent = run["slope_behind"] + run["slope_ahead"]  # (n, 2)
     across = tangent[:, 0] * run["contact"][:, 1] - tangent[:, 1] * run["contact"][:, 0]
@@ -192,7 +192,7 @@ def path_of(run: Run) -> dict[str, Array]:
     return path
 
 
-def _tension(file: Path, run: Run) -> Faults:
+def _tension_faults(file: Path, run: Run) -> Faults:
     """Rows of each frame: all stations, then the car's two sides."""
     k, m = run["fields.T"].shape
     s_o = run["fields.s_o"]
@@ -201,10 +201,10 @@ def _tension(file: Path, run: Run) -> Faults:
         "s": np.column_stack([np.tile(run["fields.s"], (k, 1)), s_o, s_o]),
         "T": np.column_stack([run["fields.T"], run["fields.T_behind"], run["fields.T_ahead"]]),
     }
-    yield from _columns(file, {name: x.ravel() for name, x in columns.items()})
+    yield from _csv_faults(file, {name: x.ravel() for name, x in columns.items()})
 
 
-def _profile(file: Path, run: Run) -> Faults:
+def _profile_faults(file: Path, run: Run) -> Faults:
     """Envelopes of depth and tension over x: from all taut frames, and of the car's path between them.
 
     Up to where waves get slower than the mass, too.
@@ -223,7 +223,7 @@ def _profile(file: Path, run: Run) -> Faults:
     x = np.linspace(x_rest[0], x_rest[-1], POINTS)
     depths = [np.interp(x, x_rest, y_rest)]
     tensions = [np.interp(x, x_rest, run["fields.T_static"])]
-    car = car_of(run)
+    car = car_positions(run)
     at_car = np.fmax(run["fields.T_behind"], run["fields.T_ahead"])
     for k in np.flatnonzero(run["fields.t"] <= until):
         i = int(np.searchsorted(run["fields.s"], run["fields.s_o"][k], side="right"))
@@ -235,14 +235,14 @@ def _profile(file: Path, run: Run) -> Faults:
         "x": x,
         "y_rest": depths[0],
         "y_highest": np.min(depths, axis=0),
-        "y_lowest": np.maximum(np.max(depths, axis=0), deepest(x, run["x"][taut], run["y"][taut])),
+        "y_lowest": np.maximum(np.max(depths, axis=0), max_depth_at(x, run["x"][taut], run["y"][taut])),
         "tension_max": np.max(tensions, axis=0),
         "tension_min": np.min(tensions, axis=0),
     }
-    yield from _columns(file, columns)
+    yield from _csv_faults(file, columns)
 
 
-def car_of(run: Run) -> Array:
+def car_positions(run: Run) -> Array:
     """Where the car is at each frame (k, 2): on the rope at rest, moved."""
     s_o = run["fields.s_o"]
     x = np.interp(s_o, run["fields.s"], run["fields.x"]) + run["fields.mass_u"]
@@ -250,37 +250,39 @@ def car_of(run: Run) -> Array:
     return np.stack([x, y], axis=1)
 
 
-def _animation(file: Path, run: Run) -> Faults:
+def _animation_faults(file: Path, run: Run) -> Faults:
     """Points, velocity and tension of the rope in some frames; the car's two ends come last."""
-    for k, frame in _frames(file, run):
+    for k, frame in _frames_of_animation(file, run):
         u = run["fields.u"][k]
         v = run["fields.v"][k]
         rates = [run["fields.du"][k], run["fields.dv"][k]]
         at_car = [np.interp(run["fields.s_o"][[k, k]], run["fields.s"], rate) for rate in rates]
-        rope = _upwards(run["fields.x"] + u, run["fields.y"] + v)
+        rope = _point_with_y_up(run["fields.x"] + u, run["fields.y"] + v)
         T = [*run["fields.T"][k], run["fields.T_behind"][k], run["fields.T_ahead"][k]]
-        velocity = np.concatenate([_upwards(*rates), _upwards(*at_car)])
+        velocity = np.concatenate([_point_with_y_up(*rates), _point_with_y_up(*at_car)])
         moved = frame["points"] + frame["displacement"]  # (m + 2, 3)
-        yield from _series(f"rope in frame {k}", moved[:-2], rope, SINGLE, float(np.ptp(run["fields.x"])))
-        yield from _car(k, moved[-1], run)
-        yield from _series(f"velocity in frame {k}", frame["velocity"], velocity, SINGLE)
-        yield from _series(f"tension in frame {k}", frame["tension"], np.array(T), SINGLE)
+        yield from _series_faults(
+            f"rope in frame {k}", moved[:-2], rope, SINGLE_PRECISION, float(np.ptp(run["fields.x"]))
+        )
+        yield from _car_faults(k, moved[-1], run)
+        yield from _series_faults(f"velocity in frame {k}", frame["velocity"], velocity, SINGLE_PRECISION)
+        yield from _series_faults(f"tension in frame {k}", frame["tension"], np.array(T), SINGLE_PRECISION)
 
 
-def _mass(file: Path, run: Run) -> Faults:
-    for k, frame in _frames(file, run):
-        yield from _car(k, frame["points"] + frame["displacement"], run)
+def _mass_faults(file: Path, run: Run) -> Faults:
+    for k, frame in _frames_of_animation(file, run):
+        yield from _car_faults(k, frame["points"] + frame["displacement"], run)
         for side in ("behind", "ahead"):
             T = run[f"fields.T_{side}"][k : k + 1]
-            yield from _series(f"tension {side} in frame {k}", frame[f"tension_{side}"], T, SINGLE)
+            yield from _series_faults(f"tension {side} in frame {k}", frame[f"tension_{side}"], T, SINGLE_PRECISION)
 
 
-def _car(k: int, point: Array, run: Run) -> Faults:
-    x, y = car_of(run)[k]
-    yield from _series(f"car in frame {k}", point, _upwards(x, y), 1e-4, float(np.ptp(run["fields.x"])))
+def _car_faults(k: int, point: Array, run: Run) -> Faults:
+    x, y = car_positions(run)[k]
+    yield from _series_faults(f"car in frame {k}", point, _point_with_y_up(x, y), 1e-4, float(np.ptp(run["fields.x"])))
 
 
-def _frames(file: Path, run: Run) -> Iterator[tuple[int, dict[str, Array]]]:
+def _frames_of_animation(file: Path, run: Run) -> Iterator[tuple[int, dict[str, Array]]]:
     """Numbers and arrays of some frames of an animation, whose times must be those of the stored frames."""
     grids: list[Any] = [x for x in ElementTree.parse(file).iter("Grid") if x.get("GridType") == "Uniform"]
     times = np.array([float(grid.find("Time").get("Value")) for grid in grids])
@@ -288,10 +290,10 @@ def _frames(file: Path, run: Run) -> Iterator[tuple[int, dict[str, Array]]]:
         raise ValueError(f"{file}: frames at other times than were computed")
     for k in np.unique(np.linspace(0, len(grids) - 1, FRAMES).round().astype(int)):
         parts = [part for part in grids[k] if part.tag != "Topology" and part.find("DataItem") is not None]
-        yield int(k), {part.get("Name") or "points": _values(part.find("DataItem"), file) for part in parts}
+        yield int(k), {part.get("Name") or "points": _values_of_item(part.find("DataItem"), file) for part in parts}
 
 
-def _values(item: Any, file: Path) -> Array:
+def _values_of_item(item: Any, file: Path) -> Array:
     """Values of an item of XDMF: in the file, or in the HDF5 beside it."""
     import h5py  # seldom needed
 
@@ -302,13 +304,13 @@ def _values(item: Any, file: Path) -> Array:
         return np.array(data[text.partition(":")[2]], dtype=float)
 
 
-def _upwards(x: Any, y: Any) -> Array:
+def _point_with_y_up(x: Any, y: Any) -> Array:
     return np.stack([x, -y, 0.0 * x], axis=-1)
 
 
-def _summary(file: Path, run: Run) -> Faults:
+def _summary_faults(file: Path, run: Run) -> Faults:
     """Numbers of summary.json that follow from the path; all others are as they are stored."""
-    written = _json(file)
+    written = _read_json(file)
     rest = run["rest"]
     if abs(written["reached"] - run["s_o"][-1] / rest["length"]) > ROUNDING:
         yield "reached is not where the path ends"
@@ -324,12 +326,12 @@ def _summary(file: Path, run: Run) -> Faults:
 # keys of summary.json that are not stored as they are: this reader and `recomputed` compute them a second time
 COMPUTED = {"reached", "max_deflection", "path_scale", "outcome", "outcome_kind", "flag_kinds", "limits"}
 FILES: dict[str, Callable[[Path, Run], Faults] | None] = {
-    "path.csv": _path,
-    "tension.csv": _tension,
-    "profile.csv": _profile,
-    "response.xdmf": _animation,
-    "mass.xdmf": _mass,
-    "summary.json": _summary,
+    "path.csv": _path_faults,
+    "tension.csv": _tension_faults,
+    "profile.csv": _profile_faults,
+    "response.xdmf": _animation_faults,
+    "mass.xdmf": _mass_faults,
+    "summary.json": _summary_faults,
     "response.h5": None,  # by response.xdmf
     "response.npz": None,  # the stored fields themselves
 }
@@ -339,22 +341,22 @@ FILES: dict[str, Callable[[Path, Run], Faults] | None] = {
 
 
 @cache
-def _words(package: str, file: str) -> dict[str, Any]:
+def _read_words(package: str, file: str) -> dict[str, Any]:
     home = package if package.startswith("cablefem") else f"validation.{package}"
     return tomllib.loads(resources.files(home).joinpath(file).read_text(encoding="utf-8"))
 
 
-def _named(row: Row) -> str:
+def _quantity_words(row: Row) -> str:
     kind, _, of = row["quantity"].partition(":")
-    quantities = _words("core", "quantities.toml")
+    quantities = _read_words("core", "quantities.toml")
     words: str = (quantities["main"] | quantities["more"])[kind][0]
     return words.format(of)
 
 
-def _compared(row: Row) -> str:
+def _comparison_words(row: Row) -> str:
     """What a row of agreement.json compares, in the words of the page."""
     words = (row["quantity"].replace("_", " "), row.get("law"), row.get("with"))
-    return plain(": ".join(x for x in words if x))
+    return plain_text(": ".join(x for x in words if x))
 
 
 def _shows_number(text: str, row: Row) -> bool:
@@ -364,15 +366,15 @@ def _shows_number(text: str, row: Row) -> bool:
     parts = text.split(" = ")
     endings = ["m/s", "km/h"] if row["unit"] == "m/s" else [""]
     return [True] * len(endings) == [
-        part.endswith(endings[i % len(endings)]) and shows(part, row["value"], row["unit"], bar=row.get("bar"))
+        part.endswith(endings[i % len(endings)]) and shows_value(part, row["value"], row["unit"], bar=row.get("bar"))
         for i, part in enumerate(parts)
     ]
 
 
-def _number(cells: Sequence[str], of: Stored) -> Faults:
+def _number_faults(cells: Sequence[str], of: StoredResults) -> Faults:
     name, value, when, car_at, at = cells
     name = re.sub(r" \(\d+ more, larger\)$", "", name)  # after the smallest of several clearances
-    row = next((x for x in of.design if _named(x) == name), None)
+    row = next((x for x in of.design if _quantity_words(x) == name), None)
     if row is None:
         yield f"{name}: no such design number"
         return
@@ -380,34 +382,34 @@ def _number(cells: Sequence[str], of: Stored) -> Faults:
         yield f"{name}: {value} where {row['value']} {row['unit']} with the bar {row.get('bar')} is stored"
     where = row if row["value"] is not None else {}
     t = where.get("t")
-    if when != "" if t is None else not shows(when, t, "s", digits=4):
+    if when != "" if t is None else not shows_value(when, t, "s", digits=4):
         yield f"{name}: after {when} where {t} s is stored"
     for text, s in ((car_at, where.get("s_o")), (at, where.get("s"))):
         if not shows_decimals(text, s, "m", 1):
             yield f"{name}: at {text} where {s} m is stored"
 
 
-def _load(cells: Sequence[str], of: Stored) -> Faults:
+def _support_load_faults(cells: Sequence[str], of: StoredResults) -> Faults:
     """Components of what a support carries at one instant: means over an axial round trip."""
     side, when, right, down = cells
-    run = of.run(0)
+    run = of.stored_run(0)
     t_max = next(x["t"] for x in of.design if x["quantity"] == f"reaction_{side}_max")
     cable = run["scene"]["cable"]
     period = 2.0 * run["rest"]["length"] * math.sqrt((cable["mass_per_length"] + ice_mass(cable)) / cable["EA"])
     force = -run[f"reaction_{side}"]  # (n, 2)
     known = np.isfinite(force).all(axis=1)
     mean = mean_around(run["t"][known], force[known], np.array([t_max]), period)[0]
-    good = shows(right, mean[0], "N", digits=4) and shows(down, mean[1], "N", digits=4)
-    if not good or not shows(when, t_max, "s", digits=4):
+    good = shows_value(right, mean[0], "N", digits=4) and shows_value(down, mean[1], "N", digits=4)
+    if not good or not shows_value(when, t_max, "s", digits=4):
         yield f"{side} support: {right}, {down} after {when} where {mean} N after {t_max} s follow"
 
 
-def _event(cells: Sequence[str], of: Stored) -> Faults:
+def _event_faults(cells: Sequence[str], of: StoredResults) -> Faults:
     event, t, s_o, speed = cells
     texts = [f"{t} s", f"{s_o} m", f"{speed} km/h"]
     for row in of.events:
         shown = [
-            text[0] == " " or shows(text, row[name], unit, bar=row.get(f"bar_{name}"))
+            text[0] == " " or shows_value(text, row[name], unit, bar=row.get(f"bar_{name}"))
             for text, name, unit in zip(texts, ("t", "s_o", "speed"), ("s", "m", "m/s"), strict=True)
         ]
         if row["event"].replace("_", " ") == event and all(shown):
@@ -415,10 +417,10 @@ def _event(cells: Sequence[str], of: Stored) -> Faults:
     yield f"{event} {', '.join(texts)}: no such event is stored"
 
 
-def _comparison(cells: Sequence[str], of: Stored) -> Faults:
+def _comparison_faults(cells: Sequence[str], of: StoredResults) -> Faults:
     name, verdict, *numbers, where, counts = cells
     for row in of.rows:
-        words = [_compared(row), row["verdict"] or "–", "asked" if row["asked"] else "shown only"]
+        words = [_comparison_words(row), row["verdict"] or "–", "asked" if row["asked"] else "shown only"]
         at = row.get("where")
         if (
             [name, verdict.lstrip("✓✗≈? "), counts] == words
@@ -432,15 +434,15 @@ def _comparison(cells: Sequence[str], of: Stored) -> Faults:
 def _shows_gaps(texts: Sequence[str], row: Row, digits: int) -> bool:
     """Whether texts show gap, bars and tolerance of a comparison."""
     values = [row.get(name) for name in ("gap", "allowed", "asked_for")]
-    return all(shows(text, value, digits=digits) for text, value in zip(texts, values, strict=True))
+    return all(shows_value(text, value, digits=digits) for text, value in zip(texts, values, strict=True))
 
 
-def _group(cells: Sequence[str], of: Stored) -> Faults:
+def _group_faults(cells: Sequence[str], of: StoredResults) -> Faults:
     group, verdict, text = cells
-    groups = _words("commands.check", "words.toml")["groups"]
+    groups = _read_words("commands.check", "words.toml")["groups"]
     others = {row["quantity"] for row in of.rows}.difference(*groups.values())
     rows = [row for row in of.rows if row["asked"] and row["quantity"] in groups.get(group, others)]
-    worst = _worst(rows) or "–"
+    worst = _worst_verdict(rows) or "–"
     if verdict.lstrip("✓✗≈? ") != worst:
         yield f"{group}: {verdict} where {worst} is the worst verdict"
     for name in ORDER:
@@ -450,49 +452,49 @@ def _group(cells: Sequence[str], of: Stored) -> Faults:
             yield f"{group}: {text!r} where {count} {words}"
 
 
-def _cost_row(cells: Sequence[str], of: Stored) -> Faults:
+def _cost_faults(cells: Sequence[str], of: StoredResults) -> Faults:
     method, *counts, seconds, reached = cells
     i = of.methods.index(method)
     summary = of.summaries[i]
     for name, text in zip(("n_dof", "steps", "newton_iterations"), counts, strict=True):
         if int(text.replace(" ", "")) != summary[name]:
             yield f"{name} of {method}: {text} where {summary[name]} is stored"
-    if not shows(seconds, summary["seconds"], digits=3):
+    if not shows_value(seconds, summary["seconds"], digits=3):
         yield f"seconds of {method}: {seconds} where {summary['seconds']} is stored"
-    if not shows_decimals(reached, float(of.run(i)["s_o"][-1]), "m", 1):
+    if not shows_decimals(reached, float(of.stored_run(i)["s_o"][-1]), "m", 1):
         yield f"{method} computed up to {reached}, which is not where its path ends"
 
 
-def _setting(cells: Sequence[str], of: Stored) -> Faults:
+def _setting_faults(cells: Sequence[str], of: StoredResults) -> Faults:
     name, text, _ = cells
     values = [(x | x["settings"]).get(name) for x in of.summaries]
     if text not in [f"{value:g}" if isinstance(value, float) else str(value) for value in values]:
         yield f"{name} = {text} where {values} is stored"
 
 
-def _fact(cells: Sequence[str], of: Stored) -> Faults:
+def _fact_faults(cells: Sequence[str], of: StoredResults) -> Faults:
     """What follows from the scene: length, tension and sag of the rope at rest, and how fast the car is."""
     name, text = cells
-    run = of.run(0)
+    run = of.stored_run(0)
     x = run["fields.x"]
     y = run["fields.y"]
     length = run["rest"]["length"]
     H = run["rest"]["horizontal_tension"]
     first, _, second = text.partition(", ")
     if name == "rope between the supports":
-        good = shows(first, length, "m", digits=6)
+        good = shows_value(first, length, "m", digits=6)
     elif name == "horizontal tension at rest":
-        good = shows(first, H, "N", digits=4)
+        good = shows_value(first, H, "N", digits=4)
     elif name == "sag at rest":
         below = CubicSpline(run["fields.s"], y - y[-1] / x[-1] * x)  # the chord
         sag = float(below(np.linspace(0.0, length, 20001)).max())
         share = second.removesuffix(" of the span")
-        good = shows(first, sag, "m", digits=4) and shows(share, sag / float(x[-1]), digits=2)
+        good = shows_value(first, sag, "m", digits=4) and shows_value(share, sag / float(x[-1]), digits=2)
     elif name == "top speed over that of waves across the rope":
         cable = run["scene"]["cable"]
         rho = cable["mass_per_length"] + ice_mass(cable)
         speed = np.max(np.abs(np.diff(run["s_o"]) / np.diff(run["t"])))  # steps are short chords of the travel
-        good = abs(_real(text.removesuffix(" %")) / 100.0 - speed * math.sqrt(rho / H)) < 0.06
+        good = abs(_parse_number(text.removesuffix(" %")) / 100.0 - speed * math.sqrt(rho / H)) < 0.06
     else:
         of.unread.append(name)
         return
@@ -500,25 +502,25 @@ def _fact(cells: Sequence[str], of: Stored) -> Faults:
         yield f"{name}: {text}"
 
 
-def _input(cells: Sequence[str], of: Stored) -> Faults:
+def _input_faults(cells: Sequence[str], of: StoredResults) -> Faults:
     key, text, _ = cells
-    value: Any = of.run(0)["scene"]
+    value: Any = of.stored_run(0)["scene"]
     for name in key.split("."):
         value = value[int(name)] if isinstance(value, list) else value[name]
     if isinstance(value, int | float) and not isinstance(value, bool):
-        good = abs(_real(text.split(" ")[0]) - value) <= ROUNDING * abs(value)
+        good = abs(_parse_number(text.split(" ")[0]) - value) <= ROUNDING * abs(value)
     else:
         good = text.startswith(str(len(value)) if isinstance(value, list) else str(value))
     if not good:
         yield f"{key}: {text} where {value} was read"
 
 
-def _nothing(text: Any, of: Stored) -> Faults:
+def _no_faults(text: Any, of: StoredResults) -> Faults:
     """Words alone."""
     return iter(())
 
 
-def count_faults(text: str, of: Stored) -> Faults:
+def count_faults(text: str, of: StoredResults) -> Faults:
     """Counts of comparisons of two solvers, of laws, and of numbers computed twice."""
     kinds = dict.fromkeys(("energy", "impulse", "laws_si"), "laws")
     kinds |= dict.fromkeys(("design", "outcome"), "printed numbers") | {"deep": ""}
@@ -535,20 +537,20 @@ def count_faults(text: str, of: Stored) -> Faults:
             yield f"{text!r} where {words} agree or hold"
 
 
-def limits_shown(html_text: str, rows: Sequence[Row]) -> Faults:
+def limit_table_faults(html_text: str, rows: Sequence[Row]) -> Faults:
     """Faults of the tables of limits on a page, which show all stored rows."""
     shown = []
-    for table in _each("table", html_text):
-        rows_of_table = [_cells(row) for row in _each("tr", table)]
+    for table in _contents_of_tags("table", html_text):
+        rows_of_table = [_cell_texts(row) for row in _contents_of_tags("tr", table)]
         if rows_of_table and "|".join(rows_of_table[0]) == LIMITS:
             shown += rows_of_table[1:]
     if len(shown) != len(rows):
         yield f"{len(shown)} limits are shown where {len(rows)} are stored"
     for cells in shown:
-        yield from _limit(cells, rows)
+        yield from _limit_row_faults(cells, rows)
 
 
-def _limit(cells: Sequence[str], rows: Sequence[Row]) -> Faults:
+def _limit_row_faults(cells: Sequence[str], rows: Sequence[Row]) -> Faults:
     for row in rows:
         verdict = cells[4].lstrip("✓✗≈? ")
         if (cells[0], cells[3], verdict) == (row["demand"], row["source"], row["verdict"]):
@@ -561,17 +563,20 @@ def _limit(cells: Sequence[str], rows: Sequence[Row]) -> Faults:
     yield f"{' | '.join(cells)}: no such limit is stored"
 
 
-def _verified(cells: Sequence[str], of: Stored) -> Faults:
+def _verification_row_faults(cells: Sequence[str], of: StoredResults) -> Faults:
     """A number in the terms of ASME V&V 20, whose row has no fault either."""
     name, printed, in_space, in_time, other, gap, uncertainty = cells
-    row = next((x for x in of.agreement["verification"] if _named(x) == name), None)
+    row = next((x for x in of.agreement["verification"] if _quantity_words(x) == name), None)
     if row is None:
         yield f"{name}: not in the verification"
         return
     good = [
         _shows_number(printed, row),
         _shows_number(other, row | {"value": row["other"], "bar": row["bar_other"]}),
-        *(shows(text, row[key], row["unit"], digits=2) for text, key in ((gap, "gap"), (uncertainty, "uncertainty"))),
+        *(
+            shows_value(text, row[key], row["unit"], digits=2)
+            for text, key in ((gap, "gap"), (uncertainty, "uncertainty"))
+        ),
         *(
             text == "not reached" if row[key] is None else shows_decimals(text, row[key], "", 1)
             for text, key in ((in_space, "order_space"), (in_time, "order_time"))
@@ -588,15 +593,15 @@ ORDERS = (0.5, 12.0)  # that are observed
 CREDITED = 2.0  # most
 
 
-def verification_faults(of: Stored) -> Faults:
+def verification_faults(of: StoredResults) -> Faults:
     """Faults of each row from the comparison of both solvers and from the values of three resolutions."""
     gaps = {x["law"]: x for x in of.rows if x["quantity"] == "design gap"}
     for row in of.agreement.get("verification", []):
-        for fault in _wrong_verification(of, row, gaps[row["quantity"]]):
+        for fault in _verification_faults_of_row(of, row, gaps[row["quantity"]]):
             yield f"{row['quantity']}: {fault}"
 
 
-def _wrong_verification(of: Stored, row: Row, gap: Row) -> Faults:
+def _verification_faults_of_row(of: StoredResults, row: Row, gap: Row) -> Faults:
     size = max(abs(row["value"]), abs(row["other"])) or 1.0
     i = of.methods.index(row["method"])
     values = [_stored_value(of, method, row["quantity"]) for method in (i, 1 - i)]
@@ -605,7 +610,7 @@ def _wrong_verification(of: Stored, row: Row, gap: Row) -> Faults:
     expected |= {"gap": abs(row["value"] - row["other"]), "uncertainty": math.hypot(row["bar"], row["bar_other"])}
     smallest = 0.0
     for direction in ("space", "time"):
-        order = _order(row[f"levels_{direction}"], row[f"ratios_{direction}"])
+        order = _observed_order(row[f"levels_{direction}"], row[f"ratios_{direction}"])
         finest, half = row[f"levels_{direction}"][:2]
         if (order is None) is not (row[f"order_{direction}"] is None):
             yield f"order in {direction} {row[f'order_{direction}']} where {order} follows"
@@ -622,13 +627,13 @@ def _wrong_verification(of: Stored, row: Row, gap: Row) -> Faults:
             yield f"{key} {row[key]} where {value} follows"
 
 
-def _stored_value(of: Stored, method: int, quantity: str) -> float:
+def _stored_value(of: StoredResults, method: int, quantity: str) -> float:
     """A design number of a method."""
-    value: float = next(x["value"] for x in of.run(method)["rest"]["design"] if x["quantity"] == quantity)
+    value: float = next(x["value"] for x in of.stored_run(method)["rest"]["design"] if x["quantity"] == quantity)
     return value
 
 
-def _order(levels: Sequence[float], ratios: Sequence[float]) -> float | None:
+def _observed_order(levels: Sequence[float], ratios: Sequence[float]) -> float | None:
     """The order whose falling changes are those of three resolutions; None: none in the range."""
     if len(levels) < 3 or levels[0] == levels[1]:
         return None
@@ -642,8 +647,8 @@ def _order(levels: Sequence[float], ratios: Sequence[float]) -> float | None:
     return float(brentq(excess, low, high)) if excess(low) < 0.0 < excess(high) else None
 
 
-def _printed_limit(text: str, of: Stored) -> Faults:
-    yield from _limit(re.split("  +", text), of.limits)
+def _printed_limit_faults(text: str, of: StoredResults) -> Faults:
+    yield from _limit_row_faults(re.split("  +", text), of.limits)
 
 
 # --- limits ---------------------------------------------------------------------------------------------------------
@@ -662,13 +667,13 @@ NUMBERS = {  # of other demands
     "deceleration": "deceleration_max",
 }
 OVER = "smallest clearance over "
-OF_GROUND = ("the ground", "ground")
+GROUND_NAMES = ("the ground", "ground")
 
 
 def limit_faults(rows: Sequence[Row], scene: Row, design: Sequence[Row], events: Sequence[Row]) -> Faults:
     """Faults of verdicts on limits, from a scene's TOML, the shipped texts and the printed numbers."""
     given = scene.get("limits", {})
-    shipped = _words("cablefem.scene", "limits.toml")
+    shipped = _read_words("cablefem.scene", "limits.toml")
     for row in rows:
         words = shipped["demand"]
         name = next(key for key in words if re.fullmatch(words[key][0].format(".*"), row["demand"]))
@@ -677,35 +682,35 @@ def limit_faults(rows: Sequence[Row], scene: Row, design: Sequence[Row], events:
         if row["source"] == "the scene":
             known = given.get(name) == row["limit"]
         else:
-            known = _has_rule(shipped["text"].values(), name, row, scene)
+            known = _any_text_states(shipped["text"].values(), name, row, scene)
         if not known:
             yield f"{row['demand']}: {row['limit']} is not the limit of {row['source']}"
-        yield from _wrong_verdict(name, row, scene, design, events)
+        yield from _verdict_faults(name, row, scene, design, events)
     sources = [row["source"] for row in rows]
     for name in given.get("use", []):
         if not any(source.startswith(shipped["text"][name]["source"]) for source in sources):
             yield f"{name}: none of its limits is printed"
 
 
-def _has_rule(texts: Iterable[Row], name: str, row: Row, scene: Row) -> bool:
-    return any(_is_rule(rule, name, row, text, scene) for text in texts for rule in text["limit"])
+def _any_text_states(texts: Iterable[Row], name: str, row: Row, scene: Row) -> bool:
+    return any(_states_rule(rule, name, row, text, scene) for text in texts for rule in text["limit"])
 
 
-def _is_rule(rule: Row, name: str, row: Row, text: Row, scene: Row) -> bool:
+def _states_rule(rule: Row, name: str, row: Row, text: Row, scene: Row) -> bool:
     """Whether a row states a rule of a text, which is for this obstacle and for what the scene says."""
     same = rule["demand"] == name and rule["limit"] == row["limit"]
-    kind = _kinds(scene).get(row["demand"].removeprefix(OVER))
+    kind = _kinds_of_obstacles(scene).get(row["demand"].removeprefix(OVER))
     fits = rule.get("kind") in (None, kind) or kind is None
     applies = rule.get("when") in (None, *scene["limits"].get("when", []))
     return same and fits and applies and row["source"] == f"{text['source']}, {rule['clause']}"
 
 
-def _kinds(scene: Row) -> dict[str, str | None]:
+def _kinds_of_obstacles(scene: Row) -> dict[str, str | None]:
     kinds = {x["name"]: x.get("kind") for x in scene.get("obstacle", [])}
     return kinds | {"the ground": scene["limits"].get("ground")}
 
 
-def _wrong_verdict(name: str, row: Row, scene: Row, design: Sequence[Row], events: Sequence[Row]) -> Faults:
+def _verdict_faults(name: str, row: Row, scene: Row, design: Sequence[Row], events: Sequence[Row]) -> Faults:
     value = _limit_value(name, row, scene, design, events)
     if value is None or row["value"] is None:
         if value is not row["value"] or not row["verdict"].startswith(("cannot be judged: ", "not computed")):
@@ -733,21 +738,21 @@ def _limit_value(
             kind, _, of = number["quantity"].partition(":")
             values.setdefault(kind, {})[of] = number["value"]
     if name == "clearance":
-        return _clearance(row, values, scene)
+        return _clearance_for_demand(row, values, scene)
     if name == "arrival_speed":
         return next((x["speed"] for x in events if x["event"] in ("brake", "arrival")), None)
     if name == "swing_along":
         swings = [*values.get("swing_max", {}).values(), *values.get("swing_min", {}).values()]
         return float(np.tan(np.radians(np.abs(swings).max()))) if swings else None
     if name in NUMBERS:
-        return _extreme(name, values.get(NUMBERS[name], {}), scene)
-    return _ratio(name, values, scene) if name in RATIOS else None
+        return _extreme_for_demand(name, values.get(NUMBERS[name], {}), scene)
+    return _ratio_for_demand(name, values, scene) if name in RATIOS else None
 
 
 Values = dict[str, dict[str, float]]  # numbers by kind, then by obstacle or contact
 
 
-def _extreme(name: str, numbers: dict[str, float], scene: Row) -> float | None:
+def _extreme_for_demand(name: str, numbers: dict[str, float], scene: Row) -> float | None:
     """The number of a demand; of knees under load, of the last contact before the end or of the others."""
     last = scene["contact"][-2]["name"] if "contact" in scene else ""
     if name.startswith("knee_l"):
@@ -756,7 +761,7 @@ def _extreme(name: str, numbers: dict[str, float], scene: Row) -> float | None:
     return extreme(numbers.values(), default=None)
 
 
-def _ratio(name: str, values: Values, scene: Row) -> float | None:
+def _ratio_for_demand(name: str, values: Values, scene: Row) -> float | None:
     """The ratio of two numbers that a demand names; the breaking load is the scene's."""
     if "breaking_load" in scene["cable"]:
         values["breaking_load"] = {"": scene["cable"]["breaking_load"]}
@@ -767,97 +772,97 @@ def _ratio(name: str, values: Values, scene: Row) -> float | None:
     return ratio - 1.0 if name == "sag_growth" else ratio
 
 
-def _clearance(row: Row, values: Values, scene: Row) -> float | None:
+def _clearance_for_demand(row: Row, values: Values, scene: Row) -> float | None:
     name = row["demand"].removeprefix(OVER)
-    if _kinds(scene).get(name) is None and row["source"] != "the scene":
+    if _kinds_of_obstacles(scene).get(name) is None and row["source"] != "the scene":
         return None
-    names = OF_GROUND if name in OF_GROUND else (name,)
+    names = GROUND_NAMES if name in GROUND_NAMES else (name,)
     clearances = [numbers for kind, numbers in values.items() if kind.startswith("clearance")]
     found = [x for numbers in clearances for of, x in numbers.items() if of.split(" over ")[-1] in names]
     return min(found, default=None)
 
 
 LIMITS = "limit|value|demanded|by|verdict"  # columns
-TABLES: dict[str, Callable[[Sequence[str], Stored], Faults]] = {
-    "quantity|value|when|car at|where": _number,
-    "support|when|to the right|down": _load,
-    LIMITS: _nothing,  # by `limits_shown`
-    "quantity|S|order in space|order in time|D||E||validation uncertainty": _verified,
-    "event|after [s]|at [m]|speed [km/h]": _event,
-    "comparison|verdict|gap|sum of both bars|asked for|largest at sₒ/l|in the verdict": _comparison,
-    "comparison|verdict|of those asked": _group,
-    "run|unknowns|steps|Newton iterations|time loop [s]|computed up to": _cost_row,
-    "setting|value|meaning": _setting,
-    "shared|checked on its own by": _nothing,
-    "question|answer": _nothing,
-    "follows from it|value": _fact,
-    "key|value|meaning": _input,
+TABLES: dict[str, Callable[[Sequence[str], StoredResults], Faults]] = {
+    "quantity|value|when|car at|where": _number_faults,
+    "support|when|to the right|down": _support_load_faults,
+    LIMITS: _no_faults,  # by `limit_table_faults`
+    "quantity|S|order in space|order in time|D||E||validation uncertainty": _verification_row_faults,
+    "event|after [s]|at [m]|speed [km/h]": _event_faults,
+    "comparison|verdict|gap|sum of both bars|asked for|largest at sₒ/l|in the verdict": _comparison_faults,
+    "comparison|verdict|of those asked": _group_faults,
+    "run|unknowns|steps|Newton iterations|time loop [s]|computed up to": _cost_faults,
+    "setting|value|meaning": _setting_faults,
+    "shared|checked on its own by": _no_faults,
+    "question|answer": _no_faults,
+    "follows from it|value": _fact_faults,
+    "key|value|meaning": _input_faults,
 }
 SECTIONS = ("answer", "side-view", "ride", "tension", "scene", "how-sure", "rests")
 
 
-def _each(tag: str, text: str) -> list[str]:
+def _contents_of_tags(tag: str, text: str) -> list[str]:
     """Contents of all elements of a tag, a pattern that may name a class."""
     name = tag.partition(" ")[0]
     return re.findall(rf"<{tag}[^>]*>(.*?)</{name}>", text, re.S)
 
 
-def _cells(row: str) -> list[str]:
+def _cell_texts(row: str) -> list[str]:
     """Texts of a row's cells, or of its heads."""
-    return [plain(x) for x in _each("t[hd]", row)]
+    return [plain_text(x) for x in _contents_of_tags("t[hd]", row)]
 
 
-def _section(html_text: str, name: str, command: str) -> str:
+def _section_html(html_text: str, name: str, command: str) -> str:
     """A section of a command; another command's may have the same name."""
     for of in (f"{name}-{command}", name):
-        for content in _each(f'section id="{of}"', html_text):
+        for content in _contents_of_tags(f'section id="{of}"', html_text):
             return str(content)
     return ""
 
 
-def page(html_text: str, command: str, of: Stored) -> Faults:
+def page_faults(html_text: str, command: str, of: StoredResults) -> Faults:
     """Faults of the sections of a page that show a run or a check."""
-    sections = {name: _section(html_text, name, command) for name in SECTIONS}
+    sections = {name: _section_html(html_text, name, command) for name in SECTIONS}
     answer = sections["answer"]
     if not answer:
         yield "the page has no answer"
         return
-    head = plain("".join(_each("h2", answer)))
+    head = plain_text("".join(_contents_of_tags("h2", answer)))
     if of.agreement and not head.endswith(f" {of.verdict}"):
         yield f"the page's verdict is {head!r}, that of the rows {of.verdict}"
-    summary = plain("".join(_each('p class="summary"', answer)))
-    if not summary.startswith(plain(f"{of.outcome[0].upper()}{of.outcome[1:]}.")):
+    summary = plain_text("".join(_contents_of_tags('p class="summary"', answer)))
+    if not summary.startswith(plain_text(f"{of.outcome[0].upper()}{of.outcome[1:]}.")):
         yield f"{summary!r} where the outcome is {of.outcome!r}"
     if of.rows:
         yield from count_faults(summary, of)
     text = "".join(sections.values())
-    yield from limits_shown(text, of.limits)
-    for table in _each("table", text):
-        yield from _table(table, of)
-    for data in _each('script type="application/json"', text):
-        for fault in _side_view(json.loads(data), of):
+    yield from limit_table_faults(text, of.limits)
+    for table in _contents_of_tags("table", text):
+        yield from _table_faults(table, of)
+    for data in _contents_of_tags('script type="application/json"', text):
+        for fault in _side_view_faults(json.loads(data), of):
             yield f"side view: {fault}"
 
 
-def _table(table: str, of: Stored) -> Faults:
-    rows = _each("tr", table)
+def _table_faults(table: str, of: StoredResults) -> Faults:
+    rows = _contents_of_tags("tr", table)
     if not rows:  # the side view's, before its script runs
         return
-    columns = "|".join(_cells(rows[0]))
+    columns = "|".join(_cell_texts(rows[0]))
     reader = TABLES.get(columns)
     if reader is None:
         of.unread.append(columns)
         return
     for row in rows[1:]:
-        yield from reader(_cells(row), of)
+        yield from reader(_cell_texts(row), of)
 
 
 # --- the side view --------------------------------------------------------------------------------------------------
 
 
-def _side_view(view: dict[str, Any], of: Stored) -> Faults:
-    run = of.run(0)
-    path = path_of(run)
+def _side_view_faults(view: dict[str, Any], of: StoredResults) -> Faults:
+    run = of.stored_run(0)
+    path = path_columns(run)
     points = np.stack([path["x"], path["y"]], axis=1)  # (n, 2)
     reach = float(np.ptp(path["x"])) or 1.0
     track = view["paths"][0]
@@ -867,7 +872,7 @@ def _side_view(view: dict[str, Any], of: Stored) -> Faults:
     if max(*distances, *ends) > 1e-5 * reach:
         yield f"the path is {max(distances):.3g} m off path.csv"
     for mark in view["speeds"]:
-        yield from _speed(mark, points, path["speed"], 0.01 * reach)
+        yield from _speed_mark_faults(mark, points, path["speed"], 0.01 * reach)
     scene = run["scene"]
     supports = scene["supports"]
     obstacles = [{"name": x["name"], "x": x["at"], "top": x["top"]} for x in scene.get("obstacle", [])]
@@ -883,10 +888,10 @@ def _side_view(view: dict[str, Any], of: Stored) -> Faults:
         if view[name] != value:
             yield f"{name} is not the scene's"
     for cable in view["cables"]:
-        yield from _moving(cable, view, of)
+        yield from _moving_rope_faults(cable, view, of)
 
 
-def _speed(mark: dict[str, Any], points: Array, speed: Array, near: float) -> Faults:
+def _speed_mark_faults(mark: dict[str, Any], points: Array, speed: Array, near: float) -> Faults:
     """A car that rolls back passes a point twice: one of the speeds near a mark is its text."""
     distances = np.hypot(*(points - [mark["x"], mark["y"]]).T)
     i = np.flatnonzero(distances <= distances.min() + near)
@@ -900,13 +905,13 @@ def _speed(mark: dict[str, Any], points: Array, speed: Array, near: float) -> Fa
 BESIDE = {"speed": ("speed", "m/s"), "press on the rope": ("F_contact", "N"), "haul or thrust": ("F_haul", "N")}
 
 
-def _moving(cable: dict[str, Any], view: dict[str, Any], of: Stored) -> Faults:
+def _moving_rope_faults(cable: dict[str, Any], view: dict[str, Any], of: StoredResults) -> Faults:
     """Frames of a rope against the stored ones; a frame at rest may come first."""
     drawn = cable["touching"][0]
-    run = of.run(of.methods.index(drawn["name"]))
+    run = of.stored_run(of.methods.index(drawn["name"]))
     t = run["fields.t"]
     stations = np.abs(run["fields.s"][:, None] - np.array(view["s"])).argmin(axis=0)  # (m,)
-    car = car_of(run)
+    car = car_positions(run)
     behind = run["fields.T_behind"]
     ahead = run["fields.T_ahead"]
     sides = {"behind": np.where(np.isnan(behind), ahead, behind), "ahead": np.where(np.isnan(ahead), behind, ahead)}
@@ -915,7 +920,7 @@ def _moving(cable: dict[str, Any], view: dict[str, Any], of: Stored) -> Faults:
     places = {"s": run["fields.s_o"], "x": car[:, 0], "y": car[:, 1]}
     series |= {name: drawn[name] for name in (*places, *sides)}
     expected |= places | sides
-    path = path_of(run)
+    path = path_columns(run)
     felt: dict[str, tuple[Any, str]] = {f"tension {side}": (values, "N") for side, values in sides.items()}
     felt["deflection"] = run["fields.mass_v"], "m"
     felt |= {name: (np.interp(t, path["t"], path[column]), si) for name, (column, si) in BESIDE.items()}
@@ -928,18 +933,18 @@ def _moving(cable: dict[str, Any], view: dict[str, Any], of: Stored) -> Faults:
         yield f"forces are in {view['unitName']} but divided by {view['unit']}"
     for name, values in expected.items():
         rounding = 1e-4 * float(np.ptp(run["fields.x"])) if name in ("x", "y") else 0.0
-        yield from _packed(name, series[name], values, rounding)
+        yield from _packed_faults(name, series[name], values, rounding)
         if _unpacked(series[name]).size not in (values.size, values.size // t.size * (t.size + 1)):
             yield f"{name} has other frames than are stored"
 
 
-def _packed(name: str, part: dict[str, Any], values: Array, rounding: float = 0.0) -> Faults:
+def _packed_faults(name: str, part: dict[str, Any], values: Array, rounding: float = 0.0) -> Faults:
     """Faults of a packed series that ends with these values."""
-    allowed = _step(part) + rounding
-    yield from _series(name, _unpacked(part)[-values.size :], values.ravel(), 1.0, allowed)
+    allowed = _packing_step(part) + rounding
+    yield from _series_faults(name, _unpacked(part)[-values.size :], values.ravel(), 1.0, allowed)
 
 
-def _step(part: dict[str, Any]) -> float:
+def _packing_step(part: dict[str, Any]) -> float:
     """Rounding of a packed series."""
     return float((part["high"] - part["low"]) / PACKED + 1e-12 * abs(part["high"]))
 
@@ -949,9 +954,9 @@ def _unpacked(part: dict[str, Any]) -> Array:
     return np.asarray(part["low"] + (part["high"] - part["low"]) / PACKED * steps)
 
 
-def moving_line(html_text: str, folder: Path, motion: Any) -> Faults:
+def line_motion_faults(html_text: str, folder: Path, motion: Any) -> Faults:
     """Faults of rope.csv, and of the side view of a line in motion."""
-    rope = columns_of(folder / "rope.csv")
+    rope = read_columns(folder / "rope.csv")
     t = np.unique(rope["t"])
     stations = np.searchsorted(motion.s, np.unique(rope["s"]) - 1e-9 * motion.s[-1])  # (m,)
     steps = np.searchsorted(motion.t, t - 1e-9 * motion.t[-1])  # (n,)
@@ -968,22 +973,24 @@ def moving_line(html_text: str, folder: Path, motion: Any) -> Faults:
             yield f"rope.csv: {name} is not what was computed"
     if not np.allclose(t[[0, -1]], ends, rtol=1e-9, atol=0.0):
         yield "rope.csv ends before the run does"
-    for data in _each('script type="application/json"', html_text):
+    for data in _contents_of_tags('script type="application/json"', html_text):
         view = json.loads(data)
         cable = view["cables"][0]
         here = np.isfinite(columns["T"])
         for name, column in (("u", "x"), ("v", "y"), ("T", "T")):
             shown = _unpacked(cable[name]).reshape(shape)
-            yield from _series(f"side view: {name}", shown[here], columns[column][here], 1.0, _step(cable[name]))
-        yield from _packed("side view: t", cable["t"], t)
+            yield from _series_faults(
+                f"side view: {name}", shown[here], columns[column][here], 1.0, _packing_step(cable[name])
+            )
+        yield from _packed_faults("side view: t", cable["t"], t)
         for car in motion.cars:
             drawn = next(x for x in cable["touching"] if x["name"] == car.name)
-            path = {name: x[steps] for name, x in columns_of(folder / f"path-{car.name}.csv").items()}
-            for fault in _car_drawn(drawn, car, steps, path):
+            path = {name: x[steps] for name, x in read_columns(folder / f"path-{car.name}.csv").items()}
+            for fault in _drawn_car_faults(drawn, car, steps, path):
                 yield f"side view: {car.name}: {fault}"
 
 
-def _car_drawn(drawn: dict[str, Any], car: Any, steps: Array, path: dict[str, Array]) -> Faults:
+def _drawn_car_faults(drawn: dict[str, Any], car: Any, steps: Array, path: dict[str, Array]) -> Faults:
     """Faults of a packed car; path : its columns at these steps."""
     x, y = car.point[steps].T
     known = {"s": car.s[steps], "x": x, "y": y}
@@ -993,29 +1000,29 @@ def _car_drawn(drawn: dict[str, Any], car: Any, steps: Array, path: dict[str, Ar
         if drawn["body"] != ("wheels" if car.turning.wheels else "hangs"):
             yield "another body is drawn"
     for name, values in known.items():
-        yield from _packed(name, drawn[name], values)
+        yield from _packed_faults(name, drawn[name], values)
     columns = BESIDE | {"deflection": ("v", "m"), "swing": ("swing", "deg"), "pitch": ("pitch", "deg")}
     columns |= {f"tension {side}": (f"T_{side}", "N") for side in ("behind", "ahead")}
     columns |= {f"{side} wheel": (f"wheel_{side}", "N") for side in ("rear", "front")}
     for beside in drawn["readout"]:
         name, _, unit = beside["name"].rstrip("]").partition(" [")
         column, si = columns[name]
-        yield from _packed(name, beside["data"], path[column] / si_factor(unit, si))
+        yield from _packed_faults(name, beside["data"], path[column] / si_factor(unit, si))
 
 
 # --- terminal -------------------------------------------------------------------------------------------------------
 
 
-def terminal(printed: Sequence[str], of: Stored) -> Faults:
+def terminal_faults(printed: Sequence[str], of: StoredResults) -> Faults:
     """Faults of what a run or a check printed."""
-    stored = _sentences(of)
+    stored = _stored_sentences(of)
     for text in printed:
-        reader = next((read for pattern, read in LINES if re.match(pattern, text)), _printed_number)
+        reader = next((read for pattern, read in LINE_CHECKS if re.match(pattern, text)), _printed_number_faults)
         if text.strip() and text.strip() not in stored:
             yield from reader(text.strip(), of)
 
 
-def _sentences(of: Stored) -> set[str]:
+def _stored_sentences(of: StoredResults) -> set[str]:
     """Sentences that are printed as they are stored."""
     sentences = {f"{of.summaries[0]['scene']}: {of.outcome}"}
     for summary in of.summaries:
@@ -1023,53 +1030,53 @@ def _sentences(of: Stored) -> set[str]:
     for doubt in of.agreement.get("doubts", []):
         sentences.add(f"{doubt['method']}: {doubt['words']}")
     if of.agreement:
-        sentences.add(_words("page", "verdicts.toml")[of.verdict])
+        sentences.add(_read_words("page", "verdicts.toml")[of.verdict])
     return sentences
 
 
-def _printed_number(text: str, of: Stored) -> Faults:
+def _printed_number_faults(text: str, of: StoredResults) -> Faults:
     """A design number; of two names that begin alike the longer one."""
-    rows = [row for row in of.design if text.startswith(f"{_named(row)} ")]
+    rows = [row for row in of.design if text.startswith(f"{_quantity_words(row)} ")]
     if not rows:
         of.unread.append(text)
         return
-    row = max(rows, key=lambda x: len(_named(x)))
-    rest = re.sub(r"^\(\d+ more, larger\)", "", text.removeprefix(_named(row)).strip()).strip()
+    row = max(rows, key=lambda x: len(_quantity_words(x)))
+    rest = re.sub(r"^\(\d+ more, larger\)", "", text.removeprefix(_quantity_words(row)).strip()).strip()
     parts = re.fullmatch(r"(.*?)(?:, at ([\d.-]+ m))?(?: after (\S+ s))?", rest)
     assert parts is not None
     value, at, when = parts.groups("")
     car = f"{row['s_o']:.1f} m" if row.get("s_o") is not None and row["value"] is not None else ""
-    yield from _number([_named(row), value, when, car, at], of)
+    yield from _number_faults([_quantity_words(row), value, when, car, at], of)
 
 
-def _printed_event(text: str, of: Stored) -> Faults:
+def _printed_event_faults(text: str, of: StoredResults) -> Faults:
     parts = re.fullmatch(r"(.*?) +after (.*) s at (.*) m(?: with (.*) km/h)?", text)
     if parts is None or parts[1].replace(" ", "_") not in [row["event"] for row in of.events]:
         of.unread.append(text)
     else:
-        yield from _event(parts.groups(""), of)
+        yield from _event_faults(parts.groups(""), of)
 
 
-def _printed_slack(text: str, of: Stored) -> Faults:
+def _printed_slack_faults(text: str, of: StoredResults) -> Faults:
     row = next((x for x in of.design if x["quantity"] == "slack_onset"), {"value": None})
-    length = of.run(0)["rest"]["length"]
+    length = of.stored_run(0)["rest"]["length"]
     number = text.removeprefix("slack somewhere from car at ").partition(" on;")[0]
-    if row["value"] is None or not shows(number, row["value"] * length, "m", bar=(row["bar"] or 0.0) * length):
+    if row["value"] is None or not shows_value(number, row["value"] * length, "m", bar=(row["bar"] or 0.0) * length):
         yield f"{text!r} is not the stored slack onset"
 
 
-def _scope(text: str, of: Stored) -> Faults:
+def _scope_faults(text: str, of: StoredResults) -> Faults:
     """What a text is for, and whether the scene is that."""
-    for x in _words("cablefem.scene", "limits.toml")["text"].values():
+    for x in _read_words("cablefem.scene", "limits.toml")["text"].values():
         expected = f"{x['source']}: for {x['scope']}"
-        if of.run(0)["rest"]["drive"] not in x["modes"]:
+        if of.stored_run(0)["rest"]["drive"] not in x["modes"]:
             expected += "; this scene is outside its scope"
         if text == expected:
             return
     yield f"{text!r} is no scope of a text"
 
 
-def _printed_work(text: str, of: Stored) -> Faults:
+def _printed_work_faults(text: str, of: StoredResults) -> Faults:
     parts = re.fullmatch(r"by (\S+) \((.*)\) in (\S+) s(?:; path ± (\S+) m)?", text)
     run = of.summaries[0]
     if parts is None or parts[1] != run["method"]:
@@ -1079,11 +1086,11 @@ def _printed_work(text: str, of: Stored) -> Faults:
     if not set(parts[2].split(", ")) <= settings:
         yield f"{parts[2]!r} are not the stored settings"
     bar = None if run["path_error"] is None else run["path_error"] * run["path_scale"]
-    if not shows(parts[3], run["seconds"], digits=2) or not shows(parts[4] or "–", bar, digits=2):
+    if not shows_value(parts[3], run["seconds"], digits=2) or not shows_value(parts[4] or "–", bar, digits=2):
         yield f"{text!r}: {run['seconds']} s and {bar} m are stored"
 
 
-def _printed_comparison(text: str, of: Stored) -> Faults:
+def _printed_comparison_faults(text: str, of: StoredResults) -> Faults:
     """Name, gap, bars, tolerance, where, verdict."""
     name, *cells, verdict = re.split("  +", text)
     for row in of.rows:
@@ -1093,26 +1100,26 @@ def _printed_comparison(text: str, of: Stored) -> Faults:
     yield f"{text!r} is no comparison in agreement.json"
 
 
-def _printed_party(text: str, of: Stored) -> Faults:
-    words = _words("commands.check", "words.toml")["third"]
+def _printed_third_party_faults(text: str, of: StoredResults) -> Faults:
+    words = _read_words("commands.check", "words.toml")["third"]
     for party in {row["with"] for row in of.rows if row.get("with")}:
-        worst = _worst(row for row in of.rows if row.get("with") == party)
+        worst = _worst_verdict(row for row in of.rows if row.get("with") == party)
         if text.startswith(f"{party}: {words[worst or 'not comparable']}"):
             return
     yield f"{text!r} is no verdict on another program"
 
 
-LINES: tuple[tuple[str, Callable[[str, Stored], Faults]], ...] = (
-    (r"  slack somewhere from car at ", _printed_slack),
-    (r"  by the quasi-static model|  Nothing could be compared|  written to |quantity +gap", _nothing),
-    (r"  by \S+ \(", _printed_work),
-    (r"limit  +value", _nothing),
-    (r"\S.*  (met|not met|too close to tell|cannot be judged: .*|not computed.*)$", _printed_limit),
-    (r"  [^:]*: for .*", _scope),
+LINE_CHECKS: tuple[tuple[str, Callable[[str, StoredResults], Faults]], ...] = (
+    (r"  slack somewhere from car at ", _printed_slack_faults),
+    (r"  by the quasi-static model|  Nothing could be compared|  written to |quantity +gap", _no_faults),
+    (r"  by \S+ \(", _printed_work_faults),
+    (r"limit  +value", _no_faults),
+    (r"\S.*  (met|not met|too close to tell|cannot be judged: .*|not computed.*)$", _printed_limit_faults),
+    (r"  [^:]*: for .*", _scope_faults),
     (r"  \d+ (of \d+ )?(comparisons|laws|printed)", count_faults),
-    (r"  \S.*: (agrees|DISAGREES|is too coarse|cannot be compared)", _printed_party),
-    (r"\S.*(  +(-|\d\S*)){4}  (agree|disagree|too coarse|not comparable|shown)$", _printed_comparison),
-    (r"  \S.* after \S+( ± \S+)? s at .* m", _printed_event),
+    (r"  \S.*: (agrees|DISAGREES|is too coarse|cannot be compared)", _printed_third_party_faults),
+    (r"\S.*(  +(-|\d\S*)){4}  (agree|disagree|too coarse|not comparable|shown)$", _printed_comparison_faults),
+    (r"  \S.* after \S+( ± \S+)? s at .* m", _printed_event_faults),
 )
 
 
@@ -1120,75 +1127,77 @@ LINES: tuple[tuple[str, Callable[[str, Stored], Faults]], ...] = (
 
 _CLAUSE = re.compile(r"(.+?)\s*(<=|>=|<|>|=)\s*(\S+)\s*(\S*)")
 _ANSWER = re.compile(rf"(at most|at least) (about )?({_NUMBER}(?: ± {_NUMBER})?)(?: (\S+))?; (above|below): ")
-OF_EVENT = {"t": "s", "s_o": "m", "speed": "m/s"}
+EVENT_UNITS = {"t": "s", "s_o": "m", "speed": "m/s"}
 
 
-def faults_of_find(folder: Path, html_text: str, printed: Sequence[str]) -> Faults:
+def find_faults(folder: Path, html_text: str, printed: Sequence[str]) -> Faults:
     """Faults of find.json, find.csv, their page and what was printed."""
-    found = _json(folder / "find.json")
-    section = _section(html_text, "find", "find")
-    rows = [_cells(row) for table in _each("table", section) for row in _each("tr", table)][1:]
+    found = _read_json(folder / "find.json")
+    section = _section_html(html_text, "find", "find")
+    rows = [
+        _cell_texts(row) for table in _contents_of_tags("table", section) for row in _contents_of_tags("tr", table)
+    ][1:]
     if "rows" in found:
-        sentences = [f"{found['for']} = {row['of']}: {row['answer']}" for row in _points(found["rows"])]
-        yield from _curve(found, folder / "find.csv", rows)
+        sentences = [f"{found['for']} = {row['of']}: {row['answer']}" for row in _curve_points(found["rows"])]
+        yield from _curve_faults(found, folder / "find.csv", rows)
     else:
         sentences = [found["sentence"]]
-        yield from _search(found)
-        if plain("".join(_each('p class="summary"', section))) != plain(found["sentence"]):
+        yield from _search_faults(found)
+        if plain_text("".join(_contents_of_tags('p class="summary"', section))) != plain_text(found["sentence"]):
             yield "the page has another answer than find.json"
         tried = [[x["value"], "yes" if x["holds"] else "no", x["outcome"]] for x in found["evaluations"]]
-        yield from _unlike_rows([[cells[0], *cells[2:]] for cells in rows], tried)
+        yield from _row_faults([[cells[0], *cells[2:]] for cells in rows], tried)
         for cells, row in zip(rows, found["evaluations"], strict=False):
-            yield from _unlike_rows([cells[1].split("; ")], [list(itertools.chain(*row["read"]))])
+            yield from _row_faults([cells[1].split("; ")], [list(itertools.chain(*row["read"]))])
     for sentence in sentences:
         if sentence not in printed:
             yield f"{sentence!r} was not printed"
 
 
-def _points(rows: Sequence[Row]) -> list[Row]:
+def _curve_points(rows: Sequence[Row]) -> list[Row]:
     """Rows of a curve, whose first key is the one that varies."""
     return [dict(zip(("of", "value", "answer"), row.values(), strict=True)) for row in rows]
 
 
-def _curve(found: Row, table: Path, shown: Sequence[Sequence[str]]) -> Faults:
+def _curve_faults(found: Row, table: Path, shown: Sequence[Sequence[str]]) -> Faults:
     """Faults of a curve in find.csv and in the rows of its page."""
     stored = [list(row.values()) for row in found["rows"]]
     expected = [[found["for"], found["key"], "answer"], *stored]
     with table.open(encoding="utf-8", newline="") as file:
         if [*csv.reader(file)] != [["" if x is None else str(x) for x in row] for row in expected]:
             yield "find.csv is not find.json"
-    for row in _points(found["rows"]):
+    for row in _curve_points(found["rows"]):
         match = _ANSWER.search(row["answer"])
         unknown = row["value"] is None
-        if (match is None) is not unknown or (match and not _rounds(match, row["value"])):
+        if (match is None) is not unknown or (match and not _rounds_to(match, row["value"])):
             yield f"{row['answer']!r} where {row['value']} is stored"
-    yield from _unlike_rows(shown, stored)
+    yield from _row_faults(shown, stored)
 
 
-def _unlike_rows(shown: Sequence[Sequence[str]], stored: Sequence[Sequence[Any]]) -> Faults:
+def _row_faults(shown: Sequence[Sequence[str]], stored: Sequence[Sequence[Any]]) -> Faults:
     if len(shown) != len(stored):
         yield f"{len(shown)} rows are shown where {len(stored)} are stored"
     for cells, row in zip(shown, stored, strict=False):
         for text, value in zip(cells, row, strict=True):
             if isinstance(value, str) and value:
-                good = text == plain(value)
+                good = text == plain_text(value)
             else:
-                good = shows(text, None if value == "" else value, digits=6)
+                good = shows_value(text, None if value == "" else value, digits=6)
             if not good:
                 yield f"{text} is shown where {value} is stored"
 
 
-def _rounds(match: re.Match[str], value: float) -> bool:
+def _rounds_to(match: re.Match[str], value: float) -> bool:
     """Whether an answer in words is a value to its last digit, two of one that is about."""
     bar = match[3].partition(" ± ")[2]
-    return shows(match[3], value, bar=float(bar) if bar else None, digits=2 if match[2] else 5)
+    return shows_value(match[3], value, bar=float(bar) if bar else None, digits=2 if match[2] else 5)
 
 
-def _search(found: Row) -> Faults:
+def _search_faults(found: Row) -> Faults:
     """Faults of the values that were tried, of each change between them, and of the sentence."""
     clauses = [_CLAUSE.fullmatch(text.strip()) for text in re.split(r"\band\b", found["condition"])]
     reads = {row["value"]: list(itertools.chain(*row["read"])) for row in found["evaluations"]}
-    rooms = {value: list(map(_room, itertools.cycle(clauses), read)) for value, read in reads.items()}
+    rooms = {value: list(map(_clause_margin, itertools.cycle(clauses), read)) for value, read in reads.items()}
     for row in found["evaluations"]:
         if row["holds"] is not all(room >= 0.0 for room in rooms[row["value"]]):
             yield f"at {row['value']}: holds is {row['holds']} where {rooms[row['value']]} follow"
@@ -1196,37 +1205,37 @@ def _search(found: Row) -> Faults:
     for name in ("value", "bar", "holds_at", "fails_at"):
         if found[name] != first.get(name):
             yield f"{name} is not that of the first change"
-    yield from _said(found, rooms, reads)
+    yield from _changes_faults(found, rooms, reads)
 
 
-def _said(found: Row, rooms: dict[float, list[float]], reads: dict[float, list[Any]]) -> Faults:
+def _changes_faults(found: Row, rooms: dict[float, list[float]], reads: dict[float, list[Any]]) -> Faults:
     """Faults of each change, and of its answer in words."""
     answers = [] if "interrupted" in found["sentence"] else list(_ANSWER.finditer(found["sentence"]))
     if answers and len(answers) != len(found["changes"]):
         yield f"{len(answers)} answers in words of {len(found['changes'])}"
     for i, change in enumerate(found["changes"]):
-        yield from _change(change, rooms, reads)
+        yield from _change_faults(change, rooms, reads)
         if answers:
-            yield from _answer(answers[i], change)
+            yield from _answer_faults(answers[i], change)
 
 
-def _room(match: re.Match[str] | None, read: Any) -> float:
+def _clause_margin(match: re.Match[str] | None, read: Any) -> float:
     """By how much a clause holds; negative or nan: it does not."""
     if match is None or match[2] == "=":
         return 0.0 if read == ("met" if match is None else match[3]) else math.nan
     if read is None:
         return math.nan
     kind = re.split("[.:]", match[1])[0]
-    quantities = _words("core", "quantities.toml")
+    quantities = _read_words("core", "quantities.toml")
     units = {name: row[1] for table in ("main", "more") for name, row in quantities[table].items()}
     unit = next((units[name] for name in (kind, f"{kind}_min", f"{kind}_max") if name in units), None)
     if unit is None:
-        unit = OF_EVENT[match[1].partition(".")[2]]
+        unit = EVENT_UNITS[match[1].partition(".")[2]]
     room = float(read) - float(match[3]) * si_factor(match[4], unit)
     return room if match[2][0] == ">" else -room
 
 
-def _change(change: Row, rooms: dict[float, list[float]], read: dict[float, list[Any]]) -> Faults:
+def _change_faults(change: Row, rooms: dict[float, list[float]], read: dict[float, list[Any]]) -> Faults:
     """Faults of a change: where the first number that fails crosses its limit on a chord, and the bar of a check."""
     good, bad = change["holds_at"], change["fails_at"]
     above, below = rooms[good], rooms[bad]
@@ -1244,10 +1253,10 @@ def _change(change: Row, rooms: dict[float, list[float]], read: dict[float, list
             yield f"bar {change['bar']} where {bar} follows from the check"
 
 
-def _answer(match: re.Match[str], change: Row) -> Faults:
+def _answer_faults(match: re.Match[str], change: Row) -> Faults:
     at_most = change["fails_at"] > change["holds_at"]
     words = match[1] == ("at most" if at_most else "at least") and match[5] == ("above" if at_most else "below")
     width = max(change["bar"] or 0.0, abs(change["fails_at"] - change["holds_at"]))
-    good = _rounds(match, change["value"]) if match[2] else shows(match[3], change["value"], bar=width)
+    good = _rounds_to(match, change["value"]) if match[2] else shows_value(match[3], change["value"], bar=width)
     if not words or not good or (match[4] or "") != change["unit"]:
         yield f"{match[0]!r} where {change['value']} with the bar {change['bar']} is stored"

@@ -15,48 +15,50 @@ from scipy.optimize import brentq
 
 from cablefem.response import Array, Response
 from validation.core import timetable
-from validation.core.agreement import Agreement, Bound, Part, no_bound
-from validation.core.evidence import Evidence, Windows, cross, integral
-from validation.core.measures import JUMP_WIDTH, WINDOWS, extremes_within, steep_from, valid_until
-from validation.core.rest import car_position
-from validation.core.scene_data import ROUNDING, SceneData, deepest, mean_around, stressed
+from validation.core.agreement import Agreement, Bound, BoundPart, no_bound
+from validation.core.evidence import Evidence, Windows, cross_product, integral
+from validation.core.measures import JUMP_WIDTH, WINDOWS, extremes_within, onset_of_steep_waves, valid_until
+from validation.core.rest import car_position_at_rest
+from validation.core.scene_data import ROUNDING, SceneData, max_depth_at, mean_around, wheel_stresses
 
 
-def _row(r: Response, quantity: str, law: str, gap: float, allowed: float, where: float | None = None) -> Agreement:
+def _recomputed_row(
+    r: Response, quantity: str, law: str, gap: float, allowed: float, where: float | None = None
+) -> Agreement:
     """Gap of a printed to a recomputed value, over its largest size; where : s_o/l."""
     return Agreement(
-        quantity, gap, Bound("law", (Part(r.method, allowed, "printed bar and sampling"),)), where, law=law
+        quantity, gap, Bound("law", (BoundPart(r.method, allowed, "printed bar and sampling"),)), where, law=law
     )
 
 
-def rows(
+def recomputed_rows(
     r: Response, counterpart: Response | None = None, outcome: tuple[str, str] | None = None
 ) -> Iterator[Agreement]:
     """Check design numbers, errors of path and tension, and an outcome's kind and sentence."""
-    yield from design(r, counterpart)
+    yield from check_design(r, counterpart)
     if counterpart is not None:
-        yield from errors(r, counterpart)
+        yield from check_path_and_tension_errors(r, counterpart)
     if outcome is not None:
-        yield ending(r, counterpart, *outcome)
+        yield check_outcome(r, counterpart, *outcome)
 
 
-def design(r: Response, counterpart: Response | None = None) -> Iterator[Agreement]:
+def check_design(r: Response, counterpart: Response | None = None) -> Iterator[Agreement]:
     """Check design numbers against a second computation, in the range of both runs."""
-    readings = Readings(r, counterpart)
+    readings = RecomputedNumbers(r, counterpart)
     for row in r.design:
         quantity = row["quantity"]
         names = [("value", "bar", "")]
         if row.get("peak") is not None:
             names.append(("peak", "bar_peak", " peak"))
         for name, bar, law in names:
-            if readings.knows(quantity):
-                right = readings.of(quantity, raw=bool(law))
-                yield _of_number(r, row, (name, bar), right, readings.resolution(quantity), quantity + law)
+            if readings.has_second_computation(quantity):
+                right = readings.number(quantity, raw=bool(law))
+                yield _row_of_number(r, row, (name, bar), right, readings.resolution(quantity), quantity + law)
             else:
                 yield Agreement("design", math.nan, no_bound("printed without a second computation"), law=quantity)
 
 
-def _of_number(
+def _row_of_number(
     r: Response, row: dict[str, Any], names: tuple[str, str], right: float | None, resolution: float, law: str
 ) -> Agreement:  # fmt: skip
     """The row of a printed number or peak against the right one.
@@ -66,10 +68,10 @@ def _of_number(
     name, bar = names
     where = None if row["s_o"] is None else row["s_o"] / r.length
     if row[name] is None or right is None:
-        return _row(r, "design", law, 0.0 if row[name] is right else 1.0, ROUNDING, where)
+        return _recomputed_row(r, "design", law, 0.0 if row[name] is right else 1.0, ROUNDING, where)
     size = abs(right) or 1.0
     allowed = max(row[bar] or 0.0, resolution) / size + ROUNDING
-    return _row(r, "design", law, abs(row[name] - right) / size, allowed, where)
+    return _recomputed_row(r, "design", law, abs(row[name] - right) / size, allowed, where)
 
 
 FROM_TOML = ("sag_car_rest", "acceleration_max", "deceleration_max")
@@ -77,13 +79,13 @@ Signals = list[tuple[Array, Array]]  # times (n,), values (n,) or (n, m)
 FORCES = ("tension", "reaction", "contact", "haul_force", "angle", "stress")  # felt as means over an axial round trip
 
 
-class Readings:
+class RecomputedNumbers:
     """Second computations of design numbers from stored fields, path and TOML."""
 
     def __init__(self, r: Response, counterpart: Response | None) -> None:
         self.r = r
         self.data = SceneData(r.scene_toml, r.length)
-        self.signals = _signals(r, self.data)
+        self.signals = _signals_by_kind(r, self.data)
         self.span = extremes_within(r, counterpart)
         self.until = valid_until(r, counterpart or r)
         # obstacles and ground: points (n, 2), x and depth [m]
@@ -92,21 +94,21 @@ class Readings:
         if scene.get("ground"):
             self.profiles["the ground"] = np.array(scene["ground"], float)
 
-    def _signal(self, kind: str) -> Signals | None:
+    def _signals_of_kind(self, kind: str) -> Signals | None:
         return self.signals.get(kind) or self.signals.get(kind.removesuffix("_max").removesuffix("_min"))
 
-    def knows(self, quantity: str) -> bool:
+    def has_second_computation(self, quantity: str) -> bool:
         """Whether a quantity has a second computation."""
         kind, _, name = quantity.partition(":")
         if name:
             return kind in ("clearance_rope_min", "clearance_car_min") and name in self.profiles
-        return kind in ("safety_factor_min", "slack_onset", *FROM_TOML) or self._signal(kind) is not None
+        return kind in ("safety_factor_min", "slack_onset", *FROM_TOML) or self._signals_of_kind(kind) is not None
 
     def resolution(self, quantity: str) -> float:
         """How exactly a quantity is known from stored steps: slack begins within two of them."""
         return 2.0 * float(np.abs(np.diff(self.r.s_o)).max()) / self.r.length if quantity == "slack_onset" else 0.0
 
-    def of(self, quantity: str, raw: bool = False) -> float | None:
+    def number(self, quantity: str, raw: bool = False) -> float | None:
         """A number in SI, or None where there is none; raw: without means over an axial round trip."""
         kind, _, name = quantity.partition(":")
         if kind == "slack_onset":
@@ -116,7 +118,7 @@ class Readings:
         if kind == "sag_car_rest":
             return _sag_at_rest(self.r, self.data)
         if kind in FROM_TOML:
-            rates = timetable.accelerations(self.data.travel, self.data.drive, self.r.length)
+            rates = timetable.ramp_accelerations(self.data.travel, self.data.drive, self.r.length)
             return max(0.0, *(rates if kind == "acceleration_max" else -rates))
         if kind == "safety_factor_min":
             tension = self._extreme("tension_max", raw=False)
@@ -138,10 +140,10 @@ class Readings:
 
     def _extreme(self, kind: str, raw: bool) -> float | None:
         """Smallest or largest value of a signal over the span; None where nothing is known."""
-        signals = self._signal(kind)
+        signals = self._signals_of_kind(kind)
         assert signals is not None
         period = 0.0 if raw or not kind.startswith(FORCES) else self.data.round_trip
-        values = np.concatenate([_means(t, v, self.span, period).ravel() for t, v in signals if t.size])
+        values = np.concatenate([_moving_means(t, v, self.span, period).ravel() for t, v in signals if t.size])
         if not values.size:
             return None
         return float(values.min() if kind.endswith("_min") else values.max())
@@ -151,12 +153,12 @@ class Readings:
         r = self.r
         f = r.fields
         steps = r.t <= self.until
-        heights = [_height(profile, r.x[steps], r.y[steps])]
+        heights = [_min_height_over(profile, r.x[steps], r.y[steps])]
         for k in [] if car else np.flatnonzero(f.t <= self.until):
             x = np.append(f.x + f.u[k], np.interp(f.s_o[k], f.s, f.x) + f.mass_u[k])
             y = np.append(f.y + f.v[k], np.interp(f.s_o[k], f.s, f.y) + f.mass_v[k])
             order = np.argsort(x)
-            heights.append(_height(profile, x[order], y[order]))
+            heights.append(_min_height_over(profile, x[order], y[order]))
         below = self.data.scene["mass"].get("below", 0.0) if car else 0.0
         return min(heights) - below if math.isfinite(min(heights)) else None
 
@@ -168,7 +170,7 @@ def _sag_at_rest(r: Response, data: SceneData) -> float:
     weight = data.rho * data.gravity
     supports = (data.span, data.drop)
     points = [
-        car_position(supports, data.EA, weight, r.length, r.horizontal_tension, float(s), data.weight, friction)
+        car_position_at_rest(supports, data.EA, weight, r.length, r.horizontal_tension, float(s), data.weight, friction)
         for s in s_o
     ]
     x, y = np.array(points).T
@@ -178,21 +180,21 @@ def _sag_at_rest(r: Response, data: SceneData) -> float:
     return float(c - b * b / (4.0 * a))
 
 
-def _height(profile: Array, x: Array, y: Array) -> float:
+def _min_height_over(profile: Array, x: Array, y: Array) -> float:
     """Smallest height of a polyline (n,) over a profile (m, 2); inf where it is never above it."""
     over = (x >= profile[0, 0]) & (x <= profile[-1, 0])
     at_vertices = np.interp(x[over], profile[:, 0], profile[:, 1]) - y[over]
-    at_points = profile[:, 1] - deepest(profile[:, 0], x, y)
+    at_points = profile[:, 1] - max_depth_at(profile[:, 0], x, y)
     return float(min(at_vertices.min(initial=math.inf), at_points.min()))
 
 
-def _signals(r: Response, data: SceneData) -> dict[str, Signals]:
+def _signals_by_kind(r: Response, data: SceneData) -> dict[str, Signals]:
     """Signals of each kind of design number."""
     f = r.fields
-    tilt = math.degrees(math.atan(data.blown(2) / (data.rho * data.gravity)))
+    tilt = math.degrees(math.atan(data.wind_force_or_damping(2) / (data.rho * data.gravity)))
     at_steps = {
         "wind_tilt": np.full(r.t.shape, tilt),
-        "contact": _contact(r),
+        "contact": _contact_force(r),
         "haul_force": np.abs(r.F_haul),
         "haul_force_min": r.F_haul,
         "mass_deflection": r.v,
@@ -212,7 +214,7 @@ def _signals(r: Response, data: SceneData) -> dict[str, Signals]:
     signals: dict[str, Signals] = {name: [(r.t, values)] for name, values in at_steps.items()}
     wheels = data.scene["mass"].get("wheels", {})
     for N in (r.T_behind, r.T_ahead) if wheels else ():
-        for kind, values in stressed(data.cable, wheels, N, at_steps["contact"] / wheels.get("count", 2)).items():
+        for kind, values in wheel_stresses(data.cable, wheels, N, at_steps["contact"] / wheels.get("count", 2)).items():
             signals.setdefault(kind, []).append((r.t, values))
     return signals | {"tension": tensions, "deepest_point": [(r.t, r.y), (f.t, f.y + f.v)]}
 
@@ -221,13 +223,13 @@ def _speed(r: Response) -> Array:
     return np.asarray(np.sqrt(np.sum(r.velocity**2, axis=1)))
 
 
-def _contact(r: Response) -> Array:
+def _contact_force(r: Response) -> Array:
     """Force of the mass on the cable across the mean tangent (n,), positive down."""
     tangent = r.slope_behind + r.slope_ahead
-    return cross(tangent, r.contact) / np.sqrt(np.sum(tangent**2, axis=1))
+    return cross_product(tangent, r.contact) / np.sqrt(np.sum(tangent**2, axis=1))
 
 
-def _means(t: Array, v: Array, span: tuple[float, float], period: float) -> Array:
+def _moving_means(t: Array, v: Array, span: tuple[float, float], period: float) -> Array:
     """Means of a signal, or of a field (n, m) over frames, over a period around all times in a span."""
     known = np.isfinite(v.reshape(t.size, -1)).all(axis=1)
     t = t[known]
@@ -256,17 +258,17 @@ def _means_of_frames(t: Array, v: Array, period: float) -> Array:
 # --- errors of path and tension -----------------------------------------------------------------------------------
 
 
-def errors(r: Response, counterpart: Response) -> Iterator[Agreement]:
+def check_path_and_tension_errors(r: Response, counterpart: Response) -> Iterator[Agreement]:
     """Check that path_error and tension_error are at least the distance to the other solver."""
     if r.error_window is None or counterpart.error_window is None or r.path_error is None:
         return
     window = max(r.error_window[0], counterpart.error_window[0]), min(r.error_window[1], counterpart.error_window[1])
     distances = [_path_distance(r, counterpart, window, k) for k in (3, 5)]
     allowed = abs(distances[1] - distances[0]) + ROUNDING
-    yield _row(r, "design", "path_error", max(0.0, distances[0] - r.path_error), allowed)
+    yield _recomputed_row(r, "design", "path_error", max(0.0, distances[0] - r.path_error), allowed)
     if r.tension_error is not None:
         missing = max(0.0, _tension_distance(r, counterpart, window) - r.tension_error)
-        yield _row(r, "design", "tension_error", missing, ROUNDING)
+        yield _recomputed_row(r, "design", "tension_error", missing, ROUNDING)
 
 
 def _path_distance(r: Response, counterpart: Response, window: tuple[float, float], k: int) -> float:
@@ -308,14 +310,14 @@ DIGIT = 0.06  # half of the last printed digit, and what a search for a time lea
 
 
 @dataclass(slots=True)
-class Ending:
+class ExpectedOutcome:
     """What an outcome must say: its kind, its numbers in order, and its parts without numbers."""
 
     kind: str
     numbers: list[float]  # nan: unknown
     parts: list[str] = field(default_factory=list)
 
-    def fits(self, kind: str, sentence: str) -> bool:
+    def matches(self, kind: str, sentence: str) -> bool:
         """Whether a printed outcome has this kind, these numbers to the last digit, and these parts."""
         text = sentence.split(": ", 2)[-1] if kind == "breaks" else sentence
         parts = [part for part in text.split("; ") if part.startswith(("would hit", "too close"))]
@@ -327,60 +329,60 @@ class Ending:
         return not np.any(np.abs(np.subtract(printed, self.numbers)) > DIGIT)
 
 
-def ending(r: Response, counterpart: Response | None, kind: str, sentence: str) -> Agreement:
+def check_outcome(r: Response, counterpart: Response | None, kind: str, sentence: str) -> Agreement:
     """Check an outcome against the last event, the TOML's brakes and travel, breaking load and clearances."""
-    readings = Readings(r, counterpart)
+    readings = RecomputedNumbers(r, counterpart)
     if r.status != "complete" and r.slack_onset is None:
-        right = Ending("incomplete", [float(r.s_o[-1]), float(r.t[-1])])
+        right = ExpectedOutcome("incomplete", [float(r.s_o[-1]), float(r.t[-1])])
     elif r.drive == "free":
-        right = _end_of_ride(r, readings.data.drive)
+        right = _expected_outcome_of_ride(r, readings.data.drive)
     else:
-        right = _end_of_travel(r, readings)
+        right = _expected_outcome_of_travel(r, readings)
     bars = {row["quantity"]: row["bar"] or 0.0 for row in r.design}
-    right.parts = _contacts(readings, bars)
+    right.parts = _collision_sentences(readings, bars)
     if "safety_factor_min" in bars:
-        _break(right, readings, bars["safety_factor_min"])
-    return _row(r, "outcome", "", 0.0 if right.fits(kind, sentence) else 1.0, ROUNDING)
+        _add_broken_rope(right, readings, bars["safety_factor_min"])
+    return _recomputed_row(r, "outcome", "", 0.0 if right.matches(kind, sentence) else 1.0, ROUNDING)
 
 
-def _end_of_ride(r: Response, drive: dict[str, Any]) -> Ending:
+def _expected_outcome_of_ride(r: Response, drive: dict[str, Any]) -> ExpectedOutcome:
     """The end of a free ride, by its last event."""
     speed = 3.6 * _speed(r)
     last = next((x for x in reversed(r.events) if x["event"] in ("arrival", "back", "stop")), None)
     if last is None:
-        return Ending("rolling", [float(r.t[-1]), float(r.s_o[-1]), float(speed[-1])])
+        return ExpectedOutcome("rolling", [float(r.t[-1]), float(r.s_o[-1]), float(speed[-1])])
     t = last["t"]
     s_o = last["s_o"]
     if last["event"] == "arrival":
-        return Ending("arrives", [s_o, t, float(np.interp(t, r.t, speed))])
+        return ExpectedOutcome("arrives", [s_o, t, float(np.interp(t, r.t, speed))])
     farthest = float(np.max(r.s_o))
     if last["event"] == "back":
-        return Ending("rolls_back", [t, farthest])
+        return ExpectedOutcome("rolls_back", [t, farthest])
     first = min((brake["from"] for brake in drive.get("brake", [])), default=math.inf)
     if s_o >= first:
-        return Ending("stopped_by_brake", [s_o, s_o - first, t])
+        return ExpectedOutcome("stopped_by_brake", [s_o, s_o - first, t])
     braked = any(x["event"] == "brake" for x in r.events)
     before = [] if braked or math.isinf(first) else [first - s_o]
-    return Ending("stuck", [*before, s_o, t, farthest])
+    return ExpectedOutcome("stuck", [*before, s_o, t, farthest])
 
 
-def _end_of_travel(r: Response, readings: Readings) -> Ending:
+def _expected_outcome_of_travel(r: Response, readings: RecomputedNumbers) -> ExpectedOutcome:
     """The end of a prescribed travel, by the TOML."""
     data = readings.data
     hauled = r.drive == "haul"
     start = timetable.start_position(data.travel, data.drive, r.length)
     end = data.drive.get("end", {}).get("place", 0.99 * r.length) if hauled else r.length
-    last, duration = _travelled(data, r.length, start, end)
+    last, duration = _end_and_duration(data, r.length, start, end)
     # a law and a design number judge the onset itself; here its text is compared
-    ends = [x * r.length for x in (r.slack_from, steep_from(r)) if math.isfinite(x)]
+    ends = [x * r.length for x in (r.slack_from, onset_of_steep_waves(r)) if math.isfinite(x)]
     slack = [min(ends)] if ends else []
     if last < 0.999 * end:
-        return Ending("stopped", [last, duration, *slack])
+        return ExpectedOutcome("stopped", [last, duration, *slack])
     ends = [start, last] if hauled else []
-    return Ending("crossed", [*ends, duration, *slack])
+    return ExpectedOutcome("crossed", [*ends, duration, *slack])
 
 
-def _travelled(data: SceneData, length: float, start: float, end: float) -> tuple[float, float]:
+def _end_and_duration(data: SceneData, length: float, start: float, end: float) -> tuple[float, float]:
     """End [m] and duration [s] of a travel; nan where a table does not say it."""
     law = data.travel
     if law["kind"] == "table":
@@ -388,27 +390,27 @@ def _travelled(data: SceneData, length: float, start: float, end: float) -> tupl
         known = last < end and "stop" not in law
         return last, law["times"][-1] if known else math.nan
 
-    def s_o(t: float) -> float:
-        return float(timetable.positions(law, data.drive, length, np.array([t]))[0])
+    def position_at(t: float) -> float:
+        return float(timetable.positions_at(law, data.drive, length, np.array([t]))[0])
 
     late = 1.0
-    while s_o(late) < end and s_o(2.0 * late) > s_o(late):
+    while position_at(late) < end and position_at(2.0 * late) > position_at(late):
         late *= 2.0
-    last = min(end, s_o(late))
+    last = min(end, position_at(late))
     near = start + (1.0 - ROUNDING) * (last - start)  # a car comes to rest slowly
-    duration = float(brentq(lambda t: s_o(t) - near, 0.0, late))
+    duration = float(brentq(lambda t: position_at(t) - near, 0.0, late))
     limit = data.drive.get("end", {}).get("time", math.inf)
-    return (last, duration) if duration <= limit else (s_o(limit), limit)
+    return (last, duration) if duration <= limit else (position_at(limit), limit)
 
 
-def _contacts(readings: Readings, bars: dict[str, float]) -> list[str]:
+def _collision_sentences(readings: RecomputedNumbers, bars: dict[str, float]) -> list[str]:
     """What is hit, and what is closer than its printed bar."""
     hit = []
     near = []
     for name in readings.profiles:
         low = high = math.inf
         for quantity in (f"clearance_rope_min:{name}", f"clearance_car_min:{name}"):
-            value = readings.of(quantity)
+            value = readings.number(quantity)
             if value is not None:
                 bar = bars.get(quantity, 0.0)
                 low = min(low, value - bar)
@@ -421,9 +423,9 @@ def _contacts(readings: Readings, bars: dict[str, float]) -> list[str]:
     return [words + " and ".join(names) for words, names in parts.items() if names]
 
 
-def _break(right: Ending, readings: Readings, bar: float) -> None:
+def _add_broken_rope(right: ExpectedOutcome, readings: RecomputedNumbers, bar: float) -> None:
     """Put a breaking rope into what an outcome must say."""
-    factor = readings.of("safety_factor_min")
+    factor = readings.number("safety_factor_min")
     assert factor is not None
     if factor + bar < 1.0:
         load = readings.data.cable["breaking_load"] / 1e3
@@ -436,32 +438,32 @@ def _break(right: Ending, readings: Readings, bar: float) -> None:
 # --- the quasi-static ride ----------------------------------------------------------------------------------------
 
 
-def energy_of_ride(r: Response) -> Agreement:
+def check_energy_of_ride(r: Response) -> Agreement:
     """Check the energy along a quasi-static ride against the work of the forces of the TOML.
 
     The car has kinetic energy, the rope has none. The gap is over the car's weight times the range of its depth.
     """
     m = Evidence(r, Windows(r.fields.t[::2], r.t))
-    gap = _unexplained(m)
-    allowed = 3.0 * float(np.abs(gap - _unexplained(m.thinned())).max()) + STATICS
+    gap = _unexplained_energy(m)
+    allowed = 3.0 * float(np.abs(gap - _unexplained_energy(m.without_every_second())).max()) + STATICS
     k = int(np.abs(gap).argmax())
-    where = float(r.fields.s_o[m.frames][k] / r.length)
-    return _row(r, "energy", "quasi-static", float(np.abs(gap[k])), allowed, where)
+    where = float(r.fields.s_o[m.window_frames][k] / r.length)
+    return _recomputed_row(r, "energy", "quasi-static", float(np.abs(gap[k])), allowed, where)
 
 
 STATICS = 1e-5  # of the energy: interpolation of the cable at rest
 
 
-def _unexplained(m: Evidence) -> Array:
+def _unexplained_energy(m: Evidence) -> Array:
     """Energy at frames (k,) beyond that at the start and the work since, over the scale."""
     r = m.r
     data = m.data
     speed = _speed(r)[:, None]
     car = 0.5 * data.mass * speed[:, 0] ** 2 - data.weight * r.y
-    energy = np.interp(m.t, r.t, car) + m.along["energies"][:, 1:].sum(axis=1)  # without the rope's motion
+    energy = np.interp(m.t, r.t, car) + m.cable_integrals["energies"][:, 1:].sum(axis=1)  # without the rope's motion
     along = np.divide(r.velocity, speed, out=np.zeros_like(r.velocity), where=speed > 0.0)  # the path (n, 2)
-    pressed = data.mass * (r.acceleration - [0.0, data.gravity]) - m.drag  # force of the rope on the car (n, 2)
-    normal = np.abs(cross(along, pressed))
+    pressed = data.mass * (r.acceleration - [0.0, data.gravity]) - m.air_drag  # force of the rope on the car (n, 2)
+    normal = np.abs(cross_product(along, pressed))
     stretch = 0.5 * (np.hypot(*r.slope_behind.T) + np.hypot(*r.slope_ahead.T))
     friction = -data.drive.get("rolling_friction", 0.0) * normal * stretch * np.abs(m.travel_speed)
     powers = m.powers | {"friction": friction}

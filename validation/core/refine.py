@@ -12,16 +12,16 @@ from cablefem.newmark import scheme
 from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.core import measures
-from validation.core.ladder import ROUNDING, Branch, Goal, Ladder, response
+from validation.core.ladder import ROUNDING, Branch, Goal, Ladder, identity
 from validation.core.measures import SLACK_END, NotComparable
-from validation.core.methods import Method, find
+from validation.core.methods import Method, find_method
 from validation.core.order import FIRST, MIN_ORDER
 from validation.core.running import Run
-from validation.core.sidebyside import Progress, silent
+from validation.core.sidebyside import Progress, no_progress
 from validation.core.view import View
 from validation.core.watch import with_flag
 
-KIND = ("model", "load", "law", "until", "frames")  # arguments beside the method's settings
+RUN_OPTIONS = ("model", "load", "law", "until", "frames")  # arguments beside the method's settings
 FIRST_STEPS = 120
 MAX_STEPS = 64_000
 MAX_SIZE = 2e6  # steps times resolution, about 0.5 GB
@@ -35,7 +35,7 @@ SHORTER = np.linspace(1.0, 4.0, 7).tolist()  # of time; orders do not hold furth
 SHARP = {"scheme": "radau"}  # of order 5; elements take a fraction of the steps
 QUIET = {"scheme": "generalized-alpha", "rho_inf": 0.8}
 SWINGING = {"rho_inf": 0.5}  # on free rides axial waves reverse the friction
-NEAR = 0.15  # waves of fixed functions times start/l of a rider: fewer do not know that he is off the support
+RESOLVED_START = 0.15  # waves of fixed functions times start/l of a rider: fewer do not know that he is off the support
 RESOLVES = 1.2  # waves times start/l with which the start converges
 LIGHT = 0.1  # mass ratio mu of a car whose front the first mesh must resolve
 
@@ -46,7 +46,9 @@ class TooCoarse(RuntimeError):
     def __init__(self, ladder: Ladder, bar: float, tol: float) -> None:
         run = ladder.run
         reached = f"an error bar of {bar:.2g}" if math.isfinite(bar) else "no end of the window"
-        settings = ", ".join(f"{key} = {value}" for key, value in find(run.method).main_settings(run.settings).items())
+        settings = ", ".join(
+            f"{key} = {value}" for key, value in find_method(run.method).main_settings(run.settings).items()
+        )
         super().__init__(
             f"{run.method} reaches {reached} with {settings}, not the {tol:g} asked for; loosen the tolerance or "
             "take another method (cablefem advise)"
@@ -54,7 +56,7 @@ class TooCoarse(RuntimeError):
         self.ladder = ladder
 
 
-class Runs:
+class RunsOfMethod:
     """Runs of one method; coarser ones may end at s_o/l = `window_end`."""
 
     def __init__(
@@ -62,17 +64,17 @@ class Runs:
         known: Sequence[Response] = (),
     ) -> None:  # fmt: skip
         self.scene = scene
-        self.method = find(method) if isinstance(method, str) else method
-        self.view = view or View.of(scene)
+        self.method = find_method(method) if isinstance(method, str) else method
+        self.view = view or View.of_scene(scene)
         self.earlier = known
         self.made = list[Run]()
-        self.model = {key: kind[key] for key in KIND if key in kind}
-        self.settings = {key: value for key, value in kind.items() if key not in KIND}
+        self.model = {key: kind[key] for key in RUN_OPTIONS if key in kind}
+        self.settings = {key: value for key, value in kind.items() if key not in RUN_OPTIONS}
         self.end = self.model.pop("until", None)
-        ends = [end for end in (self.view.stop, self.end) if end is not None]
+        ends = [end for end in (self.view.last_needed_position, self.end) if end is not None]
         self.window_end = min(ends, default=None)
 
-    def at(self, settings: dict[str, Any], until: float | None) -> Response:
+    def run_with(self, settings: dict[str, Any], until: float | None) -> Response:
         """The run with these settings to s_o/l = until or further."""
         for path in self.earlier:
             far = until is None or path.reached >= until * (1.0 - 1e-9)
@@ -82,12 +84,12 @@ class Runs:
         if run is None:
             run = Run(self.scene, self.method, **self.model, **settings)
             self.made.append(run)
-        return run.to(until)
+        return run.run_to(until)
 
     def ladder(self, settings: dict[str, Any]) -> Ladder:
         """The run with these settings and coarser ones, of which only the paths are computed."""
         space = self.method.resolution
-        finest = self.at(settings, self.window_end)
+        finest = self.run_with(settings, self.window_end)
         order = min(self.method.space_order, 1.5) if self.method.space_order > 1.0 else 1.0
         in_space = self._branch(settings, space.setting, self._coarser_counts(settings), space.ratio, order)
         order = min(2.0, scheme(settings["scheme"]).order)
@@ -100,13 +102,13 @@ class Runs:
         self, settings: dict[str, Any], name: str, values: list[int], ratio: Callable[[int, int], float], order: float
     ) -> Branch:
         """Runs with coarser values of a setting; values : from the finest on;  ratio : of a coarse and a fine value."""
-        runs = tuple(self.at(settings | {name: value}, self.window_end) for value in values[1:])
+        runs = tuple(self.run_with(settings | {name: value}, self.window_end) for value in values[1:])
         ratios = tuple(ratio(coarse, fine) for fine, coarse in pairwise(values))
         return Branch(runs, ratios, order)
 
     def _coarser_counts(self, settings: dict[str, Any]) -> list[int]:
         """Resolutions from the finest on: half and quarter, or fewer."""
-        count = self.method.value(settings)
+        count = self.method.resolution_value(settings)
         if self.method.resolution.doubling:
             return [count - k for k in range(3) if count - k >= 0]
         # no coarser than the method's first run, but ratios of at least 3/2
@@ -118,15 +120,15 @@ class Runs:
                 counts.append(coarser)
         return counts
 
-    def finished(self, ladder: Ladder) -> Ladder:
+    def continued_to_end(self, ladder: Ladder) -> Ladder:
         """The ladder with its finest run marched to the end, and bars."""
-        finest = self.at(ladder.finest.settings, self.end)
+        finest = self.run_with(ladder.finest.settings, self.end)
         until = self.window_end
-        if self.view.stop is not None and finest.slack_from < SLACK_END:
+        if self.view.last_needed_position is not None and finest.slack_from < SLACK_END:
             until = SLACK_END if self.end is None else min(self.end, SLACK_END)
 
         def continued(run: Response) -> Response:
-            return finest if run.settings == finest.settings else self.at(run.settings, until)
+            return finest if run.settings == finest.settings else self.run_with(run.settings, until)
 
         ladder = replace(ladder.map(continued), start_gap=self._start_error_bar(finest))
         return with_error_bars(ladder, self.view)
@@ -135,12 +137,12 @@ class Runs:
         """See `Ladder`; zero where the coarser runs resolve the distance, or no run needs to."""
         start = float(finest.s_o[0]) / finest.length
         space = self.method.resolution.setting
-        if self.method.follows or self.scene.drive.mode == "grip" or not start > 0.0:
+        if self.method.mesh_follows_mass or self.scene.drive.mode == "grip" or not start > 0.0:
             return 0.0
         enough = min(math.ceil(RESOLVES / start), self.method.knobs[space].allowed[1])
-        if 2 * self.method.value(finest.settings) >= enough:
+        if 2 * self.method.resolution_value(finest.settings) >= enough:
             return 0.0
-        resolved = self.at(finest.settings | {space: enough}, start * (1.0 + 1e-9))
+        resolved = self.run_with(finest.settings | {space: enough}, start * (1.0 + 1e-9))
         off = np.array([finest.x[0] - resolved.x[0], finest.y[0] - resolved.y[0]])
         return np.abs(off) / finest.max_deflection
 
@@ -150,11 +152,11 @@ def run_with_error_bars(
     view: View | None = None, **kind: Any,
 ) -> Ladder:  # fmt: skip
     """The ladder of a run; `kind` as in `run`, `known` runs are reused."""
-    runs = Runs(scene, method, kind, view, known)
+    runs = RunsOfMethod(scene, method, kind, view, known)
     ladder = runs.ladder(runs.method.settings_on(scene.groups, runs.settings))
     if progress is not None:
         progress(0.5)
-    return runs.finished(ladder)
+    return runs.continued_to_end(ladder)
 
 
 def refine_to_tolerance(
@@ -168,12 +170,14 @@ def refine_to_tolerance(
 
     Raises TooCoarse.
     """
-    runs = Runs(scene, method, kind, view)
-    report = progress or silent
+    runs = RunsOfMethod(scene, method, kind, view)
+    report = progress or no_progress
     method = runs.method
     if method.wrong:
         raise ValueError(f"{method.name} converges to a wrong answer: no resolution meets a tolerance")
-    settings = method.settings_on(scene.groups, _rule(scene, method, runs.settings) | _begin(scene, method))
+    settings = method.settings_on(
+        scene.groups, _time_scheme(scene, method, runs.settings) | _first_settings(scene, method)
+    )
     ratio = 1.0  # last refinement of space
     bar_before = math.inf  # in space, before it
     broken = 0
@@ -191,10 +195,10 @@ def refine_to_tolerance(
             finer = next_settings(method, ladder, goal, budget, half=True)
         if finer is None:
             break
-        ratio = method.resolution.ratio(method.value(settings), method.value(finer))
+        ratio = method.resolution.ratio(method.resolution_value(settings), method.resolution_value(finer))
         bar_before = in_space
         settings = finer
-    ladder = runs.finished(ladder)
+    ladder = runs.continued_to_end(ladder)
     report(1.0)
     if goal.excess <= 1.0:
         return ladder
@@ -205,7 +209,7 @@ def refined_until(
     scene: Scene, ladder: Ladder, goal: Callable[[Ladder], Goal], *, budget: float = BUDGET, **kind: Any
 ) -> Ladder:
     """A ladder refined until the goal that it has is met, or it costs too much."""
-    method = find(ladder.run.method)
+    method = find_method(ladder.run.method)
     while (now := goal(ladder)).excess > 1.0:
         finer = next_settings(method, ladder, now, budget)
         if finer is None:
@@ -228,16 +232,18 @@ def next_settings(
     tries = [cheapest_settings(method, now, goal, AIM), cheapest_settings(method, now, goal, 1.0)]
     if half:
         tries.append(cheapest_settings(method, now, goal, AIM, share=0.5))
-    return _first_within(method, ladder, tries, budget)
+    return _first_within_budget(method, ladder, tries, budget)
 
 
 def _twice_the_steps(method: Method, ladder: Ladder, budget: float) -> dict[str, Any] | None:
     now = ladder.finest.settings
     steps = min(2 * now["steps"], max(now["steps"], MAX_STEPS))
-    return _first_within(method, ladder, [now | {"steps": steps}], budget)
+    return _first_within_budget(method, ladder, [now | {"steps": steps}], budget)
 
 
-def _first_within(method: Method, ladder: Ladder, tries: list[dict[str, Any]], budget: float) -> dict[str, Any] | None:
+def _first_within_budget(
+    method: Method, ladder: Ladder, tries: list[dict[str, Any]], budget: float
+) -> dict[str, Any] | None:
     """The first settings that are finer than the ladder's and within the budget."""
     for settings in tries:
         if settings != ladder.finest.settings and not exceeds_budget(method, ladder, settings, budget):
@@ -255,7 +261,7 @@ def cheapest_settings(
     An infinite part of time, or of both, doubles the steps; one of space the resolution.
     """
     space = method.resolution
-    count = method.value(settings)
+    count = method.resolution_value(settings)
     steps = settings["steps"]
     target = aim * goal.target
     in_space, in_time = goal.parts
@@ -272,7 +278,7 @@ def cheapest_settings(
         a = 1.0 if math.isfinite(in_space) else 2.0
         b = 1.0 if in_time <= target else 2.0
     b = max(b, math.sqrt(a))  # shorter waves need shorter steps
-    resolution = max(count, space.finer(count, a)) if a > 1.0 else count
+    resolution = max(count, space.refined(count, a)) if a > 1.0 else count
     return settings | {space.setting: resolution, "steps": min(math.ceil(steps * b), max(steps, MAX_STEPS))}
 
 
@@ -282,7 +288,7 @@ def exceeds_budget(method: Method, ladder: Ladder, finer: dict[str, Any], budget
     Work is Newton iterations, times nodes of a step, times cost of the resolution.
     """
     r = ladder.finest
-    count = method.value(finer)
+    count = method.resolution_value(finer)
     nodes = max(1, len(scheme(r.settings["scheme"]).nodes))
     iterations = r.work["newton_iterations"] * finer["steps"] / r.settings["steps"]
     work = iterations * nodes * method.resolution.cost(count)
@@ -294,16 +300,18 @@ def exceeds_budget(method: Method, ladder: Ladder, finer: dict[str, Any], budget
 
 def path_parts(ladder: Ladder, view: View) -> tuple[float, float]:
     """Parts of space and time in the bar of the path."""
-    return parts_of(ladder, view, lambda x, y, view: measures.path_gap(x, y, view.window)[0])
+    return bar_parts_of_gap(ladder, view, lambda x, y, view: measures.path_gap(x, y, view.window)[0])
 
 
-def parts_of(ladder: Ladder, view: View, gap: Callable[..., float], order: float = math.inf) -> tuple[float, float]:
+def bar_parts_of_gap(
+    ladder: Ladder, view: View, gap: Callable[..., float], order: float = math.inf
+) -> tuple[float, float]:
     """Parts of space and time in the bar of a gap(coarse, fine, view); infinite if unknown."""
     try:
-        view = view.cut(ladder.finest)
+        view = view.up_to_valid(ladder.finest)
     except NotComparable:
         return math.inf, math.inf
-    return ladder.over(view).parts(response, lambda fine, coarse: gap(coarse, fine, view), order)
+    return ladder.reaching_end_of(view).bar_parts(identity, lambda fine, coarse: gap(coarse, fine, view), order)
 
 
 def with_error_bars(ladder: Ladder, view: View) -> Ladder:
@@ -311,8 +319,10 @@ def with_error_bars(ladder: Ladder, view: View) -> Ladder:
     finest = ladder.finest
     try:
         path = path_parts(ladder, view)
-        view = view.cut(finest)
-        tension = ladder.over(view).parts(response, lambda a, b: measures.tension_gap(a, b, view.window), FIRST)
+        view = view.up_to_valid(finest)
+        tension = ladder.reaching_end_of(view).bar_parts(
+            identity, lambda a, b: measures.tension_gap(a, b, view.window), FIRST
+        )
         measures.path_gap(finest, finest, view.window)
         if not math.isfinite(sum(path)):
             what = "resolution" if math.isinf(path[0]) else "steps"
@@ -341,15 +351,15 @@ def own_path_error(r: Response) -> float:
 # --- the rule, and where to begin -----------------------------------------------------------------------------------
 
 
-def _rule(scene: Scene, method: Method, named: dict[str, Any]) -> dict[str, Any]:
+def _time_scheme(scene: Scene, method: Method, named: dict[str, Any]) -> dict[str, Any]:
     if scene.drive.mode == "free":
-        return named if method.follows else SWINGING | named
+        return named if method.mesh_follows_mass else SWINGING | named
     if method.knobs["scheme"].default != "trapezoidal" or "scheme" in named:
         return named
-    return (SHARP if method.follows else QUIET) | named
+    return (SHARP if method.mesh_follows_mass else QUIET) | named
 
 
-def _begin(scene: Scene, method: Method) -> dict[str, int]:
+def _first_settings(scene: Scene, method: Method) -> dict[str, int]:
     """First resolution and steps; for a light car at least one unknown and step per front width."""
     space = method.resolution
     groups = scene.groups
@@ -358,8 +368,8 @@ def _begin(scene: Scene, method: Method) -> dict[str, int]:
     if space.doubling:
         first = method.begins[0] + 2
     if motion is None:
-        if scene.drive.mode == "free" and not method.follows:
-            first = max(first, math.ceil(NEAR / groups.drive.start))
+        if scene.drive.mode == "free" and not method.mesh_follows_mass:
+            first = max(first, math.ceil(RESOLVED_START / groups.drive.start))
         return {space.setting: first, "steps": method.settings_on(groups, {})["steps"] // 2}
     if scene.mu > LIGHT:
         return {space.setting: first, "steps": FIRST_STEPS}

@@ -16,7 +16,7 @@ from validation.core.ladder import Ladder
 from validation.core.measures import NotComparable, Window
 from validation.core.store import Refused
 
-FAR = 1e6  # gap of a change after which nothing can be compared; finite, for the search
+NO_PATH_GAP = 1e6  # gap of a change after which nothing can be compared; finite, for the search
 SHARE = 0.1  # of duration, deflection or 1: the largest change that is tried
 
 
@@ -29,15 +29,15 @@ class Change:
     largest: float
     factor: bool = False
 
-    def text(self, x: float) -> str:
+    def in_words(self, x: float) -> str:
         return self.words.format(1.0 + x if self.factor else x)
 
     def as_printed(self, x: float) -> float:
         """The change with the digits that are printed."""
-        number = float(self.text(x).split("by ")[1].split()[0])
+        number = float(self.in_words(x).split("by ")[1].split()[0])
         return number - 1.0 if self.factor else number
 
-    def of(self, path: ForeignPath, scene: Scene, x: float) -> ForeignPath:
+    def apply_to(self, path: ForeignPath, scene: Scene, x: float) -> ForeignPath:
         """The path of the changed columns; Refused if that is none."""
         columns: dict[str, Array] = dict(path.columns)
         if self.factor and "v" not in columns:
@@ -46,17 +46,19 @@ class Change:
         for name in self.columns:
             if name in columns:
                 columns[name] = columns[name] * (1.0 + x) if self.factor else columns[name] + x
-        return ForeignPath.completed(path.method, scene, columns)
+        return ForeignPath.from_columns(path.method, scene, columns)
 
 
-def advised(
+def with_remedy(
     rows: Sequence[Agreement], path: ForeignPath, scene: Scene, both: tuple[Ladder, Ladder], window: Window, tol: float
 ) -> list[Agreement]:
     """The rows of a path that disagrees, those of the path itself with a note: what makes it agree with both solvers.
 
     tol : allowed beside our bars, relative to the largest deflection.
     """
-    text = _remedy(path, scene, both, window, tol) if any(row.verdict is Verdict.DISAGREE for row in rows) else None
+    text = (
+        _remedy_text(path, scene, both, window, tol) if any(row.verdict is Verdict.DISAGREE for row in rows) else None
+    )
     if text is None:
         return list(rows)
     note = (f"agrees if {text}",)
@@ -64,34 +66,34 @@ def advised(
     return [*noted, *rows[2:]]
 
 
-def _remedy(
+def _remedy_text(
     path: ForeignPath, scene: Scene, both: tuple[Ladder, Ladder], window: Window, tol: float
 ) -> str | None:  # fmt: skip
     from scipy.optimize import minimize_scalar  # seldom needed
 
     run = both[0].run
     results = []
-    for change in _changes(both[0]):
+    for change in _possible_changes(both[0]):
 
         def rms(x: float, change: Change = change) -> float:
             """Rms gap of the changed path to our run; FAR where it is none."""
             try:
-                changed = change.of(path, scene, x)
+                changed = change.apply_to(path, scene, x)
                 if changed.u is None:
-                    return measures.path_gap(foreign.vertical(changed), foreign.vertical(run), window)[1]
+                    return measures.path_gap(foreign.without_u(changed), foreign.without_u(run), window)[1]
                 return measures.path_gap(changed, run, window)[1]
             except (NotComparable, Refused):
-                return FAR
+                return NO_PATH_GAP
 
         bounds = -change.largest, change.largest
         found = minimize_scalar(rms, bounds=bounds, method="bounded", options={"xatol": 1e-6 * change.largest})
         printed = change.as_printed(float(found.x))
-        if _agrees(path, change, printed, scene, both, window, tol):
-            results.append((rms(printed), change.text(printed)))
+        if _changed_path_agrees(path, change, printed, scene, both, window, tol):
+            results.append((rms(printed), change.in_words(printed)))
     return min(results)[1] if results else None
 
 
-def _changes(ours: Ladder) -> Iterator[Change]:
+def _possible_changes(ours: Ladder) -> Iterator[Change]:
     r = ours.run
     yield Change("its times are shifted by {:.3g} s", ("t",), SHARE * float(r.t[-1]))
     yield Change("its places are shifted by {:.3g} m", ("s_o", "x"), SHARE * r.length / 20.0)
@@ -99,13 +101,13 @@ def _changes(ours: Ladder) -> Iterator[Change]:
     yield Change("its heights are shifted by {:.3g} m downwards", ("y", "v"), SHARE * float(abs(r.v).max()))
 
 
-def _agrees(
+def _changed_path_agrees(
     path: ForeignPath, change: Change, x: float, scene: Scene, both: tuple[Ladder, Ladder], window: Window, tol: float
 ) -> bool:
     """Whether all rows of the changed path agree with both solvers."""
     try:
-        changed = change.of(path, scene, x)
+        changed = change.apply_to(path, scene, x)
     except Refused:
         return False
-    rows = [row for ours in both for row in foreign.rows(changed, ours, window, tol)]
+    rows = [row for ours in both for row in foreign.third_party_rows(changed, ours, window, tol)]
     return all(row.verdict is Verdict.AGREE for row in rows)

@@ -21,7 +21,7 @@ POINTS = 200  # of Gauss on each side of the car
 
 
 @cache
-def car_position(
+def car_position_at_rest(
     supports: tuple[float, float], EA: float, w: float, length: float, H: float, s_o: float, weight: float,
     friction: float | None,
 ) -> Array:  # fmt: skip
@@ -44,7 +44,7 @@ def car_position(
         N = np.hypot(n[:, 0], n[:, 1])
         return ((1.0 - T / EA) / N + 1.0 / EA)[:, None] * n
 
-    def slopes(left: Array, jump: Array) -> Array:
+    def slopes_by_force(left: Array, jump: Array) -> Array:
         ahead = (s > s_o)[:, None]  # (k, 1)
         return slope(left - w * np.outer(s, [0.0, 1.0]) + jump * ahead, s)
 
@@ -61,15 +61,15 @@ def car_position(
         held = friction * weight * abs(tau[0]) * size / stretch - weight * tau[1]
         return np.asarray(load - held * tau)
 
-    def gaps(forces: Array) -> Array:
+    def end_and_balance_gaps(forces: Array) -> Array:
         left, jump = forces.reshape(2, 2) * [[H], [weight]]
-        missing = ds @ slopes(left, jump) - supports
+        missing = ds @ slopes_by_force(left, jump) - supports
         return np.concatenate([missing / length, (jump - jump_of_car(left, jump)) / weight])
 
     guess = np.array([1.0, risen + weight / H * (1.0 - s_o / length), 0.0, -1.0])
-    forces = root(gaps, guess, tol=1e-14).x
-    if not np.abs(gaps(forces)).max() < 1e-10:
+    forces = root(end_and_balance_gaps, guess, tol=1e-14).x
+    if not np.abs(end_and_balance_gaps(forces)).max() < 1e-10:
         return np.full(2, math.nan)
     left, jump = forces.reshape(2, 2) * [[H], [weight]]
     behind = s < s_o
-    return np.asarray(ds[behind] @ slopes(left, jump)[behind])
+    return np.asarray(ds[behind] @ slopes_by_force(left, jump)[behind])

@@ -13,11 +13,19 @@ import numpy as np
 from cablefem.response import Array, Flag, Response
 from cablefem.scene import Scene
 from validation.core import measures
-from validation.core.agreement import DEFAULT_TOL, FACTOR_DISAGREE, Agreement, Bound, Part, finite, no_bound
-from validation.core.ladder import ROUNDING, Distance, Goal, Ladder, Of, largest, response
+from validation.core.agreement import (
+    DEFAULT_TOL,
+    FACTOR_DISAGREE,
+    Agreement,
+    Bound,
+    BoundPart,
+    no_bound,
+)
+from validation.core.ladder import ROUNDING, Distance, Functional, Goal, Ladder, identity, max_distance
 from validation.core.measures import SLACK_END, NotComparable
 from validation.core.methods import METHODS
 from validation.core.order import FIRST
+from validation.core.store import nulls_for_nonfinite
 from validation.core.view import View
 
 Gap = Callable[[Response, Response, View], float]
@@ -50,7 +58,7 @@ class Quantity:
     order: float = math.inf
 
 
-def _path_gap_part(i: int) -> Gap:
+def _gap_of_path(i: int) -> Gap:
     return lambda x, y, view: measures.path_gap(x, y, view.window)[i]
 
 
@@ -58,10 +66,10 @@ def _series_values(names: tuple[str, ...], scale: float, r: Response) -> Array:
     return np.concatenate([getattr(r, name).reshape(r.t.size, -1) for name in names], axis=1) / scale
 
 
-def _series_gap(*names: str, over: str, mean: bool = False, largest: bool = False) -> Gap:
+def _gap_of_series(*names: str, over: str, mean: bool = False, largest: bool = False) -> Gap:
     """The gap of series of a response, over a scale of the view; mean : over an axial round trip."""
 
-    def gap(x: Response, y: Response, view: View) -> float:
+    def gap_of_runs(x: Response, y: Response, view: View) -> float:
         """Distance of the series of two runs."""
         scale = getattr(view, over)
         if over == "top" and not scale:  # of a ride
@@ -69,44 +77,44 @@ def _series_gap(*names: str, over: str, mean: bool = False, largest: bool = Fals
         of: Series = partial(_series_values, names, scale)
         if "speed" in names and view.free:
             of = partial(_until_stop, of)
-        return measures.series_gap(x, y, view.window, of, view.axial if mean else 0.0, largest=largest)
+        return measures.series_gap(x, y, view.window, of, view.axial_round_trip if mean else 0.0, largest=largest)
 
-    return gap
+    return gap_of_runs
 
 
 def _until_stop(of: Series, r: Response) -> Array:
     """Values (n, c) with nan past a lasting stop, whose time depends on axial waves."""
-    stop = event_of("stop", r.events)
+    stop = find_event("stop", r.events)
     values = of(r)
     return values if stop is None else np.where(r.t[:, None] <= stop["t"], values, math.nan)
 
 
-def _field_gap(gap: Callable[..., float], **how: Any) -> Gap:
+def _gap_of_fields(gap: Callable[..., float], **how: Any) -> Gap:
     return lambda x, y, view: gap(x, y, view.window, **how)
 
 
 _rolls = attrgetter("rolls")
 TABLE = (
-    Quantity("path_max", _path_gap_part(0), "path"),
-    Quantity("path_rms", _path_gap_part(1), "path"),
-    Quantity("place", _series_gap("s_o", over="length", largest=True), "path", concerns=lambda v: v.free),
-    Quantity("speed", _series_gap("speed", over="top", mean=True), "path", AXIAL_MEAN, order=FIRST),
-    Quantity("tension_behind", _series_gap("T_behind", over="H", mean=True), "force", AXIAL_MEAN),
-    Quantity("tension_ahead", _series_gap("T_ahead", over="H", mean=True), "force", AXIAL_MEAN),
-    Quantity("reactions", _series_gap("reaction_left", "reaction_right", over="H", mean=True), "force", AXIAL_MEAN),
-    Quantity("contact", _series_gap("F_contact", over="weight", mean=True), "force", AXIAL_MEAN, concerns=_rolls),
-    Quantity("haul_force", _series_gap("F_haul", over="weight", mean=True), "force", AXIAL_MEAN, concerns=_rolls),
-    Quantity("tension", _field_gap(measures.tension_gap), "rest"),
-    Quantity("displacement", _field_gap(measures.field_gap), "rest"),
-    Quantity("displacement", _field_gap(measures.field_gap, along=True), "rest", ALONG),
-    Quantity("speed", _series_gap("speed", over="top", largest=True), ""),
-    Quantity("tension_behind", _series_gap("T_behind", over="H"), ""),
-    Quantity("tension_ahead", _series_gap("T_ahead", over="H"), ""),
-    Quantity("reactions", _series_gap("reaction_left", "reaction_right", over="H"), ""),
-    Quantity("contact", _series_gap("F_contact", over="weight"), ""),
-    Quantity("haul_force", _series_gap("F_haul", over="weight"), "", concerns=_rolls),
-    Quantity("velocity", _field_gap(measures.field_gap, rate=True), ""),
-    Quantity("velocity", _field_gap(measures.field_gap, rate=True, along=True), "", ALONG),
+    Quantity("path_max", _gap_of_path(0), "path"),
+    Quantity("path_rms", _gap_of_path(1), "path"),
+    Quantity("place", _gap_of_series("s_o", over="length", largest=True), "path", concerns=lambda v: v.free),
+    Quantity("speed", _gap_of_series("speed", over="top", mean=True), "path", AXIAL_MEAN, order=FIRST),
+    Quantity("tension_behind", _gap_of_series("T_behind", over="H", mean=True), "force", AXIAL_MEAN),
+    Quantity("tension_ahead", _gap_of_series("T_ahead", over="H", mean=True), "force", AXIAL_MEAN),
+    Quantity("reactions", _gap_of_series("reaction_left", "reaction_right", over="H", mean=True), "force", AXIAL_MEAN),
+    Quantity("contact", _gap_of_series("F_contact", over="weight", mean=True), "force", AXIAL_MEAN, concerns=_rolls),
+    Quantity("haul_force", _gap_of_series("F_haul", over="weight", mean=True), "force", AXIAL_MEAN, concerns=_rolls),
+    Quantity("tension", _gap_of_fields(measures.tension_gap), "rest"),
+    Quantity("displacement", _gap_of_fields(measures.field_gap), "rest"),
+    Quantity("displacement", _gap_of_fields(measures.field_gap, along=True), "rest", ALONG),
+    Quantity("speed", _gap_of_series("speed", over="top", largest=True), ""),
+    Quantity("tension_behind", _gap_of_series("T_behind", over="H"), ""),
+    Quantity("tension_ahead", _gap_of_series("T_ahead", over="H"), ""),
+    Quantity("reactions", _gap_of_series("reaction_left", "reaction_right", over="H"), ""),
+    Quantity("contact", _gap_of_series("F_contact", over="weight"), ""),
+    Quantity("haul_force", _gap_of_series("F_haul", over="weight"), "", concerns=_rolls),
+    Quantity("velocity", _gap_of_fields(measures.field_gap, rate=True), ""),
+    Quantity("velocity", _gap_of_fields(measures.field_gap, rate=True, along=True), "", ALONG),
 )
 
 
@@ -132,24 +140,24 @@ def compare(
 
 def compare_answers(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) -> list[Agreement]:
     """The rows that compare two answers;  tolerance : of a kind of quantity, as `tolerance_of`."""
-    full = View.of(scene).before_steep_waves(a.finest, b.finest)
+    full = View.of_scene(scene).before_steep_waves(a.finest, b.finest)
     rows = list(independence_rows(a.finest, b.finest))
     try:
-        view = full.cut(a.finest, b.finest)
+        view = full.up_to_valid(a.finest, b.finest)
     except NotComparable as why:
         return [Agreement("path_max", math.nan, no_bound(why)), *rows]
-    a = a.over(view)
-    b = b.over(view)
+    a = a.reaching_end_of(view)
+    b = b.reaching_end_of(view)
     for quantity in TABLE:
-        if quantity.concerns(view) and all(_has(quantity, x.finest, view) for x in (a, b)):
-            rows.append(_row(quantity, a, b, view, tolerance(quantity.asks)))
+        if quantity.concerns(view) and all(_is_known(quantity, x.finest, view) for x in (a, b)):
+            rows.append(_quantity_row(quantity, a, b, view, tolerance(quantity.asks)))
     if view.free:
         for event in EVENTS:
             rows += _event_rows(event, a, b, tolerance("rest"))
-    rows += _range_row(a, b, view, full, tolerance("rest"))
-    rows.append(_slack_onset(a, b, full, tolerance("rest")))
+    rows += _range_rows(a, b, view, full, tolerance("rest"))
+    rows.append(_slack_onset_row(a, b, full, tolerance("rest")))
     unique = scene.groups.internal_damping > 0.0  # else waves of the slack cable have no answer to converge to
-    return rows + [replace(row, decides=unique) for row in _past_slack(a, b, view, tolerance("rest"))]
+    return rows + [replace(row, decides=unique) for row in _path_past_slack_rows(a, b, view, tolerance("rest"))]
 
 
 def check_laws(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) -> list[Agreement]:
@@ -157,30 +165,30 @@ def check_laws(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) -> list
     from validation.core import laws  # loaded while solvers run
 
     try:
-        view = View.of(scene).cut(a.finest, b.finest)
+        view = View.of_scene(scene).up_to_valid(a.finest, b.finest)
     except NotComparable:
         return []
-    ladders = a.over(view), b.over(view)
-    return list(_worse_of(row for x in ladders for row in laws.hold(x, view.window, view.until, tolerance)))
+    ladders = a.reaching_end_of(view), b.reaching_end_of(view)
+    return list(_worse_of(row for x in ladders for row in laws.check_laws_in_si(x, view.window, view.until, tolerance)))
 
 
-def force_goal(scene: Scene, ladder: Ladder, tol: float) -> Goal:
+def worst_force_goal(scene: Scene, ladder: Ladder, tol: float) -> Goal:
     """The mean force with the largest bar, and what is asked of it at a path tolerance."""
     required = tolerance_of("force", tol, None)
     worst = Goal((0.0, 0.0), required, FIRST)
     try:
-        view = View.of(scene).cut(ladder.finest)
+        view = View.of_scene(scene).up_to_valid(ladder.finest)
     except NotComparable:
         return worst
-    over = ladder.over(view)
+    over = ladder.reaching_end_of(view)
     for quantity in TABLE:
-        if quantity.asks == "force" and quantity.concerns(view) and _has(quantity, over.finest, view):
-            parts = over.parts(response, partial(_distance, quantity, view))
+        if quantity.asks == "force" and quantity.concerns(view) and _is_known(quantity, over.finest, view):
+            parts = over.bar_parts(identity, partial(_gap_in_view, quantity, view))
             worst = max(worst, Goal(parts, required, FIRST), key=lambda goal: goal.excess)
     return worst
 
 
-def _has(quantity: Quantity, r: Response, view: View) -> bool:
+def _is_known(quantity: Quantity, r: Response, view: View) -> bool:
     try:
         quantity.gap(r, r, view)
     except NotComparable:
@@ -188,32 +196,40 @@ def _has(quantity: Quantity, r: Response, view: View) -> bool:
     return True
 
 
-def _distance(quantity: Quantity, view: View, x: Response, y: Response) -> float:
+def _gap_in_view(quantity: Quantity, view: View, x: Response, y: Response) -> float:
     return quantity.gap(y, x, view)
 
 
-def _row(quantity: Quantity, a: Ladder, b: Ladder, view: View, required: float) -> Agreement:
+def _quantity_row(quantity: Quantity, a: Ladder, b: Ladder, view: View, required: float) -> Agreement:
     try:
-        row = _compared(quantity.name, a, b, required, response, partial(_distance, quantity, view), quantity.order)
+        row = _functional_row(
+            quantity.name, a, b, required, identity, partial(_gap_in_view, quantity, view), quantity.order
+        )
     except NotComparable as why:
         return Agreement(quantity.name, math.nan, no_bound(why), law=quantity.law)
     where = measures.path_gap(a.finest, b.finest, view.window)[2] if quantity.name == "path_max" else None
     return replace(row, law=quantity.law, decides=bool(quantity.asks), where=where)
 
 
-def _compared(
-    name: str, a: Ladder, b: Ladder, required: float, of: Of, distance: Distance = largest, order: float = 1.0
+def _functional_row(
+    name: str,
+    a: Ladder,
+    b: Ladder,
+    required: float,
+    of: Functional,
+    distance: Distance = max_distance,
+    order: float = 1.0,
 ) -> Agreement:
     gap = distance(of(b.finest), of(a.finest))
-    return _barred(name, gap, a, b, [x.parts(of, distance, order) for x in (a, b)], required)
+    return _row_with_bars(name, gap, a, b, [x.bar_parts(of, distance, order) for x in (a, b)], required)
 
 
-def _barred(
+def _row_with_bars(
     name: str, gap: float, a: Ladder, b: Ladder, parts: list[tuple[float, float]], required: float
 ) -> Agreement:
     bars = []
     for x, in_space_and_time in zip((a, b), parts, strict=True):
-        bars.append(Part(x.finest.method, max(ROUNDING, sum(in_space_and_time)), "coarser runs"))
+        bars.append(BoundPart(x.finest.method, max(ROUNDING, sum(in_space_and_time)), "coarser runs"))
     return Agreement(name, gap, Bound("error bars", tuple(bars)), required=required, parts=tuple(parts))
 
 
@@ -230,13 +246,13 @@ def independence_rows(a: Response, b: Response) -> Iterator[Agreement]:
 # --- events and slack -----------------------------------------------------------------------------------------------
 
 
-def event_of(event: str, events: Sequence[Event], after: int = 0) -> Event | None:
+def find_event(event: str, events: Sequence[Event], after: int = 0) -> Event | None:
     """An event, number `after` of its kind, or None."""
     of_kind = [x for x in events if x["event"] == event]
     return of_kind[after] if after < len(of_kind) else None
 
 
-def _numbered(events: Sequence[Event]) -> Iterator[tuple[Event, int]]:
+def _numbered_events(events: Sequence[Event]) -> Iterator[tuple[Event, int]]:
     """Each event and its number among those of its kind."""
     counts: Counter[str] = Counter()
     for event in events:
@@ -245,7 +261,7 @@ def _numbered(events: Sequence[Event]) -> Iterator[tuple[Event, int]]:
 
 
 def _event_value(event: str, name: str, scale: float, r: Response, after: int = 0) -> float:
-    found = event_of(event, r.events, after)
+    found = find_event(event, r.events, after)
     if found is None:
         raise NotComparable(f"{r.method} has no {event}")
     return float(found[name]) / scale
@@ -253,19 +269,19 @@ def _event_value(event: str, name: str, scale: float, r: Response, after: int = 
 
 def _event_rows(event: str, a: Ladder, b: Ladder, required: float) -> Iterator[Agreement]:
     runs = a.finest, b.finest
-    both = [event_of(event, r.events) for r in runs]
+    both = [find_event(event, r.events) for r in runs]
     instants = [x["t"] for x in both if x is not None]
     if not instants or min(instants) > min(r.slack_since for r in runs):
         return
     if len(instants) < 2:
-        bars = [(x.unanimous(lambda r: event_of(event, r.events) is not None), 0.0) for x in (a, b)]
-        yield replace(_barred("events", 1.0, a, b, bars, required), law=event)
+        bars = [(x.yes_no_bar(lambda r: find_event(event, r.events) is not None), 0.0) for x in (a, b)]
+        yield replace(_row_with_bars("events", 1.0, a, b, bars, required), law=event)
         return
     scales = {"t": ("time", float(runs[1].t[-1])), "speed": ("speed", float(runs[1].speed.max()))}
     if event in ("stop", "turn"):
         del scales["speed"]
     for name, (what, scale) in scales.items():
-        row = _compared("events", a, b, required, partial(_event_value, event, name, scale))
+        row = _functional_row("events", a, b, required, partial(_event_value, event, name, scale))
         yield replace(row, law=f"{event}: {what}")
 
 
@@ -275,11 +291,11 @@ EVENT_BARS = {"t": "bar_t", "s_o": "bar_s_o", "speed": "bar_speed"}
 def events_with_bars(ladder: Ladder) -> list[Event]:
     """A run's events with bars bar_t [s], bar_s_o [m], bar_speed [m/s]; None if unknown."""
     barred = []
-    for event, after in _numbered(ladder.finest.events):
+    for event, after in _numbered_events(ladder.finest.events):
         bars = {}
         for name, bar in EVENT_BARS.items():
             value = partial(_event_value, event["event"], name, 1.0, after=after)
-            bars[bar] = finite(ladder.bar(value, order=FIRST))
+            bars[bar] = nulls_for_nonfinite(ladder.bar(value, order=FIRST))
         barred.append(event | bars)
     return barred
 
@@ -287,8 +303,8 @@ def events_with_bars(ladder: Ladder) -> list[Event]:
 def widened_events(events: Sequence[Event], others: Sequence[Event]) -> list[Event]:
     """Events with bars of at least the gap to the same event of the other solver."""
     widened = []
-    for event, after in _numbered(events):
-        other = event_of(event["event"], others, after)
+    for event, after in _numbered_events(events):
+        other = find_event(event["event"], others, after)
         bars = {}
         for name, bar in EVENT_BARS.items():
             if other is not None and event[bar] is not None:
@@ -301,15 +317,15 @@ def quasi_static_rows(a: Ladder, quasi_static: list[Event], required: float) -> 
     """Shown rows of events of the full and the quasi-static ride: time over duration, speed over top speed."""
     scales = {"t": ("time", float(a.run.t[-1])), "speed": ("speed", float(a.run.speed.max()))}
     for event in EVENTS[:3]:
-        full = event_of(event, a.run.events)
-        static = event_of(event, quasi_static)
+        full = find_event(event, a.run.events)
+        static = find_event(event, quasi_static)
         if full is None or static is None:
             continue
         for name, (what, scale) in scales.items():
             own = full[EVENT_BARS[name]]
             parts = (
-                Part(a.run.method, math.inf if own is None else own / scale, "coarser runs"),
-                Part("quasi-static", static[EVENT_BARS[name]] / scale, "inertia of the rope"),
+                BoundPart(a.run.method, math.inf if own is None else own / scale, "coarser runs"),
+                BoundPart("quasi-static", static[EVENT_BARS[name]] / scale, "inertia of the rope"),
             )
             gap = abs(full[name] - static[name]) / scale
             bound = Bound("error bars", parts)
@@ -317,7 +333,7 @@ def quasi_static_rows(a: Ladder, quasi_static: list[Event], required: float) -> 
             yield Agreement("quasi-static", gap, bound, law=law, required=required, decides=False)
 
 
-def _slack_onset(a: Ladder, b: Ladder, full: View, required: float) -> Agreement:
+def _slack_onset_row(a: Ladder, b: Ladder, full: View, required: float) -> Agreement:
     """Distance of both answers where the first cable goes slack; no slack counts as the window's end.
 
     Smallest tensions so far, over H, are falling curves over s_o/l.  Their Levy distance is taken along a slope of 1
@@ -326,7 +342,7 @@ def _slack_onset(a: Ladder, b: Ladder, full: View, required: float) -> Agreement
     end = full.window[1]
     first = min(end, a.finest.slack_from, b.finest.slack_from)
 
-    def passes(r: Response) -> float:
+    def crossing_ordinate(r: Response) -> float:
         """Ordinate at which the falling curve of a run meets the slope of 1 through the onset."""
         position = np.maximum.accumulate(r.s_o) / full.length  # (n,)
         tension = r.tension_min / full.H
@@ -338,10 +354,10 @@ def _slack_onset(a: Ladder, b: Ladder, full: View, required: float) -> Agreement
         y = np.append(smallest[inside], [at_end, min(0.0, at_end)])
         return float(np.interp(first, x - y, y))
 
-    return replace(_compared("slack_onset", a, b, required, passes), where=first)
+    return replace(_functional_row("slack_onset", a, b, required, crossing_ordinate), where=first)
 
 
-def _range_row(a: Ladder, b: Ladder, view: View, full: View, required: float) -> Iterator[Agreement]:
+def _range_rows(a: Ladder, b: Ladder, view: View, full: View, required: float) -> Iterator[Agreement]:
     """A row if an answer breaks before the window ends or the other goes slack."""
     runs = a.finest, b.finest
     missing = 0.0
@@ -350,10 +366,10 @@ def _range_row(a: Ladder, b: Ladder, view: View, full: View, required: float) ->
     elif any(r.status != "complete" and r.slack_onset is None for r in runs):
         missing = max(0.0, 1.0 - view.until / max(float(r.t[-1]) for r in runs))
     if missing > 1e-6:
-        yield replace(_barred("range", missing, a, b, [(math.inf, 0.0)] * 2, required), where=view.window[1])
+        yield replace(_row_with_bars("range", missing, a, b, [(math.inf, 0.0)] * 2, required), where=view.window[1])
 
 
-def _past_slack(a: Ladder, b: Ladder, view: View, required: float) -> Iterator[Agreement]:
+def _path_past_slack_rows(a: Ladder, b: Ladder, view: View, required: float) -> Iterator[Agreement]:
     """Path gap from where both are slack to where the bars exceed the tolerance."""
     from validation.core import trust  # loaded while solvers run
 
@@ -364,15 +380,15 @@ def _past_slack(a: Ladder, b: Ladder, view: View, required: float) -> Iterator[A
     positions = np.linspace(onset, end, 200)[1:-1]  # s_o/l, (n,)
 
     def largest_so_far(x: Response, y: Response) -> Array:
-        return np.maximum.accumulate(np.nan_to_num(trust.path_gaps(x, y, positions), nan=math.inf))
+        return np.maximum.accumulate(np.nan_to_num(trust.path_distances_at(x, y, positions), nan=math.inf))
 
-    bars = [np.broadcast_to(x.bar(response, largest_so_far, FIRST), positions.shape) for x in (a, b)]
+    bars = [np.broadcast_to(x.bar(identity, largest_so_far, FIRST), positions.shape) for x in (a, b)]
     allowed = bars[0] + bars[1]
     gaps = largest_so_far(a.finest, b.finest)
     within = int(np.count_nonzero(np.maximum.accumulate(allowed) <= required))
     worst = int(np.argmax((gaps / allowed)[: max(1, within)]))
     parts = [(float(bar[worst]), 0.0) for bar in bars]
-    row = _barred("path_slack", float(gaps[worst]), a, b, parts, required)
+    row = _row_with_bars("path_slack", float(gaps[worst]), a, b, parts, required)
     yield replace(row, where=float(positions[worst]))
 
 
@@ -382,10 +398,12 @@ def _past_slack(a: Ladder, b: Ladder, view: View, required: float) -> Iterator[A
 def recheck_outputs(scene: Scene, a: Response, b: Response) -> Iterator[Agreement]:
     """Check what both runs print against its second computation."""
     from validation.core import recomputed
-    from validation.core.answers import outcome
+    from validation.core.answers import outcome_of_run
 
     pairs = (a, b), (b, a)
-    return _worse_of(row for r, counterpart in pairs for row in recomputed.rows(r, counterpart, outcome(scene, r)))
+    return _worse_of(
+        row for r, counterpart in pairs for row in recomputed.recomputed_rows(r, counterpart, outcome_of_run(scene, r))
+    )
 
 
 def _worse_of(rows: Iterable[Agreement]) -> Iterator[Agreement]:
@@ -404,5 +422,5 @@ def _badness(row: Agreement) -> tuple[bool, float]:
 # --- doubts ---------------------------------------------------------------------------------------------------------
 
 
-def doubts(*runs: Response) -> list[tuple[str, Flag]]:
+def doubt_flags(*runs: Response) -> list[tuple[str, Flag]]:
     return [(r.method, f) for r in runs for f in r.flags if f.kind in DOUBTS]

@@ -25,26 +25,26 @@ from cablefem.newmark import (
 )
 from cablefem.response import Array, Response
 from cablefem.scene import Groups, Scene
-from validation.core.methods import Method, find, pair
-from validation.core.sampling import FRAMES, History, Onset, one_thread, response_of
+from validation.core.methods import Method, checking_pair, find_method
+from validation.core.sampling import FRAMES, History, Onset, one_blas_thread, response_of_history
 from validation.core.solver import Solver
 from validation.core.watch import with_flags
 
 # for rules that do not damp, on the slack cable; Newmark's damping is of first order
 ON_SLACK = newmark.scheme("generalized-alpha", rho_inf=0.8)
 # Undamped rules turn Newton's residual into energy that stays.
-KEEPS = Newton(tol=1e-6)
-MOST_FRAMES = 20_000  # 300 MB
+TRAPEZOIDAL_NEWTON = Newton(tol=1e-6)
+MAX_FRAMES = 20_000  # 300 MB
 
 Progress = Callable[[float], None]
-_NONE = np.empty(0)
+_EMPTY = np.empty(0)
 
 
 def run(
     scene: Scene, method: str | Method, *, until: float | None = None, progress: Progress | None = None, **kind: Any
 ) -> Response:
     """Run one method on one scene; see `Run`."""
-    return Run(scene, method, **kind).to(until, progress)
+    return Run(scene, method, **kind).run_to(until, progress)
 
 
 class Run:
@@ -65,13 +65,13 @@ class Run:
         frames: int = FRAMES, **settings: Any,
     ) -> None:  # fmt: skip
         groups = scene.groups
-        _refuse(scene, law, frames)
+        _refuse_bad_arguments(scene, law, frames)
         self.scene = scene
-        self.method = find(method) if isinstance(method, str) else method
+        self.method = find_method(method) if isinstance(method, str) else method
         self.frames = frames
         self.settings = settings = self.method.settings_on(groups, settings)
         if why := self.method.refusal(groups, model):
-            raise ValueError(f"{why}; take {' or '.join(pair(groups))}")
+            raise ValueError(f"{why}; take {' or '.join(checking_pair(groups))}")
         self.kind = {"model": model, "load": load, "law": law}
         self.scheme = newmark.scheme(
             settings["scheme"], newmark_gamma=settings["newmark_gamma"], rho_inf=settings["rho_inf"]
@@ -81,17 +81,17 @@ class Run:
         solver = self.method.build(groups, settings, model=model, load=load, law=first_law)
         if solver.at_support and groups.motion is not None and groups.motion.start_position > 0.0:
             raise ValueError(f"not yet: travel.from with {self.method.name}; take following-p2 or fourier-kink")
-        self.times = steps_of(solver, groups, settings)
+        self.times = step_times_of_phases(solver, groups, settings)
         self.history = History(StateHistory(), Work(), 0.0, None, None, solver, None)
         self._ended = False
         self._seen: tuple[Any, Response] | None = None
 
-    def to(self, until: float | None = None, progress: Progress | None = None) -> Response:
+    def run_to(self, until: float | None = None, progress: Progress | None = None) -> Response:
         """March to the first step at or past s_o/l = until (default: the end); return the response so far.
 
         A failed run has status "incomplete" and the reason.  Energy gained without work is flagged.
         """
-        self.march(until, progress)
+        self.march_to(until, progress)
         return self.response_so_far()
 
     def response_so_far(self) -> Response:
@@ -99,11 +99,11 @@ class Run:
         now = len(self.history.states), self.history.failure
         if self._seen is None or self._seen[0] != now:
             how = {"method": self.method.name, "settings": self.settings, **self.kind}
-            response = response_of(self.scene, self.history, frames=self.frames, **how)
+            response = response_of_history(self.scene, self.history, frames=self.frames, **how)
             self._seen = now, with_flags(response, self.scene, self.method)
         return self._seen[1]
 
-    def march(self, until: float | None, progress: Progress | None) -> None:
+    def march_to(self, until: float | None, progress: Progress | None) -> None:
         """Compute states to s_o/l = until; a failure ends the run with its reason."""
         if until is not None and not until > 0.0:
             raise ValueError(f"until must be a place s_o/l > 0, got {until!r}")
@@ -115,29 +115,29 @@ class Run:
         report = progress or (lambda done: None)
         try:
             if h.failure is None:
-                with one_thread():
-                    self._advance(until or math.inf, report)
+                with one_blas_thread():
+                    self._march_with_law_switch(until or math.inf, report)
         except StepFailure as error:
-            h.failure = _cause(error, h.onset is not None, h.after is not None)
+            h.failure = _failure_kind_and_reason(error, h.onset is not None, h.after is not None)
             if not h.states:  # only the hanging cable
                 rest = np.zeros(h.solver.n_dof)
                 h.states.append(State(h.solver.phases[0][0], rest, rest, rest))
         h.seconds += time.perf_counter() - begin
         report(1.0)
 
-    def _advance(self, until: float, progress: Progress) -> None:
+    def _march_with_law_switch(self, until: float, progress: Progress) -> None:
         """March to `until`; once slack with the tension-only law."""
         h = self.history
-        if h.after is None and self._march(h.solver, self.scheme, until, progress, self.switches):
+        if h.after is None and self._march_solver(h.solver, self.scheme, until, progress, self.switches):
             h.after = h.solver.with_law("tension-only")
             h.after.slack_ends = False
         if h.after is not None:
             # collocation loses its order at the law's kink
             goes_on = self.scheme.damps and not self.scheme.nodes
             damped = self.scheme if goes_on else ON_SLACK
-            self._march(h.after, damped, until, progress)
+            self._march_solver(h.after, damped, until, progress)
 
-    def _march(
+    def _march_solver(
         self, solver: Solver, scheme: Scheme, until: float, progress: Progress, switch: bool = False
     ) -> bool:  # fmt: skip
         """Append states up to the end, `until` or, if the law switches, the slack onset; return whether it switched."""
@@ -146,7 +146,7 @@ class Run:
         if start is not None and solver.position(start) >= until:
             return False
         free = self.scene.groups.motion is None  # otherwise the times end there
-        newton = KEEPS if free and scheme.name == "trapezoidal" else Newton()
+        newton = TRAPEZOIDAL_NEWTON if free and scheme.name == "trapezoidal" else Newton()
         for states in newmark.integrate_blocks(
             solver, scheme, self.times_to(until), newton=newton, work=h.work, start=start
         ):
@@ -154,13 +154,13 @@ class Run:
             position = solver.position(states[-1])
             if len(h.states) % 32 < len(states):
                 progress(max(_time_done(solver, states[-1].t), position / until))
-            if self._goes_slack(solver) and switch:
+            if self._note_slack_onset(solver) and switch:
                 return True
             if free and position >= until:
                 break
         return False
 
-    def _goes_slack(self, solver: Solver) -> bool:
+    def _note_slack_onset(self, solver: Solver) -> bool:
         """Note the slack onset at the last state, the only one that may be slack; return whether it is the first."""
         h = self.history
         if h.onset is not None or len(h.states) < 2:
@@ -176,7 +176,7 @@ class Run:
             return self.times
 
         def position(t: float, phase: int) -> float:
-            return self.history.solver.position(State(t, _NONE, _NONE, _NONE, phase))
+            return self.history.solver.position(State(t, _EMPTY, _EMPTY, _EMPTY, phase))
 
         times = []
         for k, t in enumerate(self.times):
@@ -186,17 +186,17 @@ class Run:
         return times
 
 
-def _refuse(scene: Scene, law: str, frames: int) -> None:
+def _refuse_bad_arguments(scene: Scene, law: str, frames: int) -> None:
     """Raise ValueError for arguments of `Run` out of their range, and for a scene without travelling mass."""
     if law not in ("elastic", "tension-only", "auto"):
         raise ValueError(f"law must be elastic, tension-only or auto, got {law!r}")
-    if not (isinstance(frames, int) and 2 <= frames <= MOST_FRAMES):
-        raise ValueError(f"frames must be a whole number from 2 to {MOST_FRAMES}, got {frames!r}")
+    if not (isinstance(frames, int) and 2 <= frames <= MAX_FRAMES):
+        raise ValueError(f"frames must be a whole number from 2 to {MAX_FRAMES}, got {frames!r}")
     if scene.groups.motion is None and scene.drive.mode != "free":
         raise ValueError(f"scene {scene.name!r} has no travelling mass: only its frequencies can be computed")
 
 
-def steps_of(solver: Solver, groups: Groups, settings: dict[str, Any]) -> list[Array]:
+def step_times_of_phases(solver: Solver, groups: Groups, settings: dict[str, Any]) -> list[Array]:
     """Step times of each phase (n,)."""
     steps = settings["steps"]
     if groups.motion is None:  # rides may last longer
@@ -213,7 +213,7 @@ def _time_done(solver: Solver, t: float) -> float:
     return (t - begin) / (solver.phases[-1][1] - begin)
 
 
-def _cause(error: StepFailure, slack: bool, switched: bool) -> tuple[str, str]:
+def _failure_kind_and_reason(error: StepFailure, slack: bool, switched: bool) -> tuple[str, str]:
     """The kind of a failure, and its reason in words."""
     kinds = {StepUnderflow: "step underflow", EndlessEvents: "endless events", NewtonStalled: "Newton stalled"}
     kind = next((kind for cause, kind in kinds.items() if isinstance(error, cause)), "no start")

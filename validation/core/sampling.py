@@ -19,22 +19,22 @@ from validation.core.solver import Solver
 
 FRAMES = 200  # of the fields: at s_o/l = 1/FRAMES, 2/FRAMES, ..., and at as many equal times
 STATIONS = 201  # the fewest that the file contract allows
-ON_CABLE = 1.0 + 1e-9  # largest s_o/l on the cable
-PARTS = 6  # of a collocation step, for cubics
+MAX_POSITION = 1.0 + 1e-9  # largest s_o/l on the cable
+PARTS_OF_STEP = 6  # of a collocation step, for cubics
 _TENSIONS = ("T_behind", "T_ahead", "T_behind_pointwise", "T_ahead_pointwise")
 # fields of a `Response` named as in `Observation`
-_OF_STEPS = (
+_STEP_FORCES = (
     "slope_behind", "slope_ahead", *_TENSIONS, "reaction_left", "reaction_right", "contact", "tension_min",
     "tension_min_at", "energy", "kinetic", "strain", "potential", "power",
 )  # fmt: skip
-OBSERVED = ("velocity", "acceleration", "F_haul", "powers", "fields", "events", *_OF_STEPS)
+OBSERVED = ("velocity", "acceleration", "F_haul", "powers", "fields", "events", *_STEP_FORCES)
 SWING = 1e-3  # of the length: shortest way back after a turn
 STICK_SLIP = ("standstill", "breaking loose", "brake off", "turn")  # events of friction: not of the car
 
 _threads = cache(ThreadpoolController)  # cached: slow
 
 
-def one_thread() -> Any:
+def one_blas_thread() -> Any:
     """One BLAS thread while in force: the matrices are small."""
     return _threads().limit(limits=1)
 
@@ -59,18 +59,18 @@ class History:
     after: Solver | None  # tension-only, from the onset on
 
 
-def _over_time(h: History) -> States:
+def _valid_states(h: History) -> States:
     """The states over time, cut and marked failed where they are not finite or the mass is past the cable."""
-    states = h.solver.in_time(stacked(h.states))
+    states = h.solver.in_time(stack_states(h.states))
     sound = np.logical_and.reduce([np.isfinite(x).all(axis=1) for x in (states.q, states.v, states.a)])  # (n,)
-    sound[-1] &= h.solver.position(h.states[-1]) <= ON_CABLE
+    sound[-1] &= h.solver.position(h.states[-1]) <= MAX_POSITION
     if sound.all():
         return states
     h.failure = "unstable", "the solution grew beyond all bounds; take more steps or a damped scheme"
-    return _rows(states, slice(0, int(np.argmin(sound))))
+    return _select_states(states, slice(0, int(np.argmin(sound))))
 
 
-def path_in_si(scene: Scene, t: Array, position: Array, w: Array) -> dict[str, Any]:
+def path_fields_in_si(scene: Scene, t: Array, position: Array, w: Array) -> dict[str, Any]:
     """Fields of a `MassPath` in SI.
 
     t : times (n,);  position : s_o/l (n,);  w : displacements of the mass (n, 2); all dimensionless.
@@ -85,55 +85,59 @@ def path_in_si(scene: Scene, t: Array, position: Array, w: Array) -> dict[str, A
     }  # fmt: skip
 
 
-def _onset(h: History, states: States) -> Onset | None:
+def _onset_within(h: History, states: States) -> Onset | None:
     """The slack onset, if it lies within the states."""
     return h.onset if h.onset is not None and h.onset.step < states.t.size else None
 
 
-def response_of(scene: Scene, h: History, *, frames: int = FRAMES, **how: Any) -> Response:
+def response_of_history(scene: Scene, h: History, *, frames: int = FRAMES, **how: Any) -> Response:
     """The response of a history so far; all but the path is computed when it is looked at.
 
     how : the fields that say what was run;  frames : smallest number of instants with fields.
     """
-    states = _over_time(h)
-    onset = _onset(h, states)
+    states = _valid_states(h)
+    onset = _onset_within(h, states)
     position, w = h.solver.path(states)
     slack_onset = None if onset is None else float(position[onset.step])
     cause, reason = h.failure or (None, None)
     motion = scene.groups.motion
     breaks = [] if motion is None else [scene.time_scale * t for t, _ in motion.phases[1:] if t < states.t[-1]]
     work = ("steps", "rejected", "newton_iterations", "factorisations", "residuals")
-    observed = Once(partial(_observed, scene, copy(h), states, frames, list(h.work.events)))
+    observed = Once(partial(_observed_fields, scene, copy(h), states, frames, list(h.work.events)))
 
-    def look(name: str) -> Callable[[Response], Any]:
+    def observed_field(name: str) -> Callable[[Response], Any]:
         return lambda r: observed()[name]
 
     return Response(
-        **how, **path_in_si(scene, states.t, position, w), scene=scene.name, scene_toml=scene.to_toml(),
+        **how, **path_fields_in_si(scene, states.t, position, w), scene=scene.name, scene_toml=scene.to_toml(),
         horizontal_tension=scene.horizontal_tension, status="complete" if h.failure is None else "incomplete",
         cause=cause, reason=reason, slack_onset=slack_onset, slack_at=None if onset is None else float(onset.s),
         switched=None if h.after is None else slack_onset, breaks=breaks,
         work={name: getattr(h.work, name) for name in work}, n_dof=h.states[0].q.size, seconds=h.seconds,
-        later={name: look(name) for name in OBSERVED},
+        later={name: observed_field(name) for name in OBSERVED},
     )  # fmt: skip
 
 
-def _observed(scene: Scene, h: History, states: States, frames: int, passed: list[Passed]) -> dict[str, Any]:
+def _observed_fields(scene: Scene, h: History, states: States, frames: int, passed: list[Passed]) -> dict[str, Any]:
     """The fields of a `Response` that are OBSERVED."""
-    onset = _onset(h, states)
+    onset = _onset_within(h, states)
     switch = states.t[onset.step] if onset is not None and h.after is not None else math.inf
     t = frame_times(scene, float(states.t[-1]), frames)
     s = np.linspace(0.0, 1.0, STATIONS)
-    with one_thread():
+    with one_blas_thread():
         no_frames = t.size == 0 or states.t.size == 1
-        at_frames = _rows(states, slice(0, 0)) if no_frames else _between(_around(h, states, t), t)
-        observation, steps = _observe(h, states, at_frames, switch, s)
-    result = in_si(scene, observation, steps, s)
-    result["events"] = _events(scene, passed, states.t, observation.s_o[steps], result["velocity"])
+        at_frames = (
+            _select_states(states, slice(0, 0))
+            if no_frames
+            else _interpolated_states(_dense_states_around(h, states, t), t)
+        )
+        observation, steps = _observe_steps_and_frames(h, states, at_frames, switch, s)
+    result = observation_in_si(scene, observation, steps, s)
+    result["events"] = _car_events(scene, passed, states.t, observation.s_o[steps], result["velocity"])
     return result
 
 
-def in_si(scene: Scene, observation: Observation, steps: NDArray[np.bool_], s: Array) -> dict[str, Any]:
+def observation_in_si(scene: Scene, observation: Observation, steps: NDArray[np.bool_], s: Array) -> dict[str, Any]:
     """The fields of a `Response` that are OBSERVED, without events.
 
     steps : which rows of the observation are steps (n,); the others are frames.  s : s/l of its stations (m,).
@@ -145,28 +149,29 @@ def in_si(scene: Scene, observation: Observation, steps: NDArray[np.bool_], s: A
     scale |= dict.fromkeys(("s_o", "u", "v", "tension_min_at"), l)
     scale |= dict.fromkeys(("energy", "kinetic", "strain", "potential"), H * l)
 
-    def si(rows: Any, *names: str) -> dict[str, Any]:
+    def scaled_rows(rows: Any, *names: str) -> dict[str, Any]:
         """Rows of the named ones, forces if nothing else."""
         return {name: scale.get(name, H) * getattr(observation, name)[rows] for name in names}
 
     x_rest, y_rest = scene.groups.shape(s)
     mass_u, mass_v = l * observation.path[~steps].T
     fields = Fields(
-        **si(~steps, "t", "s_o", *_TENSIONS), **si(slice(None), "u", "v", "du", "dv", "T", "T_pointwise"), s=l * s,
+        **scaled_rows(~steps, "t", "s_o", *_TENSIONS),
+        **scaled_rows(slice(None), "u", "v", "du", "dv", "T", "T_pointwise"), s=l * s,
         mass_u=mass_u, mass_v=mass_v, x=l * x_rest, y=l * y_rest, T_static=H * scene.groups.static(s)[0],
     )  # fmt: skip
     return {
-        "fields": fields, **si(steps, *_OF_STEPS), "velocity": l / tau * observation.path_velocity[steps],
+        "fields": fields, **scaled_rows(steps, *_STEP_FORCES), "velocity": l / tau * observation.path_velocity[steps],
         "acceleration": l / tau**2 * observation.path_acceleration[steps], "F_haul": H * observation.haul[steps],
         "powers": {name: H * l / tau * power[steps] for name, power in observation.powers.items()},
     }  # fmt: skip
 
 
-def _nearest(times: Array, t: float) -> int:
+def _nearest_index(times: Array, t: float) -> int:
     return int(np.argmin(np.abs(times - t)))
 
 
-def _events(scene: Scene, passed: list[Passed], t: Array, s_o: Array, velocity: Array) -> list[dict[str, Any]]:
+def _car_events(scene: Scene, passed: list[Passed], t: Array, s_o: Array, velocity: Array) -> list[dict[str, Any]]:
     """Events of the car without stick-slip, with time [s], position [m] and speed [m/s] of the step next to them.
 
     passed : events of the march;  t, s_o : of the steps (n,), dimensionless;  velocity : (n, 2) [m/s].
@@ -180,10 +185,10 @@ def _events(scene: Scene, passed: list[Passed], t: Array, s_o: Array, velocity: 
         elif event.name not in STICK_SLIP:
             events.append(event)
     if drive.mode == "free":
-        events += [Passed("turn", time) for time in _turns(t, s_o)]
+        events += [Passed("turn", time) for time in _turning_times(t, s_o)]
     rows = []
     for event in sorted(events, key=lambda event: event.t):
-        i = _nearest(t, event.t)
+        i = _nearest_index(t, event.t)
         speed = 0.0 if event.name == "stop" else float(np.hypot(*velocity[i]))
         t_event = float(scene.time_scale * t[i])
         rows.append({"event": event.name, "t": t_event, "s_o": float(scene.length * s_o[i]), "speed": speed})
@@ -194,10 +199,10 @@ def _first_standstill(scene: Scene, passed: list[Passed], t: Array, s_o: Array, 
     """Time of the first standstill that lasts; `end` if none does."""
     near = scene.groups.drive.rest_speed * 2.0 / math.sqrt(scene.groups.alpha)  # distance in an axial round trip
     stops = (event.t for event in passed if event.name == "standstill")
-    return next((time for time in stops if abs(s_o[_nearest(t, time)] - s_o[-1]) <= near), end)
+    return next((time for time in stops if abs(s_o[_nearest_index(t, time)] - s_o[-1]) <= near), end)
 
 
-def _turns(t: Array, s_o: Array) -> Iterator[float]:
+def _turning_times(t: Array, s_o: Array) -> Iterator[float]:
     """Give the times at which a car turns back by more than SWING."""
     direction = 0.0
     farthest = 0
@@ -212,11 +217,11 @@ def _turns(t: Array, s_o: Array) -> Iterator[float]:
             farthest = i
 
 
-def stacked(states: Sequence[State]) -> States:
+def stack_states(states: Sequence[State]) -> States:
     return States(*newmark.stacked(states))
 
 
-def _rows(states: States, rows: slice | NDArray[Any]) -> States:
+def _select_states(states: States, rows: slice | NDArray[Any]) -> States:
     return States(states.t[rows], states.q[rows], states.v[rows], states.a[rows], states.phase[rows])
 
 
@@ -227,14 +232,14 @@ def frame_times(scene: Scene, t_last: float, frames: int = FRAMES) -> Array:
         nominal = scene.groups.drive.nominal
         t = nominal * np.arange(math.ceil(frames * t_last / nominal)) / frames
     else:
-        t = _passages(motion, frames)
+        t = _times_of_marks(motion, frames)
     t = t[t <= t_last]
     ends = scene.drive.mode != "grip" and t.size and t_last - t[-1] > 1e-9 * t_last
     return np.append(t, t_last) if ends else t
 
 
 @lru_cache(maxsize=64)
-def _passages(motion: Motion, frames: int) -> Array:
+def _times_of_marks(motion: Motion, frames: int) -> Array:
     """Times (k,) at which a travel passes its marks, with at least `frames` intervals."""
     end_time = motion.phases[-1][1]
     end = motion.position(np.array([end_time]))[0]
@@ -248,47 +253,49 @@ def _passages(motion: Motion, frames: int) -> Array:
     return np.concatenate(filled)[first:]
 
 
-def _around(h: History, states: States, t: Array) -> States:
+def _dense_states_around(h: History, states: States, t: Array) -> States:
     """States around t, with collocation steps in parts so that cubics suffice."""
     if not isinstance(h.states[states.t.size - 1], Collocated):
         return states
     steps = np.unique(np.clip(np.searchsorted(states.t, t), 1, states.t.size - 1))
     dense: list[State] = []
     for i in steps.tolist():
-        dense += densified([h.states[i - 1], h.states[i]], PARTS)
-    return h.solver.in_time(stacked(dense))
+        dense += densified([h.states[i - 1], h.states[i]], PARTS_OF_STEP)
+    return h.solver.in_time(stack_states(dense))
 
 
-def _between(h: States, t: Array) -> States:
+def _interpolated_states(h: States, t: Array) -> States:
     """States between steps by cubic Hermite in (q, v), without the accelerations, which alternate."""
     i = np.clip(np.searchsorted(h.t, t, side="left"), 1, h.t.size - 1)
-    before = _rows(h, i - 1)
-    after = _rows(h, i)
+    before = _select_states(h, i - 1)
+    after = _select_states(h, i)
     dt = (after.t - before.t)[:, None]  # (k, 1)
     x = (t - before.t)[:, None] / dt
     a = (1.0 - x) * before.a + x * after.a  # (k, n_dof)
     return States(t, *hermite(x, dt, before, after), a, after.phase)
 
 
-def _observe(
+def _observe_steps_and_frames(
     h: History, steps: States, frames: States, switch: float, s: Array
 ) -> tuple[Observation, NDArray[np.bool_]]:
     """Observe steps and frames together with the law in force, and say which rows are steps."""
     observations = []
     is_step = []
     end, frames_end = (int(np.searchsorted(x.t, switch, side="right")) for x in (steps, frames))
-    pieces = [(h.solver, _rows(steps, slice(end)), _rows(frames, slice(frames_end)))]
+    pieces = [(h.solver, _select_states(steps, slice(end)), _select_states(frames, slice(frames_end)))]
     if h.after is not None:
-        pieces.append((h.after, _rows(steps, slice(end, None)), _rows(frames, slice(frames_end, None))))
+        pieces.append(
+            (h.after, _select_states(steps, slice(end, None)), _select_states(frames, slice(frames_end, None)))
+        )
     for solver, of_steps, of_frames in pieces:
         n = of_steps.t.size
         k = of_frames.t.size
         if n + k:
-            observations.append(solver.observe(_joined(of_steps, of_frames), s, n + np.arange(k)))
+            observations.append(solver.observe(_join_states(of_steps, of_frames), s, n + np.arange(k)))
             is_step.append(np.arange(n + k) < n)
     return Observation.joined(observations), np.concatenate(is_step)
 
 
-def _joined(a: States, b: States) -> States:
+def _join_states(a: States, b: States) -> States:
     names = States.__dataclass_fields__
     return States(**{name: np.concatenate([getattr(a, name), getattr(b, name)]) for name in names})

@@ -17,7 +17,7 @@ ROUNDING = 1e-9  # relative, of static splines and of times in different runs
 FACTORS = {"": 1.0, "m": 1e-3, "k": 1e3, "M": 1e6, "G": 1e9, "km/h": 1.0 / 3.6, "%": 0.01, "°": 1.0}
 
 
-def columns_of(file: Path) -> dict[str, Array]:
+def read_columns(file: Path) -> dict[str, Array]:
     """Columns (n,) of a CSV of numbers; empty cells are nan."""
     with file.open(encoding="utf-8", newline="") as opened:
         rows = list(csv.DictReader(opened))
@@ -38,7 +38,7 @@ def ice_mass(cable: dict[str, Any]) -> float:
     return float(ice["density"] * math.pi * thickness * (cable["diameter"] + thickness))
 
 
-def stressed(cable: dict[str, Any], wheels: dict[str, Any], N: Array, Q: Array) -> dict[str, Array]:
+def wheel_stresses(cable: dict[str, Any], wheels: dict[str, Any], N: Array, Q: Array) -> dict[str, Array]:
     """N/Q and stresses [Pa] (n,) of a TOML's cable under a wheel with the load Q; nan where it is slack."""
     out = {"tension_over_wheel": N / np.maximum(Q, 1e-6 * N)}
     if "E" in cable:
@@ -63,7 +63,7 @@ def mean_around(t: Array, values: Array, at: Array, period: float) -> Array:
     return np.asarray((total(end) - total(begin)) / duration)
 
 
-def deepest(at: Array, x: Array, y: Array) -> Array:
+def max_depth_at(at: Array, x: Array, y: Array) -> Array:
     """Deepest y of a polyline (n,) at each x of `at` (m,); -inf where it does not pass."""
     low = np.minimum(x[:-1], x[1:])
     high = np.maximum(x[:-1], x[1:])
@@ -113,18 +113,18 @@ class SceneData:
         self.wind = x.get("wind", {})
         self.tau: float = cable.get("internal_damping", 0.0)
         if "ice" in cable or "temperature" in cable:
-            self._change(cable, length)
+            self._apply_heat_and_ice(cable, length)
         self.round_trip = 2.0 * length * math.sqrt(self.rho / self.EA)  # of an axial wave [s]
 
-    def _change(self, cable: dict[str, Any], length: float) -> None:
+    def _apply_heat_and_ice(self, cable: dict[str, Any], length: float) -> None:
         """Heat lengthens the unstretched cable; ice adds weight."""
-        l, mean_tension = _hung(self.span, self.drop, self.rho * self.gravity, *self.prescribed)
+        l, mean_tension = _catenary_length_and_tension(self.span, self.drop, self.rho * self.gravity, *self.prescribed)
         dT = cable["temperature"] - cable.get("reference_temperature", 0.0) if "temperature" in cable else 0.0
         self.rho = (self.rho + ice_mass(cable)) * l / length
         natural = l / (1.0 + mean_tension / self.EA)
         self.prescribed = "unstretched", natural * (1.0 + cable.get("expansion", 0.0) * dT)
 
-    def blown(self, power: int) -> float:
+    def wind_force_or_damping(self, power: int) -> float:
         """rho_air c_D d U^power/2 of the crosswind [N/m] or [N s/m^2], d with ice."""
         if not self.wind:
             return 0.0
@@ -138,9 +138,13 @@ class SceneData:
         """Force over momentum of the cable [1/s]; its own and the crosswind's."""
         own = self.cable.get("damping", 0.0)
         ratio, rate = (0.0, own["rate"]) if isinstance(own, dict) else (own, 0.0)
-        return rate + 2.0 * ratio * self._slowest(length, H) + self.blown(1) / self.rho if own or self.wind else 0.0
+        return (
+            rate + 2.0 * ratio * self._lowest_frequency(length, H) + self.wind_force_or_damping(1) / self.rho
+            if own or self.wind
+            else 0.0
+        )
 
-    def _slowest(self, length: float, H: float) -> float:
+    def _lowest_frequency(self, length: float, H: float) -> float:
         """Lowest frequency [rad/s] of the empty cable; in units of sqrt(tau/rho)/l antisymmetric 2 pi, symmetric
 
         1 + sum over odd n of 8 L^2/(n^2 pi^2 (n^2 pi^2 - w^2)) = 0.
@@ -160,13 +164,15 @@ class SceneData:
         return w * math.sqrt(H / cos / self.rho) / length
 
 
-def _hung(span: float, drop: float, weight: float, name: str, value: float) -> tuple[float, float]:
+def _catenary_length_and_tension(
+    span: float, drop: float, weight: float, name: str, value: float
+) -> tuple[float, float]:
     """Length and mean tension of a catenary by length, sag or horizontal tension.
 
     u = asinh(slope) falls by span/a; ds = a cosh(u) du, T = H cosh(u).
     """
 
-    def hang(a: float) -> tuple[float, float, float, float]:
+    def catenary(a: float) -> tuple[float, float, float, float]:
         """Length, sag, and u at the middle and half its range, of the catenary with a = H/weight."""
         half = 0.5 * span / a
         middle = math.asinh(drop / (2.0 * a * math.sinh(half)))
@@ -180,6 +186,6 @@ def _hung(span: float, drop: float, weight: float, name: str, value: float) -> t
         from scipy.optimize import brentq  # slow to import
 
         which = 0 if name == "length" else 1
-        a = math.exp(brentq(lambda x: hang(math.exp(x))[which] - value, math.log(0.1 * span), math.log(1e6 * span)))
-    length, _, middle, half = hang(a)
+        a = math.exp(brentq(lambda x: catenary(math.exp(x))[which] - value, math.log(0.1 * span), math.log(1e6 * span)))
+    length, _, middle, half = catenary(a)
     return length, a * weight * (half + 0.5 * math.sinh(2.0 * half) * math.cosh(2.0 * middle)) * a / length

@@ -19,21 +19,21 @@ Progress = Callable[..., None]  # label, fraction done, place reached
 Job = Callable[[Progress], Result]
 
 
-def silent(*progressed: object) -> None:
+def no_progress(*progressed: object) -> None:
     """A progress report that does nothing."""
 
 
-_inherited: list[Any] = []  # what a forked process calls
+_inherited_calls: list[Any] = []  # what a forked process calls
 
 
-def side_by_side(
+def run_in_parallel(
     jobs: Sequence[Job[Result]], progress: Progress | None = None, meanwhile: Callable[[], object] | None = None
 ) -> list[Result]:
     """Results of all jobs in order; an exception ends all and is raised.
 
     meanwhile : called here once, when the first of several jobs is done.
     """
-    report = progress or silent
+    report = progress or no_progress
     if len(jobs) < 2 or not _can_fork():
         return [job(report) for job in jobs]
     queue = multiprocessing.get_context("fork").SimpleQueue()
@@ -41,26 +41,26 @@ def side_by_side(
     def work(i: int) -> Result:
         return jobs[i](lambda *progressed: queue.put(progressed))
 
-    with _forked(len(jobs), work) as submit:
+    with _forked_pool(len(jobs), work) as submit:
         futures = [submit(i) for i in range(len(jobs))]
         running = set(futures)
         while running:
             done, running = wait(running, timeout=0.1, return_when=FIRST_COMPLETED)
             while not queue.empty():
                 report(*queue.get())
-            _raise_faults(done)
+            _raise_exceptions(done)
             if done and running:
-                (meanwhile or silent)()
+                (meanwhile or no_progress)()
                 meanwhile = None
         return [future.result() for future in futures]
 
 
-def _raise_faults(done: Iterable[Future]) -> None:
+def _raise_exceptions(done: Iterable[Future]) -> None:
     for future in done:
         future.result()
 
 
-def in_parallel(
+def map_in_parallel(
     work: Callable[[Item], Result], items: Sequence[Item], on_result: Callable[[int, Result], None]
 ) -> None:
     """Call on_result(i, work(items[i])) for all items, each when it is done."""
@@ -68,34 +68,34 @@ def in_parallel(
         for i, item in enumerate(items):
             on_result(i, work(item))
         return
-    with _forked(min(_cores(), len(items)), lambda i: (i, work(items[i]))) as submit:
+    with _forked_pool(min(_core_count(), len(items)), lambda i: (i, work(items[i]))) as submit:
         for future in as_completed([submit(i) for i in range(len(items))]):
             on_result(*future.result())
 
 
 @contextmanager
-def in_background(work: Callable[[], object]) -> Iterator[None]:
+def do_in_background(work: Callable[[], object]) -> Iterator[None]:
     """Do work in another process while the body runs, or after it without forks."""
     if not _can_fork():
         yield
         work()
         return
-    with _forked(1, work) as submit:
+    with _forked_pool(1, work) as submit:
         future = submit()
         yield
         future.result()
 
 
 @contextmanager
-def _forked(workers: int, call: Callable[..., Any]) -> Iterator[Callable[..., Future]]:
+def _forked_pool(workers: int, call: Callable[..., Any]) -> Iterator[Callable[..., Future]]:
     context = multiprocessing.get_context("fork")
     before = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(workers, context, initializer=_inherited.append, initargs=(call,))
+    pool = ProcessPoolExecutor(workers, context, initializer=_inherited_calls.append, initargs=(call,))
     try:
         with warnings.catch_warnings():
             # a fork beside threads that only draw
             warnings.simplefilter("ignore", DeprecationWarning)
-            yield partial(pool.submit, _called)
+            yield partial(pool.submit, _call_inherited)
         pool.shutdown()
     except BaseException as error:
         for process in set(multiprocessing.active_children()) - before:
@@ -108,15 +108,15 @@ def _forked(workers: int, call: Callable[..., Any]) -> Iterator[Callable[..., Fu
         raise
 
 
-def _called(*arguments: Any) -> Any:
-    return _inherited[-1](*arguments)
+def _call_inherited(*arguments: Any) -> Any:
+    return _inherited_calls[-1](*arguments)
 
 
-def _cores() -> int:
+def _core_count() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _can_fork() -> bool:
     forks = "fork" in multiprocessing.get_all_start_methods()
     # a forked process forks no further: its neighbours use the other cores
-    return _cores() > 1 and forks and not _inherited and not multiprocessing.current_process().daemon
+    return _core_count() > 1 and forks and not _inherited_calls and not multiprocessing.current_process().daemon

@@ -30,7 +30,7 @@ def study_folder(name: str, quick: bool) -> str:
     return f"{name}-quick" if quick else name
 
 
-def claim(out: Path | None, command: str, scene: Any, writes: Sequence[str]) -> Path:
+def claim_folder(out: Path | None, command: str, scene: Any, writes: Sequence[str]) -> Path:
     """The folder for a command's results, made and marked; Refused if a file that is not ours has one of their names.
 
     out : None: cablefem-out/SCENE.
@@ -42,19 +42,19 @@ def claim(out: Path | None, command: str, scene: Any, writes: Sequence[str]) -> 
     folder = ROOT / name if out is None else out
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        results = _marker(folder).get("results", {})
-        _refuse_strange(folder, results, writes)
+        results = _read_marker(folder).get("results", {})
+        _refuse_foreign_files(folder, results, writes)
         for other, result in list(results.items()):
             shared = set(writes) & set(result["writes"])
             outdated = result["scene"] != text if other == command else shared
             if outdated:
-                _delete(folder, other, results.pop(other))
+                _delete_result(folder, other, results.pop(other))
         before = results.get(command, {"writes": [], "files": []})
         results[command] = {
             "scene": text, "writes": sorted({*before["writes"], *writes}), "files": before["files"],
-            "foreign": sorted(set(_files(folder, writes)) - set(before["files"])), "finished": False,
+            "foreign": sorted(set(_files_below(folder, writes)) - set(before["files"])), "finished": False,
         }  # fmt: skip
-        _write(folder, {"results": results, "scene": text})
+        _write_marker(folder, {"results": results, "scene": text})
     except FileExistsError:
         raise Refused(f"{folder} is a file; --out must be a folder") from None
     except OSError as error:
@@ -62,7 +62,7 @@ def claim(out: Path | None, command: str, scene: Any, writes: Sequence[str]) -> 
     return folder
 
 
-def _refuse_strange(folder: Path, results: dict[str, Any], writes: Sequence[str]) -> None:
+def _refuse_foreign_files(folder: Path, results: dict[str, Any], writes: Sequence[str]) -> None:
     """Raise Refused if a file or folder of these names is there and of no command's results."""
     ours = {name for result in results.values() for name in result["writes"]}
     if results:
@@ -72,9 +72,9 @@ def _refuse_strange(folder: Path, results: dict[str, Any], writes: Sequence[str]
             raise Refused(f"{folder} holds {name}, which this version of cablefem did not write; {_REMEDY}")
 
 
-def _delete(folder: Path, command: str, result: dict[str, Any]) -> None:
+def _delete_result(folder: Path, command: str, result: dict[str, Any]) -> None:
     """Delete the files that a command wrote, and folders that are empty then."""
-    pages(folder, command).unlink(missing_ok=True)
+    pages_file(folder, command).unlink(missing_ok=True)
     for name in result["files"]:
         (folder / name).unlink(missing_ok=True)
     for top in result["writes"]:
@@ -83,76 +83,76 @@ def _delete(folder: Path, command: str, result: dict[str, Any]) -> None:
                 part.rmdir()
 
 
-def _files(folder: Path, names: Sequence[str]) -> list[str]:
+def _files_below(folder: Path, names: Sequence[str]) -> list[str]:
     found = [x for name in names for x in (folder / name, *(folder / name).rglob("*")) if x.is_file()]
     return [str(x.relative_to(folder)) for x in found]
 
 
-def finish(folder: Path, command: str) -> None:
+def mark_finished(folder: Path, command: str) -> None:
     """Note the files that a command wrote; those there before it are not ours."""
-    if marker := _marker(folder):
+    if marker := _read_marker(folder):
         result = marker["results"][command]
-        result["files"] = sorted(set(_files(folder, result["writes"])) - set(result["foreign"]))
+        result["files"] = sorted(set(_files_below(folder, result["writes"])) - set(result["foreign"]))
         result["finished"] = True
-        _write(folder, marker)
+        _write_marker(folder, marker)
 
 
-def finished(folder: Path, command: str) -> bool:
-    return bool(_marker(folder).get("results", {}).get(command, {}).get("finished"))
+def is_finished(folder: Path, command: str) -> bool:
+    return bool(_read_marker(folder).get("results", {}).get(command, {}).get("finished"))
 
 
-def results(folder: Path) -> list[str]:
+def commands_with_results(folder: Path) -> list[str]:
     """Commands with results on the latest scene."""
-    marker = _marker(folder)
+    marker = _read_marker(folder)
     return [command for command, result in marker.get("results", {}).items() if result["scene"] == marker["scene"]]
 
 
-def title(folder: Path) -> str:
-    scene = tomllib.loads(_marker(folder).get("scene", ""))
+def scene_title(folder: Path) -> str:
+    scene = tomllib.loads(_read_marker(folder).get("scene", ""))
     return scene.get("title") or scene.get("name") or ""
 
 
-def pages(folder: Path, command: str) -> Path:
+def pages_file(folder: Path, command: str) -> Path:
     return folder / f".{command}.pages.json"
 
 
-def shipped(package: str | None, name: str) -> dict[str, Any]:
+def shipped_toml(package: str | None, name: str) -> dict[str, Any]:
     return tomllib.loads((resources.files(package or "") / name).read_text(encoding="utf-8"))
 
 
-def read(file: Path) -> Any:
+def read_json(file: Path) -> Any:
     return json.loads(file.read_text(encoding="utf-8"))
 
 
-def _marker(folder: Path) -> dict[str, Any]:
+def _read_marker(folder: Path) -> dict[str, Any]:
     """What the folder's marker says; {} without one, or with an older version's."""
-    marker = stored(folder / MARKER)
+    marker = stored_json(folder / MARKER)
     known = {"scene", "results"} <= set(marker) and isinstance(marker["results"], dict)
     results = marker["results"].values() if known else ()
     return marker if known and all(isinstance(x, dict) and "files" in x for x in results) else {}
 
 
-def _write(folder: Path, marker: dict[str, Any]) -> None:
+def _write_marker(folder: Path, marker: dict[str, Any]) -> None:
     from cablefem.response import write_json
 
     write_json(folder / MARKER, marker)
 
 
-def stored(file: Path, **same: Any) -> dict[str, Any]:
+def stored_json(file: Path, **same: Any) -> dict[str, Any]:
     """The JSON object in a file if it has the entries `same`, else {}."""
     try:
-        content = read(file)
+        content = read_json(file)
         known = isinstance(content, dict) and all(content[name] == value for name, value in same.items())
         return content if known else {}
     except (OSError, ValueError, KeyError, TypeError):
         return {}
 
 
-def each_once(
+def compute_missing(
     file: Path, jobs: dict[str, Any], work: Callable[[Any], Any], report: Callable[[float], None]
 ) -> dict[str, Any]:
     """work(job) by key; each result is kept in a file and not computed again."""
-    from validation.core.sidebyside import in_parallel
+    from validation.core.sidebyside import map_in_parallel
 
     done: dict[str, Any] = {}
     for line in file.read_text(encoding="utf-8").splitlines() if file.exists() else ():
@@ -173,14 +173,14 @@ def each_once(
             out.flush()
             report(sum(key in done for key in jobs) / len(jobs))
 
-        in_parallel(lambda key: plain(work(jobs[key])), missing, keep)
+        map_in_parallel(lambda key: nulls_for_nonfinite(work(jobs[key])), missing, keep)
     return {key: done[key] for key in jobs}
 
 
-def plain(x: Any) -> Any:
-    """x for JSON: null for non-finite numbers."""
+def nulls_for_nonfinite(x: Any) -> Any:
+    """x for JSON: None for every number in it that is not finite."""
     if isinstance(x, dict):
-        return {name: plain(y) for name, y in x.items()}
+        return {name: nulls_for_nonfinite(y) for name, y in x.items()}
     if isinstance(x, list | tuple):
-        return [plain(y) for y in x]
+        return [nulls_for_nonfinite(y) for y in x]
     return None if isinstance(x, float) and not math.isfinite(x) else x

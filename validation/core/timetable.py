@@ -17,24 +17,24 @@ def start_position(travel: dict[str, Any], drive: dict[str, Any], length: float)
     return float(travel.get("from", drive.get("start", 0.01 * length if rolls else 0.0)))
 
 
-def positions(travel: dict[str, Any], drive: dict[str, Any], length: float, t: Array) -> Array:
+def positions_at(travel: dict[str, Any], drive: dict[str, Any], length: float, t: Array) -> Array:
     """s_o (n,) [m] at times t (n,), tables excepted."""
     start = start_position(travel, drive, length)
     end = drive.get("end", {}).get("place", 0.99 * length) if drive.get("mode") == "haul" else length
-    speed, stretches = _stretches(travel, travel.get("to", end) - start)
+    speed, stretches = _speed_and_stretches(travel, travel.get("to", end) - start)
     if "stop" not in travel:
-        return _along(start, speed, stretches, t)[0]
+        return _motion_along(start, speed, stretches, t)[0]
     begin = travel["stop"]["time"]
     hard = travel["stop"]["deceleration"]
-    s, v = _along(start, speed, stretches, np.minimum(t, begin))
+    s, v = _motion_along(start, speed, stretches, np.minimum(t, begin))
     x = np.clip(t - begin, 0.0, v / hard)
     return s + x * (v - 0.5 * hard * x)
 
 
-def accelerations(travel: dict[str, Any], drive: dict[str, Any], length: float) -> Array:
+def ramp_accelerations(travel: dict[str, Any], drive: dict[str, Any], length: float) -> Array:
     """Accelerations at both ends of each stretch (n,) [m/s2], tables excepted; a stop counts."""
     end = drive.get("end", {}).get("place", 0.99 * length) if drive.get("mode") == "haul" else length
-    _, stretches = _stretches(travel, travel.get("to", end) - start_position(travel, drive, length))
+    _, stretches = _speed_and_stretches(travel, travel.get("to", end) - start_position(travel, drive, length))
     rates = [0.0]
     for duration, a, jerk in stretches:
         rates += [a, a + jerk * duration if jerk else a]
@@ -43,7 +43,7 @@ def accelerations(travel: dict[str, Any], drive: dict[str, Any], length: float) 
     return np.array(rates)
 
 
-def _along(start: float, speed: float, stretches: Stretches, t: Array) -> tuple[Array, Array]:
+def _motion_along(start: float, speed: float, stretches: Stretches, t: Array) -> tuple[Array, Array]:
     """Place and speed (n,) at times t; at rest after the last stretch."""
     s = np.full(t.shape, start)
     v = np.full(t.shape, speed)
@@ -56,7 +56,7 @@ def _along(start: float, speed: float, stretches: Stretches, t: Array) -> tuple[
     return s, v
 
 
-def _stretches(law: dict[str, Any], distance: float) -> tuple[float, Stretches]:
+def _speed_and_stretches(law: dict[str, Any], distance: float) -> tuple[float, Stretches]:
     kind = law["kind"]
     if kind == "constant_speed":
         V = law["speed"]
@@ -80,9 +80,9 @@ def _stretches(law: dict[str, Any], distance: float) -> tuple[float, Stretches]:
         hold = V / peak - peak / jerk
         return [(rise, 0.0, sign * jerk), (hold, sign * peak, 0.0), (rise, sign * peak, -sign * jerk)]
 
-    def both(V: float) -> float:
+    def distance_of_ramps(V: float) -> float:
         return 0.5 * V * sum(duration for a in (up, down) for duration, _, _ in ramp(V, a, 1.0))
 
-    if both(V) > distance:
-        V = brentq(lambda V: both(V) - distance, 1e-12 * V, V, xtol=1e-14 * V, rtol=1e-15)
-    return 0.0, [*ramp(V, up, 1.0), ((distance - both(V)) / V, 0.0, 0.0), *ramp(V, down, -1.0)]
+    if distance_of_ramps(V) > distance:
+        V = brentq(lambda V: distance_of_ramps(V) - distance, 1e-12 * V, V, xtol=1e-14 * V, rtol=1e-15)
+    return 0.0, [*ramp(V, up, 1.0), ((distance - distance_of_ramps(V)) / V, 0.0, 0.0), *ramp(V, down, -1.0)]

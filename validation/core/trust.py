@@ -10,7 +10,7 @@ from scipy.interpolate import PchipInterpolator
 from cablefem.response import Array, Response
 
 
-def _path_at(r: Response, at: Array) -> Array:
+def _path_at_positions(r: Response, at: Array) -> Array:
     """(u, v) of the mass at s_o/l (n,), (n, 2); nan beyond the last step."""
     position = r.s_o / r.length
     rising = np.diff(position, prepend=-math.inf) > 0.0
@@ -18,16 +18,16 @@ def _path_at(r: Response, at: Array) -> Array:
     return np.asarray(PchipInterpolator(position[rising], path[rising], extrapolate=False)(at))
 
 
-def path_gaps(a: Response, b: Response, at: Array) -> Array:
+def path_distances_at(a: Response, b: Response, at: Array) -> Array:
     """The distance of two paths at s_o/l (n,), over the largest deflection."""
-    distance = np.linalg.norm(_path_at(a, at) - _path_at(b, at), axis=1)
+    distance = np.linalg.norm(_path_at_positions(a, at) - _path_at_positions(b, at), axis=1)
     return distance / max(a.max_deflection, b.max_deflection)
 
 
 def gap_past_slack(a: Response, b: Response, stop: float) -> float:
     """Largest gap of two paths from slack onset to `stop`, which both reach; nan without slack before."""
     onset = min(a.slack_from, b.slack_from)
-    return float(np.nanmax(path_gaps(a, b, np.linspace(onset, stop, 400)))) if onset < stop else math.nan
+    return float(np.nanmax(path_distances_at(a, b, np.linspace(onset, stop, 400)))) if onset < stop else math.nan
 
 
 # A gap over a STRETCH closes if refinement brings it below CLOSING of it, or below FLOOR.
@@ -52,8 +52,8 @@ def convergence_limit(runs: Sequence[Response]) -> float:
     edges = np.append(np.arange(0.0, end, STRETCH), end)
     for low, high in pairwise(edges.tolist()):
         at = np.linspace(low, high, 41)[1:]
-        before = _rms(path_gaps(coarse, middle, at))
-        after = _rms(path_gaps(middle, fine, at))
+        before = _rms(path_distances_at(coarse, middle, at))
+        after = _rms(path_distances_at(middle, fine, at))
         if not after <= max(CLOSING * before, FLOOR):
             return float(low)
     return float(end)

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from validation.core.design import signals
+from validation.core.design import signals_of_run
 from validation.core.ladder import Ladder
 from validation.core.order import observed_order
 
@@ -16,7 +16,7 @@ def verification_rows(a: Ladder, b: Ladder) -> list[Row]:
     a, b : with design numbers whose bars are their own.  Values are those of the run, of half and of a quarter.
     """
     numbers = [{row["quantity"]: row for row in x.run.design if row["bar"] is not None} for x in (a, b)]
-    computed = [signals(a.finest, b.finest), signals(b.finest, a.finest)]
+    computed = [signals_of_run(a.finest, b.finest), signals_of_run(b.finest, a.finest)]
     out = []
     for name in computed[0]:
         if not all(name in known for known in numbers):

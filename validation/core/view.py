@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from cablefem.response import MassPath
 from cablefem.scene import Scene
-from validation.core.measures import WINDOWS, Window, steep_from, window_of
+from validation.core.measures import WINDOWS, Window, common_window, onset_of_steep_waves
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,17 +20,17 @@ class View:
     axis: str
     window: Window
     free: bool
-    ends: bool  # to the end of the travel, with rest
+    reaches_end: bool  # to the end of the travel, with rest
     rolls: bool
     length: float  # [m]
     H: float  # horizontal tension [N]
     weight: float  # of the car [N]
     top: float  # of the travel [m/s]; 0 of a ride
-    axial: float  # axial round trip [s]
+    axial_round_trip: float  # axial round trip [s]
     until: float = math.inf
 
     @classmethod
-    def of(cls, scene: Scene) -> View:
+    def of_scene(cls, scene: Scene) -> View:
         """The view of a scene, over its whole window."""
         assert scene.mass is not None
         motion = scene.groups.motion
@@ -38,27 +38,27 @@ class View:
         end = 1.0 if motion is None else motion.end
         return cls(
             axis="time" if motion is None or motion.standstills else "place", window=(low, min(high, end)),
-            free=motion is None, ends=motion is None or end < high,
+            free=motion is None, reaches_end=motion is None or end < high,
             rolls=scene.drive.mode != "grip", length=scene.length, H=scene.horizontal_tension,
             top=0.0 if motion is None else motion.top_speed * scene.length / scene.time_scale,
-            weight=scene.mass.mass * scene.gravity, axial=2.0 * scene.length / scene.axial_speed,
+            weight=scene.mass.mass * scene.gravity, axial_round_trip=2.0 * scene.length / scene.axial_speed,
         )  # fmt: skip
 
     @property
-    def stop(self) -> float | None:
+    def last_needed_position(self) -> float | None:
         """s_o/l where coarser runs may end; None: the travel's end."""
-        return None if self.ends else self.window[1]
+        return None if self.reaches_end else self.window[1]
 
     def before_steep_waves(self, *finest: MassPath) -> View:
         """The view up to where waves get slower than the mass and steepen: no bar holds from there on."""
         low, high = self.window
-        return replace(self, window=(low, min(high, *map(steep_from, finest))))
+        return replace(self, window=(low, min(high, *map(onset_of_steep_waves, finest))))
 
-    def cut(self, *finest: MassPath) -> View:
+    def up_to_valid(self, *finest: MassPath) -> View:
         """The view up to steep waves, or where a finest run ends or goes slack; NotComparable if nothing is left."""
         until = min(float(r.t[-1]) for r in finest) if self.free else self.until
         window = self.before_steep_waves(*finest).window
-        return replace(self, window=window_of(*finest, window=window), until=until)
+        return replace(self, window=common_window(*finest, window=window), until=until)
 
     def covers(self, r: MassPath) -> bool:
         """Whether a coarser run reaches the end of the comparison."""

@@ -14,10 +14,10 @@ from validation.core.methods import Method
 
 MAX_GAIN = 0.2  # of the energy's range; right runs gain 0.12, wrong ones 0.6
 MAX_GAIN_SLACK = 2.0  # the same after the onset; runs that agree 1.4, others from 9
-TEXTS = store.shipped(__package__, "flags.toml")
+TEXTS = store.shipped_toml(__package__, "flags.toml")
 
 
-def flag(kind: str, **numbers: float | str) -> Flag:
+def make_flag(kind: str, **numbers: float | str) -> Flag:
     """A flag of a kind in flags.toml with its numbers."""
     made = Flag(kind, TEXTS[kind], numbers)
     str(made)  # fails if a number is missing
@@ -25,12 +25,12 @@ def flag(kind: str, **numbers: float | str) -> Flag:
 
 
 def with_flag(r: Response, kind: str, **numbers: float | str) -> Response:
-    return replace(r, flags=[*r.flags, flag(kind, **numbers)])
+    return replace(r, flags=[*r.flags, make_flag(kind, **numbers)])
 
 
 def with_flags(r: Response, scene: Scene, method: Method) -> Response:
     """The response with its energy gain before slack, and its flags; both are computed when they are looked at."""
-    r = r.with_later(energy_gain=partial(_energy_gain, scene), flags=partial(_flags, scene, method))
+    r = r.with_later(energy_gain=partial(_energy_gain_while_taut, scene), flags=partial(_flags, scene, method))
     if r.cause is None:
         return r
     energy = next((flag for flag in r.flags if flag.kind == "energy"), None)
@@ -39,16 +39,16 @@ def with_flags(r: Response, scene: Scene, method: Method) -> Response:
     return replace(r, cause="unstable", reason=f"{energy}; it broke at s_o/l = {r.reached:.3f}")
 
 
-def _taut(r: Response) -> measures.Window | None:
+def _taut_window(r: Response) -> measures.Window | None:
     """The part of the run, s_o/l, in which it is taut and comparable; None if nothing can be said of it."""
     reached = math.inf if r.drive == "free" else r.reached  # a ride may roll back
     window = 0.0, min(measures.WINDOW[1], reached, math.inf if r.switched is None else r.switched)
-    enough = r.t.size >= 3 and r.max_deflection > 0.0 and measures.inside(r, window).any()
+    enough = r.t.size >= 3 and r.max_deflection > 0.0 and measures.steps_in_window(r, window).any()
     return window if enough else None
 
 
-def _energy_gain(scene: Scene, r: Response) -> float | None:
-    taut = _taut(r)
+def _energy_gain_while_taut(scene: Scene, r: Response) -> float | None:
+    taut = _taut_window(r)
     if taut is None:
         return None
     assert scene.mass is not None
@@ -56,39 +56,39 @@ def _energy_gain(scene: Scene, r: Response) -> float | None:
 
 
 def _flags(scene: Scene, method: Method, r: Response) -> list[Flag]:
-    taut = _taut(r)
+    taut = _taut_window(r)
     if taut is None:
         return []
     assert scene.mass is not None
     assert r.energy_gain is not None
     weight = scene.mass.mass * scene.gravity
-    range_of_energy = float(np.ptp(r.energy[measures.inside(r, taut)]))
+    range_of_energy = float(np.ptp(r.energy[measures.steps_in_window(r, taut)]))
     unit = max(1.0, range_of_energy / (weight * r.max_deflection))
-    flags = _waves(r, scene, method)
+    flags = _wave_flags(r, scene, method)
     if scene.speed_ratio is not None and scene.speed_ratio >= 1.0:
         # V/c = 1.1: half the true error; 1.5: no convergence
-        flags.insert(0, flag("fast", speed_ratio=scene.speed_ratio))
+        flags.insert(0, make_flag("fast", speed_ratio=scene.speed_ratio))
     if not r.energy_gain <= MAX_GAIN * unit:
-        return [*flags, flag("energy", gain=r.energy_gain / unit, allowed=MAX_GAIN)]
-    return flags + _gain_once_slack(r, weight, unit)
+        return [*flags, make_flag("energy", gain=r.energy_gain / unit, allowed=MAX_GAIN)]
+    return flags + _gain_flags_once_slack(r, weight, unit)
 
 
-def _gain_once_slack(r: Response, weight: float, unit: float) -> list[Flag]:
-    if r.switched is None or not measures.inside(r, (r.switched, SLACK_END)).any():
+def _gain_flags_once_slack(r: Response, weight: float, unit: float) -> list[Flag]:
+    if r.switched is None or not measures.steps_in_window(r, (r.switched, SLACK_END)).any():
         return []
     gain = measures.energy_gain(r, weight, (r.switched, SLACK_END)) / unit
-    return [] if gain <= MAX_GAIN_SLACK else [flag("slack energy", gain=gain, since=r.switched)]
+    return [] if gain <= MAX_GAIN_SLACK else [make_flag("slack energy", gain=gain, since=r.switched)]
 
 
-HIDDEN = 0.03  # s_o/l from compression at a point to slack of an element; right runs 0.01
+HIDDEN_SLACK_MARGIN = 0.03  # s_o/l from compression at a point to slack of an element; right runs 0.01
 
 
-def _waves(r: Response, scene: Scene, method: Method) -> list[Flag]:
+def _wave_flags(r: Response, scene: Scene, method: Method) -> list[Flag]:
     """Flag waves, of speed sqrt(N/rho), slower than the mass, and compression in part of an element."""
     if not method.resolves_waves:
         return []
-    end = min(measures.WINDOW[1], r.reached, r.slack_from - HIDDEN)
-    within = measures.inside(r, (measures.WINDOW[0], end))
+    end = min(measures.WINDOW[1], r.reached, r.slack_from - HIDDEN_SLACK_MARGIN)
+    within = measures.steps_in_window(r, (measures.WINDOW[0], end))
     N = r.tension_min
     margins = {}  # (n,), negative at fault
     if scene.speed_ratio is not None and scene.speed_ratio < 1.0:
@@ -106,5 +106,5 @@ def _waves(r: Response, scene: Scene, method: Method) -> list[Flag]:
             "since": float(r.s_o[first] / r.length),
             "at": float(r.tension_min_at[first] / r.length),
         }
-        flags.append(flag(kind, **numbers))
+        flags.append(make_flag(kind, **numbers))
     return flags

@@ -27,19 +27,19 @@ from cablefem.scene.line import Line
 LIGHTEST = 1e-6  # of the tension: the load of a wheel that lifts off
 
 
-def with_loads(motion: LineMotion, line: Line, moving: MovingLine, states: Sequence[State]) -> LineMotion:
+def with_wheel_loads(motion: LineMotion, line: Line, moving: MovingLine, states: Sequence[State]) -> LineMotion:
     """The motion with loads by hand of the wheels of point cars."""
     cars = list(motion.cars)
     for i, (table, car) in enumerate(zip(line.car, moving.cars, strict=True)):
         wheels = table.wheels
         if wheels is not None and wheels.model == "point" and wheels.base:
             thrust = np.array([moving.thrust(car, x.t, x.phase) for x in states])
-            loads = by_hand(wheels, car, cars[i], thrust, moving.gravity)
+            loads = wheel_loads_by_hand(wheels, car, cars[i], thrust, moving.gravity)
             cars[i] = dataclasses.replace(cars[i], wheel_loads=loads)
     return dataclasses.replace(motion, cars=tuple(cars))
 
 
-def by_hand(wheels: Wheels, car: Car, x: CarMotion, thrust: Array, gravity: float) -> tuple[Array, Array]:
+def wheel_loads_by_hand(wheels: Wheels, car: Car, x: CarMotion, thrust: Array, gravity: float) -> tuple[Array, Array]:
     """Loads (n,) [N] of the rear and the front wheel; thrust (n,) [N]."""
     drive = car.drive
     mean = x.slope_behind + x.slope_ahead  # (n, 2)
@@ -61,7 +61,7 @@ def pitch_period(wheels: Wheels, mass: float, N: float) -> float:
     return 2.0 * math.pi * math.sqrt((wheels.inertia + mass * wheels.below**2) / (N * wheels.base))
 
 
-def left_out(wheels: Wheels, mass: float, gravity: float, t: Array, x: CarMotion) -> float:
+def neglected_wheel_load(wheels: Wheels, mass: float, gravity: float, t: Array, x: CarMotion) -> float:
     """What loads by hand at times t (n,) leave out [N].
 
     The normals of the wheels are R_1/(2 N) and R_2/(2 N) off that of the rope between them, which has turned by half of
@@ -78,7 +78,7 @@ def left_out(wheels: Wheels, mass: float, gravity: float, t: Array, x: CarMotion
     return float(np.max(tilted) + np.max(np.abs(later - rear)))
 
 
-def stresses(rope: Rope, wheels: Wheels, N: Array, Q: Array) -> dict[str, Array]:
+def rope_stresses_under_wheel(rope: Rope, wheels: Wheels, N: Array, Q: Array) -> dict[str, Array]:
     """Design numbers (n,) of the rope under a wheel, N and Q (n,) [N]: N/Q and stresses [Pa], nan where it is slack."""
     out = {"tension_over_wheel_min": N / np.maximum(Q, LIGHTEST * N)}
     if rope.E is None or rope.section is None:

@@ -16,19 +16,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from validation.oracles.case import BEST, MU, SIGMA, Array, Crossing, inside, level, needs
+from validation.oracles.case import BEST, MU, SIGMA, Array, Crossing, level_string, refuse_unless, travel_from_inside
 
 
 def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V0: float = 0.0, a: float) -> Array:
-    starts, ends = sources(x, t, V0=V0, a=a)
+    starts, ends = source_intervals(x, t, V0=V0, a=a)
     return 0.5 * np.sum(P * ends - P * starts, axis=-1)
 
 
-def sources(x: ArrayLike, t: ArrayLike, *, V0: float, a: float) -> tuple[Array, Array]:
+def source_intervals(x: ArrayLike, t: ArrayLike, *, V0: float, a: float) -> tuple[Array, Array]:
     """Starts and ends (..., 5) of the intervals of s with |x - xi(s)| < t - s."""
     x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
-    needs("V0 and a finite, t >= 0", math.isfinite(V0), math.isfinite(a), t >= 0.0)
-    roots = [*_roots(-0.5 * a, 1.0 - V0, x - t), *_roots(0.5 * a, 1.0 + V0, -x - t)]
+    refuse_unless("V0 and a finite, t >= 0", math.isfinite(V0), math.isfinite(a), t >= 0.0)
+    roots = [*_quadratic_roots(-0.5 * a, 1.0 - V0, x - t), *_quadratic_roots(0.5 * a, 1.0 + V0, -x - t)]
     cuts = np.stack([np.zeros_like(t), *(np.clip(np.where(np.isfinite(r), r, 0.0), 0.0, t) for r in roots), t], axis=-1)
     cuts.sort(axis=-1)
     starts = cuts[..., :-1]
@@ -38,7 +38,7 @@ def sources(x: ArrayLike, t: ArrayLike, *, V0: float, a: float) -> tuple[Array, 
     return starts, np.where(on, ends, starts)
 
 
-def _roots(c2: float, c1: float, c0: Array) -> tuple[Array, Array]:
+def _quadratic_roots(c2: float, c1: float, c0: Array) -> tuple[Array, Array]:
     with np.errstate(divide="ignore", invalid="ignore"):
         q = -0.5 * (c1 + math.copysign(1.0, c1) * np.sqrt(c1 * c1 - 4.0 * c2 * c0))
         return np.divide(q, c2), c0 / q
@@ -50,12 +50,13 @@ A = 2.6
 BEGINS = 0.2
 
 
-def _exact(t: Array) -> Array:
+def _exact_path(t: Array) -> Array:
     return displacement(0.5 * A * t * t, t, P=MU * SIGMA, a=A)
 
 
 slower = partial(
-    Crossing, name="up to 0.89 of the wave speed", groups=level(inside(BEGINS, 0.0, A)), begins=BEGINS,
+    Crossing, name="up to 0.89 of the wave speed", groups=level_string(travel_from_inside(BEGINS, 0.0, A)),
+    begins=BEGINS,
     until=BEGINS + 0.8 / (2.0 * A), methods=("fourier", "following-p2"),
 )  # fmt: skip
 faster = partial(slower, name="through the wave speed", until=0.8, methods=("fourier",))
@@ -65,7 +66,7 @@ def cases() -> list[Crossing]:
     """Comparisons with the solvers, wrong ones among them."""
     front = "the front left behind at the wave speed has a vertical tangent"
     unstable = "none: faster than its waves, what rides with the load is unstable, the more the finer"
-    force: dict[str, Any] = {"exact": _exact, "load": "force"}
+    force: dict[str, Any] = {"exact": _exact_path, "load": "force"}
     return [
         slower(**force, because=SUDDEN, at_most=1.0),
         faster(**force, because=front, at_most=0.7),

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from validation.oracles.accelerating_force import A, faster, slower
-from validation.oracles.case import MU, SIGMA, Array, Crossing, needs
+from validation.oracles.case import MU, SIGMA, Array, Crossing, refuse_unless
 
 
 def path(t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
     """y(t) of the mass; its shape is that of t."""
     t = np.asarray(t, float)
-    needs("mu, sigma, a > 0 and t >= 0", mu > 0.0, sigma > 0.0, a > 0.0, t >= 0.0)
+    refuse_unless("mu, sigma, a > 0 and t >= 0", mu > 0.0, sigma > 0.0, a > 0.0, t >= 0.0)
     u = np.where(a * t <= 1.0, t, np.maximum(2.0 / a - t, 0.0))
     return 0.5 * sigma * mu * (u + 0.5 * mu * np.expm1(-2.0 * u / mu))
 

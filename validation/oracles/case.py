@@ -30,7 +30,7 @@ class Oracle:
     cases: Callable[[], Sequence[Case]] = tuple
 
 
-def needs(what: str, *conditions: Any) -> None:
+def refuse_unless(what: str, *conditions: Any) -> None:
     """Refuse arguments outside the validity."""
     if not all(map(np.all, conditions)):
         raise ValueError(f"needed: {what}")
@@ -77,24 +77,24 @@ class Case:
     refined: str = "resolution"  # or the parameter of a limit
 
     def ladder(self, solvers: Solvers, method: str) -> list[Rung]:
-        return solvers.ladder(method, finer=self.finer)
+        return solvers.rungs(method, finer=self.finer)
 
     def order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
         return self.falls, self.because
 
-    def must(self, solvers: Solvers, method: str) -> str:
+    def expected_verdict(self, solvers: Solvers, method: str) -> str:
         return self.expected
 
-    def ask(self, solvers: Solvers, method: str, rung: Rung) -> Any:
+    def answer(self, solvers: Solvers, method: str, rung: Rung) -> Any:
         raise NotImplementedError
 
-    def off(self, answer: Any) -> Any:
+    def relative_errors(self, answer: Any) -> Any:
         """Relative errors of an answer, in any shape; by default the answer itself."""
         return answer
 
     def error(self, answer: Any) -> tuple[float, float]:
         """The largest and the rms error."""
-        off = np.abs(self.off(answer))
+        off = np.abs(self.relative_errors(answer))
         return float(off.max()), float(np.sqrt(np.mean(off**2)))
 
     def gap(self, coarse: Any, fine: Any) -> float | None:
@@ -128,29 +128,29 @@ class Crossing(Case):
         return {"model": self.model, "load": self.load, "until": self.until, "begun": self.begins > 0.0}
 
     def order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
-        p, because = solvers.order(method)
+        p, because = solvers.theoretical_order(method)
         return (p if p is None else self.orders.get(method, min(p, self.at_most))), self.because or because
 
-    def must(self, solvers: Solvers, method: str) -> str:
-        return "disagree" if solvers.order(method)[0] is None else self.expected
+    def expected_verdict(self, solvers: Solvers, method: str) -> str:
+        return "disagree" if solvers.theoretical_order(method)[0] is None else self.expected
 
-    def ask(self, solvers: Solvers, method: str, rung: Rung) -> Path:
-        return solvers.path(self, method, **rung.settings)
+    def answer(self, solvers: Solvers, method: str, rung: Rung) -> Path:
+        return solvers.mass_path(self, method, **rung.settings)
 
     @property
     def size(self) -> float:
         t = np.linspace(0.0, self.motion.phases[-1][1], 2001)
         return float(np.abs(self.exact(t[self.motion.position(t) <= self.until])).max())
 
-    def off(self, answer: Path) -> Array:
-        return self._distance(answer, self.exact)
+    def relative_errors(self, answer: Path) -> Array:
+        return self._relative_distance(answer, self.exact)
 
     def gap(self, coarse: Path, fine: Path) -> float:
         if fine.t.size < 5 or not (np.isfinite(fine.v).all() and np.isfinite(coarse.v).all()):
             return math.nan
-        return float(np.sqrt(np.mean(self._distance(coarse, CubicSpline(fine.t, fine.v)) ** 2)))
+        return float(np.sqrt(np.mean(self._relative_distance(coarse, CubicSpline(fine.t, fine.v)) ** 2)))
 
-    def _distance(self, path: Path, v: Callable[[Array], Array]) -> Array:
+    def _relative_distance(self, path: Path, v: Callable[[Array], Array]) -> Array:
         inside = (path.s_o >= self.window[0]) & (path.s_o <= self.window[1])
         return (path.v[inside] - v(path.t[inside])) / self.size
 
@@ -163,13 +163,13 @@ class Modes(Case):
     methods: tuple[str, ...] | None = ("P2 elements", "sines", "wavelets")
 
     def order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
-        return solvers.order(method) if self.falls is None else (self.falls, self.because)
+        return solvers.theoretical_order(method) if self.falls is None else (self.falls, self.because)
 
-    def ask(self, solvers: Solvers, method: str, rung: Rung) -> Array:
-        solve = solvers.damped_modes if self.groups.damping else solvers.modes
+    def answer(self, solvers: Solvers, method: str, rung: Rung) -> Array:
+        solve = solvers.damped_frequencies if self.groups.damping else solvers.frequencies
         return solve(method, self.groups, self.model, self.exact.size, **rung.settings)
 
-    def off(self, answer: Array) -> Any:
+    def relative_errors(self, answer: Array) -> Any:
         return np.abs(answer / self.exact - 1.0).max()
 
     def gap(self, coarse: Array, fine: Array) -> float:
@@ -182,13 +182,13 @@ class Law(Case):
 
     defect: Callable[[Solvers, str, dict[str, Any]], Any]  # of runs with these settings
 
-    def ask(self, solvers: Solvers, method: str, rung: Rung) -> Any:
+    def answer(self, solvers: Solvers, method: str, rung: Rung) -> Any:
         return self.defect(solvers, method, rung.settings)
 
 
-def ridden(scene: Scene, defect: Callable[[Any], Any]) -> Callable:
+def defect_of_ride(scene: Scene, defect: Callable[[Any], Any]) -> Callable:
     """The defect of a ride."""
-    return lambda solvers, method, settings: defect(solvers.ride(scene, method, **settings))
+    return lambda solvers, method, settings: defect(solvers.run_ride(scene, method, **settings))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -202,7 +202,7 @@ class Limit(Case):
         rising = self.values[-1] > self.values[0]
         return [Rung({self.refined: x}, x if rising else 1.0 / x) for x in self.values]
 
-    def ask(self, solvers: Solvers, method: str, rung: Rung) -> Any:
+    def answer(self, solvers: Solvers, method: str, rung: Rung) -> Any:
         return self.deviation(solvers, method, rung.settings[self.refined])
 
 
@@ -213,11 +213,13 @@ SIGMA = 0.31
 BARE = Groups(mu=0.0, alpha=844.416, sigma=0.1688832, c=0.0844416, chord_cos=1.0, chord_sin=0.0, motion=None)
 
 
-def level(motion: Motion, mu: float = MU, sigma: float = SIGMA) -> Groups:
+def level_string(motion: Motion, mu: float = MU, sigma: float = SIGMA) -> Groups:
     return Groups(mu=mu, alpha=323.0, sigma=sigma, c=0.5 * sigma, chord_cos=1.0, chord_sin=0.0, motion=motion)
 
 
-def hung(gravity: float, EA: float, mass: float, drive: dict[str, Any], travel: Any = None, **hangs: float) -> Scene:
+def scene_in_units_of_cable(
+    gravity: float, EA: float, mass: float, drive: dict[str, Any], travel: Any = None, **hangs: float
+) -> Scene:
     """Scene with rho = 1; default: span 1, drop 0, H = 1."""
     supports = Supports(span=hangs.pop("span", 1.0), drop=hangs.pop("drop", 0.0))
     cable = Cable(mass_per_length=1.0, EA=EA, **(hangs or {"horizontal_tension": 1.0}))
@@ -225,6 +227,6 @@ def hung(gravity: float, EA: float, mass: float, drive: dict[str, Any], travel: 
     return Scene(gravity=gravity, cable=cable, supports=supports, **parts)
 
 
-def inside(s_o: float, V: float, a: float) -> Motion:
+def travel_from_inside(s_o: float, V: float, a: float) -> Motion:
     """Travel from inside the string to its end."""
     return ConstantAcceleration(acceleration=a, initial_speed=V).motion(1.0 - s_o, s_o)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from validation.oracles.case import BARE, Array, chebyshev, needs
+from validation.oracles.case import BARE, Array, chebyshev, refuse_unless
 from validation.oracles.case import Modes as ModesCase
 
 
@@ -28,11 +28,11 @@ class Modes:
     v: Array
 
 
-def solve(sigma: float, alpha: float, c: float | None = None, *, count: int = 10, n: int = 48) -> Modes:
+def solve_modes(sigma: float, alpha: float, c: float | None = None, *, count: int = 10, n: int = 48) -> Modes:
     """First modes; c = None: a level cable; alpha = inf: inextensible."""
     c = 0.5 * sigma if c is None else c
-    needs("sigma > 0, alpha > 0, a finite c", 0.0 < sigma < math.inf, alpha > 0.0, math.isfinite(c))
-    needs("1 <= count <= n/2", 1 <= count <= n // 2)
+    refuse_unless("sigma > 0, alpha > 0, a finite c", 0.0 < sigma < math.inf, alpha > 0.0, math.isfinite(c))
+    refuse_unless("1 <= count <= n/2", 1 <= count <= n // 2)
     points, _, integral = chebyshev(n)
     s = 0.5 * (1.0 + points)
     J = 0.5 * integral
@@ -50,7 +50,7 @@ def solve(sigma: float, alpha: float, c: float | None = None, *, count: int = 10
     value, vector = np.linalg.eig(K)
     order = np.argsort(-value.real)[:count]
     real = np.abs(value[order].imag).max() <= 1e-9 * value[order[0]].real and value[order[-1]].real > 0.0
-    needs("more points (n), which resolve the frequencies", real)
+    refuse_unless("more points (n), which resolve the frequencies", real)
     w = vector[:, order].real.T
     peak = np.abs(w).argmax(axis=1)
     w /= w[np.arange(count), peak][:, None]
@@ -58,5 +58,5 @@ def solve(sigma: float, alpha: float, c: float | None = None, *, count: int = 10
 
 
 def cases() -> list[ModesCase]:
-    exact = solve(BARE.sigma, BARE.alpha, BARE.c, count=4).omega
+    exact = solve_modes(BARE.sigma, BARE.alpha, BARE.c, count=4).omega
     return [ModesCase(name="first four, model full", groups=BARE, model="full", exact=exact)]

@@ -20,12 +20,12 @@ from scipy.linalg import solve_triangular
 from scipy.special import i0e
 
 from validation.oracles import moving_force
-from validation.oracles.case import Array, Crossing, inside, level
+from validation.oracles.case import Array, Crossing, level_string, travel_from_inside
 
 NODE, WEIGHT = np.polynomial.legendre.leggauss(3)
 
 
-def kernel(t: Array, *, V: float, s0: float, c: float) -> Array:
+def step_integrals_of_green(t: Array, *, V: float, s0: float, c: float) -> Array:
     """int G dt' over each step, at times t[1:]; lower triangular."""
     h = t[1]
     now = t[1:, None]
@@ -46,7 +46,7 @@ def kernel(t: Array, *, V: float, s0: float, c: float) -> Array:
 
 def path(t: Array, *, mu: float, P: float, V: float, s0: float, c: float) -> Array:
     """y at equal steps t; mu = 0: of the force."""
-    G = kernel(t, V=V, s0=s0, c=c)
+    G = step_integrals_of_green(t, V=V, s0=s0, c=c)
     F = np.full(t.size - 1, P)
     if mu > 0.0:
         own = np.tril(t[1] / mu * (t[1:, None] - t[None, :-1] - 0.5 * t[1]))
@@ -54,10 +54,10 @@ def path(t: Array, *, mu: float, P: float, V: float, s0: float, c: float) -> Arr
     return np.append(0.0, G @ F)
 
 
-def extrapolated(t_end: float, n: int = 150, **of: float) -> CubicSpline:
+def extrapolated_path(t_end: float, **of: float) -> CubicSpline:
     """y(t): errors fall like 1/n^2."""
-    t = np.linspace(0.0, t_end, n + 1)
-    fine = path(np.linspace(0.0, t_end, 2 * n + 1), **of)[::2]
+    t = np.linspace(0.0, t_end, 151)
+    fine = path(np.linspace(0.0, t_end, 301), **of)[::2]
     return CubicSpline(t, (4.0 * fine - path(t, **of)) / 3.0)
 
 
@@ -69,16 +69,16 @@ def cases() -> list[Crossing]:
     V = 0.4
     end = 1.5
 
-    def ride(name: str, c: float, c_exact: float, load: str = "mass", **kind: Any) -> Crossing:
+    def damped_crossing(name: str, c: float, c_exact: float, load: str = "mass", **kind: Any) -> Crossing:
         """A crossing with damping c against the exact path with damping `c_exact`."""
-        exact = extrapolated(1.75, mu=mu * (load == "mass"), P=mu * sigma, V=V, s0=s0, c=c_exact)
+        exact = extrapolated_path(1.75, mu=mu * (load == "mass"), P=mu * sigma, V=V, s0=s0, c=c_exact)
         return Crossing(
-            name=name, groups=replace(level(inside(s0, V, 0.0), mu, sigma), damping=c),
+            name=name, groups=replace(level_string(travel_from_inside(s0, V, 0.0), mu, sigma), damping=c),
             exact=exact, begins=s0, until=s0 + V * end, load=load, **kind,
         )  # fmt: skip
 
     return [
-        ride("mass, damping 1", 1.0, 1.0), ride("mass, damping 4", 4.0, 4.0),
-        ride("mass, damping 4, told 3.9", 4.0, 3.9, expected="disagree"),
-        ride("force, damping 9", 9.0, 9.0, "force", because=moving_force.FRONT, at_most=1.0),
+        damped_crossing("mass, damping 1", 1.0, 1.0), damped_crossing("mass, damping 4", 4.0, 4.0),
+        damped_crossing("mass, damping 4, told 3.9", 4.0, 3.9, expected="disagree"),
+        damped_crossing("force, damping 9", 9.0, 9.0, "force", because=moving_force.FRONT, at_most=1.0),
     ]  # fmt: skip

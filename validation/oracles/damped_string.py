@@ -20,55 +20,58 @@ import numpy as np
 
 from cablefem.scene.motion import rest_motion
 from validation.oracles import irvine
-from validation.oracles.case import BARE, BEST, MU, SIGMA, Array, Case, Law, Modes, Solvers, level
-from validation.oracles.moving_force import green
+from validation.oracles.case import BARE, BEST, MU, SIGMA, Array, Case, Law, Modes, Solvers, level_string
+from validation.oracles.moving_force import green_function
 
 TERMS = 400
 END = 2.5  # of the string's motion
 
 
-def modes(W: Array, c: float) -> Any:
+def complex_frequencies(W: Array, c: float) -> Any:
     """w_n, complex."""
     return 0.5j * c + np.sqrt(W**2 - 0.25 * c**2 + 0j)
 
 
-def plucked(t: Array, *, P: float, p: float, c: float) -> Array:
+def displacement_after_release(t: Array, *, P: float, p: float, c: float) -> Array:
     """Displacement at p, of the shape of t, of a string let go."""
     n = np.pi * np.arange(1.0, TERMS + 1.0)
     w = np.sqrt(n**2 - 0.25 * c**2)
     wave = np.multiply.outer
     late = np.cos(wave(t, w)) + 0.5 * c / w * np.sin(wave(t, w)) - np.cos(wave(t, n))
     at = np.array(p)
-    undamped = 0.5 * P * (green(at, p + t) + green(at, p - t))
+    undamped = 0.5 * P * (green_function(at, p + t) + green_function(at, p - t))
     return np.exp(-0.5 * c * t) * (undamped + late @ (2.0 * P * np.sin(n * p) ** 2 / n**2))
 
 
 def cases() -> list[Case]:
     """Comparisons with the solvers, wrong ones among them."""
-    W = irvine.frequencies(irvine.parameter(BARE.sigma, BARE.alpha), 4)
+    W = irvine.frequencies(irvine.irvine_parameter(BARE.sigma, BARE.alpha), 4)
 
-    def free(name: str, c: float, **kind: Any) -> Modes:
+    def free_vibration(name: str, c: float, **kind: Any) -> Modes:
         """Frequencies and decays of a string with damping c."""
         why = "stationary values: twice the degree; sines against their own ends"
         return Modes(
-            name=name, groups=replace(BARE, damping=0.1), model="sagged", exact=modes(W, c), falls=3.0,
+            name=name, groups=replace(BARE, damping=0.1), model="sagged", exact=complex_frequencies(W, c), falls=3.0,
             because=why, methods=BEST, **kind,
         )  # fmt: skip
 
-    def pulled(name: str, c_exact: float, **kind: Any) -> Law:
+    def released_string(name: str, c_exact: float, **kind: Any) -> Law:
         """A string let go with damping 0.8 against one with damping `c_exact`."""
         P = MU * SIGMA
         p = 0.3
         why = "the kink runs away from the node or hat it starts on"
 
         def defect(solvers: Solvers, method: str, settings: dict[str, Any]) -> Array:
-            t, y = solvers.plucked(method, replace(level(rest_motion(p, END)), damping=0.8), p, END, **settings)
-            return (y - plucked(t, P=P, p=p, c=c_exact)) / (P * p * (1.0 - p))
+            t, y = solvers.release_string(
+                method, replace(level_string(rest_motion(p, END)), damping=0.8), p, END, **settings
+            )
+            return (y - displacement_after_release(t, P=P, p=p, c=c_exact)) / (P * p * (1.0 - p))
 
         return Law(name=name, defect=defect, falls=1.0, because=why, **kind)
 
     return [
-        free("four modes of the level cable, model sagged", 0.1),
-        free("the same, told 0.099", 0.099, expected="disagree"),
-        pulled("plucked string, damping 0.8", 0.8), pulled("the same, told 0.7", 0.7, expected="disagree"),
+        free_vibration("four modes of the level cable, model sagged", 0.1),
+        free_vibration("the same, told 0.099", 0.099, expected="disagree"),
+        released_string("plucked string, damping 0.8", 0.8),
+        released_string("the same, told 0.7", 0.7, expected="disagree"),
     ]  # fmt: skip

@@ -21,7 +21,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from cablefem.scene import Scene
-from validation.oracles.case import RIDERS, Array, Limit, Solvers, hung, needs
+from validation.oracles.case import RIDERS, Array, Limit, Solvers, refuse_unless, scene_in_units_of_cable
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Ellipse:
     g: float
 
     def __post_init__(self) -> None:
-        needs("0 < D < 1, g > 0", 0.0 < self.D < 1.0, self.g > 0.0)
+        refuse_unless("0 < D < 1, g > 0", 0.0 < self.D < 1.0, self.g > 0.0)
 
     @property
     def b(self) -> float:
@@ -53,21 +53,21 @@ class Ellipse:
         r1 = np.asarray(s_o, float)
         product = r1 * (1.0 - r1)
         b = self.b
-        w = self._angle(r1)
+        w = self._angle_at(r1)
         down = 0.5 * np.sin(w) / np.hypot(b * np.cos(w), 0.5 * np.sin(w))  # of the outward normal
         press = self.speed(r1, start) ** 2 * 0.5 * b / product**1.5 + self.g * down
         return press * np.sqrt(product) / (2.0 * b)
 
-    def bounce(self, s_o: ArrayLike, stiffness: float) -> Array:
+    def bounce_period(self, s_o: ArrayLike, stiffness: float) -> Array:
         """Period of bounces normal to the path; EA in weights of the bead."""
         r1 = np.asarray(s_o, float)
         return 2.0 * math.pi * np.sqrt(r1 * (1.0 - r1) / (stiffness * self.g)) / (2.0 * self.b)
 
-    def ride(self, t: ArrayLike, start: float) -> Array:
+    def position_at_time(self, t: ArrayLike, start: float) -> Array:
         """s_o(t); s_o = 1/2 + (D/2) cos(w)."""
         t = np.asarray(t, float)
         b = self.b
-        begin = [float(self._angle(np.array(start))), 0.0]
+        begin = [float(self._angle_at(np.array(start))), 0.0]
 
         def motion(now: float, q: Array) -> list[float]:
             """Rates of angle and angular speed."""
@@ -81,7 +81,7 @@ class Ellipse:
         )
         return 0.5 + 0.5 * self.D * np.cos(run.sol(t.ravel())[0].reshape(t.shape))
 
-    def _angle(self, s_o: Array) -> Array:
+    def _angle_at(self, s_o: Array) -> Array:
         return np.arccos(np.clip((2.0 * s_o - 1.0) / self.D, -1.0, 1.0))
 
 
@@ -94,40 +94,40 @@ MU = 1000.0
 START = 0.2
 
 
-def line(stiffness: float, mu: float = MU, start: float = START, t_end: float = 1.7) -> Scene:
+def stiff_rope_scene(stiffness: float, mu: float = MU, start: float = START, t_end: float = 1.7) -> Scene:
     """EA in weights of the car, mass mu, sudden start."""
     drive = {"mode": "free", "start": start, "end": {"time": t_end}, "rest_distance": 1e-6}
-    return hung(BEAD.g, stiffness * mu, mu, drive, span=BEAD.D, length=1.0)
+    return scene_in_units_of_cable(BEAD.g, stiffness * mu, mu, drive, span=BEAD.D, length=1.0)
 
 
-def _ride(solvers: Solvers, method: str, scene: Scene) -> Any:
-    return solvers.ride(scene, method, steps=1200, **RULES[method])
+def _run_ride(solvers: Solvers, method: str, scene: Scene) -> Any:
+    return solvers.run_ride(scene, method, steps=1200, **RULES[method])
 
 
-def _deviation(solvers: Solvers, method: str, stiffness: float) -> Any:
+def _path_error(solvers: Solvers, method: str, stiffness: float) -> Any:
     """Distance from the ellipse, over l."""
-    r = _ride(solvers, method, line(stiffness))
+    r = _run_ride(solvers, method, stiff_rope_scene(stiffness))
     x, y = BEAD.point(r.s_o / r.length)
     return np.hypot(r.x / r.length - x, r.y / r.length - y)
 
 
-def _speed(solvers: Solvers, method: str, stiffness: float) -> Any:
-    r = _ride(solvers, method, line(stiffness))
+def _speed_error(solvers: Solvers, method: str, stiffness: float) -> Any:
+    r = _run_ride(solvers, method, stiff_rope_scene(stiffness))
     speed = BEAD.speed(r.s_o / r.length, START)
     return (r.speed - speed) / speed.max()
 
 
-def _tension(solvers: Solvers, method: str, stiffness: float, averaged: bool = True) -> Any:
+def _tension_error(solvers: Solvers, method: str, stiffness: float, averaged: bool = True) -> Any:
     """Error over the largest N; means over one bounce."""
-    r = _ride(solvers, method, line(stiffness))
-    s_o = BEAD.ride(r.t, START)
+    r = _run_ride(solvers, method, stiff_rope_scene(stiffness))
+    s_o = BEAD.position_at_time(r.t, START)
     right = BEAD.tension(s_o, START)
-    bounce = BEAD.bounce(s_o, stiffness) if averaged else np.zeros_like(s_o)
-    sides = [_mean(r.t, N / MU - right, bounce) for N in (r.T_behind, r.T_ahead)]
+    bounce = BEAD.bounce_period(s_o, stiffness) if averaged else np.zeros_like(s_o)
+    sides = [_means_over(r.t, N / MU - right, bounce) for N in (r.T_behind, r.T_ahead)]
     return np.concatenate(sides) / right.max()
 
 
-def _mean(t: Array, values: Array, over: Array) -> Array:
+def _means_over(t: Array, values: Array, over: Array) -> Array:
     """Means over times `over` about t; over 0: the values."""
     if not over.any():
         return values[1:]
@@ -140,9 +140,9 @@ def _mean(t: Array, values: Array, over: Array) -> Array:
 def _period_error(solvers: Solvers, method: str, mu: float) -> Any:
     start = 0.49
     omega = math.sqrt(BEAD.g * BEAD.b) / 0.5
-    r = _ride(solvers, method, line(1e5, mu, start, 5.5 * math.pi / omega))
+    r = _run_ride(solvers, method, stiff_rope_scene(1e5, mu, start, 5.5 * math.pi / omega))
     times = []
-    for s_o in (r.s_o / r.length, BEAD.ride(r.t, start)):
+    for s_o in (r.s_o / r.length, BEAD.position_at_time(r.t, start)):
         passages = CubicSpline(r.t, s_o - 0.5).roots(extrapolate=False)
         times.append(np.diff(passages).mean())
     return abs(times[1] / times[0] - 1.0)
@@ -153,14 +153,14 @@ def cases() -> list[Limit]:
     stretch = "the cable stretches by M g/EA"
     bounces = "the car that is let go bounces, at a speed like sqrt(M g/EA)"
     light = "stiff light cable: "
-    raw = partial(_tension, averaged=False)
+    raw = partial(_tension_error, averaged=False)
     four = (1e2, 1e3, 1e4, 1e5)
     stiff = partial(Limit, refined="stiffness", methods=RIDERS)
     return [
-        stiff(name=light + "distance from it over l", values=four, falls=1.0, because=stretch, deviation=_deviation),
-        stiff(name=light + "speed over the largest", values=four, falls=0.5, because=bounces, deviation=_speed),
+        stiff(name=light + "distance from it over l", values=four, falls=1.0, because=stretch, deviation=_path_error),
+        stiff(name=light + "speed over the largest", values=four, falls=0.5, because=bounces, deviation=_speed_error),
         stiff(name=light + "tension over the largest, mean over a bounce", values=four[:3], falls=1.0, because=stretch,
-              deviation=_tension),
+              deviation=_tension_error),
         stiff(name=light + "tension over the largest, at any time", values=four[:3], falls=1.0,
               because="it rings on, whatever EA", deviation=raw, expected="disagree"),
         Limit(name="small swings on a stiff light cable: frequency", refined="mu", values=(10.0, 100.0, 1000.0),

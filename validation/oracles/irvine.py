@@ -15,24 +15,27 @@ import math
 import numpy as np
 from scipy.optimize import brentq
 
-from validation.oracles.case import BARE, Array, Modes, needs
+from validation.oracles.case import BARE, Array, Modes, refuse_unless
 
 
-def parameter(sigma: float, alpha: float, chord_cos: float = 1.0) -> float:
+def irvine_parameter(sigma: float, alpha: float, chord_cos: float = 1.0) -> float:
     """L^2."""
-    needs("sigma, alpha > 0 and 0 < chord_cos <= 1", sigma > 0.0, alpha > 0.0, 0.0 < chord_cos <= 1.0)
+    refuse_unless("sigma, alpha > 0 and 0 < chord_cos <= 1", sigma > 0.0, alpha > 0.0, 0.0 < chord_cos <= 1.0)
     return alpha * sigma**2 * chord_cos**5
 
 
 def symmetric_frequencies(L2: float, count: int) -> Array:
     """L2 = inf: a cable that cannot stretch."""
-    needs("L^2 > 0, count >= 1", L2 > 0.0, count >= 1)
+    refuse_unless("L^2 > 0, count >= 1", L2 > 0.0, count >= 1)
 
-    def f(z: float) -> float:  # scaled against overflow for L -> 0
+    def scaled_equation(z: float) -> float:  # scaled against overflow for L -> 0
         scale = 1.0 / (1.0 + 4.0 * z * z / L2)
         return scale * math.sin(z) - z * (scale - (1.0 - scale)) * math.cos(z)
 
-    half = [brentq(f, (n - 0.5) * math.pi, (n + 0.5) * math.pi, xtol=1e-15, rtol=1e-15) for n in range(1, count + 1)]
+    half = [
+        brentq(scaled_equation, (n - 0.5) * math.pi, (n + 0.5) * math.pi, xtol=1e-15, rtol=1e-15)
+        for n in range(1, count + 1)
+    ]
     return 2.0 * np.array(half)
 
 
@@ -41,5 +44,5 @@ def frequencies(L2: float, count: int) -> Array:
 
 
 def cases() -> list[Modes]:
-    exact = frequencies(parameter(BARE.sigma, BARE.alpha), 4)
+    exact = frequencies(irvine_parameter(BARE.sigma, BARE.alpha), 4)
     return [Modes(name="first four, model sagged", groups=BARE, model="sagged", exact=exact)]

@@ -49,7 +49,7 @@ ASTER = """
 Numbers = Sequence[dict[str, float]]
 
 
-def _skyline(*tensions: float) -> Numbers:
+def _numbers_of_skyline(*tensions: float) -> Numbers:
     """Tensions with the load in each field."""
     return [{"carriage ahead": tension} for tension in tensions]
 
@@ -66,18 +66,20 @@ class AtRest(Case):
             return [Rung({"elements": n}, n) for n in (2, 4)]
         return [Rung({"more": n}, n + 1) for n in (0, 1)]
 
-    def ask(self, solvers: Solvers, method: str, rung: Rung) -> LineRest:
-        return solvers.line(self.line, method, **rung.settings)
+    def answer(self, solvers: Solvers, method: str, rung: Rung) -> LineRest:
+        return solvers.line_at_rest(self.line, method, **rung.settings)
 
     def gap(self, coarse: LineRest, fine: LineRest) -> float:
-        return self.digits + float(np.abs(self.off(coarse) - self.off(fine)).max())
+        return self.digits + float(np.abs(self.relative_errors(coarse) - self.relative_errors(fine)).max())
 
-    def off(self, answer: LineRest) -> np.ndarray:
+    def relative_errors(self, answer: LineRest) -> np.ndarray:
         positions: Any = zip(answer.positions, self.numbers, strict=True)
-        return np.array([_off(state, name, right) for state, known in positions for name, right in known.items()])
+        return np.array(
+            [_relative_error(state, name, right) for state, known in positions for name, right in known.items()]
+        )
 
 
-def _off(state: LineState, name: str, right: float) -> float:
+def _relative_error(state: LineState, name: str, right: float) -> float:
     """Distance of a number, named by station and quantity, to the right one; over the reach or the largest tension."""
     station, what = name.split()
     k = [p.name for p in state.case.stations].index(station)
@@ -111,9 +113,9 @@ def cases() -> list[Case]:
         AtRest(name="counterweight 150 m up, a gripping car", line=weighed, numbers=[in_weighed]),
         AtRest(name="tramway of one span, counterweight, a hauled car", line=tramway, numbers=[in_tramway]),
         AtRest(name="skyline, load in each field", line=skyline, digits=1e-7,
-               numbers=_skyline(110438.79, 119370.18, 132122.47, 122143.86, 107195.94, 84077.84)),
+               numbers=_numbers_of_skyline(110438.79, 119370.18, 132122.47, 122143.86, 107195.94, 84077.84)),
         AtRest(name="skyline, as SEILAPLAN prints it", line=skyline, digits=0.012,
-               numbers=_skyline(109.9e3, 119.6e3, 131.1e3, 121.5e3, 106.0e3, 83.5e3)),
+               numbers=_numbers_of_skyline(109.9e3, 119.6e3, 131.1e3, 121.5e3, 106.0e3, 83.5e3)),
         AtRest(name="rope over two pulleys, as Code_Aster prints it", line=aster, digits=6e-4,
                numbers=[{"left middle": 13.930, "one middle": 13.930}]),
         AtRest(name="a saddle with tensions 1 percent apart", line=three,

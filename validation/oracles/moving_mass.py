@@ -26,7 +26,18 @@ from scipy.sparse import block_array, csr_array, eye_array
 from scipy.sparse.linalg import spsolve
 
 from cablefem.scene import AccelerateCruiseBrake, ConstantAcceleration, ConstantSpeed, Motion, Scene
-from validation.oracles.case import BEST, MU, SIGMA, Array, Crossing, Limit, Solvers, chebyshev, level, needs
+from validation.oracles.case import (
+    BEST,
+    MU,
+    SIGMA,
+    Array,
+    Crossing,
+    Limit,
+    Solvers,
+    chebyshev,
+    level_string,
+    refuse_unless,
+)
 
 REACH = 0.01  # distance to the far support at which the answer ends: fronts accumulate there
 # longest panel, and over mu: the string gives way within mu/2
@@ -37,13 +48,13 @@ DEGREE = 10
 POINTS, _TO_COEF, _INTEGRAL = chebyshev(DEGREE)
 
 
-def _panels_of(t: Array, edges: Array) -> tuple[NDArray[np.intp], Array]:
+def _panels_and_weights(t: Array, edges: Array) -> tuple[NDArray[np.intp], Array]:
     """Panels of the times t (n,), and weights (n, DEGREE + 1) of the values at their points."""
     k = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, edges.size - 2)
     return k, chebvander(2.0 * (t - edges[k]) / np.diff(edges)[k] - 1.0, DEGREE) @ _TO_COEF
 
 
-def _sent(motion: Motion, sign: float, phase: Array, latest: Array) -> Array:
+def _emission_times(motion: Motion, sign: float, phase: Array, latest: Array) -> Array:
     """t in [0, latest] with t + sign xi(t) = phase, by bisection."""
     low = np.zeros_like(latest)
     high = latest
@@ -55,7 +66,7 @@ def _sent(motion: Motion, sign: float, phase: Array, latest: Array) -> Array:
     return high
 
 
-def _fronts(motion: Motion, end: float) -> Array:
+def _panel_edges(motion: Motion, end: float) -> Array:
     """Starts of the travel's pieces, returns of their waves by one support, and `end`."""
     starts = [piece.start for pieces in motion.pieces for piece in pieces if piece.start < end]
     found = {*starts, end}
@@ -67,20 +78,20 @@ def _fronts(motion: Motion, end: float) -> Array:
                 found.add(t)
                 phase = t + sign * float(motion.position(t)) + turn
                 last = t
-                t = float(_sent(motion, -sign, np.array([phase]), np.array([end]))[0])
+                t = float(_emission_times(motion, -sign, np.array([phase]), np.array([end]))[0])
     return np.array(sorted(found))
 
 
 @dataclass(frozen=True, slots=True)
-class Ride:
+class MassHistory:
     edges: Array  # of the panels
     values: Array  # y, F, G at the points of the panels (3, n, DEGREE + 1)
 
     def fields(self, t: ArrayLike) -> tuple[Array, Array, Array]:
         """y, F, G at t, each of its shape."""
         t = np.asarray(t, float)
-        needs(f"t inside [0, {self.edges[-1]}]", t >= 0.0, t <= self.edges[-1])
-        k, weights = _panels_of(t.ravel(), self.edges)
+        refuse_unless(f"t inside [0, {self.edges[-1]}]", t >= 0.0, t <= self.edges[-1])
+        k, weights = _panels_and_weights(t.ravel(), self.edges)
         y, F, G = np.einsum("fnk,nk->fn", self.values[:, k], weights).reshape(3, *t.shape)
         return y, F, G
 
@@ -88,12 +99,14 @@ class Ride:
         return self.fields(t)[0]
 
 
-def solve(motion: Motion, *, mu: float, sigma: float) -> Ride:
+def solve_moving_mass(motion: Motion, *, mu: float, sigma: float) -> MassHistory:
     """Solve (1), (2) up to REACH before the far support; ValueError outside the validity."""
     below = all(abs(speed) < 1.0 for _, speed in motion.speeds)
-    needs("mu, sigma > 0, travel on the string below the wave speed", mu > 0.0, sigma > 0.0, below, motion.end <= 1.0)
+    refuse_unless(
+        "mu, sigma > 0, travel on the string below the wave speed", mu > 0.0, sigma > 0.0, below, motion.end <= 1.0
+    )
     end = motion.time_at(1.0 - REACH) if motion.end > 1.0 - REACH else motion.phases[-1][1]
-    marks = _fronts(motion, end)
+    marks = _panel_edges(motion, end)
     longest = min(LONGEST, OF_MU * mu)
     parts = [np.linspace(a, b, 1 + int(np.ceil((b - a) / longest)))[:-1] for a, b in pairwise(marks)]
     edges = np.append(np.concatenate(parts), end)
@@ -112,7 +125,7 @@ def solve(motion: Motion, *, mu: float, sigma: float) -> Ride:
 
     def reflected(sign: float, phase: Array) -> csr_array:
         arrived = phase > sign * motion.start_position
-        panel, weights = _panels_of(_sent(motion, sign, phase, t), edges)
+        panel, weights = _panels_and_weights(_emission_times(motion, sign, phase, t), edges)
         return sparse(panel, weights * arrived[:, None])
 
     one = eye_array(n)
@@ -129,51 +142,53 @@ def solve(motion: Motion, *, mu: float, sigma: float) -> Ride:
     right = np.concatenate([integral @ (sigma * t), np.zeros(2 * n)])
     values = spsolve(block_array(equations, format="csc"), right).reshape(3, -1, DEGREE)
     first = np.pad(values[:, :-1, -1:], ((0, 0), (1, 0), (0, 0)))
-    return Ride(edges, np.concatenate([first, values], axis=2))
+    return MassHistory(edges, np.concatenate([first, values], axis=2))
 
 
 def cases() -> list[Crossing | Limit]:
     """Comparisons with the solvers, wrong ones among them."""
 
-    def ride(name: str, motion: Motion, mu: float = MU) -> Crossing:
+    def crossing_with_mass(name: str, motion: Motion, mu: float = MU) -> Crossing:
         """A crossing with any travel against its exact path."""
-        exact = solve(motion, mu=mu, sigma=SIGMA).path
-        groups = level(motion, mu)
+        exact = solve_moving_mass(motion, mu=mu, sigma=SIGMA).path
+        groups = level_string(motion, mu)
         finer = 3.0 if mu < 0.5 else 1.0
         return Crossing(name=name, groups=groups, exact=exact, finer=finer)
 
-    def steady(mu: float, V: float) -> Crossing:
-        return ride(f"mass ratio {mu:g}, speed {V:g}", ConstantSpeed(speed=V).motion(1.0), mu)
+    def steady_crossing(mu: float, V: float) -> Crossing:
+        return crossing_with_mass(f"mass ratio {mu:g}, speed {V:g}", ConstantSpeed(speed=V).motion(1.0), mu)
 
     slow = ConstantAcceleration(acceleration=0.23).motion(1.0)
     brake = AccelerateCruiseBrake(top_speed=0.55).motion(1.0)
     return [
-        _paper(), steady(0.2, 0.6), steady(5.0, 0.37), steady(MU, 0.9), ride("from rest, acceleration 0.23", slow),
-        ride("accelerate, cruise, brake", brake), *(_small_sag(model) for model in ("sagged", "stretching", "full")),
-        _small_sag("stretching", plain=True),
+        _paper_crossing(), steady_crossing(0.2, 0.6), steady_crossing(5.0, 0.37), steady_crossing(MU, 0.9),
+        crossing_with_mass("from rest, acceleration 0.23", slow),
+        crossing_with_mass("accelerate, cruise, brake", brake),
+        *(_small_sag_limit(model) for model in ("sagged", "stretching", "full")),
+        _small_sag_limit("stretching", plain=True),
     ]  # fmt: skip
 
 
-def _paper() -> Crossing:
+def _paper_crossing() -> Crossing:
     groups = Scene.load("level").groups
     assert groups.motion is not None
     sigma = groups.sigma * (1.0 + groups.motion.at(0.0, 0)[1] ** 2)
     return Crossing(
         name="the paper's mass and speed, g (1 + V²)", scene="level", groups=groups,
-        exact=solve(groups.motion, mu=groups.mu, sigma=sigma).path, methods=None,
+        exact=solve_moving_mass(groups.motion, mu=groups.mu, sigma=sigma).path, methods=None,
     )  # fmt: skip
 
 
-def _small_sag(model: str, *, plain: bool = False) -> Limit:
+def _small_sag_limit(model: str, *, plain: bool = False) -> Limit:
     V = 0.45
     motion = ConstantSpeed(speed=V).motion(1.0)
 
     def deviation(solvers: Solvers, method: str, sigma: float) -> Array:
         """Error of a sagging cable against the taut string."""
-        groups = level(motion, sigma=sigma)
-        exact = solve(motion, mu=groups.mu, sigma=sigma if plain else sigma * (1.0 + V * V)).path
+        groups = level_string(motion, sigma=sigma)
+        exact = solve_moving_mass(motion, mu=groups.mu, sigma=sigma if plain else sigma * (1.0 + V * V)).path
         crossing = Crossing(name="", groups=groups, exact=exact, model=model)
-        return crossing.off(solvers.path(crossing, method))
+        return crossing.relative_errors(solvers.mass_path(crossing, method))
 
     gravity = "plain g instead of g (1 + V²)" if plain else "g (1 + V²)"
     return Limit(

@@ -16,30 +16,30 @@ import numpy as np
 
 from cablefem.scene import Scene
 from cablefem.scene.ride import LoadPath, Ride, roll_ride
-from validation.oracles.case import RIDERS, Limit, Solvers, hung
+from validation.oracles.case import RIDERS, Limit, Solvers, scene_in_units_of_cable
 from validation.oracles.rest import ZIP
 
 Curve = Callable[[Any], LoadPath]
 
 
-def rolled(scene: Scene, curve: Curve = LoadPath.loaded) -> Ride:
+def quasi_static_ride(scene: Scene, curve: Curve = LoadPath.loaded) -> Ride:
     g = scene.groups
     return roll_ride(curve(g), g.mu, g.sigma, g.drive)
 
 
-def _deviation(solvers: Solvers, method: str, drag: float) -> Any:
+def _deviation_with_drag(solvers: Solvers, method: str, drag: float) -> Any:
     """Distance of s_o(t) from the quasi-static ride, over l."""
     scene = Scene.from_toml(ZIP + f"start = 60.0\nrelease = 4.0\ndrag_area = {drag!r}\nend = {{place = 110.0}}")
-    r = solvers.ride(scene, method, steps=400, scheme="generalized-alpha")
-    return np.abs(r.s_o / r.length - rolled(scene).at(r.t / scene.time_scale)[0])
+    r = solvers.run_ride(scene, method, steps=400, scheme="generalized-alpha")
+    return np.abs(r.s_o / r.length - quasi_static_ride(scene).at(r.t / scene.time_scale)[0])
 
 
-def _fast(what: str, curve: Curve, solvers: Solvers, method: str, sigma: float) -> Any:
+def _deviation_with_fast_waves(what: str, curve: Curve, solvers: Solvers, method: str, sigma: float) -> Any:
     """Error of place over l, or of speed over the largest."""
     drive = {"mode": "free", "start": 0.02, "end": {"place": 0.9}}
-    scene = hung(sigma, 1200.0, 0.3, drive, span=0.96, drop=0.28, horizontal_tension=1.0)
-    r = solvers.ride(scene, method, steps=600)
-    other = rolled(scene, curve)
+    scene = scene_in_units_of_cable(sigma, 1200.0, 0.3, drive, span=0.96, drop=0.28, horizontal_tension=1.0)
+    r = solvers.run_ride(scene, method, steps=600)
+    other = quasi_static_ride(scene, curve)
     t = r.t / scene.time_scale
     there = t <= other.duration
     t = np.minimum(t, other.duration)
@@ -58,8 +58,8 @@ def cases() -> list[Limit]:
     ]  # fmt: skip
     return [
         Limit(name="much drag: place over l", refined="drag area", values=(2.5, 10.0, 40.0), falls=1.0, because=slow,
-              deviation=_deviation, methods=RIDERS),
+              deviation=_deviation_with_drag, methods=RIDERS),
         *(Limit(name=f"up to V/c = 0.4: {name}", refined="sigma", values=(0.32, 0.16, 0.08), falls=1.6,
-                because=waves, deviation=partial(_fast, what, curve), methods=RIDERS,
+                because=waves, deviation=partial(_deviation_with_fast_waves, what, curve), methods=RIDERS,
                 expected="agree" if i < 2 else "disagree") for i, (name, what, curve) in enumerate(variants)),
     ]  # fmt: skip

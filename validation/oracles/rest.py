@@ -19,7 +19,7 @@ from scipy.optimize import brentq
 
 from cablefem.scene import Groups, Scene
 from cablefem.scene.statics import Rest, gripped_rest
-from validation.oracles.case import RIDERS, Array, Law, Solvers, ridden
+from validation.oracles.case import RIDERS, Array, Law, Solvers, defect_of_ride
 
 ZIP = """
     [cable]
@@ -41,41 +41,43 @@ def rest_position(groups: Groups, low: float = 0.05, high: float = 0.95) -> floa
     return float(brentq(lambda s: gripped_rest(s, groups).hold[0], low, high, xtol=1e-14))
 
 
-def balance(at: Rest) -> float:
+def holding_force(at: Rest) -> float:
     """F_hold by the car's balance, <lam> tau.C/cos(phi); 1e-6 off."""
     mean = 0.5 * (at.slope_behind[0] + at.slope_ahead[0])
     return float(mean @ at.jump[0] * at.stretch[0] ** 2 / (mean @ mean))
 
 
-def _held() -> list[Law]:
+def _laws_of_held_car() -> list[Law]:
     """A held car: force at s_o = 0.1, or place of rest."""
     lines = [Scene.from_toml(ZIP + "start = 2.0").groups, Scene.load("level").groups, Scene.load("inclined").groups]
 
-    def each(of: Callable[[Groups], Any]) -> Array:
+    def for_each_line(of: Callable[[Groups], Any]) -> Array:
         return np.array(list(map(of, lines)))
 
     def hold(solvers: Solvers, method: str, settings: dict[str, Any]) -> Array:
-        return each(lambda g: solvers.hold(g, method, TENTH, **settings))
+        return for_each_line(lambda g: solvers.holding_force(g, method, TENTH, **settings))
 
     def position(solvers: Solvers, method: str, settings: dict[str, Any]) -> Array:
         """s_o/l of rest on each line."""
 
         def found(g: Groups) -> float:
             at = rest_position(g)
-            return float(brentq(lambda s: solvers.hold(g, method, s, **settings), at - 0.06, at + 0.06, xtol=1e-14))
+            return float(
+                brentq(lambda s: solvers.holding_force(g, method, s, **settings), at - 0.06, at + 0.06, xtol=1e-14)
+            )
 
-        return each(found)
+        return for_each_line(found)
 
-    def off(force: bool, exact: Array) -> Callable:
+    def deviation(force: bool, exact: Array) -> Callable:
         answer, scale = (hold, holds) if force else (position, 1.0)
         return lambda solvers, method, settings: (answer(solvers, method, settings) - exact) / scale
 
-    holds = each(lambda g: gripped_rest(TENTH, g).hold[0])
-    positions = each(rest_position)
-    balanced = each(lambda g: balance(gripped_rest(TENTH, g)))
+    holds = for_each_line(lambda g: gripped_rest(TENTH, g).hold[0])
+    positions = for_each_line(rest_position)
+    balanced = for_each_line(lambda g: holding_force(gripped_rest(TENTH, g)))
     # wrong on purpose: on the empty cable's shape
-    weights = each(lambda g: -g.mu * g.sigma * g.static(TENTH)[2])
-    lowest = each(lambda g: g.c / g.sigma)
+    weights = for_each_line(lambda g: -g.mu * g.sigma * g.static(TENTH)[2])
+    lowest = for_each_line(lambda g: g.c / g.sigma)
 
     statics = "statics alone"
     gives = "the cable gives way under the car"
@@ -88,7 +90,7 @@ def _held() -> list[Law]:
     return [
         Law(
             name=("force that holds a car at 0.1 l, over itself" if force else "place of rest over l") + where,
-            methods=methods, defect=off(force, exact), falls=falls, because=because,
+            methods=methods, defect=deviation(force, exact), falls=falls, because=because,
             expected="disagree" if where else "agree",
         )
         for methods, force, exact, falls, because, where in variants
@@ -113,8 +115,8 @@ def cases() -> list[Law]:
     at = rest_position(scene.groups)
     still = Scene.from_toml(ZIP + f"start = {at * l!r}\nend = {{time = 6.0}}\nrest_speed = 1e-12")
     laws = {
-        "held car: place over deflection, tension over H": ridden(scene, defect),
-        "car at its place of rest stays: way over l": ridden(still, lambda r: r.s_o / l - at),
+        "held car: place over deflection, tension over H": defect_of_ride(scene, defect),
+        "car at its place of rest stays: way over l": defect_of_ride(still, lambda r: r.s_o / l - at),
     }
     alone: dict[str, Any] = {"falls": 1.9, "because": "statics alone", "methods": RIDERS}
-    return _held() + [Law(name=name, defect=law, **alone) for name, law in laws.items()]
+    return _laws_of_held_car() + [Law(name=name, defect=law, **alone) for name, law in laws.items()]

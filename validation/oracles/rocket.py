@@ -14,18 +14,20 @@ from functools import partial
 
 from scipy.integrate import OdeSolution, solve_ivp
 
-from validation.oracles.case import Array, Limit, Solvers, hung, needs
+from validation.oracles.case import Array, Limit, Solvers, refuse_unless, scene_in_units_of_cable
 
 
-def _mean_slope(V, dw, weight: float, s0: float):
-    return (weight * (1.0 - 2.0 * s0 - V) - 2.0 * V * dw) / (2.0 * (1.0 - V * V))
+def _mean_slope(speed, velocity, weight: float, s0: float):
+    return (weight * (1.0 - 2.0 * s0 - speed) - 2.0 * speed * velocity) / (2.0 * (1.0 - speed * speed))
 
 
-def solve(t_end: float, *, mu: float, sigma: float, a: float, s0: float, lift: bool = True) -> OdeSolution:
+def solve_rocket(t_end: float, *, mu: float, sigma: float, a: float, s0: float, lift: bool = True) -> OdeSolution:
     """w and w. at times up to t_end, (2, ...); lift = False: without mu a <w_s>."""
-    needs("mu, sigma > 0, 0 < s0 < 1, a t_end < 1", mu > 0.0, sigma > 0.0, 0.0 < s0 < 1.0, 0.0 <= a * t_end < 1.0)
+    refuse_unless(
+        "mu, sigma > 0, 0 < s0 < 1, a t_end < 1", mu > 0.0, sigma > 0.0, 0.0 < s0 < 1.0, 0.0 <= a * t_end < 1.0
+    )
     at = s0 + 0.5 * a * t_end**2
-    needs("an end before the first echo", t_end <= min(s0 + at, 2.0 - s0 - at))
+    refuse_unless("an end before the first echo", t_end <= min(s0 + at, 2.0 - s0 - at))
     weight = mu * sigma
 
     def rate(t: float, q: Array) -> list[float]:
@@ -37,16 +39,18 @@ def solve(t_end: float, *, mu: float, sigma: float, a: float, s0: float, lift: b
     return solve_ivp(rate, (0.0, t_end), begin, "DOP853", rtol=1e-12, atol=1e-15 * weight, dense_output=True).sol
 
 
-def _deviation(solvers: Solvers, method: str, sigma: float, lift: bool = True) -> Array:
+def _path_deviation(solvers: Solvers, method: str, sigma: float, lift: bool = True) -> Array:
     mu = 0.3
     a = 0.8
     s0 = 0.4
     t_end = 0.7
-    exact = solve(t_end * 1.001, mu=mu, sigma=sigma, a=a, s0=s0, lift=lift)
-    scene = hung(sigma, 300.0, mu, {"mode": "free", "start": s0, "thrust": mu * a, "end": {"time": t_end}})
+    exact = solve_rocket(t_end * 1.001, mu=mu, sigma=sigma, a=a, s0=s0, lift=lift)
+    scene = scene_in_units_of_cable(
+        sigma, 300.0, mu, {"mode": "free", "start": s0, "thrust": mu * a, "end": {"time": t_end}}
+    )
     # w is down to 3e-5 l
     fine = {"terms": 160, "steps": 400} if method == "fourier-kink" else {"elements": 200, "steps": 800}
-    r = solvers.ride(scene, method, scheme="trapezoidal", **fine)
+    r = solvers.run_ride(scene, method, scheme="trapezoidal", **fine)
     return (r.v / r.length - exact(r.t / scene.time_scale)[0]) / (mu * sigma)
 
 
@@ -60,7 +64,7 @@ def cases() -> list[Limit]:
     ]  # fmt: skip
     return [
         Limit(name="taut cable: depth over mu sigma" + more, refined="sigma", values=values, falls=2.0,
-              deviation=partial(_deviation, lift=lift), methods=(method,), because=because,
+              deviation=partial(_path_deviation, lift=lift), methods=(method,), because=because,
               expected="agree" if lift else "disagree")
         for more, values, method, lift in variants
     ]  # fmt: skip

@@ -30,7 +30,7 @@ CHANGE = """
 START = 100.0  # [m] of the held car
 
 
-def piece(H: float, P: float, S: float, q: float, EA: float) -> np.ndarray:
+def catenary_piece(H: float, P: float, S: float, q: float, EA: float) -> np.ndarray:
     """(dx, dy), y down; P > 0: it descends."""
     P1 = P - q * S
     dx = H * S / EA + H / q * (math.asinh(P / H) - math.asinh(P1 / H))
@@ -41,7 +41,7 @@ def elastic_catenary(span: float, drop: float, S: float, weight: float, EA: floa
     """(H, P) at the left support; S [m], weight [N]."""
 
     def end_gap(x: np.ndarray) -> np.ndarray:
-        return (piece(math.exp(x[0]), x[1] * weight, S, weight / S, EA) - [span, drop]) / span
+        return (catenary_piece(math.exp(x[0]), x[1] * weight, S, weight / S, EA) - [span, drop]) / span
 
     start = [math.log(weight), 0.5 + drop / span]
     found, _, ok, message = fsolve(end_gap, start, xtol=1e-14, full_output=True)
@@ -57,7 +57,7 @@ def stretched_length(H: float, P: float, S: float, weight: float, EA: float) -> 
     return S + (F[0] - F[1]) / (q * EA)
 
 
-def unstretched(rest: Catenary, EA: float) -> float:
+def unstretched_length(rest: Catenary, EA: float) -> float:
     """int ds/(1 + T/EA)."""
     x, weights = np.polynomial.legendre.leggauss(60)
     T = rest.tension(0.5 * rest.length * (1.0 + x))
@@ -71,7 +71,7 @@ def heated_length_and_weight(scene: Scene, l: float, unstretched: float) -> tupl
     return unstretched * (1.0 + cable.warmer), (cable.mass_per_length + ice) * scene.gravity * l
 
 
-def held(EA: float) -> tuple[Scene, np.ndarray, np.ndarray]:
+def held_car_in_cold(EA: float) -> tuple[Scene, np.ndarray, np.ndarray]:
     """Cold iced line with a car held at START, its exact place, the empty cable's place."""
     text = ZIP.replace("EA = 1.2e7", f"EA = {EA!r}")
     reference = Scene.from_toml(text)
@@ -83,7 +83,7 @@ def held(EA: float) -> tuple[Scene, np.ndarray, np.ndarray]:
     car = scene.mass.mass * scene.gravity
     ends = np.array([span, drop])
     rest = reference.catenary
-    S, weight = heated_length_and_weight(scene, rest.length, unstretched(rest, EA))
+    S, weight = heated_length_and_weight(scene, rest.length, unstretched_length(rest, EA))
     l = stretched_length(*elastic_catenary(span, drop, S, weight, EA), S, weight, EA)
     # EA of the solvers refers to the hanging cable: EA less tension
     mean = Catenary(span, drop, weight / l, scene.horizontal_tension).mean_tension
@@ -95,16 +95,16 @@ def held(EA: float) -> tuple[Scene, np.ndarray, np.ndarray]:
 
     def end_gap(x: np.ndarray) -> np.ndarray:
         h, p = x * weight
-        return (piece(h, p, at, q, EA) + piece(h, p - q * at - car, S - at, q, EA) - ends) / ends[0]
+        return (catenary_piece(h, p, at, q, EA) + catenary_piece(h, p - q * at - car, S - at, q, EA) - ends) / ends[0]
 
     h, p = fsolve(end_gap, [1.3 * H / weight, (P + 0.7 * car) / weight], xtol=1e-12) * weight
-    return scene, piece(h, p, at, q, EA), piece(H, P, at, q, EA)
+    return scene, catenary_piece(h, p, at, q, EA), catenary_piece(H, P, at, q, EA)
 
 
-def _deviation(solvers: Solvers, method: str, EA: float) -> float:
+def _position_error(solvers: Solvers, method: str, EA: float) -> float:
     """Error of the place over the deflection."""
-    scene, point, empty = held(EA)
-    r = solvers.ride(scene, method, steps=100, **({"terms": 40} if method == "fourier-kink" else {}))
+    scene, point, empty = held_car_in_cold(EA)
+    r = solvers.run_ride(scene, method, steps=100, **({"terms": 40} if method == "fourier-kink" else {}))
     return math.hypot(r.x[0] - point[0], r.y[0] - point[1]) / math.hypot(*(point - empty))
 
 
@@ -113,7 +113,7 @@ def cases() -> list[Case]:
     return [
         Limit(
             name="cold and iced: place of a held car over its deflection", refined="EA", values=(2.5e5, 5e5, 1e6),
-            falls=1.0, deviation=_deviation, methods=RIDERS,
+            falls=1.0, deviation=_position_error, methods=RIDERS,
             because="T/EA varies along the cable, and with it the mass per metre",
         )
     ]  # fmt: skip

@@ -13,13 +13,13 @@ from markupsafe import Markup, escape
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from validation.page.page import asset, figure_of, plain
+from validation.page.page import figure_of, plain_text, read_asset
 from validation.page.plot import BLACK, COLORS, GREY
 
 WIDTH = 4.8  # inches: fills a phone, and two fill a row of a desktop
 
 PALETTE = (*COLORS, BLACK)
-_LOOKS = tomllib.loads(asset("looks.toml"))
+_LOOKS = tomllib.loads(read_asset("looks.toml"))
 DASHES = ("-", *((0, tuple(dash)) for dash in _LOOKS["dashes"]))  # after a solid line
 MARKERS = tuple(_LOOKS["markers"])
 
@@ -29,27 +29,27 @@ STYLE["axes.edgecolor"] = GREY
 STYLE["axes.prop_cycle"] = cycler(color=list(PALETTE)) + cycler(linestyle=list(DASHES))
 
 
-def style() -> Any:
+def report_style() -> Any:
     """Matplotlib's style of the report, a context or decorator."""
     return mpl.rc_context(STYLE)
 
 
 def panels(rows: int = 1, columns: int = 1, *, height: float = 2.9, **how: Any) -> tuple[Figure, Any]:
     """A figure and its axes, as from `subplots`; `height` in inches."""
-    with style():
+    with report_style():
         fig = Figure(figsize=(WIDTH, height), layout="constrained")
         return fig, fig.subplots(rows, columns, **how)
 
 
-def figure(fig: Figure, caption: str, *, label: str = "") -> Markup:
+def captioned_figure(fig: Figure, caption: str, *, label: str = "") -> Markup:
     """A figure with its caption; `label` describes it for screen readers."""
-    return figure_of(svg(fig, plain(label or caption)), caption)
+    return figure_of(inline_svg(fig, plain_text(label or caption)), caption)
 
 
-def svg(fig: Figure, label: str) -> Markup:
+def inline_svg(fig: Figure, label: str) -> Markup:
     """A figure as inline SVG with ids of its own."""
     out = io.BytesIO()
-    with style():
+    with report_style():
         FigureCanvasSVG(fig).print_svg(out, metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
     text = out.getvalue().decode("utf-8")
     mark = "f" + hashlib.sha256((label + text).encode()).hexdigest()[:8]

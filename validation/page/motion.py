@@ -11,16 +11,24 @@ from markupsafe import Markup
 from cablefem.response import Array
 from cablefem.scene.line import Car, Contact, Line
 from validation.core import store
-from validation.core.quantities import scale_of, with_bar
-from validation.core.scene_data import columns_of
+from validation.core.quantities import unit_scale, with_bar
+from validation.core.scene_data import read_columns
 from validation.page import line as at_rest
 from validation.page.answer.many import Columns, Row
-from validation.page.line import figure, limits_from, with_ends
-from validation.page.page import Section, asset, drawn
+from validation.page.line import columns_with_outcome, series_figure, stored_limits_table
+from validation.page.page import Section, read_asset, render_sections
 from validation.page.plot import COLORS
-from validation.page.side_view import beneath, drawn_path, packed, player, short, touching, unit_of_forces
+from validation.page.side_view import (
+    obstacles_and_ground,
+    pack_array,
+    packed_car_path,
+    packed_contact,
+    side_view_player,
+    six_digits,
+    unit_of_forces,
+)
 
-WORDS: dict[str, Any] = tomllib.loads(asset("motion.toml"))
+WORDS: dict[str, Any] = tomllib.loads(read_asset("motion.toml"))
 ROWS: dict[str, str] = WORDS.pop("rows")
 GRIPS = " A car that grips rings with the rope: grip and contact force of it are means of such means."
 FEW = (
@@ -44,71 +52,71 @@ def unit_of(quantity: str) -> str:
     return unit
 
 
-def named(quantity: str) -> str:
+def quantity_words(quantity: str) -> str:
     kind, _, of = quantity.partition(":")
     words: str = WORDS[kind]["words"]
     return words.format(of)
 
 
-def compared_in_words(quantity: str, law: str) -> str:
+def comparison_words(quantity: str, law: str) -> str:
     """What a row of a comparison is of; law : its car or contact, or its law."""
     return ROWS[quantity].format(law) if quantity in ROWS else law
 
 
-def value_of(number: Row) -> str:
+def value_text(number: Row) -> str:
     """A number with bar and unit; a speed also in km/h."""
-    factor, unit = scale_of(np.array([number["value"], number["bar"] or 0.0]), number["unit"])
+    factor, unit = unit_scale(np.array([number["value"], number["bar"] or 0.0]), number["unit"])
     bar = None if number["bar"] is None else factor * number["bar"]
     text = f"{with_bar(factor * number['value'], bar)} {unit}".rstrip()
     return f"{text} = {3.6 * number['value']:.4g} km/h" if number["unit"] == "m/s" else text
 
 
-def rows_of(design: Sequence[Row]) -> list[Row]:
+def number_rows(design: Sequence[Row]) -> list[Row]:
     """Words, value and time of each number, in the order of WORDS."""
     order = list(WORDS)
     ordered = sorted(design, key=lambda d: order.index(d["quantity"].partition(":")[0]))
-    return [{"words": named(d["quantity"]), "value": value_of(d), "t": _when(d)} for d in ordered]
+    return [{"words": quantity_words(d["quantity"]), "value": value_text(d), "t": _time_and_place(d)} for d in ordered]
 
 
-def _when(number: Row) -> str:
+def _time_and_place(number: Row) -> str:
     """Time of a number, and where its car is then."""
     at = "" if number["s_o"] is None else f", {number['s_o']:.1f} m along the rope"
     return f"{number['t']:.4g} s{at}"
 
 
-def columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
+def motion_columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
     """Columns of a table: varied values, design numbers of FEW, what became of each line."""
     names = dict.fromkeys(name for row in rows for name in row if name.partition(":")[0] in FEW)
-    return with_ends(rows, keys, {name: f"{named(name)} [{unit_of(name)}]" for name in names})
+    return columns_with_outcome(rows, keys, {name: f"{quantity_words(name)} [{unit_of(name)}]" for name in names})
 
 
 def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None) -> list[Section]:
     """Pages of the line in a folder; rows and verdict of a check."""
-    summary = store.read(folder / "summary.json")
+    summary = store.read_json(folder / "summary.json")
     line = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
-    contacts = columns_of(folder / "contacts.csv")
-    paths = {car["name"]: columns_of(folder / f"path-{car['name']}.csv") for car in line["car"]}
-    compared = [row | {"named": compared_in_words(row["quantity"], row.get("law", ""))} for row in rows]
+    contacts = read_columns(folder / "contacts.csv")
+    paths = {car["name"]: read_columns(folder / f"path-{car['name']}.csv") for car in line["car"]}
+    compared = [row | {"named": comparison_words(row["quantity"], row.get("law", ""))} for row in rows]
     laws = [row for row in compared if row["quantity"] in ("laws_si", "energy")]
     alarm = "disagree" if summary["outcome_kind"] in ("breaks", "collides", "incomplete") else None
-    return drawn(
+    return render_sections(
         "validation.page", "assets/motion.html", id=folder.name, verdict=verdict, outcome=summary["outcome"],
-        limits=limits_from(folder, summary), alarm=alarm, side=_moving(folder, contacts, paths),
+        limits=stored_limits_table(folder, summary), alarm=alarm, side=_moving_side_view(folder, contacts, paths),
         events=[{"event": e["event"], "at": f"{e['t']:.4g} s"} for e in summary["events"]],
-        design=rows_of(summary["design"]),
+        design=number_rows(summary["design"]),
         by_hand=any("point" in car.get("wheels", {}).values() for car in line["car"]),
         stressed=any(d["quantity"].startswith("stress") for d in summary["design"]),
-        over=list(_over(line, contacts, paths)), round_trip=f"{summary['round_trip']:.2g} s",
+        over=list(_figures_over_time(line, contacts, paths)), round_trip=f"{summary['round_trip']:.2g} s",
         grips=GRIPS if any("drive" not in car for car in line["car"]) else "",
         compared=[row for row in compared if row not in laws], laws=laws,
     )  # fmt: skip
 
 
-def _moving(folder: Path, contacts: dict[str, Array], paths: dict[str, dict[str, Array]]) -> Markup:
+def _moving_side_view(folder: Path, contacts: dict[str, Array], paths: dict[str, dict[str, Array]]) -> Markup:
     """The side view in motion: rope, cars with what hangs and turns, counterweights."""
     line = Line.load(folder / "scene.toml")
-    profile = columns_of(folder / "profile.csv")
-    rope = columns_of(folder / "rope.csv")
+    profile = read_columns(folder / "profile.csv")
+    rope = read_columns(folder / "rope.csv")
     t = np.unique(rope["t"])
     s = np.unique(rope["s"])
     steps = np.searchsorted(contacts["t"], t)
@@ -125,41 +133,41 @@ def _moving(folder: Path, contacts: dict[str, Array], paths: dict[str, dict[str,
     unit = unit_of_forces(range_T[1])
     colors = COLORS[1:] * len(line.car)
     bodies = [
-        _car_drawn(car, {name: values[steps] for name, values in paths[car.name].items()}, color, *unit)
+        _draw_car(car, {name: values[steps] for name, values in paths[car.name].items()}, color, *unit)
         for car, color in zip(line.car, colors, strict=False)
     ]
     weights = [c for c in line.contact if c.kind == "counterweight"]
-    rises = [packed(contacts[f"{c.name}.rise"][steps]) for c in weights]
-    bodies += [_contact_drawn(c, contacts, steps) for c in line.contact if c.kind != "spring"]
+    rises = [pack_array(contacts[f"{c.name}.rise"][steps]) for c in weights]
+    bodies += [_draw_contact(c, contacts, steps) for c in line.contact if c.kind != "spring"]
     data = {
         "line": True,
         "enlarged": any("body" in body for body in bodies),
         "span": right.at[0],
         "drop": right.at[1],
-        "s": short(s),
+        "s": six_digits(s),
         "x": [0.0] * s.size,
         "y": [0.0] * s.size,
-        "rest": [short(profile["x"]), short(profile["y_rest"])],
+        "rest": [six_digits(profile["x"]), six_digits(profile["y_rest"])],
         "static": [],
-        "envelope": [short(profile[name]) for name in ("x", "y_highest", "y_lowest")],
+        "envelope": [six_digits(profile[name]) for name in ("x", "y_highest", "y_lowest")],
         "contacts": [
             {"x": c.at[0], "y": c.at[1], "kind": c.kind, "name": c.name, "shoe": c.shoe} for c in line.contact
         ],
         "weights": [{"x": c.at[0], "y": c.at[1], "side": 1 if c is right else -1} for c in weights],
-        "paths": [drawn_path(paths[car.name]["x"], paths[car.name]["y"], car.below) for car in line.car],
+        "paths": [packed_car_path(paths[car.name]["x"], paths[car.name]["y"], car.below) for car in line.car],
         "speeds": [],
         "brakes": [],
-        **beneath(line),
+        **obstacles_and_ground(line),
         "cables": [
-            {name: packed(values) for name, values in cable.items()}
-            | {"t": packed(t), "touching": bodies, "weights": rises}
+            {name: pack_array(values) for name, values in cable.items()}
+            | {"t": pack_array(t), "touching": bodies, "weights": rises}
         ],
         "party": None,
     }
-    return player(data, range_T, " and ".join(paths))
+    return side_view_player(data, range_T, " and ".join(paths))
 
 
-def _car_drawn(car: Car, path: dict[str, Array], color: str, unit: float, unit_name: str) -> dict[str, Any]:
+def _draw_car(car: Car, path: dict[str, Array], color: str, unit: float, unit_name: str) -> dict[str, Any]:
     """A car for the side view; path : its columns at the frames."""
     forces = {"press on the rope": "F_contact", "haul or thrust": "F_haul"}
     forces |= {"rear wheel": "wheel_rear", "front wheel": "wheel_front"}
@@ -178,26 +186,26 @@ def _car_drawn(car: Car, path: dict[str, Array], color: str, unit: float, unit_n
         if name in path:
             series["turn"] = np.radians(path[name])
             how["body"] = body
-    return touching(series, readout, **how)
+    return packed_contact(series, readout, **how)
 
 
-def _contact_drawn(contact: Contact, contacts: dict[str, Array], steps: Any) -> dict[str, Any]:
+def _draw_contact(contact: Contact, contacts: dict[str, Array], steps: Any) -> dict[str, Any]:
     """The rope at a contact, for the side view."""
     T = contacts[f"{contact.name}.tension"][steps]
     x, y = np.broadcast_to(np.array(contact.at)[:, None], (2, T.size))
     series = {"s": contacts[f"{contact.name}.s"][steps], "x": x, "y": y, "behind": T, "ahead": T}
-    return touching(series, name=contact.name)
+    return packed_contact(series, name=contact.name)
 
 
-def _over(line: Row, contacts: dict[str, Array], paths: dict[str, dict[str, Array]]) -> Iterator[Markup]:
+def _figures_over_time(line: Row, contacts: dict[str, Array], paths: dict[str, dict[str, Array]]) -> Iterator[Markup]:
     """One figure per kind of quantity that is known, over time."""
-    for title, (values, unit) in _figures(line, contacts, paths).items():
+    for title, (values, unit) in _series_by_title(line, contacts, paths).items():
         known = {name: v for name, v in values.items() if np.isfinite(v).any()}
         if known:
-            yield figure(known, unit, contacts["t"], "time [s]", title)
+            yield series_figure(known, unit, contacts["t"], "time [s]", title)
 
 
-def _figures(
+def _series_by_title(
     line: Row, contacts: dict[str, Array], paths: dict[str, dict[str, Array]]
 ) -> dict[str, tuple[dict[str, Array], str]]:
     """Series and their unit, by title."""
@@ -207,29 +215,29 @@ def _figures(
     saddles = [c["name"] for c in line["contact"] if c["kind"] == "saddle"]
     weights = [c["name"] for c in line["contact"] if c["kind"] == "counterweight"]
 
-    def of_cars(column: str) -> dict[str, Array]:
+    def series_of_cars(column: str) -> dict[str, Array]:
         return {name: path[column] for name, path in paths.items() if column in path}
 
-    def at_contacts(names: Sequence[str], column: str) -> dict[str, Array]:
+    def series_at_contacts(names: Sequence[str], column: str) -> dict[str, Array]:
         return {name: contacts[f"{name}.{column}"] for name in names}
 
-    wheels = {f"rear wheel of {name}": load for name, load in of_cars("wheel_rear").items()}
-    wheels |= {f"front wheel of {name}": load for name, load in of_cars("wheel_front").items()}
-    flow = {name: s - s[0] for name, s in at_contacts(saddles, "s").items()}
+    wheels = {f"rear wheel of {name}": load for name, load in series_of_cars("wheel_rear").items()}
+    wheels |= {f"front wheel of {name}": load for name, load in series_of_cars("wheel_front").items()}
+    flow = {name: s - s[0] for name, s in series_at_contacts(saddles, "s").items()}
     return {
         "Tension at the ends of each segment of rope.": (tensions, "N"),
-        "Haul force; positive where it pulls to the right.": (of_cars("F_haul"), "N"),
-        "Contact force.": (of_cars("F_contact"), "N"),
+        "Haul force; positive where it pulls to the right.": (series_of_cars("F_haul"), "N"),
+        "Contact force.": (series_of_cars("F_contact"), "N"),
         "Loads of both wheels.": (wheels, "N"),
-        "Swing of the cabins forward.": (of_cars("swing"), "deg"),
-        "Pitch, front down.": (of_cars("pitch"), "deg"),
-        "Rise of the counterweight.": (at_contacts(weights, "rise"), "m"),
+        "Swing of the cabins forward.": (series_of_cars("swing"), "deg"),
+        "Pitch, front down.": (series_of_cars("pitch"), "deg"),
+        "Rise of the counterweight.": (series_at_contacts(weights, "rise"), "m"),
         "Rope that has run over saddles to the left.": (flow, "m"),
-        "Pressure on saddles, of the rope and of a car on the shoe.": (at_contacts(saddles, "pressure"), "N"),
-        "Speed of the cars.": (of_cars("speed"), "m/s"),
+        "Pressure on saddles, of the rope and of a car on the shoe.": (series_at_contacts(saddles, "pressure"), "N"),
+        "Speed of the cars.": (series_of_cars("speed"), "m/s"),
     }
 
 
-def grid(folder: Path) -> list[Section]:
+def grid_sections(folder: Path) -> list[Section]:
     """The page of a grid of lines in motion in a folder."""
-    return at_rest.grid(folder, columns)
+    return at_rest.grid_sections(folder, motion_columns)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from cablefem.scene.line import Line
 
 
-def real(text: str) -> float:
+def parse_real(text: str) -> float:
     """A number; BadParameter for any other text."""
     try:
         return float(text)
@@ -26,8 +26,8 @@ def real(text: str) -> float:
         raise typer.BadParameter(f"{text!r} is no number") from None
 
 
-def number(name: str, help: str) -> Any:
-    return typer.Option(name, parser=real, metavar="X", help=help)
+def number_option(name: str, help: str) -> Any:
+    return typer.Option(name, parser=parse_real, metavar="X", help=help)
 
 
 def out_option(folder: str) -> Any:
@@ -56,7 +56,7 @@ def scene_named(name: str, faults: Sequence[str] = (), *, travelling: bool = Fal
     if faults:
         raise store.Refused(list(faults))
     for note in scene.notes:
-        terminal.say(f"{scene.name}: {note}")
+        terminal.print_text(f"{scene.name}: {note}")
     return scene
 
 
@@ -80,7 +80,7 @@ def refuse_moving(options_of_moving_car: dict[str, bool]) -> None:
             raise store.Refused(f"{name}: {AT_REST}")
 
 
-def tol_faults(value: float | None, name: str = "--tol", low: float = 1e-6, high: float = 0.2) -> list[str]:
+def tolerance_faults(value: float | None, name: str = "--tol", low: float = 1e-6, high: float = 0.2) -> list[str]:
     """Faults of a tolerance, or of another number in [low, high]."""
     if value is None or low <= value <= high:
         return []
@@ -114,7 +114,7 @@ Cases = Annotated[
 ]
 
 
-def limited(scene: Any, names: list[str] | None) -> Any:
+def with_limits(scene: Any, names: list[str] | None) -> Any:
     """The scene or line with limits of texts; Refused for an unknown text."""
     from cablefem.scene import SceneError
 
@@ -142,19 +142,19 @@ def points_of(scene: Scene | Line, pairs: list[str] | None, cases: list[str] | N
     from validation.core import grid
 
     try:
-        points = grid.points([*([f"case={','.join(cases)}"] if cases else []), *(pairs or [])])
+        points = grid.grid_points([*([f"case={','.join(cases)}"] if cases else []), *(pairs or [])])
     except ValueError as error:
         raise store.Refused(str(error)) from None
     out = []
     faults = []
     for given in points:
-        of_scene, settings = grid.parts(given, ("gravity", "title"))
+        of_scene, settings = grid.split_settings(given, ("gravity", "title"))
         source = f"--set {', '.join(of_scene)}"
         if cases:
             name = settings.pop("case")
             source = f"--case {name}"
-            of_scene = _of_case(name, scene) | of_scene
-        faults += _undotted(settings, type(scene))
+            of_scene = _changes_of_case(name, scene) | of_scene
+        faults += _faults_of_undotted_keys(settings, type(scene))
         try:
             changed = scene.replace(of_scene) if of_scene else scene
             out.append(Point(given, changed, settings))
@@ -166,7 +166,7 @@ def points_of(scene: Scene | Line, pairs: list[str] | None, cases: list[str] | N
     return out
 
 
-def _of_case(name: str, scene: Scene | Line) -> dict[str, Any]:
+def _changes_of_case(name: str, scene: Scene | Line) -> dict[str, Any]:
     """Changes of a scene by a load case; Refused for one that is unknown."""
     from cablefem.scene.errors import did_you_mean
     from cablefem.scene.limits import CASES
@@ -176,7 +176,7 @@ def _of_case(name: str, scene: Scene | Line) -> dict[str, Any]:
     return CASES[name]["set"] | {"title": f"{scene.title}: {CASES[name]['says']}"}
 
 
-def _undotted(settings: Mapping[str, Any], part: type[Any]) -> list[str]:
+def _faults_of_undotted_keys(settings: Mapping[str, Any], part: type[Any]) -> list[str]:
     """Faults of names that no method has as a setting, but the scene as a key with its dot."""
     if not settings:
         return []
@@ -189,15 +189,15 @@ def _undotted(settings: Mapping[str, Any], part: type[Any]) -> list[str]:
 
 
 @contextmanager
-def written(out: Path | None, command: str, scene: Scene | str, names: list[str]) -> Iterator[Path]:
+def writing_results(out: Path | None, command: str, scene: Scene | str, names: list[str]) -> Iterator[Path]:
     """Claim the folder, write the files, mark it finished, and report it."""
-    folder = store.claim(out, command, scene, names)
+    folder = store.claim_folder(out, command, scene, names)
     yield folder
-    store.finish(folder, command)
-    terminal.say(f"written to {folder}: {', '.join(names)}")
+    store.mark_finished(folder, command)
+    terminal.print_text(f"written to {folder}: {', '.join(names)}")
 
 
-def study(
+def run_study(
     command: str, scene: Scene | Line | str, writes: list[str], out: Path | None, run: Callable[..., Any], *inputs: Any
 ) -> Any:
     """Run a study, write its pages and print their findings.
@@ -206,10 +206,10 @@ def study(
     """
     from validation.page import report
 
-    folder = store.claim(out, command, scene, writes)
-    with terminal.progress() as progress:
+    folder = store.claim_folder(out, command, scene, writes)
+    with terminal.progress_bars() as progress:
         results = run(*inputs, folder, progress)
-        report.write(folder, command)
+        report.write_report(folder, command)
     report.print_findings(report.stored_pages(folder, command))
-    terminal.say(f"written to {folder}: report.html, {', '.join(writes)}")
+    terminal.print_text(f"written to {folder}: report.html, {', '.join(writes)}")
     return results

@@ -19,13 +19,13 @@ import numpy as np
 from markupsafe import Markup
 
 from cablefem.response import write_text
-from validation.core.quantities import number_text, scale_of, verification_text, with_bar
+from validation.core.quantities import number_text, unit_scale, verification_text, with_bar
 
 # worst first, with signs for readers who see no colour
 VERDICTS = {"disagree": "✗", "not comparable": "?", "too coarse": "≈", "agree": "✓"}
 
 
-def worst(rows: Iterable[Mapping[str, Any]]) -> str | None:
+def worst_verdict(rows: Iterable[Mapping[str, Any]]) -> str | None:
     """The worst verdict of rows that have one; None: none has."""
     verdicts = {row.get("verdict") for row in rows}
     return next((verdict for verdict in VERDICTS if verdict in verdicts), None)
@@ -43,7 +43,7 @@ class Section:
     scripts: tuple[str, ...] = ()  # files of assets/
 
 
-def render(title: str, sections: Sequence[Section], out_file: Path) -> None:
+def write_page(title: str, sections: Sequence[Section], out_file: Path) -> None:
     """Write the report atomically; the contents list the worst verdicts first."""
     order = list(VERDICTS)
     judged = sorted((s for s in sections if s.verdict), key=lambda s: order.index(s.verdict or ""))
@@ -53,13 +53,13 @@ def render(title: str, sections: Sequence[Section], out_file: Path) -> None:
         sections=sections,
         judged=judged,
         rest=[s for s in sections if not s.verdict],
-        css=Markup(asset("page.css")),
-        scripts=[Markup(asset(name)) for name in names],
+        css=Markup(read_asset("page.css")),
+        scripts=[Markup(read_asset(name)) for name in names],
     )
     write_text(out_file, page)
 
 
-def drawn(package: str, file: str = "page.html", /, **content: Any) -> list[Section]:
+def render_sections(package: str, file: str = "page.html", /, **content: Any) -> list[Section]:
     """The sections of a package's template, filled with `content`.
 
     A section's summary is text, or a macro's answer.
@@ -71,7 +71,7 @@ def drawn(package: str, file: str = "page.html", /, **content: Any) -> list[Sect
         caller: Callable[[], Markup],
     ) -> str:  # fmt: skip
         """Collect a section; the template shows nothing in its stead."""
-        text = plain(summary) if isinstance(summary, Markup) else summary
+        text = plain_text(summary) if isinstance(summary, Markup) else summary
         out.append(Section(id, title, caller(), verdict, text, tuple(scripts)))
         return ""
 
@@ -79,13 +79,13 @@ def drawn(package: str, file: str = "page.html", /, **content: Any) -> list[Sect
     return out
 
 
-def plain(words: str) -> str:
+def plain_text(words: str) -> str:
     """The text of HTML; narrow spaces stay."""
     text = html.unescape(re.sub(r"<[^>]*>", "", str(words)))
     return re.sub(r"[ \n]+", " ", text).strip()
 
 
-def table(
+def html_table(
     rows: Iterable[Mapping[str, Any]], columns: Sequence[str], *, caption: str = "", sort: bool = False,
     stack: bool = False,
 ) -> Markup:  # fmt: skip
@@ -102,30 +102,30 @@ def table(
     return _PARTS.table(rows, columns, numeric, caption, stack)
 
 
-def listed(rows: Iterable[Mapping[str, Any]], columns: Mapping[str, Any], **how: Any) -> Markup:
+def table_by_heading(rows: Iterable[Mapping[str, Any]], columns: Mapping[str, Any], **how: Any) -> Markup:
     """A table by heading: an expression of a row's entries, or a macro of the row; `how` as in `table`."""
 
     def cells(row: Mapping[str, Any]) -> dict[str, Any]:
-        return {head: of(row) if callable(of) else expression(of)(**row) for head, of in columns.items()}
+        return {head: of(row) if callable(of) else compile_expression(of)(**row) for head, of in columns.items()}
 
-    return table(map(cells, rows), list(columns), **how)
+    return html_table(map(cells, rows), list(columns), **how)
 
 
 @cache
-def expression(text: str) -> Callable[..., Any]:
+def compile_expression(text: str) -> Callable[..., Any]:
     """An expression of templates as a function of the names in it."""
     return _ENVIRONMENT.compile_expression(text, undefined_to_none=False)
 
 
-def _cell(value: Any) -> Any:
+def _cell_content(value: Any) -> Any:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if value is None or isinstance(value, Real):
-        return number(value)  # type: ignore[arg-type]
+        return number_html(value)  # type: ignore[arg-type]
     return value
 
 
-def number(x: float | None, digits: int = 3) -> str:
+def number_html(x: float | None, digits: int = 3) -> str:
     """A number to so many digits, like 2.1 × 10⁻⁵ if far from one; None: a dash."""
     if x is None or not math.isfinite(x):
         return "–"
@@ -138,39 +138,39 @@ def number(x: float | None, digits: int = 3) -> str:
     if -4 < power < 5:
         decimals = max(0, digits - 1 - power)
         return f"{float(f'{mantissa}e{power}'):.{decimals}f}".replace("-", "−")
-    return f"{mantissa}\u202f×\u202f10{raised(power)}".replace("-", "−")
+    return f"{mantissa}\u202f×\u202f10{superscript(power)}".replace("-", "−")
 
 
-def raised(n: int) -> str:
+def superscript(n: int) -> str:
     return str(n).translate(_RAISED)
 
 
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def percent(x: float | None, digits: int = 2) -> str:
-    return number(x) if x is None or not math.isfinite(x) else f"{number(100.0 * x, digits)}\u202f%"
+def percent_text(x: float | None, digits: int = 2) -> str:
+    return number_html(x) if x is None or not math.isfinite(x) else f"{number_html(100.0 * x, digits)}\u202f%"
 
 
-def typeset(text: str) -> str:
+def typeset_number(text: str) -> str:
     """A number with bar and unit, with a minus sign and without line breaks."""
     return text.replace(" ± ", "\u202f±\u202f").replace("-", "−")
 
 
-def force(x: float) -> str:
+def force_text(x: float) -> str:
     """A force to four digits, in N, kN, MN or GN."""
-    factor, unit = scale_of(np.array([x]), "N")
-    return f"{number(factor * x, 4)}\u202f{unit}"
+    factor, unit = unit_scale(np.array([x]), "N")
+    return f"{number_html(factor * x, 4)}\u202f{unit}"
 
 
-def pairs(of: Mapping[str, Any], *columns: str) -> Markup:
-    return table([dict(zip(columns, pair, strict=True)) for pair in of.items()], columns)
+def table_of_pairs(of: Mapping[str, Any], *columns: str) -> Markup:
+    return html_table([dict(zip(columns, pair, strict=True)) for pair in of.items()], columns)
 
 
-def seconds(x: float | None) -> str:
+def seconds_text(x: float | None) -> str:
     if x is None or not math.isfinite(x):
         return "–"
-    return f"{number(1e3 * x, 2)} ms" if x < 1.0 else f"{number(x, 2)} s"
+    return f"{number_html(1e3 * x, 2)} ms" if x < 1.0 else f"{number_html(x, 2)} s"
 
 
 def versions() -> dict[str, str]:
@@ -178,53 +178,53 @@ def versions() -> dict[str, str]:
     return {"Python": platform.python_version()} | {name: metadata.version(name) for name in packages}
 
 
-def drawn_with() -> str:
+def date_and_versions() -> str:
     """Date and versions."""
-    return f"{date.today().isoformat()} with {settings(versions())}"
+    return f"{date.today().isoformat()} with {settings_text(versions())}"
 
 
-def settings(of: Mapping[str, Any]) -> str:
+def settings_text(of: Mapping[str, Any]) -> str:
     return ", ".join(f"{name} {value}" for name, value in of.items())
 
 
-def rendered(name: str, **content: Any) -> Markup:
+def render_template(name: str, **content: Any) -> Markup:
     return Markup(_ENVIRONMENT.get_template(name).render(**content))
 
 
-def asset(name: str) -> str:
+def read_asset(name: str) -> str:
     return (resources.files(__package__) / "assets" / name).read_text(encoding="utf-8")
 
 
-def _source(name: str) -> str:
+def _template_text(name: str) -> str:
     """The text of a template: PACKAGE/FILE, or a file of assets/."""
     package, _, file = name.partition("/")
-    return (resources.files(package) / file).read_text(encoding="utf-8") if file else asset(name)
+    return (resources.files(package) / file).read_text(encoding="utf-8") if file else read_asset(name)
 
 
-def _kept_templates() -> jinja2.BytecodeCache | None:
+def _template_cache() -> jinja2.BytecodeCache | None:
     """Compiled templates beside this compiled module; None where it has no folder that can be written."""
     folder = Path(__spec__.cached).parent if __spec__.cached else None
     return jinja2.FileSystemBytecodeCache(str(folder)) if folder and os.access(folder, os.W_OK) else None
 
 
 _ENVIRONMENT = jinja2.Environment(
-    loader=jinja2.FunctionLoader(_source),
-    bytecode_cache=_kept_templates(),
+    loader=jinja2.FunctionLoader(_template_text),
+    bytecode_cache=_template_cache(),
     autoescape=True,
     undefined=jinja2.StrictUndefined,
     trim_blocks=True,
     lstrip_blocks=True,
 )
 _ENVIRONMENT.filters |= {
-    "cell": _cell,
-    "number": number,
-    "percent": percent,
-    "seconds": seconds,
-    "settings": settings,
-    "force": force,
+    "cell": _cell_content,
+    "number": number_html,
+    "percent": percent_text,
+    "seconds": seconds_text,
+    "settings": settings_text,
+    "force": force_text,
     "number_text": number_text,
     "verification_text": verification_text,
-    "typeset": typeset,
+    "typeset": typeset_number,
     "with_bar": with_bar,
 }
 _ENVIRONMENT.globals["verdicts"] = VERDICTS
@@ -236,13 +236,13 @@ limits_of = _PARTS.limits
 gallery = _PARTS.gallery
 figure_of = _PARTS.figure
 _ENVIRONMENT.globals |= {
-    "table": table,
-    "listed": listed,
+    "table": html_table,
+    "listed": table_by_heading,
     "badge": badge,
     "callout": callout,
     "details": details,
     "gallery": gallery,
     "columns": _PARTS.columns,
-    "pairs": pairs,
+    "pairs": table_of_pairs,
     "under_wheels": _PARTS.under_wheels,
 }

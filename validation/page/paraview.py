@@ -52,7 +52,7 @@ class _Writer(TimeSeriesWriter):
         self.point_data({name: values.astype(np.float32) for name, values in data.items()}, grid)
 
 
-def write(r: Response, folder: Path) -> None:
+def write_animation(r: Response, folder: Path) -> None:
     """Write both files, and the HDF5 file of the first.
 
     Cable: points (m + 2, 3) [m]: the fixed stations, then the cable's ends behind and ahead of the mass.
@@ -72,9 +72,9 @@ def write(r: Response, folder: Path) -> None:
 def _write_frames(r: Response, cable: Any, mass: Any) -> None:
     shape = Scene.from_toml(r.scene_toml).catenary
     f = r.fields
-    stations = _upward(shape.x(f.s), shape.y(f.s))
-    at_mass = _upward(shape.x(f.s_o), shape.y(f.s_o))
-    displacement = _upward(f.mass_u, f.mass_v)
+    stations = _vectors_with_y_up(shape.x(f.s), shape.y(f.s))
+    at_mass = _vectors_with_y_up(shape.x(f.s_o), shape.y(f.s_o))
+    displacement = _vectors_with_y_up(f.mass_u, f.mass_v)
     m = f.s.size
     numbers = np.arange(m)
     behind_mass = np.searchsorted(f.s, f.s_o, side="right") - 1  # station i of s_i <= s_o <= s_i+1
@@ -89,8 +89,8 @@ def _write_frames(r: Response, cable: Any, mass: Any) -> None:
             t,
             np.vstack([stations, at_mass[k], at_mass[k]]),
             ("line", np.stack([begins, ends], axis=1)),
-            displacement=np.vstack([_upward(f.u[k], f.v[k]), displacement[k], displacement[k]]),
-            velocity=_upward(np.append(f.du[k], [du, du]), np.append(f.dv[k], [dv, dv])),
+            displacement=np.vstack([_vectors_with_y_up(f.u[k], f.v[k]), displacement[k], displacement[k]]),
+            velocity=_vectors_with_y_up(np.append(f.du[k], [du, du]), np.append(f.dv[k], [dv, dv])),
             tension=np.append(f.T[k], [f.T_behind[k], f.T_ahead[k]]),
         )
         at = slice(k, k + 1)
@@ -104,6 +104,6 @@ def _write_frames(r: Response, cable: Any, mass: Any) -> None:
         )
 
 
-def _upward(x: Array, y: Array) -> Array:
+def _vectors_with_y_up(x: Array, y: Array) -> Array:
     """(n, 3) vectors, y up, from components (n,), y down."""
     return np.stack([x, -y, np.zeros_like(x)], axis=1)

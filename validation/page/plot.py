@@ -12,7 +12,7 @@ from markupsafe import Markup
 from PIL import Image
 
 from cablefem.response import Array
-from validation.page.page import figure_of, plain, raised, rendered
+from validation.page.page import figure_of, plain_text, render_template, superscript
 
 # user units, pixels on a desktop
 WIDTH = 480
@@ -67,11 +67,11 @@ class Panel:
     image: Array | None = None  # (rows from above, columns), 0 to 1 in the colours FIELD
     scale: tuple[float, float, str] | None = None  # of the image: values at 0 and 1, unit
 
-    def curve(self, *curve: Any, **look: Any) -> None:
+    def add_curve(self, *curve: Any, **look: Any) -> None:
         """Add a curve, described as in `Curve`."""
         self.curves.append(Curve(*curve, **look))
 
-    def fit(self, values: Sequence[Array], pad: float = 0.12) -> None:
+    def fit_axis(self, values: Sequence[Array], pad: float = 0.12) -> None:
         """Fit the axis to all finite values, with a margin of `pad` times their range."""
         flat = np.concatenate([np.ravel(v) for v in values] or [np.zeros(1)])
         finite = flat[np.isfinite(flat)]
@@ -85,14 +85,14 @@ class Panel:
         self.low = low - margin
         self.high = high + margin
 
-    def decades(self, largest: float) -> None:
+    def show_four_decades(self, largest: float) -> None:
         """Show four decades below the largest value; none if all values are zero."""
         if largest > 0.0:
             self.log = True
             self.low = 1e-4 * largest
             self.high = 4.0 * largest
 
-    def _paper(self, y: Array | float) -> Array:
+    def _height_on_paper(self, y: Array | float) -> Array:
         """Heights on the paper, downwards."""
         values = np.append([self.low, self.high], y)
         if self.log:
@@ -103,38 +103,38 @@ class Panel:
         below_top = fraction if self.down else 1.0 - fraction
         return self.height * np.clip(below_top, -9.0, 9.0).reshape(np.shape(y))
 
-    def _scale(self) -> dict[str, Any] | None:
+    def _colour_scale(self) -> dict[str, Any] | None:
         if self.scale is None:
             return None
         low, high, unit = self.scale
         per_unit = self.height / (high - low)
-        ticks = [(_rounded(per_unit * (high - y)), words) for y, words in _ticks(low, high, 4)]
-        return {"image": _png(np.linspace(1.0, 0.0, 64)[:, None]), "unit": unit, "ticks": ticks}
+        ticks = [(_round_to_tenth(per_unit * (high - y)), words) for y, words in _ticks(low, high, 4)]
+        return {"image": _png_base64(np.linspace(1.0, 0.0, 64)[:, None]), "unit": unit, "ticks": ticks}
 
-    def drawn(self, across: Callable[[Any], Array], width: float) -> dict[str, Any]:
+    def template_input(self, across: Callable[[Any], Array], width: float) -> dict[str, Any]:
         """The template's input in user units; across : x on the paper, width : of the panel."""
 
         def point(x: float, y: float) -> tuple[float, float]:
-            return _rounded(across(x)), _rounded(self._paper(y))
+            return _round_to_tenth(across(x)), _round_to_tenth(self._height_on_paper(y))
 
-        ticks = _ticks_log(self.low, self.high) if self.log else _ticks(self.low, self.high, self.height / 28)
+        ticks = _log_ticks(self.low, self.high) if self.log else _ticks(self.low, self.high, self.height / 28)
         bands = []
         for x, low, high, color in self.bands:
             there_and_back = across(np.append(x, x[::-1]))
-            bands.append((_path(there_and_back, self._paper(np.append(high, low[::-1]))), color))
+            bands.append((_svg_path(there_and_back, self._height_on_paper(np.append(high, low[::-1]))), color))
         return {
             "h": self.height,
             "w": width,
             "title": self.title,
             "unit": self.unit,
-            "ticks": [(_rounded(self._paper(y)), words) for y, words in ticks],
-            "scale": self._scale(),
-            "verticals": [(_rounded(across(x)), color, dash) for x, color, dash in self.verticals],
-            "curves": [(_path(across(c.x), self._paper(c.y)), c) for c in self.curves],
+            "ticks": [(_round_to_tenth(self._height_on_paper(y)), words) for y, words in ticks],
+            "scale": self._colour_scale(),
+            "verticals": [(_round_to_tenth(across(x)), color, dash) for x, color, dash in self.verticals],
+            "curves": [(_svg_path(across(c.x), self._height_on_paper(c.y)), c) for c in self.curves],
             "bands": bands,
             "dots": [(*point(x, y), *look) for x, y, *look in self.dots],
             "labels": [(*point(x, y), words) for x, y, words in self.labels],
-            "image": None if self.image is None else _png(self.image),
+            "image": None if self.image is None else _png_base64(self.image),
         }
 
 
@@ -148,9 +148,9 @@ def draw_surroundings(p: Panel, reach: float, ground: Any, obstacles: Sequence[t
     p.height = times * height
     if len(ground):
         x, depth = np.array(ground).T
-        p.curve(x, depth, "#8a7a55", name="ground")
+        p.add_curve(x, depth, "#8a7a55", name="ground")
     for name, at, top in obstacles:
-        p.curve(np.array([at, at]), np.array([top, p.high]), "#6b8e5a", "", 5.0, name)
+        p.add_curve(np.array([at, at]), np.array([top, p.high]), "#6b8e5a", "", 5.0, name)
     scale = "To scale." if times == 1 else f"Depths are drawn {times} times too large."
     return f"The line from the side. {scale}"
 
@@ -163,16 +163,16 @@ def plot(
     width = WIDTH - LEFT - right
     per_unit = width / ((x[1] - x[0]) or 1.0)
 
-    def across(values: Any) -> Array:
+    def to_paper(values: Any) -> Array:
         return per_unit * (np.asarray(values, dtype=float) - x[0])
 
     shown = []
     top = 6.0
     for p in panels:
         top += 20.0 if p.title or p.scale else 0.0
-        shown.append(p.drawn(across, width) | {"top": top, "last": p is panels[-1]})
+        shown.append(p.template_input(to_paper, width) | {"top": top, "last": p is panels[-1]})
         top += p.height + 14.0
-    svg = rendered(
+    svg = render_template(
         "plot.svg",
         panels=shown,
         width=WIDTH,
@@ -180,16 +180,16 @@ def plot(
         left=LEFT,
         right=right,
         xlabel=xlabel,
-        label=plain(caption),
+        label=plain_text(caption),
         key={c.name: c for p in panels for c in p.curves if c.name},
-        xticks=[(_rounded(across(value)), words) for value, words in _ticks(*x, 7)],
+        xticks=[(_round_to_tenth(to_paper(value)), words) for value, words in _ticks(*x, 7)],
     )
     return figure_of(svg, caption, wide=wide)
 
 
-def _ticks_log(low: float, high: float) -> list[tuple[float, str]]:
+def _log_ticks(low: float, high: float) -> list[tuple[float, str]]:
     powers = range(math.ceil(math.log10(low)), math.floor(math.log10(high)) + 1)
-    return [(10.0**n, f"{10.0**n:g}" if -3 < n < 4 else f"10{raised(n)}") for n in powers]
+    return [(10.0**n, f"{10.0**n:g}" if -3 < n < 4 else f"10{superscript(n)}") for n in powers]
 
 
 def _ticks(low: float, high: float, count: float) -> list[tuple[float, str]]:
@@ -208,11 +208,11 @@ def _ticks(low: float, high: float, count: float) -> list[tuple[float, str]]:
     return [(n * step, f"{n * step:.{digits}f}".replace("-", "−")) for n in range(first, last + 1)]
 
 
-def _rounded(x: Any) -> float:
+def _round_to_tenth(x: Any) -> float:
     return round(float(x), 1)
 
 
-def _path(x: Array, y: Array) -> str:
+def _svg_path(x: Array, y: Array) -> str:
     """A path through the finite points; crowded columns of pixels keep their extremes."""
     good = np.isfinite(x) & np.isfinite(y)
     x = x[good]
@@ -231,7 +231,7 @@ def _path(x: Array, y: Array) -> str:
     return "M" + " ".join(points) if points else ""
 
 
-def colors(n: int) -> Array:
+def colour_map(n: int) -> Array:
     """(n, 3) colours, bytes, along FIELD."""
     nodes = np.array([list(bytes.fromhex(name)) for name in FIELD.split()], dtype=float)  # (nodes, 3)
     at = np.linspace(0.0, len(nodes) - 1.0, n)
@@ -239,11 +239,11 @@ def colors(n: int) -> Array:
     return np.stack(columns, axis=1).round().astype(np.uint8)
 
 
-def _png(values: Array) -> str:
+def _png_base64(values: Array) -> str:
     """Values (rows, columns) from 0 to 1 as a PNG of the 256 colours of FIELD, in base64."""
     levels = np.clip(np.nan_to_num(values) * 255.0, 0.0, 255.0)
     image = Image.fromarray(levels.round().astype(np.uint8))
-    image.putpalette(colors(256).tobytes())
+    image.putpalette(colour_map(256).tobytes())
     out = io.BytesIO()
     image.save(out, "PNG")
     return base64.b64encode(out.getvalue()).decode("ascii")

@@ -17,10 +17,10 @@ from validation.page import page, terminal
 from validation.page.page import Section, callout
 
 if TYPE_CHECKING:
-    from validation.core.readback import Stored
+    from validation.core.readback import StoredResults
 
 
-def write(folder: Path, command: str, faults: Sequence[str] = ()) -> None:
+def write_report(folder: Path, command: str, faults: Sequence[str] = ()) -> None:
     """Draw and store the pages of a command, write report.html with those of all finished ones, mark it finished.
 
     faults : of what is written; they come first.
@@ -29,35 +29,37 @@ def write(folder: Path, command: str, faults: Sequence[str] = ()) -> None:
     if faults:
         text = Markup("").join(callout(fault, "disagree") for fault in faults)
         drawn.insert(0, Section("read-back", "What was written is not what was computed", text, "disagree"))
-    write_json(store.pages(folder, command), [asdict(section) for section in drawn])
-    done = [other for other in store.results(folder) if other == command or store.finished(folder, other)]
+    write_json(store.pages_file(folder, command), [asdict(section) for section in drawn])
+    done = [
+        other for other in store.commands_with_results(folder) if other == command or store.is_finished(folder, other)
+    ]
     sections = _with_own_ids((other, section) for other in done for section in stored_pages(folder, other))
-    title = store.title(folder) or next((s.title for s in sections), folder.name)
-    page.render(title, sections, folder / "report.html")
-    store.finish(folder, command)
+    title = store.scene_title(folder) or next((s.title for s in sections), folder.name)
+    page.write_page(title, sections, folder / "report.html")
+    store.mark_finished(folder, command)
 
 
-def read_back(command: str, of: Stored, lines: Sequence[str]) -> int:
+def read_back_outputs(command: str, of: StoredResults, lines: Sequence[str]) -> int:
     """Read files, page and printed lines back; faults come first on the page, and 1 is returned."""
     from validation.core import readback  # slow to import
 
     text = (of.folder / store.REPORT).read_text(encoding="utf-8")
-    faults = [*readback.files(of), *readback.page(text, command, of), *readback.terminal(lines, of)]
-    return say_faults(of.folder, command, faults)
+    faults = [*readback.file_faults(of), *readback.page_faults(text, command, of), *readback.terminal_faults(lines, of)]
+    return report_faults(of.folder, command, faults)
 
 
-def say_faults(folder: Path, command: str, faults: Sequence[str]) -> int:
+def report_faults(folder: Path, command: str, faults: Sequence[str]) -> int:
     """Draw a page that begins with faults and complain of them; 1 if there are any."""
     if faults:
-        write(folder, command, faults)
-        terminal.complain([f"not what was computed: {fault}" for fault in faults[:5]])
+        write_report(folder, command, faults)
+        terminal.print_faults([f"not what was computed: {fault}" for fault in faults[:5]])
     return int(bool(faults))
 
 
 def stored_pages(folder: Path, command: str) -> list[Section]:
     """The stored pages of a command, or one that says why there are none."""
     try:
-        pages = store.read(store.pages(folder, command))
+        pages = store.read_json(store.pages_file(folder, command))
         return [Section(**page | {"html": Markup(page["html"]), "scripts": tuple(page["scripts"])}) for page in pages]
     except (OSError, ValueError, TypeError, KeyError):
         text = callout(f"Its pages are gone or of another version; run cablefem {command} again.", "not comparable")
@@ -84,33 +86,33 @@ def missing_parts(root: Path | None, parts: Sequence[Part]) -> Iterator[tuple[Pa
     """
     before = store.ROOT
     root = root or before
-    if set(store.results(root)) - {"report"}:
+    if set(store.commands_with_results(root)) - {"report"}:
         yield root, []
         return
-    store.claim(root, "report", "report", ["report.html"])
+    store.claim_folder(root, "report", "report", ["report.html"])
     store.ROOT = root
     try:
-        yield root, [part for part in parts if not store.finished(root / _folder(part), part[0])]
+        yield root, [part for part in parts if not store.is_finished(root / _folder_of_part(part), part[0])]
     finally:
         store.ROOT = before
 
 
-def broken_part(part: Part, faults: Sequence[str]) -> Section:
+def section_of_broken_part(part: Part, faults: Sequence[str]) -> Section:
     """The page of a part that ended without a result."""
-    id = f"{_folder(part)}-{part[0]}-broken"
+    id = f"{_folder_of_part(part)}-{part[0]}-broken"
     title = f"cablefem {' '.join(part)}"
     reason = callout("; ".join(faults), "disagree")
     return Section(id, title, reason, "disagree", "It ended without a result.")
 
 
-def gather(root: Path, parts: Sequence[Part], broken: Sequence[Section] = ()) -> bool:
+def gather_report(root: Path, parts: Sequence[Part], broken: Sequence[Section] = ()) -> bool:
     """Write the report of all finished results in a folder and its subfolders, these parts first.
 
     The first pages of all scenes of a command come before the rest, what broke before all.
     Return whether anything on it is red.
     """
     pages: dict[str, tuple[list[Section], list[Section]]] = {}  # of each command: first ones, others
-    for command, folder in _finished(root, parts):
+    for command, folder in _finished_results(root, parts):
         for i, s in enumerate(stored_pages(folder, command)):
             section = replace(s, id=f"{folder.name}-{s.id}", title=f"{folder.name}: {s.title}")
             pages.setdefault(command, ([], []))[min(i, 1)].append(section)
@@ -118,22 +120,24 @@ def gather(root: Path, parts: Sequence[Part], broken: Sequence[Section] = ()) ->
     sections = [*broken, *_with_own_ids(ordered)]
     if not sections:
         raise store.Refused(f"{root} holds no finished results to report")
-    page.render("cablefem", sections, root / "report.html")
+    page.write_page("cablefem", sections, root / "report.html")
     print_findings(sections)
-    terminal.say(f"written to {root}: report.html")
+    terminal.print_text(f"written to {root}: report.html")
     return any(section.verdict == "disagree" for section in sections)
 
 
-def _finished(root: Path, parts: Sequence[Part]) -> list[tuple[str, Path]]:
+def _finished_results(root: Path, parts: Sequence[Part]) -> list[tuple[str, Path]]:
     """Commands with finished results and their folders, these parts first."""
-    rank = {(part[0], _folder(part)): i for i, part in enumerate(parts)}
+    rank = {(part[0], _folder_of_part(part)): i for i, part in enumerate(parts)}
     done = []
     for folder in [root, *sorted(root.glob("*/"))]:
-        done += [(command, folder) for command in store.results(folder) if store.finished(folder, command)]
+        done += [
+            (command, folder) for command in store.commands_with_results(folder) if store.is_finished(folder, command)
+        ]
     return sorted(done, key=lambda result: rank.get((result[0], result[1].name), len(rank)))
 
 
-def _folder(part: Part) -> str:
+def _folder_of_part(part: Part) -> str:
     """Name of the folder of its results: its scene's, or its own."""
     command, *arguments = part
     if arguments and not arguments[0].startswith("-"):
@@ -143,4 +147,4 @@ def _folder(part: Part) -> str:
 
 def print_findings(sections: Sequence[Section]) -> None:
     cells = [[s.title, s.verdict or "", s.summary] for s in sections if s.verdict or s.summary]
-    terminal.table(["page", "verdict", "found"], cells)
+    terminal.print_table(["page", "verdict", "found"], cells)

@@ -11,9 +11,9 @@ from markupsafe import Markup
 from cablefem.response import Array, Response
 from cablefem.scene import Scene
 from cablefem.scene.line import Line
-from validation.core.answers import profile
-from validation.page.page import rendered
-from validation.page.plot import BLUE, VERMILLION, colors
+from validation.core.answers import profile_columns
+from validation.page.page import render_template
+from validation.page.plot import BLUE, VERMILLION, colour_map
 
 STATIONS = 101  # of the moving rope, at most, without the mass
 
@@ -24,23 +24,25 @@ def side_view(scene: Scene, runs: Sequence[Response], *, range_T: tuple[float, f
     range_T : tensions [N] at the ends of the colour scale;  party : a third party's path.
     """
     r = runs[0]
-    s = r.fields.s[:: _stride(r)]
+    s = r.fields.s[:: _station_stride(r)]
     X = scene.catenary
     unit = unit_of_forces(range_T[1])
     data: dict[str, Any] = {
         "span": scene.supports.span,
         "drop": scene.supports.drop,
-        "s": short(s),
-        "x": short(X.x(s)),
-        "y": short(X.y(s)),
-        "rest": [short(X.x(s)), short(X.y(s))],
-        "static": short(X.tension(s)),
-        **_surroundings(scene, r),
+        "s": six_digits(s),
+        "x": six_digits(X.x(s)),
+        "y": six_digits(X.y(s)),
+        "rest": [six_digits(X.x(s)), six_digits(X.y(s))],
+        "static": six_digits(X.tension(s)),
+        **_still_parts(scene, r),
         "weights": [],
-        "cables": [_cable(scene, run, color, *unit) for run, color in zip(runs, (BLUE, VERMILLION), strict=False)],
-        "party": None if party is None else _party(scene, party),
+        "cables": [
+            _rope_frames(scene, run, color, *unit) for run, color in zip(runs, (BLUE, VERMILLION), strict=False)
+        ],
+        "party": None if party is None else _third_party_path(scene, party),
     }
-    return player(data, range_T, " and ".join(run.method for run in runs))
+    return side_view_player(data, range_T, " and ".join(run.method for run in runs))
 
 
 def unit_of_forces(largest: float) -> tuple[float, str]:
@@ -48,23 +50,23 @@ def unit_of_forces(largest: float) -> tuple[float, str]:
     return (1e3, "kN") if largest >= 2e3 else (1.0, "N")
 
 
-def player(data: dict[str, Any], range_T: tuple[float, float], names: str) -> Markup:
+def side_view_player(data: dict[str, Any], range_T: tuple[float, float], names: str) -> Markup:
     """The side view of packed data; names : of what moves."""
     unit, name = unit_of_forces(range_T[1])
     data |= {"T": list(range_T), "unit": unit, "unitName": name}
-    data["colors"] = [f"#{bytes(c).hex()}" for c in colors(48)]
+    data["colors"] = [f"#{bytes(c).hex()}" for c in colour_map(48)]
     # "<" could end the script
     text = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-    return rendered("side_view.html", data=Markup(text), names=names)
+    return render_template("side_view.html", data=Markup(text), names=names)
 
 
-def _stride(r: Response) -> int:
+def _station_stride(r: Response) -> int:
     return max(1, -(-(r.fields.s.size - 1) // (STATIONS - 1)))
 
 
-def _surroundings(scene: Scene, r: Response) -> dict[str, Any]:
+def _still_parts(scene: Scene, r: Response) -> dict[str, Any]:
     """The parts that do not move: envelope, path of the car, brake, obstacles, ground, speeds at five positions."""
-    p = profile(r)
+    p = profile_columns(r)
     ahead = np.flatnonzero(np.diff(np.maximum.accumulate(r.s_o), prepend=-1.0) > 0.0)  # first arrivals
     positions = np.linspace(r.s_o[0], r.s_o.max(), 7)[1:-1]
     times = np.interp(positions, r.s_o[ahead], r.t[ahead])
@@ -74,16 +76,16 @@ def _surroundings(scene: Scene, r: Response) -> dict[str, Any]:
         speeds.append({"x": x, "y": y, "text": f"{3.6 * v:.0f} km/h"})
     X = scene.catenary
     return {
-        "envelope": [short(p[name]) for name in ("x", "y_highest", "y_lowest")],
+        "envelope": [six_digits(p[name]) for name in ("x", "y_highest", "y_lowest")],
         "contacts": [{"x": float(X.x(s)), "y": float(X.y(s)), "kind": "anchor"} for s in (0.0, scene.length)],
-        "paths": [drawn_path(r.x, r.y, _below(scene))],
+        "paths": [packed_car_path(r.x, r.y, _depth_below_rope(scene))],
         "speeds": speeds,
         "brakes": [{"x": float(X.x(b.position)), "y": float(X.y(b.position))} for b in scene.drive.brake],
-        **beneath(scene),
+        **obstacles_and_ground(scene),
     }
 
 
-def beneath(scene: Scene | Line) -> dict[str, Any]:
+def obstacles_and_ground(scene: Scene | Line) -> dict[str, Any]:
     """Obstacles and ground."""
     return {
         "obstacles": [{"name": o.name, "x": o.at, "top": o.top} for o in scene.obstacle],
@@ -91,22 +93,22 @@ def beneath(scene: Scene | Line) -> dict[str, Any]:
     }
 
 
-def drawn_path(x: Array, y: Array, below: float) -> dict[str, Any]:
+def packed_car_path(x: Array, y: Array, below: float) -> dict[str, Any]:
     """The path of a car whose lowest part is `below` [m] the rope."""
-    at = some(x.size)
-    return {"x": short(x[at]), "y": short(y[at]), "below": below}
+    at = sparse_indices(x.size)
+    return {"x": six_digits(x[at]), "y": six_digits(y[at]), "below": below}
 
 
-def _party(scene: Scene, party: Any) -> dict[str, Any]:
-    at = some(party.t.size)
+def _third_party_path(scene: Scene, party: Any) -> dict[str, Any]:
+    at = sparse_indices(party.t.size)
     x = scene.catenary.x(party.s_o) if party.x is None else party.x
-    return {"name": party.method, "x": short(x[at]), "y": short(party.y[at])}
+    return {"name": party.method, "x": six_digits(x[at]), "y": six_digits(party.y[at])}
 
 
-def _cable(scene: Scene, r: Response, color: str, unit: float, unit_name: str) -> dict[str, Any]:
+def _rope_frames(scene: Scene, r: Response, color: str, unit: float, unit_name: str) -> dict[str, Any]:
     """Frames of one rope, from shortly after the start: a gripped mass enters a rope at rest."""
     f = r.fields
-    stride = _stride(r)
+    stride = _station_stride(r)
     X = scene.catenary
     T = X.tension(r.s_o[:1])
     start = {"s_o": r.s_o[0], "T": X.tension(f.s[::stride]), "T_behind": T, "T_ahead": T}  # all else is zero
@@ -141,18 +143,18 @@ def _cable(scene: Scene, r: Response, color: str, unit: float, unit_name: str) -
         "behind": behind,
         "ahead": ahead,
     }
-    return {name: packed(frames(name)) for name in ("u", "v", "T")} | {
-        "t": packed(t),
-        "touching": [touching(car, readout, name=r.method, color=color, below=_below(scene))],
+    return {name: pack_array(frames(name)) for name in ("u", "v", "T")} | {
+        "t": pack_array(t),
+        "touching": [packed_contact(car, readout, name=r.method, color=color, below=_depth_below_rope(scene))],
         "slack": None if r.slack_onset is None else r.slack_onset * r.length,
     }
 
 
-def _below(scene: Scene) -> float:
+def _depth_below_rope(scene: Scene) -> float:
     return 0.0 if scene.mass is None else scene.mass.below
 
 
-def touching(
+def packed_contact(
     series: dict[str, Array], readout: Sequence[tuple[str, int, Array]] = (), **how: Any
 ) -> dict[str, Any]:  # fmt: skip
     """What touches the rope, packed: s, x, y, tensions behind and ahead, (n,) each.
@@ -160,14 +162,14 @@ def touching(
     readout : name, digits and series of numbers to show, of a car.  how : its name, color, body and `below`.
     """
     numbers = [
-        {"name": name, "digits": digits, "data": packed(values)}
+        {"name": name, "digits": digits, "data": pack_array(values)}
         for name, digits, values in readout
         if np.isfinite(values).all()
     ]
-    return {name: packed(values) for name, values in series.items()} | {"readout": numbers} | how
+    return {name: pack_array(values) for name, values in series.items()} | {"readout": numbers} | how
 
 
-def packed(x: Array) -> dict[str, Any]:
+def pack_array(x: Array) -> dict[str, Any]:
     """An array as 16-bit integers between its extremes, in base64."""
     low = float(x.min())
     high = float(x.max())
@@ -175,11 +177,11 @@ def packed(x: Array) -> dict[str, Any]:
     return {"low": low, "high": high, "data": base64.b64encode(steps.tobytes()).decode("ascii")}
 
 
-def some(n: int) -> Any:
+def sparse_indices(n: int) -> Any:
     """Indices of 300 of n points at most."""
     return np.unique(np.linspace(0, n - 1, 300).round().astype(int))
 
 
-def short(x: Array) -> list[float]:
+def six_digits(x: Array) -> list[float]:
     """Values to six digits."""
     return [float(f"{value:.6g}") for value in x]

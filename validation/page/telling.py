@@ -8,36 +8,36 @@ from cablefem.scene import Scene
 from cablefem.scene.line import Line
 from validation.core import limits as judge
 from validation.core.agreement import Agreement
-from validation.core.answers import outcome
+from validation.core.answers import outcome_of_run
 from validation.core.measures import WINDOWS
-from validation.core.methods import find
+from validation.core.methods import find_method
 from validation.core.quantities import key_numbers, limit_text, number_text, with_bar
 from validation.page import terminal
 from validation.page.answer import EVENTS
 
 
-def rows(verdicts: Sequence[Agreement]) -> None:
+def print_rows(verdicts: Sequence[Agreement]) -> None:
     """Print verdicts as a table, one row per quantity."""
     cells = []
     for verdict in verdicts:
-        row = verdict.row()
+        row = verdict.to_json()
         name = " ".join(row[key] for key in ("quantity", "law", "with") if row.get(key))
-        numbers = [_text(row.get(key), ".1e") for key in ("gap", "allowed", "asked_for")]
-        cells.append([name, *numbers, _text(row.get("where"), ".3f"), row["verdict"] or "shown"])
+        numbers = [_number_or_dash(row.get(key), ".1e") for key in ("gap", "allowed", "asked_for")]
+        cells.append([name, *numbers, _number_or_dash(row.get("where"), ".3f"), row["verdict"] or "shown"])
     columns = ["quantity", "gap", "allowed", "asked for", "at s_o/l", "verdict"]
-    terminal.table(columns, cells, right=columns[1:5])
+    terminal.print_table(columns, cells, right=columns[1:5])
 
 
-def _text(value: float | None, digits: str) -> str:
+def _number_or_dash(value: float | None, digits: str) -> str:
     return "-" if value is None else format(value, digits)
 
 
-def answer(scene: Scene, r: Response) -> None:
+def print_answer(scene: Scene, r: Response) -> None:
     """Print what became of a run, its events, the numbers that matter, and where the cable goes slack."""
-    terminal.say(f"{r.scene}: {outcome(scene, r).sentence}", style="bold")
-    limits(scene, judge.rows(scene, r.design, r.events))
-    events([x for x in r.events if x["event"] in EVENTS[1:]])  # without the release
-    numbers(key_numbers(r.design))
+    terminal.print_text(f"{r.scene}: {outcome_of_run(scene, r).sentence}", style="bold")
+    print_limits(scene, judge.limit_rows(scene, r.design, r.events))
+    print_events([x for x in r.events if x["event"] in EVENTS[1:]])  # without the release
+    print_numbers(key_numbers(r.design))
     onset = next((row for row in r.design if row["quantity"] == "slack_onset"), None)
     if onset is not None:
         bar = onset["bar"]
@@ -45,29 +45,29 @@ def answer(scene: Scene, r: Response) -> None:
         after = "the rope carries no compression"
         if r.law == "elastic":
             after = "this elastic law carries compression, and means nothing"
-        terminal.say(f"  slack somewhere from car at {at} m on; from there on {after}")
+        terminal.print_text(f"  slack somewhere from car at {at} m on; from there on {after}")
 
 
-def limits(scene: Scene | Line, judged: Sequence[dict[str, Any]]) -> None:
+def print_limits(scene: Scene | Line, judged: Sequence[dict[str, Any]]) -> None:
     """Print verdicts on limits, and what their texts are for."""
     if judged:
         cells = [limit_text(row) for row in judged]
-        terminal.table(list(cells[0]), [list(cell.values()) for cell in cells])
-    for sentence in judge.scopes(scene):
-        terminal.say(f"  {sentence}")
+        terminal.print_table(list(cells[0]), [list(cell.values()) for cell in cells])
+    for sentence in judge.scope_sentences(scene):
+        terminal.print_text(f"  {sentence}")
 
 
-def numbers(design: Sequence[dict[str, Any]]) -> None:
+def print_numbers(design: Sequence[dict[str, Any]]) -> None:
     """Print design numbers, one per row."""
     texts = [number_text(x) for x in design]
     width = max((len(x["what"]) for x in texts), default=0)
     for x in texts:
         at = f", at {x['at']}" if x["at"] else ""
         when = f" after {x['t']}" if x["t"] else ""
-        terminal.say(f"  {x['what']:<{width}}  {x['value']}{at}{when}")
+        terminal.print_text(f"  {x['what']:<{width}}  {x['value']}{at}{when}")
 
 
-def events(happened: Sequence[dict[str, Any]]) -> None:
+def print_events(happened: Sequence[dict[str, Any]]) -> None:
     """Print the last five events, one per row."""
     for x in happened[-5:]:
         t = with_bar(x["t"], x.get("bar_t"))
@@ -76,23 +76,25 @@ def events(happened: Sequence[dict[str, Any]]) -> None:
         if x["event"] not in ("stop", "turn"):
             bar = x.get("bar_speed")
             speed = f" with {with_bar(3.6 * x['speed'], bar and 3.6 * bar)} km/h"
-        terminal.say(f"  {x['event'].replace('_', ' '):<10}  after {t} s at {s_o} m{speed}")
+        terminal.print_text(f"  {x['event'].replace('_', ' '):<10}  after {t} s at {s_o} m{speed}")
 
 
-def work(r: Response) -> None:
+def print_cost(r: Response) -> None:
     """Print method, settings and reach of a run, and reasons for doubt."""
     if r.model == "quasi-static":
-        terminal.say("  by the quasi-static model, which leaves out the inertia of the rope: that is in its bars")
+        terminal.print_text(
+            "  by the quasi-static model, which leaves out the inertia of the rope: that is in its bars"
+        )
     else:
         bar = "" if r.path_error is None else f"; path ± {r.path_error * r.path_scale:.2g} m"
-        terminal.say(f"  by {r.method} ({', '.join(_unusual(r))}) in {r.seconds:.2g} s{bar}")
+        terminal.print_text(f"  by {r.method} ({', '.join(_settings_and_options(r))}) in {r.seconds:.2g} s{bar}")
     for flag in r.flags:
-        terminal.say(f"  {flag}", style="yellow")
+        terminal.print_text(f"  {flag}", style="yellow")
 
 
-def _unusual(r: Response) -> list[str]:
+def _settings_and_options(r: Response) -> list[str]:
     """Resolution, steps, and all that is not the default of a run."""
-    method = find(r.method)
+    method = find_method(r.method)
     settings = [
         f"{key}={value}"
         for key, value in r.settings.items()
@@ -102,14 +104,14 @@ def _unusual(r: Response) -> list[str]:
     return settings + [getattr(r, name) for name, kind in usual.items() if getattr(r, name) != kind]
 
 
-def broken(*runs: Response) -> Literal[0, 2]:
+def exit_code_of_runs(*runs: Response) -> Literal[0, 2]:
     """Return 2 with a message if a run broke before slack and the end of the comparison, else 0."""
-    bad = [r for r in runs if _broke(r)]
-    terminal.complain([f"{r.method} broke with the car at {r.s_o[-1]:.1f} m: {r.reason}" for r in bad])
+    bad = [r for r in runs if _broke_early(r)]
+    terminal.print_faults([f"{r.method} broke with the car at {r.s_o[-1]:.1f} m: {r.reason}" for r in bad])
     return 2 if bad else 0
 
 
-def _broke(r: Response) -> bool:
+def _broke_early(r: Response) -> bool:
     if r.status == "complete" or (r.slack_onset is not None and r.cause != "unstable"):
         return False
     return r.drive == "free" or r.reached < WINDOWS[r.drive][1]

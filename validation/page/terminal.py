@@ -16,15 +16,15 @@ STYLES = {"agree": "green", "disagree": "bold red", "not comparable": "yellow", 
 STYLES |= {"met": "green", "not met": "bold red", "too close to tell": "yellow"}
 
 
-def say_verdict(verdict: str) -> None:
+def print_verdict(verdict: str) -> None:
     """Print the verdict on a whole check as a sentence."""
     from validation.core import store
 
-    sentences = store.shipped(__package__, "verdicts.toml")
-    say(sentences[verdict], style=STYLES[verdict])
+    sentences = store.shipped_toml(__package__, "verdicts.toml")
+    print_text(sentences[verdict], style=STYLES[verdict])
 
 
-def say(text: str = "", style: str = "") -> None:
+def print_text(text: str = "", style: str = "") -> None:
     """Print text, on a terminal wrapped below its indent, in a style of rich."""
     for copy in _COPIES:
         copy.append(text)
@@ -40,7 +40,7 @@ def say(text: str = "", style: str = "") -> None:
 
 
 @contextmanager
-def copied() -> Iterator[list[str]]:
+def copy_printed() -> Iterator[list[str]]:
     """The lines that are printed in the `with` block."""
     copy: list[str] = []
     _COPIES.append(copy)
@@ -50,12 +50,12 @@ def copied() -> Iterator[list[str]]:
         _COPIES.pop()
 
 
-def complain(faults: Sequence[str]) -> None:
+def print_faults(faults: Sequence[str]) -> None:
     for fault in faults:
         print(f"cablefem: {fault}", file=sys.stderr)
 
 
-def faults(error: Exception) -> list[str]:
+def fault_sentences(error: Exception) -> list[str]:
     """What broke a command, one sentence each."""
     if hasattr(error, "faults"):
         return list(error.faults)
@@ -64,21 +64,21 @@ def faults(error: Exception) -> list[str]:
     return [f"this is a fault of cablefem, not of your input ({type(error).__name__}: {error})"]
 
 
-def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str] = ()) -> None:
+def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str] = ()) -> None:
     """Print a table; `right` names the right-aligned columns.
 
     In a pipe every row is one line; on a narrow terminal every cell.
     """
-    text = _plain(columns, rows, right)
+    text = _aligned_lines(columns, rows, right)
     for copy in _COPIES:
         copy.extend(text)
     console = _console()
     if console is None:
         print("\n".join(text))
         return
-    narrowest = [_narrowest(column, column[0] in right) for column in zip(columns, *rows, strict=True)]
+    narrowest = [_min_width(column, column[0] in right) for column in zip(columns, *rows, strict=True)]
     if sum(narrowest) + 3 * (len(columns) - 1) > console.width:
-        _stacked(columns, rows)
+        _print_stacked(columns, rows)
         return
     from rich import box
     from rich.table import Table
@@ -92,19 +92,19 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence
     console.print(drawn)
 
 
-def _narrowest(column: Sequence[str], unbroken: bool) -> int:
+def _min_width(column: Sequence[str], unbroken: bool) -> int:
     """Width of the longest cell, or of the longest word where cells may break."""
     words = column if unbroken else " ".join(column).split()
     return max(map(len, words), default=0)
 
 
-def _stacked(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+def _print_stacked(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     for row in rows:
         for name, cell in zip(columns, row, strict=True):
-            say(f"{name} {cell}".strip(), style="bold" if name == columns[0] else STYLES.get(cell, ""))
+            print_text(f"{name} {cell}".strip(), style="bold" if name == columns[0] else STYLES.get(cell, ""))
 
 
-def _plain(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str]) -> list[str]:
+def _aligned_lines(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str]) -> list[str]:
     aligned = []
     for name, *cells in zip(columns, columns, *rows, strict=True):
         width = max(map(len, cells))
@@ -113,7 +113,7 @@ def _plain(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequenc
 
 
 @contextmanager
-def progress() -> Iterator[Progress]:
+def progress_bars() -> Iterator[Progress]:
     """Show a bar per label with the remaining time, on standard error; in a pipe one row a minute."""
     if not sys.stderr.isatty():
         last = time.monotonic()

@@ -21,16 +21,16 @@ class Peer:
 
 PEERS = {
     "opensees": Peer(
-        "openseespy.opensees", opensees.run, tuple({"elements": n} for n in (50, 100, 200, 500, 1000, 2000))
+        "openseespy.opensees", opensees.run_opensees, tuple({"elements": n} for n in (50, 100, 200, 500, 1000, 2000))
     ),
     "exudyn": Peer(
-        "exudyn", exudyn.run, tuple({"elements": n, "steps": 20 * n} for n in (25, 50, 100, 200)),
+        "exudyn", exudyn.run_exudyn, tuple({"elements": n, "steps": 20 * n} for n in (25, 50, 100, 200)),
         tuple({"elements": n, "steps": 100 * n} for n in (10, 20, 40, 80)),
     ),
 }  # fmt: skip
 
 
-def available(name: str) -> str | None:
+def reason_if_missing(name: str) -> str | None:
     """Return None if the peer can be imported, else the reason."""
     module = PEERS[name].module
     try:

@@ -17,16 +17,16 @@ from typing import Any
 import numpy as np
 
 from cablefem.scene import Groups, Motion
-from validation.peers.path import Array, PeerPath, finite_path
+from validation.peers.path import Array, PeerPath, path_until_nan
 
 # of generalised-alpha; with Exudyn's own defaults the path is wrong without an error
 SPECTRAL_RADIUS = 0.5
 
 
-def run(groups: Groups, *, elements: int, steps: int) -> PeerPath:
+def run_exudyn(groups: Groups, *, elements: int, steps: int) -> PeerPath:
     """The dimensionless path of the mass by Exudyn, gripped or rolling."""
     if groups.drive.mode == "free":
-        return _ride(groups, elements, steps)
+        return _run_ride(groups, elements, steps)
     motion = groups.motion
     assert motion is not None
     import exudyn
@@ -42,8 +42,8 @@ def run(groups: Groups, *, elements: int, steps: int) -> PeerPath:
             initialCoordinates_t=[speed],
         )
     )  # fmt: skip
-    fixed, _, on_cable = _hang(system, groups, s, items.ALECable2D, (place_on_cable,), movingMassFactor=0.0)
-    particle, at_mass = _particle(system, groups, initialVelocities=[speed * float(xp), -speed * float(yp)])
+    fixed, _, on_cable = _add_cable(system, groups, s, items.ALECable2D, (place_on_cable,), movingMassFactor=0.0)
+    particle, at_mass = _add_particle(system, groups, initialVelocities=[speed * float(xp), -speed * float(yp)])
     which_element = system.AddNode(items.NodeGenericData(initialCoordinates=[0], numberOfDataCoordinates=1))
     system.AddObject(
         items.ALEMovingJoint2D(
@@ -52,21 +52,21 @@ def run(groups: Groups, *, elements: int, steps: int) -> PeerPath:
         )
     )  # fmt: skip
     driven = system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=place_on_cable, coordinate=0))
-    system.AddObject(items.CoordinateConstraint(markerNumbers=[fixed, driven], **_drive(motion)))
+    system.AddObject(items.CoordinateConstraint(markerNumbers=[fixed, driven], **_constraint_of_travel(motion)))
     sensor = system.AddSensor(
         items.SensorNode(nodeNumber=particle, storeInternal=True, outputVariableType=exudyn.OutputVariableType.Position)
     )
 
     t_end = motion.phases[-1][1]
     on_support = motion.end >= 1.0  # omit the last instant, on the support
-    settings = _settings(t_end * (1.0 - 1.0 / steps) if on_support else t_end, steps - on_support)
+    settings = _solver_settings(t_end * (1.0 - 1.0 / steps) if on_support else t_end, steps - on_support)
     settings.solution.sensors.writePeriod = 1e-3 * t_end / steps
-    note, seconds = _solved(system.SolveDynamic, system, settings)
+    note, seconds = _solve_timed(system.SolveDynamic, system, settings)
     t, x, y, _ = np.array(system.GetSensorStoredData(sensor)).T
-    return finite_path(motion.position(t), np.stack([x, -y], axis=1), t, groups, seconds, note)
+    return path_until_nan(motion.position(t), np.stack([x, -y], axis=1), t, groups, seconds, note)
 
 
-def _ride(groups: Groups, elements: int, steps: int) -> PeerPath:
+def _run_ride(groups: Groups, elements: int, steps: int) -> PeerPath:
     """Roll until the end, at most twice the quasi-static time."""
     d = groups.drive
     if d.release > 0.0 or d.thrust_table:
@@ -81,27 +81,27 @@ def _ride(groups: Groups, elements: int, steps: int) -> PeerPath:
     dt = d.nominal / steps
 
     system = exudyn.SystemContainer().AddSystem()
-    _, bodies, _ = _hang(system, groups, s, items.Cable2D)
+    _, bodies, _ = _add_cable(system, groups, s, items.Cable2D)
     local = [d.start - s[first], 0.0, 0.0]
     held = system.AddMarker(items.MarkerBodyPosition(bodyNumber=bodies[first], localPosition=local))
     system.AddLoad(items.Force(markerNumber=held, loadVector=[0.0, -weight, 0.0]))
-    settings = _settings(1.0, 1)
+    settings = _solver_settings(1.0, 1)
     settings.staticSolver.numberOfLoadSteps = 20
-    note, _ = _solved(system.SolveStatic, system, settings)
+    note, _ = _solve_timed(system.SolveStatic, system, settings)
     if note:
         raise ValueError(f"no start: {note}")
     rest = np.array(system.systemData.GetODE2Coordinates()).reshape(-1, 4)
     begin = system.GetObjectOutputBody(bodies[first], output.Position, localPosition=local)
 
     system = exudyn.SystemContainer().AddSystem()
-    _, bodies, on_cable = _hang(system, groups, s, items.Cable2D, rest=rest)
+    _, bodies, on_cable = _add_cable(system, groups, s, items.Cable2D, rest=rest)
 
-    def drag(system: Any, t: float, load: Any) -> list[float]:
+    def drag_and_weight(system: Any, t: float, load: Any) -> list[float]:
         wind = np.array(system.GetNodeOutput(particle, output.Velocity)[:2]) - (d.wind, 0.0)
         x, y = -d.k * math.hypot(*wind) * wind
         return [x, y - weight, 0.0]
 
-    particle, at_mass = _particle(system, groups, drag, initialCoordinates=list(begin[:2]))
+    particle, at_mass = _add_particle(system, groups, drag_and_weight, initialCoordinates=list(begin[:2]))
     where = system.AddNode(items.NodeGenericData(initialCoordinates=[first, d.start], numberOfDataCoordinates=2))
     joint = system.AddObject(
         items.SlidingJoint2D(
@@ -112,7 +112,7 @@ def _ride(groups: Groups, elements: int, steps: int) -> PeerPath:
     rows: list[tuple[float, ...]] = []
     along = 0.0  # friction and brake
 
-    def before(system: Any, t: float) -> bool:
+    def move_joint(system: Any, t: float) -> bool:
         """Move the joint to where the car is at the end of this step; False ends the run."""
         nonlocal along
         which, s_o = system.GetNodeOutput(where, output.Coordinates)
@@ -130,14 +130,14 @@ def _ride(groups: Groups, elements: int, steps: int) -> PeerPath:
         system.systemData.SetDataCoordinates([which, s_o + distance])
         return bool(s_o < d.end_position)
 
-    system.SetPreStepUserFunction(before)
+    system.SetPreStepUserFunction(move_joint)
     t_end = min(d.end_time, 2.0 * d.nominal)
-    note, seconds = _solved(system.SolveDynamic, system, _settings(t_end, math.ceil(t_end / dt)))
+    note, seconds = _solve_timed(system.SolveDynamic, system, _solver_settings(t_end, math.ceil(t_end / dt)))
     t, s_o, x, y = np.array(rows).T
-    return finite_path(s_o, np.stack([x, y], axis=1), t, groups, seconds, note)
+    return path_until_nan(s_o, np.stack([x, y], axis=1), t, groups, seconds, note)
 
 
-def _hang(
+def _add_cable(
     system: Any, groups: Groups, s: Array, element: Any, nodes: tuple[Any, ...] = (), rest: Array | None = None,
     **more: Any,
 ) -> tuple[Any, list[Any], list[Any]]:  # fmt: skip
@@ -179,7 +179,7 @@ def _hang(
     return fixed, bodies, on_cable
 
 
-def _particle(system: Any, groups: Groups, load: Any = 0, **begin: list[float]) -> tuple[Any, Any]:
+def _add_particle(system: Any, groups: Groups, load: Any = 0, **begin: list[float]) -> tuple[Any, Any]:
     from exudyn import itemInterface as items
 
     particle = system.AddNode(items.NodePoint2D(referenceCoordinates=[0.0, 0.0], **begin))
@@ -190,7 +190,7 @@ def _particle(system: Any, groups: Groups, load: Any = 0, **begin: list[float]) 
     return particle, at_mass
 
 
-def _settings(t_end: float, steps: int) -> Any:
+def _solver_settings(t_end: float, steps: int) -> Any:
     import exudyn
 
     settings = exudyn.SimulationSettings()
@@ -204,7 +204,7 @@ def _settings(t_end: float, steps: int) -> Any:
     return settings
 
 
-def _solved(solve: Any, system: Any, settings: Any) -> tuple[str, float]:
+def _solve_timed(solve: Any, system: Any, settings: Any) -> tuple[str, float]:
     """The failure or "", and the seconds."""
     import exudyn
 
@@ -219,7 +219,7 @@ def _solved(solve: Any, system: Any, settings: Any) -> tuple[str, float]:
     return note, time.perf_counter() - begin
 
 
-def _drive(motion: Motion) -> dict[str, Any]:
+def _constraint_of_travel(motion: Motion) -> dict[str, Any]:
     """s_o(t) for a constraint; a constant speed needs no calls from Exudyn's loop."""
     speeds = {speed for _, speed in motion.speeds}
     if len(speeds) == 1:

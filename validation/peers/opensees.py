@@ -16,14 +16,14 @@ from typing import Any
 import numpy as np
 
 from cablefem.scene import Groups
-from validation.peers.path import Array, PeerPath, finite_path
+from validation.peers.path import Array, PeerPath, path_until_nan
 
 HHT = 0.9  # Hilber, Hughes & Taylor; 1, the trapezoidal rule, is unstable here
 NEWMARK_GAMMA = 1.5 - HHT
 NEWMARK_BETA = 0.25 * (2.0 - HHT) ** 2
 
 
-def run(groups: Groups, *, elements: int) -> PeerPath:
+def run_opensees(groups: Groups, *, elements: int) -> PeerPath:
     """`elements` are those passed by the mass, one step each."""
     motion = groups.motion
     assert motion is not None
@@ -34,17 +34,17 @@ def run(groups: Groups, *, elements: int) -> PeerPath:
     last = elements if motion.end < 1.0 else elements - 1  # omit the support itself
     beyond = max(1, math.ceil((1.0 - motion.end) * elements / motion.end)) if motion.end < 1.0 else 0
     s_nodes = np.concatenate([s, np.linspace(motion.end, 1.0, beyond + 1)[1:]])
-    _hang(ops, groups, s_nodes)
+    _add_cable(ops, groups, s_nodes)
     try:
-        place, seconds = _travel(ops, groups, t[: last + 1], np.stack(groups.shape(s[: last + 1]), axis=1))
+        place, seconds = _run_travel(ops, groups, t[: last + 1], np.stack(groups.shape(s[: last + 1]), axis=1))
     finally:
         ops.wipe()
     n = place.shape[0]
     note = "" if n > last else "OpenSees' Newton method failed"
-    return finite_path(s[:n], place, t[:n], groups, seconds, note)
+    return path_until_nan(s[:n], place, t[:n], groups, seconds, note)
 
 
-def _hang(ops: Any, groups: Groups, s: Array) -> None:
+def _add_cable(ops: Any, groups: Groups, s: Array) -> None:
     x, y = groups.shape(s)
     dx = np.diff(x)
     dy = np.diff(y)
@@ -75,7 +75,7 @@ def _hang(ops: Any, groups: Groups, s: Array) -> None:
     ops.analysis("Transient")
 
 
-def _travel(ops: Any, groups: Groups, t: Array, nodes: Array) -> tuple[Array, float]:
+def _run_travel(ops: Any, groups: Groups, t: Array, nodes: Array) -> tuple[Array, float]:
     """Places of the mass (n, 2), y down, and the seconds."""
     assert groups.motion is not None
     mass = groups.mu

@@ -24,7 +24,7 @@ class PeerPath:
         return float(self.s_o[-1])
 
 
-def finite_path(s_o: Array, place: Array, t: Array, groups: Groups, seconds: float, note: str) -> PeerPath:
+def path_until_nan(s_o: Array, place: Array, t: Array, groups: Groups, seconds: float, note: str) -> PeerPath:
     """The path up to the first value that is not finite; place : (n, 2), y down; note : why the code gave up, or ""."""
     w = place - np.stack(groups.shape(s_o), axis=1)
     broken = np.flatnonzero(~np.isfinite(w).all(axis=1))

@@ -19,22 +19,22 @@ from cablefem.scene.drive import Thrust
 from cablefem.scene.line import Car as CarTable
 from cablefem.scene.line import Line
 from validation.commands.check.motion import LOOSER, scales_of
-from validation.commands.run.motion import ELEMENTS, Runs
+from validation.commands.run.motion import ELEMENTS, LineRuns
 from validation.core import store
-from validation.core.motion_rows import Moved, turning_columns
-from validation.core.sidebyside import Progress, silent
-from validation.core.wheels import left_out, pitch_period
+from validation.core.motion_rows import LineRun, turning_series
+from validation.core.sidebyside import Progress, no_progress
+from validation.core.wheels import neglected_wheel_load, pitch_period
 
 SHORT = 0.1  # period over the duration of a start or stop that a point follows
 Row = dict[str, Any]
 
 
-def advise(line: Line, tol: float, out: Path, report: Progress = silent) -> Row:
+def advise(line: Line, tol: float, out: Path, report: Progress = no_progress) -> Row:
     """Write advice.json: distances of points from bodies, and periods beside starts and stops."""
-    runs: list[Runs] = []
+    runs: list[LineRuns] = []
     for model in ("rigid", "point"):
         report("bodies and points", 0.5 * len(runs))
-        runs.append(Runs(ELEMENTS, _line_with_model(line, model), runs[0] if runs else None))
+        runs.append(LineRuns(ELEMENTS, _line_with_model(line, model), runs[0] if runs else None))
     body, point = (x.run(2, 2) for x in runs)
     scales = scales_of(line, body)
     allowed = {"path": tol * scales.path, "tension": LOOSER * tol * scales.tension}
@@ -54,7 +54,7 @@ def advise(line: Line, tol: float, out: Path, report: Progress = silent) -> Row:
                 "formula": formulas.get(need), "run": distance, "allowed": limit, "enough": distance <= limit,
             })  # fmt: skip
     content = {"scene": line.name, "scene_toml": line.to_toml(), "tol": tol, "bodies": rows, "periods": periods}
-    write_json(out / "advice.json", store.plain(content))
+    write_json(out / "advice.json", store.nulls_for_nonfinite(content))
     return content
 
 
@@ -92,12 +92,12 @@ def _body_period(table: CarTable, gravity: float, x: CarMotion) -> float:
 
 
 def _distances_by_formula(
-    table: CarTable, gravity: float, moved: Moved, x: CarMotion, ramp: float, period: float
+    table: CarTable, gravity: float, moved: LineRun, x: CarMotion, ramp: float, period: float
 ) -> dict[str, float]:
     """Distances by formula: m g cos(beta) b/(4 N) of the path; of a cabin 2 m a |sin(w t/2)| after a stop of t."""
     if table.wheels is not None:
         lever = 0.5 * table.wheels.base / (x.tension_behind + x.tension_ahead)  # b/(4 N)
-        left = left_out(table.wheels, table.mass, gravity, moved.motion.t, x)
+        left = neglected_wheel_load(table.wheels, table.mass, gravity, moved.motion.t, x)
         path = float(np.max(x.contact_force * lever))
         return {"path": path, "haul force": 0.0, "wheel_rear": left, "wheel_front": left}
     assert table.hanger is not None
@@ -106,7 +106,7 @@ def _distances_by_formula(
     return {"haul force": 2.0 * table.hanger.mass * largest * swings}
 
 
-def _distances_of_runs(body: Moved, a: CarMotion, point: Moved, b: CarMotion) -> Iterator[tuple[str, float]]:
+def _distances_of_runs(body: LineRun, a: CarMotion, point: LineRun, b: CarMotion) -> Iterator[tuple[str, float]]:
     """Largest distances of a car with a body and of a point at equal times: across the rope, and of mean forces."""
     assert a.turning is not None
     end = min(body.end, point.end)
@@ -116,9 +116,9 @@ def _distances_of_runs(body: Moved, a: CarMotion, point: Moved, b: CarMotion) ->
     across = along[:, 0] * apart[:, 1] - along[:, 1] * apart[:, 0]
     yield "path", float(np.max(np.abs(across) / np.linalg.norm(along, axis=1)))
     forces = [("tension", a.tension_ahead, b.tension_ahead), ("haul force", a.haul_force, b.haul_force)]
-    loads = turning_columns(b)
-    forces += [(name, values, loads[name]) for name, values in turning_columns(a).items() if name in loads]
+    loads = turning_series(b)
+    forces += [(name, values, loads[name]) for name, values in turning_series(a).items() if name in loads]
     for need, of_body, of_point in forces:
         if np.isfinite(of_body).all():
-            means = [x.at_instants(x.mean(values), end) for x, values in ((body, of_body), (point, of_point))]
+            means = [x.at_instants(x.axial_mean(values), end) for x, values in ((body, of_body), (point, of_point))]
             yield need, float(np.max(np.abs(means[0] - means[1])))

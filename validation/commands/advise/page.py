@@ -7,7 +7,7 @@ import numpy as np
 from markupsafe import Markup
 
 from validation.core import store
-from validation.page.page import Section, drawn
+from validation.page.page import Section, render_sections
 from validation.page.plot import BLACK, DASHED, GREEN, ORANGE, SKY, Panel, plot
 
 # one colour per cable, dashes for a force
@@ -15,11 +15,11 @@ COLOURS = {"string": ORANGE, "sagged": SKY, "stretching": GREEN}
 
 
 def sections(folder: Path) -> list[Section]:
-    x = store.read(folder / "advice.json")
+    x = store.read_json(folder / "advice.json")
     if "bodies" in x:
-        return drawn(__package__, "bodies.html", x=x)
+        return render_sections(__package__, "bodies.html", x=x)
     rungs = [r for r in x["rungs"] if "v" in r]
-    return drawn(__package__, x=x, drawing=_plot_paths(x, rungs) if len(rungs) > 1 else "")
+    return render_sections(__package__, x=x, drawing=_plot_paths(x, rungs) if len(rungs) > 1 else "")
 
 
 def _plot_paths(x: dict[str, Any], rungs: list[dict[str, Any]]) -> Markup:
@@ -30,7 +30,7 @@ def _plot_paths(x: dict[str, Any], rungs: list[dict[str, Any]]) -> Markup:
     p = Panel("deflection, down [–]", "Path of the mass", height=240.0, down=True)
     for rung, v in zip(rungs, paths, strict=True):
         dash = DASHED if rung["load"] == "force" else ""
-        p.curve(position, v / size, COLOURS.get(rung["model"], BLACK), dash, 2.0, rung["name"])
-    p.fit([np.clip(v / size, -3.0, 5.0) for v in paths])
+        p.add_curve(position, v / size, COLOURS.get(rung["model"], BLACK), dash, 2.0, rung["name"])
+    p.fit_axis([np.clip(v / size, -3.0, 5.0) for v in paths])
     caption = "Deflection from the static cable by each model, over the largest one of the full model."
     return plot([p], (0.0, end), "place of the mass sₒ/l [–]", caption, wide=True)

@@ -32,13 +32,13 @@ from cablefem.scene.ride import roll_ride
 from validation.core import store
 from validation.core.ladder import Goal, Ladder
 from validation.core.measures import JUMP_WIDTH, NotComparable, series_gap, tension_gap
-from validation.core.methods import METHODS, find
+from validation.core.methods import METHODS, find_method
 from validation.core.order import FIRST
 from validation.core.quasi_static import Statics, quasi_static
-from validation.core.refine import BUDGET, TooCoarse, parts_of, refine_to_tolerance, refined_until
+from validation.core.refine import BUDGET, TooCoarse, bar_parts_of_gap, refine_to_tolerance, refined_until
 from validation.core.rows import tolerance_of
 from validation.core.running import run
-from validation.core.sidebyside import Progress, silent
+from validation.core.sidebyside import Progress, no_progress
 from validation.core.view import View
 
 REFERENCE = "following-p2"
@@ -64,7 +64,7 @@ FORCES = ("tension", "haul force")
 NEEDS: dict[str, tuple[Gap, float]] = {
     "timetable": (_timetable_gap, math.inf), "path": (partial(_relative_gap, "v"), math.inf),
     "tension": (lambda a, b, view: tension_gap(a, b, view.window), 1.0),
-    "haul force": (lambda a, b, view: _relative_gap("F_haul", a, b, view, view.axial), 1.0),
+    "haul force": (lambda a, b, view: _relative_gap("F_haul", a, b, view, view.axial_round_trip), 1.0),
 }  # fmt: skip
 OF = {"grip": ("path", "tension"), "free": ("timetable", "path", "tension"), "haul": ("path", "tension", "haul force")}
 
@@ -92,7 +92,7 @@ class Rung:
     def meets_tolerances(self, tolerances: dict[str, float]) -> bool:
         return all(gap <= tolerances[need] for need, gap in self.gaps.items())
 
-    def row(self, tolerances: dict[str, float]) -> dict[str, Any]:
+    def to_json(self, tolerances: dict[str, float]) -> dict[str, Any]:
         """The rung as it is stored."""
         out: dict[str, Any] = {
             "name": self.name, "model": self.model, "load": self.load, "seconds": self.seconds,
@@ -102,14 +102,14 @@ class Rung:
         r = self.run
         if r is not None:
             out["method"] = r.method
-            out["settings"] = find(r.method).main_settings(r.settings) | {"scheme": r.settings["scheme"]}
+            out["settings"] = find_method(r.method).main_settings(r.settings) | {"scheme": r.settings["scheme"]}
             if r.drive != "free":
                 v = np.interp(POSITIONS, r.s_o / r.length, r.v, right=math.nan)
                 out["v"] = [float(f"{x:.6g}") for x in v]
-        return store.plain(out)
+        return store.nulls_for_nonfinite(out)
 
 
-def advise(scene: Scene, tol: float, out: Path, report: Progress = silent) -> dict[str, Any]:
+def advise(scene: Scene, tol: float, out: Path, report: Progress = no_progress) -> dict[str, Any]:
     """Write advice.json for a tolerance of the path; an advice that is stored for the same is returned.
 
     Raises ValueError for a tolerance outside (0, 1).
@@ -117,7 +117,7 @@ def advise(scene: Scene, tol: float, out: Path, report: Progress = silent) -> di
     if not (math.isfinite(tol) and 0.0 < tol < 1.0):
         raise ValueError(f"tol must lie in (0, 1), got {tol!r}")
     file = out / "advice.json"
-    stored = store.stored(file, scene_toml=scene.to_toml(), asked=required_tolerances(scene, tol))
+    stored = store.stored_json(file, scene_toml=scene.to_toml(), asked=required_tolerances(scene, tol))
     if stored:
         return stored
     content = advice(scene, tol, report)
@@ -125,16 +125,16 @@ def advise(scene: Scene, tol: float, out: Path, report: Progress = silent) -> di
     return content
 
 
-def advice(scene: Scene, tol: float, report: Progress = silent) -> dict[str, Any]:
+def advice(scene: Scene, tol: float, report: Progress = no_progress) -> dict[str, Any]:
     """The content of advice.json: the cheapest run that meets the tolerance, and all that was compared with it."""
     tolerances = required_tolerances(scene, tol)
-    view = View.of(scene)
+    view = View.of_scene(scene)
     ladder = _full_ladder(scene, view, tol, tolerances, report)
     full = ladder.finest
-    bars = {need: sum(parts_of(ladder, view, *NEEDS[need])) for need in tolerances}
+    bars = {need: sum(bar_parts_of_gap(ladder, view, *NEEDS[need])) for need in tolerances}
     rungs = [Rung("full", "mass", full.seconds, bars, full)]
     if all(map(math.isfinite, bars.values())):
-        view = view.cut(full)
+        view = view.up_to_valid(full)
         rungs = [*_cheaper_rungs(scene, full, view, report), *rungs]
     enough = {
         need: next((rung for rung in rungs if rung.gaps[need] <= limit), rungs[-1])
@@ -148,11 +148,11 @@ def advice(scene: Scene, tol: float, report: Progress = silent) -> dict[str, Any
     cheapest = min(meeting, key=attrgetter("seconds"), default=best)
     return {
         "scene": scene.name, "scene_toml": scene.to_toml(), "tol": tol, "asked": tolerances, "drive": full.drive,
-        **cheapest.row(tolerances), "least": {need: rung.name for need, rung in enough.items()},
+        **cheapest.to_json(tolerances), "least": {need: rung.name for need, rung in enough.items()},
         "range": list(view.window), "slack_onset": full.slack_onset,
-        "wheelbase": _wheelbase_at_tolerance(full, tolerances["path"]), "full": rungs[-1].row(tolerances),
-        "candidates": [rung.row(tolerances) for rung in candidates],
-        "rungs": [rung.row(tolerances) for rung in rungs], "place": POSITIONS.tolist(),
+        "wheelbase": _wheelbase_at_tolerance(full, tolerances["path"]), "full": rungs[-1].to_json(tolerances),
+        "candidates": [rung.to_json(tolerances) for rung in candidates],
+        "rungs": [rung.to_json(tolerances) for rung in rungs], "place": POSITIONS.tolist(),
     }  # fmt: skip
 
 
@@ -167,16 +167,21 @@ def _full_ladder(scene: Scene, view: View, tol: float, tolerances: dict[str, flo
     progress = partial(report, "full model")
     budget = SHARE * BUDGET
     try:
-        ladder = refine_to_tolerance(scene, REFERENCE, SHARE * tol, budget=budget, progress=progress, until=view.stop)
+        ladder = refine_to_tolerance(
+            scene, REFERENCE, SHARE * tol, budget=budget, progress=progress, until=view.last_needed_position
+        )
     except TooCoarse as error:
         return error.ladder
 
     def worst_goal(ladder: Ladder) -> Goal:
         """The need whose bar exceeds its share most."""
-        goals = [Goal(parts_of(ladder, view, *NEEDS[need]), SHARE * limit, FIRST) for need, limit in tolerances.items()]
+        goals = [
+            Goal(bar_parts_of_gap(ladder, view, *NEEDS[need]), SHARE * limit, FIRST)
+            for need, limit in tolerances.items()
+        ]
         return max(goals, key=attrgetter("excess"))
 
-    return refined_until(scene, ladder, worst_goal, budget=budget, until=view.stop)
+    return refined_until(scene, ladder, worst_goal, budget=budget, until=view.last_needed_position)
 
 
 def _cheaper_rungs(scene: Scene, full: Response, view: View, report: Progress) -> Iterator[Rung]:
@@ -186,12 +191,14 @@ def _cheaper_rungs(scene: Scene, full: Response, view: View, report: Progress) -
         return
     if scene.drive.mode == "haul":
         yield _statics_rung(scene, full, view)
-        gripped = _run_timed(scene.variant(drive={"mode": "grip"}), REFERENCE, until=view.stop, **full.settings)
+        gripped = _run_timed(
+            scene.variant(drive={"mode": "grip"}), REFERENCE, until=view.last_needed_position, **full.settings
+        )
         yield Rung("grip", "mass", gripped.seconds, gaps_by_need(gripped, full, view), gripped)
         return
     for i, (model, load) in enumerate(LADDER[:-1]):
         report("cheaper models", (i + 1) / (len(LADDER) - 1))
-        r = _run_timed(scene, REFERENCE, model=model, load=load, until=view.stop, **full.settings)
+        r = _run_timed(scene, REFERENCE, model=model, load=load, until=view.last_needed_position, **full.settings)
         yield Rung(model, load, r.seconds, gaps_by_need(r, full, view), r)
 
 
@@ -238,7 +245,7 @@ def _statics_rung(scene: Scene, full: Response, view: View) -> Rung:
     r = quasi_static(scene)
     seconds = time.perf_counter() - begin
     step = (full.t[-1] - full.t[0]) / (full.t.size - 1)
-    mean = uniform_filter1d(full.F_haul, max(1, round(view.axial / step)), mode="nearest")
+    mean = uniform_filter1d(full.F_haul, max(1, round(view.axial_round_trip / step)), mode="nearest")
     gap = np.abs(mean - np.interp(full.s_o, r.s_o, r.F_haul))  # (n,)
     force = np.nanmax(gap) / np.nanmax(np.abs(full.F_haul))
     return Rung("statics", "mass", seconds, _static_gaps(scene, full) | {"haul force": float(force)})
@@ -271,7 +278,7 @@ def _race_methods(
         report("methods", (i + 1) / len(candidates))
         for resolution, steps in method.races:
             settings: dict[str, Any] = {method.resolution.setting: resolution, "steps": steps}
-            r = _run_timed(scene, method, model=best.model, load=best.load, until=view.stop, **settings)
+            r = _run_timed(scene, method, model=best.model, load=best.load, until=view.last_needed_position, **settings)
             rung = Rung(best.model, best.load, r.seconds, gaps_by_need(r, full, view), r)
             yield rung
             if rung.meets_tolerances(tolerances):

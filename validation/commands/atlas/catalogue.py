@@ -25,7 +25,7 @@ from validation.page import page
 Row = dict[str, Any]
 Groups = dict[str, float]  # of the level scene, changed
 
-CATALOGUE: tuple[Row, ...] = tuple(store.shipped(__package__, "catalogue.toml")["row"])
+CATALOGUE: tuple[Row, ...] = tuple(store.shipped_toml(__package__, "catalogue.toml")["row"])
 
 
 def run_row(row: Row) -> Row:
@@ -50,7 +50,7 @@ def condition_holds(condition: str, x: dict[str, float]) -> bool:
 
 
 def _evaluate(expression: str, **names: Any) -> Any:
-    return page.expression(expression)(**MEASURES, **names)
+    return page.compile_expression(expression)(**MEASURES, **names)
 
 
 def level_scene(**groups: float) -> Scene:

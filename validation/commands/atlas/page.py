@@ -9,18 +9,20 @@ from markupsafe import Markup, escape
 from matplotlib.patches import Patch
 
 from validation.core import store
-from validation.page.figures import figure, panels, style
-from validation.page.page import Section, drawn
+from validation.page.figures import captioned_figure, panels, report_style
+from validation.page.page import Section, render_sections
 from validation.page.plot import BLUE, GREY
 
-MAPS = store.shipped(__package__, "maps.toml")
+MAPS = store.shipped_toml(__package__, "maps.toml")
 CLASSES: dict[str, tuple[str, str, str]] = MAPS["classes"]
 CAUSES: dict[str, tuple[str, str, str, str]] = MAPS["causes"]
 
 
 def sections(folder: Path) -> list[Section]:
-    atlas = store.read(folder / "atlas.json")
-    return drawn(__package__, maps=[_map_content(atlas, m) for m in atlas["maps"]], catalogue=atlas["catalogue"])
+    atlas = store.read_json(folder / "atlas.json")
+    return render_sections(
+        __package__, maps=[_map_content(atlas, m) for m in atlas["maps"]], catalogue=atlas["catalogue"]
+    )
 
 
 def _map_content(atlas: dict[str, Any], m: dict[str, Any]) -> dict[str, Any]:
@@ -43,7 +45,7 @@ def _draw_map(m: dict[str, Any], method: str, cells: dict[Any, Any]) -> Markup:
     counts = Counter(cell["class"] for cell in grid.values())
     shown = [name for name in CLASSES if counts[name]]
     fig, ax = panels(height=3.6)
-    with style():
+    with report_style():
         for (i, j), cell in grid.items():
             _draw_cell(ax, i, j, cell)
         _draw_theory_curves(ax, m)
@@ -53,7 +55,7 @@ def _draw_map(m: dict[str, Any], method: str, cells: dict[Any, Any]) -> Markup:
         key += ax.get_legend_handles_labels()[0]
         fig.legend(handles=key, loc="outside lower center", ncols=2, fontsize=7.5)
     tally = ", ".join(f"{counts[name]} {name}" for name in shown)
-    return figure(fig, escape(f"{m['title']}: {method}"), label=f"Map of {method}: {tally}")
+    return captioned_figure(fig, escape(f"{m['title']}: {method}"), label=f"Map of {method}: {tally}")
 
 
 UNKNOWN = {"class": "not computed", "cause": None}

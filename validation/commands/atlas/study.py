@@ -14,13 +14,13 @@ from cablefem.response import Response, write_json
 from cablefem.scene import Scene
 from validation.commands.atlas import catalogue
 from validation.core import measures, store
-from validation.core.methods import METHODS, find, refined
+from validation.core.methods import METHODS, find_method, refined_settings
 from validation.core.running import run
-from validation.core.sidebyside import Progress, silent
+from validation.core.sidebyside import Progress, no_progress
 
 CELLS = "cells.jsonl"
 RESULT = "atlas.json"
-MAPS = store.shipped(__package__, "maps.toml")
+MAPS = store.shipped_toml(__package__, "maps.toml")
 
 Map = dict[str, Any]  # as in maps.toml
 
@@ -46,7 +46,7 @@ def settings_of_cell(m: Map, x: float, y: float, method: str, fixed: dict[str, A
     """The method's settings in a cell, with about y unknowns per field on the map of resolution."""
     if m["name"] != "step-resolution":
         return fixed
-    space = find(method).resolution
+    space = find_method(method).resolution
     return {**fixed, "steps": round(x), space.setting: space.with_unknowns(y)}
 
 
@@ -56,7 +56,7 @@ def map_label(method: str, fixed: dict[str, Any]) -> str:
 
 
 def atlas(
-    out: Path, progress: Progress = silent, *, maps: Sequence[Map] = MAPS["map"],
+    out: Path, progress: Progress = no_progress, *, maps: Sequence[Map] = MAPS["map"],
     rows: Sequence[catalogue.Row] = catalogue.CATALOGUE, quick: bool = False,
 ) -> dict[str, Any]:  # fmt: skip
     """Compute what is missing of the maps and the catalogue, and write atlas.json.
@@ -68,7 +68,7 @@ def atlas(
         maps = [_every_fifth_value(m) for m in maps]
         rows = rows[::5]
     jobs = _jobs_by_key(maps, rows)
-    results = store.each_once(out / CELLS, jobs, lambda job: job(), partial(progress, "atlas"))
+    results = store.compute_missing(out / CELLS, jobs, lambda job: job(), partial(progress, "atlas"))
     cells_of_maps = []
     catalogue_rows = []
     for key, result in results.items():
@@ -110,11 +110,11 @@ def _job_key(*what: Any) -> str:
 def _reference_run(toml: str) -> tuple[Response, float]:
     """The run to compare with, and its error."""
     scene = Scene.from_toml(toml)
-    settings = find("following-p2").settings(MAPS["reference"])
+    settings = find_method("following-p2").settings(MAPS["reference"])
     fine = run(scene, "following-p2", **settings)
-    half = run(scene, "following-p2", **refined(find("following-p2"), settings, space=0.5, time=0.5))
+    half = run(scene, "following-p2", **refined_settings(find_method("following-p2"), settings, space=0.5, time=0.5))
     try:
-        return fine, measures.path_gap(half, fine, measures.window_of(half, fine))[0] / 3.0  # second order
+        return fine, measures.path_gap(half, fine, measures.common_window(half, fine))[0] / 3.0  # second order
     except measures.NotComparable:
         return fine, math.inf
 

@@ -3,7 +3,7 @@ from typing import Annotated
 
 import typer
 
-from validation.page.options import Out, SceneName, scene_named, study
+from validation.page.options import Out, SceneName, run_study, scene_named
 
 EXAMPLE = "cablefem chart level"
 
@@ -21,5 +21,5 @@ def command(
 
     from validation.commands.chart.study import chart
 
-    study("chart", loaded, ["chart.json"], out, partial(chart, budget=budget), loaded)
+    run_study("chart", loaded, ["chart.json"], out, partial(chart, budget=budget), loaded)
     return 0

@@ -16,16 +16,16 @@ from matplotlib.transforms import Bbox
 from validation.commands.chart.front import OURS, Row, best_rows, our_best_rows
 from validation.core import store
 from validation.core.methods import METHODS
-from validation.page.figures import DASHES, MARKERS, PALETTE, figure, panels, style
-from validation.page.page import Section, drawn
+from validation.page.figures import DASHES, MARKERS, PALETTE, captioned_figure, panels, report_style
+from validation.page.page import Section, render_sections
 from validation.page.plot import BLACK, GREY
 
 WORK = {"seconds": "seconds of the time loop, one core", "unknown_steps": "steps × unknowns"}
 
 
 def sections(folder: Path) -> list[Section]:
-    chart = store.read(folder / "chart.json")
-    return drawn(
+    chart = store.read_json(folder / "chart.json")
+    return render_sections(
         __package__, chart=chart, free=chart.get("drive") == "free", fastest=chart.get("fastest", []),
         front=our_best_rows, charts=partial(_work_precision_charts, chart), without_dot=_failed_runs(chart),
     )  # fmt: skip
@@ -55,7 +55,7 @@ def _work_precision_charts(chart: dict[str, Any], quantity: str, work: str) -> I
         if work == "seconds" or r["kind"] in OURS:
             groups.setdefault(_chart_title(r), {}).setdefault(r["series"], []).append(r)
     for title, lines in groups.items():
-        yield figure(
+        yield captioned_figure(
             draw_work_precision(chart, quantity, work, title, lines),
             f"{title.capitalize()}: {_error_label(chart, quantity)}",
         )
@@ -65,7 +65,7 @@ def _rows_with_dots(chart: dict[str, Any], quantity: str, work: str) -> list[Row
     return [r for r in chart["rows"] if r["status"] == "ok" and r[f"{quantity}_error"] and r[work]]
 
 
-@style()
+@report_style()
 def draw_work_precision(
     chart: dict[str, Any], quantity: str, work: str, title: str, lines: dict[str, list[Row]]
 ) -> Figure:

@@ -33,15 +33,15 @@ from validation.commands.chart.cost import implicit_floor
 from validation.commands.chart.front import Row, fastest_methods
 from validation.core import measures, store
 from validation.core.measures import NotComparable, Window
-from validation.core.methods import METHODS, Method, refined
+from validation.core.methods import METHODS, Method, refined_settings
 from validation.core.refine import TooCoarse, refine_to_tolerance, run_with_error_bars
 from validation.core.running import Run, run
-from validation.core.sidebyside import Progress, silent
+from validation.core.sidebyside import Progress, no_progress
 from validation.page.page import versions
-from validation.peers import PEERS, PeerPath, available
+from validation.peers import PEERS, PeerPath, reason_if_missing
 
 STOP = measures.WINDOW[1]
-SAID = store.shipped(__package__, "chart.toml")
+SAID = store.shipped_toml(__package__, "chart.toml")
 REFERENCE = SAID["reference"]
 REFERENCE_OF_RIDES = SAID["reference_of_rides"]
 WITNESS = SAID["witness"]
@@ -62,14 +62,14 @@ class Series:
     model: str = "full"
 
 
-def chart(scene: Scene, out: Path, report: Progress = silent, *, repeats: int = 3, budget: float = 240.0) -> Row:
+def chart(scene: Scene, out: Path, report: Progress = no_progress, *, repeats: int = 3, budget: float = 240.0) -> Row:
     """Write chart.json; go on with an earlier one.
 
     repeats : separate timed runs of each setting.
     budget : [s] for all runs; a line of the chart that has spent its share leaves rows "not run".
     """
     path = out / "chart.json"
-    before = store.stored(path, scene_toml=scene.to_toml())
+    before = store.stored_json(path, scene_toml=scene.to_toml())
     report("reference", 0.0)
     truth = _Reference.of(scene, before.get("reference"))
     rows: list[Row] = [r for r in before.get("rows", []) if r["status"] not in ("not run", "not installed")]
@@ -138,7 +138,7 @@ def settings_ladder(method: Method, shares: Sequence[float] = SAID["shares"]) ->
     pace = min(2.0, method.keeps_pace)
     for finer in FINER:
         for share in shares:
-            x = method.main_settings(refined(method, settings, space=finer, time=share * finer**pace))
+            x = method.main_settings(refined_settings(method, settings, space=finer, time=share * finer**pace))
             if x not in seen:
                 seen.append(x)
                 yield x
@@ -163,7 +163,7 @@ class _Reference:
         reference = run(scene, name, until=stop, **settings)
         if (reference.reason if stop is None else reference.reached < stop) and reference.slack_onset is None:
             raise ValueError(f"the chart's reference stopped at s_o/l = {reference.reached:.3f}: {reference.reason}")
-        window = measures.window_of(reference)
+        window = measures.common_window(reference)
         if told is None:
             other = run(scene, WITNESS[0], until=stop, **WITNESS[1])
             try:
@@ -212,7 +212,7 @@ def _missing_rows(
 ) -> list[Row]:
     """The missing rows of a series, while the next run is likely to fit into `share` [s]."""
     done = [r["settings"] for r in rows if r["series"] == line.name]
-    absent = available(line.name) if line.kind == "peer" else None
+    absent = reason_if_missing(line.name) if line.kind == "peer" else None
     if reason := absent or _refusal(scene, line):
         return (
             [] if {} in done else [_chart_row(line, {}, status="not installed" if absent else "failed", reason=reason)]

@@ -22,10 +22,10 @@ SECOND_SET = "The same by a key of the scene: mass.mass=+1%."
 
 def command(
     scene: options.SceneName,
-    tol: Annotated[float | None, options.number("--tol", TOL)] = None,
-    tol_tension: Annotated[float | None, options.number("--tol-tension", TOL_TENSION)] = None,
+    tol: Annotated[float | None, options.number_option("--tol", TOL)] = None,
+    tol_tension: Annotated[float | None, options.number_option("--tol-tension", TOL_TENSION)] = None,
     other: Annotated[Path | None, typer.Option("--with", metavar="FILE", help="Another program's path as CSV.")] = None,
-    with_tol: Annotated[float, options.number("--with-tol", "Allowed to it beside our own error bar.")] = 5e-3,
+    with_tol: Annotated[float, options.number_option("--with-tol", "Allowed to it beside our own error bar.")] = 5e-3,
     set_: options.Set = None,
     verbose: Annotated[bool, typer.Option("--verbose", help="Print every comparison.")] = False,
     deep: Annotated[bool, typer.Option("--deep", help="Compare other programs, too.")] = False,
@@ -60,56 +60,62 @@ def command(
                 "--deep": deep,
             }
         )
-        points = options.points_of(options.limited(line, limits), set_, case)
-        told = _second(points[0].scene, second, second_set)
+        points = options.points_of(options.with_limits(line, limits), set_, case)
+        told = _scene_of_second_solver(points[0].scene, second, second_set)
         return _check_line(points, tol, tol_tension, out, told, require, self_test, sensitive)
-    faults = _faults(tol, tol_tension, with_tol, ask)
-    loaded = options.limited(options.scene_named(scene, faults, travelling=True), limits)
-    points = _points(loaded, set_, case)
+    faults = _tolerance_faults(tol, tol_tension, with_tol, ask)
+    loaded = options.with_limits(options.scene_named(scene, faults, travelling=True), limits)
+    points = _scene_points(loaded, set_, case)
     asked = {"tol": 1e-3 if tol is None else tol, "tol_tension": tol_tension, "ask": ask}
     if len(points) > 1:
         if other is not None:
             raise store.Refused("--with: holds one path against one scene; leave it out of a grid")
-        return _many(loaded, points, out, require, **asked)
+        return _check_grid(loaded, points, out, require, **asked)
     loaded = points[0].scene
-    third = None if other is None else (_path(other, loaded), with_tol)
-    result, folder = _checked(loaded, third, out, deep=deep, second=_second(loaded, second, second_set), **asked)
-    return _tell(result, folder, verbose, sensitive, require, self_test)
+    third = None if other is None else (_read_third_party(other, loaded), with_tol)
+    result, folder = _check_and_write(
+        loaded, third, out, deep=deep, second=_scene_of_second_solver(loaded, second, second_set), **asked
+    )
+    return _report_check(result, folder, verbose, sensitive, require, self_test)
 
 
-def _faults(tol: float | None, tol_tension: float | None, with_tol: float, ask: str) -> list[str]:
+def _tolerance_faults(tol: float | None, tol_tension: float | None, with_tol: float, ask: str) -> list[str]:
     faults = [
-        *options.tol_faults(tol), *options.tol_faults(tol_tension, "--tol-tension", 1e-6, 1.0),
-        *options.tol_faults(with_tol, "--with-tol", 0.0, 1.0),
+        *options.tolerance_faults(tol), *options.tolerance_faults(tol_tension, "--tol-tension", 1e-6, 1.0),
+        *options.tolerance_faults(with_tol, "--with-tol", 0.0, 1.0),
     ]  # fmt: skip
     return faults if ask in ("all", "path") else [*faults, f"--ask = {ask!r}: must be all or path"]
 
 
-def _tell(result: "Check", folder: Path, verbose: bool, sensitive: bool, require: bool, self_test: bool) -> int:
+def _report_check(result: "Check", folder: Path, verbose: bool, sensitive: bool, require: bool, self_test: bool) -> int:
     """Print a check, read back what was written, and test the judge; return the exit code."""
     from validation.commands.check import words
     from validation.core import limits as judge
-    from validation.core.readback import Stored
+    from validation.core.readback import StoredResults
     from validation.page import report, telling
 
-    with terminal.copied() as lines:
-        words.tell(result, verbose)
+    with terminal.copy_printed() as lines:
+        words.print_check(result, verbose)
     if sensitive:
         from validation.commands.check import sensitivity
 
-        terminal.say(f"  {sensitivity.sentence(sensitivity.sensitivity(result))}")
+        terminal.print_text(f"  {sensitivity.noticed_sentence(sensitivity.smallest_noticed_faults(result))}")
     a = result.a.run
     b = result.b.run
-    terminal.say(f"  written to {folder}: report.html, {a.method}/, {b.method}/")
-    broken = telling.broken(a, b)
-    wrong = 0 if broken else report.read_back("check", Stored(folder, [a.method, b.method], judged=True), lines)
-    unmet = require and judge.failed(result.limits)
+    terminal.print_text(f"  written to {folder}: report.html, {a.method}/, {b.method}/")
+    broken = telling.exit_code_of_runs(a, b)
+    wrong = (
+        0
+        if broken
+        else report.read_back_outputs("check", StoredResults(folder, [a.method, b.method], judged=True), lines)
+    )
+    unmet = require and judge.any_limit_fails(result.limits)
     sound = result.verdict.value == "agree" and not (result.doubts or wrong or unmet)
     if self_test:
         from validation.commands.check import selftest
 
-        verdict = selftest.planted(result)
-        terminal.say(f"  {selftest.sentence(verdict, b.method, result.tol)}")
+        verdict = selftest.verdict_with_fault(result)
+        terminal.print_text(f"  {selftest.self_test_sentence(verdict, b.method, result.tol)}")
         sound = sound and verdict.value == "disagree"
     return broken or int(not sound)
 
@@ -124,35 +130,35 @@ def _check_line(
     """
     from validation.commands.check import line as at_rest
     from validation.commands.check import motion
-    from validation.commands.run.lines import answer
+    from validation.commands.run.lines import answer_points
 
     line = points[0].scene
     kind: Any = motion if line.moves else at_rest
     tol = kind.TOL if tol is None else tol
-    kind.refuse(points, tol, tol_tension, second)
+    kind.refuse_check(points, tol, tol_tension, second)
     results: list[Any] = []
 
     def solve(x: Any, report: Any) -> Any:
         how = {"report": report} if x.moves else {}  # at rest it takes a second
-        results.append(kind.checked(x, tol, tol_tension, second, **how))
+        results.append(kind.check_line(x, tol, tol_tension, second, **how))
         return results[-1]
 
-    code = answer("check", points, out, solve, require)
+    code = answer_points("check", points, out, solve, require)
     if sensitive:
         from validation.commands.check import sensitivity
 
         for result in results:
-            terminal.say(f"  {sensitivity.sentence(kind.sensitivity(result))}")
+            terminal.print_text(f"  {sensitivity.noticed_sentence(kind.smallest_noticed_faults(result))}")
     if not self_test:
         return code
     from validation.commands.check import selftest
 
-    verdict = selftest.planted_in_line(kind.checked, line, tol, tol_tension)
-    terminal.say(f"  {selftest.sentence(verdict, kind.SECOND, tol)}")
+    verdict = selftest.line_verdict_with_fault(kind.check_line, line, tol, tol_tension)
+    terminal.print_text(f"  {selftest.self_test_sentence(verdict, kind.SECOND, tol)}")
     return code or int(verdict.value != "disagree")
 
 
-def _points(scene: Any, pairs: list[str] | None, cases: list[str] | None) -> list[options.Point]:
+def _scene_points(scene: Any, pairs: list[str] | None, cases: list[str] | None) -> list[options.Point]:
     """Scenes of a grid; Refused for settings of a method."""
     points = options.points_of(scene, pairs, cases)
     if settings := sorted({key for point in points for key in point.settings}):
@@ -160,7 +166,7 @@ def _points(scene: Any, pairs: list[str] | None, cases: list[str] | None) -> lis
     return points
 
 
-def _path(file: Path, scene: Any) -> Any:
+def _read_third_party(file: Path, scene: Any) -> Any:
     """Another program's path; a wrong direction or unit is refused at once."""
     from validation.core import foreign
     from validation.core.running import run
@@ -170,35 +176,37 @@ def _path(file: Path, scene: Any) -> Any:
     return path
 
 
-def _checked(scene: Any, third: tuple[Any, float] | None, out: Path | None, **asked: Any) -> "tuple[Check, Path]":
+def _check_and_write(
+    scene: Any, third: tuple[Any, float] | None, out: Path | None, **asked: Any
+) -> "tuple[Check, Path]":
     """Check a scene, write and draw everything; return the check and its folder; third : a path and its tolerance."""
     from validation.commands.check import study
-    from validation.core.answers import write_answers
+    from validation.core.answers import write_summary_and_profile
     from validation.core.methods import CHECKED
-    from validation.core.sidebyside import in_background
+    from validation.core.sidebyside import do_in_background
     from validation.page import report
 
-    folder = store.claim(out, "check", scene, ["agreement.json", "scene.toml", "with.csv", *CHECKED])
-    with terminal.progress() as progress:
+    folder = store.claim_folder(out, "check", scene, ["agreement.json", "scene.toml", "with.csv", *CHECKED])
+    with terminal.progress_bars() as progress:
         result = study.check(scene, progress=progress, **asked)
         progress("writing", 0.0)
         (folder / "with.csv").unlink(missing_ok=True)
         if third is not None:
-            result = study.joined(result, *third)
+            result = study.with_third_party(result, *third)
             third[0].write(folder / "with.csv")
         result.write(folder)
         progress("writing", 0.3)
         runs = result.a.run, result.b.run
-        with in_background(partial(_animate, folder, runs)):
-            report.write(folder, "check")
+        with do_in_background(partial(_write_animations, folder, runs)):
+            report.write_report(folder, "check")
         for r in runs:
-            write_answers(folder / r.method, scene, r)
-        store.finish(folder, "check")
+            write_summary_and_profile(folder / r.method, scene, r)
+        store.mark_finished(folder, "check")
         progress("writing", 1.0)
     return result, folder
 
 
-def _second(scene: Any, file: Path | None, pairs: list[str] | None) -> Any:
+def _scene_of_second_solver(scene: Any, file: Path | None, pairs: list[str] | None) -> Any:
     """The scene for the second solver; None if the same."""
     name = str(file)
     other = scene if file is None else options.line_named(name) or options.scene_named(name, travelling=True)
@@ -208,25 +216,25 @@ def _second(scene: Any, file: Path | None, pairs: list[str] | None) -> Any:
     return points[0].scene if file is not None or pairs else None
 
 
-def _animate(folder: Path, runs: "tuple[Response, ...]") -> None:
+def _write_animations(folder: Path, runs: "tuple[Response, ...]") -> None:
     from validation.page import paraview  # slow to load
 
     for run in runs:
-        paraview.write(run, folder / run.method)
+        paraview.write_animation(run, folder / run.method)
 
 
-def _many(scene: Any, points: list[options.Point], out: Path | None, require: bool, **asked: Any) -> int:
+def _check_grid(scene: Any, points: list[options.Point], out: Path | None, require: bool, **asked: Any) -> int:
     """Check every point of a grid; 1 unless all agree."""
     from validation.commands.check import study
-    from validation.core.limits import failed_columns
+    from validation.core.limits import columns_fail
     from validation.page.answer import many
 
-    def row(point: options.Point) -> tuple[dict[str, Any], Any]:
+    def row_and_path(point: options.Point) -> tuple[dict[str, Any], Any]:
         found = study.check(point.scene, **asked)
         r = replace(found.a.run, design=found.design)
-        return many.row(point.scene, r, found.verdict.value), many.path(r)
+        return many.table_row(point.scene, r, found.verdict.value), many.path_columns(r)
 
-    rows = many.grid("check", "grid-check", scene, points, out, row, many.columns)
-    if require and failed_columns(rows):
+    rows = many.answer_grid("check", "grid-check", scene, points, out, row_and_path, many.run_columns)
+    if require and columns_fail(rows):
         return 1
     return 0 if all(row["verdict"] == "agree" for row in rows) else 1

@@ -15,7 +15,7 @@ from cablefem.scene import Scene
 from cablefem.scene.statics import gripped_rest, hauled_rest
 from validation.commands.modes.study import modes
 from validation.core import measures
-from validation.core.agreement import Agreement, Bound, Part, no_bound
+from validation.core.agreement import Agreement, Bound, BoundPart, no_bound
 from validation.core.ladder import Ladder
 from validation.core.methods import METHODS
 from validation.core.order import SAFETY
@@ -37,15 +37,15 @@ def third_party_rows(scene: Scene, a: Ladder) -> Iterator[Agreement]:
             yield replace(row, quantity="deep", law=what)
 
 
-def _row(gap: float, *parts: Part) -> Agreement:
+def _deep_row(gap: float, *parts: BoundPart) -> Agreement:
     return Agreement("deep", gap, Bound("error bars", parts))
 
 
-def _frequencies(scene: Scene, a: Ladder) -> Agreement:
+def _worst_frequency_row(scene: Scene, a: Ladder) -> Agreement:
     return max(modes(scene).rows, key=lambda row: row.gap / row.allowed)
 
 
-def _rest(scene: Scene, a: Ladder) -> Agreement | None:
+def _start_at_rest_row(scene: Scene, a: Ladder) -> Agreement | None:
     if a.run.drive == "grip":
         return None
     r = a.run
@@ -53,13 +53,15 @@ def _rest(scene: Scene, a: Ladder) -> Agreement | None:
     statics = (hauled_rest if r.drive == "haul" else gripped_rest)([r.s_o[0] / l], scene.groups)
     at = statics.place[0] * l
 
-    def off(x: Response) -> float:
+    def distance_from_rest(x: Response) -> float:
         return math.hypot(x.x[0] - at[0], x.y[0] - at[1]) / r.max_deflection
 
-    return _row(off(r), Part(r.method, a.bar(off), HALVED), Part("rounding", ROUNDING))
+    return _deep_row(
+        distance_from_rest(r), BoundPart(r.method, a.bar(distance_from_rest), HALVED), BoundPart("rounding", ROUNDING)
+    )
 
 
-def _driver(scene: Scene, a: Ladder) -> Agreement | None:
+def _time_driver_row(scene: Scene, a: Ladder) -> Agreement | None:
     """Compare the time driver with scipy's DOP853 on the same coarse semi-discrete system, from one state."""
     # s_o/l of that state, and so much of the travel in so many steps
     begin = 0.1
@@ -80,7 +82,7 @@ def _driver(scene: Scene, a: Ladder) -> Agreement | None:
     if not t1 > t0:
         return None
 
-    def marched(n: int) -> tuple[State, int]:
+    def march(n: int) -> tuple[State, int]:
         work = Work()
         grid = [np.linspace(t0, t1, n + 1)] * len(system.phases)
         x = first
@@ -89,8 +91,8 @@ def _driver(scene: Scene, a: Ladder) -> Agreement | None:
                 break
         return x, len(work.events)
 
-    fine, events = marched(steps)
-    coarse, _ = marched(steps // 2)
+    fine, events = march(steps)
+    coarse, _ = march(steps // 2)
     if events or fine.t < t1:
         return None
     n = system.n_dof
@@ -107,25 +109,27 @@ def _driver(scene: Scene, a: Ladder) -> Agreement | None:
     last = n - (a.run.drive == "haul")  # the last unknown of a hauled car has no dynamics
     size = float(np.abs(fine.q[:last]).max())
     gap, change = (float(np.abs(q[:last] - fine.q[:last]).max()) / size for q in (answer.y[:n, -1], coarse.q))
-    return _row(gap, Part("driver", SAFETY * change, "the change from half the steps"), Part("scipy", ROUNDING))
+    return _deep_row(
+        gap, BoundPart("driver", SAFETY * change, "the change from half the steps"), BoundPart("scipy", ROUNDING)
+    )
 
 
-def _bars(scene: Scene, a: Ladder) -> Agreement:
+def _error_bar_row(scene: Scene, a: Ladder) -> Agreement:
     """Compare the elements' path with degree 4 in twice the steps, with its own bar.
 
     Radau's rule would damp the axial waves.
     """
     finer = a.run.settings | {"elements": max(4, a.run.settings["elements"] // 2), "steps": 2 * a.run.settings["steps"]}
-    view = View.of(scene)
-    other = run_with_error_bars(scene, "following-p4", until=view.stop, **finer)
-    gap = measures.path_gap(other.run, a.run, view.cut(a.run, other.run).window)[0]
-    return _row(gap, *(Part(x.run.method, own_path_error(x.run), HALVED) for x in (a, other)))
+    view = View.of_scene(scene)
+    other = run_with_error_bars(scene, "following-p4", until=view.last_needed_position, **finer)
+    gap = measures.path_gap(other.run, a.run, view.up_to_valid(a.run, other.run).window)[0]
+    return _deep_row(gap, *(BoundPart(x.run.method, own_path_error(x.run), HALVED) for x in (a, other)))
 
 
 Third = Callable[[Scene, Ladder], Agreement | None]
 THIRD: dict[str, Third] = {
-    "static catenary and groups: exact frequencies": _frequencies,
-    "start of a car that rolls: catenary of two pieces": _rest,
-    "time driver: scipy's DOP853 on the same system": _driver,
-    "error bars: degree 4 in twice the steps": _bars,
+    "static catenary and groups: exact frequencies": _worst_frequency_row,
+    "start of a car that rolls: catenary of two pieces": _start_at_rest_row,
+    "time driver: scipy's DOP853 on the same system": _time_driver_row,
+    "error bars: degree 4 in twice the steps": _error_bar_row,
 }

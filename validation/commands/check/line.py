@@ -18,11 +18,11 @@ from cablefem.elements import line as elements
 from cablefem.response import Array
 from cablefem.scene.line import Line, LineRest, LineState, NotFound
 from validation.commands.check import sensitivity as sensitivities
-from validation.commands.run.line import Answers, answers, extremes, numbers_of
+from validation.commands.run.line import RestAnswers, answer_line, extreme_rows, numbers_by_position
 from validation.commands.run.lines import Row
-from validation.commands.run.worst import located
+from validation.commands.run.worst import with_worst_positions
 from validation.core import line_laws, store
-from validation.core.agreement import FACTOR_DISAGREE, Agreement, Bound, Part, no_bound
+from validation.core.agreement import FACTOR_DISAGREE, Agreement, Bound, BoundPart, no_bound
 from validation.core.order import FIRST, error_bar
 from validation.page import line as page
 from validation.page.options import Point
@@ -46,7 +46,7 @@ class Unit:
 
 
 @dataclass(frozen=True, slots=True)
-class Both:
+class BothAnswers:
     """Both answers to a line, each with a coarser one."""
 
     a: LineRest
@@ -55,21 +55,21 @@ class Both:
     less_b: LineRest
 
     @property
-    def all(self) -> tuple[LineRest, ...]:
+    def all_four(self) -> tuple[LineRest, ...]:
         return self.a, self.less_a, self.b, self.less_b
 
     @property
-    def shared(self) -> list[int]:
+    def positions_with_rest(self) -> list[int]:
         """Positions that have a rest in all of them."""
-        return [i for i in self.a.states if all(i in rest.states for rest in self.all)]
+        return [i for i in self.a.states if all(i in rest.states for rest in self.all_four)]
 
-    def designs(self) -> list[list[Row]]:
+    def design_numbers(self) -> list[list[Row]]:
         """Design numbers of each, over the shared positions."""
-        shared = self.shared
-        numbers = [(rest, numbers_of(rest)) for rest in self.all]
-        return [extremes(rest.line, [x[i] if i in shared else None for i in range(len(x))]) for rest, x in numbers]
+        shared = self.positions_with_rest
+        numbers = [(rest, numbers_by_position(rest)) for rest in self.all_four]
+        return [extreme_rows(rest.line, [x[i] if i in shared else None for i in range(len(x))]) for rest, x in numbers]
 
-    def units(self, tol: float, tol_tension: float) -> tuple[Unit, Unit]:
+    def units_with_tolerances(self, tol: float, tol_tension: float) -> tuple[Unit, Unit]:
         """Metres and newtons."""
         reach = float(np.ptp(self.a.empty.place[:, 0]))
         EA = self.a.empty.case.EA
@@ -77,7 +77,7 @@ class Both:
         return Unit("m", ROUNDING * reach, tol), Unit("N", ROUNDING * EA, tol_tension * tension)
 
 
-def quantities(state: LineState) -> dict[str, tuple[Array, list[str]]]:
+def compared_values(state: LineState) -> dict[str, tuple[Array, list[str]]]:
     """The compared values of a state, (m,) or (m, 2), and the stations that they belong to."""
     case = state.case
     n = len(state.case.stations)
@@ -97,17 +97,17 @@ def quantities(state: LineState) -> dict[str, tuple[Array, list[str]]]:
     return {name: (x[k], [case.stations[i].name for i in k]) for name, (x, k) in values.items()}
 
 
-def compare_states(both: Both, metres: Unit, newtons: Unit) -> Iterator[Agreement]:
+def compare_states(both: BothAnswers, metres: Unit, newtons: Unit) -> Iterator[Agreement]:
     """One row a quantity, of the worst station and position."""
-    shared = both.shared
+    shared = both.positions_with_rest
     if not shared:
         return
-    states = [[quantities(rest.states[i]) for i in shared] for rest in both.all]
+    states = [[compared_values(rest.states[i]) for i in shared] for rest in both.all_four]
     for quantity in states[0][0]:
         values = [np.concatenate([x[quantity][0] for x in each]) for each in states]  # 4 of (m,) or (m, 2)
         where = [f"{name}, position {i + 1}" for i, x in zip(shared, states[0], strict=True) for name in x[quantity][1]]
         if where:
-            yield _row(quantity, values, where, metres if quantity in METRES else newtons)
+            yield _worst_value_row(quantity, values, where, metres if quantity in METRES else newtons)
 
 
 def compare_design(designs: Sequence[Sequence[Row]], *units: Unit) -> Iterator[Agreement]:
@@ -116,10 +116,10 @@ def compare_design(designs: Sequence[Sequence[Row]], *units: Unit) -> Iterator[A
     for unit in units:
         names = [d["quantity"] for d in designs[0] if d["unit"] == unit.name]
         names = [name for name in names if all(name in x for x in values)]
-        yield _row("design", [np.array([x[name] for name in names]) for x in values], names, unit)
+        yield _worst_value_row("design", [np.array([x[name] for name in names]) for x in values], names, unit)
 
 
-def _row(quantity: str, values: Sequence[Array], where: Sequence[str], unit: Unit) -> Agreement:
+def _worst_value_row(quantity: str, values: Sequence[Array], where: Sequence[str], unit: Unit) -> Agreement:
     """The row of the worst value; values : of both answers, each followed by those of the coarser one."""
     a, less_a, b, less_b = values
     gap = np.abs(a - b)
@@ -128,24 +128,24 @@ def _row(quantity: str, values: Sequence[Array], where: Sequence[str], unit: Uni
     bars = bar_a + bar_b
     badness = np.where(gap > FACTOR_DISAGREE * bars, gap / ROUNDING, np.maximum(gap, bars))
     k = np.unravel_index(np.argmax(np.nan_to_num(badness, nan=math.inf)), badness.shape)
-    parts = Part("catenaries", float(bar_a[k])), Part("elements", float(bar_b[k]))
+    parts = BoundPart("catenaries", float(bar_a[k])), BoundPart("elements", float(bar_b[k]))
     bound = Bound("error bars", parts) if np.isfinite(badness[k]) else no_bound("a number beyond all bounds")
     return Agreement(quantity, float(gap[k]), bound, where[int(k[0])], required=unit.tolerance, unit=unit.name)
 
 
-def _solved_by_one(both: Both) -> Iterator[Agreement]:
+def _rest_row(both: BothAnswers) -> Iterator[Agreement]:
     """A row `rest` for positions that one solver alone solves: a disagreement, unless a search did not end."""
     pairs = list(enumerate(zip(both.a.positions, both.b.positions, strict=True), start=1))
     alone = [(i, pair) for i, pair in pairs if len({isinstance(x, LineState) for x in pair}) == 2]
     if alone:
         i, pair = alone[0]
         unfinished = any(isinstance(x, NotFound) for x in pair)
-        parts = Part("catenaries", math.inf if unfinished else 0.0), Part("elements", 0.0)
+        parts = BoundPart("catenaries", math.inf if unfinished else 0.0), BoundPart("elements", 0.0)
         bound = Bound("error bars", parts)
         yield Agreement("rest", len(alone), bound, f"position {i}", required=0.0, unit="positions")
 
 
-def refine_both(line: Line, second: Line, tol: float, tol_tension: float) -> Both:
+def refine_both(line: Line, second: Line, tol: float, tol_tension: float) -> BothAnswers:
     """Both answers; elements are doubled until their bars are small enough, up to FINEST.
 
     A position that a solver refuses is not tried again by it; one that both refuse, by none.
@@ -159,37 +159,39 @@ def refine_both(line: Line, second: Line, tol: float, tol_tension: float) -> Bot
     hopeless = {i: why for i, why in less_b.refused.items() if i in a.refused}
     while True:
         b = second.rest(partial(elements.solve, elements=n), hopeless)
-        both = Both(a, less_a, b, less_b)
-        rows = [row for row in compare_states(both, *both.units(tol, tol_tension)) if row.bound.parts]
+        both = BothAnswers(a, less_a, b, less_b)
+        rows = [row for row in compare_states(both, *both.units_with_tolerances(tol, tol_tension)) if row.bound.parts]
         coarse = any(row.bound.parts[1].value > BY_ELEMENTS * (row.required or 0.0) for row in rows)
-        unsolved = any(_solved_by_one(both))  # finer elements do not help
+        unsolved = any(_rest_row(both))  # finer elements do not help
         if not coarse or unsolved or n >= FINEST:
             return both
         less_b = b
         n = 2 * n
 
 
-def checked(line: Line, tol: float = TOL, tol_tension: float | None = None, second: Line | None = None) -> Answers:
+def check_line(
+    line: Line, tol: float = TOL, tol_tension: float | None = None, second: Line | None = None
+) -> RestAnswers:
     """Compare both solvers on a line at rest, and hold its states and printed numbers against the TOML.
 
     tol : [m];  tol_tension : of the largest tension, default `tol`;  second : a line for the elements alone.
     """
     tol_tension = tol if tol_tension is None else tol_tension
     given = line
-    line = located(line)
+    line = with_worst_positions(line)
     if second is not None and line is not given:
         car = line.car[0]
         second = second.replace({f"car.{car.name}.at": list(car.at or ())})
     both = refine_both(line, second or line, tol, tol_tension)
-    units = both.units(tol, tol_tension)
-    designs = both.designs()
-    result = answers(line, both.a)
-    result = replace(result, design=with_bars(result.design, designs[1], designs[2]))
-    rows = [*compare_states(both, *units), *compare_design(designs, *units), *_solved_by_one(both)]
-    return replace(result, rows=[*rows, *line_laws.laws(line.to_toml(), both.a), *recheck_outputs(result)])
+    units = both.units_with_tolerances(tol, tol_tension)
+    designs = both.design_numbers()
+    result = answer_line(line, both.a)
+    result = replace(result, design=design_with_bars(result.design, designs[1], designs[2]))
+    rows = [*compare_states(both, *units), *compare_design(designs, *units), *_rest_row(both)]
+    return replace(result, rows=[*rows, *line_laws.check_statics(line.to_toml(), both.a), *recheck_outputs(result)])
 
 
-def with_bars(design: Sequence[Row], coarser: Sequence[Row], other: Sequence[Row]) -> list[Row]:
+def design_with_bars(design: Sequence[Row], coarser: Sequence[Row], other: Sequence[Row]) -> list[Row]:
     """Design numbers with bars: the change from the coarser answer, at least the gap to the other solver."""
     known = [{d["quantity"]: d["value"] for d in x} for x in (coarser, other)]
     out = []
@@ -199,16 +201,16 @@ def with_bars(design: Sequence[Row], coarser: Sequence[Row], other: Sequence[Row
     return out
 
 
-def recheck_outputs(result: Answers) -> list[Agreement]:
+def recheck_outputs(result: RestAnswers) -> list[Agreement]:
     """Write files and page, and read them back."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         result.write(folder, 0.0)
         html = "".join(section.html + section.summary for section in page.sections(folder))
-        return line_laws.printed(result.line.to_toml(), result.rest, folder, html, page.WORDS)
+        return line_laws.check_printed(result.line.to_toml(), result.rest, folder, html, page.WORDS)
 
 
-def sensitivity(result: Answers) -> dict[str, float]:
+def smallest_noticed_faults(result: RestAnswers) -> dict[str, float]:
     """Smallest relative fault of each key that matters, by catenaries."""
     line = result.line
     base = line.rest(catenary_line.solve)
@@ -216,21 +218,24 @@ def sensitivity(result: Answers) -> dict[str, float]:
 
     def gaps(other: Line) -> sensitivities.Gaps:
         changed = other.rest(catenary_line.solve)
-        return {(row.quantity, row.law): row.gap for row in compare_states(Both(base, base, changed, changed), *exact)}
+        return {
+            (row.quantity, row.law): row.gap
+            for row in compare_states(BothAnswers(base, base, changed, changed), *exact)
+        }
 
     return sensitivities.smallest_faults(line, result.rows, gaps)
 
 
-def refuse(points: Sequence[Point], tol: float, tol_tension: float | None, second: Line | None) -> None:
+def refuse_check(points: Sequence[Point], tol: float, tol_tension: float | None, second: Line | None) -> None:
     """Refuse tolerances out of range, and a second line that is another one."""
     low, high = TOL_RANGE
     if not low <= tol <= high:
         raise store.Refused(f"--tol must lie in [{low:g}, {high:g}] m for a line at rest, got {tol:g}")
-    if second is not None and any(_layout(second) != _layout(point.scene) for point in points):
+    if second is not None and any(_contacts_and_shoes(second) != _contacts_and_shoes(point.scene) for point in points):
         raise store.Refused("--second: must be a line with the same contacts, cars and positions")
 
 
-def _layout(line: Line) -> list[tuple[str, ...]]:
+def _contacts_and_shoes(line: Line) -> list[tuple[str, ...]]:
     """Kinds of contacts, and of each car the shoe that it is on at every position."""
     shoes = [(car, [line.shoe(line.place(car, i)) for i in range(line.count)]) for car in line.car]
     cars = [(car.name, *(shoe.name if shoe else "" for shoe in of_car)) for car, of_car in shoes]

@@ -10,13 +10,22 @@ import numpy as np
 from cablefem import catenary_line
 from cablefem.scene.line import Line
 from validation.commands.check import sensitivity as sensitivities
-from validation.commands.run.lines import Report, silent
-from validation.commands.run.motion import ELEMENTS, SINES, Answers, Runs, answer_of, at_rest_points, run_ladders
+from validation.commands.run.lines import Report
+from validation.commands.run.motion import (
+    ELEMENTS,
+    SINES,
+    LineRuns,
+    MotionAnswers,
+    answers_of_ladders,
+    at_rest_points,
+    run_ladders,
+)
 from validation.core import motion_laws, store
-from validation.core.agreement import Agreement, Verdict, overall
+from validation.core.agreement import Agreement, Verdict, overall_verdict
 from validation.core.ladder import Branch, Ladder
-from validation.core.motion_rows import Comparison, Moved, Scales, Tolerance, law_row, tension_of
-from validation.page.options import Point, tol_faults
+from validation.core.motion_rows import Comparison, LineRun, LineTolerance, Scales, contact_tension, law_row
+from validation.core.sidebyside import no_progress
+from validation.page.options import Point, tolerance_faults
 
 TOL = 1e-3
 SECOND = SINES.name  # solver that a planted fault is for
@@ -24,28 +33,28 @@ LOOSER = 10.0  # forces over the path
 FINEST = 32  # times the coarsest resolution and steps together, before a comparison stays too coarse
 
 
-def scales_of(line: Line, moved: Moved) -> Scales:
+def scales_of(line: Line, moved: LineRun) -> Scales:
     """Largest deflection of a car, largest tension at the start, and weights."""
     empty = line.empty(catenary_line.solve)
     heat = 1.0 + line.cable.warmer
     away = [car.point - at_rest_points(empty, car.s / heat) for car in moved.motion.cars]
     path = max((float(np.hypot(*w.T).max()) for w in away), default=1.0)
-    tension = max(float(tension_of(contact)[0]) for contact in moved.motion.contacts)
+    tension = max(float(contact_tension(contact)[0]) for contact in moved.motion.contacts)
     weights = {car.name: car.mass * line.gravity for car in line.car}
     return Scales(path, tension, weights)
 
 
-def judged(line: Line, a: Ladder, b: Ladder, asked: Tolerance) -> list[Agreement]:
+def judge_runs(line: Line, a: Ladder, b: Ladder, tolerance: LineTolerance) -> list[Agreement]:
     """All rows of two ladders of runs: comparisons, and laws of both from the TOML."""
     finest: Any = a.finest
-    comparison = Comparison(a, b, scales_of(line, finest), asked)
-    return [*comparison.rows(), *laws(line.to_toml(), (a, b), comparison.end)]
+    comparison = Comparison(a, b, scales_of(line, finest), tolerance)
+    return [*comparison.rows(), *law_rows(line.to_toml(), (a, b), comparison.end)]
 
 
-def laws(toml: str, ladders: Sequence[Ladder], end: float) -> Iterator[Agreement]:
+def law_rows(toml: str, ladders: Sequence[Ladder], end: float) -> Iterator[Agreement]:
     finest: Any = ladders[0].finest
     turns = any(car.turning is not None for car in finest.motion.cars)
-    known = motion_laws.LAWS | (motion_laws.OF_BODIES if turns else {})
+    known = motion_laws.LAWS | (motion_laws.BODY_LAWS if turns else {})
     for ladder in ladders:
         for name, law in known.items():
 
@@ -56,10 +65,10 @@ def laws(toml: str, ladders: Sequence[Ladder], end: float) -> Iterator[Agreement
             yield law_row(ladder, "laws_si", name, defect, end, finest.method)
 
 
-def checked(
+def check_line(
     line: Line, tol: float = TOL, tol_tension: float | None = None, second: Line | None = None,
-    report: Report = silent,
-) -> Answers:  # fmt: skip
+    report: Report = no_progress,
+) -> MotionAnswers:  # fmt: skip
     """Run both methods on a line in motion and compare them; refine until they agree or the budget is spent.
 
     Where they disagree, one refinement is a second look.
@@ -67,27 +76,27 @@ def checked(
     tol : of the path, over its largest deflection;  tol_tension : of forces, default 10 tol.
     second : a line for the sines alone;  report : is called with the part of the runs that is done.
     """
-    asked = Tolerance(tol, LOOSER * tol if tol_tension is None else tol_tension)
-    first = Runs(ELEMENTS, line)
-    both = first, Runs(SINES, second or line, first)
+    asked = LineTolerance(tol, LOOSER * tol if tol_tension is None else tol_tension)
+    first = LineRuns(ELEMENTS, line)
+    both = first, LineRuns(SINES, second or line, first)
     space = 2
     time = 2
     before = None
     while True:
         run_ladders(both, space, time, report)
         a, b = (runs.ladder(space, time) for runs in both)
-        rows = judged(line, a, b, asked)
-        verdict = overall(rows)
+        rows = judge_runs(line, a, b, asked)
+        verdict = overall_verdict(rows)
         again = verdict is before is Verdict.DISAGREE
         if verdict is Verdict.AGREE or again or space * time >= FINEST:
-            return answer_of(line, a, b, rows)
+            return answers_of_ladders(line, a, b, rows)
         before = verdict
-        in_space, in_time = _coarse(rows)
+        in_space, in_time = _too_coarse(rows)
         space *= 2 if in_space else 1
         time *= 2 if in_time or not in_space else 1
 
 
-def _coarse(rows: Sequence[Agreement]) -> tuple[bool, bool]:
+def _too_coarse(rows: Sequence[Agreement]) -> tuple[bool, bool]:
     """Whether space and time are too coarse: bars of both solvers over half of what is asked, or the larger one."""
     coarse = [row for row in rows if row.verdict is not Verdict.AGREE and row.parts]
     excess = np.array([2.0 * np.sum(row.parts, axis=0) / (row.required or 1.0) for row in coarse] or [(0.0, 1.0)])
@@ -95,34 +104,34 @@ def _coarse(rows: Sequence[Agreement]) -> tuple[bool, bool]:
     return in_space, in_time
 
 
-def sensitivity(result: Answers) -> dict[str, float]:
+def smallest_noticed_faults(result: MotionAnswers) -> dict[str, float]:
     """Smallest relative fault of each key that matters, by one of the coarsest runs a key."""
     line = result.line
-    first = Runs(ELEMENTS, line)
-    base = _alone(first.run(1, 1))
-    asked = Tolerance(TOL, LOOSER * TOL)  # decides no gap
+    first = LineRuns(ELEMENTS, line)
+    base = _ladder_of_one(first.run(1, 1))
+    asked = LineTolerance(TOL, LOOSER * TOL)  # decides no gap
 
     def gaps(other: Line) -> sensitivities.Gaps:
-        changed = _alone(Runs(ELEMENTS, other, first).run(1, 1))
+        changed = _ladder_of_one(LineRuns(ELEMENTS, other, first).run(1, 1))
         comparison = Comparison(base, changed, scales_of(line, result.moved), asked)
         return {(row.quantity, row.law): row.gap for row in comparison.rows() if row.bound.kind == "error bars"}
 
     return sensitivities.smallest_faults(line, result.rows, gaps)
 
 
-def _alone(run: Any) -> Ladder:
+def _ladder_of_one(run: Any) -> Ladder:
     """A run without coarser ones."""
     none = Branch((), (), 0.0)
     return Ladder(run, none, none)
 
 
-def refuse(points: Sequence[Point], tol: float, tol_tension: float | None, second: Line | None) -> None:
+def refuse_check(points: Sequence[Point], tol: float, tol_tension: float | None, second: Line | None) -> None:
     """Refuse tolerances out of range, and a second line that is another one."""
-    if faults := [*tol_faults(tol), *tol_faults(tol_tension, "--tol-tension", 1e-6, 1.0)]:
+    if faults := [*tolerance_faults(tol), *tolerance_faults(tol_tension, "--tol-tension", 1e-6, 1.0)]:
         raise store.Refused(faults)
-    if second is not None and any(_names(second) != _names(point.scene) for point in points):
+    if second is not None and any(_contacts_and_cars(second) != _contacts_and_cars(point.scene) for point in points):
         raise store.Refused("--second: must be a line in motion with the same contacts and cars")
 
 
-def _names(line: Line) -> list[Any]:
+def _contacts_and_cars(line: Line) -> list[Any]:
     return [line.moves, *(x.name for x in line.contact), *(x.name for x in line.car)]

@@ -8,18 +8,18 @@ from validation.core import store
 from validation.page import line, motion
 from validation.page.answer import figures as draw
 from validation.page.answer import many
-from validation.page.answer.content import content
-from validation.page.answer.stored import read
-from validation.page.page import VERDICTS, Section, drawn
+from validation.page.answer.content import answer_content
+from validation.page.answer.stored import read_answer
+from validation.page.page import VERDICTS, Section, render_sections, worst_verdict
 
-WORDS = store.shipped(__package__, "words.toml")
+WORDS = store.shipped_toml(__package__, "words.toml")
 COUNTED = WORDS["counted"]
 
 
 def sections(folder: Path) -> list[Section]:
     for home, kind in (("rest-check", line), ("motion-check", motion)):
         if (folder / home).is_dir():
-            judged = store.read(folder / "agreement.json")
+            judged = store.read_json(folder / "agreement.json")
             return kind.sections(folder / home, judged["rows"], judged["verdict"])
         if (folder / f"grid-{home}").is_dir():
             return kind.grid(folder / f"grid-{home}")
@@ -27,16 +27,16 @@ def sections(folder: Path) -> list[Section]:
     single = folder / "agreement.json"
     if grid.exists() and (not single.exists() or grid.stat().st_mtime > single.stat().st_mtime):
         return many.sections(grid.parent)
-    x = read(folder)
+    x = read_answer(folder)
     if x is None:
         return [Section("answer", "Answer", "", "not comparable", "No answer: every run broke at its start.")]
     own = [row for row in x.rows if not row.get("with")]  # of both solvers; a third party has its own verdict
-    return drawn(
-        __package__, **content(x) | {"verdict": worst_of(own) or "not comparable"}, words=WORDS, named=_named,
-        said=agreement_sentence(own), doubts=x.agreement.get("doubts", []),
+    return render_sections(
+        __package__, **answer_content(x) | {"verdict": deciding_verdict(own) or "not comparable"},
+        words=WORDS, named=_comparison_name, said=agreement_sentence(own), doubts=x.agreement.get("doubts", []),
         third=third_party_verdict(x.rows, x.party.method) if x.party else None,
-        groups=_groups(x.rows),
-        distance=draw.distance(x, "How far the two paths of the car are apart.") if len(x.runs) > 1 else "",
+        groups=_group_rows(x.rows),
+        distance=draw.plot_path_distance(x) if len(x.runs) > 1 else "",
     )  # fmt: skip
 
 
@@ -50,50 +50,49 @@ def agreement_sentence(rows: list[dict[str, Any]]) -> str:
         quantities = {name for group in how["groups"] for name in groups[group]}
         part = [row for row in asked if (row["quantity"] in quantities if quantities else row["quantity"] not in named)]
         if part:
-            said.append(_held(kind, how["hold"], part))
+            said.append(_held_text(kind, how["hold"], part))
     return f"{'; '.join(said)}." if said else "Nothing could be compared."
 
 
-def _held(kind: str, hold: str, rows: list[dict[str, Any]]) -> str:
+def _held_text(kind: str, hold: str, rows: list[dict[str, Any]]) -> str:
     good = sum(row["verdict"] == "agree" for row in rows)
     if good == len(rows):
         return f"{good} {kind} {hold}"
-    return f"{good} of {len(rows)} {kind} {hold}, {_counted([row for row in rows if row['verdict'] != 'agree'])}"
+    return f"{good} of {len(rows)} {kind} {hold}, {_verdict_counts([row for row in rows if row['verdict'] != 'agree'])}"
 
 
-def _counted(rows: list[dict[str, Any]]) -> str:
+def _verdict_counts(rows: list[dict[str, Any]]) -> str:
     count = Counter(row["verdict"] for row in rows)
     return ", ".join(f"{count[verdict]} {COUNTED[verdict]}" for verdict in reversed(VERDICTS) if count[verdict])
 
 
-def worst_of(rows: list[dict[str, Any]]) -> str | None:
-    """The first verdict, in order of precedence, of the rows that count."""
-    verdicts = {row["verdict"] for row in rows if row.get("asked", True)}
-    return next((verdict for verdict in VERDICTS if verdict in verdicts), None)
+def deciding_verdict(rows: list[dict[str, Any]]) -> str | None:
+    """The worst verdict of the rows that decide."""
+    return worst_verdict(row for row in rows if row.get("asked", True))
 
 
 def third_party_verdict(rows: list[dict[str, Any]], party: str) -> tuple[str, str]:
     """The verdict on a third party, and a sentence with the one change that would make it agree."""
     theirs = [row for row in rows if row.get("with") == party]
-    worst = worst_of(theirs) or "not comparable"
+    worst = deciding_verdict(theirs) or "not comparable"
     notes = [note for row in theirs for note in row.get("notes", ())]
     return worst, "; ".join([WORDS["third"][worst], *dict.fromkeys(notes)]) + "."
 
 
-def _groups(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def _group_rows(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     named = {name for names in WORDS["groups"].values() for name in names}
     groups = WORDS["groups"] | {"Other comparisons": {row["quantity"] for row in rows} - named}
     parts = {group: [row for row in rows if row["quantity"] in of] for group, of in groups.items()}
-    return [_line(group, part) for group, part in parts.items() if part]
+    return [_group_row(group, part) for group, part in parts.items() if part]
 
 
-def _line(group: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
+def _group_row(group: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
     asked = [row for row in rows if row.get("asked", True)]
-    worst = worst_of(asked)
-    bad = "; ".join(_named(row) for row in asked if row["verdict"] != "agree")
-    return {"group": group, "verdict": worst, "words": _counted(asked) + (f" ({bad})" if bad else "")}
+    worst = deciding_verdict(asked)
+    bad = "; ".join(_comparison_name(row) for row in asked if row["verdict"] != "agree")
+    return {"group": group, "verdict": worst, "words": _verdict_counts(asked) + (f" ({bad})" if bad else "")}
 
 
-def _named(row: dict[str, Any]) -> str:
+def _comparison_name(row: dict[str, Any]) -> str:
     parts = [row["quantity"].replace("_", " "), row.get("law"), row.get("with")]
     return ": ".join(part for part in parts if part)

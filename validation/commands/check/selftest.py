@@ -6,8 +6,8 @@ from typing import Any
 
 from cablefem.scene.line import Line
 from validation.commands.check.study import Check
-from validation.core.agreement import Verdict, overall
-from validation.core.methods import find
+from validation.core.agreement import Verdict, overall_verdict
+from validation.core.methods import find_method
 from validation.core.refine import run_with_error_bars
 from validation.core.rows import compare
 from validation.core.view import View
@@ -15,7 +15,7 @@ from validation.core.view import View
 FAULT = {"mass.mass": "+1%"}
 
 
-def planted(result: Check) -> Verdict:
+def verdict_with_fault(result: Check) -> Verdict:
     """The verdict on a check's first solver and its second one at half the resolution and steps, with 1 % more mass.
 
     The judge knows the check's scene alone.
@@ -24,15 +24,15 @@ def planted(result: Check) -> Verdict:
     coarse = (*result.b.space.runs, result.b.run)[0]
     shorter = (*result.b.time.runs, result.b.run)[0]
     settings = coarse.settings | {"steps": shorter.settings["steps"]}
-    stop = View.of(scene).stop
+    stop = View.of_scene(scene).last_needed_position
     ends: dict[str, Any] = {} if stop is None else {"until": stop}
-    faulty = run_with_error_bars(scene.replace(FAULT), find(coarse.method), **ends, **settings)
+    faulty = run_with_error_bars(scene.replace(FAULT), find_method(coarse.method), **ends, **settings)
     toml = scene.to_toml()
     faulty = faulty.map(lambda r: replace(r, scene_toml=toml))
-    return overall(compare(scene, result.a, faulty, tol=result.tol))
+    return overall_verdict(compare(scene, result.a, faulty, tol=result.tol))
 
 
-def planted_in_line(checked: Callable[..., Any], line: Line, tol: float, tol_tension: float | None) -> Verdict:
+def line_verdict_with_fault(checked: Callable[..., Any], line: Line, tol: float, tol_tension: float | None) -> Verdict:
     """The verdict on a line whose second solver has 1 % more mass of the first car.
 
     checked : of a line at rest or in motion.
@@ -42,7 +42,7 @@ def planted_in_line(checked: Callable[..., Any], line: Line, tol: float, tol_ten
     return verdict
 
 
-def sentence(verdict: Verdict, method: str, tol: float) -> str:
+def self_test_sentence(verdict: Verdict, method: str, tol: float) -> str:
     """What the self-test says of the verdict; method : of the second solver."""
     of = f"self-test: 1 % more mass for {method}"
     if verdict is Verdict.DISAGREE:

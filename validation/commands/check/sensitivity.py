@@ -11,7 +11,7 @@ from cablefem.scene import SceneError
 from validation.commands.check.study import Check
 from validation.core.agreement import FACTOR_DISAGREE, Agreement
 from validation.core.measures import NotComparable
-from validation.core.methods import find
+from validation.core.methods import find_method
 from validation.core.rows import TABLE
 from validation.core.running import run
 from validation.core.view import View
@@ -20,7 +20,7 @@ Gaps = dict[tuple[str, str], float]  # by quantity and law
 STEP = 0.1  # [percent] change of a key; rows are linear in it
 
 
-def keys(data: Any, way: str = "") -> Iterator[str]:
+def number_keys(data: Any, prefix: str = "") -> Iterator[str]:
     """Dotted keys of all numbers of a scene; tables of a list by name, or number."""
     entries: Any = ()
     if isinstance(data, dict):
@@ -28,25 +28,25 @@ def keys(data: Any, way: str = "") -> Iterator[str]:
     elif isinstance(data, list):
         entries = [(x.get("name", i) if isinstance(x, dict) else i, x) for i, x in enumerate(data)]
     for name, value in entries:
-        key = f"{way}.{name}" if way else str(name)
+        key = f"{prefix}.{name}" if prefix else str(name)
         if isinstance(value, float | int) and not isinstance(value, bool) and isinstance(data, dict) and value:
             yield key
         elif isinstance(value, dict | list):
-            yield from keys(value, key)
+            yield from number_keys(value, key)
 
 
-def sensitivity(result: Check) -> dict[str, float]:
+def smallest_noticed_faults(result: Check) -> dict[str, float]:
     """Smallest relative fault of each key that matters.
 
     One run a key at half the resolution: changes of rows need fewer digits.
     """
     base = (*result.a.space.runs, result.a.run)[0]
-    view = View.of(result.scene).cut(result.a.run, result.b.run)
+    view = View.of_scene(result.scene).up_to_valid(result.a.run, result.b.run)
 
     def gaps(other: Any) -> Gaps:
-        changed = run(other, find(base.method), until=view.stop, **base.settings)
+        changed = run(other, find_method(base.method), until=view.last_needed_position, **base.settings)
         changed = replace(changed, scene_toml=base.scene_toml)
-        return {(q.name, q.law): _gap(q, changed, base, view) for q in TABLE if q.asks and q.concerns(view)}
+        return {(q.name, q.law): _gap_or_zero(q, changed, base, view) for q in TABLE if q.asks and q.concerns(view)}
 
     return smallest_faults(result.scene, result.rows, gaps)
 
@@ -58,8 +58,8 @@ def smallest_faults(scene: Any, rows: Sequence[Agreement], gaps: Callable[[Any],
     """
     bars = {(row.quantity, row.law): row.allowed for row in rows if row.decides}
     out = {}
-    for key in keys(tomllib.loads(scene.to_toml())):
-        other = _changed(scene, key)
+    for key in number_keys(tomllib.loads(scene.to_toml())):
+        other = _scene_with_fault(scene, key)
         if other is None:
             continue
         # the gap grows with the fault
@@ -72,20 +72,20 @@ def smallest_faults(scene: Any, rows: Sequence[Agreement], gaps: Callable[[Any],
     return dict(sorted(out.items(), key=lambda item: item[1]))
 
 
-def _changed(scene: Any, key: str) -> Any:
+def _scene_with_fault(scene: Any, key: str) -> Any:
     for sign in "+-":
         with suppress(SceneError, ValueError):
             return scene.replace({key: f"{sign}{STEP}%"})
     return None
 
 
-def _gap(quantity: Any, changed: Any, base: Any, view: View) -> float:
+def _gap_or_zero(quantity: Any, changed: Any, base: Any, view: View) -> float:
     try:
         return quantity.gap(changed, base, view)
     except NotComparable:
         return 0.0
 
 
-def sentence(found: dict[str, float]) -> str:
+def noticed_sentence(found: dict[str, float]) -> str:
     parts = ", ".join(f"{key} {100.0 * fault:.2g} %" for key, fault in found.items())
     return f"would notice: {parts}" if parts else "would notice no fault of a key of the scene"

@@ -13,12 +13,20 @@ from cablefem.response import Flag, Response, write_json, write_text
 from cablefem.scene import Scene
 from cablefem.scene.errors import did_you_mean, short_text
 from validation.core import foreign, limits, measures, verification
-from validation.core.agreement import DEFAULT_TOL, TOL_HIGH, TOL_LOW, Agreement, Verdict, check_range, overall
-from validation.core.answers import outcome
-from validation.core.design import design, design_gap_rows, widened_numbers
+from validation.core.agreement import (
+    DEFAULT_TOL,
+    TOL_HIGH,
+    TOL_LOW,
+    Agreement,
+    Verdict,
+    overall_verdict,
+    refuse_out_of_range,
+)
+from validation.core.answers import outcome_of_run
+from validation.core.design import design_gap_rows, design_numbers, widened_numbers
 from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.ladder import Goal, Ladder
-from validation.core.methods import Method, find, pair, refined
+from validation.core.methods import Method, checking_pair, find_method, refined_settings
 from validation.core.quantities import key_numbers, number_text
 from validation.core.quasi_static import quasi_static_events
 from validation.core.refine import (
@@ -30,18 +38,18 @@ from validation.core.refine import (
     refine_to_tolerance,
     run_with_error_bars,
 )
-from validation.core.remedy import advised
+from validation.core.remedy import with_remedy
 from validation.core.rows import (
     check_laws,
     compare_answers,
-    doubts,
+    doubt_flags,
     events_with_bars,
     quasi_static_rows,
     recheck_outputs,
     tolerance_of,
     widened_events,
 )
-from validation.core.sidebyside import Progress, side_by_side
+from validation.core.sidebyside import Progress, run_in_parallel
 from validation.core.store import Refused
 from validation.core.view import View
 
@@ -67,12 +75,12 @@ class Check:
 
     @property
     def verdict(self) -> Verdict:
-        return overall(self.rows)
+        return overall_verdict(self.rows)
 
     @property
     def own_verdict(self) -> Verdict:
         """Of both solvers alone, without a third party."""
-        return overall([row for row in self.rows if not row.third_party])
+        return overall_verdict([row for row in self.rows if not row.third_party])
 
     @property
     def design(self) -> list[dict[str, Any]]:
@@ -83,30 +91,30 @@ class Check:
 
     @property
     def doubts(self) -> list[tuple[str, Flag]]:
-        return doubts(self.a.run, self.b.run)
+        return doubt_flags(self.a.run, self.b.run)
 
     def __repr__(self) -> str:
-        said = outcome(self.scene, self.a.run).sentence
+        said = outcome_of_run(self.scene, self.a.run).sentence
         return f"Check({self.scene.name}: {self.verdict.value}, {len(self.rows)} rows, tol = {self.tol:g}; {said})"
 
     def _repr_html_(self) -> str:
-        from validation.page.page import listed  # for notebooks alone
+        from validation.page.page import table_by_heading  # for notebooks alone
 
         columns = {"quantity": "what", "value": "value", "when": "t", "where": "at"}
-        rows = listed(map(number_text, key_numbers(self.design)), columns)
+        rows = table_by_heading(map(number_text, key_numbers(self.design)), columns)
         return f"<div><p>{html.escape(repr(self))}</p>{rows}{self.a.run._repr_html_()}</div>"
 
     @property
     def limits(self) -> list[dict[str, Any]]:
         """Verdicts on the limits of the scene."""
-        return limits.rows(self.scene, self.design, self.a.run.events)
+        return limits.limit_rows(self.scene, self.design, self.a.run.events)
 
     def agreement(self) -> dict[str, Any]:
         judged = {"limits": self.limits} if self.scene.limits else {}
         return judged | {
             "scene": self.scene.name, "verdict": self.verdict.value, "range": list(self.window),
-            "axis": View.of(self.scene).axis, "tol": self.tol,
-            "methods": [self.a.run.method, self.b.run.method], "rows": [row.row() for row in self.rows],
+            "axis": View.of_scene(self.scene).axis, "tol": self.tol,
+            "methods": [self.a.run.method, self.b.run.method], "rows": [row.to_json() for row in self.rows],
             "design": self.design, "verification": self.verification, "events": self.a.run.events,
             "quasi_static": self.quasi_static,
             "doubts": [{"method": name, "kind": flag.kind, "words": str(flag)} for name, flag in self.doubts],
@@ -137,34 +145,34 @@ def check(
     ask : "path": path, position and speed of the car decide, all else is shown; "all".
     check("zipline", tol=5e-3).verdict
     """
-    check_range("tol", tol, TOL_LOW, TOL_HIGH)
-    check_range("tol_tension", tol_tension, 1e-6, 1.0)
+    refuse_out_of_range("tol", tol, TOL_LOW, TOL_HIGH)
+    refuse_out_of_range("tol_tension", tol_tension, 1e-6, 1.0)
     if ask not in ASKED:
         raise ValueError(f"ask = {short_text(ask)}: unknown.{did_you_mean(str(ask), ASKED)}")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
-    sides = _sides((scene, second or scene), methods or pair(scene.groups), tol, until)
-    (first, other), rows = _judged(scene, sides, tol, tol_tension, ask, progress)
-    own = _with_numbers(first, other), _with_numbers(other, first)
+    sides = _methods_on_scenes((scene, second or scene), methods or checking_pair(scene.groups), tol, until)
+    (first, other), rows = _refine_and_compare(scene, sides, tol, tol_tension, ask, progress)
+    own = _with_design_and_events(first, other), _with_design_and_events(other, first)
     rows += design_gap_rows(*own, tolerance_of("rest", tol, tol_tension))
-    a, b = (_widened(x, twin, rows) for x, twin in (own, own[::-1]))
+    a, b = (_with_widened_bars(x, twin, rows) for x, twin in (own, own[::-1]))
     static = quasi_static_events(scene, a.run.max_deflection)
     rows += quasi_static_rows(a, static, tolerance_of("rest", tol, tol_tension))
-    rows += required(recheck_outputs(scene, a.run, b.run), ask)
+    rows += decided_by(recheck_outputs(scene, a.run, b.run), ask)
     if deep:
         from validation.commands.check import deep as third
 
         rows += third.third_party_rows(scene, a)
-    return Check(scene, a, b, tol, _window(scene, a, b), rows, static, verification.verification_rows(*own))
+    return Check(scene, a, b, tol, _compared_window(scene, a, b), rows, static, verification.verification_rows(*own))
 
 
-def required(rows: Iterable[Agreement], ask: str) -> list[Agreement]:
+def decided_by(rows: Iterable[Agreement], ask: str) -> list[Agreement]:
     """The rows, of which those that `ask` does not name are shown only."""
     names = ASKED[ask]
     return [replace(row, decides=row.decides and (not names or row.quantity in names)) for row in rows]
 
 
 @dataclass(frozen=True, slots=True)
-class _Side:
+class _MethodOnScene:
     """A method on the scene that it is told; `ends` as in `refine_to_tolerance`."""
 
     scene: Scene
@@ -182,16 +190,16 @@ class _Side:
         except TooCoarse as error:
             return error.ladder
 
-    def finer(self, ladder: Ladder, rows: list[Agreement], larger: bool) -> Settings | None:
+    def finer_settings(self, ladder: Ladder, rows: list[Agreement], larger: bool) -> Settings | None:
         """Finer settings after a disagreement, or if bars are too large; None: there are none within the budget.
 
         larger : for the larger bar of a row, else for the smaller one.
         """
-        if overall(rows) is Verdict.DISAGREE:
-            finer = refined(self.method, ladder.run.settings, space=CONFIRMS, time=CONFIRMS)
+        if overall_verdict(rows) is Verdict.DISAGREE:
+            finer = refined_settings(self.method, ladder.run.settings, space=CONFIRMS, time=CONFIRMS)
             return None if exceeds_budget(self.method, ladder, finer, self.budget) else finer
         coarse = [row for row in rows if row.decides and row.verdict is Verdict.TOO_COARSE and row.required]
-        goals = [goal for row in coarse for goal in _goals(row, self.method.name, larger)]
+        goals = [goal for row in coarse for goal in _goals_for_row(row, self.method.name, larger)]
         if not goals:
             return None
         worst = max(goals, key=lambda goal: goal.excess)
@@ -204,19 +212,24 @@ class _Side:
         return run_with_error_bars(self.scene, self.method, known=before.runs, progress=report, **self.ends, **settings)
 
 
-def _sides(
+def _methods_on_scenes(
     scenes: tuple[Scene, Scene], methods: Sequence[str | Method], tol: float, until: float | None
-) -> list[_Side]:
-    found = [find(m) if isinstance(m, str) else m for m in methods]
+) -> list[_MethodOnScene]:
+    found = [find_method(m) if isinstance(m, str) else m for m in methods]
     shares = [SHARES.get(m.wing, 1.0) for m in found]
     ends = {} if until is None else {"until": until}
     budget = BUDGET * max(1.0, DEFAULT_TOL / 3.0 / tol)
     each = zip(scenes, found, shares, strict=True)
-    return [_Side(scene, m, tol * share / sum(shares), budget, ends) for scene, m, share in each]
+    return [_MethodOnScene(scene, m, tol * share / sum(shares), budget, ends) for scene, m, share in each]
 
 
-def _judged(
-    scene: Scene, sides: list[_Side], tol: float, tol_tension: float | None, ask: str, progress: Progress | None
+def _refine_and_compare(
+    scene: Scene,
+    sides: list[_MethodOnScene],
+    tol: float,
+    tol_tension: float | None,
+    ask: str,
+    progress: Progress | None,
 ) -> tuple[list[Ladder], list[Agreement]]:
     """Refine both ladders until they agree or cannot get closer; return them and the rows."""
     jobs: list[Callable[[Progress], Any]] = [side.refine for side in sides]
@@ -224,38 +237,40 @@ def _judged(
     confirmed = False
     toml = scene.to_toml()
     while True:
-        first, other = side_by_side(jobs, progress, _load)
+        first, other = run_in_parallel(jobs, progress, _import_judge)
         second = other.map(lambda r: replace(r, scene_toml=toml))  # the judge knows one scene alone
         ladders = [first, second]
-        rows = required(compare_answers(scene, first, second, tolerance), ask)
-        finer = _finer(sides, ladders, rows)
+        rows = decided_by(compare_answers(scene, first, second, tolerance), ask)
+        finer = _finer_settings_of_sides(sides, ladders, rows)
         if confirmed or not any(finer):  # laws need not be checked on runs that are refined anyway
-            rows += required(check_laws(scene, first, second, tolerance), ask)
-            finer = _finer(sides, ladders, rows)
+            rows += decided_by(check_laws(scene, first, second, tolerance), ask)
+            finer = _finer_settings_of_sides(sides, ladders, rows)
         if confirmed or not any(finer):
             return ladders, rows
-        confirmed = overall(rows) is Verdict.DISAGREE
+        confirmed = overall_verdict(rows) is Verdict.DISAGREE
         jobs = [partial(side.rerun, *each) for side, *each in zip(sides, ladders, finer, strict=True)]
 
 
-def _finer(sides: list[_Side], ladders: list[Ladder], rows: list[Agreement]) -> list[Settings | None]:
+def _finer_settings_of_sides(
+    sides: list[_MethodOnScene], ladders: list[Ladder], rows: list[Agreement]
+) -> list[Settings | None]:
     """Finer settings of each side: for the larger bar of a row, or for the smaller one if that costs too much."""
     finer: list[Settings | None] = []
     for larger in (True, False):
-        finer = [side.finer(ladder, rows, larger) for side, ladder in zip(sides, ladders, strict=True)]
+        finer = [side.finer_settings(ladder, rows, larger) for side, ladder in zip(sides, ladders, strict=True)]
         if any(finer):
             break
     return finer
 
 
-def _window(scene: Scene, a: Ladder, b: Ladder) -> measures.Window:
+def _compared_window(scene: Scene, a: Ladder, b: Ladder) -> measures.Window:
     try:
-        return View.of(scene).cut(a.run, b.run).window
+        return View.of_scene(scene).up_to_valid(a.run, b.run).window
     except measures.NotComparable:
         return measures.WINDOW[0], measures.WINDOW[0]
 
 
-def _goals(row: Agreement, method: str, larger: bool) -> Iterator[Goal]:
+def _goals_for_row(row: Agreement, method: str, larger: bool) -> Iterator[Goal]:
     """What the bar of a method in a row should be.
 
     larger : of a method with a row's larger bar, else with the smaller one, if the larger leaves room.
@@ -276,18 +291,20 @@ def _goals(row: Agreement, method: str, larger: bool) -> Iterator[Goal]:
         yield Goal(parts, room * falls, math.inf if "path" in row.quantity else 1.0)
 
 
-def _load() -> None:
+def _import_judge() -> None:
     """Import judging and drawing while a solver runs."""
     for name in ("core.laws", "core.readback", "core.recomputed", "core.trust", "commands.check.page"):
         importlib.import_module(f"validation.{name}")
 
 
-def _with_numbers(ladder: Ladder, twin: Ladder) -> Ladder:
+def _with_design_and_events(ladder: Ladder, twin: Ladder) -> Ladder:
     """The ladder with design numbers and events of its finest run."""
-    return replace(ladder, finest=replace(ladder.run, design=design(ladder, twin), events=events_with_bars(ladder)))
+    return replace(
+        ladder, finest=replace(ladder.run, design=design_numbers(ladder, twin), events=events_with_bars(ladder))
+    )
 
 
-def _widened(ladder: Ladder, twin: Ladder, rows: list[Agreement]) -> Ladder:
+def _with_widened_bars(ladder: Ladder, twin: Ladder, rows: list[Agreement]) -> Ladder:
     """The ladder with bars of its finest run that are at least the gap to the other solver."""
     gap = {row.quantity: row.gap for row in rows if not row.law and math.isfinite(row.gap)}
 
@@ -303,12 +320,12 @@ def _widened(ladder: Ladder, twin: Ladder, rows: list[Agreement]) -> Ladder:
     return replace(ladder, finest=run)
 
 
-def joined(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:
+def with_third_party(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:
     """The check with rows of a third party, against our solver with the smaller bar."""
     best = min((check.a, check.b), key=lambda ladder: own_path_error(ladder.run))
-    rows = list(foreign.rows(path, best, check.window, with_tol))
+    rows = list(foreign.third_party_rows(path, best, check.window, with_tol))
     if isinstance(path, ForeignPath):
-        rows = advised(rows, path, check.scene, (check.a, check.b), check.window, with_tol)
+        rows = with_remedy(rows, path, check.scene, (check.a, check.b), check.window, with_tol)
     return replace(check, rows=[*check.rows, *rows])
 
 
@@ -326,7 +343,7 @@ def check_solver(
 
     Raises Refused if the answer is no path on that scene.
     """
-    check_range("with_tol", with_tol, 0.0, 1.0)
+    refuse_out_of_range("with_tol", with_tol, 0.0, 1.0)
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     name = name or str(getattr(solver, "__name__", type(solver).__name__))
     answer = solver(scene)
@@ -340,4 +357,4 @@ def check_solver(
         answer = ForeignPath.of(scene, **dict(zip(columns, answer, strict=False)), name=name)
     ours = ours or check(scene, tol=tol, progress=progress)
     foreign.refuse_misnamed(answer, ours.a.run)
-    return joined(ours, answer, with_tol)
+    return with_third_party(ours, answer, with_tol)

@@ -6,14 +6,14 @@ from typing import Any
 from cablefem.scene import Scene
 from validation.commands.check.study import Check, check, check_solver
 from validation.core import assertions
-from validation.core.agreement import Agreement, Verdict, overall
+from validation.core.agreement import Agreement, Verdict, overall_verdict
 from validation.core.foreign import WITH_TOL
 from validation.core.store import Refused
 
 Tell = Callable[[str, str], None]  # subject and verdict
 
 
-def asserting(tell: Tell) -> Callable[..., list[Agreement]]:
+def reporting_assert_agree(tell: Tell) -> Callable[..., list[Agreement]]:
     """`assert_agree` that tells."""
 
     def asserted(a: Any, b: Any, **bounds: Any) -> list[Agreement]:
@@ -25,13 +25,13 @@ def asserting(tell: Tell) -> Callable[..., list[Agreement]]:
         except AssertionError as error:
             tell(f"{names}: {str(error).splitlines()[-1].strip()}", "disagree")
             raise
-        tell(f"{names}: {_worst(rows)}", "agree")
+        tell(f"{names}: {_worst_row_text(rows)}", "agree")
         return rows
 
     return asserted
 
 
-def checking(tell: Tell, kept: dict[Any, Check]) -> Callable[..., Check]:
+def reporting_check(tell: Tell, kept: dict[Any, Check]) -> Callable[..., Check]:
     """`check` or `check_solver` that asserts and tells; checks are kept."""
 
     def checked(scene: Any, solver: Any = None, *, tol: float = 1e-3, with_tol: float = WITH_TOL) -> Check:
@@ -51,17 +51,17 @@ def checking(tell: Tell, kept: dict[Any, Check]) -> Callable[..., Check]:
                 raise Refused(refused.faults) from None
             rows = [row for row in result.rows if row.third_party or row.quantity == "path_max"]
             party = rows[-1].third_party
-        verdict = overall(rows)
+        verdict = overall_verdict(rows)
         theirs = [row for row in rows if row.third_party]
-        tell(f"{scene.name}, {party}: {_worst(theirs or rows)}", verdict.value)
+        tell(f"{scene.name}, {party}: {_worst_row_text(theirs or rows)}", verdict.value)
         if verdict is not Verdict.AGREE:
-            failed = [f"  {assertions.row_text(row)}" for row in rows if row.verdict is not Verdict.AGREE]
+            failed = [f"  {assertions.agreement_text(row)}" for row in rows if row.verdict is not Verdict.AGREE]
             raise AssertionError("\n".join([f"{scene.name}: {verdict.value}", *failed]))
         return result
 
     return checked
 
 
-def _worst(rows: Sequence[Agreement]) -> str:
+def _worst_row_text(rows: Sequence[Agreement]) -> str:
     row = max(rows, key=lambda row: row.gap / row.allowed if row.allowed > 0.0 else 0.0)
     return f"{row.quantity} {row.gap:.2g} of {row.allowed:.2g} allowed"

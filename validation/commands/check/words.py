@@ -8,20 +8,20 @@ from validation.core.agreement import Verdict
 from validation.page import telling, terminal
 
 
-def tell(result: Check, verbose: bool = False) -> None:
+def print_check(result: Check, verbose: bool = False) -> None:
     """Print the verdict, important numbers, and their certainty."""
-    terminal.say_verdict(result.own_verdict.value)
-    telling.answer(result.scene, replace(result.a.run, design=result.design))
+    terminal.print_verdict(result.own_verdict.value)
+    telling.print_answer(result.scene, replace(result.a.run, design=result.design))
     if ends := [x for x in result.quasi_static if x["event"] in ("arrival", "back", "stop")]:
-        terminal.say("  by the quasi-static model, without the inertia of the rope:")
-        telling.events(ends[-1:])
-    rows = [row.row() for row in result.rows]
-    terminal.say(f"  {agreement_sentence([row for row in rows if not row.get('with')])}")
+        terminal.print_text("  by the quasi-static model, without the inertia of the rope:")
+        telling.print_events(ends[-1:])
+    rows = [row.to_json() for row in result.rows]
+    terminal.print_text(f"  {agreement_sentence([row for row in rows if not row.get('with')])}")
     for party in dict.fromkeys(row["with"] for row in rows if row.get("with")):
         worst, said = third_party_verdict(rows, party)
-        terminal.say(f"  {party}: {said}", style=terminal.STYLES[worst])
+        terminal.print_text(f"  {party}: {said}", style=terminal.STYLES[worst])
     for method, flag in result.doubts:
-        terminal.say(f"  {method}: {flag}", style="yellow")
+        terminal.print_text(f"  {method}: {flag}", style="yellow")
     if shown := [row for row in result.rows if verbose or (row.decides and row.verdict is not Verdict.AGREE)]:
-        terminal.say()
-        telling.rows(shown)
+        terminal.print_text()
+        telling.print_rows(shown)

@@ -33,23 +33,23 @@ def command(
     """
     faults = [] if model in ("quasi-static", "full") else [f"--model = {model!r}: must be quasi-static or full"]
     loaded = options.line_named(scene) or options.scene_named(scene, faults, travelling=True)
-    points = options.points_of(options.limited(loaded, limits), set_)
+    points = options.points_of(options.with_limits(loaded, limits), set_)
     if len(points) > 1 or points[0].settings:
         raise store.Refused("--set: one value for each key of the scene; --for takes several")
     name, ends = _key_and_range(key)
 
     from validation.commands.find import condition, study
-    from validation.core.readback import faults_of_find
+    from validation.core.readback import find_faults
     from validation.page import report
 
     condition.parse_condition(so_that)
     how: Any = {"so_that": so_that, "model": model, "all_of": dict(map(_key_and_values, all_of or []))}
     found = points[0].scene
     writes = ["find.json"] if other is None else ["find.csv", "find.json"]
-    with options.written(out, "find", found, writes) as folder:
+    with options.writing_results(out, "find", found, writes) as folder:
         result: Any
         try:
-            with terminal.progress() as progress:
+            with terminal.progress_bars() as progress:
                 how["progress"] = progress
                 if other is None:
                     result = study.find(found, {name: ends}, check=check, **how)
@@ -58,12 +58,12 @@ def command(
         except study.Interrupted as stop:
             result = stop.found
         result.write(folder)
-        report.write(folder, "find")
-        with terminal.copied() as lines:
+        report.write_report(folder, "find")
+        with terminal.copy_printed() as lines:
             for sentence in result.sentence.splitlines():
-                terminal.say(sentence, style="bold")
+                terminal.print_text(sentence, style="bold")
         page = (folder / store.REPORT).read_text(encoding="utf-8")
-        wrong = report.say_faults(folder, "find", list(faults_of_find(folder, page, lines)))
+        wrong = report.report_faults(folder, "find", list(find_faults(folder, page, lines)))
         if result.interrupted:
             raise KeyboardInterrupt(f"what was computed is in {folder / 'find.json'}")
     return wrong or int(not result.changes)
@@ -84,6 +84,6 @@ def _key_and_values(pair: str) -> tuple[str, list[Any]]:
     from validation.core import grid
 
     try:
-        return grid.parsed(pair)
+        return grid.parse_key_and_values(pair)
     except ValueError as error:
         raise store.Refused(str(error)) from None

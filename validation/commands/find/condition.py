@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from cablefem.scene.errors import did_you_mean
-from validation.core.limits import MET, columns
+from validation.core.limits import MET, worst_limit_columns
 from validation.core.scene_data import si_factor
 from validation.core.store import Refused
 from validation.page.answer import EVENTS
@@ -58,7 +58,7 @@ class Answer:
             for name, unit in UNITS.items():
                 bar = event.get(f"bar_{name}")
                 numbers[f"{event['event']}.{name}"] = Number(event.get(name, math.nan), bar, unit)
-        return cls(outcome.kind, outcome.sentence, numbers, columns(limits).get("limits_met", ""))
+        return cls(outcome.kind, outcome.sentence, numbers, worst_limit_columns(limits).get("limits_met", ""))
 
 
 def _dotted(name: str) -> str:

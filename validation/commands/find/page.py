@@ -5,24 +5,24 @@ from pathlib import Path
 import numpy as np
 
 from validation.core import store
-from validation.page.page import Section, drawn
+from validation.page.page import Section, render_sections
 from validation.page.plot import BLUE, Panel, plot
 
 
 def sections(folder: Path) -> list[Section]:
-    found = store.read(folder / "find.json")
+    found = store.read_json(folder / "find.json")
     rows = found.get("rows", [])
     figure = ""
     points = [(row["at"], row["value"]) for row in rows if row["value"] is not None]
     if len(points) > 1:
         x, y = np.array(points, float).T
         p = Panel(found["key"], "", 220.0)
-        p.curve(x, y, BLUE, "", 1.8)
-        p.fit([y])
+        p.add_curve(x, y, BLUE, "", 1.8)
+        p.fit_axis([y])
         figure = plot([p], (float(x.min()), float(x.max())), found["for"], f"{found['key']} over {found['for']}.")
     for row in found.get("evaluations", []):
         row["said"] = "; ".join(_observed_text(x) for of_scene in row["read"] for x in of_scene)
-    return drawn(__package__, found=found, rows=rows, figure=figure)
+    return render_sections(__package__, found=found, rows=rows, figure=figure)
 
 
 def _observed_text(read: float | str | None) -> str:

@@ -20,7 +20,7 @@ from cablefem.scene.short import line_or_none
 from validation.commands.find.condition import Answer, Clause, parse_condition, refuse_unknown
 from validation.core import store
 from validation.core.quantities import with_bar
-from validation.core.sidebyside import Progress, silent
+from validation.core.sidebyside import Progress, no_progress
 from validation.core.store import Refused
 from validation.page.answer.many import write_rows
 
@@ -94,9 +94,9 @@ class Found:
         return f"{self.key}{many}: " + "; and ".join(change.sentence for change in self.changes)
 
     def write(self, folder: Path) -> None:
-        write_json(folder / "find.json", store.plain(self.row()))
+        write_json(folder / "find.json", store.nulls_for_nonfinite(self.to_json()))
 
-    def row(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """Content of find.json."""
         first: dict[str, Any] = dict.fromkeys(("value", "bar", "holds_at", "fails_at"))
         changes = []
@@ -138,7 +138,7 @@ class Curve:
 def find(
     of: Scene | Line | str | Path, keys: Mapping[str, Sequence[float]], *, so_that: str,
     model: str = "quasi-static", all_of: Mapping[str, Sequence[Any]] | None = None, check: bool = True,
-    progress: Progress = silent,
+    progress: Progress = no_progress,
 ) -> Found:  # fmt: skip
     """The value of one key, from low to high, at which a condition begins or ceases to hold.
 
@@ -327,7 +327,7 @@ def answer_by_model(scene: Any, model: str, only_events: bool = False, bars: boo
     only_events : without design numbers and bars.  bars : of the full model, too.
     """
     from validation.core import limits
-    from validation.core.answers import outcome
+    from validation.core.answers import outcome_of_run
 
     if isinstance(scene, Line):
         from validation import run_with_bars
@@ -339,14 +339,14 @@ def answer_by_model(scene: Any, model: str, only_events: bool = False, bars: boo
 
         r = run_with_bars(scene, bars=bars)
     else:
-        from validation.core.design import design
+        from validation.core.design import design_numbers
         from validation.core.quasi_static import quasi_static, with_error_bars
 
         r = quasi_static(scene)
         if only_events:
-            return Answer.of(outcome(scene, r), (), r.events, ())
-        r = with_error_bars(scene, replace(r, design=design(r)))
-    return Answer.of(outcome(scene, r), r.design, r.events, limits.rows(scene, r.design, r.events))
+            return Answer.of(outcome_of_run(scene, r), (), r.events, ())
+        r = with_error_bars(scene, replace(r, design=design_numbers(r)))
+    return Answer.of(outcome_of_run(scene, r), r.design, r.events, limits.limit_rows(scene, r.design, r.events))
 
 
 def _answer_of_line(found: Any) -> Answer:
@@ -360,7 +360,7 @@ def _answer_of_line(found: Any) -> Answer:
 def checked_answer(scene: Any, tol: float) -> tuple[Answer, str]:
     """The answer of both solvers, and their verdict; tol : of the path of one span."""
     from validation import check
-    from validation.core.answers import outcome
+    from validation.core.answers import outcome_of_run
 
     if isinstance(scene, Line):
         judge: Any = check
@@ -368,7 +368,7 @@ def checked_answer(scene: Any, tol: float) -> tuple[Answer, str]:
         return _answer_of_line(found), found.verdict.value
     both = check(scene, tol=tol)
     r = replace(both.a.run, design=both.design)
-    return Answer.of(outcome(scene, r), both.design, r.events, both.limits), both.verdict.value
+    return Answer.of(outcome_of_run(scene, r), both.design, r.events, both.limits), both.verdict.value
 
 
 def find_curve(

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from validation.page import terminal
-from validation.page.options import written
+from validation.page.options import writing_results
 
 EXAMPLE = "cablefem methods"
 
@@ -20,14 +20,14 @@ def command(
         return _print_files()
     from cablefem.response import write_json
     from validation.core import store
-    from validation.core.methods import METHODS, installed
+    from validation.core.methods import METHODS, installed_methods
 
     try:
-        methods = METHODS | installed()
+        methods = METHODS | installed_methods()
     except ValueError as error:
         raise store.Refused(str(error)) from None
     if out is not None:
-        with written(out, "methods", "methods", ["methods.json"]) as folder:
+        with writing_results(out, "methods", "methods", ["methods.json"]) as folder:
             write_json(folder / "methods.json", {
                 name: {
                     "title": method.title, "use": method.trust, "wrong": method.wrong,
@@ -35,29 +35,29 @@ def command(
                 } for name, method in methods.items()
             })  # fmt: skip
         return 0
-    _list(methods)
+    _print_methods(methods)
     return 0
 
 
-def _list(methods: Mapping[str, Any]) -> None:
+def _print_methods(methods: Mapping[str, Any]) -> None:
     """Print each method with the settings that are its own, then those of all."""
     first = next(iter(methods.values()))
     common = {key: knob for key, knob in first.knobs.items() if all(key in m.knobs for m in methods.values())}
     for name, method in methods.items():
-        terminal.say(f"{name}: {method.title}", style="bold")
-        terminal.say(f"    use: {method.trust}")
+        terminal.print_text(f"{name}: {method.title}", style="bold")
+        terminal.print_text(f"    use: {method.trust}")
         for key, knob in method.knobs.items():
             if knob != common.get(key):
-                terminal.say(f"    {_setting_text(key, knob)}")
-    terminal.say("all methods, unless said otherwise above", style="bold")
+                terminal.print_text(f"    {_setting_text(key, knob)}")
+    terminal.print_text("all methods, unless said otherwise above", style="bold")
     for key, knob in common.items():
-        terminal.say(f"    {_setting_text(key, knob)}")
+        terminal.print_text(f"    {_setting_text(key, knob)}")
 
 
 def _print_files() -> int:
     from validation.commands.methods.files import dictionary_entries
 
-    terminal.table(["file", "key", "unit", "meaning"], [list(entry) for entry in dictionary_entries()])
+    terminal.print_table(["file", "key", "unit", "meaning"], [list(entry) for entry in dictionary_entries()])
     return 0
 
 

@@ -1,7 +1,7 @@
 import math
 
 from validation.page import terminal
-from validation.page.options import Out, SceneName, scene_named, study
+from validation.page.options import Out, SceneName, run_study, scene_named
 
 EXAMPLE = "cablefem modes bare"
 
@@ -16,12 +16,12 @@ def command(scene: SceneName, out: Out = None) -> int:
     from validation.commands.modes.study import COUNT, EXACT, modes
     from validation.page import telling
 
-    found = study("modes", loaded, ["modes.json"], out, modes, loaded)
+    found = run_study("modes", loaded, ["modes.json"], out, modes, loaded)
     hertz = found.omega[EXACT] / (2.0 * math.pi * loaded.time_scale)
     rows = [
         [str(i + 1), f"{hertz[i]:.5g}", *(f"{omega[i]:.7f}" for omega in found.omega.values())] for i in range(COUNT)
     ]
-    terminal.table(["mode", "Hz", *found.omega], rows, right=["mode", "Hz", *found.omega])
-    terminal.say()
-    telling.rows(found.rows)
+    terminal.print_table(["mode", "Hz", *found.omega], rows, right=["mode", "Hz", *found.omega])
+    terminal.print_text()
+    telling.print_rows(found.rows)
     return 0 if all(row.verdict.value == "agree" for row in found.rows) else 1

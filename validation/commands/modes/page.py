@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from validation.core import store
-from validation.page.page import Section, drawn
+from validation.page.page import Section, render_sections
 
 
 def sections(folder: Path) -> list[Section]:
-    return drawn(__package__, omega=store.read(folder / "modes.json"))
+    return render_sections(__package__, omega=store.read_json(folder / "modes.json"))

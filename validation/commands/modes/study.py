@@ -8,8 +8,8 @@ import numpy as np
 
 from cablefem.response import Array, write_json
 from cablefem.scene import Groups, Scene
-from validation.core.agreement import Agreement, Bound, Part
-from validation.core.sidebyside import Progress, silent
+from validation.core.agreement import Agreement, Bound, BoundPart
+from validation.core.sidebyside import Progress, no_progress
 
 COUNT = 10
 ROUNDING = 1e-10  # relative; dense solvers lose the ratio of the stiffest to the lowest mode
@@ -45,7 +45,7 @@ def cable_frequencies(
     return bare_frequencies(groups, basis, **how)
 
 
-def modes(scene: Scene, out: Path | None = None, progress: Progress = silent) -> Modes:
+def modes(scene: Scene, out: Path | None = None, progress: Progress = no_progress) -> Modes:
     """Compute the frequencies with each method's own error bar: its change from half the resolution.
 
     exact : the linearised catenary, see `oracles.catenary_modes`.  out : folder for modes.json.
@@ -58,12 +58,15 @@ def modes(scene: Scene, out: Path | None = None, progress: Progress = silent) ->
         "fourier": [cable_frequencies(groups, terms=n, n=COUNT) for n in (120, 60)],
         "wavelet": [cable_frequencies(groups, level=n, n=COUNT) for n in (4, 3)],
     }
-    exact = catenary_modes.solve(groups.sigma, groups.alpha, groups.c, count=COUNT)
+    exact = catenary_modes.solve_modes(groups.sigma, groups.alpha, groups.c, count=COUNT)
     rows = []
     for name, (fine, coarse) in pairs.items():
         gap = np.abs(fine / exact.omega - 1.0)
         bar = np.abs(fine / coarse - 1.0)
-        parts = Part(name, float(bar.max()), "the change from half the resolution"), Part("rounding", ROUNDING)
+        parts = (
+            BoundPart(name, float(bar.max()), "the change from half the resolution"),
+            BoundPart("rounding", ROUNDING),
+        )
         rows.append(Agreement(name, float(gap.max()), Bound("own bar", parts)))
     found = Modes({name: fine for name, (fine, _) in pairs.items()} | {EXACT: exact.omega}, rows)
     if out is not None:

@@ -3,7 +3,7 @@ from pathlib import Path
 from typing import Annotated
 
 from validation.core.store import study_folder
-from validation.page.options import Quick, out_option, study
+from validation.page.options import Quick, out_option, run_study
 
 EXAMPLE = "cablefem oracles"
 
@@ -15,7 +15,7 @@ def command(quick: Quick = False, out: Annotated[Path | None, out_option("oracle
     """
     from validation.commands.oracles.study import oracle_table
 
-    found = study(
+    found = run_study(
         "oracles",
         study_folder("oracles", quick),
         ["oracles.json", "oracles.jsonl"],

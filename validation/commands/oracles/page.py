@@ -9,17 +9,19 @@ from matplotlib.figure import Figure
 
 from validation.core import store
 from validation.oracles.case import BEST
-from validation.page.figures import DASHES, MARKERS, PALETTE, figure, panels, style
-from validation.page.page import Section, drawn
+from validation.page.figures import DASHES, MARKERS, PALETTE, captioned_figure, panels, report_style
+from validation.page.page import Section, render_sections
 from validation.page.plot import GREY
 
 
 def sections(folder: Path) -> list[Section]:
-    content = store.read(folder / "oracles.json")
-    return drawn(__package__, content=content, ladders=_ladders(content["rows"]), draw=_draw, figure=figure)
+    content = store.read_json(folder / "oracles.json")
+    return render_sections(
+        __package__, content=content, ladders=_rows_by_wing(content["rows"]), draw=_draw_errors, figure=captioned_figure
+    )
 
 
-def _ladders(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+def _rows_by_wing(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
     """The rows of the case that every method goes through, by wing; none of a small part without such a case."""
     methods: dict[str, set[str]] = {}
     for row in rows:
@@ -35,8 +37,8 @@ def _ladders(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
     return wings
 
 
-@style()
-def _draw(rows: Sequence[dict[str, Any]], title: str) -> Figure:
+@report_style()
+def _draw_errors(rows: Sequence[dict[str, Any]], title: str) -> Figure:
     fig, ax = panels(height=3.9)
     for i, row in enumerate(rows):
         pairs = [(n, e) for n, e in zip(row["sizes"], row["errors"], strict=True) if e is not None]

@@ -25,10 +25,10 @@ from validation import oracles
 from validation.commands.modes.study import cable_frequencies
 from validation.core import store
 from validation.core.crossing import path_over_cable
-from validation.core.methods import ELEMENTS, LEVELS, METHODS, TERMS, find
+from validation.core.methods import ELEMENTS, LEVELS, METHODS, TERMS, find_method
 from validation.core.running import run
-from validation.core.sampling import stacked
-from validation.core.sidebyside import Progress, silent
+from validation.core.sampling import stack_states
+from validation.core.sidebyside import Progress, no_progress
 from validation.oracles.case import Case, Crossing, Rung, Solvers
 from validation.oracles.case import Path as MassPath
 
@@ -67,33 +67,33 @@ class Task:
             "oracle": self.oracle, "case": case.name, "method": method,
             "ladder": [", ".join(f"{k} {v:g}" for k, v in rung.settings.items()) for rung in rungs],
             "refined": case.refined, "sizes": [rung.size for rung in rungs], "expected_order": p, "because": because,
-            "expected": case.must(solvers, method),
+            "expected": case.expected_verdict(solvers, method),
         }  # fmt: skip
         try:
-            return row | self._judged(solvers, rungs, p)
+            return row | self._run_and_judge(solvers, rungs, p)
         except Exception as error:  # whatever breaks in one row, the others are still worth having
             row |= dict.fromkeys(("error", "worst", "observed_order", "allowed"), math.nan)
             reason = f"{type(error).__name__}: {error}"
             errors = [math.nan] * len(rungs)
             return row | {"errors": errors, "allowed_because": "it broke", "verdict": "failed", "reason": reason}
 
-    def _judged(self, solvers: Solvers, rungs: Sequence[Rung], p: float | None) -> dict[str, Any]:
+    def _run_and_judge(self, solvers: Solvers, rungs: Sequence[Rung], p: float | None) -> dict[str, Any]:
         """Run every rung; return errors, what is allowed, and the verdict."""
-        answers = [self.case.ask(solvers, self.method, rung) for rung in rungs]
+        answers = [self.case.answer(solvers, self.method, rung) for rung in rungs]
         errors = [self.case.error(answer) for answer in answers]  # largest, rms
         sizes = [rung.size for rung in rungs]
         rms = [error for _, error in errors]
-        allowed, why = _allowed(sizes[-1] / sizes[-2], p, self.case.gap(*answers[-2:]), rms[-2])
+        allowed, why = _allowed_error(sizes[-1] / sizes[-2], p, self.case.gap(*answers[-2:]), rms[-2])
         if not math.isfinite(allowed):
             why = "the run broke"
-        observed = order(sizes, rms)
+        observed = observed_order(sizes, rms)
         return {
             "errors": rms, "error": rms[-1], "worst": errors[-1][0], "observed_order": observed, "allowed": allowed,
-            "allowed_because": why, "verdict": judge(rms[-1], allowed, observed, p), "reason": "",
+            "allowed_because": why, "verdict": verdict_of_row(rms[-1], allowed, observed, p), "reason": "",
         }  # fmt: skip
 
 
-def _allowed(ratio: float, p: float | None, gap: float | None, before: float) -> tuple[float, str]:
+def _allowed_error(ratio: float, p: float | None, gap: float | None, before: float) -> tuple[float, str]:
     """The allowed error of the finest run, and why.
 
     ratio : of the last two sizes; p : order of theory; gap : of the last two answers, None of a limit;
@@ -107,28 +107,28 @@ def _allowed(ratio: float, p: float | None, gap: float | None, before: float) ->
     return SAFETY * gap / (ratio**credited - 1.0), why
 
 
-def tasks() -> list[Task]:
+def all_tasks() -> list[Task]:
     """All rows of the table, by groups of exact answers."""
     out = []
-    for name, oracle in sorted(oracles.find().items(), key=lambda entry: entry[1].group):
+    for name, oracle in sorted(oracles.find_oracles().items(), key=lambda entry: entry[1].group):
         for case in oracle.cases():
             out += [Task(name, case, method) for method in case.methods or METHODS]
     return out
 
 
-def oracle_table(out: Path, progress: Progress = silent, *, quick: bool = False) -> dict[str, Any]:
+def oracle_table(out: Path, progress: Progress = no_progress, *, quick: bool = False) -> dict[str, Any]:
     """Write oracles.json; an interrupted table goes on where it stopped.
 
     quick : of each heading a comparison that must agree and one that must not.
     """
-    computed = _one_of_each(tasks()) if quick else tasks()
+    computed = _one_of_each(all_tasks()) if quick else all_tasks()
     jobs = {json.dumps(task.key): task for task in computed}
-    results = store.each_once(out / ROWS, jobs, lambda task: task.compute(), partial(progress, "oracles"))
+    results = store.compute_missing(out / ROWS, jobs, lambda task: task.compute(), partial(progress, "oracles"))
     rows = list(results.values())
     as_expected = all(row["verdict"] == row["expected"] for row in rows)
     exact = [
         {"name": name, "title": x.title, "source": x.source, "validity": x.validity, "group": x.group}
-        for name, x in oracles.find().items()
+        for name, x in oracles.find_oracles().items()
     ]
     content = {"verdict": "agree" if as_expected else "disagree", "rows": rows, "oracles": exact}
     write_json(out / RESULT, content)
@@ -138,15 +138,15 @@ def oracle_table(out: Path, progress: Progress = silent, *, quick: bool = False)
 
 def _one_of_each(every: list[Task]) -> list[Task]:
     """The first task of each group of exact answers and expected verdict."""
-    exact = oracles.find()
+    exact = oracles.find_oracles()
     first: dict[tuple[str, str], Task] = {}
     for task in every:
-        expected = task.case.must(SOLVERS, task.method)
+        expected = task.case.expected_verdict(SOLVERS, task.method)
         first.setdefault((exact[task.oracle].group, expected), task)
     return list(first.values())
 
 
-def order(sizes: Sequence[float], errors: Sequence[float]) -> float:
+def observed_order(sizes: Sequence[float], errors: Sequence[float]) -> float:
     """Slope of log(error) on log(1/size); nan where a run failed or the error does not fall.
 
     Finest runs with zero error do not count.
@@ -158,7 +158,7 @@ def order(sizes: Sequence[float], errors: Sequence[float]) -> float:
     return float(-np.polyfit(np.log(sizes[: e.size]), np.log(e), 1)[0])
 
 
-def judge(error: float, allowed: float, observed: float, expected: float | None) -> str:
+def verdict_of_row(error: float, allowed: float, observed: float, expected: float | None) -> str:
     """The verdict: the error is allowed, and falls with the expected order, if there is one."""
     close = math.isfinite(error) and error <= allowed
     falls = expected is None or observed >= expected - ORDER_SCATTER
@@ -173,13 +173,13 @@ BASES = {  # of frequencies: what is refined; order and why
 
 
 class _Solvers:
-    """Solvers for the cases; dimensionless, but `ride` in SI."""
+    """Solvers for the cases; dimensionless, but `run_ride` in SI."""
 
-    def order(self, name: str) -> tuple[float | None, str]:
+    def theoretical_order(self, name: str) -> tuple[float | None, str]:
         """Order of the path, None if it is wrong, and why."""
         if name in BASES:
             return BASES[name][1:]
-        method = find(name)
+        method = find_method(name)
         if method.wrong:
             return None, "none: the centrifugal force is lost at the nodes, it converges to something else"
         if method.space_order <= 1.0:
@@ -189,31 +189,31 @@ class _Solvers:
             "fronts is left"
         )
 
-    def ladder(self, name: str, *, finer: float = 1.0) -> list[Rung]:
+    def rungs(self, name: str, *, finer: float = 1.0) -> list[Rung]:
         """Four rungs of a method; three of a basis, and where one more would cost minutes."""
         if name in BASES:
             resolution = BASES[name][0]
             values = (0, 1, 2) if resolution.doubling else (10, 20, 40)
             return [Rung({resolution.setting: n}, resolution.unknowns(n)) for n in values]
-        method = find(name)
+        method = find_method(name)
         sharp = method.resolution.doubling and method.space_order > 1.0
         slow = finer > 1.0 or sharp or method.keeps_pace > 2.0
         settings = method.ladder(3 if slow else 4, finer)
-        return [Rung(method.main_settings(x), method.resolution.unknowns(method.value(x))) for x in settings]
+        return [Rung(method.main_settings(x), method.resolution.unknowns(method.resolution_value(x))) for x in settings]
 
-    def path(self, crossing: Crossing, name: str, **settings: Any) -> MassPath:
+    def mass_path(self, crossing: Crossing, name: str, **settings: Any) -> MassPath:
         if crossing.scene:
             scene = Scene.load(crossing.scene)
             r = run(scene, name, model="string", until=crossing.until, **settings)
             return MassPath(r.t / scene.time_scale, r.s_o / r.length, r.v / r.length)
         return MassPath(*path_over_cable(crossing.groups, name, settings, **crossing.how))
 
-    def modes(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Array:
+    def frequencies(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Array:
         return cable_frequencies(groups, degree=2, model=model, n=count, **settings)
 
-    def damped_modes(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Any:
+    def damped_frequencies(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Any:
         """Matrices of the linear model column by column, then its quadratic eigenvalues i w."""
-        system = _built(name, replace(groups, mu=0.0, motion=rest_motion(0.4, 1.0)), model, settings)
+        system = _build_solver(name, replace(groups, mu=0.0, motion=rest_motion(0.4, 1.0)), model, settings)
         n = system.n_dof
         unit = np.eye(n)
         none = np.zeros((n, n))
@@ -230,29 +230,29 @@ class _Solvers:
         omega = -1j * np.linalg.eigvals(A)
         return np.sort_complex(omega[omega.real > 0.0])[:count]
 
-    def plucked(self, name: str, groups: Groups, p: float, end: float, **settings: Any) -> tuple[Array, Array]:
+    def release_string(self, name: str, groups: Groups, p: float, end: float, **settings: Any) -> tuple[Array, Array]:
         """Release a straight string that the weight of groups holds at p; return t, and w at p."""
         groups = replace(groups, motion=rest_motion(p, end))
-        loaded = _built(name, groups, "straight", settings)
-        free = _built(name, replace(groups, mu=0.0), "straight", settings)
+        loaded = _build_solver(name, groups, "straight", settings)
+        free = _build_solver(name, replace(groups, mu=0.0), "straight", settings)
         rest = equilibrium(loaded)
         start = newmark.consistent_acceleration(free, 0.0, rest, np.zeros_like(rest), 0)
-        grid = np.linspace(0.0, end, 1 + find(name).settings(settings)["steps"])
+        grid = np.linspace(0.0, end, 1 + find_method(name).settings(settings)["steps"])
         states = [start, *newmark.integrate(free, newmark.scheme("trapezoidal"), [grid], start=start)]
-        history = stacked(states)
+        history = stack_states(states)
         return history.t, free.observe(history, np.zeros(0), np.zeros(0, np.intp)).path[:, 1]
 
-    def ride(self, scene: Scene, name: str, **settings: Any) -> Response:
+    def run_ride(self, scene: Scene, name: str, **settings: Any) -> Response:
         return run(scene, name, **settings)
 
-    def hold(self, groups: Groups, name: str, start: float, **settings: Any) -> float:
+    def holding_force(self, groups: Groups, name: str, start: float, **settings: Any) -> float:
         """Force along the cable that holds a free car at its start."""
         groups = replace(groups, motion=None, drive=Drive(mode="free", start=start, end_time=1.0, nominal=1.0))
-        solver = _built(name, groups, "full", settings)
+        solver = _build_solver(name, groups, "full", settings)
         solver.start(0, None)
         return float(solver.hold)
 
-    def line(self, line: Line, name: str, **settings: Any) -> LineRest:
+    def line_at_rest(self, line: Line, name: str, **settings: Any) -> LineRest:
         from cablefem import catenary_line
         from cablefem.elements import line as elements
 
@@ -263,6 +263,6 @@ class _Solvers:
 SOLVERS: Solvers = _Solvers()
 
 
-def _built(name: str, groups: Groups, model: str, settings: dict[str, Any]) -> Any:
-    method = find(name)
+def _build_solver(name: str, groups: Groups, model: str, settings: dict[str, Any]) -> Any:
+    method = find_method(name)
     return method.build(groups, method.settings_on(groups, settings), model=model, load="mass", law="elastic")

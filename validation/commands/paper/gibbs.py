@@ -15,7 +15,7 @@ from galerkin.bases.daubechies import Daubechies
 from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
 from validation.commands.paper.runs import SETTINGS
-from validation.core.sampling import stacked
+from validation.core.sampling import stack_states
 
 OVERSHOOT = SETTINGS["overshoot"]
 POSITIONS = np.linspace(*(OVERSHOOT["places"][end] for end in ("first", "last", "count")))
@@ -29,7 +29,7 @@ def _tensions_near_mass(system: GalerkinSystem | FollowingElements, distances: A
             states.append(x)
             if len(states) == POSITIONS.size:
                 break
-    history = stacked(states)
+    history = stack_states(states)
     out = []
     for i, s_o in enumerate(system.motion.position(history.t)):
         s = np.r_[s_o - distances[::-1], s_o + distances]

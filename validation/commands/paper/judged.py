@@ -23,7 +23,7 @@ Row = dict[str, Any]
 
 def judged_claims(names: Row) -> list[Row]:
     """All claims of claims.toml, judged, as they are stored; names : of `known.claim_names`."""
-    content = store.shipped(__package__, "claims.toml")
+    content = store.shipped_toml(__package__, "claims.toml")
     out = []
     for claim in content["claim"]:
         readings = claim.get("readings", False)
@@ -65,7 +65,7 @@ def claim_quantities(entry: Row, meaning: Row, names: Row) -> Iterator[Row]:
         value, bar, paper = _value_with_bar(entry, here)
         claimed, low, high = _claimed_range(entry, meaning, here)
         numbers = {"claimed": claimed, "low": low, "high": high, "paper": paper, "converged": value, "uncertainty": bar}
-        yield {"name": render_sentence(entry["name"], here), **store.plain(numbers)}
+        yield {"name": render_sentence(entry["name"], here), **store.nulls_for_nonfinite(numbers)}
 
 
 def _value_with_bar(entry: Row, names: Row) -> tuple[float, float, float | None]:
@@ -119,7 +119,7 @@ def evaluate_expression(expression: str | float, names: Row) -> float:
     """The value of an expression; an unknown name is an error."""
     if not isinstance(expression, str):
         return expression
-    return float(page.expression(expression)(**names))
+    return float(page.compile_expression(expression)(**names))
 
 
 def render_sentence(template: str, names: Row) -> str:
@@ -138,7 +138,7 @@ def fixed_decimals(x: float, decimals: int = 0, factor: float = 1.0) -> str:
 def power_of_ten_text(x: float) -> str:
     """A number to one digit as 2·10⁻⁵."""
     mantissa, exponent = f"{x:.0e}".split("e")
-    return f"{mantissa}·10{page.raised(int(exponent))}"
+    return f"{mantissa}·10{page.superscript(int(exponent))}"
 
 
 _TEMPLATES = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)

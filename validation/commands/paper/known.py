@@ -52,14 +52,14 @@ def claim_numbers(runs: Runs, file: Path, report: Progress, quick: bool = False)
     }  # fmt: skip
     conditions = level.to_toml(), inclined.to_toml(), SETTINGS["overshoot"] | {"terms": ladders}, swing, quick
     keyed = {json.dumps((name, *conditions)): job for name, job in jobs.items()}
-    results = store.each_once(file, keyed, lambda job: job(), partial(report, "numbers"))
+    results = store.compute_missing(file, keyed, lambda job: job(), partial(report, "numbers"))
     return dict(zip(jobs, results.values(), strict=True))
 
 
 def first_frequency_by_terms(runs: Runs) -> dict[str, Any]:
     """omega_1 against the number of terms in both bases, with the exact and the linear theory's value."""
     groups = runs.scenes["level"].groups
-    exact = catenary_modes.solve(groups.sigma, groups.alpha, groups.c, count=10).omega
+    exact = catenary_modes.solve_modes(groups.sigma, groups.alpha, groups.c, count=10).omega
     wavelets = [Daubechies(order=4, level=level, reading="literal") for level in range(4)]
     sines = [Fourier(n) for n in (*range(1, 21), 24, 30, 40, 59)]
 

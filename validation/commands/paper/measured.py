@@ -82,7 +82,7 @@ def energy_without_work(r: Response, whole: bool = True) -> float:
     defect = measures.energy_defect(r)
     if not whole:
         defect = defect + weight * (r.y - r.v)
-    return float(np.abs(defect[measures.inside(r, measures.WINDOW)]).max() / (weight * r.max_deflection))
+    return float(np.abs(defect[measures.steps_in_window(r, measures.WINDOW)]).max() / (weight * r.max_deflection))
 
 
 def frames_between(r: Response, low: float, high: float) -> slice:
@@ -179,7 +179,7 @@ def front_meeting_position(r: Response) -> float:
 
 def linear_first_frequency(sigma: float, alpha: float) -> float:
     """Irvine and Caughey's first frequency of a level cable."""
-    return float(irvine.frequencies(irvine.parameter(sigma, alpha), 1)[0])
+    return float(irvine.frequencies(irvine.irvine_parameter(sigma, alpha), 1)[0])
 
 
 def static_tension_range(scene: Scene) -> float:

@@ -7,9 +7,9 @@ import numpy as np
 
 from cablefem.response import Array
 from cablefem.scene.line import Line
-from validation.commands.run.motion import ELEMENTS, Runs
+from validation.commands.run.motion import ELEMENTS, LineRuns
 from validation.core.ladder import Ladder
-from validation.core.motion_rows import turning_columns, with_bars
+from validation.core.motion_rows import design_with_bars, turning_series
 from validation.page.motion import unit_of
 
 ANGLES = ("0", "5", "15")  # [deg] of the thrust above the line of the wheels
@@ -23,8 +23,8 @@ def ride_numbers_by_angle(quick: bool) -> Row:
     line = Line.load("rocket-trolley")
     lines = {angle: line.replace({"car.sled.drive.thrust.angle": float(angle)}) for angle in ANGLES}
     coarser = 3.0 if quick else 1.0
-    ladders = {name: Runs(ELEMENTS, each, coarser=coarser).ladder(2, 2) for name, each in lines.items()}
-    point = Runs(ELEMENTS, line.replace(POINT)).ladder(8, 2)  # without pitch the coarsest run has few elements
+    ladders = {name: LineRuns(ELEMENTS, each, coarser=coarser).ladder(2, 2) for name, each in lines.items()}
+    point = LineRuns(ELEMENTS, line.replace(POINT)).ladder(8, 2)  # without pitch the coarsest run has few elements
     ladders["point"] = point
     return {"x": PLACES.tolist(), **{name: _ride_numbers(ladder, point, line) for name, ladder in ladders.items()}}
 
@@ -33,7 +33,7 @@ def _ride_numbers(ladder: Ladder, point: Ladder, line: Line) -> Row:
     """Design numbers; besides where the ride ends, how far its path is from the point mass's, and series over x."""
     at_point = _depths_at_places(point.finest)
     x = _first_car(ladder.finest).point[:, 0]
-    loads = {name: of for name, of in turning_columns(_first_car(ladder.finest)).items() if name != "pitch"}
+    loads = {name: of for name, of in turning_series(_first_car(ladder.finest)).items() if name != "pitch"}
     weight = line.car[0].mass * line.gravity
 
     def distance_from_point(run: Any) -> float:
@@ -42,7 +42,7 @@ def _ride_numbers(ladder: Ladder, point: Ladder, line: Line) -> Row:
     numbers = {"end": _value_with_bar(ladder, lambda run: float(_first_car(run).point[-1, 0] / line.contact[-1].at[0]))}
     numbers["away"] = _value_with_bar(ladder, distance_from_point)
     numbers["away"]["bar"] += point.bar(distance_from_point)
-    for row in with_bars(ladder, None, line, unit_of):
+    for row in design_with_bars(ladder, None, line, unit_of):
         numbers[row["quantity"]] = row
     return numbers | {
         "change": (_depths_at_places(ladder.finest) - at_point).tolist(),

@@ -17,11 +17,11 @@ from cablefem.scene import Scene
 from validation.commands.paper.judged import render_sentence
 from validation.core import store
 from validation.core.quantities import with_bar
-from validation.page.figures import figure, panels, style
-from validation.page.page import Section, drawn, number
+from validation.page.figures import captioned_figure, panels, report_style
+from validation.page.page import Section, number_html, render_sections
 from validation.page.plot import BLACK, BLUE, GREY
 
-FIGURES = store.shipped(__package__, "figures.toml")
+FIGURES = store.shipped_toml(__package__, "figures.toml")
 LOOKS: dict[str, dict[str, Any]] = FIGURES["looks"]
 STATIC = LOOKS["static"] | {"label": "static"}
 DOTTED = {"color": GREY, "linewidth": 0.8, "linestyle": (0, (1, 2))}
@@ -30,7 +30,7 @@ Shown = list[tuple[Response, dict[str, Any]]]  # runs and their looks
 
 
 def sections(folder: Path) -> list[Section]:
-    content = store.read(folder / "claims.json")
+    content = store.read_json(folder / "claims.json")
 
     @cache
     def stored_response(name: str) -> Response:
@@ -40,7 +40,9 @@ def sections(folder: Path) -> list[Section]:
     for part in FIGURES["section"]:
         parts.append(part | {"drawn": [_draw_figure(one, content, stored_response) for one in part["figure"]]})
     references = [x | {"name": FIGURES["scenes"][name]} for name, x in content["references"].items()]
-    return drawn(__package__, content=content, parts=parts, references=references, value=_value_text, with_bar=with_bar)
+    return render_sections(
+        __package__, content=content, parts=parts, references=references, value=_value_text, with_bar=with_bar
+    )
 
 
 def _value_text(x: float | None, q: dict[str, Any], bar: float | None = None) -> str:
@@ -51,7 +53,7 @@ def _value_text(x: float | None, q: dict[str, Any], bar: float | None = None) ->
         return with_bar(x, bar).replace(" ± ", "\u202f±\u202f").replace("-", "−")
     distances = [abs(x / end - 1.0) for end in (q["low"], q["high"]) if end and end != x]
     digits = 2 - np.floor(np.log10(min(distances, default=1.0)))
-    return number(x, int(np.clip(digits, 3, 8)))
+    return number_html(x, int(np.clip(digits, 3, 8)))
 
 
 def _draw_figure(one: dict[str, Any], content: dict[str, Any], stored: Callable[[str], Response]) -> Markup:
@@ -62,8 +64,8 @@ def _draw_figure(one: dict[str, Any], content: dict[str, Any], stored: Callable[
 
     runs = [(stored(name), LOOKS[look] | {"label": label}) for name, look, label in one.get("of", ())]
     caption = render_sentence(one["caption"], {"converged": converged_value})
-    with style():
-        return figure(DRAWN[one["draw"]](one, content, runs), caption, label=one["label"])
+    with report_style():
+        return captioned_figure(DRAWN[one["draw"]](one, content, runs), caption, label=one["label"])
 
 
 def _draw_frequencies(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:

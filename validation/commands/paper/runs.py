@@ -10,12 +10,12 @@ from typing import Any
 from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.core import measures, store
-from validation.core.ladder import Branch, Ladder, response
-from validation.core.methods import find, refined
+from validation.core.ladder import Branch, Ladder, identity
+from validation.core.methods import find_method, refined_settings
 from validation.core.running import run
-from validation.core.sidebyside import Progress, in_parallel
+from validation.core.sidebyside import Progress, map_in_parallel
 
-SETTINGS = store.shipped(__package__, "runs.toml")
+SETTINGS = store.shipped_toml(__package__, "runs.toml")
 
 
 def paper_scenes() -> dict[str, Scene]:
@@ -43,12 +43,12 @@ class Reference:
     @property
     def path_bar(self) -> float:
         """Bar of the path in the window, over its largest deflection."""
-        window = measures.window_of(*self.ladder.runs, self.cross)
+        window = measures.common_window(*self.ladder.runs, self.cross)
 
         def gap(a: Response, b: Response) -> float:
             return measures.path_gap(a, b, window)[0]
 
-        return max(float(self.ladder.bar(response, gap)), gap(self.cross, self.ladder.finest))
+        return max(float(self.ladder.bar(identity, gap)), gap(self.cross, self.ladder.finest))
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,12 +66,12 @@ Job = tuple[str, str, dict[str, Any]]  # scene, method, settings
 def planned_runs(quick: bool = False) -> dict[str, Job]:
     """Every run by its folder's name; quick : a quarter of the steps, an eighth of those in position."""
     name, settings = SETTINGS["fine"]
-    method = find(name)
+    method = find_method(name)
     fine = method.settings(settings)
     ladder = {"": fine}
     for word, share in (("half", 0.5), ("quarter", 0.25)):
-        ladder[f"-{word}-resolution"] = refined(method, fine, space=share)
-        ladder[f"-{word}-steps"] = refined(method, fine, time=share)
+        ladder[f"-{word}-resolution"] = refined_settings(method, fine, space=share)
+        ladder[f"-{word}-steps"] = refined_settings(method, fine, time=share)
     jobs: dict[str, Job] = {}
     for scene in SETTINGS["references"]:
         jobs |= {f"{scene}-reference{end}": (scene, name, x) for end, x in ladder.items()}
@@ -83,9 +83,9 @@ def planned_runs(quick: bool = False) -> dict[str, Job]:
 def _with_fewer_steps(job: Job) -> Job:
     """A job by a quarter of the steps, or an eighth of those in position, which are not compiled."""
     scene, name, settings = job
-    method = find(name)
+    method = find_method(name)
     share = 1.0 / 8.0 if settings.get("abscissa") == "s" else 0.25
-    return scene, name, refined(method, method.settings(settings), time=share)
+    return scene, name, refined_settings(method, method.settings(settings), time=share)
 
 
 def all_runs(out: Path, report: Progress, quick: bool = False) -> Runs:
@@ -98,14 +98,16 @@ def all_runs(out: Path, report: Progress, quick: bool = False) -> Runs:
         return load_or_run(out / "runs" / name, by_name[scene], method, settings)
 
     done = itertools.count(1)
-    in_parallel(lambda name: bool(run_of(name)), list(jobs), lambda i, there: report("runs", next(done) / len(jobs)))
+    map_in_parallel(
+        lambda name: bool(run_of(name)), list(jobs), lambda i, there: report("runs", next(done) / len(jobs))
+    )
     runs = {name: run_of(name) for name in jobs}
     return Runs(by_name, runs, {scene: _reference_of(runs, scene) for scene in SETTINGS["references"]})
 
 
 def load_or_run(folder: Path, scene: Scene, method: str, settings: dict[str, Any]) -> Response:
     """The stored run of this scene and settings, made if there is none."""
-    as_stored = json.loads(json.dumps(find(method).settings(settings)))
+    as_stored = json.loads(json.dumps(find_method(method).settings(settings)))
     try:
         old = Response.read(folder)
         if (old.scene_toml, old.method, old.settings) == (scene.to_toml(), method, as_stored):
@@ -122,6 +124,6 @@ def _reference_of(runs: dict[str, Response], scene: str) -> Reference:
         coarser = tuple(runs[f"{scene}-reference-{word}-{what}"] for word in ("half", "quarter"))
         return Branch(coarser, (2.0, 2.0), order)
 
-    space = coarser_branch("resolution", find(SETTINGS["fine"][0]).space_order)
+    space = coarser_branch("resolution", find_method(SETTINGS["fine"][0]).space_order)
     time = coarser_branch("steps", 2.0)
     return Reference(Ladder(runs[f"{scene}-reference"], space, time), runs[f"{scene}-cross"])

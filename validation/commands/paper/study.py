@@ -7,14 +7,14 @@ from typing import Any
 from cablefem.response import Response, write_json
 from validation.commands.paper import judged, known
 from validation.commands.paper.runs import all_runs
-from validation.core.sidebyside import Progress, silent
+from validation.core.sidebyside import Progress, no_progress
 
 
 def _relative_deflection(r: Response) -> float:
     return r.max_deflection / r.length
 
 
-def paper(out: Path, report: Progress = silent, *, quick: bool = False) -> dict[str, Any]:
+def paper(out: Path, report: Progress = no_progress, *, quick: bool = False) -> dict[str, Any]:
     """Make or reuse every run in out/runs, judge every claim, and write claims.json.
 
     quick : all runs by a quarter of the steps, overshoots without the longest ladders.

@@ -13,7 +13,7 @@ from cablefem.scene.motion import rest_motion
 from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
 from validation.commands.paper.runs import SETTINGS
-from validation.core.sampling import stacked
+from validation.core.sampling import stack_states
 
 
 def free_vibration_energy(
@@ -33,7 +33,7 @@ def free_vibration_energy(
         states.extend(newmark.integrate(system, scheme, [times], newton=newton, start=states[0]))
     at_rest_state = State(0.0, *np.zeros((3, system.n_dof)))
     with np.errstate(over="ignore", invalid="ignore"):
-        energy = system.observe(stacked([at_rest_state, *states]), np.zeros(0), np.zeros(0, np.intp)).energy
+        energy = system.observe(stack_states([at_rest_state, *states]), np.zeros(0), np.zeros(0, np.intp)).energy
         return (energy[1:] - energy[0]) / (energy[1] - energy[0])
 
 

@@ -34,14 +34,14 @@ def command(context: typer.Context, quick: Quick = False, out: Annotated[Path | 
     broken = []
     with report.missing_parts(out, parts) as (root, missing):
         for i, part in enumerate(missing):
-            terminal.say(f"part {i + 1} of {len(missing)}: cablefem {' '.join(part)}", style="bold")
+            terminal.print_text(f"part {i + 1} of {len(missing)}: cablefem {' '.join(part)}", style="bold")
             try:
                 context.obj(list(part))  # the command line itself: each part runs as a user would run it
             except BrokenPipeError:
                 raise
             except Exception as error:  # the other parts are still worth having
-                faults = terminal.faults(error)
-                terminal.complain(faults)
-                broken.append(report.broken_part(part, faults))
-            terminal.say()
-    return int(report.gather(root, parts, broken))
+                faults = terminal.fault_sentences(error)
+                terminal.print_faults(faults)
+                broken.append(report.section_of_broken_part(part, faults))
+            terminal.print_text()
+    return int(report.gather_report(root, parts, broken))

@@ -27,7 +27,7 @@ def command(
     model: Annotated[str, typer.Option(metavar="NAME", help=MODEL)] = "full",
     load: Annotated[str, typer.Option(metavar="NAME", help="mass: with its inertia; force: only its weight.")] = "mass",
     law: Annotated[str, typer.Option(metavar="NAME", help=LAW)] = "auto",
-    tol: Annotated[float | None, options.number("--tol", TOL)] = None,
+    tol: Annotated[float | None, options.number_option("--tol", TOL)] = None,
     bars: Annotated[bool, typer.Option("--bars/--no-bars", help="Error bars from coarser runs.")] = True,
     limits: options.LimitNames = None,
     case: options.Cases = None,
@@ -47,79 +47,79 @@ def command(
         options.refuse_moving({"--method": method != METHOD, **others, "--tol": tol is not None})
         from validation.commands.run import line as at_rest
         from validation.commands.run import motion
-        from validation.commands.run.lines import answer
+        from validation.commands.run.lines import answer_points
 
-        given = options.points_of(options.limited(line, limits), set_, case)
-        solve = motion.answers if line.moves else lambda x, _: at_rest.answers(x)
-        return answer("run", given, out, solve, require)
+        given = options.points_of(options.with_limits(line, limits), set_, case)
+        solve = motion.answer_line if line.moves else lambda x, _: at_rest.answer_line(x)
+        return answer_points("run", given, out, solve, require)
     faults = [
         f"--{option} = {short_text(given)}: unknown.{did_you_mean(given, CHOICES[option])}"
         for option, given in kind.items() if given not in CHOICES[option]
     ]  # fmt: skip
-    faults += options.tol_faults(tol)
-    chosen = None if model == QUASI_STATIC else _found(method, tol, faults)
-    loaded = options.limited(options.scene_named(scene, faults, travelling=True), limits)
+    faults += options.tolerance_faults(tol)
+    chosen = None if model == QUASI_STATIC else _find_method(method, tol, faults)
+    loaded = options.with_limits(options.scene_named(scene, faults, travelling=True), limits)
     points = options.points_of(loaded, set_, case)
-    if faults := [fault for point in points for fault in _faults(chosen, kind, point, tol)]:
+    if faults := [fault for point in points for fault in _run_faults(chosen, kind, point, tol)]:
         raise store.Refused(list(dict.fromkeys(faults)))
 
     from validation.commands.run import study
 
     def answered(point: options.Point, progress: Callable[..., None]) -> "tuple[Response, str]":
         how = kind | point.settings
-        return study.answer(point.scene, chosen, tol=tol, bars=bars, progress=progress, **how)
+        return study.run_and_answer(point.scene, chosen, tol=tol, bars=bars, progress=progress, **how)
 
     if len(points) > 1:
-        return study.many(loaded, points, answered, out, require)
-    return _one(points[0], QUASI_STATIC if chosen is None else method, answered, out, require)
+        return study.answer_grid(loaded, points, answered, out, require)
+    return _run_and_report(points[0], QUASI_STATIC if chosen is None else method, answered, out, require)
 
 
-def _one(
+def _run_and_report(
     point: options.Point, name: str, answered: "Callable[..., tuple[Response, str]]", out: Path | None, require: bool
 ) -> int:  # fmt: skip
     from validation.core import limits
-    from validation.core.answers import write_answers
-    from validation.core.readback import Stored
-    from validation.core.sidebyside import in_background
+    from validation.core.answers import write_summary_and_profile
+    from validation.core.readback import StoredResults
+    from validation.core.sidebyside import do_in_background
     from validation.page import report, telling
 
     scene = point.scene
-    folder = store.claim(out, "run", point.scene, [name])
-    with terminal.progress() as progress:
+    folder = store.claim_folder(out, "run", point.scene, [name])
+    with terminal.progress_bars() as progress:
         r, missed = answered(point, partial(progress, name))
         r.summary()  # bars are computed when they are looked at
-    with in_background(partial(_animate, r, folder / name)) if name != QUASI_STATIC else nullcontext():
+    with do_in_background(partial(_write_animation, r, folder / name)) if name != QUASI_STATIC else nullcontext():
         r.write(folder / name)
-        write_answers(folder / name, scene, r)
-        report.write(folder, "run")
-    store.finish(folder, "run")  # with the animation's files
-    with terminal.copied() as lines:
-        telling.answer(scene, r)
-        telling.work(r)
-    terminal.say(f"  written to {folder}: report.html, {name}/")
-    if broken := telling.broken(r):
+        write_summary_and_profile(folder / name, scene, r)
+        report.write_report(folder, "run")
+    store.mark_finished(folder, "run")  # with the animation's files
+    with terminal.copy_printed() as lines:
+        telling.print_answer(scene, r)
+        telling.print_cost(r)
+    terminal.print_text(f"  written to {folder}: report.html, {name}/")
+    if broken := telling.exit_code_of_runs(r):
         return broken
-    wrong = report.read_back("run", Stored(folder, [name], judged=False), lines)
+    wrong = report.read_back_outputs("run", StoredResults(folder, [name], judged=False), lines)
     if missed:
-        terminal.complain([missed])
+        terminal.print_faults([missed])
         return 1
-    if require and limits.failed(limits.rows(scene, r.design, r.events)):
+    if require and limits.any_limit_fails(limits.limit_rows(scene, r.design, r.events)):
         return 1
     # a bar that could not be made is no fault of the run
     return 1 if wrong or any(flag.kind != "no bar" for flag in r.flags) else 0
 
 
-def _animate(response: "Response", folder: Path) -> None:
+def _write_animation(response: "Response", folder: Path) -> None:
     from validation.page import paraview  # slow to load
 
-    paraview.write(response, folder)
+    paraview.write_animation(response, folder)
 
 
-def _found(name: str, tol: float | None, faults: list[str]) -> Any:
-    from validation.core.methods import find
+def _find_method(name: str, tol: float | None, faults: list[str]) -> Any:
+    from validation.core.methods import find_method
 
     try:
-        method = find(name)
+        method = find_method(name)
     except ValueError as error:
         faults.append(str(error))
         return None
@@ -128,7 +128,7 @@ def _found(name: str, tol: float | None, faults: list[str]) -> Any:
     return method
 
 
-def _faults(method: Any, kind: dict[str, Any], point: options.Point, tol: float | None) -> list[str]:
+def _run_faults(method: Any, kind: dict[str, Any], point: options.Point, tol: float | None) -> list[str]:
     """Settings that the method does not take, or why it cannot run the scene."""
     from validation.core.running import Run
 

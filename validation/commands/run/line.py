@@ -22,28 +22,28 @@ from validation.core import store
 from validation.core.answers import STATIONS, Outcome
 from validation.page import terminal
 from validation.page.answer import many as table
-from validation.page.line import WORDS, kind_of, pairs, tell
+from validation.page.line import WORDS, largest_and_smallest_rows, print_line, quantity_kind
 
-NAMED = 3  # collisions in an outcome
+MAX_NAMED = 3  # collisions in an outcome
 # in the table of the terminal
 NOT_PRINTED = ("tension", "tension_behind", "tension_ahead", "pressure", "pressure_down", "load")
 
 
-def numbers_of(rest: LineRest) -> list[Row | None]:
+def numbers_by_position(rest: LineRest) -> list[Row | None]:
     """Numbers of all positions; None without rest."""
-    return [_numbers(rest, i) if i in rest.states else None for i in range(len(rest.positions))]
+    return [_numbers_at_position(rest, i) if i in rest.states else None for i in range(len(rest.positions))]
 
 
-def _numbers(rest: LineRest, i: int) -> Row:
+def _numbers_at_position(rest: LineRest, i: int) -> Row:
     """Numbers of position i; None for what a car on a shoe has not, and for what is not finite."""
     line = rest.line
     state = rest.states[i]
     out: Row = {}
     for car in line.car:
-        out |= _at_car(rest, i, car)
+        out |= _numbers_at_car(rest, i, car)
     index = {p.name: k for k, p in enumerate(state.case.stations)}
     for j in range(len(line.contact)):
-        out |= _at_contact(rest, i, j, index)
+        out |= _numbers_at_contact(rest, i, j, index)
     for a, b in itertools.pairwise(line.contact):
         out[f"sag:{a.name} to {b.name}"] = catenary_line.sag(state, index[a.name], index[b.name])
     out["tension_max"] = float(np.nanmax(state.station_tensions))
@@ -57,7 +57,7 @@ def _numbers(rest: LineRest, i: int) -> Row:
     return {name: None if isinstance(x, float) and not math.isfinite(x) else x for name, x in out.items()}
 
 
-def _at_car(rest: LineRest, i: int, car: Car) -> Row:
+def _numbers_at_car(rest: LineRest, i: int, car: Car) -> Row:
     line = rest.line
     state = rest.states[i]
     x = line.place(car, i)
@@ -75,7 +75,7 @@ def _at_car(rest: LineRest, i: int, car: Car) -> Row:
     out = {f"x:{car.name}": x, f"depth:{car.name}": depth, f"on:{car.name}": shoe and shoe.name} | values
     ground = np.array(line.ground).reshape(-1, 2)  # (m, 2)
     if line.ground and ground[0, 0] <= x <= ground[-1, 0]:
-        out[_over(car, GROUND)] = float(np.interp(x, *ground.T)) - depth - car.below
+        out[_car_clearance_name(car, GROUND)] = float(np.interp(x, *ground.T)) - depth - car.below
     return out
 
 
@@ -92,7 +92,7 @@ def _depth_on_shoe(rest: LineRest, i: int, car: Car, saddle: tuple[float, float]
     return float(rail(rest.line.place(car, i)))
 
 
-def _at_contact(rest: LineRest, i: int, j: int, index: dict[str, int]) -> Row:
+def _numbers_at_contact(rest: LineRest, i: int, j: int, index: dict[str, int]) -> Row:
     """Numbers of contact j at position i; index : station by name."""
     line = rest.line
     state = rest.states[i]
@@ -107,8 +107,8 @@ def _at_contact(rest: LineRest, i: int, j: int, index: dict[str, int]) -> Row:
         out[f"load_down:{name}"] = down + cars
         out[f"pressure:{name}"] = math.hypot(across, down)
         out[f"pressure_down:{name}"] = down
-        out[f"knee:{name}"] = _knee(state, k)
-        out[f"knee_empty:{name}"] = _knee(rest.empty, j)
+        out[f"knee:{name}"] = _bend_angle(state, k)
+        out[f"knee_empty:{name}"] = _bend_angle(rest.empty, j)
         out[f"direction:{name}"] = math.degrees(math.atan2(across, down))
         out[f"rope_over:{name}"] = float(rest.empty.s[j] - state.s[k])
     elif contact.kind == "counterweight":
@@ -119,17 +119,17 @@ def _at_contact(rest: LineRest, i: int, j: int, index: dict[str, int]) -> Row:
     return out
 
 
-def _knee(state: LineState, k: int) -> float:
+def _bend_angle(state: LineState, k: int) -> float:
     """Angle [deg] by which the rope bends down at a station."""
     behind, ahead = (math.atan2(pull[1], pull[0]) for pull in (state.behind[k], state.ahead[k]))
     return math.degrees(ahead - behind)
 
 
-def _over(car: Car, what: str) -> str:
+def _car_clearance_name(car: Car, what: str) -> str:
     return f"clearance_car:{car.name} over {what}"
 
 
-def _passing(line: Line, rows: Sequence[Row | None]) -> list[tuple[str, int, float]]:
+def _clearances_in_passing(line: Line, rows: Sequence[Row | None]) -> list[tuple[str, int, float]]:
     """Clearances of cars over obstacles and corners of the ground that they pass, linear between two positions."""
     out = []
     tops = [(o.name, o.at, o.top) for o in line.obstacle] + [(GROUND, *point) for point in line.ground]
@@ -140,43 +140,43 @@ def _passing(line: Line, rows: Sequence[Row | None]) -> list[tuple[str, int, flo
             for name, at, top in tops:
                 if min(a, b) <= at <= max(a, b):
                     w = (at - a) / (b - a) if b != a else 0.0
-                    out.append((_over(car, name), i, top - y - w * (z - y) - car.below))
+                    out.append((_car_clearance_name(car, name), i, top - y - w * (z - y) - car.below))
     return out
 
 
-def extremes(line: Line, rows: Sequence[Row | None]) -> list[Row]:
+def extreme_rows(line: Line, rows: Sequence[Row | None]) -> list[Row]:
     """Largest and smallest value of each quantity, and the position of each."""
     out = []
-    for name, values in _series(line, rows).items():
+    for name, values in _values_with_positions(line, rows).items():
         kind = name.partition(":")[0]
         for word, pick in (("max", max), ("min", min)):
             if WORDS[kind].get("only", word) == word:
                 value, i = pick(values)
                 out.append({
-                    "quantity": _extreme_of(name, word), "value": value, "bar": None, "unit": WORDS[kind]["unit"],
+                    "quantity": _extreme_name(name, word), "value": value, "bar": None, "unit": WORDS[kind]["unit"],
                     "position": i + 1, "at": {c.name: line.place(c, i) for c in line.car},
                 })  # fmt: skip
     return out
 
 
-def _series(line: Line, rows: Sequence[Row | None]) -> dict[str, list[tuple[float, int]]]:
+def _values_with_positions(line: Line, rows: Sequence[Row | None]) -> dict[str, list[tuple[float, int]]]:
     """Values by quantity, each with its position."""
     known = [(name, i, value) for i, row in enumerate(rows) for name, value in (row or {}).items()]
     series: dict[str, list[tuple[float, int]]] = {}
-    for name, i, value in (*known, *_passing(line, rows)):
-        if isinstance(value, float) and kind_of(name) != "x":
+    for name, i, value in (*known, *_clearances_in_passing(line, rows)):
+        if isinstance(value, float) and quantity_kind(name) != "x":
             series.setdefault(name, []).append((value, i))
     return series
 
 
-def _extreme_of(name: str, word: str) -> str:
+def _extreme_name(name: str, word: str) -> str:
     """Name of the max or min of a quantity."""
     kind, colon, of = name.partition(":")
     quantity = kind if kind.endswith(f"_{word}") else f"{kind}_{word}"
     return f"{quantity}{colon}{of}"
 
 
-def envelope(rest: LineRest) -> dict[str, Array]:
+def envelope_columns(rest: LineRest) -> dict[str, Array]:
     """Columns of profile.csv: the empty rope, and the extremes of depth and tension over all positions."""
     x = np.linspace(0.0, rest.line.contact[-1].at[0], STATIONS)
     curves = [catenary_line.depth_and_tension(state, x) for state in rest.states.values()]
@@ -189,20 +189,20 @@ def envelope(rest: LineRest) -> dict[str, Array]:
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Answers(LineAnswers):
+class RestAnswers(LineAnswers):
     """A line at rest and its numbers; of a check also the judged rows."""
 
     rest: LineRest
     numbers: list[Row | None]  # None: a position without rest
 
     @property
-    def refused(self) -> list[Row]:
+    def positions_without_rest(self) -> list[Row]:
         positions = enumerate(self.rest.positions)
         return [{"position": i + 1, "reason": str(x)} for i, x in positions if isinstance(x, NoLine)]
 
     @property
     def status(self) -> str:
-        return "incomplete" if self.refused else "complete"
+        return "incomplete" if self.positions_without_rest else "complete"
 
     @property
     def outcome(self) -> Outcome:
@@ -212,16 +212,18 @@ class Answers(LineAnswers):
         load = f"{tension['value'] / 1e3:.1f} kN"
         if self.breaks:
             strength = f"{(self.line.cable.breaking_load or 0.0) / 1e3:.1f} kN"
-            force = f"{load} in a rope of {strength}{_cars(tension)}"
+            force = f"{load} in a rope of {strength}{_cars_text(tension)}"
             parts.append(Outcome("breaks", f"the rope is loaded beyond its breaking load: {force}"))
-        hits = list(map(_hit, self.hits))
+        hits = list(map(_collision_text, self.collisions))
         if hits:
-            more = [f"{len(hits) - NAMED} more"] if len(hits) > NAMED else []
-            parts.append(Outcome("collides", f"would collide: {', '.join([*hits[:NAMED], *more])}"))
-        if self.refused:
-            parts.append(Outcome("incomplete", f"{len(self.refused)} of {self.line.count} positions have no rest"))
+            more = [f"{len(hits) - MAX_NAMED} more"] if len(hits) > MAX_NAMED else []
+            parts.append(Outcome("collides", f"would collide: {', '.join([*hits[:MAX_NAMED], *more])}"))
+        if self.positions_without_rest:
+            parts.append(
+                Outcome("incomplete", f"{len(self.positions_without_rest)} of {self.line.count} positions have no rest")
+            )
         if not parts:
-            carries = f"at rest at {_positions(self.line.count)}; largest tension {load}{_cars(tension)}"
+            carries = f"at rest at {_position_count(self.line.count)}; largest tension {load}{_cars_text(tension)}"
             parts.append(Outcome("carries", carries))
         return Outcome(parts[0].kind, "; ".join(part.sentence for part in parts))
 
@@ -233,13 +235,13 @@ class Answers(LineAnswers):
     @property
     def curve(self) -> Any:
         """x and the lowest depths of the rope."""
-        profile = envelope(self.rest)
+        profile = envelope_columns(self.rest)
         return [profile["x"].tolist(), profile["y_lowest"].tolist()]
 
     def write(self, folder: Path, seconds: float) -> None:
         """Write positions.csv, profile.csv, summary.json, scene.toml, and the ropes that the page draws."""
         line = self.line
-        profile = envelope(self.rest)
+        profile = envelope_columns(self.rest)
         rows = [{"position": i + 1} | (x or {}) for i, x in enumerate(self.numbers)]
         table.write_rows(folder / "positions.csv", rows)
         write_csv(folder / "profile.csv", ",".join(profile), np.stack(list(profile.values()), axis=1))
@@ -247,7 +249,8 @@ class Answers(LineAnswers):
         write_json(folder / "summary.json", {
             "scene": line.name, "title": line.title, "method": "catenaries", "status": self.status,
             "outcome": self.outcome.sentence, "outcome_kind": self.outcome.kind,
-            "refused": self.refused, "positions": line.count, "empty_length": float(np.ptp(self.rest.empty.s)),
+            "refused": self.positions_without_rest, "positions": line.count,
+            "empty_length": float(np.ptp(self.rest.empty.s)),
             "design": self.design, "limits": self.limits, "seconds": seconds,
         })  # fmt: skip
         at_rest = list(self.rest.states)
@@ -257,45 +260,47 @@ class Answers(LineAnswers):
             str(i + 1): catenary_line.depth_and_tension(self.rest.states[i], profile["x"])[0].tolist() for i in drawn
         }
         ropes = {"profile": {name: values.tolist() for name, values in profile.items()}, "depths": depths}
-        write_json(folder / "ropes.json", store.plain(ropes))
+        write_json(folder / "ropes.json", store.nulls_for_nonfinite(ropes))
 
     def tell(self, seconds: float) -> None:
         """Print outcome, limits, design numbers, and the first three positions without rest."""
-        printed = pairs([d for d in self.design if kind_of(d["quantity"]) not in NOT_PRINTED])
-        tell(self.line, self.outcome.sentence, self.limits, printed, len(printed))
-        for x in self.refused[:3]:
-            terminal.say(f"  position {x['position']}: {x['reason']}", style="bold red")
-        if len(self.refused) > 3:
-            terminal.say(f"  and {len(self.refused) - 3} more positions without rest", style="bold red")
-        terminal.say(f"  {_positions(self.line.count)} in {seconds:.1f} s")
+        printed = largest_and_smallest_rows([d for d in self.design if quantity_kind(d["quantity"]) not in NOT_PRINTED])
+        print_line(self.line, self.outcome.sentence, self.limits, printed, len(printed))
+        for x in self.positions_without_rest[:3]:
+            terminal.print_text(f"  position {x['position']}: {x['reason']}", style="bold red")
+        if len(self.positions_without_rest) > 3:
+            terminal.print_text(
+                f"  and {len(self.positions_without_rest) - 3} more positions without rest", style="bold red"
+            )
+        terminal.print_text(f"  {_position_count(self.line.count)} in {seconds:.1f} s")
 
 
-def _positions(count: int) -> str:
+def _position_count(count: int) -> str:
     return "1 position" if count == 1 else f"{count} positions"
 
 
-def _cars(number: Row) -> str:
+def _cars_text(number: Row) -> str:
     return f" with {', '.join(f'{name} at {x:.0f} m' for name, x in number['at'].items())}" if number["at"] else ""
 
 
-def _hit(number: Row) -> str:
+def _collision_text(number: Row) -> str:
     kind, _, of = number["quantity"].partition(":")
     name = f"the rope over {of}" if kind.startswith("clearance_rope") else of
     who, _, what = name.partition(" over ")
-    return f"{who} hits {what} by {-number['value']:.2f} m{_cars(number)}"
+    return f"{who} hits {what} by {-number['value']:.2f} m{_cars_text(number)}"
 
 
-def answers(line: Line, rest: LineRest | None = None) -> Answers:
+def answer_line(line: Line, rest: LineRest | None = None) -> RestAnswers:
     """Solve a line by catenaries; an error where the empty line or every position has no rest.
 
     rest : its solution, if there is one.
     """
     if rest is None:
-        from validation.commands.run.worst import located
+        from validation.commands.run.worst import with_worst_positions
 
-        line = located(line)
+        line = with_worst_positions(line)
         rest = line.rest(catenary_line.solve)
-    numbers = numbers_of(rest)
+    numbers = numbers_by_position(rest)
     if not any(numbers):
         raise store.Refused(f"{line.name}: no position has a rest; at the first {rest.positions[0]}")
-    return Answers(line=line, rest=rest, numbers=numbers, design=extremes(line, numbers))
+    return RestAnswers(line=line, rest=rest, numbers=numbers, design=extreme_rows(line, numbers))

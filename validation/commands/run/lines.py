@@ -13,8 +13,9 @@ from cablefem.response import write_json
 from cablefem.scene import SceneError
 from cablefem.scene.line import Line
 from validation.core import limits, store
-from validation.core.agreement import Agreement, Verdict, overall
+from validation.core.agreement import Agreement, Verdict, overall_verdict
 from validation.core.answers import Outcome
+from validation.core.sidebyside import no_progress
 from validation.page import line as at_rest
 from validation.page import motion, report, terminal
 from validation.page.answer import many as table
@@ -24,10 +25,6 @@ TOUCHES = -1e-6  # [m] a rope that ends on the ground does not hit it
 Row = dict[str, Any]
 Report = Callable[[float, str], object]  # fraction done, and what
 Solve = Callable[[Line, Report], "LineAnswers"]
-
-
-def silent(done: float, what: str) -> None:
-    """A report that nobody sees."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -45,12 +42,12 @@ class LineAnswers:
     @property
     def verdict(self) -> Verdict | None:
         """Of all rows; None if nothing was compared."""
-        return overall(self.rows) if self.rows else None
+        return overall_verdict(self.rows) if self.rows else None
 
     @property
     def limits(self) -> list[Row]:
         """Verdicts on the limits of the line."""
-        return limits.rows(self.line, self.design)
+        return limits.limit_rows(self.line, self.design)
 
     @property
     def tension_max(self) -> Row:
@@ -64,7 +61,7 @@ class LineAnswers:
         return breaking_load is not None and self.tension_max["value"] > breaking_load
 
     @property
-    def hits(self) -> list[Row]:
+    def collisions(self) -> list[Row]:
         """Negative clearances, the deepest first."""
         clearances = [d for d in self.design if d["quantity"].startswith("clearance") and d["value"] < TOUCHES]
         return sorted(clearances, key=lambda d: d["value"])
@@ -105,59 +102,59 @@ class LineAnswers:
         """Print outcome, limits and design numbers."""
         raise NotImplementedError
 
-    def entry(self) -> Row:
+    def table_row(self) -> Row:
         """The row of a table of lines, without the design numbers."""
-        row: Row = {"outcome": self.outcome.sentence, "status": self.status, **limits.columns(self.limits)}
+        row: Row = {"outcome": self.outcome.sentence, "status": self.status, **limits.worst_limit_columns(self.limits)}
         return row | ({"verdict": self.verdict.value} if self.verdict else {})
 
 
-def answer(command: str, points: Sequence[Point], out: Path | None, solve: Solve, require: bool = False) -> int:
+def answer_points(command: str, points: Sequence[Point], out: Path | None, solve: Solve, require: bool = False) -> int:
     """Answer a line or a grid, store, draw and print it.
 
     1 where solvers or files do not agree, or a required limit fails; 2 where a run broke or a position has no rest.
     """
     line: Line = points[0].scene
-    rows = _many(command, points, out, solve) if len(points) > 1 else [_one(command, line, out, solve)]
+    rows = _answer_grid(command, points, out, solve) if len(points) > 1 else [_answer_one(command, line, out, solve)]
     if any(x.get("verdict", "agree") != "agree" or x.get("faults") for x in rows):
         return 1
     if any(x["status"] != "complete" for x in rows):
         return 2
-    return int(require and limits.failed_columns(rows))
+    return int(require and limits.columns_fail(rows))
 
 
-def _home(command: str, line: Line) -> str:
+def _folder_name(command: str, line: Line) -> str:
     """Name of the folder of a line's files."""
     if line.moves:
         return f"motion-{command}"
     return "rest-check" if command == "check" else "rest"
 
 
-def _one(command: str, line: Line, out: Path | None, solve: Solve) -> Row:
-    home = _home(command, line)
-    with terminal.progress() as progress:
+def _answer_one(command: str, line: Line, out: Path | None, solve: Solve) -> Row:
+    home = _folder_name(command, line)
+    with terminal.progress_bars() as progress:
         progress(line.name, 0.0)
         begun = perf_counter()
         result = solve(line, partial(progress, line.name))
         seconds = perf_counter() - begun
-    folder = store.claim(out, command, line, [home, "agreement.json"] if command == "check" else [home])
+    folder = store.claim_folder(out, command, line, [home, "agreement.json"] if command == "check" else [home])
     result.write(folder / home, seconds)
     if result.verdict:
         verdict = result.verdict.value
-        rows = [row.row() for row in result.rows]
+        rows = [row.to_json() for row in result.rows]
         agreement = {"verdict": verdict, "methods": result.methods, "rows": rows, "limits": result.limits}
         write_json(folder / "agreement.json", agreement)
-        terminal.say_verdict(verdict)
+        terminal.print_verdict(verdict)
     faults = result.faults(folder / home)
-    report.write(folder, command)
-    report.say_faults(folder, command, faults)
+    report.write_report(folder, command)
+    report.report_faults(folder, command, faults)
     result.tell(seconds)
     if result.rows:
-        terminal.say(f"  {_counted(result)}")
-    terminal.say(f"  written to {folder}: report.html, {home}/")
-    return result.entry() | {"faults": len(faults)}
+        terminal.print_text(f"  {_counts_sentence(result)}")
+    terminal.print_text(f"  written to {folder}: report.html, {home}/")
+    return result.table_row() | {"faults": len(faults)}
 
 
-def _counted(result: LineAnswers) -> str:
+def _counts_sentence(result: LineAnswers) -> str:
     """How many comparisons agree, laws hold and printed numbers are as computed, and the worst of the others."""
     rows = result.rows
     printed = [row for row in rows if row.quantity == "printed"]
@@ -175,15 +172,16 @@ def _counted(result: LineAnswers) -> str:
     return "; ".join(parts) + (f"; not so: {', '.join(wrong[:4])}" if wrong else "")
 
 
-def _many(command: str, points: Sequence[Point], out: Path | None, solve: Solve) -> list[Row]:
-    def row(point: Point) -> tuple[Row, Any]:
+def _answer_grid(command: str, points: Sequence[Point], out: Path | None, solve: Solve) -> list[Row]:
+    def row_and_curve(point: Point) -> tuple[Row, Any]:
         try:
-            result = solve(point.scene, silent)
+            result = solve(point.scene, no_progress)
         except (store.Refused, SceneError) as error:
             return {"status": "incomplete", "why": str(error)}, None
-        return result.entry() | {d["quantity"]: d["value"] for d in result.design}, store.plain(result.curve)
+        row = result.table_row() | {d["quantity"]: d["value"] for d in result.design}
+        return row, store.nulls_for_nonfinite(result.curve)
 
     line = points[0].scene
     kind = "motion" if line.moves else "rest"
-    columns = motion.columns if line.moves else at_rest.columns
-    return table.grid(command, f"grid-{kind}-{command}", line, points, out, row, columns)
+    columns = motion.motion_columns if line.moves else at_rest.line_columns
+    return table.answer_grid(command, f"grid-{kind}-{command}", line, points, out, row_and_curve, columns)

@@ -21,23 +21,30 @@ from cablefem.scene.contacts import MovingLine
 from cablefem.scene.line import Line, LineState
 from cablefem.scene.moving import line_in_motion
 from galerkin.lines import LineSines
-from validation.commands.run.lines import LineAnswers, Report, silent
+from validation.commands.run.lines import LineAnswers, Report
 from validation.core import motion_laws, store
 from validation.core.agreement import Agreement
 from validation.core.answers import STATIONS, Outcome
 from validation.core.ladder import Branch, Ladder
-from validation.core.motion_rows import Moved, chain, rope_depths, tension_of, turning_columns, with_bars
-from validation.core.readback import limit_faults, limits_shown, moving_line
-from validation.core.sidebyside import in_parallel
-from validation.core.wheels import pitch_period, with_loads
+from validation.core.motion_rows import (
+    LineRun,
+    contact_tension,
+    design_with_bars,
+    rope_depths,
+    rope_points,
+    turning_series,
+)
+from validation.core.readback import limit_faults, limit_table_faults, line_motion_faults
+from validation.core.sidebyside import map_in_parallel, no_progress
+from validation.core.wheels import pitch_period, with_wheel_loads
 from validation.page import terminal
-from validation.page.line import tell
-from validation.page.motion import FEW, compared_in_words, rows_of, sections, unit_of
+from validation.page.line import print_line
+from validation.page.motion import FEW, comparison_words, number_rows, sections, unit_of
 
 ROPE_STATIONS = 101
 FRAMES = 101  # of rope.csv, at most, which has every second station
 STEPS = 120  # of the coarsest run
-PATH = "t,s_o,x,y,u,v,T_behind,T_ahead,speed,F_haul,F_contact"  # columns of path-NAME.csv; see `turning_columns`
+PATH = "t,s_o,x,y,u,v,T_behind,T_ahead,speed,F_haul,F_contact"  # columns of path-NAME.csv; see `turning_series`
 PITCHING = 4.0  # coarsest steps in a period of the pitch of a car on two wheels
 NOT_HELD = 0.01  # of its weight: a shoe that pulls a car down by less
 ON_RAIL = 6  # coarsest steps of a car on a rail over a shoe
@@ -67,7 +74,7 @@ def time_on_rails(system: Any, state: State) -> float:
     return float(min(times, default=0.0))
 
 
-def held_down(line: Line, motion: LineMotion) -> list[str]:
+def shoe_pull_sentences(line: Line, motion: LineMotion) -> list[str]:
     """Where a shoe would have to pull a car down, and what would do without.
 
     The share of its force that the turn of the path takes grows with the speed squared, and falls with the length.
@@ -102,7 +109,7 @@ def coarser_settings(space: int, time: int) -> tuple[list[tuple[int, int]], list
     return in_space, in_time
 
 
-def run_ladders(solvers: Sequence[Runs], space: int, time: int, report: Report) -> None:
+def run_ladders(solvers: Sequence[LineRuns], space: int, time: int, report: Report) -> None:
     """Make the runs of the ladders of several solvers in parallel, the finest first."""
     in_space, in_time = coarser_settings(space, time)
     settings = [(space, time), *in_time, *in_space]
@@ -110,16 +117,16 @@ def run_ladders(solvers: Sequence[Runs], space: int, time: int, report: Report) 
 
     count = itertools.count(1)
 
-    def keep(i: int, moved: Moved) -> None:
+    def keep(i: int, moved: LineRun) -> None:
         solver, at = missing[i]
         solver.known[at] = moved
         done = next(count)
         report(done / len(missing), f"{done} of {len(missing)} runs")
 
-    in_parallel(lambda item: item[0].run(*item[1]), missing, keep)
+    map_in_parallel(lambda item: item[0].run(*item[1]), missing, keep)
 
 
-class Part(NamedTuple):
+class MarchedPart(NamedTuple):
     """States of a line while it touches the same contacts."""
 
     states: list[State]
@@ -127,10 +134,10 @@ class Part(NamedTuple):
     reason: str | None  # why it broke, or None
 
 
-class Runs:
+class LineRuns:
     """Runs of one method on a line, each made once."""
 
-    def __init__(self, method: Method, line: Line, like: Runs | None = None, coarser: float = 1.0) -> None:
+    def __init__(self, method: Method, line: Line, like: LineRuns | None = None, coarser: float = 1.0) -> None:
         """like : runs to be compared with, at whose instants these step, too.
 
         coarser : times in space and time than what a car that pitches needs.
@@ -153,18 +160,18 @@ class Runs:
         rate = max(STEPS / total, *(PITCHING / (period * coarser) for period in pitches), 0.0)
         self.grid = [np.linspace(t0, t1, max(2, math.ceil(rate * (t1 - t0))) + 1) for t0, t1 in self.line.phases]
         if like is not None:
-            self.grid = [np.unique([t0, t1, *like.within(t0, t1)]) for t0, t1 in self.line.phases]
-        self.instants = np.unique(np.concatenate(self.grid)) if like is None else like.within(0.0, total)
-        self.known: dict[tuple[int, int], Moved] = {}  # runs made so far, by `run`'s arguments
+            self.grid = [np.unique([t0, t1, *like.instants_between(t0, t1)]) for t0, t1 in self.line.phases]
+        self.instants = np.unique(np.concatenate(self.grid)) if like is None else like.instants_between(0.0, total)
+        self.known: dict[tuple[int, int], LineRun] = {}  # runs made so far, by `run`'s arguments
 
-    def within(self, t0: float, t1: float) -> Array:
+    def instants_between(self, t0: float, t1: float) -> Array:
         """Instants from t0 to t1."""
         return self.instants[(self.instants >= t0) & (self.instants <= t1)]
 
-    def run(self, space: int, time: int) -> Moved:
+    def run(self, space: int, time: int) -> LineRun:
         """The run with `space` times the coarsest resolution and `time` times the fewest steps."""
         if (space, time) not in self.known:
-            self.known[space, time] = self._made(space, time)
+            self.known[space, time] = self._compute_run(space, time)
         return self.known[space, time]
 
     def ladder(self, space: int, time: int) -> Ladder:
@@ -176,7 +183,7 @@ class Runs:
         finest: Any = self.run(space, time)
         return Ladder(finest, *branches)
 
-    def _made(self, space: int, time: int) -> Moved:
+    def _compute_run(self, space: int, time: int) -> LineRun:
         n = space * self.coarsest
         system = self.method.system(self.line, n)
         n_dof = system.n_dof
@@ -190,7 +197,7 @@ class Runs:
         begun: tuple[Any, State | None] = system, None
         steps = grid
         while True:
-            part = self._march(*begun, steps, work)
+            part = self._march_part(*begun, steps, work)
             parts.append(begun[0].observe(part.states, s))
             run += part.states
             if part.following is None:
@@ -198,14 +205,14 @@ class Runs:
             begun = part.following
             finer = begun[1].t + time_on_rails(*begun) * np.linspace(0.0, 2.0, 2 * ON_RAIL * time + 1)
             steps = [np.union1d(t, finer[(finer > t[0]) & (finer < t[-1])]) for t in grid]
-        return Moved(
+        return LineRun(
             method=self.method.name, settings={self.method.setting: n, "steps": sum(t.size - 1 for t in grid)},
-            motion=with_loads(join_motions(parts), self.table, self.line, run),
+            motion=with_wheel_loads(join_motions(parts), self.table, self.line, run),
             events=tuple((e.name, e.t) for e in work.events), reason=part.reason,
             period=self.period, instants=self.instants, n_dof=n_dof, steps=work.steps,
         )  # fmt: skip
 
-    def _march(self, system: Any, start: State | None, steps: list[Array], work: Work) -> Part:
+    def _march_part(self, system: Any, start: State | None, steps: list[Array], work: Work) -> MarchedPart:
         """The run of one system from a state on; Refused where it does not begin."""
         states: list[State] = [] if start is None else [start]
         try:
@@ -220,17 +227,17 @@ class Runs:
         except StepFailure as error:
             if len(states) < 2 and start is None:
                 raise store.Refused(f"{self.method.name}: {error}") from None
-            return Part(states, None, str(error))
-        return Part(states, following, None)
+            return MarchedPart(states, None, str(error))
+        return MarchedPart(states, following, None)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Answers(LineAnswers):
+class MotionAnswers(LineAnswers):
     """A line in motion and its numbers; of a check also the other method and the judged rows."""
 
-    moved: Moved
+    moved: LineRun
     empty: LineState
-    other: Moved | None = None
+    other: LineRun | None = None
 
     @property
     def t(self) -> Array:
@@ -261,17 +268,17 @@ class Answers(LineAnswers):
         if self.breaks:
             strength = f"{(self.line.cable.breaking_load or 0.0) / 1e3:.1f} kN"
             parts.append(Outcome("breaks", f"the rope is loaded beyond its breaking load of {strength}"))
-        for d in self.hits:
+        for d in self.collisions:
             body, _, over = d["quantity"].partition(":")[2].rpartition(" over ")
             hit = f"would collide: {body or 'the rope'} hits {over} by {-d['value']:.2f} m"
             parts.append(Outcome("collides", hit))
-        parts += self._end()
-        sentences = [*held_down(self.line, self.motion), *(part.sentence for part in parts)]
+        parts += self._outcome_of_end()
+        sentences = [*shoe_pull_sentences(self.line, self.motion), *(part.sentence for part in parts)]
         largest = self.tension_max
         sentences.append(f"largest tension {largest['value'] / 1e3:.1f} kN at {largest['t']:.1f} s")
         return Outcome(parts[0].kind, "; ".join(sentences))
 
-    def _end(self) -> list[Outcome]:
+    def _outcome_of_end(self) -> list[Outcome]:
         """How the run ends; nothing of one that broke."""
         if self.moved.events and self.moved.end < self.moved.instants[-1] * (1.0 - 1e-9):
             name, t = self.moved.events[-1]
@@ -294,7 +301,7 @@ class Answers(LineAnswers):
         for car in motion.cars:
             w = car.point - at_rest_points(self.empty, car.s / heat)
             speed = np.hypot(*car.velocity.T)
-            more = turning_columns(car)
+            more = turning_series(car)
             columns = (
                 motion.t, car.s, *car.point.T, *w.T, car.tension_behind, car.tension_ahead, speed, car.haul_force,
                 car.contact_force, *more.values(),
@@ -304,10 +311,10 @@ class Answers(LineAnswers):
         values = [motion.t]
         for x in motion.contacts:
             header += [f"{x.name}.{name}" for name in ("s", "tension", "pressure", "rise")]
-            values += [x.s, tension_of(x), np.hypot(*x.pressure.T), x.rise]
+            values += [x.s, contact_tension(x), np.hypot(*x.pressure.T), x.rise]
         write_csv(folder / "contacts.csv", ",".join(header), np.stack(values, axis=1))
         places = np.linspace(0.0, line.contact[-1].at[0], STATIONS)
-        depths = rope_depths(chain(motion), places)  # (n, STATIONS)
+        depths = rope_depths(rope_points(motion), places)  # (n, STATIONS)
         rest = catenary_line.depth_and_tension(self.empty, places)[0]
         profile = np.stack([places, rest, depths.min(axis=0), depths.max(axis=0)], axis=1)
         write_csv(folder / "profile.csv", "x,y_rest,y_highest,y_lowest", profile)
@@ -320,7 +327,7 @@ class Answers(LineAnswers):
         write_csv(folder / "rope.csv", "t,s,x,y,T", rope.reshape(-1, 5))
         write_text(folder / "scene.toml", line.to_toml())
         moved = self.moved
-        write_json(folder / "summary.json", store.plain({
+        write_json(folder / "summary.json", store.nulls_for_nonfinite({
             "scene": line.name, "title": line.title, "method": moved.method, "settings": moved.settings,
             "status": self.status, "reason": moved.reason, "outcome": self.outcome.sentence,
             "outcome_kind": self.outcome.kind, "events": [{"event": name, "t": t} for name, t in moved.events],
@@ -331,39 +338,39 @@ class Answers(LineAnswers):
 
     def in_words(self, row: Agreement) -> str:
         """What a row compares."""
-        return compared_in_words(row.quantity, row.law)
+        return comparison_words(row.quantity, row.law)
 
     def faults(self, folder: Path) -> list[str]:
         """Faults of the files and of the page, as sentences."""
         html = "".join(section.html for section in sections(folder))
         return [
-            *motion_laws.read_back(folder, self.motion, self.design, self.moved.period),
+            *motion_laws.read_back_line_files(folder, self.motion, self.design, self.moved.period),
             *limit_faults(self.limits, tomllib.loads(self.line.to_toml()), self.design, ()),
-            *limits_shown(html, self.limits),
-            *moving_line(html, folder, self.motion),
+            *limit_table_faults(html, self.limits),
+            *line_motion_faults(html, folder, self.motion),
         ]
 
     def tell(self, seconds: float) -> None:
         """Print outcome, limits and the most important design numbers."""
-        printed = rows_of([d for d in self.design if d["quantity"].partition(":")[0] in FEW])
-        tell(self.line, self.outcome.sentence, self.limits, printed, len(self.design))
+        printed = number_rows([d for d in self.design if d["quantity"].partition(":")[0] in FEW])
+        print_line(self.line, self.outcome.sentence, self.limits, printed, len(self.design))
         settings = ", ".join(f"{value} {name}" for name, value in self.moved.settings.items())
-        terminal.say(f"  {self.moved.method}, {settings}; {seconds:.1f} s")
+        terminal.print_text(f"  {self.moved.method}, {settings}; {seconds:.1f} s")
 
 
-def answers(line: Line, report: Report = silent) -> Answers:
+def answer_line(line: Line, report: Report = no_progress) -> MotionAnswers:
     """Run a line in motion on elements, with bars from coarser runs."""
-    runs = Runs(ELEMENTS, line)
+    runs = LineRuns(ELEMENTS, line)
     run_ladders([runs], 2, 2, report)
-    return answer_of(line, runs.ladder(2, 2), None)
+    return answers_of_ladders(line, runs.ladder(2, 2), None)
 
 
-def answer_of(line: Line, a: Ladder, b: Ladder | None, rows: Sequence[Agreement] = ()) -> Answers:
+def answers_of_ladders(line: Line, a: Ladder, b: Ladder | None, rows: Sequence[Agreement] = ()) -> MotionAnswers:
     finest: Any = a.finest
     other: Any = None if b is None else b.finest
-    design = with_bars(a, b, line, unit_of)
+    design = design_with_bars(a, b, line, unit_of)
     empty = line.empty(catenary_line.solve)
-    return Answers(line=line, moved=finest, empty=empty, design=design, other=other, rows=list(rows))
+    return MotionAnswers(line=line, moved=finest, empty=empty, design=design, other=other, rows=list(rows))
 
 
 def at_rest_points(empty: LineState, s: Array) -> Array:

@@ -7,12 +7,13 @@ from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.page import line, motion
 from validation.page.answer import many
-from validation.page.answer.content import content
-from validation.page.answer.stored import Stored
-from validation.page.page import Section, callout, drawn
+from validation.page.answer.content import answer_content
+from validation.page.answer.stored import StoredAnswer
+from validation.page.page import Section, callout, render_sections
 
 HOMES: dict[str, Callable[[Path], list[Section]]] = {
-    "rest": line.sections, "grid-rest-run": line.grid, "motion-run": motion.sections, "grid-motion-run": motion.grid,
+    "rest": line.sections, "grid-rest-run": line.grid_sections,
+    "motion-run": motion.sections, "grid-motion-run": motion.grid_sections,
 }  # fmt: skip
 
 
@@ -27,5 +28,5 @@ def sections(folder: Path) -> list[Section]:
     found = Response.read(last.parent)
     if found.t.size < 2:
         return [Section("answer", "Answer", callout(f"The run broke at its start: {found.reason}.", "disagree"))]
-    x = Stored(Scene.from_toml(found.scene_toml), (found,))
-    return drawn(__package__, **content(x))
+    x = StoredAnswer(Scene.from_toml(found.scene_toml), (found,))
+    return render_sections(__package__, **answer_content(x))

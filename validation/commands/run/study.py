@@ -11,21 +11,21 @@ from cablefem.scene.errors import did_you_mean, short_text
 from validation.commands.run import CHOICES, QUASI_STATIC
 from validation.core import limits, recomputed
 from validation.core.agreement import TOL_HIGH, TOL_LOW, Verdict
-from validation.core.answers import outcome
-from validation.core.design import design
-from validation.core.methods import Method, find
+from validation.core.answers import outcome_of_run
+from validation.core.design import design_numbers
+from validation.core.methods import Method, find_method
 from validation.core.quasi_static import quasi_static, with_error_bars
 from validation.core.refine import TooCoarse, refine_to_tolerance, refined_until, run_with_error_bars
-from validation.core.rows import events_with_bars, force_goal
+from validation.core.rows import events_with_bars, worst_force_goal
 from validation.core.running import Run, run
 from validation.core.sampling import FRAMES
-from validation.core.sidebyside import silent
+from validation.core.sidebyside import no_progress
 from validation.core.watch import with_flag
 from validation.page.answer import many as table
 from validation.page.options import Point
 
 
-def answer(
+def run_and_answer(
     scene: Scene, method: Method | None, *, tol: float | None, bars: bool, progress: Callable[..., None], **kind: Any
 ) -> tuple[Response, str]:
     """Run a method with the settings in `kind`, or with those that its bar needs to meet `tol`.
@@ -36,22 +36,22 @@ def answer(
     if method is None:
         return quasi_static_answer(scene), ""
     if tol is None:
-        return _with_design(scene, run(scene, method, **kind, progress=progress), method, bars, kind), ""
+        return _with_design_numbers(scene, run(scene, method, **kind, progress=progress), method, bars, kind), ""
     missed = ""
     try:
         ladder = refine_to_tolerance(scene, method, tol, **kind, progress=progress)
         # mean forces, as in `check`
-        ladder = refined_until(scene, ladder, lambda x: force_goal(scene, x, tol), **kind)
+        ladder = refined_until(scene, ladder, lambda x: worst_force_goal(scene, x, tol), **kind)
     except TooCoarse as error:
         ladder = error.ladder
         missed = str(error)
-    return replace(ladder.run, design=design(ladder), events=events_with_bars(ladder)), missed
+    return replace(ladder.run, design=design_numbers(ladder), events=events_with_bars(ladder)), missed
 
 
-def _with_design(scene: Scene, r: Response, method: Method, bars: bool, kind: dict[str, Any]) -> Response:
+def _with_design_numbers(scene: Scene, r: Response, method: Method, bars: bool, kind: dict[str, Any]) -> Response:
     """The response with its design numbers; with bars, coarser runs are made when one is looked at."""
     if not bars:
-        return r.with_later(design=design)
+        return r.with_later(design=design_numbers)
     ladder = Once(lambda: run_with_error_bars(scene, method, known=[r], **kind))
 
     def of_finest(name: str) -> Callable[[Response], Any]:
@@ -59,17 +59,17 @@ def _with_design(scene: Scene, r: Response, method: Method, bars: bool, kind: di
 
     return r.with_later(
         **{name: of_finest(name) for name in ("path_error", "tension_error", "error_parts", "error_window", "flags")},
-        design=lambda _: design(ladder()), events=lambda _: events_with_bars(ladder()),
+        design=lambda _: design_numbers(ladder()), events=lambda _: events_with_bars(ladder()),
     )  # fmt: skip
 
 
 def quasi_static_answer(scene: Scene) -> Response:
     """The quasi-static ride with design numbers and bars, and a flag for each that its second computation denies."""
     r = quasi_static(scene)
-    r = with_error_bars(scene, replace(r, design=design(r)))
-    rows = list(recomputed.rows(r, None, outcome(scene, r)))
+    r = with_error_bars(scene, replace(r, design=design_numbers(r)))
+    rows = list(recomputed.recomputed_rows(r, None, outcome_of_run(scene, r)))
     if r.drive != "grip":
-        rows.append(recomputed.energy_of_ride(r))
+        rows.append(recomputed.check_energy_of_ride(r))
     for row in rows:
         if row.verdict is not Verdict.AGREE:
             r = with_flag(r, "recomputed", what=f"{row.quantity} {row.law}".strip(), gap=row.gap, allowed=row.allowed)
@@ -91,13 +91,13 @@ def run_with_bars(
     run("zipline", tol=1e-3).design
     """
     kind = {"model": model, "load": load, "law": law}
-    if refused := faults(scene, find(method), kind, settings, tol):
+    if refused := run_faults(scene, find_method(method), kind, settings, tol):
         raise ValueError("\n".join(refused))
     how = {"frames": frames, "until": until, **kind, **settings}
-    return answer(scene, find(method), tol=tol, bars=bars, progress=silent, **how)[0]
+    return run_and_answer(scene, find_method(method), tol=tol, bars=bars, progress=no_progress, **how)[0]
 
 
-def faults(
+def run_faults(
     scene: Scene, method: Method, kind: dict[str, Any], settings: dict[str, Any], tol: float | None
 ) -> list[str]:  # fmt: skip
     """Why a method does not run a scene so: model, load and law (`kind`), its settings, the path's tolerance."""
@@ -123,17 +123,17 @@ def faults(
     return found
 
 
-def many(
+def answer_grid(
     scene: Scene, points: Sequence[Point], answered: Callable[..., tuple[Response, str]], out: Path | None,
     require: bool = False,
 ) -> int:  # fmt: skip
     """Answer every point of a grid; 2 where a run broke, 1 where limits are required and one fails."""
 
-    def row(point: Point) -> tuple[table.Row, Any]:
-        found = answered(point, silent)[0]
-        return table.row(point.scene, found), table.path(found)
+    def row_and_path(point: Point) -> tuple[table.Row, Any]:
+        found = answered(point, no_progress)[0]
+        return table.table_row(point.scene, found), table.path_columns(found)
 
-    rows = table.grid("run", "grid", scene, points, out, row, table.columns)
+    rows = table.answer_grid("run", "grid", scene, points, out, row_and_path, table.run_columns)
     if any(x["outcome_kind"] == "incomplete" for x in rows):
         return 2
-    return int(require and limits.failed_columns(rows))
+    return int(require and limits.columns_fail(rows))

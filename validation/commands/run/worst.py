@@ -8,7 +8,7 @@ import numpy as np
 
 from cablefem import catenary_line
 from cablefem.scene.line import Line
-from validation.commands.run.line import numbers_of
+from validation.commands.run.line import numbers_by_position
 from validation.commands.run.lines import Row
 
 POINTS = 17  # places in each span that are looked at first
@@ -17,23 +17,23 @@ NEAR = 1e-3  # of a span: closest to an end of the rope
 SAME = 1e-6  # of the line: places that are one
 
 
-def located(line: Line) -> Line:
+def with_worst_positions(line: Line) -> Line:
     """The line with its car, if it has no `at`, over each span and at every place where a number is extreme."""
     car = next((car for car in line.car if car.at is None), None)
     if car is None:
         return line
-    places = _Places(line, f"car.{car.name}.at")
-    first = sorted(set(_first(line)))
+    places = _CarPositions(line, f"car.{car.name}.at")
+    first = sorted(set(_first_positions(line)))
     places.solve(first)
     for _ in range(ROUNDS):
         found = places.vertices()
         if not found:
             break
         places.solve(found)
-    return places.at([*first, *places.extreme_positions()])
+    return places.line_at([*first, *places.extreme_positions()])
 
 
-def _first(line: Line) -> Iterator[float]:
+def _first_positions(line: Line) -> Iterator[float]:
     """Places over each span, the middles of shoes, obstacles and corners of the ground."""
     low = 0.0
     high = line.contact[-1].at[0]
@@ -49,7 +49,7 @@ def _first(line: Line) -> Iterator[float]:
             yield x
 
 
-class _Places:
+class _CarPositions:
     """Numbers of a line by place of its car; a place without rest has none."""
 
     def __init__(self, line: Line, key: str) -> None:
@@ -57,15 +57,15 @@ class _Places:
         self.key = key
         self.rows: dict[float, Row] = {}
 
-    def at(self, places: list[float]) -> Line:
+    def line_at(self, places: list[float]) -> Line:
         return self.line.replace({self.key: sorted(set(places))})
 
     def solve(self, places: list[float]) -> None:
-        rest = self.at(places).rest(catenary_line.solve)
-        for x, row in zip(sorted(set(places)), numbers_of(rest), strict=True):
+        rest = self.line_at(places).rest(catenary_line.solve)
+        for x, row in zip(sorted(set(places)), numbers_by_position(rest), strict=True):
             self.rows[x] = row or {}
 
-    def _series(self) -> Iterator[tuple[np.ndarray, np.ndarray, int]]:
+    def _numbers_over_positions(self) -> Iterator[tuple[np.ndarray, np.ndarray, int]]:
         """Places and values (n,) of each number, and the index of its largest and of its smallest."""
         x = np.array(sorted(self.rows))
         names = {name for row in self.rows.values() for name, value in row.items() if isinstance(value, float)}
@@ -76,12 +76,12 @@ class _Places:
                 yield x, y, int(np.nanargmin(y))
 
     def extreme_positions(self) -> list[float]:
-        return [float(x[k]) for x, _, k in self._series()]
+        return [float(x[k]) for x, _, k in self._numbers_over_positions()]
 
     def vertices(self) -> list[float]:
         """Vertices of parabolas through each extreme and its neighbours, where nothing was solved yet."""
         out: list[float] = []
-        for x, y, k in self._series():
+        for x, y, k in self._numbers_over_positions():
             if not 0 < k < x.size - 1 or not np.isfinite(y[k - 1 : k + 2]).all():
                 continue
             a, b = np.polyfit(x[k - 1 : k + 2] - x[k], y[k - 1 : k + 2] - y[k], 2)[:2]

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from validation.page import terminal
-from validation.page.options import line_named, scene_named, written
+from validation.page.options import line_named, scene_named, writing_results
 
 if TYPE_CHECKING:
     from cablefem.scene import Scene
@@ -35,7 +35,7 @@ def command(
     if out is None:
         print("".join(texts.values()), end="")
         return 0
-    with written(out, "scenes", "scenes", [f"{key}.toml" for key in texts]) as folder:
+    with writing_results(out, "scenes", "scenes", [f"{key}.toml" for key in texts]) as folder:
         for key, text in texts.items():
             write_text(folder / f"{key}.toml", text)
     return 0
@@ -65,7 +65,7 @@ def _print_scenes() -> int:
         line = Line.load(key)
         masses = ", ".join(f"{car.mass:.0f} kg" for car in line.car)
         rows.append([key, f"{line.contact[-1].at[0]:.0f} m", masses, _line_speed_text(line), title])
-    terminal.table(["scene", "span", "mass", "top speed", "title"], rows, right=["span", "mass", "top speed"])
+    terminal.print_table(["scene", "span", "mass", "top speed", "title"], rows, right=["span", "mass", "top speed"])
     return 0
 
 
@@ -90,12 +90,12 @@ def _print_keys() -> int:
     from cablefem.scene.line import Line
 
     for title, part in (("one span, in motion", Scene), ("a line of several contacts, at rest or in motion", Line)):
-        terminal.say(f"{title}:")
+        terminal.print_text(f"{title}:")
         rows = [
             [key.name, key.unit, f"{key.kind}: {key.meaning}" if key.kind else key.meaning, key.default, key.brief]
             for key in list_keys(part)
         ]
-        terminal.table(["key", "unit", "meaning", "default", "range"], rows)
+        terminal.print_table(["key", "unit", "meaning", "default", "range"], rows)
     return 0
 
 
@@ -107,15 +107,15 @@ def _print_limits() -> int:
     for name, text in TEXTS.items():
         year = str(text.get("year", ""))
         year = "" if year in text["source"] else f", {year}"
-        terminal.say(f"{name}: {text['source']}{year}; for {text['scope']}; {text['link']}")
+        terminal.print_text(f"{name}: {text['source']}{year}; for {text['scope']}; {text['link']}")
         for rule in text["limit"]:
             words, side, unit, _ = DEMANDS[rule["demand"]]
             about = rule.get("kind") or rule.get("when", "")
             limit = f"{side} {quantity_text(rule['limit'], None, unit)}"
             rows.append([name, words.format("obstacles"), limit, about, rule["clause"]])
-    terminal.table(["name", "limit", "number", "where or when", "clause"], rows)
+    terminal.print_table(["name", "limit", "number", "where or when", "clause"], rows)
     for name, case in CASES.items():
-        terminal.say(f"--case {name}: {case['says']} ({case['source']})")
+        terminal.print_text(f"--case {name}: {case['says']} ({case['source']})")
     return 0
 
 

@@ -39,7 +39,7 @@ def command(
     if study is None:
         for name in built_in_studies():
             shipped = Study.load(name)
-            terminal.say(f"{name}: {shipped.title} ({len(shipped)} scenes)")
+            terminal.print_text(f"{name}: {shipped.title} ({len(shipped)} scenes)")
         return 0
     loaded = Study.load(study)
     if scene is not None:
@@ -56,19 +56,19 @@ def command(
         return tally, rows
 
     writes = [*engine.WRITES, *(["rows.csv"] if csv else [])]
-    tally, rows = options.study("sweep", loaded.name, writes, out, sweep_and_read)
-    terminal.say(f"{tally.status.total()} scenes in this call, {tally.rate:.3g} per second")
+    tally, rows = options.run_study("sweep", loaded.name, writes, out, sweep_and_read)
+    terminal.print_text(f"{tally.status.total()} scenes in this call, {tally.rate:.3g} per second")
     return _print_outcomes(rows)
 
 
 def _print_keys() -> int:
     from validation.core import store
 
-    keys = store.shipped(__package__, "keys.toml")
+    keys = store.shipped_toml(__package__, "keys.toml")
     groups = keys.pop("groups")
-    terminal.table(["key", "unit", "meaning", "default"], [[name, *texts] for name, texts in keys.items()])
-    terminal.say()
-    terminal.table(["axis", "unit", "meaning"], [[name, *texts] for name, texts in groups.items()])
+    terminal.print_table(["key", "unit", "meaning", "default"], [[name, *texts] for name, texts in keys.items()])
+    terminal.print_text()
+    terminal.print_table(["axis", "unit", "meaning"], [[name, *texts] for name, texts in groups.items()])
     return 0
 
 
@@ -81,8 +81,8 @@ def _print_scene(study: Study, scene: int) -> None:
 
 def _print_outcomes(rows: Any) -> int:
     """Print the counts of outcomes, and the first scene without an answer; return the exit code."""
-    terminal.say(", ".join(f"{n} {status}" for status, n in rows["status"].value_counts().items()))
+    terminal.print_text(", ".join(f"{n} {status}" for status, n in rows["status"].value_counts().items()))
     unanswered = rows[~rows["status"].isin(("complete", "incomplete"))]
     for index, first in unanswered.head(1).iterrows():
-        terminal.say(f"scene {index}, {first['status']}: {first['reason'].splitlines()[-1]}")
+        terminal.print_text(f"scene {index}, {first['status']}: {first['reason'].splitlines()[-1]}")
     return int(unanswered["status"].ne("refused").any())

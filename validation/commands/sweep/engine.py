@@ -21,7 +21,7 @@ from cablefem.response import atomic_write, write_text
 from validation.commands.sweep import job
 from validation.commands.sweep.study import Study
 from validation.core import store
-from validation.core.sidebyside import Progress, silent
+from validation.core.sidebyside import Progress, no_progress
 from validation.core.store import Refused
 
 CHUNK = 1.0  # [s] of work in a chunk; its transfer and file cost about 10 ms
@@ -57,7 +57,7 @@ class Tally:
 
 def sweep(
     study: Study, out: Path, *, workers: int | None = None, scheduler: str | None = None,
-    progress: Progress = silent, work: Work = job.rows_of_points,
+    progress: Progress = no_progress, work: Work = job.rows_of_points,
 ) -> Tally:  # fmt: skip
     """Compute every point of a study that has no row in out/rows yet; after a kill the same call goes on.
 
@@ -67,7 +67,7 @@ def sweep(
     says what is stored.
     sweep("riders.toml", Path("riders"))
     """
-    with _lock_folder(store.claim(out, "sweep", study.name, WRITES)):
+    with _lock_folder(store.claim_folder(out, "sweep", study.name, WRITES)):
         _store_study(study, out)
         before = finished_indices(out)
         todo = deque(i for i in range(len(study)) if i not in before)

@@ -38,7 +38,7 @@ def _locked_rope_tables(draw: Draw) -> Tables:
     return {"cable": cable, "supports": supports, "mass": {"mass": H * draw(0.02, 0.2) / 9.81}}
 
 
-def gripped(draw: Draw) -> Scene:
+def gripped_car(draw: Draw) -> Scene:
     """A car that grips a locked rope, at 0.1 to 0.5 of the wave speed."""
     x = _locked_rope_tables(draw)
     speed = draw(0.1, 0.5) * _wave_speed(x)
@@ -48,7 +48,7 @@ def gripped(draw: Draw) -> Scene:
     return Scene(**x | {"travel": travel}, name="gripped")
 
 
-def hauled(draw: Draw) -> Scene:
+def hauled_car(draw: Draw) -> Scene:
     """A car that rolls on a locked rope and is hauled at 4 to 12 m/s."""
     x = _locked_rope_tables(draw)
     travel = {"kind": "accelerate_cruise_brake", "top_speed": draw(4.0, 12.0)}
@@ -56,7 +56,7 @@ def hauled(draw: Draw) -> Scene:
     return Scene(**x, name="hauled")
 
 
-def free(draw: Draw) -> Scene:
+def free_rider(draw: Draw) -> Scene:
     """A rider on a thin rope, with a brake at 0.93 of the span.
 
     A stranded rope of diameter d [mm]: 0.0045 d^2 kg/m, 56 d^2 kN.
@@ -71,7 +71,7 @@ def free(draw: Draw) -> Scene:
     return Scene(**x, name="free")
 
 
-def fibre(draw: Draw) -> Scene:
+def rider_on_fibre_rope(draw: Draw) -> Scene:
     """A heavy rider on a light fibre rope, 5 to 300 times as heavy as it.
 
     A braided rope of diameter d [mm]: 0.00075 d^2 kg/m, 4 to 25 d^2 kN.
@@ -86,7 +86,7 @@ def fibre(draw: Draw) -> Scene:
     return Scene(**x, name="fibre")
 
 
-def slack(draw: Draw) -> Scene:
+def car_on_slack_rope(draw: Draw) -> Scene:
     """A car that grips a slack locked rope, at 0.05 to 0.2 of the wave speed."""
     x = _locked_rope_tables(draw)
     span = x["supports"]["span"]
@@ -100,7 +100,7 @@ def slack(draw: Draw) -> Scene:
     return Scene(**x, name="slack")
 
 
-def steep(draw: Draw) -> Scene:
+def hauled_car_on_steep_rope(draw: Draw) -> Scene:
     """A car that is hauled up or down 45 to 60 degrees."""
     x = _locked_rope_tables(draw)
     x["supports"]["drop"] = math.copysign(draw(1.0, 1.7), draw(-1.0, 1.0)) * x["supports"]["span"]
@@ -109,7 +109,7 @@ def steep(draw: Draw) -> Scene:
     return Scene(**x, name="steep")
 
 
-def iced(draw: Draw) -> Scene:
+def car_on_iced_rope(draw: Draw) -> Scene:
     """A car that grips a damped locked rope with up to a third of its weight in ice."""
     x = _locked_rope_tables(draw)
     x["cable"] |= {"ice": draw(0.02, 0.3) * x["cable"]["mass_per_length"], "damping": draw(0.002, 0.05)}
@@ -118,7 +118,7 @@ def iced(draw: Draw) -> Scene:
     return Scene(**x, name="iced")
 
 
-def stopped(draw: Draw) -> Scene:
+def hauled_car_stopping(draw: Draw) -> Scene:
     """A hauled car that makes an emergency stop of 0.5 to 2 m/s2 at 0.2 to 0.7 of the distance."""
     x = _locked_rope_tables(draw)
     speed = draw(4.0, 12.0)
@@ -129,9 +129,9 @@ def stopped(draw: Draw) -> Scene:
     return Scene(**x, name="stopped")
 
 
-def windy(draw: Draw) -> Scene:
-    """A rider as in `free`, damped and against the wind, 80 to 200 kg."""
-    x = tomllib.loads(free(draw).to_toml())
+def rider_against_wind(draw: Draw) -> Scene:
+    """A rider as in `free_rider`, damped and against the wind, 80 to 200 kg."""
+    x = tomllib.loads(free_rider(draw).to_toml())
     x["cable"]["damping"] = draw(0.001, 0.03)
     x["mass"]["mass"] = draw(80.0, 200.0)
     x["drive"]["wind"] = draw(-8.0, 4.0)
@@ -197,10 +197,18 @@ def line_case(seed: int, number: int) -> tuple[Line, str | None]:
 
 
 Family = Callable[[Draw], Scene]
-FAMILIES: tuple[Family, ...] = (gripped, hauled, free)
+FAMILIES: tuple[Family, ...] = (gripped_car, hauled_car, free_rider)
 SETS = {
     "ropeway": FAMILIES,
-    "wide": (*FAMILIES, fibre, slack, steep, iced, stopped, windy),
+    "wide": (
+        *FAMILIES,
+        rider_on_fibre_rope,
+        car_on_slack_rope,
+        hauled_car_on_steep_rope,
+        car_on_iced_rope,
+        hauled_car_stopping,
+        rider_against_wind,
+    ),
 }
 
 

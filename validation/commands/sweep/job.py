@@ -22,7 +22,7 @@ BROKEN = ("cut off", "failed", "died")
 GRACE = 5.0  # [s] between asking a scene to stop and ending its worker
 FRESH = 120.0  # [s] more for a new process, which may load and compile
 LARGEST_TRUTH = 2e6  # steps times elements of a reference
-COLUMNS = store.shipped(__package__, "columns.toml")
+COLUMNS = store.shipped_toml(__package__, "columns.toml")
 GROUPS = COLUMNS["groups"]
 DESIGN = COLUMNS["design"]
 
@@ -108,8 +108,8 @@ def _check_or_run(study: Study, point: dict[str, Any], index: int) -> dict[str, 
 
 
 def _run_row(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:
-    from validation.core.design import design
-    from validation.core.methods import find
+    from validation.core.design import design_numbers
+    from validation.core.methods import find_method
     from validation.core.refine import TooCoarse, refine_to_tolerance, run_with_error_bars
     from validation.core.running import Run
 
@@ -117,7 +117,7 @@ def _run_row(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[
     if "method" not in how:
         how |= _advised_settings(scene, tol)
     method = how.pop("method")
-    how |= {k: v for k, v in study.settings.items() if k in find(method).knobs}
+    how |= {k: v for k, v in study.settings.items() if k in find_method(method).knobs}
     too_coarse: dict[str, Any] = {}
     try:
         Run(scene, method, **how)
@@ -132,7 +132,7 @@ def _run_row(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[
     except TooCoarse as error:
         ladder = error.ladder
         too_coarse = {"verdict": "too coarse", "reason": str(error)}
-    r = replace(ladder.run, design=design(ladder))
+    r = replace(ladder.run, design=design_numbers(ladder))
     out = _response_numbers(r, scene) | too_coarse
     faults = response_faults(r)
     if faults:
@@ -166,7 +166,7 @@ def true_errors(scene: Any, r: Any, finer: int) -> dict[str, Any]:
         run(scene, "following-p2", **how, elements=elements // coarser, steps=steps // coarser) for coarser in (1, 2)
     )
     try:
-        window = measures.window_of(r, best, half, window=tuple(r.error_window or measures.WINDOW))
+        window = measures.common_window(r, best, half, window=tuple(r.error_window or measures.WINDOW))
         true, doubt = (measures.path_gap(x, best, window)[0] for x in (r, half))
         tension, unsure = (measures.tension_gap(x, best, window) for x in (r, half))
     except measures.NotComparable:
@@ -214,9 +214,9 @@ def _check_row(scene: Any, tol: float, second: Any) -> dict[str, Any]:
 
 
 def _line_check_row(line: Any, tol: float, second: Any) -> dict[str, Any]:
-    from validation.commands.check.motion import checked
+    from validation.commands.check.motion import check_line
 
-    result: Any = checked(line, tol, second=second)
+    result: Any = check_line(line, tol, second=second)
     verdict = {"verdict": result.verdict.value, "not_agreed": _disagreeing_quantities(result)}
     return verdict | {"status": result.status, "reason": result.moved.reason, "method": result.moved.method}
 
@@ -240,7 +240,7 @@ def _advice_row(scene: Any, tol: float) -> dict[str, Any]:
 def _response_numbers(r: Any, scene: Any) -> dict[str, Any]:
     """What a row holds of a response."""
     from validation.core import limits
-    from validation.core.answers import outcome
+    from validation.core.answers import outcome_of_run
 
     same = ("status", "cause", "reason", "method", "model", "load", "max_deflection", "path_error", "tension_error")
     out = {name: getattr(r, name) for name in (*same, "slack_onset", "reached")}
@@ -248,9 +248,9 @@ def _response_numbers(r: Any, scene: Any) -> dict[str, Any]:
     out["flags"] = "; ".join(map(str, r.flags)) or None
     out["settings"] = json.dumps(r.settings)
     out["events"] = json.dumps(r.events) if r.events else None
-    end = outcome(scene, r)
+    end = outcome_of_run(scene, r)
     out |= {"outcome": end.sentence, "outcome_kind": end.kind}
-    out |= limits.columns(limits.rows(scene, r.design, r.events))
+    out |= limits.worst_limit_columns(limits.limit_rows(scene, r.design, r.events))
     for number in r.design:
         name = number["quantity"]
         if name in DESIGN:

@@ -20,10 +20,10 @@ from validation.commands.sweep.engine import read_rows
 from validation.commands.sweep.job import BROKEN, DESIGN
 from validation.commands.sweep.study import Study
 from validation.core import store
-from validation.core.quantities import KNOWN, named, scale_of, unit_of
+from validation.core.quantities import KNOWN, quantity_words, unit_of, unit_scale
 from validation.page.answer.many import ENDS
-from validation.page.figures import figure, panels
-from validation.page.page import Section, drawn, number, percent, table
+from validation.page.figures import captioned_figure, panels
+from validation.page.page import Section, html_table, number_html, percent_text, render_sections
 from validation.page.plot import COLORS
 
 SHOWN = 4000  # the most rows in the page and dots in a map, evenly taken
@@ -39,7 +39,7 @@ def sections(folder: Path) -> list[Section]:
     thin = _thin_rows(rows)
     data = json.dumps(_explorer_data(study, file, thin)).replace("<", "\\u003c")
     script = Markup((resources.files(__package__) / "explorer.js").read_text(encoding="utf-8"))
-    return drawn(
+    return render_sections(
         __package__, study=study, rows=rows, complete=complete.sum(), broken=rows["status"].isin(BROKEN).sum(),
         unfinished=rows[~complete], judged=rows[rows["verdict"].notna()], counted=_count_table,
         bars=bar_coverage(rows) if rows["true_error"].notna().any() else [], maps=list(_draw_maps(study, rows)),
@@ -50,8 +50,8 @@ def sections(folder: Path) -> list[Section]:
 def _count_table(rows: Any, by: list[str], caption: str) -> Markup:
     """Table of how often each combination of words occurs, most frequent first."""
     counts = rows.value_counts(by, dropna=False).reset_index(name="scenes").rename(columns={"verdict": "judged"})
-    counts["part"] = [percent(n / len(rows), 3) for n in counts["scenes"]]
-    return table(counts.replace({np.nan: None}).to_dict("records"), list(counts.columns), caption=caption)
+    counts["part"] = [percent_text(n / len(rows), 3) for n in counts["scenes"]]
+    return html_table(counts.replace({np.nan: None}).to_dict("records"), list(counts.columns), caption=caption)
 
 
 OF = {"path": ("path_error", "true_error", "doubt"), "tension": ("tension_error", "true_tension", "doubt_tension")}
@@ -119,13 +119,13 @@ def _draw_outcomes(rows: Any, axes: list[str], logs: set[str]) -> Markup:
         _draw_dots(ax, part, x, y, logs, color=COLORS[i % len(COLORS)], marker=marker, label=label)
     ax.set_ylabel(_with_unit(y))
     ax.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return figure(fig, f"What becomes of the car over {x} and {y}")
+    return captioned_figure(fig, f"What becomes of the car over {x} and {y}")
 
 
 @cache
 def _unit_by_name() -> dict[str, str]:
     """Unit of each axis and each number."""
-    groups = store.shipped(__package__, "keys.toml")["groups"]
+    groups = store.shipped_toml(__package__, "keys.toml")["groups"]
     return {key.name: key.unit for key in list_keys(Scene)} | {name: unit for name, (unit, _) in groups.items()}
 
 
@@ -148,9 +148,9 @@ def _thin_rows(rows: Any) -> Any:
 
 def _draw_map(rows: Any, quantity: str, axes: list[str], logs: set[str]) -> Markup:
     """Draw a quantity over the first two axes, or over the only one; a third axis is cut into parts."""
-    factor, unit = scale_of(rows[quantity].to_numpy(float), unit_of(quantity))
+    factor, unit = unit_scale(rows[quantity].to_numpy(float), unit_of(quantity))
     rows = rows.assign(**{quantity: factor * rows[quantity]})
-    name = f"{named(quantity)} [{unit or '–'}]"
+    name = f"{quantity_words(quantity)} [{unit or '–'}]"
     x, y = (*axes, quantity)[:2]
     parts = [("", rows)]
     split = ""
@@ -167,16 +167,18 @@ def _draw_map(rows: Any, quantity: str, axes: list[str], logs: set[str]) -> Mark
     grid[0][0].set_ylabel(name if y == quantity else _with_unit(y))
     # longer names would be cut off
     fig.colorbar(dots, ax=list(grid[0]), label=textwrap.fill(name, 24))
-    words = named(quantity)
-    return figure(fig, f"{words[0].upper()}{words[1:]} over {x} and {y}{split}")
+    words = quantity_words(quantity)
+    return captioned_figure(fig, f"{words[0].upper()}{words[1:]} over {x} and {y}{split}")
 
 
 def _split_by_axis(rows: Any, axis: str) -> list[tuple[str, Any]]:
     """Scenes by an axis: its values where they are few, else in equal shares."""
     if rows[axis].nunique() <= PARTS:
-        return [(f"{axis} = {number(x)}", part) for x, part in rows.groupby(axis)]
+        return [(f"{axis} = {number_html(x)}", part) for x, part in rows.groupby(axis)]
     shares = qcut(rows[axis], PARTS, duplicates="drop")
-    return [(f"{number(x.left)} to {number(x.right)}", part) for x, part in rows.groupby(shares, observed=True)]
+    return [
+        (f"{number_html(x.left)} to {number_html(x.right)}", part) for x, part in rows.groupby(shares, observed=True)
+    ]
 
 
 def _explorer_data(study: Study, file: Path, rows: Any) -> dict[str, Any]:

@@ -13,9 +13,9 @@ from markupsafe import Markup
 from scipy.integrate import cumulative_trapezoid
 
 from cablefem.response import Array, Response
-from validation.core.quantities import scale_of
-from validation.page.answer.stored import Stored
-from validation.page.page import asset, expression
+from validation.core.quantities import unit_scale
+from validation.page.answer.stored import StoredAnswer
+from validation.page.page import compile_expression, read_asset
 from validation.page.plot import BLACK, BLUE, DASHED, DOTTED, GREEN, PURPLE, VERMILLION, Panel, plot
 
 LOOKS = ((BLUE, ""), (VERMILLION, DASHED))
@@ -23,54 +23,54 @@ POSITION = "metres along the rope"
 TIME = "time [s]"
 
 
-def _inside(x: Stored, r: Response, t: Array, values: Array) -> Array:
-    low, high = x.compared(r)
+def _compared_values(x: StoredAnswer, r: Response, t: Array, values: Array) -> Array:
+    low, high = x.compared_times(r)
     inside = (t >= low) & (t <= high)
     return values[inside] if inside.any() else values
 
 
-def _axis(r: Any, time: bool) -> Array:
+def _time_or_position(r: Any, time: bool) -> Array:
     return r.t if time else r.s_o
 
 
-def _drawn(x: Stored, panels: Sequence[Panel], caption: str, *, time: bool) -> Markup:
+def _plot_with_events(x: StoredAnswer, panels: Sequence[Panel], caption: str, *, time: bool) -> Markup:
     """Draw panels over time or position, with verticals at the events and the slack onset."""
     r = x.runs[0]
-    end = max(float(_axis(run, time).max()) for run in x.runs)
+    end = max(float(_time_or_position(run, time).max()) for run in x.runs)
     verticals = [(event["t" if time else "s_o"], GREEN, "") for event in x.events]
-    if x.onset is not None:
-        onset = float(np.interp(x.onset, r.s_o, r.t)) if time else x.onset
+    if x.slack_onset_position is not None:
+        onset = float(np.interp(x.slack_onset_position, r.s_o, r.t)) if time else x.slack_onset_position
         verticals.append((onset, BLACK, DOTTED))
     for p in panels:
         p.verticals = verticals
     return plot(panels, (0.0, end), TIME if time else POSITION, caption)
 
 
-def series(x: Stored, rows: Sequence[tuple[str, str, str]], caption: str, *, time: bool) -> Markup:
+def plot_series(x: StoredAnswer, rows: Sequence[tuple[str, str, str]], caption: str, *, time: bool) -> Markup:
     """Draw series (words, unit, expression of a run r) below one another; "below" points down."""
-    panels = [_panel(x, title, unit, expression(text), time) for title, unit, text in rows]
-    return _drawn(x, panels, caption, time=time)
+    panels = [_series_panel(x, title, unit, compile_expression(text), time) for title, unit, text in rows]
+    return _plot_with_events(x, panels, caption, time=time)
 
 
-def _panel(x: Stored, title: str, unit: str, of: Callable[..., Any], time: bool) -> Panel:
+def _series_panel(x: StoredAnswer, title: str, unit: str, of: Callable[..., Any], time: bool) -> Panel:
     # limits from the compared part, before slack
-    inside = [_inside(x, r, r.t, of(r=r)) for r in x.runs]
-    factor, name = scale_of(np.concatenate(inside), unit)
+    inside = [_compared_values(x, r, r.t, of(r=r)) for r in x.runs]
+    factor, name = unit_scale(np.concatenate(inside), unit)
     p = Panel(f"[{name}]", title, 110.0, down="below" in title)
-    p.fit([factor * values for values in inside])
+    p.fit_axis([factor * values for values in inside])
     for r, look in zip(x.runs, LOOKS, strict=False):
-        p.curve(_axis(r, time), factor * of(r=r), *look, name=r.method)
-    values = None if x.party is None else _of_party(x.party, of)
+        p.add_curve(_time_or_position(r, time), factor * of(r=r), *look, name=r.method)
+    values = None if x.party is None else _series_of_third_party(x.party, of)
     if values is not None:
-        _add_party(p, x.party, _axis(x.party, time), factor * values)
+        _add_third_party(p, x.party, _time_or_position(x.party, time), factor * values)
     return p
 
 
-def _add_party(p: Panel, party: Any, at: Array, values: Array, words: str = "") -> None:
-    p.curve(at, values, PURPLE, DASHED, 2.2, words + party.method)
+def _add_third_party(p: Panel, party: Any, at: Array, values: Array, words: str = "") -> None:
+    p.add_curve(at, values, PURPLE, DASHED, 2.2, words + party.method)
 
 
-def _of_party(party: Any, of: Callable[..., Any]) -> Array | None:
+def _series_of_third_party(party: Any, of: Callable[..., Any]) -> Array | None:
     """A series of a third party; None if it lacks it."""
     try:
         values = of(r=party)
@@ -79,35 +79,35 @@ def _of_party(party: Any, of: Callable[..., Any]) -> Array | None:
     return None if isinstance(values, Undefined) else values
 
 
-def distance(x: Stored, caption: str) -> Markup:
+def plot_path_distance(x: StoredAnswer) -> Markup:
     """Draw the distance of both paths, of a third party's too, and the sum of both error bars."""
     a, b = x.runs
     time = x.free
-    at, gap = _distance(a, b, time)
-    inside = _inside(x, a, a.t, np.pad(gap, (0, a.t.size - gap.size)))
-    factor, unit = scale_of(inside, "m")
+    at, gap = _axis_and_path_distance(a, b, time)
+    inside = _compared_values(x, a, a.t, np.pad(gap, (0, a.t.size - gap.size)))
+    factor, unit = unit_scale(inside, "m")
     p = Panel(f"apart [{unit}]", height=150.0)
-    p.curve(at, factor * gap, BLACK, "", 1.6, "distance of the paths")
+    p.add_curve(at, factor * gap, BLACK, "", 1.6, "distance of the paths")
     largest = float(inside.max(initial=0.0))
-    allowed = x.row("path_max").get("allowed")
+    allowed = next((row["allowed"] for row in x.rows if row["quantity"] == "path_max"), None)  # of our solvers
     if allowed is not None:
         bars = allowed * a.path_scale
-        times = np.array(x.compared(a))
+        times = np.array(x.compared_times(a))
         ends = times if time else np.interp(times, a.t, a.s_o)
-        p.curve(ends, np.full(2, factor * bars), GREEN, "9 3 2 3", 2.0, "sum of both error bars")
+        p.add_curve(ends, np.full(2, factor * bars), GREEN, "9 3 2 3", 2.0, "sum of both error bars")
         largest = max(largest, bars)
     if x.party is not None:
-        at, gap = _distance(a, x.party, time)
-        _add_party(p, x.party, at, factor * gap, "distance to ")
+        at, gap = _axis_and_path_distance(a, x.party, time)
+        _add_third_party(p, x.party, at, factor * gap, "distance to ")
         largest = max(largest, float(gap.max(initial=0.0)))
-    p.decades(factor * largest)
-    return _drawn(x, [p], caption, time=time)
+    p.show_four_decades(factor * largest)
+    return _plot_with_events(x, [p], "How far the two paths of the car are apart.", time=time)
 
 
-def _distance(a: Response, b: Any, time: bool) -> tuple[Array, Array]:
+def _axis_and_path_distance(a: Response, b: Any, time: bool) -> tuple[Array, Array]:
     """The axis and the distance of two paths [m] where both exist, of the components that b has."""
-    at = _axis(a, time)
-    of_b = _axis(b, time)
+    at = _time_or_position(a, time)
+    of_b = _time_or_position(b, time)
     both = (at >= of_b[0]) & (at <= of_b[-1])
     names = ("x", "y") if time else ("u", "v")
     parts = [
@@ -118,16 +118,16 @@ def _distance(a: Response, b: Any, time: bool) -> tuple[Array, Array]:
     return at[both], np.linalg.norm(parts, axis=0)
 
 
-def tension_range(x: Stored) -> tuple[float, float]:
+def tension_range(x: StoredAnswer) -> tuple[float, float]:
     """Smallest and largest tension [N] of the compared part of the fields."""
-    parts = np.concatenate([_inside(x, r, r.fields.t, r.fields.T).ravel() for r in x.runs])
+    parts = np.concatenate([_compared_values(x, r, r.fields.t, r.fields.T).ravel() for r in x.runs])
     return max(0.0, float(parts.min())), float(parts.max())
 
 
-def tension_field(x: Stored, r: Response, caption: str) -> Markup:
+def plot_tension_field(x: StoredAnswer, r: Response, caption: str) -> Markup:
     """Draw tension over time and position, with five numbers on it across and three up."""
     low, high = tension_range(x)
-    factor, unit = scale_of(np.array([low, high]), "N")
+    factor, unit = unit_scale(np.array([low, high]), "N")
     f = r.fields
     end = float(r.t[-1])
     p = Panel(POSITION, "", 220.0, low=0.0, high=r.length, scale=(factor * low, factor * high, unit))
@@ -136,7 +136,7 @@ def tension_field(x: Stored, r: Response, caption: str) -> Markup:
     share = (f.T[nearest] - low) / ((high - low) or 1.0)  # (times, stations)
     p.image = share.T[::-1]
     for color, width in ((BLACK, 2.6), ("#fff", 1.4)):
-        p.curve(r.t, r.s_o, color, "", width)
+        p.add_curve(r.t, r.s_o, color, "", width)
     for t in end * (np.arange(5) + 0.5) / 5:
         k = int(np.abs(f.t - t).argmin())
         for s in r.length * (np.arange(3) + 0.5) / 3:
@@ -145,10 +145,10 @@ def tension_field(x: Stored, r: Response, caption: str) -> Markup:
     return plot([p], (0.0, end), TIME, caption)
 
 
-PARTS: dict[str, list[str]] = tomllib.loads(asset("looks.toml"))["energy"]
+PARTS: dict[str, list[str]] = tomllib.loads(read_asset("looks.toml"))["energy"]
 
 
-def energy_split(x: Stored, caption: str) -> Markup:
+def plot_energy_split(x: StoredAnswer, caption: str) -> Markup:
     """Draw the energy: motion, height, stretch, and the work of outside forces."""
     r = x.runs[0]
     energies = {"motion": r.kinetic, "height": r.potential, "stretch": r.strain}
@@ -156,11 +156,11 @@ def energy_split(x: Stored, caption: str) -> Markup:
     for name, power in r.powers.items():
         work = cumulative_trapezoid(np.nan_to_num(power), r.t, initial=0.0)
         energies["damping" if name == "lost_viscous" else name] = -work
-    factor, unit = scale_of(np.concatenate(list(energies.values())), "J")
+    factor, unit = unit_scale(np.concatenate(list(energies.values())), "J")
     p = Panel(f"since start [{unit}]", height=200.0)
     for name, y in energies.items():
         if np.abs(y).max() > 0.0:
             color, dash = PARTS.get(name, (BLACK, DOTTED))
-            p.curve(r.t, factor * y, color, dash, name=name)
-    p.fit([curve.y for curve in p.curves])
-    return _drawn(x, [p], caption, time=True)
+            p.add_curve(r.t, factor * y, color, dash, name=name)
+    p.fit_axis([curve.y for curve in p.curves])
+    return _plot_with_events(x, [p], caption, time=True)

@@ -13,15 +13,15 @@ from markupsafe import Markup
 from cablefem.response import Response, atomic_write, write_json, write_text
 from cablefem.scene import Scene
 from validation.core import limits, store
-from validation.core.answers import outcome
-from validation.core.quantities import named, scale_of
-from validation.core.sidebyside import in_parallel
+from validation.core.answers import outcome_of_run
+from validation.core.quantities import quantity_words, unit_scale
+from validation.core.sidebyside import map_in_parallel
 from validation.page import report, terminal
-from validation.page.answer.content import inputs
+from validation.page.answer.content import table_of_keys
 from validation.page.options import Point
-from validation.page.page import Section, details, drawn_with, gallery, table
+from validation.page.page import Section, date_and_versions, details, gallery, html_table
 from validation.page.plot import COLORS, DASHED, DOTTED, GREY, Panel, draw_surroundings, plot
-from validation.page.side_view import short, some
+from validation.page.side_view import six_digits, sparse_indices
 
 ANNOUNCED = 50  # scenes: of more the number is said before they start
 DASHES = ("", DASHED, DOTTED, "8 3 2 3")  # one for each value of the keys after the first
@@ -74,9 +74,9 @@ class Column:
 Columns = dict[str, Column]
 
 
-def row(scene: Scene, r: Response, verdict: str | None = None) -> Row:
+def table_row(scene: Scene, r: Response, verdict: str | None = None) -> Row:
     """The table's row of one answer; SI, speeds in km/h."""
-    end = outcome(scene, r)
+    end = outcome_of_run(scene, r)
     out: Row = {"outcome_kind": end.kind, "outcome": end.sentence, "duration_s": round(float(r.t[-1]), 3)}
     if r.drive == "free":
         events = {e["event"]: e for e in reversed(r.events)}  # the first of each kind
@@ -85,13 +85,13 @@ def row(scene: Scene, r: Response, verdict: str | None = None) -> Row:
         rests = end.kind in ("stuck", "stopped_by_brake")
         out["rests_at_m"] = round(float(r.s_o[-1]), 2) if rests else None
         out["farthest_m"] = round(float(r.s_o.max()), 2)
-    out |= _numbers(r.design) | limits.columns(limits.rows(scene, r.design, r.events))
+    out |= _table_numbers(r.design) | limits.worst_limit_columns(limits.limit_rows(scene, r.design, r.events))
     if verdict is not None:
         out["verdict"] = verdict
     return out
 
 
-def _numbers(design: Sequence[dict[str, Any]]) -> Row:
+def _table_numbers(design: Sequence[dict[str, Any]]) -> Row:
     """The table's design numbers, of several obstacles the smallest."""
     out: Row = {}
     for kind in NUMBERS:
@@ -101,12 +101,12 @@ def _numbers(design: Sequence[dict[str, Any]]) -> Row:
     return out
 
 
-def path(r: Response) -> dict[str, list[float]]:
+def path_columns(r: Response) -> dict[str, list[float]]:
     columns = {"t": r.t, "s_o": r.s_o, "x": r.x, "y": r.y, "kmh": 3.6 * r.speed}
-    return {name: short(values[some(r.t.size)]) for name, values in columns.items()}
+    return {name: six_digits(values[sparse_indices(r.t.size)]) for name, values in columns.items()}
 
 
-def grid(
+def answer_grid(
     command: str, home: str, scene: Any, points: Sequence[Point], out: Path | None,
     answered: Callable[[Point], tuple[Row, Any]], columns: Callable[[list[Row], list[str]], Columns],
 ) -> list[Row]:  # fmt: skip
@@ -115,28 +115,28 @@ def grid(
     Writes table.csv, grid.json and scene.toml to the folder `home` of the command's results.
     """
     keys = list(points[0].given)
-    folder = store.claim(out, command, scene, [home])
+    folder = store.claim_folder(out, command, scene, [home])
     answers: dict[int, tuple[Row, Any]] = {}
     if len(points) > ANNOUNCED:
-        terminal.say(f"{len(points)} scenes")
-    with terminal.progress() as progress:
+        terminal.print_text(f"{len(points)} scenes")
+    with terminal.progress_bars() as progress:
 
         def on_result(i: int, answer: tuple[Row, Any]) -> None:
             answers[i] = answer
             progress("grid", len(answers) / len(points))
 
-        in_parallel(answered, points, on_result)
+        map_in_parallel(answered, points, on_result)
     rows = []
     for i, point in enumerate(points):
-        values = {key: store.plain(value) for key, value in point.given.items()}
+        values = {key: store.nulls_for_nonfinite(value) for key, value in point.given.items()}
         rows.append(values | answers[i][0])
     write_rows(folder / home / "table.csv", rows)
     paths = [answers[i][1] for i in range(len(points))]
     write_json(folder / home / "grid.json", {"keys": keys, "rows": rows, "paths": paths})
     write_text(folder / home / "scene.toml", scene.to_toml())
-    report.write(folder, command)
-    _tell(rows, columns(rows, keys))
-    terminal.say(f"  written to {folder}: report.html, {home}/table.csv")
+    report.write_report(folder, command)
+    _print_table(rows, columns(rows, keys))
+    terminal.print_text(f"  written to {folder}: report.html, {home}/table.csv")
     return rows
 
 
@@ -149,13 +149,13 @@ def write_rows(file: Path, rows: Sequence[Row]) -> None:
         writer.writerows(rows)
 
 
-def _tell(rows: list[Row], shown: Columns) -> None:
+def _print_table(rows: list[Row], shown: Columns) -> None:
     numeric = [c.head for name, c in shown.items() if any(isinstance(x.get(name), int | float) for x in rows)]
     cells = [[c.cell(x.get(name)) for name, c in shown.items()] for x in rows]
-    terminal.table([c.head for c in shown.values()], cells, right=numeric)
+    terminal.print_table([c.head for c in shown.values()], cells, right=numeric)
 
 
-def columns(rows: list[Row], keys: Sequence[str]) -> Columns:
+def run_columns(rows: list[Row], keys: Sequence[str]) -> Columns:
     """Columns of a table of runs: varied values, outcomes, common numbers, verdicts."""
     out = {key: Column(key) for key in keys}
     for name in ("outcome", "arrival_km_h", "rests_at_m", "farthest_m", *NUMBERS, *LIMITS, "verdict"):
@@ -163,10 +163,10 @@ def columns(rows: list[Row], keys: Sequence[str]) -> Columns:
         if not values:
             continue
         if name.startswith(("tension", "haul")):
-            factor, unit = scale_of(np.array(values), "N")
-            out[name] = Column(f"{named(name)} [{unit}]", factor)
+            factor, unit = unit_scale(np.array(values), "N")
+            out[name] = Column(f"{quantity_words(name)} [{unit}]", factor)
         else:
-            out[name] = Column(HEADS.get(name) or named(name))
+            out[name] = Column(HEADS.get(name) or quantity_words(name))
     return out
 
 
@@ -175,39 +175,39 @@ def table_of(rows: list[Row], columns: Columns, key: str) -> Markup:
     cells = [{c.head: c.cell(x.get(name)).replace("-", "−") for name, c in columns.items()} for x in rows]
     for cell in cells:
         cell[key] = Markup('<span class="phone">{} </span>{}').format(key, cell[key])
-    return table(cells, [c.head for c in columns.values()], stack=True)
+    return html_table(cells, [c.head for c in columns.values()], stack=True)
 
 
 def sections(folder: Path) -> list[Section]:
     """The page of the grid of runs in a folder."""
-    stored = store.read(folder / "grid.json")
+    stored = store.read_json(folder / "grid.json")
     rows = stored["rows"]
     paths = stored["paths"]
     keys = stored["keys"]
     scene = Scene.from_toml((folder / "scene.toml").read_text(encoding="utf-8"))
     html = [
-        table_of(rows, columns(rows, keys), keys[0]),
-        gallery(_side(scene, rows, paths, keys), _speeds(rows, paths, keys)),
-        details("What is the same in all of them", inputs(scene.to_toml(), without=keys)),
-        Markup("<p><small>Page drawn on {}.</small></p>").format(drawn_with()),
+        table_of(rows, run_columns(rows, keys), keys[0]),
+        gallery(_side_view_figure(scene, rows, paths, keys), _speed_figure(rows, paths, keys)),
+        details("What is the same in all of them", table_of_keys(scene.to_toml(), without=keys)),
+        Markup("<p><small>Page drawn on {}.</small></p>").format(date_and_versions()),
     ]
     kinds = [x["outcome_kind"] for x in rows]
     summary = ", ".join(f"{kinds.count(kind)} of {len(rows)} {ENDS[kind]}" for kind in dict.fromkeys(kinds))
     return [Section("grid", "All of them", Markup("\n").join(html), None, f"{summary}.")]
 
 
-def label(point: Row, keys: Sequence[str]) -> str:
+def point_label(point: Row, keys: Sequence[str]) -> str:
     return ", ".join(f"{key.split('.')[-1]} {point[key]}" for key in keys)
 
 
-def _looks(rows: list[dict], keys: Sequence[str]) -> list[tuple[str, str]]:
+def _colours_and_dashes(rows: list[dict], keys: Sequence[str]) -> list[tuple[str, str]]:
     """Colour and dash of each row, by the first key and by the others."""
-    firsts = _numbered([json.dumps(point[keys[0]]) for point in rows])
-    others = _numbered([json.dumps([point[key] for key in keys[1:]]) for point in rows])
+    firsts = _ranks_of_values([json.dumps(point[keys[0]]) for point in rows])
+    others = _ranks_of_values([json.dumps([point[key] for key in keys[1:]]) for point in rows])
     return [(COLORS[a % len(COLORS)], DASHES[b % len(DASHES)]) for a, b in zip(firsts, others, strict=True)]
 
 
-def _numbered(values: Sequence[str]) -> list[int]:
+def _ranks_of_values(values: Sequence[str]) -> list[int]:
     """Equal values get equal numbers, in order of first appearance."""
     order = list(dict.fromkeys(values))
     return [order.index(value) for value in values]
@@ -216,12 +216,12 @@ def _numbered(values: Sequence[str]) -> list[int]:
 def _add_paths(
     p: Panel, rows: list[dict], paths: list[dict | None], keys: Sequence[str], x: str, y: str
 ) -> None:  # fmt: skip
-    for values, point, look in zip(paths, rows, _looks(rows, keys), strict=True):
+    for values, point, look in zip(paths, rows, _colours_and_dashes(rows, keys), strict=True):
         if values:
-            p.curve(np.array(values[x]), np.array(values[y]), *look, 1.6, label(point, keys))
+            p.add_curve(np.array(values[x]), np.array(values[y]), *look, 1.6, point_label(point, keys))
 
 
-def _side(scene: Scene, rows: list[dict], paths: list[dict | None], keys: Sequence[str]) -> Markup:
+def _side_view_figure(scene: Scene, rows: list[dict], paths: list[dict | None], keys: Sequence[str]) -> Markup:
     """The empty rope, the paths, ground and obstacles from the side."""
     span = scene.supports.span
     below = 0.0 if scene.mass is None else scene.mass.below
@@ -231,16 +231,16 @@ def _side(scene: Scene, rows: list[dict], paths: list[dict | None], keys: Sequen
     depths = [X.y(s), ground[:, 1], np.array([o.top for o in scene.obstacle])]
     depths += [np.array(path["y"]) + below for path in paths if path]
     p = Panel("depth [m]", "path of the car", down=True)
-    p.fit(depths, pad=0.05)
+    p.fit_axis(depths, pad=0.05)
     caption = draw_surroundings(p, span, ground, [(o.name, o.at, o.top) for o in scene.obstacle])
-    p.curve(X.x(s), X.y(s), GREY, DOTTED, 1.2, "empty rope at rest")
+    p.add_curve(X.x(s), X.y(s), GREY, DOTTED, 1.2, "empty rope at rest")
     _add_paths(p, rows, paths, keys, "x", "y")
     return plot([p], (0.0, span), "x [m]", caption)
 
 
-def _speeds(rows: list[dict], paths: list[dict | None], keys: Sequence[str]) -> Markup:
+def _speed_figure(rows: list[dict], paths: list[dict | None], keys: Sequence[str]) -> Markup:
     p = Panel("[km/h]", "speed", 180.0)
     _add_paths(p, rows, paths, keys, "s_o", "kmh")
-    p.fit([np.zeros(1), *(curve.y for curve in p.curves)])
+    p.fit_axis([np.zeros(1), *(curve.y for curve in p.curves)])
     end = max((max(path["s_o"]) for path in paths if path), default=1.0)
     return plot([p], (0.0, end), "metres along the rope", "Speed of the car along the rope.")

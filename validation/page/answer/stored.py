@@ -14,7 +14,7 @@ from validation.page.answer import EVENTS
 
 
 @dataclass(frozen=True, slots=True)
-class Stored:
+class StoredAnswer:
     """One or two answers to one scene, and the verdict if there is one."""
 
     scene: Scene
@@ -44,7 +44,7 @@ class Stored:
         return list(self.agreement.get("events") or self.runs[0].events)
 
     @property
-    def onset(self) -> float | None:
+    def slack_onset_position(self) -> float | None:
         """Position of the mass [m] at the first slack cable of any solver."""
         return min((r.slack_onset * r.length for r in self.runs if r.slack_onset is not None), default=None)
 
@@ -52,7 +52,7 @@ class Stored:
     def free(self) -> bool:
         return self.runs[0].drive == "free"
 
-    def compared(self, r: Response) -> tuple[float, float]:
+    def compared_times(self, r: Response) -> tuple[float, float]:
         """First and last compared instant [s] of a run."""
         low, high = self.agreement.get("range") or (0.0, 1.0)
         if self.free or self.agreement.get("axis") == "time":
@@ -60,14 +60,10 @@ class Stored:
         ends = np.interp([low * r.length, high * r.length], np.maximum.accumulate(r.s_o), r.t)
         return float(ends[0]), float(ends[1])
 
-    def row(self, quantity: str) -> dict[str, Any]:
-        """Our solvers' row of a quantity, or an empty one."""
-        return next((r for r in self.rows if r.get("quantity") == quantity and not r.get("with")), {})
 
-
-def read(folder: Path) -> Stored | None:
+def read_answer(folder: Path) -> StoredAnswer | None:
     """The stored results of a check; None where every run broke at its start."""
-    agreement = store.read(folder / "agreement.json")
+    agreement = store.read_json(folder / "agreement.json")
     both = [Response.read(folder / name) for name in agreement["methods"][:2]]
     runs = tuple(r for r in both if r.t.size > 1)
     if not runs:
@@ -76,4 +72,4 @@ def read(folder: Path) -> Stored | None:
     names = [row["with"] for row in agreement["rows"] if row.get("with")]
     file = folder / "with.csv"
     party = replace(ForeignPath.read(file, scene), method=names[0]) if names and file.exists() else None
-    return Stored(scene, runs, agreement, party)
+    return StoredAnswer(scene, runs, agreement, party)
