@@ -28,8 +28,8 @@ def test_a_file_in_the_folder_is_all_that_an_oracle_needs(tmp_path, monkeypatch)
     (tmp_path / "brought_along.py").write_text(
         "'A title.\\n\\nSource: a source\\nGroup: A new group'\n"
         "from validation.oracles.case import BARE, Modes\n"
-        "from validation.oracles.catenary_modes import solve\n"
-        "exact = solve(BARE.sigma, BARE.alpha, BARE.c, count=3).omega\n"
+        "from validation.oracles.catenary_modes import solve_modes\n"
+        "exact = solve_modes(BARE.sigma, BARE.alpha, BARE.c, count=3).omega\n"
         "case = Modes(name='first three', groups=BARE, model='full', exact=exact, methods=('sines',))\n"
         "cases = lambda: [case]\n"
     )
