@@ -682,7 +682,8 @@ def limit_faults(rows: Sequence[Row], scene: Row, design: Sequence[Row], events:
         if row["source"] == "the scene":
             known = given.get(name) == row["limit"]
         else:
-            known = _any_text_states(shipped["text"].values(), name, row, scene)
+            texts = shipped["text"].values()
+            known = any(_states_rule(rule, name, row, text, scene) for text in texts for rule in text["limit"])
         if not known:
             yield f"{row['demand']}: {row['limit']} is not the limit of {row['source']}"
         yield from _verdict_faults(name, row, scene, design, events)
@@ -690,10 +691,6 @@ def limit_faults(rows: Sequence[Row], scene: Row, design: Sequence[Row], events:
     for name in given.get("use", []):
         if not any(source.startswith(shipped["text"][name]["source"]) for source in sources):
             yield f"{name}: none of its limits is printed"
-
-
-def _any_text_states(texts: Iterable[Row], name: str, row: Row, scene: Row) -> bool:
-    return any(_states_rule(rule, name, row, text, scene) for text in texts for rule in text["limit"])
 
 
 def _states_rule(rule: Row, name: str, row: Row, text: Row, scene: Row) -> bool:

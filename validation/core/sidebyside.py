@@ -6,7 +6,7 @@ Forks inherit jobs; results and progress are pickled.
 import multiprocessing
 import os
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, as_completed, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -48,16 +48,12 @@ def run_in_parallel(
             done, running = wait(running, timeout=0.1, return_when=FIRST_COMPLETED)
             while not queue.empty():
                 report(*queue.get())
-            _raise_exceptions(done)
+            for future in done:
+                future.result()  # raises what the job raised
             if done and running:
                 (meanwhile or no_progress)()
                 meanwhile = None
         return [future.result() for future in futures]
-
-
-def _raise_exceptions(done: Iterable[Future]) -> None:
-    for future in done:
-        future.result()
 
 
 def map_in_parallel(

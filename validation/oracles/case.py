@@ -125,7 +125,7 @@ class Crossing(Case):
 
     @property
     def how(self) -> dict[str, Any]:
-        return {"model": self.model, "load": self.load, "until": self.until, "begun": self.begins > 0.0}
+        return {"model": self.model, "load": self.load, "until": self.until, "starts_on_cable": self.begins > 0.0}
 
     def order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
         p, because = solvers.theoretical_order(method)
