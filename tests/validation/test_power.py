@@ -3,7 +3,7 @@
 from cablefem import Scene
 from validation import check
 from validation.commands.check.sensitivity import noticed_sentence, number_keys, smallest_noticed_faults
-from validation.commands.sweep.families import FAMILIES, SETS, SOUND, scene_case
+from validation.commands.sweep.families import SOUND, scene_case
 
 INCLINED = Scene.load("inclined")
 
@@ -35,7 +35,7 @@ def test_keys_are_the_numbers_of_the_tables():
 
 def test_cases_of_the_study_are_the_families_in_turn_and_sound_ones_have_no_fault():
     names = [scene_case(11, number)[0].name for number in range(6)]
-    assert names == 2 * [family.__name__ for family in FAMILIES]
+    assert names == 2 * ["gripped", "hauled", "free"]
     assert {scene_case(11, number)[1] for number in range(SOUND)} == {None}
     faults = [scene_case(11, SOUND + number) for number in range(45)]
     given = {key for _, key in faults}
@@ -43,7 +43,7 @@ def test_cases_of_the_study_are_the_families_in_turn_and_sound_ones_have_no_faul
     assert {key for key in given if key.startswith("travel.")} & {"travel.speed", "travel.top_speed"}
     assert all(isinstance(scene.replace({key: "+1%"}), Scene) for scene, key in faults if key)
     faults = [scene_case(11, SOUND + number, "wide") for number in range(90)]
-    assert [scene.name for scene, _ in faults[:9]] == [family.__name__ for family in SETS["wide"]]
+    assert " ".join(x.name for x, _ in faults[:9]) == "gripped hauled free fibre slack steep iced stopped windy"
     more = {"drive.rolling_friction", "drive.drag_area", "drive.brake.0.force", "supports.drop"}
     assert {key for _, key in faults} >= more
     assert all(isinstance(scene.replace({key: "+1%"}), Scene) for scene, key in faults if key)
