@@ -24,7 +24,7 @@ SHORTEST = 1e-3
 LAST = 1e-8  # step over the size of the unknowns; the error left is about its square
 
 
-def _norm(v: np.ndarray) -> np.ndarray:
+def _vector_length(v: np.ndarray) -> np.ndarray:
     """Length of vectors, also complex ones."""
     return np.sqrt(v[..., 0, :] ** 2 + v[..., 1, :] ** 2)
 
@@ -32,7 +32,7 @@ def _norm(v: np.ndarray) -> np.ndarray:
 def piece_chords(n: np.ndarray, S: np.ndarray, case: Case) -> np.ndarray:
     """(dx, dy) of pieces (k, 2, m) with left pulls n (k, 2, m) and lengths S (k, m)."""
     end = np.stack([n[:, 0], n[:, 1] - case.weight * S], axis=1)
-    N = 0.5 * (_norm(n) + _norm(end))
+    N = 0.5 * (_vector_length(n) + _vector_length(end))
     w = 0.5 * case.weight * S / N
     small = np.abs(w) < 1e-3
     ratio = np.where(small, 1.0 + w**2 / 3.0 + w**4 / 5.0, np.arctanh(w) / np.where(small, 1.0, w))
@@ -47,7 +47,7 @@ class _Problem:
         self.case = case
         self.count = len(case.stations) - 1
         self.s = case.fixed_s
-        self.place = case.fixed_places
+        self.place = case.fixed_points
         self.free_s, self.free_place = np.isnan(self.s), np.isnan(self.place)
         first = first_guess(case)
         if isinstance(first, NoLine):
@@ -88,7 +88,7 @@ class _Problem:
         if self.case.tie is not None:
             k, tension = self.case.tie
             pull = ahead[k] if k < self.count else behind[k]
-            rows.append((_norm(pull) - tension)[None] / self.H)
+            rows.append((_vector_length(pull) - tension)[None] / self.H)
         return np.concatenate([gaps.reshape(2 * self.count, -1) / self.reach, *rows])
 
     def in_order(self, X: np.ndarray) -> bool:
@@ -107,9 +107,9 @@ class _Problem:
 def _station_equations(p: Station, behind: np.ndarray, ahead: np.ndarray, place: np.ndarray) -> np.ndarray:
     """Equations (0 to 2, m) of a station."""
     if p.kind == "counterweight":  # one pull is zero
-        return (_norm(ahead + behind) - p.force)[None]
+        return (_vector_length(ahead + behind) - p.force)[None]
     if p.kind == "saddle":
-        return (_norm(ahead) - _norm(behind))[None]
+        return (_vector_length(ahead) - _vector_length(behind))[None]
     if p.kind == "anchor":
         return np.empty((0, place.shape[-1]))
     jump = ahead - behind
@@ -123,7 +123,7 @@ def _station_equations(p: Station, behind: np.ndarray, ahead: np.ndarray, place:
 
 
 def _mean_tangent(behind: np.ndarray, ahead: np.ndarray) -> np.ndarray:
-    return (behind + ahead) / _norm(behind + ahead)
+    return (behind + ahead) / _vector_length(behind + ahead)
 
 
 def _newton(problem: _Problem, more: int) -> np.ndarray:
@@ -172,9 +172,9 @@ def solve(cases: Sequence[Case], more: int = 0) -> list[LineState | NoLine]:
 
 def depth_and_tension(state: LineState, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Depth [m] and tension [N] at places x (m,) [m]."""
-    piece = np.clip(np.searchsorted(state.place[:, 0], x, side="right") - 1, 0, len(state.s) - 2)
-    start = state.place[piece]
-    run = np.diff(state.place[:, 0])[piece]
+    piece = np.clip(np.searchsorted(state.points[:, 0], x, side="right") - 1, 0, len(state.s) - 2)
+    start = state.points[piece]
+    run = np.diff(state.points[:, 0])[piece]
     whole = np.diff(state.s)[piece]
     n = state.ahead[piece][:, :, None]
     S = (whole * (x - start[:, 0]) / run)[:, None]
@@ -199,13 +199,13 @@ def points_of_slope(state: LineState, slope: float) -> np.ndarray:
     """Points (n - 1, 2) [m] of the pieces where the rope has a slope dy/dx, or their ends nearest to it."""
     n = state.ahead[:-1]  # (n - 1, 2)
     S = np.clip((n[:, 1] - n[:, 0] * slope) / state.case.weight, 0.0, np.diff(state.s))
-    return state.place[:-1] + piece_chords(n[:, :, None], S[:, None], state.case)[..., 0]
+    return state.points[:-1] + piece_chords(n[:, :, None], S[:, None], state.case)[..., 0]
 
 
 def sag(state: LineState, first: int, last: int) -> float:
     """Largest vertical distance [m] of the rope below the chord of two stations."""
-    dx, dy = state.place[last] - state.place[first]
-    below = points_of_slope(state, dy / dx)[first:last] - state.place[first]  # (last - first, 2)
+    dx, dy = state.points[last] - state.points[first]
+    below = points_of_slope(state, dy / dx)[first:last] - state.points[first]  # (last - first, 2)
     return float(np.max(below[:, 1] - below[:, 0] * dy / dx))
 
 
@@ -215,8 +215,8 @@ def clearance(state: LineState, ground: np.ndarray) -> float:
     The rope sags between stations: it is nearest where it is parallel to the ground, at a corner or at an end.
     """
     x, depth = ground.T
-    corners = np.concatenate([x, state.place[[0, -1], 0]])
+    corners = np.concatenate([x, state.points[[0, -1], 0]])
     nearest = [points_of_slope(state, slope)[:, 0] for slope in np.diff(depth) / np.diff(x)]
     here = np.concatenate([corners, *nearest])
-    here = here[(here >= max(x[0], state.place[0, 0])) & (here <= min(x[-1], state.place[-1, 0]))]
+    here = here[(here >= max(x[0], state.points[0, 0])) & (here <= min(x[-1], state.points[-1, 0]))]
     return float(np.min(np.interp(here, x, depth) - depth_and_tension(state, here)[0], initial=np.inf))

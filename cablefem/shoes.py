@@ -28,26 +28,26 @@ class Passage(NamedTuple):
     """What a car may do next at a saddle."""
 
     car: str
-    does: Literal["lands on the shoe of", "leaves the rope at", "takes the rope behind", "leaves the shoe of"]
+    action: Literal["lands on the shoe of", "leaves the rope at", "takes the rope behind", "leaves the shoe of"]
     saddle: Contact
 
     def __str__(self) -> str:
-        return f"{self.car} {self.does} {self.saddle.name}"
+        return f"{self.car} {self.action} {self.saddle.name}"
 
-    def ahead(self, x: float, dx: float) -> float:
+    def distance_ahead(self, x: float, dx: float) -> float:
         """[m] to go from x with the velocity dx; inf: not that way."""
         shoe = self.saddle.shoe or 0.0
         way = x - self.saddle.point[0]
-        if self.does == "takes the rope behind":
+        if self.action == "takes the rope behind":
             return TIP * shoe - math.copysign(way, way * dx)
-        outwards = self.does == "leaves the shoe of"
-        to_go = abs(way) - (shoe if self.does == "lands on the shoe of" else TIP * shoe)
+        outwards = self.action == "leaves the shoe of"
+        to_go = abs(way) - (shoe if self.action == "lands on the shoe of" else TIP * shoe)
         if outwards:
             to_go = shoe - abs(way)
         return to_go if to_go > 0.0 or way * dx * (1.0 if outwards else -1.0) > 0.0 else math.inf
 
 
-class Now(NamedTuple):
+class LineSnapshot(NamedTuple):
     """A line at an event, by names of contacts and cars; [m], [m/s], [m/s2]."""
 
     s: dict[str, float]
@@ -58,16 +58,16 @@ class Now(NamedTuple):
 
 def line_snapshot(
     line: MovingLine, jets: Array, s: Array, over: dict[str, Array], rope: Callable[[float], Array]
-) -> Now:
-    """`Now` from points of all contacts (3, contacts, 2), their s (3, contacts), and points of cars off the rope."""
+) -> LineSnapshot:
+    """From points of all contacts (3, contacts, 2), their s (3, contacts), and points of cars off the rope."""
     names = [c.name for c in line.touching]
     at, rates = (dict(zip(names, values, strict=True)) for values in s[:2].tolist())
     points = dict(zip(names, jets.swapaxes(0, 1), strict=True))
     at |= {car.name: at[car.rail.saddle] for car in line.over if car.rail is not None}
-    return Now(at, rates, points | over, rope)
+    return LineSnapshot(at, rates, points | over, rope)
 
 
-def next_passages(line: MovingLine) -> tuple[Passage, ...]:
+def possible_passages(line: MovingLine) -> tuple[Passage, ...]:
     """All that may come next."""
     out = []
     by_name = {c.name: c for c in line.supports}
@@ -80,9 +80,9 @@ def next_passages(line: MovingLine) -> tuple[Passage, ...]:
             continue
         if car.kind == "free" or car.wheels is not None or car.hanger is not None:
             continue
-        for beside in (line.contacts[k - 1], line.contacts[k + 1]):
-            if isinstance(beside, Contact) and beside.shoe is not None:
-                out.append(Passage(car.name, "lands on the shoe of", beside))
+        for neighbour in (line.contacts[k - 1], line.contacts[k + 1]):
+            if isinstance(neighbour, Contact) and neighbour.shoe is not None:
+                out.append(Passage(car.name, "lands on the shoe of", neighbour))
     out += [Passage(car.name, "takes the rope behind", by_name[car.rail.saddle]) for car in line.over if car.rail]
     return tuple(out)
 
@@ -92,33 +92,33 @@ def may_pass(passages: Sequence[Passage], a: str, b: str) -> bool:
     return any({p.car, p.saddle.name} == {a, b} for p in passages)
 
 
-def line_after_passage(line: MovingLine, event: Passage, t: float, phase: int, now: Now) -> MovingLine:
-    """The line after an event; adds to `now` the car that takes the rope."""
+def line_after_passage(line: MovingLine, event: Passage, t: float, phase: int, snapshot: LineSnapshot) -> MovingLine:
+    """The line after an event; adds to `snapshot` the car that takes the rope."""
     contacts, saddle = list(line.contacts), event.saddle
     car = next(c for c in (*line.cars, *line.over) if c.name == event.car)
     top, tip = np.array(saddle.point), TIP * (saddle.shoe or 0.0)
-    (x, y), velocity, acceleration = now.points[car.name].tolist()
+    (x, y), velocity, acceleration = snapshot.points[car.name].tolist()
     side = math.copysign(1.0, x - saddle.point[0])
     slope = velocity[1] / velocity[0]
     bend = (acceleration[1] - slope * acceleration[0]) / velocity[0] ** 2
-    if event.does == "leaves the shoe of":
+    if event.action == "leaves the shoe of":
         contacts[contacts.index(car)] = replace(car, rail=None)
-    elif event.does == "lands on the shoe of":
+    elif event.action == "lands on the shoe of":
         if any(c.rail is not None and c.rail.saddle == saddle.name for c in (*line.cars, *line.over)):
             raise StepFailure(t, f"two cars on the shoe of {saddle.name}", "let one follow later")
-        end = _straight_end(top, side * tip, now.rope(now.s[car.name] + side * BESIDE)[1])
+        end = _straight_end(top, side * tip, snapshot.rope(snapshot.s[car.name] + side * BESIDE)[1])
         rail = Rail(saddle.name, End(x, y, slope, bend), end)
         contacts[contacts.index(car)] = replace(car, rail=rail)
-    elif event.does == "leaves the rope at":
-        end = _straight_end(top, -side * tip, now.rope(now.s[saddle.name] - side * BESIDE)[1])
-        stretch = float(np.hypot(*velocity)) / abs(now.ds[car.name] - now.ds[saddle.name])
-        rail = Rail(saddle.name, End(x, y, slope), end, now.s[car.name] - now.s[saddle.name], stretch)
+    elif event.action == "leaves the rope at":
+        end = _straight_end(top, -side * tip, snapshot.rope(snapshot.s[saddle.name] - side * BESIDE)[1])
+        stretch = float(np.hypot(*velocity)) / abs(snapshot.ds[car.name] - snapshot.ds[saddle.name])
+        rail = Rail(saddle.name, End(x, y, slope), end, snapshot.s[car.name] - snapshot.s[saddle.name], stretch)
         contacts.remove(car)
         return replace(line, contacts=tuple(contacts), over=(*line.over, replace(car, rail=rail)))
     else:
-        _add_rope_point(line, car, t, phase, now)
-        (x, y), (r_x, r_y) = now.points[car.name][0], now.rope(now.s[car.name])[1]
-        rail = Rail(saddle.name, End(x, y, r_y / r_x), _load_path_end(line, car, saddle, side, t, now))
+        _add_rope_point(line, car, t, phase, snapshot)
+        (x, y), (r_x, r_y) = snapshot.points[car.name][0], snapshot.rope(snapshot.s[car.name])[1]
+        rail = Rail(saddle.name, End(x, y, r_y / r_x), _load_path_end(line, car, saddle, side, t, snapshot))
         contacts.insert(contacts.index(saddle) + (side > 0.0), replace(car, rail=rail))
         over = tuple(c for c in line.over if c is not car)
         return replace(line, contacts=tuple(contacts), over=over)
@@ -131,47 +131,47 @@ def _straight_end(top: Array, away: float, along: Array) -> End:
     return End(top[0] + away, top[1] + away * slope, slope)
 
 
-def _add_rope_point(line: MovingLine, car: Car, t: float, phase: int, now: Now) -> None:
-    """Put s and the point of the rope below a car off the rope into `now`, with their rates."""
+def _add_rope_point(line: MovingLine, car: Car, t: float, phase: int, snapshot: LineSnapshot) -> None:
+    """Put s and the point of the rope below a car off the rope into `snapshot`, with their rates."""
     position, speed, _ = line.position(car, t, phase)
     if car.along == "s":
-        r, along, w = now.rope(position)
+        r, along, w = snapshot.rope(position)
         # the grip has acted on the saddle: the rope up to the car takes the stretch of its other side
-        at = now.s["" if car.rail is None else car.rail.saddle]
-        behind, ahead = (np.hypot(*now.rope(at + side * BESIDE)[1]) for side in (-1.0, 1.0))
+        at = snapshot.s["" if car.rail is None else car.rail.saddle]
+        behind, ahead = (np.hypot(*snapshot.rope(at + side * BESIDE)[1]) for side in (-1.0, 1.0))
         r = r + (behind - ahead) * abs(position - at) * along / np.hypot(*along)
-        now.s[car.name], now.ds[car.name] = position, speed
-        now.points[car.name] = np.array([r, w + speed * along, 0.0 * r])
+        snapshot.s[car.name], snapshot.ds[car.name] = position, speed
+        snapshot.points[car.name] = np.array([r, w + speed * along, 0.0 * r])
         return
-    s = now.s[car.name]
+    s = snapshot.s[car.name]
     for _ in range(ROUNDS):
-        r, along, w = now.rope(s)
+        r, along, w = snapshot.rope(s)
         s += (position - r[0]) / along[0]
     ds = (speed - w[0]) / along[0]
-    now.s[car.name], now.ds[car.name] = s, ds
-    now.points[car.name] = np.array([[position, r[1]], w + ds * along, 0.0 * r])
+    snapshot.s[car.name], snapshot.ds[car.name] = s, ds
+    snapshot.points[car.name] = np.array([[position, r[1]], w + ds * along, 0.0 * r])
 
 
-def _load_path_end(line: MovingLine, car: Car, saddle: Contact, side: float, t: float, now: Now) -> End:
+def _load_path_end(line: MovingLine, car: Car, saddle: Contact, side: float, t: float, snapshot: LineSnapshot) -> End:
     """The end of the shoe on the path of the car at rest, in that one span between anchors at their present s."""
     k = line.contacts.index(saddle)
     others = line.contacts[k + 1 :] if side > 0.0 else line.contacts[k - 1 :: -1]
     span: list[Station] = []
     for contact in (saddle, *others):
-        name = contact.name if contact.name in now.points else f"{contact.name}.front"
-        x, y = now.points[name][0]
+        name = contact.name if contact.name in snapshot.points else f"{contact.name}.front"
+        x, y = snapshot.points[name][0]
         if isinstance(contact, Car):
-            span.append(contact.hanging(x, line.gravity))
+            span.append(contact.station_at(x, line.gravity))
             continue
         span.append(Station(contact.name, "anchor", x, y))
         if contact is not saddle:
             break
-    length = abs(now.s[contact.name] - now.s[saddle.name])
+    length = abs(snapshot.s[contact.name] - snapshot.s[saddle.name])
     shoe = saddle.shoe or 0.0
     at = saddle.point[0] + side * shoe + 0.25 * shoe * np.array([-1.0, 0.0, 1.0])
     cases = []
     for x in at.tolist():
-        stations = tuple(sorted([*span, car.hanging(x, line.gravity)], key=lambda p: p.x))
+        stations = tuple(sorted([*span, car.station_at(x, line.gravity)], key=lambda p: p.x))
         cases.append(Case(stations, line.weight, line.rope.EA, length=length))
     assert line.solve is not None
     states = line.solve(cases)
@@ -180,7 +180,7 @@ def _load_path_end(line: MovingLine, car: Car, saddle: Contact, side: float, t: 
         if not isinstance(state, LineState):
             raise StepFailure(t, f"no path of {car.name} behind {saddle.name}: {state}", "give more rope or less load")
         names = [p.name for p in state.case.stations]
-        depths.append(float(state.place[names.index(car.name), 1]))
+        depths.append(float(state.points[names.index(car.name), 1]))
     before, y, after = depths
     step = 0.25 * shoe
     return End(float(at[1]), y, (after - before) / (2.0 * step), (after - 2.0 * y + before) / step**2)

@@ -38,7 +38,7 @@ class Mode:
     heading: float = 1.0  # sign of the slip
     forward: float = 0.0  # sign of the speed, 0 at first
     brakes: int = 0  # number reached
-    lifted: bool = False
+    y_with_rates: bool = False
     awaits_waves: bool = False  # see `release_car`
     slow_at: float = math.inf  # where, and since when, it is slower than `Drive.rest_speed`
     slow_since: float = 0.0
@@ -90,7 +90,7 @@ class RollingCar(System):
         self.mode.awaits_waves = self.has_friction and not self.mode.sticks
         return x
 
-    def enter(self, x: State) -> State:
+    def enter_phase(self, x: State) -> State:
         return self.come_to_rest(x) if self.mode.sticks else self.solve_acceleration(x)
 
     @property
@@ -118,9 +118,9 @@ class RollingCar(System):
         x = self.solve_acceleration(x._replace(v=v))
         if self.friction_margin(x) > 0.0:
             return x
-        return self._slip(x)
+        return self._start_slipping(x)
 
-    def _slip(self, x: State) -> State:
+    def _start_slipping(self, x: State) -> State:
         needed, _ = self.hold_and_normal_force(x)
         mode = self.mode
         v = x.v.copy()
@@ -161,7 +161,7 @@ class RollingCar(System):
         if name == "standstill":
             return self.come_to_rest(x)
         if name == "breaking loose":
-            return self._slip(x)
+            return self._start_slipping(x)
         if name in ("brake", "brake off"):
             mode.brakes += 1 if name == "brake" else -1
             self._end_waiting(float(x.v[-1]))  # it may stop the car
@@ -169,7 +169,7 @@ class RollingCar(System):
         if name == "turn":
             mode.forward = -mode.forward
         else:
-            mode.lifted = True
+            mode.y_with_rates = True
         return x
 
     def watch(self, x: State) -> tuple[float, ...]:
@@ -186,21 +186,21 @@ class RollingCar(System):
         if self.free and not 0.0 < s_o < 1.0:  # off the cable only these have values
             ends = {"arrival": drive.end_position - s_o, "back": s_o - drive.back_position}
             return tuple(ends.get(name, math.inf) for name in EVENTS)
-        look = self.car_forces(x)
-        lift_off = math.inf if mode.lifted else look.normal
+        forces = self.car_forces(x)
+        lift_off = math.inf if mode.y_with_rates else forces.normal
         if not self.free:
             return (lift_off,)
-        if mode.forward == 0.0 and abs(look.speed) > drive.rest_speed:
-            mode.forward = math.copysign(1.0, look.speed)
-        return *self._force_event_values(x, look), *self._position_event_values(s_o), lift_off, self._time_to_stop(x)
+        if mode.forward == 0.0 and abs(forces.speed) > drive.rest_speed:
+            mode.forward = math.copysign(1.0, forces.speed)
+        return *self._force_event_values(x, forces), *self._position_event_values(s_o), lift_off, self._time_to_stop(x)
 
-    def _force_event_values(self, x: State, look: CarForces) -> tuple[float, float, float]:
+    def _force_event_values(self, x: State, forces: CarForces) -> tuple[float, float, float]:
         mode = self.mode
         if mode.sticks:
             return math.inf, self.friction_margin(x), math.inf
-        turns = mode.forward and abs(look.along) > self.max_resistance(look.across)
+        turns = mode.forward and abs(forces.along) > self.max_resistance(forces.across)
         slip = mode.heading * float(x.v[-1]) if self.has_friction and not mode.awaits_waves else math.inf
-        return slip, math.inf, mode.forward * look.speed if turns else math.inf
+        return slip, math.inf, mode.forward * forces.speed if turns else math.inf
 
     def _position_event_values(self, s_o: float) -> tuple[float, float, float, float]:
         drive = self.drive
@@ -227,8 +227,10 @@ class RollingCar(System):
         """Fraction of the equal step that the next one may have; since : time from the last event."""
         mode = self.mode
         slip = x.v.item(-1)
-        holds = self.drive.resists and (mode.brakes > 0 or mode.sticks)
-        after_jump = (mode.forward, since) if self.short_steps_after_jumps or self.drive.resists else (0.0, math.inf)
+        holds = self.drive.has_resistance and (mode.brakes > 0 or mode.sticks)
+        after_jump = (
+            (mode.forward, since) if self.short_steps_after_jumps or self.drive.has_resistance else (0.0, math.inf)
+        )
         return self.drive.step_fraction(
             self.round_trip, self.sigma, x.q.item(-1) + ahead * slip, slip, *after_jump, holds
         )

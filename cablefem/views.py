@@ -95,7 +95,7 @@ def side_view_svg(r: Response) -> str:
     return f"<p>{html.escape(repr(r))}</p>{out.getvalue()[out.getvalue().index('<svg') :]}"
 
 
-def _axes(ax: Any) -> Any:
+def _axes_or_new(ax: Any) -> Any:
     if ax is not None:
         return ax
     from matplotlib.figure import Figure
@@ -105,7 +105,7 @@ def _axes(ax: Any) -> Any:
 
 def plot_side_view(r: Response, ax: Any = None) -> Any:
     """Plot the rope at rest, the envelope of its motion and the path of the car; return the axes."""
-    ax = _axes(ax)
+    ax = _axes_or_new(ax)
     f = r.fields
     ax.plot(f.x, f.y, color=GREY, linestyle="--", label="rope at rest")
     ax.fill_between(f.x, np.min(f.y + f.v, axis=0), np.max(f.y + f.v, axis=0), color=BLUE, alpha=0.2, label="envelope")
@@ -118,7 +118,7 @@ def plot_side_view(r: Response, ax: Any = None) -> Any:
 
 def plot_tension(r: Response, ax: Any = None) -> Any:
     """Plot the tension [kN] along the rope over time; return the axes."""
-    ax = _axes(ax)
+    ax = _axes_or_new(ax)
     f = r.fields
     mesh = ax.pcolormesh(f.s, f.t, f.T / 1e3, shading="nearest")
     ax.plot(f.s_o, f.t, color="white", linewidth=1.0)

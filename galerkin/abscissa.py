@@ -66,7 +66,7 @@ class PositionAbscissa(System):
             x = self.system.start(phase, None)
         else:
             before = self._kinematics(s_o, state.phase)
-            q, v, a = chained(state.q, state.v, state.a, *before[1:])
+            q, v, a = time_derivatives(state.q, state.v, state.a, *before[1:])
             x = self.system.start(phase, State(t, q, v, a, state.phase))
         if ds_o > 0.0:
             slope = x.v / ds_o
@@ -86,19 +86,19 @@ class PositionAbscissa(System):
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         time, ds_o, dds_o = self._kinematics(t, phase)
-        return self.system.residual(time, *chained(q, v, a, ds_o, dds_o), phase)
+        return self.system.residual(time, *time_derivatives(q, v, a, ds_o, dds_o), phase)
 
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
         time, ds_o, dds_o = self._kinematics(t, phase)
-        x = chained(q, v, a, ds_o, dds_o)
+        x = time_derivatives(q, v, a, ds_o, dds_o)
         return self.system.linearise(time, *x, phase, c0, c1 * ds_o, c1 * dds_o + c2 * ds_o**2)
 
     def in_time(self, states: States) -> States:
         places = zip(states.t.tolist(), states.phase.tolist(), strict=True)
         t, ds_o, dds_o = np.array([self._kinematics(s_o, phase) for s_o, phase in places]).reshape(-1, 3).T
-        q, v, a = chained(states.q, states.v, states.a, ds_o[:, None], dds_o[:, None])
+        q, v, a = time_derivatives(states.q, states.v, states.a, ds_o[:, None], dds_o[:, None])
         return States(t, q, v, a, states.phase)
 
     def path(self, states: States) -> tuple[Array, Array]:
@@ -108,6 +108,6 @@ class PositionAbscissa(System):
         return self.system.observe(states, s, frames)
 
 
-def chained(g: Array, g1: Array, g2: Array, ds_o: Any, dds_o: Any) -> tuple[Array, Array, Array]:
+def time_derivatives(g: Array, g1: Array, g2: Array, ds_o: Any, dds_o: Any) -> tuple[Array, Array, Array]:
     """q, dq/dt, d2q/dt2 from g, g', g''."""
     return g, ds_o * g1, ds_o**2 * g2 + dds_o * g1

@@ -36,7 +36,7 @@ def dot(a: Array, b: Array) -> Array:
     return (a * b).sum(axis=-1)
 
 
-def across(force: Array, tau: Array) -> Array:
+def normal_component(force: Array, tau: Array) -> Array:
     """The component normal to tau, positive down."""
     return force[..., 1] * tau[..., 0] - force[..., 0] * tau[..., 1]
 
@@ -48,11 +48,11 @@ class OnRail(NamedTuple):
     x: int
     rail: Rail
 
-    def place(self, Z: Array) -> None:
+    def set_follower(self, Z: Array) -> None:
         """Set the jet of y in Z (3, ..., coordinates)."""
-        Z[..., int(self.p[0])] = self.rail.lifted(Z[..., self.x])
+        Z[..., int(self.p[0])] = self.rail.y_with_rates(Z[..., self.x])
 
-    def fold(self, K: Array, Z: Array, column: Array) -> None:
+    def fold_derivatives(self, K: Array, Z: Array, column: Array) -> None:
         """Add the derivatives by the jet of y to those by that of x, without the third of Y; K (3, rows, columns)."""
         _, dx, ddx = Z[:, self.x]
         _, slope, bend = self.rail.slopes(Z[0, self.x])
@@ -106,18 +106,18 @@ class Body:
     unknown = ""  # coordinates: x, y, angle t, centre u and v, s, that of the next contact S, F
     contacts = 1
 
-    def touch(self, numbers: Array) -> Any:
+    def touch_from_numbers(self, numbers: Array) -> Any:
         """What `rows` takes, from the numbers (..., contacts, 26)."""
         return Touch(numbers[..., 0, :])
 
-    def rows(self, x: Any, of: Friction) -> Array:
+    def balance_rows(self, x: Any, friction: Friction) -> Array:
         """The balances (..., n), one per unknown, zero where they hold."""
         return np.empty((*x.ds.shape, 0))
 
-    def derivatives(self, numbers: Array, of: Friction) -> Array:
+    def row_derivatives(self, numbers: Array, friction: Friction) -> Array:
         """d(rows)/d(numbers) (n, contacts, 26)."""
         shifted = numbers + 1j * TINY * np.eye(numbers.size).reshape(-1, *numbers.shape)
-        by = self.rows(self.touch(shifted), of).imag / TINY
+        by = self.balance_rows(self.touch_from_numbers(shifted), friction).imag / TINY
         return by.T.reshape(-1, *numbers.shape)
 
     def energies(self, x: Any) -> Array:
@@ -128,7 +128,7 @@ class Body:
 class Saddle(Body):
     unknown = "s"
 
-    def rows(self, x: Touch, of: Friction) -> Array:
+    def balance_rows(self, x: Touch, friction: Friction) -> Array:
         return (length(x.ahead) - length(x.behind))[..., None]
 
 
@@ -137,15 +137,13 @@ class Spring(Body):
 
     def __init__(self, contact: Contact) -> None:
         self.stiffness, self.point = np.array(contact.stiffness), np.array(contact.point)
-        self.mass = contact.mass or 0.0
 
-    def rows(self, x: Touch, of: Friction) -> Array:
-        return x.behind - x.ahead + self.stiffness * (x.p - self.point) + self.mass * x.ddp
+    def balance_rows(self, x: Touch, friction: Friction) -> Array:
+        return x.behind - x.ahead + self.stiffness * (x.p - self.point)
 
     def energies(self, x: Touch) -> Array:
-        kinetic = 0.5 * self.mass * (x.dp**2).sum(axis=-1)
         strain = 0.5 * (self.stiffness * (x.p - self.point) ** 2).sum(axis=-1)
-        return np.stack([kinetic, strain, 0.0 * strain])
+        return np.stack([0.0 * strain, strain, 0.0 * strain])
 
 
 class Counterweight(Body):
@@ -156,10 +154,10 @@ class Counterweight(Body):
     def __init__(self, contact: Contact, outward: float, line: MovingLine) -> None:
         """outward : 1 at the right end of the rope, -1 at its left end."""
         self.force, self.outward = contact.force or math.nan, outward
-        self.mass = self.force / line.gravity if contact.mass is None else contact.mass
+        self.mass = self.force / line.gravity
         self.lift = outward * (1.0 + self.force / line.rope.EA)  # of the weight, over the motion of s
 
-    def rows(self, x: Touch, of: Friction) -> Array:
+    def balance_rows(self, x: Touch, friction: Friction) -> Array:
         return (length(x.ahead + x.behind) - self.force - self.mass * self.lift * x.dds)[..., None]
 
 
@@ -173,7 +171,7 @@ class CarBody(Body):
         self.k = car.drive.k  # of drag [kg/m]
         self.driven = "haul" if car.drive.mode == "haul" else "thrust"
 
-    def held(self) -> Any:
+    def held_copy(self) -> Any:
         """The car at rest: a free one is held, and no wind blows."""
         other = copy.copy(self)
         other.k = 0.0
@@ -181,11 +179,11 @@ class CarBody(Body):
             other.unknown = self.unknown[:-1]
         return other
 
-    def brakes(self, s: Any) -> Array:
+    def brake_forces(self, s: Any) -> Array:
         """Forces of the brakes on the wheels (..., wheels) [N] with the car at s (...)."""
-        return np.asarray(self.car.drive.brake(s))[..., None]
+        return np.asarray(self.car.drive.brake_force(s))[..., None]
 
-    def of_centre(self, x: Any) -> tuple[Array, Array]:
+    def centre_of_mass(self, x: Any) -> tuple[Array, Array]:
         """Point and velocity (..., 2) of the centre of mass of what turns, else of the car."""
         raise NotImplementedError
 
@@ -193,7 +191,7 @@ class CarBody(Body):
         """Powers (...) [W] by cause, but those of friction, grip and hold."""
         raise NotImplementedError
 
-    def on_rope(self, wheel: Touch) -> Array:
+    def force_on_rope(self, wheel: Touch) -> Array:
         """The force (..., 2) on the rope at a wheel, by the balance of the pieces beside it."""
         kink = (self.rho * wheel.ds**2)[..., None] * (wheel.slope_ahead - wheel.slope_behind)
         return wheel.behind - wheel.ahead + kink
@@ -202,11 +200,11 @@ class CarBody(Body):
         """The contacts, from left to right."""
         return (x,)
 
-    def pressing(self, x: Any) -> Array:
+    def wheel_loads(self, x: Any) -> Array:
         """Forces of the wheels on the rope (..., wheels) [N] normal to tau, positive down."""
         raise NotImplementedError
 
-    def along(self, x: Any) -> Array:
+    def rope_force_along(self, x: Any) -> Array:
         """Force (...) [N] of the rope on the last wheel along tau."""
         raise NotImplementedError
 
@@ -217,14 +215,14 @@ class CarBody(Body):
         return -self.k * length(air)[..., None] * air
 
     @staticmethod
-    def resisting(pressing: Array, of: Friction) -> Array:
+    def friction_and_brakes(loads: Array, friction: Friction) -> Array:
         """Friction and brakes (..., wheels) [N] of wheels that press on the rope with (..., wheels) [N]."""
-        return of.rolling * pressing * np.sign(pressing.real) + of.brake
+        return friction.rolling * loads * np.sign(loads.real) + friction.brake
 
-    def slip(self, pressing: Array, of: Friction) -> Array:
+    def resistance_and_hold(self, loads: Array, friction: Friction) -> Array:
         """f of each wheel (..., wheels) [N]; what holds a car holds the last one."""
-        out = -of.sign * self.resisting(pressing, of)
-        out[..., -1] += of.hold
+        out = -friction.sign * self.friction_and_brakes(loads, friction)
+        out[..., -1] += friction.hold
         return out
 
 
@@ -250,7 +248,7 @@ class PointCar(CarBody):
         cos, sin = np.cos(x.angle), np.sin(x.angle)
         return np.concatenate([cos, -sin], axis=-1), np.concatenate([sin, cos], axis=-1)
 
-    def of_centre(self, x: Touch) -> tuple[Array, Array]:
+    def centre_of_mass(self, x: Touch) -> tuple[Array, Array]:
         e1, e2 = self.axes(x)
         return x.p + self.h * e2, x.dp + self.h * x.dangle * e1
 
@@ -261,16 +259,16 @@ class PointCar(CarBody):
             return own - self.drag(x.dp)
         e1, e2 = self.axes(x)
         swinging = self.m * self.h * (x.ddangle * e1 - x.dangle**2 * e2)
-        return own + swinging - self.drag(self.of_centre(x)[1])
+        return own + swinging - self.drag(self.centre_of_mass(x)[1])
 
-    def pressing(self, x: Touch) -> Array:
-        return -across(self.contact_force(x), x.tau)[..., None]
+    def wheel_loads(self, x: Touch) -> Array:
+        return -normal_component(self.contact_force(x), x.tau)[..., None]
 
-    def along(self, x: Touch) -> Array:
-        return dot(self.contact_force(x) if self.car.rail is None else -self.on_rope(x), x.tau)
+    def rope_force_along(self, x: Touch) -> Array:
+        return dot(self.contact_force(x) if self.car.rail is None else -self.force_on_rope(x), x.tau)
 
-    def rows(self, x: Touch, of: Friction) -> Array:
-        C, on_rope = self.contact_force(x), self.on_rope(x)
+    def balance_rows(self, x: Touch, friction: Friction) -> Array:
+        C, on_rope = self.contact_force(x), self.force_on_rope(x)
         balances = [on_rope + C]
         if self.car.rail is not None:  # the shoe is normal to the path
             slope = self.car.rail.slopes(x.p[..., 0])[1]
@@ -278,23 +276,25 @@ class PointCar(CarBody):
         if self.turns:
             e1, e2 = self.axes(x)
             weight = self.gravity * e2[..., 0]
-            hanging = self.m * self.h * (dot(x.ddp, e1) + weight) - self.h * dot(self.drag(self.of_centre(x)[1]), e1)
+            hanging = self.m * self.h * (dot(x.ddp, e1) + weight) - self.h * dot(
+                self.drag(self.centre_of_mass(x)[1]), e1
+            )
             balances.append(self.about_hanger * x.ddangle + self.damping * x.dangle + hanging[..., None])
         if self.unknown[-1] in "sF":
-            slip = self.slip(-across(C, x.tau)[..., None], of)[..., 0]
+            slip = self.resistance_and_hold(-normal_component(C, x.tau)[..., None], friction)[..., 0]
             along = dot(C if self.car.rail is None else -on_rope, x.tau)
             balances.append((along - slip * x.projection)[..., None])
         return np.concatenate(balances, axis=-1)
 
     def energies(self, x: Touch) -> Array:
-        carriage, (c, dc) = self.car.mass - self.m, self.of_centre(x)
+        carriage, (c, dc) = self.car.mass - self.m, self.centre_of_mass(x)
         turning = (self.about_hanger - self.m * self.h**2) * x.dangle[..., 0] ** 2
         kinetic = 0.5 * (carriage * dot(x.dp, x.dp) + self.m * dot(dc, dc) + turning)
         height = carriage * x.p[..., 1] + self.m * c[..., 1]
         return np.stack([kinetic, 0.0 * kinetic, -self.gravity * height])
 
     def powers(self, x: Touch) -> dict[str, Array]:
-        velocity = self.of_centre(x)[1]
+        velocity = self.centre_of_mass(x)[1]
         powers = {"swing": -self.damping * x.dangle[..., 0] ** 2} if self.damping else {}
         if self.car.kind == "grip":
             return powers

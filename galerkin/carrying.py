@@ -8,15 +8,15 @@ from cablefem.newmark import State
 from cablefem.scene.contacts import Array
 from cablefem.shoes import Passage, line_after_passage, line_snapshot
 from galerkin.lines import LineSines
-from galerkin.segments import Layout, functions
+from galerkin.segments import Layout, basis_functions
 
 
-def after(system: LineSines, passage: Passage, x: State) -> tuple[LineSines, State]:
+def system_after_passage(system: LineSines, passage: Passage, x: State) -> tuple[LineSines, State]:
     """The line after a passage, and its state by least squares."""
     old, before = system.layout, system.coordinates(x)
     names = [c.name for c in system.line.touching]
     jets = before[:, np.stack([old.x, old.y], axis=1)]  # (3, contacts, 2)
-    over = {car.name: system.jet(car.name, x) for car in system.line.over}
+    over = {car.name: system.car_point_and_rates(car.name, x) for car in system.line.over}
     now = line_snapshot(system.line, jets, before[:, old.s], over, lambda s: rope_at(old, before, np.array([s]))[:, 0])
     new = LineSines(line_after_passage(system.line, passage, x.t, x.phase, now), old.functions - 2)
     layout = new.layout
@@ -33,14 +33,14 @@ def after(system: LineSines, passage: Passage, x: State) -> tuple[LineSines, Sta
             new.frictions[k] = system.frictions[j]
         if j in system.holds:
             new.holds[k] = system.holds[j]
-    layout.place_followers(Z)
+    layout.set_followers(Z)
     for i in range(layout.segments):
-        _fit(old, before, layout, Z, i)
+        _set_nearest_functions(old, before, layout, Z, i)
     free = new.equations.free
     q, v = np.where(new.equations.forces, 0.0, Z[:2, free])
     state = State(x.t, q, v, np.zeros(new.n_dof), x.phase)
     new.begin_step(state)
-    return new, new.accelerated(state)
+    return new, new.with_acceleration(state)
 
 
 def rope_at(layout: Layout, Z: Array, s: Array) -> Array:
@@ -49,14 +49,14 @@ def rope_at(layout: Layout, Z: Array, s: Array) -> Array:
     i = np.clip(np.searchsorted(at, s, side="right") - 1, 0, layout.segments - 1)
     h = at[i + 1] - at[i]
     xi = (s - at[i]) / h
-    B, slopes = functions(xi, layout.functions - 2)[:2, :, None]  # (m, 1, M)
+    B, slopes = basis_functions(xi, layout.functions - 2)[:2, :, None]  # (m, 1, M)
     u, du = Z[:2, layout.columns[i, :-2]].reshape(2, s.size, -1, 2)
     slope = (slopes @ u)[:, 0] / h[:, None]
     moved = ds[i] + xi * (ds[i + 1] - ds[i])
     return np.stack([(B @ u)[:, 0], slope, (B @ du)[:, 0] - moved[:, None] * slope])
 
 
-def _fit(old: Layout, before: Array, layout: Layout, Z: Array, i: int) -> None:
+def _set_nearest_functions(old: Layout, before: Array, layout: Layout, Z: Array, i: int) -> None:
     """Set the functions of segment i in Z: nearest slopes, and then nearest velocities at fixed xi."""
     columns = layout.columns[i, :-2].reshape(-1, 2)
     (a, b), (da, db) = Z[:2, layout.s[[i, i + 1]]]

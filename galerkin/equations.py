@@ -20,7 +20,7 @@ from cablefem.scene.motion import rest_motion
 from galerkin import kernels
 from galerkin.bases import Basis
 from galerkin.bases.fourier import Fourier
-from galerkin.bases.kink import Array, Carried, Moving
+from galerkin.bases.kink import Array, InertiaTerms, KinkedBasis
 from galerkin.bases.riding import RidingSines
 from galerkin.models import cable_model
 from galerkin.observe import Measures, observe
@@ -31,9 +31,9 @@ LOADS = ("mass", "force")
 class Instant(NamedTuple):
     """Quantities fixed by the travel of the mass."""
 
-    carried: Carried  # of the basis
+    inertia_terms: InertiaTerms  # of the basis
     load: Array  # X.. - sigma j of (27), (fields,)
-    place: Any  # of the cable model
+    tables: Any  # of the cable model
 
 
 class GalerkinSystem(System):
@@ -64,21 +64,23 @@ class GalerkinSystem(System):
         self.model = model
         self.load = load
         self.law = law
-        self.basis: Any = basis if isinstance(basis, RidingSines) else Moving(basis, kink)
+        self.basis: Any = basis if isinstance(basis, RidingSines) else KinkedBasis(basis, kink)
         self.cable: Any = cable_model(groups, model, law)
         self.motion: Any = groups.motion  # None for a free car
         self.inertia = self.mu if load == "mass" else 0.0
         self.path_form = self.at_support = load == "mass" and not basis.smooth
         self.fields = self.cable.fields
         self.n = self.basis.n
-        self.waves = self.fields == 2 and isinstance(basis, Fourier | RidingSines)  # as `lines` needs
+        self.has_compiled_steps = self.fields == 2 and isinstance(
+            basis, Fourier | RidingSines
+        )  # as `sines_by_rules` needs
         self.n_modal = self.fields * self.n
         self.n_dof = self.n_modal + self.fields * self.path_form
         self.phases = groups.drive.phases if self.motion is None else self.motion.phases
         self.force_scale = (self.mu or 1.0) * groups.sigma
         # rounding of N, summed over points
         self.force_floor = float(np.finfo(float).eps) * groups.alpha
-        # of the last residual, and its s; see `kernels.least`
+        # of the last residual, and its s; see `kernels.min_tension`
         self.min_tension = np.inf, 0.0
         self._reset_cache()
 
@@ -109,10 +111,10 @@ class GalerkinSystem(System):
         return states
 
     def _instant(self, s_o: float, ds_o: float, dds_o: float) -> Instant:
-        carried = self.basis.carried(s_o, ds_o, dds_o, self.damping)
-        return Instant(carried, self._load(s_o, ds_o, dds_o), self.cable.at(self.basis, s_o))
+        inertia_terms = self.basis.inertia_terms(s_o, ds_o, dds_o, self.damping)
+        return Instant(inertia_terms, self._load_at_mass(s_o, ds_o, dds_o), self.cable.tables_at(self.basis, s_o))
 
-    def _load(self, s_o: float, ds_o: float, dds_o: float) -> Array:
+    def _load_at_mass(self, s_o: float, ds_o: float, dds_o: float) -> Array:
         if self.load == "force":
             return -self.cable.weight
         slope, curvature = self.cable.static_slope(s_o)
@@ -120,37 +122,37 @@ class GalerkinSystem(System):
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         x = self.instant(t, phase)
-        force, pull = self.cable.force(x.place, self._fields(q))
-        self.min_tension = self.cable.least(self.basis, x.place, pull)
+        force, tensions = self.cable.internal_force(x.tables, self._by_field(q))
+        self.min_tension = self.cable.min_tension(self.basis, x.tables, tensions)
         return self._residual(x, q, v, a, force)
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
         x = self.instant(t, phase)
-        force, pull, K = self.cable.linearise(x.place, self._fields(q))
-        self.min_tension = self.cable.least(self.basis, x.place, pull)
+        force, tensions, K = self.cable.linearise(x.tables, self._by_field(q))
+        self.min_tension = self.cable.min_tension(self.basis, x.tables, tensions)
         return self._residual(x, q, v, a, force), factorised(self._tangent(x, K, *c))
 
-    def _fields(self, y: Array) -> Array:
+    def _by_field(self, y: Array) -> Array:
         return y[: self.n_modal].reshape(self.fields, self.n)
 
     def _residual(self, x: Instant, q: Array, v: Array, a: Array, force: Array) -> Array:
-        Q = self._fields(q)
-        V = self._fields(v)
-        A = self._fields(a)
-        c = x.carried
+        Q = self._by_field(q)
+        V = self._by_field(v)
+        A = self._by_field(a)
+        c = x.inertia_terms
         w_tt = a[self.n_modal :] if self.path_form else A @ c.f + V @ c.f_v + Q @ c.f_q  # of the mass
         load = self.inertia * w_tt + self.mu * x.load
-        r = force + (A + self.damping * V) @ c.mass + np.multiply.outer(load, c.f) + c.moving(V, Q)
+        r = force + (A + self.damping * V) @ c.mass + np.multiply.outer(load, c.f) + c.convective_terms(V, Q)
         if not self.path_form:
             return r.ravel()
         return np.append(r.ravel(), q[self.n_modal :] - Q @ c.f)
 
     def tangent(self, t: float, q: Array, phase: int, c0: complex, c1: complex, c2: complex) -> Array:
         x = self.instant(t, phase)
-        return self._tangent(x, self.cable.linearise(x.place, self._fields(q))[2], c0, c1, c2)
+        return self._tangent(x, self.cable.linearise(x.tables, self._by_field(q))[2], c0, c1, c2)
 
     def _tangent(self, x: Instant, K: Array, c0: complex, c1: complex, c2: complex) -> Array:
-        c = x.carried
+        c = x.inertia_terms
         inertia = np.multiply(
             c2 + c1 * self.damping, c.mass, dtype=np.result_type(c0, c1, c2, c.mass)
         )  # a stage may be complex
@@ -165,17 +167,19 @@ class GalerkinSystem(System):
         to_mass = np.kron(np.eye(self.fields), c.f)
         return np.block([[K, (c2 * self.mu) * to_mass.T], [-c0 * to_mass, c0 * np.eye(self.fields)]])
 
-    def lines(self, s_o: Array) -> Iterator[tuple[slice, kernels.Line]]:
-        """Runs of consecutive places s_o (m,) with the same rules, and their `Line`."""
-        for same, behind, ahead in self.sines.alike(s_o):
-            yield same, self._line(behind, ahead)
+    def sines_by_rules(self, s_o: Array) -> Iterator[tuple[slice, kernels.CableSines]]:
+        """Runs of consecutive places s_o (m,) with the same rules, and their `CableSines`."""
+        for same, behind, ahead in self.sines.runs_of_equal_rules(s_o):
+            yield same, self._cable_sines(behind, ahead)
 
-    def _line(self, behind: Array, ahead: Array) -> kernels.Line:
-        kink = self.basis if self.kink else Moving(self.sines, kink=True)
-        return kernels.Line(self._constants, behind, ahead, kink.at_rest, kink.left, kink.chord, self.sines.grading)
+    def _cable_sines(self, behind: Array, ahead: Array) -> kernels.CableSines:
+        kink = self.basis if self.kink else KinkedBasis(self.sines, kink=True)
+        return kernels.CableSines(
+            self._kernel_constants, behind, ahead, kink.mass_at_rest, kink.left, kink.chord, self.sines.grading
+        )
 
     @property
-    def _constants(self) -> kernels.Cable:
+    def _kernel_constants(self) -> kernels.Cable:
         g = self.groups
         cable = self.cable
         return kernels.Cable(self.inertia, self.mu, cable.alpha, cable.law, g.sigma, g.c, self.damping, self.slack_ends)
@@ -187,27 +191,31 @@ class GalerkinSystem(System):
     def solve_step(
         self, t: float, phase: int, start: Array, end: Array, rule: Array, newton: Newton
     ) -> newmark.StepResult:
-        if not (self.waves and self.kink):
+        if not (self.has_compiled_steps and self.kink):
             return super().solve_step(t, phase, start, end, rule, newton)
-        _, ends, results = self._step(np.array([t]), phase, start, rule[None], newton)
+        _, ends, results = self._compiled_steps(np.array([t]), phase, start, rule[None], newton)
         end[:] = ends[0]
         return self._step_result(results[0])
 
     def solve_steps(self, *steps) -> tuple[Array, Array]:
         """Steps end where the quadrature rules change or the cable falls slack."""
-        if not (self.waves and self.kink):
+        if not (self.has_compiled_steps and self.kink):
             return newmark.NO_STEPS
-        taken, ends, results = self._many_steps(*steps)
+        taken, ends, results = self._compiled_step_blocks(*steps)
         if taken:
             self._step_result(results[taken - 1])
         return ends[:taken], results[:taken]
 
-    def _step(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[int, Array, Array]:
-        places = self.motion.kinematics(t, phase).T
-        same, line = next(self.lines(places[:, 0]))
-        return kernels.solve_steps(None, None, line, np.ascontiguousarray(places[same]), start, rules[same], newton)
+    def _compiled_steps(
+        self, t: Array, phase: int, start: Array, rules: Array, newton: Newton
+    ) -> tuple[int, Array, Array]:
+        kinematics = self.motion.kinematics(t, phase).T
+        same, sines = next(self.sines_by_rules(kinematics[:, 0]))
+        return kernels.solve_steps(
+            None, None, sines, np.ascontiguousarray(kinematics[same]), start, rules[same], newton
+        )
 
-    _many_steps = _step
+    _compiled_step_blocks = _compiled_steps
 
     def _step_result(self, values: Array) -> newmark.StepResult:
         *result, min_tension, s = values.tolist()
@@ -220,7 +228,7 @@ class GalerkinSystem(System):
             s_o, ds_o, _ = self.motion.at(0.0, 0)
             if s_o > 0.0:
                 return newmark.quasi_static_start(self, lambda at: equilibrium(self.with_clamped_car(at)), s_o, ds_o)
-            return self._entry()
+            return self._start_at_entry()
         t = self.phases[phase][0]
         if not self.path_form:
             return newmark.consistent_acceleration(self, t, state.q, state.v, phase)
@@ -228,8 +236,8 @@ class GalerkinSystem(System):
         before = self.instant(t, state.phase)
         x = self.instant(t, phase)
         Q = state.q[: self.n_modal].reshape(self.fields, self.n)
-        after = x.carried
-        earlier = before.carried
+        after = x.inertia_terms
+        earlier = before.inertia_terms
         kick = Q @ (after.f_q - earlier.f_q)
         balance = np.multiply.outer(self.mu * (kick + x.load - before.load), after.f)
         if self.kink:
@@ -243,10 +251,10 @@ class GalerkinSystem(System):
         other.motion = rest_motion(s_o, 1.0)
         return other
 
-    def _entry(self) -> State:
+    def _start_at_entry(self) -> State:
         """The limit t -> 0+; see README.md, "Start".
 
-        With m, b of `_entrained` the row of the hat is
+        With m, b of `_entrained_motion` the row of the hat is
             (mu + m) a_hat + (c_d m - ds_o b) ds_o d + [N t - T t_static](d) + mu (X.. - sigma j) = 0.
         """
         t = self.phases[0][0]
@@ -254,9 +262,9 @@ class GalerkinSystem(System):
         q, v, a = np.zeros((3, self.n_dof))
         if not self.kink:
             return State(t, q, v, a, 0)
-        shape, drag, m, b = self._entrained()
+        shape, drag, m, b = self._entrained_motion()
         m = self.inertia + m
-        load = self.mu * self._load(s_o, ds_o, dds_o)
+        load = self.mu * self._load_at_mass(s_o, ds_o, dds_o)
         if self.inertia and ds_o > 0.0:
             matrix = m * np.eye(self.fields)
             if self.groups.internal_damping:  # its force is N_v t (t . d.), d. = a_hat/(2 ds_o)
@@ -267,7 +275,7 @@ class GalerkinSystem(System):
             a_hat = -np.linalg.solve(matrix, load)
         else:
             of_slope = m * dds_o + (self.damping * (m - self.inertia) - ds_o * b) * ds_o
-            d = self._slope_behind(of_slope, load)
+            d = self._slope_behind_at_entry(of_slope, load)
             v_hat = d * ds_o
             a_hat = d * dds_o
         V = np.multiply.outer(v_hat, shape)  # (fields, n)
@@ -278,18 +286,18 @@ class GalerkinSystem(System):
             a[self.n_modal :] = a_hat
         return State(t, q, v, a, 0)
 
-    def _entrained(self) -> tuple[Array, Array, float, float]:
+    def _entrained_motion(self) -> tuple[Array, Array, float, float]:
         """The cable that moves with the mass at the left support: a = a_hat shape - 2 ds_o v_hat drag, m and b.
 
         Rows of phi in the limit: M0 v_phi + I v_hat = 0,  M0 a_phi + I a_hat + 2 I' ds_o v_hat = 0.
         """
-        value, first, _ = (y[0] for y in self.basis.overlap(np.array([0.0])))
+        value, first, _ = (y[0] for y in self.basis.hat_overlaps(np.array([0.0])))
         rest, drag = np.linalg.solve(self.basis.basis.mass(), np.stack([value, first], axis=1)).T
         m = 1.0 / 3.0 - value @ rest
         b = 1.0 / 3.0 + 2.0 * value @ drag
         return np.append(-rest, 1.0), np.append(drag, 0.0), m, b
 
-    def _slope_behind(self, m: float, load: Array) -> Array:
+    def _slope_behind_at_entry(self, m: float, load: Array) -> Array:
         """d of m d + [N t - T t_static](X' + d) + load = 0 at the left support."""
 
         def linearise(d: Array) -> tuple[Array, Array]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from galerkin import kernels
-from galerkin.bases.kink import Array, Moving
+from galerkin.bases.kink import Array, KinkedBasis
 from galerkin.models import FullCable
 
 BATCH = 64  # instants at once
@@ -27,12 +27,12 @@ class Equilibrium(NamedTuple):
     right: Array
     along: Array  # (k, m, 2) at the frames; at s = s_o the side behind
     strain: Array  # (n,) int W ds
-    least: Array  # (n,) smallest tension and its s
-    least_at: Array
-    lost: Any = 0.0  # (n,) power of internal damping along the cable
+    min_tension: Array  # (n,) smallest tension and its s
+    min_tension_at: Array
+    damping_power: Any = 0.0  # (n,) power of internal damping along the cable
 
 
-def recover(x: Measures, s: Array, frames: Array) -> Equilibrium:
+def tension_from_equilibrium(x: Measures, s: Array, frames: Array) -> Equilibrium:
     """Forces (n, 2) at the car and the supports, and along s in these frames, by integrating the balance of forces.
 
     x : states of the run;  s : stations (m,);  frames : indices of states (k,).
@@ -50,11 +50,11 @@ def recover(x: Measures, s: Array, frames: Array) -> Equilibrium:
     ends = basis.phi(np.array([0.0, 1.0]), -2)
     rates = zip(x.hat_slope_rates(2), x.hat_slope_rates(1), strict=True)  # behind, ahead
     ray_behind, ray_ahead = (twice + damping * once for twice, once in rates)
-    moment_behind = combined(A, s_o * first - second + ends[0]) + ray_behind * s_o**3 / 3.0
-    moment_ahead = combined(A, ends[1] - second - rest * first) + ray_ahead * rest**3 / 3.0
+    moment_behind = sum_of_functions(A, s_o * first - second + ends[0]) + ray_behind * s_o**3 / 3.0
+    moment_ahead = sum_of_functions(A, ends[1] - second - rest * first) + ray_ahead * rest**3 / 3.0
     behind = (internal[:, 0] + moment_behind) / s_o
     ahead = (internal[:, 1] - moment_ahead) / rest
-    here = combined(A, first)
+    here = sum_of_functions(A, first)
 
     def along(s: Array) -> Callable[[Array], Array]:
         """N t (k, m, 2) at stations s (m,), as a function of the instants (k,)."""
@@ -64,27 +64,27 @@ def recover(x: Measures, s: Array, frames: Array) -> Equilibrium:
             smooth = np.einsum("kfm,sm->ksf", A[k], functions, optimize=True) - here[k, None]
             before = behind[k, None] - 0.5 * (s_o[k] ** 2 - s**2)[..., None] * ray_behind[k, None]
             after = ahead[k, None] + 0.5 * (rest[k] ** 2 - (1.0 - s) ** 2)[..., None] * ray_ahead[k, None]
-            return smooth + np.where((s <= s_o[k])[..., None], before, after) + static(cable, s)
+            return smooth + np.where((s <= s_o[k])[..., None], before, after) + static_force(cable, s)
 
         return force
 
-    least, where = smallest_tension(cable, x.s_o.size, along, s)
+    smallest, where = min_tension_and_position(cable, x.s_o.size, along, s)
     left, right = along(np.array([0.0, 1.0]))(np.arange(x.s_o.size)).swapaxes(0, 1)
-    at_mass = static(cable, x.inside)
-    return Equilibrium(behind + at_mass, ahead + at_mass, left, right, along(s)(frames), strain, least, where)
+    at_mass = static_force(cable, x.inside)
+    return Equilibrium(behind + at_mass, ahead + at_mass, left, right, along(s)(frames), strain, smallest, where)
 
 
-def smallest_tension(
+def min_tension_and_position(
     cable: FullCable, n: int, along: Callable[[Array], Callable[[Array], Array]], s: Array
 ) -> tuple[Array, Array]:  # fmt: skip
     """Smallest tension of every instant and its s, (n,); along(s)(k): N t at stations s and instants k."""
     stations = np.concatenate([[0.0], s[:: 1 + s.size // STATIONS], [1.0]])
     force = along(stations)
-    T = batched(lambda k: tension(force(k), static(cable, stations)), np.arange(n))
+    T = in_batches(lambda k: signed_tension(force(k), static_force(cable, stations)), np.arange(n))
     return T.min(axis=1), stations[T.argmin(axis=1)]
 
 
-def batched(values: Callable[[Array], Array], k: Array) -> Array:
+def in_batches(values: Callable[[Array], Array], k: Array) -> Array:
     """values(k) (k, ...) for instants k, computed for few at once."""
     return np.concatenate([values(some) for some in np.array_split(k, 1 + k.size // BATCH)])
 
@@ -97,29 +97,31 @@ def force_and_energy_integrals(of: Measures) -> tuple[Array, Array, Array]:
     n = of.s_o.size
     internal = np.empty((n, 2, 2))
     strain = np.empty(n)
-    lost = np.zeros(n)
-    if system.waves:
-        places = np.stack([of.inside, of.ds_o, of.dds_o], axis=1)
-        for k, line in system.lines(of.inside):
-            kernels.surveyed(line, places[k], Q[k], V[k], internal[k], strain[k], lost[k])
-        return internal, strain, lost
+    damping_power = np.zeros(n)
+    if system.has_compiled_steps:
+        kinematics = np.stack([of.inside, of.ds_o, of.dds_o], axis=1)
+        for k, sines in system.sines_by_rules(of.inside):
+            kernels.internal_forces_of_history(
+                sines, kinematics[k], Q[k], V[k], internal[k], strain[k], damping_power[k]
+            )
+        return internal, strain, damping_power
     cable = system.cable
-    kink = system.basis if system.kink else Moving(system.basis.basis, kink=True)
+    kink = system.basis if system.kink else KinkedBasis(system.basis.basis, kink=True)
     for i, place in enumerate(of.inside.tolist()):
-        points = cable.at(kink, place)
+        points = cable.tables_at(kink, place)
         x = kernels.stress(points.T, points.r_static, Q[i] @ points.phi, cable.alpha, cable.law)
         behind = points.phi[-1] > 0.0
         strain[i] = points.weights @ x[1]
         internal[i] = np.stack([behind, ~behind]) @ (x[2:4] * points.weights).T
-    return internal, strain, lost
+    return internal, strain, damping_power
 
 
-def static(cable: FullCable, s: Array) -> Array:
-    T, xp, yp, _, _ = cable.groups.static(s)
+def static_force(cable: FullCable, s: Array) -> Array:
+    T, xp, yp, _, _ = cable.groups.tension_and_derivatives(s)
     return np.stack([T * xp, T * yp], axis=1)
 
 
-def tension(force: Array, r: Array) -> Array:
+def signed_tension(force: Array, r: Array) -> Array:
     """|N t| with the sign it has along r', (...,)."""
     return np.copysign(np.hypot(force[..., 0], force[..., 1]), np.sum(force * r, axis=-1))
 
@@ -127,11 +129,11 @@ def tension(force: Array, r: Array) -> Array:
 def slopes_from_forces(force: Array, slopes: Array, T: Any, alpha: float) -> Array:
     """r' (..., 2) from forces N t; where the cable is slack, `slopes`, which converge slowly at the mass."""
     N = np.hypot(force[..., 0], force[..., 1])
-    taut = (N > kernels.LEAST_PULL) & (np.sum(force * slopes, axis=-1) > 0.0)
+    taut = (N > kernels.MIN_TENSION) & (np.sum(force * slopes, axis=-1) > 0.0)
     stretch = (1.0 + (N - T) / alpha) / np.where(taut, N, 1.0)
     return np.where(taut[..., None], stretch[..., None] * force, slopes)
 
 
-def combined(coefficients: Array, functions: Array) -> Array:
+def sum_of_functions(coefficients: Array, functions: Array) -> Array:
     """sum_m c_nfm phi_nm, (n, fields)."""
     return np.einsum("nfm,nm->nf", coefficients, functions)

@@ -13,7 +13,7 @@ from cablefem.newmark import State
 from cablefem.scene.contacts import Array, Contact, MovingLine
 from cablefem.shoes import add_shoe_forces, downward_normals, off_rope_motion
 from galerkin.bodies import Body, CarBody, Counterweight, Friction, PointCar, Touch, length
-from galerkin.segments import Layout, Rope, functions
+from galerkin.segments import Layout, Rope, basis_functions
 
 if TYPE_CHECKING:
     from galerkin.lines import LineSines
@@ -28,34 +28,34 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
     positions = np.empty((n, layout.contacts))
     points, tension = np.empty((n, s.size, 2)), np.empty((n, s.size))
     energies = np.empty((3, n))
-    integrals = _integrals(layout)
+    integrals = _integration_matrix(layout)
     for first in range(0, n, AT_ONCE):
         some = slice(first, first + AT_ONCE)
         Z = np.stack([system.coordinates(x) for x in states[some]], axis=1)
         rope = Rope(layout, Z)
         touches[some], positions[some] = system.equations.touches(rope, Z), Z[0][:, layout.s]
         energies[:, some] = _rope_energies(rope)
-        points[some], tension[some] = _stations(rope, Z, s, integrals)
+        points[some], tension[some] = _points_and_tensions(rope, Z, s, integrals)
     beyond = (s < positions[:, :1]) | (s > positions[:, -1:])
     points[beyond], tension[beyond] = np.nan, np.nan
 
-    powers = {"damping": -2.0 * line.rope.damping * energies[0]} if line.rope.damping else {}
+    powers: dict[str, Array] = {}
     cars, contacts = [], []
     for k, (contact, body) in enumerate(zip(line.touching, system.equations.bodies, strict=True)):
         at, here = system.equations.touch(touches, k), positions[:, k]
         energies += body.energies(at)
         if isinstance(body, CarBody):
-            hold = system.holds.get(k, 0.0) * np.array([body.car.drive.hold(x.t) for x in states])
+            hold = system.holds.get(k, 0.0) * np.array([body.car.drive.hold_fraction(x.t) for x in states])
             of_car = positions[:, k : k + body.contacts]
-            cars.append(_car(body, of_car, at))
+            cars.append(_car_motion(body, of_car, at))
             powers |= _car_powers(line, body, of_car[:, -1], at, hold)
         elif isinstance(contact, Contact):
-            contacts.append(_contact(line, contact, body, here, at))
+            contacts.append(_contact_motion(line, contact, body, here, at))
         if isinstance(body, Counterweight):
-            entering = _flux(line, at.behind + at.ahead, here, at.ds) - line.weight * at.p[:, 1]
+            entering = _energy_flux(line, at.behind + at.ahead, at.ds) - line.weight * at.p[:, 1]
             powers[f"{contact.name} weight"] = body.outward * at.ds * entering
     for car in line.over:
-        jets = np.array([system.jet(car.name, x) for x in states])
+        jets = np.array([system.car_point_and_rates(car.name, x) for x in states])
         motion = off_rope_motion(line, car, states, jets, tuple(contacts), powers)
         cars.append(motion)
         energies[0] += 0.5 * car.mass * (motion.velocity**2).sum(axis=1)
@@ -68,32 +68,33 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
     )  # fmt: skip
 
 
-def _car(body: CarBody, s: Array, at: Any) -> CarMotion:
+def _car_motion(body: CarBody, s: Array, at: Any) -> CarMotion:
     """A car with the positions s (n, wheels); of two wheels x is the front one."""
     car, wheels = body.car, body.wheels(at)
     rear, x = wheels[0], wheels[-1]
-    none, pressing = np.full(len(s), np.nan), body.pressing(at)
+    none, pressing = np.full(len(s), np.nan), body.wheel_loads(at)
     hauled, grips = car.drive.mode == "haul", car.kind == "grip"
     on_shoe = np.zeros(len(s))
     if car.rail is not None and isinstance(body, PointCar):
-        on_shoe = -(downward_normals(car.rail, x.p[:, 0]) * (body.on_rope(x) + body.contact_force(x))).sum(axis=1)
+        on_shoe = -(downward_normals(car.rail, x.p[:, 0]) * (body.force_on_rope(x) + body.contact_force(x))).sum(axis=1)
     turning = None
     if body.turns:
         both = () if len(wheels) == 1 else zip(("rear", "front"), wheels, s.T, pressing.T, strict=True)
         turning = Turning(
             angle=rear.angle[:, 0], rate=rear.dangle[:, 0], acceleration=rear.ddangle[:, 0],
-            centre=body.of_centre(at)[0], wheels=tuple(_wheel(f"{car.name}.{name}", *of) for name, *of in both),
+            centre=body.centre_of_mass(at)[0],
+            wheels=tuple(_wheel_motion(f"{car.name}.{name}", *of) for name, *of in both),
         )  # fmt: skip
     return CarMotion(
         name=car.name, s=s[:, -1], ds=x.ds, point=x.p, velocity=x.dp, acceleration=x.ddp,
         tension_behind=length(rear.behind), tension_ahead=length(x.ahead), slope_behind=rear.slope_behind,
         slope_ahead=x.slope_ahead, haul_force=rear.F if hauled else none,
-        grip_force=body.along(at) / x.projection if grips else none, contact_force=pressing.sum(axis=-1),
+        grip_force=body.rope_force_along(at) / x.projection if grips else none, contact_force=pressing.sum(axis=-1),
         shoe_force=on_shoe, turning=turning,
     )  # fmt: skip
 
 
-def _wheel(name: str, x: Touch, s: Array, load: Array) -> WheelMotion:
+def _wheel_motion(name: str, x: Touch, s: Array, load: Array) -> WheelMotion:
     return WheelMotion(
         name=name, s=s, ds=x.ds, point=x.p, load=load, tension_behind=length(x.behind),
         tension_ahead=length(x.ahead), slope_behind=x.slope_behind, slope_ahead=x.slope_ahead,
@@ -106,9 +107,9 @@ def _car_powers(line: MovingLine, body: CarBody, s: Array, at: Any, hold: Array)
     x = wheels[-1]
     powers = {f"{name} {cause}": power for cause, power in body.powers(at).items()}
     if drive.mode == "grip":
-        kink = _flux(line, x.ahead, s, x.ds) - _flux(line, x.behind, s, x.ds)
+        kink = _energy_flux(line, x.ahead, x.ds) - _energy_flux(line, x.behind, x.ds)
         return powers | {f"{name} grip": -kink * x.ds}
-    resisting = body.resisting(body.pressing(at), Friction(drive.mu_r, body.brakes(s)))
+    resisting = body.friction_and_brakes(body.wheel_loads(at), Friction(drive.mu_r, body.brake_forces(s)))
     lost = [wheel.stretch * resisting[..., i] * np.abs(wheel.ds) for i, wheel in enumerate(wheels)]
     powers[f"{name} friction"] = -sum(lost, np.zeros(s.size))
     if drive.mode == "free":
@@ -116,7 +117,7 @@ def _car_powers(line: MovingLine, body: CarBody, s: Array, at: Any, hold: Array)
     return powers
 
 
-def _contact(line: MovingLine, contact: Contact, body: Body, s: Array, x: Touch) -> ContactMotion:
+def _contact_motion(line: MovingLine, contact: Contact, body: Body, s: Array, x: Touch) -> ContactMotion:
     none = np.full(s.size, np.nan)
     rise, behind, ahead = none, length(x.behind), length(x.ahead)
     pressure = x.ahead - x.behind
@@ -134,30 +135,23 @@ def _contact(line: MovingLine, contact: Contact, body: Body, s: Array, x: Touch)
     )  # fmt: skip
 
 
-def _flux(line: MovingLine, force: Array, s: Array, ds: Array) -> Array:
+def _energy_flux(line: MovingLine, force: Array, ds: Array) -> Array:
     """W - N |r'| + rho ds^2 |r'|^2/2 (n,) [N] beside a contact with this N t."""
     rope, N = line.rope, length(force)
-    N_r, _ = rope.at_rest(s)
-    stretch = 1.0 + (N - N_r) / rope.EA
-    return _energy(N_r, stretch, rope.EA) - N * stretch + 0.5 * rope.mass_per_length * (ds * stretch) ** 2
-
-
-def _energy(N_r: Array, stretch: Array, EA: float) -> Array:
-    """W [J/m]; without N_r it is zero at rest."""
-    return (N_r + 0.5 * EA * (stretch - 1.0)) * (stretch - 1.0)
+    stretch = 1.0 + N / rope.EA
+    return 0.5 * N**2 / rope.EA - N * stretch + 0.5 * rope.mass_per_length * (ds * stretch) ** 2
 
 
 def _rope_energies(rope: Rope) -> Array:
     """Kinetic, strain and potential energy (3, n) [J]."""
     line, law = rope.layout.line, rope.law
     w = rope.layout.weights * rope.h[0]
-    N_r, _ = line.rope.at_rest(rope.s)
     kinetic = 0.5 * line.rope.mass_per_length * (rope.r[1] ** 2).sum(axis=-1)
-    densities = np.stack([kinetic, _energy(N_r, law.stretch, line.rope.EA), -line.weight * rope.r[0, ..., 1]])
+    densities = np.stack([kinetic, 0.5 * line.rope.EA * (law.stretch - 1.0) ** 2, -line.weight * rope.r[0, ..., 1]])
     return (w * densities).sum(axis=(-2, -1))
 
 
-def _integrals(layout: Layout) -> Array:
+def _integration_matrix(layout: Layout) -> Array:
     """Legendre coefficients (G + 1, G) of int_0^xi f from f at the points."""
     count = layout.points.size
     values = legendre.legvander(2.0 * layout.points - 1.0, count - 1)  # (G, count)
@@ -165,7 +159,7 @@ def _integrals(layout: Layout) -> Array:
     return np.asarray(0.5 * legendre.legint(coefficients, lbnd=-1.0, axis=0))
 
 
-def _stations(rope: Rope, Z: Array, s: Array, integrals: Array) -> tuple[Array, Array]:
+def _points_and_tensions(rope: Rope, Z: Array, s: Array, integrals: Array) -> tuple[Array, Array]:
     """Points (n, m, 2) and tensions (n, m) at s, on the segment behind a contact: N t at L and the load from there."""
     layout = rope.layout
     at = Z[0][:, layout.s]  # (n, contacts)
@@ -173,7 +167,7 @@ def _stations(rope: Rope, Z: Array, s: Array, integrals: Array) -> tuple[Array, 
     i = np.sum(at[:, 1:-1, None] < s, axis=1)  # (n, m)
     xi = (s - at[row, i]) / rope.h[0, row, i, 0]
     u = Z[0][:, layout.columns[:, :-2]].reshape(len(at), layout.segments, -1, 2)
-    B = functions(xi.ravel(), layout.functions - 2)[0].reshape(*xi.shape, -1)
+    B = basis_functions(xi.ravel(), layout.functions - 2)[0].reshape(*xi.shape, -1)
     points = (B[..., None, :] @ u[row, i])[..., 0, :]
     sums = (integrals @ rope.load)[row, i]  # (n, m, coefficients, 2)
     legendres = legendre.legvander(2.0 * xi - 1.0, len(integrals) - 1)

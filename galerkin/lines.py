@@ -12,12 +12,12 @@ import numpy as np
 from cablefem.motion import LineMotion
 from cablefem.newmark import Solve, State, StepFailure, System
 from cablefem.scene.contacts import NEAREST, Array, Car, Contact, MovingLine, Wheel
-from cablefem.shoes import force_along_rail, may_pass, next_passages
+from cablefem.shoes import force_along_rail, may_pass, possible_passages
 from galerkin.bodies import Body, CarBody, Counterweight, Friction, PointCar, Saddle, Spring, Touch
 from galerkin.equations import factorised
 from galerkin.line_observe import observe
 from galerkin.segments import Layout, Rope, Softness
-from galerkin.trolley import Trolley, turned
+from galerkin.trolley import Trolley, rotate
 
 SAG = 0.02  # of the first guess, over the chord
 ITERATIONS = 100  # of the search for rest
@@ -73,11 +73,15 @@ class Equations:
     def touch(self, touches: Array, k: int) -> Any:
         """What the body at contact k touches."""
         body = self.bodies[k]
-        return body.touch(touches[..., k : k + body.contacts, :])
+        return body.touch_from_numbers(touches[..., k : k + body.contacts, :])
 
     def residual(self, rope: Rope, touches: Array, frictions: Sequence[Friction]) -> Array:
         """The rows (..., n) of a rope and its `touches`."""
-        ends = [body.rows(self.touch(touches, k), frictions[k]) for k, body in enumerate(self.bodies) if body.unknown]
+        ends = [
+            body.balance_rows(self.touch(touches, k), frictions[k])
+            for k, body in enumerate(self.bodies)
+            if body.unknown
+        ]
         inner = rope.rows[..., :-2, :].reshape(*touches.shape[:-2], self.layout.inner)[..., self.layout.shapes]
         return np.concatenate([inner, *ends], axis=-1)
 
@@ -103,8 +107,8 @@ class Equations:
             if not body.unknown:
                 continue
             rows = slice(row, row + len(body.unknown))
-            r[rows] = body.rows(self.touch(x, k), frictions[k])
-            derivatives = body.derivatives(x[k : k + body.contacts], frictions[k])
+            r[rows] = body.balance_rows(self.touch(x, k), frictions[k])
+            derivatives = body.row_derivatives(x[k : k + body.contacts], frictions[k])
             here = K[:, rows]
             for j in range(k, k + body.contacts):
                 by = derivatives[:, j - k]  # by the numbers of `Touch`, (rows, 26)
@@ -120,7 +124,7 @@ class Equations:
                 here[2, :, self._column[layout.F[j]]] += by[:, 25]
             row = rows.stop
         for follower in reversed(layout.followers):
-            follower.fold(K, Z, self._column)
+            follower.fold_derivatives(K, Z, self._column)
         return r, K[:, :, : self.size]
 
 
@@ -136,9 +140,11 @@ class LineSines(System):
         self.lead = {k: k + body.contacts - 1 for k, body in self.cars.items()}  # contact that the travel is of
         self.free_cars = {k: body for k, body in self.cars.items() if body.car.kind == "free"}
         self.equations = Equations(self.layout, bodies)
-        self.held = Equations(self.layout, [body.held() if isinstance(body, CarBody) else body for body in bodies])
+        self.held_copy = Equations(
+            self.layout, [body.held_copy() if isinstance(body, CarBody) else body for body in bodies]
+        )
         self.n_dof = self.equations.size
-        self.force_scale = max((line.gravity * car.mass for car in line.cars), default=line.weight * self._reach)
+        self.force_scale = max((line.gravity * car.mass for car in line.cars), default=line.weight * self._line_length)
         self.force_floor = 16.0 * sys.float_info.epsilon * line.rope.EA
         self.frictions = [Friction() for _ in bodies]
         self.holds = dict.fromkeys(self.free_cars, 0.0)  # [N] on free cars before they are released
@@ -157,10 +163,10 @@ class LineSines(System):
     def _name_events(self, bodies: list[Body]) -> None:
         """Set the events, and what each kind of them watches."""
         names = [c.name for c in self.line.touching]
-        self.passages = next_passages(self.line)
+        self.passages = possible_passages(self.line)
         pairs = [i for i in self.layout.outer if i in self.lead.values() or i + 1 in self.cars]
         self.gaps = [i for i in pairs if not may_pass(self.passages, names[i], names[i + 1])]
-        self.stops = [k for k, body in self.free_cars.items() if body.car.drive.resists]
+        self.stops = [k for k, body in self.free_cars.items() if body.car.drive.has_resistance]
         meetings = [f"{names[i]} meets {names[i + 1]}" for i in self.gaps]
         stops = [f"{self.cars[k].car.name} stops" for k in self.stops]
         self.brakes = [(k, place) for k in self.stops for place, _ in self.cars[k].car.drive.brakes]
@@ -172,7 +178,7 @@ class LineSines(System):
         self.below = {car.name: names.index(car.rail.saddle) for car in self.line.over if car.rail is not None}
 
     @property
-    def _reach(self) -> float:
+    def _line_length(self) -> float:
         points = np.array([c.point for c in self.line.supports])
         return float(np.hypot(*np.diff(points, axis=0).T).sum())
 
@@ -203,19 +209,19 @@ class LineSines(System):
         return Z
 
     def coordinates(self, x: State) -> Array:
-        return self._with(self.prescribed(x.t, x.phase), x.q, x.v, x.a)
+        return self._with_unknowns(self.prescribed(x.t, x.phase), x.q, x.v, x.a)
 
-    def _with(self, Z: Array, q: Array, v: Array, a: Array) -> Array:
+    def _with_unknowns(self, Z: Array, q: Array, v: Array, a: Array) -> Array:
         """Z with the unknowns, and what follows from them."""
         Z[..., self.equations.free] = q, v, a
-        self.layout.place_followers(Z)
+        self.layout.set_followers(Z)
         return Z
 
-    def present(self, t: Array | float) -> list[Friction]:
+    def frictions_at(self, t: Array | float) -> list[Friction]:
         """Friction at all contacts at the time or times t."""
         present = list(self.frictions)
         for k, body in self.free_cars.items():
-            hold = np.array([body.car.drive.hold(at) for at in np.ravel(t).tolist()]).reshape(np.shape(t))
+            hold = np.array([body.car.drive.hold_fraction(at) for at in np.ravel(t).tolist()]).reshape(np.shape(t))
             present[k] = present[k]._replace(hold=self.holds[k] * hold)
         return present
 
@@ -229,15 +235,17 @@ class LineSines(System):
             prescribed = np.stack([self.prescribed(at, phase) for at in t.tolist()], axis=1)
             instants = self._instants = t, phase, prescribed  # the same for all residuals of a step
         Z = instants[2].copy()  # (3, n, layout.size)
-        s = self._with(Z, q, v, a)[0][:, self.layout.s]
+        s = self._with_unknowns(Z, q, v, a)[0][:, self.layout.s]
         if not (s[:, 1:] > s[:, :-1]).all():
             return np.full(q.shape, np.nan)
         rope = Rope(self.layout, Z)
         touches = self.equations.touches(rope, Z)
         self._last = t.item(-1), a[-1], rope.law.N[-1], touches[-1]
-        r = self.equations.residual(rope, touches, self.present(t))
+        r = self.equations.residual(rope, touches, self.frictions_at(t))
         for row, k, car, _ in self.gripping:
-            jets = [self.line.off_rope(car, at, phase, Z[:, i, self.layout.s[k]]) for i, at in enumerate(t.tolist())]
+            jets = [
+                self.line.point_off_rope(car, at, phase, Z[:, i, self.layout.s[k]]) for i, at in enumerate(t.tolist())
+            ]
             r[:, row] -= [force_along_rail(car, jet, self.line.gravity) for jet in jets]
         return r
 
@@ -246,9 +254,9 @@ class LineSines(System):
         known = self._known
         if known is None or known[1:3] != (t, phase) or not np.array_equal(known[0], state):
             Z = self.coordinates(State(t, q, v, a, phase))
-            r, K = self.equations.linearise(Z, self.present(t))
+            r, K = self.equations.linearise(Z, self.frictions_at(t))
             for row, k, car, stretch in self.gripping:
-                jet = self.line.off_rope(car, t, phase, Z[:, self.layout.s[k]])
+                jet = self.line.point_off_rope(car, t, phase, Z[:, self.layout.s[k]])
                 r[row] -= force_along_rail(car, jet, self.line.gravity)
                 K[2, row, row] += car.mass * stretch
             known = self._known = (state, t, phase, r, K)
@@ -260,7 +268,7 @@ class LineSines(System):
         """Keep the direction of friction, and the brakes that act, for one step."""
         Z = self.coordinates(x)
         for k, body in self.cars.items():
-            if not body.car.drive.resists or body.car.rail is not None:  # a shoe has no friction
+            if not body.car.drive.has_resistance or body.car.rail is not None:  # a shoe has no friction
                 continue
             ds, sign = Z[1, self.layout.s[self.lead[k]]], self.frictions[k].sign
             if k not in self.free_cars:
@@ -271,10 +279,10 @@ class LineSines(System):
 
     def _set_friction(self, k: int, s: float, sign: float) -> None:
         body = self.cars[k]
-        self.frictions[k] = Friction(body.car.drive.mu_r, body.brakes(s), sign)
+        self.frictions[k] = Friction(body.car.drive.mu_r, body.brake_forces(s), sign)
         self._known = None
 
-    def _balanced(self, x: State, Z: Array) -> tuple[Array, Array]:
+    def _balance_at(self, x: State, Z: Array) -> tuple[Array, Array]:
         """Tensions (S, G) and touches of x; at the end of a step those of its residual."""
         last = self._last
         if last is None or last[0] != x.t or not np.array_equal(last[1], x.a):
@@ -291,17 +299,17 @@ class LineSines(System):
         loads = [math.inf] * (sum(body.contacts for body in self.cars.values()) + len(self.loose))
         if min(gaps, default=1.0) > 0.0:
             if self._loaded[0] is not x:
-                N, touches = self._balanced(x, Z)
+                N, touches = self._balance_at(x, Z)
                 pressing = [
-                    np.array([math.inf]) if body.car.rail else body.pressing(self.equations.touch(touches, k))
+                    np.array([math.inf]) if body.car.rail else body.wheel_loads(self.equations.touch(touches, k))
                     for k, body in self.cars.items()
                 ]
-                self._loaded = x, [*np.concatenate([*pressing, self._tautness(N, touches)]).tolist()]
+                self._loaded = x, [*np.concatenate([*pressing, self._tension_and_pressures(N, touches)]).tolist()]
             loads = self._loaded[1]
-        passing = [p.ahead(*self.jet(p.car, x)[:2, 0].tolist()) for p in self.passages]
+        passing = [p.distance_ahead(*self.car_point_and_rates(p.car, x)[:2, 0].tolist()) for p in self.passages]
         return (*gaps, *speeds, *ahead, *loads, *passing)
 
-    def _tautness(self, N: Array, touches: Array) -> list[float]:
+    def _tension_and_pressures(self, N: Array, touches: Array) -> list[float]:
         """The smallest of the tensions (S, G), and the force of the rope down on each saddle [N]."""
         down = touches[:, 3] - touches[:, 1]
         return [float(N[self.layout.outer].min()), *(float(down[k]) for k in self.saddles)]
@@ -311,37 +319,37 @@ class LineSines(System):
         for k in self.stops:
             car = self.cars[k].car.name
             if name == f"{car} stops":
-                return self._turned(k, x)
+                return self._state_after_standstill(k, x)
             if name == f"{car} brakes":
                 self.begin_step(x)
-                return self.accelerated(x)
+                return self.with_acceleration(x)
         return None
 
-    def after(self, name: str, x: State) -> tuple[LineSines, State] | None:
+    def system_after(self, name: str, x: State) -> tuple[LineSines, State] | None:
         """The line after a car passes an end of a shoe, and its state; None if another event has ended the run."""
         for passage in self.passages:
             if str(passage) == name:
-                from galerkin.carrying import after
+                from galerkin.carrying import system_after_passage
 
-                return after(self, passage, x)
+                return system_after_passage(self, passage, x)
         return None
 
-    def jet(self, name: str, x: State) -> Array:
+    def car_point_and_rates(self, name: str, x: State) -> Array:
         """Point of a car on one contact, or off the rope, with its rates (3, 2)."""
         Z, layout = self.coordinates(x), self.layout
         for k, body in self.cars.items():
             if body.car.name == name:
                 return Z[:, [layout.x[k], layout.y[k]]]
         over = next(car for car in self.line.over if car.name == name)
-        return self.line.off_rope(over, x.t, x.phase, Z[:, layout.s[self.below[name]]])
+        return self.line.point_off_rope(over, x.t, x.phase, Z[:, layout.s[self.below[name]]])
 
-    def _turned(self, k: int, x: State) -> State | None:
+    def _state_after_standstill(self, k: int, x: State) -> State | None:
         """The state after a standstill, forwards or backwards; None if friction holds the car."""
         slot = int(np.flatnonzero(self.equations.free == self.layout.s[self.lead[k]])[0])
         before = self.frictions[k].sign
         for sign in (before, -before):
             self._set_friction(k, float(x.q[slot]), sign)
-            after = self.accelerated(x)
+            after = self.with_acceleration(x)
             if after.a[slot] * sign > 0.0:
                 return after
         return None
@@ -355,11 +363,11 @@ class LineSines(System):
         if state is not None:
             state = state._replace(phase=phase)
             self.begin_step(state)
-            return self.accelerated(state)
-        rest = self.rest()
+            return self.with_acceleration(state)
+        rest = self.coordinates_at_rest()
         rope = Rope(self.layout, rest)
-        touches = self.held.touches(rope, rest)
-        slack, *pressures = self._tautness(rope.law.N, touches)
+        touches = self.held_copy.touches(rope, rest)
+        slack, *pressures = self._tension_and_pressures(rope.law.N, touches)
         if min(slack, *pressures, 0.0) < 0.0:
             lowest = min(pressures, default=0.0)
             cause = (
@@ -371,27 +379,27 @@ class LineSines(System):
         v = np.zeros(self.n_dof)
         moving = self.prescribed(0.0, 0)[1]
         if moving.any():
-            near = [self.rest(dt, start=rest)[0, self.equations.free] for dt in (-NUDGE, NUDGE)]
+            near = [self.coordinates_at_rest(dt, start=rest)[0, self.equations.free] for dt in (-NUDGE, NUDGE)]
             v = np.where(self.equations.forces, 0.0, (near[1] - near[0]) / (2.0 * NUDGE))
         free = self.equations.free
         x = State(0.0, np.where(self.equations.forces, 0.0, rest[0, free]), v, rest[2, free], 0)
         self.begin_step(x)
-        return self.accelerated(x)
+        return self.with_acceleration(x)
 
     def _release(self, k: int, Z: Array, touches: Array) -> None:
         """Let a free car at rest go; StepFailure if friction holds it."""
-        body, name, touch = self.cars[k].held(), self.cars[k].car.name, self.held.touch(touches, k)
+        body, name, touch = self.cars[k].held_copy(), self.cars[k].car.name, self.held_copy.touch(touches, k)
         projection = float(body.wheels(touch)[-1].projection)
-        self.holds[k] = float(body.along(touch)) / projection
+        self.holds[k] = float(body.rope_force_along(touch)) / projection
         thrust = self.line.thrust(body.car, 0.0, 0) * math.cos(body.car.drive.thrust_angle)
         needed = self.holds[k] - thrust / projection
         self._set_friction(k, float(Z[0, self.layout.s[self.lead[k]]]), -float(np.sign(needed)))
-        if body.car.drive.resists and abs(needed) <= float(
-            body.resisting(body.pressing(touch), self.frictions[k]).sum()
+        if body.car.drive.has_resistance and abs(needed) <= float(
+            body.friction_and_brakes(body.wheel_loads(touch), self.frictions[k]).sum()
         ):
             raise StepFailure(0.0, f"friction holds {name} where it begins", "begin on steeper rope")
 
-    def accelerated(self, x: State) -> State:
+    def with_acceleration(self, x: State) -> State:
         """The state with the accelerations that its balance asks for."""
         a = x.a.copy()
         bound = 1e-6 * self.force_scale + math.sqrt(self.n_dof) * self.force_floor
@@ -403,7 +411,7 @@ class LineSines(System):
         raise StepFailure(x.t, "no acceleration balances the forces", "start the cars elsewhere")
 
     # --- rest --------------------------------------------------------------------------------------------------------
-    def rest(self, shift: float = 0.0, start: Array | None = None) -> Array:
+    def coordinates_at_rest(self, shift: float = 0.0, start: Array | None = None) -> Array:
         """Coordinates (3, layout.size) of the line at rest, free cars held; F stands in the last row.
 
         shift : [s] by which the prescribed positions are ahead of the start, at their first speed.
@@ -419,14 +427,14 @@ class LineSines(System):
             return self._solve_rest(Z, start)
         for times in (1.0, 4.0, 0.25):
             try:
-                return self._stiffened(Z, times * self._tension)
+                return self._rest_of_stiff_rope(Z, times * self._tension_scale)
             except StepFailure:
                 continue
         raise StepFailure(0.0, "no rest of the line was found", "start the cars elsewhere")
 
-    def _stiffened(self, Z: Array, about: float) -> Array:
+    def _rest_of_stiff_rope(self, Z: Array, about: float) -> Array:
         """Rest of a rope that resists changes of its tension little at first."""
-        rest = self._guess(Z)
+        rest = self._first_guess(Z)
         soft = min(1.0, 5.0 * about / self.line.rope.EA)
         for fraction in np.geomspace(soft, 1.0, SOFTENED + 1).tolist():
             self.layout.softness = Softness(about, fraction)
@@ -434,17 +442,17 @@ class LineSines(System):
         return rest
 
     @property
-    def _tension(self) -> float:
+    def _tension_scale(self) -> float:
         """Order of the tension [N]."""
         line = self.line
         weights = [c.force for c in line.supports if c.force is not None]
         if weights:
             return weights[0]
-        return 4.0 * (line.weight * self._reach + sum(line.gravity * car.mass for car in line.cars))
+        return 4.0 * (line.weight * self._line_length + sum(line.gravity * car.mass for car in line.cars))
 
     def _solve_rest(self, Z: Array, guess: Array) -> Array:
         """Rest by Newton's method with shorter steps where the residual grows; Z holds what is prescribed."""
-        layout, held = self.layout, self.held
+        layout, held = self.layout, self.held_copy
         Z = Z.copy()
         values = np.where(held.forces, guess[2, held.free], guess[0, held.free])
         frictions = [Friction() for _ in held.bodies]
@@ -454,7 +462,7 @@ class LineSines(System):
 
         def put(values: Array) -> Array:
             Z[0, held.free] = np.where(held.forces, 0.0, values)
-            layout.place_followers(Z)
+            layout.set_followers(Z)
             Z[2, held.free[held.forces]] = values[held.forces]
             return Z
 
@@ -476,7 +484,7 @@ class LineSines(System):
             values, before = values - fraction * step, now
         raise StepFailure(0.0, "no rest of the line was found", "start the cars elsewhere")
 
-    def _guess(self, Z: Array) -> Array:
+    def _first_guess(self, Z: Array) -> Array:
         """Chords with a little sag."""
         line, layout = self.line, self.layout
         Z = Z.copy()
@@ -507,5 +515,5 @@ class LineSines(System):
                 front = layout.wheels[lead]
                 Z[0, layout.s[k]] = Z[0, layout.s[lead]] - (front.arm[0] - layout.wheels[k].arm[0])
                 Z[0, front.pitch] = math.atan2(way[1], way[0])
-                Z[0, front.c] = Z[0, front.p] - turned(front.arm, Z[0, front.pitch, None])
+                Z[0, front.c] = Z[0, front.p] - rotate(front.arm, Z[0, front.pitch, None])
         return Z

@@ -1,11 +1,11 @@
 """Models of the cable: the full one in (u, v), and one field normal to the chord.
 
-From coefficients Q (fields, n), measured from the hanging cable, and `place` = `at(basis, s_o)`:
+From coefficients Q (fields, n), measured from the hanging cable, and `tables` = `tables_at(basis, s_o)`:
 
-    force(place, Q)            the internal force R (fields, n), and `pull`;
-    linearise(place, Q)        the same two, and dR/dQ;
-    least(basis, place, pull)  the least mean tension over a shortest wave, and its s;
-    stress(s, slope)           the force of one point for w' = slope, and its derivative
+    internal_force(tables, Q)             the internal force R (fields, n), and `tensions`;
+    linearise(tables, Q)                  the same two, and dR/dQ;
+    min_tension(basis, tables, tensions)  the smallest mean tension over a shortest wave, and its s;
+    stress(s, slope)                      the force of one point for w' = slope, and its derivative
 """
 
 from __future__ import annotations
@@ -35,47 +35,47 @@ class FullCable:
         self.law = LAWS.index(law)
         self.weight = np.array([0.0, groups.sigma])
 
-    def at(self, basis: Any, s_o: float) -> kernels.Points:
+    def tables_at(self, basis: Any, s_o: float) -> kernels.Points:
         s, weights, phi = basis.slopes(s_o)
-        T, xp, yp, _, _ = self.groups.static(s)
+        T, xp, yp, _, _ = self.groups.tension_and_derivatives(s)
         return kernels.Points(s, phi, weights, T, np.array([xp, yp]))
 
-    def _stress(self, place: kernels.Points, Q: Array) -> Array:
+    def _weighted_stress(self, points: kernels.Points, Q: Array) -> Array:
         """Rows of `kernels.stress`, weighted but for the last, (8, n_q)."""
-        out = kernels.stress(place.T, place.r_static, Q @ place.phi, self.alpha, self.law)
-        out[:7] *= place.weights
+        out = kernels.stress(points.T, points.r_static, Q @ points.phi, self.alpha, self.law)
+        out[:7] *= points.weights
         return out
 
-    def force(self, place: kernels.Points, Q: Array) -> tuple[Array, Array]:
-        x = self._stress(place, Q)
-        return x[2:4] @ place.phi.T, x[7]
+    def internal_force(self, points: kernels.Points, Q: Array) -> tuple[Array, Array]:
+        x = self._weighted_stress(points, Q)
+        return x[2:4] @ points.phi.T, x[7]
 
-    def linearise(self, place: kernels.Points, Q: Array) -> tuple[Array, Array, Array]:
-        x = self._stress(place, Q)
-        n = len(place.phi)
+    def linearise(self, points: kernels.Points, Q: Array) -> tuple[Array, Array, Array]:
+        x = self._weighted_stress(points, Q)
+        n = len(points.phi)
         K = np.empty((Q.size, Q.size))
         for (i, j), f in zip(((0, 0), (0, n), (n, n)), x[4:7], strict=True):
-            K[i : i + n, j : j + n] = (f * place.phi) @ place.phi.T
+            K[i : i + n, j : j + n] = (f * points.phi) @ points.phi.T
         K[n:, :n] = K[:n, n:]
-        return x[2:4] @ place.phi.T, x[7], K
+        return x[2:4] @ points.phi.T, x[7], K
 
-    def least(self, basis: Any, place: kernels.Points, pull: Any) -> tuple[float, float]:
-        s_o = 1.0 / float(place.phi[-1, 0]) if basis.kink else 1.0  # 1: one side for all
-        return kernels.least(place, s_o, pull, isinstance(basis, RidingSines) or None, int(basis.kink))
+    def min_tension(self, basis: Any, points: kernels.Points, tensions: Any) -> tuple[float, float]:
+        s_o = 1.0 / float(points.phi[-1, 0]) if basis.kink else 1.0  # 1: one side for all
+        return kernels.min_tension(points, s_o, tensions, isinstance(basis, RidingSines) or None, int(basis.kink))
 
     def static_slope(self, s: Any) -> tuple[Array, Array]:
-        _, xp, yp, xpp, ypp = self.groups.static(s)
+        _, xp, yp, xpp, ypp = self.groups.tension_and_derivatives(s)
         return np.array([xp, yp]).T, np.array([xpp, ypp]).T
 
     def static_depth(self, s: Array) -> Array:
-        return np.asarray(self.groups.shape(s)[1])
+        return np.asarray(self.groups.coordinates(s)[1])
 
-    def points(self, s: Array, slope: Array) -> Array:
-        T, xp, yp, _, _ = self.groups.static(s)
+    def stress_along(self, s: Array, slope: Array) -> Array:
+        T, xp, yp, _, _ = self.groups.tension_and_derivatives(s)
         return kernels.stress(T, np.array([xp, yp]), np.ascontiguousarray(slope), self.alpha, self.law)
 
     def stress(self, s: Array, slope: Array) -> tuple[Array, Array]:
-        _, _, fx, fy, xx, xy, yy, _ = self.points(np.atleast_1d(s), slope[:, None])[:, 0]
+        _, _, fx, fy, xx, xy, yy, _ = self.stress_along(np.atleast_1d(s), slope[:, None])[:, 0]
         return np.array([fx, fy]), np.array([[xx, xy], [xy, yy]])
 
 
@@ -97,35 +97,35 @@ class ChordCable:
         self.direction = np.array([[-groups.chord_sin, groups.chord_cos]])
         self.curvature = 0.0 if model == "straight" else -self.weight[0] / self.tau  # y_n''
         # h is the same along the cable
-        self.least_at = min(1.0, max(0.0, groups.c / groups.sigma))
-        self.at_rest = float(groups.static(self.least_at)[0])
+        self.min_tension_at = min(1.0, max(0.0, groups.c / groups.sigma))
+        self.static_min_tension = float(groups.tension_and_derivatives(self.min_tension_at)[0])
 
-    def at(self, basis: Any, s_o: float) -> tuple[Array, Array]:
+    def tables_at(self, basis: Any, s_o: float) -> tuple[Array, Array]:
         return basis.stiffness(s_o), -self.curvature * basis.integral(s_o)
 
-    def _increment(self, place: tuple[Array, Array], Q: Array) -> tuple[Array, float, Array]:
+    def _increment(self, tables: tuple[Array, Array], Q: Array) -> tuple[Array, float, Array]:
         """S w, h, and (dh/dQ)/(alpha lam)."""
-        S, b = place
+        S, b = tables
         Sq = Q[0] @ S
         h = self.alpha * self.lam * (b @ Q[0] + 0.5 * self.kap * (Q[0] @ Sq))
         return Sq, h, b + self.kap * Sq
 
-    def force(self, place: tuple[Array, Array], Q: Array) -> tuple[Array, float]:
-        Sq, h, g = self._increment(place, Q)
+    def internal_force(self, tables: tuple[Array, Array], Q: Array) -> tuple[Array, float]:
+        Sq, h, g = self._increment(tables, Q)
         return (self.tau * Sq + h * g)[None], h
 
-    def linearise(self, place: tuple[Array, Array], Q: Array) -> tuple[Array, float, Array]:
-        _, h, g = self._increment(place, Q)
-        J = (self.tau + self.kap * h) * place[0] + np.multiply.outer(self.alpha * self.lam * g, g)
-        return *self.force(place, Q), J
+    def linearise(self, tables: tuple[Array, Array], Q: Array) -> tuple[Array, float, Array]:
+        _, h, g = self._increment(tables, Q)
+        J = (self.tau + self.kap * h) * tables[0] + np.multiply.outer(self.alpha * self.lam * g, g)
+        return *self.internal_force(tables, Q), J
 
-    def energy(self, place: tuple[Array, Array], Q: Array) -> tuple[float, float]:
+    def energy(self, tables: tuple[Array, Array], Q: Array) -> tuple[float, float]:
         """Strain energy and h."""
-        Sq, h, _ = self._increment(place, Q)
+        Sq, h, _ = self._increment(tables, Q)
         return 0.5 * self.tau * (Q[0] @ Sq) + 0.5 * h**2 / self.alpha, h
 
-    def least(self, basis: Any, place: Any, h: Any) -> tuple[float, float]:
-        return self.at_rest + h, self.least_at
+    def min_tension(self, basis: Any, tables: Any, h: Any) -> tuple[float, float]:
+        return self.static_min_tension + h, self.min_tension_at
 
     def static_slope(self, s: Any) -> tuple[Array, Array]:
         slope = -self.curvature * (0.5 - np.asarray(s))[..., None]

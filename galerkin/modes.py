@@ -5,15 +5,15 @@ from scipy.linalg import eigh
 
 from cablefem.scene import Groups
 from galerkin.bases import Basis
-from galerkin.bases.kink import Array, Moving
+from galerkin.bases.kink import Array, KinkedBasis
 from galerkin.models import cable_model
 
 
 def bare_frequencies(groups: Groups, basis: Basis, *, model: str = "full", n: int = 10) -> Array:
     """First n frequencies omega l sqrt(rho/H), ascending, (n,), of (19)-(26) linearised."""
     cable = cable_model(groups, model, "elastic")
-    moving = Moving(basis, kink=False)
-    place: Any = cable.at(moving, 0.5)
+    moving = KinkedBasis(basis, kink=False)
+    place: Any = cable.tables_at(moving, 0.5)
     K = cable.linearise(place, np.zeros((cable.fields, basis.n)))[2]
     M = np.kron(np.eye(cable.fields), basis.mass())
     return np.sqrt(eigh(K, M, eigvals_only=True, subset_by_index=(0, n - 1)))

@@ -8,7 +8,13 @@ import numpy as np
 
 from cablefem.response import Observation, States
 from galerkin.bases.kink import Array
-from galerkin.equilibrium import Equilibrium, combined, recover, slopes_from_forces, tension
+from galerkin.equilibrium import (
+    Equilibrium,
+    signed_tension,
+    slopes_from_forces,
+    sum_of_functions,
+    tension_from_equilibrium,
+)
 from galerkin.models import ChordCable, FullCable
 
 if TYPE_CHECKING:
@@ -66,7 +72,7 @@ class Measures:
         """w at the mass, (n, fields)."""
         if self.system.path_form:
             return self.path_form[0]
-        return combined(self.q[..., :-1], self.system.basis.basis.phi(self.s_o)) + self.q[..., -1]
+        return sum_of_functions(self.q[..., :-1], self.system.basis.basis.phi(self.s_o)) + self.q[..., -1]
 
     def at_mass(self) -> tuple[Array, Array, Array, Array]:
         """w, w., w.. along the path (n, fields), and w' behind and ahead (2, n, fields)."""
@@ -78,17 +84,17 @@ class Measures:
         V = self.v[..., :-1]
         A = self.a[..., :-1]
         w = self.displacement_at_mass()
-        w_s = combined(Q, first)
+        w_s = sum_of_functions(Q, first)
         if self.system.path_form:
             _, w_t, w_tt = self.path_form
         else:
-            bend = combined(Q, basis.phi(self.s_o, 2)) if basis.smooth else np.zeros_like(w)
-            w_t = combined(V, phi) + self.v[..., -1] + ds_o * w_s
-            w_tt = combined(A, phi) + self.a[..., -1] + 2.0 * ds_o * combined(V, first)
+            bend = sum_of_functions(Q, basis.phi(self.s_o, 2)) if basis.smooth else np.zeros_like(w)
+            w_t = sum_of_functions(V, phi) + self.v[..., -1] + ds_o * w_s
+            w_tt = sum_of_functions(A, phi) + self.a[..., -1] + 2.0 * ds_o * sum_of_functions(V, first)
             w_tt += self.dds_o[:, None] * w_s + ds_o**2 * bend
         return w, w_t, w_tt, np.array([w_s, w_s]) + self.hat_slopes()
 
-    def fields(self, s: Array, frames: Array) -> Array:
+    def displacement_fields(self, s: Array, frames: Array) -> Array:
         """w, w. and w' of k frames at m stations, (3, k, fields, m); at s = s_o the side behind."""
         basis = self.system.basis.basis
         is_behind = (s <= self.s_o[frames, None])[:, None]  # (k, 1, m)
@@ -105,16 +111,16 @@ class Measures:
         w_s = with_hat(self.q, basis.phi(s, 1), 0, np.where(is_behind, 1.0, -1.0))
         return np.array([w, w_t, w_s])
 
-    def kinetic(self) -> Array:
-        """1/2 int |w.|^2 ds, (n,), by `Moving`."""
+    def kinetic_energy(self) -> Array:
+        """1/2 int |w.|^2 ds, (n,), by `KinkedBasis`."""
         V = self.v[..., :-1]
         q = self.q[..., -1]
         v = self.v[..., -1]
         twice = np.einsum("nfi,ij,nfj->n", V, self.system.basis.basis.mass(), V, optimize=True)
         if self.system.kink:
-            value, first, _ = self.system.basis.overlap(np.minimum(self.s_o, 1.0 - NEAR_SUPPORT))
+            value, first, _ = self.system.basis.hat_overlaps(np.minimum(self.s_o, 1.0 - NEAR_SUPPORT))
             steep = self.ds_o**2 / (3.0 * self.inside * (1.0 - self.inside))
-            cross = 2.0 * v * combined(V, value) + 2.0 * self.ds_o[:, None] * q * combined(V, first)
+            cross = 2.0 * v * sum_of_functions(V, value) + 2.0 * self.ds_o[:, None] * q * sum_of_functions(V, first)
             twice = twice + np.sum(cross + v**2 / 3.0 + steep[:, None] * q**2, axis=1)
         return 0.5 * twice
 
@@ -125,7 +131,7 @@ class Measures:
         return np.array([v[:n] @ basis.integral(s_o) for v, s_o in zip(self.q[:, -1], self.inside, strict=True)])
 
     def forces_from_momentum(self, s: Array, frames: Array) -> Equilibrium:
-        return recover(self, s, frames)
+        return tension_from_equilibrium(self, s, frames)
 
 
 def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> Observation:
@@ -135,7 +141,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     along = system.cable.direction
     x = system.measures(system, states)
     w, w_t, w_tt, slopes = x.at_mass()
-    fields = x.fields(s, frames)
+    fields = x.displacement_fields(s, frames)
     slope, bend = cable.static_slope(x.s_o)
     none = np.zeros(x.s_o.size)
     sides = slope + slopes
@@ -143,11 +149,11 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     lost = none
     sunk = none
     if isinstance(cable, FullCable):
-        forces, sides, working, lost = _full(cable, x, sides, fields[2], s, frames)
+        forces, sides, working, lost = _full_cable_forces(cable, x, sides, fields[2], s, frames)
         sunk = x.depth_integral()
     else:
-        forces = _one_field(cable, x, s, frames)
-    _, xp, yp, xpp, ypp = groups.static(x.s_o)
+        forces = _chord_forces(cable, x, s, frames)
+    _, xp, yp, xpp, ypp = groups.tension_and_derivatives(x.s_o)
     static = np.stack([xp, yp], axis=1)
     curvature = np.stack([xpp, ypp], axis=1)
     ds_o = x.ds_o[:, None]
@@ -156,7 +162,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     acceleration = w_tt + dds_o * slope + ds_o**2 * bend
     contact = system.mu * cable.weight - system.inertia * acceleration
     power = x.ds_o * (working - np.sum(contact * sides.mean(axis=0), axis=1))
-    of_cable = x.kinetic()
+    of_cable = x.kinetic_energy()
     kinetic = of_cable + 0.5 * system.inertia * np.sum(velocity**2, axis=1)
     viscous = 2.0 * system.damping * of_cable
     powers = {"lost_viscous": -viscous} if system.damping else {}
@@ -178,45 +184,45 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     )  # fmt: skip
 
 
-def _full(
+def _full_cable_forces(
     cable: FullCable, x: Measures, slopes: Array, w_s: Array, s: Array, frames: Array
 ) -> tuple[dict[str, Array], Array, Array, Any]:
     """Forces by fields of `Observation`, r' at the mass, <N t> . [r'] - [W], and power of internal damping."""
-    T_o = cable.groups.static(x.s_o)[0]
+    T_o = cable.groups.tension_and_derivatives(x.s_o)[0]
     static_o = cable.static_slope(x.s_o)[0]
     static = cable.static_slope(s)[0]
     balanced = x.forces_from_momentum(s, frames)
     none_behind = np.where(x.s_o > 0.0, 0.0, np.nan)
     none_ahead = np.where(x.s_o < 1.0, 0.0, np.nan)
-    behind = tension(balanced.behind, slopes[0]) + none_behind
-    ahead = tension(balanced.ahead, slopes[1]) + none_ahead
+    behind = signed_tension(balanced.behind, slopes[0]) + none_behind
+    ahead = signed_tension(balanced.ahead, slopes[1]) + none_ahead
     both = np.array([balanced.behind, balanced.ahead])
     sides = slopes_from_forces(both, slopes, T_o, cable.alpha) if x.system.by_force else slopes
-    left, right = (cable.points(x.s_o, (side - static_o).T) for side in sides)
+    left, right = (cable.stress_along(x.s_o, (side - static_o).T) for side in sides)
     mean = T_o * static_o.T + 0.5 * (left[2:4] + right[2:4])  # <N t>
     working = np.sum(mean * (sides[1] - sides[0]).T, axis=0) - (right[1] - left[1])
-    smallest = np.fmin(balanced.least, np.fmin(behind, ahead))
+    smallest = np.fmin(balanced.min_tension, np.fmin(behind, ahead))
     if x.system.law == "tension-only":
         smallest = np.maximum(smallest, 0.0)
     forces = {
         "T_behind": behind, "T_ahead": ahead, "T_behind_pointwise": left[0] + none_behind,
         "T_ahead_pointwise": right[0] + none_ahead,
-        "T": tension(balanced.along, static + w_s.transpose(0, 2, 1)),
-        "T_pointwise": np.array([cable.points(s, slope)[0] for slope in w_s]).reshape(len(frames), s.size),
+        "T": signed_tension(balanced.along, static + w_s.transpose(0, 2, 1)),
+        "T_pointwise": np.array([cable.stress_along(s, slope)[0] for slope in w_s]).reshape(len(frames), s.size),
         "reaction_left": -balanced.left, "reaction_right": balanced.right, "strain": balanced.strain,
         "tension_min": smallest,
-        "tension_min_at": np.where(smallest < balanced.least, x.s_o, balanced.least_at),
+        "tension_min_at": np.where(smallest < balanced.min_tension, x.s_o, balanced.min_tension_at),
     }  # fmt: skip
-    return forces, sides, working, balanced.lost
+    return forces, sides, working, balanced.damping_power
 
 
-def _one_field(cable: ChordCable, x: Measures, s: Array, frames: Array) -> dict[str, Array]:
+def _chord_forces(cable: ChordCable, x: Measures, s: Array, frames: Array) -> dict[str, Array]:
     basis = x.system.basis
     rows = zip(x.inside.tolist(), x.q[..., : x.system.n], strict=True)
-    strain, h = np.array([cable.energy(cable.at(basis, s_o), Q) for s_o, Q in rows]).T
-    T = cable.groups.static(x.s_o)[0] + h
+    strain, h = np.array([cable.energy(cable.tables_at(basis, s_o), Q) for s_o, Q in rows]).T
+    T = cable.groups.tension_and_derivatives(x.s_o)[0] + h
     return {
         "T_behind": np.where(x.s_o > 0.0, T, np.nan), "T_ahead": np.where(x.s_o < 1.0, T, np.nan),
-        "T": cable.groups.static(s)[0] + h[frames, None], "strain": strain,
-        "tension_min": cable.at_rest + h, "tension_min_at": np.full(h.shape, cable.least_at),
+        "T": cable.groups.tension_and_derivatives(s)[0] + h[frames, None], "strain": strain,
+        "tension_min": cable.static_min_tension + h, "tension_min_at": np.full(h.shape, cable.min_tension_at),
     }  # fmt: skip

@@ -30,7 +30,9 @@ from galerkin.kernels.rolling import Car
 WINDOW = 0.3  # of an axial round trip: for the mean acceleration of friction
 
 # single steps, without events
-NO_BOUNDS = rolling.Course(np.empty(0), np.empty(0), np.empty((0, 3)), 0.0, np.zeros(6), 0.0, 1.0, 0.0, 0.0, 0.0, False)
+NO_BOUNDS = rolling.CarHistory(
+    np.empty(0), np.empty(0), np.empty((0, 3)), 0.0, np.zeros(6), 0.0, 1.0, 0.0, 0.0, 0.0, False
+)
 
 
 class RollingSystem(RollingCar, GalerkinSystem):
@@ -67,35 +69,37 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return other
 
     def position(self, x: State) -> float:
-        return self._travel(x)[0]
+        return self._car_kinematics(x)[0]
 
     def kinematics(self, states: States) -> Array:
         if not self.free:
             return super().kinematics(states)
         return np.array([states.q[:, -1], states.v[:, -1], states.a[:, -1]])
 
-    def _travel(self, x: State) -> tuple[float, float, float]:
+    def _car_kinematics(self, x: State) -> tuple[float, float, float]:
         return (float(x.q[-1]), float(x.v[-1]), float(x.a[-1])) if self.free else self.motion.at(x.t, x.phase)
 
-    def _on(self, t: float, phase: int) -> rolling.Rolling:
+    def _car_loads(self, t: float, phase: int) -> rolling.CarLoads:
         drive = self.drive
         against = -self.mode.sign if self.free else -math.copysign(1.0, self.motion.at(t, phase)[1])
         brake = against * self.brake
-        of = self.mu, self.groups.sigma, drive.k, drive.wind, self.held(t), against * drive.mu_r, brake
+        of = self.mu, self.groups.sigma, drive.k, drive.wind, self.hold_force(t), against * drive.mu_r, brake
         since, ax, ay, jx, jy = self._smooth if self.free else (t, math.nan, math.nan, 0.0, 0.0)
-        return rolling.Rolling(*of, ax + (t - since) * jx, ay + (t - since) * jy)
+        return rolling.CarLoads(*of, ax + (t - since) * jx, ay + (t - since) * jy)
 
-    def car(self, x: State, on: rolling.Rolling | None = None) -> Car:
-        """The car, by the tension from equilibrium; with `on` it is held."""
-        ride, line, place = self._ride(x)
-        ride = ride if on is None else rolling.Ride(rolling.STUCK, on, 0.0)
+    def car_by_tension(self, x: State, loads: rolling.CarLoads | None = None) -> Car:
+        """The car, by the tension from equilibrium; with `loads` it is held."""
+        ride, sines, kinematics = self._kernel_arguments(x)
+        ride = ride if loads is None else rolling.Ride(rolling.STUCK, loads, 0.0)
         none = np.empty((0, 1, self.n_dof, self.n_dof))
-        return kernels.look(ride, line, place, np.array(x[1:4]), np.empty(self.n_dof), none)[0]
+        return kernels.residual_and_derivatives(ride, sines, kinematics, np.array(x[1:4]), np.empty(self.n_dof), none)[
+            0
+        ]
 
-    def _car_at(self, x: State) -> Car:
+    def _car_by_slopes(self, x: State) -> Car:
         """The car, by slopes of the basis and without thrust."""
-        ride, line, place = self._ride(x)
-        return rolling.seen(ride.on, line, place, np.array(x[1:4]))
+        ride, sines, kinematics = self._kernel_arguments(x)
+        return rolling.car_by_slopes(ride.loads, sines, kinematics, np.array(x[1:4]))
 
     def begin_step(self, x: State) -> None:
         """Update the car's mean acceleration, for friction and lift-off.
@@ -105,13 +109,13 @@ class RollingSystem(RollingCar, GalerkinSystem):
         super().begin_step(x)
         if not self.free or (self._past.size and x.t <= self._past[-1, 0]):
             return
-        car = self._car_at(x)
+        car = self._car_by_slopes(x)
         past = np.concatenate([self._past, [[x.t, car.vx, car.vy]]])
-        first, *self._smooth = rolling.averaged(past, 0, len(past) - 1, self._window)
+        first, *self._smooth = rolling.mean_acceleration(past, 0, len(past) - 1, self._window)
         self._past = past[int(first) :]
 
-    def held(self, t: float) -> float:
-        return self.hold * self.drive.hold(t) if self.free else 0.0
+    def hold_force(self, t: float) -> float:
+        return self.hold * self.drive.hold_fraction(t) if self.free else 0.0
 
     def observe(self, states: States, s: Array, frames: Array) -> Observation:
         """Adds the power of each force on the car."""
@@ -119,10 +123,10 @@ class RollingSystem(RollingCar, GalerkinSystem):
         drive = self.drive
         ds_o = self.kinematics(states)[1]
         F = drive.thrust(states.t, states.phase) if self.free else states.a[:, -1]
-        on = rolling.Rolling(self.mu, self.groups.sigma, drive.k, drive.wind)
+        loads = rolling.CarLoads(self.mu, self.groups.sigma, drive.k, drive.wind)
         velocity = o.path_velocity.T
         sides = np.array([o.slope_behind.T, o.slope_ahead.T])
-        car = rolling.weighed_car(on, F, velocity, o.path_acceleration.T, sides)
+        car = rolling.car_from_motion(loads, F, velocity, o.path_acceleration.T, sides)
         rate = np.abs(ds_o) * car.stretch
         powers = {
             "thrust" if self.free else "haul": F * (car.tx * velocity[0] + car.ty * velocity[1]),
@@ -130,72 +134,78 @@ class RollingSystem(RollingCar, GalerkinSystem):
             "friction": -drive.mu_r * np.abs(car.pressing) * rate,
         }
         if self.free:
-            hold = np.array([self.held(t) for t in states.t.tolist()])
-            powers |= {"brake": -drive.brake(o.s_o) * rate, "hold": hold * ds_o}
+            hold = np.array([self.hold_force(t) for t in states.t.tolist()])
+            powers |= {"brake": -drive.brake_force(o.s_o) * rate, "hold": hold * ds_o}
         powers |= o.powers
         haul = F if drive.thrust_table or not self.free else o.haul
         contact = -np.stack([car.Cx, car.Cy], axis=1)
         return replace(o, contact=contact, haul=haul, power=np.sum(list(powers.values()), axis=0), powers=powers)
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
-        return self._seen_at(State(t, q, v, a, phase), 0)[0]
+        return self._residual_and_derivatives(State(t, q, v, a, phase), 0)[0]
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
-        r, parts = self._seen_at(State(t, q, v, a, phase), 3)
+        r, parts = self._residual_and_derivatives(State(t, q, v, a, phase), 3)
         return r, factorised(np.tensordot(c, parts, 1))
 
-    def _seen_at(self, x: State, count: int) -> tuple[Array, Array]:
+    def _residual_and_derivatives(self, x: State, count: int) -> tuple[Array, Array]:
         r = np.full(self.n_dof, np.nan)
         parts = np.zeros((count, 1, self.n_dof, self.n_dof))
         if 0.0 < self.position(x) < 1.0:  # else a trial off the cable
-            ride, line, place = self._ride(x)
-            _, self.min_tension = kernels.look(ride, line, place, np.array(x[1:4]), r, parts)
+            ride, sines, kinematics = self._kernel_arguments(x)
+            _, self.min_tension = kernels.residual_and_derivatives(ride, sines, kinematics, np.array(x[1:4]), r, parts)
         return r, parts[:, 0]
 
-    def _ride(self, x: State) -> tuple[rolling.Ride, kernels.Line, tuple[float, float, float]]:
-        place = self._travel(x)
+    def _kernel_arguments(self, x: State) -> tuple[rolling.Ride, kernels.CableSines, tuple[float, float, float]]:
+        kinematics = self._car_kinematics(x)
         mode = rolling.HAULED if not self.free else rolling.FREE if self.mode.sign != 0.0 else rolling.STUCK
-        on = self._on(x.t, x.phase)
-        line = self._line(*self.sines.side_rules(place[0]))
-        return rolling.Ride(mode, on, self._thrust(x)), line, place
+        loads = self._car_loads(x.t, x.phase)
+        sines = self._cable_sines(*self.sines.side_rules(kinematics[0]))
+        return rolling.Ride(mode, loads, self._thrust(x)), sines, kinematics
 
     def _thrust(self, x: State) -> float:
         return float(self.drive.thrust(x.t, x.phase)) if self.free else 0.0
 
-    def _step(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[int, Array, Array]:
-        ride, line, place = self._ride(State(float(t[0]), start[0], start[1], start[2], phase))
-        return kernels.solve_steps(ride, NO_BOUNDS, line, np.array([place]), start, rules, newton)
+    def _compiled_steps(
+        self, t: Array, phase: int, start: Array, rules: Array, newton: Newton
+    ) -> tuple[int, Array, Array]:
+        ride, sines, kinematics = self._kernel_arguments(State(float(t[0]), start[0], start[1], start[2], phase))
+        return kernels.solve_steps(ride, NO_BOUNDS, sines, np.array([kinematics]), start, rules, newton)
 
-    def _many_steps(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[int, Array, Array]:
+    def _compiled_step_blocks(
+        self, t: Array, phase: int, start: Array, rules: Array, newton: Newton
+    ) -> tuple[int, Array, Array]:
         """Steps end at an event, where the rules change, or where a hauled car turns."""
         drive = self.drive
         s_o, ds_o = start[:2, -1].tolist()
         if not self.events_bounded or t[0] < drive.release:
             return 0, *NO_STEPS
-        ride, _, place = self._ride(State(t[0], start[0], start[1], start[2], phase))
+        ride, _, at_start = self._kernel_arguments(State(t[0], start[0], start[1], start[2], phase))
         if self.free:
             reach = min(1.0, max(0.0, s_o + ds_o * float(rules[:, 0, 1].sum())))
             rules_at = self.sines.side_rules
-            places = np.array([place])
-            line = self._line(rules_at(max(s_o, reach))[0], rules_at(min(s_o, reach))[1])
+            kinematics = np.array([at_start])
+            sines = self._cable_sines(rules_at(max(s_o, reach))[0], rules_at(min(s_o, reach))[1])
         else:
-            places = np.ascontiguousarray(self.motion.kinematics(t, phase).T)
-            turned = np.flatnonzero(np.signbit(places[:, 1]) != np.signbit(places[0, 1]))
-            same, line = next(self.lines(places[: turned[0] if turned.size else t.size, 0]))
+            kinematics = np.ascontiguousarray(self.motion.kinematics(t, phase).T)
+            turned = np.flatnonzero(np.signbit(kinematics[:, 1]) != np.signbit(kinematics[0, 1]))
+            same, sines = next(self.sines_by_rules(kinematics[: turned[0] if turned.size else t.size, 0]))
             t = t[same]
             rules = rules[same]
         thrust = drive.thrust(t, phase) if self.free else np.zeros(t.size)
         past = np.concatenate([self._past, np.empty((t.size, 3))])
         smooth = np.zeros(6)
-        course = rolling.Course(t, thrust, past, self._window, smooth, *self.event_bounds(), self.mode.lifted)
-        taken, ends, told = kernels.solve_steps(ride, course, line, places, start, rules, newton)
+        history = rolling.CarHistory(
+            t, thrust, past, self._window, smooth, *self.event_bounds(), self.mode.y_with_rates
+        )
+        taken, ends, results = kernels.solve_steps(ride, history, sines, kinematics, start, rules, newton)
         if taken:
             w = float(rules[taken - 1, 0, 4])
             dt = float(rules[taken - 1, 0, 1])
             self.events_from = float(t[taken - 1]) + (1.0 - w + 1e-9) * dt
             if self.free:
                 self._past = past[int(smooth[0]) : len(past) - t.size + taken]
-        return taken, ends, told
+        return taken, ends, results
 
     def start(self, phase: int, state: State | None) -> State:
         """In equilibrium, with a free car held, or a hauled one on its rope; later a jumps.
@@ -203,18 +213,18 @@ class RollingSystem(RollingCar, GalerkinSystem):
         A travel that begins at speed has the rate of change of the equilibrium.
         """
         if state is not None:
-            return self.enter(state._replace(phase=phase))
+            return self.enter_phase(state._replace(phase=phase))
         s_o = self.drive.start
         self.reset()
         self._past = np.empty((0, 3))
         self._smooth = [0.0] * 5
         if not self.free:
             speed = self.motion.at(0.0, 0)[1]
-            return self.solve_acceleration(quasi_static_start(self, self._hung, s_o, speed))
+            return self.solve_acceleration(quasi_static_start(self, self._rest_on_rope, s_o, speed))
         q = np.append(equilibrium(self.with_clamped_car(s_o)), s_o)
         still = np.zeros(self.n_dof)
         x = State(0.0, q, still, still, 0)
-        car = self.car(x, rolling.Rolling(self.mu, self.groups.sigma, 0.0, 0.0))
+        car = self.car_by_tension(x, rolling.CarLoads(self.mu, self.groups.sigma, 0.0, 0.0))
         self.hold = car.along * car.stretch
         return self.release_car(x)
 
@@ -223,11 +233,11 @@ class RollingSystem(RollingCar, GalerkinSystem):
         groups = replace(self.groups, motion=rest_motion(s_o, 1.0))
         return GalerkinSystem(groups, self.sines, kink=True, law="tension-only")
 
-    def _hung(self, s_o: float) -> Array:
+    def _rest_on_rope(self, s_o: float) -> Array:
         """q of a hauled car at rest on its rope, about to move."""
         still = replace(self.groups, motion=rest_motion(s_o, 1.0), drive=replace(self.drive, k=0.0))
-        on_its_rope = OnItsRope(still, self.sines, law="tension-only")
-        return np.append(equilibrium_on_rope(on_its_rope, equilibrium(self.with_clamped_car(s_o)))[:-1], 0.0)
+        system = CarOnRope(still, self.sines, law="tension-only")
+        return np.append(equilibrium_on_rope(system, equilibrium(self.with_clamped_car(s_o)))[:-1], 0.0)
 
     def solve_acceleration(self, x: State) -> State:
         a = np.zeros(self.n_dof)
@@ -238,19 +248,19 @@ class RollingSystem(RollingCar, GalerkinSystem):
 
     def car_forces(self, x: State) -> CarForces:
         """The larger normal force counts: the present one oscillates near a support, the mean one lags."""
-        car = self._car_at(x)
+        car = self._car_by_slopes(x)
         along = self._thrust(x) + car.tx * car.drag_x + car.ty * (car.drag_y + self.mu * self.groups.sigma)
         return CarForces(max(car.pressing, car.normal), car.speed, along, self.mu * self.groups.sigma * car.tx)
 
     def hold_and_normal_force(self, x: State) -> tuple[float, float]:
-        car = self.car(x)
-        return car.along - self.held(x.t) / car.stretch, car.normal
+        car = self.car_by_tension(x)
+        return car.along - self.hold_force(x.t) / car.stretch, car.normal
 
 
-class OnItsRope(RollingSystem):
+class CarOnRope(RollingSystem):
     """A hauled car at rest; its last unknown is the haul force."""
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
-        r, parts = self._seen_at(State(t, q, v, np.append(a[:-1], q[-1]), phase), 3)
+        r, parts = self._residual_and_derivatives(State(t, q, v, np.append(a[:-1], q[-1]), phase), 3)
         parts[0, :, -1] = parts[2, :, -1]
         return r, factorised(np.tensordot(c, parts, 1))

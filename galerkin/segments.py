@@ -18,25 +18,25 @@ from numpy.polynomial.polynomial import polyder, polyval
 
 from cablefem.scene.contacts import Array, Car, MovingLine, Wheel
 from galerkin.bodies import OnRail
-from galerkin.trolley import Follower, arm_of
+from galerkin.trolley import Follower, wheel_arm
 
 # coefficients of xi (1 - xi), xi (1 - xi)(1 - 2 xi), 1 - xi, xi by rising powers, one a column
 POLYNOMIALS = np.array([[0.0, 1.0, -1.0, 0.0], [0.0, 1.0, -3.0, 2.0], [1.0, -1.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]]).T
 
 
-def product(f: Array, g: Array) -> Array:
+def jet_product(f: Array, g: Array) -> Array:
     """The jet of f g."""
     return np.stack([f[0] * g[0], f[1] * g[0] + f[0] * g[1], f[2] * g[0] + 2.0 * f[1] * g[1] + f[0] * g[2]])
 
 
-def quotient(f: Array, g: Array) -> Array:
+def jet_quotient(f: Array, g: Array) -> Array:
     """The jet of f/g."""
     x = f[0] / g[0]
     dx = (f[1] - x * g[1]) / g[0]
     return np.stack([x, dx, (f[2] - 2.0 * dx * g[1] - x * g[2]) / g[0]])
 
 
-def composed(F: Array, xi: Array) -> Array:
+def jet_composition(F: Array, xi: Array) -> Array:
     """The jet of F(xi, t); F[i, k] holds the i-th time derivative of the k-th xi derivative at fixed xi."""
     x, dx, ddx = F[0], xi[1, ..., None], xi[2, ..., None]
     acceleration = F[2, 0] + (2.0 * F[1, 1] + x[2] * dx) * dx + x[1] * ddx
@@ -45,7 +45,7 @@ def composed(F: Array, xi: Array) -> Array:
     return out
 
 
-def functions(xi: Array, terms: int) -> Array:
+def basis_functions(xi: Array, terms: int) -> Array:
     """B and its derivatives by xi up to the third, (4, points, terms + 4)."""
     k = np.pi * np.arange(1, terms + 1)
     sin, cos = np.sin(k * xi[:, None]), np.cos(k * xi[:, None])
@@ -70,13 +70,13 @@ class Layout:
         self.outer = [i for i in range(self.segments) if i not in rear]
         points, weights = np.polynomial.legendre.leggauss(2 * terms + 12)
         self.points, self.weights = 0.5 + 0.5 * points, 0.5 * weights
-        self.B = functions(self.points, terms)
+        self.B = basis_functions(self.points, terms)
         self.tables = self.B.reshape(-1, terms + 4)
         self.tests = np.concatenate([self.B[0], self.B[1]]).T.copy()  # (M, 2 G)
         powered = np.vander(self.points, 3, increasing=True).T * self.weights  # (3, G)
         moments = self.B[0].T @ (powered[..., None] * self.B[:3, None])  # int B xi^k (B, B', B'')
         self.moments = moments.reshape(9, terms + 4, -1)
-        self.ends = functions(np.array([0.0, 1.0]), terms)[1]  # B' at L and R
+        self.ends = basis_functions(np.array([0.0, 1.0]), terms)[1]  # B' at L and R
         self.functions = terms + 2  # without those of the ends
         self.inner = 2 * self.functions * self.segments
         self.size = self.inner + 7 * self.contacts
@@ -87,7 +87,7 @@ class Layout:
         given_x = []
         for k, wheel in wheels.items():
             car = k - wheel.front
-            x, y = arm_of(wheel)
+            x, y = wheel_arm(wheel)
             self.wheels[k] = Follower(own[k, :2], own[car, 3:5], int(self.angle[car]), (x, y))
             if wheel.front and wheel.car.kind == "haul_x":
                 given_x.append(Follower(own[car, 3:4], own[k, :1], int(self.angle[car]), (-x, -y)))
@@ -105,10 +105,10 @@ class Layout:
         # of `Rope.columns`; the same at each call, large new arrays are slow
         self.blocks = np.empty((3, self.segments, terms + 4, 2, 2 * terms + 10))
 
-    def place_followers(self, Z: Array) -> None:
+    def set_followers(self, Z: Array) -> None:
         """Set what follows from other coordinates in Z (3, ..., size)."""
         for follower in self.followers:
-            follower.place(Z)
+            follower.set_follower(Z)
 
 
 class Softness(NamedTuple):
@@ -122,7 +122,6 @@ class Law(NamedTuple):
     """Tension at points."""
 
     N: Array
-    N_s: Array  # at fixed r'
     N_stretch: float
     stretch: Array  # |r'|
     force: Array  # N t
@@ -143,32 +142,30 @@ class Rope:
         self.xi[0] = layout.points
         self.xi[1] = -(left[1] + layout.points * self.h[1]) / h
         self.xi[2] = -(left[2] + 2.0 * self.xi[1] * self.h[1] + layout.points * self.h[2]) / h
-        self.s = left[0] + h * layout.points
         u = u.reshape(*u.shape[:-1], -1, 2)  # (3, ..., S, M, 2)
         # one product for all instants and segments: the tables are large
         values = layout.tables @ np.moveaxis(u, -2, 0).reshape(u.shape[-2], -1)  # (4 G, 3 ... S 2)
         values = values.reshape(4, -1, *u.shape[:-2], 2)
         self.Y = np.moveaxis(values, (2, 1), (0, -2))  # (3, 4, ..., S, G, 2): time derivatives of xi derivatives
-        self.r = composed(self.Y, self.xi)
+        self.r = jet_composition(self.Y, self.xi)
         self.slope = self.Y[0, 1] / h[..., None]  # r' (..., S, G, 2)
         self.end_slopes = layout.ends @ u[0] / h[..., None]  # at L and R (..., S, 2, 2)
 
     @cached_property
     def law(self) -> Law:
         rope, softness = self.layout.line.rope, self.layout.softness
-        N_r, N_s = rope.at_rest(self.s)
         squared = self.slope[..., 0] ** 2 + self.slope[..., 1] ** 2
         stretch = np.sqrt(squared)
-        N = N_r + rope.EA * (squared - 1.0) / (stretch + 1.0)
+        N = rope.EA * (squared - 1.0) / (stretch + 1.0)
         N = softness.about + softness.fraction * (N - softness.about)
         force = (N / stretch)[..., None] * self.slope
-        return Law(N, softness.fraction * N_s, softness.fraction * rope.EA, stretch, force)
+        return Law(N, softness.fraction * rope.EA, stretch, force)
 
     @cached_property
     def load(self) -> Array:
-        """rho (r.. + c r. - g j) (..., S, G, 2): inertia, damping and weight."""
+        """rho (r.. - g j) (..., S, G, 2): inertia and weight."""
         line = self.layout.line
-        acceleration = self.r[2] + line.rope.damping * self.r[1]
+        acceleration = self.r[2].copy()
         acceleration[..., 1] -= line.gravity
         return line.rope.mass_per_length * acceleration
 
@@ -216,14 +213,14 @@ class Rope:
         The next call overwrites them.
         """
         line, layout, law = self.layout.line, self.layout, self.law
-        rho, c = line.rope.mass_per_length, line.rope.damping
+        rho = line.rope.mass_per_length
         B, slopes = layout.B[0].T, layout.B[1].T  # (M, G)
         h, weights = self.h[0], layout.weights
         S, M, G = layout.segments, len(B), layout.points.size
 
         def rates(jet: Array) -> Array:
-            """d(r.. + c r.) where the jet is that of dr/d(coordinate)."""
-            return np.stack([jet[2] + c * jet[1], 2.0 * jet[1] + c * jet[0], jet[0]])
+            """d(r..) where the jet is that of dr/d(coordinate)."""
+            return np.stack([jet[2], 2.0 * jet[1], jet[0]])
 
         inertia = rates(self.moving_functions) * (rho * h)[..., None]  # (3, S, M, M)
         out = layout.blocks
@@ -240,12 +237,11 @@ class Rope:
             out[0, i, ..., :-2] += (slopes @ moved.reshape(G, -1)).reshape(M, 2, 2 * M)
 
         one = np.array([1.0, 0.0, 0.0])[:, None, None]
-        slope = quotient(composed(self.Y[:, 1:], self.xi), self.h[..., None])  # the jet of r'
+        slope = jet_quotient(jet_composition(self.Y[:, 1:], self.xi), self.h[..., None])  # the jet of r'
         for i, (shift, dh) in enumerate(((one - self.xi, -1.0), (self.xi, 1.0))):  # of points with s of L, of R
-            at_s = rates(-product(slope, shift[..., None]))  # of r at fixed s
-            at_s[0] += shift[0, ..., None] * (slope[2] + c * slope[1])
+            at_s = rates(-jet_product(slope, shift[..., None]))  # of r at fixed s
+            at_s[0] += shift[0, ..., None] * slope[2]
             out[..., i - 2] = B @ ((rho * h * weights)[..., None] * at_s)
-            force = (shift[0] * law.N_s)[..., None] * unit
-            force -= (dh / h)[..., None] * (stiffness @ self.slope[..., None])[..., 0]
+            force = -(dh / h)[..., None] * (stiffness @ self.slope[..., None])[..., 0]
             out[0, ..., i - 2] += slopes @ (weights[:, None] * force) + (dh / h)[..., None] * self.loads
         return out

@@ -15,15 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cablefem.scene.contacts import Array, Car, MovingLine, Wheel
-from galerkin.bodies import DOWN, CarBody, Friction, Touch, across, dot
+from galerkin.bodies import DOWN, CarBody, Friction, Touch, dot, normal_component
 
 Pair = tuple[float, float]
 
 
-def turned(of: Pair, angle: Array) -> Array:
+def rotate(components: Pair, angle: Array) -> Array:
     """The vectors (..., 2) with these components along e1 and e2; angle (..., 1)."""
     cos, sin = np.cos(angle), np.sin(angle)
-    x, y = of
+    x, y = components
     return np.concatenate([x * cos - y * sin, x * sin + y * cos], axis=-1)
 
 
@@ -37,9 +37,9 @@ class Follower(NamedTuple):
 
     def arms(self, pitch: Array) -> tuple[Array, Array]:
         """The arm and d(arm)/d(pitch), (..., 2) or (..., 1)."""
-        return turned(self.arm, pitch)[..., : self.p.size], turned(across_of(self.arm), pitch)[..., : self.p.size]
+        return rotate(self.arm, pitch)[..., : self.p.size], rotate(arm_derivative(self.arm), pitch)[..., : self.p.size]
 
-    def place(self, Z: Array) -> None:
+    def set_follower(self, Z: Array) -> None:
         """Set the jet of p in Z (3, ..., coordinates)."""
         th, dth, ddth = Z[..., self.pitch, None]
         arm, n = self.arms(th)
@@ -47,7 +47,7 @@ class Follower(NamedTuple):
         Z[1][..., self.p] = Z[1][..., self.c] + dth * n
         Z[2][..., self.p] = Z[2][..., self.c] + ddth * n - dth**2 * arm
 
-    def fold(self, K: Array, Z: Array, column: Array) -> None:
+    def fold_derivatives(self, K: Array, Z: Array, column: Array) -> None:
         """Add the derivatives by the jet of p to those by the jets of c and pitch; K (3, rows, columns)."""
         th, dth, ddth = Z[:, self.pitch, None]
         arm, n = self.arms(th)
@@ -59,12 +59,12 @@ class Follower(NamedTuple):
         K[2, :, at] += by[2] @ n
 
 
-def across_of(arm: Pair) -> Pair:
+def arm_derivative(arm: Pair) -> Pair:
     """d(arm)/dth."""
     return -arm[1], arm[0]
 
 
-def arm_of(wheel: Wheel) -> Pair:
+def wheel_arm(wheel: Wheel) -> Pair:
     """p - c along e1 and e2 [m]."""
     of = wheel.car.wheels
     assert of is not None
@@ -79,41 +79,41 @@ class Trolley(CarBody):
     def __init__(self, car: Car, line: MovingLine) -> None:
         super().__init__(car, line)
         self.unknown = {"grip": "tuvs", "haul": "tuvsF", "haul_x": "tvsSF", "free": "tuvsS"}[car.kind]
-        self.arms = [arm_of(Wheel(car=car, front=front)) for front in (False, True)]
+        self.arms = [wheel_arm(Wheel(car=car, front=front)) for front in (False, True)]
         self.inertia = car.wheels.inertia if car.wheels is not None else 0.0
         drive = car.drive
         ahead, below = drive.hitch if drive.mode == "haul" else drive.thrust_at
         self.push = math.cos(drive.thrust_angle), -math.sin(drive.thrust_angle)  # of a unit force
         self.lever = ahead * self.push[1] - below * self.push[0]
 
-    def brakes(self, s: Any) -> Array:
-        rear = np.asarray(self.car.drive.rear_brake(s))
-        return np.stack([rear, self.car.drive.brake(s) - rear], axis=-1)
+    def brake_forces(self, s: Any) -> Array:
+        rear = np.asarray(self.car.drive.rear_brake_force(s))
+        return np.stack([rear, self.car.drive.brake_force(s) - rear], axis=-1)
 
-    def of_centre(self, x: tuple[Touch, Touch]) -> tuple[Array, Array]:
+    def centre_of_mass(self, x: tuple[Touch, Touch]) -> tuple[Array, Array]:
         return x[0].c, x[0].dc
 
-    def touch(self, numbers: Array) -> tuple[Touch, Touch]:
+    def touch_from_numbers(self, numbers: Array) -> tuple[Touch, Touch]:
         """The rear wheel, with angle, centre and F of the car, and the front wheel."""
         return Touch(numbers[..., 0, :]), Touch(numbers[..., 1, :])
 
     def wheels(self, x: tuple[Touch, Touch]) -> Sequence[Touch]:
         return x
 
-    def pressing(self, x: tuple[Touch, Touch]) -> Array:
-        return np.stack([across(self.on_rope(wheel), wheel.tau) for wheel in x], axis=-1)
+    def wheel_loads(self, x: tuple[Touch, Touch]) -> Array:
+        return np.stack([normal_component(self.force_on_rope(wheel), wheel.tau) for wheel in x], axis=-1)
 
-    def along(self, x: tuple[Touch, Touch]) -> Array:
-        return -dot(self.on_rope(x[1]), x[1].tau)
+    def rope_force_along(self, x: tuple[Touch, Touch]) -> Array:
+        return -dot(self.force_on_rope(x[1]), x[1].tau)
 
-    def rows(self, x: tuple[Touch, Touch], of: Friction) -> Array:
+    def balance_rows(self, x: tuple[Touch, Touch], friction: Friction) -> Array:
         car, rear = self.car, x[0]
-        P = [self.on_rope(wheel) for wheel in x]
-        n = [turned(across_of(arm), rear.angle) for arm in self.arms]
-        driven = rear.F[..., None] * turned(self.push, rear.angle)
+        P = [self.force_on_rope(wheel) for wheel in x]
+        n = [rotate(arm_derivative(arm), rear.angle) for arm in self.arms]
+        driven = rear.F[..., None] * rotate(self.push, rear.angle)
         force = P[0] + P[1] + car.mass * (rear.ddc - self.gravity * DOWN) - driven - self.drag(rear.dc)
         moment = dot(n[0], P[0]) + dot(n[1], P[1]) + self.inertia * rear.ddangle[..., 0] - self.lever * rear.F
-        slip = self.slip(self.pressing(x), of)
+        slip = self.resistance_and_hold(self.wheel_loads(x), friction)
         rolling = [dot(P[i], x[i].tau) + slip[..., i] * x[i].projection for i in (0, 1)]
         if self.unknown[-1] == "s":
             rolling.pop()
@@ -128,5 +128,5 @@ class Trolley(CarBody):
         at = x[0]
         if self.car.kind == "grip":
             return {}
-        driven = dot(turned(self.push, at.angle), at.dc) + self.lever * at.dangle[..., 0]
+        driven = dot(rotate(self.push, at.angle), at.dc) + self.lever * at.dangle[..., 0]
         return {"drag": dot(self.drag(at.dc), at.dc), self.driven: at.F * driven}

@@ -18,7 +18,7 @@ CRUISE = Scene.load("cruise").groups
 def cable(*, mu: float, sigma: float, c: float, alpha: float, speed: float) -> Groups:
     """Return a cable whose chord follows from (sigma, c): level with c = sigma/2."""
     g = replace(LEVEL, mu=mu, sigma=sigma, alpha=alpha, c=c, motion=ConstantSpeed(speed=speed).motion(1.0))
-    x, y = g.shape(1.0)
+    x, y = g.coordinates(1.0)
     chord = np.hypot(x, y)
     return replace(g, chord_cos=float(x / chord), chord_sin=float(y / chord))
 

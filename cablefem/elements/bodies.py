@@ -59,7 +59,7 @@ class Forces(NamedTuple):
     air_power: Array  # [W] of the drag
 
 
-def size(x: Array) -> Array:
+def vector_length(x: Array) -> Array:
     """Length of vectors (..., 2), also complex ones."""
     return np.sqrt(x[..., 0] ** 2 + x[..., 1] ** 2)
 
@@ -71,7 +71,7 @@ def forces(cars: Cars, inputs: Array) -> Forces:
     forward = np.stack([np.cos(angle), -np.sin(angle)], axis=-1)
     out = np.stack([np.sin(angle), np.cos(angle)], axis=-1)
     mean = 0.5 * (behind + ahead)
-    tau = mean / size(mean)[..., None]
+    tau = mean / vector_length(mean)[..., None]
     carried = velocity + (cars.arm * rate)[..., None] * forward  # what the air meets
     air = carried - np.stack([cars.wind, np.zeros_like(cars.wind)], axis=-1)
     speed = np.sqrt(air[..., 0] ** 2 + air[..., 1] ** 2 + 1e-24)  # differentiable at rest
@@ -83,7 +83,7 @@ def forces(cars: Cars, inputs: Array) -> Forces:
     normal = contact[..., 0] * tau[..., 1] - contact[..., 1] * tau[..., 0]
     load = np.where(normal.real < 0.0, -normal, normal)
     friction = -(cars.friction * load + cars.brake) * cars.sign
-    stretch = 0.5 * (size(behind) + size(ahead))
+    stretch = 0.5 * (vector_length(behind) + vector_length(ahead))
     about_hinge = cars.lever * (dot(acceleration, forward) + cars.gravity * np.sin(angle))
     swing = cars.inertia * turning + about_hinge + cars.resistance * rate - cars.arm * dot(drag, forward)
     Q = stretch * (cars.hold + friction)

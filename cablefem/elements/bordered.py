@@ -14,7 +14,7 @@ from cablefem.newmark import Array
 Indices = Any
 
 
-class Full:
+class Dense:
     """A full matrix."""
 
     def __init__(self, matrix: Any) -> None:
@@ -29,7 +29,7 @@ class Full:
     def add_column(self, to: int, j: int, factor: complex) -> None:
         self.matrix[:, to] += factor * self.matrix[:, j]
 
-    def slave(self, j: int, factor: float) -> None:
+    def tie_to_previous(self, j: int, factor: float) -> None:
         """Let unknown j follow j - 1: add its row and its column to those before, times the factor."""
         self.add_row(j - 1, j, factor)
         self.add_column(j - 1, j, factor)
@@ -55,7 +55,7 @@ class Bordered:
         else:
             self.corner[i - self.n, j - self.n] += block
 
-    def _near(self, i: int) -> Any:
+    def _columns_in_band(self, i: int) -> Any:
         """Numbers within the band beside i < n."""
         return np.arange(max(0, i - self.b), min(self.n, i + self.b + 1))
 
@@ -66,17 +66,17 @@ class Bordered:
             self.rows[to] += factor * self.rows[i - self.n]
             self.corner[to] += factor * self.corner[i - self.n]
             return
-        j = self._near(i)
+        j = self._columns_in_band(i)
         self.rows[to, j] += factor * self.ab[2 * self.b + i - j, j]
         self.corner[to] += factor * self.columns[i]
 
     def add_column(self, to: int, j: int, factor: complex) -> None:
         """Add column j < n to the border column `to`."""
-        to, i = to - self.n, self._near(j)
+        to, i = to - self.n, self._columns_in_band(j)
         self.columns[i, to] += factor * self.ab[2 * self.b + i - j, j]
         self.corner[:, to] += factor * self.rows[:, j]
 
-    def slave(self, j: int, factor: float) -> None:
+    def tie_to_previous(self, j: int, factor: float) -> None:
         """Let unknown j < n follow j - 1: add its row and its column to those before, times the factor."""
         i = np.arange(max(0, j - self.b), min(self.n, j + self.b))
         self.ab[2 * self.b + j - 1 - i, i] += factor * self.ab[2 * self.b + j - i, i]
@@ -84,7 +84,7 @@ class Bordered:
         self.ab[2 * self.b + i - j + 1, j - 1] += factor * self.ab[2 * self.b + i - j, j]
         self.rows[:, j - 1] += factor * self.rows[:, j]
 
-    def fix(self, at: NDArray[np.intp]) -> None:
+    def fix_unknowns(self, at: NDArray[np.intp]) -> None:
         """Make rows and columns `at` zero but for ones on the diagonal: these unknowns drop out."""
         inner, border = at[at < self.n], at[at >= self.n] - self.n
         j = inner[:, None] + np.arange(-self.b, self.b + 1)
@@ -113,4 +113,4 @@ class Bordered:
         return solve
 
 
-Matrix = Full | Bordered
+Matrix = Dense | Bordered

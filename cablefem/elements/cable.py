@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from cablefem import newmark
 from cablefem.elements import observing
 from cablefem.elements.kernels import collocation
-from cablefem.elements.kernels.balance import Cable, Contact, Instant, Mesh, Rates, assemble, assemble_inertia
+from cablefem.elements.kernels.balance import Cable, Contact, Instant, InternalDamping, Mesh, assemble, assemble_inertia
 from cablefem.elements.kernels.banded import Tangent, factorise, solve
 from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY
 from cablefem.elements.kernels.newton import NO_TANGENT, Steps, solve_steps
-from cablefem.elements.observing import Along
+from cablefem.elements.observing import StationFields
 from cablefem.elements.reference import Points
 from cablefem.newmark import Array, Newton, Solve, State, StepResult, System, Tableau
 from cablefem.response import Observation, States
@@ -41,7 +41,8 @@ def _times_linear(polynomials: Array, line: Array) -> Array:
 
 
 class CableElements(System):
-    """A cable with its moving mass; a subclass sets the attributes, `start`, `_places`, `_contact_at` and `_at_mass`.
+    """A cable with its moving mass; a subclass sets the attributes, `start`, `_inputs`,
+    `_contact_at` and `_motion_at_mass`.
 
     model : "full" for (u, v), or one field normal to the chord: "string", "sagged", "stretching".
     load : "mass", or "force" for its weight.
@@ -57,8 +58,8 @@ class CableElements(System):
     _at_force: Points  # of `_mesh`
     _knots: Array  # 0 at the mass or the end of a fixed mesh
     _shapes: Array  # `reference.shape_polynomials`
-    _moments: Array  # `reference.moments` of each side of the mass
-    _at: tuple[float, int] | None
+    _moments: Array  # `reference.shape_moments` of each side of the mass
+    _assembled_at: tuple[float, int] | None
     node: int  # scalar unknown at the mass
 
     def __init__(self, groups: Groups, model: str, load: str, law: str) -> None:
@@ -114,12 +115,12 @@ class CableElements(System):
         """Residual (n_dof,), and a solver of c0 dr/dq + c1 dr/dv + c2 dr/da, banded with a border."""
         r = np.empty(self.n_dof)
         x = np.array([q, v, a])
-        tangent = self._single
+        tangent = self._tangent
         if isinstance(c0, complex):  # a sum of real ones
             tangent = self._zero_tangent(complex)
             for factor, unit in zip((c0, c1, c2), UNITS, strict=True):
                 self._assemble(t, phase, x, r, unit)
-                for to, of in zip(tangent, self._single, strict=True):
+                for to, of in zip(tangent, self._tangent, strict=True):
                     if to is not None:
                         to += factor * of
         else:
@@ -128,40 +129,42 @@ class CableElements(System):
         return r, partial(solve, *tangent)
 
     def solve_step(self, t: float, phase: int, start: Array, end: Array, rule: Array, newton: Newton) -> StepResult:
-        ends, results, _ = self._steps(np.array([t]), phase, start, rule[None], newton)
+        ends, results, _ = self._newmark_steps(np.array([t]), phase, start, rule[None], newton)
         end[:] = ends[0]
         return next(self._step_results(results))
 
     def collocate(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
         if not self.many_steps:
-            steps = steps.first(1)
-        return self._step_results(self._collocated(phase, steps, rule, newton))
+            steps = steps.first_steps(1)
+        return self._step_results(self._collocation_results(phase, steps, rule, newton))
 
-    def _steps(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[Array, Array, int]:
+    def _newmark_steps(
+        self, t: Array, phase: int, start: Array, rules: Array, newton: Newton
+    ) -> tuple[Array, Array, int]:
         """Ends (m, 3, n_dof) and `results` (m, 6) of `kernels.newton.Steps`, and how many are good."""
-        ride, places = self._moved(t, phase, start)
+        ride, places = self._car_and_inputs(t, phase, start)
         ends = np.empty((t.size, *start.shape))
         results = np.empty((t.size, 6))
         steps = Steps(places, self._contact_at(t.item(0), phase), start, rules, ends, results)
-        self._at = None
-        return ends, results, solve_steps(self._cable, ride, self._single, self._bands, steps, newton)
+        self._assembled_at = None
+        return ends, results, solve_steps(self._cable, ride, self._tangent, self._bands, steps, newton)
 
-    def _collocated(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Array:
+    def _collocation_results(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Array:
         """`results` of the steps taken."""
         t = rule.instants(steps.t)
         results = np.empty((len(steps.a), 6))
-        ride, places = self._moved(t, phase, steps.ends[0])
+        ride, places = self._car_and_inputs(t, phase, steps.ends[0])
         at_nodes = [self._contact_at(x, phase) for x in t[0].tolist()]
         contacts = tuple(at_nodes + at_nodes[-1:])[:3]  # as many for each rule: compiled once
         of = collocation.Steps(places, contacts, *steps, results)
-        self._at = None
+        self._assembled_at = None
         space = self._workspace(rule.c.size)
         taken = collocation.collocate(self._cable, ride, space, of, rule, newton)
         return results[: max(1, taken)]
 
-    def _moved(self, t: Array, phase: int, start: Array) -> tuple[Any, Array]:
-        """The car that rolls or None, and `kernels.newton.Steps.places`."""
-        return None, self._places(t, phase)
+    def _car_and_inputs(self, t: Array, phase: int, start: Array) -> tuple[Any, Array]:
+        """The car that rolls or None, and `kernels.newton.Steps.inputs`."""
+        return None, self._inputs(t, phase)
 
     def _step_results(self, results: Array) -> Iterator[StepResult]:
         for *result, min_tension, s in results.tolist():
@@ -169,24 +172,24 @@ class CableElements(System):
             yield StepResult(*result)
 
     def _assemble(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
-        """Set r at x, rows q, v, a, and unless the factors are 0 the tangent in `_single`."""
-        if self._at != (t, phase):
-            self._now = Instant(self._places(np.array([t]), phase)[0], self._bands, self._contact_at(t, phase))
+        """Set r at x, rows q, v, a, and unless the factors are 0 the tangent in `_tangent`."""
+        if self._assembled_at != (t, phase):
+            self._now = Instant(self._inputs(np.array([t]), phase)[0], self._bands, self._contact_at(t, phase))
             assemble_inertia(self._cable, self._now)
-            self._at = (t, phase)
-        self.min_tension = assemble(self._cable, self._now, x, r, self._single, factors)
+            self._assembled_at = (t, phase)
+        self.min_tension = assemble(self._cable, self._now, x, r, self._tangent, factors)
 
     def _make_workspaces(self) -> None:
         """Make the workspaces, which copies do not share."""
         points = np.empty((9, self._mesh.tab[..., 0].size))
         chord = None if self.fields == 2 else True
         c_d = self.groups.damping
-        self._cable = Cable(self._mesh, self._law, chord, self._operators, points, c_d, self._rates())
-        self._single, self._bands = self._zero_tangent(float), np.empty((3, *self._operators.shape[1:]))
-        self._at = None
+        self._cable = Cable(self._mesh, self._law, chord, self._operators, points, c_d, self._internal_damping())
+        self._tangent, self._bands = self._zero_tangent(float), np.empty((3, *self._operators.shape[1:]))
+        self._assembled_at = None
         self._space: collocation.Workspace | None = None
 
-    def _rates(self) -> Rates | None:
+    def _internal_damping(self) -> InternalDamping | None:
         return None
 
     def _zero_tangent(self, dtype: Any) -> Tangent:  # float or complex
@@ -200,14 +203,14 @@ class CableElements(System):
             n = self.n_dof
             q, v, a = (self._zero_tangent(float) for _ in range(3))
             self._space = collocation.Workspace(
-                real=self._zero_tangent(float), pair=self._zero_tangent(complex), parts=(q, v, a),
-                bands=np.empty((s, *self._bands.shape)), kept=np.full(1, math.nan), scales=np.ones((s, n)),
+                real=self._zero_tangent(float), complex_pair=self._zero_tangent(complex), parts=(q, v, a),
+                bands=np.empty((s, *self._bands.shape)), kept_step=np.full(1, math.nan), scales=np.ones((s, n)),
                 x=np.empty((s, 3, n)), r=np.empty((s, n)), da=np.empty((s, n)),
             )  # fmt: skip
         return self._space
 
-    def _places(self, t: Array, phase: int) -> Array:
-        """`Instant.place` at t (...), (..., 3 + fields)."""
+    def _inputs(self, t: Array, phase: int) -> Array:
+        """`Instant.inputs` at t (...), (..., 3 + fields)."""
         raise NotImplementedError
 
     def _contact_at(self, t: float, phase: int) -> Contact:
@@ -217,7 +220,7 @@ class CableElements(System):
         """s_o, ds_o, dds_o of a history (n, 3)."""
         return np.ascontiguousarray(self.motion.kinematics(states.t, states.phase).T)
 
-    def _nodal(self, x: Array, dofs: Any, row: Any = slice(None)) -> Array:
+    def _nodal_values(self, x: Array, dofs: Any, row: Any = slice(None)) -> Array:
         """Scalar unknowns `dofs` (...) of the cable from x (n, n_dof), (n, ..., fields); 0 at supports, -1.
 
         row : of each of `dofs`; default all.
@@ -225,21 +228,21 @@ class CableElements(System):
         cable = x[:, : self.fields * self.n_scalar].reshape(len(x), self.n_scalar, self.fields)
         return np.where(np.asarray(dofs)[..., None] >= 0, cable[row, dofs], 0.0)
 
-    def _mesh_at(self, kinematics: Array) -> Array:
+    def _mesh_kinematics(self, kinematics: Array) -> Array:
         """s_o, ds_o, dds_o of the mesh."""
         return kinematics
 
-    def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
+    def _motion_at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
         """w(s_o(t), t), dw/dt, d2w/dt2, and w' behind and ahead, (n, fields) each."""
         raise NotImplementedError
 
-    def _ends_with_mass(self, states: States, kinematics: Array, ends: Array, force: Array) -> Array:
+    def _end_momentum_with_mass(self, states: States, kinematics: Array, ends: Array, force: Array) -> Array:
         """`observing.CableState.ends` of a mesh without a node at the mass; force : see `_along`."""
         return ends
 
-    def _along(
+    def _fields_along(
         self, states: States, kinematics: Array, ends: Array, force: Array, s: Array, frames: NDArray[np.intp]
-    ) -> Along:
+    ) -> StationFields:
         """Fields at stations s, (m,) or (k, m), for the rows `frames` (k,).
 
         Each is a polynomial in every element, with coefficients (powers, elements, fields, k).
@@ -270,8 +273,8 @@ class CableElements(System):
         over_element = momentum.sum(axis=0)  # (elements, fields, k)
         for of_side in (slice(0, n_left), slice(n_left, None)):
             momentum[0, of_side] += np.cumsum(over_element[of_side], axis=0) - over_element[of_side]
-        at_node = 2.0 * ds * self._nodal(states.v[frames], self.node).T  # (fields, k)
-        at_node += dds * self._nodal(states.q[frames], self.node).T
+        at_node = 2.0 * ds * self._nodal_values(states.v[frames], self.node).T  # (fields, k)
+        at_node += dds * self._nodal_values(states.q[frames], self.node).T
         momentum[0] += np.where(is_behind, ends[0][:, frames], ends[2][:, frames] + at_node)
         carried = momentum - _times_linear(moving, chi)
 
@@ -294,7 +297,7 @@ class CableElements(System):
                 value += coefficients.take(at)
             return value
 
-        return Along(values(q), values(rate), values(w_x), values(carried), ds[:, None] * (1.0 - abs(x)))
+        return StationFields(values(q), values(rate), values(w_x), values(carried), ds[:, None] * (1.0 - abs(x)))
 
     def _element_polynomials(self, histories: Sequence[Array]) -> Array:
         """Coefficients of fields with unknowns (k, n_dof), (histories, powers, elements, fields, k)."""
@@ -319,18 +322,18 @@ class CableElements(System):
             curvature = 0.0 if self.model == "straight" else g.sigma * g.chord_cos / tau
             self._law = np.array([g.alpha, tau, curvature, *STRETCHING[self.model], flag])
 
-    def static(self, s_o: Any) -> tuple[Array, Array, Array]:
+    def static_shape(self, s_o: Any) -> tuple[Array, Array, Array]:
         """Position, slope and curvature (..., fields) of the static shape; the parabola for one field."""
         s_o = np.asarray(s_o)
         if self.fields == 2:
-            _, xp, yp, xpp, ypp = self.groups.static(s_o)
-            return np.stack(self.groups.shape(s_o), -1), np.stack([xp, yp], -1), np.stack([xpp, ypp], -1)
+            _, xp, yp, xpp, ypp = self.groups.tension_and_derivatives(s_o)
+            return np.stack(self.groups.coordinates(s_o), -1), np.stack([xp, yp], -1), np.stack([xpp, ypp], -1)
         bend = -self._law[2] * np.ones_like(s_o)
         depth = -0.5 * (bend * s_o * (1.0 - s_o))
         slope = bend * (s_o - 0.5)
         return depth[..., None], slope[..., None], bend[..., None]
 
-    def _load(self, s_o: Any, ds: Any, dds: Any) -> tuple[Any, ...]:
+    def _load_at_mass(self, s_o: Any, ds: Any, dds: Any) -> tuple[Any, ...]:
         """mu d2X/dt2 less the weight of each field."""
         mu = self.inertia
         weight = self.weight
@@ -344,7 +347,7 @@ class CableElements(System):
 
     def path(self, states: States) -> tuple[Array, Array]:
         kinematics = self._kinematics(states)
-        return kinematics[:, 0], self._at_mass(states, kinematics)[0] @ self.direction
+        return kinematics[:, 0], self._motion_at_mass(states, kinematics)[0] @ self.direction
 
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
         return observing.observe(self, states, s, frames)

@@ -12,18 +12,18 @@ from cablefem.newmark import Array, State, consistent_acceleration
 from cablefem.shoes import Passage, line_after_passage, line_snapshot
 
 
-def after(system: LineElements, passage: Passage, x: State) -> tuple[LineElements, State]:
+def system_after_passage(system: LineElements, passage: Passage, x: State) -> tuple[LineElements, State]:
     """The line after a passage, and its state: r interpolated, velocities by least squares."""
-    old = system.slots(*x)
+    old = system.all_slots(*x)
     jets = np.array(old)[:, 2 * system.node[:, None] + np.arange(2)]
-    over = {car.name: system.jet(car.name, x) for car in system.line.over}
+    over = {car.name: system.car_point_and_rates(car.name, x) for car in system.line.over}
     now = line_snapshot(
         system.line, jets, np.array(old)[:, system.s], over, lambda s: rope_at(system, old, np.array([s]))[:, 0]
     )
     line = line_after_passage(system.line, passage, x.t, x.phase, now)
     new = LineElements(line, elements=system.segments.elements, degree=system.segments.degree, compiled=system.compiled)
-    z = new.known(x.t, x.phase)
-    own, before = _own_slots(new), _own_slots(system)
+    z = new.prescribed_slots(x.t, x.phase)
+    own, before = _slots_by_car(new), _slots_by_car(system)
     for name, slots in own.items():
         if name in before:
             for i in (0, 1):
@@ -36,21 +36,22 @@ def after(system: LineElements, passage: Passage, x: State) -> tuple[LineElement
     z = new.fill_dependent_slots(np.array(z))
     for k in range(len(names) - 1):
         _carry_segment(system, old, new, z, k)
-    new.hold, new.signs, new.brakes, new.rear_brakes = (
-        _of_cars(system, new, values) for values in (system.hold, system.signs, system.brakes, system.rear_brakes)
-    )
-    new.direct(x.phase)
+    new.hold = _values_of_cars(system, new, system.hold)
+    new.signs = _values_of_cars(system, new, system.signs)
+    new.brakes = _values_of_cars(system, new, system.brakes)
+    new.rear_brakes = _values_of_cars(system, new, system.rear_brakes)
+    new.set_directions(x.phase)
     return new, consistent_acceleration(new, x.t, z.q[new.free], z.v[new.free], x.phase)
 
 
-def _own_slots(system: LineElements) -> dict[str, Array]:
+def _slots_by_car(system: LineElements) -> dict[str, Array]:
     """Slots of swing and of X and th, by car."""
     cars = system.line.cars
     swings = {cars[i].name: np.array([slot]) for i, slot in zip(system.of_swing, system.swing, strict=True)}
     return swings | {trolley.car.name: trolley.body for trolley in system.trolleys}
 
 
-def _of_cars(old: LineElements, new: LineElements, values: Array) -> Array:
+def _values_of_cars(old: LineElements, new: LineElements, values: Array) -> Array:
     known = {car.name: value for car, value in zip(old.line.cars, values.tolist(), strict=True)}
     return np.array([known.get(car.name, 0.0) for car in new.line.cars])
 
@@ -62,13 +63,13 @@ def _carry_segment(old: LineElements, before: Slots, new: LineElements, z: Slots
     h = s[1] - s[0]
     r, v = (values[: 2 * new.n].reshape(-1, 2)[new.nodes[k]] for values in (z.q, z.v))
     _, slope, w = rope_at(old, before, segments.psi @ s)
-    _fit(segments, segments.slopes, r, slope * h)
-    _fit(segments, segments.values, v, w + (segments.psi @ ds)[:, None] * (segments.slopes @ r) / h)
+    _set_nearest(segments, segments.slopes, r, slope * h)
+    _set_nearest(segments, segments.values, v, w + (segments.psi @ ds)[:, None] * (segments.slopes @ r) / h)
     for values, fitted in ((z.q, r), (z.v, v)):
         values[: 2 * new.n].reshape(-1, 2)[new.nodes[k]] = fitted
 
 
-def _fit(segments: Segments, table: Array, x: Array, to: Array) -> None:
+def _set_nearest(segments: Segments, table: Array, x: Array, to: Array) -> None:
     """Set the inner unknowns of x (nn, 2), so that table (G, nn) times x is nearest to (G, 2)."""
     rest = to - table[:, [0, -1]] @ x[[0, -1]]
     root = np.sqrt(segments.weights)[:, None]

@@ -18,8 +18,15 @@ from skfem.models.poisson import mass
 
 from cablefem.elements.cable import CableElements
 from cablefem.elements.kernels.balance import Contact, Mesh
-from cablefem.elements.reference import Points, bands, force_order, moments, shape_polynomials, tabulated
-from cablefem.newmark import Array, Solve, State, StepResult, collocate, consistent_acceleration, iterate
+from cablefem.elements.reference import (
+    Points,
+    assemble_bands,
+    force_order,
+    shape_moments,
+    shape_polynomials,
+    shape_table,
+)
+from cablefem.newmark import Array, Solve, State, StepResult, collocate, consistent_acceleration, newmark_step
 from cablefem.response import States
 from cablefem.scene import Groups
 
@@ -54,10 +61,10 @@ class FixedElements(CableElements):
             return consistent_acceleration(self, t, state.q, state.v, phase)
         s_o, _, dds = self.motion.at(t, phase)
         jump = dds - self.motion.at(t, phase - 1)[2]
-        dofs, N, N_s, _ = self._shape(s_o)
+        dofs, N, N_s, _ = self._shape_at(s_o)
         slope_jump = jump * N_s @ state.q[dofs]
         load = np.zeros(self.fields * self.n_scalar)
-        load[dofs] = -self.inertia * np.outer(N, jump * self.static(s_o)[1] + slope_jump)
+        load[dofs] = -self.inertia * np.outer(N, jump * self.static_shape(s_o)[1] + slope_jump)
         _, solve = super().linearise(t, state.q, state.v, state.a, phase, 0.0, 0.0, 1.0)
         solve(load)
         return State(t, state.q, state.v, state.a + np.append(load, N @ load[dofs] + slope_jump), phase)
@@ -85,7 +92,7 @@ class FixedElements(CableElements):
         return r, solve_with_particle
 
     def solve_step(self, *step) -> StepResult:
-        return iterate(self, *step) if self.particle else super().solve_step(*step)  # particles are not compiled
+        return newmark_step(self, *step) if self.particle else super().solve_step(*step)  # particles are not compiled
 
     def collocate(self, *step) -> Iterator[StepResult]:
         return collocate(self, *step) if self.particle else super().collocate(*step)
@@ -107,39 +114,39 @@ class FixedElements(CableElements):
         number = np.where(supports, -1, np.cumsum(~supports) - 1)
         dofs = number[all_dofs]
         self.n_scalar = int(number.max()) + 1
-        tab, fine = (np.tile(tabulated(x), (n, 1, 1)) for x in (of_forces, basis))
+        tab, fine = (np.tile(shape_table(x), (n, 1, 1)) for x in (of_forces, basis))
         for x in (tab, fine):
             x[:, :, 0] += first
             x[:, :, :2] /= n
             x[:, :, 2 + n_loc :] *= n
         self._mesh = Mesh(dofs, tab, n, (), ())
-        self._at_inertia, self._at_force = (Points.of(dofs, x, n, self.n_scalar) for x in (fine, tab))
+        self._at_inertia, self._at_force = (Points.from_table(dofs, x, n, self.n_scalar) for x in (fine, tab))
         b = int(offsets.max())
         self._band = self.fields * b + self.fields - 1
-        M = bands(np.repeat(mass.coo_data(basis).tolocal() / n, n, axis=0), dofs, self.n_scalar, b)
+        M = assemble_bands(np.repeat(mass.coo_data(basis).tolocal() / n, n, axis=0), dofs, self.n_scalar, b)
         self._operators = np.repeat(M[None], self.fields, axis=2)
-        self._moments = moments(dofs, fine, fine[..., 0], self.n_scalar)[None]
+        self._moments = shape_moments(dofs, fine, fine[..., 0], self.n_scalar)[None]
         self._knots = np.linspace(-1.0, 0.0, n + 1)
         self._shapes = shape_polynomials(element())
         derivatives = [float(n) ** d * polyder(self._shapes, d, axis=1) for d in range(3)]
         # (3, n_loc, n_loc): N, N', N''
         self._powers = np.stack([np.pad(x, ((0, 0), (0, n_loc - x.shape[1]))) for x in derivatives])
 
-    def _shape(self, s_o: float) -> tuple[NDArray[np.int64], Array, Array, Array]:
+    def _shape_at(self, s_o: float) -> tuple[NDArray[np.int64], Array, Array, Array]:
         """Unknowns (n_loc, fields) and N, N', N'' at s_o; at a node of the element ahead."""
-        (dofs,), shapes = self._evaluate(np.array([s_o]), "ahead")
+        (dofs,), shapes = self._shapes_on_side(np.array([s_o]), "ahead")
         keep = dofs >= 0
         N, N_s, N_ss = np.ascontiguousarray(shapes[:, keep, 0])  # one layout, compiled once
         return self.fields * dofs[keep][:, None] + np.arange(self.fields), N, N_s, N_ss
 
-    def _places(self, t: Array, phase: int) -> Array:
-        load = self._load(*self.motion.kinematics(t.ravel(), phase))
+    def _inputs(self, t: Array, phase: int) -> Array:
+        load = self._load_at_mass(*self.motion.kinematics(t.ravel(), phase))
         zero = np.zeros(t.size)
         return np.stack([zero + 1.0, zero, zero, *load], axis=1).reshape(*t.shape, -1)
 
     def _contact_at(self, t: float, phase: int) -> Contact:
         s_o, ds, dds = self.motion.at(t, phase)
-        dofs, N, N_s, N_ss = self._shape(s_o)
+        dofs, N, N_s, N_ss = self._shape_at(s_o)
         mu = self.inertia
         carried = 0.0 if self.particle else mu  # a particle's path has them already
         return Contact(dofs, N, mu * N, 2.0 * carried * ds * N_s, carried * (ds * ds * N_ss + dds * N_s))
@@ -153,28 +160,28 @@ class FixedElements(CableElements):
             r[p] = q[p] - N @ q[dofs]
             r[dofs] += np.outer(N, self.inertia * a[p] - m_row @ a[dofs])
 
-    def _evaluate(self, s: Array, side: str) -> tuple[NDArray[np.int64], Array]:
+    def _shapes_on_side(self, s: Array, side: str) -> tuple[NDArray[np.int64], Array]:
         """Unknowns (m, n_loc), -1 for supports, and N, N', N'' (3, n_loc, m)."""
         x = s * self.elements
         e = np.clip(np.ceil(x) - 1 if side == "behind" else np.floor(x), 0, self.elements - 1).astype(int)
         return self._mesh.dofs[e], self._powers @ (x - e) ** np.arange(self._powers.shape[2])[:, None]
 
-    def _mesh_at(self, kinematics: Array) -> Array:
+    def _mesh_kinematics(self, kinematics: Array) -> Array:
         return np.tile([1.0, 0.0, 0.0], (len(kinematics), 1))  # one side, which rests
 
-    def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
+    def _motion_at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
         s_o, ds, dds = kinematics.T
         row = np.arange(s_o.size)[:, None]
-        dofs, shapes = self._evaluate(s_o, "ahead")
-        q, v, a = (self._nodal(x, dofs, row) for x in (states.q, states.v, states.a))  # (n, n_loc, fields)
+        dofs, shapes = self._shapes_on_side(s_o, "ahead")
+        q, v, a = (self._nodal_values(x, dofs, row) for x in (states.q, states.v, states.a))  # (n, n_loc, fields)
 
         def at(shape: Array, x: Array) -> Array:
             return np.einsum("ln,nlf->nf", shape, x)
 
         N, N_s, N_ss = shapes
         ahead = at(N_s, q)
-        dofs, shapes = self._evaluate(s_o, "behind")
-        behind = at(shapes[1], self._nodal(states.q, dofs, row))
+        dofs, shapes = self._shapes_on_side(s_o, "behind")
+        behind = at(shapes[1], self._nodal_values(states.q, dofs, row))
         if self.particle:
             f = self.fields
             return states.q[:, -f:], states.v[:, -f:], states.a[:, -f:], behind, ahead
@@ -182,16 +189,16 @@ class FixedElements(CableElements):
         w_tt = at(N, a) + at(2.0 * ds * N_s, v) + at(ds**2 * N_ss + dds * N_s, q)
         return at(N, q), w_t, w_tt, behind, ahead
 
-    def _ends_with_mass(self, states, kinematics, ends, force):
+    def _end_momentum_with_mass(self, states, kinematics, ends, force):
         """Adds the mass; half of ds_o^2 [r'] is missing in the element under it."""
         s_o = kinematics[:, 0]
         left = ends[0] - (1.0 - s_o) * force
         right = ends[1] + s_o * force
         at_mass = np.stack([left, ends[1], ends[2], right]), force, s_o[:, None], np.arange(s_o.size)
-        behind = super()._along(states, self._mesh_at(kinematics), *at_mass).carried[..., 0]
+        behind = super()._fields_along(states, self._mesh_kinematics(kinematics), *at_mass).carried[..., 0]
         return np.stack([left, behind, behind + force, right])
 
-    def _along(self, states, kinematics, ends, force, s, frames):
-        along = super()._along(states, self._mesh_at(kinematics), ends, force, s, frames)
+    def _fields_along(self, states, kinematics, ends, force, s, frames):
+        along = super()._fields_along(states, self._mesh_kinematics(kinematics), ends, force, s, frames)
         is_ahead = s > kinematics[frames, :1]  # (k, m)
         return along._replace(carried=along.carried + is_ahead * force[:, frames, None])

@@ -7,9 +7,9 @@ from numpy.polynomial.polynomial import polyder, polyval
 from scipy.linalg import solveh_banded
 
 from cablefem.elements.cable import CableElements
-from cablefem.elements.forms import section, stiffness
-from cablefem.elements.kernels.balance import Contact, Mesh, Rates
-from cablefem.elements.reference import reference
+from cablefem.elements.forms import section_forces, stiffness
+from cablefem.elements.kernels.balance import Contact, InternalDamping, Mesh
+from cablefem.elements.reference import reference_mesh
 from cablefem.newmark import Array, State, StepFailure, consistent_acceleration, quasi_static_start
 from cablefem.newmark.equilibrium import equilibrium
 from cablefem.newmark.newton import solve_dense
@@ -35,7 +35,7 @@ class FollowingElements(CableElements):
         load: str = "mass", law: str = "elastic",
     ) -> None:  # fmt: skip
         super().__init__(groups, model, load, law)
-        self.reference = of = reference(elements, degree, grading, groups.internal_damping > 0.0)
+        self.reference = of = reference_mesh(elements, degree, grading, groups.internal_damping > 0.0)
         unrolled = ((0,) * (degree + 1), (0,) * of.forces.shape[1]) if degree == 2 and self.fields == 2 else ((), ())
         self._mesh = Mesh(of.dofs, of.forces, elements, *unrolled)
         self._at_inertia = of.at_inertia
@@ -67,18 +67,18 @@ class FollowingElements(CableElements):
         s_o, ds, dds = self.motion.at(t, phase)
         if s_o > 0.0:
             return quasi_static_start(self, lambda at: equilibrium(self.with_clamped_car(at)), s_o, ds)
-        shape, entrained = self._entrained()
+        shape, entrained = self._entrained_motion()
         inertia = self.inertia + entrained
         zero = np.zeros(self.n_dof)
         if ds > 0.0:
             g = self.groups
-            node_a = -np.array(self._load(0.0, ds, dds)) / inertia
+            node_a = -np.array(self._load_at_mass(0.0, ds, dds)) / inertia
             if g.internal_damping:  # the slope behind grows like w.. t/(2 ds_o)
                 damping = g.alpha * g.internal_damping / (2.0 * ds)
-                tangent = np.array(g.static(0.0)[1:3])
+                tangent = np.array(g.tension_and_derivatives(0.0)[1:3])
                 node_a -= damping / (inertia + damping) * (tangent @ node_a) * tangent
         elif dds > 0.0:
-            node_a = dds * self._slope_behind(inertia * dds, np.array(self._load(0.0, 0.0, dds)))
+            node_a = dds * self._slope_behind(inertia * dds, np.array(self._load_at_mass(0.0, 0.0, dds)))
         else:
             raise ValueError("the travel starts with neither speed nor acceleration")
         return State(t, zero, zero.copy(), (shape[:, None] * node_a).ravel(), phase)
@@ -90,7 +90,7 @@ class FollowingElements(CableElements):
         return other
 
     # --- assembly --------------------------------------------------------------------------------------
-    def _entrained(self) -> tuple[Array, float]:
+    def _entrained_motion(self) -> tuple[Array, float]:
         """Accelerations of all nodes at entry over that of the mass, and the inertia of the cable that moves.
 
         Behind the mass they are linear.  Ahead M x = e at the mass: its node moves with x/x_mass and weighs 1/x_mass.
@@ -107,7 +107,7 @@ class FollowingElements(CableElements):
         ahead = solveh_banded(M[: M.shape[1]], at_mass, lower=True)
         return np.concatenate([linear[1:], ahead[1:] / ahead[0]]), float(1.0 / ahead[0])
 
-    def _rates(self) -> Rates | None:
+    def _internal_damping(self) -> InternalDamping | None:
         """dphi'/dt at fixed s is -(+-phi,xi + chi phi,xixi) ds_o/h^2, + behind the mass."""
         if not self.groups.internal_damping:
             return None
@@ -121,18 +121,18 @@ class FollowingElements(CableElements):
         bends = polyval((x - of.knots[:-1, None]) / length, polyder(of.shapes.T, 2)) / length**2
         slopes = of.forces[..., 2 + len(of.shapes) :]
         moved = np.where(behind[..., None], -slopes, slopes) - np.moveaxis(chi * bends, 0, -1)
-        return Rates(self.groups.internal_damping, moved, np.empty((5, xi.size)))
+        return InternalDamping(self.groups.internal_damping, moved, np.empty((5, xi.size)))
 
     def _slope_behind(self, m: float, load: Array) -> Array:
         """d of `start`: m d + [N t - T t_static](X' + d) + load = 0."""
         if self.fields == 1:
             return -load / (m + self._law[1])
-        T, *slope = self.groups.static(0.0)[:3]
+        T, *slope = self.groups.tension_and_derivatives(0.0)[:3]
         X_s = np.array(slope)
 
         def linearise(d: Array) -> tuple[Array, Array]:
             at = X_s, T, d, self.groups.alpha, self._law[3]
-            return m * d + section(*at).force + load, m * np.eye(2) + stiffness(*at)
+            return m * d + section_forces(*at).force + load, m * np.eye(2) + stiffness(*at)
 
         d = solve_dense(linearise, np.zeros(2))
         if d is None:
@@ -141,28 +141,30 @@ class FollowingElements(CableElements):
 
     def solve_steps(self, *steps) -> tuple[Array, Array]:
         """Steps end where the cable falls slack."""
-        ends, results, taken = self._steps(*steps)
+        ends, results, taken = self._newmark_steps(*steps)
         if taken:
             self.min_tension = results.item(taken - 1, 4), results.item(taken - 1, 5)
         return ends[:taken], results[: taken + 1]
 
-    def _places(self, t: Array, phase: int) -> Array:
+    def _inputs(self, t: Array, phase: int) -> Array:
         kinematics = self.motion.kinematics(t.ravel(), phase)
         if not (kinematics[0].min() > 0.0 and kinematics[0].max() < 1.0):
             raise ValueError("a side of the following mesh has no length at an end of the travel")
-        return np.stack([*kinematics, *self._load(*kinematics)], axis=1).reshape(*t.shape, -1)
+        return np.stack([*kinematics, *self._load_at_mass(*kinematics)], axis=1).reshape(*t.shape, -1)
 
     def _contact_at(self, t: float, phase: int) -> Contact:
         return self._contact
 
     # --- observation -----------------------------------------------------------------------------------
-    def _at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
+    def _motion_at_mass(self, states: States, kinematics: Array) -> tuple[Array, Array, Array, Array, Array]:
         s_o, ds, dds = kinematics.T
         node = self.node
         first_ahead = self._mesh.n_left
-        around = self._nodal(states.q, self._mesh.dofs[first_ahead - 1 : first_ahead + 1])  # (n, 2, n_loc, fields)
+        around = self._nodal_values(
+            states.q, self._mesh.dofs[first_ahead - 1 : first_ahead + 1]
+        )  # (n, 2, n_loc, fields)
         behind, ahead = (np.tensordot(around[:, side], self._at_car[side], axes=(1, 0)) for side in (0, 1))
-        q, v, a = (self._nodal(x, node) for x in (states.q, states.v, states.a))
+        q, v, a = (self._nodal_values(x, node) for x in (states.q, states.v, states.a))
         behind /= np.where(s_o > 0.0, s_o, 1.0)[:, None]
         ahead /= (1.0 - s_o)[:, None]
         if s_o.size and s_o[0] == 0.0:  # limit of w(s_o)/s_o

@@ -17,7 +17,7 @@ import numpy as np
 import skfem
 
 from cablefem.elements.kernels.law import TENSION_ONLY
-from cablefem.elements.reference import force_order, lagrange_element, numbered
+from cablefem.elements.reference import force_order, lagrange_element, number_unknowns
 from cablefem.newmark import Array
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class Section(NamedTuple):
     stretch: Any  # |r'|
 
 
-def section(X_s, T, w_s, alpha, law) -> Section:
+def section_forces(X_s, T, w_s, alpha, law) -> Section:
     """The section with slopes w' (2, ...) from X'; differences of nearly equal numbers are avoided."""
     stretch = length_of(X_s + w_s)
     eps = strain(X_s, w_s, stretch)
@@ -67,7 +67,7 @@ def section(X_s, T, w_s, alpha, law) -> Section:
 
 def stiffness(X_s, T, w_s, alpha, law):
     """df/dw' (2, 2, ...)."""
-    x = section(X_s, T, w_s, alpha, law)
+    x = section_forces(X_s, T, w_s, alpha, law)
     t = (X_s + w_s) / x.stretch
     unit = np.eye(2).reshape(2, 2, *[1] * np.ndim(x.stretch))
     across = x.N / x.stretch
@@ -76,7 +76,7 @@ def stiffness(X_s, T, w_s, alpha, law):
 
 @skfem.LinearForm
 def internal_force(eta, w):
-    f = section(w["X_s"], w["T"], w["w_s"], w["alpha"], w["law"]).force
+    f = section_forces(w["X_s"], w["T"], w["w_s"], w["alpha"], w["law"]).force
     return np.sum(f * eta.grad[:, 0], axis=0)
 
 
@@ -89,7 +89,7 @@ def inertia(eta, w):
     return np.sum(by_value * eta + (c * w["v"] - c**2 * q_s) * eta.grad[:, 0], axis=0)
 
 
-def assembled(system: FollowingElements, x: Array, t: float, phase: int) -> Array:
+def assemble_residual(system: FollowingElements, x: Array, t: float, phase: int) -> Array:
     """The residual (n_dof,) at x, rows q, v, a, assembled by scikit-fem on the mesh of time t."""
     s_o, ds, dds = system.motion.at(t, phase)
     g = system.groups
@@ -103,7 +103,7 @@ def assembled(system: FollowingElements, x: Array, t: float, phase: int) -> Arra
     # scikit-fem's unknowns in ours, which leave out the supports
     number = np.empty(basis.N, dtype=int)
     for field in range(2):
-        number[basis.element_dofs[field::2]] = 2 * (numbered(degree, mesh.nelements).T - 1) + field
+        number[basis.element_dofs[field::2]] = 2 * (number_unknowns(degree, mesh.nelements).T - 1) + field
     inner = (number >= 0) & (number < system.n_dof)
     unknowns = np.zeros((3, number.size))
     unknowns[:, inner] = x[:, number[inner]]
@@ -115,12 +115,12 @@ def assembled(system: FollowingElements, x: Array, t: float, phase: int) -> Arra
     q, v, a = (basis.interpolate(y) for y in unknowns)
     r = inertia.assemble(basis, q=q, v=v, a=a, c=ds * chi, c_s=ds * chi_s, c_t=dds * chi, c_d=g.damping)
 
-    T, *slope = g.static(np.asarray(basis_of_forces.global_coordinates())[0])[:3]
+    T, *slope = g.tension_and_derivatives(np.asarray(basis_of_forces.global_coordinates())[0])[:3]
     w_s = basis_of_forces.interpolate(unknowns[0]).grad[:, 0]
     law = float(system.law == "tension-only")
     r += internal_force.assemble(basis_of_forces, T=T, X_s=np.stack(slope), w_s=w_s, alpha=g.alpha, law=law)
 
     r = r[np.argsort(number)[2:-2]]  # without the supports
     at_mass = [2 * system.node, 2 * system.node + 1]
-    r[at_mass] += system.inertia * x[2, at_mass] + system._load(s_o, ds, dds)
+    r[at_mass] += system.inertia * x[2, at_mass] + system._load_at_mass(s_o, ds, dds)
     return r

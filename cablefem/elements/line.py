@@ -72,7 +72,7 @@ def energy_by_h_twice(w):
     return w.a * w.EA * w.lam**2 / w.h
 
 
-def _size(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _vector_length(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Length of vectors, also complex ones."""
     return np.sqrt(x * x + y * y)
 
@@ -101,14 +101,14 @@ class _Batch:
         self.dofs = self.basis.nodal_dofs[:, ids]  # (2, pieces, elements + 1)
         data = np.array([(case.weight, case.EA, case.heat) for case in cases])[self.owner[self.left]]
         self.q, self.EA, self.a = np.repeat(data, elements, axis=0).T[:, :, None]
-        self._connect()
-        self._begin([start for _, start in starts])
+        self._number_unknowns()
+        self._set_start([start for _, start in starts])
 
-    def _connect(self) -> None:
+    def _number_unknowns(self) -> None:
         N = self.basis.N
         h = self.basis.N + np.arange(self.pieces)
-        self.known = np.concatenate([np.column_stack([case.fixed_places, case.fixed_s]) for case in self.cases])
-        free = np.isnan(self.known)
+        self.prescribed = np.concatenate([np.column_stack([case.fixed_points, case.fixed_s]) for case in self.cases])
+        free = np.isnan(self.prescribed)
         count = int(free.sum())
         self.number = np.full(free.shape, -1)
         self.number[free] = np.arange(count)
@@ -121,7 +121,7 @@ class _Batch:
         self.size = count + inner.size
         sides = np.stack([self.behind, self.ahead])
         signs = np.where(np.arange(3) == 2, np.array([1.0, -1.0])[:, None], 1.0)[:, None] * (sides >= 0)
-        self.w0 = np.bincount(sides[sides >= 0], (signs * np.where(free, 0.0, self.known))[sides >= 0], N + h.size)
+        self.w0 = np.bincount(sides[sides >= 0], (signs * np.where(free, 0.0, self.prescribed))[sides >= 0], N + h.size)
         both = (sides >= 0) & free
         row = sides[both]
         column = np.broadcast_to(self.number, sides.shape)[both]
@@ -132,12 +132,12 @@ class _Batch:
         case_of = np.empty(N, int)
         case_of[self.basis.element_dofs] = np.repeat(self.owner[self.left], self.elements)
         self.case_of = np.concatenate([np.repeat(self.owner, 3)[free.ravel()], case_of[inner]])
-        self._outside()
+        self._collect_outside_forces()
         plain = np.ones(self.size)
         plain[self.rows] = 0.0
         self.B = diags(plain) @ self.T.T
 
-    def _outside(self) -> None:
+    def _collect_outside_forces(self) -> None:
         """Collect constant pulls, springs and special rows."""
         self.pull, self.spring = np.zeros(self.size), np.zeros(self.size)
         special = []
@@ -165,7 +165,7 @@ class _Batch:
         self.given = np.array([x[3] for x in special])
         self.ends = np.concatenate([self.behind[at, :2], self.ahead[at, :2]], axis=1)
 
-    def _special(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _special_rows(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The special rows (m,), and d/df (m, 4)."""
         # complex-step differentiation
         f = np.where(self.ends >= 0, z[self.ends], 0.0).T
@@ -179,12 +179,12 @@ class _Batch:
         W = self.given
         last = self.ends[:, 2] < 0
         # across tau: (f_behind + f_ahead - W j) x (f_behind - f_ahead) = 0, over 2 |f|
-        turn = (2.0 * (ax * by - ay * bx) + W * (bx - ax)) / _size(bx - ax, by - ay)
+        turn = (2.0 * (ax * by - ay * bx) + W * (bx - ax)) / _vector_length(bx - ax, by - ay)
         # |f| = T, of the rope ahead or at the right end behind
-        tension = _size(np.where(last, bx, ax), np.where(last, by, ay))
+        tension = _vector_length(np.where(last, bx, ax), np.where(last, by, ay))
         return np.select([self.kinds == "hauled", self.kinds == "tied"], [turn, tension - W], bx + ax)
 
-    def _begin(self, starts: Sequence[Start]) -> None:
+    def _set_start(self, starts: Sequence[Start]) -> None:
         start = np.concatenate([np.column_stack([x.points, x.s]) for x in starts])
         self.reach = np.array([np.ptp(x.points[:, 0]) for x in starts])
         self.H = np.array([x.H.mean() for x in starts])
@@ -202,7 +202,7 @@ class _Batch:
         free = self.number >= 0
         self.X[self.number[free]] = start[free]
 
-    def fields(self, X: np.ndarray, softness: float) -> dict[str, np.ndarray]:
+    def form_data(self, X: np.ndarray, softness: float) -> dict[str, np.ndarray]:
         """Data of the forms; softness 0 is EA, 1 is SOFTEST times the tension.
 
         The soft law N = N_ref + EA_soft (lam - lam_ref) keeps the length of the rope.
@@ -228,9 +228,9 @@ class _Batch:
         return np.concatenate([weak_force.assemble(self.basis, **fields), g])
 
     def residual(self, X: np.ndarray, fields: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """The residual (size,), and the derivatives of `_special`."""
+        """The residual (size,), and the derivatives of `_special_rows`."""
         z = self.derivatives(fields)
-        value, slope = self._special(z)
+        value, slope = self._special_rows(z)
         R = self.B @ z + self.spring * X + self.pull
         R[self.rows] = value
         return R, slope
@@ -247,7 +247,7 @@ class _Batch:
         B = self.B + coo_matrix((slope[real], (rows, self.ends[real])), self.B.shape).tocsr()
         return B @ K @ self.T + diags(self.spring)
 
-    def norm(self, R: np.ndarray) -> np.ndarray:
+    def residual_norms(self, R: np.ndarray) -> np.ndarray:
         return np.sqrt(np.bincount(self.case_of, R**2, len(self.cases)))
 
     def solve(self) -> list[LineState | NoLine]:
@@ -263,19 +263,19 @@ class _Batch:
 
     def _newton(self, softness: float, enough: float, stuck: np.ndarray) -> None:
         """Newton's method on all cases that are not stuck; marks more of them in `stuck` (cases,)."""
-        fields = self.fields(self.X, softness)
+        fields = self.form_data(self.X, softness)
         R, slope = self.residual(self.X, fields)
         for _ in range(STEPS):
             step = -spsolve(self.tangent(fields, slope).tocsc(), R)
             if not np.isfinite(step).all():
                 break
-            before = self.norm(R)
+            before = self.residual_norms(R)
             part = np.where(stuck, 0.0, 1.0)
             while True:
                 trial = self.X + part[self.case_of] * step
-                fields = self.fields(trial, softness)
+                fields = self.form_data(trial, softness)
                 R, slope = self.residual(trial, fields)
-                worse = ~(self.norm(R) < before) & (before > NEAR * self.H) & ~stuck
+                worse = ~(self.residual_norms(R) < before) & (before > NEAR * self.H) & ~stuck
                 if not worse.any():
                     break
                 part[worse] *= 0.5
@@ -288,8 +288,8 @@ class _Batch:
 
     def _states(self) -> list[LineState]:
         """States, with weak nodal forces as pulls."""
-        fields = self.fields(self.X, 0.0)
-        known = self.known.copy()
+        fields = self.form_data(self.X, 0.0)
+        known = self.prescribed.copy()
         z = np.append(self.derivatives(fields), np.nan)  # last: no piece
         known[self.number >= 0] = self.X[self.number[self.number >= 0]]
         behind = z[self.behind[:, :2]]
@@ -312,11 +312,11 @@ def solve(cases: Sequence[Case], elements: int = 4) -> list[LineState | NoLine]:
     """
     starts = [first_guess(case) for case in cases]
     carried = [(case, x) for case, x in zip(cases, starts, strict=True) if isinstance(x, Start)]
-    solved = iter(_solved(carried, elements) if carried else [])
+    solved = iter(_solve_from(carried, elements) if carried else [])
     return [next(solved) if isinstance(x, Start) else x for x in starts]
 
 
-def _solved(cases: Sequence[tuple[Case, Start]], elements: int) -> list[LineState | NoLine]:
+def _solve_from(cases: Sequence[tuple[Case, Start]], elements: int) -> list[LineState | NoLine]:
     """The same with a first guess of each case."""
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -324,4 +324,4 @@ def _solved(cases: Sequence[tuple[Case, Start]], elements: int) -> list[LineStat
             return _Batch(cases, elements).solve()
     except NoLine as error:
         half = len(cases) // 2
-        return [*_solved(cases[:half], elements), *_solved(cases[half:], elements)] if half else [error]
+        return [*_solve_from(cases[:half], elements), *_solve_from(cases[half:], elements)] if half else [error]

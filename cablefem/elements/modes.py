@@ -43,7 +43,7 @@ def bare_frequencies(groups: Groups, *, elements: int = 10, degree: int = 8, mod
 
     M = mass.assemble(basis)[np.ix_(inner, inner)]
     if model == "full":
-        T, xp, yp, _, _ = groups.static(s)
+        T, xp, yp, _, _ = groups.tension_and_derivatives(s)
         axial = groups.alpha - T
         coupling = stiffness(axial * xp * yp)
         K = block_array([[stiffness(T + axial * xp * xp), coupling], [coupling, stiffness(T + axial * yp * yp)]])

@@ -28,8 +28,8 @@ class _History:
         self.system, self.segments = system, system.segments
         self.t = np.array([x.t for x in states])
         self.phase = [x.phase for x in states]
-        slots = [system.slots(*x) for x in states]
-        motions = [system.motion(x) for x in slots]
+        slots = [system.all_slots(*x) for x in states]
+        motions = [system.segment_motion(x) for x in slots]
         self.q, self.v, self.a = (np.array([x[i] for x in slots]) for i in range(3))  # (n, size)
         self.all = Motion(*(np.concatenate([m[i] for m in motions]) for i in range(6)))  # n K segments
         self.points = self.segments.points(self.all)
@@ -37,32 +37,32 @@ class _History:
         self.ends = self.by_time(ends)  # (2, n, K) rows of s
         slopes = self.segments.slopes_at_ends(self.all)
         self.slopes = self.by_time(slopes)  # (2, n, K, 2)
-        self._pulls(nodes, slopes)
+        self._set_end_forces(nodes, slopes)
 
     def by_time(self, x: Array) -> Array:
         """(e, n K, ...) as (e, n, K, ...)."""
         return x.reshape(2, self.t.size, -1, *x.shape[2:])
 
-    def _pulls(self, nodes: Array, slopes: Array) -> None:
+    def _set_end_forces(self, nodes: Array, slopes: Array) -> None:
         """N t at the ends of the segments (2, n, K, 2), by their balance, and rows of the end nodes."""
         ds, v = self.all.ds.T[..., None], self.all.v[:, [0, -1]].swapaxes(0, 1)
         flow = self.segments.rho * ds * (v - ds * slopes)
         rows = nodes[:, [0, -1]].swapaxes(0, 1)
-        self.rows = self.by_time(rows)
+        self.balance_rows = self.by_time(rows)
         self.pulls = self.by_time(np.stack([-(rows[0] + flow[0]), rows[1] - flow[1]]))
 
     def contact_points(self, k: int, x: Array) -> Array:
         """Points of contact k (n, 2), of slots (n, size)."""
         return x[:, 2 * self.system.node[k] + np.arange(2)]
 
-    def beside(self, k: int, x: Array) -> tuple[Array, Array]:
+    def behind_and_ahead(self, k: int, x: Array) -> tuple[Array, Array]:
         """Behind and ahead of contact k, of (2, n, K, ...); nan beyond the rope."""
         none = np.full_like(x[0, :, 0], np.nan)
         behind = x[1, :, k - 1] if k > 0 else none
         ahead = x[0, :, k] if k < x.shape[2] else none
         return behind, ahead
 
-    def total(self, density: Array) -> Array:
+    def integral(self, density: Array) -> Array:
         """int density ds over the rope (n,), of (n K, G)."""
         return ((density * self.points.h) @ self.segments.weights).reshape(self.t.size, -1).sum(axis=1)
 
@@ -70,40 +70,39 @@ class _History:
 def observe(system: LineElements, states: Sequence[State], s: Array) -> LineMotion:
     """What the states show at the stations s (m,)."""
     x = _History(system, states)
-    p, rope = x.points, system.line.rope
-    kinetic = x.total(0.5 * system.segments.rho * dot(p.w, p.w))
-    powers = {"damping": -2.0 * rope.damping * kinetic} if rope.damping else {}
-    strain, potential = x.total(p.W), -x.total(system.segments.q * p.y)
-    contacts = tuple(_contact(x, k, c) for k, c in zip(system.supports, system.line.supports, strict=True))
+    p = x.points
+    kinetic = x.integral(0.5 * system.segments.rho * dot(p.w, p.w))
+    powers: dict[str, Array] = {}
+    strain, potential = x.integral(p.W), -x.integral(system.segments.q * p.y)
+    contacts = tuple(_contact_motion(x, k, c) for k, c in zip(system.supports, system.line.supports, strict=True))
     for k in (0, -1):
         contact = system.line.supports[k]
         if contact.stiffness is not None:
             away = x.contact_points(k, x.q) - contact.point
             strain = strain + 0.5 * np.sum(np.array(contact.stiffness) * away**2, axis=1)
-            kinetic = kinetic + 0.5 * (contact.mass or 0.0) * np.sum(x.contact_points(k, x.v) ** 2, axis=1)
         if contact.force is not None:
             slot = system.s[k]
-            force = system.pulley(k, x.v[:, slot], x.a[:, slot])
+            force = system.pulley_row(k, x.v[:, slot], x.a[:, slot])
             powers[f"{contact.name} weight"] = -force * x.v[:, slot]
-    cars = _cars(x, powers) if system.cars else ()
+    cars = _car_motions(x, powers) if system.cars else ()
     for car in system.line.over:
-        jets = np.array([system.jet(car.name, state) for state in states])
+        jets = np.array([system.car_point_and_rates(car.name, state) for state in states])
         cars += (off_rope_motion(system.line, car, states, jets, contacts, powers),)
     for car, motion in zip((*system.line.cars, *system.line.over), cars, strict=True):
-        kinetic = kinetic + _kinetic(car, motion)
+        kinetic = kinetic + _car_kinetic_energy(car, motion)
         potential = potential - car.mass * system.line.gravity * motion.point[:, 1]
         if motion.turning is not None:
             hung = car.mass if car.hanger is None else car.hanger.mass
             below = motion.turning.centre - motion.point
             potential = potential - hung * system.line.gravity * below[:, 1]
-    points, tension = _stations(x, s)
+    points, tension = _points_and_tensions(x, s)
     return LineMotion(
         t=x.t, cars=cars, contacts=add_shoe_forces(system.line, cars, contacts), s=s, points=points, tension=tension,
         kinetic=kinetic, strain=strain, potential=potential, powers=powers,
     )  # fmt: skip
 
 
-def _kinetic(car: Car, motion: CarMotion) -> Array:
+def _car_kinetic_energy(car: Car, motion: CarMotion) -> Array:
     """Kinetic energy (n,) [J] of a car."""
     turning, body = motion.turning, car.hanger or car.wheels
     if turning is None or body is None:
@@ -118,10 +117,10 @@ def _kinetic(car: Car, motion: CarMotion) -> Array:
     return 0.5 * (at_point + mass * dot(centre, centre) + body.inertia * turning.rate**2)
 
 
-def _contact(x: _History, k: int, contact: Contact) -> ContactMotion:
+def _contact_motion(x: _History, k: int, contact: Contact) -> ContactMotion:
     slot = x.system.s[k]
-    behind, ahead = x.beside(k, x.pulls)
-    pressure = -np.sum(np.nan_to_num(x.beside(k, x.rows)), axis=0)
+    behind, ahead = x.behind_and_ahead(k, x.pulls)
+    pressure = -np.sum(np.nan_to_num(x.behind_and_ahead(k, x.balance_rows)), axis=0)
     rise = np.full(x.t.size, np.nan)
     if contact.force is not None:
         taken_in = (x.q[:, slot] - x.q[0, slot]) * (1.0 if k else -1.0)
@@ -133,7 +132,7 @@ def _contact(x: _History, k: int, contact: Contact) -> ContactMotion:
     )  # fmt: skip
 
 
-def _cars(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]:
+def _car_motions(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]:
     """Motion of the cars; adds their powers."""
     system = x.system
     ks, slots = np.array(system.cars), system.s[system.cars]
@@ -152,7 +151,7 @@ def _cars(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]:
     for i, (k, car) in enumerate(zip(ks.tolist(), system.line.cars, strict=True)):
         ds = x.v[:, slots[i]]
         if i in trolleys:
-            out.append(_on_wheels(x, trolleys[i], data, rows[:, i], powers))
+            out.append(_trolley_motion(x, trolleys[i], data, rows[:, i], powers))
             continue
         grips, hauled = car.kind == "grip", car.drive.mode == "haul"
         powers[f"{car.name} friction"] = on.stretch[:, i] * on.friction[:, i] * ds
@@ -171,10 +170,12 @@ def _cars(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]:
         if car.kind == "free":
             powers[f"{car.name} thrust"] = data.thrust[:, i] * along[:, i]
             powers[f"{car.name} hold"] = on.stretch[:, i] * data.hold[:, i] * ds
-        tension = [np.linalg.norm(z, axis=1) for z in x.beside(k, x.pulls)]
+        tension = [np.linalg.norm(z, axis=1) for z in x.behind_and_ahead(k, x.pulls)]
         on_shoe = np.zeros(x.t.size)
         if car.rail is not None:
-            missing = np.sum(x.beside(k, x.rows), axis=0) + on.contact[:, i]  # what the rope does not give
+            missing = (
+                np.sum(x.behind_and_ahead(k, x.balance_rows), axis=0) + on.contact[:, i]
+            )  # what the rope does not give
             on_shoe = -dot(missing, downward_normals(car.rail, x.contact_points(k, x.q)[:, 0]))
         out.append(CarMotion(
             name=car.name, s=x.q[:, slots[i]], ds=ds, point=x.contact_points(k, x.q), velocity=velocity[:, i],
@@ -186,16 +187,16 @@ def _cars(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]:
     return tuple(out)
 
 
-def _on_wheels(x: _History, trolley: Trolley, data: Cars, grip: Array, powers: dict[str, Array]) -> CarMotion:
+def _trolley_motion(x: _History, trolley: Trolley, data: Cars, grip: Array, powers: dict[str, Array]) -> CarMotion:
     """Motion of a car on two wheels; adds its powers.  grip : row of s of the front wheel (n,)."""
     system, car, pair = x.system, trolley.car, [trolley.k - 1, trolley.k]
     nodes, slots = np.array(pair), system.s[pair]
-    P = x.rows[1][:, nodes - 1] + x.rows[0][:, nodes]
+    P = x.balance_rows[1][:, nodes - 1] + x.balance_rows[0][:, nodes]
     n = x.t.size
-    on = trolley.forces(data, trolley.inputs((x.q, x.v, x.a), P.reshape(n, 4)))
-    sides = trolley.slopes(x.q).reshape(n, 2, 2, 2)  # of each wheel, behind and ahead
+    on = trolley.forces(data, trolley.force_inputs((x.q, x.v, x.a), P.reshape(n, 4)))
+    sides = trolley.rope_slopes(x.q).reshape(n, 2, 2, 2)  # of each wheel, behind and ahead
     s, ds = x.q[:, slots], x.v[:, slots]
-    pulls = [[np.linalg.norm(z, axis=1) for z in x.beside(k, x.pulls)] for k in pair]
+    pulls = [[np.linalg.norm(z, axis=1) for z in x.behind_and_ahead(k, x.pulls)] for k in pair]
     wheels = tuple(
         WheelMotion(
             name=system.line.touching[k].name, s=s[:, j], ds=ds[:, j], point=x.contact_points(k, x.q), load=on.loads[j],
@@ -236,13 +237,13 @@ def _car_data(x: _History, s: Array, ds: Array) -> Cars:
     each = [system.car_data(t, phase) for t, phase in zip(x.t.tolist(), x.phase, strict=True)]
     changing: dict[str, Any] = {name: np.array([getattr(y, name) for y in each]) for name in ("thrust", "hold")}
     drives = [car.drive for car in system.line.cars]
-    brakes = [drive.brake(s[:, i]) + 0.0 * ds[:, i] for i, drive in enumerate(drives)]
-    rear = [drive.rear_brake(s[:, i]) + 0.0 * ds[:, i] for i, drive in enumerate(drives)]
+    brakes = [drive.brake_force(s[:, i]) + 0.0 * ds[:, i] for i, drive in enumerate(drives)]
+    rear = [drive.rear_brake_force(s[:, i]) + 0.0 * ds[:, i] for i, drive in enumerate(drives)]
     sign = np.where(ds == 0.0, each[0].sign, np.sign(ds))
     return each[0]._replace(**changing, brake=np.stack(brakes, axis=1), rear_brake=np.stack(rear, axis=1), sign=sign)
 
 
-def _stations(x: _History, s: Array) -> tuple[Array, Array]:
+def _points_and_tensions(x: _History, s: Array) -> tuple[Array, Array]:
     """Points (n, m, 2) and tensions (n, m) at s (m,)."""
     segments, elements = x.segments, x.segments.elements
     at = x.q[:, x.system.s]  # (n, K + 1)
@@ -257,7 +258,6 @@ def _stations(x: _History, s: Array) -> tuple[Array, Array]:
     nodal = r[np.arange(at.shape[0])[:, None, None], segment[..., None], segments.dofs[element]]  # (n, m, n_loc, 2)
     points = np.einsum("lnm,nmla->nma", polyval(local, shapes), nodal)
     slope = np.einsum("lnm,nmla->nma", polyval(local, polyder(shapes)), nodal) * (elements / (end - begin))[..., None]
-    N_r, _ = x.system.line.rope.at_rest(np.broadcast_to(s, xi.shape))
-    tension = N_r + x.system.line.rope.EA * (np.linalg.norm(slope, axis=2) - 1.0)
+    tension = x.system.line.rope.EA * (np.linalg.norm(slope, axis=2) - 1.0)
     points[~inside], tension[~inside] = np.nan, np.nan
     return points, tension

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cablefem.elements.forms import length_of, section, strain, tension
+from cablefem.elements.forms import length_of, section_forces, strain, tension
 from cablefem.elements.reference import Points
 from cablefem.newmark import Array
 from cablefem.response import Observation, States
@@ -28,14 +28,14 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
     g = system.groups
     kinematics = system._kinematics(states)
     s_o, ds, dds = kinematics.T
-    w, w_t, w_tt, *slopes = (x.T for x in system._at_mass(states, kinematics))
-    position, slope, bend = (x.T for x in system.static(s_o))
+    w, w_t, w_tt, *slopes = (x.T for x in system._motion_at_mass(states, kinematics))
+    position, slope, bend = (x.T for x in system.static_shape(s_o))
     velocity = w_t + ds * slope
     acceleration = w_tt + dds * slope + ds**2 * bend
     force = system.inertia * acceleration - system.weight[:, None]
     power = ds * np.sum(force * (slope + 0.5 * (slopes[0] + slopes[1])), axis=0)
 
-    mesh_at = system._mesh_at(kinematics).T
+    mesh_at = system._mesh_kinematics(kinematics).T
     cable = observe_cable(system, mesh_at, states)
     lost = 2.0 * g.damping * cable.kinetic
     powers = {}
@@ -44,14 +44,14 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
     kinetic = cable.kinetic + 0.5 * system.inertia * np.sum(velocity**2, axis=0)
     potential = cable.potential - system.weight @ (position + w)
 
-    T, xp, yp, xpp, ypp = g.static(s_o)
+    T, xp, yp, xpp, ypp = g.tension_and_derivatives(s_o)
     static = np.stack([xp, yp])
     bend = np.stack([xpp, ypp])
     direction = system.direction.T
     behind, ahead = (static + direction @ x for x in slopes)
-    ends = system._ends_with_mass(states, kinematics, cable.ends, force)
+    ends = system._end_momentum_with_mass(states, kinematics, cable.ends, force)
     if system.fields == 2:
-        at_mass, kink = _tensions(system, ends, mesh_at[1], (static, T, behind, ahead))
+        at_mass, kink = _tensions_at_mass(system, ends, mesh_at[1], (static, T, behind, ahead))
         power += ds * kink
         if g.internal_damping:  # and in a thin layer behind the car, which the grip supplies
             lost = lost + cable.more
@@ -63,9 +63,9 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
     for name in [name for name in at_mass if "behind" in name]:
         at_mass[name] = np.where(s_o > 0.0, at_mass[name], np.nan)
     fields = []
-    for rows in _blocks(frames, s.size):
-        along = system._along(states, kinematics, ends, force, s, rows)
-        fields.append(_fields(system, along, s, cable.more[rows]))
+    for rows in _row_blocks(frames, s.size):
+        along = system._fields_along(states, kinematics, ends, force, s, rows)
+        fields.append(_station_fields(system, along, s, cable.more[rows]))
     return Observation(
         path=(direction @ w).T, path_velocity=(direction @ w_t + ds * static).T,
         path_acceleration=(direction @ w_tt + dds * static + ds**2 * bend).T,
@@ -77,7 +77,7 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
     )  # fmt: skip
 
 
-def _blocks(rows: NDArray[np.intp], width: int) -> list[NDArray[np.intp]]:
+def _row_blocks(rows: NDArray[np.intp], width: int) -> list[NDArray[np.intp]]:
     """Rows of arrays of a width in blocks, at least one, that stay in a processor's cache."""
     length = max(1, BLOCK // max(1, width))
     return [rows[begin : begin + length] for begin in range(0, max(1, rows.size), length)]
@@ -100,7 +100,7 @@ def observe_cable(system: CableElements, mesh_at: Array, states: States) -> Cabl
     size = system.fields * system.n_scalar
     columns = np.concatenate(system._moments, axis=1).T  # (4 sides, n_scalar)
     parts = []
-    for block in _blocks(np.arange(states.t.size), system._at_inertia.x.size):
+    for block in _row_blocks(np.arange(states.t.size), system._at_inertia.x.size):
         rows = slice(block[0], block[-1] + 1)
         at = mesh_at[:, rows]
         x = np.empty((system.n_scalar, 3, system.fields, at.shape[1]))
@@ -109,13 +109,13 @@ def observe_cable(system: CableElements, mesh_at: Array, states: States) -> Cabl
         q = np.ascontiguousarray(x[:, 0])
         v = np.ascontiguousarray(x[:, 1])
         kinetic = kinetic_energy(system, at, q, v)
-        parts.append((kinetic, *strain_energy(system, at, q, v), _times(columns, x)))
+        parts.append((kinetic, *strain_energy(system, at, q, v), _multiply(columns, x)))
     kinetic, *arrays, moments = (np.concatenate(values, axis=-1) for values in zip(*parts, strict=True))
-    strained = Strained(*arrays)
+    strained = StrainState(*arrays)
     of_sides = moments.reshape(-1, 4, *moments.shape[1:])
     potential = np.zeros_like(kinetic)
     if system.fields == 2:
-        depth = sum(h * x[0, 0, 1] for x, h, _ in _sides(of_sides, mesh_at[0]))  # int v ds
+        depth = sum(h * x[0, 0, 1] for x, h, _ in _per_side(of_sides, mesh_at[0]))  # int v ds
         potential -= system.groups.sigma * depth
     ends = _end_forces(system, mesh_at, of_sides, states.v, strained.force)
     return CableState(
@@ -123,12 +123,12 @@ def observe_cable(system: CableElements, mesh_at: Array, states: States) -> Cabl
     )
 
 
-def _sides(of: Array, s_o: Array) -> list[tuple[Array, Array, float]]:
+def _per_side(of: Array, s_o: Array) -> list[tuple[Array, Array, float]]:
     """What is given `of` the sides, length h and dh/ds_o of each; a fixed mesh has one."""
     return list(zip(of, (s_o, 1.0 - s_o), (1.0, -1.0), strict=False))
 
 
-def _times(matrix: Any, x: Array) -> Array:
+def _multiply(matrix: Any, x: Array) -> Array:
     """A matrix (p, n_scalar) times unknowns (n_scalar, ...)."""
     product = matrix @ x.reshape(len(x), -1)
     return np.asarray(product).reshape(-1, *x.shape[1:])
@@ -140,16 +140,16 @@ def kinetic_energy(system: CableElements, mesh_at: Array, q: Array, v: Array) ->
     points = system._at_inertia
     xi = points.x
     h = np.where(points.behind, s_o, 1.0 - s_o)  # (p, n)
-    rate = _times(points.values, v)
+    rate = _multiply(points.values, v)
     if np.any(ds):
         c = ds * np.where(points.behind, xi, 1.0 - xi)
         per_length = np.divide(c, h, out=np.zeros_like(h), where=h > 0.0)
-        rate -= per_length[:, None] * _times(points.slopes, q)
+        rate -= per_length[:, None] * _multiply(points.slopes, q)
     squared = np.sum(rate * rate, axis=1)  # (p, n)
     return np.asarray(0.5 * np.sum(points.weights * h * squared, axis=0))
 
 
-class Strained(NamedTuple):
+class StrainState(NamedTuple):
     energy: Array  # (n,)
     tension_min: Array  # (n,)
     tension_min_at: Array  # (n,)
@@ -157,7 +157,7 @@ class Strained(NamedTuple):
     force: Array  # int f dxi of both sides (2, fields, n)
 
 
-def strain_energy(system: CableElements, mesh_at: Array, q: Array, v: Array) -> Strained:
+def strain_energy(system: CableElements, mesh_at: Array, q: Array, v: Array) -> StrainState:
     """Strain energy, smallest tension and internal force."""
     s_o, ds, _ = mesh_at
     points = system._at_force
@@ -165,16 +165,16 @@ def strain_energy(system: CableElements, mesh_at: Array, q: Array, v: Array) -> 
     length = np.where(h > 0.0, h, 1.0)
     s = np.where(points.behind, 0.0, s_o) + h * points.x
     weight = points.weights * h
-    w_s = np.moveaxis(_times(points.slopes, q), 1, 0) / length  # (fields, p, n)
+    w_s = np.moveaxis(_multiply(points.slopes, q), 1, 0) / length  # (fields, p, n)
     if system.fields == 2:
-        T, *slope = system.groups.static(s)[:3]
+        T, *slope = system.groups.tension_and_derivatives(s)[:3]
         X_s = np.array(slope)
-        x = section(X_s, T, w_s, system._law[0], system._law[3])
+        x = section_forces(X_s, T, w_s, system._law[0], system._law[3])
         f = x.force
         N = T + system._law[0] * x.strain
         more = np.zeros(s_o.size)
         if system.groups.internal_damping:
-            f_damping, N, power = _damped(system, points, (q, v), ds, length, X_s + w_s, N)
+            f_damping, N, power = _internal_damping_force(system, points, (q, v), ds, length, X_s + w_s, N)
             f = f + f_damping
             more = np.sum(weight * power, axis=0)
         N = np.where(h > 0.0, N, math.inf)
@@ -194,23 +194,23 @@ def strain_energy(system: CableElements, mesh_at: Array, q: Array, v: Array) -> 
         energy = 0.5 * tau * np.sum(weight * w_s * w_s, axis=0) + W - tau * eps
         f = (tau * w_s + more * (y + kap * w_s))[None]
     of_sides = np.where([points.behind[:, 0], ~points.behind[:, 0]], points.weights[:, 0], 0.0)  # (2, p)
-    return Strained(energy, tension_min, tension_min_at, more, np.tensordot(of_sides, f, (1, 1)))
+    return StrainState(energy, tension_min, tension_min_at, more, np.tensordot(of_sides, f, (1, 1)))
 
 
-def _damped(
+def _internal_damping_force(
     system: CableElements, points: Points, state: tuple[Array, Array], ds: Array, h: Array, slope: Array, N: Array
 ) -> tuple[Array, Array, Array]:
-    """Force of internal damping, N with it, and its power per s, as in `kernels.balance.add_rates`.
+    """Force of internal damping, N with it, and its power per s, as in `kernels.balance.add_damping_force`.
 
     slope : r' (2, p, n).
     """
     q, v = state
     mesh = system._mesh
-    rates = system._cable.rates
+    rates = system._cable.internal_damping
     tab = np.concatenate([mesh.tab[..., :2], rates.moved, rates.moved], axis=2)
-    carried = _times(Points.of(mesh.dofs, tab, mesh.n_left, system.n_scalar).slopes, q)
+    carried = _multiply(Points.from_table(mesh.dofs, tab, mesh.n_left, system.n_scalar).slopes, q)
     t = slope / length_of(slope)
-    moved = np.moveaxis(_times(points.slopes, v), 1, 0) + ds / h * np.moveaxis(carried, 1, 0)
+    moved = np.moveaxis(_multiply(points.slopes, v), 1, 0) + ds / h * np.moveaxis(carried, 1, 0)
     rate = np.sum(t * moved / h, axis=0)
     lowest = 0.0 if system.law == "tension-only" else -math.inf
     damped = N + system.groups.alpha * rates.tau * rate
@@ -223,14 +223,14 @@ def _end_forces(system: CableElements, mesh_at: Array, moments: Array, v: Array,
 
     Momentum of a side, tested with phi = 1, and with phi = 1 at the mass and 0 at the support:
     int d(h w.)/dt phi dxi + int (c w. + f) phi' ds = [(f + c w.) phi].
-    moments : of q, v, a on each side (sides, 4, 3, fields, n);  v : (n, n_dof);  internal : `Strained.force`.
+    moments : of q, v, a on each side (sides, 4, 3, fields, n);  v : (n, n_dof);  internal : `StrainState.force`.
     """
     s_o, ds, dds = mesh_at
     out = np.zeros((4, system.fields, s_o.size))
     c_d = system.groups.damping
     dds = dds + c_d * ds
-    at_node = ds * system._nodal(v, system.node).T
-    for (of, h, sign), near, end in zip(_sides(moments, s_o), (1, 2), (0, 3), strict=False):
+    at_node = ds * system._nodal_values(v, system.node).T
+    for (of, h, sign), near, end in zip(_per_side(moments, s_o), (1, 2), (0, 3), strict=False):
         of_q, of_v, of_a = np.moveaxis(of, 1, 0)  # (4, fields, n)
         dh = sign * ds + c_d * h
         total, tested = h * of_a[:2] + dh * of_v[:2] - dds * of_q[2:] - ds * of_v[2:]
@@ -243,7 +243,7 @@ def _end_forces(system: CableElements, mesh_at: Array, moments: Array, v: Array,
     return out
 
 
-class Along(NamedTuple):
+class StationFields(NamedTuple):
     """Fields of k frames at m stations, (fields, k, m) each; at s_o behind the mass."""
 
     w: Array
@@ -253,7 +253,7 @@ class Along(NamedTuple):
     c: Array  # (k, m) speed of the mesh
 
 
-def _fields(system: CableElements, along: Along, s: Array, rise: Array) -> dict[str, Array]:
+def _station_fields(system: CableElements, along: StationFields, s: Array, rise: Array) -> dict[str, Array]:
     """Displacement, velocity and tension (k, m) at stations s (m,); rise : of the tension of one field (k,)."""
     g = system.groups
     direction = system.direction.T
@@ -261,7 +261,7 @@ def _fields(system: CableElements, along: Along, s: Array, rise: Array) -> dict[
         x if system.fields == 2 else np.tensordot(direction, x, 1) for x in (along.w, along.rate, along.slope)
     )  # (2, k, m)
     seen = {"u": w[0], "v": w[1], "du": rate[0], "dv": rate[1]}
-    T, *static = g.static(s)[:3]
+    T, *static = g.tension_and_derivatives(s)[:3]
     if system.fields == 1:
         seen["T"] = T + rise[:, None]
         seen["T_pointwise"] = seen["T"]
@@ -274,7 +274,7 @@ def _fields(system: CableElements, along: Along, s: Array, rise: Array) -> dict[
     return seen
 
 
-def _tensions(
+def _tensions_at_mass(
     system: CableElements, ends: Array, c: Array, at_mass: tuple[Array, ...]
 ) -> tuple[dict[str, Any], Array]:  # fmt: skip
     """Tensions at the mass and reactions of the full cable, and <N t> . [r'] - [W] of the kink.
@@ -284,10 +284,10 @@ def _tensions(
     static, T, behind, ahead = at_mass
     alpha = system._law[0]
     law = system._law[3]
-    at_behind, at_ahead = (section(static, T, slope - static, alpha, law) for slope in (behind, ahead))
+    at_behind, at_ahead = (section_forces(static, T, slope - static, alpha, law) for slope in (behind, ahead))
     mean = 0.5 * (at_behind.force + at_ahead.force) + T * static  # <N t>
     kink = np.sum(mean * (ahead - behind), axis=0) - (at_ahead.energy - at_behind.energy)
-    T_ends, x_ends, y_ends = system.groups.static(np.array([0.0, 1.0]))[:3]
+    T_ends, x_ends, y_ends = system.groups.tension_and_derivatives(np.array([0.0, 1.0]))[:3]
     static_ends = np.stack([T_ends * x_ends, T_ends * y_ends])  # (2 fields, 2 ends)
     return {
         "T_behind": _tension_from_momentum(system, ends[1], c, (static, T, behind)),

@@ -53,7 +53,7 @@ def force_order(degree: int, damped: bool = False) -> int:
     return max(2, 2 * degree - 1) + 4 * damped
 
 
-def tabulated(basis: skfem.Basis) -> Array:
+def shape_table(basis: skfem.Basis) -> Array:
     """x, weights, shape values and slopes, (n_el, n_q, 2 + 2 n_loc)."""
     x = np.asarray(basis.global_coordinates())[0]
     fields = [basis.basis[k][0] for k in range(basis.Nbfun)]
@@ -71,8 +71,8 @@ class Points(NamedTuple):
     slopes: csr_array  # d/dx
 
     @classmethod
-    def of(cls, dofs: NDArray[np.int64], tab: Array, n_left: int, n: int) -> Points:
-        """dofs : (n_el, n_loc) of n unknowns, -1 on a support;  tab : see `tabulated`;  n_left : elements behind."""
+    def from_table(cls, dofs: NDArray[np.int64], tab: Array, n_left: int, n: int) -> Points:
+        """dofs : (n_el, n_loc) of n unknowns, -1 on a support;  tab : see `shape_table`;  n_left : elements behind."""
         n_el, n_q, _ = tab.shape
         n_loc = dofs.shape[1]
         column = np.repeat(dofs, n_q, axis=0)  # (p, n_loc)
@@ -87,7 +87,7 @@ class Points(NamedTuple):
         return cls(of_points[:, :1], of_points[:, 1:2], behind, values, slopes)
 
 
-class Reference(NamedTuple):
+class ReferenceMesh(NamedTuple):
     """Both sides of the mass, which is at x = 0: xi = 1 + x behind it, xi = x ahead of it.
 
     Unknowns are numbered along the cable, without those at the supports.
@@ -97,20 +97,20 @@ class Reference(NamedTuple):
     knots: Array  # (2 elements + 1,) x
     node: int  # unknown of the mass
     dofs: NDArray[np.int64]  # (n_el, n_loc), -1 on a support
-    forces: Array  # xi and the rest of `tabulated`, at the points of `force_order`
+    forces: Array  # xi and the rest of `shape_table`, at the points of `force_order`
     at_force: Points  # those of `forces`
     at_inertia: Points  # that integrate products of two shapes
-    operators: Array  # (8, 2 degree + 1, n) `bands` of M^, G^, G^T and H^, each behind and ahead
-    moments: Array  # (2, n, 4) of each side, see `moments`
+    operators: Array  # (8, 2 degree + 1, n) `assemble_bands` of M^, G^, G^T and H^, each behind and ahead
+    moments: Array  # (2, n, 4) of each side, see `shape_moments`
     shapes: Array  # see `shape_polynomials`
 
 
-def numbered(degree: int, n_el: int) -> NDArray[np.int64]:
+def number_unknowns(degree: int, n_el: int) -> NDArray[np.int64]:
     """Numbers along the mesh of the unknowns of elements in scikit-fem's order, (n_el, n_loc)."""
     return np.r_[0, degree, 1:degree] + degree * np.arange(n_el)[:, None]  # an element's nodes come first
 
 
-def bands(local: Array, dofs: NDArray[np.int64], n: int, b: int) -> Array:
+def assemble_bands(local: Array, dofs: NDArray[np.int64], n: int, b: int) -> Array:
     """Diagonals, bands[b + j - i, i] = matrix[i, j], |i - j| <= b, of n unknowns; local : (n_el, n_loc, n_loc)."""
     row, col = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
     inner = (row >= 0) & (col >= 0)
@@ -119,7 +119,7 @@ def bands(local: Array, dofs: NDArray[np.int64], n: int, b: int) -> Array:
     return out
 
 
-def moments(dofs: NDArray[np.int64], tab: Array, chi: Array, n: int) -> Array:
+def shape_moments(dofs: NDArray[np.int64], tab: Array, chi: Array, n: int) -> Array:
     """int phi, int chi phi, int chi phi,xi and int chi^2 phi,xi dxi of n functions, (n, 4)."""
     n_loc = dofs.shape[1]
     phi = tab[..., 2 : 2 + n_loc]
@@ -131,7 +131,7 @@ def moments(dofs: NDArray[np.int64], tab: Array, chi: Array, n: int) -> Array:
 
 
 @lru_cache(maxsize=64)
-def reference(elements: int, degree: int, grading: float, damped: bool = False) -> Reference:
+def reference_mesh(elements: int, degree: int, grading: float, damped: bool = False) -> ReferenceMesh:
     """Equal or graded elements on both sides; grading: longest over shortest, next to the mass."""
     lengths = np.geomspace(1.0, grading, elements) if elements > 1 else np.ones(1)
     ahead = np.append(0.0, np.cumsum(lengths))
@@ -143,20 +143,20 @@ def reference(elements: int, degree: int, grading: float, damped: bool = False) 
         skfem.Basis(mesh, lagrange_element(degree), intorder=order)
         for order in (2 * degree, force_order(degree, damped))
     )
-    dofs = numbered(degree, 2 * elements) - 1
+    dofs = number_unknowns(degree, 2 * elements) - 1
     n = 2 * elements * degree - 1
     dofs[dofs == n] = -1
     chi = 1.0 - abs(np.asarray(basis.global_coordinates())[0])
     # local matrices: trial functions come first
     M, GT, H = (form.coo_data(basis, chi=chi).tolocal() for form in (mass, transport_form, convection_form))
-    operators = [bands(local[x], dofs[x], n, degree) for local in (M, GT.swapaxes(1, 2), GT, H) for x in sides]
-    forces = tabulated(of_forces)
-    inertia = tabulated(basis)
-    of_sides = np.array([moments(dofs[x], inertia[x], chi[x], n) for x in sides])
+    operators = [assemble_bands(local[x], dofs[x], n, degree) for local in (M, GT.swapaxes(1, 2), GT, H) for x in sides]
+    forces = shape_table(of_forces)
+    inertia = shape_table(basis)
+    of_sides = np.array([shape_moments(dofs[x], inertia[x], chi[x], n) for x in sides])
     for tab in (forces, inertia):
         tab[:elements, :, 0] += 1.0
-    at_force, at_inertia = (Points.of(dofs, tab, elements, n) for tab in (forces, inertia))
-    return Reference(
+    at_force, at_inertia = (Points.from_table(dofs, tab, elements, n) for tab in (forces, inertia))
+    return ReferenceMesh(
         degree, knots, elements * degree - 1, dofs, forces, at_force, at_inertia, np.array(operators), of_sides,
         shape_polynomials(lagrange_element(degree)),
     )  # fmt: skip

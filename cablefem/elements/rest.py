@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cablefem.elements.bodies import Cars
+from cablefem.elements.segments import Law
 from cablefem.elements.system import LineElements, Slots
 from cablefem.newmark import Array, StepFailure
 from cablefem.scene.contacts import Car, Contact, Wheel
@@ -21,37 +22,37 @@ ROUGH, EXACT = 1e-3, 1e-10  # last step over the reach: of a soft rope, of the r
 ROUNDS = 8  # to guess x of cars from their s
 
 
-def rest(system: LineElements, t: float, phase: int, ahead: float = 0.0, near: Array | None = None) -> Array:
+def slots_of_rest(system: LineElements, t: float, phase: int, ahead: float = 0.0, start: Array | None = None) -> Array:
     """Slots (size,) at rest with the cars held where they are at t, and F/M of hauled cars.
 
-    ahead : [s] moves prescribed cars on by their velocity.  near : a state nearby to begin from.
+    ahead : [s] moves prescribed cars on by their velocity.  start : a state nearby to begin from.
     Raises StepFailure where no state of rest was found.
     """
-    known = system.known(t, phase)
+    known = system.prescribed_slots(t, phase)
     free = system.free.copy()
     q = known.q + ahead * known.v
     for i, k in enumerate(system.cars):
         if system.line.cars[i].kind == "free":
             free[system.s[k]] = False
             q[system.s[k]] = system.line.cars[i].drive.start
-    if near is not None:
-        q[free] = near[free]
-        return _newton(system, t, phase, q, free, None, EXACT)
-    N = _begin(system, q, free)
+    if start is not None:
+        q[free] = start[free]
+        return _solve_by_newton(system, t, phase, q, free, None, EXACT)
+    N = _set_first_guess(system, q, free)
     for stage in range(SOFTENING + 1):
         last = stage == SOFTENING
-        law = None if last else _soft(system, q, N, stage / SOFTENING)
-        q = _newton(system, t, phase, q, free, law, EXACT if last else ROUGH)
+        law = None if last else _soft_law(system, N, stage / SOFTENING)
+        q = _solve_by_newton(system, t, phase, q, free, law, EXACT if last else ROUGH)
     return q
 
 
-def at_rest(system: LineElements, q: Array) -> Slots:
+def slots_at_rest(system: LineElements, q: Array) -> Slots:
     z = np.zeros((3, system.size))
     z[0], z[2, system.force] = q, q[system.force]
     return system.fill_dependent_slots(z)
 
 
-def held_cars(system: LineElements, t: float, phase: int) -> Cars:
+def cars_at_rest(system: LineElements, t: float, phase: int) -> Cars:
     """Cars at rest; hauled ones are about to move."""
     cars = system.car_data(t, phase)
     hauled = np.array([car.travel is not None for car in system.line.cars])
@@ -61,22 +62,22 @@ def held_cars(system: LineElements, t: float, phase: int) -> Cars:
     )
 
 
-def _newton(
+def _solve_by_newton(
     system: LineElements, t: float, phase: int, q: Array, free: NDArray[np.bool_], law: Array | None, enough: float
 ) -> Array:
     points = np.array([c.point for c in system.line.supports])
     reach, bound = float(np.ptp(points[:, 0])), system.force_floor * np.sqrt(system.n_dof)
-    cars = held_cars(system, t, phase)
+    cars = cars_at_rest(system, t, phase)
     moving = free.copy()
     moving[system.force] = False
 
     def rows(q: Array) -> Array:
-        return system.rows(t, at_rest(system, q), phase, law, cars)[free]
+        return system.balance_rows(t, slots_at_rest(system, q), phase, law, cars)[free]
 
     r = rows(q)
     for _ in range(ITERATIONS):
         before = np.linalg.norm(r)
-        solve = system.solver(t, at_rest(system, q), phase, (1.0, 0.0, 0.0), free, law, cars)
+        solve = system.tangent_solver(t, slots_at_rest(system, q), phase, (1.0, 0.0, 0.0), free, law, cars)
         step = np.zeros(system.size)
         step[free] = solve(r)
         factor = 1.0
@@ -96,41 +97,35 @@ def _newton(
     raise StepFailure(t, "no rest of the loaded line was found", "compare the rope's length with its contacts")
 
 
-def _soft(system: LineElements, q: Array, N: Array, share: float) -> Array:
-    """The law (1, 4, K, G) N = N_ref + EA_soft (lam - lam_ref), which keeps the length of a rope under N_ref (K,)."""
-    law, N_ref = system.segments.law(system.motion(at_rest(system, q)).s), N[:, None]
+def _soft_law(system: LineElements, N: Array, fraction: float) -> Array:
+    """The law (3, K, G) N = N_ref + EA_soft (lam - lam_ref), which keeps the length of a rope under N_ref (K,)."""
+    law, N_ref = Law(*system.law), N[:, None]
     soft = np.minimum(law.EA, SOFTEST * N_ref)
-    EA = law.EA**share * soft ** (1.0 - share)
-    more = (N_ref - law.N_r) / law.EA
+    EA = law.EA**fraction * soft ** (1.0 - fraction)
+    more = N_ref / law.EA
     N_r = N_ref - EA * more
-    W = (law.N_r + 0.5 * law.EA * more) * more
-    return np.array([[EA, N_r, np.zeros_like(N_r), W - (N_r + 0.5 * EA * more) * more]])
+    return np.array([EA, N_r, (0.5 * (law.EA - EA) * more - N_r) * more])
 
 
-def _begin(system: LineElements, q: Array, free: NDArray[np.bool_]) -> Array:
+def _set_first_guess(system: LineElements, q: Array, free: NDArray[np.bool_]) -> Array:
     """Set q to parabolas between guessed contacts; return tensions (K,) of the segments."""
     line, rope = system.line, system.line.rope
-    shorter = 1.0
-    if rope.rest_tension is not None:
-        middle = 0.5 * (rope.length or 0.0)
-        shorter = 1.0 / (1.0 + float(rope.at_rest(np.array(middle))[0]) / rope.EA)
     x = _guess_x(system, q)
     for _ in range(ROUNDS):
-        stations = tuple(_station(c, x[k], line.gravity) for k, c in enumerate(line.touching))
-        length = rope.length * shorter if rope.length is not None else None
-        first = first_guess(Case(stations, line.weight, rope.EA, length=length))
+        stations = tuple(_station_of(c, x[k], line.gravity) for k, c in enumerate(line.touching))
+        first = first_guess(Case(stations, line.weight, rope.EA, length=rope.length))
         if isinstance(first, NoLine):
             raise StepFailure(0.0, str(first), "give more rope or less load")
         H = first.H
         points = first.points
-        s = first.s / shorter
+        s = first.s
         moved = np.zeros_like(x)
         for k in system.cars:
             if not free[system.s[k]]:
                 moved[k] = q[system.s[k]] - s[k]
         for trolley in system.trolleys:
             moved[trolley.k - 1] = moved[trolley.k]
-        x = _between_supports(system, x + moved)
+        x = _order_cars_in_spans(system, x + moved)
     s = np.where(free[system.s], s, q[system.s])
     q[system.s] = s
     run = np.diff(points, axis=0)
@@ -152,7 +147,7 @@ def _begin(system: LineElements, q: Array, free: NDArray[np.bool_]) -> Array:
     return H * np.hypot(run[:, 0], run[:, 1]) / run[:, 0]
 
 
-def _station(contact: Contact | Car | Wheel, x: float, gravity: float) -> Station:
+def _station_of(contact: Contact | Car | Wheel, x: float, gravity: float) -> Station:
     if not isinstance(contact, Contact):
         car, share = (contact.car, 0.5) if isinstance(contact, Wheel) else (contact, 1.0)
         kind = "hauled" if car.kind == "haul_x" else "grips"
@@ -172,15 +167,15 @@ def _guess_x(system: LineElements, q: Array) -> Array:
     x = np.array([c.point[0] if isinstance(c, Contact) else 0.0 for c in line.touching])
     for k, car in zip(system.cars, line.cars, strict=True):
         if car.kind == "haul_x":
-            x[k] = q[system.slot(k)]
+            x[k] = q[system.travel_slot(k)]
         else:
             x[k] = np.interp(q[system.s[k]] - begin, along, points[:, 0])
     for trolley in system.trolleys:
         x[trolley.k - 1] = x[trolley.k] - trolley.wheels.base
-    return _between_supports(system, x)
+    return _order_cars_in_spans(system, x)
 
 
-def _between_supports(system: LineElements, x: Array) -> Array:
+def _order_cars_in_spans(system: LineElements, x: Array) -> Array:
     """x with the cars evenly ordered within their span, where they are not."""
     out = x.copy()
     for i, j in itertools.pairwise(system.supports):

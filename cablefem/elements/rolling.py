@@ -29,13 +29,13 @@ from cablefem.scene.drive import GRIP
 from cablefem.scene.motion import rest_motion
 from cablefem.stickslip import CarForces, RollingCar
 
-ANY = np.empty(0)  # course of a car in single steps
+NO_BOUNDS = np.empty(0)  # course of a car in single steps
 MARGIN = 0.1  # least normal force over weight of a hauled car in compiled steps
 ABRUPT = 1e-5  # slip over l in a step that makes an acceleration needs_damped_steps
-LEAST = 1e-30  # factor of dr/da, for a tangent that is regular for the rope's force
+TINY = 1e-30  # factor of dr/da, for a tangent that is regular for the rope's force
 
 
-def following(groups: Groups, **kind: Any) -> FollowingElements:
+def make_following_elements(groups: Groups, **kind: Any) -> FollowingElements:
     return (FollowingElements if groups.drive.mode == "grip" else RollingElements)(groups, **kind)
 
 
@@ -74,16 +74,16 @@ class RollingElements(RollingCar, FollowingElements):
         """
         t = self.phases[phase][0]
         if state is not None:
-            return self.enter(state._replace(t=t, phase=phase))
+            return self.enter_phase(state._replace(t=t, phase=phase))
         self.reset()
         if not self.free:
             s_o, ds, _ = self.motion.at(t, 0)
-            return newmark.quasi_static_start(self, self._hung, s_o, ds)
+            return newmark.quasi_static_start(self, self._rest_on_rope, s_o, ds)
         s_o = self.drive.start
         zero = np.zeros(self.n_dof)
         x = State(t, np.append(equilibrium(self.with_clamped_car(s_o)), s_o), zero, zero.copy(), 0)
-        alone = self._car._replace(drag=0.0, friction=0.0, brake=0.0)
-        self.hold = self._roll(alone, np.zeros(3), np.array(x[1:4]), np.empty(self.n_dof))[2]
+        alone = self._kernel_car._replace(drag=0.0, friction=0.0, brake=0.0)
+        self.hold = self._assemble_with_car(alone, np.zeros(3), np.array(x[1:4]), np.empty(self.n_dof))[2]
         return self.release_car(x)
 
     def needs_damped_steps(self, x: State, dt: float) -> bool:
@@ -91,53 +91,56 @@ class RollingElements(RollingCar, FollowingElements):
         return self.free and 0.5 * dt * dt * abs(float(x.a[-1])) > ABRUPT
 
     def _assemble(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
-        self._roll(self._car, self._driven(np.array(t), phase), x, r, factors)
+        self._assemble_with_car(self._kernel_car, self._drive_inputs(np.array(t), phase), x, r, factors)
 
     def solve_steps(self, t: Array, *steps) -> tuple[Array, Array]:
         if not self.events_bounded:
             return newmark.NO_STEPS
         now, told = super().solve_steps(t, *steps)
-        self._seen_to(t, len(now))
+        self._set_events_from(t, len(now))
         return now, told
 
-    def _seen_to(self, t: Array, taken: int) -> None:
+    def _set_events_from(self, t: Array, taken: int) -> None:
         if taken > 1:
             self.events_from = float(t[taken - 2] + 0.9 * (t[taken - 1] - t[taken - 2]))
 
-    def _moved(self, t: Array, phase: int, start: Array) -> tuple[Any, Array]:
-        return kernels.Ride(self._car, self._at_car, self._course if len(t) > 1 else ANY), self._driven(t, phase)
+    def _car_and_inputs(self, t: Array, phase: int, start: Array) -> tuple[Any, Array]:
+        bounds = self._event_bounds if len(t) > 1 else NO_BOUNDS
+        return kernels.CarOnMesh(self._kernel_car, self._at_car, bounds), self._drive_inputs(t, phase)
 
-    def _driven(self, t: Array, phase: int) -> Array:
+    def _drive_inputs(self, t: Array, phase: int) -> Array:
         """`now` of `kernels.Car` at t, (..., 3)."""
         if not self.free:
             return np.ascontiguousarray(np.moveaxis(self.motion.kinematics(t, phase), 0, -1))
         now = np.zeros((*t.shape, 3))
         drive = self.drive
         if t.min() < drive.release:
-            now[..., 0] = self.hold * np.vectorize(drive.hold)(t)
+            now[..., 0] = self.hold * np.vectorize(drive.hold_fraction)(t)
         if drive.thrust_table:
             now[..., 1] = drive.thrust(t, phase)
         return now
 
     @property
-    def _course(self) -> Array:
-        """`course` of `kernels.under_way`.
+    def _event_bounds(self) -> Array:
+        """`bounds` of `kernels.is_before_event`.
 
         A hauled car has a margin: schemes may balance it before the end of the step.
         """
         margin = 0.0 if self.free else MARGIN * self.inertia * self.groups.sigma
         keeps = self.event_bounds() if self.free else (-math.inf, math.inf, 0.0, 0.0, 0.0)
-        return np.array([*keeps, -math.inf if self.mode.lifted else margin])
+        return np.array([*keeps, -math.inf if self.mode.y_with_rates else margin])
 
     def collocate(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
         many = not self.free or rule.c[-1] == 1.0
-        told = self._collocated(phase, steps if many and self.events_bounded else steps.first(1), rule, newton)
-        self._seen_to(steps.t[1:], len(told))
+        told = self._collocation_results(
+            phase, steps if many and self.events_bounded else steps.first_steps(1), rule, newton
+        )
+        self._set_events_from(steps.t[1:], len(told))
         return self._step_results(told)
 
     def car_forces(self, x: State) -> CarForces:
         """Normal force, speed along the rope and forces along it; dimensionless."""
-        push = self._forces(x)
+        push = self._car_forces_at(x)
         tx, ty = push.tau
         px, py = push.velocity
         ex, ey = push.outside
@@ -145,32 +148,32 @@ class RollingElements(RollingCar, FollowingElements):
         return CarForces(push.normal, px * tx + py * ty, ex * tx + (ey + weight) * ty, weight * tx)
 
     def hold_and_normal_force(self, x: State) -> tuple[float, float]:
-        push = self._forces(x)
-        now = self._driven(np.array(x.t), x.phase)
-        needed = self._roll(self._car, now, np.array(x[1:4]), np.empty(self.n_dof))[2]
+        push = self._car_forces_at(x)
+        now = self._drive_inputs(np.array(x.t), x.phase)
+        needed = self._assemble_with_car(self._kernel_car, now, np.array(x[1:4]), np.empty(self.n_dof))[2]
         return needed / push.stretch, push.normal
 
     def solve_acceleration(self, x: State) -> State:
         return newmark.consistent_acceleration(self, x.t, x.q, x.v, x.phase)
 
     @property
-    def _car(self) -> kernels.Car:
+    def _kernel_car(self) -> kernels.Car:
         fixed = self.node, self.inertia, self.groups.sigma, *self._air
         if not self.free:
             return kernels.Car(kernels.HAUL, *fixed, 0.0, 1.0)
         return kernels.Car(kernels.HELD if self.mode.sticks else kernels.FREE, *fixed, self.brake, self.mode.sign)
 
-    def _forces(self, x: State) -> kernels.Forces:
-        now = self._driven(np.array(x.t), x.phase)
-        return kernels.forces(self._cable, self._car, now, self._at_car, np.array(x[1:4]))
+    def _car_forces_at(self, x: State) -> kernels.Forces:
+        now = self._drive_inputs(np.array(x.t), x.phase)
+        return kernels.car_forces(self._cable, self._kernel_car, now, self._at_car, np.array(x[1:4]))
 
-    def _roll(
+    def _assemble_with_car(
         self, car: kernels.Car, now: Array, x: Array, r: Array, factors: Factors = NO_TANGENT,
         tangent: Tangent | None = None,
     ) -> tuple[float, ...]:  # fmt: skip
         at = Instant(now, self._bands, self._contact)
-        ride = kernels.Ride(car, self._at_car, ANY)
-        seen = kernels.roll(self._cable, ride, at, x, r, tangent or self._single, factors)
+        ride = kernels.CarOnMesh(car, self._at_car, NO_BOUNDS)
+        seen = kernels.assemble_with_car(self._cable, ride, at, x, r, tangent or self._tangent, factors)
         self.min_tension = seen[:2]
         return seen
 
@@ -178,10 +181,10 @@ class RollingElements(RollingCar, FollowingElements):
         """The cable at rest with the car clamped to it."""
         return FollowingElements(replace(self.groups, motion=rest_motion(s_o, 1.0), drive=GRIP), **self._at_rest)
 
-    def _hung(self, s_o: float) -> Array:
+    def _rest_on_rope(self, s_o: float) -> Array:
         """q of a hauled car at rest on its rope, about to move."""
         still = replace(self.groups, motion=rest_motion(s_o, 1.0), drive=replace(self.drive, k=0.0))
-        on_its_rope = OnItsRope(still, **self._at_rest)
+        on_its_rope = CarOnRope(still, **self._at_rest)
         return np.append(equilibrium_on_rope(on_its_rope, equilibrium(self.with_clamped_car(s_o)))[:-1], 0.0)
 
     def _kinematics(self, states: States) -> Array:
@@ -208,20 +211,20 @@ class RollingElements(RollingCar, FollowingElements):
         powers = {name: np.sum(force * o.path_velocity, axis=1) for name, force in outside.items()}
         powers["friction"] = -stretch * drive.mu_r * normal * np.abs(ds)
         if self.free:
-            powers["brake"] = -stretch * drive.brake(o.s_o) * np.abs(ds)
-            powers["hold"] = self.hold * np.array([drive.hold(t) for t in states.t]) * ds
+            powers["brake"] = -stretch * drive.brake_force(o.s_o) * np.abs(ds)
+            powers["hold"] = self.hold * np.array([drive.hold_fraction(t) for t in states.t]) * ds
         powers |= o.powers
         pulled = not self.free or bool(drive.thrust_table)
         return replace(o, contact=contact, powers=powers, power=sum(powers.values()), haul=pull if pulled else o.haul)
 
 
-class OnItsRope(RollingElements):
+class CarOnRope(RollingElements):
     """A hauled car at rest; its last unknown is the force of the rope."""
 
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
-        c2 = c2 or LEAST
+        c2 = c2 or TINY
         r, solve = super().linearise(t, q, v, np.append(a[:-1], q[-1]), phase, c0, c1, c2)
 
         def solve_for_force(b: Array) -> Array:

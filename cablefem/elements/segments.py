@@ -4,9 +4,9 @@ A segment from s_k to s_k+1 is a mesh on 0 <= xi <= 1, s = s_k + xi h.  Nodes mo
 The unknowns are absolute points r of the nodes and the s_k.  With w = dr/dt - c r' at fixed s and the Lagrangian
 L = sum of int rho w^2/2 - W(lam, s) + q y ds, the rows are
 
-    r :    int rho (h dw + dh w + c_d h w) phi - q h j phi + (rho c w + N t) phi_xi dxi
-    s_k :  int - rho psi (dw . r_xi + w . v_xi + c_d w . r_xi) - e rho (w^2/2 + c w . r')
-               + e (W - N lam - q y) + W_s h psi dxi,    dw: rate of w at fixed xi
+    r :    int rho (h dw + dh w) phi - q h j phi + (rho c w + N t) phi_xi dxi
+    s_k :  int - rho psi (dw . r_xi + w . v_xi) - e rho (w^2/2 + c w . r')
+               + e (W - N lam - q y) dxi,    dw: rate of w at fixed xi
 
 psi and e are xi and 1 at a right end, 1 - xi and -1 at a left one.
 """
@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import skfem
 
-from cablefem.elements.reference import lagrange_element, numbered
+from cablefem.elements.reference import lagrange_element, number_unknowns
 from cablefem.newmark import Array
 from cablefem.scene.contacts import Elastic
 
@@ -48,7 +48,6 @@ class Law(NamedTuple):
 
     EA: Array
     N_r: Array
-    slope: Array  # dN_r/ds
     W_r: Array
 
 
@@ -66,7 +65,6 @@ class Points(NamedTuple):
     lam: Array
     N: Array
     W: Array
-    W_s: Array
 
 
 def dot(a: Array, b: Array) -> Array:
@@ -80,18 +78,18 @@ class Segments:
         self.rope, self.elements, self.degree = rope, elements, degree
         self.rho, self.q = rope.mass_per_length, rope.mass_per_length * gravity
         self.nn = elements * degree + 1
-        self.dofs = numbered(degree, elements)
+        self.dofs = number_unknowns(degree, elements)
         mesh = skfem.MeshLine(np.linspace(0.0, 1.0, elements + 1))
         basis = skfem.Basis(mesh, lagrange_element(degree), intorder=2 * degree + 2)
-        self.values, self.slopes = self._tables(basis)
+        self.values, self.slopes = self._shape_tables(basis)
         self.xi = np.asarray(basis.global_coordinates())[0].ravel()  # (G,)
         self.psi = np.stack([1.0 - self.xi, self.xi], axis=1)  # (G, 2)
         self.weights = basis.dx.ravel()  # (G,)
         both_ends = np.array([[0.0, 1.0]]), np.ones(2)
         at_ends = skfem.Basis(mesh, lagrange_element(degree), quadrature=both_ends)
-        self.end_slopes = self._tables(at_ends)[1][[0, -1]]  # of the shape functions, (2, nn)
+        self.end_slopes = self._shape_tables(at_ends)[1][[0, -1]]  # of the shape functions, (2, nn)
 
-    def _tables(self, basis: skfem.Basis) -> tuple[Array, Array]:
+    def _shape_tables(self, basis: skfem.Basis) -> tuple[Array, Array]:
         """Values and slopes of the nodes' shape functions at the points, (G, nn) each."""
         shape = basis.dx.shape  # (elements, points)
         out = np.zeros((2, *shape, self.nn))
@@ -104,15 +102,12 @@ class Segments:
         return values, slopes
 
     # --- fields --------------------------------------------------------------------------------------------
-    def law(self, s: Array) -> Law:
-        """The rope's law between ends s (..., K, 2)."""
-        none = np.zeros((*s.shape[:-1], self.xi.size))
-        EA = none + self.rope.EA
-        if self.rope.rest_tension is None:
-            return Law(EA, none, none, none)
-        return Law(EA, *self.rope.at_rest(s @ self.psi.T), none)
+    def law(self, count: int) -> Law:
+        """The rope's law in `count` segments."""
+        none = np.zeros((count, self.xi.size))
+        return Law(none + self.rope.EA, none, none)
 
-    def at_points(self, x: Motion) -> Array:
+    def values_at_points(self, x: Motion) -> Array:
         """r, v, a, r_xi, v_xi, and s, ds, dds at both ends: (K, G, 16)."""
         values = self.values @ np.concatenate([x.r, x.v, x.a], axis=2)
         slopes = self.slopes @ np.concatenate([x.r, x.v], axis=2)
@@ -127,39 +122,40 @@ class Segments:
         w = v - (c / h)[..., None] * r_xi
         dw = a - (c / h)[..., None] * v_xi + ((c * dh / h - dc) / h)[..., None] * r_xi
         lam = np.sqrt(dot(r_xi, r_xi)) / h
-        N_r = law.N_r + law.slope * dot(s - s.real, self.psi)  # the law is known at the real s
         more = lam - 1.0
-        W = law.W_r + (N_r + 0.5 * law.EA * more) * more
-        return Points(h, dh, c, r[..., 1], r_xi, v_xi, w, dw, lam, N_r + law.EA * more, W, law.slope * more)
+        W = law.W_r + (law.N_r + 0.5 * law.EA * more) * more
+        return Points(h, dh, c, r[..., 1], r_xi, v_xi, w, dw, lam, law.N_r + law.EA * more, W)
 
     def points(self, x: Motion) -> Points:
-        return self.fields(self.at_points(x), self.law(x.s))
+        return self.fields(self.values_at_points(x), self.law(1))
 
     # --- rows ------------------------------------------------------------------------------------------------
-    def density(self, p: Points) -> Array:
+    def row_densities(self, p: Points) -> Array:
         """Factors of phi (2) and phi_xi (2) in the rows of nodes, and rows of s at both ends (2): (..., K, G, 6)."""
-        rho, c_d = self.rho, self.rope.damping
-        inertia = rho * (p.h[..., None] * p.dw + (p.dh + c_d * p.h)[..., None] * p.w)
+        rho = self.rho
+        inertia = rho * (p.h[..., None] * p.dw + p.dh[..., None] * p.w)
         by_value = inertia - (self.q * p.h)[..., None] * DOWN
         by_slope = (rho * p.c)[..., None] * p.w + (p.N / (p.lam * p.h))[..., None] * p.r_xi
-        momentum = dot(p.dw + c_d * p.w, p.r_xi) + dot(p.w, p.v_xi)
+        momentum = dot(p.dw, p.r_xi) + dot(p.w, p.v_xi)
         kinetic = 0.5 * dot(p.w, p.w) + p.c / p.h * dot(p.w, p.r_xi)
         material = p.W - p.N * p.lam - self.q * p.y - rho * kinetic
-        of_s = SIGN * material[..., None] + self.psi * (p.h * p.W_s - rho * momentum)[..., None]
+        of_s = SIGN * material[..., None] - rho * self.psi * momentum[..., None]
         return np.concatenate([by_value, by_slope, of_s], axis=-1)
 
     def residual(self, p: Points) -> tuple[Array, Array]:
         """Rows of the nodes (K, nn, 2) and of s at both ends (2, K)."""
-        density = self.density(p) * self.weights[:, None]
+        density = self.row_densities(p) * self.weights[:, None]
         return self.values.T @ density[..., :2] + self.slopes.T @ density[..., 2:4], density[..., 4:].sum(axis=1).T
 
     def tangent(self, x: Motion, law: Law, c: tuple[complex, complex, complex]) -> Array:
         """D^T W J D: c0 d/dr + c1 d/dv + c2 d/da of the rows, (K, m, m) for m = 2 nn + 2 nodes' x, y and s.
 
-        J (16, K, G, 6) holds the derivatives of `density`, without the second derivative of N_r.
+        J (16, K, G, 6) holds the derivatives of `density`.
         """
-        u = self.at_points(x) + 1j * STEP * np.eye(16)[:, None, None, :]
-        J = (self.density(self.fields(u, law)).imag / STEP * self.weights[:, None]).reshape(8, 2, *u.shape[1:3], 6)
+        u = self.values_at_points(x) + 1j * STEP * np.eye(16)[:, None, None, :]
+        J = (self.row_densities(self.fields(u, law)).imag / STEP * self.weights[:, None]).reshape(
+            8, 2, *u.shape[1:3], 6
+        )
         (c0, c1, c2), D, P = c, self.slopes, self.values
         by_value, by_slope = c0 * J[0] + c1 * J[1] + c2 * J[2], c0 * J[3] + c1 * J[4]
         by_ends = np.moveaxis(c0 * J[5] + c1 * J[6] + c2 * J[7], 0, -1)  # (K, G, 6, 2)

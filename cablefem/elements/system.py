@@ -17,15 +17,15 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
-from cablefem.elements.bodies import INPUTS, Cars, force_jacobian, forces, size
-from cablefem.elements.bordered import Bordered, Full, Matrix
+from cablefem.elements.bodies import INPUTS, Cars, force_jacobian, forces, vector_length
+from cablefem.elements.bordered import Bordered, Dense, Matrix
 from cablefem.elements.observe import observe
 from cablefem.elements.segments import Law, Motion, Segments
 from cablefem.elements.trolley import Trolley
 from cablefem.motion import LineMotion
 from cablefem.newmark import Array, Solve, State, StepFailure, System, consistent_acceleration
 from cablefem.scene.contacts import NEAREST, Car, Contact, MovingLine, Wheel
-from cablefem.shoes import force_along_rail, may_pass, next_passages
+from cablefem.shoes import force_along_rail, may_pass, possible_passages
 
 if TYPE_CHECKING:
     from cablefem.elements.segment_kernels import Kernel
@@ -57,13 +57,13 @@ class LineElements(System):
         self.compiled = compiled
         count = len(line.touching) - 1
         self.segments = Segments(line.rope, line.gravity, elements, degree)
+        self.law = np.array(self.segments.law(count))  # (3, K, G)
         self.phases = line.phases
         self.node = (self.segments.nn - 1) * np.arange(count + 1)  # of each contact
         self.nodes = self.node[:-1, None] + np.arange(self.segments.nn)  # of each segment, (K, nn)
         self.n = int(self.node[-1]) + 1
         self._number_slots()
         self._known: dict[tuple[float, int], Array] = {}
-        self._same_law: Array | None = None  # of a rope whose law does not depend on s
         self._loaded: tuple[State | None, list[float]] = (None, [])  # of the last state that was watched
         # t, a, rows and loads at the last instant of the last residuals
         self._last: tuple[float, Array, Array, Array] | None = None
@@ -99,8 +99,8 @@ class LineElements(System):
         hauled = [k for k, car in zip(self.cars, line.cars, strict=True) if car.drive.mode == "haul"]
         self.force = self.s[-1] + 1 + np.arange(len(hauled))  # slots of F/M
         self.of_force = np.searchsorted(self.cars, hauled)  # their numbers among the cars
-        self._bodies(int(self.s[-1]) + 1 + len(hauled))
-        self.kept = np.array([self.slot(k) for k in hauled], int)  # rows that determine F
+        self._number_body_slots(int(self.s[-1]) + 1 + len(hauled))
+        self.kept = np.array([self.travel_slot(k) for k in hauled], int)  # rows that determine F
         rails = zip(self.node[self.cars].tolist(), line.cars, strict=True)
         self.rails = [(2 * node, car.rail) for node, car in rails if car.rail is not None]  # slots of x
         saddles = {line.touching[k].name: int(self.s[k]) for k in self.supports}  # slots of s
@@ -119,11 +119,11 @@ class LineElements(System):
         line, contacts = self.line, self.line.touching
         names = [c.car.name if isinstance(c, Wheel) else c.name for c in contacts]
         of_cars = set(range(len(contacts))) - set(self.supports)
-        self.passages = next_passages(line)
+        self.passages = possible_passages(line)
         pairs = [k for k in range(len(contacts) - 1) if {k, k + 1} & of_cars and names[k] != names[k + 1]]
         self._gaps = [k for k in pairs if not may_pass(self.passages, names[k], names[k + 1])]
         self._rolls = any(car.kind == "free" for car in line.cars)
-        self._stops = [i for i, car in enumerate(line.cars) if car.kind == "free" and car.drive.resists]
+        self._stops = [i for i, car in enumerate(line.cars) if car.kind == "free" and car.drive.has_resistance]
         self._brakes = [(i, place) for i in self._stops for place, _ in line.cars[i].drive.brakes]
         self.events = (
             *(f"{names[k]} meets {names[k + 1]}" for k in self._gaps),
@@ -153,7 +153,7 @@ class LineElements(System):
         slots[self.of_force] = self.force
         return slots
 
-    def _bodies(self, first: int) -> None:
+    def _number_body_slots(self, first: int) -> None:
         """Give cabins and cars on two wheels their slots, from `first` on."""
         cars = list(enumerate(self.line.cars))
         self.of_swing = [i for i, car in cars if car.hanger is not None]
@@ -162,7 +162,7 @@ class LineElements(System):
         self.trolleys = [Trolley(car, i, self.cars[i]) for i, car in cars if car.wheels is not None]
         for trolley in self.trolleys:
             force = int(self._force_slots[trolley.i])
-            trolley.bind(first + np.arange(3), force, self.nodes, self.s, self.segments.end_slopes)
+            trolley.set_slots(first + np.arange(3), force, self.nodes, self.s, self.segments.end_slopes)
             first += 3
         self.size = first
         self.points = [i for i, car in cars if car.wheels is None]  # numbers of the cars on one contact
@@ -176,7 +176,7 @@ class LineElements(System):
         wheels = {trolley.i: (" rear wheel", " front wheel") for trolley in self.trolleys}
         self._pressing = [(i, wheel) for i, _ in cars for wheel in wheels.get(i, ("",))]  # all that may lift off
 
-    def slot(self, k: int) -> int:
+    def travel_slot(self, k: int) -> int:
         """Slot that the travel of the car at contact k prescribes."""
         i = self.cars.index(k)
         if self.line.cars[i].kind != "haul_x":
@@ -192,8 +192,8 @@ class LineElements(System):
         if k in self.cars:
             car = self.line.cars[self.cars.index(k)]
             if car.travel is not None:
-                self.free[self.slot(k)] = False
-                self.prescribed.append((car, self.slot(k)))
+                self.free[self.travel_slot(k)] = False
+                self.prescribed.append((car, self.travel_slot(k)))
         if not isinstance(contact, Contact):
             return
         if contact.kind != "spring":
@@ -203,11 +203,11 @@ class LineElements(System):
             self.free[self.s[k]] = False
             self.constant[self.s[k]] = (self.line.rope.length or 0.0) if k else 0.0
 
-    def known(self, t: float, phase: int) -> Slots:
+    def prescribed_slots(self, t: float, phase: int) -> Slots:
         """Slots with what is prescribed at t; zero elsewhere."""
-        return Slots(*self._prescribed_at(t, phase).copy())
+        return Slots(*self._prescribed_array(t, phase).copy())
 
-    def _prescribed_at(self, t: float, phase: int) -> Array:
+    def _prescribed_array(self, t: float, phase: int) -> Array:
         """`known` as an array (3, size) that is kept."""
         if (t, phase) not in self._known:
             if len(self._known) >= KEPT:
@@ -219,73 +219,65 @@ class LineElements(System):
             self._known[t, phase] = out
         return self._known[t, phase]
 
-    def slots(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Slots:
-        out = self._prescribed_at(t, phase).copy()
+    def all_slots(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Slots:
+        out = self._prescribed_array(t, phase).copy()
         out[:, self._unknown] = q, v, a
         return self.fill_dependent_slots(out)
 
     def fill_dependent_slots(self, z: Array) -> Slots:
         """Slots of (3, ..., size), where wheels follow their cars, and cars on shoes their rails."""
         for trolley in self.trolleys:
-            trolley.place(z)
+            trolley.place_wheels(z)
         for x, rail in self.rails:
-            z[..., x + 1] = rail.lifted(z[..., x])
+            z[..., x + 1] = rail.y_with_rates(z[..., x])
         return Slots(*z)
 
-    def motion(self, x: Slots) -> Motion:
+    def segment_motion(self, x: Slots) -> Motion:
         nodal = [z[: 2 * self.n].reshape(-1, 2)[self.nodes] for z in x]
         ends = [np.stack([z[self.s[:-1]], z[self.s[1:]]], axis=1) for z in x]
         return Motion(*nodal, *ends)
 
     # --- balance ---------------------------------------------------------------------------------------------
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
-        return self.rows(t, self.slots(t, q, v, a, phase), phase)[self._unknown]
+        return self.balance_rows(t, self.all_slots(t, q, v, a, phase), phase)[self._unknown]
 
     def residuals(self, t: Array, q: Array, v: Array, a: Array, phase: int) -> Array:
         if not self.compiled:
             return super().residuals(t, q, v, a, phase)
         instants = self._instants
         if instants is None or instants[0] is not t or instants[1] != phase:
-            prescribed = np.stack([self._prescribed_at(at, phase) for at in t.tolist()], axis=1)
+            prescribed = np.stack([self._prescribed_array(at, phase) for at in t.tolist()], axis=1)
             instants = self._instants = t, phase, prescribed  # the same for all residuals of a step
         z = instants[2].copy()  # (3, n, size)
         z[..., self._unknown] = q, v, a
         x = self.fill_dependent_slots(z)
-        rows = self.rows(t, x, phase)
+        rows = self.balance_rows(t, x, phase)
         self._last = t.item(-1), a[-1], rows[-1], self.loads[-1]
         return rows[:, self._unknown]
 
-    def rows(self, t: Array | float, x: Slots, phase: int, law: Array | None = None, cars: Cars | None = None) -> Array:
+    def balance_rows(
+        self, t: Array | float, x: Slots, phase: int, law: Array | None = None, cars: Cars | None = None
+    ) -> Array:
         """Rows of all slots (..., size): what is missing from balance; of prescribed ones the force that they need.
 
         x : slots (..., size) at the time or times t.
         """
         cars = cars or self.car_data(t, phase)
-        rows = self._rope_rows(x, self._law(x) if law is None else law, cars)
+        rows = self._rope_rows(x, self.law if law is None else law, cars)
         self._add_supports(rows, x)
         for trolley in self.trolleys:
-            y = trolley.inputs(x, rows[..., trolley.points.ravel()])
+            y = trolley.force_inputs(x, rows[..., trolley.points.ravel()])
             rows[..., trolley.rows] += np.stack(trolley.forces(cars, y).rows, axis=-1)
         for slot, rail in self.rails:
             rows[..., slot] += rail.slopes(x.q[..., slot])[1] * rows[..., slot + 1]
         for saddle, car, stretch in self.gripping:
             flow = np.array(x)[..., saddle].reshape(3, -1).T
             times = np.ravel(t).tolist()
-            jets = [self.line.off_rope(car, at, phase, f) for at, f in zip(times, flow, strict=True)]
+            jets = [self.line.point_off_rope(car, at, phase, f) for at, f in zip(times, flow, strict=True)]
             along = [force_along_rail(car, jet, self.line.gravity) for jet in jets]
             rows[..., saddle] -= stretch * np.reshape(along, np.shape(t))
         rows[..., self.force] = rows[..., self.kept]
         return rows
-
-    def _law(self, x: Slots) -> Array:
-        """The rope's law (1 or n, 4, K, G)."""
-        if self._same_law is not None:
-            return self._same_law
-        law = self.segments.law(np.stack([x.q[..., self.s[:-1]], x.q[..., self.s[1:]]], axis=-1))
-        values = np.stack(law, axis=-3).reshape(-1, 4, *law.EA.shape[-2:])
-        if self.line.rope.rest_tension is None:
-            self._same_law = values[:1]
-        return values
 
     def _rope_rows(self, x: Slots, law: Array, cars: Cars) -> Array:
         """Rows (..., size) of segments and of cars on one contact; notes loads of these and the smallest tension."""
@@ -296,12 +288,12 @@ class LineElements(System):
             at = [z.reshape(each.shape) for z in x]
             self._kernel.add_rows(at, law, cars, each, self.loads)
         else:
-            self._add_by_numpy(rows, x, Law(*law[0]), cars)
+            self._add_by_numpy(rows, x, Law(*law), cars)
         return rows
 
     def _add_by_numpy(self, rows: Array, x: Slots, law: Law, cars: Cars) -> None:
-        m = self.motion(x)
-        fields = self.segments.fields(self.segments.at_points(m), law)
+        m = self.segment_motion(x)
+        fields = self.segments.fields(self.segments.values_at_points(m), law)
         nodes, ends = self.segments.residual(fields)
         points = rows[: 2 * self.n].reshape(-1, 2)
         points[:-1] += nodes[:, :-1].reshape(-1, 2)
@@ -318,25 +310,22 @@ class LineElements(System):
 
     def _add_supports(self, rows: Array, x: Slots) -> None:
         for slots, stiffness, spring in self._springs:
-            force = stiffness * (x.q[..., slots] - spring.point)
-            rows[..., slots] += force + (spring.mass or 0.0) * x.a[..., slots]
+            rows[..., slots] += stiffness * (x.q[..., slots] - spring.point)
         for slot, k in self._weights:
-            rows[..., slot] += self.pulley(k, x.v[..., slot], x.a[..., slot])
+            rows[..., slot] += self.pulley_row(k, x.v[..., slot], x.a[..., slot])
 
-    def _weight(self, k: int, force: float) -> tuple[float, float]:
+    def _counterweight(self, k: int, force: float) -> tuple[float, float]:
         """Mass of a counterweight for d2s/dt2, and +1 at the right end, -1 at the left one."""
-        mass = self.line.supports[k].mass
-        mass = force / self.line.gravity if mass is None else mass
-        return mass * (1.0 + force / self.line.rope.EA), 1.0 if k else -1.0
+        return force / self.line.gravity * (1.0 + force / self.line.rope.EA), 1.0 if k else -1.0
 
-    def pulley(self, k: int, ds: Array, dds: Array) -> Array:
+    def pulley_row(self, k: int, ds: Array, dds: Array) -> Array:
         """e [N + N^2/(2 EA) + q y - rho (ds lam)^2/2], N = G + e m (1 + G/EA) dds, at the end k = 0 or -1.
 
         The rope that passes takes the energy of its weight and its motion along.
         """
         contact, EA = self.line.supports[k], self.line.rope.EA
         force = contact.force or 0.0
-        mass, sign = self._weight(k, force)
+        mass, sign = self._counterweight(k, force)
         N = force + sign * mass * dds
         speed = ds * (1.0 + N / EA)
         entering = self.line.weight * contact.point[1] - 0.5 * self.segments.rho * speed**2
@@ -364,7 +353,7 @@ class LineElements(System):
             thrust, released = np.empty((2, *np.shape(t), len(cars)))
             for i, car in enumerate(cars):
                 thrust[..., i] = np.reshape([line.thrust(car, at, phase) for at in times], np.shape(t))
-                released[..., i] = np.reshape([car.drive.hold(at) for at in times], np.shape(t))
+                released[..., i] = np.reshape([car.drive.hold_fraction(at) for at in times], np.shape(t))
         k, wind, friction = self._air
         lever, arm, inertia, resistance = self._cabins
         data = Cars(
@@ -378,17 +367,19 @@ class LineElements(System):
     def start(self, phase: int, state: State | None) -> State:
         """At rest with the cars held; prescribed cars move through states of rest with the first speed of theirs."""
         t = self.phases[phase][0]
-        self.direct(phase)
+        self.set_directions(phase)
         if state is not None:
             return consistent_acceleration(self, t, state.q, state.v, phase)
-        from cablefem.elements.rest import at_rest, held_cars, rest
+        from cablefem.elements.rest import cars_at_rest, slots_at_rest, slots_of_rest
 
-        q, v = rest(self, t, phase), np.zeros(self.size)
-        if self.known(t, phase).v.any():
-            v = (rest(self, t, phase, SHIFT, q) - rest(self, t, phase, -SHIFT, q)) / (2.0 * SHIFT)
+        q, v = slots_of_rest(self, t, phase), np.zeros(self.size)
+        if self.prescribed_slots(t, phase).v.any():
+            v = (slots_of_rest(self, t, phase, SHIFT, q) - slots_of_rest(self, t, phase, -SHIFT, q)) / (2.0 * SHIFT)
         if self.cars:
-            self._release(t, phase, at_rest(self, q), held_cars(self, t, phase))
-        slack, *pressures = self._hangs(self.rows(t, at_rest(self, q), phase), self.loads[0])
+            self._release(t, phase, slots_at_rest(self, q), cars_at_rest(self, t, phase))
+        slack, *pressures = self._tension_and_pressures(
+            self.balance_rows(t, slots_at_rest(self, q), phase), self.loads[0]
+        )
         if min(slack, *pressures, 0.0) < 0.0:
             cause = f"at rest the smallest tension is {slack:.6g} N and the smallest pressure on a saddle"
             cause = f"{cause} {min(pressures, default=0.0):.6g} N"
@@ -397,7 +388,7 @@ class LineElements(System):
             x[self.force] = 0.0
         return consistent_acceleration(self, t, q[self.free], v[self.free], phase)
 
-    def direct(self, phase: int) -> None:
+    def set_directions(self, phase: int) -> None:
         """Set the directions of prescribed cars."""
         self._steady = None
         self.signs = np.array(
@@ -408,25 +399,25 @@ class LineElements(System):
         """Let free cars go; they must move against friction."""
         self.hold[:] = 0.0
         slots = self.s[self.cars]
-        inputs = self.car_inputs(x, self.motion(x))
+        inputs = self.car_inputs(x, self.segment_motion(x))
         stretch = forces(held, inputs).stretch
-        self.hold = self.rows(t, x, phase, cars=held)[slots] / stretch
+        self.hold = self.balance_rows(t, x, phase, cars=held)[slots] / stretch
         for i, car in enumerate(self.line.cars):
             if car.kind == "free":
-                self._brake(i, x.q[slots[i]])
+                self._set_brakes(i, x.q[slots[i]])
         now = self.car_data(t, phase)
-        each = np.abs(self._pressing_forces(x, self.rows(t, x, phase, cars=now), self.loads[0], now))
+        each = np.abs(self._pressing_forces(x, self.balance_rows(t, x, phase, cars=now), self.loads[0], now))
         loads = np.bincount([i for i, _ in self._pressing], each)
         none = np.zeros_like(now.hold)
         free = now._replace(hold=none, brake=none, friction=none)
-        needed = self.rows(t, x, phase, cars=free)[slots] / stretch
-        projection = size(inputs[:, 0:2] + inputs[:, 2:4]) / (2.0 * stretch)  # |<r'>|/<lam>
+        needed = self.balance_rows(t, x, phase, cars=free)[slots] / stretch
+        projection = vector_length(inputs[:, 0:2] + inputs[:, 2:4]) / (2.0 * stretch)  # |<r'>|/<lam>
         needed -= now.thrust * np.cos([car.drive.thrust_angle for car in self.line.cars]) / projection
         for i, car in enumerate(self.line.cars):
             if car.kind != "free":
                 continue
             self.signs[i] = -np.sign(needed[i]) or 1.0
-            if car.drive.resists and abs(needed[i]) <= car.drive.mu_r * loads[i] + self.brakes[i]:
+            if car.drive.has_resistance and abs(needed[i]) <= car.drive.mu_r * loads[i] + self.brakes[i]:
                 cause = f"friction holds {car.name} where it begins"
                 raise StepFailure(t, cause, "begin on steeper rope or with less friction")
 
@@ -435,46 +426,46 @@ class LineElements(System):
         """Keep the direction of friction, and the brakes that act, for one step."""
         if not self._stops:
             return
-        slots = self.slots(*x)
+        slots = self.all_slots(*x)
         for i in self._stops:
             slot = self.s[self.cars[i]]
             self.signs[i] = np.sign(slots.v[slot]) or self.signs[i]
-            self._brake(i, slots.q[slot])
+            self._set_brakes(i, slots.q[slot])
 
-    def _brake(self, i: int, s: float) -> None:
+    def _set_brakes(self, i: int, s: float) -> None:
         """Set the brakes of car i at s."""
         drive = self.line.cars[i].drive
-        self.brakes[i], self.rear_brakes[i] = drive.brake(s), drive.rear_brake(s)
+        self.brakes[i], self.rear_brakes[i] = drive.brake_force(s), drive.rear_brake_force(s)
 
-    def _balanced(self, x: State, slots: Slots) -> tuple[Array, Array]:
+    def _balance_at(self, x: State, slots: Slots) -> tuple[Array, Array]:
         """Rows, and loads with the smallest tension, of x; of the end of a step those of its residual."""
         last = self._last
         if last is None or last[0] != x.t or not np.array_equal(last[1], x.a):
-            return self.rows(x.t, slots, x.phase), self.loads[0]
+            return self.balance_rows(x.t, slots, x.phase), self.loads[0]
         return last[2:]
 
     def watch(self, x: State) -> tuple[float, ...]:
-        slots = self.slots(*x)
+        slots = self.all_slots(*x)
         gaps = np.diff(slots.q[self.s])[self._gaps] - NEAREST
         ahead = [float(slots.v[self.s[self.cars[i]]] * self.signs[i]) for i in self._stops]
         ahead += [place - float(slots.q[self.s[self.cars[i]]]) for i, place in self._brakes]
         if gaps.min(initial=np.inf) <= 0.0:  # the rest has no meaning there
             return (*gaps.tolist(), *[np.inf] * (len(self.events) - len(self._gaps)))
         if self._loaded[0] is not x:
-            rows, loads = self._balanced(x, slots)
+            rows, loads = self._balance_at(x, slots)
             pressing = self._pressing_forces(slots, rows, loads, self.car_data(x.t, x.phase))
-            self._loaded = x, pressing + self._hangs(rows, loads)
-        passing = [p.ahead(*self.jet(p.car, x)[:2, 0].tolist()) for p in self.passages]
+            self._loaded = x, pressing + self._tension_and_pressures(rows, loads)
+        passing = [p.distance_ahead(*self.car_point_and_rates(p.car, x)[:2, 0].tolist()) for p in self.passages]
         return (*gaps.tolist(), *ahead, *self._loaded[1], *passing)
 
-    def jet(self, car: str, x: State) -> Array:
+    def car_point_and_rates(self, car: str, x: State) -> Array:
         """Point of a car with its rates (3, 2)."""
-        slots = np.array(self.slots(*x))
+        slots = np.array(self.all_slots(*x))
         for k, of in zip(self.cars, self.line.cars, strict=True):
             if of.name == car:
                 return slots[:, 2 * self.node[k] + np.arange(2)]
         over = next(c for c in self.line.over if c.name == car)
-        return self.line.off_rope(over, x.t, x.phase, slots[:, self.below[car]])
+        return self.line.point_off_rope(over, x.t, x.phase, slots[:, self.below[car]])
 
     def _pressing_forces(self, x: Slots, rows: Array, loads: Array, cars: Cars) -> list[float]:
         """Contact forces [N] of all that may lift off; `rows` and `loads` are those of x."""
@@ -482,14 +473,14 @@ class LineElements(System):
             return []
         each: dict[int, Any] = {i: [load] for i, load in zip(self.points, loads[:-1].tolist(), strict=True)}
         for trolley in self.trolleys:
-            y = trolley.inputs(x, rows[trolley.points.ravel()])
+            y = trolley.force_inputs(x, rows[trolley.points.ravel()])
             each[trolley.i] = trolley.forces(cars, y).loads
         for i, car in enumerate(self.line.cars):
             if car.rail is not None:
                 each[i] = [np.inf]
         return [load for _, of_car in sorted(each.items()) for load in of_car]
 
-    def _hangs(self, rows: Array, loads: Array) -> list[float]:
+    def _tension_and_pressures(self, rows: Array, loads: Array) -> list[float]:
         """Smallest tension, and pressures of the rope on the saddles [N]."""
         saddles = self.node[self.supports[1:-1]]
         return [loads.item(-1), *(-rows[2 * saddles + 1]).tolist()]
@@ -499,28 +490,28 @@ class LineElements(System):
         for i in self._stops:
             car = self.line.cars[i].name
             if name == f"{car} stops":
-                return self._turned(i, x)
+                return self._state_after_standstill(i, x)
             if name == f"{car} brakes":
                 self.begin_step(x)
                 return consistent_acceleration(self, x.t, x.q, x.v, x.phase)
         return None
 
-    def after(self, name: str, x: State) -> tuple[LineElements, State] | None:
+    def system_after(self, name: str, x: State) -> tuple[LineElements, State] | None:
         """The line after a car passes an end of a shoe, and its state; None if another event has ended the run."""
         for passage in self.passages:
             if str(passage) == name:
-                from cablefem.elements.carrying import after
+                from cablefem.elements.carrying import system_after_passage
 
-                return after(self, passage, x)
+                return system_after_passage(self, passage, x)
         return None
 
-    def _turned(self, i: int, x: State) -> State | None:
+    def _state_after_standstill(self, i: int, x: State) -> State | None:
         """The state after a standstill, forwards or backwards; None if friction holds the car."""
         slot, before = self.s[self.cars[i]], self.signs[i]
         for sign in (before, -before):
             self.signs[i] = sign
             after = consistent_acceleration(self, x.t, x.q, x.v, x.phase)
-            if self.slots(*after).a[slot] * sign > 0.0:
+            if self.all_slots(*after).a[slot] * sign > 0.0:
                 return after
         return None
 
@@ -532,29 +523,29 @@ class LineElements(System):
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
-        x = self.slots(t, q, v, a, phase)
-        return self.rows(t, x, phase)[self._unknown], self.solver(t, x, phase, (c0, c1, c2), self.free)
+        x = self.all_slots(t, q, v, a, phase)
+        return self.balance_rows(t, x, phase)[self._unknown], self.tangent_solver(t, x, phase, (c0, c1, c2), self.free)
 
     def factored(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> Solve:
-        return self.solver(t, self.slots(t, q, v, a, phase), phase, (c0, c1, c2), self.free)
+        return self.tangent_solver(t, self.all_slots(t, q, v, a, phase), phase, (c0, c1, c2), self.free)
 
-    def solver(
+    def tangent_solver(
         self, t: float, x: Slots, phase: int, c: tuple[complex, complex, complex], free: NDArray[np.bool_],
         law: Array | None = None, cars: Cars | None = None,
     ) -> Solve:  # fmt: skip
         """The solution with c0 dr/dq + c1 dr/dv + c2 dr/da of free slots; without c2 forces F/M count once."""
         cars = cars or self.car_data(t, phase)
-        law = self._law(x) if law is None else law
+        law = self.law if law is None else law
         rope = self._rope_rows(x, law, cars) if self.trolleys else np.empty(0)
         if not self.compiled:
-            return self._sparse(x, Law(*law[0]), cars, c, free, rope)
+            return self._sparse_solver(x, Law(*law), cars, c, free, rope)
         kind = complex if any(isinstance(z, complex) for z in c) else float
         matrix = Bordered(2 * self.n, self.band, self.size - 2 * self.n, kind)
         self._kernel.add_tangent(x, law, cars, np.array(c, kind).tolist(), matrix)
         self._add_contacts(matrix, x, rope, cars, c)
-        matrix.fix(np.flatnonzero(np.logical_not(free)))
+        matrix.fix_unknowns(np.flatnonzero(np.logical_not(free)))
         solve_all, unknown = matrix.factored(), np.flatnonzero(free)
 
         def solve(b: Array) -> Array:
@@ -564,20 +555,20 @@ class LineElements(System):
 
         return solve
 
-    def _sparse(
+    def _sparse_solver(
         self, x: Slots, law: Law, cars: Cars, c: tuple[complex, complex, complex], free: NDArray[np.bool_],
         rope: Array,
     ) -> Solve:  # fmt: skip
         """`solver` by numpy and a sparse factorisation."""
-        m = self.motion(x)
+        m = self.segment_motion(x)
         parts = self.segments.tangent(m, law, c)
         own = (2 * self.nodes[..., None] + np.arange(2)).reshape(len(self.nodes), -1)
         slots = np.column_stack([own, self.s[:-1], self.s[1:]])  # (K, m)
         matrix = np.zeros((self.size, self.size), parts.dtype)
         np.add.at(matrix, (slots[:, :, None], slots[:, None, :]), parts)
         if self.points:
-            self._add_car_tangent(Full(matrix), force_jacobian(cars, self.car_inputs(x, m)), m, c)
-        self._add_contacts(Full(matrix), x, rope, cars, c)
+            self._add_car_tangent(Dense(matrix), force_jacobian(cars, self.car_inputs(x, m)), m, c)
+        self._add_contacts(Dense(matrix), x, rope, cars, c)
         return splu(csc_array(matrix[free][:, free])).solve
 
     def _add_contacts(
@@ -589,7 +580,7 @@ class LineElements(System):
         for trolley in self.trolleys:
             trolley.add_tangent(matrix, x, rope[trolley.points.ravel()], cars, c)
         for slot, rail in self.rails:
-            matrix.slave(slot + 1, rail.slopes(x.q[slot])[1])
+            matrix.tie_to_previous(slot + 1, rail.slopes(x.q[slot])[1])
         for saddle, car, stretch in self.gripping:
             matrix.add([saddle], [saddle], np.array([[car.mass * stretch**2 * c[2]]]))
         for slot, kept in zip(self.force.tolist(), self.kept.tolist(), strict=True):
@@ -598,16 +589,16 @@ class LineElements(System):
     def _support_tangent(self, x: Slots, c: tuple[complex, complex, complex]) -> Iterator[tuple[int, complex]]:
         """Diagonal entries of springs and counterweights."""
         (c0, c1, c2), EA, rho = c, self.line.rope.EA, self.segments.rho
-        for slots, stiffnesses, spring in self._springs:
+        for slots, stiffnesses, _ in self._springs:
             for slot, stiffness in zip(slots.tolist(), stiffnesses.tolist(), strict=True):
-                yield slot, stiffness * c0 + (spring.mass or 0.0) * c2
+                yield slot, stiffness * c0
         for slot, k in self._weights:
             force = self.line.supports[k].force or 0.0
-            mass, sign = self._weight(k, force)
+            mass, sign = self._counterweight(k, force)
             ds, lam = x.v[slot], 1.0 + (force + sign * mass * x.a[slot]) / EA
             yield slot, mass * (lam - rho * ds**2 * lam / EA) * c2 - sign * rho * ds * lam**2 * c1
 
-    def _add_car_tangent(self, matrix: Full, by_input: Array, m: Motion, c: tuple[complex, complex, complex]) -> None:
+    def _add_car_tangent(self, matrix: Dense, by_input: Array, m: Motion, c: tuple[complex, complex, complex]) -> None:
         """Add the chain of `force_jacobian` (n, 4, INPUTS) and of the inputs by the slots."""
         (c0, c1, c2), slopes = c, self.segments.slopes_at_ends(m)
         for i in self.points:

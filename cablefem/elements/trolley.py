@@ -57,7 +57,7 @@ class Trolley:
         self.car, self.i, self.k, self.wheels = car, i, k, car.wheels
         self.ahead = car.wheels.ahead - 0.5 * car.wheels.base  # [m] of the centre of mass ahead of the front wheel
 
-    def bind(self, body: Slot, force: int, nodes: Slot, s: Slot, end_slopes: Array) -> None:
+    def set_slots(self, body: Slot, force: int, nodes: Slot, s: Slot, end_slopes: Array) -> None:
         """Slots of X and th, of F/M or -1; nodes (K, nn) of the segments; slots of s of all contacts.
 
         end_slopes : of shape functions at the left and the right end of a segment, (2, nn).
@@ -72,7 +72,7 @@ class Trolley:
         self.shapes = np.array([end_slopes[end, near[end]] for _, end in sides])  # (4, near)
         self.ends = np.array([s[[segment, segment + 1]] for segment, _ in sides])  # (4, 2)
 
-    def place(self, z: Array) -> None:
+    def place_wheels(self, z: Array) -> None:
         """Set the points of the wheels in q, v, a of all slots (3, ..., size)."""
         base = self.wheels.base
         th, rate, turning = z[..., self.body[2]]
@@ -83,15 +83,15 @@ class Trolley:
         y = [sin, rate * cos, turning * cos - rate**2 * sin]
         z[..., self.points[0]] = X - np.stack([x, y], axis=-1)
 
-    def slopes(self, q: Array) -> Array:
+    def rope_slopes(self, q: Array) -> Array:
         """r' at the sides of both wheels (..., 4, 2), from q of all slots (..., size)."""
         h = q[..., self.ends[:, 1]] - q[..., self.ends[:, 0]]
         return (self.shapes[:, None] @ q[..., self.near])[..., 0, :] / h[..., None]
 
-    def inputs(self, z: Sequence[Array], P: Array) -> Any:
+    def force_inputs(self, z: Sequence[Array], P: Array) -> Any:
         """Inputs (INPUTS, ...) of `forces`, from q, v, a (..., size) and P of both wheels (..., 4)."""
         q, v, a = z
-        slopes = self.slopes(q).reshape(*P.shape[:-1], 8)
+        slopes = self.rope_slopes(q).reshape(*P.shape[:-1], 8)
         force = a[..., self.force] if self.force >= 0 else 0.0 * P[..., 0]
         parts = [slopes, P, q[..., self.body[2:]], v[..., self.body], a[..., self.body], force[..., None]]
         return np.concatenate(parts, axis=-1).T
@@ -144,7 +144,7 @@ class Trolley:
         What the pitch rate adds there to c1 and c2 is left out: it is of the order of the rate times the step.
         """
         c0, c1, c2 = c
-        y = self.inputs(z, P)
+        y = self.force_inputs(z, P)
         rows = self.forces(cars, y[:, None] + 1j * STEP * np.eye(INPUTS)).rows
         by = np.array([row.imag / STEP for row in rows])  # (5, INPUTS)
         factors = np.zeros((INPUTS, 4), matrix.kind)  # of X, th and F in the inputs

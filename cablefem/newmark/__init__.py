@@ -6,8 +6,8 @@ from cablefem.newmark.failures import EndlessEvents, NewtonStalled, StepFailure,
 from cablefem.newmark.march import integrate, integrate_blocks
 from cablefem.newmark.newton import Newton, StepResult
 from cablefem.newmark.schemes import SCHEMES, Scheme, scheme
-from cablefem.newmark.states import Array, Collocated, Inside, State, StateBlock, StateHistory, Steps, stacked
-from cablefem.newmark.stepper import Passed, Work
+from cablefem.newmark.states import Array, Collocated, Inside, State, StateBlock, StateHistory, Steps, stack_states
+from cablefem.newmark.stepper import PassedEvent, Work
 from cablefem.newmark.steps import step_times
-from cablefem.newmark.system import NO_STEPS, Solve, System, consistent_acceleration, iterate
-from cablefem.newmark.tableau import Tableau, between, densified, hermite
+from cablefem.newmark.system import NO_STEPS, Solve, System, consistent_acceleration, newmark_step
+from cablefem.newmark.tableau import Tableau, hermite, state_inside_step, with_states_inside_steps

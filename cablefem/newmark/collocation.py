@@ -15,7 +15,7 @@ from cablefem.newmark.tableau import Tableau
 if TYPE_CHECKING:
     from cablefem.newmark.system import System
 
-SAME = 1e-6  # relative change of the length of a step to which factors are kept
+SAME_STEP = 1e-6  # relative change of the length of a step to which factors are kept
 
 
 class Factors(NamedTuple):
@@ -41,7 +41,7 @@ class _Nodes:
         self.r: Array | None = None  # residual at the present a
         self.solves: list[Callable[[Array], Array]] = []  # see `Factors`
         kept = system.factors
-        if kept is not None and abs(kept.dt - self.dt) <= SAME * self.dt:
+        if kept is not None and abs(kept.dt - self.dt) <= SAME_STEP * self.dt:
             self.solves = kept.solves
 
     def states(self) -> tuple[Array, Array, Array]:
@@ -50,7 +50,7 @@ class _Nodes:
         v = self.v0 + self.dt * (self.rule.A @ self.a)
         return q, v, self.a
 
-    def finish(self) -> None:
+    def set_end_state(self) -> None:
         """Set q and v at the end of the step."""
         twice, once = self.rule.ends @ self.a
         self.ends[1, 0] = self.ends[0, 0] + self.dt * (self.v0 + self.dt * twice)
@@ -69,17 +69,17 @@ class _Nodes:
         rule = self.rule
         middle = rule.middle
         q, v, a = (x[middle] for x in self.states())
-        lams = [self.dt * (value if value.imag else value.real) for value in rule.values]
+        lams = [self.dt * (value if value.imag else value.real) for value in rule.eigenvalues]
         cs = [(lam * lam, lam, 1.0) for lam in lams]
         self.solves = [self.system.factored(self.t[middle], q, v, a, self.phase, *c) for c in cs]
         return self.solve
 
     def solve(self, r: Array) -> Array:
         """The solution with the last tangents."""
-        along = self.rule.to @ r.reshape(self.a.shape)  # eigenvectors (m, n_dof)
-        for x, value, solve_one in zip(along, self.rule.values, self.solves, strict=True):
+        along = self.rule.to_modes @ r.reshape(self.a.shape)  # eigenvectors (m, n_dof)
+        for x, value, solve_one in zip(along, self.rule.eigenvalues, self.solves, strict=True):
             x[:] = solve_one(x if value.imag else x.real.copy())
-        return (self.rule.back @ along).real.ravel()
+        return (self.rule.from_modes @ along).real.ravel()
 
     def update(self, da: Array) -> None:
         self.a -= da.reshape(self.a.shape)
@@ -92,9 +92,9 @@ def collocate(system: System, phase: int, steps: Steps, rule: Tableau, newton: N
     with np.errstate(over="ignore", invalid="ignore"):
         kept = nodes.solve if nodes.solves else None
         result = find_root(nodes.residual, lambda: (nodes.residual(), nodes.tangent()), nodes.update, newton, kept)
-        nodes.finish()
+        nodes.set_end_state()
     if system.keeps_factors:
-        system.factors = Factors(nodes.dt, nodes.solves) if result.serves else None
+        system.factors = Factors(nodes.dt, nodes.solves) if result.keep_factors else None
     yield result
 
 
@@ -131,5 +131,5 @@ def collocate_coupled(system: System, phase: int, steps: Steps, rule: Tableau, n
                 iterations = 1
             except (NoConvergence, ValueError):
                 iterations = newton.max_iter
-        nodes.finish()
+        nodes.set_end_state()
     yield StepResult(norm, iterations, min(iterations, 1), residuals)

@@ -14,10 +14,10 @@ from cablefem.newmark.schemes import Scheme
 from cablefem.newmark.states import Array, Collocated, Inside, State, Steps
 from cablefem.newmark.stepper import Stepper, Work
 from cablefem.newmark.system import System, consistent_acceleration
-from cablefem.newmark.tableau import further, tableau
+from cablefem.newmark.tableau import extrapolation_matrix, tableau
 
 REUSE = 0.8  # the tangent is used again if |r| falls to this: a new one helps little
-ENOUGH = 18.0  # iterations; two half steps cost less
+MAX_USEFUL_ITERATIONS = 18.0  # iterations; two half steps cost less
 
 
 class CollocationRule(Stepper):
@@ -29,37 +29,37 @@ class CollocationRule(Stepper):
     """
 
     def __init__(self, system: System, method: Scheme, newton: Newton, work: Work) -> None:
-        super().__init__(system, method, newton._replace(reuse=REUSE, enough=ENOUGH), work)
+        super().__init__(system, method, newton._replace(reuse=REUSE, enough=MAX_USEFUL_ITERATIONS), work)
         self.rule = tableau(method.nodes)
 
     def solve_steps(self, x: State, times: Array) -> Iterator[Sequence[State]]:
         """Yield the states at these times one by one, up to the first that does not converge."""
         if not isinstance(x, Collocated):
             return
-        steps = self._steps(x, times)
-        steps.a[0] = steps.further[0] @ x.inside.a
+        steps = self._collocation_steps(x, times)
+        steps.a[0] = steps.extrapolation[0] @ x.inside.a
         for k, result in enumerate(self.system.collocate(x.phase, steps, self.rule, self.newton)):
             if not result.norm <= self.bound:
                 return
-            self.balanced(result)
-            yield [self._end(x.phase, steps, k)]
+            self.count_and_check_convergence(result)
+            yield [self._end_state(x.phase, steps, k)]
 
     def __call__(self, x: State, t1: float) -> State:
-        steps = self._steps(x, np.array([t1]))
+        steps = self._collocation_steps(x, np.array([t1]))
         collocate = self.system.collocate
         tries: list[tuple[Any, Callable]] = [(x.a, collocate)]  # a at the nodes, and how to solve for them
         if isinstance(x, Collocated):
-            tries.insert(0, (steps.further[0] @ x.inside.a, collocate))
+            tries.insert(0, (steps.extrapolation[0] @ x.inside.a, collocate))
         else:
             tries += [(0.0, collocate), (x.a, partial(collocate_coupled, self.system))]
         for guess, solve in tries:
             steps.a[0] = guess
             result = next(iter(solve(x.phase, steps, self.rule, self.newton)))
-            if self.balanced(result):
-                return self._end(x.phase, steps, 0)
-        raise self.stalled(t1, result)
+            if self.count_and_check_convergence(result):
+                return self._end_state(x.phase, steps, 0)
+        raise self.stalled_failure(t1, result)
 
-    def _steps(self, x: State, times: Array) -> Steps:
+    def _collocation_steps(self, x: State, times: Array) -> Steps:
         t = np.concatenate([[x.t], times])
         n = x.q.size
         ends = np.empty((t.size, 2, n))
@@ -69,9 +69,9 @@ class CollocationRule(Stepper):
         dt = t[1:] - t[:-1]
         dt_before = np.concatenate([[x.inside.dt if isinstance(x, Collocated) else dt[0]], dt[:-1]])
         ratios = np.round(dt / dt_before, 9).tolist()  # rounded for the cache
-        return Steps(t, ends, a, np.array([further(self.method.nodes, ratio) for ratio in ratios]))
+        return Steps(t, ends, a, np.array([extrapolation_matrix(self.method.nodes, ratio) for ratio in ratios]))
 
-    def _end(self, phase: int, steps: Steps, k: int) -> State:
+    def _end_state(self, phase: int, steps: Steps, k: int) -> State:
         """The state at the end of step k."""
         t0, t1 = steps.t[k : k + 2].tolist()
         q, v = steps.ends[k + 1]

@@ -27,7 +27,7 @@ Shorten = Callable[[System, Array, Array, Array], Array]
 
 def equilibrium(system: System) -> Array:
     """q (n_dof,) of minimal energy, which must be convex; StepFailure without convergence."""
-    return _solved(system, np.zeros(system.n_dof), _downhill)
+    return _solve_equilibrium(system, np.zeros(system.n_dof), _shorten_downhill)
 
 
 def equilibrium_on_rope(system: System, clamped: Array) -> Array:
@@ -36,10 +36,10 @@ def equilibrium_on_rope(system: System, clamped: Array) -> Array:
     clamped : q of the cable with the car clamped to it, which is near.
     The rope turns with the cable, so there is no energy: Newton's steps are not shortened.
     """
-    return _solved(system, np.append(clamped, 0.0), lambda system, q, r, step: step)
+    return _solve_equilibrium(system, np.append(clamped, 0.0), lambda system, q, r, step: step)
 
 
-def _solved(system: System, q: Array, shorten: Shorten) -> Array:
+def _solve_equilibrium(system: System, q: Array, shorten: Shorten) -> Array:
     bound = TOL * system.force_scale + math.sqrt(system.n_dof) * system.force_floor
     zero = np.zeros(system.n_dof)
     weight = WEIGHT
@@ -61,7 +61,7 @@ def _solved(system: System, q: Array, shorten: Shorten) -> Array:
     raise StepFailure(0.0, "no rest of the loaded cable was found", "start the car elsewhere")
 
 
-def _downhill(system: System, q: Array, r: Array, step: Array) -> Array:
+def _shorten_downhill(system: System, q: Array, r: Array, step: Array) -> Array:
     """The step, halved until the energy rises at its end by at most half as fast as it fell at its start."""
     zero = np.zeros_like(q)
     slope = float(r @ step)

@@ -6,7 +6,7 @@ import numpy as np
 
 from cablefem.newmark.failures import StepFailure
 from cablefem.newmark.states import State
-from cablefem.newmark.stepper import Passed, Stepper, Work
+from cablefem.newmark.stepper import PassedEvent, Stepper, Work
 from cablefem.newmark.system import System
 
 EPS = float(np.finfo(float).eps)
@@ -27,7 +27,7 @@ def pass_events(system: System, names: list[str], x: State, t: float, work: Work
     for name in names:
         if name is not names[0] and name not in events_due(system, x):
             continue
-        work.events.append(Passed(name, t))
+        work.events.append(PassedEvent(name, t))
         after = system.pass_event(name, x)
         if after is None:
             return None

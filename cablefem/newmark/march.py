@@ -60,13 +60,13 @@ def integrate_blocks(
     else:
         state = pass_events(system, events_due(system, state), state, state.t, work)
     while state is not None:
-        state = yield from _March(step, damped, state, work).through(times[state.phase])
+        state = yield from _TimeIntegration(step, damped, state, work).integrate_phase(times[state.phase])
         if state is None or state.phase == len(system.phases) - 1:
             return
         state = system.start(state.phase + 1, state)
 
 
-class _March:
+class _TimeIntegration:
     """The steps through one phase."""
 
     def __init__(self, step: Stepper, damped: Stepper | None, state: State, work: Work) -> None:
@@ -83,7 +83,7 @@ class _March:
         self.halvings = 0
         self.events = 0  # since the last instant of the grid
 
-    def through(self, grid: Array) -> Generator[Sequence[State], None, State | None]:
+    def integrate_phase(self, grid: Array) -> Generator[Sequence[State], None, State | None]:
         """Yield states to the end of the phase; return the last one, or None."""
         edges = [self.state.t, *grid[grid > self.state.t].tolist()]
         for i, (before, t) in enumerate(itertools.pairwise(edges)):

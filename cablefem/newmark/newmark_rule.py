@@ -21,7 +21,7 @@ class NewmarkRule(Stepper):
         self._rule[:2, 4] = 1.0 - method.alpha_f
         self._rule[2, 4] = 1.0 - method.alpha_m
 
-    def _set(self, rule: Array, dt: Any, guess: float) -> None:
+    def _set_rules(self, rule: Array, dt: Any, guess: float) -> None:
         """Set rules (..., 3, 5) of steps dt; guess : the first a1 over a0."""
         beta = self.method.newmark_beta
         gamma = self.method.newmark_gamma
@@ -33,7 +33,7 @@ class NewmarkRule(Stepper):
         rule[..., 1, 3] = dt * gamma
         rule[..., 2, 3] = 1.0
 
-    def _instants(self, t0: Array, t1: Array, phase: int) -> Array:
+    def _balance_times(self, t0: Array, t1: Array, phase: int) -> Array:
         """Times of the balance in steps from t0 to t1, (n,)."""
         if self.method.alpha_f == 0.0:
             return t1
@@ -42,9 +42,9 @@ class NewmarkRule(Stepper):
     def solve_steps(self, x: State, times: Array) -> Iterator[Sequence[State]]:
         """Yield the states at these times in blocks, each up to an event; all by one call of the system."""
         begin = np.concatenate([[x.t], times[:-1]])
-        t = self._instants(begin, times, x.phase)
+        t = self._balance_times(begin, times, x.phase)
         rules = np.repeat(self._rule[None], times.size, axis=0)
-        self._set(rules, times - begin, 1.0)
+        self._set_rules(rules, times - begin, 1.0)
         start = np.array([x.q, x.v, x.a])
         ends, results = self.system.solve_steps(t, x.phase, start, rules, self.newton)
         n = len(ends)
@@ -56,17 +56,17 @@ class NewmarkRule(Stepper):
         for first, end in zip(begin_groups, [*begin_groups[1:], n], strict=True):
             if end > first:
                 iterations, factorisations, residuals = results[first:end, 1:4].sum(axis=0).astype(int).tolist()
-                self.count(iterations, factorisations, residuals)
+                self.count_work(iterations, factorisations, residuals)
                 yield block[first:end]
 
     def __call__(self, x: State, t1: float) -> State:
         dt = t1 - x.t
         start = np.array([x.q, x.v, x.a])
-        t = float(self._instants(np.array([x.t]), np.array([t1]), x.phase)[0])
+        t = float(self._balance_times(np.array([x.t]), np.array([t1]), x.phase)[0])
         end = np.empty_like(start)
         for guess in (1.0, 0.0):
-            self._set(self._rule, dt, guess)
+            self._set_rules(self._rule, dt, guess)
             result = self.system.solve_step(t, x.phase, start, end, self._rule, self.newton)
-            if self.balanced(result):
+            if self.count_and_check_convergence(result):
                 return State(t1, end[0], end[1], end[2], x.phase)
-        raise self.stalled(t1, result)
+        raise self.stalled_failure(t1, result)

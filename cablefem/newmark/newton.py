@@ -21,7 +21,7 @@ class Newton(NamedTuple):
     halvings: int = 5
     bound: float = 0.0  # `Stepper` sets it
 
-    def hopeless(self, norm: float, before: float, iterations: int) -> bool:
+    def cannot_converge(self, norm: float, before: float, iterations: int) -> bool:
         """Whether |r|, falling at its present rate, is above the bound after `enough` iterations."""
         if self.enough == math.inf or iterations <= self.patience:
             return False
@@ -31,7 +31,7 @@ class Newton(NamedTuple):
 STANDARD = Newton()
 
 
-SERVES = 0.1  # rate of convergence with which the tangent of a step before serves the next one
+FAST_ENOUGH = 0.1  # rate of convergence with which the tangent of a step before serves the next one
 
 
 class StepResult(NamedTuple):
@@ -41,7 +41,7 @@ class StepResult(NamedTuple):
     iterations: int
     factorisations: int
     residuals: int
-    serves: bool = False  # whether the last tangent serves the next step, too
+    keep_factors: bool = False  # whether the last tangent serves the next step, too
 
 
 def find_root(
@@ -79,10 +79,10 @@ def find_root(
                 break
         iterations += 1
         converged = norm <= newton.bound
-        if converged or not norm < math.inf or newton.hopeless(norm, before, iterations):
+        if converged or not norm < math.inf or newton.cannot_converge(norm, before, iterations):
             break
         new_tangent = norm > newton.reuse * before
-    serves = norm <= newton.bound and norm <= SERVES * before
+    serves = norm <= newton.bound and norm <= FAST_ENOUGH * before
     return StepResult(norm, iterations, factorisations, residuals, serves)
 
 
@@ -104,9 +104,9 @@ def _correct_by_kept_tangent(
         r = residual()
         norm = math.sqrt(r.dot(r))
         iterations += 1
-        if norm <= newton.bound and norm <= SERVES * max(before, newton.bound):
+        if norm <= newton.bound and norm <= FAST_ENOUGH * max(before, newton.bound):
             update(solve(r))
-            return StepResult(norm, iterations, 0, iterations + 1, norm <= SERVES * before), True
+            return StepResult(norm, iterations, 0, iterations + 1, norm <= FAST_ENOUGH * before), True
         if not norm < before:
             update(-correction)
         if not norm <= newton.reuse * before:

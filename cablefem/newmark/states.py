@@ -39,10 +39,10 @@ class Steps(NamedTuple):
     t: Array  # (m + 1,)
     ends: Array  # (m + 1, 2, n_dof) q and v; all but the first are to be set
     a: Array  # (m, s, n_dof) at the nodes, to be set; the first hold a guess
-    further: Array  # (m, s, s) from a step's a to the next guess
+    extrapolation: Array  # (m, s, s) from a step's a to the next guess
 
-    def first(self, m: int) -> "Steps":
-        return Steps(self.t[: m + 1], self.ends, self.a[:m], self.further)
+    def first_steps(self, m: int) -> "Steps":
+        return Steps(self.t[: m + 1], self.ends, self.a[:m], self.extrapolation)
 
 
 class StateBlock(Sequence[State]):
@@ -103,7 +103,7 @@ class StateHistory(Sequence[State]):
             yield from block
 
 
-def _columns(states: Sequence[State]) -> tuple[Array, Array, NDArray[np.intp]]:
+def _state_arrays(states: Sequence[State]) -> tuple[Array, Array, NDArray[np.intp]]:
     """t (n,), q, v, a (n, 3, n_dof) and phase (n,)."""
     if isinstance(states, StateBlock):
         return states.t, states.rows, np.full(len(states), states.phase)
@@ -112,8 +112,8 @@ def _columns(states: Sequence[State]) -> tuple[Array, Array, NDArray[np.intp]]:
     return t, rows, np.array([x.phase for x in states])
 
 
-def stacked(states: Sequence[State]) -> tuple[Array, Array, Array, Array, NDArray[np.intp]]:
+def stack_states(states: Sequence[State]) -> tuple[Array, Array, Array, Array, NDArray[np.intp]]:
     """t (n,), q, v and a (n, n_dof), and phase (n,) of a history."""
     blocks = states.blocks if isinstance(states, StateHistory) else [states]
-    t, rows, phase = (np.concatenate(column) for column in zip(*map(_columns, blocks), strict=True))
+    t, rows, phase = (np.concatenate(column) for column in zip(*map(_state_arrays, blocks), strict=True))
     return t, rows[:, 0], rows[:, 1], rows[:, 2], phase

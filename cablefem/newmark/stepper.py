@@ -10,7 +10,7 @@ from cablefem.newmark.states import Array, State
 from cablefem.newmark.system import System
 
 
-class Passed(NamedTuple):
+class PassedEvent(NamedTuple):
     """An event; a state with its t has been yielded."""
 
     name: str
@@ -26,7 +26,7 @@ class Work:
     newton_iterations: int = 0
     factorisations: int = 0
     residuals: int = 0
-    events: list[Passed] = field(default_factory=list)
+    events: list[PassedEvent] = field(default_factory=list)
 
 
 class Stepper:
@@ -46,17 +46,17 @@ class Stepper:
         """Yield states at the times as far as the system can take many steps; an event may end a group."""
         return iter(())
 
-    def balanced(self, result: StepResult) -> bool:
+    def count_and_check_convergence(self, result: StepResult) -> bool:
         """Count the work; return whether the step has converged."""
-        self.count(result.iterations, result.factorisations, result.residuals)
+        self.count_work(result.iterations, result.factorisations, result.residuals)
         return result.norm <= self.bound
 
-    def count(self, iterations: int, factorisations: int, residuals: int) -> None:
+    def count_work(self, iterations: int, factorisations: int, residuals: int) -> None:
         self.work.newton_iterations += iterations
         self.work.factorisations += factorisations
         self.work.residuals += residuals
 
-    def stalled(self, t1: float, result: StepResult) -> NewtonStalled:
+    def stalled_failure(self, t1: float, result: StepResult) -> NewtonStalled:
         return NewtonStalled(
             t1, f"Newton's method stalled (|r| = {result.norm:.2g}, allowed {self.bound:.2g})",
             "take more steps or a damped scheme (newmark, generalized-alpha)",

@@ -68,7 +68,7 @@ class System(Protocol):
         rule : (3, 5) predictor (3, 3), corrector c, balance w: end = predictor start - c da with
             |r(t, w end + (1 - w) start)| <= newton.bound.
         """
-        return iterate(self, t, phase, start, end, rule, newton)
+        return newmark_step(self, t, phase, start, end, rule, newton)
 
     def solve_steps(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[Array, Array]:
         """Take many steps; return their ends (k, 3, n_dof) and the fields of `StepResult` of each, (k or k + 1, 4).
@@ -112,7 +112,9 @@ class System(Protocol):
         return x
 
 
-def iterate(system: System, t: float, phase: int, start: Array, end: Array, rule: Array, newton: Newton) -> StepResult:
+def newmark_step(
+    system: System, t: float, phase: int, start: Array, end: Array, rule: Array, newton: Newton
+) -> StepResult:
     """Take one step of Newmark's family by `residual` and `linearise`, see `System.solve_step`."""
     c = rule[:, 3:4]
     w = rule[:, 4:5]

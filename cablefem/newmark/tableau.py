@@ -21,9 +21,9 @@ class Tableau(NamedTuple):
     A: Array  # A_ij = int_0^c_i l_j
     AA: Array
     ends: Array  # (2, s) b A and b, b_j = int_0^1 l_j: to q and v at the end
-    values: Complex  # (m,) eigenvalues, one of each pair
-    to: Complex  # (m, s) to eigenvectors
-    back: Complex  # (s, m) and back, real part
+    eigenvalues: Complex  # (m,) eigenvalues, one of each pair
+    to_modes: Complex  # (m, s) to eigenvectors
+    from_modes: Complex  # (s, m) and back, real part
     middle: int  # node nearest to the middle of the step
     powers: tuple[Array, Array, Array]  # coefficients of l_j and of its two integrals from the end, (., s)
 
@@ -51,32 +51,32 @@ def tableau(nodes: tuple[float, ...]) -> Tableau:
     l0, l1, l2 = (np.array([p.integ(k, lbnd=1.0).coef for p in basis]).T for k in range(3))
     return Tableau(
         c=c, A=A, AA=A @ A, ends=np.stack([b @ A, b]),
-        values=values[one_of_pair].astype(complex),
-        to=np.linalg.inv(vectors)[one_of_pair].astype(complex),
-        back=np.ascontiguousarray((both * vectors)[:, one_of_pair].astype(complex)),
+        eigenvalues=values[one_of_pair].astype(complex),
+        to_modes=np.linalg.inv(vectors)[one_of_pair].astype(complex),
+        from_modes=np.ascontiguousarray((both * vectors)[:, one_of_pair].astype(complex)),
         middle=int(np.argmin(np.abs(c - 0.5))), powers=(l0, l1, l2),
     )  # fmt: skip
 
 
 @lru_cache(maxsize=256)
-def further(nodes: tuple[float, ...], ratio: float) -> Array:
+def extrapolation_matrix(nodes: tuple[float, ...], ratio: float) -> Array:
     """(s, s) from accelerations to their extrapolation in a step `ratio` as long."""
     rule = tableau(nodes)
     return np.vander(1.0 + ratio * rule.c, len(nodes), increasing=True) @ rule.powers[0]
 
 
-def densified(states: Sequence[State], parts: int) -> list[State]:
-    """A history with `parts` states for each collocation step."""
+def with_states_inside_steps(states: Sequence[State], count: int) -> list[State]:
+    """A history with `count` states for each collocation step."""
     out = list(states[:1])
     for before, after in pairwise(states):
         if isinstance(after, Collocated):
-            t = np.linspace(after.t - after.inside.dt, after.t, parts + 1)[1:-1]
-            out += [between(after, x) for x in t[t > before.t].tolist()]
+            t = np.linspace(after.t - after.inside.dt, after.t, count + 1)[1:-1]
+            out += [state_inside_step(after, x) for x in t[t > before.t].tolist()]
         out.append(after)
     return out
 
 
-def between(after: Collocated, t: float) -> State:
+def state_inside_step(after: Collocated, t: float) -> State:
     """The state at t inside the collocation step that ends in `after`, by its polynomial."""
     nodes, dt, a = after.inside
     x = (t - after.t) / dt + 1.0

@@ -20,7 +20,9 @@ Z_MAX = 5.0
 _BRACKET = Z_MIN * (1.0 - 1e-6), Z_MAX * (1.0 + 1e-6)  # with the ends themselves
 
 
-def static(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def tension_and_derivatives(
+    s, sigma: float, c: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """(T, x', y', x'', y'') at s in [0, 1]."""
     p = c - sigma * np.asarray(s, dtype=float)
     T = np.sqrt(1.0 + p * p)
@@ -29,7 +31,7 @@ def static(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray, np.ndarra
     return T, xp, p * xp, -p * ypp, ypp
 
 
-def shape(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray]:
+def coordinates(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray]:
     """(x, y) at s: x = (asinh p_0 - asinh p)/sigma, y = (T_0 - T)/sigma = s m, m = (p_0 + p)/(T_0 + T)."""
     s = np.asarray(s, dtype=float)
     p = c - sigma * s
@@ -71,7 +73,7 @@ class Catenary:
     @classmethod
     def from_sag(cls, span: float, drop: float, weight: float, sag: float) -> Catenary:
         """ValueError if no z in [Z_MIN, Z_MAX] has this sag."""
-        z = bisect_zero(lambda z: math.log(_sag(span, drop, z) / sag), *_BRACKET)
+        z = bisect_zero(lambda z: math.log(_sag_of(span, drop, z) / sag), *_BRACKET)
         return cls.from_sag_parameter(span, drop, weight, z)
 
     @property
@@ -109,7 +111,7 @@ class Catenary:
     @cached_property
     def sag(self) -> float:
         """Largest vertical distance below the chord [m]."""
-        return _sag(self.span, self.drop, self.sag_parameter)
+        return _sag_of(self.span, self.drop, self.sag_parameter)
 
     @property
     def max_tension(self) -> float:
@@ -133,15 +135,15 @@ class Catenary:
 
     def x(self, s) -> np.ndarray:
         """Horizontal position [m] at s [m]."""
-        return self.length * shape(np.asarray(s) / self.length, self.sigma, self.c)[0]
+        return self.length * coordinates(np.asarray(s) / self.length, self.sigma, self.c)[0]
 
     def y(self, s) -> np.ndarray:
         """Depth below the left support [m] at s [m]."""
-        return self.length * shape(np.asarray(s) / self.length, self.sigma, self.c)[1]
+        return self.length * coordinates(np.asarray(s) / self.length, self.sigma, self.c)[1]
 
     def tension(self, s) -> np.ndarray:
         """Tension [N] at s [m]."""
-        return self.horizontal_tension * static(np.asarray(s) / self.length, self.sigma, self.c)[0]
+        return self.horizontal_tension * tension_and_derivatives(np.asarray(s) / self.length, self.sigma, self.c)[0]
 
 
 def _sinhc_minus_1(z: float) -> float:
@@ -160,7 +162,7 @@ def _mean_asinh_slope(span: float, drop: float, z: float) -> float:
     return math.asinh(drop / span / (1.0 + _sinhc_minus_1(z)))
 
 
-def _sag(span: float, drop: float, z: float) -> float:
+def _sag_of(span: float, drop: float, z: float) -> float:
     """Sag [m]: (b/2z) [cosh(tm) (cosh z - cosh eta) + sinh(tm) (sinh eta - eta sinh(z)/z)], eta = tm - asinh(h/b)."""
     tm = _mean_asinh_slope(span, drop, z)
     eta = tm - math.asinh(drop / span)

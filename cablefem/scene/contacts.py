@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal, Protocol
@@ -37,19 +36,11 @@ class Travel(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Elastic:
-    """The rope.  N = N_r(s) + EA (|r'| - 1); s is unstretched length where N_r = 0."""
+    """The rope.  N = EA (|r'| - 1); s is unstretched length."""
 
     mass_per_length: float  # rho [kg/m] per s
     EA: float  # [N]
     length: float | None = None  # [m] s of a right end that is no counterweight; 0 at a left one
-    rest_tension: Callable[[Array], tuple[Array, Array]] | None = None  # N_r [N] and dN_r/ds [N/m] of s
-    damping: float = 0.0  # c [1/s] of a force - c rho dr/dt per length
-
-    def at_rest(self, s: Array) -> tuple[Array, Array]:
-        """N_r and dN_r/ds at s, of its shape."""
-        if self.rest_tension is None:
-            return np.zeros_like(s), np.zeros_like(s)
-        return self.rest_tension(s)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +58,6 @@ class Contact:
     point: tuple[float, float]  # [m] x and depth
     stiffness: tuple[float, float] | None = None  # [N/m] of a spring, along x and down
     force: float | None = None  # G [N] of a counterweight
-    mass: float | None = None  # [kg] of a counterweight, default G/g; moving with a spring's end, default 0
     shoe: float | None = None  # [m] to either side of a saddle: what a car runs on there
 
 
@@ -94,7 +84,7 @@ class Car:
         """grip, haul, haul_x or free."""
         return "haul_x" if self.along == "x" else self.drive.mode
 
-    def hanging(self, x: float, gravity: float) -> Station:
+    def station_at(self, x: float, gravity: float) -> Station:
         """The car at rest at x."""
         return Station(self.name, "grips" if self.kind == "grip" else "hauled", x, math.nan, self.mass * gravity)
 
@@ -150,7 +140,11 @@ class MovingLine:
     def phases(self) -> tuple[tuple[float, float], ...]:
         """Consecutive [t0, t1] in which all travels and forces are smooth."""
         times = {
-            t for car in (*self.cars, *self.over) for phase in _own_phases(car) for t in phase if 0.0 < t < self.t_end
+            t
+            for car in (*self.cars, *self.over)
+            for phase in _phases_of_car(car)
+            for t in phase
+            if 0.0 < t < self.t_end
         }
         return tuple(itertools.pairwise([0.0, *sorted(times), self.t_end]))
 
@@ -163,12 +157,12 @@ class MovingLine:
         end = car.travel.phases[-1][1]
         return car.travel.at(end, len(car.travel.phases) - 1)[0], 0.0, 0.0
 
-    def off_rope(self, car: Car, t: float, phase: int, flow: Array) -> Array:
-        """x and y with their rates (3, 2) of a car in `over`; flow : s at the saddle with its rates (3,)."""
+    def point_off_rope(self, car: Car, t: float, phase: int, rope_flow: Array) -> Array:
+        """x and y with their rates (3, 2) of a car in `over`; rope_flow : s at the saddle with its rates (3,)."""
         position = np.array(self.position(car, t, phase))
         assert car.rail is not None
-        x = position if car.along == "x" else car.rail.gripped(position - flow)
-        return np.stack([x, car.rail.lifted(x)], axis=1)
+        x = position if car.along == "x" else car.rail.x_with_rates(position - rope_flow)
+        return np.stack([x, car.rail.y_with_rates(x)], axis=1)
 
     def direction(self, car: Car, phase: int) -> float:
         """1 or -1: the direction of a prescribed travel in a phase.
@@ -195,9 +189,10 @@ class MovingLine:
         """Phase of each car in each phase of the line; after its last one their number."""
         middles = [0.5 * (t0 + t1) for t0, t1 in self.phases]
         return {
-            car.name: [sum(t1 < t for _, t1 in _own_phases(car)) for t in middles] for car in (*self.cars, *self.over)
+            car.name: [sum(t1 < t for _, t1 in _phases_of_car(car)) for t in middles]
+            for car in (*self.cars, *self.over)
         }
 
 
-def _own_phases(car: Car) -> tuple[tuple[float, float], ...]:
+def _phases_of_car(car: Car) -> tuple[tuple[float, float], ...]:
     return car.drive.phases if car.travel is None else car.travel.phases

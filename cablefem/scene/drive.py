@@ -45,7 +45,7 @@ ONLY = {  # modes that alone have a key
     **dict.fromkeys(("release", "thrust", "brake", "rest_speed", "rest_distance"), "free"),
     "hitch": "haul",
 }
-IDLE = {  # why other keys have no meaning
+UNUSED_KEYS = {  # why other keys have no meaning
     "grip": "where the car takes its travel from [travel] and nothing else; leave it out, or take haul or free",
     "haul": "where the rope supplies whatever force the travel needs; leave it out, or take free",
     "free": "where no rope hauls the car; leave it out, or take haul",
@@ -76,7 +76,7 @@ class Brake(Part):
     )
 
     @property
-    def at_rear(self) -> float:
+    def rear_force(self) -> float:
         """Force [N] at the rear one of two wheels."""
         return self.force * {"rear": 1.0, "front": 0.0, "both": 0.5}[self.wheel]
 
@@ -95,7 +95,7 @@ def drive_keys_of_mode(mode: str) -> tuple[str, ...]:
     """Names of the table [drive] with a meaning in a mode."""
     if mode == "grip":
         return ("mode",)
-    return tuple(name for name in Driving.field_names() if mode not in IDLE or ONLY.get(name, mode) == mode)
+    return tuple(name for name in Driving.field_names() if mode not in UNUSED_KEYS or ONLY.get(name, mode) == mode)
 
 
 class Driving(Part):
@@ -133,7 +133,7 @@ class Driving(Part):
                 continue
             written[name] = f"{name} = {short_text(given[name])}"
             if name not in meaningful:
-                faults.append(f"{written[name]}: has no meaning with mode = {self.mode!r}, {IDLE[self.mode]}")
+                faults.append(f"{written[name]}: has no meaning with mode = {self.mode!r}, {UNUSED_KEYS[self.mode]}")
         if "drag_area" not in written and self.mode != "grip":
             why = "acts through drag alone; must be given with drag_area"
             faults += [f"{written[name]}: {why}" for name in ("wind", "air_density") if name in written]
@@ -198,7 +198,7 @@ class Driving(Part):
             hitch=self.hitch or (0.0, 0.0),
             thrust_angle=math.radians(thrust.angle) if thrust else 0.0,
             thrust_at=(thrust and thrust.at) or (0.0, 0.0),
-            rear_brakes=tuple(sorted((brake.position / length, brake.at_rear / force) for brake in self.brake)),
+            rear_brakes=tuple(sorted((brake.position / length, brake.rear_force / force) for brake in self.brake)),
         )
 
     def __str__(self) -> str:
@@ -245,28 +245,28 @@ class Drive:
 
     def thrust(self, t, phase):
         """Thrust at t; any shapes."""
-        value, slope, t0 = self._thrusts[:, phase]
+        value, slope, t0 = self._thrust_by_phase[:, phase]
         return value + slope * (t - t0)
 
-    def hold(self, t: float) -> float:
+    def hold_fraction(self, t: float) -> float:
         """Share of the force that still holds the car: (1 - x)^2 (1 + 2 x), x = t/release."""
         x = t / self.release if self.release > 0.0 else 1.0
         return (1.0 - x) ** 2 * (1.0 + 2.0 * x) if x < 1.0 else 0.0
 
-    def brake(self, s_o):
+    def brake_force(self, s_o):
         """Force of all brakes that reach s_o; any shape."""
         return sum(force * (s_o >= position) for position, force in self.brakes)
 
-    def rear_brake(self, s_o):
+    def rear_brake_force(self, s_o):
         """Of it the force at the rear one of two wheels."""
         return sum(force * (s_o >= position) for position, force in self.rear_brakes)
 
     @property
-    def resists(self) -> bool:
+    def has_resistance(self) -> bool:
         """Whether friction or a brake acts."""
         return self.mu_r > 0.0 or bool(self.brakes)
 
-    def direction(self, s_o: float) -> int:
+    def departure_direction(self, s_o: float) -> int:
         """Direction in which a car at rest at s_o sets out under the last thrust: 1, -1, or 0."""
         i = bisect.bisect_right(self.directions, (s_o, math.inf)) - 1
         return self.directions[i][1] if i >= 0 else 0
@@ -296,7 +296,7 @@ class Drive:
             limits.append(2.0 * ahead / WAVES)
         rings = axial / RINGS
         # friction turns nowhere where the car would set out again in the same direction
-        halts = self.mu_r > 0.0 and forward * self.direction(s_o) <= 0.0
+        halts = self.mu_r > 0.0 and forward * self.departure_direction(s_o) <= 0.0
         if held:
             limits.append(rings)
         elif halts:
@@ -304,7 +304,7 @@ class Drive:
         return min(1.0, min(limits) / step)
 
     @cached_property
-    def _thrusts(self) -> np.ndarray:
+    def _thrust_by_phase(self) -> np.ndarray:
         """Thrust, its slope and the time at the start of each phase: (3, n)."""
         out = np.zeros((3, len(self.phases)))
         for i, (t0, t1) in enumerate(self.phases):

@@ -43,7 +43,7 @@ def _is_inner_error(item: Any) -> bool:
     return any(isinstance(x, int) for x in item["loc"]) or isinstance(item.get("ctx", {}).get("error"), SceneError)
 
 
-def _sizeable(x: float) -> float:
+def _zero_if_tiny(x: float) -> float:
     if 0.0 < x < SMALL:
         raise ValueError("vanishes in products")
     return x
@@ -56,7 +56,7 @@ _SEVERAL = Admits("a list of at least two numbers", min_length=2, strict=False)
 
 Positive = Annotated[float, POSITIVE]
 NonNegative = Annotated[
-    float, Field(ge=0.0, le=LARGE), AfterValidator(_sizeable), Admits(f"a number >= 0: 0, or from {_RANGE}")
+    float, Field(ge=0.0, le=LARGE), AfterValidator(_zero_if_tiny), Admits(f"a number >= 0: 0, or from {_RANGE}")
 ]
 Real = Annotated[float, REAL]
 Switch = Annotated[bool, Admits("true or false")]
@@ -124,7 +124,7 @@ class Part(BaseModel):
         try:
             self.__pydantic_validator__.validate_python(data, self_instance=self, context=sound)
         except ValidationError as error:
-            faults = [line for item in error.errors(include_url=False) for line in self._lines(item)]
+            faults = [line for item in error.errors(include_url=False) for line in self._fault_lines(item)]
         admissible = {name: sound.get(name) for name in type(self).model_fields}
         faults += self.model_construct(**admissible).faults_between(data)
         if faults:
@@ -153,7 +153,7 @@ class Part(BaseModel):
         return [_written_name(cls, name) for name in own]
 
     @classmethod
-    def _lines(cls, item: Any) -> list[str]:
+    def _fault_lines(cls, item: Any) -> list[str]:
         """Lines 'field = value: what is admissible' from one error of pydantic."""
         name, *inner = item["loc"]
         cause = item.get("ctx", {}).get("error")

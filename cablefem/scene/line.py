@@ -42,7 +42,7 @@ ONE_SPAN = "it belongs to one span between two anchors; a line has [[contact]] a
 MOST = 10_000  # positions of the cars
 
 
-class Places(Part):
+class EvenPositions(Part):
     """So many positions between two, both included."""
 
     first: Real = Field(alias="from")
@@ -52,7 +52,7 @@ class Places(Part):
 
 def _expand_positions(value: Any) -> Any:
     if isinstance(value, dict):
-        places = Places(**value)
+        places = EvenPositions(**value)
         return np.linspace(places.first, places.last, places.count).tolist()
     return value if isinstance(value, list | tuple) else [value]
 
@@ -188,7 +188,7 @@ class Case:
     tie: tuple[int, float] | None = None  # station and tension [N] that fix an unknown length
 
     @property
-    def fixed_places(self) -> np.ndarray:
+    def fixed_points(self) -> np.ndarray:
         """Points of the stations (n, 2) [m], nan where unknown."""
         return np.array([[np.nan, np.nan] if p.kind == "spring" else [p.x, p.y] for p in self.stations])
 
@@ -210,7 +210,7 @@ class LineState:
 
     case: Case
     s: np.ndarray  # (n,) [m]
-    place: np.ndarray  # (n, 2) [m]
+    points: np.ndarray  # (n, 2) [m]
     behind: np.ndarray  # (n, 2) [N]; nan at the left end
     ahead: np.ndarray  # (n, 2) [N]; nan at the right end
     haul: np.ndarray  # (n,) [N] F of hauled cars, positive to the right; else nan
@@ -303,10 +303,12 @@ class Line(Described):
     def moves(self) -> bool:
         return any(car.moves for car in self.car)
 
-    def place(self, car: Car, i: int) -> float:
+    def position_of(self, car: Car, i: int) -> float:
         """x [m] of a car at position i."""
         assert car.at is not None
         return car.at[i] if len(car.at) > 1 else car.at[0]
+
+    place = position_of  # its name in 0.3.0
 
     def shoe(self, x: float) -> Contact | None:
         """Saddle on whose shoe a car at x rests."""
@@ -324,22 +326,22 @@ class Line(Described):
             if rope.tension is not None:
                 tie = [p.name for p in stations].index(rope.tension.at), rope.tension.value
             return Case(tuple(stations), rope.mass_per_length * self.gravity, rope.EA, length=length, tie=tie)
-        positions = {car.name: x for car in self.car if self.shoe(x := self.place(car, i)) is None}
+        positions = {car.name: x for car in self.car if self.shoe(x := self.position_of(car, i)) is None}
         positions |= dict([on_rope] if on_rope else [])
         for car in self.car:
             if car.name in positions:
-                stations.append(self._hanging(car, positions[car.name]))
+                stations.append(self._station_of(car, positions[car.name]))
         stations.sort(key=lambda p: p.x)
         weight = (rope.mass_per_length + rope.ice_per_length) * self.gravity
         return Case(tuple(stations), weight, rope.EA, 1.0 + rope.warmer, length)
 
-    def _hanging(self, car: Car, x: float) -> Station:
+    def _station_of(self, car: Car, x: float) -> Station:
         kind = "hauled" if car.hauled else "grips"
         return Station(car.name, kind, x, math.nan, car.mass * self.gravity)
 
     def _on_shoes(self, positions: Sequence[int]) -> dict[tuple[int, str], Contact]:
         """The saddle by position and car on its shoe."""
-        saddles = {(i, car.name): self.shoe(self.place(car, i)) for i in positions for car in self.car}
+        saddles = {(i, car.name): self.shoe(self.position_of(car, i)) for i in positions for car in self.car}
         return {key: saddle for key, saddle in saddles.items() if saddle is not None}
 
     def empty(self, solve: Solver) -> LineState:
@@ -379,7 +381,7 @@ class Line(Described):
         """Add to a search without result what the rope has to carry at position i, and what holds it."""
         if not isinstance(state, NotFound):
             return state
-        cars = [car for car in self.car if self.shoe(self.place(car, i)) is None]
+        cars = [car for car in self.car if self.shoe(self.position_of(car, i)) is None]
         weight = sum(car.mass for car in cars) * self.gravity
         weights = [c for c in self.contact if c.tension is not None]
         holds = f"{weights[0].name} holds it with {weights[0].tension:.6g} N" if weights else "both ends are fixed"
@@ -390,7 +392,7 @@ def _refuse_unsound(state: LineState | NoLine) -> LineState | NoLine:
     """Refuse a state with numbers that are not finite, or whose rope pulls a saddle up."""
     if isinstance(state, NoLine):
         return state
-    if not all(np.isfinite(x).all() for x in (state.s, state.place, state.behind[1:], state.ahead[:-1])):
+    if not all(np.isfinite(x).all() for x in (state.s, state.points, state.behind[1:], state.ahead[:-1])):
         return NotFound("no state of rest was found")
     for p, down in zip(state.case.stations, state.pressure[:, 1], strict=True):
         if p.kind == "saddle" and not down > 0.0:
@@ -471,7 +473,7 @@ def _car_faults(cars: Sequence[Car], contacts: Sequence[Contact]) -> list[str]:
     placed = [car for car in cars if car.at is not None]
     anywhere = [car.name for car in cars if not (car.moves or car.at)]
     if anywhere:
-        return _anywhere_faults(anywhere[0], len(cars), contacts)
+        return _passing_faults(anywhere[0], len(cars), contacts)
     if moving and placed:
         return [f"car.{moving[0]}: in motion beside cars at rest; all must have at, or none"]
     return _position_faults(placed, contacts)
@@ -491,14 +493,14 @@ def _position_faults(placed: Sequence[Car], contacts: Sequence[Contact]) -> list
     return faults + _shoe_faults(contacts)
 
 
-def _anywhere_faults(name: str, count: int, contacts: Sequence[Contact]) -> list[str]:
+def _passing_faults(name: str, count: int, contacts: Sequence[Contact]) -> list[str]:
     """Faults of a car without `at`, one of so many: it passes every saddle."""
     if count > 1:
         return [f"car.{name}.at: missing; must be given for each of several cars"]
-    return _without_shoe(name, contacts[1:-1]) + _shoe_faults(contacts)
+    return _missing_shoe_faults(name, contacts[1:-1]) + _shoe_faults(contacts)
 
 
-def _without_shoe(name: str, passed: Sequence[Contact]) -> list[str]:
+def _missing_shoe_faults(name: str, passed: Sequence[Contact]) -> list[str]:
     """Faults of saddles without shoe that a car passes."""
     missing = [c.name for c in passed if c.shoe is None]
     return [f"contact.{x}.shoe: missing; must be given where a car passes, here {name}" for x in missing]
@@ -512,7 +514,7 @@ def _range_faults(car: Car, contacts: Sequence[Contact]) -> list[str]:
     faults = []
     if not 0.0 < low <= high < end:
         faults.append(f"car.{car.name}.at: from {low:.6g} to {high:.6g} m; must be between 0 and {end:.6g} m")
-    return faults + _without_shoe(car.name, [c for c in contacts[1:-1] if low <= c.at[0] <= high])
+    return faults + _missing_shoe_faults(car.name, [c for c in contacts[1:-1] if low <= c.at[0] <= high])
 
 
 def _order_faults(a: Car, b: Car) -> list[str]:

@@ -54,7 +54,7 @@ class Motion:
         """Of many instants, as `at`: rows s_o, ds_o, dds_o, (3, n)."""
         first, last = self._ends[:, phase]
         piece = np.minimum(np.maximum(self._piece(t), first), last)
-        out = np.array(self._on(piece)(t))
+        out = np.array(self._piece_columns(piece)(t))
         out[0, t == self.phases[-1][1]] = self.end
         return out
 
@@ -81,7 +81,7 @@ class Motion:
         """s_o at t, same shape; constant outside the travel."""
         stop = self.phases[-1][1]
         t = np.clip(np.asarray(t, dtype=float), 0.0, stop)
-        return np.where(t == stop, self.end, self._on(self._piece(t))(t)[0])
+        return np.where(t == stop, self.end, self._piece_columns(self._piece(t))(t)[0])
 
     def time_at(self, s_o: float) -> float:
         """When the mass comes to s_o; ValueError if never."""
@@ -115,7 +115,7 @@ class Motion:
     def _piece(self, t) -> np.ndarray:
         return np.searchsorted(self._columns[0, 1:], t, side="right")
 
-    def _on(self, index: np.ndarray) -> Piece:
+    def _piece_columns(self, index: np.ndarray) -> Piece:
         """The pieces of these numbers, as columns."""
         return Piece(*self._columns[:, index])
 
@@ -182,7 +182,7 @@ class Motion:
         return np.array(list(itertools.chain(*self.pieces))).T
 
 
-def rest_motion(place: float, end: float) -> Motion:
-    """Rest at the position `place` until `end`."""
-    piece = Piece(0.0, 0.0, place, 0.0, 0.0)
-    return Motion(((0.0, end),), ((piece,),), place)
+def rest_motion(position: float, end: float) -> Motion:
+    """Rest at the position `position` until `end`."""
+    piece = Piece(0.0, 0.0, position, 0.0, 0.0)
+    return Motion(((0.0, end),), ((piece,),), position)

@@ -23,13 +23,13 @@ NEAREST_WHEEL = 0.002  # of the length: from the left support to a rear wheel at
 
 
 @dataclass(frozen=True, slots=True)
-class Empty:
+class EmptyLine:
     """Where the contacts touch the empty rope, which is hot."""
 
     s: Array  # (k,) [m]
     x: Array  # (k,) [m]
 
-    def x_of(self, car: Car, position: float) -> float:
+    def x_at(self, car: Car, position: float) -> float:
         """x [m] of a position of a car, about."""
         return position if car.along == "x" else float(np.interp(position, self.s, self.x))
 
@@ -41,33 +41,33 @@ def line_in_motion(line: Line, solve: Solver) -> MovingLine:
     """
     state = line.empty(solve)
     heat = 1.0 + line.cable.warmer
-    _refuse([*_travel_faults(line.car), *_weight_faults(line, state)])
+    _raise_faults([*_travel_faults(line.car), *_weight_faults(line, state)])
     contacts = [
         Contact(name=c.name, kind=c.kind, point=c.at, stiffness=c.stiffness, force=c.tension, shoe=c.shoe)
         for c in line.contact
     ]
-    empty = Empty(state.s * heat, np.array([c.point[0] for c in contacts]))
+    empty = EmptyLine(state.s * heat, np.array([c.point[0] for c in contacts]))
     cars = [_moving_car(car, len(contacts) > 2, heat) for car in line.car]
-    places = {c.name: c.point[0] for c in contacts} | {car.name: empty.x_of(car, _start_position(car)) for car in cars}
+    places = {c.name: c.point[0] for c in contacts} | {car.name: empty.x_at(car, _start_position(car)) for car in cars}
     passing = {car.name: _saddles_passed(car, contacts, empty) for car in cars}
-    _refuse([*_order_faults(cars, places), *_saddle_faults(cars, passing, places)])
+    _raise_faults([*_order_faults(cars, places), *_saddle_faults(cars, passing, places)])
     everything: list[Contact | Car] = [*contacts, *cars]
     found = MovingLine(
-        rope=_elastic(line, float(empty.s[-1]), heat),
+        rope=_hot_rope(line, float(empty.s[-1]), heat),
         contacts=tuple(sorted(everything, key=lambda c: places[c.name])),
-        t_end=max(map(_end, cars), default=0.0), gravity=line.gravity, solve=solve,
+        t_end=max(map(_end_position, cars), default=0.0), gravity=line.gravity, solve=solve,
     )  # fmt: skip
-    _refuse([*_end_faults(found), *_wheel_faults(found), *_meeting_faults(found, passing, empty)])
-    _refuse([fault for car in cars for saddle in passing[car.name] for fault in _shoe_faults(found, car, saddle)])
+    _raise_faults([*_end_faults(found), *_wheel_faults(found), *_meeting_faults(found, passing, empty)])
+    _raise_faults([fault for car in cars for saddle in passing[car.name] for fault in _shoe_faults(found, car, saddle)])
     return found
 
 
-def _refuse(faults: list[str]) -> None:
+def _raise_faults(faults: list[str]) -> None:
     if faults:
         raise SceneError(faults)
 
 
-def _elastic(line: Line, length: float, heat: float) -> Elastic:
+def _hot_rope(line: Line, length: float, heat: float) -> Elastic:
     """The hot rope with ice; length : [m] of the empty line."""
     rope = line.cable
     fixed = line.contact[-1].kind != "counterweight"
@@ -95,13 +95,13 @@ def _order_faults(cars: Sequence[Car], places: Mapping[str, float]) -> list[str]
     return faults
 
 
-def _saddles_passed(car: Car, contacts: Sequence[Contact], empty: Empty) -> list[Contact]:
+def _saddles_passed(car: Car, contacts: Sequence[Contact], empty: EmptyLine) -> list[Contact]:
     """Saddles that a car with a travel comes to."""
     if car.travel is None:
         return []
     last = len(car.travel.phases) - 1
     positions = (_start_position(car), car.travel.at(car.travel.phases[last][1], last)[0])
-    low, high = sorted(empty.x_of(car, position) for position in positions)
+    low, high = sorted(empty.x_at(car, position) for position in positions)
     base = 0.0 if car.wheels is None else car.wheels.base
     return [c for c in contacts[1:-1] if low - base - (c.shoe or 0.0) <= c.point[0] <= high + (c.shoe or 0.0)]
 
@@ -132,7 +132,7 @@ def _shoe_faults(line: MovingLine, car: Car, saddle: Contact) -> Iterator[str]:
         stations = [
             Station(c.name, c.kind, *c.point, force=c.force or 0.0, stiffness=c.stiffness) for c in line.supports
         ]
-        stations.append(car.hanging(x, line.gravity))
+        stations.append(car.station_at(x, line.gravity))
         stations.sort(key=lambda p: p.x)
         state = line.solve([Case(tuple(stations), line.weight, line.rope.EA, length=line.rope.length)])[0]
         if isinstance(state, NoLine):
@@ -171,7 +171,7 @@ def _wheel_faults(line: MovingLine) -> Iterator[str]:
             yield f"car.{car.name}: begins with its front wheel at {_start_position(car):.6g} m; {must}"
 
 
-def _meeting_faults(line: MovingLine, passing: Mapping[str, Sequence[Contact]], empty: Empty) -> Iterator[str]:
+def _meeting_faults(line: MovingLine, passing: Mapping[str, Sequence[Contact]], empty: EmptyLine) -> Iterator[str]:
     """The first fault of each two cars whose timetables meet, or that are on one shoe."""
     for a, b in itertools.combinations(line.cars, 2):
         if a.travel is not None and b.travel is not None:
@@ -179,12 +179,12 @@ def _meeting_faults(line: MovingLine, passing: Mapping[str, Sequence[Contact]], 
             yield from itertools.islice(_meetings(line, a, b, shoes, empty), 1)
 
 
-def _meetings(line: MovingLine, a: Car, b: Car, shoes: Sequence[Contact], empty: Empty) -> Iterator[str]:
+def _meetings(line: MovingLine, a: Car, b: Car, shoes: Sequence[Contact], empty: EmptyLine) -> Iterator[str]:
     """Faults of two cars at all instants; shoes : that both pass."""
     for phase, (t0, t1) in enumerate(line.phases):
         for t in np.linspace(t0, t1, SAMPLES).tolist():
             first, second = (line.position(car, t, phase)[0] for car in (a, b))
-            x = empty.x_of(a, first), empty.x_of(b, second)
+            x = empty.x_at(a, first), empty.x_at(b, second)
             distance = second - first if a.along == b.along else x[1] - x[0]
             fault = _too_close(a, b, t, distance) or _on_one_shoe(a, b, t, x, shoes)
             if fault:
@@ -210,7 +210,7 @@ def _start_position(car: Car) -> float:
     return car.drive.start if car.travel is None else car.travel.at(0.0, 0)[0]
 
 
-def _end(car: Car) -> float:
+def _end_position(car: Car) -> float:
     return car.drive.end_time if car.travel is None else car.travel.phases[-1][1]
 
 

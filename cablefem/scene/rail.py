@@ -45,12 +45,12 @@ class Rail:
         second = 2.0 * c2 + u * (6.0 * c3 + u * (12.0 * c4 + u * 20.0 * c5))
         return Y, first / L, second / L**2
 
-    def lifted(self, x: Any) -> Any:
+    def y_with_rates(self, x: Any) -> Any:
         """y and its rates (3, ...) of a car at x with its rates (3, ...)."""
         Y, slope, bend = self.slopes(x[0])
         return np.array([Y, slope * x[1], slope * x[2] + bend * x[1] ** 2])
 
-    def gripped(self, s: Any) -> Any:
+    def x_with_rates(self, s: Any) -> Any:
         """x and its rates (3,) of a car off the rope that grips at s from the saddle, with its rates."""
         way = self.stretch * (s[0] - self.s)
         nodes, weights = np.polynomial.legendre.leggauss(12)

@@ -70,8 +70,8 @@ class LoadPath:
     def empty(cls, groups: Groups) -> LoadPath:
         """The path along the empty cable's shape."""
         s = load_path_nodes()
-        _, xp, yp, xpp, ypp = groups.static(s)
-        place = np.stack(groups.shape(s), -1)
+        _, xp, yp, xpp, ypp = groups.tension_and_derivatives(s)
+        place = np.stack(groups.coordinates(s), -1)
         hold = -groups.mu * groups.sigma * yp
         return cls(s, place, np.stack([xp, yp], -1), np.stack([xpp, ypp], -1), hold, np.ones_like(s))
 
@@ -79,7 +79,7 @@ class LoadPath:
     def chord(cls, groups: Groups) -> LoadPath:
         """The path along the straight chord."""
         s = load_path_nodes()
-        slope = np.stack(groups.shape(1.0))
+        slope = np.stack(groups.coordinates(1.0))
         slopes = np.tile(slope, (s.size, 1))
         hold = np.full_like(s, -groups.mu * groups.sigma * slope[1])
         stretch = np.full_like(s, math.hypot(*slope))
@@ -156,7 +156,7 @@ class Forces:
         fx = mu * (bx * v * v) - drag * rx
         fy = mu * (by * v * v - self.sigma) - drag * ry
         normal = abs(fx * py - fy * px) / p
-        free = along - hold + drive.hold(t) * self.start_hold - mu * (px * bx + py * by) * v * v
+        free = along - hold + drive.hold_fraction(t) * self.start_hold - mu * (px * bx + py * by) * v * v
         return free, normal, mu * p2, stretch
 
     def excess_force(self, t: float, s: float, phase: int, brakes: int) -> float:
@@ -212,7 +212,7 @@ class Forces:
         return tuple(next(same) for _, same in itertools.groupby(out, key=lambda x: x[1]))
 
 
-class _Rolling:
+class _RideSolver:
     """The state of a ride while it is computed."""
 
     def __init__(self, path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float) -> None:
@@ -230,12 +230,12 @@ class _Rolling:
         self.events: list[Event] = []
         self.sections: list[tuple[float, float, Callable]] = []
 
-    def to_its_end(self) -> Ride:
+    def roll_to_end(self) -> Ride:
         """Roll and rest until the ride is over."""
         while self.t < self.end:
             if self.v == 0.0 and not self._depart():
                 break
-            if not self._react(self._roll()):
+            if not self._apply_event(self._roll()):
                 break
         return Ride(self.path, tuple(self.events), tuple(self.sections))
 
@@ -275,12 +275,12 @@ class _Rolling:
             return "brake", positions[self.brakes + 1]
         return "brake off", positions[self.brakes]
 
-    def _watches(self) -> dict[str, Callable]:
+    def _event_functions(self) -> dict[str, Callable]:
         """Values that end the motion where they fall through zero."""
         drive = self.drive
         brake, position = self._next_brake()
 
-        def slow(t, y):
+        def excess_speed(t, y):
             """Negative where the car is slow, and would stay."""
             px, py, *_ = self.path(y[0])
             excess = abs(y[1]) * math.hypot(px, py) - drive.rest_speed
@@ -292,7 +292,7 @@ class _Rolling:
             "back": lambda t, y: y[0] - drive.back_position,
         }
         if drive.directions and self.phase == len(drive.phases) - 1:
-            watches["rest"] = slow
+            watches["rest"] = excess_speed
         if math.isfinite(position):
             watches[brake] = lambda t, y: self.sign * (position - y[0])
         for watch in watches.values():
@@ -316,7 +316,7 @@ class _Rolling:
             return [y[1], (free - sign * resistance) / inertia]
 
         span = (self.t, min(self.end, self.drive.phases[phase][1]))
-        watches = self._watches()
+        watches = self._event_functions()
         how: dict[str, Any] = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-12, "dense_output": True}
         run = solve_ivp(rate, span, [self.s, self.v], events=[*watches.values()], **how)
         if not run.success:
@@ -332,7 +332,7 @@ class _Rolling:
         self.s, self.v = run.sol(end).tolist()
         return event
 
-    def _react(self, event: str | None) -> bool:
+    def _apply_event(self, event: str | None) -> bool:
         """Set the state at an event without rounding; return whether the ride goes on."""
         if event is None:
             self._next_phase()
@@ -365,7 +365,7 @@ class _Rolling:
 
 def roll_ride(path: LoadPath, mu: float, sigma: float, drive: Drive, turns: float = math.inf) -> Ride:
     """Roll until arrival, final rest, `turns` turns, or the end of time."""
-    return _Rolling(path, mu, sigma, drive, turns).to_its_end()
+    return _RideSolver(path, mu, sigma, drive, turns).roll_to_end()
 
 
 def quasi_static(groups: Groups, drive: Drive) -> tuple[Ride, Drive]:

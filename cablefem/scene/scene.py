@@ -68,13 +68,13 @@ class Groups:
     damping: float = 0.0  # c_d: the force on the cable is -c_d times its momentum
     internal_damping: float = 0.0  # tau: N = T + alpha (eps + tau deps/dt)
 
-    def static(self, s) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def tension_and_derivatives(self, s) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """(T, x', y', x'', y'') at s in [0, 1]."""
-        return _catenary.static(s, self.sigma, self.c)
+        return _catenary.tension_and_derivatives(s, self.sigma, self.c)
 
-    def shape(self, s) -> tuple[np.ndarray, np.ndarray]:
+    def coordinates(self, s) -> tuple[np.ndarray, np.ndarray]:
         """(x, y) at s in [0, 1]; y down."""
-        return _catenary.shape(s, self.sigma, self.c)
+        return _catenary.coordinates(s, self.sigma, self.c)
 
 
 class Scene(Described):
@@ -113,7 +113,7 @@ class Scene(Described):
         """Faults of stretch, damping, travel and drive on a cable that hangs; "" where there is none."""
         faults = [
             stretch_fault(self.gravity, self.cable, self.supports),
-            damping_fault(*self._damped),
+            damping_fault(*self._damping_arguments),
             internal_damping_fault(self.cable.internal_damping, self.time_scale, drive.mode),
         ]
         rolling = [f"drive.{fault}" for fault in drive.faults(self.length)]
@@ -122,7 +122,7 @@ class Scene(Described):
         return faults + rolling
 
     @property
-    def _damped(self) -> tuple[Catenary, Cable, Wind | None, float]:
+    def _damping_arguments(self) -> tuple[Catenary, Cable, Wind | None, float]:
         return self.catenary, self.cable, self.wind, self.gravity
 
     @classmethod
@@ -175,9 +175,9 @@ class Scene(Described):
         """
         scene = self
         if self.cable.changed and (sag_ratio, mu, alpha) != (None, None, None):
-            scene = scene._hung(horizontal_tension=scene.horizontal_tension)
+            scene = scene._with_shape(horizontal_tension=scene.horizontal_tension)
         if sag_ratio is not None:
-            scene = scene._hung(sag=sag_ratio * scene.supports.span)
+            scene = scene._with_shape(sag=sag_ratio * scene.supports.span)
         if alpha is not None:
             fields["cable"] = scene.cable.model_copy(update={"EA": alpha * scene.horizontal_tension})
         if mu is not None:
@@ -194,7 +194,7 @@ class Scene(Described):
             raise SceneError([f"speed_ratio = {speed_ratio!r}: {why}"])
         return self.travel.faster(speed_ratio / self.speed_ratio)
 
-    def _hung(self, **shape: float) -> Self:
+    def _with_shape(self, **shape: float) -> Self:
         """This scene, without temperature and ice, hung otherwise."""
         gone = {*SHAPES, "temperature", "reference_temperature", "expansion", "ice"}
         cable = {**self.cable.model_dump(exclude=gone), "mass_per_length": self.rho, **shape}
@@ -280,7 +280,7 @@ class Scene(Described):
     @property
     def damping(self) -> float:
         """c_d [1/s]: `cable.damping` and a crosswind's part."""
-        return sum(damping_rates(*self._damped))
+        return sum(damping_rates(*self._damping_arguments))
 
     @property
     def damping_ratio(self) -> float:
@@ -344,10 +344,10 @@ class Scene(Described):
     @property
     def ride(self) -> Ride | None:
         """The quasi-static ride of a free car, dimensionless, or None."""
-        return None if self._free is None else self._free[0]
+        return None if self._free_ride is None else self._free_ride[0]
 
     @cached_property
-    def _free(self) -> tuple[Ride, Drive] | None:
+    def _free_ride(self) -> tuple[Ride, Drive] | None:
         if self.drive.mode != "free":
             return None
         try:
@@ -363,8 +363,8 @@ class Scene(Described):
     def groups(self) -> Groups:
         """The scene in dimensionless form."""
         motion = None if self._motion is None else self._motion.scaled(self.length, self.time_scale)
-        if self._free is not None:
-            return self._groups(motion, self._free[1])
+        if self._free_ride is not None:
+            return self._groups(motion, self._free_ride[1])
         if motion is None or self.drive.mode == "grip":
             return self._groups(motion, GRIP)
         end = motion.phases[-1][1]

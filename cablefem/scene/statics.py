@@ -53,15 +53,15 @@ def gripped_rest(s, groups) -> Rest:
     """The rest of a car that grips."""
     s = np.atleast_1d(np.asarray(s, dtype=float))
     weight = np.tile([0.0, -groups.mu * groups.sigma], (s.size, 1))
-    x = _Pieces(s, weight, groups)
+    x = _TwoPieceStatics(s, weight, groups)
     behind, ahead = x.sides
-    _, A = x.moments()
+    _, A = x.slope_integrals()
     z = -_solve(A, behind.slope - ahead.slope)  # d(left)/ds (n, 2)
-    bent = behind.by_s - ahead.by_s + 2.0 * _matrix_times(behind.by_n - ahead.by_n, z) + x.second(z)
+    bent = behind.by_s - ahead.by_s + 2.0 * _matrix_times(behind.by_n - ahead.by_n, z) + x.second_derivative(z)
     zz = -_solve(A, bent)  # d2(left)/ds2 (n, 2)
-    place, B = x.moments(x.behind)
+    place, B = x.slope_integrals(x.behind)
     along = behind.slope + _matrix_times(B, z)
-    bend = behind.by_s + 2.0 * _matrix_times(behind.by_n, z) + x.second(z, x.behind) + _matrix_times(B, zz)
+    bend = behind.by_s + 2.0 * _matrix_times(behind.by_n, z) + x.second_derivative(z, x.behind) + _matrix_times(B, zz)
     return x.rest(place, along, bend, np.zeros_like(s))
 
 
@@ -76,11 +76,11 @@ def hauled_rest(s, groups) -> Rest:
     s = np.atleast_1d(np.asarray(s, dtype=float))
     weight = groups.mu * groups.sigma
     left = None
-    tau = np.stack(groups.static(s)[1:3], -1)  # (n, 2)
+    tau = np.stack(groups.tension_and_derivatives(s)[1:3], -1)  # (n, 2)
     friction = np.zeros_like(s)
     for _ in range(ITERATIONS):
         haul = friction - weight * tau[:, 1]
-        x = _Pieces(s, [0.0, -weight] - haul[:, None] * tau, groups, left)
+        x = _TwoPieceStatics(s, [0.0, -weight] - haul[:, None] * tau, groups, left)
         left = x.left
         before = tau
         behind, ahead = x.sides
@@ -92,7 +92,7 @@ def hauled_rest(s, groups) -> Rest:
             break
     else:
         raise NoRest("no direction of the rope that holds the car was found")
-    place, _ = x.moments(x.behind)
+    place, _ = x.slope_integrals(x.behind)
     if s.size <= 3:
         unknown = np.full((s.size, 2), np.nan)
         return x.rest(place, unknown, unknown, haul)
@@ -110,7 +110,7 @@ class _Side:
     by_s: np.ndarray  # (n, 2) dr'/ds at constant left
 
 
-class _Pieces:
+class _TwoPieceStatics:
     """int lam n/N ds = (span, drop) for n = left - (0, sigma s), plus the jump ahead of the car.
 
     lam/N = q/N + 1/alpha, q = 1 - T/alpha.  Newton steps minimise int (q N + N^2/(2 alpha)) ds - left.(span, drop).
@@ -130,14 +130,14 @@ class _Pieces:
         self.behind = np.arange(2 * POINTS) < POINTS
         self.load = np.where(self.behind, 0.0, jump.T[:, :, None])  # n - left: (2, n, points)
         self.load[1] -= groups.sigma * points
-        self.q = 1.0 - groups.static(points)[0] / self.alpha
-        ends = np.stack(groups.shape(1.0))
+        self.q = 1.0 - groups.tension_and_derivatives(points)[0] / self.alpha
+        ends = np.stack(groups.coordinates(1.0))
         if left is None:  # direction of the empty cable, tension guessed
             horizontal = np.full_like(s, math.sqrt(1.0 + 0.5 * groups.mu))
             left = np.stack([horizontal, groups.c - jump[:, 1] * (1.0 - s)], -1)
         self.left = left
         for _ in range(ITERATIONS):
-            g, A = self.moments()
+            g, A = self.slope_integrals()
             dz = _solve(A, ends - g)
             size = np.linalg.norm(dz, axis=1) / (1.0 + np.linalg.norm(self.left, axis=1))
             if np.any(size > 1e-4):  # nearer, full steps are safe
@@ -147,9 +147,9 @@ class _Pieces:
                 break
         else:
             raise NoRest(f"no cable at rest under the car was found at s_o = {s[np.argmax(size)]:.4g}")
-        self.T = groups.static(s)[0]
+        self.T = groups.tension_and_derivatives(s)[0]
         behind = self.left - np.stack([np.zeros_like(s), groups.sigma * s], -1)
-        self.sides = self._side(behind, groups), self._side(behind + jump, groups)
+        self.sides = self._car_side(behind, groups), self._car_side(behind + jump, groups)
 
     def _step_length(self, dz: np.ndarray, ends: np.ndarray, g: np.ndarray) -> np.ndarray:
         """Step (n,) along dz, halved while the integral that Newton's method minimises still rises."""
@@ -158,14 +158,14 @@ class _Pieces:
         step = np.ones_like(self.s)
         for _ in range(ITERATIONS):
             self.left = here + step[:, None] * dz
-            uphill = ((self.moments()[0] - ends) * dz).sum(1) > 0.5 * slope
+            uphill = ((self.slope_integrals()[0] - ends) * dz).sum(1) > 0.5 * slope
             if not uphill.any():
                 break
             step = np.where(uphill, 0.5 * step, step)
         self.left = here
         return step
 
-    def _side(self, n: np.ndarray, groups) -> _Side:
+    def _car_side(self, n: np.ndarray, groups) -> _Side:
         """The cable at the car, from its force n (n, 2)."""
         dT = -groups.sigma * (groups.c - groups.sigma * self.s) / self.T
         N = np.linalg.norm(n, axis=1)
@@ -185,12 +185,12 @@ class _Pieces:
         sides = (N0, N1, behind.slope, ahead.slope)
         return Rest(self.s, self.left, self.jump, place, *sides, along, bend, hold, haul)
 
-    def moments(self, part=slice(None)) -> tuple[np.ndarray, np.ndarray]:
+    def slope_integrals(self, points=slice(None)) -> tuple[np.ndarray, np.ndarray]:
         """int r' and int dr'/dn over some points: (n, 2), (n, 2, 2)."""
-        nx, ny = self.left.T[:, :, None] + self.load[:, :, part]
-        w = self.weights[:, part]
+        nx, ny = self.left.T[:, :, None] + self.load[:, :, points]
+        w = self.weights[:, points]
         n2 = nx * nx + ny * ny
-        i1 = w * self.q[:, part] / np.sqrt(n2)
+        i1 = w * self.q[:, points] / np.sqrt(n2)
         i3 = i1 / n2
         one = w.sum(1) / self.alpha
         f = i1 + w / self.alpha
@@ -200,13 +200,13 @@ class _Pieces:
         yy = (i3 * nx * nx).sum(1) + one
         return g, np.stack([xx, xy, xy, yy], -1).reshape(-1, 2, 2)
 
-    def second(self, z: np.ndarray, part=slice(None)) -> np.ndarray:
+    def second_derivative(self, z: np.ndarray, points=slice(None)) -> np.ndarray:
         """int d2r'/dn^2 [z, z] over some points: (n, 2)."""
-        n = np.moveaxis(self.left.T[:, :, None] + self.load[:, :, part], 0, -1)  # (n, points, 2)
+        n = np.moveaxis(self.left.T[:, :, None] + self.load[:, :, points], 0, -1)  # (n, points, 2)
         N = np.linalg.norm(n, axis=-1)[..., None]
         nz = n @ z[:, :, None]  # (n, points, 1)
         z2 = (z**2).sum(1)[:, None, None]
-        w = (self.weights[:, part] * self.q[:, part])[..., None] / N**3
+        w = (self.weights[:, points] * self.q[:, points])[..., None] / N**3
         along_z = -2.0 * nz * z[:, None]
         along_n = (3.0 * nz**2 / N**2 - z2) * n
         return (w * (along_z + along_n)).sum(1)

@@ -47,7 +47,7 @@ class Law(Part):
 
     def fault(self, distance: float, begin: float = 0.0, length: float = math.inf) -> str:
         """What is wrong with this travel on a cable of this length [m]; empty if nothing is."""
-        if fault := self.own_fault(distance):
+        if fault := self.fields_fault(distance):
             return fault
         law = self.motion_over(distance)
         if begin == 0.0 and law.at(0.0, 0)[1:] == (0.0, 0.0):
@@ -74,7 +74,7 @@ class Law(Part):
             return f"rest = {self.rest!r}: the mass is on the far support then; must stop before {length:.6g} m"
         return ""
 
-    def own_fault(self, distance: float) -> str:
+    def fields_fault(self, distance: float) -> str:
         """What is wrong with the fields of this law over a distance [m]; empty if nothing is."""
         return ""
 
@@ -115,7 +115,7 @@ class ConstantSpeed(Law):
     speed: Positive = described_field("[m/s] V")
     entry_ramp: Positive | None = described_field("[m] L, over which the mass comes to its speed", None)
 
-    def own_fault(self, distance: float) -> str:
+    def fields_fault(self, distance: float) -> str:
         if self.entry_ramp is not None and self.entry_ramp >= distance:
             return f"entry_ramp = {self.entry_ramp!r}: must be < {distance:.6g} m, the length of the ride"
         return ""
@@ -140,7 +140,7 @@ class ConstantAcceleration(Law):
     acceleration: Real = described_field("[m/s2] a")
     initial_speed: NonNegative = described_field("[m/s] V_o", 0.0)
 
-    def own_fault(self, distance: float) -> str:
+    def fields_fault(self, distance: float) -> str:
         """What is wrong with the fields of this law over a distance [m]; empty if nothing is."""
         a = self.acceleration
         v0 = self.initial_speed
@@ -196,7 +196,7 @@ class Trapezoid(Law):
         "[m] position along the cable where the mass comes to rest; default the end", None
     )
 
-    def own_fault(self, distance: float) -> str:
+    def fields_fault(self, distance: float) -> str:
         return "" if distance > 0.0 else f"to = {self.to!r}: must be beyond the start of the travel"
 
     def motion_over(self, distance: float) -> Motion:
@@ -282,7 +282,7 @@ class Table(Law):
             faults += rising_faults(name, column, sign)
         return faults
 
-    def own_fault(self, distance: float) -> str:
+    def fields_fault(self, distance: float) -> str:
         """What is wrong with the fields of this law over a distance [m]; empty if nothing is."""
         if self.positions[-1] > distance * (1.0 + ROUNDING):
             last = f"positions[{len(self.positions) - 1}] = {self.positions[-1]!r}"

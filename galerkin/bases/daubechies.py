@@ -30,7 +30,7 @@ DEEPEST = -3  # phi_m for m = 1 .. -3
 # --- the scaling function, once per order ----------------------------------------------------------------------
 
 
-def _factor(p: int) -> np.ndarray:
+def _factor_without_zeros(p: int) -> np.ndarray:
     """Return q of h(z) = 2 ((1 + z)/2)^p q(z), shape (p,), from PyWavelets' filter.
 
     One Newton step takes q back to |q|^2 = sum_k binom(p-1+k, k) y^k, y = (2 - z - 1/z)/4 (Daubechies 1988).
@@ -52,31 +52,31 @@ def _factor(p: int) -> np.ndarray:
     return np.asarray(q + np.linalg.solve(jacobian, residual))
 
 
-def _transition(h: np.ndarray, digit: int) -> np.ndarray:
+def _transition_matrix(h: np.ndarray, digit: int) -> np.ndarray:
     """(T_d)_ij = h_(2i-j+d)."""
     n = h.size - 1
     k = 2 * np.arange(n)[:, None] - np.arange(n) + digit
     return np.where((k >= 0) & (k <= n), h[np.clip(k, 0, n)], h[0] * 0)
 
 
-class _Walk(NamedTuple):
+class _DyadicTable(NamedTuple):
     at_integers: np.ndarray  # v(0)
     blocks: np.ndarray  # transposed products T_d1 .. T_dBLOCK
     T: np.ndarray
 
 
-class _Mother(NamedTuple):
+class _MotherFunctions(NamedTuple):
     """Tables of one order."""
 
     h: np.ndarray  # phi(x) = sum h_k phi(2x - k)
     g: np.ndarray  # psi(x) = sum g_k phi(2x - k), g_k = (-1)^k h_(R-k)
-    walks: dict[int, _Walk]
+    tables: dict[int, _DyadicTable]
     left: np.ndarray  # L of L L^T = int_0^inf phi(x-k) phi(x-l) dx, k, l = 1-R .. -1
     right: np.ndarray  # the same of int_-inf^0
 
 
-def _ends(h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`left` and `right` of `_Mother`.
+def _factors_of_cut_grams(h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`left` and `right` of `_MotherFunctions`.
 
     W = (H W H^T + B B^T)/2, H = taps that stay cut, B = taps inside; summed by doubling (Smith 1968).
     """
@@ -91,37 +91,37 @@ def _ends(h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 @lru_cache(maxsize=16)
-def _mother(p: int) -> _Mother:
+def _mother_functions(p: int) -> _MotherFunctions:
     R = 2 * p - 1
-    q = _factor(p)
-    walks = {}
+    q = _factor_without_zeros(p)
+    tables = {}
     for m in range(DEEPEST, 2 if p > 2 else 1):
         mask = 2.0 * q
         for _ in range(p - m):
             mask = np.convolve(mask, [0.5, 0.5])
         if m == 0:
             h = mask
-        walks[m] = _walk(mask)
-    left, right = _ends(h)
+        tables[m] = _dyadic_table(mask)
+    left, right = _factors_of_cut_grams(h)
     g = (-1.0) ** np.arange(R + 1) * h[::-1]
-    return _Mother(h, g, walks, left, right)
+    return _MotherFunctions(h, g, tables, left, right)
 
 
-def _walk(mask: np.ndarray) -> _Walk:
+def _dyadic_table(mask: np.ndarray) -> _DyadicTable:
     """Return the tables of the function with this mask."""
     n = mask.size - 1
-    T = np.array([_transition(mask, 0), _transition(mask, 1)])
+    T = np.array([_transition_matrix(mask, 0), _transition_matrix(mask, 1)])
     system = T[0] - np.eye(n)  # v(0) = T_0 v(0) has a factor free: sum v(0) = 1 replaces the first row
     system[0] = 1.0
     at_integers = np.linalg.solve(system, np.eye(n)[0])
     blocks = T
     for _ in range(BLOCK - 1):
         blocks = np.concatenate([T[0] @ blocks, T[1] @ blocks])
-    return _Walk(at_integers, np.ascontiguousarray(blocks.transpose(0, 2, 1)), T)
+    return _DyadicTable(at_integers, np.ascontiguousarray(blocks.transpose(0, 2, 1)), T)
 
 
 @compiled
-def _evaluate(y, at_integers, blocks, c, out):
+def _evaluate_sums(y, at_integers, blocks, c, out):
     """out[q] = sum_l c_l phi_m(y_q - l), rows of c from l = 1 - n_m on."""
     n = at_integers.size
     v = np.empty(n)
@@ -151,7 +151,7 @@ def _evaluate(y, at_integers, blocks, c, out):
                 out[q, k] += v[i] * c[cell - i + n - 1, k]
 
 
-class _Sums(NamedTuple):
+class _SumsOfShifts(NamedTuple):
     """sum_l c_l phi_m(y - l) by m, each the derivative of the next; rows of c from l = 1 - n_m on."""
 
     order: int
@@ -161,9 +161,9 @@ class _Sums(NamedTuple):
     def __call__(self, s: np.ndarray, m: int) -> np.ndarray:
         if s.size and not (s.min() >= 0.0 and s.max() <= 1.0):
             raise ValueError(f"s must lie in [0, 1], got [{s.min()!r}, {s.max()!r}]")
-        walk = _mother(self.order).walks[m]
+        walk = _mother_functions(self.order).tables[m]
         out = np.empty((s.size, self.c[m].shape[1]))
-        _evaluate(2**self.level * (2 * self.order - 1) * s, walk.at_integers, walk.blocks, self.c[m], out)
+        _evaluate_sums(2**self.level * (2 * self.order - 1) * s, walk.at_integers, walk.blocks, self.c[m], out)
         return out
 
 
@@ -174,23 +174,23 @@ def _running_sum(c: np.ndarray, first: int) -> np.ndarray:
     return np.concatenate([-np.cumsum(left[::-1], axis=0)[::-1], np.zeros((1, c.shape[1])), np.cumsum(right, axis=0)])
 
 
-def _sums(order: int, level: int, c: np.ndarray) -> _Sums:
+def _sums_with_derivative(order: int, level: int, c: np.ndarray) -> _SumsOfShifts:
     """Functions with derivative sum_l c_l phi(y - l), rows from l = 1-R on, and 0 at s = 0."""
     R = 2 * order - 1
     cells = 2**level * (2 * order - 1)
-    mother = _mother(order)
+    mother = _mother_functions(order)
     family = {0: np.concatenate([c, np.zeros((1, c.shape[1]))])}
-    if 1 in mother.walks:
+    if 1 in mother.tables:
         family[1] = cells * np.diff(family[0], axis=0)
     for m in range(-1, DEEPEST - 1, -1):
         b = _running_sum(family[m + 1], 1 - (R - m - 1)) / cells
         n = R - m
-        at_left = mother.walks[m].at_integers @ b[n - 1 :: -1]
+        at_left = mother.tables[m].at_integers @ b[n - 1 :: -1]
         family[m] = np.ascontiguousarray(b - at_left)
-    return _Sums(order, level, family)
+    return _SumsOfShifts(order, level, family)
 
 
-def _refine(c: np.ndarray, h: np.ndarray, cells: int) -> np.ndarray:
+def _refined_coefficients(c: np.ndarray, h: np.ndarray, cells: int) -> np.ndarray:
     """Coefficients of sum_l c_l phi(y - l) in phi(2y - l)."""
     R = h.size - 1
     fine = np.zeros((2 * len(c) + R, c.shape[1]))
@@ -199,17 +199,17 @@ def _refine(c: np.ndarray, h: np.ndarray, cells: int) -> np.ndarray:
     return fine[R - 1 : R - 1 + 2 * cells + R - 1]
 
 
-def _printed(order: int, level: int, reading: Reading) -> np.ndarray:
+def _functions_of_paper(order: int, level: int, reading: Reading) -> np.ndarray:
     """Theta_jk' of (37)-(39) plus a constant as sum_l c_l phi(y - l); columns by j, then k."""
     p = order
     R = 2 * order - 1
-    mother = _mother(order)
+    mother = _mother_functions(order)
     shift = p - 1 if reading == "shifted" else 0
     c = np.zeros((2 * R - 1, 0))
     for j in range(-1, level):
         cells = 2 ** (j + 1) * R
         if j >= 0:
-            c = _refine(c, mother.h, cells // 2)
+            c = _refined_coefficients(c, mother.h, cells // 2)
         places = np.arange(1 - R, p) if j < 0 else np.arange(p - R, 2**j * R - p + 1)
         scaling = reading == "scaling" and j < 0
         first, taps = (places, np.ones(1)) if scaling else (2 * (places - shift), mother.g)
@@ -223,10 +223,10 @@ def _printed(order: int, level: int, reading: Reading) -> np.ndarray:
 
 
 @lru_cache(maxsize=16)
-def _orthonormal(order: int, level: int, reading: Reading) -> _Sums:
+def _orthonormal(order: int, level: int, reading: Reading) -> _SumsOfShifts:
     """Orthonormal functions (in int f' g' ds) with the span of the printed ones."""
-    mother = _mother(order)
-    c = _printed(order, level, reading)
+    mother = _mother_functions(order)
+    c = _functions_of_paper(order, level, reading)
     edge = len(mother.left)
 
     def coordinates(c: np.ndarray) -> np.ndarray:
@@ -242,7 +242,9 @@ def _orthonormal(order: int, level: int, reading: Reading) -> _Sums:
     left = solve_triangular(mother.left, U[:edge], lower=True, trans="T")
     right = solve_triangular(mother.right, U[-edge:], lower=True, trans="T")
     c = sqrt(2**level * (2 * order - 1)) * np.concatenate([left, U[edge:-edge], right])
-    return _sums(order, level, c - _sums(order, level, c)(np.array([1.0]), -1))  # 0 at s = 1 in spite of rounding
+    return _sums_with_derivative(
+        order, level, c - _sums_with_derivative(order, level, c)(np.array([1.0]), -1)
+    )  # 0 at s = 1 in spite of rounding
 
 
 def _cell_gram(T: np.ndarray) -> np.ndarray:
@@ -255,7 +257,7 @@ def _cell_gram(T: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=16)
-def _own_table(basis: "Daubechies") -> tuple[np.ndarray, np.ndarray]:
+def _table_at_own_points(basis: "Daubechies") -> tuple[np.ndarray, np.ndarray]:
     s, _ = basis.quadrature()
     return s, np.ascontiguousarray(basis.phi(s, 1).T)
 
@@ -282,7 +284,7 @@ class Daubechies:
         return 2**self.level * (2 * self.order - 1)
 
     @property
-    def _functions(self) -> _Sums:
+    def _functions(self) -> _SumsOfShifts:
         return _orthonormal(self.order, self.level, self.reading)
 
     @property
@@ -293,7 +295,7 @@ class Daubechies:
     def smooth(self) -> bool:
         return self.order >= 4
 
-    def at(self, s: float) -> np.ndarray:
+    def functions_and_primitives(self, s: float) -> np.ndarray:
         none = np.zeros((1, self.n))
         x = np.array([s])
         return np.concatenate([none if m == 2 and not self.smooth else self.phi(x, m) for m in (0, 1, 2, -1, -2)])
@@ -301,12 +303,12 @@ class Daubechies:
     def phi(self, s: np.ndarray, m: int = 0) -> np.ndarray:
         return self._functions(s, m - 1)
 
-    def split(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def side_quadrature(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Points and weights (n_q,) of both sides of s_o; phi' and the hat's slope, (n + 1, n_q)."""
         left, w_left = self.quadrature(0.0, s_o)
         right, w_right = self.quadrature(s_o)
         s = np.concatenate([left, right])
-        own, table = _own_table(self)
+        own, table = _table_at_own_points(self)
         i = np.searchsorted(own, s)
         phi = np.empty((self.n + 1, s.size))
         np.take(table, i, axis=1, out=phi[:-1], mode="clip")
@@ -318,7 +320,7 @@ class Daubechies:
 
     def mass(self) -> np.ndarray:
         """int phi_j phi_k ds, (n, n), exact: cell by cell from the Gram matrix of the mother function."""
-        T = _mother(self.order).walks[-1].T
+        T = _mother_functions(self.order).tables[-1].T
         c = self._functions.c[-1]
         G = _cell_gram(T)
         n = T.shape[1]

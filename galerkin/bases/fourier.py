@@ -19,7 +19,7 @@ def _unit_gauss(n: int) -> np.ndarray:
 
 
 @compiled
-def stretched(s, grading):
+def xi_of_s(s, grading):
     """xi of s = xi - grading sin(2 pi xi)/(2 pi), by Newton's method with bisection."""
     if grading == 0.0 or s <= 0.0 or s >= 1.0:
         return s
@@ -40,7 +40,7 @@ def stretched(s, grading):
 
 
 @inner
-def integrals(x, n, grading, out):
+def set_primitives(x, n, grading, out):
     """Set out (2, n) to two primitives of sin(k pi xi) by s.
 
     ds/dxi = 1 - grading cos(2 pi xi) couples j and j +- 2.  D, F belong to sines, odd in j.
@@ -64,7 +64,7 @@ def integrals(x, n, grading, out):
 
 
 @inner
-def derivatives(x, n, grading, out):
+def set_functions(x, n, grading, out):
     """Set rows of out (3, n) to phi, phi', phi''."""
     g = 1.0 / (1.0 - grading * math.cos(2.0 * math.pi * x))
     bend = 2.0 * math.pi * grading * math.sin(2.0 * math.pi * x) * g
@@ -78,32 +78,32 @@ def derivatives(x, n, grading, out):
 
 
 @compiled
-def values_at(s, n, grading):
-    """`Fourier.at`."""
+def functions_and_primitives(s, n, grading):
+    """`Fourier.functions_and_primitives`."""
     out = np.empty((5, n))
-    x = stretched(s, grading)
-    derivatives(x, n, grading, out[:3])
-    integrals(x, n, grading, out[3:])
+    x = xi_of_s(s, grading)
+    set_functions(x, n, grading, out[:3])
+    set_primitives(x, n, grading, out[3:])
     return out
 
 
 @compiled
-def values_along(s, n, grading, row):
-    """One row of `values_at` at many places."""
+def row_at_points(s, n, grading, row):
+    """One row of `functions_and_primitives` at many places."""
     out = np.empty((s.size, n))
     for i in range(s.size):
-        values = values_at(s[i], n, grading)
+        values = functions_and_primitives(s[i], n, grading)
         for k in range(n):
             out[i, k] = values[row, k]
     return out
 
 
 @compiled
-def split(s_o, behind, ahead, n, grading):
-    """`Fourier.split` with rules (2, m) on [0, 1], by k rotations of (cos, sin)."""
+def side_quadrature(s_o, behind, ahead, n, grading):
+    """`Fourier.side_quadrature` with rules (2, m) on [0, 1], by k rotations of (cos, sin)."""
     m = behind.shape[1]
     both = behind.shape[1] + ahead.shape[1]
-    x_o = stretched(s_o, grading)
+    x_o = xi_of_s(s_o, grading)
     s = np.empty(both)
     weights = np.empty(both)
     phi = np.empty((n + 1, both))
@@ -146,13 +146,13 @@ class Fourier:
 
     smooth = True  # phi'' exists, as (23) needs
 
-    def at(self, s: float) -> np.ndarray:
+    def functions_and_primitives(self, s: float) -> np.ndarray:
         """phi, phi', phi'' and two primitives at one s, (5, n)."""
-        return values_at(s, self.n, self.grading)
+        return functions_and_primitives(s, self.n, self.grading)
 
     def phi(self, s: np.ndarray, m: int = 0) -> np.ndarray:
         """The m-th derivative of phi, (n_s, n); primitives for m < 0."""
-        return values_along(s, self.n, self.grading, (0, 1, 2, 4, 3)[m])
+        return row_at_points(s, self.n, self.grading, (0, 1, 2, 4, 3)[m])
 
     def mass(self) -> np.ndarray:
         """int phi_m phi_n ds."""
@@ -163,7 +163,7 @@ class Fourier:
 
     def stiffness(self) -> np.ndarray:
         """int phi_m' phi_n' ds."""
-        _, weights, phi = split(0.5, self.side_rule(1.0), self.side_rule(1.0), self.n, self.grading)
+        _, weights, phi = side_quadrature(0.5, self.side_rule(1.0), self.side_rule(1.0), self.n, self.grading)
         return (phi[:-1] * weights) @ phi[:-1].T
 
     def integral(self) -> np.ndarray:
@@ -178,12 +178,12 @@ class Fourier:
         return x - self.grading * np.sin(turn) / (2.0 * np.pi), w * (1.0 - self.grading * np.cos(turn))
 
     def side_rules(self, s_o: float) -> tuple[np.ndarray, np.ndarray]:
-        x = float(stretched(s_o, self.grading))
+        x = float(xi_of_s(s_o, self.grading))
         return self.side_rule(x), self.side_rule(1.0 - x)
 
-    def alike(self, s_o: np.ndarray) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
+    def runs_of_equal_rules(self, s_o: np.ndarray) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
         """Runs of consecutive places s_o (m,) with equal rules, and these rules."""
-        x = np.array([stretched(s, self.grading) for s in s_o.tolist()]) if self.grading else s_o
+        x = np.array([xi_of_s(s, self.grading) for s in s_o.tolist()]) if self.grading else s_o
         counts = np.ceil(self.n * np.stack([x, 1.0 - x]) / 8.0)
         ends = np.flatnonzero((counts[:, 1:] != counts[:, :-1]).any(axis=0)) + 1
         for first, end in pairwise([0, *ends.tolist(), s_o.size]):
@@ -193,6 +193,6 @@ class Fourier:
         """Gauss points and weights on [0, 1] for this length in xi, (2, m)."""
         return _unit_gauss(20 + 16 * math.ceil(self.n * length / 8.0))
 
-    def split(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def side_quadrature(self, s_o: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Points and weights (n_q,) of both sides of s_o; phi' and the hat's slope, (n + 1, n_q)."""
-        return split(s_o, *self.side_rules(s_o), self.n, self.grading)
+        return side_quadrature(s_o, *self.side_rules(s_o), self.n, self.grading)

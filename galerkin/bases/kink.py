@@ -10,7 +10,7 @@ from galerkin.law import compiled, inner
 Array = np.ndarray
 
 
-class Carried(NamedTuple):
+class InertiaTerms(NamedTuple):
     mass: Array  # M, (n, n)
     gyroscopic: Array  # last k columns of 2 A, as rows (k, n); other columns are zero
     centrifugal: Array  # the same of A. - B + c_d A
@@ -20,15 +20,15 @@ class Carried(NamedTuple):
     f_q: Array  # dds_o Phi'(s_o) + ds_o^2 Phi''(s_o), as in (23), (n,)
     behind: Array  # int_0^s_o hat Phi ds, (n,); 0 where no car rolls
 
-    def moving(self, V: Array, Q: Array) -> Array:
+    def convective_terms(self, V: Array, Q: Array) -> Array:
         """2 A V + (A. - B) Q, (fields, n)."""
         moving = slice(-len(self.gyroscopic), None)
         return V[:, moving] @ self.gyroscopic + Q[:, moving] @ self.centrifugal
 
 
 @inner
-def _overlap(phi, first, second, left, chord, s_o):
-    """I, I', I'' of `Moving` for one function; I'' at s_o = 0 is not needed and 0."""
+def _hat_overlap(phi, first, second, left, chord, s_o):
+    """I, I', I'' of `KinkedBasis` for one function; I'' at s_o = 0 is not needed and 0."""
     if s_o == 0.0:
         return chord - first, chord - first, 0.0
     w = s_o * (1.0 - s_o)
@@ -39,23 +39,23 @@ def _overlap(phi, first, second, left, chord, s_o):
 
 
 @compiled
-def _overlaps(phi, first, second, left, chord, s_o):
+def _hat_overlaps(phi, first, second, left, chord, s_o):
     """The same for functions (m, n) at m places."""
     out = np.empty((3, *phi.shape))
     for i in range(s_o.size):
         for k in range(phi.shape[1]):
-            out[0, i, k], out[1, i, k], out[2, i, k] = _overlap(
+            out[0, i, k], out[1, i, k], out[2, i, k] = _hat_overlap(
                 phi[i, k], first[i, k], second[i, k], left[k], chord[k], s_o[i]
             )
     return out
 
 
 @compiled
-def carry(at, mass, left, chord, place, damping):
-    """`Carried` of sines or wavelets at s_o, ds_o, dds_o; at : `Fourier.at`."""
+def inertia_terms_with_hat(at, mass, left, chord, kinematics, damping):
+    """`InertiaTerms` of sines or wavelets at s_o, ds_o, dds_o; at : `Fourier.functions_and_primitives`."""
     n = at.shape[1]
     size = mass.shape[0]
-    s_o, ds_o, dds_o = place
+    s_o, ds_o, dds_o = kinematics
     hat = size > n
     M = mass.copy()
     rows = np.zeros((7, size))
@@ -68,7 +68,7 @@ def carry(at, mass, left, chord, place, damping):
         rows[4, k] = 2.0 * ds_o * first
         rows[5, k] = dds_o * first + ds_o * ds_o * second
         if hat:
-            value, slope, bend = _overlap(phi, at[3, k], at[4, k], left[k], chord[k], s_o)
+            value, slope, bend = _hat_overlap(phi, at[3, k], at[4, k], left[k], chord[k], s_o)
             M[n, k] = M[k, n] = value
             rows[0, k] = 2.0 * ds_o * slope
             rows[1, k] = ds_o * ds_o * bend + (dds_o + damping * ds_o) * slope
@@ -77,10 +77,10 @@ def carry(at, mass, left, chord, place, damping):
         rows[1, n] = -ds_o * ds_o / (3.0 * s_o * (1.0 - s_o))
         rows[2, n] = 1.0
         rows[6, n] = s_o / 3.0
-    return Carried(M, rows[0:1], rows[1:2], rows[2], rows[3], rows[4], rows[5], rows[6])
+    return InertiaTerms(M, rows[0:1], rows[1:2], rows[2], rows[3], rows[4], rows[5], rows[6])
 
 
-class Moving:
+class KinkedBasis:
     """A basis; with `kink` the hat comes last.
 
     I(s_o) = int hat phi ds = -E(s_o)/(s_o (1 - s_o)),  E'' = phi, E(0) = E(1) = 0;
@@ -92,9 +92,9 @@ class Moving:
         self.basis = basis
         self.kink = kink
         self.n = basis.n + kink
-        self.at_rest, self._stiffness = np.diag([1.0 / 3.0] * self.n), np.zeros((self.n, self.n))
+        self.mass_at_rest, self._stiffness = np.diag([1.0 / 3.0] * self.n), np.zeros((self.n, self.n))
         standing = slice(basis.n), slice(basis.n)
-        self.at_rest[standing] = basis.mass()
+        self.mass_at_rest[standing] = basis.mass()
         self._stiffness[standing] = basis.stiffness()
         self._integral = np.append(basis.integral(), 0.5)[: self.n]
         self.left, right = basis.phi(np.array([0.0, 1.0]), -2)
@@ -103,14 +103,16 @@ class Moving:
             s, weights = basis.quadrature()
             self._slopes = s, weights, np.ascontiguousarray(basis.phi(s, 1).T)
 
-    def overlap(self, s_o: Array) -> Array:
+    def hat_overlaps(self, s_o: Array) -> Array:
         """I, I', I'' at s_o (m,) in [0, 1), (3, m, basis.n)."""
         tables = (self.basis.phi(s_o, m) for m in (0, -1, -2))
-        return _overlaps(*tables, self.left, self.chord, s_o)
+        return _hat_overlaps(*tables, self.left, self.chord, s_o)
 
-    def carried(self, s_o: float, ds_o: float, dds_o: float, damping: float = 0.0) -> Carried:
-        place = s_o, ds_o, dds_o
-        return carry(self.basis.at(s_o), self.at_rest, self.left, self.chord, place, damping)
+    def inertia_terms(self, s_o: float, ds_o: float, dds_o: float, damping: float = 0.0) -> InertiaTerms:
+        kinematics = s_o, ds_o, dds_o
+        return inertia_terms_with_hat(
+            self.basis.functions_and_primitives(s_o), self.mass_at_rest, self.left, self.chord, kinematics, damping
+        )
 
     def stiffness(self, s_o: float) -> Array:
         if not self.kink:
@@ -126,4 +128,4 @@ class Moving:
 
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
         """Points (n_q,), weights and Phi' (n, n_q)."""
-        return self.basis.split(s_o) if self.kink else self._slopes
+        return self.basis.side_quadrature(s_o) if self.kink else self._slopes

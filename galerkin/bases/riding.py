@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from galerkin.bases.fourier import _unit_gauss
-from galerkin.bases.kink import Array, Carried
+from galerkin.bases.kink import Array, InertiaTerms
 from galerkin.law import compiled, inner
 
 
@@ -28,13 +28,13 @@ class Tables(NamedTuple):
 
 
 @lru_cache(maxsize=64)
-def tables(n: int) -> Tables:
+def riding_tables(n: int) -> Tables:
     """2 n + 24 Gauss points integrate cos(2 n pi xi), of a product of two slopes, to rounding."""
     xi, weights = _unit_gauss(2 * n + 24)
-    values, slopes, bends = shapes(n, xi)
+    values, slopes, bends = shape_functions(n, xi)
     tested = values * weights
     swirl = tested @ (2.0 * xi * slopes + xi * xi * bends).T
-    at_mass, slope_at_mass, _ = shapes(n, np.ones(1))
+    at_mass, slope_at_mass, _ = shape_functions(n, np.ones(1))
     swirl -= at_mass @ slope_at_mass.T
     waves = np.pi * np.multiply.outer(np.arange(2 * n + 1), xi)
     return Tables(
@@ -43,7 +43,7 @@ def tables(n: int) -> Tables:
     )  # fmt: skip
 
 
-def shapes(n: int, xi: Array) -> tuple[Array, Array, Array]:
+def shape_functions(n: int, xi: Array) -> tuple[Array, Array, Array]:
     """phi, phi', phi'' by xi, (n + 1, m) each."""
     wave = np.pi * np.arange(1, n + 1)[:, None]
     sine = np.sin(wave * xi)
@@ -55,63 +55,63 @@ def shapes(n: int, xi: Array) -> tuple[Array, Array, Array]:
 
 
 @inner
-def side_of(place, side):
+def side_length(kinematics, side):
     """Length of the side behind the mass (0) or ahead of it (1), and its rates."""
-    s_o, ds_o, dds_o = place
+    s_o, ds_o, dds_o = kinematics
     return (s_o, ds_o, dds_o) if side == 0 else (1.0 - s_o, -ds_o, -dds_o)
 
 
 @inner
-def place_in(side, j, n):
+def index_of_sine(side, j, n):
     """Index of sine j = 1 .. n of a side, or of the hat, j = 0."""
     return side * n + j - 1 if j else 2 * n
 
 
 @compiled
-def ride(of, place, damping):
-    """`Carried` at s_o, ds_o, dds_o.
+def riding_inertia_terms(tables, kinematics, damping):
+    """`InertiaTerms` at s_o, ds_o, dds_o.
     On a side of length h, at fixed s,
         dphi/dt = -(h./h) xi phi',   d2phi/dt2 = -(h../h) xi phi' + (h./h)^2 (2 xi phi' + xi^2 phi'').
     At the mass d2phi/dt2 holds -ds_o^2 [phi'] delta(s - s_o), which is the last term of `swirl`.
     """
-    n = of.mass.shape[0] - 1
+    n = tables.mass.shape[0] - 1
     size = 2 * n + 1
     M = np.zeros((size, size))
     gyroscopic = np.zeros((size, size))
     centrifugal = np.zeros((size, size))
     for side in range(2):
-        h, dh, ddh = side_of(place, side)
+        h, dh, ddh = side_length(kinematics, side)
         flux = dh * dh / h
         ddh = ddh + damping * dh
         for i in range(n + 1):
-            row = place_in(side, i, n)
+            row = index_of_sine(side, i, n)
             for j in range(n + 1):
-                column = place_in(side, j, n)
-                M[row, column] += h * of.mass[i - 1, j - 1]
-                gyroscopic[column, row] -= 2.0 * dh * of.drift[i - 1, j - 1]
-                centrifugal[column, row] += flux * of.swirl[i - 1, j - 1] - ddh * of.drift[i - 1, j - 1]
+                column = index_of_sine(side, j, n)
+                M[row, column] += h * tables.mass[i - 1, j - 1]
+                gyroscopic[column, row] -= 2.0 * dh * tables.drift[i - 1, j - 1]
+                centrifugal[column, row] += flux * tables.swirl[i - 1, j - 1] - ddh * tables.drift[i - 1, j - 1]
     at_mass = np.zeros(size)
     none = np.zeros(size)
     at_mass[-1] = 1.0
-    return Carried(M, gyroscopic, centrifugal, at_mass, none, none, none, none)
+    return InertiaTerms(M, gyroscopic, centrifugal, at_mass, none, none, none, none)
 
 
 @compiled
-def spread(of, slope, s_o):
+def riding_quadrature(tables, slope, s_o):
     """Points s and weights (2 m,), and Phi' (2 n + 1, 2 m) from `slope`, phi' by xi."""
     n = slope.shape[0] - 1
-    m = of.xi.size
+    m = tables.xi.size
     s = np.empty(2 * m)
     weights = np.empty(2 * m)
     phi = np.zeros((2 * n + 1, 2 * m))
     for side in range(2):
-        h, sign, _ = side_of((s_o, 1.0, 0.0), side)
+        h, sign, _ = side_length((s_o, 1.0, 0.0), side)
         for q in range(m):
             i = q + side * (2 * m - 1 - 2 * q)  # s ascends
-            s[i] = side + sign * h * of.xi[q]
-            weights[i] = h * of.weights[q]
+            s[i] = side + sign * h * tables.xi[q]
+            weights[i] = h * tables.weights[q]
             for k in range(n + 1):
-                phi[place_in(side, k, n), i] = sign / h * slope[k - 1, q]
+                phi[index_of_sine(side, k, n), i] = sign / h * slope[k - 1, q]
     return s, weights, phi
 
 
@@ -124,18 +124,18 @@ class RidingSines:
     def __init__(self, terms: int) -> None:
         self.terms = terms
         self.n = 2 * terms + 1
-        self.of = tables(terms)
+        self.tables = riding_tables(terms)
 
-    def carried(self, s_o: float, ds_o: float, dds_o: float, damping: float = 0.0) -> Carried:
-        return ride(self.of, (s_o, ds_o, dds_o), damping)
+    def inertia_terms(self, s_o: float, ds_o: float, dds_o: float, damping: float = 0.0) -> InertiaTerms:
+        return riding_inertia_terms(self.tables, (s_o, ds_o, dds_o), damping)
 
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:
-        return spread(self.of, self.of.slope, s_o)
+        return riding_quadrature(self.tables, self.tables.slope, s_o)
 
     def stiffness(self, s_o: float) -> Array:
         _, weights, phi = self.slopes(s_o)
         return (phi * weights) @ phi.T
 
     def integral(self, s_o: float) -> Array:
-        own = self.of.mean
+        own = self.tables.mean
         return np.concatenate([s_o * own[:-1], (1.0 - s_o) * own[:-1], own[-1:]])

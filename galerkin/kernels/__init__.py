@@ -1,9 +1,9 @@
 """Compiled steps of the full cable over sines; loops compile faster than array expressions.
 
-phi (n, m): Phi' at the points; x: a `Carried`; Q, V, A (2, n): coefficients and rates.
+phi (n, m): Phi' at the points; x: a `InertiaTerms`; Q, V, A (2, n): coefficients and rates.
 """
 
-from galerkin.kernels.cable import Cable, Points, least, stiffness, stress
-from galerkin.kernels.places import Line
-from galerkin.kernels.rolling import LEAST_PULL
-from galerkin.kernels.steps import look, solve_steps, surveyed
+from galerkin.kernels.cable import Cable, Points, min_tension, stiffness, stress
+from galerkin.kernels.instant import CableSines
+from galerkin.kernels.rolling import MIN_TENSION
+from galerkin.kernels.steps import internal_forces_of_history, residual_and_derivatives, solve_steps

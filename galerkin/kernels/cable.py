@@ -36,7 +36,7 @@ class Cable(NamedTuple):
 
 
 @inner
-def static(s, sigma, c):
+def hanging_cable_at(s, sigma, c):
     """T, and x', y' as rows, of (9)-(10)."""
     T = np.empty(s.size)
     r = np.empty((2, s.size))
@@ -49,7 +49,7 @@ def static(s, sigma, c):
 
 
 @inner
-def at_point(T, viscous, X, w, alpha, law):
+def stress_at_point(T, viscous, X, w, alpha, law):
     """N, W, N t - T t_static (2), k, d, and the tension of the elastic law, from X' and w'.
 
     viscous : tension of internal damping
@@ -77,7 +77,7 @@ def stress(T, r_static, slope, alpha, law):
         yp = r_static[1, i]
         ux = slope[0, i]
         vy = slope[1, i]
-        out[0, i], out[1, i], out[2, i], out[3, i], k, d, out[7, i] = at_point(
+        out[0, i], out[1, i], out[2, i], out[3, i], k, d, out[7, i] = stress_at_point(
             T[i], 0.0, (xp, yp), (ux, vy), alpha, law
         )
         rx = xp + ux
@@ -89,63 +89,65 @@ def stress(T, r_static, slope, alpha, law):
 
 
 @inner
-def balance(at, Q, cable, force, of):
-    """Set the internal force (2, n) and gram, pull and sides of `Space`; return int W ds."""
-    slope = np.empty((2, at.weights.size))
+def set_undamped_force(points, Q, cable, force, workspace):
+    """Set the internal force (2, n) and gram, tensions and side_forces of `Workspace`; return int W ds."""
+    slope = np.empty((2, points.weights.size))
     energy = 0.0
-    multiply(Q, at.phi, False, slope)
-    of.sides[:] = 0.0
-    for i in range(at.weights.size):
-        X = (at.r_static[0, i], at.r_static[1, i])
+    multiply(Q, points.phi, False, slope)
+    workspace.side_forces[:] = 0.0
+    for i in range(points.weights.size):
+        X = (points.r_static[0, i], points.r_static[1, i])
         w = (slope[0, i], slope[1, i])
-        weight = at.weights[i]
-        _, W, fx, fy, k, d, of.pull[i] = at_point(at.T[i], of.viscous[i], X, w, cable.alpha, cable.law)
+        weight = points.weights[i]
+        _, W, fx, fy, k, d, workspace.tensions[i] = stress_at_point(
+            points.T[i], workspace.viscous[i], X, w, cable.alpha, cable.law
+        )
         rx = X[0] + w[0]
         ry = X[1] + w[1]
-        of.gram[0, i] = weight * (k + d * rx * rx)
-        of.gram[1, i] = weight * (d * rx * ry)
-        of.gram[2, i] = weight * (k + d * ry * ry)
+        workspace.gram[0, i] = weight * (k + d * rx * rx)
+        workspace.gram[1, i] = weight * (d * rx * ry)
+        workspace.gram[2, i] = weight * (k + d * ry * ry)
         slope[0, i] = weight * fx
         slope[1, i] = weight * fy
-        side = 0 if at.phi[-1, i] > 0.0 else 1
-        of.sides[side, 0] += weight * fx
-        of.sides[side, 1] += weight * fy
+        side = 0 if points.phi[-1, i] > 0.0 else 1
+        workspace.side_forces[side, 0] += weight * fx
+        workspace.side_forces[side, 1] += weight * fy
         energy += weight * W
-    multiply(slope, at.phi, True, force)
+    multiply(slope, points.phi, True, force)
     return energy
 
 
 @inner
-def damp(at, place, y, cable, tau, of):
-    """Set viscous = alpha tau deps/dt and rates of `Space`; return the power of internal damping."""
-    m = at.weights.size
+def set_internal_damping(points, kinematics, coefficients, cable, tau, workspace):
+    """Set viscous = alpha tau deps/dt and rates of `Workspace`; return the power of internal damping."""
+    m = points.weights.size
     power = 0.0
-    Q, V = y
+    Q, V = coefficients
     slope = np.empty((2, m))
     rate = np.empty((2, m))
     moved = np.empty((2, m))
-    multiply(Q, at.phi, False, slope)
-    multiply(V, at.phi, False, rate)
-    multiply(Q, at.bend, False, moved)
+    multiply(Q, points.phi, False, slope)
+    multiply(V, points.phi, False, rate)
+    multiply(Q, points.bend, False, moved)
     for i in range(m):
-        grows = place[1] / place[0] if at.phi[-1, i] > 0.0 else -place[1] / (1.0 - place[0])
+        grows = kinematics[1] / kinematics[0] if points.phi[-1, i] > 0.0 else -kinematics[1] / (1.0 - kinematics[0])
         wx = rate[0, i] - grows * moved[0, i]
         wy = rate[1, i] - grows * moved[1, i]
-        rx = at.r_static[0, i] + slope[0, i]
-        ry = at.r_static[1, i] + slope[1, i]
+        rx = points.r_static[0, i] + slope[0, i]
+        ry = points.r_static[1, i] + slope[1, i]
         stretch = math.sqrt(rx * rx + ry * ry)
         tx = rx / stretch
         ty = ry / stretch
         deps = tx * wx + ty * wy
-        of.viscous[i] = cable.alpha * tau * deps
-        N, dN, _, _ = tension(stretch - 1.0, at.T[i] + of.viscous[i], cable.alpha, cable.law)
-        b = at.weights[i] * tau * dN
-        of.rates[0, i] = tx
-        of.rates[1, i] = ty
-        of.rates[4, i] = b
-        of.rates[2, i] = b * (wx - deps * tx) / stretch
-        of.rates[3, i] = b * (wy - deps * ty) / stretch
-        power += at.weights[i] * (N - tension(stretch - 1.0, at.T[i], cable.alpha, cable.law)[0]) * deps
+        workspace.viscous[i] = cable.alpha * tau * deps
+        N, dN, _, _ = tension(stretch - 1.0, points.T[i] + workspace.viscous[i], cable.alpha, cable.law)
+        b = points.weights[i] * tau * dN
+        workspace.rates[0, i] = tx
+        workspace.rates[1, i] = ty
+        workspace.rates[4, i] = b
+        workspace.rates[2, i] = b * (wx - deps * tx) / stretch
+        workspace.rates[3, i] = b * (wy - deps * ty) / stretch
+        power += points.weights[i] * (N - tension(stretch - 1.0, points.T[i], cable.alpha, cable.law)[0]) * deps
     return power
 
 
@@ -193,82 +195,82 @@ def stiffness(phi, gram, grading, out):
 
 
 @inner
-def acceleration(x, Q, V, A):
+def acceleration_on_path(terms, Q, V, A):
     """w.. along the path."""
     out = np.empty(A.shape[0])
     for a in range(out.size):
         out[a] = 0.0
-        for i in range(x.f.size):
-            out[a] += A[a, i] * x.f[i] + V[a, i] * x.f_v[i] + Q[a, i] * x.f_q[i]
+        for i in range(terms.f.size):
+            out[a] += A[a, i] * terms.f[i] + V[a, i] * terms.f_v[i] + Q[a, i] * terms.f_q[i]
     return out
 
 
 @inner
-def add_inertia(x, Q, V, A, damping, C, R):
+def add_inertia(terms, Q, V, A, damping, C, R):
     """Add the cable's inertia and damping, and the force C (2,) at the mass, to R."""
-    first = x.f.size - x.gyroscopic.shape[0]
+    first = terms.f.size - terms.gyroscopic.shape[0]
     for a in range(R.shape[0]):
-        for k in range(x.f.size):
+        for k in range(terms.f.size):
             rate = A[a, k] + damping * V[a, k]
             for i in range(R.shape[1]):
-                R[a, i] += rate * x.mass[k, i]
-        for k in range(x.gyroscopic.shape[0]):
+                R[a, i] += rate * terms.mass[k, i]
+        for k in range(terms.gyroscopic.shape[0]):
             v = V[a, first + k]
             q = Q[a, first + k]
-            gyroscopic = x.gyroscopic[k]
-            centrifugal = x.centrifugal[k]
+            gyroscopic = terms.gyroscopic[k]
+            centrifugal = terms.centrifugal[k]
             for i in range(R.shape[1]):
                 R[a, i] += v * gyroscopic[i] + q * centrifugal[i]
         for i in range(R.shape[1]):
-            R[a, i] += C[a] * x.f[i]
+            R[a, i] += C[a] * terms.f[i]
 
 
 @inner
-def grip(ground, y, cable, R):
+def add_gripping_mass(at_mass, coefficients, cable, R):
     """Add the cable's inertia and a mass that grips it, or a force, to R (2, n)."""
-    C = acceleration(ground.x, y.Q, y.V, y.A)
+    C = acceleration_on_path(at_mass.inertia, coefficients.Q, coefficients.V, coefficients.A)
     for a in range(2):
-        C[a] = cable.inertia * C[a] + cable.mu * ground.load[a]
-    add_inertia(ground.x, y.Q, y.V, y.A, cable.damping, C, R)
+        C[a] = cable.inertia * C[a] + cable.mu * at_mass.load[a]
+    add_inertia(at_mass.inertia, coefficients.Q, coefficients.V, coefficients.A, cable.damping, C, R)
 
 
 @inner
-def grip_tangent(here, line, gram, c, K):
+def set_gripping_tangent(now, sines, gram, c, K):
     """Set K (2 n, 2 n) to the tangent c0 dr/dq + c1 dr/dv + c2 dr/da of cable and mass."""
-    x = here.ground.x
-    mu = line.cable.inertia
+    terms = now.at_mass.inertia
+    mu = sines.cable.inertia
     c0, c1, c2 = c
-    n = here.ground.x.f.size
-    stiffness(here.at.phi, gram, line.grading, K)
+    n = now.at_mass.inertia.f.size
+    stiffness(now.points.phi, gram, sines.grading, K)
     for i in range(2 * n):
         k = i % n
         first = (i // n) * n
         for j in range(2 * n):
             K[i, j] *= c0
         for j in range(n):
-            K[i, first + j] += (c2 + c1 * line.cable.damping) * x.mass[k, j] + mu * x.f[k] * (
-                c2 * x.f[j] + c1 * x.f_v[j] + c0 * x.f_q[j]
+            K[i, first + j] += (c2 + c1 * sines.cable.damping) * terms.mass[k, j] + mu * terms.f[k] * (
+                c2 * terms.f[j] + c1 * terms.f_v[j] + c0 * terms.f_q[j]
             )
-        K[i, first + n - 1] += c1 * x.gyroscopic[0, k] + c0 * x.centrifugal[0, k]
+        K[i, first + n - 1] += c1 * terms.gyroscopic[0, k] + c0 * terms.centrifugal[0, k]
 
 
 @compiled
-def least(at, s_o, pull, riding=None, hat=1):
+def min_tension(points, s_o, tensions, tables=None, hat=1):
     """Least tension and its s; a negative one counts as its mean over a shortest wave of the basis, 2/n.
 
-    riding : not None where each side has its own sines;  hat : 0 for a basis without one
+    tables : not None where each side has its own sines;  hat : 0 for a basis without one
     """
-    s = at.s
-    where = pull.argmin()
-    lowest = pull[where]
-    place = s[where]
+    s = points.s
+    where = tensions.argmin()
+    lowest = tensions[where]
+    min_at = s[where]
     if lowest >= 0.0:
-        return lowest, place
+        return lowest, min_at
     lowest = math.inf
     first = 0
     for side in range(2):
         begin, length = (0.0, s_o) if side == 0 else (s_o, 1.0 - s_o)
-        waves = (at.phi.shape[0] - hat) * (length if riding is None else 0.5)
+        waves = (points.phi.shape[0] - hat) * (length if tables is None else 0.5)
         pieces = max(1, round(0.5 * waves))
         for piece in range(1, pieces + 1):
             end = begin + length * piece / pieces
@@ -276,11 +278,11 @@ def least(at, s_o, pull, riding=None, hat=1):
             mean = 0.0
             middle = 0.0
             while first < s.size and s[first] < end:
-                weight += at.weights[first]
-                mean += at.weights[first] * pull[first]
-                middle += at.weights[first] * s[first]
+                weight += points.weights[first]
+                mean += points.weights[first] * tensions[first]
+                middle += points.weights[first] * s[first]
                 first += 1
             if weight > 0.0 and mean < lowest * weight:
                 lowest = mean / weight
-                place = middle / weight
-    return lowest, place
+                min_at = middle / weight
+    return lowest, min_at

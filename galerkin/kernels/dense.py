@@ -29,10 +29,10 @@ TRANSPOSED = ord("t")
 
 
 @inner
-def multiply(a, b, flip, out):
-    """Set out (m, n) to a b, or where `flip` to a b^T."""
+def multiply(a, b, transposed, out):
+    """Set out (m, n) to a b, or where `transposed` to a b^T."""
     if not (a.flags.c_contiguous and b.flags.c_contiguous and out.flags.c_contiguous):
-        raise ValueError("arrays in C order are wanted")
+        raise ValueError("arrays must be in C order")
     factors = np.empty(2)
     factors[0] = 1.0
     factors[1] = 0.0
@@ -41,13 +41,13 @@ def multiply(a, b, flip, out):
     n = out.shape[1]
     one = factors.ctypes
     zero = factors[1:].ctypes
-    way = TRANSPOSED if flip else PLAIN
+    way = TRANSPOSED if transposed else PLAIN
     _gemm(DOUBLE, way, PLAIN, n, m, k, one, b.ctypes, b.shape[1], a.ctypes, k, zero, out.ctypes, n)
 
 
 @inner
-def factors_for(n):
-    """Space for `factorise`: the columns of L and U (n, n), and the rows that change places (n,)."""
+def empty_factors(n):
+    """Memory for `factorise`: the columns of L and U (n, n), and the rows that change places (n,)."""
     return np.empty((n, n)), np.empty(n, dtype=F_INT_nptype)
 
 

@@ -9,76 +9,76 @@ import math
 
 import numpy as np
 
-from galerkin.bases.riding import place_in, side_of
-from galerkin.kernels.dense import factorise, factors_for, multiply, solve
+from galerkin.bases.riding import index_of_sine, side_length
+from galerkin.kernels.dense import empty_factors, factorise, multiply, solve
 from galerkin.law import inner
 
 
 @inner
-def riding_tangent(riding, ground, line, of, c):
-    """Set K of `Space` (2, 2 n + 2, 2 n + 2), by sides, to the tangent of cable and mass."""
-    x = ground.x
-    K = of.K
+def set_riding_tangent(tables, at_mass, sines, workspace, c):
+    """Set K of `Workspace` (2, 2 n + 2, 2 n + 2), by sides, to the tangent of cable and mass."""
+    terms = at_mass.inertia
+    K = workspace.K
     c0, c1, c2 = c
-    n = riding.mass.shape[0] - 1
-    of_mass = c2 + c1 * line.cable.damping
+    n = tables.mass.shape[0] - 1
+    of_mass = c2 + c1 * sines.cable.damping
     for side in range(2):
-        h, dh, _ = side_of((ground.s_o, ground.ds_o, 0.0), side)
-        cosine, sine = waves(riding, line.tau, of, c, side, dh / h)
+        h, dh, _ = side_length((at_mass.s_o, at_mass.ds_o, 0.0), side)
+        cosine, sine = tangent_sums(tables, sines.tau, workspace, c, side, dh / h)
         for ab in range(4):
-            fill(cosine[ab], sine[ab], 0.5 / (h * h), line.tau, ab // 2, ab % 2, K[side])
+            set_field_block(cosine[ab], sine[ab], 0.5 / (h * h), sines.tau, ab // 2, ab % 2, K[side])
         for j in range(n + 1):
             for k in range(n + 1):
-                at = place_in(side, j, n)
-                to = place_in(side, k, n)
-                value = of_mass * x.mass[at, to] + c1 * x.gyroscopic[to, at] + c0 * x.centrifugal[to, at]
+                at = index_of_sine(side, j, n)
+                to = index_of_sine(side, k, n)
+                value = of_mass * terms.mass[at, to] + c1 * terms.gyroscopic[to, at] + c0 * terms.centrifugal[to, at]
                 for a in range(2):
                     if j or k or side == 0:
-                        K[side, slot(a, j, n), slot(a, k, n)] += value
+                        K[side, row_of_sine(a, j, n), row_of_sine(a, k, n)] += value
     for a in range(2):
-        K[0, 2 * n + a, 2 * n + a] += c2 * line.cable.inertia
+        K[0, 2 * n + a, 2 * n + a] += c2 * sines.cable.inertia
 
 
 @inner
-def slot(a, j, n):
+def row_of_sine(a, j, n):
     """Row of sine j of field a, or of its hat, j = 0."""
     return a * n + j - 1 if j else 2 * n + a
 
 
 @inner
-def waves(riding, tau, of, c, side, grows):
+def tangent_sums(tables, tau, workspace, c, side, grows):
     """Sums of tangents xx, xy, yx, yy over cos(k pi xi) and xi sin(k pi xi), (4, 2 n + 1) each.
 
     With internal damping also of t (c1 d(deps/dt)/dv + c0 d(deps/dt)/dq), dPhi'/dt = -(h./h) (phi' + xi phi'')/h.
     """
-    m = riding.xi.size
-    count = riding.cosines.shape[0]
+    m = tables.xi.size
+    count = tables.cosines.shape[0]
     c0, c1, _ = c
     even = np.empty((4, m))
     odd = np.empty((4, m))
     cosine = np.empty((4, count))
     sine = np.empty((4, count))
     moves = c0 * grows
-    rates = of.rates
+    rates = workspace.rates
     for ab in range(4):
         a = ab // 2
         b = ab % 2
         for q in range(m):
             p = q if side == 0 else 2 * m - 1 - q
-            even[ab, q] = c0 * of.gram[a + b, p]
+            even[ab, q] = c0 * workspace.gram[a + b, p]
             if tau > 0.0:
                 along = rates[4, p] * rates[a, p] * rates[b, p]
                 even[ab, q] += (c1 - moves) * along + c0 * rates[a, p] * rates[2 + b, p]
                 odd[ab, q] = moves * along
-    multiply(even, riding.cosines, True, cosine)
+    multiply(even, tables.cosines, True, cosine)
     if tau > 0.0:
-        multiply(odd, riding.sines, True, sine)
+        multiply(odd, tables.sines, True, sine)
     return cosine, sine
 
 
 @inner
-def fill(C, S, scale, tau, a, b, K):
-    """Set the block of fields a, b from the sums of `waves`; the hat is k = 0 with kappa_0 = 1.
+def set_field_block(C, S, scale, tau, a, b, K):
+    """Set the block of fields a, b from the sums of `tangent_sums`; the hat is k = 0 with kappa_0 = 1.
 
     phi_j' phi_k' = kappa_j kappa_k/2 (cos((j-k) pi xi) + cos((j+k) pi xi)), and sines likewise.
     """
@@ -90,12 +90,12 @@ def fill(C, S, scale, tau, a, b, K):
             value = C[abs(j - k)] + C[j + k]
             if tau > 0.0 and k:
                 value += kappa * (S[j + k] + (S[k - j] if k > j else -S[j - k]))
-            K[slot(a, j, n), slot(b, k, n)] = wave * kappa * value
+            K[row_of_sine(a, j, n), row_of_sine(b, k, n)] = wave * kappa * value
 
 
 @inner
 def solve_sides(K, r, x):
-    """Set x to the solution of the tangent K of `riding_tangent`, to NaN if it is singular.
+    """Set x to the solution of the tangent K of `set_riding_tangent`, to NaN if it is singular.
 
     The sines of each side are eliminated; the Schur complement is that of the hats.
     """
@@ -112,7 +112,7 @@ def solve_sides(K, r, x):
         for i in range(2 * n):
             rows[side, 1, i] = K[side, i, 2 * n]
             rows[side, 2, i] = K[side, i, 2 * n + 1]
-        factors = factors_for(2 * n)
+        factors = empty_factors(2 * n)
         factorise(K[side], factors)
         for row in range(3):
             solve(factors, rows[side, row])

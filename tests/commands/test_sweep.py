@@ -233,11 +233,11 @@ def test_a_scene_that_hangs_is_cut_off(monkeypatch):
 # --- the engine -------------------------------------------------------------------------------------------------------
 
 
-def stand_in(study, numbered):
+def stand_in(study, number_unknowns):
     """Rows of a job of no work; the study's title may tell it to kill its worker, always or once."""
     what, _, at = study.title.partition(" ")
     rows = []
-    for i, point in numbered:
+    for i, point in number_unknowns:
         if i == 7 and (what == "always" or (what == "once" and not Path(at).exists())):
             Path(at).touch()
             os._exit(3)

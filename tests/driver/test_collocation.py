@@ -14,11 +14,11 @@ from cablefem.newmark import (
     Scheme,
     StepFailure,
     Work,
-    between,
     collocate,
     consistent_acceleration,
     integrate,
     scheme,
+    state_inside_step,
     step_times,
 )
 from cablefem.newmark.newton import find_root
@@ -64,7 +64,7 @@ def test_tables_fulfil_the_simplifying_assumptions_of_their_order(nodes, order):
     for k in range(1, s + 1):
         np.testing.assert_allclose(rule.A @ rule.c ** (k - 1), rule.c**k / k, rtol=1e-13, atol=1e-15)
     # and A comes back from its eigenvalues, one of each pair
-    np.testing.assert_allclose((rule.back * rule.values @ rule.to).real, rule.A, rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose((rule.from_modes * rule.eigenvalues @ rule.to_modes).real, rule.A, rtol=0.0, atol=1e-14)
 
 
 # --- orders -----------------------------------------------------------------------------------------------------------
@@ -198,9 +198,9 @@ def test_between_steps_the_polynomial_of_the_step_answers():
         for n in (20, 40):
             states = march(system, method, grid(2.0, n))
             step = 800 // n
-            found = [between(states[i // step + 1], x.t) for i, x in enumerate(fine[:-1])]
+            found = [state_inside_step(states[i // step + 1], x.t) for i, x in enumerate(fine[:-1])]
             worst[method, n] = max(abs(x.q[0] - y.q[0]) for x, y in zip(fine[:-1], found, strict=True))
-            ends = between(states[5], states[5].t)
+            ends = state_inside_step(states[5], states[5].t)
             np.testing.assert_allclose([ends.q, ends.v], [states[5].q, states[5].v], rtol=1e-13)
     # three nodes: degree four in q, error of order five; two: order three within the step
     assert worst["radau", 40] < 2e-6

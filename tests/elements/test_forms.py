@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cablefem.elements.following import FollowingElements
-from cablefem.elements.forms import assembled
+from cablefem.elements.forms import assemble_residual
 from tests.runs import CRUISE, cable
 
 SOFT = replace(cable(mu=0.7, sigma=0.41, c=0.73, alpha=83.0, speed=0.35), damping=0.6)
@@ -18,13 +18,13 @@ def test_kernels_sum_the_forms_to_rounding(degree, groups, t, law):
     system = FollowingElements(groups, elements=3, degree=degree, grading=1.6, law=law)
     rng = np.random.default_rng(41 + degree)
     x = np.array([size * rng.standard_normal(system.n_dof) for size in (0.02, 0.3, 0.7)])
-    want, r = assembled(system, x, t, 0), system.residual(t, *x, 0)
+    want, r = assemble_residual(system, x, t, 0), system.residual(t, *x, 0)
     # rounding: strains of slopes of order one, times alpha, times shape slopes up to 8 degree^2
     np.testing.assert_allclose(r, want, rtol=0.0, atol=1e-13 * np.abs(want).max())
     # twins: the other law, and a state that is a little off
-    other = assembled(system.with_law("elastic" if law == "tension-only" else "tension-only"), x, t, 0)
+    other = assemble_residual(system.with_law("elastic" if law == "tension-only" else "tension-only"), x, t, 0)
     assert np.abs(other - r).max() > 1e-3 * np.abs(r).max(), "no point is slack: the test shows nothing"
     for k in range(3):
         moved = x.copy()
         moved[k] *= 1.0 + 1e-4
-        assert np.abs(assembled(system, moved, t, 0) - r).max() > 1e-9 * np.abs(r).max()
+        assert np.abs(assemble_residual(system, moved, t, 0) - r).max() > 1e-9 * np.abs(r).max()

@@ -9,7 +9,7 @@ from cablefem.elements.fixed import FixedElements
 from cablefem.elements.following import FollowingElements
 from cablefem.elements.kernels.banded import factorise, solve
 from cablefem.elements.observing import observe_cable
-from cablefem.elements.reference import reference, shape_polynomials
+from cablefem.elements.reference import reference_mesh, shape_polynomials
 from cablefem.newmark import State
 from tests.runs import LEVEL, cable, evaluate, stack
 
@@ -21,24 +21,24 @@ SOFT = cable(mu=0.7, sigma=0.41, c=0.73, alpha=83.0, speed=0.3)
 @pytest.mark.parametrize("degree", DEGREES)
 def test_tables_are_those_of_the_very_points(degree):
     """scikit-fem keeps the polynomials of ElementLinePp by the NUMBER of points; the tables must not fall for it."""
-    ref, n_loc = reference(3, degree, 2.3), degree + 1
+    ref, n_loc = reference_mesh(3, degree, 2.3), degree + 1
     tab = ref.forces
     x = tab[:, :, 0] - np.repeat([1.0, 0.0], 3)[:, None]
     dofs, value, grad = evaluate(ref, x.ravel())
-    tabulated, slopes = (tab[:, :, at : at + n_loc].reshape(-1, n_loc).T for at in (2, 2 + n_loc))
+    shape_table, slopes = (tab[:, :, at : at + n_loc].reshape(-1, n_loc).T for at in (2, 2 + n_loc))
     np.testing.assert_array_equal(dofs, np.repeat(ref.dofs, tab.shape[1], axis=0).T)
     # monomials cancel: the rounding is that of their coefficients, found by solving for them; slopes are degree/h times
     rounding = 30.0 * np.finfo(float).eps * np.abs(ref.shapes).sum(axis=1).max()
-    np.testing.assert_allclose(value, tabulated, rtol=0.0, atol=rounding)
+    np.testing.assert_allclose(value, shape_table, rtol=0.0, atol=rounding)
     np.testing.assert_allclose(grad, slopes, rtol=0.0, atol=rounding * degree / np.diff(ref.knots).min())
     other = evaluate(ref, np.clip(x.ravel() + 1e-6, -1.0, 1.0))[1]
-    assert np.abs(other - tabulated).max() > 1e-7  # the check sees points that are a little off
+    assert np.abs(other - shape_table).max() > 1e-7  # the check sees points that are a little off
 
 
 @pytest.mark.parametrize("degree", DEGREES)
 def test_elements_hold_every_polynomial_of_their_degree(degree):
     """Among polynomials that are zero at the supports x = -1 and 1."""
-    ref = reference(3, degree, 2.3)
+    ref = reference_mesh(3, degree, 2.3)
     x, n = np.linspace(-1.0, 1.0, 120), ref.operators.shape[2]
     dofs, value, grad = evaluate(ref, x)
     N, N_x = np.zeros((x.size, n + 1)), np.zeros((x.size, n + 1))  # last column: supports
@@ -116,7 +116,7 @@ def test_the_least_tension_is_that_of_the_element_that_pulls_least(degree):
     (begin, h), tab = np.repeat([[0.0, 0.37], [0.37, 0.63]], 2, axis=1)[:, :, None], ref.forces
     held = np.append(q.reshape(-1, 2), [[0.0, 0.0]], axis=0)  # last row: supports
     w_x, w_y = np.einsum("egk,ekf->feg", tab[:, :, degree + 3 :], held[ref.dofs]) / h
-    T, xp, yp, _, _ = SOFT.static(begin + h * tab[:, :, 0])
+    T, xp, yp, _, _ = SOFT.tension_and_derivatives(begin + h * tab[:, :, 0])
     N = T + SOFT.alpha * (np.hypot(xp + w_x, yp + w_y) - 1.0)
     means = np.average(N, axis=1, weights=tab[:, :, 1])
     assert system.min_tension[0] == pytest.approx(means.min(), rel=1e-12)

@@ -9,8 +9,8 @@ import pytest
 from cablefem import Scene
 from cablefem.elements.fixed import FixedElements
 from cablefem.elements.observing import observe_cable
-from cablefem.elements.rolling import RollingElements, following
-from cablefem.newmark import Newton, State, Work, collocate, integrate, iterate, scheme, step_times
+from cablefem.elements.rolling import RollingElements, make_following_elements
+from cablefem.newmark import Newton, State, Work, collocate, integrate, newmark_step, scheme, step_times
 from cablefem.scene.statics import gripped_rest
 from tests.runs import LEVEL, stack
 from validation import run
@@ -39,10 +39,10 @@ def lagrangian(system, q, v):
     """L of cable and car at unknowns (q, s_o) and their rates, from the energies."""
     g, s_o, ds = system.groups, q[-1], v[-1]
     cable = observe_cable(system, np.array([[s_o], [ds], [0.0]]), stack([State(0.0, q, v, 0.0 * q)]))
-    _, xp, yp, _, _ = g.static(s_o)
+    _, xp, yp, _, _ = g.tension_and_derivatives(s_o)
     m = 2 * system.node
     velocity = v[m : m + 2] + ds * np.array([xp, yp])
-    depth = g.shape(s_o)[1] + q[m + 1]
+    depth = g.coordinates(s_o)[1] + q[m + 1]
     energy = float((cable.kinetic - cable.strain - cable.potential)[0])
     return energy + 0.5 * g.mu * velocity @ velocity + g.mu * g.sigma * depth
 
@@ -100,7 +100,7 @@ def test_the_tangent_is_the_derivative_of_the_residual(drive):
 
 def test_steps_are_those_of_the_interpreted_iteration():
     one, other = (RollingElements(G, elements=4) for _ in range(2))
-    other.solve_step = lambda *step: iterate(other, *step[:-1], step[-1]._replace(patience=0))
+    other.solve_step = lambda *step: newmark_step(other, *step[:-1], step[-1]._replace(patience=0))
     work, same = Work(), Work()
     states, want = (
         stack(list(integrate(s, scheme("generalized-alpha", rho_inf=0.9), [np.linspace(0.0, 3.0, 61)], work=w)))
@@ -119,8 +119,8 @@ def test_what_cannot_roll_says_so():
         FixedElements(G)
     with pytest.raises(ValueError, match="drive grip"):
         RollingElements(LEVEL)
-    assert type(following(G, elements=2)) is RollingElements
-    assert type(following(LEVEL, elements=2)) is not RollingElements
+    assert type(make_following_elements(G, elements=2)) is RollingElements
+    assert type(make_following_elements(LEVEL, elements=2)) is not RollingElements
 
 
 # --- statics ------------------------------------------------------------------------------------------------------
@@ -131,7 +131,7 @@ def test_under_a_car_of_a_thousand_cables_weight_the_cable_rests_without_folds(s
     groups = replace(groups, drive=replace(groups.drive, start=0.2))
     system = RollingElements(groups, elements=elements)
     q = system.start(0, None).q
-    place = np.ravel(groups.shape(0.2)) + q[2 * system.node : 2 * system.node + 2]
+    place = np.ravel(groups.coordinates(0.2)) + q[2 * system.node : 2 * system.node + 2]
     np.testing.assert_allclose(place, gripped_rest(0.2, groups).place[0], rtol=0, atol=1e-6)
 
 

@@ -8,7 +8,16 @@ import pytest
 
 from cablefem.elements.fixed import FixedElements
 from cablefem.elements.following import FollowingElements
-from cablefem.newmark import NO_STEPS, NewtonStalled, Work, between, integrate_blocks, iterate, scheme, step_times
+from cablefem.newmark import (
+    NO_STEPS,
+    NewtonStalled,
+    Work,
+    integrate_blocks,
+    newmark_step,
+    scheme,
+    state_inside_step,
+    step_times,
+)
 from cablefem.newmark.tableau import tableau
 from cablefem.scene import Scene
 from tests.runs import DAMPED, LEVEL, STEEP
@@ -17,7 +26,7 @@ from validation.core.running import Run
 
 def interpreted(system):
     """Return the system with nothing compiled but its residuals and tangents."""
-    system.solve_step, system.solve_steps = lambda *step: iterate(system, *step), lambda *steps: NO_STEPS
+    system.solve_step, system.solve_steps = lambda *step: newmark_step(system, *step), lambda *steps: NO_STEPS
     return system
 
 
@@ -93,7 +102,7 @@ def test_steps_taken_in_one_go_remember_what_was_inside():
     rule, states = tableau(run.scheme.nodes), run.history.states
     for before, after in pairwise(states[20:40]):
         for t, a in zip(rule.instants(np.array([before.t, after.t]))[0], after.inside.a, strict=True):
-            x = between(after, t)
+            x = state_inside_step(after, t)
             assert np.abs(x.a - a).max() <= 1e-8 * np.abs(a).max()
             r = run.history.solver.residual(t, x.q, x.v, x.a, x.phase)
             assert np.linalg.norm(r) <= 1.1e-4 * run.history.solver.force_scale

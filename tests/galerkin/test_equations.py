@@ -7,7 +7,7 @@ import pytest
 from numpy.polynomial.legendre import leggauss
 
 from cablefem import Scene
-from cablefem.newmark import Newton, State, iterate
+from cablefem.newmark import Newton, State, newmark_step
 from cablefem.scene.motion import Motion, Piece
 from galerkin.bases import Daubechies, Fourier
 from galerkin.equations import GalerkinSystem
@@ -55,7 +55,7 @@ def static(system, s):
     """X, X' as the model's load sees them, (fields, ...)."""
     g = system.groups
     if system.fields == 2:
-        return np.array(g.shape(s)), np.array(g.static(s)[1:3])
+        return np.array(g.coordinates(s)), np.array(g.tension_and_derivatives(s)[1:3])
     k = g.sigma * g.chord_cos**2  # the parabola's curvature, tau = 1/chord_cos
     return np.array([0.5 * k * s * (1.0 - s)]), np.array([k * (0.5 - s)])
 
@@ -98,10 +98,10 @@ def lagrange(system, t, phase, q, v, a):
 def inertia_terms(system, t, phase, q, v, a):
     """The residual without internal force and weight."""
     s_o = system.motion.at(t, phase)[0]
-    weight = np.multiply.outer(system.mu * system.cable.weight, system.basis.carried(s_o, 0.0, 0.0).f)
+    weight = np.multiply.outer(system.mu * system.cable.weight, system.basis.inertia_terms(s_o, 0.0, 0.0).f)
     return (
         system.residual(t, q, v, a, phase)
-        - (system.cable.force(system.instant(t, phase).place, q_of(system, q))[0] - weight).ravel()
+        - (system.cable.internal_force(system.instant(t, phase).tables, q_of(system, q))[0] - weight).ravel()
     )
 
 
@@ -132,7 +132,7 @@ def test_path_form_is_the_chain_rule(kink):
     path = GalerkinSystem(STEEP, Rough(Daubechies(4, 0)), kink=kink)
     q, v, a = random_state(smooth, 8)
     t, phase = 0.9, 0
-    x = smooth.instant(t, phase).carried
+    x = smooth.instant(t, phase).inertia_terms
     Q, V, A = (q_of(smooth, y) for y in (q, v, a))
     w_p = Q @ x.f, V @ x.f + 0.5 * Q @ x.f_v, A @ x.f + V @ x.f_v + Q @ x.f_q
     r = path.residual(t, *(np.concatenate([y, z]) for y, z in zip((q, v, a), w_p, strict=True)), phase)
@@ -159,7 +159,7 @@ def printed_force(system, s_o, q):
     """(25)-(26) term by term, gravity included, (2, n)."""
     g = system.groups
     s, w = halves(s_o)
-    T, xp, yp, _, _ = g.static(s)
+    T, xp, yp, _, _ = g.tension_and_derivatives(s)
     phi, slope, _ = shapes(system, s, s_o)
     rx, ry = q_of(system, q) @ slope.T + np.array([xp, yp])
     eps = np.hypot(rx, ry) - 1.0
@@ -175,10 +175,10 @@ def test_internal_force_is_the_printed_one(law, kink):
     """Gravity, -sigma phi in (26), is what the static part integrates to: subtracting that part changes nothing."""
     system = GalerkinSystem(STEEP, Fourier(6), kink=kink, law=law)
     q, (s_o, _, _) = random_state(system, 3, 2e-3 if law == "elastic" else 1e-2)[0], MOTION.at(0.9, 0)
-    place = system.instant(0.9, 0).place
-    force, pull = system.cable.force(place, q_of(system, q))
+    place = system.instant(0.9, 0).tables
+    force, pull = system.cable.internal_force(place, q_of(system, q))
     # slack in part of the cable: N has kinks that no rule resolves, hence per mille of the largest force
-    assert system.cable.least(system.basis, place, pull)[0] < 0.0  # the elastic tension, whatever the law
+    assert system.cable.min_tension(system.basis, place, pull)[0] < 0.0  # the elastic tension, whatever the law
     atol = 1e-11 if law == "elastic" else 1e-2 * np.abs(force).max()
     np.testing.assert_allclose(force, printed_force(system, s_o, q), rtol=0.0, atol=atol)
     assert np.abs(force - printed_force(system, s_o, -q)).max() > 0.1 * np.abs(force).max()
@@ -189,11 +189,11 @@ def test_internal_force_is_the_printed_one(law, kink):
 @pytest.mark.parametrize("model", MODELS)
 def test_hanging_cable_is_an_exact_equilibrium(model, kink, basis):
     system = GalerkinSystem(STEEP, basis, kink=kink, model=model)
-    place = system.instant(0.4, 0).place
-    force, pull = system.cable.force(place, np.zeros((system.fields, system.n)))
-    least, where = system.cable.least(system.basis, place, pull)
+    place = system.instant(0.4, 0).tables
+    force, pull = system.cable.internal_force(place, np.zeros((system.fields, system.n)))
+    least, where = system.cable.min_tension(system.basis, place, pull)
     assert np.abs(force).max() == 0.0
-    assert abs(least - STEEP.static(where)[0]) < 1e-15
+    assert abs(least - STEEP.tension_and_derivatives(where)[0]) < 1e-15
 
 
 def test_a_straight_cable_bends_at_the_hat_alone():
@@ -203,14 +203,14 @@ def test_a_straight_cable_bends_at_the_hat_alone():
     s_o, _, _ = MOTION.at(0.8, 0)
     Q = np.zeros((2, system.n))
     Q[:, -1] = 0.07, 0.11
-    force = system.cable.force(system.instant(0.8, 0).place, Q)[0]
+    force = system.cable.internal_force(system.instant(0.8, 0).tables, Q)[0]
     pull = []
     for length, sign in ((s_o, 1.0), (1.0 - s_o, -1.0)):
         r = np.array([1.0, 0.0]) + sign * Q[:, -1] / length
         stretch = np.hypot(*r)
         pull.append((1.0 + 57.0 * (stretch - 1.0)) * r / stretch)
     # concentrated at the mass: (N t behind - N t ahead) Phi(s_o)
-    want = np.multiply.outer(pull[0] - pull[1], system.basis.carried(s_o, 0.0, 0.0).f)
+    want = np.multiply.outer(pull[0] - pull[1], system.basis.inertia_terms(s_o, 0.0, 0.0).f)
     np.testing.assert_allclose(force, want, rtol=0.0, atol=1e-12)
 
 
@@ -224,23 +224,23 @@ def test_one_field_force_by_quadrature(model, kink):
     slope, kap, tau = shapes(system, s, s_o)[1], float(model == "stretching"), 1.0 / STEEP.chord_cos
     w_s, y_s = slope @ q, static(system, s)[1][0]
     h = STEEP.alpha * (w @ (y_s * w_s + 0.5 * kap * w_s**2))
-    place = system.instant(0.9, 0).place
-    force, pull = system.cable.force(place, q[None])
-    least, _ = system.cable.least(system.basis, place, pull)
+    place = system.instant(0.9, 0).tables
+    force, pull = system.cable.internal_force(place, q[None])
+    least, _ = system.cable.min_tension(system.basis, place, pull)
     np.testing.assert_allclose(force[0], (w * (tau * w_s + h * (y_s + kap * w_s))) @ slope, rtol=0.0, atol=1e-11)
-    assert abs(least - (STEEP.static(np.linspace(0.0, 1.0, 20001))[0].min() + h)) < 1e-8
+    assert abs(least - (STEEP.tension_and_derivatives(np.linspace(0.0, 1.0, 20001))[0].min() + h)) < 1e-8
 
 
 def test_ripples_are_not_slack():
     """A negative N counts when its mean over a shortest wave is negative, not when the highest sine dips below."""
     system = GalerkinSystem(STEEP, Fourier(40))
-    place = system.instant(0.9, 0).place
+    place = system.instant(0.9, 0).tables
     ripple, slack = np.zeros((2, 2, 40))
     ripple[:, -1] = 1.3 / (40 * np.pi * STEEP.alpha) * np.array([STEEP.chord_cos, STEEP.chord_sin])
     slack[:, 0] = 40.0 * ripple[:, -1]
-    pulls = [system.cable.force(place, Q)[1] for Q in (ripple, slack)]
+    pulls = [system.cable.internal_force(place, Q)[1] for Q in (ripple, slack)]
     assert max(pull.min() for pull in pulls) < -0.1
-    least = [system.cable.least(system.basis, place, pull)[0] for pull in pulls]
+    least = [system.cable.min_tension(system.basis, place, pull)[0] for pull in pulls]
     assert least[0] > 0.0
     assert least[1] < -0.1
 
@@ -302,7 +302,7 @@ def test_acceleration_jumps_with_the_drive(basis, kink):
     """At a jump of dds_o q and dq/dt go on, and if the old acceleration was in balance the new one is."""
     system = GalerkinSystem(STEEP, basis, kink=kink)
     q, v, a = random_state(system, 11)
-    before, after = (system.instant(1.3, k).carried for k in (0, 1))
+    before, after = (system.instant(1.3, k).inertia_terms for k in (0, 1))
     if system.path_form:
         # any a of the cable, with a load at the mass that makes it balance, is as good as another: compare defects
         new = system.start(1, State(1.3, q, v, a, 0))
@@ -333,12 +333,12 @@ def test_faults_are_named():
 @pytest.mark.parametrize("basis", [Fourier(6), Daubechies(4, 0)], ids=["sines", "db4"])
 @pytest.mark.parametrize("size", [1e-3, 3e-2])
 def test_a_compiled_step_is_the_drivers_own(size, basis, law):
-    """Against `iterate` from a random state, near and far (halved corrections, a tangent made anew): the same way."""
+    """Against `newmark_step` from a random state, near and far (halved corrections, a new tangent): the same way."""
     system = GalerkinSystem(DAMPED, basis, kink=True, law=law)
     start, dt = random_state(system, 9, size), 0.02
     rule = np.array([[1, dt, 0.5 * dt**2, 0.25 * dt**2, 0.8], [0, 1, dt, 0.5 * dt, 0.8], [0, 0, 1, 1, 0.9]])
     ends, ways = np.empty((2, *start.shape)), []
-    for solve_step, now in ((system.solve_step, ends[0]), (lambda *x: iterate(system, *x), ends[1])):
+    for solve_step, now in ((system.solve_step, ends[0]), (lambda *x: newmark_step(system, *x), ends[1])):
         ways.append(solve_step(0.93, 0, start, now, rule, Newton(max_iter=12, bound=1e-9)))
     compiled, own = ways
     for work in ("iterations", "factorisations", "residuals"):
@@ -349,7 +349,7 @@ def test_a_compiled_step_is_the_drivers_own(size, basis, law):
 
 
 def test_a_stride_is_the_drivers_own_steps():
-    """Many steps in one call end where single ones by `iterate` do, on the bound that both are told."""
+    """Many steps in one call end where single ones by `newmark_step` do, on the bound that both are told."""
     system, dt = GalerkinSystem(STEEP, Fourier(23), kink=True), 0.004
     rule = np.array([[1, dt, 0.3 * dt**2, 0.2 * dt**2, 0.8], [0, 1, 0.4 * dt, 0.6 * dt, 0.8], [0, 0, 1, 1, 0.9]])
     start = random_state(system, 3, 3e-4) / np.tile(np.arange(1.0, system.n + 1), 2) ** 2
@@ -358,7 +358,7 @@ def test_a_stride_is_the_drivers_own_steps():
     assert len(ends) == t.size
     for when, end, norm in zip(t, ends, told[:, 0], strict=True):
         now = np.empty_like(start)
-        exact = iterate(system, when, 0, start, now, rule, Newton(bound=1e-12))
+        exact = newmark_step(system, when, 0, start, now, rule, Newton(bound=1e-12))
         assert norm <= bound
         assert exact.norm <= 1e-12
         np.testing.assert_allclose(end[0], now[0], rtol=0.0, atol=1e-7 * np.abs(now[0]).max())

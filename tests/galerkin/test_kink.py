@@ -5,7 +5,7 @@ import pytest
 from numpy.polynomial.legendre import leggauss
 
 from galerkin.bases import Daubechies, Fourier
-from galerkin.bases.kink import Moving
+from galerkin.bases.kink import KinkedBasis
 from galerkin.kernels import stiffness
 
 # With what the checks' own quadrature allows: phi is analytic, Hoelder 2.6, Hoelder 1.5, and its cells are 1/448.
@@ -40,8 +40,8 @@ def hat_rate(s, s_o, ds_o):
 
 @pytest.mark.parametrize(("basis", "tolerance"), BASES)
 def test_overlap_at_the_support_is_the_limit(basis, tolerance):
-    kink = Moving(basis, kink=True)
-    at, near = kink.overlap(np.array([0.0])), kink.overlap(np.array([1e-5]))
+    kink = KinkedBasis(basis, kink=True)
+    at, near = kink.hat_overlaps(np.array([0.0])), kink.hat_overlaps(np.array([1e-5]))
     for order in (0, 1):  # I and I' change by I'' s, I''' s; rounding of E/s^2 is 1e-7
         np.testing.assert_allclose(at[order], near[order], rtol=0.0, atol=1e-3 * np.abs(near[order]).max())
     np.testing.assert_allclose(at[0], at[1], rtol=1e-15)
@@ -65,20 +65,20 @@ def test_inertia_against_quadrature(basis, tolerance, s_o):
 
     M, A, B = tables(0.0)
     dA = (tables(h)[1] - tables(-h)[1]) / (2 * h)
-    mass, gyroscopic, centrifugal, *_ = Moving(basis, kink=True).carried(s_o, ds_o, dds_o)
+    mass, gyroscopic, centrifugal, *_ = KinkedBasis(basis, kink=True).inertia_terms(s_o, ds_o, dds_o)
     np.testing.assert_allclose(mass, M, rtol=0.0, atol=10.0 * tolerance)
     np.testing.assert_allclose(gyroscopic, [2.0 * A[:, -1]], rtol=0.0, atol=10.0 * tolerance)
     assert np.abs(A[:, :-1]).max() == 0.0
     # differences: h^2 of the third derivative of A, which is of order 1/(1 - s_o)^4
     wanted = (dA - B)[:, -1]
     np.testing.assert_allclose(centrifugal, [wanted], rtol=0.0, atol=1e-4 * np.abs(wanted).max())
-    wrong = Moving(basis, kink=True).carried(s_o, ds_o, -dds_o).centrifugal
+    wrong = KinkedBasis(basis, kink=True).inertia_terms(s_o, ds_o, -dds_o).centrifugal
     assert np.abs(wrong - wanted).max() > 1e-2 * np.abs(wanted).max()  # the check sees a wrong acceleration
 
 
 @pytest.mark.parametrize(("basis", "tolerance"), BASES)
 def test_slopes_stiffness_and_integral(basis, tolerance):
-    s_o, kink = 0.618, Moving(basis, kink=True)
+    s_o, kink = 0.618, KinkedBasis(basis, kink=True)
     s, w, table = kink.slopes(s_o)
     assert np.all(np.diff(s) > 0.0)
     assert abs(w.sum() - 1.0) < 1e-13
@@ -89,7 +89,7 @@ def test_slopes_stiffness_and_integral(basis, tolerance):
     s, w = pieces(s_o)
     np.testing.assert_allclose(kink.integral(s_o)[:-1], w @ basis.phi(s), rtol=0.0, atol=tolerance)
     assert abs(kink.integral(s_o)[-1] - w @ hat(s, s_o)) < 1e-13
-    x = kink.carried(s_o, 0.4, 0.2)
+    x = kink.inertia_terms(s_o, 0.4, 0.2)
     assert (x.f[-1], x.f_s[-1], x.f_v[-1], x.f_q[-1]) == (1.0, 0.0, 0.0, 0.0)
 
 
@@ -97,7 +97,7 @@ def test_slopes_stiffness_and_integral(basis, tolerance):
 @pytest.mark.parametrize("s_o", [0.29, 0.97])
 def test_share_of_the_side_behind_in_the_overlap(grading, s_o):
     basis = Fourier(7, grading)
-    x, (s, w) = Moving(basis, kink=True).carried(s_o, 0.37, -0.23), pieces(s_o)
+    x, (s, w) = KinkedBasis(basis, kink=True).inertia_terms(s_o, 0.37, -0.23), pieces(s_o)
     Phi = np.column_stack([basis.phi(s), hat(s, s_o)])
     np.testing.assert_allclose(x.behind, (w * (s < s_o) * s / s_o) @ Phi, rtol=0.0, atol=1e-12)
     assert np.abs(x.mass[-1] - 2.0 * x.behind).max() > 1e-3  # the other side's share differs
@@ -106,7 +106,7 @@ def test_share_of_the_side_behind_in_the_overlap(grading, s_o):
 @pytest.mark.parametrize("basis", [Fourier(1), Fourier(7), Fourier(7, 0.6), Fourier(90)], ids=str)
 def test_gram_matrix_is_the_plain_product(basis):
     """By sums of cosines, the hat's row and column included, block by block."""
-    functions = Moving(basis, kink=True)
+    functions = KinkedBasis(basis, kink=True)
     s, w, table = functions.slopes(0.273)
     f = w * np.array([np.exp(s), np.cos(5.0 * s), s**2 - 0.3])
     direct = np.einsum("abq,iq,jq->aibj", f[[[0, 1], [1, 2]]], table, table, optimize=True).reshape(2 * functions.n, -1)

@@ -50,7 +50,7 @@ def test_rows_of_the_cable_are_those_of_a_mass_that_grips():
     pulled = RollingSystem(replace(DAMPED, drive=thrust), Fourier(4), kink=True)
     change = (pulled.residual(0.9, q, v, a, 0) - free.residual(0.9, q, v, a, 0))[:-1].reshape(2, -1)
     np.testing.assert_allclose(
-        np.hypot(*change), 0.3 * np.abs(free.basis.carried(s_o, 0.0, 0.0).f), rtol=0.0, atol=1e-12
+        np.hypot(*change), 0.3 * np.abs(free.basis.inertia_terms(s_o, 0.0, 0.0).f), rtol=0.0, atol=1e-12
     )
 
 

@@ -6,8 +6,8 @@ from numpy.polynomial.legendre import leggauss
 from scipy.integrate import cumulative_trapezoid
 
 from cablefem import Scene
-from cablefem.newmark import Newton, iterate
-from galerkin.bases.riding import RidingSines, shapes
+from cablefem.newmark import Newton, newmark_step
+from galerkin.bases.riding import RidingSines, shape_functions
 from galerkin.riding import RidingSystem
 from tests.galerkin.test_equations import DAMPED
 from tests.runs import tangent_defect
@@ -22,7 +22,7 @@ def basis_at(basis, t):
     s_o, ds_o = PLACE + SPEED * t + 0.5 * RATE * t * t, SPEED + RATE * t
     values, rates, weights = [], [], []
     for side, h, dh in ((0, s_o, ds_o), (1, 1.0 - s_o, -ds_o)):
-        phi, slope, _ = shapes(basis.terms, X)
+        phi, slope, _ = shape_functions(basis.terms, X)
         own = [*range(side * basis.terms, (side + 1) * basis.terms), basis.n - 1]
         for out, y in ((values, phi), (rates, -dh / h * X * slope)):
             whole = np.zeros((basis.n, X.size))
@@ -45,7 +45,7 @@ def inertia(basis):
 
 
 def defect(basis):
-    x = basis.carried(PLACE, SPEED, RATE)
+    x = basis.inertia_terms(PLACE, SPEED, RATE)
     pairs = zip((x.mass, x.gyroscopic.T, x.centrifugal.T), inertia(basis), strict=True)
     return max(np.abs(a - b).max() / np.abs(b).max() for a, b in pairs)
 
@@ -53,8 +53,8 @@ def defect(basis):
 def test_inertia_is_that_of_a_moving_basis_and_needs_the_kink_s_own_term():
     basis = RidingSines(5)
     assert defect(basis) < 1e-8
-    phi, slope, _ = shapes(5, np.ones(1))
-    basis.of = basis.of._replace(swirl=basis.of.swirl + phi @ slope.T)
+    phi, slope, _ = shape_functions(5, np.ones(1))
+    basis.tables = basis.tables._replace(swirl=basis.tables.swirl + phi @ slope.T)
     assert defect(basis) > 0.1
 
 
@@ -73,7 +73,7 @@ def test_compiled_steps_are_those_of_the_equations(system):
     rule = np.array([[1, dt, dt**2 / 4, dt**2 / 4, 1], [0, 1, dt / 2, dt / 2, 1], [0, 0, 0, 1, 1.0]])
     ends = np.empty((2, *start.shape))
     done = system.solve_step(0.5, 0, start, ends[0], rule, Newton(bound=1e-11))
-    defined = iterate(system, 0.5, 0, start, ends[1], rule, Newton(bound=1e-11))
+    defined = newmark_step(system, 0.5, 0, start, ends[1], rule, Newton(bound=1e-11))
     assert done[1:3] == defined[1:3]
     assert done.norm <= 1e-11
     np.testing.assert_allclose(ends[0], ends[1], rtol=0.0, atol=1e-9 * np.abs(ends[1]).max())

@@ -123,7 +123,7 @@ def test_observation_is_consistent(model, basis, kink):
     for field in (x.u, x.v, x.du, x.dv):
         np.testing.assert_allclose(field[:, [0, -1]], 0.0, rtol=0.0, atol=1e-12)
     # along the path by central differences of the stored steps: dt^2
-    place = np.stack(INCLINED.shape(s_o), axis=1) + x.path
+    place = np.stack(INCLINED.coordinates(s_o), axis=1) + x.path
     dt = states.t[1] - states.t[0]
     np.testing.assert_allclose((place[2:] - place[:-2]) / (2 * dt), x.path_velocity[1:-1], rtol=0.0, atol=2e-4)
     # at a fixed s the trapezoidal rule itself says w1 - w0 = dt (w.0 + w.1)/2, but for the moving hat: dt^2

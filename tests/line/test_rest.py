@@ -40,7 +40,7 @@ def test_spring_instead_of_the_anchor(solve):
     state = one(SPRUNG, solve)
     assert state.s[1] == pytest.approx(250.0, abs=1e-4)
     assert state.s[2] == pytest.approx(618.051928, abs=1e-6)
-    np.testing.assert_allclose(state.place[0], [0.235857, -0.012434], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(state.points[0], [0.235857, -0.012434], rtol=0, atol=1e-6)
 
 
 def test_seilaplan(solve):
@@ -49,7 +49,7 @@ def test_seilaplan(solve):
     sag = [3.36, 4.46, 6.24, 5.21, 3.82, 2.61]
     for i, state in enumerate(rest.positions):
         k = next(k for k, p in enumerate(state.case.stations) if p.is_car)
-        (x, y), ends = state.place[k], state.place[[k - 1, k + 1]]
+        (x, y), ends = state.points[k], state.points[[k - 1, k + 1]]
         assert y - np.interp(x, *ends.T) == pytest.approx(sag[i], abs=0.0051)
     assert rest.positions[2].station_tensions[0, 1] == pytest.approx(133154.0, abs=0.5)
 
@@ -58,7 +58,7 @@ def test_deepest_point_of_a_field():
     state = one(ASTER, catenary_line.solve)
     assert catenary_line.sag(state, 0, 1) == pytest.approx(13.9370, abs=5e-5)
     loaded = one(TRAMWAY, catenary_line.solve)
-    below = loaded.place[1, 1] + 480.0 / 1200.0 * loaded.place[1, 0]
+    below = loaded.points[1, 1] + 480.0 / 1200.0 * loaded.points[1, 0]
     assert catenary_line.sag(loaded, 0, 2) == pytest.approx(below)
 
 
@@ -122,7 +122,7 @@ def test_a_car_on_a_shoe_is_not_felt(solve):
     rope, left, first, second, right, *_ = THREE
     on = line(rope, left, first, second, right, car("car", 4000.0, [397.0, 300.0])).rest(solve)
     off = line(rope, left, first, second, right).rest(solve)
-    np.testing.assert_allclose(on.positions[0].place, off.positions[0].place, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(on.positions[0].points, off.positions[0].points, rtol=0, atol=1e-9)
     both = line(rope, left, first, second, right, car("a", 40.0, 397.0), car("b", 40.0, 402.0)).rest(solve)
     assert "two cars on the shoe of first" in str(both.positions[0])
 
@@ -173,7 +173,7 @@ def test_one_span_is_the_statics_of_a_scene_but_for_the_strain():
         rope = {"mass_per_length": 9.0, "EA": EA, "tension": tension}
         ends = ({"name": "left", "kind": "anchor", "at": [0, 0]}, {"name": "right", "kind": "anchor", "at": [500, 60]})
         state = one((rope, *ends, car("car", 3000.0, float(x), hauled=False)), catenary_line.solve)
-        apart = max(abs(state.place[1, 1] - y) / y, abs(state.station_tensions[1, 1] - N) / N)
+        apart = max(abs(state.points[1, 1] - y) / y, abs(state.station_tensions[1, 1] - N) / N)
         assert apart < 2.0 * N / EA
 
 

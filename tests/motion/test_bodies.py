@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson
 
-from cablefem.elements.rest import at_rest, rest
+from cablefem.elements.rest import slots_at_rest, slots_of_rest
 from cablefem.elements.system import LineElements
 from cablefem.newmark import Work, integrate_blocks, scheme, step_times
 from cablefem.scene.bodies import Hanger, Wheels
@@ -50,8 +50,8 @@ def tram(travel, rope=TRAM, **more) -> MovingLine:
 )  # fmt: skip
 def test_a_trolley_at_rest(front, rope, exact):
     system = LineElements(tram(front, rope))
-    q = rest(system, 0.0, 0)
-    slots = at_rest(system, q)
+    q = slots_of_rest(system, 0.0, 0)
+    slots = slots_at_rest(system, q)
     x = system.observe([system.start(0, None)._replace(q=q[system.free], a=slots.a[system.free])], np.array([1.0]))
     at = x.cars[0]
     loads = [wheel.load[0] for wheel in at.turning.wheels]
@@ -199,7 +199,7 @@ def test_a_wheel_that_lifts_off_ends_the_run():
 MIXED = MovingLine(
     rope=SOFT, t_end=4.0,
     contacts=(
-        spring(0.0, 0.0, mass=300.0), with_body(car("grip", 700.0, Smooth(60.0, 7.0)), SLED),
+        spring(0.0, 0.0), with_body(car("grip", 700.0, Smooth(60.0, 7.0)), SLED),
         with_body(car("gripping cabin", 900.0, Smooth(110.0, 7.0)), CABIN),
         with_body(free("free", 900.0, 200.0, mu_r=0.07, k=0.8, wind=-3.0, thrust_table=((0.0, 400.0), (9.0, 900.0)),
                        thrust_angle=0.1, thrust_at=(0.3, -0.2), brakes=((150.0, 40.0),), rear_brakes=((150.0, 10.0),)),

@@ -35,7 +35,7 @@ def level(car, length, chord, **rope):
 
 def resting(system):
     """What a line at rest shows whose cars are not free."""
-    rest, free, forces = system.rest(), system.equations.free, system.equations.forces
+    rest, free, forces = system.coordinates_at_rest(), system.equations.free, system.equations.forces
     q = np.where(forces, 0.0, rest[0, free])
     state = State(0.0, q, 0.0 * q, np.where(forces, rest[2, free], 0.0), 0)
     return system.observe([state], np.array([1.0]))

@@ -1,15 +1,11 @@
 """What ends the run of a line, and cars that roll freely."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson
 
 from cablefem.elements.system import LineElements
 from cablefem.newmark import StepFailure, Work, integrate, integrate_blocks, scheme, step_times
-from cablefem.scene import Scene
-from cablefem.scene.contacts import Elastic
 from galerkin.lines import LineSines
 from tests.motion.lines import LEFT, Smooth, anchor, car, line, run, saddle
 
@@ -90,25 +86,6 @@ def test_a_car_meets_a_saddle_a_meter_before_it():
     names, t = ending(scene, 60)
     assert names == ["up meets tower"]
     assert 5.0 < t < 6.0
-
-
-def test_the_papers_law_hangs_as_its_catenary():
-    """s is the arc length of the empty cable, where N = T(s)."""
-    scene = Scene.load("tramway")
-    catenary, l = scene.catenary, scene.length
-
-    def rest_tension(s):
-        slope = catenary.c - catenary.sigma * s / l
-        T = catenary.horizontal_tension * np.hypot(1.0, slope)
-        return T, -catenary.horizontal_tension * slope / np.hypot(1.0, slope) * catenary.sigma / l
-
-    span = line({"mass_per_length": scene.rho, "EA": scene.cable.EA, "length": l}, LEFT, car("light", 1e-6, 300.0),
-                anchor("right", scene.supports.span, scene.supports.drop))  # fmt: skip
-    rope = Elastic(mass_per_length=scene.rho, EA=scene.cable.EA, length=l, rest_tension=rest_tension)
-    system = LineElements(dataclasses.replace(span, rope=rope), elements=4)
-    x = system.observe([system.start(0, None)], np.array([100.0, 500.0]))
-    np.testing.assert_allclose(x.cars[0].point[0], [catenary.x(300.0), catenary.y(300.0)], atol=1e-6)
-    np.testing.assert_allclose(x.tension[0], catenary.tension(x.s), rtol=1e-8)
 
 
 def test_a_saddle_that_would_have_to_hold_the_rope_down_is_refused():

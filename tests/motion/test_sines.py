@@ -38,11 +38,10 @@ TWO = line({"mass_per_length": 11.4, "EA": 2.1e8, "length": 812.0}, LEFT, car("u
 SLIDING = line({"mass_per_length": 9.0, "EA": 1.4e8, "length": 824.0}, LEFT, car("up", 4000.0, Smooth(100.0, 8.0)),
                saddle("tower", 400.0, -30.0), anchor("right", 820.0, -20.0), t_end=20.0)  # fmt: skip
 SCENES = {"two cars": TWO, "counterweight": line(ROPE, LEFT, car("up", 5000.0, Smooth(150.0, 9.0), "haul"), RIGHT),
-          "saddle": SLIDING, "spring": line(ROPE, spring(0.0, 0.0, mass=800.0), WEIGHED.contacts[1], RIGHT),
+          "saddle": SLIDING, "spring": line(ROPE, spring(0.0, 0.0), WEIGHED.contacts[1], RIGHT),
           "all": ALL}  # fmt: skip
 WHEELS = Wheels(base=3.0, inertia=4e3, below=1.5, ahead=0.3)
 CABIN = Hanger(mass=800.0, length=4.0, gyration=1.2, damping=0.1)
-HELD = Elastic(mass_per_length=9.0, EA=1.5e8, damping=0.3, rest_tension=lambda s: (1e4 + 3.0 * s, 3.0 + 0.0 * s))
 
 
 def shaken(scene, terms=5):
@@ -61,8 +60,8 @@ def test_tangent_is_the_derivative(bodies):
         dataclasses.replace(c, **bodies, drive=dataclasses.replace(c.drive, **turned)) if isinstance(c, Car) else c
         for c in (*ALL.contacts[:-1], free, ALL.contacts[-1])
     ]
-    system, x = shaken(dataclasses.replace(ALL, rope=HELD, contacts=tuple(cars)))
-    _, tangent = system.equations.linearise(system.coordinates(x), system.present(1.0))
+    system, x = shaken(dataclasses.replace(ALL, contacts=tuple(cars)))
+    _, tangent = system.equations.linearise(system.coordinates(x), system.frictions_at(1.0))
     rng = np.random.default_rng(5)
     for which, part, step in ((1, tangent[0], 1e-4), (2, tangent[1], 1e-3), (3, tangent[2], 1e-1)):
         largest = np.abs(part).max(axis=0)
@@ -73,7 +72,7 @@ def test_tangent_is_the_derivative(bodies):
 
         for j in (*rng.choice(system.n_dof, 12, replace=False), *range(system.n_dof - 24, system.n_dof)):
             e = np.zeros(system.n_dof)
-            e[j] = min(sizes[j], 100.0 * step)
+            e[j] = min(sizes[j], 10.0 * step)
             difference = 8.0 * (residual(e) - residual(-e)) - residual(2.0 * e) + residual(-2.0 * e)
             np.testing.assert_allclose(difference / 12.0, part @ e, atol=1e-6 * (np.abs(part @ e).max() + 1e-3))
 
@@ -93,7 +92,7 @@ def test_newton_doubles_the_digits():
 def frequencies(scene, terms):
     """Of the line with its cars held, rising [1/s]."""
     system = LineSines(scene, terms)
-    rest = system.rest()
+    rest = system.coordinates_at_rest()
     _, K = system.equations.linearise(rest, [Friction() for _ in scene.contacts])
     return np.sort(np.sqrt(eig(K[0], K[2], right=False).real))
 
@@ -104,8 +103,8 @@ def test_frequencies_of_a_car_and_of_a_counterweight():
     exact = [1.12168304, 2.26609538, 2.37919708, 3.58003800]
     np.testing.assert_allclose(frequencies(empty, 12)[:4], exact, rtol=2e-7)
     straight = {"mass_per_length": 8.0, "EA": 1e8}
-    heavy = line(straight, LEFT, weight(400.0, 0.0, 3e5, mass=3e4), gravity=1e-6)
-    assert np.abs(frequencies(heavy, 8) - 2.8408222).min() < 1e-7
+    heavy = line(straight, LEFT, weight(400.0, 0.0, 3e5), gravity=1e-3)
+    assert np.abs(frequencies(heavy, 8) - 0.0289107311).min() < 1e-9
 
 
 @pytest.fixture(scope="module")
@@ -167,21 +166,16 @@ def test_a_mirrored_line_moves_alike():
 def test_a_rider_is_braked_where_the_text_on_rides_says():
     """Shared text on rides, section 6: places and times of a zip line with friction and a brake."""
     scene = Scene.from_toml(ZIP)
-    groups, l, H = scene.groups, scene.length, scene.horizontal_tension
-
-    def rest_tension(s):
-        T, _, dy, _, _ = groups.static(s / l)
-        return H * T, -H * groups.sigma * dy / l
-
-    rope = Elastic(mass_per_length=scene.rho, EA=scene.cable.EA, length=l, rest_tension=rest_tension)
-    rider = car("rider", 95.0, None, "free", start=2.0, k=0.36, mu_r=0.02, brakes=((280.0, 600.0),))
+    shorter = 1.0 / (1.0 + scene.catenary.mean_tension / scene.cable.EA)
+    rope = Elastic(mass_per_length=scene.rho / shorter, EA=scene.cable.EA, length=scene.length * shorter)
+    rider = car("rider", 95.0, None, "free", start=2.0 * shorter, k=0.36, mu_r=0.02, brakes=((280.0 * shorter, 600.0),))
     system = LineSines(MovingLine(rope=rope, contacts=(LEFT, rider, anchor("right", 300.0, 15.0)), t_end=36.0), 6)
     work = Work()
     states = list(integrate(system, scheme("radau"), step_times(system, 240, entry=1e-3), work=work))
     times = {event.name: event.t for event in work.events}  # the last of each
     assert times["rider brakes"] == pytest.approx(34.800, abs=2e-3)
     assert times["rider stops"] == pytest.approx(35.43, abs=0.01)
-    assert system.coordinates(states[-1])[0, system.layout.s[1]] == pytest.approx(281.375, abs=5e-3)
+    assert system.coordinates(states[-1])[0, system.layout.s[1]] / shorter == pytest.approx(281.375, abs=5e-3)
 
 
 def test_two_gripping_cars_on_a_taut_string_meet_each_others_waves():
@@ -197,7 +191,7 @@ def test_two_gripping_cars_on_a_taut_string_meet_each_others_waves():
         return LineSines(line(rope, LEFT, *cars, anchor("right", l, 0.0), t_end=1.3, gravity=gravity), 20)
 
     system, unloaded = string(masses), string(1e-9 * masses)
-    x = system.observe(states_of(system, 130, system.accelerated(unloaded.start(0, None))), np.array([1.0]))
+    x = system.observe(states_of(system, 130, system.with_acceleration(unloaded.start(0, None))), np.array([1.0]))
     bends = gravity * (1.0 + (speed / c) ** 2)  # the path along the shape of the rope is curved
     exact = _string_answer(x.t, l, c, T, masses, begin, speed, bends)
     for at, want in zip(x.cars, exact, strict=True):

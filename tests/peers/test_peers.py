@@ -68,7 +68,7 @@ def test_ladders_refine_and_fit_the_runs():
 def test_what_is_not_finite_never_leaves():
     groups = Scene.load("inclined").groups
     s_o = np.linspace(0.0, 0.9, 91)
-    place = np.stack(groups.shape(s_o), axis=1) + 0.013 * np.sin(3.1 * s_o)[:, None]
+    place = np.stack(groups.coordinates(s_o), axis=1) + 0.013 * np.sin(3.1 * s_o)[:, None]
     whole = path_until_nan(s_o, place, s_o * 2.3, groups, 0.7, "as it was")
     assert whole.reached == 0.9
     assert whole.note == "as it was after s_o/l = 0.9000"
@@ -147,9 +147,9 @@ def test_handed_from_node_to_node_without_a_cable_the_mass_falls_freely(beta, fa
     assert path.t.size == 39
     assert path.note == f"OpenSees' Newton method failed after s_o/l = {path.reached:.4f}"
     assert fake.wiped == 2
-    _, xp, yp, _, _ = groups.static(0.0)
+    _, xp, yp, _, _ = groups.tension_and_derivatives(0.0)
     speed = motion.at(0.0, 0)[1]
-    x, y = groups.shape(path.s_o)
+    x, y = groups.coordinates(path.s_o)
     gap = np.hypot(
         path.u + x - speed * xp * path.t, path.v + y - speed * yp * path.t - 0.5 * groups.sigma * path.t**2
     ).max()
@@ -162,7 +162,7 @@ def test_a_failure_of_exudyn_is_told_with_its_place(monkeypatch):
     motion = groups.motion
     assert motion is not None
     t = np.linspace(0.0, motion.phases[-1][1] * 0.99, 100)
-    x, y = groups.shape(motion.position(t))
+    x, y = groups.coordinates(motion.position(t))
     y = y + 0.011 * np.sin(1.7 * t)
     fake = MagicMock()
     fake.SolverError = ZeroDivisionError
@@ -236,7 +236,7 @@ if "exudyn" in INSTALLED:
         assert path.note == ""
         assert path.reached >= 150.0 / scene.length
         t = path.t[path.t * scene.time_scale <= ours.t[-1]] * scene.time_scale
-        place = np.stack(scene.groups.shape(path.s_o), 1) + np.stack([path.u, path.v], 1)
+        place = np.stack(scene.groups.coordinates(path.s_o), 1) + np.stack([path.u, path.v], 1)
         gap = scene.length * place[: t.size] - CubicSpline(ours.t, np.stack([ours.x, ours.y], 1))(t)
         # 3.6e-3 with these settings, 1e-3 with twice as many elements and 13 times the steps
         assert (np.hypot(*gap.T).max() < 5e-3 * scene.length) == (friction == 1.0)

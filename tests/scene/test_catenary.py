@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.polynomial.chebyshev import Chebyshev
 
-from cablefem.scene.catenary import Z_MAX, Z_MIN, Catenary, shape, static
+from cablefem.scene.catenary import Z_MAX, Z_MIN, Catenary, coordinates, tension_and_derivatives
 
 SPANS = st.floats(3.0, 5000.0)
 SLOPES = st.floats(-60.0, 60.0)  # degrees
@@ -73,7 +73,7 @@ def test_the_catenary_ends_at_its_supports(cable):
 def test_static_and_shape_belong_together(cable, places):
     """T x' = 1, T y' = c - sigma s, unit tangent, and the second derivatives are those of the first ones."""
     s = np.array(places)
-    T, xp, yp, xpp, ypp = static(s, cable.sigma, cable.c)
+    T, xp, yp, xpp, ypp = tension_and_derivatives(s, cable.sigma, cable.c)
     np.testing.assert_allclose(T * xp, 1.0, rtol=1e-14)
     np.testing.assert_allclose(T * yp, cable.c - cable.sigma * s, rtol=1e-14, atol=1e-14)
     np.testing.assert_allclose(np.hypot(xp, yp), 1.0, rtol=1e-14)
@@ -81,7 +81,7 @@ def test_static_and_shape_belong_together(cable, places):
     np.testing.assert_allclose(xp * xpp + yp * ypp, 0.0, atol=1e-14 * (1.0 + cable.sigma))
     np.testing.assert_allclose(np.hypot(xpp, ypp), cable.sigma / T**2, rtol=1e-13)
     np.testing.assert_allclose(cable.tension(s * cable.length), cable.horizontal_tension * T, rtol=1e-13)
-    x, y = shape(s, cable.sigma, cable.c)
+    x, y = coordinates(s, cable.sigma, cable.c)
     np.testing.assert_allclose(cable.y(s * cable.length) / cable.length, y, atol=1e-14)
     # T = T_0 - sigma y: the tension of a catenary grows with height alone
     np.testing.assert_allclose(T, math.hypot(1.0, cable.c) - cable.sigma * y, rtol=1e-13)

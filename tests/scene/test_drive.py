@@ -91,7 +91,8 @@ def test_the_groups_hold_the_drive_without_units():
     # N of drag at 7 m/s: rho_air c_d A v^2/2
     assert d.k * (7.0 / scene.wave_speed) ** 2 * H == pytest.approx(0.5 * 1.1 * 0.7 * 49.0, rel=1e-14)
     np.testing.assert_allclose(np.array(d.phases) * tau, [(0, 0.5), (0.5, 1.5), (1.5, 2), (2, 3), (3, 20)], rtol=1e-14)
-    np.testing.assert_allclose([d.brake(x / l) * H for x in (289.0, 290.5, 301.0)], [0.0, 50.0, 110.0], rtol=1e-14)
+    forces = [d.brake_force(x / l) * H for x in (289.0, 290.5, 301.0)]
+    np.testing.assert_allclose(forces, [0.0, 50.0, 110.0], rtol=1e-14)
     assert [place * l for place, _ in d.brakes] == pytest.approx([290.0, 300.0], rel=1e-14)
 
 
@@ -109,10 +110,10 @@ def test_thrust_is_linear_in_a_phase_and_nothing_outside_its_table():
 
 def test_the_hold_goes_from_all_to_nothing_without_a_jump_of_its_slope():
     d = Drive(mode="free", release=0.8)
-    assert (d.hold(0.0), d.hold(0.8), d.hold(3.0)) == (1.0, 0.0, 0.0)
-    assert d.hold(0.4) == pytest.approx(0.5, rel=1e-15)
-    assert abs(d.hold(1e-7) - 1.0) < 1e-12 > d.hold(0.8 - 1e-7)
-    assert Drive(mode="free").hold(0.0) == 0.0
+    assert (d.hold_fraction(0.0), d.hold_fraction(0.8), d.hold_fraction(3.0)) == (1.0, 0.0, 0.0)
+    assert d.hold_fraction(0.4) == pytest.approx(0.5, rel=1e-15)
+    assert abs(d.hold_fraction(1e-7) - 1.0) < 1e-12 > d.hold_fraction(0.8 - 1e-7)
+    assert Drive(mode="free").hold_fraction(0.0) == 0.0
 
 
 @pytest.mark.parametrize(

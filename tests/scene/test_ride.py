@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from cablefem import Scene
 from cablefem.scene import Drive, Groups, LoadPath
-from cablefem.scene.catenary import static
+from cablefem.scene.catenary import tension_and_derivatives
 from cablefem.scene.ride import roll_ride
 from cablefem.scene.statics import gripped_rest, hauled_rest
 from tests.scene.test_scene import choices
@@ -56,13 +56,13 @@ def test_who_reaches_a_brake_slowly_is_stopped_by_it(tension):
 def test_the_cable_at_rest_ends_at_its_supports_and_carries_the_car(choice):
     """Put into its own equation: dr/ds = lam n/N from the left support with the tension that was found."""
     g = Scene.from_groups(**choice).groups
-    s_o, l, ends, mu_r = 0.37, gripped_rest(0.37, g), np.stack(g.shape(1.0)), 0.07
+    s_o, l, ends, mu_r = 0.37, gripped_rest(0.37, g), np.stack(g.coordinates(1.0)), 0.07
     for r in (l, hauled_rest(s_o, replace(g, drive=replace(g.drive, mu_r=mu_r)))):
 
         def slope(s, y, r=r):
             n = r.left[0] - [0.0, g.sigma * s] + (r.jump[0] if s > s_o else 0.0)
             N = math.hypot(*n)
-            return n / N * (1.0 + (N - static(s, g.sigma, g.c)[0]) / g.alpha)
+            return n / N * (1.0 + (N - tension_and_derivatives(s, g.sigma, g.c)[0]) / g.alpha)
 
         there = solve_ivp(slope, (0.0, s_o), [0.0, 0.0], rtol=1e-11, atol=1e-13).y[:, -1]
         np.testing.assert_allclose(there, r.place[0], rtol=0.0, atol=1e-9)
@@ -93,7 +93,7 @@ def test_derivatives_of_the_load_path_are_those_of_its_places():
         for a, b, jump in ((0.0, s_o, 0.0 * r.jump[0]), (s_o, 1.0, r.jump[0])):
             p = a + 0.5 * (b - a) * (1.0 + x)
             n = r.left[0] - np.stack([0 * p, g.sigma * p], -1) + jump
-            N, T = np.linalg.norm(n, axis=1), static(p, g.sigma, g.c)[0]
+            N, T = np.linalg.norm(n, axis=1), tension_and_derivatives(p, g.sigma, g.c)[0]
             eps = (N - T) / g.alpha
             weights = 0.5 * (b - a) * w
             dy = (1.0 + eps) * n[:, 1] / N  # - int sigma y ds = - sigma (1 - p) dy, up to the far end
@@ -253,6 +253,7 @@ def test_a_rider_who_creeps_to_rest_has_an_end():
 def test_places_where_a_car_at_rest_stays():
     """Friction of 0.02 holds a rider around the lowest point of his path, a brake beyond its place."""
     drive, l = CREEPER.groups.drive, CREEPER.length
-    assert [drive.direction(x / l) for x in (50.0, 199.0, 201.0, 289.0, 291.0, 394.0, 396.0)] == [1, 1, 0, 0, -1, -1, 0]
+    directions = [drive.departure_direction(x / l) for x in (50.0, 199.0, 201.0, 289.0, 291.0, 394.0, 396.0)]
+    assert directions == [1, 1, 0, 0, -1, -1, 0]
     assert drive.is_rest_position(199.96 / l)
     assert not drive.is_rest_position(199.94 / l)  # 0.023 m before friction holds it

@@ -102,7 +102,7 @@ def test_from_groups_gives_the_groups_asked_for(choice):
     groups = scene.groups
     assert (groups.mu, groups.alpha, groups.sigma) == (scene.mu, scene.alpha, scene.sigma)
     assert math.hypot(groups.chord_cos, groups.chord_sin) == pytest.approx(1.0, rel=1e-15)
-    x, y = groups.shape(1.0)
+    x, y = groups.coordinates(1.0)
     chord = scene.chord / scene.length
     np.testing.assert_allclose([x, y], [groups.chord_cos * chord, groups.chord_sin * chord], rtol=0.0, atol=1e-13)
     assert groups.motion.end == 1.0

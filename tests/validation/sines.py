@@ -36,7 +36,7 @@ class Sines(System):
         if not self.full:
             y1, y2 = self.groups.sigma * (0.5 - s), -self.groups.sigma + 0.0 * s
             return 1.0 + 0.0 * s, np.stack([1.0 + 0.0 * s, y1], -1), np.stack([0.0 * s, y2], -1)
-        T, x1, y1, x2, y2 = self.groups.static(s)
+        T, x1, y1, x2, y2 = self.groups.tension_and_derivatives(s)
         return T, np.stack([x1, y1], -1), np.stack([x2, y2], -1)
 
     def stress(self, s, w1):
@@ -110,7 +110,7 @@ class Sines(System):
         drive = self.inertia * acceleration - [0.0, mu * sigma]
         seen = [self.stress(self.s, self.slopes @ x) for x in Q]
         energy = 0.25 * np.sum(V**2, (1, 2)) + 0.5 * self.inertia * np.sum(velocity**2, 1)
-        energy += [self.w @ W for *_, W in seen] - mu * sigma * (path[:, 1] + self.groups.shape(s_o)[1])
+        energy += [self.w @ W for *_, W in seen] - mu * sigma * (path[:, 1] + self.groups.coordinates(s_o)[1])
         if self.full:  # the weight of the cable
             energy -= sigma * Q[:, :, 1] @ ((1.0 - np.cos(self.k)) / self.k)
         least = np.array([N.min() for N, *_ in seen]).reshape(n)

@@ -97,7 +97,7 @@ class Rope:
         self.q = data.q_empty if empty else data.q
         self.heat = 1.0 if empty else data.heat
         self.s = np.asarray(state.s)
-        self.points = np.asarray(state.place)
+        self.points = np.asarray(state.points)
         self.behind = np.asarray(state.behind)
         self.ahead = np.asarray(state.ahead)
         self.haul = np.asarray(state.haul)

@@ -183,9 +183,9 @@ CHECKED = ("following-p2", "fourier-kink", "fourier-riding")  # in order of pref
 
 
 def _build_following(degree: int, groups: Groups, x: dict[str, Any], **kind: str) -> Solver:
-    from cablefem.elements.rolling import following
+    from cablefem.elements.rolling import make_following_elements
 
-    return following(groups, degree=degree, **{k: x[k] for k in ("elements", *_MESH)}, **kind)
+    return make_following_elements(groups, degree=degree, **{k: x[k] for k in ("elements", *_MESH)}, **kind)
 
 
 def _build_fixed(element: str, coupling: str, groups: Groups, x: dict[str, Any], **kind: str) -> Solver:

@@ -20,7 +20,7 @@ import numpy as np
 
 from cablefem.response import Array, Observation, Once, Response
 from cablefem.scene import Groups, Scene
-from cablefem.scene.catenary import shape
+from cablefem.scene.catenary import coordinates
 from cablefem.scene.statics import Rest, gripped_rest, hauled_rest, load_path_nodes
 from validation.core.sampling import OBSERVED, STATIONS, frame_times, observation_in_si, path_fields_in_si
 
@@ -169,7 +169,7 @@ class Statics:
 
     def displacement_of_car(self, s_o: Array) -> Array:
         """Displacement of the car (n, 2); none next to a support."""
-        hanging = np.stack(shape(s_o, self._groups.sigma, self._groups.c), -1)  # points of the empty cable
+        hanging = np.stack(coordinates(s_o, self._groups.sigma, self._groups.c), -1)  # points of the empty cable
         off_supports = (s_o > NEAREST) & (s_o < 1.0 - NEAREST)
         return np.where(off_supports[:, None], self(s_o).place - hanging, 0.0)
 
@@ -196,7 +196,7 @@ def _smallest_tension(r: Rest, sigma: float) -> tuple[Array, Array]:
 
 def _fields_at_frames(statics: Statics, g: Groups, s: Array, s_o: Array, ds: Array) -> dict[str, Any]:
     """Displacement, velocity and tension at frames, (k, m) each."""
-    hanging = np.stack(shape(s, g.sigma, g.c), -1)
+    hanging = np.stack(coordinates(s, g.sigma, g.c), -1)
     step = 1e-5
     w, later, earlier = (_station_points(statics(s_o + d), g, s) - hanging for d in (0.0, step, -step))  # (k, m, 2)
     velocity = (later - earlier) / (2.0 * step) * ds[:, None, None]

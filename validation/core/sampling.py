@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
 from cablefem import newmark
-from cablefem.newmark import Collocated, Passed, State, StateHistory, Work, densified, hermite
+from cablefem.newmark import Collocated, PassedEvent, State, StateHistory, Work, hermite, with_states_inside_steps
 from cablefem.response import Array, Fields, Observation, Once, Response, States
 from cablefem.scene import Motion, Scene
 from validation.core.solver import Solver
@@ -118,7 +118,9 @@ def response_of_history(scene: Scene, h: History, *, frames: int = FRAMES, **how
     )  # fmt: skip
 
 
-def _observed_fields(scene: Scene, h: History, states: States, frames: int, passed: list[Passed]) -> dict[str, Any]:
+def _observed_fields(
+    scene: Scene, h: History, states: States, frames: int, passed: list[PassedEvent]
+) -> dict[str, Any]:
     """The fields of a `Response` that are OBSERVED."""
     onset = _onset_within(h, states)
     switch = states.t[onset.step] if onset is not None and h.after is not None else math.inf
@@ -153,12 +155,13 @@ def observation_in_si(scene: Scene, observation: Observation, steps: NDArray[np.
         """Rows of the named ones, forces if nothing else."""
         return {name: scale.get(name, H) * getattr(observation, name)[rows] for name in names}
 
-    x_rest, y_rest = scene.groups.shape(s)
+    x_rest, y_rest = scene.groups.coordinates(s)
     mass_u, mass_v = l * observation.path[~steps].T
     fields = Fields(
         **scaled_rows(~steps, "t", "s_o", *_TENSIONS),
         **scaled_rows(slice(None), "u", "v", "du", "dv", "T", "T_pointwise"), s=l * s,
-        mass_u=mass_u, mass_v=mass_v, x=l * x_rest, y=l * y_rest, T_static=H * scene.groups.static(s)[0],
+        mass_u=mass_u, mass_v=mass_v, x=l * x_rest, y=l * y_rest,
+        T_static=H * scene.groups.tension_and_derivatives(s)[0],
     )  # fmt: skip
     return {
         "fields": fields, **scaled_rows(steps, *_STEP_FORCES), "velocity": l / tau * observation.path_velocity[steps],
@@ -171,21 +174,24 @@ def _nearest_index(times: Array, t: float) -> int:
     return int(np.argmin(np.abs(times - t)))
 
 
-def _car_events(scene: Scene, passed: list[Passed], t: Array, s_o: Array, velocity: Array) -> list[dict[str, Any]]:
+def _car_events(scene: Scene, passed: list[PassedEvent], t: Array, s_o: Array, velocity: Array) -> list[dict[str, Any]]:
     """Events of the car without stick-slip, with time [s], position [m] and speed [m/s] of the step next to them.
 
     passed : events of the march;  t, s_o : of the steps (n,), dimensionless;  velocity : (n, 2) [m/s].
     """
     drive = scene.groups.drive
-    prescribed = [Passed("release", drive.release), *[Passed("thrust_end", end) for end, _ in drive.thrust_table[-1:]]]
+    prescribed = [
+        PassedEvent("release", drive.release),
+        *[PassedEvent("thrust_end", end) for end, _ in drive.thrust_table[-1:]],
+    ]
     events = [event for event in prescribed if 0.0 < event.t <= t[-1]]
     for event in passed:
         if event.name == "stop":
-            events.append(Passed("stop", _first_standstill(scene, passed, t, s_o, event.t)))
+            events.append(PassedEvent("stop", _first_standstill(scene, passed, t, s_o, event.t)))
         elif event.name not in STICK_SLIP:
             events.append(event)
     if drive.mode == "free":
-        events += [Passed("turn", time) for time in _turning_times(t, s_o)]
+        events += [PassedEvent("turn", time) for time in _turning_times(t, s_o)]
     rows = []
     for event in sorted(events, key=lambda event: event.t):
         i = _nearest_index(t, event.t)
@@ -195,7 +201,7 @@ def _car_events(scene: Scene, passed: list[Passed], t: Array, s_o: Array, veloci
     return rows
 
 
-def _first_standstill(scene: Scene, passed: list[Passed], t: Array, s_o: Array, end: float) -> float:
+def _first_standstill(scene: Scene, passed: list[PassedEvent], t: Array, s_o: Array, end: float) -> float:
     """Time of the first standstill that lasts; `end` if none does."""
     near = scene.groups.drive.rest_speed * 2.0 / math.sqrt(scene.groups.alpha)  # distance in an axial round trip
     stops = (event.t for event in passed if event.name == "standstill")
@@ -218,7 +224,7 @@ def _turning_times(t: Array, s_o: Array) -> Iterator[float]:
 
 
 def stack_states(states: Sequence[State]) -> States:
-    return States(*newmark.stacked(states))
+    return States(*newmark.stack_states(states))
 
 
 def _select_states(states: States, rows: slice | NDArray[Any]) -> States:
@@ -260,7 +266,7 @@ def _dense_states_around(h: History, states: States, t: Array) -> States:
     steps = np.unique(np.clip(np.searchsorted(states.t, t), 1, states.t.size - 1))
     dense: list[State] = []
     for i in steps.tolist():
-        dense += densified([h.states[i - 1], h.states[i]], PARTS_OF_STEP)
+        dense += with_states_inside_steps([h.states[i - 1], h.states[i]], PARTS_OF_STEP)
     return h.solver.in_time(stack_states(dense))
 
 

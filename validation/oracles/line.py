@@ -83,9 +83,9 @@ def _relative_error(state: LineState, name: str, right: float) -> float:
     """Distance of a number, named by station and quantity, to the right one; over the reach or the largest tension."""
     station, what = name.split()
     k = [p.name for p in state.case.stations].index(station)
-    lengths = {"s": state.s, "y": state.place[:, 1], "middle": np.append(state.middle[:, 1], np.nan)}
+    lengths = {"s": state.s, "y": state.points[:, 1], "middle": np.append(state.middle[:, 1], np.nan)}
     forces = {"behind": state.station_tensions[:, 0], "ahead": state.station_tensions[:, 1], "haul": state.haul}
-    scale = np.ptp(state.place[:, 0]) if what in lengths else np.nanmax(state.station_tensions)
+    scale = np.ptp(state.points[:, 0]) if what in lengths else np.nanmax(state.station_tensions)
     return ((lengths | forces)[what][k] - right) / scale
 
 

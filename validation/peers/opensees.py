@@ -36,7 +36,7 @@ def run_opensees(groups: Groups, *, elements: int) -> PeerPath:
     s_nodes = np.concatenate([s, np.linspace(motion.end, 1.0, beyond + 1)[1:]])
     _add_cable(ops, groups, s_nodes)
     try:
-        place, seconds = _run_travel(ops, groups, t[: last + 1], np.stack(groups.shape(s[: last + 1]), axis=1))
+        place, seconds = _run_travel(ops, groups, t[: last + 1], np.stack(groups.coordinates(s[: last + 1]), axis=1))
     finally:
         ops.wipe()
     n = place.shape[0]
@@ -45,7 +45,7 @@ def run_opensees(groups: Groups, *, elements: int) -> PeerPath:
 
 
 def _add_cable(ops: Any, groups: Groups, s: Array) -> None:
-    x, y = groups.shape(s)
+    x, y = groups.coordinates(s)
     dx = np.diff(x)
     dy = np.diff(y)
     ds = np.diff(s)
@@ -84,7 +84,7 @@ def _run_travel(ops: Any, groups: Groups, t: Array, nodes: Array) -> tuple[Array
     X = nodes * up
     dt = float(t[1] - t[0])
     _, ds, dds = groups.motion.at(0.0, 0)
-    _, xp, yp, _, _ = groups.static(0.0)
+    _, xp, yp, _, _ = groups.tension_and_derivatives(0.0)
     along = np.array([float(xp), -float(yp)])
     # free fall at first; from rest along the cable
     p = X[0]

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cablefem.elements.kernels import compiled, inner
-from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY, pull, tension
+from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY, force_at_point, tension
 
 
 class Mesh(NamedTuple):
@@ -34,10 +34,10 @@ class Cable(NamedTuple):
     operators: Any  # (8, 2 b + 1, n_dof) diagonals of M^, G^, G^T, H^ of each side; fixed mesh: (1, ...) M
     points: Any  # (9, n_el n_q) workspace: s, r', f, df/dr' (xx, xy, yy), tension
     damping: float  # c_d
-    rates: Any = None  # `Rates` of internal damping
+    internal_damping: Any = None  # of the full cable
 
 
-class Rates(NamedTuple):
+class InternalDamping(NamedTuple):
     """Internal damping, N = T + alpha (eps + tau deps/dt)."""
 
     tau: float
@@ -46,7 +46,7 @@ class Rates(NamedTuple):
 
 
 class Instant(NamedTuple):
-    place: Any  # (3 + n_fields,) s_o, ds_o, dds_o, load of `Contact`; s_o = 1 on a fixed mesh
+    inputs: Any  # (3 + n_fields,) s_o, ds_o, dds_o, load of `Contact`; s_o = 1 on a fixed mesh
     bands: Any  # (3, 2 b + 1, n_dof) diagonals of M, C and K
     contact: Contact
 
@@ -61,9 +61,9 @@ def assemble_inertia(cable, now):
     bands = now.bands
     n = now.bands.shape[2]
     c_d = cable.damping
-    s_o = now.place[0]
-    ds = now.place[1]
-    dds = now.place[2] + c_d * now.place[1]
+    s_o = now.inputs[0]
+    ds = now.inputs[1]
+    dds = now.inputs[2] + c_d * now.inputs[1]
     bands[:] = 0.0
     moves = operators.shape[0] > 1
     first = now.contact.dofs[0, 0] if moves else n
@@ -99,13 +99,13 @@ def assemble(cable, now, x, r, tangent, factors):
     r[:] = 0.0
     ab = tangent.ab
     add_banded(now.bands, now.contact.dofs.shape[1], x, r, ab, factors)
-    least, where = add_internal(cable, cable.chord, now.place, x, r, tangent, factors)
-    add_contact(now.contact, now.place[3:], x, r, ab, factors)
-    return least, where
+    min_tension, min_at = add_internal(cable, cable.chord, now.inputs, x, r, tangent, factors)
+    add_contact(now.contact, now.inputs[3:], x, r, ab, factors)
+    return min_tension, min_at
 
 
 @inner
-def wanted(factors):
+def is_tangent_required(factors):
     return factors[0] != 0.0 or factors[1] != 0.0 or factors[2] != 0.0
 
 
@@ -131,7 +131,7 @@ def add_banded(bands, n_fields, x, r, ab, factors):
         to = r[first:last]
         for i in range(to.size):  # contiguous slices: vectorised
             to[i] += m[i] * of_a[i] + c[i] * of_v[i] + k[i] * of_q[i]
-    if not wanted(factors):
+    if not is_tangent_required(factors):
         return
     ab[:] = 0.0
     blend = np.empty(n)
@@ -159,21 +159,21 @@ def add_contact(contact, load, x, r, ab, factors):
         for i in range(dofs.shape[0]):
             row = dofs[i, f]
             r[row] += shape[i] * force
-            for j in range(dofs.shape[0] if wanted(factors) else 0):
+            for j in range(dofs.shape[0] if is_tangent_required(factors) else 0):
                 ab[row, band + dofs[j, f] - row] += shape[i] * (c2 * m_row[j] + c1 * c_row[j] + c0 * k_row[j])
 
 
 @inner
-def add_internal(cable, chord, place, x, r, tangent, factors):
+def add_internal(cable, chord, inputs, x, r, tangent, factors):
     if chord is None:
-        stretch(cable, place[0], x[0])
-        damp(cable, cable.rates, place, x, tangent.ab, factors)
-        return add_forces(cable, place[0], r, tangent.ab, factors[0])
-    return add_chord(cable, place[0], x[0], r, tangent, factors), 0.5  # uniform tension
+        set_strain_at_points(cable, inputs[0], x[0])
+        add_internal_damping(cable, cable.internal_damping, inputs, x, tangent.ab, factors)
+        return add_forces(cable, inputs[0], r, tangent.ab, factors[0])
+    return add_chord(cable, inputs[0], x[0], r, tangent, factors), 0.5  # uniform tension
 
 
 @inner
-def at_rest(law, s):
+def hanging_cable_at(law, s):
     """Return x', y' and T of the hanging cable at s."""
     p = law[2] - law[1] * s
     T = math.sqrt(1.0 + p * p)
@@ -182,13 +182,13 @@ def at_rest(law, s):
 
 
 @inner
-def side_of(mesh, s_o, e):
+def element_map(mesh, s_o, e):
     """Return s at xi = 0 and ds/dxi of an element."""
     return (0.0, s_o) if e < mesh.n_left else (s_o, 1.0 - s_o)
 
 
 @inner
-def stretch(cable, s_o, q):
+def set_strain_at_points(cable, s_o, q):
     """Set the points of the full cable.
 
     Two loops: the second one is vectorised.
@@ -196,8 +196,8 @@ def stretch(cable, s_o, q):
     mesh = cable.mesh
     law = cable.law
     at = cable.points
-    functions = len(mesh.functions) or mesh.dofs.shape[1]
-    points = len(mesh.points) or mesh.tab.shape[1]
+    n_loc = len(mesh.functions) or mesh.dofs.shape[1]
+    n_q = len(mesh.points) or mesh.tab.shape[1]
     s = at[0]
     rx = at[1]
     ry = at[2]
@@ -210,28 +210,28 @@ def stretch(cable, s_o, q):
     alpha = law[0]
     kind = law[3]
     for e in range(mesh.dofs.shape[0]):
-        s_0, h = side_of(mesh, s_o, e)
+        s_0, h = element_map(mesh, s_o, e)
         per_h = 1.0 / h
-        for g in range(points):
+        for g in range(n_q):
             x = 0.0
             y = 0.0
-            for k in range(functions):
+            for k in range(n_loc):
                 d = mesh.dofs[e, k]
                 if d >= 0:
-                    grad = mesh.tab[e, g, 2 + functions + k]
+                    grad = mesh.tab[e, g, 2 + n_loc + k]
                     x += grad * q[2 * d]
                     y += grad * q[2 * d + 1]
-            p = e * points + g
+            p = e * n_q + g
             s[p] = s_0 + h * mesh.tab[e, g, 0]
             rx[p] = x * per_h
             ry[p] = y * per_h
     for p in range(s.size):
-        xp, yp, T = at_rest(law, s[p])
+        xp, yp, T = hanging_cable_at(law, s[p])
         du = rx[p]
         dv = ry[p]
         x = xp + du
         y = yp + dv
-        fx[p], fy[p], k_geo, k_mat, _, _, eps = pull(xp, yp, T, du, dv, alpha, kind)
+        fx[p], fy[p], k_geo, k_mat, _, _, eps = force_at_point(xp, yp, T, du, dv, alpha, kind)
         rx[p] = x
         ry[p] = y
         j11[p] = k_geo + k_mat * x * x
@@ -241,26 +241,26 @@ def stretch(cable, s_o, q):
 
 
 @inner
-def damp(cable, rates, place, x, ab, factors):
-    if rates is None:
+def add_internal_damping(cable, internal_damping, inputs, x, ab, factors):
+    if internal_damping is None:
         return
-    add_rates(cable, rates, place, x[0], x[1])
-    if wanted(factors):
-        add_rate_tangent(cable, rates, place, ab, factors)
+    add_damping_force(cable, internal_damping, inputs, x[0], x[1])
+    if is_tangent_required(factors):
+        add_damping_tangent(cable, internal_damping, inputs, ab, factors)
 
 
 @inner
-def add_rates(cable, rates, place, q, v):
+def add_damping_force(cable, internal_damping, inputs, q, v):
     """Add internal damping, alpha tau deps/dt t, to the points.
 
     Jumps of w' at interior nodes move; their part of deps/dt is left out.
     """
     mesh = cable.mesh
     at = cable.points
-    moved = rates.moved
-    tau = rates.tau
-    functions = len(mesh.functions) or mesh.dofs.shape[1]
-    points = len(mesh.points) or mesh.tab.shape[1]
+    moved = internal_damping.moved
+    tau = internal_damping.tau
+    n_loc = len(mesh.functions) or mesh.dofs.shape[1]
+    n_q = len(mesh.points) or mesh.tab.shape[1]
     rx = at[1]
     ry = at[2]
     fx = at[3]
@@ -269,29 +269,29 @@ def add_rates(cable, rates, place, q, v):
     j12 = at[6]
     j22 = at[7]
     N = at[8]
-    tx = rates.points[0]
-    ty = rates.points[1]
-    gx = rates.points[2]
-    gy = rates.points[3]
-    b = rates.points[4]
+    tx = internal_damping.points[0]
+    ty = internal_damping.points[1]
+    gx = internal_damping.points[2]
+    gy = internal_damping.points[3]
+    b = internal_damping.points[4]
     alpha = cable.law[0]
     cut = cable.law[3] == TENSION_ONLY
     for e in range(mesh.dofs.shape[0]):
-        h = side_of(mesh, place[0], e)[1]
+        h = element_map(mesh, inputs[0], e)[1]
         per_h = 1.0 / h
-        way = place[1] / h
-        for g in range(points):
+        way = inputs[1] / h
+        for g in range(n_q):
             x = 0.0
             y = 0.0
-            for k in range(functions):
+            for k in range(n_loc):
                 d = mesh.dofs[e, k]
                 if d >= 0:
-                    grad = mesh.tab[e, g, 2 + functions + k]
+                    grad = mesh.tab[e, g, 2 + n_loc + k]
                     carried = way * moved[e, g, k]
                     x += grad * v[2 * d] + carried * q[2 * d]
                     y += grad * v[2 * d + 1] + carried * q[2 * d + 1]
-            gx[e * points + g] = x * per_h
-            gy[e * points + g] = y * per_h
+            gx[e * n_q + g] = x * per_h
+            gy[e * n_q + g] = y * per_h
     for p in range(N.size):
         inverse = 1.0 / math.sqrt(rx[p] * rx[p] + ry[p] * ry[p])
         x = rx[p] * inverse
@@ -321,30 +321,30 @@ def add_rates(cable, rates, place, q, v):
 
 
 @inner
-def add_rate_tangent(cable, rates, place, ab, factors):
+def add_damping_tangent(cable, internal_damping, inputs, ab, factors):
     """Add int t dN/d(deps/dt) d(deps/dt) . phi' ds, which is not symmetric."""
     mesh = cable.mesh
-    moved = rates.moved
+    moved = internal_damping.moved
     c0, c1, _ = factors
     dofs = mesh.dofs
     tab = mesh.tab
     band = ab.shape[1] // 2
-    functions = len(mesh.functions) or dofs.shape[1]
-    points = len(mesh.points) or tab.shape[1]
-    tx = rates.points[0]
-    ty = rates.points[1]
-    gx = rates.points[2]
-    gy = rates.points[3]
-    b = rates.points[4]
+    n_loc = len(mesh.functions) or dofs.shape[1]
+    n_q = len(mesh.points) or tab.shape[1]
+    tx = internal_damping.points[0]
+    ty = internal_damping.points[1]
+    gx = internal_damping.points[2]
+    gy = internal_damping.points[3]
+    b = internal_damping.points[4]
     for e in range(dofs.shape[0]):
-        h = side_of(mesh, place[0], e)[1]
+        h = element_map(mesh, inputs[0], e)[1]
         per_h = 1.0 / h
-        way = c0 * place[1] / h
-        for k in range(functions):
+        way = c0 * inputs[1] / h
+        for k in range(n_loc):
             col = dofs[e, k]
             if col < 0:
                 continue
-            for i in range(functions):
+            for i in range(n_loc):
                 row = dofs[e, i]
                 if row < 0:
                     continue
@@ -352,13 +352,13 @@ def add_rate_tangent(cable, rates, place, ab, factors):
                 k12 = 0.0
                 k21 = 0.0
                 k22 = 0.0
-                for g in range(points):
-                    p = e * points + g
-                    grad = tab[e, g, 2 + functions + k]
+                for g in range(n_q):
+                    p = e * n_q + g
+                    grad = tab[e, g, 2 + n_loc + k]
                     along = b[p] * (c1 * grad + way * moved[e, g, k])
                     x = c0 * grad * gx[p] + along * tx[p]
                     y = c0 * grad * gy[p] + along * ty[p]
-                    weight = per_h * tab[e, g, 1] * tab[e, g, 2 + functions + i]
+                    weight = per_h * tab[e, g, 1] * tab[e, g, 2 + n_loc + i]
                     k11 += weight * tx[p] * x
                     k12 += weight * tx[p] * y
                     k21 += weight * ty[p] * x
@@ -385,37 +385,37 @@ def add_forces(cable, s_o, r, ab, c0):
     dofs = cable.mesh.dofs
     tab = cable.mesh.tab
     at = cable.points
-    functions = len(cable.mesh.functions) or dofs.shape[1]
-    points = len(cable.mesh.points) or tab.shape[1]
+    n_loc = len(cable.mesh.functions) or dofs.shape[1]
+    n_q = len(cable.mesh.points) or tab.shape[1]
     fx = at[3]
     fy = at[4]
     j11 = at[5]
     j12 = at[6]
     j22 = at[7]
     N = at[8]
-    least = math.inf
-    where = 0.0
+    min_tension = math.inf
+    min_at = 0.0
     for e in range(dofs.shape[0]):
-        s_0, h = side_of(cable.mesh, s_o, e)
+        s_0, h = element_map(cable.mesh, s_o, e)
         total = 0.0
         length = 0.0
         per_h = c0 / h
-        for g in range(points):
-            total += tab[e, g, 1] * N[e * points + g]
+        for g in range(n_q):
+            total += tab[e, g, 1] * N[e * n_q + g]
             length += tab[e, g, 1]
-        if least * length > total:
-            least = total / length
-            where = s_0 + 0.5 * h * (tab[e, 0, 0] + tab[e, -1, 0])
-        for i in range(functions):
+        if min_tension * length > total:
+            min_tension = total / length
+            min_at = s_0 + 0.5 * h * (tab[e, 0, 0] + tab[e, -1, 0])
+        for i in range(n_loc):
             row = dofs[e, i]
             if row < 0:
                 continue
             x = 0.0
             y = 0.0
-            for g in range(points):
-                grad = tab[e, g, 1] * tab[e, g, 2 + functions + i]
-                x += grad * fx[e * points + g]
-                y += grad * fy[e * points + g]
+            for g in range(n_q):
+                grad = tab[e, g, 1] * tab[e, g, 2 + n_loc + i]
+                x += grad * fx[e * n_q + g]
+                y += grad * fy[e * n_q + g]
             r[2 * row] += x
             r[2 * row + 1] += y
             for k in range(i + 1 if c0 != 0.0 else 0):
@@ -425,16 +425,16 @@ def add_forces(cable, s_o, r, ab, c0):
                 k11 = 0.0
                 k12 = 0.0
                 k22 = 0.0
-                for g in range(points):
-                    p = e * points + g
-                    both = tab[e, g, 1] * tab[e, g, 2 + functions + i] * tab[e, g, 2 + functions + k]
+                for g in range(n_q):
+                    p = e * n_q + g
+                    both = tab[e, g, 1] * tab[e, g, 2 + n_loc + i] * tab[e, g, 2 + n_loc + k]
                     k11 += both * j11[p]
                     k12 += both * j12[p]
                     k22 += both * j22[p]
                 add_block(ab, row, col, per_h * k11, per_h * k12, per_h * k22)
                 if k < i:
                     add_block(ab, col, row, per_h * k11, per_h * k12, per_h * k22)
-    return least, where
+    return min_tension, min_at
 
 
 @inner
@@ -449,7 +449,7 @@ def add_chord(cable, s_o, q, r, tangent, factors):
     mesh = cable.mesh
     at = cable.points
     ab, border = tangent
-    wants = wanted(factors)
+    wants = is_tangent_required(factors)
     alpha = cable.law[0]
     tau = cable.law[1]
     curvature = cable.law[2]
@@ -465,7 +465,7 @@ def add_chord(cable, s_o, q, r, tangent, factors):
     column = border[0]
     row = border[1]
     for e in range(n_el):
-        s_0, h = side_of(mesh, s_o, e)
+        s_0, h = element_map(mesh, s_o, e)
         for g in range(n_q):
             w = 0.0
             for k in range(n_loc):
@@ -481,7 +481,7 @@ def add_chord(cable, s_o, q, r, tangent, factors):
         border[:] = 0.0
         column[n] = -total
     for e in range(n_el):
-        h = side_of(mesh, s_o, e)[1]
+        h = element_map(mesh, s_o, e)[1]
         for g in range(n_q):
             weight = tab[e, g, 1]
             w = at[0, e * n_q + g]

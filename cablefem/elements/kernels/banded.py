@@ -39,7 +39,7 @@ def factorise(ab, border):
     solved = border[2]
     for i in range(n):
         solved[i] = column[i]
-    substitute(ab, solved)
+    solve_band(ab, solved)
     for i in range(n):
         column[n] -= row[i] * solved[i]
     if column[n] == 0.0:
@@ -49,7 +49,7 @@ def factorise(ab, border):
 @compiled
 def solve(ab, border, b):
     """Overwrite b with the solution and return it; without a last entry it is 0."""
-    substitute(ab, b)
+    solve_band(ab, b)
     if border is None:
         return b
     n = ab.shape[0]
@@ -67,7 +67,7 @@ def solve(ab, border, b):
 
 
 @inner
-def substitute(ab, b):
+def solve_band(ab, b):
     n = ab.shape[0]
     band = ab.shape[1] // 2
     for i in range(n):
@@ -91,7 +91,7 @@ def dot(a, b):
 
 
 @inner
-def times(operator, n_fields, rows, x, y):
+def multiply_banded(operator, n_fields, rows, x, y):
     """Set y = A x in the rows (from, to); operator : (2 b + 1, n) diagonals of A."""
     half = operator.shape[0] // 2
     n = operator.shape[1]

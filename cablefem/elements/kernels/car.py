@@ -14,9 +14,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cablefem.elements.kernels import compiled, inner
-from cablefem.elements.kernels.balance import Instant, assemble, assemble_inertia, at_rest, side_of, wanted
-from cablefem.elements.kernels.banded import dot, times
-from cablefem.elements.kernels.law import pull
+from cablefem.elements.kernels.balance import (
+    Instant,
+    assemble,
+    assemble_inertia,
+    element_map,
+    hanging_cable_at,
+    is_tangent_required,
+)
+from cablefem.elements.kernels.banded import dot, multiply_banded
+from cablefem.elements.kernels.law import force_at_point
 
 FREE = 0
 HAUL = 1
@@ -42,10 +49,10 @@ class Car(NamedTuple):
     heading: float  # sign of the slip against which friction and brake act; 0: none
 
 
-class Ride(NamedTuple):
+class CarOnMesh(NamedTuple):
     car: Car
     slopes: Any  # (2, n_loc) shape d/dxi behind and ahead
-    course: Any  # see `under_way`
+    bounds: Any  # see `is_before_event`
 
 
 class Forces(NamedTuple):
@@ -86,7 +93,7 @@ def mean_tangent(mesh, slopes, s_o, xp, yp, q):
 
 
 @compiled
-def forces(cable, car, now, slopes, x):
+def car_forces(cable, car, now, slopes, x):
     q = x[0]
     v = x[1]
     a = x[2]
@@ -94,7 +101,7 @@ def forces(cable, car, now, slopes, x):
     m = 2 * car.node
     s_o, ds, dds = (now[0], now[1], now[2]) if car.mode == HAUL else (q[n], v[n], a[n])
     hold, thrust = (0.0, 0.0) if car.mode == HAUL else (now[0], now[1])
-    xp, yp, T = at_rest(cable.law, s_o)
+    xp, yp, T = hanging_cable_at(cable.law, s_o)
     xpp = cable.law[1] * yp / (T * T)
     ypp = -cable.law[1] / (T * T * T)
     tau, stretch = mean_tangent(cable.mesh, slopes, s_o, xp, yp, q)
@@ -113,42 +120,42 @@ def forces(cable, car, now, slopes, x):
 
 
 @compiled
-def roll(cable, ride, now, x, r, tangent, factors):
+def assemble_with_car(cable, rolling_car, now, x, r, tangent, factors):
     """Set the residual of cable and car and, unless the factors are 0, its bordered tangent.
 
     Return the least mean tension, its s, the left side of the row of s_o, and the normal force.
     The tangent omits the turning of the mean tangent.
     """
-    car = ride.car
-    push = forces(cable, ride.car, now.place, ride.slopes, x)
+    car = rolling_car.car
+    forces_on_car = car_forces(cable, rolling_car.car, now.inputs, rolling_car.slopes, x)
     n = x.shape[1] - 1
     m = 2 * car.node
-    tau = push.tau
-    s_o = push.s_o
+    tau = forces_on_car.tau
+    s_o = forces_on_car.s_o
     if not 0.0 < s_o < 1.0:
         r[:] = math.nan
         return math.inf, s_o, math.nan, math.nan
     rope = x[2, n] if car.mode == HAUL else 0.0
-    cx = push.inertia[0] - push.outside[0] - rope * tau[0]
-    cy = push.inertia[1] - push.outside[1] - rope * tau[1]
-    place = np.empty(5)
-    place[0] = s_o
-    place[1] = push.ds
-    place[2] = push.dds
-    place[3] = cx - car.mu * x[2, m]
-    place[4] = cy - car.mu * x[2, m + 1]
-    there = Instant(place, now.bands, now.contact)
+    cx = forces_on_car.inertia[0] - forces_on_car.outside[0] - rope * tau[0]
+    cy = forces_on_car.inertia[1] - forces_on_car.outside[1] - rope * tau[1]
+    inputs = np.empty(5)
+    inputs[0] = s_o
+    inputs[1] = forces_on_car.ds
+    inputs[2] = forces_on_car.dds
+    inputs[3] = cx - car.mu * x[2, m]
+    inputs[4] = cy - car.mu * x[2, m + 1]
+    there = Instant(inputs, now.bands, now.contact)
     assemble_inertia(cable, there)
-    least, where = assemble(cable, there, x, r, tangent, factors)
-    if wanted(factors):
+    min_tension, min_at = assemble(cable, there, x, r, tangent, factors)
+    if is_tangent_required(factors):
         tangent.border[:] = 0.0
     row = add_force_row(cable, s_o, tangent.border, factors[0])
-    row += add_inertia_row(cable, m, push, x, tangent.border, factors)
-    row += push.slope[0] * cx + push.slope[1] * cy - push.drive
+    row += add_inertia_row(cable, m, forces_on_car, x, tangent.border, factors)
+    row += forces_on_car.slope[0] * cx + forces_on_car.slope[1] * cy - forces_on_car.drive
     r[n] = car.mu * x[2, n] if car.mode == HELD else row
-    if wanted(factors):
-        add_car(car, push, (cx, cy), tangent, factors)
-    return least, where, row, push.normal
+    if is_tangent_required(factors):
+        add_car(car, forces_on_car, (cx, cy), tangent, factors)
+    return min_tension, min_at, row, forces_on_car.normal
 
 
 @inner
@@ -165,14 +172,14 @@ def add_force_row(cable, s_o, border, c0):
     sigma = law[1]
     total = 0.0
     for e in range(mesh.dofs.shape[0]):
-        h = side_of(mesh, s_o, e)[1]
+        h = element_map(mesh, s_o, e)[1]
         sign = 1.0 if e < mesh.n_left else -1.0
         for g in range(n_q):
             xi = mesh.tab[e, g, 0]
             weight = mesh.tab[e, g, 1]
             p = e * n_q + g
             chi = xi if e < mesh.n_left else 1.0 - xi
-            xp, yp, T = at_rest(law, at[0, p])
+            xp, yp, T = hanging_cable_at(law, at[0, p])
             xpp = sigma * yp / (T * T)
             ypp = -sigma / (T * T * T)
             T_s = -sigma * yp
@@ -180,7 +187,7 @@ def add_force_row(cable, s_o, border, c0):
             ry = at[2, p]
             du = rx - xp
             dv = ry - yp
-            fx, fy, k_geo, k_mat, N, W, eps = pull(xp, yp, T, du, dv, alpha, law[3])
+            fx, fy, k_geo, k_mat, N, W, eps = force_at_point(xp, yp, T, du, dv, alpha, law[3])
             static = xp * du + yp * dv
             D_s = (N - T) / alpha * T_s + k_geo * (rx * xpp + ry * ypp) - T_s * static - T * (xpp * du + ypp * dv)
             total += weight * (sign * (W - T * static - fx * du - fy * dv) + h * chi * D_s)
@@ -205,13 +212,13 @@ def add_force_row(cable, s_o, border, c0):
 
 
 @inner
-def add_inertia_row(cable, node, push, x, border, factors):
+def add_inertia_row(cable, node, forces_on_car, x, border, factors):
     """Return the cable's inertia and damping in the row of s_o; add their tangent to the border."""
     operators = cable.operators
     n = cable.operators.shape[2]
     c_d = cable.damping
-    ds = push.ds
-    dds = push.dds + c_d * push.ds
+    ds = forces_on_car.ds
+    dds = forces_on_car.dds + c_d * forces_on_car.ds
     c0 = factors[0]
     c1 = factors[1]
     c2 = factors[2] + c_d * factors[1]
@@ -235,7 +242,7 @@ def add_inertia_row(cable, node, push, x, border, factors):
     for i in range(n):
         a[i] = x[2, i] + c_d * v[i]
     for side in range(2):
-        h, sign = (push.s_o, 1.0) if side == 0 else (1.0 - push.s_o, -1.0)
+        h, sign = (forces_on_car.s_o, 1.0) if side == 0 else (1.0 - forces_on_car.s_o, -1.0)
         flow = ds / h
         speed_up = dds / h
         rows = (0, node + 2) if side == 0 else (node, n)
@@ -243,21 +250,21 @@ def add_inertia_row(cable, node, push, x, border, factors):
         G = operators[2 + side]
         GT = operators[4 + side]
         H = operators[6 + side]
-        times(M, 2, rows, v, Mv)
-        times(G, 2, rows, q, Gq)
-        times(G, 2, rows, v, Gv)
-        times(H, 2, rows, q, Hq)
+        multiply_banded(M, 2, rows, v, Mv)
+        multiply_banded(G, 2, rows, q, Gq)
+        multiply_banded(G, 2, rows, v, Gv)
+        multiply_banded(H, 2, rows, q, Hq)
         for i in range(rows[0], rows[1]):
             of_H = (speed_up - 0.5 * sign * flow * flow) * q[i] + 2.0 * flow * v[i]
             terms[i] = of_H * Hq[i] - 0.5 * sign * v[i] * Mv[i] - a[i] * Gq[i] - v[i] * Gv[i]
         for i in range(rows[0], rows[1]):
             total += terms[i]
-        if not wanted(factors):
+        if not is_tangent_required(factors):
             continue
-        times(M, 2, rows, a, Ma)
-        times(GT, 2, rows, v, GTv)
-        times(GT, 2, rows, a, GTa)
-        times(H, 2, rows, v, Hv)
+        multiply_banded(M, 2, rows, a, Ma)
+        multiply_banded(GT, 2, rows, v, GTv)
+        multiply_banded(GT, 2, rows, a, GTa)
+        multiply_banded(H, 2, rows, v, Hv)
         qHq = dot(Hq, q)
         qHv = dot(Hq, v)
         corner += c0 * (flow * flow / h * qHq - sign / h * (speed_up * qHq + 2.0 * flow * qHv))
@@ -267,24 +274,24 @@ def add_inertia_row(cable, node, push, x, border, factors):
             column[i] += c0 * sign * (Ma[i] + flow * flow * Hq[i]) + c1 * (by_v + GTv[i]) - c2 * Gq[i]
             by_q = (2.0 * speed_up - sign * flow * flow) * Hq[i] + 2.0 * flow * Hv[i] - GTa[i]
             row[i] += c0 * by_q - c1 * (sign * Mv[i] + Gv[i] + GTv[i] - 2.0 * flow * Hq[i]) - c2 * Gq[i]
-    if wanted(factors):
+    if is_tangent_required(factors):
         column[n] += corner
     return total
 
 
 @inner
-def add_car(car, push, carried, tangent, factors):
+def add_car(car, forces_on_car, carried, tangent, factors):
     ab, border = tangent
     m = 2 * car.node
     c0, c1, c2 = factors
     at = ab.shape[1] // 2
-    xp, yp = push.slope
-    xpp, ypp = push.bend
-    tau = push.tau
+    xp, yp = forces_on_car.slope
+    xpp, ypp = forces_on_car.bend
+    tau = forces_on_car.tau
     column = border[0]
     row = border[1]
-    ux = push.velocity[0] - car.wind
-    uy = push.velocity[1]
+    ux = forces_on_car.velocity[0] - car.wind
+    uy = forces_on_car.velocity[1]
     size = math.sqrt(ux * ux + uy * uy)
     per = car.drag / size if size > 0.0 else 0.0
     d11 = c1 * per * (size * size + ux * ux)
@@ -296,11 +303,13 @@ def add_car(car, push, carried, tangent, factors):
     ab[m + 1, at] += d22
     dx = d11 * xp + d12 * yp
     dy = d12 * xp + d22 * yp
-    rub = push.stretch * car.heading * car.friction * (1.0 if push.normal > 0.0 else -1.0) * car.mu * c2
+    rub = (
+        forces_on_car.stretch * car.heading * car.friction * (1.0 if forces_on_car.normal > 0.0 else -1.0) * car.mu * c2
+    )
     row[m] += c2 * car.mu * xp + dx + rub * tau[1]
     row[m + 1] += c2 * car.mu * yp + dy - rub * tau[0]
     if car.mode == FREE:
-        by_s = car.mu * (c1 * 2.0 * push.ds + c0 * push.dds)
+        by_s = car.mu * (c1 * 2.0 * forces_on_car.ds + c0 * forces_on_car.dds)
         column[m] += car.mu * c2 * xp + by_s * xpp + dx
         column[m + 1] += car.mu * c2 * yp + by_s * ypp + dy
         column[-1] += c2 * car.mu + dx * xp + dy * yp
@@ -317,20 +326,21 @@ def add_car(car, push, carried, tangent, factors):
 
 
 @inner
-def under_way(cable, ride, place, x):
+def is_before_event(cable, rolling_car, inputs, x):
     """Return whether a car at x has had no event.
 
-    ride.course : (6,) bounds of s_o, signs of ds_o and of speed (0: any), least speed, least normal force; or empty.
+    rolling_car.bounds : (6,) or empty: bounds of s_o, signs of ds_o and of speed (0: any), smallest speed and normal
+        force.
     """
-    if ride is None:
+    if rolling_car is None:
         return True
-    course = ride.course
-    if course.size == 0:
+    bounds = rolling_car.bounds
+    if bounds.size == 0:
         return True
     s_o = x[0, -1]
     slip = x[1, -1]
-    if not course[0] < s_o < course[1] or (course[2] != 0.0 and not course[2] * slip > 0.0):
+    if not bounds[0] < s_o < bounds[1] or (bounds[2] != 0.0 and not bounds[2] * slip > 0.0):
         return False
-    push = forces(cable, ride.car, place, ride.slopes, x)
-    speed = push.velocity[0] * push.tau[0] + push.velocity[1] * push.tau[1]
-    return (course[3] == 0.0 or course[3] * speed > course[4]) and push.normal > course[5]
+    forces_on_car = car_forces(cable, rolling_car.car, inputs, rolling_car.slopes, x)
+    speed = forces_on_car.velocity[0] * forces_on_car.tau[0] + forces_on_car.velocity[1] * forces_on_car.tau[1]
+    return (bounds[3] == 0.0 or bounds[3] * speed > bounds[4]) and forces_on_car.normal > bounds[5]

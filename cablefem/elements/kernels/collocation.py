@@ -10,41 +10,41 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cablefem.elements.kernels import compiled, inner
-from cablefem.elements.kernels.balance import Instant, assemble_inertia, side_of
+from cablefem.elements.kernels.balance import Instant, assemble_inertia, element_map
 from cablefem.elements.kernels.banded import Tangent, factorise, solve
-from cablefem.elements.kernels.car import under_way
-from cablefem.elements.kernels.newton import NO_TANGENT, balance
+from cablefem.elements.kernels.car import is_before_event
+from cablefem.elements.kernels.newton import NO_TANGENT, assemble_balance
 
-SAME = 1e-6  # relative change of the step with kept factors
-SERVES = 0.03  # rate of convergence with kept factors
+SAME_STEP = 1e-6  # relative change of the step with kept factors
+FAST_ENOUGH = 0.03  # rate of convergence with kept factors
 
 
 class Steps(NamedTuple):
     """See `cablefem.newmark.System.collocate`."""
 
-    places: Any  # (m, s, .) at the nodes, see `newton.Steps`
+    inputs: Any  # (m, s, .) at the nodes, see `newton.Steps`
     contacts: Any  # (s,) of `balance.Contact`
     t: Any  # (m + 1,)
     ends: Any  # (m + 1, 2, n)
     a: Any  # (m, s, n)
-    further: Any  # (m, s, s)
-    told: Any  # (m, 6) see `newton.Steps`
+    extrapolation: Any  # (m, s, s)
+    results: Any  # (m, 6) see `newton.Steps`
 
 
 class Workspace(NamedTuple):
     real: Tangent
-    pair: Tangent  # complex
+    complex_pair: Tangent  # complex
     parts: tuple[Tangent, Tangent, Tangent]  # dr/dq, dr/dv, dr/da
     bands: Any  # (s, 3, 2 b + 1, .)
-    kept: Any  # (1,) step of the factors, nan: none
-    scales: Any  # (s, n_dof) see `even`
+    kept_step: Any  # (1,) step of the factors, nan: none
+    scales: Any  # (s, n_dof) see `set_row_scales`
     x: Any  # (s, 3, n_dof)
     r: Any  # (s, n_dof)
     da: Any  # (s, n_dof)
 
 
 class Step(NamedTuple):
-    places: Any  # (s, .)
+    inputs: Any  # (s, .)
     contacts: Any
     start: Any  # (2, n)
     dt: float
@@ -52,107 +52,107 @@ class Step(NamedTuple):
 
 
 @compiled
-def collocate(cable, ride, space, steps, rule, newton):
+def collocate(cable, rolling_car, workspace, steps, rule, newton):
     """Take steps; return how many converged before an event of the car.
 
     A step with a slack element is the last one.
     rule : `cablefem.newmark.Tableau`;  newton : `cablefem.newmark.Newton`.
     """
-    x = space.x
+    x = workspace.x
     for k in range(steps.a.shape[0]):
         if k > 0:
-            spread(steps.further[k], steps.a[k - 1], steps.a[k])
+            set_weighted_sums(steps.extrapolation[k], steps.a[k - 1], steps.a[k])
         for i in range(x.shape[0]):
-            if steps.places.shape[2] > 3:  # with a car, `roll` does this
-                assemble_inertia(cable, Instant(steps.places[k, i], space.bands[i], steps.contacts[i]))
-        step = Step(steps.places[k], steps.contacts, steps.ends[k], steps.t[k + 1] - steps.t[k], steps.a[k])
-        done, least, where = solve_step(cable, ride, space, step, rule, newton)
-        told = steps.told[k]
-        told[0] = done[0]
-        told[1] = done[1]
-        told[2] = done[2]
-        told[3] = done[3]
-        told[4] = least
-        told[5] = where
+            if steps.inputs.shape[2] > 3:  # with a car, `assemble_with_car` does this
+                assemble_inertia(cable, Instant(steps.inputs[k, i], workspace.bands[i], steps.contacts[i]))
+        step = Step(steps.inputs[k], steps.contacts, steps.ends[k], steps.t[k + 1] - steps.t[k], steps.a[k])
+        done, min_tension, min_at = solve_step(cable, rolling_car, workspace, step, rule, newton)
+        result = steps.results[k]
+        result[0] = done[0]
+        result[1] = done[1]
+        result[2] = done[2]
+        result[3] = done[3]
+        result[4] = min_tension
+        result[5] = min_at
         if not done[0] <= newton.bound:
             return k
-        finish(step, rule, steps.ends[k + 1])
-        if not under_way(cable, ride, step.places[-1], x[-1]):
+        set_end_state(step, rule, steps.ends[k + 1])
+        if not is_before_event(cable, rolling_car, step.inputs[-1], x[-1]):
             return k
-        if not least >= 0.0:
+        if not min_tension >= 0.0:
             return k + 1
     return steps.a.shape[0]
 
 
 @inner
-def solve_step(cable, ride, space, step, rule, newton):
+def solve_step(cable, rolling_car, workspace, step, rule, newton):
     """Find the accelerations; return (|r|, iterations, factorisations, residuals), least tension, its s.
 
     With old factors, a correction that does not help is taken back.
     """
-    old = abs(space.kept[0] - step.dt) <= SAME * step.dt
+    old = abs(workspace.kept_step[0] - step.dt) <= SAME_STEP * step.dt
     anew = not old
     iterations = 0
     factorisations = 0
     residuals = 0
-    norm, least, where = residual(cable, ride, space, step, rule)
+    norm, min_tension, min_at = set_residuals(cable, rolling_car, workspace, step, rule)
     before = math.inf
     while iterations < newton.max_iter:
         iterations += 1
         if anew:
             old = False
-            space.kept[0] = step.dt
+            workspace.kept_step[0] = step.dt
             factorisations += 1
-            factors(cable, ride, space, step, rule)
-        solutions(space, rule)
+            factorise_tangents(cable, rolling_car, workspace, step, rule)
+        solve_corrections(workspace, rule)
         before = norm
-        share = 1.0
+        fraction = 1.0
         for _ in range(newton.halvings + 1):
-            take_off(share, space.da, step.a)
-            norm, least, where = residual(cable, ride, space, step, rule)
+            subtract_scaled(fraction, workspace.da, step.a)
+            norm, min_tension, min_at = set_residuals(cable, rolling_car, workspace, step, rule)
             residuals += 1
             if old or norm < before or (iterations <= newton.patience and norm < math.inf):
                 break
-            share = -0.5 if share == 1.0 else 0.5 * share  # takes half of the correction back
+            fraction = -0.5 if fraction == 1.0 else 0.5 * fraction  # takes half of the correction back
         anew = not norm <= newton.reuse * before
         if norm <= newton.bound:
             break
         if old and not norm < before:
-            take_off(-1.0, space.da, step.a)
-            norm, least, where = residual(cable, ride, space, step, rule)
+            subtract_scaled(-1.0, workspace.da, step.a)
+            norm, min_tension, min_at = set_residuals(cable, rolling_car, workspace, step, rule)
             residuals += 1
-        elif not norm < math.inf or (not old and hopeless(norm, before, iterations, newton)):
+        elif not norm < math.inf or (not old and cannot_converge(norm, before, iterations, newton)):
             break
-    if not (norm <= newton.bound and norm <= SERVES * before):
-        space.kept[0] = math.nan
-    return (norm, iterations, factorisations, residuals), least, where
+    if not (norm <= newton.bound and norm <= FAST_ENOUGH * before):
+        workspace.kept_step[0] = math.nan
+    return (norm, iterations, factorisations, residuals), min_tension, min_at
 
 
 @inner
-def hopeless(norm, before, iterations, newton):
+def cannot_converge(norm, before, iterations, newton):
     if iterations <= newton.patience:
         return False
     return norm * (norm / before) ** (newton.enough - iterations) > newton.bound
 
 
 @inner
-def residual(cable, ride, space, step, rule):
+def set_residuals(cable, rolling_car, workspace, step, rule):
     """Set states and residuals of the nodes; return |r|, and the least tension and its s at the last."""
     square = 0.0
-    least = math.inf
-    where = 0.0
+    min_tension = math.inf
+    min_at = 0.0
     for i in range(step.a.shape[0]):
-        at_node(step, rule, i, space.x[i])
-        r = space.r[i]
-        now = Instant(step.places[i], space.bands[i], step.contacts[i])
-        least, where = balance(cable, ride, now, space.x[i], r, space.real, NO_TANGENT)
+        set_node_state(step, rule, i, workspace.x[i])
+        r = workspace.r[i]
+        now = Instant(step.inputs[i], workspace.bands[i], step.contacts[i])
+        min_tension, min_at = assemble_balance(cable, rolling_car, now, workspace.x[i], r, workspace.real, NO_TANGENT)
         for j in range(r.size):
             square += r[j] * r[j]
-    return math.sqrt(square), least, where
+    return math.sqrt(square), min_tension, min_at
 
 
 @inner
-def at_node(step, rule, i, x):
+def set_node_state(step, rule, i, x):
     """Set the state x at a node: q = q0 + c dt v0 + dt^2 (A A a), v = v0 + dt A a."""
     q0 = step.start[0]
     v0 = step.start[1]
@@ -174,7 +174,7 @@ def at_node(step, rule, i, x):
 
 
 @inner
-def finish(step, rule, end):
+def set_end_state(step, rule, end):
     q0 = step.start[0]
     v0 = step.start[1]
     dt = step.dt
@@ -189,11 +189,11 @@ def finish(step, rule, end):
 
 
 @inner
-def spread(weights, of, out):
+def set_weighted_sums(weights, vectors, out):
     out[:] = 0.0
     for i in range(weights.shape[0]):
         for k in range(weights.shape[1]):
-            x = of[k]
+            x = vectors[k]
             to = out[i]
             w = weights[i, k]
             for j in range(to.size):
@@ -201,42 +201,42 @@ def spread(weights, of, out):
 
 
 @inner
-def take_off(share, da, a):
+def subtract_scaled(fraction, da, a):
     for i in range(a.shape[0]):
         x = a[i]
         of = da[i]
         for j in range(x.size):
-            x[j] -= share * of[j]
+            x[j] -= fraction * of[j]
 
 
 @inner
-def factors(cable, ride, space, step, rule):
+def factorise_tangents(cable, rolling_car, workspace, step, rule):
     middle = rule.middle
-    spare = np.empty(space.r.shape[1])
-    now = Instant(step.places[middle], space.bands[middle], step.contacts[middle])
+    spare = np.empty(workspace.r.shape[1])
+    now = Instant(step.inputs[middle], workspace.bands[middle], step.contacts[middle])
     for k in range(3):
         unit = (1.0 if k == 0 else 0.0), (1.0 if k == 1 else 0.0), (1.0 if k == 2 else 0.0)
-        balance(cable, ride, now, space.x[middle], spare, space.parts[k], unit)
-    c1 = step.dt * abs(rule.values[0])
-    even(cable, ride, space, step, c1 * c1, middle)
-    for k in range(rule.values.size):
-        c1 = step.dt * rule.values[k]
+        assemble_balance(cable, rolling_car, now, workspace.x[middle], spare, workspace.parts[k], unit)
+    c1 = step.dt * abs(rule.eigenvalues[0])
+    set_row_scales(cable, rolling_car, workspace, step, c1 * c1, middle)
+    for k in range(rule.eigenvalues.size):
+        c1 = step.dt * rule.eigenvalues[k]
         c0 = c1 * c1
         if c1.imag == 0.0:
-            factorised(c0.real, c1.real, space.parts, space.real)
+            factorise_combination(c0.real, c1.real, workspace.parts, workspace.real)
         else:
-            factorised(c0, c1, space.parts, space.pair)
+            factorise_combination(c0, c1, workspace.parts, workspace.complex_pair)
 
 
 @inner
-def factorised(c0, c1, parts, tangent):
-    blend(c0, c1, parts[0].ab, parts[1].ab, parts[2].ab, tangent.ab)
-    blend(c0, c1, parts[0].border, parts[1].border, parts[2].border, tangent.border)
+def factorise_combination(c0, c1, parts, tangent):
+    set_combination(c0, c1, parts[0].ab, parts[1].ab, parts[2].ab, tangent.ab)
+    set_combination(c0, c1, parts[0].border, parts[1].border, parts[2].border, tangent.border)
     factorise(tangent.ab, tangent.border)
 
 
 @inner
-def blend(c0, c1, by_q, by_v, by_a, out):
+def set_combination(c0, c1, by_q, by_v, by_a, out):
     if out is None:
         return
     for i in range(out.shape[0]):
@@ -245,15 +245,15 @@ def blend(c0, c1, by_q, by_v, by_a, out):
 
 
 @inner
-def even(cable, ride, space, step, c0, middle):
+def set_row_scales(cable, rolling_car, workspace, step, c0, middle):
     """Scale the rows of each node so that the middle tangent fits its diagonal."""
-    if ride is not None:
+    if rolling_car is not None:
         return
-    bands = space.bands
-    scales = space.scales
+    bands = workspace.bands
+    scales = workspace.scales
     mesh = cable.mesh
-    K_c = space.parts[0].ab
-    M_c = space.parts[2].ab
+    K_c = workspace.parts[0].ab
+    M_c = workspace.parts[2].ab
     half = bands.shape[2] // 2
     band = M_c.shape[1] // 2
     n_fields = step.contacts[middle].dofs.shape[1]
@@ -262,7 +262,7 @@ def even(cable, ride, space, step, c0, middle):
         for e in range(mesh.dofs.shape[0]):
             for d in mesh.dofs[e]:
                 for k in range(n_fields if d >= 0 else 0):
-                    scales[i, d * n_fields + k] += 1.0 / side_of(mesh, step.places[i, 0], e)[1]
+                    scales[i, d * n_fields + k] += 1.0 / element_map(mesh, step.inputs[i, 0], e)[1]
     for j in range(scales.shape[1]):
         K = c0 * K_c[j, band]
         M = M_c[j, band]
@@ -273,37 +273,37 @@ def even(cable, ride, space, step, c0, middle):
 
 
 @inner
-def solutions(space, rule):
-    s, n = space.r.shape
-    r = space.r
-    da = space.da
+def solve_corrections(workspace, rule):
+    s, n = workspace.r.shape
+    r = workspace.r
+    da = workspace.da
     real = np.empty(n)
     along = np.empty(n, dtype=np.complex128)
     da[:] = 0.0
     for i in range(s):
         for j in range(n):
-            r[i, j] *= space.scales[i, j]
-    for k in range(rule.values.size):
-        if rule.values[k].imag == 0.0:
+            r[i, j] *= workspace.scales[i, j]
+    for k in range(rule.eigenvalues.size):
+        if rule.eigenvalues[k].imag == 0.0:
             for j in range(n):
                 real[j] = 0.0
                 for i in range(s):
-                    real[j] += rule.to[k, i].real * r[i, j]
-            solve(space.real.ab, space.real.border, real)
+                    real[j] += rule.to_modes[k, i].real * r[i, j]
+            solve(workspace.real.ab, workspace.real.border, real)
             for i in range(s):
                 for j in range(n):
-                    da[i, j] += rule.back[i, k].real * real[j]
+                    da[i, j] += rule.from_modes[i, k].real * real[j]
         else:
             for j in range(n):
                 x = 0.0
                 y = 0.0
                 for i in range(s):
-                    x += rule.to[k, i].real * r[i, j]
-                    y += rule.to[k, i].imag * r[i, j]
+                    x += rule.to_modes[k, i].real * r[i, j]
+                    y += rule.to_modes[k, i].imag * r[i, j]
                 along[j] = complex(x, y)
-            solve(space.pair.ab, space.pair.border, along)
+            solve(workspace.complex_pair.ab, workspace.complex_pair.border, along)
             for i in range(s):
-                x = rule.back[i, k].real
-                y = rule.back[i, k].imag
+                x = rule.from_modes[i, k].real
+                y = rule.from_modes[i, k].imag
                 for j in range(n):
                     da[i, j] += x * along[j].real - y * along[j].imag

@@ -18,7 +18,7 @@ def tension(eps, T, alpha, law):
 
 
 @inner
-def pull(xp, yp, T, du, dv, alpha, law):
+def force_at_point(xp, yp, T, du, dv, alpha, law):
     """Return f = N t - T X' (2,), df/dw' = k_geo I + k_mat r' r'^T as its factors, N, W, eps; t = r'/|r'|."""
     rx = xp + du
     ry = yp + dv

@@ -8,7 +8,7 @@ import numpy as np
 from cablefem.elements.kernels import compiled, inner
 from cablefem.elements.kernels.balance import Instant, assemble, assemble_inertia
 from cablefem.elements.kernels.banded import dot, factorise, solve
-from cablefem.elements.kernels.car import roll, under_way
+from cablefem.elements.kernels.car import assemble_with_car, is_before_event
 
 NO_TANGENT = 0.0, 0.0, 0.0
 
@@ -16,25 +16,25 @@ NO_TANGENT = 0.0, 0.0, 0.0
 class Steps(NamedTuple):
     """Consecutive steps, see `cablefem.newmark.System.solve_step`."""
 
-    places: Any  # (m, 3 + n_fields) see `balance.Instant`; with a car (m, 3), see `car.Car`
+    inputs: Any  # (m, 3 + n_fields) see `balance.Instant`; with a car (m, 3), see `car.Car`
     contact: Any
     start: Any  # (3, n)
     rules: Any  # (m, 3, 5)
     ends: Any  # (m, 3, n) output
-    told: Any  # (m, 6) output: |r|, iterations, factorisations, residuals, least tension, its s
+    results: Any  # (m, 6) output: |r|, iterations, factorisations, residuals, least tension, its s
 
 
 @inner
-def balance(cable, ride, now, x, r, tangent, factors):
+def assemble_balance(cable, rolling_car, now, x, r, tangent, factors):
     """Set r and, unless the factors are 0, the tangent; return the least tension and its s."""
-    if ride is None:
+    if rolling_car is None:
         return assemble(cable, now, x, r, tangent, factors)
-    least, where, _, _ = roll(cable, ride, now, x, r, tangent, factors)
-    return least, where
+    min_tension, min_at, _, _ = assemble_with_car(cable, rolling_car, now, x, r, tangent, factors)
+    return min_tension, min_at
 
 
 @compiled
-def solve_steps(cable, ride, tangent, bands, steps, newton):
+def solve_steps(cable, rolling_car, tangent, bands, steps, newton):
     """Take steps; return how many converged before a slack element or an event of the car.
 
     newton : `cablefem.newmark.Newton`.
@@ -44,13 +44,13 @@ def solve_steps(cable, ride, tangent, bands, steps, newton):
     bound = newton.bound
     r = np.empty(n)
     da = np.empty(n)
-    patience = newton.patience if ride is None else 0  # else another root near a support
+    patience = newton.patience if rolling_car is None else 0  # else another root near a support
     for k in range(steps.rules.shape[0]):
         begin = steps.start if k == 0 else steps.ends[k - 1]
         end = steps.ends[k]
         rule = steps.rules[k]
-        now = Instant(steps.places[k], bands, steps.contact)
-        if now.place.size > 3:  # with a car, `roll` does this
+        now = Instant(steps.inputs[k], bands, steps.contact)
+        if now.inputs.size > 3:  # with a car, `assemble_with_car` does this
             assemble_inertia(cable, now)
         predict(begin, rule, end, x)
         factors = rule[0, 3] * rule[0, 4], rule[1, 3] * rule[1, 4], rule[2, 3] * rule[2, 4]
@@ -58,11 +58,11 @@ def solve_steps(cable, ride, tangent, bands, steps, newton):
         before = 0.0
         factorisations = 0
         residuals = 0
-        least = math.inf
-        where = 0.0
+        min_tension = math.inf
+        min_at = 0.0
         for iteration in range(newton.max_iter):
             if not norm <= newton.reuse * before:
-                balance(cable, ride, now, x, r, tangent, factors)
+                assemble_balance(cable, rolling_car, now, x, r, tangent, factors)
                 norm = math.sqrt(dot(r, r))
                 factorise(tangent.ab, tangent.border)
                 factorisations += 1
@@ -70,25 +70,25 @@ def solve_steps(cable, ride, tangent, bands, steps, newton):
             solve(tangent.ab, tangent.border, r)
             for j in range(n):
                 da[j] = r[j]
-            share = 1.0
+            fraction = 1.0
             for _ in range(newton.halvings + 1):
-                correct(begin, rule, share, da, end, x)
-                least, where = balance(cable, ride, now, x, r, tangent, NO_TANGENT)
+                correct(begin, rule, fraction, da, end, x)
+                min_tension, min_at = assemble_balance(cable, rolling_car, now, x, r, tangent, NO_TANGENT)
                 residuals += 1
                 norm = math.sqrt(dot(r, r))
                 if norm < before or (iteration < patience and norm < math.inf):
                     break
-                share = -0.5 if share == 1.0 else 0.5 * share  # takes half of the correction back
+                fraction = -0.5 if fraction == 1.0 else 0.5 * fraction  # takes half of the correction back
             if norm <= bound or not norm < math.inf:
                 break
-        told = steps.told[k]
-        told[0] = norm
-        told[1] = iteration + 1
-        told[2] = factorisations
-        told[3] = residuals
-        told[4] = least
-        told[5] = where
-        if not (norm <= bound and least >= 0.0 and under_way(cable, ride, steps.places[k], end)):
+        result = steps.results[k]
+        result[0] = norm
+        result[1] = iteration + 1
+        result[2] = factorisations
+        result[3] = residuals
+        result[4] = min_tension
+        result[5] = min_at
+        if not (norm <= bound and min_tension >= 0.0 and is_before_event(cable, rolling_car, steps.inputs[k], end)):
             return k
     return steps.rules.shape[0]
 
@@ -103,9 +103,9 @@ def predict(begin, rule, end, x):
 
 
 @inner
-def correct(begin, rule, share, da, end, x):
+def correct(begin, rule, fraction, da, end, x):
     for i in range(3):
-        part = share * rule[i, 3]
+        part = fraction * rule[i, 3]
         w = rule[i, 4]
         for j in range(end.shape[1]):
             end[i, j] -= part * da[j]

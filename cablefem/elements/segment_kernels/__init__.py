@@ -27,7 +27,7 @@ class Kernel:
         xi = segments.xi.reshape(segments.elements, points)
         dofs = np.ascontiguousarray(segments.dofs)
         self.mesh = balance.Mesh(phi, phi_xi, segments.weights[:points].copy(), xi, dofs, segments.end_slopes)
-        self.rope = balance.Rope(segments.rho, segments.q, float(segments.rope.damping))
+        self.rope = balance.Rope(segments.rho, segments.q)
         self.cars, self.contacts, self.gravity = cars, contacts, float(gravity)
         self.forces, self.swings = slots
         self._known: tuple[Any, Any] = None, None  # the last cars and their data
@@ -47,7 +47,7 @@ class Kernel:
     def add_rows(self, x: Sequence[Array], law: Array, cars: Cars, rows: Array, loads: Array) -> None:
         """Add rows to (n, size), and set (n, cars + 1) to the loads [N] on the rope and the smallest tension.
 
-        x : q, v, a of all slots (n, size); law : (1 or n, 4, K, G).
+        x : q, v, a of all slots (n, size); law : (3, K, G).
         """
         balance.add_rows(self.mesh, self.rope, law, self._cars(cars), *x, rows, loads)
 

@@ -28,7 +28,6 @@ class Mesh(NamedTuple):
 class Rope(NamedTuple):
     rho: float
     q: float
-    damping: float
 
 
 class Cars(NamedTuple):
@@ -82,13 +81,12 @@ def interpolate(mesh, q, v, a, first, e, g, f):
 def add_rows(mesh, rope, law, cars, q, v, a, rows, loads):
     """Add the rows of all segments and cars at n instants to rows (n, size).
 
-    q, v, a : (n, size) of all slots; law : (1 or n, 4, K, G) EA, N_r, dN_r/ds, W_r.
+    q, v, a : (n, size) of all slots; law : (3, K, G) EA, N_r, W_r.
     loads (n, m + 1) : are set to the loads of the cars and the smallest tension.
     """
     for i in range(rows.shape[0]):
-        of_rope = law[min(i, law.shape[0] - 1)]
-        loads[i, -1] = add_segments(mesh, rope, of_rope, q[i], v[i], a[i], rows[i])
-        add_cars(mesh, of_rope.shape[1], cars, i, q[i], v[i], a[i], rows[i], loads[i])
+        loads[i, -1] = add_segments(mesh, rope, law, q[i], v[i], a[i], rows[i])
+        add_cars(mesh, law.shape[1], cars, i, q[i], v[i], a[i], rows[i], loads[i])
 
 
 @inner
@@ -107,7 +105,7 @@ def add_segments(mesh, rope, law, q, v, a, rows):
                 xi, weight = mesh.xi[e, g], mesh.weights[g]
                 c = v[S + k] * (1.0 - xi) + v[S + k + 1] * xi
                 dc = a[S + k] * (1.0 - xi) + a[S + k + 1] * xi
-                EA, N_0, N_s, W_0 = law[:, k, e * mesh.weights.size + g]
+                EA, N_0, W_0 = law[:, k, e * mesh.weights.size + g]
                 size = np.sqrt(f[2] ** 2 + f[3] ** 2)
                 lam = size / h
                 N = N_0 + EA * (lam - 1.0)
@@ -117,9 +115,9 @@ def add_segments(mesh, rope, law, q, v, a, rows):
                 for x in range(2):
                     w = f[4 + x] - c / h * f[2 + x]
                     dw = f[8 + x] - c / h * f[6 + x] + (c * dh / h - dc) / h * f[2 + x]
-                    by_a[x] = rope.rho * (h * dw + (dh + rope.damping * h) * w)
+                    by_a[x] = rope.rho * (h * dw + dh * w)
                     by_b[x] = rope.rho * c * w + N * f[2 + x] / size
-                    momentum += (dw + rope.damping * w) * f[2 + x] + w * f[6 + x]
+                    momentum += dw * f[2 + x] + w * f[6 + x]
                     kinetic += 0.5 * w * w + c / h * w * f[2 + x]
                 by_a[1] -= rope.q * h
                 for i in range(n_loc):
@@ -127,9 +125,8 @@ def add_segments(mesh, rope, law, q, v, a, rows):
                     for x in range(2):
                         rows[slot + x] += weight * (mesh.phi[g, i] * by_a[x] + mesh.phi_xi[g, i] * by_b[x])
                 material = W - N * lam - rope.q * f[1] - rope.rho * kinetic
-                inertia = h * N_s * (lam - 1.0) - rope.rho * momentum
-                rows[S + k] += weight * (-material + (1.0 - xi) * inertia)
-                rows[S + k + 1] += weight * (material + xi * inertia)
+                rows[S + k] -= weight * (material + (1.0 - xi) * rope.rho * momentum)
+                rows[S + k + 1] += weight * (material - xi * rope.rho * momentum)
     return lowest
 
 
@@ -242,8 +239,8 @@ def add_car_tangent(mesh, count, cars, q, v, a, c0, c1, c2, matrix):
 @compiled
 def add_tangent(mesh, rope, law, cars, q, v, a, c0, c1, c2, matrix):
     """Add c0 d/dq + c1 d/dv + c2 d/da of `add_rows` at one instant, q, v, a (size,), see `Segments.tangent`."""
-    add_rope_tangent(mesh, rope, law[0], q, v, a, c0, c1, c2, matrix)
-    add_car_tangent(mesh, law.shape[2], cars, q, v, a, c0, c1, c2, matrix)
+    add_rope_tangent(mesh, rope, law, q, v, a, c0, c1, c2, matrix)
+    add_car_tangent(mesh, law.shape[1], cars, q, v, a, c0, c1, c2, matrix)
 
 
 @inner
@@ -256,7 +253,7 @@ def add_rope_tangent(mesh, rope, law, q, v, a, c0, c1, c2, matrix):
     w, dw = np.empty(2), np.empty(2)
     zero = 0.0 * (c0 + c1 + c2)
     w_s, dw_s = np.array([zero, zero]), np.array([zero, zero])
-    rho, c_d = rope.rho, rope.damping
+    rho = rope.rho
     ab, columns, rows = matrix.ab, matrix.columns, matrix.rows
     diagonal = 2 * ((ab.shape[0] - 1) // 3)
     for k in range(count):
@@ -267,7 +264,7 @@ def add_rope_tangent(mesh, rope, law, q, v, a, c0, c1, c2, matrix):
                 xi, weight = mesh.xi[e, g], mesh.weights[g]
                 c = v[S + k] * (1.0 - xi) + v[S + k + 1] * xi
                 dc = a[S + k] * (1.0 - xi) + a[S + k + 1] * xi
-                EA, N_0, N_s = law[:3, k, e * mesh.weights.size + g]
+                EA, N_0 = law[:2, k, e * mesh.weights.size + g]
                 size = np.sqrt(f[2] ** 2 + f[3] ** 2)
                 lam = size / h
                 N = N_0 + EA * (lam - 1.0)
@@ -276,8 +273,8 @@ def add_rope_tangent(mesh, rope, law, q, v, a, c0, c1, c2, matrix):
                     w[x] = f[4 + x] - c / h * f[2 + x]
                     dw[x] = f[8 + x] - c / h * f[6 + x] + (c * dh / h - dc) / h * f[2 + x]
                 # nodes by nodes
-                vv = weight * rho * (h * c2 + (dh + c_d * h) * c1)
-                vs = -weight * rho * ((dc + c_d * c) * c0 + c * c1)
+                vv = weight * rho * (h * c2 + dh * c1)
+                vs = -weight * rho * (dc * c0 + c * c1)
                 sv = weight * rho * c * c1
                 ss = weight * (N / lam - rho * c * c) / h * c0
                 along = weight * (EA - N / lam) / h * c0
@@ -293,13 +290,11 @@ def add_rope_tangent(mesh, rope, law, q, v, a, c0, c1, c2, matrix):
                         ab[row, column + 1] += p + s * yy
                         ab[row - 1, column + 1] += s * xy
                         ab[row + 1, column] += s * xy
-                W_s = N_s * (lam - 1.0)
                 dot_w = (w[0] * f[2] + w[1] * f[3]) / h
                 for end in range(2):
                     sign, psi = 2.0 * end - 1.0, xi if end else 1.0 - xi
-                    h_s, dh_s, c_s, dc_s, s_s = sign * c0, sign * c1, psi * c1, psi * c2, psi * c0
+                    h_s, dh_s, c_s, dc_s = sign * c0, sign * c1, psi * c1, psi * c2
                     lam_s = -lam * h_s / h
-                    T_s = N_s * s_s + EA * lam_s
                     first = c * h_s / h - c_s
                     second = dc * h_s / h - dc_s + (c_s * dh + c * dh_s) / h - 2.0 * c * dh * h_s / h**2
                     momentum, kinetic = zero, zero
@@ -307,36 +302,29 @@ def add_rope_tangent(mesh, rope, law, q, v, a, c0, c1, c2, matrix):
                         t = tx if x == 0 else ty
                         w_s[x] = first * f[2 + x] / h
                         dw_s[x] = second * f[2 + x] / h + first / h * f[6 + x]
-                        by_a = rho * (
-                            h_s * (dw[x] + c_d * w[x]) + h * (dw_s[x] + c_d * w_s[x]) + dh_s * w[x] + dh * w_s[x]
-                        )
+                        by_a = rho * (h_s * dw[x] + h * dw_s[x] + dh_s * w[x] + dh * w_s[x])
                         by_a -= rope.q * h_s * x
-                        by_b = rho * (c_s * w[x] + c * w_s[x]) + T_s * t
+                        by_b = rho * (c_s * w[x] + c * w_s[x]) + EA * lam_s * t
                         # the row of s by this coordinate
                         of_a = (
-                            -rho
-                            * (
-                                psi * ((c2 + c_d * c1) * f[2 + x] + c1 * f[6 + x])
-                                + sign * c1 * (w[x] + c / h * f[2 + x])
-                            )
+                            -rho * (psi * (c2 * f[2 + x] + c1 * f[6 + x]) + sign * c1 * (w[x] + c / h * f[2 + x]))
                             - sign * rope.q * c0 * x
                         )
                         moved = (
-                            ((c * dh / h - dc) / h * c0 - (c1 + c_d * c0) * c / h) * f[2 + x]
-                            + c0 * (dw[x] + c_d * w[x]) - c0 * c / h * f[6 + x] + c1 * w[x]
+                            ((c * dh / h - dc) / h * c0 - c1 * c / h) * f[2 + x]
+                            + c0 * dw[x] - c0 * c / h * f[6 + x] + c1 * w[x]
                         )  # fmt: skip
                         of_b = -rho * (psi * moved - sign * c0 * (c / h) ** 2 * f[2 + x])
-                        of_b += c0 * (psi * N_s - sign * lam * EA / h) * t
+                        of_b -= c0 * sign * lam * EA / h * t
                         for i in range(n_loc):
                             slot = 2 * (k * (nn - 1) + mesh.dofs[e, i]) + x
                             p, s = weight * mesh.phi[g, i], weight * mesh.phi_xi[g, i]
                             columns[slot, k + end] += p * by_a + s * by_b
                             rows[k + end, slot] += p * of_a + s * of_b
-                        momentum += (dw_s[x] + c_d * w_s[x]) * f[2 + x] + w_s[x] * f[6 + x]
+                        momentum += dw_s[x] * f[2 + x] + w_s[x] * f[6 + x]
                         kinetic += w[x] * w_s[x] + c * w_s[x] * f[2 + x] / h
                     kinetic += (c_s - c * h_s / h) * dot_w
-                    material = W_s * s_s - lam * (EA * lam_s + N_s * s_s)
+                    material = -lam * EA * lam_s - rho * kinetic
                     for other in range(2):
                         e2, psi2 = 2.0 * other - 1.0, xi if other else 1.0 - xi
-                        inside = N_s * lam_s * h + W_s * h_s - rho * momentum
-                        matrix.corner[k + other, k + end] += weight * (e2 * (material - rho * kinetic) + psi2 * inside)
+                        matrix.corner[k + other, k + end] += weight * (e2 * material - rho * psi2 * momentum)

@@ -34,8 +34,8 @@ def _system_without(*terms: str) -> type[GalerkinSystem]:
     class Faulty(GalerkinSystem):
         def _instant(self, *kinematics: float) -> Instant:
             x = super()._instant(*kinematics)
-            none = {name: np.zeros_like(getattr(x.carried, name)) for name in terms}
-            return x._replace(carried=x.carried._replace(**none))
+            none = {name: np.zeros_like(getattr(x.inertia_terms, name)) for name in terms}
+            return x._replace(inertia_terms=x.inertia_terms._replace(**none))
 
     return Faulty
 
@@ -43,11 +43,11 @@ def _system_without(*terms: str) -> type[GalerkinSystem]:
 class _RestingStart(GalerkinSystem):
     """FAULT: at entry the hat accelerates with the mass alone and the sines rest, instead of the limit t -> 0+."""
 
-    def _entry(self) -> State:
-        x = super()._entry()
+    def _start_at_entry(self) -> State:
+        x = super()._start_at_entry()
         s_o, ds_o, dds_o = self.motion.at(x.t, 0)
         a = np.zeros_like(x.a)
-        a[self.n - 1 :: self.n] = -self._load(s_o, ds_o, dds_o)
+        a[self.n - 1 :: self.n] = -self._load_at_mass(s_o, ds_o, dds_o)
         return State(x.t, x.q, np.zeros_like(x.v), a, 0)
 
 

@@ -195,7 +195,7 @@ class _Reference:
     def peer_path_errors(self, p: PeerPath, scene: Scene) -> dict[str, float]:
         """Errors of another code's path, dimensionless."""
         t = scene.time_scale * p.t
-        place = np.stack(scene.groups.shape(p.s_o)) + np.stack([p.u, p.v])
+        place = np.stack(scene.groups.coordinates(p.s_o)) + np.stack([p.u, p.v])
         inside = (p.s_o >= self.window[0]) & (p.s_o <= self.window[1]) & (t <= self.run.t[-1])
         ours = CubicSpline(self.run.t, np.stack([self.run.x, self.run.y], axis=1))(t[inside])
         gap = np.hypot(*(scene.length * place[:, inside] - ours.T)) / self.run.path_scale

@@ -71,7 +71,7 @@ class BothAnswers:
 
     def units_with_tolerances(self, tol: float, tol_tension: float) -> tuple[Unit, Unit]:
         """Metres and newtons."""
-        reach = float(np.ptp(self.a.empty.place[:, 0]))
+        reach = float(np.ptp(self.a.empty.points[:, 0]))
         EA = self.a.empty.case.EA
         tension = max(float(np.nanmax(state.station_tensions)) for state in self.a.states.values())
         return Unit("m", ROUNDING * reach, tol), Unit("N", ROUNDING * EA, tol_tension * tension)
@@ -85,7 +85,7 @@ def compared_values(state: LineState) -> dict[str, tuple[Array, list[str]]]:
     pieces = np.arange(n - 1)
     length = np.full(n, np.ptp(state.s))
     values: dict[str, tuple[Array, np.ndarray]] = {  # values by station, and the stations that count
-        "place": (state.place, np.flatnonzero(np.isnan(case.fixed_places).any(axis=1))),
+        "place": (state.points, np.flatnonzero(np.isnan(case.fixed_points).any(axis=1))),
         "rope_place": (state.middle, pieces),
         "s": (state.s, np.flatnonzero(np.isnan(case.fixed_s))),
         "rope_length": (length, np.array([n - 1])),
@@ -237,6 +237,6 @@ def refuse_check(points: Sequence[Point], tol: float, tol_tension: float | None,
 
 def _contacts_and_shoes(line: Line) -> list[tuple[str, ...]]:
     """Kinds of contacts, and of each car the shoe that it is on at every position."""
-    shoes = [(car, [line.shoe(line.place(car, i)) for i in range(line.count)]) for car in line.car]
+    shoes = [(car, [line.shoe(line.position_of(car, i)) for i in range(line.count)]) for car in line.car]
     cars = [(car.name, *(shoe.name if shoe else "" for shoe in of_car)) for car, of_car in shoes]
     return [tuple(f"{c.name} {c.kind}" for c in line.contact), *cars]

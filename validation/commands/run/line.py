@@ -60,14 +60,14 @@ def _numbers_at_position(rest: LineRest, i: int) -> Row:
 def _numbers_at_car(rest: LineRest, i: int, car: Car) -> Row:
     line = rest.line
     state = rest.states[i]
-    x = line.place(car, i)
+    x = line.position_of(car, i)
     shoe = line.shoe(x)
     forces = {"tension_behind": state.station_tensions[:, 0], "tension_ahead": state.station_tensions[:, 1]}
     if car.hauled:
         forces["haul"] = state.haul
     if shoe is None:
         k = [p.name for p in state.case.stations].index(car.name)
-        depth = float(state.place[k, 1])
+        depth = float(state.points[k, 1])
         values: Row = {f"{name}:{car.name}": float(N[k]) for name, N in forces.items()}
     else:
         depth = _depth_on_shoe(rest, i, car, shoe.at)
@@ -85,11 +85,11 @@ def _depth_on_shoe(rest: LineRest, i: int, car: Car, saddle: tuple[float, float]
     At its ends the rail runs along the chords to the saddle, there with their mean slope.
     """
     states = rest.shoe_ends[i, car.name]
-    left, right = (x.place[[p.name for p in x.case.stations].index(car.name)] for x in states)
+    left, right = (x.points[[p.name for p in x.case.stations].index(car.name)] for x in states)
     x, y = np.array([left, saddle, right]).T
     chords = np.diff(y) / np.diff(x)
     rail = CubicHermiteSpline(x, y, [chords[0], chords.mean(), chords[1]])
-    return float(rail(rest.line.place(car, i)))
+    return float(rail(rest.line.position_of(car, i)))
 
 
 def _numbers_at_contact(rest: LineRest, i: int, j: int, index: dict[str, int]) -> Row:
@@ -102,7 +102,7 @@ def _numbers_at_contact(rest: LineRest, i: int, j: int, index: dict[str, int]) -
     out = {f"tension:{name}": float(np.nanmax(state.station_tensions[k]))}
     if contact.kind == "saddle":
         across, down = state.pressure[k].tolist()
-        cars = sum(car.mass for car in line.car if line.shoe(line.place(car, i)) is contact) * line.gravity
+        cars = sum(car.mass for car in line.car if line.shoe(line.position_of(car, i)) is contact) * line.gravity
         out[f"load:{name}"] = math.hypot(across, down + cars)
         out[f"load_down:{name}"] = down + cars
         out[f"pressure:{name}"] = math.hypot(across, down)
@@ -115,7 +115,7 @@ def _numbers_at_contact(rest: LineRest, i: int, j: int, index: dict[str, int]) -
         taken = float(np.ptp(state.s) - np.ptp(rest.empty.s))
         out[f"rise:{name}"] = state.case.heat * (1.0 + state.case.stations[k].force / state.case.EA) * taken
     elif contact.kind == "spring":
-        out[f"shift:{name}"] = math.dist(state.place[k], contact.at)
+        out[f"shift:{name}"] = math.dist(state.points[k], contact.at)
     return out
 
 
@@ -135,7 +135,7 @@ def _clearances_in_passing(line: Line, rows: Sequence[Row | None]) -> list[tuple
     tops = [(o.name, o.at, o.top) for o in line.obstacle] + [(GROUND, *point) for point in line.ground]
     for car in line.car:
         depths = [(i, r[f"depth:{car.name}"]) for i, r in enumerate(rows) if r and r[f"depth:{car.name}"] is not None]
-        track = [(i, line.place(car, i), depth) for i, depth in depths]
+        track = [(i, line.position_of(car, i), depth) for i, depth in depths]
         for (i, a, y), (_, b, z) in itertools.pairwise([*track, *track[-1:]]):
             for name, at, top in tops:
                 if min(a, b) <= at <= max(a, b):
@@ -154,7 +154,7 @@ def extreme_rows(line: Line, rows: Sequence[Row | None]) -> list[Row]:
                 value, i = pick(values)
                 out.append({
                     "quantity": _extreme_name(name, word), "value": value, "bar": None, "unit": WORDS[kind]["unit"],
-                    "position": i + 1, "at": {c.name: line.place(c, i) for c in line.car},
+                    "position": i + 1, "at": {c.name: line.position_of(c, i) for c in line.car},
                 })  # fmt: skip
     return out
 

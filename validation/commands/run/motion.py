@@ -70,7 +70,7 @@ SINES = Method("sines", "terms", 3, 0.9, lambda line, n: LineSines(line, n))
 def time_on_rails(system: Any, state: State) -> float:
     """[s] that cars on rails need for them at their present speed, the shortest; 0 without."""
     cars = [(car.rail, car.name) for car in (*system.line.cars, *system.line.over) if car.rail is not None]
-    times = [abs((rail.end.x - rail.begin.x) / system.jet(name, state)[1, 0]) for rail, name in cars]
+    times = [abs((rail.end.x - rail.begin.x) / system.car_point_and_rates(name, state)[1, 0]) for rail, name in cars]
     return float(min(times, default=0.0))
 
 
@@ -223,7 +223,7 @@ class LineRuns:
                     states.append(x)
             following = None
             if work.events and states[-1].t < self.line.t_end:
-                following = system.after(work.events[-1].name, states[-1])
+                following = system.system_after(work.events[-1].name, states[-1])
         except StepFailure as error:
             if len(states) < 2 and start is None:
                 raise store.Refused(f"{self.method.name}: {error}") from None
@@ -382,5 +382,5 @@ def at_rest_points(empty: LineState, s: Array) -> Array:
         here = k == i
         lengths = (inner[here] - empty.s[i])[None]
         pulls = np.broadcast_to(empty.ahead[i][None, :, None], (1, 2, lengths.size))
-        out[here] = empty.place[i] + catenary_line.piece_chords(pulls, lengths, empty.case)[0].T
+        out[here] = empty.points[i] + catenary_line.piece_chords(pulls, lengths, empty.case)[0].T
     return out

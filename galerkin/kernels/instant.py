@@ -1,0 +1,102 @@
+"""Quadrature points, and terms of the mass, for a position of the mass."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from galerkin.bases.fourier import functions_and_primitives, side_quadrature
+from galerkin.bases.kink import Array, InertiaTerms, inertia_terms_with_hat
+from galerkin.bases.riding import riding_inertia_terms, riding_quadrature
+from galerkin.kernels.cable import Cable, Points, hanging_cable_at
+from galerkin.law import inner
+
+
+class CableSines(NamedTuple):
+    """The cable over sines, and quadrature rules for it."""
+
+    cable: Cable
+    behind: Array  # Gauss rules on [0, 1] of both sides, (2, m)
+    ahead: Array
+    mass: Array  # these three of `KinkedBasis`
+    left: Array
+    chord: Array
+    grading: float
+    riding: Any = None  # `Tables` of riding sines; then `mass`, `left`, `chord` only give sizes
+    tau: float = 0.0  # of internal damping, with `riding`
+
+
+class MassTerms(NamedTuple):
+    inertia: InertiaTerms
+    slope: Array  # X' at the mass, (2,)
+    load: Array  # X.. - sigma j, (2,)
+    s_o: float
+    ds_o: float
+    dds_o: float
+
+
+class Instant(NamedTuple):
+    points: Points
+    at_mass: MassTerms
+
+
+@inner
+def inertia_terms(sines, tables, kinematics):
+    if tables is None:
+        at = functions_and_primitives(kinematics[0], sines.left.size, sines.grading)
+        return inertia_terms_with_hat(at, sines.mass, sines.left, sines.chord, kinematics, sines.cable.damping)
+    return riding_inertia_terms(tables, kinematics, sines.cable.damping)
+
+
+@inner
+def mass_terms(sines, kinematics):
+    """`MassTerms` of s_o, ds_o, dds_o; the load of a force alone is its weight."""
+    cable = sines.cable
+    s_o, ds_o, dds_o = kinematics
+    x = inertia_terms(sines, sines.riding, kinematics)
+    p = cable.c - cable.sigma * s_o
+    T = math.sqrt(1.0 + p * p)
+    slope = np.empty(2)
+    load = np.zeros(2)
+    slope[0] = 1.0 / T
+    slope[1] = p / T
+    if cable.inertia != 0.0:
+        load[0] = dds_o / T + ds_o * ds_o * cable.sigma * p / T**3
+        load[1] = dds_o * p / T - ds_o * ds_o * cable.sigma / T**3
+    load[1] -= cable.sigma
+    return MassTerms(x, slope, load, s_o, ds_o, dds_o)
+
+
+@inner
+def quadrature_at(sines, tables, s_o):
+    """Points, weights, Phi' and `Points.bend`."""
+    if tables is None:
+        return *side_quadrature(s_o, sines.behind, sines.ahead, sines.left.size, sines.grading), None
+    s, weights, phi = riding_quadrature(tables, tables.slope, s_o)
+    return s, weights, phi, riding_quadrature(tables, tables.bend, s_o)[2] if sines.tau > 0.0 else phi
+
+
+@inner
+def points_at(sines, s_o):
+    s, weights, phi, bend = quadrature_at(sines, sines.riding, s_o)
+    T, r_static = hanging_cable_at(s, sines.cable.sigma, sines.cable.c)
+    return Points(s, phi, weights, T, r_static, bend)
+
+
+@inner
+def instant_at(sines, kinematics):
+    return Instant(points_at(sines, kinematics[0]), mass_terms(sines, kinematics))
+
+
+@inner
+def kinematics_in_row(states, i):
+    """s_o, ds_o, dds_o of row i."""
+    return states[i, 0], states[i, 1], states[i, 2]
+
+
+@inner
+def kinematics_of_state(state):
+    last = state.shape[1] - 1
+    return state[0, last], state[1, last], state[2, last]
