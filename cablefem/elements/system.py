@@ -19,7 +19,7 @@ from scipy.sparse.linalg import splu
 
 from cablefem.elements.bodies import INPUTS, Cars, force_jacobian, forces, vector_length
 from cablefem.elements.bordered import Bordered, Dense, Matrix
-from cablefem.elements.observe import observe
+from cablefem.elements.line_observe import observe
 from cablefem.elements.segments import Law, Motion, Segments
 from cablefem.elements.trolley import Trolley
 from cablefem.motion import LineMotion
