@@ -74,7 +74,7 @@ class Measures:
             return self.path_form[0]
         return sum_of_functions(self.q[..., :-1], self.system.basis.basis.phi(self.s_o)) + self.q[..., -1]
 
-    def at_mass(self) -> tuple[Array, Array, Array, Array]:
+    def motion_and_slopes_at_mass(self) -> tuple[Array, Array, Array, Array]:
         """w, w., w.. along the path (n, fields), and w' behind and ahead (2, n, fields)."""
         basis = self.system.basis.basis
         ds_o = self.ds_o[:, None]
@@ -140,7 +140,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     cable = system.cable
     along = system.cable.direction
     x = system.measures(system, states)
-    w, w_t, w_tt, slopes = x.at_mass()
+    w, w_t, w_tt, slopes = x.motion_and_slopes_at_mass()
     fields = x.displacement_fields(s, frames)
     slope, bend = cable.static_slope(x.s_o)
     none = np.zeros(x.s_o.size)

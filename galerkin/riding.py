@@ -161,7 +161,7 @@ class RidingMeasures(Measures):
     def displacement_at_mass(self) -> Array:
         return self.q[..., -1]
 
-    def at_mass(self) -> tuple[Array, Array, Array, Array]:
+    def motion_and_slopes_at_mass(self) -> tuple[Array, Array, Array, Array]:
         slopes = np.array([side.slope_at_mass() for side in self.sides]) + self.hat_slopes()
         return self.q[..., -1], self.v[..., -1], self.a[..., -1], slopes
 

@@ -165,15 +165,15 @@ class _Batch:
         self.given = np.array([x[3] for x in special])
         self.ends = np.concatenate([self.behind[at, :2], self.ahead[at, :2]], axis=1)
 
-    def _special_rows(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _force_conditions(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The special rows (m,), and d/df (m, 4)."""
         # complex-step differentiation
         f = np.where(self.ends >= 0, z[self.ends], 0.0).T
         tiny = 1e-30
         shifted = f[:, None] + 1j * tiny * np.eye(4)[:, :, None]
-        return self._rows_of(f), self._rows_of(shifted).imag.T / tiny
+        return self._conditions_of_forces(f), self._conditions_of_forces(shifted).imag.T / tiny
 
-    def _rows_of(self, f: np.ndarray) -> np.ndarray:
+    def _conditions_of_forces(self, f: np.ndarray) -> np.ndarray:
         """Special rows of forces f (4, ..., m), behind and ahead; also complex ones."""
         bx, by, ax, ay = f
         W = self.given
@@ -228,9 +228,9 @@ class _Batch:
         return np.concatenate([weak_force.assemble(self.basis, **fields), g])
 
     def residual(self, X: np.ndarray, fields: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """The residual (size,), and the derivatives of `_special_rows`."""
+        """The residual (size,), and the derivatives of `_force_conditions`."""
         z = self.derivatives(fields)
-        value, slope = self._special_rows(z)
+        value, slope = self._force_conditions(z)
         R = self.B @ z + self.spring * X + self.pull
         R[self.rows] = value
         return R, slope

@@ -23,7 +23,7 @@ def tension_form(phi, eta, w):
 
 
 @skfem.LinearForm
-def sag_form(eta, w):
+def sag_stretch_form(eta, w):
     return w["slope"] * eta.grad[0]
 
 
@@ -51,6 +51,6 @@ def bare_frequencies(groups: Groups, *, elements: int = 10, degree: int = 8, mod
     else:
         tau = 1.0 / groups.chord_cos
         slope = groups.sigma * groups.chord_cos / tau * (0.5 - s)
-        sag = sag_form.assemble(basis, slope=slope)[inner]
+        sag = sag_stretch_form.assemble(basis, slope=slope)[inner]
         K = stiffness(np.full_like(s, tau)) + STRETCHING[model][0] * groups.alpha * csr_array(np.outer(sag, sag))
     return np.sqrt(eigh(K.toarray(), M.toarray(), eigvals_only=True, subset_by_index=(0, n - 1)))

@@ -170,7 +170,7 @@ class Driving(Part):
         return FARTHEST_END * length if self.end is None or self.end.place is None else self.end.place
 
     @property
-    def thrust_points(self) -> list[tuple[float, float]]:
+    def thrust_over_time(self) -> list[tuple[float, float]]:
         """Times [s] and forces [N] of the thrust; none without thrust."""
         if isinstance(self.thrust, Thrust):
             return list(zip(self.thrust.times, self.thrust.forces, strict=True))
@@ -178,7 +178,7 @@ class Driving(Part):
 
     def scaled(self, length: float, time: float, force: float, rho: float) -> Drive:
         """The drive of a rolling car in these units of m, s and N."""
-        points = self.thrust_points
+        points = self.thrust_over_time
         brakes = sorted((brake.position / length, brake.force / force) for brake in self.brake)
         thrust = self.thrust if isinstance(self.thrust, Thrust) else None
         end_time = math.inf if self.end is None or self.end.time is None else self.end.time

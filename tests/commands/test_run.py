@@ -13,7 +13,7 @@ from cablefem import Scene
 from cablefem.response import Response
 from tests.commands.calls import BROKEN, QUICK, lines
 from validation.commands.run import study
-from validation.core.quantities import number_text
+from validation.core.quantities import design_row_texts
 from validation.core.refine import TooCoarse, run_with_error_bars
 from validation.core.running import run
 from validation.core.watch import make_flag
@@ -36,7 +36,7 @@ def test_run_writes_its_files_and_says_what_came_out(cablefem, tmp_path):
     assert "by following-p2 (elements=4, steps=100)" in out
     assert out.startswith("level: crosses the cable in 14.3 s")
     assert len(out.splitlines()) <= 20
-    numbers = {row["quantity"]: number_text(row)["value"] for row in summary["design"]}
+    numbers = {row["quantity"]: design_row_texts(row)["value"] for row in summary["design"]}
     assert re.search(rf"largest deflection of the car +{re.escape(numbers['mass_deflection_max'])}", out)
     assert " ± " in numbers["mass_deflection_max"]
     assert re.search(rf"largest tension +{re.escape(numbers['tension_max'])}", out)

@@ -16,7 +16,7 @@ from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.commands.check import page as check
 from validation.core.foreign import ForeignPath
-from validation.core.quantities import number_text, unit_scale
+from validation.core.quantities import design_row_texts, unit_scale
 from validation.page import page
 from validation.page.answer.content import table_of_keys
 from validation.page.answer.stored import read_answer
@@ -134,7 +134,7 @@ def test_units_suit_their_numbers(x, unit, told):
     ],
 )  # fmt: skip
 def test_a_number_has_the_digits_that_its_bar_leaves(value, bar, shown):
-    assert number_text({"quantity": "contact_min", "value": value, "bar": bar, "unit": "N"})["value"] == shown
+    assert design_row_texts({"quantity": "contact_min", "value": value, "bar": bar, "unit": "N"})["value"] == shown
 
 
 # --- the side view's data -------------------------------------------------------------------------------------------

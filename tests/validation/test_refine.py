@@ -17,7 +17,7 @@ from validation.core.methods import METHODS, find_method
 from validation.core.refine import (
     TooCoarse,
     cheapest_settings,
-    exceeds_budget,
+    exceeds_work_budget,
     refine_to_tolerance,
     run_with_error_bars,
 )
@@ -149,7 +149,7 @@ def test_a_budget_ends_a_climb_with_the_finest_run_within_it():
     with pytest.raises(TooCoarse) as spent:
         refine_to_tolerance(slow, "following-p2", 1e-4, until=0.8, budget=2e4)
     finest = spent.value.ladder.finest
-    assert not exceeds_budget(METHODS["following-p2"], spent.value.ladder, finest.settings, 2.5e4)
+    assert not exceeds_work_budget(METHODS["following-p2"], spent.value.ladder, finest.settings, 2.5e4)
     assert 1e-4 < finest.path_error < 0.1
 
 

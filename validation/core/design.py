@@ -141,7 +141,7 @@ def quantities_of_run(r: Response) -> dict[str, Quantity]:
                 -1.0, partial(clearance_track, (body, ground)), anywhere=True
             )
     if "sag_growth" in demands_of_limits(scene):
-        named["sag_car_max"] = Quantity(1.0, _sag_tracks)
+        named["sag_car_max"] = Quantity(1.0, _car_sag_tracks)
     if scene.mass is not None and scene.mass.wheels is not None:
         for name in rope_stresses_under_wheel(scene.cable, scene.mass.wheels, np.ones(1), np.ones(1)):
             sign = -1.0 if name.endswith("min") else 1.0
@@ -162,7 +162,7 @@ def demands_of_limits(scene: Scene) -> set[str]:
     return {rule["demand"] for rule in scene.limits.rules(scene.supports.span)}
 
 
-def _sag_tracks(r: Response) -> list[Track]:
+def _car_sag_tracks(r: Response) -> list[Track]:
     """Depth of the car below the chord."""
     f = r.fields
     return [Track(r.t, r.y - r.x * f.y[-1] / f.x[-1], r.s_o)]

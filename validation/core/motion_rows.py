@@ -238,13 +238,17 @@ class Comparison:
         # a station beyond the rope in any run does not count
         beyond = np.any([np.isnan(run.motion.tension).any(axis=0) for run in runs], axis=0)
 
-        def root(values: Array) -> Array:
+        def on_rope_in_all_runs(values: Array) -> Array:
             """Values (n, m) whose rms is that over stations."""
             return values[:, ~beyond]
 
         fields = {
-            "rope": (lambda moved: root(moved.motion.points), self.scales.path, self.asked.fields),
-            "rope_tension": (lambda moved: root(moved.motion.tension), self.scales.tension, self.asked.fields),
+            "rope": (lambda moved: on_rope_in_all_runs(moved.motion.points), self.scales.path, self.asked.fields),
+            "rope_tension": (
+                lambda moved: on_rope_in_all_runs(moved.motion.tension),
+                self.scales.tension,
+                self.asked.fields,
+            ),
         }
         for quantity, (of, scale, asked) in fields.items():
             yield self._field_row(quantity, of, scale, asked)

@@ -22,7 +22,7 @@ def key_numbers(design: list[dict[str, Any]], most: int = 8) -> list[dict[str, A
     return [*first, *(by_name[quantity] for quantity in TEXTS["main"] if quantity in by_name)][:most]
 
 
-def number_text(number: dict[str, Any]) -> dict[str, str]:
+def design_row_texts(number: dict[str, Any]) -> dict[str, str]:
     """A row of `design` as text; "" where unknown."""
     value = number["value"]
     bar = number.get("bar")

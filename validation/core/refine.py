@@ -25,7 +25,7 @@ RUN_OPTIONS = ("model", "load", "law", "until", "frames")  # arguments beside th
 FIRST_STEPS = 120
 MAX_STEPS = 64_000
 MAX_SIZE = 2e6  # steps times resolution, about 0.5 GB
-BUDGET = 1.2e6  # work (see `exceeds_budget`) of the finest run of a ladder, which takes 30 to 60 s
+BUDGET = 1.2e6  # work (see `exceeds_work_budget`) of the finest run of a ladder, which takes 30 to 60 s
 MAX_BROKEN = 3  # ladders one after the other that do not reach the end of the window
 AIM = 0.8  # planned bar over its target
 FINER = np.linspace(1.0, 2.0, 5).tolist()  # refinements of space in one step of planning; larger ones may cost too much
@@ -165,7 +165,7 @@ def refine_to_tolerance(
 ) -> Ladder:  # fmt: skip
     """A ladder whose finest run has a path bar of at most `tol`; see README.md, "How fine a run is".
 
-    budget : see `exceeds_budget`.
+    budget : see `exceeds_work_budget`.
     view : range of the path's bar; default: of the scene.
 
     Raises TooCoarse.
@@ -246,7 +246,7 @@ def _first_within_budget(
 ) -> dict[str, Any] | None:
     """The first settings that are finer than the ladder's and within the budget."""
     for settings in tries:
-        if settings != ladder.finest.settings and not exceeds_budget(method, ladder, settings, budget):
+        if settings != ladder.finest.settings and not exceeds_work_budget(method, ladder, settings, budget):
             return settings
     return None
 
@@ -282,7 +282,7 @@ def cheapest_settings(
     return settings | {space.setting: resolution, "steps": min(math.ceil(steps * b), max(steps, MAX_STEPS))}
 
 
-def exceeds_budget(method: Method, ladder: Ladder, finer: dict[str, Any], budget: float) -> bool:
+def exceeds_work_budget(method: Method, ladder: Ladder, finer: dict[str, Any], budget: float) -> bool:
     """Whether finer settings exceed MAX_SIZE or the budget.
 
     Work is Newton iterations, times nodes of a step, times cost of the resolution.

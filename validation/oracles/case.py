@@ -79,7 +79,7 @@ class Case:
     def ladder(self, solvers: Solvers, method: str) -> list[Rung]:
         return solvers.rungs(method, finer=self.finer)
 
-    def order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
+    def expected_order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
         return self.falls, self.because
 
     def expected_verdict(self, solvers: Solvers, method: str) -> str:
@@ -127,7 +127,7 @@ class Crossing(Case):
     def how(self) -> dict[str, Any]:
         return {"model": self.model, "load": self.load, "until": self.until, "starts_on_cable": self.begins > 0.0}
 
-    def order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
+    def expected_order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
         p, because = solvers.theoretical_order(method)
         return (p if p is None else self.orders.get(method, min(p, self.at_most))), self.because or because
 
@@ -162,7 +162,7 @@ class Modes(Case):
     exact: Array
     methods: tuple[str, ...] | None = ("P2 elements", "sines", "wavelets")
 
-    def order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
+    def expected_order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
         return solvers.theoretical_order(method) if self.falls is None else (self.falls, self.because)
 
     def answer(self, solvers: Solvers, method: str, rung: Rung) -> Array:

@@ -19,7 +19,7 @@ import numpy as np
 from markupsafe import Markup
 
 from cablefem.response import write_text
-from validation.core.quantities import number_text, unit_scale, verification_text, with_bar
+from validation.core.quantities import design_row_texts, unit_scale, verification_text, with_bar
 
 # worst first, with signs for readers who see no colour
 VERDICTS = {"disagree": "✗", "not comparable": "?", "too coarse": "≈", "agree": "✓"}
@@ -222,7 +222,7 @@ _ENVIRONMENT.filters |= {
     "seconds": seconds_text,
     "settings": settings_text,
     "force": force_text,
-    "number_text": number_text,
+    "design_row_texts": design_row_texts,
     "verification_text": verification_text,
     "typeset": typeset_number,
     "with_bar": with_bar,

@@ -11,7 +11,7 @@ from validation.core.agreement import Agreement
 from validation.core.answers import outcome_of_run
 from validation.core.measures import WINDOWS
 from validation.core.methods import find_method
-from validation.core.quantities import key_numbers, limit_text, number_text, with_bar
+from validation.core.quantities import design_row_texts, key_numbers, limit_text, with_bar
 from validation.page import terminal
 from validation.page.answer import EVENTS
 
@@ -36,7 +36,7 @@ def print_answer(scene: Scene, r: Response) -> None:
     """Print what became of a run, its events, the numbers that matter, and where the cable goes slack."""
     terminal.print_text(f"{r.scene}: {outcome_of_run(scene, r).sentence}", style="bold")
     print_limits(scene, judge.limit_rows(scene, r.design, r.events))
-    print_events([x for x in r.events if x["event"] in EVENTS[1:]])  # without the release
+    print_last_events([x for x in r.events if x["event"] in EVENTS[1:]])  # without the release
     print_numbers(key_numbers(r.design))
     onset = next((row for row in r.design if row["quantity"] == "slack_onset"), None)
     if onset is not None:
@@ -59,7 +59,7 @@ def print_limits(scene: Scene | Line, judged: Sequence[dict[str, Any]]) -> None:
 
 def print_numbers(design: Sequence[dict[str, Any]]) -> None:
     """Print design numbers, one per row."""
-    texts = [number_text(x) for x in design]
+    texts = [design_row_texts(x) for x in design]
     width = max((len(x["what"]) for x in texts), default=0)
     for x in texts:
         at = f", at {x['at']}" if x["at"] else ""
@@ -67,7 +67,7 @@ def print_numbers(design: Sequence[dict[str, Any]]) -> None:
         terminal.print_text(f"  {x['what']:<{width}}  {x['value']}{at}{when}")
 
 
-def print_events(happened: Sequence[dict[str, Any]]) -> None:
+def print_last_events(happened: Sequence[dict[str, Any]]) -> None:
     """Print the last five events, one per row."""
     for x in happened[-5:]:
         t = with_bar(x["t"], x.get("bar_t"))

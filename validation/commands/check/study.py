@@ -27,12 +27,12 @@ from validation.core.design import design_gap_rows, design_numbers, widened_numb
 from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.ladder import Goal, Ladder
 from validation.core.methods import Method, checking_pair, find_method, refined_settings
-from validation.core.quantities import key_numbers, number_text
+from validation.core.quantities import design_row_texts, key_numbers
 from validation.core.quasi_static import quasi_static_events
 from validation.core.refine import (
     BUDGET,
     TooCoarse,
-    exceeds_budget,
+    exceeds_work_budget,
     next_settings,
     own_path_error,
     refine_to_tolerance,
@@ -101,7 +101,7 @@ class Check:
         from validation.page.page import table_by_heading  # for notebooks alone
 
         columns = {"quantity": "what", "value": "value", "when": "t", "where": "at"}
-        rows = table_by_heading(map(number_text, key_numbers(self.design)), columns)
+        rows = table_by_heading(map(design_row_texts, key_numbers(self.design)), columns)
         return f"<div><p>{html.escape(repr(self))}</p>{rows}{self.a.run._repr_html_()}</div>"
 
     @property
@@ -197,7 +197,7 @@ class _MethodOnScene:
         """
         if overall_verdict(rows) is Verdict.DISAGREE:
             finer = refined_settings(self.method, ladder.run.settings, space=CONFIRMS, time=CONFIRMS)
-            return None if exceeds_budget(self.method, ladder, finer, self.budget) else finer
+            return None if exceeds_work_budget(self.method, ladder, finer, self.budget) else finer
         coarse = [row for row in rows if row.decides and row.verdict is Verdict.TOO_COARSE and row.required]
         goals = [goal for row in coarse for goal in _goals_for_row(row, self.method.name, larger)]
         if not goals:

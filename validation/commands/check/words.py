@@ -14,7 +14,7 @@ def print_check(result: Check, verbose: bool = False) -> None:
     telling.print_answer(result.scene, replace(result.a.run, design=result.design))
     if ends := [x for x in result.quasi_static if x["event"] in ("arrival", "back", "stop")]:
         terminal.print_text("  by the quasi-static model, without the inertia of the rope:")
-        telling.print_events(ends[-1:])
+        telling.print_last_events(ends[-1:])
     rows = [row.to_json() for row in result.rows]
     terminal.print_text(f"  {agreement_sentence([row for row in rows if not row.get('with')])}")
     for party in dict.fromkeys(row["with"] for row in rows if row.get("with")):

@@ -62,7 +62,7 @@ class Task:
         case = self.case
         method = self.method
         rungs = case.ladder(solvers, method)
-        p, because = case.order(solvers, method)
+        p, because = case.expected_order(solvers, method)
         row = {
             "oracle": self.oracle, "case": case.name, "method": method,
             "ladder": [", ".join(f"{k} {v:g}" for k, v in rung.settings.items()) for rung in rungs],

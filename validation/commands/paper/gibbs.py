@@ -21,7 +21,7 @@ OVERSHOOT = SETTINGS["overshoot"]
 POSITIONS = np.linspace(*(OVERSHOOT["places"][end] for end in ("first", "last", "count")))
 
 
-def _tensions_near_mass(system: GalerkinSystem | FollowingElements, distances: Array) -> Array:
+def _run_for_tensions_beside_mass(system: GalerkinSystem | FollowingElements, distances: Array) -> Array:
     """T at s_o -+ each distance (m,) when the mass passes each of POSITIONS, (positions, 2 m)."""
     states: list[State] = []
     for x in integrate(system, scheme("trapezoidal"), step_times(system, OVERSHOOT["steps"])):
@@ -55,9 +55,10 @@ def overshoot(groups: Groups, method: str, terms: int) -> dict[str, float]:
     """
     distances = np.linspace(0.5, 2.0, 120) / terms
     basis: Basis = _wavelet_basis(terms) if method == "wavelet" else Fourier(terms)
-    reference = _tensions_near_mass(FollowingElements(groups, elements=24, degree=2), distances)
+    reference = _run_for_tensions_beside_mass(FollowingElements(groups, elements=24, degree=2), distances)
     gap = np.abs(
-        _tensions_near_mass(GalerkinSystem(groups, basis, kink=method.endswith("kink")), distances) - reference
+        _run_for_tensions_beside_mass(GalerkinSystem(groups, basis, kink=method.endswith("kink")), distances)
+        - reference
     )
     sizes = gap.max(axis=1)
     return {"terms": terms, "size": float(sizes.mean()), "spread": float(sizes.std(ddof=1) / np.sqrt(sizes.size))}

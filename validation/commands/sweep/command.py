@@ -57,7 +57,7 @@ def command(
 
     writes = [*engine.WRITES, *(["rows.csv"] if csv else [])]
     tally, rows = options.run_study("sweep", loaded.name, writes, out, sweep_and_read)
-    terminal.print_text(f"{tally.status.total()} scenes in this call, {tally.rate:.3g} per second")
+    terminal.print_text(f"{tally.status.total()} scenes in this call, {tally.scenes_per_second:.3g} per second")
     return _print_outcomes(rows)
 
 

@@ -45,14 +45,16 @@ class Tally:
         return self.before + self.status.total()
 
     @property
-    def rate(self) -> float:
+    def scenes_per_second(self) -> float:
         """Scenes per second of this call."""
         return self.status.total() / max(1e-9, time.perf_counter() - self.begin)
 
     def __str__(self) -> str:
         failed = sum(self.status[x] for x in job.BROKEN)
         to_do = self.total - self.done
-        return f"{self.done} done, {failed} failed, {to_do} left, {self.rate:.3g} scenes/s {self.dashboard}"
+        return (
+            f"{self.done} done, {failed} failed, {to_do} left, {self.scenes_per_second:.3g} scenes/s {self.dashboard}"
+        )
 
 
 def sweep(
