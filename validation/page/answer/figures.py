@@ -89,7 +89,8 @@ def plot_path_distance(x: StoredAnswer) -> Markup:
     p = Panel(f"apart [{unit}]", height=150.0)
     p.add_curve(at, factor * gap, BLACK, "", 1.6, "distance of the paths")
     largest = float(inside.max(initial=0.0))
-    allowed = next((row["allowed"] for row in x.rows if row["quantity"] == "path_max"), None)  # of our solvers
+    ours = [row for row in x.rows if not row.get("with")]  # without another program's path
+    allowed = next((row["allowed"] for row in ours if row["quantity"] == "path_max"), None)
     if allowed is not None:
         bars = allowed * a.path_scale
         times = np.array(x.compared_times(a))
