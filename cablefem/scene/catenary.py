@@ -20,6 +20,12 @@ Z_MAX = 5.0
 _BRACKET = Z_MIN * (1.0 - 1e-6), Z_MAX * (1.0 + 1e-6)  # with the ends themselves
 
 
+def static_tension(s, sigma: float, c: float) -> np.ndarray:
+    """T/H at s in [0, 1]."""
+    p = c - sigma * np.asarray(s, dtype=float)
+    return np.sqrt(1.0 + p * p)
+
+
 def tension_and_derivatives(
     s, sigma: float, c: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -143,7 +149,7 @@ class Catenary:
 
     def tension(self, s) -> np.ndarray:
         """Tension [N] at s [m]."""
-        return self.horizontal_tension * tension_and_derivatives(np.asarray(s) / self.length, self.sigma, self.c)[0]
+        return self.horizontal_tension * static_tension(np.asarray(s) / self.length, self.sigma, self.c)
 
 
 def _sinhc_minus_1(z: float) -> float:

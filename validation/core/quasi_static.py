@@ -20,7 +20,7 @@ import numpy as np
 
 from cablefem.response import Array, Observation, Once, Response
 from cablefem.scene import Groups, Scene
-from cablefem.scene.catenary import coordinates
+from cablefem.scene.catenary import coordinates, static_tension
 from cablefem.scene.statics import Rest, gripped_rest, hauled_rest, load_path_nodes
 from validation.core.sampling import OBSERVED, STATIONS, frame_times, observation_in_si, path_fields_in_si
 
@@ -214,8 +214,7 @@ def _station_points(r: Rest, g: Groups, s: Array) -> Array:
     ahead = ends[:, 1:] > r.s[:, None]  # (k, m)
     horizontal, vertical = ((r.left[:, i, None] + ahead * r.jump[:, i, None])[..., None] for i in (0, 1))  # (k, m, 1)
     vertical = vertical - g.sigma * p
-    hanging = np.sqrt(1.0 + (g.c - g.sigma * p) ** 2)  # tension of the empty cable
-    stretch = 1.0 - hanging / g.alpha
+    stretch = 1.0 - static_tension(p, g.sigma, g.c) / g.alpha  # of the empty cable
     weights = half * w * (stretch / np.sqrt(horizontal**2 + vertical**2) + 1.0 / g.alpha)  # (k, m, POINTS)
     pieces = np.stack([horizontal[..., 0] * weights.sum(axis=2), (weights * vertical).sum(axis=2)], axis=2)
     points = np.concatenate([np.zeros((r.s.size, 1, 2)), np.cumsum(pieces, axis=1)], axis=1)
