@@ -1027,7 +1027,7 @@ def _stored_sentences(of: StoredResults) -> set[str]:
     for doubt in of.agreement.get("doubts", []):
         sentences.add(f"{doubt['method']}: {doubt['words']}")
     if of.agreement:
-        sentences.add(_read_words("page", "verdicts.toml")[of.verdict])
+        sentences.add(_read_words("page", "assets/verdicts.toml")[of.verdict])
     return sentences
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from cablefem import catenary_line
 from cablefem.scene.line import Line
 from validation.commands.check import sensitivity as sensitivities
-from validation.commands.run.lines import Report
 from validation.commands.run.motion import (
     ELEMENTS,
     SINES,
@@ -24,7 +23,7 @@ from validation.core import motion_laws, store
 from validation.core.agreement import Agreement, Verdict, overall_verdict
 from validation.core.ladder import Branch, Ladder
 from validation.core.motion_rows import Comparison, LineRun, LineTolerance, Scales, contact_tension, law_row
-from validation.core.sidebyside import no_progress
+from validation.core.sidebyside import Progress, no_progress
 from validation.page.options import Point, tolerance_faults
 
 TOL = 1e-3
@@ -67,7 +66,7 @@ def law_rows(toml: str, ladders: Sequence[Ladder], end: float) -> Iterator[Agree
 
 def check_line(
     line: Line, tol: float = TOL, tol_tension: float | None = None, second: Line | None = None,
-    report: Report = no_progress,
+    report: Progress = no_progress,
 ) -> MotionAnswers:  # fmt: skip
     """Run both methods on a line in motion and compare them; refine until they agree or the budget is spent.
 

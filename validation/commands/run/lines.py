@@ -15,7 +15,7 @@ from cablefem.scene.line import Line
 from validation.core import limits, store
 from validation.core.agreement import Agreement, Verdict, overall_verdict
 from validation.core.answers import Outcome
-from validation.core.sidebyside import no_progress
+from validation.core.sidebyside import Progress, no_progress
 from validation.page import line as at_rest
 from validation.page import motion, report, terminal
 from validation.page.answer import many as table
@@ -23,8 +23,7 @@ from validation.page.options import Point
 
 TOUCHES = -1e-6  # [m] a rope that ends on the ground does not hit it
 Row = dict[str, Any]
-Report = Callable[[float, str], object]  # fraction done, and what
-Solve = Callable[[Line, Report], "LineAnswers"]
+Solve = Callable[[Line, Progress], "LineAnswers"]  # reports the fraction done, and what
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import tomllib
 from collections.abc import Callable, Sequence
@@ -21,7 +20,7 @@ from cablefem.scene.contacts import MovingLine
 from cablefem.scene.line import Line, LineState
 from cablefem.scene.moving import line_in_motion
 from galerkin.lines import LineSines
-from validation.commands.run.lines import LineAnswers, Report
+from validation.commands.run.lines import LineAnswers
 from validation.core import motion_laws, store
 from validation.core.agreement import Agreement
 from validation.core.answers import STATIONS, Outcome
@@ -35,7 +34,7 @@ from validation.core.motion_rows import (
     turning_series,
 )
 from validation.core.readback import limit_faults, limit_table_faults, line_motion_faults
-from validation.core.sidebyside import map_in_parallel, no_progress
+from validation.core.sidebyside import Progress, map_in_parallel, no_progress
 from validation.core.wheels import pitch_period, with_wheel_loads
 from validation.page import terminal
 from validation.page.line import print_line
@@ -109,18 +108,16 @@ def coarser_settings(space: int, time: int) -> tuple[list[tuple[int, int]], list
     return in_space, in_time
 
 
-def run_ladders(solvers: Sequence[LineRuns], space: int, time: int, report: Report) -> None:
+def run_ladders(solvers: Sequence[LineRuns], space: int, time: int, report: Progress) -> None:
     """Make the runs of the ladders of several solvers in parallel, the finest first."""
     in_space, in_time = coarser_settings(space, time)
     settings = [(space, time), *in_time, *in_space]
     missing = [(solver, x) for x in settings for solver in reversed(solvers) if x not in solver.known]
 
-    count = itertools.count(1)
-
     def keep(i: int, moved: LineRun) -> None:
         solver, at = missing[i]
         solver.known[at] = moved
-        done = next(count)
+        done = sum(setting in of.known for of, setting in missing)
         report(done / len(missing), f"{done} of {len(missing)} runs")
 
     map_in_parallel(lambda item: item[0].run(*item[1]), missing, keep)
@@ -358,7 +355,7 @@ class MotionAnswers(LineAnswers):
         terminal.print_text(f"  {self.moved.method}, {settings}; {seconds:.1f} s")
 
 
-def answer_line(line: Line, report: Report = no_progress) -> MotionAnswers:
+def answer_line(line: Line, report: Progress = no_progress) -> MotionAnswers:
     """Run a line in motion on elements, with bars from coarser runs."""
     runs = LineRuns(ELEMENTS, line)
     run_ladders([runs], 2, 2, report)
