@@ -144,6 +144,12 @@ def test_a_slack_onset_told_late_is_seen():
     assert wrong.gap > 3.0 * wrong.allowed
 
 
+@pytest.mark.parametrize("steps", [400, 401])  # slack begins after an even and an odd number of steps
+def test_a_rope_that_falls_slack_has_no_compression_however_sparse_its_steps(steps):
+    x = ladder(LEVEL, elements=12, steps=steps, until=0.9)
+    assert held(x, (0.02, 0.89))["compression"].allowed < 1e-3
+
+
 # --- every number of a response: 5 % off in both wings breaks a law ------------------------------------------------
 
 ARRAYS = [name for name, f in Response.__dataclass_fields__.items() if f.type == "Array"]

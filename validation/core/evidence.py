@@ -73,21 +73,27 @@ class Evidence:
         self.windows = windows
         self.data = SceneData(r.scene_toml, r.length)
 
-    def without_every_second(self) -> Evidence:
-        """Without every second station, frame and step; window ends and jumps stay."""
+    def without_every_second_step(self) -> Evidence:
+        """Without every second step; jumps and the slack onset stay."""
         r = self.r
+        kept = np.arange(r.t.size) % 2 == 0
+        for jump in (*r.jumps, r.slack_since):
+            if math.isfinite(jump):
+                i = int(np.argmin(np.abs(r.t - jump)))
+                kept[max(0, i - 1) : i + 2] = True
+        kept[-1] = True
+        rows = {name: x[kept] for name, x in _array_fields(r).items()}
+        powers = {name: power[kept] for name, power in r.powers.items()}
+        return Evidence(replace(r, **rows, powers=powers), self.windows)
+
+    def without_every_second_station(self) -> Evidence:
+        """Without every second station and frame; window ends stay."""
         f = self.r.fields
-        steps = np.arange(r.t.size) % 2 == 0
-        frames = np.arange(f.t.size) % 2 == 0
-        for jump in r.jumps:
-            i = int(np.argmin(np.abs(r.t - jump)))
-            steps[max(0, i - 1) : i + 2] = True
-        steps[-1] = frames[self.window_frames] = True
-        thin: dict[str, Array] = {n: x[::2] if n in AT_REST else x[frames] for n, x in _array_fields(f).items()}
+        kept = np.arange(f.t.size) % 2 == 0
+        kept[self.window_frames] = True
+        thin: dict[str, Array] = {n: x[::2] if n in AT_REST else x[kept] for n, x in _array_fields(f).items()}
         thin = {n: x[:, ::2] if x.ndim == 2 else x for n, x in thin.items()}
-        rows = {n: x[steps] for n, x in _array_fields(r).items()}
-        powers = {name: power[steps] for name, power in r.powers.items()}
-        return Evidence(replace(r, **rows, powers=powers, fields=replace(f, **thin)), self.windows)
+        return Evidence(replace(self.r, fields=replace(f, **thin)), self.windows)
 
     # --- the cable at rest -----------------------------------------------------------------------------
 

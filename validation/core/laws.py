@@ -53,8 +53,9 @@ def check_laws_in_si(
     windows = replace(Windows.over_part_of_run(finest, window, until), far=min(r.reached for r in ladder.runs))
     known = {id(x): Evidence(x, windows) for x in ladder.runs}
     case = known[id(finest)]
-    thin = case.without_every_second()
-    sparse = thin, thin.without_every_second()
+    steps, stations = case.without_every_second_step(), case.without_every_second_station()
+    sparse_steps = steps, steps.without_every_second_step()
+    sparse_stations = stations, stations.without_every_second_station()
     for name, law in LAWS.items():
         if not law.concerns(case):
             continue
@@ -64,8 +65,9 @@ def check_laws_in_si(
         parts = (math.nan, 0.0)
         at = math.nan
         if defect.s_o.size and np.isfinite(defect.value).all():
-            space, time, sampling = _bars_of_defect(law, defect, ladder, known, sparse)
-            bars = space + time + sampling
+            space, time = _bars_of_defect(law, defect, ladder, known)
+            time = time + _sampling_bars(law, defect, sparse_steps)  # more steps lessen both
+            bars = space + time + _sampling_bars(law, defect, sparse_stations)
             worst = int((defect.rms / bars).argmax())
             gap = float(defect.rms[worst])
             parts = (float(space[worst]), float(time[worst]))
@@ -78,18 +80,20 @@ def check_laws_in_si(
         )  # fmt: skip
 
 
-def _bars_of_defect(
-    law: Law, defect: Defect, ladder: Any, known: dict[int, Evidence], sparse: tuple[Evidence, Evidence]
-) -> tuple[Array, Array, Array]:
-    """Bars (c,) of a defect in space and time, and of sampling, which a finer run does not lessen."""
-    half, quarter = (law.defect(x).value for x in sparse)
-    sampling = ROUNDING + error_bar(_rms_distance(defect.value, half), _rms_distance(half, quarter), (2.0, 2.0), FIRST)
+def _bars_of_defect(law: Law, defect: Defect, ladder: Any, known: dict[int, Evidence]) -> tuple[Array, Array]:
+    """Bars (c,) of a defect in space and time."""
     defects = {key: (defect if law.exact else law.defect(x)).value for key, x in known.items()}
     space, time = ladder.bar_parts(lambda x: defects[id(x)], _rms_distance, FIRST)
     space, time = (np.broadcast_to(x, defect.rms.shape) for x in (space, time))
     if law.at_start:
         space = np.maximum(space, SAFETY * ladder.start_gap)
-    return space, time, sampling
+    return space, time
+
+
+def _sampling_bars(law: Law, defect: Defect, sparse: tuple[Evidence, Evidence]) -> Array:
+    """Bars (c,) of a defect by half and a quarter of what it is computed from."""
+    half, quarter = (law.defect(x).value for x in sparse)
+    return ROUNDING + error_bar(_rms_distance(defect.value, half), _rms_distance(half, quarter), (2.0, 2.0), FIRST)
 
 
 def _rms_distance(a: Array, b: Array) -> Array:

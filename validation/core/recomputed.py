@@ -445,7 +445,8 @@ def check_energy_of_ride(r: Response) -> Agreement:
     """
     m = Evidence(r, Windows(r.fields.t[::2], r.t))
     gap = _unexplained_energy(m)
-    allowed = 3.0 * float(np.abs(gap - _unexplained_energy(m.without_every_second())).max()) + STATICS
+    thin = m.without_every_second_step().without_every_second_station()
+    allowed = 3.0 * float(np.abs(gap - _unexplained_energy(thin)).max()) + STATICS
     k = int(np.abs(gap).argmax())
     where = float(r.fields.s_o[m.window_frames][k] / r.length)
     return _recomputed_row(r, "energy", "quasi-static", float(np.abs(gap[k])), allowed, where)
