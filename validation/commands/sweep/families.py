@@ -177,7 +177,8 @@ def _car_table(draw: Draw, name: str, T: float, begin: tuple[float, float], end:
     places = [low + share * (high - low) for share in (draw(0.15, 0.35), draw(0.65, 0.85))]
     first, last = places if draw(0.0, 1.0) < 0.5 else places[::-1]
     acceleration = draw(0.3, 0.8)
-    travel = {"kind": "trapezoid", "top_speed": draw(3.0, 8.0), "from": first, "to": last}
+    reached = math.sqrt(0.9 * acceleration * abs(last - first))
+    travel = {"kind": "trapezoid", "top_speed": min(draw(3.0, 8.0), reached), "from": first, "to": last}
     travel |= {"acceleration": acceleration, "deceleration": acceleration}
     car: Tables = {"name": name, "mass": T * draw(0.02, 0.1) / 9.81, "travel": travel}
     return car | ({"drive": {"mode": "haul", "rolling_friction": draw(0.0, 0.02)}} if hauled else {})
