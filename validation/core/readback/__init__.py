@@ -1,0 +1,20 @@
+"""What was written, read back: files, page and terminal against the stored fields and JSON files.
+
+It imports nothing of what writes them.  Every reader yields faults, sentences.
+A table or printed text without a reader is noted: a test fails then.
+"""
+
+from validation.core.readback.files import FILES, file_faults, path_columns
+from validation.core.readback.found import find_faults
+from validation.core.readback.limits import limit_faults, limit_table_faults
+from validation.core.readback.pages import page_faults
+from validation.core.readback.side_view import line_motion_faults
+from validation.core.readback.stored import StoredResults
+from validation.core.readback.terminal import terminal_faults
+from validation.core.readback.texts import plain_text
+from validation.core.readback.verification import verification_faults
+
+__all__ = [
+    "FILES", "StoredResults", "file_faults", "find_faults", "limit_faults", "limit_table_faults",
+    "line_motion_faults", "page_faults", "path_columns", "plain_text", "terminal_faults", "verification_faults",
+]  # fmt: skip

@@ -1,0 +1,215 @@
+"""Files of a run against its stored fields."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from validation.core.readback.limits import limit_faults
+from validation.core.readback.stored import Faults, Run, StoredResults, read_json
+from validation.core.readback.verification import verification_faults
+from validation.core.scene_data import ROUNDING, Array, max_depth_at
+
+SINGLE_PRECISION = 1e-6  # of single precision
+FRAMES = 5  # of an animation that are read
+POINTS = 201  # of profile.csv
+
+
+def file_faults(of: StoredResults) -> Faults:
+    """Faults of the files of each method, and of the limits."""
+    for faults in limit_faults(of.limits, of.stored_run(0)["scene"], of.design, of.shown_events):
+        yield f"limits: {faults}"
+    for faults in verification_faults(of):
+        yield f"verification: {faults}"
+    for i, method in enumerate(of.methods):
+        for name, reader in FILES.items():
+            file = of.folder / method / name
+            if reader is not None and file.exists():
+                for fault in reader(file, of.stored_run(i)):
+                    yield f"{file}: {fault}"
+
+
+def _csv_faults(file: Path, expected: dict[str, Array]) -> Faults:
+    """Faults of the columns of a CSV; its empty cells are nan."""
+    header, _, body = file.read_text(encoding="ascii").rstrip().partition("\n")
+    names = header.split(",")
+    cells = [float(cell or "nan") for cell in body.replace("\n", ",").split(",")]
+    columns = dict(zip(names, np.reshape(cells, (-1, len(names))).T, strict=True))
+    for name in columns.keys() ^ expected.keys():
+        yield f"column {name} has no second computation or is not there"
+    for name in columns.keys() & expected.keys():
+        yield from series_faults(name, columns[name], expected[name], ROUNDING)
+
+
+def series_faults(name: str, written: Array, expected: Array, rounding: float, scale: float | None = None) -> Faults:
+    if written.shape != expected.shape or not np.array_equal(np.isnan(written), np.isnan(expected)):
+        yield f"{name} has other rows than were computed"
+        return
+    off = float(np.nanmax(np.abs(written - expected), initial=0.0))
+    scale = scale or float(np.nanmax(np.abs(expected), initial=0.0)) or 1.0
+    if off > rounding * scale:
+        yield f"{name} is not what was computed: off by {off:.3g} of {scale:.3g}"
+
+
+def _path_faults(file: Path, run: Run) -> Faults:
+    yield from _csv_faults(file, path_columns(run))
+
+
+def path_columns(run: Run) -> dict[str, Array]:
+    """Columns of path.csv from the stored arrays (n,)."""
+    tangent = run["slope_behind"] + run["slope_ahead"]  # (n, 2)
+    across = tangent[:, 0] * run["contact"][:, 1] - tangent[:, 1] * run["contact"][:, 0]
+    path = {name: run[name] for name in ("t", "s_o", "x", "y", "u", "v", "T_behind", "T_ahead", "F_haul")}
+    path["speed"] = np.sqrt(np.sum(run["velocity"] ** 2, axis=1))
+    path["F_contact"] = across / np.sqrt(np.sum(tangent**2, axis=1))
+    return path
+
+
+def _tension_faults(file: Path, run: Run) -> Faults:
+    """Rows of each frame: all stations, then the car's two sides."""
+    k, m = run["fields.T"].shape
+    s_o = run["fields.s_o"]
+    columns = {
+        "t": np.repeat(run["fields.t"], m + 2),
+        "s": np.column_stack([np.tile(run["fields.s"], (k, 1)), s_o, s_o]),
+        "T": np.column_stack([run["fields.T"], run["fields.T_behind"], run["fields.T_ahead"]]),
+    }
+    yield from _csv_faults(file, {name: x.ravel() for name, x in columns.items()})
+
+
+def _profile_faults(file: Path, run: Run) -> Faults:
+    """Envelopes of depth and tension over x: from all taut frames, and of the car's path between them.
+
+    Up to where waves get slower than the mass, too.
+    """
+    length = run["rest"]["length"]
+    onset = run["rest"]["slack_onset"]
+    until = math.inf
+    if onset is not None:
+        until = run["t"][np.argmin(np.abs(run["s_o"] - onset * length))]
+    for flag in run["rest"]["flags"]:
+        if flag["kind"] == "slow waves":
+            until = min(until, np.interp(flag["numbers"]["since"] * length, run["s_o"], run["t"]))
+    taut = run["t"] <= until
+    x_rest = run["fields.x"]
+    y_rest = run["fields.y"]
+    x = np.linspace(x_rest[0], x_rest[-1], POINTS)
+    depths = [np.interp(x, x_rest, y_rest)]
+    tensions = [np.interp(x, x_rest, run["fields.T_static"])]
+    car = car_positions(run)
+    at_car = np.fmax(run["fields.T_behind"], run["fields.T_ahead"])
+    for k in np.flatnonzero(run["fields.t"] <= until):
+        i = int(np.searchsorted(run["fields.s"], run["fields.s_o"][k], side="right"))
+        x_rope = np.insert(x_rest + run["fields.u"][k], i, car[k, 0])
+        y_rope = np.insert(y_rest + run["fields.v"][k], i, car[k, 1])
+        depths.append(np.interp(x, x_rope, y_rope))
+        tensions.append(np.interp(x, x_rope, np.insert(run["fields.T"][k], i, at_car[k])))
+    columns = {
+        "x": x,
+        "y_rest": depths[0],
+        "y_highest": np.min(depths, axis=0),
+        "y_lowest": np.maximum(np.max(depths, axis=0), max_depth_at(x, run["x"][taut], run["y"][taut])),
+        "tension_max": np.max(tensions, axis=0),
+        "tension_min": np.min(tensions, axis=0),
+    }
+    yield from _csv_faults(file, columns)
+
+
+def car_positions(run: Run) -> Array:
+    """Where the car is at each frame (k, 2): on the rope at rest, moved."""
+    s_o = run["fields.s_o"]
+    x = np.interp(s_o, run["fields.s"], run["fields.x"]) + run["fields.mass_u"]
+    y = np.interp(s_o, run["fields.s"], run["fields.y"]) + run["fields.mass_v"]
+    return np.stack([x, y], axis=1)
+
+
+def _animation_faults(file: Path, run: Run) -> Faults:
+    """Points, velocity and tension of the rope in some frames; the car's two ends come last."""
+    for k, frame in _frames_of_animation(file, run):
+        u = run["fields.u"][k]
+        v = run["fields.v"][k]
+        rates = [run["fields.du"][k], run["fields.dv"][k]]
+        at_car = [np.interp(run["fields.s_o"][[k, k]], run["fields.s"], rate) for rate in rates]
+        rope = _point_with_y_up(run["fields.x"] + u, run["fields.y"] + v)
+        T = [*run["fields.T"][k], run["fields.T_behind"][k], run["fields.T_ahead"][k]]
+        velocity = np.concatenate([_point_with_y_up(*rates), _point_with_y_up(*at_car)])
+        moved = frame["points"] + frame["displacement"]  # (m + 2, 3)
+        yield from series_faults(
+            f"rope in frame {k}", moved[:-2], rope, SINGLE_PRECISION, float(np.ptp(run["fields.x"]))
+        )
+        yield from _car_faults(k, moved[-1], run)
+        yield from series_faults(f"velocity in frame {k}", frame["velocity"], velocity, SINGLE_PRECISION)
+        yield from series_faults(f"tension in frame {k}", frame["tension"], np.array(T), SINGLE_PRECISION)
+
+
+def _mass_faults(file: Path, run: Run) -> Faults:
+    for k, frame in _frames_of_animation(file, run):
+        yield from _car_faults(k, frame["points"] + frame["displacement"], run)
+        for side in ("behind", "ahead"):
+            T = run[f"fields.T_{side}"][k : k + 1]
+            yield from series_faults(f"tension {side} in frame {k}", frame[f"tension_{side}"], T, SINGLE_PRECISION)
+
+
+def _car_faults(k: int, point: Array, run: Run) -> Faults:
+    x, y = car_positions(run)[k]
+    yield from series_faults(f"car in frame {k}", point, _point_with_y_up(x, y), 1e-4, float(np.ptp(run["fields.x"])))
+
+
+def _frames_of_animation(file: Path, run: Run) -> Iterator[tuple[int, dict[str, Array]]]:
+    """Numbers and arrays of some frames of an animation, whose times must be those of the stored frames."""
+    grids: list[Any] = [x for x in ElementTree.parse(file).iter("Grid") if x.get("GridType") == "Uniform"]
+    times = np.array([float(grid.find("Time").get("Value")) for grid in grids])
+    if not np.array_equal(times, run["fields.t"]):
+        raise ValueError(f"{file}: frames at other times than were computed")
+    for k in np.unique(np.linspace(0, len(grids) - 1, FRAMES).round().astype(int)):
+        parts = [part for part in grids[k] if part.tag != "Topology" and part.find("DataItem") is not None]
+        yield int(k), {part.get("Name") or "points": _values_of_item(part.find("DataItem"), file) for part in parts}
+
+
+def _values_of_item(item: Any, file: Path) -> Array:
+    """Values of an item of XDMF: in the file, or in the HDF5 beside it."""
+    import h5py  # seldom needed
+
+    text = item.text.strip()
+    if item.get("Format") != "HDF":
+        return np.array(text.split(), dtype=float)
+    with h5py.File(file.with_suffix(".h5")) as data:
+        return np.array(data[text.partition(":")[2]], dtype=float)
+
+
+def _point_with_y_up(x: Any, y: Any) -> Array:
+    return np.stack([x, -y, 0.0 * x], axis=-1)
+
+
+def _summary_faults(file: Path, run: Run) -> Faults:
+    """Numbers of summary.json that follow from the path; all others are as they are stored."""
+    written = read_json(file)
+    rest = run["rest"]
+    if abs(written["reached"] - run["s_o"][-1] / rest["length"]) > ROUNDING:
+        yield "reached is not where the path ends"
+    if written["max_deflection"] not in run["v"]:
+        yield "max_deflection is no v of the path"
+    for name in written.keys() & rest.keys() - {"flags"}:
+        if written[name] != rest[name]:
+            yield f"{name} is not as stored"
+    for name in written.keys() - rest.keys() - COMPUTED - rest["work"].keys():
+        yield f"key {name} has no second computation"
+
+
+# keys of summary.json that are not stored as they are: this reader and `recomputed` compute them a second time
+COMPUTED = {"reached", "max_deflection", "path_scale", "outcome", "outcome_kind", "flag_kinds", "limits"}
+FILES: dict[str, Callable[[Path, Run], Faults] | None] = {
+    "path.csv": _path_faults,
+    "tension.csv": _tension_faults,
+    "profile.csv": _profile_faults,
+    "response.xdmf": _animation_faults,
+    "mass.xdmf": _mass_faults,
+    "summary.json": _summary_faults,
+    "response.h5": None,  # by response.xdmf
+    "response.npz": None,  # the stored fields themselves
+}

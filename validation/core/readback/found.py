@@ -1,0 +1,152 @@
+"""The answer to an inverse question, its page and its files."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from validation.core.readback.pages import section_html
+from validation.core.readback.stored import Faults, Row, read_json, read_words
+from validation.core.readback.texts import NUMBER, cell_texts, contents_of_tags, plain_text, shows_value
+from validation.core.scene_data import ROUNDING, si_factor
+
+_CLAUSE = re.compile(r"(.+?)\s*(<=|>=|<|>|=)\s*(\S+)\s*(\S*)")
+_ANSWER = re.compile(rf"(at most|at least) (about )?({NUMBER}(?: ± {NUMBER})?)(?: (\S+))?; (above|below): ")
+EVENT_UNITS = {"t": "s", "s_o": "m", "speed": "m/s"}
+
+
+def find_faults(folder: Path, html_text: str, printed: Sequence[str]) -> Faults:
+    """Faults of find.json, find.csv, their page and what was printed."""
+    found = read_json(folder / "find.json")
+    section = section_html(html_text, "find", "find")
+    rows = [cell_texts(row) for table in contents_of_tags("table", section) for row in contents_of_tags("tr", table)][
+        1:
+    ]
+    if "rows" in found:
+        sentences = [f"{found['for']} = {row['of']}: {row['answer']}" for row in _curve_points(found["rows"])]
+        yield from _curve_faults(found, folder / "find.csv", rows)
+    else:
+        sentences = [found["sentence"]]
+        yield from _search_faults(found)
+        if plain_text("".join(contents_of_tags('p class="summary"', section))) != plain_text(found["sentence"]):
+            yield "the page has another answer than find.json"
+        tried = [[x["value"], "yes" if x["holds"] else "no", x["outcome"]] for x in found["evaluations"]]
+        yield from _row_faults([[cells[0], *cells[2:]] for cells in rows], tried)
+        for cells, row in zip(rows, found["evaluations"], strict=False):
+            yield from _row_faults([cells[1].split("; ")], [list(itertools.chain(*row["read"]))])
+    for sentence in sentences:
+        if sentence not in printed:
+            yield f"{sentence!r} was not printed"
+
+
+def _curve_points(rows: Sequence[Row]) -> list[Row]:
+    """Rows of a curve, whose first key is the one that varies."""
+    return [dict(zip(("of", "value", "answer"), row.values(), strict=True)) for row in rows]
+
+
+def _curve_faults(found: Row, table: Path, shown: Sequence[Sequence[str]]) -> Faults:
+    """Faults of a curve in find.csv and in the rows of its page."""
+    stored = [list(row.values()) for row in found["rows"]]
+    expected = [[found["for"], found["key"], "answer"], *stored]
+    with table.open(encoding="utf-8", newline="") as file:
+        if [*csv.reader(file)] != [["" if x is None else str(x) for x in row] for row in expected]:
+            yield "find.csv is not find.json"
+    for row in _curve_points(found["rows"]):
+        match = _ANSWER.search(row["answer"])
+        unknown = row["value"] is None
+        if (match is None) is not unknown or (match and not _rounds_to(match, row["value"])):
+            yield f"{row['answer']!r} where {row['value']} is stored"
+    yield from _row_faults(shown, stored)
+
+
+def _row_faults(shown: Sequence[Sequence[str]], stored: Sequence[Sequence[Any]]) -> Faults:
+    if len(shown) != len(stored):
+        yield f"{len(shown)} rows are shown where {len(stored)} are stored"
+    for cells, row in zip(shown, stored, strict=False):
+        for text, value in zip(cells, row, strict=True):
+            if isinstance(value, str) and value:
+                good = text == plain_text(value)
+            else:
+                good = shows_value(text, None if value == "" else value, digits=6)
+            if not good:
+                yield f"{text} is shown where {value} is stored"
+
+
+def _rounds_to(match: re.Match[str], value: float) -> bool:
+    """Whether an answer in words is a value to its last digit, two of one that is about."""
+    bar = match[3].partition(" ± ")[2]
+    return shows_value(match[3], value, bar=float(bar) if bar else None, digits=2 if match[2] else 5)
+
+
+def _search_faults(found: Row) -> Faults:
+    """Faults of the values that were tried, of each change between them, and of the sentence."""
+    clauses = [_CLAUSE.fullmatch(text.strip()) for text in re.split(r"\band\b", found["condition"])]
+    reads = {row["value"]: list(itertools.chain(*row["read"])) for row in found["evaluations"]}
+    rooms = {value: list(map(_clause_margin, itertools.cycle(clauses), read)) for value, read in reads.items()}
+    for row in found["evaluations"]:
+        if row["holds"] is not all(room >= 0.0 for room in rooms[row["value"]]):
+            yield f"at {row['value']}: holds is {row['holds']} where {rooms[row['value']]} follow"
+    first = found["changes"][0] if found["changes"] else {}
+    for name in ("value", "bar", "holds_at", "fails_at"):
+        if found[name] != first.get(name):
+            yield f"{name} is not that of the first change"
+    yield from _changes_faults(found, rooms, reads)
+
+
+def _changes_faults(found: Row, rooms: dict[float, list[float]], reads: dict[float, list[Any]]) -> Faults:
+    """Faults of each change, and of its answer in words."""
+    answers = [] if "interrupted" in found["sentence"] else list(_ANSWER.finditer(found["sentence"]))
+    if answers and len(answers) != len(found["changes"]):
+        yield f"{len(answers)} answers in words of {len(found['changes'])}"
+    for i, change in enumerate(found["changes"]):
+        yield from _change_faults(change, rooms, reads)
+        if answers:
+            yield from _answer_faults(answers[i], change)
+
+
+def _clause_margin(match: re.Match[str] | None, read: Any) -> float:
+    """By how much a clause holds; negative or nan: it does not."""
+    if match is None or match[2] == "=":
+        return 0.0 if read == ("met" if match is None else match[3]) else math.nan
+    if read is None:
+        return math.nan
+    kind = re.split("[.:]", match[1])[0]
+    quantities = read_words("core", "quantities.toml")
+    units = {name: row[1] for table in ("main", "more") for name, row in quantities[table].items()}
+    unit = next((units[name] for name in (kind, f"{kind}_min", f"{kind}_max") if name in units), None)
+    if unit is None:
+        unit = EVENT_UNITS[match[1].partition(".")[2]]
+    room = float(read) - float(match[3]) * si_factor(match[4], unit)
+    return room if match[2][0] == ">" else -room
+
+
+def _change_faults(change: Row, rooms: dict[float, list[float]], read: dict[float, list[Any]]) -> Faults:
+    """Faults of a change: where the first number that fails crosses its limit on a chord, and the bar of a check."""
+    good, bad = change["holds_at"], change["fails_at"]
+    above, below = rooms[good], rooms[bad]
+    if not all(x >= 0.0 for x in above) or all(x >= 0.0 for x in below):
+        yield f"the condition does not change between {good} and {bad}"
+    shares = [a / (a - b) for a, b in zip(above, below, strict=False) if b < 0.0 <= a]
+    value = good + min(shares, default=0.0) * (bad - good)
+    if abs(change["value"] - value) > 1e-9 * abs(value):
+        yield f"value {change['value']} where {value} follows"
+    if change["checked"] is not None and change["bar"] is not None:
+        i, number, of_number = change["checked"]
+        slope = abs((read[bad][i] - read[good][i]) / (bad - good))
+        bar = (abs(number - read[good][i]) + of_number) / slope
+        if abs(change["bar"] - bar) > ROUNDING * bar:
+            yield f"bar {change['bar']} where {bar} follows from the check"
+
+
+def _answer_faults(match: re.Match[str], change: Row) -> Faults:
+    at_most = change["fails_at"] > change["holds_at"]
+    words = match[1] == ("at most" if at_most else "at least") and match[5] == ("above" if at_most else "below")
+    width = max(change["bar"] or 0.0, abs(change["fails_at"] - change["holds_at"]))
+    good = _rounds_to(match, change["value"]) if match[2] else shows_value(match[3], change["value"], bar=width)
+    if not words or not good or (match[4] or "") != change["unit"]:
+        yield f"{match[0]!r} where {change['value']} with the bar {change['bar']} is stored"

@@ -1,0 +1,66 @@
+"""What a run or a check stored, as what reads it back sees it."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+Faults = Iterator[str]
+Run = dict[str, Any]  # stored arrays of a method by name, its TOML as "scene", its numbers as "rest"
+Row = dict[str, Any]  # of a JSON file
+ORDER = ("disagree", "not comparable", "too coarse", "agree")  # of verdicts: the first one counts
+SHOWN_AS = {"too coarse": "too coarse to tell", "not comparable": "cannot be compared"}
+
+
+class StoredResults:
+    """What a run or a check stored in a folder: of methods, the first one's numbers are those shown."""
+
+    def __init__(self, folder: Path, methods: Sequence[str], judged: bool) -> None:
+        self.folder = folder
+        self.methods = methods
+        self.summaries = [read_json(folder / name / "summary.json") for name in methods]
+        self.agreement = read_json(folder / "agreement.json") if judged else {}
+        shown = self.agreement or self.summaries[0]
+        self.design: list[Row] = shown["design"]
+        self.shown_events: list[Row] = shown["events"]
+        self.events: list[Row] = [*shown["events"], *self.agreement.get("quasi_static", [])]
+        self.rows: list[Row] = self.agreement.get("rows", [])
+        self.limits: list[Row] = shown.get("limits", [])
+        self.outcome: str = self.summaries[0].get("outcome", "")
+        self.unread: list[str] = []  # what has no reader
+
+    @property
+    def verdict(self) -> str:
+        """Of both solvers; another program has its own."""
+        return worst_verdict(row for row in self.rows if not row.get("with")) or "not comparable"
+
+    @cache  # noqa: B019  a few, short-lived
+    def stored_run(self, i: int) -> Run:
+        """The stored arrays of a method, and its scene's TOML."""
+        with np.load(self.folder / self.methods[i] / "response.npz", allow_pickle=False) as data:
+            run: Run = {name: data[name] for name in data.files if name != "_rest"}
+            run["rest"] = json.loads(str(data["_rest"]))
+        run["scene"] = tomllib.loads(run["rest"]["scene_toml"])
+        return run
+
+
+def worst_verdict(rows: Iterable[Row]) -> str | None:
+    verdicts = {row["verdict"] for row in rows if row["asked"]}
+    return next((verdict for verdict in ORDER if verdict in verdicts), None)
+
+
+def read_json(file: Path) -> Any:
+    return json.loads(file.read_text(encoding="utf-8"))
+
+
+@cache
+def read_words(package: str, file: str) -> dict[str, Any]:
+    home = package if package.startswith("cablefem") else f"validation.{package}"
+    return tomllib.loads(resources.files(home).joinpath(file).read_text(encoding="utf-8"))

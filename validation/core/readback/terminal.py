@@ -1,0 +1,125 @@
+"""What a run or a check printed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+
+from validation.core.readback.limits import limit_row_faults
+from validation.core.readback.stored import Faults, StoredResults, read_words, worst_verdict
+from validation.core.readback.tables import count_faults, event_faults, no_faults, number_faults, shows_gaps
+from validation.core.readback.texts import quantity_words, shows_value
+
+
+def _printed_limit_faults(text: str, of: StoredResults) -> Faults:
+    yield from limit_row_faults(re.split("  +", text), of.limits)
+
+
+def terminal_faults(printed: Sequence[str], of: StoredResults) -> Faults:
+    """Faults of what a run or a check printed."""
+    stored = _stored_sentences(of)
+    for text in printed:
+        reader = next((read for pattern, read in LINE_CHECKS if re.match(pattern, text)), _printed_number_faults)
+        if text.strip() and text.strip() not in stored:
+            yield from reader(text.strip(), of)
+
+
+def _stored_sentences(of: StoredResults) -> set[str]:
+    """Sentences that are printed as they are stored."""
+    sentences = {f"{of.summaries[0]['scene']}: {of.outcome}"}
+    for summary in of.summaries:
+        sentences |= set(summary["flags"])
+    for doubt in of.agreement.get("doubts", []):
+        sentences.add(f"{doubt['method']}: {doubt['words']}")
+    if of.agreement:
+        sentences.add(read_words("page", "assets/verdicts.toml")[of.verdict])
+    return sentences
+
+
+def _printed_number_faults(text: str, of: StoredResults) -> Faults:
+    """A design number; of two names that begin alike the longer one."""
+    rows = [row for row in of.design if text.startswith(f"{quantity_words(row)} ")]
+    if not rows:
+        of.unread.append(text)
+        return
+    row = max(rows, key=lambda x: len(quantity_words(x)))
+    rest = re.sub(r"^\(\d+ more, larger\)", "", text.removeprefix(quantity_words(row)).strip()).strip()
+    parts = re.fullmatch(r"(.*?)(?:, at ([\d.-]+ m))?(?: after (\S+ s))?", rest)
+    assert parts is not None
+    value, at, when = parts.groups("")
+    car = f"{row['s_o']:.1f} m" if row.get("s_o") is not None and row["value"] is not None else ""
+    yield from number_faults([quantity_words(row), value, when, car, at], of)
+
+
+def _printed_event_faults(text: str, of: StoredResults) -> Faults:
+    parts = re.fullmatch(r"(.*?) +after (.*) s at (.*) m(?: with (.*) km/h)?", text)
+    if parts is None or parts[1].replace(" ", "_") not in [row["event"] for row in of.events]:
+        of.unread.append(text)
+    else:
+        yield from event_faults(parts.groups(""), of)
+
+
+def _printed_slack_faults(text: str, of: StoredResults) -> Faults:
+    row = next((x for x in of.design if x["quantity"] == "slack_onset"), {"value": None})
+    length = of.stored_run(0)["rest"]["length"]
+    number = text.removeprefix("slack somewhere from car at ").partition(" on;")[0]
+    if row["value"] is None or not shows_value(number, row["value"] * length, "m", bar=(row["bar"] or 0.0) * length):
+        yield f"{text!r} is not the stored slack onset"
+
+
+def _scope_faults(text: str, of: StoredResults) -> Faults:
+    """What a text is for, and whether the scene is that."""
+    for x in read_words("cablefem.scene", "limits.toml")["text"].values():
+        expected = f"{x['source']}: for {x['scope']}"
+        if of.stored_run(0)["rest"]["drive"] not in x["modes"]:
+            expected += "; this scene is outside its scope"
+        if text == expected:
+            return
+    yield f"{text!r} is no scope of a text"
+
+
+def _printed_work_faults(text: str, of: StoredResults) -> Faults:
+    parts = re.fullmatch(r"by (\S+) \((.*)\) in (\S+) s(?:; path ± (\S+) m)?", text)
+    run = of.summaries[0]
+    if parts is None or parts[1] != run["method"]:
+        yield f"{text!r} is not the stored run"
+        return
+    settings = {f"{key}={value}" for key, value in run["settings"].items()} | {run["model"], run["load"], run["law"]}
+    if not set(parts[2].split(", ")) <= settings:
+        yield f"{parts[2]!r} are not the stored settings"
+    bar = None if run["path_error"] is None else run["path_error"] * run["path_scale"]
+    if not shows_value(parts[3], run["seconds"], digits=2) or not shows_value(parts[4] or "–", bar, digits=2):
+        yield f"{text!r}: {run['seconds']} s and {bar} m are stored"
+
+
+def _printed_comparison_faults(text: str, of: StoredResults) -> Faults:
+    """Name, gap, bars, tolerance, where, verdict."""
+    name, *cells, verdict = re.split("  +", text)
+    for row in of.rows:
+        words = " ".join(row[key] for key in ("quantity", "law", "with") if row.get(key))
+        if (name, verdict) == (words, row["verdict"] or "shown") and shows_gaps(cells[:3], row, 2):
+            return
+    yield f"{text!r} is no comparison in agreement.json"
+
+
+def _printed_third_party_faults(text: str, of: StoredResults) -> Faults:
+    words = read_words("commands.check", "words.toml")["third"]
+    for party in {row["with"] for row in of.rows if row.get("with")}:
+        worst = worst_verdict(row for row in of.rows if row.get("with") == party)
+        if text.startswith(f"{party}: {words[worst or 'not comparable']}"):
+            return
+    yield f"{text!r} is no verdict on another program"
+
+
+LINE_CHECKS: tuple[tuple[str, Callable[[str, StoredResults], Faults]], ...] = (
+    (r"  slack somewhere from car at ", _printed_slack_faults),
+    (r"  by the quasi-static model|  Nothing could be compared|  written to |quantity +gap", no_faults),
+    (r"  by \S+ \(", _printed_work_faults),
+    (r"limit  +value", no_faults),
+    (r"\S.*  (met|not met|too close to tell|cannot be judged: .*|not computed.*)$", _printed_limit_faults),
+    (r"  [^:]*: for .*", _scope_faults),
+    (r"  \d+ (of \d+ )?(comparisons|laws|printed)", count_faults),
+    (r"  \S.*: (agrees|DISAGREES|is too coarse|cannot be compared)", _printed_third_party_faults),
+    (r"\S.*(  +(-|\d\S*)){4}  (agree|disagree|too coarse|not comparable|shown)$", _printed_comparison_faults),
+    (r"  \S.* after \S+( ± \S+)? s at .* m", _printed_event_faults),
+)

@@ -1,0 +1,103 @@
+"""Numbers and words in printed text."""
+
+from __future__ import annotations
+
+import html
+import math
+import re
+
+import numpy as np
+
+from validation.core.readback.stored import Row, read_words
+from validation.core.scene_data import ROUNDING, si_factor
+
+NUMBER = r"-?\d[\d ]*(?:\.\d+)?(?: × 10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)?(?:e[+-]?\d+)?"
+_VALUE = re.compile(rf"({NUMBER})(?: ± ({NUMBER}))?(?: ?([a-zA-Z%°][\w/%°]*))?")
+_POWERS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+
+
+def plain_text(text: str) -> str:
+    """The text of HTML, with plain minus signs and spaces."""
+    text = html.unescape(re.sub(r"<[^>]*>", "", text)).replace("\u202f", " ").replace("−", "-")
+    return re.sub(r"\s+", " ", text).strip()
+
+
+def parse_number(text: str) -> float:
+    mantissa, _, power = text.partition(" × 10")
+    return float(mantissa.replace(" ", "")) * 10.0 ** int(power.translate(_POWERS) or 0)
+
+
+def _magnitude(x: float) -> int:
+    return math.floor(math.log10(abs(x))) if x else 0
+
+
+def shows_value(text: str, value: float | None, unit: str = "", *, bar: float | None = None, digits: int = 5) -> bool:
+    """Whether a text shows a value in SI to its last digit, with its bar to two digits and a unit that suits.
+
+    digits : of a value without bar; the digits before the point all count.
+    """
+    if value is None or not math.isfinite(value):
+        return text in ("–", "-")
+    match = _VALUE.fullmatch(text)
+    factor = math.nan if match is None else si_factor(match[3] or "", unit)
+    if match is None or math.isnan(factor):
+        return False
+    printed = [parse_number(number) for number in match.group(1, 2) if number]
+    if printed == [0.0] and abs(value / factor) < ROUNDING:
+        return True
+    expected = [value / factor]
+    digit = _magnitude(value / factor) - digits + 1
+    if _is_bar_printed(bar, value):
+        expected.append((bar or 0.0) / factor)
+        digit = _magnitude(expected[1]) - 1
+    return len(printed) == len(expected) and np.allclose(printed, expected, rtol=0.0, atol=0.501 * 10.0**digit)
+
+
+def _is_bar_printed(bar: float | None, value: float) -> bool:
+    """Whether a bar is known and no rounding."""
+    return bool(bar) and ROUNDING * abs(value) <= (bar or 0.0) < math.inf
+
+
+def shows_decimals(text: str, value: float | None, unit: str, decimals: int) -> bool:
+    """The same of a value with so many decimals; "" if it is unknown."""
+    if value is None:
+        return text == ""
+    number, _, printed = text.partition(" ")
+    good = re.fullmatch(rf"-?\d+\.\d{{{decimals}}}", number) and printed == unit
+    return bool(good) and abs(float(number) - value) <= 0.501 * 10.0**-decimals
+
+
+def quantity_words(row: Row) -> str:
+    kind, _, of = row["quantity"].partition(":")
+    quantities = read_words("core", "quantities.toml")
+    words: str = (quantities["main"] | quantities["more"])[kind][0]
+    return words.format(of)
+
+
+def comparison_words(row: Row) -> str:
+    """What a row of agreement.json compares, in the words of the page."""
+    words = (row["quantity"].replace("_", " "), row.get("law"), row.get("with"))
+    return plain_text(": ".join(x for x in words if x))
+
+
+def shows_number(text: str, row: Row) -> bool:
+    """Whether a text shows a design number with its bar; a speed in m/s and km/h."""
+    if row["value"] is None:
+        return text == "the car never passes"
+    parts = text.split(" = ")
+    endings = ["m/s", "km/h"] if row["unit"] == "m/s" else [""]
+    return [True] * len(endings) == [
+        part.endswith(endings[i % len(endings)]) and shows_value(part, row["value"], row["unit"], bar=row.get("bar"))
+        for i, part in enumerate(parts)
+    ]
+
+
+def contents_of_tags(tag: str, text: str) -> list[str]:
+    """Contents of all elements of a tag, a pattern that may name a class."""
+    name = tag.partition(" ")[0]
+    return re.findall(rf"<{tag}[^>]*>(.*?)</{name}>", text, re.S)
+
+
+def cell_texts(row: str) -> list[str]:
+    """Texts of a row's cells, or of its heads."""
+    return [plain_text(x) for x in contents_of_tags("t[hd]", row)]

@@ -1,0 +1,69 @@
+"""The verification table from the comparison of both solvers and three resolutions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from scipy.optimize import brentq
+
+from validation.core.readback.stored import Faults, Row, StoredResults
+from validation.core.scene_data import ROUNDING
+
+SAFETY = 1.25
+ORDERS = (0.5, 12.0)  # that are observed
+CREDITED = 2.0  # most
+
+
+def verification_faults(of: StoredResults) -> Faults:
+    """Faults of each row from the comparison of both solvers and from the values of three resolutions."""
+    gaps = {x["law"]: x for x in of.rows if x["quantity"] == "design gap"}
+    for row in of.agreement.get("verification", []):
+        for fault in _verification_faults_of_row(of, row, gaps[row["quantity"]]):
+            yield f"{row['quantity']}: {fault}"
+
+
+def _verification_faults_of_row(of: StoredResults, row: Row, gap: Row) -> Faults:
+    size = max(abs(row["value"]), abs(row["other"])) or 1.0
+    i = of.methods.index(row["method"])
+    values = [_stored_value(of, method, row["quantity"]) for method in (i, 1 - i)]
+    bars = [size * gap[f"bar_{'ab'[method]}"] for method in (i, 1 - i)]
+    expected = {"value": values[0], "other": values[1], "bar": bars[0], "bar_other": bars[1]}
+    expected |= {"gap": abs(row["value"] - row["other"]), "uncertainty": math.hypot(row["bar"], row["bar_other"])}
+    smallest = 0.0
+    for direction in ("space", "time"):
+        order = _observed_order(row[f"levels_{direction}"], row[f"ratios_{direction}"])
+        finest, half = row[f"levels_{direction}"][:2]
+        if (order is None) is not (row[f"order_{direction}"] is None):
+            yield f"order in {direction} {row[f'order_{direction}']} where {order} follows"
+        elif order is not None:
+            expected[f"order_{direction}"] = order
+        if finest != row["value"]:
+            yield f"{finest} is not the value"
+        credited = min(order or ORDERS[0], CREDITED)
+        smallest += SAFETY * abs(finest - half) / (row[f"ratios_{direction}"][0] ** credited - 1.0)
+    if smallest > row["bar"] * (1.0 + ROUNDING):
+        yield f"the bar {row['bar']} is smaller than {smallest} from the last changes"
+    for key, value in expected.items():
+        if abs(row[key] - value) > 1e-5 * abs(value) + ROUNDING * size:
+            yield f"{key} {row[key]} where {value} follows"
+
+
+def _stored_value(of: StoredResults, method: int, quantity: str) -> float:
+    """A design number of a method."""
+    value: float = next(x["value"] for x in of.stored_run(method)["rest"]["design"] if x["quantity"] == quantity)
+    return value
+
+
+def _observed_order(levels: Sequence[float], ratios: Sequence[float]) -> float | None:
+    """The order whose falling changes are those of three resolutions; None: none in the range."""
+    if len(levels) < 3 or levels[0] == levels[1]:
+        return None
+    fall = abs((levels[1] - levels[2]) / (levels[0] - levels[1]))
+    r, coarser = ratios
+
+    def excess(p: float) -> float:
+        return r**p * (coarser**p - 1.0) / (r**p - 1.0) - fall
+
+    low, high = ORDERS
+    return float(brentq(excess, low, high)) if excess(low) < 0.0 < excess(high) else None
