@@ -144,6 +144,13 @@ def test_a_slack_onset_told_late_is_seen():
     assert wrong.gap > 3.0 * wrong.allowed
 
 
+def test_changes_that_cancel_in_a_mean_leave_it_uncertain():
+    right = laws.Defect(np.arange(4.0), np.array([[3.0], [1.0], [2.0], [0.0]]), averaged=True)
+    finer = np.array([[2.0], [2.0], [1.0], [1.0]])  # the same mean by chance
+    assert right.distance(right.value, finer) == pytest.approx(0.5)
+    assert right.distance(right.value, right.value + 2.0) == pytest.approx(2.0)
+
+
 @pytest.mark.parametrize("steps", [400, 401])  # slack begins after an even and an odd number of steps
 def test_a_rope_that_falls_slack_has_no_compression_however_sparse_its_steps(steps):
     x = ladder(LEVEL, elements=12, steps=steps, until=0.9)

@@ -29,14 +29,29 @@ DOWN = np.array([0.0, 1.0])
 
 @dataclass(frozen=True, slots=True)
 class Defect:
-    """Defect of a law at positions s_o/l (nan: anywhere)."""
+    """Defect of a law at positions s_o/l (nan: anywhere); its size is the rms, or that of the mean."""
 
     s_o: Array  # (k,)
     value: Array  # (k, c)
+    averaged: bool = False
 
     @property
-    def rms(self) -> Array:
+    def size(self) -> Array:
+        if self.averaged:
+            return np.abs(np.mean(self.value, axis=0))
         return np.sqrt(np.mean(self.value**2, axis=0))
+
+    def distance(self, a: Array, b: Array) -> Array:
+        """Distance (c,) of two values (k, c) of this law.
+
+        Changes of single frames may cancel in a mean by chance: it is uncertain by their rms over the root of k.
+        """
+        if a.shape != b.shape or not np.isfinite(b).all():
+            return np.full(a.shape[1], math.inf)
+        rms = np.sqrt(np.mean((a - b) ** 2, axis=0))
+        if not self.averaged:
+            return rms
+        return np.maximum(np.abs(np.mean(a - b, axis=0)), rms / math.sqrt(len(a)))
 
 
 NOT_OBSERVED = Defect(np.empty(0), np.empty((0, 1)))  # no frame shows the law
@@ -68,8 +83,8 @@ def check_laws_in_si(
             space, time = _bars_of_defect(law, defect, ladder, known)
             time = time + _sampling_bars(law, defect, sparse_steps)  # more steps lessen both
             bars = space + time + _sampling_bars(law, defect, sparse_stations)
-            worst = int((defect.rms / bars).argmax())
-            gap = float(defect.rms[worst])
+            worst = int((defect.size / bars).argmax())
+            gap = float(defect.size[worst])
             parts = (float(space[worst]), float(time[worst]))
             bar = float(bars[worst]) if np.isfinite(bars[worst]) else math.inf
             at = float(defect.s_o[np.abs(defect.value[:, worst]).argmax()])
@@ -83,8 +98,8 @@ def check_laws_in_si(
 def _bars_of_defect(law: Law, defect: Defect, ladder: Any, known: dict[int, Evidence]) -> tuple[Array, Array]:
     """Bars (c,) of a defect in space and time."""
     defects = {key: (defect if law.exact else law.defect(x)).value for key, x in known.items()}
-    space, time = ladder.bar_parts(lambda x: defects[id(x)], _rms_distance, FIRST)
-    space, time = (np.broadcast_to(x, defect.rms.shape) for x in (space, time))
+    space, time = ladder.bar_parts(lambda x: defects[id(x)], defect.distance, FIRST)
+    space, time = (np.broadcast_to(x, defect.size.shape) for x in (space, time))
     if law.at_start:
         space = np.maximum(space, SAFETY * ladder.start_gap)
     return space, time
@@ -93,12 +108,8 @@ def _bars_of_defect(law: Law, defect: Defect, ladder: Any, known: dict[int, Evid
 def _sampling_bars(law: Law, defect: Defect, sparse: tuple[Evidence, Evidence]) -> Array:
     """Bars (c,) of a defect by half and a quarter of what it is computed from."""
     half, quarter = (law.defect(x).value for x in sparse)
-    return ROUNDING + error_bar(_rms_distance(defect.value, half), _rms_distance(half, quarter), (2.0, 2.0), FIRST)
-
-
-def _rms_distance(a: Array, b: Array) -> Array:
-    known = a.shape == b.shape and np.isfinite(b).all()
-    return np.sqrt(np.mean((a - b) ** 2, axis=0)) if known else np.full(a.shape[1], math.inf)
+    changes = defect.distance(defect.value, half), defect.distance(half, quarter)
+    return ROUNDING + error_bar(*changes, (2.0, 2.0), FIRST)
 
 
 DefectOf = Callable[[Evidence], Defect]
@@ -447,7 +458,8 @@ def tension_up_to_the_mass(m: Evidence) -> Defect:
     if not np.any(m.t > 0.0):
         return NOT_OBSERVED
     _, off = _values_and_gaps_at_mass(m, lambda x: x.T)
-    return _defect_at_rest(*(off[m.t > 0.0].mean(axis=0) / m.r.horizontal_tension))
+    moving = m.t > 0.0
+    return Defect(m.r.fields.s_o[m.window_frames][moving] / m.r.length, off[moving] / m.r.horizontal_tension, True)
 
 
 @_register_law(_mass_leaves_supports, of="velocity", asks="")
