@@ -123,6 +123,11 @@ def test_a_disagreement_is_looked_at_once_more_finer_in_space_and_time_and_then_
         assert after[name] == pytest.approx(1.5 * before[name], abs=1.0)
 
 
+def test_refinement_goes_on_when_a_finer_run_does_away_with_a_disagreement():
+    scene = Scene.from_groups(sag_ratio=0.0255, slope=6.6, mu=2.633, alpha=1376.0, speed_ratio=0.383)
+    assert check(scene, tol=1e-2, until=0.95).verdict is Verdict.AGREE
+
+
 def test_what_is_too_coarse_is_refined_where_its_bar_comes_from(right):
     methods = [METHODS["following-p2"], METHODS["fourier-kink"]]
 

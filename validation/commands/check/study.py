@@ -241,21 +241,26 @@ def _refine_and_compare(
         second = other.map(lambda r: replace(r, scene_toml=toml))  # the judge knows one scene alone
         ladders = [first, second]
         rows = decided_by(compare_answers(scene, first, second, tolerance), ask)
-        finer = _finer_settings_of_sides(sides, ladders, rows)
-        if confirmed or not any(finer):  # laws need not be checked on runs that are refined anyway
+        finer = _finer_settings_of_sides(sides, ladders, rows, confirmed)
+        if not any(finer):  # laws need not be checked on runs that are refined anyway
             rows += decided_by(check_laws(scene, first, second, tolerance), ask)
-            finer = _finer_settings_of_sides(sides, ladders, rows)
-        if confirmed or not any(finer):
+            finer = _finer_settings_of_sides(sides, ladders, rows, confirmed)
+        if not any(finer):
             return ladders, rows
         confirmed = overall_verdict(rows) is Verdict.DISAGREE
         jobs = [partial(side.rerun, *each) for side, *each in zip(sides, ladders, finer, strict=True)]
 
 
 def _finer_settings_of_sides(
-    sides: list[_MethodOnScene], ladders: list[Ladder], rows: list[Agreement]
+    sides: list[_MethodOnScene], ladders: list[Ladder], rows: list[Agreement], confirmed: bool
 ) -> list[Settings | None]:
-    """Finer settings of each side: for the larger bar of a row, or for the smaller one if that costs too much."""
-    finer: list[Settings | None] = []
+    """Finer settings of each side: for the larger bar of a row, or for the smaller one if that costs too much.
+
+    confirmed : these runs are finer after a disagreement already, so that another one counts.
+    """
+    finer: list[Settings | None] = [None for _ in sides]
+    if confirmed and overall_verdict(rows) is Verdict.DISAGREE:
+        return finer
     for larger in (True, False):
         finer = [side.finer_settings(ladder, rows, larger) for side, ladder in zip(sides, ladders, strict=True)]
         if any(finer):
