@@ -177,7 +177,7 @@ TOML = (
     ZIP + "release = 1.0\nwind = -3.0\nrolling_friction = 0.02\nthrust = {times = [0.5, 3.0], forces = [40.0, 70.0]}\n"
     "brake = [{from = 25.0, force = 40.0}]\nend = {place = 45.0}"
 )
-RODE = {"elements": 8, "steps": 600}
+RODE = {"elements": 8, "steps": 300}
 
 
 def off(r, name, factor=1.05):
