@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cablefem.newmark import SCHEMES, Newton, NewtonStalled, Scheme, Work, integrate, scheme, step_times
+from cablefem.newmark import NO_STEPS, SCHEMES, Newton, NewtonStalled, Scheme, Work, integrate, scheme, step_times
 from tests.driver.systems import Kicked, Spring
 
 TIGHT = Newton(tol=1e-13)
@@ -176,6 +176,26 @@ def test_a_step_too_long_for_newton_is_taken_in_pieces(part):
     np.testing.assert_allclose([x.t for x in states], np.linspace(0.0, 1.0, 41))
     assert work.rejected == 2 * 10  # a tenth, its half, its quarter
     assert work.steps == 4 * 10
+
+
+def test_many_steps_at_once_are_longer_than_rounding():
+    """Two steps that end at one instant have no spline."""
+    requested = []
+
+    class Strides(Spring):
+        many_steps = adaptive = True
+
+        def step_fraction(self, x, since, ahead=0.0):
+            return 0.5 if ahead == 0.0 else 3e-14
+
+        def solve_steps(self, t, *state):
+            requested.append(t)
+            return NO_STEPS
+
+    for _ in integrate(Strides(end=1.0), scheme("trapezoidal"), grid(1.0, 100)):
+        pass
+    assert len(requested) > 3
+    assert min((np.diff(t) / t[1:]).min(initial=1.0) for t in requested) > 3e-15
 
 
 def test_a_scheme_that_nobody_knows_is_named():

@@ -220,7 +220,7 @@ def test_a_free_ride_is_charted_over_time_by_what_can_roll():
     for name, why in {"fixed-p1-path": "rolls", "model string": "rolls", "opensees": "grips", "exudyn": None}.items():
         found = study._refusal(ride, lines[name])
         assert found is None if why is None else why in found
-    truth, r = run(ride, "following-p4", elements=4, steps=400), run(ride, "following-p2", elements=4, steps=150)
+    truth, r = (run(ride, "following-p2", elements=n, steps=steps) for n, steps in ((8, 400), (4, 150)))
     known = study._Reference(truth, measures.common_window(truth), {})
     assert known.status_and_errors(r.reached, r.reason, dict)["status"] == "ok"
     assert known.status_and_errors(0.5, "it broke", dict) == {"status": "failed", "reason": "it broke"}
