@@ -38,12 +38,21 @@ class Dense:
 class Bordered:
     """A band matrix of n unknowns with border rows and columns; numbers count through."""
 
-    def __init__(self, n: int, band: int, border: int, kind: type) -> None:
-        self.n, self.b, self.kind = n, band, kind
-        self.ab: Any = np.zeros((3 * band + 1, n), kind, order="F")  # as LAPACK's gbtrf
-        self.columns: Any = np.zeros((n, border), kind)
-        self.rows: Any = np.zeros((border, n), kind)
-        self.corner: Any = np.zeros((border, border), kind)
+    def __init__(self, n: int, band: int, border: int) -> None:
+        self.n, self.b = n, band
+        self.kind: type = float  # or complex
+        self.ab: Any = np.zeros((3 * band + 1, n), order="F")  # as LAPACK's gbtrf
+        self.columns: Any = np.zeros((n, border))
+        self.rows: Any = np.zeros((border, n))
+        self.corner: Any = np.zeros((border, border))
+
+    def add_imaginary(self, other: Bordered) -> None:
+        """Add 1j times another one."""
+        self.kind = complex
+        self.ab = self.ab + 1j * other.ab
+        self.columns = self.columns + 1j * other.columns
+        self.rows = self.rows + 1j * other.rows
+        self.corner = self.corner + 1j * other.corner
 
     def add(self, rows: Indices, columns: Indices, block: Array) -> None:
         """Add a block (rows, columns) inside the band, in the border rows or in the corner."""

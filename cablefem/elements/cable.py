@@ -155,8 +155,8 @@ class CableElements(System):
         results = np.empty((len(steps.a), 6))
         ride, places = self._car_and_inputs(t, phase, steps.ends[0])
         at_nodes = [self._contact_at(x, phase) for x in t[0].tolist()]
-        contacts = tuple(at_nodes + at_nodes[-1:])[:3]  # as many for each rule: compiled once
-        of = collocation.Steps(places, contacts, *steps, results)
+        contact = Contact(*(np.array(of_nodes) for of_nodes in zip(*at_nodes, strict=True)))
+        of = collocation.Steps(places, contact, *steps, results)
         self._assembled_at = None
         space = self._workspace(rule.c.size)
         taken = collocation.collocate(self._cable, ride, space, of, rule, newton)
@@ -201,9 +201,9 @@ class CableElements(System):
     def _workspace(self, s: int) -> collocation.Workspace:
         if self._space is None or len(self._space.bands) != s:
             n = self.n_dof
-            q, v, a = (self._zero_tangent(float) for _ in range(3))
+            parts = Tangent(*(None if x is None else np.array([x] * 3) for x in self._zero_tangent(float)))
             self._space = collocation.Workspace(
-                real=self._zero_tangent(float), complex_pair=self._zero_tangent(complex), parts=(q, v, a),
+                real=self._zero_tangent(float), complex_pair=self._zero_tangent(complex), parts=parts,
                 bands=np.empty((s, *self._bands.shape)), kept_step=np.full(1, math.nan), scales=np.ones((s, n)),
                 x=np.empty((s, 3, n)), r=np.empty((s, n)), da=np.empty((s, n)),
             )  # fmt: skip

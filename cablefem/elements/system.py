@@ -541,9 +541,13 @@ class LineElements(System):
         rope = self._rope_rows(x, law, cars) if self.trolleys else np.empty(0)
         if not self.compiled:
             return self._sparse_solver(x, Law(*law), cars, c, free, rope)
-        kind = complex if any(isinstance(z, complex) for z in c) else float
-        matrix = Bordered(2 * self.n, self.band, self.size - 2 * self.n, kind)
-        self._kernel.add_tangent(x, law, cars, np.array(c, kind).tolist(), matrix)
+        factors = np.array([*c, c[2] or 1.0])
+        matrix = Bordered(2 * self.n, self.band, self.size - 2 * self.n)
+        self._kernel.add_tangent(x, law, cars, factors.real, matrix)
+        if np.iscomplexobj(factors):  # real loops twice: compiled once
+            other = Bordered(2 * self.n, self.band, self.size - 2 * self.n)
+            self._kernel.add_tangent(x, law, cars, factors.imag, other)
+            matrix.add_imaginary(other)
         self._add_contacts(matrix, x, rope, cars, c)
         matrix.fix_unknowns(np.flatnonzero(np.logical_not(free)))
         solve_all, unknown = matrix.factored(), np.flatnonzero(free)

@@ -137,7 +137,8 @@ def _evaluate_sums(y, at_integers, blocks, c, out):
             rest -= digits[i]
             if digits[i] > 0:
                 last = i
-        v[:] = at_integers
+        for j in range(n):  # a slice would compile its error message for seconds
+            v[j] = at_integers[j]
         for i in range(last, -1, -1):  # T_0 v(0) = v(0): trailing zeros change nothing
             w[:] = 0.0
             for j in range(n):
@@ -179,7 +180,7 @@ def _sums_with_derivative(order: int, level: int, c: np.ndarray) -> _SumsOfShift
     R = 2 * order - 1
     cells = 2**level * (2 * order - 1)
     mother = _mother_functions(order)
-    family = {0: np.concatenate([c, np.zeros((1, c.shape[1]))])}
+    family = {0: np.concatenate([np.ascontiguousarray(c), np.zeros((1, c.shape[1]))])}
     if 1 in mother.tables:
         family[1] = cells * np.diff(family[0], axis=0)
     for m in range(-1, DEEPEST - 1, -1):

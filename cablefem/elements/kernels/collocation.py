@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cablefem.elements.kernels import compiled, inner
-from cablefem.elements.kernels.balance import Instant, assemble_inertia, element_map
+from cablefem.elements.kernels.balance import Contact, Instant, assemble_inertia, element_map
 from cablefem.elements.kernels.banded import Tangent, factorise, solve
 from cablefem.elements.kernels.car import is_before_event
 from cablefem.elements.kernels.newton import NO_TANGENT, assemble_balance
@@ -23,7 +23,7 @@ class Steps(NamedTuple):
     """See `cablefem.newmark.System.collocate`."""
 
     inputs: Any  # (m, s, .) at the nodes, see `newton.Steps`
-    contacts: Any  # (s,) of `balance.Contact`
+    contact: Contact  # of the nodes, (s, ...) each
     t: Any  # (m + 1,)
     ends: Any  # (m + 1, 2, n)
     a: Any  # (m, s, n)
@@ -34,7 +34,7 @@ class Steps(NamedTuple):
 class Workspace(NamedTuple):
     real: Tangent
     complex_pair: Tangent  # complex
-    parts: tuple[Tangent, Tangent, Tangent]  # dr/dq, dr/dv, dr/da
+    parts: Tangent  # dr/dq, dr/dv, dr/da, (3, ...) each
     bands: Any  # (s, 3, 2 b + 1, .)
     kept_step: Any  # (1,) step of the factors, nan: none
     scales: Any  # (s, n_dof) see `set_row_scales`
@@ -45,7 +45,7 @@ class Workspace(NamedTuple):
 
 class Step(NamedTuple):
     inputs: Any  # (s, .)
-    contacts: Any
+    contact: Contact
     start: Any  # (2, n)
     dt: float
     a: Any  # (s, n)
@@ -64,8 +64,8 @@ def collocate(cable, rolling_car, workspace, steps, rule, newton):
             set_weighted_sums(steps.extrapolation[k], steps.a[k - 1], steps.a[k])
         for i in range(x.shape[0]):
             if steps.inputs.shape[2] > 3:  # with a car, `assemble_with_car` does this
-                assemble_inertia(cable, Instant(steps.inputs[k, i], workspace.bands[i], steps.contacts[i]))
-        step = Step(steps.inputs[k], steps.contacts, steps.ends[k], steps.t[k + 1] - steps.t[k], steps.a[k])
+                assemble_inertia(cable, instant_at_node(steps.inputs[k], steps.contact, workspace.bands, i))
+        step = Step(steps.inputs[k], steps.contact, steps.ends[k], steps.t[k + 1] - steps.t[k], steps.a[k])
         done, min_tension, min_at = solve_step(cable, rolling_car, workspace, step, rule, newton)
         result = steps.results[k]
         result[0] = done[0]
@@ -82,6 +82,21 @@ def collocate(cable, rolling_car, workspace, steps, rule, newton):
         if not min_tension >= 0.0:
             return k + 1
     return steps.a.shape[0]
+
+
+@inner
+def instant_at_node(inputs, contact, bands, i):
+    dofs, shape, m_row, c_row, k_row = contact
+    return Instant(inputs[i], bands[i], Contact(dofs[i], shape[i], m_row[i], c_row[i], k_row[i]))
+
+
+@inner
+def copy_part(matrix, parts, k):
+    if matrix is None:
+        return
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            parts[k, i, j] = matrix[i, j]
 
 
 @inner
@@ -144,7 +159,7 @@ def set_residuals(cable, rolling_car, workspace, step, rule):
     for i in range(step.a.shape[0]):
         set_node_state(step, rule, i, workspace.x[i])
         r = workspace.r[i]
-        now = Instant(step.inputs[i], workspace.bands[i], step.contacts[i])
+        now = instant_at_node(step.inputs, step.contact, workspace.bands, i)
         min_tension, min_at = assemble_balance(cable, rolling_car, now, workspace.x[i], r, workspace.real, NO_TANGENT)
         for j in range(r.size):
             square += r[j] * r[j]
@@ -213,10 +228,12 @@ def subtract_scaled(fraction, da, a):
 def factorise_tangents(cable, rolling_car, workspace, step, rule):
     middle = rule.middle
     spare = np.empty(workspace.r.shape[1])
-    now = Instant(step.inputs[middle], workspace.bands[middle], step.contacts[middle])
+    now = instant_at_node(step.inputs, step.contact, workspace.bands, middle)
     for k in range(3):
         unit = (1.0 if k == 0 else 0.0), (1.0 if k == 1 else 0.0), (1.0 if k == 2 else 0.0)
-        assemble_balance(cable, rolling_car, now, workspace.x[middle], spare, workspace.parts[k], unit)
+        assemble_balance(cable, rolling_car, now, workspace.x[middle], spare, workspace.real, unit)
+        copy_part(workspace.real.ab, workspace.parts.ab, k)
+        copy_part(workspace.real.border, workspace.parts.border, k)
     c1 = step.dt * abs(rule.eigenvalues[0])
     set_row_scales(cable, rolling_car, workspace, step, c1 * c1, middle)
     for k in range(rule.eigenvalues.size):
@@ -230,18 +247,18 @@ def factorise_tangents(cable, rolling_car, workspace, step, rule):
 
 @inner
 def factorise_combination(c0, c1, parts, tangent):
-    set_combination(c0, c1, parts[0].ab, parts[1].ab, parts[2].ab, tangent.ab)
-    set_combination(c0, c1, parts[0].border, parts[1].border, parts[2].border, tangent.border)
+    set_combination(c0, c1, parts.ab, tangent.ab)
+    set_combination(c0, c1, parts.border, tangent.border)
     factorise(tangent.ab, tangent.border)
 
 
 @inner
-def set_combination(c0, c1, by_q, by_v, by_a, out):
+def set_combination(c0, c1, parts, out):
     if out is None:
         return
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
-            out[i, j] = c0 * by_q[i, j] + c1 * by_v[i, j] + by_a[i, j]
+            out[i, j] = c0 * parts[0, i, j] + c1 * parts[1, i, j] + parts[2, i, j]
 
 
 @inner
@@ -252,11 +269,11 @@ def set_row_scales(cable, rolling_car, workspace, step, c0, middle):
     bands = workspace.bands
     scales = workspace.scales
     mesh = cable.mesh
-    K_c = workspace.parts[0].ab
-    M_c = workspace.parts[2].ab
+    K_c = workspace.parts.ab[0]
+    M_c = workspace.parts.ab[2]
     half = bands.shape[2] // 2
     band = M_c.shape[1] // 2
-    n_fields = step.contacts[middle].dofs.shape[1]
+    n_fields = step.contact.dofs.shape[2]
     scales[:] = 0.0
     for i in range(scales.shape[0]):
         for e in range(mesh.dofs.shape[0]):

@@ -51,7 +51,7 @@ class Kernel:
         """
         balance.add_rows(self.mesh, self.rope, law, self._cars(cars), *x, rows, loads)
 
-    def add_tangent(self, x: Sequence[Array], law: Array, cars: Cars, c: Sequence[complex], matrix: Bordered) -> None:
-        """Add c0 d/dq + c1 d/dv + c2 d/da of the rows at one instant; x : q, v, a (size,)."""
+    def add_tangent(self, x: Sequence[Array], law: Array, cars: Cars, c: Array, matrix: Bordered) -> None:
+        """Add c0 d/dq + c1 d/dv + c2 d/da of the rows at one instant; x : q, v, a (size,); c : (4,) the last of F/M."""
         border = balance.Border(matrix.ab, matrix.columns, matrix.rows, matrix.corner)
-        balance.add_tangent(self.mesh, self.rope, law, self._cars(cars), *x, *c, border)
+        balance.add_tangent(self.mesh, self.rope, law, self._cars(cars), *x, tuple(c.tolist()), border)

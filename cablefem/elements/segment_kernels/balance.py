@@ -199,7 +199,8 @@ def add_cars(mesh, count, cars, i, q, v, a, rows, loads):
 
 
 @inner
-def add_car_tangent(mesh, count, cars, q, v, a, c0, c1, c2, matrix):
+def add_car_tangent(mesh, count, cars, q, v, a, factors, matrix):
+    c0, c1, c2, of_force = factors
     nn = mesh.ends.shape[1]
     S = 2 * (count * (nn - 1) + 1)
     y, out = np.empty(INPUTS, np.complex128), np.empty(5, np.complex128)
@@ -219,7 +220,7 @@ def add_car_tangent(mesh, count, cars, q, v, a, c0, c1, c2, matrix):
             for side in range(2):
                 segment, shapes = k - 1 + side, mesh.ends[1 - side]
                 h = q[S + segment + 1] - q[S + segment]
-                by_h = 0.0 * c0
+                by_h = 0.0
                 for x in range(2):
                     factor = by[row, 2 * side + x] * c0 / h
                     by_h -= factor * y[2 * side + x].real
@@ -231,28 +232,31 @@ def add_car_tangent(mesh, count, cars, q, v, a, c0, c1, c2, matrix):
             for x in range(2):
                 add(matrix, slot, node + x, by[row, 4 + x] * c1 + by[row, 6 + x] * c2)
             if force >= 0:
-                add(matrix, slot, force, by[row, 8] * (c2 if c2 != 0.0 else 1.0 + 0.0 * c2))
+                add(matrix, slot, force, by[row, 8] * of_force)
             if swing >= 0:
                 add(matrix, slot, swing, by[row, 9] * c0 + by[row, 10] * c1 + by[row, 11] * c2)
 
 
 @compiled
-def add_tangent(mesh, rope, law, cars, q, v, a, c0, c1, c2, matrix):
-    """Add c0 d/dq + c1 d/dv + c2 d/da of `add_rows` at one instant, q, v, a (size,), see `Segments.tangent`."""
-    add_rope_tangent(mesh, rope, law, q, v, a, c0, c1, c2, matrix)
-    add_car_tangent(mesh, law.shape[1], cars, q, v, a, c0, c1, c2, matrix)
+def add_tangent(mesh, rope, law, cars, q, v, a, c, matrix):
+    """Add c0 d/dq + c1 d/dv + c2 d/da of `add_rows` at one instant, q, v, a (size,), see `Segments.tangent`.
+
+    c : c0, c1, c2, and the factor of forces F/M
+    """
+    add_rope_tangent(mesh, rope, law, q, v, a, c, matrix)
+    add_car_tangent(mesh, law.shape[1], cars, q, v, a, c, matrix)
 
 
 @inner
-def add_rope_tangent(mesh, rope, law, q, v, a, c0, c1, c2, matrix):
+def add_rope_tangent(mesh, rope, law, q, v, a, factors, matrix):
+    c0, c1, c2, _ = factors
     count = law.shape[1]
     elements, n_loc = mesh.dofs.shape
     nn = mesh.ends.shape[1]
     S = 2 * (count * (nn - 1) + 1)
     f = np.empty(10)
     w, dw = np.empty(2), np.empty(2)
-    zero = 0.0 * (c0 + c1 + c2)
-    w_s, dw_s = np.array([zero, zero]), np.array([zero, zero])
+    w_s, dw_s = np.empty(2), np.empty(2)
     rho = rope.rho
     ab, columns, rows = matrix.ab, matrix.columns, matrix.rows
     diagonal = 2 * ((ab.shape[0] - 1) // 3)
@@ -297,7 +301,7 @@ def add_rope_tangent(mesh, rope, law, q, v, a, c0, c1, c2, matrix):
                     lam_s = -lam * h_s / h
                     first = c * h_s / h - c_s
                     second = dc * h_s / h - dc_s + (c_s * dh + c * dh_s) / h - 2.0 * c * dh * h_s / h**2
-                    momentum, kinetic = zero, zero
+                    momentum, kinetic = 0.0, 0.0
                     for x in range(2):
                         t = tx if x == 0 else ty
                         w_s[x] = first * f[2 + x] / h
