@@ -199,6 +199,8 @@ def test_the_curve_of_two_keys(cablefem):
         (("mass.mass=40:200", "outcome = arrives and speed >"), "cannot read 'speed >'"),
         (("mass.mass=40:200", "spede_max >= 3 m/s"), "unknown name. Did you mean speed_max?"),
         (("mass.mass=40:200", "speed_max >= 3 kN"), "unit 'kN'; speed_max is in m/s"),
+        (("mass.mass=40:200", "tension_max <= 30 m"), "unit 'm'; tension_max is in N"),  # no milli
+        (("mass.mass=40:200", "limits met"), "limits met: none are given"),
         (("mass.mas=40:200", "outcome = arrives"), "mass.mas"),
     ],
 )  # fmt: skip
@@ -206,6 +208,14 @@ def test_a_bad_question_is_one_sentence(cablefem, arguments, words):
     code, out, err = cablefem("find", "zipline", arguments[0], "--so-that", arguments[1])
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert words in err
+
+
+def test_a_condition_on_a_number_that_only_lines_have_is_read_back(cablefem):
+    Path("sky.toml").write_text(SKYLINE.to_toml())
+    given = ("find", "sky.toml", "car.carriage.mass=500:4000", "--so-that", "haul_min:carriage >= -8 kN", "--no-check")
+    code, out, err = cablefem(*given)
+    assert (code, err) == (0, "")
+    assert "at most" in out
 
 
 def test_units_are_those_that_are_printed():

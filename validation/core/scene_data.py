@@ -13,8 +13,8 @@ Array = NDArray[np.float64]
 
 ROUNDING = 1e-9  # relative, of static splines and of times in different runs
 
-# prefixes of a unit, and units that are no prefix and SI unit
-FACTORS = {"": 1.0, "m": 1e-3, "k": 1e3, "M": 1e6, "G": 1e9, "km/h": 1.0 / 3.6, "%": 0.01, "°": 1.0}
+PREFIXES = {"": 1.0, "m": 1e-3, "k": 1e3, "M": 1e6, "G": 1e9}
+FACTORS = {("km/h", "m/s"): 1.0 / 3.6, ("%", ""): 0.01, ("°", "deg"): 1.0}
 
 
 def read_columns(file: Path) -> dict[str, Array]:
@@ -25,8 +25,11 @@ def read_columns(file: Path) -> dict[str, Array]:
 
 
 def si_factor(printed: str, unit: str) -> float:
-    """What a number in a printed unit is multiplied by to be in `unit`; nan if they do not fit."""
-    return FACTORS.get(printed.removesuffix(unit), math.nan)
+    """What a number in a printed unit, or in none, is multiplied by to be in `unit`; nan if they do not fit."""
+    if (printed, unit) in FACTORS or printed in ("", unit):
+        return FACTORS.get((printed, unit), 1.0)
+    prefixed = unit != "" and printed.endswith(unit)
+    return PREFIXES.get(printed.removesuffix(unit), math.nan) if prefixed else math.nan
 
 
 def ice_mass(cable: dict[str, Any]) -> float:

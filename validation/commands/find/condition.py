@@ -125,7 +125,7 @@ def _parse_clause(text: str) -> Clause:
 
 
 def refuse_unknown(clauses: Sequence[Clause], answers: Sequence[Answer]) -> None:
-    """Refused for a name that no answer knows and no event has."""
+    """Refused for a name that no answer knows and no event has, a unit that does not fit, and limits without any."""
     names = {name for answer in answers for name in answer.numbers}
     known = sorted(
         {name.partition(".")[0] for name in names} | {f"{event}.{name}" for event in EVENTS for name in UNITS}
@@ -133,3 +133,8 @@ def refuse_unknown(clauses: Sequence[Clause], answers: Sequence[Answer]) -> None
     for clause in clauses:
         if clause.sign and clause.name not in names | set(known) and names:
             raise Refused(f"--so-that {clause.text}: unknown name.{did_you_mean(clause.name, known)}")
+        if clause.text == LIMITS and not any(answer.limits for answer in answers):
+            raise Refused(f"--so-that {LIMITS}: none are given; must be in [limits] or by --limits")
+        for answer in answers:
+            if clause.sign and (number := clause.number(answer)) is not None:
+                clause.limit(number.unit)

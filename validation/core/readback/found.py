@@ -115,14 +115,20 @@ def _clause_margin(match: re.Match[str] | None, read: Any) -> float:
         return 0.0 if read == ("met" if match is None else match[3]) else math.nan
     if read is None:
         return math.nan
-    kind = re.split("[.:]", match[1])[0]
-    quantities = read_words("core", "quantities.toml")
-    units = {name: row[1] for table in ("main", "more") for name, row in quantities[table].items()}
-    unit = next((units[name] for name in (kind, f"{kind}_min", f"{kind}_max") if name in units), None)
-    if unit is None:
-        unit = EVENT_UNITS[match[1].partition(".")[2]]
-    room = float(read) - float(match[3]) * si_factor(match[4], unit)
+    room = float(read) - float(match[3]) * si_factor(match[4], _unit_in_condition(match[1]))
     return room if match[2][0] == ">" else -room
+
+
+def _unit_in_condition(name: str) -> str:
+    """The unit of a design number, of a line too, or of an event; the extreme may be left out."""
+    kind, _, of = name.replace(":", ".").partition(".")
+    quantities = read_words("core", "quantities.toml")
+    units = {x: row[1] for table in ("main", "more") for x, row in quantities[table].items()}
+    at_rest = read_words("page", "assets/line.toml")["quantity"]
+    for words in (at_rest, read_words("page", "assets/motion.toml")):
+        units |= {x: row["unit"] for x, row in words.items() if "unit" in row}
+    names = (kind, f"{kind}_min", f"{kind}_max", kind.removesuffix("_min"), kind.removesuffix("_max"))
+    return next((units[x] for x in names if x in units), None) or EVENT_UNITS.get(of, "")
 
 
 def _change_faults(change: Row, rooms: dict[float, list[float]], read: dict[float, list[Any]]) -> Faults:
