@@ -11,7 +11,16 @@ import numpy as np
 
 from cablefem.motion import LineMotion
 from cablefem.newmark import Solve, State, StepFailure, System
-from cablefem.scene.contacts import NEAREST, Array, Car, Contact, MovingLine, Wheel
+from cablefem.scene.contacts import (
+    NEAREST,
+    Array,
+    Car,
+    Contact,
+    MovingLine,
+    Wheel,
+    lift_off_event,
+    meeting_event,
+)
 from cablefem.shoes import force_along_rail, may_pass, possible_passages
 from galerkin.bodies import Body, CarBody, Counterweight, Friction, PointCar, Saddle, Spring, Touch
 from galerkin.equations import factorised
@@ -167,11 +176,12 @@ class LineSines(System):
         pairs = [i for i in self.layout.outer if i in self.lead.values() or i + 1 in self.cars]
         self.gaps = [i for i in pairs if not may_pass(self.passages, names[i], names[i + 1])]
         self.stops = [k for k, body in self.free_cars.items() if body.car.drive.has_resistance]
-        meetings = [f"{names[i]} meets {names[i + 1]}" for i in self.gaps]
+        touching = self.line.touching
+        meetings = [meeting_event(touching[i], touching[i + 1]) for i in self.gaps]
         stops = [f"{self.cars[k].car.name} stops" for k in self.stops]
         self.brakes = [(k, place) for k in self.stops for place, _ in self.cars[k].car.drive.brakes]
         brakes = [f"{self.cars[k].car.name} brakes" for k, _ in self.brakes]
-        lifted = [f"{names[i]} lifts off" for k in self.cars for i in range(k, self.lead[k] + 1)]
+        lifted = [lift_off_event(c) for c in touching if not isinstance(c, Contact)]
         self.saddles = [k for k, body in enumerate(bodies) if isinstance(body, Saddle)]
         self.loose = ["rope falls slack", *(f"rope lifts off {names[k]}" for k in self.saddles)]
         self.events = (*meetings, *stops, *brakes, *lifted, *self.loose, *map(str, self.passages))
@@ -397,7 +407,7 @@ class LineSines(System):
         if body.car.drive.has_resistance and abs(needed) <= float(
             body.friction_and_brakes(body.wheel_loads(touch), self.frictions[k]).sum()
         ):
-            raise StepFailure(0.0, f"friction holds {name} where it begins", "begin on steeper rope")
+            raise StepFailure(0.0, f"friction or brakes hold {name} where it begins", "begin on steeper rope")
 
     def with_acceleration(self, x: State) -> State:
         """The state with the accelerations that its balance asks for."""

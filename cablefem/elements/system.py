@@ -24,7 +24,7 @@ from cablefem.elements.segments import Law, Motion, Segments
 from cablefem.elements.trolley import Trolley
 from cablefem.motion import LineMotion
 from cablefem.newmark import Array, Solve, State, StepFailure, System, consistent_acceleration
-from cablefem.scene.contacts import NEAREST, Car, Contact, MovingLine, Wheel
+from cablefem.scene.contacts import NEAREST, Car, Contact, MovingLine, Wheel, lift_off_event, meeting_event
 from cablefem.shoes import force_along_rail, may_pass, possible_passages
 
 if TYPE_CHECKING:
@@ -45,9 +45,10 @@ class Slots(NamedTuple):
 class LineElements(System):
     """A rope over contacts with cars; `elements` of `degree` on each segment.
 
-    compiled : loops of `segment_kernels` in the place of numpy.  Events end the run: "A meets B" at NEAREST of a car;
-    "CAR lifts off" where the rope would have to hold it down; "CAR stops" where friction holds a free one;
-    "rope falls slack" and "rope lifts off SADDLE".  The run goes on after "CAR brakes", and where nothing holds a car.
+    compiled : loops of `segment_kernels` in the place of numpy.
+    Events end the run: "A meets B" and "CAR reaches SUPPORT" at NEAREST; "CAR lifts off" where the rope would have to
+    hold it down; "CAR stops" where friction holds a free one; "rope falls slack" and "rope lifts off SADDLE".
+    The run goes on after "CAR brakes", and where nothing holds a car.
     """
 
     keeps_factors = True
@@ -126,10 +127,10 @@ class LineElements(System):
         self._stops = [i for i, car in enumerate(line.cars) if car.kind == "free" and car.drive.has_resistance]
         self._brakes = [(i, place) for i in self._stops for place, _ in line.cars[i].drive.brakes]
         self.events = (
-            *(f"{names[k]} meets {names[k + 1]}" for k in self._gaps),
+            *(meeting_event(contacts[k], contacts[k + 1]) for k in self._gaps),
             *(f"{line.cars[i].name} stops" for i in self._stops),
             *(f"{line.cars[i].name} brakes" for i, _ in self._brakes),
-            *(f"{line.cars[i].name}{wheel} lifts off" for i, wheel in self._pressing),
+            *(lift_off_event(c) for c in contacts if not isinstance(c, Contact)),
             "rope falls slack",
             *(f"rope lifts off {c.name}" for c in line.supports[1:-1]),
             *(str(p) for p in self.passages),
@@ -173,8 +174,7 @@ class LineElements(System):
             lever = cabin.mass * cabin.length
             inertia = cabin.inertia + lever * cabin.length
             self._cabins[:, i] = lever, cabin.length, inertia, cabin.resistance(self.line.gravity)
-        wheels = {trolley.i: (" rear wheel", " front wheel") for trolley in self.trolleys}
-        self._pressing = [(i, wheel) for i, _ in cars for wheel in wheels.get(i, ("",))]  # all that may lift off
+        self._pressing = [i for i, car in cars for _ in range(1 if car.wheels is None else 2)]  # all that may lift off
 
     def travel_slot(self, k: int) -> int:
         """Slot that the travel of the car at contact k prescribes."""
@@ -407,7 +407,7 @@ class LineElements(System):
                 self._set_brakes(i, x.q[slots[i]])
         now = self.car_data(t, phase)
         each = np.abs(self._pressing_forces(x, self.balance_rows(t, x, phase, cars=now), self.loads[0], now))
-        loads = np.bincount([i for i, _ in self._pressing], each)
+        loads = np.bincount(self._pressing, each)
         none = np.zeros_like(now.hold)
         free = now._replace(hold=none, brake=none, friction=none)
         needed = self.balance_rows(t, x, phase, cars=free)[slots] / stretch
@@ -418,8 +418,8 @@ class LineElements(System):
                 continue
             self.signs[i] = -np.sign(needed[i]) or 1.0
             if car.drive.has_resistance and abs(needed[i]) <= car.drive.mu_r * loads[i] + self.brakes[i]:
-                cause = f"friction holds {car.name} where it begins"
-                raise StepFailure(t, cause, "begin on steeper rope or with less friction")
+                cause = f"friction or brakes hold {car.name} where it begins"
+                raise StepFailure(t, cause, "begin on steeper rope, or with less of both")
 
     # --- events --------------------------------------------------------------------------------------------
     def begin_step(self, x: State) -> None:

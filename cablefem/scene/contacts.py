@@ -101,6 +101,21 @@ class Wheel:
         return f"{self.car.name}.{'front' if self.front else 'rear'}"
 
 
+def meeting_event(left: Contact | Car | Wheel, right: Contact | Car | Wheel) -> str:
+    """Event of two neighbours, one of them a car, that come within NEAREST."""
+    a, b = (x.car.name if isinstance(x, Wheel) else x.name for x in (left, right))
+    if isinstance(left, Contact):
+        return f"{b} reaches {a}"
+    return f"{a} {'reaches' if isinstance(right, Contact) else 'meets'} {b}"
+
+
+def lift_off_event(touching: Car | Wheel) -> str:
+    """Event of a car, or of one of its wheels, that the rope would have to hold down."""
+    if isinstance(touching, Wheel):
+        return f"{touching.car.name} {'front' if touching.front else 'rear'} wheel lifts off"
+    return f"{touching.name} lifts off"
+
+
 @dataclass(frozen=True, kw_only=True)
 class MovingLine:
     """A rope, what it touches from left to right at the start, and how long it is followed."""

@@ -36,6 +36,7 @@ FEW = (
     "clearance_rope",
     "clearance_car",
     "haul_max",
+    "haul_min",
     "contact_min",
     "wheel_min",
     "stress_max",
@@ -43,6 +44,7 @@ FEW = (
     "swing_min",
     "load_max",
     "rise_max",
+    "rise_min",
     "speed_max",
 )  # in a table
 

@@ -101,6 +101,18 @@ def shoe_pull_sentences(line: Line, motion: LineMotion) -> list[str]:
     return out
 
 
+def fast_car_sentences(line: Line, motion: LineMotion) -> list[str]:
+    """Cars that are faster than transverse waves, of speed sqrt(N/rho), and from where on."""
+    rho = line.cable.mass_per_length + line.cable.ice_per_length
+    out = []
+    for car in motion.cars:
+        fast = np.flatnonzero(rho * car.ds**2 > np.fmin(car.tension_behind, car.tension_ahead))
+        if fast.size:
+            waves = f"faster than transverse waves from x = {car.point[fast[0], 0]:.1f} m on"
+            out.append(f"{car.name} is {waves}, where error bars are no bound")
+    return out
+
+
 def coarser_settings(space: int, time: int) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
     """Half and quarter of a run's resolution, and of its steps."""
     in_space = [(space // k, time) for k in (2, 4) if space >= k]
@@ -270,19 +282,20 @@ class MotionAnswers(LineAnswers):
             hit = f"would collide: {body or 'the rope'} hits {over} by {-d['value']:.2f} m"
             parts.append(Outcome("collides", hit))
         parts += self._outcome_of_end()
-        sentences = [*shoe_pull_sentences(self.line, self.motion), *(part.sentence for part in parts)]
+        doubts = [*shoe_pull_sentences(self.line, self.motion), *fast_car_sentences(self.line, self.motion)]
+        sentences = [*doubts, *(part.sentence for part in parts)]
         largest = self.tension_max
         sentences.append(f"largest tension {largest['value'] / 1e3:.1f} kN at {largest['t']:.1f} s")
         return Outcome(parts[0].kind, "; ".join(sentences))
 
     def _outcome_of_end(self) -> list[Outcome]:
         """How the run ends; nothing of one that broke."""
+        places = ", ".join(f"{car.name} at x = {car.point[-1, 0]:.1f} m" for car in self.cars)
         if self.moved.events and self.moved.end < self.moved.instants[-1] * (1.0 - 1e-9):
             name, t = self.moved.events[-1]
-            return [Outcome("ends", f"{name} after {t:.1f} s")]
+            return [Outcome("ends", f"{name} after {t:.1f} s with {places}")]
         if self.moved.reason is not None:
             return []
-        places = ", ".join(f"{car.name} at x = {car.point[-1, 0]:.1f} m" for car in self.cars)
         return [Outcome("arrives", f"ends after {self.moved.end:.1f} s with {places}")]
 
     @property
@@ -355,7 +368,7 @@ class MotionAnswers(LineAnswers):
         terminal.print_text(f"  {self.moved.method}, {settings}; {seconds:.1f} s")
 
 
-def answer_line(line: Line, report: Progress = no_progress) -> MotionAnswers:
+def answer_line(line: Line, *, report: Progress = no_progress) -> MotionAnswers:
     """Run a line in motion on elements, with bars from coarser runs."""
     runs = LineRuns(ELEMENTS, line)
     run_ladders([runs], 2, 2, report)
