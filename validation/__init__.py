@@ -65,7 +65,10 @@ Result = TypeVar("Result")
 
 
 def accepting_names(function: Callable[Concatenate[Any, P], Result]) -> Callable[Concatenate[Any, P], Result]:
-    """Let a function of a scene, or of a study, take its name or file, too."""
+    """Let a function of a scene, or of a study, take its name or file, too; a line where it computes lines.
+
+    SceneError for another line, TypeError for what is meant for one span.
+    """
     first = next(iter(inspect.signature(function).parameters), "") if inspect.isfunction(function) else ""
     if first not in ("scene", "study"):
         return function
@@ -74,18 +77,26 @@ def accepting_names(function: Callable[Concatenate[Any, P], Result]) -> Callable
     @functools.wraps(function)
     def with_name(of: Any, *args: P.args, **kwargs: P.kwargs) -> Result:
         """See the function that is wrapped."""
-        from cablefem.scene import Scene
+        from cablefem.scene import Scene, SceneError
+        from cablefem.scene.described import OF_ONE_SPAN
         from cablefem.scene.line import Line
         from cablefem.scene.short import line_or_none
 
         if isinstance(of, str | Path):
             kind = Scene if first == "scene" else _import_name("commands.sweep.study", "Study")
             of = (of_line and line_or_none(of)) or kind.load(of)
-        if of_line and isinstance(of, Line):
-            home, name = of_line
-            kind = "motion" if of.moves else "line"
-            return cast(Result, _import_name(f"{home}.{kind}", name)(of, *args, **kwargs))
-        return function(of, *args, **kwargs)
+        if not isinstance(of, Line):
+            return function(of, *args, **kwargs)
+        if of_line is None:
+            raise SceneError([OF_ONE_SPAN])
+        home, name = of_line
+        solve = _import_name(f"{home}.{'motion' if of.moves else 'line'}", name)
+        taken = inspect.signature(solve)
+        try:
+            taken.bind(of, *args, **kwargs)
+        except TypeError as error:
+            raise TypeError(f"a line takes {', '.join(list(taken.parameters)[1:])} alone: {error}") from None
+        return cast(Result, solve(of, *args, **kwargs))
 
     return with_name
 

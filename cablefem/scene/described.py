@@ -19,7 +19,10 @@ _FILES = resources.files(__package__) / "library"
 _FIRST = ("level", "cruise", "inclined", "bare", "tramway", "zipline")
 _SCENES = sorted(file.name.removesuffix(".toml") for file in _FILES.iterdir() if file.name.endswith(".toml"))
 LINES = sorted(file.name.removesuffix(".toml") for file in (_FILES / "lines").iterdir())
-AT_REST = "a line of several contacts takes run and check alone, without this option; one span takes all"
+OF_ONE_SPAN = (
+    "this needs one span with [supports]; a line of [[contact]] takes run, check, find, and advise if a car has a "
+    "hanger or two wheels"
+)
 LIBRARY = (*_FIRST, *(name for name in _SCENES if name not in _FIRST))
 BUILT_IN = (*LIBRARY, *LINES)
 RELATIVE = re.compile(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?%")

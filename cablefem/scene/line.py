@@ -137,6 +137,8 @@ class Car(Part):
             return ["at: missing; must be given for a car at rest, travel or drive for one in motion"]
         if given.get("hauled") is not None:
             return ["hauled: of a car at rest; in motion drive.mode says it"]
+        if "drive" in present and self.drive is None:
+            return []  # its own faults are reported
         if (self.mode == "free") is ("travel" in present):
             return ["travel: must be given for a car that grips or is hauled, and for no other"]
         return body_faults(self.mass, self.hanger, self.wheels, self.drive)
@@ -513,7 +515,7 @@ def _range_faults(car: Car, contacts: Sequence[Contact]) -> list[str]:
     end = contacts[-1].at[0]
     faults = []
     if not 0.0 < low <= high < end:
-        faults.append(f"car.{car.name}.at: from {low:.6g} to {high:.6g} m; must be between 0 and {end:.6g} m")
+        faults.append(f"car.{car.name}.at: from {low:.6g} to {high:.6g} m; must be > 0 and < {end:.6g} m")
     return faults + _missing_shoe_faults(car.name, [c for c in contacts[1:-1] if low <= c.at[0] <= high])
 
 

@@ -48,6 +48,7 @@ def line_in_motion(line: Line, solve: Solver) -> MovingLine:
     ]
     empty = EmptyLine(state.s * heat, np.array([c.point[0] for c in contacts]))
     cars = [_moving_car(car, len(contacts) > 2, heat) for car in line.car]
+    _raise_faults([*_range_faults(line.car, cars, empty)])
     places = {c.name: c.point[0] for c in contacts} | {car.name: empty.x_at(car, _start_position(car)) for car in cars}
     passing = {car.name: _saddles_passed(car, contacts, empty) for car in cars}
     _raise_faults([*_order_faults(cars, places), *_saddle_faults(cars, passing, places)])
@@ -83,6 +84,25 @@ def _weight_faults(line: Line, empty: LineState) -> list[str]:
     must = f"must be < {N:.6g} N, N at {line.contact[lowest].name} of the empty line"
     weights = {car.name: car.mass * line.gravity for car in line.car}
     return [f"car.{name}.mass: M g = {weight:.6g} N; {must}" for name, weight in weights.items() if weight >= N]
+
+
+def _range_faults(tables: Sequence[CarTable], cars: Sequence[Car], empty: EmptyLine) -> Iterator[str]:
+    """Cars that begin or end within NEAREST of the ends of the rope or beyond, and brakes beyond."""
+    for table, car in zip(tables, cars, strict=True):
+        last = float((empty.x if car.along == "x" else empty.s)[-1])
+        must = f"must be from {NEAREST:g} to {last - NEAREST:.6g} m, {NEAREST:g} m within the ends of the "
+        must += "line, in x" if car.along == "x" else "rope"
+        given = {"drive.start": car.drive.start}
+        if table.travel is not None:
+            end = "travel.to" if isinstance(table.travel, Trapezoid) else "travel.positions"
+            given = dict(zip(("travel.from", end), _end_positions(table.travel), strict=True))
+        for name, position in given.items():
+            if not NEAREST <= position <= last - NEAREST:
+                yield f"car.{car.name}.{name}: {position:.6g} m; {must}"
+        for i, (position, _) in enumerate(car.drive.brakes):
+            if position >= last:
+                brake = f"car.{car.name}.drive.brake[{i}].from = {position:.6g}"
+                yield f"{brake}: must be < {last:.6g} m, the end of the rope"
 
 
 def _order_faults(cars: Sequence[Car], places: Mapping[str, float]) -> list[str]:

@@ -24,7 +24,7 @@ from cablefem.scene.cable import (
 )
 from cablefem.scene.catenary import Catenary
 from cablefem.scene.damping import Wind, damping_fault, damping_rates, first_frequency, internal_damping_fault
-from cablefem.scene.described import AT_REST, LIBRARY, Described, library_text, parse_toml
+from cablefem.scene.described import LIBRARY, OF_ONE_SPAN, Described, library_text, parse_toml
 from cablefem.scene.drive import GRIP, NEAREST_START, Drive, Driving
 from cablefem.scene.errors import NOT_MODELLED, SceneError
 from cablefem.scene.fields import LARGE, NonNegative, Part, Positive, described_field
@@ -129,7 +129,7 @@ class Scene(Described):
     def from_toml(cls, text: str, *, name: str = "scene", folder: Path = Path()) -> Self:
         """The scene that a TOML describes; SceneError with all its faults, and for a line."""
         if "contact" in parse_toml(text):
-            raise SceneError([AT_REST])
+            raise SceneError([OF_ONE_SPAN])
         return super().from_toml(text, name=name, folder=folder)
 
     def _tables(self, changes: Container[str] = ()) -> dict[str, Any]:

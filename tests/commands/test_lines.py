@@ -112,21 +112,30 @@ def test_a_position_without_rest_leaves_the_others(cablefem, tmp_path):
         ("modes", "two-span"), ("advise", "two-span", "--tol", "1e-2"),
         ("run", "two-span", "--method", "fourier"),
         ("run", "two-span", "--model", "quasi-static"), ("check", "two-span", "--deep"),
+        ("run", "two-span", "--set", "elements=8"), ("run", "two-span", "--no-bars"),
+        ("check", "two-span", "--verbose"),
     ],
 )  # fmt: skip
 def test_what_moves_is_refused_in_one_line(cablefem, tmp_path, command):
     code, out, err = cablefem(*command)
     assert (code, out) == (2, "")
-    assert "a line of several contacts takes run and check alone" in err
+    assert "this needs one span with [supports]" in err
     assert len(lines(err)) == 1
     assert not (tmp_path / "cablefem-out").exists()
+
+
+def test_a_self_test_without_a_car_is_refused(cablefem, tmp_path):
+    (tmp_path / "bare.toml").write_text(line(*[x for x in THREE if "mass" not in x]).to_toml())
+    code, out, err = cablefem("check", "bare.toml", "--self-test")
+    assert (code, out) == (2, "")
+    assert "--self-test: plants its fault in the mass of a car" in err
 
 
 @pytest.mark.parametrize("tol", ["1e-10", "0.1", "nan"])
 def test_tolerance_of_a_line(cablefem, tol):
     code, _, err = cablefem("check", "two-span", "--tol", tol)
     assert code == 2
-    assert "--tol must lie in [1e-09, 0.01] m" in err
+    assert "--tol in m must lie in [1e-09, 0.01]" in err
 
 
 def test_check_with_a_fault_told_to_one_solver(cablefem):

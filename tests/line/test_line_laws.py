@@ -170,7 +170,7 @@ def test_a_wrong_state_writes_no_nan_and_breaks_laws(tmp_path):
     rest = sound.rest(catenary_line.solve)
     state = rest.positions[0]
     wrong = replace(rest, positions=[replace(state, s=state.s[::-1])])
-    answer_line(sound, wrong).write(tmp_path, 1.0)
+    answer_line(sound, rest=wrong).write(tmp_path, 1.0)
     for file in tmp_path.iterdir():
         assert "nan" not in file.read_text().lower()
     assert "shape and stretch" in disagreements(check_statics(sound.to_toml(), wrong))

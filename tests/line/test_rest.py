@@ -130,7 +130,7 @@ def test_a_car_on_a_shoe_is_not_felt(solve):
 def test_the_path_of_a_car_does_not_jump_at_the_ends_of_a_shoe(solve):
     at = [693.9999, 694.0001, 700, 705.9999, 706.0001]
     given = Line.load("two-span").replace({"car.down.at": 1100.0, "car.up.at": at})
-    result = answer_line(given, given.rest(solve))
+    result = answer_line(given, rest=given.rest(solve))
     depths = [row["depth:up"] for row in result.numbers]
     assert [row["on:up"] for row in result.numbers] == [None, "tower", "tower", "tower", None]
     np.testing.assert_allclose(np.diff(depths)[[0, 3]], 0.0, rtol=0, atol=3e-4)

@@ -86,6 +86,13 @@ def test_two_wheels_and_a_cabin_from_a_file():
          'kind = "table", times = [0.0, 1.0, 2.0], positions = [0.0, 5.0, 12.0], from = 60.0',
          "car.up.travel: 8 m/s at its end, 2 s; must be 0, for another car moves until"),
         ('mode = "haul", drag_area = 12.0', 'mode = "free"', r"car\[1\].travel: must be given for a car that grips"),
+        ('mode = "haul", drag_area = 12.0', 'mode = "fre"', r"car\[1\].drive.mode = 'fre'"),
+        ("from = 1100.0", "from = 1200.5", "car.down.travel.from: 1200.5 m; must be from 1 to 1199 m, 1 m within"),
+        ("from = 60.0", "from = 0.5", r"car.up.travel.from: 0.5 m; must be from 1 to 1\d+.\d+ m, 1 m within the ends"),
+        ('mode = "haul", drag_area = 12.0}\ntravel = {kind = "trapezoid", top_speed = 7.0, acceleration = 0.5, '
+         'deceleration = 0.5, from = 1100.0, to = 760.0}',
+         'mode = "free", start = 900.0, end = {time = 60.0}, brake = [{from = 1400.0, force = 9.0}]}',
+         r"car.down.drive.brake\[0\].from = 1400: must be < 1"),
     ],
 )  # fmt: skip
 def test_a_fault_of_a_file_is_one_sentence(old, new, says):

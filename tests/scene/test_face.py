@@ -31,5 +31,13 @@ def test_lines_at_rest_are_taken_too():
     assert "two-span: agree" in repr(checked)
     assert cf.run(line).design[0]["value"] == pytest.approx(checked.design[0]["value"], rel=1e-9)
     assert len(repr(cf.run("two-span"))) < 120
-    with pytest.raises(cf.SceneError, match="takes run and check alone"):
-        cf.quasi_static("two-span")
+    for of in ("two-span", line):
+        with pytest.raises(cf.SceneError, match="needs one span"):
+            cf.quasi_static(of)
+    with pytest.raises(TypeError, match="a line takes rest alone: too many positional arguments"):
+        cf.run(line, "following-p2")
+    for of in (line, "two-cars"):
+        with pytest.raises(ValueError, match=r"--tol (in m )?must lie in"):
+            cf.check(of, tol=7.0)
+        with pytest.raises(ValueError, match="--tol-tension must lie in"):
+            cf.check(of, tol_tension=-1.0)

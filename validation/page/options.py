@@ -71,15 +71,6 @@ def line_named(name: str) -> Line | None:
         raise store.Refused([f"{name}: {fault}" for fault in error.faults]) from None
 
 
-def refuse_moving(options_of_moving_car: dict[str, bool]) -> None:
-    """Refuse the first given option that has a meaning for a moving car only."""
-    from cablefem.scene.described import AT_REST
-
-    for name, is_given in options_of_moving_car.items():
-        if is_given:
-            raise store.Refused(f"{name}: {AT_REST}")
-
-
 def tolerance_faults(value: float | None, name: str = "--tol", low: float = 1e-6, high: float = 0.2) -> list[str]:
     """Faults of a tolerance, or of another number in [low, high]."""
     if value is None or low <= value <= high:
@@ -164,6 +155,23 @@ def points_of(scene: Scene | Line, pairs: list[str] | None, cases: list[str] | N
     if faults:
         raise store.Refused(list(dict.fromkeys(faults)))
     return out
+
+
+def line_points(
+    line: Line, pairs: list[str] | None, cases: list[str] | None, one_span_options: dict[str, bool]
+) -> list[Point]:  # fmt: skip
+    """Points of a grid of lines; Refused for the first option or setting that has a meaning for one span only.
+
+    one_span_options : whether each is given.
+    """
+    from cablefem.scene.described import OF_ONE_SPAN
+
+    points = points_of(line, pairs, cases)
+    given = [name for name, is_given in one_span_options.items() if is_given]
+    given += [f"--set {name}" for point in points for name in point.settings]
+    if given:
+        raise store.Refused(f"{given[0]}: {OF_ONE_SPAN}")
+    return points
 
 
 def _changes_of_case(name: str, scene: Scene | Line) -> dict[str, Any]:

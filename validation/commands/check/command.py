@@ -53,14 +53,8 @@ def command(
     support, y down. Other units and directions are told by the name: s_o_over_l, t_ms, v_over_l, v_mm, y_up, ...
     """
     if (line := options.line_named(scene)) is not None:
-        options.refuse_moving(
-            {
-                "--ask": ask != "all",
-                "--with": other is not None,
-                "--deep": deep,
-            }
-        )
-        points = options.points_of(options.with_limits(line, limits), set_, case)
+        others = {"--ask": ask != "all", "--with": other is not None, "--deep": deep, "--verbose": verbose}
+        points = options.line_points(options.with_limits(line, limits), set_, case, others)
         told = _scene_of_second_solver(points[0].scene, second, second_set)
         return _check_line(points, tol, tol_tension, out, told, require, self_test, sensitive)
     faults = _tolerance_faults(tol, tol_tension, with_tol, ask)
@@ -135,7 +129,10 @@ def _check_line(
     line = points[0].scene
     kind: Any = motion if line.moves else at_rest
     tol = kind.TOL if tol is None else tol
-    kind.refuse_check(points, tol, tol_tension, second)
+    kind.refuse_tolerances(tol, tol_tension)
+    kind.refuse_second(points, second)
+    if self_test and not line.car:
+        raise store.Refused("--self-test: plants its fault in the mass of a car; must have one")
     results: list[Any] = []
 
     def solve(x: Any, report: Any) -> Any:
@@ -210,7 +207,10 @@ def _scene_of_second_solver(scene: Any, file: Path | None, pairs: list[str] | No
     """The scene for the second solver; None if the same."""
     name = str(file)
     other = scene if file is None else options.line_named(name) or options.scene_named(name, travelling=True)
-    points = options.points_of(other, pairs)
+    try:
+        points = options.points_of(other, pairs)
+    except store.Refused as error:
+        raise store.Refused([fault.replace("--set", "--second-set", 1) for fault in error.faults]) from None
     if len(points) > 1 or points[0].settings:
         raise store.Refused("--second-set: one value for each key of the scene, as mass.mass=+1%")
     return points[0].scene if file is not None or pairs else None

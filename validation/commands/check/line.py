@@ -25,7 +25,7 @@ from validation.core import line_laws, store
 from validation.core.agreement import FACTOR_DISAGREE, Agreement, Bound, BoundPart, no_bound
 from validation.core.order import FIRST, error_bar
 from validation.page import line as page
-from validation.page.options import Point
+from validation.page.options import Point, tolerance_faults
 
 FINEST = 32  # elements on each piece, at most
 BY_ELEMENTS = 0.5  # their largest bar over the tolerance
@@ -176,6 +176,7 @@ def check_line(
 
     tol : [m];  tol_tension : of the largest tension, default `tol`;  second : a line for the elements alone.
     """
+    refuse_tolerances(tol, tol_tension)
     tol_tension = tol if tol_tension is None else tol_tension
     given = line
     line = with_worst_positions(line)
@@ -185,7 +186,7 @@ def check_line(
     both = refine_both(line, second or line, tol, tol_tension)
     units = both.units_with_tolerances(tol, tol_tension)
     designs = both.design_numbers()
-    result = answer_line(line, both.a)
+    result = answer_line(line, rest=both.a)
     result = replace(result, design=design_with_bars(result.design, designs[1], designs[2]))
     rows = [*compare_states(both, *units), *compare_design(designs, *units), *_rest_row(both)]
     return replace(result, rows=[*rows, *line_laws.check_statics(line.to_toml(), both.a), *recheck_outputs(result)])
@@ -226,11 +227,15 @@ def smallest_noticed_faults(result: RestAnswers) -> dict[str, float]:
     return sensitivities.smallest_faults(line, result.rows, gaps)
 
 
-def refuse_check(points: Sequence[Point], tol: float, tol_tension: float | None, second: Line | None) -> None:
-    """Refuse tolerances out of range, and a second line that is another one."""
-    low, high = TOL_RANGE
-    if not low <= tol <= high:
-        raise store.Refused(f"--tol must lie in [{low:g}, {high:g}] m for a line at rest, got {tol:g}")
+def refuse_tolerances(tol: float, tol_tension: float | None) -> None:
+    """Refuse tolerances out of range."""
+    names = {"--tol in m": tol, "--tol-tension": tol_tension}
+    if faults := [fault for name, value in names.items() for fault in tolerance_faults(value, name, *TOL_RANGE)]:
+        raise store.Refused([f"{fault}, of a line at rest" for fault in faults])
+
+
+def refuse_second(points: Sequence[Point], second: Line | None) -> None:
+    """Refuse a second line that is another one."""
     if second is not None and any(_contacts_and_shoes(second) != _contacts_and_shoes(point.scene) for point in points):
         raise store.Refused("--second: must be a line with the same contacts, cars and positions")
 

@@ -65,7 +65,7 @@ def law_rows(toml: str, ladders: Sequence[Ladder], end: float) -> Iterator[Agree
 
 
 def check_line(
-    line: Line, tol: float = TOL, tol_tension: float | None = None, second: Line | None = None,
+    line: Line, tol: float = TOL, tol_tension: float | None = None, second: Line | None = None, *,
     report: Progress = no_progress,
 ) -> MotionAnswers:  # fmt: skip
     """Run both methods on a line in motion and compare them; refine until they agree or the budget is spent.
@@ -75,6 +75,7 @@ def check_line(
     tol : of the path, over its largest deflection;  tol_tension : of forces, default 10 tol.
     second : a line for the sines alone;  report : is called with the part of the runs that is done.
     """
+    refuse_tolerances(tol, tol_tension)
     asked = LineTolerance(tol, LOOSER * tol if tol_tension is None else tol_tension)
     first = LineRuns(ELEMENTS, line)
     both = first, LineRuns(SINES, second or line, first)
@@ -124,10 +125,14 @@ def _ladder_of_one(run: Any) -> Ladder:
     return Ladder(run, none, none)
 
 
-def refuse_check(points: Sequence[Point], tol: float, tol_tension: float | None, second: Line | None) -> None:
-    """Refuse tolerances out of range, and a second line that is another one."""
+def refuse_tolerances(tol: float, tol_tension: float | None) -> None:
+    """Refuse tolerances out of range."""
     if faults := [*tolerance_faults(tol), *tolerance_faults(tol_tension, "--tol-tension", 1e-6, 1.0)]:
         raise store.Refused(faults)
+
+
+def refuse_second(points: Sequence[Point], second: Line | None) -> None:
+    """Refuse a second line that is another one."""
     if second is not None and any(_contacts_and_cars(second) != _contacts_and_cars(point.scene) for point in points):
         raise store.Refused("--second: must be a line in motion with the same contacts and cars")
 

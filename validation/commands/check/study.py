@@ -143,6 +143,7 @@ def check(
     progress : called with a label and the fraction done.
     until : largest s_o/l of both runs, once slack no further; default: the end.
     ask : "path": path, position and speed of the car decide, all else is shown; "all".
+    A line takes tol, tol_tension and second alone, at rest tol in m; its answers have `verdict`, `rows` and `design`.
     check("zipline", tol=5e-3).verdict
     """
     refuse_out_of_range("tol", tol, TOL_LOW, TOL_HIGH)

@@ -44,13 +44,16 @@ def command(
     kind = {"model": model, "load": load, "law": law}
     if (line := options.line_named(scene)) is not None:
         others = {f"--{option}": given != CHOICES[option][0] for option, given in kind.items()}
-        options.refuse_moving({"--method": method != METHOD, **others, "--tol": tol is not None})
+        others |= {"--method": method != METHOD, "--tol": tol is not None, "--no-bars": not bars}
         from validation.commands.run import line as at_rest
         from validation.commands.run import motion
         from validation.commands.run.lines import answer_points
 
-        given = options.points_of(options.with_limits(line, limits), set_, case)
-        solve = motion.answer_line if line.moves else lambda x, _: at_rest.answer_line(x)
+        given = options.line_points(options.with_limits(line, limits), set_, case, others)
+
+        def solve(x: Any, report: Any) -> Any:
+            return motion.answer_line(x, report=report) if x.moves else at_rest.answer_line(x)
+
         return answer_points("run", given, out, solve, require)
     faults = [
         f"--{option} = {short_text(given)}: unknown.{did_you_mean(given, CHOICES[option])}"

@@ -290,7 +290,7 @@ def _collision_text(number: Row) -> str:
     return f"{who} hits {what} by {-number['value']:.2f} m{_cars_text(number)}"
 
 
-def answer_line(line: Line, rest: LineRest | None = None) -> RestAnswers:
+def answer_line(line: Line, *, rest: LineRest | None = None) -> RestAnswers:
     """Solve a line by catenaries; an error where the empty line or every position has no rest.
 
     rest : its solution, if there is one.

@@ -88,6 +88,7 @@ def run_with_bars(
     until : s_o/l at which the run may end; default: the end of the travel.
     The run is made at once. Fields, forces, design numbers and bars are computed when they are looked at.
     Raises ValueError for a tolerance out of range or beside a resolution, and for settings that no such method has.
+    A line takes no method and no settings: its answers have `design` and `outcome`, in motion `cars` and `contacts`.
     run("zipline", tol=1e-3).design
     """
     kind = {"model": model, "load": load, "law": law}
