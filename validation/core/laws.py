@@ -479,6 +479,11 @@ def displacement_from_velocity(m: Evidence) -> Defect:
     tangent = m.rest_curve(f.s, 1)
     sine = np.sin(math.pi / f.s[-1] * f.s)
     w, dw = ((tangent[:, 0] * b - tangent[:, 1] * a) @ sine for a, b in ((f.u, f.v), (f.du, f.dv)))
+    # a station at the mass has the velocity behind it: the mean of both sides counts
+    at = np.searchsorted(f.s, f.s_o * (1.0 - ROUNDING)).clip(max=f.s.size - 1)
+    jump = m.interpolated_at(f.t, m.travel_speed[:, None] * (m.r.slope_behind - m.r.slope_ahead))
+    missing = 0.5 * sine[at] * (tangent[at, 0] * jump[:, 1] - tangent[at, 1] * jump[:, 0])
+    dw += np.where(np.abs(f.s[at] - f.s_o) <= ROUNDING * f.s[-1], missing, 0.0)
     conserved = w - CubicSpline(f.t, dw).antiderivative()(f.t)
     within = dw[m.window_frames[0] : m.window_frames[-1] + 1]
     return _defect_of_change(
