@@ -144,6 +144,11 @@ def test_a_slack_onset_told_late_is_seen():
     assert wrong.gap > 3.0 * wrong.allowed
 
 
+def test_displacement_follows_from_velocity_where_the_mass_stands_on_a_station(level):
+    """The mass stands on one at every frame: the velocity behind it alone would leave 0.8 percent."""
+    assert held(level)["displacement from velocity"].gap < 0.004
+
+
 def test_changes_that_cancel_in_a_mean_leave_it_uncertain():
     right = laws.Defect(np.arange(4.0), np.array([[3.0], [1.0], [2.0], [0.0]]), averaged=True)
     finer = np.array([[2.0], [2.0], [1.0], [1.0]])  # the same mean by chance
