@@ -66,7 +66,9 @@ def _guess_of_length(case: Case, length: float) -> tuple[np.ndarray, np.ndarray,
     except ValueError:
         supports = np.array([(p.x, p.y) for p in case.stations if not p.is_car])
         reach = float(np.hypot(*np.diff(supports, axis=0).T).sum())
-        raise NoLine(f"the rope is too short to reach: {length:.6g} m over {reach:.6g} m of chords") from None
+        if length < reach:
+            raise NoLine(f"the rope is too short to reach: {length:.6g} m over {reach:.6g} m of chords") from None
+        raise NoLine(f"no tension below EA = {case.EA:.6g} N carries the loads on {length:.6g} m of rope") from None
     except NoLine:
         raise NoLine(f"{length:.6g} m of rope hang too slack") from None
 

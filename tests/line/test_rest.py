@@ -10,7 +10,7 @@ from cablefem.elements import line as elements
 from cablefem.scene import Cable, Scene, SceneError, Supports
 from cablefem.scene.line import Line, LineState, NoLine
 from cablefem.scene.statics import gripped_rest
-from tests.line.lines import ASTER, SPRUNG, THREE, TRAMWAY, WEIGHED, car, changed, line
+from tests.line.lines import ASTER, SPRUNG, THREE, TRAMWAY, WEIGHED, car, changed, contact, line
 from validation.commands.oracles.study import Task
 from validation.commands.run.line import answer_line
 from validation.oracles import line as oracle
@@ -109,6 +109,14 @@ def test_a_position_without_rest_leaves_the_others(solve):
     found = line({**rope, "length": 1023.0}, left, {**first, "at": [400.0, 6.0]}, second, right, heavy).rest(solve)
     assert [isinstance(x, NoLine) for x in found.positions] == [False, False, False, True]
     assert "the rope lifts off first" in str(found.positions[3])
+
+
+def test_a_car_too_heavy_for_its_rope_is_not_called_a_short_rope(solve):
+    rope, left, *_ = THREE
+    found = line(
+        {**rope, "length": 402.0}, left, contact("end", "anchor", 400.0, -30.0), car("car", 1e9, [200.0])
+    ).rest(solve)
+    assert "no tension below EA" in str(found.positions[0])
 
 
 def test_a_case_without_rest_leaves_the_others(solve):
