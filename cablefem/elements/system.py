@@ -118,11 +118,8 @@ class LineElements(System):
     def _name_events(self) -> None:
         """Set the events, and what each kind of them watches."""
         line, contacts = self.line, self.line.touching
-        names = [c.car.name if isinstance(c, Wheel) else c.name for c in contacts]
-        of_cars = set(range(len(contacts))) - set(self.supports)
         self.passages = possible_passages(line)
-        pairs = [k for k in range(len(contacts) - 1) if {k, k + 1} & of_cars and names[k] != names[k + 1]]
-        self._gaps = [k for k in pairs if not may_pass(self.passages, names[k], names[k + 1])]
+        self._gaps = [k for k in range(len(contacts) - 1) if self._may_meet(contacts[k], contacts[k + 1])]
         self._rolls = any(car.kind == "free" for car in line.cars)
         self._stops = [i for i, car in enumerate(line.cars) if car.kind == "free" and car.drive.has_resistance]
         self._brakes = [(i, place) for i in self._stops for place, _ in line.cars[i].drive.brakes]
@@ -135,6 +132,13 @@ class LineElements(System):
             *(f"rope lifts off {c.name}" for c in line.supports[1:-1]),
             *(str(p) for p in self.passages),
         )
+
+    def _may_meet(self, first: Contact | Car | Wheel, second: Contact | Car | Wheel) -> bool:
+        """Whether two neighbours may meet: one of them is a car, and neither passes the other over a shoe."""
+        if isinstance(first, Contact) and isinstance(second, Contact):
+            return False
+        names = [c.car.name if isinstance(c, Wheel) else c.name for c in (first, second)]
+        return names[0] != names[1] and not may_pass(self.passages, *names)
 
     @cached_property
     def _kernel(self) -> Kernel:

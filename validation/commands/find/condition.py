@@ -126,15 +126,21 @@ def _parse_clause(text: str) -> Clause:
 
 def refuse_unknown(clauses: Sequence[Clause], answers: Sequence[Answer]) -> None:
     """Refused for a name that no answer knows and no event has, a unit that does not fit, and limits without any."""
-    names = {name for answer in answers for name in answer.numbers}
-    known = sorted(
-        {name.partition(".")[0] for name in names} | {f"{event}.{name}" for event in EVENTS for name in UNITS}
-    )
+    limited = any(answer.limits for answer in answers)
+    if not limited and any(clause.text == LIMITS for clause in clauses):
+        raise Refused(f"--so-that {LIMITS}: none are given; must be in [limits] or by --limits")
     for clause in clauses:
-        if clause.sign and clause.name not in names | set(known) and names:
-            raise Refused(f"--so-that {clause.text}: unknown name.{did_you_mean(clause.name, known)}")
-        if clause.text == LIMITS and not any(answer.limits for answer in answers):
-            raise Refused(f"--so-that {LIMITS}: none are given; must be in [limits] or by --limits")
-        for answer in answers:
-            if clause.sign and (number := clause.number(answer)) is not None:
-                clause.limit(number.unit)
+        if clause.sign:
+            _refuse_number(clause, answers)
+
+
+def _refuse_number(clause: Clause, answers: Sequence[Answer]) -> None:
+    """Refused for an unknown name, and a unit that does not fit."""
+    names = {name for answer in answers for name in answer.numbers}
+    known = {name.partition(".")[0] for name in names} | {f"{event}.{name}" for event in EVENTS for name in UNITS}
+    if names and clause.name not in names | known:
+        raise Refused(f"--so-that {clause.text}: unknown name.{did_you_mean(clause.name, sorted(known))}")
+    for answer in answers:
+        number = clause.number(answer)
+        if number is not None:
+            clause.limit(number.unit)
