@@ -232,7 +232,7 @@ def test_both_wings_agree(scene):
 def test_a_wheel_that_lifts_off_ends_the_run():
     system, work = LineSines(free_sled(9e3, 0.6), 5), Work()
     states = list(integrate(system, scheme("radau"), step_times(system, 120), work=work))
-    assert [event.name for event in work.events][-1] == "sled.front lifts off"
+    assert [event.name for event in work.events][-1] == "sled front wheel lifts off"
     x = system.observe(states, np.array([1.0]))
     load = x.cars[0].turning.wheels[1].load
     assert load[-1] == pytest.approx(0.0, abs=1.0)
