@@ -40,15 +40,18 @@ class Bordered:
 
     def __init__(self, n: int, band: int, border: int) -> None:
         self.n, self.b = n, band
-        self.kind: type = float  # or complex
         self.ab: Any = np.zeros((3 * band + 1, n), order="F")  # as LAPACK's gbtrf
         self.columns: Any = np.zeros((n, border))
         self.rows: Any = np.zeros((border, n))
         self.corner: Any = np.zeros((border, border))
 
+    @property
+    def kind(self) -> Any:
+        """Type of its numbers."""
+        return self.ab.dtype
+
     def add_imaginary(self, other: Bordered) -> None:
         """Add 1j times another one."""
-        self.kind = complex
         self.ab = self.ab + 1j * other.ab
         self.columns = self.columns + 1j * other.columns
         self.rows = self.rows + 1j * other.rows

@@ -459,7 +459,8 @@ def tension_up_to_the_mass(m: Evidence) -> Defect:
         return NOT_OBSERVED
     _, off = _values_and_gaps_at_mass(m, lambda x: x.T)
     moving = m.t > 0.0
-    return Defect(m.r.fields.s_o[m.window_frames][moving] / m.r.length, off[moving] / m.r.horizontal_tension, True)
+    s_o = m.r.fields.s_o[m.window_frames] / m.r.length
+    return Defect(s_o[moving], off[moving] / m.r.horizontal_tension, averaged=True)
 
 
 @_register_law(_mass_leaves_supports, of="velocity", asks="")

@@ -86,12 +86,14 @@ def collocate(cable, rolling_car, workspace, steps, rule, newton):
 
 @inner
 def instant_at_node(inputs, contact, bands, i):
+    """`Instant` of node i, from the contacts of all nodes."""
     dofs, shape, m_row, c_row, k_row = contact
     return Instant(inputs[i], bands[i], Contact(dofs[i], shape[i], m_row[i], c_row[i], k_row[i]))
 
 
 @inner
 def copy_part(matrix, parts, k):
+    """Copy a matrix, or none, to part k of `Workspace.parts`."""
     if matrix is None:
         return
     for i in range(matrix.shape[0]):

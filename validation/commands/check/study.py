@@ -259,9 +259,9 @@ def _finer_settings_of_sides(
 
     confirmed : these runs are finer after a disagreement already, so that another one counts.
     """
-    finer: list[Settings | None] = [None for _ in sides]
     if confirmed and overall_verdict(rows) is Verdict.DISAGREE:
-        return finer
+        return [None for _ in sides]
+    finer: list[Settings | None] = []
     for larger in (True, False):
         finer = [side.finer_settings(ladder, rows, larger) for side, ladder in zip(sides, ladders, strict=True)]
         if any(finer):

@@ -5,7 +5,7 @@ A table or printed text without a reader is noted: a test fails then.
 """
 
 from validation.core.readback.files import FILES, file_faults, path_columns
-from validation.core.readback.found import find_faults
+from validation.core.readback.find import find_faults
 from validation.core.readback.limits import limit_faults, limit_table_faults
 from validation.core.readback.pages import page_faults
 from validation.core.readback.side_view import line_motion_faults
