@@ -144,6 +144,16 @@ def test_slack_onsets_are_apart_by_place_at_a_steep_front_and_by_tension_on_a_ge
     assert between(a.map(slack(0.50)), b.map(slack(0.50)))[("slack_onset", "")].gap < 1e-3
 
 
+@pytest.mark.parametrize(("fall", "verdict"), [(1e3, Verdict.AGREE), (0.1, Verdict.DISAGREE)])
+def test_a_tension_a_tenth_of_H_off_is_no_other_slack_onset_at_a_steep_front(fall, verdict):
+    def slack(r):
+        least = np.clip(fall * (0.5 - r.s_o / r.length), -1.0, 1.0) + 0.1
+        return replace(slack_at(0.5)(r), tension_min=least * r.horizontal_tension)
+
+    a, b = right()
+    assert rows(a.map(slack), b.map(slack))[("laws_si", "slack onset")].verdict is verdict
+
+
 def test_an_answer_that_breaks_in_the_window_leaves_the_rest_too_coarse():
     a, b = right()
     short = run(LEVEL, "following-p2", until=0.4, **{k: a.run.settings[k] for k in ("elements", "steps", "scheme")})

@@ -416,18 +416,22 @@ def least_tension(m: Evidence) -> Defect:
 
 @_register_law()
 def slack_onset(m: Evidence) -> Defect:
-    """The least tension is negative where slack begins, over H, and in the window not before, over the length.
+    """The least tension of the window so far falls through zero where slack begins, and does not before.
 
-    Both within two steps.
+    The distance of that place to the falling curve, along a slope of 1 in s_o/l and T/H: a difference of places at a
+    steep front, of tensions on a gentle slope, as between both solvers.  Within two steps.
     """
     r = m.r
-    onset = int(np.searchsorted(m.r.t, m.r.slack_since))
-    reached = onset < r.t.size and r.s_o[onset] <= m.windows.far * r.length
-    there = r.tension_min[max(0, onset - 2) : onset + 3].min() if reached else 0.0
-    slack = r.s_o[m.steps_in_windows & (r.t > 0.0) & (r.tension_min < 0.0)]
-    late = min(r.slack_from * r.length, float(r.s_o[m.steps_in_windows][-1])) - slack[0] if slack.size else 0.0
-    late -= 2.0 * float(np.abs(np.diff(r.s_o)).max())
-    return _defect_at_rest(max(0.0, there / r.horizontal_tension), max(0.0, late / r.length))
+    inside = np.flatnonzero(m.steps_in_windows & (r.t > 0.0))
+    steps = slice(inside[0], inside[-1] + 3)
+    position = np.maximum.accumulate(r.s_o[steps]) / r.length  # (n,)
+    least = np.minimum.accumulate(r.tension_min[steps]) / r.horizontal_tension
+    onset = int(np.searchsorted(r.t[steps], r.slack_since))
+    reached = onset < position.size and position[onset] <= m.windows.far
+    place = position[onset] if reached else position[inside[-1] - inside[0]]
+    height = float(np.interp(place, position - least, least))
+    two_steps = 2.0 * float(np.abs(np.diff(r.s_o)).max()) / r.length
+    return _defect_at_rest(max(0.0, (abs(height) if reached else -height) - two_steps))
 
 
 @_register_law()
