@@ -23,6 +23,7 @@ EVERYTHING = """
 [cable]
 mass_per_length = 11.4
 EA = 2.1e8
+breaking_load = 1.6e6
 [[contact]]
 name = "valley"
 kind = "anchor"
@@ -158,6 +159,7 @@ def test_a_saddle_a_counterweight_and_two_cars_agree(cablefem, tmp_path):
     noticed = re.search(r"would notice: .*car.up.mass (\S+) %", out)
     assert 0.0 < float(noticed[1]) < 1.0
     assert "contact.mountain.tension" in out
+    assert "safety factor" in out
     folder = tmp_path / "cablefem-out" / "short"
     files = {path.name for path in (folder / "motion-check").iterdir()}
     tables = {"path-up.csv", "path-down.csv", "contacts.csv", "profile.csv", "rope.csv"}
@@ -195,6 +197,15 @@ def test_a_wrong_file_and_a_wrong_number_are_found(tmp_path, answer):
     file.write_text("\n".join([head, *(",".join(row) for row in table)]) + "\n")
     faults = read_back_line_files(folder, answer.motion, [], answer.moved.period)
     assert faults == ["path-up.csv: y is not what was computed"]
+
+
+def test_the_safety_factor_in_motion_is_the_breaking_load_over_the_largest_tension(answer):
+    found = {d["quantity"]: d for d in answer.design}
+    tension = found["tension_max"]
+    safety = found["safety_factor_min"]
+    assert safety["value"] == pytest.approx(1.6e6 / tension["value"])
+    assert safety["bar"] == pytest.approx(safety["value"] * tension["bar"] / tension["value"], rel=0.1)
+    assert safety["t"] == tension["t"]
 
 
 def test_cars_and_rope_in_motion_clear_what_they_pass(answer):

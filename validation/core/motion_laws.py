@@ -324,7 +324,12 @@ class _LineFiles:
         name, _, word = kind.rpartition("_")
         if name == "clearance":
             return [float(min(np.min(values) for values in self._clearance_columns(kind, of)))]
-        values = _means_of_forces(name, self._columns_by_quantity[f"{name}:{of}" if of else name], self.t, self.period)
+        if name == "safety_factor":
+            tensions = _means_of_forces("tension", self._columns_by_quantity["tension"], self.t, self.period)
+            values = self.line.data["cable"]["breaking_load"] / tensions
+        else:
+            columns = self._columns_by_quantity[f"{name}:{of}" if of else name]
+            values = _means_of_forces(name, columns, self.t, self.period)
         if name in ("grip", "contact") and "drive" not in self.line.cars[of]:
             values = _means_of_forces(name, values, self.t, self.period)  # a car that grips rings: means of means
         now = self.t == self.t[np.argmin(np.abs(self.t - number["t"]))]

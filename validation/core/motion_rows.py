@@ -377,6 +377,9 @@ def extremes_with_times(moved: LineRun, line: Line) -> dict[str, tuple[float, fl
     for name, values, pick in (("tension_max", largest_tension, np.argmax), ("tension_min", smallest, np.argmin)):
         k = int(pick(values))
         out[name] = (float(values[k]), float(t[k]))
+    if line.cable.breaking_load is not None:
+        largest, when = out["tension_max"]
+        out["safety_factor_min"] = (line.cable.breaking_load / largest, when)
     for name, (times, heights) in clearance_series(motion, line).items():
         k = int(np.argmin(heights))
         out[name] = (float(heights[k]), float(times[k]))

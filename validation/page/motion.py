@@ -33,6 +33,7 @@ ROWS: dict[str, str] = WORDS.pop("rows")
 GRIPS = " A car that grips rings with the rope: grip and contact force of it are means of such means."
 FEW = (
     "tension_max",
+    "safety_factor_min",
     "clearance_rope",
     "clearance_car",
     "haul_max",
@@ -89,7 +90,8 @@ def _time_and_place(number: Row) -> str:
 def motion_columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
     """Columns of a table: varied values, design numbers of FEW, what became of each line."""
     names = dict.fromkeys(name for row in rows for name in row if name.partition(":")[0] in FEW)
-    return columns_with_outcome(rows, keys, {name: f"{quantity_words(name)} [{unit_of(name)}]" for name in names})
+    heads = {name: f"{quantity_words(name)} [{unit_of(name)}]".removesuffix(" []") for name in names}
+    return columns_with_outcome(rows, keys, heads)
 
 
 def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None) -> list[Section]:
