@@ -90,13 +90,17 @@ def _keys_of_kinds(tables: list[dict[str, Any]], definitions: dict[str, Any], na
     """Keys of a table of several kinds: kind, own ones, shared ones."""
     kinds = [table["properties"]["kind"]["const"] for table in tables]
     yield Key(f"{name}.kind", "-", "which law", "required", f"one of {', '.join(kinds)}")
+
+    def own_name(key: Key) -> str:
+        return key.name.removeprefix(f"{name}.").partition(".")[0]
+
     shared = set.intersection(*(set(table["properties"]) for table in tables))
     for table, kind in zip(tables, kinds, strict=True):
         for key in _table_keys(table, definitions, f"{name}."):
-            if key.name.split(".")[1] not in shared:
+            if own_name(key) not in shared:
                 yield replace(key, kind=kind)
     for key in _table_keys(tables[0], definitions, f"{name}."):
-        if key.name.split(".")[1] in shared - {"kind"}:
+        if own_name(key) in shared - {"kind"}:
             yield key
 
 

@@ -102,7 +102,7 @@ class Car(Part):
         "[m] x at rest, one for each position; without it a single car is where its numbers are extreme", None,
         json_schema_extra={"type": ["number", "array", "object"]},
     )  # fmt: skip
-    travel: Travel | None = described_field("[-] in motion: along the rope; in x if hauled on several spans", None)
+    travel: Travel | None = described_field("[-] in motion: its timetable", None)
     drive: Driving | None = described_field("[-] in motion: what moves it; without it the car grips", None)
     below: NonNegative = described_field("[m] from the rope down to the lowest point of the car", 0.0)
     hanger: Hanger | None = described_field("[-] in motion: a part of the mass that swings below the rope", None)

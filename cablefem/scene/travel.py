@@ -25,6 +25,7 @@ from cablefem.scene.motion import Motion, Piece
 
 AT_REST = 1e-3  # of the largest speed: a first or last speed below counts as rest
 ROUNDING = 1e-9  # of the length or the largest speed: nearer, a travel ends on the support, or at rest
+ALONG = "along the cable, in x if hauled on several spans"  # what positions of a travel are
 
 
 class Stop(Part):
@@ -40,7 +41,7 @@ class Law(Part):
     paces: ClassVar[dict[str, int]] = {}  # powers of pace in the fields
 
     position: Positive | None = described_field(
-        "[m] position along the cable where the mass is let in, in equilibrium", None, alias="from"
+        f"[m] position where the mass is let in, in equilibrium: {ALONG}", None, alias="from"
     )
     stop: Stop | None = described_field("[-] emergency stop", None)
     rest: NonNegative = described_field("[s] that the run goes on after the mass has come to rest", 0.0)
@@ -193,7 +194,7 @@ class Trapezoid(Law):
         "[m/s3] largest change of the acceleration; without it the acceleration jumps", None
     )
     to: Positive | None = described_field(
-        "[m] position along the cable where the mass comes to rest; default the end", None
+        f"[m] position where the mass comes to rest: {ALONG}; default the end, of one span", None
     )
 
     def fields_fault(self, distance: float) -> str:
@@ -269,7 +270,7 @@ class Table(Law):
     kind: Literal["table"] = described_field("[-] law of travel", "table")
     times: Numbers = described_field("[s] from 0, strictly increasing")
     positions: Numbers = described_field(
-        "[m] distance along the cable, from 0, never decreasing; equal ones are a standstill"
+        f"[m] distance from the start, {ALONG}: from 0, never decreasing; equal ones are a standstill"
     )
 
     def faults_between(self, given: Mapping[str, Any]) -> list[str]:

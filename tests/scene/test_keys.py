@@ -37,6 +37,14 @@ def test_keys_are_those_that_scenes_read():
     assert not any("place" in name and "end" not in name for name in found), "keys are as they are written"
 
 
+def test_keys_of_a_travel_stand_once_and_name_the_axis_of_lines_of_several_spans():
+    keys = [key for key in list_keys(Line) if key.name.startswith("car.0.travel.")]
+    assert [key.kind for key in keys if key.name == "car.0.travel.from"] == [""]
+    positions = {key.name.rpartition(".")[2]: key.meaning for key in keys}
+    for name in ("from", "to", "positions"):
+        assert "along the cable, in x if hauled on several spans" in positions[name]
+
+
 def test_a_printed_key_is_taken_by_replace():
     scene = Scene.from_toml(FREE + "brake = [{from = 280.0, force = 300.0}]" + OBSTACLES)
     for name in ("mass.mass", "drive.brake.0.force", "obstacle.0.top", "supports.drop"):
