@@ -67,9 +67,9 @@ class Thrust(Part):
 
 
 class Brake(Part):
-    """A shoe that acts against the motion beyond a position; several add up."""
+    """A shoe that acts against the motion to the right of a position; several add up."""
 
-    position: Positive = described_field("[m] position along the cable from which it brakes", alias="from")
+    position: Positive = described_field("[m] position along the cable: it brakes to the right of it", alias="from")
     force: Positive = described_field("[N] braking force along the cable")
     wheel: Literal["rear", "front", "both"] = described_field(
         "[-] of two wheels: which brakes; both: with half each", "both"

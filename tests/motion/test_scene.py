@@ -93,6 +93,10 @@ def test_two_wheels_and_a_cabin_from_a_file():
          'deceleration = 0.5, from = 1100.0, to = 760.0}',
          'mode = "free", start = 900.0, end = {time = 60.0}, brake = [{from = 1400.0, force = 9.0}]}',
          r"car.down.drive.brake\[0\].from = 1400: must be < 1"),
+        ('mode = "haul", drag_area = 12.0}\ntravel = {kind = "trapezoid", top_speed = 7.0, acceleration = 0.5, '
+         'deceleration = 0.5, from = 1100.0, to = 760.0}',
+         'mode = "free", start = 900.0, end = {time = 60.0}, brake = [{from = 800.0, force = 9.0}]}',
+         r"car.down.drive.brake\[0\].from = 800: must be > 900 m, .*; brakes act to the right of it"),
     ],
 )  # fmt: skip
 def test_a_fault_of_a_file_is_one_sentence(old, new, says):
