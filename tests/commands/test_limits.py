@@ -71,6 +71,11 @@ def test_what_is_missing_is_named():
         scene.replace({"limits.use": ["skylin"]})
 
 
+def test_what_is_not_computed_says_why():
+    reasons = [words[3] for words in limits.DEMANDS.values()]
+    assert all(": " in reason for reason in reasons if reason.startswith("not computed"))
+
+
 def test_circumstances_choose_between_numbers_of_a_text():
     scene = TRAMWAY.replace({"limits.when": ["more than two persons", "rare use"]})
     rules = [rule["limit"] for rule in scene.limits.rules(700.0) if rule["demand"] == "tension_over_wheel"]

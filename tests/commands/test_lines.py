@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 
+from cablefem import Scene
 from tests.commands.calls import lines
 from tests.line.lines import THREE, TRAMWAY, car, line
 from validation.commands.check.line import check_line
@@ -56,6 +57,15 @@ def test_design_numbers_of_a_line(cablefem, tmp_path):
     assert design["safety_factor_min"] == pytest.approx(1.6e6 / design["tension_max"], rel=1e-9)
     assert design["pressure_down_min:tower"] == pytest.approx(78.1e3, abs=50.0)
     assert design["pressure_down_max:tower"] == pytest.approx(132.7e3, abs=50.0)
+
+
+def test_a_bare_line_prints_no_rise_and_no_car_on_a_shoe_that_is_not_there(cablefem, tmp_path):
+    scene = Scene.library_text("two-span").partition("[[car]]")[0]
+    (tmp_path / "bare.toml").write_text(scene.replace("shoe = 6.0", ""))
+    code, out, _ = cablefem("run", "bare.toml")
+    assert code == 0
+    assert "rise of" not in out
+    assert "shoe" not in out
 
 
 def test_check_agrees(cablefem, tmp_path):

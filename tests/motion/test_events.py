@@ -91,6 +91,7 @@ def test_the_outcome_says_where_a_run_ends_and_from_where_on_bars_are_no_bound()
     sentence = cf.run(sled).outcome.sentence
     assert "up is faster than transverse waves from x = " in sentence
     assert "with up at x = " in sentence
+    assert "this ends the run for all cars" in sentence
 
 
 @pytest.mark.parametrize("name", ["rocket-trolley", "two-cars", "over-tower"])

@@ -21,6 +21,12 @@ def test_a_fault_of_one_percent_is_seen_and_as_small_a_one_as_is_said():
     assert fault.verdict.value == "disagree"
 
 
+def test_a_fault_below_the_digits_of_a_number_is_any_change_of_it():
+    """Rows with a bar of rounding alone, as of timetables and catenaries, printed 1.4e-13 %."""
+    found = {"travel.from": 1.4e-15, "cable.EA": 2e-9, "mass.mass": 1.7e-4}
+    assert noticed_sentence(found) == "would notice: any change of travel.from, cable.EA, mass.mass 0.017 %"
+
+
 def test_a_station_on_the_edge_of_the_jump_is_no_disagreement():
     """Stations as far from the car as is left out around it are in or out in both computations of an error."""
     scene, fault = scene_case(81126, 40)

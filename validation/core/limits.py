@@ -217,7 +217,9 @@ class _DemandedValues:
             if "kind" in rule and kind is None:
                 yield Value(math.nan, of=name, why=f"give {key}")
             elif rule.get("kind", kind) == kind:
-                yield min(self._clearances_over(name), key=lambda x: x.value, default=unknown_value("not computed"))
+                yield min(
+                    self._clearances_over(name), key=lambda x: x.value, default=unknown_value(DEMANDS["clearance"][3])
+                )
 
     def _clearances_over(self, name: str) -> list[Value]:
         """Clearances over an obstacle or the ground, of rope and cars."""

@@ -17,6 +17,7 @@ from validation.core.running import run
 from validation.core.view import View
 
 Gaps = dict[tuple[str, str], float]  # by quantity and law
+DIGITS = 1e-8  # a smaller relative fault is any change of a number: its row has a bar of rounding alone
 STEP = 0.1  # [percent] change of a key; rows are linear in it
 
 
@@ -87,5 +88,8 @@ def _gap_or_zero(quantity: Any, changed: Any, base: Any, view: View) -> float:
 
 
 def noticed_sentence(found: dict[str, float]) -> str:
-    parts = ", ".join(f"{key} {100.0 * fault:.2g} %" for key, fault in found.items())
-    return f"would notice: {parts}" if parts else "would notice no fault of a key of the scene"
+    parts = [f"{key} {100.0 * fault:.2g} %" for key, fault in found.items() if fault >= DIGITS]
+    exact = [key for key, fault in found.items() if fault < DIGITS]
+    if exact:
+        parts = [f"any change of {', '.join(exact)}", *parts]
+    return f"would notice: {', '.join(parts)}" if parts else "would notice no fault of a key of the scene"

@@ -22,7 +22,7 @@ from validation.core import store
 from validation.core.answers import STATIONS, Outcome
 from validation.page import terminal
 from validation.page.answer import many as table
-from validation.page.line import WORDS, largest_and_smallest_rows, print_line, quantity_kind
+from validation.page.line import WORDS, largest_and_smallest_rows, print_line, quantity_kind, value_text
 
 MAX_NAMED = 3  # collisions in an outcome
 # in the table of the terminal
@@ -264,7 +264,8 @@ class RestAnswers(LineAnswers):
 
     def tell(self, seconds: float) -> None:
         """Print outcome, limits, design numbers, and the first three positions without rest."""
-        printed = largest_and_smallest_rows([d for d in self.design if quantity_kind(d["quantity"]) not in NOT_PRINTED])
+        rows = largest_and_smallest_rows([d for d in self.design if quantity_kind(d["quantity"]) not in NOT_PRINTED])
+        printed = [row for row in rows if row["largest"] != value_text(0.0, "m") or row["smallest"] != "the same"]
         print_line(self.line, self.outcome.sentence, self.limits, printed, len(printed))
         for x in self.positions_without_rest[:3]:
             terminal.print_text(f"  position {x['position']}: {x['reason']}", style="bold red")

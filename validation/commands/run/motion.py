@@ -293,7 +293,9 @@ class MotionAnswers(LineAnswers):
         places = ", ".join(f"{car.name} at x = {car.point[-1, 0]:.1f} m" for car in self.cars)
         if self.moved.events and self.moved.end < self.moved.instants[-1] * (1.0 - 1e-9):
             name, t = self.moved.events[-1]
-            return [Outcome("ends", f"{name} after {t:.1f} s with {places}")]
+            whose = "for all cars " if len(self.cars) > 1 else ""
+            early = f"{self.moved.instants[-1] - t:.1f} s early"
+            return [Outcome("ends", f"{name} after {t:.1f} s with {places}; this ends the run {whose}{early}")]
         if self.moved.reason is not None:
             return []
         return [Outcome("arrives", f"ends after {self.moved.end:.1f} s with {places}")]
@@ -362,7 +364,8 @@ class MotionAnswers(LineAnswers):
 
     def tell(self, seconds: float) -> None:
         """Print outcome, limits and the most important design numbers."""
-        printed = number_rows([d for d in self.design if d["quantity"].partition(":")[0] in FEW])
+        few = [d for d in self.design if d["quantity"].partition(":")[0] in FEW]
+        printed = number_rows([d for d in few if d["value"]])  # a counterweight only sinks: its largest rise is 0
         print_line(self.line, self.outcome.sentence, self.limits, printed, len(self.design))
         settings = ", ".join(f"{value} {name}" for name, value in self.moved.settings.items())
         terminal.print_text(f"  {self.moved.method}, {settings}; {seconds:.1f} s")
