@@ -58,11 +58,11 @@ NOT_OBSERVED = Defect(np.empty(0), np.empty((0, 1)))  # no frame shows the law
 
 
 def check_laws_in_si(
-    ladder: Any, window: Window, until: float = math.inf, tolerance: Callable[[str], float | None] = lambda asks: None
+    ladder: Any, window: Window, until: float = math.inf, tolerance: Callable[[str], float | None] = lambda kind: None
 ) -> Iterator[Agreement]:
     """Check the finest run of a `ladder.Ladder` by all laws that apply; of each the component with the worst defect.
 
-    window : s_o/l;  until : [s];  tolerance : of what a law asks.
+    window : s_o/l;  until : [s];  tolerance : of a kind of law.
     """
     finest = ladder.finest
     windows = replace(Windows.over_part_of_run(finest, window, until), far=min(r.reached for r in ladder.runs))
@@ -89,9 +89,9 @@ def check_laws_in_si(
             bar = float(bars[worst]) if np.isfinite(bars[worst]) else math.inf
             at = float(defect.s_o[np.abs(defect.value[:, worst]).argmax()])
         yield Agreement(
-            law.of, gap, Bound("law", (BoundPart(finest.method, bar, "coarser runs and sampling"),)),
-            where=None if math.isnan(at) else at, law="" if name == law.of else name, required=tolerance(law.asks),
-            decides=bool(law.asks), parts=(parts,),
+            law.quantity, gap, Bound("law", (BoundPart(finest.method, bar, "coarser runs and sampling"),)),
+            where=None if math.isnan(at) else at, law="" if name == law.quantity else name,
+            required=tolerance(law.tolerance_kind), decides=bool(law.tolerance_kind), parts=(parts,),
         )  # fmt: skip
 
 
@@ -119,40 +119,45 @@ DefectOf = Callable[[Evidence], Defect]
 class Law:
     defect: DefectOf
     concerns: Callable[[Evidence], bool]
-    of: str
-    asks: str  # tolerance "rest" or "velocity" (`rows.tolerance_of`); "" if only shown
+    quantity: str  # of the row
+    tolerance_kind: str  # "rest" or "velocity" (`rows.tolerance_of`); "" if only shown
     exact: bool  # to rounding in every run
-    at_start: bool  # of the place (x, y) at which the car starts
+    at_start: bool  # of the point (x, y) at which the car starts
 
 
 LAWS: dict[str, Law] = {}
 
 
 def _register_law(
-    concerns: Callable[[Evidence], bool] = lambda m: True,
-    of: str = "laws_si",
-    asks: str = "rest",
+    name: str,
+    concerns: Callable[[Evidence], bool] = lambda evidence: True,
+    quantity: str = "laws_si",
+    tolerance_kind: str = "rest",
     exact: bool = False,
     at_start: bool = False,
 ) -> Callable[[DefectOf], DefectOf]:
+    """Put a defect into `LAWS` under the name that rows and files show."""
+
     def register(defect: DefectOf) -> DefectOf:
-        LAWS[defect.__name__.replace("_", " ")] = Law(defect, concerns, of, asks, exact, at_start)
+        LAWS[name] = Law(defect, concerns, quantity, tolerance_kind, exact, at_start)
         return defect
 
     return register
 
 
-def _car_rolls(m: Evidence) -> bool:
-    return m.r.drive != "grip"
+def _car_rolls(evidence: Evidence) -> bool:
+    return evidence.r.drive != "grip"
 
 
-def _frames_resolve_waves(m: Evidence) -> bool:
-    between = float(np.diff(m.r.fields.t[m.window_frames[0] : m.window_frames[-1] + 1]).max(initial=0.0))
-    return between <= MAX_FRAME_INTERVAL * m.r.length * math.sqrt(m.data.rho / m.r.horizontal_tension)
+def _frames_resolve_waves(evidence: Evidence) -> bool:
+    r = evidence.r
+    t = r.fields.t[evidence.window_frames[0] : evidence.window_frames[-1] + 1]
+    crossing_time = r.length * math.sqrt(evidence.data.rho / r.horizontal_tension)
+    return float(np.diff(t).max(initial=0.0)) <= MAX_FRAME_INTERVAL * crossing_time
 
 
-def _mass_leaves_supports(m: Evidence) -> bool:
-    return any(_can_extrapolate(pair) for pair in m.sides)
+def _mass_leaves_supports(evidence: Evidence) -> bool:
+    return any(_can_extrapolate(pair) for pair in evidence.sides)
 
 
 def _can_extrapolate(pair: tuple[Side, Side]) -> bool:
@@ -160,8 +165,9 @@ def _can_extrapolate(pair: tuple[Side, Side]) -> bool:
     return all(x.s.size > 4 for x in pair)
 
 
-def _knows_strain(m: Evidence) -> bool:
-    return m.r.model == "full" and not np.array_equal(m.r.T_behind, m.r.T_behind_pointwise, equal_nan=True)
+def _knows_strain(evidence: Evidence) -> bool:
+    r = evidence.r
+    return r.model == "full" and not np.array_equal(r.T_behind, r.T_behind_pointwise, equal_nan=True)
 
 
 def _excludes_compression(r: Response, t: Array) -> NDArray[np.bool_]:
@@ -175,62 +181,64 @@ def _defect_at_rest(*values: float) -> Defect:
     return Defect(np.array([math.nan]), np.array([values]).reshape(1, -1))
 
 
-def _defect_at_frames(m: Evidence, value: Array) -> Defect:
-    return Defect(m.r.fields.s_o[m.window_frames] / m.r.length, value.reshape(m.window_frames.size, -1))
+def _defect_at_frames(evidence: Evidence, value: Array) -> Defect:
+    frames = evidence.window_frames
+    return Defect(evidence.r.fields.s_o[frames] / evidence.r.length, value.reshape(frames.size, -1))
 
 
-def _defect_of_change(m: Evidence, conserved: Array, scale: float, t: Array | None = None) -> Defect:
+def _defect_of_change(evidence: Evidence, conserved: Array, scale: float, t: Array | None = None) -> Defect:
     """Change of a conserved quantity (k, c) over each window, over a scale."""
-    at = np.interp(m.windows.frames if t is None else t, m.r.t, m.r.s_o) / m.r.length
+    at = np.interp(evidence.windows.frames if t is None else t, evidence.r.t, evidence.r.s_o) / evidence.r.length
     return Defect(0.5 * (at[1:] + at[:-1]), np.diff(conserved, axis=0) / scale)
 
 
-def _defect_of_change_at_steps(m: Evidence, conserved: Array, scale: float) -> Defect:
-    return _defect_of_change(m, m.interpolated_at(m.windows.steps, conserved), scale, m.windows.steps)
+def _defect_of_change_at_steps(evidence: Evidence, conserved: Array, scale: float) -> Defect:
+    t = evidence.windows.steps
+    return _defect_of_change(evidence, evidence.interpolated_at(t, conserved), scale, t)
 
 
 # --- the cable at rest -----------------------------------------------------------------------------
 
 
-@_register_law(exact=True)
-def ends_at_rest(m: Evidence) -> Defect:
+@_register_law("ends at rest", exact=True)
+def ends_at_rest_defect(evidence: Evidence) -> Defect:
     """The cable ends at its supports; over the span."""
-    f = m.r.fields
-    data = m.data
+    f = evidence.r.fields
+    data = evidence.data
     return _defect_at_rest(*(np.array([f.x[0], f.y[0], f.x[-1] - data.span, f.y[-1] - data.drop]) / data.span))
 
 
-@_register_law(exact=True)
-def length_at_rest(m: Evidence) -> Defect:
+@_register_law("length at rest", exact=True)
+def length_at_rest_defect(evidence: Evidence) -> Defect:
     """Stations measure arc length up to the length asked for (heat, ice: unstretched); over it."""
-    s = m.r.fields.s
-    name, value = m.data.prescribed
-    strain = CubicSpline(s, m.r.fields.T_static / m.data.EA).integrate(s[0], s[-1]) / s[-1]
-    length = {"length": value, "unstretched": value * (1.0 + strain)}.get(name, m.r.length)
-    counted = float(np.abs(np.cumsum(_arc_lengths(m.rest_curve(s))) - s[1:]).max())
-    return _defect_at_rest(*(np.array([s[0], counted, m.r.length - s[-1], s[-1] - length]) / s[-1]))
+    s = evidence.r.fields.s
+    name, value = evidence.data.prescribed
+    strain = CubicSpline(s, evidence.r.fields.T_static / evidence.data.EA).integrate(s[0], s[-1]) / s[-1]
+    length = {"length": value, "unstretched": value * (1.0 + strain)}.get(name, evidence.r.length)
+    counted = float(np.abs(np.cumsum(_arc_lengths(evidence.rest_curve(s))) - s[1:]).max())
+    return _defect_at_rest(*(np.array([s[0], counted, evidence.r.length - s[-1], s[-1] - length]) / s[-1]))
 
 
-@_register_law(exact=True)
-def shape_at_rest(m: Evidence) -> Defect:
+@_register_law("shape at rest", exact=True)
+def shape_at_rest_defect(evidence: Evidence) -> Defect:
     """Sag or horizontal tension as asked for; over itself."""
-    name, value = m.data.prescribed
-    f = m.r.fields
+    name, value = evidence.data.prescribed
+    f = evidence.r.fields
     if name == "sag":
-        below = CubicSpline(f.s, f.y - m.data.drop / m.data.span * f.x)
+        below = CubicSpline(f.s, f.y - evidence.data.drop / evidence.data.span * f.x)
         hung = max([0.0, *below(below.derivative().roots(extrapolate=False)).tolist()])
     else:
-        hung = m.r.horizontal_tension if name == "horizontal_tension" else value
+        hung = evidence.r.horizontal_tension if name == "horizontal_tension" else value
     return _defect_at_rest(hung / value - 1.0)
 
 
-@_register_law(exact=True)
-def forces_at_rest(m: Evidence) -> Defect:
+@_register_law("forces at rest", exact=True)
+def forces_at_rest_defect(evidence: Evidence) -> Defect:
     """T x' = H, over H; T y' falls by rho g per metre, over rho g l."""
-    s = m.r.fields.s
-    H = m.r.horizontal_tension
-    weight = m.data.rho * m.data.gravity
-    force = m.r.fields.T_static[:, None] * m.rest_curve(s, 1)
+    s = evidence.r.fields.s
+    H = evidence.r.horizontal_tension
+    weight = evidence.data.rho * evidence.data.gravity
+    force = evidence.r.fields.T_static[:, None] * evidence.rest_curve(s, 1)
     falls = force[0, 1] - force[:, 1] - weight * s
     return _defect_at_rest(np.abs(force[:, 0] - H).max() / H, np.abs(falls).max() / (weight * s[-1]))
 
@@ -238,15 +246,15 @@ def forces_at_rest(m: Evidence) -> Defect:
 # --- travel and drive --------------------------------------------------------------------------------
 
 
-@_register_law(lambda m: m.r.drive != "free", exact=True)
-def travel(m: Evidence) -> Defect:
+@_register_law("travel", lambda evidence: evidence.r.drive != "free", exact=True)
+def travel_defect(evidence: Evidence) -> Defect:
     """s_o(t) is the travel of the TOML; over the length."""
-    r = m.r
-    law = m.data.travel
-    drive = m.data.drive
-    l = m.r.fields.s[-1]
-    t = r.t[m.steps_in_windows]
-    s = r.s_o[m.steps_in_windows]
+    r = evidence.r
+    law = evidence.data.travel
+    drive = evidence.data.drive
+    l = evidence.r.fields.s[-1]
+    t = r.t[evidence.steps_in_windows]
+    s = r.s_o[evidence.steps_in_windows]
     start = timetable.start_position(law, drive, l)
     if law["kind"] == "table":
         stop = min(t[-1], law.get("stop", {}).get("time", math.inf))
@@ -261,23 +269,23 @@ def travel(m: Evidence) -> Defect:
     return Defect(s[worst, None] / l, (s - want)[worst, None, None] / l)
 
 
-def _speed_after_stop(m: Evidence) -> float:
+def _speed_after_stop(evidence: Evidence) -> float:
     """Speed [m/s] above `rest_speed` of a stopped car, over its last axial round trip."""
-    r = m.r
-    duration = min(r.t[-1] - r.t[0], m.data.round_trip)
+    r = evidence.r
+    duration = min(r.t[-1] - r.t[0], evidence.data.round_trip)
     distance = abs(r.s_o[-1] - np.interp(r.t[-1] - duration, r.t, r.s_o))
-    return max(0.0, distance / duration - 1.01 * m.data.drive.get("rest_speed", 1e-3)) if duration else 0.0
+    return max(0.0, distance / duration - 1.01 * evidence.data.drive.get("rest_speed", 1e-3)) if duration else 0.0
 
 
-@_register_law(_car_rolls, exact=True)
-def drive(m: Evidence) -> Defect:
+@_register_law("drive", _car_rolls, exact=True)
+def drive_defect(evidence: Evidence) -> Defect:
     """Start, brakes, arrival and thrust are those of the TOML; over length, time, top speed, thrust."""
-    r = m.r
-    drive = m.data.drive
-    l = m.r.fields.s[-1]
-    T = m.r.t[-1]
-    times, forces = m.thrust_history
-    start = timetable.start_position(m.data.travel, drive, l)
+    r = evidence.r
+    drive = evidence.data.drive
+    l = evidence.r.fields.s[-1]
+    T = evidence.r.t[-1]
+    times, forces = evidence.thrust_history
+    start = timetable.start_position(evidence.data.travel, drive, l)
     off = [(r.s_o[0] - start) / l]
     expected = {
         "release": ("t", T, [drive.get("release", 0.0)]), "thrust_end": ("t", T, times[-1:].tolist()),
@@ -287,21 +295,25 @@ def drive(m: Evidence) -> Defect:
     }  # fmt: skip
     for x in r.events:
         off.append((np.interp(x["t"], r.t, r.s_o) - x["s_o"]) / l)
-        speed = _speed_after_stop(m) if x["event"] == "stop" else np.interp(x["t"], r.t, r.speed)
+        speed = _speed_after_stop(evidence) if x["event"] == "stop" else np.interp(x["t"], r.t, r.speed)
         off.append((speed - x["speed"]) / float(r.speed.max()))
         of, scale, wanted = expected.get(x["event"], ("t", 1.0, []))
         off += [min(abs(x[of] - y) for y in wanted) / scale] if wanted else []
     if r.drive == "free" and forces.any():
         smooth = np.abs(r.t[:, None] - times).min(axis=1) > 1e-6 * T
-        off.append(np.abs(r.F_haul - m.thrust_force)[smooth].max() / float(np.abs(forces).max()))
+        off.append(np.abs(r.F_haul - evidence.thrust_force)[smooth].max() / float(np.abs(forces).max()))
     return _defect_at_rest(float(np.abs(off).max()))
 
 
-@_register_law(lambda m: _car_rolls(m) and 0.0 < m.r.s_o[0] < m.r.length, at_start=True)
-def car_at_rest(m: Evidence) -> Defect:
+def _starts_off_supports(evidence: Evidence) -> bool:
+    return 0.0 < evidence.r.s_o[0] < evidence.r.length
+
+
+@_register_law("car at rest", lambda evidence: _car_rolls(evidence) and _starts_off_supports(evidence), at_start=True)
+def car_at_rest_defect(evidence: Evidence) -> Defect:
     """A car that rolls begins where the cable at rest holds it, clamped or on its rope; over the largest deflection."""
-    r = m.r
-    data = m.data
+    r = evidence.r
+    data = evidence.data
     friction = None if r.drive == "free" else data.drive.get("rolling_friction", 0.0)
     supports = (data.span, data.drop)
     weights = (data.rho * data.gravity, data.weight)
@@ -315,139 +327,145 @@ def car_at_rest(m: Evidence) -> Defect:
 # --- the mass, at steps --------------------------------------------------------------------------------
 
 
-@_register_law(exact=True)
-def place_of_the_mass(m: Evidence) -> Defect:
+@_register_law("place of the mass", exact=True)
+def mass_position_defect(evidence: Evidence) -> Defect:
     """p = X(s_o) + w; over the largest deflection."""
-    r = m.r
-    k = m.steps_in_windows
-    off = np.stack([r.x - r.u, r.y - r.v], axis=1)[k] - m.rest_curve(r.s_o[k])
+    r = evidence.r
+    k = evidence.steps_in_windows
+    off = np.stack([r.x - r.u, r.y - r.v], axis=1)[k] - evidence.rest_curve(r.s_o[k])
     return _defect_at_rest(float(np.abs(off).max()) / r.max_deflection)
 
 
-@_register_law(_knows_strain, exact=True)
-def strain_at_the_mass(m: Evidence) -> Defect:
+@_register_law("strain at the mass", _knows_strain, exact=True)
+def strain_at_mass_defect(evidence: Evidence) -> Defect:
     """Pointwise tension is T + EA (|r'| - 1), cut at zero without compression; over H."""
-    r = m.r
-    k = m.steps_in_windows
-    f = m.r.fields
+    r = evidence.r
+    k = evidence.steps_in_windows
+    f = evidence.r.fields
     T = CubicSpline(f.s, f.T_static)(r.s_o[k])
     off = []
     for slope, stored in ((r.slope_behind, r.T_behind_pointwise), (r.slope_ahead, r.T_ahead_pointwise)):
-        N = T + m.data.EA * (np.hypot(*slope[k].T) - 1.0)
+        N = T + evidence.data.EA * (np.hypot(*slope[k].T) - 1.0)
         off.append(stored[k] - np.where(_excludes_compression(r, r.t[k]), np.maximum(N, 0.0), N))
     return _defect_at_rest(*(np.abs(np.array(off)).max(axis=1) / r.horizontal_tension))
 
 
-@_register_law()
-def speed_of_the_mass(m: Evidence) -> Defect:
+@_register_law("speed of the mass")
+def mass_velocity_defect(evidence: Evidence) -> Defect:
     """The mass moves by the integral of its velocity; over top speed times window."""
-    r = m.r
-    return _defect_of_change_at_steps(
-        m, np.stack([r.x, r.y], axis=1) - m.impulse(r.velocity), float(r.speed.max()) * m.window_duration
-    )
+    r = evidence.r
+    conserved = np.stack([r.x, r.y], axis=1) - evidence.impulse(r.velocity)
+    return _defect_of_change_at_steps(evidence, conserved, float(r.speed.max()) * evidence.window_duration)
 
 
-def _momentum_defect_of_mass(m: Evidence, force: Array) -> Defect:
+def _momentum_defect_of_mass(evidence: Evidence, force: Array) -> Defect:
     """Change of the car's momentum by the force of the rope (n, 2) [N] and all others; over M g times window."""
-    r = m.r
-    weight = m.data.weight
+    r = evidence.r
+    weight = evidence.data.weight
     force = force + weight * DOWN
     if r.drive != "grip":
         mean = r.slope_behind + r.slope_ahead
-        force = force + m.thrust_force[:, None] * mean / np.hypot(*mean.T)[:, None] + m.air_drag
-    return _defect_of_change_at_steps(m, m.data.mass * r.velocity - m.impulse(force), weight * m.window_duration)
+        force = force + evidence.thrust_force[:, None] * mean / np.hypot(*mean.T)[:, None] + evidence.air_drag
+    conserved = evidence.data.mass * r.velocity - evidence.impulse(force)
+    return _defect_of_change_at_steps(evidence, conserved, weight * evidence.window_duration)
 
 
-@_register_law()
-def momentum_of_the_mass(m: Evidence) -> Defect:
+@_register_law("momentum of the mass")
+def mass_momentum_defect(evidence: Evidence) -> Defect:
     """M (v_2 - v_1) is the impulse of weight, contact and outer forces; over M g times window."""
-    return _momentum_defect_of_mass(m, -m.r.contact)
+    return _momentum_defect_of_mass(evidence, -evidence.r.contact)
 
 
-@_register_law(of="impulse")
-def impulse(m: Evidence) -> Defect:
+@_register_law("impulse", quantity="impulse")
+def mass_impulse_defect(evidence: Evidence) -> Defect:
     """M (v_2 - v_1) by the force [ N t - rho ds_o^2 r' ] of both tensions; over M g times window."""
 
+    r = evidence.r
+
     def force(T: Array, slope: Array) -> Array:
-        return (T / np.hypot(*slope.T) - m.data.rho * m.travel_speed**2)[:, None] * slope
+        return (T / np.hypot(*slope.T) - evidence.data.rho * evidence.travel_speed**2)[:, None] * slope
 
-    return _momentum_defect_of_mass(m, force(m.r.T_ahead, m.r.slope_ahead) - force(m.r.T_behind, m.r.slope_behind))
+    return _momentum_defect_of_mass(evidence, force(r.T_ahead, r.slope_ahead) - force(r.T_behind, r.slope_behind))
 
 
-@_register_law(_car_rolls)
-def tension_on_both_sides(m: Evidence) -> Defect:
+@_register_law("tension on both sides", _car_rolls)
+def tension_jump_defect(evidence: Evidence) -> Defect:
     """The tension jump at a rolling car is friction plus brakes; over M g times window.
 
     [N] (1 - rho ds_o^2/EA) = -(mu_r |contact| + brakes) sign(ds_o); at most that for a slow car.
     """
-    r = m.r
-    data = m.data
-    jump = (r.T_ahead - r.T_behind) * (1.0 - data.rho * m.travel_speed**2 / data.EA)
-    resistance = np.sum(m.rolling_friction_and_brakes, axis=0)
-    rolls = np.abs(m.travel_speed) > MIN_ROLLING_SPEED * np.abs(m.travel_speed).max()
+    r = evidence.r
+    data = evidence.data
+    jump = (r.T_ahead - r.T_behind) * (1.0 - data.rho * evidence.travel_speed**2 / data.EA)
+    resistance = np.sum(evidence.rolling_friction_and_brakes, axis=0)
+    rolls = np.abs(evidence.travel_speed) > MIN_ROLLING_SPEED * np.abs(evidence.travel_speed).max()
     of_slow = np.sign(jump) * np.maximum(np.abs(jump) - resistance, 0.0)
-    defect = np.where(rolls, jump + resistance * np.sign(m.travel_speed), of_slow)  # (n,)
+    defect = np.where(rolls, jump + resistance * np.sign(evidence.travel_speed), of_slow)  # (n,)
     released = r.t >= data.drive.get("release", 0.0)
-    return _defect_of_change_at_steps(
-        m, m.impulse(np.where(released, defect, 0.0)[:, None]), data.weight * m.window_duration
-    )
+    impulse = evidence.impulse(np.where(released, defect, 0.0)[:, None])
+    return _defect_of_change_at_steps(evidence, impulse, data.weight * evidence.window_duration)
 
 
 # --- the cable, at frames ------------------------------------------------------------------------------
 
 
-@_register_law(lambda m: m.r.switched is not None or m.r.law == "tension-only", exact=True)
-def compression(m: Evidence) -> Defect:
+def _may_be_tension_only(evidence: Evidence) -> bool:
+    return evidence.r.switched is not None or evidence.r.law == "tension-only"
+
+
+@_register_law("compression", _may_be_tension_only, exact=True)
+def compression_defect(evidence: Evidence) -> Defect:
     """A tension-only cable has no compression; over H."""
-    T = m.r.fields.T_pointwise[_excludes_compression(m.r, m.r.fields.t)] / m.r.horizontal_tension
+    r = evidence.r
+    T = r.fields.T_pointwise[_excludes_compression(r, r.fields.t)] / r.horizontal_tension
     return _defect_at_rest(float(np.clip(T, -1.0, 0.0).min(initial=0.0)))
 
 
-@_register_law(of="tension_min", asks="")
-def least_tension(m: Evidence) -> Defect:
-    """The least tension at steps is that at frames; over H."""
-    f = m.r.fields
-    k = m.window_frames
-    field = np.minimum(f.T[k].min(axis=1), np.minimum(f.T_behind[k], f.T_ahead[k]))
-    return _defect_at_frames(
-        m, (m.interpolated_at(m.t, m.r.tension_min[:, None])[:, 0] - field) / m.r.horizontal_tension
-    )
+@_register_law("least tension", quantity="tension_min", tolerance_kind="")
+def min_tension_defect(evidence: Evidence) -> Defect:
+    """The smallest tension at steps is that at frames; over H."""
+    r = evidence.r
+    f = r.fields
+    k = evidence.window_frames
+    of_frames = np.minimum(f.T[k].min(axis=1), np.minimum(f.T_behind[k], f.T_ahead[k]))
+    of_steps = evidence.interpolated_at(evidence.t, r.tension_min[:, None])[:, 0]
+    return _defect_at_frames(evidence, (of_steps - of_frames) / r.horizontal_tension)
 
 
-@_register_law()
-def slack_onset(m: Evidence) -> Defect:
-    """The least tension of the window so far falls through zero where slack begins, and does not before.
+@_register_law("slack onset")
+def slack_onset_defect(evidence: Evidence) -> Defect:
+    """The smallest tension of the window so far falls through zero where slack begins, and does not before.
 
-    The distance of that place to the falling curve, along a slope of 1 in s_o/l and T/H: a difference of places at a
-    steep front, of tensions on a gentle slope, as between both solvers.  Within two steps.
+    The distance of that position to the falling curve, along a slope of 1 in s_o/l and T/H: a difference of positions
+    at a steep front, of tensions on a gentle slope, as between both solvers.  Within two steps.
     """
-    r = m.r
-    inside = np.flatnonzero(m.steps_in_windows & (r.t > 0.0))
+    r = evidence.r
+    inside = np.flatnonzero(evidence.steps_in_windows & (r.t > 0.0))
     steps = slice(inside[0], inside[-1] + 3)
     position = np.maximum.accumulate(r.s_o[steps]) / r.length  # (n,)
-    least = np.minimum.accumulate(r.tension_min[steps]) / r.horizontal_tension
+    smallest = np.minimum.accumulate(r.tension_min[steps]) / r.horizontal_tension
     onset = int(np.searchsorted(r.t[steps], r.slack_since))
-    reached = onset < position.size and position[onset] <= m.windows.far
-    place = position[onset] if reached else position[inside[-1] - inside[0]]
-    height = float(np.interp(place, position - least, least))
+    reached = onset < position.size and position[onset] <= evidence.windows.far
+    expected = position[onset] if reached else position[inside[-1] - inside[0]]
+    height = float(np.interp(expected, position - smallest, smallest))
     two_steps = 2.0 * float(np.abs(np.diff(r.s_o)).max()) / r.length
     return _defect_at_rest(max(0.0, (abs(height) if reached else -height) - two_steps))
 
 
-@_register_law()
-def fields_at_the_mass(m: Evidence) -> Defect:
+@_register_law("fields at the mass")
+def fields_at_mass_defect(evidence: Evidence) -> Defect:
     """Displacement of the mass at frames is that at steps; over the largest deflection."""
-    r = m.r
-    f = m.r.fields
-    steps = CubicSpline(r.t, np.stack([r.s_o, r.u, r.v], axis=1))(m.t)
-    off = np.stack([f.s_o, f.mass_u, f.mass_v], axis=1)[m.window_frames] - steps
-    return _defect_at_frames(m, off / r.max_deflection)
+    r = evidence.r
+    f = evidence.r.fields
+    steps = CubicSpline(r.t, np.stack([r.s_o, r.u, r.v], axis=1))(evidence.t)
+    off = np.stack([f.s_o, f.mass_u, f.mass_v], axis=1)[evidence.window_frames] - steps
+    return _defect_at_frames(evidence, off / r.max_deflection)
 
 
-def _values_and_gaps_at_mass(m: Evidence, of: Callable[[Side], Array]) -> tuple[Array, ...]:
+def _values_and_gaps_at_mass(evidence: Evidence, of: Callable[[Side], Array]) -> tuple[Array, ...]:
     """A field (m,) or (m, c) at the mass, and its gap to the extrapolation from either side; (k, 2 c)."""
     fields = []
-    for pair in m.sides:
+    for pair in evidence.sides:
         rows = [(x.s[::order][:3], of(x)[::order][:3]) for x, order in zip(pair, (-1, 1), strict=True)]
         far = _can_extrapolate(pair)
         at_mass = [far * y[0] for _, y in rows]
@@ -456,95 +474,97 @@ def _values_and_gaps_at_mass(m: Evidence, of: Callable[[Side], Array]) -> tuple[
     return tuple(np.reshape(x, (len(fields), -1)) for x in zip(*fields, strict=True))
 
 
-@_register_law(_mass_leaves_supports)
-def tension_up_to_the_mass(m: Evidence) -> Defect:
+@_register_law("tension up to the mass", _mass_leaves_supports)
+def tension_continuity_defect(evidence: Evidence) -> Defect:
     """Tension along the cable tends to that at the mass, mean over frames after the start; over H."""
-    if not np.any(m.t > 0.0):
+    if not np.any(evidence.t > 0.0):
         return NOT_OBSERVED
-    _, off = _values_and_gaps_at_mass(m, lambda x: x.T)
-    moving = m.t > 0.0
-    s_o = m.r.fields.s_o[m.window_frames] / m.r.length
-    return Defect(s_o[moving], off[moving] / m.r.horizontal_tension, averaged=True)
+    _, off = _values_and_gaps_at_mass(evidence, lambda x: x.T)
+    moving = evidence.t > 0.0
+    s_o = evidence.r.fields.s_o[evidence.window_frames] / evidence.r.length
+    return Defect(s_o[moving], off[moving] / evidence.r.horizontal_tension, averaged=True)
 
 
-@_register_law(_mass_leaves_supports, of="velocity", asks="")
-def up_to_the_mass(m: Evidence) -> Defect:
+@_register_law("up to the mass", _mass_leaves_supports, quantity="velocity", tolerance_kind="")
+def velocity_continuity_defect(evidence: Evidence) -> Defect:
     """Velocity of the cable tends to that at the mass; over its rms."""
-    if not np.any(m.t > 0.0):
+    if not np.any(evidence.t > 0.0):
         return NOT_OBSERVED
-    at_mass, off = _values_and_gaps_at_mass(m, lambda x: x.velocity)
+    at_mass, off = _values_and_gaps_at_mass(evidence, lambda x: x.velocity)
     size = np.sqrt(np.mean(at_mass**2, axis=0))
-    return _defect_at_frames(m, off / size) if np.all(size > 0.0) else NOT_OBSERVED
+    return _defect_at_frames(evidence, off / size) if np.all(size > 0.0) else NOT_OBSERVED
 
 
-@_register_law(_frames_resolve_waves, of="velocity", asks="velocity")
-def displacement_from_velocity(m: Evidence) -> Defect:
+@_register_law("displacement from velocity", _frames_resolve_waves, quantity="velocity", tolerance_kind="velocity")
+def displacement_from_velocity_defect(evidence: Evidence) -> Defect:
     """Transverse displacement, weighted by half a sine, is the integral of its velocity; over its rms."""
-    f = m.r.fields
-    tangent = m.rest_curve(f.s, 1)
+    f = evidence.r.fields
+    tangent = evidence.rest_curve(f.s, 1)
     sine = np.sin(math.pi / f.s[-1] * f.s)
     w, dw = ((tangent[:, 0] * b - tangent[:, 1] * a) @ sine for a, b in ((f.u, f.v), (f.du, f.dv)))
     # a station at the mass has the velocity behind it: the mean of both sides counts
     at = np.searchsorted(f.s, f.s_o * (1.0 - ROUNDING)).clip(max=f.s.size - 1)
-    jump = m.interpolated_at(f.t, m.travel_speed[:, None] * (m.r.slope_behind - m.r.slope_ahead))
+    kink = evidence.r.slope_behind - evidence.r.slope_ahead
+    jump = evidence.interpolated_at(f.t, evidence.travel_speed[:, None] * kink)
     missing = 0.5 * sine[at] * (tangent[at, 0] * jump[:, 1] - tangent[at, 1] * jump[:, 0])
     dw += np.where(np.abs(f.s[at] - f.s_o) <= ROUNDING * f.s[-1], missing, 0.0)
     conserved = w - CubicSpline(f.t, dw).antiderivative()(f.t)
-    within = dw[m.window_frames[0] : m.window_frames[-1] + 1]
-    return _defect_of_change(
-        m, conserved[m.window_frames, None], math.sqrt(float(np.mean(within**2))) * m.window_duration
-    )
+    within = dw[evidence.window_frames[0] : evidence.window_frames[-1] + 1]
+    scale = math.sqrt(float(np.mean(within**2))) * evidence.window_duration
+    return _defect_of_change(evidence, conserved[evidence.window_frames, None], scale)
 
 
-@_register_law()
-def stretch(m: Evidence) -> Defect:
+@_register_law("stretch")
+def stretch_defect(evidence: Evidence) -> Defect:
     """Mean tension of half a side is that at rest plus EA times the curve's strain; over H."""
     off = []
-    for pair in m.sides:
+    for pair in evidence.sides:
         longer = max(pair, key=lambda x: x.s[-1] - x.s[0])
         for x in pair:
             steps = np.diff(x.s)
             N = x.T - x.T_static
-            stretched = _arc_lengths(x.points) - steps + m.data.tau * x.lengthening
-            missing = 0.5 * steps * (N[1:] + N[:-1]) - m.data.EA * stretched
+            stretched = _arc_lengths(x.points) - steps + evidence.data.tau * x.lengthening
+            missing = 0.5 * steps * (N[1:] + N[:-1]) - evidence.data.EA * stretched
             missing = np.append(0.0, np.cumsum(missing))
             middle = np.searchsorted(x.s, 0.5 * (x.s[0] + x.s[-1]))
             cuts = np.array([0, middle, x.s.size - 1] if x is longer else [0, x.s.size - 1])
             off += (np.diff(missing[cuts]) / np.diff(x.s[cuts])).tolist()
-    return _defect_at_frames(m, np.array(off) / m.r.horizontal_tension)
+    return _defect_at_frames(evidence, np.array(off) / evidence.r.horizontal_tension)
 
 
-@_register_law()
-def momentum_of_the_cable(m: Evidence) -> Defect:
+@_register_law("momentum of the cable")
+def cable_momentum_defect(evidence: Evidence) -> Defect:
     """rho int r. ds changes by the impulse of all forces; over total weight times window."""
-    r = m.r
-    rho = m.data.rho
-    weight = rho * m.data.gravity * r.fields.s[-1]
+    r = evidence.r
+    rho = evidence.data.rho
+    weight = rho * evidence.data.gravity * r.fields.s[-1]
     force = r.reaction_left + r.reaction_right + r.contact + weight * DOWN
-    conserved = rho * (
-        m.cable_integrals["velocity"] + m.damping * m.cable_integrals["points"]
-    ) - m.impulse_at_window_ends(force)
-    return _defect_of_change(m, conserved, (weight + m.data.weight) * m.window_duration)
+    of_cable = evidence.cable_integrals["velocity"] + evidence.damping * evidence.cable_integrals["points"]
+    conserved = rho * of_cable - evidence.impulse_at_window_ends(force)
+    return _defect_of_change(evidence, conserved, (weight + evidence.data.weight) * evidence.window_duration)
 
 
-@_register_law()
-def moment_of_momentum(m: Evidence) -> Defect:
+@_register_law("moment of momentum")
+def angular_momentum_defect(evidence: Evidence) -> Defect:
     """rho int r x r. ds about the left support changes by the impulse of moments; over weight, span and window."""
-    r = m.r
-    data = m.data
-    t = m.t
+    r = evidence.r
+    data = evidence.data
+    t = evidence.t
     weight = data.rho * data.gravity
     right = np.array([data.span, data.drop])
     moment = cross_product(right, r.reaction_right) + cross_product(np.stack([r.x, r.y], axis=1), r.contact)
-    lever = m.cable_integrals["points"][:, 0]
-    moves = m.cable_integrals["velocity"][:, 0]
+    lever = evidence.cable_integrals["points"][:, 0]
+    moves = evidence.cable_integrals["velocity"][:, 0]
     h = np.diff(t)
     own = weight * (0.5 * h * (lever[1:] + lever[:-1]) - h**2 / 12.0 * np.diff(moves))  # by cubics
-    spin = data.rho * (
-        m.cable_integrals["spin"] + m.damping * m.swept_area_integral if m.damping else m.cable_integrals["spin"]
+    spin = evidence.cable_integrals["spin"]
+    if evidence.damping:
+        spin = spin + evidence.damping * evidence.swept_area_integral
+    conserved = (data.rho * spin - np.append(0.0, np.cumsum(own)))[:, None] - evidence.impulse_at_window_ends(
+        moment[:, None]
     )
-    conserved = (spin - np.append(0.0, np.cumsum(own)))[:, None] - m.impulse_at_window_ends(moment[:, None])
-    return _defect_of_change(m, conserved, (weight * r.fields.s[-1] + data.weight) * data.span * m.window_duration)
+    total_weight = weight * r.fields.s[-1] + data.weight
+    return _defect_of_change(evidence, conserved, total_weight * data.span * evidence.window_duration)
 
 
 # --- energy; all over weight times largest deflection ---------------------------------------------------
@@ -554,47 +574,49 @@ def _total_power(powers: dict[str, Array]) -> Array:
     return np.sum(list(powers.values()), axis=0)
 
 
-@_register_law(of="energy")
-def energy(m: Evidence) -> Defect:
+@_register_law("energy", quantity="energy")
+def energy_balance_defect(evidence: Evidence) -> Defect:
     """Energy of cable and mass changes by the work of the drive, until slack: a snapping cable loses some."""
-    conserved = m.energies.sum(axis=1)[:, None] - m.impulse_at_window_ends(_total_power(m.powers)[:, None])
-    defect = _defect_of_change(m, conserved, m.energy_scale)
-    return Defect(defect.s_o, np.where((m.t[1:] <= m.r.slack_since)[:, None], defect.value, 0.0))
+    work = evidence.impulse_at_window_ends(_total_power(evidence.powers)[:, None])
+    conserved = evidence.energies.sum(axis=1)[:, None] - work
+    defect = _defect_of_change(evidence, conserved, evidence.energy_scale)
+    return Defect(defect.s_o, np.where((evidence.t[1:] <= evidence.r.slack_since)[:, None], defect.value, 0.0))
 
 
-@_register_law(lambda m: bool(np.isfinite(m.r.kinetic).any()))
-def parts_of_the_energy(m: Evidence) -> Defect:
+@_register_law("parts of the energy", lambda evidence: bool(np.isfinite(evidence.r.kinetic).any()))
+def energy_parts_defect(evidence: Evidence) -> Defect:
     """Energies are those of the run, and sum to the total."""
-    r = m.r
+    r = evidence.r
     stored = np.stack([r.kinetic, r.potential, r.strain, r.energy], axis=1)
-    own = np.concatenate([m.energies, m.interpolated_at(m.t, np.sum(stored[:, :3], axis=1)[:, None])], axis=1)
-    return _defect_of_change(m, m.interpolated_at(m.t, stored) - own, m.energy_scale)
+    total = evidence.interpolated_at(evidence.t, np.sum(stored[:, :3], axis=1)[:, None])
+    own = np.concatenate([evidence.energies, total], axis=1)
+    return _defect_of_change(evidence, evidence.interpolated_at(evidence.t, stored) - own, evidence.energy_scale)
 
 
-@_register_law()
-def power(m: Evidence) -> Defect:
+@_register_law("power")
+def power_defect(evidence: Evidence) -> Defect:
     """Work of drive and outer forces is that of the run, each and in total; of a grip by its pointwise tensions."""
-    r = m.r
-    own = m.powers
+    r = evidence.r
+    own = evidence.powers
     if r.drive == "grip":
-        own = own | {"grip": m.grip_power(r.T_behind_pointwise, r.T_ahead_pointwise) + m.layer_loss}
+        own = own | {"grip": evidence.grip_power(r.T_behind_pointwise, r.T_ahead_pointwise) + evidence.layer_loss}
     off = [r.power - _total_power(own), *(r.powers[name] - own[name] for name in own if name in r.powers)]
-    return _defect_of_change_at_steps(m, m.impulse(np.stack(off, axis=1)), m.energy_scale)
+    return _defect_of_change_at_steps(evidence, evidence.impulse(np.stack(off, axis=1)), evidence.energy_scale)
 
 
-@_register_law(lambda m: m.data.tau > 0.0)
-def internal_losses(m: Evidence) -> Defect:
+@_register_law("internal losses", lambda evidence: evidence.data.tau > 0.0)
+def internal_losses_defect(evidence: Evidence) -> Defect:
     """Internal damping takes EA tau (deps/dt)^2 along the taut cable, and the layer's loss; over its rms."""
-    own = m.interpolated_at(m.t, m.layer_loss[:, None])[:, 0]
-    shortest = 0.5 * float(np.diff(m.r.fields.s).max())
-    for k, pair in enumerate(m.sides):
+    own = evidence.interpolated_at(evidence.t, evidence.layer_loss[:, None])[:, 0]
+    shortest = 0.5 * float(np.diff(evidence.r.fields.s).max())
+    for k, pair in enumerate(evidence.sides):
         for x in pair:
             steps = np.diff(x.s)
             long = steps > shortest  # next to the mass a difference quotient is all error
-            own[k] += m.data.EA * m.data.tau * np.sum(x.lengthening[long] ** 2 / steps[long])
-    stored = m.interpolated_at(m.t, m.powers["lost_internal"][:, None])[:, 0]
-    taut = m.t <= m.r.slack_since
-    return _defect_at_frames(m, np.where(taut, own + stored, 0.0) / math.sqrt(float(np.mean(own[taut] ** 2))))
+            own[k] += evidence.data.EA * evidence.data.tau * np.sum(x.lengthening[long] ** 2 / steps[long])
+    stored = evidence.interpolated_at(evidence.t, evidence.powers["lost_internal"][:, None])[:, 0]
+    taut = evidence.t <= evidence.r.slack_since
+    return _defect_at_frames(evidence, np.where(taut, own + stored, 0.0) / math.sqrt(float(np.mean(own[taut] ** 2))))
 
 
 def _arc_lengths(points: Array) -> Array:

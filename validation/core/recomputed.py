@@ -443,34 +443,36 @@ def check_energy_of_ride(r: Response) -> Agreement:
 
     The car has kinetic energy, the rope has none. The gap is over the car's weight times the range of its depth.
     """
-    m = Evidence(r, Windows(r.fields.t[::2], r.t))
-    gap = _unexplained_energy(m)
-    thin = m.without_every_second_step().without_every_second_station()
+    evidence = Evidence(r, Windows(r.fields.t[::2], r.t))
+    gap = _unexplained_energy(evidence)
+    thin = evidence.without_every_second_step().without_every_second_station()
     allowed = 3.0 * float(np.abs(gap - _unexplained_energy(thin)).max()) + STATICS
     k = int(np.abs(gap).argmax())
-    where = float(r.fields.s_o[m.window_frames][k] / r.length)
+    where = float(r.fields.s_o[evidence.window_frames][k] / r.length)
     return _recomputed_row(r, "energy", "quasi-static", float(np.abs(gap[k])), allowed, where)
 
 
 STATICS = 1e-5  # of the energy: interpolation of the cable at rest
 
 
-def _unexplained_energy(m: Evidence) -> Array:
+def _unexplained_energy(evidence: Evidence) -> Array:
     """Energy at frames (k,) beyond that at the start and the work since, over the scale."""
-    r = m.r
-    data = m.data
+    r = evidence.r
+    data = evidence.data
     speed = _speed(r)[:, None]
     car = 0.5 * data.mass * speed[:, 0] ** 2 - data.weight * r.y
-    energy = np.interp(m.t, r.t, car) + m.cable_integrals["energies"][:, 1:].sum(axis=1)  # without the rope's motion
+    of_rope = evidence.cable_integrals["energies"][:, 1:].sum(axis=1)  # without its motion (k,)
+    energy = np.interp(evidence.t, r.t, car) + of_rope
     along = np.divide(r.velocity, speed, out=np.zeros_like(r.velocity), where=speed > 0.0)  # the path (n, 2)
-    pressed = data.mass * (r.acceleration - [0.0, data.gravity]) - m.air_drag  # force of the rope on the car (n, 2)
+    # force of the rope on the car (n, 2)
+    pressed = data.mass * (r.acceleration - [0.0, data.gravity]) - evidence.air_drag
     normal = np.abs(cross_product(along, pressed))
     stretch = 0.5 * (np.hypot(*r.slope_behind.T) + np.hypot(*r.slope_ahead.T))
-    friction = -data.drive.get("rolling_friction", 0.0) * normal * stretch * np.abs(m.travel_speed)
-    powers = m.powers | {"friction": friction}
+    friction = -data.drive.get("rolling_friction", 0.0) * normal * stretch * np.abs(evidence.travel_speed)
+    powers = evidence.powers | {"friction": friction}
     if r.drive == "free":  # thrust acts along the path
-        powers["thrust"] = m.thrust_force * speed[:, 0] * np.sign(m.travel_speed)
+        powers["thrust"] = evidence.thrust_force * speed[:, 0] * np.sign(evidence.travel_speed)
     power = np.sum([*powers.values()], axis=0)
-    work = np.interp(m.t, r.t, integral(r.t, power[:, None], r.jumps)[:, 0])
+    work = np.interp(evidence.t, r.t, integral(r.t, power[:, None], r.jumps)[:, 0])
     unexplained = energy - work
     return np.asarray((unexplained - unexplained[0]) / (data.weight * np.ptp(r.y)))

@@ -46,13 +46,13 @@ DOUBTS = ("fast", "slow waves", "energy", "hidden slack", "no bar")  # flags of 
 class Quantity:
     """One compared quantity.
 
-    asks : tolerance "path", "force" or "rest"; "" if only shown.  concerns : views that have the quantity.
+    tolerance_kind : "path", "force" or "rest"; "" if only shown.  concerns : views that have the quantity.
     order : the most credited.
     """
 
     name: str
     gap: Gap
-    asks: str
+    tolerance_kind: str
     law: str = ""
     concerns: Callable[[View], bool] = lambda view: True
     order: float = math.inf
@@ -118,13 +118,13 @@ TABLE = (
 )
 
 
-def tolerance_of(asks: str, tol: float, tol_tension: float | None) -> float:
+def tolerance_of(kind: str, tol: float, tol_tension: float | None) -> float:
     """The tolerance of a kind of quantity: "path", "force", "velocity", or any other."""
-    if asks == "path":
+    if kind == "path":
         return tol
-    if asks == "force":
+    if kind == "force":
         return TENSION * tol if tol_tension is None else tol_tension
-    return max(VELOCITY if asks == "velocity" else REST, 10.0 * tol)
+    return max(VELOCITY if kind == "velocity" else REST, 10.0 * tol)
 
 
 def compare(
@@ -150,7 +150,7 @@ def compare_answers(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) ->
     b = b.reaching_end_of(view)
     for quantity in TABLE:
         if quantity.concerns(view) and all(_is_known(quantity, x.finest, view) for x in (a, b)):
-            rows.append(_quantity_row(quantity, a, b, view, tolerance(quantity.asks)))
+            rows.append(_quantity_row(quantity, a, b, view, tolerance(quantity.tolerance_kind)))
     if view.free:
         for event in EVENTS:
             rows += _event_rows(event, a, b, tolerance("rest"))
@@ -182,7 +182,7 @@ def worst_force_goal(scene: Scene, ladder: Ladder, tol: float) -> Goal:
         return worst
     over = ladder.reaching_end_of(view)
     for quantity in TABLE:
-        if quantity.asks == "force" and quantity.concerns(view) and _is_known(quantity, over.finest, view):
+        if quantity.tolerance_kind == "force" and quantity.concerns(view) and _is_known(quantity, over.finest, view):
             parts = over.bar_parts(identity, partial(_gap_in_view, quantity, view))
             worst = max(worst, Goal(parts, required, FIRST), key=lambda goal: goal.excess)
     return worst
@@ -208,7 +208,7 @@ def _quantity_row(quantity: Quantity, a: Ladder, b: Ladder, view: View, required
     except NotComparable as why:
         return Agreement(quantity.name, math.nan, no_bound(why), law=quantity.law)
     where = measures.path_gap(a.finest, b.finest, view.window)[2] if quantity.name == "path_max" else None
-    return replace(row, law=quantity.law, decides=bool(quantity.asks), where=where)
+    return replace(row, law=quantity.law, decides=bool(quantity.tolerance_kind), where=where)
 
 
 def _functional_row(

@@ -47,7 +47,8 @@ def smallest_noticed_faults(result: Check) -> dict[str, float]:
     def gaps(other: Any) -> Gaps:
         changed = run(other, find_method(base.method), until=view.last_needed_position, **base.settings)
         changed = replace(changed, scene_toml=base.scene_toml)
-        return {(q.name, q.law): _gap_or_zero(q, changed, base, view) for q in TABLE if q.asks and q.concerns(view)}
+        deciding = [q for q in TABLE if q.tolerance_kind and q.concerns(view)]
+        return {(q.name, q.law): _gap_or_zero(q, changed, base, view) for q in deciding}
 
     return smallest_faults(result.scene, result.rows, gaps)
 
