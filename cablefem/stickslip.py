@@ -82,7 +82,7 @@ class RollingCar(System):
     def reset(self) -> None:
         self.mode = Mode(brakes=sum(place <= self.drive.start for place, _ in self.drive.brakes))
         self.events_from = -math.inf
-        self._watched: tuple[State, tuple[float, ...]] | None = None
+        self._last_event_values: tuple[State, tuple[float, ...]] | None = None
 
     def release_car(self, x: State) -> State:
         """The first state of a free ride; until axial waves are back, zeros of the slip are no standstills."""
@@ -144,18 +144,18 @@ class RollingCar(System):
         if self._is_drifting(x):
             mode.slow_at = s_o
             mode.slow_since = x.t
-            self._watched = None
+            self._last_event_values = None
 
     def _end_waiting(self, slip: float) -> None:
         self.mode.awaits_waves = False
-        self._watched = None
+        self._last_event_values = None
         if slip != 0.0:
             self.mode.heading = math.copysign(1.0, slip)
 
     def pass_event(self, name: str, x: State) -> State | None:
         """The state after an event; None where the run ends."""
         mode = self.mode
-        self._watched = None
+        self._last_event_values = None
         if name in ("arrival", "back", "stop"):
             return None
         if name == "standstill":
@@ -172,14 +172,14 @@ class RollingCar(System):
             mode.y_with_rates = True
         return x
 
-    def watch(self, x: State) -> tuple[float, ...]:
+    def event_values(self, x: State) -> tuple[float, ...]:
         if x.t <= self.events_from:
             return (1.0,) * len(self.events)
-        if self._watched is None or self._watched[0] is not x:
-            self._watched = x, self._event_values(x)
-        return self._watched[1]
+        if self._last_event_values is None or self._last_event_values[0] is not x:
+            self._last_event_values = x, self._computed_event_values(x)
+        return self._last_event_values[1]
 
-    def _event_values(self, x: State) -> tuple[float, ...]:
+    def _computed_event_values(self, x: State) -> tuple[float, ...]:
         mode = self.mode
         drive = self.drive
         s_o = float(x.q[-1])

@@ -140,7 +140,7 @@ class Equations:
 class LineSines(System):
     """A line in motion, in SI.  The acceleration of a hauled car's last unknown is the haul force."""
 
-    keeps_factors = True
+    reuses_factors = True
 
     def __init__(self, line: MovingLine, terms: int) -> None:
         self.line, self.layout, self.phases = line, Layout(line, terms), line.phases
@@ -300,7 +300,7 @@ class LineSines(System):
             return rope.law.N, self.equations.touches(rope, Z)
         return last[2:]
 
-    def watch(self, x: State) -> tuple[float, ...]:
+    def event_values(self, x: State) -> tuple[float, ...]:
         Z = self.coordinates(x)
         s, ds = Z[0, self.layout.s], Z[1, self.layout.s]
         gaps = [float(s[i + 1] - s[i]) - NEAREST for i in self.gaps]

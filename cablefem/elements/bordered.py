@@ -110,7 +110,7 @@ class Bordered:
         self.corner[border], self.corner[:, border] = 0.0, 0.0
         self.corner[border, border] = 1.0
 
-    def factored(self) -> Callable[[Array], Array]:
+    def factorised(self) -> Callable[[Array], Array]:
         """The solution as a function of the right-hand side."""
         factor, substitute = get_lapack_funcs(("gbtrf", "gbtrs"), (self.ab,))
         lu, pivots, _ = factor(self.ab, self.b, self.b, overwrite_ab=True)

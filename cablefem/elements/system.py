@@ -51,7 +51,7 @@ class LineElements(System):
     The run goes on after "CAR brakes", and where nothing holds a car.
     """
 
-    keeps_factors = True
+    reuses_factors = True
 
     def __init__(self, line: MovingLine, *, elements: int = 6, degree: int = 4, compiled: bool = True) -> None:
         self.line = line
@@ -448,7 +448,7 @@ class LineElements(System):
             return self.balance_rows(x.t, slots, x.phase), self.loads[0]
         return last[2:]
 
-    def watch(self, x: State) -> tuple[float, ...]:
+    def event_values(self, x: State) -> tuple[float, ...]:
         slots = self.all_slots(*x)
         gaps = np.diff(slots.q[self.s])[self._gaps] - NEAREST
         ahead = [float(slots.v[self.s[self.cars[i]]] * self.signs[i]) for i in self._stops]
@@ -530,7 +530,7 @@ class LineElements(System):
         x = self.all_slots(t, q, v, a, phase)
         return self.balance_rows(t, x, phase)[self._unknown], self.tangent_solver(t, x, phase, (c0, c1, c2), self.free)
 
-    def factored(
+    def factorised_tangent(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> Solve:
         return self.tangent_solver(t, self.all_slots(t, q, v, a, phase), phase, (c0, c1, c2), self.free)
@@ -554,7 +554,7 @@ class LineElements(System):
             matrix.add_imaginary(other)
         self._add_contacts(matrix, x, rope, cars, c)
         matrix.fix_unknowns(np.flatnonzero(np.logical_not(free)))
-        solve_all, unknown = matrix.factored(), np.flatnonzero(free)
+        solve_all, unknown = matrix.factorised(), np.flatnonzero(free)
 
         def solve(b: Array) -> Array:
             full = np.zeros(free.size, b.dtype)

@@ -40,9 +40,9 @@ class _Nodes:
         self.drift = self.ends[0, 0] + np.outer(rule.c * self.dt, self.v0)  # q without a, (s, n_dof)
         self.r: Array | None = None  # residual at the present a
         self.solves: list[Callable[[Array], Array]] = []  # see `Factors`
-        kept = system.factors
-        if kept is not None and abs(kept.dt - self.dt) <= SAME_STEP * self.dt:
-            self.solves = kept.solves
+        earlier = system.factors
+        if earlier is not None and abs(earlier.dt - self.dt) <= SAME_STEP * self.dt:
+            self.solves = earlier.solves
 
     def states(self) -> tuple[Array, Array, Array]:
         """q, v and a at the nodes, (s, n_dof) each."""
@@ -71,7 +71,7 @@ class _Nodes:
         q, v, a = (x[middle] for x in self.states())
         lams = [self.dt * (value if value.imag else value.real) for value in rule.eigenvalues]
         cs = [(lam * lam, lam, 1.0) for lam in lams]
-        self.solves = [self.system.factored(self.t[middle], q, v, a, self.phase, *c) for c in cs]
+        self.solves = [self.system.factorised_tangent(self.t[middle], q, v, a, self.phase, *c) for c in cs]
         return self.solve
 
     def solve(self, r: Array) -> Array:
@@ -90,11 +90,11 @@ def collocate(system: System, phase: int, steps: Steps, rule: Tableau, newton: N
     """Take the first step, with the tangent of its middle node, or with that of a step before."""
     nodes = _Nodes(system, phase, steps, rule)
     with np.errstate(over="ignore", invalid="ignore"):
-        kept = nodes.solve if nodes.solves else None
-        result = find_root(nodes.residual, lambda: (nodes.residual(), nodes.tangent()), nodes.update, newton, kept)
+        earlier = nodes.solve if nodes.solves else None
+        result = find_root(nodes.residual, lambda: (nodes.residual(), nodes.tangent()), nodes.update, newton, earlier)
         nodes.set_end_state()
-    if system.keeps_factors:
-        system.factors = Factors(nodes.dt, nodes.solves) if result.keep_factors else None
+    if system.reuses_factors:
+        system.factors = Factors(nodes.dt, nodes.solves) if result.serves_next_step else None
     yield result
 
 

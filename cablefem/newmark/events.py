@@ -19,7 +19,7 @@ def shortest_step(t: float) -> float:
 
 def events_due(system: System, x: State) -> list[str]:
     """Names of the events that happen at a state."""
-    return [name for name, value in zip(system.events, system.watch(x), strict=True) if value <= 0.0]
+    return [name for name, value in zip(system.events, system.event_values(x), strict=True) if value <= 0.0]
 
 
 def pass_events(system: System, names: list[str], x: State, t: float, work: Work) -> State | None:
@@ -38,15 +38,15 @@ def pass_events(system: System, names: list[str], x: State, t: float, work: Work
 def first_event(system: System, step: Stepper, x0: State, x1: State) -> tuple[State, list[str]]:
     """The state at the first event in a step, and the names of all events there; (x1, []) if there is none."""
 
-    def event_values(x: State) -> tuple[float, ...]:
-        watched = system.watch(x)
-        for name, value in zip(system.events, watched, strict=True):
+    def checked_values(x: State) -> tuple[float, ...]:
+        values = system.event_values(x)
+        for name, value in zip(system.events, values, strict=True):
             if math.isnan(value):
                 raise StepFailure(x.t, f"event {name!r} has no value", "take more steps")
-        return watched
+        return values
 
-    before = event_values(x0)
-    evaluated = {x0.t: (x0, before), x1.t: (x1, event_values(x1))}  # once each: rounding may turn a sign
+    before = checked_values(x0)
+    evaluated = {x0.t: (x0, before), x1.t: (x1, checked_values(x1))}  # once each: rounding may turn a sign
     end = x1.t
     crossing = list[int]()
 
@@ -57,7 +57,7 @@ def first_event(system: System, step: Stepper, x0: State, x1: State) -> tuple[St
     def min_event_value(t: float) -> float:
         if t not in evaluated:
             x = step(x0, t)
-            evaluated[t] = x, event_values(x)
+            evaluated[t] = x, checked_values(x)
         return min(evaluated[t][1][i] for i in crossing)
 
     # at the first event others may be due that have risen again at the end of the step

@@ -115,7 +115,7 @@ class _TimeIntegration:
             return False
         for states in self.step.solve_steps(self.state, np.array(times)):
             x = states[-1]
-            if not all(value > 0.0 for value in self.system.watch(x)):
+            if not all(value > 0.0 for value in self.system.event_values(x)):
                 break
             self.work.steps += len(states)
             self.state = x

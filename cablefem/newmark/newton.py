@@ -41,21 +41,21 @@ class StepResult(NamedTuple):
     iterations: int
     factorisations: int
     residuals: int
-    keep_factors: bool = False  # whether the last tangent serves the next step, too
+    serves_next_step: bool = False  # whether the last tangent serves the next step, too
 
 
 def find_root(
     residual: Callable[[], Any], linearise: Callable[[], tuple[Any, Callable]], update: Callable[[Any], None],
-    newton: Newton, kept: Any = None,
+    newton: Newton, earlier_solve: Any = None,
 ) -> StepResult:  # fmt: skip
     """Take corrections, `update(x)` subtracts x, until |residual()| <= newton.bound; NaN never converges.
 
-    kept : solution with the tangent of a step before, which is tried first.
+    earlier_solve : solution with the tangent of a step before, which is tried first.
     """
     norm, iterations, factorisations, residuals = math.inf, 0, 0, 0
     before = 0.0
-    if kept is not None:
-        tried, converged = _correct_by_kept_tangent(residual, kept, update, newton)
+    if earlier_solve is not None:
+        tried, converged = _correct_by_earlier_tangent(residual, earlier_solve, update, newton)
         if converged:
             return tried
         norm, iterations, _, residuals, _ = tried
@@ -86,7 +86,7 @@ def find_root(
     return StepResult(norm, iterations, factorisations, residuals, serves)
 
 
-def _correct_by_kept_tangent(
+def _correct_by_earlier_tangent(
     residual: Callable[[], Any], solve: Callable[[Any], Any], update: Callable[[Any], None], newton: Newton
 ) -> tuple[StepResult, bool]:
     """Corrections with the tangent of a step before while |r| falls to `reuse` or less; and whether they converged.

@@ -28,7 +28,7 @@ class System(Protocol):
     events: tuple[str, ...] = ()
     many_steps: bool = False  # whether `solve_steps` or `collocate` takes several
     slack_ends: bool = True  # whether several steps may end at a slack state only
-    keeps_factors: bool = False  # whether collocation steps try the tangent of a step before
+    reuses_factors: bool = False  # whether collocation steps try the tangent of a step before
     factors: Factors | None = None  # of that step; its solutions stay valid
     events_from: float = -math.inf  # events are looked for after this time
     adaptive: bool = False  # `step_fraction` shortens steps
@@ -54,7 +54,7 @@ class System(Protocol):
         """
         raise NotImplementedError
 
-    def factored(
+    def factorised_tangent(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> Solve:
         """The second of `linearise`."""
@@ -103,7 +103,7 @@ class System(Protocol):
         """Called before each single step; a system may set what it keeps constant in the step."""
         return None
 
-    def watch(self, x: State) -> tuple[float, ...]:
+    def event_values(self, x: State) -> tuple[float, ...]:
         """One value per event, which happens where it falls from > 0 to <= 0; inf: not armed."""
         return ()
 

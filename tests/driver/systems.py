@@ -60,7 +60,7 @@ class Ball(Spring):
     def push(self, t, phase):
         return np.array([-self.g])
 
-    def watch(self, x):
+    def event_values(self, x):
         return (x.q[0],)
 
     def pass_event(self, name, x):
@@ -80,7 +80,7 @@ class Rubbed(Spring):
     def push(self, t, phase):
         return np.array([-self.friction * self.sign])
 
-    def watch(self, x):
+    def event_values(self, x):
         return (self.sign * x.v[0] if self.sign else np.inf,)
 
     def residual(self, t, q, v, a, phase):
@@ -104,7 +104,7 @@ class Alarms(Spring):
         super().__init__(end=end)
         self.alarms, self.events = alarms, tuple(alarms)
 
-    def watch(self, x):
+    def event_values(self, x):
         return tuple(alarm(x.t) for alarm in self.alarms.values())
 
     def pass_event(self, name, x):

@@ -57,7 +57,7 @@ class Tossed(Ball):
     events = ("top", "mark")
     passed = False
 
-    def watch(self, x):
+    def event_values(self, x):
         return float(x.v[0]), math.inf if self.passed else 0.9 - float(x.q[0])
 
     def pass_event(self, name, x):
@@ -152,8 +152,8 @@ def test_events_at_one_instant_are_passed_one_after_another_while_they_hold():
 
         gone = False
 
-        def watch(self, x):
-            return (np.inf, np.inf) if self.gone else super().watch(x)
+        def event_values(self, x):
+            return (np.inf, np.inf) if self.gone else super().event_values(x)
 
         def pass_event(self, name, x):
             self.gone = True

@@ -143,7 +143,7 @@ def test_a_tangent_serves_many_steps_and_the_motion_stays(make):
     ends, works = [], []
     for keeps in (True, False):
         system, work = make(), Work()
-        system.keeps_factors = keeps
+        system.reuses_factors = keeps
         *_, end = integrate(system, scheme("radau"), step_times(system, 60), work=work)
         ends.append([car.point[0] for car in system.observe([end], np.zeros(1)).cars])
         works.append(work.factorisations)
