@@ -1,12 +1,12 @@
 """A line at rest by exact elastic catenaries between stations.
 
-A piece of length S has the pull N t = (H, P) at its left end and (H, P1), P1 = P - q S, at its right end.
+A piece of length S has the force N t = (H, P) at its left end and (H, P1), P1 = P - q S, at its right end.
 With the means Nm of N, Pm of P at both ends and w = q S/(2 Nm) (Irvine, Cable Structures, 1981):
 
     dx = H S (1/EA + atanh(w)/(w Nm)),   dy = Pm S (1/EA + 1/Nm),   both times 1 + a dT.
 
 A saddle has one tension; at a counterweight it is G. At a gripping car N t jumps by -Mg j, at a hauled one by
--Mg (j - tau tau_y), tau along the sum of both pulls, and F = -Mg tau_y.
+-Mg (j - tau tau_y), tau along the sum of both forces, and F = -Mg tau_y.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cablefem.scene.line import Case, LineState, NoLine, NotFound, Station
+from cablefem.scene.line import Case, LineNotConverged, LineState, NoLineAtRest, Station
 from cablefem.scene.taut import first_guess
 
 # of Newton's method; smallest damping factor
 STEPS = 100
 SHORTEST = 1e-3
-LAST = 1e-8  # step over the size of the unknowns; the error left is about its square
+LAST = 1e-8  # step over the size of the unknowns; the remaining error is about its square
 
 
 def _vector_length(v: np.ndarray) -> np.ndarray:
@@ -30,7 +30,7 @@ def _vector_length(v: np.ndarray) -> np.ndarray:
 
 
 def piece_chords(n: np.ndarray, S: np.ndarray, case: Case) -> np.ndarray:
-    """(dx, dy) of pieces (k, 2, m) with left pulls n (k, 2, m) and lengths S (k, m)."""
+    """(dx, dy) of pieces (k, 2, m) with forces n (k, 2, m) at their left ends and lengths S (k, m)."""
     end = np.stack([n[:, 0], n[:, 1] - case.weight * S], axis=1)
     N = 0.5 * (_vector_length(n) + _vector_length(end))
     w = 0.5 * case.weight * S / N
@@ -42,79 +42,79 @@ def piece_chords(n: np.ndarray, S: np.ndarray, case: Case) -> np.ndarray:
     )
 
 
-class _Problem:
+class _CatenaryProblem:
     def __init__(self, case: Case) -> None:
         self.case = case
         self.count = len(case.stations) - 1
         self.s = case.fixed_s
-        self.place = case.fixed_points
-        self.free_s, self.free_place = np.isnan(self.s), np.isnan(self.place)
+        self.points = case.fixed_points
+        self.free_s, self.free_points = np.isnan(self.s), np.isnan(self.points)
         first = first_guess(case)
-        if isinstance(first, NoLine):
+        if isinstance(first, NoLineAtRest):
             raise first
         H = first.H
-        place = first.points
+        points = first.points
         s = first.s
         self.H = float(H.mean())
-        self.reach = float(np.ptp(place[:, 0]))
-        chord = np.diff(place, axis=0)
-        pull = H[:, None] * chord / chord[:, :1]
-        pull[:, 1] += 0.5 * case.weight * np.diff(s)
-        self.X = np.concatenate([pull.ravel(), s[self.free_s], place[self.free_place]])
-        self.size = np.where(np.arange(self.X.size) < pull.size, self.H, self.reach)
+        self.reach = float(np.ptp(points[:, 0]))
+        chord = np.diff(points, axis=0)
+        force = H[:, None] * chord / chord[:, :1]
+        force[:, 1] += 0.5 * case.weight * np.diff(s)
+        self.X = np.concatenate([force.ravel(), s[self.free_s], points[self.free_points]])
+        self.size = np.where(np.arange(self.X.size) < force.size, self.H, self.reach)
 
     def forces_and_positions(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Pulls behind and ahead (n, 2, m), s (n, m) and places (n, 2, m) for X (k, m)."""
+        """Forces behind and ahead (n, 2, m), s (n, m) and points (n, 2, m) for X (k, m)."""
         m = X.shape[1]
         k = 2 * self.count
         s = np.repeat(self.s[:, None], m, axis=1).astype(X.dtype)
-        place = np.repeat(self.place[:, :, None], m, axis=2).astype(X.dtype)
-        here = k + int(self.free_s.sum())
-        s[self.free_s] = X[k:here]
-        place[self.free_place] = X[here:]
+        points = np.repeat(self.points[:, :, None], m, axis=2).astype(X.dtype)
+        first = k + int(self.free_s.sum())
+        s[self.free_s] = X[k:first]
+        points[self.free_points] = X[first:]
         none = np.zeros((1, 2, m))
         n = X[:k].reshape(self.count, 2, m)
         end = np.stack([n[:, 0], n[:, 1] - self.case.weight * np.diff(s, axis=0)], axis=1)
-        return np.concatenate([none, end]), np.concatenate([n, none]), s, place
+        return np.concatenate([none, end]), np.concatenate([n, none]), s, points
 
     def residual(self, X: np.ndarray) -> np.ndarray:
         """Residual for X (k, m); lengths over the reach, forces over H."""
-        behind, ahead, s, place = self.forces_and_positions(X)
-        gaps = np.diff(place, axis=0) - piece_chords(ahead[:-1], np.diff(s, axis=0), self.case)
+        behind, ahead, s, points = self.forces_and_positions(X)
+        gaps = np.diff(points, axis=0) - piece_chords(ahead[:-1], np.diff(s, axis=0), self.case)
         rows = [
             _station_equations(p, *each) / self.H
-            for p, *each in zip(self.case.stations, behind, ahead, place, strict=True)
+            for p, *each in zip(self.case.stations, behind, ahead, points, strict=True)
         ]
-        if self.case.tie is not None:
-            k, tension = self.case.tie
-            pull = ahead[k] if k < self.count else behind[k]
-            rows.append((_vector_length(pull) - tension)[None] / self.H)
+        if self.case.prescribed_tension is not None:
+            k, tension = self.case.prescribed_tension
+            force = ahead[k] if k < self.count else behind[k]
+            rows.append((_vector_length(force) - tension)[None] / self.H)
         return np.concatenate([gaps.reshape(2 * self.count, -1) / self.reach, *rows])
 
-    def in_order(self, X: np.ndarray) -> bool:
+    def stations_in_order(self, X: np.ndarray) -> bool:
         return bool(np.all(np.diff(self.forces_and_positions(X[:, None])[2], axis=0) > 0.0))
 
     def state(self, X: np.ndarray) -> LineState:
-        behind, ahead, s, place = (part[..., 0] for part in self.forces_and_positions(X[:, None]))
+        behind, ahead, s, points = (part[..., 0] for part in self.forces_and_positions(X[:, None]))
         half = 0.5 * np.diff(s)[:, None]
-        middle = place[:-1] + piece_chords(ahead[:-1, :, None], half, self.case)[..., 0]
+        middle = points[:-1] + piece_chords(ahead[:-1, :, None], half, self.case)[..., 0]
         behind[0] = ahead[-1] = np.nan
         hauled = np.array([p.force if p.kind == "hauled" else np.nan for p in self.case.stations])
         haul = -hauled * _mean_tangent(behind.T, ahead.T)[1]
-        return LineState(self.case, s, place, behind, ahead, haul, middle)
+        return LineState(self.case, s, points, behind, ahead, haul, middle)
 
 
-def _station_equations(p: Station, behind: np.ndarray, ahead: np.ndarray, place: np.ndarray) -> np.ndarray:
+def _station_equations(p: Station, behind: np.ndarray, ahead: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Equations (0 to 2, m) of a station."""
-    if p.kind == "counterweight":  # one pull is zero
+    if p.kind == "counterweight":  # one force is zero
         return (_vector_length(ahead + behind) - p.force)[None]
     if p.kind == "saddle":
         return (_vector_length(ahead) - _vector_length(behind))[None]
     if p.kind == "anchor":
-        return np.empty((0, place.shape[-1]))
+        return np.empty((0, points.shape[-1]))
     jump = ahead - behind
     if p.stiffness is not None:
-        return jump - np.array(p.stiffness)[:, None] * (place - np.array([[p.x], [p.y]]))
+        return jump - np.array(p.stiffness)[:, None] * (points - np.array([[p.x], [p.y]]))
     weight = np.array([[0.0], [p.force]])
     if p.kind == "grips":
         return jump + weight
@@ -126,11 +126,11 @@ def _mean_tangent(behind: np.ndarray, ahead: np.ndarray) -> np.ndarray:
     return (behind + ahead) / _vector_length(behind + ahead)
 
 
-def _newton(problem: _Problem, more: int) -> np.ndarray:
-    """Unknowns by damped Newton steps and `more`; NotFound without convergence."""
+def _newton(problem: _CatenaryProblem, extra_steps: int) -> np.ndarray:
+    """Unknowns by damped Newton steps and `extra_steps`; LineNotConverged without convergence."""
     # complex-step differentiation
     X = problem.X
-    left = more + 1
+    remaining_steps = extra_steps + 1
     tiny = 1e-30
     for _ in range(STEPS):
         r = problem.residual(X[:, None])[:, 0]
@@ -142,50 +142,50 @@ def _newton(problem: _Problem, more: int) -> np.ndarray:
         large = float(np.max(np.abs(step / problem.size)))
         if not np.isfinite(large):
             break
-        part = 1.0
+        fraction = 1.0
         while not (
-            problem.in_order(X + part * step)
-            and (large < 1e-4 or np.linalg.norm(problem.residual((X + part * step)[:, None])) < np.linalg.norm(r))
+            problem.stations_in_order(X + fraction * step)
+            and (large < 1e-4 or np.linalg.norm(problem.residual((X + fraction * step)[:, None])) < np.linalg.norm(r))
         ):
-            part *= 0.5
-            if part < SHORTEST:  # the residual falls no further
-                raise NotFound("no state of rest was found")
-        X = X + part * step
-        left -= large < LAST
-        if left == 0:
+            fraction *= 0.5
+            if fraction < SHORTEST:  # the residual falls no further
+                raise LineNotConverged("no state of rest was found")
+        X = X + fraction * step
+        remaining_steps -= large < LAST
+        if remaining_steps == 0:
             return X
-    raise NotFound("no state of rest was found")
+    raise LineNotConverged("no state of rest was found")
 
 
-def _solve_case(case: Case, more: int) -> LineState | NoLine:
+def _solve_case(case: Case, extra_steps: int) -> LineState | NoLineAtRest:
     try:
-        problem = _Problem(case)
-        return problem.state(_newton(problem, more))
-    except NoLine as error:
+        problem = _CatenaryProblem(case)
+        return problem.state(_newton(problem, extra_steps))
+    except NoLineAtRest as error:
         return error
 
 
-def solve(cases: Sequence[Case], more: int = 0) -> list[LineState | NoLine]:
-    """Each case at rest; `more` adds Newton steps."""
-    return [_solve_case(case, more) for case in cases]
+def solve(cases: Sequence[Case], extra_steps: int = 0) -> list[LineState | NoLineAtRest]:
+    """Each case at rest; `extra_steps` : Newton steps beyond convergence."""
+    return [_solve_case(case, extra_steps) for case in cases]
 
 
 def depth_and_tension(state: LineState, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Depth [m] and tension [N] at places x (m,) [m]."""
+    """Depth [m] and tension [N] at x (m,) [m]."""
     piece = np.clip(np.searchsorted(state.points[:, 0], x, side="right") - 1, 0, len(state.s) - 2)
     start = state.points[piece]
     run = np.diff(state.points[:, 0])[piece]
-    whole = np.diff(state.s)[piece]
+    lengths = np.diff(state.s)[piece]
     n = state.ahead[piece][:, :, None]
-    S = (whole * (x - start[:, 0]) / run)[:, None]
+    S = (lengths * (x - start[:, 0]) / run)[:, None]
     for _ in range(STEPS):  # three steps do
-        way = piece_chords(n, S, state.case)[..., 0]
+        chord = piece_chords(n, S, state.case)[..., 0]
         N = np.hypot(n[:, 0, 0], n[:, 1, 0] - state.case.weight * S[:, 0])
-        off = (x - start[:, 0] - way[:, 0]) / (state.case.heat * n[:, 0, 0] * (1.0 / N + 1.0 / state.case.EA))
+        off = (x - start[:, 0] - chord[:, 0]) / (state.case.heat * n[:, 0, 0] * (1.0 / N + 1.0 / state.case.EA))
         S = S + off[:, None]
         if np.abs(off).max(initial=0.0) < LAST:
             break
-    return start[:, 1] + way[:, 1], N
+    return start[:, 1] + chord[:, 1], N
 
 
 def min_tension(state: LineState) -> float:
@@ -217,6 +217,6 @@ def clearance(state: LineState, ground: np.ndarray) -> float:
     x, depth = ground.T
     corners = np.concatenate([x, state.points[[0, -1], 0]])
     nearest = [points_of_slope(state, slope)[:, 0] for slope in np.diff(depth) / np.diff(x)]
-    here = np.concatenate([corners, *nearest])
-    here = here[(here >= max(x[0], state.points[0, 0])) & (here <= min(x[-1], state.points[-1, 0]))]
-    return float(np.min(np.interp(here, x, depth) - depth_and_tension(state, here)[0], initial=np.inf))
+    at = np.concatenate([corners, *nearest])
+    at = at[(at >= max(x[0], state.points[0, 0])) & (at <= min(x[-1], state.points[-1, 0]))]
+    return float(np.min(np.interp(at, x, depth) - depth_and_tension(state, at)[0], initial=np.inf))

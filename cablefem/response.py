@@ -128,7 +128,7 @@ class Flag:
 Value = TypeVar("Value")
 
 
-class Once(Generic[Value]):
+class LazyValue(Generic[Value]):
     """A value that is computed at the first call; what computes it is dropped then."""
 
     def __init__(self, compute: Callable[[], Value]) -> None:

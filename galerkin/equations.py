@@ -117,7 +117,7 @@ class GalerkinSystem(System):
     def _load_at_mass(self, s_o: float, ds_o: float, dds_o: float) -> Array:
         if self.load == "force":
             return -self.cable.weight
-        slope, curvature = self.cable.static_slope(s_o)
+        slope, curvature = self.cable.static_slope_and_curvature(s_o)
         return dds_o * slope + ds_o**2 * curvature - self.cable.weight
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
@@ -268,7 +268,7 @@ class GalerkinSystem(System):
         if self.inertia and ds_o > 0.0:
             matrix = m * np.eye(self.fields)
             if self.groups.internal_damping:  # its force is N_v t (t . d.), d. = a_hat/(2 ds_o)
-                X_s = self.cable.static_slope(0.0)[0]
+                X_s = self.cable.static_slope_and_curvature(0.0)[0]
                 damping = self.cable.alpha * self.groups.internal_damping / (2.0 * ds_o)
                 matrix += damping * np.multiply.outer(X_s, X_s)
             v_hat = np.zeros(self.fields)
@@ -301,7 +301,7 @@ class GalerkinSystem(System):
         """d of m d + [N t - T t_static](X' + d) + load = 0 at the left support."""
 
         def linearise(d: Array) -> tuple[Array, Array]:
-            force, stiffness = self.cable.stress(np.asarray(0.0), d)
+            force, stiffness = self.cable.force_and_tangent(np.asarray(0.0), d)
             return m * d + force + load, m * np.eye(self.fields) + stiffness
 
         d = solve_dense(linearise, np.zeros(self.fields))

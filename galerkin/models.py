@@ -63,19 +63,23 @@ class FullCable:
         s_o = 1.0 / float(points.phi[-1, 0]) if basis.kink else 1.0  # 1: one side for all
         return kernels.min_tension(points, s_o, tensions, isinstance(basis, RidingSines) or None, int(basis.kink))
 
-    def static_slope(self, s: Any) -> tuple[Array, Array]:
+    def static_slope_and_curvature(self, s: Any) -> tuple[Array, Array]:
+        """r' and r'' at rest."""
         _, xp, yp, xpp, ypp = self.groups.tension_and_derivatives(s)
         return np.array([xp, yp]).T, np.array([xpp, ypp]).T
 
-    def static_depth(self, s: Array) -> Array:
+    def depth_at_rest(self, s: Array) -> Array:
+        """y of the cable at rest, below the left support."""
         return np.asarray(self.groups.coordinates(s)[1])
 
-    def stress_along(self, s: Array, slope: Array) -> Array:
+    def stress_rows(self, s: Array, slope: Array) -> Array:
+        """Rows of `kernels.stress` at s (m,) for displacements with `slope` (2, m)."""
         T, xp, yp, _, _ = self.groups.tension_and_derivatives(s)
         return kernels.stress(T, np.array([xp, yp]), np.ascontiguousarray(slope), self.alpha, self.law)
 
-    def stress(self, s: Array, slope: Array) -> tuple[Array, Array]:
-        _, _, fx, fy, xx, xy, yy, _ = self.stress_along(np.atleast_1d(s), slope[:, None])[:, 0]
+    def force_and_tangent(self, s: Array, slope: Array) -> tuple[Array, Array]:
+        """N t - T t_static (2,) at one s and its derivative (2, 2)."""
+        _, _, fx, fy, xx, xy, yy, _ = self.stress_rows(np.atleast_1d(s), slope[:, None])[:, 0]
         return np.array([fx, fy]), np.array([[xx, xy], [xy, yy]])
 
 
@@ -127,15 +131,17 @@ class ChordCable:
     def min_tension(self, basis: Any, tables: Any, h: Any) -> tuple[float, float]:
         return self.static_min_tension + h, self.min_tension_at
 
-    def static_slope(self, s: Any) -> tuple[Array, Array]:
+    def static_slope_and_curvature(self, s: Any) -> tuple[Array, Array]:
+        """Those of the parabola at rest, across the chord."""
         slope = -self.curvature * (0.5 - np.asarray(s))[..., None]
         return slope, np.full_like(slope, self.curvature)
 
-    def static_depth(self, s: Array) -> Array:
+    def depth_at_rest(self, s: Array) -> Array:
+        """Distance at rest from the chord."""
         return np.asarray((-0.5 * self.curvature) * s * (1.0 - s))
 
-    def stress(self, s: Array, slope: Array) -> tuple[Array, Array]:
-        """tau w': one point adds nothing to the mean h."""
+    def force_and_tangent(self, s: Array, slope: Array) -> tuple[Array, Array]:
+        """tau w' and its derivative: one point adds nothing to the mean h."""
         return self.tau * slope, np.full((*slope.shape, 1), self.tau)
 
 

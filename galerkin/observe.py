@@ -142,7 +142,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     x = system.measures(system, states)
     w, w_t, w_tt, slopes = x.motion_and_slopes_at_mass()
     fields = x.displacement_fields(s, frames)
-    slope, bend = cable.static_slope(x.s_o)
+    slope, bend = cable.static_slope_and_curvature(x.s_o)
     none = np.zeros(x.s_o.size)
     sides = slope + slopes
     working = none
@@ -169,7 +169,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     if groups.internal_damping:  # and in a thin layer behind the car, which the grip supplies
         jump = np.nan_to_num(forces["T_ahead"] - forces["T_behind"])
         powers["lost_internal"] = -lost - x.ds_o * jump**2 / (2.0 * groups.alpha)
-    depth = cable.static_depth(x.s_o) + w[:, -1]
+    depth = cable.depth_at_rest(x.s_o) + w[:, -1]
     potential = -cable.weight[-1] * (sunk + system.mu * depth)
     slope_behind, slope_ahead = sides if system.fields == 2 else static + slopes @ along
     u, v = np.einsum("kfs,fd->dks", fields[0], along)
@@ -189,8 +189,8 @@ def _full_cable_forces(
 ) -> tuple[dict[str, Array], Array, Array, Any]:
     """Forces by fields of `Observation`, r' at the mass, <N t> . [r'] - [W], and power of internal damping."""
     T_o = cable.groups.tension_and_derivatives(x.s_o)[0]
-    static_o = cable.static_slope(x.s_o)[0]
-    static = cable.static_slope(s)[0]
+    static_o = cable.static_slope_and_curvature(x.s_o)[0]
+    static = cable.static_slope_and_curvature(s)[0]
     balanced = x.forces_from_momentum(s, frames)
     none_behind = np.where(x.s_o > 0.0, 0.0, np.nan)
     none_ahead = np.where(x.s_o < 1.0, 0.0, np.nan)
@@ -198,7 +198,7 @@ def _full_cable_forces(
     ahead = signed_tension(balanced.ahead, slopes[1]) + none_ahead
     both = np.array([balanced.behind, balanced.ahead])
     sides = slopes_from_forces(both, slopes, T_o, cable.alpha) if x.system.by_force else slopes
-    left, right = (cable.stress_along(x.s_o, (side - static_o).T) for side in sides)
+    left, right = (cable.stress_rows(x.s_o, (side - static_o).T) for side in sides)
     mean = T_o * static_o.T + 0.5 * (left[2:4] + right[2:4])  # <N t>
     working = np.sum(mean * (sides[1] - sides[0]).T, axis=0) - (right[1] - left[1])
     smallest = np.fmin(balanced.min_tension, np.fmin(behind, ahead))
@@ -208,7 +208,7 @@ def _full_cable_forces(
         "T_behind": behind, "T_ahead": ahead, "T_behind_pointwise": left[0] + none_behind,
         "T_ahead_pointwise": right[0] + none_ahead,
         "T": signed_tension(balanced.along, static + w_s.transpose(0, 2, 1)),
-        "T_pointwise": np.array([cable.stress_along(s, slope)[0] for slope in w_s]).reshape(len(frames), s.size),
+        "T_pointwise": np.array([cable.stress_rows(s, slope)[0] for slope in w_s]).reshape(len(frames), s.size),
         "reaction_left": -balanced.left, "reaction_right": balanced.right, "strain": balanced.strain,
         "tension_min": smallest,
         "tension_min_at": np.where(smallest < balanced.min_tension, x.s_o, balanced.min_tension_at),

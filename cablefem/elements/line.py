@@ -24,7 +24,7 @@ import skfem
 from scipy.sparse import bmat, coo_matrix, diags
 from scipy.sparse.linalg import MatrixRankWarning, spsolve
 
-from cablefem.scene.line import Case, LineState, NoLine, NotFound
+from cablefem.scene.line import Case, LineNotConverged, LineState, NoLineAtRest
 from cablefem.scene.taut import Start, first_guess
 
 DEGREE = 4
@@ -81,7 +81,7 @@ class _Batch:
     """Many cases as one mesh and one system of block equations.
 
     Values of pieces w = (u, h) follow from the unknowns, w = T X + w0.  With derivatives z = (f, g) of energies by w,
-    B z + spring X + pull = 0; B = T' except in special rows.
+    B z + spring X + load = 0; B = T' except in special rows.
     """
 
     def __init__(self, starts: Sequence[tuple[Case, Start]], elements: int) -> None:
@@ -138,31 +138,31 @@ class _Batch:
         self.B = diags(plain) @ self.T.T
 
     def _collect_outside_forces(self) -> None:
-        """Collect constant pulls, springs and special rows."""
-        self.pull, self.spring = np.zeros(self.size), np.zeros(self.size)
+        """Collect constant loads, springs and special rows."""
+        self.load, self.spring = np.zeros(self.size), np.zeros(self.size)
         special = []
         for k, p in enumerate(self.stations):
             case = self.cases[self.owner[k]]
             _, row, slides = self.number[k]
             if p.kind == "counterweight":
                 energy = case.heat * (p.force + p.force**2 / (2.0 * case.EA)) + case.weight * p.y
-                self.pull[slides] = energy if self.ahead[k, 0] < 0 else -energy
+                self.load[slides] = energy if self.ahead[k, 0] < 0 else -energy
             elif p.stiffness is not None:
                 self.spring[self.number[k, :2]] = p.stiffness
-                self.pull[self.number[k, :2]] = -np.array(p.stiffness) * (p.x, p.y)
+                self.load[self.number[k, :2]] = -np.array(p.stiffness) * (p.x, p.y)
             elif p.kind == "grips":
-                self.pull[row] = -p.force
+                self.load[row] = -p.force
                 special.append((slides, k, p.kind, 0.0))
             elif p.kind == "hauled":
                 special.append((row, k, p.kind, p.force))
         for case, last in zip(self.cases, self.last, strict=True):
-            if case.tie is not None:
-                at = last + 1 - len(case.stations) + case.tie[0]
-                special.append((self.number[last, 2], at, "tied", case.tie[1]))
+            if case.prescribed_tension is not None:
+                at = last + 1 - len(case.stations) + case.prescribed_tension[0]
+                special.append((self.number[last, 2], at, "tied", case.prescribed_tension[1]))
         self.rows = np.array([x[0] for x in special], int)
         at = np.array([x[1] for x in special], int)
         self.kinds = np.array([x[2] for x in special])
-        self.given = np.array([x[3] for x in special])
+        self.targets = np.array([x[3] for x in special])
         self.ends = np.concatenate([self.behind[at, :2], self.ahead[at, :2]], axis=1)
 
     def _force_conditions(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -176,7 +176,7 @@ class _Batch:
     def _conditions_of_forces(self, f: np.ndarray) -> np.ndarray:
         """Special rows of forces f (4, ..., m), behind and ahead; also complex ones."""
         bx, by, ax, ay = f
-        W = self.given
+        W = self.targets
         last = self.ends[:, 2] < 0
         # across tau: (f_behind + f_ahead - W j) x (f_behind - f_ahead) = 0, over 2 |f|
         turn = (2.0 * (ax * by - ay * bx) + W * (bx - ax)) / _vector_length(bx - ax, by - ay)
@@ -231,7 +231,7 @@ class _Batch:
         """The residual (size,), and the derivatives of `_force_conditions`."""
         z = self.derivatives(fields)
         value, slope = self._force_conditions(z)
-        R = self.B @ z + self.spring * X + self.pull
+        R = self.B @ z + self.spring * X + self.load
         R[self.rows] = value
         return R, slope
 
@@ -250,16 +250,18 @@ class _Batch:
     def residual_norms(self, R: np.ndarray) -> np.ndarray:
         return np.sqrt(np.bincount(self.case_of, R**2, len(self.cases)))
 
-    def solve(self) -> list[LineState | NoLine]:
-        """Each case at rest; NotFound where the residual of a case falls no further.
+    def solve(self) -> list[LineState | NoLineAtRest]:
+        """Each case at rest; LineNotConverged where the residual of a case falls no further.
 
-        Raises NotFound if a singular case spoils the step of all, or if there are too many steps.
+        Raises LineNotConverged if a singular case spoils the step of all, or if there are too many steps.
         """
         stuck = np.zeros(len(self.cases), bool)
         for i in range(SOFTENING, -1, -1):
             self._newton(i / SOFTENING, ROUGH if i else LAST, stuck)
         states = self._states()
-        return [NotFound("no state of rest was found") if no else x for no, x in zip(stuck, states, strict=True)]
+        return [
+            LineNotConverged("no state of rest was found") if no else x for no, x in zip(stuck, states, strict=True)
+        ]
 
     def _newton(self, softness: float, enough: float, stuck: np.ndarray) -> None:
         """Newton's method on all cases that are not stuck; marks more of them in `stuck` (cases,)."""
@@ -284,7 +286,7 @@ class _Batch:
             self.X = trial
             if np.max(np.abs(step) / self.reach[self.case_of], where=~stuck[self.case_of], initial=0.0) < enough:
                 return
-        raise NotFound("no state of rest was found")
+        raise LineNotConverged("no state of rest was found")
 
     def _states(self) -> list[LineState]:
         """States, with weak nodal forces as pulls."""
@@ -305,7 +307,7 @@ class _Batch:
         return [LineState(*one) for one in zip(self.cases, *parts, strict=True)]
 
 
-def solve(cases: Sequence[Case], elements: int = 4) -> list[LineState | NoLine]:
+def solve(cases: Sequence[Case], elements: int = 4) -> list[LineState | NoLineAtRest]:
     """Each case at rest with an even number of elements on each piece.
 
     If the equations of a case are singular, both halves are solved apart.
@@ -316,12 +318,12 @@ def solve(cases: Sequence[Case], elements: int = 4) -> list[LineState | NoLine]:
     return [next(solved) if isinstance(x, Start) else x for x in starts]
 
 
-def _solve_from(cases: Sequence[tuple[Case, Start]], elements: int) -> list[LineState | NoLine]:
+def _solve_from(cases: Sequence[tuple[Case, Start]], elements: int) -> list[LineState | NoLineAtRest]:
     """The same with a first guess of each case."""
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore", MatrixRankWarning)
             return _Batch(cases, elements).solve()
-    except NoLine as error:
+    except NoLineAtRest as error:
         half = len(cases) // 2
         return [*_solve_from(cases[:half], elements), *_solve_from(cases[half:], elements)] if half else [error]

@@ -12,7 +12,7 @@ from cablefem.elements.segments import Law
 from cablefem.elements.system import LineElements, Slots
 from cablefem.newmark import Array, StepFailure
 from cablefem.scene.contacts import Car, Contact, Wheel
-from cablefem.scene.line import Case, NoLine, Station
+from cablefem.scene.line import Case, NoLineAtRest, Station
 from cablefem.scene.taut import first_guess
 
 SOFTENING = 8  # stages of EA up to its value
@@ -114,7 +114,7 @@ def _set_first_guess(system: LineElements, q: Array, free: NDArray[np.bool_]) ->
     for _ in range(ROUNDS):
         stations = tuple(_station_of(c, x[k], line.gravity) for k, c in enumerate(line.touching))
         first = first_guess(Case(stations, line.weight, rope.EA, length=rope.length))
-        if isinstance(first, NoLine):
+        if isinstance(first, NoLineAtRest):
             raise StepFailure(0.0, str(first), "give more rope or less load")
         H = first.H
         points = first.points

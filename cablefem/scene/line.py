@@ -144,7 +144,7 @@ class Car(Part):
         return body_faults(self.mass, self.hanger, self.wheels, self.drive)
 
 
-class Tie(Part):
+class TensionAtContact(Part):
     """Tension of the empty line at a contact."""
 
     at: Word = described_field("[-] name of the contact")
@@ -159,7 +159,7 @@ class LineRope(Rope):
         "[N] axial stiffness per strain of the unstretched rope; of the stretched at rest: EA + T; default E section"
     )
     length: Positive | None = described_field("[m] unstretched length between two fixed ends", None)
-    tension: Tie | None = described_field("[N] tension of the empty line at a contact", None)
+    tension: TensionAtContact | None = described_field("[N] tension of the empty line at a contact", None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,7 +187,7 @@ class Case:
     EA: float  # [N]
     heat: float = 1.0  # 1 + a dT
     length: float | None = None  # s of a fixed right end
-    tie: tuple[int, float] | None = None  # station and tension [N] that fix an unknown length
+    prescribed_tension: tuple[int, float] | None = None  # station and tension [N] that fix an unknown length
 
     @property
     def fixed_points(self) -> np.ndarray:
@@ -229,15 +229,15 @@ class LineState:
         return self.ahead - self.behind
 
 
-class NoLine(ArithmeticError):
+class NoLineAtRest(ArithmeticError):
     """No state of rest was found, or none exists."""
 
 
-class NotFound(NoLine):
+class LineNotConverged(NoLineAtRest):
     """Newton's method did not converge."""
 
 
-Solver = Callable[[Sequence[Case]], "list[LineState | NoLine]"]
+Solver = Callable[[Sequence[Case]], "list[LineState | NoLineAtRest]"]
 
 
 @dataclass(frozen=True)
@@ -246,7 +246,7 @@ class LineRest:
 
     line: Line
     empty: LineState  # reference temperature, no ice
-    positions: list[LineState | NoLine]
+    positions: list[LineState | NoLineAtRest]
     # by position and car on a shoe: the line with that car on the rope at either end of the shoe
     shoe_ends: dict[tuple[int, str], tuple[LineState, LineState]]
 
@@ -256,9 +256,9 @@ class LineRest:
         return {i: x for i, x in enumerate(self.positions) if isinstance(x, LineState)}
 
     @property
-    def refused(self) -> dict[int, NoLine]:
+    def refused(self) -> dict[int, NoLineAtRest]:
         """Reasons of the positions that have no rest."""
-        return {i: x for i, x in enumerate(self.positions) if isinstance(x, NoLine)}
+        return {i: x for i, x in enumerate(self.positions) if isinstance(x, NoLineAtRest)}
 
 
 class Line(Described):
@@ -324,10 +324,11 @@ class Line(Described):
         stations = [Station(c.name, c.kind, *c.at, force=c.tension or 0.0, stiffness=c.stiffness) for c in self.contact]
         rope = self.cable
         if i is None:
-            tie = None
+            prescribed = None
             if rope.tension is not None:
-                tie = [p.name for p in stations].index(rope.tension.at), rope.tension.value
-            return Case(tuple(stations), rope.mass_per_length * self.gravity, rope.EA, length=length, tie=tie)
+                prescribed = [p.name for p in stations].index(rope.tension.at), rope.tension.value
+            weight = rope.mass_per_length * self.gravity
+            return Case(tuple(stations), weight, rope.EA, length=length, prescribed_tension=prescribed)
         positions = {car.name: x for car in self.car if self.shoe(x := self.position_of(car, i)) is None}
         positions |= dict([on_rope] if on_rope else [])
         for car in self.car:
@@ -349,11 +350,11 @@ class Line(Described):
     def empty(self, solve: Solver) -> LineState:
         """The line without cars, ice and heat, s from its left end; SceneError where it has no rest."""
         state = _refuse_unsound(solve([self.case(None, self.cable.length)])[0])
-        if isinstance(state, NoLine):
+        if isinstance(state, NoLineAtRest):
             raise SceneError([f"the empty line: {state}"])
         return replace(state, s=state.s - state.s[0])
 
-    def rest(self, solve: Solver, refused: Mapping[int, NoLine] | None = None) -> LineRest:
+    def rest(self, solve: Solver, refused: Mapping[int, NoLineAtRest] | None = None) -> LineRest:
         """Solve all positions; SceneError where the empty line has no rest.
 
         refused : positions that are not tried again, with the reason.
@@ -379,34 +380,34 @@ class Line(Described):
         sound = _refuse_shoes(positions, on_shoes, shoe_ends)
         return LineRest(self, empty, [positions[i] for i in range(self.count)], sound)
 
-    def _with_loads(self, state: LineState | NoLine, i: int) -> LineState | NoLine:
+    def _with_loads(self, state: LineState | NoLineAtRest, i: int) -> LineState | NoLineAtRest:
         """Add to a search without result what the rope has to carry at position i, and what holds it."""
-        if not isinstance(state, NotFound):
+        if not isinstance(state, LineNotConverged):
             return state
         cars = [car for car in self.car if self.shoe(self.position_of(car, i)) is None]
         weight = sum(car.mass for car in cars) * self.gravity
         weights = [c for c in self.contact if c.tension is not None]
         holds = f"{weights[0].name} holds it with {weights[0].tension:.6g} N" if weights else "both ends are fixed"
-        return NotFound(f"{state} with {weight:.6g} N of cars on the rope; {holds}")
+        return LineNotConverged(f"{state} with {weight:.6g} N of cars on the rope; {holds}")
 
 
-def _refuse_unsound(state: LineState | NoLine) -> LineState | NoLine:
+def _refuse_unsound(state: LineState | NoLineAtRest) -> LineState | NoLineAtRest:
     """Refuse a state with numbers that are not finite, or whose rope pulls a saddle up."""
-    if isinstance(state, NoLine):
+    if isinstance(state, NoLineAtRest):
         return state
     if not all(np.isfinite(x).all() for x in (state.s, state.points, state.behind[1:], state.ahead[:-1])):
-        return NotFound("no state of rest was found")
+        return LineNotConverged("no state of rest was found")
     for p, down in zip(state.case.stations, state.pressure[:, 1], strict=True):
         if p.kind == "saddle" and not down > 0.0:
-            return NoLine(f"the rope lifts off {p.name}; kept on it, it would pull up with {-down:.6g} N")
+            return NoLineAtRest(f"the rope lifts off {p.name}; kept on it, it would pull up with {-down:.6g} N")
     return state
 
 
-Ends = dict[tuple[int, str], tuple[LineState | NoLine, LineState | NoLine]]  # by position and car on a shoe
+Ends = dict[tuple[int, str], tuple[LineState | NoLineAtRest, LineState | NoLineAtRest]]  # by position and car on a shoe
 
 
 def _refuse_shoes(
-    positions: dict[int, LineState | NoLine], on_shoes: Mapping[tuple[int, str], Contact], shoe_ends: Ends
+    positions: dict[int, LineState | NoLineAtRest], on_shoes: Mapping[tuple[int, str], Contact], shoe_ends: Ends
 ) -> dict[tuple[int, str], tuple[LineState, LineState]]:
     """Refuse positions with a car that does not come onto its shoe, or with two on one shoe; return the other ends."""
     sound = {}
@@ -416,10 +417,10 @@ def _refuse_shoes(
         if isinstance(left, LineState) and isinstance(right, LineState):
             sound[i, name] = left, right
         elif isinstance(positions[i], LineState):
-            why = left if isinstance(left, NoLine) else right
-            positions[i] = NoLine(f"{name} does not come onto the shoe of {saddle}: {why}")
+            why = left if isinstance(left, NoLineAtRest) else right
+            positions[i] = NoLineAtRest(f"{name} does not come onto the shoe of {saddle}: {why}")
         if (i, saddle) in occupied:
-            positions[i] = NoLine(f"two cars on the shoe of {saddle}")
+            positions[i] = NoLineAtRest(f"two cars on the shoe of {saddle}")
         occupied.add((i, saddle))
     return sound
 

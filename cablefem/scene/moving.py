@@ -13,7 +13,7 @@ from cablefem.scene.contacts import NEAREST, Array, Car, Contact, Elastic, Movin
 from cablefem.scene.drive import GRIP, Drive, Driving
 from cablefem.scene.errors import SceneError, short_text
 from cablefem.scene.line import Car as CarTable
-from cablefem.scene.line import Case, Line, LineState, NoLine, Solver, Station
+from cablefem.scene.line import Case, Line, LineState, NoLineAtRest, Solver, Station
 from cablefem.scene.motion import Motion
 from cablefem.scene.travel import Law, Table, Trapezoid
 
@@ -159,7 +159,7 @@ def _shoe_faults(line: MovingLine, car: Car, saddle: Contact) -> Iterator[str]:
         stations.append(car.station_at(x, line.gravity))
         stations.sort(key=lambda p: p.x)
         state = line.solve([Case(tuple(stations), line.weight, line.rope.EA, length=line.rope.length)])[0]
-        if isinstance(state, NoLine):
+        if isinstance(state, NoLineAtRest):
             yield f"car.{car.name}: does not come onto the shoe of {saddle.name}: {state}"
             return
         N = float(np.nanmin(state.station_tensions[[p.name for p in stations].index(saddle.name)]))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cablefem.scene.bisection import bisect_zero
-from cablefem.scene.line import Case, NoLine
+from cablefem.scene.line import Case, NoLineAtRest
 
 ROUNDS = 8  # of tension and depth in turn
 WITHIN = 1e-5  # relative, of the tension of a guess
@@ -23,11 +23,11 @@ class Start:
     s: np.ndarray  # (n,) [m]
 
 
-def first_guess(case: Case) -> Start | NoLine:
+def first_guess(case: Case) -> Start | NoLineAtRest:
     """A first guess, or why there is none."""
     try:
         H, points, pieces = _taut_guess(case)
-    except NoLine as error:
+    except NoLineAtRest as error:
         return error
     s = np.concatenate([[0.0], np.cumsum(pieces)])
     if math.isnan(case.fixed_s[0]):
@@ -36,8 +36,8 @@ def first_guess(case: Case) -> Start | NoLine:
 
 
 def _taut_guess(case: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """H, points and lengths of pieces; NoLine where the tension does not carry the case."""
-    prescribed = case.tie
+    """H, points and lengths of pieces; NoLineAtRest where the tension does not carry the case."""
+    prescribed = case.prescribed_tension
     for k in (0, len(case.stations) - 1):
         if prescribed is None and case.stations[k].kind == "counterweight":
             prescribed = k, case.stations[k].force
@@ -46,8 +46,8 @@ def _taut_guess(case: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     k, T = prescribed
     try:
         return _string_under_loads(case, T, k)
-    except NoLine:
-        raise NoLine(f"a tension of {T:.6g} N at {case.stations[k].name} does not carry it") from None
+    except NoLineAtRest:
+        raise NoLineAtRest(f"a tension of {T:.6g} N at {case.stations[k].name} does not carry it") from None
 
 
 def _guess_of_length(case: Case, length: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -56,7 +56,7 @@ def _guess_of_length(case: Case, length: float) -> tuple[np.ndarray, np.ndarray,
         try:
             _, _, pieces = _string_under_loads(case, math.exp(log_T), None)
             return float(pieces.sum()) - length
-        except NoLine:  # too slack
+        except NoLineAtRest:  # too slack
             return math.inf
 
     smallest = math.log(1e-6 * case.weight * length)
@@ -67,10 +67,12 @@ def _guess_of_length(case: Case, length: float) -> tuple[np.ndarray, np.ndarray,
         supports = np.array([(p.x, p.y) for p in case.stations if not p.is_car])
         reach = float(np.hypot(*np.diff(supports, axis=0).T).sum())
         if length < reach:
-            raise NoLine(f"the rope is too short to reach: {length:.6g} m over {reach:.6g} m of chords") from None
-        raise NoLine(f"no tension below EA = {case.EA:.6g} N carries the loads on {length:.6g} m of rope") from None
-    except NoLine:
-        raise NoLine(f"{length:.6g} m of rope hang too slack") from None
+            raise NoLineAtRest(f"the rope is too short to reach: {length:.6g} m over {reach:.6g} m of chords") from None
+        raise NoLineAtRest(
+            f"no tension below EA = {case.EA:.6g} N carries the loads on {length:.6g} m of rope"
+        ) from None
+    except NoLineAtRest:
+        raise NoLineAtRest(f"{length:.6g} m of rope hang too slack") from None
 
 
 def _string_under_loads(case: Case, T: float, k: int | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -94,7 +96,7 @@ def _string_under_loads(case: Case, T: float, k: int | None) -> tuple[np.ndarray
         middle = 0.5 * (depth[:-1] + depth[1:])
         N = T + case.weight * (level - middle - w * dx**2 / (12.0 * H))
         if N.min() <= 0.0:
-            raise NoLine("")
+            raise NoLineAtRest("")
         H = N * dx / np.hypot(dx, np.diff(depth))
     arc = np.hypot(dx, np.diff(depth)) + (w / H) ** 2 * dx**3 / 24.0
     return H, np.stack([x, depth], axis=1), arc / (1.0 + N / case.EA) / case.heat

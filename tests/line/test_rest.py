@@ -8,7 +8,7 @@ import pytest
 from cablefem import catenary_line
 from cablefem.elements import line as elements
 from cablefem.scene import Cable, Scene, SceneError, Supports
-from cablefem.scene.line import Line, LineState, NoLine
+from cablefem.scene.line import Line, LineState, NoLineAtRest
 from cablefem.scene.statics import gripped_rest
 from tests.line.lines import ASTER, SPRUNG, THREE, TRAMWAY, WEIGHED, car, changed, contact, line
 from validation.commands.oracles.study import Task
@@ -107,7 +107,7 @@ def test_a_position_without_rest_leaves_the_others(solve):
     rope, left, first, second, right, *_ = THREE
     heavy = car("car", 12000.0, [200.0, 402.0, 600.0, 920.0])
     found = line({**rope, "length": 1023.0}, left, {**first, "at": [400.0, 6.0]}, second, right, heavy).rest(solve)
-    assert [isinstance(x, NoLine) for x in found.positions] == [False, False, False, True]
+    assert [isinstance(x, NoLineAtRest) for x in found.positions] == [False, False, False, True]
     assert "the rope lifts off first" in str(found.positions[3])
 
 
@@ -123,7 +123,7 @@ def test_a_case_without_rest_leaves_the_others(solve):
     good = line(*TRAMWAY).case(0, 1300.0)
     light = replace(good.stations[0], force=2e4)
     found = solve([good, replace(good, stations=(light, *good.stations[1:])), good])
-    assert [isinstance(x, NoLine) for x in found] == [False, True, False]
+    assert [isinstance(x, NoLineAtRest) for x in found] == [False, True, False]
 
 
 def test_a_car_on_a_shoe_is_not_felt(solve):

@@ -58,7 +58,7 @@ class LineAtRest(LineData):
         self.tops = {o["name"]: np.array([[o["at"], o["top"]]]) for o in data.get("obstacle", [])}
         self.ground = np.array(data.get("ground", []), float).reshape(-1, 2)
         self.length: float | None = cable.get("length")
-        self.tie: dict[str, Any] | None = cable.get("tension")
+        self.prescribed_tension: dict[str, Any] | None = cable.get("tension")
         self.breaking_load: float | None = cable.get("breaking_load")
         self.q_empty = self.empty_mass * self.gravity
         self.q = self.mass * self.gravity
@@ -207,9 +207,10 @@ def check_statics(toml: str, rest: Any) -> Iterator[Agreement]:
     gaps = LargestGaps()
     for where, rope in _ropes_of_all_states(data, rest):
         defects = [*_defects_of_pieces(data, rope, float(np.ptp(rest.empty.s))), *_defects_of_stations(rope)]
-        if where == "empty" and data.tie is not None:
-            tension = float(np.nanmax(rope.tensions[:, rope.station_index(data.tie["at"])]))
-            defects.append(("tension of the empty line", (tension - data.tie["value"]) / rope.tension_max))
+        prescribed = data.prescribed_tension
+        if where == "empty" and prescribed is not None:
+            tension = float(np.nanmax(rope.tensions[:, rope.station_index(prescribed["at"])]))
+            defects.append(("tension of the empty line", (tension - prescribed["value"]) / rope.tension_max))
         for law, defect in defects:
             gaps.note_gap(law, where, float(np.max(np.abs(defect), initial=0.0)))
     return gaps.rows("laws_si", BoundPart("catenaries", ROUNDING, "rounding"))

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from cablefem.response import Array, Observation, Once, Response
+from cablefem.response import Array, LazyValue, Observation, Response
 from cablefem.scene import Groups, Scene
 from cablefem.scene.catenary import coordinates, static_tension
 from cablefem.scene.statics import Rest, gripped_rest, hauled_rest, load_path_nodes
@@ -47,7 +47,7 @@ def quasi_static(scene: Scene) -> Response:
     travel = _travel_kinematics(scene)
     statics = Statics(scene.groups, None if scene.ride is None else scene.ride.path.rest)
     t, s_o, *_ = travel
-    observed = Once(partial(_observed_fields, scene, statics, travel))
+    observed = LazyValue(partial(_observed_fields, scene, statics, travel))
 
     def observed_field(name: str) -> Callable[[Response], Any]:
         return lambda r: observed()[name]

@@ -13,7 +13,7 @@ from threadpoolctl import ThreadpoolController
 
 from cablefem import newmark
 from cablefem.newmark import Collocated, PassedEvent, State, StateHistory, Work, hermite, with_states_inside_steps
-from cablefem.response import Array, Fields, Observation, Once, Response, States
+from cablefem.response import Array, Fields, LazyValue, Observation, Response, States
 from cablefem.scene import Motion, Scene
 from validation.core.solver import Solver
 
@@ -103,7 +103,7 @@ def response_of_history(scene: Scene, h: History, *, frames: int = FRAMES, **how
     motion = scene.groups.motion
     breaks = [] if motion is None else [scene.time_scale * t for t, _ in motion.phases[1:] if t < states.t[-1]]
     work = ("steps", "rejected", "newton_iterations", "factorisations", "residuals")
-    observed = Once(partial(_observed_fields, scene, copy(h), states, frames, list(h.work.events)))
+    observed = LazyValue(partial(_observed_fields, scene, copy(h), states, frames, list(h.work.events)))
 
     def observed_field(name: str) -> Callable[[Response], Any]:
         return lambda r: observed()[name]

@@ -16,7 +16,7 @@ import numpy as np
 from cablefem import catenary_line
 from cablefem.elements import line as elements
 from cablefem.response import Array
-from cablefem.scene.line import Line, LineRest, LineState, NotFound
+from cablefem.scene.line import Line, LineNotConverged, LineRest, LineState
 from validation.commands.check import sensitivity as sensitivities
 from validation.commands.run.line import RestAnswers, answer_line, extreme_rows, numbers_by_position
 from validation.commands.run.lines import Row
@@ -139,7 +139,7 @@ def _rest_row(both: BothAnswers) -> Iterator[Agreement]:
     alone = [(i, pair) for i, pair in pairs if len({isinstance(x, LineState) for x in pair}) == 2]
     if alone:
         i, pair = alone[0]
-        unfinished = any(isinstance(x, NotFound) for x in pair)
+        unfinished = any(isinstance(x, LineNotConverged) for x in pair)
         parts = BoundPart("catenaries", math.inf if unfinished else 0.0), BoundPart("elements", 0.0)
         bound = Bound("error bars", parts)
         yield Agreement("rest", len(alone), bound, f"position {i}", required=0.0, unit="positions")
@@ -150,7 +150,7 @@ def refine_both(line: Line, second: Line, tol: float, tol_tension: float) -> Bot
 
     A position that a solver refuses is not tried again by it; one that both refuse, by none.
     """
-    a = line.rest(partial(catenary_line.solve, more=1))
+    a = line.rest(partial(catenary_line.solve, extra_steps=1))
     if not a.states:
         raise store.Refused(f"{line.name}: no position has a rest; at the first {a.positions[0]}")
     less_a = line.rest(catenary_line.solve, a.refused)

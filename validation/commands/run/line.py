@@ -15,7 +15,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from cablefem import catenary_line
 from cablefem.response import Array, write_csv, write_json, write_text
-from cablefem.scene.line import Car, Line, LineRest, LineState, NoLine
+from cablefem.scene.line import Car, Line, LineRest, LineState, NoLineAtRest
 from cablefem.scene.surroundings import GROUND
 from validation.commands.run.lines import LineAnswers, Row
 from validation.core import store
@@ -198,7 +198,7 @@ class RestAnswers(LineAnswers):
     @property
     def positions_without_rest(self) -> list[Row]:
         positions = enumerate(self.rest.positions)
-        return [{"position": i + 1, "reason": str(x)} for i, x in positions if isinstance(x, NoLine)]
+        return [{"position": i + 1, "reason": str(x)} for i, x in positions if isinstance(x, NoLineAtRest)]
 
     @property
     def status(self) -> str:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from cablefem.response import Once, Response
+from cablefem.response import LazyValue, Response
 from cablefem.scene import Scene
 from cablefem.scene.errors import did_you_mean, short_text
 from validation.commands.run import CHOICES, QUASI_STATIC
@@ -52,7 +52,7 @@ def _with_design_numbers(scene: Scene, r: Response, method: Method, bars: bool, 
     """The response with its design numbers; with bars, coarser runs are made when one is looked at."""
     if not bars:
         return r.with_later(design=design_numbers)
-    ladder = Once(lambda: run_with_error_bars(scene, method, known=[r], **kind))
+    ladder = LazyValue(lambda: run_with_error_bars(scene, method, known=[r], **kind))
 
     def of_finest(name: str) -> Callable[[Response], Any]:
         return lambda _: getattr(ladder().run, name)
