@@ -65,7 +65,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
     def with_law(self, law: str) -> Self:
         other = super().with_law(law)
         other.mode = replace(self.mode)
-        other._watched = None
+        other._last_event_values = None
         return other
 
     def position(self, x: State) -> float:

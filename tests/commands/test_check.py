@@ -102,7 +102,7 @@ def test_the_exit_code_of_a_check_is_its_verdict(cablefem, checked, level_check,
 
 
 def test_a_bar_that_may_be_too_small_is_1_and_said(cablefem, checked, level_check):
-    run = with_flag(level_check.b.run, "hidden slack", least=-0.02, since=0.3, at=0.9)
+    run = with_flag(level_check.b.finest, "hidden slack", least=-0.02, since=0.3, at=0.9)
     checked(b=dataclasses.replace(level_check.b, finest=run))
     code, out, _ = cablefem("check", "level")
     assert code == 1
@@ -112,7 +112,7 @@ def test_a_bar_that_may_be_too_small_is_1_and_said(cablefem, checked, level_chec
 
 
 def test_a_check_with_a_run_that_broke_is_2(cablefem, checked, level_check):
-    whole = level_check.b.run
+    whole = level_check.b.finest
     run = dataclasses.replace(whole, **BROKEN, slack_onset=None, cause="Newton stalled", s_o=0.5 * whole.s_o)
     checked(b=dataclasses.replace(level_check.b, finest=run))
     code, _, err = cablefem("check", "level")

@@ -41,7 +41,7 @@ def test_methods_are_told_with_settings_meanings_and_defaults(cablefem, tmp_path
     assert code == 0
     for name, method in METHODS.items():
         part = out.partition(f"{name}: {method.title}\n")[2]
-        assert part.startswith(f"    use: {method.trust}\n")
+        assert part.startswith(f"    use: {method.use}\n")
     assert "terms=30  sines (1 to 2000)" in out
     assert "scheme=trapezoidal  time integration (trapezoidal|newmark|" in out
     assert cablefem("methods", "--out", "table")[0] == 0

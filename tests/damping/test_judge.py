@@ -71,7 +71,7 @@ def test_a_check_agrees_and_sees_a_fault_of_the_rate():
 @pytest.mark.slow
 def test_the_tilt_is_a_design_number_that_the_judge_computes_again():
     result = rider_check()
-    tilt = next(x for x in result.a.run.design if x["quantity"] == "wind_tilt")
+    tilt = next(x for x in result.a.finest.design if x["quantity"] == "wind_tilt")
     assert tilt["value"] == pytest.approx(RIDER.wind_tilt)
     (row,) = (row for row in result.rows if (row.quantity, row.law) == ("design", "wind_tilt"))
     assert row.verdict.value == "agree"
@@ -81,8 +81,8 @@ def test_the_tilt_is_a_design_number_that_the_judge_computes_again():
 @pytest.mark.slow
 def test_the_bar_of_an_event_in_a_check_is_at_least_the_gap():
     result = rider_check()
-    assert result.a.run.events
-    for event, other in zip(result.a.run.events, result.b.run.events, strict=True):
+    assert result.a.finest.events
+    for event, other in zip(result.a.finest.events, result.b.finest.events, strict=True):
         assert event["event"] == other["event"]
         for name in ("t", "s_o", "speed"):
             assert abs(event[name] - other[name]) <= event[f"bar_{name}"]

@@ -124,7 +124,7 @@ def test_bars_are_computed_when_they_are_looked_at():
     r = cf.run("level", elements=4, steps=120, until=0.5)
     finest = run_with_error_bars(Scene.load("level"), "following-p2", elements=4, steps=120, until=0.5)
     assert {"path_error", "design", "flags"}.isdisjoint(vars(r))
-    assert (r.path_error, r.error_parts) == (finest.run.path_error, finest.run.error_parts)
+    assert (r.path_error, r.error_parts) == (finest.finest.path_error, finest.finest.error_parts)
     assert r.design == design_numbers(finest)
 
 

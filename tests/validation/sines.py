@@ -130,11 +130,11 @@ METHOD = Method(
     "mine",
     "one line for the list",
     {"waves": Setting(20, (1, 500), "sines"), **TIME},
-    Resolution("waves", most=160, even=25, growth=2.5),
+    Resolution("waves", max_value=160, break_even=25, cost_exponent=2.5),
     1.0,  # order of the path
     lambda groups, x, **kind: Sines(groups, x["waves"], **kind),
     (6, 300),  # where its ladders begin
-    survey=(20, 600),
+    atlas_settings=(20, 600),
 )
 
 

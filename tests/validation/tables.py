@@ -60,7 +60,7 @@ class Path101:
     @classmethod
     def of(cls, ladder: Ladder) -> Path101:
         parts = [np.broadcast_to(x, (2, 101)) for x in ladder.bar_parts(Track.of, lambda a, b: nearby(a.gap(b)))]
-        return cls(Track.of(ladder.run), np.sum(parts, axis=0))
+        return cls(Track.of(ladder.finest), np.sum(parts, axis=0))
 
     @property
     def scale(self) -> float:

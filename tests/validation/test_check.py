@@ -29,7 +29,7 @@ def right() -> tuple[Ladder, Ladder]:
 @pytest.mark.parametrize(("wing", "group"), [(0, "mu"), (1, "alpha")], ids=["elements", "sines"])
 def test_a_planted_fault_turns_the_verdict(right, wing, group):
     """The mass, or EA, off by one percent; a wrong equation of motion: test_conformance.py."""
-    method = METHODS[right[wing].run.method]
+    method = METHODS[right[wing].finest.method]
 
     def build(groups, x, **how):
         return method.build(dataclasses.replace(groups, **{group: 1.01 * getattr(groups, group)}), x, **how)
@@ -93,7 +93,7 @@ def test_check_meets_its_tolerance_and_writes_the_contract(tmp_path):
     for method in content["methods"]:
         assert {f.name for f in (tmp_path / method).iterdir()} >= {"path.csv", "tension.csv", "summary.json"}
         assert json.loads((tmp_path / method / "summary.json").read_text())["path_error"] <= 5e-3
-    run = result.a.run
+    run = result.a.finest
     place = np.linspace(0.6, 0.95, 3501)  # between the steps: the bottom is flat
     lowest = place[np.argmax(CubicSpline(run.s_o / run.length, run.y)(place))]
     assert abs(lowest - 0.80) < 0.01  # the paper's figure 8
@@ -112,7 +112,7 @@ def test_a_disagreement_is_looked_at_once_more_finer_in_space_and_time_and_then_
     rounds, compare = [], study.compare_answers
 
     def watched(scene, a, b, asked):
-        rounds.append([a.run.settings, b.run.settings])
+        rounds.append([a.finest.settings, b.finest.settings])
         return compare(scene, a, b, asked)
 
     monkeypatch.setattr(study, "compare_answers", watched)

@@ -96,7 +96,7 @@ def test_a_tolerance_is_met_or_refused_with_the_best_there_is(name):
             refine_to_tolerance(SCENE, name, 0.2, until=0.3)
         return
     try:
-        response = refine_to_tolerance(SCENE, name, 0.2, until=0.3, budget=1e4).run
+        response = refine_to_tolerance(SCENE, name, 0.2, until=0.3, budget=1e4).finest
         assert response.path_error <= 0.2
     except TooCoarse as error:
         response = error.ladder.finest
@@ -111,7 +111,7 @@ def test_a_check_holds_it_against_the_other_wing(name, monkeypatch):
     monkeypatch.setattr("validation.commands.check.study.BUDGET", 1e3)
     other = "fourier-kink" if find_method(name).wing == "elements" else "following-p2"
     result = check(SCENE, tol=0.2, methods=(name, other))
-    assert result.a.run.method == name
+    assert result.a.finest.method == name
     assert {row.quantity for row in result.rows} >= {"path_max"}
     json.dumps(result.agreement(), allow_nan=False)
     if name == MINE:
@@ -132,7 +132,7 @@ def test_a_cell_of_the_atlas(name):
     drawn = {"name": "mine", "scene": {}, "methods": [[name, settings]]}
     (cell,) = atlas.cells_at(drawn, 100.0, 4.0)
     assert cell["class"] in ("good", "poor", "wrong")
-    assert (name in dict(atlas.methods_of_map(atlas.MAPS["map"][0]))) == (find_method(name).survey is not None)
+    assert (name in dict(atlas.methods_of_map(atlas.MAPS["map"][0]))) == (find_method(name).atlas_settings is not None)
 
 
 def test_a_case_of_an_oracle(monkeypatch):

@@ -48,5 +48,5 @@ def test_a_driver_whose_velocities_lag_is_seen(monkeypatch):
 
 def test_a_path_outside_its_bar_is_seen():
     a, _ = right()
-    wrong = a.map(lambda r: replace(r, v=r.v + 4.0 * a.run.path_error * r.max_deflection * np.sign(r.s_o)))
+    wrong = a.map(lambda r: replace(r, v=r.v + 4.0 * a.finest.path_error * r.max_deflection * np.sign(r.s_o)))
     assert verdict("bars", LEVEL, wrong) is Verdict.DISAGREE

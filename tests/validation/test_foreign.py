@@ -272,7 +272,7 @@ def ride(tmp_path, r, **changes):
 
 def test_another_wing_s_ride_agrees_and_a_late_one_does_not(tmp_path, ridden, other):
     path = ForeignPath.read(ride(tmp_path, other), ZIPLINE)
-    refuse_misnamed(path, ridden.run)
+    refuse_misnamed(path, ridden.finest)
     found = rows_of(path, ridden)
     assert {name: row.verdict for name, row in found.items()} == dict.fromkeys(
         ("path_max", "path_rms", "speed"), Verdict.AGREE
@@ -310,7 +310,7 @@ def test_a_ride_that_ends_early_is_not_comparable(tmp_path, ridden, other):
 )
 def test_height_in_another_unit_or_direction_is_told(tmp_path, ridden, other, header, factor, said):
     file = written(tmp_path, f"t,x,{header}", other.t, other.x, factor * other.y)
-    (line,) = faults(refuse_misnamed, ForeignPath.read(file, ZIPLINE), ridden.run)
+    (line,) = faults(refuse_misnamed, ForeignPath.read(file, ZIPLINE), ridden.finest)
     assert said in line
 
 

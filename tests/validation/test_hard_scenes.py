@@ -50,7 +50,7 @@ def test_hard_scenes_get_an_error_estimate_or_a_diagnosis(name):
         scene = Scene.from_groups(sag_ratio=0.05, alpha=844.0, slope=45.0, mu=1.1, speed_ratio=0.41)
     else:
         scene = LEVEL.variant(**HARD[name])
-    r = run_with_error_bars(scene, "following-p2", elements=8, steps=400).run
+    r = run_with_error_bars(scene, "following-p2", elements=8, steps=400).finest
     assert job.response_faults(r) == []
     if r.path_error is None:
         assert r.cause is not None
@@ -79,7 +79,7 @@ def test_a_run_that_breaks_where_the_cable_goes_slack_has_no_energy_after_it():
 
 
 def test_a_bar_that_is_too_small_is_seen():
-    r = run_with_error_bars(LEVEL, "following-p2", elements=6, steps=200).run
+    r = run_with_error_bars(LEVEL, "following-p2", elements=6, steps=200).finest
     found = job.true_errors(LEVEL, r, 4)
     assert found["doubt"] < found["true_error"] / 3.0
     assert found["true_error"] <= r.path_error

@@ -156,7 +156,7 @@ def test_a_tension_a_tenth_of_H_off_is_no_other_slack_onset_at_a_steep_front(fal
 
 def test_an_answer_that_breaks_in_the_window_leaves_the_rest_too_coarse():
     a, b = right()
-    short = run(LEVEL, "following-p2", until=0.4, **{k: a.run.settings[k] for k in ("elements", "steps", "scheme")})
+    short = run(LEVEL, "following-p2", until=0.4, **{k: a.finest.settings[k] for k in ("elements", "steps", "scheme")})
     found = between(replace(a, finest=replace(short, status="incomplete", cause="Newton stalled")), b)
     assert found[("range", "")].verdict is Verdict.TOO_COARSE
     assert ("range", "") not in between(a, b)
@@ -172,7 +172,7 @@ def test_a_wrong_path_of_the_slack_cable_is_seen():
 
 
 def test_a_printed_error_below_the_gap_to_the_other_solver_is_seen():
-    a, b = (e.run for e in right())
+    a, b = (e.finest for e in right())
     gap = path_gap(a, b, (0.02, 0.8))[0]
 
     def wrong(**errors):

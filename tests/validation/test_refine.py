@@ -36,7 +36,7 @@ def sure():
 @pytest.mark.parametrize("scene", [LEVEL, INCLINED], ids=["level", "inclined"])
 def test_the_true_error_is_within_the_bar_and_the_bar_within_the_tolerance(scene, tol, sure):
     ladder = refine_to_tolerance(scene, "following-p2", tol, until=0.8)
-    r = ladder.run
+    r = ladder.finest
     assert measures.path_gap(r, sure[scene.name], WINDOW)[0] <= r.path_error <= tol
     assert measures.tension_gap(r, sure[scene.name], WINDOW) <= r.tension_error
     assert all(x.reached < 0.86 for x in ladder.runs)
@@ -44,7 +44,7 @@ def test_the_true_error_is_within_the_bar_and_the_bar_within_the_tolerance(scene
 
 
 def test_the_galerkin_side_meets_a_tolerance_too(sure):
-    r = refine_to_tolerance(LEVEL, "fourier-kink", 1.3e-2, until=0.8).run
+    r = refine_to_tolerance(LEVEL, "fourier-kink", 1.3e-2, until=0.8).finest
     assert measures.path_gap(r, sure["level"], WINDOW)[0] <= r.path_error <= 1.3e-2
 
 
@@ -64,31 +64,31 @@ def test_runs_that_are_there_are_not_made_again(monkeypatch):
     first = run_with_error_bars(LEVEL, "following-p2", elements=9, steps=80, until=0.8)
     monkeypatch.setattr(module, "Run", None)
     again = run_with_error_bars(LEVEL, "following-p2", known=first.runs, elements=9, steps=80, until=0.8)
-    assert again.run.path_error == first.run.path_error
+    assert again.finest.path_error == first.finest.path_error
 
 
 def test_a_finer_tolerance_takes_a_finer_run():
-    coarse, fine = (refine_to_tolerance(INCLINED, "following-p2", tol, until=0.8).run for tol in (1e-2, 1e-5))
+    coarse, fine = (refine_to_tolerance(INCLINED, "following-p2", tol, until=0.8).finest for tol in (1e-2, 1e-5))
     assert fine.work["steps"] > coarse.work["steps"]
     assert fine.n_dof > coarse.n_dof
 
 
 def test_only_the_finest_run_goes_on_to_the_far_support():
     ladder = refine_to_tolerance(INCLINED, "following-p2", 2e-2)
-    assert ladder.run.reached > 0.95
+    assert ladder.finest.reached > 0.95
     assert max(x.reached for x in ladder.runs[1:]) < 0.86
-    assert ladder.run.work["steps"] == ladder.run.t.size - 1
+    assert ladder.finest.work["steps"] == ladder.finest.t.size - 1
 
 
 def test_coarser_runs_go_on_where_the_cable_falls_slack():
     ladder = refine_to_tolerance(LEVEL, "following-p2", 3e-3)
-    assert 0.8 < ladder.run.slack_onset < 0.95
+    assert 0.8 < ladder.finest.slack_onset < 0.95
     assert min(x.reached for x in ladder.runs[1:]) >= 0.95
 
 
 def test_a_light_car_is_resolved_where_its_front_meets_it():
     light = LEVEL.variant(mu=0.053)
-    r = refine_to_tolerance(light, "following-p4", 1.1e-3, until=0.8).run
+    r = refine_to_tolerance(light, "following-p4", 1.1e-3, until=0.8).finest
     fine = run(light, "following-p4", elements=40, steps=700, scheme="radau", until=0.8)
     assert r.settings["scheme"] == "radau"
     assert measures.path_gap(r, fine, WINDOW)[0] <= r.path_error <= 1.1e-3
@@ -100,7 +100,7 @@ def test_the_bar_of_a_ride_holds_with_few_elements():
         "[cable]\nmass_per_length = 1.4\nEA = 1.6e7\nsag = 8.0\n[supports]\nspan = 400.0\ndrop = 30.0\n"
         "[mass]\nmass = 60.0\n[drive]\nmode = 'free'\nstart = 2.0\nrolling_friction = 0.015\nend = {place = 200.0}"
     )
-    r = refine_to_tolerance(long, "following-p2", 1e-3).run
+    r = refine_to_tolerance(long, "following-p2", 1e-3).finest
     fine = run(long, "following-p2", elements=24, steps=1000)
     assert measures.path_gap(r, fine, measures.common_window(r, fine))[0] <= r.path_error < 1e-3
 
@@ -108,7 +108,7 @@ def test_the_bar_of_a_ride_holds_with_few_elements():
 def test_what_is_out_of_reach_is_said_so_with_the_best_there_is(monkeypatch):
     monkeypatch.setattr(module, "MAX_STEPS", 200)
     method = find_method("following-p2")
-    near = replace(method, resolution=replace(method.resolution, most=8))
+    near = replace(method, resolution=replace(method.resolution, max_value=8))
     with pytest.raises(
         TooCoarse, match=r"following-p2 reaches an error bar of .* with elements = .*, not the 1e-05"
     ) as e:
@@ -154,15 +154,15 @@ def test_a_budget_ends_a_climb_with_the_finest_run_within_it():
 
 
 def test_the_coarsest_resolution_has_no_bar():
-    r = run_with_error_bars(LEVEL, "wavelet", level=0, steps=100).run
+    r = run_with_error_bars(LEVEL, "wavelet", level=0, steps=100).finest
     assert (r.path_error, r.flag_kinds) == (None, ["no bar"])
 
 
 def test_a_mass_that_is_lifted_all_the_way_has_no_bar():
     """Relative to no deflection any error would be infinite."""
     ladder = run_with_error_bars(LEVEL, "following-p2", elements=9, steps=80, until=0.8)
-    lifted = replace(ladder, finest=replace(ladder.run, v=-np.abs(ladder.run.v), path_error=None))
-    told = module.with_error_bars(lifted, module.View.of_scene(LEVEL)).run
+    lifted = replace(ladder, finest=replace(ladder.finest, v=-np.abs(ladder.finest.v), path_error=None))
+    told = module.with_error_bars(lifted, module.View.of_scene(LEVEL)).finest
     assert told.path_error is None
     assert any(x.kind == "no bar" and "no deflection" in str(x) for x in told.flags)
 

@@ -23,7 +23,7 @@ class Case:
             run_with_error_bars(self.scene, "following-p2", elements=elements, steps=steps),
             run_with_error_bars(self.scene, "fourier-kink", terms=terms, steps=steps),
         )
-        self.window = measures.common_window(*(ladder.run for ladder in self.both))
+        self.window = measures.common_window(*(ladder.finest for ladder in self.both))
         self.other = run(self.scene, "fourier-kink", terms=terms, steps=steps)
 
     def rows(self, file, with_tol):

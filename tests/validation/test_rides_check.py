@@ -113,7 +113,7 @@ def test_events_have_bars():
     for name in ("brake", "arrival"):
         assert 0.0 < told[name]["bar_t"] < 0.05
         assert 0.0 < told[name]["bar_speed"] < 0.05
-        other = next(x for x in b.run.events if x["event"] == name)
+        other = next(x for x in b.finest.events if x["event"] == name)
         assert abs(other["speed"] - told[name]["speed"]) < 0.05
 
 

@@ -273,4 +273,4 @@ def test_a_ride_over_very_few_sines_has_an_answer_and_companions(terms):
     """One sine by itself has nothing to be graded by; companions of two and three have but one."""
     e = run_with_error_bars(Scene.load("zipline"), "fourier-kink", terms=terms, steps=300)
     assert [r.events[-1]["event"] for r in e.runs] == len(e.runs) * ["arrival"]
-    assert e.run.path_error is None or e.run.path_error > 1e-4
+    assert e.finest.path_error is None or e.finest.path_error > 1e-4

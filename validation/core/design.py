@@ -267,8 +267,8 @@ def _number_gap(name: str, number: Number, other: Number | None) -> float | None
 
 def design_gap_rows(a: Ladder, b: Ladder, tolerance: float) -> Iterator[Agreement]:
     """Shown rows of two solvers' design numbers with their own bars, over the larger value."""
-    other = {row["quantity"]: row for row in b.run.design}
-    for number in a.run.design:
+    other = {row["quantity"]: row for row in b.finest.design}
+    for number in a.finest.design:
         counterpart = other.get(number["quantity"])
         gap = _number_gap("value", number, counterpart)
         if counterpart is None or gap is None:
@@ -276,7 +276,9 @@ def design_gap_rows(a: Ladder, b: Ladder, tolerance: float) -> Iterator[Agreemen
         size = max(abs(number["value"]), abs(counterpart["value"])) or 1.0
         bars = []
         for x, row in ((a, number), (b, counterpart)):
-            bars.append(BoundPart(x.run.method, math.inf if row["bar"] is None else row["bar"] / size, "coarser runs"))
+            bars.append(
+                BoundPart(x.finest.method, math.inf if row["bar"] is None else row["bar"] / size, "coarser runs")
+            )
         bound = Bound("error bars", tuple(bars))
         yield Agreement("design gap", gap / size, bound, law=number["quantity"], required=tolerance, decides=False)
 

@@ -319,14 +319,14 @@ def third_party_rows(
     path: ForeignPath | Response, ladder: Ladder, window: Window, with_tol: float
 ) -> Iterator[Agreement]:
     """Compare a foreign path with a run; allowed is our bar plus `with_tol`.  It must cover the window."""
-    along, upright = ("x", "y") if ladder.run.drive == "free" else ("u", "v")
+    along, upright = ("x", "y") if ladder.finest.drive == "free" else ("u", "v")
     of_path = f"{along} and {upright}"
     if path.u is None:
         path = without_u(path)
         ladder = ladder.map(without_u)
         of_path = f"{upright} alone"
     party = path.method
-    run = ladder.run
+    run = ladder.finest
     try:
         part = _common_window(path, window)
         where = measures.path_gap(path, run, part)[2]

@@ -69,10 +69,6 @@ class Ladder:
     start_gap: Any = 0.0  # (x, y) of the start from a run that resolves its distance from the support; over deflection
 
     @property
-    def run(self) -> Response:
-        return self.finest
-
-    @property
     def runs(self) -> tuple[Response, ...]:
         return self.finest, *self.space.runs, *self.time.runs
 

@@ -16,7 +16,7 @@ from validation.core.solver import Solver
 @dataclass(frozen=True, slots=True)
 class Setting:
     default: Any
-    allowed: tuple[Any, ...] | tuple[float, float]  # choices for names, else (least, largest)
+    allowed: tuple[Any, ...] | tuple[float, float]  # choices for names, else (smallest, largest)
     meaning: str
 
     def check(self, name: str, value: Any) -> Any:
@@ -59,9 +59,9 @@ class Resolution:
     """How a method is refined in space, and its cost."""
 
     setting: str
-    most: int
-    even: int  # arithmetic equals a step's fixed cost
-    growth: float  # exponent of the arithmetic
+    max_value: int
+    break_even: int  # arithmetic equals a step's fixed cost
+    cost_exponent: float  # exponent of the arithmetic
     doubling: bool = False  # counts powers of two
     unknowns: Callable[[int], float] = float
 
@@ -73,23 +73,23 @@ class Resolution:
         return max(0, value + round(math.log2(ratio))) if self.doubling else max(1, round(value * ratio))
 
     def refined(self, value: int, ratio: float) -> int:
-        """The least value at least `ratio` times as fine, up to `most`."""
-        return min(value + math.ceil(math.log2(ratio)) if self.doubling else math.ceil(value * ratio), self.most)
+        """The smallest value at least `ratio` times as fine, up to `max_value`."""
+        return min(value + math.ceil(math.log2(ratio)) if self.doubling else math.ceil(value * ratio), self.max_value)
 
     def cost(self, value: int, ratio: float = 1.0) -> float:
         """Cost of a step at `ratio` times the resolution, over its fixed cost."""
-        return 1.0 + (ratio * self.ratio(self.even, value)) ** self.growth
+        return 1.0 + (ratio * self.ratio(self.break_even, value)) ** self.cost_exponent
 
     def with_unknowns(self, unknowns: float) -> int:
         """The value with about so many unknowns in one field."""
-        values = range(0 if self.doubling else 1, self.most + 1)
+        values = range(0 if self.doubling else 1, self.max_value + 1)
         return min(values, key=lambda value: abs(self.unknowns(value) - unknowns))
 
 
 # Costs by `cablefem chart`: banded elements linear, dense bases square to cube.
 ELEMENTS = Resolution("elements", 320, 8, 1.0)
 TERMS = Resolution("terms", 160, 25, 2.5)
-RIDING = replace(TERMS, most=80, even=12, unknowns=lambda terms: 2.0 * terms)
+RIDING = replace(TERMS, max_value=80, break_even=12, unknowns=lambda terms: 2.0 * terms)
 LEVELS = Resolution("level", 5, 1, 2.5, doubling=True, unknowns=lambda level: 7.0 * 2.0**level + 3.0)
 
 
@@ -104,12 +104,12 @@ class Method:
     resolution: Resolution
     space_order: float  # of the path with a kink at the mass
     build: Build
-    begins: tuple[int, int]  # coarsest resolution with a readable error, and its steps
-    on_rides: dict[str, Any] = field(default_factory=dict)
-    keeps_pace: float = 1.0  # power of the resolution with which steps grow
-    races: tuple[tuple[int, int], ...] = ()  # for `cablefem advise`, coarse to fine
-    survey: tuple[int, int] | None = None  # in `cablefem atlas`; None: not mapped
-    trust: str = ""  # when to use it
+    coarsest_settings: tuple[int, int]  # coarsest resolution with a readable error, and its steps
+    settings_on_free_rides: dict[str, Any] = field(default_factory=dict)
+    steps_exponent: float = 1.0  # power of the resolution with which steps grow
+    advise_settings: tuple[tuple[int, int], ...] = ()  # for `cablefem advise`, coarse to fine
+    atlas_settings: tuple[int, int] | None = None  # in `cablefem atlas`; None: not mapped
+    use: str = ""  # when to use it
     wrong: bool = False  # does not converge to the answer
     # why it refuses internal damping; empty: it has it
     no_internal: str = "functions over the whole length do not resolve the short side ahead of the mass"
@@ -127,15 +127,15 @@ class Method:
     def ladder(self, rungs: int, finer: float = 1.0) -> list[dict[str, Any]]:
         """Settings from coarse to fine, each twice as fine, with steps that keep pace.
 
-        finer : first resolution over `begins`.
+        finer : first resolution over the coarsest.
         """
-        first, steps = self.begins
+        first, steps = self.coarsest_settings
         space = self.resolution
         out = []
         for k in range(rungs):
             count = space.nearest(first, finer * 2.0**k)
             more = space.unknowns(count) / space.unknowns(first)
-            out.append({space.setting: count, "steps": round(steps * more**self.keeps_pace)})
+            out.append({space.setting: count, "steps": round(steps * more**self.steps_exponent)})
         return out
 
     def settings_on(self, groups: Groups, changes: dict[str, Any]) -> dict[str, Any]:
@@ -145,7 +145,7 @@ class Method:
         """
         rule: dict[str, Any] = {}
         if self.knobs["scheme"].default == "trapezoidal" and (groups.internal_damping or groups.drive.mode == "free"):
-            rule = {"scheme": "generalized-alpha"} | ({} if groups.internal_damping else self.on_rides)
+            rule = {"scheme": "generalized-alpha"} | ({} if groups.internal_damping else self.settings_on_free_rides)
         return self.settings(rule | changes)
 
     def settings(self, changes: dict[str, Any]) -> dict[str, Any]:
@@ -236,71 +236,71 @@ _WAVELETS = {
 }
 _ABSCISSA = {"abscissa": Setting("t", ("t", "s"), "independent variable: time, or place of the mass (45)-(48)"), **TIME}
 _MANY_STEPS = Setting(4000, (2, 1_000_000), TIME["steps"].meaning)
-_WHOLE_CABLE = {"elements": Setting(40, (2, 100_000), "elements on the whole cable"), **TIME}
+_UNIFORM_MESH = {"elements": Setting(40, (2, 100_000), "elements on the whole cable"), **TIME}
 # A constraint on positions needs a rule implicit at a step's end.
 _CONSTRAINED = tuple(x for x in SCHEMES if x not in ("gauss", "central-difference"))
-_DAMPED = _WHOLE_CABLE | {"scheme": Setting("newmark", _CONSTRAINED, TIME["scheme"].meaning)}
+_DAMPED = _UNIFORM_MESH | {"scheme": Setting("newmark", _CONSTRAINED, TIME["scheme"].meaning)}
 
 _ALL = (
     Method(
         "following-p1", "elements", "linear elements on a mesh that follows the mass",
         _settings_per_side(20), _element_resolution(2), 2.0, partial(_build_following, 1), (10, 400),
-        races=((5, 80), (9, 150), (16, 300), (30, 600), (55, 1200)),
+        advise_settings=((5, 80), (9, 150), (16, 300), (30, 600), (55, 1200)),
         no_internal="linear elements have no curvature, which the rate of strain needs",
-        trust="robust and simple; P2 gives more for the same time",
+        use="robust and simple; P2 gives more for the same time",
     ),
     Method(
         "following-p2", "elements", "quadratic elements on a mesh that follows the mass",
         _settings_per_side(10), _element_resolution(4), 2.5, partial(_build_following, 2), (4, 200),
-        on_rides={"elements": 36, "scheme": "radau"}, keeps_pace=1.25, survey=(8, 600), no_internal="",
-        races=((4, 80), (6, 150), (9, 300), (13, 600), (20, 1200)),
-        trust="the default: fastest for a given error from 1e-2 to 1e-5",
+        settings_on_free_rides={"elements": 36, "scheme": "radau"}, steps_exponent=1.25, atlas_settings=(8, 600),
+        no_internal="", advise_settings=((4, 80), (6, 150), (9, 300), (13, 600), (20, 1200)),
+        use="the default: fastest for a given error from 1e-2 to 1e-5",
     ),
     Method(
         "following-p4", "elements", "elements of degree 4 on a mesh that follows the mass",
         _settings_per_side(5), _element_resolution(8), 2.5, partial(_build_following, 4), (2, 200),
-        on_rides={"scheme": "radau"}, keeps_pace=1.25,
+        settings_on_free_rides={"scheme": "radau"}, steps_exponent=1.25,
         no_internal="",
-        trust="smooth travel (from rest); wave fronts of a sudden entry take its advantage away",
+        use="smooth travel (from rest); wave fronts of a sudden entry take its advantage away",
     ),
     Method(
         "fixed-hermite", "elements", "C1 cubic elements, the mass moving through them",
-        _WHOLE_CABLE | {"steps": _MANY_STEPS}, _element_resolution(2), 1.0,
-        partial(_build_fixed, "hermite", "chain"), (8, 800), keeps_pace=3.0,
-        trust="first order, and N'' jumps at the nodes: wants steps like the square of the elements",
+        _UNIFORM_MESH | {"steps": _MANY_STEPS}, _element_resolution(2), 1.0,
+        partial(_build_fixed, "hermite", "chain"), (8, 800), steps_exponent=3.0,
+        use="first order, and N'' jumps at the nodes: wants steps like the square of the elements",
     ),
     Method(
         "fixed-p1-path", "elements", "linear elements, the mass a particle constrained to them",
-        _DAMPED, _element_resolution(1), 1.0, partial(_build_fixed, "p1", "path"), (10, 250), survey=(30, 600),
-        trust="only with numerical damping: the undamped rule blows up",
+        _DAMPED, _element_resolution(1), 1.0, partial(_build_fixed, "p1", "path"), (10, 250), atlas_settings=(30, 600),
+        use="only with numerical damping: the undamped rule blows up",
     ),
     Method(
         "fixed-p1-naive", "elements", "linear elements with chain-rule accelerations: WRONG",
-        _WHOLE_CABLE, _element_resolution(1), 0.0, partial(_build_fixed, "p1", "naive"), (10, 250), wrong=True,
-        trust="never: the centrifugal force is lost at the nodes; on show because everybody writes it first",
+        _UNIFORM_MESH, _element_resolution(1), 0.0, partial(_build_fixed, "p1", "naive"), (10, 250), wrong=True,
+        use="never: the centrifugal force is lost at the nodes; on show because everybody writes it first",
     ),
     Method(
         "fourier", "galerkin", "the paper's sines (33)-(34)",
-        _TERMS | _ABSCISSA, TERMS, 1.0, partial(_build_galerkin, "fourier", False), (8, 320), survey=(30, 600),
-        trust="the paper's method; errors of order 1/N, tension with Gibbs oscillations",
+        _TERMS | _ABSCISSA, TERMS, 1.0, partial(_build_galerkin, "fourier", False), (8, 320), atlas_settings=(30, 600),
+        use="the paper's method; errors of order 1/N, tension with Gibbs oscillations",
     ),
     Method(
         "fourier-kink", "galerkin", "sines and a hat that travels with the mass",
         _TERMS | _ABSCISSA, TERMS, 2.0, partial(_build_galerkin, "fourier", True), (5, 500),
-        on_rides={"terms": 45, "steps": 3000, "rho_inf": 0.7}, survey=(16, 600),
-        races=((6, 50), (10, 100), (14, 170), (20, 300), (30, 600), (50, 1200)),
-        trust="the Galerkin default, and its only method for cars that roll; ten terms beat 200 plain ones",
+        settings_on_free_rides={"terms": 45, "steps": 3000, "rho_inf": 0.7}, atlas_settings=(16, 600),
+        advise_settings=((6, 50), (10, 100), (14, 170), (20, 300), (30, 600), (50, 1200)),
+        use="the Galerkin default, and its only method for cars that roll; ten terms beat 200 plain ones",
     ),
     Method(
         "fourier-riding", "galerkin", "sines on either side of the mass that ride with it, and a hat",
         {"terms": Setting(20, (1, 1000), "sines on each side of the mass"), **_ABSCISSA},
         RIDING, 2.0, partial(_build_galerkin, "riding", True), (4, 500), no_internal="",
-        trust="gripped cars only: for the same error up to four times as fast as fourier-kink",
+        use="gripped cars only: for the same error up to four times as fast as fourier-kink",
     ),
     Method(
         "wavelet", "galerkin", "the paper's anti-derivatives of Daubechies wavelets (35)-(39)",
         _WAVELETS | _ABSCISSA, LEVELS, 1.0, partial(_build_galerkin, "wavelet", False), (0, 400),
-        trust="the paper's method; first order like sines, oscillations stay near the mass",
+        use="the paper's method; first order like sines, oscillations stay near the mass",
     ),
 )  # fmt: skip
 METHODS = {m.name: m for m in _ALL}

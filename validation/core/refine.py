@@ -44,7 +44,7 @@ class TooCoarse(RuntimeError):
     """No affordable resolution meets the tolerance; `ladder` is the finest one."""
 
     def __init__(self, ladder: Ladder, bar: float, tol: float) -> None:
-        run = ladder.run
+        run = ladder.finest
         reached = f"an error bar of {bar:.2g}" if math.isfinite(bar) else "no end of the window"
         settings = ", ".join(
             f"{key} = {value}" for key, value in find_method(run.method).main_settings(run.settings).items()
@@ -112,7 +112,7 @@ class RunsOfMethod:
         if self.method.resolution.doubling:
             return [count - k for k in range(3) if count - k >= 0]
         # no coarser than the method's first run, but ratios of at least 3/2
-        quarter = max(count / 4.0, min(self.method.begins[0], count / 2.25))
+        quarter = max(count / 4.0, min(self.method.coarsest_settings[0], count / 2.25))
         smallest = self.method.knobs[self.method.resolution.setting].allowed[0]
         counts = [count]
         for coarser in (round(math.sqrt(count * quarter)), round(quarter)):
@@ -209,7 +209,7 @@ def refined_until(
     scene: Scene, ladder: Ladder, goal: Callable[[Ladder], Goal], *, budget: float = BUDGET, **kind: Any
 ) -> Ladder:
     """A ladder refined until the goal that it has is met, or it costs too much."""
-    method = find_method(ladder.run.method)
+    method = find_method(ladder.finest.method)
     while (now := goal(ladder)).excess > 1.0:
         finer = next_settings(method, ladder, now, budget)
         if finer is None:
@@ -364,14 +364,14 @@ def _first_settings(scene: Scene, method: Method) -> dict[str, int]:
     space = method.resolution
     groups = scene.groups
     motion = groups.motion
-    first = math.ceil(2.25 * method.begins[0])
+    first = math.ceil(2.25 * method.coarsest_settings[0])
     if space.doubling:
-        first = method.begins[0] + 2
+        first = method.coarsest_settings[0] + 2
     if motion is None:
         if scene.drive.mode == "free" and not method.mesh_follows_mass:
             first = max(first, math.ceil(RESOLVED_START / groups.drive.start))
         return {space.setting: first, "steps": method.settings_on(groups, {})["steps"] // 2}
     if scene.mu > LIGHT:
         return {space.setting: first, "steps": FIRST_STEPS}
-    fine = min(space.with_unknowns(2.0 / scene.mu), space.most // 2)
+    fine = min(space.with_unknowns(2.0 / scene.mu), space.max_value // 2)
     return {space.setting: max(first, fine), "steps": max(FIRST_STEPS, math.ceil(motion.phases[-1][1] / scene.mu))}

@@ -71,7 +71,7 @@ def _remedy_text(
 ) -> str | None:  # fmt: skip
     from scipy.optimize import minimize_scalar  # seldom needed
 
-    run = both[0].run
+    run = both[0].finest
     results = []
     for change in _possible_changes(both[0]):
 
@@ -94,7 +94,7 @@ def _remedy_text(
 
 
 def _possible_changes(ours: Ladder) -> Iterator[Change]:
-    r = ours.run
+    r = ours.finest
     yield Change("its times are shifted by {:.3g} s", ("t",), SHARE * float(r.t[-1]))
     yield Change("its places are shifted by {:.3g} m", ("s_o", "x"), SHARE * r.length / 20.0)
     yield Change("its v is multiplied by {:.4g}", ("v",), SHARE, factor=True)

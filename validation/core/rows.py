@@ -315,16 +315,16 @@ def widened_events(events: Sequence[Event], others: Sequence[Event]) -> list[Eve
 
 def quasi_static_rows(a: Ladder, quasi_static: list[Event], required: float) -> Iterator[Agreement]:
     """Shown rows of events of the full and the quasi-static ride: time over duration, speed over top speed."""
-    scales = {"t": ("time", float(a.run.t[-1])), "speed": ("speed", float(a.run.speed.max()))}
+    scales = {"t": ("time", float(a.finest.t[-1])), "speed": ("speed", float(a.finest.speed.max()))}
     for event in EVENTS[:3]:
-        full = find_event(event, a.run.events)
+        full = find_event(event, a.finest.events)
         static = find_event(event, quasi_static)
         if full is None or static is None:
             continue
         for name, (what, scale) in scales.items():
             own = full[EVENT_BARS[name]]
             parts = (
-                BoundPart(a.run.method, math.inf if own is None else own / scale, "coarser runs"),
+                BoundPart(a.finest.method, math.inf if own is None else own / scale, "coarser runs"),
                 BoundPart("quasi-static", static[EVENT_BARS[name]] / scale, "inertia of the rope"),
             )
             gap = abs(full[name] - static[name]) / scale

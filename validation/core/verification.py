@@ -15,7 +15,7 @@ def verification_rows(a: Ladder, b: Ladder) -> list[Row]:
 
     a, b : with design numbers whose bars are their own.  Values are those of the run, of half and of a quarter.
     """
-    numbers = [{row["quantity"]: row for row in x.run.design if row["bar"] is not None} for x in (a, b)]
+    numbers = [{row["quantity"]: row for row in x.finest.design if row["bar"] is not None} for x in (a, b)]
     computed = [signals_of_run(a.finest, b.finest), signals_of_run(b.finest, a.finest)]
     out = []
     for name in computed[0]:
@@ -26,7 +26,7 @@ def verification_rows(a: Ladder, b: Ladder) -> list[Row]:
         number = numbers[i][name]
         other = numbers[1 - i][name]
         row = {
-            "quantity": name, "method": (a, b)[i].run.method, "unit": number["unit"], "value": number["value"],
+            "quantity": name, "method": (a, b)[i].finest.method, "unit": number["unit"], "value": number["value"],
             "bar": number["bar"], "other": other["value"], "bar_other": other["bar"], "gap": gap,
             "uncertainty": math.hypot(number["bar"], other["bar"]),
         }  # fmt: skip

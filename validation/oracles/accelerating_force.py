@@ -56,7 +56,7 @@ def _exact_path(t: Array) -> Array:
 
 slower = partial(
     Crossing, name="up to 0.89 of the wave speed", groups=level_string(travel_from_inside(BEGINS, 0.0, A)),
-    begins=BEGINS,
+    start_position=BEGINS,
     until=BEGINS + 0.8 / (2.0 * A), methods=("fourier", "following-p2"),
 )  # fmt: skip
 faster = partial(slower, name="through the wave speed", until=0.8, methods=("fourier",))

@@ -109,14 +109,14 @@ class Crossing(Case):
     load: str = "mass"
     model: str = "straight"  # a string without sag, or a model of the solvers
     scene: str = ""  # built-in scene, instead
-    begins: float = 0.0  # s_o at t = 0; no echo before `until`
+    start_position: float = 0.0  # s_o at t = 0; no echo before `until`
     until: float = WINDOW[1]
     at_most: float = math.inf  # limit of all orders
     orders: Mapping[str, float] = field(default_factory=dict)  # exceptions, by method
 
     @property
     def window(self) -> tuple[float, float]:
-        return max(WINDOW[0], self.begins), self.until
+        return max(WINDOW[0], self.start_position), self.until
 
     @property
     def motion(self) -> Motion:
@@ -125,7 +125,12 @@ class Crossing(Case):
 
     @property
     def how(self) -> dict[str, Any]:
-        return {"model": self.model, "load": self.load, "until": self.until, "starts_on_cable": self.begins > 0.0}
+        return {
+            "model": self.model,
+            "load": self.load,
+            "until": self.until,
+            "starts_on_cable": self.start_position > 0.0,
+        }
 
     def expected_order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
         p, because = solvers.theoretical_order(method)

@@ -74,7 +74,7 @@ def cases() -> list[Crossing]:
         exact = extrapolated_path(1.75, mu=mu * (load == "mass"), P=mu * sigma, V=V, s0=s0, c=c_exact)
         return Crossing(
             name=name, groups=replace(level_string(travel_from_inside(s0, V, 0.0), mu, sigma), damping=c),
-            exact=exact, begins=s0, until=s0 + V * end, load=load, **kind,
+            exact=exact, start_position=s0, until=s0 + V * end, load=load, **kind,
         )  # fmt: skip
 
     return [

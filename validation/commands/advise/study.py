@@ -272,11 +272,11 @@ def _race_methods(
     scene: Scene, best: Rung, full: Response, view: View, tolerances: dict[str, float], report: Progress
 ) -> Iterator[Rung]:  # fmt: skip
     """Yield runs of a model by all methods that race, refined until one meets the tolerances or costs too much."""
-    candidates = [method for method in METHODS.values() if method.races]
+    candidates = [method for method in METHODS.values() if method.advise_settings]
     cheapest = full.seconds
     for i, method in enumerate(candidates):
         report("methods", (i + 1) / len(candidates))
-        for resolution, steps in method.races:
+        for resolution, steps in method.advise_settings:
             settings: dict[str, Any] = {method.resolution.setting: resolution, "steps": steps}
             r = _run_warmed_up(
                 scene, method, model=best.model, load=best.load, until=view.last_needed_position, **settings

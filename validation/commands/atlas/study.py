@@ -31,8 +31,8 @@ def methods_of_map(m: Map) -> list[tuple[str, dict[str, Any]]]:
         return [tuple(pair) for pair in m["methods"]]
     out = []
     for method in METHODS.values():
-        if method.survey:
-            resolution, steps = method.survey
+        if method.atlas_settings:
+            resolution, steps = method.atlas_settings
             out.append((method.name, {method.resolution.setting: resolution, "steps": steps}))
     return out
 

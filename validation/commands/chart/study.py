@@ -135,7 +135,7 @@ def settings_ladder(method: Method, shares: Sequence[float] = SAID["shares"]) ->
     settings = method.settings({})
     # more steps take too long
     seen = []
-    pace = min(2.0, method.keeps_pace)
+    pace = min(2.0, method.steps_exponent)
     for finer in FINER:
         for share in shares:
             x = method.main_settings(refined_settings(method, settings, space=finer, time=share * finer**pace))
@@ -170,7 +170,7 @@ class _Reference:
                 witness = measures.path_gap(other, reference, window)[0]
             except NotComparable:
                 witness = None
-            bars = run_with_error_bars(scene, name, known=[reference], until=stop, **settings).run
+            bars = run_with_error_bars(scene, name, known=[reference], until=stop, **settings).finest
             told = {
                 "method": name, "settings": settings, "path_error": bars.path_error,
                 "tension_error": bars.tension_error, "witness": WITNESS[0], "witness_settings": WITNESS[1],
@@ -280,7 +280,7 @@ def _timed_run(scene: Scene, line: Series, rung: Row, truth: _Reference) -> tupl
     assert line.method is not None
     if "tol" in rung:
         begin = time.process_time()
-        r = refine_to_tolerance(scene, line.method, rung["tol"], until=last_position(scene)).run
+        r = refine_to_tolerance(scene, line.method, rung["tol"], until=last_position(scene)).finest
         seconds = time.process_time() - begin
         found = {"bar": r.path_error, "chosen": METHODS[line.method].main_settings(r.settings)}
     else:

@@ -94,8 +94,8 @@ def _report_check(result: "Check", folder: Path, verbose: bool, sensitive: bool,
         from validation.commands.check import sensitivity
 
         terminal.print_text(f"  {sensitivity.noticed_sentence(sensitivity.smallest_noticed_faults(result))}")
-    a = result.a.run
-    b = result.b.run
+    a = result.a.finest
+    b = result.b.finest
     terminal.print_text(f"  written to {folder}: report.html, {a.method}/, {b.method}/")
     broken = telling.exit_code_of_runs(a, b)
     wrong = (
@@ -193,7 +193,7 @@ def _check_and_write(
             third[0].write(folder / "with.csv")
         result.write(folder)
         progress("writing", 0.3)
-        runs = result.a.run, result.b.run
+        runs = result.a.finest, result.b.finest
         with do_in_background(partial(_write_animations, folder, runs)):
             report.write_report(folder, "check")
         for r in runs:
@@ -231,7 +231,7 @@ def _check_grid(scene: Any, points: list[options.Point], out: Path | None, requi
 
     def row_and_path(point: options.Point) -> tuple[dict[str, Any], Any]:
         found = study.check(point.scene, **asked)
-        r = replace(found.a.run, design=found.design)
+        r = replace(found.a.finest, design=found.design)
         return many.table_row(point.scene, r, found.verdict.value), many.path_columns(r)
 
     rows = many.answer_grid("check", "grid-check", scene, points, out, row_and_path, many.run_columns)

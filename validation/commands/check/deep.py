@@ -46,9 +46,9 @@ def _worst_frequency_row(scene: Scene, a: Ladder) -> Agreement:
 
 
 def _start_at_rest_row(scene: Scene, a: Ladder) -> Agreement | None:
-    if a.run.drive == "grip":
+    if a.finest.drive == "grip":
         return None
-    r = a.run
+    r = a.finest
     l = scene.length
     statics = (hauled_rest if r.drive == "haul" else gripped_rest)([r.s_o[0] / l], scene.groups)
     at = statics.place[0] * l
@@ -106,7 +106,7 @@ def _time_driver_row(scene: Scene, a: Ladder) -> Agreement | None:
     answer = solve_ivp(rate, (t0, t1), start, "DOP853", t_eval=[t1], rtol=1e-7, atol=1e-10)
     if not answer.success:
         raise measures.NotComparable(f"scipy's integration failed: {answer.message}")
-    last = n - (a.run.drive == "haul")  # the last unknown of a hauled car has no dynamics
+    last = n - (a.finest.drive == "haul")  # the last unknown of a hauled car has no dynamics
     size = float(np.abs(fine.q[:last]).max())
     gap, change = (float(np.abs(q[:last] - fine.q[:last]).max()) / size for q in (answer.y[:n, -1], coarse.q))
     return _deep_row(
@@ -119,11 +119,14 @@ def _error_bar_row(scene: Scene, a: Ladder) -> Agreement:
 
     Radau's rule would damp the axial waves.
     """
-    finer = a.run.settings | {"elements": max(4, a.run.settings["elements"] // 2), "steps": 2 * a.run.settings["steps"]}
+    finer = a.finest.settings | {
+        "elements": max(4, a.finest.settings["elements"] // 2),
+        "steps": 2 * a.finest.settings["steps"],
+    }
     view = View.of_scene(scene)
     other = run_with_error_bars(scene, "following-p4", until=view.last_needed_position, **finer)
-    gap = measures.path_gap(other.run, a.run, view.up_to_valid(a.run, other.run).window)[0]
-    return _deep_row(gap, *(BoundPart(x.run.method, own_path_error(x.run), HALVED) for x in (a, other)))
+    gap = measures.path_gap(other.finest, a.finest, view.up_to_valid(a.finest, other.finest).window)[0]
+    return _deep_row(gap, *(BoundPart(x.finest.method, own_path_error(x.finest), HALVED) for x in (a, other)))
 
 
 Third = Callable[[Scene, Ladder], Agreement | None]

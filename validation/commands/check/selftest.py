@@ -21,8 +21,8 @@ def verdict_with_fault(result: Check) -> Verdict:
     The judge knows the check's scene alone.
     """
     scene = result.scene
-    coarse = (*result.b.space.runs, result.b.run)[0]
-    shorter = (*result.b.time.runs, result.b.run)[0]
+    coarse = (*result.b.space.runs, result.b.finest)[0]
+    shorter = (*result.b.time.runs, result.b.finest)[0]
     settings = coarse.settings | {"steps": shorter.settings["steps"]}
     stop = View.of_scene(scene).last_needed_position
     ends: dict[str, Any] = {} if stop is None else {"until": stop}

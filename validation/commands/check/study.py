@@ -85,16 +85,16 @@ class Check:
     @property
     def design(self) -> list[dict[str, Any]]:
         """Design numbers, each by the better solver; the bar is at least the gap."""
-        other = {row["quantity"]: row for row in self.b.run.design}
-        pairs = [(row, other.get(row["quantity"], row)) for row in self.a.run.design]
+        other = {row["quantity"]: row for row in self.b.finest.design}
+        pairs = [(row, other.get(row["quantity"], row)) for row in self.a.finest.design]
         return [min(pair, key=lambda row: math.inf if row["bar"] is None else row["bar"]) for pair in pairs]
 
     @property
     def doubts(self) -> list[tuple[str, Flag]]:
-        return doubt_flags(self.a.run, self.b.run)
+        return doubt_flags(self.a.finest, self.b.finest)
 
     def __repr__(self) -> str:
-        said = outcome_of_run(self.scene, self.a.run).sentence
+        said = outcome_of_run(self.scene, self.a.finest).sentence
         return f"Check({self.scene.name}: {self.verdict.value}, {len(self.rows)} rows, tol = {self.tol:g}; {said})"
 
     def _repr_html_(self) -> str:
@@ -102,20 +102,20 @@ class Check:
 
         columns = {"quantity": "what", "value": "value", "when": "t", "where": "at"}
         rows = table_by_heading(map(design_row_texts, key_numbers(self.design)), columns)
-        return f"<div><p>{html.escape(repr(self))}</p>{rows}{self.a.run._repr_html_()}</div>"
+        return f"<div><p>{html.escape(repr(self))}</p>{rows}{self.a.finest._repr_html_()}</div>"
 
     @property
     def limits(self) -> list[dict[str, Any]]:
         """Verdicts on the limits of the scene."""
-        return limits.limit_rows(self.scene, self.design, self.a.run.events)
+        return limits.limit_rows(self.scene, self.design, self.a.finest.events)
 
     def agreement(self) -> dict[str, Any]:
         judged = {"limits": self.limits} if self.scene.limits else {}
         return judged | {
             "scene": self.scene.name, "verdict": self.verdict.value, "range": list(self.window),
             "axis": View.of_scene(self.scene).axis, "tol": self.tol,
-            "methods": [self.a.run.method, self.b.run.method], "rows": [row.to_json() for row in self.rows],
-            "design": self.design, "verification": self.verification, "events": self.a.run.events,
+            "methods": [self.a.finest.method, self.b.finest.method], "rows": [row.to_json() for row in self.rows],
+            "design": self.design, "verification": self.verification, "events": self.a.finest.events,
             "quasi_static": self.quasi_static,
             "doubts": [{"method": name, "kind": flag.kind, "words": str(flag)} for name, flag in self.doubts],
         }  # fmt: skip
@@ -124,7 +124,7 @@ class Check:
         """Write scene.toml, one folder per method and agreement.json."""
         write_text(out / "scene.toml", self.scene.to_toml())
         for ladder in (self.a, self.b):
-            ladder.run.write(out / ladder.run.method)
+            ladder.finest.write(out / ladder.finest.method)
         write_json(out / "agreement.json", self.agreement())
 
 
@@ -156,9 +156,9 @@ def check(
     own = _with_design_and_events(first, other), _with_design_and_events(other, first)
     rows += design_gap_rows(*own, tolerance_of("rest", tol, tol_tension))
     a, b = (_with_widened_bars(x, twin, rows) for x, twin in (own, own[::-1]))
-    static = quasi_static_events(scene, a.run.max_deflection)
+    static = quasi_static_events(scene, a.finest.max_deflection)
     rows += quasi_static_rows(a, static, tolerance_of("rest", tol, tol_tension))
-    rows += decided_by(recheck_outputs(scene, a.run, b.run), ask)
+    rows += decided_by(recheck_outputs(scene, a.finest, b.finest), ask)
     if deep:
         from validation.commands.check import deep as third
 
@@ -197,7 +197,7 @@ class _MethodOnScene:
         larger : for the larger bar of a row, else for the smaller one.
         """
         if overall_verdict(rows) is Verdict.DISAGREE:
-            finer = refined_settings(self.method, ladder.run.settings, space=CONFIRMS, time=CONFIRMS)
+            finer = refined_settings(self.method, ladder.finest.settings, space=CONFIRMS, time=CONFIRMS)
             return None if exceeds_work_budget(self.method, ladder, finer, self.budget) else finer
         coarse = [row for row in rows if row.decides and row.verdict is Verdict.TOO_COARSE and row.required]
         goals = [goal for row in coarse for goal in _goals_for_row(row, self.method.name, larger)]
@@ -271,7 +271,7 @@ def _finer_settings_of_sides(
 
 def _compared_window(scene: Scene, a: Ladder, b: Ladder) -> measures.Window:
     try:
-        return View.of_scene(scene).up_to_valid(a.run, b.run).window
+        return View.of_scene(scene).up_to_valid(a.finest, b.finest).window
     except measures.NotComparable:
         return measures.WINDOW[0], measures.WINDOW[0]
 
@@ -306,7 +306,7 @@ def _import_judge() -> None:
 def _with_design_and_events(ladder: Ladder, twin: Ladder) -> Ladder:
     """The ladder with design numbers and events of its finest run."""
     return replace(
-        ladder, finest=replace(ladder.run, design=design_numbers(ladder, twin), events=events_with_bars(ladder))
+        ladder, finest=replace(ladder.finest, design=design_numbers(ladder, twin), events=events_with_bars(ladder))
     )
 
 
@@ -318,17 +318,17 @@ def _with_widened_bars(ladder: Ladder, twin: Ladder, rows: list[Agreement]) -> L
         return None if error is None else max(error, gap.get(quantity, 0.0))
 
     run = replace(
-        ladder.run, design=widened_numbers(ladder.run.design, twin.run.design),
-        events=widened_events(ladder.run.events, twin.run.events),
-        path_error=at_least(ladder.run.path_error, "path_max"),
-        tension_error=at_least(ladder.run.tension_error, "tension"),
+        ladder.finest, design=widened_numbers(ladder.finest.design, twin.finest.design),
+        events=widened_events(ladder.finest.events, twin.finest.events),
+        path_error=at_least(ladder.finest.path_error, "path_max"),
+        tension_error=at_least(ladder.finest.tension_error, "tension"),
     )  # fmt: skip
     return replace(ladder, finest=run)
 
 
 def with_third_party(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:
     """The check with rows of a third party, against our solver with the smaller bar."""
-    best = min((check.a, check.b), key=lambda ladder: own_path_error(ladder.run))
+    best = min((check.a, check.b), key=lambda ladder: own_path_error(ladder.finest))
     rows = list(foreign.third_party_rows(path, best, check.window, with_tol))
     if isinstance(path, ForeignPath):
         rows = with_remedy(rows, path, check.scene, (check.a, check.b), check.window, with_tol)
@@ -362,5 +362,5 @@ def check_solver(
             raise Refused(f"{name}: must return {wanted}, or a Response; got {got}")
         answer = ForeignPath.of(scene, **dict(zip(columns, answer, strict=False)), name=name)
     ours = ours or check(scene, tol=tol, progress=progress)
-    foreign.refuse_misnamed(answer, ours.a.run)
+    foreign.refuse_misnamed(answer, ours.a.finest)
     return with_third_party(ours, answer, with_tol)

@@ -42,7 +42,7 @@ def reporting_check(tell: Tell, kept: dict[Any, Check]) -> Callable[..., Check]:
         if key not in kept:
             kept[key] = check(scene, tol=tol)
         result = kept[key]
-        party = f"{result.a.run.method} and {result.b.run.method}"
+        party = f"{result.a.finest.method} and {result.b.finest.method}"
         rows = result.rows
         if solver is not None:  # its rows, and whether a path was comparable
             try:

@@ -11,7 +11,7 @@ from validation.page import telling, terminal
 def print_check(result: Check, verbose: bool = False) -> None:
     """Print the verdict, important numbers, and their certainty."""
     terminal.print_verdict(result.own_verdict.value)
-    telling.print_answer(result.scene, replace(result.a.run, design=result.design))
+    telling.print_answer(result.scene, replace(result.a.finest, design=result.design))
     if ends := [x for x in result.quasi_static if x["event"] in ("arrival", "back", "stop")]:
         terminal.print_text("  by the quasi-static model, without the inertia of the rope:")
         telling.print_last_events(ends[-1:])

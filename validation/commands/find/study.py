@@ -367,7 +367,7 @@ def checked_answer(scene: Any, tol: float) -> tuple[Answer, str]:
         found = judge(scene)
         return _answer_of_line(found), found.verdict.value
     both = check(scene, tol=tol)
-    r = replace(both.a.run, design=both.design)
+    r = replace(both.a.finest, design=both.design)
     return Answer.of(outcome_of_run(scene, r), both.design, r.events, both.limits), both.verdict.value
 
 

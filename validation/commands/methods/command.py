@@ -30,7 +30,7 @@ def command(
         with writing_results(out, "methods", "methods", ["methods.json"]) as folder:
             write_json(folder / "methods.json", {
                 name: {
-                    "title": method.title, "use": method.trust, "wrong": method.wrong,
+                    "title": method.title, "use": method.use, "wrong": method.wrong,
                     "settings": {key: asdict(knob) for key, knob in method.knobs.items()},
                 } for name, method in methods.items()
             })  # fmt: skip
@@ -45,7 +45,7 @@ def _print_methods(methods: Mapping[str, Any]) -> None:
     common = {key: knob for key, knob in first.knobs.items() if all(key in m.knobs for m in methods.values())}
     for name, method in methods.items():
         terminal.print_text(f"{name}: {method.title}", style="bold")
-        terminal.print_text(f"    use: {method.trust}")
+        terminal.print_text(f"    use: {method.use}")
         for key, knob in method.knobs.items():
             if knob != common.get(key):
                 terminal.print_text(f"    {_setting_text(key, knob)}")

@@ -197,7 +197,7 @@ class _Solvers:
             return [Rung({resolution.setting: n}, resolution.unknowns(n)) for n in values]
         method = find_method(name)
         sharp = method.resolution.doubling and method.space_order > 1.0
-        slow = finer > 1.0 or sharp or method.keeps_pace > 2.0
+        slow = finer > 1.0 or sharp or method.steps_exponent > 2.0
         settings = method.ladder(3 if slow else 4, finer)
         return [Rung(method.main_settings(x), method.resolution.unknowns(method.resolution_value(x))) for x in settings]
 

@@ -45,7 +45,7 @@ def run_and_answer(
     except TooCoarse as error:
         ladder = error.ladder
         missed = str(error)
-    return replace(ladder.run, design=design_numbers(ladder), events=events_with_bars(ladder)), missed
+    return replace(ladder.finest, design=design_numbers(ladder), events=events_with_bars(ladder)), missed
 
 
 def _with_design_numbers(scene: Scene, r: Response, method: Method, bars: bool, kind: dict[str, Any]) -> Response:
@@ -55,7 +55,7 @@ def _with_design_numbers(scene: Scene, r: Response, method: Method, bars: bool, 
     ladder = LazyValue(lambda: run_with_error_bars(scene, method, known=[r], **kind))
 
     def of_finest(name: str) -> Callable[[Response], Any]:
-        return lambda _: getattr(ladder().run, name)
+        return lambda _: getattr(ladder().finest, name)
 
     return r.with_later(
         **{name: of_finest(name) for name in ("path_error", "tension_error", "error_parts", "error_window", "flags")},

@@ -132,7 +132,7 @@ def _run_row(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[
     except TooCoarse as error:
         ladder = error.ladder
         too_coarse = {"verdict": "too coarse", "reason": str(error)}
-    r = replace(ladder.run, design=design_numbers(ladder))
+    r = replace(ladder.finest, design=design_numbers(ladder))
     out = _response_numbers(r, scene) | too_coarse
     faults = response_faults(r)
     if faults:
@@ -203,11 +203,11 @@ def _check_row(scene: Any, tol: float, second: Any) -> dict[str, Any]:
     from validation import check
 
     def path_error(ladder: Any) -> float:
-        return math.inf if ladder.run.path_error is None else float(ladder.run.path_error)
+        return math.inf if ladder.finest.path_error is None else float(ladder.finest.path_error)
 
     result = check(scene, tol=tol, until=_last_position(scene), second=second)
     best = min((result.a, result.b), key=path_error)
-    return _response_numbers(best.run, scene) | {
+    return _response_numbers(best.finest, scene) | {
         "verdict": result.verdict.value,
         "not_agreed": _disagreeing_quantities(result),
     }
