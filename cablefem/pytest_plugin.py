@@ -12,10 +12,10 @@ _CHECKS: pytest.StashKey[dict[Any, Any]] = pytest.StashKey()
 
 @pytest.fixture(scope="session")
 def cable_scene() -> Callable[[str], Any]:
-    """cable_scene("level") is a built-in scene, or that of a TOML file."""
-    from cablefem import Scene
+    """cable_scene("level") is a built-in scene or line, or that of a TOML file."""
+    from cablefem.scene.short import scene_or_line
 
-    return Scene.load
+    return scene_or_line
 
 
 @pytest.fixture
@@ -29,7 +29,7 @@ def cable_check(request: pytest.FixtureRequest) -> Callable[..., Any]:
     """`validation.check_solver`, asserted and listed at the end of the session.
 
     cable_check("level", solver) holds solver(scene) -> (s_o, v) or (s_o, v, u) against both built-in solvers.
-    cable_check("level") holds these against one another.
+    cable_check("level") holds these against one another, of a line in motion or at rest, too.
     """
     return _check_testing().reporting_check(_verdict_recorder(request), request.config.stash.setdefault(_CHECKS, {}))
 

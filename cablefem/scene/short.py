@@ -33,6 +33,11 @@ def line_or_none(name_or_path: str | Path) -> Line | None:
     return None
 
 
+def scene_or_line(name_or_path: str | Path) -> Scene | Line:
+    """The scene of one span, or the line, of that name or TOML file."""
+    return line_or_none(name_or_path) or Scene.load(name_or_path)
+
+
 def line_tables(data: dict[str, Any]) -> dict[str, Any]:
     """Tables of the line of two anchors and one car; SceneError where the cable does not hang.
 

@@ -181,6 +181,38 @@ def answer(line, by_elements):
     return answers_of_ladders(line, by_elements, None)
 
 
+def test_answers_to_a_line_are_asserted_to_agree_and_a_fault_is_told_with_its_place(line, answer, by_sines):
+    def answer_with(change):
+        return answers_of_ladders(line, changed(by_sines, change), None)
+
+    rows = cf.assert_agree(answer, answer_with(lambda motion: motion), path=1e-3, tension=1e-2)
+    assert [row.law for row in rows[:2]] == ["up", "down"]
+
+    def lowered(motion):
+        up, down = motion.cars
+        late = up.point + np.stack([0.0 * motion.t, 0.05 * motion.t / motion.t[-1]], axis=1)
+        return dataclasses.replace(motion, cars=(dataclasses.replace(up, point=late), down))
+
+    end = f"{answer.t[-1]:.4g}"
+    with pytest.raises(AssertionError, match=rf"path_max of up: gap .*, allowed 0.001, largest at t = {end} s"):
+        cf.assert_agree(answer, answer_with(lowered))
+    cf.assert_agree(answer, answer_with(lowered), window=(0.0, 0.02 * answer.t[-1]))
+
+    def tauter(motion):
+        valley, *others = motion.contacts
+        ahead = 1.02 * valley.tension_ahead
+        return dataclasses.replace(motion, contacts=(dataclasses.replace(valley, tension_ahead=ahead), *others))
+
+    with pytest.raises(AssertionError, match=r"tension of valley: gap 0\.0"):
+        cf.assert_agree(answer, answer_with(tauter), tension=1e-2)
+
+
+def test_an_answer_to_a_line_is_not_compared_with_one_of_one_span(answer):
+    one_span = cf.run("tramway", elements=3, steps=60, bars=False)
+    with pytest.raises(AssertionError, match="cannot be compared: one is of one span, the other of a line"):
+        cf.assert_agree(answer, one_span)
+
+
 def test_a_wrong_file_and_a_wrong_number_are_found(tmp_path, answer):
     folder = tmp_path / "a"
     answer.write(folder, 0.0)

@@ -1,12 +1,33 @@
-import numpy as np
+import math
+from typing import Protocol
 
-from cablefem.response import Response
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from cablefem.response import Array, Response
 from validation.core import foreign, measures
 from validation.core.agreement import Agreement, Bound, BoundPart, Verdict
 from validation.core.foreign import ForeignPath
 from validation.core.measures import NotComparable, Window
+from validation.core.motion_rows import LineRun, contact_tension, distances
 
-Answer = Response | ForeignPath
+
+class LineAnswer(Protocol):
+    """An answer to a line in motion."""
+
+    @property
+    def method(self) -> str: ...
+
+    @property
+    def moved(self) -> LineRun: ...
+
+    @property
+    def path_scale(self) -> float:
+        """Largest deflection of a car [m]."""
+
+
+OneSpan = Response | ForeignPath
+Answer = OneSpan | LineAnswer
 
 
 def assert_agree(
@@ -14,20 +35,16 @@ def assert_agree(
 ) -> list[Agreement]:
     """Raise AssertionError unless two answers agree in mass path and, if asked, tension; return the rows.
 
-    path : largest path gap, over the largest deflection of b; of a free ride 0.1 l.
-    tension : rms gap of the tension fields, or at the mass, over H.
-    window : s_o/l, by default that of the drive; cut at slack and where an answer ends.
+    path : largest path gap, of a line of each car, over the largest deflection of b; of a free ride 0.1 l.
+    tension : rms gap of the tension fields, or at the mass, over H; of a line the largest gap of means over an axial
+        round trip at cars and contacts, over the largest tension at the start.
+    window : s_o/l, by default that of the drive; cut at slack and where an answer ends. Of a line: times [s].
     assert_agree(run("level"), run("level", "fourier-kink"), path=3e-3)
     """
     __tracebackhide__ = True  # pytest shows the caller's line
     names = f"{a.method} and {b.method}"
-    if not np.isclose(a.length, b.length, rtol=1e-6, atol=0.0):
-        raise AssertionError(f"{names} are of different cables: {a.length:.6g} m and {b.length:.6g} m long")
     try:
-        cut = _comparable_window(a, b, window or measures.WINDOWS[a.drive])
-        rows = [_path_row(a, b, path, cut)]
-        if tension is not None:
-            rows.append(_tension_row(a, b, tension, cut))
+        rows = _rows_of_answers(a, b, path, tension, window)
     except NotComparable as reason:
         raise AssertionError(f"{names} cannot be compared: {reason}") from None
     failed = [row for row in rows if row.verdict is not Verdict.AGREE]
@@ -37,24 +54,105 @@ def assert_agree(
 
 
 def agreement_text(row: Agreement) -> str:
-    where = "" if row.where is None else f", largest at s_o/l = {row.where:.3f}"
-    return f"{row.quantity}: gap {row.gap:.3g}, allowed {row.allowed:.3g}{where}; {row.allowed_because}"
+    where = row.where if isinstance(row.where, str) or row.where is None else f"s_o/l = {row.where:.3f}"
+    at = f", largest at {where}" if where else ""
+    return f"{row_name(row)}: gap {row.gap:.3g}, allowed {row.allowed:.3g}{at}; {row.allowed_because}"
 
 
-def _comparable_window(a: Answer, b: Answer, window: Window) -> Window:
+def row_name(row: Agreement) -> str:
+    return f"{row.quantity} of {row.law}" if row.law else row.quantity
+
+
+def _rows_of_answers(
+    a: Answer, b: Answer, path: float, tension: float | None, window: Window | None
+) -> list[Agreement]:  # fmt: skip
+    """Rows of two answers of one span, or of two of one line in motion."""
+    if isinstance(a, OneSpan) and isinstance(b, OneSpan):
+        return _rows_of_one_span(a, b, path, tension, window)
+    if isinstance(a, OneSpan) or isinstance(b, OneSpan):
+        raise NotComparable("one is of one span, the other of a line")
+    if not all(isinstance(getattr(x, "moved", None), LineRun) for x in (a, b)):
+        raise NotComparable("of lines at rest cf.check compares both solvers")
+    return _rows_of_lines(a, b, path, tension, window or (0.0, math.inf))
+
+
+def _rows_of_lines(
+    a: LineAnswer, b: LineAnswer, path: float, tension: float | None, window: Window
+) -> list[Agreement]:  # fmt: skip
+    """Rows of the path of each car and, if asked, of the worst tension, at the steps of the coarser run."""
+    runs = a.moved, b.moved
+    names = [[car.name for car in run.motion.cars] + [c.name for c in run.motion.contacts] for run in runs]
+    if names[0] != names[1]:
+        raise NotComparable(f"one has {', '.join(names[0])}, the other {', '.join(names[1])}")
+    steps = np.unique(min((run.motion.t for run in runs), key=len))
+    end = min(window[1], *(run.end for run in runs))
+    t = steps[(steps >= window[0]) & (steps <= end)]
+    if t.size < 5:
+        raise NotComparable(f"{t.size} steps from {window[0]:g} to {end:g} s, 5 are needed")
+    over = f"from {t[0]:.4g} to {t[-1]:.4g} s"
+
+    def row(quantity: str, law: str, gap: Array, allowed: float, why: str) -> Agreement:
+        k = int(np.argmax(gap))
+        bound = Bound("asked for", (BoundPart(quantity.partition("_")[0], allowed),), f"{why}, {over}")
+        return Agreement(quantity, float(gap[k]), bound, f"t = {t[k]:.4g} s", law=law)
+
+    paths = [{car.name: _at_times(run, car.point, t) for car in run.motion.cars} for run in runs]
+    why = f"relative to the largest deflection {b.path_scale:.4g} m"
+    rows = [row("path_max", car, distances(p, paths[1][car]) / b.path_scale, path, why) for car, p in paths[0].items()]
+    if tension is not None:
+        largest = max(float(contact_tension(contact)[0]) for contact in b.moved.motion.contacts)
+        means = [_mean_tensions(run, t) for run in runs]
+        why = f"mean over an axial round trip, relative to {largest:.4g} N at the start"
+        gaps = {where: np.abs(N - means[1][where]) / largest for where, N in means[0].items()}
+        worst = max(gaps, key=lambda where: float(gaps[where].max()))
+        rows.append(row("tension", worst, gaps[worst], tension, why))
+    return rows
+
+
+def _mean_tensions(run: LineRun, t: Array) -> dict[str, Array]:
+    """Means (n,) [N] over an axial round trip at the times t (n,), by where they are."""
+    motion = run.motion
+    tensions = {contact.name: contact_tension(contact) for contact in motion.contacts}
+    for car in motion.cars:
+        tensions |= {
+            f"the rope behind {car.name}": car.tension_behind,
+            f"the rope ahead of {car.name}": car.tension_ahead,
+        }
+    return {where: _at_times(run, run.axial_mean(N), t) for where, N in tensions.items()}
+
+
+def _at_times(run: LineRun, values: Array, t: Array) -> Array:
+    """Values (n, ...) of a run at times (k,), by splines."""
+    once = np.append(True, np.diff(run.motion.t) > 0.0)  # at a jump of forces a time stands twice
+    return np.asarray(CubicSpline(run.motion.t[once], values[once])(t))
+
+
+def _rows_of_one_span(
+    a: OneSpan, b: OneSpan, path: float, tension: float | None, window: Window | None
+) -> list[Agreement]:  # fmt: skip
+    if not np.isclose(a.length, b.length, rtol=1e-6, atol=0.0):
+        raise NotComparable(f"of different cables: {a.length:.6g} m and {b.length:.6g} m long")
+    cut = _comparable_window(a, b, window or measures.WINDOWS[a.drive])
+    rows = [_path_row(a, b, path, cut)]
+    if tension is not None:
+        rows.append(_tension_row(a, b, tension, cut))
+    return rows
+
+
+def _comparable_window(a: OneSpan, b: OneSpan, window: Window) -> Window:
     start, end = window
     if a.drive != "free":
         start = max(start, *(float(x.s_o[0] / x.length) for x in (a, b)))
     return measures.common_window(a, b, window=(start, end))
 
 
-def _window_text(window: Window, a: Answer, b: Answer) -> str:
+def _window_text(window: Window, a: OneSpan, b: OneSpan) -> str:
     onsets = [x.slack_onset for x in (a, b) if x.slack_onset is not None]
     cut = ", cut at the slack onset" if onsets and window[1] == min(onsets) else ""
     return f"s_o/l {window[0]:.3g} to {window[1]:.3g}{cut}"
 
 
-def _path_row(a: Answer, b: Answer, allowed: float, window: Window) -> Agreement:
+def _path_row(a: OneSpan, b: OneSpan, allowed: float, window: Window) -> Agreement:
     x, y = (a, b) if a.u is not None and b.u is not None else map(foreign.without_u, (a, b))
     gap, rms, where = measures.path_gap(x, y, window)
     _, positions, distances = measures.path_distances(x, y, window)
@@ -70,7 +168,7 @@ def _path_row(a: Answer, b: Answer, allowed: float, window: Window) -> Agreement
     return Agreement("path_max", gap, bound, where)
 
 
-def _tension_row(a: Answer, b: Answer, allowed: float, window: Window) -> Agreement:
+def _tension_row(a: OneSpan, b: OneSpan, allowed: float, window: Window) -> Agreement:
     if isinstance(a, Response) and isinstance(b, Response):
         gap = measures.tension_gap(a, b, window)
         frames, _, _ = measures.common_frames(a, b, window)

@@ -16,7 +16,7 @@ from validation.commands.run.motion import (
     LineRuns,
     MotionAnswers,
     answers_of_ladders,
-    at_rest_points,
+    largest_deflection,
     run_ladders,
 )
 from validation.core import motion_laws, store
@@ -34,10 +34,7 @@ FINEST = 32  # times the coarsest resolution and steps together, before a compar
 
 def scales_of(line: Line, moved: LineRun) -> Scales:
     """Largest deflection of a car, largest tension at the start, and weights."""
-    empty = line.empty(catenary_line.solve)
-    heat = 1.0 + line.cable.warmer
-    away = [car.point - at_rest_points(empty, car.s / heat) for car in moved.motion.cars]
-    path = max((float(np.hypot(*w.T).max()) for w in away), default=1.0)
+    path = largest_deflection(line, line.empty(catenary_line.solve), moved.motion)
     tension = max(float(contact_tension(contact)[0]) for contact in moved.motion.contacts)
     weights = {car.name: car.mass * line.gravity for car in line.car}
     return Scales(path, tension, weights)

@@ -74,6 +74,11 @@ class Check:
     verification: list[dict[str, Any]] = field(default_factory=list)  # of design numbers, see `verification`
 
     @property
+    def methods(self) -> list[str]:
+        """Names of both solvers."""
+        return [self.a.finest.method, self.b.finest.method]
+
+    @property
     def verdict(self) -> Verdict:
         return overall_verdict(self.rows)
 

@@ -3,8 +3,11 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import validation
 from cablefem.scene import Scene
-from validation.commands.check.study import Check, check, check_solver
+from cablefem.scene.line import Line
+from cablefem.scene.short import scene_or_line
+from validation.commands.check.study import check_solver
 from validation.core import assertions
 from validation.core.agreement import Agreement, Verdict, overall_verdict
 from validation.core.foreign import WITH_TOL
@@ -31,22 +34,28 @@ def reporting_assert_agree(tell: Tell) -> Callable[..., list[Agreement]]:
     return asserted
 
 
-def reporting_check(tell: Tell, kept: dict[Any, Check]) -> Callable[..., Check]:
+def reporting_check(tell: Tell, kept: dict[Any, Any]) -> Callable[..., Any]:
     """`check` or `check_solver` that asserts and tells; checks are kept."""
 
-    def checked(scene: Any, solver: Any = None, *, tol: float = 1e-3, with_tol: float = WITH_TOL) -> Check:
-        """The check of a scene, or of a user's solver on it; AssertionError with its rows unless all agree."""
+    def checked(scene: Any, solver: Any = None, *, tol: float | None = None, with_tol: float = WITH_TOL) -> Any:
+        """The check of a scene or line, or of a user's solver on a scene; AssertionError unless all rows agree.
+
+        tol : that of `cablefem check` by default.
+        """
         __tracebackhide__ = True
-        scene = scene if isinstance(scene, Scene) else Scene.load(scene)
+        scene = scene if isinstance(scene, Scene | Line) else scene_or_line(scene)
+        if isinstance(scene, Line) and solver is not None:
+            raise Refused(f"{scene.name}: a solver of your own is compared on one span, this is a line of contacts")
         key = (scene.to_toml(), tol)
         if key not in kept:
-            kept[key] = check(scene, tol=tol)
+            judge: Any = validation.check
+            kept[key] = judge(scene) if tol is None else judge(scene, tol=tol)
         result = kept[key]
-        party = f"{result.a.finest.method} and {result.b.finest.method}"
         rows = result.rows
+        party = " and ".join(result.methods)
         if solver is not None:  # its rows, and whether a path was comparable
             try:
-                result = check_solver(scene, solver, tol=tol, with_tol=with_tol, ours=result)
+                result = check_solver(scene, solver, with_tol=with_tol, ours=result)
             except Refused as refused:  # without the library's source
                 raise Refused(refused.faults) from None
             rows = [row for row in result.rows if row.third_party or row.quantity == "path_max"]
@@ -64,4 +73,4 @@ def reporting_check(tell: Tell, kept: dict[Any, Check]) -> Callable[..., Check]:
 
 def _worst_row_text(rows: Sequence[Agreement]) -> str:
     row = max(rows, key=lambda row: row.gap / row.allowed if row.allowed > 0.0 else 0.0)
-    return f"{row.quantity} {row.gap:.2g} of {row.allowed:.2g} allowed"
+    return f"{assertions.row_name(row)} {row.gap:.2g} of {row.allowed:.2g} allowed"

@@ -81,6 +81,11 @@ class LineAnswers:
         raise NotImplementedError
 
     @property
+    def method(self) -> str:
+        """Name of the solver of the numbers."""
+        return self.methods[0]
+
+    @property
     def curve(self) -> Any:
         """What a page of many lines draws of this one: x and depth, or None."""
         return None

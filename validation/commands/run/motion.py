@@ -305,6 +305,11 @@ class MotionAnswers(LineAnswers):
         """Names of both solvers."""
         return [self.moved.method, "" if self.other is None else self.other.method]
 
+    @property
+    def path_scale(self) -> float:
+        """Largest deflection of a car [m]."""
+        return largest_deflection(self.line, self.empty, self.motion)
+
     def write(self, folder: Path, seconds: float) -> None:
         """Write path-NAME.csv, contacts.csv, profile.csv, rope.csv, summary.json and scene.toml."""
         line = self.line
@@ -384,6 +389,13 @@ def answers_of_ladders(line: Line, a: Ladder, b: Ladder | None, rows: Sequence[A
     design = design_with_bars(a, b, line, unit_of)
     empty = line.empty(catenary_line.solve)
     return MotionAnswers(line=line, moved=finest, empty=empty, design=design, other=other, rows=list(rows))
+
+
+def largest_deflection(line: Line, empty: LineState, motion: LineMotion) -> float:
+    """Of a car from the empty rope [m]; 1 without cars."""
+    heat = 1.0 + line.cable.warmer
+    away = [car.point - at_rest_points(empty, car.s / heat) for car in motion.cars]
+    return max((float(np.hypot(*w.T).max()) for w in away), default=1.0)
 
 
 def at_rest_points(empty: LineState, s: Array) -> Array:
