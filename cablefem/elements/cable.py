@@ -145,7 +145,7 @@ class CableElements(System):
         ride, places = self._car_and_inputs(t, phase, start)
         ends = np.empty((t.size, *start.shape))
         results = np.empty((t.size, 6))
-        steps = Steps(places, self._contact_at(t.item(0), phase), start, rules, ends, results)
+        steps = Steps(places, self._contact_at(t.item(0), phase), start, rules, ends, results, self.slack_ends)
         self._assembled_at = None
         return ends, results, solve_steps(self._cable, ride, self._tangent, self._bands, steps, newton)
 
@@ -156,7 +156,7 @@ class CableElements(System):
         ride, places = self._car_and_inputs(t, phase, steps.ends[0])
         at_nodes = [self._contact_at(x, phase) for x in t[0].tolist()]
         contact = Contact(*(np.array(of_nodes) for of_nodes in zip(*at_nodes, strict=True)))
-        of = collocation.Steps(places, contact, *steps, results)
+        of = collocation.Steps(places, contact, *steps, results, self.slack_ends)
         self._assembled_at = None
         space = self._workspace(rule.c.size)
         taken = collocation.collocate(self._cable, ride, space, of, rule, newton)

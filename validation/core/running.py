@@ -130,7 +130,6 @@ class Run:
         h = self.history
         if h.after is None and self._march_solver(h.solver, self.scheme, until, progress, self.switches):
             h.after = h.solver.with_law("tension-only")
-            h.after.slack_ends = False
         if h.after is not None:
             # collocation loses its order at the law's kink
             goes_on = self.scheme.damps and not self.scheme.nodes
@@ -168,6 +167,7 @@ class Run:
         tension, s = solver.min_tension
         if tension < 0.0:
             h.onset = Onset(len(h.states) - 1, s)
+            solver.slack_ends = False  # here and in copies: no later one is looked for
         return tension < 0.0
 
     def times_to(self, until: float) -> list[Array]:

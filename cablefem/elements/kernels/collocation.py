@@ -29,6 +29,7 @@ class Steps(NamedTuple):
     a: Any  # (m, s, n)
     extrapolation: Any  # (m, s, s)
     results: Any  # (m, 6) see `newton.Steps`
+    slack_ends: bool  # whether they may end at a slack state only
 
 
 class Workspace(NamedTuple):
@@ -55,7 +56,7 @@ class Step(NamedTuple):
 def collocate(cable, rolling_car, workspace, steps, rule, newton):
     """Take steps; return how many converged before an event of the car.
 
-    A step with a slack element is the last one.
+    A step with a slack element is the last one where `slack_ends`.
     rule : `cablefem.newmark.Tableau`;  newton : `cablefem.newmark.Newton`.
     """
     x = workspace.x
@@ -79,7 +80,7 @@ def collocate(cable, rolling_car, workspace, steps, rule, newton):
         set_end_state(step, rule, steps.ends[k + 1])
         if not is_before_event(cable, rolling_car, step.inputs[-1], x[-1]):
             return k
-        if not min_tension >= 0.0:
+        if steps.slack_ends and not min_tension >= 0.0:
             return k + 1
     return steps.a.shape[0]
 

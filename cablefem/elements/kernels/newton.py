@@ -22,6 +22,7 @@ class Steps(NamedTuple):
     rules: Any  # (m, 3, 5)
     ends: Any  # (m, 3, n) output
     results: Any  # (m, 6) output: |r|, iterations, factorisations, residuals, least tension, its s
+    slack_ends: bool  # whether they may end at a slack state only
 
 
 @inner
@@ -35,7 +36,7 @@ def assemble_balance(cable, rolling_car, now, x, r, tangent, factors):
 
 @compiled
 def solve_steps(cable, rolling_car, tangent, bands, steps, newton):
-    """Take steps; return how many converged before a slack element or an event of the car.
+    """Take steps; return how many converged before an event of the car, or before a slack element that ends them.
 
     newton : `cablefem.newmark.Newton`.
     """
@@ -88,7 +89,8 @@ def solve_steps(cable, rolling_car, tangent, bands, steps, newton):
         result[3] = residuals
         result[4] = min_tension
         result[5] = min_at
-        if not (norm <= bound and min_tension >= 0.0 and is_before_event(cable, rolling_car, steps.inputs[k], end)):
+        slack = steps.slack_ends and not min_tension >= 0.0
+        if slack or not (norm <= bound and is_before_event(cable, rolling_car, steps.inputs[k], end)):
             return k
     return steps.rules.shape[0]
 
