@@ -80,7 +80,7 @@ class RollingCar(System):
         raise NotImplementedError
 
     def reset(self) -> None:
-        self.mode = Mode(brakes=sum(place <= self.drive.start for place, _ in self.drive.brakes))
+        self.mode = Mode(brakes=sum(position <= self.drive.start for position, _ in self.drive.brakes))
         self.events_from = -math.inf
         self._last_event_values: tuple[State, tuple[float, ...]] | None = None
 
@@ -245,8 +245,8 @@ class RollingCar(System):
         """Bounds of s_o, signs of slip (0: any) and speed, least speed."""
         mode = self.mode
         drive = self.drive
-        places = (0.0, *(place for place, _ in drive.brakes), 1.0)
+        positions = (0.0, *(position for position, _ in drive.brakes), 1.0)
         n = mode.brakes
-        low = max(drive.back_position, places[n])
-        high = min(drive.end_position, places[n + 1])
+        low = max(drive.back_position, positions[n])
+        high = min(drive.end_position, positions[n + 1])
         return low, high, mode.heading if self.has_friction else 0.0, mode.forward, drive.rest_speed

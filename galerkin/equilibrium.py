@@ -54,14 +54,14 @@ def tension_from_equilibrium(x: Measures, s: Array, frames: Array) -> Equilibriu
     moment_ahead = sum_of_functions(A, ends[1] - second - rest * first) + ray_ahead * rest**3 / 3.0
     behind = (internal[:, 0] + moment_behind) / s_o
     ahead = (internal[:, 1] - moment_ahead) / rest
-    here = sum_of_functions(A, first)
+    at_frames = sum_of_functions(A, first)
 
     def along(s: Array) -> Callable[[Array], Array]:
         """N t (k, m, 2) at stations s (m,), as a function of the instants (k,)."""
         functions = basis.phi(s, -1)
 
         def force(k: Array) -> Array:
-            smooth = np.einsum("kfm,sm->ksf", A[k], functions, optimize=True) - here[k, None]
+            smooth = np.einsum("kfm,sm->ksf", A[k], functions, optimize=True) - at_frames[k, None]
             before = behind[k, None] - 0.5 * (s_o[k] ** 2 - s**2)[..., None] * ray_behind[k, None]
             after = ahead[k, None] + 0.5 * (rest[k] ** 2 - (1.0 - s) ** 2)[..., None] * ray_ahead[k, None]
             return smooth + np.where((s <= s_o[k])[..., None], before, after) + static_force(cable, s)
@@ -107,8 +107,8 @@ def force_and_energy_integrals(of: Measures) -> tuple[Array, Array, Array]:
         return internal, strain, damping_power
     cable = system.cable
     kink = system.basis if system.kink else KinkedBasis(system.basis.basis, kink=True)
-    for i, place in enumerate(of.inside.tolist()):
-        points = cable.tables_at(kink, place)
+    for i, s_o in enumerate(of.inside.tolist()):
+        points = cable.tables_at(kink, s_o)
         x = kernels.stress(points.T, points.r_static, Q[i] @ points.phi, cable.alpha, cable.law)
         behind = points.phi[-1] > 0.0
         strain[i] = points.weights @ x[1]

@@ -42,7 +42,7 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
     powers: dict[str, Array] = {}
     cars, contacts = [], []
     for k, (contact, body) in enumerate(zip(line.touching, system.equations.bodies, strict=True)):
-        at, here = system.equations.touch(touches, k), positions[:, k]
+        at, position = system.equations.touch(touches, k), positions[:, k]
         energies += body.energies(at)
         if isinstance(body, CarBody):
             hold = system.holds.get(k, 0.0) * np.array([body.car.drive.hold_fraction(x.t) for x in states])
@@ -50,7 +50,7 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
             cars.append(_car_motion(body, of_car, at))
             powers |= _car_powers(line, body, of_car[:, -1], at, hold)
         elif isinstance(contact, Contact):
-            contacts.append(_contact_motion(line, contact, body, here, at))
+            contacts.append(_contact_motion(line, contact, body, position, at))
         if isinstance(body, Counterweight):
             entering = _energy_flux(line, at.behind + at.ahead, at.ds) - line.weight * at.p[:, 1]
             powers[f"{contact.name} weight"] = body.outward * at.ds * entering
@@ -61,9 +61,9 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
         energies[0] += 0.5 * car.mass * (motion.velocity**2).sum(axis=1)
         energies[2] -= car.mass * line.gravity * motion.point[:, 1]
     kinetic, strain, potential = energies
-    standing = add_shoe_forces(line, tuple(cars), tuple(contacts))
+    loaded = add_shoe_forces(line, tuple(cars), tuple(contacts))
     return LineMotion(
-        t=np.array([x.t for x in states]), cars=tuple(cars), contacts=standing, s=s, points=points,
+        t=np.array([x.t for x in states]), cars=tuple(cars), contacts=loaded, s=s, points=points,
         tension=tension, kinetic=kinetic, strain=strain, potential=potential, powers=powers,
     )  # fmt: skip
 

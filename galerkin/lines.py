@@ -33,7 +33,7 @@ ITERATIONS = 100  # of the search for rest
 TOL = 1e-11  # of EA
 SOFTENED = 4  # steps from a soft rope to the stiff one
 TURNING = 1e-9  # [m/s] slower cars keep the direction of their friction
-KEPT = 8  # instants whose prescribed coordinates are kept: a step's nodes are evaluated several times
+CACHED_INSTANTS = 8  # instants whose prescribed coordinates are kept: a step's nodes are evaluated several times
 NUDGE = 1e-4  # [s] for the velocity of a line that starts in motion
 
 
@@ -179,7 +179,7 @@ class LineSines(System):
         touching = self.line.touching
         meetings = [meeting_event(touching[i], touching[i + 1]) for i in self.gaps]
         stops = [f"{self.cars[k].car.name} stops" for k in self.stops]
-        self.brakes = [(k, place) for k in self.stops for place, _ in self.cars[k].car.drive.brakes]
+        self.brakes = [(k, position) for k in self.stops for position, _ in self.cars[k].car.drive.brakes]
         brakes = [f"{self.cars[k].car.name} brakes" for k, _ in self.brakes]
         lifted = [lift_off_event(c) for c in touching if not isinstance(c, Contact)]
         self.saddles = [k for k, body in enumerate(bodies) if isinstance(body, Saddle)]
@@ -196,7 +196,7 @@ class LineSines(System):
     def prescribed(self, t: float, phase: int) -> Array:
         """Jets of all coordinates (3, layout.size), zero where unknown."""
         if (t, phase) not in self._prescribed:
-            if len(self._prescribed) >= KEPT:
+            if len(self._prescribed) >= CACHED_INSTANTS:
                 self._prescribed.clear()
             self._prescribed[t, phase] = self._prescribe(t, phase)
         return self._prescribed[t, phase].copy()
@@ -305,7 +305,7 @@ class LineSines(System):
         s, ds = Z[0, self.layout.s], Z[1, self.layout.s]
         gaps = [float(s[i + 1] - s[i]) - NEAREST for i in self.gaps]
         speeds = [float(ds[self.lead[k]] * self.frictions[k].sign) for k in self.stops]
-        ahead = [place - float(s[self.lead[k]]) for k, place in self.brakes]
+        ahead = [position - float(s[self.lead[k]]) for k, position in self.brakes]
         loads = [math.inf] * (sum(body.contacts for body in self.cars.values()) + len(self.loose))
         if min(gaps, default=1.0) > 0.0:
             if self._loaded[0] is not x:

@@ -13,7 +13,7 @@ def bare_frequencies(groups: Groups, basis: Basis, *, model: str = "full", n: in
     """First n frequencies omega l sqrt(rho/H), ascending, (n,), of (19)-(26) linearised."""
     cable = cable_model(groups, model, "elastic")
     moving = KinkedBasis(basis, kink=False)
-    place: Any = cable.tables_at(moving, 0.5)
-    K = cable.linearise(place, np.zeros((cable.fields, basis.n)))[2]
+    tables: Any = cable.tables_at(moving, 0.5)
+    K = cable.linearise(tables, np.zeros((cable.fields, basis.n)))[2]
     M = np.kron(np.eye(cable.fields), basis.mass())
     return np.sqrt(eigh(K, M, eigvals_only=True, subset_by_index=(0, n - 1)))

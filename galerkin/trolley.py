@@ -83,8 +83,8 @@ class Trolley(CarBody):
         self.inertia = car.wheels.inertia if car.wheels is not None else 0.0
         drive = car.drive
         ahead, below = drive.hitch if drive.mode == "haul" else drive.thrust_at
-        self.push = math.cos(drive.thrust_angle), -math.sin(drive.thrust_angle)  # of a unit force
-        self.lever = ahead * self.push[1] - below * self.push[0]
+        self.thrust_axes = math.cos(drive.thrust_angle), -math.sin(drive.thrust_angle)  # of a unit force
+        self.lever = ahead * self.thrust_axes[1] - below * self.thrust_axes[0]
 
     def brake_forces(self, s: Any) -> Array:
         rear = np.asarray(self.car.drive.rear_brake_force(s))
@@ -110,7 +110,7 @@ class Trolley(CarBody):
         car, rear = self.car, x[0]
         P = [self.force_on_rope(wheel) for wheel in x]
         n = [rotate(arm_derivative(arm), rear.angle) for arm in self.arms]
-        driven = rear.F[..., None] * rotate(self.push, rear.angle)
+        driven = rear.F[..., None] * rotate(self.thrust_axes, rear.angle)
         force = P[0] + P[1] + car.mass * (rear.ddc - self.gravity * DOWN) - driven - self.drag(rear.dc)
         moment = dot(n[0], P[0]) + dot(n[1], P[1]) + self.inertia * rear.ddangle[..., 0] - self.lever * rear.F
         slip = self.resistance_and_hold(self.wheel_loads(x), friction)
@@ -128,5 +128,5 @@ class Trolley(CarBody):
         at = x[0]
         if self.car.kind == "grip":
             return {}
-        driven = dot(rotate(self.push, at.angle), at.dc) + self.lever * at.dangle[..., 0]
+        driven = dot(rotate(self.thrust_axes, at.angle), at.dc) + self.lever * at.dangle[..., 0]
         return {"drag": dot(self.drag(at.dc), at.dc), self.driven: at.F * driven}

@@ -100,9 +100,9 @@ class Bordered:
         """Make rows and columns `at` zero but for ones on the diagonal: these unknowns drop out."""
         inner, border = at[at < self.n], at[at >= self.n] - self.n
         j = inner[:, None] + np.arange(-self.b, self.b + 1)
-        place = np.broadcast_to(np.arange(3 * self.b, self.b - 1, -1), j.shape)
+        band_row = np.broadcast_to(np.arange(3 * self.b, self.b - 1, -1), j.shape)
         inside = (j >= 0) & (j < self.n)
-        self.ab[place[inside], j[inside]] = 0.0
+        self.ab[band_row[inside], j[inside]] = 0.0
         self.ab[:, inner] = 0.0
         self.ab[2 * self.b, inner] = 1.0
         self.columns[inner], self.columns[:, border] = 0.0, 0.0
@@ -114,13 +114,13 @@ class Bordered:
         """The solution as a function of the right-hand side."""
         factor, substitute = get_lapack_funcs(("gbtrf", "gbtrs"), (self.ab,))
         lu, pivots, _ = factor(self.ab, self.b, self.b, overwrite_ab=True)
-        beside = substitute(lu, self.b, self.b, self.columns, pivots)[0]
-        schur = np.linalg.inv(self.corner - self.rows @ beside)
+        from_border = substitute(lu, self.b, self.b, self.columns, pivots)[0]
+        schur = np.linalg.inv(self.corner - self.rows @ from_border)
 
         def solve(b: Array) -> Array:
             inner = substitute(lu, self.b, self.b, b[: self.n], pivots)[0]
             border = schur @ (b[self.n :] - self.rows @ inner)
-            return np.concatenate([inner - beside @ border, border])
+            return np.concatenate([inner - from_border @ border, border])
 
         return solve
 

@@ -142,10 +142,10 @@ class CableElements(System):
         self, t: Array, phase: int, start: Array, rules: Array, newton: Newton
     ) -> tuple[Array, Array, int]:
         """Ends (m, 3, n_dof) and `results` (m, 6) of `kernels.newton.Steps`, and how many are good."""
-        ride, places = self._car_and_inputs(t, phase, start)
+        ride, inputs = self._car_and_inputs(t, phase, start)
         ends = np.empty((t.size, *start.shape))
         results = np.empty((t.size, 6))
-        steps = Steps(places, self._contact_at(t.item(0), phase), start, rules, ends, results, self.slack_ends)
+        steps = Steps(inputs, self._contact_at(t.item(0), phase), start, rules, ends, results, self.slack_ends)
         self._assembled_at = None
         return ends, results, solve_steps(self._cable, ride, self._tangent, self._bands, steps, newton)
 
@@ -153,10 +153,10 @@ class CableElements(System):
         """`results` of the steps taken."""
         t = rule.instants(steps.t)
         results = np.empty((len(steps.a), 6))
-        ride, places = self._car_and_inputs(t, phase, steps.ends[0])
+        ride, inputs = self._car_and_inputs(t, phase, steps.ends[0])
         at_nodes = [self._contact_at(x, phase) for x in t[0].tolist()]
         contact = Contact(*(np.array(of_nodes) for of_nodes in zip(*at_nodes, strict=True)))
-        of = collocation.Steps(places, contact, *steps, results, self.slack_ends)
+        of = collocation.Steps(inputs, contact, *steps, results, self.slack_ends)
         self._assembled_at = None
         space = self._workspace(rule.c.size)
         taken = collocation.collocate(self._cable, ride, space, of, rule, newton)

@@ -52,8 +52,8 @@ def _slots_by_car(system: LineElements) -> dict[str, Array]:
 
 
 def _values_of_cars(old: LineElements, new: LineElements, values: Array) -> Array:
-    known = {car.name: value for car, value in zip(old.line.cars, values.tolist(), strict=True)}
-    return np.array([known.get(car.name, 0.0) for car in new.line.cars])
+    by_name = {car.name: value for car, value in zip(old.line.cars, values.tolist(), strict=True)}
+    return np.array([by_name.get(car.name, 0.0) for car in new.line.cars])
 
 
 def _carry_segment(old: LineElements, before: Slots, new: LineElements, z: Slots, k: int) -> None:

@@ -218,9 +218,9 @@ class _Batch:
         more = lam - 1.0 - self.N_ref / self.EA
         N = self.N_ref + EA * more
         W = 0.5 * self.N_ref**2 / self.EA + self.N_ref * more + 0.5 * EA * more**2
-        given = {"q": self.q, "a": self.a, "h": h, "EA": EA}
-        whole = {name: np.broadcast_to(x, lam.shape) for name, x in given.items()}
-        return {**whole, "lam": lam, "N": N, "W": W, "t": slope / length, "y": u[1]}
+        values = {"q": self.q, "a": self.a, "h": h, "EA": EA}
+        broadcast = {name: np.broadcast_to(x, lam.shape) for name, x in values.items()}
+        return {**broadcast, "lam": lam, "N": N, "W": W, "t": slope / length, "y": u[1]}
 
     def derivatives(self, fields: dict[str, np.ndarray]) -> np.ndarray:
         """z = (f, g)."""
@@ -291,9 +291,9 @@ class _Batch:
     def _states(self) -> list[LineState]:
         """States, with weak nodal forces as pulls."""
         fields = self.form_data(self.X, 0.0)
-        known = self.prescribed.copy()
+        points = self.prescribed.copy()
         z = np.append(self.derivatives(fields), np.nan)  # last: no piece
-        known[self.number >= 0] = self.X[self.number[self.number >= 0]]
+        points[self.number >= 0] = self.X[self.number[self.number >= 0]]
         behind = z[self.behind[:, :2]]
         ahead = -z[self.ahead[:, :2]]
         tau = behind + ahead
@@ -302,7 +302,7 @@ class _Batch:
         haul = np.sum((behind - ahead) * tau, axis=1) - weight * tau[:, 1]
         middle = (self.T @ self.X + self.w0)[self.dofs[:, :, self.elements // 2]].T
         cuts = self.last[:-1] + 1
-        parts = [np.split(x, cuts) for x in (known[:, 2], known[:, :2], behind, ahead, haul)]
+        parts = [np.split(x, cuts) for x in (points[:, 2], points[:, :2], behind, ahead, haul)]
         parts.append(np.split(middle, cuts - np.arange(1, len(self.cases))))
         return [LineState(*one) for one in zip(self.cases, *parts, strict=True)]
 

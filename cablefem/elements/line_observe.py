@@ -49,7 +49,7 @@ class _History:
         flow = self.segments.rho * ds * (v - ds * slopes)
         rows = nodes[:, [0, -1]].swapaxes(0, 1)
         self.balance_rows = self.by_time(rows)
-        self.pulls = self.by_time(np.stack([-(rows[0] + flow[0]), rows[1] - flow[1]]))
+        self.end_forces = self.by_time(np.stack([-(rows[0] + flow[0]), rows[1] - flow[1]]))
 
     def contact_points(self, k: int, x: Array) -> Array:
         """Points of contact k (n, 2), of slots (n, size)."""
@@ -119,7 +119,7 @@ def _car_kinetic_energy(car: Car, motion: CarMotion) -> Array:
 
 def _contact_motion(x: _History, k: int, contact: Contact) -> ContactMotion:
     slot = x.system.s[k]
-    behind, ahead = x.behind_and_ahead(k, x.pulls)
+    behind, ahead = x.behind_and_ahead(k, x.end_forces)
     pressure = -np.sum(np.nan_to_num(x.behind_and_ahead(k, x.balance_rows)), axis=0)
     rise = np.full(x.t.size, np.nan)
     if contact.force is not None:
@@ -170,7 +170,7 @@ def _car_motions(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]
         if car.kind == "free":
             powers[f"{car.name} thrust"] = data.thrust[:, i] * along[:, i]
             powers[f"{car.name} hold"] = on.stretch[:, i] * data.hold[:, i] * ds
-        tension = [np.linalg.norm(z, axis=1) for z in x.behind_and_ahead(k, x.pulls)]
+        tension = [np.linalg.norm(z, axis=1) for z in x.behind_and_ahead(k, x.end_forces)]
         on_shoe = np.zeros(x.t.size)
         if car.rail is not None:
             missing = (
@@ -196,11 +196,11 @@ def _trolley_motion(x: _History, trolley: Trolley, data: Cars, grip: Array, powe
     on = trolley.forces(data, trolley.force_inputs((x.q, x.v, x.a), P.reshape(n, 4)))
     sides = trolley.rope_slopes(x.q).reshape(n, 2, 2, 2)  # of each wheel, behind and ahead
     s, ds = x.q[:, slots], x.v[:, slots]
-    pulls = [[np.linalg.norm(z, axis=1) for z in x.behind_and_ahead(k, x.pulls)] for k in pair]
+    tensions = [[np.linalg.norm(z, axis=1) for z in x.behind_and_ahead(k, x.end_forces)] for k in pair]
     wheels = tuple(
         WheelMotion(
             name=system.line.touching[k].name, s=s[:, j], ds=ds[:, j], point=x.contact_points(k, x.q), load=on.loads[j],
-            tension_behind=pulls[j][0], tension_ahead=pulls[j][1], slope_behind=sides[:, j, 0],
+            tension_behind=tensions[j][0], tension_ahead=tensions[j][1], slope_behind=sides[:, j, 0],
             slope_ahead=sides[:, j, 1],
         )
         for j, k in enumerate(pair)

@@ -260,18 +260,18 @@ def _station_fields(system: CableElements, along: StationFields, s: Array, rise:
     w, rate, slope = (
         x if system.fields == 2 else np.tensordot(direction, x, 1) for x in (along.w, along.rate, along.slope)
     )  # (2, k, m)
-    seen = {"u": w[0], "v": w[1], "du": rate[0], "dv": rate[1]}
+    fields = {"u": w[0], "v": w[1], "du": rate[0], "dv": rate[1]}
     T, *static = g.tension_and_derivatives(s)[:3]
     if system.fields == 1:
-        seen["T"] = T + rise[:, None]
-        seen["T_pointwise"] = seen["T"]
-        return seen
+        fields["T"] = T + rise[:, None]
+        fields["T_pointwise"] = fields["T"]
+        return fields
     X_s = np.array(static)[:, None]  # (2, 1, m)
     r_s = X_s + slope
     alpha = system._law[0]
-    seen["T"] = _tension_from_momentum(system, along.carried, along.c, (X_s, T, r_s))
-    seen["T_pointwise"] = tension(strain(X_s, slope, length_of(r_s)), T, alpha, system._law[3])[0]
-    return seen
+    fields["T"] = _tension_from_momentum(system, along.carried, along.c, (X_s, T, r_s))
+    fields["T_pointwise"] = tension(strain(X_s, slope, length_of(r_s)), T, alpha, system._law[3])[0]
+    return fields
 
 
 def _tensions_at_mass(

@@ -28,9 +28,9 @@ def slots_of_rest(system: LineElements, t: float, phase: int, ahead: float = 0.0
     ahead : [s] moves prescribed cars on by their velocity.  start : a state nearby to begin from.
     Raises StepFailure where no state of rest was found.
     """
-    known = system.prescribed_slots(t, phase)
+    prescribed = system.prescribed_slots(t, phase)
     free = system.free.copy()
-    q = known.q + ahead * known.v
+    q = prescribed.q + ahead * prescribed.v
     for i, k in enumerate(system.cars):
         if system.line.cars[i].kind == "free":
             free[system.s[k]] = False

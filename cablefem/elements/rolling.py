@@ -52,16 +52,18 @@ class RollingElements(RollingCar, FollowingElements):
         super().__init__(groups, **kind)
         self._at_rest = kind | {"law": "tension-only"}
         if self.fields == 1 or self.load == "force":
-            what = f"model {self.model}" if self.fields == 1 else "a moving force without mass"
-            raise ValueError(f"{what} has no balance along the cable: a car that rolls needs the full model and a mass")
+            subject = f"model {self.model}" if self.fields == 1 else "a moving force without mass"
+            raise ValueError(
+                f"{subject} has no balance along the cable: a car that rolls needs the full model and a mass"
+            )
         self.attach(groups)
         self._air = self.drive.k, self.drive.wind, self.drive.mu_r
         self.n_dof += 1
 
     def with_law(self, law: str) -> Self:
-        twin = super().with_law(law)
-        twin.mode = replace(self.mode)
-        return twin
+        other = super().with_law(law)
+        other.mode = replace(self.mode)
+        return other
 
     def position(self, x: State) -> float:
         return float(x.q[-1]) if self.free else super().position(x)
@@ -96,9 +98,9 @@ class RollingElements(RollingCar, FollowingElements):
     def solve_steps(self, t: Array, *steps) -> tuple[Array, Array]:
         if not self.events_bounded:
             return newmark.NO_STEPS
-        now, told = super().solve_steps(t, *steps)
+        now, results = super().solve_steps(t, *steps)
         self._set_events_from(t, len(now))
-        return now, told
+        return now, results
 
     def _set_events_from(self, t: Array, taken: int) -> None:
         if taken > 1:
@@ -132,26 +134,26 @@ class RollingElements(RollingCar, FollowingElements):
 
     def collocate(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
         many = not self.free or rule.c[-1] == 1.0
-        told = self._collocation_results(
+        results = self._collocation_results(
             phase, steps if many and self.events_bounded else steps.first_steps(1), rule, newton
         )
-        self._set_events_from(steps.t[1:], len(told))
-        return self._step_results(told)
+        self._set_events_from(steps.t[1:], len(results))
+        return self._step_results(results)
 
     def car_forces(self, x: State) -> CarForces:
         """Normal force, speed along the rope and forces along it; dimensionless."""
-        push = self._car_forces_at(x)
-        tx, ty = push.tau
-        px, py = push.velocity
-        ex, ey = push.outside
+        forces = self._car_forces_at(x)
+        tx, ty = forces.tau
+        px, py = forces.velocity
+        ex, ey = forces.outside
         weight = self.inertia * self.groups.sigma
-        return CarForces(push.normal, px * tx + py * ty, ex * tx + (ey + weight) * ty, weight * tx)
+        return CarForces(forces.normal, px * tx + py * ty, ex * tx + (ey + weight) * ty, weight * tx)
 
     def hold_and_normal_force(self, x: State) -> tuple[float, float]:
-        push = self._car_forces_at(x)
+        forces = self._car_forces_at(x)
         now = self._drive_inputs(np.array(x.t), x.phase)
         needed = self._assemble_with_car(self._kernel_car, now, np.array(x[1:4]), np.empty(self.n_dof))[2]
-        return needed / push.stretch, push.normal
+        return needed / forces.stretch, forces.normal
 
     def solve_acceleration(self, x: State) -> State:
         return newmark.consistent_acceleration(self, x.t, x.q, x.v, x.phase)
@@ -173,9 +175,9 @@ class RollingElements(RollingCar, FollowingElements):
     ) -> tuple[float, ...]:  # fmt: skip
         at = Instant(now, self._bands, self._contact)
         ride = kernels.CarOnMesh(car, self._at_car, NO_BOUNDS)
-        seen = kernels.assemble_with_car(self._cable, ride, at, x, r, tangent or self._tangent, factors)
-        self.min_tension = seen[:2]
-        return seen
+        forces = kernels.assemble_with_car(self._cable, ride, at, x, r, tangent or self._tangent, factors)
+        self.min_tension = forces[:2]
+        return forces
 
     def with_clamped_car(self, s_o: float) -> FollowingElements:
         """The cable at rest with the car clamped to it."""
@@ -200,10 +202,10 @@ class RollingElements(RollingCar, FollowingElements):
         mean = 0.5 * (o.slope_behind + o.slope_ahead)
         tau = mean / np.linalg.norm(mean, axis=1)[:, None]
         stretch = 0.5 * (np.linalg.norm(o.slope_behind, axis=1) + np.linalg.norm(o.slope_ahead, axis=1))
-        pull = drive.thrust(states.t, states.phase) if self.free else states.a[:, -1]
+        driving_force = drive.thrust(states.t, states.phase) if self.free else states.a[:, -1]
         air = o.path_velocity - np.array([drive.wind, 0.0])
         outside = {
-            "thrust" if self.free else "haul": pull[:, None] * tau,
+            "thrust" if self.free else "haul": driving_force[:, None] * tau,
             "drag": -drive.k * np.linalg.norm(air, axis=1)[:, None] * air,
         }
         contact = o.contact + sum(outside.values())
@@ -215,7 +217,9 @@ class RollingElements(RollingCar, FollowingElements):
             powers["hold"] = self.hold * np.array([drive.hold_fraction(t) for t in states.t]) * ds
         powers |= o.powers
         pulled = not self.free or bool(drive.thrust_table)
-        return replace(o, contact=contact, powers=powers, power=sum(powers.values()), haul=pull if pulled else o.haul)
+        return replace(
+            o, contact=contact, powers=powers, power=sum(powers.values()), haul=driving_force if pulled else o.haul
+        )
 
 
 class CarOnRope(RollingElements):

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from cablefem.elements.segment_kernels import Kernel
 
 SHIFT = 1e-4  # [s] for velocities through states of rest
-KEPT = 8  # instants whose prescribed slots are kept: a step's nodes are evaluated several times
+CACHED_INSTANTS = 8  # instants whose prescribed slots are kept: a step's nodes are evaluated several times
 
 
 class Slots(NamedTuple):
@@ -64,7 +64,7 @@ class LineElements(System):
         self.nodes = self.node[:-1, None] + np.arange(self.segments.nn)  # of each segment, (K, nn)
         self.n = int(self.node[-1]) + 1
         self._number_slots()
-        self._known: dict[tuple[float, int], Array] = {}
+        self._prescribed_cache: dict[tuple[float, int], Array] = {}
         self._loaded: tuple[State | None, list[float]] = (None, [])  # of the last state that was watched
         # t, a, rows and loads at the last instant of the last residuals
         self._last: tuple[float, Array, Array, Array] | None = None
@@ -101,7 +101,7 @@ class LineElements(System):
         self.force = self.s[-1] + 1 + np.arange(len(hauled))  # slots of F/M
         self.of_force = np.searchsorted(self.cars, hauled)  # their numbers among the cars
         self._number_body_slots(int(self.s[-1]) + 1 + len(hauled))
-        self.kept = np.array([self.travel_slot(k) for k in hauled], int)  # rows that determine F
+        self.force_rows = np.array([self.travel_slot(k) for k in hauled], int)  # rows that determine F
         rails = zip(self.node[self.cars].tolist(), line.cars, strict=True)
         self.rails = [(2 * node, car.rail) for node, car in rails if car.rail is not None]  # slots of x
         saddles = {line.touching[k].name: int(self.s[k]) for k in self.supports}  # slots of s
@@ -122,7 +122,7 @@ class LineElements(System):
         self._gaps = [k for k in range(len(contacts) - 1) if self._may_meet(contacts[k], contacts[k + 1])]
         self._rolls = any(car.kind == "free" for car in line.cars)
         self._stops = [i for i, car in enumerate(line.cars) if car.kind == "free" and car.drive.has_resistance]
-        self._brakes = [(i, place) for i in self._stops for place, _ in line.cars[i].drive.brakes]
+        self._brakes = [(i, position) for i in self._stops for position, _ in line.cars[i].drive.brakes]
         self.events = (
             *(meeting_event(contacts[k], contacts[k + 1]) for k in self._gaps),
             *(f"{line.cars[i].name} stops" for i in self._stops),
@@ -213,15 +213,15 @@ class LineElements(System):
 
     def _prescribed_array(self, t: float, phase: int) -> Array:
         """`known` as an array (3, size) that is kept."""
-        if (t, phase) not in self._known:
-            if len(self._known) >= KEPT:
-                self._known.clear()
+        if (t, phase) not in self._prescribed_cache:
+            if len(self._prescribed_cache) >= CACHED_INSTANTS:
+                self._prescribed_cache.clear()
             out = np.zeros((3, self.size))
             out[0] = self.constant
             for car, slot in self.prescribed:
                 out[:, slot] = self.line.position(car, t, phase)
-            self._known[t, phase] = out
-        return self._known[t, phase]
+            self._prescribed_cache[t, phase] = out
+        return self._prescribed_cache[t, phase]
 
     def all_slots(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Slots:
         out = self._prescribed_array(t, phase).copy()
@@ -280,7 +280,7 @@ class LineElements(System):
             jets = [self.line.point_off_rope(car, at, phase, f) for at, f in zip(times, flow, strict=True)]
             along = [force_along_rail(car, jet, self.line.gravity) for jet in jets]
             rows[..., saddle] -= stretch * np.reshape(along, np.shape(t))
-        rows[..., self.force] = rows[..., self.kept]
+        rows[..., self.force] = rows[..., self.force_rows]
         return rows
 
     def _rope_rows(self, x: Slots, law: Array, cars: Cars) -> Array:
@@ -452,7 +452,7 @@ class LineElements(System):
         slots = self.all_slots(*x)
         gaps = np.diff(slots.q[self.s])[self._gaps] - NEAREST
         ahead = [float(slots.v[self.s[self.cars[i]]] * self.signs[i]) for i in self._stops]
-        ahead += [place - float(slots.q[self.s[self.cars[i]]]) for i, place in self._brakes]
+        ahead += [position - float(slots.q[self.s[self.cars[i]]]) for i, position in self._brakes]
         if gaps.min(initial=np.inf) <= 0.0:  # the rest has no meaning there
             return (*gaps.tolist(), *[np.inf] * (len(self.events) - len(self._gaps)))
         if self._loaded[0] is not x:
@@ -591,8 +591,8 @@ class LineElements(System):
             matrix.tie_to_previous(slot + 1, rail.slopes(x.q[slot])[1])
         for saddle, car, stretch in self.gripping:
             matrix.add([saddle], [saddle], np.array([[car.mass * stretch**2 * c[2]]]))
-        for slot, kept in zip(self.force.tolist(), self.kept.tolist(), strict=True):
-            matrix.add_row(slot, kept)
+        for slot, row in zip(self.force.tolist(), self.force_rows.tolist(), strict=True):
+            matrix.add_row(slot, row)
 
     def _support_tangent(self, x: Slots, c: tuple[complex, complex, complex]) -> Iterator[tuple[int, complex]]:
         """Diagonal entries of springs and counterweights."""
