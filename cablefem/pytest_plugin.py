@@ -50,13 +50,13 @@ def _verdict_recorder(request: pytest.FixtureRequest) -> Callable[[str, str], No
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:
     """Add a line on each agreement that the tests asked for."""
-    told = [
+    lines = [
         f"{value}  ({report.nodeid})"
         for reports in terminalreporter.stats.values() for report in reports
         if getattr(report, "when", None) == "call"
         for key, value in report.user_properties if key == _KEY
     ]  # fmt: skip
-    if told:
+    if lines:
         terminalreporter.section("agreement of cable solvers")
-        for line in told:
+        for line in lines:
             terminalreporter.line(line)

@@ -197,8 +197,8 @@ class MassPath:
     def max_deflection(self) -> float:
         """Largest v [m]; of a given travel past midspan only while taut."""
         onset = math.inf if self.drive == "free" else self.slack_from
-        kept = self.v[self.s_o <= max(onset, 0.5) * self.length]
-        return float(kept.max(initial=self.v[0]))
+        considered = self.v[self.s_o <= max(onset, 0.5) * self.length]
+        return float(considered.max(initial=self.v[0]))
 
     @property
     def path_scale(self: Any) -> float:
@@ -364,8 +364,8 @@ class Response(MassPath):
 
     def summary(self) -> dict[str, Any]:
         """Return the content of summary.json."""
-        told = {name: getattr(self, name) for name in _SUMMARY} | {"flags": [str(flag) for flag in self.flags]}
-        return told | self.work | {"seconds": self.seconds}
+        content = {name: getattr(self, name) for name in _SUMMARY} | {"flags": [str(flag) for flag in self.flags]}
+        return content | self.work | {"seconds": self.seconds}
 
     def write(self, folder: Path) -> None:
         """Write path.csv, tension.csv, summary.json and response.npz."""

@@ -44,7 +44,7 @@ class Wheels(Part):
         "[m] of a wheel, whose groove bounds how far the rope bends; with cable.wire", None
     )
 
-    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
         """Faults between fields, one line each."""
         faults = []
         if self.model == "rigid":
@@ -76,8 +76,8 @@ def _lever_faults(wheels: Wheels | None, drive: Driving) -> list[str]:
     }
     if wheels is not None and wheels.base:  # levers count in loads by hand
         return ["drive.thrust.angle: must be 0 with wheels.model = 'point'"] if written["thrust.angle"] else []
-    given = [name for name, is_written in written.items() if is_written]
-    return [f"drive.{name}: of a car on two wheels; must be given with wheels" for name in given]
+    present = [name for name, is_written in written.items() if is_written]
+    return [f"drive.{name}: of a car on two wheels; must be given with wheels" for name in present]
 
 
 def groove_faults(wire: float | None, wheels: Wheels | None) -> list[str]:

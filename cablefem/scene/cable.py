@@ -60,24 +60,24 @@ class Rope(Part):
     @classmethod
     def _stiffness(cls, data: Any) -> Any:
         """EA from E and section; a negative one is a fault of its own."""
-        given = data if isinstance(data, dict) else {}
-        E, section = given.get("E"), given.get("section")
+        values = data if isinstance(data, dict) else {}
+        E, section = values.get("E"), values.get("section")
         if isinstance(E, int | float) and isinstance(section, int | float):
             return {"EA": abs(E * section), **data}
         return data
 
-    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
         """Faults of stiffness, ice and heat, one line each."""
-        faults = self._stiffness_faults(given)
+        faults = self._stiffness_faults(values)
         if self.temperature is not None:
-            needs = [name for name in ("reference_temperature", "expansion") if given.get(name) is None]
+            needs = [name for name in ("reference_temperature", "expansion") if values.get(name) is None]
             faults += [f"{name}: missing; must be given with temperature" for name in needs]
-        if isinstance(self.ice, Ice) and given.get("diameter") is None:
+        if isinstance(self.ice, Ice) and values.get("diameter") is None:
             faults.append("diameter: missing; must be given with the thickness of ice")
         return faults
 
-    def _stiffness_faults(self, given: Mapping[str, Any]) -> list[str]:
-        missing = [name for name in ("E", "section") if given.get(name) is None]
+    def _stiffness_faults(self, values: Mapping[str, Any]) -> list[str]:
+        missing = [name for name in ("E", "section") if values.get(name) is None]
         if len(missing) == 1:
             other = "section" if missing == ["E"] else "E"
             return [f"{missing[0]}: missing; must be given with {other}"]
@@ -133,8 +133,8 @@ class Cable(Rope):
     sag: Positive | None = described_field("[m] largest vertical distance below the chord at rest", None)
     horizontal_tension: Positive | None = described_field("[N] horizontal part of the tension at rest", None)
 
-    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
-        return one_of_faults(SHAPES, given) + super().faults_between(given)
+    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
+        return one_of_faults(SHAPES, values) + super().faults_between(values)
 
 
 class Supports(Part):

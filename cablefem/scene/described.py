@@ -125,19 +125,19 @@ class Described(Part):
 def set_dotted_key(data: dict[str, Any], key: str, value: Any) -> None:
     """Set a dotted key; list items by name or number, "+1%" is relative; ValueError for an unknown key."""
     before, _, last = key.rpartition(".")
-    here: Any = data
+    table: Any = data
     for name in before.split(".") if before else ():
-        here = here.setdefault(name, {}) if isinstance(here, dict) else _list_entry(here, name, key)
-    if isinstance(here, list | tuple) and here:
+        table = table.setdefault(name, {}) if isinstance(table, dict) else _list_entry(table, name, key)
+    if isinstance(table, list | tuple) and table:
         raise ValueError(f"{key}: {before} is a list; write {before}.0.{last}, or its name for the 0")
-    if not isinstance(here, dict):
+    if not isinstance(table, dict):
         raise ValueError(f"{key}: {before} is no table")
     if isinstance(value, str) and RELATIVE.fullmatch(value):
-        now = here.get(last)
+        now = table.get(last)
         if not isinstance(now, int | float):
             raise ValueError(f"{key} = {value}: relative to a number, which the scene does not give")
         value = now * (1.0 + float(value[:-1]) / 100.0)
-    here[last] = value
+    table[last] = value
 
 
 def _list_entry(tables: Any, name: str, key: str) -> Any:

@@ -62,7 +62,7 @@ class Thrust(Part):
     )
     at: Pair | None = described_field("[m] of two wheels: where it acts, ahead of and below the centre of mass", None)
 
-    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
         return length_faults(self.times, "forces", self.forces) + rising_faults("times", self.times)
 
 
@@ -87,8 +87,8 @@ class End(Part):
     time: Positive | None = described_field("[s] at which the ride ends", None)
     place: Positive | None = described_field("[m] position along the cable that counts as arrival", None)
 
-    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
-        return one_of_faults(("time", "place"), given)
+    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
+        return one_of_faults(("time", "place"), values)
 
 
 def drive_keys_of_mode(mode: str) -> tuple[str, ...]:
@@ -123,15 +123,15 @@ class Driving(Part):
         "[m] from its static position of rest in which a slow car is at rest", 0.01
     )
 
-    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
         """Faults of keys without meaning in the mode, one line each."""
         meaningful = drive_keys_of_mode(self.mode)
         written: dict[str, str] = {}  # all that is not the default
         faults = []
         for name, field in type(self).model_fields.items():
-            if name == "mode" or given.get(name) in (None, field.default):
+            if name == "mode" or values.get(name) in (None, field.default):
                 continue
-            written[name] = f"{name} = {short_text(given[name])}"
+            written[name] = f"{name} = {short_text(values[name])}"
             if name not in meaningful:
                 faults.append(f"{written[name]}: has no meaning with mode = {self.mode!r}, {UNUSED_KEYS[self.mode]}")
         if "drag_area" not in written and self.mode != "grip":

@@ -92,9 +92,9 @@ def length_faults(times: Sequence[float] | None, name: str, column: Sequence[flo
     return [f"{name}: {len(column)} values; must be {len(times)}, as times"]
 
 
-def one_of_faults(names: Sequence[str], given: Mapping[str, Any]) -> list[str]:
+def one_of_faults(names: Sequence[str], values: Mapping[str, Any]) -> list[str]:
     """Faults unless exactly one of these fields is given."""
-    present = [f"{name} = {short_text(given[name])}" for name in names if given.get(name) is not None]
+    present = [f"{name} = {short_text(values[name])}" for name in names if values.get(name) is not None]
     must = f"exactly one of {', '.join(names)} must be given"
     if not present:
         return [f"{names[0]}: missing; {must}"]
@@ -142,8 +142,8 @@ class Part(BaseModel):
         values = {name: getattr(self, name) for name in part.model_fields} | dict(update or {})
         return part(**{_written_name(part, name): value for name, value in values.items()})
 
-    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
-        """Faults between fields, of which faulty ones and missing ones are None; `given` as written."""
+    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
+        """Faults between fields, of which faulty ones and missing ones are None; `values` as written."""
         return []
 
     @classmethod
@@ -169,8 +169,8 @@ class Part(BaseModel):
     @classmethod
     def _value_fault(cls, where: str, name: str, item: Any, cause: Any) -> str:
         """Fault of a value that is there."""
-        given = item["input"]
-        value = f"{where} = {short_text(given)}"
+        raw = item["input"]
+        value = f"{where} = {short_text(raw)}"
         match item["type"]:
             case "extra_forbidden" if where in cls.not_modelled:
                 return f"{where}: not modelled: {cls.not_modelled[where]}"
@@ -178,11 +178,11 @@ class Part(BaseModel):
                 return f"{value}: unknown key.{did_you_mean(where, cls.field_names())}"
             case "literal_error":
                 return (
-                    f"{value}: unknown.{did_you_mean(str(given), _admissible_words(cls.model_fields[name].annotation))}"
+                    f"{value}: unknown.{did_you_mean(str(raw), _admissible_words(cls.model_fields[name].annotation))}"
                 )
             case "union_tag_invalid" | "union_tag_not_found":
-                return _kind_fault(where, given, _admissible_words(cls.model_fields[name].annotation))
-        if where == "mass" and isinstance(given, list | tuple):
+                return _kind_fault(where, raw, _admissible_words(cls.model_fields[name].annotation))
+        if where == "mass" and isinstance(raw, list | tuple):
             cause = f"not modelled: {NOT_MODELLED['masses']}"
         # pydantic's own error without a cause: the field must be a part
         return f"{value}: {cause or f'must be a table [{where}]'}"
@@ -207,8 +207,8 @@ def _written_name(part: type[Part], name: str) -> str:
     return name if field is None else field.alias or name
 
 
-def _kind_fault(where: str, given: object, kinds: list[str]) -> str:
-    kind = given.get("kind") if isinstance(given, dict) else None
+def _kind_fault(where: str, table: object, kinds: list[str]) -> str:
+    kind = table.get("kind") if isinstance(table, dict) else None
     if kind is None:
         return f"{where}.kind: missing; must be one of {', '.join(kinds)}"
     return f"{where}.kind = {short_text(kind)}: unknown.{did_you_mean(str(kind), kinds)}"

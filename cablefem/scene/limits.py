@@ -40,7 +40,7 @@ class Limits(Part):
     deceleration: Positive | None = described_field("[m/s2] most of the timetable", None)
     speed: Positive | None = described_field("[m/s] most", None)
 
-    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
         faults = [
             f"use = {name!r}: unknown.{did_you_mean(name, TEXTS)}" for name in self.use or () if name not in TEXTS
         ]

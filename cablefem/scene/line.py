@@ -39,7 +39,7 @@ from cablefem.scene.travel import Travel
 
 OWNED = {"tension": "counterweight", "stiffness": "spring", "shoe": "saddle"}  # of one kind of contact
 ONE_SPAN = "it belongs to one span between two anchors; a line has [[contact]] and [[car]] instead"
-MOST = 10_000  # positions of the cars
+MAX_POSITIONS = 10_000  # positions of the cars
 
 
 class EvenPositions(Part):
@@ -47,19 +47,19 @@ class EvenPositions(Part):
 
     first: Real = Field(alias="from")
     last: Real = Field(alias="to")
-    count: Annotated[int, integer_between(2, MOST)]
+    count: Annotated[int, integer_between(2, MAX_POSITIONS)]
 
 
 def _expand_positions(value: Any) -> Any:
     if isinstance(value, dict):
-        places = EvenPositions(**value)
-        return np.linspace(places.first, places.last, places.count).tolist()
+        positions = EvenPositions(**value)
+        return np.linspace(positions.first, positions.last, positions.count).tolist()
     return value if isinstance(value, list | tuple) else [value]
 
 
 Positions = Annotated[
-    tuple[Real, ...], Field(min_length=1, max_length=MOST, strict=False), BeforeValidator(_expand_positions),
-    Admits(f"a number, a list of numbers, or {{from, to, count}} with a count from 2 to {MOST}"),
+    tuple[Real, ...], Field(min_length=1, max_length=MAX_POSITIONS, strict=False), BeforeValidator(_expand_positions),
+    Admits(f"a number, a list of numbers, or {{from, to, count}} with a count from 2 to {MAX_POSITIONS}"),
 ]  # fmt: skip
 
 
@@ -78,13 +78,13 @@ class Contact(Part):
         "[m] to either side of a saddle: a car within rests on it, or runs over it", None
     )
 
-    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
         """Faults between fields, one line each."""
         faults = []
         for key, owner in OWNED.items():
-            missing = given.get(key) is None
+            missing = values.get(key) is None
             if not missing and self.kind not in (None, owner):
-                faults.append(f"{key} = {short_text(given[key])}: only a {owner} has it; this is kind = {self.kind!r}")
+                faults.append(f"{key} = {short_text(values[key])}: only a {owner} has it; this is kind = {self.kind!r}")
             elif missing and self.kind == owner and key != "shoe":
                 faults.append(f"{key}: missing; must be given for a {owner}")
         return faults
@@ -123,19 +123,19 @@ class Car(Part):
     def mode(self) -> str:
         return "grip" if self.drive is None else self.drive.mode
 
-    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
         """Faults between fields, one line each."""
-        at_rest = given.get("at") is not None
-        present = [name for name in ("travel", "drive", "hanger", "wheels") if given.get(name) is not None]
+        at_rest = values.get("at") is not None
+        present = [name for name in ("travel", "drive", "hanger", "wheels") if values.get(name) is not None]
         if at_rest:
             if present:
                 return [f"{' and '.join(present)}: too much beside at, of a car at rest"]
-            return ["hauled: missing; must be true or false for a car at rest"] if given.get("hauled") is None else []
+            return ["hauled: missing; must be true or false for a car at rest"] if values.get("hauled") is None else []
         if not present:
-            if given.get("hauled") is not None:
+            if values.get("hauled") is not None:
                 return []
             return ["at: missing; must be given for a car at rest, travel or drive for one in motion"]
-        if given.get("hauled") is not None:
+        if values.get("hauled") is not None:
             return ["hauled: of a car at rest; in motion drive.mode says it"]
         if "drive" in present and self.drive is None:
             return []  # its own faults are reported
@@ -273,7 +273,7 @@ class Line(Described):
     obstacle: Obstacles = ()
     ground: Ground = ()
 
-    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
         """Faults between fields, one line each."""
         rope = self.cable
         contacts = self.contact
@@ -460,11 +460,11 @@ def _kind_faults(kinds: Sequence[str]) -> list[str]:
 
 
 def _rope_faults(rope: LineRope, contacts: Sequence[Contact]) -> list[str]:
-    given = [name for name in ("length", "tension") if getattr(rope, name) is not None]
+    present = [name for name in ("length", "tension") if getattr(rope, name) is not None]
     if any(c.kind == "counterweight" for c in contacts):
-        return [f"cable.{name}: too much beside a counterweight, which sets the tension" for name in given]
-    if len(given) != 1:
-        return [f"cable.{'length' if not given else given[1]}: exactly one of length, tension must be given"]
+        return [f"cable.{name}: too much beside a counterweight, which sets the tension" for name in present]
+    if len(present) != 1:
+        return [f"cable.{'length' if not present else present[1]}: exactly one of length, tension must be given"]
     names = [c.name for c in contacts]
     if rope.tension is not None and rope.tension.at not in names:
         return [f"cable.tension.at = {rope.tension.at!r}: no such contact.{did_you_mean(rope.tension.at, names)}"]

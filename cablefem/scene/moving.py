@@ -49,18 +49,24 @@ def line_in_motion(line: Line, solve: Solver) -> MovingLine:
     empty = EmptyLine(state.s * heat, np.array([c.point[0] for c in contacts]))
     cars = [_moving_car(car, len(contacts) > 2, heat) for car in line.car]
     _raise_faults([*_range_faults(line.car, cars, empty)])
-    places = {c.name: c.point[0] for c in contacts} | {car.name: empty.x_at(car, _start_position(car)) for car in cars}
+    positions = {c.name: c.point[0] for c in contacts} | {
+        car.name: empty.x_at(car, _start_position(car)) for car in cars
+    }
     passing = {car.name: _saddles_passed(car, contacts, empty) for car in cars}
-    _raise_faults([*_order_faults(cars, places), *_saddle_faults(cars, passing, places)])
+    _raise_faults([*_order_faults(cars, positions), *_saddle_faults(cars, passing, positions)])
     everything: list[Contact | Car] = [*contacts, *cars]
-    found = MovingLine(
+    moving_line = MovingLine(
         rope=_hot_rope(line, float(empty.s[-1]), heat),
-        contacts=tuple(sorted(everything, key=lambda c: places[c.name])),
+        contacts=tuple(sorted(everything, key=lambda c: positions[c.name])),
         t_end=max(map(_end_position, cars), default=0.0), gravity=line.gravity, solve=solve,
     )  # fmt: skip
-    _raise_faults([*_end_faults(found), *_wheel_faults(found), *_meeting_faults(found, passing, empty)])
-    _raise_faults([fault for car in cars for saddle in passing[car.name] for fault in _shoe_faults(found, car, saddle)])
-    return found
+    _raise_faults(
+        [*_end_faults(moving_line), *_wheel_faults(moving_line), *_meeting_faults(moving_line, passing, empty)]
+    )
+    _raise_faults(
+        [fault for car in cars for saddle in passing[car.name] for fault in _shoe_faults(moving_line, car, saddle)]
+    )
+    return moving_line
 
 
 def _raise_faults(faults: list[str]) -> None:
@@ -92,11 +98,11 @@ def _range_faults(tables: Sequence[CarTable], cars: Sequence[Car], empty: EmptyL
         last = float((empty.x if car.along == "x" else empty.s)[-1])
         must = f"must be from {NEAREST:g} to {last - NEAREST:.6g} m, {NEAREST:g} m within the ends of the "
         must += "line, in x" if car.along == "x" else "rope"
-        given = {"drive.start": car.drive.start}
+        prescribed = {"drive.start": car.drive.start}
         if table.travel is not None:
             end = "travel.to" if isinstance(table.travel, Trapezoid) else "travel.positions"
-            given = dict(zip(("travel.from", end), _end_positions(table.travel), strict=True))
-        for name, position in given.items():
+            prescribed = dict(zip(("travel.from", end), _end_positions(table.travel), strict=True))
+        for name, position in prescribed.items():
             if not NEAREST <= position <= last - NEAREST:
                 yield f"car.{car.name}.{name}: {position:.6g} m; {must}"
         pushed = any(force > 0.0 for _, force in car.drive.thrust_table)
@@ -109,10 +115,10 @@ def _range_faults(tables: Sequence[CarTable], cars: Sequence[Car], empty: EmptyL
                 yield f"{brake}: {begins}; brakes act to the right of it: mirror a line whose car rolls to the left"
 
 
-def _order_faults(cars: Sequence[Car], places: Mapping[str, float]) -> list[str]:
+def _order_faults(cars: Sequence[Car], positions: Mapping[str, float]) -> list[str]:
     faults = []
     for a, b in itertools.pairwise(cars):
-        between = places[b.name] - places[a.name]
+        between = positions[b.name] - positions[a.name]
         if between < NEAREST:
             where = f"car.{b.name}: begins {between:.4g} m to the right of {a.name}"
             faults.append(f"{where}; must be >= {NEAREST:g} m; cars are listed from left to right and cannot pass")
@@ -131,7 +137,7 @@ def _saddles_passed(car: Car, contacts: Sequence[Contact], empty: EmptyLine) -> 
 
 
 def _saddle_faults(
-    cars: Sequence[Car], passing: Mapping[str, Sequence[Contact]], places: Mapping[str, float]
+    cars: Sequence[Car], passing: Mapping[str, Sequence[Contact]], positions: Mapping[str, float]
 ) -> list[str]:  # fmt: skip
     """Faults of cars that cannot pass the saddles in their way."""
     faults = []
@@ -143,7 +149,7 @@ def _saddle_faults(
                 faults.append(f"car.{car.name}.{body}: {saddle.name} is in the way; {why} on one span")
             elif saddle.shoe is None:
                 faults.append(f"contact.{saddle.name}.shoe: missing; must be given where a car passes, here {car.name}")
-            elif abs(places[car.name] - saddle.point[0]) <= saddle.shoe:
+            elif abs(positions[car.name] - saddle.point[0]) <= saddle.shoe:
                 faults.append(f"car.{car.name}: begins on the shoe of {saddle.name}; must begin beside it")
     return faults
 
@@ -224,7 +230,7 @@ def _too_close(a: Car, b: Car, t: float, distance: float) -> str:
 
 def _on_one_shoe(a: Car, b: Car, t: float, x: Sequence[float], shoes: Sequence[Contact]) -> str:
     for saddle in shoes:
-        if max(abs(place - saddle.point[0]) for place in x) <= (saddle.shoe or 0.0):
+        if max(abs(position - saddle.point[0]) for position in x) <= (saddle.shoe or 0.0):
             where = f"on the shoe of {saddle.name} together with {a.name} at t = {t:.4g} s"
             return f"car.{b.name}.travel: {where}; must be there alone"
     return ""

@@ -39,11 +39,11 @@ class LoadPath:
 
     rest: Rest | None = None
 
-    def __init__(self, s, place, slope, bend, hold, stretch) -> None:
+    def __init__(self, s, points, slope, bend, hold, stretch) -> None:
         from scipy.interpolate import CubicHermiteSpline, CubicSpline  # slow to import
 
         self.s = s
-        self.place: Callable = CubicHermiteSpline(s, place, slope)
+        self.points: Callable = CubicHermiteSpline(s, points, slope)
         slopes = CubicHermiteSpline(s, slope, bend)
         scalars = CubicSpline(s, np.stack([hold, stretch], -1))
         self._c = np.concatenate([slopes.c, scalars.c], axis=2)  # (4, intervals, 4)
@@ -62,7 +62,7 @@ class LoadPath:
     def loaded(cls, groups: Groups) -> LoadPath:
         """The elastic catenary of two pieces; groups: mu, alpha, sigma, c."""
         r = gripped_rest(load_path_nodes(), groups)
-        path = cls(r.s, r.place, r.along, r.bend, r.hold, r.stretch)
+        path = cls(r.s, r.car_point, r.along, r.bend, r.hold, r.stretch)
         path.rest = r
         return path
 
@@ -71,9 +71,9 @@ class LoadPath:
         """The path along the empty cable's shape."""
         s = load_path_nodes()
         _, xp, yp, xpp, ypp = groups.tension_and_derivatives(s)
-        place = np.stack(groups.coordinates(s), -1)
+        points = np.stack(groups.coordinates(s), -1)
         hold = -groups.mu * groups.sigma * yp
-        return cls(s, place, np.stack([xp, yp], -1), np.stack([xpp, ypp], -1), hold, np.ones_like(s))
+        return cls(s, points, np.stack([xp, yp], -1), np.stack([xpp, ypp], -1), hold, np.ones_like(s))
 
     @classmethod
     def chord(cls, groups: Groups) -> LoadPath:
@@ -119,7 +119,7 @@ class Ride:
     def speed(self, t) -> np.ndarray:
         """|P'| |ds_o| at times t."""
         s, v = self.at(t)
-        return np.abs(v) * np.linalg.norm(self.path.place(s, 1), axis=-1)
+        return np.abs(v) * np.linalg.norm(self.path.points(s, 1), axis=-1)
 
     @cached_property
     def top_speed(self) -> float:

@@ -47,7 +47,7 @@ class Mass(Part):
     below: NonNegative = described_field("[m] how far the lowest part of the car or rider hangs below the cable", 0.0)
     wheels: Wheels | None = described_field("[-] wheels of the car; without base it stays a point of one span", None)
 
-    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
         """Fault of wheels that make a scene a line."""
         two = self.wheels is not None and (self.wheels.base or self.wheels.model == "rigid")
         return [f"wheels: not modelled: {OF_LINES}"] if two else []
@@ -95,9 +95,9 @@ class Scene(Described):
     obstacle: Obstacles = ()
     ground: Ground = ()
 
-    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
         """Faults between fields, one line each."""
-        present = [name for name in ("mass", "travel") if given.get(name) is not None]
+        present = [name for name in ("mass", "travel") if values.get(name) is not None]
         faults = [] if self.drive is None else _presence_faults(self.drive.mode, present)
         faults += body_faults(None, None, None, self.drive)
         hung = (self.gravity, self.cable, self.supports)

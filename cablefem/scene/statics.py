@@ -22,9 +22,9 @@ class Rest:
     """The loaded cable at rest with the car at s; arrays (n,) or (n, 2), y down."""
 
     s: np.ndarray
-    left: np.ndarray  # N r'/lam at the left support
+    left_force: np.ndarray  # N r'/lam at the left support
     jump: np.ndarray  # at the car, ahead minus behind
-    place: np.ndarray  # P, (x, y) of the car
+    car_point: np.ndarray  # P, (x, y) of the car
     behind: np.ndarray  # tension
     ahead: np.ndarray
     slope_behind: np.ndarray  # r' at the car
@@ -59,10 +59,10 @@ def gripped_rest(s, groups) -> Rest:
     z = -_solve(A, behind.slope - ahead.slope)  # d(left)/ds (n, 2)
     bent = behind.by_s - ahead.by_s + 2.0 * _matrix_times(behind.by_n - ahead.by_n, z) + x.second_derivative(z)
     zz = -_solve(A, bent)  # d2(left)/ds2 (n, 2)
-    place, B = x.slope_integrals(x.behind)
+    point, B = x.slope_integrals(x.behind)
     along = behind.slope + _matrix_times(B, z)
     bend = behind.by_s + 2.0 * _matrix_times(behind.by_n, z) + x.second_derivative(z, x.behind) + _matrix_times(B, zz)
-    return x.rest(place, along, bend, np.zeros_like(s))
+    return x.results(point, along, bend, np.zeros_like(s))
 
 
 def hauled_rest(s, groups) -> Rest:
@@ -75,13 +75,13 @@ def hauled_rest(s, groups) -> Rest:
 
     s = np.atleast_1d(np.asarray(s, dtype=float))
     weight = groups.mu * groups.sigma
-    left = None
+    left_force = None
     tau = np.stack(groups.tension_and_derivatives(s)[1:3], -1)  # (n, 2)
     friction = np.zeros_like(s)
     for _ in range(ITERATIONS):
         haul = friction - weight * tau[:, 1]
-        x = _TwoPieceStatics(s, [0.0, -weight] - haul[:, None] * tau, groups, left)
-        left = x.left
+        x = _TwoPieceStatics(s, [0.0, -weight] - haul[:, None] * tau, groups, left_force)
+        left_force = x.left_force
         before = tau
         behind, ahead = x.sides
         mean = np.linalg.norm(behind.slope + ahead.slope, axis=1)
@@ -92,12 +92,12 @@ def hauled_rest(s, groups) -> Rest:
             break
     else:
         raise NoRest("no direction of the rope that holds the car was found")
-    place, _ = x.slope_integrals(x.behind)
+    point, _ = x.slope_integrals(x.behind)
     if s.size <= 3:
         unknown = np.full((s.size, 2), np.nan)
-        return x.rest(place, unknown, unknown, haul)
-    path = CubicSpline(s, place)
-    return x.rest(place, path(s, 1), path(s, 2), haul)
+        return x.results(point, unknown, unknown, haul)
+    path = CubicSpline(s, point)
+    return x.results(point, path(s, 1), path(s, 2), haul)
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +116,7 @@ class _TwoPieceStatics:
     lam/N = q/N + 1/alpha, q = 1 - T/alpha.  Newton steps minimise int (q N + N^2/(2 alpha)) ds - left.(span, drop).
     """
 
-    def __init__(self, s: np.ndarray, jump: np.ndarray, groups, left: np.ndarray | None = None) -> None:
+    def __init__(self, s: np.ndarray, jump: np.ndarray, groups, left_force: np.ndarray | None = None) -> None:
         x, w = np.polynomial.legendre.leggauss(POINTS)
         x = 0.5 * (1.0 + x)
         w = 0.5 * w
@@ -132,37 +132,37 @@ class _TwoPieceStatics:
         self.load[1] -= groups.sigma * points
         self.q = 1.0 - groups.tension_and_derivatives(points)[0] / self.alpha
         ends = np.stack(groups.coordinates(1.0))
-        if left is None:  # direction of the empty cable, tension guessed
+        if left_force is None:  # direction of the empty cable, tension guessed
             horizontal = np.full_like(s, math.sqrt(1.0 + 0.5 * groups.mu))
-            left = np.stack([horizontal, groups.c - jump[:, 1] * (1.0 - s)], -1)
-        self.left = left
+            left_force = np.stack([horizontal, groups.c - jump[:, 1] * (1.0 - s)], -1)
+        self.left_force = left_force
         for _ in range(ITERATIONS):
             g, A = self.slope_integrals()
             dz = _solve(A, ends - g)
-            size = np.linalg.norm(dz, axis=1) / (1.0 + np.linalg.norm(self.left, axis=1))
+            size = np.linalg.norm(dz, axis=1) / (1.0 + np.linalg.norm(self.left_force, axis=1))
             if np.any(size > 1e-4):  # nearer, full steps are safe
                 dz *= self._step_length(dz, ends, g)[:, None]
-            self.left = self.left + dz
+            self.left_force = self.left_force + dz
             if np.all(size <= 1e-9):  # rounding next
                 break
         else:
             raise NoRest(f"no cable at rest under the car was found at s_o = {s[np.argmax(size)]:.4g}")
         self.T = groups.tension_and_derivatives(s)[0]
-        behind = self.left - np.stack([np.zeros_like(s), groups.sigma * s], -1)
+        behind = self.left_force - np.stack([np.zeros_like(s), groups.sigma * s], -1)
         self.sides = self._car_side(behind, groups), self._car_side(behind + jump, groups)
 
     def _step_length(self, dz: np.ndarray, ends: np.ndarray, g: np.ndarray) -> np.ndarray:
         """Step (n,) along dz, halved while the integral that Newton's method minimises still rises."""
-        here = self.left
+        start = self.left_force
         slope = ((ends - g) * dz).sum(1)
         step = np.ones_like(self.s)
         for _ in range(ITERATIONS):
-            self.left = here + step[:, None] * dz
+            self.left_force = start + step[:, None] * dz
             uphill = ((self.slope_integrals()[0] - ends) * dz).sum(1) > 0.5 * slope
             if not uphill.any():
                 break
             step = np.where(uphill, 0.5 * step, step)
-        self.left = here
+        self.left_force = start
         return step
 
     def _car_side(self, n: np.ndarray, groups) -> _Side:
@@ -176,18 +176,18 @@ class _TwoPieceStatics:
         by_s = -groups.sigma * by_n[:, :, 1] - (dT / self.alpha)[:, None] * e
         return _Side(N, f[:, None] * n, by_n, by_s)
 
-    def rest(self, place: np.ndarray, along: np.ndarray, bend: np.ndarray, haul: np.ndarray) -> Rest:
+    def results(self, point: np.ndarray, along: np.ndarray, bend: np.ndarray, haul: np.ndarray) -> Rest:
         """Results of the search, in the form that is returned."""
         behind, ahead = self.sides
         N0 = behind.N
         N1 = ahead.N
         hold = N1 - N0 + ((N1 - self.T) ** 2 - (N0 - self.T) ** 2) / (2.0 * self.alpha)
         sides = (N0, N1, behind.slope, ahead.slope)
-        return Rest(self.s, self.left, self.jump, place, *sides, along, bend, hold, haul)
+        return Rest(self.s, self.left_force, self.jump, point, *sides, along, bend, hold, haul)
 
     def slope_integrals(self, points=slice(None)) -> tuple[np.ndarray, np.ndarray]:
         """int r' and int dr'/dn over some points: (n, 2), (n, 2, 2)."""
-        nx, ny = self.left.T[:, :, None] + self.load[:, :, points]
+        nx, ny = self.left_force.T[:, :, None] + self.load[:, :, points]
         w = self.weights[:, points]
         n2 = nx * nx + ny * ny
         i1 = w * self.q[:, points] / np.sqrt(n2)
@@ -202,7 +202,7 @@ class _TwoPieceStatics:
 
     def second_derivative(self, z: np.ndarray, points=slice(None)) -> np.ndarray:
         """int d2r'/dn^2 [z, z] over some points: (n, 2)."""
-        n = np.moveaxis(self.left.T[:, :, None] + self.load[:, :, points], 0, -1)  # (n, points, 2)
+        n = np.moveaxis(self.left_force.T[:, :, None] + self.load[:, :, points], 0, -1)  # (n, points, 2)
         N = np.linalg.norm(n, axis=-1)[..., None]
         nz = n @ z[:, :, None]  # (n, points, 1)
         z2 = (z**2).sum(1)[:, None, None]

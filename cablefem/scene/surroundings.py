@@ -23,7 +23,7 @@ class Obstacle(Part):
     top: Real = described_field("[m] depth of its top below the left support")
     kind: Word | None = described_field(f"[-] for limits: {', '.join(KINDS)}", None)
 
-    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
         if self.kind is None or self.kind in KINDS:
             return []
         return [f"kind = {self.kind!r}: unknown.{did_you_mean(self.kind, KINDS)}"]

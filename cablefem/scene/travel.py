@@ -273,7 +273,7 @@ class Table(Law):
         f"[m] distance from the start, {ALONG}: from 0, never decreasing; equal ones are a standstill"
     )
 
-    def faults_between(self, given: Mapping[str, Any]) -> list[str]:
+    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
         """Faults between fields, one line each."""
         faults = length_faults(self.times, "positions", self.positions)
         for name, sign in (("times", ">"), ("positions", ">=")):

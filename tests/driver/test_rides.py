@@ -108,7 +108,7 @@ def test_a_heavy_car_on_a_light_rope_begins_at_its_stable_rest(method, mode, EA,
     )  # fmt: skip
     rest = (gripped_rest if mode == "free" else hauled_rest)(start / scene.length, scene.groups)
     r = run(scene, method, until=1e-6 + start / scene.length, **WINGS[method])
-    np.testing.assert_allclose([r.x[0], r.y[0]], rest.place[0] * scene.length, rtol=0.0, atol=0.005)
+    np.testing.assert_allclose([r.x[0], r.y[0]], rest.car_point[0] * scene.length, rtol=0.0, atol=0.005)
 
 
 TRAMWAY = Scene.load("tramway")
@@ -150,7 +150,7 @@ def test_a_hauled_car_costs_what_its_rope_gives_less_drag_and_friction(method):
     scene = Scene.from_toml(f'{text}[drive]\nmode = "haul"\nrolling_friction = 0.02\ndrag_area = 12.0\n')
     r = run(scene, method, steps=300, **WINGS[method])
     at, h = r.s_o[0] / r.length, 1e-4
-    near = [hauled_rest(x, scene.groups).place[0] for x in (at - h, at + h)]
+    near = [hauled_rest(x, scene.groups).car_point[0] for x in (at - h, at + h)]
     speed = np.gradient(r.s_o, r.t)[0]
     np.testing.assert_allclose(r.velocity[0], speed * (near[1] - near[0]) / (2.0 * h), rtol=5e-3)
     inside = r.t < 0.9 * r.t[-1]

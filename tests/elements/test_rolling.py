@@ -132,7 +132,7 @@ def test_under_a_car_of_a_thousand_cables_weight_the_cable_rests_without_folds(s
     system = RollingElements(groups, elements=elements)
     q = system.start(0, None).q
     place = np.ravel(groups.coordinates(0.2)) + q[2 * system.node : 2 * system.node + 2]
-    np.testing.assert_allclose(place, gripped_rest(0.2, groups).place[0], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(place, gripped_rest(0.2, groups).car_point[0], rtol=0, atol=1e-6)
 
 
 # --- rides --------------------------------------------------------------------------------------------------------

@@ -176,7 +176,7 @@ def test_one_span_is_the_statics_of_a_scene_but_for_the_strain():
         )
         mu = 3000.0 / (scene.rho * scene.length)
         rest = gripped_rest(0.4, replace(scene.groups, mu=mu))
-        (x, y), N = rest.place[0] * scene.length, float(rest.ahead[0]) * scene.horizontal_tension
+        (x, y), N = rest.car_point[0] * scene.length, float(rest.ahead[0]) * scene.horizontal_tension
         tension = {"at": "left", "value": float(scene.catenary.tension(0.0))}
         rope = {"mass_per_length": 9.0, "EA": EA, "tension": tension}
         ends = ({"name": "left", "kind": "anchor", "at": [0, 0]}, {"name": "right", "kind": "anchor", "at": [500, 60]})

@@ -141,7 +141,7 @@ def test_beside_a_car_at_rest_the_cable_slopes_alike_on_both_sides():
     at = rest.rest_position(g)
     assert at == pytest.approx(0.784932735, abs=1e-9)
     r = gripped_rest(at, g)
-    down = r.left[0, 1] - g.sigma * at
+    down = r.left_force[0, 1] - g.sigma * at
     assert down == pytest.approx(0.5 * g.mu * g.sigma, rel=1e-9)
     assert abs(gripped_rest(at + 1e-4, g).hold[0]) > 1e-7
     with pytest.raises(ValueError, match="different signs"):

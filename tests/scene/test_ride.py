@@ -60,12 +60,12 @@ def test_the_cable_at_rest_ends_at_its_supports_and_carries_the_car(choice):
     for r in (l, hauled_rest(s_o, replace(g, drive=replace(g.drive, mu_r=mu_r)))):
 
         def slope(s, y, r=r):
-            n = r.left[0] - [0.0, g.sigma * s] + (r.jump[0] if s > s_o else 0.0)
+            n = r.left_force[0] - [0.0, g.sigma * s] + (r.jump[0] if s > s_o else 0.0)
             N = math.hypot(*n)
             return n / N * (1.0 + (N - tension_and_derivatives(s, g.sigma, g.c)[0]) / g.alpha)
 
         there = solve_ivp(slope, (0.0, s_o), [0.0, 0.0], rtol=1e-11, atol=1e-13).y[:, -1]
-        np.testing.assert_allclose(there, r.place[0], rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(there, r.car_point[0], rtol=0.0, atol=1e-9)
         end = solve_ivp(slope, (np.nextafter(s_o, 1.0), 1.0), there, rtol=1e-11, atol=1e-13).y[:, -1]
         np.testing.assert_allclose(end, ends, rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(l.jump[0], [0.0, -g.mu * g.sigma], rtol=1e-15)
@@ -82,17 +82,17 @@ def test_derivatives_of_the_load_path_are_those_of_its_places():
     g = Scene.from_toml(ZIP).groups
     s, h = np.linspace(0.02, 0.98, 7), 1e-5
     here, there, back = gripped_rest(s, g), gripped_rest(s + h, g), gripped_rest(s - h, g)
-    np.testing.assert_allclose((there.place - back.place) / (2 * h), here.along, atol=1e-9)
+    np.testing.assert_allclose((there.car_point - back.car_point) / (2 * h), here.along, atol=1e-9)
     np.testing.assert_allclose((there.along - back.along) / (2 * h), here.bend, atol=1e-8)
     # the force that holds the car is the slope of the energy of cable and car
     x, w = np.polynomial.legendre.leggauss(60)
 
     def energy(s_o):
         r = gripped_rest(s_o, g)
-        total = -g.mu * g.sigma * r.place[0, 1]
+        total = -g.mu * g.sigma * r.car_point[0, 1]
         for a, b, jump in ((0.0, s_o, 0.0 * r.jump[0]), (s_o, 1.0, r.jump[0])):
             p = a + 0.5 * (b - a) * (1.0 + x)
-            n = r.left[0] - np.stack([0 * p, g.sigma * p], -1) + jump
+            n = r.left_force[0] - np.stack([0 * p, g.sigma * p], -1) + jump
             N, T = np.linalg.norm(n, axis=1), tension_and_derivatives(p, g.sigma, g.c)[0]
             eps = (N - T) / g.alpha
             weights = 0.5 * (b - a) * w

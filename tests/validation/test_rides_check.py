@@ -42,7 +42,7 @@ def test_sines_tell_by_how_much_they_miss_the_start_of_a_car_close_to_its_suppor
         travel={"kind": "accelerate_cruise_brake", "top_speed": 7.0},
     )  # fmt: skip
     ladder = run_with_error_bars(scene, "fourier-kink", terms=32, steps=120, until=0.1)
-    rest = hauled_rest(0.01, scene.groups).place[0] * scene.length
+    rest = hauled_rest(0.01, scene.groups).car_point[0] * scene.length
     off = np.abs([ladder.finest.x[0], ladder.finest.y[0]] - rest) / ladder.finest.max_deflection
     coarse = ladder.space.runs[0]
     assert abs(coarse.y[0] - ladder.finest.y[0]) / ladder.finest.max_deflection < off[1] / 5.0

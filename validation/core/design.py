@@ -174,7 +174,7 @@ def _numbers_for_limits(scene: Scene) -> Iterator[Number]:
     if "sag_growth" in asked:
         from validation.core.quasi_static import Statics  # splines are slow to load
 
-        points = scene.length * Statics(scene.groups)(np.linspace(0.0, 1.0, SAMPLES)).place  # (n, 2)
+        points = scene.length * Statics(scene.groups)(np.linspace(0.0, 1.0, SAMPLES)).car_point  # (n, 2)
         sag = points[:, 1] - points[:, 0] * scene.supports.drop / scene.supports.span
         yield _number_row("sag_car_rest", float(sag.max()), INTERPOLATION * float(sag.max()), "m")
     motion = scene.groups.motion

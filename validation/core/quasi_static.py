@@ -93,7 +93,7 @@ def _observation(
         slope_behind=here.slope_behind, slope_ahead=here.slope_ahead,
         T_behind=np.where(s_o > 0.0, here.behind, np.nan), T_ahead=np.where(s_o < 1.0, here.ahead, np.nan),
         energy=energy, power=power, kinetic=kinetic, tension_min=smallest, tension_min_at=smallest_at,
-        reaction_left=-here.left, reaction_right=here.left - g.sigma * DOWN + here.jump, contact=-here.jump,
+        reaction_left=-here.left_force, reaction_right=here.left_force - g.sigma * DOWN + here.jump, contact=-here.jump,
         haul=haul, **_fields_at_frames(statics, g, s, s_o[n:], ds[n:]),
     )  # fmt: skip
 
@@ -171,13 +171,13 @@ class Statics:
         """Displacement of the car (n, 2); none next to a support."""
         hanging = np.stack(coordinates(s_o, self._groups.sigma, self._groups.c), -1)  # points of the empty cable
         off_supports = (s_o > NEAREST) & (s_o < 1.0 - NEAREST)
-        return np.where(off_supports[:, None], self(s_o).place - hanging, 0.0)
+        return np.where(off_supports[:, None], self(s_o).car_point - hanging, 0.0)
 
     def tension(self, s: Array, s_o: Array) -> Array:
         """T at stations s (m,) with the car at s_o (k,): (k, m), behind at s = s_o."""
         r = self(s_o)
         ahead = (s > s_o[:, None])[..., None]  # (k, m, 1)
-        force = r.left[:, None] + ahead * r.jump[:, None]  # (k, m, 2)
+        force = r.left_force[:, None] + ahead * r.jump[:, None]  # (k, m, 2)
         return np.hypot(force[..., 0], force[..., 1] - self._groups.sigma * s)
 
     def __call__(self, s: Array) -> Rest:
@@ -188,7 +188,7 @@ class Statics:
 
 def _smallest_tension(r: Rest, sigma: float) -> tuple[Array, Array]:
     """Smallest tension along the cable and its s, (n,) each: where the force is level, or at an end of a side."""
-    force = np.stack([r.left, r.left + r.jump])  # at s = 0 of both sides (2, n, 2)
+    force = np.stack([r.left_force, r.left_force + r.jump])  # at s = 0 of both sides (2, n, 2)
     at = np.clip(force[..., 1] / sigma, [0.0 * r.s, r.s], [r.s, np.ones_like(r.s)])
     behind, ahead = np.hypot(force[..., 0], force[..., 1] - sigma * at)
     return np.minimum(behind, ahead), np.where(behind <= ahead, at[0], at[1])
@@ -212,7 +212,9 @@ def _station_points(r: Rest, g: Groups, s: Array) -> Array:
     half = 0.5 * np.diff(ends)[..., None]  # (k, m, 1)
     p = ends[:, :-1, None] + half * (1.0 + x)  # Gauss points (k, m, POINTS)
     ahead = ends[:, 1:] > r.s[:, None]  # (k, m)
-    horizontal, vertical = ((r.left[:, i, None] + ahead * r.jump[:, i, None])[..., None] for i in (0, 1))  # (k, m, 1)
+    horizontal, vertical = (
+        (r.left_force[:, i, None] + ahead * r.jump[:, i, None])[..., None] for i in (0, 1)
+    )  # (k, m, 1)
     vertical = vertical - g.sigma * p
     stretch = 1.0 - static_tension(p, g.sigma, g.c) / g.alpha  # of the empty cable
     weights = half * w * (stretch / np.sqrt(horizontal**2 + vertical**2) + 1.0 / g.alpha)  # (k, m, POINTS)

@@ -104,7 +104,7 @@ def cases() -> list[Law]:
     exact = gripped_rest(start / scene.length, scene.groups)
     l = scene.length
     H = scene.horizontal_tension
-    x, y = exact.place[0] * l
+    x, y = exact.car_point[0] * l
     N = np.array([exact.behind[0], exact.ahead[0]]) * H
     sag = y - float(scene.catenary.y(start))
 

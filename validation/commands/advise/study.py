@@ -257,7 +257,7 @@ def _static_gaps(scene: Scene, full: Response) -> dict[str, float]:
     g = scene.groups
     statics = Statics(g)
     here = statics(full.s_o / l)
-    v = l * (here.place[:, 1] - g.coordinates(here.s)[1])  # (n,)
+    v = l * (here.car_point[:, 1] - g.coordinates(here.s)[1])  # (n,)
     s = full.fields.s / l
     s_o = full.fields.s_o / l
     off_mass = np.abs(s - s_o[:, None]) > JUMP_WIDTH  # (frames, stations)

@@ -51,7 +51,7 @@ def _start_at_rest_row(scene: Scene, a: Ladder) -> Agreement | None:
     r = a.finest
     l = scene.length
     statics = (hauled_rest if r.drive == "haul" else gripped_rest)([r.s_o[0] / l], scene.groups)
-    at = statics.place[0] * l
+    at = statics.car_point[0] * l
 
     def distance_from_rest(x: Response) -> float:
         return math.hypot(x.x[0] - at[0], x.y[0] - at[1]) / r.max_deflection
