@@ -103,6 +103,14 @@ def test_a_grid_is_a_table_with_one_row_a_line(cablefem, tmp_path):
     assert np.all(np.diff(haul) > 0.0)
 
 
+def test_a_grid_of_lines_is_checked(cablefem, tmp_path):
+    code, out, _ = cablefem("check", "two-span", *FEW, "--set", "car.up.mass=5000,6000")
+    assert code == 0, out
+    assert "report.html" in out
+    found = rows(tmp_path / "cablefem-out" / "two-span" / "grid-rest-check" / "table.csv")
+    assert [row["verdict"] for row in found] == ["agree", "agree"]
+
+
 def test_a_position_without_rest_leaves_the_others(cablefem, tmp_path):
     rope, left, first, second, right, *_ = THREE
     heavy = car("car", 12000.0, [200.0, 920.0])

@@ -22,7 +22,7 @@ def sections(folder: Path) -> list[Section]:
             judged = store.read_json(folder / "agreement.json")
             return kind.sections(folder / home, judged["rows"], judged["verdict"])
         if (folder / f"grid-{home}").is_dir():
-            return kind.grid(folder / f"grid-{home}")
+            return kind.grid_sections(folder / f"grid-{home}")
     grid = folder / "grid-check" / "grid.json"
     single = folder / "agreement.json"
     if grid.exists() and (not single.exists() or grid.stat().st_mtime > single.stat().st_mtime):
