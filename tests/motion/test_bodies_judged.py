@@ -35,6 +35,13 @@ def test_sines_keep_all_laws(line, ladder):
     assert not broken(line.to_toml(), ladder)
 
 
+def test_nothing_is_counted_that_the_line_does_not_have(line, ladder):
+    """Neither a counterweight nor an event: a row on them could not fail."""
+    rows = judge_runs(line, ladder, ladder, LineTolerance(1e-3, 1e-2))
+    assert not {row.law.rpartition(",")[0] for row in rows} & {"motion of the counterweight"}
+    assert not [row for row in rows if row.quantity == "events" and not ladder.finest.events]
+
+
 @pytest.mark.parametrize(
     ("fault", "seen"),
     [

@@ -48,3 +48,13 @@ def test_what_the_side_view_draws_is_what_was_computed(stored):
         (dataclasses.replace(motion, cars=(dataclasses.replace(up, point=up.point + 0.1), *others)), "up: x"),
     ):
         assert told in "; ".join(line_motion_faults(html, folder, wrong))
+
+
+def test_the_page_says_the_scene_as_it_was_read(stored):
+    *_, html = stored
+    values = dict(
+        re.findall(r'data-label="key"><div>([^<]*)</div></td>\s*<td[^>]*data-label="value"><div>([^<]*)<', html)
+    )
+    assert (values["contact.2.tension"], values["contact.2.at"]) == ("430000 N", "(1200, -480) m")
+    assert values["car.1.drive.drag_area"] == "12 m²"
+    assert "[[contact]]" in html

@@ -18,9 +18,9 @@ from validation.commands.check import page as check
 from validation.core.foreign import ForeignPath
 from validation.core.quantities import design_row_texts, unit_scale
 from validation.page import page
-from validation.page.answer.content import table_of_keys
 from validation.page.answer.stored import read_answer
 from validation.page.plot import PURPLE
+from validation.page.scene_keys import table_of_keys
 from validation.page.side_view import side_view
 
 A, B = "following-p2", "fourier-kink"

@@ -168,11 +168,11 @@ def momentum_defects(toml: str, motion: Any, end: float, every: int = 1) -> Arra
 
 
 def counterweight_defects(toml: str, motion: Any, end: float, every: int = 1) -> Array:
-    """Defects of the motion of a counterweight, over its force; none without one."""
+    """Defects of the motion of a counterweight, over its force."""
     line = LineTables(toml)
     steps = sampled_steps(motion.t, every)
     t = motion.t[steps]
-    out = [0.0]
+    out = []
     for e, k, data in line.counterweights():
         G = data["tension"]
         contact = motion.contacts[k]
@@ -252,9 +252,9 @@ def centre_of_mass_defects(toml: str, motion: Any, end: float, every: int = 1) -
 
 LAWS = {
     "momentum of rope and cars": momentum_defects,
-    "motion of the counterweight": counterweight_defects,
     "energy and work": energy_defects,
 }
+COUNTERWEIGHT_LAWS = {"motion of the counterweight": counterweight_defects}
 BODY_LAWS = {
     "moment of momentum of bodies": moment_defects,
     "forces on kinks of the rope": kink_force_defects,

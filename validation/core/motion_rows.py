@@ -149,7 +149,7 @@ class Comparison:
             yield from self._contact_rows(contact)
         yield from self._rope_rows()
         yield from self._energy_rows()
-        yield self._events_row()
+        yield from self._events_rows()
 
     def series_row(
         self, quantity: str, law: str, of: Series, scale: float, required: float, passes: int = 0,
@@ -273,9 +273,12 @@ class Comparison:
         """Times of the events, over the end."""
         return np.array([t for _, t in moved.events]) / self.end
 
-    def _events_row(self) -> Agreement:
+    def _events_rows(self) -> Iterator[Agreement]:
+        """Names and times of the events, if any run has one."""
         ladders = (self.a, self.b)
         names = [[name for name, _ in run.events] for ladder in ladders for run in runs_of_ladder(ladder)]
+        if not any(names):
+            return
         finest: list[Any] = [ladder.finest for ladder in ladders]
         times = [np.array([t for _, t in run.events]) for run in finest]
         bars = [ladder.yes_no_bar(event_names) for ladder in ladders]
@@ -283,7 +286,7 @@ class Comparison:
         gap = float(np.max(np.abs(times[0] - times[1]), initial=0.0)) / self.end if alike else 1.0
         if alike and names[0] and not any(bars):
             bars = [ladder.bar(self._relative_event_times) for ladder in ladders]
-        return self._agreement("events", gap, [(bar, 0.0) for bar in bars], self.asked.path, "")
+        yield self._agreement("events", gap, [(bar, 0.0) for bar in bars], self.asked.path, "")
 
 
 def event_names(moved: Any) -> tuple[str, ...]:

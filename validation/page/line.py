@@ -18,6 +18,7 @@ from validation.page import telling, terminal
 from validation.page.answer.many import LIMITS, Column, Columns, Row, point_label, table_of
 from validation.page.page import Section, limits_of, read_asset, render_sections, worst_verdict
 from validation.page.plot import BLACK, BLUE, COLORS, DASHED, DOTTED, GREY, Panel, draw_surroundings, plot
+from validation.page.scene_keys import scene_as_read
 
 _TEXT = tomllib.loads(read_asset("line.toml"))
 WORDS: dict[str, dict[str, str]] = _TEXT["quantity"]
@@ -100,7 +101,8 @@ def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None)
     """Pages of the line in a folder; rows and verdict of a check."""
     summary = store.read_json(folder / "summary.json")
     ropes = store.read_json(folder / "ropes.json")
-    line = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
+    toml = (folder / "scene.toml").read_text(encoding="utf-8")
+    line = tomllib.loads(toml)
     with (folder / "positions.csv").open(encoding="utf-8", newline="") as file:
         positions = list(csv.DictReader(file))
     over = list(_figures_over_position(line["car"][0]["name"], positions)) if summary["positions"] > 1 else []
@@ -119,6 +121,7 @@ def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None)
         over=over,
         compared=[x for x in rows if x["quantity"] not in RECHECKED],
         rechecked=[x for x in rows if x["quantity"] in RECHECKED],
+        as_read=scene_as_read(toml, Line),
     )
 
 

@@ -18,6 +18,7 @@ from validation.page.answer.many import Columns, Row
 from validation.page.line import columns_with_outcome, series_figure, stored_limits_table
 from validation.page.page import Section, read_asset, render_sections
 from validation.page.plot import COLORS
+from validation.page.scene_keys import scene_as_read
 from validation.page.side_view import (
     obstacles_and_ground,
     pack_array,
@@ -97,7 +98,8 @@ def motion_columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
 def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None) -> list[Section]:
     """Pages of the line in a folder; rows and verdict of a check."""
     summary = store.read_json(folder / "summary.json")
-    line = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
+    toml = (folder / "scene.toml").read_text(encoding="utf-8")
+    line = tomllib.loads(toml)
     contacts = read_columns(folder / "contacts.csv")
     paths = {car["name"]: read_columns(folder / f"path-{car['name']}.csv") for car in line["car"]}
     compared = [row | {"named": comparison_words(row["quantity"], row.get("law", ""))} for row in rows]
@@ -112,7 +114,7 @@ def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None)
         stressed=any(d["quantity"].startswith("stress") for d in summary["design"]),
         over=list(_figures_over_time(line, contacts, paths)), round_trip=f"{summary['round_trip']:.2g} s",
         grips=GRIPS if any("drive" not in car for car in line["car"]) else "",
-        compared=[row for row in compared if row not in laws], laws=laws,
+        compared=[row for row in compared if row not in laws], laws=laws, as_read=scene_as_read(toml, Line),
     )  # fmt: skip
 
 

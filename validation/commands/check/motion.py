@@ -51,6 +51,8 @@ def law_rows(toml: str, ladders: Sequence[Ladder], end: float) -> Iterator[Agree
     finest: Any = ladders[0].finest
     turns = any(car.turning is not None for car in finest.motion.cars)
     known = motion_laws.LAWS | (motion_laws.BODY_LAWS if turns else {})
+    if any(motion_laws.LineTables(toml).counterweights()):
+        known = known | motion_laws.COUNTERWEIGHT_LAWS
     for ladder in ladders:
         for name, law in known.items():
 

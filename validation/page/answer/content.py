@@ -1,17 +1,13 @@
 """Content of the page of an answer."""
 
-import re
-import tomllib
-from collections.abc import Container, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
 from cablefem.response import Response
-from cablefem.scene import Scene
 from validation.core import limits
 from validation.core.answers import outcome_of_run
 from validation.core.measures import means_between
@@ -20,7 +16,8 @@ from validation.core.quantities import key_numbers, limit_text
 from validation.core.scene_data import SceneData
 from validation.page.answer import figures as draw
 from validation.page.answer.stored import StoredAnswer
-from validation.page.page import date_and_versions, html_table, limits_of
+from validation.page.page import date_and_versions, limits_of
+from validation.page.scene_keys import table_of_keys
 from validation.page.side_view import side_view
 
 
@@ -70,46 +67,3 @@ def support_loads(x: StoredAnswer) -> Iterator[dict[str, Any]]:
             bounds = np.clip([row["t"] - half, row["t"] + half], t[0], t[-1])
             mean = means_between(t, force, bounds[:1], bounds[1:])[0]
         yield {"support": side, "t": row["t"], "right": float(mean[0]), "down": float(mean[1])}
-
-
-def table_of_keys(toml: str, without: Container[str] = ()) -> Markup:
-    """The table of all keys of a scene, but for some."""
-    rows = []
-    for key, value in _keys_and_values(tomllib.loads(toml)):
-        if key in without or key in ("name", "title"):
-            continue
-        general = re.sub(r"\.\d+", ".0", key)  # as `list_keys` names it
-        unit, meaning = _descriptions().get(general, ("", ""))
-        rows.append({"key": key, "value": f"{_value_text(value)} {unit}".rstrip(), "meaning": meaning})
-    return html_table(rows, ["key", "value", "meaning"], caption="All that the scene gives", stack=True)
-
-
-def _keys_and_values(data: Any, before: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted keys and values; lists of tables are counted through, other lists are values."""
-    if isinstance(data, list) and data and isinstance(data[0], dict):
-        data = dict(enumerate(data))
-    if not isinstance(data, dict):
-        yield before, data
-        return
-    for name, value in data.items():
-        yield from _keys_and_values(value, f"{before}.{name}" if before else str(name))
-
-
-@cache
-def _descriptions() -> dict[str, tuple[str, str]]:
-    """Units and meanings of all keys of a scene."""
-    from cablefem.scene.keys import list_keys  # slow to import
-
-    units = {"-": "", "C": "°C", "m2": "m²", "m/s2": "m/s²", "m/s3": "m/s³", "kg/m3": "kg/m³"}
-    return {key.name: (units.get(key.unit, key.unit), key.meaning) for key in list_keys(Scene)}
-
-
-def _value_text(value: Any) -> str:
-    if isinstance(value, float):
-        return f"{value:.10g}"
-    if not isinstance(value, list):
-        return str(value)
-    ends = [
-        f"({', '.join(map(_value_text, x))})" if isinstance(x, list) else _value_text(x) for x in (value[0], value[-1])
-    ]
-    return f"{len(value)} from {' to '.join(ends)}"

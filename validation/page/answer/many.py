@@ -17,10 +17,10 @@ from validation.core.answers import outcome_of_run
 from validation.core.quantities import quantity_words, unit_scale
 from validation.core.sidebyside import map_in_parallel
 from validation.page import report, terminal
-from validation.page.answer.content import table_of_keys
 from validation.page.options import Point
 from validation.page.page import Section, date_and_versions, details, gallery, html_table
 from validation.page.plot import COLORS, DASHED, DOTTED, GREY, Panel, draw_surroundings, plot
+from validation.page.scene_keys import table_of_keys
 from validation.page.side_view import six_digits, sparse_indices
 
 ANNOUNCED = 50  # scenes: of more the number is said before they start
