@@ -46,8 +46,12 @@ __all__ = [
 ]
 
 
-# what computes a line of several contacts
-_LINE = {"run_with_bars": ("commands.run", "answer_line"), "check": ("commands.check", "check_line")}
+# what computes a line of several contacts; {} is motion or line, at rest
+_LINE = {
+    "run_with_bars": ("commands.run.{}", "answer_line"),
+    "check": ("commands.check.{}", "check_line"),
+    "quasi_static": ("commands.run.quasi", "quasi_static_line"),
+}
 
 
 def __getattr__(name: str) -> Any:
@@ -90,7 +94,7 @@ def accepting_names(function: Callable[Concatenate[Any, P], Result]) -> Callable
         if of_line is None:
             raise SceneError([OF_ONE_SPAN])
         home, name = of_line
-        solve = _import_name(f"{home}.{'motion' if of.moves else 'line'}", name)
+        solve = _import_name(home.format("motion" if of.moves else "line"), name)
         taken = inspect.signature(solve)
         try:
             taken.bind(of, *args, **kwargs)

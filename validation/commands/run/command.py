@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 EXAMPLE = "cablefem run zipline --model quasi-static --set mass.mass=40,60,80"
 METHOD = "following-p2"
-MODEL = "full, stretching, sagged or string; quasi-static needs no method."
+MODEL = "full, stretching, sagged or string; quasi-static needs no method. Of a line: full, or quasi-static."
 LAW = "elastic, tension-only, or auto: tension-only from the slack onset on."
 TOL = "Choose resolution and steps for a path error of at most X, of mean forces 10 X."
 
@@ -44,17 +44,20 @@ def command(
     kind = {"model": model, "load": load, "law": law}
     if (line := options.line_named(scene)) is not None:
         others = {f"--{option}": given != CHOICES[option][0] for option, given in kind.items()}
+        others["--model"] = model not in ("full", QUASI_STATIC)
         others |= {"--method": method != METHOD, "--tol": tol is not None, "--no-bars": not bars}
         from validation.commands.run import line as at_rest
-        from validation.commands.run import motion
+        from validation.commands.run import motion, quasi
         from validation.commands.run.lines import answer_points
 
         given = options.line_points(options.with_limits(line, limits), set_, case, others)
 
         def solve(x: Any, report: Any) -> Any:
+            if model == QUASI_STATIC:
+                return quasi.quasi_static_line(x)
             return motion.answer_line(x, report=report) if x.moves else at_rest.answer_line(x)
 
-        return answer_points("run", given, out, solve, require)
+        return answer_points("run", given, out, solve, require, at_rest=model == QUASI_STATIC)
     faults = [
         f"--{option} = {short_text(given)}: unknown.{did_you_mean(given, CHOICES[option])}"
         for option, given in kind.items() if given not in CHOICES[option]

@@ -194,6 +194,7 @@ class RestAnswers(LineAnswers):
 
     rest: LineRest
     numbers: list[Row | None]  # None: a position without rest
+    quasi_static: bool = False  # of a line in motion
 
     @property
     def positions_without_rest(self) -> list[Row]:
@@ -225,7 +226,8 @@ class RestAnswers(LineAnswers):
         if not parts:
             carries = f"at rest at {_position_count(self.line.count)}; largest tension {load}{_cars_text(tension)}"
             parts.append(Outcome("carries", carries))
-        return Outcome(parts[0].kind, "; ".join(part.sentence for part in parts))
+        model = "quasi-static, without inertia, friction and drag: " if self.quasi_static else ""
+        return Outcome(parts[0].kind, model + "; ".join(part.sentence for part in parts))
 
     @property
     def methods(self) -> list[str]:

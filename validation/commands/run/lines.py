@@ -112,13 +112,19 @@ class LineAnswers:
         return row | ({"verdict": self.verdict.value} if self.verdict else {})
 
 
-def answer_points(command: str, points: Sequence[Point], out: Path | None, solve: Solve, require: bool = False) -> int:
-    """Answer a line or a grid, store, draw and print it.
+def answer_points(
+    command: str, points: Sequence[Point], out: Path | None, solve: Solve, require: bool = False, at_rest: bool = False
+) -> int:  # fmt: skip
+    """Answer a line or a grid, store, draw and print it.  at_rest : answers of lines in motion are states of rest.
 
     1 where solvers or files do not agree, or a required limit fails; 2 where a run broke or a position has no rest.
     """
     line: Line = points[0].scene
-    rows = _answer_grid(command, points, out, solve) if len(points) > 1 else [_answer_one(command, line, out, solve)]
+    moves = line.moves and not at_rest
+    if len(points) > 1:
+        rows = _answer_grid(command, points, moves, out, solve)
+    else:
+        rows = [_answer_one(command, line, moves, out, solve)]
     if any(x.get("verdict", "agree") != "agree" or x.get("faults") for x in rows):
         return 1
     if any(x["status"] != "complete" for x in rows):
@@ -126,15 +132,15 @@ def answer_points(command: str, points: Sequence[Point], out: Path | None, solve
     return int(require and limits.columns_fail(rows))
 
 
-def _folder_name(command: str, line: Line) -> str:
+def _folder_name(command: str, moves: bool) -> str:
     """Name of the folder of a line's files."""
-    if line.moves:
+    if moves:
         return f"motion-{command}"
     return "rest-check" if command == "check" else "rest"
 
 
-def _answer_one(command: str, line: Line, out: Path | None, solve: Solve) -> Row:
-    home = _folder_name(command, line)
+def _answer_one(command: str, line: Line, moves: bool, out: Path | None, solve: Solve) -> Row:
+    home = _folder_name(command, moves)
     with terminal.progress_bars() as progress:
         progress(line.name, 0.0)
         begun = perf_counter()
@@ -176,7 +182,9 @@ def _counts_sentence(result: LineAnswers) -> str:
     return "; ".join(parts) + (f"; not so: {', '.join(wrong[:4])}" if wrong else "")
 
 
-def _answer_grid(command: str, points: Sequence[Point], out: Path | None, solve: Solve) -> list[Row]:
+def _answer_grid(
+    command: str, points: Sequence[Point], moves: bool, out: Path | None, solve: Solve
+) -> list[Row]:  # fmt: skip
     def row_and_curve(point: Point) -> tuple[Row, Any]:
         try:
             result = solve(point.scene, no_progress)
@@ -186,6 +194,6 @@ def _answer_grid(command: str, points: Sequence[Point], out: Path | None, solve:
         return row, store.nulls_for_nonfinite(result.curve)
 
     line = points[0].scene
-    kind = "motion" if line.moves else "rest"
-    columns = motion.motion_columns if line.moves else at_rest.line_columns
+    kind = "motion" if moves else "rest"
+    columns = motion.motion_columns if moves else at_rest.line_columns
     return table.answer_grid(command, f"grid-{kind}-{command}", line, points, out, row_and_curve, columns)

@@ -18,9 +18,10 @@ HOMES: dict[str, Callable[[Path], list[Section]]] = {
 
 
 def sections(folder: Path) -> list[Section]:
-    for name, page in HOMES.items():
-        if (folder / name).is_dir():
-            return page(folder / name)
+    homes = [folder / name for name in HOMES if (folder / name).is_dir()]
+    if homes:
+        last = max(homes, key=_written_at)
+        return HOMES[last.name](last)
     files = [*folder.glob("*/summary.json"), *folder.glob("*/grid.json")]
     last = max(files, key=lambda file: file.stat().st_mtime)
     if last.name == "grid.json":
@@ -30,3 +31,8 @@ def sections(folder: Path) -> list[Section]:
         return [Section("answer", "Answer", callout(f"The run broke at its start: {found.reason}.", "disagree"))]
     x = StoredAnswer(Scene.from_toml(found.scene_toml), (found,))
     return render_sections(__package__, **answer_content(x))
+
+
+def _written_at(home: Path) -> float:
+    """When the result in a folder was written."""
+    return max(file.stat().st_mtime for file in [*home.glob("summary.json"), *home.glob("grid.json")])

@@ -1,0 +1,91 @@
+"""A line in motion by the quasi-static model: states of rest, the cars as points where their timetables have them.
+
+It leaves out inertia, friction, drag, and what swings or pitches.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+
+from cablefem import catenary_line
+from cablefem.response import Array
+from cablefem.scene.contacts import MovingLine
+from cablefem.scene.line import Line, LineState
+from cablefem.scene.moving import line_in_motion
+from validation.commands.run.line import RestAnswers, answer_line
+from validation.core import store
+
+INSTANTS = 81  # of the timetables
+ITERATIONS = 30
+EXACT = 1e-6  # [m] from where a car is to where its timetable has it
+
+
+def quasi_static_line(line: Line) -> RestAnswers:
+    """States of rest at the positions of the timetables; Refused for a car that rolls freely."""
+    if not line.moves:
+        return answer_line(line)
+    return replace(answer_line(line_at_rest(line)), quasi_static=True)
+
+
+def line_at_rest(line: Line) -> Line:
+    """The line with its cars at rest where their timetables have them; Refused for a car that rolls freely."""
+    for car in line.car:
+        if car.mode == "free":
+            where = "where it is follows from the motion; must be hauled or grip for --model quasi-static"
+            raise store.Refused(f"car.{car.name}.drive.mode = 'free': {where}")
+    moving = line_in_motion(line, catenary_line.solve)
+    positions = _positions_by_car(moving)
+    heat = 1.0 + line.cable.warmer
+    along = {car.name: positions[car.name] / heat for car in moving.cars if car.along == "s"}  # s by car (n,)
+    empty = line.empty(catenary_line.solve)
+    x = positions | {name: np.interp(s, empty.s, empty.points[:, 0]) for name, s in along.items()}
+    for _ in range(ITERATIONS if along else 0):
+        missing = _missing_rope(_with_cars_at(line, x), along)
+        if max(float(np.abs(shift).max()) for shift in missing.values()) < EXACT:
+            break
+        for name, shift in missing.items():
+            x[name] = x[name] + shift
+    return _with_cars_at(line, x)
+
+
+def _positions_by_car(moving: MovingLine) -> dict[str, Array]:
+    """Prescribed positions (n,) [m], without instants at which all cars stand."""
+    ends = [end for _, end in moving.phases]
+    t = np.linspace(0.0, moving.t_end, INSTANTS)
+    phases = np.minimum(np.searchsorted(ends, t), len(ends) - 1).tolist()
+    columns = [
+        [moving.position(car, at, phase)[0] for at, phase in zip(t.tolist(), phases, strict=True)]
+        for car in moving.cars
+    ]
+    positions = np.array(columns)  # (cars, INSTANTS)
+    moves = np.append(True, np.any(np.diff(positions, axis=1) != 0.0, axis=0))
+    return dict(zip([car.name for car in moving.cars], positions[:, moves], strict=True))
+
+
+def _with_cars_at(line: Line, x: dict[str, Array]) -> Line:
+    data = tomllib.loads(line.to_toml())
+    for car, table in zip(line.car, data["car"], strict=True):
+        for name in ("travel", "drive", "hanger", "wheels"):
+            table.pop(name, None)
+        table |= {"hauled": car.mode == "haul", "at": x[car.name].tolist()}
+    return Line(**data)
+
+
+def _missing_rope(at_rest: Line, along: dict[str, Array]) -> dict[str, Array]:
+    """How much farther in x (n,) [m] each car must be for s (n,) of `along`; none where there is no rest."""
+    missing = {name: np.zeros(s.size) for name, s in along.items()}
+    for i, state in at_rest.rest(catenary_line.solve).states.items():
+        for name, s in along.items():
+            missing[name][i] = _shift_to(state, name, float(s[i]))
+    return missing
+
+
+def _shift_to(state: LineState, name: str, s: float) -> float:
+    """Distance in x [m] along the tangent ahead of a car from where it is to s."""
+    k = [station.name for station in state.case.stations].index(name)
+    level, down = state.ahead[k].tolist()
+    N = float(np.hypot(level, down))
+    return state.case.heat * (s - float(state.s[k])) * level * (1.0 / N + 1.0 / state.case.EA)
