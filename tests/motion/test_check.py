@@ -240,6 +240,33 @@ def test_the_safety_factor_in_motion_is_the_breaking_load_over_the_largest_tensi
     assert safety["t"] == tension["t"]
 
 
+@pytest.mark.parametrize(
+    ("bars_beyond", "says", "kind"),
+    [(2.0, "the rope is loaded beyond its breaking load", "breaks"),
+     (0.5, "too close to tell whether the rope breaks", "arrives"), (-2.0, "ends after", "arrives")],
+)  # fmt: skip
+def test_a_rope_within_the_bar_of_its_breaking_load_is_too_close_to_tell(
+    line, by_elements, answer, bars_beyond, says, kind
+):  # fmt: skip
+    tension = answer.tension_max
+    load = tension["value"] - bars_beyond * tension["bar"]
+    bare = {"cable.breaking_load": load, "obstacle": []}
+    outcome = answers_of_ladders(line.replace(bare), by_elements, None).outcome
+    assert outcome.sentence.startswith(says)
+    assert outcome.kind == kind
+
+
+@pytest.mark.parametrize(
+    ("bars_beyond", "says"),
+    [(2.0, "would collide: up hits road by"), (0.5, "too close to tell whether up clears road")],
+)
+def test_a_car_within_the_bar_of_an_obstacle_is_too_close_to_tell(line, by_elements, answer, bars_beyond, says):
+    clearance = next(d for d in answer.design if d["quantity"] == "clearance_car:up over road")
+    top = -40.0 - clearance["value"] - bars_beyond * clearance["bar"]
+    outcome = answers_of_ladders(line.replace({"obstacle.road.top": top}), by_elements, None).outcome
+    assert says in outcome.sentence
+
+
 def test_cars_and_rope_in_motion_clear_what_they_pass(answer):
     """The rope moves with the car over the road; no car passes the hut."""
     found = {d["quantity"]: d["value"] for d in answer.design if d["quantity"].startswith("clearance")}

@@ -17,7 +17,7 @@ from cablefem import catenary_line
 from cablefem.response import Array, write_csv, write_json, write_text
 from cablefem.scene.line import Car, Line, LineRest, LineState, NoLineAtRest
 from cablefem.scene.surroundings import GROUND
-from validation.commands.run.lines import LineAnswers, Row
+from validation.commands.run.lines import TOUCHES, LineAnswers, Row
 from validation.core import store
 from validation.core.answers import STATIONS, Outcome
 from validation.page import terminal
@@ -204,6 +204,18 @@ class RestAnswers(LineAnswers):
     @property
     def status(self) -> str:
         return "incomplete" if self.positions_without_rest else "complete"
+
+    @property
+    def breaks(self) -> bool:
+        """Whether the rope is loaded beyond its breaking load."""
+        breaking_load = self.line.cable.breaking_load
+        return breaking_load is not None and self.tension_max["value"] > breaking_load
+
+    @property
+    def collisions(self) -> list[Row]:
+        """Negative clearances, the deepest first."""
+        clearances = [d for d in self.design if d["quantity"].startswith("clearance") and d["value"] < TOUCHES]
+        return sorted(clearances, key=lambda d: d["value"])
 
     @property
     def outcome(self) -> Outcome:

@@ -54,18 +54,6 @@ class LineAnswers:
         return next(d for d in self.design if d["quantity"] == "tension_max")
 
     @property
-    def breaks(self) -> bool:
-        """Whether the rope is loaded beyond its breaking load."""
-        breaking_load = self.line.cable.breaking_load
-        return breaking_load is not None and self.tension_max["value"] > breaking_load
-
-    @property
-    def collisions(self) -> list[Row]:
-        """Negative clearances, the deepest first."""
-        clearances = [d for d in self.design if d["quantity"].startswith("clearance") and d["value"] < TOUCHES]
-        return sorted(clearances, key=lambda d: d["value"])
-
-    @property
     def status(self) -> str:
         """complete, or incomplete."""
         raise NotImplementedError

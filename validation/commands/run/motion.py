@@ -20,7 +20,7 @@ from cablefem.scene.contacts import MovingLine
 from cablefem.scene.line import Line, LineState
 from cablefem.scene.moving import line_in_motion
 from galerkin.lines import LineSines
-from validation.commands.run.lines import LineAnswers
+from validation.commands.run.lines import TOUCHES, LineAnswers
 from validation.core import motion_laws, store
 from validation.core.agreement import Agreement
 from validation.core.answers import STATIONS, Outcome
@@ -272,21 +272,34 @@ class MotionAnswers(LineAnswers):
     def outcome(self) -> Outcome:
         """Kinds: incomplete, breaks, collides, ends, arrives; the first that holds."""
         parts = []
+        doubts = [*shoe_pull_sentences(self.line, self.motion), *fast_car_sentences(self.line, self.motion)]
         if self.moved.reason is not None:
             parts.append(Outcome("incomplete", f"the run broke: {self.moved.reason}"))
-        if self.breaks:
-            strength = f"{(self.line.cable.breaking_load or 0.0) / 1e3:.1f} kN"
-            parts.append(Outcome("breaks", f"the rope is loaded beyond its breaking load of {strength}"))
-        for d in self.collisions:
-            body, _, over = d["quantity"].partition(":")[2].rpartition(" over ")
-            hit = f"would collide: {body or 'the rope'} hits {over} by {-d['value']:.2f} m"
-            parts.append(Outcome("collides", hit))
+        judged = [d for d in self.design if d["quantity"].startswith(("safety_factor", "clearance"))]
+        # first whether the rope breaks, then what is hit, the deepest first
+        for d in sorted(judged, key=lambda d: (d["quantity"].startswith("clearance"), d["value"])):
+            kind, _, of = d["quantity"].partition(":")
+            limit = TOUCHES if kind.startswith("clearance") else 1.0
+            bar = d["bar"] or 0.0
+            if d["value"] + bar < limit:
+                parts.append(self._failure(of, d["value"]))
+            elif d["value"] - bar < limit:
+                body, _, over = of.rpartition(" over ")
+                what = f"{body or 'the rope'} clears {over}" if of else "the rope breaks"
+                doubts.append(f"too close to tell whether {what}")
         parts += self._outcome_of_end()
-        doubts = [*shoe_pull_sentences(self.line, self.motion), *fast_car_sentences(self.line, self.motion)]
         sentences = [*doubts, *(part.sentence for part in parts)]
         largest = self.tension_max
         sentences.append(f"largest tension {largest['value'] / 1e3:.1f} kN at {largest['t']:.1f} s")
         return Outcome(parts[0].kind, "; ".join(sentences))
+
+    def _failure(self, of: str, value: float) -> Outcome:
+        """That the rope breaks, or by the clearance `value` [m] of what something is hit."""
+        if not of:
+            strength = f"{(self.line.cable.breaking_load or 0.0) / 1e3:.1f} kN"
+            return Outcome("breaks", f"the rope is loaded beyond its breaking load of {strength}")
+        body, _, over = of.rpartition(" over ")
+        return Outcome("collides", f"would collide: {body or 'the rope'} hits {over} by {-value:.2f} m")
 
     def _outcome_of_end(self) -> list[Outcome]:
         """How the run ends; nothing of one that broke."""
