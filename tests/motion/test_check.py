@@ -231,6 +231,18 @@ def test_a_wrong_file_and_a_wrong_number_are_found(tmp_path, answer):
     assert faults == ["path-up.csv: y is not what was computed"]
 
 
+@pytest.mark.parametrize("key", ["value", "bar", "t"])
+def test_the_table_of_numbers_on_the_page_is_read_back(tmp_path, answer, key):
+    answer.write(tmp_path, 0.0)
+    assert not answer.faults(tmp_path)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    safety = next(d for d in summary["design"] if d["quantity"] == "safety_factor_min")
+    safety[key] *= 1.1
+    (tmp_path / "summary.json").write_text(json.dumps(summary))
+    (fault,) = answer.faults(tmp_path)
+    assert fault.startswith("page: safety factor: breaking load over largest tension: ")
+
+
 def test_the_safety_factor_in_motion_is_the_breaking_load_over_the_largest_tension(answer):
     found = {d["quantity"]: d for d in answer.design}
     tension = found["tension_max"]

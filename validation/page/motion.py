@@ -11,7 +11,7 @@ from markupsafe import Markup
 from cablefem.response import Array
 from cablefem.scene.line import Car, Contact, Line
 from validation.core import store
-from validation.core.quantities import unit_scale, with_bar
+from validation.core.quantities import quantity_text
 from validation.core.scene_data import read_columns
 from validation.page import line as at_rest
 from validation.page.answer.many import Columns, Row
@@ -67,19 +67,18 @@ def comparison_words(quantity: str, law: str) -> str:
     return ROWS[quantity].format(law) if quantity in ROWS else law
 
 
-def value_text(number: Row) -> str:
-    """A number with bar and unit; a speed also in km/h."""
-    factor, unit = unit_scale(np.array([number["value"], number["bar"] or 0.0]), number["unit"])
-    bar = None if number["bar"] is None else factor * number["bar"]
-    text = f"{with_bar(factor * number['value'], bar)} {unit}".rstrip()
-    return f"{text} = {3.6 * number['value']:.4g} km/h" if number["unit"] == "m/s" else text
-
-
 def number_rows(design: Sequence[Row]) -> list[Row]:
     """Words, value and time of each number, in the order of WORDS."""
     order = list(WORDS)
     ordered = sorted(design, key=lambda d: order.index(d["quantity"].partition(":")[0]))
-    return [{"words": quantity_words(d["quantity"]), "value": value_text(d), "t": _time_and_place(d)} for d in ordered]
+    return [
+        {
+            "words": quantity_words(d["quantity"]),
+            "value": quantity_text(d["value"], d["bar"], d["unit"]),
+            "t": _time_and_place(d),
+        }
+        for d in ordered
+    ]
 
 
 def _time_and_place(number: Row) -> str:

@@ -33,7 +33,7 @@ from validation.core.motion_rows import (
     rope_points,
     turning_series,
 )
-from validation.core.readback import limit_faults, limit_table_faults, line_motion_faults
+from validation.core.readback import limit_faults, limit_table_faults, line_motion_faults, line_number_faults
 from validation.core.sidebyside import Progress, map_in_parallel, no_progress
 from validation.core.wheels import pitch_period, with_wheel_loads
 from validation.page import terminal
@@ -377,6 +377,7 @@ class MotionAnswers(LineAnswers):
             *motion_laws.read_back_line_files(folder, self.motion, self.design, self.moved.period),
             *limit_faults(self.limits, tomllib.loads(self.line.to_toml()), self.design, ()),
             *limit_table_faults(html, self.limits),
+            *line_number_faults(html, self.design),
             *line_motion_faults(html, folder, self.motion),
         ]
 

@@ -10,11 +10,13 @@ from validation.core.readback.limits import limit_faults, limit_table_faults
 from validation.core.readback.pages import page_faults
 from validation.core.readback.side_view import line_motion_faults
 from validation.core.readback.stored import StoredResults
+from validation.core.readback.tables import line_number_faults
 from validation.core.readback.terminal import terminal_faults
 from validation.core.readback.texts import plain_text
 from validation.core.readback.verification import verification_faults
 
 __all__ = [
     "FILES", "StoredResults", "file_faults", "find_faults", "limit_faults", "limit_table_faults",
-    "line_motion_faults", "page_faults", "path_columns", "plain_text", "terminal_faults", "verification_faults",
+    "line_motion_faults", "line_number_faults", "page_faults", "path_columns", "plain_text", "terminal_faults",
+    "verification_faults",
 ]  # fmt: skip

@@ -17,6 +17,7 @@ from validation.core.readback.texts import (
     comparison_words,
     contents_of_tags,
     parse_number,
+    plain_text,
     quantity_words,
     shows_decimals,
     shows_number,
@@ -41,6 +42,25 @@ def number_faults(cells: Sequence[str], of: StoredResults) -> Faults:
     for text, s in ((car_at, where.get("s_o")), (at, where.get("s"))):
         if not shows_decimals(text, s, "m", 1):
             yield f"{name}: at {text} where {s} m is stored"
+
+
+def line_number_faults(html_text: str, design: Sequence[Row]) -> Faults:
+    """Faults of the table of design numbers of a line in motion, which shows all of them."""
+    shown = {}
+    for table in contents_of_tags("table", html_text):
+        head, *rows = [cell_texts(row) for row in contents_of_tags("tr", table)] or [[]]
+        if head == ["quantity", "value", "at"]:
+            shown = {name: (value, at) for name, value, at in rows}
+    words = read_words("page", "assets/motion.toml")
+    for number in design:
+        kind, _, of = number["quantity"].partition(":")
+        name = plain_text(words[kind]["words"].format(of))
+        value, at = shown.get(name, ("", ""))
+        when, _, where = at.removesuffix(" along the rope").partition(", ")
+        good = shows_number(value, number) and shows_value(when, number["t"], "s", digits=4)
+        if not good or not shows_decimals(where, number["s_o"], "m", 1):
+            stored = f"{number['value']:.6g} {number['unit']} with the bar {number['bar']} at {number['t']:.6g} s"
+            yield f"page: {name}: {value} at {at or 'no time'} where {stored} is stored"
 
 
 def _support_load_faults(cells: Sequence[str], of: StoredResults) -> Faults:
