@@ -452,18 +452,12 @@ def _column_faults(
 
 def _moving_mean(t: Array, values: Array, period: float) -> Array:
     """Means over the `period` around each time, inside the run; the values follow splines between jumps."""
-    total = 0.0
-    splines: list[tuple[float, float, Any]] = []
-    for part in np.split(np.arange(t.size), np.flatnonzero(np.diff(t) <= 0.0) + 1):
-        if part.size > 1:
-            spline = CubicSpline(t[part], values[part])
-            splines.append((float(t[part[0]]), total, spline))
-            total += float(spline.integrate(t[part[0]], t[part[-1]]))
-
-    def integral_up_to(x: float) -> float:
-        begin, done, spline = [row for row in splines if row[0] <= x][-1]
-        return done + float(spline.integrate(begin, x))
-
     begins = np.clip(t - 0.5 * period, t[0], max(t[-1] - period, t[0]))
     ends = np.minimum(begins + period, t[-1])
-    return np.array([(integral_up_to(b) - integral_up_to(a)) / (b - a) for a, b in zip(begins, ends, strict=True)])
+    total = np.zeros(t.size)
+    for part in np.split(np.arange(t.size), np.flatnonzero(np.diff(t) <= 0.0) + 1):
+        if part.size > 1:
+            integral = CubicSpline(t[part], values[part]).antiderivative()
+            span = t[part[0]], t[part[-1]]
+            total += integral(np.clip(ends, *span)) - integral(np.clip(begins, *span))
+    return total / (ends - begins)
