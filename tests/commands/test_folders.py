@@ -13,7 +13,7 @@ from validation.commands.run import study as run_study
 from validation.core import store
 
 LEVEL = Scene.load("level")
-FOURIER = ("--method", "fourier", "--set", "terms=8", "--set", "steps=80", "--no-bars")
+FOURIER = ("--method", "fourier", "--set", "terms=4", "--set", "steps=40", "--no-bars")
 EDITED = LEVEL.variant(mu=0.9, name="level").to_toml()
 
 pytestmark = pytest.mark.usefixtures("unanimated")

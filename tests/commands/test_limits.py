@@ -14,6 +14,8 @@ from cablefem.scene.line import Line
 from validation.commands.run.study import quasi_static_answer
 from validation.core import limits, readback, recomputed
 
+pytestmark = pytest.mark.usefixtures("unanimated")
+
 ZIP = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8").split("```toml\n")[1].split("```")[0]
 TEXTS = {
     "limits.use": ["vorarlberg-goods", "vorarlberg-staff", "france-1974"],

@@ -21,7 +21,7 @@ COMMANDS = {
     "a hauled car": ("run", "tramway", *QUICK),
     "a car that grips": ("run", "level", *QUICK, "--law", "elastic"),
     "quasi-static": ("run", "zipline", "--model", "quasi-static"),
-    "a check of a ride": ("check", "zipline", "--tol", "0.1", "--verbose", "--set", "drive.end.place=150"),
+    "a check of a ride": ("check", "zipline", "--tol", "0.1", "--verbose", "--set", "drive.end.place=60"),
 }
 
 

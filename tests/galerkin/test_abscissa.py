@@ -69,10 +69,10 @@ def test_start_from_rest_tends_to_the_papers():
 def test_path_is_that_of_time(groups, kink):
     """At speed, from rest, with jumps of acceleration: steps of t and of s_o meet in one path."""
     system = GalerkinSystem(groups, Fourier(8), kink=kink)
-    states, s_o = march(system, 1600, until=0.41)
+    states, s_o = march(system, 800, until=0.41)
     fine = system.observe(states, s_o[:1], np.arange(0)).path[:, 1]
     wrapped = PositionAbscissa(system)
-    x = travel(wrapped, 800, until=0.4)
+    x = travel(wrapped, 400, until=0.4)
     v = wrapped.observe(wrapped.in_time(x), s_o[:1], np.arange(0)).path[:, 1]
     assert np.sqrt(np.mean((v - np.interp(x.t, s_o, fine)) ** 2)) < 2e-4 * np.abs(fine).max()
 

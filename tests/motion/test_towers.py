@@ -71,7 +71,7 @@ def test_the_tower_carries_rope_and_car(moved):
 
 def test_a_car_passes_leftwards_as_rightwards():
     mirrored = HAULED.replace({"car.car.travel.from": 170.0, "car.car.travel.to": 130.0})
-    there, back = (of.run(2, 2) for of in (runs(ELEMENTS, "hauled"), LineRuns(ELEMENTS, mirrored)))
+    there, back = (of.run(1, 1) for of in (runs(ELEMENTS, "hauled"), LineRuns(ELEMENTS, mirrored)))
     assert [name for name, _ in back.events] == [f"car {does} tower" for does in EVENTS]
     one, other = there.motion.cars[0], back.motion.cars[0]
     np.testing.assert_allclose(one.point[:, 0], 300.0 - other.point[:, 0], atol=1e-6)

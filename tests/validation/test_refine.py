@@ -29,7 +29,9 @@ WINDOW = (0.02, 0.8)
 
 @pytest.fixture(scope="module")
 def sure():
-    return {s.name: run(s, "following-p4", elements=16, steps=3000, until=0.8) for s in (LEVEL, INCLINED)}
+    return {
+        s.name: run(s, "following-p4", elements=16, steps=600, scheme="radau", until=0.8) for s in (LEVEL, INCLINED)
+    }
 
 
 @pytest.mark.parametrize("tol", [1.3e-2, 1.1e-3])
@@ -81,7 +83,7 @@ def test_only_the_finest_run_goes_on_to_the_far_support():
 
 
 def test_coarser_runs_go_on_where_the_cable_falls_slack():
-    ladder = refine_to_tolerance(LEVEL, "following-p2", 3e-3)
+    ladder = refine_to_tolerance(LEVEL, "following-p2", 2e-2)
     assert 0.8 < ladder.finest.slack_onset < 0.95
     assert min(x.reached for x in ladder.runs[1:]) >= 0.95
 

@@ -200,7 +200,7 @@ def test_failure_shows_and_its_remedy_works(row):
 # --- atlas ------------------------------------------------------------------------------------------------------------
 SMALL = [{
     "name": "speed-mass", "title": "Speed and mass", "x": {"name": "V/c", "values": [0.3, 0.5]},
-    "y": {"name": "mu", "values": [0.7, 1.3]}, "scene": {"speed_ratio": "x", "mu": "y"},
+    "y": {"name": "mu", "values": [0.7]}, "scene": {"speed_ratio": "x", "mu": "y"},
     "methods": [["following-p2", {"elements": 3, "steps": 120}], ["fixed-p1-path", {"elements": 6, "steps": 120}]],
 }]  # fmt: skip
 
@@ -228,10 +228,10 @@ def small(tmp_path_factory):
 
 def test_an_interrupted_atlas_goes_on_and_loses_nothing(small):
     folder, first = small
-    assert 2 <= first.count('"speed-mass') < 4 * 2
+    assert 1 <= first.count('"speed-mass') < 4
     assert (folder / CELLS).read_text().startswith(first)
     result = json.loads((folder / "atlas.json").read_text())
-    assert len(result["cells"]) == 8
+    assert len(result["cells"]) == 4
     assert {cell["class"] for cell in result["cells"]} <= set(pages.CLASSES)
     assert {cell["cause"] for cell in result["cells"]} <= {None, *pages.CAUSES}
 
@@ -240,12 +240,12 @@ def test_a_map_tells_computed_cells_from_uncomputed_ones(small, tmp_path):
     folder, _ = small
     result = json.loads((folder / "atlas.json").read_text())
     found = pages.sections(folder)
-    assert "8 of 8 cells" in found[0].summary
+    assert "4 of 4 cells" in found[0].summary
     assert (result["verdict"], found[-1].verdict) == ("agree", "agree")
     write_page("atlas", found, tmp_path / "report.html")
-    result["cells"] = result["cells"][:5]
+    result["cells"] = result["cells"][:3]
     (tmp_path / "atlas.json").write_text(json.dumps(result))
-    assert "5 of 8 cells" in pages.sections(tmp_path)[0].summary
+    assert "3 of 4 cells" in pages.sections(tmp_path)[0].summary
     assert "not computed" in pages.sections(tmp_path)[0].html
 
 
@@ -271,6 +271,7 @@ def test_cells_are_judged_by_their_error_and_only_against_a_sure_reference():
 @pytest.mark.parametrize("terms", [1, 2, 3])
 def test_a_ride_over_very_few_sines_has_an_answer_and_companions(terms):
     """One sine by itself has nothing to be graded by; companions of two and three have but one."""
-    e = run_with_error_bars(Scene.load("zipline"), "fourier-kink", terms=terms, steps=300)
+    begin = Scene.load("zipline").replace({"drive.end": {"place": 60.0}})
+    e = run_with_error_bars(begin, "fourier-kink", terms=terms, steps=300)
     assert [r.events[-1]["event"] for r in e.runs] == len(e.runs) * ["arrival"]
     assert e.finest.path_error is None or e.finest.path_error > 1e-4
