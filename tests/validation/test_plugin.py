@@ -46,11 +46,11 @@ def test_wrong(cable_scene, assert_agree, ours):
 
 
 def test_checked(cable_check):
-    assert cable_check("level", solver, tol=5e-2, with_tol=2e-2).verdict.value == "agree"
+    assert cable_check("level", solver, tol=0.1, with_tol=2e-2).verdict.value == "agree"
 
 
 def test_checked_wrong(cable_check):
-    cable_check("level", wrong, tol=5e-2, with_tol=2e-2)
+    cable_check("level", wrong, tol=0.1, with_tol=2e-2)
 
 
 def nan(scene):
@@ -59,11 +59,11 @@ def nan(scene):
 
 
 def test_refused(cable_check):
-    cable_check("level", nan, tol=5e-2, with_tol=2e-2)
+    cable_check("level", nan, tol=0.1, with_tol=2e-2)
 
 
 def test_ours_alone(cable_check):
-    assert cable_check("level", tol=5e-2).verdict.value == "agree"
+    assert cable_check("level", tol=0.1).verdict.value == "agree"
 """
 
 
