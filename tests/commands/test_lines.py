@@ -88,8 +88,11 @@ def test_check_agrees(cablefem, tmp_path):
 )  # fmt: skip
 def test_a_fault_told_to_one_solver_disagrees(key, value):
     sound = line(*THREE)
-    assert check_line(sound, 1e-6, 1e-6).verdict.value == "agree"
     assert check_line(sound, 1e-6, 1e-6, second=sound.replace({key: value})).verdict.value == "disagree"
+
+
+def test_a_sound_line_agrees():
+    assert check_line(line(*THREE), 1e-6, 1e-6).verdict.value == "agree"
 
 
 def test_a_grid_is_a_table_with_one_row_a_line(cablefem, tmp_path):
