@@ -13,7 +13,7 @@ from galerkin.segments import Layout, basis_functions
 
 def system_after_passage(system: LineSines, passage: Passage, x: State) -> tuple[LineSines, State]:
     """The line after a passage, and its state by least squares."""
-    old, before = system.layout, system.coordinates(x)
+    old, before = system.layout, system.coordinates_with_rates(x)
     names = [c.name for c in system.line.touching]
     jets = before[:, np.stack([old.x, old.y], axis=1)]  # (3, contacts, 2)
     over = {car.name: system.car_point_and_rates(car.name, x) for car in system.line.over}

@@ -31,7 +31,7 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
     integrals = _integration_matrix(layout)
     for first in range(0, n, AT_ONCE):
         some = slice(first, first + AT_ONCE)
-        Z = np.stack([system.coordinates(x) for x in states[some]], axis=1)
+        Z = np.stack([system.coordinates_with_rates(x) for x in states[some]], axis=1)
         rope = Rope(layout, Z)
         touches[some], positions[some] = system.equations.touches(rope, Z), Z[0][:, layout.s]
         energies[:, some] = _rope_energies(rope)

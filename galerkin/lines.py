@@ -218,7 +218,8 @@ class LineSines(System):
         Z[0, layout.s[-1]] = line.rope.length or 0.0
         return Z
 
-    def coordinates(self, x: State) -> Array:
+    def coordinates_with_rates(self, x: State) -> Array:
+        """All coordinates of a state with their rates (3, layout.size)."""
         return self._with_unknowns(self.prescribed(x.t, x.phase), x.q, x.v, x.a)
 
     def _with_unknowns(self, Z: Array, q: Array, v: Array, a: Array) -> Array:
@@ -263,7 +264,7 @@ class LineSines(System):
         state = np.array([q, v, a])
         known = self._known
         if known is None or known[1:3] != (t, phase) or not np.array_equal(known[0], state):
-            Z = self.coordinates(State(t, q, v, a, phase))
+            Z = self.coordinates_with_rates(State(t, q, v, a, phase))
             r, K = self.equations.linearise(Z, self.frictions_at(t))
             for row, k, car, stretch in self.gripping:
                 jet = self.line.point_off_rope(car, t, phase, Z[:, self.layout.s[k]])
@@ -276,7 +277,7 @@ class LineSines(System):
 
     def begin_step(self, x: State) -> None:
         """Keep the direction of friction, and the brakes that act, for one step."""
-        Z = self.coordinates(x)
+        Z = self.coordinates_with_rates(x)
         for k, body in self.cars.items():
             if not body.car.drive.has_resistance or body.car.rail is not None:  # a shoe has no friction
                 continue
@@ -301,7 +302,7 @@ class LineSines(System):
         return last[2:]
 
     def event_values(self, x: State) -> tuple[float, ...]:
-        Z = self.coordinates(x)
+        Z = self.coordinates_with_rates(x)
         s, ds = Z[0, self.layout.s], Z[1, self.layout.s]
         gaps = [float(s[i + 1] - s[i]) - NEAREST for i in self.gaps]
         speeds = [float(ds[self.lead[k]] * self.frictions[k].sign) for k in self.stops]
@@ -346,7 +347,7 @@ class LineSines(System):
 
     def car_point_and_rates(self, name: str, x: State) -> Array:
         """Point of a car on one contact, or off the rope, with its rates (3, 2)."""
-        Z, layout = self.coordinates(x), self.layout
+        Z, layout = self.coordinates_with_rates(x), self.layout
         for k, body in self.cars.items():
             if body.car.name == name:
                 return Z[:, [layout.x[k], layout.y[k]]]

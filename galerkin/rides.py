@@ -87,7 +87,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         since, ax, ay, jx, jy = self._smooth if self.free else (t, math.nan, math.nan, 0.0, 0.0)
         return rolling.CarLoads(*of, ax + (t - since) * jx, ay + (t - since) * jy)
 
-    def car_by_tension(self, x: State, loads: rolling.CarLoads | None = None) -> Car:
+    def car_by_equilibrium_tension(self, x: State, loads: rolling.CarLoads | None = None) -> Car:
         """The car, by the tension from equilibrium; with `loads` it is held."""
         ride, sines, kinematics = self._kernel_arguments(x)
         ride = ride if loads is None else rolling.Ride(rolling.STUCK, loads, 0.0)
@@ -224,7 +224,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         q = np.append(equilibrium(self.with_clamped_car(s_o)), s_o)
         still = np.zeros(self.n_dof)
         x = State(0.0, q, still, still, 0)
-        car = self.car_by_tension(x, rolling.CarLoads(self.mu, self.groups.sigma, 0.0, 0.0))
+        car = self.car_by_equilibrium_tension(x, rolling.CarLoads(self.mu, self.groups.sigma, 0.0, 0.0))
         self.hold = car.along * car.stretch
         return self.release_car(x)
 
@@ -253,7 +253,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         return CarForces(max(car.pressing, car.normal), car.speed, along, self.mu * self.groups.sigma * car.tx)
 
     def hold_and_normal_force(self, x: State) -> tuple[float, float]:
-        car = self.car_by_tension(x)
+        car = self.car_by_equilibrium_tension(x)
         return car.along - self.hold_force(x.t) / car.stretch, car.normal
 
 

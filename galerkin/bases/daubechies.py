@@ -258,7 +258,7 @@ def _cell_gram(T: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=16)
-def _table_at_own_points(basis: "Daubechies") -> tuple[np.ndarray, np.ndarray]:
+def _functions_at_quadrature_points(basis: "Daubechies") -> tuple[np.ndarray, np.ndarray]:
     s, _ = basis.quadrature()
     return s, np.ascontiguousarray(basis.phi(s, 1).T)
 
@@ -309,7 +309,7 @@ class Daubechies:
         left, w_left = self.quadrature(0.0, s_o)
         right, w_right = self.quadrature(s_o)
         s = np.concatenate([left, right])
-        own, table = _table_at_own_points(self)
+        own, table = _functions_at_quadrature_points(self)
         i = np.searchsorted(own, s)
         phi = np.empty((self.n + 1, s.size))
         np.take(table, i, axis=1, out=phi[:-1], mode="clip")

@@ -61,7 +61,7 @@ def test_tangent_is_the_derivative(bodies):
         for c in (*ALL.contacts[:-1], free, ALL.contacts[-1])
     ]
     system, x = shaken(dataclasses.replace(ALL, contacts=tuple(cars)))
-    _, tangent = system.equations.linearise(system.coordinates(x), system.frictions_at(1.0))
+    _, tangent = system.equations.linearise(system.coordinates_with_rates(x), system.frictions_at(1.0))
     rng = np.random.default_rng(5)
     for which, part, step in ((1, tangent[0], 1e-4), (2, tangent[1], 1e-3), (3, tangent[2], 1e-1)):
         largest = np.abs(part).max(axis=0)
@@ -175,7 +175,9 @@ def test_a_rider_is_braked_where_the_text_on_rides_says():
     times = {event.name: event.t for event in work.events}  # the last of each
     assert times["rider brakes"] == pytest.approx(34.800, abs=2e-3)
     assert times["rider stops"] == pytest.approx(35.43, abs=0.01)
-    assert system.coordinates(states[-1])[0, system.layout.s[1]] / shorter == pytest.approx(281.375, abs=5e-3)
+    assert system.coordinates_with_rates(states[-1])[0, system.layout.s[1]] / shorter == pytest.approx(
+        281.375, abs=5e-3
+    )
 
 
 def test_two_gripping_cars_on_a_taut_string_meet_each_others_waves():
