@@ -95,7 +95,7 @@ def test_a_third_party_has_its_rows_and_its_path(folder):
     path = ForeignPath.of(Scene.load("level"), np.linspace(0.0, 1900.0, 40), np.linspace(0.0, 2.5, 40))
     replace(path, speed=np.full(40, 140.0)).write(folder / "with.csv")
     x = read_answer(folder)
-    assert (x.party.method, x.party.v.tolist()) == ("other <code>", path.v.tolist())
+    assert (x.third_party.method, x.third_party.v.tolist()) == ("other <code>", path.v.tolist())
     how_sure, ride = section(folder, "how-sure").html, section(folder, "ride").html
     said = section(folder, "answer").summary
     assert "disagree." not in said, "our own solvers agree"

@@ -65,7 +65,7 @@ def test_a_ladder_has_half_and_quarter_of_space_and_of_steps():
 def test_runs_that_are_there_are_not_made_again(monkeypatch):
     first = run_with_error_bars(LEVEL, "following-p2", elements=9, steps=80, until=0.8)
     monkeypatch.setattr(module, "Run", None)
-    again = run_with_error_bars(LEVEL, "following-p2", known=first.runs, elements=9, steps=80, until=0.8)
+    again = run_with_error_bars(LEVEL, "following-p2", earlier_runs=first.runs, elements=9, steps=80, until=0.8)
     assert again.finest.path_error == first.finest.path_error
 
 

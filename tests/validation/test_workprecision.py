@@ -46,7 +46,7 @@ def small(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         all_series = study.chart_series
         names = ("following-p2", "fixed-p1-naive", "model string", *PEERS)
-        waiting = f"following-p2 --tol{study.WHOLE}"
+        waiting = f"following-p2 --tol{study.FULL_PROGRAM}"
         names = (*names, "following-p2 --tol", waiting, "echo")
         patch.setattr(study, "PEERS", {"echo": Peer("math", echo, ({"elements": 6},)), **PEERS})
 
@@ -123,13 +123,13 @@ def test_a_tolerance_is_a_row_with_its_bar_and_all_its_seconds(small):
 
 
 def test_what_a_user_waits_for_is_the_whole_command(small):
-    (row,) = rows_of(small[1], f"following-p2 --tol{study.WHOLE}")
+    (row,) = rows_of(small[1], f"following-p2 --tol{study.FULL_PROGRAM}")
     (quick,) = rows_of(small[1], "following-p2 --tol")
     assert row["settings"] == quick["settings"]
     assert row["path_error"] <= row["bar"] <= row["settings"]["tol"]
     assert (row["kind"], row["chosen"]) == ("waiting", quick["chosen"])
     (march,) = rows_of(small[1], "echo")
-    (whole,) = rows_of(small[1], f"echo{study.WHOLE}")
+    (whole,) = rows_of(small[1], f"echo{study.FULL_PROGRAM}")
     assert (whole["kind"], whole["path_error"]) == ("waiting", march["path_error"])
     assert whole["seconds"] == march["wait"]
 

@@ -76,22 +76,22 @@ class Evidence:
     def without_every_second_step(self) -> Evidence:
         """Without every second step; jumps and the slack onset stay."""
         r = self.r
-        kept = np.arange(r.t.size) % 2 == 0
+        selected = np.arange(r.t.size) % 2 == 0
         for jump in (*r.jumps, r.slack_since):
             if math.isfinite(jump):
                 i = int(np.argmin(np.abs(r.t - jump)))
-                kept[max(0, i - 1) : i + 2] = True
-        kept[-1] = True
-        rows = {name: x[kept] for name, x in _array_fields(r).items()}
-        powers = {name: power[kept] for name, power in r.powers.items()}
+                selected[max(0, i - 1) : i + 2] = True
+        selected[-1] = True
+        rows = {name: x[selected] for name, x in _array_fields(r).items()}
+        powers = {name: power[selected] for name, power in r.powers.items()}
         return Evidence(replace(r, **rows, powers=powers), self.windows)
 
     def without_every_second_station(self) -> Evidence:
         """Without every second station and frame; window ends stay."""
         f = self.r.fields
-        kept = np.arange(f.t.size) % 2 == 0
-        kept[self.window_frames] = True
-        thin: dict[str, Array] = {n: x[::2] if n in AT_REST else x[kept] for n, x in _array_fields(f).items()}
+        rows = np.arange(f.t.size) % 2 == 0
+        rows[self.window_frames] = True
+        thin: dict[str, Array] = {n: x[::2] if n in AT_REST else x[rows] for n, x in _array_fields(f).items()}
         thin = {n: x[:, ::2] if x.ndim == 2 else x for n, x in thin.items()}
         return Evidence(replace(self.r, fields=replace(f, **thin)), self.windows)
 
@@ -296,7 +296,7 @@ class Evidence:
         mean = 0.5 * (r.slope_behind + r.slope_ahead)
         stretch = 0.5 * (np.hypot(*r.slope_behind.T) + np.hypot(*r.slope_ahead.T))
         along = np.sum(mean * r.velocity, axis=1) / np.hypot(*mean.T)
-        friction, brakes = (-rub * stretch * np.abs(self.travel_speed) for rub in self.rolling_friction_and_brakes)
+        friction, brakes = (-force * stretch * np.abs(self.travel_speed) for force in self.rolling_friction_and_brakes)
         x = np.minimum(r.t / drive["release"], 1.0) if drive.get("release") else np.ones(r.t.size)
         return {
             "thrust" if r.drive == "free" else "haul": self.thrust_force * along, "friction": friction, "brake": brakes,

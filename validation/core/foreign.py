@@ -72,9 +72,9 @@ class ForeignPath(MassPath):
         shapes = {x.shape for x in arrays.values()}
         if len(shapes) != 1 or len(*shapes) != 1:
             raise Refused(f"{name}: {', '.join(arrays)} must be columns of one length, got shapes {sorted(shapes)}")
-        for k, given in arrays.items():
-            if not np.isfinite(given).all():
-                raise Refused(f"{name}: {k}[{int(np.argmin(np.isfinite(given)))}] is not a finite number")
+        for k, array in arrays.items():
+            if not np.isfinite(array).all():
+                raise Refused(f"{name}: {k}[{int(np.argmin(np.isfinite(array)))}] is not a finite number")
         return cls.from_columns(name, scene, arrays)
 
     @classmethod
@@ -91,8 +91,8 @@ class ForeignPath(MassPath):
         __tracebackhide__ = True
         rows = rows or [f"row {i}" for i in range(len(next(iter(columns.values()))))]
         try:
-            known = _completed_columns(scene, columns, rows)
-            return cls(method=name, length=scene.length, drive=scene.drive.mode, columns=columns, **known)
+            completed = _completed_columns(scene, columns, rows)
+            return cls(method=name, length=scene.length, drive=scene.drive.mode, columns=columns, **completed)
         except Refused as fault:
             raise Refused(f"{name}: {fault}") from None
 
@@ -123,15 +123,15 @@ def _read_known_columns(file: Path, scene: Scene) -> tuple[dict[str, Array], lis
     """The known columns of a file in SI, and the line of each row."""
     names = _column_names(scene.length)
     header, rows = _read_cells(file, names)
-    known = {i: names[name] for i, name in enumerate(header) if name in names}
-    faults = ["no rows below the names of the columns"] if not rows else _name_faults(header, known, scene)
-    faults = faults or list(_cell_faults(header, known, rows))
+    columns_by_index = {i: names[name] for i, name in enumerate(header) if name in names}
+    faults = ["no rows below the names of the columns"] if not rows else _name_faults(header, columns_by_index, scene)
+    faults = faults or list(_cell_faults(header, columns_by_index, rows))
     if faults:
         more = [f"and {len(faults) - 5} more cells like these"] if len(faults) > 5 else []
         raise Refused([f"{file.name}: {fault}" for fault in faults[:5] + more])
     columns = {
         quantity: factor * np.array([_float_or_nan(row[i]) for _, row in rows])
-        for i, (quantity, factor) in known.items()
+        for i, (quantity, factor) in columns_by_index.items()
     }
     return columns, [f"line {n}" for n, _ in rows]
 
@@ -152,9 +152,9 @@ def _read_cells(file: Path, names: Container[str]) -> tuple[list[str], list[tupl
     raise Refused(f"{file.name}: the file is empty")
 
 
-def _name_faults(header: list[str], known: dict[int, tuple[str, float]], scene: Scene) -> list[str]:
+def _name_faults(header: list[str], columns_by_index: dict[int, tuple[str, float]], scene: Scene) -> list[str]:
     names: dict[str, list[str]] = {}
-    for i, (quantity, _) in known.items():
+    for i, (quantity, _) in columns_by_index.items():
         names.setdefault(quantity, []).append(header[i])
     faults = [f"columns {' and '.join(x)} both say {q}; leave one" for q, x in names.items() if len(x) > 1]
     have = f"it has {', '.join(header)}"
@@ -165,12 +165,12 @@ def _name_faults(header: list[str], known: dict[int, tuple[str, float]], scene: 
     return faults
 
 
-def _cell_faults(header: list[str], known: dict[int, tuple[str, float]], rows: list[Any]) -> Iterator[str]:
+def _cell_faults(header: list[str], columns_by_index: dict[int, tuple[str, float]], rows: list[Any]) -> Iterator[str]:
     for n, row in rows:
         if len(row) != len(header):
             yield f"line {n}: {len(row)} cells under {len(header)} names of columns"
             continue
-        for i, (quantity, _) in known.items():
+        for i, (quantity, _) in columns_by_index.items():
             if not (math.isfinite(_float_or_nan(row[i])) or (quantity.startswith("T_") and not row[i])):
                 hint = " (a decimal comma? write a point)" if "," in row[i] else ""
                 yield f"line {n}: {header[i]} = {row[i]!r} is no number{hint}"
@@ -190,15 +190,15 @@ def _float_or_nan(cell: str) -> float:
 # --- completing, and refusing what does not fit the scene -------------------------------------------------------------
 
 
-def _completed_columns(scene: Scene, given: dict[str, Array], rows: Sequence[str]) -> dict[str, Any]:
+def _completed_columns(scene: Scene, columns: dict[str, Array], rows: Sequence[str]) -> dict[str, Any]:
     """All of t, s_o, x, y, u, v that follow from the given columns."""
     if scene.drive.mode == "free":
-        if not ("t" in given and given.keys() & {"s_o", "x"} and given.keys() & {"v", "y"}):
-            raise Refused(f"a free ride needs t, s_o or x, and v or y; it has {', '.join(given)}")
+        if not ("t" in columns and columns.keys() & {"s_o", "x"} and columns.keys() & {"v", "y"}):
+            raise Refused(f"a free ride needs t, s_o or x, and v or y; it has {', '.join(columns)}")
     elif scene.groups.motion is None:
         raise Refused(f"scene {scene.name} has no travelling mass: there is no path to compare")
-    _refuse_unordered("t" if "t" in given else "s_o", given, rows)
-    x = _with_time_and_position(scene, given)
+    _refuse_unordered("t" if "t" in columns else "s_o", columns, rows)
+    x = _with_time_and_position(scene, columns)
     rest = {"x": scene.catenary.x(x["s_o"]), "y": scene.catenary.y(x["s_o"])}
     for moved, at in (("u", "x"), ("v", "y")):
         if moved in x:
@@ -209,25 +209,25 @@ def _completed_columns(scene: Scene, given: dict[str, Array], rows: Sequence[str
     return x
 
 
-def _refuse_unordered(name: str, given: dict[str, Array], rows: Sequence[str]) -> None:
+def _refuse_unordered(name: str, columns: dict[str, Array], rows: Sequence[str]) -> None:
     """Raise Refused at the first row where the column t or s_o does not increase."""
-    late = np.flatnonzero(np.diff(given[name]) <= 0.0)
+    late = np.flatnonzero(np.diff(columns[name]) <= 0.0)
     if late.size:
         i = late[0]
         unit = _COLUMNS[name]
-        before, after = given[name][i : i + 2]
+        before, after = columns[name][i : i + 2]
         raise Refused(
             f"{rows[i + 1]}: {name} = {after:.6g} {unit} does not come after {before:.6g} {unit} in {rows[i]}; "
             f"{name} must increase"
         )
 
 
-def _with_time_and_position(scene: Scene, given: dict[str, Array]) -> dict[str, Array]:
+def _with_time_and_position(scene: Scene, columns: dict[str, Array]) -> dict[str, Array]:
     """The columns with t and s_o, up to the end of the travel."""
     motion = scene.groups.motion
     l = scene.length
     tau = scene.time_scale
-    x = dict(given)
+    x = dict(columns)
     if motion is None:
         s = np.linspace(0.0, l, 2001)
         x.setdefault("s_o", np.interp(x.get("x", s[:1]), scene.catenary.x(s), s))
@@ -239,14 +239,14 @@ def _with_time_and_position(scene: Scene, given: dict[str, Array]) -> dict[str, 
     position = motion.position(x["t"] / tau)
     # the scene's mass stays at the end
     off = np.abs(np.minimum(x.setdefault("s_o", l * position) / l, motion.end) - position)
-    if "t" in given and off.max() > TRAVEL_TOLERANCE:
+    if "t" in columns and off.max() > TRAVEL_TOLERANCE:
         i = int(np.argmax(off))
         raise Refused(
             f"t and s_o are not the scene's travel: at t = {x['t'][i]:.6g} s it has s_o/l = {x['s_o'][i] / l:.4g}, "
             f"the scene {position[i]:.4g}; {_ENDINGS}"
         )
-    on_the_way = x["t"] <= tau * motion.phases[-1][1] * (1.0 + 1e-9)
-    return {k: a[on_the_way] for k, a in x.items()}
+    travelling = x["t"] <= tau * motion.phases[-1][1] * (1.0 + 1e-9)
+    return {k: a[travelling] for k, a in x.items()}
 
 
 def _refuse_off_cable(s_o: Array, last: float, l: float) -> None:
@@ -325,33 +325,33 @@ def third_party_rows(
         path = without_u(path)
         ladder = ladder.map(without_u)
         of_path = f"{upright} alone"
-    party = path.method
+    other = path.method
     run = ladder.finest
     try:
         part = _common_window(path, window)
         where = measures.path_gap(path, run, part)[2]
     except NotComparable as reason:
-        yield Agreement("path_max", math.nan, no_bound(f"{party}: {reason}"), third_party=party)
+        yield Agreement("path_max", math.nan, no_bound(f"{other}: {reason}"), third_party=other)
         return
     short = _covered_part(path, run, window)
-    found = []
+    rows = []
     for name, (distance, components) in _distances_by_quantity(path, run, part, of_path).items():
         bars = (
             BoundPart(run.method, ladder.bar(identity, distance), "its error bar"),
-            BoundPart(f"allowed to {party}", with_tol),
+            BoundPart(f"allowed to {other}", with_tol),
         )
         bound = Bound("our error bar", bars, f"of {components}")
         if short:
-            bound = no_bound(f"{party} covers {short}; there {bound.value:.2g} would be allowed")
-        found.append(Agreement(name, distance(path, run), bound, where if name == "path_max" else None, party))
-    yield from found
+            bound = no_bound(f"{other} covers {short}; there {bound.value:.2g} would be allowed")
+        rows.append(Agreement(name, distance(path, run), bound, where if name == "path_max" else None, other))
+    yield from rows
 
 
 def _distances_by_quantity(
     path: ForeignPath | Response, run: Response, part: Window, of_path: str
 ) -> dict[str, tuple[Distance, str]]:  # fmt: skip
     """Comparable quantities, path first: a distance of two answers, and its components, `of_path` of the path."""
-    found: dict[str, tuple[Distance, str]] = {
+    distances: dict[str, tuple[Distance, str]] = {
         "path_max": (lambda a, b: measures.path_gap(a, b, part)[0], of_path),
         "path_rms": (lambda a, b: measures.path_gap(a, b, part)[1], of_path),
     }
@@ -363,14 +363,14 @@ def _distances_by_quantity(
         def relative_speed(r: Any) -> Array:
             return np.where(r.t <= until, r.speed, math.nan) / top
 
-        found["speed"] = (
+        distances["speed"] = (
             lambda a, b: measures.series_gap(a, b, part, relative_speed, largest=True),
             "speed, of the largest",
         )
     if path.T_behind is not None and path.T_ahead is not None:
         H = run.horizontal_tension
-        found["tension"] = lambda a, b: mass_tension_gap(a, b, part, H), "tension at the mass, both sides"
-    return found
+        distances["tension"] = lambda a, b: mass_tension_gap(a, b, part, H), "tension at the mass, both sides"
+    return distances
 
 
 def _covered_part(path: MassPath, run: Response, window: Window) -> str:

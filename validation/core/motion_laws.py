@@ -325,13 +325,13 @@ class _LineFiles:
         if name == "clearance":
             return [float(min(np.min(values) for values in self._clearance_columns(kind, of)))]
         if name == "safety_factor":
-            tensions = _means_of_forces("tension", self._columns_by_quantity["tension"], self.t, self.period)
+            tensions = _with_forces_averaged("tension", self._columns_by_quantity["tension"], self.t, self.period)
             values = self.line.data["cable"]["breaking_load"] / tensions
         else:
             columns = self._columns_by_quantity[f"{name}:{of}" if of else name]
-            values = _means_of_forces(name, columns, self.t, self.period)
+            values = _with_forces_averaged(name, columns, self.t, self.period)
         if name in ("grip", "contact") and "drive" not in self.line.cars[of]:
-            values = _means_of_forces(name, values, self.t, self.period)  # a car that grips rings: means of means
+            values = _with_forces_averaged(name, values, self.t, self.period)  # a car that grips rings: means of means
         now = self.t == self.t[np.argmin(np.abs(self.t - number["t"]))]
         pick = np.max if word == "max" else np.min
         return [float(pick(values)), float(pick(values[:, now]))]
@@ -385,8 +385,8 @@ COLUMN_OF_QUANTITY = {
 }  # fmt: skip
 
 
-def _means_of_forces(name: str, values: Any, t: Array, period: float) -> Array:
-    """Some series (k, n); of forces means over a period."""
+def _with_forces_averaged(name: str, values: Any, t: Array, period: float) -> Array:
+    """Series (k, n) of a kind; those of forces averaged over a period, "load" as the length of its vector."""
     if name.startswith(("tension", "haul", "grip", "contact", "load", "wheel", "stress")):
         values = [_moving_mean(t, v, period) for v in values]
     return np.array([np.hypot(*values)] if name == "load" else values)

@@ -12,14 +12,14 @@ TEXTS = store.shipped_toml(__package__, "quantities.toml")
 KNOWN = TEXTS["main"] | TEXTS["more"]
 
 
-def key_numbers(design: list[dict[str, Any]], most: int = 8) -> list[dict[str, Any]]:
+def key_numbers(design: list[dict[str, Any]], max_count: int = 8) -> list[dict[str, Any]]:
     """The key numbers: the smallest clearance, with how many more there are, then forces, speed, the steeper end."""
     numbers = sorted((x for x in design if x["value"] is not None), key=lambda x: float(x["value"]))
     clearances = [x for x in numbers if x["quantity"].startswith("clearance_")]
     angles = [x for x in numbers if x["quantity"].startswith("angle_")]
     first = [clearances[0] | {"more": len(clearances) - 1}] if clearances else []
     by_name = {x["quantity"]: x for x in numbers if x not in angles[:-1]}
-    return [*first, *(by_name[quantity] for quantity in TEXTS["main"] if quantity in by_name)][:most]
+    return [*first, *(by_name[quantity] for quantity in TEXTS["main"] if quantity in by_name)][:max_count]
 
 
 def design_row_texts(number: dict[str, Any]) -> dict[str, str]:

@@ -61,12 +61,12 @@ class RunsOfMethod:
 
     def __init__(
         self, scene: Scene, method: str | Method, kind: dict[str, Any], view: View | None,
-        known: Sequence[Response] = (),
+        earlier_runs: Sequence[Response] = (),
     ) -> None:  # fmt: skip
         self.scene = scene
         self.method = find_method(method) if isinstance(method, str) else method
         self.view = view or View.of_scene(scene)
-        self.earlier = known
+        self.earlier = earlier_runs
         self.made = list[Run]()
         self.model = {key: kind[key] for key in RUN_OPTIONS if key in kind}
         self.settings = {key: value for key, value in kind.items() if key not in RUN_OPTIONS}
@@ -148,11 +148,11 @@ class RunsOfMethod:
 
 
 def run_with_error_bars(
-    scene: Scene, method: str | Method, *, progress: Progress | None = None, known: Sequence[Response] = (),
+    scene: Scene, method: str | Method, *, progress: Progress | None = None, earlier_runs: Sequence[Response] = (),
     view: View | None = None, **kind: Any,
 ) -> Ladder:  # fmt: skip
-    """The ladder of a run; `kind` as in `run`, `known` runs are reused."""
-    runs = RunsOfMethod(scene, method, kind, view, known)
+    """The ladder of a run; `kind` as in `run`, `earlier_runs` runs are reused."""
+    runs = RunsOfMethod(scene, method, kind, view, earlier_runs)
     ladder = runs.ladder(runs.method.settings_on(scene.groups, runs.settings))
     if progress is not None:
         progress(0.5)
@@ -214,7 +214,7 @@ def refined_until(
         finer = next_settings(method, ladder, now, budget)
         if finer is None:
             break
-        ladder = run_with_error_bars(scene, method, known=ladder.runs, **{**kind, **finer})
+        ladder = run_with_error_bars(scene, method, earlier_runs=ladder.runs, **{**kind, **finer})
     return ladder
 
 

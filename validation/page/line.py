@@ -14,7 +14,7 @@ from cablefem.scene.line import Line
 from validation.core import store
 from validation.core.limits import scope_sentences
 from validation.core.quantities import limit_text, unit_scale
-from validation.page import telling, terminal
+from validation.page import printing, terminal
 from validation.page.answer.many import LIMITS, Column, Columns, Row, point_label, table_of
 from validation.page.page import Section, limits_of, read_asset, render_sections, worst_verdict
 from validation.page.plot import BLACK, BLUE, COLORS, DASHED, DOTTED, GREY, Panel, draw_surroundings, plot
@@ -65,7 +65,7 @@ def largest_and_smallest_rows(design: Sequence[Row]) -> list[Row]:
 def print_line(line: Any, outcome: str, limits: Sequence[Row], printed: Sequence[Row], count: int) -> None:
     """Print outcome, limits, and the first 14 rows of design numbers, of `count` in the report."""
     terminal.print_text(f"{line.name}: {outcome}", style="bold")
-    telling.print_limits(line, limits)
+    printing.print_limits(line, limits)
     rows = printed[:14]
     heads = {"largest": "largest (cars at x [m])", "words": "quantity", "t": "at"}
     terminal.print_table([heads.get(name, name) for name in printed[0]], [list(row.values()) for row in rows])

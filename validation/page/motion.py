@@ -32,7 +32,7 @@ from validation.page.side_view import (
 WORDS: dict[str, Any] = tomllib.loads(read_asset("motion.toml"))
 ROWS: dict[str, str] = WORDS.pop("rows")
 GRIPS = " A car that grips rings with the rope: grip and contact force of it are means of such means."
-FEW = (
+TABLE_QUANTITIES = (
     "tension_max",
     "safety_factor_min",
     "clearance_rope",
@@ -75,21 +75,21 @@ def number_rows(design: Sequence[Row]) -> list[Row]:
         {
             "words": quantity_words(d["quantity"]),
             "value": quantity_text(d["value"], d["bar"], d["unit"]),
-            "t": _time_and_place(d),
+            "t": _time_and_position(d),
         }
         for d in ordered
     ]
 
 
-def _time_and_place(number: Row) -> str:
+def _time_and_position(number: Row) -> str:
     """Time of a number, and where its car is then."""
     at = "" if number["s_o"] is None else f", {number['s_o']:.1f} m along the rope"
     return f"{number['t']:.4g} s{at}"
 
 
 def motion_columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
-    """Columns of a table: varied values, design numbers of FEW, what became of each line."""
-    names = dict.fromkeys(name for row in rows for name in row if name.partition(":")[0] in FEW)
+    """Columns of a table: varied values, design numbers of TABLE_QUANTITIES, what became of each line."""
+    names = dict.fromkeys(name for row in rows for name in row if name.partition(":")[0] in TABLE_QUANTITIES)
     heads = {name: f"{quantity_words(name)} [{unit_of(name)}]".removesuffix(" []") for name in names}
     return columns_with_outcome(rows, keys, heads)
 

@@ -111,9 +111,9 @@ def with_limits(scene: Any, names: list[str] | None) -> Any:
 
     if not names:
         return scene
-    given = () if scene.limits is None else scene.limits.use
+    texts = () if scene.limits is None else scene.limits.use
     try:
-        return scene.replace({"limits.use": list(dict.fromkeys([*given, *names]))})
+        return scene.replace({"limits.use": list(dict.fromkeys([*texts, *names]))})
     except SceneError as error:
         raise store.Refused([fault.replace("limits.use", "--limits", 1) for fault in error.faults]) from None
 
@@ -122,7 +122,7 @@ def with_limits(scene: Any, names: list[str] | None) -> Any:
 class Point:
     """One point of the grid of --set: its values, its scene, settings of the method."""
 
-    given: dict[str, Any]
+    values: dict[str, Any]
     scene: Any  # Scene or Line
     settings: dict[str, Any]
 
@@ -138,8 +138,8 @@ def points_of(scene: Scene | Line, pairs: list[str] | None, cases: list[str] | N
         raise store.Refused(str(error)) from None
     out = []
     faults = []
-    for given in points:
-        of_scene, settings = grid.split_settings(given, ("gravity", "title"))
+    for values in points:
+        of_scene, settings = grid.split_settings(values, ("gravity", "title"))
         source = f"--set {', '.join(of_scene)}"
         if cases:
             name = settings.pop("case")
@@ -148,7 +148,7 @@ def points_of(scene: Scene | Line, pairs: list[str] | None, cases: list[str] | N
         faults += _faults_of_undotted_keys(settings, type(scene))
         try:
             changed = scene.replace(of_scene) if of_scene else scene
-            out.append(Point(given, changed, settings))
+            out.append(Point(values, changed, settings))
         except (SceneError, ValueError) as error:
             reasons = error.faults if isinstance(error, SceneError) else [str(error)]
             faults += [f"{source}: {reason}" for reason in reasons]
@@ -167,10 +167,10 @@ def line_points(
     from cablefem.scene.described import OF_ONE_SPAN
 
     points = points_of(line, pairs, cases)
-    given = [name for name, is_given in one_span_options.items() if is_given]
-    given += [f"--set {name}" for point in points for name in point.settings]
-    if given:
-        raise store.Refused(f"{given[0]}: {OF_ONE_SPAN}")
+    used = [name for name, is_used in one_span_options.items() if is_used]
+    used += [f"--set {name}" for point in points for name in point.settings]
+    if used:
+        raise store.Refused(f"{used[0]}: {OF_ONE_SPAN}")
     return points
 
 

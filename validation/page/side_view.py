@@ -18,10 +18,12 @@ from validation.page.plot import BLUE, VERMILLION, colour_map
 STATIONS = 101  # of the moving rope, at most, without the mass
 
 
-def side_view(scene: Scene, runs: Sequence[Response], *, range_T: tuple[float, float], party: Any = None) -> Markup:
+def side_view(
+    scene: Scene, runs: Sequence[Response], *, range_T: tuple[float, float], third_party: Any = None
+) -> Markup:
     """The side view of one or two runs; its section needs side_view.js among its scripts.
 
-    range_T : tensions [N] at the ends of the colour scale;  party : a third party's path.
+    range_T : tensions [N] at the ends of the colour scale;  third_party : a third party's path.
     """
     r = runs[0]
     s = r.fields.s[:: _station_stride(r)]
@@ -40,7 +42,7 @@ def side_view(scene: Scene, runs: Sequence[Response], *, range_T: tuple[float, f
         "cables": [
             _rope_frames(scene, run, color, *unit) for run, color in zip(runs, (BLUE, VERMILLION), strict=False)
         ],
-        "party": None if party is None else _third_party_path(scene, party),
+        "party": None if third_party is None else _third_party_path(scene, third_party),
     }
     return side_view_player(data, range_T, " and ".join(run.method for run in runs))
 
@@ -99,10 +101,10 @@ def packed_car_path(x: Array, y: Array, below: float) -> dict[str, Any]:
     return {"x": six_digits(x[at]), "y": six_digits(y[at]), "below": below}
 
 
-def _third_party_path(scene: Scene, party: Any) -> dict[str, Any]:
-    at = sparse_indices(party.t.size)
-    x = scene.catenary.x(party.s_o) if party.x is None else party.x
-    return {"name": party.method, "x": six_digits(x[at]), "y": six_digits(party.y[at])}
+def _third_party_path(scene: Scene, third_party: Any) -> dict[str, Any]:
+    at = sparse_indices(third_party.t.size)
+    x = scene.catenary.x(third_party.s_o) if third_party.x is None else third_party.x
+    return {"name": third_party.method, "x": six_digits(x[at]), "y": six_digits(third_party.y[at])}
 
 
 def _rope_frames(scene: Scene, r: Response, color: str, unit: float, unit_name: str) -> dict[str, Any]:

@@ -59,11 +59,11 @@ def level_scene(**groups: float) -> Scene:
 
 def run_on_level(method: str, scene: Groups | None = None, **how: Any) -> Response:
     """Run a method, or one with a planted fault, on the level scene."""
-    return _run_once(json.dumps([method, scene or {}, how]))
+    return _cached_run(json.dumps([method, scene or {}, how]))
 
 
 @cache
-def _run_once(key: str) -> Response:
+def _cached_run(key: str) -> Response:
     method, scene, how = json.loads(key)
     return running.run(level_scene(**scene), specimens.PLANTED.get(method, method), **how)
 

@@ -28,14 +28,14 @@ def implicit_floor(scene: Scene, *, elements: int = 10, steps: int = 480, repeat
     dt = system.phases[-1][1] / steps
     c = 0.25 * dt * dt, 0.5 * dt, 1.0
     grid = newmark.step_times(system, steps)
-    found = []
+    rows = []
     with threadpool_limits(1):
         for _ in range(repeats):
             work = newmark.Work()
             begin = time.perf_counter()
             advance = newmark.integrate(system, newmark.scheme("trapezoidal"), grid, work=work)
             x = next(x for x in advance if work.steps >= steps // 2)
-            whole = (time.perf_counter() - begin) / work.newton_iterations
+            full_iteration = (time.perf_counter() - begin) / work.newton_iterations
 
             def solver_iteration(x: newmark.State = x) -> None:
                 r, solve = system.linearise(x.t, x.q, x.v, x.a, x.phase, *c)
@@ -50,9 +50,9 @@ def implicit_floor(scene: Scene, *, elements: int = 10, steps: int = 480, repeat
             one, full, copied = (
                 timeit(job, job, number=200) / 200 for job in (solver_iteration, bare_solve, copy_arrays)
             )
-            found.append((full - copied, one, whole))
-    lone, one, whole = np.median(found, axis=0).tolist()
+            rows.append((full - copied, one, full_iteration))
+    lone, one, full_iteration = np.median(rows, axis=0).tolist()
     return {
         "method": "following-p2", "elements": elements, "steps": steps, "n_dof": n, "bare_solve": lone,
-        "iteration": one, "run_iteration": whole, "ratio": one / lone, "run_ratio": whole / lone,
+        "iteration": one, "run_iteration": full_iteration, "ratio": one / lone, "run_ratio": full_iteration / lone,
     }  # fmt: skip

@@ -41,13 +41,13 @@ from validation.page.page import versions
 from validation.peers import PEERS, PeerPath, reason_if_missing
 
 STOP = measures.WINDOW[1]
-SAID = store.shipped_toml(__package__, "chart.toml")
-REFERENCE = SAID["reference"]
-REFERENCE_OF_RIDES = SAID["reference_of_rides"]
-WITNESS = SAID["witness"]
-BASE = SAID["base"]
+SETTINGS = store.shipped_toml(__package__, "chart.toml")
+REFERENCE = SETTINGS["reference"]
+REFERENCE_OF_RIDES = SETTINGS["reference_of_rides"]
+WITNESS = SETTINGS["witness"]
+BASE = SETTINGS["base"]
 FINER = tuple(2.0 ** (0.5 * k) for k in range(-3, 4))  # over the default resolution
-WHOLE = ", whole"  # short, for legends
+FULL_PROGRAM = ", whole"  # short, for legends
 DENSE = tuple(2.0 ** (-0.25 * k) for k in range(8, -1, -1))  # shares of steps, for short runs
 
 
@@ -74,25 +74,25 @@ def chart(scene: Scene, out: Path, report: Progress = no_progress, *, repeats: i
     truth = _Reference.of(scene, before.get("reference"))
     rows: list[Row] = [r for r in before.get("rows", []) if r["status"] not in ("not run", "not installed")]
     todo = list(chart_series(scene.groups))
-    found = {
+    content = {
         "scene": scene.name, "scene_toml": scene.to_toml(), "drive": scene.groups.drive.mode,
         "machine": versions() | {"machine": platform.machine(), "threads": "1"}, "window": list(truth.window),
-        "reference": truth.told, "rows": rows,
+        "reference": truth.stored, "rows": rows,
     }  # fmt: skip
-    for i, line in enumerate(todo):
-        report(line.name, 0.05 + 0.85 * i / len(todo))
-        share = (6.0 if line.kind == "peer" else 1.5) * budget / len(todo)  # other codes are slow
-        rows += _missing_rows(scene, line, truth, rows, repeats, share)
-        if line.kind == "peer" and line.name + WHOLE not in {r["series"] for r in rows}:
-            rows += [_whole_program_row(r) for r in rows if r["series"] == line.name and r["wait"]]
-        write_json(path, found)
+    for i, series in enumerate(todo):
+        report(series.name, 0.05 + 0.85 * i / len(todo))
+        share = (6.0 if series.kind == "peer" else 1.5) * budget / len(todo)  # other codes are slow
+        rows += _missing_rows(scene, series, truth, rows, repeats, share)
+        if series.kind == "peer" and series.name + FULL_PROGRAM not in {r["series"] for r in rows}:
+            rows += [_full_program_row(r) for r in rows if r["series"] == series.name and r["wait"]]
+        write_json(path, content)
     if scene.groups.drive.mode == "grip":
         report("cost of a step", 0.9)
-        found["floor"] = before.get("floor") or implicit_floor(scene)
-    found["fastest"] = [fastest_methods(rows, error) for error in SAID["decades"]]
-    write_json(path, found)
+        content["floor"] = before.get("floor") or implicit_floor(scene)
+    content["fastest"] = [fastest_methods(rows, error) for error in SETTINGS["decades"]]
+    write_json(path, content)
     report("done", 1.0)
-    return found
+    return content
 
 
 def chart_series(groups: Groups) -> Iterator[Series]:
@@ -101,14 +101,14 @@ def chart_series(groups: Groups) -> Iterator[Series]:
 
     base = METHODS[BASE]
     for method in METHODS.values():
-        shares = DENSE if method is base else SAID["shares"]
+        shares = DENSE if method is base else SETTINGS["shares"]
         yield Series(method.name, "method", tuple(settings_ladder(method, shares)), method.name)
     for model in sorted(set(MODELS) - {"full"}, key=MODELS.index):
         yield Series(f"model {model}", "model", tuple(settings_ladder(base))[::4], BASE, model)
     yield from _other_scheme_series(base, base.settings_on(groups, {})["scheme"])
     for name in (BASE, WITNESS[0]):
-        yield Series(f"{name} --tol", "tolerance", tuple({"tol": tol} for tol in SAID["asked"]), name)
-    yield Series(f"{BASE} --tol{WHOLE}", "waiting", tuple({"tol": tol} for tol in SAID["asked"]), BASE)
+        yield Series(f"{name} --tol", "tolerance", tuple({"tol": tol} for tol in SETTINGS["asked"]), name)
+    yield Series(f"{BASE} --tol{FULL_PROGRAM}", "waiting", tuple({"tol": tol} for tol in SETTINGS["asked"]), BASE)
     for name, peer in PEERS.items():
         ours = (groups.drive.mode == "free" and peer.rides) or peer.ladder
         yield Series(name, "peer", tuple(dict(rung) for rung in ours))
@@ -119,15 +119,15 @@ def _other_scheme_series(base: Method, usual: str) -> Iterator[Series]:
     for scheme in SCHEMES:
         if scheme not in (usual, "central-difference"):
             # with fewer, Newton's method fails at wave fronts
-            few, least = (4, 150) if newmark.scheme(scheme).nodes else (1, 20)
-            rungs = [x | {"scheme": scheme, "steps": max(least, x["steps"] // few)} for x in settings_ladder(base)]
+            few, min_steps = (4, 150) if newmark.scheme(scheme).nodes else (1, 20)
+            rungs = [x | {"scheme": scheme, "steps": max(min_steps, x["steps"] // few)} for x in settings_ladder(base)]
             rungs = [x for i, x in enumerate(rungs) if x not in rungs[:i]]
             yield Series(f"scheme {scheme}", "integrator", tuple(rungs[::2]), BASE)
-    sharp = tuple({"elements": n, "steps": steps, "scheme": "radau"} for n, steps in SAID["sharp"])
+    sharp = tuple({"elements": n, "steps": steps, "scheme": "radau"} for n, steps in SETTINGS["sharp"])
     yield Series("following-p4 radau", "integrator", sharp, "following-p4")
 
 
-def settings_ladder(method: Method, shares: Sequence[float] = SAID["shares"]) -> Iterator[Row]:
+def settings_ladder(method: Method, shares: Sequence[float] = SETTINGS["shares"]) -> Iterator[Row]:
     """A method's settings from coarse to fine, around its defaults.
 
     Steps grow with the resolution, between linearly and as its square; then `shares` of them.
@@ -150,11 +150,11 @@ class _Reference:
 
     run: Response
     window: Window
-    told: Row
+    stored: Row
 
     @classmethod
-    def of(cls, scene: Scene, told: Row | None) -> _Reference:
-        """Run the reference; its error is that in `told`, or by coarser runs and the other solver.
+    def of(cls, scene: Scene, stored: Row | None) -> _Reference:
+        """Run the reference; its error is that in `stored`, or by coarser runs and the other solver.
 
         Raises ValueError if the reference ends early.
         """
@@ -164,20 +164,20 @@ class _Reference:
         if (reference.reason if stop is None else reference.reached < stop) and reference.slack_onset is None:
             raise ValueError(f"the chart's reference stopped at s_o/l = {reference.reached:.3f}: {reference.reason}")
         window = measures.common_window(reference)
-        if told is None:
+        if stored is None:
             other = run(scene, WITNESS[0], until=stop, **WITNESS[1])
             try:
                 witness = measures.path_gap(other, reference, window)[0]
             except NotComparable:
                 witness = None
-            bars = run_with_error_bars(scene, name, known=[reference], until=stop, **settings).finest
-            told = {
+            bars = run_with_error_bars(scene, name, earlier_runs=[reference], until=stop, **settings).finest
+            stored = {
                 "method": name, "settings": settings, "path_error": bars.path_error,
                 "tension_error": bars.tension_error, "witness": WITNESS[0], "witness_settings": WITNESS[1],
                 "witness_path": witness, "max_deflection": reference.max_deflection,
                 "slack_onset": reference.slack_onset,
             }  # fmt: skip
-        return cls(reference, window, told)
+        return cls(reference, window, stored)
 
     def status_and_errors(self, reached: float, reason: str | None, errors: Callable[[], dict[str, float]]) -> Row:
         """Status and errors of a run, or why there are none; a free ride may end before the window does."""
@@ -195,10 +195,10 @@ class _Reference:
     def peer_path_errors(self, p: PeerPath, scene: Scene) -> dict[str, float]:
         """Errors of another code's path, dimensionless."""
         t = scene.time_scale * p.t
-        place = np.stack(scene.groups.coordinates(p.s_o)) + np.stack([p.u, p.v])
+        path = np.stack(scene.groups.coordinates(p.s_o)) + np.stack([p.u, p.v])
         inside = (p.s_o >= self.window[0]) & (p.s_o <= self.window[1]) & (t <= self.run.t[-1])
         ours = CubicSpline(self.run.t, np.stack([self.run.x, self.run.y], axis=1))(t[inside])
-        gap = np.hypot(*(scene.length * place[:, inside] - ours.T)) / self.run.path_scale
+        gap = np.hypot(*(scene.length * path[:, inside] - ours.T)) / self.run.path_scale
         return {"path_error": float(gap.max()), "path_rms": float(np.sqrt(np.mean(gap**2)))}
 
 
@@ -208,127 +208,135 @@ def last_position(scene: Scene) -> float | None:
 
 
 def _missing_rows(
-    scene: Scene, line: Series, truth: _Reference, rows: list[Row], repeats: int, share: float
+    scene: Scene, series: Series, truth: _Reference, rows: list[Row], repeats: int, share: float
 ) -> list[Row]:
     """The missing rows of a series, while the next run is likely to fit into `share` [s]."""
-    done = [r["settings"] for r in rows if r["series"] == line.name]
-    absent = reason_if_missing(line.name) if line.kind == "peer" else None
-    if reason := absent or _refusal(scene, line):
+    done = [r["settings"] for r in rows if r["series"] == series.name]
+    absent = reason_if_missing(series.name) if series.kind == "peer" else None
+    if reason := absent or _refusal(scene, series):
         return (
-            [] if {} in done else [_chart_row(line, {}, status="not installed" if absent else "failed", reason=reason)]
+            []
+            if {} in done
+            else [_chart_row(series, {}, status="not installed" if absent else "failed", reason=reason)]
         )
-    missing = [x for x in line.rungs if x not in done]
-    if missing and line.kind not in ("tolerance", "waiting", "peer"):
-        _row_of_repeats(scene, line, missing[0], truth, 1, 0.0)  # the first run may compile
+    missing = [x for x in series.rungs if x not in done]
+    if missing and series.kind not in ("tolerance", "waiting", "peer"):
+        _row_of_repeats(scene, series, missing[0], truth, 1, 0.0)  # the first run may compile
     new = []
     last = 0.0
-    left = share
-    while missing and last <= left:
+    remaining = share
+    while missing and last <= remaining:
         begin = time.perf_counter()
-        row = _row_of_repeats(scene, line, missing.pop(0), truth, max(1, repeats), left)
-        left -= time.perf_counter() - begin
+        row = _row_of_repeats(scene, series, missing.pop(0), truth, max(1, repeats), remaining)
+        remaining -= time.perf_counter() - begin
         last = row["seconds"] or 0.0
         new.append(row)
     return new + [
-        _chart_row(line, rung, status="not run", reason="more than its share of the time") for rung in missing
+        _chart_row(series, rung, status="not run", reason="more than its share of the time") for rung in missing
     ]
 
 
-def _refusal(scene: Scene, line: Series) -> str | None:
+def _refusal(scene: Scene, series: Series) -> str | None:
     """Why a series cannot run the scene; None: it can."""
     try:
-        if line.method is not None:
-            Run(scene, line.method, model=line.model)
-        elif scene.groups.drive.mode != "grip" and not (scene.groups.drive.mode == "free" and PEERS[line.name].rides):
+        if series.method is not None:
+            Run(scene, series.method, model=series.model)
+        elif scene.groups.drive.mode != "grip" and not (scene.groups.drive.mode == "free" and PEERS[series.name].rides):
             return f"its mass grips the cable: it has no car that rolls (drive {scene.groups.drive.mode})"
     except ValueError as error:
         return str(error)
     return None
 
 
-def _chart_row(line: Series, settings: Row, **found: Any) -> Row:
+def _chart_row(series: Series, settings: Row, **results: Any) -> Row:
     empty = dict.fromkeys((
         "reason", "reached", "path_error", "path_rms", "tension_error", "seconds", "spread", "repeats", "n_dof",
         "steps", "newton_iterations", "factorisations", "unknown_steps", "wait",
     ))  # fmt: skip
-    known = {"series": line.name, "kind": line.kind, "method": line.method, "model": line.model, "settings": settings}
-    return known | empty | found
+    known = {
+        "series": series.name,
+        "kind": series.kind,
+        "method": series.method,
+        "model": series.model,
+        "settings": settings,
+    }
+    return known | empty | results
 
 
-def _row_of_repeats(scene: Scene, line: Series, rung: Row, truth: _Reference, repeats: int, left: float) -> Row:
+def _row_of_repeats(scene: Scene, series: Series, rung: Row, truth: _Reference, repeats: int, remaining: float) -> Row:
     """The row of a run: the best of separate repeats and their spread (slowest over best), as time allows.
 
     Short runs are repeated more often.
     """
-    measure = {"peer": _timed_peer_run, "waiting": _timed_command}.get(line.kind, _timed_run)
-    once = partial(measure, scene, line, rung, truth)
+    measure = {"peer": _timed_peer_run, "waiting": _timed_command}.get(series.kind, _timed_run)
+    timed = partial(measure, scene, series, rung, truth)
     try:
-        found, first = once()
+        results, first = timed()
     except (ValueError, TooCoarse) as error:
-        return _chart_row(line, rung, status="failed", reason=str(error))
+        return _chart_row(series, rung, status="failed", reason=str(error))
     seconds = [first]
-    while found["status"] == "ok" and sum(seconds) + first < left:
+    while results["status"] == "ok" and sum(seconds) + first < remaining:
         if len(seconds) >= repeats and (len(seconds) >= 3 * repeats or sum(seconds) > 0.2):
             break
-        seconds.append(once()[1])
+        seconds.append(timed()[1])
     spread = max(seconds) / min(seconds) if len(seconds) > 1 else None
-    return _chart_row(line, rung, **found, seconds=min(seconds), spread=spread, repeats=len(seconds))
+    return _chart_row(series, rung, **results, seconds=min(seconds), spread=spread, repeats=len(seconds))
 
 
-def _timed_run(scene: Scene, line: Series, rung: Row, truth: _Reference) -> tuple[Row, float]:
+def _timed_run(scene: Scene, series: Series, rung: Row, truth: _Reference) -> tuple[Row, float]:
     """Result and seconds of a run; by tolerance its seconds include all runs up to it."""
-    assert line.method is not None
+    assert series.method is not None
     if "tol" in rung:
         begin = time.process_time()
-        r = refine_to_tolerance(scene, line.method, rung["tol"], until=last_position(scene)).finest
+        r = refine_to_tolerance(scene, series.method, rung["tol"], until=last_position(scene)).finest
         seconds = time.process_time() - begin
-        found = {"bar": r.path_error, "chosen": METHODS[line.method].main_settings(r.settings)}
+        results = {"bar": r.path_error, "chosen": METHODS[series.method].main_settings(r.settings)}
     else:
-        r = run(scene, line.method, model=line.model, until=last_position(scene), **rung)
-        found = {}
+        r = run(scene, series.method, model=series.model, until=last_position(scene), **rung)
+        results = {}
         seconds = r.seconds
     work = {name: r.work[name] for name in ("steps", "newton_iterations", "factorisations")}
-    found |= work | {"reached": r.reached, "n_dof": r.n_dof, "unknown_steps": r.work["steps"] * r.n_dof}
-    return found | truth.status_and_errors(r.reached, r.reason, lambda: truth.run_errors(r)), seconds
+    results |= work | {"reached": r.reached, "n_dof": r.n_dof, "unknown_steps": r.work["steps"] * r.n_dof}
+    return results | truth.status_and_errors(r.reached, r.reason, lambda: truth.run_errors(r)), seconds
 
 
-def _timed_peer_run(scene: Scene, line: Series, rung: Row, truth: _Reference) -> tuple[Row, float]:
+def _timed_peer_run(scene: Scene, series: Series, rung: Row, truth: _Reference) -> tuple[Row, float]:
     stop = last_position(scene)
     groups = scene.groups if stop is None else groups_until(scene.groups, stop)
     wall = time.perf_counter()
     own = time.process_time()
     try:
         with threadpool_limits(1):
-            p = PEERS[line.name].run(groups, **rung)
+            p = PEERS[series.name].run(groups, **rung)
     except Exception as error:  # other codes' failures
         raise ValueError(f"{type(error).__name__}: {error}") from error
     own = time.process_time() - own
     share = min(1.0, own / (time.perf_counter() - wall))  # of the processor
-    found = truth.status_and_errors(p.reached, p.note, lambda: truth.peer_path_errors(p, scene))
-    found["wait"] = own + _import_time(PEERS[line.name].module)
-    return {"steps": p.t.size - 1, "reached": p.reached, **found}, share * p.seconds
+    results = truth.status_and_errors(p.reached, p.note, lambda: truth.peer_path_errors(p, scene))
+    results["wait"] = own + _import_time(PEERS[series.name].module)
+    return {"steps": p.t.size - 1, "reached": p.reached, **results}, share * p.seconds
 
 
-def _whole_program_row(row: Row) -> Row:
+def _full_program_row(row: Row) -> Row:
     """The row of another code with the time of all of its program."""
-    return row | {"series": row["series"] + WHOLE, "kind": "waiting", "seconds": row["wait"], "spread": None}
+    return row | {"series": row["series"] + FULL_PROGRAM, "kind": "waiting", "seconds": row["wait"], "spread": None}
 
 
-def _timed_command(scene: Scene, line: Series, rung: Row, truth: _Reference) -> tuple[Row, float]:
+def _timed_command(scene: Scene, series: Series, rung: Row, truth: _Reference) -> tuple[Row, float]:
     """Result and processor time of `cablefem run --tol`, with its bars, files and page."""
-    assert line.method is not None
+    assert series.method is not None
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "scene.toml"
         write_text(file, scene.to_toml())
-        told = ["--method", line.method, "--tol", repr(rung["tol"]), "--out", str(Path(folder) / "out")]
-        seconds = _processor_time("-m", "validation.cli", "run", str(file), *told)
+        arguments = ["--method", series.method, "--tol", repr(rung["tol"]), "--out", str(Path(folder) / "out")]
+        seconds = _processor_time("-m", "validation.cli", "run", str(file), *arguments)
         try:
-            r = Response.read(Path(folder) / "out" / line.method)
+            r = Response.read(Path(folder) / "out" / series.method)
         except FileNotFoundError:
             raise ValueError("the command wrote no response") from None
-    found = truth.status_and_errors(r.reached, r.reason, lambda: truth.run_errors(r))
-    found |= {"bar": r.path_error, "chosen": METHODS[line.method].main_settings(r.settings), "reached": r.reached}
-    return found, seconds
+    results = truth.status_and_errors(r.reached, r.reason, lambda: truth.run_errors(r))
+    results |= {"bar": r.path_error, "chosen": METHODS[series.method].main_settings(r.settings), "reached": r.reached}
+    return results, seconds
 
 
 def _processor_time(*arguments: str) -> float:
@@ -344,9 +352,9 @@ def _import_time(module: str) -> float:
     return _processor_time("-c", f"import {module}")
 
 
-def groups_until(groups: Groups, place: float) -> Groups:
+def groups_until(groups: Groups, position: float) -> Groups:
     motion = groups.motion
     assert motion is not None
-    if place >= motion.end:
+    if position >= motion.end:
         return groups
-    return replace(groups, motion=replace(motion.until(motion.time_at(place)), end=place))
+    return replace(groups, motion=replace(motion.until(motion.time_at(position)), end=position))

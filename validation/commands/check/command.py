@@ -55,20 +55,20 @@ def command(
     if (line := options.line_named(scene)) is not None:
         others = {"--ask": ask != "all", "--with": other is not None, "--deep": deep, "--verbose": verbose}
         points = options.line_points(options.with_limits(line, limits), set_, case, others)
-        told = _scene_of_second_solver(points[0].scene, second, second_set)
-        return _check_line(points, tol, tol_tension, out, told, require, self_test, sensitive)
+        second_scene = _scene_of_second_solver(points[0].scene, second, second_set)
+        return _check_line(points, tol, tol_tension, out, second_scene, require, self_test, sensitive)
     faults = _tolerance_faults(tol, tol_tension, with_tol, ask)
     loaded = options.with_limits(options.scene_named(scene, faults, travelling=True), limits)
     points = _scene_points(loaded, set_, case)
-    asked = {"tol": 1e-3 if tol is None else tol, "tol_tension": tol_tension, "ask": ask}
+    settings = {"tol": 1e-3 if tol is None else tol, "tol_tension": tol_tension, "ask": ask}
     if len(points) > 1:
         if other is not None:
             raise store.Refused("--with: holds one path against one scene; leave it out of a grid")
-        return _check_grid(loaded, points, out, require, **asked)
+        return _check_grid(loaded, points, out, require, **settings)
     loaded = points[0].scene
     third = None if other is None else (_read_third_party(other, loaded), with_tol)
     result, folder = _check_and_write(
-        loaded, third, out, deep=deep, second=_scene_of_second_solver(loaded, second, second_set), **asked
+        loaded, third, out, deep=deep, second=_scene_of_second_solver(loaded, second, second_set), **settings
     )
     return _report_check(result, folder, verbose, sensitive, require, self_test)
 
@@ -86,7 +86,7 @@ def _report_check(result: "Check", folder: Path, verbose: bool, sensitive: bool,
     from validation.commands.check import words
     from validation.core import limits as judge
     from validation.core.readback import StoredResults
-    from validation.page import report, telling
+    from validation.page import printing, report
 
     with terminal.copy_printed() as lines:
         words.print_check(result, verbose)
@@ -97,7 +97,7 @@ def _report_check(result: "Check", folder: Path, verbose: bool, sensitive: bool,
     a = result.a.finest
     b = result.b.finest
     terminal.print_text(f"  written to {folder}: report.html, {a.method}/, {b.method}/")
-    broken = telling.exit_code_of_runs(a, b)
+    broken = printing.exit_code_of_runs(a, b)
     wrong = (
         0
         if broken
@@ -174,7 +174,7 @@ def _read_third_party(file: Path, scene: Any) -> Any:
 
 
 def _check_and_write(
-    scene: Any, third: tuple[Any, float] | None, out: Path | None, **asked: Any
+    scene: Any, third: tuple[Any, float] | None, out: Path | None, **settings: Any
 ) -> "tuple[Check, Path]":
     """Check a scene, write and draw everything; return the check and its folder; third : a path and its tolerance."""
     from validation.commands.check import study
@@ -185,7 +185,7 @@ def _check_and_write(
 
     folder = store.claim_folder(out, "check", scene, ["agreement.json", "scene.toml", "with.csv", *CHECKED])
     with terminal.progress_bars() as progress:
-        result = study.check(scene, progress=progress, **asked)
+        result = study.check(scene, progress=progress, **settings)
         progress("writing", 0.0)
         (folder / "with.csv").unlink(missing_ok=True)
         if third is not None:
@@ -223,16 +223,16 @@ def _write_animations(folder: Path, runs: "tuple[Response, ...]") -> None:
         paraview.write_animation(run, folder / run.method)
 
 
-def _check_grid(scene: Any, points: list[options.Point], out: Path | None, require: bool, **asked: Any) -> int:
+def _check_grid(scene: Any, points: list[options.Point], out: Path | None, require: bool, **settings: Any) -> int:
     """Check every point of a grid; 1 unless all agree."""
     from validation.commands.check import study
     from validation.core.limits import columns_fail
     from validation.page.answer import many
 
     def row_and_path(point: options.Point) -> tuple[dict[str, Any], Any]:
-        found = study.check(point.scene, **asked)
-        r = replace(found.a.finest, design=found.design)
-        return many.table_row(point.scene, r, found.verdict.value), many.path_columns(r)
+        result = study.check(point.scene, **settings)
+        r = replace(result.a.finest, design=result.design)
+        return many.table_row(point.scene, r, result.verdict.value), many.path_columns(r)
 
     rows = many.answer_grid("check", "grid-check", scene, points, out, row_and_path, many.run_columns)
     if require and columns_fail(rows):

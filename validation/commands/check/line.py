@@ -178,9 +178,9 @@ def check_line(
     """
     refuse_tolerances(tol, tol_tension)
     tol_tension = tol if tol_tension is None else tol_tension
-    given = line
+    checked = line
     line = with_worst_positions(line)
-    if second is not None and line is not given:
+    if second is not None and line is not checked:
         car = line.car[0]
         second = second.replace({f"car.{car.name}.at": list(car.at or ())})
     both = refine_both(line, second or line, tol, tol_tension)
@@ -194,10 +194,10 @@ def check_line(
 
 def design_with_bars(design: Sequence[Row], coarser: Sequence[Row], other: Sequence[Row]) -> list[Row]:
     """Design numbers with bars: the change from the coarser answer, at least the gap to the other solver."""
-    known = [{d["quantity"]: d["value"] for d in x} for x in (coarser, other)]
+    values = [{d["quantity"]: d["value"] for d in x} for x in (coarser, other)]
     out = []
     for d in design:
-        bars = [abs(d["value"] - x[d["quantity"]]) for x in known if d["quantity"] in x]
+        bars = [abs(d["value"] - x[d["quantity"]]) for x in values if d["quantity"] in x]
         out.append({**d, "bar": max(bars, default=None)})
     return out
 

@@ -34,7 +34,7 @@ def sections(folder: Path) -> list[Section]:
     return render_sections(
         __package__, **answer_content(x) | {"verdict": deciding_verdict(own) or "not comparable"},
         words=WORDS, named=_comparison_name, said=agreement_sentence(own), doubts=x.agreement.get("doubts", []),
-        third=third_party_verdict(x.rows, x.party.method) if x.party else None,
+        third=third_party_verdict(x.rows, x.third_party.method) if x.third_party else None,
         groups=_group_rows(x.rows),
         distance=draw.plot_path_distance(x) if len(x.runs) > 1 else "",
     )  # fmt: skip
@@ -42,16 +42,18 @@ def sections(folder: Path) -> list[Section]:
 
 def agreement_sentence(rows: list[dict[str, Any]]) -> str:
     """One sentence: how many asked rows agree, by kind: two solvers, laws of one answer, printed numbers."""
-    asked = [row for row in rows if row.get("asked", True)]
+    deciding = [row for row in rows if row.get("asked", True)]
     groups = WORDS["groups"]
     named = {name for kind in WORDS["sure"].values() for group in kind["groups"] for name in groups[group]}
-    said = []
+    parts = []
     for kind, how in WORDS["sure"].items():
         quantities = {name for group in how["groups"] for name in groups[group]}
-        part = [row for row in asked if (row["quantity"] in quantities if quantities else row["quantity"] not in named)]
+        part = [
+            row for row in deciding if (row["quantity"] in quantities if quantities else row["quantity"] not in named)
+        ]
         if part:
-            said.append(_held_text(kind, how["hold"], part))
-    return f"{'; '.join(said)}." if said else "Nothing could be compared."
+            parts.append(_held_text(kind, how["hold"], part))
+    return f"{'; '.join(parts)}." if parts else "Nothing could be compared."
 
 
 def _held_text(kind: str, hold: str, rows: list[dict[str, Any]]) -> str:
@@ -71,9 +73,9 @@ def deciding_verdict(rows: list[dict[str, Any]]) -> str | None:
     return worst_verdict(row for row in rows if row.get("asked", True))
 
 
-def third_party_verdict(rows: list[dict[str, Any]], party: str) -> tuple[str, str]:
+def third_party_verdict(rows: list[dict[str, Any]], name: str) -> tuple[str, str]:
     """The verdict on a third party, and a sentence with the one change that would make it agree."""
-    theirs = [row for row in rows if row.get("with") == party]
+    theirs = [row for row in rows if row.get("with") == name]
     worst = deciding_verdict(theirs) or "not comparable"
     notes = [note for row in theirs for note in row.get("notes", ())]
     return worst, "; ".join([WORDS["third"][worst], *dict.fromkeys(notes)]) + "."
@@ -87,10 +89,10 @@ def _group_rows(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _group_row(group: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
-    asked = [row for row in rows if row.get("asked", True)]
-    worst = deciding_verdict(asked)
-    bad = "; ".join(_comparison_name(row) for row in asked if row["verdict"] != "agree")
-    return {"group": group, "verdict": worst, "words": _verdict_counts(asked) + (f" ({bad})" if bad else "")}
+    deciding = [row for row in rows if row.get("asked", True)]
+    worst = deciding_verdict(deciding)
+    bad = "; ".join(_comparison_name(row) for row in deciding if row["verdict"] != "agree")
+    return {"group": group, "verdict": worst, "words": _verdict_counts(deciding) + (f" ({bad})" if bad else "")}
 
 
 def _comparison_name(row: dict[str, Any]) -> str:

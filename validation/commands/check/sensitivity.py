@@ -88,9 +88,9 @@ def _gap_or_zero(quantity: Any, changed: Any, base: Any, view: View) -> float:
         return 0.0
 
 
-def noticed_sentence(found: dict[str, float]) -> str:
-    parts = [f"{key} {100.0 * fault:.2g} %" for key, fault in found.items() if fault >= DIGITS]
-    exact = [key for key, fault in found.items() if fault < DIGITS]
+def noticed_sentence(gaps: dict[str, float]) -> str:
+    parts = [f"{key} {100.0 * fault:.2g} %" for key, fault in gaps.items() if fault >= DIGITS]
+    exact = [key for key, fault in gaps.items() if fault < DIGITS]
     if exact:
         parts = [f"any change of {', '.join(exact)}", *parts]
     return f"would notice: {', '.join(parts)}" if parts else "would notice no fault of a key of the scene"

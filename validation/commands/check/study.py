@@ -54,7 +54,7 @@ from validation.core.store import Refused
 from validation.core.view import View
 
 SHARES = {"elements": 1.0, "galerkin": 5.0}  # of the tolerance: dense bases cost about as much more
-ASKED = {"all": (), "path": ("path_max", "path_rms", "place", "speed")}  # rows that decide; (): all
+DECIDING_QUANTITIES = {"all": (), "path": ("path_max", "path_rms", "place", "speed")}  # rows that decide; (): all
 CONFIRMS = 1.5  # factor on resolution and steps of both before they count as different
 
 Settings = dict[str, Any]
@@ -99,8 +99,8 @@ class Check:
         return doubt_flags(self.a.finest, self.b.finest)
 
     def __repr__(self) -> str:
-        said = outcome_of_run(self.scene, self.a.finest).sentence
-        return f"Check({self.scene.name}: {self.verdict.value}, {len(self.rows)} rows, tol = {self.tol:g}; {said})"
+        outcome = outcome_of_run(self.scene, self.a.finest).sentence
+        return f"Check({self.scene.name}: {self.verdict.value}, {len(self.rows)} rows, tol = {self.tol:g}; {outcome})"
 
     def _repr_html_(self) -> str:
         from validation.page.page import table_by_heading  # for notebooks alone
@@ -153,14 +153,14 @@ def check(
     """
     refuse_out_of_range("tol", tol, TOL_LOW, TOL_HIGH)
     refuse_out_of_range("tol_tension", tol_tension, 1e-6, 1.0)
-    if ask not in ASKED:
-        raise ValueError(f"ask = {short_text(ask)}: unknown.{did_you_mean(str(ask), ASKED)}")
+    if ask not in DECIDING_QUANTITIES:
+        raise ValueError(f"ask = {short_text(ask)}: unknown.{did_you_mean(str(ask), DECIDING_QUANTITIES)}")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     sides = _methods_on_scenes((scene, second or scene), methods or checking_pair(scene.groups), tol, until)
     (first, other), rows = _refine_and_compare(scene, sides, tol, tol_tension, ask, progress)
     own = _with_design_and_events(first, other), _with_design_and_events(other, first)
     rows += design_gap_rows(*own, tolerance_of("rest", tol, tol_tension))
-    a, b = (_with_widened_bars(x, twin, rows) for x, twin in (own, own[::-1]))
+    a, b = (_with_widened_bars(x, counterpart, rows) for x, counterpart in (own, own[::-1]))
     static = quasi_static_events(scene, a.finest.max_deflection)
     rows += quasi_static_rows(a, static, tolerance_of("rest", tol, tol_tension))
     rows += decided_by(recheck_outputs(scene, a.finest, b.finest), ask)
@@ -173,7 +173,7 @@ def check(
 
 def decided_by(rows: Iterable[Agreement], ask: str) -> list[Agreement]:
     """The rows, of which those that `ask` does not name are shown only."""
-    names = ASKED[ask]
+    names = DECIDING_QUANTITIES[ask]
     return [replace(row, decides=row.decides and (not names or row.quantity in names)) for row in rows]
 
 
@@ -215,17 +215,19 @@ class _MethodOnScene:
         if settings is None:
             return before
         report = partial(progress, self.method.name)
-        return run_with_error_bars(self.scene, self.method, known=before.runs, progress=report, **self.ends, **settings)
+        return run_with_error_bars(
+            self.scene, self.method, earlier_runs=before.runs, progress=report, **self.ends, **settings
+        )
 
 
 def _methods_on_scenes(
     scenes: tuple[Scene, Scene], methods: Sequence[str | Method], tol: float, until: float | None
 ) -> list[_MethodOnScene]:
-    found = [find_method(m) if isinstance(m, str) else m for m in methods]
-    shares = [SHARES.get(m.wing, 1.0) for m in found]
+    loaded = [find_method(m) if isinstance(m, str) else m for m in methods]
+    shares = [SHARES.get(m.wing, 1.0) for m in loaded]
     ends = {} if until is None else {"until": until}
     budget = BUDGET * max(1.0, DEFAULT_TOL / 3.0 / tol)
-    each = zip(scenes, found, shares, strict=True)
+    each = zip(scenes, loaded, shares, strict=True)
     return [_MethodOnScene(scene, m, tol * share / sum(shares), budget, ends) for scene, m, share in each]
 
 
@@ -308,14 +310,15 @@ def _import_judge() -> None:
         importlib.import_module(f"validation.{name}")
 
 
-def _with_design_and_events(ladder: Ladder, twin: Ladder) -> Ladder:
+def _with_design_and_events(ladder: Ladder, counterpart: Ladder) -> Ladder:
     """The ladder with design numbers and events of its finest run."""
     return replace(
-        ladder, finest=replace(ladder.finest, design=design_numbers(ladder, twin), events=events_with_bars(ladder))
+        ladder,
+        finest=replace(ladder.finest, design=design_numbers(ladder, counterpart), events=events_with_bars(ladder)),
     )
 
 
-def _with_widened_bars(ladder: Ladder, twin: Ladder, rows: list[Agreement]) -> Ladder:
+def _with_widened_bars(ladder: Ladder, counterpart: Ladder, rows: list[Agreement]) -> Ladder:
     """The ladder with bars of its finest run that are at least the gap to the other solver."""
     gap = {row.quantity: row.gap for row in rows if not row.law and math.isfinite(row.gap)}
 
@@ -323,8 +326,8 @@ def _with_widened_bars(ladder: Ladder, twin: Ladder, rows: list[Agreement]) -> L
         return None if error is None else max(error, gap.get(quantity, 0.0))
 
     run = replace(
-        ladder.finest, design=widened_numbers(ladder.finest.design, twin.finest.design),
-        events=widened_events(ladder.finest.events, twin.finest.events),
+        ladder.finest, design=widened_numbers(ladder.finest.design, counterpart.finest.design),
+        events=widened_events(ladder.finest.events, counterpart.finest.events),
         path_error=at_least(ladder.finest.path_error, "path_max"),
         tension_error=at_least(ladder.finest.tension_error, "tension"),
     )  # fmt: skip

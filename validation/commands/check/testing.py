@@ -13,10 +13,10 @@ from validation.core.agreement import Agreement, Verdict, overall_verdict
 from validation.core.foreign import WITH_TOL
 from validation.core.store import Refused
 
-Tell = Callable[[str, str], None]  # subject and verdict
+Report = Callable[[str, str], None]  # subject and verdict
 
 
-def reporting_assert_agree(tell: Tell) -> Callable[..., list[Agreement]]:
+def reporting_assert_agree(report: Report) -> Callable[..., list[Agreement]]:
     """`assert_agree` that tells."""
 
     def asserted(a: Any, b: Any, **bounds: Any) -> list[Agreement]:
@@ -26,15 +26,15 @@ def reporting_assert_agree(tell: Tell) -> Callable[..., list[Agreement]]:
         try:
             rows = assertions.assert_agree(a, b, **bounds)
         except AssertionError as error:
-            tell(f"{names}: {str(error).splitlines()[-1].strip()}", "disagree")
+            report(f"{names}: {str(error).splitlines()[-1].strip()}", "disagree")
             raise
-        tell(f"{names}: {_worst_row_text(rows)}", "agree")
+        report(f"{names}: {_worst_row_text(rows)}", "agree")
         return rows
 
     return asserted
 
 
-def reporting_check(tell: Tell, kept: dict[Any, Any]) -> Callable[..., Any]:
+def reporting_check(report: Report, earlier_checks: dict[Any, Any]) -> Callable[..., Any]:
     """`check` or `check_solver` that asserts and tells; checks are kept."""
 
     def checked(scene: Any, solver: Any = None, *, tol: float | None = None, with_tol: float = WITH_TOL) -> Any:
@@ -47,22 +47,22 @@ def reporting_check(tell: Tell, kept: dict[Any, Any]) -> Callable[..., Any]:
         if isinstance(scene, Line) and solver is not None:
             raise Refused(f"{scene.name}: a solver of your own is compared on one span, this is a line of contacts")
         key = (scene.to_toml(), tol)
-        if key not in kept:
+        if key not in earlier_checks:
             judge: Any = validation.check
-            kept[key] = judge(scene) if tol is None else judge(scene, tol=tol)
-        result = kept[key]
+            earlier_checks[key] = judge(scene) if tol is None else judge(scene, tol=tol)
+        result = earlier_checks[key]
         rows = result.rows
-        party = " and ".join(result.methods)
+        names = " and ".join(result.methods)
         if solver is not None:  # its rows, and whether a path was comparable
             try:
                 result = check_solver(scene, solver, with_tol=with_tol, ours=result)
             except Refused as refused:  # without the library's source
                 raise Refused(refused.faults) from None
             rows = [row for row in result.rows if row.third_party or row.quantity == "path_max"]
-            party = rows[-1].third_party
+            names = rows[-1].third_party
         verdict = overall_verdict(rows)
         theirs = [row for row in rows if row.third_party]
-        tell(f"{scene.name}, {party}: {_worst_row_text(theirs or rows)}", verdict.value)
+        report(f"{scene.name}, {names}: {_worst_row_text(theirs or rows)}", verdict.value)
         if verdict is not Verdict.AGREE:
             failed = [f"  {assertions.agreement_text(row)}" for row in rows if row.verdict is not Verdict.AGREE]
             raise AssertionError("\n".join([f"{scene.name}: {verdict.value}", *failed]))

@@ -5,23 +5,23 @@ from dataclasses import replace
 from validation.commands.check.page import agreement_sentence, third_party_verdict
 from validation.commands.check.study import Check
 from validation.core.agreement import Verdict
-from validation.page import telling, terminal
+from validation.page import printing, terminal
 
 
 def print_check(result: Check, verbose: bool = False) -> None:
     """Print the verdict, important numbers, and their certainty."""
     terminal.print_verdict(result.own_verdict.value)
-    telling.print_answer(result.scene, replace(result.a.finest, design=result.design))
+    printing.print_answer(result.scene, replace(result.a.finest, design=result.design))
     if ends := [x for x in result.quasi_static if x["event"] in ("arrival", "back", "stop")]:
         terminal.print_text("  by the quasi-static model, without the inertia of the rope:")
-        telling.print_last_events(ends[-1:])
+        printing.print_last_events(ends[-1:])
     rows = [row.to_json() for row in result.rows]
     terminal.print_text(f"  {agreement_sentence([row for row in rows if not row.get('with')])}")
-    for party in dict.fromkeys(row["with"] for row in rows if row.get("with")):
-        worst, said = third_party_verdict(rows, party)
-        terminal.print_text(f"  {party}: {said}", style=terminal.STYLES[worst])
+    for name in dict.fromkeys(row["with"] for row in rows if row.get("with")):
+        worst, sentence = third_party_verdict(rows, name)
+        terminal.print_text(f"  {name}: {sentence}", style=terminal.STYLES[worst])
     for method, flag in result.doubts:
         terminal.print_text(f"  {method}: {flag}", style="yellow")
     if shown := [row for row in result.rows if verbose or (row.decides and row.verdict is not Verdict.AGREE)]:
         terminal.print_text()
-        telling.print_rows(shown)
+        printing.print_rows(shown)

@@ -44,17 +44,17 @@ def command(
 
     condition.parse_condition(so_that)
     how: Any = {"so_that": so_that, "model": model, "all_of": dict(map(_key_and_values, all_of or []))}
-    found = points[0].scene
+    loaded = points[0].scene
     writes = ["find.json"] if other is None else ["find.csv", "find.json"]
-    with options.writing_results(out, "find", found, writes) as folder:
+    with options.writing_results(out, "find", loaded, writes) as folder:
         result: Any
         try:
             with terminal.progress_bars() as progress:
                 how["progress"] = progress
                 if other is None:
-                    result = study.find(found, {name: ends}, check=check, **how)
+                    result = study.find(loaded, {name: ends}, check=check, **how)
                 else:
-                    result = study.find_curve(found, {name: ends}, *_key_and_values(other), **how)
+                    result = study.find_curve(loaded, {name: ends}, *_key_and_values(other), **how)
         except study.Interrupted as stop:
             result = stop.found
         result.write(folder)

@@ -10,19 +10,19 @@ from validation.page.plot import BLUE, Panel, plot
 
 
 def sections(folder: Path) -> list[Section]:
-    found = store.read_json(folder / "find.json")
-    rows = found.get("rows", [])
+    stored = store.read_json(folder / "find.json")
+    rows = stored.get("rows", [])
     figure = ""
     points = [(row["at"], row["value"]) for row in rows if row["value"] is not None]
     if len(points) > 1:
         x, y = np.array(points, float).T
-        p = Panel(found["key"], "", 220.0)
+        p = Panel(stored["key"], "", 220.0)
         p.add_curve(x, y, BLUE, "", 1.8)
         p.fit_axis([y])
-        figure = plot([p], (float(x.min()), float(x.max())), found["for"], f"{found['key']} over {found['for']}.")
-    for row in found.get("evaluations", []):
+        figure = plot([p], (float(x.min()), float(x.max())), stored["for"], f"{stored['key']} over {stored['for']}.")
+    for row in stored.get("evaluations", []):
         row["said"] = "; ".join(_observed_text(x) for of_scene in row["read"] for x in of_scene)
-    return render_sections(__package__, found=found, rows=rows, figure=figure)
+    return render_sections(__package__, found=stored, rows=rows, figure=figure)
 
 
 def _observed_text(read: float | str | None) -> str:

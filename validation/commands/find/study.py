@@ -63,7 +63,7 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Found:
+class FindResult:
     """The answer to an inverse question."""
 
     key: str
@@ -139,7 +139,7 @@ def find(
     of: Scene | Line | str | Path, keys: Mapping[str, Sequence[float]], *, so_that: str,
     model: str = "quasi-static", all_of: Mapping[str, Sequence[Any]] | None = None, check: bool = True,
     progress: Progress = no_progress,
-) -> Found:  # fmt: skip
+) -> FindResult:  # fmt: skip
     """The value of one key, from low to high, at which a condition begins or ceases to hold.
 
     of : a scene, a line, a built-in name or a file.
@@ -163,16 +163,16 @@ def find(
                 changes.append(search.bisect_change(a, b))
         changes = [search.change_with_bar(change, check) for change in changes]
     except KeyboardInterrupt:
-        raise Interrupted(Found(key, so_that, changes, search.tried_rows(), interrupted=True)) from None
-    return Found(key, so_that, changes, search.tried_rows())
+        raise Interrupted(FindResult(key, so_that, changes, search.tried_rows(), interrupted=True)) from None
+    return FindResult(key, so_that, changes, search.tried_rows())
 
 
 class Interrupted(KeyboardInterrupt):
     """A search that was interrupted; `found` is what it had computed."""
 
-    def __init__(self, found: Found | Curve) -> None:
+    def __init__(self, result: FindResult | Curve) -> None:
         super().__init__()
-        self.found = found
+        self.found = result
 
 
 @dataclass
@@ -184,7 +184,7 @@ class _Search:
     all_of: Mapping[str, Sequence[Any]]
     progress: Progress
     width: float  # of the range
-    known: dict[float, list[Answer]] = field(default_factory=dict)
+    answers_by_value: dict[float, list[Answer]] = field(default_factory=dict)
 
     def scenes(self, value: float) -> list[Any]:
         """Scenes at a value of the key, one for each combination of `all_of`."""
@@ -193,19 +193,23 @@ class _Search:
 
     def answers_of_scenes(self, value: float) -> list[Answer]:
         """Answers at a value of the key; a scene or run that fails says why."""
-        if value not in self.known:
+        if value not in self.answers_by_value:
             try:
                 only_events = all(clause.of_event for clause in self.clauses)
-                self.known[value] = [answer_by_model(scene, self.model, only_events) for scene in self.scenes(value)]
+                self.answers_by_value[value] = [
+                    answer_by_model(scene, self.model, only_events) for scene in self.scenes(value)
+                ]
             except (SceneError, Refused, ArithmeticError) as error:
-                self.known[value] = [replace(NONE, sentence=str(error).splitlines()[0])]
-            self.progress(f"{self.key} = {value:.6g}", min(0.9, len(self.known) / (BRACKETS + HALVINGS + 1.0)))
-        return self.known[value]
+                self.answers_by_value[value] = [replace(NONE, sentence=str(error).splitlines()[0])]
+            self.progress(
+                f"{self.key} = {value:.6g}", min(0.9, len(self.answers_by_value) / (BRACKETS + HALVINGS + 1.0))
+            )
+        return self.answers_by_value[value]
 
     def tried_rows(self) -> list[dict[str, Any]]:
         """What happens at each value that was tried."""
         rows = []
-        for value, answers in sorted(self.known.items()):
+        for value, answers in sorted(self.answers_by_value.items()):
             sentence = "; ".join(dict.fromkeys(answer.sentence for answer in answers))
             read = [[clause.observed_value(answer) for clause in self.clauses] for answer in answers]
             rows.append({"value": value, "holds": self.condition_holds(value), "outcome": sentence, "read": read})
@@ -300,7 +304,7 @@ class _Search:
 
     def _with_confirmed_range(self, change: Change) -> Change:
         """The change with half of a range at whose ends the full model says the same; without one if none was found."""
-        full = replace(self, model="full", known={})
+        full = replace(self, model="full", answers_by_value={})
         side = math.copysign(1.0, change.fails_at - change.holds_at)
         for k in range(WIDENINGS):
             half = self.width / 2.0 ** (WIDENINGS - k)
@@ -332,8 +336,8 @@ def answer_by_model(scene: Any, model: str, only_events: bool = False, bars: boo
     if isinstance(scene, Line):
         from validation import run_with_bars
 
-        found: Any = run_with_bars(scene)
-        return _answer_of_line(found)
+        answer: Any = run_with_bars(scene)
+        return _answer_of_line(answer)
     if model == "full":
         from validation import run_with_bars
 
@@ -349,12 +353,12 @@ def answer_by_model(scene: Any, model: str, only_events: bool = False, bars: boo
     return Answer.of(outcome_of_run(scene, r), r.design, r.events, limits.limit_rows(scene, r.design, r.events))
 
 
-def _answer_of_line(found: Any) -> Answer:
+def _answer_of_line(answer: Any) -> Answer:
     """The answer of a line; at rest a number without a bar is exact."""
-    rows = found.design
-    if not found.line.moves:
+    rows = answer.design
+    if not answer.line.moves:
         rows = [row | {"bar": row["bar"] or 0.0} for row in rows]
-    return Answer.of(found.outcome, rows, (), found.limits)
+    return Answer.of(answer.outcome, rows, (), answer.limits)
 
 
 def checked_answer(scene: Any, tol: float) -> tuple[Answer, str]:
@@ -364,8 +368,8 @@ def checked_answer(scene: Any, tol: float) -> tuple[Answer, str]:
 
     if isinstance(scene, Line):
         judge: Any = check
-        found = judge(scene)
-        return _answer_of_line(found), found.verdict.value
+        answer = judge(scene)
+        return _answer_of_line(answer), answer.verdict.value
     both = check(scene, tol=tol)
     r = replace(both.a.finest, design=both.design)
     return Answer.of(outcome_of_run(scene, r), both.design, r.events, both.limits), both.verdict.value
@@ -379,8 +383,8 @@ def find_curve(
     (key,) = keys
     for value in values:
         try:
-            found = find(scene.replace({other: value}), keys, check=False, **how)
+            result = find(scene.replace({other: value}), keys, check=False, **how)
         except KeyboardInterrupt:
             raise Interrupted(Curve(other, key, rows, interrupted=True)) from None
-        rows.append({"at": value, "value": found.value, "answer": found.sentence})
+        rows.append({"at": value, "value": result.value, "answer": result.sentence})
     return Curve(other, key, rows)

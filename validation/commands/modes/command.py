@@ -14,7 +14,7 @@ def command(scene: SceneName, out: Out = None) -> int:
     loaded = scene_named(scene)
 
     from validation.commands.modes.study import COUNT, EXACT, modes
-    from validation.page import telling
+    from validation.page import printing
 
     found = run_study("modes", loaded, ["modes.json"], out, modes, loaded)
     hertz = found.omega[EXACT] / (2.0 * math.pi * loaded.time_scale)
@@ -23,5 +23,5 @@ def command(scene: SceneName, out: Out = None) -> int:
     ]
     terminal.print_table(["mode", "Hz", *found.omega], rows, right=["mode", "Hz", *found.omega])
     terminal.print_text()
-    telling.print_rows(found.rows)
+    printing.print_rows(found.rows)
     return 0 if all(row.verdict.value == "agree" for row in found.rows) else 1

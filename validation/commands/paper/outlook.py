@@ -14,30 +14,30 @@ from validation.page.motion import unit_of
 
 ANGLES = ("0", "5", "15")  # [deg] of the thrust above the line of the wheels
 POINT = {"car.sled.wheels": None, "car.sled.drive.thrust.angle": 0.0}
-PLACES = np.linspace(70.0, 1000.0, 187)  # [m] that all rides pass
+POSITIONS = np.linspace(70.0, 1000.0, 187)  # [m] that all rides pass
 Row = dict[str, Any]
 
 
 def ride_numbers_by_angle(quick: bool) -> Row:
-    """Numbers with bars and series at PLACES of the ride of a point mass and of the trolley, by the thrust's angle."""
+    """Numbers with bars, and series at POSITIONS, of a point mass and of the trolley, by the angle of the thrust."""
     line = Line.load("rocket-trolley")
     lines = {angle: line.replace({"car.sled.drive.thrust.angle": float(angle)}) for angle in ANGLES}
     coarser = 3.0 if quick else 1.0
     ladders = {name: LineRuns(ELEMENTS, each, coarser=coarser).ladder(2, 2) for name, each in lines.items()}
     point = LineRuns(ELEMENTS, line.replace(POINT)).ladder(8, 2)  # without pitch the coarsest run has few elements
     ladders["point"] = point
-    return {"x": PLACES.tolist(), **{name: _ride_numbers(ladder, point, line) for name, ladder in ladders.items()}}
+    return {"x": POSITIONS.tolist(), **{name: _ride_numbers(ladder, point, line) for name, ladder in ladders.items()}}
 
 
 def _ride_numbers(ladder: Ladder, point: Ladder, line: Line) -> Row:
     """Design numbers; besides where the ride ends, how far its path is from the point mass's, and series over x."""
-    at_point = _depths_at_places(point.finest)
+    at_point = _depths_at_positions(point.finest)
     x = _first_car(ladder.finest).point[:, 0]
     loads = {name: of for name, of in turning_series(_first_car(ladder.finest)).items() if name != "pitch"}
     weight = line.car[0].mass * line.gravity
 
     def distance_from_point(run: Any) -> float:
-        return float(np.abs(_depths_at_places(run) - at_point).max())
+        return float(np.abs(_depths_at_positions(run) - at_point).max())
 
     numbers = {"end": _value_with_bar(ladder, lambda run: float(_first_car(run).point[-1, 0] / line.contact[-1].at[0]))}
     numbers["away"] = _value_with_bar(ladder, distance_from_point)
@@ -45,8 +45,8 @@ def _ride_numbers(ladder: Ladder, point: Ladder, line: Line) -> Row:
     for row in design_with_bars(ladder, None, line, unit_of):
         numbers[row["quantity"]] = row
     return numbers | {
-        "change": (_depths_at_places(ladder.finest) - at_point).tolist(),
-        "loads": {name: (np.interp(PLACES, x, of) / weight).tolist() for name, of in loads.items()},
+        "change": (_depths_at_positions(ladder.finest) - at_point).tolist(),
+        "loads": {name: (np.interp(POSITIONS, x, of) / weight).tolist() for name, of in loads.items()},
     }
 
 
@@ -54,10 +54,10 @@ def _first_car(run: Any) -> Any:
     return run.motion.cars[0]
 
 
-def _depths_at_places(run: Any) -> Array:
-    """At PLACES [m]."""
+def _depths_at_positions(run: Any) -> Array:
+    """At POSITIONS [m]."""
     x, y = _first_car(run).point.T
-    return np.interp(PLACES, x, y)
+    return np.interp(POSITIONS, x, y)
 
 
 def _value_with_bar(ladder: Ladder, of: Callable[[Any], float]) -> Row:

@@ -87,7 +87,7 @@ def _run_and_report(
     from validation.core.answers import write_summary_and_profile
     from validation.core.readback import StoredResults
     from validation.core.sidebyside import do_in_background
-    from validation.page import report, telling
+    from validation.page import printing, report
 
     scene = point.scene
     folder = store.claim_folder(out, "run", point.scene, [name])
@@ -100,10 +100,10 @@ def _run_and_report(
         report.write_report(folder, "run")
     store.mark_finished(folder, "run")  # with the animation's files
     with terminal.copy_printed() as lines:
-        telling.print_answer(scene, r)
-        telling.print_cost(r)
+        printing.print_answer(scene, r)
+        printing.print_cost(r)
     terminal.print_text(f"  written to {folder}: report.html, {name}/")
-    if broken := telling.exit_code_of_runs(r):
+    if broken := printing.exit_code_of_runs(r):
         return broken
     wrong = report.read_back_outputs("run", StoredResults(folder, [name], judged=False), lines)
     if missed:

@@ -276,7 +276,7 @@ class RestAnswers(LineAnswers):
         ropes = {"profile": {name: values.tolist() for name, values in profile.items()}, "depths": depths}
         write_json(folder / "ropes.json", store.nulls_for_nonfinite(ropes))
 
-    def tell(self, seconds: float) -> None:
+    def print_answer(self, seconds: float) -> None:
         """Print outcome, limits, design numbers, and the first three positions without rest."""
         rows = largest_and_smallest_rows([d for d in self.design if quantity_kind(d["quantity"]) not in NOT_PRINTED])
         printed = [row for row in rows if row["largest"] != value_text(0.0, "m") or row["smallest"] != "the same"]

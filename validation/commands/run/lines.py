@@ -90,7 +90,7 @@ class LineAnswers:
         """Faults of the files, as sentences."""
         return []
 
-    def tell(self, seconds: float) -> None:
+    def print_answer(self, seconds: float) -> None:
         """Print outcome, limits and design numbers."""
         raise NotImplementedError
 
@@ -145,7 +145,7 @@ def _answer_one(command: str, line: Line, moves: bool, out: Path | None, solve: 
     faults = result.faults(folder / home)
     report.write_report(folder, command)
     report.report_faults(folder, command, faults)
-    result.tell(seconds)
+    result.print_answer(seconds)
     if result.rows:
         terminal.print_text(f"  {_counts_sentence(result)}")
     terminal.print_text(f"  written to {folder}: report.html, {home}/")

@@ -38,7 +38,7 @@ from validation.core.sidebyside import Progress, map_in_parallel, no_progress
 from validation.core.wheels import pitch_period, with_wheel_loads
 from validation.page import terminal
 from validation.page.line import print_line
-from validation.page.motion import FEW, comparison_words, number_rows, sections, unit_of
+from validation.page.motion import TABLE_QUANTITIES, comparison_words, number_rows, sections, unit_of
 
 ROPE_STATIONS = 101
 FRAMES = 101  # of rope.csv, at most, which has every second station
@@ -73,7 +73,7 @@ def time_on_rails(system: Any, state: State) -> float:
     return float(min(times, default=0.0))
 
 
-def shoe_pull_sentences(line: Line, motion: LineMotion) -> list[str]:
+def shoe_force_sentences(line: Line, motion: LineMotion) -> list[str]:
     """Where a shoe would have to pull a car down, and what would do without.
 
     The share of its force that the turn of the path takes grows with the speed squared, and falls with the length.
@@ -272,7 +272,7 @@ class MotionAnswers(LineAnswers):
     def outcome(self) -> Outcome:
         """Kinds: incomplete, breaks, collides, ends, arrives; the first that holds."""
         parts = []
-        doubts = [*shoe_pull_sentences(self.line, self.motion), *fast_car_sentences(self.line, self.motion)]
+        doubts = [*shoe_force_sentences(self.line, self.motion), *fast_car_sentences(self.line, self.motion)]
         if self.moved.reason is not None:
             parts.append(Outcome("incomplete", f"the run broke: {self.moved.reason}"))
         judged = [d for d in self.design if d["quantity"].startswith(("safety_factor", "clearance"))]
@@ -381,9 +381,9 @@ class MotionAnswers(LineAnswers):
             *line_motion_faults(html, folder, self.motion),
         ]
 
-    def tell(self, seconds: float) -> None:
+    def print_answer(self, seconds: float) -> None:
         """Print outcome, limits and the most important design numbers."""
-        few = [d for d in self.design if d["quantity"].partition(":")[0] in FEW]
+        few = [d for d in self.design if d["quantity"].partition(":")[0] in TABLE_QUANTITIES]
         printed = number_rows([d for d in few if d["value"]])  # a counterweight only sinks: its largest rise is 0
         print_line(self.line, self.outcome.sentence, self.limits, printed, len(self.design))
         settings = ", ".join(f"{value} {name}" for name, value in self.moved.settings.items())

@@ -52,7 +52,7 @@ def _with_design_numbers(scene: Scene, r: Response, method: Method, bars: bool, 
     """The response with its design numbers; with bars, coarser runs are made when one is looked at."""
     if not bars:
         return r.with_later(design=design_numbers)
-    ladder = LazyValue(lambda: run_with_error_bars(scene, method, known=[r], **kind))
+    ladder = LazyValue(lambda: run_with_error_bars(scene, method, earlier_runs=[r], **kind))
 
     def of_finest(name: str) -> Callable[[Response], Any]:
         return lambda _: getattr(ladder().finest, name)

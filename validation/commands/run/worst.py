@@ -22,15 +22,15 @@ def with_worst_positions(line: Line) -> Line:
     car = next((car for car in line.car if car.at is None), None)
     if car is None:
         return line
-    places = _CarPositions(line, f"car.{car.name}.at")
+    positions = _CarPositions(line, f"car.{car.name}.at")
     first = sorted(set(_first_positions(line)))
-    places.solve(first)
+    positions.solve(first)
     for _ in range(ROUNDS):
-        found = places.vertices()
-        if not found:
+        vertices = positions.vertices()
+        if not vertices:
             break
-        places.solve(found)
-    return places.line_at([*first, *places.extreme_positions()])
+        positions.solve(vertices)
+    return positions.line_at([*first, *positions.extreme_positions()])
 
 
 def _first_positions(line: Line) -> Iterator[float]:
@@ -57,12 +57,12 @@ class _CarPositions:
         self.key = key
         self.rows: dict[float, Row] = {}
 
-    def line_at(self, places: list[float]) -> Line:
-        return self.line.replace({self.key: sorted(set(places))})
+    def line_at(self, positions: list[float]) -> Line:
+        return self.line.replace({self.key: sorted(set(positions))})
 
-    def solve(self, places: list[float]) -> None:
-        rest = self.line_at(places).rest(catenary_line.solve)
-        for x, row in zip(sorted(set(places)), numbers_by_position(rest), strict=True):
+    def solve(self, positions: list[float]) -> None:
+        rest = self.line_at(positions).rest(catenary_line.solve)
+        for x, row in zip(sorted(set(positions)), numbers_by_position(rest), strict=True):
             self.rows[x] = row or {}
 
     def _numbers_over_positions(self) -> Iterator[tuple[np.ndarray, np.ndarray, int]]:
@@ -70,7 +70,7 @@ class _CarPositions:
         x = np.array(sorted(self.rows))
         names = {name for row in self.rows.values() for name, value in row.items() if isinstance(value, float)}
         for name in sorted(names):
-            y = np.array([self.rows[place].get(name) for place in x], float)  # None is nan
+            y = np.array([self.rows[position].get(name) for position in x], float)  # None is nan
             if np.isfinite(y).any():
                 yield x, y, int(np.nanargmax(y))
                 yield x, y, int(np.nanargmin(y))
@@ -86,7 +86,7 @@ class _CarPositions:
                 continue
             a, b = np.polyfit(x[k - 1 : k + 2] - x[k], y[k - 1 : k + 2] - y[k], 2)[:2]
             vertex = float(x[k] - b / (2.0 * a)) if a else math.nan
-            known = np.array([*self.rows, *out])
-            if x[k - 1] < vertex < x[k + 1] and np.abs(known - vertex).min() > SAME * x[-1]:
+            tried = np.array([*self.rows, *out])
+            if x[k - 1] < vertex < x[k + 1] and np.abs(tried - vertex).min() > SAME * x[-1]:
                 out.append(vertex)
         return out

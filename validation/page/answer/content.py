@@ -25,7 +25,7 @@ def answer_content(x: StoredAnswer) -> dict[str, Any]:
     """What assets/answer.html shows of a run or of a check of two."""
     moving = [r for r in x.runs if r.fields.t.size > 1]
     rows_of_limits = [limit_text(row) for row in limits.limit_rows(x.scene, x.design, x.all_events)]
-    view = side_view(x.scene, moving, range_T=draw.tension_range(x), party=x.party) if moving else ""
+    view = side_view(x.scene, moving, range_T=draw.tension_range(x), third_party=x.third_party) if moving else ""
     return {
         "x": x,
         "verdict": x.verdict,

@@ -60,20 +60,20 @@ def _series_panel(x: StoredAnswer, title: str, unit: str, of: Callable[..., Any]
     p.fit_axis([factor * values for values in inside])
     for r, look in zip(x.runs, LOOKS, strict=False):
         p.add_curve(_time_or_position(r, time), factor * of(r=r), *look, name=r.method)
-    values = None if x.party is None else _series_of_third_party(x.party, of)
+    values = None if x.third_party is None else _series_of_third_party(x.third_party, of)
     if values is not None:
-        _add_third_party(p, x.party, _time_or_position(x.party, time), factor * values)
+        _add_third_party(p, x.third_party, _time_or_position(x.third_party, time), factor * values)
     return p
 
 
-def _add_third_party(p: Panel, party: Any, at: Array, values: Array, words: str = "") -> None:
-    p.add_curve(at, values, PURPLE, DASHED, 2.2, words + party.method)
+def _add_third_party(p: Panel, third_party: Any, at: Array, values: Array, words: str = "") -> None:
+    p.add_curve(at, values, PURPLE, DASHED, 2.2, words + third_party.method)
 
 
-def _series_of_third_party(party: Any, of: Callable[..., Any]) -> Array | None:
+def _series_of_third_party(third_party: Any, of: Callable[..., Any]) -> Array | None:
     """A series of a third party; None if it lacks it."""
     try:
-        values = of(r=party)
+        values = of(r=third_party)
     except (UndefinedError, TypeError):
         return None
     return None if isinstance(values, Undefined) else values
@@ -97,9 +97,9 @@ def plot_path_distance(x: StoredAnswer) -> Markup:
         ends = times if time else np.interp(times, a.t, a.s_o)
         p.add_curve(ends, np.full(2, factor * bars), GREEN, "9 3 2 3", 2.0, "sum of both error bars")
         largest = max(largest, bars)
-    if x.party is not None:
-        at, gap = _axis_and_path_distance(a, x.party, time)
-        _add_third_party(p, x.party, at, factor * gap, "distance to ")
+    if x.third_party is not None:
+        at, gap = _axis_and_path_distance(a, x.third_party, time)
+        _add_third_party(p, x.third_party, at, factor * gap, "distance to ")
         largest = max(largest, float(gap.max(initial=0.0)))
     p.show_four_decades(factor * largest)
     return _plot_with_events(x, [p], "How far the two paths of the car are apart.", time=time)

@@ -114,7 +114,7 @@ def answer_grid(
 
     Writes table.csv, grid.json and scene.toml to the folder `home` of the command's results.
     """
-    keys = list(points[0].given)
+    keys = list(points[0].values)
     folder = store.claim_folder(out, command, scene, [home])
     answers: dict[int, tuple[Row, Any]] = {}
     if len(points) > ANNOUNCED:
@@ -128,7 +128,7 @@ def answer_grid(
         map_in_parallel(answered, points, on_result)
     rows = []
     for i, point in enumerate(points):
-        values = {key: store.nulls_for_nonfinite(value) for key, value in point.given.items()}
+        values = {key: store.nulls_for_nonfinite(value) for key, value in point.values.items()}
         rows.append(values | answers[i][0])
     write_rows(folder / home / "table.csv", rows)
     paths = [answers[i][1] for i in range(len(points))]
@@ -202,12 +202,12 @@ def point_label(point: Row, keys: Sequence[str]) -> str:
 
 def _colours_and_dashes(rows: list[dict], keys: Sequence[str]) -> list[tuple[str, str]]:
     """Colour and dash of each row, by the first key and by the others."""
-    firsts = _ranks_of_values([json.dumps(point[keys[0]]) for point in rows])
-    others = _ranks_of_values([json.dumps([point[key] for key in keys[1:]]) for point in rows])
+    firsts = _numbers_by_first_appearance([json.dumps(point[keys[0]]) for point in rows])
+    others = _numbers_by_first_appearance([json.dumps([point[key] for key in keys[1:]]) for point in rows])
     return [(COLORS[a % len(COLORS)], DASHES[b % len(DASHES)]) for a, b in zip(firsts, others, strict=True)]
 
 
-def _ranks_of_values(values: Sequence[str]) -> list[int]:
+def _numbers_by_first_appearance(values: Sequence[str]) -> list[int]:
     """Equal values get equal numbers, in order of first appearance."""
     order = list(dict.fromkeys(values))
     return [order.index(value) for value in values]

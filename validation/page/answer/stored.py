@@ -20,7 +20,7 @@ class StoredAnswer:
     scene: Scene
     runs: tuple[Response, ...]
     agreement: dict[str, Any] = field(default_factory=dict)  # agreement.json; empty for a single run
-    party: ForeignPath | None = None  # a third party
+    third_party: ForeignPath | None = None  # a third party
 
     @property
     def rows(self) -> list[dict[str, Any]]:
@@ -71,5 +71,5 @@ def read_answer(folder: Path) -> StoredAnswer | None:
     scene = Scene.from_toml((folder / "scene.toml").read_text(encoding="utf-8"))
     names = [row["with"] for row in agreement["rows"] if row.get("with")]
     file = folder / "with.csv"
-    party = replace(ForeignPath.read(file, scene), method=names[0]) if names and file.exists() else None
-    return StoredAnswer(scene, runs, agreement, party)
+    third_party = replace(ForeignPath.read(file, scene), method=names[0]) if names and file.exists() else None
+    return StoredAnswer(scene, runs, agreement, third_party)
