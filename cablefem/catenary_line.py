@@ -38,7 +38,10 @@ def piece_chords(n: np.ndarray, S: np.ndarray, case: Case) -> np.ndarray:
     ratio = np.where(small, 1.0 + w**2 / 3.0 + w**4 / 5.0, np.arctanh(w) / np.where(small, 1.0, w))
     middle = 0.5 * (n + end)
     return (
-        case.heat * S[:, None] * middle * (1.0 / case.EA + np.stack([ratio, np.ones_like(ratio)], axis=1) / N[:, None])
+        case.thermal_stretch
+        * S[:, None]
+        * middle
+        * (1.0 / case.EA + np.stack([ratio, np.ones_like(ratio)], axis=1) / N[:, None])
     )
 
 
@@ -181,7 +184,9 @@ def depth_and_tension(state: LineState, x: np.ndarray) -> tuple[np.ndarray, np.n
     for _ in range(STEPS):  # three steps do
         chord = piece_chords(n, S, state.case)[..., 0]
         N = np.hypot(n[:, 0, 0], n[:, 1, 0] - state.case.weight * S[:, 0])
-        off = (x - start[:, 0] - chord[:, 0]) / (state.case.heat * n[:, 0, 0] * (1.0 / N + 1.0 / state.case.EA))
+        off = (x - start[:, 0] - chord[:, 0]) / (
+            state.case.thermal_stretch * n[:, 0, 0] * (1.0 / N + 1.0 / state.case.EA)
+        )
         S = S + off[:, None]
         if np.abs(off).max(initial=0.0) < LAST:
             break

@@ -17,7 +17,7 @@ from cablefem.motion import CarMotion, ContactMotion
 from cablefem.newmark import State, StepFailure
 from cablefem.scene.contacts import Array, Car, Contact, MovingLine
 from cablefem.scene.line import Case, LineState, Station
-from cablefem.scene.rail import End, Rail
+from cablefem.scene.rail import Rail, RailEnd
 
 TIP = 0.2  # of a shoe
 BESIDE = 1e-6  # [m] for slopes on one side of a contact
@@ -107,28 +107,28 @@ def line_after_passage(line: MovingLine, event: Passage, t: float, phase: int, s
         if any(c.rail is not None and c.rail.saddle == saddle.name for c in (*line.cars, *line.over)):
             raise StepFailure(t, f"two cars on the shoe of {saddle.name}", "let one follow later")
         end = _straight_end(top, side * tip, snapshot.rope(snapshot.s[car.name] + side * BESIDE)[1])
-        rail = Rail(saddle.name, End(x, y, slope, bend), end)
+        rail = Rail(saddle.name, RailEnd(x, y, slope, bend), end)
         contacts[contacts.index(car)] = replace(car, rail=rail)
     elif event.action == "leaves the rope at":
         end = _straight_end(top, -side * tip, snapshot.rope(snapshot.s[saddle.name] - side * BESIDE)[1])
         stretch = float(np.hypot(*velocity)) / abs(snapshot.ds[car.name] - snapshot.ds[saddle.name])
-        rail = Rail(saddle.name, End(x, y, slope), end, snapshot.s[car.name] - snapshot.s[saddle.name], stretch)
+        rail = Rail(saddle.name, RailEnd(x, y, slope), end, snapshot.s[car.name] - snapshot.s[saddle.name], stretch)
         contacts.remove(car)
         return replace(line, contacts=tuple(contacts), over=(*line.over, replace(car, rail=rail)))
     else:
         _add_rope_point(line, car, t, phase, snapshot)
         (x, y), (r_x, r_y) = snapshot.points[car.name][0], snapshot.rope(snapshot.s[car.name])[1]
-        rail = Rail(saddle.name, End(x, y, r_y / r_x), _load_path_end(line, car, saddle, side, t, snapshot))
+        rail = Rail(saddle.name, RailEnd(x, y, r_y / r_x), _load_path_end(line, car, saddle, side, t, snapshot))
         contacts.insert(contacts.index(saddle) + (side > 0.0), replace(car, rail=rail))
         over = tuple(c for c in line.over if c is not car)
         return replace(line, contacts=tuple(contacts), over=over)
     return replace(line, contacts=tuple(contacts))
 
 
-def _straight_end(top: Array, away: float, along: Array) -> End:
+def _straight_end(top: Array, away: float, along: Array) -> RailEnd:
     """The point `away` from the top in x, along a slope r'."""
     slope = along[1] / along[0]
-    return End(top[0] + away, top[1] + away * slope, slope)
+    return RailEnd(top[0] + away, top[1] + away * slope, slope)
 
 
 def _add_rope_point(line: MovingLine, car: Car, t: float, phase: int, snapshot: LineSnapshot) -> None:
@@ -152,7 +152,9 @@ def _add_rope_point(line: MovingLine, car: Car, t: float, phase: int, snapshot: 
     snapshot.points[car.name] = np.array([[position, r[1]], w + ds * along, 0.0 * r])
 
 
-def _load_path_end(line: MovingLine, car: Car, saddle: Contact, side: float, t: float, snapshot: LineSnapshot) -> End:
+def _load_path_end(
+    line: MovingLine, car: Car, saddle: Contact, side: float, t: float, snapshot: LineSnapshot
+) -> RailEnd:
     """The end of the shoe on the path of the car at rest, in that one span between anchors at their present s."""
     k = line.contacts.index(saddle)
     others = line.contacts[k + 1 :] if side > 0.0 else line.contacts[k - 1 :: -1]
@@ -183,7 +185,7 @@ def _load_path_end(line: MovingLine, car: Car, saddle: Contact, side: float, t: 
         depths.append(float(state.points[names.index(car.name), 1]))
     before, y, after = depths
     step = 0.25 * shoe
-    return End(float(at[1]), y, (after - before) / (2.0 * step), (after - 2.0 * y + before) / step**2)
+    return RailEnd(float(at[1]), y, (after - before) / (2.0 * step), (after - 2.0 * y + before) / step**2)
 
 
 def force_along_rail(car: Car, jet: Array, gravity: float) -> float:

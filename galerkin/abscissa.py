@@ -72,9 +72,9 @@ class PositionAbscissa(System):
             slope = x.v / ds_o
             return State(s_o, x.q, slope, (x.a - dds_o * slope) / ds_o**2, phase)
         first = x.a / dds_o
-        return State(s_o, x.q, first, self.second_order(first, START * self.phases[0][1]), phase)
+        return State(s_o, x.q, first, self.second_derivative_at_start(first, START * self.phases[0][1]), phase)
 
-    def second_order(self, first: Array, d: float) -> Array:
+    def second_derivative_at_start(self, first: Array, d: float) -> Array:
         """g'' at a start from rest by d g' + d^2 g''/2 in balance at place d; d -> 0 is (48)."""
         second = np.zeros(self.n_dof)
         for _ in range(3):  # Newton; nearly linear

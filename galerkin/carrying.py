@@ -35,7 +35,7 @@ def system_after_passage(system: LineSines, passage: Passage, x: State) -> tuple
             new.holds[k] = system.holds[j]
     layout.set_followers(Z)
     for i in range(layout.segments):
-        _set_nearest_functions(old, before, layout, Z, i)
+        _fit_coefficients(old, before, layout, Z, i)
     free = new.equations.free
     q, v = np.where(new.equations.forces, 0.0, Z[:2, free])
     state = State(x.t, q, v, np.zeros(new.n_dof), x.phase)
@@ -56,7 +56,7 @@ def rope_at(layout: Layout, Z: Array, s: Array) -> Array:
     return np.stack([(B @ u)[:, 0], slope, (B @ du)[:, 0] - moved[:, None] * slope])
 
 
-def _set_nearest_functions(old: Layout, before: Array, layout: Layout, Z: Array, i: int) -> None:
+def _fit_coefficients(old: Layout, before: Array, layout: Layout, Z: Array, i: int) -> None:
     """Set the functions of segment i in Z: nearest slopes, and then nearest velocities at fixed xi."""
     columns = layout.columns[i, :-2].reshape(-1, 2)
     (a, b), (da, db) = Z[:2, layout.s[[i, i + 1]]]

@@ -63,13 +63,13 @@ def _carry_segment(old: LineElements, before: Slots, new: LineElements, z: Slots
     h = s[1] - s[0]
     r, v = (values[: 2 * new.n].reshape(-1, 2)[new.nodes[k]] for values in (z.q, z.v))
     _, slope, w = rope_at(old, before, segments.psi @ s)
-    _set_nearest(segments, segments.slopes, r, slope * h)
-    _set_nearest(segments, segments.values, v, w + (segments.psi @ ds)[:, None] * (segments.slopes @ r) / h)
+    _fit_inner_unknowns(segments, segments.slopes, r, slope * h)
+    _fit_inner_unknowns(segments, segments.values, v, w + (segments.psi @ ds)[:, None] * (segments.slopes @ r) / h)
     for values, fitted in ((z.q, r), (z.v, v)):
         values[: 2 * new.n].reshape(-1, 2)[new.nodes[k]] = fitted
 
 
-def _set_nearest(segments: Segments, table: Array, x: Array, to: Array) -> None:
+def _fit_inner_unknowns(segments: Segments, table: Array, x: Array, to: Array) -> None:
     """Set the inner unknowns of x (nn, 2), so that table (G, nn) times x is nearest to (G, 2)."""
     rest = to - table[:, [0, -1]] @ x[[0, -1]]
     root = np.sqrt(segments.weights)[:, None]

@@ -99,7 +99,7 @@ class _Batch:
         self.mesh = skfem.MeshLine(nodes.reshape(1, -1), np.stack([ids[:, :-1].ravel(), ids[:, 1:].ravel()]))
         self.basis = skfem.Basis(self.mesh, skfem.ElementVector(skfem.ElementLinePp(DEGREE), 2), intorder=ORDER)
         self.dofs = self.basis.nodal_dofs[:, ids]  # (2, pieces, elements + 1)
-        data = np.array([(case.weight, case.EA, case.heat) for case in cases])[self.owner[self.left]]
+        data = np.array([(case.weight, case.EA, case.thermal_stretch) for case in cases])[self.owner[self.left]]
         self.q, self.EA, self.a = np.repeat(data, elements, axis=0).T[:, :, None]
         self._number_unknowns()
         self._set_start([start for _, start in starts])
@@ -145,7 +145,7 @@ class _Batch:
             case = self.cases[self.owner[k]]
             _, row, slides = self.number[k]
             if p.kind == "counterweight":
-                energy = case.heat * (p.force + p.force**2 / (2.0 * case.EA)) + case.weight * p.y
+                energy = case.thermal_stretch * (p.force + p.force**2 / (2.0 * case.EA)) + case.weight * p.y
                 self.load[slides] = energy if self.ahead[k, 0] < 0 else -energy
             elif p.stiffness is not None:
                 self.spring[self.number[k, :2]] = p.stiffness

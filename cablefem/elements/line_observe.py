@@ -34,12 +34,12 @@ class _History:
         self.all = Motion(*(np.concatenate([m[i] for m in motions]) for i in range(6)))  # n K segments
         self.points = self.segments.points(self.all)
         nodes, ends = self.segments.residual(self.points)
-        self.ends = self.by_time(ends)  # (2, n, K) rows of s
+        self.ends = self.split_by_time(ends)  # (2, n, K) rows of s
         slopes = self.segments.slopes_at_ends(self.all)
-        self.slopes = self.by_time(slopes)  # (2, n, K, 2)
+        self.slopes = self.split_by_time(slopes)  # (2, n, K, 2)
         self._set_end_forces(nodes, slopes)
 
-    def by_time(self, x: Array) -> Array:
+    def split_by_time(self, x: Array) -> Array:
         """(e, n K, ...) as (e, n, K, ...)."""
         return x.reshape(2, self.t.size, -1, *x.shape[2:])
 
@@ -48,8 +48,8 @@ class _History:
         ds, v = self.all.ds.T[..., None], self.all.v[:, [0, -1]].swapaxes(0, 1)
         flow = self.segments.rho * ds * (v - ds * slopes)
         rows = nodes[:, [0, -1]].swapaxes(0, 1)
-        self.balance_rows = self.by_time(rows)
-        self.end_forces = self.by_time(np.stack([-(rows[0] + flow[0]), rows[1] - flow[1]]))
+        self.balance_rows = self.split_by_time(rows)
+        self.end_forces = self.split_by_time(np.stack([-(rows[0] + flow[0]), rows[1] - flow[1]]))
 
     def contact_points(self, k: int, x: Array) -> Array:
         """Points of contact k (n, 2), of slots (n, size)."""

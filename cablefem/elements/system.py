@@ -231,7 +231,7 @@ class LineElements(System):
     def fill_dependent_slots(self, z: Array) -> Slots:
         """Slots of (3, ..., size), where wheels follow their cars, and cars on shoes their rails."""
         for trolley in self.trolleys:
-            trolley.place_wheels(z)
+            trolley.set_wheel_points(z)
         for x, rail in self.rails:
             z[..., x + 1] = rail.y_with_rates(z[..., x])
         return Slots(*z)
@@ -292,10 +292,10 @@ class LineElements(System):
             at = [z.reshape(each.shape) for z in x]
             self._kernel.add_rows(at, law, cars, each, self.loads)
         else:
-            self._add_by_numpy(rows, x, Law(*law), cars)
+            self._add_rope_and_cars(rows, x, Law(*law), cars)
         return rows
 
-    def _add_by_numpy(self, rows: Array, x: Slots, law: Law, cars: Cars) -> None:
+    def _add_rope_and_cars(self, rows: Array, x: Slots, law: Law, cars: Cars) -> None:
         m = self.segment_motion(x)
         fields = self.segments.fields(self.segments.values_at_points(m), law)
         nodes, ends = self.segments.residual(fields)

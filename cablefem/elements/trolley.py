@@ -72,7 +72,7 @@ class Trolley:
         self.shapes = np.array([end_slopes[end, near[end]] for _, end in sides])  # (4, near)
         self.ends = np.array([s[[segment, segment + 1]] for segment, _ in sides])  # (4, 2)
 
-    def place_wheels(self, z: Array) -> None:
+    def set_wheel_points(self, z: Array) -> None:
         """Set the points of the wheels in q, v, a of all slots (3, ..., size)."""
         base = self.wheels.base
         th, rate, turning = z[..., self.body[2]]

@@ -88,11 +88,11 @@ class Rope(Part):
         return []
 
     @property
-    def changed(self) -> bool:
-        return self.warmer != 0.0 or self.ice is not None
+    def differs_from_reference(self) -> bool:
+        return self.thermal_strain != 0.0 or self.ice is not None
 
     @property
-    def warmer(self) -> float:
+    def thermal_strain(self) -> float:
         """Thermal strain a dT [-]."""
         if self.temperature is None or self.expansion is None or self.reference_temperature is None:
             return 0.0
@@ -107,7 +107,7 @@ class Rope(Part):
         return self.ice or 0.0
 
     @property
-    def windward(self) -> float:
+    def diameter_with_ice(self) -> float:
         """Diameter [m] with ice."""
         assert self.diameter is not None
         return self.diameter + (2.0 * self.ice.thickness if isinstance(self.ice, Ice) else 0.0)
@@ -147,11 +147,11 @@ class Supports(Part):
 def hanging_catenary(gravity: float, cable: Cable, supports: Supports) -> Catenary:
     """The catenary with heat and ice; ValueError where `hanging_fault` finds one."""
     cold = reference_catenary(gravity, cable, supports)
-    if not cable.changed:
+    if not cable.differs_from_reference:
         return cold
     l = cold.length
     T = cold.mean_tension
-    heat = cable.warmer
+    thermal_strain = cable.thermal_strain
     weight = (cable.mass_per_length + cable.ice_per_length) * gravity * l
 
     def catenary_at(z: float) -> Catenary:
@@ -161,7 +161,7 @@ def hanging_catenary(gravity: float, cable: Cable, supports: Supports) -> Catena
     def excess_length(z: float) -> float:
         """l_2 minus that of rule 2, from l - chord: a taut cable keeps digits."""
         now = catenary_at(z)
-        stretch = heat + (1.0 + heat) * (now.mean_tension - T) / (cable.EA + T)
+        stretch = thermal_strain + (1.0 + thermal_strain) * (now.mean_tension - T) / (cable.EA + T)
         return now.slack - cold.slack - l * stretch
 
     return catenary_at(bisect_zero(excess_length, Z_MIN, Z_MAX))

@@ -52,7 +52,7 @@ def damping_rates(X: Catenary, cable: Cable, wind: Wind | None, gravity: float) 
         own *= 2.0 * first_frequency(X, cable.EA, gravity)
     if wind is None:
         return own, 0.0
-    return own, wind.resistance(cable.windward) * gravity / X.weight
+    return own, wind.resistance(cable.diameter_with_ice) * gravity / X.weight
 
 
 def damping_fault(X: Catenary, cable: Cable, wind: Wind | None, gravity: float) -> str:

@@ -185,7 +185,7 @@ class Case:
     stations: tuple[Station, ...]
     weight: float  # [N/m] per s
     EA: float  # [N]
-    heat: float = 1.0  # 1 + a dT
+    thermal_stretch: float = 1.0  # 1 + a dT
     length: float | None = None  # s of a fixed right end
     prescribed_tension: tuple[int, float] | None = None  # station and tension [N] that fix an unknown length
 
@@ -336,7 +336,7 @@ class Line(Described):
                 stations.append(self._station_of(car, positions[car.name]))
         stations.sort(key=lambda p: p.x)
         weight = (rope.mass_per_length + rope.ice_per_length) * self.gravity
-        return Case(tuple(stations), weight, rope.EA, 1.0 + rope.warmer, length)
+        return Case(tuple(stations), weight, rope.EA, 1.0 + rope.thermal_strain, length)
 
     def _station_of(self, car: Car, x: float) -> Station:
         kind = "hauled" if car.hauled else "grips"

@@ -40,14 +40,14 @@ def line_in_motion(line: Line, solve: Solver) -> MovingLine:
     A hot rope is the same rope with s a times as long, a = 1 + thermal strain.
     """
     state = line.empty(solve)
-    heat = 1.0 + line.cable.warmer
+    thermal_stretch = 1.0 + line.cable.thermal_strain
     _raise_faults([*_travel_faults(line.car), *_weight_faults(line, state)])
     contacts = [
         Contact(name=c.name, kind=c.kind, point=c.at, stiffness=c.stiffness, force=c.tension, shoe=c.shoe)
         for c in line.contact
     ]
-    empty = EmptyLine(state.s * heat, np.array([c.point[0] for c in contacts]))
-    cars = [_moving_car(car, len(contacts) > 2, heat) for car in line.car]
+    empty = EmptyLine(state.s * thermal_stretch, np.array([c.point[0] for c in contacts]))
+    cars = [_moving_car(car, len(contacts) > 2, thermal_stretch) for car in line.car]
     _raise_faults([*_range_faults(line.car, cars, empty)])
     positions = {c.name: c.point[0] for c in contacts} | {
         car.name: empty.x_at(car, _start_position(car)) for car in cars
@@ -56,7 +56,7 @@ def line_in_motion(line: Line, solve: Solver) -> MovingLine:
     _raise_faults([*_order_faults(cars, positions), *_saddle_faults(cars, passing, positions)])
     everything: list[Contact | Car] = [*contacts, *cars]
     moving_line = MovingLine(
-        rope=_hot_rope(line, float(empty.s[-1]), heat),
+        rope=_rope_at_temperature(line, float(empty.s[-1]), thermal_stretch),
         contacts=tuple(sorted(everything, key=lambda c: positions[c.name])),
         t_end=max(map(_end_position, cars), default=0.0), gravity=line.gravity, solve=solve,
     )  # fmt: skip
@@ -74,11 +74,11 @@ def _raise_faults(faults: list[str]) -> None:
         raise SceneError(faults)
 
 
-def _hot_rope(line: Line, length: float, heat: float) -> Elastic:
+def _rope_at_temperature(line: Line, length: float, thermal_stretch: float) -> Elastic:
     """The hot rope with ice; length : [m] of the empty line."""
     rope = line.cable
     fixed = line.contact[-1].kind != "counterweight"
-    mass = (rope.mass_per_length + rope.ice_per_length) / heat
+    mass = (rope.mass_per_length + rope.ice_per_length) / thermal_stretch
     return Elastic(mass_per_length=mass, EA=rope.EA, length=length if fixed else None)
 
 
@@ -244,13 +244,13 @@ def _end_position(car: Car) -> float:
     return car.drive.end_time if car.travel is None else car.travel.phases[-1][1]
 
 
-def _moving_car(car: CarTable, in_x: bool, heat: float) -> Car:
+def _moving_car(car: CarTable, in_x: bool, thermal_stretch: float) -> Car:
     drive: Drive = GRIP if car.drive is None else car.drive.scaled(1.0, 1.0, 1.0, 1.0)
     along: Literal["s", "x"] = "x" if in_x and drive.mode == "haul" else "s"
     travel = None
     if car.travel is not None:
         travel = _motion_of_law(car.travel)
-        travel = travel.scaled(1.0 / heat, 1.0) if along == "s" else travel
+        travel = travel.scaled(1.0 / thermal_stretch, 1.0) if along == "s" else travel
     wheels = car.wheels if car.wheels is not None and car.wheels.model == "rigid" else None
     return Car(name=car.name, mass=car.mass, hanger=car.hanger, wheels=wheels, drive=drive, travel=travel, along=along)
 

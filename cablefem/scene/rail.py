@@ -10,7 +10,7 @@ import numpy as np
 ITERATIONS = 20  # from an arc length to its x
 
 
-class End(NamedTuple):
+class RailEnd(NamedTuple):
     """A point of a path with slope and curvature."""
 
     x: float
@@ -27,8 +27,8 @@ class Rail:
     """
 
     saddle: str
-    begin: End
-    end: End
+    begin: RailEnd
+    end: RailEnd
     s: float = 0.0  # [m] of the car at `begin`, from the saddle
     stretch: float = 1.0
 

@@ -174,7 +174,7 @@ class Scene(Described):
         A cable with temperature or ice is then described by its horizontal tension.
         """
         scene = self
-        if self.cable.changed and (sag_ratio, mu, alpha) != (None, None, None):
+        if self.cable.differs_from_reference and (sag_ratio, mu, alpha) != (None, None, None):
             scene = scene._with_shape(horizontal_tension=scene.horizontal_tension)
         if sag_ratio is not None:
             scene = scene._with_shape(sag=sag_ratio * scene.supports.span)
@@ -225,7 +225,7 @@ class Scene(Described):
     @property
     def rho(self) -> float:
         """Mass per stretched static length [kg/m], with ice and temperature."""
-        return self.catenary.weight / self.gravity if self.cable.changed else self.cable.mass_per_length
+        return self.catenary.weight / self.gravity if self.cable.differs_from_reference else self.cable.mass_per_length
 
     @property
     def length(self) -> float:
@@ -292,7 +292,7 @@ class Scene(Described):
         """Tilt [deg] of the empty cable's plane by a steady crosswind, or None."""
         if self.wind is None:
             return None
-        return math.degrees(math.atan(self.wind.force(self.cable.windward) / self.catenary.weight))
+        return math.degrees(math.atan(self.wind.force(self.cable.diameter_with_ice) / self.catenary.weight))
 
     @property
     def wave_speed(self) -> float:

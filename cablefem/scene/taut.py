@@ -102,7 +102,7 @@ def _string_under_loads(case: Case, T: float, k: int | None) -> tuple[np.ndarray
         if np.abs(N - before).max() <= WITHIN * T:
             break
     arc = np.hypot(dx, np.diff(depth)) + (w / H) ** 2 * dx**3 / 24.0
-    return H, np.stack([x, depth], axis=1), arc / (1.0 + N / case.EA) / case.heat
+    return H, np.stack([x, depth], axis=1), arc / (1.0 + N / case.EA) / case.thermal_stretch
 
 
 def _sum_at_stations(pieces: np.ndarray) -> np.ndarray:

@@ -38,7 +38,7 @@ class Stop(Part):
 class Law(Part):
     """Base of the laws; each runs from `begin` [m] over a distance [m]."""
 
-    paces: ClassVar[dict[str, int]] = {}  # powers of pace in the fields
+    speed_exponents: ClassVar[dict[str, int]] = {}  # powers of pace in the fields
 
     position: Positive | None = described_field(
         f"[m] position where the mass is let in, in equilibrium: {ALONG}", None, alias="from"
@@ -101,7 +101,7 @@ class Law(Part):
     def faster(self, factor: float) -> Law:
         """The same law run through `factor` times as fast."""
         changes: dict[str, Any] = {}
-        for name, power in self.paces.items():
+        for name, power in self.speed_exponents.items():
             if getattr(self, name):
                 changes[name] = getattr(self, name) * factor**power
         if self.stop is not None:
@@ -131,7 +131,7 @@ class ConstantSpeed(Law):
         ramp = Piece(0.0, 0.0, 0.0, 0.0, V / T, -V / (3.0 * T * T))
         return _one_phase(T + (distance - L) / V, [ramp, Piece(T, T, L, V, 0.0)], distance)
 
-    paces: ClassVar = {"speed": 1}
+    speed_exponents: ClassVar = {"speed": 1}
 
 
 class ConstantAcceleration(Law):
@@ -160,7 +160,7 @@ class ConstantAcceleration(Law):
         v1 = math.sqrt(max(0.0, v0 * v0 + 2.0 * a * distance))
         return _one_phase(2.0 * distance / (v0 + v1), [Piece(0.0, 0.0, 0.0, v0, 0.5 * a)], distance)
 
-    paces: ClassVar = {"acceleration": 2, "initial_speed": 1}
+    speed_exponents: ClassVar = {"acceleration": 2, "initial_speed": 1}
 
 
 class AccelerateCruiseBrake(Law):
@@ -177,7 +177,7 @@ class AccelerateCruiseBrake(Law):
         a = 1.5 * self.top_speed**2 / distance
         return _ramped_motion(self.top_speed, (a, a), None, distance)
 
-    paces: ClassVar = {"top_speed": 1}
+    speed_exponents: ClassVar = {"top_speed": 1}
 
 
 class Trapezoid(Law):
@@ -212,7 +212,7 @@ class Trapezoid(Law):
             V = bisect_zero(excess, 0.0, V)
         return _ramped_motion(V, ramps, self.jerk, distance)
 
-    paces: ClassVar = {"top_speed": 1, "acceleration": 2, "deceleration": 2, "jerk": 3}
+    speed_exponents: ClassVar = {"top_speed": 1, "acceleration": 2, "deceleration": 2, "jerk": 3}
 
 
 def _one_phase(duration: float, pieces: list[Piece], end: float) -> Motion:

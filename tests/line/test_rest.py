@@ -68,9 +68,9 @@ HOT = "temperature = 35.0\nreference_temperature = 10.0\nexpansion = 1.2e-5\nice
 def test_heat_lengthens_and_ice_weighs():
     rest = changed(THREE, HOT).rest(catenary_line.solve)
     case = rest.positions[0].case
-    assert case.heat == pytest.approx(1.0 + 25.0 * 1.2e-5)
+    assert case.thermal_stretch == pytest.approx(1.0 + 25.0 * 1.2e-5)
     assert case.weight == pytest.approx((9.0 + 1.3) * 9.81)
-    assert rest.empty.case.heat == 1.0
+    assert rest.empty.case.thermal_stretch == 1.0
 
 
 def test_elements_converge_with_order_eight_at_their_ends():

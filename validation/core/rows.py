@@ -72,7 +72,7 @@ def _gap_of_series(*names: str, over: str, mean: bool = False, largest: bool = F
     def gap_of_runs(x: Response, y: Response, view: View) -> float:
         """Distance of the series of two runs."""
         scale = getattr(view, over)
-        if over == "top" and not scale:  # of a ride
+        if over == "top_speed" and not scale:  # of a ride
             scale = float(y.speed.max())
         of: Series = partial(_series_values, names, scale)
         if "speed" in names and view.free:
@@ -98,7 +98,7 @@ TABLE = (
     Quantity("path_max", _gap_of_path(0), "path"),
     Quantity("path_rms", _gap_of_path(1), "path"),
     Quantity("place", _gap_of_series("s_o", over="length", largest=True), "path", concerns=lambda v: v.free),
-    Quantity("speed", _gap_of_series("speed", over="top", mean=True), "path", AXIAL_MEAN, order=FIRST),
+    Quantity("speed", _gap_of_series("speed", over="top_speed", mean=True), "path", AXIAL_MEAN, order=FIRST),
     Quantity("tension_behind", _gap_of_series("T_behind", over="H", mean=True), "force", AXIAL_MEAN),
     Quantity("tension_ahead", _gap_of_series("T_ahead", over="H", mean=True), "force", AXIAL_MEAN),
     Quantity("reactions", _gap_of_series("reaction_left", "reaction_right", over="H", mean=True), "force", AXIAL_MEAN),
@@ -107,7 +107,7 @@ TABLE = (
     Quantity("tension", _gap_of_fields(measures.tension_gap), "rest"),
     Quantity("displacement", _gap_of_fields(measures.field_gap), "rest"),
     Quantity("displacement", _gap_of_fields(measures.field_gap, along=True), "rest", ALONG),
-    Quantity("speed", _gap_of_series("speed", over="top", largest=True), ""),
+    Quantity("speed", _gap_of_series("speed", over="top_speed", largest=True), ""),
     Quantity("tension_behind", _gap_of_series("T_behind", over="H"), ""),
     Quantity("tension_ahead", _gap_of_series("T_ahead", over="H"), ""),
     Quantity("reactions", _gap_of_series("reaction_left", "reaction_right", over="H"), ""),

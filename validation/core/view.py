@@ -25,7 +25,7 @@ class View:
     length: float  # [m]
     H: float  # horizontal tension [N]
     weight: float  # of the car [N]
-    top: float  # of the travel [m/s]; 0 of a ride
+    top_speed: float  # of the travel [m/s]; 0 of a ride
     axial_round_trip: float  # axial round trip [s]
     until: float = math.inf
 
@@ -40,7 +40,7 @@ class View:
             axis="time" if motion is None or motion.standstills else "place", window=(low, min(high, end)),
             free=motion is None, reaches_end=motion is None or end < high,
             rolls=scene.drive.mode != "grip", length=scene.length, H=scene.horizontal_tension,
-            top=0.0 if motion is None else motion.top_speed * scene.length / scene.time_scale,
+            top_speed=0.0 if motion is None else motion.top_speed * scene.length / scene.time_scale,
             weight=scene.mass.mass * scene.gravity, axial_round_trip=2.0 * scene.length / scene.axial_speed,
         )  # fmt: skip
 

@@ -68,7 +68,7 @@ def cases() -> list[Crossing]:
     unstable = "none: faster than its waves, what rides with the load is unstable, the more the finer"
     force: dict[str, Any] = {"exact": _exact_path, "load": "force"}
     return [
-        slower(**force, because=SUDDEN, at_most=1.0),
-        faster(**force, because=front, at_most=0.7),
-        faster(**force, because=unstable, at_most=1.0, methods=BEST, expected="disagree"),
+        slower(**force, because=SUDDEN, max_order=1.0),
+        faster(**force, because=front, max_order=0.7),
+        faster(**force, because=unstable, max_order=1.0, methods=BEST, expected="disagree"),
     ]

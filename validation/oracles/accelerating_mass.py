@@ -33,4 +33,4 @@ def cases() -> list[Crossing]:
         return path(t, mu=MU, sigma=SIGMA, a=A)
 
     blow = "none to speak of: the blow at the wave speed sends off two jumps of the string itself"
-    return [slower(exact=exact), faster(exact=exact, because=blow, at_most=1.0, expected="disagree")]
+    return [slower(exact=exact), faster(exact=exact, because=blow, max_order=1.0, expected="disagree")]

@@ -30,10 +30,10 @@ class Oracle:
     cases: Callable[[], Sequence[Case]] = tuple
 
 
-def refuse_unless(what: str, *conditions: Any) -> None:
+def refuse_unless(domain: str, *conditions: Any) -> None:
     """Refuse arguments outside the validity."""
     if not all(map(np.all, conditions)):
-        raise ValueError(f"needed: {what}")
+        raise ValueError(f"needed: {domain}")
 
 
 def chebyshev(n: int) -> tuple[Array, Array, Array]:
@@ -73,14 +73,14 @@ class Case:
     methods: tuple[str, ...] | None = BEST  # None: all
     expected: str = "agree"
     finer: float = 1.0  # resolution, for light masses
-    falls: float | None = None  # least order, or power of the parameter
+    order: float | None = None  # least order, or power of the parameter
     refined: str = "resolution"  # or the parameter of a limit
 
     def ladder(self, solvers: Solvers, method: str) -> list[Rung]:
         return solvers.rungs(method, finer=self.finer)
 
     def expected_order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
-        return self.falls, self.because
+        return self.order, self.because
 
     def expected_verdict(self, solvers: Solvers, method: str) -> str:
         return self.expected
@@ -111,7 +111,7 @@ class Crossing(Case):
     scene: str = ""  # built-in scene, instead
     start_position: float = 0.0  # s_o at t = 0; no echo before `until`
     until: float = WINDOW[1]
-    at_most: float = math.inf  # limit of all orders
+    max_order: float = math.inf  # limit of all orders
     orders: Mapping[str, float] = field(default_factory=dict)  # exceptions, by method
 
     @property
@@ -124,7 +124,7 @@ class Crossing(Case):
         return self.groups.motion
 
     @property
-    def how(self) -> dict[str, Any]:
+    def run_arguments(self) -> dict[str, Any]:
         return {
             "model": self.model,
             "load": self.load,
@@ -134,7 +134,7 @@ class Crossing(Case):
 
     def expected_order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
         p, because = solvers.theoretical_order(method)
-        return (p if p is None else self.orders.get(method, min(p, self.at_most))), self.because or because
+        return (p if p is None else self.orders.get(method, min(p, self.max_order))), self.because or because
 
     def expected_verdict(self, solvers: Solvers, method: str) -> str:
         return "disagree" if solvers.theoretical_order(method)[0] is None else self.expected
@@ -168,7 +168,7 @@ class Modes(Case):
     methods: tuple[str, ...] | None = ("P2 elements", "sines", "wavelets")
 
     def expected_order(self, solvers: Solvers, method: str) -> tuple[float | None, str]:
-        return solvers.theoretical_order(method) if self.falls is None else (self.falls, self.because)
+        return solvers.theoretical_order(method) if self.order is None else (self.order, self.because)
 
     def answer(self, solvers: Solvers, method: str, rung: Rung) -> Array:
         solve = solvers.damped_frequencies if self.groups.damping else solvers.frequencies

@@ -80,5 +80,5 @@ def cases() -> list[Crossing]:
     return [
         damped_crossing("mass, damping 1", 1.0, 1.0), damped_crossing("mass, damping 4", 4.0, 4.0),
         damped_crossing("mass, damping 4, told 3.9", 4.0, 3.9, expected="disagree"),
-        damped_crossing("force, damping 9", 9.0, 9.0, "force", because=moving_force.FRONT, at_most=1.0),
+        damped_crossing("force, damping 9", 9.0, 9.0, "force", because=moving_force.FRONT, max_order=1.0),
     ]  # fmt: skip

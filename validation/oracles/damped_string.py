@@ -51,7 +51,7 @@ def cases() -> list[Case]:
         """Frequencies and decays of a string with damping c."""
         why = "stationary values: twice the degree; sines against their own ends"
         return Modes(
-            name=name, groups=replace(BARE, damping=0.1), model="sagged", exact=complex_frequencies(W, c), falls=3.0,
+            name=name, groups=replace(BARE, damping=0.1), model="sagged", exact=complex_frequencies(W, c), order=3.0,
             because=why, methods=BEST, **kind,
         )  # fmt: skip
 
@@ -67,7 +67,7 @@ def cases() -> list[Case]:
             )
             return (y - displacement_after_release(t, P=P, p=p, c=c_exact)) / (P * p * (1.0 - p))
 
-        return Law(name=name, defect=defect, falls=1.0, because=why, **kind)
+        return Law(name=name, defect=defect, order=1.0, because=why, **kind)
 
     return [
         free_vibration("four modes of the level cable, model sagged", 0.1),

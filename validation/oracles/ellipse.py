@@ -157,13 +157,13 @@ def cases() -> list[Limit]:
     four = (1e2, 1e3, 1e4, 1e5)
     stiff = partial(Limit, refined="stiffness", methods=RIDERS)
     return [
-        stiff(name=light + "distance from it over l", values=four, falls=1.0, because=stretch, deviation=_path_error),
-        stiff(name=light + "speed over the largest", values=four, falls=0.5, because=bounces, deviation=_speed_error),
-        stiff(name=light + "tension over the largest, mean over a bounce", values=four[:3], falls=1.0, because=stretch,
+        stiff(name=light + "distance from it over l", values=four, order=1.0, because=stretch, deviation=_path_error),
+        stiff(name=light + "speed over the largest", values=four, order=0.5, because=bounces, deviation=_speed_error),
+        stiff(name=light + "tension over the largest, mean over a bounce", values=four[:3], order=1.0, because=stretch,
               deviation=_tension_error),
-        stiff(name=light + "tension over the largest, at any time", values=four[:3], falls=1.0,
+        stiff(name=light + "tension over the largest, at any time", values=four[:3], order=1.0,
               because="it rings on, whatever EA", deviation=raw, expected="disagree"),
         Limit(name="small swings on a stiff light cable: frequency", refined="mu", values=(10.0, 100.0, 1000.0),
-              falls=1.0, because="the cable's own weight counts like one over the car's", deviation=_period_error,
+              order=1.0, because="the cable's own weight counts like one over the car's", deviation=_period_error,
               methods=RIDERS),
     ]  # fmt: skip

@@ -88,7 +88,7 @@ def cases() -> list[Limit]:
         ("friction and brake, taut cable: place over l", (0.01, 0.003, 0.0003), _stop_deviation),
     ]
     return [
-        Limit(name=name, refined="sigma", values=values, falls=1.0, because="the cable sags and gives way like sigma",
+        Limit(name=name, refined="sigma", values=values, order=1.0, because="the cable sags and gives way like sigma",
               deviation=deviation, methods=RIDERS)
         for name, values, deviation in variants
     ]  # fmt: skip

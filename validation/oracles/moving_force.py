@@ -47,7 +47,7 @@ def cases() -> list[Crossing]:
         return Crossing(
             name=f"speed {V:g}{remark}", groups=level_string(ConstantSpeed(speed=V).motion(1.0)), load="force",
             exact=lambda t: displacement(V * t, t, P=MU * SIGMA, V=V),
-            methods=("following-p1", "following-p2", "fourier", "fourier-kink"), because=FRONT, at_most=1.0,
+            methods=("following-p1", "following-p2", "fourier", "fourier-kink"), because=FRONT, max_order=1.0,
             orders={"following-p2": 1.2, "fourier-kink": 1.5},
         )  # fmt: skip
 

@@ -192,7 +192,7 @@ def _small_sag_limit(model: str, *, plain: bool = False) -> Limit:
 
     gravity = "plain g instead of g (1 + V²)" if plain else "g (1 + V²)"
     return Limit(
-        name=f"limit of small sag, model {model}, {gravity}", refined="sag", values=(0.02, 0.01, 0.005), falls=2.0,
+        name=f"limit of small sag, model {model}, {gravity}", refined="sag", values=(0.02, 0.01, 0.005), order=2.0,
         because="the tension that the sag adds goes like alpha sigma²", deviation=deviation,
         methods=("following-p2",) if plain else BEST, expected="disagree" if plain else "agree",
     )  # fmt: skip

@@ -57,9 +57,9 @@ def cases() -> list[Limit]:
         ("speed along the empty cable's shape", "speed", LoadPath.empty),
     ]  # fmt: skip
     return [
-        Limit(name="much drag: place over l", refined="drag area", values=(2.5, 10.0, 40.0), falls=1.0, because=slow,
+        Limit(name="much drag: place over l", refined="drag area", values=(2.5, 10.0, 40.0), order=1.0, because=slow,
               deviation=_deviation_with_drag, methods=RIDERS),
-        *(Limit(name=f"up to V/c = 0.4: {name}", refined="sigma", values=(0.32, 0.16, 0.08), falls=1.6,
+        *(Limit(name=f"up to V/c = 0.4: {name}", refined="sigma", values=(0.32, 0.16, 0.08), order=1.6,
                 because=waves, deviation=partial(_deviation_with_fast_waves, what, curve), methods=RIDERS,
                 expected="agree" if i < 2 else "disagree") for i, (name, what, curve) in enumerate(variants)),
     ]  # fmt: skip

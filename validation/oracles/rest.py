@@ -90,7 +90,7 @@ def _laws_of_held_car() -> list[Law]:
     return [
         Law(
             name=("force that holds a car at 0.1 l, over itself" if force else "place of rest over l") + where,
-            methods=methods, defect=deviation(force, exact), falls=falls, because=because,
+            methods=methods, defect=deviation(force, exact), order=falls, because=because,
             expected="disagree" if where else "agree",
         )
         for methods, force, exact, falls, because, where in variants
@@ -118,5 +118,5 @@ def cases() -> list[Law]:
         "held car: place over deflection, tension over H": defect_of_ride(scene, defect),
         "car at its place of rest stays: way over l": defect_of_ride(still, lambda r: r.s_o / l - at),
     }
-    alone: dict[str, Any] = {"falls": 1.9, "because": "statics alone", "methods": RIDERS}
+    alone: dict[str, Any] = {"order": 1.9, "because": "statics alone", "methods": RIDERS}
     return _laws_of_held_car() + [Law(name=name, defect=law, **alone) for name, law in laws.items()]

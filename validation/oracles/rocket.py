@@ -63,7 +63,7 @@ def cases() -> list[Limit]:
         (", thrust without lift", few, "following-p2", False),
     ]  # fmt: skip
     return [
-        Limit(name="taut cable: depth over mu sigma" + more, refined="sigma", values=values, falls=2.0,
+        Limit(name="taut cable: depth over mu sigma" + more, refined="sigma", values=values, order=2.0,
               deviation=partial(_path_deviation, lift=lift), methods=(method,), because=because,
               expected="agree" if lift else "disagree")
         for more, values, method, lift in variants

@@ -68,7 +68,7 @@ def heated_length_and_weight(scene: Scene, l: float, unstretched: float) -> tupl
     """S [m] and weight [N], hot or cold, with ice; l, unstretched : at the reference."""
     cable = scene.cable
     ice = cable.ice_per_length
-    return unstretched * (1.0 + cable.warmer), (cable.mass_per_length + ice) * scene.gravity * l
+    return unstretched * (1.0 + cable.thermal_strain), (cable.mass_per_length + ice) * scene.gravity * l
 
 
 def held_car_in_cold(EA: float) -> tuple[Scene, np.ndarray, np.ndarray]:
@@ -113,7 +113,7 @@ def cases() -> list[Case]:
     return [
         Limit(
             name="cold and iced: place of a held car over its deflection", refined="EA", values=(2.5e5, 5e5, 1e6),
-            falls=1.0, deviation=_position_error, methods=RIDERS,
+            order=1.0, deviation=_position_error, methods=RIDERS,
             because="T/EA varies along the cable, and with it the mass per metre",
         )
     ]  # fmt: skip

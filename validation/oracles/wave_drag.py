@@ -43,7 +43,7 @@ def _resistance_deviation(solvers: Solvers, method: str, sigma: float, drag: boo
 
 def _wave_drag_limit(name: str, drag: bool) -> Limit:
     return Limit(
-        name=name, refined="sigma", values=(3e-1, 1e-1, 3e-2), falls=0.8,
+        name=name, refined="sigma", values=(3e-1, 1e-1, 3e-2), order=0.8,
         because="sag and stretch change the waves like sigma", deviation=partial(_resistance_deviation, drag=drag),
         methods=RIDERS, expected="agree" if drag else "disagree",
     )  # fmt: skip

@@ -50,23 +50,23 @@ class BothAnswers:
     """Both answers to a line, each with a coarser one."""
 
     a: LineRest
-    less_a: LineRest
+    coarser_a: LineRest
     b: LineRest
-    less_b: LineRest
+    coarser_b: LineRest
 
     @property
-    def all_four(self) -> tuple[LineRest, ...]:
-        return self.a, self.less_a, self.b, self.less_b
+    def answers(self) -> tuple[LineRest, ...]:
+        return self.a, self.coarser_a, self.b, self.coarser_b
 
     @property
     def positions_with_rest(self) -> list[int]:
         """Positions that have a rest in all of them."""
-        return [i for i in self.a.states if all(i in rest.states for rest in self.all_four)]
+        return [i for i in self.a.states if all(i in rest.states for rest in self.answers)]
 
     def design_numbers(self) -> list[list[Row]]:
         """Design numbers of each, over the shared positions."""
         shared = self.positions_with_rest
-        numbers = [(rest, numbers_by_position(rest)) for rest in self.all_four]
+        numbers = [(rest, numbers_by_position(rest)) for rest in self.answers]
         return [extreme_rows(rest.line, [x[i] if i in shared else None for i in range(len(x))]) for rest, x in numbers]
 
     def units_with_tolerances(self, tol: float, tol_tension: float) -> tuple[Unit, Unit]:
@@ -102,7 +102,7 @@ def compare_states(both: BothAnswers, metres: Unit, newtons: Unit) -> Iterator[A
     shared = both.positions_with_rest
     if not shared:
         return
-    states = [[compared_values(rest.states[i]) for i in shared] for rest in both.all_four]
+    states = [[compared_values(rest.states[i]) for i in shared] for rest in both.answers]
     for quantity in states[0][0]:
         values = [np.concatenate([x[quantity][0] for x in each]) for each in states]  # 4 of (m,) or (m, 2)
         where = [f"{name}, position {i + 1}" for i, x in zip(shared, states[0], strict=True) for name in x[quantity][1]]

@@ -206,7 +206,7 @@ class _Solvers:
             scene = Scene.load(crossing.scene)
             r = run(scene, name, model="string", until=crossing.until, **settings)
             return MassPath(r.t / scene.time_scale, r.s_o / r.length, r.v / r.length)
-        return MassPath(*path_over_cable(crossing.groups, name, settings, **crossing.how))
+        return MassPath(*path_over_cable(crossing.groups, name, settings, **crossing.run_arguments))
 
     def frequencies(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Array:
         return cable_frequencies(groups, degree=2, model=model, n=count, **settings)

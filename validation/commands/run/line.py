@@ -113,7 +113,7 @@ def _numbers_at_contact(rest: LineRest, i: int, j: int, index: dict[str, int]) -
         out[f"rope_over:{name}"] = float(rest.empty.s[j] - state.s[k])
     elif contact.kind == "counterweight":
         taken = float(np.ptp(state.s) - np.ptp(rest.empty.s))
-        out[f"rise:{name}"] = state.case.heat * (1.0 + state.case.stations[k].force / state.case.EA) * taken
+        out[f"rise:{name}"] = state.case.thermal_stretch * (1.0 + state.case.stations[k].force / state.case.EA) * taken
     elif contact.kind == "spring":
         out[f"shift:{name}"] = math.dist(state.points[k], contact.at)
     return out

@@ -156,13 +156,13 @@ class LineRuns:
         empty = line.empty(catenary_line.solve)
         self.line = line_in_motion(line, catenary_line.solve)
         rope = self.line.rope
-        self.length = rope.length or float(np.ptp(empty.s)) * (1.0 + line.cable.warmer)
+        self.length = rope.length or float(np.ptp(empty.s)) * (1.0 + line.cable.thermal_strain)
         self.period = 2.0 * self.length * math.sqrt(rope.mass_per_length / rope.EA)
         total = self.line.t_end
         N = float(np.nanmax(empty.station_tensions))
         pitches = [pitch_period(car.wheels, car.mass, N) for car in self.line.cars if car.wheels is not None]
         # a car that pitches sends waves along the rope, which damp it: a rope too coarse for them lets it ring
-        longest_span = float(np.diff(empty.s).max()) * (1.0 + line.cable.warmer)
+        longest_span = float(np.diff(empty.s).max()) * (1.0 + line.cable.thermal_strain)
         speed = math.sqrt(N / rope.mass_per_length)
         waves = max((longest_span / (speed * period) for period in pitches), default=0.0)
         self.coarsest = max(method.coarsest, math.ceil(method.on_wave * min(waves, WAVES) / coarser))
@@ -327,9 +327,9 @@ class MotionAnswers(LineAnswers):
         """Write path-NAME.csv, contacts.csv, profile.csv, rope.csv, summary.json and scene.toml."""
         line = self.line
         motion = self.motion
-        heat = 1.0 + line.cable.warmer
+        thermal_stretch = 1.0 + line.cable.thermal_strain
         for car in motion.cars:
-            w = car.point - at_rest_points(self.empty, car.s / heat)
+            w = car.point - at_rest_points(self.empty, car.s / thermal_stretch)
             speed = np.hypot(*car.velocity.T)
             more = turning_series(car)
             columns = (
@@ -407,8 +407,8 @@ def answers_of_ladders(line: Line, a: Ladder, b: Ladder | None, rows: Sequence[A
 
 def largest_deflection(line: Line, empty: LineState, motion: LineMotion) -> float:
     """Of a car from the empty rope [m]; 1 without cars."""
-    heat = 1.0 + line.cable.warmer
-    away = [car.point - at_rest_points(empty, car.s / heat) for car in motion.cars]
+    thermal_stretch = 1.0 + line.cable.thermal_strain
+    away = [car.point - at_rest_points(empty, car.s / thermal_stretch) for car in motion.cars]
     return max((float(np.hypot(*w.T).max()) for w in away), default=1.0)
 
 

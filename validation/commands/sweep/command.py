@@ -74,7 +74,7 @@ def _print_keys() -> int:
 
 def _print_scene(study: Study, scene: int) -> None:
     point = study.point(scene)
-    how = " ".join(f"{key}={value}" for key, value in study.how(point).items())
+    how = " ".join(f"{key}={value}" for key, value in study.run_options(point).items())
     print(f"# scene {scene} of {study.name}: {study.job} {how}")
     print(study.scene_at(point).to_toml(), end="")
 

@@ -91,7 +91,7 @@ def _check_or_run(study: Study, point: dict[str, Any], index: int) -> dict[str, 
     except (SceneError, ValueError) as error:
         return {"status": "refused", "cause": "scene", "reason": str(error)}
     out = {name: x for name, x in groups.items() if x is not None and math.isfinite(x)}
-    how = study.how(point)
+    how = study.run_options(point)
     match study.job:
         case "run":
             return out | _run_row(study, how, scene, index)

@@ -25,7 +25,7 @@ from validation.core.store import Refused
 
 GROUPS = ("sag_ratio", "mu", "alpha", "speed_ratio")  # of `Scene.variant`
 FREE = ("slope", "travel", "span", "rho", "gravity")  # besides them, of `Scene.from_groups`: without a base scene
-HOW = ("method", "model", "load", "law", "tol")  # of the run, not of the scene
+RUN_OPTIONS = ("method", "model", "load", "law", "tol")  # of the run, not of the scene
 
 
 def _known_method(method: str) -> str:
@@ -104,7 +104,7 @@ class Study(Part):
         faults = [] if len(self) <= MAX_POINTS else [f"vary: {len(self)} scenes; must be at most {MAX_POINTS}"]
         for name, axis in self.axes.items():
             faults += self._axis_faults(name, axis)
-        named = {*self.axes, *self.how({})}
+        named = {*self.axes, *self.run_options({})}
         needed = ["tol", "case"] if self.job == "power" else ["tol"]
         job = f"job {short_text(self.job)}"
         if self.job == "run":
@@ -116,7 +116,7 @@ class Study(Part):
 
     def _axis_faults(self, name: str, axis: Axis) -> list[str]:
         """Faults of an axis' name: no group, no field of the scene, nothing of the run."""
-        names = {*GROUPS, *HOW}
+        names = {*GROUPS, *RUN_OPTIONS}
         if not self.scene:
             names |= {*FREE}
         if self.job == "power":
@@ -170,7 +170,7 @@ class Study(Part):
         if self.job == "power":
             return self.case(point)[0]
         dotted = {k: v for k, v in point.items() if "." in k}
-        groups = {k: v for k, v in point.items() if "." not in k and k not in HOW}
+        groups = {k: v for k, v in point.items() if "." not in k and k not in RUN_OPTIONS}
         scene = Scene.from_groups(**groups) if self.scene is None else self.scene
         if "drive.mode" in dotted:
             scene, dotted = _with_drive_mode(scene, dotted)
@@ -182,9 +182,9 @@ class Study(Part):
         seed = self.settings.get("seed", 0)
         return families.scene_case(seed, round(point["case"]), self.settings.get("families", "ropeway"))
 
-    def how(self, point: dict[str, Any]) -> dict[str, Any]:
-        """The entries of HOW that the study names."""
-        named = {"method": self.method, "tol": self.tol} | {k: v for k, v in point.items() if k in HOW}
+    def run_options(self, point: dict[str, Any]) -> dict[str, Any]:
+        """The entries of RUN_OPTIONS that the study names."""
+        named = {"method": self.method, "tol": self.tol} | {k: v for k, v in point.items() if k in RUN_OPTIONS}
         return {k: v for k, v in named.items() if v is not None}
 
 
