@@ -90,7 +90,7 @@ class RollingCar(System):
         self.mode.awaits_waves = self.has_friction and not self.mode.sticks
         return x
 
-    def enter_phase(self, x: State) -> State:
+    def state_at_phase_start(self, x: State) -> State:
         return self.come_to_rest(x) if self.mode.sticks else self.solve_acceleration(x)
 
     @property

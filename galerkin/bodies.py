@@ -1,4 +1,4 @@
-"""Balances at the contacts of a rope, as functions of the numbers in `Touch`; derivatives by complex steps.
+"""Balances at the contacts of a rope, as functions of the numbers in `ContactState`; derivatives by complex steps.
 
     C = M (p.. - g j) - F_ext,  [N t] = C + rho ds^2 [r'],  C . tau = f |<r'>|/<|r'|>,  tau = <r'>/|<r'>|
 
@@ -62,7 +62,7 @@ class OnRail(NamedTuple):
         K[2, :, at] += by[2] * slope
 
 
-class Touch:
+class ContactState:
     """Numbers (..., 26) at a contact: N t behind, ahead; r' behind, ahead; p, angle, c and their rates; s., s..; F."""
 
     size = 26
@@ -106,9 +106,9 @@ class Body:
     unknown = ""  # coordinates: x, y, angle t, centre u and v, s, that of the next contact S, F
     contacts = 1
 
-    def touch_from_numbers(self, numbers: Array) -> Any:
+    def state_from_numbers(self, numbers: Array) -> Any:
         """What `rows` takes, from the numbers (..., contacts, 26)."""
-        return Touch(numbers[..., 0, :])
+        return ContactState(numbers[..., 0, :])
 
     def balance_rows(self, x: Any, friction: Friction) -> Array:
         """The balances (..., n), one per unknown, zero where they hold."""
@@ -117,7 +117,7 @@ class Body:
     def row_derivatives(self, numbers: Array, friction: Friction) -> Array:
         """d(rows)/d(numbers) (n, contacts, 26)."""
         shifted = numbers + 1j * TINY * np.eye(numbers.size).reshape(-1, *numbers.shape)
-        by = self.balance_rows(self.touch_from_numbers(shifted), friction).imag / TINY
+        by = self.balance_rows(self.state_from_numbers(shifted), friction).imag / TINY
         return by.T.reshape(-1, *numbers.shape)
 
     def energies(self, x: Any) -> Array:
@@ -128,7 +128,7 @@ class Body:
 class Saddle(Body):
     unknown = "s"
 
-    def balance_rows(self, x: Touch, friction: Friction) -> Array:
+    def balance_rows(self, x: ContactState, friction: Friction) -> Array:
         return (length(x.ahead) - length(x.behind))[..., None]
 
 
@@ -138,10 +138,10 @@ class Spring(Body):
     def __init__(self, contact: Contact) -> None:
         self.stiffness, self.point = np.array(contact.stiffness), np.array(contact.point)
 
-    def balance_rows(self, x: Touch, friction: Friction) -> Array:
+    def balance_rows(self, x: ContactState, friction: Friction) -> Array:
         return x.behind - x.ahead + self.stiffness * (x.p - self.point)
 
-    def energies(self, x: Touch) -> Array:
+    def energies(self, x: ContactState) -> Array:
         strain = 0.5 * (self.stiffness * (x.p - self.point) ** 2).sum(axis=-1)
         return np.stack([0.0 * strain, strain, 0.0 * strain])
 
@@ -157,7 +157,7 @@ class Counterweight(Body):
         self.mass = self.force / line.gravity
         self.lift = outward * (1.0 + self.force / line.rope.EA)  # of the weight, over the motion of s
 
-    def balance_rows(self, x: Touch, friction: Friction) -> Array:
+    def balance_rows(self, x: ContactState, friction: Friction) -> Array:
         return (length(x.ahead + x.behind) - self.force - self.mass * self.lift * x.dds)[..., None]
 
 
@@ -191,12 +191,12 @@ class CarBody(Body):
         """Powers (...) [W] by cause, but those of friction, grip and hold."""
         raise NotImplementedError
 
-    def force_on_rope(self, wheel: Touch) -> Array:
+    def force_on_rope(self, wheel: ContactState) -> Array:
         """The force (..., 2) on the rope at a wheel, by the balance of the pieces beside it."""
         kink = (self.rho * wheel.ds**2)[..., None] * (wheel.slope_ahead - wheel.slope_behind)
         return wheel.behind - wheel.ahead + kink
 
-    def wheels(self, x: Any) -> Sequence[Touch]:
+    def wheels(self, x: Any) -> Sequence[ContactState]:
         """The contacts, from left to right."""
         return (x,)
 
@@ -239,20 +239,20 @@ class PointCar(CarBody):
         self.turns = hanger is not None
         if hanger is not None:
             self.unknown = "t" + self.unknown
-            self.m, self.h, self.damping = hanger.mass, hanger.length, hanger.resistance(line.gravity)
+            self.m, self.h, self.damping = hanger.mass, hanger.length, hanger.moment_per_rate(line.gravity)
             self.about_hanger = hanger.inertia + self.m * self.h**2
 
     @staticmethod
-    def axes(x: Touch) -> tuple[Array, Array]:
+    def axes(x: ContactState) -> tuple[Array, Array]:
         """e1 and e2 (..., 2)."""
         cos, sin = np.cos(x.angle), np.sin(x.angle)
         return np.concatenate([cos, -sin], axis=-1), np.concatenate([sin, cos], axis=-1)
 
-    def centre_of_mass(self, x: Touch) -> tuple[Array, Array]:
+    def centre_of_mass(self, x: ContactState) -> tuple[Array, Array]:
         e1, e2 = self.axes(x)
         return x.p + self.h * e2, x.dp + self.h * x.dangle * e1
 
-    def contact_force(self, x: Touch) -> Array:
+    def contact_force(self, x: ContactState) -> Array:
         """C."""
         own = self.car.mass * (x.ddp - self.gravity * DOWN) - x.F[..., None] * x.tau
         if not self.turns:
@@ -261,13 +261,13 @@ class PointCar(CarBody):
         swinging = self.m * self.h * (x.ddangle * e1 - x.dangle**2 * e2)
         return own + swinging - self.drag(self.centre_of_mass(x)[1])
 
-    def wheel_loads(self, x: Touch) -> Array:
+    def wheel_loads(self, x: ContactState) -> Array:
         return -normal_component(self.contact_force(x), x.tau)[..., None]
 
-    def rope_force_along(self, x: Touch) -> Array:
+    def rope_force_along(self, x: ContactState) -> Array:
         return dot(self.contact_force(x) if self.car.rail is None else -self.force_on_rope(x), x.tau)
 
-    def balance_rows(self, x: Touch, friction: Friction) -> Array:
+    def balance_rows(self, x: ContactState, friction: Friction) -> Array:
         C, on_rope = self.contact_force(x), self.force_on_rope(x)
         balances = [on_rope + C]
         if self.car.rail is not None:  # the shoe is normal to the path
@@ -286,14 +286,14 @@ class PointCar(CarBody):
             balances.append((along - slip * x.projection)[..., None])
         return np.concatenate(balances, axis=-1)
 
-    def energies(self, x: Touch) -> Array:
+    def energies(self, x: ContactState) -> Array:
         carriage, (c, dc) = self.car.mass - self.m, self.centre_of_mass(x)
         turning = (self.about_hanger - self.m * self.h**2) * x.dangle[..., 0] ** 2
         kinetic = 0.5 * (carriage * dot(x.dp, x.dp) + self.m * dot(dc, dc) + turning)
         height = carriage * x.p[..., 1] + self.m * c[..., 1]
         return np.stack([kinetic, 0.0 * kinetic, -self.gravity * height])
 
-    def powers(self, x: Touch) -> dict[str, Array]:
+    def powers(self, x: ContactState) -> dict[str, Array]:
         velocity = self.centre_of_mass(x)[1]
         powers = {"swing": -self.damping * x.dangle[..., 0] ** 2} if self.damping else {}
         if self.car.kind == "grip":

@@ -12,7 +12,7 @@ from cablefem.motion import CarMotion, ContactMotion, LineMotion, Turning, Wheel
 from cablefem.newmark import State
 from cablefem.scene.contacts import Array, Contact, MovingLine
 from cablefem.shoes import add_shoe_forces, downward_normals, off_rope_motion
-from galerkin.bodies import Body, CarBody, Counterweight, Friction, PointCar, Touch, length
+from galerkin.bodies import Body, CarBody, ContactState, Counterweight, Friction, PointCar, length
 from galerkin.segments import Layout, Rope, basis_functions
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ AT_ONCE = 64  # states
 def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
     """The motion at all states and at the stations s (m,)."""
     layout, line, n = system.layout, system.line, len(states)
-    touches = np.empty((n, layout.contacts, Touch.size))
+    numbers = np.empty((n, layout.contacts, ContactState.size))
     positions = np.empty((n, layout.contacts))
     points, tension = np.empty((n, s.size, 2)), np.empty((n, s.size))
     energies = np.empty((3, n))
@@ -33,7 +33,7 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
         some = slice(first, first + AT_ONCE)
         Z = np.stack([system.coordinates_with_rates(x) for x in states[some]], axis=1)
         rope = Rope(layout, Z)
-        touches[some], positions[some] = system.equations.touches(rope, Z), Z[0][:, layout.s]
+        numbers[some], positions[some] = system.equations.contact_numbers(rope, Z), Z[0][:, layout.s]
         energies[:, some] = _rope_energies(rope)
         points[some], tension[some] = _points_and_tensions(rope, Z, s, integrals)
     beyond = (s < positions[:, :1]) | (s > positions[:, -1:])
@@ -42,7 +42,7 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
     powers: dict[str, Array] = {}
     cars, contacts = [], []
     for k, (contact, body) in enumerate(zip(line.touching, system.equations.bodies, strict=True)):
-        at, position = system.equations.touch(touches, k), positions[:, k]
+        at, position = system.equations.contact_state(numbers, k), positions[:, k]
         energies += body.energies(at)
         if isinstance(body, CarBody):
             hold = system.holds.get(k, 0.0) * np.array([body.car.drive.hold_fraction(x.t) for x in states])
@@ -94,7 +94,7 @@ def _car_motion(body: CarBody, s: Array, at: Any) -> CarMotion:
     )  # fmt: skip
 
 
-def _wheel_motion(name: str, x: Touch, s: Array, load: Array) -> WheelMotion:
+def _wheel_motion(name: str, x: ContactState, s: Array, load: Array) -> WheelMotion:
     return WheelMotion(
         name=name, s=s, ds=x.ds, point=x.p, load=load, tension_behind=length(x.behind),
         tension_ahead=length(x.ahead), slope_behind=x.slope_behind, slope_ahead=x.slope_ahead,
@@ -117,7 +117,7 @@ def _car_powers(line: MovingLine, body: CarBody, s: Array, at: Any, hold: Array)
     return powers
 
 
-def _contact_motion(line: MovingLine, contact: Contact, body: Body, s: Array, x: Touch) -> ContactMotion:
+def _contact_motion(line: MovingLine, contact: Contact, body: Body, s: Array, x: ContactState) -> ContactMotion:
     none = np.full(s.size, np.nan)
     rise, behind, ahead = none, length(x.behind), length(x.ahead)
     pressure = x.ahead - x.behind

@@ -22,7 +22,7 @@ from cablefem.scene.contacts import (
     meeting_event,
 )
 from cablefem.shoes import force_along_rail, may_pass, possible_passages
-from galerkin.bodies import Body, CarBody, Counterweight, Friction, PointCar, Saddle, Spring, Touch
+from galerkin.bodies import Body, CarBody, ContactState, Counterweight, Friction, PointCar, Saddle, Spring
 from galerkin.equations import factorised
 from galerkin.line_observe import observe
 from galerkin.segments import Layout, Rope, Softness
@@ -68,10 +68,10 @@ class Equations:
         self._column[[*self.free, *following]] = np.arange(last)
         self._tangent = np.zeros((3, self.size, last + 1))
 
-    def touches(self, rope: Rope, Z: Array) -> Array:
-        """The numbers of `Touch` at all contacts (..., contacts, 26)."""
+    def contact_numbers(self, rope: Rope, Z: Array) -> Array:
+        """The numbers of `ContactState` at all contacts (..., contacts, 26)."""
         layout = self.layout
-        x = np.zeros((*Z.shape[1:-1], layout.contacts, Touch.size))
+        x = np.zeros((*Z.shape[1:-1], layout.contacts, ContactState.size))
         x[..., 1:, 0:2], x[..., :-1, 2:4] = rope.rows[..., -1, :], -rope.rows[..., -2, :]
         x[..., 1:, 4:6], x[..., :-1, 6:8] = rope.end_slopes[..., 1, :], rope.end_slopes[..., 0, :]
         for order in range(3):
@@ -79,19 +79,19 @@ class Equations:
         x[..., 23], x[..., 24], x[..., 25] = Z[1][..., layout.s], Z[2][..., layout.s], Z[2][..., layout.F]
         return x
 
-    def touch(self, touches: Array, k: int) -> Any:
-        """What the body at contact k touches."""
+    def contact_state(self, numbers: Array, k: int) -> Any:
+        """What acts on the body at contact k, as its equations take it."""
         body = self.bodies[k]
-        return body.touch_from_numbers(touches[..., k : k + body.contacts, :])
+        return body.state_from_numbers(numbers[..., k : k + body.contacts, :])
 
-    def residual(self, rope: Rope, touches: Array, frictions: Sequence[Friction]) -> Array:
-        """The rows (..., n) of a rope and its `touches`."""
+    def residual(self, rope: Rope, numbers: Array, frictions: Sequence[Friction]) -> Array:
+        """The rows (..., n) of a rope with the numbers of its contacts."""
         ends = [
-            body.balance_rows(self.touch(touches, k), frictions[k])
+            body.balance_rows(self.contact_state(numbers, k), frictions[k])
             for k, body in enumerate(self.bodies)
             if body.unknown
         ]
-        inner = rope.rows[..., :-2, :].reshape(*touches.shape[:-2], self.layout.inner)[..., self.layout.shapes]
+        inner = rope.rows[..., :-2, :].reshape(*numbers.shape[:-2], self.layout.inner)[..., self.layout.shapes]
         return np.concatenate([inner, *ends], axis=-1)
 
     def linearise(self, Z: Array, frictions: Sequence[Friction]) -> tuple[Array, Array]:
@@ -111,16 +111,16 @@ class Equations:
             block = columns[:, i, :-2].reshape(3, 2 * layout.functions, -1)[:, shapes]
             K[:, row : row + block.shape[1], at[i]] = block
             row += block.shape[1]
-        x = self.touches(rope, Z)
+        x = self.contact_numbers(rope, Z)
         for k, body in enumerate(self.bodies):
             if not body.unknown:
                 continue
             rows = slice(row, row + len(body.unknown))
-            r[rows] = body.balance_rows(self.touch(x, k), frictions[k])
+            r[rows] = body.balance_rows(self.contact_state(x, k), frictions[k])
             derivatives = body.row_derivatives(x[k : k + body.contacts], frictions[k])
             here = K[:, rows]
             for j in range(k, k + body.contacts):
-                by = derivatives[:, j - k]  # by the numbers of `Touch`, (rows, 26)
+                by = derivatives[:, j - k]  # by the numbers of `ContactState`, (rows, 26)
                 if j > 0:
                     here[:, :, at[j - 1]] += by[:, 0:2] @ columns[:, j - 1, -1]
                     here[0][:, at[j - 1]] += by[:, 4:6] @ slopes[j - 1, 1]
@@ -146,10 +146,12 @@ class LineSines(System):
         self.line, self.layout, self.phases = line, Layout(line, terms), line.phases
         bodies = [body_of(line, contact) for contact in line.touching]
         self.cars = {k: body for k, body in enumerate(bodies) if isinstance(body, CarBody)}
-        self.lead = {k: k + body.contacts - 1 for k, body in self.cars.items()}  # contact that the travel is of
+        self.travel_contact = {
+            k: k + body.contacts - 1 for k, body in self.cars.items()
+        }  # contact that the travel is of
         self.free_cars = {k: body for k, body in self.cars.items() if body.car.kind == "free"}
         self.equations = Equations(self.layout, bodies)
-        self.held_copy = Equations(
+        self.held_equations = Equations(
             self.layout, [body.held_copy() if isinstance(body, CarBody) else body for body in bodies]
         )
         self.n_dof = self.equations.size
@@ -160,10 +162,10 @@ class LineSines(System):
         self._name_events(bodies)
         self._prescribed: dict[tuple[float, int], Array] = {}
         self._loaded: tuple[State | None, list[float]] = (None, [])  # of the last state that was watched
-        # t, a, tensions of the rope and touches at the last instant of the last residuals
+        # t, a, tensions of the rope and contact numbers at the last instant of the last residuals
         self._last: tuple[float, Array, Array, Array] | None = None
         self._instants: tuple[Array, int, Array] | None = None  # t, phase and what is prescribed of the last residuals
-        self._known: tuple[Array, float, int, Array, Array] | None = None
+        self._linearised: tuple[Array, float, int, Array, Array] | None = None
         # rows of saddles over which the grip of a car off the rope acts on it
         rows = {name: int(np.flatnonzero(self.equations.free == self.layout.s[k])[0]) for name, k in self.below.items()}
         off = [car for car in line.over if car.kind == "grip"]
@@ -173,7 +175,7 @@ class LineSines(System):
         """Set the events, and what each kind of them watches."""
         names = [c.name for c in self.line.touching]
         self.passages = possible_passages(self.line)
-        pairs = [i for i in self.layout.outer if i in self.lead.values() or i + 1 in self.cars]
+        pairs = [i for i in self.layout.outer if i in self.travel_contact.values() or i + 1 in self.cars]
         self.gaps = [i for i in pairs if not may_pass(self.passages, names[i], names[i + 1])]
         self.stops = [k for k, body in self.free_cars.items() if body.car.drive.has_resistance]
         touching = self.line.touching
@@ -183,8 +185,8 @@ class LineSines(System):
         brakes = [f"{self.cars[k].car.name} brakes" for k, _ in self.brakes]
         lifted = [lift_off_event(c) for c in touching if not isinstance(c, Contact)]
         self.saddles = [k for k, body in enumerate(bodies) if isinstance(body, Saddle)]
-        self.loose = ["rope falls slack", *(f"rope lifts off {names[k]}" for k in self.saddles)]
-        self.events = (*meetings, *stops, *brakes, *lifted, *self.loose, *map(str, self.passages))
+        self.rope_events = ["rope falls slack", *(f"rope lifts off {names[k]}" for k in self.saddles)]
+        self.events = (*meetings, *stops, *brakes, *lifted, *self.rope_events, *map(str, self.passages))
         self.below = {car.name: names.index(car.rail.saddle) for car in self.line.over if car.rail is not None}
 
     @property
@@ -208,7 +210,7 @@ class LineSines(System):
             if isinstance(contact, Contact):
                 Z[0, layout.x[k]], Z[0, layout.y[k]] = contact.point
         for k, body in self.cars.items():
-            car, lead = body.car, self.lead[k]
+            car, lead = body.car, self.travel_contact[k]
             if car.travel is not None:
                 at = layout.x if car.kind == "haul_x" else layout.s
                 Z[:, at[lead]] = line.position(car, t, phase)
@@ -250,9 +252,9 @@ class LineSines(System):
         if not (s[:, 1:] > s[:, :-1]).all():
             return np.full(q.shape, np.nan)
         rope = Rope(self.layout, Z)
-        touches = self.equations.touches(rope, Z)
-        self._last = t.item(-1), a[-1], rope.law.N[-1], touches[-1]
-        r = self.equations.residual(rope, touches, self.frictions_at(t))
+        numbers = self.equations.contact_numbers(rope, Z)
+        self._last = t.item(-1), a[-1], rope.law.N[-1], numbers[-1]
+        r = self.equations.residual(rope, numbers, self.frictions_at(t))
         for row, k, car, _ in self.gripping:
             jets = [
                 self.line.point_off_rope(car, at, phase, Z[:, i, self.layout.s[k]]) for i, at in enumerate(t.tolist())
@@ -262,18 +264,18 @@ class LineSines(System):
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
         state = np.array([q, v, a])
-        known = self._known
-        if known is None or known[1:3] != (t, phase) or not np.array_equal(known[0], state):
+        linearised = self._linearised
+        if linearised is None or linearised[1:3] != (t, phase) or not np.array_equal(linearised[0], state):
             Z = self.coordinates_with_rates(State(t, q, v, a, phase))
             r, K = self.equations.linearise(Z, self.frictions_at(t))
             for row, k, car, stretch in self.gripping:
                 jet = self.line.point_off_rope(car, t, phase, Z[:, self.layout.s[k]])
                 r[row] -= force_along_rail(car, jet, self.line.gravity)
                 K[2, row, row] += car.mass * stretch
-            known = self._known = (state, t, phase, r, K)
+            linearised = self._linearised = (state, t, phase, r, K)
         c0, c1, c2 = c
-        by_q, by_v, by_a = known[4]
-        return known[3], factorised(c0 * by_q + c1 * by_v + c2 * by_a)
+        by_q, by_v, by_a = linearised[4]
+        return linearised[3], factorised(c0 * by_q + c1 * by_v + c2 * by_a)
 
     def begin_step(self, x: State) -> None:
         """Keep the direction of friction, and the brakes that act, for one step."""
@@ -281,48 +283,48 @@ class LineSines(System):
         for k, body in self.cars.items():
             if not body.car.drive.has_resistance or body.car.rail is not None:  # a shoe has no friction
                 continue
-            ds, sign = Z[1, self.layout.s[self.lead[k]]], self.frictions[k].sign
+            ds, sign = Z[1, self.layout.s[self.travel_contact[k]]], self.frictions[k].sign
             if k not in self.free_cars:
                 sign = self.line.direction(body.car, x.phase)
             elif abs(ds) > TURNING:
                 sign = float(np.sign(ds))
-            self._set_friction(k, float(Z[0, self.layout.s[self.lead[k]]]), sign)
+            self._set_friction(k, float(Z[0, self.layout.s[self.travel_contact[k]]]), sign)
 
     def _set_friction(self, k: int, s: float, sign: float) -> None:
         body = self.cars[k]
         self.frictions[k] = Friction(body.car.drive.mu_r, body.brake_forces(s), sign)
-        self._known = None
+        self._linearised = None
 
     def _balance_at(self, x: State, Z: Array) -> tuple[Array, Array]:
-        """Tensions (S, G) and touches of x; at the end of a step those of its residual."""
+        """Tensions (S, G) and contact numbers of x; at the end of a step those of its residual."""
         last = self._last
         if last is None or last[0] != x.t or not np.array_equal(last[1], x.a):
             rope = Rope(self.layout, Z)
-            return rope.law.N, self.equations.touches(rope, Z)
+            return rope.law.N, self.equations.contact_numbers(rope, Z)
         return last[2:]
 
     def event_values(self, x: State) -> tuple[float, ...]:
         Z = self.coordinates_with_rates(x)
         s, ds = Z[0, self.layout.s], Z[1, self.layout.s]
         gaps = [float(s[i + 1] - s[i]) - NEAREST for i in self.gaps]
-        speeds = [float(ds[self.lead[k]] * self.frictions[k].sign) for k in self.stops]
-        ahead = [position - float(s[self.lead[k]]) for k, position in self.brakes]
-        loads = [math.inf] * (sum(body.contacts for body in self.cars.values()) + len(self.loose))
+        speeds = [float(ds[self.travel_contact[k]] * self.frictions[k].sign) for k in self.stops]
+        ahead = [position - float(s[self.travel_contact[k]]) for k, position in self.brakes]
+        loads = [math.inf] * (sum(body.contacts for body in self.cars.values()) + len(self.rope_events))
         if min(gaps, default=1.0) > 0.0:
             if self._loaded[0] is not x:
-                N, touches = self._balance_at(x, Z)
-                pressing = [
-                    np.array([math.inf]) if body.car.rail else body.wheel_loads(self.equations.touch(touches, k))
-                    for k, body in self.cars.items()
-                ]
-                self._loaded = x, [*np.concatenate([*pressing, self._tension_and_pressures(N, touches)]).tolist()]
+                N, numbers = self._balance_at(x, Z)
+                pressing = []
+                for k, body in self.cars.items():
+                    state = self.equations.contact_state(numbers, k)
+                    pressing.append(np.array([math.inf]) if body.car.rail else body.wheel_loads(state))
+                self._loaded = x, np.concatenate([*pressing, self._tension_and_pressures(N, numbers)]).tolist()
             loads = self._loaded[1]
         passing = [p.distance_ahead(*self.car_point_and_rates(p.car, x)[:2, 0].tolist()) for p in self.passages]
         return (*gaps, *speeds, *ahead, *loads, *passing)
 
-    def _tension_and_pressures(self, N: Array, touches: Array) -> list[float]:
+    def _tension_and_pressures(self, N: Array, numbers: Array) -> list[float]:
         """The smallest of the tensions (S, G), and the force of the rope down on each saddle [N]."""
-        down = touches[:, 3] - touches[:, 1]
+        down = numbers[:, 3] - numbers[:, 1]
         return [float(N[self.layout.outer].min()), *(float(down[k]) for k in self.saddles)]
 
     def pass_event(self, name: str, x: State) -> State | None:
@@ -356,7 +358,7 @@ class LineSines(System):
 
     def _state_after_standstill(self, k: int, x: State) -> State | None:
         """The state after a standstill, forwards or backwards; None if friction holds the car."""
-        slot = int(np.flatnonzero(self.equations.free == self.layout.s[self.lead[k]])[0])
+        slot = int(np.flatnonzero(self.equations.free == self.layout.s[self.travel_contact[k]])[0])
         before = self.frictions[k].sign
         for sign in (before, -before):
             self._set_friction(k, float(x.q[slot]), sign)
@@ -377,8 +379,8 @@ class LineSines(System):
             return self.with_acceleration(state)
         rest = self.coordinates_at_rest()
         rope = Rope(self.layout, rest)
-        touches = self.held_copy.touches(rope, rest)
-        slack, *pressures = self._tension_and_pressures(rope.law.N, touches)
+        numbers = self.held_equations.contact_numbers(rope, rest)
+        slack, *pressures = self._tension_and_pressures(rope.law.N, numbers)
         if min(slack, *pressures, 0.0) < 0.0:
             lowest = min(pressures, default=0.0)
             cause = (
@@ -386,7 +388,7 @@ class LineSines(System):
             )
             raise StepFailure(0.0, cause, "tighten the rope")
         for k in self.free_cars:
-            self._release(k, rest, touches)
+            self._release(k, rest, numbers)
         v = np.zeros(self.n_dof)
         moving = self.prescribed(0.0, 0)[1]
         if moving.any():
@@ -397,16 +399,18 @@ class LineSines(System):
         self.begin_step(x)
         return self.with_acceleration(x)
 
-    def _release(self, k: int, Z: Array, touches: Array) -> None:
+    def _release(self, k: int, Z: Array, numbers: Array) -> None:
         """Let a free car at rest go; StepFailure if friction holds it."""
-        body, name, touch = self.cars[k].held_copy(), self.cars[k].car.name, self.held_copy.touch(touches, k)
-        projection = float(body.wheels(touch)[-1].projection)
-        self.holds[k] = float(body.rope_force_along(touch)) / projection
+        body = self.cars[k].held_copy()
+        name = body.car.name
+        state = self.held_equations.contact_state(numbers, k)
+        projection = float(body.wheels(state)[-1].projection)
+        self.holds[k] = float(body.rope_force_along(state)) / projection
         thrust = self.line.thrust(body.car, 0.0, 0) * math.cos(body.car.drive.thrust_angle)
         needed = self.holds[k] - thrust / projection
-        self._set_friction(k, float(Z[0, self.layout.s[self.lead[k]]]), -float(np.sign(needed)))
+        self._set_friction(k, float(Z[0, self.layout.s[self.travel_contact[k]]]), -float(np.sign(needed)))
         if body.car.drive.has_resistance and abs(needed) <= float(
-            body.friction_and_brakes(body.wheel_loads(touch), self.frictions[k]).sum()
+            body.friction_and_brakes(body.wheel_loads(state), self.frictions[k]).sum()
         ):
             raise StepFailure(0.0, f"friction or brakes hold {name} where it begins", "begin on steeper rope")
 
@@ -463,7 +467,7 @@ class LineSines(System):
 
     def _solve_rest(self, Z: Array, guess: Array) -> Array:
         """Rest by Newton's method with shorter steps where the residual grows; Z holds what is prescribed."""
-        layout, held = self.layout, self.held_copy
+        layout, held = self.layout, self.held_equations
         Z = Z.copy()
         values = np.where(held.forces, guess[2, held.free], guess[0, held.free])
         frictions = [Friction() for _ in held.bodies]
@@ -481,7 +485,7 @@ class LineSines(System):
             if not (np.diff(put(values)[0, layout.s]) > 0.0).all():
                 return math.inf
             rope = Rope(layout, Z)
-            return float(np.linalg.norm(held.residual(rope, held.touches(rope, Z), frictions)))
+            return float(np.linalg.norm(held.residual(rope, held.contact_numbers(rope, Z), frictions)))
 
         before, bound = math.inf, TOL * self.line.rope.EA
         for _ in range(ITERATIONS):
@@ -511,7 +515,7 @@ class LineSines(System):
         Z[0, layout.s[at]] = ends[0] + (ends[1] - ends[0]) * chords / chords[-1]
         sags = 4.0 * SAG * np.diff(chords)
         for k, body in self.cars.items():
-            lead = self.lead[k]
+            lead = self.travel_contact[k]
             i = int(np.searchsorted(at, k)) - 1
             (x, y), way = points[i], points[i + 1] - points[i]
             s = Z[0, layout.s[at[i : i + 2]]]

@@ -213,7 +213,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         A travel that begins at speed has the rate of change of the equilibrium.
         """
         if state is not None:
-            return self.enter_phase(state._replace(phase=phase))
+            return self.state_at_phase_start(state._replace(phase=phase))
         s_o = self.drive.start
         self.reset()
         self._past = np.empty((0, 3))

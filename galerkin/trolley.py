@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cablefem.scene.contacts import Array, Car, MovingLine, Wheel
-from galerkin.bodies import DOWN, CarBody, Friction, Touch, dot, normal_component
+from galerkin.bodies import DOWN, CarBody, ContactState, Friction, dot, normal_component
 
 Pair = tuple[float, float]
 
@@ -90,23 +90,23 @@ class Trolley(CarBody):
         rear = np.asarray(self.car.drive.rear_brake_force(s))
         return np.stack([rear, self.car.drive.brake_force(s) - rear], axis=-1)
 
-    def centre_of_mass(self, x: tuple[Touch, Touch]) -> tuple[Array, Array]:
+    def centre_of_mass(self, x: tuple[ContactState, ContactState]) -> tuple[Array, Array]:
         return x[0].c, x[0].dc
 
-    def touch_from_numbers(self, numbers: Array) -> tuple[Touch, Touch]:
+    def state_from_numbers(self, numbers: Array) -> tuple[ContactState, ContactState]:
         """The rear wheel, with angle, centre and F of the car, and the front wheel."""
-        return Touch(numbers[..., 0, :]), Touch(numbers[..., 1, :])
+        return ContactState(numbers[..., 0, :]), ContactState(numbers[..., 1, :])
 
-    def wheels(self, x: tuple[Touch, Touch]) -> Sequence[Touch]:
+    def wheels(self, x: tuple[ContactState, ContactState]) -> Sequence[ContactState]:
         return x
 
-    def wheel_loads(self, x: tuple[Touch, Touch]) -> Array:
+    def wheel_loads(self, x: tuple[ContactState, ContactState]) -> Array:
         return np.stack([normal_component(self.force_on_rope(wheel), wheel.tau) for wheel in x], axis=-1)
 
-    def rope_force_along(self, x: tuple[Touch, Touch]) -> Array:
+    def rope_force_along(self, x: tuple[ContactState, ContactState]) -> Array:
         return -dot(self.force_on_rope(x[1]), x[1].tau)
 
-    def balance_rows(self, x: tuple[Touch, Touch], friction: Friction) -> Array:
+    def balance_rows(self, x: tuple[ContactState, ContactState], friction: Friction) -> Array:
         car, rear = self.car, x[0]
         P = [self.force_on_rope(wheel) for wheel in x]
         n = [rotate(arm_derivative(arm), rear.angle) for arm in self.arms]
@@ -119,12 +119,12 @@ class Trolley(CarBody):
             rolling.pop()
         return np.concatenate([force, np.stack([moment, *rolling], axis=-1)], axis=-1)
 
-    def energies(self, x: tuple[Touch, Touch]) -> Array:
+    def energies(self, x: tuple[ContactState, ContactState]) -> Array:
         car, at = self.car, x[0]
         kinetic = 0.5 * (car.mass * dot(at.dc, at.dc) + self.inertia * at.dangle[..., 0] ** 2)
         return np.stack([kinetic, 0.0 * kinetic, -car.mass * self.gravity * at.c[..., 1]])
 
-    def powers(self, x: tuple[Touch, Touch]) -> dict[str, Array]:
+    def powers(self, x: tuple[ContactState, ContactState]) -> dict[str, Array]:
         at = x[0]
         if self.car.kind == "grip":
             return {}

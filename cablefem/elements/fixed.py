@@ -21,7 +21,7 @@ from cablefem.elements.kernels.balance import Contact, Mesh
 from cablefem.elements.reference import (
     Points,
     assemble_bands,
-    force_order,
+    quadrature_order,
     shape_moments,
     shape_polynomials,
     shape_table,
@@ -105,7 +105,9 @@ class FixedElements(CableElements):
         offsets = np.r_[0:k, step : step + k, k:step]  # in scikit-fem's order: left node, right node, inside
         degree = len(offsets) - 1
         unit = skfem.MeshLine(np.array([0.0, 1.0]))
-        basis, of_forces = (skfem.Basis(unit, element(), intorder=order) for order in (2 * degree, force_order(degree)))
+        basis, of_forces = (
+            skfem.Basis(unit, element(), intorder=order) for order in (2 * degree, quadrature_order(degree))
+        )
         n_loc = len(offsets)
         first = np.arange(n)[:, None]
         all_dofs = step * first + offsets

@@ -17,7 +17,7 @@ import numpy as np
 import skfem
 
 from cablefem.elements.kernels.law import TENSION_ONLY
-from cablefem.elements.reference import force_order, lagrange_element, number_unknowns
+from cablefem.elements.reference import lagrange_element, number_unknowns, quadrature_order
 from cablefem.newmark import Array
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def assemble_residual(system: FollowingElements, x: Array, t: float, phase: int)
     mesh = skfem.MeshLine(s_o + np.where(knots < 0.0, s_o, 1.0 - s_o) * knots)
     element = skfem.ElementVector(lagrange_element(degree), 2)
     basis = skfem.Basis(mesh, element, intorder=2 * degree)
-    basis_of_forces = skfem.Basis(mesh, element, intorder=force_order(degree))
+    basis_of_forces = skfem.Basis(mesh, element, intorder=quadrature_order(degree))
 
     # scikit-fem's unknowns in ours, which leave out the supports
     number = np.empty(basis.N, dtype=int)

@@ -44,7 +44,7 @@ def convection_form(phi, eta, w):
     return w["chi"] ** 2 * eta.grad[0] * phi.grad[0]
 
 
-def force_order(degree: int, damped: bool = False) -> int:
+def quadrature_order(degree: int, damped: bool = False) -> int:
     """Order of quadrature of internal forces: as many Gauss points as the degree, at least two.
 
     More points lock (Stolarski & Belytschko 1982): u' cannot follow v'^2/2.
@@ -97,7 +97,7 @@ class ReferenceMesh(NamedTuple):
     knots: Array  # (2 elements + 1,) x
     node: int  # unknown of the mass
     dofs: NDArray[np.int64]  # (n_el, n_loc), -1 on a support
-    forces: Array  # xi and the rest of `shape_table`, at the points of `force_order`
+    forces: Array  # xi and the rest of `shape_table`, at the points of `quadrature_order`
     at_force: Points  # those of `forces`
     at_inertia: Points  # that integrate products of two shapes
     operators: Array  # (8, 2 degree + 1, n) `assemble_bands` of M^, G^, G^T and H^, each behind and ahead
@@ -141,7 +141,7 @@ def reference_mesh(elements: int, degree: int, grading: float, damped: bool = Fa
     sides = (slice(0, elements), slice(elements, None))
     basis, of_forces = (
         skfem.Basis(mesh, lagrange_element(degree), intorder=order)
-        for order in (2 * degree, force_order(degree, damped))
+        for order in (2 * degree, quadrature_order(degree, damped))
     )
     dofs = number_unknowns(degree, 2 * elements) - 1
     n = 2 * elements * degree - 1

@@ -76,7 +76,7 @@ class RollingElements(RollingCar, FollowingElements):
         """
         t = self.phases[phase][0]
         if state is not None:
-            return self.enter_phase(state._replace(t=t, phase=phase))
+            return self.state_at_phase_start(state._replace(t=t, phase=phase))
         self.reset()
         if not self.free:
             s_o, ds, _ = self.motion.at(t, 0)

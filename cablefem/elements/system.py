@@ -177,7 +177,7 @@ class LineElements(System):
             assert cabin is not None
             lever = cabin.mass * cabin.length
             inertia = cabin.inertia + lever * cabin.length
-            self._cabins[:, i] = lever, cabin.length, inertia, cabin.resistance(self.line.gravity)
+            self._cabins[:, i] = lever, cabin.length, inertia, cabin.moment_per_rate(self.line.gravity)
         self._pressing = [i for i, car in cars for _ in range(1 if car.wheels is None else 2)]  # all that may lift off
 
     def travel_slot(self, k: int) -> int:
@@ -318,7 +318,7 @@ class LineElements(System):
         for slot, k in self._weights:
             rows[..., slot] += self.pulley_row(k, x.v[..., slot], x.a[..., slot])
 
-    def _counterweight(self, k: int, force: float) -> tuple[float, float]:
+    def _counterweight_mass_and_sign(self, k: int, force: float) -> tuple[float, float]:
         """Mass of a counterweight for d2s/dt2, and +1 at the right end, -1 at the left one."""
         return force / self.line.gravity * (1.0 + force / self.line.rope.EA), 1.0 if k else -1.0
 
@@ -329,7 +329,7 @@ class LineElements(System):
         """
         contact, EA = self.line.supports[k], self.line.rope.EA
         force = contact.force or 0.0
-        mass, sign = self._counterweight(k, force)
+        mass, sign = self._counterweight_mass_and_sign(k, force)
         N = force + sign * mass * dds
         speed = ds * (1.0 + N / EA)
         entering = self.line.weight * contact.point[1] - 0.5 * self.segments.rho * speed**2
@@ -602,7 +602,7 @@ class LineElements(System):
                 yield slot, stiffness * c0
         for slot, k in self._weights:
             force = self.line.supports[k].force or 0.0
-            mass, sign = self._counterweight(k, force)
+            mass, sign = self._counterweight_mass_and_sign(k, force)
             ds, lam = x.v[slot], 1.0 + (force + sign * mass * x.a[slot]) / EA
             yield slot, mass * (lam - rho * ds**2 * lam / EA) * c2 - sign * rho * ds * lam**2 * c1
 

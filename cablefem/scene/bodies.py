@@ -23,7 +23,7 @@ class Hanger(Part):
         """J [kg m2] about the cabin's centre of mass."""
         return self.mass * self.gyration**2
 
-    def resistance(self, gravity: float) -> float:
+    def moment_per_rate(self, gravity: float) -> float:
         """c [N m s] of the moment - c dphi/dt."""
         about_hinge = self.inertia + self.mass * self.length**2
         return 2.0 * self.damping * math.sqrt(about_hinge * self.mass * gravity * self.length)

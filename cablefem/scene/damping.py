@@ -23,7 +23,7 @@ class Wind(Part):
         """Horizontal force [N/m] on a cable at rest, rho_air c_D d U^2/2."""
         return 0.5 * self.air_density * self.drag_coefficient * diameter * self.across**2
 
-    def resistance(self, diameter: float) -> float:
+    def drag_per_velocity(self, diameter: float) -> float:
         """Force over velocity in the plane [N s/m^2], rho_air c_D d U/2, to first order."""
         return 0.5 * self.air_density * self.drag_coefficient * diameter * self.across
 
@@ -52,7 +52,7 @@ def damping_rates(X: Catenary, cable: Cable, wind: Wind | None, gravity: float) 
         own *= 2.0 * first_frequency(X, cable.EA, gravity)
     if wind is None:
         return own, 0.0
-    return own, wind.resistance(cable.diameter_with_ice) * gravity / X.weight
+    return own, wind.drag_per_velocity(cable.diameter_with_ice) * gravity / X.weight
 
 
 def damping_fault(X: Catenary, cable: Cable, wind: Wind | None, gravity: float) -> str:

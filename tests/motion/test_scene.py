@@ -67,7 +67,7 @@ def test_two_wheels_and_a_cabin_from_a_file():
     # c = 2 zeta omega (J + m h^2), omega^2 = m g h/(J + m h^2)
     about = 5000.0 * (1.3**2 + 5.5**2)
     omega = (5000.0 * 9.81 * 5.5 / about) ** 0.5
-    assert down.hanger.resistance(9.81) == pytest.approx(0.1 * omega * about)
+    assert down.hanger.moment_per_rate(9.81) == pytest.approx(0.1 * omega * about)
 
 
 @pytest.mark.parametrize(
