@@ -28,7 +28,7 @@ def test_a_car_let_in_on_the_way_begins_at_rest_on_the_loaded_cable(name, method
     travel = ConstantSpeed(speed=0.1 * base.wave_speed, **{"from": place * base.length})
     g = base.variant(travel=travel, drive={"mode": "grip"}).groups
     kind = find_method(method)
-    system = kind.build(g, kind.settings_on(g, settings), model="full", load="mass", law="elastic")
+    system = kind.build(g, kind.settings_for_scene(g, settings), model="full", load="mass", law="elastic")
     x = system.start(0, None)
     seen = observe(system, stack([x]))
     exact = gripped_rest(place, g)

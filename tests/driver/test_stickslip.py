@@ -33,7 +33,7 @@ class Block(RollingCar):
 
     def start(self, phase, state):
         if state is not None:
-            return self.enter_phase(state._replace(phase=phase))
+            return self.state_at_phase_start(state._replace(phase=phase))
         self.reset()
         return self.release_car(State(0.0, np.array([self.drive.start]), np.zeros(1), np.zeros(1), 0))
 

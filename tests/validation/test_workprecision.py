@@ -216,7 +216,7 @@ def test_a_free_ride_is_charted_over_time_by_what_can_roll():
     ride = Scene.from_toml(text)
     lines = {x.name: x for x in study.chart_series(ride.groups)}
     assert "scheme trapezoidal" in lines
-    usual = find_method(study.BASE).settings_on(ride.groups, {})["scheme"]  # a line of its own already
+    usual = find_method(study.BASE).settings_for_scene(ride.groups, {})["scheme"]  # a line of its own already
     assert not {f"scheme {usual}"} & set(lines)
     for name, why in {"fixed-p1-path": "rolls", "model string": "rolls", "opensees": "grips", "exudyn": None}.items():
         found = study._refusal(ride, lines[name])

@@ -100,7 +100,7 @@ class Method:
     name: str
     wing: str  # "elements" | "galerkin": no formula in common
     title: str
-    knobs: dict[str, Setting]
+    all_settings: dict[str, Setting]
     resolution: Resolution
     space_order: float  # of the path with a kink at the mass
     build: Build
@@ -117,7 +117,7 @@ class Method:
     @property
     def mesh_follows_mass(self) -> bool:
         """Whether the mesh follows the mass: then only waves limit the order in time."""
-        return "grading" in self.knobs
+        return "grading" in self.all_settings
 
     @property
     def resolves_waves(self) -> bool:
@@ -138,25 +138,27 @@ class Method:
             out.append({space.setting: count, "steps": round(steps * more**self.steps_exponent)})
         return out
 
-    def settings_on(self, groups: Groups, changes: dict[str, Any]) -> dict[str, Any]:
+    def settings_for_scene(self, groups: Groups, changes: dict[str, Any]) -> dict[str, Any]:
         """Settings for a scene.  On free rides rules damp: force jumps ring on.
 
         Internal damping takes a damping rule of second order, which goes on where the cable is slack.
         """
         rule: dict[str, Any] = {}
-        if self.knobs["scheme"].default == "trapezoidal" and (groups.internal_damping or groups.drive.mode == "free"):
+        if self.all_settings["scheme"].default == "trapezoidal" and (
+            groups.internal_damping or groups.drive.mode == "free"
+        ):
             rule = {"scheme": "generalized-alpha"} | ({} if groups.internal_damping else self.settings_on_free_rides)
         return self.settings(rule | changes)
 
     def settings(self, changes: dict[str, Any]) -> dict[str, Any]:
         """All settings with `changes`; ValueError for unknown names and values, one line each."""
-        out = {name: knob.default for name, knob in self.knobs.items()}
+        out = {name: setting.default for name, setting in self.all_settings.items()}
         faults = []
         for name, value in changes.items():
             try:
-                if name not in self.knobs:
-                    raise ValueError(f"{self.name} has no setting {name!r}.{did_you_mean(name, self.knobs)}")
-                out[name] = self.knobs[name].check(name, value)
+                if name not in self.all_settings:
+                    raise ValueError(f"{self.name} has no setting {name!r}.{did_you_mean(name, self.all_settings)}")
+                out[name] = self.all_settings[name].check(name, value)
             except ValueError as fault:
                 faults.append(str(fault))
         if faults:
@@ -182,23 +184,23 @@ CHECKED = ("following-p2", "fourier-kink", "fourier-riding")  # in order of pref
 # Solvers are imported when built: names load without scikit-fem.
 
 
-def _build_following(degree: int, groups: Groups, x: dict[str, Any], **kind: str) -> Solver:
+def _build_following(degree: int, groups: Groups, x: dict[str, Any], **options: str) -> Solver:
     from cablefem.elements.rolling import make_following_elements
 
-    return make_following_elements(groups, degree=degree, **{k: x[k] for k in ("elements", *_MESH)}, **kind)
+    return make_following_elements(groups, degree=degree, **{k: x[k] for k in ("elements", *_MESH)}, **options)
 
 
-def _build_fixed(element: str, coupling: str, groups: Groups, x: dict[str, Any], **kind: str) -> Solver:
+def _build_fixed(element: str, coupling: str, groups: Groups, x: dict[str, Any], **options: str) -> Solver:
     from cablefem.elements.fixed import FixedElements
 
-    return FixedElements(groups, elements=x["elements"], element=element, coupling=coupling, **kind)
+    return FixedElements(groups, elements=x["elements"], element=element, coupling=coupling, **options)
 
 
 # Grading of the sines of free rides: waves ahead of the car are short.
 GRADING = 0.8
 
 
-def _build_galerkin(family: str, kink: bool, groups: Groups, x: dict[str, Any], **kind: Any) -> Solver:
+def _build_galerkin(family: str, kink: bool, groups: Groups, x: dict[str, Any], **options: Any) -> Solver:
     from galerkin.abscissa import PositionAbscissa
     from galerkin.bases.daubechies import Daubechies
     from galerkin.bases.fourier import Fourier
@@ -209,12 +211,12 @@ def _build_galerkin(family: str, kink: bool, groups: Groups, x: dict[str, Any], 
     free = groups.drive.mode == "free"
     system = RollingSystem if groups.drive.mode != "grip" else GalerkinSystem
     if family == "riding":
-        solver: Any = RidingSystem(groups, x["terms"], **kind)
+        solver: Any = RidingSystem(groups, x["terms"], **options)
     elif family == "wavelet":
-        solver = system(groups, Daubechies(**{key: x[key] for key in _WAVELETS}), kink=kink, **kind)
+        solver = system(groups, Daubechies(**{key: x[key] for key in _WAVELETS}), kink=kink, **options)
     else:
         graded = free and kink and x["terms"] > 1  # graded sums use the second sine
-        solver = system(groups, Fourier(x["terms"], GRADING if graded else 0.0), kink=kink, **kind)
+        solver = system(groups, Fourier(x["terms"], GRADING if graded else 0.0), kink=kink, **options)
     return PositionAbscissa(solver) if x["abscissa"] == "s" else solver
 
 
@@ -342,7 +344,7 @@ def refined_settings(
 ) -> dict[str, Any]:
     """Settings at `space` times the resolution, `time` times the steps."""
     out = dict(settings)
-    smallest = method.knobs[method.resolution.setting].allowed[0]
+    smallest = method.all_settings[method.resolution.setting].allowed[0]
     if space != 1.0:
         out[method.resolution.setting] = max(
             smallest, method.resolution.nearest(method.resolution_value(settings), space)

@@ -60,7 +60,7 @@ class RunsOfMethod:
     """Runs of one method; coarser ones may end at s_o/l = `window_end`."""
 
     def __init__(
-        self, scene: Scene, method: str | Method, kind: dict[str, Any], view: View | None,
+        self, scene: Scene, method: str | Method, options: dict[str, Any], view: View | None,
         earlier_runs: Sequence[Response] = (),
     ) -> None:  # fmt: skip
         self.scene = scene
@@ -68,8 +68,8 @@ class RunsOfMethod:
         self.view = view or View.of_scene(scene)
         self.earlier = earlier_runs
         self.made = list[Run]()
-        self.model = {key: kind[key] for key in RUN_OPTIONS if key in kind}
-        self.settings = {key: value for key, value in kind.items() if key not in RUN_OPTIONS}
+        self.model = {key: options[key] for key in RUN_OPTIONS if key in options}
+        self.settings = {key: value for key, value in options.items() if key not in RUN_OPTIONS}
         self.end = self.model.pop("until", None)
         ends = [end for end in (self.view.last_needed_position, self.end) if end is not None]
         self.window_end = min(ends, default=None)
@@ -113,7 +113,7 @@ class RunsOfMethod:
             return [count - k for k in range(3) if count - k >= 0]
         # no coarser than the method's first run, but ratios of at least 3/2
         quarter = max(count / 4.0, min(self.method.coarsest_settings[0], count / 2.25))
-        smallest = self.method.knobs[self.method.resolution.setting].allowed[0]
+        smallest = self.method.all_settings[self.method.resolution.setting].allowed[0]
         counts = [count]
         for coarser in (round(math.sqrt(count * quarter)), round(quarter)):
             if smallest <= coarser < counts[-1]:
@@ -139,7 +139,7 @@ class RunsOfMethod:
         space = self.method.resolution.setting
         if self.method.mesh_follows_mass or self.scene.drive.mode == "grip" or not start > 0.0:
             return 0.0
-        enough = min(math.ceil(RESOLVES / start), self.method.knobs[space].allowed[1])
+        enough = min(math.ceil(RESOLVES / start), self.method.all_settings[space].allowed[1])
         if 2 * self.method.resolution_value(finest.settings) >= enough:
             return 0.0
         resolved = self.run_with(finest.settings | {space: enough}, start * (1.0 + 1e-9))
@@ -149,11 +149,11 @@ class RunsOfMethod:
 
 def run_with_error_bars(
     scene: Scene, method: str | Method, *, progress: Progress | None = None, earlier_runs: Sequence[Response] = (),
-    view: View | None = None, **kind: Any,
+    view: View | None = None, **options: Any,
 ) -> Ladder:  # fmt: skip
-    """The ladder of a run; `kind` as in `run`, `earlier_runs` runs are reused."""
-    runs = RunsOfMethod(scene, method, kind, view, earlier_runs)
-    ladder = runs.ladder(runs.method.settings_on(scene.groups, runs.settings))
+    """The ladder of a run; `options` as in `run`, `earlier_runs` runs are reused."""
+    runs = RunsOfMethod(scene, method, options, view, earlier_runs)
+    ladder = runs.ladder(runs.method.settings_for_scene(scene.groups, runs.settings))
     if progress is not None:
         progress(0.5)
     return runs.continued_to_end(ladder)
@@ -161,7 +161,7 @@ def run_with_error_bars(
 
 def refine_to_tolerance(
     scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None, budget: float = BUDGET,
-    view: View | None = None, **kind: Any,
+    view: View | None = None, **options: Any,
 ) -> Ladder:  # fmt: skip
     """A ladder whose finest run has a path bar of at most `tol`; see README.md, "How fine a run is".
 
@@ -170,12 +170,12 @@ def refine_to_tolerance(
 
     Raises TooCoarse.
     """
-    runs = RunsOfMethod(scene, method, kind, view)
+    runs = RunsOfMethod(scene, method, options, view)
     report = progress or no_progress
     method = runs.method
     if method.wrong:
         raise ValueError(f"{method.name} converges to a wrong answer: no resolution meets a tolerance")
-    settings = method.settings_on(
+    settings = method.settings_for_scene(
         scene.groups, _time_scheme(scene, method, runs.settings) | _first_settings(scene, method)
     )
     ratio = 1.0  # last refinement of space
@@ -183,7 +183,7 @@ def refine_to_tolerance(
     broken = 0
     while True:
         ladder = runs.ladder(settings)
-        goal = Goal(path_parts(ladder, runs.view), tol)
+        goal = Goal(path_bar_parts(ladder, runs.view), tol)
         report(0.3, f"{len(runs.made)} runs, bar {goal.bar:.1g} of {tol:g} wanted")
         broken = 0 if math.isfinite(goal.bar) else broken + 1
         if goal.excess <= 1.0 or broken == MAX_BROKEN:
@@ -206,7 +206,7 @@ def refine_to_tolerance(
 
 
 def refined_until(
-    scene: Scene, ladder: Ladder, goal: Callable[[Ladder], Goal], *, budget: float = BUDGET, **kind: Any
+    scene: Scene, ladder: Ladder, goal: Callable[[Ladder], Goal], *, budget: float = BUDGET, **options: Any
 ) -> Ladder:
     """A ladder refined until the goal that it has is met, or it costs too much."""
     method = find_method(ladder.finest.method)
@@ -214,7 +214,7 @@ def refined_until(
         finer = next_settings(method, ladder, now, budget)
         if finer is None:
             break
-        ladder = run_with_error_bars(scene, method, earlier_runs=ladder.runs, **{**kind, **finer})
+        ladder = run_with_error_bars(scene, method, earlier_runs=ladder.runs, **{**options, **finer})
     return ladder
 
 
@@ -298,7 +298,7 @@ def exceeds_work_budget(method: Method, ladder: Ladder, finer: dict[str, Any], b
 # --- bars -----------------------------------------------------------------------------------------------------------
 
 
-def path_parts(ladder: Ladder, view: View) -> tuple[float, float]:
+def path_bar_parts(ladder: Ladder, view: View) -> tuple[float, float]:
     """Parts of space and time in the bar of the path."""
     return bar_parts_of_gap(ladder, view, lambda x, y, view: measures.path_gap(x, y, view.window)[0])
 
@@ -318,7 +318,7 @@ def with_error_bars(ladder: Ladder, view: View) -> Ladder:
     """The ladder with bars of path and tension in its finest run, else a flag."""
     finest = ladder.finest
     try:
-        path = path_parts(ladder, view)
+        path = path_bar_parts(ladder, view)
         view = view.up_to_valid(finest)
         tension = ladder.reaching_end_of(view).bar_parts(
             identity, lambda a, b: measures.tension_gap(a, b, view.window), FIRST
@@ -342,7 +342,7 @@ def with_error_bars(ladder: Ladder, view: View) -> Ladder:
     return replace(ladder, finest=barred)
 
 
-def own_path_error(r: Response) -> float:
+def path_bar_of_run(r: Response) -> float:
     """The bar of the path by the solver's own coarser runs; `path_error` of a check is at least the gap."""
     parts = r.error_parts or {}
     return parts.get("path_space", math.inf) + parts.get("path_time", math.inf)
@@ -354,7 +354,7 @@ def own_path_error(r: Response) -> float:
 def _time_scheme(scene: Scene, method: Method, named: dict[str, Any]) -> dict[str, Any]:
     if scene.drive.mode == "free":
         return named if method.mesh_follows_mass else SWINGING | named
-    if method.knobs["scheme"].default != "trapezoidal" or "scheme" in named:
+    if method.all_settings["scheme"].default != "trapezoidal" or "scheme" in named:
         return named
     return (SHARP if method.mesh_follows_mass else QUIET) | named
 
@@ -370,7 +370,7 @@ def _first_settings(scene: Scene, method: Method) -> dict[str, int]:
     if motion is None:
         if scene.drive.mode == "free" and not method.mesh_follows_mass:
             first = max(first, math.ceil(RESOLVED_START / groups.drive.start))
-        return {space.setting: first, "steps": method.settings_on(groups, {})["steps"] // 2}
+        return {space.setting: first, "steps": method.settings_for_scene(groups, {})["steps"] // 2}
     if scene.mu > LIGHT:
         return {space.setting: first, "steps": FIRST_STEPS}
     fine = min(space.with_unknowns(2.0 / scene.mu), space.max_value // 2)

@@ -41,10 +41,15 @@ _EMPTY = np.empty(0)
 
 
 def run(
-    scene: Scene, method: str | Method, *, until: float | None = None, progress: Progress | None = None, **kind: Any
+    scene: Scene,
+    method: str | Method,
+    *,
+    until: float | None = None,
+    progress: Progress | None = None,
+    **options: Any,
 ) -> Response:
     """Run one method on one scene; see `Run`."""
-    return Run(scene, method, **kind).run_to(until, progress)
+    return Run(scene, method, **options).run_to(until, progress)
 
 
 class Run:
@@ -69,10 +74,10 @@ class Run:
         self.scene = scene
         self.method = find_method(method) if isinstance(method, str) else method
         self.frames = frames
-        self.settings = settings = self.method.settings_on(groups, settings)
+        self.settings = settings = self.method.settings_for_scene(groups, settings)
         if why := self.method.refusal(groups, model):
             raise ValueError(f"{why}; take {' or '.join(checking_pair(groups))}")
-        self.kind = {"model": model, "load": load, "law": law}
+        self.run_options = {"model": model, "load": load, "law": law}
         self.scheme = newmark.scheme(
             settings["scheme"], newmark_gamma=settings["newmark_gamma"], rho_inf=settings["rho_inf"]
         )
@@ -98,7 +103,7 @@ class Run:
         """The response so far; all but the path is computed when it is looked at."""
         now = len(self.history.states), self.history.failure
         if self._seen is None or self._seen[0] != now:
-            how = {"method": self.method.name, "settings": self.settings, **self.kind}
+            how = {"method": self.method.name, "settings": self.settings, **self.run_options}
             response = response_of_history(self.scene, self.history, frames=self.frames, **how)
             self._seen = now, with_flags(response, self.scene, self.method)
         return self._seen[1]

@@ -70,10 +70,10 @@ def _flags(scene: Scene, method: Method, r: Response) -> list[Flag]:
         flags.insert(0, make_flag("fast", speed_ratio=scene.speed_ratio))
     if not r.energy_gain <= MAX_GAIN * unit:
         return [*flags, make_flag("energy", gain=r.energy_gain / unit, allowed=MAX_GAIN)]
-    return flags + _gain_flags_once_slack(r, weight, unit)
+    return flags + _slack_energy_flags(r, weight, unit)
 
 
-def _gain_flags_once_slack(r: Response, weight: float, unit: float) -> list[Flag]:
+def _slack_energy_flags(r: Response, weight: float, unit: float) -> list[Flag]:
     if r.switched is None or not measures.steps_in_window(r, (r.switched, SLACK_END)).any():
         return []
     gain = measures.energy_gain(r, weight, (r.switched, SLACK_END)) / unit

@@ -191,8 +191,8 @@ def _faults_of_undotted_keys(settings: Mapping[str, Any], part: type[Any]) -> li
     from cablefem.scene.keys import key_hint
     from validation.core.methods import METHODS
 
-    knobs = {name for method in METHODS.values() for name in method.knobs}
-    hints = {name: key_hint(name, part) for name in settings if name not in knobs}
+    setting_names = {name for method in METHODS.values() for name in method.all_settings}
+    hints = {name: key_hint(name, part) for name in settings if name not in setting_names}
     return [f"--set {name}: keys of the scene have a dot; {text}" for name, text in hints.items() if text]
 
 

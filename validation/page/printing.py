@@ -98,7 +98,7 @@ def _settings_and_options(r: Response) -> list[str]:
     settings = [
         f"{key}={value}"
         for key, value in r.settings.items()
-        if key in (method.resolution.setting, "steps") or value != method.knobs[key].default
+        if key in (method.resolution.setting, "steps") or value != method.all_settings[key].default
     ]
     usual = {"model": "full", "load": "mass", "law": "auto"}
     return settings + [getattr(r, name) for name, kind in usual.items() if getattr(r, name) != kind]

@@ -105,7 +105,7 @@ def chart_series(groups: Groups) -> Iterator[Series]:
         yield Series(method.name, "method", tuple(settings_ladder(method, shares)), method.name)
     for model in sorted(set(MODELS) - {"full"}, key=MODELS.index):
         yield Series(f"model {model}", "model", tuple(settings_ladder(base))[::4], BASE, model)
-    yield from _other_scheme_series(base, base.settings_on(groups, {})["scheme"])
+    yield from _other_scheme_series(base, base.settings_for_scene(groups, {})["scheme"])
     for name in (BASE, WITNESS[0]):
         yield Series(f"{name} --tol", "tolerance", tuple({"tol": tol} for tol in SETTINGS["asked"]), name)
     yield Series(f"{BASE} --tol{FULL_PROGRAM}", "waiting", tuple({"tol": tol} for tol in SETTINGS["asked"]), BASE)

@@ -19,14 +19,14 @@ from validation.core.agreement import Agreement, Bound, BoundPart, no_bound
 from validation.core.ladder import Ladder
 from validation.core.methods import METHODS
 from validation.core.order import SAFETY
-from validation.core.refine import own_path_error, run_with_error_bars
+from validation.core.refine import path_bar_of_run, run_with_error_bars
 from validation.core.view import View
 
 ROUNDING = 1e-8
 HALVED = "the change from coarser runs"
 
 
-def third_party_rows(scene: Scene, a: Ladder) -> Iterator[Agreement]:
+def shared_part_rows(scene: Scene, a: Ladder) -> Iterator[Agreement]:
     """A row for each applicable third party; a : the estimated run of the elements."""
     for what, third in THIRD.items():
         try:
@@ -68,7 +68,7 @@ def _time_driver_row(scene: Scene, a: Ladder) -> Agreement | None:
     part = 0.05
     steps = 2000
     method = METHODS["following-p2"]
-    settings = method.settings_on(scene.groups, {"elements": 6, "steps": steps // 2})
+    settings = method.settings_for_scene(scene.groups, {"elements": 6, "steps": steps // 2})
     system: Any = method.build(scene.groups, settings, model="full", load="mass", law="elastic")
     scheme = newmark.scheme("trapezoidal")
     first = None
@@ -126,7 +126,7 @@ def _error_bar_row(scene: Scene, a: Ladder) -> Agreement:
     view = View.of_scene(scene)
     other = run_with_error_bars(scene, "following-p4", until=view.last_needed_position, **finer)
     gap = measures.path_gap(other.finest, a.finest, view.up_to_valid(a.finest, other.finest).window)[0]
-    return _deep_row(gap, *(BoundPart(x.finest.method, own_path_error(x.finest), HALVED) for x in (a, other)))
+    return _deep_row(gap, *(BoundPart(x.finest.method, path_bar_of_run(x.finest), HALVED) for x in (a, other)))
 
 
 Third = Callable[[Scene, Ladder], Agreement | None]

@@ -34,7 +34,7 @@ from validation.core.refine import (
     TooCoarse,
     exceeds_work_budget,
     next_settings,
-    own_path_error,
+    path_bar_of_run,
     refine_to_tolerance,
     run_with_error_bars,
 )
@@ -167,7 +167,7 @@ def check(
     if deep:
         from validation.commands.check import deep as third
 
-        rows += third.third_party_rows(scene, a)
+        rows += third.shared_part_rows(scene, a)
     return Check(scene, a, b, tol, _compared_window(scene, a, b), rows, static, verification.verification_rows(*own))
 
 
@@ -336,7 +336,7 @@ def _with_widened_bars(ladder: Ladder, counterpart: Ladder, rows: list[Agreement
 
 def with_third_party(check: Check, path: ForeignPath | Response, with_tol: float = WITH_TOL) -> Check:
     """The check with rows of a third party, against our solver with the smaller bar."""
-    best = min((check.a, check.b), key=lambda ladder: own_path_error(ladder.finest))
+    best = min((check.a, check.b), key=lambda ladder: path_bar_of_run(ladder.finest))
     rows = list(foreign.third_party_rows(path, best, check.window, with_tol))
     if isinstance(path, ForeignPath):
         rows = with_remedy(rows, path, check.scene, (check.a, check.b), check.window, with_tol)

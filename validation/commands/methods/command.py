@@ -31,7 +31,7 @@ def command(
             write_json(folder / "methods.json", {
                 name: {
                     "title": method.title, "use": method.use, "wrong": method.wrong,
-                    "settings": {key: asdict(knob) for key, knob in method.knobs.items()},
+                    "settings": {key: asdict(setting) for key, setting in method.all_settings.items()},
                 } for name, method in methods.items()
             })  # fmt: skip
         return 0
@@ -42,16 +42,20 @@ def command(
 def _print_methods(methods: Mapping[str, Any]) -> None:
     """Print each method with the settings that are its own, then those of all."""
     first = next(iter(methods.values()))
-    common = {key: knob for key, knob in first.knobs.items() if all(key in m.knobs for m in methods.values())}
+    common = {
+        key: setting
+        for key, setting in first.all_settings.items()
+        if all(key in m.all_settings for m in methods.values())
+    }
     for name, method in methods.items():
         terminal.print_text(f"{name}: {method.title}", style="bold")
         terminal.print_text(f"    use: {method.use}")
-        for key, knob in method.knobs.items():
-            if knob != common.get(key):
-                terminal.print_text(f"    {_setting_text(key, knob)}")
+        for key, setting in method.all_settings.items():
+            if setting != common.get(key):
+                terminal.print_text(f"    {_setting_text(key, setting)}")
     terminal.print_text("all methods, unless said otherwise above", style="bold")
-    for key, knob in common.items():
-        terminal.print_text(f"    {_setting_text(key, knob)}")
+    for key, setting in common.items():
+        terminal.print_text(f"    {_setting_text(key, setting)}")
 
 
 def _print_files() -> int:
@@ -61,7 +65,7 @@ def _print_files() -> int:
     return 0
 
 
-def _setting_text(key: str, knob: Any) -> str:
-    named = isinstance(knob.default, str)
-    allowed = "|".join(knob.allowed) if named else f"{knob.allowed[0]:g} to {knob.allowed[1]:g}"
-    return f"{key}={knob.default}  {knob.meaning} ({allowed})"
+def _setting_text(key: str, setting: Any) -> str:
+    named = isinstance(setting.default, str)
+    allowed = "|".join(setting.allowed) if named else f"{setting.allowed[0]:g} to {setting.allowed[1]:g}"
+    return f"{key}={setting.default}  {setting.meaning} ({allowed})"

@@ -265,4 +265,4 @@ SOLVERS: Solvers = _Solvers()
 
 def _build_solver(name: str, groups: Groups, model: str, settings: dict[str, Any]) -> Any:
     method = find_method(name)
-    return method.build(groups, method.settings_on(groups, settings), model=model, load="mass", law="elastic")
+    return method.build(groups, method.settings_for_scene(groups, settings), model=model, load="mass", law="elastic")

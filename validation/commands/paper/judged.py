@@ -41,13 +41,13 @@ def judged_claims(names: Row) -> list[Row]:
 def claim_verdict(quantities: Sequence[Row], readings: bool = False) -> str:
     """The verdict; readings : one true quantity is enough."""
     joined = max if readings else min  # or, and
-    true = joined((_truth_sign(q, q["converged"], q["uncertainty"]) for q in quantities), default=0)
+    true = joined((_inside_sign(q, q["converged"], q["uncertainty"]) for q in quantities), default=0)
     if true >= 0:
         return HOLDS if true else OPEN
-    return PAPER_ONLY if joined(_truth_sign(q, q["paper"]) for q in quantities) > 0 else FAILS
+    return PAPER_ONLY if joined(_inside_sign(q, q["paper"]) for q in quantities) > 0 else FAILS
 
 
-def _truth_sign(q: Row, value: float | None, bar: float | None = 0.0) -> int:
+def _inside_sign(q: Row, value: float | None, bar: float | None = 0.0) -> int:
     """1 inside the range, -1 outside, 0 where the bar reaches across an end or is unknown."""
     if value is None or bar is None:
         return 0

@@ -74,13 +74,13 @@ def path_distance(a: Response, b: Response) -> float:
     return measures.path_gap(a, b, measures.WINDOW)[0]
 
 
-def energy_without_work(r: Response, whole: bool = True) -> float:
-    """Largest energy without work, over weight times largest displacement; whole : with M g y(s_o)."""
+def energy_without_work(r: Response, with_weight: bool = True) -> float:
+    """Largest energy without work, over weight times largest displacement; with_weight : with M g y(s_o)."""
     scene = Scene.from_toml(r.scene_toml)
     assert scene.mass is not None
     weight = scene.mass.mass * scene.gravity
     defect = measures.energy_defect(r)
-    if not whole:
+    if not with_weight:
         defect = defect + weight * (r.y - r.v)
     return float(np.abs(defect[measures.steps_in_window(r, measures.WINDOW)]).max() / (weight * r.max_deflection))
 

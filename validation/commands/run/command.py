@@ -41,47 +41,47 @@ def command(
     """
     from cablefem.scene.errors import did_you_mean, short_text
 
-    kind = {"model": model, "load": load, "law": law}
+    run_options = {"model": model, "load": load, "law": law}
     if (line := options.line_named(scene)) is not None:
-        others = {f"--{option}": given != CHOICES[option][0] for option, given in kind.items()}
+        others = {f"--{option}": given != CHOICES[option][0] for option, given in run_options.items()}
         others["--model"] = model not in ("full", QUASI_STATIC)
         others |= {"--method": method != METHOD, "--tol": tol is not None, "--no-bars": not bars}
         from validation.commands.run import line as at_rest
         from validation.commands.run import motion, quasi
         from validation.commands.run.lines import answer_points
 
-        given = options.line_points(options.with_limits(line, limits), set_, case, others)
+        points = options.line_points(options.with_limits(line, limits), set_, case, others)
 
         def solve(x: Any, report: Any) -> Any:
             if model == QUASI_STATIC:
                 return quasi.quasi_static_line(x)
             return motion.answer_line(x, report=report) if x.moves else at_rest.answer_line(x)
 
-        return answer_points("run", given, out, solve, require, at_rest=model == QUASI_STATIC)
+        return answer_points("run", points, out, solve, require, at_rest=model == QUASI_STATIC)
     faults = [
         f"--{option} = {short_text(given)}: unknown.{did_you_mean(given, CHOICES[option])}"
-        for option, given in kind.items() if given not in CHOICES[option]
+        for option, given in run_options.items() if given not in CHOICES[option]
     ]  # fmt: skip
     faults += options.tolerance_faults(tol)
     chosen = None if model == QUASI_STATIC else _find_method(method, tol, faults)
     loaded = options.with_limits(options.scene_named(scene, faults, travelling=True), limits)
     points = options.points_of(loaded, set_, case)
-    if faults := [fault for point in points for fault in _run_faults(chosen, kind, point, tol)]:
+    if faults := [fault for point in points for fault in _run_faults(chosen, run_options, point, tol)]:
         raise store.Refused(list(dict.fromkeys(faults)))
 
     from validation.commands.run import study
 
-    def answered(point: options.Point, progress: Callable[..., None]) -> "tuple[Response, str]":
-        how = kind | point.settings
+    def solve_point(point: options.Point, progress: Callable[..., None]) -> "tuple[Response, str]":
+        how = run_options | point.settings
         return study.run_and_answer(point.scene, chosen, tol=tol, bars=bars, progress=progress, **how)
 
     if len(points) > 1:
-        return study.answer_grid(loaded, points, answered, out, require)
-    return _run_and_report(points[0], QUASI_STATIC if chosen is None else method, answered, out, require)
+        return study.answer_grid(loaded, points, solve_point, out, require)
+    return _run_and_report(points[0], QUASI_STATIC if chosen is None else method, solve_point, out, require)
 
 
 def _run_and_report(
-    point: options.Point, name: str, answered: "Callable[..., tuple[Response, str]]", out: Path | None, require: bool
+    point: options.Point, name: str, solve: "Callable[..., tuple[Response, str]]", out: Path | None, require: bool
 ) -> int:  # fmt: skip
     from validation.core import limits
     from validation.core.answers import write_summary_and_profile
@@ -92,7 +92,7 @@ def _run_and_report(
     scene = point.scene
     folder = store.claim_folder(out, "run", point.scene, [name])
     with terminal.progress_bars() as progress:
-        r, missed = answered(point, partial(progress, name))
+        r, missed = solve(point, partial(progress, name))
         r.summary()  # bars are computed when they are looked at
     with do_in_background(partial(_write_animation, r, folder / name)) if name != QUASI_STATIC else nullcontext():
         r.write(folder / name)
@@ -134,7 +134,7 @@ def _find_method(name: str, tol: float | None, faults: list[str]) -> Any:
     return method
 
 
-def _run_faults(method: Any, kind: dict[str, Any], point: options.Point, tol: float | None) -> list[str]:
+def _run_faults(method: Any, run_options: dict[str, Any], point: options.Point, tol: float | None) -> list[str]:
     """Settings that the method does not take, or why it cannot run the scene."""
     from validation.core.running import Run
 
@@ -145,7 +145,7 @@ def _run_faults(method: Any, kind: dict[str, Any], point: options.Point, tol: fl
     if tol is not None and (both := [key for key in point.settings if key in chosen]):
         return [f"--set {key} and --tol exclude each other: --tol chooses {' and '.join(chosen)}" for key in both]
     try:
-        Run(point.scene, method, **kind, **point.settings)
+        Run(point.scene, method, **run_options, **point.settings)
     except ValueError as error:
         return str(error).splitlines()
     return []

@@ -66,7 +66,7 @@ ELEMENTS = Method("elements", "elements", 2, 0.6, lambda line, n: LineElements(l
 SINES = Method("sines", "terms", 3, 0.9, lambda line, n: LineSines(line, n))
 
 
-def time_on_rails(system: Any, state: State) -> float:
+def shortest_time_on_rail(system: Any, state: State) -> float:
     """[s] that cars on rails need for them at their present speed, the shortest; 0 without."""
     cars = [(car.rail, car.name) for car in (*system.line.cars, *system.line.over) if car.rail is not None]
     times = [abs((rail.end.x - rail.begin.x) / system.car_point_and_rates(name, state)[1, 0]) for rail, name in cars]
@@ -212,7 +212,7 @@ class LineRuns:
             if part.following is None:
                 break
             begun = part.following
-            finer = begun[1].t + time_on_rails(*begun) * np.linspace(0.0, 2.0, 2 * ON_RAIL * time + 1)
+            finer = begun[1].t + shortest_time_on_rail(*begun) * np.linspace(0.0, 2.0, 2 * ON_RAIL * time + 1)
             steps = [np.union1d(t, finer[(finer > t[0]) & (finer < t[-1])]) for t in grid]
         return LineRun(
             method=self.method.name, settings={self.method.setting: n, "steps": sum(t.size - 1 for t in grid)},

@@ -26,9 +26,15 @@ from validation.page.options import Point
 
 
 def run_and_answer(
-    scene: Scene, method: Method | None, *, tol: float | None, bars: bool, progress: Callable[..., None], **kind: Any
+    scene: Scene,
+    method: Method | None,
+    *,
+    tol: float | None,
+    bars: bool,
+    progress: Callable[..., None],
+    **options: Any,
 ) -> tuple[Response, str]:
-    """Run a method with the settings in `kind`, or with those that its bar needs to meet `tol`.
+    """Run a method with the settings in `options`, or with those that its bar needs to meet `tol`.
 
     Returns the response with its design numbers, and why the tolerance is out of reach, else "".
     Without a method: the quasi-static ride.
@@ -36,23 +42,23 @@ def run_and_answer(
     if method is None:
         return quasi_static_answer(scene), ""
     if tol is None:
-        return _with_design_numbers(scene, run(scene, method, **kind, progress=progress), method, bars, kind), ""
+        return _with_design_numbers(scene, run(scene, method, **options, progress=progress), method, bars, options), ""
     missed = ""
     try:
-        ladder = refine_to_tolerance(scene, method, tol, **kind, progress=progress)
+        ladder = refine_to_tolerance(scene, method, tol, **options, progress=progress)
         # mean forces, as in `check`
-        ladder = refined_until(scene, ladder, lambda x: worst_force_goal(scene, x, tol), **kind)
+        ladder = refined_until(scene, ladder, lambda x: worst_force_goal(scene, x, tol), **options)
     except TooCoarse as error:
         ladder = error.ladder
         missed = str(error)
     return replace(ladder.finest, design=design_numbers(ladder), events=events_with_bars(ladder)), missed
 
 
-def _with_design_numbers(scene: Scene, r: Response, method: Method, bars: bool, kind: dict[str, Any]) -> Response:
+def _with_design_numbers(scene: Scene, r: Response, method: Method, bars: bool, options: dict[str, Any]) -> Response:
     """The response with its design numbers; with bars, coarser runs are made when one is looked at."""
     if not bars:
         return r.with_later(design=design_numbers)
-    ladder = LazyValue(lambda: run_with_error_bars(scene, method, earlier_runs=[r], **kind))
+    ladder = LazyValue(lambda: run_with_error_bars(scene, method, earlier_runs=[r], **options))
 
     def of_finest(name: str) -> Callable[[Response], Any]:
         return lambda _: getattr(ladder().finest, name)
@@ -91,20 +97,20 @@ def run_with_bars(
     A line takes no method and no settings: its answers have `design` and `outcome`, in motion `cars` and `contacts`.
     run("zipline", tol=1e-3).design
     """
-    kind = {"model": model, "load": load, "law": law}
-    if refused := run_faults(scene, find_method(method), kind, settings, tol):
+    options = {"model": model, "load": load, "law": law}
+    if refused := run_faults(scene, find_method(method), options, settings, tol):
         raise ValueError("\n".join(refused))
-    how = {"frames": frames, "until": until, **kind, **settings}
+    how = {"frames": frames, "until": until, **options, **settings}
     return run_and_answer(scene, find_method(method), tol=tol, bars=bars, progress=no_progress, **how)[0]
 
 
 def run_faults(
-    scene: Scene, method: Method, kind: dict[str, Any], settings: dict[str, Any], tol: float | None
+    scene: Scene, method: Method, options: dict[str, Any], settings: dict[str, Any], tol: float | None
 ) -> list[str]:  # fmt: skip
-    """Why a method does not run a scene so: model, load and law (`kind`), its settings, the path's tolerance."""
+    """Why a method does not run a scene so: model, load and law (`options`), its settings, the path's tolerance."""
     found = [
         f"{name} = {short_text(given)}: unknown.{did_you_mean(given, CHOICES[name])}"
-        for name, given in kind.items() if given not in CHOICES[name] or given == QUASI_STATIC
+        for name, given in options.items() if given not in CHOICES[name] or given == QUASI_STATIC
     ]  # fmt: skip
     if tol is not None:
         if not TOL_LOW <= tol <= TOL_HIGH:
@@ -118,20 +124,20 @@ def run_faults(
     try:
         method.settings(settings)
         if not found:
-            Run(scene, method, **kind, **settings)
+            Run(scene, method, **options, **settings)
     except ValueError as error:
         found += str(error).splitlines()
     return found
 
 
 def answer_grid(
-    scene: Scene, points: Sequence[Point], answered: Callable[..., tuple[Response, str]], out: Path | None,
+    scene: Scene, points: Sequence[Point], solve: Callable[..., tuple[Response, str]], out: Path | None,
     require: bool = False,
 ) -> int:  # fmt: skip
     """Answer every point of a grid; 2 where a run broke, 1 where limits are required and one fails."""
 
     def row_and_path(point: Point) -> tuple[table.Row, Any]:
-        found = answered(point, no_progress)[0]
+        found = solve(point, no_progress)[0]
         return table.table_row(point.scene, found), table.path_columns(found)
 
     rows = table.answer_grid("run", "grid", scene, points, out, row_and_path, table.run_columns)

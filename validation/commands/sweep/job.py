@@ -117,7 +117,7 @@ def _run_row(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[
     if "method" not in how:
         how |= _advised_settings(scene, tol)
     method = how.pop("method")
-    how |= {k: v for k, v in study.settings.items() if k in find_method(method).knobs}
+    how |= {k: v for k, v in study.settings.items() if k in find_method(method).all_settings}
     too_coarse: dict[str, Any] = {}
     try:
         Run(scene, method, **how)

@@ -108,7 +108,7 @@ def path_columns(r: Response) -> dict[str, list[float]]:
 
 def answer_grid(
     command: str, home: str, scene: Any, points: Sequence[Point], out: Path | None,
-    answered: Callable[[Point], tuple[Row, Any]], columns: Callable[[list[Row], list[str]], Columns],
+    solve: Callable[[Point], tuple[Row, Any]], columns: Callable[[list[Row], list[str]], Columns],
 ) -> list[Row]:  # fmt: skip
     """Answer every point of a grid by a row and its path; store, draw, print and return the rows.
 
@@ -125,7 +125,7 @@ def answer_grid(
             answers[i] = answer
             progress("grid", len(answers) / len(points))
 
-        map_in_parallel(answered, points, on_result)
+        map_in_parallel(solve, points, on_result)
     rows = []
     for i, point in enumerate(points):
         values = {key: store.nulls_for_nonfinite(value) for key, value in point.values.items()}
