@@ -212,7 +212,7 @@ class LineElements(System):
         return Slots(*self._prescribed_array(t, phase).copy())
 
     def _prescribed_array(self, t: float, phase: int) -> Array:
-        """`known` as an array (3, size) that is kept."""
+        """What is prescribed at t (3, size), from the cache."""
         if (t, phase) not in self._prescribed_cache:
             if len(self._prescribed_cache) >= CACHED_INSTANTS:
                 self._prescribed_cache.clear()
