@@ -121,10 +121,10 @@ def compare_design(designs: Sequence[Sequence[Row]], *units: Unit) -> Iterator[A
 
 def _worst_value_row(quantity: str, values: Sequence[Array], where: Sequence[str], unit: Unit) -> Agreement:
     """The row of the worst value; values : of both answers, each followed by those of the coarser one."""
-    a, less_a, b, less_b = values
+    a, coarser_a, b, coarser_b = values
     gap = np.abs(a - b)
-    bar_a = np.maximum(np.abs(a - less_a), unit.rounding)
-    bar_b = np.maximum(error_bar(b - less_b, 0.0, (2.0,), FIRST), unit.rounding)
+    bar_a = np.maximum(np.abs(a - coarser_a), unit.rounding)
+    bar_b = np.maximum(error_bar(b - coarser_b, 0.0, (2.0,), FIRST), unit.rounding)
     bars = bar_a + bar_b
     badness = np.where(gap > FACTOR_DISAGREE * bars, gap / ROUNDING, np.maximum(gap, bars))
     k = np.unravel_index(np.argmax(np.nan_to_num(badness, nan=math.inf)), badness.shape)
@@ -153,19 +153,19 @@ def refine_both(line: Line, second: Line, tol: float, tol_tension: float) -> Bot
     a = line.rest(partial(catenary_line.solve, extra_steps=1))
     if not a.states:
         raise store.Refused(f"{line.name}: no position has a rest; at the first {a.positions[0]}")
-    less_a = line.rest(catenary_line.solve, a.refused)
+    coarser_a = line.rest(catenary_line.solve, a.refused)
     n = 4
-    less_b = second.rest(partial(elements.solve, elements=n // 2))
-    hopeless = {i: why for i, why in less_b.refused.items() if i in a.refused}
+    coarser_b = second.rest(partial(elements.solve, elements=n // 2))
+    hopeless = {i: why for i, why in coarser_b.refused.items() if i in a.refused}
     while True:
         b = second.rest(partial(elements.solve, elements=n), hopeless)
-        both = BothAnswers(a, less_a, b, less_b)
+        both = BothAnswers(a, coarser_a, b, coarser_b)
         rows = [row for row in compare_states(both, *both.units_with_tolerances(tol, tol_tension)) if row.bound.parts]
         coarse = any(row.bound.parts[1].value > BY_ELEMENTS * (row.required or 0.0) for row in rows)
         unsolved = any(_rest_row(both))  # finer elements do not help
         if not coarse or unsolved or n >= FINEST:
             return both
-        less_b = b
+        coarser_b = b
         n = 2 * n
 
 

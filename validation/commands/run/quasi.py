@@ -38,8 +38,10 @@ def line_at_rest(line: Line) -> Line:
             raise store.Refused(f"car.{car.name}.drive.mode = 'free': {where}")
     moving = line_in_motion(line, catenary_line.solve)
     positions = _positions_by_car(moving)
-    heat = 1.0 + line.cable.warmer
-    along = {car.name: positions[car.name] / heat for car in moving.cars if car.along == "s"}  # s by car (n,)
+    thermal_stretch = 1.0 + line.cable.thermal_strain
+    along = {
+        car.name: positions[car.name] / thermal_stretch for car in moving.cars if car.along == "s"
+    }  # s by car (n,)
     empty = line.empty(catenary_line.solve)
     x = positions | {name: np.interp(s, empty.s, empty.points[:, 0]) for name, s in along.items()}
     for _ in range(ITERATIONS if along else 0):
@@ -88,4 +90,4 @@ def _shift_to(state: LineState, name: str, s: float) -> float:
     k = [station.name for station in state.case.stations].index(name)
     level, down = state.ahead[k].tolist()
     N = float(np.hypot(level, down))
-    return state.case.heat * (s - float(state.s[k])) * level * (1.0 / N + 1.0 / state.case.EA)
+    return state.case.thermal_stretch * (s - float(state.s[k])) * level * (1.0 / N + 1.0 / state.case.EA)
