@@ -58,7 +58,7 @@ class Ellipse:
         press = self.speed(r1, start) ** 2 * 0.5 * b / product**1.5 + self.g * down
         return press * np.sqrt(product) / (2.0 * b)
 
-    def bounce_period(self, s_o: ArrayLike, stiffness: float) -> Array:
+    def transverse_bounce_period(self, s_o: ArrayLike, stiffness: float) -> Array:
         """Period of bounces normal to the path; EA in weights of the bead."""
         r1 = np.asarray(s_o, float)
         return 2.0 * math.pi * np.sqrt(r1 * (1.0 - r1) / (stiffness * self.g)) / (2.0 * self.b)
@@ -122,7 +122,7 @@ def _tension_error(solvers: Solvers, method: str, stiffness: float, averaged: bo
     r = _run_ride(solvers, method, stiff_rope_scene(stiffness))
     s_o = BEAD.position_at_time(r.t, START)
     right = BEAD.tension(s_o, START)
-    bounce = BEAD.bounce_period(s_o, stiffness) if averaged else np.zeros_like(s_o)
+    bounce = BEAD.transverse_bounce_period(s_o, stiffness) if averaged else np.zeros_like(s_o)
     sides = [_means_over(r.t, N / MU - right, bounce) for N in (r.T_behind, r.T_ahead)]
     return np.concatenate(sides) / right.max()
 

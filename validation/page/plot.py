@@ -109,7 +109,7 @@ class Panel:
         low, high, unit = self.scale
         per_unit = self.height / (high - low)
         ticks = [(_round_to_tenth(per_unit * (high - y)), words) for y, words in _ticks(low, high, 4)]
-        return {"image": _png_base64(np.linspace(1.0, 0.0, 64)[:, None]), "unit": unit, "ticks": ticks}
+        return {"image": _coloured_png_base64(np.linspace(1.0, 0.0, 64)[:, None]), "unit": unit, "ticks": ticks}
 
     def template_input(self, across: Callable[[Any], Array], width: float) -> dict[str, Any]:
         """The template's input in user units; across : x on the paper, width : of the panel."""
@@ -134,7 +134,7 @@ class Panel:
             "bands": bands,
             "dots": [(*point(x, y), *look) for x, y, *look in self.dots],
             "labels": [(*point(x, y), words) for x, y, words in self.labels],
-            "image": None if self.image is None else _png_base64(self.image),
+            "image": None if self.image is None else _coloured_png_base64(self.image),
         }
 
 
@@ -239,7 +239,7 @@ def colour_map(n: int) -> Array:
     return np.stack(columns, axis=1).round().astype(np.uint8)
 
 
-def _png_base64(values: Array) -> str:
+def _coloured_png_base64(values: Array) -> str:
     """Values (rows, columns) from 0 to 1 as a PNG of the 256 colours of FIELD, in base64."""
     levels = np.clip(np.nan_to_num(values) * 255.0, 0.0, 255.0)
     image = Image.fromarray(levels.round().astype(np.uint8))

@@ -104,7 +104,7 @@ def _settings_and_options(r: Response) -> list[str]:
     return settings + [getattr(r, name) for name, kind in usual.items() if getattr(r, name) != kind]
 
 
-def exit_code_of_runs(*runs: Response) -> Literal[0, 2]:
+def report_broken_runs(*runs: Response) -> Literal[0, 2]:
     """Return 2 with a message if a run broke before slack and the end of the comparison, else 0."""
     bad = [r for r in runs if _broke_early(r)]
     terminal.print_faults([f"{r.method} broke with the car at {r.s_o[-1]:.1f} m: {r.reason}" for r in bad])

@@ -97,7 +97,7 @@ def _report_check(result: "Check", folder: Path, verbose: bool, sensitive: bool,
     a = result.a.finest
     b = result.b.finest
     terminal.print_text(f"  written to {folder}: report.html, {a.method}/, {b.method}/")
-    broken = printing.exit_code_of_runs(a, b)
+    broken = printing.report_broken_runs(a, b)
     wrong = (
         0
         if broken

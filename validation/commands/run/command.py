@@ -103,7 +103,7 @@ def _run_and_report(
         printing.print_answer(scene, r)
         printing.print_cost(r)
     terminal.print_text(f"  written to {folder}: report.html, {name}/")
-    if broken := printing.exit_code_of_runs(r):
+    if broken := printing.report_broken_runs(r):
         return broken
     wrong = report.read_back_outputs("run", StoredResults(folder, [name], judged=False), lines)
     if missed:

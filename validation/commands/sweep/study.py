@@ -103,7 +103,7 @@ class Study(Part):
             return ["exactly one of [vary] (a full grid) and [sample] (a design of experiments) must be given"]
         faults = [] if len(self) <= MAX_POINTS else [f"vary: {len(self)} scenes; must be at most {MAX_POINTS}"]
         for name, axis in self.axes.items():
-            faults += self._axis_faults(name, axis)
+            faults += self._axis_name_faults(name, axis)
         named = {*self.axes, *self.run_options({})}
         needed = ["tol", "case"] if self.job == "power" else ["tol"]
         job = f"job {short_text(self.job)}"
@@ -114,7 +114,7 @@ class Study(Part):
         faults += [f"{x}: missing; {job} needs it" for x in needed if x not in named]
         return faults
 
-    def _axis_faults(self, name: str, axis: Axis) -> list[str]:
+    def _axis_name_faults(self, name: str, axis: Axis) -> list[str]:
         """Faults of an axis' name: no group, no field of the scene, nothing of the run."""
         names = {*GROUPS, *RUN_OPTIONS}
         if not self.scene:
