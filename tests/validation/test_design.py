@@ -271,11 +271,3 @@ def test_a_derived_quantity_computed_wrongly_is_seen(name, monkeypatch, tmp_path
     run(SCENES["level"], "following-p2", elements=4, steps=100).write(tmp_path / "following-p2")
     seen = list(readback.file_faults(readback.StoredResults(tmp_path, ["following-p2"], judged=False)))
     assert any(f"path.csv: {name} is not what was computed" in fault for fault in seen)
-
-
-def test_slack_onset_is_read_from_tensions_without_compression():
-    """Past the onset the law without compression leaves zeros, and a balance may leave no negative tension at all."""
-    r = run(Scene.load("level"), "fourier-kink", terms=16, steps=600, until=0.9)
-    numbers_of = replace(r, tension_min=np.maximum(r.tension_min, 0.0), design=design_numbers(r))
-    onset = recomputed.RecomputedNumbers(numbers_of, None)
-    assert onset.number("slack_onset") == pytest.approx(r.slack_onset, abs=onset.resolution("slack_onset"))

@@ -229,7 +229,7 @@ def design_numbers(ladder_or_run: Ladder | Response, counterpart: Ladder | None 
     if tilt is not None:
         numbers.append(_number_row("wind_tilt", tilt, 0.0, "deg"))
     numbers += _numbers_for_limits(_scene_of_toml(r.scene_toml))
-    return [*numbers, *_slack_onset_number(r, ladder)]
+    return [*numbers, *_slack_onset_number(r, other, ladder)]
 
 
 def signals_of_run(r: Response, other: Response | None = None) -> dict[str, Signal]:
@@ -417,8 +417,9 @@ def _is_at_end_of_span(found: _Extreme, r: Response, span: tuple[float, float]) 
     return bool(ends or not 0.0 < found.s < r.length)
 
 
-def _slack_onset_number(r: Response, ladder: Ladder | None) -> Iterator[Number]:
-    if r.slack_onset is None or r.slack_onset > onset_of_steep_waves(r):
+def _slack_onset_number(r: Response, other: Response | None, ladder: Ladder | None) -> Iterator[Number]:
+    """Where slack begins, if before waves are slower than the mass in either run: no bar holds from there on."""
+    if r.slack_onset is None or r.slack_onset > min(onset_of_steep_waves(r), onset_of_steep_waves(other or r)):
         return
 
     def onset_or_nan(x: Response) -> float:

@@ -19,6 +19,7 @@ from cablefem.response import Array, Response
 from validation.core import rest, timetable
 from validation.core.agreement import Agreement, Bound, BoundPart
 from validation.core.evidence import Evidence, Side, Window, Windows, cross_product
+from validation.core.measures import slack_onset_offset
 from validation.core.order import FIRST, SAFETY, error_bar
 from validation.core.scene_data import ROUNDING
 
@@ -434,22 +435,18 @@ def min_tension_defect(evidence: Evidence) -> Defect:
 
 @_register_law("slack onset")
 def slack_onset_defect(evidence: Evidence) -> Defect:
-    """The smallest tension of the window so far falls through zero where slack begins, and does not before.
+    """The smallest tension falls through zero where slack begins, and in the window not before.
 
-    The distance of that position to the falling curve, along a slope of 1 in s_o/l and T/H: a difference of positions
-    at a steep front, of tensions on a gentle slope, as between both solvers.  Within two steps.
+    See `measures.slack_onset_offset`; within two steps.
     """
     r = evidence.r
-    inside = np.flatnonzero(evidence.steps_in_windows & (r.t > 0.0))
-    steps = slice(inside[0], inside[-1] + 3)
-    position = np.maximum.accumulate(r.s_o[steps]) / r.length  # (n,)
-    smallest = np.minimum.accumulate(r.tension_min[steps]) / r.horizontal_tension
-    onset = int(np.searchsorted(r.t[steps], r.slack_since))
-    reached = onset < position.size and position[onset] <= evidence.windows.far
-    expected = position[onset] if reached else position[inside[-1] - inside[0]]
-    height = float(np.interp(expected, position - smallest, smallest))
+    steps = evidence.steps_in_windows & (r.t > 0.0)
+    last = int(np.flatnonzero(steps)[-1])
+    end = float(r.t[last])
+    steps[last : last + 3] = True
+    offset = slack_onset_offset(r, min(r.slack_since, end), steps)
     two_steps = 2.0 * float(np.abs(np.diff(r.s_o)).max()) / r.length
-    return _defect_at_rest(max(0.0, (abs(height) if reached else -height) - two_steps))
+    return _defect_at_rest(max(0.0, (abs(offset) if r.slack_since <= end else -offset) - two_steps))
 
 
 @_register_law("fields at the mass")

@@ -17,7 +17,7 @@ from cablefem.response import Array, Response
 from validation.core import timetable
 from validation.core.agreement import Agreement, Bound, BoundPart, no_bound
 from validation.core.evidence import Evidence, Windows, cross_product, integral
-from validation.core.measures import JUMP_WIDTH, WINDOWS, extremes_within, onset_of_steep_waves, valid_until
+from validation.core.measures import JUMP_WIDTH, extremes_within, onset_of_steep_waves, valid_until
 from validation.core.rest import car_position_at_rest
 from validation.core.scene_data import ROUNDING, SceneData, max_depth_at, mean_around, wheel_stresses
 
@@ -53,24 +53,24 @@ def check_design(r: Response, counterpart: Response | None = None) -> Iterator[A
         for name, bar, law in names:
             if readings.has_second_computation(quantity):
                 right = readings.number(quantity, raw=bool(law))
-                yield _row_of_number(r, row, (name, bar), right, readings.resolution(quantity), quantity + law)
+                yield _row_of_number(r, row, (name, bar), right, quantity + law)
             else:
                 yield Agreement("design", math.nan, no_bound("printed without a second computation"), law=quantity)
 
 
 def _row_of_number(
-    r: Response, row: dict[str, Any], names: tuple[str, str], right: float | None, resolution: float, law: str
+    r: Response, row: dict[str, Any], names: tuple[str, str], right: float | None, law: str
 ) -> Agreement:  # fmt: skip
     """The row of a printed number or peak against the right one.
 
-    names : of the number and its bar in `row`;  resolution : of the right one.
+    names : of the number and its bar in `row`.
     """
     name, bar = names
     where = None if row["s_o"] is None else row["s_o"] / r.length
     if row[name] is None or right is None:
         return _recomputed_row(r, "design", law, 0.0 if row[name] is right else 1.0, ROUNDING, where)
     size = abs(right) or 1.0
-    allowed = max(row[bar] or 0.0, resolution) / size + ROUNDING
+    allowed = (row[bar] or 0.0) / size + ROUNDING
     return _recomputed_row(r, "design", law, abs(row[name] - right) / size, allowed, where)
 
 
@@ -104,15 +104,11 @@ class RecomputedNumbers:
             return kind in ("clearance_rope_min", "clearance_car_min") and name in self.profiles
         return kind in ("safety_factor_min", "slack_onset", *FROM_TOML) or self._signals_of_kind(kind) is not None
 
-    def resolution(self, quantity: str) -> float:
-        """How exactly a quantity is known from stored steps: slack begins within two of them."""
-        return 2.0 * float(np.abs(np.diff(self.r.s_o)).max()) / self.r.length if quantity == "slack_onset" else 0.0
-
     def number(self, quantity: str, raw: bool = False) -> float | None:
         """A number in SI, or None where there is none; raw: without means over an axial round trip."""
         kind, _, name = quantity.partition(":")
         if kind == "slack_onset":
-            return self._slack_onset()
+            return self.r.slack_onset  # which a law holds against the tension
         if name:
             return self._clearance(kind == "clearance_car_min", self.profiles[name])
         if kind == "sag_car_rest":
@@ -124,19 +120,6 @@ class RecomputedNumbers:
             tension = self._extreme("tension_max", raw=False)
             return None if tension is None else self.data.cable["breaking_load"] / tension
         return self._extreme(kind, raw)
-
-    def _slack_onset(self) -> float | None:
-        """s_o/l of the first step in the window with no tension, else of that nearest the printed one.
-
-        Past the window a force from a balance dips below zero where no other answer does.
-        """
-        r = self.r
-        slack = r.s_o[1:][r.tension_min[1:] <= 0.0] / r.length  # zero: by the law without compression
-        first = slack[slack <= WINDOWS[r.drive][1]]
-        printed = next((row["value"] for row in r.design if row["quantity"] == "slack_onset"), None)
-        if first.size or printed is None or not slack.size:
-            return float(slack[0]) if slack.size else None
-        return float(slack[np.argmin(np.abs(slack - printed))])
 
     def _extreme(self, kind: str, raw: bool) -> float | None:
         """Smallest or largest value of a signal over the span; None where nothing is known."""
