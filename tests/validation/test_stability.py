@@ -5,6 +5,7 @@ import math
 from dataclasses import replace
 from functools import cache
 from itertools import combinations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from validation.commands.atlas.catalogue import CATALOGUE, condition_holds, run_
 from validation.commands.atlas.study import CELLS, atlas, judged_cell
 from validation.commands.sweep.job import response_faults
 from validation.core import measures
+from validation.core.design import design_numbers
 from validation.core.methods import METHODS
 from validation.core.refine import run_with_error_bars
 from validation.core.running import run
@@ -144,6 +146,13 @@ def test_waves_slower_than_the_mass_are_flagged():
     # no bar holds from there on: neither paths nor design numbers go on
     assert View.of_scene(near).up_to_valid(r).window == (0.02, pytest.approx(place, abs=1e-6))
     assert r.t[k - 1] <= measures.valid_until(r) <= r.t[k]
+    later = replace(r, flags=[], slack_onset=place + 0.01)  # another solver's answer
+
+    def prints_slack(counterpart):
+        return "slack_onset" in {row["quantity"] for row in design_numbers(later, counterpart)}
+
+    assert prints_slack(None)
+    assert not prints_slack(SimpleNamespace(finest=r))
     # twin: a slower car on the same cable
     slower = run(near.variant(speed_ratio=0.4), "following-p2", elements=20, steps=900, until=0.8)
     assert "slow waves" not in slower.flag_kinds
