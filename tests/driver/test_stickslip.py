@@ -144,7 +144,7 @@ def test_a_block_that_rolls_on_does_not_stop():
 
 
 def test_the_laws_hold_of_a_ride_that_a_brake_ends():
-    found = ladder(Scene.from_toml(TOML.replace("force = 40.0", "force = 900.0")), elements=6, steps=400)
+    found = ladder(Scene.from_toml(TOML.replace("force = 40.0", "force = 900.0")), elements=6, steps=200)
     assert not broken(found)
     assert [x["event"] for x in found.finest.events][-2:] == ["brake", "stop"]
     assert found.finest.events[-1]["speed"] == 0.0
