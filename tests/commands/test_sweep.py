@@ -181,7 +181,7 @@ def test_a_check_tells_why_a_run_broke_and_beside_it_which_rows_do_not_agree(tmp
     told = run(Scene.load("level"), "following-p2", elements=3, steps=30)
     broken = replace(told, status="incomplete", cause="Newton stalled", reason="stalled")
     rows = [Agreement(name, 1.0, Bound("law"), law=law) for name, law in (("tension", ""), ("tension", "mean"))]
-    either = SimpleNamespace(run=broken)
+    either = SimpleNamespace(finest=broken)
     found = SimpleNamespace(a=either, b=either, rows=rows, verdict=Verdict.DISAGREE)
     monkeypatch.setattr("validation.check", lambda *given, **how: found)
     study = Study.of({k: x for k, x in GRID.items() if k not in ("method", "settings")} | {"job": "check", "tol": 1e-2})

@@ -114,7 +114,7 @@ def test_a_ride_that_ends_beyond_the_cable_ended_before(method, settings, beyond
     ride.history.states = StateHistory(
         [*before, last._replace(q=np.append(last.q[:-1], 1.02 if beyond else last.q[-1]))]
     )
-    r = response_of_history(ride.scene, ride.history, method=method, settings=ride.settings, **ride.kind)
+    r = response_of_history(ride.scene, ride.history, method=method, settings=ride.settings, **ride.run_options)
     assert (r.status, r.t.size) == (
         ("incomplete", len(ride.history.states) - 1) if beyond else ("complete", len(ride.history.states))
     )

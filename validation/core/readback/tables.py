@@ -181,12 +181,19 @@ def _input_faults(cells: Sequence[str], of: StoredResults) -> Faults:
     value: Any = of.stored_run(0)["scene"]
     for name in key.split("."):
         value = value[int(name)] if isinstance(value, list) else value[name]
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        good = abs(parse_number(text.split(" ")[0]) - value) <= ROUNDING * abs(value)
+    if isinstance(value, list) and text.startswith("("):  # a short one, its values
+        shown = text.partition(")")[0].removeprefix("(").split(", ")
+        good = len(shown) == len(value) and all(map(_shows_input, shown, value))
     else:
-        good = text.startswith(str(len(value)) if isinstance(value, list) else str(value))
+        good = _shows_input(text, len(value) if isinstance(value, list) else value)
     if not good:
         yield f"{key}: {text} where {value} was read"
+
+
+def _shows_input(text: str, value: Any) -> bool:
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return abs(parse_number(text.split(" ")[0]) - value) <= ROUNDING * abs(value)
+    return text.startswith(str(value))
 
 
 def no_faults(text: Any, of: StoredResults) -> Faults:
