@@ -157,7 +157,8 @@ class Part(BaseModel):
         """Lines 'field = value: what is admissible' from one error of pydantic."""
         name, *inner = item["loc"]
         cause = item.get("ctx", {}).get("error")
-        where = str(name) + "".join(f"[{i}]" for i in inner if isinstance(i, int))
+        written = str(name) if str(name).isprintable() else repr(name)  # a fault is one line
+        where = written + "".join(f"[{i}]" for i in inner if isinstance(i, int))
         if isinstance(cause, SceneError):  # of a part inside this one
             return [f"{where}.{fault}" for fault in cause.faults]
         if item["type"] == "too_short":  # beside the faults of its items

@@ -272,6 +272,12 @@ TABLES = {
 }
 
 
+def test_a_key_of_several_lines_is_one_fault_of_one_line():
+    with pytest.raises(SceneError) as refused:
+        Scene(**tomllib.loads(GOOD) | {"a\nb": 1})
+    assert [fault.partition(":")[0] for fault in refused.value.faults] == ["'a\\nb' = 1"]
+
+
 @given(st.data())
 @settings(deadline=None, max_examples=200)
 def test_whatever_is_in_a_scene_it_is_a_scene_or_a_list_of_lines(data):
