@@ -9,7 +9,7 @@ from validation.core import foreign, measures
 from validation.core.agreement import Agreement, Bound, BoundPart, Verdict
 from validation.core.foreign import ForeignPath
 from validation.core.measures import NotComparable, Window
-from validation.core.motion_rows import LineRun, contact_tension, distances
+from validation.core.motion_rows import LineRun, contact_tension, distances, largest_tension_at_start
 
 
 class LineAnswer(Protocol):
@@ -100,7 +100,7 @@ def _rows_of_lines(
     why = f"relative to the largest deflection {b.path_scale:.4g} m"
     rows = [row("path_max", car, distances(p, paths[1][car]) / b.path_scale, path, why) for car, p in paths[0].items()]
     if tension is not None:
-        largest = max(float(contact_tension(contact)[0]) for contact in b.moved.motion.contacts)
+        largest = largest_tension_at_start(b.moved.motion)
         means = [_mean_tensions(run, t) for run in runs]
         why = f"mean over an axial round trip, relative to {largest:.4g} N at the start"
         gaps = {where: np.abs(N - means[1][where]) / largest for where, N in means[0].items()}

@@ -18,8 +18,7 @@ from scipy.interpolate import CubicSpline
 from cablefem.response import Array, Response
 from validation.core import rest, timetable
 from validation.core.agreement import Agreement, Bound, BoundPart
-from validation.core.evidence import Evidence, Side, Window, Windows, cross_product
-from validation.core.measures import slack_onset_offset
+from validation.core.evidence import Evidence, Side, Window, Windows, cross_product, height_along_slope
 from validation.core.order import FIRST, SAFETY, error_bar
 from validation.core.scene_data import ROUNDING
 
@@ -437,16 +436,28 @@ def min_tension_defect(evidence: Evidence) -> Defect:
 def slack_onset_defect(evidence: Evidence) -> Defect:
     """The smallest tension falls through zero where slack begins, and in the window not before.
 
-    See `measures.slack_onset_offset`; within two steps.
+    See `_slack_onset_offset`; within two steps.
     """
     r = evidence.r
     steps = evidence.steps_in_windows & (r.t > 0.0)
     last = int(np.flatnonzero(steps)[-1])
     end = float(r.t[last])
     steps[last : last + 3] = True
-    offset = slack_onset_offset(r, min(r.slack_since, end), steps)
+    offset = _slack_onset_offset(r, min(r.slack_since, end), steps)
     two_steps = 2.0 * float(np.abs(np.diff(r.s_o)).max()) / r.length
     return _defect_at_rest(max(0.0, (abs(offset) if r.slack_since <= end else -offset) - two_steps))
+
+
+def _slack_onset_offset(r: Response, t: float, steps: NDArray[np.bool_]) -> float:
+    """How much later than at time t the tension of these steps (n,) falls through zero, in s_o/l; negative: earlier.
+
+    See `evidence.height_along_slope`, of the smallest tension so far.
+    """
+    position = np.maximum.accumulate(r.s_o) / r.length
+    # zero is the tension of a law without compression, whose rope would be deeper
+    tension = np.where(r.tension_min == 0.0, -1.0, r.tension_min / r.horizontal_tension)[steps]
+    smallest = np.minimum.accumulate(tension)
+    return height_along_slope(position[steps], smallest, float(np.interp(t, r.t, position)))
 
 
 @_register_law("fields at the mass")

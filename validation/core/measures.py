@@ -50,19 +50,6 @@ def onset_of_steep_waves(r: MassPath) -> float:
     return min((float(flag.numbers["since"]) for flag in r.flags if flag.kind == "slow waves"), default=math.inf)
 
 
-def slack_onset_offset(r: Response, t: float, steps: NDArray[np.bool_]) -> float:
-    """How much later than at time t the tension of these steps (n,) falls through zero, in s_o/l; negative: earlier.
-
-    The distance of the car's position to the falling curve of the smallest tension so far, along a slope of 1 in
-    s_o/l and T/H: a difference of positions at a steep front, of tensions on a gentle slope.
-    """
-    position = np.maximum.accumulate(r.s_o) / r.length
-    # zero is the tension of a law without compression, whose rope would be deeper
-    tension = np.where(r.tension_min == 0.0, -1.0, r.tension_min / r.horizontal_tension)[steps]
-    smallest = np.minimum.accumulate(tension)
-    return float(np.interp(np.interp(t, r.t, position), position[steps] - smallest, smallest))
-
-
 def valid_until(*runs: Response) -> float:
     """Time [s] up to which all runs have an answer: their first end, slack onset, or waves slower than the mass."""
     ends = [r.t[-1] for r in runs] + [r.slack_since for r in runs]

@@ -128,6 +128,11 @@ def contact_tension(contact: ContactMotion) -> Array:
     return np.where(np.isnan(contact.tension_behind), contact.tension_ahead, contact.tension_behind)
 
 
+def largest_tension_at_start(motion: LineMotion) -> float:
+    """At the contacts [N], the scale of tensions."""
+    return max(float(contact_tension(contact)[0]) for contact in motion.contacts)
+
+
 class Comparison:
     """Rows of two ladders of runs."""
 

@@ -21,6 +21,7 @@ from validation.core.agreement import (
     BoundPart,
     no_bound,
 )
+from validation.core.evidence import height_along_slope
 from validation.core.ladder import ROUNDING, Distance, Functional, Goal, Ladder, identity, max_distance
 from validation.core.measures import SLACK_END, NotComparable
 from validation.core.methods import METHODS
@@ -336,8 +337,7 @@ def quasi_static_rows(a: Ladder, quasi_static: list[Event], required: float) -> 
 def _slack_onset_row(a: Ladder, b: Ladder, full: View, required: float) -> Agreement:
     """Distance of both answers where the first cable goes slack; no slack counts as the window's end.
 
-    Smallest tensions so far, over H, are falling curves over s_o/l.  Their Levy distance is taken along a slope of 1
-    through the onset: a difference of positions at a steep front, of tensions on a gentle slope.
+    Smallest tensions so far, over H, are falling curves over s_o/l; see `evidence.height_along_slope`.
     """
     end = full.window[1]
     first = min(end, a.finest.slack_from, b.finest.slack_from)
@@ -352,7 +352,7 @@ def _slack_onset_row(a: Ladder, b: Ladder, full: View, required: float) -> Agree
         inside = position < end  # beyond, the curve drops to slack
         x = np.append(position[inside], [end, end])
         y = np.append(smallest[inside], [at_end, min(0.0, at_end)])
-        return float(np.interp(first, x - y, y))
+        return height_along_slope(x, y, first)
 
     return replace(_functional_row("slack_onset", a, b, required, crossing_ordinate), where=first)
 

@@ -178,9 +178,10 @@ def versions() -> dict[str, str]:
     return {"Python": platform.python_version()} | {name: metadata.version(name) for name in packages}
 
 
-def date_and_versions() -> str:
-    """Date and versions."""
-    return f"{date.today().isoformat()} with {settings_text(versions())}"
+def drawn_with() -> Markup:
+    """With what a page is drawn, and when: its last line."""
+    when = f"{date.today().isoformat()} with {settings_text(versions())}"
+    return Markup("<p><small>Page drawn on {}.</small></p>").format(when)
 
 
 def settings_text(of: Mapping[str, Any]) -> str:

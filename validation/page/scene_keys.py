@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from cablefem.scene import Scene
 from cablefem.scene.line import Line
-from validation.page.page import date_and_versions, details, html_table
+from validation.page.page import details, drawn_with, html_table
 
 
 def table_of_keys(toml: str, of: type[Scene | Line] = Scene, without: Container[str] = ()) -> Markup:
@@ -58,5 +58,4 @@ def _value_text(value: Any) -> str:
 def scene_as_read(toml: str, of: type[Scene | Line]) -> Markup:
     """All that a scene gives, its TOML, and with what a page was drawn."""
     text = details("Scene file (TOML)", Markup("<pre>{}</pre>").format(toml))
-    drawn = Markup("<p><small>Page drawn on {}.</small></p>").format(date_and_versions())
-    return table_of_keys(toml, of) + text + drawn
+    return table_of_keys(toml, of) + text + drawn_with()

@@ -22,7 +22,7 @@ from validation.commands.run.motion import (
 from validation.core import motion_laws, store
 from validation.core.agreement import Agreement, Verdict, overall_verdict
 from validation.core.ladder import Branch, Ladder
-from validation.core.motion_rows import Comparison, LineRun, LineTolerance, Scales, contact_tension, law_row
+from validation.core.motion_rows import Comparison, LineRun, LineTolerance, Scales, largest_tension_at_start, law_row
 from validation.core.sidebyside import Progress, no_progress
 from validation.page.options import Point, tolerance_faults
 
@@ -35,7 +35,7 @@ FINEST = 32  # times the coarsest resolution and steps together, before a compar
 def scales_of(line: Line, moved: LineRun) -> Scales:
     """Largest deflection of a car, largest tension at the start, and weights."""
     path = largest_deflection(line, line.empty(catenary_line.solve), moved.motion)
-    tension = max(float(contact_tension(contact)[0]) for contact in moved.motion.contacts)
+    tension = largest_tension_at_start(moved.motion)
     weights = {car.name: car.mass * line.gravity for car in line.car}
     return Scales(path, tension, weights)
 

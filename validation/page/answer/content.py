@@ -16,7 +16,7 @@ from validation.core.quantities import key_numbers, limit_text
 from validation.core.scene_data import SceneData
 from validation.page.answer import figures as draw
 from validation.page.answer.stored import StoredAnswer
-from validation.page.page import date_and_versions, limits_of
+from validation.page.page import drawn_with, limits_of
 from validation.page.scene_keys import table_of_keys
 from validation.page.side_view import side_view
 
@@ -37,7 +37,7 @@ def answer_content(x: StoredAnswer) -> dict[str, Any]:
         "energy_split": partial(draw.plot_energy_split, x),
         "tension_field": partial(draw.plot_tension_field, x),
         "methods": METHODS,
-        "drawn_with": date_and_versions(),
+        "drawn_with": drawn_with(),
         "limits": limits_of(rows_of_limits, limits.scope_sentences(x.scene)),
         "inputs": table_of_keys(x.scene.to_toml()),
         "loads": list(support_loads(x)),

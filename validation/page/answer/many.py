@@ -18,7 +18,7 @@ from validation.core.quantities import quantity_words, unit_scale
 from validation.core.sidebyside import map_in_parallel
 from validation.page import report, terminal
 from validation.page.options import Point
-from validation.page.page import Section, date_and_versions, details, gallery, html_table
+from validation.page.page import Section, details, drawn_with, gallery, html_table
 from validation.page.plot import COLORS, DASHED, DOTTED, GREY, Panel, draw_surroundings, plot
 from validation.page.scene_keys import table_of_keys
 from validation.page.side_view import six_digits, sparse_indices
@@ -189,7 +189,7 @@ def sections(folder: Path) -> list[Section]:
         table_of(rows, run_columns(rows, keys), keys[0]),
         gallery(_side_view_figure(scene, rows, paths, keys), _speed_figure(rows, paths, keys)),
         details("What is the same in all of them", table_of_keys(scene.to_toml(), without=keys)),
-        Markup("<p><small>Page drawn on {}.</small></p>").format(date_and_versions()),
+        drawn_with(),
     ]
     kinds = [x["outcome_kind"] for x in rows]
     summary = ", ".join(f"{kinds.count(kind)} of {len(rows)} {ENDS[kind]}" for kind in dict.fromkeys(kinds))
