@@ -325,11 +325,3 @@ def integral(t: Array, f: Array, jumps: Sequence[float]) -> Array:
 def cross_product(a: Array, b: Array) -> Array:
     """a_x b_y - a_y b_x of (..., 2)."""
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-
-
-def height_along_slope(position: Array, tension: Array, start: float) -> float:
-    """T/H at which the falling curve of tensions over positions (n,) meets the slope of 1 through `start`.
-
-    A distance (Levy's) in s_o/l and T/H: of positions at a steep front, of tensions on a gentle slope.
-    """
-    return float(np.interp(start, position - tension, tension))

@@ -18,9 +18,9 @@ from scipy.interpolate import CubicSpline
 from cablefem.response import Array, Response
 from validation.core import rest, timetable
 from validation.core.agreement import Agreement, Bound, BoundPart
-from validation.core.evidence import Evidence, Side, Window, Windows, cross_product, height_along_slope
+from validation.core.evidence import Evidence, Side, Window, Windows, cross_product
 from validation.core.order import FIRST, SAFETY, error_bar
-from validation.core.scene_data import ROUNDING
+from validation.core.scene_data import ROUNDING, height_along_slope
 
 MAX_FRAME_INTERVAL = 0.1  # of a transverse wave's time along the cable: rarer frames hide velocities
 MIN_ROLLING_SPEED = 0.05  # of the top speed: below it friction's direction is not checked
@@ -451,7 +451,7 @@ def slack_onset_defect(evidence: Evidence) -> Defect:
 def _slack_onset_offset(r: Response, t: float, steps: NDArray[np.bool_]) -> float:
     """How much later than at time t the tension of these steps (n,) falls through zero, in s_o/l; negative: earlier.
 
-    See `evidence.height_along_slope`, of the smallest tension so far.
+    See `scene_data.height_along_slope`, of the smallest tension so far.
     """
     position = np.maximum.accumulate(r.s_o) / r.length
     # zero is the tension of a law without compression, whose rope would be deeper

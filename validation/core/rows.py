@@ -21,11 +21,11 @@ from validation.core.agreement import (
     BoundPart,
     no_bound,
 )
-from validation.core.evidence import height_along_slope
 from validation.core.ladder import ROUNDING, Distance, Functional, Goal, Ladder, identity, max_distance
 from validation.core.measures import SLACK_END, NotComparable
 from validation.core.methods import METHODS
 from validation.core.order import FIRST
+from validation.core.scene_data import height_along_slope
 from validation.core.store import nulls_for_nonfinite
 from validation.core.view import View
 
@@ -337,7 +337,7 @@ def quasi_static_rows(a: Ladder, quasi_static: list[Event], required: float) -> 
 def _slack_onset_row(a: Ladder, b: Ladder, full: View, required: float) -> Agreement:
     """Distance of both answers where the first cable goes slack; no slack counts as the window's end.
 
-    Smallest tensions so far, over H, are falling curves over s_o/l; see `evidence.height_along_slope`.
+    Smallest tensions so far, over H, are falling curves over s_o/l; see `scene_data.height_along_slope`.
     """
     end = full.window[1]
     first = min(end, a.finest.slack_from, b.finest.slack_from)

@@ -1,4 +1,4 @@
-"""What second computations share: a scene's numbers, units of printed numbers, ice, means, and heights of polylines."""
+"""What second computations share: a scene's numbers, units of printed numbers, ice, means, and distances of curves."""
 
 import csv
 import math
@@ -192,3 +192,11 @@ def _catenary_length_and_tension(
         a = math.exp(brentq(lambda x: catenary(math.exp(x))[which] - value, math.log(0.1 * span), math.log(1e6 * span)))
     length, _, middle, half = catenary(a)
     return length, a * weight * (half + 0.5 * math.sinh(2.0 * half) * math.cosh(2.0 * middle)) * a / length
+
+
+def height_along_slope(position: Array, tension: Array, start: float) -> float:
+    """T/H at which the falling curve of tensions over positions (n,) meets the slope of 1 through `start`.
+
+    A distance (Levy's) in s_o/l and T/H: of positions at a steep front, of tensions on a gentle slope.
+    """
+    return float(np.interp(start, position - tension, tension))
