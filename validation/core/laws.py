@@ -557,20 +557,14 @@ def angular_momentum_defect(evidence: Evidence) -> Defect:
     """rho int r x r. ds about the left support changes by the impulse of moments; over weight, span and window."""
     r = evidence.r
     data = evidence.data
-    t = evidence.t
     weight = data.rho * data.gravity
     right = np.array([data.span, data.drop])
     moment = cross_product(right, r.reaction_right) + cross_product(np.stack([r.x, r.y], axis=1), r.contact)
-    lever = evidence.cable_integrals["points"][:, 0]
-    moves = evidence.cable_integrals["velocity"][:, 0]
-    h = np.diff(t)
-    own = weight * (0.5 * h * (lever[1:] + lever[:-1]) - h**2 / 12.0 * np.diff(moves))  # by cubics
+    own = weight * evidence.lever_integral
     spin = evidence.cable_integrals["spin"]
     if evidence.damping:
         spin = spin + evidence.damping * evidence.swept_area_integral
-    conserved = (data.rho * spin - np.append(0.0, np.cumsum(own)))[:, None] - evidence.impulse_at_window_ends(
-        moment[:, None]
-    )
+    conserved = (data.rho * spin - own)[:, None] - evidence.impulse_at_window_ends(moment[:, None])
     total_weight = weight * r.fields.s[-1] + data.weight
     return _defect_of_change(evidence, conserved, total_weight * data.span * evidence.window_duration)
 
