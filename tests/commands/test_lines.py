@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from cablefem import Scene
 from tests.commands.calls import lines
 from tests.line.lines import THREE, TRAMWAY, car, line
 from validation.commands.check.line import check_line
+from validation.core.readback import outcome_faults, printed_line_faults
 
 FEW = ("--set", "car.up.at=[50,300,698,704]", "--set", "car.down.at=[488,702,900,1142]")
 
@@ -163,3 +165,42 @@ def test_check_with_a_fault_told_to_one_solver(cablefem):
     code, out, _ = cablefem("check", "two-span", *FEW, "--second-set", "cable.EA=+0.1%")
     assert code == 1
     assert out.startswith("The solvers DISAGREE")
+
+
+PRINTED = {"at rest": ("rest", "two-span", *FEW), "in motion": ("motion-run", "counterweight")}
+
+
+@pytest.mark.parametrize("kind", PRINTED)
+def test_what_is_printed_of_a_line_is_read_back(cablefem, tmp_path, kind):
+    """On the terminal: other numbers, cars, units, verdicts, counts and sentences than those of page and files."""
+    home, scene, *changes = PRINTED[kind]
+    code, out, err = cablefem("run", scene, *changes, "--limits", "france-1974")
+    assert (code, err) == (0, "")
+    folder = tmp_path / "cablefem-out" / scene
+    html = (folder / "report.html").read_text(encoding="utf-8")
+    printed = out.splitlines()[:-1]  # without where it is written
+    assert list(printed_line_faults(printed, html, folder / home)) == []
+    number = re.compile(r"\d+\.\d\d+|\d+ more|\d+ s$|\d+ positions|\d+ elements")
+    for i, text in enumerate(printed):
+        wrong = number.sub(lambda x: x[0].replace(x[0][0], str((int(x[0][0]) + 1) % 10), 1), text, count=1)
+        for planted in (wrong, text.replace(" kN", " N", 1), text.replace("  met", "  not met")):
+            if planted != text:
+                assert list(printed_line_faults([*printed[:i], planted, *printed[i + 1 :]], html, folder / home))
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [
+        ("arrives", "ends"),
+        ("x = 498.2 m", "x = 489.2 m"),
+        ("kN at 49.4 s", "kN at 94.4 s"),
+        ("52.0 s", "25.0 s"),
+    ],
+)
+def test_another_outcome_of_a_motion_is_seen(cablefem, tmp_path, right, wrong):
+    assert cablefem("run", "counterweight")[0] == 0
+    folder = tmp_path / "cablefem-out" / "counterweight" / "motion-run"
+    assert list(outcome_faults(folder)) == []
+    file = folder / "summary.json"
+    file.write_text(file.read_text().replace(right, wrong))
+    assert len(list(outcome_faults(folder))) == 1

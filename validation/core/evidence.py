@@ -159,7 +159,7 @@ class Evidence:
     def lever_integral(self) -> Array:
         """int int x ds dt at frames (k,), by cubics between all frames: axial waves are quicker than windows."""
         f = self.r.fields
-        lever = np.trapezoid(f.x + f.u, f.s, axis=1)
+        lever = np.asarray(np.trapezoid(f.x + f.u, f.s, axis=1))
         moves = np.trapezoid(f.du, f.s, axis=1)
         h = np.diff(f.t)
         pieces = 0.5 * h * (lever[1:] + lever[:-1]) - h**2 / 12.0 * np.diff(moves)

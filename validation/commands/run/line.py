@@ -280,7 +280,7 @@ class RestAnswers(LineAnswers):
         """Print outcome, limits, design numbers, and the first three positions without rest."""
         rows = largest_and_smallest_rows([d for d in self.design if quantity_kind(d["quantity"]) not in NOT_PRINTED])
         printed = [row for row in rows if row["largest"] != value_text(0.0, "m") or row["smallest"] != "the same"]
-        print_line(self.line, self.outcome.sentence, self.limits, printed, len(printed))
+        print_line(self.line, self.outcome.sentence, self.limits, printed, len(largest_and_smallest_rows(self.design)))
         for x in self.positions_without_rest[:3]:
             terminal.print_text(f"  position {x['position']}: {x['reason']}", style="bold red")
         if len(self.positions_without_rest) > 3:

@@ -128,6 +128,8 @@ def _folder_name(command: str, moves: bool) -> str:
 
 
 def _answer_one(command: str, line: Line, moves: bool, out: Path | None, solve: Solve) -> Row:
+    from validation.core.readback import printed_line_faults  # slow to import
+
     home = _folder_name(command, moves)
     with terminal.progress_bars() as progress:
         progress(line.name, 0.0)
@@ -141,13 +143,16 @@ def _answer_one(command: str, line: Line, moves: bool, out: Path | None, solve: 
         rows = [row.to_json() for row in result.rows]
         agreement = {"verdict": verdict, "methods": result.methods, "rows": rows, "limits": result.limits}
         write_json(folder / "agreement.json", agreement)
-        terminal.print_verdict(verdict)
-    faults = result.faults(folder / home)
+    with terminal.copy_printed() as printed:
+        if result.verdict:
+            terminal.print_verdict(result.verdict.value)
+        result.print_answer(seconds)
+        if result.rows:
+            terminal.print_text(f"  {_counts_sentence(result)}")
     report.write_report(folder, command)
+    html = (folder / store.REPORT).read_text(encoding="utf-8")
+    faults = [*result.faults(folder / home), *printed_line_faults(printed, html, folder / home)]
     report.report_faults(folder, command, faults)
-    result.print_answer(seconds)
-    if result.rows:
-        terminal.print_text(f"  {_counts_sentence(result)}")
     terminal.print_text(f"  written to {folder}: report.html, {home}/")
     return result.table_row() | {"faults": len(faults)}
 

@@ -33,7 +33,13 @@ from validation.core.motion_rows import (
     rope_points,
     turning_series,
 )
-from validation.core.readback import limit_faults, limit_table_faults, line_motion_faults, line_number_faults
+from validation.core.readback import (
+    limit_faults,
+    limit_table_faults,
+    line_motion_faults,
+    line_number_faults,
+    outcome_faults,
+)
 from validation.core.sidebyside import Progress, map_in_parallel, no_progress
 from validation.core.wheels import pitch_period, with_wheel_loads
 from validation.page import terminal
@@ -307,8 +313,7 @@ class MotionAnswers(LineAnswers):
         if self.moved.events and self.moved.end < self.moved.instants[-1] * (1.0 - 1e-9):
             name, t = self.moved.events[-1]
             whose = "for all cars " if len(self.cars) > 1 else ""
-            early = f"{self.moved.instants[-1] - t:.1f} s early"
-            return [Outcome("ends", f"{name} after {t:.1f} s with {places}; this ends the run {whose}{early}")]
+            return [Outcome("ends", f"{name} after {t:.1f} s with {places}; this ends the run {whose}early")]
         if self.moved.reason is not None:
             return []
         return [Outcome("arrives", f"ends after {self.moved.end:.1f} s with {places}")]
@@ -379,6 +384,7 @@ class MotionAnswers(LineAnswers):
             *limit_table_faults(html, self.limits),
             *line_number_faults(html, self.design),
             *line_motion_faults(html, folder, self.motion),
+            *outcome_faults(folder),
         ]
 
     def print_answer(self, seconds: float) -> None:

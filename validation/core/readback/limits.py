@@ -11,6 +11,8 @@ from validation.core.readback.stored import Faults, Row, read_words
 from validation.core.readback.texts import cell_texts, contents_of_tags, shows_number
 from validation.core.scene_data import ROUNDING
 
+LIMIT_VERDICT = r"(met|not met|too close to tell|cannot be judged: .*|not computed.*)$"
+
 
 def limit_table_faults(html_text: str, rows: Sequence[Row]) -> Faults:
     """Faults of the tables of limits on a page, which show all stored rows."""

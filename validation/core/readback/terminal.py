@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 
-from validation.core.readback.limits import limit_row_faults
+from validation.core.readback.limits import LIMIT_VERDICT, limit_row_faults
 from validation.core.readback.stored import Faults, StoredResults, read_words, worst_verdict
 from validation.core.readback.tables import count_faults, event_faults, no_faults, number_faults, shows_gaps
 from validation.core.readback.texts import quantity_words, shows_value
@@ -116,7 +116,7 @@ LINE_CHECKS: tuple[tuple[str, Callable[[str, StoredResults], Faults]], ...] = (
     (r"  by the quasi-static model|  Nothing could be compared|  written to |quantity +gap", no_faults),
     (r"  by \S+ \(", _printed_work_faults),
     (r"limit  +value", no_faults),
-    (r"\S.*  (met|not met|too close to tell|cannot be judged: .*|not computed.*)$", _printed_limit_faults),
+    (rf"\S.*  {LIMIT_VERDICT}", _printed_limit_faults),
     (r"  [^:]*: for .*", _scope_faults),
     (r"  \d+ (of \d+ )?(comparisons|laws|printed)", count_faults),
     (r"  \S.*: (agrees|DISAGREES|is too coarse|cannot be compared)", _printed_third_party_faults),

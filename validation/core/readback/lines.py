@@ -1,0 +1,110 @@
+"""What a command printed of a line, and what its outcome says of the motion."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from validation.core.readback.limits import LIMIT_VERDICT, limit_row_faults
+from validation.core.readback.stored import Faults, Row, read_json, read_words, worst_verdict
+from validation.core.readback.texts import cell_texts, contents_of_tags, plain_text
+from validation.core.scene_data import read_columns
+
+COUNTED = "comparisons of two solvers agree", "laws hold", "kinds of printed numbers are as computed"
+SAME_TIME = 1e-9  # relative
+TOUCHES = -1e-6  # [m] a rope that ends on the ground does not hit it
+
+
+def printed_line_faults(printed: Sequence[str], html_text: str, folder: Path) -> Faults:
+    """Faults of what a command printed of a line: rows must stand on its page, sentences be those of the files.
+
+    The tables of the page have readers of their own.  folder : of the line's files, below agreement.json of a check.
+    """
+    summary = read_json(folder / "summary.json")
+    judged = read_json(folder.parent / "agreement.json")["rows"] if folder.name.endswith("-check") else []
+    scene = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
+    sentences = {*_sentences_of_files(summary, judged), *_scope_sentences(scene, at_rest="positions" in summary)}
+    if plain_text(summary["outcome"]) in plain_text(html_text):
+        sentences.add(f"{summary['scene']}: {summary['outcome']}")
+    lines = {tuple(map(plain_text, re.split(" {2,}", text.strip()))): text.strip() for text in printed}
+    for table in contents_of_tags("table", html_text):
+        rows = [tuple(filter(None, cell_texts(row))) for row in contents_of_tags("tr", table)]
+        shown = [lines.pop(row) for row in rows if row in lines]
+        sentences.add(f"{len(rows) - len(shown)} more in the report" if shown else "")
+    for cells, text in lines.items():
+        if re.match(LIMIT_VERDICT, cells[-1]):
+            yield from limit_row_faults(cells, summary["limits"])
+        elif text not in sentences:
+            yield f"printed: {text!r} is neither on the page nor in the files"
+
+
+def _sentences_of_files(summary: Row, judged: Sequence[Row]) -> Iterator[str]:
+    """What is printed beside the tables: verdict, cost, counts of what agrees, positions without rest."""
+    seconds = f"{summary['seconds']:.1f} s"
+    if "positions" in summary:
+        count = summary["positions"]
+        yield f"{count} position{'s' if count != 1 else ''} in {seconds}"
+        for x in summary["refused"]:
+            yield f"position {x['position']}: {x['reason']}"
+        yield f"and {len(summary['refused']) - 3} more positions without rest"
+    else:
+        settings = ", ".join(f"{value} {name}" for name, value in summary["settings"].items())
+        yield f"{summary['method']}, {settings}; {seconds}"
+    if judged:
+        yield read_words("page", "assets/verdicts.toml")[worst_verdict(judged) or "not comparable"]
+        yield "; ".join(_counts(judged))
+
+
+def _scope_sentences(scene: Row, at_rest: bool) -> Iterator[str]:
+    """What the texts of the limits are for, and whether the line is that."""
+    cars = scene.get("car", [])
+    modes = {"rest"} if at_rest else {car.get("drive", {}).get("mode", "grip") for car in cars}
+    for name in scene.get("limits", {}).get("use", []):
+        text = read_words("cablefem.scene", "limits.toml")["text"][name]
+        outside = "" if modes <= set(text["modes"]) else "; this scene is outside its scope"
+        yield f"{text['source']}: for {text['scope']}{outside}"
+    if all("at" in car for car in cars):
+        yield "at the given positions of the cars; without `at` each number is that of its worst place"
+
+
+def _counts(judged: Sequence[Row]) -> Iterator[str]:
+    """How many comparisons, laws and printed numbers agree."""
+    groups: dict[str, list[str]] = {words: [] for words in COUNTED}
+    for x in judged:
+        of_law = x["allowed_because"].startswith("law")
+        groups[COUNTED[2 if x["quantity"] == "printed" else int(of_law)]].append(x["verdict"])
+    for words, verdicts in groups.items():
+        if verdicts:
+            yield f"{verdicts.count('agree')} of {len(verdicts)} {words}"
+
+
+def outcome_faults(folder: Path) -> Faults:
+    """Faults of the outcome of a line in motion: its kind, where the cars end, what is hit, the largest tension."""
+    summary = read_json(folder / "summary.json")
+    design = {number["quantity"]: number for number in summary["design"]}
+    t = read_columns(folder / "contacts.csv")["t"][-1]
+    hit = [x for x in design.values() if x["quantity"].startswith("clearance") and _upper(x) < TOUCHES]
+    broken = "safety_factor_min" in design and _upper(design["safety_factor_min"]) < 1.0
+    events = [x for x in summary["events"] if abs(x["t"] - t) <= SAME_TIME * t]
+    kinds = {
+        "incomplete": summary["status"] != "complete", "breaks": broken, "collides": bool(hit), "ends": bool(events),
+    }  # fmt: skip
+    kind = next((kind for kind, holds in kinds.items() if holds), "arrives")
+    if summary["outcome_kind"] != kind:
+        yield f"outcome: {summary['outcome_kind']} where the files say {kind}"
+    tension = design["tension_max"]
+    parts = [f"largest tension {tension['value'] / 1e3:.1f} kN at {tension['t']:.1f} s"]
+    parts += [f"hits {x['quantity'].rpartition(' over ')[2]} by {-x['value']:.2f} m" for x in hit]
+    if summary["status"] == "complete":
+        parts.append(f"{events[-1]['event']} after {t:.1f} s" if events else f"ends after {t:.1f} s")
+        for file in folder.glob("path-*.csv"):
+            parts.append(f"{file.stem.removeprefix('path-')} at x = {read_columns(file)['x'][-1]:.1f} m")
+    for part in parts:
+        if part not in summary["outcome"]:
+            yield f"outcome: {summary['outcome']!r} does not say {part!r}"
+
+
+def _upper(number: Row) -> float:
+    return float(number["value"] + (number["bar"] or 0.0))
