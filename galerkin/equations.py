@@ -21,7 +21,6 @@ from galerkin import kernels
 from galerkin.bases import Basis
 from galerkin.bases.fourier import Fourier
 from galerkin.bases.kink import Array, InertiaTerms, KinkedBasis
-from galerkin.bases.riding import RidingSines
 from galerkin.models import cable_model
 from galerkin.observe import Measures, observe
 
@@ -48,11 +47,10 @@ class GalerkinSystem(System):
     """
 
     many_steps = True
-    measures: type[Measures] = Measures
     by_force = False  # whether r' at the mass is shown by the tension from equilibrium
 
     def __init__(
-        self, groups: Groups, basis: Basis | RidingSines, *, kink: bool = False, model: str = "full",
+        self, groups: Groups, basis: Basis, *, kink: bool = False, model: str = "full",
         load: str = "mass", law: str = "elastic",
     ) -> None:  # fmt: skip
         if load not in LOADS:
@@ -64,16 +62,14 @@ class GalerkinSystem(System):
         self.model = model
         self.load = load
         self.law = law
-        self.basis: Any = basis if isinstance(basis, RidingSines) else KinkedBasis(basis, kink)
+        self.basis: Any = KinkedBasis(basis, kink)
         self.cable: Any = cable_model(groups, model, law)
         self.motion: Any = groups.motion  # None for a free car
         self.inertia = self.mu if load == "mass" else 0.0
         self.path_form = self.at_support = load == "mass" and not basis.smooth
         self.fields = self.cable.fields
         self.n = self.basis.n
-        self.has_compiled_steps = self.fields == 2 and isinstance(
-            basis, Fourier | RidingSines
-        )  # as `sines_by_rules` needs
+        self.has_compiled_steps = self.fields == 2 and isinstance(basis, Fourier)  # as `sines_by_rules` needs
         self.n_modal = self.fields * self.n
         self.n_dof = self.n_modal + self.fields * self.path_form
         self.phases = groups.drive.phases if self.motion is None else self.motion.phases
@@ -156,7 +152,7 @@ class GalerkinSystem(System):
         inertia = np.multiply(
             c2 + c1 * self.damping, c.mass, dtype=np.result_type(c0, c1, c2, c.mass)
         )  # a stage may be complex
-        inertia[:, -len(c.gyroscopic) :] += (c1 * c.gyroscopic + c0 * c.centrifugal).T
+        inertia[:, -1] += c1 * c.gyroscopic + c0 * c.centrifugal
         if not self.path_form:
             inertia += self.inertia * np.multiply.outer(c.f, c2 * c.f + c1 * c.f_v + c0 * c.f_q)
         K = c0 * K
@@ -241,7 +237,7 @@ class GalerkinSystem(System):
         kick = Q @ (after.f_q - earlier.f_q)
         balance = np.multiply.outer(self.mu * (kick + x.load - before.load), after.f)
         if self.kink:
-            balance += Q[:, -1:] @ (after.centrifugal - earlier.centrifugal)
+            balance += np.multiply.outer(Q[:, -1], after.centrifugal - earlier.centrifugal)
         jump = -np.linalg.solve(after.mass + self.mu * np.multiply.outer(after.f, after.f), balance.T).T
         return State(t, state.q, state.v, state.a + np.concatenate([jump.ravel(), jump @ after.f + kick]), phase)
 
@@ -266,13 +262,8 @@ class GalerkinSystem(System):
         m = self.inertia + m
         load = self.mu * self._load_at_mass(s_o, ds_o, dds_o)
         if self.inertia and ds_o > 0.0:
-            matrix = m * np.eye(self.fields)
-            if self.groups.internal_damping:  # its force is N_v t (t . d.), d. = a_hat/(2 ds_o)
-                X_s = self.cable.static_slope_and_curvature(0.0)[0]
-                damping = self.cable.alpha * self.groups.internal_damping / (2.0 * ds_o)
-                matrix += damping * np.multiply.outer(X_s, X_s)
             v_hat = np.zeros(self.fields)
-            a_hat = -np.linalg.solve(matrix, load)
+            a_hat = -load / m
         else:
             of_slope = m * dds_o + (self.damping * (m - self.inertia) - ds_o * b) * ds_o
             d = self._slope_behind_at_entry(of_slope, load)
@@ -310,7 +301,7 @@ class GalerkinSystem(System):
         return d
 
     def path(self, states: States) -> tuple[Array, Array]:
-        x = self.measures(self, states)
+        x = Measures(self, states)
         return x.s_o, x.displacement_at_mass() @ self.cable.direction
 
     def observe(self, states: States, s: Array, frames: Array) -> Observation:

@@ -29,7 +29,6 @@ class Equilibrium(NamedTuple):
     strain: Array  # (n,) int W ds
     min_tension: Array  # (n,) smallest tension and its s
     min_tension_at: Array
-    damping_power: Any = 0.0  # (n,) power of internal damping along the cable
 
 
 def tension_from_equilibrium(x: Measures, s: Array, frames: Array) -> Equilibrium:
@@ -41,7 +40,7 @@ def tension_from_equilibrium(x: Measures, s: Array, frames: Array) -> Equilibriu
     cable = x.system.cable
     basis = x.system.basis.basis
     damping = x.system.damping
-    internal, strain, _ = force_and_energy_integrals(x)
+    internal, strain = force_and_energy_integrals(x)
     s_o = x.inside[:, None]  # length of the sides (n, 1)
     rest = 1.0 - x.inside[:, None]
     A = (x.a + damping * x.v)[..., :-1]  # w.. + c_d w. without the hat (n, fields, N)
@@ -89,22 +88,17 @@ def in_batches(values: Callable[[Array], Array], k: Array) -> Array:
     return np.concatenate([values(some) for some in np.array_split(k, 1 + k.size // BATCH)])
 
 
-def force_and_energy_integrals(of: Measures) -> tuple[Array, Array, Array]:
-    """int (N t - T t_static) ds by sides and fields, (n, 2, 2); int W ds and power of internal damping, (n,)."""
+def force_and_energy_integrals(of: Measures) -> tuple[Array, Array]:
+    """int (N t - T t_static) ds by sides and fields, (n, 2, 2), and int W ds, (n,)."""
     system = of.system
     Q = of.q
-    V = of.v
     n = of.s_o.size
     internal = np.empty((n, 2, 2))
     strain = np.empty(n)
-    damping_power = np.zeros(n)
     if system.has_compiled_steps:
-        kinematics = np.stack([of.inside, of.ds_o, of.dds_o], axis=1)
         for k, sines in system.sines_by_rules(of.inside):
-            kernels.internal_forces_of_history(
-                sines, kinematics[k], Q[k], V[k], internal[k], strain[k], damping_power[k]
-            )
-        return internal, strain, damping_power
+            kernels.internal_forces_of_history(sines, of.inside[k], Q[k], internal[k], strain[k])
+        return internal, strain
     cable = system.cable
     kink = system.basis if system.kink else KinkedBasis(system.basis.basis, kink=True)
     for i, s_o in enumerate(of.inside.tolist()):
@@ -113,7 +107,7 @@ def force_and_energy_integrals(of: Measures) -> tuple[Array, Array, Array]:
         behind = points.phi[-1] > 0.0
         strain[i] = points.weights @ x[1]
         internal[i] = np.stack([behind, ~behind]) @ (x[2:4] * points.weights).T
-    return internal, strain, damping_power
+    return internal, strain
 
 
 def static_force(cable: FullCable, s: Array) -> Array:

@@ -17,7 +17,6 @@ import numpy as np
 from cablefem.scene import Groups
 from galerkin import kernels
 from galerkin.bases.kink import Array
-from galerkin.bases.riding import RidingSines
 from galerkin.law import LAWS
 
 MODELS = ("string", "sagged", "stretching", "full")
@@ -61,7 +60,7 @@ class FullCable:
 
     def min_tension(self, basis: Any, points: kernels.Points, tensions: Any) -> tuple[float, float]:
         s_o = 1.0 / float(points.phi[-1, 0]) if basis.kink else 1.0  # 1: one side for all
-        return kernels.min_tension(points, s_o, tensions, isinstance(basis, RidingSines) or None, int(basis.kink))
+        return kernels.min_tension(points, s_o, tensions, int(basis.kink))
 
     def static_slope_and_curvature(self, s: Any) -> tuple[Array, Array]:
         """r' and r'' at rest."""
@@ -105,7 +104,7 @@ class ChordCable:
         self.static_min_tension = float(groups.tension_and_derivatives(self.min_tension_at)[0])
 
     def tables_at(self, basis: Any, s_o: float) -> tuple[Array, Array]:
-        return basis.stiffness(s_o), -self.curvature * basis.integral(s_o)
+        return basis.stiffness(s_o), -self.curvature * basis.integral()
 
     def _increment(self, tables: tuple[Array, Array], Q: Array) -> tuple[Array, float, Array]:
         """S w, h, and (dh/dQ)/(alpha lam)."""

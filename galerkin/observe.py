@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cablefem.response import Observation, States
 from galerkin.bases.kink import Array
 from galerkin.equilibrium import (
-    Equilibrium,
     signed_tension,
     slopes_from_forces,
     sum_of_functions,
@@ -126,12 +125,8 @@ class Measures:
 
     def depth_integral(self) -> Array:
         """int v ds, (n,)."""
-        basis = self.system.basis
-        n = self.system.n
-        return np.array([v[:n] @ basis.integral(s_o) for v, s_o in zip(self.q[:, -1], self.inside, strict=True)])
-
-    def forces_from_momentum(self, s: Array, frames: Array) -> Equilibrium:
-        return tension_from_equilibrium(self, s, frames)
+        integral = self.system.basis.integral()
+        return np.array([v[: integral.size] @ integral for v in self.q[:, -1]])
 
 
 def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> Observation:
@@ -139,17 +134,16 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     groups = system.groups
     cable = system.cable
     along = system.cable.direction
-    x = system.measures(system, states)
+    x = Measures(system, states)
     w, w_t, w_tt, slopes = x.motion_and_slopes_at_mass()
     fields = x.displacement_fields(s, frames)
     slope, bend = cable.static_slope_and_curvature(x.s_o)
     none = np.zeros(x.s_o.size)
     sides = slope + slopes
     working = none
-    lost = none
     sunk = none
     if isinstance(cable, FullCable):
-        forces, sides, working, lost = _full_cable_forces(cable, x, sides, fields[2], s, frames)
+        forces, sides, working = _full_cable_forces(cable, x, sides, fields[2], s, frames)
         sunk = x.depth_integral()
     else:
         forces = _chord_forces(cable, x, s, frames)
@@ -166,9 +160,6 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     kinetic = of_cable + 0.5 * system.inertia * np.sum(velocity**2, axis=1)
     viscous = 2.0 * system.damping * of_cable
     powers = {"lost_viscous": -viscous} if system.damping else {}
-    if groups.internal_damping:  # and in a thin layer behind the car, which the grip supplies
-        jump = np.nan_to_num(forces["T_ahead"] - forces["T_behind"])
-        powers["lost_internal"] = -lost - x.ds_o * jump**2 / (2.0 * groups.alpha)
     depth = cable.depth_at_rest(x.s_o) + w[:, -1]
     potential = -cable.weight[-1] * (sunk + system.mu * depth)
     slope_behind, slope_ahead = sides if system.fields == 2 else static + slopes @ along
@@ -178,7 +169,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
         path=w @ along, path_velocity=w_t @ along + ds_o * static,
         path_acceleration=w_tt @ along + dds_o * static + ds_o**2 * curvature,
         slope_behind=slope_behind, slope_ahead=slope_ahead,
-        energy=kinetic + forces["strain"] + potential, power=power - viscous - lost,
+        energy=kinetic + forces["strain"] + potential, power=power - viscous,
         u=u, v=v, du=du, dv=dv, t=states.t, s_o=x.s_o, contact=contact @ along, powers=powers,
         kinetic=kinetic, potential=potential, **forces,
     )  # fmt: skip
@@ -186,12 +177,12 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
 
 def _full_cable_forces(
     cable: FullCable, x: Measures, slopes: Array, w_s: Array, s: Array, frames: Array
-) -> tuple[dict[str, Array], Array, Array, Any]:
-    """Forces by fields of `Observation`, r' at the mass, <N t> . [r'] - [W], and power of internal damping."""
+) -> tuple[dict[str, Array], Array, Array]:
+    """Forces by fields of `Observation`, r' at the mass, and <N t> . [r'] - [W]."""
     T_o = cable.groups.tension_and_derivatives(x.s_o)[0]
     static_o = cable.static_slope_and_curvature(x.s_o)[0]
     static = cable.static_slope_and_curvature(s)[0]
-    balanced = x.forces_from_momentum(s, frames)
+    balanced = tension_from_equilibrium(x, s, frames)
     none_behind = np.where(x.s_o > 0.0, 0.0, np.nan)
     none_ahead = np.where(x.s_o < 1.0, 0.0, np.nan)
     behind = signed_tension(balanced.behind, slopes[0]) + none_behind
@@ -213,7 +204,7 @@ def _full_cable_forces(
         "tension_min": smallest,
         "tension_min_at": np.where(smallest < balanced.min_tension, x.s_o, balanced.min_tension_at),
     }  # fmt: skip
-    return forces, sides, working, balanced.damping_power
+    return forces, sides, working
 
 
 def _chord_forces(cable: ChordCable, x: Measures, s: Array, frames: Array) -> dict[str, Array]:

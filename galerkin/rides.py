@@ -91,7 +91,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         """The car, by the tension from equilibrium; with `loads` it is held."""
         ride, sines, kinematics = self._kernel_arguments(x)
         ride = ride if loads is None else rolling.Ride(rolling.STUCK, loads, 0.0)
-        none = np.empty((0, 1, self.n_dof, self.n_dof))
+        none = np.empty((0, self.n_dof, self.n_dof))
         return kernels.residual_and_derivatives(ride, sines, kinematics, np.array(x[1:4]), np.empty(self.n_dof), none)[
             0
         ]
@@ -150,11 +150,11 @@ class RollingSystem(RollingCar, GalerkinSystem):
 
     def _residual_and_derivatives(self, x: State, count: int) -> tuple[Array, Array]:
         r = np.full(self.n_dof, np.nan)
-        parts = np.zeros((count, 1, self.n_dof, self.n_dof))
+        parts = np.zeros((count, self.n_dof, self.n_dof))
         if 0.0 < self.position(x) < 1.0:  # else a trial off the cable
             ride, sines, kinematics = self._kernel_arguments(x)
             _, self.min_tension = kernels.residual_and_derivatives(ride, sines, kinematics, np.array(x[1:4]), r, parts)
-        return r, parts[:, 0]
+        return r, parts
 
     def _kernel_arguments(self, x: State) -> tuple[rolling.Ride, kernels.CableSines, tuple[float, float, float]]:
         kinematics = self._car_kinematics(x)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cablefem import newmark
 from cablefem.elements import observing
 from cablefem.elements.kernels import collocation
-from cablefem.elements.kernels.balance import Cable, Contact, Instant, InternalDamping, Mesh, assemble, assemble_inertia
+from cablefem.elements.kernels.balance import Cable, Contact, Instant, Mesh, assemble, assemble_inertia
 from cablefem.elements.kernels.banded import Tangent, factorise, solve
 from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY
 from cablefem.elements.kernels.newton import NO_TANGENT, Steps, solve_steps
@@ -183,14 +183,10 @@ class CableElements(System):
         """Make the workspaces, which copies do not share."""
         points = np.empty((9, self._mesh.tab[..., 0].size))
         chord = None if self.fields == 2 else True
-        c_d = self.groups.damping
-        self._cable = Cable(self._mesh, self._law, chord, self._operators, points, c_d, self._internal_damping())
+        self._cable = Cable(self._mesh, self._law, chord, self._operators, points, self.groups.damping)
         self._tangent, self._bands = self._zero_tangent(float), np.empty((3, *self._operators.shape[1:]))
         self._assembled_at = None
         self._space: collocation.Workspace | None = None
-
-    def _internal_damping(self) -> InternalDamping | None:
-        return None
 
     def _zero_tangent(self, dtype: Any) -> Tangent:  # float or complex
         n = self.fields * self.n_scalar

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.polynomial.polynomial import polyder, polyval
 from scipy.linalg import solveh_banded
 
 from cablefem.elements.cable import CableElements
 from cablefem.elements.forms import section_forces, stiffness
-from cablefem.elements.kernels.balance import Contact, InternalDamping, Mesh
+from cablefem.elements.kernels.balance import Contact, Mesh
 from cablefem.elements.reference import reference_mesh
 from cablefem.newmark import Array, State, StepFailure, consistent_acceleration, quasi_static_start
 from cablefem.newmark.equilibrium import equilibrium
@@ -35,7 +34,7 @@ class FollowingElements(CableElements):
         load: str = "mass", law: str = "elastic",
     ) -> None:  # fmt: skip
         super().__init__(groups, model, load, law)
-        self.reference = of = reference_mesh(elements, degree, grading, groups.internal_damping > 0.0)
+        self.reference = of = reference_mesh(elements, degree, grading)
         unrolled = ((0,) * (degree + 1), (0,) * of.forces.shape[1]) if degree == 2 and self.fields == 2 else ((), ())
         self._mesh = Mesh(of.dofs, of.forces, elements, *unrolled)
         self._at_inertia = of.at_inertia
@@ -71,12 +70,7 @@ class FollowingElements(CableElements):
         inertia = self.inertia + entrained
         zero = np.zeros(self.n_dof)
         if ds > 0.0:
-            g = self.groups
             node_a = -np.array(self._load_at_mass(0.0, ds, dds)) / inertia
-            if g.internal_damping:  # the slope behind grows like w.. t/(2 ds_o)
-                damping = g.alpha * g.internal_damping / (2.0 * ds)
-                tangent = np.array(g.tension_and_derivatives(0.0)[1:3])
-                node_a -= damping / (inertia + damping) * (tangent @ node_a) * tangent
         elif dds > 0.0:
             node_a = dds * self._slope_behind(inertia * dds, np.array(self._load_at_mass(0.0, 0.0, dds)))
         else:
@@ -106,22 +100,6 @@ class FollowingElements(CableElements):
         at_mass = np.eye(M.shape[1], 1)[:, 0]
         ahead = solveh_banded(M[: M.shape[1]], at_mass, lower=True)
         return np.concatenate([linear[1:], ahead[1:] / ahead[0]]), float(1.0 / ahead[0])
-
-    def _internal_damping(self) -> InternalDamping | None:
-        """dphi'/dt at fixed s is -(+-phi,xi + chi phi,xixi) ds_o/h^2, + behind the mass."""
-        if not self.groups.internal_damping:
-            return None
-        of = self.reference
-        n_left = self._mesh.n_left
-        behind = np.arange(len(of.dofs))[:, None] < n_left
-        xi = of.forces[..., 0]
-        length = np.diff(of.knots)[:, None]
-        x = np.where(behind, xi - 1.0, xi)
-        chi = np.where(behind, xi, 1.0 - xi)
-        bends = polyval((x - of.knots[:-1, None]) / length, polyder(of.shapes.T, 2)) / length**2
-        slopes = of.forces[..., 2 + len(of.shapes) :]
-        moved = np.where(behind[..., None], -slopes, slopes) - np.moveaxis(chi * bends, 0, -1)
-        return InternalDamping(self.groups.internal_damping, moved, np.empty((5, xi.size)))
 
     def _slope_behind(self, m: float, load: Array) -> Array:
         """d of `start`: m d + [N t - T t_static](X' + d) + load = 0."""

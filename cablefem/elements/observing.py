@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cablefem.elements.forms import length_of, section_forces, strain, tension
-from cablefem.elements.reference import Points
 from cablefem.newmark import Array
 from cablefem.response import Observation, States
 
@@ -53,19 +52,15 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
     if system.fields == 2:
         at_mass, kink = _tensions_at_mass(system, ends, mesh_at[1], (static, T, behind, ahead))
         power += ds * kink
-        if g.internal_damping:  # and in a thin layer behind the car, which the grip supplies
-            lost = lost + cable.more
-            jump = np.nan_to_num(at_mass["T_ahead"] - at_mass["T_behind"])
-            powers["lost_internal"] = -cable.more - ds * jump**2 / (2.0 * g.alpha)
     else:
-        at_mass = _chord_tensions(system, ends, cable.more, T)
+        at_mass = _chord_tensions(system, ends, cable.rise, T)
     power -= lost
     for name in [name for name in at_mass if "behind" in name]:
         at_mass[name] = np.where(s_o > 0.0, at_mass[name], np.nan)
     fields = []
     for rows in _row_blocks(frames, s.size):
         along = system._fields_along(states, kinematics, ends, force, s, rows)
-        fields.append(_station_fields(system, along, s, cable.more[rows]))
+        fields.append(_station_fields(system, along, s, cable.rise[rows]))
     return Observation(
         path=(direction @ w).T, path_velocity=(direction @ w_t + ds * static).T,
         path_acceleration=(direction @ w_tt + dds * static + ds**2 * bend).T,
@@ -91,7 +86,7 @@ class CableState(NamedTuple):
     strain: Array
     tension_min: Array
     tension_min_at: Array  # its s
-    more: Array  # power of internal damping; of one field the rise of the uniform tension
+    rise: Array  # of the uniform tension of one field; 0 of the full cable
     ends: Array  # (4, fields, n) f - c^2 w' at the left support, behind and ahead of the mass, at the right support
 
 
@@ -109,7 +104,7 @@ def observe_cable(system: CableElements, mesh_at: Array, states: States) -> Cabl
         q = np.ascontiguousarray(x[:, 0])
         v = np.ascontiguousarray(x[:, 1])
         kinetic = kinetic_energy(system, at, q, v)
-        parts.append((kinetic, *strain_energy(system, at, q, v), _multiply(columns, x)))
+        parts.append((kinetic, *strain_energy(system, at, q), _multiply(columns, x)))
     kinetic, *arrays, moments = (np.concatenate(values, axis=-1) for values in zip(*parts, strict=True))
     strained = StrainState(*arrays)
     of_sides = moments.reshape(-1, 4, *moments.shape[1:])
@@ -119,7 +114,7 @@ def observe_cable(system: CableElements, mesh_at: Array, states: States) -> Cabl
         potential -= system.groups.sigma * depth
     ends = _end_forces(system, mesh_at, of_sides, states.v, strained.force)
     return CableState(
-        kinetic, potential, strained.energy, strained.tension_min, strained.tension_min_at, strained.more, ends
+        kinetic, potential, strained.energy, strained.tension_min, strained.tension_min_at, strained.rise, ends
     )
 
 
@@ -153,13 +148,13 @@ class StrainState(NamedTuple):
     energy: Array  # (n,)
     tension_min: Array  # (n,)
     tension_min_at: Array  # (n,)
-    more: Array  # (n,) see `CableState`
+    rise: Array  # (n,) see `CableState`
     force: Array  # int f dxi of both sides (2, fields, n)
 
 
-def strain_energy(system: CableElements, mesh_at: Array, q: Array, v: Array) -> StrainState:
+def strain_energy(system: CableElements, mesh_at: Array, q: Array) -> StrainState:
     """Strain energy, smallest tension and internal force."""
-    s_o, ds, _ = mesh_at
+    s_o = mesh_at[0]
     points = system._at_force
     h = np.where(points.behind, s_o, 1.0 - s_o)  # (p, n)
     length = np.where(h > 0.0, h, 1.0)
@@ -172,11 +167,7 @@ def strain_energy(system: CableElements, mesh_at: Array, q: Array, v: Array) -> 
         x = section_forces(X_s, T, w_s, system._law[0], system._law[3])
         f = x.force
         N = T + system._law[0] * x.strain
-        more = np.zeros(s_o.size)
-        if system.groups.internal_damping:
-            f_damping, N, power = _internal_damping_force(system, points, (q, v), ds, length, X_s + w_s, N)
-            f = f + f_damping
-            more = np.sum(weight * power, axis=0)
+        rise = np.zeros(s_o.size)
         N = np.where(h > 0.0, N, math.inf)
         energy = np.sum(weight * x.energy, axis=0)
         at = np.argmin(N, axis=0)[None]
@@ -190,32 +181,11 @@ def strain_energy(system: CableElements, mesh_at: Array, q: Array, v: Array) -> 
         N, _, W = tension(eps, tau, alpha, kind)
         tension_min = tau + alpha * eps
         tension_min_at = np.full(s_o.size, 0.5)
-        more = N - tau
+        rise = N - tau
         energy = 0.5 * tau * np.sum(weight * w_s * w_s, axis=0) + W - tau * eps
-        f = (tau * w_s + more * (y + kap * w_s))[None]
+        f = (tau * w_s + rise * (y + kap * w_s))[None]
     of_sides = np.where([points.behind[:, 0], ~points.behind[:, 0]], points.weights[:, 0], 0.0)  # (2, p)
-    return StrainState(energy, tension_min, tension_min_at, more, np.tensordot(of_sides, f, (1, 1)))
-
-
-def _internal_damping_force(
-    system: CableElements, points: Points, state: tuple[Array, Array], ds: Array, h: Array, slope: Array, N: Array
-) -> tuple[Array, Array, Array]:
-    """Force of internal damping, N with it, and its power per s, as in `kernels.balance.add_damping_force`.
-
-    slope : r' (2, p, n).
-    """
-    q, v = state
-    mesh = system._mesh
-    rates = system._cable.internal_damping
-    tab = np.concatenate([mesh.tab[..., :2], rates.moved, rates.moved], axis=2)
-    carried = _multiply(Points.from_table(mesh.dofs, tab, mesh.n_left, system.n_scalar).slopes, q)
-    t = slope / length_of(slope)
-    moved = np.moveaxis(_multiply(points.slopes, v), 1, 0) + ds / h * np.moveaxis(carried, 1, 0)
-    rate = np.sum(t * moved / h, axis=0)
-    lowest = 0.0 if system.law == "tension-only" else -math.inf
-    damped = N + system.groups.alpha * rates.tau * rate
-    added = np.maximum(damped, lowest) - np.maximum(N, lowest)
-    return added * t, damped, added * rate
+    return StrainState(energy, tension_min, tension_min_at, rise, np.tensordot(of_sides, f, (1, 1)))
 
 
 def _end_forces(system: CableElements, mesh_at: Array, moments: Array, v: Array, internal: Array) -> Array:

@@ -44,13 +44,12 @@ def convection_form(phi, eta, w):
     return w["chi"] ** 2 * eta.grad[0] * phi.grad[0]
 
 
-def quadrature_order(degree: int, damped: bool = False) -> int:
+def quadrature_order(degree: int) -> int:
     """Order of quadrature of internal forces: as many Gauss points as the degree, at least two.
 
     More points lock (Stolarski & Belytschko 1982): u' cannot follow v'^2/2.
-    Internal damping takes two more: a slack cable wrinkles between fewer.
     """
-    return max(2, 2 * degree - 1) + 4 * damped
+    return max(2, 2 * degree - 1)
 
 
 def shape_table(basis: skfem.Basis) -> Array:
@@ -131,7 +130,7 @@ def shape_moments(dofs: NDArray[np.int64], tab: Array, chi: Array, n: int) -> Ar
 
 
 @lru_cache(maxsize=64)
-def reference_mesh(elements: int, degree: int, grading: float, damped: bool = False) -> ReferenceMesh:
+def reference_mesh(elements: int, degree: int, grading: float) -> ReferenceMesh:
     """Equal or graded elements on both sides; grading: longest over shortest, next to the mass."""
     lengths = np.geomspace(1.0, grading, elements) if elements > 1 else np.ones(1)
     ahead = np.append(0.0, np.cumsum(lengths))
@@ -140,8 +139,7 @@ def reference_mesh(elements: int, degree: int, grading: float, damped: bool = Fa
     mesh = skfem.MeshLine(knots)
     sides = (slice(0, elements), slice(elements, None))
     basis, of_forces = (
-        skfem.Basis(mesh, lagrange_element(degree), intorder=order)
-        for order in (2 * degree, quadrature_order(degree, damped))
+        skfem.Basis(mesh, lagrange_element(degree), intorder=order) for order in (2 * degree, quadrature_order(degree))
     )
     dofs = number_unknowns(degree, 2 * elements) - 1
     n = 2 * elements * degree - 1

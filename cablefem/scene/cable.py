@@ -126,9 +126,6 @@ class Cable(Rope):
     damping: number_or_table(RATIO, Damping) = described_field(  # type: ignore[valid-type]
         "[-] ratio of critical in the first mode of the empty cable", 0.0
     )
-    internal_damping: NonNegative = described_field(
-        "[s] tau of N = T + EA (eps + tau deps/dt), of a car that grips", 0.0
-    )
     length: Positive | None = described_field("[m] stretched arc length at rest", None)
     sag: Positive | None = described_field("[m] largest vertical distance below the chord at rest", None)
     horizontal_tension: Positive | None = described_field("[N] horizontal part of the tension at rest", None)

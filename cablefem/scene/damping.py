@@ -9,8 +9,6 @@ from cablefem.scene.cable import Cable, Damping
 from cablefem.scene.catenary import Catenary
 from cablefem.scene.fields import NonNegative, Part, Positive, described_field
 
-SMALLEST_INTERNAL = 1e-4  # [l sqrt(rho/H)] smallest internal damping; with 3e-5 elements stall once slack
-
 
 class Wind(Part):
     """The table [wind]."""
@@ -66,14 +64,3 @@ def damping_fault(X: Catenary, cable: Cable, wind: Wind | None, gravity: float) 
     name = "cable.damping" if rates[0] else "wind.across"
     must = f"must be at most critical, {critical:.4g} 1/s in the first mode"
     return f"{name}: damps by {sum(rates):.4g} 1/s in all; {must}"
-
-
-def internal_damping_fault(tau: float, time_scale: float, mode: str) -> str:
-    """What is wrong with the internal damping tau [s]; empty if nothing is."""
-    smallest = SMALLEST_INTERNAL * time_scale
-    must = f"cable.internal_damping = {tau!r} s: must be 0"
-    if tau and mode != "grip":
-        return f"{must} with drive.mode = {mode!r}; only a car that grips the cable runs it slack"
-    if 0.0 < tau < smallest:
-        return f"{must} or at least {smallest:.3g} s; less does not settle a slack cable"
-    return ""

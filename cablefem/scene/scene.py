@@ -23,7 +23,7 @@ from cablefem.scene.cable import (
     stretch_fault,
 )
 from cablefem.scene.catenary import Catenary
-from cablefem.scene.damping import Wind, damping_fault, damping_rates, first_frequency, internal_damping_fault
+from cablefem.scene.damping import Wind, damping_fault, damping_rates, first_frequency
 from cablefem.scene.described import LIBRARY, OF_ONE_SPAN, Described, library_text, parse_toml
 from cablefem.scene.drive import GRIP, NEAREST_START, Drive, Driving
 from cablefem.scene.errors import NOT_MODELLED, SceneError
@@ -66,7 +66,6 @@ class Groups:
     motion: Motion | None  # None for a bare cable and for a free ride
     drive: Drive = GRIP
     damping: float = 0.0  # c_d: the force on the cable is -c_d times its momentum
-    internal_damping: float = 0.0  # tau: N = T + alpha (eps + tau deps/dt)
 
     def tension_and_derivatives(self, s) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """(T, x', y', x'', y'') at s in [0, 1]."""
@@ -114,7 +113,6 @@ class Scene(Described):
         faults = [
             stretch_fault(self.gravity, self.cable, self.supports),
             damping_fault(*self._damping_arguments),
-            internal_damping_fault(self.cable.internal_damping, self.time_scale, drive.mode),
         ]
         rolling = [f"drive.{fault}" for fault in drive.faults(self.length)]
         if self.travel is not None and drive.mode != "free" and not rolling:
@@ -136,7 +134,7 @@ class Scene(Described):
         brief = {"mass", "drive", "wind", "obstacle", "ground", "limits"}
         data = self.model_dump(exclude_none=True, exclude=brief)
         data |= self.model_dump(exclude_none=True, exclude_defaults=True, include=brief)
-        for table, name in (("travel", "rest"), ("cable", "damping"), ("cable", "internal_damping")):
+        for table, name in (("travel", "rest"), ("cable", "damping")):
             if not data.get(table, {}).get(name, 1.0):
                 del data[table][name]
         if any(f"cable.{shape}" in changes for shape in SHAPES):
@@ -375,8 +373,7 @@ class Scene(Described):
         cos = self.supports.span / self.chord
         sin = self.supports.drop / self.chord
         damping = self.damping * self.time_scale
-        tau = self.cable.internal_damping / self.time_scale
-        return Groups(self.mu, self.alpha, self.sigma, self.catenary.c, cos, sin, motion, drive, damping, tau)
+        return Groups(self.mu, self.alpha, self.sigma, self.catenary.c, cos, sin, motion, drive, damping)
 
     def __str__(self) -> str:
         lines = [

@@ -12,18 +12,17 @@ Array = np.ndarray
 
 class InertiaTerms(NamedTuple):
     mass: Array  # M, (n, n)
-    gyroscopic: Array  # last k columns of 2 A, as rows (k, n); other columns are zero
+    gyroscopic: Array  # last column of 2 A, (n,); other columns are zero
     centrifugal: Array  # the same of A. - B + c_d A
     f: Array  # Phi(s_o), (n,)
     f_s: Array  # dPhi/ds_o along the path; 0 for the hat
     f_v: Array  # 2 ds_o Phi'(s_o), as in (22), (n,)
     f_q: Array  # dds_o Phi'(s_o) + ds_o^2 Phi''(s_o), as in (23), (n,)
-    behind: Array  # int_0^s_o hat Phi ds, (n,); 0 where no car rolls
+    behind: Array  # int_0^s_o hat Phi ds, (n,)
 
     def convective_terms(self, V: Array, Q: Array) -> Array:
         """2 A V + (A. - B) Q, (fields, n)."""
-        moving = slice(-len(self.gyroscopic), None)
-        return V[:, moving] @ self.gyroscopic + Q[:, moving] @ self.centrifugal
+        return np.multiply.outer(V[:, -1], self.gyroscopic) + np.multiply.outer(Q[:, -1], self.centrifugal)
 
 
 @inner
@@ -77,7 +76,7 @@ def inertia_terms_with_hat(at, mass, left, chord, kinematics, damping):
         rows[1, n] = -ds_o * ds_o / (3.0 * s_o * (1.0 - s_o))
         rows[2, n] = 1.0
         rows[6, n] = s_o / 3.0
-    return InertiaTerms(M, rows[0:1], rows[1:2], rows[2], rows[3], rows[4], rows[5], rows[6])
+    return InertiaTerms(M, rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6])
 
 
 class KinkedBasis:
@@ -123,7 +122,7 @@ class KinkedBasis:
         matrix[-1, -1] = steepness
         return matrix
 
-    def integral(self, s_o: float) -> Array:
+    def integral(self) -> Array:
         return self._integral
 
     def slopes(self, s_o: float) -> tuple[Array, Array, Array]:

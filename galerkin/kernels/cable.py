@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,6 @@ class Points(NamedTuple):
     weights: Array  # (m,)
     T: Array  # (m,)
     r_static: Array  # x', y', (2, m)
-    bend: Any = None  # (n, m) of internal damping: dPhi'/dt = -(h./h) bend at fixed s
 
 
 class Cable(NamedTuple):
@@ -49,10 +48,9 @@ def hanging_cable_at(s, sigma, c):
 
 
 @inner
-def stress_at_point(T, viscous, X, w, alpha, law):
+def stress_at_point(T, X, w, alpha, law):
     """N, W, N t - T t_static (2), k, d, and the tension of the elastic law, from X' and w'.
 
-    viscous : tension of internal damping
     k = N/|r'|, d = (dN/deps |r'| - N)/|r'|^3 of (28)-(32).  The force is (k - T) X' + k w', without cancellation.
     """
     xp, yp = X
@@ -60,8 +58,7 @@ def stress_at_point(T, viscous, X, w, alpha, law):
     e = (2.0 * xp + ux) * ux + (2.0 * yp + vy) * vy
     stretch = math.sqrt(1.0 + e)
     eps = e / (1.0 + stretch)  # sqrt(1 + e) - 1 without cancellation
-    N, dN, _, elastic = tension(eps, T + viscous, alpha, law)
-    W = tension(eps, T, alpha, law)[2]
+    N, dN, W, elastic = tension(eps, T, alpha, law)
     k = N / stretch
     d = (dN - k) / (stretch * stretch)
     excess = (N - T - T * eps) / stretch
@@ -78,7 +75,7 @@ def stress(T, r_static, slope, alpha, law):
         ux = slope[0, i]
         vy = slope[1, i]
         out[0, i], out[1, i], out[2, i], out[3, i], k, d, out[7, i] = stress_at_point(
-            T[i], 0.0, (xp, yp), (ux, vy), alpha, law
+            T[i], (xp, yp), (ux, vy), alpha, law
         )
         rx = xp + ux
         ry = yp + vy
@@ -89,7 +86,7 @@ def stress(T, r_static, slope, alpha, law):
 
 
 @inner
-def set_undamped_force(points, Q, cable, force, workspace):
+def set_internal_force(points, Q, cable, force, workspace):
     """Set the internal force (2, n) and gram, tensions and side_forces of `Workspace`; return int W ds."""
     slope = np.empty((2, points.weights.size))
     energy = 0.0
@@ -99,9 +96,7 @@ def set_undamped_force(points, Q, cable, force, workspace):
         X = (points.r_static[0, i], points.r_static[1, i])
         w = (slope[0, i], slope[1, i])
         weight = points.weights[i]
-        _, W, fx, fy, k, d, workspace.tensions[i] = stress_at_point(
-            points.T[i], workspace.viscous[i], X, w, cable.alpha, cable.law
-        )
+        _, W, fx, fy, k, d, workspace.tensions[i] = stress_at_point(points.T[i], X, w, cable.alpha, cable.law)
         rx = X[0] + w[0]
         ry = X[1] + w[1]
         workspace.gram[0, i] = weight * (k + d * rx * rx)
@@ -115,40 +110,6 @@ def set_undamped_force(points, Q, cable, force, workspace):
         energy += weight * W
     multiply(slope, points.phi, True, force)
     return energy
-
-
-@inner
-def set_internal_damping(points, kinematics, coefficients, cable, tau, workspace):
-    """Set viscous = alpha tau deps/dt and rates of `Workspace`; return the power of internal damping."""
-    m = points.weights.size
-    power = 0.0
-    Q, V = coefficients
-    slope = np.empty((2, m))
-    rate = np.empty((2, m))
-    moved = np.empty((2, m))
-    multiply(Q, points.phi, False, slope)
-    multiply(V, points.phi, False, rate)
-    multiply(Q, points.bend, False, moved)
-    for i in range(m):
-        grows = kinematics[1] / kinematics[0] if points.phi[-1, i] > 0.0 else -kinematics[1] / (1.0 - kinematics[0])
-        wx = rate[0, i] - grows * moved[0, i]
-        wy = rate[1, i] - grows * moved[1, i]
-        rx = points.r_static[0, i] + slope[0, i]
-        ry = points.r_static[1, i] + slope[1, i]
-        stretch = math.sqrt(rx * rx + ry * ry)
-        tx = rx / stretch
-        ty = ry / stretch
-        deps = tx * wx + ty * wy
-        workspace.viscous[i] = cable.alpha * tau * deps
-        N, dN, _, _ = tension(stretch - 1.0, points.T[i] + workspace.viscous[i], cable.alpha, cable.law)
-        b = points.weights[i] * tau * dN
-        workspace.rates[0, i] = tx
-        workspace.rates[1, i] = ty
-        workspace.rates[4, i] = b
-        workspace.rates[2, i] = b * (wx - deps * tx) / stretch
-        workspace.rates[3, i] = b * (wy - deps * ty) / stretch
-        power += points.weights[i] * (N - tension(stretch - 1.0, points.T[i], cable.alpha, cable.law)[0]) * deps
-    return power
 
 
 @compiled
@@ -208,19 +169,16 @@ def acceleration_on_path(terms, Q, V, A):
 @inner
 def add_inertia(terms, Q, V, A, damping, C, R):
     """Add the cable's inertia and damping, and the force C (2,) at the mass, to R."""
-    first = terms.f.size - terms.gyroscopic.shape[0]
+    last = terms.f.size - 1
     for a in range(R.shape[0]):
         for k in range(terms.f.size):
             rate = A[a, k] + damping * V[a, k]
             for i in range(R.shape[1]):
                 R[a, i] += rate * terms.mass[k, i]
-        for k in range(terms.gyroscopic.shape[0]):
-            v = V[a, first + k]
-            q = Q[a, first + k]
-            gyroscopic = terms.gyroscopic[k]
-            centrifugal = terms.centrifugal[k]
-            for i in range(R.shape[1]):
-                R[a, i] += v * gyroscopic[i] + q * centrifugal[i]
+        v = V[a, last]
+        q = Q[a, last]
+        for i in range(R.shape[1]):
+            R[a, i] += v * terms.gyroscopic[i] + q * terms.centrifugal[i]
         for i in range(R.shape[1]):
             R[a, i] += C[a] * terms.f[i]
 
@@ -251,14 +209,14 @@ def set_gripping_tangent(now, sines, gram, c, K):
             K[i, first + j] += (c2 + c1 * sines.cable.damping) * terms.mass[k, j] + mu * terms.f[k] * (
                 c2 * terms.f[j] + c1 * terms.f_v[j] + c0 * terms.f_q[j]
             )
-        K[i, first + n - 1] += c1 * terms.gyroscopic[0, k] + c0 * terms.centrifugal[0, k]
+        K[i, first + n - 1] += c1 * terms.gyroscopic[k] + c0 * terms.centrifugal[k]
 
 
 @compiled
-def min_tension(points, s_o, tensions, tables=None, hat=1):
+def min_tension(points, s_o, tensions, hat=1):
     """Least tension and its s; a negative one counts as its mean over a shortest wave of the basis, 2/n.
 
-    tables : not None where each side has its own sines;  hat : 0 for a basis without one
+    hat : 0 for a basis without one
     """
     s = points.s
     where = tensions.argmin()
@@ -270,7 +228,7 @@ def min_tension(points, s_o, tensions, tables=None, hat=1):
     first = 0
     for side in range(2):
         begin, length = (0.0, s_o) if side == 0 else (s_o, 1.0 - s_o)
-        waves = (points.phi.shape[0] - hat) * (length if tables is None else 0.5)
+        waves = (points.phi.shape[0] - hat) * length
         pieces = max(1, round(0.5 * waves))
         for piece in range(1, pieces + 1):
             end = begin + length * piece / pieces

@@ -53,7 +53,7 @@ def empty_factors(n):
 
 @inner
 def factorise(K, factors):
-    """Set factors (n, n) of K[:n, :n]; NaN if it is singular."""
+    """Set factors of K (n, n); NaN if it is singular."""
     columns, pivots = factors
     n = pivots.size
     for j in range(n):

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from galerkin.bases.fourier import functions_and_primitives, side_quadrature
 from galerkin.bases.kink import Array, InertiaTerms, inertia_terms_with_hat
-from galerkin.bases.riding import riding_inertia_terms, riding_quadrature
 from galerkin.kernels.cable import Cable, Points, hanging_cable_at
 from galerkin.law import inner
 
@@ -24,8 +23,6 @@ class CableSines(NamedTuple):
     left: Array
     chord: Array
     grading: float
-    riding: Any = None  # `Tables` of riding sines; then `mass`, `left`, `chord` only give sizes
-    tau: float = 0.0  # of internal damping, with `riding`
 
 
 class MassTerms(NamedTuple):
@@ -43,19 +40,12 @@ class Instant(NamedTuple):
 
 
 @inner
-def inertia_terms(sines, tables, kinematics):
-    if tables is None:
-        at = functions_and_primitives(kinematics[0], sines.left.size, sines.grading)
-        return inertia_terms_with_hat(at, sines.mass, sines.left, sines.chord, kinematics, sines.cable.damping)
-    return riding_inertia_terms(tables, kinematics, sines.cable.damping)
-
-
-@inner
 def mass_terms(sines, kinematics):
     """`MassTerms` of s_o, ds_o, dds_o; the load of a force alone is its weight."""
     cable = sines.cable
     s_o, ds_o, dds_o = kinematics
-    x = inertia_terms(sines, sines.riding, kinematics)
+    at = functions_and_primitives(s_o, sines.left.size, sines.grading)
+    x = inertia_terms_with_hat(at, sines.mass, sines.left, sines.chord, kinematics, cable.damping)
     p = cable.c - cable.sigma * s_o
     T = math.sqrt(1.0 + p * p)
     slope = np.empty(2)
@@ -70,19 +60,10 @@ def mass_terms(sines, kinematics):
 
 
 @inner
-def quadrature_at(sines, tables, s_o):
-    """Points, weights, Phi' and `Points.bend`."""
-    if tables is None:
-        return *side_quadrature(s_o, sines.behind, sines.ahead, sines.left.size, sines.grading), None
-    s, weights, phi = riding_quadrature(tables, tables.slope, s_o)
-    return s, weights, phi, riding_quadrature(tables, tables.bend, s_o)[2] if sines.tau > 0.0 else phi
-
-
-@inner
 def points_at(sines, s_o):
-    s, weights, phi, bend = quadrature_at(sines, sines.riding, s_o)
+    s, weights, phi = side_quadrature(s_o, sines.behind, sines.ahead, sines.left.size, sines.grading)
     T, r_static = hanging_cable_at(s, sines.cable.sigma, sines.cable.c)
-    return Points(s, phi, weights, T, r_static, bend)
+    return Points(s, phi, weights, T, r_static)
 
 
 @inner

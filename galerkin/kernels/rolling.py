@@ -174,7 +174,7 @@ def car_kinematics(at_mass, coefficients, sigma):
 def car_kinematics_from_tension(at_mass, coefficients, internal, cable):
     """`car_kinematics` with r' by the tension from equilibrium, and lam/N of both sides.
 
-    Slopes of sines are inaccurate on a short side.  internal : `side_forces` of `set_undamped_force`
+    Slopes of sines are inaccurate on a short side.  internal : `side_forces` of `set_internal_force`
     """
     velocity, p, slopes = car_kinematics(at_mass, coefficients, cable.sigma)
     terms = at_mass.inertia
@@ -249,7 +249,7 @@ def add_car_and_inertia(at_mass, coefficients, internal, cable, loads, thrust, R
 
 @inner
 def side_force_derivatives(phi, gram):
-    """Derivative of `side_forces` of `set_undamped_force` by Q, (6, n): xx, xy, yy behind, and ahead."""
+    """Derivative of `side_forces` of `set_internal_force` by Q, (6, n): xx, xy, yy behind, and ahead."""
     n, m = phi.shape
     both = np.zeros((6, m))
     sums = np.empty((6, n))
@@ -291,7 +291,7 @@ def set_car_row(now, ride, sines, workspace, car, c):
     terms = at_mass.inertia
     ds_o = at_mass.ds_o
     n = at_mass.inertia.f.size
-    into = workspace.K[0, 2 * n]
+    into = workspace.K[2 * n]
     sums = side_force_derivatives(now.points.phi, workspace.gram)
     coefficients = split_state(workspace.balanced, n)
     by = defect_by_side_forces(
@@ -350,7 +350,7 @@ def set_car_tangent(now, ride, sines, workspace, out, c):
     The column of s_o is a difference without dr/ds_o.
     """
     at_mass = now.at_mass
-    K = workspace.K[0]
+    K = workspace.K
     _, c1, c2 = c
     n = at_mass.inertia.f.size
     last = K.shape[0] - 1

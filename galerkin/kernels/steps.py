@@ -13,12 +13,10 @@ from galerkin.kernels.cable import (
     add_gripping_mass,
     min_tension,
     set_gripping_tangent,
-    set_internal_damping,
-    set_undamped_force,
+    set_internal_force,
 )
 from galerkin.kernels.dense import empty_factors, factorise, solve
 from galerkin.kernels.instant import instant_at, kinematics_in_row, kinematics_of_state, points_at
-from galerkin.kernels.riding import set_riding_tangent, solve_sides
 from galerkin.law import compiled, inner
 
 
@@ -27,23 +25,20 @@ class Workspace(NamedTuple):
     r: Array  # (n_dof,) its residual
     internal: Array  # (2, n) the internal force in it
     gram: Array  # (3, m) weighted tangent xx, xy, yy
-    tensions: Array  # (m,) tension of the elastic law, with internal damping
+    tensions: Array  # (m,) tension of the elastic law
     side_forces: Array  # (2, 2) int (N t - T t_static) ds behind and ahead of the mass
-    K: Array  # (1, n_dof, n_dof); riding sines: see `set_riding_tangent`
-    factors: tuple[Array, Array]  # of K, see `factorise`; riding sines have none
+    K: Array  # (n_dof, n_dof)
+    factors: tuple[Array, Array]  # of K, see `factorise`
     step: Array  # (n_dof,)
-    viscous: Array  # (m,) tension of internal damping
-    rates: Array  # (5, m) t (2), then weighted: dN/d(deps/dt) d(deps/dt)/dr' (2), and dN/d(deps/dt)
 
 
 @inner
 def make_workspace(size, sines):
     m = sines.behind.shape[1] + sines.ahead.shape[1]
     n = sines.left.size + 1
-    K = np.empty((1, size, size)) if sines.riding is None else np.empty((2, size // 2 + 1, size // 2 + 1))
     return Workspace(
-        np.empty((3, size)), np.empty(size), np.empty((2, n)), np.empty((3, m)), np.empty(m), np.empty((2, 2)), K,
-        empty_factors(size if sines.riding is None else 0), np.empty(size), np.zeros(m), np.empty((5, m)),
+        np.empty((3, size)), np.empty(size), np.empty((2, n)), np.empty((3, m)), np.empty(m), np.empty((2, 2)),
+        np.empty((size, size)), empty_factors(size), np.empty(size),
     )  # fmt: skip
 
 
@@ -56,25 +51,12 @@ def copy(values, into):
         b[i] = a[i]
 
 
-@inner
-def set_internal_force(points, kinematics, coefficients, sines, tables, R, workspace):
-    """`set_undamped_force` with internal damping; return int W ds and the power of damping."""
-    lost = 0.0
-    if tables is not None and sines.tau > 0.0:
-        lost = set_internal_damping(points, kinematics, coefficients, sines.cable, sines.tau, workspace)
-    return set_undamped_force(points, coefficients[0], sines.cable, R, workspace), lost
-
-
 @compiled
-def internal_forces_of_history(sines, kinematics, Q, V, internal, strain, lost):
-    """`set_internal_force` of states Q, V (m, 2, n); set internal (m, 2, 2) to `side_forces`, and strain, lost (m,)."""
+def internal_forces_of_history(sines, s_o, Q, internal, strain):
+    """`set_internal_force` at s_o (m,), Q (m, 2, n); set internal (m, 2, 2) to `side_forces`, and strain (m,)."""
     workspace = make_workspace(2 * Q.shape[2], sines)
     for i in range(strain.size):
-        points = points_at(sines, kinematics[i, 0])
-        R = workspace.internal
-        strain[i], lost[i] = set_internal_force(
-            points, kinematics_in_row(kinematics, i), (Q[i], V[i]), sines, sines.riding, R, workspace
-        )
+        strain[i] = set_internal_force(points_at(sines, s_o[i]), Q[i], sines.cable, workspace.internal, workspace)
         copy(workspace.side_forces, internal[i])
 
 
@@ -84,15 +66,7 @@ def set_residual(now, ride, sines, workspace):
     n = now.at_mass.inertia.f.size
     R = workspace.r[: 2 * n].reshape(2, n)
     coefficients = rolling.split_state(workspace.balanced, n)
-    set_internal_force(
-        now.points,
-        (now.at_mass.s_o, now.at_mass.ds_o),
-        (coefficients.Q, coefficients.V),
-        sines,
-        sines.riding,
-        R,
-        workspace,
-    )
+    set_internal_force(now.points, coefficients.Q, sines.cable, R, workspace)
     if ride is None:
         add_gripping_mass(now.at_mass, coefficients, sines.cable, R)
         return rolling.NO_CAR
@@ -101,7 +75,7 @@ def set_residual(now, ride, sines, workspace):
 
 @compiled
 def residual_and_derivatives(ride, sines, kinematics, state, r, parts):
-    """Set r (n_dof,), and parts: the first len(parts) of dr/dq, dr/dv, dr/da, each like `Workspace.K`.
+    """Set r (n_dof,), and parts: the first len(parts) of dr/dq, dr/dv, dr/da, each (n_dof, n_dof).
 
     state : rows q, v, a
     Return the car, the least tension and its s.
@@ -113,9 +87,9 @@ def residual_and_derivatives(ride, sines, kinematics, state, r, parts):
     copy(workspace.r, r)
     for k in range(parts.shape[0]):
         c = 1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0
-        set_tangent(sines.riding, now, ride, sines, workspace, out, c)
+        set_tangent(now, ride, sines, workspace, out, c)
         copy(workspace.K, parts[k])
-    return out, min_tension(now.points, kinematics[0], workspace.tensions, sines.riding)
+    return out, min_tension(now.points, kinematics[0], workspace.tensions)
 
 
 @inner
@@ -138,24 +112,11 @@ def set_residual_between(now, ride, sines, ends, weights, workspace):
 
 
 @inner
-def set_tangent(tables, now, ride, sines, workspace, out, c):
-    if tables is None:
-        n = now.at_mass.inertia.f.size
-        set_gripping_tangent(now, sines, workspace.gram, c, workspace.K[0, : 2 * n, : 2 * n])
-        if ride is not None:
-            rolling.set_car_tangent(now, ride, sines, workspace, out, c)
-    else:
-        set_riding_tangent(tables, now.at_mass, sines, workspace, c)
-
-
-@inner
-def solve_for_step(tables, workspace):
-    """Set the step of `Workspace` to K^-1 r."""
-    if tables is None:
-        copy(workspace.r, workspace.step)
-        solve(workspace.factors, workspace.step)
-    else:
-        solve_sides(workspace.K, workspace.r, workspace.step)
+def set_tangent(now, ride, sines, workspace, out, c):
+    n = now.at_mass.inertia.f.size
+    set_gripping_tangent(now, sines, workspace.gram, c, workspace.K[: 2 * n, : 2 * n])
+    if ride is not None:
+        rolling.set_car_tangent(now, ride, sines, workspace, out, c)
 
 
 @inner
@@ -192,10 +153,10 @@ def solve_step(now, ride, sines, ends, rule, newton, workspace):
     while iterations == 0 or (newton.bound < norm < math.inf and iterations < newton.max_iter):
         if iterations == 0 or norm > newton.reuse * before:
             factorisations += 1
-            set_tangent(sines.riding, now, ride, sines, workspace, out, c)
-            if sines.riding is None:
-                factorise(workspace.K[0], workspace.factors)
-        solve_for_step(sines.riding, workspace)
+            set_tangent(now, ride, sines, workspace, out, c)
+            factorise(workspace.K, workspace.factors)
+        copy(workspace.r, workspace.step)
+        solve(workspace.factors, workspace.step)
         before = norm
         share = 1.0
         for _ in range(newton.halvings + 1):
@@ -206,7 +167,7 @@ def solve_step(now, ride, sines, ends, rule, newton, workspace):
                 break
             share = -0.5 * abs(share)  # take back half of the last one
         iterations += 1
-    lowest, where = min_tension(now.points, now.at_mass.s_o, workspace.tensions, sines.riding)
+    lowest, where = min_tension(now.points, now.at_mass.s_o, workspace.tensions)
     return norm, iterations, factorisations, evaluations, lowest, where
 
 

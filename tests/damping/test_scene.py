@@ -64,8 +64,6 @@ def test_a_damped_scene_is_written_and_kept(changes):
     [
         ({"cable.damping": 1.2}, "cable.damping = 1.2: must be a ratio of critical from 0 to 1 (0.01 is 1 %)"),
         ({"cable.damping": -0.1}, "cable.damping = -0.1: must be a ratio of critical from 0 to 1"),
-        ({"cable.internal_damping": 1e-4}, "cable.internal_damping = 0.0001 s: must be 0 or at least 0.000587 s; less"),
-        ({"cable.internal_damping": -1.0}, "cable.internal_damping = -1.0: must be a number >= 0"),
         ({"cable.damping": {"rate": -1.0}}, "cable.damping.rate = -1.0: must be a number >= 0"),
         ({"cable.damping": {"rate": 50.0}}, "cable.damping: damps by 50 1/s in all; must be at most critical, 1.822"),
         ({"wind.across": 5.0}, "cable.diameter: missing; must be given with wind.across"),

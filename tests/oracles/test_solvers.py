@@ -20,7 +20,7 @@ DEAR_OF_SINES = (
 def dear(key):
     plain = key.endswith(" fourier") and not key.startswith("moving-mass the paper")
     sines = key.endswith("fourier-kink") and key.startswith(DEAR_OF_SINES)
-    return key.endswith(("fixed-hermite", "fourier-riding")) or key.startswith(DEAR) or plain or sines
+    return key.endswith("fixed-hermite") or key.startswith(DEAR) or plain or sines
 
 
 @cache

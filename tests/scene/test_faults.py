@@ -31,7 +31,7 @@ NUMBER = "from 1e-12 to 1e+15"
 SHAPES = "exactly one of length, sag, horizontal_tension must be given"
 KINDS = "constant_speed, constant_acceleration, accelerate_cruise_brake, trapezoid, table"
 CABLE_KEYS = (
-    "Known: damping, internal_damping, length, sag, horizontal_tension, mass_per_length, EA, E, section, wire, "
+    "Known: damping, length, sag, horizontal_tension, mass_per_length, EA, E, section, wire, "
     "diameter, breaking_load, temperature, "
     "reference_temperature, expansion, ice."
 )

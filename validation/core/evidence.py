@@ -58,12 +58,6 @@ class Side:
     def from_rows(cls, rows: Array) -> Side:
         return cls(rows[:, 0], rows[:, 1:3], rows[:, 3:5], rows[:, 5], rows[:, 6])
 
-    @property
-    def lengthening(self) -> Array:
-        """Rate at which the pieces between nodes lengthen (m - 1,)."""
-        chord = np.diff(self.points, axis=0)
-        return np.sum(chord * np.diff(self.velocity, axis=0), axis=1) / np.hypot(*chord.T)
-
 
 class Evidence:
     """A response over time windows, and its scene's numbers."""
@@ -249,7 +243,7 @@ class Evidence:
             """Integrands (m, 8) at the nodes of a side."""
             spin = cross_product(x.points, x.velocity)
             kinetic = 0.5 * data.rho * np.sum(x.velocity**2, axis=1)
-            strain = (self.elastic_tension(x) ** 2 - x.T_static**2) / (2.0 * data.EA)
+            strain = (x.T**2 - x.T_static**2) / (2.0 * data.EA)
             weight = -data.rho * data.gravity * x.points[:, 1]
             return np.stack([*x.velocity.T, *x.points.T, spin, kinetic, weight, strain], axis=1)
 
@@ -260,20 +254,6 @@ class Evidence:
             "spin": integrals[:, 4],
             "energies": integrals[:, 5:],
         }
-
-    def elastic_tension(self, x: Side) -> Array:
-        """Tension of a side without that of internal damping, EA tau deps/dt (m,)."""
-        if not self.data.tau or x.s.size < 3:
-            return x.T
-        rate = np.interp(x.s, 0.5 * (x.s[1:] + x.s[:-1]), x.lengthening / np.diff(x.s))
-        return x.T - self.data.EA * self.data.tau * rate
-
-    @cached_property
-    def layer_loss(self) -> Array:
-        """Power lost in the thin layer behind a car that grips, ds_o [N]^2/(2 EA) (n,)."""
-        r = self.r
-        jump = np.nan_to_num(r.T_ahead - r.T_behind) if self.data.tau else np.zeros(r.t.size)
-        return self.travel_speed * jump**2 / (2.0 * self.data.EA)
 
     # --- energy --------------------------------------------------------------------------------------------
 
@@ -300,9 +280,7 @@ class Evidence:
         of_mass = 0.5 * self.data.mass * np.sum(r.velocity**2, axis=1)
         lost = {"lost_viscous": -2.0 * self.damping * (r.kinetic - of_mass)} if self.damping else {}
         if r.drive == "grip":
-            if self.data.tau:  # what `internal_losses` checks
-                lost["lost_internal"] = r.powers.get("lost_internal", np.zeros(r.t.size))
-            return {"grip": self.grip_power(r.T_behind, r.T_ahead) + self.layer_loss, **lost}
+            return {"grip": self.grip_power(r.T_behind, r.T_ahead), **lost}
         mean = 0.5 * (r.slope_behind + r.slope_ahead)
         stretch = 0.5 * (np.hypot(*r.slope_behind.T) + np.hypot(*r.slope_ahead.T))
         along = np.sum(mean * r.velocity, axis=1) / np.hypot(*mean.T)

@@ -531,7 +531,7 @@ def stretch_defect(evidence: Evidence) -> Defect:
         for x in pair:
             steps = np.diff(x.s)
             N = x.T - x.T_static
-            stretched = _arc_lengths(x.points) - steps + evidence.data.tau * x.lengthening
+            stretched = _arc_lengths(x.points) - steps
             missing = 0.5 * steps * (N[1:] + N[:-1]) - evidence.data.EA * stretched
             missing = np.append(0.0, np.cumsum(missing))
             middle = np.searchsorted(x.s, 0.5 * (x.s[0] + x.s[-1]))
@@ -601,24 +601,9 @@ def power_defect(evidence: Evidence) -> Defect:
     r = evidence.r
     own = evidence.powers
     if r.drive == "grip":
-        own = own | {"grip": evidence.grip_power(r.T_behind_pointwise, r.T_ahead_pointwise) + evidence.layer_loss}
+        own = own | {"grip": evidence.grip_power(r.T_behind_pointwise, r.T_ahead_pointwise)}
     off = [r.power - _total_power(own), *(r.powers[name] - own[name] for name in own if name in r.powers)]
     return _defect_of_change_at_steps(evidence, evidence.impulse(np.stack(off, axis=1)), evidence.energy_scale)
-
-
-@_register_law("internal losses", lambda evidence: evidence.data.tau > 0.0)
-def internal_losses_defect(evidence: Evidence) -> Defect:
-    """Internal damping takes EA tau (deps/dt)^2 along the taut cable, and the layer's loss; over its rms."""
-    own = evidence.interpolated_at(evidence.t, evidence.layer_loss[:, None])[:, 0]
-    shortest = 0.5 * float(np.diff(evidence.r.fields.s).max())
-    for k, pair in enumerate(evidence.sides):
-        for x in pair:
-            steps = np.diff(x.s)
-            long = steps > shortest  # next to the mass a difference quotient is all error
-            own[k] += evidence.data.EA * evidence.data.tau * np.sum(x.lengthening[long] ** 2 / steps[long])
-    stored = evidence.interpolated_at(evidence.t, evidence.powers["lost_internal"][:, None])[:, 0]
-    taut = evidence.t <= evidence.r.slack_since
-    return _defect_at_frames(evidence, np.where(taut, own + stored, 0.0) / math.sqrt(float(np.mean(own[taut] ** 2))))
 
 
 def _arc_lengths(points: Array) -> Array:

@@ -89,7 +89,6 @@ class Resolution:
 # Costs by `cablefem chart`: banded elements linear, dense bases square to cube.
 ELEMENTS = Resolution("elements", 320, 8, 1.0)
 TERMS = Resolution("terms", 160, 25, 2.5)
-RIDING = replace(TERMS, max_value=80, break_even=12, unknowns=lambda terms: 2.0 * terms)
 LEVELS = Resolution("level", 5, 1, 2.5, doubling=True, unknowns=lambda level: 7.0 * 2.0**level + 3.0)
 
 
@@ -111,8 +110,6 @@ class Method:
     atlas_settings: tuple[int, int] | None = None  # in `cablefem atlas`; None: not mapped
     use: str = ""  # when to use it
     wrong: bool = False  # does not converge to the answer
-    # why it refuses internal damping; empty: it has it
-    no_internal: str = "functions over the whole length do not resolve the short side ahead of the mass"
 
     @property
     def mesh_follows_mass(self) -> bool:
@@ -139,15 +136,10 @@ class Method:
         return out
 
     def settings_for_scene(self, groups: Groups, changes: dict[str, Any]) -> dict[str, Any]:
-        """Settings for a scene.  On free rides rules damp: force jumps ring on.
-
-        Internal damping takes a damping rule of second order, which goes on where the cable is slack.
-        """
+        """Settings for a scene.  On free rides rules damp: force jumps ring on."""
         rule: dict[str, Any] = {}
-        if self.all_settings["scheme"].default == "trapezoidal" and (
-            groups.internal_damping or groups.drive.mode == "free"
-        ):
-            rule = {"scheme": "generalized-alpha"} | ({} if groups.internal_damping else self.settings_on_free_rides)
+        if self.all_settings["scheme"].default == "trapezoidal" and groups.drive.mode == "free":
+            rule = {"scheme": "generalized-alpha"} | self.settings_on_free_rides
         return self.settings(rule | changes)
 
     def settings(self, changes: dict[str, Any]) -> dict[str, Any]:
@@ -171,16 +163,8 @@ class Method:
     def main_settings(self, settings: dict[str, Any]) -> dict[str, Any]:
         return {k: settings[k] for k in (self.resolution.setting, "steps")}
 
-    def refusal(self, groups: Groups, model: str = "full") -> str:
-        """Why this method does not run a scene; empty if it does."""
-        if not groups.internal_damping or not (self.no_internal or model != "full"):
-            return ""
-        return (
-            f"internal damping: not with {self.name}, model {model}: {self.no_internal or 'only the full model has it'}"
-        )
 
-
-CHECKED = ("following-p2", "fourier-kink", "fourier-riding")  # in order of preference
+CHECKED = ("following-p2", "fourier-kink")  # the method of each wing that `check` runs
 # Solvers are imported when built: names load without scikit-fem.
 
 
@@ -206,14 +190,11 @@ def _build_galerkin(family: str, kink: bool, groups: Groups, x: dict[str, Any], 
     from galerkin.bases.fourier import Fourier
     from galerkin.equations import GalerkinSystem
     from galerkin.rides import RollingSystem
-    from galerkin.riding import RidingSystem
 
     free = groups.drive.mode == "free"
     system = RollingSystem if groups.drive.mode != "grip" else GalerkinSystem
-    if family == "riding":
-        solver: Any = RidingSystem(groups, x["terms"], **options)
-    elif family == "wavelet":
-        solver = system(groups, Daubechies(**{key: x[key] for key in _WAVELETS}), kink=kink, **options)
+    if family == "wavelet":
+        solver: Any = system(groups, Daubechies(**{key: x[key] for key in _WAVELETS}), kink=kink, **options)
     else:
         graded = free and kink and x["terms"] > 1  # graded sums use the second sine
         solver = system(groups, Fourier(x["terms"], GRADING if graded else 0.0), kink=kink, **options)
@@ -248,21 +229,19 @@ _ALL = (
         "following-p1", "elements", "linear elements on a mesh that follows the mass",
         _settings_per_side(20), _element_resolution(2), 2.0, partial(_build_following, 1), (10, 400),
         advise_settings=((5, 80), (9, 150), (16, 300), (30, 600), (55, 1200)),
-        no_internal="linear elements have no curvature, which the rate of strain needs",
         use="robust and simple; P2 gives more for the same time",
     ),
     Method(
         "following-p2", "elements", "quadratic elements on a mesh that follows the mass",
         _settings_per_side(10), _element_resolution(4), 2.5, partial(_build_following, 2), (4, 200),
         settings_on_free_rides={"elements": 36, "scheme": "radau"}, steps_exponent=1.25, atlas_settings=(8, 600),
-        no_internal="", advise_settings=((4, 80), (6, 150), (9, 300), (13, 600), (20, 1200)),
+        advise_settings=((4, 80), (6, 150), (9, 300), (13, 600), (20, 1200)),
         use="the default: fastest for a given error from 1e-2 to 1e-5",
     ),
     Method(
         "following-p4", "elements", "elements of degree 4 on a mesh that follows the mass",
         _settings_per_side(5), _element_resolution(8), 2.5, partial(_build_following, 4), (2, 200),
         settings_on_free_rides={"scheme": "radau"}, steps_exponent=1.25,
-        no_internal="",
         use="smooth travel (from rest); wave fronts of a sudden entry take its advantage away",
     ),
     Method(
@@ -292,12 +271,6 @@ _ALL = (
         settings_on_free_rides={"terms": 45, "steps": 3000, "rho_inf": 0.7}, atlas_settings=(16, 600),
         advise_settings=((6, 50), (10, 100), (14, 170), (20, 300), (30, 600), (50, 1200)),
         use="the Galerkin default, and its only method for cars that roll; ten terms beat 200 plain ones",
-    ),
-    Method(
-        "fourier-riding", "galerkin", "sines on either side of the mass that ride with it, and a hat",
-        {"terms": Setting(20, (1, 1000), "sines on each side of the mass"), **_ABSCISSA},
-        RIDING, 2.0, partial(_build_galerkin, "riding", True), (4, 500), no_internal="",
-        use="gripped cars only: for the same error up to four times as fast as fourier-kink",
     ),
     Method(
         "wavelet", "galerkin", "the paper's anti-derivatives of Daubechies wavelets (35)-(39)",
@@ -331,12 +304,6 @@ def installed_methods() -> dict[str, Method]:
             raise ValueError(f"method {point.name}: {point.value} must be a new Method with this name")
         found[point.name] = method
     return found
-
-
-def checking_pair(groups: Groups) -> tuple[str, ...]:
-    """First of `CHECKED` of each wing that runs the scene."""
-    runs = [METHODS[name] for name in CHECKED if not METHODS[name].refusal(groups)]
-    return tuple(next(m.name for m in runs if m.wing == wing) for wing in ("elements", "galerkin"))
 
 
 def refined_settings(

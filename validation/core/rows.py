@@ -157,8 +157,8 @@ def compare_answers(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) ->
             rows += _event_rows(event, a, b, tolerance("rest"))
     rows += _range_rows(a, b, view, full, tolerance("rest"))
     rows.append(_slack_onset_row(a, b, full, tolerance("rest")))
-    unique = scene.groups.internal_damping > 0.0  # else waves of the slack cable have no answer to converge to
-    return rows + [replace(row, decides=unique) for row in _path_past_slack_rows(a, b, view, tolerance("rest"))]
+    rows += _path_past_slack_rows(a, b, view, tolerance("rest"))
+    return rows
 
 
 def check_laws(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) -> list[Agreement]:
@@ -389,7 +389,7 @@ def _path_past_slack_rows(a: Ladder, b: Ladder, view: View, required: float) -> 
     worst = int(np.argmax((gaps / allowed)[: max(1, within)]))
     parts = [(float(bar[worst]), 0.0) for bar in bars]
     row = _row_with_bars("path_slack", float(gaps[worst]), a, b, parts, required)
-    yield replace(row, where=float(positions[worst]))
+    yield replace(row, decides=False, where=float(positions[worst]))
 
 
 # --- an answer and mechanics ----------------------------------------------------------------------------------------

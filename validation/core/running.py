@@ -25,7 +25,7 @@ from cablefem.newmark import (
 )
 from cablefem.response import Array, Response
 from cablefem.scene import Groups, Scene
-from validation.core.methods import Method, checking_pair, find_method
+from validation.core.methods import Method, find_method
 from validation.core.sampling import FRAMES, History, Onset, one_blas_thread, response_of_history
 from validation.core.solver import Solver
 from validation.core.watch import with_flags
@@ -75,8 +75,6 @@ class Run:
         self.method = find_method(method) if isinstance(method, str) else method
         self.frames = frames
         self.settings = settings = self.method.settings_for_scene(groups, settings)
-        if why := self.method.refusal(groups, model):
-            raise ValueError(f"{why}; take {' or '.join(checking_pair(groups))}")
         self.run_options = {"model": model, "load": load, "law": law}
         self.scheme = newmark.scheme(
             settings["scheme"], newmark_gamma=settings["newmark_gamma"], rho_inf=settings["rho_inf"]

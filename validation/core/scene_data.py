@@ -114,7 +114,6 @@ class SceneData:
         self.drive = x.get("drive", {})
         self.cable = cable
         self.wind = x.get("wind", {})
-        self.tau: float = cable.get("internal_damping", 0.0)
         if "ice" in cable or "temperature" in cable:
             self._apply_heat_and_ice(cable, length)
         self.round_trip = 2.0 * length * math.sqrt(self.rho / self.EA)  # of an axial wave [s]

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cablefem.elements.kernels import compiled, inner
-from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY, force_at_point, tension
+from cablefem.elements.kernels.law import ELASTIC, force_at_point, tension
 
 
 class Mesh(NamedTuple):
@@ -34,15 +34,6 @@ class Cable(NamedTuple):
     operators: Any  # (8, 2 b + 1, n_dof) diagonals of M^, G^, G^T, H^ of each side; fixed mesh: (1, ...) M
     points: Any  # (9, n_el n_q) workspace: s, r', f, df/dr' (xx, xy, yy), tension
     damping: float  # c_d
-    internal_damping: Any = None  # of the full cable
-
-
-class InternalDamping(NamedTuple):
-    """Internal damping, N = T + alpha (eps + tau deps/dt)."""
-
-    tau: float
-    moved: Any  # (n_el, n_q, n_loc) dphi'/dt at fixed s, over ds_o/h^2
-    points: Any  # (5, n_el n_q) workspace: t, d(deps/dt)/dr' times dN/d(deps/dt), dN/d(deps/dt)
 
 
 class Instant(NamedTuple):
@@ -99,7 +90,7 @@ def assemble(cable, now, x, r, tangent, factors):
     r[:] = 0.0
     ab = tangent.ab
     add_banded(now.bands, now.contact.dofs.shape[1], x, r, ab, factors)
-    min_tension, min_at = add_internal(cable, cable.chord, now.inputs, x, r, tangent, factors)
+    min_tension, min_at = add_internal(cable, cable.chord, now.inputs[0], x[0], r, tangent, factors)
     add_contact(now.contact, now.inputs[3:], x, r, ab, factors)
     return min_tension, min_at
 
@@ -164,12 +155,11 @@ def add_contact(contact, load, x, r, ab, factors):
 
 
 @inner
-def add_internal(cable, chord, inputs, x, r, tangent, factors):
+def add_internal(cable, chord, s_o, q, r, tangent, factors):
     if chord is None:
-        set_strain_at_points(cable, inputs[0], x[0])
-        add_internal_damping(cable, cable.internal_damping, inputs, x, tangent.ab, factors)
-        return add_forces(cable, inputs[0], r, tangent.ab, factors[0])
-    return add_chord(cable, inputs[0], x[0], r, tangent, factors), 0.5  # uniform tension
+        set_strain_at_points(cable, s_o, q)
+        return add_forces(cable, s_o, r, tangent.ab, factors[0])
+    return add_chord(cable, s_o, q, r, tangent, factors), 0.5  # uniform tension
 
 
 @inner
@@ -238,136 +228,6 @@ def set_strain_at_points(cable, s_o, q):
         j12[p] = k_mat * x * y
         j22[p] = k_geo + k_mat * y * y
         N[p] = tension(eps, T, alpha, ELASTIC)[0]  # below zero where the cable is slack
-
-
-@inner
-def add_internal_damping(cable, internal_damping, inputs, x, ab, factors):
-    if internal_damping is None:
-        return
-    add_damping_force(cable, internal_damping, inputs, x[0], x[1])
-    if is_tangent_required(factors):
-        add_damping_tangent(cable, internal_damping, inputs, ab, factors)
-
-
-@inner
-def add_damping_force(cable, internal_damping, inputs, q, v):
-    """Add internal damping, alpha tau deps/dt t, to the points.
-
-    Jumps of w' at interior nodes move; their part of deps/dt is left out.
-    """
-    mesh = cable.mesh
-    at = cable.points
-    moved = internal_damping.moved
-    tau = internal_damping.tau
-    n_loc = len(mesh.functions) or mesh.dofs.shape[1]
-    n_q = len(mesh.points) or mesh.tab.shape[1]
-    rx = at[1]
-    ry = at[2]
-    fx = at[3]
-    fy = at[4]
-    j11 = at[5]
-    j12 = at[6]
-    j22 = at[7]
-    N = at[8]
-    tx = internal_damping.points[0]
-    ty = internal_damping.points[1]
-    gx = internal_damping.points[2]
-    gy = internal_damping.points[3]
-    b = internal_damping.points[4]
-    alpha = cable.law[0]
-    cut = cable.law[3] == TENSION_ONLY
-    for e in range(mesh.dofs.shape[0]):
-        h = element_map(mesh, inputs[0], e)[1]
-        per_h = 1.0 / h
-        way = inputs[1] / h
-        for g in range(n_q):
-            x = 0.0
-            y = 0.0
-            for k in range(n_loc):
-                d = mesh.dofs[e, k]
-                if d >= 0:
-                    grad = mesh.tab[e, g, 2 + n_loc + k]
-                    carried = way * moved[e, g, k]
-                    x += grad * v[2 * d] + carried * q[2 * d]
-                    y += grad * v[2 * d + 1] + carried * q[2 * d + 1]
-            gx[e * n_q + g] = x * per_h
-            gy[e * n_q + g] = y * per_h
-    for p in range(N.size):
-        inverse = 1.0 / math.sqrt(rx[p] * rx[p] + ry[p] * ry[p])
-        x = rx[p] * inverse
-        y = ry[p] * inverse
-        wx = gx[p]
-        wy = gy[p]
-        rate = x * wx + y * wy
-        whole = N[p] + alpha * tau * rate
-        taut = whole > 0.0 or not cut
-        dN = alpha if taut else 0.0
-        kept = whole if taut else 0.0
-        more = kept - (max(N[p], 0.0) if cut else N[p])
-        k_geo = kept * inverse
-        k_mat = dN - k_geo
-        slope = tau * dN
-        fx[p] += more * x
-        fy[p] += more * y
-        j11[p] = k_geo + k_mat * x * x
-        j12[p] = k_mat * x * y
-        j22[p] = k_geo + k_mat * y * y
-        N[p] = whole
-        tx[p] = x
-        ty[p] = y
-        b[p] = slope
-        gx[p] = slope * inverse * (wx - rate * x)
-        gy[p] = slope * inverse * (wy - rate * y)
-
-
-@inner
-def add_damping_tangent(cable, internal_damping, inputs, ab, factors):
-    """Add int t dN/d(deps/dt) d(deps/dt) . phi' ds, which is not symmetric."""
-    mesh = cable.mesh
-    moved = internal_damping.moved
-    c0, c1, _ = factors
-    dofs = mesh.dofs
-    tab = mesh.tab
-    band = ab.shape[1] // 2
-    n_loc = len(mesh.functions) or dofs.shape[1]
-    n_q = len(mesh.points) or tab.shape[1]
-    tx = internal_damping.points[0]
-    ty = internal_damping.points[1]
-    gx = internal_damping.points[2]
-    gy = internal_damping.points[3]
-    b = internal_damping.points[4]
-    for e in range(dofs.shape[0]):
-        h = element_map(mesh, inputs[0], e)[1]
-        per_h = 1.0 / h
-        way = c0 * inputs[1] / h
-        for k in range(n_loc):
-            col = dofs[e, k]
-            if col < 0:
-                continue
-            for i in range(n_loc):
-                row = dofs[e, i]
-                if row < 0:
-                    continue
-                k11 = 0.0
-                k12 = 0.0
-                k21 = 0.0
-                k22 = 0.0
-                for g in range(n_q):
-                    p = e * n_q + g
-                    grad = tab[e, g, 2 + n_loc + k]
-                    along = b[p] * (c1 * grad + way * moved[e, g, k])
-                    x = c0 * grad * gx[p] + along * tx[p]
-                    y = c0 * grad * gy[p] + along * ty[p]
-                    weight = per_h * tab[e, g, 1] * tab[e, g, 2 + n_loc + i]
-                    k11 += weight * tx[p] * x
-                    k12 += weight * tx[p] * y
-                    k21 += weight * ty[p] * x
-                    k22 += weight * ty[p] * y
-                at = band + 2 * (col - row)
-                ab[2 * row, at] += k11
-                ab[2 * row, at + 1] += k12
-                ab[2 * row + 1, at - 1] += k21
-                ab[2 * row + 1, at] += k22
 
 
 @inner

@@ -26,7 +26,7 @@ from validation.core.answers import outcome_of_run
 from validation.core.design import design_gap_rows, design_numbers, widened_numbers
 from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.ladder import Goal, Ladder
-from validation.core.methods import Method, checking_pair, find_method, refined_settings
+from validation.core.methods import CHECKED, Method, find_method, refined_settings
 from validation.core.quantities import design_row_texts, key_numbers
 from validation.core.quasi_static import quasi_static_events
 from validation.core.refine import (
@@ -135,13 +135,13 @@ class Check:
 
 def check(
     scene: Scene | str | Path, *, tol: float = DEFAULT_TOL, tol_tension: float | None = None,
-    methods: tuple[str | Method, str | Method] | None = None, second: Scene | None = None, deep: bool = False,
+    methods: tuple[str | Method, str | Method] = CHECKED, second: Scene | None = None, deep: bool = False,
     progress: Progress | None = None, until: float | None = None, ask: str = "all",
 ) -> Check:  # fmt: skip
     """Run two methods on a scene, each as fine as its own error bars need, and compare them.
 
     tol : error of the mass path, relative to the largest deflection; in [1e-6, 0.2].
-    methods : by default the first of each wing that runs the scene.
+    methods : one of each wing.
     tol_tension : error of the tension, relative to H; default ten times `tol`.
     second : another scene for the second method, which plants a fault; the judge knows `scene` alone.
     deep : compare what both share with third parties, too.
@@ -156,7 +156,7 @@ def check(
     if ask not in DECIDING_QUANTITIES:
         raise ValueError(f"ask = {short_text(ask)}: unknown.{did_you_mean(str(ask), DECIDING_QUANTITIES)}")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
-    sides = _methods_on_scenes((scene, second or scene), methods or checking_pair(scene.groups), tol, until)
+    sides = _methods_on_scenes((scene, second or scene), methods, tol, until)
     (first, other), rows = _refine_and_compare(scene, sides, tol, tol_tension, ask, progress)
     own = _with_design_and_events(first, other), _with_design_and_events(other, first)
     rows += design_gap_rows(*own, tolerance_of("rest", tol, tol_tension))
