@@ -300,7 +300,7 @@ def test_a_fault_told_to_one_solver_by_the_command(cablefem, tmp_path):
     (tmp_path / "short.toml").write_text(EVERYTHING)
     code, out, _ = cablefem("check", "short.toml", "--tol", "1e-2", "--second-set", "car.down.mass=+5%")
     assert code == 1
-    assert out.startswith("disagree")
+    assert out.startswith("The solvers DISAGREE")
 
 
 HEAVY = EVERYTHING.replace("mass = 6000.0", "mass = 40000.0")
