@@ -7,14 +7,14 @@ from numpy.polynomial.polynomial import polyder, polyval
 
 from cablefem.elements.reference import lagrange_element, shape_polynomials
 from cablefem.elements.segments import Segments
-from cablefem.elements.system import LineElements, Slots
+from cablefem.elements.system import Coordinates, LineElements
 from cablefem.newmark import Array, State, consistent_acceleration
 from cablefem.shoes import Passage, line_after_passage, line_snapshot
 
 
 def system_after_passage(system: LineElements, passage: Passage, x: State) -> tuple[LineElements, State]:
     """The line after a passage, and its state: r interpolated, velocities by least squares."""
-    old = system.all_slots(*x)
+    old = system.coordinates_with_rates(*x)
     jets = np.array(old)[:, 2 * system.node[:, None] + np.arange(2)]
     over = {car.name: system.car_point_and_rates(car.name, x) for car in system.line.over}
     now = line_snapshot(
@@ -22,7 +22,7 @@ def system_after_passage(system: LineElements, passage: Passage, x: State) -> tu
     )
     line = line_after_passage(system.line, passage, x.t, x.phase, now)
     new = LineElements(line, elements=system.segments.elements, degree=system.segments.degree, compiled=system.compiled)
-    z = new.prescribed_slots(x.t, x.phase)
+    z = new.prescribed_coordinates(x.t, x.phase)
     own, before = _slots_by_car(new), _slots_by_car(system)
     for name, slots in own.items():
         if name in before:
@@ -33,7 +33,7 @@ def system_after_passage(system: LineElements, passage: Passage, x: State) -> tu
         z.q[new.s[k]], z.v[new.s[k]] = now.s[name], now.ds[name]
         for i in (0, 1):
             z[i][2 * new.node[k] + np.arange(2)] = now.points[name][i]
-    z = new.fill_dependent_slots(np.array(z))
+    z = new.fill_dependent_coordinates(np.array(z))
     for k in range(len(names) - 1):
         _carry_segment(system, old, new, z, k)
     new.hold = _values_of_cars(system, new, system.hold)
@@ -56,7 +56,7 @@ def _values_of_cars(old: LineElements, new: LineElements, values: Array) -> Arra
     return np.array([by_name.get(car.name, 0.0) for car in new.line.cars])
 
 
-def _carry_segment(old: LineElements, before: Slots, new: LineElements, z: Slots, k: int) -> None:
+def _carry_segment(old: LineElements, before: Coordinates, new: LineElements, z: Coordinates, k: int) -> None:
     """Set r and v inside segment k of z: the slopes r', and then dr/dt = w + c r', at best."""
     segments = new.segments
     s, ds = z.q[new.s[k : k + 2]], z.v[new.s[k : k + 2]]
@@ -76,7 +76,7 @@ def _fit_inner_unknowns(segments: Segments, table: Array, x: Array, to: Array) -
     x[1:-1] = np.linalg.lstsq(root * table[:, 1:-1], root * rest, rcond=None)[0]
 
 
-def rope_at(system: LineElements, z: Slots, s: Array) -> Array:
+def rope_at(system: LineElements, z: Coordinates, s: Array) -> Array:
     """r, r' and the velocity at fixed s (3, m, 2) at the points s (m,)."""
     segments, at, ds = system.segments, z.q[system.s], z.v[system.s]
     k = np.clip(np.searchsorted(at, s, side="right") - 1, 0, len(at) - 2)

@@ -28,31 +28,31 @@ class _History:
         self.system, self.segments = system, system.segments
         self.t = np.array([x.t for x in states])
         self.phase = [x.phase for x in states]
-        slots = [system.all_slots(*x) for x in states]
-        motions = [system.segment_motion(x) for x in slots]
-        self.q, self.v, self.a = (np.array([x[i] for x in slots]) for i in range(3))  # (n, size)
+        coordinates = [system.coordinates_with_rates(*x) for x in states]
+        motions = [system.segment_motion(x) for x in coordinates]
+        self.q, self.v, self.a = (np.array([x[i] for x in coordinates]) for i in range(3))  # (n, size)
         self.all = Motion(*(np.concatenate([m[i] for m in motions]) for i in range(6)))  # n K segments
         self.points = self.segments.points(self.all)
-        nodes, ends = self.segments.residual(self.points)
+        nodal_rows, ends = self.segments.residual(self.points)
         self.ends = self.split_by_time(ends)  # (2, n, K) rows of s
         slopes = self.segments.slopes_at_ends(self.all)
         self.slopes = self.split_by_time(slopes)  # (2, n, K, 2)
-        self._set_end_forces(nodes, slopes)
+        self._set_end_forces(nodal_rows, slopes)
 
     def split_by_time(self, x: Array) -> Array:
         """(e, n K, ...) as (e, n, K, ...)."""
         return x.reshape(2, self.t.size, -1, *x.shape[2:])
 
-    def _set_end_forces(self, nodes: Array, slopes: Array) -> None:
+    def _set_end_forces(self, nodal_rows: Array, end_slopes: Array) -> None:
         """N t at the ends of the segments (2, n, K, 2), by their balance, and rows of the end nodes."""
         ds, v = self.all.ds.T[..., None], self.all.v[:, [0, -1]].swapaxes(0, 1)
-        flow = self.segments.rho * ds * (v - ds * slopes)
-        rows = nodes[:, [0, -1]].swapaxes(0, 1)
+        flow = self.segments.rho * ds * (v - ds * end_slopes)
+        rows = nodal_rows[:, [0, -1]].swapaxes(0, 1)
         self.balance_rows = self.split_by_time(rows)
         self.end_forces = self.split_by_time(np.stack([-(rows[0] + flow[0]), rows[1] - flow[1]]))
 
     def contact_points(self, k: int, x: Array) -> Array:
-        """Points of contact k (n, 2), of slots (n, size)."""
+        """Points of contact k (n, 2), from coordinates (n, size)."""
         return x[:, 2 * self.system.node[k] + np.arange(2)]
 
     def behind_and_ahead(self, k: int, x: Array) -> tuple[Array, Array]:

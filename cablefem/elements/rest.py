@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cablefem.elements.bodies import Cars
 from cablefem.elements.segments import Law
-from cablefem.elements.system import LineElements, Slots
+from cablefem.elements.system import Coordinates, LineElements
 from cablefem.newmark import Array, StepFailure
 from cablefem.scene.contacts import Car, Contact, Wheel
 from cablefem.scene.line import Case, NoLineAtRest, Station
@@ -22,13 +22,15 @@ ROUGH, EXACT = 1e-3, 1e-10  # last step over the reach: of a soft rope, of the r
 ROUNDS = 8  # to guess x of cars from their s
 
 
-def slots_of_rest(system: LineElements, t: float, phase: int, ahead: float = 0.0, start: Array | None = None) -> Array:
-    """Slots (size,) at rest with the cars held where they are at t, and F/M of hauled cars.
+def coordinates_at_rest(
+    system: LineElements, t: float, phase: int, ahead: float = 0.0, start: Array | None = None
+) -> Array:
+    """Coordinates (size,) at rest with the cars held where they are at t, and F/M of hauled cars.
 
     ahead : [s] moves prescribed cars on by their velocity.  start : a state nearby to begin from.
     Raises StepFailure where no state of rest was found.
     """
-    prescribed = system.prescribed_slots(t, phase)
+    prescribed = system.prescribed_coordinates(t, phase)
     free = system.free.copy()
     q = prescribed.q + ahead * prescribed.v
     for i, k in enumerate(system.cars):
@@ -46,10 +48,11 @@ def slots_of_rest(system: LineElements, t: float, phase: int, ahead: float = 0.0
     return q
 
 
-def slots_at_rest(system: LineElements, q: Array) -> Slots:
+def coordinates_with_zero_rates(system: LineElements, q: Array) -> Coordinates:
+    """All coordinates at rest at q (size,); F/M acts as the acceleration of its slot."""
     z = np.zeros((3, system.size))
     z[0], z[2, system.force] = q, q[system.force]
-    return system.fill_dependent_slots(z)
+    return system.fill_dependent_coordinates(z)
 
 
 def cars_at_rest(system: LineElements, t: float, phase: int) -> Cars:
@@ -72,12 +75,14 @@ def _solve_by_newton(
     moving[system.force] = False
 
     def rows(q: Array) -> Array:
-        return system.balance_rows(t, slots_at_rest(system, q), phase, law, cars)[free]
+        return system.balance_rows(t, coordinates_with_zero_rates(system, q), phase, law, cars)[free]
 
     r = rows(q)
     for _ in range(ITERATIONS):
         before = np.linalg.norm(r)
-        solve = system.tangent_solver(t, slots_at_rest(system, q), phase, (1.0, 0.0, 0.0), free, law, cars)
+        solve = system.tangent_solver(
+            t, coordinates_with_zero_rates(system, q), phase, (1.0, 0.0, 0.0), free, law, cars
+        )
         step = np.zeros(system.size)
         step[free] = solve(r)
         factor = 1.0

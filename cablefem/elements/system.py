@@ -1,8 +1,8 @@
 """A line in motion on elements, for the time driver: which unknowns are free, and what acts at the contacts.
 
-All coordinates have a slot: x and y of the nodes, s of the contacts, F/M of hauled cars, swing of cabins, point and
-pitch of cars on two wheels.  F/M is an acceleration.  Prescribed slots drop out; the row that a prescribed one leaves
-determines F.  The nodes at two wheels follow their car.
+Coordinates are x and y of the nodes, s of the contacts, F/M of hauled cars, swing of cabins, point and pitch of
+cars on two wheels; a slot is the index of one.  F/M is an acceleration.  Prescribed coordinates drop out; the row
+that a prescribed one leaves determines F.  The nodes at two wheels follow their car.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ if TYPE_CHECKING:
     from cablefem.elements.segment_kernels import Kernel
 
 SHIFT = 1e-4  # [s] for velocities through states of rest
-CACHED_INSTANTS = 8  # instants whose prescribed slots are kept: a step's nodes are evaluated several times
+CACHED_INSTANTS = 8  # instants whose prescribed coordinates are kept: a step's nodes are evaluated several times
 
 
-class Slots(NamedTuple):
-    """Positions, velocities and accelerations of all slots."""
+class Coordinates(NamedTuple):
+    """Positions, velocities and accelerations of all coordinates, (..., size) each."""
 
     q: Array
     v: Array
@@ -69,7 +69,7 @@ class LineElements(System):
         # t, a, rows and loads at the last instant of the last residuals
         self._last: tuple[float, Array, Array, Array] | None = None
         self._steady: Cars | None = None  # data of cars that do not change
-        self._instants: tuple[Array, int, Array] | None = None  # t, phase and prescribed slots of the last residuals
+        self._instants: tuple[Array, int, Array] | None = None  # t, phase, prescribed ones of the last residuals
         outer = [(k, line.supports[k]) for k in (0, -1)]
         springs = [(k, c) for k, c in outer if c.stiffness is not None]
         self._springs = [(2 * int(self.node[k]) + np.arange(2), np.array(c.stiffness), c) for k, c in springs]
@@ -207,9 +207,9 @@ class LineElements(System):
             self.free[self.s[k]] = False
             self.constant[self.s[k]] = (self.line.rope.length or 0.0) if k else 0.0
 
-    def prescribed_slots(self, t: float, phase: int) -> Slots:
-        """Slots with what is prescribed at t; zero elsewhere."""
-        return Slots(*self._prescribed_array(t, phase).copy())
+    def prescribed_coordinates(self, t: float, phase: int) -> Coordinates:
+        """Coordinates with what is prescribed at t; zero elsewhere."""
+        return Coordinates(*self._prescribed_array(t, phase).copy())
 
     def _prescribed_array(self, t: float, phase: int) -> Array:
         """What is prescribed at t (3, size), from the cache."""
@@ -223,27 +223,27 @@ class LineElements(System):
             self._prescribed_cache[t, phase] = out
         return self._prescribed_cache[t, phase]
 
-    def all_slots(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Slots:
+    def coordinates_with_rates(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Coordinates:
         out = self._prescribed_array(t, phase).copy()
         out[:, self._unknown] = q, v, a
-        return self.fill_dependent_slots(out)
+        return self.fill_dependent_coordinates(out)
 
-    def fill_dependent_slots(self, z: Array) -> Slots:
-        """Slots of (3, ..., size), where wheels follow their cars, and cars on shoes their rails."""
+    def fill_dependent_coordinates(self, z: Array) -> Coordinates:
+        """Coordinates of (3, ..., size), where wheels follow their cars, and cars on shoes their rails."""
         for trolley in self.trolleys:
             trolley.set_wheel_points(z)
         for x, rail in self.rails:
             z[..., x + 1] = rail.y_with_rates(z[..., x])
-        return Slots(*z)
+        return Coordinates(*z)
 
-    def segment_motion(self, x: Slots) -> Motion:
+    def segment_motion(self, x: Coordinates) -> Motion:
         nodal = [z[: 2 * self.n].reshape(-1, 2)[self.nodes] for z in x]
         ends = [np.stack([z[self.s[:-1]], z[self.s[1:]]], axis=1) for z in x]
         return Motion(*nodal, *ends)
 
     # --- balance ---------------------------------------------------------------------------------------------
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
-        return self.balance_rows(t, self.all_slots(t, q, v, a, phase), phase)[self._unknown]
+        return self.balance_rows(t, self.coordinates_with_rates(t, q, v, a, phase), phase)[self._unknown]
 
     def residuals(self, t: Array, q: Array, v: Array, a: Array, phase: int) -> Array:
         if not self.compiled:
@@ -254,17 +254,17 @@ class LineElements(System):
             instants = self._instants = t, phase, prescribed  # the same for all residuals of a step
         z = instants[2].copy()  # (3, n, size)
         z[..., self._unknown] = q, v, a
-        x = self.fill_dependent_slots(z)
+        x = self.fill_dependent_coordinates(z)
         rows = self.balance_rows(t, x, phase)
         self._last = t.item(-1), a[-1], rows[-1], self.loads[-1]
         return rows[:, self._unknown]
 
     def balance_rows(
-        self, t: Array | float, x: Slots, phase: int, law: Array | None = None, cars: Cars | None = None
+        self, t: Array | float, x: Coordinates, phase: int, law: Array | None = None, cars: Cars | None = None
     ) -> Array:
-        """Rows of all slots (..., size): what is missing from balance; of prescribed ones the force that they need.
+        """Rows of all coordinates (..., size): what is missing from balance; of prescribed ones the force they need.
 
-        x : slots (..., size) at the time or times t.
+        x : (..., size) at the time or times t.
         """
         cars = cars or self.car_data(t, phase)
         rows = self._rope_rows(x, self.law if law is None else law, cars)
@@ -283,7 +283,7 @@ class LineElements(System):
         rows[..., self.force] = rows[..., self.force_rows]
         return rows
 
-    def _rope_rows(self, x: Slots, law: Array, cars: Cars) -> Array:
+    def _rope_rows(self, x: Coordinates, law: Array, cars: Cars) -> Array:
         """Rows (..., size) of segments and of cars on one contact; notes loads of these and the smallest tension."""
         rows = np.zeros(x.q.shape)
         each = rows.reshape(-1, self.size)
@@ -295,7 +295,7 @@ class LineElements(System):
             self._add_rope_and_cars(rows, x, Law(*law), cars)
         return rows
 
-    def _add_rope_and_cars(self, rows: Array, x: Slots, law: Law, cars: Cars) -> None:
+    def _add_rope_and_cars(self, rows: Array, x: Coordinates, law: Law, cars: Cars) -> None:
         m = self.segment_motion(x)
         fields = self.segments.fields(self.segments.values_at_points(m), law)
         nodes, ends = self.segments.residual(fields)
@@ -312,7 +312,7 @@ class LineElements(System):
             self.loads[0, :-1] = at.normal[self.points]
         self.loads[0, -1] = fields.N.min()
 
-    def _add_supports(self, rows: Array, x: Slots) -> None:
+    def _add_supports(self, rows: Array, x: Coordinates) -> None:
         for slots, stiffness, spring in self._springs:
             rows[..., slots] += stiffness * (x.q[..., slots] - spring.point)
         for slot, k in self._weights:
@@ -335,7 +335,7 @@ class LineElements(System):
         entering = self.line.weight * contact.point[1] - 0.5 * self.segments.rho * speed**2
         return sign * (N + N**2 / (2.0 * EA) + entering)
 
-    def car_inputs(self, x: Slots, m: Motion) -> Array:
+    def car_inputs(self, x: Coordinates, m: Motion) -> Array:
         """Inputs (cars, INPUTS) of `bodies.forces`."""
         out = np.zeros((len(self.cars), INPUTS))
         if self.cars:
@@ -374,15 +374,16 @@ class LineElements(System):
         self.set_directions(phase)
         if state is not None:
             return consistent_acceleration(self, t, state.q, state.v, phase)
-        from cablefem.elements.rest import cars_at_rest, slots_at_rest, slots_of_rest
+        from cablefem.elements.rest import cars_at_rest, coordinates_at_rest, coordinates_with_zero_rates
 
-        q, v = slots_of_rest(self, t, phase), np.zeros(self.size)
-        if self.prescribed_slots(t, phase).v.any():
-            v = (slots_of_rest(self, t, phase, SHIFT, q) - slots_of_rest(self, t, phase, -SHIFT, q)) / (2.0 * SHIFT)
+        q, v = coordinates_at_rest(self, t, phase), np.zeros(self.size)
+        if self.prescribed_coordinates(t, phase).v.any():
+            before, after = (coordinates_at_rest(self, t, phase, shift, q) for shift in (-SHIFT, SHIFT))
+            v = (after - before) / (2.0 * SHIFT)
         if self.cars:
-            self._release(t, phase, slots_at_rest(self, q), cars_at_rest(self, t, phase))
+            self._release(t, phase, coordinates_with_zero_rates(self, q), cars_at_rest(self, t, phase))
         slack, *pressures = self._tension_and_pressures(
-            self.balance_rows(t, slots_at_rest(self, q), phase), self.loads[0]
+            self.balance_rows(t, coordinates_with_zero_rates(self, q), phase), self.loads[0]
         )
         if min(slack, *pressures, 0.0) < 0.0:
             cause = f"at rest the smallest tension is {slack:.6g} N and the smallest pressure on a saddle"
@@ -399,7 +400,7 @@ class LineElements(System):
             [self.line.direction(c, phase) if c.travel else x for c, x in zip(self.line.cars, self.signs, strict=True)]
         )
 
-    def _release(self, t: float, phase: int, x: Slots, held: Cars) -> None:
+    def _release(self, t: float, phase: int, x: Coordinates, held: Cars) -> None:
         """Let free cars go; they must move against friction."""
         self.hold[:] = 0.0
         slots = self.s[self.cars]
@@ -430,48 +431,48 @@ class LineElements(System):
         """Keep the direction of friction, and the brakes that act, for one step."""
         if not self._stops:
             return
-        slots = self.all_slots(*x)
+        z = self.coordinates_with_rates(*x)
         for i in self._stops:
             slot = self.s[self.cars[i]]
-            self.signs[i] = np.sign(slots.v[slot]) or self.signs[i]
-            self._set_brakes(i, slots.q[slot])
+            self.signs[i] = np.sign(z.v[slot]) or self.signs[i]
+            self._set_brakes(i, z.q[slot])
 
     def _set_brakes(self, i: int, s: float) -> None:
         """Set the brakes of car i at s."""
         drive = self.line.cars[i].drive
         self.brakes[i], self.rear_brakes[i] = drive.brake_force(s), drive.rear_brake_force(s)
 
-    def _balance_at(self, x: State, slots: Slots) -> tuple[Array, Array]:
+    def _balance_at(self, x: State, z: Coordinates) -> tuple[Array, Array]:
         """Rows, and loads with the smallest tension, of x; of the end of a step those of its residual."""
         last = self._last
         if last is None or last[0] != x.t or not np.array_equal(last[1], x.a):
-            return self.balance_rows(x.t, slots, x.phase), self.loads[0]
+            return self.balance_rows(x.t, z, x.phase), self.loads[0]
         return last[2:]
 
     def event_values(self, x: State) -> tuple[float, ...]:
-        slots = self.all_slots(*x)
-        gaps = np.diff(slots.q[self.s])[self._gaps] - NEAREST
-        ahead = [float(slots.v[self.s[self.cars[i]]] * self.signs[i]) for i in self._stops]
-        ahead += [position - float(slots.q[self.s[self.cars[i]]]) for i, position in self._brakes]
+        z = self.coordinates_with_rates(*x)
+        gaps = np.diff(z.q[self.s])[self._gaps] - NEAREST
+        ahead = [float(z.v[self.s[self.cars[i]]] * self.signs[i]) for i in self._stops]
+        ahead += [position - float(z.q[self.s[self.cars[i]]]) for i, position in self._brakes]
         if gaps.min(initial=np.inf) <= 0.0:  # the rest has no meaning there
             return (*gaps.tolist(), *[np.inf] * (len(self.events) - len(self._gaps)))
         if self._loaded[0] is not x:
-            rows, loads = self._balance_at(x, slots)
-            pressing = self._pressing_forces(slots, rows, loads, self.car_data(x.t, x.phase))
+            rows, loads = self._balance_at(x, z)
+            pressing = self._pressing_forces(z, rows, loads, self.car_data(x.t, x.phase))
             self._loaded = x, pressing + self._tension_and_pressures(rows, loads)
         passing = [p.distance_ahead(*self.car_point_and_rates(p.car, x)[:2, 0].tolist()) for p in self.passages]
         return (*gaps.tolist(), *ahead, *self._loaded[1], *passing)
 
     def car_point_and_rates(self, car: str, x: State) -> Array:
         """Point of a car with its rates (3, 2)."""
-        slots = np.array(self.all_slots(*x))
+        z = np.array(self.coordinates_with_rates(*x))
         for k, of in zip(self.cars, self.line.cars, strict=True):
             if of.name == car:
-                return slots[:, 2 * self.node[k] + np.arange(2)]
+                return z[:, 2 * self.node[k] + np.arange(2)]
         over = next(c for c in self.line.over if c.name == car)
-        return self.line.point_off_rope(over, x.t, x.phase, slots[:, self.below[car]])
+        return self.line.point_off_rope(over, x.t, x.phase, z[:, self.below[car]])
 
-    def _pressing_forces(self, x: Slots, rows: Array, loads: Array, cars: Cars) -> list[float]:
+    def _pressing_forces(self, x: Coordinates, rows: Array, loads: Array, cars: Cars) -> list[float]:
         """Contact forces [N] of all that may lift off; `rows` and `loads` are those of x."""
         if not self.cars:
             return []
@@ -515,7 +516,7 @@ class LineElements(System):
         for sign in (before, -before):
             self.signs[i] = sign
             after = consistent_acceleration(self, x.t, x.q, x.v, x.phase)
-            if self.all_slots(*after).a[slot] * sign > 0.0:
+            if self.coordinates_with_rates(*after).a[slot] * sign > 0.0:
                 return after
         return None
 
@@ -527,19 +528,19 @@ class LineElements(System):
     def linearise(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
-        x = self.all_slots(t, q, v, a, phase)
+        x = self.coordinates_with_rates(t, q, v, a, phase)
         return self.balance_rows(t, x, phase)[self._unknown], self.tangent_solver(t, x, phase, (c0, c1, c2), self.free)
 
     def factorised_tangent(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> Solve:
-        return self.tangent_solver(t, self.all_slots(t, q, v, a, phase), phase, (c0, c1, c2), self.free)
+        return self.tangent_solver(t, self.coordinates_with_rates(t, q, v, a, phase), phase, (c0, c1, c2), self.free)
 
     def tangent_solver(
-        self, t: float, x: Slots, phase: int, c: tuple[complex, complex, complex], free: NDArray[np.bool_],
+        self, t: float, x: Coordinates, phase: int, c: tuple[complex, complex, complex], free: NDArray[np.bool_],
         law: Array | None = None, cars: Cars | None = None,
     ) -> Solve:  # fmt: skip
-        """The solution with c0 dr/dq + c1 dr/dv + c2 dr/da of free slots; without c2 forces F/M count once."""
+        """The solution with c0 dr/dq + c1 dr/dv + c2 dr/da of free coordinates; without c2 forces F/M count once."""
         cars = cars or self.car_data(t, phase)
         law = self.law if law is None else law
         rope = self._rope_rows(x, law, cars) if self.trolleys else np.empty(0)
@@ -564,7 +565,7 @@ class LineElements(System):
         return solve
 
     def _sparse_solver(
-        self, x: Slots, law: Law, cars: Cars, c: tuple[complex, complex, complex], free: NDArray[np.bool_],
+        self, x: Coordinates, law: Law, cars: Cars, c: tuple[complex, complex, complex], free: NDArray[np.bool_],
         rope: Array,
     ) -> Solve:  # fmt: skip
         """`solver` by numpy and a sparse factorisation."""
@@ -580,7 +581,7 @@ class LineElements(System):
         return splu(csc_array(matrix[free][:, free])).solve
 
     def _add_contacts(
-        self, matrix: Matrix, x: Slots, rope: Array, cars: Cars, c: tuple[complex, complex, complex]
+        self, matrix: Matrix, x: Coordinates, rope: Array, cars: Cars, c: tuple[complex, complex, complex]
     ) -> None:
         """Add supports, cars on two wheels, and the rows that determine F."""
         for slot, value in self._support_tangent(x, c):
@@ -594,7 +595,7 @@ class LineElements(System):
         for slot, row in zip(self.force.tolist(), self.force_rows.tolist(), strict=True):
             matrix.add_row(slot, row)
 
-    def _support_tangent(self, x: Slots, c: tuple[complex, complex, complex]) -> Iterator[tuple[int, complex]]:
+    def _support_tangent(self, x: Coordinates, c: tuple[complex, complex, complex]) -> Iterator[tuple[int, complex]]:
         """Diagonal entries of springs and counterweights."""
         (c0, c1, c2), EA, rho = c, self.line.rope.EA, self.segments.rho
         for slots, stiffnesses, _ in self._springs:
@@ -607,7 +608,7 @@ class LineElements(System):
             yield slot, mass * (lam - rho * ds**2 * lam / EA) * c2 - sign * rho * ds * lam**2 * c1
 
     def _add_car_tangent(self, matrix: Dense, by_input: Array, m: Motion, c: tuple[complex, complex, complex]) -> None:
-        """Add the chain of `force_jacobian` (n, 4, INPUTS) and of the inputs by the slots."""
+        """Add the chain of `force_jacobian` (n, 4, INPUTS) and of the inputs by the coordinates."""
         (c0, c1, c2), slopes = c, self.segments.slopes_at_ends(m)
         for i in self.points:
             k = self.cars[i]

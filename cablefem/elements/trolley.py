@@ -73,7 +73,7 @@ class Trolley:
         self.ends = np.array([s[[segment, segment + 1]] for segment, _ in sides])  # (4, 2)
 
     def set_wheel_points(self, z: Array) -> None:
-        """Set the points of the wheels in q, v, a of all slots (3, ..., size)."""
+        """Set the points of the wheels in q, v, a of all coordinates (3, ..., size)."""
         base = self.wheels.base
         th, rate, turning = z[..., self.body[2]]
         cos, sin = base * np.cos(th), base * np.sin(th)
@@ -84,7 +84,7 @@ class Trolley:
         z[..., self.points[0]] = X - np.stack([x, y], axis=-1)
 
     def rope_slopes(self, q: Array) -> Array:
-        """r' at the sides of both wheels (..., 4, 2), from q of all slots (..., size)."""
+        """r' at the sides of both wheels (..., 4, 2), from all coordinates (..., size)."""
         h = q[..., self.ends[:, 1]] - q[..., self.ends[:, 0]]
         return (self.shapes[:, None] @ q[..., self.near])[..., 0, :] / h[..., None]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson
 
-from cablefem.elements.rest import slots_at_rest, slots_of_rest
+from cablefem.elements.rest import coordinates_at_rest, coordinates_with_zero_rates
 from cablefem.elements.system import LineElements
 from cablefem.newmark import Work, integrate_blocks, scheme, step_times
 from cablefem.scene.bodies import Hanger, Wheels
@@ -50,9 +50,9 @@ def tram(travel, rope=TRAM, **more) -> MovingLine:
 )  # fmt: skip
 def test_a_trolley_at_rest(front, rope, exact):
     system = LineElements(tram(front, rope))
-    q = slots_of_rest(system, 0.0, 0)
-    slots = slots_at_rest(system, q)
-    x = system.observe([system.start(0, None)._replace(q=q[system.free], a=slots.a[system.free])], np.array([1.0]))
+    q = coordinates_at_rest(system, 0.0, 0)
+    z = coordinates_with_zero_rates(system, q)
+    x = system.observe([system.start(0, None)._replace(q=q[system.free], a=z.a[system.free])], np.array([1.0]))
     at = x.cars[0]
     loads = [wheel.load[0] for wheel in at.turning.wheels]
     found = [*at.turning.centre[0], at.turning.angle[0], at.turning.wheels[0].s[0], at.haul_force[0], *loads]

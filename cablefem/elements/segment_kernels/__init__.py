@@ -47,7 +47,7 @@ class Kernel:
     def add_rows(self, x: Sequence[Array], law: Array, cars: Cars, rows: Array, loads: Array) -> None:
         """Add rows to (n, size), and set (n, cars + 1) to the loads [N] on the rope and the smallest tension.
 
-        x : q, v, a of all slots (n, size); law : (3, K, G).
+        x : q, v, a of all coordinates (n, size); law : (3, K, G).
         """
         balance.add_rows(self.mesh, self.rope, law, self._cars(cars), *x, rows, loads)
 

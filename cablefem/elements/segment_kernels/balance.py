@@ -81,7 +81,7 @@ def interpolate(mesh, q, v, a, first, e, g, f):
 def add_rows(mesh, rope, law, cars, q, v, a, rows, loads):
     """Add the rows of all segments and cars at n instants to rows (n, size).
 
-    q, v, a : (n, size) of all slots; law : (3, K, G) EA, N_r, W_r.
+    q, v, a : (n, size) of all coordinates; law : (3, K, G) EA, N_r, W_r.
     loads (n, m + 1) : are set to the loads of the cars and the smallest tension.
     """
     for i in range(rows.shape[0]):
