@@ -17,7 +17,7 @@ from galerkin.equations import GalerkinSystem
 START = 1e-4
 
 
-class PositionAbscissa(System):
+class SystemOverPosition(System):
     """Any Galerkin system with s_o for t (45): r(t, g, ds_o g', ds_o^2 g'' + dds_o g') = 0, prime = d/ds_o.
 
     States hold t = s_o, q = g, v = g', a = g''; `in_time` turns them back.  ValueError if the mass stops on the way.
@@ -47,7 +47,7 @@ class PositionAbscissa(System):
     def position(self, x: State) -> float:
         return x.t
 
-    def with_law(self, law: str) -> PositionAbscissa:
+    def with_law(self, law: str) -> SystemOverPosition:
         other = copy.copy(self)
         other.system = self.system.with_law(law)
         return other
@@ -84,16 +84,16 @@ class PositionAbscissa(System):
             second = second - solve(r.copy())
         return second
 
-    def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
-        time, ds_o, dds_o = self._kinematics(t, phase)
-        return self.system.residual(time, *time_derivatives(q, v, a, ds_o, dds_o), phase)
+    def residual(self, s_o: float, q: Array, v: Array, a: Array, phase: int) -> Array:
+        t, ds_o, dds_o = self._kinematics(s_o, phase)
+        return self.system.residual(t, *time_derivatives(q, v, a, ds_o, dds_o), phase)
 
     def linearise(
-        self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
+        self, s_o: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
-        time, ds_o, dds_o = self._kinematics(t, phase)
+        t, ds_o, dds_o = self._kinematics(s_o, phase)
         x = time_derivatives(q, v, a, ds_o, dds_o)
-        return self.system.linearise(time, *x, phase, c0, c1 * ds_o, c1 * dds_o + c2 * ds_o**2)
+        return self.system.linearise(t, *x, phase, c0, c1 * ds_o, c1 * dds_o + c2 * ds_o**2)
 
     def in_time(self, states: States) -> States:
         places = zip(states.t.tolist(), states.phase.tolist(), strict=True)

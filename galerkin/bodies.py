@@ -1,4 +1,4 @@
-"""Balances at the contacts of a rope, as functions of the numbers in `ContactState`; derivatives by complex steps.
+"""Balances at the contacts of a rope, as functions of the values in `ContactState`; derivatives by complex steps.
 
     C = M (p.. - g j) - F_ext,  [N t] = C + rho ds^2 [r'],  C . tau = f |<r'>|/<|r'|>,  tau = <r'>/|<r'>|
 
@@ -106,19 +106,19 @@ class Body:
     unknown = ""  # coordinates: x, y, angle t, centre u and v, s, that of the next contact S, F
     contacts = 1
 
-    def state_from_numbers(self, numbers: Array) -> Any:
-        """What `rows` takes, from the numbers (..., contacts, 26)."""
-        return ContactState(numbers[..., 0, :])
+    def state_from_values(self, contact_values: Array) -> Any:
+        """What `rows` takes, from the values (..., contacts, 26)."""
+        return ContactState(contact_values[..., 0, :])
 
     def balance_rows(self, x: Any, friction: Friction) -> Array:
         """The balances (..., n), one per unknown, zero where they hold."""
         return np.empty((*x.ds.shape, 0))
 
-    def row_derivatives(self, numbers: Array, friction: Friction) -> Array:
-        """d(rows)/d(numbers) (n, contacts, 26)."""
-        shifted = numbers + 1j * TINY * np.eye(numbers.size).reshape(-1, *numbers.shape)
-        by = self.balance_rows(self.state_from_numbers(shifted), friction).imag / TINY
-        return by.T.reshape(-1, *numbers.shape)
+    def row_derivatives(self, contact_values: Array, friction: Friction) -> Array:
+        """d(rows)/d(contact values) (n, contacts, 26)."""
+        shifted = contact_values + 1j * TINY * np.eye(contact_values.size).reshape(-1, *contact_values.shape)
+        by = self.balance_rows(self.state_from_values(shifted), friction).imag / TINY
+        return by.T.reshape(-1, *contact_values.shape)
 
     def energies(self, x: Any) -> Array:
         """Kinetic, strain and potential energy (3, ...) [J]."""

@@ -118,7 +118,7 @@ class GalerkinSystem(System):
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         x = self.instant(t, phase)
-        force, tensions = self.cable.internal_force(x.tables, self._by_field(q))
+        force, tensions = self.cable.internal_force_and_tensions(x.tables, self._by_field(q))
         self.min_tension = self.cable.min_tension(self.basis, x.tables, tensions)
         return self._residual(x, q, v, a, force)
 

@@ -24,7 +24,7 @@ AT_ONCE = 64  # states
 def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
     """The motion at all states and at the stations s (m,)."""
     layout, line, n = system.layout, system.line, len(states)
-    numbers = np.empty((n, layout.contacts, ContactState.size))
+    contact_values = np.empty((n, layout.contacts, ContactState.size))
     positions = np.empty((n, layout.contacts))
     points, tension = np.empty((n, s.size, 2)), np.empty((n, s.size))
     energies = np.empty((3, n))
@@ -33,7 +33,7 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
         some = slice(first, first + AT_ONCE)
         Z = np.stack([system.coordinates_with_rates(x) for x in states[some]], axis=1)
         rope = Rope(layout, Z)
-        numbers[some], positions[some] = system.equations.contact_numbers(rope, Z), Z[0][:, layout.s]
+        contact_values[some], positions[some] = system.equations.contact_values(rope, Z), Z[0][:, layout.s]
         energies[:, some] = _rope_energies(rope)
         points[some], tension[some] = _points_and_tensions(rope, Z, s, integrals)
     beyond = (s < positions[:, :1]) | (s > positions[:, -1:])
@@ -42,7 +42,7 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
     powers: dict[str, Array] = {}
     cars, contacts = [], []
     for k, (contact, body) in enumerate(zip(line.touching, system.equations.bodies, strict=True)):
-        at, position = system.equations.contact_state(numbers, k), positions[:, k]
+        at, position = system.equations.contact_state(contact_values, k), positions[:, k]
         energies += body.energies(at)
         if isinstance(body, CarBody):
             hold = system.holds.get(k, 0.0) * np.array([body.car.drive.hold_fraction(x.t) for x in states])

@@ -68,8 +68,8 @@ class Equations:
         self._column[[*self.free, *following]] = np.arange(last)
         self._tangent = np.zeros((3, self.size, last + 1))
 
-    def contact_numbers(self, rope: Rope, Z: Array) -> Array:
-        """The numbers of `ContactState` at all contacts (..., contacts, 26)."""
+    def contact_values(self, rope: Rope, Z: Array) -> Array:
+        """The values of `ContactState` at all contacts (..., contacts, 26)."""
         layout = self.layout
         x = np.zeros((*Z.shape[1:-1], layout.contacts, ContactState.size))
         x[..., 1:, 0:2], x[..., :-1, 2:4] = rope.rows[..., -1, :], -rope.rows[..., -2, :]
@@ -79,19 +79,19 @@ class Equations:
         x[..., 23], x[..., 24], x[..., 25] = Z[1][..., layout.s], Z[2][..., layout.s], Z[2][..., layout.F]
         return x
 
-    def contact_state(self, numbers: Array, k: int) -> Any:
+    def contact_state(self, contact_values: Array, k: int) -> Any:
         """What acts on the body at contact k, as its equations take it."""
         body = self.bodies[k]
-        return body.state_from_numbers(numbers[..., k : k + body.contacts, :])
+        return body.state_from_values(contact_values[..., k : k + body.contacts, :])
 
-    def residual(self, rope: Rope, numbers: Array, frictions: Sequence[Friction]) -> Array:
-        """The rows (..., n) of a rope with the numbers of its contacts."""
+    def residual(self, rope: Rope, contact_values: Array, frictions: Sequence[Friction]) -> Array:
+        """The rows (..., n) of a rope with the values of its contacts."""
         ends = [
-            body.balance_rows(self.contact_state(numbers, k), frictions[k])
+            body.balance_rows(self.contact_state(contact_values, k), frictions[k])
             for k, body in enumerate(self.bodies)
             if body.unknown
         ]
-        inner = rope.rows[..., :-2, :].reshape(*numbers.shape[:-2], self.layout.inner)[..., self.layout.shapes]
+        inner = rope.rows[..., :-2, :].reshape(*contact_values.shape[:-2], self.layout.inner)[..., self.layout.shapes]
         return np.concatenate([inner, *ends], axis=-1)
 
     def linearise(self, Z: Array, frictions: Sequence[Friction]) -> tuple[Array, Array]:
@@ -111,7 +111,7 @@ class Equations:
             block = columns[:, i, :-2].reshape(3, 2 * layout.functions, -1)[:, shapes]
             K[:, row : row + block.shape[1], at[i]] = block
             row += block.shape[1]
-        x = self.contact_numbers(rope, Z)
+        x = self.contact_values(rope, Z)
         for k, body in enumerate(self.bodies):
             if not body.unknown:
                 continue
@@ -120,7 +120,7 @@ class Equations:
             derivatives = body.row_derivatives(x[k : k + body.contacts], frictions[k])
             here = K[:, rows]
             for j in range(k, k + body.contacts):
-                by = derivatives[:, j - k]  # by the numbers of `ContactState`, (rows, 26)
+                by = derivatives[:, j - k]  # by the values of `ContactState`, (rows, 26)
                 if j > 0:
                     here[:, :, at[j - 1]] += by[:, 0:2] @ columns[:, j - 1, -1]
                     here[0][:, at[j - 1]] += by[:, 4:6] @ slopes[j - 1, 1]
@@ -162,7 +162,7 @@ class LineSines(System):
         self._name_events(bodies)
         self._prescribed: dict[tuple[float, int], Array] = {}
         self._loaded: tuple[State | None, list[float]] = (None, [])  # of the last state that was watched
-        # t, a, tensions of the rope and contact numbers at the last instant of the last residuals
+        # t, a, tensions of the rope and contact values at the last instant of the last residuals
         self._last: tuple[float, Array, Array, Array] | None = None
         self._instants: tuple[Array, int, Array] | None = None  # t, phase and what is prescribed of the last residuals
         self._linearised: tuple[Array, float, int, Array, Array] | None = None
@@ -252,9 +252,9 @@ class LineSines(System):
         if not (s[:, 1:] > s[:, :-1]).all():
             return np.full(q.shape, np.nan)
         rope = Rope(self.layout, Z)
-        numbers = self.equations.contact_numbers(rope, Z)
-        self._last = t.item(-1), a[-1], rope.law.N[-1], numbers[-1]
-        r = self.equations.residual(rope, numbers, self.frictions_at(t))
+        contact_values = self.equations.contact_values(rope, Z)
+        self._last = t.item(-1), a[-1], rope.law.N[-1], contact_values[-1]
+        r = self.equations.residual(rope, contact_values, self.frictions_at(t))
         for row, k, car, _ in self.gripping:
             jets = [
                 self.line.point_off_rope(car, at, phase, Z[:, i, self.layout.s[k]]) for i, at in enumerate(t.tolist())
@@ -296,11 +296,11 @@ class LineSines(System):
         self._linearised = None
 
     def _balance_at(self, x: State, Z: Array) -> tuple[Array, Array]:
-        """Tensions (S, G) and contact numbers of x; at the end of a step those of its residual."""
+        """Tensions (S, G) and contact values of x; at the end of a step those of its residual."""
         last = self._last
         if last is None or last[0] != x.t or not np.array_equal(last[1], x.a):
             rope = Rope(self.layout, Z)
-            return rope.law.N, self.equations.contact_numbers(rope, Z)
+            return rope.law.N, self.equations.contact_values(rope, Z)
         return last[2:]
 
     def event_values(self, x: State) -> tuple[float, ...]:
@@ -312,19 +312,19 @@ class LineSines(System):
         loads = [math.inf] * (sum(body.contacts for body in self.cars.values()) + len(self.rope_events))
         if min(gaps, default=1.0) > 0.0:
             if self._loaded[0] is not x:
-                N, numbers = self._balance_at(x, Z)
+                N, contact_values = self._balance_at(x, Z)
                 pressing = []
                 for k, body in self.cars.items():
-                    state = self.equations.contact_state(numbers, k)
+                    state = self.equations.contact_state(contact_values, k)
                     pressing.append(np.array([math.inf]) if body.car.rail else body.wheel_loads(state))
-                self._loaded = x, np.concatenate([*pressing, self._tension_and_pressures(N, numbers)]).tolist()
+                self._loaded = x, np.concatenate([*pressing, self._tension_and_pressures(N, contact_values)]).tolist()
             loads = self._loaded[1]
         passing = [p.distance_ahead(*self.car_point_and_rates(p.car, x)[:2, 0].tolist()) for p in self.passages]
         return (*gaps, *speeds, *ahead, *loads, *passing)
 
-    def _tension_and_pressures(self, N: Array, numbers: Array) -> list[float]:
+    def _tension_and_pressures(self, N: Array, contact_values: Array) -> list[float]:
         """The smallest of the tensions (S, G), and the force of the rope down on each saddle [N]."""
-        down = numbers[:, 3] - numbers[:, 1]
+        down = contact_values[:, 3] - contact_values[:, 1]
         return [float(N[self.layout.outer].min()), *(float(down[k]) for k in self.saddles)]
 
     def pass_event(self, name: str, x: State) -> State | None:
@@ -379,8 +379,8 @@ class LineSines(System):
             return self.with_acceleration(state)
         rest = self.coordinates_at_rest()
         rope = Rope(self.layout, rest)
-        numbers = self.held_equations.contact_numbers(rope, rest)
-        slack, *pressures = self._tension_and_pressures(rope.law.N, numbers)
+        contact_values = self.held_equations.contact_values(rope, rest)
+        slack, *pressures = self._tension_and_pressures(rope.law.N, contact_values)
         if min(slack, *pressures, 0.0) < 0.0:
             lowest = min(pressures, default=0.0)
             cause = (
@@ -388,7 +388,7 @@ class LineSines(System):
             )
             raise StepFailure(0.0, cause, "tighten the rope")
         for k in self.free_cars:
-            self._release(k, rest, numbers)
+            self._release(k, rest, contact_values)
         v = np.zeros(self.n_dof)
         moving = self.prescribed(0.0, 0)[1]
         if moving.any():
@@ -399,11 +399,11 @@ class LineSines(System):
         self.begin_step(x)
         return self.with_acceleration(x)
 
-    def _release(self, k: int, Z: Array, numbers: Array) -> None:
+    def _release(self, k: int, Z: Array, contact_values: Array) -> None:
         """Let a free car at rest go; StepFailure if friction holds it."""
         body = self.cars[k].held_copy()
         name = body.car.name
-        state = self.held_equations.contact_state(numbers, k)
+        state = self.held_equations.contact_state(contact_values, k)
         projection = float(body.wheels(state)[-1].projection)
         self.holds[k] = float(body.rope_force_along(state)) / projection
         thrust = self.line.thrust(body.car, 0.0, 0) * math.cos(body.car.drive.thrust_angle)
@@ -485,7 +485,7 @@ class LineSines(System):
             if not (np.diff(put(values)[0, layout.s]) > 0.0).all():
                 return math.inf
             rope = Rope(layout, Z)
-            return float(np.linalg.norm(held.residual(rope, held.contact_numbers(rope, Z), frictions)))
+            return float(np.linalg.norm(held.residual(rope, held.contact_values(rope, Z), frictions)))
 
         before, bound = math.inf, TOL * self.line.rope.EA
         for _ in range(ITERATIONS):

@@ -2,7 +2,7 @@
 
 From coefficients Q (fields, n), measured from the hanging cable, and `tables` = `tables_at(basis, s_o)`:
 
-    internal_force(tables, Q)             the internal force R (fields, n), and `tensions`;
+    internal_force_and_tensions(tables, Q)             the internal force R (fields, n), and `tensions`;
     linearise(tables, Q)                  the same two, and dR/dQ;
     min_tension(basis, tables, tensions)  the smallest mean tension over a shortest wave, and its s;
     stress(s, slope)                      the force of one point for w' = slope, and its derivative
@@ -45,7 +45,7 @@ class FullCable:
         out[:7] *= points.weights
         return out
 
-    def internal_force(self, points: kernels.Points, Q: Array) -> tuple[Array, Array]:
+    def internal_force_and_tensions(self, points: kernels.Points, Q: Array) -> tuple[Array, Array]:
         x = self._weighted_stress(points, Q)
         return x[2:4] @ points.phi.T, x[7]
 
@@ -85,8 +85,8 @@ class FullCable:
 class ChordCable:
     """One displacement w normal to the chord: string, sagged (linear), stretching (Kirchhoff-Carrier).
 
-    Force tau w' + h (y_n' + kap w'), h = alpha lam int( y_n' w' + kap w'^2/2 ) ds, tau = 1/chord_cos,
-    y_n'' = -sigma chord_cos/tau (straight: 0), by S = int Phi' Phi' and b = -y_n'' int Phi.
+    Force T_chord w' + h (y_n' + kap w'), h = alpha lam int( y_n' w' + kap w'^2/2 ) ds, T_chord = 1/chord_cos,
+    y_n'' = -sigma chord_cos/T_chord (straight: 0), by S = int Phi' Phi' and b = -y_n'' int Phi.
     """
 
     fields = 1
@@ -95,10 +95,10 @@ class ChordCable:
         self.lam, self.kap = {"sagged": (1.0, 0.0), "stretching": (1.0, 1.0)}.get(model, (0.0, 0.0))
         self.groups = groups
         self.alpha = groups.alpha
-        self.tau = 1.0 / groups.chord_cos
+        self.T_chord = 1.0 / groups.chord_cos
         self.weight = np.array([groups.sigma * groups.chord_cos])
         self.direction = np.array([[-groups.chord_sin, groups.chord_cos]])
-        self.curvature = 0.0 if model == "straight" else -self.weight[0] / self.tau  # y_n''
+        self.curvature = 0.0 if model == "straight" else -self.weight[0] / self.T_chord  # y_n''
         # h is the same along the cable
         self.min_tension_at = min(1.0, max(0.0, groups.c / groups.sigma))
         self.static_min_tension = float(groups.tension_and_derivatives(self.min_tension_at)[0])
@@ -113,19 +113,19 @@ class ChordCable:
         h = self.alpha * self.lam * (b @ Q[0] + 0.5 * self.kap * (Q[0] @ Sq))
         return Sq, h, b + self.kap * Sq
 
-    def internal_force(self, tables: tuple[Array, Array], Q: Array) -> tuple[Array, float]:
+    def internal_force_and_tensions(self, tables: tuple[Array, Array], Q: Array) -> tuple[Array, float]:
         Sq, h, g = self._increment(tables, Q)
-        return (self.tau * Sq + h * g)[None], h
+        return (self.T_chord * Sq + h * g)[None], h
 
     def linearise(self, tables: tuple[Array, Array], Q: Array) -> tuple[Array, float, Array]:
         _, h, g = self._increment(tables, Q)
-        J = (self.tau + self.kap * h) * tables[0] + np.multiply.outer(self.alpha * self.lam * g, g)
-        return *self.internal_force(tables, Q), J
+        J = (self.T_chord + self.kap * h) * tables[0] + np.multiply.outer(self.alpha * self.lam * g, g)
+        return *self.internal_force_and_tensions(tables, Q), J
 
     def energy(self, tables: tuple[Array, Array], Q: Array) -> tuple[float, float]:
         """Strain energy and h."""
         Sq, h, _ = self._increment(tables, Q)
-        return 0.5 * self.tau * (Q[0] @ Sq) + 0.5 * h**2 / self.alpha, h
+        return 0.5 * self.T_chord * (Q[0] @ Sq) + 0.5 * h**2 / self.alpha, h
 
     def min_tension(self, basis: Any, tables: Any, h: Any) -> tuple[float, float]:
         return self.static_min_tension + h, self.min_tension_at
@@ -140,8 +140,8 @@ class ChordCable:
         return np.asarray((-0.5 * self.curvature) * s * (1.0 - s))
 
     def force_and_tangent(self, s: Array, slope: Array) -> tuple[Array, Array]:
-        """tau w' and its derivative: one point adds nothing to the mean h."""
-        return self.tau * slope, np.full((*slope.shape, 1), self.tau)
+        """T_chord w' and its derivative: one point adds nothing to the mean h."""
+        return self.T_chord * slope, np.full((*slope.shape, 1), self.T_chord)
 
 
 def cable_model(groups: Groups, model: str, law: str) -> FullCable | ChordCable:

@@ -9,8 +9,8 @@ from galerkin.bases.kink import Array, KinkedBasis
 from galerkin.models import cable_model
 
 
-def bare_frequencies(groups: Groups, basis: Basis, *, model: str = "full", n: int = 10) -> Array:
-    """First n frequencies omega l sqrt(rho/H), ascending, (n,), of (19)-(26) linearised."""
+def scaled_frequencies(groups: Groups, basis: Basis, *, model: str = "full", n: int = 10) -> Array:
+    """First n frequencies omega l sqrt(rho/H) of the bare cable, ascending, (n,), of (19)-(26) linearised."""
     cable = cable_model(groups, model, "elastic")
     moving = KinkedBasis(basis, kink=False)
     tables: Any = cable.tables_at(moving, 0.5)

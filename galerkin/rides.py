@@ -220,7 +220,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         self._smooth = [0.0] * 5
         if not self.free:
             speed = self.motion.at(0.0, 0)[1]
-            return self.solve_acceleration(quasi_static_start(self, self._rest_on_rope, s_o, speed))
+            return self.solve_acceleration(quasi_static_start(self, self._rest_of_hauled_car, s_o, speed))
         q = np.append(equilibrium(self.with_clamped_car(s_o)), s_o)
         still = np.zeros(self.n_dof)
         x = State(0.0, q, still, still, 0)
@@ -233,7 +233,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         groups = replace(self.groups, motion=rest_motion(s_o, 1.0))
         return GalerkinSystem(groups, self.sines, kink=True, law="tension-only")
 
-    def _rest_on_rope(self, s_o: float) -> Array:
+    def _rest_of_hauled_car(self, s_o: float) -> Array:
         """q of a hauled car at rest on its rope, about to move."""
         still = replace(self.groups, motion=rest_motion(s_o, 1.0), drive=replace(self.drive, k=0.0))
         system = CarOnRope(still, self.sines, law="tension-only")

@@ -30,7 +30,7 @@ def rotate(components: Pair, angle: Array) -> Array:
 class Follower(NamedTuple):
     """Coordinates p = c + arm, where the arm turns with a car."""
 
-    p: NDArray[np.intp]  # numbers of the coordinates, x and y or x alone
+    p: NDArray[np.intp]  # indices of the coordinates, x and y or x alone
     c: NDArray[np.intp]
     pitch: int
     arm: Pair  # [m] along e1, e2
@@ -93,9 +93,9 @@ class Trolley(CarBody):
     def centre_of_mass(self, x: tuple[ContactState, ContactState]) -> tuple[Array, Array]:
         return x[0].c, x[0].dc
 
-    def state_from_numbers(self, numbers: Array) -> tuple[ContactState, ContactState]:
+    def state_from_values(self, contact_values: Array) -> tuple[ContactState, ContactState]:
         """The rear wheel, with angle, centre and F of the car, and the front wheel."""
-        return ContactState(numbers[..., 0, :]), ContactState(numbers[..., 1, :])
+        return ContactState(contact_values[..., 0, :]), ContactState(contact_values[..., 1, :])
 
     def wheels(self, x: tuple[ContactState, ContactState]) -> Sequence[ContactState]:
         return x

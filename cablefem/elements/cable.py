@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cablefem import newmark
 from cablefem.elements import observing
 from cablefem.elements.kernels import collocation
-from cablefem.elements.kernels.balance import Cable, Contact, Instant, Mesh, assemble, assemble_inertia
+from cablefem.elements.kernels.balance import Cable, Contact, Instant, Mesh, assemble, assemble_inertia_and_damping
 from cablefem.elements.kernels.banded import Tangent, factorise, solve
 from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY
 from cablefem.elements.kernels.newton import NO_TANGENT, Steps, solve_steps
@@ -175,7 +175,7 @@ class CableElements(System):
         """Set r at x, rows q, v, a, and unless the factors are 0 the tangent in `_tangent`."""
         if self._assembled_at != (t, phase):
             self._now = Instant(self._inputs(np.array([t]), phase)[0], self._bands, self._contact_at(t, phase))
-            assemble_inertia(self._cable, self._now)
+            assemble_inertia_and_damping(self._cable, self._now)
             self._assembled_at = (t, phase)
         self.min_tension = assemble(self._cable, self._now, x, r, self._tangent, factors)
 
@@ -314,9 +314,9 @@ class CableElements(System):
         if self.model == "full":
             self._law = np.array([g.alpha, g.sigma, g.c, flag])
         else:
-            tau = 1.0 / g.chord_cos
-            curvature = 0.0 if self.model == "straight" else g.sigma * g.chord_cos / tau
-            self._law = np.array([g.alpha, tau, curvature, *STRETCHING[self.model], flag])
+            T_chord = 1.0 / g.chord_cos
+            curvature = 0.0 if self.model == "straight" else g.sigma * g.chord_cos / T_chord
+            self._law = np.array([g.alpha, T_chord, curvature, *STRETCHING[self.model], flag])
 
     def static_shape(self, s_o: Any) -> tuple[Array, Array, Array]:
         """Position, slope and curvature (..., fields) of the static shape; the parabola for one field."""

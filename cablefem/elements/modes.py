@@ -27,8 +27,10 @@ def sag_stretch_form(eta, w):
     return w["slope"] * eta.grad[0]
 
 
-def bare_frequencies(groups: Groups, *, elements: int = 10, degree: int = 8, model: str = "full", n: int = 10) -> Array:
-    """The n lowest circular frequencies omega l sqrt(rho/H), ascending, (n,).
+def scaled_frequencies(
+    groups: Groups, *, elements: int = 10, degree: int = 8, model: str = "full", n: int = 10
+) -> Array:
+    """The n lowest circular frequencies of the bare cable, omega l sqrt(rho/H), ascending, (n,).
 
     elements : on the whole cable; degree : 1 to 8.
     model : "full", "string", "sagged" (Irvine & Caughey's theory), or "stretching", at rest the same.
@@ -49,8 +51,8 @@ def bare_frequencies(groups: Groups, *, elements: int = 10, degree: int = 8, mod
         K = block_array([[stiffness(T + axial * xp * xp), coupling], [coupling, stiffness(T + axial * yp * yp)]])
         M = block_array([[M, None], [None, M]])
     else:
-        tau = 1.0 / groups.chord_cos
-        slope = groups.sigma * groups.chord_cos / tau * (0.5 - s)
+        T_chord = 1.0 / groups.chord_cos
+        slope = groups.sigma * groups.chord_cos / T_chord * (0.5 - s)
         sag = sag_stretch_form.assemble(basis, slope=slope)[inner]
-        K = stiffness(np.full_like(s, tau)) + STRETCHING[model][0] * groups.alpha * csr_array(np.outer(sag, sag))
+        K = stiffness(np.full_like(s, T_chord)) + STRETCHING[model][0] * groups.alpha * csr_array(np.outer(sag, sag))
     return np.sqrt(eigh(K.toarray(), M.toarray(), eigvals_only=True, subset_by_index=(0, n - 1)))

@@ -174,16 +174,16 @@ def strain_energy(system: CableElements, mesh_at: Array, q: Array) -> StrainStat
         tension_min = np.take_along_axis(N, at, axis=0)[0]
         tension_min_at = np.take_along_axis(s, at, axis=0)[0]
     else:
-        alpha, tau, curvature, lam, kap, kind = system._law
+        alpha, T_chord, curvature, lam, kap, kind = system._law
         (w_s,) = w_s
         y = curvature * (0.5 - s)
         eps = lam * np.sum(weight * (y * w_s + 0.5 * kap * w_s * w_s), axis=0)
-        N, _, W = tension(eps, tau, alpha, kind)
-        tension_min = tau + alpha * eps
+        N, _, W = tension(eps, T_chord, alpha, kind)
+        tension_min = T_chord + alpha * eps
         tension_min_at = np.full(s_o.size, 0.5)
-        rise = N - tau
-        energy = 0.5 * tau * np.sum(weight * w_s * w_s, axis=0) + W - tau * eps
-        f = (tau * w_s + rise * (y + kap * w_s))[None]
+        rise = N - T_chord
+        energy = 0.5 * T_chord * np.sum(weight * w_s * w_s, axis=0) + W - T_chord * eps
+        f = (T_chord * w_s + rise * (y + kap * w_s))[None]
     of_sides = np.where([points.behind[:, 0], ~points.behind[:, 0]], points.weights[:, 0], 0.0)  # (2, p)
     return StrainState(energy, tension_min, tension_min_at, rise, np.tensordot(of_sides, f, (1, 1)))
 
@@ -272,11 +272,11 @@ def _tensions_at_mass(
 def _chord_tensions(system: CableElements, ends: Array, rise: Array, T: Array) -> dict[str, Any]:
     """The same for one field; its tension rises uniformly."""
     g = system.groups
-    tau, curvature = system._law[1:3]
+    T_chord, curvature = system._law[1:3]
     chord = np.array([g.chord_cos, g.chord_sin])
-    along = (tau + rise)[:, None] * chord
-    left = along + (ends[0].T + 0.5 * tau * curvature) @ system.direction
-    right = along + (ends[3].T - 0.5 * tau * curvature) @ system.direction
+    along = (T_chord + rise)[:, None] * chord
+    left = along + (ends[0].T + 0.5 * T_chord * curvature) @ system.direction
+    right = along + (ends[3].T - 0.5 * T_chord * curvature) @ system.direction
     at_mass = T + rise
     return {"T_behind": at_mass, "T_ahead": at_mass, "reaction_left": -left, "reaction_right": right}
 

@@ -80,7 +80,7 @@ class RollingElements(RollingCar, FollowingElements):
         self.reset()
         if not self.free:
             s_o, ds, _ = self.motion.at(t, 0)
-            return newmark.quasi_static_start(self, self._rest_on_rope, s_o, ds)
+            return newmark.quasi_static_start(self, self._rest_of_hauled_car, s_o, ds)
         s_o = self.drive.start
         zero = np.zeros(self.n_dof)
         x = State(t, np.append(equilibrium(self.with_clamped_car(s_o)), s_o), zero, zero.copy(), 0)
@@ -183,7 +183,7 @@ class RollingElements(RollingCar, FollowingElements):
         """The cable at rest with the car clamped to it."""
         return FollowingElements(replace(self.groups, motion=rest_motion(s_o, 1.0), drive=GRIP), **self._at_rest)
 
-    def _rest_on_rope(self, s_o: float) -> Array:
+    def _rest_of_hauled_car(self, s_o: float) -> Array:
         """q of a hauled car at rest on its rope, about to move."""
         still = replace(self.groups, motion=rest_motion(s_o, 1.0), drive=replace(self.drive, k=0.0))
         on_its_rope = CarOnRope(still, **self._at_rest)

@@ -18,8 +18,8 @@ def step_times(system: System, steps: int, *, entry: float = 1.0, exit: float = 
     dt = (phases[-1][1] - phases[0][0]) / steps
     grids = []
     for i, (t0, t1) in enumerate(phases):
-        begin = _ramp(dt, entry if i == 0 else 1.0)
-        end = _ramp(dt, exit if i == len(phases) - 1 else 1.0)
+        begin = _growing_steps(dt, entry if i == 0 else 1.0)
+        end = _growing_steps(dt, exit if i == len(phases) - 1 else 1.0)
         uniform = t1 - t0 - float(begin.sum() + end.sum())
         count = max(2, round(uniform / dt))
         inner = np.full(count, max(uniform / count, dt))
@@ -31,7 +31,7 @@ def step_times(system: System, steps: int, *, entry: float = 1.0, exit: float = 
     return grids
 
 
-def _ramp(dt: float, fraction: float) -> Array:
+def _growing_steps(dt: float, fraction: float) -> Array:
     """Steps that grow from `fraction` dt to dt."""
     count = math.ceil(-math.log(fraction) / math.log(GROWTH))
     return np.minimum(dt, fraction * dt * GROWTH ** np.arange(count))

@@ -29,16 +29,16 @@ class Wind(Part):
 def first_frequency(X: Catenary, EA: float, gravity: float) -> float:
     """omega_1 [rad/s] of the empty cable, at most that of the antisymmetric mode, x = pi.
 
-    tan(x) = x - 4 x^3/L^2, omega = 2 x sqrt(tau/rho)/l, tau = H chord/span (Irvine 1981, 2.4).
+    tan(x) = x - 4 x^3/L^2, omega = 2 x sqrt(T_chord/rho)/l, T_chord = H chord/span (Irvine 1981, 2.4).
     """
     L2 = X.irvine(EA)
-    tau = X.horizontal_tension / (X.span / X.chord)
+    T_chord = X.horizontal_tension / (X.span / X.chord)
 
     def frequency_equation(x: float) -> float:  # times L^2 cos(x): no poles
         return L2 * (x * math.cos(x) - math.sin(x)) - 4.0 * x**3 * math.cos(x)
 
     x = bisect_zero(frequency_equation, 0.5 * math.pi, math.pi) if frequency_equation(math.pi) > 0.0 else math.pi
-    return 2.0 * x * math.sqrt(tau * gravity / X.weight) / X.length
+    return 2.0 * x * math.sqrt(T_chord * gravity / X.weight) / X.length
 
 
 def damping_rates(X: Catenary, cable: Cable, wind: Wind | None, gravity: float) -> tuple[float, float]:

@@ -98,8 +98,8 @@ class Described(Part):
         """A file that reads back as this."""
         return tomli_w.dumps(self._tables())
 
-    def _tables(self, changes: Container[str] = ()) -> dict[str, Any]:
-        """Its tables, without what changes of these dotted keys replace."""
+    def _tables(self, replaced_keys: Container[str] = ()) -> dict[str, Any]:
+        """Its TOML tables, without what new values of the dotted keys `replaced_keys` replace."""
         return {"name": self.name, **self.model_dump(exclude_none=True, exclude_defaults=True)}
 
     def replace(self, changes: Mapping[str, Any]) -> Self:

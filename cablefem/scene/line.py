@@ -294,8 +294,8 @@ class Line(Described):
         """Number of positions of the cars."""
         return max((len(car.positions) for car in self.car), default=1)
 
-    def _tables(self, changes: Container[str] = ()) -> dict[str, Any]:
-        data = super()._tables(changes)
+    def _tables(self, replaced_keys: Container[str] = ()) -> dict[str, Any]:
+        data = super()._tables(replaced_keys)
         for table, car in zip(data.get("car", ()), self.car, strict=True):
             if car.travel is not None:
                 table["travel"]["kind"] = car.travel.kind

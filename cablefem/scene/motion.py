@@ -52,8 +52,8 @@ class Motion:
 
     def kinematics(self, t: np.ndarray, phase: np.ndarray | int) -> np.ndarray:
         """Of many instants, as `at`: rows s_o, ds_o, dds_o, (3, n)."""
-        first, last = self._ends[:, phase]
-        piece = np.minimum(np.maximum(self._piece(t), first), last)
+        first, last = self._first_and_last_pieces[:, phase]
+        piece = np.minimum(np.maximum(self._piece_index(t), first), last)
         out = np.array(self._piece_columns(piece)(t))
         out[0, t == self.phases[-1][1]] = self.end
         return out
@@ -81,7 +81,7 @@ class Motion:
         """s_o at t, same shape; constant outside the travel."""
         stop = self.phases[-1][1]
         t = np.clip(np.asarray(t, dtype=float), 0.0, stop)
-        return np.where(t == stop, self.end, self._piece_columns(self._piece(t))(t)[0])
+        return np.where(t == stop, self.end, self._piece_columns(self._piece_index(t))(t)[0])
 
     def time_at(self, s_o: float) -> float:
         """When the mass comes to s_o; ValueError if never."""
@@ -107,12 +107,12 @@ class Motion:
         return high
 
     @cached_property
-    def _ends(self) -> np.ndarray:
+    def _first_and_last_pieces(self) -> np.ndarray:
         """First and last piece of each phase (2, n)."""
         counts = np.array([len(pieces) for pieces in self.pieces])
         return np.stack([np.cumsum(counts) - counts, np.cumsum(counts) - 1])
 
-    def _piece(self, t) -> np.ndarray:
+    def _piece_index(self, t) -> np.ndarray:
         return np.searchsorted(self._columns[0, 1:], t, side="right")
 
     def _piece_columns(self, index: np.ndarray) -> Piece:

@@ -130,14 +130,14 @@ class Scene(Described):
             raise SceneError([OF_ONE_SPAN])
         return super().from_toml(text, name=name, folder=folder)
 
-    def _tables(self, changes: Container[str] = ()) -> dict[str, Any]:
+    def _tables(self, replaced_keys: Container[str] = ()) -> dict[str, Any]:
         brief = {"mass", "drive", "wind", "obstacle", "ground", "limits"}
         data = self.model_dump(exclude_none=True, exclude=brief)
         data |= self.model_dump(exclude_none=True, exclude_defaults=True, include=brief)
         for table, name in (("travel", "rest"), ("cable", "damping")):
             if not data.get(table, {}).get(name, 1.0):
                 del data[table][name]
-        if any(f"cable.{shape}" in changes for shape in SHAPES):
+        if any(f"cable.{shape}" in replaced_keys for shape in SHAPES):
             data["cable"] = {k: x for k, x in data["cable"].items() if k not in SHAPES}
         return data
 

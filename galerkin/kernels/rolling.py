@@ -388,7 +388,7 @@ def car_by_slopes(loads, sines, kinematics, state):
 
 
 @inner
-def begin_step(ride, history, rule, i, car):
+def record_car_and_update_ride(ride, history, rule, i, car):
     """Add the car at the start of step i to `past`; return the `Ride` of the step."""
     past = history.past
     newest = history.past.shape[0] - history.t.size + i
@@ -402,7 +402,7 @@ def begin_step(ride, history, rule, i, car):
 
 
 @inner
-def end_step(ride, history, sines, kinematics, rule, i, end):
+def car_at_step_end(ride, history, sines, kinematics, rule, i, end):
     """The car at the end of step i; a hauled one where the step is balanced."""
     if ride.mode == HAULED:
         return car_by_slopes(ride.loads, sines, kinematics_in_row(kinematics, i), end)

@@ -191,7 +191,7 @@ def solve_steps(ride, history, sines, kinematics, start, rules, newton):
         rule = rules[i]
         begin = start if i == 0 else ends[i - 1]
         if history is not None and history.t.size > 0 and ride.mode != rolling.HAULED:
-            now_ride = rolling.begin_step(ride, history, rule, i, now_car)
+            now_ride = rolling.record_car_and_update_ride(ride, history, rule, i, now_car)
         elif i > 0:
             now = instant_at(sines, kinematics_in_row(kinematics, i))
         result = solve_step(now, now_ride, sines, (begin, ends[i]), rule, newton, workspace)
@@ -200,7 +200,7 @@ def solve_steps(ride, history, sines, kinematics, start, rules, newton):
         if slack or not result[0] <= newton.bound:
             return i, ends, results
         if history is not None and history.t.size > 0:
-            now_car = rolling.end_step(ride, history, sines, kinematics, rule, i, ends[i])
+            now_car = rolling.car_at_step_end(ride, history, sines, kinematics, rule, i, ends[i])
             if rolling.has_event(ride, history, ends[i], now_car):
                 return i, ends, results
     return m, ends, results

@@ -8,7 +8,7 @@ import pytest
 from cablefem import Scene
 from cablefem.newmark import Newton, integrate, scheme, step_times
 from cablefem.scene.motion import Motion, Piece
-from galerkin.abscissa import PositionAbscissa
+from galerkin.abscissa import SystemOverPosition
 from galerkin.bases import Daubechies, Fourier
 from galerkin.equations import GalerkinSystem
 from tests.galerkin.test_equations import PLACE, STEEP
@@ -29,7 +29,7 @@ def travel(system, steps, until=0.8):
 def test_residual_is_that_of_the_wrapped_system(kink):
     """Any g, g', g'' at a place against q, dq/dt, d2q/dt2 at its time: (45) is (19) by the chain rule."""
     system = GalerkinSystem(STEEP, Fourier(4), kink=kink)
-    wrapped = PositionAbscissa(system)
+    wrapped = SystemOverPosition(system)
     g, g1, g2 = 0.02 * np.random.default_rng(2).standard_normal((3, system.n_dof))
     t = 1.7
     s_o, ds_o, dds_o = STEEP.motion.at(t, 1)
@@ -43,7 +43,7 @@ def test_residual_is_that_of_the_wrapped_system(kink):
 
 def test_start_from_rest_tends_to_the_papers():
     """(48), g''(0) = M^-1(0) dF(0)/ds_o / (3 dds_o) with F of (27), is the limit of a balance close to the support."""
-    wrapped = PositionAbscissa(GalerkinSystem(INCLINED, Daubechies(4, 1)))
+    wrapped = SystemOverPosition(GalerkinSystem(INCLINED, Daubechies(4, 1)))
     _, xp, yp, _, _ = INCLINED.tension_and_derivatives(0.0)
     a, mu, sigma = INCLINED.motion.at(0.0, 0)[2], INCLINED.mu, INCLINED.sigma
     basis = wrapped.system.basis.basis
@@ -74,7 +74,7 @@ def test_path_is_that_of_time(groups, kink):
     system = GalerkinSystem(groups, Fourier(8), kink=kink)
     states, s_o = march(system, 800, until=0.41)
     fine = system.observe(states, s_o[:1], np.arange(0)).path[:, 1]
-    wrapped = PositionAbscissa(system)
+    wrapped = SystemOverPosition(system)
 
     def gap(steps):
         x = travel(wrapped, steps, until=0.4)
@@ -86,7 +86,7 @@ def test_path_is_that_of_time(groups, kink):
 
 
 def test_states_in_time():
-    wrapped = PositionAbscissa(GalerkinSystem(CRUISE, Fourier(5), kink=True))
+    wrapped = SystemOverPosition(GalerkinSystem(CRUISE, Fourier(5), kink=True))
     x = travel(wrapped, 60, until=0.5)
     y = wrapped.in_time(x)
     at = [CRUISE.motion.at(t, k) for t, k in zip(y.t, y.phase, strict=True)]
@@ -103,7 +103,7 @@ def test_states_in_time():
 
 
 def test_a_law_is_passed_on():
-    wrapped = PositionAbscissa(GalerkinSystem(INCLINED, Fourier(5)))
+    wrapped = SystemOverPosition(GalerkinSystem(INCLINED, Fourier(5)))
     other = wrapped.with_law("tension-only")
     assert (other.system.law, wrapped.system.law) == ("tension-only", "elastic")
     assert other.system.basis is wrapped.system.basis
@@ -116,9 +116,9 @@ def test_a_halt_on_the_way_is_refused():
     halt = Piece(1.0, 1.0, 0.4, 0.0, 0.1)
     stop = Motion(((0.0, 1.0), (1.0, 2.0)), ((Piece(0.0, 0.0, 0.0, 0.8, -0.4),), (halt,)), 0.5)
     with pytest.raises(ValueError, match="stands still"):
-        PositionAbscissa(GalerkinSystem(replace(INCLINED, motion=stop), Fourier(3)))
+        SystemOverPosition(GalerkinSystem(replace(INCLINED, motion=stop), Fourier(3)))
     lazy = Motion(((0.0, 2.0),), ((Piece(0.0, 0.0, 0.0, 0.0, 0.0, 0.1),),), 0.8)
     with pytest.raises(ValueError, match="neither speed nor acceleration"):
-        PositionAbscissa(GalerkinSystem(replace(INCLINED, motion=lazy), Fourier(3)))
+        SystemOverPosition(GalerkinSystem(replace(INCLINED, motion=lazy), Fourier(3)))
     assert Scene.load("level").groups.motion.phases  # a plain travel is not refused
-    PositionAbscissa(GalerkinSystem(LEVEL, Fourier(3)))
+    SystemOverPosition(GalerkinSystem(LEVEL, Fourier(3)))

@@ -99,10 +99,9 @@ def inertia_terms(system, t, phase, q, v, a):
     """The residual without internal force and weight."""
     s_o = system.motion.at(t, phase)[0]
     weight = np.multiply.outer(system.mu * system.cable.weight, system.basis.inertia_terms(s_o, 0.0, 0.0).f)
-    return (
-        system.residual(t, q, v, a, phase)
-        - (system.cable.internal_force(system.instant(t, phase).tables, q_of(system, q))[0] - weight).ravel()
-    )
+    tables = system.instant(t, phase).tables
+    internal = system.cable.internal_force_and_tensions(tables, q_of(system, q))[0]
+    return system.residual(t, q, v, a, phase) - (internal - weight).ravel()
 
 
 def q_of(system, q):
@@ -176,7 +175,7 @@ def test_internal_force_is_the_printed_one(law, kink):
     system = GalerkinSystem(STEEP, Fourier(6), kink=kink, law=law)
     q, (s_o, _, _) = random_state(system, 3, 2e-3 if law == "elastic" else 1e-2)[0], MOTION.at(0.9, 0)
     place = system.instant(0.9, 0).tables
-    force, pull = system.cable.internal_force(place, q_of(system, q))
+    force, pull = system.cable.internal_force_and_tensions(place, q_of(system, q))
     # slack in part of the cable: N has kinks that no rule resolves, hence per mille of the largest force
     assert system.cable.min_tension(system.basis, place, pull)[0] < 0.0  # the elastic tension, whatever the law
     atol = 1e-11 if law == "elastic" else 1e-2 * np.abs(force).max()
@@ -190,7 +189,7 @@ def test_internal_force_is_the_printed_one(law, kink):
 def test_hanging_cable_is_an_exact_equilibrium(model, kink, basis):
     system = GalerkinSystem(STEEP, basis, kink=kink, model=model)
     place = system.instant(0.4, 0).tables
-    force, pull = system.cable.internal_force(place, np.zeros((system.fields, system.n)))
+    force, pull = system.cable.internal_force_and_tensions(place, np.zeros((system.fields, system.n)))
     least, where = system.cable.min_tension(system.basis, place, pull)
     assert np.abs(force).max() == 0.0
     assert abs(least - STEEP.tension_and_derivatives(where)[0]) < 1e-15
@@ -203,7 +202,7 @@ def test_a_straight_cable_bends_at_the_hat_alone():
     s_o, _, _ = MOTION.at(0.8, 0)
     Q = np.zeros((2, system.n))
     Q[:, -1] = 0.07, 0.11
-    force = system.cable.internal_force(system.instant(0.8, 0).tables, Q)[0]
+    force = system.cable.internal_force_and_tensions(system.instant(0.8, 0).tables, Q)[0]
     pull = []
     for length, sign in ((s_o, 1.0), (1.0 - s_o, -1.0)):
         r = np.array([1.0, 0.0]) + sign * Q[:, -1] / length
@@ -225,7 +224,7 @@ def test_one_field_force_by_quadrature(model, kink):
     w_s, y_s = slope @ q, static(system, s)[1][0]
     h = STEEP.alpha * (w @ (y_s * w_s + 0.5 * kap * w_s**2))
     place = system.instant(0.9, 0).tables
-    force, pull = system.cable.internal_force(place, q[None])
+    force, pull = system.cable.internal_force_and_tensions(place, q[None])
     least, _ = system.cable.min_tension(system.basis, place, pull)
     np.testing.assert_allclose(force[0], (w * (tau * w_s + h * (y_s + kap * w_s))) @ slope, rtol=0.0, atol=1e-11)
     assert abs(least - (STEEP.tension_and_derivatives(np.linspace(0.0, 1.0, 20001))[0].min() + h)) < 1e-8
@@ -238,7 +237,7 @@ def test_ripples_are_not_slack():
     ripple, slack = np.zeros((2, 2, 40))
     ripple[:, -1] = 1.3 / (40 * np.pi * STEEP.alpha) * np.array([STEEP.chord_cos, STEEP.chord_sin])
     slack[:, 0] = 40.0 * ripple[:, -1]
-    pulls = [system.cable.internal_force(place, Q)[1] for Q in (ripple, slack)]
+    pulls = [system.cable.internal_force_and_tensions(place, Q)[1] for Q in (ripple, slack)]
     assert max(pull.min() for pull in pulls) < -0.1
     least = [system.cable.min_tension(system.basis, place, pull)[0] for pull in pulls]
     assert least[0] > 0.0

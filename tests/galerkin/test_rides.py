@@ -13,7 +13,7 @@ from cablefem.newmark.newmark_rule import NewmarkRule
 from cablefem.scene import ConstantSpeed
 from cablefem.scene.drive import Drive
 from cablefem.scene.statics import gripped_rest
-from galerkin import Daubechies, Fourier, GalerkinSystem, PositionAbscissa, RollingSystem
+from galerkin import Daubechies, Fourier, GalerkinSystem, RollingSystem, SystemOverPosition
 from tests.galerkin.test_equations import DAMPED, STEEP, random_state
 from tests.runs import LEVEL, observe, stack
 from tests.scene.test_ride import ROPE, ZIP
@@ -219,4 +219,4 @@ def test_what_cannot_roll():
         with pytest.raises(ValueError, match="take method fourier-kink"):
             RollingSystem(groups, basis, kink=kink)
     with pytest.raises(ValueError, match="no clock"):
-        PositionAbscissa(RollingSystem(groups, Fourier(5)))
+        SystemOverPosition(RollingSystem(groups, Fourier(5)))

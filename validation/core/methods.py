@@ -185,7 +185,7 @@ GRADING = 0.8
 
 
 def _build_galerkin(family: str, kink: bool, groups: Groups, x: dict[str, Any], **options: Any) -> Solver:
-    from galerkin.abscissa import PositionAbscissa
+    from galerkin.abscissa import SystemOverPosition
     from galerkin.bases.daubechies import Daubechies
     from galerkin.bases.fourier import Fourier
     from galerkin.equations import GalerkinSystem
@@ -198,7 +198,7 @@ def _build_galerkin(family: str, kink: bool, groups: Groups, x: dict[str, Any], 
     else:
         graded = free and kink and x["terms"] > 1  # graded sums use the second sine
         solver = system(groups, Fourier(x["terms"], GRADING if graded else 0.0), kink=kink, **options)
-    return PositionAbscissa(solver) if x["abscissa"] == "s" else solver
+    return SystemOverPosition(solver) if x["abscissa"] == "s" else solver
 
 
 def _element_resolution(unknowns: int) -> Resolution:

@@ -43,7 +43,7 @@ class Instant(NamedTuple):
 
 
 @compiled
-def assemble_inertia(cable, now):
+def assemble_inertia_and_damping(cable, now):
     """Set the diagonals of M, C and K, README.md, 2; on a fixed mesh C = c_d M and K = 0.
 
     Damping replaces w.. by w.. + c_d w.: dh/dt by dh/dt + c_d h, and dds_o by dds_o + c_d ds_o.
@@ -301,8 +301,8 @@ def add_forces(cable, s_o, r, ab, c0):
 def add_chord(cable, s_o, q, r, tangent, factors):
     """Add the internal force of the one-field models; return the tension along the chord.
 
-    tau w' + h (y_n' + kap w'), h = alpha eps, eps = lam int (y_n' w' + kap w'^2 / 2) ds;
-    law = (alpha, tau, curvature, lam, kap, law), y_n' = curvature (1/2 - s).
+    T_chord w' + h (y_n' + kap w'), h = alpha eps, eps = lam int (y_n' w' + kap w'^2 / 2) ds;
+    law = (alpha, T_chord, curvature, lam, kap, law), y_n' = curvature (1/2 - s).
     With u = int (y_n' + kap w') phi' ds, or 0 where the cable is slack, the tangent is A + c0 alpha lam u u^T.
     The border has u . x as its unknown.
     """
@@ -311,7 +311,7 @@ def add_chord(cable, s_o, q, r, tangent, factors):
     ab, border = tangent
     wants = is_tangent_required(factors)
     alpha = cable.law[0]
-    tau = cable.law[1]
+    T_chord = cable.law[1]
     curvature = cable.law[2]
     lam = cable.law[3]
     kap = cable.law[4]
@@ -335,7 +335,7 @@ def add_chord(cable, s_o, q, r, tangent, factors):
             at[0, e * n_q + g] = w
             at[1, e * n_q + g] = y + kap * w
             eps += lam * tab[e, g, 1] * h * (y * w + 0.5 * kap * w * w)
-    N, dN, _ = tension(eps, tau, alpha, cable.law[5])
+    N, dN, _ = tension(eps, T_chord, alpha, cable.law[5])
     total = factors[0] + factors[1] + factors[2]  # scales the last row: linear in the factors
     if wants:
         border[:] = 0.0
@@ -346,13 +346,13 @@ def add_chord(cable, s_o, q, r, tangent, factors):
             weight = tab[e, g, 1]
             w = at[0, e * n_q + g]
             y = at[1, e * n_q + g]
-            stiffness = factors[0] * weight / h * (tau + kap * (N - tau))
+            stiffness = factors[0] * weight / h * (T_chord + kap * (N - T_chord))
             for i in range(n_loc):
                 of = dofs[e, i]
                 gi = tab[e, g, 2 + n_loc + i]
                 if of < 0:
                     continue
-                r[of] += weight * gi * (tau * w + (N - tau) * y)
+                r[of] += weight * gi * (T_chord * w + (N - T_chord) * y)
                 if not wants:
                     continue
                 column[of] += factors[0] * lam * dN * weight * gi * y
@@ -360,4 +360,4 @@ def add_chord(cable, s_o, q, r, tangent, factors):
                 for j in range(n_loc):
                     if dofs[e, j] >= 0:
                         ab[of, band + dofs[e, j] - of] += gi * tab[e, g, 2 + n_loc + j] * stiffness
-    return tension(eps, tau, alpha, ELASTIC)[0]
+    return tension(eps, T_chord, alpha, ELASTIC)[0]

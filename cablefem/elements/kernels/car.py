@@ -17,7 +17,7 @@ from cablefem.elements.kernels import compiled, inner
 from cablefem.elements.kernels.balance import (
     Instant,
     assemble,
-    assemble_inertia,
+    assemble_inertia_and_damping,
     element_map,
     hanging_cable_at,
     is_tangent_required,
@@ -145,7 +145,7 @@ def assemble_with_car(cable, rolling_car, now, x, r, tangent, factors):
     inputs[3] = cx - car.mu * x[2, m]
     inputs[4] = cy - car.mu * x[2, m + 1]
     there = Instant(inputs, now.bands, now.contact)
-    assemble_inertia(cable, there)
+    assemble_inertia_and_damping(cable, there)
     min_tension, min_at = assemble(cable, there, x, r, tangent, factors)
     if is_tangent_required(factors):
         tangent.border[:] = 0.0

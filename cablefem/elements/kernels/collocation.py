@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cablefem.elements.kernels import compiled, inner
-from cablefem.elements.kernels.balance import Contact, Instant, assemble_inertia, element_map
+from cablefem.elements.kernels.balance import Contact, Instant, assemble_inertia_and_damping, element_map
 from cablefem.elements.kernels.banded import Tangent, factorise, solve
 from cablefem.elements.kernels.car import is_before_event
 from cablefem.elements.kernels.newton import NO_TANGENT, assemble_balance
@@ -65,7 +65,7 @@ def collocate(cable, rolling_car, workspace, steps, rule, newton):
             set_weighted_sums(steps.extrapolation[k], steps.a[k - 1], steps.a[k])
         for i in range(x.shape[0]):
             if steps.inputs.shape[2] > 3:  # with a car, `assemble_with_car` does this
-                assemble_inertia(cable, instant_at_node(steps.inputs[k], steps.contact, workspace.bands, i))
+                assemble_inertia_and_damping(cable, instant_at_node(steps.inputs[k], steps.contact, workspace.bands, i))
         step = Step(steps.inputs[k], steps.contact, steps.ends[k], steps.t[k + 1] - steps.t[k], steps.a[k])
         done, min_tension, min_at = solve_step(cable, rolling_car, workspace, step, rule, newton)
         result = steps.results[k]

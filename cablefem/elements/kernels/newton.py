@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cablefem.elements.kernels import compiled, inner
-from cablefem.elements.kernels.balance import Instant, assemble, assemble_inertia
+from cablefem.elements.kernels.balance import Instant, assemble, assemble_inertia_and_damping
 from cablefem.elements.kernels.banded import dot, factorise, solve
 from cablefem.elements.kernels.car import assemble_with_car, is_before_event
 
@@ -52,7 +52,7 @@ def solve_steps(cable, rolling_car, tangent, bands, steps, newton):
         rule = steps.rules[k]
         now = Instant(steps.inputs[k], bands, steps.contact)
         if now.inputs.size > 3:  # with a car, `assemble_with_car` does this
-            assemble_inertia(cable, now)
+            assemble_inertia_and_damping(cable, now)
         predict(begin, rule, end, x)
         factors = rule[0, 3] * rule[0, 4], rule[1, 3] * rule[1, 4], rule[2, 3] * rule[2, 4]
         norm = math.inf

@@ -27,7 +27,7 @@ class Modes:
         write_json(out / "modes.json", {name: omega.tolist() for name, omega in self.omega.items()})
 
 
-def cable_frequencies(
+def scaled_cable_frequencies(
     groups: Groups, *, elements: int | None = None, terms: int | None = None, level: int = 0, degree: int = 8,
     reading: Literal["literal", "scaling"] = "literal", **how: Any,
 ) -> Array:  # fmt: skip
@@ -37,12 +37,12 @@ def cable_frequencies(
     """
     from cablefem.elements import modes as by_elements
     from galerkin.bases import Daubechies, Fourier
-    from galerkin.modes import bare_frequencies
+    from galerkin.modes import scaled_frequencies
 
     if elements is not None:
-        return by_elements.bare_frequencies(groups, elements=elements, degree=degree, **how)
+        return by_elements.scaled_frequencies(groups, elements=elements, degree=degree, **how)
     basis: Any = Daubechies(order=4, level=level, reading=reading) if terms is None else Fourier(terms)
-    return bare_frequencies(groups, basis, **how)
+    return scaled_frequencies(groups, basis, **how)
 
 
 def modes(scene: Scene, out: Path | None = None, progress: Progress = no_progress) -> Modes:
@@ -54,9 +54,9 @@ def modes(scene: Scene, out: Path | None = None, progress: Progress = no_progres
 
     groups = scene.groups
     pairs = {
-        "elements": [cable_frequencies(groups, elements=n, n=COUNT) for n in (10, 5)],
-        "fourier": [cable_frequencies(groups, terms=n, n=COUNT) for n in (120, 60)],
-        "wavelet": [cable_frequencies(groups, level=n, n=COUNT) for n in (4, 3)],
+        "elements": [scaled_cable_frequencies(groups, elements=n, n=COUNT) for n in (10, 5)],
+        "fourier": [scaled_cable_frequencies(groups, terms=n, n=COUNT) for n in (120, 60)],
+        "wavelet": [scaled_cable_frequencies(groups, level=n, n=COUNT) for n in (4, 3)],
     }
     exact = catenary_modes.solve_modes(groups.sigma, groups.alpha, groups.c, count=COUNT)
     rows = []

@@ -22,7 +22,7 @@ from cablefem.scene import Drive, Groups, Scene
 from cablefem.scene.line import Line, LineRest
 from cablefem.scene.motion import rest_motion
 from validation import oracles
-from validation.commands.modes.study import cable_frequencies
+from validation.commands.modes.study import scaled_cable_frequencies
 from validation.core import store
 from validation.core.crossing import path_over_cable
 from validation.core.methods import ELEMENTS, LEVELS, METHODS, TERMS, find_method
@@ -209,7 +209,7 @@ class _Solvers:
         return MassPath(*path_over_cable(crossing.groups, name, settings, **crossing.run_arguments))
 
     def frequencies(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Array:
-        return cable_frequencies(groups, degree=2, model=model, n=count, **settings)
+        return scaled_cable_frequencies(groups, degree=2, model=model, n=count, **settings)
 
     def damped_frequencies(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Any:
         """Matrices of the linear model column by column, then its quadratic eigenvalues i w."""

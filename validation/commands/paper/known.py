@@ -12,7 +12,7 @@ import numpy as np
 from galerkin.bases import Basis
 from galerkin.bases.daubechies import Daubechies
 from galerkin.bases.fourier import Fourier
-from galerkin.modes import bare_frequencies
+from galerkin.modes import scaled_frequencies
 from validation.commands.paper import gibbs, measured, outlook, vibration
 from validation.commands.paper.runs import SETTINGS, Runs
 from validation.core import store
@@ -64,11 +64,11 @@ def first_frequency_by_terms(runs: Runs) -> dict[str, Any]:
     sines = [Fourier(n) for n in (*range(1, 21), 24, 30, 40, 59)]
 
     def frequencies_of(bases: Sequence[Basis]) -> dict[str, Any]:
-        first = [float(bare_frequencies(groups, basis, n=1)[0]) for basis in bases]
+        first = [float(scaled_frequencies(groups, basis, n=1)[0]) for basis in bases]
         return {"terms": [basis.n for basis in bases], "omega_1": first}
 
     def max_error_of_ten(basis: Basis) -> float:
-        return float(np.abs(bare_frequencies(groups, basis, n=10) / exact - 1.0).max())
+        return float(np.abs(scaled_frequencies(groups, basis, n=10) / exact - 1.0).max())
 
     return {
         "fourier": frequencies_of(sines), "wavelet": frequencies_of(wavelets), "exact": float(exact[0]),

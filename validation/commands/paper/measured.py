@@ -11,7 +11,7 @@ from scipy.signal import find_peaks
 
 from cablefem.response import Array, Response
 from cablefem.scene import Groups, Scene
-from galerkin.abscissa import PositionAbscissa
+from galerkin.abscissa import SystemOverPosition
 from galerkin.bases.daubechies import Daubechies
 from galerkin.bases.fourier import Fourier
 from galerkin.equations import GalerkinSystem
@@ -212,5 +212,5 @@ def start_formula_error(groups: Groups, d: float) -> float:
     force = np.array([a * xp[0], a * yp[0] - groups.sigma])
     load = -groups.mu * np.outer(slope, force)  # (terms, 2)
     printed = np.linalg.solve(system.basis.basis.mass(), load).T.ravel() / (3.0 * a)
-    balanced = PositionAbscissa(system).second_derivative_at_start(np.zeros(system.n_dof), d)
+    balanced = SystemOverPosition(system).second_derivative_at_start(np.zeros(system.n_dof), d)
     return float(np.linalg.norm(balanced - printed) / np.linalg.norm(printed))
