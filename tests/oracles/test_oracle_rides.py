@@ -62,12 +62,12 @@ def test_a_bead_on_a_string_that_gives_way_bounces(factor):
 
 @pytest.mark.parametrize("factor", [1.0, 1.003])
 def test_drag_on_an_incline_obeys_newton(factor):
-    given = {"mu": 0.31, "g": 0.7, "sin": 0.23, "k": 1.4}
+    given = {"mass": 0.31, "g": 0.7, "sin": 0.23, "drag_factor": 1.4}
     t = np.linspace(0.0, 6.0, 3001)
     s = incline.distance_with_drag(t, **given)
     v = CubicSpline(t, s)(t, 1)
     a = CubicSpline(t, v)(t, 1)[5:-5]
-    missing = np.abs(a - given["g"] * given["sin"] + factor * given["k"] / given["mu"] * v[5:-5] ** 2).max()
+    missing = np.abs(a - given["g"] * given["sin"] + factor * given["drag_factor"] / given["mass"] * v[5:-5] ** 2).max()
     assert (missing < 1e-6) == (factor == 1.0)
     assert incline.terminal_speed(**given) == pytest.approx(v[-1], rel=1e-2)
 
@@ -75,7 +75,7 @@ def test_drag_on_an_incline_obeys_newton(factor):
 @pytest.mark.parametrize("factor", [1.0, 1.003])
 def test_a_car_with_friction_and_a_brake_obeys_newton(factor):
     """mu s.. = mu g (sin - mu_r cos) - F_b [s > s_b] but at the brake; with F_b 0.3 % off (must fail) not."""
-    given = {"mu": 0.31, "g": 0.7, "sin": 0.23, "mu_r": 0.06, "F_b": 0.2}
+    given = {"mass": 0.31, "g": 0.7, "sin": 0.23, "rolling_friction": 0.06, "brake_force": 0.2}
     t = np.linspace(0.0, incline.stop_by_brake(0.53, **given)[0], 4001)[1:-1]
     s, h = incline.distance_with_brake(t, 0.53, **given), t[1] - t[0]
     a = (s[2:] - 2.0 * s[1:-1] + s[:-2]) / h**2
@@ -86,10 +86,11 @@ def test_a_car_with_friction_and_a_brake_obeys_newton(factor):
 
 def test_friction_and_brake_take_all_that_the_weight_has_given():
     mu, g, sin, mu_r, F_b, s_b = 0.31, 0.7, 0.23, 0.06, 0.2, 0.53
-    t, s = incline.stop_by_brake(s_b, mu=mu, g=g, sin=sin, mu_r=mu_r, F_b=F_b)
+    t, s = incline.stop_by_brake(s_b, mass=mu, g=g, sin=sin, rolling_friction=mu_r, brake_force=F_b)
     weight, cos = mu * g, math.sqrt(1.0 - sin**2)
     assert weight * sin * s == pytest.approx(mu_r * weight * cos * s + F_b * (s - s_b), rel=1e-13)
-    given, v_b = {"mu": mu, "g": g, "sin": sin, "mu_r": mu_r, "F_b": F_b}, math.sqrt(2.0 * g * (sin - mu_r * cos) * s_b)
+    given = {"mass": mu, "g": g, "sin": sin, "rolling_friction": mu_r, "brake_force": F_b}
+    v_b = math.sqrt(2.0 * g * (sin - mu_r * cos) * s_b)
     after = incline.distance_with_brake(np.array([t, t + 1.0]), s_b, **given)
     assert after[0] == after[1] == pytest.approx(s, rel=1e-14)
     at = v_b / (g * (sin - mu_r * cos))  # of the brake: place and speed on both sides
@@ -97,7 +98,7 @@ def test_friction_and_brake_take_all_that_the_weight_has_given():
     assert both[1] == pytest.approx(s_b, abs=2e-6) == both[2]
     np.testing.assert_allclose([both[1] - both[0], both[3] - both[2]], 1e-6 * v_b, rtol=1e-4)
     with pytest.raises(ValueError, match="must hold"):
-        incline.stop_by_brake(s_b, mu=mu, g=g, sin=sin, mu_r=mu_r, F_b=0.01)
+        incline.stop_by_brake(s_b, mass=mu, g=g, sin=sin, rolling_friction=mu_r, brake_force=0.01)
 
 
 @pytest.mark.parametrize("wrong", [False, True], ids=["rocket", "gripped"])

@@ -26,7 +26,7 @@ def outcome_of_run(scene: Scene, r: Response) -> Outcome:
     decides = scene.cable.breaking_load or scene.obstacle or scene.ground
     numbers = {row["quantity"]: row for row in r.design or design_numbers(r)} if decides else {}
     end = _outcome_of_travel(scene, r)
-    sentence = "; ".join([*_collision_sentences(numbers), end.sentence])
+    sentence = "; ".join([*_obstacle_hit_sentences(numbers), end.sentence])
     load = scene.cable.breaking_load
     safety = numbers.get("safety_factor_min")
     if load is None or safety is None:
@@ -47,7 +47,7 @@ def _range_by_bar(number: dict[str, Any]) -> tuple[float, float]:
     return number["value"] - bar, number["value"] + bar
 
 
-def _collision_sentences(numbers: dict[str, dict[str, Any]]) -> list[str]:
+def _obstacle_hit_sentences(numbers: dict[str, dict[str, Any]]) -> list[str]:
     """What rope or car would hit, and what is closer than its error bar."""
     ranges: dict[str, Any] = {}  # of each obstacle: smallest and largest possible clearance
     for quantity, number in numbers.items():

@@ -135,7 +135,7 @@ def _smooth_windows(t: Array, end: float) -> Iterator[tuple[slice, Array, Array,
         yield part, W, W1, W2
 
 
-def momentum_defects(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+def momentum_defects_by_window(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     """Defects (WINDOWS, 2) of the momentum of rope and cars, over the largest tension."""
     line = LineTables(toml)
     x = SampledMotion(line, motion, every)
@@ -167,7 +167,7 @@ def momentum_defects(toml: str, motion: Any, end: float, every: int = 1) -> Arra
     return np.array(out)
 
 
-def counterweight_defects(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+def counterweight_defects_by_window(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     """Defects of the motion of a counterweight, over its force."""
     line = LineTables(toml)
     steps = sampled_steps(motion.t, every)
@@ -211,7 +211,7 @@ def energy_defects(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     return np.asarray((E - E[0] - work_done(np.sum(powers, axis=0))) / done)
 
 
-def moment_defects(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+def moment_defects_by_window(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     """Defects of the moment of momentum of cabins and cars on two wheels, over their weight and size."""
     x = SampledMotion(LineTables(toml), motion, every)
     out = []
@@ -226,7 +226,7 @@ def moment_defects(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     return np.array(out)
 
 
-def kink_force_defects(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+def kink_force_defects_by_window(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     """Defects of the forces of cabins and wheels on the rope, by its tensions and slopes there, over the weight."""
     line = LineTables(toml)
     x = SampledMotion(line, motion, every)
@@ -251,13 +251,13 @@ def centre_of_mass_defects(toml: str, motion: Any, end: float, every: int = 1) -
 
 
 LAWS = {
-    "momentum of rope and cars": momentum_defects,
+    "momentum of rope and cars": momentum_defects_by_window,
     "energy and work": energy_defects,
 }
-COUNTERWEIGHT_LAWS = {"motion of the counterweight": counterweight_defects}
+COUNTERWEIGHT_LAWS = {"motion of the counterweight": counterweight_defects_by_window}
 BODY_LAWS = {
-    "moment of momentum of bodies": moment_defects,
-    "forces on kinks of the rope": kink_force_defects,
+    "moment of momentum of bodies": moment_defects_by_window,
+    "forces on kinks of the rope": kink_force_defects_by_window,
     "centres of mass": centre_of_mass_defects,
 }
 

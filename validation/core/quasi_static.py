@@ -297,13 +297,15 @@ def with_error_bars(scene: Scene, r: Response) -> Response:
 def ride_events(scene: Scene) -> list[dict[str, Any]]:
     """Events of the quasi-static ride of a free car; none of another car."""
     l = scene.length
-    tau = scene.time_scale
+    time_scale = scene.time_scale
     events = scene.ride.events if scene.ride is not None else []
-    return [{"event": e.event, "t": e.t * tau, "s_o": e.s_o * l, "speed": e.speed * l / tau} for e in events]
+    return [
+        {"event": e.event, "t": e.t * time_scale, "s_o": e.s_o * l, "speed": e.speed * l / time_scale} for e in events
+    ]
 
 
-def quasi_static_events(scene: Scene, max_deflection: float) -> list[dict[str, Any]]:
-    """Events of the quasi-static ride with bars; max_deflection : of a full run [m]."""
+def quasi_static_events(scene: Scene, full_run_deflection: float) -> list[dict[str, Any]]:
+    """Events of the quasi-static ride with bars; full_run_deflection : the largest [m] of a run of the full model."""
     ride = scene.ride
     if ride is None:
         return []
@@ -313,5 +315,5 @@ def quasi_static_events(scene: Scene, max_deflection: float) -> list[dict[str, A
     if ride.sections:
         s_o = scene.length * ride.at(t)[0]
         speed = scene.length / scene.time_scale * ride.speed(t)
-    inertia = InertiaErrors.estimated(scene, float(speed.max()), max_deflection)
+    inertia = InertiaErrors.estimated(scene, float(speed.max()), full_run_deflection)
     return [event | inertia.event_bars(event, scene.time_scale * t, s_o, speed) for event in ride_events(scene)]

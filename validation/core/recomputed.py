@@ -112,7 +112,7 @@ class RecomputedNumbers:
         if name:
             return self._clearance(kind == "clearance_car_min", self.profiles[name])
         if kind == "sag_car_rest":
-            return _sag_at_rest(self.r, self.data)
+            return _max_sag_of_car_at_rest(self.r, self.data)
         if kind in FROM_TOML:
             rates = timetable.ramp_accelerations(self.data.travel, self.data.drive, self.r.length)
             return max(0.0, *(rates if kind == "acceleration_max" else -rates))
@@ -146,7 +146,7 @@ class RecomputedNumbers:
         return min(heights) - below if math.isfinite(min(heights)) else None
 
 
-def _sag_at_rest(r: Response, data: SceneData) -> float:
+def _max_sag_of_car_at_rest(r: Response, data: SceneData) -> float:
     """Largest depth below the chord of a car at rest: a parabola through the largest of some places."""
     friction = data.drive.get("rolling_friction", 0.0) if r.drive == "haul" else None
     s_o = r.length * np.linspace(0.02, 0.98, 49)
@@ -322,7 +322,7 @@ def check_outcome(r: Response, counterpart: Response | None, kind: str, sentence
     else:
         right = _expected_outcome_of_travel(r, readings)
     bars = {row["quantity"]: row["bar"] or 0.0 for row in r.design}
-    right.parts = _collision_sentences(readings, bars)
+    right.parts = _obstacle_hit_sentences(readings, bars)
     if "safety_factor_min" in bars:
         _add_broken_rope(right, readings, bars["safety_factor_min"])
     return _recomputed_row(r, "outcome", "", 0.0 if right.matches(kind, sentence) else 1.0, ROUNDING)
@@ -386,7 +386,7 @@ def _end_and_duration(data: SceneData, length: float, start: float, end: float) 
     return (last, duration) if duration <= limit else (position_at(limit), limit)
 
 
-def _collision_sentences(readings: RecomputedNumbers, bars: dict[str, float]) -> list[str]:
+def _obstacle_hit_sentences(readings: RecomputedNumbers, bars: dict[str, float]) -> list[str]:
     """What is hit, and what is closer than its printed bar."""
     hit = []
     near = []

@@ -146,8 +146,9 @@ def observation_in_si(scene: Scene, observation: Observation, steps: NDArray[np.
     """
     l = scene.length
     H = scene.horizontal_tension
-    tau = scene.time_scale
-    scale = {"t": tau, "slope_behind": 1.0, "slope_ahead": 1.0, "du": l / tau, "dv": l / tau, "power": H * l / tau}
+    time_scale = scene.time_scale
+    speed = l / time_scale  # scale of velocities
+    scale = {"t": time_scale, "slope_behind": 1.0, "slope_ahead": 1.0, "du": speed, "dv": speed, "power": H * speed}
     scale |= dict.fromkeys(("s_o", "u", "v", "tension_min_at"), l)
     scale |= dict.fromkeys(("energy", "kinetic", "strain", "potential"), H * l)
 
@@ -164,9 +165,10 @@ def observation_in_si(scene: Scene, observation: Observation, steps: NDArray[np.
         T_static=H * scene.groups.tension_and_derivatives(s)[0],
     )  # fmt: skip
     return {
-        "fields": fields, **scaled_rows(steps, *_STEP_FORCES), "velocity": l / tau * observation.path_velocity[steps],
-        "acceleration": l / tau**2 * observation.path_acceleration[steps], "F_haul": H * observation.haul[steps],
-        "powers": {name: H * l / tau * power[steps] for name, power in observation.powers.items()},
+        "fields": fields, **scaled_rows(steps, *_STEP_FORCES), "velocity": speed * observation.path_velocity[steps],
+        "acceleration": speed / time_scale * observation.path_acceleration[steps],
+        "F_haul": H * observation.haul[steps],
+        "powers": {name: H * speed * power[steps] for name, power in observation.powers.items()},
     }  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 From rest, drag -k v |v|:   v_t^2 = mu g sin/k,   s = (mu/k) ln cosh(t v_t k/mu).
 Friction mu_r, brake force F_b from s_b on:   a = g (sin - mu_r cos),   v_b^2 = 2 a s_b,
     stop at s_b + v_b^2/(2 (F_b/mu - a)).
+The functions call mu the mass (over that of the cable), k the drag factor and s_b the position of the brake.
 Limit of a car on a cable for sigma -> 0, g = sigma.
 
 Source: Newton's law
@@ -21,32 +22,45 @@ from cablefem.scene import Scene
 from validation.oracles.case import RIDERS, Array, Limit, Solvers, refuse_unless, scene_in_units_of_cable
 
 
-def terminal_speed(*, mu: float, g: float, sin: float, k: float) -> float:
-    return math.sqrt(mu * g * sin / k)
+def terminal_speed(*, mass: float, g: float, sin: float, drag_factor: float) -> float:
+    return math.sqrt(mass * g * sin / drag_factor)
 
 
-def distance_with_drag(t: ArrayLike, *, mu: float, g: float, sin: float, k: float) -> Array:
+def distance_with_drag(t: ArrayLike, *, mass: float, g: float, sin: float, drag_factor: float) -> Array:
     """s(t) with drag."""
-    x = np.asarray(t, float) * terminal_speed(mu=mu, g=g, sin=sin, k=k) * k / mu
-    return mu / k * (x + np.log1p(np.exp(-2.0 * x)) - math.log(2.0))
+    x = np.asarray(t, float) * terminal_speed(mass=mass, g=g, sin=sin, drag_factor=drag_factor) * drag_factor / mass
+    return mass / drag_factor * (x + np.log1p(np.exp(-2.0 * x)) - math.log(2.0))
 
 
-def stop_by_brake(s_b: float, *, mu: float, g: float, sin: float, mu_r: float, F_b: float) -> tuple[float, float]:
+def stop_by_brake(
+    brake_position: float, *, mass: float, g: float, sin: float, rolling_friction: float, brake_force: float
+) -> tuple[float, float]:
     """(t, s) at which the brake stops the car."""
-    a = g * (sin - mu_r * math.sqrt(1.0 - sin * sin))
-    back = F_b / mu - a
+    a = g * (sin - rolling_friction * math.sqrt(1.0 - sin * sin))
+    back = brake_force / mass - a
     refuse_unless("the car must roll, the brake must hold it", a > 0.0, back > 0.0)
-    v_b = math.sqrt(2.0 * a * s_b)
-    return v_b / a + v_b / back, s_b + v_b * v_b / (2.0 * back)
+    v_b = math.sqrt(2.0 * a * brake_position)
+    return v_b / a + v_b / back, brake_position + v_b * v_b / (2.0 * back)
 
 
-def distance_with_brake(t: ArrayLike, s_b: float, *, mu: float, g: float, sin: float, mu_r: float, F_b: float) -> Array:
+def distance_with_brake(
+    t: ArrayLike,
+    brake_position: float,
+    *,
+    mass: float,
+    g: float,
+    sin: float,
+    rolling_friction: float,
+    brake_force: float,
+) -> Array:
     """s(t) with friction and brake."""
-    end, last = stop_by_brake(s_b, mu=mu, g=g, sin=sin, mu_r=mu_r, F_b=F_b)
-    a = g * (sin - mu_r * math.sqrt(1.0 - sin * sin))
+    end, last = stop_by_brake(
+        brake_position, mass=mass, g=g, sin=sin, rolling_friction=rolling_friction, brake_force=brake_force
+    )
+    a = g * (sin - rolling_friction * math.sqrt(1.0 - sin * sin))
     remaining = np.maximum(end - np.asarray(t, float), 0.0)
-    return np.where(remaining > end - math.sqrt(2.0 * s_b / a), 0.5 * a * np.asarray(t, float) ** 2,
-                    last - 0.5 * (F_b / mu - a) * remaining**2)  # fmt: skip
+    return np.where(remaining > end - math.sqrt(2.0 * brake_position / a), 0.5 * a * np.asarray(t, float) ** 2,
+                    last - 0.5 * (brake_force / mass - a) * remaining**2)  # fmt: skip
 
 
 MU = 0.3
@@ -60,24 +74,27 @@ def _straight_rope_scene(sigma: float, **drive: Any) -> Scene:
 
 
 def _drag_deviation(solvers: Solvers, method: str, sigma: float) -> Any:
-    k = 1.5
-    t_end = math.acosh(math.exp(0.7 * k / MU)) * MU / k / terminal_speed(mu=MU, g=sigma, sin=SIN, k=k)
-    scene = _straight_rope_scene(sigma, air_density=1.0, drag_area=2.0 * k, end={"time": t_end})
+    drag_factor = 1.5
+    exact: Any = {"mass": MU, "g": sigma, "sin": SIN, "drag_factor": drag_factor}
+    t_end = math.acosh(math.exp(0.7 * drag_factor / MU)) * MU / drag_factor / terminal_speed(**exact)
+    scene = _straight_rope_scene(sigma, air_density=1.0, drag_area=2.0 * drag_factor, end={"time": t_end})
     r = solvers.run_ride(scene, method, steps=200, scheme="generalized-alpha")
-    return r.s_o - START - distance_with_drag(r.t, mu=MU, g=sigma, sin=SIN, k=k)
+    return r.s_o - START - distance_with_drag(r.t, **exact)
 
 
 def _stop_deviation(solvers: Solvers, method: str, sigma: float) -> Any:
     shoe = 0.6
-    mu_r = 0.04
+    rolling_friction = 0.04
     force = 3.0 * MU * sigma * SIN
-    scene = _straight_rope_scene(sigma, rolling_friction=mu_r, brake=[{"from": shoe, "force": force}])
+    scene = _straight_rope_scene(sigma, rolling_friction=rolling_friction, brake=[{"from": shoe, "force": force}])
     r = solvers.run_ride(scene, method, steps=200, scheme="generalized-alpha")
     t = np.linspace(0.0, r.t[-1], 2001)
     return (
         np.interp(t, r.t, r.s_o)
         - START
-        - distance_with_brake(t, shoe - START, mu=MU, g=sigma, sin=SIN, mu_r=mu_r, F_b=force)
+        - distance_with_brake(
+            t, shoe - START, mass=MU, g=sigma, sin=SIN, rolling_friction=rolling_friction, brake_force=force
+        )
     )
 
 

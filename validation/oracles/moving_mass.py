@@ -48,7 +48,7 @@ DEGREE = 10
 POINTS, _TO_COEF, _INTEGRAL = chebyshev(DEGREE)
 
 
-def _panels_and_weights(t: Array, edges: Array) -> tuple[NDArray[np.intp], Array]:
+def _panels_and_interpolation_weights(t: Array, edges: Array) -> tuple[NDArray[np.intp], Array]:
     """Panels of the times t (n,), and weights (n, DEGREE + 1) of the values at their points."""
     k = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, edges.size - 2)
     return k, chebvander(2.0 * (t - edges[k]) / np.diff(edges)[k] - 1.0, DEGREE) @ _TO_COEF
@@ -91,7 +91,7 @@ class MassHistory:
         """y, F, G at t, each of its shape."""
         t = np.asarray(t, float)
         refuse_unless(f"t inside [0, {self.edges[-1]}]", t >= 0.0, t <= self.edges[-1])
-        k, weights = _panels_and_weights(t.ravel(), self.edges)
+        k, weights = _panels_and_interpolation_weights(t.ravel(), self.edges)
         y, F, G = np.einsum("fnk,nk->fn", self.values[:, k], weights).reshape(3, *t.shape)
         return y, F, G
 
@@ -125,7 +125,7 @@ def solve_moving_mass(motion: Motion, *, mu: float, sigma: float) -> MassHistory
 
     def reflected(sign: float, phase: Array) -> csr_array:
         arrived = phase > sign * motion.start_position
-        panel, weights = _panels_and_weights(_emission_times(motion, sign, phase, t), edges)
+        panel, weights = _panels_and_interpolation_weights(_emission_times(motion, sign, phase, t), edges)
         return sparse(panel, weights * arrived[:, None])
 
     one = eye_array(n)

@@ -105,11 +105,11 @@ def section_of_broken_part(part: Part, faults: Sequence[str]) -> Section:
     return Section(id, title, reason, "disagree", "It ended without a result.")
 
 
-def gather_report(root: Path, parts: Sequence[Part], broken: Sequence[Section] = ()) -> bool:
+def write_combined_report(root: Path, parts: Sequence[Part], broken: Sequence[Section] = ()) -> list[Section]:
     """Write the report of all finished results in a folder and its subfolders, these parts first.
 
     The first pages of all scenes of a command come before the rest, what broke before all.
-    Return whether anything on it is red.
+    Return all its sections, in their order.
     """
     pages: dict[str, tuple[list[Section], list[Section]]] = {}  # of each command: first ones, others
     for command, folder in _finished_results(root, parts):
@@ -123,7 +123,7 @@ def gather_report(root: Path, parts: Sequence[Part], broken: Sequence[Section] =
     page.write_page("cablefem", sections, root / "report.html")
     print_findings(sections)
     terminal.print_text(f"written to {root}: report.html")
-    return any(section.verdict == "disagree" for section in sections)
+    return sections
 
 
 def _finished_results(root: Path, parts: Sequence[Part]) -> list[tuple[str, Path]]:

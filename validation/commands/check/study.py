@@ -163,7 +163,7 @@ def check(
     a, b = (_with_widened_bars(x, counterpart, rows) for x, counterpart in (own, own[::-1]))
     static = quasi_static_events(scene, a.finest.max_deflection)
     rows += quasi_static_rows(a, static, tolerance_of("rest", tol, tol_tension))
-    rows += decided_by(recheck_outputs(scene, a.finest, b.finest), ask)
+    rows += mark_deciding_rows(recheck_outputs(scene, a.finest, b.finest), ask)
     if deep:
         from validation.commands.check import deep as third
 
@@ -171,7 +171,7 @@ def check(
     return Check(scene, a, b, tol, _compared_window(scene, a, b), rows, static, verification.verification_rows(*own))
 
 
-def decided_by(rows: Iterable[Agreement], ask: str) -> list[Agreement]:
+def mark_deciding_rows(rows: Iterable[Agreement], ask: str) -> list[Agreement]:
     """The rows, of which those that `ask` does not name are shown only."""
     names = DECIDING_QUANTITIES[ask]
     return [replace(row, decides=row.decides and (not names or row.quantity in names)) for row in rows]
@@ -248,10 +248,10 @@ def _refine_and_compare(
         first, other = run_in_parallel(jobs, progress, _import_judge)
         second = other.map(lambda r: replace(r, scene_toml=toml))  # the judge knows one scene alone
         ladders = [first, second]
-        rows = decided_by(compare_answers(scene, first, second, tolerance), ask)
+        rows = mark_deciding_rows(compare_answers(scene, first, second, tolerance), ask)
         finer = _finer_settings_of_sides(sides, ladders, rows, confirmed)
         if not any(finer):  # laws need not be checked on runs that are refined anyway
-            rows += decided_by(check_laws(scene, first, second, tolerance), ask)
+            rows += mark_deciding_rows(check_laws(scene, first, second, tolerance), ask)
             finer = _finer_settings_of_sides(sides, ladders, rows, confirmed)
         if not any(finer):
             return ladders, rows

@@ -33,8 +33,8 @@ NONE = Answer("failed", "", {})
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
-    """Where a condition changes along the key: the answer, neighbours that hold and fail, and how sure it is."""
+class Threshold:
+    """Value of the key at which a condition changes: the answer, neighbours that hold and fail, and how sure it is."""
 
     value: float
     holds_at: float
@@ -68,7 +68,7 @@ class FindResult:
 
     key: str
     condition: str
-    changes: list[Change]
+    changes: list[Threshold]
     tried_rows: list[dict[str, Any]] = field(default_factory=list)  # values, whether the condition holds, what happens
     interrupted: bool = False
 
@@ -155,13 +155,13 @@ def find(
         raise Refused(f"{key} = {low:g}:{high:g}: LOW must be below HIGH")
     search = _Search(scene, key, parse_condition(so_that), model, all_of or {}, progress, high - low)
     values = [low + (high - low) * i / BRACKETS for i in range(BRACKETS + 1)]
-    changes: list[Change] = []
+    changes: list[Threshold] = []
     try:
         search.refuse_unknown([low, high])
         for a, b in itertools.pairwise(values):
             if search.condition_holds(a) is not search.condition_holds(b):
-                changes.append(search.bisect_change(a, b))
-        changes = [search.change_with_bar(change, check) for change in changes]
+                changes.append(search.bisect_threshold(a, b))
+        changes = [search.threshold_with_bar(threshold, check) for threshold in changes]
     except KeyboardInterrupt:
         raise Interrupted(FindResult(key, so_that, changes, search.tried_rows(), interrupted=True)) from None
     return FindResult(key, so_that, changes, search.tried_rows())
@@ -228,8 +228,8 @@ class _Search:
     def condition_holds(self, value: float) -> bool:
         return all(room >= 0.0 for room in self.clause_margins(value))
 
-    def bisect_change(self, a: float, b: float) -> Change:
-        """The change between two values, by bisection; of numbers linear in the last interval."""
+    def bisect_threshold(self, a: float, b: float) -> Threshold:
+        """The threshold between two values, by bisection; of numbers linear in the last interval."""
         holds_at, fails_at = (a, b) if self.condition_holds(a) else (b, a)
         for _ in range(HALVINGS):
             share = self._crossing_share(holds_at, fails_at)
@@ -243,7 +243,7 @@ class _Search:
                     fails_at = x
         share = self._crossing_share(holds_at, fails_at)
         value = holds_at if math.isnan(share) else holds_at + share * (fails_at - holds_at)
-        return Change(value, holds_at, fails_at, self._failure_text(fails_at), unit=self._key_unit())
+        return Threshold(value, holds_at, fails_at, self._failure_text(fails_at), unit=self._key_unit())
 
     def _key_unit(self) -> str:
         """Unit of the key, of lists of tables that of the first."""
@@ -268,30 +268,30 @@ class _Search:
             return answer.sentence
         return f"{clause.name} {'<' if clause.sign > 0.0 else '>'} {clause.right} {clause.unit}".rstrip()
 
-    def change_with_bar(self, change: Change, check: bool) -> Change:
-        """The change with its bar: that of the number over its slope, or a range that the full model confirms.
+    def threshold_with_bar(self, threshold: Threshold, check: bool) -> Threshold:
+        """The threshold with its bar: that of the number over its slope, or a range that the full model confirms.
 
         check : by both solvers, else by the least model, which leaves words without a bar.
         """
-        before = self.clause_margins(change.holds_at)
-        after = self.clause_margins(change.fails_at)
+        before = self.clause_margins(threshold.holds_at)
+        after = self.clause_margins(threshold.fails_at)
         i, numeric = _deciding_clause(before, after)
         count = len(self.clauses)
         clause = self.clauses[i % count]
-        scene = self.scenes(change.holds_at)[min(i // count, len(before) // count - 1)]
+        scene = self.scenes(threshold.holds_at)[min(i // count, len(before) // count - 1)]
         for answer, verdict in self._judged_answers(scene, check):
-            change = replace(change, verdict=verdict)
+            threshold = replace(threshold, verdict=verdict)
             number = clause.number(answer) if numeric else None
             if number is None:
-                return self._with_confirmed_range(change) if check else change
-            slope = abs((after[i] - before[i]) / (change.fails_at - change.holds_at))
+                return self._with_confirmed_range(threshold) if check else threshold
+            slope = abs((after[i] - before[i]) / (threshold.fails_at - threshold.holds_at))
             off = abs(clause.margin(answer) - before[i])
             bar = math.inf if number.bar is None else (off + number.bar) / slope
             useful = bar < self.width / BRACKETS
-            change = replace(change, bar=bar if useful else None, checked=(i, number.value, number.bar))
+            threshold = replace(threshold, bar=bar if useful else None, checked=(i, number.value, number.bar))
             if useful or isinstance(scene, Line):
                 break
-        return change
+        return threshold
 
     def _judged_answers(self, scene: Any, check: bool) -> Iterator[tuple[Answer, str]]:
         """Answers that have bars, with the verdict: of checks, each finer, or of the least model without one."""
@@ -302,16 +302,16 @@ class _Search:
             self.progress("check", 0.95)
             yield checked_answer(scene, tol)
 
-    def _with_confirmed_range(self, change: Change) -> Change:
-        """The change with half of a range at whose ends the full model says the same; without one if none was found."""
+    def _with_confirmed_range(self, threshold: Threshold) -> Threshold:
+        """The threshold with half of a range at whose ends the full model says the same, if one was found."""
         full = replace(self, model="full", answers_by_value={})
-        side = math.copysign(1.0, change.fails_at - change.holds_at)
+        side = math.copysign(1.0, threshold.fails_at - threshold.holds_at)
         for k in range(WIDENINGS):
             half = self.width / 2.0 ** (WIDENINGS - k)
-            inner, outer = change.value - side * half, change.value + side * half
+            inner, outer = threshold.value - side * half, threshold.value + side * half
             if full.condition_holds(inner) and not full.condition_holds(outer):
-                return replace(change, bar=half)
-        return change
+                return replace(threshold, bar=half)
+        return threshold
 
 
 def _deciding_clause(before: Sequence[float], after: Sequence[float]) -> tuple[int, bool]:

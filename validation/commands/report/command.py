@@ -44,4 +44,5 @@ def command(context: typer.Context, quick: Quick = False, out: Annotated[Path | 
                 terminal.print_faults(faults)
                 broken.append(report.section_of_broken_part(part, faults))
             terminal.print_text()
-    return int(report.gather_report(root, parts, broken))
+    sections = report.write_combined_report(root, parts, broken)
+    return int(any(section.verdict == "disagree" for section in sections))

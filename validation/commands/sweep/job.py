@@ -209,7 +209,7 @@ def _check_row(scene: Any, tol: float, second: Any) -> dict[str, Any]:
     best = min((result.a, result.b), key=path_error)
     return _response_numbers(best.finest, scene) | {
         "verdict": result.verdict.value,
-        "not_agreed": _disagreeing_quantities(result),
+        "not_agreed": _quantities_not_agreed(result),
     }
 
 
@@ -217,11 +217,11 @@ def _line_check_row(line: Any, tol: float, second: Any) -> dict[str, Any]:
     from validation.commands.check.motion import check_line
 
     result: Any = check_line(line, tol, second=second)
-    verdict = {"verdict": result.verdict.value, "not_agreed": _disagreeing_quantities(result)}
+    verdict = {"verdict": result.verdict.value, "not_agreed": _quantities_not_agreed(result)}
     return verdict | {"status": result.status, "reason": result.moved.reason, "method": result.moved.method}
 
 
-def _disagreeing_quantities(result: Any) -> str | None:
+def _quantities_not_agreed(result: Any) -> str | None:
     """The quantities that decide and do not agree."""
     agree = type(result.verdict).AGREE
     differ = dict.fromkeys(row.quantity for row in result.rows if row.decides and row.verdict is not agree)
