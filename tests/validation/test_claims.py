@@ -198,14 +198,15 @@ def test_the_paper_redone(tmp_path):
     found = {c["id"]: c for c in content["claims"]}
     assert sum(content["count"].values()) == len(found) == len(content["claims"])
     holds = (
-        "omega-1", "top-speed", "turn-at-0.655", "wu-chen-0.8", "deepest-at-a-third", "deepest-in-the-middle",
-        "lowest-at-0.8", "jump-at-the-mass", "slow-elsewhere", "sine-oscillations-stay", "position-form", "start-48",
+        "omega-1", "top-speed", "turn-at-0.655", "deepest-at-a-third", "deepest-in-the-middle", "lowest-at-0.8",
+        "jump-at-the-mass", "slow-elsewhere", "sine-oscillations-stay", "position-form", "start-48",
         "outlook",
     )  # fmt: skip
     fails = (
         "factor-of-two", "tension-constant", "sign-of-h", "alpha-844", "count", "dyadic-places", "potential-energy",
         "unconditionally-stable", "dyadic-steps",
     )  # fmt: skip
+    # not "wu-chen-0.8": that turn is two steps past the slack onset, and a coarser run may have none
     assert {i: found[i]["verdict"] for i in holds} == dict.fromkeys(holds, HOLDS)
     assert {i: found[i]["verdict"] for i in fails} == dict.fromkeys(fails, FAILS)
     assert found["more-accurate"]["verdict"] == OPEN
