@@ -310,7 +310,7 @@ def quasi_static_events(scene: Scene, full_run_deflection: float) -> list[dict[s
     if ride is None:
         return []
     t = np.linspace(0.0, ride.duration, STEPS)
-    s_o = np.zeros(STEPS)  # [m]
+    s_o = np.full(STEPS, scene.length * scene.groups.drive.start)  # [m]
     speed = np.zeros(STEPS)  # [m/s]
     if ride.sections:
         s_o = scene.length * ride.at(t)[0]

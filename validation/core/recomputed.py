@@ -424,7 +424,8 @@ def _add_broken_rope(right: ExpectedOutcome, readings: RecomputedNumbers, bar: f
 def check_energy_of_ride(r: Response) -> Agreement:
     """Check the energy along a quasi-static ride against the work of the forces of the TOML.
 
-    The car has kinetic energy, the rope has none. The gap is over the car's weight times the range of its depth.
+    The car has kinetic energy, the rope has none. The gap is over the car's weight times the range of its depth, or
+    times its deflection where it hardly moves.
     """
     evidence = Evidence(r, Windows(r.fields.t[::2], r.t))
     gap = _unexplained_energy(evidence)
@@ -458,4 +459,4 @@ def _unexplained_energy(evidence: Evidence) -> Array:
     power = np.sum([*powers.values()], axis=0)
     work = np.interp(evidence.t, r.t, integral(r.t, power[:, None], r.jumps)[:, 0])
     unexplained = energy - work
-    return np.asarray((unexplained - unexplained[0]) / (data.weight * np.ptp(r.y)))
+    return np.asarray((unexplained - unexplained[0]) / (data.weight * max(np.ptp(r.y), r.max_deflection)))

@@ -16,6 +16,7 @@ from validation.core.readback.texts import contents_of_tags
 from validation.core.scene_data import ROUNDING, Array, read_columns, si_factor
 
 PACKED = 65535  # steps between the extremes of a packed series
+SIX_DIGITS = 1e-5  # of a number: more than it is rounded by
 
 
 def side_view_faults(view: dict[str, Any], of: StoredResults) -> Faults:
@@ -27,7 +28,7 @@ def side_view_faults(view: dict[str, Any], of: StoredResults) -> Faults:
     drawn = np.array([track["x"], track["y"]]).T  # (m, 2)
     distances, _ = cKDTree(points).query(drawn)
     ends = np.linalg.norm(drawn[[0, -1]] - points[[0, -1]], axis=1)
-    if max(*distances, *ends) > 1e-5 * reach:
+    if max(*distances, *ends) > SIX_DIGITS * np.hypot(*drawn.T).max():
         yield f"the path is {max(distances):.3g} m off path.csv"
     for mark in view["speeds"]:
         yield from _speed_mark_faults(mark, points, path["speed"], 0.01 * reach)
@@ -50,13 +51,16 @@ def side_view_faults(view: dict[str, Any], of: StoredResults) -> Faults:
 
 
 def _speed_mark_faults(mark: dict[str, Any], points: Array, speed: Array, near: float) -> Faults:
-    """A car that rolls back passes a point twice: one of the speeds near a mark is its text."""
-    distances = np.hypot(*(points - [mark["x"], mark["y"]]).T)
-    i = np.flatnonzero(distances <= distances.min() + near)
-    around = 3.6 * np.stack([speed[(i + j).clip(0, speed.size - 1)] for j in (-1, 0, 1)])  # (3, k)
+    """A mark lies between two steps. A car that rolls back passes it twice: one of the speeds near it is its text."""
+    steps = np.diff(points, axis=0)  # (n - 1, 2)
+    to_mark = [mark["x"], mark["y"]] - points[:-1]
+    squares = np.sum(steps**2, axis=1)
+    along = np.divide(np.sum(to_mark * steps, axis=1), squares, out=np.zeros_like(squares), where=squares > 0.0)
+    distances = np.hypot(*(to_mark - along.clip(0.0, 1.0)[:, None] * steps).T)
+    between = 3.6 * np.stack([speed[:-1], speed[1:]])[:, distances <= distances.min() + near]  # (2, k)
     shown = float(mark["text"].removesuffix(" km/h"))
-    if not np.any((around.min(axis=0) - 0.51 <= shown) & (shown <= around.max(axis=0) + 0.51)):
-        yield f"{mark['text']} where the car has {around[1].mean():.1f} km/h"
+    if not np.any((between.min(axis=0) - 0.51 <= shown) & (shown <= between.max(axis=0) + 0.51)):
+        yield f"{mark['text']} where the car has {between.mean():.1f} km/h"
 
 
 # columns that a side view shows beside the car: column of path.csv and its SI unit

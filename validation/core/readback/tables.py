@@ -167,7 +167,10 @@ def _fact_faults(cells: Sequence[str], of: StoredResults) -> Faults:
     elif name == "top speed over that of waves across the rope":
         cable = run["scene"]["cable"]
         rho = cable["mass_per_length"] + ice_mass(cable)
-        speed = np.max(np.abs(np.diff(run["s_o"]) / np.diff(run["t"])))  # steps are short chords of the travel
+        if run["scene"].get("drive", {}).get("mode") == "free":  # on the loaded rope
+            speed = np.max(np.hypot(*run["velocity"].T))
+        else:
+            speed = np.max(np.abs(np.diff(run["s_o"]) / np.diff(run["t"])))  # steps are short chords of the travel
         good = abs(parse_number(text.removesuffix(" %")) / 100.0 - speed * math.sqrt(rho / H)) < 0.06
     else:
         of.unread.append(name)
