@@ -204,3 +204,11 @@ def test_another_outcome_of_a_motion_is_seen(cablefem, tmp_path, right, wrong):
     file = folder / "summary.json"
     file.write_text(file.read_text().replace(right, wrong))
     assert len(list(outcome_faults(folder))) == 1
+
+
+def test_what_is_hit_in_motion_is_read_back_without_false_alarm(cablefem, tmp_path):
+    ground = "ground = [[0.0, 20.0], [600.0, -235.0], [1200.0, -460.0]]\n"
+    (tmp_path / "low.toml").write_text(ground + Scene.library_text("counterweight"))
+    code, out, err = cablefem("run", "low.toml")
+    assert (code, err) == (0, "")
+    assert re.match("low: would collide: car hits the ground by .* m; would collide: the rope hits ground by", out)
