@@ -135,7 +135,9 @@ def set_dotted_key(data: dict[str, Any], key: str, value: Any) -> None:
     if isinstance(value, str) and RELATIVE.fullmatch(value):
         now = table.get(last)
         if not isinstance(now, int | float):
-            raise ValueError(f"{key} = {value}: relative to a number, which the scene does not give")
+            given = [name for name, number in table.items() if isinstance(number, int | float)]
+            what = f"relative to a number, which the scene does not give.{did_you_mean(last, given)}"
+            raise ValueError(f"{key} = {value}: {what}")
         value = now * (1.0 + float(value[:-1]) / 100.0)
     table[last] = value
 

@@ -134,9 +134,9 @@ class Car(Part):
         if not present:
             if values.get("hauled") is not None:
                 return []
-            return ["at: missing; must be given for a car at rest, travel or drive for one in motion"]
+            return ["hauled: missing; must be true or false for a car at rest; one in motion has travel or drive"]
         if values.get("hauled") is not None:
-            return ["hauled: of a car at rest; in motion drive.mode says it"]
+            return [f"hauled: of a car at rest, which has no {' and no '.join(present)}; in motion drive.mode says it"]
         if "drive" in present and self.drive is None:
             return []  # its own faults are reported
         if (self.mode == "free") is ("travel" in present):

@@ -82,6 +82,11 @@ def test_two_wheels_and_a_cabin_from_a_file():
          r"car\[0\].travel: too much beside at"),
         (', from = 1100.0', "", "car.down.travel.from: missing"),
         ("mass = 4500.0", "mass = 4500.0\nhauled = true", r"car\[1\].hauled: of a car at rest"),
+        ('drive = {mode = "haul", drag_area = 12.0}\ntravel = {kind = "trapezoid", top_speed = 7.0, '
+         'acceleration = 0.5, deceleration = 0.5, from = 1100.0, to = 760.0}', "", r"car\[1\].hauled: missing"),
+        ('drive = {mode = "haul", drag_area = 12.0}\ntravel = {kind = "trapezoid", top_speed = 7.0, '
+         'acceleration = 0.5, deceleration = 0.5, from = 1100.0, to = 760.0}', f"hauled = true\n{WHEELS}",
+         r"car\[1\].hauled: of a car at rest, which has no wheels"),
         ('kind = "trapezoid", top_speed = 7.0, acceleration = 0.5, deceleration = 0.5, from = 60.0, to = 640.0',
          'kind = "table", times = [0.0, 1.0, 2.0], positions = [0.0, 5.0, 12.0], from = 60.0',
          "car.up.travel: 8 m/s at its end, 2 s; must be 0, for another car moves until"),

@@ -55,3 +55,5 @@ def test_values_go_where_the_key_says():
             set_dotted_key(data, key, 1.0)
     with pytest.raises(ValueError, match="does not give"):
         set_dotted_key(data, "cable.EA", "+1%")
+    with pytest.raises(ValueError, match=r"Did you mean mass\?"):
+        set_dotted_key(data, "mass.mas", "+1%")
