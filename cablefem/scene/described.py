@@ -105,7 +105,7 @@ class Described(Part):
     def replace(self, changes: Mapping[str, Any]) -> Self:
         """The same with other values of some dotted keys; SceneError with all faults.
 
-        A new length, sag or horizontal tension replaces the old one.
+        A new length, sag or horizontal tension replaces the old one. A CSV of the ground is one of the working folder.
         scene.replace({"mass.mass": 60.0, "drive.brake.0.force": 600.0, "obstacle.tree.top": 21.0})
         line.replace({"contact.valley.tension": 4e5})
         """
@@ -119,6 +119,8 @@ class Described(Part):
                 set_dotted_key(data, key, value)
             except ValueError as error:
                 raise SceneError([str(error)]) from None
+        if isinstance(ground := data.get("ground"), str):
+            data["ground"] = read_ground(ground, Path())
         return type(self)(**data)
 
 

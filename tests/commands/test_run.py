@@ -105,6 +105,16 @@ def test_a_key_without_its_dot_is_shown_the_key(cablefem, command):
     assert lines(err) == ["--set mass: keys of the scene have a dot; the scene has mass.mass"]
 
 
+def test_the_ground_is_set_by_points_or_by_a_csv(cablefem, tmp_path):
+    Path("g.csv").write_text("0,30\n400,60\n", encoding="ascii")
+    arguments = ("run", "zipline", "--model", "quasi-static", "--set")
+    said = [cablefem(*arguments, f"ground={ground}") for ground in ("[[0,30],[400,60]]", "g.csv", "nosuch.csv")]
+    assert [code for code, *_ in said] == [0, 0, 2]
+    assert said[0][1] == said[1][1]
+    assert "ground" in said[0][1]
+    assert "must be a readable CSV file" in said[2][2]
+
+
 @pytest.fixture(scope="module")
 def inclined():
     return run(Scene.load("inclined"), "following-p2", elements=4, steps=100)

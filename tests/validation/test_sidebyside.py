@@ -43,6 +43,14 @@ def test_every_item_is_worked_on_once_and_told_as_it_is_done(monkeypatch, cores)
 
 
 @forks
+def test_an_interrupt_of_the_terminal_is_answered_by_the_first_process_alone(monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1}, raising=False)
+    told = []
+    map_in_parallel(lambda x: os.kill(os.getpid(), signal.SIGINT), [1, 2], lambda *what: told.append(what))
+    assert sorted(told) == [(0, None), (1, None)]
+
+
+@forks
 def test_a_forked_process_forks_no_further(monkeypatch):
     """A grid keeps every core busy with points; two solvers beside each other in each would only get in the way."""
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1}, raising=False)

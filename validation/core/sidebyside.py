@@ -5,6 +5,7 @@ Forks inherit jobs; results and progress are pickled.
 
 import multiprocessing
 import os
+import signal
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, as_completed, wait
@@ -86,7 +87,7 @@ def do_in_background(work: Callable[[], object]) -> Iterator[None]:
 def _forked_pool(workers: int, call: Callable[..., Any]) -> Iterator[Callable[..., Future]]:
     context = multiprocessing.get_context("fork")
     before = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(workers, context, initializer=_inherited_calls.append, initargs=(call,))
+    pool = ProcessPoolExecutor(workers, context, initializer=_start_worker, initargs=(call,))
     try:
         with warnings.catch_warnings():
             # a fork beside threads that only draw
@@ -102,6 +103,12 @@ def _forked_pool(workers: int, call: Callable[..., Any]) -> Iterator[Callable[..
                 "a process that computes was killed or could not answer, perhaps for want of memory"
             ) from error
         raise
+
+
+def _start_worker(call: Callable[..., Any]) -> None:
+    # Ctrl+C reaches all processes of a terminal: the first one answers, and ends the others
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _inherited_calls.append(call)
 
 
 def _call_inherited(*arguments: Any) -> Any:

@@ -139,7 +139,7 @@ def points_of(scene: Scene | Line, pairs: list[str] | None, cases: list[str] | N
     out = []
     faults = []
     for values in points:
-        of_scene, settings = grid.split_settings(values, ("gravity", "title"))
+        of_scene, settings = grid.split_settings(values, ("gravity", "ground", "title"))
         source = f"--set {', '.join(of_scene)}"
         if cases:
             name = settings.pop("case")
