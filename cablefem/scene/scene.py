@@ -218,6 +218,11 @@ class Scene(Described):
         if abs(drive.wind) > 40.0:  # m/s
             kmh = drive.wind / 3.6
             notes.append(f"drive.wind = {drive.wind:g} m/s is a hurricane; were km/h meant? ({kmh:.3g} m/s)")
+        for name in ("temperature", "reference_temperature"):
+            warm = getattr(self.cable, name)
+            if warm is not None and warm > 100.0:  # C
+                celsius = f"{warm - 273.15:.3g} C"
+                notes.append(f"cable.{name} = {warm:g} C is hotter than water boils; were kelvin meant? ({celsius})")
         return notes
 
     @property

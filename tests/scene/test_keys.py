@@ -113,6 +113,14 @@ def test_what_is_not_modelled_is_said(old, new, expected):
     assert line.startswith(expected)
 
 
+def test_a_temperature_in_kelvin_is_remarked():
+    warm = GOOD.replace("EA = 4e6", "EA = 4e6\ntemperature = 35.0\nreference_temperature = 20.0\nexpansion = 1.2e-5")
+    assert Scene.from_toml(warm).notes == []
+    (note,) = Scene.from_toml(warm.replace("35.0", "293.15")).notes
+    assert note.startswith("cable.temperature = 293.15 C")
+    assert note.endswith("were kelvin meant? (20 C)")
+
+
 def test_a_ride_without_friction_and_a_hurricane_are_remarked():
     assert Scene.from_toml(GOOD).notes == []
     assert Scene.from_toml(FREE).notes == ["no friction, no drag given: the fastest possible ride"]
