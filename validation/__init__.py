@@ -89,6 +89,8 @@ def accepting_names(function: Callable[Concatenate[Any, P], Result]) -> Callable
         if isinstance(of, str | Path):
             kind = Scene if first == "scene" else _import_name("commands.sweep.study", "Study")
             of = (of_line and line_or_none(of)) or kind.load(of)
+        if first == "scene" and not isinstance(of, Scene | Line):
+            raise TypeError(f"scene must be a Scene, its name or its file, got {of!r}")
         if not isinstance(of, Line):
             return function(of, *args, **kwargs)
         if of_line is None:

@@ -37,6 +37,12 @@ def test_check_refuses_what_the_command_refuses(settings):
         cf.check("level", **settings)
 
 
+@pytest.mark.parametrize("function", [cf.run, cf.check, cf.quasi_static])
+def test_what_is_no_scene_is_refused(function):
+    with pytest.raises(TypeError, match="scene must be a Scene, its name or its file, got None"):
+        function(None)
+
+
 def test_names_are_those_of_the_import_and_signatures_have_the_defaults():
     for name in ("run", "check", "quasi_static", "sweep", "assert_agree"):
         assert getattr(cf, name).__name__ == name
