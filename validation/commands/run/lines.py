@@ -86,8 +86,8 @@ class LineAnswers:
         """What a row compares."""
         return f"{row.quantity} {row.law}".strip()
 
-    def faults(self, folder: Path) -> list[str]:
-        """Faults of the files, as sentences."""
+    def faults(self, folder: Path, html: str) -> list[str]:
+        """Faults of the files and of the page, as sentences."""
         return []
 
     def print_answer(self, seconds: float) -> None:
@@ -150,8 +150,8 @@ def _answer_one(command: str, line: Line, moves: bool, out: Path | None, solve: 
         if result.rows:
             terminal.print_text(f"  {_counts_sentence(result)}")
     report.write_report(folder, command)
-    html = (folder / store.REPORT).read_text(encoding="utf-8")
-    faults = [*result.faults(folder / home), *printed_line_faults(printed, html, folder / home)]
+    html = "".join(f"{section.summary}{section.html}" for section in report.stored_pages(folder, command))
+    faults = [*result.faults(folder / home, html), *printed_line_faults(printed, html, folder / home)]
     report.report_faults(folder, command, faults)
     terminal.print_text(f"  written to {folder}: report.html, {home}/")
     return result.table_row() | {"faults": len(faults)}

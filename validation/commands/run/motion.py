@@ -44,7 +44,7 @@ from validation.core.sidebyside import Progress, map_in_parallel, no_progress
 from validation.core.wheels import pitch_period, with_wheel_loads
 from validation.page import terminal
 from validation.page.line import print_line
-from validation.page.motion import TABLE_QUANTITIES, comparison_words, number_rows, sections, unit_of
+from validation.page.motion import TABLE_QUANTITIES, comparison_words, number_rows, unit_of
 
 ROPE_STATIONS = 101
 FRAMES = 101  # of rope.csv, at most, which has every second station
@@ -375,9 +375,7 @@ class MotionAnswers(LineAnswers):
         """What a row compares."""
         return comparison_words(row.quantity, row.law)
 
-    def faults(self, folder: Path) -> list[str]:
-        """Faults of the files and of the page, as sentences."""
-        html = "".join(section.html for section in sections(folder))
+    def faults(self, folder: Path, html: str) -> list[str]:
         return [
             *motion_laws.read_back_line_files(folder, self.motion, self.design, self.moved.period),
             *limit_faults(self.limits, tomllib.loads(self.line.to_toml()), self.design, ()),

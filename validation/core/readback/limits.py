@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -12,6 +12,14 @@ from validation.core.readback.texts import cell_texts, contents_of_tags, shows_n
 from validation.core.scene_data import ROUNDING
 
 LIMIT_VERDICT = r"(met|not met|too close to tell|cannot be judged: .*|not computed.*)$"
+
+
+def scope_sentences(names: Iterable[str], modes: set[str]) -> Iterator[str]:
+    """What texts of limits are for, and whether a scene whose cars move in these modes is that."""
+    for name in names:
+        text = read_words("cablefem.scene", "limits.toml")["text"][name]
+        outside = "" if modes <= set(text["modes"]) else "; this scene is outside its scope"
+        yield f"{text['source']}: for {text['scope']}{outside}"
 
 
 def limit_table_faults(html_text: str, rows: Sequence[Row]) -> Faults:

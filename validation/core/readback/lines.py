@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from validation.core.readback.limits import LIMIT_VERDICT, limit_row_faults
+from validation.core.readback.limits import LIMIT_VERDICT, limit_row_faults, scope_sentences
 from validation.core.readback.stored import Faults, Row, read_json, read_words, worst_verdict
 from validation.core.readback.texts import cell_texts, contents_of_tags, plain_text
 from validation.core.scene_data import read_columns
@@ -61,10 +61,7 @@ def _scope_sentences(scene: Row, at_rest: bool) -> Iterator[str]:
     """What the texts of the limits are for, and whether the line is that."""
     cars = scene.get("car", [])
     modes = {"rest"} if at_rest else {car.get("drive", {}).get("mode", "grip") for car in cars}
-    for name in scene.get("limits", {}).get("use", []):
-        text = read_words("cablefem.scene", "limits.toml")["text"][name]
-        outside = "" if modes <= set(text["modes"]) else "; this scene is outside its scope"
-        yield f"{text['source']}: for {text['scope']}{outside}"
+    yield from scope_sentences(scene.get("limits", {}).get("use", []), modes)
     if all("at" in car for car in cars):
         yield "at the given positions of the cars; without `at` each number is that of its worst place"
 

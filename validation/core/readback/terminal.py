@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 
-from validation.core.readback.limits import LIMIT_VERDICT, limit_row_faults
+from validation.core.readback.limits import LIMIT_VERDICT, limit_row_faults, scope_sentences
 from validation.core.readback.stored import Faults, StoredResults, read_words, worst_verdict
 from validation.core.readback.tables import count_faults, event_faults, no_faults, number_faults, shows_gaps
 from validation.core.readback.texts import quantity_words, shows_value
@@ -69,13 +69,9 @@ def _printed_slack_faults(text: str, of: StoredResults) -> Faults:
 
 def _scope_faults(text: str, of: StoredResults) -> Faults:
     """What a text is for, and whether the scene is that."""
-    for x in read_words("cablefem.scene", "limits.toml")["text"].values():
-        expected = f"{x['source']}: for {x['scope']}"
-        if of.stored_run(0)["rest"]["drive"] not in x["modes"]:
-            expected += "; this scene is outside its scope"
-        if text == expected:
-            return
-    yield f"{text!r} is no scope of a text"
+    names = read_words("cablefem.scene", "limits.toml")["text"]
+    if text not in scope_sentences(names, {of.stored_run(0)["rest"]["drive"]}):
+        yield f"{text!r} is no scope of a text"
 
 
 def _printed_work_faults(text: str, of: StoredResults) -> Faults:
