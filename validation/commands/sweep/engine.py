@@ -194,12 +194,13 @@ def _entries_of_rows(study: Study) -> dict[str, Any]:
 @contextmanager
 def _dask_client(workers: int | None, scheduler: str | None, scenes: int) -> Iterator[Any]:
     """Yield a client of a running scheduler, or of processes on this machine."""
-    try:
-        import dask
-        import pyarrow  # noqa: F401
-        from distributed import Client, LocalCluster
-    except ImportError:
-        raise Refused("sweep needs Dask and pyarrow: pip install 'cablefem[sweep]'") from None
+    with _hold_back_interrupt():
+        try:
+            import dask
+            import pyarrow  # noqa: F401
+            from distributed import Client, LocalCluster
+        except ImportError:
+            raise Refused("sweep needs Dask and pyarrow: pip install 'cablefem[sweep]'") from None
     if scheduler is not None:
         try:
             with Client(scheduler, timeout="5s") as client:
@@ -215,7 +216,8 @@ def _dask_client(workers: int | None, scheduler: str | None, scenes: int) -> Ite
                 n_workers=min(workers or os.cpu_count() or 1, scenes), threads_per_worker=1, memory_limit=0,
                 dashboard_address=":0", silence_logs=logging.CRITICAL,
             )  # fmt: skip
-        with cluster, Client(cluster) as client:
+            client = Client(cluster)
+        with cluster, client:
             try:
                 yield client
             except BaseException:
@@ -225,7 +227,7 @@ def _dask_client(workers: int | None, scheduler: str | None, scenes: int) -> Ite
 
 @contextmanager
 def _hold_back_interrupt() -> Iterator[None]:
-    """Hold back Ctrl-C while workers start: a cluster that is half up cannot be closed.
+    """Hold back Ctrl-C while modules load and workers start: half a module is an ImportError, half a cluster stays.
 
     Threads and processes that begin here never get the signal: this process alone ends them.
     """
