@@ -194,57 +194,62 @@ def _entries_of_rows(study: Study) -> dict[str, Any]:
 @contextmanager
 def _dask_client(workers: int | None, scheduler: str | None, scenes: int) -> Iterator[Any]:
     """Yield a client of a running scheduler, or of processes on this machine."""
-    with _hold_back_interrupt():
+    with _hold_back_interrupt() as let_interrupt_through:
         try:
             import dask
             import pyarrow  # noqa: F401
             from distributed import Client, LocalCluster
         except ImportError:
             raise Refused("sweep needs Dask and pyarrow: pip install 'cablefem[sweep]'") from None
-    if scheduler is not None:
-        try:
-            with Client(scheduler, timeout="5s") as client:
-                client.wait_for_workers(1, timeout=60)
-                yield client
-        except (OSError, ValueError, TimeoutError) as error:
-            raise Refused(f"--scheduler {scheduler}: {error or 'no answer'}") from None
-        return
-    config = {"distributed.scheduler.allowed-failures": 1, "distributed.comm.timeouts.connect": "60s"}
-    with dask.config.set(config):
-        with _hold_back_interrupt():
+        if scheduler is not None:
+            let_interrupt_through()
+            try:
+                with Client(scheduler, timeout="5s") as client:
+                    client.wait_for_workers(1, timeout=60)
+                    yield client
+            except (OSError, ValueError, TimeoutError) as error:
+                raise Refused(f"--scheduler {scheduler}: {error or 'no answer'}") from None
+            return
+        config = {"distributed.scheduler.allowed-failures": 1, "distributed.comm.timeouts.connect": "60s"}
+        with dask.config.set(config):
             cluster = LocalCluster(
                 n_workers=min(workers or os.cpu_count() or 1, scenes), threads_per_worker=1, memory_limit=0,
                 dashboard_address=":0", silence_logs=logging.CRITICAL,
             )  # fmt: skip
-            client = Client(cluster)
-        with cluster, client:
-            try:
-                yield client
-            except BaseException:
-                cluster.sync(_stop_workers, cluster.workers.values())
-                raise
+            with cluster, Client(cluster) as client:
+                try:
+                    let_interrupt_through()
+                    yield client
+                except BaseException:
+                    cluster.sync(_stop_workers, cluster.workers.values())
+                    raise
 
 
 @contextmanager
-def _hold_back_interrupt() -> Iterator[None]:
-    """Hold back Ctrl-C while modules load and workers start: half a module is an ImportError, half a cluster stays.
+def _hold_back_interrupt() -> Iterator[Callable[[], None]]:
+    """Hold back Ctrl-C until what is yielded is called: half a module is an ImportError, half a cluster does not close.
 
-    Threads and processes that begin here never get the signal: this process alone ends them.
+    Threads and processes that begin before never get the signal: this process alone ends them.
     """
     if threading.current_thread() is not threading.main_thread():
-        yield  # others get no signal
+        yield lambda: None  # others get no signal
         return
     resource_tracker.ensure_running()  # its start would let the signal through again
     held: list[int] = []
     before = signal.signal(signal.SIGINT, lambda number, frame: held.append(number))
     signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-    try:
-        yield
-    finally:
+
+    def let_interrupt_through() -> None:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
         signal.signal(signal.SIGINT, before)
-    if held:
-        raise KeyboardInterrupt
+        if held:
+            held.clear()
+            raise KeyboardInterrupt
+
+    try:
+        yield let_interrupt_through
+    finally:
+        let_interrupt_through()
 
 
 async def _stop_workers(workers: Iterable[Any]) -> None:
