@@ -7,7 +7,7 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -17,7 +17,8 @@ from validation.core.order import error_bar
 from validation.core.view import View
 
 ROUNDING = 1e-12  # of the scale of any quantity
-Functional = Callable[[Response], Any]
+Run = TypeVar("Run")  # Response, or LineRun
+Functional = Callable[[Any], Any]  # of a run
 Distance = Callable[[Any, Any], Any]  # distance of two values
 
 
@@ -30,14 +31,14 @@ def max_distance(a: Any, b: Any) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Branch:
+class Branch(Generic[Run]):
     """Coarser runs in space or time: half and quarter, if there are any."""
 
-    runs: tuple[Response, ...]
+    runs: tuple[Run, ...]
     ratios: tuple[float, ...]  # times coarser than the run before
     order: float  # nominal, of the path
 
-    def bar(self, finest: Response, of: Functional, distance: Distance, order: float) -> Any:
+    def bar(self, finest: Run, of: Functional, distance: Distance, order: float) -> Any:
         """The bar of the finest run in this direction; infinite without a half."""
         if not self.runs:
             return math.inf
@@ -53,34 +54,34 @@ class Branch:
         change_before = np.nan_to_num(change_before, nan=0.0, posinf=0.0)
         return error_bar(change, change_before, self.ratios, min(self.order, order))
 
-    def levels(self, finest: Response, of: Functional) -> list[float]:
+    def levels(self, finest: Run, of: Functional) -> list[float]:
         """Values of the finest run, of half and of a quarter, up to the first that is not known."""
         values = [float(of(run)) for run in (finest, *self.runs[:2])]
         return list(itertools.takewhile(math.isfinite, values))
 
 
 @dataclass(frozen=True, slots=True)
-class Ladder:
+class Ladder(Generic[Run]):
     """Runs of one method on one scene, and their bars."""
 
-    finest: Response
-    space: Branch
-    time: Branch
+    finest: Run
+    space: Branch[Run]
+    time: Branch[Run]
     start_gap: Any = 0.0  # (x, y) of the start from a run that resolves its distance from the support; over deflection
 
     @property
-    def runs(self) -> tuple[Response, ...]:
+    def runs(self) -> tuple[Run, ...]:
         return self.finest, *self.space.runs, *self.time.runs
 
-    def map(self, change: Callable[[Any], Response]) -> Ladder:
+    def map(self, change: Callable[[Any], Run]) -> Ladder[Run]:
         """The ladder with all runs changed."""
         space, time = (replace(x, runs=tuple(map(change, x.runs))) for x in (self.space, self.time))
         return replace(self, finest=change(self.finest), space=space, time=time)
 
-    def reaching_end_of(self, view: View) -> Ladder:
+    def reaching_end_of(self, view: View) -> Ladder[Run]:
         """Without runs that end before the view does, and without all coarser ones."""
 
-        def covering(branch: Branch) -> Branch:
+        def covering(branch: Branch[Any]) -> Branch[Any]:
             runs = tuple(itertools.takewhile(view.covers, branch.runs))
             return replace(branch, runs=runs)
 

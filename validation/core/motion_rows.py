@@ -7,9 +7,9 @@ instants that all runs step on.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -20,7 +20,7 @@ from cablefem.scene.bodies import Wheels
 from cablefem.scene.line import Line, LineRope
 from validation.core.agreement import Agreement, Bound, BoundPart, no_bound
 from validation.core.clearances import obstacle_profiles
-from validation.core.ladder import Ladder
+from validation.core.ladder import Ladder, max_distance
 from validation.core.motion_laws import sampled_steps, touching_rope
 from validation.core.wheels import neglected_wheel_load, rope_stresses_under_wheel
 
@@ -32,6 +32,7 @@ ANGLES = ("swing", "pitch")
 FIELDS = 0.05  # smallest tolerance of fields along the rope, and of laws
 
 Series = Callable[[Any], Array]
+LineLadder = Ladder["LineRun"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,6 +91,13 @@ def moving_means(t: Array, values: Array, period: float) -> Array:
     return (integrals[1] - integrals[0]) / (high - low).reshape(-1, *[1] * (values.ndim - 1))
 
 
+class Norm(NamedTuple):
+    """What a gap is relative to, and the largest that is allowed."""
+
+    scale: float
+    required: float
+
+
 @dataclass(frozen=True, slots=True)
 class Scales:
     """What gaps are relative to."""
@@ -136,15 +144,17 @@ def largest_tension_at_start(motion: LineMotion) -> float:
 class Comparison:
     """Rows of two ladders of runs."""
 
-    def __init__(self, a: Ladder, b: Ladder, scales: Scales, tolerance: LineTolerance) -> None:
+    def __init__(self, a: LineLadder, b: LineLadder, scales: Scales, tolerance: LineTolerance) -> None:
         self.a = a
         self.b = b
         self.scales = scales
         self.asked = tolerance
-        self.end = min(run.end for ladder in (a, b) for run in runs_of_ladder(ladder))
+        self.path = Norm(scales.path, tolerance.path)
+        self.tension = Norm(scales.tension, tolerance.tension)
+        self.end = min(run.end for ladder in (a, b) for run in ladder.runs)
 
     def rows(self) -> Iterator[Agreement]:
-        first: Any = self.a.finest
+        first = self.a.finest
         if np.count_nonzero(first.instants <= self.end) < INITIAL_STEPS:
             yield Agreement("path_max", math.nan, no_bound(f"a run ends at {self.end:.4g} s"), required=self.asked.path)
             return
@@ -157,9 +167,8 @@ class Comparison:
         yield from self._events_rows()
 
     def series_row(
-        self, quantity: str, law: str, of: Series, scale: float, required: float, passes: int = 0,
-        rms: bool = False,
-    ) -> Agreement:  # fmt: skip
+        self, quantity: str, law: str, of: Series, norm: Norm, passes: int = 0, rms: bool = False
+    ) -> Agreement:
         """Row of the largest distance, or of its rms, of a series (n,) or (n, 2).
 
         passes : see `LineRun.axial_mean`.
@@ -171,16 +180,15 @@ class Comparison:
 
         def size(x: Any) -> float:
             x = np.atleast_1d(x)
-            return float(np.sqrt(np.mean(x**2)) if rms else x.max()) / scale
+            return float(np.sqrt(np.mean(x**2)) if rms else x.max()) / norm.scale
 
-        a: Any = self.a.finest
-        b: Any = self.b.finest
-        gap = distances(at(a), at(b))
+        a = self.a.finest
+        gap = distances(at(a), at(self.b.finest))
         # of the largest change, as a path's: at single instants a phase that shifts hides the order
         parts = [ladder.bar_parts(at, lambda x, y: size(distances(x, y))) for ladder in (self.a, self.b)]
         at_instants = a.instants[a.instants <= self.end * (1.0 + 1e-12)]
         where = None if rms else f"t = {at_instants[int(np.argmax(gap))]:.4g} s"
-        return self._agreement(quantity, size(gap), parts, required, law, where)
+        return self._agreement(quantity, size(gap), parts, norm.required, law, where)
 
     def _agreement(
         self, quantity: str, gap: float, parts: Any, required: float, law: str, where: Any = None
@@ -192,54 +200,50 @@ class Comparison:
 
     def _car_rows(self, car: CarMotion) -> Iterator[Agreement]:
         name = car.name
-        path = self.scales.path
-        tension = self.scales.tension
-        weight = self.scales.weights[name]
-        asked = self.asked
+        weight = Norm(self.scales.weights[name], self.asked.tension)
 
         def of(field: str) -> Series:
             return lambda moved: getattr(find_car(moved, name), field)
 
-        yield self.series_row("path_max", name, of("point"), path, asked.path)
-        yield self.series_row("path_rms", name, of("point"), path, asked.path, rms=True)
+        yield self.series_row("path_max", name, of("point"), self.path)
+        yield self.series_row("path_rms", name, of("point"), self.path, rms=True)
         for field in ("tension_behind", "tension_ahead"):
-            yield self.series_row(field, name, of(field), tension, asked.tension, passes=1)
+            yield self.series_row(field, name, of(field), self.tension, passes=1)
         passes = mean_passes(car)
-        yield self.series_row("contact_force", name, of("contact_force"), weight, asked.tension, passes)
+        yield self.series_row("contact_force", name, of("contact_force"), weight, passes)
         for field in ("haul_force", "grip_force", "shoe_force"):
             values = getattr(car, field)
             if np.isfinite(values).any() and (field != "shoe_force" or values.any()):
-                yield self.series_row(field, name, of(field), weight, asked.tension, passes)
+                yield self.series_row(field, name, of(field), weight, passes)
         for column, values in turning_series(car).items():
 
             def turned(moved: Any, column: str = column) -> Array:
                 return turning_series(find_car(moved, name))[column]
 
             if column in ANGLES:
-                yield self.series_row(column, name, turned, float(np.ptp(values)) or 1.0, asked.tension)
+                swept = Norm(float(np.ptp(values)) or 1.0, self.asked.tension)
+                yield self.series_row(column, name, turned, swept)
             else:
-                yield self.series_row(column, name, turned, weight, asked.tension, passes=1)
+                yield self.series_row(column, name, turned, weight, passes=1)
 
     def _contact_rows(self, contact: ContactMotion) -> Iterator[Agreement]:
         name = contact.name
-        path = self.scales.path
-        tension = self.scales.tension
 
         def of(value: Callable[[ContactMotion], Array]) -> Series:
             return lambda moved: value(find_contact(moved, name))
 
-        yield self.series_row("tension", name, of(contact_tension), tension, self.asked.tension, passes=1)
-        yield self.series_row("pressure", name, of(lambda x: x.pressure), tension, self.asked.tension, passes=1)
+        yield self.series_row("tension", name, of(contact_tension), self.tension, passes=1)
+        yield self.series_row("pressure", name, of(lambda x: x.pressure), self.tension, passes=1)
         if contact.kind in ("saddle", "counterweight"):
-            yield self.series_row("flow", name, of(lambda x: x.s), path, self.asked.path)
+            yield self.series_row("flow", name, of(lambda x: x.s), self.path)
         if contact.kind == "counterweight":
-            yield self.series_row("rise", name, of(lambda x: x.rise), path, self.asked.path)
+            yield self.series_row("rise", name, of(lambda x: x.rise), self.path)
         if contact.kind == "spring":
-            yield self.series_row("shift", name, of(lambda x: x.point), path, self.asked.path)
+            yield self.series_row("shift", name, of(lambda x: x.point), self.path)
 
     def _rope_rows(self) -> Iterator[Agreement]:
         """Depth and place of the rope, and its tension, as rms over all stations and instants."""
-        runs = [*runs_of_ladder(self.a), *runs_of_ladder(self.b)]
+        runs = [*self.a.runs, *self.b.runs]
         # a station beyond the rope in any run does not count
         beyond = np.any([np.isnan(run.motion.tension).any(axis=0) for run in runs], axis=0)
 
@@ -247,18 +251,12 @@ class Comparison:
             """Values (n, m) whose rms is that over stations."""
             return values[:, ~beyond]
 
-        fields = {
-            "rope": (lambda moved: on_rope_in_all_runs(moved.motion.points), self.scales.path, self.asked.fields),
-            "rope_tension": (
-                lambda moved: on_rope_in_all_runs(moved.motion.tension),
-                self.scales.tension,
-                self.asked.fields,
-            ),
-        }
-        for quantity, (of, scale, asked) in fields.items():
-            yield self._field_row(quantity, of, scale, asked)
+        yield self._field_row("rope", lambda moved: on_rope_in_all_runs(moved.motion.points), self.scales.path)
+        yield self._field_row(
+            "rope_tension", lambda moved: on_rope_in_all_runs(moved.motion.tension), self.scales.tension
+        )
 
-    def _field_row(self, quantity: str, of: Series, scale: float, asked: float) -> Agreement:
+    def _field_row(self, quantity: str, of: Series, scale: float) -> Agreement:
         def at(moved: Any) -> Array:
             return moved.at_instants(of(moved), self.end)
 
@@ -266,40 +264,35 @@ class Comparison:
             return float(np.sqrt(np.mean((a - b) ** 2))) / scale
 
         gap = rms(at(self.a.finest), at(self.b.finest))
-        return self._agreement(quantity, gap, [x.bar_parts(at, rms) for x in (self.a, self.b)], asked, "")
+        return self._agreement(quantity, gap, [x.bar_parts(at, rms) for x in (self.a, self.b)], self.asked.fields, "")
 
     def _energy_rows(self) -> Iterator[Agreement]:
         """Of each method: energy less the work of its powers stays as it is."""
         for ladder in (self.a, self.b):
-            finest: Any = ladder.finest
-            yield law_row(ladder, "energy", "work of all powers", unbalanced_work, self.end, finest.method)
-
-    def _relative_event_times(self, moved: Any) -> Array:
-        """Times of the events, over the end."""
-        return np.array([t for _, t in moved.events]) / self.end
+            yield law_row(ladder, "energy", "work of all powers", unbalanced_work, self.end)
 
     def _events_rows(self) -> Iterator[Agreement]:
         """Names and times of the events, if any run has one."""
         ladders = (self.a, self.b)
-        names = [[name for name, _ in run.events] for ladder in ladders for run in runs_of_ladder(ladder)]
-        if not any(names):
+        if not any(run.events for ladder in ladders for run in ladder.runs):
             return
-        finest: list[Any] = [ladder.finest for ladder in ladders]
-        times = [np.array([t for _, t in run.events]) for run in finest]
+        a = self.a.finest
+        b = self.b.finest
         bars = [ladder.yes_no_bar(event_names) for ladder in ladders]
-        alike = names[0] == names[len(runs_of_ladder(self.a))]
-        gap = float(np.max(np.abs(times[0] - times[1]), initial=0.0)) / self.end if alike else 1.0
-        if alike and names[0] and not any(bars):
-            bars = [ladder.bar(self._relative_event_times) for ladder in ladders]
+        gap = 1.0
+        if event_names(a) == event_names(b):
+            gap = max_distance(event_times(a), event_times(b)) / self.end
+            if a.events and not any(bars):
+                bars = [ladder.bar(lambda moved: event_times(moved) / self.end) for ladder in ladders]
         yield self._agreement("events", gap, [(bar, 0.0) for bar in bars], self.asked.path, "")
 
 
-def event_names(moved: Any) -> tuple[str, ...]:
+def event_names(moved: LineRun) -> tuple[str, ...]:
     return tuple(name for name, _ in moved.events)
 
 
-def runs_of_ladder(ladder: Ladder) -> tuple[Any, ...]:
-    return ladder.runs
+def event_times(moved: LineRun) -> Array:
+    return np.array([t for _, t in moved.events])
 
 
 def unbalanced_work(moved: LineRun, every: int = 1) -> Array:
@@ -321,77 +314,88 @@ def work_done(t: Array, powers: dict[str, Array]) -> float:
     return sum(float(integral(t, np.abs(power))[-1]) for power in powers.values()) or 1.0
 
 
-def law_row(ladder: Ladder, quantity: str, law: str, defect: Any, end: float, method: str) -> Agreement:
+def law_row(ladder: LineLadder, quantity: str, law: str, defect: Any, end: float) -> Agreement:
     """A defect (k,) that is exactly zero; its bar is that of the ladder and three times that of the sampling.
 
     defect : of a run, and of every second step of it.
     """
-    finest: Any = ladder.finest
 
-    def at(moved: Any) -> Array:
+    def at(moved: LineRun) -> Array:
         values = defect(moved)
         return moved.at_instants(values, end) if len(values) == moved.motion.t.size else values
 
     def size(values: Array) -> float:
         return float(np.max(np.abs(values), initial=0.0))
 
-    gap = size(defect(finest))
+    gap = size(defect(ladder.finest))
     space, time = ladder.bar_parts(at)
-    sampling = 3.0 * abs(gap - size(defect(finest, 2)))
+    sampling = 3.0 * abs(gap - size(defect(ladder.finest, 2)))
     parts = (BoundPart("ladder", space + time), BoundPart("sampling", sampling))
     bound = Bound("law", parts)
-    return Agreement(quantity, gap, bound, law=f"{law}, {method}", required=FIELDS, parts=((space, time),))
+    return Agreement(
+        quantity, gap, bound, law=f"{law}, {ladder.finest.method}", required=FIELDS, parts=((space, time),)
+    )
 
 
-def extremes_with_times(moved: LineRun, line: Line) -> dict[str, tuple[float, float]]:
+Extreme = tuple[float, float]  # value and time [s]
+
+
+def extremes_with_times(moved: LineRun, line: Line) -> dict[str, Extreme]:
     """Extremes and their times [s] by quantity; forces are means over an axial round trip."""
     motion = moved.motion
-    t = motion.t
-    wheels = {car.name: car.wheels for car in line.car}
-    out: dict[str, tuple[float, float]] = {}
-    tensions: list[Array] = []
-
-    def add_extremes(name: str, values: Array, *words: str) -> None:
+    out: dict[str, Extreme] = {}
+    for name, values, words in (*_series_of_cars(moved, line), *_series_of_contacts(moved)):
         if np.isfinite(values).all():
-            for word in words:
-                k = int(np.argmax(values) if word == "max" else np.argmin(values))
-                kind, _, of = name.partition(":")
-                out[f"{kind}_{word}:{of}"] = (float(values[k]), float(t[k]))
-
-    for car in motion.cars:
-        behind = moved.axial_mean(car.tension_behind)
-        ahead = moved.axial_mean(car.tension_ahead)
-        tensions += [behind, ahead]
-        add_extremes(f"haul:{car.name}", moved.axial_mean(car.haul_force), "max", "min")
-        add_extremes(f"grip:{car.name}", moved.axial_mean(car.grip_force, mean_passes(car)), "max", "min")
-        add_extremes(f"contact:{car.name}", moved.axial_mean(car.contact_force, mean_passes(car)), "max", "min")
-        add_extremes(f"speed:{car.name}", np.linalg.norm(car.velocity, axis=1), "max")
-        add_extremes(f"depth:{car.name}", car.point[:, 1], "max")
-        for name, values in turning_series(car).items():
-            kind, _, wheel = name.partition("_")
-            of = f"{car.name}.{wheel}" if wheel else car.name
-            add_extremes(f"{kind}:{of}", moved.axial_mean(values) if wheel else values, "max", "min")
-        for kind, values in rope_stresses_at_car(moved, car, line.cable, wheels[car.name]).items():
-            name, _, word = kind.rpartition("_")
-            add_extremes(f"{name}:{car.name}", values, word)
-    for contact in motion.contacts:
-        tensions.append(moved.axial_mean(contact_tension(contact)))
-        add_extremes(f"load:{contact.name}", np.linalg.norm(moved.axial_mean(contact.pressure), axis=1), "max")
-        add_extremes(f"rise:{contact.name}", contact.rise, "max", "min")
-        if contact.kind == "saddle":
-            add_extremes(f"flow:{contact.name}", contact.s - contact.s[0], "max", "min")
-    largest_tension = np.max(tensions, axis=0)
-    smallest = np.min(tensions, axis=0)
-    for name, values, pick in (("tension_max", largest_tension, np.argmax), ("tension_min", smallest, np.argmin)):
-        k = int(pick(values))
-        out[name] = (float(values[k]), float(t[k]))
+            kind, _, of = name.partition(":")
+            out |= {f"{kind}_{word}:{of}": _extreme(motion.t, values, word) for word in words}
+    tensions = [moved.axial_mean(T) for car in motion.cars for T in (car.tension_behind, car.tension_ahead)]
+    tensions += [moved.axial_mean(contact_tension(contact)) for contact in motion.contacts]
+    largest, when = _extreme(motion.t, np.max(tensions, axis=0), "max")
+    out["tension_max"] = (largest, when)
+    out["tension_min"] = _extreme(motion.t, np.min(tensions, axis=0), "min")
     if line.cable.breaking_load is not None:
-        largest, when = out["tension_max"]
         out["safety_factor_min"] = (line.cable.breaking_load / largest, when)
     for name, (times, heights) in clearance_series(motion, line).items():
-        k = int(np.argmin(heights))
-        out[name] = (float(heights[k]), float(times[k]))
+        out[name] = _extreme(times, heights, "min")
     return out
+
+
+def _extreme(t: Array, values: Array, word: str) -> Extreme:
+    """The largest (word "max") or smallest of values (n,), and its time."""
+    k = int(np.argmax(values) if word == "max" else np.argmin(values))
+    return float(values[k]), float(t[k])
+
+
+BOTH = ("max", "min")
+
+
+def _series_of_cars(moved: LineRun, line: Line) -> Iterator[tuple[str, Array, Sequence[str]]]:
+    """Quantity, series (n,) and the extremes that count, of each car."""
+    wheels = {car.name: car.wheels for car in line.car}
+    for car in moved.motion.cars:
+        yield f"haul:{car.name}", moved.axial_mean(car.haul_force), BOTH
+        yield f"grip:{car.name}", moved.axial_mean(car.grip_force, mean_passes(car)), BOTH
+        yield f"contact:{car.name}", moved.axial_mean(car.contact_force, mean_passes(car)), BOTH
+        yield f"speed:{car.name}", np.linalg.norm(car.velocity, axis=1), ("max",)
+        yield f"depth:{car.name}", car.point[:, 1], ("max",)
+        for name, values in turning_series(car).items():
+            kind, _, wheel = name.partition("_")
+            if wheel:
+                yield f"{kind}:{car.name}.{wheel}", moved.axial_mean(values), BOTH
+            else:
+                yield f"{kind}:{car.name}", values, BOTH
+        for kind, values in rope_stresses_at_car(moved, car, line.cable, wheels[car.name]).items():
+            name, _, word = kind.rpartition("_")
+            yield f"{name}:{car.name}", values, (word,)
+
+
+def _series_of_contacts(moved: LineRun) -> Iterator[tuple[str, Array, Sequence[str]]]:
+    """Quantity, series (n,) and the extremes that count, of each contact."""
+    for contact in moved.motion.contacts:
+        yield f"load:{contact.name}", np.linalg.norm(moved.axial_mean(contact.pressure), axis=1), ("max",)
+        yield f"rise:{contact.name}", contact.rise, BOTH
+        if contact.kind == "saddle":
+            yield f"flow:{contact.name}", contact.s - contact.s[0], BOTH
 
 
 def mean_passes(car: CarMotion) -> int:
@@ -492,27 +496,25 @@ def bars_by_hand(line: Line, moved: LineRun, numbers: dict[str, tuple[float, flo
     return bars
 
 
-def design_with_bars(a: Ladder, b: Ladder | None, line: Line, units: Any) -> list[Any]:
+def design_with_bars(a: LineLadder, b: LineLadder | None, line: Line, units: Any) -> list[Any]:
     """Design numbers of `a` with bars: from coarser runs, and at least the gap to `b`."""
-
-    def design(moved: Any) -> dict[str, tuple[float, float]]:
-        return extremes_with_times(moved, line)
-
-    known = {id(run): design(run) for ladder in (a, b) if ladder is not None for run in runs_of_ladder(ladder)}
-    finest: Any = a.finest
-    cars = {car.name: car for car in finest.motion.cars}
-    by_hand = bars_by_hand(line, finest, known[id(finest)])
+    ladders = [a] if b is None else [a, b]
+    known = {id(run): extremes_with_times(run, line) for ladder in ladders for run in ladder.runs}
+    numbers = known[id(a.finest)]
+    by_hand = bars_by_hand(line, a.finest, numbers)
+    position = {car.name: car.s for car in a.finest.motion.cars}
     out = []
-    for name, (value, t) in known[id(finest)].items():
+    for name, (value, t) in numbers.items():
 
-        def number_of_run(moved: Any, name: str = name) -> float:
+        def number_of_run(moved: LineRun, name: str = name) -> float:
             return known[id(moved)].get(name, (math.nan, 0.0))[0]
 
-        bar = a.bar(number_of_run) if a.space.runs else None
-        if b is not None and bar is not None:
+        bar = a.bar(number_of_run)
+        if b is not None:
             bar = max(bar, abs(value - number_of_run(b.finest)))
-        car_name = name.partition(":")[2].partition(".")[0]
-        bar = bar + by_hand.get(name, 0.0) if bar is not None and math.isfinite(bar) else None
-        s_o = float(np.interp(t, finest.motion.t, cars[car_name].s)) if car_name in cars else None
-        out.append({"quantity": name, "value": value, "bar": bar, "unit": units(name), "t": t, "s_o": s_o})
+        bar += by_hand.get(name, 0.0)
+        car = name.partition(":")[2].partition(".")[0]
+        s_o = float(np.interp(t, a.finest.motion.t, position[car])) if car in position else None
+        finite_bar = bar if math.isfinite(bar) else None
+        out.append({"quantity": name, "value": value, "bar": finite_bar, "unit": units(name), "t": t, "s_o": s_o})
     return out

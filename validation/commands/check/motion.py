@@ -40,16 +40,14 @@ def scales_of(line: Line, moved: LineRun) -> Scales:
     return Scales(path, tension, weights)
 
 
-def judge_runs(line: Line, a: Ladder, b: Ladder, tolerance: LineTolerance) -> list[Agreement]:
+def judge_runs(line: Line, a: Ladder[LineRun], b: Ladder[LineRun], tolerance: LineTolerance) -> list[Agreement]:
     """All rows of two ladders of runs: comparisons, and laws of both from the TOML."""
-    finest: Any = a.finest
-    comparison = Comparison(a, b, scales_of(line, finest), tolerance)
+    comparison = Comparison(a, b, scales_of(line, a.finest), tolerance)
     return [*comparison.rows(), *law_rows(line.to_toml(), (a, b), comparison.end)]
 
 
-def law_rows(toml: str, ladders: Sequence[Ladder], end: float) -> Iterator[Agreement]:
-    finest: Any = ladders[0].finest
-    turns = any(car.turning is not None for car in finest.motion.cars)
+def law_rows(toml: str, ladders: Sequence[Ladder[LineRun]], end: float) -> Iterator[Agreement]:
+    turns = any(car.turning is not None for car in ladders[0].finest.motion.cars)
     known = motion_laws.LAWS | (motion_laws.BODY_LAWS if turns else {})
     if any(motion_laws.LineTables(toml).counterweights()):
         known = known | motion_laws.COUNTERWEIGHT_LAWS
@@ -59,8 +57,7 @@ def law_rows(toml: str, ladders: Sequence[Ladder], end: float) -> Iterator[Agree
             def defect(moved: Any, every: int = 1, law: Any = law) -> Any:
                 return law(toml, moved.motion, end, every)
 
-            finest = ladder.finest
-            yield law_row(ladder, "laws_si", name, defect, end, finest.method)
+            yield law_row(ladder, "laws_si", name, defect, end)
 
 
 def check_line(
@@ -118,9 +115,9 @@ def smallest_noticed_faults(result: MotionAnswers) -> dict[str, float]:
     return sensitivities.smallest_faults(line, result.rows, gaps)
 
 
-def _ladder_of_one(run: Any) -> Ladder:
+def _ladder_of_one(run: LineRun) -> Ladder[LineRun]:
     """A run without coarser ones."""
-    none = Branch((), (), 0.0)
+    none: Branch[LineRun] = Branch((), (), 0.0)
     return Ladder(run, none, none)
 
 
