@@ -61,7 +61,7 @@ class LoadPath:
     @classmethod
     def loaded(cls, groups: Groups) -> LoadPath:
         """The elastic catenary of two pieces; groups: mu, alpha, sigma, c."""
-        r = gripped_rest(load_path_nodes(), groups)
+        r = gripped_rest(load_path_nodes(groups.sigma), groups)
         path = cls(r.s, r.car_point, r.along, r.bend, r.hold, r.stretch)
         path.rest = r
         return path
@@ -69,7 +69,7 @@ class LoadPath:
     @classmethod
     def empty(cls, groups: Groups) -> LoadPath:
         """The path along the empty cable's shape."""
-        s = load_path_nodes()
+        s = load_path_nodes(groups.sigma)
         _, xp, yp, xpp, ypp = groups.tension_and_derivatives(s)
         points = np.stack(groups.coordinates(s), -1)
         hold = -groups.mu * groups.sigma * yp
@@ -78,7 +78,7 @@ class LoadPath:
     @classmethod
     def chord(cls, groups: Groups) -> LoadPath:
         """The path along the straight chord."""
-        s = load_path_nodes()
+        s = load_path_nodes(groups.sigma)
         slope = np.stack(groups.coordinates(1.0))
         slopes = np.tile(slope, (s.size, 1))
         hold = np.full_like(s, -groups.mu * groups.sigma * slope[1])

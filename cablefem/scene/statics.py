@@ -7,9 +7,10 @@ import numpy as np
 
 from cablefem.scene.drive import FARTHEST_END, NEAREST_START
 
-# nodes of a load path; Gauss points a side, for an error of 3e-8 l
+# nodes of a load path; Gauss points a side, for an error of 3e-8 l; both of each panel
 NODES = 160
 POINTS = 24
+PANEL = 5.4  # [-] sigma of a panel: by how much y'/x' of the empty cable may change over it
 ITERATIONS = 60  # of Newton's method, and for the direction of a rolling car
 
 
@@ -40,12 +41,18 @@ class Rest:
         return 0.5 * (np.linalg.norm(self.slope_behind, axis=1) + np.linalg.norm(self.slope_ahead, axis=1))
 
 
-def load_path_nodes(nearest: float | None = None) -> np.ndarray:
+def _panels(sigma: float) -> int:
+    """Panels of a cable: one up to sag/span 0.8; a deeper one bends more sharply, within 1/sigma of its length."""
+    return math.ceil(sigma / PANEL)
+
+
+def load_path_nodes(sigma: float, nearest: float | None = None) -> np.ndarray:
     """Positions s of a load path, uniform in log(s/(1 - s)), up to `nearest` of both supports."""
+    nodes = NODES * _panels(sigma)
     if nearest is None:
-        y = np.linspace(math.log(0.5 * NEAREST_START), -math.log(0.5 * (1.0 - FARTHEST_END)), NODES)
+        y = np.linspace(math.log(0.5 * NEAREST_START), -math.log(0.5 * (1.0 - FARTHEST_END)), nodes)
     else:
-        y = np.linspace(math.log(nearest), -math.log(nearest), 2 * NODES)
+        y = np.linspace(math.log(nearest), -math.log(nearest), 2 * nodes)
     return 1.0 / (1.0 + np.exp(-y))
 
 
@@ -117,9 +124,7 @@ class _TwoPieceStatics:
     """
 
     def __init__(self, s: np.ndarray, jump: np.ndarray, groups, left_force: np.ndarray | None = None) -> None:
-        x, w = np.polynomial.legendre.leggauss(POINTS)
-        x = 0.5 * (1.0 + x)
-        w = 0.5 * w
+        x, w = _gauss_rule(groups.sigma)
         at = s[:, None]
         rest = 1.0 - at
         self.s = s
@@ -127,7 +132,7 @@ class _TwoPieceStatics:
         self.alpha = groups.alpha
         points = np.concatenate([at * x, at + rest * x], axis=1)  # (n, points)
         self.weights = np.concatenate([at * w, rest * w], axis=1)
-        self.behind = np.arange(2 * POINTS) < POINTS
+        self.behind = np.arange(2 * x.size) < x.size
         self.load = np.where(self.behind, 0.0, jump.T[:, :, None])  # n - left: (2, n, points)
         self.load[1] -= groups.sigma * points
         self.q = 1.0 - groups.tension_and_derivatives(points)[0] / self.alpha
@@ -210,6 +215,17 @@ class _TwoPieceStatics:
         along_z = -2.0 * nz * z[:, None]
         along_n = (3.0 * nz**2 / N**2 - z2) * n
         return (w * (along_z + along_n)).sum(1)
+
+
+def _gauss_rule(sigma: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points and weights on [0, 1], Gauss's on equal panels.
+
+    1/N has poles at about 1/sigma from the cable, so that the error is exp(-2 POINTS asinh(2 panels/sigma)).
+    """
+    panels = _panels(sigma)
+    x, w = np.polynomial.legendre.leggauss(POINTS)
+    starts = np.arange(panels)[:, None]
+    return ((starts + 0.5 * (1.0 + x)) / panels).ravel(), np.tile(0.5 * w / panels, panels)
 
 
 def _matrix_times(B: np.ndarray, y: np.ndarray) -> np.ndarray:

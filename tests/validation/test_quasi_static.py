@@ -151,6 +151,19 @@ def test_energy_along_the_ride_sees_a_fault_in_its_forces(fault):
     assert check_energy_of_ride(dataclasses.replace(wrong, scene_toml=right.scene_toml)).verdict is Verdict.DISAGREE
 
 
+@pytest.mark.parametrize("sag", [240.0, 600.0])
+def test_a_rope_deeper_than_its_span_is_computed_as_well_as_a_taut_one(sag, tmp_path):
+    """Between its supports it turns within a thirtieth of its length: Gauss points and nodes must see the turn."""
+    scene = Scene.from_toml(README).replace({"cable.sag": sag})
+    energy = check_energy_of_ride(quasi_static(scene))
+    assert energy.verdict is Verdict.AGREE
+    assert energy.gap < 1e-4
+    light = quasi_static(scene.replace({"mass.mass": 1e-3, "drive": {"mode": "free"}}))
+    assert light.max_deflection < 0.02  # under a gram the rope keeps its shape
+    (tmp_path / "deep.toml").write_text(scene.to_toml(), encoding="utf-8")
+    assert main(["run", str(tmp_path / "deep.toml"), "--model", "quasi-static", "--out", str(tmp_path / "out")]) == 0
+
+
 @pytest.mark.parametrize("name", ["rocket", "rollback", "to-rest", "tramway", "level"])
 def test_what_a_quasi_static_run_prints_is_as_recomputed(name):
     assert quasi_static_answer(Scene.load(name)).flags == []

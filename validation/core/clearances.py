@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from cablefem.response import Array, Response
 from cablefem.scene import Scene
@@ -15,11 +16,13 @@ def rope_shapes(r: Response) -> tuple[Array, Array, Array]:
     f = r.fields
     x = f.x + f.u
     y = f.y + f.v
-    mass = np.array([np.interp(f.s_o, f.s, f.x) + f.mass_u, np.interp(f.s_o, f.s, f.y) + f.mass_v])
+    # between two stations the rope at rest is a cubic: a chord would lift the mass off a deep rope
+    rest_curve = CubicSpline(f.s, np.stack([f.x, f.y], axis=1))
+    mass = rest_curve(f.s_o) + np.stack([f.mass_u, f.mass_v], axis=1)  # (k, 2)
     at_mass = np.fmax(f.T_behind, f.T_ahead)
     s = np.concatenate([np.broadcast_to(f.s, x.shape), f.s_o[:, None]], axis=1)
     order = np.argsort(s, axis=1, kind="stable")
-    parts = (np.c_[x, mass[0]], np.c_[y, mass[1]], np.c_[f.T, at_mass])
+    parts = (np.c_[x, mass[:, 0]], np.c_[y, mass[:, 1]], np.c_[f.T, at_mass])
     return tuple(np.take_along_axis(part, order, axis=1) for part in parts)  # type: ignore[return-value]
 
 

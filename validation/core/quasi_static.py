@@ -155,7 +155,7 @@ class Statics:
 
         self._groups = groups
         at_rest = hauled_rest if groups.drive.mode == "haul" else gripped_rest
-        r = rest or at_rest(load_path_nodes(NEAREST if groups.drive.mode == "grip" else None), groups)
+        r = rest or at_rest(load_path_nodes(groups.sigma, NEAREST if groups.drive.mode == "grip" else None), groups)
         force = r.hold + r.haul * (_mean_tangent(r) * r.along).sum(1)  # that drives the car along s_o (n,)
         columns = {name: getattr(r, name).reshape(r.s.size, -1) for name in Rest.__dataclass_fields__ if name != "s"}
         ends = np.cumsum([x.shape[1] for x in columns.values()])

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.optimize import brentq
 
 from cablefem.response import Array, Response
@@ -137,9 +137,11 @@ class RecomputedNumbers:
         f = r.fields
         steps = r.t <= self.until
         heights = [_min_height_over(profile, r.x[steps], r.y[steps])]
+        rest_curve = CubicSpline(f.s, np.stack([f.x, f.y], axis=1))
+        points = rest_curve(f.s_o) + np.stack([f.mass_u, f.mass_v], axis=1)  # (k, 2)
         for k in [] if car else np.flatnonzero(f.t <= self.until):
-            x = np.append(f.x + f.u[k], np.interp(f.s_o[k], f.s, f.x) + f.mass_u[k])
-            y = np.append(f.y + f.v[k], np.interp(f.s_o[k], f.s, f.y) + f.mass_v[k])
+            x = np.append(f.x + f.u[k], points[k, 0])
+            y = np.append(f.y + f.v[k], points[k, 1])
             order = np.argsort(x)
             heights.append(_min_height_over(profile, x[order], y[order]))
         below = self.data.scene["mass"].get("below", 0.0) if car else 0.0

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from validation.core.readback.files import car_positions, path_columns, series_faults
+from validation.core.readback.files import car_positions, extent_of_rope, path_columns, series_faults
 from validation.core.readback.stored import Faults, StoredResults
 from validation.core.readback.texts import contents_of_tags
 from validation.core.scene_data import ROUNDING, Array, read_columns, si_factor
@@ -94,7 +94,7 @@ def _moving_rope_faults(cable: dict[str, Any], view: dict[str, Any], of: StoredR
     if si_factor(view["unitName"], "N") != view["unit"]:
         yield f"forces are in {view['unitName']} but divided by {view['unit']}"
     for name, values in expected.items():
-        rounding = 1e-4 * float(np.ptp(run["fields.x"])) if name in ("x", "y") else 0.0
+        rounding = 1e-4 * extent_of_rope(run) if name in ("x", "y") else 0.0
         yield from _packed_faults(name, series[name], values, rounding)
         if _unpacked(series[name]).size not in (values.size, values.size // t.size * (t.size + 1)):
             yield f"{name} has other frames than are stored"
