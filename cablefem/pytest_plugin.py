@@ -31,7 +31,7 @@ def cable_check(request: pytest.FixtureRequest) -> Callable[..., Any]:
     cable_check("level", solver) holds solver(scene) -> (s_o, v) or (s_o, v, u) against both built-in solvers.
     cable_check("level") holds these against one another, of a line in motion or at rest, too.
     """
-    return _check_testing().reporting_check(_verdict_recorder(request), request.config.stash.setdefault(_CHECKS, {}))
+    return _check_testing().asserting_check(_verdict_recorder(request), request.config.stash.setdefault(_CHECKS, {}))
 
 
 def _check_testing() -> Any:

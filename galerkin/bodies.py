@@ -179,8 +179,8 @@ class CarBody(Body):
             other.unknown = self.unknown[:-1]
         return other
 
-    def brake_forces(self, s: Any) -> Array:
-        """Forces of the brakes on the wheels (..., wheels) [N] with the car at s (...)."""
+    def brake_forces_by_wheel(self, s: Any) -> Array:
+        """Forces of the brakes on the wheels (..., wheels) [N], from left to right, with the car at s (...)."""
         return np.asarray(self.car.drive.brake_force(s))[..., None]
 
     def centre_of_mass(self, x: Any) -> tuple[Array, Array]:

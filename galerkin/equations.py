@@ -99,7 +99,7 @@ class GalerkinSystem(System):
             return super().balance_times(t0, t1, w, phase)
         return self.motion.balance_times(t0, t1, w, phase)
 
-    def kinematics(self, states: States) -> Array:
+    def mass_kinematics(self, states: States) -> Array:
         """s_o, ds_o, dds_o of a history, (3, n)."""
         return self.motion.kinematics(states.t, states.phase)
 
@@ -282,7 +282,7 @@ class GalerkinSystem(System):
 
         Rows of phi in the limit: M0 v_phi + I v_hat = 0,  M0 a_phi + I a_hat + 2 I' ds_o v_hat = 0.
         """
-        value, first, _ = (y[0] for y in self.basis.hat_overlaps(np.array([0.0])))
+        value, first, _ = (y[0] for y in self.basis.hat_overlaps_and_derivatives(np.array([0.0])))
         rest, drag = np.linalg.solve(self.basis.basis.mass(), np.stack([value, first], axis=1)).T
         m = 1.0 / 3.0 - value @ rest
         b = 1.0 / 3.0 + 2.0 * value @ drag

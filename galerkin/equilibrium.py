@@ -103,7 +103,7 @@ def force_and_energy_integrals(of: Measures) -> tuple[Array, Array]:
     kink = system.basis if system.kink else KinkedBasis(system.basis.basis, kink=True)
     for i, s_o in enumerate(of.inside.tolist()):
         points = cable.tables_at(kink, s_o)
-        x = kernels.stress(points.T, points.r_static, Q[i] @ points.phi, cable.alpha, cable.law)
+        x = kernels.force_energy_and_tangent(points.T, points.r_static, Q[i] @ points.phi, cable.alpha, cable.law)
         behind = points.phi[-1] > 0.0
         strain[i] = points.weights @ x[1]
         internal[i] = np.stack([behind, ~behind]) @ (x[2:4] * points.weights).T

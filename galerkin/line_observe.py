@@ -109,7 +109,7 @@ def _car_powers(line: MovingLine, body: CarBody, s: Array, at: Any, hold: Array)
     if drive.mode == "grip":
         kink = _energy_flux(line, x.ahead, x.ds) - _energy_flux(line, x.behind, x.ds)
         return powers | {f"{name} grip": -kink * x.ds}
-    resisting = body.friction_and_brakes(body.wheel_loads(at), Friction(drive.mu_r, body.brake_forces(s)))
+    resisting = body.friction_and_brakes(body.wheel_loads(at), Friction(drive.mu_r, body.brake_forces_by_wheel(s)))
     lost = [wheel.stretch * resisting[..., i] * np.abs(wheel.ds) for i, wheel in enumerate(wheels)]
     powers[f"{name} friction"] = -sum(lost, np.zeros(s.size))
     if drive.mode == "free":

@@ -292,7 +292,7 @@ class LineSines(System):
 
     def _set_friction(self, k: int, s: float, sign: float) -> None:
         body = self.cars[k]
-        self.frictions[k] = Friction(body.car.drive.mu_r, body.brake_forces(s), sign)
+        self.frictions[k] = Friction(body.car.drive.mu_r, body.brake_forces_by_wheel(s), sign)
         self._linearised = None
 
     def _balance_at(self, x: State, Z: Array) -> tuple[Array, Array]:

@@ -2,10 +2,10 @@
 
 From coefficients Q (fields, n), measured from the hanging cable, and `tables` = `tables_at(basis, s_o)`:
 
-    internal_force_and_tensions(tables, Q)             the internal force R (fields, n), and `tensions`;
-    linearise(tables, Q)                  the same two, and dR/dQ;
-    min_tension(basis, tables, tensions)  the smallest mean tension over a shortest wave, and its s;
-    stress(s, slope)                      the force of one point for w' = slope, and its derivative
+    internal_force_and_tensions(tables, Q)  the internal force R (fields, n), and `tensions`;
+    linearise(tables, Q)                    the same two, and dR/dQ;
+    min_tension(basis, tables, tensions)    the smallest mean tension over a shortest wave, and its s;
+    force_and_tangent(s, slope)             the force of one point for w' = slope, and its derivative
 """
 
 from __future__ import annotations
@@ -39,18 +39,18 @@ class FullCable:
         T, xp, yp, _, _ = self.groups.tension_and_derivatives(s)
         return kernels.Points(s, phi, weights, T, np.array([xp, yp]))
 
-    def _weighted_stress(self, points: kernels.Points, Q: Array) -> Array:
-        """Rows of `kernels.stress`, weighted but for the last, (8, n_q)."""
-        out = kernels.stress(points.T, points.r_static, Q @ points.phi, self.alpha, self.law)
+    def _weighted_force_energy_and_tangent(self, points: kernels.Points, Q: Array) -> Array:
+        """Rows of `kernels.force_energy_and_tangent`, weighted but for the last, (8, n_q)."""
+        out = kernels.force_energy_and_tangent(points.T, points.r_static, Q @ points.phi, self.alpha, self.law)
         out[:7] *= points.weights
         return out
 
     def internal_force_and_tensions(self, points: kernels.Points, Q: Array) -> tuple[Array, Array]:
-        x = self._weighted_stress(points, Q)
+        x = self._weighted_force_energy_and_tangent(points, Q)
         return x[2:4] @ points.phi.T, x[7]
 
     def linearise(self, points: kernels.Points, Q: Array) -> tuple[Array, Array, Array]:
-        x = self._weighted_stress(points, Q)
+        x = self._weighted_force_energy_and_tangent(points, Q)
         n = len(points.phi)
         K = np.empty((Q.size, Q.size))
         for (i, j), f in zip(((0, 0), (0, n), (n, n)), x[4:7], strict=True):
@@ -71,14 +71,16 @@ class FullCable:
         """y of the cable at rest, below the left support."""
         return np.asarray(self.groups.coordinates(s)[1])
 
-    def stress_rows(self, s: Array, slope: Array) -> Array:
-        """Rows of `kernels.stress` at s (m,) for displacements with `slope` (2, m)."""
+    def force_energy_and_tangent_rows(self, s: Array, slope: Array) -> Array:
+        """Rows of `kernels.force_energy_and_tangent` at s (m,) for displacements with `slope` (2, m)."""
         T, xp, yp, _, _ = self.groups.tension_and_derivatives(s)
-        return kernels.stress(T, np.array([xp, yp]), np.ascontiguousarray(slope), self.alpha, self.law)
+        return kernels.force_energy_and_tangent(
+            T, np.array([xp, yp]), np.ascontiguousarray(slope), self.alpha, self.law
+        )
 
     def force_and_tangent(self, s: Array, slope: Array) -> tuple[Array, Array]:
         """N t - T t_static (2,) at one s and its derivative (2, 2)."""
-        _, _, fx, fy, xx, xy, yy, _ = self.stress_rows(np.atleast_1d(s), slope[:, None])[:, 0]
+        _, _, fx, fy, xx, xy, yy, _ = self.force_energy_and_tangent_rows(np.atleast_1d(s), slope[:, None])[:, 0]
         return np.array([fx, fy]), np.array([[xx, xy], [xy, yy]])
 
 

@@ -31,7 +31,7 @@ class Measures:
     def __init__(self, system: GalerkinSystem, states: States) -> None:
         self.system = system
         hat = ((0, 0), (0, 0), (0, 1 - system.kink))
-        self.s_o, self.ds_o, self.dds_o = system.kinematics(states)
+        self.s_o, self.ds_o, self.dds_o = system.mass_kinematics(states)
         self.inside = np.clip(self.s_o, NEAR_SUPPORT, 1.0 - NEAR_SUPPORT)
         self.q, self.v, self.a = (
             np.pad(y[:, : system.n_modal].reshape(-1, system.fields, system.n), hat)
@@ -117,7 +117,7 @@ class Measures:
         v = self.v[..., -1]
         twice = np.einsum("nfi,ij,nfj->n", V, self.system.basis.basis.mass(), V, optimize=True)
         if self.system.kink:
-            value, first, _ = self.system.basis.hat_overlaps(np.minimum(self.s_o, 1.0 - NEAR_SUPPORT))
+            value, first, _ = self.system.basis.hat_overlaps_and_derivatives(np.minimum(self.s_o, 1.0 - NEAR_SUPPORT))
             steep = self.ds_o**2 / (3.0 * self.inside * (1.0 - self.inside))
             cross = 2.0 * v * sum_of_functions(V, value) + 2.0 * self.ds_o[:, None] * q * sum_of_functions(V, first)
             twice = twice + np.sum(cross + v**2 / 3.0 + steep[:, None] * q**2, axis=1)
@@ -140,13 +140,15 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     slope, bend = cable.static_slope_and_curvature(x.s_o)
     none = np.zeros(x.s_o.size)
     sides = slope + slopes
-    working = none
+    material_force = none
     sunk = none
     if isinstance(cable, FullCable):
-        forces, sides, working = _full_cable_forces(cable, x, sides, fields[2], s, frames)
+        forces, sides, material_force = _full_cable_tensions_slopes_and_material_force(
+            cable, x, sides, fields[2], s, frames
+        )
         sunk = x.depth_integral()
     else:
-        forces = _chord_forces(cable, x, s, frames)
+        forces = _chord_tensions_and_strain_energy(cable, x, s, frames)
     _, xp, yp, xpp, ypp = groups.tension_and_derivatives(x.s_o)
     static = np.stack([xp, yp], axis=1)
     curvature = np.stack([xpp, ypp], axis=1)
@@ -155,7 +157,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     velocity = w_t + ds_o * slope
     acceleration = w_tt + dds_o * slope + ds_o**2 * bend
     contact = system.mu * cable.weight - system.inertia * acceleration
-    power = x.ds_o * (working - np.sum(contact * sides.mean(axis=0), axis=1))
+    power = x.ds_o * (material_force - np.sum(contact * sides.mean(axis=0), axis=1))
     of_cable = x.kinetic_energy()
     kinetic = of_cable + 0.5 * system.inertia * np.sum(velocity**2, axis=1)
     viscous = 2.0 * system.damping * of_cable
@@ -175,10 +177,10 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
     )  # fmt: skip
 
 
-def _full_cable_forces(
+def _full_cable_tensions_slopes_and_material_force(
     cable: FullCable, x: Measures, slopes: Array, w_s: Array, s: Array, frames: Array
 ) -> tuple[dict[str, Array], Array, Array]:
-    """Forces by fields of `Observation`, r' at the mass, and <N t> . [r'] - [W]."""
+    """Forces by fields of `Observation`, r' at the mass, and the material force <N t> . [r'] - [W]."""
     T_o = cable.groups.tension_and_derivatives(x.s_o)[0]
     static_o = cable.static_slope_and_curvature(x.s_o)[0]
     static = cable.static_slope_and_curvature(s)[0]
@@ -189,25 +191,26 @@ def _full_cable_forces(
     ahead = signed_tension(balanced.ahead, slopes[1]) + none_ahead
     both = np.array([balanced.behind, balanced.ahead])
     sides = slopes_from_forces(both, slopes, T_o, cable.alpha) if x.system.by_force else slopes
-    left, right = (cable.stress_rows(x.s_o, (side - static_o).T) for side in sides)
+    left, right = (cable.force_energy_and_tangent_rows(x.s_o, (side - static_o).T) for side in sides)
     mean = T_o * static_o.T + 0.5 * (left[2:4] + right[2:4])  # <N t>
-    working = np.sum(mean * (sides[1] - sides[0]).T, axis=0) - (right[1] - left[1])
+    material_force = np.sum(mean * (sides[1] - sides[0]).T, axis=0) - (right[1] - left[1])
     smallest = np.fmin(balanced.min_tension, np.fmin(behind, ahead))
     if x.system.law == "tension-only":
         smallest = np.maximum(smallest, 0.0)
+    pointwise = np.array([cable.force_energy_and_tangent_rows(s, slope)[0] for slope in w_s])
     forces = {
         "T_behind": behind, "T_ahead": ahead, "T_behind_pointwise": left[0] + none_behind,
         "T_ahead_pointwise": right[0] + none_ahead,
         "T": signed_tension(balanced.along, static + w_s.transpose(0, 2, 1)),
-        "T_pointwise": np.array([cable.stress_rows(s, slope)[0] for slope in w_s]).reshape(len(frames), s.size),
+        "T_pointwise": pointwise.reshape(len(frames), s.size),
         "reaction_left": -balanced.left, "reaction_right": balanced.right, "strain": balanced.strain,
         "tension_min": smallest,
         "tension_min_at": np.where(smallest < balanced.min_tension, x.s_o, balanced.min_tension_at),
     }  # fmt: skip
-    return forces, sides, working
+    return forces, sides, material_force
 
 
-def _chord_forces(cable: ChordCable, x: Measures, s: Array, frames: Array) -> dict[str, Array]:
+def _chord_tensions_and_strain_energy(cable: ChordCable, x: Measures, s: Array, frames: Array) -> dict[str, Array]:
     basis = x.system.basis
     rows = zip(x.inside.tolist(), x.q[..., : x.system.n], strict=True)
     strain, h = np.array([cable.energy(cable.tables_at(basis, s_o), Q) for s_o, Q in rows]).T

@@ -71,9 +71,9 @@ class RollingSystem(RollingCar, GalerkinSystem):
     def position(self, x: State) -> float:
         return self._car_kinematics(x)[0]
 
-    def kinematics(self, states: States) -> Array:
+    def mass_kinematics(self, states: States) -> Array:
         if not self.free:
-            return super().kinematics(states)
+            return super().mass_kinematics(states)
         return np.array([states.q[:, -1], states.v[:, -1], states.a[:, -1]])
 
     def _car_kinematics(self, x: State) -> tuple[float, float, float]:
@@ -121,7 +121,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         """Adds the power of each force on the car."""
         o = super().observe(states, s, frames)
         drive = self.drive
-        ds_o = self.kinematics(states)[1]
+        ds_o = self.mass_kinematics(states)[1]
         F = drive.thrust(states.t, states.phase) if self.free else states.a[:, -1]
         loads = rolling.CarLoads(self.mu, self.groups.sigma, drive.k, drive.wind)
         velocity = o.path_velocity.T

@@ -86,7 +86,7 @@ class Trolley(CarBody):
         self.thrust_axes = math.cos(drive.thrust_angle), -math.sin(drive.thrust_angle)  # of a unit force
         self.lever = ahead * self.thrust_axes[1] - below * self.thrust_axes[0]
 
-    def brake_forces(self, s: Any) -> Array:
+    def brake_forces_by_wheel(self, s: Any) -> Array:
         rear = np.asarray(self.car.drive.rear_brake_force(s))
         return np.stack([rear, self.car.drive.brake_force(s) - rear], axis=-1)
 

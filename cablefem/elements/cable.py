@@ -159,7 +159,7 @@ class CableElements(System):
         of = collocation.Steps(inputs, contact, *steps, results, self.slack_ends)
         self._assembled_at = None
         space = self._workspace(rule.c.size)
-        taken = collocation.collocate(self._cable, ride, space, of, rule, newton)
+        taken = collocation.collocate_until_event(self._cable, ride, space, of, rule, newton)
         return results[: max(1, taken)]
 
     def _car_and_inputs(self, t: Array, phase: int, start: Array) -> tuple[Any, Array]:
@@ -212,7 +212,7 @@ class CableElements(System):
     def _contact_at(self, t: float, phase: int) -> Contact:
         raise NotImplementedError
 
-    def _kinematics(self, states: States) -> Array:
+    def _mass_kinematics(self, states: States) -> Array:
         """s_o, ds_o, dds_o of a history (n, 3)."""
         return np.ascontiguousarray(self.motion.kinematics(states.t, states.phase).T)
 
@@ -342,7 +342,7 @@ class CableElements(System):
         return mu * (dds / T + bend * p) - weight[0], mu * (dds * p / T - bend) - weight[1]
 
     def path(self, states: States) -> tuple[Array, Array]:
-        kinematics = self._kinematics(states)
+        kinematics = self._mass_kinematics(states)
         return kinematics[:, 0], self._motion_at_mass(states, kinematics)[0] @ self.direction
 
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:

@@ -132,12 +132,12 @@ class _Batch:
         case_of = np.empty(N, int)
         case_of[self.basis.element_dofs] = np.repeat(self.owner[self.left], self.elements)
         self.case_of = np.concatenate([np.repeat(self.owner, 3)[free.ravel()], case_of[inner]])
-        self._collect_outside_forces()
+        self._collect_loads_springs_and_conditions()
         plain = np.ones(self.size)
         plain[self.rows] = 0.0
         self.B = diags(plain) @ self.T.T
 
-    def _collect_outside_forces(self) -> None:
+    def _collect_loads_springs_and_conditions(self) -> None:
         """Collect constant loads, springs and special rows."""
         self.load, self.spring = np.zeros(self.size), np.zeros(self.size)
         special = []

@@ -25,7 +25,7 @@ BLOCK = 1 << 13  # numbers in an array of a block
 def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
     """Measurements of a history; fields at stations s (m,) for the rows `frames` (k,)."""
     g = system.groups
-    kinematics = system._kinematics(states)
+    kinematics = system._mass_kinematics(states)
     s_o, ds, dds = kinematics.T
     w, w_t, w_tt, *slopes = (x.T for x in system._motion_at_mass(states, kinematics))
     position, slope, bend = (x.T for x in system.static_shape(s_o))

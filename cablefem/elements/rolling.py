@@ -99,10 +99,11 @@ class RollingElements(RollingCar, FollowingElements):
         if not self.events_bounded:
             return newmark.NO_STEPS
         now, results = super().solve_steps(t, *steps)
-        self._set_events_from(t, len(now))
+        self._search_events_from_last_step(t, len(now))
         return now, results
 
-    def _set_events_from(self, t: Array, taken: int) -> None:
+    def _search_events_from_last_step(self, t: Array, taken: int) -> None:
+        """Look for events in the last tenth of the last of `taken` steps; they end at t (n,)."""
         if taken > 1:
             self.events_from = float(t[taken - 2] + 0.9 * (t[taken - 1] - t[taken - 2]))
 
@@ -137,7 +138,7 @@ class RollingElements(RollingCar, FollowingElements):
         results = self._collocation_results(
             phase, steps if many and self.events_bounded else steps.first_steps(1), rule, newton
         )
-        self._set_events_from(steps.t[1:], len(results))
+        self._search_events_from_last_step(steps.t[1:], len(results))
         return self._step_results(results)
 
     def car_forces(self, x: State) -> CarForces:
@@ -189,16 +190,16 @@ class RollingElements(RollingCar, FollowingElements):
         on_its_rope = CarOnRope(still, **self._at_rest)
         return np.append(equilibrium_on_rope(on_its_rope, equilibrium(self.with_clamped_car(s_o)))[:-1], 0.0)
 
-    def _kinematics(self, states: States) -> Array:
+    def _mass_kinematics(self, states: States) -> Array:
         if not self.free:
-            return super()._kinematics(states)
+            return super()._mass_kinematics(states)
         return np.stack([states.q[:, -1], states.v[:, -1], states.a[:, -1]], axis=1)
 
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
         """Adds the power of each force on the car."""
         o = super().observe(states, s, frames)
         drive = self.drive
-        ds = self._kinematics(states)[:, 1]
+        ds = self._mass_kinematics(states)[:, 1]
         mean = 0.5 * (o.slope_behind + o.slope_ahead)
         tau = mean / np.linalg.norm(mean, axis=1)[:, None]
         stretch = 0.5 * (np.linalg.norm(o.slope_behind, axis=1) + np.linalg.norm(o.slope_ahead, axis=1))

@@ -115,8 +115,8 @@ class Car(Part):
         return self.at is None and self.hauled is None
 
     @property
-    def positions(self) -> tuple[float, ...]:
-        """Given x at rest."""
+    def x_at_rest(self) -> tuple[float, ...]:
+        """x [m] of each position of a car at rest; none of a car in motion."""
         return self.at or ()
 
     @property
@@ -292,7 +292,7 @@ class Line(Described):
     @property
     def count(self) -> int:
         """Number of positions of the cars."""
-        return max((len(car.positions) for car in self.car), default=1)
+        return max((len(car.x_at_rest) for car in self.car), default=1)
 
     def _tables(self, replaced_keys: Container[str] = ()) -> dict[str, Any]:
         data = super()._tables(replaced_keys)
@@ -484,7 +484,7 @@ def _car_faults(cars: Sequence[Car], contacts: Sequence[Contact]) -> list[str]:
 
 def _position_faults(placed: Sequence[Car], contacts: Sequence[Contact]) -> list[str]:
     """Faults of cars at rest at given positions."""
-    counts = sorted({len(car.positions) for car in placed} - {1})
+    counts = sorted({len(car.x_at_rest) for car in placed} - {1})
     if len(counts) > 1:
         lists = f"lists of {counts[0]} and of {counts[-1]} positions"
         return [f"car.at: {lists}; must be one number or lists of one length"]
@@ -511,8 +511,8 @@ def _missing_shoe_faults(name: str, passed: Sequence[Contact]) -> list[str]:
 
 def _range_faults(car: Car, contacts: Sequence[Contact]) -> list[str]:
     """Faults of positions off the line, and of saddles without shoe that a car passes."""
-    low = min(car.positions)
-    high = max(car.positions)
+    low = min(car.x_at_rest)
+    high = max(car.x_at_rest)
     end = contacts[-1].at[0]
     faults = []
     if not 0.0 < low <= high < end:
@@ -522,7 +522,7 @@ def _range_faults(car: Car, contacts: Sequence[Contact]) -> list[str]:
 
 def _order_faults(a: Car, b: Car) -> list[str]:
     """Fault at the first position where car b is not to the right of car a."""
-    for i, (x, y) in enumerate(np.broadcast(a.positions, b.positions), start=1):
+    for i, (x, y) in enumerate(np.broadcast(a.x_at_rest, b.x_at_rest), start=1):
         if not x < y:
             must = f"must be > {x:.6g} m, that of {a.name}; cars are listed from left to right and cannot pass"
             return [f"car.{b.name}.at = {y:.6g} m at position {i}: {must}"]

@@ -26,7 +26,7 @@ class InertiaTerms(NamedTuple):
 
 
 @inner
-def _hat_overlap(phi, first, second, left, chord, s_o):
+def _hat_overlap_and_derivatives(phi, first, second, left, chord, s_o):
     """I, I', I'' of `KinkedBasis` for one function; I'' at s_o = 0 is not needed and 0."""
     if s_o == 0.0:
         return chord - first, chord - first, 0.0
@@ -38,12 +38,12 @@ def _hat_overlap(phi, first, second, left, chord, s_o):
 
 
 @compiled
-def _hat_overlaps(phi, first, second, left, chord, s_o):
+def _hat_overlaps_and_derivatives(phi, first, second, left, chord, s_o):
     """The same for functions (m, n) at m places."""
     out = np.empty((3, *phi.shape))
     for i in range(s_o.size):
         for k in range(phi.shape[1]):
-            out[0, i, k], out[1, i, k], out[2, i, k] = _hat_overlap(
+            out[0, i, k], out[1, i, k], out[2, i, k] = _hat_overlap_and_derivatives(
                 phi[i, k], first[i, k], second[i, k], left[k], chord[k], s_o[i]
             )
     return out
@@ -67,7 +67,7 @@ def inertia_terms_with_hat(at, mass, left, chord, kinematics, damping):
         rows[4, k] = 2.0 * ds_o * first
         rows[5, k] = dds_o * first + ds_o * ds_o * second
         if hat:
-            value, slope, bend = _hat_overlap(phi, at[3, k], at[4, k], left[k], chord[k], s_o)
+            value, slope, bend = _hat_overlap_and_derivatives(phi, at[3, k], at[4, k], left[k], chord[k], s_o)
             M[n, k] = M[k, n] = value
             rows[0, k] = 2.0 * ds_o * slope
             rows[1, k] = ds_o * ds_o * bend + (dds_o + damping * ds_o) * slope
@@ -102,10 +102,10 @@ class KinkedBasis:
             s, weights = basis.quadrature()
             self._slopes = s, weights, np.ascontiguousarray(basis.phi(s, 1).T)
 
-    def hat_overlaps(self, s_o: Array) -> Array:
+    def hat_overlaps_and_derivatives(self, s_o: Array) -> Array:
         """I, I', I'' at s_o (m,) in [0, 1), (3, m, basis.n)."""
         tables = (self.basis.phi(s_o, m) for m in (0, -1, -2))
-        return _hat_overlaps(*tables, self.left, self.chord, s_o)
+        return _hat_overlaps_and_derivatives(*tables, self.left, self.chord, s_o)
 
     def inertia_terms(self, s_o: float, ds_o: float, dds_o: float, damping: float = 0.0) -> InertiaTerms:
         kinematics = s_o, ds_o, dds_o

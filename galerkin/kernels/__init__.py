@@ -3,7 +3,7 @@
 phi (n, m): Phi' at the points; x: a `InertiaTerms`; Q, V, A (2, n): coefficients and rates.
 """
 
-from galerkin.kernels.cable import Cable, Points, min_tension, stiffness, stress
+from galerkin.kernels.cable import Cable, Points, force_energy_and_tangent, min_tension, stiffness
 from galerkin.kernels.instant import CableSines
 from galerkin.kernels.rolling import MIN_TENSION
 from galerkin.kernels.steps import internal_forces_of_history, residual_and_derivatives, solve_steps

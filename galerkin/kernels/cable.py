@@ -1,4 +1,4 @@
-"""The full cable at points: stress, internal force, tangent and inertia."""
+"""The full cable at points: force, energy and tangent, internal force, tangent and inertia."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def hanging_cable_at(s, sigma, c):
 
 
 @inner
-def stress_at_point(T, X, w, alpha, law):
+def force_energy_and_stiffness_at_point(T, X, w, alpha, law):
     """N, W, N t - T t_static (2), k, d, and the tension of the elastic law, from X' and w'.
 
     k = N/|r'|, d = (dN/deps |r'| - N)/|r'|^3 of (28)-(32).  The force is (k - T) X' + k w', without cancellation.
@@ -66,7 +66,7 @@ def stress_at_point(T, X, w, alpha, law):
 
 
 @compiled
-def stress(T, r_static, slope, alpha, law):
+def force_energy_and_tangent(T, r_static, slope, alpha, law):
     """Rows N, W, N t - T t_static (2), its tangent xx, xy, yy, and the elastic T + alpha eps: (8, m)."""
     out = np.empty((8, T.size))
     for i in range(T.size):
@@ -74,7 +74,7 @@ def stress(T, r_static, slope, alpha, law):
         yp = r_static[1, i]
         ux = slope[0, i]
         vy = slope[1, i]
-        out[0, i], out[1, i], out[2, i], out[3, i], k, d, out[7, i] = stress_at_point(
+        out[0, i], out[1, i], out[2, i], out[3, i], k, d, out[7, i] = force_energy_and_stiffness_at_point(
             T[i], (xp, yp), (ux, vy), alpha, law
         )
         rx = xp + ux
@@ -96,7 +96,9 @@ def set_internal_force(points, Q, cable, force, workspace):
         X = (points.r_static[0, i], points.r_static[1, i])
         w = (slope[0, i], slope[1, i])
         weight = points.weights[i]
-        _, W, fx, fy, k, d, workspace.tensions[i] = stress_at_point(points.T[i], X, w, cable.alpha, cable.law)
+        _, W, fx, fy, k, d, workspace.tensions[i] = force_energy_and_stiffness_at_point(
+            points.T[i], X, w, cable.alpha, cable.law
+        )
         rx = X[0] + w[0]
         ry = X[1] + w[1]
         workspace.gram[0, i] = weight * (k + d * rx * rx)

@@ -41,7 +41,7 @@ def hat_rate(s, s_o, ds_o):
 @pytest.mark.parametrize(("basis", "tolerance"), BASES)
 def test_overlap_at_the_support_is_the_limit(basis, tolerance):
     kink = KinkedBasis(basis, kink=True)
-    at, near = kink.hat_overlaps(np.array([0.0])), kink.hat_overlaps(np.array([1e-5]))
+    at, near = kink.hat_overlaps_and_derivatives(np.array([0.0])), kink.hat_overlaps_and_derivatives(np.array([1e-5]))
     for order in (0, 1):  # I and I' change by I'' s, I''' s; rounding of E/s^2 is 1e-7
         np.testing.assert_allclose(at[order], near[order], rtol=0.0, atol=1e-3 * np.abs(near[order]).max())
     np.testing.assert_allclose(at[0], at[1], rtol=1e-15)

@@ -53,7 +53,7 @@ class Step(NamedTuple):
 
 
 @compiled
-def collocate(cable, rolling_car, workspace, steps, rule, newton):
+def collocate_until_event(cable, rolling_car, workspace, steps, rule, newton):
     """Take steps; return how many converged before an event of the car.
 
     A step with a slack element is the last one where `slack_ends`.
