@@ -12,7 +12,7 @@ from tests.line import lines
 from tests.validation import sines
 from validation import check_solver
 from validation.commands.check.line import check_line
-from validation.commands.check.testing import reporting_check
+from validation.commands.check.testing import asserting_check
 from validation.core.foreign import ForeignPath
 from validation.core.running import run
 from validation.core.store import Refused
@@ -108,14 +108,14 @@ def test_answers_that_share_nothing_cannot_be_compared(fine):
 
 def test_the_fixture_checks_a_line_once_and_asserts_its_verdict():
     told = []
-    checked = reporting_check(lambda *words: told.append(words), {})
+    checked = asserting_check(lambda *words: told.append(words), {})
     line = lines.line(*lines.WEIGHED, name="weighed")
     assert checked(line) is checked(line)
     assert told[0] == told[1]
     assert told[0][0].startswith("weighed, catenaries and elements: ")
     fault = check_line(line, second=line.replace({"car.grip.mass": "+1%"}))
     with pytest.raises(AssertionError, match=r"weighed: disagree\n  \w+: gap "):
-        reporting_check(lambda *words: None, {(line.to_toml(), None): fault})(line)
+        asserting_check(lambda *words: None, {(line.to_toml(), None): fault})(line)
     with pytest.raises(Refused, match="a solver of your own is compared on one span"):
         checked(line, opensees)
     with pytest.raises(AssertionError, match=r"cannot be compared: of lines at rest cf.check compares both solvers"):

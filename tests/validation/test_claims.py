@@ -120,9 +120,9 @@ def test_a_ripple_of_known_size_is_found_and_none_where_there_is_none(level):
     assert abs(measured.tension_ripple(wavy) / rms - (1.0 - left)) < 0.02
     assert abs(measured.tension_error(wavy, flat) / rms - 1.0) < 0.02
     assert abs(np.median(measured.tension_unevenness(wavy)) / rms - 1.0) < 0.02
-    assert abs(measured.tension_extremes_count(wavy) - 62.0) < 2.0
+    assert abs(measured.mean_tension_extremes_along_cable(wavy) - 62.0) < 2.0
     assert measured.tension_ripple(flat) < 1e-12
-    assert measured.tension_error(flat, flat) == measured.tension_extremes_count(flat) == 0.0
+    assert measured.tension_error(flat, flat) == measured.mean_tension_extremes_along_cable(flat) == 0.0
 
 
 def test_a_front_in_a_cable_of_static_tension_meets_the_mass_where_a_string_says(level):

@@ -9,7 +9,7 @@ import pytest
 from cablefem import Scene
 from validation.core import foreign, measures
 from validation.core.agreement import Verdict
-from validation.core.foreign import ForeignPath, refuse_misnamed
+from validation.core.foreign import ForeignPath, refuse_wrong_unit_or_direction
 from validation.core.refine import run_with_error_bars
 from validation.core.running import run
 from validation.core.store import Refused
@@ -60,7 +60,7 @@ def faults(call, *arguments):
 @pytest.mark.parametrize(("name", "gap"), [("exudyn", 2.6e-3), ("opensees", 2.1e-3)])
 def test_the_two_real_files_agree_with_the_error_they_have(name, gap, ours, coarse):
     path = ForeignPath.read(DATA / f"{name}_level.csv", LEVEL)
-    refuse_misnamed(path, coarse)
+    refuse_wrong_unit_or_direction(path, coarse)
     row = rows_of(path, ours)["path_max"]
     assert row.verdict is Verdict.AGREE
     assert row.gap == pytest.approx(gap, rel=0.1, abs=0.0)  # ours moves by its own error bar, a tenth of it
@@ -77,7 +77,7 @@ def test_a_fault_is_flagged(ours, coarse):
     for wrong in (off, replace(path, t=path.t + 0.1), replace(path, u=path.u + 0.02 * path.v)):
         assert rows_of(wrong, ours)["path_max"].verdict is Verdict.DISAGREE
     assert rows_of(off, ours, with_tol=2e-2)["path_max"].verdict is Verdict.AGREE
-    refuse_misnamed(replace(path, v=1.3 * path.v), coarse)  # wrong, but in the right unit
+    refuse_wrong_unit_or_direction(replace(path, v=1.3 * path.v), coarse)  # wrong, but in the right unit
     without = rows_of(replace(path, u=None), ours)["path_max"]
     assert without.verdict is Verdict.AGREE
     assert "v alone" in without.allowed_because
@@ -224,7 +224,7 @@ def test_time_and_place_in_other_units_are_refused(tmp_path, header, arrays, sai
 )
 def test_deflection_in_another_unit_or_direction_is_told(tmp_path, coarse, header, values, said):
     path = ForeignPath.read(written(tmp_path, f"t,{header}", t, values), LEVEL)
-    (line,) = faults(refuse_misnamed, path, coarse)
+    (line,) = faults(refuse_wrong_unit_or_direction, path, coarse)
     assert line.startswith("other.csv: v ")
     assert all(part in line for part in said), line
 
@@ -272,7 +272,7 @@ def ride(tmp_path, r, **changes):
 
 def test_another_wing_s_ride_agrees_and_a_late_one_does_not(tmp_path, ridden, other):
     path = ForeignPath.read(ride(tmp_path, other), ZIPLINE)
-    refuse_misnamed(path, ridden.finest)
+    refuse_wrong_unit_or_direction(path, ridden.finest)
     found = rows_of(path, ridden)
     assert {name: row.verdict for name, row in found.items()} == dict.fromkeys(
         ("path_max", "path_rms", "speed"), Verdict.AGREE
@@ -310,7 +310,7 @@ def test_a_ride_that_ends_early_is_not_comparable(tmp_path, ridden, other):
 )
 def test_height_in_another_unit_or_direction_is_told(tmp_path, ridden, other, header, factor, said):
     file = written(tmp_path, f"t,x,{header}", other.t, other.x, factor * other.y)
-    (line,) = faults(refuse_misnamed, ForeignPath.read(file, ZIPLINE), ridden.finest)
+    (line,) = faults(refuse_wrong_unit_or_direction, ForeignPath.read(file, ZIPLINE), ridden.finest)
     assert said in line
 
 

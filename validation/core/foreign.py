@@ -265,7 +265,7 @@ def _refuse_sparse_positions(position: Array, low: float, high: float) -> None:
         )
 
 
-def refuse_misnamed(path: MassPath, ours: Response) -> None:
+def refuse_wrong_unit_or_direction(path: MassPath, ours: Response) -> None:
     """Raise Refused if v (free ride: y) agrees only after a change of unit or direction.
 
     ours : a run good to a few percent.

@@ -54,7 +54,7 @@ class Branch(Generic[Run]):
         change_before = np.nan_to_num(change_before, nan=0.0, posinf=0.0)
         return error_bar(change, change_before, self.ratios, min(self.order, order))
 
-    def levels(self, finest: Run, of: Functional) -> list[float]:
+    def finest_half_and_quarter_values(self, finest: Run, of: Functional) -> list[float]:
         """Values of the finest run, of half and of a quarter, up to the first that is not known."""
         values = [float(of(run)) for run in (finest, *self.runs[:2])]
         return list(itertools.takewhile(math.isfinite, values))

@@ -170,8 +170,8 @@ def _knows_strain(evidence: Evidence) -> bool:
     return r.model == "full" and not np.array_equal(r.T_behind, r.T_behind_pointwise, equal_nan=True)
 
 
-def _excludes_compression(r: Response, t: Array) -> NDArray[np.bool_]:
-    """Times at which the law excludes compression."""
+def _law_is_tension_only(r: Response, t: Array) -> NDArray[np.bool_]:
+    """At which of the times t (n,) the law excludes compression."""
     if r.switched is None:
         return np.full(t.shape, r.law == "tension-only")
     return t > r.slack_since
@@ -220,7 +220,7 @@ def length_at_rest_defect(evidence: Evidence) -> Defect:
 
 
 @_register_law("shape at rest", exact=True)
-def shape_at_rest_defect(evidence: Evidence) -> Defect:
+def prescribed_sag_or_tension_defect(evidence: Evidence) -> Defect:
     """Sag or horizontal tension as asked for; over itself."""
     name, value = evidence.data.prescribed
     f = evidence.r.fields
@@ -346,7 +346,7 @@ def strain_at_mass_defect(evidence: Evidence) -> Defect:
     off = []
     for slope, stored in ((r.slope_behind, r.T_behind_pointwise), (r.slope_ahead, r.T_ahead_pointwise)):
         N = T + evidence.data.EA * (np.hypot(*slope[k].T) - 1.0)
-        off.append(stored[k] - np.where(_excludes_compression(r, r.t[k]), np.maximum(N, 0.0), N))
+        off.append(stored[k] - np.where(_law_is_tension_only(r, r.t[k]), np.maximum(N, 0.0), N))
     return _defect_at_rest(*(np.abs(np.array(off)).max(axis=1) / r.horizontal_tension))
 
 
@@ -417,7 +417,7 @@ def _may_be_tension_only(evidence: Evidence) -> bool:
 def compression_defect(evidence: Evidence) -> Defect:
     """A tension-only cable has no compression; over H."""
     r = evidence.r
-    T = r.fields.T_pointwise[_excludes_compression(r, r.fields.t)] / r.horizontal_tension
+    T = r.fields.T_pointwise[_law_is_tension_only(r, r.fields.t)] / r.horizontal_tension
     return _defect_at_rest(float(np.clip(T, -1.0, 0.0).min(initial=0.0)))
 
 

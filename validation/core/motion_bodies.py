@@ -15,22 +15,23 @@ from numpy.typing import NDArray
 from validation.core.scene_data import Array
 
 AIR = 1.2  # kg/m3, default density
-Vector = NDArray[np.complex128]
+ComplexVector = NDArray[np.complex128]
 
 
-def dot(a: Vector, b: Vector) -> Array:
+def dot(a: ComplexVector, b: ComplexVector) -> Array:
     return np.asarray((np.conj(a) * b).real)
 
 
-def cross(a: Vector, b: Vector) -> Array:
+def cross_product(a: ComplexVector, b: ComplexVector) -> Array:
+    """a_x b_y - a_y b_x."""
     return np.asarray((np.conj(a) * b).imag)
 
 
-def to_complex(points: Array) -> Vector:
+def to_complex(points: Array) -> ComplexVector:
     return points[..., 0] + 1j * points[..., 1]
 
 
-def unit(v: Vector) -> Vector:
+def unit(v: ComplexVector) -> ComplexVector:
     return v / np.abs(v)
 
 
@@ -50,11 +51,11 @@ class RopeTouch:
         self.along = np.zeros(self.ds.size)  # f along the rope inside the pair
 
     @property
-    def on_rope(self) -> Vector:
+    def on_rope(self) -> ComplexVector:
         """The force on the rope."""
         return self.tau * (1j * self.load - self.along * self.projection)
 
-    def force_of_rope(self, rho: float) -> Vector:
+    def force_of_rope(self, rho: float) -> ComplexVector:
         """`on_rope` by tensions and slopes of the rope."""
         return self.kink + rho * self.ds**2 * self.turn
 
@@ -128,7 +129,7 @@ class CarBody:
         if self.has_cabin:
             lever = self.arms[0]
         self.force = force * np.exp(-1j * angle) * self.e
-        self.moment = cross(lever, self.force)
+        self.moment = cross_product(lever, self.force)
         k = 0.5 * drive.get("air_density", AIR) * drive.get("drag_area", 0.0)
         air = self.dc - drive.get("wind", 0.0)
         self.drag = -k * np.abs(air) * air
@@ -163,7 +164,7 @@ class CarBody:
         return np.asarray(sum(masses) + 0.5 * self.inertia * self.rate**2)
 
     @property
-    def momentum(self) -> Vector:
+    def momentum(self) -> ComplexVector:
         (carried, _, v), (m, _, dc) = self.masses
         return carried * v + m * dc
 
@@ -172,9 +173,9 @@ class CarBody:
         m = self.masses[1][0]
         if self.has_cabin:
             arm = self.arms[0]
-            pulled = m * cross(arm, self.dc)
-            turned = m * cross(1j * self.rate * arm, self.dc)
-            weights = cross(arm, 1j * m * self.g + self.drag)
+            pulled = m * cross_product(arm, self.dc)
+            turned = m * cross_product(1j * self.rate * arm, self.dc)
+            weights = cross_product(arm, 1j * m * self.g + self.drag)
             return turned + weights + self.damping * self.rate, pulled - self.inertia * self.rate
-        on_rope = sum(cross(arm, x.on_rope) for arm, x in zip(self.arms, self.touching, strict=True))
+        on_rope = sum(cross_product(arm, x.on_rope) for arm, x in zip(self.arms, self.touching, strict=True))
         return on_rope - self.moment, -self.inertia * self.rate

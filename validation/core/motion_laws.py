@@ -360,7 +360,7 @@ class _LineFiles:
             out["tension"] += [path["T_behind"], path["T_ahead"]]
             out |= {f"{kind}:{name}": [path[column]] for kind, column in COLUMN_OF_QUANTITY.items() if column in path}
             out |= {f"wheel:{name}.{x}": [path[f"wheel_{x}"]] for x in ("rear", "front") if f"wheel_{x}" in path}
-            out |= {f"{kind}:{name}": values for kind, values in self._rope_stresses(name, path).items()}
+            out |= {f"{kind}:{name}": values for kind, values in self._rope_stresses_at_wheels(name, path).items()}
         out |= {f"grip:{car.name}": [car.grip_force] for car in self.motion.cars}
         for x in contacts:
             s = self.contacts[f"{x.name}.s"]
@@ -368,7 +368,7 @@ class _LineFiles:
             out[f"load:{x.name}"] = list(x.pressure.T)
         return out
 
-    def _rope_stresses(self, name: str, path: dict[str, Array]) -> dict[str, list[Array]]:
+    def _rope_stresses_at_wheels(self, name: str, path: dict[str, Array]) -> dict[str, list[Array]]:
         """Of the rope behind the rear and ahead of the front wheels of a car, by kind."""
         wheels = self.line.cars[name].get("wheels", {})
         out: dict[str, list[Array]] = {}

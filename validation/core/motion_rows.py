@@ -162,8 +162,8 @@ class Comparison:
             yield from self._car_rows(car)
         for contact in first.motion.contacts:
             yield from self._contact_rows(contact)
-        yield from self._rope_rows()
-        yield from self._energy_rows()
+        yield from self._rope_shape_and_tension_rows()
+        yield from self._energy_balance_rows()
         yield from self._events_rows()
 
     def series_row(
@@ -241,7 +241,7 @@ class Comparison:
         if contact.kind == "spring":
             yield self.series_row("shift", name, of(lambda x: x.point), self.path)
 
-    def _rope_rows(self) -> Iterator[Agreement]:
+    def _rope_shape_and_tension_rows(self) -> Iterator[Agreement]:
         """Depth and place of the rope, and its tension, as rms over all stations and instants."""
         runs = [*self.a.runs, *self.b.runs]
         # a station beyond the rope in any run does not count
@@ -266,7 +266,7 @@ class Comparison:
         gap = rms(at(self.a.finest), at(self.b.finest))
         return self._agreement(quantity, gap, [x.bar_parts(at, rms) for x in (self.a, self.b)], self.asked.fields, "")
 
-    def _energy_rows(self) -> Iterator[Agreement]:
+    def _energy_balance_rows(self) -> Iterator[Agreement]:
         """Of each method: energy less the work of its powers stays as it is."""
         for ladder in (self.a, self.b):
             yield law_row(ladder, "energy", "work of all powers", unbalanced_work, self.end)

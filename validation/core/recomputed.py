@@ -430,9 +430,9 @@ def check_energy_of_ride(r: Response) -> Agreement:
     times its deflection where it hardly moves.
     """
     evidence = Evidence(r, Windows(r.fields.t[::2], r.t))
-    gap = _unexplained_energy(evidence)
+    gap = _relative_unexplained_energy(evidence)
     thin = evidence.without_every_second_step().without_every_second_station()
-    allowed = 3.0 * float(np.abs(gap - _unexplained_energy(thin)).max()) + STATICS
+    allowed = 3.0 * float(np.abs(gap - _relative_unexplained_energy(thin)).max()) + STATICS
     k = int(np.abs(gap).argmax())
     where = float(r.fields.s_o[evidence.window_frames][k] / r.length)
     return _recomputed_row(r, "energy", "quasi-static", float(np.abs(gap[k])), allowed, where)
@@ -441,7 +441,7 @@ def check_energy_of_ride(r: Response) -> Agreement:
 STATICS = 1e-5  # of the energy: interpolation of the cable at rest
 
 
-def _unexplained_energy(evidence: Evidence) -> Array:
+def _relative_unexplained_energy(evidence: Evidence) -> Array:
     """Energy at frames (k,) beyond that at the start and the work since, over the scale."""
     r = evidence.r
     data = evidence.data

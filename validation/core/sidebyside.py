@@ -28,11 +28,11 @@ _inherited_calls: list[Any] = []  # what a forked process calls
 
 
 def run_in_parallel(
-    jobs: Sequence[Job[Result]], progress: Progress | None = None, meanwhile: Callable[[], object] | None = None
+    jobs: Sequence[Job[Result]], progress: Progress | None = None, when_first_done: Callable[[], object] | None = None
 ) -> list[Result]:
     """Results of all jobs in order; an exception ends all and is raised.
 
-    meanwhile : called here once, when the first of several jobs is done.
+    when_first_done : called here once, when the first of several jobs is done.
     """
     report = progress or no_progress
     if len(jobs) < 2 or not _can_fork():
@@ -52,8 +52,8 @@ def run_in_parallel(
             for future in done:
                 future.result()  # raises what the job raised
             if done and running:
-                (meanwhile or no_progress)()
-                meanwhile = None
+                (when_first_done or no_progress)()
+                when_first_done = None
         return [future.result() for future in futures]
 
 

@@ -32,7 +32,7 @@ def verification_rows(a: Ladder, b: Ladder) -> list[Row]:
         }  # fmt: skip
         for direction in ("space", "time"):
             branch = getattr((a, b)[i], direction)
-            levels = branch.levels((a, b)[i].finest, computed[i][name].value)
+            levels = branch.finest_half_and_quarter_values((a, b)[i].finest, computed[i][name].value)
             row |= {
                 f"levels_{direction}": levels, f"ratios_{direction}": list(branch.ratios),
                 f"order_{direction}": observed_order(levels, branch.ratios),

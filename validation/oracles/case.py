@@ -119,7 +119,7 @@ class Crossing(Case):
         return max(WINDOW[0], self.start_position), self.until
 
     @property
-    def motion(self) -> Motion:
+    def prescribed_motion(self) -> Motion:
         assert self.groups.motion is not None
         return self.groups.motion
 
@@ -144,8 +144,8 @@ class Crossing(Case):
 
     @property
     def size(self) -> float:
-        t = np.linspace(0.0, self.motion.phases[-1][1], 2001)
-        return float(np.abs(self.exact(t[self.motion.position(t) <= self.until])).max())
+        t = np.linspace(0.0, self.prescribed_motion.phases[-1][1], 2001)
+        return float(np.abs(self.exact(t[self.prescribed_motion.position(t) <= self.until])).max())
 
     def relative_errors(self, answer: Path) -> Array:
         return self._relative_distance(answer, self.exact)

@@ -21,6 +21,7 @@ class PeerPath:
 
     @property
     def reached(self) -> float:
+        """s_o/l of the last step."""
         return float(self.s_o[-1])
 
 

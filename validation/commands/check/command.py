@@ -169,7 +169,7 @@ def _read_third_party(file: Path, scene: Any) -> Any:
     from validation.core.running import run
 
     path = foreign.ForeignPath.read(file, scene)
-    foreign.refuse_misnamed(path, run(scene, "following-p2", elements=6, steps=200))
+    foreign.refuse_wrong_unit_or_direction(path, run(scene, "following-p2", elements=6, steps=200))
     return path
 
 

@@ -370,5 +370,5 @@ def check_solver(
             raise Refused(f"{name}: must return {wanted}, or a Response; got {got}")
         answer = ForeignPath.of(scene, **dict(zip(columns, answer, strict=False)), name=name)
     ours = ours or check(scene, tol=tol, progress=progress)
-    foreign.refuse_misnamed(answer, ours.a.finest)
+    foreign.refuse_wrong_unit_or_direction(answer, ours.a.finest)
     return with_third_party(ours, answer, with_tol)

@@ -34,7 +34,7 @@ def reporting_assert_agree(report: Report) -> Callable[..., list[Agreement]]:
     return asserted
 
 
-def reporting_check(report: Report, earlier_checks: dict[Any, Any]) -> Callable[..., Any]:
+def asserting_check(report: Report, earlier_checks: dict[Any, Any]) -> Callable[..., Any]:
     """`check` or `check_solver` that asserts and tells; checks are kept."""
 
     def checked(scene: Any, solver: Any = None, *, tol: float | None = None, with_tol: float = WITH_TOL) -> Any:

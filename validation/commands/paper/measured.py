@@ -135,7 +135,7 @@ def tension_ripple(r: Response, near: float = 0.2, far: float = 1.0) -> float:
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)) / r.horizontal_tension)
 
 
-def tension_extremes_count(r: Response) -> float:
+def mean_tension_extremes_along_cable(r: Response) -> float:
     """Crests and troughs of T along the cable deeper than 0.005 H, mean over frames."""
     counts = []
     for row, _ in tension_profiles(r):

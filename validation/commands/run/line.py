@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -202,7 +202,7 @@ class RestAnswers(LineAnswers):
         return [{"position": i + 1, "reason": str(x)} for i, x in positions if isinstance(x, NoLineAtRest)]
 
     @property
-    def status(self) -> str:
+    def status(self) -> Literal["complete", "incomplete"]:
         return "incomplete" if self.positions_without_rest else "complete"
 
     @property

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, Literal
 
 from cablefem.response import write_json
 from cablefem.scene import SceneError
@@ -54,8 +54,8 @@ class LineAnswers:
         return next(d for d in self.design if d["quantity"] == "tension_max")
 
     @property
-    def status(self) -> str:
-        """complete, or incomplete."""
+    def status(self) -> Literal["complete", "incomplete"]:
+        """Complete: every position has a rest, or the motion came to its end."""
         raise NotImplementedError
 
     @property

@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -271,7 +271,7 @@ class MotionAnswers(LineAnswers):
         return self.moved.motion
 
     @property
-    def status(self) -> str:
+    def status(self) -> Literal["complete", "incomplete"]:
         return "complete" if self.moved.reason is None else "incomplete"
 
     @property

@@ -30,7 +30,7 @@ def with_worst_positions(line: Line) -> Line:
         if not vertices:
             break
         positions.solve(vertices)
-    return positions.line_at([*first, *positions.extreme_positions()])
+    return positions.line_at([*first, *positions.positions_of_extreme_numbers()])
 
 
 def _first_positions(line: Line) -> Iterator[float]:
@@ -75,7 +75,7 @@ class _CarPositions:
                 yield x, y, int(np.nanargmax(y))
                 yield x, y, int(np.nanargmin(y))
 
-    def extreme_positions(self) -> list[float]:
+    def positions_of_extreme_numbers(self) -> list[float]:
         return [float(x[k]) for x, _, k in self._numbers_over_positions()]
 
     def vertices(self) -> list[float]:

@@ -184,8 +184,8 @@ def _car_table(draw: Draw, name: str, T: float, begin: tuple[float, float], end:
     return car | ({"drive": {"mode": "haul", "rolling_friction": draw(0.0, 0.02)}} if hauled else {})
 
 
-def line_case(seed: int, number: int) -> tuple[Line, str | None]:
-    """A case of lines in motion, as `scene_case`."""
+def line_and_fault_key(seed: int, number: int) -> tuple[Line, str | None]:
+    """A case of lines in motion, as `scene_and_fault_key`."""
     index = number if number < SOUND else number - SOUND
     rng = np.random.default_rng([seed, index])
     line = line_of_spans(lambda low, high: float(rng.uniform(low, high)))
@@ -223,13 +223,13 @@ SOUND = 60  # cases without a fault
 FAULTS = ("mass.mass", "cable.EA", "cable.mass_per_length")  # and the speed of a travel
 
 
-def scene_case(seed: int, number: int, of: str = "ropeway") -> tuple[Scene | Line, str | None]:
+def scene_and_fault_key(seed: int, number: int, of: str = "ropeway") -> tuple[Scene | Line, str | None]:
     """The scene of a case of the study `power`, and the key that is 1 percent larger in the second solver.
 
     of : a key of SETS, or "lines" in motion; "wide" has faults in friction, drag, brake and drop, too.
     """
     if of == "lines":
-        return line_case(seed, number)
+        return line_and_fault_key(seed, number)
     families = SETS[of]
     if number < SOUND:
         return realistic_scene(seed, number, families), None

@@ -100,7 +100,7 @@ def _check_or_run(study: Study, point: dict[str, Any], index: int) -> dict[str, 
         case "advise":
             return out | _advice_row(scene, how["tol"])
     out["family"] = scene.name
-    key = study.case(point)[1]
+    key = study.scene_and_fault_key(point)[1]
     fault = "none" if key is None else f"{key} +1 %"
     second = None if key is None else scene.replace({key: "+1%"})
     judged = _line_check_row if isinstance(scene, Line) else _check_row

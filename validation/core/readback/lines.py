@@ -25,7 +25,7 @@ def printed_line_faults(printed: Sequence[str], html_text: str, folder: Path) ->
     summary = read_json(folder / "summary.json")
     judged = read_json(folder.parent / "agreement.json")["rows"] if folder.name.endswith("-check") else []
     scene = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
-    sentences = {*_sentences_of_files(summary, judged), *_scope_sentences(scene, at_rest="positions" in summary)}
+    sentences = {*_sentences_beside_tables(summary, judged), *_scope_sentences(scene, at_rest="positions" in summary)}
     if plain_text(summary["outcome"]) in plain_text(html_text):
         sentences.add(f"{summary['scene']}: {summary['outcome']}")
     lines = {tuple(map(plain_text, re.split(" {2,}", text.strip()))): text.strip() for text in printed}
@@ -40,7 +40,7 @@ def printed_line_faults(printed: Sequence[str], html_text: str, folder: Path) ->
             yield f"printed: {text!r} is neither on the page nor in the files"
 
 
-def _sentences_of_files(summary: Row, judged: Sequence[Row]) -> Iterator[str]:
+def _sentences_beside_tables(summary: Row, judged: Sequence[Row]) -> Iterator[str]:
     """What is printed beside the tables: verdict, cost, counts of what agrees, positions without rest."""
     seconds = f"{summary['seconds']:.1f} s"
     if "positions" in summary:
