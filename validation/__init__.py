@@ -76,35 +76,41 @@ def accepting_names(function: Callable[Concatenate[Any, P], Result]) -> Callable
     first = next(iter(inspect.signature(function).parameters), "") if inspect.isfunction(function) else ""
     if first not in ("scene", "study"):
         return function
-    of_line = _LINE.get(function.__name__)
 
     @functools.wraps(function)
     def with_name(of: Any, *args: P.args, **kwargs: P.kwargs) -> Result:
         """See the function that is wrapped."""
-        from cablefem.scene import Scene, SceneError
-        from cablefem.scene.described import OF_ONE_SPAN
+        from cablefem.scene import Scene
         from cablefem.scene.line import Line
         from cablefem.scene.short import line_or_none
 
         if isinstance(of, str | Path):
             kind = Scene if first == "scene" else _import_name("commands.sweep.study", "Study")
-            of = (of_line and line_or_none(of)) or kind.load(of)
-        if first == "scene" and not isinstance(of, Scene | Line):
+            of = (function.__name__ in _LINE and line_or_none(of)) or kind.load(of)
+        if isinstance(of, Line):
+            return cast(Result, _solver_of_line(function.__name__, of, args, kwargs)(of, *args, **kwargs))
+        if first == "scene" and not isinstance(of, Scene):
             raise TypeError(f"scene must be a Scene, its name or its file, got {of!r}")
-        if not isinstance(of, Line):
-            return function(of, *args, **kwargs)
-        if of_line is None:
-            raise SceneError([OF_ONE_SPAN])
-        home, name = of_line
-        solve = _import_name(home.format("motion" if of.moves else "line"), name)
-        taken = inspect.signature(solve)
-        try:
-            taken.bind(of, *args, **kwargs)
-        except TypeError as error:
-            raise TypeError(f"a line takes {', '.join(list(taken.parameters)[1:])} alone: {error}") from None
-        return cast(Result, solve(of, *args, **kwargs))
+        return function(of, *args, **kwargs)
 
     return with_name
+
+
+def _solver_of_line(name: str, line: Any, args: tuple[Any, ...], kwargs: dict[str, Any]) -> Callable[..., Any]:
+    """What computes a line in place of the function `name`; its arguments must fit."""
+    from cablefem.scene import SceneError
+    from cablefem.scene.described import OF_ONE_SPAN
+
+    if name not in _LINE:
+        raise SceneError([OF_ONE_SPAN])
+    home, of_line = _LINE[name]
+    solve: Callable[..., Any] = _import_name(home.format("motion" if line.moves else "line"), of_line)
+    taken = inspect.signature(solve)
+    try:
+        taken.bind(line, *args, **kwargs)
+    except TypeError as error:
+        raise TypeError(f"a line takes {', '.join(list(taken.parameters)[1:])} alone: {error}") from None
+    return solve
 
 
 if TYPE_CHECKING:

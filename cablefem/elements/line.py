@@ -17,7 +17,7 @@ Hauled car: dV/ds = 0, and balance across tau, parallel to f_behind - f_ahead.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import skfem
@@ -140,7 +140,6 @@ class _Batch:
     def _collect_loads_springs_and_conditions(self) -> None:
         """Collect constant loads, springs and special rows."""
         self.load, self.spring = np.zeros(self.size), np.zeros(self.size)
-        special = []
         for k, p in enumerate(self.stations):
             case = self.cases[self.owner[k]]
             _, row, slides = self.number[k]
@@ -152,18 +151,28 @@ class _Batch:
                 self.load[self.number[k, :2]] = -np.array(p.stiffness) * (p.x, p.y)
             elif p.kind == "grips":
                 self.load[row] = -p.force
-                special.append((slides, k, p.kind, 0.0))
-            elif p.kind == "hauled":
-                special.append((row, k, p.kind, p.force))
-        for case, last in zip(self.cases, self.last, strict=True):
-            if case.prescribed_tension is not None:
-                at = last + 1 - len(case.stations) + case.prescribed_tension[0]
-                special.append((self.number[last, 2], at, "tied", case.prescribed_tension[1]))
+        special = [*self._rows_of_cars(), *self._rows_of_prescribed_tensions()]
         self.rows = np.array([x[0] for x in special], int)
         at = np.array([x[1] for x in special], int)
         self.kinds = np.array([x[2] for x in special])
         self.targets = np.array([x[3] for x in special])
         self.ends = np.concatenate([self.behind[at, :2], self.ahead[at, :2]], axis=1)
+
+    def _rows_of_cars(self) -> Iterator[tuple[int, int, str, float]]:
+        """Special rows of cars that grip or are hauled: unknown, station, kind and target."""
+        for k, p in enumerate(self.stations):
+            _, row, slides = self.number[k]
+            if p.kind == "grips":
+                yield slides, k, p.kind, 0.0
+            elif p.kind == "hauled":
+                yield row, k, p.kind, p.force
+
+    def _rows_of_prescribed_tensions(self) -> Iterator[tuple[int, int, str, float]]:
+        """The same of cases whose tension is prescribed at a station."""
+        for case, last in zip(self.cases, self.last, strict=True):
+            if case.prescribed_tension is not None:
+                station, tension = case.prescribed_tension
+                yield self.number[last, 2], last + 1 - len(case.stations) + station, "tied", tension
 
     def _force_conditions(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The special rows (m,), and d/df (m, 4)."""

@@ -156,12 +156,10 @@ def _car_motions(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]
         grips, hauled = car.kind == "grip", car.drive.mode == "haul"
         powers[f"{car.name} friction"] = on.stretch[:, i] * on.friction[:, i] * ds
         powers[f"{car.name} drag"] = on.air_power[:, i]
-        turning = None
-        if i in system.of_swing:
-            angle, rate, faster = np.moveaxis(F_and_swing[:, i, 1:], 1, 0)
-            out_of = data.arm[i] * np.stack([np.sin(angle), np.cos(angle)], axis=1)
-            turning = Turning(angle=angle, rate=rate, acceleration=faster, centre=x.contact_points(k, x.q) + out_of)
-            powers[f"{car.name} swing"] = -data.resistance[i] * rate**2
+        point = x.contact_points(k, x.q)
+        turning = None if car.hanger is None else _swing_motion(F_and_swing[:, i, 1:], point, data.arm[i])
+        if turning is not None:
+            powers[f"{car.name} swing"] = -data.resistance[i] * turning.rate**2
         if grips:
             powers[f"{car.name} grip"] = rows[:, i] * ds
             del powers[f"{car.name} friction"], powers[f"{car.name} drag"]
@@ -171,20 +169,30 @@ def _car_motions(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]
             powers[f"{car.name} thrust"] = data.thrust[:, i] * along[:, i]
             powers[f"{car.name} hold"] = on.stretch[:, i] * data.hold[:, i] * ds
         tension = [np.linalg.norm(z, axis=1) for z in x.behind_and_ahead(k, x.end_forces)]
-        on_shoe = np.zeros(x.t.size)
-        if car.rail is not None:
-            missing = (
-                np.sum(x.behind_and_ahead(k, x.balance_rows), axis=0) + on.contact[:, i]
-            )  # what the rope does not give
-            on_shoe = -dot(missing, downward_normals(car.rail, x.contact_points(k, x.q)[:, 0]))
+        from_rope = np.sum(x.behind_and_ahead(k, x.balance_rows), axis=0)
+        on_shoe = _force_on_shoe(car, point, from_rope + on.contact[:, i])
         out.append(CarMotion(
-            name=car.name, s=x.q[:, slots[i]], ds=ds, point=x.contact_points(k, x.q), velocity=velocity[:, i],
+            name=car.name, s=x.q[:, slots[i]], ds=ds, point=point, velocity=velocity[:, i],
             acceleration=acceleration[:, i], tension_behind=tension[0], tension_ahead=tension[1],
             slope_behind=behind[:, i], slope_ahead=ahead[:, i], haul_force=on.haul[:, i] if hauled else none,
             grip_force=rows[:, i] / on.stretch[:, i] if grips else none, contact_force=on.normal[:, i],
             shoe_force=on_shoe, turning=turning,
         ))  # fmt: skip
     return tuple(out)
+
+
+def _swing_motion(history: Array, point: Array, arm: float) -> Turning:
+    """Swing of a cabin; history : its angle, rate and acceleration (n, 3); arm [m] from the point (n, 2)."""
+    angle, rate, faster = history.T
+    out_of = arm * np.stack([np.sin(angle), np.cos(angle)], axis=1)
+    return Turning(angle=angle, rate=rate, acceleration=faster, centre=point + out_of)
+
+
+def _force_on_shoe(car: Car, point: Array, missing: Array) -> Array:
+    """Force (n,) [N] of a car on the shoe that guides it; missing : what the rope does not give (n, 2)."""
+    if car.rail is None:
+        return np.zeros(len(point))
+    return -dot(missing, downward_normals(car.rail, point[:, 0]))
 
 
 def _trolley_motion(x: _History, trolley: Trolley, data: Cars, grip: Array, powers: dict[str, Array]) -> CarMotion:

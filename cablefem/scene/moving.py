@@ -93,7 +93,7 @@ def _weight_faults(line: Line, empty: LineState) -> list[str]:
 
 
 def _range_faults(tables: Sequence[CarTable], cars: Sequence[Car], empty: EmptyLine) -> Iterator[str]:
-    """Cars that begin or end within NEAREST of the ends of the rope or beyond; brakes beyond, or on from the start."""
+    """Cars that begin or end within NEAREST of the ends of the rope or beyond; faults of brakes."""
     for table, car in zip(tables, cars, strict=True):
         last = float((empty.x if car.along == "x" else empty.s)[-1])
         must = f"must be from {NEAREST:g} to {last - NEAREST:.6g} m, {NEAREST:g} m within the ends of the "
@@ -105,14 +105,19 @@ def _range_faults(tables: Sequence[CarTable], cars: Sequence[Car], empty: EmptyL
         for name, position in prescribed.items():
             if not NEAREST <= position <= last - NEAREST:
                 yield f"car.{car.name}.{name}: {position:.6g} m; {must}"
-        pushed = any(force > 0.0 for _, force in car.drive.thrust_table)
-        for i, (position, _) in enumerate(car.drive.brakes):
-            brake = f"car.{car.name}.drive.brake[{i}].from = {position:.6g}"
-            if position >= last:
-                yield f"{brake}: must be < {last:.6g} m, the end of the rope"
-            elif position <= car.drive.start and not pushed:
-                begins = f"must be > {car.drive.start:.6g} m, where the car begins without a thrust to the right"
-                yield f"{brake}: {begins}; brakes act to the right of it: mirror a line whose car rolls to the left"
+        yield from _brake_faults(car, last)
+
+
+def _brake_faults(car: Car, last: float) -> Iterator[str]:
+    """Brakes beyond the end of the rope, or on from the start."""
+    pushed = any(force > 0.0 for _, force in car.drive.thrust_table)
+    for i, (position, _) in enumerate(car.drive.brakes):
+        brake = f"car.{car.name}.drive.brake[{i}].from = {position:.6g}"
+        if position >= last:
+            yield f"{brake}: must be < {last:.6g} m, the end of the rope"
+        elif position <= car.drive.start and not pushed:
+            begins = f"must be > {car.drive.start:.6g} m, where the car begins without a thrust to the right"
+            yield f"{brake}: {begins}; brakes act to the right of it: mirror a line whose car rolls to the left"
 
 
 def _order_faults(cars: Sequence[Car], positions: Mapping[str, float]) -> list[str]:

@@ -1,4 +1,5 @@
 import math
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -47,10 +48,15 @@ def assert_agree(
         rows = _rows_of_answers(a, b, path, tension, window)
     except NotComparable as reason:
         raise AssertionError(f"{names} cannot be compared: {reason}") from None
-    failed = [row for row in rows if row.verdict is not Verdict.AGREE]
-    if failed:
-        raise AssertionError("\n".join([f"{names} disagree", *(f"  {agreement_text(row)}" for row in failed)]))
+    if any(row.verdict is not Verdict.AGREE for row in rows):
+        raise AssertionError(failure_text(f"{names} disagree", rows))
     return rows
+
+
+def failure_text(title: str, rows: Sequence[Agreement]) -> str:
+    """The title and a line for each row that does not agree."""
+    failed = [f"  {agreement_text(row)}" for row in rows if row.verdict is not Verdict.AGREE]
+    return "\n".join([title, *failed])
 
 
 def agreement_text(row: Agreement) -> str:
@@ -101,12 +107,18 @@ def _rows_of_lines(
     rows = [row("path_max", car, distances(p, paths[1][car]) / b.path_scale, path, why) for car, p in paths[0].items()]
     if tension is not None:
         largest = largest_tension_at_start(b.moved.motion)
-        means = [_mean_tensions(run, t) for run in runs]
         why = f"mean over an axial round trip, relative to {largest:.4g} N at the start"
-        gaps = {where: np.abs(N - means[1][where]) / largest for where, N in means[0].items()}
-        worst = max(gaps, key=lambda where: float(gaps[where].max()))
-        rows.append(row("tension", worst, gaps[worst], tension, why))
+        worst, gap = _worst_tension_gap(a.moved, b.moved, t)
+        rows.append(row("tension", worst, gap / largest, tension, why))
     return rows
+
+
+def _worst_tension_gap(a: LineRun, b: LineRun, t: Array) -> tuple[str, Array]:
+    """Where mean tensions at the times t (n,) differ most, and the gap (n,) [N] there."""
+    others = _mean_tensions(b, t)
+    gaps = {where: np.abs(N - others[where]) for where, N in _mean_tensions(a, t).items()}
+    worst = max(gaps, key=lambda where: float(gaps[where].max()))
+    return worst, gaps[worst]
 
 
 def _mean_tensions(run: LineRun, t: Array) -> dict[str, Array]:

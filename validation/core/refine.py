@@ -148,19 +148,18 @@ class RunsOfMethod:
 
 
 def run_with_error_bars(
-    scene: Scene, method: str | Method, *, progress: Progress | None = None, earlier_runs: Sequence[Response] = (),
+    scene: Scene, method: str | Method, *, progress: Progress = no_progress, earlier_runs: Sequence[Response] = (),
     view: View | None = None, **options: Any,
 ) -> Ladder:  # fmt: skip
     """The ladder of a run; `options` as in `run`, `earlier_runs` runs are reused."""
     runs = RunsOfMethod(scene, method, options, view, earlier_runs)
     ladder = runs.ladder(runs.method.settings_for_scene(scene.groups, runs.settings))
-    if progress is not None:
-        progress(0.5)
+    progress(0.5)
     return runs.continued_to_end(ladder)
 
 
 def refine_to_tolerance(
-    scene: Scene, method: str | Method, tol: float, *, progress: Progress | None = None, budget: float = BUDGET,
+    scene: Scene, method: str | Method, tol: float, *, progress: Progress = no_progress, budget: float = BUDGET,
     view: View | None = None, **options: Any,
 ) -> Ladder:  # fmt: skip
     """A ladder whose finest run has a path bar of at most `tol`; see README.md, "How fine a run is".
@@ -171,7 +170,6 @@ def refine_to_tolerance(
     Raises TooCoarse.
     """
     runs = RunsOfMethod(scene, method, options, view)
-    report = progress or no_progress
     method = runs.method
     if method.wrong:
         raise ValueError(f"{method.name} converges to a wrong answer: no resolution meets a tolerance")
@@ -184,7 +182,7 @@ def refine_to_tolerance(
     while True:
         ladder = runs.ladder(settings)
         goal = Goal(path_bar_parts(ladder, runs.view), tol)
-        report(0.3, f"{len(runs.made)} runs, bar {goal.bar:.1g} of {tol:g} wanted")
+        progress(0.3, f"{len(runs.made)} runs, bar {goal.bar:.1g} of {tol:g} wanted")
         broken = 0 if math.isfinite(goal.bar) else broken + 1
         if goal.excess <= 1.0 or broken == MAX_BROKEN:
             break
@@ -199,7 +197,7 @@ def refine_to_tolerance(
         bar_before = in_space
         settings = finer
     ladder = runs.continued_to_end(ladder)
-    report(1.0)
+    progress(1.0)
     if goal.excess <= 1.0:
         return ladder
     raise TooCoarse(ladder, goal.bar, tol)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import bisect
 import math
 import time
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -27,6 +26,7 @@ from cablefem.response import Array, Response
 from cablefem.scene import Groups, Scene
 from validation.core.methods import Method, find_method
 from validation.core.sampling import FRAMES, History, Onset, one_blas_thread, response_of_history
+from validation.core.sidebyside import Progress, no_progress
 from validation.core.solver import Solver
 from validation.core.watch import with_flags
 
@@ -36,7 +36,6 @@ ON_SLACK = newmark.scheme("generalized-alpha", rho_inf=0.8)
 TRAPEZOIDAL_NEWTON = Newton(tol=1e-6)
 MAX_FRAMES = 20_000  # 300 MB
 
-Progress = Callable[[float], None]
 _EMPTY = np.empty(0)
 
 
@@ -45,7 +44,7 @@ def run(
     method: str | Method,
     *,
     until: float | None = None,
-    progress: Progress | None = None,
+    progress: Progress = no_progress,
     **options: Any,
 ) -> Response:
     """Run one method on one scene; see `Run`."""
@@ -89,7 +88,7 @@ class Run:
         self._ended = False
         self._seen: tuple[Any, Response] | None = None
 
-    def run_to(self, until: float | None = None, progress: Progress | None = None) -> Response:
+    def run_to(self, until: float | None = None, progress: Progress = no_progress) -> Response:
         """March to the first step at or past s_o/l = until (default: the end); return the response so far.
 
         A failed run has status "incomplete" and the reason.  Energy gained without work is flagged.
@@ -106,7 +105,7 @@ class Run:
             self._seen = now, with_flags(response, self.scene, self.method)
         return self._seen[1]
 
-    def march_to(self, until: float | None, progress: Progress | None) -> None:
+    def march_to(self, until: float | None, progress: Progress = no_progress) -> None:
         """Compute states to s_o/l = until; a failure ends the run with its reason."""
         if until is not None and not until > 0.0:
             raise ValueError(f"until must be a place s_o/l > 0, got {until!r}")
@@ -115,18 +114,17 @@ class Run:
         self._ended = until is None
         h = self.history
         begin = time.perf_counter()
-        report = progress or (lambda done: None)
         try:
             if h.failure is None:
                 with one_blas_thread():
-                    self._march_with_law_switch(until or math.inf, report)
+                    self._march_with_law_switch(until or math.inf, progress)
         except StepFailure as error:
             h.failure = _failure_kind_and_reason(error, h.onset is not None, h.after is not None)
             if not h.states:  # only the hanging cable
                 rest = np.zeros(h.solver.n_dof)
                 h.states.append(State(h.solver.phases[0][0], rest, rest, rest))
         h.seconds += time.perf_counter() - begin
-        report(1.0)
+        progress(1.0)
 
     def _march_with_law_switch(self, until: float, progress: Progress) -> None:
         """March to `until`; once slack with the tension-only law."""

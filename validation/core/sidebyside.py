@@ -28,13 +28,12 @@ _inherited_calls: list[Any] = []  # what a forked process calls
 
 
 def run_in_parallel(
-    jobs: Sequence[Job[Result]], progress: Progress | None = None, when_first_done: Callable[[], object] | None = None
+    jobs: Sequence[Job[Result]], report: Progress = no_progress, when_first_done: Callable[[], object] = no_progress
 ) -> list[Result]:
     """Results of all jobs in order; an exception ends all and is raised.
 
     when_first_done : called here once, when the first of several jobs is done.
     """
-    report = progress or no_progress
     if len(jobs) < 2 or not _can_fork():
         return [job(report) for job in jobs]
     queue = multiprocessing.get_context("fork").SimpleQueue()
@@ -52,8 +51,8 @@ def run_in_parallel(
             for future in done:
                 future.result()  # raises what the job raised
             if done and running:
-                (when_first_done or no_progress)()
-                when_first_done = None
+                when_first_done()
+                when_first_done = no_progress
         return [future.result() for future in futures]
 
 

@@ -212,13 +212,9 @@ def _missing_rows(
 ) -> list[Row]:
     """The missing rows of a series, while the next run is likely to fit into `share` [s]."""
     done = [r["settings"] for r in rows if r["series"] == series.name]
-    absent = reason_if_missing(series.name) if series.kind == "peer" else None
-    if reason := absent or _refusal(scene, series):
-        return (
-            []
-            if {} in done
-            else [_chart_row(series, {}, status="not installed" if absent else "failed", reason=reason)]
-        )
+    refused = _refused_row(scene, series)
+    if refused is not None:
+        return [] if {} in done else [refused]
     missing = [x for x in series.rungs if x not in done]
     if missing and series.kind not in ("tolerance", "waiting", "peer"):
         _row_of_repeats(scene, series, missing[0], truth, 1, 0.0)  # the first run may compile
@@ -234,6 +230,15 @@ def _missing_rows(
     return new + [
         _chart_row(series, rung, status="not run", reason="more than its share of the time") for rung in missing
     ]
+
+
+def _refused_row(scene: Scene, series: Series) -> Row | None:
+    """The one row of a series that cannot run the scene; None: it can."""
+    if series.kind == "peer" and (absent := reason_if_missing(series.name)):
+        return _chart_row(series, {}, status="not installed", reason=absent)
+    if reason := _refusal(scene, series):
+        return _chart_row(series, {}, status="failed", reason=reason)
+    return None
 
 
 def _refusal(scene: Scene, series: Series) -> str | None:

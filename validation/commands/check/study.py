@@ -49,7 +49,7 @@ from validation.core.rows import (
     tolerance_of,
     widened_events,
 )
-from validation.core.sidebyside import Progress, run_in_parallel
+from validation.core.sidebyside import Progress, no_progress, run_in_parallel
 from validation.core.store import Refused
 from validation.core.view import View
 
@@ -136,7 +136,7 @@ class Check:
 def check(
     scene: Scene | str | Path, *, tol: float = DEFAULT_TOL, tol_tension: float | None = None,
     methods: tuple[str | Method, str | Method] = CHECKED, second: Scene | None = None, deep: bool = False,
-    progress: Progress | None = None, until: float | None = None, ask: str = "all",
+    progress: Progress = no_progress, until: float | None = None, ask: str = "all",
 ) -> Check:  # fmt: skip
     """Run two methods on a scene, each as fine as its own error bars need, and compare them.
 
@@ -237,7 +237,7 @@ def _refine_and_compare(
     tol: float,
     tol_tension: float | None,
     ask: str,
-    progress: Progress | None,
+    progress: Progress,
 ) -> tuple[list[Ladder], list[Agreement]]:
     """Refine both ladders until they agree or cannot get closer; return them and the rows."""
     jobs: list[Callable[[Progress], Any]] = [side.refine for side in sides]
@@ -345,7 +345,7 @@ def with_third_party(check: Check, path: ForeignPath | Response, with_tol: float
 
 def check_solver(
     scene: Scene | str | Path, solver: Callable[[Scene], Any], *, name: str | None = None, tol: float = DEFAULT_TOL,
-    with_tol: float = WITH_TOL, ours: Check | None = None, progress: Progress | None = None,
+    with_tol: float = WITH_TOL, ours: Check | None = None, progress: Progress = no_progress,
 ) -> Check:  # fmt: skip
     """Run a user's own solver on a scene and compare it with both of ours; its rows come last in the verdict.
 

@@ -48,8 +48,8 @@ def asserting_check(report: Report, earlier_checks: dict[Any, Any]) -> Callable[
             raise Refused(f"{scene.name}: a solver of your own is compared on one span, this is a line of contacts")
         key = (scene.to_toml(), tol)
         if key not in earlier_checks:
-            judge: Any = validation.check
-            earlier_checks[key] = judge(scene) if tol is None else judge(scene, tol=tol)
+            tolerance: dict[str, Any] = {} if tol is None else {"tol": tol}
+            earlier_checks[key] = validation.check(scene, **tolerance)
         result = earlier_checks[key]
         rows = result.rows
         names = " and ".join(result.methods)
@@ -64,8 +64,7 @@ def asserting_check(report: Report, earlier_checks: dict[Any, Any]) -> Callable[
         theirs = [row for row in rows if row.third_party]
         report(f"{scene.name}, {names}: {_worst_row_text(theirs or rows)}", verdict.value)
         if verdict is not Verdict.AGREE:
-            failed = [f"  {assertions.agreement_text(row)}" for row in rows if row.verdict is not Verdict.AGREE]
-            raise AssertionError("\n".join([f"{scene.name}: {verdict.value}", *failed]))
+            raise AssertionError(assertions.failure_text(f"{scene.name}: {verdict.value}", rows))
         return result
 
     return checked

@@ -83,12 +83,8 @@ def outcome_faults(folder: Path) -> Faults:
     design = {number["quantity"]: number for number in summary["design"]}
     t = read_columns(folder / "contacts.csv")["t"][-1]
     hit = [x for x in design.values() if x["quantity"].startswith("clearance") and _upper(x) < TOUCHES]
-    broken = "safety_factor_min" in design and _upper(design["safety_factor_min"]) < 1.0
     events = [x for x in summary["events"] if abs(x["t"] - t) <= SAME_TIME * t]
-    kinds = {
-        "incomplete": summary["status"] != "complete", "breaks": broken, "collides": bool(hit), "ends": bool(events),
-    }  # fmt: skip
-    kind = next((kind for kind, holds in kinds.items() if holds), "arrives")
+    kind = _outcome_kind(summary, design, hit, events)
     if summary["outcome_kind"] != kind:
         yield f"outcome: {summary['outcome_kind']} where the files say {kind}"
     tension = design["tension_max"]
@@ -97,12 +93,28 @@ def outcome_faults(folder: Path) -> Faults:
         over = x["quantity"].partition(":")[2].rpartition(" over ")[2]  # the name alone of what the rope hits
         parts.append(f"hits {over} by {-x['value']:.2f} m")
     if summary["status"] == "complete":
-        parts.append(f"{events[-1]['event']} after {t:.1f} s" if events else f"ends after {t:.1f} s")
-        for file in folder.glob("path-*.csv"):
-            parts.append(f"{file.stem.removeprefix('path-')} at x = {read_columns(file)['x'][-1]:.1f} m")
+        parts += _parts_of_end(folder, events, t)
     for part in parts:
         if part not in summary["outcome"]:
             yield f"outcome: {summary['outcome']!r} does not say {part!r}"
+
+
+def _outcome_kind(summary: Row, design: dict[str, Row], hit: Sequence[Row], events: Sequence[Row]) -> str:
+    """The kind of outcome that numbers and events say; the first that holds."""
+    if summary["status"] != "complete":
+        return "incomplete"
+    if "safety_factor_min" in design and _upper(design["safety_factor_min"]) < 1.0:
+        return "breaks"
+    if hit:
+        return "collides"
+    return "ends" if events else "arrives"
+
+
+def _parts_of_end(folder: Path, events: Sequence[Row], t: float) -> Iterator[str]:
+    """When and how a run ends, and where each car is then."""
+    yield f"{events[-1]['event']} after {t:.1f} s" if events else f"ends after {t:.1f} s"
+    for file in folder.glob("path-*.csv"):
+        yield f"{file.stem.removeprefix('path-')} at x = {read_columns(file)['x'][-1]:.1f} m"
 
 
 def _upper(number: Row) -> float:

@@ -38,11 +38,9 @@ def shows_value(text: str, value: float | None, unit: str = "", *, bar: float | 
     """
     if value is None or not math.isfinite(value):
         return text in ("–", "-")
-    match = _VALUE.fullmatch(text)
-    factor = math.nan if match is None else si_factor(match[3] or "", unit)
-    if match is None or math.isnan(factor):
+    printed, factor = _numbers_and_factor(text, unit)
+    if math.isnan(factor):
         return False
-    printed = [parse_number(number) for number in match.group(1, 2) if number]
     if printed == [0.0] and abs(value / factor) < ROUNDING:
         return True
     expected = [value / factor]
@@ -51,6 +49,14 @@ def shows_value(text: str, value: float | None, unit: str = "", *, bar: float | 
         expected.append((bar or 0.0) / factor)
         digit = _magnitude(expected[1]) - 1
     return len(printed) == len(expected) and np.allclose(printed, expected, rtol=0.0, atol=0.501 * 10.0**digit)
+
+
+def _numbers_and_factor(text: str, unit: str) -> tuple[list[float], float]:
+    """A printed value and its bar, and their unit in `unit`; nan: not a value in such a unit."""
+    match = _VALUE.fullmatch(text)
+    if match is None:
+        return [], math.nan
+    return [parse_number(number) for number in match.group(1, 2) if number], si_factor(match[3] or "", unit)
 
 
 def _is_bar_printed(bar: float | None, value: float) -> bool:
