@@ -250,7 +250,7 @@ class GalerkinSystem(System):
     def _start_at_entry(self) -> State:
         """The limit t -> 0+; see README.md, "Start".
 
-        With m, b of `_entrained_motion` the row of the hat is
+        With m, b of `_entrained_shapes_and_inertia` the row of the hat is
             (mu + m) a_hat + (c_d m - ds_o b) ds_o d + [N t - T t_static](d) + mu (X.. - sigma j) = 0.
         """
         t = self.phases[0][0]
@@ -258,7 +258,7 @@ class GalerkinSystem(System):
         q, v, a = np.zeros((3, self.n_dof))
         if not self.kink:
             return State(t, q, v, a, 0)
-        shape, drag, m, b = self._entrained_motion()
+        shape, drag, m, b = self._entrained_shapes_and_inertia()
         m = self.inertia + m
         load = self.mu * self._load_at_mass(s_o, ds_o, dds_o)
         if self.inertia and ds_o > 0.0:
@@ -277,7 +277,7 @@ class GalerkinSystem(System):
             a[self.n_modal :] = a_hat
         return State(t, q, v, a, 0)
 
-    def _entrained_motion(self) -> tuple[Array, Array, float, float]:
+    def _entrained_shapes_and_inertia(self) -> tuple[Array, Array, float, float]:
         """The cable that moves with the mass at the left support: a = a_hat shape - 2 ds_o v_hat drag, m and b.
 
         Rows of phi in the limit: M0 v_phi + I v_hat = 0,  M0 a_phi + I a_hat + 2 I' ds_o v_hat = 0.

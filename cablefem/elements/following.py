@@ -66,7 +66,7 @@ class FollowingElements(CableElements):
         s_o, ds, dds = self.motion.at(t, phase)
         if s_o > 0.0:
             return quasi_static_start(self, lambda at: equilibrium(self.with_clamped_car(at)), s_o, ds)
-        shape, entrained = self._entrained_motion()
+        shape, entrained = self._entry_accelerations_and_inertia()
         inertia = self.inertia + entrained
         zero = np.zeros(self.n_dof)
         if ds > 0.0:
@@ -84,7 +84,7 @@ class FollowingElements(CableElements):
         return other
 
     # --- assembly --------------------------------------------------------------------------------------
-    def _entrained_motion(self) -> tuple[Array, float]:
+    def _entry_accelerations_and_inertia(self) -> tuple[Array, float]:
         """Accelerations of all nodes at entry over that of the mass, and the inertia of the cable that moves.
 
         Behind the mass they are linear.  Ahead M x = e at the mass: its node moves with x/x_mass and weighs 1/x_mass.

@@ -2,7 +2,8 @@
 
 Unknowns w = (u, v) on 0 <= s <= 1; nodes move with c(s, t):
 
-    int (w_tt + c_s w_t - c w_t' - c_t w' + c_d (w_t - c w')) . phi + (c w_t - c^2 w') . phi' ds      `inertia`
+    int (w_tt + c_s w_t - c w_t' - c_t w' + c_d (w_t - c w')) . phi + (c w_t - c^2 w') . phi' ds
+                                                                                            `inertia_and_damping`
     + int (N t - T X') . phi' ds,  r' = X' + w', t = r'/|r'|, N = T + alpha (|r'| - 1)      `internal_force`
     + [mu w_tt + mu d2X/dt2 - mu sigma j] at the mass = 0 .
 
@@ -81,7 +82,7 @@ def internal_force(eta, w):
 
 
 @skfem.LinearForm
-def inertia(eta, w):
+def inertia_and_damping(eta, w):
     c = w["c"]
     q_s = w["q"].grad[:, 0]
     v_s = w["v"].grad[:, 0]
@@ -113,7 +114,7 @@ def assemble_residual(system: FollowingElements, x: Array, t: float, phase: int)
     chi = np.where(behind, s / s_o, (1.0 - s) / (1.0 - s_o))
     chi_s = np.where(behind, 1.0 / s_o, -1.0 / (1.0 - s_o))
     q, v, a = (basis.interpolate(y) for y in unknowns)
-    r = inertia.assemble(basis, q=q, v=v, a=a, c=ds * chi, c_s=ds * chi_s, c_t=dds * chi, c_d=g.damping)
+    r = inertia_and_damping.assemble(basis, q=q, v=v, a=a, c=ds * chi, c_s=ds * chi_s, c_t=dds * chi, c_d=g.damping)
 
     T, *slope = g.tension_and_derivatives(np.asarray(basis_of_forces.global_coordinates())[0])[:3]
     w_s = basis_of_forces.interpolate(unknowns[0]).grad[:, 0]

@@ -100,7 +100,7 @@ class LineElements(System):
         hauled = [k for k, car in zip(self.cars, line.cars, strict=True) if car.drive.mode == "haul"]
         self.force = self.s[-1] + 1 + np.arange(len(hauled))  # slots of F/M
         self.of_force = np.searchsorted(self.cars, hauled)  # their numbers among the cars
-        self._number_body_slots(int(self.s[-1]) + 1 + len(hauled))
+        self._set_up_cabins_and_trolleys(int(self.s[-1]) + 1 + len(hauled))
         self.force_rows = np.array([self.travel_slot(k) for k in hauled], int)  # rows that determine F
         rails = zip(self.node[self.cars].tolist(), line.cars, strict=True)
         self.rails = [(2 * node, car.rail) for node, car in rails if car.rail is not None]  # slots of x
@@ -158,7 +158,7 @@ class LineElements(System):
         slots[self.of_force] = self.force
         return slots
 
-    def _number_body_slots(self, first: int) -> None:
+    def _set_up_cabins_and_trolleys(self, first: int) -> None:
         """Give cabins and cars on two wheels their slots, from `first` on."""
         cars = list(enumerate(self.line.cars))
         self.of_swing = [i for i, car in cars if car.hanger is not None]
@@ -305,7 +305,7 @@ class LineElements(System):
         rows[self.s[:-1]] += ends[0]
         rows[self.s[1:]] += ends[1]
         if self.points:
-            at, k = forces(cars, self.car_inputs(x, m)), np.array(self.cars, int)[self.points]
+            at, k = forces(cars, self.slopes_and_motion_at_cars(x, m)), np.array(self.cars, int)[self.points]
             points[self.node[k]] += at.contact[self.points]
             rows[self.s[k]] -= at.drive[self.points]
             rows[self.swing] += at.swing[self.of_swing]
@@ -335,8 +335,8 @@ class LineElements(System):
         entering = self.line.weight * contact.point[1] - 0.5 * self.segments.rho * speed**2
         return sign * (N + N**2 / (2.0 * EA) + entering)
 
-    def car_inputs(self, x: Coordinates, m: Motion) -> Array:
-        """Inputs (cars, INPUTS) of `bodies.forces`."""
+    def slopes_and_motion_at_cars(self, x: Coordinates, m: Motion) -> Array:
+        """Slopes beside each car, its v and a, F/M and the swing (cars, INPUTS), for `bodies.forces`."""
         out = np.zeros((len(self.cars), INPUTS))
         if self.cars:
             left, right = self.segments.slopes_at_ends(m)
@@ -404,7 +404,7 @@ class LineElements(System):
         """Let free cars go; they must move against friction."""
         self.hold[:] = 0.0
         slots = self.s[self.cars]
-        inputs = self.car_inputs(x, self.segment_motion(x))
+        inputs = self.slopes_and_motion_at_cars(x, self.segment_motion(x))
         stretch = forces(held, inputs).stretch
         self.hold = self.balance_rows(t, x, phase, cars=held)[slots] / stretch
         for i, car in enumerate(self.line.cars):
@@ -576,7 +576,7 @@ class LineElements(System):
         matrix = np.zeros((self.size, self.size), parts.dtype)
         np.add.at(matrix, (slots[:, :, None], slots[:, None, :]), parts)
         if self.points:
-            self._add_car_tangent(Dense(matrix), force_jacobian(cars, self.car_inputs(x, m)), m, c)
+            self._add_car_tangent(Dense(matrix), force_jacobian(cars, self.slopes_and_motion_at_cars(x, m)), m, c)
         self._add_contacts(Dense(matrix), x, rope, cars, c)
         return splu(csc_array(matrix[free][:, free])).solve
 

@@ -229,7 +229,8 @@ class Drive:
     thrust_angle: float = 0.0  # [rad] above the line of the wheels
     thrust_at: tuple[float, float] = (0.0, 0.0)
     rear_brakes: tuple[tuple[float, float], ...] = ()  # of `brakes` the force at the rear wheel
-    directions: tuple[tuple[float, int], ...] = ()  # from s_o on, direction in which a car at rest sets out: 1, 0 or -1
+    # from s_o on, the direction in which a car at rest sets out: 1, 0 or -1
+    departure_directions: tuple[tuple[float, int], ...] = ()
 
     @property
     def back_position(self) -> float:
@@ -268,14 +269,18 @@ class Drive:
 
     def departure_direction(self, s_o: float) -> int:
         """Direction in which a car at rest at s_o sets out under the last thrust: 1, -1, or 0."""
-        i = bisect.bisect_right(self.directions, (s_o, math.inf)) - 1
-        return self.directions[i][1] if i >= 0 else 0
+        i = bisect.bisect_right(self.departure_directions, (s_o, math.inf)) - 1
+        return self.departure_directions[i][1] if i >= 0 else 0
 
     def is_rest_position(self, s_o: float) -> bool:
         """Whether s_o is within `rest_distance` of a position of rest."""
         d = self.rest_distance
-        ends = [*(s for s, _ in self.directions[1:]), math.inf]
-        zones = [(begin, end) for (begin, direction), end in zip(self.directions, ends, strict=True) if direction == 0]
+        ends = [*(s for s, _ in self.departure_directions[1:]), math.inf]
+        zones = [
+            (begin, end)
+            for (begin, direction), end in zip(self.departure_directions, ends, strict=True)
+            if direction == 0
+        ]
         return any(begin - d <= s_o <= end + d for begin, end in zones)
 
     def step_fraction(

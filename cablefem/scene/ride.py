@@ -184,8 +184,8 @@ class Forces:
                     return bisect_zero(excess, a, b), k
         return None
 
-    def directions(self) -> tuple[tuple[float, int], ...]:
-        """`Drive.directions` by the forces of the last phase."""
+    def departure_directions(self) -> tuple[tuple[float, int], ...]:
+        """`Drive.departure_directions` by the forces of the last phase."""
         last = len(self.drive.phases) - 1
         t = self.drive.phases[last][0]
         low = self.drive.back_position
@@ -291,7 +291,7 @@ class _RideSolver:
             "arrival": lambda t, y: drive.end_position - y[0],
             "back": lambda t, y: y[0] - drive.back_position,
         }
-        if drive.directions and self.phase == len(drive.phases) - 1:
+        if drive.departure_directions and self.phase == len(drive.phases) - 1:
             watches["rest"] = excess_speed
         if math.isfinite(position):
             watches[brake] = lambda t, y: self.sign * (position - y[0])
@@ -374,7 +374,7 @@ def quasi_static(groups: Groups, drive: Drive) -> tuple[Ride, Drive]:
     A swinging ride of open end is over at its second turn.
     """
     path = LoadPath.loaded(groups)
-    drive = replace(drive, directions=Forces(path, groups.mu, groups.sigma, drive).directions())
+    drive = replace(drive, departure_directions=Forces(path, groups.mu, groups.sigma, drive).departure_directions())
     ends = math.isfinite(drive.end_time)
     first = roll_ride(path, groups.mu, groups.sigma, drive, math.inf if ends else 2)
     nominal = first.duration or min(1.0, drive.end_time)  # a car that stays

@@ -120,14 +120,14 @@ def set_tangent(now, ride, sines, workspace, out, c):
 
 
 @inner
-def predict(rule, begin, end):
+def predict_end(rule, begin, end):
     for k in range(3):
         for i in range(begin.shape[1]):
             end[k, i] = rule[k, 0] * begin[0, i] + rule[k, 1] * begin[1, i] + rule[k, 2] * begin[2, i]
 
 
 @inner
-def correct(rule, end, step, share):
+def correct_end(rule, end, step, share):
     for k in range(3):
         for i in range(step.size):
             end[k, i] -= share * rule[k, 3] * step[i]
@@ -142,7 +142,7 @@ def solve_step(now, ride, sines, ends, rule, newton, workspace):
     """
     weights = rule[:, 4]
     c = weights[0] * rule[0, 3], weights[1] * rule[1, 3], weights[2] * rule[2, 3]
-    predict(rule, ends[0], ends[1])
+    predict_end(rule, ends[0], ends[1])
     now, out, norm = set_residual_between(now, ride, sines, ends, weights, workspace)
     iterations = 0
     factorisations = 0
@@ -160,7 +160,7 @@ def solve_step(now, ride, sines, ends, rule, newton, workspace):
         before = norm
         share = 1.0
         for _ in range(newton.halvings + 1):
-            correct(rule, ends[1], workspace.step, share)
+            correct_end(rule, ends[1], workspace.step, share)
             now, out, norm = set_residual_between(now, ride, sines, ends, weights, workspace)
             evaluations += 1
             if norm < before or (iterations < newton.patience and norm < math.inf):

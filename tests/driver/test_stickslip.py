@@ -70,7 +70,9 @@ def ride(block, steps=400):
 def braked():
     """On an incline of 0.3, friction 0.05, down to a brake: rest zones as statics has them, then the exact answer."""
     brake, from_, start = 0.4, 0.5, 0.2
-    block = Block(lambda s: 0.3, start=start, mu_r=0.05, brakes=((from_, brake),), directions=((0.0, 1), (from_, 0)))
+    block = Block(
+        lambda s: 0.3, start=start, mu_r=0.05, brakes=((from_, brake),), departure_directions=((0.0, 1), (from_, 0))
+    )
     a = SIGMA * (math.sin(0.3) - 0.05 * math.cos(0.3))
     b = brake / MU - a
     v = math.sqrt(2.0 * a * (from_ - start))
@@ -93,7 +95,12 @@ def test_a_block_breaks_loose_when_the_pull_exceeds_friction():
     slope, mu_r, rate = 0.1, 0.3, 0.25
     loose, table = WEIGHT * (mu_r * math.cos(slope) - math.sin(slope)) / rate, ((0.0, 0.0), (9.0, 9.0 * rate))
     block = Block(
-        lambda s: slope, start=0.2, mu_r=mu_r, thrust_table=table, directions=((0.0, 1),), end_time=loose + 0.9
+        lambda s: slope,
+        start=0.2,
+        mu_r=mu_r,
+        thrust_table=table,
+        departure_directions=((0.0, 1),),
+        end_time=loose + 0.9,
     )
     last, found = ride(block)
     assert found["breaking loose"] == pytest.approx([loose], abs=1e-9)
@@ -105,7 +112,7 @@ def test_a_block_turns_where_friction_cannot_hold_it_and_comes_back_slower():
     """Uphill it is slowed by weight and friction, downhill driven by weight less friction."""
     slope, mu_r, start, push, ends = -0.4, 0.1, 0.3, 0.6, 0.8
     table = ((0.0, push), (ends, push))
-    block = Block(lambda s: slope, start=start, mu_r=mu_r, thrust_table=table, directions=((0.0, -1),))
+    block = Block(lambda s: slope, start=start, mu_r=mu_r, thrust_table=table, departure_directions=((0.0, -1),))
     weight, rub = SIGMA * math.sin(-slope), SIGMA * mu_r * math.cos(slope)
     up = push / MU - weight - rub
     v, s = up * ends, start + 0.5 * up * ends**2
@@ -125,7 +132,12 @@ def test_a_block_that_creeps_into_a_valley_is_at_rest_there(friction):
     edge = bottom - math.tan(math.atan(friction)) / k  # where friction takes over, to first order
     directions = ((0.0, 1), (edge, 0), (2 * bottom - edge, -1))
     block = Block(
-        lambda s: math.asin(k * (bottom - s)), c, start=0.2, mu_r=friction, directions=directions, end_time=2000.0
+        lambda s: math.asin(k * (bottom - s)),
+        c,
+        start=0.2,
+        mu_r=friction,
+        departure_directions=directions,
+        end_time=2000.0,
     )
     last, found = ride(block, steps=3000)
     assert list(found)[-1] == "stop"
@@ -136,7 +148,7 @@ def test_a_block_that_creeps_into_a_valley_is_at_rest_there(friction):
 
 
 def test_a_block_that_rolls_on_does_not_stop():
-    block = Block(lambda s: 0.3, start=0.2, mu_r=0.05, end_position=0.9, directions=((0.0, 1),))
+    block = Block(lambda s: 0.3, start=0.2, mu_r=0.05, end_position=0.9, departure_directions=((0.0, 1),))
     _, found = ride(block)
     a = SIGMA * (math.sin(0.3) - 0.05 * math.cos(0.3))
     assert list(found) == ["arrival"]

@@ -53,7 +53,7 @@ def solve_steps(cable, rolling_car, tangent, bands, steps, newton):
         now = Instant(steps.inputs[k], bands, steps.contact)
         if now.inputs.size > 3:  # with a car, `assemble_with_car` does this
             assemble_inertia_and_damping(cable, now)
-        predict(begin, rule, end, x)
+        predict_end_and_balance_state(begin, rule, end, x)
         factors = rule[0, 3] * rule[0, 4], rule[1, 3] * rule[1, 4], rule[2, 3] * rule[2, 4]
         norm = math.inf
         before = 0.0
@@ -73,7 +73,7 @@ def solve_steps(cable, rolling_car, tangent, bands, steps, newton):
                 da[j] = r[j]
             fraction = 1.0
             for _ in range(newton.halvings + 1):
-                correct(begin, rule, fraction, da, end, x)
+                correct_end_and_balance_state(begin, rule, fraction, da, end, x)
                 min_tension, min_at = assemble_balance(cable, rolling_car, now, x, r, tangent, NO_TANGENT)
                 residuals += 1
                 norm = math.sqrt(dot(r, r))
@@ -96,7 +96,8 @@ def solve_steps(cable, rolling_car, tangent, bands, steps, newton):
 
 
 @inner
-def predict(begin, rule, end, x):
+def predict_end_and_balance_state(begin, rule, end, x):
+    """Set the end for no unknown, and x where the step is balanced, between begin and end."""
     for i in range(3):
         w = rule[i, 4]
         for j in range(end.shape[1]):
@@ -105,7 +106,8 @@ def predict(begin, rule, end, x):
 
 
 @inner
-def correct(begin, rule, fraction, da, end, x):
+def correct_end_and_balance_state(begin, rule, fraction, da, end, x):
+    """Take a fraction of da from the unknown of the end, and set x again."""
     for i in range(3):
         part = fraction * rule[i, 3]
         w = rule[i, 4]

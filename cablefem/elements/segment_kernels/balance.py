@@ -158,7 +158,7 @@ def car_forces(car, gravity, y, out):
 
 
 @inner
-def car_inputs(mesh, count, cars, j, q, v, a, y):
+def set_slopes_and_motion_at_car(mesh, count, cars, j, q, v, a, y):
     """Fill y (INPUTS,) for car j."""
     k, force, swing = cars.contacts[j], cars.forces[j], cars.swings[j]
     nn = mesh.ends.shape[1]
@@ -188,7 +188,7 @@ def add_cars(mesh, count, cars, i, q, v, a, rows, loads):
     data = cars.data[min(i, cars.data.shape[0] - 1)]
     for j in range(cars.contacts.size):
         k, swing = cars.contacts[j], cars.swings[j]
-        car_inputs(mesh, count, cars, j, q, v, a, y)
+        set_slopes_and_motion_at_car(mesh, count, cars, j, q, v, a, y)
         car_forces(data[j], cars.gravity, y, out)
         rows[2 * k * (nn - 1)] += out[0].real
         rows[2 * k * (nn - 1) + 1] += out[1].real
@@ -207,7 +207,7 @@ def add_car_tangent(mesh, count, cars, q, v, a, factors, matrix):
     by = np.zeros((4, INPUTS))
     for i in range(cars.contacts.size):
         k, force, swing = cars.contacts[i], cars.forces[i], cars.swings[i]
-        car_inputs(mesh, count, cars, i, q, v, a, y)
+        set_slopes_and_motion_at_car(mesh, count, cars, i, q, v, a, y)
         for j in range(INPUTS if swing >= 0 else 9):
             y[j] += 1e-30j
             car_forces(cars.data[0, i], cars.gravity, y, out)
