@@ -14,7 +14,7 @@ from validation.core.running import run
 from validation.oracles.temperature import (
     catenary_piece,
     elastic_catenary,
-    heated_length_and_weight,
+    heated_length_and_total_weight,
     unstretched_length,
 )
 
@@ -93,7 +93,7 @@ def changed(name):
 def test_the_scene_meets_the_elastic_catenary(name):
     before, after = changed(name)
     span, drop, _, EA, *_ = LINES[name]
-    S, weight = heated_length_and_weight(after, before.length, unstretched_length(before.catenary, EA))
+    S, weight = heated_length_and_total_weight(after, before.length, unstretched_length(before.catenary, EA))
     H, _ = elastic_catenary(span, drop, S, weight, EA)
     assert after.horizontal_tension == pytest.approx(H, rel=2e-6)
     assert after.horizontal_tension != pytest.approx(before.horizontal_tension, rel=0.02)

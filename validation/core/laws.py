@@ -41,7 +41,7 @@ class Defect:
             return np.abs(np.mean(self.value, axis=0))
         return np.sqrt(np.mean(self.value**2, axis=0))
 
-    def distance(self, a: Array, b: Array) -> Array:
+    def rms_or_mean_distance(self, a: Array, b: Array) -> Array:
         """Distance (c,) of two values (k, c) of this law.
 
         Changes of single frames may cancel in a mean by chance: it is uncertain by their rms over the root of k.
@@ -98,7 +98,7 @@ def check_laws_in_si(
 def _bars_of_defect(law: Law, defect: Defect, ladder: Any, known: dict[int, Evidence]) -> tuple[Array, Array]:
     """Bars (c,) of a defect in space and time."""
     defects = {key: (defect if law.exact else law.defect(x)).value for key, x in known.items()}
-    space, time = ladder.bar_parts(lambda x: defects[id(x)], defect.distance, FIRST)
+    space, time = ladder.bar_parts(lambda x: defects[id(x)], defect.rms_or_mean_distance, FIRST)
     space, time = (np.broadcast_to(x, defect.size.shape) for x in (space, time))
     if law.at_start:
         space = np.maximum(space, SAFETY * ladder.start_gap)
@@ -108,7 +108,7 @@ def _bars_of_defect(law: Law, defect: Defect, ladder: Any, known: dict[int, Evid
 def _sampling_bars(law: Law, defect: Defect, sparse: tuple[Evidence, Evidence]) -> Array:
     """Bars (c,) of a defect by half and a quarter of what it is computed from."""
     half, quarter = (law.defect(x).value for x in sparse)
-    changes = defect.distance(defect.value, half), defect.distance(half, quarter)
+    changes = defect.rms_or_mean_distance(defect.value, half), defect.rms_or_mean_distance(half, quarter)
     return ROUNDING + error_bar(*changes, (2.0, 2.0), FIRST)
 
 
@@ -483,7 +483,7 @@ def _values_and_gaps_at_mass(evidence: Evidence, of: Callable[[Side], Array]) ->
 
 
 @_register_law("tension up to the mass", _mass_leaves_supports)
-def tension_continuity_defect(evidence: Evidence) -> Defect:
+def tension_field_at_mass_defect(evidence: Evidence) -> Defect:
     """Tension along the cable tends to that at the mass, mean over frames after the start; over H."""
     if not np.any(evidence.t > 0.0):
         return NOT_OBSERVED

@@ -137,7 +137,7 @@ class Rope:
         _, y, N = self.shape_and_tension(s)
         return y, N
 
-    def points_with_slope(self, slope: float) -> Array:
+    def points_closest_to_slope(self, slope: float) -> Array:
         """Points x, y (n - 1, 2) where each piece has a slope dy/dx, or where it comes closest to that."""
         H, P = self.ahead[:-1].T
         s = self.s[:-1] + np.clip((P - slope * H) / self.q, 0.0, np.diff(self.s))
@@ -364,7 +364,7 @@ def _largest_sag(rope: Rope, first: int, last: int) -> float:
     """Largest depth below the chord of two stations: there the rope is parallel to it."""
     (x0, y0), (x1, y1) = rope.points[[first, last]]
     slope = (y1 - y0) / (x1 - x0)
-    x, y = rope.points_with_slope(slope)[first:last].T
+    x, y = rope.points_closest_to_slope(slope)[first:last].T
     return float(np.max(y - y0 - slope * (x - x0)))
 
 
@@ -375,7 +375,7 @@ def _heights_over_ground(ground: Array, rope: Rope) -> Array:
     x, depth = ground.T
     corners = np.concatenate([x, rope.points[:, 0]])
     points = [np.stack([corners, rope.depth_and_tension(corners)[0]], axis=1)]
-    points += [rope.points_with_slope(slope) for slope in np.diff(depth) / np.diff(x)]
+    points += [rope.points_closest_to_slope(slope) for slope in np.diff(depth) / np.diff(x)]
     x_rope, y = np.concatenate(points).T
     within = (x_rope >= max(x[0], rope.points[0, 0])) & (x_rope <= min(x[-1], rope.points[-1, 0]))
     return np.asarray(np.interp(x_rope[within], x, depth) - y[within])

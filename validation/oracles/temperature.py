@@ -64,7 +64,7 @@ def unstretched_length(rest: Catenary, EA: float) -> float:
     return float(0.5 * rest.length * (weights / (1.0 + T / EA)).sum())
 
 
-def heated_length_and_weight(scene: Scene, l: float, unstretched: float) -> tuple[float, float]:
+def heated_length_and_total_weight(scene: Scene, l: float, unstretched: float) -> tuple[float, float]:
     """S [m] and weight [N], hot or cold, with ice; l, unstretched : at the reference."""
     cable = scene.cable
     ice = cable.ice_per_length
@@ -83,7 +83,7 @@ def held_car_in_cold(EA: float) -> tuple[Scene, np.ndarray, np.ndarray]:
     car = scene.mass.mass * scene.gravity
     ends = np.array([span, drop])
     rest = reference.catenary
-    S, weight = heated_length_and_weight(scene, rest.length, unstretched_length(rest, EA))
+    S, weight = heated_length_and_total_weight(scene, rest.length, unstretched_length(rest, EA))
     l = stretched_length(*elastic_catenary(span, drop, S, weight, EA), S, weight, EA)
     # EA of the solvers refers to the hanging cable: EA less tension
     mean = Catenary(span, drop, weight / l, scene.horizontal_tension).mean_tension

@@ -17,7 +17,7 @@ from validation.core.quantities import limit_text, unit_scale
 from validation.page import printing, terminal
 from validation.page.answer.many import LIMITS, Column, Columns, Row, point_label, table_of
 from validation.page.page import Section, limits_of, read_asset, render_sections, worst_verdict
-from validation.page.plot import BLACK, BLUE, COLORS, DASHED, DOTTED, GREY, Panel, draw_surroundings, plot
+from validation.page.plot import BLACK, BLUE, COLORS, DASHED, DOTTED, GREY, Panel, draw_surroundings_with_caption, plot
 from validation.page.scene_keys import scene_as_read
 
 _TEXT = tomllib.loads(read_asset("line.toml"))
@@ -149,7 +149,7 @@ def _panel_with_surroundings(line: Row, profile: dict[str, Array], lowest: Seque
     p = Panel("depth [m]", "", down=True)
     p.fit_axis([highest_of_rope, lowest_of_rope, ground[:, 1], tops, *lowest], pad=0.14)
     end = float(x[-1])
-    caption = draw_surroundings(p, 1.12 * end, ground, obstacles)
+    caption = draw_surroundings_with_caption(p, 1.12 * end, ground, obstacles)
     p.bands.append((x, highest_of_rope, lowest_of_rope, "#0072b233"))
     p.add_curve(x, profile["y_rest"], GREY, DOTTED, 1.4, "empty rope")
     for contact in line["contact"]:

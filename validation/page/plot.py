@@ -138,7 +138,9 @@ class Panel:
         }
 
 
-def draw_surroundings(p: Panel, reach: float, ground: Any, obstacles: Sequence[tuple[str, float, float]]) -> str:
+def draw_surroundings_with_caption(
+    p: Panel, reach: float, ground: Any, obstacles: Sequence[tuple[str, float, float]]
+) -> str:
     """Draw ground and obstacles (name, x, depth of the top) in a side view over `reach` metres; return its caption.
 
     Depths are to scale, or enlarged by an integer.

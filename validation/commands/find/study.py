@@ -221,12 +221,12 @@ class _Search:
             raise Refused(f"{self.key}: {answers[0].sentence}")
         refuse_unknown(self.clauses, answers)
 
-    def clause_margins(self, value: float) -> list[float]:
+    def margins_by_answer_and_clause(self, value: float) -> list[float]:
         """Room of each clause in each answer."""
         return [clause.margin(answer) for answer in self.answers_of_scenes(value) for clause in self.clauses]
 
     def condition_holds(self, value: float) -> bool:
-        return all(room >= 0.0 for room in self.clause_margins(value))
+        return all(room >= 0.0 for room in self.margins_by_answer_and_clause(value))
 
     def bisect_threshold(self, a: float, b: float) -> Threshold:
         """The threshold between two values, by bisection; of numbers linear in the last interval."""
@@ -254,13 +254,15 @@ class _Search:
 
     def _crossing_share(self, holds_at: float, fails_at: float) -> float:
         """Where the first number that fails crosses its limit, over the interval; nan where words decide."""
-        pairs = zip(self.clause_margins(holds_at), self.clause_margins(fails_at), strict=False)
+        pairs = zip(
+            self.margins_by_answer_and_clause(holds_at), self.margins_by_answer_and_clause(fails_at), strict=False
+        )
         return min((above / (above - below) for above, below in pairs if below < 0.0 <= above), default=math.nan)
 
     def _failure_text(self, value: float) -> str:
         """What does not hold at a value: a number, or what happens."""
         count = len(self.clauses)
-        i = next(i for i, room in enumerate(self.clause_margins(value)) if not room >= 0.0)
+        i = next(i for i, room in enumerate(self.margins_by_answer_and_clause(value)) if not room >= 0.0)
         answers = self.answers_of_scenes(value)
         answer = answers[min(i // count, len(answers) - 1)]
         clause = self.clauses[i % count]
@@ -273,8 +275,8 @@ class _Search:
 
         check : by both solvers, else by the least model, which leaves words without a bar.
         """
-        before = self.clause_margins(threshold.holds_at)
-        after = self.clause_margins(threshold.fails_at)
+        before = self.margins_by_answer_and_clause(threshold.holds_at)
+        after = self.margins_by_answer_and_clause(threshold.fails_at)
         i, numeric = _deciding_clause(before, after)
         count = len(self.clauses)
         clause = self.clauses[i % count]

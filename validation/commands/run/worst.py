@@ -26,7 +26,7 @@ def with_worst_positions(line: Line) -> Line:
     first = sorted(set(_first_positions(line)))
     positions.solve(first)
     for _ in range(ROUNDS):
-        vertices = positions.vertices()
+        vertices = positions.untried_vertices()
         if not vertices:
             break
         positions.solve(vertices)
@@ -78,7 +78,7 @@ class _CarPositions:
     def positions_of_extreme_numbers(self) -> list[float]:
         return [float(x[k]) for x, _, k in self._numbers_over_positions()]
 
-    def vertices(self) -> list[float]:
+    def untried_vertices(self) -> list[float]:
         """Vertices of parabolas through each extreme and its neighbours, where nothing was solved yet."""
         out: list[float] = []
         for x, y, k in self._numbers_over_positions():

@@ -19,7 +19,7 @@ from validation.core.sidebyside import map_in_parallel
 from validation.page import report, terminal
 from validation.page.options import Point
 from validation.page.page import Section, details, drawn_with, gallery, html_table
-from validation.page.plot import COLORS, DASHED, DOTTED, GREY, Panel, draw_surroundings, plot
+from validation.page.plot import COLORS, DASHED, DOTTED, GREY, Panel, draw_surroundings_with_caption, plot
 from validation.page.scene_keys import table_of_keys
 from validation.page.side_view import six_digits, sparse_indices
 
@@ -232,7 +232,7 @@ def _side_view_figure(scene: Scene, rows: list[dict], paths: list[dict | None], 
     depths += [np.array(path["y"]) + below for path in paths if path]
     p = Panel("depth [m]", "path of the car", down=True)
     p.fit_axis(depths, pad=0.05)
-    caption = draw_surroundings(p, span, ground, [(o.name, o.at, o.top) for o in scene.obstacle])
+    caption = draw_surroundings_with_caption(p, span, ground, [(o.name, o.at, o.top) for o in scene.obstacle])
     p.add_curve(X.x(s), X.y(s), GREY, DOTTED, 1.2, "empty rope at rest")
     _add_paths(p, rows, paths, keys, "x", "y")
     return plot([p], (0.0, span), "x [m]", caption)
