@@ -114,6 +114,13 @@ def test_the_command_says_when_and_how_fast(tmp_path, capsys):
     assert first.startswith("0.0,2.0,")
 
 
+def test_a_car_that_friction_holds_has_all_its_extremes_at_the_start():
+    """Nothing changes: it said "stop after 0 s" and a largest tension after 2.2 s."""
+    r = quasi_static_answer(Scene.from_toml(README).replace({"drive.rolling_friction": 0.5}))
+    assert [(event["event"], event["t"]) for event in r.events] == [("stop", 0.0)]
+    assert {row["t"] for row in r.design if row["value"] is not None} == {0.0}
+
+
 # --- bars and what checks the ride --------------------------------------------------------------------------------
 
 

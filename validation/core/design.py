@@ -382,16 +382,21 @@ class Signal:
         return at, np.interp(at, t, value), np.interp(at, t, s)
 
     def extreme(self, r: Response) -> _Extreme | None:
-        """The largest value times the quantity's sign over all its tracks; None without samples."""
+        """The largest value times the quantity's sign over all its tracks, the first of those equal up to rounding.
+
+        None without samples.
+        """
         found = None
         sign = self.quantity.sign
         for i, track in enumerate(self.quantity.tracks(r)):
             t, value, s = self.samples(track)
             if t.size == 0:
                 continue
-            k = int((sign * value).argmax())
-            if found is not None and not sign * value[k] > sign * found.value:
+            largest = float((sign * value).max())
+            rounding = ROUNDING * abs(largest)
+            if found is not None and largest <= sign * found.value + rounding:
                 continue
+            k = int((sign * value >= largest - rounding).argmax())
             around = slice(max(0, k - 1), k + 2)
             between = 0.0
             if track.value.ndim > 1:
