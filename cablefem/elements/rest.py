@@ -12,7 +12,7 @@ from cablefem.elements.segments import Law
 from cablefem.elements.system import Coordinates, LineElements
 from cablefem.newmark import Array, StepFailure
 from cablefem.scene.contacts import Car, Contact, Wheel
-from cablefem.scene.line import Case, NoLineAtRest, Station
+from cablefem.scene.line import Case, NoLineAtRest, Station, needed_tension
 from cablefem.scene.taut import first_guess
 
 SOFTENING = 8  # stages of EA up to its value
@@ -118,9 +118,11 @@ def _set_first_guess(system: LineElements, q: Array, free: NDArray[np.bool_]) ->
     x = _guess_x(system, q)
     for _ in range(ROUNDS):
         stations = tuple(_station_of(c, x[k], line.gravity) for k, c in enumerate(line.touching))
-        first = first_guess(Case(stations, line.weight, rope.EA, length=rope.length))
+        case = Case(stations, line.weight, rope.EA, length=rope.length)
+        first = first_guess(case)
         if isinstance(first, NoLineAtRest):
-            raise StepFailure(0.0, str(first), "give more rope or less load")
+            needed = needed_tension([case], line.solve) if line.solve else ""
+            raise StepFailure(0.0, str(first), needed.removeprefix("; ") or "give more rope or less load")
         H = first.H
         points = first.points
         s = first.s

@@ -16,6 +16,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field
 
+from cablefem.scene.bisection import bisect_zero
 from cablefem.scene.bodies import Hanger, Wheels, body_faults, groove_faults
 from cablefem.scene.cable import STEEPEST, Rope
 from cablefem.scene.described import LINES, Described
@@ -240,6 +241,38 @@ class LineNotConverged(NoLineAtRest):
 Solver = Callable[[Sequence[Case]], "list[LineState | NoLineAtRest]"]
 
 
+def needed_tension(cases: Sequence[Case], solve: Solver) -> str:
+    """What a counterweight must be for all cases to have a rest, as an end of a sentence; "" where that is unknown.
+
+    A rope that hangs from a pulley has no rest below a smallest force: the more it sags, the more its own weight
+    pulls off the pulley. Level and empty that force is 0.754 times span and weight per length. The one that is named
+    was tried, and is at most 2 % above the smallest.
+    """
+    weight = next((p for case in cases for p in case.stations if p.kind == "counterweight"), None)
+    if weight is None:
+        return ""
+
+    def without_rest(force: float, cases: Sequence[Case]) -> list[Case]:
+        heavier = [replace(case, stations=_with_counterweight(case.stations, force)) for case in cases]
+        return [case for case, x in zip(cases, solve(heavier), strict=True) if isinstance(x, NoLineAtRest)]
+
+    force = weight.force
+    while waiting := without_rest(force, cases):
+        case = waiting[len(waiting) // 2]
+        high = 2.0 * force
+        while without_rest(high, [case]):
+            high *= 2.0
+            if high > case.EA:
+                return ""
+        smallest = bisect_zero(lambda force: 0.5 - len(without_rest(force, [case])), force, high, 0.01 * force)  # noqa: B023
+        force = float(f"{1.006 * smallest:.3g}")  # not rounded down
+    return f"; {weight.name} must hold it with at least {force:.6g} N" if force > weight.force else ""
+
+
+def _with_counterweight(stations: Sequence[Station], force: float) -> tuple[Station, ...]:
+    return tuple(replace(p, force=force) if p.kind == "counterweight" else p for p in stations)
+
+
 @dataclass(frozen=True)
 class LineRest:
     """A line at rest at all positions of its cars."""
@@ -259,6 +292,11 @@ class LineRest:
     def refused(self) -> dict[int, NoLineAtRest]:
         """Reasons of the positions that have no rest."""
         return {i: x for i, x in enumerate(self.positions) if isinstance(x, NoLineAtRest)}
+
+    def needed_tension(self, solve: Solver) -> str:
+        """What a counterweight must be for all positions to have a rest; see `needed_tension`."""
+        length = self.line.length_at(self.empty)
+        return needed_tension([self.line.case(i, length) for i in self.refused], solve)
 
 
 class Line(Described):
@@ -349,10 +387,20 @@ class Line(Described):
 
     def empty(self, solve: Solver) -> LineState:
         """The line without cars, ice and heat, s from its left end; SceneError where it has no rest."""
-        state = _refuse_unsound(solve([self.case(None, self.cable.length)])[0])
+        case = self.case(None, self.cable.length)
+        found = solve([case])[0]
+        if isinstance(found, NoLineAtRest):
+            raise SceneError([f"the empty line: {found}{needed_tension([case], solve)}"])
+        state = _refuse_unsound(found)
         if isinstance(state, NoLineAtRest):
             raise SceneError([f"the empty line: {state}"])
         return replace(state, s=state.s - state.s[0])
+
+    def length_at(self, empty: LineState) -> float | None:
+        """s [m] of a fixed right end; None at a counterweight."""
+        if self.contact[-1].kind == "counterweight":
+            return self.cable.length
+        return self.cable.length or float(empty.s[-1])
 
     def rest(self, solve: Solver, refused: Mapping[int, NoLineAtRest] | None = None) -> LineRest:
         """Solve all positions; SceneError where the empty line has no rest.
@@ -363,9 +411,7 @@ class Line(Described):
             raise SceneError([f"car.{self.car[0].name}: in motion; at must be given for a line at rest"])
         refused = refused or {}
         empty = self.empty(solve)
-        length = self.cable.length
-        if self.contact[-1].kind != "counterweight":
-            length = length or float(empty.s[-1])
+        length = self.length_at(empty)
         tried = [i for i in range(self.count) if i not in refused]
         on_shoes = self._on_shoes(tried)
         cases = [self.case(i, length) for i in tried]

@@ -1,5 +1,6 @@
 """A line at rest by exact catenaries and by elements: numbers known beforehand, and the equations themselves."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -101,6 +102,27 @@ def test_a_rope_that_leaves_over_the_pulley_takes_the_energy_of_its_weight_along
 def test_empty_line_without_rest(solve, given, says):
     with pytest.raises(SceneError, match=says):
         line(*given).rest(solve)
+
+
+def test_a_counterweight_too_light_is_named_with_the_force_that_would_do(solve):
+    """Level and empty the smallest force is w b/2 min(cosh z/z) (Irvine, Cable Structures, 1981, 1.2)."""
+    cable, weight, end = TRAMWAY[:3]
+    level = {**end, "at": [1200.0, 0.0]}
+    with pytest.raises(SceneError) as error:
+        line(cable, {**weight, "tension": 3e4}, level).rest(solve)
+    named = float(re.search(r"weight must hold it with at least (\d+) N", str(error.value)).group(1))
+    z = np.linspace(1.0, 1.4, 1001)
+    smallest = 0.5 * cable["mass_per_length"] * 9.81 * 1200.0 * np.min(np.cosh(z) / z)
+    assert smallest * (1.0 - 1e-3) < named < 1.15 * smallest  # the stretch of the rope lowers it a little
+    assert line(cable, {**weight, "tension": named}, level).rest(solve).states
+
+
+def test_the_force_that_would_do_is_enough_for_all_positions():
+    given = Line.load("two-span").replace({"contact.0.tension": 6e4})
+    sentence = answer_line(given).outcome.sentence
+    named = float(re.search(r"valley must hold it with at least (\d+) N", sentence).group(1))
+    assert answer_line(given.replace({"contact.0.tension": named})).status == "complete"
+    assert answer_line(given.replace({"contact.0.tension": 0.97 * named})).status == "incomplete"
 
 
 def test_a_position_without_rest_leaves_the_others(solve):

@@ -18,7 +18,13 @@ from cablefem.elements import line as elements
 from cablefem.response import Array
 from cablefem.scene.line import Line, LineNotConverged, LineRest, LineState
 from validation.commands.check import sensitivity as sensitivities
-from validation.commands.run.line import RestAnswers, answer_line, extreme_rows, numbers_by_position
+from validation.commands.run.line import (
+    RestAnswers,
+    answer_line,
+    extreme_rows,
+    no_position_has_rest,
+    numbers_by_position,
+)
 from validation.commands.run.lines import Row
 from validation.commands.run.worst import with_worst_positions
 from validation.core import line_laws, store
@@ -152,7 +158,7 @@ def refine_both(line: Line, second: Line, tol: float, tol_tension: float) -> Bot
     """
     a = line.rest(partial(catenary_line.solve, extra_steps=1))
     if not a.states:
-        raise store.Refused(f"{line.name}: no position has a rest; at the first {a.positions[0]}")
+        raise no_position_has_rest(a)
     coarser_a = line.rest(catenary_line.solve, a.refused)
     n = 4
     coarser_b = second.rest(partial(elements.solve, elements=n // 2))

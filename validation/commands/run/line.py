@@ -7,6 +7,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -217,6 +218,11 @@ class RestAnswers(LineAnswers):
         clearances = [d for d in self.design if d["quantity"].startswith("clearance") and d["value"] < TOUCHES]
         return sorted(clearances, key=lambda d: d["value"])
 
+    @cached_property
+    def needed_tension(self) -> str:
+        """What a counterweight must be for all positions to have a rest, as the end of a sentence."""
+        return self.rest.needed_tension(catenary_line.solve)
+
     @property
     def outcome(self) -> Outcome:
         """Kinds: breaks, collides, the deepest first, incomplete, carries."""
@@ -232,9 +238,8 @@ class RestAnswers(LineAnswers):
             more = [f"{len(hits) - MAX_NAMED} more"] if len(hits) > MAX_NAMED else []
             parts.append(Outcome("collides", f"would collide: {', '.join([*hits[:MAX_NAMED], *more])}"))
         if self.positions_without_rest:
-            parts.append(
-                Outcome("incomplete", f"{len(self.positions_without_rest)} of {self.line.count} positions have no rest")
-            )
+            without = f"{len(self.positions_without_rest)} of {self.line.count} positions have no rest"
+            parts.append(Outcome("incomplete", without + self.needed_tension))
         if not parts:
             carries = f"at rest at {_position_count(self.line.count)}; largest tension {load}{_cars_text(tension)}"
             parts.append(Outcome("carries", carries))
@@ -305,6 +310,12 @@ def _collision_text(number: Row) -> str:
     return f"{who} hits {what} by {-number['value']:.2f} m{_cars_text(number)}"
 
 
+def no_position_has_rest(rest: LineRest) -> store.Refused:
+    """The refusal of a line without any position at rest."""
+    needed = rest.needed_tension(catenary_line.solve)
+    return store.Refused(f"{rest.line.name}: no position has a rest; at the first {rest.positions[0]}{needed}")
+
+
 def answer_line(line: Line, *, rest: LineRest | None = None) -> RestAnswers:
     """Solve a line by catenaries; an error where the empty line or every position has no rest.
 
@@ -317,5 +328,5 @@ def answer_line(line: Line, *, rest: LineRest | None = None) -> RestAnswers:
         rest = line.rest(catenary_line.solve)
     numbers = numbers_by_position(rest)
     if not any(numbers):
-        raise store.Refused(f"{line.name}: no position has a rest; at the first {rest.positions[0]}")
+        raise no_position_has_rest(rest)
     return RestAnswers(line=line, rest=rest, numbers=numbers, design=extreme_rows(line, numbers))
