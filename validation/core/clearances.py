@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from cablefem.response import Array, Response
 from cablefem.scene import Scene
@@ -13,6 +12,8 @@ from cablefem.scene.surroundings import GROUND
 
 def rope_shapes(r: Response) -> tuple[Array, Array, Array]:
     """x, y [m], tension [N] of the rope with the mass at each frame, (k, m + 1) each."""
+    from scipy.interpolate import CubicSpline  # slow to load
+
     f = r.fields
     x = f.x + f.u
     y = f.y + f.v
