@@ -293,13 +293,25 @@ class Table(Law):
         motion = self.motion_over(distance)
         t, slowest = min(motion.speeds, key=lambda sample: sample[1])
         if slowest < -1e-12 * motion.top_speed:
-            where = f"runs backwards at t = {t:.6g} s ({slowest:.3g} m/s)"
-            must = "must run >= 0 m/s throughout: give more points there"
-            return f"positions: the smooth curve through them {where}; {must}"
+            return self._backwards_fault(t)
         _, ds, dds = motion.at(0.0, 0)
         if self.position is None and ds == 0.0 and dds * motion.phases[-1][1] <= AT_REST * motion.top_speed:
             return "positions: the mass enters without speed and acceleration; must have one of them at t = 0"
         return ""
+
+    def _backwards_fault(self, t: float) -> str:
+        """Fault of a curve that runs backwards at t [s]: its rows, and where the speed changes too abruptly for it."""
+        k = min(int(np.searchsorted(self.times, t, side="right")), len(self.times) - 1) - 1
+        mean = np.diff(self.positions) / np.diff(self.times)
+        beside = max((j for j in (k - 1, k + 1) if 0 <= j < mean.size), key=lambda j: abs(mean[j] - mean[k]))
+        i = min(beside, k)
+        where = f"positions[{k}] = {self.positions[k]!r} to positions[{k + 1}] = {self.positions[k + 1]!r}"
+        changes = f"the mean speed changes from {mean[i]:.3g} to {mean[i + 1]:.3g} m/s"
+        rows = f"add rows from {self.times[i]:g} to {self.times[i + 2]:g} s that say how it changes"
+        return (
+            f"{where}: the smooth curve through the table runs backwards at t = {t:.4g} s, for {changes} there; "
+            f"{rows}, or equal positions for a standstill"
+        )
 
     def motion_over(self, distance: float) -> Motion:
         """The motion from 0 over a distance [m], in SI."""
@@ -328,8 +340,8 @@ def _spline(t: np.ndarray, s: np.ndarray, rests: tuple[bool, bool]) -> tuple[Pie
     """`rests`: whether the spline must begin and end at rest."""
     from scipy.interpolate import CubicSpline  # slow to import
 
-    slopes = np.abs(CubicSpline(t, s)(t, 1))
-    at_rest = (slopes[[0, -1]] < AT_REST * slopes.max()) | np.array(rests)  # begin and end
+    slopes = CubicSpline(t, s)(t, 1)
+    at_rest = (slopes[[0, -1]] < AT_REST * slopes.max()) | np.array(rests)  # begin and end; it does not run backwards
     spline = CubicSpline(t, s, bc_type=tuple((1, 0.0) if rest else "not-a-knot" for rest in at_rest))
     if at_rest[0]:  # exactly zero: a very slow start is not a start from rest
         spline.c[2, 0] = 0.0

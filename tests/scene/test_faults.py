@@ -151,8 +151,9 @@ def test_the_good_scene_is_good():
             "travel.positions[2] = 331.0: must be <= 330.0, the length of the cable",
         ]),
         (TRAVEL, 'kind = "table"\ntimes = [0, 1, 2, 3, 4, 5]\npositions = [0, 5, 90, 91, 92, 170]', [
-            "travel.positions: the smooth curve through them runs backwards at t = 0 s (-112 m/s); "
-            "must run >= 0 m/s throughout: give more points there",
+            "travel.positions[2] = 90.0 to positions[3] = 91.0: the smooth curve through the table runs backwards "
+            "at t = 2.876 s, for the mean speed changes from 85 to 1 m/s there; "
+            "add rows from 1 to 3 s that say how it changes, or equal positions for a standstill",
         ]),
         (TRAVEL, 'kind = "table"\ntimes = [0, 1, 2, 3, 4]\npositions = [0, 1, 8, 27, 64]', [
             "travel.positions: the mass enters without speed and acceleration; must have one of them at t = 0",

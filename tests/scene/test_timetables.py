@@ -193,3 +193,10 @@ def test_a_mistyped_row_of_the_ground_is_refused_with_its_line(tmp_path, text, l
     (tmp_path / "line.toml").write_text('ground = "terrain.csv"\n' + GOOD)
     with pytest.raises(ValueError, match=f"{line}.* must hold two numbers"):
         Scene.load(tmp_path / "line.toml")
+
+
+def test_a_table_that_ends_slowly_ends_at_rest():
+    """A curve through these rows alone would swing back before its end, with -1.5 m/s."""
+    m, _ = motion("kind = 'table'\ntimes = [0, 10, 20, 30, 34]\npositions = [0, 66, 132, 198, 202]")
+    assert m.at(34.0, 0)[1] == pytest.approx(0.0, abs=1e-12)
+    assert min(speed for _, speed in m.speeds) >= -1e-12
