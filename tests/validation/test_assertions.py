@@ -150,5 +150,19 @@ def test_a_solver_that_returns_no_path_is_told_what_to_return(answer):
 
 
 def test_a_solver_with_v_up_is_told_so(checked):
-    with pytest.raises(Refused, match="v points the other way"):
+    with pytest.raises(Refused, match="v points the other way") as told:
         check_solver(LEVEL, lambda scene: (opensees(scene)[0], -opensees(scene)[1]), ours=checked)
+    assert "s_o and v in m, v down; in a file a column may be" in str(told.value)  # a function has no columns
+
+
+def test_a_solver_whose_v_is_half_too_large_disagrees(checked, fine):
+    """A shift of its places was tried, which put two of them on the support: a traceback of an interpolation."""
+    fault = check_solver(LEVEL, lambda scene: (fine.s_o, 1.5 * fine.v), ours=checked)
+    assert fault.verdict.value == "disagree"
+
+
+def test_what_is_no_solver_and_what_is_no_answer_is_told_so(fine):
+    with pytest.raises(Refused, match="solver = 'following-p2': must be a function of a scene"):
+        check_solver(LEVEL, "following-p2")
+    with pytest.raises(TypeError, match=r"takes two answers, of cf\.run or cf\.quasi_static; got function"):
+        validation.assert_agree(opensees, fine)

@@ -43,7 +43,7 @@ def assert_agree(
     assert_agree(run("level"), run("level", "fourier-kink"), path=3e-3)
     """
     __tracebackhide__ = True  # pytest shows the caller's line
-    names = f"{a.method} and {b.method}"
+    names = names_of_answers(a, b)
     try:
         rows = _rows_of_answers(a, b, path, tension, window)
     except NotComparable as reason:
@@ -51,6 +51,14 @@ def assert_agree(
     if any(row.verdict is not Verdict.AGREE for row in rows):
         raise AssertionError(failure_text(f"{names} disagree", rows))
     return rows
+
+
+def names_of_answers(a: Answer, b: Answer) -> str:
+    """Names of both methods; TypeError for what is no answer."""
+    for x in (a, b):
+        if not hasattr(x, "method"):
+            raise TypeError(f"assert_agree takes two answers, of cf.run or cf.quasi_static; got {type(x).__name__}")
+    return f"{a.method} and {b.method}"
 
 
 def failure_text(title: str, rows: Sequence[Agreement]) -> str:

@@ -34,7 +34,7 @@ from validation.core.store import Refused
 WITH_TOL = 5e-3  # of the largest deflection, allowed beside our own bar
 MIN_ROWS = 5  # in the window
 TRAVEL_TOLERANCE = 5e-3  # of l: programs may round the position to a node
-_ENDINGS = "the name of a column tells its unit and direction, as t_ms, s_o_over_l, v_mm, v_up"
+_ENDINGS = "t must be in s, s_o and v in m, v down; in a file a column may be t_ms, s_o_over_l, v_mm or v_up"
 _UNITS = {"s": ("s", "ms"), "m": ("m", "mm", "km"), "m/s": ("km/h",), "N": ("N", "kN")}  # SI: others beside it
 _COLUMNS = {
     "t": "s", "s_o": "m", "x": "m", "y": "m", "u": "m", "v": "m", "T_behind": "N", "T_ahead": "N", "speed": "m/s",
@@ -236,6 +236,8 @@ def _with_time_and_position(scene: Scene, columns: dict[str, Array]) -> dict[str
     if "t" not in x:
         _refuse_off_cable(x["s_o"], float(x["s_o"][-1]), l)
         x["t"] = tau * motion.times_at(np.clip(x["s_o"] / l, motion.start_position, motion.end))
+        once = np.append(True, np.diff(x["t"]) > 0.0)  # of places beyond an end of the travel the first
+        x = {k: a[once] for k, a in x.items()}
     position = motion.position(x["t"] / tau)
     # the scene's mass stays at the end
     off = np.abs(np.minimum(x.setdefault("s_o", l * position) / l, motion.end) - position)

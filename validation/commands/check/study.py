@@ -358,6 +358,8 @@ def check_solver(
     Raises Refused if the answer is no path on that scene.
     """
     refuse_out_of_range("with_tol", with_tol, 0.0, 1.0)
+    if not callable(solver):
+        raise Refused(f"solver = {short_text(solver)}: must be a function of a scene")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     name = name or str(getattr(solver, "__name__", type(solver).__name__))
     answer = solver(scene)

@@ -22,7 +22,7 @@ def reporting_assert_agree(report: Report) -> Callable[..., list[Agreement]]:
     def asserted(a: Any, b: Any, **bounds: Any) -> list[Agreement]:
         """See `assert_agree`."""
         __tracebackhide__ = True
-        names = f"{a.method} and {b.method}"
+        names = assertions.names_of_answers(a, b)
         try:
             rows = assertions.assert_agree(a, b, **bounds)
         except AssertionError as error:
