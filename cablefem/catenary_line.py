@@ -20,7 +20,6 @@ from cablefem.scene.taut import first_guess
 
 # of Newton's method; smallest damping factor
 STEPS = 100
-SHORTEST = 1e-3
 LAST = 1e-8  # step over the size of the unknowns; the remaining error is about its square
 
 
@@ -135,6 +134,7 @@ def _newton(problem: _CatenaryProblem, extra_steps: int) -> np.ndarray:
     X = problem.X
     remaining_steps = extra_steps + 1
     tiny = 1e-30
+    smallest_factor = 1e-3  # of damping
     for _ in range(STEPS):
         r = problem.residual(X[:, None])[:, 0]
         shifted = X[:, None] + 1j * tiny * np.diag(problem.size)
@@ -151,7 +151,7 @@ def _newton(problem: _CatenaryProblem, extra_steps: int) -> np.ndarray:
             and (large < 1e-4 or np.linalg.norm(problem.residual((X + fraction * step)[:, None])) < np.linalg.norm(r))
         ):
             fraction *= 0.5
-            if fraction < SHORTEST:  # the residual falls no further
+            if fraction < smallest_factor:  # the residual falls no further
                 raise LineNotConverged("no state of rest was found")
         X = X + fraction * step
         remaining_steps -= large < LAST

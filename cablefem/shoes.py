@@ -21,7 +21,6 @@ from cablefem.scene.rail import Rail, RailEnd
 
 TIP = 0.2  # of a shoe
 BESIDE = 1e-6  # [m] for slopes on one side of a contact
-ROUNDS = 8  # to find the rope below a car
 
 
 class Passage(NamedTuple):
@@ -144,7 +143,7 @@ def _add_rope_point(line: MovingLine, car: Car, t: float, phase: int, snapshot: 
         snapshot.points[car.name] = np.array([r, w + speed * along, 0.0 * r])
         return
     s = snapshot.s[car.name]
-    for _ in range(ROUNDS):
+    for _ in range(8):  # to find the rope below a car
         r, along, w = snapshot.rope(s)
         s += (position - r[0]) / along[0]
     ds = (speed - w[0]) / along[0]

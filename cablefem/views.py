@@ -13,7 +13,6 @@ from cablefem.motion import CarMotion, ContactMotion
 if TYPE_CHECKING:
     from cablefem.response import Array, Response
 
-BESIDE = 1e-9  # of the length: a station so near the mass is under it
 BLUE, GREY = "#0072B2", "#999"
 
 
@@ -25,11 +24,12 @@ def sample_fields(r: Response, t: Any, s: Any) -> dict[str, Array]:
             raise ValueError(f"{name}: must be from {known[0]:.6g} to {known[1]:.6g}, got {asked.tolist()}")
     out = {name: np.empty((t.size, s.size)) for name in ("x", "y", "u", "v", "T")}
     rest = {name: np.interp(s, r.fields.s, getattr(r.fields, name)) for name in ("x", "y")}
+    beside = 1e-9  # of the length: a station so near the mass is under it
     for k, instant in enumerate(t.tolist()):
         s_o, u, v, behind, ahead = (np.interp(instant, r.t, z) for z in (r.s_o, r.u, r.v, *_tensions_at_mass(r)))
         w, T = _interpolate_frames(r, instant, s_o)
         # a station under the mass has no side; just beyond it T is that ahead
-        i, j = np.searchsorted(r.fields.s, [s_o - BESIDE * r.length, s_o + BESIDE * r.length]).tolist()
+        i, j = np.searchsorted(r.fields.s, [s_o - beside * r.length, s_o + beside * r.length]).tolist()
         places = np.concatenate([r.fields.s[:i], [s_o, np.nextafter(s_o, np.inf)], r.fields.s[j:]])
         for name, z, at_mass in (("u", w[0], [u, u]), ("v", w[1], [v, v]), ("T", T, [behind, ahead])):
             out[name][k] = np.interp(s, places, np.concatenate([z[:i], at_mass, z[j:]]))

@@ -13,9 +13,6 @@ from cablefem.response import Observation, States
 from galerkin.bases.kink import Array
 from galerkin.equations import GalerkinSystem
 
-# place of the balance at a start from rest, over the travel; the limit (48) excites axial modes
-START = 1e-4
-
 
 class SystemOverPosition(System):
     """Any Galerkin system with s_o for t (45): r(t, g, ds_o g', ds_o^2 g'' + dds_o g') = 0, prime = d/ds_o.
@@ -72,7 +69,8 @@ class SystemOverPosition(System):
             slope = x.v / ds_o
             return State(s_o, x.q, slope, (x.a - dds_o * slope) / ds_o**2, phase)
         first = x.a / dds_o
-        return State(s_o, x.q, first, self.second_derivative_at_start(first, START * self.phases[0][1]), phase)
+        start = 1e-4  # place of the balance at a start from rest, over the travel; the limit (48) excites axial modes
+        return State(s_o, x.q, first, self.second_derivative_at_start(first, start * self.phases[0][1]), phase)
 
     def second_derivative_at_start(self, first: Array, d: float) -> Array:
         """g'' at a start from rest by d g' + d^2 g''/2 in balance at place d; d -> 0 is (48)."""

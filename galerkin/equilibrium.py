@@ -11,9 +11,6 @@ from galerkin import kernels
 from galerkin.bases.kink import Array, KinkedBasis
 from galerkin.models import FullCable
 
-BATCH = 64  # instants at once
-STATIONS = 60  # for the smallest tension
-
 if TYPE_CHECKING:
     from galerkin.observe import Measures
 
@@ -77,7 +74,8 @@ def min_tension_and_position(
     cable: FullCable, n: int, along: Callable[[Array], Callable[[Array], Array]], s: Array
 ) -> tuple[Array, Array]:  # fmt: skip
     """Smallest tension of every instant and its s, (n,); along(s)(k): N t at stations s and instants k."""
-    stations = np.concatenate([[0.0], s[:: 1 + s.size // STATIONS], [1.0]])
+    count = 60  # for the smallest tension
+    stations = np.concatenate([[0.0], s[:: 1 + s.size // count], [1.0]])
     force = along(stations)
     T = in_batches(lambda k: signed_tension(force(k), static_force(cable, stations)), np.arange(n))
     return T.min(axis=1), stations[T.argmin(axis=1)]
@@ -85,7 +83,8 @@ def min_tension_and_position(
 
 def in_batches(values: Callable[[Array], Array], k: Array) -> Array:
     """values(k) (k, ...) for instants k, computed for few at once."""
-    return np.concatenate([values(some) for some in np.array_split(k, 1 + k.size // BATCH)])
+    batch = 64  # instants at once
+    return np.concatenate([values(some) for some in np.array_split(k, 1 + k.size // batch)])
 
 
 def force_and_energy_integrals(of: Measures) -> tuple[Array, Array]:

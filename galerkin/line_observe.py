@@ -18,8 +18,6 @@ from galerkin.segments import Layout, Rope, basis_functions
 if TYPE_CHECKING:
     from galerkin.lines import LineSines
 
-AT_ONCE = 64  # states
-
 
 def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
     """The motion at all states and at the stations s (m,)."""
@@ -29,8 +27,9 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
     points, tension = np.empty((n, s.size, 2)), np.empty((n, s.size))
     energies = np.empty((3, n))
     integrals = _integration_matrix(layout)
-    for first in range(0, n, AT_ONCE):
-        some = slice(first, first + AT_ONCE)
+    at_once = 64  # states
+    for first in range(0, n, at_once):
+        some = slice(first, first + at_once)
         Z = np.stack([system.coordinates_with_rates(x) for x in states[some]], axis=1)
         rope = Rope(layout, Z)
         contact_values[some], positions[some] = system.equations.contact_values(rope, Z), Z[0][:, layout.s]

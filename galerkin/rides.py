@@ -27,8 +27,6 @@ from galerkin.equations import GalerkinSystem, factorised
 from galerkin.kernels import rolling
 from galerkin.kernels.rolling import Car
 
-WINDOW = 0.3  # of an axial round trip: for the mean acceleration of friction
-
 # single steps, without events
 NO_BOUNDS = rolling.CarHistory(
     np.empty(0), np.empty(0), np.empty((0, 3)), 0.0, np.zeros(6), 0.0, 1.0, 0.0, 0.0, 0.0, False
@@ -60,7 +58,8 @@ class RollingSystem(RollingCar, GalerkinSystem):
         # rows t, p.; then t, mean p.. and its rate
         self._past = np.empty((0, 3))
         self._smooth = [0.0] * 5
-        self._window = WINDOW * self.round_trip
+        window = 0.3  # of an axial round trip: for the mean acceleration of friction
+        self._window = window * self.round_trip
 
     def with_law(self, law: str) -> Self:
         other = super().with_law(law)

@@ -29,14 +29,7 @@ from cablefem.scene.taut import Start, first_guess
 
 DEGREE = 4
 ORDER = 12  # of quadrature
-SOFTENING = 4  # stages of EA up to its value
 SOFTEST = 5.0  # first EA over H
-# of Newton's method; least damping factor
-STEPS = 100
-SHORTEST = 1e-3
-NEAR = 1e-6  # residual over H for undamped steps
-LAST = 1e-9  # last step over the reach
-ROUGH = 1e-2  # the same for a soft rope
 
 
 @skfem.LinearForm
@@ -265,8 +258,11 @@ class _Batch:
         Raises LineNotConverged if a singular case spoils the step of all, or if there are too many steps.
         """
         stuck = np.zeros(len(self.cases), bool)
-        for i in range(SOFTENING, -1, -1):
-            self._newton(i / SOFTENING, ROUGH if i else LAST, stuck)
+        stages = 4  # of EA up to its value
+        rough = 1e-2  # last step over the reach, for a soft rope
+        last = 1e-9  # last step over the reach
+        for i in range(stages, -1, -1):
+            self._newton(i / stages, rough if i else last, stuck)
         states = self._states()
         return [
             LineNotConverged("no state of rest was found") if no else x for no, x in zip(stuck, states, strict=True)
@@ -276,7 +272,9 @@ class _Batch:
         """Newton's method on all cases that are not stuck; marks more of them in `stuck` (cases,)."""
         fields = self.form_data(self.X, softness)
         R, slope = self.residual(self.X, fields)
-        for _ in range(STEPS):
+        near = 1e-6  # residual over H for undamped steps
+        smallest_factor = 1e-3  # of damping
+        for _ in range(100):  # of Newton's method
             step = -spsolve(self.tangent(fields, slope).tocsc(), R)
             if not np.isfinite(step).all():
                 break
@@ -286,11 +284,11 @@ class _Batch:
                 trial = self.X + part[self.case_of] * step
                 fields = self.form_data(trial, softness)
                 R, slope = self.residual(trial, fields)
-                worse = ~(self.residual_norms(R) < before) & (before > NEAR * self.H) & ~stuck
+                worse = ~(self.residual_norms(R) < before) & (before > near * self.H) & ~stuck
                 if not worse.any():
                     break
                 part[worse] *= 0.5
-                stuck |= part < SHORTEST
+                stuck |= part < smallest_factor
                 part[stuck] = 0.0
             self.X = trial
             if np.max(np.abs(step) / self.reach[self.case_of], where=~stuck[self.case_of], initial=0.0) < enough:

@@ -16,10 +16,7 @@ from cablefem.scene.line import Case, NoLineAtRest, Station, needed_tension
 from cablefem.scene.taut import first_guess
 
 SOFTENING = 8  # stages of EA up to its value
-SOFTEST = 5.0  # first EA over the tension
-ITERATIONS, SHORTEST = 60, 1e-4  # of a stage; smallest damping factor
-ROUGH, EXACT = 1e-3, 1e-10  # last step over the reach: of a soft rope, of the rope
-ROUNDS = 8  # to guess x of cars from their s
+EXACT = 1e-10  # last step over the reach
 
 
 def coordinates_at_rest(
@@ -41,10 +38,11 @@ def coordinates_at_rest(
         q[free] = start[free]
         return _solve_by_newton(system, t, phase, q, free, None, EXACT)
     N = _set_first_guess(system, q, free)
+    rough = 1e-3  # last step over the reach, of a soft rope
     for stage in range(SOFTENING + 1):
         last = stage == SOFTENING
         law = None if last else _soft_law(system, N, stage / SOFTENING)
-        q = _solve_by_newton(system, t, phase, q, free, law, EXACT if last else ROUGH)
+        q = _solve_by_newton(system, t, phase, q, free, law, EXACT if last else rough)
     return q
 
 
@@ -78,7 +76,8 @@ def _solve_by_newton(
         return system.balance_rows(t, coordinates_with_zero_rates(system, q), phase, law, cars)[free]
 
     r = rows(q)
-    for _ in range(ITERATIONS):
+    smallest_factor = 1e-4  # of damping
+    for _ in range(60):  # of a stage
         before = np.linalg.norm(r)
         solve = system.tangent_solver(
             t, coordinates_with_zero_rates(system, q), phase, (1.0, 0.0, 0.0), free, law, cars
@@ -91,7 +90,7 @@ def _solve_by_newton(
             with np.errstate(all="ignore"):
                 r = rows(trial)
             better = np.linalg.norm(r) < before
-            if better or np.linalg.norm(r) < 1e3 * bound or factor < SHORTEST:
+            if better or np.linalg.norm(r) < 1e3 * bound or factor < smallest_factor:
                 break
             factor *= 0.5
         q = trial
@@ -105,7 +104,8 @@ def _solve_by_newton(
 def _soft_law(system: LineElements, N: Array, fraction: float) -> Array:
     """The law (3, K, G) N = N_ref + EA_soft (lam - lam_ref), which keeps the length of a rope under N_ref (K,)."""
     law, N_ref = Law(*system.law), N[:, None]
-    soft = np.minimum(law.EA, SOFTEST * N_ref)
+    softest = 5.0  # first EA over the tension
+    soft = np.minimum(law.EA, softest * N_ref)
     EA = law.EA**fraction * soft ** (1.0 - fraction)
     more = N_ref / law.EA
     N_r = N_ref - EA * more
@@ -116,7 +116,7 @@ def _set_first_guess(system: LineElements, q: Array, free: NDArray[np.bool_]) ->
     """Set q to parabolas between guessed contacts; return tensions (K,) of the segments."""
     line, rope = system.line, system.line.rope
     x = _guess_x(system, q)
-    for _ in range(ROUNDS):
+    for _ in range(8):  # guess x from s
         stations = tuple(_station_of(c, x[k], line.gravity) for k, c in enumerate(line.touching))
         case = Case(stations, line.weight, rope.EA, length=rope.length)
         first = first_guess(case)

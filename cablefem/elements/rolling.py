@@ -30,8 +30,6 @@ from cablefem.scene.motion import rest_motion
 from cablefem.stickslip import CarForces, RollingCar
 
 NO_BOUNDS = np.empty(0)  # course of a car in single steps
-MARGIN = 0.1  # least normal force over weight of a hauled car in compiled steps
-ABRUPT = 1e-5  # slip over l in a step that makes an acceleration needs_damped_steps
 TINY = 1e-30  # factor of dr/da, for a tangent that is regular for the rope's force
 
 
@@ -90,7 +88,8 @@ class RollingElements(RollingCar, FollowingElements):
 
     def needs_damped_steps(self, x: State, dt: float) -> bool:
         """After a jump of force the car slips until an axial wave stops it."""
-        return self.free and 0.5 * dt * dt * abs(float(x.a[-1])) > ABRUPT
+        abrupt = 1e-5  # slip over l in a step that makes an acceleration abrupt
+        return self.free and 0.5 * dt * dt * abs(float(x.a[-1])) > abrupt
 
     def _assemble(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
         self._assemble_with_car(self._kernel_car, self._drive_inputs(np.array(t), phase), x, r, factors)
@@ -129,7 +128,8 @@ class RollingElements(RollingCar, FollowingElements):
 
         A hauled car has a margin: schemes may balance it before the end of the step.
         """
-        margin = 0.0 if self.free else MARGIN * self.inertia * self.groups.sigma
+        least_force = 0.1  # over weight, of a hauled car in compiled steps
+        margin = 0.0 if self.free else least_force * self.inertia * self.groups.sigma
         keeps = self.event_bounds() if self.free else (-math.inf, math.inf, 0.0, 0.0, 0.0)
         return np.array([*keeps, -math.inf if self.mode.y_with_rates else margin])
 

@@ -35,12 +35,6 @@ from cablefem.scene.fields import (
 NEAREST_START = 1e-4
 FARTHEST_END = 0.99
 START = 0.01  # [l] where a rolling car begins by default
-# steps of a run; a step is at most 1/12, 1/240, ... of the times below, see `Drive.step_fraction`
-STANDARD = 1000.0
-SINCE = 12.0  # since a jump of force, and to a support
-RINGS = 240.0  # axial round trip
-HALT = 2.0  # until friction may turn
-WAVES = 60.0  # transverse round trip ahead of the car
 ONLY = {  # modes that alone have a key
     **dict.fromkeys(("release", "thrust", "brake", "rest_speed", "rest_distance"), "free"),
     "hitch": "haul",
@@ -286,26 +280,30 @@ class Drive:
     def step_fraction(
         self, axial: float, sigma: float, s_o: float, speed: float, forward: float, since: float, held: bool
     ) -> float:
-        """The fraction of a step that a rolling car takes at s_o.
+        """The fraction of a step, 1/1000 of the run, that a rolling car takes at s_o.
+
+        A step is at most 1/12 of the time since a jump of force and of that to a support.
+        It is at most 1/60 of the transverse round trip ahead.
+        It is at most half the time until friction may turn, but there not less than 1/240 of the axial round trip.
 
         axial : round trip of axial waves. forward : sign of the motion. since : time after a jump of force.
         held : whether a brake or a hold acts.
         """
-        step = self.nominal / STANDARD
+        step = self.nominal / 1000.0
         near = min(s_o, 1.0 - s_o)
-        limits = [(since + axial * near) / SINCE]
+        limits = [(since + axial * near) / 12.0]
         if speed:
-            limits.append(near / abs(speed) / SINCE)
+            limits.append(near / abs(speed) / 12.0)
         if forward:
             ahead = s_o if forward < 0.0 else 1.0 - s_o
-            limits.append(2.0 * ahead / WAVES)
-        rings = axial / RINGS
+            limits.append(2.0 * ahead / 60.0)
+        rings = axial / 240.0
         # friction turns nowhere where the car would set out again in the same direction
         halts = self.mu_r > 0.0 and forward * self.departure_direction(s_o) <= 0.0
         if held:
             limits.append(rings)
         elif halts:
-            limits.append(max(abs(speed) / sigma / HALT, rings))
+            limits.append(max(abs(speed) / sigma / 2.0, rings))
         return min(1.0, min(limits) / step)
 
     @cached_property

@@ -10,10 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-# Newton steps towards a mean position; their error over the distance of a step
-ITERATIONS = 20
-SAME = 1e-9
-
 
 class Piece(NamedTuple):
     """s_o(t) = c0 + c1 x + c2 x^2 + c3 x^3, x = t - origin, from `start` on."""
@@ -64,9 +60,10 @@ class Motion:
         last = self.kinematics(t1, phase)[0]
         mean = (1.0 - w) * first + w * last
         t = (1.0 - w) * t0 + w * t1
-        for _ in range(ITERATIONS):
+        same = 1e-9  # error over the distance of a step
+        for _ in range(20):  # Newton steps
             s, ds, _ = self.kinematics(t, phase)
-            far = (np.abs(mean - s) > SAME * (last - first)) & (ds > 0.0)
+            far = (np.abs(mean - s) > same * (last - first)) & (ds > 0.0)
             if not far.any():
                 break
             better = t + (mean - s) / np.where(far, ds, 1.0)

@@ -17,10 +17,6 @@ from cablefem.scene.line import Case, Line, LineState, NoLineAtRest, Solver, Sta
 from cablefem.scene.motion import Motion
 from cablefem.scene.travel import Law, Table, Trapezoid
 
-SAMPLES = 100  # of timetables, in each phase
-HEAVIEST = 0.3  # M g/N of a car that runs over a shoe
-NEAREST_WHEEL = 0.002  # of the length: from the left support to a rear wheel at the start
-
 
 @dataclass(frozen=True, slots=True)
 class EmptyLine:
@@ -163,6 +159,7 @@ def _shoe_faults(line: MovingLine, car: Car, saddle: Contact) -> Iterator[str]:
     """Fault of a car that is too heavy for the rope at the ends of a shoe, where all others are off the rope."""
     weight, shoe = car.mass * line.gravity, saddle.shoe or 0.0
     assert line.solve is not None
+    heaviest = 0.3  # M g/N of a car that runs over a shoe
     for x in (saddle.point[0] - shoe, saddle.point[0] + shoe):
         stations = [
             Station(c.name, c.kind, *c.point, force=c.force or 0.0, stiffness=c.stiffness) for c in line.supports
@@ -174,8 +171,8 @@ def _shoe_faults(line: MovingLine, car: Car, saddle: Contact) -> Iterator[str]:
             yield f"car.{car.name}: does not come onto the shoe of {saddle.name}: {state}"
             return
         N = float(np.nanmin(state.station_tensions[[p.name for p in stations].index(saddle.name)]))
-        if weight > HEAVIEST * N:
-            ratio = f"M g/N = {weight / N:.3g} at the shoe of {saddle.name}; must be <= {HEAVIEST:g}"
+        if weight > heaviest * N:
+            ratio = f"M g/N = {weight / N:.3g} at the shoe of {saddle.name}; must be <= {heaviest:g}"
             yield f"car.{car.name}.mass = {car.mass:.6g} kg: {ratio}, or it does not run over it"
             return
 
@@ -196,7 +193,8 @@ def _wheel_faults(line: MovingLine) -> Iterator[str]:
     """Cars that begin with a wheel on the platform, where the left end of the rope is fixed."""
     if line.supports[0].kind == "counterweight":
         return
-    nearest = max(NEAREST, NEAREST_WHEEL * (line.rope.length or 0.0))
+    nearest_wheel = 0.002  # of the length: from the left support to a rear wheel at the start
+    nearest = max(NEAREST, nearest_wheel * (line.rope.length or 0.0))
     for car in line.cars:
         if car.wheels is None or car.along == "x":
             continue
@@ -216,8 +214,9 @@ def _meeting_faults(line: MovingLine, passing: Mapping[str, Sequence[Contact]], 
 
 def _meetings(line: MovingLine, a: Car, b: Car, shoes: Sequence[Contact], empty: EmptyLine) -> Iterator[str]:
     """Faults of two cars at all instants; shoes : that both pass."""
+    samples = 100  # of timetables, in each phase
     for phase, (t0, t1) in enumerate(line.phases):
-        for t in np.linspace(t0, t1, SAMPLES).tolist():
+        for t in np.linspace(t0, t1, samples).tolist():
             first, second = (line.position(car, t, phase)[0] for car in (a, b))
             x = empty.x_at(a, first), empty.x_at(b, second)
             distance = second - first if a.along == b.along else x[1] - x[0]

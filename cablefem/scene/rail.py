@@ -7,8 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-ITERATIONS = 20  # from an arc length to its x
-
 
 class RailEnd(NamedTuple):
     """A point of a path with slope and curvature."""
@@ -55,7 +53,7 @@ class Rail:
         way = self.stretch * (s[0] - self.s)
         nodes, weights = np.polynomial.legendre.leggauss(12)
         x = self.begin.x + way
-        for _ in range(ITERATIONS):
+        for _ in range(20):  # from an arc length to its x
             half = 0.5 * (x - self.begin.x)
             arc = half * (weights @ np.hypot(1.0, self.slopes(self.begin.x + half * (1.0 + nodes))[1]))
             x -= (arc - way) / np.hypot(1.0, self.slopes(x)[1])

@@ -26,8 +26,6 @@ from cablefem.scene.statics import NoRest, Rest, gripped_rest, load_path_nodes
 if TYPE_CHECKING:
     from cablefem.scene.scene import Groups
 
-HORIZON = 1e3  # [l sqrt(rho/H)] longest ride
-LASTS = 10.0  # longest ride over the quasi-static one
 STICKS = 1e-13  # [H] smaller forces are rounding
 
 
@@ -226,7 +224,8 @@ class _RideSolver:
         self.phase = 0
         self.sign = 0.0  # of the motion that friction opposes
         self.brakes = bisect.bisect_right(self.forces.brake_positions, drive.start)  # number reached
-        self.end = min(drive.end_time, HORIZON)
+        longest = 1e3  # [l sqrt(rho/H)] longest ride
+        self.end = min(drive.end_time, longest)
         self.events: list[Event] = []
         self.sections: list[tuple[float, float, Callable]] = []
 
@@ -380,7 +379,8 @@ def quasi_static(groups: Groups, drive: Drive) -> tuple[Ride, Drive]:
     nominal = first.duration or min(1.0, drive.end_time)  # a car that stays
     if ends:
         return first, replace(drive, nominal=nominal)
-    drive = replace(drive, nominal=nominal, end_time=LASTS * nominal)
+    longest = 10.0  # longest ride over the quasi-static one
+    drive = replace(drive, nominal=nominal, end_time=longest * nominal)
     if first.events and first.events[-1].event == "turn":
         first = roll_ride(path, groups.mu, groups.sigma, drive)
     return first, drive

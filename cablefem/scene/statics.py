@@ -10,7 +10,6 @@ from cablefem.scene.drive import FARTHEST_END, NEAREST_START
 # nodes of a load path; Gauss points a side, for an error of 3e-8 l; both of each panel
 NODES = 160
 POINTS = 24
-PANEL = 5.4  # [-] sigma of a panel: by how much y'/x' of the empty cable may change over it
 ITERATIONS = 60  # of Newton's method, and for the direction of a rolling car
 
 
@@ -43,7 +42,8 @@ class Rest:
 
 def _panels(sigma: float) -> int:
     """Panels of a cable: one up to sag/span 0.8; a deeper one bends more sharply, within 1/sigma of its length."""
-    return math.ceil(sigma / PANEL)
+    panel = 5.4  # [-] sigma of a panel: by how much y'/x' of the empty cable may change over it
+    return math.ceil(sigma / panel)
 
 
 def load_path_nodes(sigma: float, nearest: float | None = None) -> np.ndarray:

@@ -10,7 +10,6 @@ import numpy as np
 from cablefem.scene.bisection import bisect_zero
 from cablefem.scene.line import Case, NoLineAtRest
 
-ROUNDS = 8  # of tension and depth in turn, at most
 WITHIN = 1e-3  # relative, of the tension of a guess
 
 
@@ -85,7 +84,7 @@ def _string_under_loads(case: Case, T: float, k: int | None) -> tuple[np.ndarray
     dx = np.diff(x)
     N = H = np.full(dx.size, T)
     depth = chord
-    for _ in range(ROUNDS):
+    for _ in range(8):  # of tension and depth in turn, at most
         before = N
         w = case.weight * np.hypot(1.0, np.diff(depth) / dx)  # per horizontal length
         k_x = H / dx

@@ -23,7 +23,6 @@ Reading = Literal["literal", "scaling", "shifted"]
 
 BLOCK = 5  # binary digits taken at once
 DIGIT_BLOCKS = 16  # 80 binary digits of the place within a cell
-RANK_TOLERANCE = 1e-12  # least singular value over the largest
 DEEPEST = -3  # phi_m for m = 1 .. -3
 
 
@@ -239,7 +238,8 @@ def _orthonormal(order: int, level: int, reading: Reading) -> _SumsOfShifts:
     A -= constant * (constant.T @ A)
     norm = np.linalg.norm(A, axis=0)
     U, singular, _ = svd(A / np.where(norm > 0.0, norm, 1.0), full_matrices=False)
-    U = U[:, singular > RANK_TOLERANCE * singular[0]]
+    tolerance = 1e-12  # least singular value over the largest
+    U = U[:, singular > tolerance * singular[0]]
     left = solve_triangular(mother.left, U[:edge], lower=True, trans="T")
     right = solve_triangular(mother.right, U[-edge:], lower=True, trans="T")
     c = sqrt(2**level * (2 * order - 1)) * np.concatenate([left, U[edge:-edge], right])

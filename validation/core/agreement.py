@@ -8,6 +8,7 @@ from typing import Any
 from validation.core.store import nulls_for_nonfinite
 
 DEFAULT_TOL = 1e-3
+FORCES = 10.0  # tolerance of forces over that of the path: forces are first order, paths second
 TOL_LOW = 1e-6  # what may be asked of the path
 TOL_HIGH = 0.2
 FACTOR_DISAGREE = 3.0  # times both bars: less may be discretisation error (`order.error_bar`)

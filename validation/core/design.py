@@ -29,13 +29,6 @@ from validation.core.scene_data import ROUNDING, SceneData
 from validation.core.store import nulls_for_nonfinite
 from validation.core.wheels import rope_stresses_under_wheel
 
-NEAR = 9  # times around an extreme at which two runs are compared
-SAMPLES = 2001  # places of the car at rest
-INTERPOLATION = 1e-5  # of the sag, of `Statics` and between these places
-SAMPLES_OF_PHASE = 21  # accelerations are linear in a phase
-BETWEEN = 0.25  # of the larger neighbouring step: a parabola's rise above its highest sample
-
-
 Number = dict[str, Any]
 Tracks = Callable[[Response], list[Track]]
 
@@ -174,17 +167,20 @@ def _numbers_for_limits(scene: Scene) -> Iterator[Number]:
     if "sag_growth" in asked:
         from validation.core.quasi_static import Statics  # splines are slow to load
 
-        points = scene.length * Statics(scene.groups)(np.linspace(0.0, 1.0, SAMPLES)).car_point  # (n, 2)
+        count = 2001  # places of the car at rest
+        points = scene.length * Statics(scene.groups)(np.linspace(0.0, 1.0, count)).car_point  # (n, 2)
         sag = points[:, 1] - points[:, 0] * scene.supports.drop / scene.supports.span
-        yield _number_row("sag_car_rest", float(sag.max()), INTERPOLATION * float(sag.max()), "m")
+        interpolation = 1e-5  # of the sag, of `Statics` and between these places
+        yield _number_row("sag_car_rest", float(sag.max()), interpolation * float(sag.max()), "m")
     motion = scene.groups.motion
     if scene.travel is None or scene.travel.kind == "table" or motion is None:
         return
     unit = scene.length / scene.time_scale**2
     begin = 0.0
     rates = []
+    samples = 21  # accelerations are linear in a phase
     for phase, (_, end) in enumerate(motion.phases):
-        rates += [motion.at(float(t), phase)[2] * unit for t in np.linspace(begin, end, SAMPLES_OF_PHASE)]
+        rates += [motion.at(float(t), phase)[2] * unit for t in np.linspace(begin, end, samples)]
         begin = end
     if "acceleration" in asked:
         yield _number_row("acceleration_max", max(0.0, *rates), 0.0, "m/s2")
@@ -291,7 +287,8 @@ def _design_number(name: str, signal: Signal, r: Response, ladder: Ladder | None
         return _number_row(name, None, math.inf, unit) if name.startswith("clearance_") else None
     if signal.quantity.inner and _is_at_end_of_span(found, r, signal.span):
         return None  # no extreme in the range
-    near = np.clip(found.t + np.linspace(-1.0, 1.0, NEAR) * max(period, found.step), *signal.span)
+    count = 9  # times around an extreme at which two runs are compared
+    near = np.clip(found.t + np.linspace(-1.0, 1.0, count) * max(period, found.step), *signal.span)
     bar = math.inf
     if ladder is not None:
         bar = _bar_of_extreme(signal, found, near, ladder, FIRST if period else math.inf)
@@ -388,6 +385,7 @@ class Signal:
         """
         found = None
         sign = self.quantity.sign
+        rise = 0.25  # of the larger neighbouring step: a parabola's rise above its highest sample
         for i, track in enumerate(self.quantity.tracks(r)):
             t, value, s = self.samples(track)
             if t.size == 0:
@@ -400,7 +398,7 @@ class Signal:
             around = slice(max(0, k - 1), k + 2)
             between = 0.0
             if track.value.ndim > 1:
-                between = BETWEEN * float(np.abs(value[around] - value[k]).max())
+                between = rise * float(np.abs(value[around] - value[k]).max())
             step = float(np.ptp(t[around]))
             found = _Extreme(float(value[k]), float(t[k]), float(s[k]), i, between, step)
         return found

@@ -16,8 +16,6 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from cablefem.response import Array, Response
 from validation.core.scene_data import ROUNDING, SceneData
 
-WINDOW_COUNT = 12  # frames per window: 0.06 of the travel
-
 AT_REST = ("s", "x", "y", "T_static")
 
 Window = tuple[float, float]
@@ -39,7 +37,8 @@ class Windows:
         if r.drive != "free":
             begin, end = np.interp(np.array(window) * r.length, r.s_o, r.t)
         t = r.fields.t[(r.fields.t >= begin * (1.0 - ROUNDING)) & (r.fields.t <= end * (1.0 + ROUNDING))]
-        frames = np.append(t[:-1][:: min(WINDOW_COUNT, max(1, t.size // 4))], t[-1:])
+        count = 12  # frames per window: 0.06 of the travel
+        frames = np.append(t[:-1][:: min(count, max(1, t.size // 4))], t[-1:])
         inner = frames[(frames > begin * (1.0 + ROUNDING)) & (frames < end * (1.0 - ROUNDING))]
         return cls(frames, np.concatenate([[begin], inner, [end]]))
 

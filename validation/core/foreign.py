@@ -32,7 +32,6 @@ from validation.core.scene_data import si_factor
 from validation.core.store import Refused
 
 WITH_TOL = 5e-3  # of the largest deflection, allowed beside our own bar
-MIN_ROWS = 5  # in the window
 TRAVEL_TOLERANCE = 5e-3  # of l: programs may round the position to a node
 _ENDINGS = "t must be in s, s_o and v in m, v down; in a file a column may be t_ms, s_o_over_l, v_mm or v_up"
 _UNITS = {"s": ("s", "ms"), "m": ("m", "mm", "km"), "m/s": ("km/h",), "N": ("N", "kN")}  # SI: others beside it
@@ -259,11 +258,12 @@ def _refuse_off_cable(s_o: Array, last: float, l: float) -> None:
 def _refuse_sparse_positions(position: Array, low: float, high: float) -> None:
     """Refuse places s_o/l of which too few lie in the window."""
     within = int(np.count_nonzero((position >= low) & (position <= high * (1.0 + 1e-12))))
-    if within < MIN_ROWS:
+    fewest = 5  # in the window
+    if within < fewest:
         covers = f"s_o/l = {position[0]:.4g} to {position[-1]:.4g}" if position.size else "no time of the travel"
         raise Refused(
             f"{within} rows in s_o/l = {low:g} to {high:g}, where paths are compared; "
-            f"{MIN_ROWS} are needed (it covers {covers})"
+            f"{fewest} are needed (it covers {covers})"
         )
 
 

@@ -14,9 +14,6 @@ from typing import Any
 
 import numpy as np
 
-MAX_POINTS = 10_000  # larger ones are sweeps
-MAX_RANGE_COUNT = 1000  # values of one range; more are a step given for a count
-
 
 def parse_key_and_values(pair: str) -> tuple[str, list[Any]]:
     """Key and values of KEY=VALUES; ValueError says what is wrong."""
@@ -39,10 +36,11 @@ def _parse_range(key: str, text: str) -> list[float]:
         values = int(count)
     except ValueError:
         values = 0
-    if not (2 <= values <= MAX_RANGE_COUNT and np.isfinite(ends).all()):
+    most = 1000  # values of one range; more are a step given for a count
+    if not (2 <= values <= most and np.isfinite(ends).all()):
         raise ValueError(
             f"--set {key} = {text}: a range must be FROM:TO:COUNT, COUNT (of values, no step) a whole number "
-            f"from 2 to {MAX_RANGE_COUNT}"
+            f"from 2 to {most}"
         )
     return np.linspace(*ends, values).tolist()
 
@@ -62,8 +60,9 @@ def grid_points(pairs: Sequence[str]) -> list[dict[str, Any]]:
     if twice := {key for key in keys if keys.count(key) > 1}:
         raise ValueError(f"--set {sorted(twice)[0]}: given twice; several values go in one, separated by commas")
     count = int(np.prod([len(values) for _, values in axes], dtype=float))
-    if count > MAX_POINTS:
-        raise ValueError(f"--set makes {count} points; must be at most {MAX_POINTS} (larger grids: cablefem sweep)")
+    most = 10_000  # larger ones are sweeps
+    if count > most:
+        raise ValueError(f"--set makes {count} points; must be at most {most} (larger grids: cablefem sweep)")
     return [dict(zip(keys, row, strict=True)) for row in itertools.product(*(values for _, values in axes))]
 
 

@@ -22,8 +22,6 @@ from validation.core.evidence import Evidence, Side, Window, Windows, cross_prod
 from validation.core.order import FIRST, SAFETY, error_bar
 from validation.core.scene_data import ROUNDING, height_along_slope
 
-MAX_FRAME_INTERVAL = 0.1  # of a transverse wave's time along the cable: rarer frames hide velocities
-MIN_ROLLING_SPEED = 0.05  # of the top speed: below it friction's direction is not checked
 DOWN = np.array([0.0, 1.0])
 
 
@@ -153,7 +151,8 @@ def _frames_resolve_waves(evidence: Evidence) -> bool:
     r = evidence.r
     t = r.fields.t[evidence.window_frames[0] : evidence.window_frames[-1] + 1]
     crossing_time = r.length * math.sqrt(evidence.data.rho / r.horizontal_tension)
-    return float(np.diff(t).max(initial=0.0)) <= MAX_FRAME_INTERVAL * crossing_time
+    largest = 0.1  # of a transverse wave's time along the cable: rarer frames hide velocities
+    return float(np.diff(t).max(initial=0.0)) <= largest * crossing_time
 
 
 def _mass_leaves_supports(evidence: Evidence) -> bool:
@@ -398,7 +397,8 @@ def tension_jump_defect(evidence: Evidence) -> Defect:
     data = evidence.data
     jump = (r.T_ahead - r.T_behind) * (1.0 - data.rho * evidence.travel_speed**2 / data.EA)
     resistance = np.sum(evidence.rolling_friction_and_brakes, axis=0)
-    rolls = np.abs(evidence.travel_speed) > MIN_ROLLING_SPEED * np.abs(evidence.travel_speed).max()
+    slowest = 0.05  # of the top speed: below it friction's direction is not checked
+    rolls = np.abs(evidence.travel_speed) > slowest * np.abs(evidence.travel_speed).max()
     of_slow = np.sign(jump) * np.maximum(np.abs(jump) - resistance, 0.0)
     defect = np.where(rolls, jump + resistance * np.sign(evidence.travel_speed), of_slow)  # (n,)
     released = r.t >= data.drive.get("release", 0.0)

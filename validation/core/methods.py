@@ -180,10 +180,6 @@ def _build_fixed(element: str, coupling: str, groups: Groups, x: dict[str, Any],
     return FixedElements(groups, elements=x["elements"], element=element, coupling=coupling, **options)
 
 
-# Grading of the sines of free rides: waves ahead of the car are short.
-GRADING = 0.8
-
-
 def _build_galerkin(family: str, kink: bool, groups: Groups, x: dict[str, Any], **options: Any) -> Solver:
     from galerkin.abscissa import SystemOverPosition
     from galerkin.bases.daubechies import Daubechies
@@ -196,8 +192,8 @@ def _build_galerkin(family: str, kink: bool, groups: Groups, x: dict[str, Any], 
     if family == "wavelet":
         solver: Any = system(groups, Daubechies(**{key: x[key] for key in _WAVELETS}), kink=kink, **options)
     else:
-        graded = free and kink and x["terms"] > 1  # graded sums use the second sine
-        solver = system(groups, Fourier(x["terms"], GRADING if graded else 0.0), kink=kink, **options)
+        graded = free and kink and x["terms"] > 1  # graded sums use the second sine; waves ahead are short
+        solver = system(groups, Fourier(x["terms"], 0.8 if graded else 0.0), kink=kink, **options)
     return SystemOverPosition(solver) if x["abscissa"] == "s" else solver
 
 

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from validation.core.scene_data import Array
 
-AIR = 1.2  # kg/m3, default density
 ComplexVector = NDArray[np.complex128]
 
 
@@ -130,7 +129,8 @@ class CarBody:
             lever = self.arms[0]
         self.force = force * np.exp(-1j * angle) * self.e
         self.moment = cross_product(lever, self.force)
-        k = 0.5 * drive.get("air_density", AIR) * drive.get("drag_area", 0.0)
+        density = drive.get("air_density", 1.2)  # [kg/m3]
+        k = 0.5 * density * drive.get("drag_area", 0.0)
         air = self.dc - drive.get("wind", 0.0)
         self.drag = -k * np.abs(air) * air
         self.powers = [dot(self.force, self.dc + 1j * self.rate * lever), dot(self.drag, self.dc)]

@@ -28,8 +28,6 @@ from validation.core.motion_bodies import CarBody, to_complex
 from validation.core.scene_data import ROUNDING, Array, LineData, read_columns, wheel_stresses
 
 WINDOWS = 12
-WINDOW_SHARE = 0.25  # length of a window over the run's
-BALANCE = 1e-3  # of a load by hand: elements balance a car along the rope in the mean over its segments
 
 
 class LineTables(LineData):
@@ -120,7 +118,8 @@ def _time_integral(t: Array, values: Array) -> Array:
 
 def _smooth_windows(t: Array, end: float) -> Iterator[tuple[slice, Array, Array, Array]]:
     """Samples of a window, W and its two derivatives there: W = (1 - cos x)^2/4."""
-    length = WINDOW_SHARE * end
+    share = 0.25  # length of a window over the run's
+    length = share * end
     for middle in np.linspace(0.5 * length, end - 0.5 * length, WINDOWS):
         begin = middle - 0.5 * length
         low = max(int(np.searchsorted(t, begin)) - 1, 0)
@@ -266,10 +265,11 @@ def read_back_line_files(folder: Path, motion: Any, design: Sequence[dict[str, A
     """Faults of path-NAME.csv, contacts.csv and the design numbers, each a sentence; none where all is as computed."""
     files = _LineFiles(folder, motion, period)
     faults: list[str] = []
+    balance = 1e-3  # of a load by hand: elements balance a car along the rope in the mean over its segments
     for car in motion.cars:
         name = f"path-{car.name}.csv"
         faults += _column_faults(name, files.paths[car.name], _columns_of_car(car, motion))
-        faults += _column_faults(name, files.paths[car.name], _wheel_loads_by_hand(files.line, car, motion), BALANCE)
+        faults += _column_faults(name, files.paths[car.name], _wheel_loads_by_hand(files.line, car, motion), balance)
     for contact in motion.contacts:
         faults += _column_faults("contacts.csv", files.contacts, _columns_of_contact(contact))
     for number in design:

@@ -24,10 +24,6 @@ from validation.core.ladder import Ladder, max_distance
 from validation.core.motion_laws import sampled_steps, touching_rope
 from validation.core.wheels import neglected_wheel_load, rope_stresses_under_wheel
 
-INITIAL_STEPS = 3  # instants that a comparison needs
-# passes of the mean of forces on a car that grips: it rings with the rope in other periods than the round trip, for its
-# mass; of a ring of 0.7 round trips a mean leaves a fifth, the mean of means a twentieth
-GRIP_PASSES = 2
 ANGLES = ("swing", "pitch")
 FIELDS = 0.05  # smallest tolerance of fields along the rope, and of laws
 
@@ -155,7 +151,8 @@ class Comparison:
 
     def rows(self) -> Iterator[Agreement]:
         first = self.a.finest
-        if np.count_nonzero(first.instants <= self.end) < INITIAL_STEPS:
+        fewest = 3  # instants that a comparison needs
+        if np.count_nonzero(first.instants <= self.end) < fewest:
             yield Agreement("path_max", math.nan, no_bound(f"a run ends at {self.end:.4g} s"), required=self.asked.path)
             return
         for car in first.motion.cars:
@@ -399,8 +396,12 @@ def _series_of_contacts(moved: LineRun) -> Iterator[tuple[str, Array, Sequence[s
 
 
 def mean_passes(car: CarMotion) -> int:
-    """Passes of the mean of forces on a car."""
-    return GRIP_PASSES if np.isfinite(car.grip_force).any() else 1
+    """Passes of the mean of forces on a car.
+
+    A car that grips rings with the rope in other periods than the round trip, for its mass.  Of a ring of 0.7 round
+    trips a mean leaves a fifth, the mean of means a twentieth.
+    """
+    return 2 if np.isfinite(car.grip_force).any() else 1
 
 
 def turning_series(car: CarMotion) -> dict[str, Array]:

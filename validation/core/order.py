@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 SAFETY = 1.25  # for three grids (Roache 1998, Verification and Validation, section 5)
-NONSENSE = 4.0  # times the nominal fall: a quarter run this far off is ignored
 MIN_ORDER = 0.5  # smallest order credited (Eca & Hoekstra 2014, J. Comput. Phys. 262): so a bar of at most 3 d
 LARGEST = 12.0  # order that is observed: a smaller change is one of rounding
 FIRST = 1.0  # largest order credited to forces and to velocities, which jump at fronts
@@ -28,7 +27,8 @@ def error_bar(d: Any, before: Any, ratios: Sequence[float], order: float) -> Any
     coarser = ratios[-1]
     smallest = min(order, MIN_ORDER)
     floor = before * (r**order - 1.0) / (r**order * (coarser**order - 1.0))  # the change at the nominal order
-    sensible = floor <= NONSENSE * d
+    nonsense = 4.0  # times the nominal fall: a quarter run this far off is ignored
+    sensible = floor <= nonsense * d
     d = np.where(sensible, np.maximum(d, floor), d)
     before = np.where(sensible, before, 0.0)
     p = _clipped_order(d, before, (r, coarser), smallest, order)

@@ -26,7 +26,6 @@ FIRST_STEPS = 120
 MAX_STEPS = 64_000
 MAX_SIZE = 2e6  # steps times resolution, about 0.5 GB
 BUDGET = 1.2e6  # work (see `exceeds_work_budget`) of the finest run of a ladder, which takes 30 to 60 s
-MAX_BROKEN = 3  # ladders one after the other that do not reach the end of the window
 AIM = 0.8  # planned bar over its target
 FINER = np.linspace(1.0, 2.0, 5).tolist()  # refinements of space in one step of planning; larger ones may cost too much
 SHORTER = np.linspace(1.0, 4.0, 7).tolist()  # of time; orders do not hold further
@@ -35,9 +34,6 @@ SHORTER = np.linspace(1.0, 4.0, 7).tolist()  # of time; orders do not hold furth
 SHARP = {"scheme": "radau"}  # of order 5; elements take a fraction of the steps
 QUIET = {"scheme": "generalized-alpha", "rho_inf": 0.8}
 SWINGING = {"rho_inf": 0.5}  # on free rides axial waves reverse the friction
-RESOLVED_START = 0.15  # waves of fixed functions times start/l of a rider: fewer do not know that he is off the support
-RESOLVES = 1.2  # waves times start/l with which the start converges
-LIGHT = 0.1  # mass ratio mu of a car whose front the first mesh must resolve
 
 
 class TooCoarse(RuntimeError):
@@ -139,7 +135,8 @@ class RunsOfMethod:
         space = self.method.resolution.setting
         if self.method.mesh_follows_mass or self.scene.drive.mode == "grip" or not start > 0.0:
             return 0.0
-        enough = min(math.ceil(RESOLVES / start), self.method.all_settings[space].allowed[1])
+        resolves = 1.2  # waves times start/l with which the start converges
+        enough = min(math.ceil(resolves / start), self.method.all_settings[space].allowed[1])
         if 2 * self.method.resolution_value(finest.settings) >= enough:
             return 0.0
         resolved = self.run_with(finest.settings | {space: enough}, start * (1.0 + 1e-9))
@@ -179,12 +176,13 @@ def refine_to_tolerance(
     ratio = 1.0  # last refinement of space
     bar_before = math.inf  # in space, before it
     broken = 0
+    most_broken = 3  # ladders one after the other that do not reach the end of the window
     while True:
         ladder = runs.ladder(settings)
         goal = Goal(path_bar_parts(ladder, runs.view), tol)
         progress(0.3, f"{len(runs.made)} runs, bar {goal.bar:.1g} of {tol:g} wanted")
         broken = 0 if math.isfinite(goal.bar) else broken + 1
-        if goal.excess <= 1.0 or broken == MAX_BROKEN:
+        if goal.excess <= 1.0 or broken == most_broken:
             break
         in_space, _ = goal.parts
         if ratio > 1.0 and not in_space < bar_before / ratio**MIN_ORDER:  # steps are too long for a finer mesh
@@ -367,9 +365,12 @@ def _first_settings(scene: Scene, method: Method) -> dict[str, int]:
         first = method.coarsest_settings[0] + 2
     if motion is None:
         if scene.drive.mode == "free" and not method.mesh_follows_mass:
-            first = max(first, math.ceil(RESOLVED_START / groups.drive.start))
+            # waves of fixed functions times start/l of a rider: fewer do not know that he is off the support
+            resolved = 0.15
+            first = max(first, math.ceil(resolved / groups.drive.start))
         return {space.setting: first, "steps": method.settings_for_scene(groups, {})["steps"] // 2}
-    if scene.mu > LIGHT:
+    light = 0.1  # mass ratio mu of a car whose front the first mesh must resolve
+    if scene.mu > light:
         return {space.setting: first, "steps": FIRST_STEPS}
     fine = min(space.with_unknowns(2.0 / scene.mu), space.max_value // 2)
     return {space.setting: max(first, fine), "steps": max(FIRST_STEPS, math.ceil(motion.phases[-1][1] / scene.mu))}

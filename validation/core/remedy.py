@@ -16,7 +16,6 @@ from validation.core.ladder import Ladder
 from validation.core.measures import NotComparable, Window
 from validation.core.store import Refused
 
-NO_PATH_GAP = 1e6  # gap of a change after which nothing can be compared; finite, for the search
 SHARE = 0.1  # of duration, deflection or 1: the largest change that is tried
 
 
@@ -83,7 +82,7 @@ def _remedy_text(
                     return measures.path_gap(foreign.without_u(changed), foreign.without_u(run), window)[1]
                 return measures.path_gap(changed, run, window)[1]
             except (NotComparable, Refused):
-                return NO_PATH_GAP
+                return 1e6  # nothing can be compared; finite, for the search
 
         bounds = -change.largest, change.largest
         found = minimize_scalar(rms, bounds=bounds, method="bounded", options={"xatol": 1e-6 * change.largest})

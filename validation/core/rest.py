@@ -17,8 +17,6 @@ from scipy.optimize import root
 
 from cablefem.response import Array
 
-POINTS = 200  # of Gauss on each side of the car
-
 
 @cache
 def car_position_at_rest(
@@ -30,7 +28,8 @@ def car_position_at_rest(
     w : weight of the cable per length.  H : horizontal tension of the empty cable.
     friction : of a car on its rope over its contact force; None: the car is clamped to the cable.
     """
-    x, weights = np.polynomial.legendre.leggauss(POINTS)
+    points = 200  # of Gauss on each side of the car
+    x, weights = np.polynomial.legendre.leggauss(points)
     half = 0.5 * np.array([s_o, length - s_o])
     s = np.concatenate([half[0] * (1.0 + x), s_o + half[1] * (1.0 + x)])
     ds = np.concatenate([half[0] * weights, half[1] * weights])

@@ -16,6 +16,7 @@ from validation.core import measures
 from validation.core.agreement import (
     DEFAULT_TOL,
     FACTOR_DISAGREE,
+    FORCES,
     Agreement,
     Bound,
     BoundPart,
@@ -34,9 +35,6 @@ Series = Callable[[Response], Array]
 Tolerance = Callable[[str], float]
 Event = dict[str, Any]
 
-TENSION = 10.0  # force tolerance over path tolerance: forces are first order, paths second
-REST = 0.05  # tolerance of all else
-VELOCITY = 0.10  # tolerance of summed velocity against displacement
 AXIAL_MEAN = "mean over an axial round trip"
 ALONG = "along the cable"
 EVENTS = ("brake", "arrival", "back", "stop", "turn")  # both answers must have the first of each
@@ -124,8 +122,9 @@ def tolerance_of(kind: str, tol: float, tol_tension: float | None) -> float:
     if kind == "path":
         return tol
     if kind == "force":
-        return TENSION * tol if tol_tension is None else tol_tension
-    return max(VELOCITY if kind == "velocity" else REST, 10.0 * tol)
+        return FORCES * tol if tol_tension is None else tol_tension
+    smallest = 0.1 if kind == "velocity" else 0.05  # velocity : summed, against displacement
+    return max(smallest, 10.0 * tol)
 
 
 def compare(

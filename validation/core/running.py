@@ -34,7 +34,6 @@ from validation.core.watch import with_flags
 ON_SLACK = newmark.scheme("generalized-alpha", rho_inf=0.8)
 # Undamped rules turn Newton's residual into energy that stays.
 TRAPEZOIDAL_NEWTON = Newton(tol=1e-6)
-MAX_FRAMES = 20_000  # 300 MB
 
 _EMPTY = np.empty(0)
 
@@ -191,8 +190,9 @@ def _refuse_bad_arguments(scene: Scene, law: str, frames: int) -> None:
     """Raise ValueError for arguments of `Run` out of their range, and for a scene without travelling mass."""
     if law not in ("elastic", "tension-only", "auto"):
         raise ValueError(f"law must be elastic, tension-only or auto, got {law!r}")
-    if not (isinstance(frames, int) and 2 <= frames <= MAX_FRAMES):
-        raise ValueError(f"frames must be a whole number from 2 to {MAX_FRAMES}, got {frames!r}")
+    most = 20_000  # 300 MB
+    if not (isinstance(frames, int) and 2 <= frames <= most):
+        raise ValueError(f"frames must be a whole number from 2 to {most}, got {frames!r}")
     if scene.groups.motion is None and scene.drive.mode != "free":
         raise ValueError(f"scene {scene.name!r} has no travelling mass: only its frequencies can be computed")
 

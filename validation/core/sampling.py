@@ -20,7 +20,6 @@ from validation.core.solver import Solver
 FRAMES = 200  # of the fields: at s_o/l = 1/FRAMES, 2/FRAMES, ..., and at as many equal times
 STATIONS = 201  # the fewest that the file contract allows
 MAX_POSITION = 1.0 + 1e-9  # largest s_o/l on the cable
-PARTS_OF_STEP = 6  # of a collocation step, for cubics
 _TENSIONS = ("T_behind", "T_ahead", "T_behind_pointwise", "T_ahead_pointwise")
 # fields of a `Response` named as in `Observation`
 _STEP_FORCES = (
@@ -267,8 +266,9 @@ def _dense_states_around(h: History, states: States, t: Array) -> States:
         return states
     steps = np.unique(np.clip(np.searchsorted(states.t, t), 1, states.t.size - 1))
     dense: list[State] = []
+    parts = 6  # of a collocation step, for cubics
     for i in steps.tolist():
-        dense += with_states_inside_steps([h.states[i - 1], h.states[i]], PARTS_OF_STEP)
+        dense += with_states_inside_steps([h.states[i - 1], h.states[i]], parts)
     return h.solver.in_time(stack_states(dense))
 
 

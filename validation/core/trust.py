@@ -30,12 +30,6 @@ def gap_past_slack(a: Response, b: Response, stop: float) -> float:
     return float(np.nanmax(path_distances_at(a, b, np.linspace(onset, stop, 400)))) if onset < stop else math.nan
 
 
-# A gap over a STRETCH closes if refinement brings it below CLOSING of it, or below FLOOR.
-CLOSING = 0.8
-FLOOR = 1e-3
-STRETCH = 0.02
-
-
 def _rms(x: Array) -> float:
     return float(np.sqrt(np.nanmean(x**2)))
 
@@ -43,17 +37,19 @@ def _rms(x: Array) -> float:
 def convergence_limit(runs: Sequence[Response]) -> float:
     """The s_o/l beyond which finer runs do not approach each other.
 
+    A gap over a stretch of 0.02 closes if refinement brings it below 0.8 of it, or below 0.001.
+
     runs : three or more of one method, each about twice as fine in space and time.
     """
     if len(runs) < 3:
         raise ValueError(f"three runs are needed to see a gap close, got {len(runs)}")
     coarse, middle, fine = runs[-3:]
     end = min(r.reached for r in (coarse, middle, fine))
-    edges = np.append(np.arange(0.0, end, STRETCH), end)
+    edges = np.append(np.arange(0.0, end, 0.02), end)
     for low, high in pairwise(edges.tolist()):
         at = np.linspace(low, high, 41)[1:]
         before = _rms(path_distances_at(coarse, middle, at))
         after = _rms(path_distances_at(middle, fine, at))
-        if not after <= max(CLOSING * before, FLOOR):
+        if not after <= max(0.8 * before, 1e-3):
             return float(low)
     return float(end)

@@ -24,8 +24,6 @@ from cablefem.scene.cable import Rope
 from cablefem.scene.contacts import Car, MovingLine
 from cablefem.scene.line import Line
 
-LIGHTEST = 1e-6  # of the tension: the load of a wheel that lifts off
-
 
 def with_wheel_loads(motion: LineMotion, line: Line, moving: MovingLine, states: Sequence[State]) -> LineMotion:
     """The motion with loads by hand of the wheels of point cars."""
@@ -80,7 +78,8 @@ def neglected_wheel_load(wheels: Wheels, mass: float, gravity: float, t: Array, 
 
 def rope_stresses_under_wheel(rope: Rope, wheels: Wheels, N: Array, Q: Array) -> dict[str, Array]:
     """Design numbers (n,) of the rope under a wheel, N and Q (n,) [N]: N/Q and stresses [Pa], nan where it is slack."""
-    out = {"tension_over_wheel_min": N / np.maximum(Q, LIGHTEST * N)}
+    lightest = 1e-6  # of the tension: the load of a wheel that lifts off
+    out = {"tension_over_wheel_min": N / np.maximum(Q, lightest * N)}
     if rope.E is None or rope.section is None:
         return out
     axial = np.where(N > 0.0, N, np.nan) / rope.section

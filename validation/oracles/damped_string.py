@@ -23,7 +23,6 @@ from validation.oracles import irvine
 from validation.oracles.case import BARE, BEST, MU, SIGMA, Array, Case, Law, Modes, Solvers, level_string
 from validation.oracles.moving_force import green_function
 
-TERMS = 400
 END = 2.5  # of the string's motion
 
 
@@ -34,7 +33,8 @@ def complex_frequencies(W: Array, c: float) -> Any:
 
 def displacement_after_release(t: Array, *, P: float, p: float, c: float) -> Array:
     """Displacement at p, of the shape of t, of a string let go."""
-    n = np.pi * np.arange(1.0, TERMS + 1.0)
+    terms = 400
+    n = np.pi * np.arange(1.0, terms + 1.0)
     w = np.sqrt(n**2 - 0.25 * c**2)
     wave = np.multiply.outer
     late = np.cos(wave(t, w)) + 0.5 * c / w * np.sin(wave(t, w)) - np.cos(wave(t, n))

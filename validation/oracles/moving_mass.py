@@ -39,11 +39,6 @@ from validation.oracles.case import (
     refuse_unless,
 )
 
-REACH = 0.01  # distance to the far support at which the answer ends: fronts accumulate there
-# longest panel, and over mu: the string gives way within mu/2
-LONGEST = 0.05
-OF_MU = 0.125
-
 DEGREE = 10
 POINTS, _TO_COEF, _INTEGRAL = chebyshev(DEGREE)
 
@@ -100,14 +95,15 @@ class MassHistory:
 
 
 def solve_moving_mass(motion: Motion, *, mu: float, sigma: float) -> MassHistory:
-    """Solve (1), (2) up to REACH before the far support; ValueError outside the validity."""
+    """Solve (1), (2) up to 0.01 before the far support; ValueError outside the validity."""
     below = all(abs(speed) < 1.0 for _, speed in motion.speeds)
     refuse_unless(
         "mu, sigma > 0, travel on the string below the wave speed", mu > 0.0, sigma > 0.0, below, motion.end <= 1.0
     )
-    end = motion.time_at(1.0 - REACH) if motion.end > 1.0 - REACH else motion.phases[-1][1]
+    reach = 0.01  # distance to the far support at which the answer ends: fronts accumulate there
+    end = motion.time_at(1.0 - reach) if motion.end > 1.0 - reach else motion.phases[-1][1]
     marks = _panel_edges(motion, end)
-    longest = min(LONGEST, OF_MU * mu)
+    longest = min(0.05, 0.125 * mu)  # panel: the string gives way within mu/2
     parts = [np.linspace(a, b, 1 + int(np.ceil((b - a) / longest)))[:-1] for a, b in pairwise(marks)]
     edges = np.append(np.concatenate(parts), end)
     half = 0.5 * np.diff(edges)

@@ -18,14 +18,14 @@ from cablefem.scene.contacts import Car
 from cablefem.scene.drive import Thrust
 from cablefem.scene.line import Car as CarTable
 from cablefem.scene.line import Line
-from validation.commands.check.motion import LOOSER, scales_of
+from validation.commands.check.motion import scales_of
 from validation.commands.run.motion import ELEMENTS, LineRuns
 from validation.core import store
+from validation.core.agreement import FORCES
 from validation.core.motion_rows import LineRun, turning_series
 from validation.core.sidebyside import Progress, no_progress
 from validation.core.wheels import neglected_wheel_load, pitch_period
 
-SHORT = 0.1  # period over the duration of a start or stop that a point follows
 Row = dict[str, Any]
 
 
@@ -37,18 +37,19 @@ def advise(line: Line, tol: float, out: Path, report: Progress = no_progress) ->
         runs.append(LineRuns(ELEMENTS, _line_with_model(line, model), runs[0] if runs else None))
     body, point = (x.run(2, 2) for x in runs)
     scales = scales_of(line, body)
-    allowed = {"path": tol * scales.path, "tension": LOOSER * tol * scales.tension}
+    allowed = {"path": tol * scales.path, "tension": FORCES * tol * scales.tension}
     rows: list[Row] = []
     periods: list[Row] = []
+    short = 0.1  # period over the duration of a start or stop that a point follows
     for table, car, a, b in zip(line.car, runs[0].line.cars, body.motion.cars, point.motion.cars, strict=True):
         if a.turning is None:
             continue
         period = _body_period(table, line.gravity, b)
         ramp = _shortest_ramp(car)
-        periods.append({"car": car.name, "period": period, "ramp": ramp, "short": period <= SHORT * ramp})
+        periods.append({"car": car.name, "period": period, "ramp": ramp, "short": period <= short * ramp})
         formulas = _distances_by_formula(table, line.gravity, point, b, ramp, period)
         for need, distance in _distances_of_runs(body, a, point, b):
-            limit = allowed.get(need, LOOSER * tol * scales.weights[car.name])
+            limit = allowed.get(need, FORCES * tol * scales.weights[car.name])
             rows.append({
                 "car": car.name, "need": need.replace("_", " "), "unit": "m" if need == "path" else "N",
                 "formula": formulas.get(need), "run": distance, "allowed": limit, "enough": distance <= limit,

@@ -34,7 +34,6 @@ from validation.page import line as page
 from validation.page.options import Point, tolerance_faults
 
 FINEST = 32  # elements on each piece, at most
-BY_ELEMENTS = 0.5  # their largest bar over the tolerance
 ROUNDING = 256 * np.finfo(float).eps  # of the reach for lengths, of EA for forces
 TOL = 1e-6  # [m], and of the largest tension
 TOL_RANGE = (1e-9, 1e-2)
@@ -163,11 +162,12 @@ def refine_both(line: Line, second: Line, tol: float, tol_tension: float) -> Bot
     n = 4
     coarser_b = second.rest(partial(elements.solve, elements=n // 2))
     hopeless = {i: why for i, why in coarser_b.refused.items() if i in a.refused}
+    largest_share = 0.5  # of the tolerance, for bars of the elements
     while True:
         b = second.rest(partial(elements.solve, elements=n), hopeless)
         both = BothAnswers(a, coarser_a, b, coarser_b)
         rows = [row for row in compare_states(both, *both.units_with_tolerances(tol, tol_tension)) if row.bound.parts]
-        coarse = any(row.bound.parts[1].value > BY_ELEMENTS * (row.required or 0.0) for row in rows)
+        coarse = any(row.bound.parts[1].value > largest_share * (row.required or 0.0) for row in rows)
         unsolved = any(_rest_row(both))  # finer elements do not help
         if not coarse or unsolved or n >= FINEST:
             return both

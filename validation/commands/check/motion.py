@@ -20,16 +20,14 @@ from validation.commands.run.motion import (
     run_ladders,
 )
 from validation.core import motion_laws, store
-from validation.core.agreement import Agreement, Verdict, overall_verdict
+from validation.core.agreement import DEFAULT_TOL, FORCES, Agreement, Verdict, overall_verdict
 from validation.core.ladder import Branch, Ladder
 from validation.core.motion_rows import Comparison, LineRun, LineTolerance, Scales, largest_tension_at_start, law_row
 from validation.core.sidebyside import Progress, no_progress
 from validation.page.options import Point, tolerance_faults
 
-TOL = 1e-3
+TOL = DEFAULT_TOL
 SECOND = SINES.name  # solver that a planted fault is for
-LOOSER = 10.0  # forces over the path
-FINEST = 32  # times the coarsest resolution and steps together, before a comparison stays too coarse
 
 
 def scales_of(line: Line, moved: LineRun) -> Scales:
@@ -72,11 +70,12 @@ def check_line(
     second : a line for the sines alone;  report : is called with the part of the runs that is done.
     """
     refuse_tolerances(tol, tol_tension)
-    asked = LineTolerance(tol, LOOSER * tol if tol_tension is None else tol_tension)
+    asked = LineTolerance(tol, FORCES * tol if tol_tension is None else tol_tension)
     first = LineRuns(ELEMENTS, line)
     both = first, LineRuns(SINES, second or line, first)
     space = 2
     time = 2
+    finest = 32  # times the coarsest resolution and steps together, before a comparison stays too coarse
     before = None
     while True:
         run_ladders(both, space, time, report)
@@ -84,7 +83,7 @@ def check_line(
         rows = judge_runs(line, a, b, asked)
         verdict = overall_verdict(rows)
         again = verdict is before is Verdict.DISAGREE
-        if verdict is Verdict.AGREE or again or space * time >= FINEST:
+        if verdict is Verdict.AGREE or again or space * time >= finest:
             return answers_of_ladders(line, a, b, rows)
         before = verdict
         in_space, in_time = _too_coarse(rows)
@@ -105,7 +104,7 @@ def smallest_noticed_faults(result: MotionAnswers) -> dict[str, float]:
     line = result.line
     first = LineRuns(ELEMENTS, line)
     base = _ladder_of_one(first.run(1, 1))
-    asked = LineTolerance(TOL, LOOSER * TOL)  # decides no gap
+    asked = LineTolerance(TOL, FORCES * TOL)  # decides no gap
 
     def gaps(other: Line) -> sensitivities.Gaps:
         changed = _ladder_of_one(LineRuns(ELEMENTS, other, first).run(1, 1))

@@ -17,7 +17,6 @@ from validation.core.running import run
 from validation.core.view import View
 
 Gaps = dict[tuple[str, str], float]  # by quantity and law
-DIGITS = 1e-8  # a smaller relative fault is any change of a number: its row has a bar of rounding alone
 STEP = 0.1  # [percent] change of a key; rows are linear in it
 
 
@@ -89,8 +88,9 @@ def _gap_or_zero(quantity: Any, changed: Any, base: Any, view: View) -> float:
 
 
 def noticed_sentence(gaps: dict[str, float]) -> str:
-    parts = [f"{key} {100.0 * fault:.2g} %" for key, fault in gaps.items() if fault >= DIGITS]
-    exact = [key for key, fault in gaps.items() if fault < DIGITS]
+    rounding = 1e-8  # a smaller relative fault is any change of a number: its row has a bar of rounding alone
+    parts = [f"{key} {100.0 * fault:.2g} %" for key, fault in gaps.items() if fault >= rounding]
+    exact = [key for key, fault in gaps.items() if fault < rounding]
     if exact:
         parts = [f"any change of {', '.join(exact)}", *parts]
     return f"would notice: {', '.join(parts)}" if parts else "would notice no fault of a key of the scene"

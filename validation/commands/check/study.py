@@ -55,7 +55,6 @@ from validation.core.view import View
 
 SHARES = {"elements": 1.0, "galerkin": 5.0}  # of the tolerance: dense bases cost about as much more
 DECIDING_QUANTITIES = {"all": (), "path": ("path_max", "path_rms", "place", "speed")}  # rows that decide; (): all
-CONFIRMS = 1.5  # factor on resolution and steps of both before they count as different
 
 Settings = dict[str, Any]
 
@@ -202,7 +201,8 @@ class _MethodOnScene:
         larger : for the larger bar of a row, else for the smaller one.
         """
         if overall_verdict(rows) is Verdict.DISAGREE:
-            finer = refined_settings(self.method, ladder.finest.settings, space=CONFIRMS, time=CONFIRMS)
+            finer_by = 1.5  # factor on resolution and steps of both before they count as different
+            finer = refined_settings(self.method, ladder.finest.settings, space=finer_by, time=finer_by)
             return None if exceeds_work_budget(self.method, ladder, finer, self.budget) else finer
         coarse = [row for row in rows if row.decides and row.verdict is Verdict.TOO_COARSE and row.required]
         goals = [goal for row in coarse for goal in _goals_for_row(row, self.method.name, larger)]

@@ -26,9 +26,6 @@ from validation.page.answer.many import write_rows
 
 BRACKETS = 8  # parts of the range that are looked at
 HALVINGS = 12  # of a part in which the condition changes, at most
-NARROW = 1e-3  # of a part: numbers are linear in it
-CHECKS = (5e-3, 1e-3)  # tolerances of the path in the check at the answer: finer if its bar is of no use
-WIDENINGS = 10  # of the range around an answer in words, until the full model confirms it
 NONE = Answer("failed", "", {})
 
 
@@ -231,9 +228,10 @@ class _Search:
     def bisect_threshold(self, a: float, b: float) -> Threshold:
         """The threshold between two values, by bisection; of numbers linear in the last interval."""
         holds_at, fails_at = (a, b) if self.condition_holds(a) else (b, a)
+        narrow = 1e-3  # of a part: numbers are linear in it
         for _ in range(HALVINGS):
             share = self._crossing_share(holds_at, fails_at)
-            if math.isfinite(share) and abs(fails_at - holds_at) < NARROW * (b - a):
+            if math.isfinite(share) and abs(fails_at - holds_at) < narrow * (b - a):
                 break
             steps = [0.5] if math.isnan(share) else [share - 0.01, share + 0.01]  # on both sides of the zero of a chord
             for x in [holds_at + step * (fails_at - holds_at) for step in steps if 0.0 < step < 1.0]:
@@ -300,7 +298,8 @@ class _Search:
         if not check:
             yield answer_by_model(scene, self.model, bars=True), ""
             return
-        for tol in CHECKS:
+        tolerances = (5e-3, 1e-3)  # of the path in the check at the answer: finer if its bar is of no use
+        for tol in tolerances:
             self.progress("check", 0.95)
             yield checked_answer(scene, tol)
 
@@ -308,8 +307,9 @@ class _Search:
         """The threshold with half of a range at whose ends the full model says the same, if one was found."""
         full = replace(self, model="full", answers_by_value={})
         side = math.copysign(1.0, threshold.fails_at - threshold.holds_at)
-        for k in range(WIDENINGS):
-            half = self.width / 2.0 ** (WIDENINGS - k)
+        widenings = 10  # of the range around an answer in words, until the full model confirms it
+        for k in range(widenings):
+            half = self.width / 2.0 ** (widenings - k)
             inner, outer = threshold.value - side * half, threshold.value + side * half
             if full.condition_holds(inner) and not full.condition_holds(outer):
                 return replace(threshold, bar=half)

@@ -12,7 +12,6 @@ from validation.core.agreement import Agreement, Bound, BoundPart
 from validation.core.sidebyside import Progress, no_progress
 
 COUNT = 10
-ROUNDING = 1e-10  # relative; dense solvers lose the ratio of the stiffest to the lowest mode
 EXACT = "exact"
 
 
@@ -60,12 +59,13 @@ def modes(scene: Scene, out: Path | None = None, progress: Progress = no_progres
     }
     exact = catenary_modes.solve_modes(groups.sigma, groups.alpha, groups.c, count=COUNT)
     rows = []
+    rounding = 1e-10  # relative; dense solvers lose the ratio of the stiffest to the lowest mode
     for name, (fine, coarse) in pairs.items():
         gap = np.abs(fine / exact.omega - 1.0)
         bar = np.abs(fine / coarse - 1.0)
         parts = (
             BoundPart(name, float(bar.max()), "the change from half the resolution"),
-            BoundPart("rounding", ROUNDING),
+            BoundPart("rounding", rounding),
         )
         rows.append(Agreement(name, float(gap.max()), Bound("own bar", parts)))
     found = Modes({name: fine for name, (fine, _) in pairs.items()} | {EXACT: exact.omega}, rows)

@@ -34,9 +34,7 @@ from validation.oracles.case import Path as MassPath
 
 ROWS = "oracles.jsonl"
 RESULT = "oracles.json"
-ORDER_SCATTER = 0.3  # of an order from three or four runs: fronts meet the mass elsewhere in each mesh
 SAFETY = 1.5  # of the remaining change by the order, between Roache's 1.25 for three grids and 3 for two
-MAX_ORDER = 1.5  # largest order that is credited: wave fronts pass the mass as spikes
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +100,8 @@ def _allowed_error(ratio: float, p: float | None, gap: float | None, before: flo
     if gap is None:
         assert p is not None
         return SAFETY * before / ratio**p, f"{SAFETY} x the deviation before, fallen with order {p:g}"
-    credited = 1.0 if p is None else min(p, MAX_ORDER)
+    most = 1.5  # largest order that is credited: wave fronts pass the mass as spikes
+    credited = 1.0 if p is None else min(p, most)
     why = f"own error bar: {SAFETY} x gap to the run before / (ratio to the {credited:g} - 1)"
     return SAFETY * gap / (ratio**credited - 1.0), why
 
@@ -161,7 +160,8 @@ def observed_order(sizes: Sequence[float], errors: Sequence[float]) -> float:
 def verdict_of_row(error: float, allowed: float, observed: float, expected: float | None) -> str:
     """The verdict: the error is allowed, and falls with the expected order, if there is one."""
     close = math.isfinite(error) and error <= allowed
-    falls = expected is None or observed >= expected - ORDER_SCATTER
+    scatter = 0.3  # of an order from three or four runs: fronts meet the mass elsewhere in each mesh
+    falls = expected is None or observed >= expected - scatter
     return "agree" if close and falls else "disagree"
 
 

@@ -25,7 +25,6 @@ from validation.page import terminal
 from validation.page.answer import many as table
 from validation.page.line import WORDS, largest_and_smallest_rows, print_line, quantity_kind, value_text
 
-MAX_NAMED = 3  # collisions in an outcome
 # in the table of the terminal
 NOT_PRINTED = ("tension", "tension_behind", "tension_ahead", "pressure", "pressure_down", "load")
 
@@ -235,8 +234,9 @@ class RestAnswers(LineAnswers):
             parts.append(Outcome("breaks", f"the rope is loaded beyond its breaking load: {force}"))
         hits = list(map(_collision_text, self.collisions))
         if hits:
-            more = [f"{len(hits) - MAX_NAMED} more"] if len(hits) > MAX_NAMED else []
-            parts.append(Outcome("collides", f"would collide: {', '.join([*hits[:MAX_NAMED], *more])}"))
+            most = 3  # collisions in an outcome
+            more = [f"{len(hits) - most} more"] if len(hits) > most else []
+            parts.append(Outcome("collides", f"would collide: {', '.join([*hits[:most], *more])}"))
         if self.positions_without_rest:
             without = f"{len(self.positions_without_rest)} of {self.line.count} positions have no rest"
             parts.append(Outcome("incomplete", without + self.needed_tension))

@@ -46,15 +46,7 @@ from validation.page import terminal
 from validation.page.line import print_line
 from validation.page.motion import TABLE_QUANTITIES, comparison_words, number_rows, unit_of
 
-ROPE_STATIONS = 101
-FRAMES = 101  # of rope.csv, at most, which has every second station
-STEPS = 120  # of the coarsest run
 PATH = "t,s_o,x,y,u,v,T_behind,T_ahead,speed,F_haul,F_contact"  # columns of path-NAME.csv; see `turning_series`
-PITCHING = 4.0  # coarsest steps in a period of the pitch of a car on two wheels
-NOT_HELD = 0.01  # of its weight: a shoe that pulls a car down by less
-ON_RAIL = 6  # coarsest steps of a car on a rail over a shoe
-WAVES = 40.0  # of a pitching car on a span, at most, that set the coarsest resolution: more take hours
-ORDER = 4.0  # credited to refinement in space and time, at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,9 +78,10 @@ def shoe_force_sentences(line: Line, motion: LineMotion) -> list[str]:
     """
     out = []
     shoes = [(c.at[0], c.shoe, c.name) for c in line.contact if c.shoe is not None]
+    light = 0.01  # of its weight: a shoe that pulls a car down by less
     for car, data in zip(motion.cars, line.car, strict=True):
         weight, i = data.mass * line.gravity, int(np.argmin(car.shoe_force))
-        if car.shoe_force[i] > -NOT_HELD * weight:
+        if car.shoe_force[i] > -light * weight:
             continue
         x = car.point[i, 0]
         _, shoe, name = min(shoes, key=lambda at: abs(at[0] - x))
@@ -171,8 +164,10 @@ class LineRuns:
         longest_span = float(np.diff(empty.s).max()) * (1.0 + line.cable.thermal_strain)
         speed = math.sqrt(N / rope.mass_per_length)
         waves = max((longest_span / (speed * period) for period in pitches), default=0.0)
-        self.coarsest = max(method.coarsest, math.ceil(method.on_wave * min(waves, WAVES) / coarser))
-        rate = max(STEPS / total, *(PITCHING / (period * coarser) for period in pitches), 0.0)
+        waves = min(waves, 40.0)  # more take hours
+        self.coarsest = max(method.coarsest, math.ceil(method.on_wave * waves / coarser))
+        # coarsest steps: 120 in a run, 4 in a period of the pitch
+        rate = max(120 / total, *(4.0 / (period * coarser) for period in pitches), 0.0)
         self.grid = [np.linspace(t0, t1, max(2, math.ceil(rate * (t1 - t0))) + 1) for t0, t1 in self.line.phases]
         if like is not None:
             self.grid = [np.unique([t0, t1, *like.instants_between(t0, t1)]) for t0, t1 in self.line.phases]
@@ -192,9 +187,10 @@ class LineRuns:
     def ladder(self, space: int, time: int) -> Ladder:
         """The run, half and quarter in space and in time; no quarter of 2."""
         branches = []
+        order = 4.0  # credited to refinement in space and time, at most
         for settings in coarser_settings(space, time):
             runs: list[Any] = [self.run(*setting) for setting in settings]
-            branches.append(Branch(tuple(runs), (2.0,) * len(runs), ORDER))
+            branches.append(Branch(tuple(runs), (2.0,) * len(runs), order))
         finest: Any = self.run(space, time)
         return Ladder(finest, *branches)
 
@@ -205,12 +201,13 @@ class LineRuns:
         shares = [np.arange(time * (t.size - 1) + 1) / time for t in self.grid]
         grid = [np.interp(share, np.arange(t.size), t) for share, t in zip(shares, self.grid, strict=True)]
         origin = self.line.rope.length if self.line.rope.length is not None else self.length
-        s = np.linspace(origin - self.length, origin, ROPE_STATIONS)
+        s = np.linspace(origin - self.length, origin, 101)  # stations
         work = Work()
         parts: list[LineMotion] = []
         run: list[State] = []
         begun: tuple[Any, State | None] = system, None
         steps = grid
+        on_rail = 6  # coarsest steps of a car on a rail over a shoe
         while True:
             part = self._march_part(*begun, steps, work)
             parts.append(begun[0].observe(part.states, s))
@@ -218,7 +215,7 @@ class LineRuns:
             if part.following is None:
                 break
             begun = part.following
-            finer = begun[1].t + shortest_time_on_rail(*begun) * np.linspace(0.0, 2.0, 2 * ON_RAIL * time + 1)
+            finer = begun[1].t + shortest_time_on_rail(*begun) * np.linspace(0.0, 2.0, 2 * on_rail * time + 1)
             steps = [np.union1d(t, finer[(finer > t[0]) & (finer < t[-1])]) for t in grid]
         return LineRun(
             method=self.method.name, settings={self.method.setting: n, "steps": sum(t.size - 1 for t in grid)},
@@ -353,7 +350,8 @@ class MotionAnswers(LineAnswers):
         rest = catenary_line.depth_and_tension(self.empty, places)[0]
         profile = np.stack([places, rest, depths.min(axis=0), depths.max(axis=0)], axis=1)
         write_csv(folder / "profile.csv", "x,y_rest,y_highest,y_lowest", profile)
-        frames = np.unique(np.searchsorted(motion.t, np.linspace(motion.t[0], motion.t[-1], FRAMES)))
+        count = 101  # frames of rope.csv, at most, which has every second station
+        frames = np.unique(np.searchsorted(motion.t, np.linspace(motion.t[0], motion.t[-1], count)))
         shown = slice(None, None, 2)  # stations
         shape = frames.size, motion.s[shown].size
         t = np.broadcast_to(motion.t[frames, None], shape)

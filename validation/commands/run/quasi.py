@@ -18,10 +18,6 @@ from cablefem.scene.moving import line_in_motion
 from validation.commands.run.line import RestAnswers, answer_line
 from validation.core import store
 
-INSTANTS = 81  # of the timetables
-ITERATIONS = 30
-EXACT = 1e-6  # [m] from where a car is to where its timetable has it
-
 
 def quasi_static_line(line: Line) -> RestAnswers:
     """States of rest at the positions of the timetables; Refused for a car that rolls freely."""
@@ -44,9 +40,10 @@ def line_at_rest(line: Line) -> Line:
     }  # s by car (n,)
     empty = line.empty(catenary_line.solve)
     x = positions | {name: np.interp(s, empty.s, empty.points[:, 0]) for name, s in along.items()}
-    for _ in range(ITERATIONS if along else 0):
+    exact = 1e-6  # [m] from where a car is to where its timetable has it
+    for _ in range(30 if along else 0):
         missing = _missing_rope(_with_cars_at(line, x), along)
-        if max(float(np.abs(shift).max()) for shift in missing.values()) < EXACT:
+        if max(float(np.abs(shift).max()) for shift in missing.values()) < exact:
             break
         for name, shift in missing.items():
             x[name] = x[name] + shift
@@ -56,13 +53,14 @@ def line_at_rest(line: Line) -> Line:
 def _positions_by_car(moving: MovingLine) -> dict[str, Array]:
     """Prescribed positions (n,) [m], without instants at which all cars stand."""
     ends = [end for _, end in moving.phases]
-    t = np.linspace(0.0, moving.t_end, INSTANTS)
+    count = 81  # instants of the timetables
+    t = np.linspace(0.0, moving.t_end, count)
     phases = np.minimum(np.searchsorted(ends, t), len(ends) - 1).tolist()
     columns = [
         [moving.position(car, at, phase)[0] for at, phase in zip(t.tolist(), phases, strict=True)]
         for car in moving.cars
     ]
-    positions = np.array(columns)  # (cars, INSTANTS)
+    positions = np.array(columns)  # (cars, count)
     moves = np.append(True, np.any(np.diff(positions, axis=1) != 0.0, axis=0))
     return dict(zip([car.name for car in moving.cars], positions[:, moves], strict=True))
 

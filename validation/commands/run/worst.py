@@ -11,11 +11,6 @@ from cablefem.scene.line import Line
 from validation.commands.run.line import numbers_by_position
 from validation.commands.run.lines import Row
 
-POINTS = 17  # places in each span that are looked at first
-ROUNDS = 6  # of parabolas, at most
-NEAR = 1e-3  # of a span: closest to an end of the rope
-SAME = 1e-6  # of the line: places that are one
-
 
 def with_worst_positions(line: Line) -> Line:
     """The line with its car, if it has no `at`, over each span and at every place where a number is extreme."""
@@ -25,7 +20,7 @@ def with_worst_positions(line: Line) -> Line:
     positions = _CarPositions(line, f"car.{car.name}.at")
     first = sorted(set(_first_positions(line)))
     positions.solve(first)
-    for _ in range(ROUNDS):
+    for _ in range(6):  # of parabolas, at most
         vertices = positions.untried_vertices()
         if not vertices:
             break
@@ -37,11 +32,13 @@ def _first_positions(line: Line) -> Iterator[float]:
     """Places over each span, the middles of shoes, obstacles and corners of the ground."""
     low = 0.0
     high = line.contact[-1].at[0]
+    count = 17  # places in each span that are looked at first
+    near = 1e-3  # of a span: closest to an end of the rope
     for left, right in itertools.pairwise(line.contact):
         a = left.at[0]
         b = right.at[0]
-        gap = NEAR * (b - a)
-        yield from np.linspace(a + (left.shoe or gap) + gap, b - (right.shoe or gap) - gap, POINTS).tolist()
+        gap = near * (b - a)
+        yield from np.linspace(a + (left.shoe or gap) + gap, b - (right.shoe or gap) - gap, count).tolist()
         if left.shoe is not None:
             yield from (a - left.shoe, a, a + left.shoe)
     for x in (*(o.at for o in line.obstacle), *(x for x, _ in line.ground)):
@@ -81,12 +78,13 @@ class _CarPositions:
     def untried_vertices(self) -> list[float]:
         """Vertices of parabolas through each extreme and its neighbours, where nothing was solved yet."""
         out: list[float] = []
+        same = 1e-6  # of the line: places that are one
         for x, y, k in self._numbers_over_positions():
             if not 0 < k < x.size - 1 or not np.isfinite(y[k - 1 : k + 2]).all():
                 continue
             a, b = np.polyfit(x[k - 1 : k + 2] - x[k], y[k - 1 : k + 2] - y[k], 2)[:2]
             vertex = float(x[k] - b / (2.0 * a)) if a else math.nan
             tried = np.array([*self.rows, *out])
-            if x[k - 1] < vertex < x[k + 1] and np.abs(tried - vertex).min() > SAME * x[-1]:
+            if x[k - 1] < vertex < x[k + 1] and np.abs(tried - vertex).min() > same * x[-1]:
                 out.append(vertex)
         return out

@@ -24,7 +24,6 @@ from validation.core import store
 from validation.core.sidebyside import Progress, no_progress
 from validation.core.store import Refused
 
-CHUNK = 1.0  # [s] of work in a chunk; its transfer and file cost about 10 ms
 LARGEST = 2000  # scenes in a chunk at most
 WRITES = ("rows", "study.toml")
 
@@ -112,12 +111,13 @@ def _compute_rows(client: Any, study: Study, todo: deque[int], work: Work) -> It
             results.add(future)
 
     submit_chunks()
+    seconds = 1.0  # of work in a chunk; its transfer and file cost about 10 ms
     for future in results:
         chunk = running.pop(future)
         rows = list[Row]()
         if future.status == "finished":
             rows = future.result()
-            size = min(_chunk_size(CHUNK, rows), 4 * max(size, len(rows)))
+            size = min(_chunk_size(seconds, rows), 4 * max(size, len(rows)))
         elif len(chunk) == 1:
             rows = [job.row_of_lost_scene(study, chunk[0], type(future.exception()).__name__)]
         else:

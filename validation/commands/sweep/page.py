@@ -26,9 +26,7 @@ from validation.page.figures import captioned_figure, panels
 from validation.page.page import Section, html_table, number_html, percent_text, render_sections
 from validation.page.plot import COLORS
 
-SHOWN = 4000  # the most rows in the page and dots in a map, evenly taken
 MAPS = ("tension_max", "speed_max", "mass_deepest", "contact_min", "haul_force_max", "max_deflection", "path_error")
-PARTS = 3  # of a third axis
 
 
 def sections(folder: Path) -> list[Section]:
@@ -143,7 +141,8 @@ def _with_unit(name: str) -> str:
 
 
 def _thin_rows(rows: Any) -> Any:
-    return rows.iloc[:: max(1, -(-len(rows) // SHOWN))]
+    most = 4000  # the most rows in the page and dots in a map, evenly taken
+    return rows.iloc[:: max(1, -(-len(rows) // most))]
 
 
 def _draw_map(rows: Any, quantity: str, axes: list[str], logs: set[str]) -> Markup:
@@ -173,9 +172,10 @@ def _draw_map(rows: Any, quantity: str, axes: list[str], logs: set[str]) -> Mark
 
 def _split_by_axis(rows: Any, axis: str) -> list[tuple[str, Any]]:
     """Scenes by an axis: its values where they are few, else in equal shares."""
-    if rows[axis].nunique() <= PARTS:
+    parts = 3  # of a third axis
+    if rows[axis].nunique() <= parts:
         return [(f"{axis} = {number_html(x)}", part) for x, part in rows.groupby(axis)]
-    shares = qcut(rows[axis], PARTS, duplicates="drop")
+    shares = qcut(rows[axis], parts, duplicates="drop")
     return [
         (f"{number_html(x.left)} to {number_html(x.right)}", part) for x, part in rows.groupby(shares, observed=True)
     ]

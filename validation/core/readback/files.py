@@ -17,8 +17,6 @@ from validation.core.readback.verification import verification_faults
 from validation.core.scene_data import ROUNDING, Array, max_depth_at
 
 SINGLE_PRECISION = 1e-6  # of single precision
-FRAMES = 5  # of an animation that are read
-POINTS = 201  # of profile.csv
 
 
 def file_faults(of: StoredResults) -> Faults:
@@ -99,7 +97,8 @@ def _profile_faults(file: Path, run: Run) -> Faults:
     taut = run["t"] <= until
     x_rest = run["fields.x"]
     y_rest = run["fields.y"]
-    x = np.linspace(x_rest[0], x_rest[-1], POINTS)
+    count = 201  # of profile.csv
+    x = np.linspace(x_rest[0], x_rest[-1], count)
     depths = [np.interp(x, x_rest, y_rest)]
     tensions = [np.interp(x, x_rest, run["fields.T_static"])]
     car = car_positions(run)
@@ -171,7 +170,8 @@ def _frames_of_animation(file: Path, run: Run) -> Iterator[tuple[int, dict[str, 
     times = np.array([float(grid.find("Time").get("Value")) for grid in grids])
     if not np.array_equal(times, run["fields.t"]):
         raise ValueError(f"{file}: frames at other times than were computed")
-    for k in np.unique(np.linspace(0, len(grids) - 1, FRAMES).round().astype(int)):
+    count = 5  # of an animation that are read
+    for k in np.unique(np.linspace(0, len(grids) - 1, count).round().astype(int)):
         parts = [part for part in grids[k] if part.tag != "Topology" and part.find("DataItem") is not None]
         yield int(k), {part.get("Name") or "points": _values_of_item(part.find("DataItem"), file) for part in parts}
 

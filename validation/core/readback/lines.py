@@ -13,7 +13,6 @@ from validation.core.readback.texts import cell_texts, contents_of_tags, plain_t
 from validation.core.scene_data import read_columns
 
 COUNTED = "comparisons of two solvers agree", "laws hold", "kinds of printed numbers are as computed"
-SAME_TIME = 1e-9  # relative
 TOUCHES = -1e-6  # [m] a rope that ends on the ground does not hit it
 
 
@@ -83,7 +82,8 @@ def outcome_faults(folder: Path) -> Faults:
     design = {number["quantity"]: number for number in summary["design"]}
     t = read_columns(folder / "contacts.csv")["t"][-1]
     hit = [x for x in design.values() if x["quantity"].startswith("clearance") and _upper(x) < TOUCHES]
-    events = [x for x in summary["events"] if abs(x["t"] - t) <= SAME_TIME * t]
+    same = 1e-9  # relative
+    events = [x for x in summary["events"] if abs(x["t"] - t) <= same * t]
     kind = _outcome_kind(summary, design, hit, events)
     if summary["outcome_kind"] != kind:
         yield f"outcome: {summary['outcome_kind']} where the files say {kind}"

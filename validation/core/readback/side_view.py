@@ -16,7 +16,6 @@ from validation.core.readback.texts import contents_of_tags
 from validation.core.scene_data import ROUNDING, Array, read_columns, si_factor
 
 PACKED = 65535  # steps between the extremes of a packed series
-SIX_DIGITS = 1e-5  # of a number: more than it is rounded by
 
 
 def side_view_faults(view: dict[str, Any], of: StoredResults) -> Faults:
@@ -28,7 +27,8 @@ def side_view_faults(view: dict[str, Any], of: StoredResults) -> Faults:
     drawn = np.array([track["x"], track["y"]]).T  # (m, 2)
     distances, _ = cKDTree(points).query(drawn)
     ends = np.linalg.norm(drawn[[0, -1]] - points[[0, -1]], axis=1)
-    if max(*distances, *ends) > SIX_DIGITS * np.hypot(*drawn.T).max():
+    six_digits = 1e-5  # of a number: more than it is rounded by
+    if max(*distances, *ends) > six_digits * np.hypot(*drawn.T).max():
         yield f"the path is {max(distances):.3g} m off path.csv"
     for mark in view["speeds"]:
         yield from _speed_mark_faults(mark, points, path["speed"], 0.01 * reach)

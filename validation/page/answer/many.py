@@ -23,7 +23,6 @@ from validation.page.plot import COLORS, DASHED, DOTTED, GREY, Panel, draw_surro
 from validation.page.scene_keys import table_of_keys
 from validation.page.side_view import six_digits, sparse_indices
 
-ANNOUNCED = 50  # scenes: of more the number is said before they start
 DASHES = ("", DASHED, DOTTED, "8 3 2 3")  # one for each value of the keys after the first
 LIMITS = ("limits_met", "limits_worst")
 Row = dict[str, Any]
@@ -117,7 +116,8 @@ def answer_grid(
     keys = list(points[0].values)
     folder = store.claim_folder(out, command, scene, [home])
     answers: dict[int, tuple[Row, Any]] = {}
-    if len(points) > ANNOUNCED:
+    many = 50  # scenes: of more the number is said before they start
+    if len(points) > many:
         terminal.print_text(f"{len(points)} scenes")
     with terminal.progress_bars() as progress:
 
