@@ -157,6 +157,13 @@ CHANGES = {
 }
 
 
+def test_a_run_in_the_folder_of_a_check_is_read_by_its_own_pages(tmp_path):
+    """It has fewer of them; the check's table of verification was read against the run, which has none."""
+    out = ["--out", str(tmp_path / "x")]
+    assert cli.main(["check", "zipline", "--tol", "0.1", *out]) == 0
+    assert cli.main(["run", "zipline", "--model", "quasi-static", *out]) == 0
+
+
 @pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
 @pytest.mark.parametrize("name", ["a ride", "a check of a ride"])
 def test_a_force_with_another_value_unit_or_bar_is_seen(results, name, change):

@@ -41,6 +41,7 @@ class Section:
     verdict: str | None = None  # one of VERDICTS
     summary: str = ""  # the finding, plain text
     scripts: tuple[str, ...] = ()  # files of assets/
+    command: str = ""  # that drew it
 
 
 def write_page(title: str, sections: Sequence[Section], out_file: Path) -> None:

@@ -67,11 +67,11 @@ def stored_pages(folder: Path, command: str) -> list[Section]:
 
 
 def _with_own_ids(pages: Iterable[tuple[str, Section]]) -> list[Section]:
-    """An id used by two commands gets the command's name."""
+    """Sections that name their command; of an id used by two commands it is a part."""
     out: dict[str, Section] = {}
     for command, section in pages:
         own = section.id if section.id not in out else f"{section.id}-{command}"
-        out[own] = replace(section, id=own)
+        out[own] = replace(section, id=own, command=command)
     return list(out.values())
 
 

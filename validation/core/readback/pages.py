@@ -14,11 +14,9 @@ SECTIONS = ("answer", "side-view", "ride", "tension", "scene", "how-sure", "rest
 
 
 def section_html(html_text: str, name: str, command: str) -> str:
-    """A section of a command; another command's may have the same name."""
-    for of in (f"{name}-{command}", name):
-        for content in contents_of_tags(f'section id="{of}"', html_text):
-            return str(content)
-    return ""
+    """A section of a command, or ""; another command's may have the same name."""
+    tag = f'section id="{name}(?:-{command})?" data-command="{command}"'
+    return next(iter(contents_of_tags(tag, html_text)), "")
 
 
 def page_faults(html_text: str, command: str, of: StoredResults) -> Faults:
