@@ -91,6 +91,13 @@ def test_a_car_that_only_goes_up_has_no_deepest_point():
     assert {"tension_max", "haul_force_max"} <= found
 
 
+def test_what_drives_a_free_car_is_its_thrust():
+    """9 kN in the scene; no rope hauls it."""
+    by = {n.quantity: n for n in numbers(run(Scene.load("rocket"), "following-p2", elements=6, steps=300, until=0.3))}
+    assert by["thrust_max"].value == pytest.approx(9000.0, rel=1e-9)
+    assert {"haul_force_max", "haul_force_min"}.isdisjoint(by)
+
+
 def test_a_bar_is_no_less_than_the_gap_to_the_twin(told):
     _, found, known = told
     deeper = found.map(lambda r: replace(r, y=r.y + 1.0, v=r.v + 1.0))

@@ -45,6 +45,11 @@ def _tracks_at_mass(*signals: Callable[[Response], Array]) -> Tracks:
     return lambda r: [Track(r.t, of(r), r.s_o) for of in signals]
 
 
+def _driving_tracks(mode: str, of: Callable[[Array], Array] = np.positive) -> Tracks:
+    """The force along the rope that drives a car: of a haul rope, or a free car's thrust; none in another mode."""
+    return lambda r: [Track(r.t, of(r.F_haul), r.s_o)] if r.drive == mode else []
+
+
 def _magnitude(reaction: Array) -> Array:
     return np.asarray(np.hypot(reaction[:, 0], reaction[:, 1]))
 
@@ -97,8 +102,10 @@ QUANTITIES: dict[str, Quantity] = {
     "reaction_right_vertical_max": Quantity(1.0, _tracks_at_support("right", _vertical_part)),
     "contact_max": Quantity(1.0, _tracks_at_mass(lambda r: r.F_contact)),
     "contact_min": Quantity(-1.0, _tracks_at_mass(lambda r: r.F_contact)),
-    "haul_force_max": Quantity(1.0, _tracks_at_mass(lambda r: np.abs(r.F_haul))),
-    "haul_force_min": Quantity(-1.0, _tracks_at_mass(lambda r: r.F_haul)),
+    "haul_force_max": Quantity(1.0, _driving_tracks("haul", np.abs)),
+    "haul_force_min": Quantity(-1.0, _driving_tracks("haul")),
+    "thrust_max": Quantity(1.0, _driving_tracks("free", np.abs)),
+    "thrust_min": Quantity(-1.0, _driving_tracks("free")),
     "deepest_point": Quantity(1.0, _depth_tracks, inner=True),
     "mass_deepest": Quantity(1.0, _tracks_at_mass(lambda r: r.y), inner=True),
     "mass_deflection_max": Quantity(1.0, _tracks_at_mass(lambda r: r.v)),

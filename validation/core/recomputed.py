@@ -76,7 +76,8 @@ def _row_of_number(
 
 FROM_TOML = ("sag_car_rest", "acceleration_max", "deceleration_max")
 Signals = list[tuple[Array, Array]]  # times (n,), values (n,) or (n, m)
-FORCES = ("tension", "reaction", "contact", "haul_force", "angle", "stress")  # felt as means over an axial round trip
+# felt as means over an axial round trip
+FORCES = ("tension", "reaction", "contact", "haul_force", "thrust", "angle", "stress")
 
 
 class RecomputedNumbers:
@@ -177,11 +178,12 @@ def _signals_by_kind(r: Response, data: SceneData) -> dict[str, Signals]:
     """Signals of each kind of design number."""
     f = r.fields
     tilt = math.degrees(math.atan(data.wind_force_or_damping(2) / (data.rho * data.gravity)))
+    driving = "thrust" if r.drive == "free" else "haul_force"
     at_steps = {
         "wind_tilt": np.full(r.t.shape, tilt),
         "contact": _contact_force(r),
-        "haul_force": np.abs(r.F_haul),
-        "haul_force_min": r.F_haul,
+        driving: np.abs(r.F_haul),
+        f"{driving}_min": r.F_haul,
         "mass_deflection": r.v,
         "mass_deepest": r.y,
         "sag_car": r.y - r.x * data.drop / data.span,

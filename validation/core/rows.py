@@ -93,16 +93,24 @@ def _gap_of_fields(gap: Callable[..., float], **how: Any) -> Gap:
 
 
 _rolls = attrgetter("rolls")
+_free = attrgetter("free")
+
+
+def _hauled(view: View) -> bool:
+    return view.rolls and not view.free
+
+
 TABLE = (
     Quantity("path_max", _gap_of_path(0), "path"),
     Quantity("path_rms", _gap_of_path(1), "path"),
-    Quantity("place", _gap_of_series("s_o", over="length", largest=True), "path", concerns=lambda v: v.free),
+    Quantity("place", _gap_of_series("s_o", over="length", largest=True), "path", concerns=_free),
     Quantity("speed", _gap_of_series("speed", over="top_speed", mean=True), "path", AXIAL_MEAN, order=FIRST),
     Quantity("tension_behind", _gap_of_series("T_behind", over="H", mean=True), "force", AXIAL_MEAN),
     Quantity("tension_ahead", _gap_of_series("T_ahead", over="H", mean=True), "force", AXIAL_MEAN),
     Quantity("reactions", _gap_of_series("reaction_left", "reaction_right", over="H", mean=True), "force", AXIAL_MEAN),
     Quantity("contact", _gap_of_series("F_contact", over="weight", mean=True), "force", AXIAL_MEAN, concerns=_rolls),
-    Quantity("haul_force", _gap_of_series("F_haul", over="weight", mean=True), "force", AXIAL_MEAN, concerns=_rolls),
+    Quantity("haul_force", _gap_of_series("F_haul", over="weight", mean=True), "force", AXIAL_MEAN, concerns=_hauled),
+    Quantity("thrust", _gap_of_series("F_haul", over="weight", mean=True), "force", AXIAL_MEAN, concerns=_free),
     Quantity("tension", _gap_of_fields(measures.tension_gap), "rest"),
     Quantity("displacement", _gap_of_fields(measures.field_gap), "rest"),
     Quantity("displacement", _gap_of_fields(measures.field_gap, along=True), "rest", ALONG),
@@ -111,7 +119,8 @@ TABLE = (
     Quantity("tension_ahead", _gap_of_series("T_ahead", over="H"), ""),
     Quantity("reactions", _gap_of_series("reaction_left", "reaction_right", over="H"), ""),
     Quantity("contact", _gap_of_series("F_contact", over="weight"), ""),
-    Quantity("haul_force", _gap_of_series("F_haul", over="weight"), "", concerns=_rolls),
+    Quantity("haul_force", _gap_of_series("F_haul", over="weight"), "", concerns=_hauled),
+    Quantity("thrust", _gap_of_series("F_haul", over="weight"), "", concerns=_free),
     Quantity("velocity", _gap_of_fields(measures.field_gap, rate=True), ""),
     Quantity("velocity", _gap_of_fields(measures.field_gap, rate=True, along=True), "", ALONG),
 )
