@@ -16,7 +16,7 @@ import numpy as np
 from cablefem.motion import CarMotion, ContactMotion
 from cablefem.newmark import State, StepFailure
 from cablefem.scene.contacts import Array, Car, Contact, MovingLine
-from cablefem.scene.line import Case, LineState, Station
+from cablefem.scene.line import Case, LineState, NoLineAtRest, Station
 from cablefem.scene.rail import Rail, RailEnd
 
 TIP = 0.2  # of a shoe
@@ -169,22 +169,23 @@ def _load_path_end(
             break
     length = abs(snapshot.s[contact.name] - snapshot.s[saddle.name])
     shoe = saddle.shoe or 0.0
-    at = saddle.point[0] + side * shoe + 0.25 * shoe * np.array([-1.0, 0.0, 1.0])
+    step = 0.25 * shoe
+    at = saddle.point[0] + side * shoe + step * np.array([-1.0, 0.0, 1.0])
     cases = []
     for x in at.tolist():
         stations = tuple(sorted([*span, car.station_at(x, line.gravity)], key=lambda p: p.x))
         cases.append(Case(stations, line.weight, line.rope.EA, length=length))
     assert line.solve is not None
-    states = line.solve(cases)
-    depths = []
-    for state in states:
-        if not isinstance(state, LineState):
-            raise StepFailure(t, f"no path of {car.name} behind {saddle.name}: {state}", "give more rope or less load")
-        names = [p.name for p in state.case.stations]
-        depths.append(float(state.points[names.index(car.name), 1]))
-    before, y, after = depths
-    step = 0.25 * shoe
+    before, y, after = (_depth_of_car(car, saddle, state, t) for state in line.solve(cases))
     return RailEnd(float(at[1]), y, (after - before) / (2.0 * step), (after - 2.0 * y + before) / step**2)
+
+
+def _depth_of_car(car: Car, saddle: Contact, state: LineState | NoLineAtRest, t: float) -> float:
+    """Depth [m] of the car in a state of rest; StepFailure where there is none."""
+    if not isinstance(state, LineState):
+        raise StepFailure(t, f"no path of {car.name} behind {saddle.name}: {state}", "give more rope or less load")
+    names = [p.name for p in state.case.stations]
+    return float(state.points[names.index(car.name), 1])
 
 
 def force_along_rail(car: Car, jet: Array, gravity: float) -> float:

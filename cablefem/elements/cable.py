@@ -62,7 +62,7 @@ class CableElements(System):
     _assembled_at: tuple[float, int] | None
     node: int  # scalar unknown at the mass
 
-    def __init__(self, groups: Groups, model: str, load: str, law: str) -> None:
+    def __init__(self, groups: Groups, model: str = "full", load: str = "mass", law: str = "elastic") -> None:
         if groups.drive.mode not in self.drives:
             raise ValueError(
                 f"a car that rolls (drive {groups.drive.mode}) needs mass-following elements of the full model"

@@ -38,10 +38,9 @@ class FixedElements(CableElements):
     node = 0
 
     def __init__(
-        self, groups: Groups, *, elements: int = 40, element: str = "hermite", coupling: str = "chain",
-        model: str = "full", load: str = "mass", law: str = "elastic",
-    ) -> None:  # fmt: skip
-        super().__init__(groups, model, load, law)
+        self, groups: Groups, *, elements: int = 40, element: str = "hermite", coupling: str = "chain", **kind: str
+    ) -> None:
+        super().__init__(groups, **kind)
         self.elements = elements
         self._tabulate(_KINDS[element])
         self.particle = coupling == "path"

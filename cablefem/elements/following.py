@@ -25,15 +25,15 @@ class FollowingElements(CableElements):
 
     elements : per side; degree : 1 to 8.
     grading : largest over smallest element length; the smallest are next to the mass.
+    kind : model, load and law of `CableElements`.
     """
 
     many_steps = True
 
     def __init__(
-        self, groups: Groups, *, elements: int = 10, degree: int = 2, grading: float = 1.0, model: str = "full",
-        load: str = "mass", law: str = "elastic",
-    ) -> None:  # fmt: skip
-        super().__init__(groups, model, load, law)
+        self, groups: Groups, *, elements: int = 10, degree: int = 2, grading: float = 1.0, **kind: str
+    ) -> None:
+        super().__init__(groups, **kind)
         self.reference = of = reference_mesh(elements, degree, grading)
         unrolled = ((0,) * (degree + 1), (0,) * of.forces.shape[1]) if degree == 2 and self.fields == 2 else ((), ())
         self._mesh = Mesh(of.dofs, of.forces, elements, *unrolled)

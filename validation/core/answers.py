@@ -85,12 +85,17 @@ def _outcome_of_travel(scene: Scene, r: Response) -> Outcome:
         sentence = f"stops at {last:.1f} m after {duration:.1f} s"
     elif r.drive == "haul":
         sentence = f"is hauled from {r.s_o[0]:.1f} m to {last:.1f} m in {duration:.1f} s"
+    return Outcome(kind, sentence + _end_of_validity(r))
+
+
+def _end_of_validity(r: Response) -> str:
+    """From where the cable is slack, or waves are slower than the mass; "": nowhere."""
     steep = onset_of_steep_waves(r)
     if r.slack_onset is not None and r.slack_onset <= steep:
-        sentence += f"; the cable goes slack when the mass is at {r.slack_onset * r.length:.1f} m"
-    elif math.isfinite(steep):
-        sentence += f"; waves get slower than the mass when it is at {steep * r.length:.1f} m, no bar holds there"
-    return Outcome(kind, sentence)
+        return f"; the cable goes slack when the mass is at {r.slack_onset * r.length:.1f} m"
+    if math.isfinite(steep):
+        return f"; waves get slower than the mass when it is at {steep * r.length:.1f} m, no bar holds there"
+    return ""
 
 
 def _outcome_of_ride(scene: Scene, r: Response) -> Outcome:

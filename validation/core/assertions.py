@@ -94,15 +94,7 @@ def _rows_of_lines(
     a: LineAnswer, b: LineAnswer, path: float, tension: float | None, window: Window
 ) -> list[Agreement]:  # fmt: skip
     """Rows of the path of each car and, if asked, of the worst tension, at the steps of the coarser run."""
-    runs = a.moved, b.moved
-    names = [[car.name for car in run.motion.cars] + [c.name for c in run.motion.contacts] for run in runs]
-    if names[0] != names[1]:
-        raise NotComparable(f"one has {', '.join(names[0])}, the other {', '.join(names[1])}")
-    steps = np.unique(min((run.motion.t for run in runs), key=len))
-    end = min(window[1], *(run.end for run in runs))
-    t = steps[(steps >= window[0]) & (steps <= end)]
-    if t.size < 5:
-        raise NotComparable(f"{t.size} steps from {window[0]:g} to {end:g} s, 5 are needed")
+    t = _common_times(a.moved, b.moved, window)
     over = f"from {t[0]:.4g} to {t[-1]:.4g} s"
 
     def row(quantity: str, law: str, gap: Array, allowed: float, why: str) -> Agreement:
@@ -110,15 +102,34 @@ def _rows_of_lines(
         bound = Bound("asked for", (BoundPart(quantity.partition("_")[0], allowed),), f"{why}, {over}")
         return Agreement(quantity, float(gap[k]), bound, f"t = {t[k]:.4g} s", law=law)
 
-    paths = [{car.name: _at_times(run, car.point, t) for car in run.motion.cars} for run in runs]
     why = f"relative to the largest deflection {b.path_scale:.4g} m"
-    rows = [row("path_max", car, distances(p, paths[1][car]) / b.path_scale, path, why) for car, p in paths[0].items()]
+    rows = []
+    for car, other in zip(a.moved.motion.cars, b.moved.motion.cars, strict=True):
+        gap = distances(_at_times(a.moved, car.point, t), _at_times(b.moved, other.point, t))
+        rows.append(row("path_max", car.name, gap / b.path_scale, path, why))
     if tension is not None:
         largest = largest_tension_at_start(b.moved.motion)
         why = f"mean over an axial round trip, relative to {largest:.4g} N at the start"
         worst, gap = _worst_tension_gap(a.moved, b.moved, t)
         rows.append(row("tension", worst, gap / largest, tension, why))
     return rows
+
+
+def _common_times(a: LineRun, b: LineRun, window: Window) -> Array:
+    """Steps (n,) [s] of the coarser of two runs of one line in a window; NotComparable for fewer than 5."""
+    names, others = (_names_on_rope(run) for run in (a, b))
+    if names != others:
+        raise NotComparable(f"one has {', '.join(names)}, the other {', '.join(others)}")
+    steps = np.unique(min(a.motion.t, b.motion.t, key=len))
+    end = min(window[1], a.end, b.end)
+    t = steps[(steps >= window[0]) & (steps <= end)]
+    if t.size < 5:
+        raise NotComparable(f"{t.size} steps from {window[0]:g} to {end:g} s, 5 are needed")
+    return t
+
+
+def _names_on_rope(run: LineRun) -> list[str]:
+    return [car.name for car in run.motion.cars] + [contact.name for contact in run.motion.contacts]
 
 
 def _worst_tension_gap(a: LineRun, b: LineRun, t: Array) -> tuple[str, Array]:

@@ -63,15 +63,16 @@ def _observed_fields(scene: Scene, statics: Statics, travel: tuple[Array, Array,
     frames = frame_times(scene, float(travel[0][-1]))
     # n steps, then frames
     t, s_o, ds, dds = (np.append(x, np.interp(frames, travel[0], x)) for x in travel)
-    return observation_in_si(
-        scene, _observation(scene.groups, statics, n, s, t, s_o, ds, dds), np.arange(t.size) < n, s
-    )
+    observed = _observation(scene.groups, statics, n, (t, s_o, ds, dds), s)
+    return observation_in_si(scene, observed, np.arange(t.size) < n, s)
 
 
-def _observation(
-    g: Groups, statics: Statics, n: int, s: Array, t: Array, s_o: Array, ds: Array, dds: Array
-) -> Observation:  # fmt: skip
-    """All that is known of n steps and of the frames after them, with fields at stations s; dimensionless."""
+def _observation(g: Groups, statics: Statics, n: int, travel: tuple[Array, ...], s: Array) -> Observation:
+    """All that is known of n steps and of the frames after them, with fields at stations s; dimensionless.
+
+    travel : t, s_o, ds_o, dds_o of steps and frames.
+    """
+    t, s_o, ds, dds = travel
     here = statics(s_o)
     velocity = here.along * ds[:, None]
     acceleration = here.along * dds[:, None] + here.bend * (ds**2)[:, None]

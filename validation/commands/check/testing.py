@@ -44,30 +44,37 @@ def asserting_check(report: Report, earlier_checks: dict[Any, Any]) -> Callable[
         """
         __tracebackhide__ = True
         scene = scene if isinstance(scene, Scene | Line) else scene_or_line(scene)
-        if isinstance(scene, Line) and solver is not None:
-            raise Refused(f"{scene.name}: a solver of your own is compared on one span, this is a line of contacts")
         key = (scene.to_toml(), tol)
         if key not in earlier_checks:
             tolerance: dict[str, Any] = {} if tol is None else {"tol": tol}
             earlier_checks[key] = validation.check(scene, **tolerance)
         result = earlier_checks[key]
-        rows = result.rows
         names = " and ".join(result.methods)
-        if solver is not None:  # its rows, and whether a path was comparable
-            try:
-                result = check_solver(scene, solver, with_tol=with_tol, ours=result)
-            except Refused as refused:  # without the library's source
-                raise Refused(refused.faults) from None
+        rows = result.rows
+        theirs = []
+        if solver is not None:
+            result = _check_of_own_solver(scene, solver, with_tol, result)
+            theirs = [row for row in result.rows if row.third_party]
+            names = theirs[-1].third_party
+            # and whether a path was comparable
             rows = [row for row in result.rows if row.third_party or row.quantity == "path_max"]
-            names = rows[-1].third_party
         verdict = overall_verdict(rows)
-        theirs = [row for row in rows if row.third_party]
         report(f"{scene.name}, {names}: {_worst_row_text(theirs or rows)}", verdict.value)
         if verdict is not Verdict.AGREE:
             raise AssertionError(assertions.failure_text(f"{scene.name}: {verdict.value}", rows))
         return result
 
     return checked
+
+
+def _check_of_own_solver(scene: Any, solver: Any, with_tol: float, ours: Any) -> Any:
+    __tracebackhide__ = True
+    if isinstance(scene, Line):
+        raise Refused(f"{scene.name}: a solver of your own is compared on one span, this is a line of contacts")
+    try:
+        return check_solver(scene, solver, with_tol=with_tol, ours=ours)
+    except Refused as refused:  # without the library's source
+        raise Refused(refused.faults) from None
 
 
 def _worst_row_text(rows: Sequence[Agreement]) -> str:

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from validation.core import store
 from validation.core.quantities import KNOWN
@@ -25,9 +25,11 @@ def dictionary_entries() -> Iterator[Entry]:
         if file == "design[]":
             for name, (words, unit) in KNOWN.items():
                 yield Entry("quantity", name, unit or "-", words.format("an obstacle or the ground"))
-            for name, of in motion.WORDS.items():
-                if name not in KNOWN:
-                    yield Entry("quantity", name, of["unit"] or "-", of["words"].format("it"))
+            yield from _entries_of_line("quantity", {k: of for k, of in motion.WORDS.items() if k not in KNOWN})
         if file == "positions.csv":
-            for name, of in line.WORDS.items():
-                yield Entry(file, name, of["unit"] or "-", of["words"].format("it"))
+            yield from _entries_of_line(file, line.WORDS)
+
+
+def _entries_of_line(file: str, words: dict[str, Any]) -> Iterator[Entry]:
+    for name, of in words.items():
+        yield Entry(file, name, of["unit"] or "-", of["words"].format("it"))

@@ -74,18 +74,20 @@ def limit_faults(rows: Sequence[Row], scene: Row, design: Sequence[Row], events:
         name = next(key for key in words if re.fullmatch(words[key][0].format(".*"), row["demand"]))
         if [row["side"], row["unit"]] != words[name][1:3]:
             yield f"{row['demand']}: {row['side']} in {row['unit']}"
-        if row["source"] == "the scene":
-            known = given.get(name) == row["limit"]
-        else:
-            texts = shipped["text"].values()
-            known = any(_states_rule(rule, name, row, text, scene) for text in texts for rule in text["limit"])
-        if not known:
+        if not _is_stated(name, row, scene, shipped["text"].values()):
             yield f"{row['demand']}: {row['limit']} is not the limit of {row['source']}"
         yield from _verdict_faults(name, row, scene, design, events)
     sources = [row["source"] for row in rows]
     for name in given.get("use", []):
         if not any(source.startswith(shipped["text"][name]["source"]) for source in sources):
             yield f"{name}: none of its limits is printed"
+
+
+def _is_stated(name: str, row: Row, scene: Row, texts: Iterable[Row]) -> bool:
+    """Whether the scene, or a rule of a text, states the limit of a row."""
+    if row["source"] == "the scene":
+        return bool(scene.get("limits", {}).get(name) == row["limit"])
+    return any(_states_rule(rule, name, row, text, scene) for text in texts for rule in text["limit"])
 
 
 def _states_rule(rule: Row, name: str, row: Row, text: Row, scene: Row) -> bool:

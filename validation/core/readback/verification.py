@@ -25,11 +25,7 @@ def verification_faults(of: StoredResults) -> Faults:
 
 def _verification_faults_of_row(of: StoredResults, row: Row, gap: Row) -> Faults:
     size = max(abs(row["value"]), abs(row["other"])) or 1.0
-    i = of.methods.index(row["method"])
-    values = [_stored_value(of, method, row["quantity"]) for method in (i, 1 - i)]
-    bars = [size * gap[f"bar_{'ab'[method]}"] for method in (i, 1 - i)]
-    expected = {"value": values[0], "other": values[1], "bar": bars[0], "bar_other": bars[1]}
-    expected |= {"gap": abs(row["value"] - row["other"]), "uncertainty": math.hypot(row["bar"], row["bar_other"])}
+    expected = _expected_numbers(of, row, gap, size)
     smallest = 0.0
     for direction in ("space", "time"):
         order = _observed_order(row[f"levels_{direction}"], row[f"ratios_{direction}"])
@@ -47,6 +43,17 @@ def _verification_faults_of_row(of: StoredResults, row: Row, gap: Row) -> Faults
     for key, value in expected.items():
         if abs(row[key] - value) > 1e-5 * abs(value) + ROUNDING * size:
             yield f"{key} {row[key]} where {value} follows"
+
+
+def _expected_numbers(of: StoredResults, row: Row, gap: Row, size: float) -> dict[str, float]:
+    """Values and bars of both solvers, their gap and its uncertainty; size : of the values."""
+    i = of.methods.index(row["method"])
+    values = [_stored_value(of, method, row["quantity"]) for method in (i, 1 - i)]
+    bars = [size * gap[f"bar_{'ab'[method]}"] for method in (i, 1 - i)]
+    return {
+        "value": values[0], "other": values[1], "bar": bars[0], "bar_other": bars[1],
+        "gap": abs(row["value"] - row["other"]), "uncertainty": math.hypot(row["bar"], row["bar_other"]),
+    }  # fmt: skip
 
 
 def _stored_value(of: StoredResults, method: int, quantity: str) -> float:
