@@ -93,6 +93,11 @@ def test_the_good_scene_is_good():
             f"cable.lenght = 330.0: unknown key. Did you mean length? {CABLE_KEYS}",
             f"cable.length: missing; {SHAPES}",
         ]),
+        # keys of other meanings are no hints: damping is of the cable in air, expansion of heat, EA no area
+        ("EA = 4e6", "EA = 4e6\ninternal_damping = 3", [f"cable.internal_damping = 3: unknown key. {CABLE_KEYS}"]),
+        ("EA = 4e6", "EA = 4e6\narea = 3", [f"cable.area = 3: unknown key. {CABLE_KEYS}"]),
+        ("EA = 4e6", "EA = 4e6\ntension = 3",
+         [f"cable.tension = 3: unknown key. Did you mean horizontal_tension? {CABLE_KEYS}"]),
         ("EA = 4e6", "EA = 4e6\nea = 3", [f"cable.ea = 3: unknown key. Did you mean EA? {CABLE_KEYS}"]),
         ("[supports]", "[suports]", [
             "supports: missing; must be a table [supports]",
