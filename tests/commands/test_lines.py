@@ -211,4 +211,4 @@ def test_what_is_hit_in_motion_is_read_back_without_false_alarm(cablefem, tmp_pa
     (tmp_path / "low.toml").write_text(ground + Scene.library_text("counterweight"))
     code, out, err = cablefem("run", "low.toml")
     assert (code, err) == (0, "")
-    assert re.match("low: would collide: car hits the ground by .* m; would collide: the rope hits ground by", out)
+    assert re.match("low: would collide: car hits the ground by .* m; would collide: the rope hits the ground by", out)

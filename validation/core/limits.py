@@ -223,11 +223,10 @@ class _DemandedValues:
 
     def _clearances_over(self, name: str) -> list[Value]:
         """Clearances over an obstacle or the ground, of rope and cars."""
-        names = {name, name.removeprefix("the ")} if name == GROUND else {name}
         out = []
         for kind in {x["quantity"].partition(":")[0] for x in self.design}:
             for value in self._numbers_of_kind(kind) if kind.startswith("clearance") else ():
-                if value.of.partition(":")[2].split(" over ")[-1] in names:
+                if value.of.partition(":")[2].split(" over ")[-1] == name:
                     out.append(Value(value.value, value.bar, name))
         return out
 

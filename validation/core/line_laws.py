@@ -289,7 +289,7 @@ def _numbers_at_position(data: LineAtRest, rest: Any, i: int) -> PositionNumbers
         row[f"clearance_rope:{name}"] = float(top - rope.depth_and_tension(np.array([x]))[0][0])
     heights = _heights_over_ground(data.ground, rope)
     if heights.size:
-        row["clearance_rope:ground"] = float(heights.min())
+        row[f"clearance_rope:{GROUND}"] = float(heights.min())
     return row
 
 
@@ -534,7 +534,7 @@ def _check_outcome(gaps: LargestGaps, data: LineAtRest, summary: dict[str, Any],
     text = summary["outcome"]
     tension = known["tension_max"][1]
     clearances = {name.partition(":")[2]: low for name, (low, _) in known.items() if name.startswith("clearance")}
-    hit = {name.split(" over ")[-1].removeprefix("the ") for name, low in clearances.items() if low < LOWEST}
+    hit = {name.split(" over ")[-1] for name, low in clearances.items() if low < LOWEST}
     broken = data.breaking_load is not None and tension > data.breaking_load
     kinds = {"breaks": broken, "collides": hit, "incomplete": summary["refused"], "carries": True}
     kind = next(kind for kind, holds in kinds.items() if holds)

@@ -407,7 +407,7 @@ def _wheel_loads_by_hand(line: LineTables, car: Any, motion: Any) -> dict[str, A
 
 def _ground_or_obstacle_profile(scene: dict[str, Any], name: str) -> Array:
     """Rows x and depth of an obstacle or the ground."""
-    if name.removeprefix("the ") == "ground":
+    if name == "the ground":
         return np.array(scene["ground"], float).T
     return np.array([[o["at"], o["top"]] for o in scene["obstacle"] if o["name"] == name]).T
 

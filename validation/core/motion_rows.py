@@ -445,7 +445,7 @@ def clearance_series(motion: LineMotion, line: Line) -> dict[str, tuple[Array, A
                 of_rope.append((times, free))
                 out[f"clearance_car:{car.name} over {name}"] = times, free - below[car.name]
         times, lowest = (np.concatenate(part) for part in zip(*of_rope, strict=True))
-        out[f"clearance_rope:{name.removeprefix('the ')}"] = times, lowest
+        out[f"clearance_rope:{name}"] = times, lowest
     return out
 
 

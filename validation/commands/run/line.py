@@ -53,7 +53,7 @@ def _numbers_at_position(rest: LineRest, i: int) -> Row:
     for o in line.obstacle:
         out[f"clearance_rope:{o.name}"] = o.top - float(catenary_line.depth_and_tension(state, np.array([o.at]))[0][0])
     if line.ground:
-        out["clearance_rope:ground"] = catenary_line.clearance(state, np.array(line.ground))
+        out[f"clearance_rope:{GROUND}"] = catenary_line.clearance(state, np.array(line.ground))
     return {name: None if isinstance(x, float) and not math.isfinite(x) else x for name, x in out.items()}
 
 

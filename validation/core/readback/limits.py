@@ -62,7 +62,6 @@ NUMBERS = {  # of other demands
     "deceleration": "deceleration_max",
 }
 OVER = "smallest clearance over "
-GROUND_NAMES = ("the ground", "ground")
 
 
 def limit_faults(rows: Sequence[Row], scene: Row, design: Sequence[Row], events: Sequence[Row]) -> Faults:
@@ -170,9 +169,8 @@ def _clearance_for_demand(row: Row, values: Values, scene: Row) -> float | None:
     name = row["demand"].removeprefix(OVER)
     if _kinds_of_obstacles(scene).get(name) is None and row["source"] != "the scene":
         return None
-    names = GROUND_NAMES if name in GROUND_NAMES else (name,)
     clearances = [numbers for kind, numbers in values.items() if kind.startswith("clearance")]
-    found = [x for numbers in clearances for of, x in numbers.items() if of.split(" over ")[-1] in names]
+    found = [x for numbers in clearances for of, x in numbers.items() if of.split(" over ")[-1] == name]
     return min(found, default=None)
 
 
