@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from cablefem.motion import CarMotion, ContactMotion
+from cablefem.motion import CarMotion, ContactMotion, Turning
 from cablefem.newmark import State, StepFailure
 from cablefem.scene.contacts import Array, Car, Contact, MovingLine
 from cablefem.scene.line import Case, LineState, NoLineAtRest, Station
@@ -77,7 +77,7 @@ def possible_passages(line: MovingLine) -> tuple[Passage, ...]:
             saddle = by_name[car.rail.saddle]
             out += [Passage(car.name, "leaves the rope at", saddle), Passage(car.name, "leaves the shoe of", saddle)]
             continue
-        if car.kind == "free" or car.wheels is not None or car.hanger is not None:
+        if car.kind == "free" or car.wheels is not None:
             continue
         for neighbour in (line.contacts[k - 1], line.contacts[k + 1]):
             if isinstance(neighbour, Contact) and neighbour.shoe is not None:
@@ -188,28 +188,46 @@ def _depth_of_car(car: Car, saddle: Contact, state: LineState | NoLineAtRest, t:
     return float(state.points[names.index(car.name), 1])
 
 
-def force_along_rail(car: Car, jet: Array, gravity: float) -> float:
-    """Force [N] along its rail that moves a car without drag; jet : its point and rates (3, 2)."""
+def force_along_rail(car: Car, jet: Array, gravity: float, swing: Array) -> float:
+    """Force [N] along its rail that moves a car without drag.
+
+    jet : its point and rates (3, 2);  swing : angle of its cabin and rates (3,).
+    """
     assert car.rail is not None
     slope = car.rail.slopes(jet[0, 0])[1]
-    x, y = jet[2]
-    return float(car.mass * (x + slope * (y - gravity)) / math.hypot(1.0, slope))
+    x, y = car.mass * (jet[2] - np.array([0.0, gravity]))
+    if car.hanger is not None:
+        angle, rate, turning = swing.tolist()
+        lever = car.hanger.mass * car.hanger.length
+        x += lever * (turning * math.cos(angle) - rate**2 * math.sin(angle))
+        y -= lever * (turning * math.sin(angle) + rate**2 * math.cos(angle))
+    return float((x + slope * y) / math.hypot(1.0, slope))
 
 
 def off_rope_motion(
     line: MovingLine, car: Car, states: Sequence[State], jets: Array, contacts: tuple[ContactMotion, ...],
-    powers: dict[str, Array],
+    powers: dict[str, Array], turning: Turning | None,
 ) -> CarMotion:  # fmt: skip
-    """Motion of a car off the rope, driven along its rail; adds its powers.  jets : its point and rates (n, 3, 2)."""
+    """Motion of a car off the rope, driven along its rail; adds its powers.
+
+    jets : its point and rates (n, 3, 2);  turning : of its cabin that swings.
+    """
     assert car.rail is not None
     name, drive, near = car.name, car.drive, car.rail.saddle
     saddle = next(c for c in contacts if c.name == near)
     point, velocity, acceleration = jets.swapaxes(0, 1)
     normal = downward_normals(car.rail, point[:, 0])
     tangent = normal[:, ::-1] * np.array([1.0, -1.0])
-    air = velocity - np.array([drive.wind, 0.0])
-    drag = -drive.k * np.hypot(*air.T)[:, None] * air
-    force = car.mass * (acceleration - np.array([0.0, line.gravity])) - drag
+    carried, force = velocity, car.mass * (acceleration - np.array([0.0, line.gravity]))
+    if car.hanger is not None and turning is not None:
+        below = turning.centre - point
+        forward = below[:, ::-1] * np.array([1.0, -1.0])
+        carried = velocity + turning.rate[:, None] * forward
+        force = force + car.hanger.mass * (turning.acceleration[:, None] * forward - turning.rate[:, None] ** 2 * below)
+        powers[f"{name} swing"] = -car.hanger.moment_per_rate(line.gravity) * turning.rate**2
+    air = carried - np.array([drive.wind, 0.0])
+    drag = -drive.k * np.hypot(*air.T)[:, None] * air  # on the cabin
+    force = force - drag
     along, pressing = (np.sum(force * axis, axis=1) for axis in (tangent, -normal))
     speed = np.sum(velocity * tangent, axis=1)
     none = np.full(len(states), np.nan)
@@ -219,13 +237,14 @@ def off_rope_motion(
         stretch = car.rail.stretch
         powers[f"{name} grip"] = stretch * along * ds
     else:
-        powers |= {f"{name} haul": along * speed, f"{name} drag": np.sum(drag * velocity, axis=1)}
+        powers |= {f"{name} haul": along * speed, f"{name} drag": np.sum(drag * carried, axis=1)}
         powers[f"{name} friction"] = 0.0 * speed
     return CarMotion(
         name=name, s=s, ds=ds, point=point, velocity=velocity, acceleration=acceleration,
         tension_behind=saddle.tension_behind, tension_ahead=saddle.tension_ahead, slope_behind=stretch * tangent,
         slope_ahead=stretch * tangent, haul_force=none if drive.mode == "grip" else along,
         grip_force=along if drive.mode == "grip" else none, contact_force=pressing, shoe_force=pressing,
+        turning=turning,
     )  # fmt: skip
 
 

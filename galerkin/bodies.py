@@ -68,6 +68,7 @@ class ContactState:
     size = 26
 
     def __init__(self, x: Array) -> None:
+        self.values = x
         self.behind, self.ahead = x[..., 0:2], x[..., 2:4]  # 0 beyond the ends of the rope
         self.slope_behind, self.slope_ahead = x[..., 4:6], x[..., 6:8]
         self.p, self.dp, self.ddp = x[..., 8:10], x[..., 13:15], x[..., 18:20]
@@ -274,17 +275,20 @@ class PointCar(CarBody):
             slope = self.car.rail.slopes(x.p[..., 0])[1]
             balances = [(balances[0][..., 0] + slope * balances[0][..., 1])[..., None]]
         if self.turns:
-            e1, e2 = self.axes(x)
-            weight = self.gravity * e2[..., 0]
-            hanging = self.m * self.h * (dot(x.ddp, e1) + weight) - self.h * dot(
-                self.drag(self.centre_of_mass(x)[1]), e1
-            )
-            balances.append(self.about_hanger * x.ddangle + self.damping * x.dangle + hanging[..., None])
+            balances.append(self.swing_row(x))
         if self.unknown[-1] in "sF":
             slip = self.resistance_and_hold(-normal_component(C, x.tau)[..., None], friction)[..., 0]
             along = dot(C if self.car.rail is None else -on_rope, x.tau)
             balances.append((along - slip * x.projection)[..., None])
         return np.concatenate(balances, axis=-1)
+
+    def swing_row(self, x: ContactState) -> Array:
+        """Balance of moments of the cabin about the hanger (..., 1)."""
+        e1, e2 = self.axes(x)
+        weight = self.gravity * e2[..., 0]
+        drag = self.drag(self.centre_of_mass(x)[1])
+        hanging = self.m * self.h * (dot(x.ddp, e1) + weight) - self.h * dot(drag, e1)
+        return self.about_hanger * x.ddangle + self.damping * x.dangle + hanging[..., None]
 
     def energies(self, x: ContactState) -> Array:
         carriage, (c, dc) = self.car.mass - self.m, self.centre_of_mass(x)

@@ -33,7 +33,17 @@ def system_after_passage(system: LineSines, passage: Passage, x: State) -> tuple
             new.frictions[k] = system.frictions[j]
         if j in system.holds:
             new.holds[k] = system.holds[j]
+    angles = _cabin_angles(system)
+    for name, slot in _cabin_angles(new).items():
+        Z[:2, slot] = before[:2, angles[name]]
     layout.set_followers(Z)
+    for _, body in system.hung_off_rope:
+        for k, car in new.cars.items():
+            if car.car.name == body.car.name:  # its velocity may jump; moments about the hanger keep their balance
+                angle = Z[0, layout.angle[k]]
+                jump = Z[1, [layout.x[k], layout.y[k]]] - over[car.car.name][1]
+                along = jump @ np.array([np.cos(angle), -np.sin(angle)])
+                Z[1, layout.angle[k]] -= body.m * body.h * along / body.about_hanger
     for i in range(layout.segments):
         _fit_coefficients(old, before, layout, Z, i)
     free = new.equations.free
@@ -41,6 +51,12 @@ def system_after_passage(system: LineSines, passage: Passage, x: State) -> tuple
     state = State(x.t, q, v, np.zeros(new.n_dof), x.phase)
     new.begin_step(state)
     return new, new.with_acceleration(state)
+
+
+def _cabin_angles(system: LineSines) -> dict[str, int]:
+    """Coordinates of the angles of cabins that swing, by car."""
+    cars = [(k, body.car) for k, body in system.cars.items() if body.car.hanger is not None]
+    return {car.name: int(system.layout.angle[k]) for k, car in cars} | system.layout.angle_off_rope
 
 
 def rope_at(layout: Layout, Z: Array, s: Array) -> Array:

@@ -54,11 +54,16 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
             entering = _energy_flux(line, at.behind + at.ahead, at.ds) - line.weight * at.p[:, 1]
             powers[f"{contact.name} weight"] = body.outward * at.ds * entering
     for car in line.over:
-        jets = np.array([system.car_point_and_rates(car.name, x) for x in states])
-        motion = off_rope_motion(line, car, states, jets, tuple(contacts), powers)
-        cars.append(motion)
-        energies[0] += 0.5 * car.mass * (motion.velocity**2).sum(axis=1)
-        energies[2] -= car.mass * line.gravity * motion.point[:, 1]
+        body = PointCar(car, line)
+        parts = [
+            system.state_off_rope(car, np.array([x.t]), system.coordinates_with_rates(x)[:, None], x.phase)
+            for x in states
+        ]
+        at = ContactState(np.concatenate([part.values for part in parts]))
+        jets = np.stack([at.p, at.dp, at.ddp], axis=1)
+        turning = _turning(body, at, ())
+        cars.append(off_rope_motion(line, car, states, jets, tuple(contacts), powers, turning))
+        energies += body.energies(at)
     kinetic, strain, potential = energies
     loaded = add_shoe_forces(line, tuple(cars), tuple(contacts))
     return LineMotion(
@@ -76,20 +81,25 @@ def _car_motion(body: CarBody, s: Array, at: Any) -> CarMotion:
     on_shoe = np.zeros(len(s))
     if car.rail is not None and isinstance(body, PointCar):
         on_shoe = -(downward_normals(car.rail, x.p[:, 0]) * (body.force_on_rope(x) + body.contact_force(x))).sum(axis=1)
-    turning = None
-    if body.turns:
-        both = () if len(wheels) == 1 else zip(("rear", "front"), wheels, s.T, pressing.T, strict=True)
-        turning = Turning(
-            angle=rear.angle[:, 0], rate=rear.dangle[:, 0], acceleration=rear.ddangle[:, 0],
-            centre=body.centre_of_mass(at)[0],
-            wheels=tuple(_wheel_motion(f"{car.name}.{name}", *of) for name, *of in both),
-        )  # fmt: skip
+    both = () if len(wheels) == 1 else zip(("rear", "front"), wheels, s.T, pressing.T, strict=True)
+    turning = _turning(body, at, [_wheel_motion(f"{car.name}.{name}", *of) for name, *of in both])
     return CarMotion(
         name=car.name, s=s[:, -1], ds=x.ds, point=x.p, velocity=x.dp, acceleration=x.ddp,
         tension_behind=length(rear.behind), tension_ahead=length(x.ahead), slope_behind=rear.slope_behind,
         slope_ahead=x.slope_ahead, haul_force=rear.F if hauled else none,
         grip_force=body.rope_force_along(at) / x.projection if grips else none, contact_force=pressing.sum(axis=-1),
         shoe_force=on_shoe, turning=turning,
+    )  # fmt: skip
+
+
+def _turning(body: CarBody, at: Any, wheels: Sequence[WheelMotion]) -> Turning | None:
+    """How the body turns, if it does; wheels : rear and front, if it stands on two."""
+    if not body.turns:
+        return None
+    x = body.wheels(at)[0]
+    return Turning(
+        angle=x.angle[:, 0], rate=x.dangle[:, 0], acceleration=x.ddangle[:, 0], centre=body.centre_of_mass(at)[0],
+        wheels=tuple(wheels),
     )  # fmt: skip
 
 
@@ -108,7 +118,8 @@ def _car_powers(line: MovingLine, body: CarBody, s: Array, at: Any, hold: Array)
     if drive.mode == "grip":
         kink = _energy_flux(line, x.ahead, x.ds) - _energy_flux(line, x.behind, x.ds)
         return powers | {f"{name} grip": -kink * x.ds}
-    resisting = body.friction_and_brakes(body.wheel_loads(at), Friction(drive.mu_r, body.brake_forces_by_wheel(s)))
+    rolling = drive.mu_r if body.car.rail is None else 0.0  # a shoe has no friction
+    resisting = body.friction_and_brakes(body.wheel_loads(at), Friction(rolling, body.brake_forces_by_wheel(s)))
     lost = [wheel.stretch * resisting[..., i] * np.abs(wheel.ds) for i, wheel in enumerate(wheels)]
     powers[f"{name} friction"] = -sum(lost, np.zeros(s.size))
     if drive.mode == "free":

@@ -21,8 +21,8 @@ from cablefem.scene.contacts import (
     lift_off_event,
     meeting_event,
 )
-from cablefem.shoes import force_along_rail, may_pass, possible_passages
-from galerkin.bodies import Body, CarBody, ContactState, Counterweight, Friction, PointCar, Saddle, Spring
+from cablefem.shoes import may_pass, possible_passages
+from galerkin.bodies import Body, CarBody, ContactState, Counterweight, Friction, PointCar, Saddle, Spring, dot
 from galerkin.equations import factorised
 from galerkin.line_observe import observe
 from galerkin.segments import Layout, Rope, Softness
@@ -58,7 +58,8 @@ class Equations:
         x, y, t, u, v = layout.moving.T
         at = {"x": x, "y": y, "t": t, "u": u, "v": v, "s": layout.s, "S": np.roll(layout.s, -1), "F": layout.F}
         ends = [at[name][k] for k, body in enumerate(bodies) for name in body.unknown]
-        self.free = np.array([*layout.shapes, *ends])  # coordinates of the unknowns
+        # coordinates of the unknowns; the rows of the last ones are set by `LineSines`
+        self.free = np.array([*layout.shapes, *ends, *layout.angle_off_rope.values()])
         self.forces = np.isin(self.free, layout.F)
         self.size = self.free.size
         # columns of coordinates: unknowns; those that follow and the last, of known ones, are cut off
@@ -92,7 +93,8 @@ class Equations:
             if body.unknown
         ]
         inner = rope.rows[..., :-2, :].reshape(*contact_values.shape[:-2], self.layout.inner)[..., self.layout.shapes]
-        return np.concatenate([inner, *ends], axis=-1)
+        off_rope = np.zeros((*inner.shape[:-1], len(self.layout.angle_off_rope)))
+        return np.concatenate([inner, *ends, off_rope], axis=-1)
 
     def linearise(self, Z: Array, frictions: Sequence[Friction]) -> tuple[Array, Array]:
         """The residual, and its derivatives (3, n, n) by unknowns, their velocities and accelerations.
@@ -166,10 +168,15 @@ class LineSines(System):
         self._last: tuple[float, Array, Array, Array] | None = None
         self._instants: tuple[Array, int, Array] | None = None  # t, phase and what is prescribed of the last residuals
         self._linearised: tuple[Array, float, int, Array, Array] | None = None
-        # rows of saddles over which the grip of a car off the rope acts on it
-        rows = {name: int(np.flatnonzero(self.equations.free == self.layout.s[k])[0]) for name, k in self.below.items()}
-        off = [car for car in line.over if car.kind == "grip"]
-        self.gripping = [(rows[c.name], self.below[c.name], c, c.rail.stretch) for c in off if c.rail is not None]
+        # rows of saddles over which the grip of a car off the rope acts, and of the angle of its cabin
+        rows = {int(at): row for row, at in enumerate(self.equations.free)}
+        off_rope = [PointCar(car, line) for car in line.over]
+        self.gripping = [
+            (rows[int(self.layout.s[self.below[body.car.name]])], body) for body in off_rope if body.car.kind == "grip"
+        ]
+        self.hung_off_rope = [
+            (rows[self.layout.angle_off_rope[body.car.name]], body) for body in off_rope if body.turns
+        ]
 
     def _name_events(self, bodies: list[Body]) -> None:
         """Set the events, and what each kind of them watches."""
@@ -255,12 +262,44 @@ class LineSines(System):
         contact_values = self.equations.contact_values(rope, Z)
         self._last = t.item(-1), a[-1], rope.law.N[-1], contact_values[-1]
         r = self.equations.residual(rope, contact_values, self.frictions_at(t))
-        for row, k, car, _ in self.gripping:
-            jets = [
-                self.line.point_off_rope(car, at, phase, Z[:, i, self.layout.s[k]]) for i, at in enumerate(t.tolist())
-            ]
-            r[:, row] -= [force_along_rail(car, jet, self.line.gravity) for jet in jets]
+        for row, body in self.gripping:
+            off_rope = self.state_off_rope(body.car, t, Z, phase)
+            r[:, row] -= dot(body.contact_force(off_rope), off_rope.tau)
+        for row, body in self.hung_off_rope:
+            r[:, row] = body.swing_row(self.state_off_rope(body.car, t, Z, phase))[:, 0]
         return r
+
+    def state_off_rope(self, car: Car, t: Array, Z: Array, phase: int) -> ContactState:
+        """What the body of a car off the rope takes, at the times t (n,), from Z (3, n, layout.size)."""
+        assert car.rail is not None
+        flow = Z[:, :, self.layout.s[self.below[car.name]]].T
+        points = [self.line.point_off_rope(car, at, phase, s) for at, s in zip(t.tolist(), flow, strict=True)]
+        x = np.zeros((t.size, ContactState.size))
+        x[:, [4, 6]] = 1.0  # the rail in the place of the rope
+        for order, point in enumerate(np.swapaxes(points, 0, 1)):
+            x[:, 8 + 5 * order : 10 + 5 * order] = point
+            if car.hanger is not None:
+                x[:, 10 + 5 * order] = Z[order][:, self.layout.angle_off_rope[car.name]]
+        x[:, [5, 7]] = car.rail.slopes(x[:, 8])[1][:, None]
+        return ContactState(x)
+
+    def _add_cars_off_rope(self, t: float, Z: Array, phase: int, r: Array, K: Array) -> None:
+        """Add cars off the rope to the residual and its derivatives; drag and motion of their points change little."""
+        angles = {body.car.name: row for row, body in self.hung_off_rope}
+        for row, body in self.hung_off_rope:
+            x = self.state_off_rope(body.car, np.array([t]), Z[:, None], phase)
+            r[row] = body.swing_row(x).item()
+            weight = body.m * body.h * self.line.gravity * math.cos(x.angle.item())
+            K[:, row, row] = weight, body.damping, body.about_hanger
+        for row, body in self.gripping:
+            x = self.state_off_rope(body.car, np.array([t]), Z[:, None], phase)
+            stretch = body.car.rail.stretch if body.car.rail is not None else 1.0
+            r[row] -= dot(body.contact_force(x), x.tau).item()
+            K[2, row, row] += body.car.mass * stretch
+            if body.turns:
+                swing = angles[body.car.name]
+                K[2, row, swing] = -body.m * body.h * dot(body.axes(x)[0], x.tau).item()
+                K[2, swing, row] = stretch * K[2, row, swing]
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
         state = np.array([q, v, a])
@@ -268,10 +307,7 @@ class LineSines(System):
         if linearised is None or linearised[1:3] != (t, phase) or not np.array_equal(linearised[0], state):
             Z = self.coordinates_with_rates(State(t, q, v, a, phase))
             r, K = self.equations.linearise(Z, self.frictions_at(t))
-            for row, k, car, stretch in self.gripping:
-                jet = self.line.point_off_rope(car, t, phase, Z[:, self.layout.s[k]])
-                r[row] -= force_along_rail(car, jet, self.line.gravity)
-                K[2, row, row] += car.mass * stretch
+            self._add_cars_off_rope(t, Z, phase, r, K)
             linearised = self._linearised = (state, t, phase, r, K)
         c0, c1, c2 = c
         by_q, by_v, by_a = linearised[4]

@@ -79,7 +79,11 @@ class Layout:
         self.ends = basis_functions(np.array([0.0, 1.0]), terms)[1]  # B' at L and R
         self.functions = terms + 2  # without those of the ends
         self.inner = 2 * self.functions * self.segments
-        self.size = self.inner + 7 * self.contacts
+        # angles of the cabins of cars off the rope
+        hung = [car.name for car in line.over if car.hanger is not None]
+        first = self.inner + 7 * self.contacts
+        self.angle_off_rope = {name: first + i for i, name in enumerate(hung)}
+        self.size = first + len(hung)
         own = self.inner + np.arange(7 * self.contacts).reshape(-1, 7)
         self.moving = own[:, :5]
         self.x, self.y, self.angle, _, _, self.s, self.F = own.T

@@ -87,7 +87,7 @@ def observe(system: LineElements, states: Sequence[State], s: Array) -> LineMoti
     cars = _car_motions(x, powers) if system.cars else ()
     for car in system.line.over:
         jets = np.array([system.car_point_and_rates(car.name, state) for state in states])
-        cars += (off_rope_motion(system.line, car, states, jets, contacts, powers),)
+        cars += (off_rope_motion(system.line, car, states, jets, contacts, powers, _swing_off_rope(x, car, jets)),)
     for car, motion in zip((*system.line.cars, *system.line.over), cars, strict=True):
         kinetic = kinetic + _car_kinetic_energy(car, motion)
         potential = potential - car.mass * system.line.gravity * motion.point[:, 1]
@@ -179,6 +179,15 @@ def _car_motions(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]
             shoe_force=on_shoe, turning=turning,
         ))  # fmt: skip
     return tuple(out)
+
+
+def _swing_off_rope(x: _History, car: Car, jets: Array) -> Turning | None:
+    """Swing of the cabin of a car off the rope, if it has one; jets : its point and rates (n, 3, 2)."""
+    slots = [slot for slot, of in x.system.hung_off_rope if of is car]
+    if car.hanger is None:
+        return None
+    history = np.concatenate([z[:, slots] for z in (x.q, x.v, x.a)], axis=1)
+    return _swing_motion(history, jets[:, 0], car.hanger.length)
 
 
 def _swing_motion(history: Array, point: Array, arm: float) -> Turning:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Sequence
 from functools import cached_property
+from itertools import repeat
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -169,16 +170,25 @@ class LineElements(System):
             force = int(self._force_slots[trolley.i])
             trolley.set_slots(first + np.arange(3), force, self.nodes, self.s, self.segments.end_slopes)
             first += 3
-        self.size = first
+        # cars off the rope with a cabin that swings, and slots of phi
+        self.hung_off_rope = list(enumerate((car for car in self.line.over if car.hanger is not None), start=first))
+        self.size = first + len(self.hung_off_rope)
         self.points = [i for i, car in cars if car.wheels is None]  # numbers of the cars on one contact
-        self._cabins = np.zeros((4, len(cars)))
-        for i in self.of_swing:
-            cabin = self.line.cars[i].hanger
-            assert cabin is not None
-            lever = cabin.mass * cabin.length
-            inertia = cabin.inertia + lever * cabin.length
-            self._cabins[:, i] = lever, cabin.length, inertia, cabin.moment_per_rate(self.line.gravity)
+        self._cabins = np.array([self._cabin_data(car) for car in self.line.cars]).reshape(-1, 4).T
         self._pressing = [i for i, car in cars for _ in range(1 if car.wheels is None else 2)]  # all that may lift off
+
+    def _cabin_data(self, car: Car) -> tuple[float, float, float, float]:
+        """m h, h, J + m h^2 and c of a cabin that swings; zero without."""
+        cabin = car.hanger
+        if cabin is None:
+            return 0.0, 0.0, 0.0, 0.0
+        lever = cabin.mass * cabin.length
+        return lever, cabin.length, cabin.inertia + lever * cabin.length, cabin.moment_per_rate(self.line.gravity)
+
+    def swing_by_jump(self, car: Car, angle: Array, dv: Array) -> Array:
+        """Jump of d phi/dt of a cabin where the velocity of its point jumps by dv (2,)."""
+        lever, _, inertia, _ = self._cabin_data(car)
+        return -lever * (dv[0] * np.cos(angle) - dv[1] * np.sin(angle)) / inertia
 
     def travel_slot(self, k: int) -> int:
         """Slot that the travel of the car at contact k prescribes."""
@@ -275,13 +285,46 @@ class LineElements(System):
         for slot, rail in self.rails:
             rows[..., slot] += rail.slopes(x.q[..., slot])[1] * rows[..., slot + 1]
         for saddle, car, stretch in self.gripping:
-            flow = np.array(x)[..., saddle].reshape(3, -1).T
-            times = np.ravel(t).tolist()
-            jets = [self.line.point_off_rope(car, at, phase, f) for at, f in zip(times, flow, strict=True)]
-            along = [force_along_rail(car, jet, self.line.gravity) for jet in jets]
+            points, swings = self._points_off_rope(car, t, x, phase), self._swings_off_rope(car, x)
+            along = [force_along_rail(car, *at) for at in zip(points, repeat(self.line.gravity), swings)]
             rows[..., saddle] -= stretch * np.reshape(along, np.shape(t))
+        for slot, car in self.hung_off_rope:
+            swing = self._swing_rows_off_rope(
+                car, self._points_off_rope(car, t, x, phase), self._swings_off_rope(car, x)
+            )
+            rows[..., slot] = swing.reshape(np.shape(t))
         rows[..., self.force] = rows[..., self.force_rows]
         return rows
+
+    def _points_off_rope(self, car: Car, t: Array | float, x: Coordinates, phase: int) -> Array:
+        """Points of a car off the rope with their rates (n, 3, 2) at the n times t."""
+        flow = np.array(x)[..., self.below[car.name]].reshape(3, -1).T
+        times = np.ravel(t).tolist()
+        return np.array([self.line.point_off_rope(car, at, phase, f) for at, f in zip(times, flow, strict=True)])
+
+    def _swings_off_rope(self, car: Car, x: Coordinates) -> Array:
+        """phi of the cabin of a car off the rope, with its rates (n, 3); zero without one."""
+        slots = [slot for slot, hung in self.hung_off_rope if hung is car]
+        coordinates = np.array(x).reshape(3, -1, self.size)
+        return coordinates[..., slots[0]].T if slots else np.zeros((coordinates.shape[1], 3))
+
+    def _swing_rows_off_rope(self, car: Car, points: Array, swings: Array) -> Array:
+        """Rows (n,) of phi of a cabin off the rope.
+
+        points : with their rates (n, 3, 2);  swings : phi with its rates (n, 3).
+        """
+        none = np.zeros(1)
+        lever, arm, inertia, resistance = np.array(self._cabin_data(car))[:, None]
+        drag, wind = np.array([car.drive.k, car.drive.wind])[:, None]
+        cabin = Cars(
+            none + car.mass, drag, wind, none, none, none, none, none, lever, arm, inertia, resistance,
+            self.line.gravity, none,
+        )  # fmt: skip
+        inputs = np.zeros((len(points), 1, INPUTS))
+        inputs[:, 0, 0] = inputs[:, 0, 2] = 1.0  # a tangent, which the swing does not see
+        inputs[:, 0, 4:8] = points[:, 1:].reshape(-1, 4)
+        inputs[:, 0, 9:12] = swings
+        return forces(cabin, inputs).swing[:, 0]
 
     def _rope_rows(self, x: Coordinates, law: Array, cars: Cars) -> Array:
         """Rows (..., size) of segments and of cars on one contact; notes loads of these and the smallest tension."""
@@ -592,6 +635,16 @@ class LineElements(System):
             matrix.tie_to_previous(slot + 1, rail.slopes(x.q[slot])[1])
         for saddle, car, stretch in self.gripping:
             matrix.add([saddle], [saddle], np.array([[car.mass * stretch**2 * c[2]]]))
+        for slot, car in self.hung_off_rope:
+            lever, _, inertia, resistance = self._cabin_data(car)
+            stiffness = lever * self.line.gravity * np.cos(x.q[slot])  # drag and the motion of the point change little
+            matrix.add([slot], [slot], np.array([[stiffness * c[0] + resistance * c[1] + inertia * c[2]]]))
+            if car.kind == "grip" and car.rail is not None:
+                slope = car.rail.slopes(0.5 * (car.rail.begin.x + car.rail.end.x))[1]
+                along = (np.cos(x.q[slot]) - slope * np.sin(x.q[slot])) / np.hypot(1.0, slope)  # of a turn forward
+                coupling = -lever * car.rail.stretch * along * c[2]
+                matrix.add([slot], [self.below[car.name]], np.array([[coupling]]))
+                matrix.add([self.below[car.name]], [slot], np.array([[coupling]]))
         for slot, row in zip(self.force.tolist(), self.force_rows.tolist(), strict=True):
             matrix.add_row(slot, row)
 

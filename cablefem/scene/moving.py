@@ -144,10 +144,8 @@ def _saddle_faults(
     faults = []
     for car in cars:
         for saddle in passing[car.name]:
-            body = "wheels" if car.wheels is not None else "hanger"
-            if car.wheels is not None or car.hanger is not None:
-                why = "two wheels stay" if car.wheels is not None else "a cabin that swings stays"
-                faults.append(f"car.{car.name}.{body}: {saddle.name} is in the way; {why} on one span")
+            if car.wheels is not None:
+                faults.append(f"car.{car.name}.wheels: {saddle.name} is in the way; two wheels stay on one span")
             elif saddle.shoe is None:
                 faults.append(f"contact.{saddle.name}.shoe: missing; must be given where a car passes, here {car.name}")
             elif abs(positions[car.name] - saddle.point[0]) <= saddle.shoe:

@@ -134,10 +134,22 @@ SECOND = OVER[OVER.index("[[car]]") :].replace('"car"', '"next"').replace("130.0
         (OVER.replace("shoe = 5.0", ""), "contact.tower.shoe: missing; must be given where a car passes, here car"),
         (OVER.replace("from = 130.0", "from = 147.0"), "car.car: begins on the shoe of tower; must begin beside it"),
         (OVER + SECOND, "car.next.travel: on the shoe of tower together with car at t = "),
-        (OVER + "[car.hanger]\nmass = 900.0\nlength = 3.0", "car.car.hanger: tower is in the way"),
+        (
+            OVER + "[car.wheels]\nbase = 2.0\ninertia = 900.0\nbelow = 1.0",
+            "car.car.wheels: tower is in the way; two wheels stay on one span",
+        ),
     ],
 )
 def test_what_cannot_run_over_a_shoe_is_refused(text, says):
     with pytest.raises(SceneError, match=says) as error:
         line_in_motion(Line.from_toml(text), solve)
     assert len(error.value.faults) == 1
+
+
+@pytest.mark.parametrize("method", [ELEMENTS, SINES])
+def test_a_shoe_has_no_friction(method):
+    rolling = Line.from_toml(OVER.replace("drag_area = 2.0", "drag_area = 2.0, rolling_friction = 0.02"))
+    motion = LineRuns(method, rolling).run(1, 1).motion
+    on_shoe = motion.cars[0].shoe_force != 0.0
+    assert (motion.powers["car friction"][on_shoe] == 0.0).all()
+    assert (motion.powers["car friction"][~on_shoe] < 0.0).sum() > 10

@@ -35,7 +35,7 @@ def unit(v: ComplexVector) -> ComplexVector:
 
 
 class RopeTouch:
-    """One contact with the rope."""
+    """One contact with the rope; where a shoe guides it, the shoe takes a part of the load."""
 
     def __init__(self, contact: Any, load: Array, sampled: Callable[[Array], Array]) -> None:
         self.load = sampled(load)
@@ -48,11 +48,18 @@ class RopeTouch:
         self.kink = sampled(contact.tension_behind) * unit(behind) - sampled(contact.tension_ahead) * unit(ahead)
         self.turn = ahead - behind
         self.along = np.zeros(self.ds.size)  # f along the rope inside the pair
+        self.on_shoe = np.zeros(self.ds.size)  # of the load, normal to tau
+
+    def set_shoe(self, force: Array, velocity: ComplexVector) -> None:
+        """Set what a shoe takes of the load: a force normal to the path."""
+        speed = np.abs(velocity)
+        along_path = np.abs(dot(velocity, self.tau))
+        self.on_shoe = force * np.divide(along_path, speed, out=np.ones_like(speed), where=speed > 0.0)
 
     @property
     def on_rope(self) -> ComplexVector:
         """The force on the rope."""
-        return self.tau * (1j * self.load - self.along * self.projection)
+        return self.tau * (1j * (self.load - self.on_shoe) - self.along * self.projection)
 
     def force_of_rope(self, rho: float) -> ComplexVector:
         """`on_rope` by tensions and slopes of the rope."""
@@ -77,6 +84,7 @@ class CarBody:
         velocity = to_complex(sampled(car.velocity))
         self.arms = [0.0 * point]  # contact less c
         self.touching = [RopeTouch(car, car.contact_force, sampled)]
+        self.touching[0].set_shoe(sampled(car.shoe_force), velocity)
         self.e = self.touching[0].tau
         mass = data["mass"]
         carried = 0.0  # mass at the contact
@@ -149,7 +157,8 @@ class CarBody:
                 both = row.get("wheel", "both") == "both"
                 part = (both or row["wheel"] == share) / (len(self.touching) if both else 1)
                 brake += part * row["force"] * (of(car.s) > row["from"])
-            x.along = -sign * (drive.get("rolling_friction", 0.0) * np.abs(x.load) + brake)
+            rolling = drive.get("rolling_friction", 0.0) * np.abs(x.load) * (x.on_shoe == 0.0)  # a shoe has none
+            x.along = -sign * (rolling + brake)
         if drive.get("mode", "grip") == "grip":
             front.along = of(car.grip_force)
         held = motion.powers.get(f"{car.name} hold")
