@@ -7,7 +7,7 @@ there; as far behind it takes the rope again, and at the other end of the shoe i
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Literal, NamedTuple
 
@@ -68,22 +68,25 @@ def line_snapshot(
 
 def possible_passages(line: MovingLine) -> tuple[Passage, ...]:
     """All that may come next."""
-    out = []
     by_name = {c.name: c for c in line.supports}
-    for k, car in enumerate(line.contacts):
-        if not isinstance(car, Car):
-            continue
-        if car.rail is not None:
-            saddle = by_name[car.rail.saddle]
-            out += [Passage(car.name, "leaves the rope at", saddle), Passage(car.name, "leaves the shoe of", saddle)]
-            continue
-        if car.kind == "free" or car.wheels is not None:
-            continue
-        for neighbour in (line.contacts[k - 1], line.contacts[k + 1]):
-            if isinstance(neighbour, Contact) and neighbour.shoe is not None:
-                out.append(Passage(car.name, "lands on the shoe of", neighbour))
+    out = [passage for k in range(len(line.contacts)) for passage in _passages_on_rope(line, k, by_name)]
     out += [Passage(car.name, "takes the rope behind", by_name[car.rail.saddle]) for car in line.over if car.rail]
     return tuple(out)
+
+
+def _passages_on_rope(line: MovingLine, k: int, by_name: Mapping[str, Contact]) -> Iterator[Passage]:
+    """Passages of contact k, if it is a car; by_name : the supports."""
+    car = line.contacts[k]
+    if not isinstance(car, Car):
+        return
+    if car.rail is not None:
+        saddle = by_name[car.rail.saddle]
+        yield Passage(car.name, "leaves the rope at", saddle)
+        yield Passage(car.name, "leaves the shoe of", saddle)
+    elif car.kind != "free" and car.wheels is None:
+        for neighbour in (line.contacts[k - 1], line.contacts[k + 1]):
+            if isinstance(neighbour, Contact) and neighbour.shoe is not None:
+                yield Passage(car.name, "lands on the shoe of", neighbour)
 
 
 def may_pass(passages: Sequence[Passage], a: str, b: str) -> bool:

@@ -128,12 +128,18 @@ def _moving_side_view(folder: Path, contacts: dict[str, Array], paths: dict[str,
     shape = t.size, s.size
     left, right = line.contact[0], line.contact[-1]
     is_left = s < s.mean()
-    T = rope["T"].reshape(shape)
-    ends = [contacts[f"{c.name}.tension"][steps, None] for c in (left, right)]
-    cable = {"T": np.where(np.isnan(T), np.where(is_left, *ends), T)}  # beyond a pulley: as at the pulley
-    for name, column, i in (("u", "x", 0), ("v", "y", 1)):
+    tensions = [contacts[f"{c.name}.tension"][steps, None] for c in (left, right)]
+
+    def on_rope(column: str, at_left: Any, at_right: Any) -> Array:
+        """A column (frames, stations); beyond a pulley as at the pulley."""
         values = rope[column].reshape(shape)
-        cable[name] = np.where(np.isnan(values), np.where(is_left, left.at[i], right.at[i]), values)
+        return np.where(np.isnan(values), np.where(is_left, at_left, at_right), values)
+
+    cable = {
+        "T": on_rope("T", *tensions),
+        "u": on_rope("x", left.at[0], right.at[0]),
+        "v": on_rope("y", left.at[1], right.at[1]),
+    }
     range_T = float(cable["T"].min()), float(cable["T"].max())
     unit = unit_of_forces(range_T[1])
     colors = COLORS[1:] * len(line.car)

@@ -48,9 +48,9 @@ def agreement_sentence(rows: list[dict[str, Any]]) -> str:
     parts = []
     for kind, how in WORDS["sure"].items():
         quantities = {name for group in how["groups"] for name in groups[group]}
-        part = [
-            row for row in deciding if (row["quantity"] in quantities if quantities else row["quantity"] not in named)
-        ]
+        if not quantities:  # all others
+            quantities = {row["quantity"] for row in deciding} - named
+        part = [row for row in deciding if row["quantity"] in quantities]
         if part:
             parts.append(_held_text(kind, how["hold"], part))
     return f"{'; '.join(parts)}." if parts else "Nothing could be compared."

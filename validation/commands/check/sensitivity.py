@@ -22,17 +22,14 @@ STEP = 0.1  # [percent] change of a key; rows are linear in it
 
 def number_keys(data: Any, prefix: str = "") -> Iterator[str]:
     """Dotted keys of all numbers of a scene; tables of a list by name, or number."""
-    entries: Any = ()
-    if isinstance(data, dict):
-        entries = data.items()
-    elif isinstance(data, list):
-        entries = [(x.get("name", i) if isinstance(x, dict) else i, x) for i, x in enumerate(data)]
-    for name, value in entries:
+    if isinstance(data, list):
+        data = {x.get("name", i): x for i, x in enumerate(data) if isinstance(x, dict)}
+    for name, value in data.items():
         key = f"{prefix}.{name}" if prefix else str(name)
-        if isinstance(value, float | int) and not isinstance(value, bool) and isinstance(data, dict) and value:
-            yield key
-        elif isinstance(value, dict | list):
+        if isinstance(value, dict | list):
             yield from number_keys(value, key)
+        elif isinstance(value, float | int) and not isinstance(value, bool) and value:
+            yield key
 
 
 def smallest_noticed_faults(result: Check) -> dict[str, float]:

@@ -83,7 +83,6 @@ def row_of_lost_scene(study: Study, index: int, cause: str) -> dict[str, Any]:
 
 def _check_or_run(study: Study, point: dict[str, Any], index: int) -> dict[str, Any]:
     from cablefem.scene import SceneError
-    from cablefem.scene.line import Line
 
     try:
         scene: Any = study.scene_at(point)
@@ -99,12 +98,17 @@ def _check_or_run(study: Study, point: dict[str, Any], index: int) -> dict[str, 
             return out | _check_row(scene, how["tol"], None)
         case "advise":
             return out | _advice_row(scene, how["tol"])
-    out["family"] = scene.name
-    key = study.scene_and_fault_key(point)[1]
+    return out | _planted_fault_row(scene, study.scene_and_fault_key(point)[1], how["tol"])
+
+
+def _planted_fault_row(scene: Any, key: str | None, tol: float) -> dict[str, Any]:
+    """The row of a check whose second solver is told a fault of 1 % in a key; None: no fault."""
+    from cablefem.scene.line import Line
+
     fault = "none" if key is None else f"{key} +1 %"
     second = None if key is None else scene.replace({key: "+1%"})
     judged = _line_check_row if isinstance(scene, Line) else _check_row
-    return out | {"fault": fault} | judged(scene, how["tol"], second)
+    return {"family": scene.name, "fault": fault} | judged(scene, tol, second)
 
 
 def _run_row(study: Study, how: dict[str, Any], scene: Any, index: int) -> dict[str, Any]:

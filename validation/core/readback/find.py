@@ -35,13 +35,18 @@ def find_faults(folder: Path, html_text: str, printed: Sequence[str]) -> Faults:
         yield from _search_faults(found)
         if plain_text("".join(contents_of_tags('p class="summary"', section))) != plain_text(found["sentence"]):
             yield "the page has another answer than find.json"
-        tried = [[x["value"], "yes" if x["holds"] else "no", x["outcome"]] for x in found["evaluations"]]
-        yield from _row_faults([[cells[0], *cells[2:]] for cells in rows], tried)
-        for cells, row in zip(rows, found["evaluations"], strict=False):
-            yield from _row_faults([cells[1].split("; ")], [list(itertools.chain(*row["read"]))])
+        yield from _evaluation_faults(found["evaluations"], rows)
     for sentence in sentences:
         if sentence not in printed:
             yield f"{sentence!r} was not printed"
+
+
+def _evaluation_faults(evaluations: Sequence[Row], shown: Sequence[Sequence[str]]) -> Faults:
+    """Faults of the rows of a page: values that were tried, what was read there, and whether the condition holds."""
+    tried = [[x["value"], "yes" if x["holds"] else "no", x["outcome"]] for x in evaluations]
+    yield from _row_faults([[cells[0], *cells[2:]] for cells in shown], tried)
+    for cells, row in zip(shown, evaluations, strict=False):
+        yield from _row_faults([cells[1].split("; ")], [list(itertools.chain(*row["read"]))])
 
 
 def _curve_points(rows: Sequence[Row]) -> list[Row]:

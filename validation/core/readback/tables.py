@@ -46,11 +46,7 @@ def number_faults(cells: Sequence[str], of: StoredResults) -> Faults:
 
 def line_number_faults(html_text: str, design: Sequence[Row]) -> Faults:
     """Faults of the table of design numbers of a line in motion, which shows all of them."""
-    shown = {}
-    for table in contents_of_tags("table", html_text):
-        head, *rows = [cell_texts(row) for row in contents_of_tags("tr", table)] or [[]]
-        if head == ["quantity", "value", "at"]:
-            shown = {name: (value, at) for name, value, at in rows}
+    shown = _shown_numbers(html_text)
     words = read_words("page", "assets/motion.toml")
     for number in design:
         kind, _, of = number["quantity"].partition(":")
@@ -61,6 +57,15 @@ def line_number_faults(html_text: str, design: Sequence[Row]) -> Faults:
         if not good or not shows_decimals(where, number["s_o"], "m", 1):
             stored = f"{number['value']:.6g} {number['unit']} with the bar {number['bar']} at {number['t']:.6g} s"
             yield f"page: {name}: {value} at {at or 'no time'} where {stored} is stored"
+
+
+def _shown_numbers(html_text: str) -> dict[str, tuple[str, str]]:
+    """Value and time of each design number in the table of a page."""
+    for table in contents_of_tags("table", html_text):
+        head, *rows = [cell_texts(row) for row in contents_of_tags("tr", table)] or [[]]
+        if head == ["quantity", "value", "at"]:
+            return {name: (value, at) for name, value, at in rows}
+    return {}
 
 
 def _support_load_faults(cells: Sequence[str], of: StoredResults) -> Faults:
