@@ -125,21 +125,9 @@ def _moving_side_view(folder: Path, contacts: dict[str, Array], paths: dict[str,
     t = np.unique(rope["t"])
     s = np.unique(rope["s"])
     steps = np.searchsorted(contacts["t"], t)
-    shape = t.size, s.size
-    left, right = line.contact[0], line.contact[-1]
-    is_left = s < s.mean()
-    tensions = [contacts[f"{c.name}.tension"][steps, None] for c in (left, right)]
-
-    def on_rope(column: str, at_left: Any, at_right: Any) -> Array:
-        """A column (frames, stations); beyond a pulley as at the pulley."""
-        values = rope[column].reshape(shape)
-        return np.where(np.isnan(values), np.where(is_left, at_left, at_right), values)
-
-    cable = {
-        "T": on_rope("T", *tensions),
-        "u": on_rope("x", left.at[0], right.at[0]),
-        "v": on_rope("y", left.at[1], right.at[1]),
-    }
+    right = line.contact[-1]
+    tensions = [contacts[f"{c.name}.tension"][steps, None] for c in (line.contact[0], right)]
+    cable = _rope_between_pulleys(line, rope, t.size, tensions)
     range_T = float(cable["T"].min()), float(cable["T"].max())
     unit = unit_of_forces(range_T[1])
     colors = COLORS[1:] * len(line.car)
@@ -176,6 +164,21 @@ def _moving_side_view(folder: Path, contacts: dict[str, Array], paths: dict[str,
         "party": None,
     }
     return side_view_player(data, range_T, " and ".join(paths))
+
+
+def _rope_between_pulleys(
+    line: Line, rope: dict[str, Array], frames: int, tensions: Sequence[Array]
+) -> dict[str, Array]:
+    """Tension and points (frames, stations); beyond a pulley as at it.  tensions : (frames, 1) at both ends."""
+    s = np.unique(rope["s"])
+    is_left = s < s.mean()
+    left, right = line.contact[0].at, line.contact[-1].at
+
+    def column(name: str, at_left: Any, at_right: Any) -> Array:
+        values = rope[name].reshape(frames, s.size)
+        return np.where(np.isnan(values), np.where(is_left, at_left, at_right), values)
+
+    return {"T": column("T", *tensions), "u": column("x", left[0], right[0]), "v": column("y", left[1], right[1])}
 
 
 def _draw_car(car: Car, path: dict[str, Array], color: str, unit: float, unit_name: str) -> dict[str, Any]:

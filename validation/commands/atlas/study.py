@@ -133,16 +133,16 @@ def cells_at(m: Map, x: float, y: float) -> list[dict[str, Any]]:
     return out
 
 
-def judged_cell(r: Response, reference: Response, unsure: float, earliest: float = 0.05) -> dict[str, Any]:
+def judged_cell(r: Response, reference: Response, unsure: float) -> dict[str, Any]:
     """A cell: how far the run came, its path error with a class, and the cause of a failure.
 
     The error is taken up to the slack onset of the reference; a run that stops before is wrong.
-    No cell is judged if that onset is before `earliest`, or the reference is unsure by half of the bound.
+    No cell is judged if that onset is before s_o/l = 0.05, or the reference is unsure by half of the bound.
     Causes: of an incomplete run its own; "unstable" with energy gain; "slack too early"; else "too coarse".
     """
     stop = min(measures.WINDOW[1], reference.slack_from)
     out = {"reached": r.reached, "error": None, "slack_onset": r.slack_onset, "cause": r.cause, "reason": r.reason}
-    if stop < earliest or reference.reached < stop or "energy" in reference.flag_kinds:
+    if stop < 0.05 or reference.reached < stop or "energy" in reference.flag_kinds:
         return out | {"class": "not judged", "reason": "the reference itself is not to be trusted here"}
     try:
         error = measures.path_gap(r, reference, (measures.WINDOW[0], min(stop, r.reached)))[0]

@@ -1,7 +1,7 @@
 """Shared parts of both solvers against third parties: `check --deep`."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -71,11 +71,8 @@ def _time_driver_row(scene: Scene, a: Ladder) -> Agreement | None:
     settings = method.settings_for_scene(scene.groups, {"elements": 6, "steps": steps // 2})
     system: Any = method.build(scene.groups, settings, model="full", load="mass", law="elastic")
     scheme = newmark.scheme("trapezoidal")
-    first = None
-    for first in newmark.integrate(system, scheme, newmark.step_times(system, settings["steps"])):
-        if system.position(first) >= begin:
-            break
-    assert first is not None
+    states = newmark.integrate(system, scheme, newmark.step_times(system, settings["steps"]))
+    first = _first_state(states, lambda x: system.position(x) >= begin)
     t0 = first.t
     t1 = system.phases[first.phase][1]
     t1 = min(t1, t0 + part * min(system.phases[-1][1], scene.groups.drive.nominal))
@@ -85,10 +82,7 @@ def _time_driver_row(scene: Scene, a: Ladder) -> Agreement | None:
     def march(n: int) -> tuple[State, int]:
         work = Work()
         grid = [np.linspace(t0, t1, n + 1)] * len(system.phases)
-        x = first
-        for x in newmark.integrate(system, scheme, grid, work=work, start=first):
-            if x.t >= t1:
-                break
+        x = _first_state(newmark.integrate(system, scheme, grid, work=work, start=first), lambda x: x.t >= t1)
         return x, len(work.events)
 
     fine, events = march(steps)
@@ -112,6 +106,16 @@ def _time_driver_row(scene: Scene, a: Ladder) -> Agreement | None:
     return _deep_row(
         gap, BoundPart("driver", SAFETY * change, "the change from half the steps"), BoundPart("scipy", ROUNDING)
     )
+
+
+def _first_state(states: Iterable[State], wanted: Callable[[State], bool]) -> State:
+    """The first state that is wanted, or the last."""
+    x = None
+    for x in states:
+        if wanted(x):
+            break
+    assert x is not None
+    return x
 
 
 def _error_bar_row(scene: Scene, a: Ladder) -> Agreement:
