@@ -170,5 +170,5 @@ def test_errors_are_drawn_for_a_case_of_all_methods_and_not_for_whatever_is_firs
 
 @pytest.mark.parametrize("crossing", CROSSINGS.values(), ids=lambda c: c.name)
 def test_solver_and_oracle_begin_alike(crossing):
-    assert crossing.motion.position(0.0) == crossing.start_position
+    assert crossing.groups.motion.position(0.0) == crossing.start_position
     assert crossing.exact(np.zeros(1)) == pytest.approx(0.0, abs=1e-14)
