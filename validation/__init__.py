@@ -109,7 +109,8 @@ def _solver_of_line(name: str, line: Any, args: tuple[Any, ...], kwargs: dict[st
     try:
         taken.bind(line, *args, **kwargs)
     except TypeError as error:
-        raise TypeError(f"a line takes {', '.join(list(taken.parameters)[1:])} alone: {error}") from None
+        more = " or ".join(list(taken.parameters)[1:]) or "nothing else"
+        raise TypeError(f"a line takes no method and no settings, only {more}: {error}") from None
     return solve
 
 

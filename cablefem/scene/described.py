@@ -130,6 +130,8 @@ def set_dotted_key(data: dict[str, Any], key: str, value: Any) -> None:
     table: Any = data
     for name in before.split(".") if before else ():
         table = table.setdefault(name, {}) if isinstance(table, dict) else _list_entry(table, name, key)
+    if isinstance(table, list | tuple) and table and not isinstance(table[0], dict):
+        raise ValueError(f"{key}: {before} is a list; write all of it, as {before}={short_text(list(table))}")
     if isinstance(table, list | tuple) and table:
         raise ValueError(f"{key}: {before} is a list; write {before}.0.{last}, or its name for the 0")
     if not isinstance(table, dict):

@@ -43,10 +43,10 @@ def short_text(value: object) -> str:
 
 
 def did_you_mean(word: str, names: Iterable[str]) -> str:
-    """' Did you mean ...?' with the only name that has the word as a part or one near in spelling; the list of all."""
+    """' Did you mean ...?' with the nearest name that has the word as a part, or is misspelt as it; the list of all."""
     spelt = {name.lower(): name for name in names}
-    match = [name for name in spelt if word.lower() in name.split("_")]
-    if len(match) != 1:  # farther ones mean something else
-        match = difflib.get_close_matches(word.lower(), spelt, n=1, cutoff=0.7)
+    wider = [name for name in spelt if word.lower() in name.split("_")]
+    # beyond the cutoff a name means something else
+    match = difflib.get_close_matches(word.lower(), wider or spelt, n=1, cutoff=0.0 if wider else 0.7)
     guess = f" Did you mean {spelt[match[0]]}?" if match else ""
     return f"{guess} Known: {', '.join(spelt.values())}."

@@ -216,11 +216,11 @@ def _kind_fault(where: str, table: object, kinds: list[str]) -> str:
 
 
 def _admissible_words(annotation: Any) -> list[str]:
-    """Words of a Literal, or values of `kind` in a union of parts."""
+    """Words of a Literal, or values of `kind` in a union of parts whose kinds tell them apart."""
     if get_origin(annotation) is Literal:
         return list(get_args(annotation))
     kinds: list[str] = []
     for member in get_args(annotation):
-        is_part = isinstance(member, type) and issubclass(member, Part) and "kind" in member.model_fields
-        kinds += [member.model_fields["kind"].default] if is_part else _admissible_words(member)
+        kind = member.model_fields.get("kind") if isinstance(member, type) and issubclass(member, Part) else None
+        kinds += [kind.default] if kind and not kind.is_required() else _admissible_words(member)
     return kinds

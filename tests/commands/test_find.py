@@ -12,6 +12,7 @@ from tests.commands.test_files import unknown
 from validation.commands.find.condition import parse_condition
 from validation.core import readback
 from validation.core.quasi_static import quasi_static
+from validation.core.store import Refused
 from validation.page import terminal
 
 ZIPLINE = cf.Scene.load("zipline")
@@ -210,6 +211,12 @@ def test_a_bad_question_is_one_sentence(cablefem, arguments, words):
     code, out, err = cablefem("find", "zipline", arguments[0], "--so-that", arguments[1])
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert words in err
+
+
+@pytest.mark.parametrize("keys", ["mass.mass", {}, {"mass.mass": (40.0,)}])
+def test_keys_from_python_are_one_key_and_its_range(keys):
+    with pytest.raises(Refused, match=r"must be one key and its range, as \{'mass.mass': \(40, 200\)\}"):
+        cf.find("zipline", keys, so_that="outcome = arrives")
 
 
 def test_a_condition_on_a_number_that_only_lines_have_is_read_back(cablefem):

@@ -222,3 +222,10 @@ def test_a_position_known_to_have_no_rest_is_not_tried_again():
     assert counts == [1, 2, 1, 1]
     assert again.refused == first.refused
     assert set(again.states) == {0}
+
+
+def test_a_tension_that_is_the_same_at_all_positions_is_largest_at_the_first():
+    """T at the upper anchor is that of the counterweight plus the weight of the rope per height."""
+    answer = answer_line(Line.load("two-span"))
+    assert answer.tension_max["value"] == pytest.approx(3.8e5 + 11.4 * 9.81 * 480.0, rel=1e-3)
+    assert answer.tension_max["position"] == 1

@@ -24,6 +24,11 @@ def test_names_are_scenes():
             module.rune  # noqa: B018
 
 
+def test_a_scene_of_one_span_is_no_line():
+    with pytest.raises(cf.SceneError, match=r"contact: missing; must be a list of tables \[\[contact\]\]"):
+        cf.Line.load("zipline")
+
+
 def test_lines_at_rest_are_taken_too():
     line = cf.Line.load("two-span").replace({"car.up.at": [300.0, 690.0], "car.down.at": [738.0, 1128.0]})
     checked = cf.check(line)
@@ -32,7 +37,7 @@ def test_lines_at_rest_are_taken_too():
     assert cf.run(line).design[0]["value"] == pytest.approx(checked.design[0]["value"], rel=1e-9)
     assert len(repr(cf.run("two-span"))) < 120
     assert cf.quasi_static(line).design[0]["value"] == pytest.approx(checked.design[0]["value"], rel=1e-9)
-    with pytest.raises(TypeError, match="a line takes rest alone: too many positional arguments"):
+    with pytest.raises(TypeError, match="a line takes no method and no settings, only rest: too many positional"):
         cf.run(line, "following-p2")
     for of in (line, "two-cars"):
         with pytest.raises(ValueError, match=r"--tol (in m )?must lie in"):

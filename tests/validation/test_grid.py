@@ -57,3 +57,6 @@ def test_values_go_where_the_key_says():
         set_dotted_key(data, "cable.EA", "+1%")
     with pytest.raises(ValueError, match=r"Did you mean mass\?"):
         set_dotted_key(data, "mass.mas", "+1%")
+    data["contact"][1]["at"] = [700.0, -290.0]
+    with pytest.raises(ValueError, match=r"is a list; write all of it, as contact\.tower\.at=\[700\.0, -290\.0\]"):
+        set_dotted_key(data, "contact.tower.at.1", -100.0)

@@ -8,6 +8,7 @@ mass.mass=+1%             relative to the scene's
 """
 
 import itertools
+import re
 import tomllib
 from collections.abc import Sequence
 from typing import Any
@@ -20,7 +21,7 @@ def parse_key_and_values(pair: str) -> tuple[str, list[Any]]:
     key, given, text = (part.strip() for part in pair.partition("="))
     if not (key and given and text):
         raise ValueError(f"--set must be KEY=VALUE, got {pair!r}")
-    if text.count(":") == 2:
+    if text.count(":") == 2 or re.fullmatch(r"[-+.\de]+:[-+.\de]+", text):
         return key, _parse_range(key, text)
     try:
         return key, tomllib.loads(f"x = [{text}]")["x"]
@@ -30,8 +31,8 @@ def parse_key_and_values(pair: str) -> tuple[str, list[Any]]:
 
 def _parse_range(key: str, text: str) -> list[float]:
     """The values of FROM:TO:COUNT, both ends included."""
-    low, high, count = text.split(":")
     try:
+        low, high, count = text.split(":")
         ends = float(low), float(high)
         values = int(count)
     except ValueError:

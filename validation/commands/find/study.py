@@ -14,6 +14,7 @@ from typing import Any
 
 from cablefem.response import write_json
 from cablefem.scene import Scene, SceneError
+from cablefem.scene.errors import short_text
 from cablefem.scene.keys import list_keys as keys_of
 from cablefem.scene.line import Line
 from cablefem.scene.short import line_or_none
@@ -147,7 +148,12 @@ def find(
     find("zipline", {"mass.mass": (40.0, 200.0)}, so_that="arrival.speed <= 16 km/h")
     """
     scene = of if isinstance(of, Scene | Line) else line_or_none(of) or Scene.load(of)
-    ((key, (low, high)),) = keys.items()
+    try:
+        ((key, (low, high)),) = keys.items()
+    except (AttributeError, TypeError, ValueError):
+        raise Refused(
+            f"keys = {short_text(keys)}: must be one key and its range, as {{'mass.mass': (40, 200)}}"
+        ) from None
     if not low < high:
         raise Refused(f"{key} = {low:g}:{high:g}: LOW must be below HIGH")
     search = _Search(scene, key, parse_condition(so_that), model, all_of or {}, progress, high - low)

@@ -21,6 +21,7 @@ from cablefem.scene.surroundings import GROUND
 from validation.commands.run.lines import TOUCHES, LineAnswers, Row
 from validation.core import store
 from validation.core.answers import STATIONS, Outcome
+from validation.core.scene_data import ROUNDING
 from validation.page import terminal
 from validation.page.answer import many as table
 from validation.page.line import WORDS, largest_and_smallest_rows, print_line, quantity_kind, value_text
@@ -151,7 +152,9 @@ def extreme_rows(line: Line, rows: Sequence[Row | None]) -> list[Row]:
         kind = name.partition(":")[0]
         for word, pick in (("max", max), ("min", min)):
             if WORDS[kind].get("only", word) == word:
-                value, i = pick(values)
+                extreme, _ = pick(values)
+                rounding = ROUNDING * abs(extreme)
+                value, i = next(x for x in values if abs(x[0] - extreme) <= rounding)  # the first of equal ones
                 out.append({
                     "quantity": _extreme_name(name, word), "value": value, "bar": None, "unit": WORDS[kind]["unit"],
                     "position": i + 1, "at": {c.name: line.position_of(c, i) for c in line.car},
