@@ -214,5 +214,6 @@ def stretch_fault(gravity: float, cable: Cable, supports: Supports) -> str:
     largest = max(state(gravity, cable, supports).max_tension for state in (reference_catenary, hanging_catenary))
     if largest < cable.EA:
         return ""
+    shape = next(f"cable.{name} = {value!r}" for name in SHAPES if (value := getattr(cable, name)) is not None)
     why = "or the cable hangs at more than twice its unstretched length"
-    return f"cable.EA = {cable.EA!r}: must be > {largest:.6g} N, the largest static tension, {why}"
+    return f"cable.EA = {cable.EA!r}: must be > {largest:.6g} N, the largest static tension with {shape}, {why}"

@@ -37,8 +37,8 @@ class SceneError(ValueError):
 
 
 def short_text(value: object) -> str:
-    """The value on one line, shortened."""
-    text = " ".join(repr(value).split())
+    """The value on one line, shortened; a list as in TOML."""
+    text = " ".join(repr(list(value) if isinstance(value, tuple) else value).split())
     return text if len(text) <= 60 else text[:57] + "..."
 
 

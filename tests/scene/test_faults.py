@@ -85,7 +85,7 @@ def test_the_good_scene_is_good():
         ]),
         ("drop = 25.0", "drop = -4e3", ["supports.drop = -4000.0: must be from -3200 to 3200, 10 spans"]),
         ("EA = 4e6", "EA = 500", [
-            "cable.EA = 500.0: must be > 4042.41 N, the largest static tension, "
+            "cable.EA = 500.0: must be > 4042.41 N, the largest static tension with cable.length = 330.0, "
             "or the cable hangs at more than twice its unstretched length",
         ]),
         # words
