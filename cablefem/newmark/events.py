@@ -28,7 +28,7 @@ def pass_events(system: System, names: list[str], x: State, t: float, work: Work
         if name is not names[0] and name not in events_due(system, x):
             continue
         work.events.append(PassedEvent(name, t))
-        after = system.pass_event(name, x)
+        work.after_event = after = system.pass_event(name, x)
         if after is None:
             return None
         x = after

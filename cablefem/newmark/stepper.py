@@ -27,6 +27,7 @@ class Work:
     factorisations: int = 0
     residuals: int = 0
     events: list[PassedEvent] = field(default_factory=list)
+    after_event: State | None = None  # that after the last one; None at the end of the run
 
 
 class Stepper:
