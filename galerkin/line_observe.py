@@ -40,6 +40,8 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
 
     powers: dict[str, Array] = {}
     cars, contacts = [], []
+    times = np.array([x.t for x in states])
+    before_jump = np.append(times[1:] <= times[:-1], False)
     for k, (contact, body) in enumerate(zip(line.touching, system.equations.bodies, strict=True)):
         at, position = system.equations.contact_state(contact_values, k), positions[:, k]
         energies += body.energies(at)
@@ -47,7 +49,8 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
             hold = system.holds.get(k, 0.0) * np.array([body.car.drive.hold_fraction(x.t) for x in states])
             of_car = positions[:, k : k + body.contacts]
             cars.append(_car_motion(body, of_car, at))
-            powers |= _car_powers(line, body, of_car[:, -1], at, hold)
+            reached = of_car[:, -1] - 1e-9 * before_jump  # of two states at a brake the first is short of it
+            powers |= _car_powers(line, body, reached, at, hold)
         elif isinstance(contact, Contact):
             contacts.append(_contact_motion(line, contact, body, position, at))
         if isinstance(body, Counterweight):
@@ -67,7 +70,7 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
     kinetic, strain, potential = energies
     loaded = add_shoe_forces(line, tuple(cars), tuple(contacts))
     return LineMotion(
-        t=np.array([x.t for x in states]), cars=tuple(cars), contacts=loaded, s=s, points=points,
+        t=times, cars=tuple(cars), contacts=loaded, s=s, points=points,
         tension=tension, kinetic=kinetic, strain=strain, potential=potential, powers=powers,
     )  # fmt: skip
 

@@ -193,7 +193,8 @@ class LineSines(System):
         lifted = [lift_off_event(c) for c in touching if not isinstance(c, Contact)]
         self.saddles = [k for k, body in enumerate(bodies) if isinstance(body, Saddle)]
         self.rope_events = ["rope falls slack", *(f"rope lifts off {names[k]}" for k in self.saddles)]
-        self.events = (*meetings, *stops, *brakes, *lifted, *self.rope_events, *map(str, self.passages))
+        loose = [f"{self.cars[k].car.name} breaks loose" for k in self.stops]
+        self.events = (*meetings, *stops, *brakes, *lifted, *self.rope_events, *loose, *map(str, self.passages))
         self.below = {car.name: names.index(car.rail.saddle) for car in self.line.over if car.rail is not None}
 
     @property
@@ -267,6 +268,7 @@ class LineSines(System):
             r[:, row] -= dot(body.contact_force(off_rope), off_rope.tau)
         for row, body in self.hung_off_rope:
             r[:, row] = body.swing_row(self.state_off_rope(body.car, t, Z, phase))[:, 0]
+        r[:, self._sticking] = 0.0
         return r
 
     def state_off_rope(self, car: Car, t: Array, Z: Array, phase: int) -> ContactState:
@@ -308,6 +310,10 @@ class LineSines(System):
             Z = self.coordinates_with_rates(State(t, q, v, a, phase))
             r, K = self.equations.linearise(Z, self.frictions_at(t))
             self._add_cars_off_rope(t, Z, phase, r, K)
+            for row in self._sticking:  # s.. = 0, exactly: its column has no part in the rest
+                r[row] = 0.0
+                K[:, row] = K[:, :, row] = 0.0
+                K[2, row, row] = 1.0
             linearised = self._linearised = (state, t, phase, r, K)
         c0, c1, c2 = c
         by_q, by_v, by_a = linearised[4]
@@ -326,6 +332,19 @@ class LineSines(System):
                 sign = float(np.sign(ds))
             self._set_friction(k, float(Z[0, self.layout.s[self.travel_contact[k]]]), sign)
 
+    def _sticks(self, k: int) -> bool:
+        """Whether friction holds a car."""
+        return self.frictions[k].sign == 0.0
+
+    @property
+    def _sticking(self) -> list[int]:
+        """Rows of s of the cars that friction holds."""
+        return [self._row_of_travel(k) for k in self.stops if self._sticks(k)]
+
+    def _row_of_travel(self, k: int) -> int:
+        """Row of s of a free car."""
+        return int(np.flatnonzero(self.equations.free == self.layout.s[self.travel_contact[k]])[0])
+
     def _set_friction(self, k: int, s: float, sign: float) -> None:
         body = self.cars[k]
         self.frictions[k] = Friction(body.car.drive.mu_r, body.brake_forces_by_wheel(s), sign)
@@ -343,9 +362,11 @@ class LineSines(System):
         Z = self.coordinates_with_rates(x)
         s, ds = Z[0, self.layout.s], Z[1, self.layout.s]
         gaps = [float(s[i + 1] - s[i]) - NEAREST for i in self.gaps]
-        speeds = [float(ds[self.travel_contact[k]] * self.frictions[k].sign) for k in self.stops]
+        slips = [float(ds[self.travel_contact[k]]) * self.frictions[k].sign for k in self.stops]
+        speeds = [math.inf if self._sticks(k) else slip for k, slip in zip(self.stops, slips, strict=True)]
         ahead = [position - float(s[self.travel_contact[k]]) for k, position in self.brakes]
-        loads = [math.inf] * (sum(body.contacts for body in self.cars.values()) + len(self.rope_events))
+        wheels = sum(body.contacts for body in self.cars.values())
+        loads = [math.inf] * (wheels + len(self.rope_events) + len(self.stops))
         if min(gaps, default=1.0) > 0.0:
             if self._loaded[0] is not x:
                 N, contact_values = self._balance_at(x, Z)
@@ -353,7 +374,9 @@ class LineSines(System):
                 for k, body in self.cars.items():
                     state = self.equations.contact_state(contact_values, k)
                     pressing.append(np.array([math.inf]) if body.car.rail else body.wheel_loads(state))
-                self._loaded = x, np.concatenate([*pressing, self._tension_and_pressures(N, contact_values)]).tolist()
+                margins = [self._friction_margin(k, x.t, contact_values) for k in self.stops]
+                of_rope = self._tension_and_pressures(N, contact_values)
+                self._loaded = x, np.concatenate([*pressing, of_rope, margins]).tolist()
             loads = self._loaded[1]
         passing = [p.distance_ahead(*self.car_point_and_rates(p.car, x)[:2, 0].tolist()) for p in self.passages]
         return (*gaps, *speeds, *ahead, *loads, *passing)
@@ -368,7 +391,10 @@ class LineSines(System):
         for k in self.stops:
             car = self.cars[k].car.name
             if name == f"{car} stops":
-                return self._state_after_standstill(k, x)
+                after = self._come_to_rest(k, x)
+                return after if self._goes_on(x) else None
+            if name == f"{car} breaks loose":
+                return self._start_slipping(k, x)
             if name == f"{car} brakes":
                 self.begin_step(x)
                 return self.with_acceleration(x)
@@ -392,16 +418,54 @@ class LineSines(System):
         over = next(car for car in self.line.over if car.name == name)
         return self.line.point_off_rope(over, x.t, x.phase, Z[:, layout.s[self.below[name]]])
 
-    def _state_after_standstill(self, k: int, x: State) -> State | None:
-        """The state after a standstill, forwards or backwards; None if friction holds the car."""
-        slot = int(np.flatnonzero(self.equations.free == self.layout.s[self.travel_contact[k]])[0])
-        before = self.frictions[k].sign
-        for sign in (before, -before):
-            self._set_friction(k, float(x.q[slot]), sign)
-            after = self.with_acceleration(x)
-            if after.a[slot] * sign > 0.0:
-                return after
-        return None
+    def _goes_on(self, x: State) -> bool:
+        """Whether a car rolls, or one has a timetable or forces that go on to change."""
+        if any(k not in self.stops or not self._sticks(k) for k in self.free_cars):
+            return True
+        cars = (*self.line.cars, *self.line.over)
+        travels = any(car.travel is not None and x.t < car.travel.phases[-1][1] for car in cars)
+        return travels or x.phase + 1 < len(self.phases)
+
+    def _come_to_rest(self, k: int, x: State) -> State:
+        """The state after a standstill: friction holds the car, or it slips."""
+        held = self._state_with_slip(k, x, 0.0)
+        contact_values = self._contact_values_of(held)
+        if self._friction_margin(k, held.t, contact_values) > 0.0:
+            return held
+        return self._start_slipping(k, held)
+
+    def _start_slipping(self, k: int, x: State) -> State:
+        """The state in which a car that sticks gives way to what pulls it."""
+        pulled = -self._needed_friction(k, x.t, self._contact_values_of(x))
+        return self._state_with_slip(k, x, math.copysign(1.0, pulled))
+
+    def _state_with_slip(self, k: int, x: State, sign: float) -> State:
+        """The state with the car at rest, about to slip by the sign, or to stay for a sign 0."""
+        row = self._row_of_travel(k)
+        self._set_friction(k, float(x.q[row]), sign)
+        v, a = x.v.copy(), x.a.copy()
+        v[row], a[row] = sign * 1e-12, 0.0  # [m/s] not 0, else its next standstill is no event
+        return self.with_acceleration(x._replace(v=v, a=a))
+
+    def _contact_values_of(self, x: State) -> Array:
+        Z = self.coordinates_with_rates(x)
+        return self.equations.contact_values(Rope(self.layout, Z), Z)
+
+    def _needed_friction(self, k: int, t: float, contact_values: Array) -> float:
+        """Force [N] along the rope that friction and brakes give a car which sticks, at its last wheel."""
+        body = self.cars[k]
+        state = self.equations.contact_state(contact_values, k)
+        given = body.rope_force_along(state) / body.wheels(state)[-1].projection
+        return float(given - self.frictions_at(t)[k].hold)
+
+    def _friction_margin(self, k: int, t: float, contact_values: Array) -> float:
+        """What friction and brakes could give a car which sticks, less what they give [N]; inf while it slips."""
+        if not self._sticks(k):
+            return math.inf
+        body = self.cars[k]
+        loads = body.wheel_loads(self.equations.contact_state(contact_values, k))
+        largest = float(body.friction_and_brakes(loads, self.frictions[k]).sum())
+        return largest - abs(self._needed_friction(k, t, contact_values))
 
     def observe(self, states: Sequence[State], s: Array) -> LineMotion:
         """The motion at all states and at the stations s (m,)."""

@@ -254,6 +254,8 @@ def _car_data(x: _History, s: Array, ds: Array) -> Cars:
     each = [system.car_data(t, phase) for t, phase in zip(x.t.tolist(), x.phase, strict=True)]
     changing: dict[str, Any] = {name: np.array([getattr(y, name) for y in each]) for name in ("thrust", "hold")}
     drives = [car.drive for car in system.line.cars]
+    before_jump = np.append(np.diff(x.t) <= 0.0, False)
+    s = s - 1e-9 * before_jump[:, None]  # of two states at a brake the first is short of it
     brakes = [drive.brake_force(s[:, i]) + 0.0 * ds[:, i] for i, drive in enumerate(drives)]
     rear = [drive.rear_brake_force(s[:, i]) + 0.0 * ds[:, i] for i, drive in enumerate(drives)]
     sign = np.where(ds == 0.0, each[0].sign, np.sign(ds))

@@ -48,7 +48,8 @@ class LineElements(System):
 
     compiled : loops of `segment_kernels` in the place of numpy.
     Events end the run: "A meets B" and "CAR reaches SUPPORT" at NEAREST; "CAR lifts off" where the rope would have to
-    hold it down; "CAR stops" where friction holds a free one; "rope falls slack" and "rope lifts off SADDLE".
+    hold it down; "rope falls slack" and "rope lifts off SADDLE"; "CAR stops" where friction holds a free one and no
+    other moves.  Else it sticks to the rope, until "CAR breaks loose".
     The run goes on after "CAR brakes", and where nothing holds a car.
     """
 
@@ -131,6 +132,7 @@ class LineElements(System):
             *(lift_off_event(c) for c in contacts if not isinstance(c, Contact)),
             "rope falls slack",
             *(f"rope lifts off {c.name}" for c in line.supports[1:-1]),
+            *(f"{line.cars[i].name} breaks loose" for i in self._stops),
             *(str(p) for p in self.passages),
         )
 
@@ -253,7 +255,13 @@ class LineElements(System):
 
     # --- balance ---------------------------------------------------------------------------------------------
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
-        return self.balance_rows(t, self.coordinates_with_rates(t, q, v, a, phase), phase)[self._unknown]
+        return self._rows_of_unknowns(self.balance_rows(t, self.coordinates_with_rates(t, q, v, a, phase), phase))
+
+    def _rows_of_unknowns(self, rows: Array) -> Array:
+        """Rows (..., n_dof) of (..., size); a car that sticks needs none, its s.. stays 0."""
+        out = rows[..., self._unknown]
+        out[..., self._sticking] = 0.0
+        return out
 
     def residuals(self, t: Array, q: Array, v: Array, a: Array, phase: int) -> Array:
         if not self.compiled:
@@ -267,7 +275,7 @@ class LineElements(System):
         x = self.fill_dependent_coordinates(z)
         rows = self.balance_rows(t, x, phase)
         self._last = t.item(-1), a[-1], rows[-1], self.loads[-1]
-        return rows[:, self._unknown]
+        return self._rows_of_unknowns(rows)
 
     def balance_rows(
         self, t: Array | float, x: Coordinates, phase: int, law: Array | None = None, cars: Cars | None = None
@@ -480,6 +488,19 @@ class LineElements(System):
             self.signs[i] = np.sign(z.v[slot]) or self.signs[i]
             self._set_brakes(i, z.q[slot])
 
+    def _sticks(self, i: int) -> bool:
+        """Whether friction holds car i."""
+        return bool(self.signs[i] == 0.0)
+
+    @property
+    def _sticking(self) -> list[int]:
+        """Numbers of s among the unknowns, of cars that friction holds."""
+        return [self._number_of_travel(i) for i in self._stops if self._sticks(i)]
+
+    def _number_of_travel(self, i: int) -> int:
+        """Number of s of the free car i among the unknowns."""
+        return int(np.searchsorted(self._unknown, self.s[self.cars[i]]))
+
     def _set_brakes(self, i: int, s: float) -> None:
         """Set the brakes of car i at s."""
         drive = self.line.cars[i].drive
@@ -495,14 +516,15 @@ class LineElements(System):
     def event_values(self, x: State) -> tuple[float, ...]:
         z = self.coordinates_with_rates(*x)
         gaps = np.diff(z.q[self.s])[self._gaps] - NEAREST
-        ahead = [float(z.v[self.s[self.cars[i]]] * self.signs[i]) for i in self._stops]
+        ahead = [np.inf if self._sticks(i) else float(z.v[self.s[self.cars[i]]] * self.signs[i]) for i in self._stops]
         ahead += [position - float(z.q[self.s[self.cars[i]]]) for i, position in self._brakes]
         if gaps.min(initial=np.inf) <= 0.0:  # the rest has no meaning there
             return (*gaps.tolist(), *[np.inf] * (len(self.events) - len(self._gaps)))
         if self._loaded[0] is not x:
             rows, loads = self._balance_at(x, z)
             pressing = self._pressing_forces(z, rows, loads, self.car_data(x.t, x.phase))
-            self._loaded = x, pressing + self._tension_and_pressures(rows, loads)
+            margins = [self._friction_margin(i, z, rows, pressing) if self._sticks(i) else np.inf for i in self._stops]
+            self._loaded = x, pressing + self._tension_and_pressures(rows, loads) + margins
         passing = [p.distance_ahead(*self.car_point_and_rates(p.car, x)[:2, 0].tolist()) for p in self.passages]
         return (*gaps.tolist(), *ahead, *self._loaded[1], *passing)
 
@@ -538,7 +560,10 @@ class LineElements(System):
         for i in self._stops:
             car = self.line.cars[i].name
             if name == f"{car} stops":
-                return self._state_after_standstill(i, x)
+                after = self._come_to_rest(i, x)
+                return after if self._goes_on(x) else None
+            if name == f"{car} breaks loose":
+                return self._start_slipping(i, x)
             if name == f"{car} brakes":
                 self.begin_step(x)
                 return consistent_acceleration(self, x.t, x.q, x.v, x.phase)
@@ -553,15 +578,43 @@ class LineElements(System):
                 return system_after_passage(self, passage, x)
         return None
 
-    def _state_after_standstill(self, i: int, x: State) -> State | None:
-        """The state after a standstill, forwards or backwards; None if friction holds the car."""
-        slot, before = self.s[self.cars[i]], self.signs[i]
-        for sign in (before, -before):
-            self.signs[i] = sign
-            after = consistent_acceleration(self, x.t, x.q, x.v, x.phase)
-            if self.coordinates_with_rates(*after).a[slot] * sign > 0.0:
-                return after
-        return None
+    def _goes_on(self, x: State) -> bool:
+        """Whether a car moves, or a force or a travel is still to change."""
+        rolling = [car for i, car in enumerate(self.line.cars) if car.kind == "free" and not self._sticks(i)]
+        travels = [c.travel.phases[-1][1] for c in (*self.line.cars, *self.line.over) if c.travel is not None]
+        return bool(rolling) or x.phase < len(self.phases) - 1 or x.t < max(travels, default=0.0)
+
+    def _come_to_rest(self, i: int, x: State) -> State:
+        """Car i sticks, or slips if friction and brakes cannot hold it."""
+        self.signs[i] = 0.0
+        after = self._with_slip(i, x, 0.0)
+        z = self.coordinates_with_rates(*after)
+        rows = self.balance_rows(x.t, z, x.phase)
+        pressing = self._pressing_forces(z, rows, self.loads[0], self.car_data(x.t, x.phase))
+        return after if self._friction_margin(i, z, rows, pressing) > 0.0 else self._start_slipping(i, after)
+
+    def _start_slipping(self, i: int, x: State) -> State:
+        """Car i, which sticks, slips against the force that has held it."""
+        z = self.coordinates_with_rates(*x)
+        self.signs[i] = -np.sign(self._holding_force(i, z, self.balance_rows(x.t, z, x.phase))) or 1.0
+        return self._with_slip(i, x, self.signs[i] * 1e-12)  # a first slip arms the event of a standstill
+
+    def _with_slip(self, i: int, x: State, ds: float) -> State:
+        """The state where car i slips with ds."""
+        v = x.v.copy()
+        v[self._number_of_travel(i)] = ds
+        return consistent_acceleration(self, x.t, x.q, v, x.phase)
+
+    def _holding_force(self, i: int, z: Coordinates, rows: Array) -> float:
+        """Force [N] of friction and brakes along the rope that a car which sticks needs; of two wheels all of it."""
+        inputs = self.slopes_and_motion_at_cars(z, self.segment_motion(z))[i]
+        stretch = 0.5 * (vector_length(inputs[0:2]) + vector_length(inputs[2:4]))
+        return float(rows[self.s[self.cars[i]]] / stretch)
+
+    def _friction_margin(self, i: int, z: Coordinates, rows: Array, pressing: Sequence[float]) -> float:
+        """Largest force [N] of friction and brakes less the one that holds car i."""
+        load = sum(abs(load) for of, load in zip(self._pressing, pressing, strict=True) if of == i)
+        return float(self._air[2][i] * load + self.brakes[i] - abs(self._holding_force(i, z, rows)))
 
     def observe(self, states: Sequence[State], s: Array) -> LineMotion:
         """What the states show, with the rope at the stations s (m,)."""
@@ -572,12 +625,28 @@ class LineElements(System):
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> tuple[Array, Solve]:
         x = self.coordinates_with_rates(t, q, v, a, phase)
-        return self.balance_rows(t, x, phase)[self._unknown], self.tangent_solver(t, x, phase, (c0, c1, c2), self.free)
+        rows = self._rows_of_unknowns(self.balance_rows(t, x, phase))
+        return rows, self._solver_of_unknowns(t, x, phase, (c0, c1, c2))
 
     def factorised_tangent(
         self, t: float, q: Array, v: Array, a: Array, phase: int, c0: complex, c1: complex, c2: complex
     ) -> Solve:
-        return self.tangent_solver(t, self.coordinates_with_rates(t, q, v, a, phase), phase, (c0, c1, c2), self.free)
+        return self._solver_of_unknowns(t, self.coordinates_with_rates(t, q, v, a, phase), phase, (c0, c1, c2))
+
+    def _solver_of_unknowns(self, t: float, x: Coordinates, phase: int, c: tuple[complex, complex, complex]) -> Solve:
+        """The solution for all unknowns, 0 for s of cars that stick."""
+        sticking = self._sticking
+        moving = self.free.copy()
+        moving[self._unknown[sticking]] = False
+        solve_moving = self.tangent_solver(t, x, phase, c, moving)
+        if not sticking:
+            return solve_moving
+
+        def solve(b: Array) -> Array:
+            return np.insert(solve_moving(np.delete(b, sticking)), gaps, 0.0)
+
+        gaps = np.array(sticking) - np.arange(len(sticking))  # places of the zeros among the others
+        return solve
 
     def tangent_solver(
         self, t: float, x: Coordinates, phase: int, c: tuple[complex, complex, complex], free: NDArray[np.bool_],

@@ -46,7 +46,7 @@ def test_nothing_is_counted_that_the_line_does_not_have(line, ladder):
     ("fault", "seen"),
     [
         ({"car.sled.wheels.ahead": 0.05}, {MOMENT, CENTRES}),
-        ({"car.sled.wheels.below": 0.55}, {CENTRES}),
+        ({"car.sled.wheels.below": 0.55}, {MOMENT, CENTRES}),
         ({"car.cabin.hanger.length": 3.05}, {MOMENT, CENTRES}),
         ({"car.cabin.hanger.damping": 0.06}, {MOMENT}),
         ({"car.sled.drive.brake.0.wheel": "front"}, {KINKS}),

@@ -80,6 +80,8 @@ class CarBody:
         self.inertia = 0.0
         self.damping = 0.0
         self.rate: Array = np.zeros(self.t.size)
+        self.resistance: Array = np.zeros(self.t.size)  # largest of friction and brakes [N]
+        self.held_by_friction = np.zeros(self.t.size, bool)  # a free car that stands on the rope
         point = to_complex(sampled(car.point))
         velocity = to_complex(sampled(car.velocity))
         self.arms = [0.0 * point]  # contact less c
@@ -151,13 +153,16 @@ class CarBody:
         moving = np.flatnonzero(front.ds)
         following = np.searchsorted(moving, np.arange(front.ds.size))  # at a standstill the next motion
         sign = np.sign(front.ds[moving[np.minimum(following, moving.size - 1)]]) if moving.size else front.ds
+        twice = np.diff(self.t) <= 0.0  # where a time stands twice a brake acts from the second on
+        s = of(car.s) + 1e-9 * (np.append(0.0, twice) - np.append(twice, 0.0))
         for x, share in zip(self.touching[::-1], ("front", "rear"), strict=False):
             brake = np.zeros(self.t.size)
             for row in drive.get("brake", []):
                 both = row.get("wheel", "both") == "both"
                 part = (both or row["wheel"] == share) / (len(self.touching) if both else 1)
-                brake += part * row["force"] * (of(car.s) > row["from"])
+                brake += part * row["force"] * (s > row["from"])
             rolling = drive.get("rolling_friction", 0.0) * np.abs(x.load) * (x.on_shoe == 0.0)  # a shoe has none
+            self.resistance = self.resistance + rolling + brake
             x.along = -sign * (rolling + brake)
         if drive.get("mode", "grip") == "grip":
             front.along = of(car.grip_force)
@@ -165,6 +170,11 @@ class CarBody:
         if held is not None:
             speed = front.stretch * front.ds
             front.along += np.divide(of(held), speed, out=0.0 * speed, where=speed != 0.0)
+            sticks = front.ds == 0.0
+            self.held_by_friction = sticks & (self.t >= drive.get("release", 0.0))
+            for x in self.touching:  # held at the front wheel
+                along = -dot(x.tau, x.kink) / x.projection * (x is front)
+                x.along = np.where(sticks, along, x.along)
         self.powers += [x.stretch * x.along * x.ds for x in self.touching]
 
     @property

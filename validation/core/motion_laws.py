@@ -249,10 +249,35 @@ def centre_of_mass_defects(toml: str, motion: Any, end: float, every: int = 1) -
     return np.asarray(np.maximum(distances - ROUNDING, 0.0))
 
 
+def holding_force_excesses_by_window(toml: str, motion: Any, end: float, every: int = 1) -> Array:
+    """Means of the forces that hold standing cars, by the rope's tensions, beyond friction and brakes, over the weight.
+
+    Waves in the rope pass the limit for moments; the mean of a car that stays does not.
+    """
+    x = SampledMotion(LineTables(toml), motion, every)
+    out = []
+    for body in x.bodies:
+        held = body.held_by_friction * body.touching[-1].along
+        largest = body.held_by_friction * body.resistance
+        for part, W, _, _ in _smooth_windows(x.t, end):
+            t = x.t[part]
+            excess = abs(float(_time_integral(t, W * held[part]))) - float(_time_integral(t, W * largest[part]))
+            weight = body.data["mass"] * body.g
+            out.append(max(excess, 0.0) / (weight * float(_time_integral(t, W))))
+    return np.array(out)
+
+
+def any_car_sticks(toml: str, motion: Any) -> bool:
+    """Whether friction holds a free car for a while."""
+    free = [name for name, car in LineTables(toml).cars.items() if car.get("drive", {}).get("mode") == "free"]
+    return any(bool(np.any((car.ds[:-1] == 0.0) & (car.ds[1:] == 0.0))) for car in motion.cars if car.name in free)
+
+
 LAWS = {
     "momentum of rope and cars": momentum_defects_by_window,
     "energy and work": energy_defects,
 }
+FRICTION_LAWS = {"friction that holds cars": holding_force_excesses_by_window}
 COUNTERWEIGHT_LAWS = {"motion of the counterweight": counterweight_defects_by_window}
 BODY_LAWS = {
     "moment of momentum of bodies": moment_defects_by_window,

@@ -49,6 +49,8 @@ def law_rows(toml: str, ladders: Sequence[Ladder[LineRun]], end: float) -> Itera
     known = motion_laws.LAWS | (motion_laws.BODY_LAWS if turns else {})
     if any(motion_laws.LineTables(toml).counterweights()):
         known = known | motion_laws.COUNTERWEIGHT_LAWS
+    if any(motion_laws.any_car_sticks(toml, ladder.finest.motion) for ladder in ladders):
+        known = known | motion_laws.FRICTION_LAWS
     for ladder in ladders:
         for name, law in known.items():
 

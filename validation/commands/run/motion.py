@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -112,6 +112,34 @@ def fast_car_sentences(line: Line, motion: LineMotion) -> list[str]:
     return out
 
 
+def lasting_events(
+    events: Sequence[tuple[str, float]], line: MovingLine, motion: LineMotion
+) -> tuple[tuple[str, float], ...]:
+    """Events, name and time, without those of cars that stay within `rest_distance` of where they came to rest.
+
+    Waves in an undamped rope rattle a car that friction holds by 1e-5 m, at times that do not converge.
+    """
+    dropped = set[int]()
+    for car in line.cars:
+        stops = f"{car.name} stops"
+        own = [i for i, (name, _) in enumerate(events) if name in (stops, f"{car.name} breaks loose")]
+        s = next(moved for moved in motion.cars if moved.name == car.name).s
+        places = [*np.interp([events[i][1] for i in own], motion.t, s).tolist(), float(s[-1])]
+        rest = float(s[0])
+        rested = False
+        for n, i in enumerate(own):
+            arrives = events[i][0] == stops
+            there = places[n] if arrives else places[n + 1]  # of a car that breaks loose where it comes to next
+            moves = abs(there - rest) > car.drive.rest_distance
+            ends = not rested and i == len(events) - 1
+            if arrives and (moves or ends):
+                rest = there
+                rested = True
+            elif arrives or not (moves and rested):
+                dropped.add(i)
+    return tuple(event for i, event in enumerate(events) if i not in dropped)
+
+
 def coarser_settings(space: int, time: int) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
     """Half and quarter of a run's resolution, and of its steps."""
     in_space = [(space // k, time) for k in (2, 4) if space >= k]
@@ -217,18 +245,23 @@ class LineRuns:
             begun = part.following
             finer = begun[1].t + shortest_time_on_rail(*begun) * np.linspace(0.0, 2.0, 2 * on_rail * time + 1)
             steps = [np.union1d(t, finer[(finer > t[0]) & (finer < t[-1])]) for t in grid]
+        motion = join_motions(parts)
         return LineRun(
             method=self.method.name, settings={self.method.setting: n, "steps": sum(t.size - 1 for t in grid)},
-            motion=with_wheel_loads(join_motions(parts), self.table, self.line, run),
-            events=tuple((e.name, e.t) for e in work.events), reason=part.reason,
+            motion=with_wheel_loads(motion, self.table, self.line, run),
+            events=lasting_events([(e.name, e.t) for e in work.events], self.line, motion), reason=part.reason,
             period=self.period, instants=self.instants, n_dof=n_dof, steps=work.steps,
         )  # fmt: skip
 
     def _march_part(self, system: Any, start: State | None, steps: list[Array], work: Work) -> MarchedPart:
         """The run of one system from a state on; Refused where it does not begin."""
         states: list[State] = [] if start is None else [start]
+        noted = len(work.events)
         try:
             for group in integrate_blocks(system, scheme("radau"), steps, work=work, start=start):
+                if len(work.events) > noted and work.after_event is not None:  # forces jump there, too
+                    states.append(work.after_event)
+                noted = len(work.events)
                 for x in group:
                     if states and x.phase > states[-1].phase:  # forces may jump: the state after the jump, too
                         states.append(system.start(x.phase, states[-1]))
@@ -307,13 +340,28 @@ class MotionAnswers(LineAnswers):
     def _outcome_of_end(self) -> list[Outcome]:
         """How the run ends; nothing of one that broke."""
         places = ", ".join(f"{car.name} at x = {car.point[-1, 0]:.1f} m" for car in self.cars)
-        if self.moved.events and self.moved.end < self.moved.instants[-1] * (1.0 - 1e-9):
+        end = self.moved.end
+        before = "".join(f"{sentence}; " for sentence in self._stops_before_end())
+        if self.moved.events and self.moved.events[-1][1] >= end * (1.0 - 1e-9):
             name, t = self.moved.events[-1]
             whose = "for all cars " if len(self.cars) > 1 else ""
-            return [Outcome("ends", f"{name} after {t:.1f} s with {places}; this ends the run {whose}early")]
+            sentence = f"{before}{name} after {t:.1f} s with {places}"
+            early = f"; this ends the run {whose}early" if end < self.moved.instants[-1] * (1.0 - 1e-9) else ""
+            return [Outcome("ends", f"{sentence}{early}")]
         if self.moved.reason is not None:
             return []
-        return [Outcome("arrives", f"ends after {self.moved.end:.1f} s with {places}")]
+        return [Outcome("arrives", f"{before}ends after {end:.1f} s with {places}")]
+
+    def _stops_before_end(self) -> Iterator[str]:
+        """Where and when cars that stay to the end have stopped before it."""
+        t = self.t
+        for car, table in zip(self.cars, self.line.car, strict=True):
+            own = [at for name, at in self.moved.events if name == f"{car.name} stops" and at < t[-1] * (1.0 - 1e-9)]
+            if not own or table.drive is None:
+                continue
+            if abs(float(np.interp(own[-1], t, car.s)) - car.s[-1]) <= table.drive.rest_distance:
+                x = float(np.interp(own[-1], t, car.point[:, 0]))
+                yield f"{car.name} stops at x = {x:.1f} m after {own[-1]:.1f} s"
 
     @property
     def methods(self) -> list[str]:

@@ -6,6 +6,9 @@ import re
 import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from validation.core.readback.limits import LIMIT_VERDICT, limit_row_faults, scope_sentences
 from validation.core.readback.stored import Faults, Row, read_json, read_words, worst_verdict
@@ -79,6 +82,7 @@ def _counts(judged: Sequence[Row]) -> Iterator[str]:
 def outcome_faults(folder: Path) -> Faults:
     """Faults of the outcome of a line in motion: its kind, where the cars end, what is hit, the largest tension."""
     summary = read_json(folder / "summary.json")
+    scene = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
     design = {number["quantity"]: number for number in summary["design"]}
     t = read_columns(folder / "contacts.csv")["t"][-1]
     hit = [x for x in design.values() if x["quantity"].startswith("clearance") and _upper(x) < TOUCHES]
@@ -93,7 +97,7 @@ def outcome_faults(folder: Path) -> Faults:
         over = x["quantity"].partition(":")[2].rpartition(" over ")[2]  # the name alone of what the rope hits
         parts.append(f"hits {over} by {-x['value']:.2f} m")
     if summary["status"] == "complete":
-        parts += _parts_of_end(folder, events, t)
+        parts += _parts_of_end(folder, scene, summary["events"])
     for part in parts:
         if part not in summary["outcome"]:
             yield f"outcome: {summary['outcome']!r} does not say {part!r}"
@@ -110,11 +114,30 @@ def _outcome_kind(summary: Row, design: dict[str, Row], hit: Sequence[Row], even
     return "ends" if events else "arrives"
 
 
-def _parts_of_end(folder: Path, events: Sequence[Row], t: float) -> Iterator[str]:
-    """When and how a run ends, and where each car is then."""
-    yield f"{events[-1]['event']} after {t:.1f} s" if events else f"ends after {t:.1f} s"
+def _parts_of_end(folder: Path, scene: Row, events: Sequence[Row]) -> Iterator[str]:
+    """When and how a run ends, where each car is then, and since when if it stays there."""
     for file in folder.glob("path-*.csv"):
-        yield f"{file.stem.removeprefix('path-')} at x = {read_columns(file)['x'][-1]:.1f} m"
+        name = file.stem.removeprefix("path-")
+        path = read_columns(file)
+        yield f"{name} at x = {path['x'][-1]:.1f} m"
+        yield from _stop_sentences(name, path, events, scene["car"])
+    t = path["t"][-1]
+    at_end = [x["event"] for x in events if x["t"] >= t * (1.0 - 1e-9)]
+    yield f"{at_end[-1]} after {t:.1f} s" if at_end else f"ends after {t:.1f} s"
+
+
+def _stop_sentences(name: str, path: dict[str, Any], events: Sequence[Row], cars: Sequence[Row]) -> list[str]:
+    """Where and when a car has stopped that has not moved since, before the end of the run."""
+    t = path["t"]
+    before_end = t[-1] * (1.0 - 1e-9)
+    stops = [x["t"] for x in events if x["event"] == f"{name} stops" and x["t"] < before_end]
+    if not stops:
+        return []
+    drive = next(car for car in cars if car["name"] == name)["drive"]
+    s, x = (np.interp(stops[-1], t, path[column]) for column in ("s_o", "x"))
+    if abs(path["s_o"][-1] - s) > drive.get("rest_distance", 0.01):
+        return []
+    return [f"{name} stops at x = {x:.1f} m after {stops[-1]:.1f} s"]
 
 
 def _upper(number: Row) -> float:

@@ -1,0 +1,190 @@
+"""Free cars that friction or a brake holds while others move."""
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from cablefem.catenary_line import solve
+from cablefem.elements.system import LineElements
+from cablefem.newmark import Work, integrate, scheme, step_times
+from cablefem.scene.line import Line
+from cablefem.scene.moving import line_in_motion
+from galerkin.lines import LineSines
+from tests.motion.lines import BODIES
+from validation.commands.check.motion import check_line, judge_runs, law_rows
+from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, answers_of_ladders, lasting_events
+from validation.core.agreement import overall_verdict
+from validation.core.motion_rows import LineTolerance, unbalanced_work
+from validation.core.readback import outcome_faults
+
+RIDERS = """
+[cable]
+mass_per_length = 1.1
+EA = 1.2e6
+length = 302.0
+[[contact]]
+name = "left"
+kind = "anchor"
+at = [0.0, 0.0]
+[[contact]]
+name = "right"
+kind = "anchor"
+at = [300.0, 20.0]
+[[car]]
+name = "rear"
+mass = 80.0
+[car.drive]
+mode = "free"
+start = 8.0
+rolling_friction = 0.02
+drag_area = 0.5
+brake = [{from = 60.0, force = 500.0}]
+end = {time = 30.0}
+[[car]]
+name = "ahead"
+mass = 95.0
+[car.drive]
+mode = "free"
+start = 40.0
+rolling_friction = 0.02
+drag_area = 0.5
+brake = [{from = 220.0, force = 300.0}]
+end = {time = 30.0}
+"""
+FRICTION = "friction that holds cars"
+WINGS = {
+    "elements": lambda scene, n: LineElements(scene, elements=n),
+    "numpy": lambda scene, n: LineElements(scene, elements=n, compiled=False),
+    "sines": lambda scene, n: LineSines(scene, 2 * n),
+}
+
+
+@pytest.fixture(scope="module")
+def line():
+    return Line.from_toml(RIDERS)
+
+
+@pytest.fixture(scope="module")
+def ladders(line):
+    first = LineRuns(ELEMENTS, line)
+    return first.ladder(2, 2), LineRuns(SINES, line, first).ladder(2, 2)
+
+
+def ride(wing, line, n, steps):
+    """Events and motion."""
+    system, work = WINGS[wing](line_in_motion(line, solve), n), Work()
+    states = list(integrate(system, scheme("radau"), step_times(system, steps), work=work))
+    return {event.name: event.t for event in work.events}, system.observe(states, np.array([1.0]))
+
+
+@pytest.mark.parametrize("wing", WINGS)
+def test_the_run_goes_on_past_a_rider_that_its_brake_holds(line, wing):
+    times, x = ride(wing, line, 2, 240)
+    assert list(times) == ["rear brakes", "rear stops", "ahead brakes", "ahead stops"]
+    assert times["rear stops"] == pytest.approx(9.33, abs=0.02)
+    rear, ahead = x.cars
+    held = x.t > times["rear stops"]
+    assert np.ptp(rear.s[held]) == 0.0
+    assert not x.powers["rear friction"][held].any()
+    assert np.ptp(rear.point[held, 1]) > 0.1  # the rope moves with it
+    assert np.ptp(ahead.s[held]) > 100.0
+
+
+def test_both_solvers_and_the_laws_agree_on_it(line, ladders):
+    rows = judge_runs(line, *ladders, LineTolerance(2e-2, 0.1))
+    assert overall_verdict(rows).value == "agree"
+    assert FRICTION in {row.law.rpartition(",")[0] for row in rows}
+    for ladder in ladders:
+        assert np.abs(unbalanced_work(ladder.finest)).max() < 1e-3
+
+
+@pytest.mark.slow
+def test_a_check_agrees(line):
+    assert overall_verdict(check_line(line).rows).value == "agree"
+
+
+@pytest.mark.parametrize("key", ["car.rear.drive.brake.0.force", "car.rear.mass"])
+def test_another_rider_in_one_solver_is_seen(line, ladders, key):
+    wrong = line.replace({key: 1.05 * (80.0 if key.endswith("mass") else 500.0)})
+    other = LineRuns(SINES, wrong, LineRuns(ELEMENTS, line)).ladder(2, 2)
+    rows = judge_runs(line, ladders[0], other, LineTolerance(2e-2, 0.1))
+    assert overall_verdict(rows).value == "disagree"
+
+
+def test_a_rider_that_stays_though_its_brake_is_too_weak_is_seen_by_the_law_of_friction(line, ladders):
+    """It needs about 130 N in the mean, and its wheels rub with 16 N."""
+    weaker = line.replace({"car.rear.drive.brake.0.force": 30.0})
+    for ladder in ladders:
+        broken = {row.law.rpartition(",")[0] for row in law_rows(weaker.to_toml(), [ladder], ladder.finest.end)
+                  if row.verdict.value == "disagree"}  # fmt: skip
+        assert FRICTION in broken
+
+
+@pytest.mark.parametrize("wing", ["elements", "sines"])
+def test_the_wave_of_another_brake_tears_a_rider_loose(line, wing):
+    """It runs along the unstretched rope at sqrt(EA/rho)."""
+    brakes = {"car.rear.drive.brake.0.from": 30.0, "car.rear.drive.brake.0.force": 240.0}
+    times, x = ride(wing, line.replace(brakes | {"car.ahead.drive.brake.0.force": 1500.0}), 8, 480)
+    assert times["rear breaks loose"] > times["ahead brakes"]
+    first = np.searchsorted(x.t, times["ahead brakes"])
+    moved = x.t[np.flatnonzero((x.t > times["ahead brakes"]) & (x.cars[0].ds != 0.0))[0]]
+    way = x.cars[1].s[first] - x.cars[0].s[first]
+    assert moved - times["ahead brakes"] == pytest.approx(way / np.sqrt(1.2e6 / 1.1), abs=0.03)
+    assert 0.02 < x.cars[0].s[-1] - x.cars[0].s[first] < 1.0
+
+
+def test_a_car_on_two_wheels_is_held_too():
+    """A sled stops in its brake while a cabin goes on; its rear wheel rolls by what the rope between both stretches."""
+    text = BODIES.replace("times = [0.0, 9.0]", "times = [0.0, 1.0]").replace("force = 1e3", "force = 1.8e3")
+    scene = Line.from_toml(text.replace("to = 303.0", "to = 316.0"))
+    runs = [LineRuns(solver, scene).run(2, 2) for solver in (ELEMENTS, SINES)]
+    for run in runs:
+        assert [name for name, _ in run.events] == ["sled brakes", "sled stops"]
+        sled = run.motion.cars[0]
+        held = run.motion.t > run.events[-1][1]
+        assert np.ptp(sled.s[held]) < 1e-3
+        assert np.ptp(sled.turning.wheels[0].s[held]) < 1e-3
+        assert np.abs(unbalanced_work(run)).max() < 1e-3
+    assert runs[0].events[-1][1] == pytest.approx(runs[1].events[-1][1], abs=2e-3)
+
+
+def test_the_outcome_says_where_a_rider_stays_and_is_read_back(line, ladders, tmp_path):
+    result = answers_of_ladders(line, *ladders)
+    assert result.outcome.sentence.startswith("rear stops at x = 84.5 m after 9.3 s; ahead stops after 20.8 s with")
+    result.write(tmp_path, 0.0)
+    assert list(outcome_faults(tmp_path)) == []
+    file = tmp_path / "summary.json"
+    summary = json.loads(file.read_text())
+    file.write_text(json.dumps(summary | {"outcome": summary["outcome"].replace("x = 84.5", "x = 48.5")}))
+    assert len(list(outcome_faults(tmp_path))) == 1
+
+
+def test_a_rattle_of_a_car_that_stays_is_no_event():
+    """Of what happens within a centimeter the first stop counts, and the last breaking loose of a car that leaves."""
+    drive = SimpleNamespace(rest_distance=0.01)
+    line = SimpleNamespace(cars=[SimpleNamespace(name="a", drive=drive)])
+    places = {0.0: 5.0, 1.0: 5.001, 2.0: 5.001, 3.0: 20.0, 4.0: 20.0, 5.0: 20.002, 6.0: 20.002, 8.0: 30.0, 9.0: 30.0}
+    motion = SimpleNamespace(t=np.array([*places]), cars=[SimpleNamespace(name="a", s=np.array([*places.values()]))])
+    names = [
+        "a stops",
+        "a breaks loose",
+        "a stops",
+        "a breaks loose",
+        "a stops",
+        "a breaks loose",
+        "b brakes",
+        "a stops",
+    ]
+    events = list(zip(names, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0], strict=True))
+    kept = (("a stops", 3.0), ("a breaks loose", 6.0), ("b brakes", 7.0), ("a stops", 8.0))
+    assert lasting_events(events, line, motion) == kept
+
+
+def test_a_rider_that_a_slow_release_holds_at_first_sets_out():
+    """Waves stop it again and again while the hold goes."""
+    rider = RIDERS.partition('[[car]]\nname = "rear"')[0] + RIDERS[RIDERS.index('[[car]]\nname = "ahead"') :]
+    alone = Line.from_toml(rider.replace("start = 40.0", "start = 40.0\nrelease = 6.0"))
+    run = LineRuns(ELEMENTS, alone).run(2, 2)
+    assert [name for name, _ in run.events] == ["ahead brakes", "ahead stops"]
