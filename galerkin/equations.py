@@ -193,14 +193,14 @@ class GalerkinSystem(System):
         end[:] = ends[0]
         return self._step_result(results[0])
 
-    def solve_steps(self, *steps) -> tuple[Array, Array]:
+    def solve_steps(self, *steps) -> newmark.ManySteps:
         """Steps end where the quadrature rules change or the cable falls slack."""
         if not (self.has_compiled_steps and self.kink):
             return newmark.NO_STEPS
         taken, ends, results = self._compiled_step_blocks(*steps)
         if taken:
             self._step_result(results[taken - 1])
-        return ends[:taken], results[:taken]
+        return newmark.ManySteps(ends[:taken], results[:taken])
 
     def _compiled_steps(
         self, t: Array, phase: int, start: Array, rules: Array, newton: Newton

@@ -102,7 +102,7 @@ class Equations:
         The next call overwrites the derivatives.
         """
         rope, layout = Rope(self.layout, Z), self.layout
-        columns, slopes = rope.columns, rope.end_slope_columns
+        of_rows, of_slopes = rope.fill_row_derivatives(), rope.end_slope_derivatives
         K = self._tangent
         K[:] = 0.0
         r = np.zeros(self.size)
@@ -110,7 +110,7 @@ class Equations:
         at = self._column[layout.columns]
         row = 0
         for i, shapes in enumerate(layout.functions_of):
-            block = columns[:, i, :-2].reshape(3, 2 * layout.functions, -1)[:, shapes]
+            block = of_rows[:, i, :-2].reshape(3, 2 * layout.functions, -1)[:, shapes]
             K[:, row : row + block.shape[1], at[i]] = block
             row += block.shape[1]
         x = self.contact_values(rope, Z)
@@ -124,11 +124,11 @@ class Equations:
             for j in range(k, k + body.contacts):
                 by = derivatives[:, j - k]  # by the values of `ContactState`, (rows, 26)
                 if j > 0:
-                    here[:, :, at[j - 1]] += by[:, 0:2] @ columns[:, j - 1, -1]
-                    here[0][:, at[j - 1]] += by[:, 4:6] @ slopes[j - 1, 1]
+                    here[:, :, at[j - 1]] += by[:, 0:2] @ of_rows[:, j - 1, -1]
+                    here[0][:, at[j - 1]] += by[:, 4:6] @ of_slopes[j - 1, 1]
                 if j < layout.segments:
-                    here[:, :, at[j]] -= by[:, 2:4] @ columns[:, j, -2]
-                    here[0][:, at[j]] += by[:, 6:8] @ slopes[j, 0]
+                    here[:, :, at[j]] -= by[:, 2:4] @ of_rows[:, j, -2]
+                    here[0][:, at[j]] += by[:, 6:8] @ of_slopes[j, 0]
                 for order in range(3):
                     here[order][:, self._column[layout.moving[j]]] += by[:, 8 + 5 * order : 13 + 5 * order]
                 here[1:, :, self._column[layout.s[j]]] += by[:, 23:25].T

@@ -124,7 +124,7 @@ class ChordCable:
         J = (self.T_chord + self.kap * h) * tables[0] + np.multiply.outer(self.alpha * self.lam * g, g)
         return *self.internal_force_and_tensions(tables, Q), J
 
-    def energy(self, tables: tuple[Array, Array], Q: Array) -> tuple[float, float]:
+    def strain_energy_and_tension_increment(self, tables: tuple[Array, Array], Q: Array) -> tuple[float, float]:
         """Strain energy and h."""
         Sq, h, _ = self._increment(tables, Q)
         return 0.5 * self.T_chord * (Q[0] @ Sq) + 0.5 * h**2 / self.alpha, h

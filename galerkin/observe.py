@@ -213,7 +213,9 @@ def _full_cable_tensions_slopes_and_material_force(
 def _chord_tensions_and_strain_energy(cable: ChordCable, x: Measures, s: Array, frames: Array) -> dict[str, Array]:
     basis = x.system.basis
     rows = zip(x.inside.tolist(), x.q[..., : x.system.n], strict=True)
-    strain, h = np.array([cable.energy(cable.tables_at(basis, s_o), Q) for s_o, Q in rows]).T
+    strain, h = np.array(
+        [cable.strain_energy_and_tension_increment(cable.tables_at(basis, s_o), Q) for s_o, Q in rows]
+    ).T
     T = cable.groups.tension_and_derivatives(x.s_o)[0] + h
     return {
         "T_behind": np.where(x.s_o > 0.0, T, np.nan), "T_ahead": np.where(x.s_o < 1.0, T, np.nan),

@@ -18,7 +18,7 @@ from numpy.polynomial.polynomial import polyder, polyval
 
 from cablefem.scene.contacts import Array, Car, MovingLine, Wheel
 from galerkin.bodies import OnRail
-from galerkin.trolley import Follower, wheel_arm
+from galerkin.trolley import Follower, wheel_arm_in_car_axes
 
 # coefficients of xi (1 - xi), xi (1 - xi)(1 - 2 xi), 1 - xi, xi by rising powers, one a column
 POLYNOMIALS = np.array([[0.0, 1.0, -1.0, 0.0], [0.0, 1.0, -3.0, 2.0], [1.0, -1.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]]).T
@@ -91,7 +91,7 @@ class Layout:
         given_x = []
         for k, wheel in wheels.items():
             car = k - wheel.front
-            x, y = wheel_arm(wheel)
+            x, y = wheel_arm_in_car_axes(wheel)
             self.wheels[k] = Follower(own[k, :2], own[car, 3:5], int(self.angle[car]), (x, y))
             if wheel.front and wheel.car.kind == "haul_x":
                 given_x.append(Follower(own[car, 3:4], own[k, :1], int(self.angle[car]), (-x, -y)))
@@ -106,7 +106,7 @@ class Layout:
         # of a segment: q, p of L and R, s of L and R, (segments, 2 functions + 6)
         self.columns = np.column_stack([q, *ends, self.s[:-1], self.s[1:]])
         self.softness = Softness(0.0, 1.0)
-        # of `Rope.columns`; the same at each call, large new arrays are slow
+        # of `Rope.fill_row_derivatives`; the same at each call, large new arrays are slow
         self.blocks = np.empty((3, self.segments, terms + 4, 2, 2 * terms + 10))
 
     def set_followers(self, Z: Array) -> None:
@@ -188,8 +188,8 @@ class Rope:
 
     # --- derivatives by the coordinates of a segment, in the order of `Layout.columns` -------------------------------
     @property
-    def end_slope_columns(self) -> Array:
-        """Those of r' at L and R, (S, 2, 2, 2 M + 2)."""
+    def end_slope_derivatives(self) -> Array:
+        """Derivatives of r' at L and R, (S, 2, 2, 2 M + 2)."""
         S, M = self.layout.segments, self.layout.ends.shape[1]
         h = self.h[0, :, :, None]
         out = np.zeros((S, 2, 2, 2 * M + 2))
@@ -210,9 +210,8 @@ class Rope:
         factors = np.array([[one, none, none], [none, rate, none], [none, faster, squared]])
         return np.tensordot(np.moveaxis(factors[..., 0], 3, 1).reshape(3, -1, 9), self.layout.moments, 1)
 
-    @property
-    def columns(self) -> Array:
-        """Those of the rows by coordinates, velocities and accelerations, (3, S, M, 2, 2 M + 2).
+    def fill_row_derivatives(self) -> Array:
+        """Derivatives of the rows by coordinates, velocities and accelerations, (3, S, M, 2, 2 M + 2).
 
         The next call overwrites them.
         """

@@ -35,14 +35,14 @@ class Follower(NamedTuple):
     pitch: int
     arm: Pair  # [m] along e1, e2
 
-    def arms(self, pitch: Array) -> tuple[Array, Array]:
+    def arm_and_derivative(self, pitch: Array) -> tuple[Array, Array]:
         """The arm and d(arm)/d(pitch), (..., 2) or (..., 1)."""
         return rotate(self.arm, pitch)[..., : self.p.size], rotate(arm_derivative(self.arm), pitch)[..., : self.p.size]
 
     def set_follower(self, Z: Array) -> None:
         """Set the jet of p in Z (3, ..., coordinates)."""
         th, dth, ddth = Z[..., self.pitch, None]
-        arm, n = self.arms(th)
+        arm, n = self.arm_and_derivative(th)
         Z[0][..., self.p] = Z[0][..., self.c] + arm
         Z[1][..., self.p] = Z[1][..., self.c] + dth * n
         Z[2][..., self.p] = Z[2][..., self.c] + ddth * n - dth**2 * arm
@@ -50,7 +50,7 @@ class Follower(NamedTuple):
     def fold_derivatives(self, K: Array, Z: Array, column: Array) -> None:
         """Add the derivatives by the jet of p to those by the jets of c and pitch; K (3, rows, columns)."""
         th, dth, ddth = Z[:, self.pitch, None]
-        arm, n = self.arms(th)
+        arm, n = self.arm_and_derivative(th)
         by = K[..., column[self.p]]  # (3, rows, p.size)
         at = column[self.pitch]
         K[..., column[self.c]] += by
@@ -64,7 +64,7 @@ def arm_derivative(arm: Pair) -> Pair:
     return -arm[1], arm[0]
 
 
-def wheel_arm(wheel: Wheel) -> Pair:
+def wheel_arm_in_car_axes(wheel: Wheel) -> Pair:
     """p - c along e1 and e2 [m]."""
     of = wheel.car.wheels
     assert of is not None
@@ -79,7 +79,7 @@ class Trolley(CarBody):
     def __init__(self, car: Car, line: MovingLine) -> None:
         super().__init__(car, line)
         self.unknown = {"grip": "tuvs", "haul": "tuvsF", "haul_x": "tvsSF", "free": "tuvsS"}[car.kind]
-        self.arms = [wheel_arm(Wheel(car=car, front=front)) for front in (False, True)]
+        self.arms_in_car_axes = [wheel_arm_in_car_axes(Wheel(car=car, front=front)) for front in (False, True)]
         self.inertia = car.wheels.inertia if car.wheels is not None else 0.0
         drive = car.drive
         ahead, below = drive.hitch if drive.mode == "haul" else drive.thrust_at
@@ -109,7 +109,7 @@ class Trolley(CarBody):
     def balance_rows(self, x: tuple[ContactState, ContactState], friction: Friction) -> Array:
         car, rear = self.car, x[0]
         P = [self.force_on_rope(wheel) for wheel in x]
-        n = [rotate(arm_derivative(arm), rear.angle) for arm in self.arms]
+        n = [rotate(arm_derivative(arm), rear.angle) for arm in self.arms_in_car_axes]
         driven = rear.F[..., None] * rotate(self.thrust_axes, rear.angle)
         force = P[0] + P[1] + car.mass * (rear.ddc - self.gravity * DOWN) - driven - self.drag(rear.dc)
         moment = dot(n[0], P[0]) + dot(n[1], P[1]) + self.inertia * rear.ddangle[..., 0] - self.lever * rear.F

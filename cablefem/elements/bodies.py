@@ -44,7 +44,7 @@ class Cars(NamedTuple):
     rear_brake: Array  # [N] of `brake` at the rear one of two wheels
 
 
-class Forces(NamedTuple):
+class ForcesOnCars(NamedTuple):
     """On the cars, (n,) or (n, 2)."""
 
     contact: Array  # C
@@ -64,7 +64,7 @@ def vector_length(x: Array) -> Array:
     return np.sqrt(x[..., 0] ** 2 + x[..., 1] ** 2)
 
 
-def forces(cars: Cars, inputs: Array) -> Forces:
+def forces(cars: Cars, inputs: Array) -> ForcesOnCars:
     """Forces at inputs (..., n, INPUTS), which may be complex."""
     behind, ahead, velocity, acceleration = (inputs[..., i : i + 2] for i in (0, 2, 4, 6))
     angle, rate, turning = (inputs[..., i] for i in (9, 10, 11))
@@ -87,7 +87,7 @@ def forces(cars: Cars, inputs: Array) -> Forces:
     about_hinge = cars.lever * (dot(acceleration, forward) + cars.gravity * np.sin(angle))
     swing = cars.inertia * turning + about_hinge + cars.resistance * rate - cars.arm * dot(drag, forward)
     Q = stretch * (cars.hold + friction)
-    return Forces(contact, Q, tau, stretch, haul, drag, friction, normal, swing, dot(drag, carried))
+    return ForcesOnCars(contact, Q, tau, stretch, haul, drag, friction, normal, swing, dot(drag, carried))
 
 
 def force_jacobian(cars: Cars, inputs: Array) -> Array:

@@ -14,7 +14,7 @@ from cablefem import newmark
 from cablefem.elements import observing
 from cablefem.elements.kernels import collocation
 from cablefem.elements.kernels.balance import Cable, Contact, Instant, Mesh, assemble, assemble_inertia_and_damping
-from cablefem.elements.kernels.banded import Tangent, factorise, solve
+from cablefem.elements.kernels.banded import Tangent, factorise_in_place, solve
 from cablefem.elements.kernels.law import ELASTIC, TENSION_ONLY
 from cablefem.elements.kernels.newton import NO_TANGENT, Steps, solve_steps
 from cablefem.elements.observing import StationFields
@@ -125,7 +125,7 @@ class CableElements(System):
                         to += factor * of
         else:
             self._assemble(t, phase, x, r, (float(c0), float(c1.real), float(c2.real)))
-        factorise(*tangent)
+        factorise_in_place(*tangent)
         return r, partial(solve, *tangent)
 
     def solve_step(self, t: float, phase: int, start: Array, end: Array, rule: Array, newton: Newton) -> StepResult:

@@ -9,7 +9,7 @@ from cablefem.elements.cable import CableElements
 from cablefem.elements.forms import section_forces, stiffness
 from cablefem.elements.kernels.balance import Contact, Mesh
 from cablefem.elements.reference import reference_mesh
-from cablefem.newmark import Array, State, StepFailure, consistent_acceleration, quasi_static_start
+from cablefem.newmark import Array, ManySteps, State, StepFailure, consistent_acceleration, quasi_static_start
 from cablefem.newmark.equilibrium import equilibrium
 from cablefem.newmark.newton import solve_dense
 from cablefem.response import States
@@ -117,12 +117,12 @@ class FollowingElements(CableElements):
             raise StepFailure(0.0, "no equilibrium of the start from rest was found", "let the mass start more gently")
         return d
 
-    def solve_steps(self, *steps) -> tuple[Array, Array]:
+    def solve_steps(self, *steps) -> ManySteps:
         """Steps end where the cable falls slack."""
         ends, results, taken = self._newmark_steps(*steps)
         if taken:
             self.min_tension = results.item(taken - 1, 4), results.item(taken - 1, 5)
-        return ends[:taken], results[: taken + 1]
+        return ManySteps(ends[:taken], results[: taken + 1])
 
     def _inputs(self, t: Array, phase: int) -> Array:
         kinematics = self.motion.kinematics(t.ravel(), phase)

@@ -82,7 +82,7 @@ def observe(system: LineElements, states: Sequence[State], s: Array) -> LineMoti
             strain = strain + 0.5 * np.sum(np.array(contact.stiffness) * away**2, axis=1)
         if contact.force is not None:
             slot = system.s[k]
-            force = system.pulley_row(k, x.v[:, slot], x.a[:, slot])
+            force = system.counterweight_row(k, x.v[:, slot], x.a[:, slot])
             powers[f"{contact.name} weight"] = -force * x.v[:, slot]
     cars = _car_motions(x, powers) if system.cars else ()
     for car in system.line.over:

@@ -94,12 +94,12 @@ class RollingElements(RollingCar, FollowingElements):
     def _assemble(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
         self._assemble_with_car(self._kernel_car, self._drive_inputs(np.array(t), phase), x, r, factors)
 
-    def solve_steps(self, t: Array, *steps) -> tuple[Array, Array]:
+    def solve_steps(self, t: Array, *steps) -> newmark.ManySteps:
         if not self.events_bounded:
             return newmark.NO_STEPS
-        now, results = super().solve_steps(t, *steps)
-        self._search_events_from_last_step(t, len(now))
-        return now, results
+        taken = super().solve_steps(t, *steps)
+        self._search_events_from_last_step(t, len(taken.ends))
+        return taken
 
     def _search_events_from_last_step(self, t: Array, taken: int) -> None:
         """Look for events in the last tenth of the last of `taken` steps; they end at t (n,)."""
@@ -166,7 +166,7 @@ class RollingElements(RollingCar, FollowingElements):
             return kernels.Car(kernels.HAUL, *fixed, 0.0, 1.0)
         return kernels.Car(kernels.HELD if self.mode.sticks else kernels.FREE, *fixed, self.brake, self.mode.sign)
 
-    def _car_forces_at(self, x: State) -> kernels.Forces:
+    def _car_forces_at(self, x: State) -> kernels.ForcesOnCar:
         now = self._drive_inputs(np.array(x.t), x.phase)
         return kernels.car_forces(self._cable, self._kernel_car, now, self._at_car, np.array(x[1:4]))
 

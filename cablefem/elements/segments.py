@@ -130,8 +130,8 @@ class Segments:
         return self.fields(self.values_at_points(x), self.law(1))
 
     # --- rows ------------------------------------------------------------------------------------------------
-    def row_integrands(self, p: Points) -> Array:
-        """Factors of phi (2) and phi_xi (2) in the rows of nodes, and rows of s at both ends (2): (..., K, G, 6)."""
+    def nodal_factors_and_end_rows(self, p: Points) -> Array:
+        """At Gauss points: factors of phi (2), of phi_xi (2), and the rows of s at both ends (2); (..., K, G, 6)."""
         rho = self.rho
         inertia = rho * (p.h[..., None] * p.dw + p.dh[..., None] * p.w)
         by_value = inertia - (self.q * p.h)[..., None] * DOWN
@@ -144,7 +144,7 @@ class Segments:
 
     def residual(self, p: Points) -> tuple[Array, Array]:
         """Rows of the nodes (K, nn, 2) and of s at both ends (2, K)."""
-        density = self.row_integrands(p) * self.weights[:, None]
+        density = self.nodal_factors_and_end_rows(p) * self.weights[:, None]
         return self.values.T @ density[..., :2] + self.slopes.T @ density[..., 2:4], density[..., 4:].sum(axis=1).T
 
     def tangent(self, x: Motion, law: Law, c: tuple[complex, complex, complex]) -> Array:
@@ -153,7 +153,7 @@ class Segments:
         J (16, K, G, 6) holds the derivatives of `density`.
         """
         u = self.values_at_points(x) + 1j * STEP * np.eye(16)[:, None, None, :]
-        J = (self.row_integrands(self.fields(u, law)).imag / STEP * self.weights[:, None]).reshape(
+        J = (self.nodal_factors_and_end_rows(self.fields(u, law)).imag / STEP * self.weights[:, None]).reshape(
             8, 2, *u.shape[1:3], 6
         )
         (c0, c1, c2), D, P = c, self.slopes, self.values

@@ -341,7 +341,7 @@ class LineElements(System):
         self.loads = np.empty((len(each), len(self.points) + 1))
         if self.compiled:
             at = [z.reshape(each.shape) for z in x]
-            self._kernel.add_rows(at, law, cars, each, self.loads)
+            self._kernel.add_rows_and_set_loads(at, law, cars, each, self.loads)
         else:
             self._add_rope_and_cars(rows, x, Law(*law), cars)
         return rows
@@ -367,20 +367,20 @@ class LineElements(System):
         for slots, stiffness, spring in self._springs:
             rows[..., slots] += stiffness * (x.q[..., slots] - spring.point)
         for slot, k in self._weights:
-            rows[..., slot] += self.pulley_row(k, x.v[..., slot], x.a[..., slot])
+            rows[..., slot] += self.counterweight_row(k, x.v[..., slot], x.a[..., slot])
 
-    def _counterweight_mass_and_sign(self, k: int, force: float) -> tuple[float, float]:
+    def _counterweight_mass_and_sign(self, end: int, force: float) -> tuple[float, float]:
         """Mass of a counterweight for d2s/dt2, and +1 at the right end, -1 at the left one."""
-        return force / self.line.gravity * (1.0 + force / self.line.rope.EA), 1.0 if k else -1.0
+        return force / self.line.gravity * (1.0 + force / self.line.rope.EA), 1.0 if end else -1.0
 
-    def pulley_row(self, k: int, ds: Array, dds: Array) -> Array:
-        """e [N + N^2/(2 EA) + q y - rho (ds lam)^2/2], N = G + e m (1 + G/EA) dds, at the end k = 0 or -1.
+    def counterweight_row(self, end: int, ds: Array, dds: Array) -> Array:
+        """e [N + N^2/(2 EA) + q y - rho (ds lam)^2/2], N = G + e m (1 + G/EA) dds, at end 0 or -1.
 
-        The rope that passes takes the energy of its weight and its motion along.
+        ds, dds : rates of s there; the rope that passes takes the energy of its weight and its motion along.
         """
-        contact, EA = self.line.supports[k], self.line.rope.EA
+        contact, EA = self.line.supports[end], self.line.rope.EA
         force = contact.force or 0.0
-        mass, sign = self._counterweight_mass_and_sign(k, force)
+        mass, sign = self._counterweight_mass_and_sign(end, force)
         N = force + sign * mass * dds
         speed = ds * (1.0 + N / EA)
         entering = self.line.weight * contact.point[1] - 0.5 * self.segments.rho * speed**2

@@ -35,8 +35,8 @@ INPUTS = 20
 Slot = NDArray[np.intp]
 
 
-class Forces(NamedTuple):
-    """Of a trolley, each (...)."""
+class TrolleyForces(NamedTuple):
+    """On a trolley, each (...), and its rows."""
 
     rows: tuple[Array, ...]  # of X, th and s of both wheels
     centre: tuple[Array, Array]  # c - X
@@ -96,10 +96,13 @@ class Trolley:
         parts = [slopes, P, q[..., self.body[2:]], v[..., self.body], a[..., self.body], force[..., None]]
         return np.concatenate(parts, axis=-1).T
 
-    def forces(self, cars: Cars, y: Any) -> Forces:
-        """Forces at y (INPUTS, ...), which may be complex, with data of all cars (..., cars)."""
+    def forces(self, cars: Cars, inputs: Any) -> TrolleyForces:
+        """Forces on the car, and rows.
+
+        inputs : (INPUTS, ...), which may be complex;  cars : data of all of them (..., cars).
+        """
         drive, i, w, m = self.car.drive, self.i, self.wheels, self.car.mass
-        y = y.tolist() if y.ndim == 1 else y  # plain numbers are faster
+        y = inputs.tolist() if inputs.ndim == 1 else inputs  # plain numbers are faster
         th, X_v, Y_v, rate, X_a, Y_a, turning, force = y[12:]
         F, T, sign = m * force, cars.thrust.T[i], cars.sign.T[i]
         cos, sin = np.cos(th), np.sin(th)
@@ -129,7 +132,7 @@ class Trolley:
             friction.append(-stretch * (drive.mu_r * load * np.sign(load.real) + brake) * sign)
             stretches.append(stretch)
         hold = stretches[1] * cars.hold.T[i]
-        return Forces(
+        return TrolleyForces(
             rows=(y[8] + y[10] + C_x, y[9] + y[11] + C_y, of_th, -friction[0], -friction[1] - hold), centre=(cx, cy),
             loads=(loads[0], loads[1]), friction=(friction[0], friction[1]), hold=hold, stretch=stretches[1],
             thrust=thrust_x * vx + thrust_y * vy + thrust_turns * rate,

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -12,7 +12,16 @@ from cablefem.newmark.states import Array, State, Steps
 from cablefem.newmark.tableau import Tableau
 
 Solve = Callable[[Array], Array]
-NO_STEPS = np.empty((0, 3, 0)), np.empty((0, 4))
+
+
+class ManySteps(NamedTuple):
+    """What `System.solve_steps` took; the results may end with that of a step that failed."""
+
+    ends: Array  # (k, 3, n_dof) rows q, v, a
+    results: Array  # (k or k + 1, 4 or more) norm, iterations, factorisations, residuals as in `StepResult`
+
+
+NO_STEPS = ManySteps(np.empty((0, 3, 0)), np.empty((0, 4)))
 
 
 class System(Protocol):
@@ -70,11 +79,10 @@ class System(Protocol):
         """
         return newmark_step(self, t, phase, start, end, rule, newton)
 
-    def solve_steps(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> tuple[Array, Array]:
-        """Take many steps; return their ends (k, 3, n_dof) and the fields of `StepResult` of each, (k or k + 1, 4).
+    def solve_steps(self, t: Array, phase: int, start: Array, rules: Array, newton: Newton) -> ManySteps:
+        """Take many steps, up to one that fails or may hold an event.
 
         t, rules : (m,) and (m, 3, 5), see `solve_step`.
-        Stops before a step that fails or may hold an event; `StepResult` of a failed step may follow.
         """
         return NO_STEPS
 

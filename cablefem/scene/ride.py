@@ -15,7 +15,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -126,7 +126,16 @@ class Ride:
         return float(np.max(self.speed(np.linspace(0.0, self.duration, 2001))))
 
 
-class Forces:
+class ForceBalance(NamedTuple):
+    """Of a car at an instant."""
+
+    free: float  # force without friction
+    normal_load: float  # without brakes
+    inertia: float  # mu |P'|^2
+    stretch: float  # <lam>
+
+
+class QuasiStaticForces:
     """Forces on a car on a load path; `brakes` counts those reached."""
 
     def __init__(self, path: LoadPath, mu: float, sigma: float, drive: Drive) -> None:
@@ -138,8 +147,7 @@ class Forces:
         self.brake_positions = [position for position, _ in drive.brakes]
         self.brake_force = [0.0, *np.cumsum([force for _, force in drive.brakes]).tolist()]
 
-    def at(self, t: float, s: float, v: float, phase: int) -> tuple[float, float, float, float]:
-        """Force without friction, normal load without brakes, mu |P'|^2, <lam>."""
+    def at(self, t: float, s: float, v: float, phase: int) -> ForceBalance:
         drive = self.drive
         mu = self.mu
         px, py, bx, by, hold, stretch = self.path(s)
@@ -155,7 +163,7 @@ class Forces:
         fy = mu * (by * v * v - self.sigma) - drag * ry
         normal = abs(fx * py - fy * px) / p
         free = along - hold + drive.hold_fraction(t) * self.start_hold - mu * (px * bx + py * by) * v * v
-        return free, normal, mu * p2, stretch
+        return ForceBalance(free, normal, mu * p2, stretch)
 
     def excess_force(self, t: float, s: float, phase: int, brakes: int) -> float:
         """Signed force beyond what friction and brakes hold; else 0."""
@@ -217,7 +225,7 @@ class _RideSolver:
         self.path = path
         self.drive = drive
         self.turns = turns
-        self.forces = Forces(path, mu, sigma, drive)
+        self.forces = QuasiStaticForces(path, mu, sigma, drive)
         self.t = 0.0
         self.s = drive.start
         self.v = 0.0
@@ -258,7 +266,7 @@ class _RideSolver:
         self.t = t
         self.phase = phase
         ahead = (
-            forces.excess_force(self.t, s, self.phase, self.brakes) or forces.at(self.t + 1e-9, s, 0.0, self.phase)[0]
+            forces.excess_force(self.t, s, self.phase, self.brakes) or forces.at(self.t + 1e-9, s, 0.0, self.phase).free
         )
         before = self.sign
         self.sign = math.copysign(1.0, ahead)
@@ -373,7 +381,9 @@ def quasi_static(groups: Groups, drive: Drive) -> tuple[Ride, Drive]:
     A swinging ride of open end is over at its second turn.
     """
     path = LoadPath.loaded(groups)
-    drive = replace(drive, departure_directions=Forces(path, groups.mu, groups.sigma, drive).departure_directions())
+    drive = replace(
+        drive, departure_directions=QuasiStaticForces(path, groups.mu, groups.sigma, drive).departure_directions()
+    )
     ends = math.isfinite(drive.end_time)
     first = roll_ride(path, groups.mu, groups.sigma, drive, math.inf if ends else 2)
     nominal = first.duration or min(1.0, drive.end_time)  # a car that stays

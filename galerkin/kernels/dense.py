@@ -47,12 +47,12 @@ def multiply(a, b, transposed, out):
 
 @inner
 def empty_factors(n):
-    """Memory for `factorise`: the columns of L and U (n, n), and the rows that change places (n,)."""
+    """Memory for `set_factors`: the columns of L and U (n, n), and the rows that change places (n,)."""
     return np.empty((n, n)), np.empty(n, dtype=F_INT_nptype)
 
 
 @inner
-def factorise(K, factors):
+def set_factors(K, factors):
     """Set factors of K (n, n); NaN if it is singular."""
     columns, pivots = factors
     n = pivots.size

@@ -324,7 +324,7 @@ def thrust_or_haul_force(ride, workspace):
 
 
 @inner
-def add_car(at_mass, ride, sines, workspace, R):
+def add_car_and_set_its_row(at_mass, ride, sines, workspace, R):
     """Add the cable's inertia and the car to R (2, n), and set its row of the residual; return the car."""
     n = R.shape[1]
     for a in range(2):
@@ -345,7 +345,7 @@ def add_car(at_mass, ride, sines, workspace, R):
 
 @inner
 def set_car_tangent(now, ride, sines, workspace, out, c):
-    """Set row and column of the car in K of `Workspace` after `add_car`, which returned `out`.
+    """Set row and column of the car in K of `Workspace` after `add_car_and_set_its_row`, which returned `out`.
 
     The column of s_o is a difference without dr/ds_o.
     """

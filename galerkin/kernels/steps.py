@@ -15,7 +15,7 @@ from galerkin.kernels.cable import (
     set_gripping_tangent,
     set_internal_force,
 )
-from galerkin.kernels.dense import empty_factors, factorise, solve
+from galerkin.kernels.dense import empty_factors, set_factors, solve
 from galerkin.kernels.instant import instant_at, kinematics_in_row, kinematics_of_state, points_at
 from galerkin.law import compiled, inner
 
@@ -28,7 +28,7 @@ class Workspace(NamedTuple):
     tensions: Array  # (m,) tension of the elastic law
     side_forces: Array  # (2, 2) int (N t - T t_static) ds behind and ahead of the mass
     K: Array  # (n_dof, n_dof)
-    factors: tuple[Array, Array]  # of K, see `factorise`
+    factors: tuple[Array, Array]  # of K, see `set_factors`
     step: Array  # (n_dof,)
 
 
@@ -70,7 +70,7 @@ def set_residual(now, ride, sines, workspace):
     if ride is None:
         add_gripping_mass(now.at_mass, coefficients, sines.cable, R)
         return rolling.NO_CAR
-    return rolling.add_car(now.at_mass, ride, sines, workspace, R)
+    return rolling.add_car_and_set_its_row(now.at_mass, ride, sines, workspace, R)
 
 
 @compiled
@@ -154,7 +154,7 @@ def solve_step(now, ride, sines, ends, rule, newton, workspace):
         if iterations == 0 or norm > newton.reuse * before:
             factorisations += 1
             set_tangent(now, ride, sines, workspace, out, c)
-            factorise(workspace.K, workspace.factors)
+            set_factors(workspace.K, workspace.factors)
         copy(workspace.r, workspace.step)
         solve(workspace.factors, workspace.step)
         before = norm

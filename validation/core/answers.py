@@ -22,10 +22,13 @@ class Outcome(NamedTuple):
 
 
 def outcome_of_run(scene: Scene, r: Response) -> Outcome:
-    """What becomes of a run: first a rope that breaks, then what is hit, then how the car's motion ends."""
+    """What becomes of a run, free or prescribed.
+
+    First a rope that breaks, then what is hit, then how the car's motion ends.
+    """
     decides = scene.cable.breaking_load or scene.obstacle or scene.ground
     numbers = {row["quantity"]: row for row in r.design or design_numbers(r)} if decides else {}
-    end = _outcome_of_travel(scene, r)
+    end = _outcome_of_motion(scene, r)
     sentence = "; ".join([*_obstacle_hit_sentences(numbers), end.sentence])
     load = scene.cable.breaking_load
     safety = numbers.get("safety_factor_min")
@@ -65,12 +68,17 @@ def _obstacle_hit_sentences(numbers: dict[str, dict[str, Any]]) -> list[str]:
     return sentences
 
 
-def _outcome_of_travel(scene: Scene, r: Response) -> Outcome:
+def _outcome_of_motion(scene: Scene, r: Response) -> Outcome:
+    """How the car's motion ends, free or prescribed."""
     if r.status != "complete" and r.slack_onset is None:
         broke = f"the computation broke at {r.s_o[-1]:.1f} m after {r.t[-1]:.1f} s: {r.reason}"
         return Outcome("incomplete", broke)
     if r.drive == "free":
         return _outcome_of_ride(scene, r)
+    return _outcome_of_travel(scene, r)
+
+
+def _outcome_of_travel(scene: Scene, r: Response) -> Outcome:
     # past the slack onset nothing is compared
     motion = scene.groups.motion
     duration = scene.arrival

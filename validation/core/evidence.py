@@ -251,18 +251,20 @@ class Evidence:
             "velocity": integrals[:, :2],
             "points": integrals[:, 2:4],
             "spin": integrals[:, 4],
-            "energies": integrals[:, 5:],
+            "kinetic_potential_strain": integrals[:, 5:],
         }
 
     # --- energy --------------------------------------------------------------------------------------------
 
     @cached_property
-    def energies(self) -> Array:
-        """Kinetic, potential, strain (k, 3) [J]; W = (N^2 - T^2)/(2 EA)."""
+    def kinetic_potential_strain(self) -> Array:
+        """Energies: kinetic, potential, strain (k, 3) [J]; W = (N^2 - T^2)/(2 EA)."""
         r = self.r
         data = self.data
         of_mass = [0.5 * data.mass * np.sum(r.velocity**2, axis=1), -data.weight * r.y, np.zeros(r.t.size)]
-        return self.interpolated_at(self.t, np.stack(of_mass, axis=1)) + self.cable_integrals["energies"]
+        return (
+            self.interpolated_at(self.t, np.stack(of_mass, axis=1)) + self.cable_integrals["kinetic_potential_strain"]
+        )
 
     @property
     def energy_scale(self) -> float:

@@ -189,14 +189,14 @@ def _float_or_nan(cell: str) -> float:
 # --- completing, and refusing what does not fit the scene -------------------------------------------------------------
 
 
-def _completed_columns(scene: Scene, columns: dict[str, Array], rows: Sequence[str]) -> dict[str, Any]:
+def _completed_columns(scene: Scene, columns: dict[str, Array], row_names: Sequence[str]) -> dict[str, Any]:
     """All of t, s_o, x, y, u, v that follow from the given columns."""
     if scene.drive.mode == "free":
         if not ("t" in columns and columns.keys() & {"s_o", "x"} and columns.keys() & {"v", "y"}):
             raise Refused(f"a free ride needs t, s_o or x, and v or y; it has {', '.join(columns)}")
     elif scene.groups.motion is None:
         raise Refused(f"scene {scene.name} has no travelling mass: there is no path to compare")
-    _refuse_unordered("t" if "t" in columns else "s_o", columns, rows)
+    _refuse_unordered("t" if "t" in columns else "s_o", columns, row_names)
     x = _with_time_and_position(scene, columns)
     rest = {"x": scene.catenary.x(x["s_o"]), "y": scene.catenary.y(x["s_o"])}
     for moved, at in (("u", "x"), ("v", "y")):
@@ -208,15 +208,16 @@ def _completed_columns(scene: Scene, columns: dict[str, Array], rows: Sequence[s
     return x
 
 
-def _refuse_unordered(name: str, columns: dict[str, Array], rows: Sequence[str]) -> None:
+def _refuse_unordered(name: str, columns: dict[str, Array], row_names: Sequence[str]) -> None:
     """Raise Refused at the first row where the column t or s_o does not increase."""
     late = np.flatnonzero(np.diff(columns[name]) <= 0.0)
     if late.size:
         i = late[0]
         unit = _COLUMNS[name]
         before, after = columns[name][i : i + 2]
+        row, row_before = row_names[i + 1], row_names[i]
         raise Refused(
-            f"{rows[i + 1]}: {name} = {after:.6g} {unit} does not come after {before:.6g} {unit} in {rows[i]}; "
+            f"{row}: {name} = {after:.6g} {unit} does not come after {before:.6g} {unit} in {row_before}; "
             f"{name} must increase"
         )
 

@@ -34,7 +34,8 @@ class Defect:
     averaged: bool = False
 
     @property
-    def size(self) -> Array:
+    def rms_or_mean(self) -> Array:
+        """The size (c,)."""
         if self.averaged:
             return np.abs(np.mean(self.value, axis=0))
         return np.sqrt(np.mean(self.value**2, axis=0))
@@ -81,8 +82,8 @@ def check_laws_in_si(
             space, time = _bars_of_defect(law, defect, ladder, known)
             time = time + _sampling_bars(law, defect, sparse_steps)  # more steps lessen both
             bars = space + time + _sampling_bars(law, defect, sparse_stations)
-            worst = int((defect.size / bars).argmax())
-            gap = float(defect.size[worst])
+            worst = int((defect.rms_or_mean / bars).argmax())
+            gap = float(defect.rms_or_mean[worst])
             parts = (float(space[worst]), float(time[worst]))
             bar = float(bars[worst]) if np.isfinite(bars[worst]) else math.inf
             at = float(defect.s_o[np.abs(defect.value[:, worst]).argmax()])
@@ -97,7 +98,7 @@ def _bars_of_defect(law: Law, defect: Defect, ladder: Any, known: dict[int, Evid
     """Bars (c,) of a defect in space and time."""
     defects = {key: (defect if law.exact else law.defect(x)).value for key, x in known.items()}
     space, time = ladder.bar_parts(lambda x: defects[id(x)], defect.rms_or_mean_distance, FIRST)
-    space, time = (np.broadcast_to(x, defect.size.shape) for x in (space, time))
+    space, time = (np.broadcast_to(x, defect.rms_or_mean.shape) for x in (space, time))
     if law.at_start:
         space = np.maximum(space, SAFETY * ladder.start_gap)
     return space, time
@@ -327,7 +328,7 @@ def car_at_rest_defect(evidence: Evidence) -> Defect:
 
 
 @_register_law("place of the mass", exact=True)
-def mass_position_defect(evidence: Evidence) -> Defect:
+def position_less_displacement_defect(evidence: Evidence) -> Defect:
     """p = X(s_o) + w; over the largest deflection."""
     r = evidence.r
     k = evidence.steps_in_windows
@@ -580,7 +581,7 @@ def _total_power(powers: dict[str, Array]) -> Array:
 def energy_balance_defect(evidence: Evidence) -> Defect:
     """Energy of cable and mass changes by the work of the drive, until slack: a snapping cable loses some."""
     work = evidence.impulse_at_window_ends(_total_power(evidence.powers)[:, None])
-    conserved = evidence.energies.sum(axis=1)[:, None] - work
+    conserved = evidence.kinetic_potential_strain.sum(axis=1)[:, None] - work
     defect = _defect_of_change(evidence, conserved, evidence.energy_scale)
     return Defect(defect.s_o, np.where((evidence.t[1:] <= evidence.r.slack_since)[:, None], defect.value, 0.0))
 
@@ -591,7 +592,7 @@ def energy_parts_defect(evidence: Evidence) -> Defect:
     r = evidence.r
     stored = np.stack([r.kinetic, r.potential, r.strain, r.energy], axis=1)
     total = evidence.interpolated_at(evidence.t, np.sum(stored[:, :3], axis=1)[:, None])
-    own = np.concatenate([evidence.energies, total], axis=1)
+    own = np.concatenate([evidence.kinetic_potential_strain, total], axis=1)
     return _defect_of_change(evidence, evidence.interpolated_at(evidence.t, stored) - own, evidence.energy_scale)
 
 

@@ -156,6 +156,7 @@ class _DemandedValues:
         return _ratio_with_bar(None if load is None else Value(load), self._largest("tension_max"))
 
     def _tension_over_contact(self) -> Value | None:
+        """Smallest tension over largest contact force."""
         return _ratio_with_bar(self._smallest("tension_min"), self._largest("contact_max"))
 
     def _tension_over_wheel(self) -> Value | None:

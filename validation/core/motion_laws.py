@@ -348,7 +348,7 @@ class _LineFiles:
         kind, _, of = number["quantity"].partition(":")
         name, _, word = kind.rpartition("_")
         if name == "clearance":
-            return [float(min(np.min(values) for values in self._clearance_columns(kind, of)))]
+            return [float(min(np.min(values) for values in self._clearances_of_body_over_obstacle(kind, of)))]
         if name == "safety_factor":
             tensions = _with_forces_averaged("tension", self._columns_by_quantity["tension"], self.t, self.period)
             values = self.line.data["cable"]["breaking_load"] / tensions
@@ -361,10 +361,13 @@ class _LineFiles:
         pick = np.max if word == "max" else np.min
         return [float(pick(values)), float(pick(values[:, now]))]
 
-    def _clearance_columns(self, kind: str, of: str) -> list[Array]:
-        """Heights over an obstacle or the ground of a car, or of the rope and all cars' points."""
+    def _clearances_of_body_over_obstacle(self, kind: str, body_over_obstacle: str) -> list[Array]:
+        """Columns (n,) of heights over an obstacle or the ground.
+
+        Of a car; of kind clearance_rope: of the rope and of the points of all cars.
+        """
         scene = self.line.data
-        body, _, over = of.rpartition(" over ")
+        body, _, over = body_over_obstacle.rpartition(" over ")
         below = {car["name"]: car.get("below", 0.0) for car in scene["car"]}
         heights = []
         if kind == "clearance_rope":

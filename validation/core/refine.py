@@ -294,15 +294,16 @@ def exceeds_work_budget(method: Method, ladder: Ladder, finer: dict[str, Any], b
 # --- bars -----------------------------------------------------------------------------------------------------------
 
 
+Gap = Callable[[Response, Response, View], float]  # of a coarse run to a fine one
+
+
 def path_bar_parts(ladder: Ladder, view: View) -> tuple[float, float]:
     """Parts of space and time in the bar of the path."""
     return bar_parts_of_gap(ladder, view, lambda x, y, view: measures.path_gap(x, y, view.window)[0])
 
 
-def bar_parts_of_gap(
-    ladder: Ladder, view: View, gap: Callable[..., float], order: float = math.inf
-) -> tuple[float, float]:
-    """Parts of space and time in the bar of a gap(coarse, fine, view); infinite if unknown."""
+def bar_parts_of_gap(ladder: Ladder, view: View, gap: Gap, order: float = math.inf) -> tuple[float, float]:
+    """Parts of space and time in the bar of a gap; infinite if unknown."""
     try:
         view = view.up_to_valid(ladder.finest)
     except NotComparable:

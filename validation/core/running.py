@@ -147,7 +147,7 @@ class Run:
         free = self.scene.groups.motion is None  # otherwise the times end there
         newton = TRAPEZOIDAL_NEWTON if free and scheme.name == "trapezoidal" else Newton()
         for states in newmark.integrate_blocks(
-            solver, scheme, self.times_to(until), newton=newton, work=h.work, start=start
+            solver, scheme, self.times_until_position(until), newton=newton, work=h.work, start=start
         ):
             h.states.extend(states)
             position = solver.position(states[-1])
@@ -170,7 +170,7 @@ class Run:
             solver.slack_ends = False  # here and in copies: no later one is looked for
         return tension < 0.0
 
-    def times_to(self, until: float) -> list[Array]:
+    def times_until_position(self, until: float) -> list[Array]:
         """The step times up to s_o/l = until."""
         if self.scene.groups.motion is None or until >= 1.0:
             return self.times

@@ -193,7 +193,7 @@ class Law(Case):
 
 def defect_of_ride(scene: Scene, defect: Callable[[Any], Any]) -> Callable:
     """The defect of a ride."""
-    return lambda solvers, method, settings: defect(solvers.run_ride(scene, method, **settings))
+    return lambda solvers, method, settings: defect(solvers.run_scene(scene, method, **settings))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -223,11 +223,12 @@ def level_string(motion: Motion, mu: float = MU, sigma: float = SIGMA) -> Groups
 
 
 def scene_in_units_of_cable(
-    gravity: float, EA: float, mass: float, drive: dict[str, Any], travel: Any = None, **hangs: float
-) -> Scene:
-    """Scene with rho = 1; default: span 1, drop 0, H = 1."""
-    supports = Supports(span=hangs.pop("span", 1.0), drop=hangs.pop("drop", 0.0))
-    cable = Cable(mass_per_length=1.0, EA=EA, **(hangs or {"horizontal_tension": 1.0}))
+    gravity: float, EA: float, mass: float, drive: dict[str, Any], travel: Any = None, *,
+    span: float = 1.0, drop: float = 0.0, **hangs_by: float,
+) -> Scene:  # fmt: skip
+    """Scene with rho = 1; hangs_by : `length` or another key of [cable], H = 1 without it."""
+    supports = Supports(span=span, drop=drop)
+    cable = Cable(mass_per_length=1.0, EA=EA, **(hangs_by or {"horizontal_tension": 1.0}))
     parts: dict[str, Any] = {"mass": Mass(mass=mass), "travel": travel, "drive": drive}
     return Scene(gravity=gravity, cable=cable, supports=supports, **parts)
 

@@ -25,8 +25,8 @@ from validation.oracles.case import Array, Crossing, level_string, travel_from_i
 NODE, WEIGHT = np.polynomial.legendre.leggauss(3)
 
 
-def step_integrals_of_green(t: Array, *, V: float, s0: float, c: float) -> Array:
-    """int G dt' over each step, at times t[1:]; lower triangular."""
+def green_step_matrix(t: Array, *, V: float, s0: float, damping: float) -> Array:
+    """int G dt' over each step (columns) at times t[1:] (rows), (n - 1, n - 1), lower triangular."""
     h = t[1]
     now = t[1:, None]
     before = t[None, :-1]
@@ -39,14 +39,14 @@ def step_integrals_of_green(t: Array, *, V: float, s0: float, c: float) -> Array
         length = np.clip(heard - before, 0.0, h)
         for node, weight in zip(NODE, WEIGHT, strict=True):
             sent = before + 0.5 * (1.0 + node) * length
-            root = 0.5 * c * np.sqrt(np.clip((now - sent) ** 2 - (z - rate * sent) ** 2, 0.0, None))
-            total += 0.25 * sign * weight * length * i0e(root) * np.exp(root - 0.5 * c * (now - sent))
+            root = 0.5 * damping * np.sqrt(np.clip((now - sent) ** 2 - (z - rate * sent) ** 2, 0.0, None))
+            total += 0.25 * sign * weight * length * i0e(root) * np.exp(root - 0.5 * damping * (now - sent))
     return np.tril(total)
 
 
 def path(t: Array, *, mu: float, P: float, V: float, s0: float, c: float) -> Array:
     """y at equal steps t; mu = 0: of the force."""
-    G = step_integrals_of_green(t, V=V, s0=s0, c=c)
+    G = green_step_matrix(t, V=V, s0=s0, damping=c)
     F = np.full(t.size - 1, P)
     if mu > 0.0:
         own = np.tril(t[1] / mu * (t[1:, None] - t[None, :-1] - 0.5 * t[1]))

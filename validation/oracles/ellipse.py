@@ -101,7 +101,7 @@ def stiff_rope_scene(stiffness: float, mu: float = MU, start: float = START, t_e
 
 
 def _run_ride(solvers: Solvers, method: str, scene: Scene) -> Any:
-    return solvers.run_ride(scene, method, steps=1200, **RULES[method])
+    return solvers.run_scene(scene, method, steps=1200, **RULES[method])
 
 
 def _path_error(solvers: Solvers, method: str, stiffness: float) -> Any:

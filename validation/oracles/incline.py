@@ -78,7 +78,7 @@ def _drag_deviation(solvers: Solvers, method: str, sigma: float) -> Any:
     exact: Any = {"mass": MU, "g": sigma, "sin": SIN, "drag_factor": drag_factor}
     t_end = math.acosh(math.exp(0.7 * drag_factor / MU)) * MU / drag_factor / terminal_speed(**exact)
     scene = _straight_rope_scene(sigma, air_density=1.0, drag_area=2.0 * drag_factor, end={"time": t_end})
-    r = solvers.run_ride(scene, method, steps=200, scheme="generalized-alpha")
+    r = solvers.run_scene(scene, method, steps=200, scheme="generalized-alpha")
     return r.s_o - START - distance_with_drag(r.t, **exact)
 
 
@@ -87,7 +87,7 @@ def _stop_deviation(solvers: Solvers, method: str, sigma: float) -> Any:
     rolling_friction = 0.04
     force = 3.0 * MU * sigma * SIN
     scene = _straight_rope_scene(sigma, rolling_friction=rolling_friction, brake=[{"from": shoe, "force": force}])
-    r = solvers.run_ride(scene, method, steps=200, scheme="generalized-alpha")
+    r = solvers.run_scene(scene, method, steps=200, scheme="generalized-alpha")
     t = np.linspace(0.0, r.t[-1], 2001)
     return (
         np.interp(t, r.t, r.s_o)

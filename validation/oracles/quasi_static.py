@@ -30,7 +30,7 @@ def quasi_static_ride(scene: Scene, curve: Curve = LoadPath.loaded) -> Ride:
 def _deviation_with_drag(solvers: Solvers, method: str, drag: float) -> Any:
     """Distance of s_o(t) from the quasi-static ride, over l."""
     scene = Scene.from_toml(ZIP + f"start = 60.0\nrelease = 4.0\ndrag_area = {drag!r}\nend = {{place = 110.0}}")
-    r = solvers.run_ride(scene, method, steps=400, scheme="generalized-alpha")
+    r = solvers.run_scene(scene, method, steps=400, scheme="generalized-alpha")
     return np.abs(r.s_o / r.length - quasi_static_ride(scene).at(r.t / scene.time_scale)[0])
 
 
@@ -38,7 +38,7 @@ def _deviation_with_fast_waves(what: str, curve: Curve, solvers: Solvers, method
     """Error of place over l, or of speed over the largest."""
     drive = {"mode": "free", "start": 0.02, "end": {"place": 0.9}}
     scene = scene_in_units_of_cable(sigma, 1200.0, 0.3, drive, span=0.96, drop=0.28, horizontal_tension=1.0)
-    r = solvers.run_ride(scene, method, steps=600)
+    r = solvers.run_scene(scene, method, steps=600)
     other = quasi_static_ride(scene, curve)
     t = r.t / scene.time_scale
     there = t <= other.duration

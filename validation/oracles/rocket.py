@@ -50,7 +50,7 @@ def _path_deviation(solvers: Solvers, method: str, sigma: float, lift: bool = Tr
     )
     # w is down to 3e-5 l
     fine = {"terms": 160, "steps": 400} if method == "fourier-kink" else {"elements": 200, "steps": 800}
-    r = solvers.run_ride(scene, method, scheme="trapezoidal", **fine)
+    r = solvers.run_scene(scene, method, scheme="trapezoidal", **fine)
     return (r.v / r.length - exact(r.t / scene.time_scale)[0]) / (mu * sigma)
 
 

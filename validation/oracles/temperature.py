@@ -64,11 +64,11 @@ def unstretched_length(rest: Catenary, EA: float) -> float:
     return float(0.5 * rest.length * (weights / (1.0 + T / EA)).sum())
 
 
-def heated_length_and_total_weight(scene: Scene, l: float, unstretched: float) -> tuple[float, float]:
-    """S [m] and weight [N], hot or cold, with ice; l, unstretched : at the reference."""
+def heated_length_and_total_weight(scene: Scene, stretched: float, unstretched: float) -> tuple[float, float]:
+    """S [m] and weight [N], hot or cold, with ice; lengths [m] : at the reference temperature."""
     cable = scene.cable
     ice = cable.ice_per_length
-    return unstretched * (1.0 + cable.thermal_strain), (cable.mass_per_length + ice) * scene.gravity * l
+    return unstretched * (1.0 + cable.thermal_strain), (cable.mass_per_length + ice) * scene.gravity * stretched
 
 
 def held_car_in_cold(EA: float) -> tuple[Scene, np.ndarray, np.ndarray]:
@@ -104,7 +104,7 @@ def held_car_in_cold(EA: float) -> tuple[Scene, np.ndarray, np.ndarray]:
 def _position_error(solvers: Solvers, method: str, EA: float) -> float:
     """Error of the place over the deflection."""
     scene, point, empty = held_car_in_cold(EA)
-    r = solvers.run_ride(scene, method, steps=100, **({"terms": 40} if method == "fourier-kink" else {}))
+    r = solvers.run_scene(scene, method, steps=100, **({"terms": 40} if method == "fourier-kink" else {}))
     return math.hypot(r.x[0] - point[0], r.y[0] - point[1]) / math.hypot(*(point - empty))
 
 

@@ -36,7 +36,7 @@ def _resistance_deviation(solvers: Solvers, method: str, sigma: float, drag: boo
     t_end = 0.45
     drive = {"mode": "haul", "start": s0, "end": {"place": s0 + V * t_end}}
     scene = scene_in_units_of_cable(sigma, 300.0, mu, drive, travel=ConstantSpeed(speed=V))
-    r = solvers.run_ride(scene, method, steps=400, scheme="generalized-alpha")
+    r = solvers.run_scene(scene, method, steps=400, scheme="generalized-alpha")
     exact = wave_resistance(r.t / scene.time_scale, mu=mu, V=V, s0=s0, drag=drag)
     return (r.F_haul - mu * r.acceleration[:, 0]) / (mu * sigma) ** 2 - exact
 

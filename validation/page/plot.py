@@ -67,9 +67,9 @@ class Panel:
     image: Array | None = None  # (rows from above, columns), 0 to 1 in the colours FIELD
     scale: tuple[float, float, str] | None = None  # of the image: values at 0 and 1, unit
 
-    def add_curve(self, *curve: Any, **look: Any) -> None:
-        """Add a curve, described as in `Curve`."""
-        self.curves.append(Curve(*curve, **look))
+    def add_curve(self, x: Array, y: Array, color: str, dash: str = "", width: float = 2.0, name: str = "") -> None:
+        """Add a `Curve`."""
+        self.curves.append(Curve(x, y, color, dash, width, name))
 
     def fit_axis(self, values: Sequence[Array], pad: float = 0.12) -> None:
         """Fit the axis to all finite values, with a margin of `pad` times their range."""

@@ -1,7 +1,7 @@
 """OpenSees (openseespy): corotational trusses, the mass handed on from node to node.
 
 Nodes lie at s_k = s_o(k dt).  At the end of step k the mass is a nodal mass of node k.
-Its place p follows Newmark's formula; with q* = q + dt q. + (1/2 - beta) dt^2 q.. for p and u, node k at X_k + u:
+Its position p follows Newmark's formula; with q* = q + dt q. + (1/2 - beta) dt^2 q.. for p and u, node k at X_k + u:
 
     M p.. = M (X_k + u - p*) / (beta dt^2) = M u.. + M (X_k - p* + u*) / (beta dt^2),
 
@@ -36,12 +36,14 @@ def run_opensees(groups: Groups, *, elements: int) -> PeerPath:
     s_nodes = np.concatenate([s, np.linspace(motion.end, 1.0, beyond + 1)[1:]])
     _add_cable(ops, groups, s_nodes)
     try:
-        place, seconds = _run_travel(ops, groups, t[: last + 1], np.stack(groups.coordinates(s[: last + 1]), axis=1))
+        positions, seconds = _positions_and_wall_seconds(
+            ops, groups, t[: last + 1], np.stack(groups.coordinates(s[: last + 1]), axis=1)
+        )
     finally:
         ops.wipe()
-    n = place.shape[0]
+    n = positions.shape[0]
     note = "" if n > last else "OpenSees' Newton method failed"
-    return path_until_nan(s[:n], place, t[:n], groups, seconds, note)
+    return path_until_nan(s[:n], positions, t[:n], groups, seconds, note)
 
 
 def _add_cable(ops: Any, groups: Groups, s: Array) -> None:
@@ -75,8 +77,8 @@ def _add_cable(ops: Any, groups: Groups, s: Array) -> None:
     ops.analysis("Transient")
 
 
-def _run_travel(ops: Any, groups: Groups, t: Array, nodes: Array) -> tuple[Array, float]:
-    """Places of the mass (n, 2), y down, and the seconds."""
+def _positions_and_wall_seconds(ops: Any, groups: Groups, t: Array, nodes: Array) -> tuple[Array, float]:
+    """Run the travel: positions of the mass (n, 2), y down, and the time it took."""
     assert groups.motion is not None
     mass = groups.mu
     weight = np.array([0.0, -groups.mu * groups.sigma])

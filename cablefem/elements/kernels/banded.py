@@ -14,7 +14,7 @@ class Tangent(NamedTuple):
 
 
 @compiled
-def factorise(ab, border):
+def factorise_in_place(ab, border):
     """Overwrite a tangent with its factors; those of a singular one are NaN.
 
     L has a unit diagonal, that of U is inverted. Rows stay: mass and taut cable give large diagonals.

@@ -55,7 +55,7 @@ class CarOnMesh(NamedTuple):
     bounds: Any  # see `is_before_event`
 
 
-class Forces(NamedTuple):
+class ForcesOnCar(NamedTuple):
     s_o: float
     ds: float
     dds: float
@@ -114,7 +114,7 @@ def car_forces(cable, car, now, slopes, x):
     ey = drag * py + thrust * tau[1]
     normal = (fx - ex) * tau[1] - (fy - ey) * tau[0]
     drive = hold - stretch * car.heading * (car.friction * abs(normal) + car.brake)
-    return Forces(
+    return ForcesOnCar(
         s_o, ds, dds, (xp, yp), (xpp, ypp), tau, stretch, (px, py), (fx, fy), (ex, ey), normal, drive
     )  # fmt: skip
 
@@ -154,7 +154,7 @@ def assemble_with_car(cable, rolling_car, now, x, r, tangent, factors):
     row += forces_on_car.slope[0] * cx + forces_on_car.slope[1] * cy - forces_on_car.drive
     r[n] = car.mu * x[2, n] if car.mode == HELD else row
     if is_tangent_required(factors):
-        add_car(car, forces_on_car, (cx, cy), tangent, factors)
+        add_car_tangent(car, forces_on_car, (cx, cy), tangent, factors)
     return min_tension, min_at, row, forces_on_car.normal
 
 
@@ -280,7 +280,7 @@ def add_inertia_row(cable, node, forces_on_car, x, border, factors):
 
 
 @inner
-def add_car(car, forces_on_car, carried, tangent, factors):
+def add_car_tangent(car, forces_on_car, contact_force, tangent, factors):
     ab, border = tangent
     m = 2 * car.node
     c0, c1, c2 = factors
@@ -313,7 +313,7 @@ def add_car(car, forces_on_car, carried, tangent, factors):
         column[m] += car.mu * c2 * xp + by_s * xpp + dx
         column[m + 1] += car.mu * c2 * yp + by_s * ypp + dy
         column[-1] += c2 * car.mu + dx * xp + dy * yp
-        column[-1] += rub * (xp * tau[1] - yp * tau[0]) + c0 * (xpp * carried[0] + ypp * carried[1])
+        column[-1] += rub * (xp * tau[1] - yp * tau[0]) + c0 * (xpp * contact_force[0] + ypp * contact_force[1])
         return
     column[:] = 0.0
     if car.mode == HAUL:

@@ -11,7 +11,7 @@ import numpy as np
 
 from cablefem.elements.kernels import compiled, inner
 from cablefem.elements.kernels.balance import Contact, Instant, assemble_inertia_and_damping, element_map
-from cablefem.elements.kernels.banded import Tangent, factorise, solve
+from cablefem.elements.kernels.banded import Tangent, factorise_in_place, solve
 from cablefem.elements.kernels.car import is_before_event
 from cablefem.elements.kernels.newton import NO_TANGENT, assemble_balance
 
@@ -252,7 +252,7 @@ def factorise_tangents(cable, rolling_car, workspace, step, rule):
 def factorise_combination(c0, c1, parts, tangent):
     set_combination(c0, c1, parts.ab, tangent.ab)
     set_combination(c0, c1, parts.border, tangent.border)
-    factorise(tangent.ab, tangent.border)
+    factorise_in_place(tangent.ab, tangent.border)
 
 
 @inner

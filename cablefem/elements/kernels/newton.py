@@ -7,7 +7,7 @@ import numpy as np
 
 from cablefem.elements.kernels import compiled, inner
 from cablefem.elements.kernels.balance import Instant, assemble, assemble_inertia_and_damping
-from cablefem.elements.kernels.banded import dot, factorise, solve
+from cablefem.elements.kernels.banded import dot, factorise_in_place, solve
 from cablefem.elements.kernels.car import assemble_with_car, is_before_event
 
 NO_TANGENT = 0.0, 0.0, 0.0
@@ -65,7 +65,7 @@ def solve_steps(cable, rolling_car, tangent, bands, steps, newton):
             if not norm <= newton.reuse * before:
                 assemble_balance(cable, rolling_car, now, x, r, tangent, factors)
                 norm = math.sqrt(dot(r, r))
-                factorise(tangent.ab, tangent.border)
+                factorise_in_place(tangent.ab, tangent.border)
                 factorisations += 1
             before = norm
             solve(tangent.ab, tangent.border, r)

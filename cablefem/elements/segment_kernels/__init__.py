@@ -44,12 +44,14 @@ class Kernel:
         self._known = cars, balance.Cars(self.contacts, self.forces, self.swings, self.gravity, data)
         return self._known[1]
 
-    def add_rows(self, x: Sequence[Array], law: Array, cars: Cars, rows: Array, loads: Array) -> None:
+    def add_rows_and_set_loads(
+        self, x: Sequence[Array], law: Array, cars: Cars, rows: Array, loads_and_min_tension: Array
+    ) -> None:
         """Add rows to (n, size), and set (n, cars + 1) to the loads [N] on the rope and the smallest tension.
 
         x : q, v, a of all coordinates (n, size); law : (3, K, G).
         """
-        balance.add_rows(self.mesh, self.rope, law, self._cars(cars), *x, rows, loads)
+        balance.add_rows_and_set_loads(self.mesh, self.rope, law, self._cars(cars), *x, rows, loads_and_min_tension)
 
     def add_tangent(self, x: Sequence[Array], law: Array, cars: Cars, c: Array, matrix: Bordered) -> None:
         """Add c0 d/dq + c1 d/dv + c2 d/da of the rows at one instant; x : q, v, a (size,); c : (4,) the last of F/M."""

@@ -78,15 +78,15 @@ def interpolate(mesh, q, v, a, first, e, g, f):
 
 
 @compiled
-def add_rows(mesh, rope, law, cars, q, v, a, rows, loads):
+def add_rows_and_set_loads(mesh, rope, law, cars, q, v, a, rows, loads_and_min_tension):
     """Add the rows of all segments and cars at n instants to rows (n, size).
 
     q, v, a : (n, size) of all coordinates; law : (3, K, G) EA, N_r, W_r.
-    loads (n, m + 1) : are set to the loads of the cars and the smallest tension.
+    loads_and_min_tension : (n, m + 1), is set: loads of the m cars, then the smallest tension.
     """
     for i in range(rows.shape[0]):
-        loads[i, -1] = add_segments(mesh, rope, law, q[i], v[i], a[i], rows[i])
-        add_cars(mesh, law.shape[1], cars, i, q[i], v[i], a[i], rows[i], loads[i])
+        loads_and_min_tension[i, -1] = add_segments(mesh, rope, law, q[i], v[i], a[i], rows[i])
+        add_cars_and_set_loads(mesh, law.shape[1], cars, i, q[i], v[i], a[i], rows[i], loads_and_min_tension[i])
 
 
 @inner
@@ -180,7 +180,7 @@ def set_slopes_and_motion_at_car(mesh, count, cars, j, q, v, a, y):
 
 
 @inner
-def add_cars(mesh, count, cars, i, q, v, a, rows, loads):
+def add_cars_and_set_loads(mesh, count, cars, i, q, v, a, rows, loads):
     """Add C, - Q and rows of phi of the cars at instant i; set their loads on the rope, the first m."""
     nn = mesh.ends.shape[1]
     S = 2 * (count * (nn - 1) + 1)
@@ -239,7 +239,7 @@ def add_car_tangent(mesh, count, cars, q, v, a, factors, matrix):
 
 @compiled
 def add_tangent(mesh, rope, law, cars, q, v, a, c, matrix):
-    """Add c0 d/dq + c1 d/dv + c2 d/da of `add_rows` at one instant, q, v, a (size,), see `Segments.tangent`.
+    """Add c0 d/dq + c1 d/dv + c2 d/da of the rows at one instant, q, v, a (size,), see `Segments.tangent`.
 
     c : c0, c1, c2, and the factor of forces F/M
     """

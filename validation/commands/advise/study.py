@@ -15,7 +15,7 @@ The tolerance holds for path and timetable, ten times as much for forces: as in 
 import itertools
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -35,7 +35,7 @@ from validation.core.measures import JUMP_WIDTH, NotComparable, series_gap, tens
 from validation.core.methods import METHODS, find_method
 from validation.core.order import FIRST
 from validation.core.quasi_static import Statics, quasi_static
-from validation.core.refine import BUDGET, TooCoarse, bar_parts_of_gap, refine_to_tolerance, refined_until
+from validation.core.refine import BUDGET, Gap, TooCoarse, bar_parts_of_gap, refine_to_tolerance, refined_until
 from validation.core.rows import tolerance_of
 from validation.core.running import run
 from validation.core.sidebyside import Progress, no_progress
@@ -46,7 +46,6 @@ SHARE = 0.25  # of the tolerance: for the full run's error
 POSITIONS = np.linspace(0.0, 1.0, 101)  # s_o/l of drawn paths
 # models of cable and load, cheap to full
 LADDER = (*itertools.product(("string", "sagged", "stretching"), ("force", "mass")), ("full", "mass"))
-Gap = Callable[[Response, Response, View], float]
 
 
 def _relative_gap(name: str, a: Response, b: Response, view: View, axial: float = 0.0) -> float:

@@ -217,13 +217,13 @@ def _missing_rows(
         return [] if {} in done else [refused]
     missing = [x for x in series.rungs if x not in done]
     if missing and series.kind not in ("tolerance", "waiting", "peer"):
-        _row_of_repeats(scene, series, missing[0], truth, 1, 0.0)  # the first run may compile
+        _row_of_fastest_repeat(scene, series, missing[0], truth, 1, 0.0)  # the first run may compile
     new = []
     last = 0.0
     remaining = share
     while missing and last <= remaining:
         begin = time.perf_counter()
-        row = _row_of_repeats(scene, series, missing.pop(0), truth, max(1, repeats), remaining)
+        row = _row_of_fastest_repeat(scene, series, missing.pop(0), truth, max(1, repeats), remaining)
         remaining -= time.perf_counter() - begin
         last = row["seconds"] or 0.0
         new.append(row)
@@ -268,7 +268,9 @@ def _chart_row(series: Series, settings: Row, **results: Any) -> Row:
     return known | empty | results
 
 
-def _row_of_repeats(scene: Scene, series: Series, rung: Row, truth: _Reference, repeats: int, remaining: float) -> Row:
+def _row_of_fastest_repeat(
+    scene: Scene, series: Series, rung: Row, truth: _Reference, repeats: int, remaining: float
+) -> Row:
     """The row of a run: the best of separate repeats and their spread (slowest over best), as time allows.
 
     Short runs are repeated more often.

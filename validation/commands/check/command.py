@@ -129,8 +129,8 @@ def _check_line(
     line = points[0].scene
     kind: Any = motion if line.moves else at_rest
     tol = kind.TOL if tol is None else tol
-    kind.refuse_tolerances(tol, tol_tension)
-    kind.refuse_second(points, second)
+    kind.refuse_tolerances_out_of_range(tol, tol_tension)
+    kind.refuse_unlike_second_line(points, second)
     if self_test and not line.car:
         raise store.Refused("--self-test: plants its fault in the mass of a car; must have one")
     results: list[Any] = []

@@ -182,7 +182,7 @@ def check_line(
 
     tol : [m];  tol_tension : of the largest tension, default `tol`;  second : a line for the elements alone.
     """
-    refuse_tolerances(tol, tol_tension)
+    refuse_tolerances_out_of_range(tol, tol_tension)
     tol_tension = tol if tol_tension is None else tol_tension
     checked = line
     line = with_worst_positions(line)
@@ -233,14 +233,14 @@ def smallest_noticed_faults(result: RestAnswers) -> dict[str, float]:
     return sensitivities.smallest_faults(line, result.rows, gaps)
 
 
-def refuse_tolerances(tol: float, tol_tension: float | None) -> None:
+def refuse_tolerances_out_of_range(tol: float, tol_tension: float | None) -> None:
     """Refuse tolerances out of range."""
     names = {"--tol in m": tol, "--tol-tension": tol_tension}
     if faults := [fault for name, value in names.items() for fault in tolerance_faults(value, name, *TOL_RANGE)]:
         raise store.Refused([f"{fault}, of a line at rest" for fault in faults])
 
 
-def refuse_second(points: Sequence[Point], second: Line | None) -> None:
+def refuse_unlike_second_line(points: Sequence[Point], second: Line | None) -> None:
     """Refuse a second line that is another one."""
     if second is not None and any(_contacts_and_shoes(second) != _contacts_and_shoes(point.scene) for point in points):
         raise store.Refused("--second: must be a line with the same contacts, cars and positions")

@@ -71,7 +71,7 @@ def check_line(
     tol : of the path, over its largest deflection;  tol_tension : of forces, default 10 tol.
     second : a line for the sines alone;  report : is called with the part of the runs that is done.
     """
-    refuse_tolerances(tol, tol_tension)
+    refuse_tolerances_out_of_range(tol, tol_tension)
     asked = LineTolerance(tol, FORCES * tol if tol_tension is None else tol_tension)
     first = LineRuns(ELEMENTS, line)
     both = first, LineRuns(SINES, second or line, first)
@@ -122,13 +122,13 @@ def _ladder_of_one(run: LineRun) -> Ladder[LineRun]:
     return Ladder(run, none, none)
 
 
-def refuse_tolerances(tol: float, tol_tension: float | None) -> None:
+def refuse_tolerances_out_of_range(tol: float, tol_tension: float | None) -> None:
     """Refuse tolerances out of range."""
     if faults := [*tolerance_faults(tol), *tolerance_faults(tol_tension, "--tol-tension", 1e-6, 1.0)]:
         raise store.Refused(faults)
 
 
-def refuse_second(points: Sequence[Point], second: Line | None) -> None:
+def refuse_unlike_second_line(points: Sequence[Point], second: Line | None) -> None:
     """Refuse a second line that is another one."""
     if second is not None and any(_contacts_and_cars(second) != _contacts_and_cars(point.scene) for point in points):
         raise store.Refused("--second: must be a line in motion with the same contacts and cars")

@@ -173,7 +173,7 @@ BASES = {  # of frequencies: what is refined; order and why
 
 
 class _Solvers:
-    """Solvers for the cases; dimensionless, but `run_ride` in SI."""
+    """Solvers for the cases; dimensionless, but `run_scene` in SI."""
 
     def theoretical_order(self, name: str) -> tuple[float | None, str]:
         """Order of the path, None if it is wrong, and why."""
@@ -242,7 +242,7 @@ class _Solvers:
         history = stack_states(states)
         return history.t, free.observe(history, np.zeros(0), np.zeros(0, np.intp)).path[:, 1]
 
-    def run_ride(self, scene: Scene, name: str, **settings: Any) -> Response:
+    def run_scene(self, scene: Scene, name: str, **settings: Any) -> Response:
         return run(scene, name, **settings)
 
     def holding_force(self, groups: Groups, name: str, start: float, **settings: Any) -> float:

@@ -88,28 +88,32 @@ def _rounds_to(match: re.Match[str], value: float) -> bool:
     return shows_value(match[3], value, bar=float(bar) if bar else None, digits=2 if match[2] else 5)
 
 
-def _search_faults(found: Row) -> Faults:
+def _search_faults(search: Row) -> Faults:
     """Faults of the values that were tried, of each change between them, and of the sentence."""
-    clauses = [_CLAUSE.fullmatch(text.strip()) for text in re.split(r"\band\b", found["condition"])]
-    reads = {row["value"]: list(itertools.chain(*row["read"])) for row in found["evaluations"]}
-    rooms = {value: list(map(_clause_margin, itertools.cycle(clauses), read)) for value, read in reads.items()}
-    for row in found["evaluations"]:
-        if row["holds"] is not all(room >= 0.0 for room in rooms[row["value"]]):
-            yield f"at {row['value']}: holds is {row['holds']} where {rooms[row['value']]} follow"
-    first = found["changes"][0] if found["changes"] else {}
+    clauses = [_CLAUSE.fullmatch(text.strip()) for text in re.split(r"\band\b", search["condition"])]
+    numbers_at = {row["value"]: list(itertools.chain(*row["read"])) for row in search["evaluations"]}
+    margins_at = {
+        value: list(map(_clause_margin, itertools.cycle(clauses), read)) for value, read in numbers_at.items()
+    }
+    for row in search["evaluations"]:
+        if row["holds"] is not all(margin >= 0.0 for margin in margins_at[row["value"]]):
+            yield f"at {row['value']}: holds is {row['holds']} where {margins_at[row['value']]} follow"
+    first = search["changes"][0] if search["changes"] else {}
     for name in ("value", "bar", "holds_at", "fails_at"):
-        if found[name] != first.get(name):
+        if search[name] != first.get(name):
             yield f"{name} is not that of the first change"
-    yield from _changes_faults(found, rooms, reads)
+    yield from _faults_of_changes_of_verdict(search, margins_at, numbers_at)
 
 
-def _changes_faults(found: Row, rooms: dict[float, list[float]], reads: dict[float, list[Any]]) -> Faults:
+def _faults_of_changes_of_verdict(
+    search: Row, margins_at: dict[float, list[float]], numbers_at: dict[float, list[Any]]
+) -> Faults:
     """Faults of each change, and of its answer in words."""
-    answers = [] if "interrupted" in found["sentence"] else list(_ANSWER.finditer(found["sentence"]))
-    if answers and len(answers) != len(found["changes"]):
-        yield f"{len(answers)} answers in words of {len(found['changes'])}"
-    for i, change in enumerate(found["changes"]):
-        yield from _change_faults(change, rooms, reads)
+    answers = [] if "interrupted" in search["sentence"] else list(_ANSWER.finditer(search["sentence"]))
+    if answers and len(answers) != len(search["changes"]):
+        yield f"{len(answers)} answers in words of {len(search['changes'])}"
+    for i, change in enumerate(search["changes"]):
+        yield from _faults_of_change_of_verdict(change, margins_at, numbers_at)
         if answers:
             yield from _answer_faults(answers[i], change)
 
@@ -120,8 +124,8 @@ def _clause_margin(match: re.Match[str] | None, read: Any) -> float:
         return 0.0 if read == ("met" if match is None else match[3]) else math.nan
     if read is None:
         return math.nan
-    room = float(read) - float(match[3]) * si_factor(match[4], _unit_in_condition(match[1]))
-    return room if match[2][0] == ">" else -room
+    margin = float(read) - float(match[3]) * si_factor(match[4], _unit_in_condition(match[1]))
+    return margin if match[2][0] == ">" else -margin
 
 
 def _unit_in_condition(name: str) -> str:
@@ -136,10 +140,12 @@ def _unit_in_condition(name: str) -> str:
     return next((units[x] for x in names if x in units), None) or EVENT_UNITS.get(of, "")
 
 
-def _change_faults(change: Row, rooms: dict[float, list[float]], read: dict[float, list[Any]]) -> Faults:
+def _faults_of_change_of_verdict(
+    change: Row, margins_at: dict[float, list[float]], numbers_at: dict[float, list[Any]]
+) -> Faults:
     """Faults of a change: where the first number that fails crosses its limit on a chord, and the bar of a check."""
     good, bad = change["holds_at"], change["fails_at"]
-    above, below = rooms[good], rooms[bad]
+    above, below = margins_at[good], margins_at[bad]
     if not all(x >= 0.0 for x in above) or all(x >= 0.0 for x in below):
         yield f"the condition does not change between {good} and {bad}"
     shares = [a / (a - b) for a, b in zip(above, below, strict=False) if b < 0.0 <= a]
@@ -148,8 +154,8 @@ def _change_faults(change: Row, rooms: dict[float, list[float]], read: dict[floa
         yield f"value {change['value']} where {value} follows"
     if change["checked"] is not None and change["bar"] is not None:
         i, number, of_number = change["checked"]
-        slope = abs((read[bad][i] - read[good][i]) / (bad - good))
-        bar = (abs(number - read[good][i]) + of_number) / slope
+        slope = abs((numbers_at[bad][i] - numbers_at[good][i]) / (bad - good))
+        bar = (abs(number - numbers_at[good][i]) + of_number) / slope
         if abs(change["bar"] - bar) > ROUNDING * bar:
             yield f"bar {change['bar']} where {bar} follows from the check"
 
