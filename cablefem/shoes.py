@@ -221,14 +221,14 @@ def off_rope_motion(
     point, velocity, acceleration = jets.swapaxes(0, 1)
     normal = downward_normals(car.rail, point[:, 0])
     tangent = normal[:, ::-1] * np.array([1.0, -1.0])
-    carried, force = velocity, car.mass * (acceleration - np.array([0.0, line.gravity]))
+    cabin_velocity, force = velocity, car.mass * (acceleration - np.array([0.0, line.gravity]))
     if car.hanger is not None and turning is not None:
         below = turning.centre - point
         forward = below[:, ::-1] * np.array([1.0, -1.0])
-        carried = velocity + turning.rate[:, None] * forward
+        cabin_velocity = velocity + turning.rate[:, None] * forward
         force = force + car.hanger.mass * (turning.acceleration[:, None] * forward - turning.rate[:, None] ** 2 * below)
         powers[f"{name} swing"] = -car.hanger.moment_per_rate(line.gravity) * turning.rate**2
-    air = carried - np.array([drive.wind, 0.0])
+    air = cabin_velocity - np.array([drive.wind, 0.0])
     drag = -drive.k * np.hypot(*air.T)[:, None] * air  # on the cabin
     force = force - drag
     along, pressing = (np.sum(force * axis, axis=1) for axis in (tangent, -normal))
@@ -240,7 +240,7 @@ def off_rope_motion(
         stretch = car.rail.stretch
         powers[f"{name} grip"] = stretch * along * ds
     else:
-        powers |= {f"{name} haul": along * speed, f"{name} drag": np.sum(drag * carried, axis=1)}
+        powers |= {f"{name} haul": along * speed, f"{name} drag": np.sum(drag * cabin_velocity, axis=1)}
         powers[f"{name} friction"] = 0.0 * speed
     return CarMotion(
         name=name, s=s, ds=ds, point=point, velocity=velocity, acceleration=acceleration,

@@ -108,7 +108,7 @@ class ChordCable:
     def tables_at(self, basis: Any, s_o: float) -> tuple[Array, Array]:
         return basis.stiffness(s_o), -self.curvature * basis.integral()
 
-    def _increment(self, tables: tuple[Array, Array], Q: Array) -> tuple[Array, float, Array]:
+    def _chord_force_increment_and_gradient(self, tables: tuple[Array, Array], Q: Array) -> tuple[Array, float, Array]:
         """S w, h, and (dh/dQ)/(alpha lam)."""
         S, b = tables
         Sq = Q[0] @ S
@@ -116,17 +116,17 @@ class ChordCable:
         return Sq, h, b + self.kap * Sq
 
     def internal_force_and_tensions(self, tables: tuple[Array, Array], Q: Array) -> tuple[Array, float]:
-        Sq, h, g = self._increment(tables, Q)
+        Sq, h, g = self._chord_force_increment_and_gradient(tables, Q)
         return (self.T_chord * Sq + h * g)[None], h
 
     def linearise(self, tables: tuple[Array, Array], Q: Array) -> tuple[Array, float, Array]:
-        _, h, g = self._increment(tables, Q)
+        _, h, g = self._chord_force_increment_and_gradient(tables, Q)
         J = (self.T_chord + self.kap * h) * tables[0] + np.multiply.outer(self.alpha * self.lam * g, g)
         return *self.internal_force_and_tensions(tables, Q), J
 
     def strain_energy_and_tension_increment(self, tables: tuple[Array, Array], Q: Array) -> tuple[float, float]:
         """Strain energy and h."""
-        Sq, h, _ = self._increment(tables, Q)
+        Sq, h, _ = self._chord_force_increment_and_gradient(tables, Q)
         return 0.5 * self.T_chord * (Q[0] @ Sq) + 0.5 * h**2 / self.alpha, h
 
     def min_tension(self, basis: Any, tables: Any, h: Any) -> tuple[float, float]:

@@ -72,8 +72,8 @@ def forces(cars: Cars, inputs: Array) -> ForcesOnCars:
     out = np.stack([np.sin(angle), np.cos(angle)], axis=-1)
     mean = 0.5 * (behind + ahead)
     tau = mean / vector_length(mean)[..., None]
-    carried = velocity + (cars.arm * rate)[..., None] * forward  # what the air meets
-    air = carried - np.stack([cars.wind, np.zeros_like(cars.wind)], axis=-1)
+    cabin_velocity = velocity + (cars.arm * rate)[..., None] * forward  # what the air meets
+    air = cabin_velocity - np.stack([cars.wind, np.zeros_like(cars.wind)], axis=-1)
     speed = np.sqrt(air[..., 0] ** 2 + air[..., 1] ** 2 + 1e-24)  # differentiable at rest
     drag = -(cars.drag * speed)[..., None] * air
     haul = cars.mass * inputs[..., 8]
@@ -87,7 +87,7 @@ def forces(cars: Cars, inputs: Array) -> ForcesOnCars:
     about_hinge = cars.lever * (dot(acceleration, forward) + cars.gravity * np.sin(angle))
     swing = cars.inertia * turning + about_hinge + cars.resistance * rate - cars.arm * dot(drag, forward)
     Q = stretch * (cars.hold + friction)
-    return ForcesOnCars(contact, Q, tau, stretch, haul, drag, friction, normal, swing, dot(drag, carried))
+    return ForcesOnCars(contact, Q, tau, stretch, haul, drag, friction, normal, swing, dot(drag, cabin_velocity))
 
 
 def force_jacobian(cars: Cars, inputs: Array) -> Array:

@@ -272,7 +272,7 @@ class CableElements(System):
         at_node = 2.0 * ds * self._nodal_values(states.v[frames], self.node).T  # (fields, k)
         at_node += dds * self._nodal_values(states.q[frames], self.node).T
         momentum[0] += np.where(is_behind, ends[0][:, frames], ends[2][:, frames] + at_node)
-        carried = momentum - _times_linear(moving, chi)
+        force_less_flux = momentum - _times_linear(moving, chi)
 
         # the element e of each station and the position in it, (k, m)
         s_o = s_o[:, None]
@@ -293,7 +293,8 @@ class CableElements(System):
                 value += coefficients.take(at)
             return value
 
-        return StationFields(values(q), values(rate), values(w_x), values(carried), ds[:, None] * (1.0 - abs(x)))
+        mesh_speed = ds[:, None] * (1.0 - abs(x))
+        return StationFields(values(q), values(rate), values(w_x), values(force_less_flux), mesh_speed)
 
     def _element_polynomials(self, histories: Sequence[Array]) -> Array:
         """Coefficients of fields with unknowns (k, n_dof), (histories, powers, elements, fields, k)."""

@@ -149,8 +149,8 @@ class FixedElements(CableElements):
         s_o, ds, dds = self.motion.at(t, phase)
         dofs, N, N_s, N_ss = self._shape_at(s_o)
         mu = self.inertia
-        carried = 0.0 if self.particle else mu  # a particle's path has them already
-        return Contact(dofs, N, mu * N, 2.0 * carried * ds * N_s, carried * (ds * ds * N_ss + dds * N_s))
+        convected = 0.0 if self.particle else mu  # a particle's path has them already
+        return Contact(dofs, N, mu * N, 2.0 * convected * ds * N_s, convected * (ds * ds * N_ss + dds * N_s))
 
     def _assemble(self, t, phase, x, r, factors) -> None:
         super()._assemble(t, phase, x, r, factors)
@@ -196,10 +196,10 @@ class FixedElements(CableElements):
         left = ends[0] - (1.0 - s_o) * force
         right = ends[1] + s_o * force
         at_mass = np.stack([left, ends[1], ends[2], right]), force, s_o[:, None], np.arange(s_o.size)
-        behind = super()._fields_along(states, self._mesh_kinematics(kinematics), *at_mass).carried[..., 0]
+        behind = super()._fields_along(states, self._mesh_kinematics(kinematics), *at_mass).force_less_flux[..., 0]
         return np.stack([left, behind, behind + force, right])
 
     def _fields_along(self, states, kinematics, ends, force, s, frames):
         along = super()._fields_along(states, self._mesh_kinematics(kinematics), ends, force, s, frames)
         is_ahead = s > kinematics[frames, :1]  # (k, m)
-        return along._replace(carried=along.carried + is_ahead * force[:, frames, None])
+        return along._replace(force_less_flux=along.force_less_flux + is_ahead * force[:, frames, None])

@@ -219,7 +219,7 @@ class StationFields(NamedTuple):
     w: Array
     rate: Array  # dw/dt at fixed s
     slope: Array  # w'
-    carried: Array  # f - c^2 w'
+    force_less_flux: Array  # f - c^2 w'
     c: Array  # (k, m) speed of the mesh
 
 
@@ -239,7 +239,7 @@ def _station_fields(system: CableElements, along: StationFields, s: Array, rise:
     X_s = np.array(static)[:, None]  # (2, 1, m)
     r_s = X_s + slope
     alpha = system._law[0]
-    fields["T"] = _tension_from_momentum(system, along.carried, along.c, (X_s, T, r_s))
+    fields["T"] = _tension_from_momentum(system, along.force_less_flux, along.c, (X_s, T, r_s))
     fields["T_pointwise"] = tension(strain(X_s, slope, length_of(r_s)), T, alpha, system._law[3])[0]
     return fields
 
@@ -281,15 +281,17 @@ def _chord_tensions(system: CableElements, ends: Array, rise: Array, T: Array) -
     return {"T_behind": at_mass, "T_ahead": at_mass, "reaction_left": -left, "reaction_right": right}
 
 
-def _tension_from_momentum(system: CableElements, carried: Array, c: Array, at: tuple[Array, Array, Array]) -> Array:
-    """N from `carried` = N t - T X' - c^2 w'; at : X', T, r'; components come first.
+def _tension_from_momentum(
+    system: CableElements, force_less_flux: Array, c: Array, at: tuple[Array, Array, Array]
+) -> Array:
+    """N from `force_less_flux` = N t - T X' - c^2 w'; at : X', T, r'; components come first.
 
     N t - c^2 r' = (N (1 - c^2/alpha) - c^2 (1 - T/alpha)) t; r' gives the sign.
     """
     static, T, slope = at
     alpha = system._law[0]
     flux = c * c
-    x, y = carried + (T - flux) * static  # N t - c^2 r'
+    x, y = force_less_flux + (T - flux) * static  # N t - c^2 r'
     size = length_of((x, y))
     size = np.where(x * slope[0] + y * slope[1] < 0.0, -size, size)
     N = (size + flux * (1.0 - T / alpha)) / (1.0 - flux / alpha)

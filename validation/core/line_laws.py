@@ -339,8 +339,8 @@ def _numbers_at_contact(data: LineAtRest, rest: Any, rope: Rope, i: int, j: int)
     row: PositionNumbers = {"tension": float(np.nanmax(rope.tensions[:, k]))}
     if contact["kind"] == "saddle":
         across, down = rope.ahead[k] - rope.behind[k]
-        carried = sum(car["mass"] for car in data.cars if data.saddle_under_car(car, i) is contact) * data.gravity
-        for kind, weight in (("pressure", 0.0), ("load", carried)):
+        car_weight = sum(car["mass"] for car in data.cars if data.saddle_under_car(car, i) is contact) * data.gravity
+        for kind, weight in (("pressure", 0.0), ("load", car_weight)):
             row[kind] = math.hypot(across, down + weight)
             row[f"{kind}_down"] = float(down + weight)
         row["knee"] = _bend_angle(rope.behind[k], rope.ahead[k])

@@ -89,12 +89,12 @@ class CarBody:
         self.touching[0].set_shoe(sampled(car.shoe_force), velocity)
         self.e = self.touching[0].tau
         mass = data["mass"]
-        carried = 0.0  # mass at the contact
+        contact_mass = 0.0  # mass at the contact
         if self.has_cabin:
             hanger = data["hanger"]
             m = hanger["mass"]
             self.size = hanger["length"]
-            carried = mass - m
+            contact_mass = mass - m
             self.inertia = m * hanger.get("gyration", 0.0) ** 2
             stiffness = m * gravity * self.size
             self.damping = 2.0 * hanger.get("damping", 0.0) * math.sqrt((self.inertia + m * self.size**2) * stiffness)
@@ -112,7 +112,7 @@ class CarBody:
             self.touching = [RopeTouch(x, x.load, sampled) for x in (rear, front)]
         self.c = point - self.arms[-1]
         self.dc = velocity - 1j * self.rate * self.arms[-1]
-        self.masses = [(carried, point, velocity), (mass - carried, self.c, self.dc)]
+        self.masses = [(contact_mass, point, velocity), (mass - contact_mass, self.c, self.dc)]
         self._set_thrust_and_drag(car, sampled)
         self._set_force_along_rope(car, motion, sampled)
 
@@ -184,8 +184,8 @@ class CarBody:
 
     @property
     def momentum(self) -> ComplexVector:
-        (carried, _, v), (m, _, dc) = self.masses
-        return carried * v + m * dc
+        (contact_mass, _, v), (m, _, dc) = self.masses
+        return contact_mass * v + m * dc
 
     def moment_balance(self) -> tuple[Array, Array]:
         """Parts of the balance of moments about c that a window W takes, and that its slope takes."""
