@@ -181,14 +181,13 @@ class LineSines(System):
     def _name_events(self, bodies: list[Body]) -> None:
         """Set the events, and what each kind of them watches."""
         names = [c.name for c in self.line.touching]
+        touching = self.line.touching
         self.passages = possible_passages(self.line)
         pairs = [i for i in self.layout.outer if i in self.travel_contact.values() or i + 1 in self.cars]
         self.gaps = [i for i in pairs if not may_pass(self.passages, names[i], names[i + 1])]
-        self.stops = [k for k, body in self.free_cars.items() if body.car.drive.has_resistance]
-        touching = self.line.touching
         meetings = [meeting_event(touching[i], touching[i + 1]) for i in self.gaps]
+        self._set_stops_and_brakes()
         stops = [f"{self.cars[k].car.name} stops" for k in self.stops]
-        self.brakes = [(k, position) for k in self.stops for position, _ in self.cars[k].car.drive.brakes]
         brakes = [f"{self.cars[k].car.name} brakes" for k, _ in self.brakes]
         lifted = [lift_off_event(c) for c in touching if not isinstance(c, Contact)]
         self.saddles = [k for k, body in enumerate(bodies) if isinstance(body, Saddle)]
@@ -196,6 +195,11 @@ class LineSines(System):
         loose = [f"{self.cars[k].car.name} breaks loose" for k in self.stops]
         self.events = (*meetings, *stops, *brakes, *lifted, *self.rope_events, *loose, *map(str, self.passages))
         self.below = {car.name: names.index(car.rail.saddle) for car in self.line.over if car.rail is not None}
+
+    def _set_stops_and_brakes(self) -> None:
+        """Set the free cars that may stop, and the positions where their brakes begin."""
+        self.stops = [k for k, body in self.free_cars.items() if body.car.drive.has_resistance]
+        self.brakes = [(k, position) for k in self.stops for position, _ in self.cars[k].car.drive.brakes]
 
     @property
     def _line_length(self) -> float:

@@ -80,10 +80,9 @@ class Layout:
         self.functions = terms + 2  # without those of the ends
         self.inner = 2 * self.functions * self.segments
         # angles of the cabins of cars off the rope
-        hung = [car.name for car in line.over if car.hanger is not None]
         first = self.inner + 7 * self.contacts
-        self.angle_off_rope = {name: first + i for i, name in enumerate(hung)}
-        self.size = first + len(hung)
+        self.angle_off_rope = {car.name: i for i, car in enumerate(line.hung_off_rope, start=first)}
+        self.size = first + len(self.angle_off_rope)
         own = self.inner + np.arange(7 * self.contacts).reshape(-1, 7)
         self.moving = own[:, :5]
         self.x, self.y, self.angle, _, _, self.s, self.F = own.T

@@ -173,7 +173,7 @@ class LineElements(System):
             trolley.set_slots(first + np.arange(3), force, self.nodes, self.s, self.segments.end_slopes)
             first += 3
         # cars off the rope with a cabin that swings, and slots of phi
-        self.hung_off_rope = list(enumerate((car for car in self.line.over if car.hanger is not None), start=first))
+        self.hung_off_rope = list(enumerate(self.line.hung_off_rope, start=first))
         self.size = first + len(self.hung_off_rope)
         self.points = [i for i, car in cars if car.wheels is None]  # numbers of the cars on one contact
         self._cabins = np.array([self._cabin_data(car) for car in self.line.cars]).reshape(-1, 4).T

@@ -179,6 +179,11 @@ class MovingLine:
         x = position if car.along == "x" else car.rail.x_with_rates(position - rope_flow)
         return np.stack([x, car.rail.y_with_rates(x)], axis=1)
 
+    @property
+    def hung_off_rope(self) -> list[Car]:
+        """Cars off the rope with a cabin that swings."""
+        return [car for car in self.over if car.hanger is not None]
+
     def direction(self, car: Car, phase: int) -> float:
         """1 or -1: the direction of a prescribed travel in a phase.
 
