@@ -325,17 +325,19 @@ def law_row(ladder: LineLadder, quantity: str, law: str, defect: Any, end: float
 
     defect : of a run, and of every second step of it.
     """
+    of_all_steps, of_every_second = defect(ladder.finest), defect(ladder.finest, 2)
+    over_time = of_all_steps.size != of_every_second.size  # else over windows or bodies
 
     def at(moved: LineRun) -> Array:
         values = defect(moved)
-        return moved.at_instants(values, end) if len(values) == moved.motion.t.size else values
+        return moved.at_instants(values, end) if over_time else values
 
     def size(values: Array) -> float:
         return float(np.max(np.abs(values), initial=0.0))
 
-    gap = size(defect(ladder.finest))
+    gap = size(of_all_steps)
     space, time = ladder.bar_parts(at)
-    sampled = defect(ladder.finest, 2), defect(with_every_second_station(ladder.finest))
+    sampled = of_every_second, defect(with_every_second_station(ladder.finest))
     sampling = 3.0 * sum(abs(gap - size(values)) for values in sampled)
     parts = (BoundPart("ladder", space + time), BoundPart("sampling", sampling))
     bound = Bound("law", parts)

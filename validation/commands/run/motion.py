@@ -344,10 +344,13 @@ class MotionAnswers(LineAnswers):
         before = "".join(f"{sentence}; " for sentence in self._stops_before_end())
         if self.moved.events and self.moved.events[-1][1] >= end * (1.0 - 1e-9):
             name, t = self.moved.events[-1]
-            whose = "for all cars " if len(self.cars) > 1 else ""
             sentence = f"{before}{name} after {t:.1f} s with {places}"
-            early = f"; this ends the run {whose}early" if end < self.moved.instants[-1] * (1.0 - 1e-9) else ""
-            return [Outcome("ends", f"{sentence}{early}")]
+            if end >= self.moved.instants[-1] * (1.0 - 1e-9):
+                return [Outcome("ends", sentence)]
+            stand = name.endswith(" stops") and len(self.cars) > 1  # a run goes on while a car moves
+            whose = "for all cars " if len(self.cars) > 1 else ""
+            how = "all cars stand" if stand else f"this ends the run {whose}early"
+            return [Outcome("ends", f"{sentence}; {how}")]
         if self.moved.reason is not None:
             return []
         return [Outcome("arrives", f"{before}ends after {end:.1f} s with {places}")]
