@@ -191,63 +191,43 @@ def _depth_of_car(car: Car, saddle: Contact, state: LineState | NoLineAtRest, t:
     return float(state.points[names.index(car.name), 1])
 
 
-def force_along_rail(car: Car, jet: Array, gravity: float, swing: Array) -> float:
-    """Force [N] along its rail that moves a car without drag.
+class OffRopeState(NamedTuple):
+    """What a wing finds of a car off the rope."""
 
-    jet : its point and rates (3, 2);  swing : angle of its cabin and rates (3,).
-    """
-    assert car.rail is not None
-    slope = car.rail.slopes(jet[0, 0])[1]
-    x, y = car.mass * (jet[2] - np.array([0.0, gravity]))
-    if car.hanger is not None:
-        angle, rate, turning = swing.tolist()
-        lever = car.hanger.mass * car.hanger.length
-        x += lever * (turning * math.cos(angle) - rate**2 * math.sin(angle))
-        y -= lever * (turning * math.sin(angle) + rate**2 * math.cos(angle))
-    return float((x + slope * y) / math.hypot(1.0, slope))
+    points: Array  # with their rates (n, 3, 2)
+    force: Array  # (n, 2) [N] that rail and drive give it
+    powers: dict[str, Array]  # (n,) [W] by cause, without that of the drive
+    turning: Turning | None  # of its cabin that swings
 
 
 def off_rope_motion(
-    line: MovingLine, car: Car, states: Sequence[State], jets: Array, contacts: tuple[ContactMotion, ...],
-    powers: dict[str, Array], turning: Turning | None,
+    line: MovingLine, car: Car, states: Sequence[State], at: OffRopeState, contacts: tuple[ContactMotion, ...],
+    powers: dict[str, Array],
 ) -> CarMotion:  # fmt: skip
-    """Motion of a car off the rope, driven along its rail; adds its powers.
-
-    jets : its point and rates (n, 3, 2);  turning : of its cabin that swings.
-    """
+    """Motion of a car off the rope, driven along its rail; adds its powers."""
     assert car.rail is not None
-    name, drive, near = car.name, car.drive, car.rail.saddle
+    name, near = car.name, car.rail.saddle
     saddle = next(c for c in contacts if c.name == near)
-    point, velocity, acceleration = jets.swapaxes(0, 1)
+    point, velocity, acceleration = at.points.swapaxes(0, 1)
     normal = downward_normals(car.rail, point[:, 0])
     tangent = normal[:, ::-1] * np.array([1.0, -1.0])
-    cabin_velocity, force = velocity, car.mass * (acceleration - np.array([0.0, line.gravity]))
-    if car.hanger is not None and turning is not None:
-        below = turning.centre - point
-        forward = below[:, ::-1] * np.array([1.0, -1.0])
-        cabin_velocity = velocity + turning.rate[:, None] * forward
-        force = force + car.hanger.mass * (turning.acceleration[:, None] * forward - turning.rate[:, None] ** 2 * below)
-        powers[f"{name} swing"] = -car.hanger.moment_per_rate(line.gravity) * turning.rate**2
-    air = cabin_velocity - np.array([drive.wind, 0.0])
-    drag = -drive.k * np.hypot(*air.T)[:, None] * air  # on the cabin
-    force = force - drag
-    along, pressing = (np.sum(force * axis, axis=1) for axis in (tangent, -normal))
+    along, pressing = (np.sum(at.force * axis, axis=1) for axis in (tangent, -normal))
     speed = np.sum(velocity * tangent, axis=1)
     none = np.full(len(states), np.nan)
     s, ds, stretch = saddle.s + point[:, 0] - saddle.point[:, 0], speed, 1.0
-    if drive.mode == "grip":
+    powers |= {f"{name} {cause}": power for cause, power in at.powers.items()}
+    grips = car.drive.mode == "grip"
+    if grips:
         s, ds, _ = np.array([line.position(car, x.t, x.phase) for x in states]).T
         stretch = car.rail.stretch
         powers[f"{name} grip"] = stretch * along * ds
     else:
-        powers |= {f"{name} haul": along * speed, f"{name} drag": np.sum(drag * cabin_velocity, axis=1)}
-        powers[f"{name} friction"] = 0.0 * speed
+        powers |= {f"{name} haul": along * speed, f"{name} friction": 0.0 * speed}
     return CarMotion(
         name=name, s=s, ds=ds, point=point, velocity=velocity, acceleration=acceleration,
         tension_behind=saddle.tension_behind, tension_ahead=saddle.tension_ahead, slope_behind=stretch * tangent,
-        slope_ahead=stretch * tangent, haul_force=none if drive.mode == "grip" else along,
-        grip_force=along if drive.mode == "grip" else none, contact_force=pressing, shoe_force=pressing,
-        turning=turning,
+        slope_ahead=stretch * tangent, haul_force=none if grips else along, grip_force=along if grips else none,
+        contact_force=pressing, shoe_force=pressing, turning=at.turning,
     )  # fmt: skip
 
 

@@ -37,13 +37,13 @@ def system_after_passage(system: LineSines, passage: Passage, x: State) -> tuple
     for name, slot in _cabin_angles(new).items():
         Z[:2, slot] = before[:2, angles[name]]
     layout.set_followers(Z)
-    for _, body in system.hung_off_rope:
-        for k, car in new.cars.items():
-            if car.car.name == body.car.name:  # its velocity may jump; moments about the hanger keep their balance
-                angle = Z[0, layout.angle[k]]
-                jump = Z[1, [layout.x[k], layout.y[k]]] - over[car.car.name][1]
-                along = jump @ np.array([np.cos(angle), -np.sin(angle)])
-                Z[1, layout.angle[k]] -= body.m * body.h * along / body.about_hanger
+    if passage.car in system.layout.angle_off_rope and passage.car not in layout.angle_off_rope:
+        # its velocity may jump; moments about the hanger keep their balance
+        k, body = [c.name for c in new.line.touching].index(passage.car), system.off_rope[passage.car].body
+        angle = Z[0, layout.angle[k]]
+        jump = Z[1, [layout.x[k], layout.y[k]]] - over[passage.car][1]
+        along = jump @ np.array([np.cos(angle), -np.sin(angle)])
+        Z[1, layout.angle[k]] -= body.m * body.h * along / body.about_hanger
     for i in range(layout.segments):
         _fit_coefficients(old, before, layout, Z, i)
     free = new.equations.free

@@ -11,7 +11,7 @@ from numpy.polynomial import legendre
 from cablefem.motion import CarMotion, ContactMotion, LineMotion, Turning, WheelMotion
 from cablefem.newmark import State
 from cablefem.scene.contacts import Array, Contact, MovingLine
-from cablefem.shoes import add_shoe_forces, downward_normals, off_rope_motion
+from cablefem.shoes import OffRopeState, add_shoe_forces, downward_normals, off_rope_motion
 from galerkin.bodies import Body, CarBody, ContactState, Counterweight, Friction, PointCar, length
 from galerkin.segments import Layout, Rope, basis_functions
 
@@ -56,16 +56,13 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
         if isinstance(body, Counterweight):
             entering = _energy_flux(line, at.behind + at.ahead, at.ds) - line.weight * at.p[:, 1]
             powers[f"{contact.name} weight"] = body.outward * at.ds * entering
-    for car in line.over:
-        body = PointCar(car, line)
-        parts = [
-            system.state_off_rope(car, np.array([x.t]), system.coordinates_with_rates(x)[:, None], x.phase)
-            for x in states
-        ]
-        at = ContactState(np.concatenate([part.values for part in parts]))
+    for car, (body, *_) in zip(line.over, system.off_rope.values(), strict=True):
+        each = [(np.array([x.t]), system.coordinates_with_rates(x)[:, None], x.phase) for x in states]
+        at = ContactState(np.concatenate([system.state_off_rope(car, *one).values for one in each]))
+        powers_off = {cause: power for cause, power in body.powers(at).items() if cause != body.driven}
         jets = np.stack([at.p, at.dp, at.ddp], axis=1)
-        turning = _turning(body, at, ())
-        cars.append(off_rope_motion(line, car, states, jets, tuple(contacts), powers, turning))
+        off_rope = OffRopeState(jets, body.contact_force(at), powers_off, _turning(body, at, ()))
+        cars.append(off_rope_motion(line, car, states, off_rope, tuple(contacts), powers))
         energies += body.energies(at)
     kinetic, strain, potential = energies
     loaded = add_shoe_forces(line, tuple(cars), tuple(contacts))

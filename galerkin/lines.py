@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -139,6 +139,14 @@ class Equations:
         return r, K[:, :, : self.size]
 
 
+class CarOffRope(NamedTuple):
+    """A car off the rope."""
+
+    body: PointCar
+    saddle: int | None  # row of s of the saddle, on which its grip acts
+    angle: int | None  # row of the angle of its cabin
+
+
 class LineSines(System):
     """A line in motion, in SI.  The acceleration of a hauled car's last unknown is the haul force."""
 
@@ -168,15 +176,17 @@ class LineSines(System):
         self._last: tuple[float, Array, Array, Array] | None = None
         self._instants: tuple[Array, int, Array] | None = None  # t, phase and what is prescribed of the last residuals
         self._linearised: tuple[Array, float, int, Array, Array] | None = None
-        # rows of saddles over which the grip of a car off the rope acts, and of the angle of its cabin
         rows = {int(at): row for row, at in enumerate(self.equations.free)}
-        off_rope = [PointCar(car, line) for car in line.over]
-        self.gripping = [
-            (rows[int(self.layout.s[self.below[body.car.name]])], body) for body in off_rope if body.car.kind == "grip"
-        ]
-        self.hung_off_rope = [
-            (rows[self.layout.angle_off_rope[body.car.name]], body) for body in off_rope if body.turns
-        ]
+        self.off_rope = {
+            car.name: CarOffRope(
+                PointCar(car, line),
+                rows[int(self.layout.s[self.below[car.name]])] if car.kind == "grip" else None,
+                rows[self.layout.angle_off_rope[car.name]] if car.hanger is not None else None,
+            )
+            for car in line.over
+        }
+        acting = [x for x in self.off_rope.values() if x.saddle is not None or x.angle is not None]
+        self._acting_off_rope = acting  # with a row of theirs
 
     def _name_events(self, bodies: list[Body]) -> None:
         """Set the events, and what each kind of them watches."""
@@ -267,11 +277,12 @@ class LineSines(System):
         contact_values = self.equations.contact_values(rope, Z)
         self._last = t.item(-1), a[-1], rope.law.N[-1], contact_values[-1]
         r = self.equations.residual(rope, contact_values, self.frictions_at(t))
-        for row, body in self.gripping:
-            off_rope = self.state_off_rope(body.car, t, Z, phase)
-            r[:, row] -= dot(body.contact_force(off_rope), off_rope.tau)
-        for row, body in self.hung_off_rope:
-            r[:, row] = body.swing_row(self.state_off_rope(body.car, t, Z, phase))[:, 0]
+        for body, saddle, angle in self._acting_off_rope:
+            x = self.state_off_rope(body.car, t, Z, phase)
+            if saddle is not None:
+                r[:, saddle] -= dot(body.contact_force(x), x.tau)
+            if angle is not None:
+                r[:, angle] = body.swing_row(x)[:, 0]
         r[:, self._sticking] = 0.0
         return r
 
@@ -291,21 +302,19 @@ class LineSines(System):
 
     def _add_cars_off_rope(self, t: float, Z: Array, phase: int, r: Array, K: Array) -> None:
         """Add cars off the rope to the residual and its derivatives; drag and motion of their points change little."""
-        angles = {body.car.name: row for row, body in self.hung_off_rope}
-        for row, body in self.hung_off_rope:
-            x = self.state_off_rope(body.car, np.array([t]), Z[:, None], phase)
-            r[row] = body.swing_row(x).item()
-            weight = body.m * body.h * self.line.gravity * math.cos(x.angle.item())
-            K[:, row, row] = weight, body.damping, body.about_hanger
-        for row, body in self.gripping:
+        for body, saddle, angle in self._acting_off_rope:
             x = self.state_off_rope(body.car, np.array([t]), Z[:, None], phase)
             stretch = body.car.rail.stretch if body.car.rail is not None else 1.0
-            r[row] -= dot(body.contact_force(x), x.tau).item()
-            K[2, row, row] += body.car.mass * stretch
-            if body.turns:
-                swing = angles[body.car.name]
-                K[2, row, swing] = -body.m * body.h * dot(body.axes(x)[0], x.tau).item()
-                K[2, swing, row] = stretch * K[2, row, swing]
+            if saddle is not None:
+                r[saddle] -= dot(body.contact_force(x), x.tau).item()
+                K[2, saddle, saddle] += body.car.mass * stretch
+            if angle is not None:
+                r[angle] = body.swing_row(x).item()
+                weight = body.m * body.h * self.line.gravity * math.cos(x.angle.item())
+                K[:, angle, angle] = weight, body.damping, body.about_hanger
+            if saddle is not None and angle is not None:
+                K[2, saddle, angle] = -body.m * body.h * dot(body.axes(x)[0], x.tau).item()
+                K[2, angle, saddle] = stretch * K[2, saddle, angle]
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
         state = np.array([q, v, a])
@@ -419,16 +428,13 @@ class LineSines(System):
         for k, body in self.cars.items():
             if body.car.name == name:
                 return Z[:, [layout.x[k], layout.y[k]]]
-        over = next(car for car in self.line.over if car.name == name)
-        return self.line.point_off_rope(over, x.t, x.phase, Z[:, layout.s[self.below[name]]])
+        at = self.state_off_rope(self.off_rope[name].body.car, np.array([x.t]), Z[:, None], x.phase)
+        return np.stack([at.p[0], at.dp[0], at.ddp[0]])
 
     def _goes_on(self, x: State) -> bool:
-        """Whether a car rolls, or one has a timetable or forces that go on to change."""
-        if any(k not in self.stops or not self._sticks(k) for k in self.free_cars):
-            return True
-        cars = (*self.line.cars, *self.line.over)
-        travels = any(car.travel is not None and x.t < car.travel.phases[-1][1] for car in cars)
-        return travels or x.phase + 1 < len(self.phases)
+        """Whether a free car rolls, or one has a timetable or forces that go on to change."""
+        rolling = any(k not in self.stops or not self._sticks(k) for k in self.free_cars)
+        return rolling or self.line.changes_after(x.t, x.phase)
 
     def _come_to_rest(self, k: int, x: State) -> State:
         """The state after a standstill: friction holds the car, or it slips."""

@@ -19,6 +19,7 @@ import numpy as np
 
 from cablefem.elements.segments import dot
 from cablefem.newmark import Array
+from cablefem.scene.contacts import Car
 
 STEP = 1e-30  # of derivatives by a complex step
 INPUTS = 12  # of `forces`: r' behind (2) and ahead (2), p. (2), p.. (2), F/M, phi, phi., phi..
@@ -57,6 +58,15 @@ class ForcesOnCars(NamedTuple):
     normal: Array  # - n . C: the car presses on the rope
     swing: Array  # row of phi
     air_power: Array  # [W] of the drag
+
+
+def cabin_data(car: Car, gravity: float) -> tuple[float, float, float, float]:
+    """m h, h, J + m h^2 and c of the cabin of a car that swings; zero without."""
+    cabin = car.hanger
+    if cabin is None:
+        return 0.0, 0.0, 0.0, 0.0
+    lever = cabin.mass * cabin.length
+    return lever, cabin.length, cabin.inertia + lever * cabin.length, cabin.moment_per_rate(gravity)
 
 
 def vector_length(x: Array) -> Array:

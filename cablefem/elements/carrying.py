@@ -34,10 +34,10 @@ def system_after_passage(system: LineElements, passage: Passage, x: State) -> tu
         for i in (0, 1):
             z[i][2 * new.node[k] + np.arange(2)] = now.points[name][i]
     z = new.fill_dependent_coordinates(np.array(z))
-    for _, car in system.hung_off_rope:
-        if car.name in names:  # its velocity may jump
-            velocity = z.v[2 * new.node[names.index(car.name)] + np.arange(2)]
-            z.v[own[car.name]] += system.swing_by_jump(car, z.q[own[car.name]], velocity - over[car.name][1])
+    if passage.car in system.swing_off_rope and passage.car in names:  # its velocity may jump
+        jump = z.v[2 * new.node[names.index(passage.car)] + np.arange(2)] - over[passage.car][1]
+        swing = own[passage.car]
+        z.v[swing] += system.off_rope[passage.car].swing_by_jump(z.q[swing], jump)
     for k in range(len(names) - 1):
         _carry_segment(system, old, new, z, k)
     new.hold = _values_of_cars(system, new, system.hold)
@@ -52,7 +52,7 @@ def _slots_by_car(system: LineElements) -> dict[str, Array]:
     """Slots of swing and of X and th, by car."""
     cars = system.line.cars
     swings = {cars[i].name: np.array([slot]) for i, slot in zip(system.of_swing, system.swing, strict=True)}
-    swings |= {car.name: np.array([slot]) for slot, car in system.hung_off_rope}
+    swings |= {name: np.array([slot]) for name, slot in system.swing_off_rope.items()}
     return swings | {trolley.car.name: trolley.body for trolley in system.trolleys}
 
 

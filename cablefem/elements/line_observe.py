@@ -9,13 +9,14 @@ import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
 
 from cablefem.elements.bodies import Cars, forces
+from cablefem.elements.off_rope import CarOffRope
 from cablefem.elements.reference import lagrange_element, shape_polynomials
 from cablefem.elements.segments import Motion, dot
 from cablefem.elements.trolley import Trolley
 from cablefem.motion import CarMotion, ContactMotion, LineMotion, Turning, WheelMotion
 from cablefem.newmark import Array, State
 from cablefem.scene.contacts import Car, Contact
-from cablefem.shoes import add_shoe_forces, downward_normals, off_rope_motion
+from cablefem.shoes import OffRopeState, add_shoe_forces, downward_normals, off_rope_motion
 
 if TYPE_CHECKING:
     from cablefem.elements.system import LineElements
@@ -85,9 +86,10 @@ def observe(system: LineElements, states: Sequence[State], s: Array) -> LineMoti
             force = system.counterweight_row(k, x.v[:, slot], x.a[:, slot])
             powers[f"{contact.name} weight"] = -force * x.v[:, slot]
     cars = _car_motions(x, powers) if system.cars else ()
-    for car in system.line.over:
-        jets = np.array([system.car_point_and_rates(car.name, state) for state in states])
-        cars += (off_rope_motion(system.line, car, states, jets, contacts, powers, _swing_off_rope(x, car, jets)),)
+    for off_rope in system.off_rope.values():
+        cars += (
+            off_rope_motion(system.line, off_rope.car, states, _state_off_rope(x, off_rope, states), contacts, powers),
+        )
     for car, motion in zip((*system.line.cars, *system.line.over), cars, strict=True):
         kinetic = kinetic + _car_kinetic_energy(car, motion)
         potential = potential - car.mass * system.line.gravity * motion.point[:, 1]
@@ -181,13 +183,17 @@ def _car_motions(x: _History, powers: dict[str, Array]) -> tuple[CarMotion, ...]
     return tuple(out)
 
 
-def _swing_off_rope(x: _History, car: Car, jets: Array) -> Turning | None:
-    """Swing of the cabin of a car off the rope, if it has one; jets : its point and rates (n, 3, 2)."""
-    slots = [slot for slot, of in x.system.hung_off_rope if of is car]
-    if car.hanger is None:
-        return None
-    history = np.concatenate([z[:, slots] for z in (x.q, x.v, x.a)], axis=1)
-    return _swing_motion(history, jets[:, 0], car.hanger.length)
+def _state_off_rope(x: _History, off_rope: CarOffRope, states: Sequence[State]) -> OffRopeState:
+    """A car off the rope at all states."""
+    name, hanger, z = off_rope.car.name, off_rope.car.hanger, np.array([x.q, x.v, x.a])
+    points = np.array([x.system.car_point_and_rates(name, state) for state in states])
+    on, powers, turning = off_rope.forces(points, z), dict[str, Array](), None
+    if not off_rope.grips:
+        powers["drag"] = on.air_power[:, 0]
+    if hanger is not None:
+        turning = _swing_motion(z[..., off_rope.swing].T, points[:, 0], hanger.length)
+        powers["swing"] = -off_rope.resistance * turning.rate**2
+    return OffRopeState(points, on.contact[:, 0], powers, turning)
 
 
 def _swing_motion(history: Array, point: Array, arm: float) -> Turning:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from itertools import repeat
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -18,15 +17,16 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
-from cablefem.elements.bodies import INPUTS, Cars, force_jacobian, forces, vector_length
+from cablefem.elements.bodies import INPUTS, Cars, cabin_data, force_jacobian, forces, vector_length
 from cablefem.elements.bordered import Bordered, Dense, Matrix
 from cablefem.elements.line_observe import observe
+from cablefem.elements.off_rope import CarOffRope
 from cablefem.elements.segments import Law, Motion, Segments
 from cablefem.elements.trolley import Trolley
 from cablefem.motion import LineMotion
 from cablefem.newmark import Array, Solve, State, StepFailure, System, consistent_acceleration
 from cablefem.scene.contacts import NEAREST, Car, Contact, MovingLine, Wheel, lift_off_event, meeting_event
-from cablefem.shoes import force_along_rail, may_pass, possible_passages
+from cablefem.shoes import may_pass, possible_passages
 
 if TYPE_CHECKING:
     from cablefem.elements.segment_kernels import Kernel
@@ -107,10 +107,11 @@ class LineElements(System):
         rails = zip(self.node[self.cars].tolist(), line.cars, strict=True)
         self.rails = [(2 * node, car.rail) for node, car in rails if car.rail is not None]  # slots of x
         saddles = {line.touching[k].name: int(self.s[k]) for k in self.supports}  # slots of s
-        self.below = {car.name: saddles[car.rail.saddle] for car in line.over if car.rail is not None}
-        # cars off the rope whose grip acts on it where it runs over the saddle
-        gripping = [(car, car.rail.stretch) for car in line.over if car.kind == "grip" and car.rail is not None]
-        self.gripping = [(self.below[car.name], car, stretch) for car, stretch in gripping]
+        self.off_rope = {
+            car.name: CarOffRope(line, car, saddles[car.rail.saddle], self.swing_off_rope.get(car.name))
+            for car in line.over
+            if car.rail is not None
+        }
         self.free = np.ones(self.size, bool)
         self.constant = np.zeros(self.size)
         self.prescribed: list[tuple[Car, int]] = []
@@ -163,7 +164,7 @@ class LineElements(System):
 
     def _set_up_cabins_and_trolleys(self, first: int) -> None:
         """Give cabins and cars on two wheels their slots, from `first` on."""
-        cars = list(enumerate(self.line.cars))
+        line, cars = self.line, list(enumerate(self.line.cars))
         self.of_swing = [i for i, car in cars if car.hanger is not None]
         self.swing = first + np.arange(len(self.of_swing))  # slots of phi
         first += len(self.of_swing)
@@ -172,25 +173,11 @@ class LineElements(System):
             force = int(self._force_slots[trolley.i])
             trolley.set_slots(first + np.arange(3), force, self.nodes, self.s, self.segments.end_slopes)
             first += 3
-        # cars off the rope with a cabin that swings, and slots of phi
-        self.hung_off_rope = list(enumerate(self.line.hung_off_rope, start=first))
-        self.size = first + len(self.hung_off_rope)
+        self.swing_off_rope = {car.name: first + i for i, car in enumerate(line.hung_off_rope)}  # slots of phi
+        self.size = first + len(self.swing_off_rope)
         self.points = [i for i, car in cars if car.wheels is None]  # numbers of the cars on one contact
-        self._cabins = np.array([self._cabin_data(car) for car in self.line.cars]).reshape(-1, 4).T
+        self._cabins = np.array([cabin_data(car, line.gravity) for car in line.cars]).reshape(-1, 4).T
         self._pressing = [i for i, car in cars for _ in range(1 if car.wheels is None else 2)]  # all that may lift off
-
-    def _cabin_data(self, car: Car) -> tuple[float, float, float, float]:
-        """m h, h, J + m h^2 and c of a cabin that swings; zero without."""
-        cabin = car.hanger
-        if cabin is None:
-            return 0.0, 0.0, 0.0, 0.0
-        lever = cabin.mass * cabin.length
-        return lever, cabin.length, cabin.inertia + lever * cabin.length, cabin.moment_per_rate(self.line.gravity)
-
-    def swing_by_jump(self, car: Car, angle: Array, dv: Array) -> Array:
-        """Jump of d phi/dt of a cabin where the velocity of its point jumps by dv (2,)."""
-        lever, _, inertia, _ = self._cabin_data(car)
-        return -lever * (dv[0] * np.cos(angle) - dv[1] * np.sin(angle)) / inertia
 
     def travel_slot(self, k: int) -> int:
         """Slot that the travel of the car at contact k prescribes."""
@@ -292,47 +279,11 @@ class LineElements(System):
             rows[..., trolley.rows] += np.stack(trolley.forces(cars, y).rows, axis=-1)
         for slot, rail in self.rails:
             rows[..., slot] += rail.slopes(x.q[..., slot])[1] * rows[..., slot + 1]
-        for saddle, car, stretch in self.gripping:
-            points, swings = self._points_off_rope(car, t, x, phase), self._swings_off_rope(car, x)
-            along = [force_along_rail(car, *at) for at in zip(points, repeat(self.line.gravity), swings)]
-            rows[..., saddle] -= stretch * np.reshape(along, np.shape(t))
-        for slot, car in self.hung_off_rope:
-            swing = self._swing_rows_off_rope(
-                car, self._points_off_rope(car, t, x, phase), self._swings_off_rope(car, x)
-            )
-            rows[..., slot] = swing.reshape(np.shape(t))
+        each, z = rows.reshape(-1, self.size), np.array(x).reshape(3, -1, self.size)
+        for car in self.off_rope.values():
+            car.add_rows(each, np.ravel(t), z, phase)
         rows[..., self.force] = rows[..., self.force_rows]
         return rows
-
-    def _points_off_rope(self, car: Car, t: Array | float, x: Coordinates, phase: int) -> Array:
-        """Points of a car off the rope with their rates (n, 3, 2) at the n times t."""
-        flow = np.array(x)[..., self.below[car.name]].reshape(3, -1).T
-        times = np.ravel(t).tolist()
-        return np.array([self.line.point_off_rope(car, at, phase, f) for at, f in zip(times, flow, strict=True)])
-
-    def _swings_off_rope(self, car: Car, x: Coordinates) -> Array:
-        """phi of the cabin of a car off the rope, with its rates (n, 3); zero without one."""
-        slots = [slot for slot, hung in self.hung_off_rope if hung is car]
-        coordinates = np.array(x).reshape(3, -1, self.size)
-        return coordinates[..., slots[0]].T if slots else np.zeros((coordinates.shape[1], 3))
-
-    def _swing_rows_off_rope(self, car: Car, points: Array, swings: Array) -> Array:
-        """Rows (n,) of phi of a cabin off the rope.
-
-        points : with their rates (n, 3, 2);  swings : phi with its rates (n, 3).
-        """
-        none = np.zeros(1)
-        lever, arm, inertia, resistance = np.array(self._cabin_data(car))[:, None]
-        drag, wind = np.array([car.drive.k, car.drive.wind])[:, None]
-        cabin = Cars(
-            none + car.mass, drag, wind, none, none, none, none, none, lever, arm, inertia, resistance,
-            self.line.gravity, none,
-        )  # fmt: skip
-        inputs = np.zeros((len(points), 1, INPUTS))
-        inputs[:, 0, 0] = inputs[:, 0, 2] = 1.0  # a tangent, which the swing does not see
-        inputs[:, 0, 4:8] = points[:, 1:].reshape(-1, 4)
-        inputs[:, 0, 9:12] = swings
-        return forces(cabin, inputs).swing[:, 0]
 
     def _rope_rows(self, x: Coordinates, law: Array, cars: Cars) -> Array:
         """Rows (..., size) of segments and of cars on one contact; notes loads of these and the smallest tension."""
@@ -534,8 +485,7 @@ class LineElements(System):
         for k, of in zip(self.cars, self.line.cars, strict=True):
             if of.name == car:
                 return z[:, 2 * self.node[k] + np.arange(2)]
-        over = next(c for c in self.line.over if c.name == car)
-        return self.line.point_off_rope(over, x.t, x.phase, z[:, self.below[car]])
+        return self.off_rope[car].points(np.array([x.t]), z[:, None], x.phase)[0]
 
     def _pressing_forces(self, x: Coordinates, rows: Array, loads: Array, cars: Cars) -> list[float]:
         """Contact forces [N] of all that may lift off; `rows` and `loads` are those of x."""
@@ -579,10 +529,9 @@ class LineElements(System):
         return None
 
     def _goes_on(self, x: State) -> bool:
-        """Whether a car moves, or a force or a travel is still to change."""
-        rolling = [car for i, car in enumerate(self.line.cars) if car.kind == "free" and not self._sticks(i)]
-        travels = [c.travel.phases[-1][1] for c in (*self.line.cars, *self.line.over) if c.travel is not None]
-        return bool(rolling) or x.phase < len(self.phases) - 1 or x.t < max(travels, default=0.0)
+        """Whether a free car rolls, or a force or a travel is still to change."""
+        rolling = any(car.kind == "free" and not self._sticks(i) for i, car in enumerate(self.line.cars))
+        return rolling or self.line.changes_after(x.t, x.phase)
 
     def _come_to_rest(self, i: int, x: State) -> State:
         """Car i sticks, or slips if friction and brakes cannot hold it."""
@@ -702,18 +651,8 @@ class LineElements(System):
             trolley.add_tangent(matrix, x, rope[trolley.points.ravel()], cars, c)
         for slot, rail in self.rails:
             matrix.tie_to_previous(slot + 1, rail.slopes(x.q[slot])[1])
-        for saddle, car, stretch in self.gripping:
-            matrix.add([saddle], [saddle], np.array([[car.mass * stretch**2 * c[2]]]))
-        for slot, car in self.hung_off_rope:
-            lever, _, inertia, resistance = self._cabin_data(car)
-            stiffness = lever * self.line.gravity * np.cos(x.q[slot])  # drag and the motion of the point change little
-            matrix.add([slot], [slot], np.array([[stiffness * c[0] + resistance * c[1] + inertia * c[2]]]))
-            if car.kind == "grip" and car.rail is not None:
-                slope = car.rail.slopes(0.5 * (car.rail.begin.x + car.rail.end.x))[1]
-                along = (np.cos(x.q[slot]) - slope * np.sin(x.q[slot])) / np.hypot(1.0, slope)  # of a turn forward
-                coupling = -lever * car.rail.stretch * along * c[2]
-                matrix.add([slot], [self.below[car.name]], np.array([[coupling]]))
-                matrix.add([self.below[car.name]], [slot], np.array([[coupling]]))
+        for car in self.off_rope.values():
+            car.add_tangent(matrix, x.q[car.swing] if car.swing is not None else 0.0, c)
         for slot, row in zip(self.force.tolist(), self.force_rows.tolist(), strict=True):
             matrix.add_row(slot, row)
 

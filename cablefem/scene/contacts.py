@@ -179,6 +179,11 @@ class MovingLine:
         x = position if car.along == "x" else car.rail.x_with_rates(position - rope_flow)
         return np.stack([x, car.rail.y_with_rates(x)], axis=1)
 
+    def changes_after(self, t: float, phase: int) -> bool:
+        """Whether a travel or a force is still to change."""
+        ends = [car.travel.phases[-1][1] for car in (*self.cars, *self.over) if car.travel is not None]
+        return phase < len(self.phases) - 1 or t < max(ends, default=0.0)
+
     @property
     def hung_off_rope(self) -> list[Car]:
         """Cars off the rope with a cabin that swings."""

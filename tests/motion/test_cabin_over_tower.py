@@ -38,7 +38,7 @@ def test_the_cabin_over_the_tower_is_a_pendulum_on_the_path_of_its_car(method, l
     assert off.size > 4
     m, h, J = 900.0, 3.0, 900.0 * (3.0**2 + 1.0**2)
     c = 2.0 * 0.03 * np.sqrt(J * m * G * h)
-    k = 0.5 * 1.225 * 2.0 if line == "hauled" else 0.0
+    k = 0.5 * 1.2 * 2.0 if line == "hauled" else 0.0
     velocity, acceleration = (CubicSpline(t[off], x[off]) for x in (car.velocity, car.acceleration))
 
     def rates(at, x):

@@ -19,7 +19,7 @@ from validation.core.agreement import overall_verdict
 from validation.core.motion_rows import LineTolerance, unbalanced_work
 from validation.core.readback import outcome_faults
 
-RIDERS = """
+ROPE = """
 [cable]
 mass_per_length = 1.1
 EA = 1.2e6
@@ -32,27 +32,26 @@ at = [0.0, 0.0]
 name = "right"
 kind = "anchor"
 at = [300.0, 20.0]
-[[car]]
-name = "rear"
-mass = 80.0
-[car.drive]
-mode = "free"
-start = 8.0
-rolling_friction = 0.02
-drag_area = 0.5
-brake = [{from = 60.0, force = 500.0}]
-end = {time = 30.0}
-[[car]]
-name = "ahead"
-mass = 95.0
-[car.drive]
-mode = "free"
-start = 40.0
-rolling_friction = 0.02
-drag_area = 0.5
-brake = [{from = 220.0, force = 300.0}]
-end = {time = 30.0}
 """
+
+
+def rider(name, mass, start, brake):
+    """A free car: mass [kg], start [m], and brake from [m] with a force [N]."""
+    return f"""
+[[car]]
+name = "{name}"
+mass = {mass}
+[car.drive]
+mode = "free"
+start = {start}
+rolling_friction = 0.02
+drag_area = 0.5
+brake = [{{from = {brake[0]}, force = {brake[1]}}}]
+end = {{time = 30.0}}
+"""
+
+
+RIDERS = ROPE + rider("rear", 80.0, 8.0, (60.0, 500.0)) + rider("ahead", 95.0, 40.0, (220.0, 300.0))
 FRICTION = "friction that holds cars"
 WINGS = {
     "elements": lambda scene, n: LineElements(scene, elements=n),
@@ -184,7 +183,7 @@ def test_a_rattle_of_a_car_that_stays_is_no_event():
 
 def test_a_rider_that_a_slow_release_holds_at_first_sets_out():
     """Waves stop it again and again while the hold goes."""
-    rider = RIDERS.partition('[[car]]\nname = "rear"')[0] + RIDERS[RIDERS.index('[[car]]\nname = "ahead"') :]
-    alone = Line.from_toml(rider.replace("start = 40.0", "start = 40.0\nrelease = 6.0"))
+    held = ROPE + rider("ahead", 95.0, 40.0, (220.0, 300.0)) + "release = 6.0\n"
+    alone = Line.from_toml(held)
     run = LineRuns(ELEMENTS, alone).run(2, 2)
     assert [name for name, _ in run.events] == ["ahead brakes", "ahead stops"]

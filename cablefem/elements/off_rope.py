@@ -1,0 +1,76 @@
+"""A car off the rope, on the shoe of a saddle: what it needs of its rail, and how its cabin swings."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cablefem.elements.bodies import INPUTS, Cars, ForcesOnCars, cabin_data, forces
+from cablefem.elements.bordered import Matrix
+from cablefem.elements.segments import dot
+from cablefem.newmark import Array
+from cablefem.scene.contacts import Car, MovingLine
+
+
+class CarOffRope:
+    """Its grip acts on the row of s of its saddle; the angle phi of its cabin is an unknown.
+
+    saddle : slot of s there;  swing : slot of phi, None without a cabin.
+    """
+
+    def __init__(self, line: MovingLine, car: Car, saddle: int, swing: int | None) -> None:
+        assert car.rail is not None
+        self.line, self.car, self.rail = line, car, car.rail
+        self.saddle, self.swing = saddle, swing
+        self.grips = car.kind == "grip"
+        none = np.zeros(1)
+        self.lever, arm, self.inertia, self.resistance = cabin_data(car, line.gravity)
+        self.data = Cars(
+            none + car.mass, none + car.drive.k, none + car.drive.wind, none, none, none, none, none,
+            none + self.lever, none + arm, none + self.inertia, none + self.resistance, line.gravity, none,
+        )  # fmt: skip
+
+    def points(self, t: Array, z: Array, phase: int) -> Array:
+        """Its points with their rates (n, 3, 2) at the times t (n,), from coordinates with rates z (3, n, size)."""
+        each = zip(t.tolist(), z[..., self.saddle].T, strict=True)
+        return np.array([self.line.point_off_rope(self.car, at, phase, s) for at, s in each])
+
+    def forces(self, points: Array, z: Array) -> ForcesOnCars:
+        """Forces (n, 1), of which `contact` is what rail and drive take; z : coordinates with rates (3, n, size)."""
+        inputs = np.zeros((len(points), 1, INPUTS))
+        inputs[:, 0, 0] = inputs[:, 0, 2] = 1.0  # the rail in the place of the rope
+        inputs[:, 0, 1] = inputs[:, 0, 3] = self.rail.slopes(points[:, 0, 0])[1]
+        inputs[:, 0, 4:8] = points[:, 1:].reshape(-1, 4)
+        if self.swing is not None:
+            inputs[:, 0, 9:12] = z[..., self.swing].T
+        return forces(self.data, inputs)
+
+    def add_rows(self, rows: Array, t: Array, z: Array, phase: int) -> None:
+        """Add to rows (n, size) at the times t (n,)."""
+        if not self.grips and self.swing is None:
+            return
+        on = self.forces(self.points(t, z, phase), z)
+        if self.grips:
+            rows[:, self.saddle] -= self.rail.stretch * dot(on.contact, on.tau)[:, 0]
+        if self.swing is not None:
+            rows[:, self.swing] = on.swing[:, 0]
+
+    def add_tangent(self, matrix: Matrix, angle: float, c: tuple[complex, complex, complex]) -> None:
+        """Add c0 d/dq + c1 d/dv + c2 d/da at an angle of the cabin; drag and motion of the point change little."""
+        c0, c1, c2 = c
+        saddle, stretch = [self.saddle], self.rail.stretch
+        if self.grips:
+            matrix.add(saddle, saddle, np.array([[self.car.mass * stretch**2 * c2]]))
+        if self.swing is None:
+            return
+        stiffness = self.lever * self.line.gravity * np.cos(angle)
+        matrix.add([self.swing], [self.swing], np.array([[stiffness * c0 + self.resistance * c1 + self.inertia * c2]]))
+        if self.grips:
+            slope = self.rail.slopes(0.5 * (self.rail.begin.x + self.rail.end.x))[1]
+            along = (np.cos(angle) - slope * np.sin(angle)) / np.hypot(1.0, slope)  # of a turn forward
+            coupling = np.array([[-self.lever * stretch * along * c2]])
+            matrix.add([self.swing], saddle, coupling)
+            matrix.add(saddle, [self.swing], coupling)
+
+    def swing_by_jump(self, angle: Array, dv: Array) -> Array:
+        """Jump of dphi/dt where the velocity of the point jumps by dv (2,)."""
+        return -self.lever * (dv[0] * np.cos(angle) - dv[1] * np.sin(angle)) / self.inertia
