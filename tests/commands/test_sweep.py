@@ -1,6 +1,7 @@
 """A sweep: points numbered once and for all, rows written whole, and nothing lost or done twice when something dies."""
 
 import contextlib
+import gc
 import math
 import os
 import re
@@ -278,6 +279,24 @@ def test_a_sweep_goes_on_where_it_stopped_and_does_nothing_twice(tmp_path, clust
     np.testing.assert_array_equal(rows["mu"], [study.point(i)["mu"] for i in range(60)])
     again = engine.sweep(study, tmp_path, **cluster)
     assert (again.status.total(), again.done) == (0, 60)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # what is lost would be one
+def test_an_interrupt_while_memory_is_collected_is_not_lost(tmp_path, cluster):
+    """Python ignores what is raised then; Dask has a callback there."""
+
+    def interrupt(phase, info):
+        signal.raise_signal(signal.SIGINT)
+
+    def collect(label, done, note):
+        if 0.0 < done < 1.0 and not gc.callbacks.count(interrupt):
+            gc.callbacks.append(interrupt)
+            gc.collect()
+            gc.callbacks.remove(interrupt)
+
+    with pytest.raises(KeyboardInterrupt, match="scenes are stored"):
+        engine.sweep(wide(60), tmp_path, progress=collect, **cluster)
+    assert engine.sweep(wide(60), tmp_path, **cluster).done == 60
 
 
 @pytest.mark.parametrize("there", ["study.toml", pytest.param("rows/*.parquet", marks=pytest.mark.slow)])

@@ -76,9 +76,12 @@ def sweep(
         progress("sweep", tally.done / tally.total, str(tally))
         if todo:
             try:
-                with _dask_client(workers, scheduler, min(len(todo), LARGEST)) as client:
+                with (
+                    _hold_back_interrupt() as raise_interrupt,
+                    _dask_client(workers, scheduler, min(len(todo), LARGEST), raise_interrupt) as client,
+                ):
                     tally.dashboard = client.dashboard_link or ""
-                    for rows in filter(None, _compute_rows(client, study, todo, work)):
+                    for rows in filter(None, _compute_rows(client, study, todo, work, raise_interrupt)):
                         write_rows(out, study, rows)
                         tally.status.update(row["status"] for row in rows)
                         progress("sweep", tally.done / tally.total, str(tally))
@@ -88,17 +91,18 @@ def sweep(
     return tally
 
 
-def _compute_rows(client: Any, study: Study, todo: deque[int], work: Work) -> Iterator[list[Row]]:
+def _compute_rows(
+    client: Any, study: Study, todo: deque[int], work: Work, raise_interrupt: Callable[[], None]
+) -> Iterator[list[Row]]:
     """Yield the rows of all scenes, chunk by chunk.
 
     Dask retries a chunk once if its worker died; then each of its scenes is a chunk.
     No chunk waits at a worker: it would die with it.
     """
-    from distributed import as_completed
+    from distributed import wait
 
     capacity = max(1, sum(client.nthreads().values()))
     size = 1
-    results = as_completed()
     running = dict[Any, list[int]]()
     suspects: deque[int] = deque()
 
@@ -108,23 +112,28 @@ def _compute_rows(client: Any, study: Study, todo: deque[int], work: Work) -> It
             chunk = [suspects.popleft()] if suspects else [todo.popleft() for _ in range(min(size, share))]
             future = client.submit(work, study, [(i, study.point(i)) for i in chunk], pure=False)
             running[future] = chunk
-            results.add(future)
 
     submit_chunks()
     seconds = 1.0  # of work in a chunk; its transfer and file cost about 10 ms
-    for future in results:
-        chunk = running.pop(future)
-        rows = list[Row]()
-        if future.status == "finished":
-            rows = future.result()
-            size = min(_chunk_size(seconds, rows), 4 * max(size, len(rows)))
-        elif len(chunk) == 1:
-            rows = [job.row_of_lost_scene(study, chunk[0], type(future.exception()).__name__)]
-        else:
-            suspects.extend(chunk)
-        future.release()
-        submit_chunks()
-        yield rows
+    while running:
+        raise_interrupt()
+        try:
+            ended = wait(list(running), timeout=0.2, return_when="FIRST_COMPLETED").done
+        except TimeoutError:
+            continue
+        for future in ended:
+            chunk = running.pop(future)
+            rows = list[Row]()
+            if future.status == "finished":
+                rows = future.result()
+                size = min(_chunk_size(seconds, rows), 4 * max(size, len(rows)))
+            elif len(chunk) == 1:
+                rows = [job.row_of_lost_scene(study, chunk[0], type(future.exception()).__name__)]
+            else:
+                suspects.extend(chunk)
+            future.release()
+            submit_chunks()
+            yield rows
 
 
 def _chunk_size(seconds: float, rows: list[Row]) -> int:
@@ -192,44 +201,54 @@ def _entries_of_rows(study: Study) -> dict[str, Any]:
 
 
 @contextmanager
-def _dask_client(workers: int | None, scheduler: str | None, scenes: int) -> Iterator[Any]:
+def _dask_client(
+    workers: int | None, scheduler: str | None, scenes: int, raise_interrupt: Callable[[], None]
+) -> Iterator[Any]:
     """Yield a client of a running scheduler, or of processes on this machine."""
-    with _hold_back_interrupt() as let_interrupt_through:
+    try:
+        import dask
+        import pyarrow  # noqa: F401
+        from distributed import Client, LocalCluster
+    except ImportError:
+        raise Refused("sweep needs Dask and pyarrow: pip install 'cablefem[sweep]'") from None
+    if scheduler is not None:
         try:
-            import dask
-            import pyarrow  # noqa: F401
-            from distributed import Client, LocalCluster
-        except ImportError:
-            raise Refused("sweep needs Dask and pyarrow: pip install 'cablefem[sweep]'") from None
-        if scheduler is not None:
-            let_interrupt_through()
+            with Client(scheduler, timeout="5s") as client:
+                _wait_for_worker(client, raise_interrupt)
+                yield client
+        except (OSError, ValueError, TimeoutError) as error:
+            raise Refused(f"--scheduler {scheduler}: {error or 'no answer'}") from None
+        return
+    config = {"distributed.scheduler.allowed-failures": 1, "distributed.comm.timeouts.connect": "60s"}
+    with dask.config.set(config):
+        cluster = LocalCluster(
+            n_workers=min(workers or os.cpu_count() or 1, scenes), threads_per_worker=1, memory_limit=0,
+            dashboard_address=":0", silence_logs=logging.CRITICAL,
+        )  # fmt: skip
+        with cluster, Client(cluster) as client:
             try:
-                with Client(scheduler, timeout="5s") as client:
-                    client.wait_for_workers(1, timeout=60)
-                    yield client
-            except (OSError, ValueError, TimeoutError) as error:
-                raise Refused(f"--scheduler {scheduler}: {error or 'no answer'}") from None
-            return
-        config = {"distributed.scheduler.allowed-failures": 1, "distributed.comm.timeouts.connect": "60s"}
-        with dask.config.set(config):
-            cluster = LocalCluster(
-                n_workers=min(workers or os.cpu_count() or 1, scenes), threads_per_worker=1, memory_limit=0,
-                dashboard_address=":0", silence_logs=logging.CRITICAL,
-            )  # fmt: skip
-            with cluster, Client(cluster) as client:
-                try:
-                    let_interrupt_through()
-                    yield client
-                except BaseException:
-                    cluster.sync(_stop_workers, cluster.workers.values())
-                    raise
+                yield client
+            except BaseException:
+                cluster.sync(_stop_workers, cluster.workers.values())
+                raise
+
+
+def _wait_for_worker(client: Any, raise_interrupt: Callable[[], None]) -> None:
+    """Wait a minute for a worker of a running scheduler; TimeoutError without one."""
+    deadline = time.monotonic() + 60.0
+    while not client.nthreads():
+        raise_interrupt()
+        if time.monotonic() > deadline:
+            raise TimeoutError("it has no worker")
+        time.sleep(0.1)
 
 
 @contextmanager
 def _hold_back_interrupt() -> Iterator[Callable[[], None]]:
-    """Hold back Ctrl-C until what is yielded is called: half a module is an ImportError, half a cluster does not close.
+    """Hold back Ctrl-C until what is yielded is called, or to the end.
 
-    Threads and processes that begin before never get the signal: this process alone ends them.
+    Raised anywhere it makes half a module an ImportError and half a cluster that does not close, and the garbage
+    collection of Dask loses it.  Threads and processes that begin meanwhile never get the signal: this one ends them.
     """
     if threading.current_thread() is not threading.main_thread():
         yield lambda: None  # others get no signal
@@ -239,17 +258,19 @@ def _hold_back_interrupt() -> Iterator[Callable[[], None]]:
     before = signal.signal(signal.SIGINT, lambda number, frame: held.append(number))
     signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
 
-    def let_interrupt_through() -> None:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
-        signal.signal(signal.SIGINT, before)
+    def raise_interrupt() -> None:
+        if signal.SIGINT in signal.sigpending():
+            held.append(signal.sigwait([signal.SIGINT]))
         if held:
             held.clear()
             raise KeyboardInterrupt
 
     try:
-        yield let_interrupt_through
+        yield raise_interrupt
+        raise_interrupt()
     finally:
-        let_interrupt_through()
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])  # another one is noted, too late to matter
+        signal.signal(signal.SIGINT, before)
 
 
 async def _stop_workers(workers: Iterable[Any]) -> None:
