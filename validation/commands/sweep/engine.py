@@ -77,11 +77,11 @@ def sweep(
         if todo:
             try:
                 with (
-                    _hold_back_interrupt() as raise_interrupt,
-                    _dask_client(workers, scheduler, min(len(todo), LARGEST), raise_interrupt) as client,
+                    _hold_back_interrupt() as raise_if_interrupted,
+                    _dask_client(workers, scheduler, min(len(todo), LARGEST), raise_if_interrupted) as client,
                 ):
                     tally.dashboard = client.dashboard_link or ""
-                    for rows in filter(None, _compute_rows(client, study, todo, work, raise_interrupt)):
+                    for rows in filter(None, _compute_rows(client, study, todo, work, raise_if_interrupted)):
                         write_rows(out, study, rows)
                         tally.status.update(row["status"] for row in rows)
                         progress("sweep", tally.done / tally.total, str(tally))
@@ -92,7 +92,7 @@ def sweep(
 
 
 def _compute_rows(
-    client: Any, study: Study, todo: deque[int], work: Work, raise_interrupt: Callable[[], None]
+    client: Any, study: Study, todo: deque[int], work: Work, raise_if_interrupted: Callable[[], None]
 ) -> Iterator[list[Row]]:
     """Yield the rows of all scenes, chunk by chunk.
 
@@ -116,7 +116,7 @@ def _compute_rows(
     submit_chunks()
     seconds = 1.0  # of work in a chunk; its transfer and file cost about 10 ms
     while running:
-        raise_interrupt()
+        raise_if_interrupted()
         try:
             ended = wait(list(running), timeout=0.2, return_when="FIRST_COMPLETED").done
         except TimeoutError:
@@ -202,7 +202,7 @@ def _entries_of_rows(study: Study) -> dict[str, Any]:
 
 @contextmanager
 def _dask_client(
-    workers: int | None, scheduler: str | None, scenes: int, raise_interrupt: Callable[[], None]
+    workers: int | None, scheduler: str | None, scenes: int, raise_if_interrupted: Callable[[], None]
 ) -> Iterator[Any]:
     """Yield a client of a running scheduler, or of processes on this machine."""
     try:
@@ -214,7 +214,7 @@ def _dask_client(
     if scheduler is not None:
         try:
             with Client(scheduler, timeout="5s") as client:
-                _wait_for_worker(client, raise_interrupt)
+                _wait_for_worker(client, raise_if_interrupted)
                 yield client
         except (OSError, ValueError, TimeoutError) as error:
             raise Refused(f"--scheduler {scheduler}: {error or 'no answer'}") from None
@@ -233,11 +233,11 @@ def _dask_client(
                 raise
 
 
-def _wait_for_worker(client: Any, raise_interrupt: Callable[[], None]) -> None:
+def _wait_for_worker(client: Any, raise_if_interrupted: Callable[[], None]) -> None:
     """Wait a minute for a worker of a running scheduler; TimeoutError without one."""
     deadline = time.monotonic() + 60.0
     while not client.nthreads():
-        raise_interrupt()
+        raise_if_interrupted()
         if time.monotonic() > deadline:
             raise TimeoutError("it has no worker")
         time.sleep(0.1)
@@ -258,7 +258,7 @@ def _hold_back_interrupt() -> Iterator[Callable[[], None]]:
     before = signal.signal(signal.SIGINT, lambda number, frame: held.append(number))
     signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
 
-    def raise_interrupt() -> None:
+    def raise_if_interrupted() -> None:
         if signal.SIGINT in signal.sigpending():
             held.append(signal.sigwait([signal.SIGINT]))
         if held:
@@ -266,8 +266,8 @@ def _hold_back_interrupt() -> Iterator[Callable[[], None]]:
             raise KeyboardInterrupt
 
     try:
-        yield raise_interrupt
-        raise_interrupt()
+        yield raise_if_interrupted
+        raise_if_interrupted()
     finally:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])  # another one is noted, too late to matter
         signal.signal(signal.SIGINT, before)
