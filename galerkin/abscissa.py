@@ -17,7 +17,9 @@ from galerkin.equations import GalerkinSystem
 class SystemOverPosition(System):
     """Any Galerkin system with s_o for t (45): r(t, g, ds_o g', ds_o^2 g'' + dds_o g') = 0, prime = d/ds_o.
 
-    States hold t = s_o, q = g, v = g', a = g''; `in_time` turns them back.  ValueError if the mass stops on the way.
+    States hold t = s_o, q = g, v = g', a = g''; `states_over_time` turns them back.
+
+    ValueError if the mass stops on the way.
     """
 
     def __init__(self, system: GalerkinSystem) -> None:
@@ -38,8 +40,8 @@ class SystemOverPosition(System):
         self._kinematics = lru_cache(maxsize=8)(self._kinematics_at)
 
     @property
-    def min_tension(self) -> tuple[float, float]:
-        return self.system.min_tension
+    def min_tension_and_position(self) -> tuple[float, float]:
+        return self.system.min_tension_and_position
 
     def position(self, x: State) -> float:
         return x.t
@@ -93,14 +95,14 @@ class SystemOverPosition(System):
         x = time_derivatives(q, v, a, ds_o, dds_o)
         return self.system.linearise(t, *x, phase, c0, c1 * ds_o, c1 * dds_o + c2 * ds_o**2)
 
-    def in_time(self, states: States) -> States:
+    def states_over_time(self, states: States) -> States:
         places = zip(states.t.tolist(), states.phase.tolist(), strict=True)
         t, ds_o, dds_o = np.array([self._kinematics(s_o, phase) for s_o, phase in places]).reshape(-1, 3).T
         q, v, a = time_derivatives(states.q, states.v, states.a, ds_o[:, None], dds_o[:, None])
         return States(t, q, v, a, states.phase)
 
-    def path(self, states: States) -> tuple[Array, Array]:
-        return self.system.path(states)
+    def mass_positions_and_displacements(self, states: States) -> tuple[Array, Array]:
+        return self.system.mass_positions_and_displacements(states)
 
     def observe(self, states: States, s: Array, frames: Array) -> Observation:
         return self.system.observe(states, s, frames)

@@ -77,7 +77,7 @@ class GalerkinSystem(System):
         # rounding of N, summed over points
         self.force_floor = float(np.finfo(float).eps) * groups.alpha
         # of the last residual, and its s; see `kernels.min_tension`
-        self.min_tension = np.inf, 0.0
+        self.min_tension_and_position = np.inf, 0.0
         self._reset_cache()
 
     def _reset_cache(self) -> None:
@@ -103,7 +103,7 @@ class GalerkinSystem(System):
         """s_o, ds_o, dds_o of a history, (3, n)."""
         return self.motion.kinematics(states.t, states.phase)
 
-    def in_time(self, states: States) -> States:
+    def states_over_time(self, states: States) -> States:
         return states
 
     def _instant(self, s_o: float, ds_o: float, dds_o: float) -> Instant:
@@ -119,13 +119,13 @@ class GalerkinSystem(System):
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
         x = self.instant(t, phase)
         force, tensions = self.cable.internal_force_and_tensions(x.tables, self._by_field(q))
-        self.min_tension = self.cable.min_tension(self.basis, x.tables, tensions)
+        self.min_tension_and_position = self.cable.min_tension(self.basis, x.tables, tensions)
         return self._residual(x, q, v, a, force)
 
     def linearise(self, t: float, q: Array, v: Array, a: Array, phase: int, *c: complex) -> tuple[Array, Solve]:
         x = self.instant(t, phase)
         force, tensions, K = self.cable.linearise(x.tables, self._by_field(q))
-        self.min_tension = self.cable.min_tension(self.basis, x.tables, tensions)
+        self.min_tension_and_position = self.cable.min_tension(self.basis, x.tables, tensions)
         return self._residual(x, q, v, a, force), factorised(self._tangent(x, K, *c))
 
     def _by_field(self, y: Array) -> Array:
@@ -215,7 +215,7 @@ class GalerkinSystem(System):
 
     def _step_result(self, values: Array) -> newmark.StepResult:
         *result, min_tension, s = values.tolist()
-        self.min_tension = min_tension, s
+        self.min_tension_and_position = min_tension, s
         return newmark.StepResult(*result)
 
     def start(self, phase: int, state: State | None) -> State:
@@ -300,7 +300,7 @@ class GalerkinSystem(System):
             raise StepFailure(0.0, "no equilibrium of the start from rest was found", "let the mass start more gently")
         return d
 
-    def path(self, states: States) -> tuple[Array, Array]:
+    def mass_positions_and_displacements(self, states: States) -> tuple[Array, Array]:
         x = Measures(self, states)
         return x.s_o, x.displacement_at_mass() @ self.cable.direction
 

@@ -152,7 +152,9 @@ class RollingSystem(RollingCar, GalerkinSystem):
         parts = np.zeros((count, self.n_dof, self.n_dof))
         if 0.0 < self.position(x) < 1.0:  # else a trial off the cable
             ride, sines, kinematics = self._kernel_arguments(x)
-            _, self.min_tension = kernels.residual_and_derivatives(ride, sines, kinematics, np.array(x[1:4]), r, parts)
+            _, self.min_tension_and_position = kernels.residual_and_derivatives(
+                ride, sines, kinematics, np.array(x[1:4]), r, parts
+            )
         return r, parts
 
     def _kernel_arguments(self, x: State) -> tuple[rolling.Ride, kernels.CableSines, tuple[float, float, float]]:

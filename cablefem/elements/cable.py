@@ -82,7 +82,7 @@ class CableElements(System):
         self.inertia = groups.mu if load == "mass" else 0.0
         # displacement of each field
         self.direction = np.eye(2) if model == "full" else np.array([[-groups.chord_sin, groups.chord_cos]])
-        self.min_tension = (math.inf, 0.0)  # and its s
+        self.min_tension_and_position = (math.inf, 0.0)
         self.weight = groups.mu * groups.sigma * self.direction[:, 1]
         self._set_law(law)
 
@@ -101,7 +101,7 @@ class CableElements(System):
             return super().balance_times(t0, t1, w, phase)
         return self.motion.balance_times(t0, t1, w, phase)
 
-    def in_time(self, states: States) -> States:
+    def states_over_time(self, states: States) -> States:
         return states
 
     def residual(self, t: float, q: Array, v: Array, a: Array, phase: int) -> Array:
@@ -168,7 +168,7 @@ class CableElements(System):
 
     def _step_results(self, results: Array) -> Iterator[StepResult]:
         for *result, min_tension, s in results.tolist():
-            self.min_tension = min_tension, s
+            self.min_tension_and_position = min_tension, s
             yield StepResult(*result)
 
     def _assemble(self, t: float, phase: int, x: Array, r: Array, factors: Factors) -> None:
@@ -177,7 +177,7 @@ class CableElements(System):
             self._now = Instant(self._inputs(np.array([t]), phase)[0], self._bands, self._contact_at(t, phase))
             assemble_inertia_and_damping(self._cable, self._now)
             self._assembled_at = (t, phase)
-        self.min_tension = assemble(self._cable, self._now, x, r, self._tangent, factors)
+        self.min_tension_and_position = assemble(self._cable, self._now, x, r, self._tangent, factors)
 
     def _make_workspaces(self) -> None:
         """Make the workspaces, which copies do not share."""
@@ -342,7 +342,7 @@ class CableElements(System):
         bend = ds * ds * self.groups.sigma / T**3
         return mu * (dds / T + bend * p) - weight[0], mu * (dds * p / T - bend) - weight[1]
 
-    def path(self, states: States) -> tuple[Array, Array]:
+    def mass_positions_and_displacements(self, states: States) -> tuple[Array, Array]:
         kinematics = self._mass_kinematics(states)
         return kinematics[:, 0], self._motion_at_mass(states, kinematics)[0] @ self.direction
 

@@ -121,7 +121,7 @@ class FollowingElements(CableElements):
         """Steps end where the cable falls slack."""
         ends, results, taken = self._newmark_steps(*steps)
         if taken:
-            self.min_tension = results.item(taken - 1, 4), results.item(taken - 1, 5)
+            self.min_tension_and_position = results.item(taken - 1, 4), results.item(taken - 1, 5)
         return ManySteps(ends[:taken], results[: taken + 1])
 
     def _inputs(self, t: Array, phase: int) -> Array:

@@ -177,7 +177,7 @@ class RollingElements(RollingCar, FollowingElements):
         at = Instant(now, self._bands, self._contact)
         ride = kernels.CarOnMesh(car, self._at_car, NO_BOUNDS)
         forces = kernels.assemble_with_car(self._cable, ride, at, x, r, tangent or self._tangent, factors)
-        self.min_tension = forces[:2]
+        self.min_tension_and_position = forces[:2]
         return forces
 
     def with_clamped_car(self, s_o: float) -> FollowingElements:

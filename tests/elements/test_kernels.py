@@ -102,7 +102,7 @@ def test_the_internal_force_is_the_gradient_of_the_energy(model, law):
     # central differences: 1e-12 alpha of truncation, 1e-16/1e-6 of rounding
     np.testing.assert_allclose(pull(system), gradient(energy, q), rtol=0.0, atol=1e-7 * np.abs(pull(system)).max())
     if model == "full":
-        assert system.min_tension[0] > seen(q).tension_min[0] < 0.0
+        assert system.min_tension_and_position[0] > seen(q).tension_min[0] < 0.0
         other = system.with_law("elastic" if law == "tension-only" else "tension-only")
         assert np.abs(pull(other) - pull(system)).max() > 1e-3 * np.abs(pull(system)).max()  # both branches are in it
 
@@ -119,7 +119,7 @@ def test_the_least_tension_is_that_of_the_element_that_pulls_least(degree):
     T, xp, yp, _, _ = SOFT.tension_and_derivatives(begin + h * tab[:, :, 0])
     N = T + SOFT.alpha * (np.hypot(xp + w_x, yp + w_y) - 1.0)
     means = np.average(N, axis=1, weights=tab[:, :, 1])
-    assert system.min_tension[0] == pytest.approx(means.min(), rel=1e-12)
+    assert system.min_tension_and_position[0] == pytest.approx(means.min(), rel=1e-12)
 
 
 @pytest.mark.parametrize("kind", [float, complex])

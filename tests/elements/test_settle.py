@@ -36,7 +36,7 @@ def history(system, steps, rule):
     try:
         for states in integrate_blocks(system, scheme(rule), step_times(system, steps), work=work):
             q += [x.q for x in states]
-            least += [math.nan] * (len(states) - 1) + [system.min_tension[0]]
+            least += [math.nan] * (len(states) - 1) + [system.min_tension_and_position[0]]
     except NewtonStalled:
         pass
     return np.array(q), work, np.array(least)

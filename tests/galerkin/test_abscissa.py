@@ -78,7 +78,7 @@ def test_path_is_that_of_time(groups, kink):
 
     def gap(steps):
         x = travel(wrapped, steps, until=0.4)
-        v = wrapped.observe(wrapped.in_time(x), s_o[:1], np.arange(0)).path[:, 1]
+        v = wrapped.observe(wrapped.states_over_time(x), s_o[:1], np.arange(0)).path[:, 1]
         return np.sqrt(np.mean((v - np.interp(x.t, s_o, fine)) ** 2)) / np.abs(fine).max()
 
     assert gap(400) < 1e-3
@@ -88,7 +88,7 @@ def test_path_is_that_of_time(groups, kink):
 def test_states_in_time():
     wrapped = SystemOverPosition(GalerkinSystem(CRUISE, Fourier(5), kink=True))
     x = travel(wrapped, 60, until=0.5)
-    y = wrapped.in_time(x)
+    y = wrapped.states_over_time(x)
     at = [CRUISE.motion.at(t, k) for t, k in zip(y.t, y.phase, strict=True)]
     s_o, ds_o, dds_o = np.array(at).T
     np.testing.assert_allclose(s_o, x.t, rtol=0.0, atol=1e-14)
@@ -108,7 +108,7 @@ def test_a_law_is_passed_on():
     assert (other.system.law, wrapped.system.law) == ("tension-only", "elastic")
     assert other.system.basis is wrapped.system.basis
     other.residual(0.2, np.zeros(10), np.zeros(10), np.zeros(10), 0)
-    assert other.min_tension == other.system.min_tension
+    assert other.min_tension_and_position == other.system.min_tension_and_position
 
 
 def test_a_halt_on_the_way_is_refused():

@@ -61,7 +61,7 @@ class Sines(System):
         f, f1, f2 = (x[0] for x in self.shapes(s_o))
         _, X1, X2 = self.static(np.array([s_o]))
         N, force, stiffness, _ = self.stress(self.s, self.slopes @ Q)
-        self.min_tension = float(self.w @ N), 0.5  # the mean over the cable: sines resolve no slack piece
+        self.min_tension_and_position = float(self.w @ N), 0.5  # the mean over the cable: sines resolve no slack piece
         rate = dds * f1 + ds**2 * f2
         pull = self.inertia * (f @ A + 2.0 * ds * f1 @ V + rate @ Q + dds * X1[0] + ds**2 * X2[0])
         pull[1] -= self.groups.mu * self.groups.sigma
@@ -86,10 +86,10 @@ class Sines(System):
     def position(self, x):
         return self.groups.motion.at(x.t, x.phase)[0]
 
-    def in_time(self, states):
+    def states_over_time(self, states):
         return states
 
-    def path(self, states):
+    def mass_positions_and_displacements(self, states):
         seen = self.observe(states, np.zeros(0), np.zeros(0, int))
         return seen.s_o, seen.path
 

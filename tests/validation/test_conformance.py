@@ -53,10 +53,10 @@ def test_a_solver_is_what_the_contract_says(name):
     places = [solver.position(x) for x in states]
     assert places == sorted(places)
     assert 0.0 <= places[0] < places[-1] < 1.0
-    value, s = solver.min_tension
+    value, s = solver.min_tension_and_position
     assert np.isfinite(value)
     assert 0.0 <= s <= 1.0
-    history = solver.in_time(stack_states(states))
+    history = solver.states_over_time(stack_states(states))
     seen = solver.observe(history, np.linspace(0.0, 1.0, 7), np.array([1, 3]))
     assert isinstance(seen, Observation)
     np.testing.assert_allclose(seen.s_o, places, rtol=1e-9, atol=1e-12)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cablefem.newmark import scheme
-from cablefem.response import Response
+from cablefem.response import Array, Response
 from cablefem.scene import Scene
 from validation.core import measures
 from validation.core.ladder import ROUNDING, Branch, Goal, Ladder, identity
@@ -82,19 +82,21 @@ class RunsOfMethod:
             self.made.append(run)
         return run.run_to(until)
 
-    def ladder(self, settings: dict[str, Any]) -> Ladder:
+    def compute_ladder(self, settings: dict[str, Any]) -> Ladder:
         """The run with these settings and coarser ones, of which only the paths are computed."""
         space = self.method.resolution
         finest = self.run_with(settings, self.window_end)
         order = min(self.method.space_order, 1.5) if self.method.space_order > 1.0 else 1.0
-        in_space = self._branch(settings, space.setting, self._coarser_counts(settings), space.ratio, order)
+        in_space = self._compute_branch(
+            settings, space.setting, self._resolutions_from_finest(settings), space.ratio, order
+        )
         order = min(2.0, scheme(settings["scheme"]).order)
         steps = settings["steps"]
         coarser_steps = [x for x in (round(steps / 2), round(steps / 4)) if x >= 2]
-        in_time = self._branch(settings, "steps", [steps, *coarser_steps], lambda a, b: b / a, order)
+        in_time = self._compute_branch(settings, "steps", [steps, *coarser_steps], lambda a, b: b / a, order)
         return Ladder(finest, in_space, in_time)
 
-    def _branch(
+    def _compute_branch(
         self, settings: dict[str, Any], name: str, values: list[int], ratio: Callable[[int, int], float], order: float
     ) -> Branch:
         """Runs with coarser values of a setting; values : from the finest on;  ratio : of a coarse and a fine value."""
@@ -102,7 +104,7 @@ class RunsOfMethod:
         ratios = tuple(ratio(coarse, fine) for fine, coarse in pairwise(values))
         return Branch(runs, ratios, order)
 
-    def _coarser_counts(self, settings: dict[str, Any]) -> list[int]:
+    def _resolutions_from_finest(self, settings: dict[str, Any]) -> list[int]:
         """Resolutions from the finest on: half and quarter, or fewer."""
         count = self.method.resolution_value(settings)
         if self.method.resolution.doubling:
@@ -116,7 +118,7 @@ class RunsOfMethod:
                 counts.append(coarser)
         return counts
 
-    def continued_to_end(self, ladder: Ladder) -> Ladder:
+    def continued_with_error_bars(self, ladder: Ladder) -> Ladder:
         """The ladder with its finest run marched to the end, and bars."""
         finest = self.run_with(ladder.finest.settings, self.end)
         until = self.window_end
@@ -129,7 +131,7 @@ class RunsOfMethod:
         ladder = replace(ladder.map(continued), start_gap=self._start_error_bar(finest))
         return with_error_bars(ladder, self.view)
 
-    def _start_error_bar(self, finest: Response) -> Any:
+    def _start_error_bar(self, finest: Response) -> Array | float:
         """See `Ladder`; zero where the coarser runs resolve the distance, or no run needs to."""
         start = float(finest.s_o[0]) / finest.length
         space = self.method.resolution.setting
@@ -150,9 +152,9 @@ def run_with_error_bars(
 ) -> Ladder:  # fmt: skip
     """The ladder of a run; `options` as in `run`, `earlier_runs` runs are reused."""
     runs = RunsOfMethod(scene, method, options, view, earlier_runs)
-    ladder = runs.ladder(runs.method.settings_for_scene(scene.groups, runs.settings))
+    ladder = runs.compute_ladder(runs.method.settings_for_scene(scene.groups, runs.settings))
     progress(0.5)
-    return runs.continued_to_end(ladder)
+    return runs.continued_with_error_bars(ladder)
 
 
 def refine_to_tolerance(
@@ -170,38 +172,38 @@ def refine_to_tolerance(
     method = runs.method
     if method.wrong:
         raise ValueError(f"{method.name} converges to a wrong answer: no resolution meets a tolerance")
-    settings = method.settings_for_scene(
-        scene.groups, _time_scheme(scene, method, runs.settings) | _first_settings(scene, method)
-    )
+    chosen = _settings_with_time_scheme(scene, method, runs.settings)
+    settings = method.settings_for_scene(scene.groups, chosen | _first_resolution_and_steps(scene, method))
     ratio = 1.0  # last refinement of space
     bar_before = math.inf  # in space, before it
     broken = 0
-    most_broken = 3  # ladders one after the other that do not reach the end of the window
+    max_broken = 3  # ladders one after the other that do not reach the end of the window
     while True:
-        ladder = runs.ladder(settings)
+        ladder = runs.compute_ladder(settings)
         goal = Goal(path_bar_parts(ladder, runs.view), tol)
         progress(0.3, f"{len(runs.made)} runs, bar {goal.bar:.1g} of {tol:g} wanted")
         broken = 0 if math.isfinite(goal.bar) else broken + 1
-        if goal.excess <= 1.0 or broken == most_broken:
+        if goal.excess <= 1.0 or broken == max_broken:
             break
         in_space, _ = goal.parts
-        if ratio > 1.0 and not in_space < bar_before / ratio**MIN_ORDER:  # steps are too long for a finer mesh
-            finer = _twice_the_steps(method, ladder, budget)
+        steps_too_long = ratio > 1.0 and not in_space < bar_before / ratio**MIN_ORDER  # for a finer mesh
+        if steps_too_long:
+            finer = _settings_with_doubled_steps(method, ladder, budget)
         else:
-            finer = next_settings(method, ladder, goal, budget, half=True)
+            finer = next_settings(method, ladder, goal, budget, allow_half=True)
         if finer is None:
             break
         ratio = method.resolution.ratio(method.resolution_value(settings), method.resolution_value(finer))
         bar_before = in_space
         settings = finer
-    ladder = runs.continued_to_end(ladder)
+    ladder = runs.continued_with_error_bars(ladder)
     progress(1.0)
     if goal.excess <= 1.0:
         return ladder
     raise TooCoarse(ladder, goal.bar, tol)
 
 
-def refined_until(
+def refine_until_goal_met(
     scene: Scene, ladder: Ladder, goal: Callable[[Ladder], Goal], *, budget: float = BUDGET, **options: Any
 ) -> Ladder:
     """A ladder refined until the goal that it has is met, or it costs too much."""
@@ -218,29 +220,29 @@ def refined_until(
 
 
 def next_settings(
-    method: Method, ladder: Ladder, goal: Goal, budget: float, *, half: bool = False
+    method: Method, ladder: Ladder, goal: Goal, budget: float, *, allow_half: bool = False
 ) -> dict[str, Any] | None:
     """The cheapest finer settings predicted to meet a goal with a margin, else just; None: none within the budget.
 
-    half : half of that refinement will do where the full one costs too much.
+    allow_half : half of that refinement will do where the full one costs too much.
     """
     now = ladder.finest.settings
     tries = [cheapest_settings(method, now, goal, AIM), cheapest_settings(method, now, goal, 1.0)]
-    if half:
+    if allow_half:
         tries.append(cheapest_settings(method, now, goal, AIM, share=0.5))
-    return _first_within_budget(method, ladder, tries, budget)
+    return _first_settings_within_budget(method, ladder, tries, budget)
 
 
-def _twice_the_steps(method: Method, ladder: Ladder, budget: float) -> dict[str, Any] | None:
+def _settings_with_doubled_steps(method: Method, ladder: Ladder, budget: float) -> dict[str, Any] | None:
     now = ladder.finest.settings
     steps = min(2 * now["steps"], max(now["steps"], MAX_STEPS))
-    return _first_within_budget(method, ladder, [now | {"steps": steps}], budget)
+    return _first_settings_within_budget(method, ladder, [now | {"steps": steps}], budget)
 
 
-def _first_within_budget(
+def _first_settings_within_budget(
     method: Method, ladder: Ladder, tries: list[dict[str, Any]], budget: float
 ) -> dict[str, Any] | None:
-    """The first settings that are finer than the ladder's and within the budget."""
+    """The first settings that are not those of the ladder and within the budget; None: none is."""
     for settings in tries:
         if settings != ladder.finest.settings and not exceeds_work_budget(method, ladder, settings, budget):
             return settings
@@ -268,8 +270,8 @@ def cheapest_settings(
         shorter = [x for x in SHORTER if x <= share * SHORTER[-1]]
         predicted = {(a, b): in_space / a**p + in_time / b**q for a, b in product(finer, shorter)}
         enough = max(target, min(predicted.values()) / AIM)
-        affordable = [factors for factors, bar in predicted.items() if bar <= enough]
-        a, b = min(affordable, key=lambda factors: space.cost(count, factors[0]) * factors[1])
+        sufficient = [factors for factors, bar in predicted.items() if bar <= enough]
+        a, b = min(sufficient, key=lambda factors: space.cost(count, factors[0]) * factors[1])
     else:
         a = 1.0 if math.isfinite(in_space) else 2.0
         b = 1.0 if in_time <= target else 2.0
@@ -348,15 +350,16 @@ def path_bar_of_run(r: Response) -> float:
 # --- the rule, and where to begin -----------------------------------------------------------------------------------
 
 
-def _time_scheme(scene: Scene, method: Method, named: dict[str, Any]) -> dict[str, Any]:
+def _settings_with_time_scheme(scene: Scene, method: Method, settings: dict[str, Any]) -> dict[str, Any]:
+    """The user's settings with the time scheme, if they name none."""
     if scene.drive.mode == "free":
-        return named if method.mesh_follows_mass else SWINGING | named
-    if method.all_settings["scheme"].default != "trapezoidal" or "scheme" in named:
-        return named
-    return (SHARP if method.mesh_follows_mass else QUIET) | named
+        return settings if method.mesh_follows_mass else SWINGING | settings
+    if method.all_settings["scheme"].default != "trapezoidal" or "scheme" in settings:
+        return settings
+    return (SHARP if method.mesh_follows_mass else QUIET) | settings
 
 
-def _first_settings(scene: Scene, method: Method) -> dict[str, int]:
+def _first_resolution_and_steps(scene: Scene, method: Method) -> dict[str, int]:
     """First resolution and steps; for a light car at least one unknown and step per front width."""
     space = method.resolution
     groups = scene.groups

@@ -77,7 +77,7 @@ class Run:
         self.scheme = newmark.scheme(
             settings["scheme"], newmark_gamma=settings["newmark_gamma"], rho_inf=settings["rho_inf"]
         )
-        self.switches = law == "auto" and self.scheme.implicit
+        self.switches_when_slack = law == "auto" and self.scheme.implicit
         first_law = "elastic" if law == "auto" else law
         solver = self.method.build(groups, settings, model=model, load=load, law=first_law)
         if solver.at_support and groups.motion is not None and groups.motion.start_position > 0.0:
@@ -85,7 +85,7 @@ class Run:
         self.times = step_times_of_phases(solver, groups, settings)
         self.history = History(StateHistory(), Work(), 0.0, None, None, solver, None)
         self._ended = False
-        self._seen: tuple[Any, Response] | None = None
+        self._latest: tuple[tuple[int, Any], Response] | None = None  # states, failure and their response
 
     def run_to(self, until: float | None = None, progress: Progress = no_progress) -> Response:
         """March to the first step at or past s_o/l = until (default: the end); return the response so far.
@@ -98,11 +98,11 @@ class Run:
     def response_so_far(self) -> Response:
         """The response so far; all but the path is computed when it is looked at."""
         now = len(self.history.states), self.history.failure
-        if self._seen is None or self._seen[0] != now:
-            how = {"method": self.method.name, "settings": self.settings, **self.run_options}
-            response = response_of_history(self.scene, self.history, frames=self.frames, **how)
-            self._seen = now, with_flags(response, self.scene, self.method)
-        return self._seen[1]
+        if self._latest is None or self._latest[0] != now:
+            options = {"method": self.method.name, "settings": self.settings, **self.run_options}
+            response = response_of_history(self.scene, self.history, frames=self.frames, **options)
+            self._latest = now, with_flags(response, self.scene, self.method)
+        return self._latest[1]
 
     def march_to(self, until: float | None, progress: Progress = no_progress) -> None:
         """Compute states to s_o/l = until; a failure ends the run with its reason."""
@@ -126,9 +126,9 @@ class Run:
         progress(1.0)
 
     def _march_with_law_switch(self, until: float, progress: Progress) -> None:
-        """March to `until`; once slack with the tension-only law."""
+        """March to s_o/l = `until`; from the slack onset on with the tension-only law, if law is "auto"."""
         h = self.history
-        if h.after is None and self._march_solver(h.solver, self.scheme, until, progress, self.switches):
+        if h.after is None and self._march_solver(h.solver, self.scheme, until, progress, self.switches_when_slack):
             h.after = h.solver.with_law("tension-only")
         if h.after is not None:
             # collocation loses its order at the law's kink
@@ -137,40 +137,39 @@ class Run:
             self._march_solver(h.after, damped, until, progress)
 
     def _march_solver(
-        self, solver: Solver, scheme: Scheme, until: float, progress: Progress, switch: bool = False
-    ) -> bool:  # fmt: skip
-        """Append states up to the end, `until` or, if the law switches, the slack onset; return whether it switched."""
+        self, solver: Solver, scheme: Scheme, until: float, progress: Progress, stop_at_slack: bool = False
+    ) -> bool:
+        """Append states up to the end or `until`, or to the slack onset if asked; return whether it stopped there."""
         h = self.history
         start = h.states[-1] if h.states else None
         if start is not None and solver.position(start) >= until:
             return False
         free = self.scene.groups.motion is None  # otherwise the times end there
         newton = TRAPEZOIDAL_NEWTON if free and scheme.name == "trapezoidal" else Newton()
-        for states in newmark.integrate_blocks(
-            solver, scheme, self.times_until_position(until), newton=newton, work=h.work, start=start
-        ):
+        times = self.step_times_until_position(until)
+        for states in newmark.integrate_blocks(solver, scheme, times, newton=newton, work=h.work, start=start):
             h.states.extend(states)
             position = solver.position(states[-1])
             if len(h.states) % 32 < len(states):
-                progress(max(_time_done(solver, states[-1].t), position / until))
-            if self._note_slack_onset(solver) and switch:
+                progress(max(_fraction_of_duration(solver, states[-1].t), position / until))
+            if self._note_slack_onset(solver) and stop_at_slack:
                 return True
             if free and position >= until:
                 break
         return False
 
     def _note_slack_onset(self, solver: Solver) -> bool:
-        """Note the slack onset at the last state, the only one that may be slack; return whether it is the first."""
+        """Note the slack onset if the last state is the first slack one, and return whether it is."""
         h = self.history
         if h.onset is not None or len(h.states) < 2:
             return False
-        tension, s = solver.min_tension
+        tension, s = solver.min_tension_and_position
         if tension < 0.0:
             h.onset = Onset(len(h.states) - 1, s)
             solver.slack_ends = False  # here and in copies: no later one is looked for
         return tension < 0.0
 
-    def times_until_position(self, until: float) -> list[Array]:
+    def step_times_until_position(self, until: float) -> list[Array]:
         """The step times up to s_o/l = until."""
         if self.scene.groups.motion is None or until >= 1.0:
             return self.times
@@ -190,9 +189,9 @@ def _refuse_bad_arguments(scene: Scene, law: str, frames: int) -> None:
     """Raise ValueError for arguments of `Run` out of their range, and for a scene without travelling mass."""
     if law not in ("elastic", "tension-only", "auto"):
         raise ValueError(f"law must be elastic, tension-only or auto, got {law!r}")
-    most = 20_000  # 300 MB
-    if not (isinstance(frames, int) and 2 <= frames <= most):
-        raise ValueError(f"frames must be a whole number from 2 to {most}, got {frames!r}")
+    max_frames = 20_000  # 300 MB
+    if not (isinstance(frames, int) and 2 <= frames <= max_frames):
+        raise ValueError(f"frames must be a whole number from 2 to {max_frames}, got {frames!r}")
     if scene.groups.motion is None and scene.drive.mode != "free":
         raise ValueError(f"scene {scene.name!r} has no travelling mass: only its frequencies can be computed")
 
@@ -208,7 +207,7 @@ def step_times_of_phases(solver: Solver, groups: Groups, settings: dict[str, Any
     return times
 
 
-def _time_done(solver: Solver, t: float) -> float:
+def _fraction_of_duration(solver: Solver, t: float) -> float:
     """Fraction of the duration up to t."""
     begin = solver.phases[0][0]
     return (t - begin) / (solver.phases[-1][1] - begin)

@@ -60,7 +60,7 @@ class History:
 
 def _valid_states(h: History) -> States:
     """The states over time, cut and marked failed where they are not finite or the mass is past the cable."""
-    states = h.solver.in_time(stack_states(h.states))
+    states = h.solver.states_over_time(stack_states(h.states))
     sound = np.logical_and.reduce([np.isfinite(x).all(axis=1) for x in (states.q, states.v, states.a)])  # (n,)
     sound[-1] &= h.solver.position(h.states[-1]) <= MAX_POSITION
     if sound.all():
@@ -96,7 +96,7 @@ def response_of_history(scene: Scene, h: History, *, frames: int = FRAMES, **how
     """
     states = _valid_states(h)
     onset = _onset_within(h, states)
-    position, w = h.solver.path(states)
+    position, w = h.solver.mass_positions_and_displacements(states)
     slack_onset = None if onset is None else float(position[onset.step])
     cause, reason = h.failure or (None, None)
     motion = scene.groups.motion
@@ -269,7 +269,7 @@ def _dense_states_around(h: History, states: States, t: Array) -> States:
     parts = 6  # of a collocation step, for cubics
     for i in steps.tolist():
         dense += with_states_inside_steps([h.states[i - 1], h.states[i]], parts)
-    return h.solver.in_time(stack_states(dense))
+    return h.solver.states_over_time(stack_states(dense))
 
 
 def _interpolated_states(h: States, t: Array) -> States:

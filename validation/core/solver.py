@@ -12,12 +12,13 @@ from cablefem.response import Array, Observation, States
 class Solver(System, Protocol):
     """A dimensionless `System` with a mass.
 
-    `min_tension` decides slack: the least mean over an element or shortest wavelength, so that ripples do not count.
+    `min_tension_and_position` decides slack.  It is the least mean over an element or a shortest wavelength, so that
+    ripples do not count.
     """
 
     @property
-    def min_tension(self) -> tuple[float, float]:
-        """At the last residual or step, and its s."""
+    def min_tension_and_position(self) -> tuple[float, float]:
+        """At the last residual or step: the smallest tension and its s."""
 
     def with_law(self, law: str) -> Solver:
         """The same system under "elastic" or "tension-only"."""
@@ -25,11 +26,11 @@ class Solver(System, Protocol):
     def position(self, x: State) -> float:
         """s_o of a state."""
 
-    def in_time(self, states: States) -> States:
-        """A history over time."""
+    def states_over_time(self, states: States) -> States:
+        """The states as functions of time, where the system's own variable may be s_o."""
 
     def observe(self, states: States, s: Array, frames: NDArray[np.intp]) -> Observation:
-        """Measure a history `in_time`; fields at stations s for the rows `frames`."""
+        """Measure `states_over_time`; fields at stations s for the rows `frames`."""
 
-    def path(self, states: States) -> tuple[Array, Array]:
-        """s_o (n,) and the displacement of the mass (n, 2) of a history `in_time`."""
+    def mass_positions_and_displacements(self, states: States) -> tuple[Array, Array]:
+        """s_o (n,) and the displacement of the mass (n, 2), of `states_over_time`."""

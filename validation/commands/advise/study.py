@@ -35,7 +35,7 @@ from validation.core.measures import JUMP_WIDTH, NotComparable, series_gap, tens
 from validation.core.methods import METHODS, find_method
 from validation.core.order import FIRST
 from validation.core.quasi_static import Statics, quasi_static
-from validation.core.refine import BUDGET, Gap, TooCoarse, bar_parts_of_gap, refine_to_tolerance, refined_until
+from validation.core.refine import BUDGET, Gap, TooCoarse, bar_parts_of_gap, refine_to_tolerance, refine_until_goal_met
 from validation.core.rows import tolerance_of
 from validation.core.running import run
 from validation.core.sidebyside import Progress, no_progress
@@ -180,7 +180,7 @@ def _full_ladder(scene: Scene, view: View, tol: float, tolerances: dict[str, flo
         ]
         return max(goals, key=attrgetter("excess"))
 
-    return refined_until(scene, ladder, worst_goal, budget=budget, until=view.last_needed_position)
+    return refine_until_goal_met(scene, ladder, worst_goal, budget=budget, until=view.last_needed_position)
 
 
 def _cheaper_rungs(scene: Scene, full: Response, view: View, report: Progress) -> Iterator[Rung]:

@@ -15,7 +15,7 @@ from validation.core.answers import outcome_of_run
 from validation.core.design import design_numbers
 from validation.core.methods import Method, find_method
 from validation.core.quasi_static import quasi_static, with_error_bars
-from validation.core.refine import TooCoarse, refine_to_tolerance, refined_until, run_with_error_bars
+from validation.core.refine import TooCoarse, refine_to_tolerance, refine_until_goal_met, run_with_error_bars
 from validation.core.rows import events_with_bars, worst_force_goal
 from validation.core.running import Run, run
 from validation.core.sampling import FRAMES
@@ -47,7 +47,7 @@ def run_and_answer(
     try:
         ladder = refine_to_tolerance(scene, method, tol, **options, progress=progress)
         # mean forces, as in `check`
-        ladder = refined_until(scene, ladder, lambda x: worst_force_goal(scene, x, tol), **options)
+        ladder = refine_until_goal_met(scene, ladder, lambda x: worst_force_goal(scene, x, tol), **options)
     except TooCoarse as error:
         ladder = error.ladder
         missed = str(error)
