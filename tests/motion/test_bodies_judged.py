@@ -7,7 +7,7 @@ import pytest
 
 from cablefem.scene.line import Line
 from tests.motion.lines import BODIES
-from validation.commands.check.motion import judge_runs, law_rows
+from validation.commands.check.motion import compare_and_check_laws, law_rows
 from validation.commands.run.motion import SINES, LineRuns
 from validation.core.agreement import overall_verdict
 from validation.core.motion_rows import LineTolerance
@@ -37,7 +37,7 @@ def test_sines_keep_all_laws(line, ladder):
 
 def test_nothing_is_counted_that_the_line_does_not_have(line, ladder):
     """Neither a counterweight nor an event: a row on them could not fail."""
-    rows = judge_runs(line, ladder, ladder, LineTolerance(1e-3, 1e-2))
+    rows = compare_and_check_laws(line, ladder, ladder, LineTolerance(1e-3, 1e-2))
     assert not {row.law.rpartition(",")[0] for row in rows} & {"motion of the counterweight"}
     assert not [row for row in rows if row.quantity == "events" and not ladder.finest.events]
 
@@ -79,4 +79,4 @@ def test_a_carriage_that_does_not_feel_how_its_cabin_swings_is_seen(line, ladder
 @pytest.mark.slow
 def test_a_thrust_a_degree_off_in_one_solver_is_seen(line, ladder):
     fault = LineRuns(SINES, line.replace({"car.sled.drive.thrust.angle": 6.0}), LineRuns(SINES, line)).ladder(2, 2)
-    assert overall_verdict(judge_runs(line, ladder, fault, LineTolerance(1e-3, 1e-2))).value == "disagree"
+    assert overall_verdict(compare_and_check_laws(line, ladder, fault, LineTolerance(1e-3, 1e-2))).value == "disagree"

@@ -12,7 +12,7 @@ import cablefem as cf
 from cablefem.scene.line import Line
 from tests.commands.calls import lines
 from tests.motion.lines import BODIES
-from validation.commands.check.motion import check_line, judge_runs
+from validation.commands.check.motion import check_line, compare_and_check_laws
 from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, answers_of_ladders
 from validation.core import motion_laws
 from validation.core.agreement import overall_verdict
@@ -80,7 +80,7 @@ def by_sines(line):
 
 
 def verdict(*of):
-    return overall_verdict(judge_runs(*of, ASKED)).value
+    return overall_verdict(compare_and_check_laws(*of, ASKED)).value
 
 
 def changed(ladder, change):
@@ -129,7 +129,7 @@ def test_a_fault_in_an_answer_is_seen(line, by_elements, by_sines, fault):
 
 def test_a_fault_that_both_share_is_seen_by_the_laws_alone(line, by_elements, by_sines):
     both = [changed(ladder, hauled_too_much) for ladder in (by_elements, by_sines)]
-    wrong = {row.quantity for row in judge_runs(line, *both, ASKED) if row.verdict.value == "disagree"}
+    wrong = {row.quantity for row in compare_and_check_laws(line, *both, ASKED) if row.verdict.value == "disagree"}
     assert wrong == {"laws_si"}
 
 
@@ -144,7 +144,7 @@ def test_a_ring_of_a_car_that_grips_is_no_gap_and_a_force_off_by_as_much_is_one(
             grip = one.grip_force + force * shape(2.0 * np.pi * motion.t / ring)
             return dataclasses.replace(motion, cars=(dataclasses.replace(one, grip_force=grip), other))
 
-        rows = judge_runs(line, by_elements, changed(by_sines, wrong), ASKED)
+        rows = compare_and_check_laws(line, by_elements, changed(by_sines, wrong), ASKED)
         return next(row.gap for row in rows if row.quantity == "grip_force")
 
     assert gap(np.sin) < 0.1 * 0.03

@@ -13,7 +13,7 @@ from cablefem.scene.line import Line
 from cablefem.scene.moving import line_in_motion
 from galerkin.lines import LineSines
 from tests.motion.lines import BODIES
-from validation.commands.check.motion import check_line, judge_runs, law_rows
+from validation.commands.check.motion import check_line, compare_and_check_laws, law_rows
 from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, answers_of_ladders, lasting_events
 from validation.core.agreement import overall_verdict
 from validation.core.motion_rows import LineTolerance, unbalanced_work
@@ -92,7 +92,7 @@ def test_the_run_goes_on_past_a_rider_that_its_brake_holds(line, wing):
 
 
 def test_both_solvers_and_the_laws_agree_on_it(line, ladders):
-    rows = judge_runs(line, *ladders, LineTolerance(2e-2, 0.1))
+    rows = compare_and_check_laws(line, *ladders, LineTolerance(2e-2, 0.1))
     assert overall_verdict(rows).value == "agree"
     assert FRICTION in {row.law.rpartition(",")[0] for row in rows}
     for ladder in ladders:
@@ -108,7 +108,7 @@ def test_a_check_agrees(line):
 def test_another_rider_in_one_solver_is_seen(line, ladders, key):
     wrong = line.replace({key: 1.05 * (80.0 if key.endswith("mass") else 500.0)})
     other = LineRuns(SINES, wrong, LineRuns(ELEMENTS, line)).ladder(2, 2)
-    rows = judge_runs(line, ladders[0], other, LineTolerance(2e-2, 0.1))
+    rows = compare_and_check_laws(line, ladders[0], other, LineTolerance(2e-2, 0.1))
     assert overall_verdict(rows).value == "disagree"
 
 

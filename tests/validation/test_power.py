@@ -2,7 +2,11 @@
 
 from cablefem import Scene
 from validation import check
-from validation.commands.check.sensitivity import noticed_sentence, number_keys, smallest_noticed_faults
+from validation.commands.check.sensitivity import (
+    detectable_changes_sentence,
+    keys_of_nonzero_numbers,
+    smallest_detectable_changes,
+)
 from validation.commands.sweep.families import SOUND, scene_and_fault_key
 
 INCLINED = Scene.load("inclined")
@@ -12,10 +16,10 @@ def test_a_fault_of_one_percent_is_seen_and_as_small_a_one_as_is_said():
     """The second solver is told another mass: beyond what the sound check says it would notice it disagrees."""
     sound = check(INCLINED, tol=0.1, second=INCLINED)
     assert sound.verdict.value == "agree"
-    found = smallest_noticed_faults(sound)
+    found = smallest_detectable_changes(sound)
     assert {"mass.mass", "cable.EA", "supports.span"} <= set(found)
     assert 0.0 < found["mass.mass"] < 0.05
-    assert "mass.mass" in noticed_sentence(found)
+    assert "mass.mass" in detectable_changes_sentence(found)
     percent = 300.0 * found["mass.mass"]
     fault = check(INCLINED, tol=0.1, second=INCLINED.replace({"mass.mass": f"+{percent:.6f}%"}))
     assert fault.verdict.value == "disagree"
@@ -24,7 +28,7 @@ def test_a_fault_of_one_percent_is_seen_and_as_small_a_one_as_is_said():
 def test_a_fault_below_the_digits_of_a_number_is_any_change_of_it():
     """Rows with a bar of rounding alone, as of timetables and catenaries, printed 1.4e-13 %."""
     found = {"travel.from": 1.4e-15, "cable.EA": 2e-9, "mass.mass": 1.7e-4}
-    assert noticed_sentence(found) == "would notice: any change of travel.from, cable.EA, mass.mass 0.017 %"
+    assert detectable_changes_sentence(found) == "would notice: any change of travel.from, cable.EA, mass.mass 0.017 %"
 
 
 def test_a_station_on_the_edge_of_the_jump_is_no_disagreement():
@@ -36,7 +40,7 @@ def test_a_station_on_the_edge_of_the_jump_is_no_disagreement():
 
 def test_keys_are_the_numbers_of_the_tables():
     data = {"title": "x", "cable": {"EA": 1e6, "on": True}, "drive": {"brake": [{"from": 3.0, "force": 0.0}]}}
-    assert list(number_keys(data)) == ["cable.EA", "drive.brake.0.from"]
+    assert list(keys_of_nonzero_numbers(data)) == ["cable.EA", "drive.brake.0.from"]
 
 
 def test_cases_of_the_study_are_the_families_in_turn_and_sound_ones_have_no_fault():

@@ -18,7 +18,7 @@ from cablefem.scene.contacts import Car
 from cablefem.scene.drive import Thrust
 from cablefem.scene.line import Car as CarTable
 from cablefem.scene.line import Line
-from validation.commands.check.motion import scales_of
+from validation.commands.check.motion import reference_scales
 from validation.commands.run.motion import ELEMENTS, LineRuns
 from validation.core import store
 from validation.core.agreement import FORCES
@@ -36,7 +36,7 @@ def advise(line: Line, tol: float, out: Path, report: Progress = no_progress) ->
         report("bodies and points", 0.5 * len(runs))
         runs.append(LineRuns(ELEMENTS, _line_with_model(line, model), runs[0] if runs else None))
     body, point = (x.run(2, 2) for x in runs)
-    scales = scales_of(line, body)
+    scales = reference_scales(line, body)
     allowed = {"path": tol * scales.path, "tension": FORCES * tol * scales.tension}
     rows: list[Row] = []
     periods: list[Row] = []

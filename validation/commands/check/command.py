@@ -57,23 +57,23 @@ def command(
         points = options.line_points(options.with_limits(line, limits), set_, case, others)
         second_scene = _scene_of_second_solver(points[0].scene, second, second_set)
         return _check_line(points, tol, tol_tension, out, second_scene, require, self_test, sensitive)
-    faults = _tolerance_faults(tol, tol_tension, with_tol, ask)
+    faults = _option_faults(tol, tol_tension, with_tol, ask)
     loaded = options.with_limits(options.scene_named(scene, faults, travelling=True), limits)
-    points = _scene_points(loaded, set_, case)
+    points = _grid_of_scenes(loaded, set_, case)
     settings = {"tol": 1e-3 if tol is None else tol, "tol_tension": tol_tension, "ask": ask}
     if len(points) > 1:
         if other is not None:
             raise store.Refused("--with: holds one path against one scene; leave it out of a grid")
         return _check_grid(loaded, points, out, require, **settings)
     loaded = points[0].scene
-    third = None if other is None else (_read_third_party(other, loaded), with_tol)
+    third = None if other is None else (_read_vetted_path(other, loaded), with_tol)
     result, folder = _check_and_write(
         loaded, third, out, deep=deep, second=_scene_of_second_solver(loaded, second, second_set), **settings
     )
     return _report_check(result, folder, verbose, sensitive, require, self_test)
 
 
-def _tolerance_faults(tol: float | None, tol_tension: float | None, with_tol: float, ask: str) -> list[str]:
+def _option_faults(tol: float | None, tol_tension: float | None, with_tol: float, ask: str) -> list[str]:
     faults = [
         *options.tolerance_faults(tol), *options.tolerance_faults(tol_tension, "--tol-tension", 1e-6, 1.0),
         *options.tolerance_faults(with_tol, "--with-tol", 0.0, 1.0),
@@ -93,7 +93,9 @@ def _report_check(result: "Check", folder: Path, verbose: bool, sensitive: bool,
     if sensitive:
         from validation.commands.check import sensitivity
 
-        terminal.print_text(f"  {sensitivity.noticed_sentence(sensitivity.smallest_noticed_faults(result))}")
+        terminal.print_text(
+            f"  {sensitivity.detectable_changes_sentence(sensitivity.smallest_detectable_changes(result))}"
+        )
     a = result.a.finest
     b = result.b.finest
     terminal.print_text(f"  written to {folder}: report.html, {a.method}/, {b.method}/")
@@ -108,7 +110,7 @@ def _report_check(result: "Check", folder: Path, verbose: bool, sensitive: bool,
     if self_test:
         from validation.commands.check import selftest
 
-        verdict = selftest.verdict_with_fault(result)
+        verdict = selftest.verdict_with_mass_fault(result)
         terminal.print_text(f"  {selftest.self_test_sentence(verdict, b.method, result.tol)}")
         sound = sound and verdict.value == "disagree"
     return broken or int(not sound)
@@ -145,17 +147,19 @@ def _check_line(
         from validation.commands.check import sensitivity
 
         for result in results:
-            terminal.print_text(f"  {sensitivity.noticed_sentence(kind.smallest_noticed_faults(result))}")
+            terminal.print_text(
+                f"  {sensitivity.detectable_changes_sentence(kind.smallest_detectable_changes(result))}"
+            )
     if not self_test:
         return code
     from validation.commands.check import selftest
 
-    verdict = selftest.line_verdict_with_fault(kind.check_line, line, tol, tol_tension)
+    verdict = selftest.line_verdict_with_mass_fault(kind.check_line, line, tol, tol_tension)
     terminal.print_text(f"  {selftest.self_test_sentence(verdict, kind.SECOND, tol)}")
     return code or int(verdict.value != "disagree")
 
 
-def _scene_points(scene: Any, pairs: list[str] | None, cases: list[str] | None) -> list[options.Point]:
+def _grid_of_scenes(scene: Any, pairs: list[str] | None, cases: list[str] | None) -> list[options.Point]:
     """Scenes of a grid; Refused for settings of a method."""
     points = options.points_of(scene, pairs, cases)
     if settings := sorted({key for point in points for key in point.settings}):
@@ -163,7 +167,7 @@ def _scene_points(scene: Any, pairs: list[str] | None, cases: list[str] | None) 
     return points
 
 
-def _read_third_party(file: Path, scene: Any) -> Any:
+def _read_vetted_path(file: Path, scene: Any) -> Any:
     """Another program's path; a wrong direction or unit is refused at once."""
     from validation.core import foreign
     from validation.core.running import run

@@ -26,7 +26,7 @@ ROUNDING = 1e-8
 HALVED = "the change from coarser runs"
 
 
-def shared_part_rows(scene: Scene, a: Ladder) -> Iterator[Agreement]:
+def rows_against_third_parties(scene: Scene, a: Ladder) -> Iterator[Agreement]:
     """A row for each applicable third party; a : the estimated run of the elements."""
     for what, third in THIRD.items():
         try:
@@ -37,7 +37,7 @@ def shared_part_rows(scene: Scene, a: Ladder) -> Iterator[Agreement]:
             yield replace(row, quantity="deep", law=what)
 
 
-def _deep_row(gap: float, *parts: BoundPart) -> Agreement:
+def _row_with_error_bars(gap: float, *parts: BoundPart) -> Agreement:
     return Agreement("deep", gap, Bound("error bars", parts))
 
 
@@ -45,7 +45,7 @@ def _worst_frequency_row(scene: Scene, a: Ladder) -> Agreement:
     return max(modes(scene).rows, key=lambda row: row.gap / row.allowed)
 
 
-def _start_at_rest_row(scene: Scene, a: Ladder) -> Agreement | None:
+def _start_against_statics_row(scene: Scene, a: Ladder) -> Agreement | None:
     if a.finest.drive == "grip":
         return None
     r = a.finest
@@ -56,12 +56,12 @@ def _start_at_rest_row(scene: Scene, a: Ladder) -> Agreement | None:
     def distance_from_rest(x: Response) -> float:
         return math.hypot(x.x[0] - at[0], x.y[0] - at[1]) / r.max_deflection
 
-    return _deep_row(
+    return _row_with_error_bars(
         distance_from_rest(r), BoundPart(r.method, a.bar(distance_from_rest), HALVED), BoundPart("rounding", ROUNDING)
     )
 
 
-def _time_driver_row(scene: Scene, a: Ladder) -> Agreement | None:
+def _time_driver_against_scipy_row(scene: Scene, a: Ladder) -> Agreement | None:
     """Compare the time driver with scipy's DOP853 on the same coarse semi-discrete system, from one state."""
     # s_o/l of that state, and so much of the travel in so many steps
     begin = 0.1
@@ -72,7 +72,7 @@ def _time_driver_row(scene: Scene, a: Ladder) -> Agreement | None:
     system: Any = method.build(scene.groups, settings, model="full", load="mass", law="elastic")
     scheme = newmark.scheme("trapezoidal")
     states = newmark.integrate(system, scheme, newmark.step_times(system, settings["steps"]))
-    first = _first_state(states, lambda x: system.position(x) >= begin)
+    first = _first_state_or_last(states, lambda x: system.position(x) >= begin)
     t0 = first.t
     t1 = system.phases[first.phase][1]
     t1 = min(t1, t0 + part * min(system.phases[-1][1], scene.groups.drive.nominal))
@@ -82,7 +82,7 @@ def _time_driver_row(scene: Scene, a: Ladder) -> Agreement | None:
     def march(n: int) -> tuple[State, int]:
         work = Work()
         grid = [np.linspace(t0, t1, n + 1)] * len(system.phases)
-        x = _first_state(newmark.integrate(system, scheme, grid, work=work, start=first), lambda x: x.t >= t1)
+        x = _first_state_or_last(newmark.integrate(system, scheme, grid, work=work, start=first), lambda x: x.t >= t1)
         return x, len(work.events)
 
     fine, events = march(steps)
@@ -103,12 +103,12 @@ def _time_driver_row(scene: Scene, a: Ladder) -> Agreement | None:
     last = n - (a.finest.drive == "haul")  # the last unknown of a hauled car has no dynamics
     size = float(np.abs(fine.q[:last]).max())
     gap, change = (float(np.abs(q[:last] - fine.q[:last]).max()) / size for q in (answer.y[:n, -1], coarse.q))
-    return _deep_row(
+    return _row_with_error_bars(
         gap, BoundPart("driver", SAFETY * change, "the change from half the steps"), BoundPart("scipy", ROUNDING)
     )
 
 
-def _first_state(states: Iterable[State], wanted: Callable[[State], bool]) -> State:
+def _first_state_or_last(states: Iterable[State], wanted: Callable[[State], bool]) -> State:
     """The first state that is wanted, or the last."""
     x = None
     for x in states:
@@ -118,7 +118,7 @@ def _first_state(states: Iterable[State], wanted: Callable[[State], bool]) -> St
     return x
 
 
-def _error_bar_row(scene: Scene, a: Ladder) -> Agreement:
+def _path_against_degree_4_row(scene: Scene, a: Ladder) -> Agreement:
     """Compare the elements' path with degree 4 in twice the steps, with its own bar.
 
     Radau's rule would damp the axial waves.
@@ -130,13 +130,15 @@ def _error_bar_row(scene: Scene, a: Ladder) -> Agreement:
     view = View.of_scene(scene)
     other = run_with_error_bars(scene, "following-p4", until=view.last_needed_position, **finer)
     gap = measures.path_gap(other.finest, a.finest, view.up_to_valid(a.finest, other.finest).window)[0]
-    return _deep_row(gap, *(BoundPart(x.finest.method, path_bar_of_run(x.finest), HALVED) for x in (a, other)))
+    return _row_with_error_bars(
+        gap, *(BoundPart(x.finest.method, path_bar_of_run(x.finest), HALVED) for x in (a, other))
+    )
 
 
 Third = Callable[[Scene, Ladder], Agreement | None]
 THIRD: dict[str, Third] = {
     "static catenary and groups: exact frequencies": _worst_frequency_row,
-    "start of a car that rolls: catenary of two pieces": _start_at_rest_row,
-    "time driver: scipy's DOP853 on the same system": _time_driver_row,
-    "error bars: degree 4 in twice the steps": _error_bar_row,
+    "start of a car that rolls: catenary of two pieces": _start_against_statics_row,
+    "time driver: scipy's DOP853 on the same system": _time_driver_against_scipy_row,
+    "error bars: degree 4 in twice the steps": _path_against_degree_4_row,
 }

@@ -64,13 +64,13 @@ class BothAnswers:
         return self.a, self.coarser_a, self.b, self.coarser_b
 
     @property
-    def positions_with_rest(self) -> list[int]:
+    def positions_solved_by_all(self) -> list[int]:
         """Positions that have a rest in all of them."""
         return [i for i in self.a.states if all(i in rest.states for rest in self.answers)]
 
     def design_numbers(self) -> list[list[Row]]:
         """Design numbers of each, over the shared positions."""
-        shared = self.positions_with_rest
+        shared = self.positions_solved_by_all
         numbers = [(rest, numbers_by_position(rest)) for rest in self.answers]
         return [extreme_rows(rest.line, [x[i] if i in shared else None for i in range(len(x))]) for rest, x in numbers]
 
@@ -104,7 +104,7 @@ def compared_values(state: LineState) -> dict[str, tuple[Array, list[str]]]:
 
 def compare_states(both: BothAnswers, metres: Unit, newtons: Unit) -> Iterator[Agreement]:
     """One row a quantity, of the worst station and position."""
-    shared = both.positions_with_rest
+    shared = both.positions_solved_by_all
     if not shared:
         return
     states = [[compared_values(rest.states[i]) for i in shared] for rest in both.answers]
@@ -115,7 +115,7 @@ def compare_states(both: BothAnswers, metres: Unit, newtons: Unit) -> Iterator[A
             yield _worst_value_row(quantity, values, where, metres if quantity in METRES else newtons)
 
 
-def compare_design(designs: Sequence[Sequence[Row]], *units: Unit) -> Iterator[Agreement]:
+def compare_design_numbers(designs: Sequence[Sequence[Row]], *units: Unit) -> Iterator[Agreement]:
     """One row a unit, of the worst design number; designs : of both answers, each followed by the coarser one's."""
     values = [{d["quantity"]: d["value"] for d in design} for design in designs]
     for unit in units:
@@ -138,7 +138,7 @@ def _worst_value_row(quantity: str, values: Sequence[Array], where: Sequence[str
     return Agreement(quantity, float(gap[k]), bound, where[int(k[0])], required=unit.tolerance, unit=unit.name)
 
 
-def _rest_row(both: BothAnswers) -> Iterator[Agreement]:
+def _solved_by_one_alone_rows(both: BothAnswers) -> Iterator[Agreement]:
     """A row `rest` for positions that one solver alone solves: a disagreement, unless a search did not end."""
     pairs = list(enumerate(zip(both.a.positions, both.b.positions, strict=True), start=1))
     alone = [(i, pair) for i, pair in pairs if len({isinstance(x, LineState) for x in pair}) == 2]
@@ -150,7 +150,7 @@ def _rest_row(both: BothAnswers) -> Iterator[Agreement]:
         yield Agreement("rest", len(alone), bound, f"position {i}", required=0.0, unit="positions")
 
 
-def refine_both(line: Line, second: Line, tol: float, tol_tension: float) -> BothAnswers:
+def solve_both_refining_elements(line: Line, second: Line, tol: float, tol_tension: float) -> BothAnswers:
     """Both answers; elements are doubled until their bars are small enough, up to FINEST.
 
     A position that a solver refuses is not tried again by it; one that both refuse, by none.
@@ -168,7 +168,7 @@ def refine_both(line: Line, second: Line, tol: float, tol_tension: float) -> Bot
         both = BothAnswers(a, coarser_a, b, coarser_b)
         rows = [row for row in compare_states(both, *both.units_with_tolerances(tol, tol_tension)) if row.bound.parts]
         coarse = any(row.bound.parts[1].value > largest_share * (row.required or 0.0) for row in rows)
-        unsolved = any(_rest_row(both))  # finer elements do not help
+        unsolved = any(_solved_by_one_alone_rows(both))  # finer elements do not help
         if not coarse or unsolved or n >= FINEST:
             return both
         coarser_b = b
@@ -189,12 +189,12 @@ def check_line(
     if second is not None and line is not checked:
         car = line.car[0]
         second = second.replace({f"car.{car.name}.at": list(car.at or ())})
-    both = refine_both(line, second or line, tol, tol_tension)
+    both = solve_both_refining_elements(line, second or line, tol, tol_tension)
     units = both.units_with_tolerances(tol, tol_tension)
     designs = both.design_numbers()
     result = answer_line(line, rest=both.a)
     result = replace(result, design=design_with_bars(result.design, designs[1], designs[2]))
-    rows = [*compare_states(both, *units), *compare_design(designs, *units), *_rest_row(both)]
+    rows = [*compare_states(both, *units), *compare_design_numbers(designs, *units), *_solved_by_one_alone_rows(both)]
     return replace(result, rows=[*rows, *line_laws.check_statics(line.to_toml(), both.a), *recheck_outputs(result)])
 
 
@@ -217,7 +217,7 @@ def recheck_outputs(result: RestAnswers) -> list[Agreement]:
         return line_laws.check_printed(result.line.to_toml(), result.rest, folder, html, page.WORDS)
 
 
-def smallest_noticed_faults(result: RestAnswers) -> dict[str, float]:
+def smallest_detectable_changes(result: RestAnswers) -> dict[str, float]:
     """Smallest relative fault of each key that matters, by catenaries."""
     line = result.line
     base = line.rest(catenary_line.solve)
@@ -230,7 +230,7 @@ def smallest_noticed_faults(result: RestAnswers) -> dict[str, float]:
             for row in compare_states(BothAnswers(base, base, changed, changed), *exact)
         }
 
-    return sensitivities.smallest_faults(line, result.rows, gaps)
+    return sensitivities.detectable_changes_by_gaps(line, result.rows, gaps)
 
 
 def refuse_tolerances_out_of_range(tol: float, tol_tension: float | None) -> None:
@@ -242,11 +242,13 @@ def refuse_tolerances_out_of_range(tol: float, tol_tension: float | None) -> Non
 
 def refuse_unlike_second_line(points: Sequence[Point], second: Line | None) -> None:
     """Refuse a second line that is another one."""
-    if second is not None and any(_contacts_and_shoes(second) != _contacts_and_shoes(point.scene) for point in points):
+    if second is not None and any(
+        _contact_kinds_and_car_shoes(second) != _contact_kinds_and_car_shoes(point.scene) for point in points
+    ):
         raise store.Refused("--second: must be a line with the same contacts, cars and positions")
 
 
-def _contacts_and_shoes(line: Line) -> list[tuple[str, ...]]:
+def _contact_kinds_and_car_shoes(line: Line) -> list[tuple[str, ...]]:
     """Kinds of contacts, and of each car the shoe that it is on at every position."""
     shoes = [(car, [line.shoe(line.position_of(car, i)) for i in range(line.count)]) for car in line.car]
     cars = [(car.name, *(shoe.name if shoe else "" for shoe in of_car)) for car, of_car in shoes]

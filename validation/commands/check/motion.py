@@ -30,7 +30,7 @@ TOL = DEFAULT_TOL
 SECOND = SINES.name  # solver that a planted fault is for
 
 
-def scales_of(line: Line, moved: LineRun) -> Scales:
+def reference_scales(line: Line, moved: LineRun) -> Scales:
     """Largest deflection of a car, largest tension at the start, and weights."""
     path = largest_deflection(line, line.empty(catenary_line.solve), moved.motion)
     tension = largest_tension_at_start(moved.motion)
@@ -38,9 +38,11 @@ def scales_of(line: Line, moved: LineRun) -> Scales:
     return Scales(path, tension, weights)
 
 
-def judge_runs(line: Line, a: Ladder[LineRun], b: Ladder[LineRun], tolerance: LineTolerance) -> list[Agreement]:
+def compare_and_check_laws(
+    line: Line, a: Ladder[LineRun], b: Ladder[LineRun], tolerance: LineTolerance
+) -> list[Agreement]:
     """All rows of two ladders of runs: comparisons, and laws of both from the TOML."""
-    comparison = Comparison(a, b, scales_of(line, a.finest), tolerance)
+    comparison = Comparison(a, b, reference_scales(line, a.finest), tolerance)
     return [*comparison.rows(), *law_rows(line.to_toml(), (a, b), comparison.end)]
 
 
@@ -82,18 +84,18 @@ def check_line(
     while True:
         run_ladders(both, space, time, report)
         a, b = (runs.ladder(space, time) for runs in both)
-        rows = judge_runs(line, a, b, asked)
+        rows = compare_and_check_laws(line, a, b, asked)
         verdict = overall_verdict(rows)
         again = verdict is before is Verdict.DISAGREE
         if verdict is Verdict.AGREE or again or space * time >= finest:
             return answers_of_ladders(line, a, b, rows)
         before = verdict
-        in_space, in_time = _too_coarse(rows)
+        in_space, in_time = _coarse_in_space_and_time(rows)
         space *= 2 if in_space else 1
         time *= 2 if in_time or not in_space else 1
 
 
-def _too_coarse(rows: Sequence[Agreement]) -> tuple[bool, bool]:
+def _coarse_in_space_and_time(rows: Sequence[Agreement]) -> tuple[bool, bool]:
     """Whether space and time are too coarse: bars of both solvers over half of what is asked, or the larger one."""
     coarse = [row for row in rows if row.verdict is not Verdict.AGREE and row.parts]
     excess = np.array([2.0 * np.sum(row.parts, axis=0) / (row.required or 1.0) for row in coarse] or [(0.0, 1.0)])
@@ -101,22 +103,22 @@ def _too_coarse(rows: Sequence[Agreement]) -> tuple[bool, bool]:
     return in_space, in_time
 
 
-def smallest_noticed_faults(result: MotionAnswers) -> dict[str, float]:
+def smallest_detectable_changes(result: MotionAnswers) -> dict[str, float]:
     """Smallest relative fault of each key that matters, by one of the coarsest runs a key."""
     line = result.line
     first = LineRuns(ELEMENTS, line)
-    base = _ladder_of_one(first.run(1, 1))
+    base = _ladder_of_one_run(first.run(1, 1))
     asked = LineTolerance(TOL, FORCES * TOL)  # decides no gap
 
     def gaps(other: Line) -> sensitivities.Gaps:
-        changed = _ladder_of_one(LineRuns(ELEMENTS, other, first).run(1, 1))
-        comparison = Comparison(base, changed, scales_of(line, result.moved), asked)
+        changed = _ladder_of_one_run(LineRuns(ELEMENTS, other, first).run(1, 1))
+        comparison = Comparison(base, changed, reference_scales(line, result.moved), asked)
         return {(row.quantity, row.law): row.gap for row in comparison.rows() if row.bound.kind == "error bars"}
 
-    return sensitivities.smallest_faults(line, result.rows, gaps)
+    return sensitivities.detectable_changes_by_gaps(line, result.rows, gaps)
 
 
-def _ladder_of_one(run: LineRun) -> Ladder[LineRun]:
+def _ladder_of_one_run(run: LineRun) -> Ladder[LineRun]:
     """A run without coarser ones."""
     none: Branch[LineRun] = Branch((), (), 0.0)
     return Ladder(run, none, none)
@@ -130,9 +132,11 @@ def refuse_tolerances_out_of_range(tol: float, tol_tension: float | None) -> Non
 
 def refuse_unlike_second_line(points: Sequence[Point], second: Line | None) -> None:
     """Refuse a second line that is another one."""
-    if second is not None and any(_contacts_and_cars(second) != _contacts_and_cars(point.scene) for point in points):
+    if second is not None and any(
+        _names_of_contacts_and_cars(second) != _names_of_contacts_and_cars(point.scene) for point in points
+    ):
         raise store.Refused("--second: must be a line in motion with the same contacts and cars")
 
 
-def _contacts_and_cars(line: Line) -> list[Any]:
+def _names_of_contacts_and_cars(line: Line) -> list[Any]:
     return [line.moves, *(x.name for x in line.contact), *(x.name for x in line.car)]

@@ -32,10 +32,10 @@ def sections(folder: Path) -> list[Section]:
         return [Section("answer", "Answer", "", "not comparable", "No answer: every run broke at its start.")]
     own = [row for row in x.rows if not row.get("with")]  # of both solvers; a third party has its own verdict
     return render_sections(
-        __package__, **answer_content(x) | {"verdict": deciding_verdict(own) or "not comparable"},
+        __package__, **answer_content(x) | {"verdict": worst_deciding_verdict(own) or "not comparable"},
         words=WORDS, named=_comparison_name, said=agreement_sentence(own), doubts=x.agreement.get("doubts", []),
-        third=third_party_verdict(x.rows, x.third_party.method) if x.third_party else None,
-        groups=_group_rows(x.rows),
+        third=third_party_verdict_and_sentence(x.rows, x.third_party.method) if x.third_party else None,
+        groups=_summary_rows_of_groups(x.rows),
         distance=draw.plot_path_distance(x) if len(x.runs) > 1 else "",
     )  # fmt: skip
 
@@ -52,47 +52,48 @@ def agreement_sentence(rows: list[dict[str, Any]]) -> str:
             quantities = {row["quantity"] for row in deciding} - named
         part = [row for row in deciding if row["quantity"] in quantities]
         if part:
-            parts.append(_held_text(kind, how["hold"], part))
+            parts.append(_agreeing_count_text(kind, how["hold"], part))
     return f"{'; '.join(parts)}." if parts else "Nothing could be compared."
 
 
-def _held_text(kind: str, hold: str, rows: list[dict[str, Any]]) -> str:
-    good = sum(row["verdict"] == "agree" for row in rows)
-    if good == len(rows):
-        return f"{good} {kind} {hold}"
-    return f"{good} of {len(rows)} {kind} {hold}, {_verdict_counts([row for row in rows if row['verdict'] != 'agree'])}"
+def _agreeing_count_text(kind: str, hold: str, rows: list[dict[str, Any]]) -> str:
+    others = [row for row in rows if row["verdict"] != "agree"]
+    agreeing = len(rows) - len(others)
+    if not others:
+        return f"{agreeing} {kind} {hold}"
+    return f"{agreeing} of {len(rows)} {kind} {hold}, {_verdict_count_text(others)}"
 
 
-def _verdict_counts(rows: list[dict[str, Any]]) -> str:
+def _verdict_count_text(rows: list[dict[str, Any]]) -> str:
     count = Counter(row["verdict"] for row in rows)
     return ", ".join(f"{count[verdict]} {COUNTED[verdict]}" for verdict in reversed(VERDICTS) if count[verdict])
 
 
-def deciding_verdict(rows: list[dict[str, Any]]) -> str | None:
+def worst_deciding_verdict(rows: list[dict[str, Any]]) -> str | None:
     """The worst verdict of the rows that decide."""
     return worst_verdict(row for row in rows if row.get("asked", True))
 
 
-def third_party_verdict(rows: list[dict[str, Any]], name: str) -> tuple[str, str]:
+def third_party_verdict_and_sentence(rows: list[dict[str, Any]], name: str) -> tuple[str, str]:
     """The verdict on a third party, and a sentence with the one change that would make it agree."""
     theirs = [row for row in rows if row.get("with") == name]
-    worst = deciding_verdict(theirs) or "not comparable"
+    worst = worst_deciding_verdict(theirs) or "not comparable"
     notes = [note for row in theirs for note in row.get("notes", ())]
     return worst, "; ".join([WORDS["third"][worst], *dict.fromkeys(notes)]) + "."
 
 
-def _group_rows(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def _summary_rows_of_groups(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     named = {name for names in WORDS["groups"].values() for name in names}
     groups = WORDS["groups"] | {"Other comparisons": {row["quantity"] for row in rows} - named}
     parts = {group: [row for row in rows if row["quantity"] in of] for group, of in groups.items()}
-    return [_group_row(group, part) for group, part in parts.items() if part]
+    return [_summary_row_of_group(group, part) for group, part in parts.items() if part]
 
 
-def _group_row(group: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
+def _summary_row_of_group(group: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
     deciding = [row for row in rows if row.get("asked", True)]
-    worst = deciding_verdict(deciding)
+    worst = worst_deciding_verdict(deciding)
     bad = "; ".join(_comparison_name(row) for row in deciding if row["verdict"] != "agree")
-    return {"group": group, "verdict": worst, "words": _verdict_counts(deciding) + (f" ({bad})" if bad else "")}
+    return {"group": group, "verdict": worst, "words": _verdict_count_text(deciding) + (f" ({bad})" if bad else "")}
 
 
 def _comparison_name(row: dict[str, Any]) -> str:

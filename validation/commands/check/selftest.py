@@ -15,7 +15,7 @@ from validation.core.view import View
 FAULT = {"mass.mass": "+1%"}
 
 
-def verdict_with_fault(result: Check) -> Verdict:
+def verdict_with_mass_fault(result: Check) -> Verdict:
     """The verdict on a check's first solver and its second one at half the resolution and steps, with 1 % more mass.
 
     The judge knows the check's scene alone.
@@ -32,7 +32,9 @@ def verdict_with_fault(result: Check) -> Verdict:
     return overall_verdict(compare(scene, result.a, faulty, tol=result.tol))
 
 
-def line_verdict_with_fault(checked: Callable[..., Any], line: Line, tol: float, tol_tension: float | None) -> Verdict:
+def line_verdict_with_mass_fault(
+    checked: Callable[..., Any], line: Line, tol: float, tol_tension: float | None
+) -> Verdict:
     """The verdict on a line whose second solver has 1 % more mass of the first car.
 
     checked : of a line at rest or in motion.

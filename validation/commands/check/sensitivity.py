@@ -20,19 +20,19 @@ Gaps = dict[tuple[str, str], float]  # by quantity and law
 STEP = 0.1  # [percent] change of a key; rows are linear in it
 
 
-def number_keys(data: Any, prefix: str = "") -> Iterator[str]:
+def keys_of_nonzero_numbers(data: Any, prefix: str = "") -> Iterator[str]:
     """Dotted keys of all numbers of a scene; tables of a list by name, or number."""
     if isinstance(data, list):
         data = {x.get("name", i): x for i, x in enumerate(data) if isinstance(x, dict)}
     for name, value in data.items():
         key = f"{prefix}.{name}" if prefix else str(name)
         if isinstance(value, dict | list):
-            yield from number_keys(value, key)
+            yield from keys_of_nonzero_numbers(value, key)
         elif isinstance(value, float | int) and not isinstance(value, bool) and value:
             yield key
 
 
-def smallest_noticed_faults(result: Check) -> dict[str, float]:
+def smallest_detectable_changes(result: Check) -> dict[str, float]:
     """Smallest relative fault of each key that matters.
 
     One run a key at half the resolution: changes of rows need fewer digits.
@@ -46,18 +46,18 @@ def smallest_noticed_faults(result: Check) -> dict[str, float]:
         deciding = [q for q in TABLE if q.tolerance_kind and q.concerns(view)]
         return {(q.name, q.law): _gap_or_zero(q, changed, base, view) for q in deciding}
 
-    return smallest_faults(result.scene, result.rows, gaps)
+    return detectable_changes_by_gaps(result.scene, result.rows, gaps)
 
 
-def smallest_faults(scene: Any, rows: Sequence[Agreement], gaps: Callable[[Any], Gaps]) -> dict[str, float]:
+def detectable_changes_by_gaps(scene: Any, rows: Sequence[Agreement], gaps: Callable[[Any], Gaps]) -> dict[str, float]:
     """The smallest relative fault of each key of a scene that a row notices, if less than the key itself.
 
     gaps : of a changed scene to the scene, by quantity and law.
     """
     bars = {(row.quantity, row.law): row.allowed for row in rows if row.decides}
     out = {}
-    for key in number_keys(tomllib.loads(scene.to_toml())):
-        other = _scene_with_fault(scene, key)
+    for key in keys_of_nonzero_numbers(tomllib.loads(scene.to_toml())):
+        other = _scene_with_changed_key(scene, key)
         if other is None:
             continue
         # the gap grows with the fault
@@ -70,7 +70,7 @@ def smallest_faults(scene: Any, rows: Sequence[Agreement], gaps: Callable[[Any],
     return dict(sorted(out.items(), key=lambda item: item[1]))
 
 
-def _scene_with_fault(scene: Any, key: str) -> Any:
+def _scene_with_changed_key(scene: Any, key: str) -> Any:
     for sign in "+-":
         with suppress(SceneError, ValueError):
             return scene.replace({key: f"{sign}{STEP}%"})
@@ -84,7 +84,7 @@ def _gap_or_zero(quantity: Any, changed: Any, base: Any, view: View) -> float:
         return 0.0
 
 
-def noticed_sentence(gaps: dict[str, float]) -> str:
+def detectable_changes_sentence(gaps: dict[str, float]) -> str:
     rounding = 1e-8  # a smaller relative fault is any change of a number: its row has a bar of rounding alone
     parts = [f"{key} {100.0 * fault:.2g} %" for key, fault in gaps.items() if fault >= rounding]
     exact = [key for key, fault in gaps.items() if fault < rounding]

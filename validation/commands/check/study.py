@@ -155,7 +155,7 @@ def check(
     if ask not in DECIDING_QUANTITIES:
         raise ValueError(f"ask = {short_text(ask)}: unknown.{did_you_mean(str(ask), DECIDING_QUANTITIES)}")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
-    sides = _methods_on_scenes((scene, second or scene), methods, tol, until)
+    sides = _methods_with_tolerance_shares((scene, second or scene), methods, tol, until)
     (first, other), rows = _refine_and_compare(scene, sides, tol, tol_tension, ask, progress)
     own = _with_design_and_events(first, other), _with_design_and_events(other, first)
     rows += design_gap_rows(*own, tolerance_of("rest", tol, tol_tension))
@@ -166,7 +166,7 @@ def check(
     if deep:
         from validation.commands.check import deep as third
 
-        rows += third.shared_part_rows(scene, a)
+        rows += third.rows_against_third_parties(scene, a)
     return Check(scene, a, b, tol, _compared_window(scene, a, b), rows, static, verification.verification_rows(*own))
 
 
@@ -220,7 +220,7 @@ class _MethodOnScene:
         )
 
 
-def _methods_on_scenes(
+def _methods_with_tolerance_shares(
     scenes: tuple[Scene, Scene], methods: Sequence[str | Method], tol: float, until: float | None
 ) -> list[_MethodOnScene]:
     loaded = [find_method(m) if isinstance(m, str) else m for m in methods]
@@ -245,7 +245,7 @@ def _refine_and_compare(
     confirmed = False
     toml = scene.to_toml()
     while True:
-        first, other = run_in_parallel(jobs, progress, _import_judge)
+        first, other = run_in_parallel(jobs, progress, _import_judging_modules)
         second = other.map(lambda r: replace(r, scene_toml=toml))  # the judge knows one scene alone
         ladders = [first, second]
         rows = mark_deciding_rows(compare_answers(scene, first, second, tolerance), ask)
@@ -304,7 +304,7 @@ def _goals_for_row(row: Agreement, method: str, larger: bool) -> Iterator[Goal]:
         yield Goal(parts, room * falls, math.inf if "path" in row.quantity else 1.0)
 
 
-def _import_judge() -> None:
+def _import_judging_modules() -> None:
     """Import judging and drawing while a solver runs."""
     for name in ("core.laws", "core.readback", "core.recomputed", "core.trust", "commands.check.page"):
         importlib.import_module(f"validation.{name}")

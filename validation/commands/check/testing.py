@@ -53,7 +53,7 @@ def asserting_check(report: Report, earlier_checks: dict[Any, Any]) -> Callable[
         rows = result.rows
         theirs = []
         if solver is not None:
-            result = _check_of_own_solver(scene, solver, with_tol, result)
+            result = _check_users_solver(scene, solver, with_tol, result)
             theirs = [row for row in result.rows if row.third_party]
             names = theirs[-1].third_party
             # and whether a path was comparable
@@ -67,7 +67,7 @@ def asserting_check(report: Report, earlier_checks: dict[Any, Any]) -> Callable[
     return checked
 
 
-def _check_of_own_solver(scene: Any, solver: Any, with_tol: float, ours: Any) -> Any:
+def _check_users_solver(scene: Any, solver: Any, with_tol: float, ours: Any) -> Any:
     __tracebackhide__ = True
     if isinstance(scene, Line):
         raise Refused(f"{scene.name}: a solver of your own is compared on one span, this is a line of contacts")

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from validation.commands.check.page import agreement_sentence, third_party_verdict
+from validation.commands.check.page import agreement_sentence, third_party_verdict_and_sentence
 from validation.commands.check.study import Check
 from validation.core.agreement import Verdict
 from validation.page import printing, terminal
@@ -18,7 +18,7 @@ def print_check(result: Check, verbose: bool = False) -> None:
     rows = [row.to_json() for row in result.rows]
     terminal.print_text(f"  {agreement_sentence([row for row in rows if not row.get('with')])}")
     for name in dict.fromkeys(row["with"] for row in rows if row.get("with")):
-        worst, sentence = third_party_verdict(rows, name)
+        worst, sentence = third_party_verdict_and_sentence(rows, name)
         terminal.print_text(f"  {name}: {sentence}", style=terminal.STYLES[worst])
     for method, flag in result.doubts:
         terminal.print_text(f"  {method}: {flag}", style="yellow")
