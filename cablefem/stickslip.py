@@ -152,7 +152,7 @@ class RollingCar(System):
         if slip != 0.0:
             self.mode.heading = math.copysign(1.0, slip)
 
-    def pass_event(self, name: str, x: State) -> State | None:
+    def apply_event(self, name: str, x: State) -> State | None:
         """The state after an event; None where the run ends."""
         mode = self.mode
         self._last_event_values = None
@@ -236,7 +236,7 @@ class RollingCar(System):
         )
 
     @property
-    def events_bounded(self) -> bool:
+    def event_bounds_complete(self) -> bool:
         """Whether `event_bounds` has all events."""
         mode = self.mode
         return not self.free or not (mode.sticks or mode.awaits_waves or mode.forward == 0.0)

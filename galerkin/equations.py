@@ -12,8 +12,8 @@ from scipy.linalg.lapack import dgetrf, dgetrs, zgetrf, zgetrs
 
 from cablefem import newmark
 from cablefem.newmark import Newton, Solve, State, StepFailure, System
-from cablefem.newmark.equilibrium import equilibrium
-from cablefem.newmark.newton import solve_dense
+from cablefem.newmark.equilibrium import solve_equilibrium
+from cablefem.newmark.newton import solve_newton_dense
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 from cablefem.scene.motion import rest_motion
@@ -223,7 +223,9 @@ class GalerkinSystem(System):
         if state is None:
             s_o, ds_o, _ = self.motion.at(0.0, 0)
             if s_o > 0.0:
-                return newmark.quasi_static_start(self, lambda at: equilibrium(self.with_clamped_car(at)), s_o, ds_o)
+                return newmark.quasi_static_start(
+                    self, lambda at: solve_equilibrium(self.with_clamped_car(at)), s_o, ds_o
+                )
             return self._start_at_entry()
         t = self.phases[phase][0]
         if not self.path_form:
@@ -295,7 +297,7 @@ class GalerkinSystem(System):
             force, stiffness = self.cable.force_and_tangent(np.asarray(0.0), d)
             return m * d + force + load, m * np.eye(self.fields) + stiffness
 
-        d = solve_dense(linearise, np.zeros(self.fields))
+        d = solve_newton_dense(linearise, np.zeros(self.fields))
         if d is None:
             raise StepFailure(0.0, "no equilibrium of the start from rest was found", "let the mass start more gently")
         return d

@@ -399,7 +399,7 @@ class LineSines(System):
         down = contact_values[:, 3] - contact_values[:, 1]
         return [float(N[self.layout.outer].min()), *(float(down[k]) for k in self.saddles)]
 
-    def pass_event(self, name: str, x: State) -> State | None:
+    def apply_event(self, name: str, x: State) -> State | None:
         """A car that friction cannot hold goes on, and so does one that reaches a brake; else the run ends."""
         for k in self.stops:
             car = self.cars[k].car.name

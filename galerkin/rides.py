@@ -15,7 +15,7 @@ from typing import Self
 import numpy as np
 
 from cablefem.newmark import NO_STEPS, Newton, Solve, State, quasi_static_start
-from cablefem.newmark.equilibrium import equilibrium, equilibrium_on_rope
+from cablefem.newmark.equilibrium import solve_equilibrium, solve_equilibrium_on_haul_rope
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 from cablefem.scene.motion import rest_motion
@@ -179,7 +179,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         """Steps end at an event, where the rules change, or where a hauled car turns."""
         drive = self.drive
         s_o, ds_o = start[:2, -1].tolist()
-        if not self.events_bounded or t[0] < drive.release:
+        if not self.event_bounds_complete or t[0] < drive.release:
             return 0, *NO_STEPS
         ride, _, at_start = self._kernel_arguments(State(t[0], start[0], start[1], start[2], phase))
         if self.free:
@@ -222,7 +222,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         if not self.free:
             speed = self.motion.at(0.0, 0)[1]
             return self.solve_acceleration(quasi_static_start(self, self._rest_of_hauled_car, s_o, speed))
-        q = np.append(equilibrium(self.with_clamped_car(s_o)), s_o)
+        q = np.append(solve_equilibrium(self.with_clamped_car(s_o)), s_o)
         still = np.zeros(self.n_dof)
         x = State(0.0, q, still, still, 0)
         car = self.car_by_equilibrium_tension(x, rolling.CarLoads(self.mu, self.groups.sigma, 0.0, 0.0))
@@ -238,7 +238,9 @@ class RollingSystem(RollingCar, GalerkinSystem):
         """q of a hauled car at rest on its rope, about to move."""
         still = replace(self.groups, motion=rest_motion(s_o, 1.0), drive=replace(self.drive, k=0.0))
         system = CarOnRope(still, self.sines, law="tension-only")
-        return np.append(equilibrium_on_rope(system, equilibrium(self.with_clamped_car(s_o)))[:-1], 0.0)
+        return np.append(
+            solve_equilibrium_on_haul_rope(system, solve_equilibrium(self.with_clamped_car(s_o)))[:-1], 0.0
+        )
 
     def solve_acceleration(self, x: State) -> State:
         a = np.zeros(self.n_dof)

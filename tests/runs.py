@@ -6,7 +6,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
 
 from cablefem import Scene
-from cablefem.newmark import integrate, scheme, step_times
+from cablefem.newmark import integrate, scheme, step_times_by_phase
 from cablefem.response import States
 from cablefem.scene import ConstantSpeed, Groups
 
@@ -31,7 +31,7 @@ DAMPED = replace(STEEP, damping=0.83)
 def march(system, steps, method="trapezoidal", *, until=1.0, **kw):
     """Return the stacked states of a run up to s_o = until, and s_o."""
     states = []
-    for x in integrate(system, scheme(method, **kw), step_times(system, steps)):
+    for x in integrate(system, scheme(method, **kw), step_times_by_phase(system, steps)):
         states.append(x)
         if system.motion.at(x.t, x.phase)[0] > until:
             break

@@ -133,7 +133,7 @@ class CableElements(System):
         end[:] = ends[0]
         return next(self._step_results(results))
 
-    def collocate(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
+    def collocate_steps(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
         if not self.many_steps:
             steps = steps.first_steps(1)
         return self._step_results(self._collocation_results(phase, steps, rule, newton))
@@ -151,7 +151,7 @@ class CableElements(System):
 
     def _collocation_results(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Array:
         """`results` of the steps taken."""
-        t = rule.instants(steps.t)
+        t = rule.node_times(steps.t)
         results = np.empty((len(steps.a), 6))
         ride, inputs = self._car_and_inputs(t, phase, steps.ends[0])
         at_nodes = [self._contact_at(x, phase) for x in t[0].tolist()]

@@ -26,7 +26,15 @@ from cablefem.elements.reference import (
     shape_polynomials,
     shape_table,
 )
-from cablefem.newmark import Array, Solve, State, StepResult, collocate, consistent_acceleration, newmark_step
+from cablefem.newmark import (
+    Array,
+    Solve,
+    State,
+    StepResult,
+    collocate_first_step,
+    consistent_acceleration,
+    newmark_step,
+)
 from cablefem.response import States
 from cablefem.scene import Groups
 
@@ -93,8 +101,8 @@ class FixedElements(CableElements):
     def solve_step(self, *step) -> StepResult:
         return newmark_step(self, *step) if self.particle else super().solve_step(*step)  # particles are not compiled
 
-    def collocate(self, *step) -> Iterator[StepResult]:
-        return collocate(self, *step) if self.particle else super().collocate(*step)
+    def collocate_steps(self, *step) -> Iterator[StepResult]:
+        return collocate_first_step(self, *step) if self.particle else super().collocate_steps(*step)
 
     def _tabulate(self, element: type[skfem.Element]) -> None:
         """Tabulate one element and repeat it: on fine meshes scikit-fem's Hermite functions lose digits (12.0.2)."""

@@ -10,8 +10,8 @@ from cablefem.elements.forms import section_forces, stiffness
 from cablefem.elements.kernels.balance import Contact, Mesh
 from cablefem.elements.reference import reference_mesh
 from cablefem.newmark import Array, ManySteps, State, StepFailure, consistent_acceleration, quasi_static_start
-from cablefem.newmark.equilibrium import equilibrium
-from cablefem.newmark.newton import solve_dense
+from cablefem.newmark.equilibrium import solve_equilibrium
+from cablefem.newmark.newton import solve_newton_dense
 from cablefem.response import States
 from cablefem.scene import Groups
 from cablefem.scene.motion import rest_motion
@@ -65,7 +65,7 @@ class FollowingElements(CableElements):
             return consistent_acceleration(self, t, state.q, state.v, phase)
         s_o, ds, dds = self.motion.at(t, phase)
         if s_o > 0.0:
-            return quasi_static_start(self, lambda at: equilibrium(self.with_clamped_car(at)), s_o, ds)
+            return quasi_static_start(self, lambda at: solve_equilibrium(self.with_clamped_car(at)), s_o, ds)
         shape, entrained = self._entry_accelerations_and_inertia()
         inertia = self.inertia + entrained
         zero = np.zeros(self.n_dof)
@@ -112,7 +112,7 @@ class FollowingElements(CableElements):
             at = X_s, T, d, self.groups.alpha, self._law[3]
             return m * d + section_forces(*at).force + load, m * np.eye(2) + stiffness(*at)
 
-        d = solve_dense(linearise, np.zeros(2))
+        d = solve_newton_dense(linearise, np.zeros(2))
         if d is None:
             raise StepFailure(0.0, "no equilibrium of the start from rest was found", "let the mass start more gently")
         return d

@@ -22,7 +22,7 @@ from cablefem.elements.kernels.balance import Instant
 from cablefem.elements.kernels.banded import Tangent
 from cablefem.elements.kernels.newton import NO_TANGENT
 from cablefem.newmark import Array, Newton, Solve, State, StepResult, Tableau
-from cablefem.newmark.equilibrium import equilibrium, equilibrium_on_rope
+from cablefem.newmark.equilibrium import solve_equilibrium, solve_equilibrium_on_haul_rope
 from cablefem.response import Observation, States
 from cablefem.scene import Groups
 from cablefem.scene.drive import GRIP
@@ -81,7 +81,7 @@ class RollingElements(RollingCar, FollowingElements):
             return newmark.quasi_static_start(self, self._rest_of_hauled_car, s_o, ds)
         s_o = self.drive.start
         zero = np.zeros(self.n_dof)
-        x = State(t, np.append(equilibrium(self.with_clamped_car(s_o)), s_o), zero, zero.copy(), 0)
+        x = State(t, np.append(solve_equilibrium(self.with_clamped_car(s_o)), s_o), zero, zero.copy(), 0)
         alone = self._kernel_car._replace(drag=0.0, friction=0.0, brake=0.0)
         self.hold = self._assemble_with_car(alone, np.zeros(3), np.array(x[1:4]), np.empty(self.n_dof))[2]
         return self.release_car(x)
@@ -95,7 +95,7 @@ class RollingElements(RollingCar, FollowingElements):
         self._assemble_with_car(self._kernel_car, self._drive_inputs(np.array(t), phase), x, r, factors)
 
     def solve_steps(self, t: Array, *steps) -> newmark.ManySteps:
-        if not self.events_bounded:
+        if not self.event_bounds_complete:
             return newmark.NO_STEPS
         taken = super().solve_steps(t, *steps)
         self._search_events_from_last_step(t, len(taken.ends))
@@ -133,10 +133,10 @@ class RollingElements(RollingCar, FollowingElements):
         keeps = self.event_bounds() if self.free else (-math.inf, math.inf, 0.0, 0.0, 0.0)
         return np.array([*keeps, -math.inf if self.mode.y_with_rates else margin])
 
-    def collocate(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
+    def collocate_steps(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
         many = not self.free or rule.c[-1] == 1.0
         results = self._collocation_results(
-            phase, steps if many and self.events_bounded else steps.first_steps(1), rule, newton
+            phase, steps if many and self.event_bounds_complete else steps.first_steps(1), rule, newton
         )
         self._search_events_from_last_step(steps.t[1:], len(results))
         return self._step_results(results)
@@ -188,7 +188,9 @@ class RollingElements(RollingCar, FollowingElements):
         """q of a hauled car at rest on its rope, about to move."""
         still = replace(self.groups, motion=rest_motion(s_o, 1.0), drive=replace(self.drive, k=0.0))
         on_its_rope = CarOnRope(still, **self._at_rest)
-        return np.append(equilibrium_on_rope(on_its_rope, equilibrium(self.with_clamped_car(s_o)))[:-1], 0.0)
+        return np.append(
+            solve_equilibrium_on_haul_rope(on_its_rope, solve_equilibrium(self.with_clamped_car(s_o)))[:-1], 0.0
+        )
 
     def _mass_kinematics(self, states: States) -> Array:
         if not self.free:

@@ -505,7 +505,7 @@ class LineElements(System):
         saddles = self.node[self.supports[1:-1]]
         return [loads.item(-1), *(-rows[2 * saddles + 1]).tolist()]
 
-    def pass_event(self, name: str, x: State) -> State | None:
+    def apply_event(self, name: str, x: State) -> State | None:
         """A car that friction cannot hold goes on, and so does one that reaches a brake; else the run ends."""
         for i in self._stops:
             car = self.line.cars[i].name

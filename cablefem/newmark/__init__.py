@@ -1,6 +1,6 @@
 """The time loop of all solvers; it knows no physics."""
 
-from cablefem.newmark.collocation import collocate
+from cablefem.newmark.collocation import collocate_first_step
 from cablefem.newmark.equilibrium import quasi_static_start
 from cablefem.newmark.failures import EndlessEvents, NewtonStalled, StepFailure, StepUnderflow
 from cablefem.newmark.march import integrate, integrate_blocks
@@ -8,6 +8,6 @@ from cablefem.newmark.newton import Newton, StepResult
 from cablefem.newmark.schemes import SCHEMES, Scheme, scheme
 from cablefem.newmark.states import Array, Collocated, Inside, State, StateBlock, StateHistory, Steps, stack_states
 from cablefem.newmark.stepper import PassedEvent, Work
-from cablefem.newmark.steps import step_times
+from cablefem.newmark.steps import step_times_by_phase
 from cablefem.newmark.system import NO_STEPS, ManySteps, Solve, System, consistent_acceleration, newmark_step
-from cablefem.newmark.tableau import Tableau, hermite, state_inside_step, with_states_inside_steps
+from cablefem.newmark.tableau import Tableau, interpolate_hermite, state_inside_step, with_states_inside_steps

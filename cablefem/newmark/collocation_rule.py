@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cablefem.newmark.collocation import collocate_coupled
+from cablefem.newmark.collocation import collocate_first_step_by_krylov
 from cablefem.newmark.failures import StepFailure
 from cablefem.newmark.newton import Newton
 from cablefem.newmark.schemes import Scheme
@@ -36,30 +36,31 @@ class CollocationRule(Stepper):
         """Yield the states at these times one by one, up to the first that does not converge."""
         if not isinstance(x, Collocated):
             return
-        steps = self._collocation_steps(x, times)
+        steps = self._allocate_collocation_steps(x, times)
         steps.a[0] = steps.extrapolation[0] @ x.inside.a
-        for k, result in enumerate(self.system.collocate(x.phase, steps, self.rule, self.newton)):
-            if not result.norm <= self.bound:
+        for k, result in enumerate(self.system.collocate_steps(x.phase, steps, self.rule, self.newton)):
+            if not self.has_converged(result):
                 return
-            self.count_and_check_convergence(result)
+            self.count_work(*result[1:4])
             yield [self._end_state(x.phase, steps, k)]
 
     def __call__(self, x: State, t1: float) -> State:
-        steps = self._collocation_steps(x, np.array([t1]))
-        collocate = self.system.collocate
-        tries: list[tuple[Any, Callable]] = [(x.a, collocate)]  # a at the nodes, and how to solve for them
+        steps = self._allocate_collocation_steps(x, np.array([t1]))
+        collocate_steps = self.system.collocate_steps
+        tries: list[tuple[Any, Callable]] = [(x.a, collocate_steps)]  # a at the nodes, and how to solve for them
         if isinstance(x, Collocated):
-            tries.insert(0, (steps.extrapolation[0] @ x.inside.a, collocate))
+            tries.insert(0, (steps.extrapolation[0] @ x.inside.a, collocate_steps))
         else:
-            tries += [(0.0, collocate), (x.a, partial(collocate_coupled, self.system))]
+            tries += [(0.0, collocate_steps), (x.a, partial(collocate_first_step_by_krylov, self.system))]
         for guess, solve in tries:
             steps.a[0] = guess
             result = next(iter(solve(x.phase, steps, self.rule, self.newton)))
-            if self.count_and_check_convergence(result):
+            self.count_work(*result[1:4])
+            if self.has_converged(result):
                 return self._end_state(x.phase, steps, 0)
-        raise self.stalled_failure(t1, result)
+        raise self.newton_stalled_error(t1, result)
 
-    def _collocation_steps(self, x: State, times: Array) -> Steps:
+    def _allocate_collocation_steps(self, x: State, times: Array) -> Steps:
         t = np.concatenate([[x.t], times])
         n = x.q.size
         ends = np.empty((t.size, 2, n))

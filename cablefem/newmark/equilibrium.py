@@ -25,21 +25,21 @@ DIFFERENCE = 1e-4  # of the shorter side, to differentiate by s_o
 Shorten = Callable[[System, Array, Array, Array], Array]
 
 
-def equilibrium(system: System) -> Array:
+def solve_equilibrium(system: System) -> Array:
     """q (n_dof,) of minimal energy, which must be convex; StepFailure without convergence."""
-    return _solve_equilibrium(system, np.zeros(system.n_dof), _shorten_downhill)
+    return _solve_equilibrium_from(system, np.zeros(system.n_dof), _halve_step_until_downhill)
 
 
-def equilibrium_on_rope(system: System, clamped: Array) -> Array:
+def solve_equilibrium_on_haul_rope(system: System, clamped_q: Array) -> Array:
     """q (n_dof,) of a cable and the force, its last unknown, of the rope that holds the car.
 
-    clamped : q of the cable with the car clamped to it, which is near.
+    clamped_q : q of the cable with the car clamped to it, which is near.
     The rope turns with the cable, so there is no energy: Newton's steps are not shortened.
     """
-    return _solve_equilibrium(system, np.append(clamped, 0.0), lambda system, q, r, step: step)
+    return _solve_equilibrium_from(system, np.append(clamped_q, 0.0), lambda system, q, r, step: step)
 
 
-def _solve_equilibrium(system: System, q: Array, shorten: Shorten) -> Array:
+def _solve_equilibrium_from(system: System, q: Array, shorten: Shorten) -> Array:
     bound = TOL * system.force_scale + math.sqrt(system.n_dof) * system.force_floor
     zero = np.zeros(system.n_dof)
     weight = WEIGHT
@@ -61,10 +61,10 @@ def _solve_equilibrium(system: System, q: Array, shorten: Shorten) -> Array:
     raise StepFailure(0.0, "no rest of the loaded cable was found", "start the car elsewhere")
 
 
-def _shorten_downhill(system: System, q: Array, r: Array, step: Array) -> Array:
+def _halve_step_until_downhill(system: System, q: Array, residual: Array, step: Array) -> Array:
     """The step, halved until the energy rises at its end by at most half as fast as it fell at its start."""
     zero = np.zeros_like(q)
-    slope = float(r @ step)
+    slope = float(residual @ step)
     for _ in range(HALVINGS):
         if system.residual(0.0, q - step, zero, zero, 0) @ step >= -0.5 * slope:
             break
@@ -73,14 +73,14 @@ def _shorten_downhill(system: System, q: Array, r: Array, step: Array) -> Array:
     return step
 
 
-def quasi_static_start(system: System, rest: Callable[[float], Array], s_o: float, ds_o: float) -> State:
+def quasi_static_start(system: System, rest_at: Callable[[float], Array], s_o: float, ds_o: float) -> State:
     """The state of a mass at s_o, at rest or moving through states of rest.
 
-    rest : q with the mass at rest at an s_o.
+    rest_at : q with the mass at rest at an s_o.
     """
-    q = rest(s_o)
+    q = rest_at(s_o)
     d = DIFFERENCE * min(s_o, 1.0 - s_o)
     v = np.zeros_like(q)
     if ds_o:
-        v = (rest(s_o + d) - rest(s_o - d)) * (ds_o / (2.0 * d))
+        v = (rest_at(s_o + d) - rest_at(s_o - d)) * (ds_o / (2.0 * d))
     return consistent_acceleration(system, 0.0, q, v, 0)

@@ -22,20 +22,20 @@ def events_due(system: System, x: State) -> list[str]:
     return [name for name, value in zip(system.events, system.event_values(x), strict=True) if value <= 0.0]
 
 
-def pass_events(system: System, names: list[str], x: State, t: float, work: Work) -> State | None:
-    """Let events happen and note them at t; return the state after them, None at the end of the run."""
+def apply_events(system: System, names: list[str], x: State, t_noted: float, work: Work) -> State | None:
+    """Let events happen and note them in `work` at a time; return the state after them, None at the end of the run."""
     for name in names:
         if name is not names[0] and name not in events_due(system, x):
             continue
-        work.events.append(PassedEvent(name, t))
-        work.after_event = after = system.pass_event(name, x)
+        work.events.append(PassedEvent(name, t_noted))
+        work.after_event = after = system.apply_event(name, x)
         if after is None:
             return None
         x = after
     return x
 
 
-def first_event(system: System, step: Stepper, x0: State, x1: State) -> tuple[State, list[str]]:
+def locate_first_event(system: System, step: Stepper, x0: State, x1: State) -> tuple[State, list[str]]:
     """The state at the first event in a step, and the names of all events there; (x1, []) if there is none."""
 
     def checked_values(x: State) -> tuple[float, ...]:

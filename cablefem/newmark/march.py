@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cablefem.newmark.collocation_rule import CollocationRule
-from cablefem.newmark.events import events_due, first_event, pass_events, shortest_step
+from cablefem.newmark.events import apply_events, events_due, locate_first_event, shortest_step
 from cablefem.newmark.failures import EndlessEvents, NewtonStalled, StepUnderflow
 from cablefem.newmark.newmark_rule import NewmarkRule
 from cablefem.newmark.newton import STANDARD, Newton
@@ -30,9 +30,9 @@ MAX_GROWTH = 2.0  # longest over shortest of adaptive steps taken at once
 SINGLE_STEPS = 16  # before many are tried again
 
 
-def integrate(system: System, method: Scheme, times: Sequence[Array], **kind: Any) -> Iterator[State]:
+def integrate(system: System, method: Scheme, times: Sequence[Array], **options: Any) -> Iterator[State]:
     """Yield the states of `integrate_blocks` one by one."""
-    for states in integrate_blocks(system, method, times, **kind):
+    for states in integrate_blocks(system, method, times, **options):
         yield from states
 
 
@@ -42,7 +42,7 @@ def integrate_blocks(
 ) -> Iterator[Sequence[State]]:  # fmt: skip
     """Yield the first state and those after all steps, in groups.
 
-    times : per phase the instants to step on, ends included (`step_times`).
+    times : per phase the instants to step on, ends included (`step_times_by_phase`).
     start : state to continue from, inside its phase; events due there happen first.
     Events are steps, too; the state before the change is yielded.
 
@@ -58,7 +58,7 @@ def integrate_blocks(
         state = system.start(0, None)
         yield [state]
     else:
-        state = pass_events(system, events_due(system, state), state, state.t, work)
+        state = apply_events(system, events_due(system, state), state, state.t, work)
     while state is not None:
         state = yield from _TimeIntegration(step, damped, state, work).integrate_phase(times[state.phase])
         if state is None or state.phase == len(system.phases) - 1:
@@ -90,26 +90,26 @@ class _TimeIntegration:
             self.halvings = 0
             self.events = 0
             while t - self.state.t > shortest_step(t):
-                if (yield from self._many_steps(edges[i:])):
+                if (yield from self._take_many_steps(edges[i:])):
                     continue
-                end = self._one_step(before, t, grid.size)
+                end = self._take_one_step(before, t, grid.size)
                 if end is None:
                     continue
                 x, names = end
                 if x.t - self.last_output > shortest_step(x.t):
                     self.last_output = x.t
                     yield [x]
-                after = self._pass_events(x, names)
+                after = self._apply_events_within_limits(x, names)
                 if after is None:
                     return None
                 self.state = after
         return self.state
 
-    def _many_steps(self, edges: list[float]) -> Generator[Sequence[State], None, bool]:
+    def _take_many_steps(self, edges: list[float]) -> Generator[Sequence[State], None, bool]:
         """Take many steps if the system can; return whether any step was taken."""
         if not self.system.many_steps or self.single_steps or self.halvings or self.damped_steps:
             return False
-        times = self._adaptive_times(edges) if self.system.adaptive else edges[1 : 1 + MAX_STEPS]
+        times = self._plan_adaptive_times(edges) if self.system.adaptive else edges[1 : 1 + MAX_STEPS]
         self.single_steps = SINGLE_STEPS
         if not times:
             return False
@@ -125,14 +125,33 @@ class _TimeIntegration:
             yield states
         return self.single_steps < SINGLE_STEPS
 
-    def _one_step(self, before: float, t: float, size: int) -> tuple[State, list[str]] | None:
-        """Take a step towards t; return its end and events, None to try half the length."""
+    def _take_one_step(self, grid_begin: float, grid_end: float, grid_size: int) -> tuple[State, list[str]] | None:
+        """Take a step inside one of the grid; return its end and events, None to try half the length."""
         state = self.state
         system = self.system
-        length = t - before
-        if system.adaptive:
-            length *= system.step_fraction(state, state.t - self.last_event)
-        if self.first_step and self.damped is not None and system.needs_damped_steps(state, length):
+        rule, t1 = self._choose_rule_and_end(grid_begin, grid_end)
+        self.single_steps = max(0, self.single_steps - 1)
+        system.begin_step(state)
+        try:
+            x = rule(state, t1)
+            end = locate_first_event(system, rule, state, x) if system.events else (x, [])
+        except NewtonStalled:
+            self.work.rejected += 1
+            self.halvings += 1
+            if self.halvings > MAX_HALVINGS or self.work.rejected > MAX_FAILED + grid_size // 2:
+                raise
+            return None
+        self.work.steps += 1
+        self.damped_steps = max(0, self.damped_steps - 1)
+        return end
+
+    def _choose_rule_and_end(self, grid_begin: float, grid_end: float) -> tuple[Stepper, float]:
+        """Rule and end of the next step; StepUnderflow where it is lost in rounding."""
+        state = self.state
+        length = grid_end - grid_begin
+        if self.system.adaptive:
+            length *= self.system.step_fraction(state, state.t - self.last_event)
+        if self.first_step and self.damped is not None and self.system.needs_damped_steps(state, length):
             self.damped_steps = DAMPED_STEPS
         self.first_step = False
         rule = self.step
@@ -140,25 +159,12 @@ class _TimeIntegration:
         if self.damped_steps and self.damped is not None:
             rule = self.damped
             length /= DAMPED_STEPS
-        t1 = _next_time(state.t, t, length)
+        t1 = _end_of_equal_step(state.t, grid_end, length)
         if not t1 > state.t:
             raise StepUnderflow(state.t, f"a step of {length:.2g} is lost in rounding", "take fewer steps")
-        self.single_steps = max(0, self.single_steps - 1)
-        system.begin_step(state)
-        try:
-            x = rule(state, t1)
-            end = first_event(system, rule, state, x) if system.events else (x, [])
-        except NewtonStalled:
-            self.work.rejected += 1
-            self.halvings += 1
-            if self.halvings > MAX_HALVINGS or self.work.rejected > MAX_FAILED + size // 2:
-                raise
-            return None
-        self.work.steps += 1
-        self.damped_steps = max(0, self.damped_steps - 1)
-        return end
+        return rule, t1
 
-    def _pass_events(self, x: State, names: list[str]) -> State | None:
+    def _apply_events_within_limits(self, x: State, names: list[str]) -> State | None:
         if not names:
             self.events = 0
             return x
@@ -175,9 +181,9 @@ class _TimeIntegration:
         self.last_event = x.t
         self.single_steps = 1
         self.first_step = True
-        return pass_events(self.system, names, x, self.last_output, self.work)
+        return apply_events(self.system, names, x, self.last_output, self.work)
 
-    def _adaptive_times(self, edges: list[float]) -> list[float]:
+    def _plan_adaptive_times(self, edges: list[float]) -> list[float]:
         """Ends of the next steps, by the present velocity; few, and of similar length."""
         x = self.state
         now = x.t
@@ -186,7 +192,7 @@ class _TimeIntegration:
         for before, t in itertools.pairwise(edges):
             while t - now > shortest_step(t):
                 fraction = self.system.step_fraction(x, now - self.last_event, now - x.t)
-                t1 = _next_time(now, t, (t - before) * fraction)
+                t1 = _end_of_equal_step(now, t, (t - before) * fraction)
                 if not t1 - now > shortest_step(t1) or len(ends) == MAX_ADAPTIVE_STEPS or t1 - now > longest:
                     return ends
                 ends.append(t1)
@@ -195,9 +201,9 @@ class _TimeIntegration:
         return ends
 
 
-def _next_time(t0: float, t: float, length: float) -> float:
-    """The end of the first of equal steps from t0 to t, each at most `length`."""
-    if not length > 0.0:
+def _end_of_equal_step(t0: float, t_end: float, max_length: float) -> float:
+    """The end of the first of equal steps from t0 to t_end, each at most `max_length`."""
+    if not max_length > 0.0:
         return t0
-    count = math.ceil((t - t0) / length - 1e-3)
-    return t0 + (t - t0) / count if count > 1 else t
+    count = math.ceil((t_end - t0) / max_length - 1e-3)
+    return t0 + (t_end - t0) / count if count > 1 else t_end

@@ -21,17 +21,17 @@ class NewmarkRule(Stepper):
         self._rule[:2, 4] = 1.0 - method.alpha_f
         self._rule[2, 4] = 1.0 - method.alpha_m
 
-    def _set_rules(self, rule: Array, dt: Any, guess: float) -> None:
+    def _fill_rules(self, rules: Array, dt: Any, guess: float) -> None:
         """Set rules (..., 3, 5) of steps dt; guess : the first a1 over a0."""
         beta = self.method.newmark_beta
         gamma = self.method.newmark_gamma
-        rule[..., 0, 1] = dt
-        rule[..., 0, 2] = dt * dt * (0.5 - beta + guess * beta)
-        rule[..., 1, 2] = dt * (1.0 - gamma + guess * gamma)
-        rule[..., 2, 2] = guess
-        rule[..., 0, 3] = dt * dt * beta
-        rule[..., 1, 3] = dt * gamma
-        rule[..., 2, 3] = 1.0
+        rules[..., 0, 1] = dt
+        rules[..., 0, 2] = dt * dt * (0.5 - beta + guess * beta)
+        rules[..., 1, 2] = dt * (1.0 - gamma + guess * gamma)
+        rules[..., 2, 2] = guess
+        rules[..., 0, 3] = dt * dt * beta
+        rules[..., 1, 3] = dt * gamma
+        rules[..., 2, 3] = 1.0
 
     def _balance_times(self, t0: Array, t1: Array, phase: int) -> Array:
         """Times of the balance in steps from t0 to t1, (n,)."""
@@ -44,7 +44,7 @@ class NewmarkRule(Stepper):
         begin = np.concatenate([[x.t], times[:-1]])
         t = self._balance_times(begin, times, x.phase)
         rules = np.repeat(self._rule[None], times.size, axis=0)
-        self._set_rules(rules, times - begin, 1.0)
+        self._fill_rules(rules, times - begin, 1.0)
         start = np.array([x.q, x.v, x.a])
         ends, results = self.system.solve_steps(t, x.phase, start, rules, self.newton)
         n = len(ends)
@@ -65,8 +65,9 @@ class NewmarkRule(Stepper):
         t = float(self._balance_times(np.array([x.t]), np.array([t1]), x.phase)[0])
         end = np.empty_like(start)
         for guess in (1.0, 0.0):
-            self._set_rules(self._rule, dt, guess)
+            self._fill_rules(self._rule, dt, guess)
             result = self.system.solve_step(t, x.phase, start, end, self._rule, self.newton)
-            if self.count_and_check_convergence(result):
+            self.count_work(*result[1:4])
+            if self.has_converged(result):
                 return State(t1, end[0], end[1], end[2], x.phase)
-        raise self.stalled_failure(t1, result)
+        raise self.newton_stalled_error(t1, result)

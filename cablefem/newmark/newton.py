@@ -21,11 +21,11 @@ class Newton(NamedTuple):
     halvings: int = 5
     bound: float = 0.0  # `Stepper` sets it
 
-    def cannot_converge(self, norm: float, before: float, iterations: int) -> bool:
+    def cannot_converge_in_time(self, norm: float, norm_before: float, iterations: int) -> bool:
         """Whether |r|, falling at its present rate, is above the bound after `enough` iterations."""
         if self.enough == math.inf or iterations <= self.patience:
             return False
-        return norm >= before or norm * (norm / before) ** (self.enough - iterations) > self.bound
+        return norm >= norm_before or norm * (norm / norm_before) ** (self.enough - iterations) > self.bound
 
 
 STANDARD = Newton()
@@ -52,8 +52,9 @@ def find_root(
 
     earlier_solve : solution with the tangent of a step before, which is tried first.
     """
-    norm, iterations, factorisations, residuals = math.inf, 0, 0, 0
+    norm = math.inf
     before = 0.0
+    iterations = factorisations = residuals = 0
     if earlier_solve is not None:
         tried, converged = _correct_by_earlier_tangent(residual, earlier_solve, update, newton)
         if converged:
@@ -66,24 +67,32 @@ def find_root(
             norm = math.sqrt(r.dot(r))
             factorisations += 1
         before = norm
-        correction = solve(r)
-        update(correction)
-        for halving in range(newton.halvings + 1):
-            if halving:
-                correction *= 0.5
-                update(-correction)
-            r = residual()
-            residuals += 1
-            norm = math.sqrt(r.dot(r))
-            if norm < before or (iterations < newton.patience and norm < math.inf):
-                break
+        norm_allowed = math.inf if iterations < newton.patience else before
+        r, evaluations = _correct_with_halvings(residual, update, solve(r), norm_allowed, newton.halvings)
+        norm = math.sqrt(r.dot(r))
+        residuals += evaluations
         iterations += 1
         converged = norm <= newton.bound
-        if converged or not norm < math.inf or newton.cannot_converge(norm, before, iterations):
+        if converged or not norm < math.inf or newton.cannot_converge_in_time(norm, before, iterations):
             break
         new_tangent = norm > newton.reuse * before
     serves = norm <= newton.bound and norm <= FAST_ENOUGH * before
     return StepResult(norm, iterations, factorisations, residuals, serves)
+
+
+def _correct_with_halvings(
+    residual: Callable[[], Any], update: Callable[[Any], None], correction: Any, norm_allowed: float, halvings: int
+) -> tuple[Any, int]:
+    """Take a correction, halved until |r| < `norm_allowed`; return r, and how often it was evaluated."""
+    update(correction)
+    for halving in range(halvings + 1):
+        if halving:
+            correction *= 0.5
+            update(-correction)
+        r = residual()
+        if math.sqrt(r.dot(r)) < norm_allowed:
+            break
+    return r, halving + 1
 
 
 def _correct_by_earlier_tangent(
@@ -114,11 +123,12 @@ def _correct_by_earlier_tangent(
     return StepResult(norm, iterations, 0, iterations + 1), False
 
 
-def solve_dense(linearise: Callable[[Any], tuple[Any, Any]], x: Any, tol: float = 1e-13) -> Any:
-    """x (n,) with r(x) = 0, from a first x, by at most 50 full Newton steps; None if they do not converge.
+def solve_newton_dense(linearise: Callable[[Any], tuple[Any, Any]], first_guess: Any, tol: float = 1e-13) -> Any | None:
+    """x (n,) with r(x) = 0, from a first guess, by at most 50 full Newton steps; None if they do not converge.
 
     linearise : r (n,) and dr/dx (n, n) at x.
     """
+    x = first_guess
     for _ in range(50):
         r, tangent = linearise(x)
         step = np.linalg.solve(tangent, r)

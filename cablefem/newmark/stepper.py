@@ -47,9 +47,7 @@ class Stepper:
         """Yield states at the times as far as the system can take many steps; an event may end a group."""
         return iter(())
 
-    def count_and_check_convergence(self, result: StepResult) -> bool:
-        """Count the work; return whether the step has converged."""
-        self.count_work(result.iterations, result.factorisations, result.residuals)
+    def has_converged(self, result: StepResult) -> bool:
         return result.norm <= self.bound
 
     def count_work(self, iterations: int, factorisations: int, residuals: int) -> None:
@@ -57,7 +55,7 @@ class Stepper:
         self.work.factorisations += factorisations
         self.work.residuals += residuals
 
-    def stalled_failure(self, t1: float, result: StepResult) -> NewtonStalled:
+    def newton_stalled_error(self, t1: float, result: StepResult) -> NewtonStalled:
         return NewtonStalled(
             t1, f"Newton's method stalled (|r| = {result.norm:.2g}, allowed {self.bound:.2g})",
             "take more steps or a damped scheme (newmark, generalized-alpha)",

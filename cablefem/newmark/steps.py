@@ -8,18 +8,20 @@ from cablefem.newmark.system import System
 GROWTH = 1.15  # of steps in ramps
 
 
-def step_times(system: System, steps: int, *, entry: float = 1.0, exit: float = 1.0) -> list[Array]:
+def step_times_by_phase(
+    system: System, steps: int, *, entry_ratio: float = 1.0, exit_ratio: float = 1.0
+) -> list[Array]:
     """Per phase the instants to step on: about `steps` equal steps.
 
     The last instant is left out, for systems may be singular there.
-    entry, exit : first and last step over the uniform one.
+    entry_ratio, exit_ratio : first and last step over the uniform one.
     """
     phases = system.phases
     dt = (phases[-1][1] - phases[0][0]) / steps
     grids = []
     for i, (t0, t1) in enumerate(phases):
-        begin = _growing_steps(dt, entry if i == 0 else 1.0)
-        end = _growing_steps(dt, exit if i == len(phases) - 1 else 1.0)
+        begin = _growing_step_lengths(dt, entry_ratio if i == 0 else 1.0)
+        end = _growing_step_lengths(dt, exit_ratio if i == len(phases) - 1 else 1.0)
         uniform = t1 - t0 - float(begin.sum() + end.sum())
         count = max(2, round(uniform / dt))
         inner = np.full(count, max(uniform / count, dt))
@@ -31,7 +33,7 @@ def step_times(system: System, steps: int, *, entry: float = 1.0, exit: float = 
     return grids
 
 
-def _growing_steps(dt: float, fraction: float) -> Array:
+def _growing_step_lengths(dt: float, fraction: float) -> Array:
     """Steps that grow from `fraction` dt to dt."""
     count = math.ceil(-math.log(fraction) / math.log(GROWTH))
     return np.minimum(dt, fraction * dt * GROWTH ** np.arange(count))

@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from cablefem.newmark.collocation import Factors, collocate
+from cablefem.newmark.collocation import Factors, collocate_first_step
 from cablefem.newmark.newton import Newton, StepResult, find_root
 from cablefem.newmark.states import Array, State, Steps
 from cablefem.newmark.tableau import Tableau
@@ -35,7 +35,7 @@ class System(Protocol):
     force_scale: float
     force_floor: float
     events: tuple[str, ...] = ()
-    many_steps: bool = False  # whether `solve_steps` or `collocate` takes several
+    many_steps: bool = False  # whether `solve_steps` or `collocate_steps` takes several
     slack_ends: bool = True  # whether several steps may end at a slack state only
     reuses_factors: bool = False  # whether collocation steps try the tangent of a step before
     factors: Factors | None = None  # of that step; its solutions stay valid
@@ -86,9 +86,9 @@ class System(Protocol):
         """
         return NO_STEPS
 
-    def collocate(self, phase: int, steps: Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
+    def collocate_steps(self, phase: int, steps: Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
         """Take collocation steps, at least the first."""
-        return collocate(self, phase, steps, rule, newton)
+        return collocate_first_step(self, phase, steps, rule, newton)
 
     # --- the length of steps -----------------------------------------------------------------------------
     def balance_times(self, t0: Array, t1: Array, w: float, phase: int) -> Array:
@@ -115,7 +115,7 @@ class System(Protocol):
         """One value per event, which happens where it falls from > 0 to <= 0; inf: not armed."""
         return ()
 
-    def pass_event(self, name: str, x: State) -> State | None:
+    def apply_event(self, name: str, x: State) -> State | None:
         """A consistent state after the event, None to end the run."""
         return x
 

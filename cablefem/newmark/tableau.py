@@ -27,7 +27,7 @@ class Tableau(NamedTuple):
     middle: int  # node nearest to the middle of the step
     powers: tuple[Array, Array, Array]  # coefficients of l_j and of its two integrals from the end, (., s)
 
-    def instants(self, t: Array) -> Array:
+    def node_times(self, t: Array) -> Array:
         """Node times (m, s) of steps between t (m + 1,)."""
         at = t[:-1, None] + (t[1:] - t[:-1])[:, None] * self.c
         if self.c[-1] == 1.0:
@@ -84,7 +84,7 @@ def state_inside_step(after: Collocated, t: float) -> State:
     return State(t, after.q + dt * (x - 1.0) * after.v + dt * dt * l2, after.v + dt * l1, l0, after.phase)
 
 
-def hermite(x, dt, before, after) -> tuple[Array, Array]:
+def interpolate_hermite(x, dt, before, after) -> tuple[Array, Array]:
     """q and v at x in [0, 1] of a step dt, from q and v at both ends."""
     d = after.q - before.q
     v0 = dt * before.v

@@ -63,7 +63,7 @@ class Ball(Spring):
     def event_values(self, x):
         return (x.q[0],)
 
-    def pass_event(self, name, x):
+    def apply_event(self, name, x):
         # armed again at once: the next contact may come within the same step
         return State(x.t, np.array([1e-300]), -self.restitution * x.v, np.array([-self.g]), x.phase)
 
@@ -90,7 +90,7 @@ class Rubbed(Spring):
         r, solve = super().linearise(t, q, v, a, phase, c0, c1, c2)
         return (r, solve) if self.sign else (self.residual(t, q, v, a, phase), lambda b: b / (c2 * self.m + c1 * 1e3))
 
-    def pass_event(self, name, x):
+    def apply_event(self, name, x):
         pull = -self.k[0] * x.q[0]
         self.sign = np.sign(pull) if abs(pull) > self.friction else 0.0
         rest = State(x.t, x.q, 1e-300 * np.full(1, self.sign), np.zeros(1), x.phase)
@@ -107,7 +107,7 @@ class Alarms(Spring):
     def event_values(self, x):
         return tuple(alarm(x.t) for alarm in self.alarms.values())
 
-    def pass_event(self, name, x):
+    def apply_event(self, name, x):
         return None if name == "over" else x
 
 

@@ -14,12 +14,12 @@ from cablefem.newmark import (
     Scheme,
     StepFailure,
     Work,
-    collocate,
+    collocate_first_step,
     consistent_acceleration,
     integrate,
     scheme,
     state_inside_step,
-    step_times,
+    step_times_by_phase,
 )
 from cablefem.newmark.newton import find_root
 from cablefem.newmark.schemes import GAUSS, RADAU
@@ -149,13 +149,13 @@ def test_cables_by_radau_and_by_scipy(system):
 @pytest.mark.parametrize("kind", [FollowingElements, FixedElements])
 def test_compiled_steps_are_those_of_the_residuals_and_tangents(kind, model, method):
     class Plain(kind):
-        def collocate(self, *step):
-            return collocate(self, *step)
+        def collocate_steps(self, *step):
+            return collocate_first_step(self, *step)
 
     ends, works = [], []
     for cls in (Plain, kind):
         system, work = cls(LEVEL, elements=4, model=model), Work()
-        times = [step_times(system, 200)[0][:40]]
+        times = [step_times_by_phase(system, 200)[0][:40]]
         ends.append(march(system, method, times, newton=Newton(tol=1e-6), work=work)[-1])
         works.append(work)
     # factors that serve several steps give the same to Newton's tolerance
@@ -166,7 +166,7 @@ def test_compiled_steps_are_those_of_the_residuals_and_tangents(kind, model, met
 def test_a_start_from_rest_takes_its_first_step_whole():
     """Behind a mass that starts from rest all lengths grow like t^2: no one tangent fits all nodes of a first step."""
     system, work = FollowingElements(Scene.load("inclined").groups, elements=3), Work()
-    march(system, "radau", [step_times(system, 40)[0][:2]], newton=Newton(tol=1e-6, max_iter=16), work=work)
+    march(system, "radau", [step_times_by_phase(system, 40)[0][:2]], newton=Newton(tol=1e-6, max_iter=16), work=work)
     assert work.rejected == 0
 
 
@@ -186,7 +186,7 @@ def test_a_constraint_on_positions_is_kept_by_radau_and_refused_by_gauss():
         march(guided, "gauss", grid(2.0, 20))
     system = FixedElements(LEVEL, elements=4, element="p1", coupling="path")
     with pytest.raises(ValueError, match="constraint on positions"):
-        march(system, "gauss", step_times(system, 20))
+        march(system, "gauss", step_times_by_phase(system, 20))
 
 
 # --- between the steps ------------------------------------------------------------------------------------------------

@@ -60,7 +60,7 @@ class Tossed(Ball):
     def event_values(self, x):
         return float(x.v[0]), math.inf if self.passed else 0.9 - float(x.q[0])
 
-    def pass_event(self, name, x):
+    def apply_event(self, name, x):
         self.passed |= name == "mark"
         return None if name == "top" else x
 
@@ -155,7 +155,7 @@ def test_events_at_one_instant_are_passed_one_after_another_while_they_hold():
         def event_values(self, x):
             return (np.inf, np.inf) if self.gone else super().event_values(x)
 
-        def pass_event(self, name, x):
+        def apply_event(self, name, x):
             self.gone = True
             return x
 

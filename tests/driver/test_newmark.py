@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cablefem.newmark import NO_STEPS, SCHEMES, Newton, NewtonStalled, Scheme, Work, integrate, scheme, step_times
+from cablefem.newmark import (
+    NO_STEPS,
+    SCHEMES,
+    Newton,
+    NewtonStalled,
+    Scheme,
+    Work,
+    integrate,
+    scheme,
+    step_times_by_phase,
+)
 from tests.driver.systems import Kicked, Spring
 
 TIGHT = Newton(tol=1e-13)
@@ -111,7 +121,7 @@ def test_a_jump_of_the_force_on_a_phase_boundary_costs_no_order(name, order, ste
 @pytest.mark.parametrize(("entry", "exit_"), [(1.0, 1.0), (1e-3, 1.0), (0.01, 0.2)])
 def test_step_times_fill_the_phases_without_the_very_last_instant(steps, entry, exit_):
     spring = Spring(phases=((0.0, 1.3), (1.3, 3.0), (3.0, 3.7)))
-    times = step_times(spring, steps, entry=entry, exit=exit_)
+    times = step_times_by_phase(spring, steps, entry_ratio=entry, exit_ratio=exit_)
     assert len(times) == 3
     assert times[0][0] == 0.0
     assert times[0][-1] == times[1][0] == 1.3

@@ -8,7 +8,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from cablefem.elements.fixed import FixedElements
-from cablefem.newmark import NewtonStalled, State, integrate, scheme, step_times
+from cablefem.newmark import NewtonStalled, State, integrate, scheme, step_times_by_phase
 from tests.runs import (
     CRUISE,
     DAMPED,
@@ -46,7 +46,7 @@ def test_the_tangent_is_the_derivative_of_the_residual(element, coupling, model,
 def test_a_particle_has_no_explicit_scheme():
     system = FixedElements(STEEP, elements=5, element="p1", coupling="path")
     with pytest.raises(ValueError, match="needs an implicit scheme"):
-        list(integrate(system, scheme("central-difference"), step_times(system, 50)))
+        list(integrate(system, scheme("central-difference"), step_times_by_phase(system, 50)))
 
 
 def test_settings_that_make_no_sense_are_refused():

@@ -9,7 +9,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from cablefem.elements.following import FollowingElements
-from cablefem.newmark import integrate, scheme, step_times
+from cablefem.newmark import integrate, scheme, step_times_by_phase
 from cablefem.scene import Scene
 from tests.runs import CRUISE, DAMPED, INCLINED, MODELS, STEEP, march, observe, orders, path_error, tangent_defect
 
@@ -116,7 +116,7 @@ def test_energy_is_what_the_drive_puts_in(model, load):
 
 def test_a_jump_of_the_drive_keeps_place_and_speed():
     system = FollowingElements(CRUISE, elements=4)
-    grid = step_times(system, 300)
+    grid = step_times_by_phase(system, 300)
     before = [x for x in integrate(system, scheme("trapezoidal"), grid[:2] + grid[2:]) if x.phase == 0][-1]
     assert before.t == CRUISE.motion.phases[0][1]
     after = system.start(1, before)

@@ -10,7 +10,16 @@ from cablefem import Scene
 from cablefem.elements.fixed import FixedElements
 from cablefem.elements.observing import observe_cable
 from cablefem.elements.rolling import RollingElements, make_following_elements
-from cablefem.newmark import Newton, State, Work, collocate, integrate, newmark_step, scheme, step_times
+from cablefem.newmark import (
+    Newton,
+    State,
+    Work,
+    collocate_first_step,
+    integrate,
+    newmark_step,
+    scheme,
+    step_times_by_phase,
+)
 from cablefem.scene.statics import gripped_rest
 from tests.runs import LEVEL, stack
 from validation import run
@@ -153,15 +162,15 @@ def test_a_rest_next_to_a_support_is_found_to_rounding_on_short_elements():
 @pytest.mark.parametrize("mode", ["free", "haul"])
 def test_compiled_collocation_of_a_ride_is_that_of_its_residuals_and_tangents(mode, method):
     class Plain(RollingElements):
-        def collocate(self, *step):
-            return collocate(self, *step)
+        def collocate_steps(self, *step):
+            return collocate_first_step(self, *step)
 
     groups = zip_line(rolling_friction=0.02).groups if mode == "free" else Scene.load("tramway").groups
     ends, works = [], []
     for cls in (Plain, RollingElements):
         system, work = cls(groups, elements=3), Work()
         system.step_fraction = lambda *x: 1.0  # steps in one go are foreseen, and others than those taken one by one
-        states = integrate(system, scheme(method), step_times(system, 200), newton=Newton(tol=1e-6), work=work)
+        states = integrate(system, scheme(method), step_times_by_phase(system, 200), newton=Newton(tol=1e-6), work=work)
         ends.append(list(itertools.islice(states, 25))[-1])
         works.append(work)
     assert works[0].steps == works[1].steps
@@ -178,7 +187,7 @@ def test_a_hauled_car_lifts_off_in_strides_as_step_by_step(settings):
     def lifts(many_steps):
         system, work = RollingElements(groups, elements=4), Work()
         system.many_steps = many_steps
-        states = integrate(system, scheme(**named), step_times(system, 400), work=work)
+        states = integrate(system, scheme(**named), step_times_by_phase(system, 400), work=work)
         n = sum(1 for _ in itertools.takewhile(lambda x: x.t < 2.8, states))  # it does not come down again
         return [(e.name, e.t) for e in work.events], n
 

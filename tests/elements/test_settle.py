@@ -16,7 +16,7 @@ from cablefem.newmark import (
     newmark_step,
     scheme,
     state_inside_step,
-    step_times,
+    step_times_by_phase,
 )
 from cablefem.newmark.tableau import tableau
 from cablefem.scene import Scene
@@ -34,7 +34,7 @@ def history(system, steps, rule):
     """Return q at the end of each step up to where the run ends, the work, and the least tensions that are told."""
     work, q, least = Work(), [], []
     try:
-        for states in integrate_blocks(system, scheme(rule), step_times(system, steps), work=work):
+        for states in integrate_blocks(system, scheme(rule), step_times_by_phase(system, steps), work=work):
             q += [x.q for x in states]
             least += [math.nan] * (len(states) - 1) + [system.min_tension_and_position[0]]
     except NewtonStalled:
@@ -101,7 +101,7 @@ def test_steps_taken_in_one_go_remember_what_was_inside():
     run.run_to(0.4)
     rule, states = tableau(run.scheme.nodes), run.history.states
     for before, after in pairwise(states[20:40]):
-        for t, a in zip(rule.instants(np.array([before.t, after.t]))[0], after.inside.a, strict=True):
+        for t, a in zip(rule.node_times(np.array([before.t, after.t]))[0], after.inside.a, strict=True):
             x = state_inside_step(after, t)
             assert np.abs(x.a - a).max() <= 1e-8 * np.abs(a).max()
             r = run.history.solver.residual(t, x.q, x.v, x.a, x.phase)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from cablefem.newmark import Newton, integrate, scheme, step_times
+from cablefem.newmark import Newton, integrate, scheme, step_times_by_phase
 from cablefem.scene.motion import Motion, Piece
 from galerkin.abscissa import SystemOverPosition
 from galerkin.bases import Daubechies, Fourier
@@ -18,7 +18,7 @@ from tests.runs import CRUISE, INCLINED, LEVEL, march, stack, tangent_defect
 def travel(system, steps, until=0.8):
     """States in s_o up to a place, stacked."""
     states = []
-    for x in integrate(system, scheme("trapezoidal"), step_times(system, steps)):
+    for x in integrate(system, scheme("trapezoidal"), step_times_by_phase(system, steps)):
         states.append(x)
         if x.t > until:
             break

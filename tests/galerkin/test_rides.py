@@ -8,7 +8,7 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 
 from cablefem import Scene
-from cablefem.newmark import Newton, NewtonStalled, Work, integrate, scheme, step_times
+from cablefem.newmark import Newton, NewtonStalled, Work, integrate, scheme, step_times_by_phase
 from cablefem.newmark.newmark_rule import NewmarkRule
 from cablefem.scene import ConstantSpeed
 from cablefem.scene.drive import Drive
@@ -32,7 +32,7 @@ def ride(groups, basis, steps, method="generalized-alpha", many_steps=True):
     """A ride as far as it goes: the system, its states, its events."""
     system, work = RollingSystem(groups, basis), Work()
     system.many_steps &= many_steps
-    states = stack(list(integrate(system, scheme(method), step_times(system, steps), work=work)))
+    states = stack(list(integrate(system, scheme(method), step_times_by_phase(system, steps), work=work)))
     return system, states, work.events
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cablefem.motion import LineMotion
-from cablefem.newmark import State, System, integrate_blocks, scheme, step_times
+from cablefem.newmark import State, System, integrate_blocks, scheme, step_times_by_phase
 from cablefem.scene.contacts import Car, Contact, Elastic, MovingLine
 from cablefem.scene.drive import Drive
 from cablefem.scene.motion import rest_motion
@@ -82,7 +82,7 @@ ALL = line(
 
 def states_of(system: System, steps: int, start: State | None = None) -> list[State]:
     """All states by Radau, to the end."""
-    times = step_times(system, steps)
+    times = step_times_by_phase(system, steps)
     times[-1] = np.append(times[-1], system.phases[-1][1])
     return list(itertools.chain.from_iterable(integrate_blocks(system, scheme("radau"), times, start=start)))
 

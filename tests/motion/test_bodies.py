@@ -8,7 +8,7 @@ from scipy.integrate import cumulative_simpson
 
 from cablefem.elements.rest import coordinates_at_rest, coordinates_with_zero_rates
 from cablefem.elements.system import LineElements
-from cablefem.newmark import Work, integrate_blocks, scheme, step_times
+from cablefem.newmark import Work, integrate_blocks, scheme, step_times_by_phase
 from cablefem.scene.bodies import Hanger, Wheels
 from cablefem.scene.contacts import Car, MovingLine
 from cablefem.scene.drive import Drive
@@ -191,7 +191,7 @@ def test_a_wheel_that_lifts_off_ends_the_run():
     thrust = {"thrust_table": ((0.0, 9e3), (9.0, 9e3)), "thrust_at": (-1.0, 3.0)}
     scene = line(STEEL, LEFT, with_body(free("sled", 500.0, 60.0, **thrust), SLED), RISE, t_end=9.0)
     system, work = LineElements(scene, elements=4), Work()
-    list(integrate_blocks(system, scheme("radau"), step_times(system, 300), work=work))
+    list(integrate_blocks(system, scheme("radau"), step_times_by_phase(system, 300), work=work))
     assert [event.name for event in work.events] == ["sled front wheel lifts off"]
 
 

@@ -9,7 +9,7 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 from cablefem.elements.system import LineElements
-from cablefem.newmark import State, Work, integrate, scheme, step_times
+from cablefem.newmark import State, Work, integrate, scheme, step_times_by_phase
 from cablefem.scene.bodies import Hanger, Wheels
 from cablefem.scene.contacts import Car
 from cablefem.scene.drive import Drive
@@ -231,7 +231,7 @@ def test_both_wings_agree(scene):
 
 def test_a_wheel_that_lifts_off_ends_the_run():
     system, work = LineSines(free_sled(9e3, 0.6), 5), Work()
-    states = list(integrate(system, scheme("radau"), step_times(system, 120), work=work))
+    states = list(integrate(system, scheme("radau"), step_times_by_phase(system, 120), work=work))
     assert [event.name for event in work.events][-1] == "sled front wheel lifts off"
     x = system.observe(states, np.array([1.0]))
     load = x.cars[0].turning.wheels[1].load

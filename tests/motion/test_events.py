@@ -7,7 +7,7 @@ from scipy.integrate import cumulative_simpson
 import cablefem as cf
 from cablefem.catenary_line import solve
 from cablefem.elements.system import LineElements
-from cablefem.newmark import StepFailure, Work, integrate, integrate_blocks, scheme, step_times
+from cablefem.newmark import StepFailure, Work, integrate, integrate_blocks, scheme, step_times_by_phase
 from cablefem.scene.line import Line
 from cablefem.scene.moving import line_in_motion
 from galerkin.lines import LineSines
@@ -25,7 +25,7 @@ def rider(t_end: float = 30.0, **drive: float):
 def ending(scene, steps: int) -> tuple[list[str], float]:
     """Names of the events and the time of the last state."""
     system, work = LineElements(scene, elements=3), Work()
-    blocks = list(integrate_blocks(system, scheme("radau"), step_times(system, steps), work=work))
+    blocks = list(integrate_blocks(system, scheme("radau"), step_times_by_phase(system, steps), work=work))
     last = blocks[-1][-1]
     return [event.name for event in work.events], last.t
 
@@ -64,7 +64,7 @@ def test_a_brake_is_reached_in_both_wings_and_acts_from_there_on():
     times = []
     for system in (LineElements(scene, elements=3), LineSines(scene, 6)):
         work = Work()
-        states = list(integrate(system, scheme("radau"), step_times(system, 80), work=work))
+        states = list(integrate(system, scheme("radau"), step_times_by_phase(system, 80), work=work))
         assert [event.name for event in work.events] == ["rider brakes"]
         times.append(work.events[0].t)
         x = system.observe(states, np.array([1.0]))

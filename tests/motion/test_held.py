@@ -8,7 +8,7 @@ import pytest
 
 from cablefem.catenary_line import solve
 from cablefem.elements.system import LineElements
-from cablefem.newmark import Work, integrate, scheme, step_times
+from cablefem.newmark import Work, integrate, scheme, step_times_by_phase
 from cablefem.scene.line import Line
 from cablefem.scene.moving import line_in_motion
 from galerkin.lines import LineSines
@@ -74,7 +74,7 @@ def ladders(line):
 def ride(wing, line, n, steps):
     """Events and motion."""
     system, work = WINGS[wing](line_in_motion(line, solve), n), Work()
-    states = list(integrate(system, scheme("radau"), step_times(system, steps), work=work))
+    states = list(integrate(system, scheme("radau"), step_times_by_phase(system, steps), work=work))
     return {event.name: event.t for event in work.events}, system.observe(states, np.array([1.0]))
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import cumulative_simpson
 
 from cablefem.elements.system import LineElements
-from cablefem.newmark import Work, consistent_acceleration, integrate, scheme, step_times
+from cablefem.newmark import Work, consistent_acceleration, integrate, scheme, step_times_by_phase
 from cablefem.scene.motion import Motion, Piece
 from galerkin.lines import LineSines
 from tests.motion.lines import ALL, LEFT, anchor, car, line, run, states_of
@@ -144,7 +144,7 @@ def test_a_tangent_serves_many_steps_and_the_motion_stays(make):
     for keeps in (True, False):
         system, work = make(), Work()
         system.reuses_factors = keeps
-        *_, end = integrate(system, scheme("radau"), step_times(system, 60), work=work)
+        *_, end = integrate(system, scheme("radau"), step_times_by_phase(system, 60), work=work)
         ends.append([car.point[0] for car in system.observe([end], np.zeros(1)).cars])
         works.append(work.factorisations)
     np.testing.assert_allclose(ends[0], ends[1], atol=1e-5)

@@ -9,7 +9,7 @@ from scipy.linalg import eig
 
 from cablefem import Scene
 from cablefem.elements.system import LineElements
-from cablefem.newmark import State, StepFailure, Work, integrate, scheme, step_times
+from cablefem.newmark import State, StepFailure, Work, integrate, scheme, step_times_by_phase
 from cablefem.scene.bodies import Hanger, Wheels
 from cablefem.scene.contacts import Car, Elastic, MovingLine
 from galerkin.bodies import Friction
@@ -171,7 +171,7 @@ def test_a_rider_is_braked_where_the_text_on_rides_says():
     rider = car("rider", 95.0, None, "free", start=2.0 * shorter, k=0.36, mu_r=0.02, brakes=((280.0 * shorter, 600.0),))
     system = LineSines(MovingLine(rope=rope, contacts=(LEFT, rider, anchor("right", 300.0, 15.0)), t_end=36.0), 6)
     work = Work()
-    states = list(integrate(system, scheme("radau"), step_times(system, 240, entry=1e-3), work=work))
+    states = list(integrate(system, scheme("radau"), step_times_by_phase(system, 240, entry_ratio=1e-3), work=work))
     times = {event.name: event.t for event in work.events}  # the last of each
     assert times["rider brakes"] == pytest.approx(34.800, abs=2e-3)
     assert times["rider stops"] == pytest.approx(35.43, abs=0.01)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cablefem import Scene
-from cablefem.newmark import integrate, scheme, step_times
+from cablefem.newmark import integrate, scheme, step_times_by_phase
 from cablefem.response import Observation, Response
 from tests.validation import sines
 from validation import check, run
@@ -42,7 +42,7 @@ def begun(name):
     method = find_method(name)
     settings = method.settings(coarse(name))
     solver = method.build(SCENE.groups, settings, model="full", load="mass", law="elastic")
-    steps = integrate(solver, scheme(settings["scheme"]), step_times(solver, 60))
+    steps = integrate(solver, scheme(settings["scheme"]), step_times_by_phase(solver, 60))
     return solver, [next(steps) for _ in range(4)]
 
 

@@ -30,7 +30,7 @@ def path_over_cable(
     start = newmark.consistent_acceleration(system, 0.0, rest, rest.copy(), 0) if starts_on_cable else None
     states: list[newmark.State] = []
     try:
-        times = newmark.step_times(system, settings["steps"])
+        times = newmark.step_times_by_phase(system, settings["steps"])
         for x in newmark.integrate(system, scheme, times, start=start):
             states.append(x)
             if motion.at(x.t, x.phase)[0] > until:

@@ -201,7 +201,7 @@ def step_times_of_phases(solver: Solver, groups: Groups, settings: dict[str, Any
     steps = settings["steps"]
     if groups.motion is None:  # rides may last longer
         steps = math.ceil(steps * (solver.phases[-1][1] - solver.phases[0][0]) / groups.drive.nominal)
-    times = newmark.step_times(solver, steps, entry=settings["entry"], exit=settings["exit"])
+    times = newmark.step_times_by_phase(solver, steps, entry_ratio=settings["entry"], exit_ratio=settings["exit"])
     if groups.motion is None or groups.motion.end < 1.0:  # ends off the support
         times[-1] = np.append(times[-1], solver.phases[-1][1])
     return times

@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
 from cablefem import newmark
-from cablefem.newmark import Collocated, PassedEvent, State, StateHistory, Work, hermite, with_states_inside_steps
+from cablefem.newmark import (
+    Collocated,
+    PassedEvent,
+    State,
+    StateHistory,
+    Work,
+    interpolate_hermite,
+    with_states_inside_steps,
+)
 from cablefem.response import Array, Fields, LazyValue, Observation, Response, States
 from cablefem.scene import Motion, Scene
 from validation.core.solver import Solver
@@ -280,7 +288,7 @@ def _interpolated_states(h: States, t: Array) -> States:
     dt = (after.t - before.t)[:, None]  # (k, 1)
     x = (t - before.t)[:, None] / dt
     a = (1.0 - x) * before.a + x * after.a  # (k, n_dof)
-    return States(t, *hermite(x, dt, before, after), a, after.phase)
+    return States(t, *interpolate_hermite(x, dt, before, after), a, after.phase)
 
 
 def _observe_steps_and_frames(

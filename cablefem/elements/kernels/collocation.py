@@ -20,7 +20,7 @@ FAST_ENOUGH = 0.03  # rate of convergence with kept factors
 
 
 class Steps(NamedTuple):
-    """See `cablefem.newmark.System.collocate`."""
+    """See `cablefem.newmark.System.collocate_steps`."""
 
     inputs: Any  # (m, s, .) at the nodes, see `newton.Steps`
     contact: Contact  # of the nodes, (s, ...) each

@@ -27,7 +27,7 @@ def implicit_floor(scene: Scene, *, elements: int = 10, steps: int = 480, repeat
     b = rng.standard_normal(n)
     dt = system.phases[-1][1] / steps
     c = 0.25 * dt * dt, 0.5 * dt, 1.0
-    grid = newmark.step_times(system, steps)
+    grid = newmark.step_times_by_phase(system, steps)
     rows = []
     with threadpool_limits(1):
         for _ in range(repeats):

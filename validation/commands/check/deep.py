@@ -71,7 +71,7 @@ def _time_driver_against_scipy_row(scene: Scene, a: Ladder) -> Agreement | None:
     settings = method.settings_for_scene(scene.groups, {"elements": 6, "steps": steps // 2})
     system: Any = method.build(scene.groups, settings, model="full", load="mass", law="elastic")
     scheme = newmark.scheme("trapezoidal")
-    states = newmark.integrate(system, scheme, newmark.step_times(system, settings["steps"]))
+    states = newmark.integrate(system, scheme, newmark.step_times_by_phase(system, settings["steps"]))
     first = _first_state_or_last(states, lambda x: system.position(x) >= begin)
     t0 = first.t
     t1 = system.phases[first.phase][1]

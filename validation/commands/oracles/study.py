@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from cablefem import newmark
-from cablefem.newmark.equilibrium import equilibrium
+from cablefem.newmark.equilibrium import solve_equilibrium
 from cablefem.response import Array, Response, write_json
 from cablefem.scene import Drive, Groups, Scene
 from cablefem.scene.line import Line, LineRest
@@ -235,7 +235,7 @@ class _Solvers:
         groups = replace(groups, motion=rest_motion(p, end))
         loaded = _build_solver(name, groups, "straight", settings)
         free = _build_solver(name, replace(groups, mu=0.0), "straight", settings)
-        rest = equilibrium(loaded)
+        rest = solve_equilibrium(loaded)
         start = newmark.consistent_acceleration(free, 0.0, rest, np.zeros_like(rest), 0)
         grid = np.linspace(0.0, end, 1 + find_method(name).settings(settings)["steps"])
         states = [start, *newmark.integrate(free, newmark.scheme("trapezoidal"), [grid], start=start)]

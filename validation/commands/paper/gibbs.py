@@ -7,7 +7,7 @@ A sum of N smooth functions has ripples of wavelength 1/N at the kink.  Their si
 import numpy as np
 
 from cablefem.elements.following import FollowingElements
-from cablefem.newmark import State, integrate, scheme, step_times
+from cablefem.newmark import State, integrate, scheme, step_times_by_phase
 from cablefem.response import Array
 from cablefem.scene import Groups
 from galerkin.bases import Basis
@@ -24,7 +24,7 @@ POSITIONS = np.linspace(*(OVERSHOOT["places"][end] for end in ("first", "last", 
 def _run_for_tensions_beside_mass(system: GalerkinSystem | FollowingElements, distances: Array) -> Array:
     """T at s_o -+ each distance (m,) when the mass passes each of POSITIONS, (positions, 2 m)."""
     states: list[State] = []
-    for x in integrate(system, scheme("trapezoidal"), step_times(system, OVERSHOOT["steps"])):
+    for x in integrate(system, scheme("trapezoidal"), step_times_by_phase(system, OVERSHOOT["steps"])):
         if system.motion.at(x.t, x.phase)[0] >= POSITIONS[len(states)]:
             states.append(x)
             if len(states) == POSITIONS.size:
