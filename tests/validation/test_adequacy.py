@@ -43,7 +43,7 @@ def test_the_level_scene_needs_a_stretching_cable_for_its_path_and_little_for_te
 def test_the_run_that_is_advised_does_what_is_said_of_it(level):
     content, _, _ = level
     fine = run(LEVEL, "following-p2", elements=40, steps=2000, until=0.8)
-    view = View.of_scene(LEVEL).up_to_valid(fine)
+    view = View.of_scene(LEVEL).cut_to_valid_range(fine)
     r = run(LEVEL, content["method"], model=content["model"], load=content["load"], until=0.8, **content["settings"])
     found = gaps_by_need(r, fine, view)
     for need, bar in content["full"]["gaps"].items():  # what is said was measured against a coarser full run
@@ -100,7 +100,7 @@ def test_random_advice_is_right(seed):
     finer = {"elements": round(1.5 * full["elements"]), "steps": 2 * full["steps"], "scheme": full["scheme"]}
     view = View.of_scene(scene)
     truth = run(scene, adequacy.REFERENCE, **finer, until=view.last_needed_position)
-    view = view.up_to_valid(truth)
+    view = view.cut_to_valid_range(truth)
 
     def meets(index, need):
         model, load = LADDER[index]

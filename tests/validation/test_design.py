@@ -13,7 +13,7 @@ from validation.core import readback, recomputed
 from validation.core.agreement import Verdict
 from validation.core.answers import outcome_of_run
 from validation.core.design import QUANTITIES, design_gap_rows, design_numbers, widened_numbers
-from validation.core.measures import energy_defect, extremes_within
+from validation.core.measures import energy_defect, time_span_for_extremes
 from validation.core.quasi_static import quasi_static
 from validation.core.running import run
 
@@ -130,7 +130,7 @@ def test_the_steepest_angle_is_the_largest_up_or_down(name):
     """It was the steepest in the direction that the rope had at first."""
     r = quasi_static(Scene.load(name))
     found = {n.quantity: n.value for n in numbers(r)}
-    begin, end = extremes_within(r, None)
+    begin, end = time_span_for_extremes(r, None)
     for side, force in (("left", r.reaction_left), ("right", r.reaction_right)):
         angle = np.abs(np.degrees(np.arctan(force[:, 1] / force[:, 0])))[(r.t >= begin) & (r.t <= end)]
         assert found[f"angle_{side}"] == pytest.approx(angle.max(), rel=1e-2)

@@ -144,8 +144,8 @@ def test_waves_slower_than_the_mass_are_flagged():
     speed = (r.s_o[k] - r.s_o[k - 1]) / (r.t[k] - r.t[k - 1])
     assert r.tension_min[k : k + 2].min() < near.cable.mass_per_length * speed**2
     # no bar holds from there on: neither paths nor design numbers go on
-    assert View.of_scene(near).up_to_valid(r).window == (0.02, pytest.approx(place, abs=1e-6))
-    assert r.t[k - 1] <= measures.valid_until(r) <= r.t[k]
+    assert View.of_scene(near).cut_to_valid_range(r).window == (0.02, pytest.approx(place, abs=1e-6))
+    assert r.t[k - 1] <= measures.last_time_valid_in_all(r) <= r.t[k]
     later = replace(r, flags=[], slack_onset=place + 0.01)  # another solver's answer
 
     def prints_slack(counterpart):
@@ -156,7 +156,7 @@ def test_waves_slower_than_the_mass_are_flagged():
     # twin: a slower car on the same cable
     slower = run(near.variant(speed_ratio=0.4), "following-p2", elements=20, steps=900, until=0.8)
     assert "slow waves" not in slower.flag_kinds
-    assert View.of_scene(near).up_to_valid(slower).window == (0.02, min(0.8, slower.slack_from))
+    assert View.of_scene(near).cut_to_valid_range(slower).window == (0.02, min(0.8, slower.slack_from))
 
 
 @pytest.mark.parametrize(

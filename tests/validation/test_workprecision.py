@@ -94,7 +94,7 @@ def test_an_error_is_that_of_the_same_run_against_the_same_reference(small):
     rows = rows_of(small[1], "following-p2")
     truth = run(LEVEL, "following-p4", **REFERENCE, until=0.8)
     again = run(LEVEL, "following-p2", until=0.8, **rows[0]["settings"])
-    assert rows[0]["path_error"] == measures.path_gap(again, truth, (0.02, 0.8))[0]
+    assert rows[0]["path_error"] == measures.relative_path_gap(again, truth, (0.02, 0.8)).largest
 
 
 def test_wrong_methods_and_cheap_models_stay_on_show(small):

@@ -11,7 +11,7 @@ from cablefem.scene import Scene
 from validation.core import limits
 from validation.core.clearances import rope_shapes
 from validation.core.design import design_numbers
-from validation.core.measures import onset_of_steep_waves, valid_until
+from validation.core.measures import last_time_valid_in_all, position_where_mass_outruns_waves
 
 STATIONS = 201  # stations of profile.csv
 
@@ -98,7 +98,7 @@ def _outcome_of_travel(scene: Scene, r: Response) -> Outcome:
 
 def _end_of_validity(r: Response) -> str:
     """From where the cable is slack, or waves are slower than the mass; "": nowhere."""
-    steep = onset_of_steep_waves(r)
+    steep = position_where_mass_outruns_waves(r)
     if r.slack_onset is not None and r.slack_onset <= steep:
         return f"; the cable goes slack when the mass is at {r.slack_onset * r.length:.1f} m"
     if math.isfinite(steep):
@@ -135,7 +135,7 @@ def _outcome_of_ride(scene: Scene, r: Response) -> Outcome:
 def profile_columns(r: Response) -> dict[str, Array]:
     """Columns of profile.csv: the rope at rest, and the extremes of depth and tension up to a slack onset."""
     f = r.fields
-    end = valid_until(r)
+    end = last_time_valid_in_all(r)
     x = np.linspace(float(f.x[0]), float(f.x[-1]), STATIONS)
     rest = np.interp(x, f.x, f.y)
     depth = [rest]

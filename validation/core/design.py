@@ -22,7 +22,12 @@ from cablefem.scene.cable import Rope
 from validation.core.agreement import Agreement, Bound, BoundPart
 from validation.core.clearances import Clearances, Track, clearance_tracks, obstacle_profiles
 from validation.core.ladder import Ladder, max_distance
-from validation.core.measures import extremes_within, means_between, onset_of_steep_waves, valid_until
+from validation.core.measures import (
+    last_time_valid_in_all,
+    position_where_mass_outruns_waves,
+    time_means_between,
+    time_span_for_extremes,
+)
 from validation.core.order import FIRST
 from validation.core.quantities import unit_of
 from validation.core.scene_data import ROUNDING, SceneData
@@ -237,8 +242,8 @@ def design_numbers(ladder_or_run: Ladder | Response, counterpart: Ladder | None 
 
 def signals_of_run(r: Response, other: Response | None = None) -> dict[str, Signal]:
     """What the extremes of a run are taken of, as far as both runs go."""
-    span = extremes_within(r, other)
-    everything = (float(r.t[0]), valid_until(r, other or r))
+    span = time_span_for_extremes(r, other)
+    everything = (float(r.t[0]), last_time_valid_in_all(r, other or r))
     round_trip = _axial_round_trip(r.scene_toml, r.length)
     out = {}
     for name, quantity in quantities_of_run(r).items():
@@ -353,7 +358,7 @@ class Signal:
                 return t, t, t
             if self.period and t.size > 2:
                 low, high = (np.clip(t + half * self.period, t[0], t[-1]) for half in (-0.5, 0.5))
-                value = means_between(t, value[:, None], low, high)[:, 0]
+                value = time_means_between(t, value[:, None], low, high)[:, 0]
             return t, value, s
         rows = (track.t >= self.span[0] * (1.0 - ROUNDING)) & (track.t <= self.span[1] * (1.0 + ROUNDING))
         rows &= np.isfinite(track.value).all(axis=1)
@@ -429,7 +434,9 @@ def _is_at_end_of_span(found: _Extreme, r: Response, span: tuple[float, float]) 
 
 def _slack_onset_number(r: Response, other: Response | None, ladder: Ladder | None) -> Iterator[Number]:
     """Where slack begins, if before waves are slower than the mass in either run: no bar holds from there on."""
-    if r.slack_onset is None or r.slack_onset > min(onset_of_steep_waves(r), onset_of_steep_waves(other or r)):
+    if r.slack_onset is None or r.slack_onset > min(
+        position_where_mass_outruns_waves(r), position_where_mass_outruns_waves(other or r)
+    ):
         return
 
     def onset_or_nan(x: Response) -> float:

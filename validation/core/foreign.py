@@ -278,9 +278,9 @@ def refuse_wrong_unit_or_direction(path: MassPath, ours: Response) -> None:
     try:
         window = _common_window(path, measures.common_window(ours))
         off = {
-            factor: measures.path_gap(
+            factor: measures.relative_path_gap(
                 without_u(replace(path, **{of: factor * getattr(path, of)})), without_u(ours), window
-            )[1]
+            ).rms
             for unit in (1.0, 1e-3, 1e3, l, 1.0 / l)
             for factor in (unit, -unit)
         }
@@ -332,7 +332,7 @@ def third_party_rows(
     run = ladder.finest
     try:
         part = _common_window(path, window)
-        where = measures.path_gap(path, run, part)[2]
+        where = measures.relative_path_gap(path, run, part).position
     except NotComparable as reason:
         yield Agreement("path_max", math.nan, no_bound(f"{other}: {reason}"), third_party=other)
         return
@@ -355,8 +355,8 @@ def _distances_by_quantity(
 ) -> dict[str, tuple[Distance, str]]:  # fmt: skip
     """Comparable quantities, path first: a distance of two answers, and its components, `of_path` of the path."""
     distances: dict[str, tuple[Distance, str]] = {
-        "path_max": (lambda a, b: measures.path_gap(a, b, part)[0], of_path),
-        "path_rms": (lambda a, b: measures.path_gap(a, b, part)[1], of_path),
+        "path_max": (lambda a, b: measures.relative_path_gap(a, b, part).largest, of_path),
+        "path_rms": (lambda a, b: measures.relative_path_gap(a, b, part).rms, of_path),
     }
     if run.drive == "free" and path.speed is not None:
         stop = find_event("stop", run.events)

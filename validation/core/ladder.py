@@ -82,7 +82,7 @@ class Ladder(Generic[Run]):
         """Without runs that end before the view does, and without all coarser ones."""
 
         def covering(branch: Branch[Any]) -> Branch[Any]:
-            runs = tuple(itertools.takewhile(view.covers, branch.runs))
+            runs = tuple(itertools.takewhile(view.is_reached_by, branch.runs))
             return replace(branch, runs=runs)
 
         return replace(self, space=covering(self.space), time=covering(self.time))

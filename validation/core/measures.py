@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Any
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,32 @@ WINDOWS = {"grip": WINDOW, "haul": (WINDOW[0], SLACK_END), "free": (0.0, 1.0)}
 JUMP_WIDTH = 0.019999
 
 Window = tuple[float, float]
+Series = Callable[[Response], Array]  # (n,) or (n, c) of a run's steps
+AnyRun = TypeVar("AnyRun", bound=MassPath)
+
+
+class PathDistances(NamedTuple):
+    """At steps (n,): time [s], s_o/l, and the distance of two paths over the scale of the second."""
+
+    t: Array
+    position: Array
+    distance: Array
+
+
+class PathGap(NamedTuple):
+    """Distances of two paths over the scale of the second: largest, rms over time, and s_o/l of the largest."""
+
+    largest: float
+    rms: float
+    position: float
+
+
+class CommonFrames(NamedTuple):
+    """s_o/l of frames that two runs share, and their indices in both, (k,) each."""
+
+    position: Array
+    in_a: NDArray[np.intp]
+    in_b: NDArray[np.intp]
 
 
 class NotComparable(ValueError):
@@ -43,28 +69,30 @@ def common_window(*responses: MassPath, window: Window | None = None) -> Window:
     raise NotComparable(f"nothing to compare: {first.method} {what} at s_o/l = {end:.4f}, before {low:g}")
 
 
-def onset_of_steep_waves(r: MassPath) -> float:
+def position_where_mass_outruns_waves(r: MassPath) -> float:
     """s_o/l from which waves are slower than the mass and steepen: no bar holds there.  Infinite: nowhere."""
     if not isinstance(r, Response) or (r.method in METHODS and not METHODS[r.method].resolves_waves):
         return math.inf  # without a look at flags, which observes the run
-    return min((float(flag.numbers["since"]) for flag in r.flags if flag.kind == "slow waves"), default=math.inf)
+    onsets = [float(flag.numbers["since"]) for flag in r.flags if flag.kind == "slow waves"]
+    return min(onsets, default=math.inf)
 
 
-def valid_until(*runs: Response) -> float:
+def last_time_valid_in_all(*runs: Response) -> float:
     """Time [s] up to which all runs have an answer: their first end, slack onset, or waves slower than the mass."""
     ends = [r.t[-1] for r in runs] + [r.slack_since for r in runs]
     for r in runs:
-        if onset_of_steep_waves(r) < r.reached:  # of gripped cars alone, which never turn back
-            ends.append(np.interp(onset_of_steep_waves(r) * r.length, r.s_o, r.t))
+        onset = position_where_mass_outruns_waves(r)
+        if onset < r.reached:  # of gripped cars alone, which never turn back
+            ends.append(np.interp(onset * r.length, r.s_o, r.t))
     return float(min(ends))
 
 
-def extremes_within(r: Response, other: Response | None) -> tuple[float, float]:
+def time_span_for_extremes(r: Response, other: Response | None) -> tuple[float, float]:
     """Times [s] between which extremes are taken: in the window, as far as both runs go.
 
     A rolling car begins in equilibrium, so that its start counts.
     """
-    end = valid_until(r, other or r)
+    end = last_time_valid_in_all(r, other or r)
     if r.drive == "free":
         return float(r.t[0]), end
     limits = r.length * np.array(WINDOWS[r.drive])
@@ -74,51 +102,52 @@ def extremes_within(r: Response, other: Response | None) -> tuple[float, float]:
 
 
 def steps_in_window(r: MassPath, window: Window) -> NDArray[np.bool_]:
-    """Which steps (n,) lie in the window."""
+    """Whether each step (n,) lies in the window."""
     position = r.s_o / r.length
     return (position >= window[0]) & (position <= window[1] * (1.0 + 1e-12))
 
 
-def _values_at_steps_of(a: MassPath, b: MassPath, values: Array) -> Array:
-    """`values` (n_b, ...) at steps of b, splined to times of a."""
-    t = np.clip(a.t, b.t[0], b.t[-1])
-    rounding = 1e-12 * b.t[-1]
-    steps = np.searchsorted(b.t, t - rounding)
-    if np.abs(b.t[steps] - t).max(initial=0.0) <= rounding:
+def _splined_to_steps(target: MassPath, source: MassPath, values: Array) -> Array:
+    """`values` (n, ...) at steps of `source`, splined to the times of `target`."""
+    t = np.clip(target.t, source.t[0], source.t[-1])
+    rounding = 1e-12 * source.t[-1]
+    steps = np.searchsorted(source.t, t - rounding)
+    if np.abs(source.t[steps] - t).max(initial=0.0) <= rounding:
         return values[steps]
     from scipy.interpolate import CubicSpline  # slow to load
 
-    return CubicSpline(b.t, values, axis=0)(t)
+    return CubicSpline(source.t, values, axis=0)(t)
 
 
-def path_distances(a: MassPath, b: MassPath, window: Window) -> tuple[Array, Array, Array]:
-    """Times [s], s_o/l, and distance of the paths over b's `path_scale`, (n,) each, at the coarser run's steps.
+def relative_path_distances(a: MassPath, b: MassPath, window: Window) -> PathDistances:
+    """Distances of the paths over b's `path_scale`, at the steps in the window of the run with fewer.
 
     Displacements are compared; of a free ride the points x, y.  Raises NotComparable where there are few steps.
     """
     if not b.path_scale > 0.0:
         raise NotComparable("the mass is nowhere below its place at rest: no deflection to relate a gap to")
-    coarse, fine = _coarser_first(a, b)
+    coarse, fine = _fewer_steps_first(a, b)
     within = steps_in_window(coarse, window) & (coarse.t <= fine.t[-1] * (1.0 + 1e-12))
     steps = np.count_nonzero(within)
     if steps < 5:
         raise NotComparable(f"{coarse.method} has {steps} steps in the window {window}, 5 are needed")
     u, v = ("x", "y") if coarse.drive == "free" else ("u", "v")
-    first, second = (np.stack([getattr(r, u), getattr(r, v)], axis=1) for r in (coarse, fine))  # (n, 2)
-    gap = (first - _values_at_steps_of(coarse, fine, second))[within] / b.path_scale
-    return coarse.t[within], coarse.s_o[within] / coarse.length, np.hypot(gap[:, 0], gap[:, 1])
+    first = np.stack([getattr(coarse, u), getattr(coarse, v)], axis=1)  # (n, 2)
+    second = np.stack([getattr(fine, u), getattr(fine, v)], axis=1)
+    gap = (first - _splined_to_steps(coarse, fine, second))[within] / b.path_scale
+    return PathDistances(coarse.t[within], coarse.s_o[within] / coarse.length, np.hypot(gap[:, 0], gap[:, 1]))
 
 
-def _coarser_first(a: Any, b: Any) -> tuple[Any, Any]:
+def _fewer_steps_first(a: AnyRun, b: AnyRun) -> tuple[AnyRun, AnyRun]:
     """The run with fewer steps, then the other."""
     return (a, b) if a.t.size <= b.t.size else (b, a)
 
 
-def path_gap(a: MassPath, b: MassPath, window: Window) -> tuple[float, float, float]:
-    """The largest of `path_distances`, its rms over time, and the s_o/l of the largest."""
-    t, position, distance = path_distances(a, b, window)
+def relative_path_gap(a: MassPath, b: MassPath, window: Window) -> PathGap:
+    """The largest of `relative_path_distances`, their rms over time, and the s_o/l of the largest."""
+    t, position, distance = relative_path_distances(a, b, window)
     rms = float(np.sqrt(_time_mean(t, distance**2)))
-    return float(distance.max()), rms, float(position[distance.argmax()])
+    return PathGap(float(distance.max()), rms, float(position[distance.argmax()]))
 
 
 def _time_mean(t: Array, values: Array) -> Array:
@@ -127,11 +156,8 @@ def _time_mean(t: Array, values: Array) -> Array:
     return np.asarray(np.average(values, weights=weights))
 
 
-def common_frames(a: Response, b: Response, window: Window) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:
-    """s_o/l of the common frames in the window, and their indices in a and b, (k,) each.
-
-    Raises NotComparable where there is none.
-    """
+def common_frames(a: Response, b: Response, window: Window) -> CommonFrames:
+    """The frames of the fields in the window that both runs have.  Raises NotComparable where there is none."""
     stations = a.fields.s
     if stations.shape != b.fields.s.shape or np.abs(stations - b.fields.s).max() > 1e-9 * a.length:
         raise NotComparable("the tension fields are given at different stations")
@@ -144,65 +170,65 @@ def common_frames(a: Response, b: Response, window: Window) -> tuple[Array, NDAr
     within = (position >= window[0]) & (position <= window[1])
     if not within.any():
         raise NotComparable(f"no common frame of the fields in the window {window}")
-    return position[within], i[within], j[within]
+    return CommonFrames(position[within], i[within], j[within])
 
 
-def tension_gap(a: Response, b: Response, window: Window, of: str = "T") -> float:
-    """Rms gap of the tension fields `of` over frames in the window, off the mass, over H."""
+def rms_tension_gap(a: Response, b: Response, window: Window, field: str = "T") -> float:
+    """Rms gap of two tension fields over frames in the window, off the mass, over H;  field : a name of `Fields`."""
     position, i, j = common_frames(a, b, window)
     off_mass = np.abs(a.fields.s / a.length - position[:, None]) >= JUMP_WIDTH  # (frames, stations)
-    gap = (getattr(a.fields, of)[i] - getattr(b.fields, of)[j])[off_mass]
+    gap = (getattr(a.fields, field)[i] - getattr(b.fields, field)[j])[off_mass]
     return float(np.sqrt(np.mean(gap**2))) / b.horizontal_tension
 
 
 def series_gap(
-    a: Response, b: Response, window: Window, of: Callable[[Response], Array], averaging_time: float = 0.0,
-    largest: bool = False,
+    a: Response, b: Response, window: Window, series: Series, averaging_time: float = 0.0, largest: bool = False
 ) -> float:  # fmt: skip
-    """Rms (or largest) distance of series of(r), (n,) or (n, c), at the coarser run's steps.
+    """Rms (or largest) distance of a series of two runs, in its unit, at the steps of the run with fewer.
 
-    axial : averaging time [s].  Raises NotComparable where a run has too few values.
+    averaging_time : [s] of the means that are compared.  Raises NotComparable where a run has too few values.
     """
-    coarse, fine = _coarser_first(a, b)
+    coarse, fine = _fewer_steps_first(a, b)
     within = steps_in_window(coarse, window)
     if not within.any():
         raise NotComparable(f"{coarse.method} has no step in the window {window}")
     t = coarse.t[within & (coarse.t <= fine.t[-1])]
-    series = [_finite_values(r, of) for r in (coarse, fine)]
-    first, last = _common_span(t, *(times for times, _ in series))
+    known = [_finite_times_and_values(r, series) for r in (coarse, fine)]
+    first, last = _common_time_span(t, *(times for times, _ in known))
     t = t[(t >= first) & (t <= last)]
     low = np.clip(t - 0.5 * averaging_time, first, last)
     high = np.clip(t + 0.5 * averaging_time, first, last)
     samples = []
-    for r, (times, values) in zip((coarse, fine), series, strict=True):
+    for r, (times, values) in zip((coarse, fine), known, strict=True):
         end = np.searchsorted(times, last) + 1
         if averaging_time:
-            samples.append(means_between(times[:end], values[:end], low, high, r.breaks))
+            samples.append(time_means_between(times[:end], values[:end], low, high, r.breaks))
         else:
-            samples.append(_piecewise_spline(times[:end], values[:end], [event["t"] for event in r.events], low))
+            kinks = [event["t"] for event in r.events]
+            samples.append(_piecewise_spline(times[:end], values[:end], kinks, low))
     squares = np.sum((samples[0] - samples[1]) ** 2, axis=1)  # of (n, c)
     return float(np.sqrt(squares.max() if largest else _time_mean(t, squares)))
 
 
-def _common_span(t: Array, *series: Array) -> tuple[float, float]:
-    """First and last time that all answers have, none past the last of t; series : their times."""
-    if min(times.size for times in series) < 4:
+def _common_time_span(t: Array, *known_times: Array) -> tuple[float, float]:
+    """First and last time that all series have, none past the last of t.  Raises NotComparable where there is none."""
+    if min(times.size for times in known_times) < 4:
         raise NotComparable("one of the answers does not say it")
-    first = float(max(times[0] for times in series))
-    last = float(min(t[-1], *(times[-1] for times in series)))
+    first = float(max(times[0] for times in known_times))
+    last = float(min(t[-1], *(times[-1] for times in known_times)))
     if not last > first:
         raise NotComparable("both answers say it at one instant")
     return first, last
 
 
-def _finite_values(r: Response, of: Callable[[Response], Array]) -> tuple[Array, Array]:
+def _finite_times_and_values(r: Response, series: Series) -> tuple[Array, Array]:
     """Times (k,) and values (k, c) of a series where it is finite."""
-    values = of(r).reshape(r.t.size, -1)
+    values = series(r).reshape(r.t.size, -1)
     finite = np.isfinite(values).all(axis=1)
     return r.t[finite], values[finite]
 
 
-def means_between(t: Array, values: Array, low: Array, high: Array, breaks: Sequence[float] = ()) -> Array:
+def time_means_between(t: Array, values: Array, low: Array, high: Array, breaks: Sequence[float] = ()) -> Array:
     """Means (k, c) of values (n, c), linear in time, between times low and high (k,).
 
     A break's value is that before the jump; the step after it extrapolates backwards.
@@ -213,7 +239,8 @@ def means_between(t: Array, values: Array, low: Array, high: Array, breaks: Sequ
     begin = values[:-1].copy()
     for i in np.searchsorted(t, np.array(breaks) * (1.0 - 1e-12)).tolist():
         if 0 < i < t.size - 2:
-            begin[i] = values[i + 1] - (values[i + 2] - values[i + 1]) * (dt[i] / dt[i + 1])
+            change_after = values[i + 2] - values[i + 1]
+            begin[i] = values[i + 1] - change_after * (dt[i] / dt[i + 1])
     slope = (values[1:] - begin) / dt
     area = PPoly(np.stack([slope, begin]), t).antiderivative()
     return (area(high) - area(low)) / (high - low)[:, None]
@@ -234,7 +261,9 @@ def _piecewise_spline(t: Array, values: Array, kinks: Sequence[float], at: Array
     return out
 
 
-def field_gap(a: Response, b: Response, window: Window, *, rate: bool = False, along: bool = False) -> float:
+def rms_displacement_gap(
+    a: Response, b: Response, window: Window, *, velocity: bool = False, along_cable: bool = False
+) -> float:
     """Rms distance of displacements, or velocities, across (or along) the static cable, over the rms of b.
 
     Without the station at the mass: rounding decides which of its sides is sampled.
@@ -244,9 +273,9 @@ def field_gap(a: Response, b: Response, window: Window, *, rate: bool = False, a
         """Component at all frames and stations, (k, m)."""
         dx = np.gradient(f.x, f.s)
         dy = np.gradient(f.y, f.s)
-        x, y = (f.du, f.dv) if rate else (f.u, f.v)
-        moved = dx * x + dy * y if along else dx * y - dy * x
-        return moved / np.hypot(dx, dy)
+        x, y = (f.du, f.dv) if velocity else (f.u, f.v)
+        scaled = dx * x + dy * y if along_cable else dx * y - dy * x
+        return scaled / np.hypot(dx, dy)
 
     position, i, j = common_frames(a, b, window)
     off_mass = np.abs(a.fields.s / a.length - position[:, None]) > 1e-6
@@ -260,13 +289,15 @@ def energy_defect(r: Response) -> Array:
     from validation.core.evidence import integral  # slow to load
 
     power = r.power[:, None].copy()
-    if r.drive == "grip" and r.speed[0] > 0.0 and scheme(r.settings["scheme"]).nodes:
+    enters_with_speed = r.drive == "grip" and r.speed[0] > 0.0
+    if enters_with_speed and scheme(r.settings["scheme"]).nodes:
         power[:1] = power[1:2]
     return r.energy - r.energy[0] - integral(r.t, power, r.jumps)[:, 0]
 
 
-def energy_gain(r: Response, weight: float, window: Window) -> float:
+def relative_energy_gain(r: Response, weight: float, window: Window) -> float:
     """Largest energy gained without work between two times in the window, over weight times largest deflection."""
     defect = energy_defect(r)[steps_in_window(r, window)]
-    gain = np.maximum.accumulate(defect[::-1])[::-1] - defect
+    largest_later = np.maximum.accumulate(defect[::-1])[::-1]
+    gain = largest_later - defect
     return float(gain.max() / (weight * r.max_deflection))

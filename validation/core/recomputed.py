@@ -17,7 +17,12 @@ from cablefem.response import Array, Response
 from validation.core import timetable
 from validation.core.agreement import Agreement, Bound, BoundPart, no_bound
 from validation.core.evidence import Evidence, Windows, cross_product, integral
-from validation.core.measures import JUMP_WIDTH, extremes_within, onset_of_steep_waves, valid_until
+from validation.core.measures import (
+    JUMP_WIDTH,
+    last_time_valid_in_all,
+    position_where_mass_outruns_waves,
+    time_span_for_extremes,
+)
 from validation.core.rest import car_position_at_rest
 from validation.core.scene_data import ROUNDING, SceneData, max_depth_at, mean_around, wheel_stresses
 
@@ -87,8 +92,8 @@ class RecomputedNumbers:
         self.r = r
         self.data = SceneData(r.scene_toml, r.length)
         self.signals = _signals_by_kind(r, self.data)
-        self.span = extremes_within(r, counterpart)
-        self.until = valid_until(r, counterpart or r)
+        self.span = time_span_for_extremes(r, counterpart)
+        self.until = last_time_valid_in_all(r, counterpart or r)
         # obstacles and ground: points (n, 2), x and depth [m]
         scene = self.data.scene
         self.profiles = {o["name"]: np.array([[o["at"], o["top"]]], float) for o in scene.get("obstacle", [])}
@@ -360,7 +365,7 @@ def _expected_outcome_of_travel(r: Response, readings: RecomputedNumbers) -> Exp
     end = data.drive.get("end", {}).get("place", 0.99 * r.length) if hauled else r.length
     last, duration = _end_and_duration(data, r.length, start, end)
     # a law and a design number judge the onset itself; here its text is compared
-    ends = [x * r.length for x in (r.slack_from, onset_of_steep_waves(r)) if math.isfinite(x)]
+    ends = [x * r.length for x in (r.slack_from, position_where_mass_outruns_waves(r)) if math.isfinite(x)]
     slack = [min(ends)] if ends else []
     if last < 0.999 * end:
         return ExpectedOutcome("stopped", [last, duration, *slack])

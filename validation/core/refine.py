@@ -301,13 +301,13 @@ Gap = Callable[[Response, Response, View], float]  # of a coarse run to a fine o
 
 def path_bar_parts(ladder: Ladder, view: View) -> tuple[float, float]:
     """Parts of space and time in the bar of the path."""
-    return bar_parts_of_gap(ladder, view, lambda x, y, view: measures.path_gap(x, y, view.window)[0])
+    return bar_parts_of_gap(ladder, view, lambda x, y, view: measures.relative_path_gap(x, y, view.window).largest)
 
 
 def bar_parts_of_gap(ladder: Ladder, view: View, gap: Gap, order: float = math.inf) -> tuple[float, float]:
     """Parts of space and time in the bar of a gap; infinite if unknown."""
     try:
-        view = view.up_to_valid(ladder.finest)
+        view = view.cut_to_valid_range(ladder.finest)
     except NotComparable:
         return math.inf, math.inf
     return ladder.reaching_end_of(view).bar_parts(identity, lambda fine, coarse: gap(coarse, fine, view), order)
@@ -318,11 +318,11 @@ def with_error_bars(ladder: Ladder, view: View) -> Ladder:
     finest = ladder.finest
     try:
         path = path_bar_parts(ladder, view)
-        view = view.up_to_valid(finest)
+        view = view.cut_to_valid_range(finest)
         tension = ladder.reaching_end_of(view).bar_parts(
-            identity, lambda a, b: measures.tension_gap(a, b, view.window), FIRST
+            identity, lambda a, b: measures.rms_tension_gap(a, b, view.window), FIRST
         )
-        measures.path_gap(finest, finest, view.window)
+        measures.relative_path_gap(finest, finest, view.window)
         if not math.isfinite(sum(path)):
             what = "resolution" if math.isinf(path[0]) else "steps"
             end = f"s_o/l = {view.window[1]:.3f}"

@@ -79,8 +79,8 @@ def _remedy_text(
             try:
                 changed = change.apply_to(path, scene, x)
                 if changed.u is None:
-                    return measures.path_gap(foreign.without_u(changed), foreign.without_u(run), window)[1]
-                return measures.path_gap(changed, run, window)[1]
+                    return measures.relative_path_gap(foreign.without_u(changed), foreign.without_u(run), window).rms
+                return measures.relative_path_gap(changed, run, window).rms
             except (NotComparable, Refused):
                 return 1e6  # nothing can be compared; finite, for the search
 

@@ -57,8 +57,9 @@ class Quantity:
     order: float = math.inf
 
 
-def _gap_of_path(i: int) -> Gap:
-    return lambda x, y, view: measures.path_gap(x, y, view.window)[i]
+def _gap_of_path(part: str) -> Gap:
+    """part : "largest" or "rms"."""
+    return lambda x, y, view: getattr(measures.relative_path_gap(x, y, view.window), part)
 
 
 def _series_values(names: tuple[str, ...], scale: float, r: Response) -> Array:
@@ -101,8 +102,8 @@ def _hauled(view: View) -> bool:
 
 
 TABLE = (
-    Quantity("path_max", _gap_of_path(0), "path"),
-    Quantity("path_rms", _gap_of_path(1), "path"),
+    Quantity("path_max", _gap_of_path("largest"), "path"),
+    Quantity("path_rms", _gap_of_path("rms"), "path"),
     Quantity("place", _gap_of_series("s_o", over="length", largest=True), "path", concerns=_free),
     Quantity("speed", _gap_of_series("speed", over="top_speed", mean=True), "path", AXIAL_MEAN, order=FIRST),
     Quantity("tension_behind", _gap_of_series("T_behind", over="H", mean=True), "force", AXIAL_MEAN),
@@ -111,9 +112,9 @@ TABLE = (
     Quantity("contact", _gap_of_series("F_contact", over="weight", mean=True), "force", AXIAL_MEAN, concerns=_rolls),
     Quantity("haul_force", _gap_of_series("F_haul", over="weight", mean=True), "force", AXIAL_MEAN, concerns=_hauled),
     Quantity("thrust", _gap_of_series("F_haul", over="weight", mean=True), "force", AXIAL_MEAN, concerns=_free),
-    Quantity("tension", _gap_of_fields(measures.tension_gap), "rest"),
-    Quantity("displacement", _gap_of_fields(measures.field_gap), "rest"),
-    Quantity("displacement", _gap_of_fields(measures.field_gap, along=True), "rest", ALONG),
+    Quantity("tension", _gap_of_fields(measures.rms_tension_gap), "rest"),
+    Quantity("displacement", _gap_of_fields(measures.rms_displacement_gap), "rest"),
+    Quantity("displacement", _gap_of_fields(measures.rms_displacement_gap, along_cable=True), "rest", ALONG),
     Quantity("speed", _gap_of_series("speed", over="top_speed", largest=True), ""),
     Quantity("tension_behind", _gap_of_series("T_behind", over="H"), ""),
     Quantity("tension_ahead", _gap_of_series("T_ahead", over="H"), ""),
@@ -121,8 +122,8 @@ TABLE = (
     Quantity("contact", _gap_of_series("F_contact", over="weight"), ""),
     Quantity("haul_force", _gap_of_series("F_haul", over="weight"), "", concerns=_hauled),
     Quantity("thrust", _gap_of_series("F_haul", over="weight"), "", concerns=_free),
-    Quantity("velocity", _gap_of_fields(measures.field_gap, rate=True), ""),
-    Quantity("velocity", _gap_of_fields(measures.field_gap, rate=True, along=True), "", ALONG),
+    Quantity("velocity", _gap_of_fields(measures.rms_displacement_gap, velocity=True), ""),
+    Quantity("velocity", _gap_of_fields(measures.rms_displacement_gap, velocity=True, along_cable=True), "", ALONG),
 )
 
 
@@ -149,10 +150,10 @@ def compare(
 
 def compare_answers(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) -> list[Agreement]:
     """The rows that compare two answers;  tolerance : of a kind of quantity, as `tolerance_of`."""
-    full = View.of_scene(scene).before_steep_waves(a.finest, b.finest)
+    full = View.of_scene(scene).cut_where_mass_outruns_waves(a.finest, b.finest)
     rows = list(independence_rows(a.finest, b.finest))
     try:
-        view = full.up_to_valid(a.finest, b.finest)
+        view = full.cut_to_valid_range(a.finest, b.finest)
     except NotComparable as why:
         return [Agreement("path_max", math.nan, no_bound(why)), *rows]
     a = a.reaching_end_of(view)
@@ -174,7 +175,7 @@ def check_laws(scene: Scene, a: Ladder, b: Ladder, tolerance: Tolerance) -> list
     from validation.core import laws  # loaded while solvers run
 
     try:
-        view = View.of_scene(scene).up_to_valid(a.finest, b.finest)
+        view = View.of_scene(scene).cut_to_valid_range(a.finest, b.finest)
     except NotComparable:
         return []
     ladders = a.reaching_end_of(view), b.reaching_end_of(view)
@@ -186,7 +187,7 @@ def worst_force_goal(scene: Scene, ladder: Ladder, tol: float) -> Goal:
     required = tolerance_of("force", tol, None)
     worst = Goal((0.0, 0.0), required, FIRST)
     try:
-        view = View.of_scene(scene).up_to_valid(ladder.finest)
+        view = View.of_scene(scene).cut_to_valid_range(ladder.finest)
     except NotComparable:
         return worst
     over = ladder.reaching_end_of(view)
@@ -216,7 +217,9 @@ def _quantity_row(quantity: Quantity, a: Ladder, b: Ladder, view: View, required
         )
     except NotComparable as why:
         return Agreement(quantity.name, math.nan, no_bound(why), law=quantity.law)
-    where = measures.path_gap(a.finest, b.finest, view.window)[2] if quantity.name == "path_max" else None
+    where = (
+        measures.relative_path_gap(a.finest, b.finest, view.window).position if quantity.name == "path_max" else None
+    )
     return replace(row, law=quantity.law, decides=bool(quantity.tolerance_kind), where=where)
 
 

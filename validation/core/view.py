@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from cablefem.response import MassPath
 from cablefem.scene import Scene
-from validation.core.measures import WINDOWS, Window, common_window, onset_of_steep_waves
+from validation.core.measures import WINDOWS, Window, common_window, position_where_mass_outruns_waves
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class View:
     H: float  # horizontal tension [N]
     weight: float  # of the car [N]
     top_speed: float  # of the travel [m/s]; 0 of a ride
-    axial_round_trip: float  # axial round trip [s]
+    axial_round_trip: float  # of a wave in the cable [s]
     until: float = math.inf
 
     @classmethod
@@ -49,19 +49,19 @@ class View:
         """s_o/l where coarser runs may end; None: the travel's end."""
         return None if self.reaches_end else self.window[1]
 
-    def before_steep_waves(self, *finest: MassPath) -> View:
+    def cut_where_mass_outruns_waves(self, *finest: MassPath) -> View:
         """The view up to where waves get slower than the mass and steepen: no bar holds from there on."""
         low, high = self.window
-        return replace(self, window=(low, min(high, *map(onset_of_steep_waves, finest))))
+        return replace(self, window=(low, min(high, *map(position_where_mass_outruns_waves, finest))))
 
-    def up_to_valid(self, *finest: MassPath) -> View:
+    def cut_to_valid_range(self, *finest: MassPath) -> View:
         """The view up to steep waves, or where a finest run ends or goes slack; NotComparable if nothing is left."""
         until = min(float(r.t[-1]) for r in finest) if self.free else self.until
-        window = self.before_steep_waves(*finest).window
+        window = self.cut_where_mass_outruns_waves(*finest).window
         return replace(self, window=common_window(*finest, window=window), until=until)
 
-    def covers(self, r: MassPath) -> bool:
-        """Whether a coarser run reaches the end of the comparison."""
+    def is_reached_by(self, r: MassPath) -> bool:
+        """Whether a run reaches the end of the comparison."""
         if self.free:
             return r.status == "complete" or bool(r.t[-1] >= self.until)
         return r.reached >= self.window[1] * (1.0 - 1e-6)

@@ -51,7 +51,7 @@ def _energy_gain_while_taut(scene: Scene, r: Response) -> float | None:
     if taut is None:
         return None
     assert scene.mass is not None
-    return measures.energy_gain(r, scene.mass.mass * scene.gravity, taut)
+    return measures.relative_energy_gain(r, scene.mass.mass * scene.gravity, taut)
 
 
 def _flags(scene: Scene, method: Method, r: Response) -> list[Flag]:
@@ -75,7 +75,7 @@ def _flags(scene: Scene, method: Method, r: Response) -> list[Flag]:
 def _slack_energy_flags(r: Response, weight: float, unit: float) -> list[Flag]:
     if r.switched is None or not measures.steps_in_window(r, (r.switched, SLACK_END)).any():
         return []
-    gain = measures.energy_gain(r, weight, (r.switched, SLACK_END)) / unit
+    gain = measures.relative_energy_gain(r, weight, (r.switched, SLACK_END)) / unit
     largest = 2.0  # the same after the onset; runs that agree 1.4, others from 9
     return [] if gain <= largest else [make_flag("slack energy", gain=gain, since=r.switched)]
 

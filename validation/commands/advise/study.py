@@ -31,7 +31,7 @@ from cablefem.scene import LoadPath, Scene
 from cablefem.scene.ride import roll_ride
 from validation.core import store
 from validation.core.ladder import Goal, Ladder
-from validation.core.measures import JUMP_WIDTH, NotComparable, series_gap, tension_gap
+from validation.core.measures import JUMP_WIDTH, NotComparable, rms_tension_gap, series_gap
 from validation.core.methods import METHODS, find_method
 from validation.core.order import FIRST
 from validation.core.quasi_static import Statics, quasi_static
@@ -62,7 +62,7 @@ FORCES = ("tension", "haul force")
 # need -> distance of two runs, and the largest order credited
 NEEDS: dict[str, tuple[Gap, float]] = {
     "timetable": (_timetable_gap, math.inf), "path": (partial(_relative_gap, "v"), math.inf),
-    "tension": (lambda a, b, view: tension_gap(a, b, view.window), 1.0),
+    "tension": (lambda a, b, view: rms_tension_gap(a, b, view.window), 1.0),
     "haul force": (lambda a, b, view: _relative_gap("F_haul", a, b, view, view.axial_round_trip), 1.0),
 }  # fmt: skip
 OF = {"grip": ("path", "tension"), "free": ("timetable", "path", "tension"), "haul": ("path", "tension", "haul force")}
@@ -133,7 +133,7 @@ def advice(scene: Scene, tol: float, report: Progress = no_progress) -> dict[str
     bars = {need: sum(bar_parts_of_gap(ladder, view, *NEEDS[need])) for need in tolerances}
     rungs = [Rung("full", "mass", full.seconds, bars, full)]
     if all(map(math.isfinite, bars.values())):
-        view = view.up_to_valid(full)
+        view = view.cut_to_valid_range(full)
         rungs = [*_cheaper_rungs(scene, full, view, report), *rungs]
     enough = {
         need: next((rung for rung in rungs if rung.gaps[need] <= limit), rungs[-1])
@@ -210,7 +210,7 @@ def _run_warmed_up(scene: Scene, method: Any, **how: Any) -> Response:
 def gaps_by_need(r: Response, full: Response, view: View) -> dict[str, float]:
     """Distances to the full run by need; infinite where a run says nothing, or ends before the range."""
     out = dict.fromkeys(OF[full.drive], math.inf)
-    if not view.covers(r):
+    if not view.is_reached_by(r):
         return out
     for need in out:
         with suppress(NotComparable):

@@ -70,7 +70,7 @@ def _cached_run(key: str) -> Response:
 
 def path_gap(a: Response, b: Response, low: float = measures.WINDOW[0], high: float = measures.WINDOW[1]) -> float:
     """Largest distance of two paths, over the largest deflection of the second."""
-    return measures.path_gap(a, b, (low, min(high, a.reached, b.reached)))[0]
+    return measures.relative_path_gap(a, b, (low, min(high, a.reached, b.reached))).largest
 
 
 def path_error(method: str, model: str = "full", scene: Groups | None = None, **how: Any) -> float:
@@ -144,7 +144,7 @@ def stiff_cable_runs(model: str) -> tuple[Response, Response]:
 
 def taut_tension_gap(a: Response, b: Response, of: str = "T") -> float:
     """The distance of two tension fields before the slack."""
-    return measures.tension_gap(a, b, (0.02, min(0.2, a.reached, b.reached)), of)
+    return measures.rms_tension_gap(a, b, (0.02, min(0.2, a.reached, b.reached)), of)
 
 
 def frozen_growth_factor(terms: int) -> float:

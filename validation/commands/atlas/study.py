@@ -114,7 +114,9 @@ def _reference_run(toml: str) -> tuple[Response, float]:
     fine = run(scene, "following-p2", **settings)
     half = run(scene, "following-p2", **refined_settings(find_method("following-p2"), settings, space=0.5, time=0.5))
     try:
-        return fine, measures.path_gap(half, fine, measures.common_window(half, fine))[0] / 3.0  # second order
+        return fine, measures.relative_path_gap(
+            half, fine, measures.common_window(half, fine)
+        ).largest / 3.0  # second order
     except measures.NotComparable:
         return fine, math.inf
 
@@ -145,7 +147,7 @@ def judged_cell(r: Response, reference: Response, unsure: float) -> dict[str, An
     if stop < 0.05 or reference.reached < stop or "energy" in reference.flag_kinds:
         return out | {"class": "not judged", "reason": "the reference itself is not to be trusted here"}
     try:
-        error = measures.path_gap(r, reference, (measures.WINDOW[0], min(stop, r.reached)))[0]
+        error = measures.relative_path_gap(r, reference, (measures.WINDOW[0], min(stop, r.reached))).largest
     except (measures.NotComparable, ValueError):
         error = math.inf
     verdict = "good"

@@ -167,7 +167,7 @@ class _Reference:
         if stored is None:
             other = run(scene, WITNESS[0], until=stop, **WITNESS[1])
             try:
-                witness = measures.path_gap(other, reference, window)[0]
+                witness = measures.relative_path_gap(other, reference, window).largest
             except NotComparable:
                 witness = None
             bars = run_with_error_bars(scene, name, earlier_runs=[reference], until=stop, **settings).finest
@@ -189,8 +189,12 @@ class _Reference:
             return {"status": "failed", "reason": str(error)}
 
     def run_errors(self, r: Response) -> dict[str, float]:
-        path, rms, _ = measures.path_gap(r, self.run, self.window)
-        return {"path_error": path, "path_rms": rms, "tension_error": measures.tension_gap(r, self.run, self.window)}
+        path, rms, _ = measures.relative_path_gap(r, self.run, self.window)
+        return {
+            "path_error": path,
+            "path_rms": rms,
+            "tension_error": measures.rms_tension_gap(r, self.run, self.window),
+        }
 
     def peer_path_errors(self, p: PeerPath, scene: Scene) -> dict[str, float]:
         """Errors of another code's path, dimensionless."""

@@ -129,7 +129,8 @@ def _path_against_degree_4_row(scene: Scene, a: Ladder) -> Agreement:
     }
     view = View.of_scene(scene)
     other = run_with_error_bars(scene, "following-p4", until=view.last_needed_position, **finer)
-    gap = measures.path_gap(other.finest, a.finest, view.up_to_valid(a.finest, other.finest).window)[0]
+    window = view.cut_to_valid_range(a.finest, other.finest).window
+    gap = measures.relative_path_gap(other.finest, a.finest, window).largest
     return _row_with_error_bars(
         gap, *(BoundPart(x.finest.method, path_bar_of_run(x.finest), HALVED) for x in (a, other))
     )

@@ -38,7 +38,7 @@ def smallest_detectable_changes(result: Check) -> dict[str, float]:
     One run a key at half the resolution: changes of rows need fewer digits.
     """
     base = (*result.a.space.runs, result.a.finest)[0]
-    view = View.of_scene(result.scene).up_to_valid(result.a.finest, result.b.finest)
+    view = View.of_scene(result.scene).cut_to_valid_range(result.a.finest, result.b.finest)
 
     def gaps(other: Any) -> Gaps:
         changed = run(other, find_method(base.method), until=view.last_needed_position, **base.settings)

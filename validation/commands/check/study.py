@@ -278,7 +278,7 @@ def _finer_settings_of_sides(
 
 def _compared_window(scene: Scene, a: Ladder, b: Ladder) -> measures.Window:
     try:
-        return View.of_scene(scene).up_to_valid(a.finest, b.finest).window
+        return View.of_scene(scene).cut_to_valid_range(a.finest, b.finest).window
     except measures.NotComparable:
         return measures.WINDOW[0], measures.WINDOW[0]
 

@@ -71,7 +71,7 @@ def max_depth(r: Response, reading: str, end: float = LATEST) -> float:
 
 def path_distance(a: Response, b: Response) -> float:
     """Largest distance of two paths over the largest deflection of the second."""
-    return measures.path_gap(a, b, measures.WINDOW)[0]
+    return measures.relative_path_gap(a, b, measures.WINDOW).largest
 
 
 def energy_without_work(r: Response, with_weight: bool = True) -> float:
@@ -105,7 +105,7 @@ def median_tension(r: Response, low: float, high: float) -> Array:
 
 def tension_error(r: Response, reference: Response) -> float:
     """Rms error of the tension off the mass, over H."""
-    return measures.tension_gap(r, reference, MOVING, "T_pointwise")
+    return measures.rms_tension_gap(r, reference, MOVING, "T_pointwise")
 
 
 def tension_unevenness(r: Response, *, sides: bool = False, width: float = 0.05) -> Array:

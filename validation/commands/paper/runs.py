@@ -46,7 +46,7 @@ class Reference:
         window = measures.common_window(*self.ladder.runs, self.cross)
 
         def gap(a: Response, b: Response) -> float:
-            return measures.path_gap(a, b, window)[0]
+            return measures.relative_path_gap(a, b, window).largest
 
         return max(float(self.ladder.bar(identity, gap)), gap(self.cross, self.ladder.finest))
 

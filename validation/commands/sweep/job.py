@@ -171,8 +171,8 @@ def true_errors(scene: Any, r: Any, finer: int) -> dict[str, Any]:
     )
     try:
         window = measures.common_window(r, best, half, window=tuple(r.error_window or measures.WINDOW))
-        true, doubt = (measures.path_gap(x, best, window)[0] for x in (r, half))
-        tension, unsure = (measures.tension_gap(x, best, window) for x in (r, half))
+        true, doubt = (measures.relative_path_gap(x, best, window).largest for x in (r, half))
+        tension, unsure = (measures.rms_tension_gap(x, best, window) for x in (r, half))
     except measures.NotComparable:
         return {}
     return {"true_error": true, "doubt": doubt, "true_tension": tension, "doubt_tension": unsure}

@@ -10,7 +10,7 @@ import numpy as np
 from cablefem.response import Response
 from validation.core import limits
 from validation.core.answers import outcome_of_run
-from validation.core.measures import means_between
+from validation.core.measures import time_means_between
 from validation.core.methods import METHODS
 from validation.core.quantities import key_numbers, limit_text
 from validation.core.scene_data import SceneData
@@ -65,5 +65,5 @@ def support_loads(x: StoredAnswer) -> Iterator[dict[str, Any]]:
         if r.t.size > 2:
             t = r.t[finite]
             bounds = np.clip([row["t"] - half, row["t"] + half], t[0], t[-1])
-            mean = means_between(t, force, bounds[:1], bounds[1:])[0]
+            mean = time_means_between(t, force, bounds[:1], bounds[1:])[0]
         yield {"support": side, "t": row["t"], "right": float(mean[0]), "down": float(mean[1])}
