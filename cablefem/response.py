@@ -367,8 +367,9 @@ class Response(MassPath):
         content = {name: getattr(self, name) for name in _SUMMARY} | {"flags": [str(flag) for flag in self.flags]}
         return content | self.work | {"seconds": self.seconds}
 
-    def write(self, folder: Path) -> None:
+    def write(self, folder: Path | str) -> None:
         """Write path.csv, tension.csv, summary.json and response.npz."""
+        folder = Path(folder)
         self.write_tables(folder)
         self.store(folder)
 

@@ -109,6 +109,8 @@ class Described(Part):
         scene.replace({"mass.mass": 60.0, "drive.brake.0.force": 600.0, "obstacle.tree.top": 21.0})
         line.replace({"contact.valley.tension": 4e5})
         """
+        if not isinstance(changes, Mapping):
+            raise TypeError(f"changes must be a mapping of dotted keys to values, got {changes!r}")
         data = self._tables(changes)
         cable = data["cable"]
         product = cable.get("E", 0.0) * cable.get("section", 0.0)

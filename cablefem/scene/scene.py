@@ -161,6 +161,9 @@ class Scene(Described):
 
     def variants(self, grid: Mapping[str, Sequence[Any]]) -> list[Self]:
         """Scenes for all combinations of values of dotted keys; the last key changes fastest."""
+        lists = grid.values() if isinstance(grid, Mapping) else [grid]
+        if any(isinstance(x, str | float | int) for x in lists):
+            raise TypeError(f"grid must map each dotted key to a list of values, got {grid!r}")
         return [self.replace(dict(zip(grid, values, strict=True))) for values in itertools.product(*grid.values())]
 
     def variant(

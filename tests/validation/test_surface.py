@@ -19,6 +19,8 @@ QUICK = {"elements": 4, "steps": 100, "bars": False}
         ({"tol": 0.0}, r"tol must lie in \[1e-06, 0.2\], got 0"),
         ({"tol": 0.5}, r"tol must lie in \[1e-06, 0.2\], got 0.5"),
         ({"tol": float("nan")}, "tol must lie in"),
+        ({"tol": "small"}, "tol must lie in .*, got 'small'"),
+        ({"until": "end"}, "until must be a place s_o/l > 0, got 'end'"),
         ({"elemnts": 8}, "has no setting 'elemnts'. Did you mean elements?"),
         ({"budget": 3.0, "tol": 1e-2}, "has no setting 'budget'"),
         ({"model": "ful"}, "model = 'ful': unknown. Did you mean full?"),
@@ -30,7 +32,16 @@ def test_run_refuses_what_the_command_refuses(settings, said):
 
 
 @pytest.mark.parametrize(
-    "settings", [{"tol": 0.0}, {"tol": 0.5}, {"tol": float("nan")}, {"tol_tension": 0.0}, {"tol_tension": 2.0}]
+    "settings",
+    [
+        {"tol": 0.0},
+        {"tol": 0.5},
+        {"tol": float("nan")},
+        {"tol": "small"},
+        {"tol": None},
+        {"tol_tension": 0.0},
+        {"tol_tension": 2.0},
+    ],
 )
 def test_check_refuses_what_the_command_refuses(settings):
     with pytest.raises(ValueError, match="must lie in"):
@@ -41,6 +52,15 @@ def test_check_refuses_what_the_command_refuses(settings):
 def test_what_is_no_scene_is_refused(function):
     with pytest.raises(TypeError, match="scene must be a Scene, its name or its file, got None"):
         function(None)
+
+
+def test_changes_that_map_no_keys_are_refused():
+    scene = cf.Scene.load("level")
+    with pytest.raises(TypeError, match="changes must be a mapping of dotted keys to values, got 'mass'"):
+        scene.replace("mass")
+    for grid in ("mass.mass", {"mass.mass": 3.0}, {"mass.mass": "40,60"}):
+        with pytest.raises(TypeError, match="grid must map each dotted key to a list of values"):
+            scene.variants(grid)
 
 
 def test_names_are_those_of_the_import_and_signatures_have_the_defaults():

@@ -3,6 +3,7 @@
 import enum
 import math
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 from validation.core.store import nulls_for_nonfinite
@@ -125,7 +126,14 @@ def overall_verdict(rows: list[Agreement]) -> Verdict:
     return next(verdict for verdict in Verdict if verdict in verdicts)
 
 
-def refuse_out_of_range(name: str, value: float | None, low: float, high: float) -> None:
-    """Raise ValueError for a number out of its range; None passes."""
-    if value is not None and not low <= value <= high:
-        raise ValueError(f"{name} must lie in [{low:g}, {high:g}], got {value!r}")
+def range_faults(name: str, value: object, low: float, high: float) -> list[str]:
+    """What is wrong with a value that must be a number in [low, high]."""
+    if isinstance(value, Real) and low <= float(value) <= high:
+        return []
+    return [f"{name} must lie in [{low:g}, {high:g}], got {value!r}"]
+
+
+def refuse_out_of_range(name: str, value: object, low: float, high: float) -> None:
+    """Raise ValueError for what is no number in [low, high]."""
+    for fault in range_faults(name, value, low, high):
+        raise ValueError(fault)

@@ -6,6 +6,7 @@ import bisect
 import math
 import time
 from functools import partial
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -106,7 +107,7 @@ class Run:
 
     def march_to(self, until: float | None, progress: Progress = no_progress) -> None:
         """Compute states to s_o/l = until; a failure ends the run with its reason."""
-        if until is not None and not until > 0.0:
+        if until is not None and not (isinstance(until, Real) and until > 0.0):
             raise ValueError(f"until must be a place s_o/l > 0, got {until!r}")
         if self._ended:
             return

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from validation.core import store
+from validation.core.agreement import range_faults
 from validation.page import terminal
 
 if TYPE_CHECKING:
@@ -73,9 +74,7 @@ def line_named(name: str) -> Line | None:
 
 def tolerance_faults(value: float | None, name: str = "--tol", low: float = 1e-6, high: float = 0.2) -> list[str]:
     """Faults of a tolerance, or of another number in [low, high]."""
-    if value is None or low <= value <= high:
-        return []
-    return [f"{name} must lie in [{low:g}, {high:g}], got {value:g}"]
+    return [] if value is None else range_faults(name, value, low, high)
 
 
 Set = Annotated[

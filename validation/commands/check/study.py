@@ -124,8 +124,9 @@ class Check:
             "doubts": [{"method": name, "kind": flag.kind, "words": str(flag)} for name, flag in self.doubts],
         }  # fmt: skip
 
-    def write(self, out: Path) -> None:
+    def write(self, out: Path | str) -> None:
         """Write scene.toml, one folder per method and agreement.json."""
+        out = Path(out)
         write_text(out / "scene.toml", self.scene.to_toml())
         for ladder in (self.a, self.b):
             ladder.finest.write(out / ladder.finest.method)
@@ -151,7 +152,8 @@ def check(
     check("zipline", tol=5e-3).verdict
     """
     refuse_out_of_range("tol", tol, TOL_LOW, TOL_HIGH)
-    refuse_out_of_range("tol_tension", tol_tension, 1e-6, 1.0)
+    if tol_tension is not None:
+        refuse_out_of_range("tol_tension", tol_tension, 1e-6, 1.0)
     if ask not in DECIDING_QUANTITIES:
         raise ValueError(f"ask = {short_text(ask)}: unknown.{did_you_mean(str(ask), DECIDING_QUANTITIES)}")
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)

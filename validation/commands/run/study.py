@@ -10,7 +10,7 @@ from cablefem.scene import Scene
 from cablefem.scene.errors import did_you_mean, short_text
 from validation.commands.run import CHOICES, QUASI_STATIC
 from validation.core import limits, recomputed
-from validation.core.agreement import TOL_HIGH, TOL_LOW, Verdict
+from validation.core.agreement import TOL_HIGH, TOL_LOW, Verdict, range_faults
 from validation.core.answers import outcome_of_run
 from validation.core.design import design_numbers
 from validation.core.methods import Method, find_method
@@ -113,8 +113,7 @@ def run_faults(
         for name, given in options.items() if given not in CHOICES[name] or given == QUASI_STATIC
     ]  # fmt: skip
     if tol is not None:
-        if not TOL_LOW <= tol <= TOL_HIGH:
-            found.append(f"tol must lie in [{TOL_LOW:g}, {TOL_HIGH:g}], got {tol:g}")
+        found += range_faults("tol", tol, TOL_LOW, TOL_HIGH)
         if method.wrong:
             found.append(f"{method.name} converges to a wrong answer: no resolution meets a tolerance")
         chosen = method.resolution.setting, "steps"
