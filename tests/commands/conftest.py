@@ -20,7 +20,7 @@ def unanimated(monkeypatch):
     """Write no animation, half of the time of a short run; tests/commands/test_readback.py reads them."""
     from validation.page import paraview
 
-    monkeypatch.setattr(paraview, "write_animation", lambda response, folder: None)
+    monkeypatch.setattr(paraview, "write_paraview_files", lambda response, folder: None)
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ def checked(monkeypatch, unanimated, level_check):
     find()
     section = Section("check-verdict", "Verdict", "<p>1</p>", "agree", "both solvers")
     monkeypatch.setattr(pages, "sections", lambda folder: [section])
-    monkeypatch.setattr(report, "read_back_outputs", lambda command, of, lines: 0)
+    monkeypatch.setattr(report, "read_back_and_report", lambda command, of, lines: 0)
     monkeypatch.setattr(
         check_study.Check, "write", lambda check, out: write_json(out / "agreement.json", check.agreement())
     )

@@ -37,7 +37,7 @@ def results(tmp_path_factory):
         if name not in known:
             command, scene, *options = COMMANDS[name]
             folder = tmp_path_factory.mktemp("results") / "x"
-            with terminal.copy_printed() as lines:
+            with terminal.copy_printed_lines() as lines:
                 assert cli.main([command, scene, *options, "--out", str(folder)]) == 0
             methods = CHECKED if command == "check" else [next(folder.glob("*/summary.json")).parent.name]
             of = readback.StoredResults(folder, methods, judged=command == "check")

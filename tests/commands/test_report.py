@@ -139,7 +139,7 @@ def test_verdicts_of_all_scenes_come_before_what_is_behind_them(tmp_path, monkey
             json.dumps({"scene": "", "results": {command: {"scene": "", "writes": [], "files": [], "finished": True}}})
         )
     two = [Section(name, name.capitalize(), "<p>1</p>") for name in ("verdict", "path")]
-    monkeypatch.setattr(report, "stored_pages", lambda folder, command: two)
+    monkeypatch.setattr(report, "read_stored_sections", lambda folder, command: two)
     report.write_combined_report(tmp_path, parts)
     page = (tmp_path / "report.html").read_text()
     order = ["level-verdict", "tramway-verdict", "level-path", "tramway-path", "paper-verdict", "paper-path"]
@@ -153,8 +153,8 @@ def test_two_commands_on_one_scene_may_have_pages_of_one_name(tmp_path, monkeypa
         folder = store.claim_folder(None, command, Scene.load("bare"), [command])
         store.mark_finished(folder, command)
     one = [Section("answer", "The answer", "<p>1</p>")]
-    monkeypatch.setattr(report, "stored_pages", lambda folder, command: one)
+    monkeypatch.setattr(report, "read_stored_sections", lambda folder, command: one)
     monkeypatch.setattr(run_page, "sections", lambda folder: one)
-    report.write_report(folder, "run")
+    report.write_report_and_finish(folder, "run")
     page = (folder / "report.html").read_text()
     assert page.count('id="answer"') == page.count('id="answer-run"') == 1

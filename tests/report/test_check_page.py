@@ -18,10 +18,10 @@ from validation.commands.check import page as check
 from validation.core.foreign import ForeignPath
 from validation.core.quantities import design_row_texts, unit_scale
 from validation.page import page
-from validation.page.answer.stored import read_answer
+from validation.page.answer.stored import read_stored_check
 from validation.page.plot import PURPLE
-from validation.page.scene_keys import table_of_keys
-from validation.page.side_view import side_view
+from validation.page.scene_keys import scene_keys_table
+from validation.page.side_view import side_view_of_runs
 
 A, B = "following-p2", "fourier-kink"
 
@@ -94,7 +94,7 @@ def test_a_third_party_has_its_rows_and_its_path(folder):
     doctored(folder, rows=lambda rows: [*rows, party], verdict="disagree")
     path = ForeignPath.of(Scene.load("level"), np.linspace(0.0, 1900.0, 40), np.linspace(0.0, 2.5, 40))
     replace(path, speed=np.full(40, 140.0)).write(folder / "with.csv")
-    x = read_answer(folder)
+    x = read_stored_check(folder)
     assert (x.third_party.method, x.third_party.v.tolist()) == ("other <code>", path.v.tolist())
     how_sure, ride = section(folder, "how-sure").html, section(folder, "ride").html
     said = section(folder, "answer").summary
@@ -147,7 +147,7 @@ def unpacked(part: dict) -> np.ndarray:
 
 def data_of(stored: Path) -> tuple[dict, Response]:
     r = Response.read(stored / A)
-    html = side_view(Scene.load("level"), [r], range_T=(1.1e5, 3.3e5))
+    html = side_view_of_runs(Scene.load("level"), [r], range_T=(1.1e5, 3.3e5))
     return json.loads(re.search(r'<script type="application/json">(.*?)</script>', html)[1]), r
 
 
@@ -175,12 +175,12 @@ def test_the_side_view_carries_the_stored_answer(stored):
 
 def test_a_name_cannot_end_the_script_of_the_side_view(stored):
     r = replace(Response.read(stored / A), method="</script><b>")
-    html = side_view(Scene.load("level"), [r], range_T=(1.1e5, 3.3e5))
+    html = side_view_of_runs(Scene.load("level"), [r], range_T=(1.1e5, 3.3e5))
     assert html.count("</script>") == 1
     assert "<b>" not in html
 
 
 def test_a_key_in_a_list_of_tables_has_its_unit_and_meaning():
-    html = table_of_keys(Scene.load("zipline").to_toml())
+    html = scene_keys_table(Scene.load("zipline").to_toml())
     assert "<div>385 m</div>" in html
     assert "braking force along the cable" in html

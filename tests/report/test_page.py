@@ -9,7 +9,7 @@ import pytest
 from markupsafe import Markup
 
 from validation.page import page
-from validation.page.figures import captioned_figure, inline_svg, panels, report_style
+from validation.page.figures import captioned_figure, figure_with_axes, inline_svg, report_style
 from validation.page.page import Section, html_table, number_html, percent_text, write_page
 from validation.page.plot import Panel
 
@@ -46,7 +46,7 @@ class Reader(HTMLParser):
 
 def drawn(label: str = "a line", marker: str = "o"):
     with report_style():
-        fig, ax = panels(height=2.3)
+        fig, ax = figure_with_axes(height=2.3)
         ax.plot([0.0, 1.5, 2.5], [3.5, 7.0, 2.0], marker=marker, clip_on=True, label=label)
         ax.legend()
     return fig
@@ -161,10 +161,10 @@ def test_figures_are_the_same_every_time_small_and_keep_their_text():
     assert 'aria-label="A line"' in first
     x = np.linspace(0.0, 1.0, 30_000)
     with report_style():
-        fig, ax = panels()
+        fig, ax = figure_with_axes()
         ax.plot(x, np.sin(9.0 * x))
         long = inline_svg(fig, "A long line")
-        fig, ax = panels()
+        fig, ax = figure_with_axes()
         ax.pcolormesh(x[::100], x[::150], np.outer(x[::150], x[::100]), rasterized=True)
         field = inline_svg(fig, "A field")
     assert len(long) < 40_000
@@ -175,6 +175,6 @@ def test_figures_are_the_same_every_time_small_and_keep_their_text():
 @pytest.mark.parametrize(("spread", "told"), [(1e-12, False), (0.3, True)], ids=["rounding", "a change"])
 def test_an_axis_shows_changes_and_no_rounding_errors(spread, told):
     panel = Panel("[-]")
-    panel.fit_axis([3.69 * np.array([1.0, 1.0 + spread, 1.0])])
+    panel.fit_y_axis([3.69 * np.array([1.0, 1.0 + spread, 1.0])])
     assert panel.low < 3.69 <= 3.69 * (1.0 + spread) < panel.high
     assert (panel.high - panel.low < 2.0 * 3.69 * spread) is told

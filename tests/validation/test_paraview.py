@@ -21,7 +21,7 @@ def response():
 @pytest.fixture(scope="module")
 def folder(response, tmp_path_factory):
     folder = tmp_path_factory.mktemp("xdmf")
-    paraview.write_animation(response, folder)
+    paraview.write_paraview_files(response, folder)
     return folder
 
 
@@ -60,7 +60,7 @@ def test_the_lines_run_along_the_cable_and_part_at_the_mass_only(response, folde
     if beside:
         folder = tmp_path
         f = dataclasses.replace(f, s_o=f.s_o + beside * (f.s[1] - f.s[0]))
-        paraview.write_animation(dataclasses.replace(response, fields=f), folder)
+        paraview.write_paraview_files(dataclasses.replace(response, fields=f), folder)
     m = f.s.size
     _, cells, _, _ = frame(folder / paraview.CABLE, k)
     s = np.append(f.s, [f.s_o[k], f.s_o[k]])
@@ -95,5 +95,5 @@ def test_all_frames_are_there_in_three_files(response, folder):
 def test_a_run_that_broke_at_once_still_gives_files(response, tmp_path):
     f = response.fields
     none = {x.name: getattr(f, x.name)[:0] for x in dataclasses.fields(f) if x.name != "s"}
-    paraview.write_animation(dataclasses.replace(response, fields=dataclasses.replace(f, **none)), tmp_path)
+    paraview.write_paraview_files(dataclasses.replace(response, fields=dataclasses.replace(f, **none)), tmp_path)
     assert (tmp_path / paraview.CABLE).exists()

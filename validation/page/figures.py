@@ -13,7 +13,7 @@ from markupsafe import Markup, escape
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from validation.page.page import figure_of, plain_text, read_asset
+from validation.page.page import figure_of, read_asset, text_without_tags
 from validation.page.plot import BLACK, COLORS, GREY
 
 WIDTH = 4.8  # inches: fills a phone, and two fill a row of a desktop
@@ -34,16 +34,16 @@ def report_style() -> Any:
     return mpl.rc_context(STYLE)
 
 
-def panels(rows: int = 1, columns: int = 1, *, height: float = 2.9, **how: Any) -> tuple[Figure, Any]:
+def figure_with_axes(rows: int = 1, columns: int = 1, *, height: float = 2.9, **options: Any) -> tuple[Figure, Any]:
     """A figure and its axes, as from `subplots`; `height` in inches."""
     with report_style():
         fig = Figure(figsize=(WIDTH, height), layout="constrained")
-        return fig, fig.subplots(rows, columns, **how)
+        return fig, fig.subplots(rows, columns, **options)
 
 
 def captioned_figure(fig: Figure, caption: str, *, label: str = "") -> Markup:
     """A figure with its caption; `label` describes it for screen readers."""
-    return figure_of(inline_svg(fig, plain_text(label or caption)), caption)
+    return figure_of(inline_svg(fig, text_without_tags(label or caption)), caption)
 
 
 def inline_svg(fig: Figure, label: str) -> Markup:

@@ -15,10 +15,21 @@ from validation.core import store
 from validation.core.limits import scope_sentences
 from validation.core.quantities import limit_text, unit_scale
 from validation.page import printing, terminal
-from validation.page.answer.many import LIMITS, Column, Columns, Row, point_label, table_of
+from validation.page.answer.many import LIMITS, Column, Columns, Row, grid_table, point_label
 from validation.page.page import Section, limits_of, read_asset, render_sections, worst_verdict
-from validation.page.plot import BLACK, BLUE, COLORS, DASHED, DOTTED, GREY, Panel, draw_surroundings_with_caption, plot
-from validation.page.scene_keys import scene_as_read
+from validation.page.plot import (
+    BLACK,
+    BLUE,
+    COLORS,
+    DASHED,
+    DOTTED,
+    GREY,
+    Panel,
+    draw_ground_and_obstacles,
+    set_depth_scale,
+    svg_figure,
+)
+from validation.page.scene_keys import scene_inputs_html
 
 _TEXT = tomllib.loads(read_asset("line.toml"))
 WORDS: dict[str, dict[str, str]] = _TEXT["quantity"]
@@ -26,17 +37,17 @@ RECHECKED = ("laws_si", "printed")  # rows from the TOML alone
 GRID = ("tension_max", "safety_factor", "load", "haul", "rise", "clearance_rope", "clearance_car")
 
 
-def quantity_kind(name: str) -> str:
+def base_quantity(name: str) -> str:
     """The quantity in a name, without extreme and contact."""
     kind, _, of = name.partition(":")
     return kind if kind in WORDS and not of else kind.removesuffix("_max").removesuffix("_min")
 
 
-def quantity_words(name: str) -> str:
-    return WORDS[quantity_kind(name)]["words"].format(name.partition(":")[2])
+def line_quantity_words(name: str) -> str:
+    return WORDS[base_quantity(name)]["words"].format(name.partition(":")[2])
 
 
-def value_text(value: float, unit: str) -> str:
+def three_decimals_text(value: float, unit: str) -> str:
     """A value with its unit, to a millimetre or a newton."""
     factor = 1.0
     if unit != "m":
@@ -49,12 +60,12 @@ def largest_and_smallest_rows(design: Sequence[Row]) -> list[Row]:
     """One row per quantity: largest and smallest value, and the cars' positions then."""
     out: dict[str, Row] = {}
     order = list(WORDS)
-    for d in sorted(design, key=lambda d: order.index(quantity_kind(d["quantity"]))):
-        words = quantity_words(d["quantity"])
+    for d in sorted(design, key=lambda d: order.index(base_quantity(d["quantity"]))):
+        words = line_quantity_words(d["quantity"])
         row = out.setdefault(words, {"quantity": words, "largest": "", "smallest": ""})
         cars = ", ".join(f"{name} {x:.0f}" for name, x in d["at"].items())
         is_smallest = d["quantity"].partition(":")[0].endswith("_min")
-        value = value_text(d["value"], d["unit"])
+        value = three_decimals_text(d["value"], d["unit"])
         row["smallest" if is_smallest else "largest"] = f"{value} ({cars})" if cars else value
         if is_smallest and row["largest"].partition(" (")[0] == value:
             row["largest"] = value
@@ -62,42 +73,44 @@ def largest_and_smallest_rows(design: Sequence[Row]) -> list[Row]:
     return list(out.values())
 
 
-def print_line(line: Any, outcome: str, limits: Sequence[Row], printed: Sequence[Row], count: int) -> None:
-    """Print outcome, limits, and the first 14 rows of design numbers, of `count` in the report."""
+def print_line_summary(
+    line: Any, outcome: str, limits: Sequence[Row], design_rows: Sequence[Row], reported: int
+) -> None:
+    """Print outcome, limits, and the first 14 rows of design numbers, of `reported` in the report."""
     terminal.print_text(f"{line.name}: {outcome}", style="bold")
     printing.print_limits(line, limits)
-    rows = printed[:14]
+    rows = design_rows[:14]
     heads = {"largest": "largest (cars at x [m])", "words": "quantity", "t": "at"}
-    terminal.print_table([heads.get(name, name) for name in printed[0]], [list(row.values()) for row in rows])
-    if count > len(rows):
-        terminal.print_text(f"  {count - len(rows)} more in the report")
+    terminal.print_table([heads.get(name, name) for name in design_rows[0]], [list(row.values()) for row in rows])
+    if reported > len(rows):
+        terminal.print_text(f"  {reported - len(rows)} more in the report")
 
 
-def line_columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
+def line_table_columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
     """Columns of a table of lines: varied values, design numbers of GRID, what became of each line."""
-    names = dict.fromkeys(name for row in rows for name in row if quantity_kind(name) in GRID)
-    return columns_with_outcome(rows, keys, {name: _column_head(name) for name in names})
+    names = dict.fromkeys(name for row in rows for name in row if base_quantity(name) in GRID)
+    return table_columns_with_outcome(rows, keys, {name: _column_heading(name) for name in names})
 
 
-def columns_with_outcome(rows: Sequence[Row], keys: Sequence[str], numbers: dict[str, str]) -> Columns:
+def table_columns_with_outcome(rows: Sequence[Row], keys: Sequence[str], number_heads: dict[str, str]) -> Columns:
     """Columns of a table: varied values, numbers with their heads, and what became of each line if it says more."""
-    heads = {key: key for key in keys} | numbers
+    heads = {key: key for key in keys} | number_heads
     for name in ("outcome", "status", *LIMITS, "verdict", "why"):
         if {row.get(name) for row in rows} - {None, "complete"}:
             heads[name] = name
     return {name: Column(head, digits=6) for name, head in heads.items()}
 
 
-def _column_head(name: str) -> str:
-    kind = quantity_kind(name)
+def _column_heading(name: str) -> str:
+    kind = base_quantity(name)
     unit = WORDS[kind]["unit"]
     which = "smallest " if name.partition(":")[0].endswith("_min") else "largest "
     if kind in ("tension_max", "safety_factor"):
         which = ""
-    return f"{which}{quantity_words(name)} [{unit}]" if unit else which + quantity_words(name)
+    return f"{which}{line_quantity_words(name)} [{unit}]" if unit else which + line_quantity_words(name)
 
 
-def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None) -> list[Section]:
+def line_sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None) -> list[Section]:
     """Pages of the line in a folder; rows and verdict of a check."""
     summary = store.read_json(folder / "summary.json")
     ropes = store.read_json(folder / "ropes.json")
@@ -121,7 +134,7 @@ def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None)
         over=over,
         compared=[x for x in rows if x["quantity"] not in RECHECKED],
         rechecked=[x for x in rows if x["quantity"] in RECHECKED],
-        as_read=scene_as_read(toml, Line),
+        as_read=scene_inputs_html(toml, Line),
     )
 
 
@@ -135,7 +148,7 @@ def _column_of_floats(positions: Sequence[Row], name: str) -> Array:
     return np.array([float(x[name]) if x.get(name) else np.nan for x in positions])
 
 
-def _panel_with_surroundings(line: Row, profile: dict[str, Array], lowest: Sequence[Array]) -> tuple[Panel, str]:
+def _side_view_without_cars(line: Row, profile: dict[str, Array], lowest: Sequence[Array]) -> tuple[Panel, str]:
     """The side view of a line without its cars, and its caption.
 
     profile : columns of profile.csv;  lowest : depths of the cars' lowest points [m], to fit.
@@ -147,9 +160,10 @@ def _panel_with_surroundings(line: Row, profile: dict[str, Array], lowest: Seque
     obstacles = [(o["name"], o["at"], o["top"]) for o in line.get("obstacle", [])]
     tops = np.array([top for _, _, top in obstacles])
     p = Panel("depth [m]", "", down=True)
-    p.fit_axis([highest_of_rope, lowest_of_rope, ground[:, 1], tops, *lowest], pad=0.14)
+    p.fit_y_axis([highest_of_rope, lowest_of_rope, ground[:, 1], tops, *lowest], pad=0.14)
     end = float(x[-1])
-    caption = draw_surroundings_with_caption(p, 1.12 * end, ground, obstacles)
+    caption = set_depth_scale(p, 1.12 * end)
+    draw_ground_and_obstacles(p, ground, obstacles)
     p.bands.append((x, highest_of_rope, lowest_of_rope, "#0072b233"))
     p.add_curve(x, profile["y_rest"], GREY, DOTTED, 1.4, "empty rope")
     for contact in line["contact"]:
@@ -162,22 +176,22 @@ def _panel_with_surroundings(line: Row, profile: dict[str, Array], lowest: Seque
     return p, caption
 
 
-def series_figure(values: dict[str, Array], unit: str, x: Array, xlabel: str, title: str) -> Markup:
+def series_figure(series: dict[str, Array], unit: str, x: Array, xlabel: str, title: str) -> Markup:
     """Series by name, (n,) in SI, over a common axis x (n,)."""
-    factor, prefixed = unit_scale(np.concatenate(list(values.values())), unit)
+    factor, prefixed = unit_scale(np.concatenate(list(series.values())), unit)
     p = Panel(f"[{prefixed}]" if prefixed else "", "", 140.0)
-    p.fit_axis([factor * v for v in values.values()])
-    for i, (name, v) in enumerate(values.items()):
+    p.fit_y_axis([factor * v for v in series.values()])
+    for i, (name, v) in enumerate(series.items()):
         dash = ("", DASHED)[i // len(COLORS) % 2]
         p.add_curve(x, factor * v, COLORS[i % len(COLORS)], dash, 1.7, name)
-    return plot([p], (float(np.nanmin(x)), float(np.nanmax(x))), xlabel, title)
+    return svg_figure([p], (float(np.nanmin(x)), float(np.nanmax(x))), xlabel, title)
 
 
 def _side_view_figure(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup:
     """Rope at rest and at all positions, cars, supports, ground and obstacles from the side."""
     profile = {name: np.array(values) for name, values in ropes["profile"].items()}
     cars = [_CarAtPositions(car, positions) for car in line.get("car", [])]
-    p, caption = _panel_with_surroundings(line, profile, [car.lowest for car in cars])
+    p, caption = _side_view_without_cars(line, profile, [car.lowest for car in cars])
     for depth in ropes["depths"].values():
         p.add_curve(profile["x"], np.array(depth), BLUE, "", 1.0, "rope at some positions; shaded: at all")
     for car, color in zip(cars, COLORS[1:] * len(cars), strict=False):
@@ -185,7 +199,7 @@ def _side_view_figure(line: Row, ropes: Row, positions: Sequence[Row]) -> Markup
         if car.x.size == 1:
             p.dots.append((float(car.x[0]), float(car.depth[0]), color, True))
     end = line["contact"][-1]["at"][0]
-    return plot([p], (-0.06 * end, 1.06 * end), "x [m]", caption, wide=True)
+    return svg_figure([p], (-0.06 * end, 1.06 * end), "x [m]", caption, wide=True)
 
 
 class _CarAtPositions:
@@ -204,30 +218,30 @@ def _figures_over_position(car: str, positions: Sequence[Row]) -> Iterator[Marku
     for title, kinds in _TEXT["over"].items():
         names = [name for name in positions[0] if name.partition(":")[0] in kinds]
         if names:
-            values = {quantity_words(name): _column_of_floats(positions, name) for name in names}
+            values = {line_quantity_words(name): _column_of_floats(positions, name) for name in names}
             yield series_figure(values, WORDS[kinds[0]]["unit"], at, f"x of {car} [m]", title)
 
 
-def _lowest_point_plot(rows: Sequence[Row], paths: Sequence[Any], keys: Sequence[str]) -> Markup:
+def _lowest_rope_point_figure(rows: Sequence[Row], paths: Sequence[Any], keys: Sequence[str]) -> Markup:
     p = Panel("depth [m]", "", 180.0, down=True)
     for path, row, color in zip(paths, rows, COLORS * len(rows), strict=False):
         if path:
             x, depth = np.array(path)
             p.add_curve(x, depth, color, "", 1.4, point_label(row, keys))
-    p.fit_axis([curve.y for curve in p.curves], pad=0.05)
+    p.fit_y_axis([curve.y for curve in p.curves], pad=0.05)
     end = float(p.curves[0].x[-1])
-    return plot([p], (0.0, end), "x [m]", "The lowest point of the rope over all positions.", wide=True)
+    return svg_figure([p], (0.0, end), "x [m]", "The lowest point of the rope over all positions.", wide=True)
 
 
-def grid_sections(
-    folder: Path, columns: Callable[[Sequence[Row], Sequence[str]], Columns] = line_columns
+def line_grid_sections(
+    folder: Path, columns: Callable[[Sequence[Row], Sequence[str]], Columns] = line_table_columns
 ) -> list[Section]:
     """The page of a grid of lines in a folder."""
     stored = store.read_json(folder / "grid.json")
     rows = stored["rows"]
     keys = stored["keys"]
-    html = [table_of(rows, columns(rows, keys), keys[0])]
+    html = [grid_table(rows, columns(rows, keys), keys[0])]
     if any(stored["paths"]):
-        html.append(_lowest_point_plot(rows, stored["paths"], keys))
+        html.append(_lowest_rope_point_figure(rows, stored["paths"], keys))
     text = f"{len(rows)} lines, {sum(x['status'] != 'complete' for x in rows)} incomplete."
     return [Section(folder.name, "All of them", Markup("\n").join(html), worst_verdict(rows), text)]

@@ -15,18 +15,18 @@ from validation.core.quantities import quantity_text
 from validation.core.scene_data import read_columns
 from validation.page import line as at_rest
 from validation.page.answer.many import Columns, Row
-from validation.page.line import columns_with_outcome, series_figure, stored_limits_table
+from validation.page.line import series_figure, stored_limits_table, table_columns_with_outcome
 from validation.page.page import Section, read_asset, render_sections
 from validation.page.plot import COLORS
-from validation.page.scene_keys import scene_as_read
+from validation.page.scene_keys import scene_inputs_html
 from validation.page.side_view import (
+    force_unit,
     obstacles_and_ground,
     pack_array,
     packed_car_path,
-    packed_contact,
+    packed_rope_body,
     side_view_player,
     six_digits,
-    unit_of_forces,
 )
 
 WORDS: dict[str, Any] = tomllib.loads(read_asset("motion.toml"))
@@ -51,119 +51,128 @@ TABLE_QUANTITIES = (
 )  # in a table
 
 
-def unit_of(quantity: str) -> str:
+def motion_unit(quantity: str) -> str:
     unit: str = WORDS[quantity.partition(":")[0]]["unit"]
     return unit
 
 
-def quantity_words(quantity: str) -> str:
+def motion_quantity_words(quantity: str) -> str:
     kind, _, of = quantity.partition(":")
     words: str = WORDS[kind]["words"]
     return words.format(of)
 
 
-def comparison_words(quantity: str, law: str) -> str:
-    """What a row of a comparison is of; law : its car or contact, or its law."""
-    return ROWS[quantity].format(law) if quantity in ROWS else law
+def comparison_words(quantity: str, subject: str) -> str:
+    """What a row of a comparison is of; subject : its car, contact or law."""
+    return ROWS[quantity].format(subject) if quantity in ROWS else subject
 
 
-def number_rows(design: Sequence[Row]) -> list[Row]:
+def design_number_rows(design: Sequence[Row]) -> list[Row]:
     """Words, value and time of each number, in the order of WORDS."""
     order = list(WORDS)
     ordered = sorted(design, key=lambda d: order.index(d["quantity"].partition(":")[0]))
     return [
         {
-            "words": quantity_words(d["quantity"]),
+            "words": motion_quantity_words(d["quantity"]),
             "value": quantity_text(d["value"], d["bar"], d["unit"]),
-            "t": _time_and_position(d),
+            "t": _time_and_position_text(d),
         }
         for d in ordered
     ]
 
 
-def _time_and_position(number: Row) -> str:
+def _time_and_position_text(number: Row) -> str:
     """Time of a number, and where its car is then."""
     at = "" if number["s_o"] is None else f", {number['s_o']:.1f} m along the rope"
     return f"{number['t']:.4g} s{at}"
 
 
-def motion_columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
+def motion_table_columns(rows: Sequence[Row], keys: Sequence[str]) -> Columns:
     """Columns of a table: varied values, design numbers of TABLE_QUANTITIES, what became of each line."""
     names = dict.fromkeys(name for row in rows for name in row if name.partition(":")[0] in TABLE_QUANTITIES)
-    heads = {name: f"{quantity_words(name)} [{unit_of(name)}]".removesuffix(" []") for name in names}
-    return columns_with_outcome(rows, keys, heads)
+    heads = {name: f"{motion_quantity_words(name)} [{motion_unit(name)}]".removesuffix(" []") for name in names}
+    return table_columns_with_outcome(rows, keys, heads)
 
 
-def sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None) -> list[Section]:
+def motion_sections(folder: Path, rows: Sequence[Row] = (), verdict: str | None = None) -> list[Section]:
     """Pages of the line in a folder; rows and verdict of a check."""
     summary = store.read_json(folder / "summary.json")
     toml = (folder / "scene.toml").read_text(encoding="utf-8")
     line = tomllib.loads(toml)
     contacts = read_columns(folder / "contacts.csv")
     paths = {car["name"]: read_columns(folder / f"path-{car['name']}.csv") for car in line["car"]}
-    compared = [row | {"named": comparison_words(row["quantity"], row.get("law", ""))} for row in rows]
+    compared = _named_comparisons(rows)
     laws = [row for row in compared if row["quantity"] in ("laws_si", "energy")]
     alarm = "disagree" if summary["outcome_kind"] in ("breaks", "collides", "incomplete") else None
     return render_sections(
         "validation.page", "assets/motion.html", id=folder.name, verdict=verdict, outcome=summary["outcome"],
         limits=stored_limits_table(folder, summary), alarm=alarm, side=_moving_side_view(folder, contacts, paths),
         events=[{"event": e["event"], "at": f"{e['t']:.4g} s"} for e in summary["events"]],
-        design=number_rows(summary["design"]),
+        design=design_number_rows(summary["design"]),
         by_hand=any("point" in car.get("wheels", {}).values() for car in line["car"]),
         stressed=any(d["quantity"].startswith("stress") for d in summary["design"]),
         over=list(_figures_over_time(line, contacts, paths)), round_trip=f"{summary['round_trip']:.2g} s",
         grips=GRIPS if any("drive" not in car for car in line["car"]) else "",
-        compared=[row for row in compared if row not in laws], laws=laws, as_read=scene_as_read(toml, Line),
+        compared=[row for row in compared if row not in laws], laws=laws, as_read=scene_inputs_html(toml, Line),
     )  # fmt: skip
+
+
+def _named_comparisons(rows: Sequence[Row]) -> list[Row]:
+    """Rows of a check, each with its name in words."""
+    return [row | {"named": comparison_words(row["quantity"], row.get("law", ""))} for row in rows]
 
 
 def _moving_side_view(folder: Path, contacts: dict[str, Array], paths: dict[str, dict[str, Array]]) -> Markup:
     """The side view in motion: rope, cars with what hangs and turns, counterweights."""
     line = Line.load(folder / "scene.toml")
-    profile = read_columns(folder / "profile.csv")
     rope = read_columns(folder / "rope.csv")
     t = np.unique(rope["t"])
     s = np.unique(rope["s"])
     steps = np.searchsorted(contacts["t"], t)
-    right = line.contact[-1]
-    tensions = [contacts[f"{c.name}.tension"][steps, None] for c in (line.contact[0], right)]
+    tensions = [contacts[f"{c.name}.tension"][steps, None] for c in (line.contact[0], line.contact[-1])]
     cable = _rope_between_pulleys(line, rope, t.size, tensions)
     range_T = float(cable["T"].min()), float(cable["T"].max())
-    unit = unit_of_forces(range_T[1])
-    colors = COLORS[1:] * len(line.car)
-    bodies = [
-        _draw_car(car, {name: values[steps] for name, values in paths[car.name].items()}, color, *unit)
-        for car, color in zip(line.car, colors, strict=False)
-    ]
-    weights = [c for c in line.contact if c.kind == "counterweight"]
-    rises = [pack_array(contacts[f"{c.name}.rise"][steps]) for c in weights]
-    bodies += [_draw_contact(c, contacts, steps) for c in line.contact if c.kind != "spring"]
+    frames = {name: {column: values[steps] for column, values in path.items()} for name, path in paths.items()}
+    bodies = _packed_cars(line, frames, *force_unit(range_T[1]))
+    bodies += [_packed_contact(c, contacts, steps) for c in line.contact if c.kind != "spring"]
+    rises = [pack_array(contacts[f"{c.name}.rise"][steps]) for c in _counterweights(line)]
+    moving: dict[str, Any] = {name: pack_array(values) for name, values in cable.items()}
+    moving |= {"t": pack_array(t), "touching": bodies, "weights": rises}
     data = {
         "line": True,
         "enlarged": any("body" in body for body in bodies),
-        "span": right.at[0],
-        "drop": right.at[1],
         "s": six_digits(s),
         "x": [0.0] * s.size,
         "y": [0.0] * s.size,
+        **_still_parts(line, read_columns(folder / "profile.csv"), paths),
+        "cables": [moving],
+        "party": None,
+    }
+    return side_view_player(data, range_T, " and ".join(paths))
+
+
+def _counterweights(line: Line) -> list[Contact]:
+    return [c for c in line.contact if c.kind == "counterweight"]
+
+
+def _still_parts(line: Line, profile: dict[str, Array], paths: dict[str, dict[str, Array]]) -> dict[str, Any]:
+    """The parts that do not move: rope at rest, envelope, contacts, paths of the cars, obstacles, ground."""
+    right = line.contact[-1]
+    return {
+        "span": right.at[0],
+        "drop": right.at[1],
         "rest": [six_digits(profile["x"]), six_digits(profile["y_rest"])],
         "static": [],
         "envelope": [six_digits(profile[name]) for name in ("x", "y_highest", "y_lowest")],
         "contacts": [
             {"x": c.at[0], "y": c.at[1], "kind": c.kind, "name": c.name, "shoe": c.shoe} for c in line.contact
         ],
-        "weights": [{"x": c.at[0], "y": c.at[1], "side": 1 if c is right else -1} for c in weights],
+        "weights": [{"x": c.at[0], "y": c.at[1], "side": 1 if c is right else -1} for c in _counterweights(line)],
         "paths": [packed_car_path(paths[car.name]["x"], paths[car.name]["y"], car.below) for car in line.car],
         "speeds": [],
         "brakes": [],
         **obstacles_and_ground(line),
-        "cables": [
-            {name: pack_array(values) for name, values in cable.items()}
-            | {"t": pack_array(t), "touching": bodies, "weights": rises}
-        ],
-        "party": None,
     }
-    return side_view_player(data, range_T, " and ".join(paths))
 
 
 def _rope_between_pulleys(
@@ -181,7 +190,17 @@ def _rope_between_pulleys(
     return {"T": column("T", *tensions), "u": column("x", left[0], right[0]), "v": column("y", left[1], right[1])}
 
 
-def _draw_car(car: Car, path: dict[str, Array], color: str, unit: float, unit_name: str) -> dict[str, Any]:
+def _packed_cars(
+    line: Line, frames: dict[str, dict[str, Array]], unit: float, unit_name: str
+) -> list[dict[str, Any]]:  # fmt: skip
+    """All cars for the side view, one colour each; frames : columns of their paths at the frames, by name."""
+    colors = COLORS[1:] * len(line.car)
+    return [
+        _packed_car(car, frames[car.name], color, unit, unit_name) for car, color in zip(line.car, colors, strict=False)
+    ]
+
+
+def _packed_car(car: Car, path: dict[str, Array], color: str, unit: float, unit_name: str) -> dict[str, Any]:
     """A car for the side view; path : its columns at the frames."""
     forces = {"press on the rope": "F_contact", "haul or thrust": "F_haul"}
     forces |= {"rear wheel": "wheel_rear", "front wheel": "wheel_front"}
@@ -200,15 +219,15 @@ def _draw_car(car: Car, path: dict[str, Array], color: str, unit: float, unit_na
         if name in path:
             series["turn"] = np.radians(path[name])
             how["body"] = body
-    return packed_contact(series, readout, **how)
+    return packed_rope_body(series, readout, **how)
 
 
-def _draw_contact(contact: Contact, contacts: dict[str, Array], steps: Any) -> dict[str, Any]:
+def _packed_contact(contact: Contact, contacts: dict[str, Array], steps: Any) -> dict[str, Any]:
     """The rope at a contact, for the side view."""
     T = contacts[f"{contact.name}.tension"][steps]
     x, y = np.broadcast_to(np.array(contact.at)[:, None], (2, T.size))
     series = {"s": contacts[f"{contact.name}.s"][steps], "x": x, "y": y, "behind": T, "ahead": T}
-    return packed_contact(series, name=contact.name)
+    return packed_rope_body(series, name=contact.name)
 
 
 def _figures_over_time(line: Row, contacts: dict[str, Array], paths: dict[str, dict[str, Array]]) -> Iterator[Markup]:
@@ -252,6 +271,6 @@ def _series_by_title(
     }
 
 
-def grid_sections(folder: Path) -> list[Section]:
+def motion_grid_sections(folder: Path) -> list[Section]:
     """The page of a grid of lines in motion in a folder."""
-    return at_rest.grid_sections(folder, motion_columns)
+    return at_rest.line_grid_sections(folder, motion_table_columns)

@@ -42,27 +42,27 @@ SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A built-in scen
 Out = Annotated[Path | None, out_option("SCENE")]
 
 
-def scene_named(name: str, faults: Sequence[str] = (), *, travelling: bool = False) -> Scene:
-    """Return the scene, or raise Refused with its faults after the given ones."""
+def load_scene_or_refuse(name: str, earlier_faults: Sequence[str] = (), *, needs_mass: bool = False) -> Scene:
+    """Return the scene and print its notes, or raise Refused with its faults after the earlier ones."""
     from cablefem.scene import Scene, SceneError
 
     try:
         scene = Scene.load(name)
     except SceneError as error:
         own = [fault if fault.startswith("scene = ") else f"{name}: {fault}" for fault in error.faults]
-        raise store.Refused([*faults, *own]) from None
-    if travelling and scene.mass is None:
-        bare = f"scene {scene.name} has no [mass] and [travel]: a bare cable is for modes and scenes only"
-        faults = [*faults, bare]
+        raise store.Refused([*earlier_faults, *own]) from None
+    faults = list(earlier_faults)
+    if needs_mass and scene.mass is None:
+        faults.append(f"scene {scene.name} has no [mass] and [travel]: a bare cable is for modes and scenes only")
     if faults:
-        raise store.Refused(list(faults))
+        raise store.Refused(faults)
     for note in scene.notes:
         terminal.print_text(f"{scene.name}: {note}")
     return scene
 
 
-def line_named(name: str) -> Line | None:
-    """The line of that name; None if it is a scene; Refused with its faults."""
+def load_line_or_none(name: str) -> Line | None:
+    """The line of that name; None if it is a scene of one span; Refused with its faults."""
     from cablefem.scene import SceneError
     from cablefem.scene.short import line_or_none
 
@@ -104,21 +104,21 @@ Cases = Annotated[
 ]
 
 
-def with_limits(scene: Any, names: list[str] | None) -> Any:
-    """The scene or line with limits of texts; Refused for an unknown text."""
+def with_limits(scene: Any, texts: list[str] | None) -> Any:
+    """The scene or line with limits of these texts beside its own; Refused for an unknown text."""
     from cablefem.scene import SceneError
 
-    if not names:
+    if not texts:
         return scene
-    texts = () if scene.limits is None else scene.limits.use
+    own = () if scene.limits is None else scene.limits.use
     try:
-        return scene.replace({"limits.use": list(dict.fromkeys([*texts, *names]))})
+        return scene.replace({"limits.use": list(dict.fromkeys([*own, *texts]))})
     except SceneError as error:
         raise store.Refused([fault.replace("limits.use", "--limits", 1) for fault in error.faults]) from None
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
+class GridPoint:
     """One point of the grid of --set: its values, its scene, settings of the method."""
 
     values: dict[str, Any]
@@ -126,46 +126,56 @@ class Point:
     settings: dict[str, Any]
 
 
-def points_of(scene: Scene | Line, pairs: list[str] | None, cases: list[str] | None = None) -> list[Point]:
+def grid_points_from_options(
+    scene: Scene | Line, set_options: list[str] | None, cases: list[str] | None = None
+) -> list[GridPoint]:
     """Points of a grid, one without --set and --case; Refused with all faults."""
     from cablefem.scene import SceneError
     from validation.core import grid
 
+    options = list(set_options or [])
+    if cases:
+        options.insert(0, f"case={','.join(cases)}")
     try:
-        points = grid.grid_points([*([f"case={','.join(cases)}"] if cases else []), *(pairs or [])])
+        points = grid.grid_points(options)
     except ValueError as error:
         raise store.Refused(str(error)) from None
     out = []
     faults = []
     for values in points:
-        of_scene, settings = grid.split_settings(values, ("gravity", "ground", "title"))
-        source = f"--set {', '.join(of_scene)}"
+        changes, settings = grid.split_settings(values, ("gravity", "ground", "title"))
+        source = f"--set {', '.join(changes)}"
         if cases:
             name = settings.pop("case")
             source = f"--case {name}"
-            of_scene = _changes_of_case(name, scene) | of_scene
+            changes = _load_case_changes(name, scene) | changes
         faults += _faults_of_undotted_keys(settings, type(scene))
         try:
-            changed = scene.replace(of_scene) if of_scene else scene
-            out.append(Point(values, changed, settings))
+            changed = scene.replace(changes) if changes else scene
+            out.append(GridPoint(values, changed, settings))
         except (SceneError, ValueError) as error:
-            reasons = error.faults if isinstance(error, SceneError) else [str(error)]
-            faults += [f"{source}: {reason}" for reason in reasons]
+            faults += _faults_with_source(source, error)
     if faults:
         raise store.Refused(list(dict.fromkeys(faults)))
     return out
 
 
-def line_points(
-    line: Line, pairs: list[str] | None, cases: list[str] | None, one_span_options: dict[str, bool]
-) -> list[Point]:  # fmt: skip
+def _faults_with_source(source: str, error: Exception) -> list[str]:
+    """Faults of a scene, or of a value, each after the option that gave it."""
+    faults = getattr(error, "faults", [str(error)])
+    return [f"{source}: {fault}" for fault in faults]
+
+
+def line_points_from_options(
+    line: Line, set_options: list[str] | None, cases: list[str] | None, one_span_options: dict[str, bool]
+) -> list[GridPoint]:  # fmt: skip
     """Points of a grid of lines; Refused for the first option or setting that has a meaning for one span only.
 
     one_span_options : whether each is given.
     """
     from cablefem.scene.described import OF_ONE_SPAN
 
-    points = points_of(line, pairs, cases)
+    points = grid_points_from_options(line, set_options, cases)
     used = [name for name, is_used in one_span_options.items() if is_used]
     used += [f"--set {name}" for point in points for name in point.settings]
     if used:
@@ -173,8 +183,8 @@ def line_points(
     return points
 
 
-def _changes_of_case(name: str, scene: Scene | Line) -> dict[str, Any]:
-    """Changes of a scene by a load case; Refused for one that is unknown."""
+def _load_case_changes(name: str, scene: Scene | Line) -> dict[str, Any]:
+    """Keys of a scene and their values in a load case; Refused for one that is unknown."""
     from cablefem.scene.errors import did_you_mean
     from cablefem.scene.limits import CASES
 
@@ -183,7 +193,7 @@ def _changes_of_case(name: str, scene: Scene | Line) -> dict[str, Any]:
     return CASES[name]["set"] | {"title": f"{scene.title}: {CASES[name]['says']}"}
 
 
-def _faults_of_undotted_keys(settings: Mapping[str, Any], part: type[Any]) -> list[str]:
+def _faults_of_undotted_keys(settings: Mapping[str, Any], scene_type: type[Any]) -> list[str]:
     """Faults of names that no method has as a setting, but the scene as a key with its dot."""
     if not settings:
         return []
@@ -191,32 +201,32 @@ def _faults_of_undotted_keys(settings: Mapping[str, Any], part: type[Any]) -> li
     from validation.core.methods import METHODS
 
     setting_names = {name for method in METHODS.values() for name in method.all_settings}
-    hints = {name: key_hint(name, part) for name in settings if name not in setting_names}
+    hints = {name: key_hint(name, scene_type) for name in settings if name not in setting_names}
     return [f"--set {name}: keys of the scene have a dot; {text}" for name, text in hints.items() if text]
 
 
 @contextmanager
-def writing_results(out: Path | None, command: str, scene: Scene | str, names: list[str]) -> Iterator[Path]:
-    """Claim the folder, write the files, mark it finished, and report it."""
-    folder = store.claim_folder(out, command, scene, names)
+def writing_results(out: Path | None, command: str, scene: Scene | str, files: list[str]) -> Iterator[Path]:
+    """Claim the folder; after the `with` block mark it finished, and print what was written."""
+    folder = store.claim_folder(out, command, scene, files)
     yield folder
     store.mark_finished(folder, command)
-    terminal.print_text(f"written to {folder}: {', '.join(names)}")
+    terminal.print_text(f"written to {folder}: {', '.join(files)}")
 
 
 def run_study(
-    command: str, scene: Scene | Line | str, writes: list[str], out: Path | None, run: Callable[..., Any], *inputs: Any
+    command: str, scene: Scene | Line | str, files: list[str], out: Path | None, study: Callable[..., Any], *inputs: Any
 ) -> Any:
     """Run a study, write its pages and print their findings.
 
-    run : called with `inputs`, the folder and the progress.
+    study : called with `inputs`, the folder and the progress.
     """
     from validation.page import report
 
-    folder = store.claim_folder(out, command, scene, writes)
+    folder = store.claim_folder(out, command, scene, files)
     with terminal.progress_bars() as progress:
-        results = run(*inputs, folder, progress)
-        report.write_report(folder, command)
-    report.print_findings(report.stored_pages(folder, command))
-    terminal.print_text(f"written to {folder}: report.html, {', '.join(writes)}")
+        results = study(*inputs, folder, progress)
+        report.write_report_and_finish(folder, command)
+    report.print_findings(report.read_stored_sections(folder, command))
+    terminal.print_text(f"written to {folder}: report.html, {', '.join(files)}")
     return results

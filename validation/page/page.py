@@ -72,7 +72,7 @@ def render_sections(package: str, file: str = "page.html", /, **content: Any) ->
         caller: Callable[[], Markup],
     ) -> str:  # fmt: skip
         """Collect a section; the template shows nothing in its stead."""
-        text = plain_text(summary) if isinstance(summary, Markup) else summary
+        text = text_without_tags(summary) if isinstance(summary, Markup) else summary
         out.append(Section(id, title, caller(), verdict, text, tuple(scripts)))
         return ""
 
@@ -80,9 +80,9 @@ def render_sections(package: str, file: str = "page.html", /, **content: Any) ->
     return out
 
 
-def plain_text(words: str) -> str:
+def text_without_tags(markup: str) -> str:
     """The text of HTML; narrow spaces stay."""
-    text = html.unescape(re.sub(r"<[^>]*>", "", str(words)))
+    text = html.unescape(re.sub(r"<[^>]*>", "", str(markup)))
     return re.sub(r"[ \n]+", " ", text).strip()
 
 
@@ -103,17 +103,20 @@ def html_table(
     return _PARTS.table(rows, columns, numeric, caption, stack)
 
 
-def table_by_heading(rows: Iterable[Mapping[str, Any]], columns: Mapping[str, Any], **how: Any) -> Markup:
-    """A table by heading: an expression of a row's entries, or a macro of the row; `how` as in `table`."""
+def html_table_by_heading(rows: Iterable[Mapping[str, Any]], columns: Mapping[str, Any], **options: Any) -> Markup:
+    """A table by heading: an expression of a row's entries, or a macro of the row; `options` as in `html_table`."""
 
     def cells(row: Mapping[str, Any]) -> dict[str, Any]:
-        return {head: of(row) if callable(of) else compile_expression(of)(**row) for head, of in columns.items()}
+        return {
+            head: content(row) if callable(content) else compile_template_expression(content)(**row)
+            for head, content in columns.items()
+        }
 
-    return html_table(map(cells, rows), list(columns), **how)
+    return html_table(map(cells, rows), list(columns), **options)
 
 
 @cache
-def compile_expression(text: str) -> Callable[..., Any]:
+def compile_template_expression(text: str) -> Callable[..., Any]:
     """An expression of templates as a function of the names in it."""
     return _ENVIRONMENT.compile_expression(text, undefined_to_none=False)
 
@@ -139,18 +142,21 @@ def number_html(x: float | None, digits: int = 3) -> str:
     if -4 < power < 5:
         decimals = max(0, digits - 1 - power)
         return f"{float(f'{mantissa}e{power}'):.{decimals}f}".replace("-", "−")
-    return f"{mantissa}\u202f×\u202f10{superscript(power)}".replace("-", "−")
+    return f"{mantissa}\u202f×\u202f10{superscript_text(power)}".replace("-", "−")
 
 
-def superscript(n: int) -> str:
+def superscript_text(n: int) -> str:
     return str(n).translate(_RAISED)
 
 
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def percent_text(x: float | None, digits: int = 2) -> str:
-    return number_html(x) if x is None or not math.isfinite(x) else f"{number_html(100.0 * x, digits)}\u202f%"
+def percent_text(fraction: float | None, digits: int = 2) -> str:
+    """A fraction in percent; None: a dash."""
+    if fraction is None or not math.isfinite(fraction):
+        return number_html(fraction)
+    return f"{number_html(100.0 * fraction, digits)}\u202f%"
 
 
 def typeset_number(text: str) -> str:
@@ -164,8 +170,8 @@ def force_text(x: float) -> str:
     return f"{number_html(factor * x, 4)}\u202f{unit}"
 
 
-def table_of_pairs(of: Mapping[str, Any], *columns: str) -> Markup:
-    return html_table([dict(zip(columns, pair, strict=True)) for pair in of.items()], columns)
+def html_table_of_pairs(pairs: Mapping[str, Any], *headings: str) -> Markup:
+    return html_table([dict(zip(headings, pair, strict=True)) for pair in pairs.items()], headings)
 
 
 def seconds_text(x: float | None) -> str:
@@ -174,19 +180,20 @@ def seconds_text(x: float | None) -> str:
     return f"{number_html(1e3 * x, 2)} ms" if x < 1.0 else f"{number_html(x, 2)} s"
 
 
-def versions() -> dict[str, str]:
+def package_versions() -> dict[str, str]:
+    """Versions of Python and of the packages that results depend on."""
     packages = ("cablefem", "numpy", "scipy", "scikit-fem", "numba")
     return {"Python": platform.python_version()} | {name: metadata.version(name) for name in packages}
 
 
-def drawn_with() -> Markup:
+def versions_footer() -> Markup:
     """With what a page is drawn, and when: its last line."""
-    when = f"{date.today().isoformat()} with {settings_text(versions())}"
+    when = f"{date.today().isoformat()} with {settings_text(package_versions())}"
     return Markup("<p><small>Page drawn on {}.</small></p>").format(when)
 
 
-def settings_text(of: Mapping[str, Any]) -> str:
-    return ", ".join(f"{name} {value}" for name, value in of.items())
+def settings_text(settings: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} {value}" for name, value in settings.items())
 
 
 def render_template(name: str, **content: Any) -> Markup:
@@ -239,12 +246,12 @@ gallery = _PARTS.gallery
 figure_of = _PARTS.figure
 _ENVIRONMENT.globals |= {
     "table": html_table,
-    "listed": table_by_heading,
+    "listed": html_table_by_heading,
     "badge": badge,
     "callout": callout,
     "details": details,
     "gallery": gallery,
     "columns": _PARTS.columns,
-    "pairs": table_of_pairs,
+    "pairs": html_table_of_pairs,
     "under_wheels": _PARTS.under_wheels,
 }

@@ -43,7 +43,7 @@ class _Writer(TimeSeriesWriter):
         dataset.write(h5s.ALL, h5s.ALL, content)
         return f"{Path(self.h5_filename).name}:/{name}"
 
-    def frame(self, t: float, points: Array, cells: tuple[str, Array], **data: Array) -> None:
+    def add_frame(self, t: float, points: Array, cells: tuple[str, Array], **data: Array) -> None:
         """Add a frame: points (m, 3), cells, and named data of the points."""
         grid = ElementTree.SubElement(self.collection, "Grid", Name="frame", GridType="Uniform")
         ElementTree.SubElement(grid, "Time", Value=repr(t))
@@ -52,7 +52,7 @@ class _Writer(TimeSeriesWriter):
         self.point_data({name: values.astype(np.float32) for name, values in data.items()}, grid)
 
 
-def write_animation(r: Response, folder: Path) -> None:
+def write_paraview_files(r: Response, folder: Path) -> None:
     """Write both files, and the HDF5 file of the first.
 
     Cable: points (m + 2, 3) [m]: the fixed stations, then the cable's ends behind and ahead of the mass.
@@ -85,7 +85,7 @@ def _write_frames(r: Response, cable: Any, mass: Any) -> None:
         ends = np.insert(numbers[1:], i, m)
         du = np.interp(f.s_o[k], f.s, f.du[k])
         dv = np.interp(f.s_o[k], f.s, f.dv[k])
-        cable.frame(
+        cable.add_frame(
             t,
             np.vstack([stations, at_mass[k], at_mass[k]]),
             ("line", np.stack([begins, ends], axis=1)),
@@ -94,7 +94,7 @@ def _write_frames(r: Response, cable: Any, mass: Any) -> None:
             tension=np.append(f.T[k], [f.T_behind[k], f.T_ahead[k]]),
         )
         at = slice(k, k + 1)
-        mass.frame(
+        mass.add_frame(
             t,
             at_mass[at],
             ("vertex", np.array([[0]])),

@@ -12,7 +12,7 @@ from markupsafe import Markup
 from PIL import Image
 
 from cablefem.response import Array
-from validation.page.page import figure_of, plain_text, render_template, superscript
+from validation.page.page import figure_of, render_template, superscript_text, text_without_tags
 
 # user units, pixels on a desktop
 WIDTH = 480
@@ -71,7 +71,7 @@ class Panel:
         """Add a `Curve`."""
         self.curves.append(Curve(x, y, color, dash, width, name))
 
-    def fit_axis(self, values: Sequence[Array], pad: float = 0.12) -> None:
+    def fit_y_axis(self, values: Sequence[Array], pad: float = 0.12) -> None:
         """Fit the axis to all finite values, with a margin of `pad` times their range."""
         flat = np.concatenate([np.ravel(v) for v in values] or [np.zeros(1)])
         finite = flat[np.isfinite(flat)]
@@ -85,8 +85,8 @@ class Panel:
         self.low = low - margin
         self.high = high + margin
 
-    def show_four_decades(self, largest: float) -> None:
-        """Show four decades below the largest value; none if all values are zero."""
+    def show_four_log_decades(self, largest: float) -> None:
+        """Scale y by logarithms and show four decades below the largest value; none if all values are zero."""
         if largest > 0.0:
             self.log = True
             self.low = 1e-4 * largest
@@ -103,7 +103,7 @@ class Panel:
         below_top = fraction if self.down else 1.0 - fraction
         return self.height * np.clip(below_top, -9.0, 9.0).reshape(np.shape(y))
 
-    def _colour_scale(self) -> dict[str, Any] | None:
+    def _colour_scale_input(self) -> dict[str, Any] | None:
         if self.scale is None:
             return None
         low, high, unit = self.scale
@@ -111,26 +111,26 @@ class Panel:
         ticks = [(_round_to_tenth(per_unit * (high - y)), words) for y, words in _ticks(low, high, 4)]
         return {"image": _coloured_png_base64(np.linspace(1.0, 0.0, 64)[:, None]), "unit": unit, "ticks": ticks}
 
-    def template_input(self, across: Callable[[Any], Array], width: float) -> dict[str, Any]:
-        """The template's input in user units; across : x on the paper, width : of the panel."""
+    def template_input(self, x_to_paper: Callable[[Any], Array], width: float) -> dict[str, Any]:
+        """The template's input in user units; x_to_paper : from x to user units; width : of the panel."""
 
         def point(x: float, y: float) -> tuple[float, float]:
-            return _round_to_tenth(across(x)), _round_to_tenth(self._height_on_paper(y))
+            return _round_to_tenth(x_to_paper(x)), _round_to_tenth(self._height_on_paper(y))
 
         ticks = _log_ticks(self.low, self.high) if self.log else _ticks(self.low, self.high, self.height / 28)
         bands = []
         for x, low, high, color in self.bands:
-            there_and_back = across(np.append(x, x[::-1]))
-            bands.append((_svg_path(there_and_back, self._height_on_paper(np.append(high, low[::-1]))), color))
+            there_and_back = x_to_paper(np.append(x, x[::-1]))
+            bands.append((_svg_path_data(there_and_back, self._height_on_paper(np.append(high, low[::-1]))), color))
         return {
             "h": self.height,
             "w": width,
             "title": self.title,
             "unit": self.unit,
             "ticks": [(_round_to_tenth(self._height_on_paper(y)), words) for y, words in ticks],
-            "scale": self._colour_scale(),
-            "verticals": [(_round_to_tenth(across(x)), color, dash) for x, color, dash in self.verticals],
-            "curves": [(_svg_path(across(c.x), self._height_on_paper(c.y)), c) for c in self.curves],
+            "scale": self._colour_scale_input(),
+            "verticals": [(_round_to_tenth(x_to_paper(x)), color, dash) for x, color, dash in self.verticals],
+            "curves": [(_svg_path_data(x_to_paper(c.x), self._height_on_paper(c.y)), c) for c in self.curves],
             "bands": bands,
             "dots": [(*point(x, y), *look) for x, y, *look in self.dots],
             "labels": [(*point(x, y), words) for x, y, words in self.labels],
@@ -138,42 +138,44 @@ class Panel:
         }
 
 
-def draw_surroundings_with_caption(
-    p: Panel, reach: float, ground: Any, obstacles: Sequence[tuple[str, float, float]]
-) -> str:
-    """Draw ground and obstacles (name, x, depth of the top) in a side view over `reach` metres; return its caption.
+def set_depth_scale(panel: Panel, width: float) -> str:
+    """Set the height of a side view of `width` metres, and return its caption.
 
     Depths are to scale, or enlarged by an integer.
     """
-    height = (p.high - p.low) * (WIDTH - LEFT - RIGHT) / reach
+    height = (panel.high - panel.low) * (WIDTH - LEFT - RIGHT) / width
     times = max(1, round(80.0 / height))
-    p.height = times * height
-    if len(ground):
-        x, depth = np.array(ground).T
-        p.add_curve(x, depth, "#8a7a55", name="ground")
-    for name, at, top in obstacles:
-        p.add_curve(np.array([at, at]), np.array([top, p.high]), "#6b8e5a", "", 5.0, name)
+    panel.height = times * height
     scale = "To scale." if times == 1 else f"Depths are drawn {times} times too large."
     return f"The line from the side. {scale}"
 
 
-def plot(
-    panels: Sequence[Panel], x: tuple[float, float], xlabel: str, caption: str, *, wide: bool = False
+def draw_ground_and_obstacles(panel: Panel, ground: Array, obstacles: Sequence[tuple[str, float, float]]) -> None:
+    """Draw ground (n, 2) of x and depth, and obstacles (name, x, depth of the top), in a side view."""
+    if len(ground):
+        x, depth = ground.T
+        panel.add_curve(x, depth, "#8a7a55", name="ground")
+    for name, x, top in obstacles:
+        panel.add_curve(np.array([x, x]), np.array([top, panel.high]), "#6b8e5a", "", 5.0, name)
+
+
+def svg_figure(
+    panels: Sequence[Panel], x_range: tuple[float, float], xlabel: str, caption: str, *, wide: bool = False
 ) -> Markup:  # fmt: skip
-    """Panels below one another, with a caption and a key, over x between two values."""
+    """An HTML figure of panels below one another over a common x, with a caption and a key."""
     right = 74 if any(p.scale for p in panels) else RIGHT
     width = WIDTH - LEFT - right
-    per_unit = width / ((x[1] - x[0]) or 1.0)
+    per_unit = width / ((x_range[1] - x_range[0]) or 1.0)
 
     def to_paper(values: Any) -> Array:
-        return per_unit * (np.asarray(values, dtype=float) - x[0])
+        return per_unit * (np.asarray(values, dtype=float) - x_range[0])
 
     shown = []
     top = 6.0
-    for p in panels:
-        top += 20.0 if p.title or p.scale else 0.0
-        shown.append(p.template_input(to_paper, width) | {"top": top, "last": p is panels[-1]})
-        top += p.height + 14.0
+    for panel in panels:
+        top += 20.0 if panel.title or panel.scale else 0.0
+        shown.append(panel.template_input(to_paper, width) | {"top": top, "last": panel is panels[-1]})
+        top += panel.height + 14.0
     svg = render_template(
         "plot.svg",
         panels=shown,
@@ -182,16 +184,16 @@ def plot(
         left=LEFT,
         right=right,
         xlabel=xlabel,
-        label=plain_text(caption),
+        label=text_without_tags(caption),
         key={c.name: c for p in panels for c in p.curves if c.name},
-        xticks=[(_round_to_tenth(to_paper(value)), words) for value, words in _ticks(*x, 7)],
+        xticks=[(_round_to_tenth(to_paper(value)), words) for value, words in _ticks(*x_range, 7)],
     )
     return figure_of(svg, caption, wide=wide)
 
 
 def _log_ticks(low: float, high: float) -> list[tuple[float, str]]:
     powers = range(math.ceil(math.log10(low)), math.floor(math.log10(high)) + 1)
-    return [(10.0**n, f"{10.0**n:g}" if -3 < n < 4 else f"10{superscript(n)}") for n in powers]
+    return [(10.0**n, f"{10.0**n:g}" if -3 < n < 4 else f"10{superscript_text(n)}") for n in powers]
 
 
 def _ticks(low: float, high: float, count: float) -> list[tuple[float, str]]:
@@ -214,8 +216,8 @@ def _round_to_tenth(x: Any) -> float:
     return round(float(x), 1)
 
 
-def _svg_path(x: Array, y: Array) -> str:
-    """A path through the finite points; crowded columns of pixels keep their extremes."""
+def _svg_path_data(x: Array, y: Array) -> str:
+    """The `d` of an SVG path through the finite points; crowded columns of pixels keep their extremes."""
     good = np.isfinite(x) & np.isfinite(y)
     x = x[good]
     y = y[good]
@@ -233,7 +235,7 @@ def _svg_path(x: Array, y: Array) -> str:
     return "M" + " ".join(points) if points else ""
 
 
-def colour_map(n: int) -> Array:
+def colour_map_bytes(n: int) -> Array:
     """(n, 3) colours, bytes, along FIELD."""
     nodes = np.array([list(bytes.fromhex(name)) for name in FIELD.split()], dtype=float)  # (nodes, 3)
     at = np.linspace(0.0, len(nodes) - 1.0, n)
@@ -245,7 +247,7 @@ def _coloured_png_base64(values: Array) -> str:
     """Values (rows, columns) from 0 to 1 as a PNG of the 256 colours of FIELD, in base64."""
     levels = np.clip(np.nan_to_num(values) * 255.0, 0.0, 255.0)
     image = Image.fromarray(levels.round().astype(np.uint8))
-    image.putpalette(colour_map(256).tobytes())
+    image.putpalette(colour_map_bytes(256).tobytes())
     out = io.BytesIO()
     image.save(out, "PNG")
     return base64.b64encode(out.getvalue()).decode("ascii")

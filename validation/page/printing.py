@@ -16,11 +16,11 @@ from validation.page import terminal
 from validation.page.answer import EVENTS
 
 
-def print_rows(verdicts: Sequence[Agreement]) -> None:
-    """Print verdicts as a table, one row per quantity."""
+def print_agreements(agreements: Sequence[Agreement]) -> None:
+    """Print a table of gaps, allowed gaps and verdicts, one row per quantity."""
     cells = []
-    for verdict in verdicts:
-        row = verdict.to_json()
+    for agreement in agreements:
+        row = agreement.to_json()
         name = " ".join(row[key] for key in ("quantity", "law", "with") if row.get(key))
         numbers = [_number_or_dash(row.get(key), ".1e") for key in ("gap", "allowed", "asked_for")]
         cells.append([name, *numbers, _number_or_dash(row.get("where"), ".3f"), row["verdict"] or "shown"])
@@ -32,12 +32,12 @@ def _number_or_dash(value: float | None, digits: str) -> str:
     return "-" if value is None else format(value, digits)
 
 
-def print_answer(scene: Scene, r: Response) -> None:
+def print_run_summary(scene: Scene, r: Response) -> None:
     """Print what became of a run, its events, the numbers that matter, and where the cable goes slack."""
     terminal.print_text(f"{r.scene}: {outcome_of_run(scene, r).sentence}", style="bold")
     print_limits(scene, judge.limit_rows(scene, r.design, r.events))
-    print_last_events([x for x in r.events if x["event"] in EVENTS[1:]])  # without the release
-    print_numbers(key_numbers(r.design))
+    print_last_five_events([x for x in r.events if x["event"] in EVENTS[1:]])  # without the release
+    print_design_numbers(key_numbers(r.design))
     onset = next((row for row in r.design if row["quantity"] == "slack_onset"), None)
     if onset is not None:
         bar = onset["bar"]
@@ -57,7 +57,7 @@ def print_limits(scene: Scene | Line, judged: Sequence[dict[str, Any]]) -> None:
         terminal.print_text(f"  {sentence}")
 
 
-def print_numbers(design: Sequence[dict[str, Any]]) -> None:
+def print_design_numbers(design: Sequence[dict[str, Any]]) -> None:
     """Print design numbers, one per row."""
     texts = [design_row_texts(x) for x in design]
     width = max((len(x["what"]) for x in texts), default=0)
@@ -67,9 +67,9 @@ def print_numbers(design: Sequence[dict[str, Any]]) -> None:
         terminal.print_text(f"  {x['what']:<{width}}  {x['value']}{at}{when}")
 
 
-def print_last_events(happened: Sequence[dict[str, Any]]) -> None:
+def print_last_five_events(events: Sequence[dict[str, Any]]) -> None:
     """Print the last five events, one per row."""
-    for x in happened[-5:]:
+    for x in events[-5:]:
         t = with_bar(x["t"], x.get("bar_t"))
         s_o = with_bar(x["s_o"], x.get("bar_s_o"))
         speed = ""
@@ -79,8 +79,8 @@ def print_last_events(happened: Sequence[dict[str, Any]]) -> None:
         terminal.print_text(f"  {x['event'].replace('_', ' '):<10}  after {t} s at {s_o} m{speed}")
 
 
-def print_cost(r: Response) -> None:
-    """Print method, settings and reach of a run, and reasons for doubt."""
+def print_method_and_flags(r: Response) -> None:
+    """Print method, settings, time and path error of a run, and its flags, which are reasons for doubt."""
     if r.model == "quasi-static":
         terminal.print_text(
             "  by the quasi-static model, which leaves out the inertia of the rope: that is in its bars"
@@ -104,8 +104,8 @@ def _settings_and_options(r: Response) -> list[str]:
     return settings + [getattr(r, name) for name, kind in usual.items() if getattr(r, name) != kind]
 
 
-def report_broken_runs(*runs: Response) -> Literal[0, 2]:
-    """Return 2 with a message if a run broke before slack and the end of the comparison, else 0."""
+def print_broken_runs(*runs: Response) -> Literal[0, 2]:
+    """Print which runs broke before slack and the end of the comparison; the exit code is 2 if there is one, else 0."""
     bad = [r for r in runs if _broke_early(r)]
     terminal.print_faults([f"{r.method} broke with the car at {r.s_o[-1]:.1f} m: {r.reason}" for r in bad])
     return 2 if bad else 0

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from markupsafe import Markup
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from validation.core.readback import StoredResults
 
 
-def write_report(folder: Path, command: str, faults: Sequence[str] = ()) -> None:
+def write_report_and_finish(folder: Path, command: str, faults: Sequence[str] = ()) -> None:
     """Draw and store the pages of a command, write report.html with those of all finished ones, mark it finished.
 
     faults : of what is written; they come first.
@@ -33,30 +33,35 @@ def write_report(folder: Path, command: str, faults: Sequence[str] = ()) -> None
     done = [
         other for other in store.commands_with_results(folder) if other == command or store.is_finished(folder, other)
     ]
-    sections = _with_own_ids((other, section) for other in done for section in stored_pages(folder, other))
+    sections = _with_unique_ids((other, section) for other in done for section in read_stored_sections(folder, other))
     title = store.scene_title(folder) or next((s.title for s in sections), folder.name)
     page.write_page(title, sections, folder / "report.html")
     store.mark_finished(folder, command)
 
 
-def read_back_outputs(command: str, of: StoredResults, lines: Sequence[str]) -> int:
+def read_back_and_report(command: str, stored: StoredResults, printed_lines: Sequence[str]) -> Literal[0, 1]:
     """Read files, page and printed lines back; faults come first on the page, and 1 is returned."""
     from validation.core import readback  # slow to import
 
-    text = (of.folder / store.REPORT).read_text(encoding="utf-8")
-    faults = [*readback.file_faults(of), *readback.page_faults(text, command, of), *readback.terminal_faults(lines, of)]
-    return report_faults(of.folder, command, faults)
+    text = (stored.folder / store.REPORT).read_text(encoding="utf-8")
+    faults = [
+        *readback.file_faults(stored),
+        *readback.page_faults(text, command, stored),
+        *readback.terminal_faults(printed_lines, stored),
+    ]
+    return report_read_back_faults(stored.folder, command, faults)
 
 
-def report_faults(folder: Path, command: str, faults: Sequence[str]) -> int:
-    """Draw a page that begins with faults and complain of them; 1 if there are any."""
-    if faults:
-        write_report(folder, command, faults)
-        terminal.print_faults([f"not what was computed: {fault}" for fault in faults[:5]])
-    return int(bool(faults))
+def report_read_back_faults(folder: Path, command: str, faults: Sequence[str]) -> Literal[0, 1]:
+    """Draw a page that begins with faults and print the first five; 1 if there are any."""
+    if not faults:
+        return 0
+    write_report_and_finish(folder, command, faults)
+    terminal.print_faults([f"not what was computed: {fault}" for fault in faults[:5]])
+    return 1
 
 
-def stored_pages(folder: Path, command: str) -> list[Section]:
+def read_stored_sections(folder: Path, command: str) -> list[Section]:
     """The stored pages of a command, or one that says why there are none."""
     try:
         pages = store.read_json(store.pages_file(folder, command))
@@ -66,7 +71,7 @@ def stored_pages(folder: Path, command: str) -> list[Section]:
         return [Section(command, command, text)]
 
 
-def _with_own_ids(pages: Iterable[tuple[str, Section]]) -> list[Section]:
+def _with_unique_ids(pages: Iterable[tuple[str, Section]]) -> list[Section]:
     """Sections that name their command; of an id used by two commands it is a part."""
     out: dict[str, Section] = {}
     for command, section in pages:
@@ -78,28 +83,31 @@ def _with_own_ids(pages: Iterable[tuple[str, Section]]) -> list[Section]:
 Part = tuple[str, ...]  # a command and its arguments
 
 
-@contextmanager
-def missing_parts(root: Path | None, parts: Sequence[Part]) -> Iterator[tuple[Path, list[Part]]]:
-    """Give the folder of all results, where commands in the `with` block write, and the parts it lacks.
+def claim_for_missing_parts(root: Path, parts: Sequence[Part]) -> list[Part]:
+    """Claim the folder of all results, and return the parts that it lacks.
 
     A folder with the results of one scene lacks nothing.
     """
-    before = store.ROOT
-    root = root or before
     if set(store.commands_with_results(root)) - {"report"}:
-        yield root, []
-        return
+        return []
     store.claim_folder(root, "report", "report", ["report.html"])
+    return [part for part in parts if not store.is_finished(root / _folder_name_of_part(part), part[0])]
+
+
+@contextmanager
+def commands_write_below(root: Path) -> Iterator[None]:
+    """Let commands in the `with` block write to folders in `root`."""
+    before = store.ROOT
     store.ROOT = root
     try:
-        yield root, [part for part in parts if not store.is_finished(root / _folder_of_part(part), part[0])]
+        yield
     finally:
         store.ROOT = before
 
 
 def section_of_broken_part(part: Part, faults: Sequence[str]) -> Section:
     """The page of a part that ended without a result."""
-    id = f"{_folder_of_part(part)}-{part[0]}-broken"
+    id = f"{_folder_name_of_part(part)}-{part[0]}-broken"
     title = f"cablefem {' '.join(part)}"
     reason = callout("; ".join(faults), "disagree")
     return Section(id, title, reason, "disagree", "It ended without a result.")
@@ -113,11 +121,11 @@ def write_combined_report(root: Path, parts: Sequence[Part], broken: Sequence[Se
     """
     pages: dict[str, tuple[list[Section], list[Section]]] = {}  # of each command: first ones, others
     for command, folder in _finished_results(root, parts):
-        for i, s in enumerate(stored_pages(folder, command)):
+        for i, s in enumerate(read_stored_sections(folder, command)):
             section = replace(s, id=f"{folder.name}-{s.id}", title=f"{folder.name}: {s.title}")
             pages.setdefault(command, ([], []))[min(i, 1)].append(section)
     ordered = [(command, s) for command, (first, others) in pages.items() for s in first + others]
-    sections = [*broken, *_with_own_ids(ordered)]
+    sections = [*broken, *_with_unique_ids(ordered)]
     if not sections:
         raise store.Refused(f"{root} holds no finished results to report")
     page.write_page("cablefem", sections, root / "report.html")
@@ -128,7 +136,7 @@ def write_combined_report(root: Path, parts: Sequence[Part], broken: Sequence[Se
 
 def _finished_results(root: Path, parts: Sequence[Part]) -> list[tuple[str, Path]]:
     """Commands with finished results and their folders, these parts first."""
-    rank = {(part[0], _folder_of_part(part)): i for i, part in enumerate(parts)}
+    rank = {(part[0], _folder_name_of_part(part)): i for i, part in enumerate(parts)}
     done = []
     for folder in [root, *sorted(root.glob("*/"))]:
         done += [
@@ -137,7 +145,7 @@ def _finished_results(root: Path, parts: Sequence[Part]) -> list[tuple[str, Path
     return sorted(done, key=lambda result: rank.get((result[0], result[1].name), len(rank)))
 
 
-def _folder_of_part(part: Part) -> str:
+def _folder_name_of_part(part: Part) -> str:
     """Name of the folder of its results: its scene's, or its own."""
     command, *arguments = part
     if arguments and not arguments[0].startswith("-"):

@@ -10,22 +10,22 @@ from markupsafe import Markup
 
 from cablefem.scene import Scene
 from cablefem.scene.line import Line
-from validation.page.page import details, drawn_with, html_table
+from validation.page.page import details, html_table, versions_footer
 
 
-def table_of_keys(toml: str, of: type[Scene | Line] = Scene, without: Container[str] = ()) -> Markup:
+def scene_keys_table(toml: str, scene_type: type[Scene | Line] = Scene, without: Container[str] = ()) -> Markup:
     """The table of all keys of a scene or a line, but for some."""
     rows = []
-    for key, value in _keys_and_values(tomllib.loads(toml)):
+    for key, value in _dotted_keys_and_values(tomllib.loads(toml)):
         if key in without or key in ("name", "title"):
             continue
         general = re.sub(r"\.\d+", ".0", key)  # as `list_keys` names it
-        unit, meaning = _units_and_meanings(of).get(general, ("", ""))
+        unit, meaning = _units_and_meanings(scene_type).get(general, ("", ""))
         rows.append({"key": key, "value": f"{_value_text(value)} {unit}".rstrip(), "meaning": meaning})
     return html_table(rows, ["key", "value", "meaning"], caption="All that the scene gives", stack=True)
 
 
-def _keys_and_values(data: Any, before: str = "") -> Iterator[tuple[str, Any]]:
+def _dotted_keys_and_values(data: Any, before: str = "") -> Iterator[tuple[str, Any]]:
     """Dotted keys and values; lists of tables are counted through, other lists are values."""
     if isinstance(data, list) and data and isinstance(data[0], dict):
         data = dict(enumerate(data))
@@ -33,16 +33,16 @@ def _keys_and_values(data: Any, before: str = "") -> Iterator[tuple[str, Any]]:
         yield before, data
         return
     for name, value in data.items():
-        yield from _keys_and_values(value, f"{before}.{name}" if before else str(name))
+        yield from _dotted_keys_and_values(value, f"{before}.{name}" if before else str(name))
 
 
 @cache
-def _units_and_meanings(of: type[Scene | Line]) -> dict[str, tuple[str, str]]:
+def _units_and_meanings(scene_type: type[Scene | Line]) -> dict[str, tuple[str, str]]:
     """Units and meanings of all keys."""
     from cablefem.scene.keys import list_keys  # slow to import
 
     units = {"-": "", "C": "°C", "m2": "m²", "m/s2": "m/s²", "m/s3": "m/s³", "kg/m3": "kg/m³"}
-    return {key.name: (units.get(key.unit, key.unit), key.meaning) for key in list_keys(of)}
+    return {key.name: (units.get(key.unit, key.unit), key.meaning) for key in list_keys(scene_type)}
 
 
 def _value_text(value: Any) -> str:
@@ -55,7 +55,7 @@ def _value_text(value: Any) -> str:
     return f"{len(value)} from {_value_text(value[0])} to {_value_text(value[-1])}"
 
 
-def scene_as_read(toml: str, of: type[Scene | Line]) -> Markup:
-    """All that a scene gives, its TOML, and with what a page was drawn."""
+def scene_inputs_html(toml: str, scene_type: type[Scene | Line]) -> Markup:
+    """The table of a scene's keys, its TOML, and the last line of a page."""
     text = details("Scene file (TOML)", Markup("<pre>{}</pre>").format(toml))
-    return table_of_keys(toml, of) + text + drawn_with()
+    return scene_keys_table(toml, scene_type) + text + versions_footer()

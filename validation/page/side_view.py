@@ -13,12 +13,12 @@ from cablefem.scene import Scene
 from cablefem.scene.line import Line
 from validation.core.answers import profile_columns
 from validation.page.page import render_template
-from validation.page.plot import BLUE, VERMILLION, colour_map
+from validation.page.plot import BLUE, VERMILLION, colour_map_bytes
 
 STATIONS = 101  # of the moving rope, at most, without the mass
 
 
-def side_view(
+def side_view_of_runs(
     scene: Scene, runs: Sequence[Response], *, range_T: tuple[float, float], third_party: Any = None
 ) -> Markup:
     """The side view of one or two runs; its section needs side_view.js among its scripts.
@@ -28,7 +28,7 @@ def side_view(
     r = runs[0]
     s = r.fields.s[:: _station_stride(r)]
     X = scene.catenary
-    unit = unit_of_forces(range_T[1])
+    unit = force_unit(range_T[1])
     data: dict[str, Any] = {
         "span": scene.supports.span,
         "drop": scene.supports.drop,
@@ -40,23 +40,23 @@ def side_view(
         **_still_parts(scene, r),
         "weights": [],
         "cables": [
-            _rope_frames(scene, run, color, *unit) for run, color in zip(runs, (BLUE, VERMILLION), strict=False)
+            _packed_rope_frames(scene, run, color, *unit) for run, color in zip(runs, (BLUE, VERMILLION), strict=False)
         ],
-        "party": None if third_party is None else _third_party_path(scene, third_party),
+        "party": None if third_party is None else _packed_third_party_path(scene, third_party),
     }
     return side_view_player(data, range_T, " and ".join(run.method for run in runs))
 
 
-def unit_of_forces(largest: float) -> tuple[float, str]:
+def force_unit(largest: float) -> tuple[float, str]:
     """Newtons in the unit of a side view, and its name."""
     return (1e3, "kN") if largest >= 2e3 else (1.0, "N")
 
 
 def side_view_player(data: dict[str, Any], range_T: tuple[float, float], names: str) -> Markup:
     """The side view of packed data; names : of what moves."""
-    unit, name = unit_of_forces(range_T[1])
-    data |= {"T": list(range_T), "unit": unit, "unitName": name}
-    data["colors"] = [f"#{bytes(c).hex()}" for c in colour_map(48)]
+    unit, name = force_unit(range_T[1])
+    data = data | {"T": list(range_T), "unit": unit, "unitName": name}
+    data["colors"] = [f"#{bytes(c).hex()}" for c in colour_map_bytes(48)]
     # "<" could end the script
     text = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     return render_template("side_view.html", data=Markup(text), names=names)
@@ -80,7 +80,7 @@ def _still_parts(scene: Scene, r: Response) -> dict[str, Any]:
     return {
         "envelope": [six_digits(p[name]) for name in ("x", "y_highest", "y_lowest")],
         "contacts": [{"x": float(X.x(s)), "y": float(X.y(s)), "kind": "anchor"} for s in (0.0, scene.length)],
-        "paths": [packed_car_path(r.x, r.y, _depth_below_rope(scene))],
+        "paths": [packed_car_path(r.x, r.y, _car_depth_below_rope(scene))],
         "speeds": speeds,
         "brakes": [{"x": float(X.x(b.position)), "y": float(X.y(b.position))} for b in scene.drive.brake],
         **obstacles_and_ground(scene),
@@ -97,17 +97,17 @@ def obstacles_and_ground(scene: Scene | Line) -> dict[str, Any]:
 
 def packed_car_path(x: Array, y: Array, below: float) -> dict[str, Any]:
     """The path of a car whose lowest part is `below` [m] the rope."""
-    at = sparse_indices(x.size)
+    at = at_most_300_indices(x.size)
     return {"x": six_digits(x[at]), "y": six_digits(y[at]), "below": below}
 
 
-def _third_party_path(scene: Scene, third_party: Any) -> dict[str, Any]:
-    at = sparse_indices(third_party.t.size)
+def _packed_third_party_path(scene: Scene, third_party: Any) -> dict[str, Any]:
+    at = at_most_300_indices(third_party.t.size)
     x = scene.catenary.x(third_party.s_o) if third_party.x is None else third_party.x
     return {"name": third_party.method, "x": six_digits(x[at]), "y": six_digits(third_party.y[at])}
 
 
-def _rope_frames(scene: Scene, r: Response, color: str, unit: float, unit_name: str) -> dict[str, Any]:
+def _packed_rope_frames(scene: Scene, r: Response, color: str, unit: float, unit_name: str) -> dict[str, Any]:
     """Frames of one rope, from shortly after the start: a gripped mass enters a rope at rest."""
     f = r.fields
     stride = _station_stride(r)
@@ -147,16 +147,16 @@ def _rope_frames(scene: Scene, r: Response, color: str, unit: float, unit_name: 
     }
     return {name: pack_array(frames(name)) for name in ("u", "v", "T")} | {
         "t": pack_array(t),
-        "touching": [packed_contact(car, readout, name=r.method, color=color, below=_depth_below_rope(scene))],
+        "touching": [packed_rope_body(car, readout, name=r.method, color=color, below=_car_depth_below_rope(scene))],
         "slack": None if r.slack_onset is None else r.slack_onset * r.length,
     }
 
 
-def _depth_below_rope(scene: Scene) -> float:
+def _car_depth_below_rope(scene: Scene) -> float:
     return 0.0 if scene.mass is None else scene.mass.below
 
 
-def packed_contact(
+def packed_rope_body(
     series: dict[str, Array], readout: Sequence[tuple[str, int, Array]] = (), **how: Any
 ) -> dict[str, Any]:  # fmt: skip
     """What touches the rope, packed: s, x, y, tensions behind and ahead, (n,) each.
@@ -179,7 +179,7 @@ def pack_array(x: Array) -> dict[str, Any]:
     return {"low": low, "high": high, "data": base64.b64encode(steps.tobytes()).decode("ascii")}
 
 
-def sparse_indices(n: int) -> Any:
+def at_most_300_indices(n: int) -> Any:
     """Indices of 300 of n points at most."""
     return np.unique(np.linspace(0, n - 1, 300).round().astype(int))
 

@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from validation.core.sidebyside import Progress
 
 _COPIES: list[list[str]] = []  # of what is printed
@@ -28,7 +30,7 @@ def print_text(text: str = "", style: str = "") -> None:
     """Print text, on a terminal wrapped below its indent, in a style of rich."""
     for copy in _COPIES:
         copy.append(text)
-    console = _console()
+    console = _rich_console()
     if console is None:
         print(text)
         return
@@ -40,7 +42,7 @@ def print_text(text: str = "", style: str = "") -> None:
 
 
 @contextmanager
-def copy_printed() -> Iterator[list[str]]:
+def copy_printed_lines() -> Iterator[list[str]]:
     """The lines that are printed in the `with` block."""
     copy: list[str] = []
     _COPIES.append(copy)
@@ -72,11 +74,11 @@ def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Se
     text = _aligned_lines(columns, rows, right)
     for copy in _COPIES:
         copy.extend(text)
-    console = _console()
+    console = _rich_console()
     if console is None:
         print("\n".join(text))
         return
-    narrowest = [_min_width(column, column[0] in right) for column in zip(columns, *rows, strict=True)]
+    narrowest = [_min_column_width(column, column[0] in right) for column in zip(columns, *rows, strict=True)]
     if sum(narrowest) + 3 * (len(columns) - 1) > console.width:
         _print_stacked(columns, rows)
         return
@@ -92,7 +94,7 @@ def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Se
     console.print(drawn)
 
 
-def _min_width(column: Sequence[str], unbroken: bool) -> int:
+def _min_column_width(column: Sequence[str], unbroken: bool) -> int:
     """Width of the longest cell, or of the longest word where cells may break."""
     words = column if unbroken else " ".join(column).split()
     return max(map(len, words), default=0)
@@ -151,7 +153,7 @@ def progress_bars() -> Iterator[Progress]:
         yield show
 
 
-def _console():
+def _rich_console() -> Console | None:
     """Rich's console if standard output is a terminal."""
     if not sys.stdout.isatty():
         return None

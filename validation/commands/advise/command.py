@@ -1,7 +1,15 @@
 from typing import Annotated
 
 from validation.core import store
-from validation.page.options import Out, SceneName, line_named, number_option, run_study, scene_named, tolerance_faults
+from validation.page.options import (
+    Out,
+    SceneName,
+    load_line_or_none,
+    load_scene_or_refuse,
+    number_option,
+    run_study,
+    tolerance_faults,
+)
 
 EXAMPLE = "cablefem advise inclined --tol 1e-2"
 
@@ -17,7 +25,7 @@ def command(
 
     Writes DIR/: advice.json, with the evidence, and report.html.
     """
-    line = line_named(scene)
+    line = load_line_or_none(scene)
     if line is not None and any(car.hanger or (car.wheels and car.wheels.inertia) for car in line.car):
         from validation.commands.advise import bodies
 
@@ -25,7 +33,7 @@ def command(
             raise store.Refused(faults)
         run_study("advise", line, ["advice.json"], out, bodies.advise, line, tol)
         return 0
-    loaded = scene_named(scene, tolerance_faults(tol), travelling=True)
+    loaded = load_scene_or_refuse(scene, tolerance_faults(tol), needs_mass=True)
 
     from validation.commands.advise.study import advise
 

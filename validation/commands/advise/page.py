@@ -8,7 +8,7 @@ from markupsafe import Markup
 
 from validation.core import store
 from validation.page.page import Section, render_sections
-from validation.page.plot import BLACK, DASHED, GREEN, ORANGE, SKY, Panel, plot
+from validation.page.plot import BLACK, DASHED, GREEN, ORANGE, SKY, Panel, svg_figure
 
 # one colour per cable, dashes for a force
 COLOURS = {"string": ORANGE, "sagged": SKY, "stretching": GREEN}
@@ -31,6 +31,6 @@ def _plot_paths(x: dict[str, Any], rungs: list[dict[str, Any]]) -> Markup:
     for rung, v in zip(rungs, paths, strict=True):
         dash = DASHED if rung["load"] == "force" else ""
         p.add_curve(position, v / size, COLOURS.get(rung["model"], BLACK), dash, 2.0, rung["name"])
-    p.fit_axis([np.clip(v / size, -3.0, 5.0) for v in paths])
+    p.fit_y_axis([np.clip(v / size, -3.0, 5.0) for v in paths])
     caption = "Deflection from the static cable by each model, over the largest one of the full model."
-    return plot([p], (0.0, end), "place of the mass sₒ/l [–]", caption, wide=True)
+    return svg_figure([p], (0.0, end), "place of the mass sₒ/l [–]", caption, wide=True)

@@ -50,7 +50,7 @@ def condition_holds(condition: str, x: dict[str, float]) -> bool:
 
 
 def _evaluate(expression: str, **names: Any) -> Any:
-    return page.compile_expression(expression)(**MEASURES, **names)
+    return page.compile_template_expression(expression)(**MEASURES, **names)
 
 
 def level_scene(**groups: float) -> Scene:

@@ -9,7 +9,7 @@ from markupsafe import Markup, escape
 from matplotlib.patches import Patch
 
 from validation.core import store
-from validation.page.figures import captioned_figure, panels, report_style
+from validation.page.figures import captioned_figure, figure_with_axes, report_style
 from validation.page.page import Section, render_sections
 from validation.page.plot import BLUE, GREY
 
@@ -44,7 +44,7 @@ def _draw_map(m: dict[str, Any], method: str, cells: dict[Any, Any]) -> Markup:
     grid = {(i, j): cells.get((method, x, y), UNKNOWN) for i, x in enumerate(xs) for j, y in enumerate(ys)}
     counts = Counter(cell["class"] for cell in grid.values())
     shown = [name for name in CLASSES if counts[name]]
-    fig, ax = panels(height=3.6)
+    fig, ax = figure_with_axes(height=3.6)
     with report_style():
         for (i, j), cell in grid.items():
             _draw_cell(ax, i, j, cell)

@@ -3,7 +3,7 @@ from typing import Annotated
 
 import typer
 
-from validation.page.options import Out, SceneName, run_study, scene_named
+from validation.page.options import Out, SceneName, load_scene_or_refuse, run_study
 
 EXAMPLE = "cablefem chart level"
 
@@ -17,7 +17,7 @@ def command(
 
     Writes DIR/: chart.json and report.html.
     """
-    loaded = scene_named(scene, travelling=True)
+    loaded = load_scene_or_refuse(scene, needs_mass=True)
 
     from validation.commands.chart.study import chart
 

@@ -16,7 +16,7 @@ from matplotlib.transforms import Bbox
 from validation.commands.chart.front import OURS, Row, best_rows, our_best_rows
 from validation.core import store
 from validation.core.methods import METHODS
-from validation.page.figures import DASHES, MARKERS, PALETTE, captioned_figure, panels, report_style
+from validation.page.figures import DASHES, MARKERS, PALETTE, captioned_figure, figure_with_axes, report_style
 from validation.page.page import Section, render_sections
 from validation.page.plot import BLACK, GREY
 
@@ -71,7 +71,7 @@ def draw_work_precision(
 ) -> Figure:
     """Draw a work-precision chart, logarithmic, in the same frame for all of a page."""
     error = f"{quantity}_error"
-    fig, ax = panels(height=4.4)
+    fig, ax = figure_with_axes(height=4.4)
     dots = _rows_with_dots(chart, quantity, work)
     best = our_best_rows(dots, quantity, work)
     ax.plot(*_columns(best, work, error), color="#c8c8c8", linewidth=6.0, solid_capstyle="round", zorder=1)

@@ -37,7 +37,7 @@ from validation.core.methods import METHODS, Method, refined_settings
 from validation.core.refine import TooCoarse, refine_to_tolerance, run_with_error_bars
 from validation.core.running import Run, run
 from validation.core.sidebyside import Progress, no_progress
-from validation.page.page import versions
+from validation.page.page import package_versions
 from validation.peers import PEERS, PeerPath, reason_if_missing
 
 STOP = measures.WINDOW[1]
@@ -76,7 +76,7 @@ def chart(scene: Scene, out: Path, report: Progress = no_progress, *, repeats: i
     todo = list(chart_series(scene.groups))
     content = {
         "scene": scene.name, "scene_toml": scene.to_toml(), "drive": scene.groups.drive.mode,
-        "machine": versions() | {"machine": platform.machine(), "threads": "1"}, "window": list(truth.window),
+        "machine": package_versions() | {"machine": platform.machine(), "threads": "1"}, "window": list(truth.window),
         "reference": truth.stored, "rows": rows,
     }  # fmt: skip
     for i, series in enumerate(todo):

@@ -52,13 +52,13 @@ def command(
     FILE has columns t [s] or s_o [m], v [m] positive down, and u [m] if known; of a free ride t, x and y from the left
     support, y down. Other units and directions are told by the name: s_o_over_l, t_ms, v_over_l, v_mm, y_up, ...
     """
-    if (line := options.line_named(scene)) is not None:
+    if (line := options.load_line_or_none(scene)) is not None:
         others = {"--ask": ask != "all", "--with": other is not None, "--deep": deep, "--verbose": verbose}
-        points = options.line_points(options.with_limits(line, limits), set_, case, others)
+        points = options.line_points_from_options(options.with_limits(line, limits), set_, case, others)
         second_scene = _scene_of_second_solver(points[0].scene, second, second_set)
         return _check_line(points, tol, tol_tension, out, second_scene, require, self_test, sensitive)
     faults = _option_faults(tol, tol_tension, with_tol, ask)
-    loaded = options.with_limits(options.scene_named(scene, faults, travelling=True), limits)
+    loaded = options.with_limits(options.load_scene_or_refuse(scene, faults, needs_mass=True), limits)
     points = _grid_of_scenes(loaded, set_, case)
     settings = {"tol": 1e-3 if tol is None else tol, "tol_tension": tol_tension, "ask": ask}
     if len(points) > 1:
@@ -88,7 +88,7 @@ def _report_check(result: "Check", folder: Path, verbose: bool, sensitive: bool,
     from validation.core.readback import StoredResults
     from validation.page import printing, report
 
-    with terminal.copy_printed() as lines:
+    with terminal.copy_printed_lines() as lines:
         words.print_check(result, verbose)
     if sensitive:
         from validation.commands.check import sensitivity
@@ -99,11 +99,11 @@ def _report_check(result: "Check", folder: Path, verbose: bool, sensitive: bool,
     a = result.a.finest
     b = result.b.finest
     terminal.print_text(f"  written to {folder}: report.html, {a.method}/, {b.method}/")
-    broken = printing.report_broken_runs(a, b)
+    broken = printing.print_broken_runs(a, b)
     wrong = (
         0
         if broken
-        else report.read_back_outputs("check", StoredResults(folder, [a.method, b.method], judged=True), lines)
+        else report.read_back_and_report("check", StoredResults(folder, [a.method, b.method], judged=True), lines)
     )
     unmet = require and judge.any_limit_fails(result.limits)
     sound = result.verdict.value == "agree" and not (result.doubts or wrong or unmet)
@@ -117,7 +117,7 @@ def _report_check(result: "Check", folder: Path, verbose: bool, sensitive: bool,
 
 
 def _check_line(
-    points: list[options.Point], tol: float | None, tol_tension: float | None, out: Path | None, second: Any,
+    points: list[options.GridPoint], tol: float | None, tol_tension: float | None, out: Path | None, second: Any,
     require: bool, self_test: bool, sensitive: bool,
 ) -> int:  # fmt: skip
     """Check a line of several contacts, at rest or in motion; return the exit code.
@@ -159,9 +159,9 @@ def _check_line(
     return code or int(verdict.value != "disagree")
 
 
-def _grid_of_scenes(scene: Any, pairs: list[str] | None, cases: list[str] | None) -> list[options.Point]:
+def _grid_of_scenes(scene: Any, pairs: list[str] | None, cases: list[str] | None) -> list[options.GridPoint]:
     """Scenes of a grid; Refused for settings of a method."""
-    points = options.points_of(scene, pairs, cases)
+    points = options.grid_points_from_options(scene, pairs, cases)
     if settings := sorted({key for point in points for key in point.settings}):
         raise store.Refused(f"--set {settings[0]}: check chooses its settings; keys of the scene have a dot")
     return points
@@ -199,7 +199,7 @@ def _check_and_write(
         progress("writing", 0.3)
         runs = result.a.finest, result.b.finest
         with do_in_background(partial(_write_animations, folder, runs)):
-            report.write_report(folder, "check")
+            report.write_report_and_finish(folder, "check")
         for r in runs:
             write_summary_and_profile(folder / r.method, scene, r)
         store.mark_finished(folder, "check")
@@ -210,9 +210,13 @@ def _check_and_write(
 def _scene_of_second_solver(scene: Any, file: Path | None, pairs: list[str] | None) -> Any:
     """The scene for the second solver; None if the same."""
     name = str(file)
-    other = scene if file is None else options.line_named(name) or options.scene_named(name, travelling=True)
+    other = (
+        scene
+        if file is None
+        else options.load_line_or_none(name) or options.load_scene_or_refuse(name, needs_mass=True)
+    )
     try:
-        points = options.points_of(other, pairs)
+        points = options.grid_points_from_options(other, pairs)
     except store.Refused as error:
         raise store.Refused([fault.replace("--set", "--second-set", 1) for fault in error.faults]) from None
     if len(points) > 1 or points[0].settings:
@@ -224,21 +228,21 @@ def _write_animations(folder: Path, runs: "tuple[Response, ...]") -> None:
     from validation.page import paraview  # slow to load
 
     for run in runs:
-        paraview.write_animation(run, folder / run.method)
+        paraview.write_paraview_files(run, folder / run.method)
 
 
-def _check_grid(scene: Any, points: list[options.Point], out: Path | None, require: bool, **settings: Any) -> int:
+def _check_grid(scene: Any, points: list[options.GridPoint], out: Path | None, require: bool, **settings: Any) -> int:
     """Check every point of a grid; 1 unless all agree."""
     from validation.commands.check import study
     from validation.core.limits import columns_fail
     from validation.page.answer import many
 
-    def row_and_path(point: options.Point) -> tuple[dict[str, Any], Any]:
+    def row_and_path(point: options.GridPoint) -> tuple[dict[str, Any], Any]:
         result = study.check(point.scene, **settings)
         r = replace(result.a.finest, design=result.design)
-        return many.table_row(point.scene, r, result.verdict.value), many.path_columns(r)
+        return many.answer_row(point.scene, r, result.verdict.value), many.sparse_path_columns(r)
 
-    rows = many.answer_grid("check", "grid-check", scene, points, out, row_and_path, many.run_columns)
+    rows = many.answer_and_store_grid("check", "grid-check", scene, points, out, row_and_path, many.run_table_columns)
     if require and columns_fail(rows):
         return 1
     return 0 if all(row["verdict"] == "agree" for row in rows) else 1

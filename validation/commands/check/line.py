@@ -31,7 +31,7 @@ from validation.core import line_laws, store
 from validation.core.agreement import FACTOR_DISAGREE, Agreement, Bound, BoundPart, no_bound
 from validation.core.order import FIRST, error_bar
 from validation.page import line as page
-from validation.page.options import Point, tolerance_faults
+from validation.page.options import GridPoint, tolerance_faults
 
 FINEST = 32  # elements on each piece, at most
 ROUNDING = 256 * np.finfo(float).eps  # of the reach for lengths, of EA for forces
@@ -213,7 +213,7 @@ def recheck_outputs(result: RestAnswers) -> list[Agreement]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         result.write(folder, 0.0)
-        html = "".join(section.html + section.summary for section in page.sections(folder))
+        html = "".join(section.html + section.summary for section in page.line_sections(folder))
         return line_laws.check_printed(result.line.to_toml(), result.rest, folder, html, page.WORDS)
 
 
@@ -240,7 +240,7 @@ def refuse_tolerances_out_of_range(tol: float, tol_tension: float | None) -> Non
         raise store.Refused([f"{fault}, of a line at rest" for fault in faults])
 
 
-def refuse_unlike_second_line(points: Sequence[Point], second: Line | None) -> None:
+def refuse_unlike_second_line(points: Sequence[GridPoint], second: Line | None) -> None:
     """Refuse a second line that is another one."""
     if second is not None and any(
         _contact_kinds_and_car_shoes(second) != _contact_kinds_and_car_shoes(point.scene) for point in points

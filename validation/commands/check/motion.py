@@ -24,7 +24,7 @@ from validation.core.agreement import DEFAULT_TOL, FORCES, Agreement, Verdict, o
 from validation.core.ladder import Branch, Ladder
 from validation.core.motion_rows import Comparison, LineRun, LineTolerance, Scales, largest_tension_at_start, law_row
 from validation.core.sidebyside import Progress, no_progress
-from validation.page.options import Point, tolerance_faults
+from validation.page.options import GridPoint, tolerance_faults
 
 TOL = DEFAULT_TOL
 SECOND = SINES.name  # solver that a planted fault is for
@@ -130,7 +130,7 @@ def refuse_tolerances_out_of_range(tol: float, tol_tension: float | None) -> Non
         raise store.Refused(faults)
 
 
-def refuse_unlike_second_line(points: Sequence[Point], second: Line | None) -> None:
+def refuse_unlike_second_line(points: Sequence[GridPoint], second: Line | None) -> None:
     """Refuse a second line that is another one."""
     if second is not None and any(
         _names_of_contacts_and_cars(second) != _names_of_contacts_and_cars(point.scene) for point in points

@@ -8,34 +8,39 @@ from validation.core import store
 from validation.page import line, motion
 from validation.page.answer import figures as draw
 from validation.page.answer import many
-from validation.page.answer.content import answer_content
-from validation.page.answer.stored import read_answer
+from validation.page.answer.content import answer_page_content
+from validation.page.answer.stored import read_stored_check
 from validation.page.page import VERDICTS, Section, render_sections, worst_verdict
 
 WORDS = store.shipped_toml(__package__, "words.toml")
+LINE_PAGES: dict[str, tuple[Any, Any]] = {
+    "rest-check": (line.line_sections, line.line_grid_sections),
+    "motion-check": (motion.motion_sections, motion.motion_grid_sections),
+}
 COUNTED = WORDS["counted"]
 
 
 def sections(folder: Path) -> list[Section]:
-    for home, kind in (("rest-check", line), ("motion-check", motion)):
+    for home, (line_sections, grid_sections) in LINE_PAGES.items():
         if (folder / home).is_dir():
             judged = store.read_json(folder / "agreement.json")
-            return kind.sections(folder / home, judged["rows"], judged["verdict"])
+            return line_sections(folder / home, judged["rows"], judged["verdict"])
         if (folder / f"grid-{home}").is_dir():
-            return kind.grid_sections(folder / f"grid-{home}")
+            return grid_sections(folder / f"grid-{home}")
     grid = folder / "grid-check" / "grid.json"
     single = folder / "agreement.json"
     if grid.exists() and (not single.exists() or grid.stat().st_mtime > single.stat().st_mtime):
-        return many.sections(grid.parent)
-    x = read_answer(folder)
+        return many.run_grid_sections(grid.parent)
+    x = read_stored_check(folder)
     if x is None:
         return [Section("answer", "Answer", "", "not comparable", "No answer: every run broke at its start.")]
-    own = [row for row in x.rows if not row.get("with")]  # of both solvers; a third party has its own verdict
+    # of both solvers; a third party has its own verdict
+    own = [row for row in x.comparison_rows if not row.get("with")]
     return render_sections(
-        __package__, **answer_content(x) | {"verdict": worst_deciding_verdict(own) or "not comparable"},
+        __package__, **answer_page_content(x) | {"verdict": worst_deciding_verdict(own) or "not comparable"},
         words=WORDS, named=_comparison_name, said=agreement_sentence(own), doubts=x.agreement.get("doubts", []),
-        third=third_party_verdict_and_sentence(x.rows, x.third_party.method) if x.third_party else None,
-        groups=_summary_rows_of_groups(x.rows),
+        third=third_party_verdict_and_sentence(x.comparison_rows, x.third_party.method) if x.third_party else None,
+        groups=_summary_rows_of_groups(x.comparison_rows),
         distance=draw.plot_path_distance(x) if len(x.runs) > 1 else "",
     )  # fmt: skip
 

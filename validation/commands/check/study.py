@@ -102,10 +102,10 @@ class Check:
         return f"Check({self.scene.name}: {self.verdict.value}, {len(self.rows)} rows, tol = {self.tol:g}; {outcome})"
 
     def _repr_html_(self) -> str:
-        from validation.page.page import table_by_heading  # for notebooks alone
+        from validation.page.page import html_table_by_heading  # for notebooks alone
 
         columns = {"quantity": "what", "value": "value", "when": "t", "where": "at"}
-        rows = table_by_heading(map(design_row_texts, key_numbers(self.design)), columns)
+        rows = html_table_by_heading(map(design_row_texts, key_numbers(self.design)), columns)
         return f"<div><p>{html.escape(repr(self))}</p>{rows}{self.a.finest._repr_html_()}</div>"
 
     @property

@@ -11,10 +11,10 @@ from validation.page import printing, terminal
 def print_check(result: Check, verbose: bool = False) -> None:
     """Print the verdict, important numbers, and their certainty."""
     terminal.print_verdict(result.own_verdict.value)
-    printing.print_answer(result.scene, replace(result.a.finest, design=result.design))
+    printing.print_run_summary(result.scene, replace(result.a.finest, design=result.design))
     if ends := [x for x in result.quasi_static if x["event"] in ("arrival", "back", "stop")]:
         terminal.print_text("  by the quasi-static model, without the inertia of the rope:")
-        printing.print_last_events(ends[-1:])
+        printing.print_last_five_events(ends[-1:])
     rows = [row.to_json() for row in result.rows]
     terminal.print_text(f"  {agreement_sentence([row for row in rows if not row.get('with')])}")
     for name in dict.fromkeys(row["with"] for row in rows if row.get("with")):
@@ -24,4 +24,4 @@ def print_check(result: Check, verbose: bool = False) -> None:
         terminal.print_text(f"  {method}: {flag}", style="yellow")
     if shown := [row for row in result.rows if verbose or (row.decides and row.verdict is not Verdict.AGREE)]:
         terminal.print_text()
-        printing.print_rows(shown)
+        printing.print_agreements(shown)

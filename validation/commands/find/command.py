@@ -32,8 +32,8 @@ def command(
     they print is as sure as the number that decides.
     """
     faults = [] if model in ("quasi-static", "full") else [f"--model = {model!r}: must be quasi-static or full"]
-    loaded = options.line_named(scene) or options.scene_named(scene, faults, travelling=True)
-    points = options.points_of(options.with_limits(loaded, limits), set_)
+    loaded = options.load_line_or_none(scene) or options.load_scene_or_refuse(scene, faults, needs_mass=True)
+    points = options.grid_points_from_options(options.with_limits(loaded, limits), set_)
     if len(points) > 1 or points[0].settings:
         raise store.Refused("--set: one value for each key of the scene; --for takes several")
     name, ends = _key_and_range(key)
@@ -58,12 +58,12 @@ def command(
         except study.Interrupted as stop:
             result = stop.found
         result.write(folder)
-        report.write_report(folder, "find")
-        with terminal.copy_printed() as lines:
+        report.write_report_and_finish(folder, "find")
+        with terminal.copy_printed_lines() as lines:
             for sentence in result.sentence.splitlines():
                 terminal.print_text(sentence, style="bold")
         page = (folder / store.REPORT).read_text(encoding="utf-8")
-        wrong = report.report_faults(folder, "find", list(find_faults(folder, page, lines)))
+        wrong = report.report_read_back_faults(folder, "find", list(find_faults(folder, page, lines)))
         if result.interrupted:
             raise KeyboardInterrupt(f"what was computed is in {folder / 'find.json'}")
     return wrong or int(not result.changes)

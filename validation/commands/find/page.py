@@ -6,7 +6,7 @@ import numpy as np
 
 from validation.core import store
 from validation.page.page import Section, render_sections
-from validation.page.plot import BLUE, Panel, plot
+from validation.page.plot import BLUE, Panel, svg_figure
 
 
 def sections(folder: Path) -> list[Section]:
@@ -18,8 +18,10 @@ def sections(folder: Path) -> list[Section]:
         x, y = np.array(points, float).T
         p = Panel(stored["key"], "", 220.0)
         p.add_curve(x, y, BLUE, "", 1.8)
-        p.fit_axis([y])
-        figure = plot([p], (float(x.min()), float(x.max())), stored["for"], f"{stored['key']} over {stored['for']}.")
+        p.fit_y_axis([y])
+        figure = svg_figure(
+            [p], (float(x.min()), float(x.max())), stored["for"], f"{stored['key']} over {stored['for']}."
+        )
     for row in stored.get("evaluations", []):
         row["said"] = "; ".join(_observed_text(x) for of_scene in row["read"] for x in of_scene)
     return render_sections(__package__, found=stored, rows=rows, figure=figure)

@@ -23,7 +23,7 @@ from validation.core import store
 from validation.core.quantities import with_bar
 from validation.core.sidebyside import Progress, no_progress
 from validation.core.store import Refused
-from validation.page.answer.many import write_rows
+from validation.page.answer.many import write_csv_rows
 
 BRACKETS = 8  # parts of the range that are looked at
 HALVINGS = 12  # of a part in which the condition changes, at most
@@ -129,7 +129,7 @@ class Curve:
 
     def write(self, folder: Path) -> None:
         names = {"at": self.other, "value": self.key, "answer": "answer"}
-        write_rows(folder / "find.csv", [{names[name]: x for name, x in row.items()} for row in self.rows])
+        write_csv_rows(folder / "find.csv", [{names[name]: x for name, x in row.items()} for row in self.rows])
         write_json(folder / "find.json", {"for": self.other, "key": self.key, "rows": self.rows})
 
 

@@ -1,7 +1,7 @@
 import math
 
 from validation.page import terminal
-from validation.page.options import Out, SceneName, run_study, scene_named
+from validation.page.options import Out, SceneName, load_scene_or_refuse, run_study
 
 EXAMPLE = "cablefem modes bare"
 
@@ -11,7 +11,7 @@ def command(scene: SceneName, out: Out = None) -> int:
 
     From both solvers and the exact theory, omega l sqrt(rho/H). Writes DIR/: modes.json and report.html.
     """
-    loaded = scene_named(scene)
+    loaded = load_scene_or_refuse(scene)
 
     from validation.commands.modes.study import COUNT, EXACT, modes
     from validation.page import printing
@@ -23,5 +23,5 @@ def command(scene: SceneName, out: Out = None) -> int:
     ]
     terminal.print_table(["mode", "Hz", *found.omega], rows, right=["mode", "Hz", *found.omega])
     terminal.print_text()
-    printing.print_rows(found.rows)
+    printing.print_agreements(found.rows)
     return 0 if all(row.verdict.value == "agree" for row in found.rows) else 1

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from validation.core import store
 from validation.oracles.case import BEST
-from validation.page.figures import DASHES, MARKERS, PALETTE, captioned_figure, panels, report_style
+from validation.page.figures import DASHES, MARKERS, PALETTE, captioned_figure, figure_with_axes, report_style
 from validation.page.page import Section, render_sections
 from validation.page.plot import GREY
 
@@ -39,7 +39,7 @@ def _rows_by_wing(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]
 
 @report_style()
 def _draw_errors(rows: Sequence[dict[str, Any]], title: str) -> Figure:
-    fig, ax = panels(height=3.9)
+    fig, ax = figure_with_axes(height=3.9)
     for i, row in enumerate(rows):
         pairs = [(n, e) for n, e in zip(row["sizes"], row["errors"], strict=True) if e is not None]
         n, e = np.array(pairs, float).reshape(-1, 2).T  # none of a row that broke

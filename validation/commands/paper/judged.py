@@ -119,7 +119,7 @@ def evaluate_expression(expression: str | float, names: Row) -> float:
     """The value of an expression; an unknown name is an error."""
     if not isinstance(expression, str):
         return expression
-    return float(page.compile_expression(expression)(**names))
+    return float(page.compile_template_expression(expression)(**names))
 
 
 def render_sentence(template: str, names: Row) -> str:
@@ -138,7 +138,7 @@ def fixed_decimals(x: float, decimals: int = 0, factor: float = 1.0) -> str:
 def power_of_ten_text(x: float) -> str:
     """A number to one digit as 2·10⁻⁵."""
     mantissa, exponent = f"{x:.0e}".split("e")
-    return f"{mantissa}·10{page.superscript(int(exponent))}"
+    return f"{mantissa}·10{page.superscript_text(int(exponent))}"
 
 
 _TEMPLATES = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)

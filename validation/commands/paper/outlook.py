@@ -10,7 +10,7 @@ from cablefem.scene.line import Line
 from validation.commands.run.motion import ELEMENTS, LineRuns
 from validation.core.ladder import Ladder
 from validation.core.motion_rows import design_with_bars, turning_series
-from validation.page.motion import unit_of
+from validation.page.motion import motion_unit
 
 ANGLES = ("0", "5", "15")  # [deg] of the thrust above the line of the wheels
 POINT = {"car.sled.wheels": None, "car.sled.drive.thrust.angle": 0.0}
@@ -42,7 +42,7 @@ def _ride_numbers(ladder: Ladder, point: Ladder, line: Line) -> Row:
     numbers = {"end": _value_with_bar(ladder, lambda run: float(_first_car(run).point[-1, 0] / line.contact[-1].at[0]))}
     numbers["away"] = _value_with_bar(ladder, distance_from_point)
     numbers["away"]["bar"] += point.bar(distance_from_point)
-    for row in design_with_bars(ladder, None, line, unit_of):
+    for row in design_with_bars(ladder, None, line, motion_unit):
         numbers[row["quantity"]] = row
     return numbers | {
         "change": (_depths_at_positions(ladder.finest) - at_point).tolist(),

@@ -17,7 +17,7 @@ from cablefem.scene import Scene
 from validation.commands.paper.judged import render_sentence
 from validation.core import store
 from validation.core.quantities import with_bar
-from validation.page.figures import captioned_figure, panels, report_style
+from validation.page.figures import captioned_figure, figure_with_axes, report_style
 from validation.page.page import Section, number_html, render_sections
 from validation.page.plot import BLACK, BLUE, GREY
 
@@ -72,7 +72,7 @@ def _draw_frequencies(one: dict[str, Any], content: dict[str, Any], runs: Shown)
     f = content["frequencies"]
     linear = f["linear_theory"]
     exact = f["exact"]
-    fig, (top, bottom) = panels(2, 1, height=5.0, sharex=True)
+    fig, (top, bottom) = figure_with_axes(2, 1, height=5.0, sharex=True)
     top.axhline(linear, **STATIC | {"label": f"linear theory {linear:.5f}"})
     top.axhline(exact, color=BLACK, linewidth=1.0, linestyle="-", label=f"exact catenary {exact:.5f}")
     bottom.axhline(linear / exact - 1.0, **STATIC)
@@ -96,7 +96,7 @@ def _draw_paths(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Fi
     """Draw the path of the mass in one reading, over s_o/l; the first run says where the cable is slack."""
     first = runs[0][0]
     reading = one["reading"]
-    fig, ax = panels(height=3.4)
+    fig, ax = figure_with_axes(height=3.4)
     _shade_slack(ax, first)
     for position in one.get("marks", ()):
         ax.axvline(position, **DOTTED)
@@ -119,7 +119,7 @@ def _draw_along_cable(one: dict[str, Any], content: dict[str, Any], runs: Shown)
     first = runs[0][0]
     scene = Scene.from_toml(first.scene_toml)
     positions = one["places"]
-    fig, axes = panels(len(positions), 1, height=1.15 + 1.25 * len(positions), sharex=True, sharey=True)
+    fig, axes = figure_with_axes(len(positions), 1, height=1.15 + 1.25 * len(positions), sharex=True, sharey=True)
     draw = _draw_shapes if one["draw"] == "shapes" else _draw_tensions
     for ax, position in zip(axes, positions, strict=True):
         draw(ax, scene, runs, position)
@@ -166,7 +166,7 @@ def _nearest_frame(r: Response, position: float) -> int:
 
 
 def _draw_tension_levels(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
-    fig, ax = panels(height=3.2)
+    fig, ax = figure_with_axes(height=3.2)
     _shade_slack(ax, runs[0][0])
     for r, look in runs:
         median = np.median(r.fields.T_pointwise, axis=1) / r.horizontal_tension
@@ -181,7 +181,7 @@ def _draw_travel_law(one: dict[str, Any], content: dict[str, Any], runs: Shown) 
     """Draw acceleration, speed and position of the mass over time."""
     motion = Scene.from_toml(runs[0][0].scene_toml).groups.motion
     assert motion is not None
-    fig, axes = panels(3, 1, height=4.2, sharex=True)
+    fig, axes = figure_with_axes(3, 1, height=4.2, sharex=True)
     for k, (t0, t1) in enumerate(motion.phases):
         t = np.linspace(t0, t1, 60)
         rows = np.array([motion.at(float(x), k) for x in t])
@@ -194,7 +194,7 @@ def _draw_travel_law(one: dict[str, Any], content: dict[str, Any], runs: Shown) 
 
 
 def _draw_overshoot(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
-    fig, ax = panels(height=3.2)
+    fig, ax = figure_with_axes(height=3.2)
     for method, ladder in content["overshoot"].items():
         n = [x["terms"] for x in ladder]
         sizes = [x["size"] for x in ladder]
@@ -207,7 +207,7 @@ def _draw_overshoot(one: dict[str, Any], content: dict[str, Any], runs: Shown) -
 
 def _draw_outlook(one: dict[str, Any], content: dict[str, Any], runs: Shown) -> Figure:
     x = content["outlook"]["x"]
-    fig, (top, bottom) = panels(2, 1, height=5.0, sharex=True)
+    fig, (top, bottom) = figure_with_axes(2, 1, height=5.0, sharex=True)
     for angle, color in FIGURES["angles"].items():
         ride = content["outlook"][angle]
         top.plot(x, ride["change"], "-", color=color, label=f"thrust at {angle}°")

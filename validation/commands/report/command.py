@@ -31,8 +31,10 @@ def command(context: typer.Context, quick: Quick = False, out: Annotated[Path | 
     parts = QUICK_PARTS if quick else PARTS
     if quick and out is None:
         out = store.ROOT / "report-quick"
+    root = out or store.ROOT
+    missing = report.claim_for_missing_parts(root, parts)
     broken = []
-    with report.missing_parts(out, parts) as (root, missing):
+    with report.commands_write_below(root):
         for i, part in enumerate(missing):
             terminal.print_text(f"part {i + 1} of {len(missing)}: cablefem {' '.join(part)}", style="bold")
             try:

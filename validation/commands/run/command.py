@@ -42,7 +42,7 @@ def command(
     from cablefem.scene.errors import did_you_mean, short_text
 
     run_options = {"model": model, "load": load, "law": law}
-    if (line := options.line_named(scene)) is not None:
+    if (line := options.load_line_or_none(scene)) is not None:
         others = {f"--{option}": given != CHOICES[option][0] for option, given in run_options.items()}
         others["--model"] = model not in ("full", QUASI_STATIC)
         others |= {"--method": method != METHOD, "--tol": tol is not None, "--no-bars": not bars}
@@ -50,7 +50,7 @@ def command(
         from validation.commands.run import motion, quasi
         from validation.commands.run.lines import answer_points
 
-        points = options.line_points(options.with_limits(line, limits), set_, case, others)
+        points = options.line_points_from_options(options.with_limits(line, limits), set_, case, others)
 
         def solve(x: Any, report: Any) -> Any:
             if model == QUASI_STATIC:
@@ -64,14 +64,14 @@ def command(
     ]  # fmt: skip
     faults += options.tolerance_faults(tol)
     chosen = None if model == QUASI_STATIC else _find_method(method, tol, faults)
-    loaded = options.with_limits(options.scene_named(scene, faults, travelling=True), limits)
-    points = options.points_of(loaded, set_, case)
+    loaded = options.with_limits(options.load_scene_or_refuse(scene, faults, needs_mass=True), limits)
+    points = options.grid_points_from_options(loaded, set_, case)
     if faults := [fault for point in points for fault in _run_faults(chosen, run_options, point, tol)]:
         raise store.Refused(list(dict.fromkeys(faults)))
 
     from validation.commands.run import study
 
-    def solve_point(point: options.Point, progress: Callable[..., None]) -> "tuple[Response, str]":
+    def solve_point(point: options.GridPoint, progress: Callable[..., None]) -> "tuple[Response, str]":
         how = run_options | point.settings
         return study.run_and_answer(point.scene, chosen, tol=tol, bars=bars, progress=progress, **how)
 
@@ -81,7 +81,7 @@ def command(
 
 
 def _run_and_report(
-    point: options.Point, name: str, solve: "Callable[..., tuple[Response, str]]", out: Path | None, require: bool
+    point: options.GridPoint, name: str, solve: "Callable[..., tuple[Response, str]]", out: Path | None, require: bool
 ) -> int:  # fmt: skip
     from validation.core import limits
     from validation.core.answers import write_summary_and_profile
@@ -97,15 +97,15 @@ def _run_and_report(
     with do_in_background(partial(_write_animation, r, folder / name)) if name != QUASI_STATIC else nullcontext():
         r.write(folder / name)
         write_summary_and_profile(folder / name, scene, r)
-        report.write_report(folder, "run")
+        report.write_report_and_finish(folder, "run")
     store.mark_finished(folder, "run")  # with the animation's files
-    with terminal.copy_printed() as lines:
-        printing.print_answer(scene, r)
-        printing.print_cost(r)
+    with terminal.copy_printed_lines() as lines:
+        printing.print_run_summary(scene, r)
+        printing.print_method_and_flags(r)
     terminal.print_text(f"  written to {folder}: report.html, {name}/")
-    if broken := printing.report_broken_runs(r):
+    if broken := printing.print_broken_runs(r):
         return broken
-    wrong = report.read_back_outputs("run", StoredResults(folder, [name], judged=False), lines)
+    wrong = report.read_back_and_report("run", StoredResults(folder, [name], judged=False), lines)
     if missed:
         terminal.print_faults([missed])
         return 1
@@ -118,7 +118,7 @@ def _run_and_report(
 def _write_animation(response: "Response", folder: Path) -> None:
     from validation.page import paraview  # slow to load
 
-    paraview.write_animation(response, folder)
+    paraview.write_paraview_files(response, folder)
 
 
 def _find_method(name: str, tol: float | None, faults: list[str]) -> Any:
@@ -134,7 +134,7 @@ def _find_method(name: str, tol: float | None, faults: list[str]) -> Any:
     return method
 
 
-def _run_faults(method: Any, run_options: dict[str, Any], point: options.Point, tol: float | None) -> list[str]:
+def _run_faults(method: Any, run_options: dict[str, Any], point: options.GridPoint, tol: float | None) -> list[str]:
     """Settings that the method does not take, or why it cannot run the scene."""
     from validation.core.running import Run
 

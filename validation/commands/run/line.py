@@ -24,7 +24,13 @@ from validation.core.answers import STATIONS, Outcome
 from validation.core.scene_data import ROUNDING
 from validation.page import terminal
 from validation.page.answer import many as table
-from validation.page.line import WORDS, largest_and_smallest_rows, print_line, quantity_kind, value_text
+from validation.page.line import (
+    WORDS,
+    base_quantity,
+    largest_and_smallest_rows,
+    print_line_summary,
+    three_decimals_text,
+)
 
 # in the table of the terminal
 NOT_PRINTED = ("tension", "tension_behind", "tension_ahead", "pressure", "pressure_down", "load")
@@ -167,7 +173,7 @@ def _values_with_positions(line: Line, rows: Sequence[Row | None]) -> dict[str, 
     known = [(name, i, value) for i, row in enumerate(rows) for name, value in (row or {}).items()]
     series: dict[str, list[tuple[float, int]]] = {}
     for name, i, value in (*known, *_clearances_in_passing(line, rows)):
-        if isinstance(value, float) and quantity_kind(name) != "x":
+        if isinstance(value, float) and base_quantity(name) != "x":
             series.setdefault(name, []).append((value, i))
     return series
 
@@ -265,7 +271,7 @@ class RestAnswers(LineAnswers):
         line = self.line
         profile = envelope_columns(self.rest)
         rows = [{"position": i + 1} | (x or {}) for i, x in enumerate(self.numbers)]
-        table.write_rows(folder / "positions.csv", rows)
+        table.write_csv_rows(folder / "positions.csv", rows)
         write_csv(folder / "profile.csv", ",".join(profile), np.stack(list(profile.values()), axis=1))
         write_text(folder / "scene.toml", line.to_toml())
         write_json(folder / "summary.json", {
@@ -286,9 +292,13 @@ class RestAnswers(LineAnswers):
 
     def print_answer(self, seconds: float) -> None:
         """Print outcome, limits, design numbers, and the first three positions without rest."""
-        rows = largest_and_smallest_rows([d for d in self.design if quantity_kind(d["quantity"]) not in NOT_PRINTED])
-        printed = [row for row in rows if row["largest"] != value_text(0.0, "m") or row["smallest"] != "the same"]
-        print_line(self.line, self.outcome.sentence, self.limits, printed, len(largest_and_smallest_rows(self.design)))
+        rows = largest_and_smallest_rows([d for d in self.design if base_quantity(d["quantity"]) not in NOT_PRINTED])
+        printed = [
+            row for row in rows if row["largest"] != three_decimals_text(0.0, "m") or row["smallest"] != "the same"
+        ]
+        print_line_summary(
+            self.line, self.outcome.sentence, self.limits, printed, len(largest_and_smallest_rows(self.design))
+        )
         for x in self.positions_without_rest[:3]:
             terminal.print_text(f"  position {x['position']}: {x['reason']}", style="bold red")
         if len(self.positions_without_rest) > 3:

@@ -19,7 +19,7 @@ from validation.core.sidebyside import Progress, no_progress
 from validation.page import line as at_rest
 from validation.page import motion, report, terminal
 from validation.page.answer import many as table
-from validation.page.options import Point
+from validation.page.options import GridPoint
 
 TOUCHES = -1e-6  # [m] a rope that ends on the ground does not hit it
 Row = dict[str, Any]
@@ -101,7 +101,8 @@ class LineAnswers:
 
 
 def answer_points(
-    command: str, points: Sequence[Point], out: Path | None, solve: Solve, require: bool = False, at_rest: bool = False
+    command: str, points: Sequence[GridPoint], out: Path | None, solve: Solve, require: bool = False,
+    at_rest: bool = False,
 ) -> int:  # fmt: skip
     """Answer a line or a grid, store, draw and print it.  at_rest : answers of lines in motion are states of rest.
 
@@ -143,16 +144,16 @@ def _answer_one(command: str, line: Line, moves: bool, out: Path | None, solve: 
         rows = [row.to_json() for row in result.rows]
         agreement = {"verdict": verdict, "methods": result.methods, "rows": rows, "limits": result.limits}
         write_json(folder / "agreement.json", agreement)
-    with terminal.copy_printed() as printed:
+    with terminal.copy_printed_lines() as printed:
         if result.verdict:
             terminal.print_verdict(result.verdict.value)
         result.print_answer(seconds)
         if result.rows:
             terminal.print_text(f"  {_counts_sentence(result)}")
-    report.write_report(folder, command)
-    html = "".join(f"{section.summary}{section.html}" for section in report.stored_pages(folder, command))
+    report.write_report_and_finish(folder, command)
+    html = "".join(f"{section.summary}{section.html}" for section in report.read_stored_sections(folder, command))
     faults = [*result.faults(folder / home, html), *printed_line_faults(printed, html, folder / home)]
-    report.report_faults(folder, command, faults)
+    report.report_read_back_faults(folder, command, faults)
     terminal.print_text(f"  written to {folder}: report.html, {home}/")
     return result.table_row() | {"faults": len(faults)}
 
@@ -176,9 +177,9 @@ def _counts_sentence(result: LineAnswers) -> str:
 
 
 def _answer_grid(
-    command: str, points: Sequence[Point], moves: bool, out: Path | None, solve: Solve
+    command: str, points: Sequence[GridPoint], moves: bool, out: Path | None, solve: Solve
 ) -> list[Row]:  # fmt: skip
-    def row_and_curve(point: Point) -> tuple[Row, Any]:
+    def row_and_curve(point: GridPoint) -> tuple[Row, Any]:
         try:
             result = solve(point.scene, no_progress)
         except (store.Refused, SceneError) as error:
@@ -188,5 +189,5 @@ def _answer_grid(
 
     line = points[0].scene
     kind = "motion" if moves else "rest"
-    columns = motion.motion_columns if moves else at_rest.line_columns
-    return table.answer_grid(command, f"grid-{kind}-{command}", line, points, out, row_and_curve, columns)
+    columns = motion.motion_table_columns if moves else at_rest.line_table_columns
+    return table.answer_and_store_grid(command, f"grid-{kind}-{command}", line, points, out, row_and_curve, columns)

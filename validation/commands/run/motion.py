@@ -43,8 +43,8 @@ from validation.core.readback import (
 from validation.core.sidebyside import Progress, map_in_parallel, no_progress
 from validation.core.wheels import pitch_period, with_wheel_loads
 from validation.page import terminal
-from validation.page.line import print_line
-from validation.page.motion import TABLE_QUANTITIES, comparison_words, number_rows, unit_of
+from validation.page.line import print_line_summary
+from validation.page.motion import TABLE_QUANTITIES, comparison_words, design_number_rows, motion_unit
 
 PATH = "t,s_o,x,y,u,v,T_behind,T_ahead,speed,F_haul,F_contact"  # columns of path-NAME.csv; see `turning_series`
 
@@ -437,8 +437,10 @@ class MotionAnswers(LineAnswers):
     def print_answer(self, seconds: float) -> None:
         """Print outcome, limits and the most important design numbers."""
         few = [d for d in self.design if d["quantity"].partition(":")[0] in TABLE_QUANTITIES]
-        printed = number_rows([d for d in few if d["value"]])  # a counterweight only sinks: its largest rise is 0
-        print_line(self.line, self.outcome.sentence, self.limits, printed, len(self.design))
+        printed = design_number_rows(
+            [d for d in few if d["value"]]
+        )  # a counterweight only sinks: its largest rise is 0
+        print_line_summary(self.line, self.outcome.sentence, self.limits, printed, len(self.design))
         settings = ", ".join(f"{value} {name}" for name, value in self.moved.settings.items())
         terminal.print_text(f"  {self.moved.method}, {settings}; {seconds:.1f} s")
 
@@ -453,7 +455,7 @@ def answer_line(line: Line, *, report: Progress = no_progress) -> MotionAnswers:
 def answers_of_ladders(line: Line, a: Ladder, b: Ladder | None, rows: Sequence[Agreement] = ()) -> MotionAnswers:
     finest: Any = a.finest
     other: Any = None if b is None else b.finest
-    design = design_with_bars(a, b, line, unit_of)
+    design = design_with_bars(a, b, line, motion_unit)
     empty = line.empty(catenary_line.solve)
     return MotionAnswers(line=line, moved=finest, empty=empty, design=design, other=other, rows=list(rows))
 

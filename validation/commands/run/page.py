@@ -7,13 +7,13 @@ from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.page import line, motion
 from validation.page.answer import many
-from validation.page.answer.content import answer_content
+from validation.page.answer.content import answer_page_content
 from validation.page.answer.stored import StoredAnswer
 from validation.page.page import Section, callout, render_sections
 
 HOMES: dict[str, Callable[[Path], list[Section]]] = {
-    "rest": line.sections, "grid-rest-run": line.grid_sections,
-    "motion-run": motion.sections, "grid-motion-run": motion.grid_sections,
+    "rest": line.line_sections, "grid-rest-run": line.line_grid_sections,
+    "motion-run": motion.motion_sections, "grid-motion-run": motion.motion_grid_sections,
 }  # fmt: skip
 
 
@@ -25,12 +25,12 @@ def sections(folder: Path) -> list[Section]:
     files = [*folder.glob("*/summary.json"), *folder.glob("*/grid.json")]
     last = max(files, key=lambda file: file.stat().st_mtime)
     if last.name == "grid.json":
-        return many.sections(last.parent)
+        return many.run_grid_sections(last.parent)
     found = Response.read(last.parent)
     if found.t.size < 2:
         return [Section("answer", "Answer", callout(f"The run broke at its start: {found.reason}.", "disagree"))]
     x = StoredAnswer(Scene.from_toml(found.scene_toml), (found,))
-    return render_sections(__package__, **answer_content(x))
+    return render_sections(__package__, **answer_page_content(x))
 
 
 def _written_at(home: Path) -> float:

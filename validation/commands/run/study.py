@@ -22,7 +22,7 @@ from validation.core.sampling import FRAMES
 from validation.core.sidebyside import no_progress
 from validation.core.watch import with_flag
 from validation.page.answer import many as table
-from validation.page.options import Point
+from validation.page.options import GridPoint
 
 
 def run_and_answer(
@@ -130,16 +130,16 @@ def run_faults(
 
 
 def answer_grid(
-    scene: Scene, points: Sequence[Point], solve: Callable[..., tuple[Response, str]], out: Path | None,
+    scene: Scene, points: Sequence[GridPoint], solve: Callable[..., tuple[Response, str]], out: Path | None,
     require: bool = False,
 ) -> int:  # fmt: skip
     """Answer every point of a grid; 2 where a run broke, 1 where limits are required and one fails."""
 
-    def row_and_path(point: Point) -> tuple[table.Row, Any]:
+    def row_and_path(point: GridPoint) -> tuple[table.Row, Any]:
         found = solve(point, no_progress)[0]
-        return table.table_row(point.scene, found), table.path_columns(found)
+        return table.answer_row(point.scene, found), table.sparse_path_columns(found)
 
-    rows = table.answer_grid("run", "grid", scene, points, out, row_and_path, table.run_columns)
+    rows = table.answer_and_store_grid("run", "grid", scene, points, out, row_and_path, table.run_table_columns)
     if any(x["outcome_kind"] == "incomplete" for x in rows):
         return 2
     return int(require and limits.columns_fail(rows))

@@ -22,7 +22,7 @@ from validation.commands.sweep.study import Study
 from validation.core import store
 from validation.core.quantities import KNOWN, quantity_words, unit_of, unit_scale
 from validation.page.answer.many import ENDS
-from validation.page.figures import captioned_figure, panels
+from validation.page.figures import captioned_figure, figure_with_axes
 from validation.page.page import Section, html_table, number_html, percent_text, render_sections
 from validation.page.plot import COLORS
 
@@ -108,7 +108,7 @@ def _draw_outcomes(rows: Any, axes: list[str], logs: set[str]) -> Markup:
     """Draw what becomes of the car over the first two axes, a colour for each kind."""
     x = axes[0]
     y = axes[1] if len(axes) > 1 else "speed_max"
-    fig, grid = panels(1, 1, height=2.9, squeeze=False)
+    fig, grid = figure_with_axes(1, 1, height=2.9, squeeze=False)
     ax = grid[0][0]
     for i, kind in enumerate(rows["outcome_kind"].value_counts().index):
         part = rows[rows["outcome_kind"] == kind]
@@ -156,7 +156,7 @@ def _draw_map(rows: Any, quantity: str, axes: list[str], logs: set[str]) -> Mark
     if len(axes) > 2:
         parts = _split_by_axis(rows, axes[2])
         split = f", {axes[2]} from left to right"
-    fig, grid = panels(1, len(parts), height=2.9 if len(parts) == 1 else 2.6, sharey=True, squeeze=False)
+    fig, grid = figure_with_axes(1, len(parts), height=2.9 if len(parts) == 1 else 2.6, sharey=True, squeeze=False)
     low, high = np.percentile(rows[quantity].to_numpy(float), [1, 99])
     for ax, (title, part) in zip(grid[0], parts, strict=True):
         dots = _draw_dots(ax, part, x, y, logs, c=part[quantity], vmin=low, vmax=high)

@@ -16,32 +16,38 @@ from validation.core.quantities import key_numbers, limit_text
 from validation.core.scene_data import SceneData
 from validation.page.answer import figures as draw
 from validation.page.answer.stored import StoredAnswer
-from validation.page.page import drawn_with, limits_of
-from validation.page.scene_keys import table_of_keys
-from validation.page.side_view import side_view
+from validation.page.page import limits_of, versions_footer
+from validation.page.scene_keys import scene_keys_table
+from validation.page.side_view import side_view_of_runs
 
 
-def answer_content(x: StoredAnswer) -> dict[str, Any]:
+def answer_page_content(answer: StoredAnswer) -> dict[str, Any]:
     """What assets/answer.html shows of a run or of a check of two."""
-    moving = [r for r in x.runs if r.fields.t.size > 1]
-    rows_of_limits = [limit_text(row) for row in limits.limit_rows(x.scene, x.design, x.all_events)]
-    view = side_view(x.scene, moving, range_T=draw.tension_range(x), third_party=x.third_party) if moving else ""
+    moving = [r for r in answer.runs if r.fields.t.size > 1]
+    rows_of_limits = [limit_text(row) for row in limits.limit_rows(answer.scene, answer.design, answer.all_events)]
+    view = (
+        side_view_of_runs(
+            answer.scene, moving, range_T=draw.compared_tension_range(answer), third_party=answer.third_party
+        )
+        if moving
+        else ""
+    )
     return {
-        "x": x,
-        "verdict": x.verdict,
-        "outcome": outcome_of_run(x.scene, replace(x.runs[0], design=x.design)).sentence,
-        "matter": key_numbers(x.design),
+        "x": answer,
+        "verdict": answer.verdict,
+        "outcome": outcome_of_run(answer.scene, replace(answer.runs[0], design=answer.design)).sentence,
+        "matter": key_numbers(answer.design),
         "view": view,
-        "has_values": lambda name: np.isfinite(getattr(x.runs[0], name)).any(),
-        "series": partial(draw.plot_series, x),
-        "energy_split": partial(draw.plot_energy_split, x),
-        "tension_field": partial(draw.plot_tension_field, x),
+        "has_values": lambda name: np.isfinite(getattr(answer.runs[0], name)).any(),
+        "series": partial(draw.plot_series, answer),
+        "energy_split": partial(draw.plot_energy_split, answer),
+        "tension_field": partial(draw.plot_tension_field, answer),
         "methods": METHODS,
-        "drawn_with": drawn_with(),
-        "limits": limits_of(rows_of_limits, limits.scope_sentences(x.scene)),
-        "inputs": table_of_keys(x.scene.to_toml()),
-        "loads": list(support_loads(x)),
-        "work": [_cost_row(r) for r in x.runs],
+        "drawn_with": versions_footer(),
+        "limits": limits_of(rows_of_limits, limits.scope_sentences(answer.scene)),
+        "inputs": scene_keys_table(answer.scene.to_toml()),
+        "loads": list(largest_support_loads(answer)),
+        "work": [_cost_row(r) for r in answer.runs],
     }
 
 
@@ -50,12 +56,12 @@ def _cost_row(r: Response) -> dict[str, Any]:
     return {"method": r.method, "n_dof": r.n_dof, "seconds": r.seconds, "reached": r.s_o[-1], **counts}
 
 
-def support_loads(x: StoredAnswer) -> Iterator[dict[str, Any]]:
+def largest_support_loads(answer: StoredAnswer) -> Iterator[dict[str, Any]]:
     """What each support carries when that is largest: components of one instant, means over an axial round trip."""
-    r = x.runs[0]
+    r = answer.runs[0]
     half = 0.5 * SceneData(r.scene_toml, r.length).round_trip
     for side in ("left", "right"):
-        row = next((d for d in x.design if d["quantity"] == f"reaction_{side}_max"), None)
+        row = next((d for d in answer.design if d["quantity"] == f"reaction_{side}_max"), None)
         if row is None or row["t"] is None:
             continue
         force = -getattr(r, f"reaction_{side}")  # of the rope on the support (n, 2)

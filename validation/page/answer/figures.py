@@ -15,16 +15,17 @@ from scipy.integrate import cumulative_trapezoid
 from cablefem.response import Array, Response
 from validation.core.quantities import unit_scale
 from validation.page.answer.stored import StoredAnswer
-from validation.page.page import compile_expression, read_asset
-from validation.page.plot import BLACK, BLUE, DASHED, DOTTED, GREEN, PURPLE, VERMILLION, Panel, plot
+from validation.page.page import compile_template_expression, read_asset
+from validation.page.plot import BLACK, BLUE, DASHED, DOTTED, GREEN, PURPLE, VERMILLION, Panel, svg_figure
 
 LOOKS = ((BLUE, ""), (VERMILLION, DASHED))
 POSITION = "metres along the rope"
 TIME = "time [s]"
 
 
-def _compared_values(x: StoredAnswer, r: Response, t: Array, values: Array) -> Array:
-    low, high = x.compared_times(r)
+def _values_at_compared_times(answer: StoredAnswer, r: Response, t: Array, values: Array) -> Array:
+    """The values (n,) at times t (n,) that are compared, all if none is."""
+    low, high = answer.compared_time_range(r)
     inside = (t >= low) & (t <= high)
     return values[inside] if inside.any() else values
 
@@ -33,80 +34,80 @@ def _time_or_position(r: Any, time: bool) -> Array:
     return r.t if time else r.s_o
 
 
-def _plot_with_events(x: StoredAnswer, panels: Sequence[Panel], caption: str, *, time: bool) -> Markup:
+def _figure_with_events(answer: StoredAnswer, panels: Sequence[Panel], caption: str, *, time: bool) -> Markup:
     """Draw panels over time or position, with verticals at the events and the slack onset."""
-    r = x.runs[0]
-    end = max(float(_time_or_position(run, time).max()) for run in x.runs)
-    verticals = [(event["t" if time else "s_o"], GREEN, "") for event in x.events]
-    if x.slack_onset_position is not None:
-        onset = float(np.interp(x.slack_onset_position, r.s_o, r.t)) if time else x.slack_onset_position
+    r = answer.runs[0]
+    end = max(float(_time_or_position(run, time).max()) for run in answer.runs)
+    verticals = [(event["t" if time else "s_o"], GREEN, "") for event in answer.main_events]
+    if answer.slack_onset_position is not None:
+        onset = float(np.interp(answer.slack_onset_position, r.s_o, r.t)) if time else answer.slack_onset_position
         verticals.append((onset, BLACK, DOTTED))
-    for p in panels:
-        p.verticals = verticals
-    return plot(panels, (0.0, end), TIME if time else POSITION, caption)
+    for panel in panels:
+        panel.verticals = verticals
+    return svg_figure(panels, (0.0, end), TIME if time else POSITION, caption)
 
 
-def plot_series(x: StoredAnswer, rows: Sequence[tuple[str, str, str]], caption: str, *, time: bool) -> Markup:
+def plot_series(answer: StoredAnswer, rows: Sequence[tuple[str, str, str]], caption: str, *, time: bool) -> Markup:
     """Draw series (words, unit, expression of a run r) below one another; "below" points down."""
-    panels = [_series_panel(x, title, unit, compile_expression(text), time) for title, unit, text in rows]
-    return _plot_with_events(x, panels, caption, time=time)
+    panels = [_series_panel(answer, title, unit, compile_template_expression(text), time) for title, unit, text in rows]
+    return _figure_with_events(answer, panels, caption, time=time)
 
 
-def _series_panel(x: StoredAnswer, title: str, unit: str, of: Callable[..., Any], time: bool) -> Panel:
+def _series_panel(answer: StoredAnswer, title: str, unit: str, values_of: Callable[..., Any], time: bool) -> Panel:
     # limits from the compared part, before slack
-    inside = [_compared_values(x, r, r.t, of(r=r)) for r in x.runs]
+    inside = [_values_at_compared_times(answer, r, r.t, values_of(r=r)) for r in answer.runs]
     factor, name = unit_scale(np.concatenate(inside), unit)
     p = Panel(f"[{name}]", title, 110.0, down="below" in title)
-    p.fit_axis([factor * values for values in inside])
-    for r, look in zip(x.runs, LOOKS, strict=False):
-        p.add_curve(_time_or_position(r, time), factor * of(r=r), *look, name=r.method)
-    values = None if x.third_party is None else _series_of_third_party(x.third_party, of)
+    p.fit_y_axis([factor * values for values in inside])
+    for r, look in zip(answer.runs, LOOKS, strict=False):
+        p.add_curve(_time_or_position(r, time), factor * values_of(r=r), *look, name=r.method)
+    values = None if answer.third_party is None else _third_party_series(answer.third_party, values_of)
     if values is not None:
-        _add_third_party(p, x.third_party, _time_or_position(x.third_party, time), factor * values)
+        _add_third_party_curve(p, answer.third_party, _time_or_position(answer.third_party, time), factor * values)
     return p
 
 
-def _add_third_party(p: Panel, third_party: Any, at: Array, values: Array, words: str = "") -> None:
-    p.add_curve(at, values, PURPLE, DASHED, 2.2, words + third_party.method)
+def _add_third_party_curve(panel: Panel, third_party: Any, abscissa: Array, values: Array, before: str = "") -> None:
+    panel.add_curve(abscissa, values, PURPLE, DASHED, 2.2, before + third_party.method)
 
 
-def _series_of_third_party(third_party: Any, of: Callable[..., Any]) -> Array | None:
+def _third_party_series(third_party: Any, values_of: Callable[..., Any]) -> Array | None:
     """A series of a third party; None if it lacks it."""
     try:
-        values = of(r=third_party)
+        values = values_of(r=third_party)
     except (UndefinedError, TypeError):
         return None
     return None if isinstance(values, Undefined) else values
 
 
-def plot_path_distance(x: StoredAnswer) -> Markup:
+def plot_path_distance(answer: StoredAnswer) -> Markup:
     """Draw the distance of both paths, of a third party's too, and the sum of both error bars."""
-    a, b = x.runs
-    time = x.free
-    at, gap = _axis_and_path_distance(a, b, time)
-    inside = _compared_values(x, a, a.t, np.pad(gap, (0, a.t.size - gap.size)))
+    a, b = answer.runs
+    time = answer.is_free_ride
+    abscissa, gap = _abscissa_and_path_distance(a, b, time)
+    inside = _values_at_compared_times(answer, a, a.t, np.pad(gap, (0, a.t.size - gap.size)))
     factor, unit = unit_scale(inside, "m")
     p = Panel(f"apart [{unit}]", height=150.0)
-    p.add_curve(at, factor * gap, BLACK, "", 1.6, "distance of the paths")
+    p.add_curve(abscissa, factor * gap, BLACK, "", 1.6, "distance of the paths")
     largest = float(inside.max(initial=0.0))
-    ours = [row for row in x.rows if not row.get("with")]  # without another program's path
+    ours = [row for row in answer.comparison_rows if not row.get("with")]  # without another program's path
     allowed = next((row["allowed"] for row in ours if row["quantity"] == "path_max"), None)
     if allowed is not None:
         bars = allowed * a.path_scale
-        times = np.array(x.compared_times(a))
+        times = np.array(answer.compared_time_range(a))
         ends = times if time else np.interp(times, a.t, a.s_o)
         p.add_curve(ends, np.full(2, factor * bars), GREEN, "9 3 2 3", 2.0, "sum of both error bars")
         largest = max(largest, bars)
-    if x.third_party is not None:
-        at, gap = _axis_and_path_distance(a, x.third_party, time)
-        _add_third_party(p, x.third_party, at, factor * gap, "distance to ")
+    if answer.third_party is not None:
+        abscissa, gap = _abscissa_and_path_distance(a, answer.third_party, time)
+        _add_third_party_curve(p, answer.third_party, abscissa, factor * gap, "distance to ")
         largest = max(largest, float(gap.max(initial=0.0)))
-    p.show_four_decades(factor * largest)
-    return _plot_with_events(x, [p], "How far the two paths of the car are apart.", time=time)
+    p.show_four_log_decades(factor * largest)
+    return _figure_with_events(answer, [p], "How far the two paths of the car are apart.", time=time)
 
 
-def _axis_and_path_distance(a: Response, b: Any, time: bool) -> tuple[Array, Array]:
-    """The axis and the distance of two paths [m] where both exist, of the components that b has."""
+def _abscissa_and_path_distance(a: Response, b: Any, time: bool) -> tuple[Array, Array]:
+    """Time or position, and the distance of two paths [m] where both exist, of the components that b has."""
     at = _time_or_position(a, time)
     of_b = _time_or_position(b, time)
     both = (at >= of_b[0]) & (at <= of_b[-1])
@@ -119,15 +120,15 @@ def _axis_and_path_distance(a: Response, b: Any, time: bool) -> tuple[Array, Arr
     return at[both], np.linalg.norm(parts, axis=0)
 
 
-def tension_range(x: StoredAnswer) -> tuple[float, float]:
+def compared_tension_range(answer: StoredAnswer) -> tuple[float, float]:
     """Smallest and largest tension [N] of the compared part of the fields."""
-    parts = np.concatenate([_compared_values(x, r, r.fields.t, r.fields.T).ravel() for r in x.runs])
+    parts = np.concatenate([_values_at_compared_times(answer, r, r.fields.t, r.fields.T).ravel() for r in answer.runs])
     return max(0.0, float(parts.min())), float(parts.max())
 
 
-def plot_tension_field(x: StoredAnswer, r: Response, caption: str) -> Markup:
+def plot_tension_field(answer: StoredAnswer, r: Response, caption: str) -> Markup:
     """Draw tension over time and position, with five numbers on it across and three up."""
-    low, high = tension_range(x)
+    low, high = compared_tension_range(answer)
     factor, unit = unit_scale(np.array([low, high]), "N")
     f = r.fields
     end = float(r.t[-1])
@@ -143,15 +144,15 @@ def plot_tension_field(x: StoredAnswer, r: Response, caption: str) -> Markup:
         for s in r.length * (np.arange(3) + 0.5) / 3:
             T = factor * np.interp(s, f.s, f.T[k])
             p.labels.append((float(t), float(s), f"{T:.3g}"))
-    return plot([p], (0.0, end), TIME, caption)
+    return svg_figure([p], (0.0, end), TIME, caption)
 
 
 PARTS: dict[str, list[str]] = tomllib.loads(read_asset("looks.toml"))["energy"]
 
 
-def plot_energy_split(x: StoredAnswer, caption: str) -> Markup:
+def plot_energy_split(answer: StoredAnswer, caption: str) -> Markup:
     """Draw the energy: motion, height, stretch, and the work of outside forces."""
-    r = x.runs[0]
+    r = answer.runs[0]
     energies = {"motion": r.kinetic, "height": r.potential, "stretch": r.strain}
     energies = {name: y - y[0] for name, y in energies.items()}
     for name, power in r.powers.items():
@@ -163,5 +164,5 @@ def plot_energy_split(x: StoredAnswer, caption: str) -> Markup:
         if np.abs(y).max() > 0.0:
             color, dash = PARTS.get(name, (BLACK, DOTTED))
             p.add_curve(r.t, factor * y, color, dash, name=name)
-    p.fit_axis([curve.y for curve in p.curves])
-    return _plot_with_events(x, [p], caption, time=True)
+    p.fit_y_axis([curve.y for curve in p.curves])
+    return _figure_with_events(answer, [p], caption, time=True)

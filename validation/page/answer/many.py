@@ -17,11 +17,20 @@ from validation.core.answers import outcome_of_run
 from validation.core.quantities import quantity_words, unit_scale
 from validation.core.sidebyside import map_in_parallel
 from validation.page import report, terminal
-from validation.page.options import Point
-from validation.page.page import Section, details, drawn_with, gallery, html_table
-from validation.page.plot import COLORS, DASHED, DOTTED, GREY, Panel, draw_surroundings_with_caption, plot
-from validation.page.scene_keys import table_of_keys
-from validation.page.side_view import six_digits, sparse_indices
+from validation.page.options import GridPoint
+from validation.page.page import Section, details, gallery, html_table, versions_footer
+from validation.page.plot import (
+    COLORS,
+    DASHED,
+    DOTTED,
+    GREY,
+    Panel,
+    draw_ground_and_obstacles,
+    set_depth_scale,
+    svg_figure,
+)
+from validation.page.scene_keys import scene_keys_table
+from validation.page.side_view import at_most_300_indices, six_digits
 
 DASHES = ("", DASHED, DOTTED, "8 3 2 3")  # one for each value of the keys after the first
 LIMITS = ("limits_met", "limits_worst")
@@ -61,7 +70,7 @@ class Column:
     factor: float = 1.0
     digits: int = 4
 
-    def cell(self, value: Any) -> str:
+    def cell_text(self, value: Any) -> str:
         """Text of a value; a missing one is empty."""
         if value is None:
             return "-"
@@ -73,7 +82,7 @@ class Column:
 Columns = dict[str, Column]
 
 
-def table_row(scene: Scene, r: Response, verdict: str | None = None) -> Row:
+def answer_row(scene: Scene, r: Response, verdict: str | None = None) -> Row:
     """The table's row of one answer; SI, speeds in km/h."""
     end = outcome_of_run(scene, r)
     out: Row = {"outcome_kind": end.kind, "outcome": end.sentence, "duration_s": round(float(r.t[-1]), 3)}
@@ -84,14 +93,14 @@ def table_row(scene: Scene, r: Response, verdict: str | None = None) -> Row:
         rests = end.kind in ("stuck", "stopped_by_brake")
         out["rests_at_m"] = round(float(r.s_o[-1]), 2) if rests else None
         out["farthest_m"] = round(float(r.s_o.max()), 2)
-    out |= _table_numbers(r.design) | limits.worst_limit_columns(limits.limit_rows(scene, r.design, r.events))
+    out |= _worst_table_numbers(r.design) | limits.worst_limit_columns(limits.limit_rows(scene, r.design, r.events))
     if verdict is not None:
         out["verdict"] = verdict
     return out
 
 
-def _table_numbers(design: Sequence[dict[str, Any]]) -> Row:
-    """The table's design numbers, of several obstacles the smallest."""
+def _worst_table_numbers(design: Sequence[dict[str, Any]]) -> Row:
+    """The table's design numbers; of several obstacles the worst."""
     out: Row = {}
     for kind in NUMBERS:
         values = [d["value"] for d in design if d["quantity"].split(":")[0] == kind and d["value"] is not None]
@@ -100,21 +109,41 @@ def _table_numbers(design: Sequence[dict[str, Any]]) -> Row:
     return out
 
 
-def path_columns(r: Response) -> dict[str, list[float]]:
+def sparse_path_columns(r: Response) -> dict[str, list[float]]:
+    """Columns of the path at 300 times at most, to six digits."""
     columns = {"t": r.t, "s_o": r.s_o, "x": r.x, "y": r.y, "kmh": 3.6 * r.speed}
-    return {name: six_digits(values[sparse_indices(r.t.size)]) for name, values in columns.items()}
+    return {name: six_digits(values[at_most_300_indices(r.t.size)]) for name, values in columns.items()}
 
 
-def answer_grid(
-    command: str, home: str, scene: Any, points: Sequence[Point], out: Path | None,
-    solve: Callable[[Point], tuple[Row, Any]], columns: Callable[[list[Row], list[str]], Columns],
+def answer_and_store_grid(
+    command: str, subfolder: str, scene: Any, points: Sequence[GridPoint], out: Path | None,
+    answer_point: Callable[[GridPoint], tuple[Row, Any]], table_columns: Callable[[list[Row], list[str]], Columns],
 ) -> list[Row]:  # fmt: skip
     """Answer every point of a grid by a row and its path; store, draw, print and return the rows.
 
-    Writes table.csv, grid.json and scene.toml to the folder `home` of the command's results.
+    Writes table.csv, grid.json and scene.toml to `subfolder` of the command's results.
     """
     keys = list(points[0].values)
-    folder = store.claim_folder(out, command, scene, [home])
+    folder = store.claim_folder(out, command, scene, [subfolder])
+    answers = _answer_in_parallel(points, answer_point)
+    rows = []
+    for point, (row, _) in zip(points, answers, strict=True):
+        values = {key: store.nulls_for_nonfinite(value) for key, value in point.values.items()}
+        rows.append(values | row)
+    write_csv_rows(folder / subfolder / "table.csv", rows)
+    paths = [path for _, path in answers]
+    write_json(folder / subfolder / "grid.json", {"keys": keys, "rows": rows, "paths": paths})
+    write_text(folder / subfolder / "scene.toml", scene.to_toml())
+    report.write_report_and_finish(folder, command)
+    _print_grid_table(rows, table_columns(rows, keys))
+    terminal.print_text(f"  written to {folder}: report.html, {subfolder}/table.csv")
+    return rows
+
+
+def _answer_in_parallel(
+    points: Sequence[GridPoint], answer_point: Callable[[GridPoint], tuple[Row, Any]]
+) -> list[tuple[Row, Any]]:
+    """Answers in the order of the points, with a bar of progress."""
     answers: dict[int, tuple[Row, Any]] = {}
     many = 50  # scenes: of more the number is said before they start
     if len(points) > many:
@@ -125,22 +154,11 @@ def answer_grid(
             answers[i] = answer
             progress("grid", len(answers) / len(points))
 
-        map_in_parallel(solve, points, on_result)
-    rows = []
-    for i, point in enumerate(points):
-        values = {key: store.nulls_for_nonfinite(value) for key, value in point.values.items()}
-        rows.append(values | answers[i][0])
-    write_rows(folder / home / "table.csv", rows)
-    paths = [answers[i][1] for i in range(len(points))]
-    write_json(folder / home / "grid.json", {"keys": keys, "rows": rows, "paths": paths})
-    write_text(folder / home / "scene.toml", scene.to_toml())
-    report.write_report(folder, command)
-    _print_table(rows, columns(rows, keys))
-    terminal.print_text(f"  written to {folder}: report.html, {home}/table.csv")
-    return rows
+        map_in_parallel(answer_point, points, on_result)
+    return [answers[i] for i in range(len(points))]
 
 
-def write_rows(file: Path, rows: Sequence[Row]) -> None:
+def write_csv_rows(file: Path, rows: Sequence[Row]) -> None:
     """Write a CSV with all columns of all rows, empty where a row has none."""
     with atomic_write(file) as temporary, temporary.open("w", encoding="utf-8", newline="") as out:
         names = dict.fromkeys(name for row in rows for name in row)
@@ -149,13 +167,13 @@ def write_rows(file: Path, rows: Sequence[Row]) -> None:
         writer.writerows(rows)
 
 
-def _print_table(rows: list[Row], shown: Columns) -> None:
-    numeric = [c.head for name, c in shown.items() if any(isinstance(x.get(name), int | float) for x in rows)]
-    cells = [[c.cell(x.get(name)) for name, c in shown.items()] for x in rows]
-    terminal.print_table([c.head for c in shown.values()], cells, right=numeric)
+def _print_grid_table(rows: list[Row], columns: Columns) -> None:
+    numeric = [c.head for name, c in columns.items() if any(isinstance(x.get(name), int | float) for x in rows)]
+    cells = [[c.cell_text(x.get(name)) for name, c in columns.items()] for x in rows]
+    terminal.print_table([c.head for c in columns.values()], cells, right=numeric)
 
 
-def run_columns(rows: list[Row], keys: Sequence[str]) -> Columns:
+def run_table_columns(rows: list[Row], keys: Sequence[str]) -> Columns:
     """Columns of a table of runs: varied values, outcomes, common numbers, verdicts."""
     out = {key: Column(key) for key in keys}
     for name in ("outcome", "arrival_km_h", "rests_at_m", "farthest_m", *NUMBERS, *LIMITS, "verdict"):
@@ -170,15 +188,15 @@ def run_columns(rows: list[Row], keys: Sequence[str]) -> Columns:
     return out
 
 
-def table_of(rows: list[Row], columns: Columns, key: str) -> Markup:
-    """A grid's table; on a phone a block begins with the first key and its value."""
-    cells = [{c.head: c.cell(x.get(name)).replace("-", "−") for name, c in columns.items()} for x in rows]
+def grid_table(rows: list[Row], columns: Columns, first_key: str) -> Markup:
+    """A grid's table; on a phone a block begins with the first first_key and its value."""
+    cells = [{c.head: c.cell_text(x.get(name)).replace("-", "−") for name, c in columns.items()} for x in rows]
     for cell in cells:
-        cell[key] = Markup('<span class="phone">{} </span>{}').format(key, cell[key])
+        cell[first_key] = Markup('<span class="phone">{} </span>{}').format(first_key, cell[first_key])
     return html_table(cells, [c.head for c in columns.values()], stack=True)
 
 
-def sections(folder: Path) -> list[Section]:
+def run_grid_sections(folder: Path) -> list[Section]:
     """The page of the grid of runs in a folder."""
     stored = store.read_json(folder / "grid.json")
     rows = stored["rows"]
@@ -186,10 +204,10 @@ def sections(folder: Path) -> list[Section]:
     keys = stored["keys"]
     scene = Scene.from_toml((folder / "scene.toml").read_text(encoding="utf-8"))
     html = [
-        table_of(rows, run_columns(rows, keys), keys[0]),
-        gallery(_side_view_figure(scene, rows, paths, keys), _speed_figure(rows, paths, keys)),
-        details("What is the same in all of them", table_of_keys(scene.to_toml(), without=keys)),
-        drawn_with(),
+        grid_table(rows, run_table_columns(rows, keys), keys[0]),
+        gallery(_side_view_figure(scene, rows, paths, keys), _speed_over_position_figure(rows, paths, keys)),
+        details("What is the same in all of them", scene_keys_table(scene.to_toml(), without=keys)),
+        versions_footer(),
     ]
     kinds = [x["outcome_kind"] for x in rows]
     summary = ", ".join(f"{kinds.count(kind)} of {len(rows)} {ENDS[kind]}" for kind in dict.fromkeys(kinds))
@@ -213,12 +231,14 @@ def _numbers_by_first_appearance(values: Sequence[str]) -> list[int]:
     return [order.index(value) for value in values]
 
 
-def _add_paths(
-    p: Panel, rows: list[dict], paths: list[dict | None], keys: Sequence[str], x: str, y: str
+def _add_path_curves(
+    panel: Panel, rows: list[dict], paths: list[dict | None], keys: Sequence[str], x_column: str, y_column: str
 ) -> None:  # fmt: skip
     for values, point, look in zip(paths, rows, _colours_and_dashes(rows, keys), strict=True):
         if values:
-            p.add_curve(np.array(values[x]), np.array(values[y]), *look, 1.6, point_label(point, keys))
+            panel.add_curve(
+                np.array(values[x_column]), np.array(values[y_column]), *look, 1.6, point_label(point, keys)
+            )
 
 
 def _side_view_figure(scene: Scene, rows: list[dict], paths: list[dict | None], keys: Sequence[str]) -> Markup:
@@ -231,16 +251,17 @@ def _side_view_figure(scene: Scene, rows: list[dict], paths: list[dict | None], 
     depths = [X.y(s), ground[:, 1], np.array([o.top for o in scene.obstacle])]
     depths += [np.array(path["y"]) + below for path in paths if path]
     p = Panel("depth [m]", "path of the car", down=True)
-    p.fit_axis(depths, pad=0.05)
-    caption = draw_surroundings_with_caption(p, span, ground, [(o.name, o.at, o.top) for o in scene.obstacle])
+    p.fit_y_axis(depths, pad=0.05)
+    caption = set_depth_scale(p, span)
+    draw_ground_and_obstacles(p, ground, [(o.name, o.at, o.top) for o in scene.obstacle])
     p.add_curve(X.x(s), X.y(s), GREY, DOTTED, 1.2, "empty rope at rest")
-    _add_paths(p, rows, paths, keys, "x", "y")
-    return plot([p], (0.0, span), "x [m]", caption)
+    _add_path_curves(p, rows, paths, keys, "x", "y")
+    return svg_figure([p], (0.0, span), "x [m]", caption)
 
 
-def _speed_figure(rows: list[dict], paths: list[dict | None], keys: Sequence[str]) -> Markup:
+def _speed_over_position_figure(rows: list[dict], paths: list[dict | None], keys: Sequence[str]) -> Markup:
     p = Panel("[km/h]", "speed", 180.0)
-    _add_paths(p, rows, paths, keys, "s_o", "kmh")
-    p.fit_axis([np.zeros(1), *(curve.y for curve in p.curves)])
+    _add_path_curves(p, rows, paths, keys, "s_o", "kmh")
+    p.fit_y_axis([np.zeros(1), *(curve.y for curve in p.curves)])
     end = max((max(path["s_o"]) for path in paths if path), default=1.0)
-    return plot([p], (0.0, end), "metres along the rope", "Speed of the car along the rope.")
+    return svg_figure([p], (0.0, end), "metres along the rope", "Speed of the car along the rope.")

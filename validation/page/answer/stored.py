@@ -23,7 +23,7 @@ class StoredAnswer:
     third_party: ForeignPath | None = None  # a third party
 
     @property
-    def rows(self) -> list[dict[str, Any]]:
+    def comparison_rows(self) -> list[dict[str, Any]]:
         return list(self.agreement.get("rows", []))
 
     @property
@@ -35,7 +35,7 @@ class StoredAnswer:
         return list(self.agreement.get("design") or self.runs[0].design)
 
     @property
-    def events(self) -> list[dict[str, Any]]:
+    def main_events(self) -> list[dict[str, Any]]:
         """Events of the first solver's run, without rattling before a stop."""
         return [event for event in self.all_events if event["event"] in EVENTS]
 
@@ -49,19 +49,19 @@ class StoredAnswer:
         return min((r.slack_onset * r.length for r in self.runs if r.slack_onset is not None), default=None)
 
     @property
-    def free(self) -> bool:
+    def is_free_ride(self) -> bool:
         return self.runs[0].drive == "free"
 
-    def compared_times(self, r: Response) -> tuple[float, float]:
+    def compared_time_range(self, r: Response) -> tuple[float, float]:
         """First and last compared instant [s] of a run."""
         low, high = self.agreement.get("range") or (0.0, 1.0)
-        if self.free or self.agreement.get("axis") == "time":
+        if self.is_free_ride or self.agreement.get("axis") == "time":
             return 0.0, float(r.t[-1])
         ends = np.interp([low * r.length, high * r.length], np.maximum.accumulate(r.s_o), r.t)
         return float(ends[0]), float(ends[1])
 
 
-def read_answer(folder: Path) -> StoredAnswer | None:
+def read_stored_check(folder: Path) -> StoredAnswer | None:
     """The stored results of a check; None where every run broke at its start."""
     agreement = store.read_json(folder / "agreement.json")
     both = [Response.read(folder / name) for name in agreement["methods"][:2]]
