@@ -11,7 +11,7 @@ from cablefem import Scene
 from tests.commands.calls import lines
 from tests.line.lines import THREE, TRAMWAY, car, line
 from validation.commands.check.line import check_line
-from validation.core.readback import outcome_faults, printed_line_faults
+from validation.core.readback import line_outcome_faults, line_terminal_faults
 
 FEW = ("--set", "car.up.at=[50,300,698,704]", "--set", "car.down.at=[488,702,900,1142]")
 
@@ -179,13 +179,13 @@ def test_what_is_printed_of_a_line_is_read_back(cablefem, tmp_path, kind):
     folder = tmp_path / "cablefem-out" / scene
     html = (folder / "report.html").read_text(encoding="utf-8")
     printed = out.splitlines()[:-1]  # without where it is written
-    assert list(printed_line_faults(printed, html, folder / home)) == []
+    assert list(line_terminal_faults(printed, html, folder / home)) == []
     number = re.compile(r"\d+\.\d\d+|\d+ more|\d+ s$|\d+ positions|\d+ elements")
     for i, text in enumerate(printed):
         wrong = number.sub(lambda x: x[0].replace(x[0][0], str((int(x[0][0]) + 1) % 10), 1), text, count=1)
         for planted in (wrong, text.replace(" kN", " N", 1), text.replace("  met", "  not met")):
             if planted != text:
-                assert list(printed_line_faults([*printed[:i], planted, *printed[i + 1 :]], html, folder / home))
+                assert list(line_terminal_faults([*printed[:i], planted, *printed[i + 1 :]], html, folder / home))
 
 
 @pytest.mark.parametrize(
@@ -200,10 +200,10 @@ def test_what_is_printed_of_a_line_is_read_back(cablefem, tmp_path, kind):
 def test_another_outcome_of_a_motion_is_seen(cablefem, tmp_path, right, wrong):
     assert cablefem("run", "counterweight")[0] == 0
     folder = tmp_path / "cablefem-out" / "counterweight" / "motion-run"
-    assert list(outcome_faults(folder)) == []
+    assert list(line_outcome_faults(folder)) == []
     file = folder / "summary.json"
     file.write_text(file.read_text().replace(right, wrong))
-    assert len(list(outcome_faults(folder))) == 1
+    assert len(list(line_outcome_faults(folder))) == 1
 
 
 def test_what_is_hit_in_motion_is_read_back_without_false_alarm(cablefem, tmp_path):

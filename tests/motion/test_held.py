@@ -17,7 +17,7 @@ from validation.commands.check.motion import check_line, compare_and_check_laws,
 from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, answers_of_ladders, lasting_events
 from validation.core.agreement import overall_verdict
 from validation.core.motion_rows import LineTolerance, unbalanced_work
-from validation.core.readback import outcome_faults
+from validation.core.readback import line_outcome_faults
 
 ROPE = """
 [cable]
@@ -153,11 +153,11 @@ def test_the_outcome_says_where_a_rider_stays_and_is_read_back(line, ladders, tm
     result = answers_of_ladders(line, *ladders)
     assert result.outcome.sentence.startswith("rear stops at x = 84.5 m after 9.3 s; ahead stops after 20.8 s with")
     result.write(tmp_path, 0.0)
-    assert list(outcome_faults(tmp_path)) == []
+    assert list(line_outcome_faults(tmp_path)) == []
     file = tmp_path / "summary.json"
     summary = json.loads(file.read_text())
     file.write_text(json.dumps(summary | {"outcome": summary["outcome"].replace("x = 84.5", "x = 48.5")}))
-    assert len(list(outcome_faults(tmp_path))) == 1
+    assert len(list(line_outcome_faults(tmp_path))) == 1
 
 
 def test_a_rattle_of_a_car_that_stays_is_no_event():

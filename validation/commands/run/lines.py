@@ -129,7 +129,7 @@ def _folder_name(command: str, moves: bool) -> str:
 
 
 def _answer_one(command: str, line: Line, moves: bool, out: Path | None, solve: Solve) -> Row:
-    from validation.core.readback import printed_line_faults  # slow to import
+    from validation.core.readback import line_terminal_faults  # slow to import
 
     home = _folder_name(command, moves)
     with terminal.progress_bars() as progress:
@@ -152,7 +152,7 @@ def _answer_one(command: str, line: Line, moves: bool, out: Path | None, solve: 
             terminal.print_text(f"  {_counts_sentence(result)}")
     report.write_report_and_finish(folder, command)
     html = "".join(f"{section.summary}{section.html}" for section in report.read_stored_sections(folder, command))
-    faults = [*result.faults(folder / home, html), *printed_line_faults(printed, html, folder / home)]
+    faults = [*result.faults(folder / home, html), *line_terminal_faults(printed, html, folder / home)]
     report.report_read_back_faults(folder, command, faults)
     terminal.print_text(f"  written to {folder}: report.html, {home}/")
     return result.table_row() | {"faults": len(faults)}

@@ -36,9 +36,9 @@ from validation.core.motion_rows import (
 from validation.core.readback import (
     limit_faults,
     limit_table_faults,
+    line_design_number_faults,
     line_motion_faults,
-    line_number_faults,
-    outcome_faults,
+    line_outcome_faults,
 )
 from validation.core.sidebyside import Progress, map_in_parallel, no_progress
 from validation.core.wheels import pitch_period, with_wheel_loads
@@ -429,9 +429,9 @@ class MotionAnswers(LineAnswers):
             *motion_laws.read_back_line_files(folder, self.motion, self.design, self.moved.period),
             *limit_faults(self.limits, tomllib.loads(self.line.to_toml()), self.design, ()),
             *limit_table_faults(html, self.limits),
-            *line_number_faults(html, self.design),
+            *line_design_number_faults(html, self.design),
             *line_motion_faults(html, folder, self.motion),
-            *outcome_faults(folder),
+            *line_outcome_faults(folder),
         ]
 
     def print_answer(self, seconds: float) -> None:

@@ -7,17 +7,29 @@ A table or printed text without a reader is noted: a test fails then.
 from validation.core.readback.files import FILES, file_faults, path_columns
 from validation.core.readback.find import find_faults
 from validation.core.readback.limits import limit_faults, limit_table_faults
-from validation.core.readback.lines import outcome_faults, printed_line_faults
+from validation.core.readback.lines import line_outcome_faults, line_terminal_faults
 from validation.core.readback.pages import page_faults
 from validation.core.readback.side_view import line_motion_faults
 from validation.core.readback.stored import StoredResults
-from validation.core.readback.tables import line_number_faults
+from validation.core.readback.tables import line_design_number_faults
 from validation.core.readback.terminal import terminal_faults
 from validation.core.readback.texts import plain_text
 from validation.core.readback.verification import verification_faults
 
 __all__ = [
-    "FILES", "StoredResults", "file_faults", "find_faults", "limit_faults", "limit_table_faults",
-    "line_motion_faults", "line_number_faults", "outcome_faults", "page_faults", "path_columns", "plain_text",
-    "printed_line_faults", "terminal_faults", "verification_faults",
+    "FILES",
+    "StoredResults",
+    "file_faults",
+    "find_faults",
+    "limit_faults",
+    "limit_table_faults",
+    "line_design_number_faults",
+    "line_motion_faults",
+    "line_outcome_faults",
+    "line_terminal_faults",
+    "page_faults",
+    "path_columns",
+    "plain_text",
+    "terminal_faults",
+    "verification_faults",
 ]  # fmt: skip

@@ -19,17 +19,18 @@ from validation.core.scene_data import ROUNDING, Array, max_depth_at
 SINGLE_PRECISION = 1e-6  # of single precision
 
 
-def file_faults(of: StoredResults) -> Faults:
-    """Faults of the files of each method, and of the limits."""
-    for faults in limit_faults(of.limits, of.stored_run(0)["scene"], of.design, of.shown_events):
-        yield f"limits: {faults}"
-    for faults in verification_faults(of):
-        yield f"verification: {faults}"
-    for i, method in enumerate(of.methods):
+def file_faults(stored: StoredResults) -> Faults:
+    """Faults of the files of each method, and of the stored limits and verification."""
+    scene = stored.run_of_method(0)["scene"]
+    for fault in limit_faults(stored.limits, scene, stored.design, stored.shown_events):
+        yield f"limits: {fault}"
+    for fault in verification_faults(stored):
+        yield f"verification: {fault}"
+    for i, method in enumerate(stored.methods):
         for name, reader in FILES.items():
-            file = of.folder / method / name
+            file = stored.folder / method / name
             if reader is not None and file.exists():
-                for fault in reader(file, of.stored_run(i)):
+                for fault in reader(file, stored.run_of_method(i)):
                     yield f"{file}: {fault}"
 
 
@@ -46,6 +47,7 @@ def _csv_faults(file: Path, expected: dict[str, Array]) -> Faults:
 
 
 def series_faults(name: str, written: Array, expected: Array, rounding: float, scale: float | None = None) -> Faults:
+    """A fault if a series, or where it is nan, differs; rounding : over a scale, by default the largest value."""
     if written.shape != expected.shape or not np.array_equal(np.isnan(written), np.isnan(expected)):
         yield f"{name} has other rows than were computed"
         return
@@ -55,7 +57,7 @@ def series_faults(name: str, written: Array, expected: Array, rounding: float, s
         yield f"{name} is not what was computed: off by {off:.3g} of {scale:.3g}"
 
 
-def _path_faults(file: Path, run: Run) -> Faults:
+def _path_csv_faults(file: Path, run: Run) -> Faults:
     yield from _csv_faults(file, path_columns(run))
 
 
@@ -69,7 +71,7 @@ def path_columns(run: Run) -> dict[str, Array]:
     return path
 
 
-def _tension_faults(file: Path, run: Run) -> Faults:
+def _tension_csv_faults(file: Path, run: Run) -> Faults:
     """Rows of each frame: all stations, then the car's two sides."""
     k, m = run["fields.T"].shape
     s_o = run["fields.s_o"]
@@ -81,27 +83,17 @@ def _tension_faults(file: Path, run: Run) -> Faults:
     yield from _csv_faults(file, {name: x.ravel() for name, x in columns.items()})
 
 
-def _profile_faults(file: Path, run: Run) -> Faults:
-    """Envelopes of depth and tension over x: from all taut frames, and of the car's path between them.
-
-    Up to where waves get slower than the mass, too.
-    """
-    length = run["rest"]["length"]
-    onset = run["rest"]["slack_onset"]
-    until = math.inf
-    if onset is not None:
-        until = run["t"][np.argmin(np.abs(run["s_o"] - onset * length))]
-    for flag in run["rest"]["flags"]:
-        if flag["kind"] == "slow waves":
-            until = min(until, np.interp(flag["numbers"]["since"] * length, run["s_o"], run["t"]))
-    taut = run["t"] <= until
+def _profile_csv_faults(file: Path, run: Run) -> Faults:
+    """Envelopes of depth and tension over x: from all valid frames, and of the car's path between them."""
+    until = _end_of_validity(run)
+    valid = run["t"] <= until
     x_rest = run["fields.x"]
     y_rest = run["fields.y"]
     count = 201  # of profile.csv
     x = np.linspace(x_rest[0], x_rest[-1], count)
     depths = [np.interp(x, x_rest, y_rest)]
     tensions = [np.interp(x, x_rest, run["fields.T_static"])]
-    car = car_positions(run)
+    car = car_positions_at_frames(run)
     at_car = np.fmax(run["fields.T_behind"], run["fields.T_ahead"])
     for k in np.flatnonzero(run["fields.t"] <= until):
         i = int(np.searchsorted(run["fields.s"], run["fields.s_o"][k], side="right"))
@@ -113,15 +105,28 @@ def _profile_faults(file: Path, run: Run) -> Faults:
         "x": x,
         "y_rest": depths[0],
         "y_highest": np.min(depths, axis=0),
-        "y_lowest": np.maximum(np.max(depths, axis=0), max_depth_at(x, run["x"][taut], run["y"][taut])),
+        "y_lowest": np.maximum(np.max(depths, axis=0), max_depth_at(x, run["x"][valid], run["y"][valid])),
         "tension_max": np.max(tensions, axis=0),
         "tension_min": np.min(tensions, axis=0),
     }
     yield from _csv_faults(file, columns)
 
 
-def car_positions(run: Run) -> Array:
-    """Where the car is at each frame (k, 2): on the rope at rest, moved.
+def _end_of_validity(run: Run) -> float:
+    """Time [s] of the slack onset, or since when waves are slower than the mass; infinite without both."""
+    length = run["rest"]["length"]
+    onset = run["rest"]["slack_onset"]
+    until = math.inf
+    if onset is not None:
+        until = float(run["t"][np.argmin(np.abs(run["s_o"] - onset * length))])
+    for flag in run["rest"]["flags"]:
+        if flag["kind"] == "slow waves":
+            until = min(until, float(np.interp(flag["numbers"]["since"] * length, run["s_o"], run["t"])))
+    return until
+
+
+def car_positions_at_frames(run: Run) -> Array:
+    """Points (k, 2) [m] of the car at the frames: on the rope at rest, moved by the mass's displacement.
 
     The rope between two stations is a cubic: a chord of h cuts off h^2/8 times the curvature of a deep rope.
     """
@@ -134,38 +139,39 @@ def extent_of_rope(run: Run) -> float:
     return float(max(np.ptp(run["fields.x"]), np.ptp(run["fields.y"])))
 
 
-def _animation_faults(file: Path, run: Run) -> Faults:
+def _rope_animation_faults(file: Path, run: Run) -> Faults:
     """Points, velocity and tension of the rope in some frames; the car's two ends come last."""
-    for k, frame in _frames_of_animation(file, run):
+    for k, frame in _read_some_animation_frames(file, run):
         u = run["fields.u"][k]
         v = run["fields.v"][k]
         rates = [run["fields.du"][k], run["fields.dv"][k]]
         at_car = [np.interp(run["fields.s_o"][[k, k]], run["fields.s"], rate) for rate in rates]
-        rope = _point_with_y_up(run["fields.x"] + u, run["fields.y"] + v)
+        rope = _points_with_y_up(run["fields.x"] + u, run["fields.y"] + v)
         T = [*run["fields.T"][k], run["fields.T_behind"][k], run["fields.T_ahead"][k]]
-        velocity = np.concatenate([_point_with_y_up(*rates), _point_with_y_up(*at_car)])
+        velocity = np.concatenate([_points_with_y_up(*rates), _points_with_y_up(*at_car)])
         moved = frame["points"] + frame["displacement"]  # (m + 2, 3)
         yield from series_faults(f"rope in frame {k}", moved[:-2], rope, SINGLE_PRECISION, extent_of_rope(run))
-        yield from _car_faults(k, moved[-1], run)
+        yield from _car_point_faults(k, moved[-1], run)
         yield from series_faults(f"velocity in frame {k}", frame["velocity"], velocity, SINGLE_PRECISION)
         yield from series_faults(f"tension in frame {k}", frame["tension"], np.array(T), SINGLE_PRECISION)
 
 
-def _mass_faults(file: Path, run: Run) -> Faults:
-    for k, frame in _frames_of_animation(file, run):
-        yield from _car_faults(k, frame["points"] + frame["displacement"], run)
+def _mass_animation_faults(file: Path, run: Run) -> Faults:
+    """Point of the car and tension on its two sides in some frames."""
+    for k, frame in _read_some_animation_frames(file, run):
+        yield from _car_point_faults(k, frame["points"] + frame["displacement"], run)
         for side in ("behind", "ahead"):
             T = run[f"fields.T_{side}"][k : k + 1]
             yield from series_faults(f"tension {side} in frame {k}", frame[f"tension_{side}"], T, SINGLE_PRECISION)
 
 
-def _car_faults(k: int, point: Array, run: Run) -> Faults:
-    x, y = car_positions(run)[k]
-    yield from series_faults(f"car in frame {k}", point, _point_with_y_up(x, y), 1e-4, extent_of_rope(run))
+def _car_point_faults(frame: int, point: Array, run: Run) -> Faults:
+    expected = _points_with_y_up(*car_positions_at_frames(run)[frame])
+    yield from series_faults(f"car in frame {frame}", point, expected, 1e-4, extent_of_rope(run))
 
 
-def _frames_of_animation(file: Path, run: Run) -> Iterator[tuple[int, dict[str, Array]]]:
-    """Numbers and arrays of some frames of an animation, whose times must be those of the stored frames."""
+def _read_some_animation_frames(file: Path, run: Run) -> Iterator[tuple[int, dict[str, Array]]]:
+    """Numbers and arrays of some frames of an animation; ValueError if it has other times than the stored frames."""
     grids: list[Any] = [x for x in ElementTree.parse(file).iter("Grid") if x.get("GridType") == "Uniform"]
     times = np.array([float(grid.find("Time").get("Value")) for grid in grids])
     if not np.array_equal(times, run["fields.t"]):
@@ -173,10 +179,10 @@ def _frames_of_animation(file: Path, run: Run) -> Iterator[tuple[int, dict[str, 
     count = 5  # of an animation that are read
     for k in np.unique(np.linspace(0, len(grids) - 1, count).round().astype(int)):
         parts = [part for part in grids[k] if part.tag != "Topology" and part.find("DataItem") is not None]
-        yield int(k), {part.get("Name") or "points": _values_of_item(part.find("DataItem"), file) for part in parts}
+        yield int(k), {part.get("Name") or "points": _read_xdmf_item(part.find("DataItem"), file) for part in parts}
 
 
-def _values_of_item(item: Any, file: Path) -> Array:
+def _read_xdmf_item(item: Any, file: Path) -> Array:
     """Values of an item of XDMF: in the file, or in the HDF5 beside it."""
     import h5py  # seldom needed
 
@@ -187,11 +193,12 @@ def _values_of_item(item: Any, file: Path) -> Array:
         return np.array(data[text.partition(":")[2]], dtype=float)
 
 
-def _point_with_y_up(x: Any, y: Any) -> Array:
-    return np.stack([x, -y, 0.0 * x], axis=-1)
+def _points_with_y_up(x: Array, depth: Array) -> Array:
+    """Points (..., 3) of an animation, in which y points up and z is zero."""
+    return np.stack([x, -depth, 0.0 * x], axis=-1)
 
 
-def _summary_faults(file: Path, run: Run) -> Faults:
+def _summary_json_faults(file: Path, run: Run) -> Faults:
     """Numbers of summary.json that follow from the path; all others are as they are stored."""
     written = read_json(file)
     rest = run["rest"]
@@ -209,12 +216,12 @@ def _summary_faults(file: Path, run: Run) -> Faults:
 # keys of summary.json that are not stored as they are: this reader and `recomputed` compute them a second time
 COMPUTED = {"reached", "max_deflection", "path_scale", "outcome", "outcome_kind", "flag_kinds", "limits"}
 FILES: dict[str, Callable[[Path, Run], Faults] | None] = {
-    "path.csv": _path_faults,
-    "tension.csv": _tension_faults,
-    "profile.csv": _profile_faults,
-    "response.xdmf": _animation_faults,
-    "mass.xdmf": _mass_faults,
-    "summary.json": _summary_faults,
+    "path.csv": _path_csv_faults,
+    "tension.csv": _tension_csv_faults,
+    "profile.csv": _profile_csv_faults,
+    "response.xdmf": _rope_animation_faults,
+    "mass.xdmf": _mass_animation_faults,
+    "summary.json": _summary_json_faults,
     "response.h5": None,  # by response.xdmf
     "response.npz": None,  # the stored fields themselves
 }

@@ -6,40 +6,48 @@ import re
 import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from validation.core.readback.limits import LIMIT_VERDICT, limit_row_faults, scope_sentences
-from validation.core.readback.stored import Faults, Row, read_json, read_words, worst_verdict
+from validation.core.readback.limits import LIMIT_VERDICT, expected_scope_sentences, limit_row_faults
+from validation.core.readback.stored import Faults, Row, read_json, read_package_toml, worst_asked_verdict
 from validation.core.readback.texts import cell_texts, contents_of_tags, plain_text
-from validation.core.scene_data import read_columns
+from validation.core.scene_data import Array, read_columns
 
 COUNTED = "comparisons of two solvers agree", "laws hold", "kinds of printed numbers are as computed"
 TOUCHES = -1e-6  # [m] a rope that ends on the ground does not hit it
 
 
-def printed_line_faults(printed: Sequence[str], html_text: str, folder: Path) -> Faults:
+def line_terminal_faults(printed: Sequence[str], html_text: str, folder: Path) -> Faults:
     """Faults of what a command printed of a line: rows must stand on its page, sentences be those of the files.
 
     The tables of the page have readers of their own.  folder : of the line's files, below agreement.json of a check.
     """
     summary = read_json(folder / "summary.json")
-    judged = read_json(folder.parent / "agreement.json")["rows"] if folder.name.endswith("-check") else []
+    checked = folder.name.endswith("-check")
+    judged = read_json(folder.parent / "agreement.json")["rows"] if checked else []
     scene = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
-    sentences = {*_sentences_beside_tables(summary, judged), *_scope_sentences(scene, at_rest="positions" in summary)}
+    sentences = {
+        *_sentences_beside_tables(summary, judged),
+        *_line_scope_sentences(scene, at_rest="positions" in summary),
+    }
     if plain_text(summary["outcome"]) in plain_text(html_text):
         sentences.add(f"{summary['scene']}: {summary['outcome']}")
-    lines = {tuple(map(plain_text, re.split(" {2,}", text.strip()))): text.strip() for text in printed}
-    for table in contents_of_tags("table", html_text):
-        rows = [tuple(filter(None, cell_texts(row))) for row in contents_of_tags("tr", table)]
-        shown = [lines.pop(row) for row in rows if row in lines]
+    texts = {tuple(map(plain_text, re.split(" {2,}", text.strip()))): text.strip() for text in printed}  # by cells
+    for rows in _rows_of_tables(html_text):
+        shown = [texts.pop(row) for row in rows if row in texts]
         sentences.add(f"{len(rows) - len(shown)} more in the report" if shown else "")
-    for cells, text in lines.items():
+    for cells, text in texts.items():
         if re.match(LIMIT_VERDICT, cells[-1]):
             yield from limit_row_faults(cells, summary["limits"])
         elif text.partition("; not so: ")[0] not in sentences:
             yield f"printed: {text!r} is neither on the page nor in the files"
+
+
+def _rows_of_tables(html_text: str) -> Iterator[list[tuple[str, ...]]]:
+    """Rows of each table of a page, without their empty cells."""
+    for table in contents_of_tags("table", html_text):
+        yield [tuple(filter(None, cell_texts(row))) for row in contents_of_tags("tr", table)]
 
 
 def _sentences_beside_tables(summary: Row, judged: Sequence[Row]) -> Iterator[str]:
@@ -55,20 +63,20 @@ def _sentences_beside_tables(summary: Row, judged: Sequence[Row]) -> Iterator[st
         settings = ", ".join(f"{value} {name}" for name, value in summary["settings"].items())
         yield f"{summary['method']}, {settings}; {seconds}"
     if judged:
-        yield read_words("page", "assets/verdicts.toml")[worst_verdict(judged) or "not comparable"]
-        yield "; ".join(_counts(judged))
+        yield read_package_toml("page", "assets/verdicts.toml")[worst_asked_verdict(judged) or "not comparable"]
+        yield "; ".join(_agreement_counts(judged))
 
 
-def _scope_sentences(scene: Row, at_rest: bool) -> Iterator[str]:
+def _line_scope_sentences(scene: Row, at_rest: bool) -> Iterator[str]:
     """What the texts of the limits are for, and whether the line is that."""
     cars = scene.get("car", [])
     modes = {"rest"} if at_rest else {car.get("drive", {}).get("mode", "grip") for car in cars}
-    yield from scope_sentences(scene.get("limits", {}).get("use", []), modes)
+    yield from expected_scope_sentences(scene.get("limits", {}).get("use", []), modes)
     if all("at" in car for car in cars):
         yield "at the given positions of the cars; without `at` each number is that of its worst place"
 
 
-def _counts(judged: Sequence[Row]) -> Iterator[str]:
+def _agreement_counts(judged: Sequence[Row]) -> Iterator[str]:
     """How many comparisons, laws and printed numbers agree."""
     groups: dict[str, list[str]] = {words: [] for words in COUNTED}
     for x in judged:
@@ -79,16 +87,16 @@ def _counts(judged: Sequence[Row]) -> Iterator[str]:
             yield f"{verdicts.count('agree')} of {len(verdicts)} {words}"
 
 
-def outcome_faults(folder: Path) -> Faults:
+def line_outcome_faults(folder: Path) -> Faults:
     """Faults of the outcome of a line in motion: its kind, where the cars end, what is hit, the largest tension."""
     summary = read_json(folder / "summary.json")
     scene = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
     design = {number["quantity"]: number for number in summary["design"]}
     t = read_columns(folder / "contacts.csv")["t"][-1]
-    hit = [x for x in design.values() if x["quantity"].startswith("clearance") and _upper(x) < TOUCHES]
+    hit = [x for x in design.values() if x["quantity"].startswith("clearance") and _upper_end_of_bar(x) < TOUCHES]
     same = 1e-9  # relative
-    events = [x for x in summary["events"] if abs(x["t"] - t) <= same * t]
-    kind = _outcome_kind(summary, design, hit, events)
+    end_events = [x for x in summary["events"] if abs(x["t"] - t) <= same * t]
+    kind = _expected_outcome_kind(summary, design, hit, end_events)
     if summary["outcome_kind"] != kind:
         yield f"outcome: {summary['outcome_kind']} where the files say {kind}"
     tension = design["tension_max"]
@@ -97,48 +105,51 @@ def outcome_faults(folder: Path) -> Faults:
         over = x["quantity"].partition(":")[2].rpartition(" over ")[2]  # the name alone of what the rope hits
         parts.append(f"hits {over} by {-x['value']:.2f} m")
     if summary["status"] == "complete":
-        parts += _parts_of_end(folder, scene, summary["events"])
+        parts += _expected_end_sentences(folder, scene, summary["events"])
     for part in parts:
         if part not in summary["outcome"]:
             yield f"outcome: {summary['outcome']!r} does not say {part!r}"
 
 
-def _outcome_kind(summary: Row, design: dict[str, Row], hit: Sequence[Row], events: Sequence[Row]) -> str:
-    """The kind of outcome that numbers and events say; the first that holds."""
+def _expected_outcome_kind(
+    summary: Row, design: dict[str, Row], hit: Sequence[Row], end_events: Sequence[Row]
+) -> str:  # fmt: skip
+    """The kind of outcome that numbers and events at the end say; the first that holds."""
     if summary["status"] != "complete":
         return "incomplete"
-    if "safety_factor_min" in design and _upper(design["safety_factor_min"]) < 1.0:
+    if "safety_factor_min" in design and _upper_end_of_bar(design["safety_factor_min"]) < 1.0:
         return "breaks"
     if hit:
         return "collides"
-    return "ends" if events else "arrives"
+    return "ends" if end_events else "arrives"
 
 
-def _parts_of_end(folder: Path, scene: Row, events: Sequence[Row]) -> Iterator[str]:
+def _expected_end_sentences(folder: Path, scene: Row, events: Sequence[Row]) -> Iterator[str]:
     """When and how a run ends, where each car is then, and since when if it stays there."""
     for file in folder.glob("path-*.csv"):
         name = file.stem.removeprefix("path-")
         path = read_columns(file)
         yield f"{name} at x = {path['x'][-1]:.1f} m"
-        yield from _stop_sentences(name, path, events, scene["car"])
+        drive = next(car for car in scene["car"] if car["name"] == name)["drive"]
+        stop = _last_stop_time(path, [x["t"] for x in events if x["event"] == f"{name} stops"], drive)
+        if stop is not None:
+            yield f"{name} stops at x = {np.interp(stop, path['t'], path['x']):.1f} m after {stop:.1f} s"
     t = path["t"][-1]
     at_end = [x["event"] for x in events if x["t"] >= t * (1.0 - 1e-9)]
     yield f"{at_end[-1]} after {t:.1f} s" if at_end else f"ends after {t:.1f} s"
 
 
-def _stop_sentences(name: str, path: dict[str, Any], events: Sequence[Row], cars: Sequence[Row]) -> list[str]:
-    """Where and when a car has stopped that has not moved since, before the end of the run."""
+def _last_stop_time(path: dict[str, Array], stops: Sequence[float], drive: Row) -> float | None:
+    """Time [s] of a car's last stop before the end of its path, if it has not moved since."""
     t = path["t"]
     before_end = t[-1] * (1.0 - 1e-9)
-    stops = [x["t"] for x in events if x["event"] == f"{name} stops" and x["t"] < before_end]
-    if not stops:
-        return []
-    drive = next(car for car in cars if car["name"] == name)["drive"]
-    s, x = (np.interp(stops[-1], t, path[column]) for column in ("s_o", "x"))
-    if abs(path["s_o"][-1] - s) > drive.get("rest_distance", 0.01):
-        return []
-    return [f"{name} stops at x = {x:.1f} m after {stops[-1]:.1f} s"]
+    earlier = [stop for stop in stops if stop < before_end]
+    if not earlier:
+        return None
+    distance = abs(path["s_o"][-1] - np.interp(earlier[-1], t, path["s_o"]))
+    return earlier[-1] if distance <= drive.get("rest_distance", 0.01) else None
 
 
-def _upper(number: Row) -> float:
+def _upper_end_of_bar(number: Row) -> float:
+    """Largest possible value of a design number; of an unknown bar the value itself."""
     return float(number["value"] + (number["bar"] or 0.0))

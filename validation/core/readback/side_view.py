@@ -5,26 +5,28 @@ from __future__ import annotations
 import base64
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from validation.core.readback.files import car_positions, extent_of_rope, path_columns, series_faults
-from validation.core.readback.stored import Faults, StoredResults
+from validation.core.readback.files import car_positions_at_frames, extent_of_rope, path_columns, series_faults
+from validation.core.readback.stored import Faults, Row, Run, StoredResults
 from validation.core.readback.texts import contents_of_tags
 from validation.core.scene_data import ROUNDING, Array, read_columns, si_factor
 
 PACKED = 65535  # steps between the extremes of a packed series
 
 
-def side_view_faults(view: dict[str, Any], of: StoredResults) -> Faults:
-    run = of.stored_run(0)
+def side_view_faults(view: dict[str, Any], stored: StoredResults) -> Faults:
+    """Faults of the path, the marks of speed, the scene and the moving ropes of a side view."""
+    run = stored.run_of_method(0)
     path = path_columns(run)
     points = np.stack([path["x"], path["y"]], axis=1)  # (n, 2)
     reach = float(np.ptp(path["x"])) or 1.0
-    track = view["paths"][0]
-    drawn = np.array([track["x"], track["y"]]).T  # (m, 2)
+    drawn_path = view["paths"][0]
+    drawn = np.array([drawn_path["x"], drawn_path["y"]]).T  # (m, 2)
     distances, _ = cKDTree(points).query(drawn)
     ends = np.linalg.norm(drawn[[0, -1]] - points[[0, -1]], axis=1)
     six_digits = 1e-5  # of a number: more than it is rounded by
@@ -32,7 +34,13 @@ def side_view_faults(view: dict[str, Any], of: StoredResults) -> Faults:
         yield f"the path is {max(distances):.3g} m off path.csv"
     for mark in view["speeds"]:
         yield from _speed_mark_faults(mark, points, path["speed"], 0.01 * reach)
-    scene = run["scene"]
+    yield from _drawn_scene_faults(view, run["scene"])
+    for cable in view["cables"]:
+        yield from _moving_rope_faults(cable, view, stored)
+
+
+def _drawn_scene_faults(view: dict[str, Any], scene: Row) -> Faults:
+    """Faults of supports, obstacles, ground and car of a side view against the scene's TOML."""
     supports = scene["supports"]
     obstacles = [{"name": x["name"], "x": x["at"], "top": x["top"]} for x in scene.get("obstacle", [])]
     expected = {
@@ -41,13 +49,11 @@ def side_view_faults(view: dict[str, Any], of: StoredResults) -> Faults:
         "obstacles": obstacles,
         "ground": scene.get("ground", []),
     }
-    if track["below"] != scene["mass"].get("below", 0.0):
+    if view["paths"][0]["below"] != scene["mass"].get("below", 0.0):
         yield "below is not the scene's"
     for name, value in expected.items():
         if view[name] != value:
             yield f"{name} is not the scene's"
-    for cable in view["cables"]:
-        yield from _moving_rope_faults(cable, view, of)
 
 
 def _speed_mark_faults(mark: dict[str, Any], points: Array, speed: Array, near: float) -> Faults:
@@ -67,57 +73,80 @@ def _speed_mark_faults(mark: dict[str, Any], points: Array, speed: Array, near: 
 BESIDE = {"speed": ("speed", "m/s"), "press on the rope": ("F_contact", "N"), "haul or thrust": ("F_haul", "N")}
 
 
-def _moving_rope_faults(cable: dict[str, Any], view: dict[str, Any], of: StoredResults) -> Faults:
+def _moving_rope_faults(cable: dict[str, Any], view: dict[str, Any], stored: StoredResults) -> Faults:
     """Frames of a rope against the stored ones; a frame at rest may come first."""
     drawn = cable["touching"][0]
-    run = of.stored_run(of.methods.index(drawn["name"]))
-    t = run["fields.t"]
+    run = stored.run_of_method(stored.methods.index(drawn["name"]))
+    frames = run["fields.t"].size
     stations = np.abs(run["fields.s"][:, None] - np.array(view["s"])).argmin(axis=0)  # (m,)
-    car = car_positions(run)
-    behind = run["fields.T_behind"]
-    ahead = run["fields.T_ahead"]
-    sides = {"behind": np.where(np.isnan(behind), ahead, behind), "ahead": np.where(np.isnan(ahead), behind, ahead)}
-    series = {name: cable[name] for name in ("t", "u", "v", "T")}
-    expected = {"t": t} | {name: run[f"fields.{name}"][:, stations] for name in ("u", "v", "T")}
-    places = {"s": run["fields.s_o"], "x": car[:, 0], "y": car[:, 1]}
-    series |= {name: drawn[name] for name in (*places, *sides)}
-    expected |= places | sides
-    path = path_columns(run)
-    felt: dict[str, tuple[Any, str]] = {f"tension {side}": (values, "N") for side, values in sides.items()}
-    felt["deflection"] = run["fields.mass_v"], "m"
-    felt |= {name: (np.interp(t, path["t"], path[column]), si) for name, (column, si) in BESIDE.items()}
+    expected = {"t": run["fields.t"]} | {name: run[f"fields.{name}"][:, stations] for name in ("u", "v", "T")}
+    series = {name: cable[name] for name in expected}
+    of_car = _drawn_series_of_car(run)
+    series |= {name: drawn[name] for name in of_car}
+    expected |= of_car
+    beside_car = _series_beside_car(run)
     for beside in drawn["readout"]:
         name, _, unit = beside["name"].rstrip("]").partition(" [")
-        values, si = felt[name]
+        values, si = beside_car[name]
         series[name] = beside["data"]
         expected[name] = values / si_factor(unit, si)
     if si_factor(view["unitName"], "N") != view["unit"]:
         yield f"forces are in {view['unitName']} but divided by {view['unit']}"
     for name, values in expected.items():
         rounding = 1e-4 * extent_of_rope(run) if name in ("x", "y") else 0.0
-        yield from _packed_faults(name, series[name], values, rounding)
-        if _unpacked(series[name]).size not in (values.size, values.size // t.size * (t.size + 1)):
+        yield from _packed_series_faults(name, series[name], values, rounding)
+        if _unpack_series(series[name]).size not in (values.size, values.size // frames * (frames + 1)):
             yield f"{name} has other frames than are stored"
 
 
-def _packed_faults(name: str, part: dict[str, Any], values: Array, rounding: float = 0.0) -> Faults:
+def _drawn_series_of_car(run: Run) -> dict[str, Array]:
+    """Position, point and both tensions (k,) of the car at the frames; where one side is unknown, the other's."""
+    car = car_positions_at_frames(run)
+    behind = run["fields.T_behind"]
+    ahead = run["fields.T_ahead"]
+    return {
+        "s": run["fields.s_o"], "x": car[:, 0], "y": car[:, 1],
+        "behind": np.where(np.isnan(behind), ahead, behind), "ahead": np.where(np.isnan(ahead), behind, ahead),
+    }  # fmt: skip
+
+
+def _series_beside_car(run: Run) -> dict[str, tuple[Array, str]]:
+    """Series (k,) that are shown beside the car, and their SI units, by name."""
+    path = path_columns(run)
+    of_car = _drawn_series_of_car(run)
+    series = {f"tension {side}": (of_car[side], "N") for side in ("behind", "ahead")}
+    series["deflection"] = run["fields.mass_v"], "m"
+    for name, (column, si) in BESIDE.items():
+        series[name] = np.asarray(np.interp(run["fields.t"], path["t"], path[column])), si
+    return series
+
+
+def _packed_series_faults(name: str, part: dict[str, Any], values: Array, rounding: float = 0.0) -> Faults:
     """Faults of a packed series that ends with these values."""
-    allowed = _packing_step(part) + rounding
-    yield from series_faults(name, _unpacked(part)[-values.size :], values.ravel(), 1.0, allowed)
+    allowed = _packing_rounding(part) + rounding
+    yield from series_faults(name, _unpack_series(part)[-values.size :], values.ravel(), 1.0, allowed)
 
 
-def _packing_step(part: dict[str, Any]) -> float:
-    """Rounding of a packed series."""
+def _packing_rounding(part: dict[str, Any]) -> float:
+    """Largest rounding of a packed series, in its own unit."""
     return float((part["high"] - part["low"]) / PACKED + 1e-12 * abs(part["high"]))
 
 
-def _unpacked(part: dict[str, Any]) -> Array:
+def _unpack_series(part: dict[str, Any]) -> Array:
+    """Values (n,) of a packed series."""
     steps = np.frombuffer(base64.b64decode(part["data"]), "<u2")
     return np.asarray(part["low"] + (part["high"] - part["low"]) / PACKED * steps)
 
 
+class RopeGrid(NamedTuple):
+    """Steps (n,) and stations (m,) of a line in motion that are written and drawn, and the series (n, m) there."""
+
+    steps: NDArray[np.intp]
+    series: dict[str, Array]
+
+
 def line_motion_faults(html_text: str, folder: Path, motion: Any) -> Faults:
-    """Faults of rope.csv, and of the side view of a line in motion."""
+    """Faults of rope.csv, and of the side view of a line in motion; motion : a `cablefem.motion.LineMotion`."""
     rope = read_columns(folder / "rope.csv")
     t = np.unique(rope["t"])
     stations = np.searchsorted(motion.s, np.unique(rope["s"]) - 1e-9 * motion.s[-1])  # (m,)
@@ -128,32 +157,35 @@ def line_motion_faults(html_text: str, folder: Path, motion: Any) -> Faults:
         "t": np.broadcast_to(motion.t[steps, None], shape), "s": np.broadcast_to(motion.s[stations], shape),
         "x": motion.points[grid][..., 0], "y": motion.points[grid][..., 1], "T": motion.tension[grid],
     }  # fmt: skip
-    ends = motion.t[[0, -1]]
     for name, values in columns.items():
         allowed = ROUNDING * np.nanmax(np.abs(values)) + 1e-12
         if not np.allclose(rope[name], values.ravel(), rtol=0.0, atol=allowed, equal_nan=True):
             yield f"rope.csv: {name} is not what was computed"
-    if not np.allclose(t[[0, -1]], ends, rtol=1e-9, atol=0.0):
+    if not np.allclose(t[[0, -1]], motion.t[[0, -1]], rtol=1e-9, atol=0.0):
         yield "rope.csv ends before the run does"
     for data in contents_of_tags('script type="application/json"', html_text):
-        view = json.loads(data)
-        cable = view["cables"][0]
-        here = np.isfinite(columns["T"])
-        for name, column in (("u", "x"), ("v", "y"), ("T", "T")):
-            shown = _unpacked(cable[name]).reshape(shape)
-            yield from series_faults(
-                f"side view: {name}", shown[here], columns[column][here], 1.0, _packing_step(cable[name])
-            )
-        yield from _packed_faults("side view: t", cable["t"], t)
-        for car in motion.cars:
-            drawn = next(x for x in cable["touching"] if x["name"] == car.name)
-            path = {name: x[steps] for name, x in read_columns(folder / f"path-{car.name}.csv").items()}
-            for fault in _drawn_car_faults(drawn, car, steps, path):
-                yield f"side view: {car.name}: {fault}"
+        cable = json.loads(data)["cables"][0]
+        for fault in _drawn_line_faults(cable, RopeGrid(steps, columns), folder, motion):
+            yield f"side view: {fault}"
 
 
-def _drawn_car_faults(drawn: dict[str, Any], car: Any, steps: Array, path: dict[str, Array]) -> Faults:
-    """Faults of a packed car; path : its columns at these steps."""
+def _drawn_line_faults(cable: dict[str, Any], grid: RopeGrid, folder: Path, motion: Any) -> Faults:
+    """Faults of the packed rope and cars of a line in motion."""
+    on_rope = np.isfinite(grid.series["T"])
+    for name, column in (("u", "x"), ("v", "y"), ("T", "T")):
+        shown = _unpack_series(cable[name]).reshape(on_rope.shape)
+        computed = grid.series[column]
+        yield from series_faults(name, shown[on_rope], computed[on_rope], 1.0, _packing_rounding(cable[name]))
+    yield from _packed_series_faults("t", cable["t"], grid.series["t"][:, 0])
+    for car in motion.cars:
+        drawn = next(x for x in cable["touching"] if x["name"] == car.name)
+        path = {name: x[grid.steps] for name, x in read_columns(folder / f"path-{car.name}.csv").items()}
+        for fault in _drawn_car_faults(drawn, car, grid.steps, path):
+            yield f"{car.name}: {fault}"
+
+
+def _drawn_car_faults(drawn: dict[str, Any], car: Any, steps: NDArray[np.intp], path: dict[str, Array]) -> Faults:
+    """Faults of a packed car; path : columns of its path.csv at these steps."""
     x, y = car.point[steps].T
     known = {"s": car.s[steps], "x": x, "y": y}
     known |= {"behind": car.tension_behind[steps], "ahead": car.tension_ahead[steps]}
@@ -162,11 +194,11 @@ def _drawn_car_faults(drawn: dict[str, Any], car: Any, steps: Array, path: dict[
         if drawn["body"] != ("wheels" if car.turning.wheels else "hangs"):
             yield "another body is drawn"
     for name, values in known.items():
-        yield from _packed_faults(name, drawn[name], values)
+        yield from _packed_series_faults(name, drawn[name], values)
     columns = BESIDE | {"deflection": ("v", "m"), "swing": ("swing", "deg"), "pitch": ("pitch", "deg")}
     columns |= {f"tension {side}": (f"T_{side}", "N") for side in ("behind", "ahead")}
     columns |= {f"{side} wheel": (f"wheel_{side}", "N") for side in ("rear", "front")}
     for beside in drawn["readout"]:
         name, _, unit = beside["name"].rstrip("]").partition(" [")
         column, si = columns[name]
-        yield from _packed_faults(name, beside["data"], path[column] / si_factor(unit, si))
+        yield from _packed_series_faults(name, beside["data"], path[column] / si_factor(unit, si))

@@ -38,20 +38,21 @@ class StoredResults:
 
     @property
     def verdict(self) -> str:
-        """Of both solvers; another program has its own."""
-        return worst_verdict(row for row in self.rows if not row.get("with")) or "not comparable"
+        """The verdict on both solvers; another program has its own."""
+        return worst_asked_verdict(row for row in self.rows if not row.get("with")) or "not comparable"
 
     @cache  # noqa: B019  a few, short-lived
-    def stored_run(self, i: int) -> Run:
+    def run_of_method(self, index: int) -> Run:
         """The stored arrays of a method, and its scene's TOML."""
-        with np.load(self.folder / self.methods[i] / "response.npz", allow_pickle=False) as data:
+        with np.load(self.folder / self.methods[index] / "response.npz", allow_pickle=False) as data:
             run: Run = {name: data[name] for name in data.files if name != "_rest"}
             run["rest"] = json.loads(str(data["_rest"]))
         run["scene"] = tomllib.loads(run["rest"]["scene_toml"])
         return run
 
 
-def worst_verdict(rows: Iterable[Row]) -> str | None:
+def worst_asked_verdict(rows: Iterable[Row]) -> str | None:
+    """The worst verdict of the rows that count; None without such rows."""
     verdicts = {row["verdict"] for row in rows if row["asked"]}
     return next((verdict for verdict in ORDER if verdict in verdicts), None)
 
@@ -61,6 +62,7 @@ def read_json(file: Path) -> Any:
 
 
 @cache
-def read_words(package: str, file: str) -> dict[str, Any]:
+def read_package_toml(package: str, file: str) -> dict[str, Any]:
+    """A TOML file that is shipped with a package, as "core" of validation or "cablefem.scene"."""
     home = package if package.startswith("cablefem") else f"validation.{package}"
     return tomllib.loads(resources.files(home).joinpath(file).read_text(encoding="utf-8"))

@@ -11,7 +11,16 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from validation.core.readback.limits import LIMITS
-from validation.core.readback.stored import ORDER, SHOWN_AS, Faults, Row, StoredResults, read_words, worst_verdict
+from validation.core.readback.stored import (
+    ORDER,
+    SHOWN_AS,
+    Faults,
+    Row,
+    Run,
+    StoredResults,
+    read_package_toml,
+    worst_asked_verdict,
+)
 from validation.core.readback.texts import (
     cell_texts,
     comparison_words,
@@ -20,20 +29,21 @@ from validation.core.readback.texts import (
     plain_text,
     quantity_words,
     shows_decimals,
-    shows_number,
+    shows_design_number,
     shows_value,
 )
 from validation.core.scene_data import ROUNDING, ice_mass, mean_around
 
 
-def number_faults(cells: Sequence[str], of: StoredResults) -> Faults:
+def design_number_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
+    """Faults of a shown design number: value with bar, time, positions of car and of the number along the rope."""
     name, value, when, car_at, at = cells
     name = re.sub(r" \(\d+ more, larger\)$", "", name)  # after the smallest of several clearances
-    row = next((x for x in of.design if quantity_words(x) == name), None)
+    row = next((x for x in stored.design if quantity_words(x) == name), None)
     if row is None:
         yield f"{name}: no such design number"
         return
-    if not shows_number(value, row):
+    if not shows_design_number(value, row):
         yield f"{name}: {value} where {row['value']} {row['unit']} with the bar {row.get('bar')} is stored"
     where = row if row["value"] is not None else {}
     t = where.get("t")
@@ -44,23 +54,23 @@ def number_faults(cells: Sequence[str], of: StoredResults) -> Faults:
             yield f"{name}: at {text} where {s} m is stored"
 
 
-def line_number_faults(html_text: str, design: Sequence[Row]) -> Faults:
+def line_design_number_faults(html_text: str, design: Sequence[Row]) -> Faults:
     """Faults of the table of design numbers of a line in motion, which shows all of them."""
-    shown = _shown_numbers(html_text)
-    words = read_words("page", "assets/motion.toml")
+    shown = _shown_design_numbers(html_text)
+    words = read_package_toml("page", "assets/motion.toml")
     for number in design:
         kind, _, of = number["quantity"].partition(":")
         name = plain_text(words[kind]["words"].format(of))
         value, at = shown.get(name, ("", ""))
         when, _, where = at.removesuffix(" along the rope").partition(", ")
-        good = shows_number(value, number) and shows_value(when, number["t"], "s", digits=4)
+        good = shows_design_number(value, number) and shows_value(when, number["t"], "s", digits=4)
         if not good or not shows_decimals(where, number["s_o"], "m", 1):
             stored = f"{number['value']:.6g} {number['unit']} with the bar {number['bar']} at {number['t']:.6g} s"
             yield f"page: {name}: {value} at {at or 'no time'} where {stored} is stored"
 
 
-def _shown_numbers(html_text: str) -> dict[str, tuple[str, str]]:
-    """Value and time of each design number in the table of a page."""
+def _shown_design_numbers(html_text: str) -> dict[str, tuple[str, str]]:
+    """Value, and time and place, of each design number in the table of a page, by its words."""
     for table in contents_of_tags("table", html_text):
         head, *rows = [cell_texts(row) for row in contents_of_tags("tr", table)] or [[]]
         if head == ["quantity", "value", "at"]:
@@ -68,11 +78,11 @@ def _shown_numbers(html_text: str) -> dict[str, tuple[str, str]]:
     return {}
 
 
-def _support_load_faults(cells: Sequence[str], of: StoredResults) -> Faults:
+def _support_load_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
     """Components of what a support carries at one instant: means over an axial round trip."""
     side, when, right, down = cells
-    run = of.stored_run(0)
-    t_max = next(x["t"] for x in of.design if x["quantity"] == f"reaction_{side}_max")
+    run = stored.run_of_method(0)
+    t_max = next(x["t"] for x in stored.design if x["quantity"] == f"reaction_{side}_max")
     cable = run["scene"]["cable"]
     period = 2.0 * run["rest"]["length"] * math.sqrt((cable["mass_per_length"] + ice_mass(cable)) / cable["EA"])
     force = -run[f"reaction_{side}"]  # (n, 2)
@@ -83,10 +93,11 @@ def _support_load_faults(cells: Sequence[str], of: StoredResults) -> Faults:
         yield f"{side} support: {right}, {down} after {when} where {mean} N after {t_max} s follow"
 
 
-def event_faults(cells: Sequence[str], of: StoredResults) -> Faults:
+def event_row_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
+    """A fault unless an event with these numbers is stored; an empty cell fits all."""
     event, t, s_o, speed = cells
     texts = [f"{t} s", f"{s_o} m", f"{speed} km/h"]
-    for row in of.events:
+    for row in stored.events:
         shown = [
             text[0] == " " or shows_value(text, row[name], unit, bar=row.get(f"bar_{name}"))
             for text, name, unit in zip(texts, ("t", "s_o", "speed"), ("s", "m", "m/s"), strict=True)
@@ -96,18 +107,18 @@ def event_faults(cells: Sequence[str], of: StoredResults) -> Faults:
     yield f"{event} {', '.join(texts)}: no such event is stored"
 
 
-def _comparison_faults(cells: Sequence[str], of: StoredResults) -> Faults:
+def _comparison_row_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
+    if not any(_shows_comparison(cells, row) for row in stored.rows):
+        yield f"{' | '.join(cells)}: no such comparison in agreement.json"
+
+
+def _shows_comparison(cells: Sequence[str], row: Row) -> bool:
     name, verdict, *numbers, where, counts = cells
-    for row in of.rows:
-        words = [comparison_words(row), row["verdict"] or "–", "asked" if row["asked"] else "shown only"]
-        at = row.get("where")
-        if (
-            [name, verdict.lstrip("✓✗≈? "), counts] == words
-            and shows_gaps(numbers, row, 3)
-            and (where == "–" if at is None else shows_decimals(where, at, "", 3))
-        ):
-            return
-    yield f"{' | '.join(cells)}: no such comparison in agreement.json"
+    words = [comparison_words(row), row["verdict"] or "–", "asked" if row["asked"] else "shown only"]
+    if [name, verdict.lstrip("✓✗≈? "), counts] != words or not shows_gaps(numbers, row, 3):
+        return False
+    at = row.get("where")
+    return where == "–" if at is None else shows_decimals(where, at, "", 3)
 
 
 def shows_gaps(texts: Sequence[str], row: Row, digits: int) -> bool:
@@ -116,12 +127,13 @@ def shows_gaps(texts: Sequence[str], row: Row, digits: int) -> bool:
     return all(shows_value(text, value, digits=digits) for text, value in zip(texts, values, strict=True))
 
 
-def _group_faults(cells: Sequence[str], of: StoredResults) -> Faults:
+def _verdict_group_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
+    """Faults of the worst verdict of a group of comparisons, and of the counts of each verdict."""
     group, verdict, text = cells
-    groups = read_words("commands.check", "words.toml")["groups"]
-    others = {row["quantity"] for row in of.rows}.difference(*groups.values())
-    rows = [row for row in of.rows if row["asked"] and row["quantity"] in groups.get(group, others)]
-    worst = worst_verdict(rows) or "–"
+    groups = read_package_toml("commands.check", "words.toml")["groups"]
+    others = {row["quantity"] for row in stored.rows}.difference(*groups.values())
+    rows = [row for row in stored.rows if row["asked"] and row["quantity"] in groups.get(group, others)]
+    worst = worst_asked_verdict(rows) or "–"
     if verdict.lstrip("✓✗≈? ") != worst:
         yield f"{group}: {verdict} where {worst} is the worst verdict"
     for name in ORDER:
@@ -131,62 +143,77 @@ def _group_faults(cells: Sequence[str], of: StoredResults) -> Faults:
             yield f"{group}: {text!r} where {count} {words}"
 
 
-def _cost_faults(cells: Sequence[str], of: StoredResults) -> Faults:
+def _cost_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
+    """Faults of a method's unknowns, steps, Newton iterations and seconds, and of where its path ends."""
     method, *counts, seconds, reached = cells
-    i = of.methods.index(method)
-    summary = of.summaries[i]
+    i = stored.methods.index(method)
+    summary = stored.summaries[i]
     for name, text in zip(("n_dof", "steps", "newton_iterations"), counts, strict=True):
         if int(text.replace(" ", "")) != summary[name]:
             yield f"{name} of {method}: {text} where {summary[name]} is stored"
     if not shows_value(seconds, summary["seconds"], digits=3):
         yield f"seconds of {method}: {seconds} where {summary['seconds']} is stored"
-    if not shows_decimals(reached, float(of.stored_run(i)["s_o"][-1]), "m", 1):
+    if not shows_decimals(reached, float(stored.run_of_method(i)["s_o"][-1]), "m", 1):
         yield f"{method} computed up to {reached}, which is not where its path ends"
 
 
-def _setting_faults(cells: Sequence[str], of: StoredResults) -> Faults:
+def _setting_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
     name, text, _ = cells
-    values = [(x | x["settings"]).get(name) for x in of.summaries]
+    values = [(x | x["settings"]).get(name) for x in stored.summaries]
     if text not in [f"{value:g}" if isinstance(value, float) else str(value) for value in values]:
         yield f"{name} = {text} where {values} is stored"
 
 
-def _fact_faults(cells: Sequence[str], of: StoredResults) -> Faults:
-    """What follows from the scene: length, tension and sag of the rope at rest, and how fast the car is."""
-    name, text = cells
-    run = of.stored_run(0)
+def _shows_length(text: str, run: Run) -> bool:
+    return shows_value(text.partition(", ")[0], run["rest"]["length"], "m", digits=6)
+
+
+def _shows_horizontal_tension(text: str, run: Run) -> bool:
+    return shows_value(text.partition(", ")[0], run["rest"]["horizontal_tension"], "N", digits=4)
+
+
+def _shows_sag_at_rest(text: str, run: Run) -> bool:
     x = run["fields.x"]
     y = run["fields.y"]
-    length = run["rest"]["length"]
-    H = run["rest"]["horizontal_tension"]
+    below_chord = CubicSpline(run["fields.s"], y - y[-1] / x[-1] * x)
+    sag = float(below_chord(np.linspace(0.0, run["rest"]["length"], 20001)).max())
     first, _, second = text.partition(", ")
-    if name == "rope between the supports":
-        good = shows_value(first, length, "m", digits=6)
-    elif name == "horizontal tension at rest":
-        good = shows_value(first, H, "N", digits=4)
-    elif name == "sag at rest":
-        below = CubicSpline(run["fields.s"], y - y[-1] / x[-1] * x)  # the chord
-        sag = float(below(np.linspace(0.0, length, 20001)).max())
-        share = second.removesuffix(" of the span")
-        good = shows_value(first, sag, "m", digits=4) and shows_value(share, sag / float(x[-1]), digits=2)
-    elif name == "top speed over that of waves across the rope":
-        cable = run["scene"]["cable"]
-        rho = cable["mass_per_length"] + ice_mass(cable)
-        if run["scene"].get("drive", {}).get("mode") == "free":  # on the loaded rope
-            speed = np.max(np.hypot(*run["velocity"].T))
-        else:
-            speed = np.max(np.abs(np.diff(run["s_o"]) / np.diff(run["t"])))  # steps are short chords of the travel
-        good = abs(parse_number(text.removesuffix(" %")) / 100.0 - speed * math.sqrt(rho / H)) < 0.06
+    share = second.removesuffix(" of the span")
+    return shows_value(first, sag, "m", digits=4) and shows_value(share, sag / float(x[-1]), digits=2)
+
+
+def _shows_top_speed_over_waves(text: str, run: Run) -> bool:
+    """Whether a text shows, in percent, the car's top speed over the speed of transverse waves at rest."""
+    cable = run["scene"]["cable"]
+    rho = cable["mass_per_length"] + ice_mass(cable)
+    if run["scene"].get("drive", {}).get("mode") == "free":  # on the loaded rope
+        speed = np.max(np.hypot(*run["velocity"].T))
     else:
-        of.unread.append(name)
-        return
-    if not good:
+        speed = np.max(np.abs(np.diff(run["s_o"]) / np.diff(run["t"])))  # steps are short chords of the travel
+    ratio = speed * math.sqrt(rho / run["rest"]["horizontal_tension"])
+    return bool(abs(parse_number(text.removesuffix(" %")) / 100.0 - ratio) < 0.06)
+
+
+FACTS: dict[str, Callable[[str, Run], bool]] = {  # that follow from the scene
+    "rope between the supports": _shows_length,
+    "horizontal tension at rest": _shows_horizontal_tension,
+    "sag at rest": _shows_sag_at_rest,
+    "top speed over that of waves across the rope": _shows_top_speed_over_waves,
+}
+
+
+def _fact_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
+    name, text = cells
+    if name not in FACTS:
+        stored.unread.append(name)
+    elif not FACTS[name](text, stored.run_of_method(0)):
         yield f"{name}: {text}"
 
 
-def _input_faults(cells: Sequence[str], of: StoredResults) -> Faults:
+def _input_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
+    """Faults of a value of the TOML: a number, a word, a short list or the length of a list."""
     key, text, _ = cells
-    value: Any = of.stored_run(0)["scene"]
+    value: Any = stored.run_of_method(0)["scene"]
     for name in key.split("."):
         value = value[int(name)] if isinstance(value, list) else value[name]
     if isinstance(value, list) and text.startswith("("):  # a short one, its values
@@ -204,17 +231,17 @@ def _shows_input(text: str, value: Any) -> bool:
     return text.startswith(str(value))
 
 
-def no_faults(text: Any, of: StoredResults) -> Faults:
-    """Words alone."""
+def no_faults_in_words(text: Any, stored: StoredResults) -> Faults:
+    """None: these texts are words alone, without a stored number."""
     return iter(())
 
 
-def count_faults(text: str, of: StoredResults) -> Faults:
+def verdict_count_faults(text: str, stored: StoredResults) -> Faults:
     """Counts of comparisons of two solvers, of laws, and of numbers computed twice."""
     kinds = dict.fromkeys(("energy", "impulse", "laws_si"), "laws")
     kinds |= dict.fromkeys(("design", "outcome"), "printed numbers") | {"deep": ""}
     verdicts: dict[str, list[str]] = {}
-    for row in of.rows:
+    for row in stored.rows:
         if row["asked"] and not row.get("with"):
             kind = kinds.get(row["quantity"], "comparisons of two solvers")
             verdicts.setdefault(kind, []).append(row["verdict"])
@@ -226,54 +253,55 @@ def count_faults(text: str, of: StoredResults) -> Faults:
             yield f"{text!r} where {words} agree or hold"
 
 
-def _verification_row_faults(cells: Sequence[str], of: StoredResults) -> Faults:
+def _verification_row_faults(cells: Sequence[str], stored: StoredResults) -> Faults:
     """A number in the terms of ASME V&V 20, whose row has no fault either."""
     name, printed, in_space, in_time, other, gap, uncertainty = cells
-    row = next((x for x in of.agreement["verification"] if quantity_words(x) == name), None)
+    row = next((x for x in stored.agreement["verification"] if quantity_words(x) == name), None)
     if row is None:
         yield f"{name}: not in the verification"
         return
     good = [
-        shows_number(printed, row),
-        shows_number(other, row | {"value": row["other"], "bar": row["bar_other"]}),
-        *(
-            shows_value(text, row[key], row["unit"], digits=2)
-            for text, key in ((gap, "gap"), (uncertainty, "uncertainty"))
-        ),
-        *(
-            text == "not reached" if row[key] is None else shows_decimals(text, row[key], "", 1)
-            for text, key in ((in_space, "order_space"), (in_time, "order_time"))
-        ),
+        shows_design_number(printed, row),
+        shows_design_number(other, row | {"value": row["other"], "bar": row["bar_other"]}),
+        shows_value(gap, row["gap"], row["unit"], digits=2),
+        shows_value(uncertainty, row["uncertainty"], row["unit"], digits=2),
+        _shows_order(in_space, row["order_space"]),
+        _shows_order(in_time, row["order_time"]),
     ]
     if not all(good):
         yield f"{' | '.join(cells)}: is not what is stored"
 
 
+def _shows_order(text: str, order: float | None) -> bool:
+    return text == "not reached" if order is None else shows_decimals(text, order, "", 1)
+
+
 TABLES: dict[str, Callable[[Sequence[str], StoredResults], Faults]] = {
-    "quantity|value|when|car at|where": number_faults,
+    "quantity|value|when|car at|where": design_number_faults,
     "support|when|to the right|down": _support_load_faults,
-    LIMITS: no_faults,  # by `limit_table_faults`
+    LIMITS: no_faults_in_words,  # by `limit_table_faults`
     "quantity|S|order in space|order in time|D||E||validation uncertainty": _verification_row_faults,
-    "event|after [s]|at [m]|speed [km/h]": event_faults,
-    "comparison|verdict|gap|sum of both bars|asked for|largest at sₒ/l|in the verdict": _comparison_faults,
-    "comparison|verdict|of those asked": _group_faults,
+    "event|after [s]|at [m]|speed [km/h]": event_row_faults,
+    "comparison|verdict|gap|sum of both bars|asked for|largest at sₒ/l|in the verdict": _comparison_row_faults,
+    "comparison|verdict|of those asked": _verdict_group_faults,
     "run|unknowns|steps|Newton iterations|time loop [s]|computed up to": _cost_faults,
     "setting|value|meaning": _setting_faults,
-    "shared|checked on its own by": no_faults,
-    "question|answer": no_faults,
+    "shared|checked on its own by": no_faults_in_words,
+    "question|answer": no_faults_in_words,
     "follows from it|value": _fact_faults,
     "key|value|meaning": _input_faults,
 }
 
 
-def table_faults(table: str, of: StoredResults) -> Faults:
+def table_faults(table: str, stored: StoredResults) -> Faults:
+    """Faults of the rows of a table of a page; one without a reader is noted as unread."""
     rows = contents_of_tags("tr", table)
     if not rows:  # the side view's, before its script runs
         return
     columns = "|".join(cell_texts(rows[0]))
     reader = TABLES.get(columns)
     if reader is None:
-        of.unread.append(columns)
+        stored.unread.append(columns)
         return
     for row in rows[1:]:
-        yield from reader(cell_texts(row), of)
+        yield from reader(cell_texts(row), stored)

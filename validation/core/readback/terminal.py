@@ -5,42 +5,48 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 
-from validation.core.readback.limits import LIMIT_VERDICT, limit_row_faults, scope_sentences
-from validation.core.readback.stored import Faults, StoredResults, read_words, worst_verdict
-from validation.core.readback.tables import count_faults, event_faults, no_faults, number_faults, shows_gaps
+from validation.core.readback.limits import LIMIT_VERDICT, expected_scope_sentences, limit_row_faults
+from validation.core.readback.stored import Faults, StoredResults, read_package_toml, worst_asked_verdict
+from validation.core.readback.tables import (
+    design_number_faults,
+    event_row_faults,
+    no_faults_in_words,
+    shows_gaps,
+    verdict_count_faults,
+)
 from validation.core.readback.texts import quantity_words, shows_value
 
 
-def _printed_limit_faults(text: str, of: StoredResults) -> Faults:
-    yield from limit_row_faults(re.split("  +", text), of.limits)
+def _printed_limit_faults(text: str, stored: StoredResults) -> Faults:
+    yield from limit_row_faults(re.split("  +", text), stored.limits)
 
 
-def terminal_faults(printed: Sequence[str], of: StoredResults) -> Faults:
+def terminal_faults(printed: Sequence[str], stored: StoredResults) -> Faults:
     """Faults of what a run or a check printed."""
-    stored = _stored_sentences(of)
+    sentences = _stored_sentences(stored)
     for text in printed:
         reader = next((read for pattern, read in LINE_CHECKS if re.match(pattern, text)), _printed_number_faults)
-        if text.strip() and text.strip() not in stored:
-            yield from reader(text.strip(), of)
+        if text.strip() and text.strip() not in sentences:
+            yield from reader(text.strip(), stored)
 
 
-def _stored_sentences(of: StoredResults) -> set[str]:
+def _stored_sentences(stored: StoredResults) -> set[str]:
     """Sentences that are printed as they are stored."""
-    sentences = {f"{of.summaries[0]['scene']}: {of.outcome}"}
-    for summary in of.summaries:
+    sentences = {f"{stored.summaries[0]['scene']}: {stored.outcome}"}
+    for summary in stored.summaries:
         sentences |= set(summary["flags"])
-    for doubt in of.agreement.get("doubts", []):
+    for doubt in stored.agreement.get("doubts", []):
         sentences.add(f"{doubt['method']}: {doubt['words']}")
-    if of.agreement:
-        sentences.add(read_words("page", "assets/verdicts.toml")[of.verdict])
+    if stored.agreement:
+        sentences.add(read_package_toml("page", "assets/verdicts.toml")[stored.verdict])
     return sentences
 
 
-def _printed_number_faults(text: str, of: StoredResults) -> Faults:
+def _printed_number_faults(text: str, stored: StoredResults) -> Faults:
     """A design number; of two names that begin alike the longer one."""
-    rows = [row for row in of.design if text.startswith(f"{quantity_words(row)} ")]
+    rows = [row for row in stored.design if text.startswith(f"{quantity_words(row)} ")]
     if not rows:
-        of.unread.append(text)
+        stored.unread.append(text)
         return
     row = max(rows, key=lambda x: len(quantity_words(x)))
     rest = re.sub(r"^\(\d+ more, larger\)", "", text.removeprefix(quantity_words(row)).strip()).strip()
@@ -48,35 +54,37 @@ def _printed_number_faults(text: str, of: StoredResults) -> Faults:
     assert parts is not None
     value, at, when = parts.groups("")
     car = f"{row['s_o']:.1f} m" if row.get("s_o") is not None and row["value"] is not None else ""
-    yield from number_faults([quantity_words(row), value, when, car, at], of)
+    yield from design_number_faults([quantity_words(row), value, when, car, at], stored)
 
 
-def _printed_event_faults(text: str, of: StoredResults) -> Faults:
+def _printed_event_faults(text: str, stored: StoredResults) -> Faults:
+    """Faults of a printed event; one that no row has is noted as unread."""
     parts = re.fullmatch(r"(.*?) +after (.*) s at (.*) m(?: with (.*) km/h)?", text)
-    if parts is None or parts[1].replace(" ", "_") not in [row["event"] for row in of.events]:
-        of.unread.append(text)
+    if parts is None or parts[1].replace(" ", "_") not in [row["event"] for row in stored.events]:
+        stored.unread.append(text)
     else:
-        yield from event_faults(parts.groups(""), of)
+        yield from event_row_faults(parts.groups(""), stored)
 
 
-def _printed_slack_faults(text: str, of: StoredResults) -> Faults:
-    row = next((x for x in of.design if x["quantity"] == "slack_onset"), {"value": None})
-    length = of.stored_run(0)["rest"]["length"]
+def _printed_slack_faults(text: str, stored: StoredResults) -> Faults:
+    row = next((x for x in stored.design if x["quantity"] == "slack_onset"), {"value": None})
+    length = stored.run_of_method(0)["rest"]["length"]
     number = text.removeprefix("slack somewhere from car at ").partition(" on;")[0]
     if row["value"] is None or not shows_value(number, row["value"] * length, "m", bar=(row["bar"] or 0.0) * length):
         yield f"{text!r} is not the stored slack onset"
 
 
-def _scope_faults(text: str, of: StoredResults) -> Faults:
+def _scope_faults(text: str, stored: StoredResults) -> Faults:
     """What a text is for, and whether the scene is that."""
-    names = read_words("cablefem.scene", "limits.toml")["text"]
-    if text not in scope_sentences(names, {of.stored_run(0)["rest"]["drive"]}):
+    names = read_package_toml("cablefem.scene", "limits.toml")["text"]
+    if text not in expected_scope_sentences(names, {stored.run_of_method(0)["rest"]["drive"]}):
         yield f"{text!r} is no scope of a text"
 
 
-def _printed_work_faults(text: str, of: StoredResults) -> Faults:
+def _printed_work_faults(text: str, stored: StoredResults) -> Faults:
+    """Faults of a run's method, settings, seconds and bar of the path."""
     parts = re.fullmatch(r"by (\S+) \((.*)\) in (\S+) s(?:; path ± (\S+) m)?", text)
-    run = of.summaries[0]
+    run = stored.summaries[0]
     if parts is None or parts[1] != run["method"]:
         yield f"{text!r} is not the stored run"
         return
@@ -88,20 +96,20 @@ def _printed_work_faults(text: str, of: StoredResults) -> Faults:
         yield f"{text!r}: {run['seconds']} s and {bar} m are stored"
 
 
-def _printed_comparison_faults(text: str, of: StoredResults) -> Faults:
+def _printed_comparison_faults(text: str, stored: StoredResults) -> Faults:
     """Name, gap, bars, tolerance, where, verdict."""
     name, *cells, verdict = re.split("  +", text)
-    for row in of.rows:
+    for row in stored.rows:
         words = " ".join(row[key] for key in ("quantity", "law", "with") if row.get(key))
         if (name, verdict) == (words, row["verdict"] or "shown") and shows_gaps(cells[:3], row, 2):
             return
     yield f"{text!r} is no comparison in agreement.json"
 
 
-def _printed_third_party_faults(text: str, of: StoredResults) -> Faults:
-    words = read_words("commands.check", "words.toml")["third"]
-    for party in {row["with"] for row in of.rows if row.get("with")}:
-        worst = worst_verdict(row for row in of.rows if row.get("with") == party)
+def _printed_third_party_faults(text: str, stored: StoredResults) -> Faults:
+    words = read_package_toml("commands.check", "words.toml")["third"]
+    for party in {row["with"] for row in stored.rows if row.get("with")}:
+        worst = worst_asked_verdict(row for row in stored.rows if row.get("with") == party)
         if text.startswith(f"{party}: {words[worst or 'not comparable']}"):
             return
     yield f"{text!r} is no verdict on another program"
@@ -109,12 +117,12 @@ def _printed_third_party_faults(text: str, of: StoredResults) -> Faults:
 
 LINE_CHECKS: tuple[tuple[str, Callable[[str, StoredResults], Faults]], ...] = (
     (r"  slack somewhere from car at ", _printed_slack_faults),
-    (r"  by the quasi-static model|  Nothing could be compared|  written to |quantity +gap", no_faults),
+    (r"  by the quasi-static model|  Nothing could be compared|  written to |quantity +gap", no_faults_in_words),
     (r"  by \S+ \(", _printed_work_faults),
-    (r"limit  +value", no_faults),
+    (r"limit  +value", no_faults_in_words),
     (rf"\S.*  {LIMIT_VERDICT}", _printed_limit_faults),
     (r"  [^:]*: for .*", _scope_faults),
-    (r"  \d+ (of \d+ )?(comparisons|laws|printed)", count_faults),
+    (r"  \d+ (of \d+ )?(comparisons|laws|printed)", verdict_count_faults),
     (r"  \S.*: (agrees|DISAGREES|is too coarse|cannot be compared)", _printed_third_party_faults),
     (r"\S.*(  +(-|\d\S*)){4}  (agree|disagree|too coarse|not comparable|shown)$", _printed_comparison_faults),
     (r"  \S.* after \S+( ± \S+)? s at .* m", _printed_event_faults),

@@ -8,7 +8,7 @@ import re
 
 import numpy as np
 
-from validation.core.readback.stored import Row, read_words
+from validation.core.readback.stored import Row, read_package_toml
 from validation.core.scene_data import ROUNDING, si_factor
 
 NUMBER = r"-?\d[\d ]*(?:\.\d+)?(?: × 10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)?(?:e[+-]?\d+)?"
@@ -16,18 +16,20 @@ _VALUE = re.compile(rf"({NUMBER})(?: ± ({NUMBER}))?(?: ?([a-zA-Z%°][\w/%°]*))
 _POWERS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 
 
-def plain_text(text: str) -> str:
-    """The text of HTML, with plain minus signs and spaces."""
-    text = html.unescape(re.sub(r"<[^>]*>", "", text)).replace("\u202f", " ").replace("−", "-")
+def plain_text(html_text: str) -> str:
+    """The text of HTML without tags, with plain minus signs and single spaces."""
+    text = html.unescape(re.sub(r"<[^>]*>", "", html_text)).replace("\u202f", " ").replace("−", "-")
     return re.sub(r"\s+", " ", text).strip()
 
 
 def parse_number(text: str) -> float:
+    """A printed number: thousands apart by spaces, a power as × 10⁻³."""
     mantissa, _, power = text.partition(" × 10")
     return float(mantissa.replace(" ", "")) * 10.0 ** int(power.translate(_POWERS) or 0)
 
 
-def _magnitude(x: float) -> int:
+def _decimal_exponent(x: float) -> int:
+    """Power of ten of the first digit."""
     return math.floor(math.log10(abs(x))) if x else 0
 
 
@@ -38,20 +40,20 @@ def shows_value(text: str, value: float | None, unit: str = "", *, bar: float | 
     """
     if value is None or not math.isfinite(value):
         return text in ("–", "-")
-    printed, factor = _numbers_and_factor(text, unit)
+    printed, factor = _parse_value_and_factor(text, unit)
     if math.isnan(factor):
         return False
     if printed == [0.0] and abs(value / factor) < ROUNDING:
         return True
     expected = [value / factor]
-    digit = _magnitude(value / factor) - digits + 1
+    digit = _decimal_exponent(value / factor) - digits + 1
     if _is_bar_printed(bar, value):
         expected.append((bar or 0.0) / factor)
-        digit = _magnitude(expected[1]) - 1
+        digit = _decimal_exponent(expected[1]) - 1
     return len(printed) == len(expected) and np.allclose(printed, expected, rtol=0.0, atol=0.501 * 10.0**digit)
 
 
-def _numbers_and_factor(text: str, unit: str) -> tuple[list[float], float]:
+def _parse_value_and_factor(text: str, unit: str) -> tuple[list[float], float]:
     """A printed value and its bar, and their unit in `unit`; nan: not a value in such a unit."""
     match = _VALUE.fullmatch(text)
     if match is None:
@@ -65,7 +67,7 @@ def _is_bar_printed(bar: float | None, value: float) -> bool:
 
 
 def shows_decimals(text: str, value: float | None, unit: str, decimals: int) -> bool:
-    """The same of a value with so many decimals; "" if it is unknown."""
+    """Whether a text shows a value with so many decimals, and a unit; "" if it is unknown."""
     if value is None:
         return text == ""
     number, _, printed = text.partition(" ")
@@ -74,8 +76,9 @@ def shows_decimals(text: str, value: float | None, unit: str, decimals: int) -> 
 
 
 def quantity_words(row: Row) -> str:
+    """The words of a design number on page and terminal."""
     kind, _, of = row["quantity"].partition(":")
-    quantities = read_words("core", "quantities.toml")
+    quantities = read_package_toml("core", "quantities.toml")
     words: str = (quantities["main"] | quantities["more"])[kind][0]
     return words.format(of)
 
@@ -86,7 +89,7 @@ def comparison_words(row: Row) -> str:
     return plain_text(": ".join(x for x in words if x))
 
 
-def shows_number(text: str, row: Row) -> bool:
+def shows_design_number(text: str, row: Row) -> bool:
     """Whether a text shows a design number with its bar; a speed in m/s and km/h."""
     if row["value"] is None:
         return text == "the car never passes"
@@ -98,12 +101,12 @@ def shows_number(text: str, row: Row) -> bool:
     ]
 
 
-def contents_of_tags(tag: str, text: str) -> list[str]:
+def contents_of_tags(tag: str, html_text: str) -> list[str]:
     """Contents of all elements of a tag, a pattern that may name a class."""
     name = tag.partition(" ")[0]
-    return re.findall(rf"<{tag}[^>]*>(.*?)</{name}>", text, re.S)
+    return re.findall(rf"<{tag}[^>]*>(.*?)</{name}>", html_text, re.S)
 
 
-def cell_texts(row: str) -> list[str]:
-    """Texts of a row's cells, or of its heads."""
-    return [plain_text(x) for x in contents_of_tags("t[hd]", row)]
+def cell_texts(html_row: str) -> list[str]:
+    """Plain texts of the cells of a table's row, or of its heads."""
+    return [plain_text(x) for x in contents_of_tags("t[hd]", html_row)]

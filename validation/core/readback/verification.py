@@ -15,17 +15,17 @@ ORDERS = (0.5, 12.0)  # that are observed
 CREDITED = 2.0  # most
 
 
-def verification_faults(of: StoredResults) -> Faults:
+def verification_faults(stored: StoredResults) -> Faults:
     """Faults of each row from the comparison of both solvers and from the values of three resolutions."""
-    gaps = {x["law"]: x for x in of.rows if x["quantity"] == "design gap"}
-    for row in of.agreement.get("verification", []):
-        for fault in _verification_faults_of_row(of, row, gaps[row["quantity"]]):
+    gaps = {x["law"]: x for x in stored.rows if x["quantity"] == "design gap"}
+    for row in stored.agreement.get("verification", []):
+        for fault in _verification_row_faults(stored, row, gaps[row["quantity"]]):
             yield f"{row['quantity']}: {fault}"
 
 
-def _verification_faults_of_row(of: StoredResults, row: Row, gap: Row) -> Faults:
+def _verification_row_faults(stored: StoredResults, row: Row, gap: Row) -> Faults:
     size = max(abs(row["value"]), abs(row["other"])) or 1.0
-    expected = _expected_numbers(of, row, gap, size)
+    expected = _expected_numbers(stored, row, gap, size)
     smallest = 0.0
     for direction in ("space", "time"):
         order = _observed_order(row[f"levels_{direction}"], row[f"ratios_{direction}"])
@@ -45,10 +45,10 @@ def _verification_faults_of_row(of: StoredResults, row: Row, gap: Row) -> Faults
             yield f"{key} {row[key]} where {value} follows"
 
 
-def _expected_numbers(of: StoredResults, row: Row, gap: Row, size: float) -> dict[str, float]:
+def _expected_numbers(stored: StoredResults, row: Row, gap: Row, size: float) -> dict[str, float]:
     """Values and bars of both solvers, their gap and its uncertainty; size : of the values."""
-    i = of.methods.index(row["method"])
-    values = [_stored_value(of, method, row["quantity"]) for method in (i, 1 - i)]
+    i = stored.methods.index(row["method"])
+    values = [_stored_design_value(stored, method, row["quantity"]) for method in (i, 1 - i)]
     bars = [size * gap[f"bar_{'ab'[method]}"] for method in (i, 1 - i)]
     return {
         "value": values[0], "other": values[1], "bar": bars[0], "bar_other": bars[1],
@@ -56,9 +56,9 @@ def _expected_numbers(of: StoredResults, row: Row, gap: Row, size: float) -> dic
     }  # fmt: skip
 
 
-def _stored_value(of: StoredResults, method: int, quantity: str) -> float:
+def _stored_design_value(stored: StoredResults, method: int, quantity: str) -> float:
     """A design number of a method."""
-    value: float = next(x["value"] for x in of.stored_run(method)["rest"]["design"] if x["quantity"] == quantity)
+    value: float = next(x["value"] for x in stored.run_of_method(method)["rest"]["design"] if x["quantity"] == quantity)
     return value
 
 
@@ -69,8 +69,8 @@ def _observed_order(levels: Sequence[float], ratios: Sequence[float]) -> float |
     fall = abs((levels[1] - levels[2]) / (levels[0] - levels[1]))
     r, coarser = ratios
 
-    def excess(p: float) -> float:
+    def excess_of_fall(p: float) -> float:
         return r**p * (coarser**p - 1.0) / (r**p - 1.0) - fall
 
     low, high = ORDERS
-    return float(brentq(excess, low, high)) if excess(low) < 0.0 < excess(high) else None
+    return float(brentq(excess_of_fall, low, high)) if excess_of_fall(low) < 0.0 < excess_of_fall(high) else None
