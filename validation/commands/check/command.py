@@ -1,7 +1,7 @@
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -10,7 +10,10 @@ from validation.page import options, terminal
 
 if TYPE_CHECKING:
     from cablefem.response import Response
+    from cablefem.scene import Scene
+    from cablefem.scene.line import Line
     from validation.commands.check.study import Check
+    from validation.core.foreign import ForeignPath
 
 EXAMPLE = "cablefem check my.toml --tol 1e-4 --with other.csv"
 TOL = "Asked of the path's error, over its largest deflection. Default: 1e-3; of a line at rest 1e-6 m."
@@ -18,6 +21,15 @@ TOL_TENSION = "Asked of the tension, over H. Default: 10 times --tol."
 ASK = "all, or path: path, position and speed of the car decide, all else is shown."
 SECOND = "Scene the second solver is told: a planted fault."
 SECOND_SET = "The same by a key of the scene: mass.mass=+1%."
+
+
+class Extras(NamedTuple):
+    """What is done beside the comparison; the exit code depends on the first two."""
+
+    require_limits: bool
+    self_test: bool
+    sensitivity: bool
+    verbose: bool
 
 
 def command(
@@ -52,11 +64,12 @@ def command(
     FILE has columns t [s] or s_o [m], v [m] positive down, and u [m] if known; of a free ride t, x and y from the left
     support, y down. Other units and directions are told by the name: s_o_over_l, t_ms, v_over_l, v_mm, y_up, ...
     """
+    extras = Extras(require, self_test, sensitive, verbose)
     if (line := options.load_line_or_none(scene)) is not None:
         others = {"--ask": ask != "all", "--with": other is not None, "--deep": deep, "--verbose": verbose}
         points = options.line_points_from_options(options.with_limits(line, limits), set_, case, others)
         second_scene = _scene_of_second_solver(points[0].scene, second, second_set)
-        return _check_line(points, tol, tol_tension, out, second_scene, require, self_test, sensitive)
+        return _check_line(points, tol, tol_tension, out, second_scene, extras)
     faults = _option_faults(tol, tol_tension, with_tol, ask)
     loaded = options.with_limits(options.load_scene_or_refuse(scene, faults, needs_mass=True), limits)
     points = _grid_of_scenes(loaded, set_, case)
@@ -70,10 +83,11 @@ def command(
     result, folder = _check_and_write(
         loaded, third, out, deep=deep, second=_scene_of_second_solver(loaded, second, second_set), **settings
     )
-    return _report_check(result, folder, verbose, sensitive, require, self_test)
+    return _report_check(result, folder, extras)
 
 
 def _option_faults(tol: float | None, tol_tension: float | None, with_tol: float, ask: str) -> list[str]:
+    """What is wrong with these options, one sentence each."""
     faults = [
         *options.tolerance_faults(tol), *options.tolerance_faults(tol_tension, "--tol-tension", 1e-6, 1.0),
         *options.tolerance_faults(with_tol, "--with-tol", 0.0, 1.0),
@@ -81,7 +95,7 @@ def _option_faults(tol: float | None, tol_tension: float | None, with_tol: float
     return faults if ask in ("all", "path") else [*faults, f"--ask = {ask!r}: must be all or path"]
 
 
-def _report_check(result: "Check", folder: Path, verbose: bool, sensitive: bool, require: bool, self_test: bool) -> int:
+def _report_check(result: "Check", folder: Path, extras: Extras) -> int:
     """Print a check, read back what was written, and test the judge; return the exit code."""
     from validation.commands.check import words
     from validation.core import limits as judge
@@ -89,25 +103,23 @@ def _report_check(result: "Check", folder: Path, verbose: bool, sensitive: bool,
     from validation.page import printing, report
 
     with terminal.copy_printed_lines() as lines:
-        words.print_check(result, verbose)
-    if sensitive:
+        words.print_check(result, extras.verbose)
+    if extras.sensitivity:
         from validation.commands.check import sensitivity
 
-        terminal.print_text(
-            f"  {sensitivity.detectable_changes_sentence(sensitivity.smallest_detectable_changes(result))}"
-        )
+        changes = sensitivity.smallest_detectable_changes(result)
+        terminal.print_text(f"  {sensitivity.detectable_changes_sentence(changes)}")
     a = result.a.finest
     b = result.b.finest
     terminal.print_text(f"  written to {folder}: report.html, {a.method}/, {b.method}/")
     broken = printing.print_broken_runs(a, b)
-    wrong = (
-        0
-        if broken
-        else report.read_back_and_report("check", StoredResults(folder, [a.method, b.method], judged=True), lines)
-    )
-    unmet = require and judge.any_limit_fails(result.limits)
+    wrong = 0
+    if not broken:
+        stored = StoredResults(folder, [a.method, b.method], judged=True)
+        wrong = report.read_back_and_report("check", stored, lines)
+    unmet = extras.require_limits and judge.any_limit_fails(result.limits)
     sound = result.verdict.value == "agree" and not (result.doubts or wrong or unmet)
-    if self_test:
+    if extras.self_test:
         from validation.commands.check import selftest
 
         verdict = selftest.verdict_with_mass_fault(result)
@@ -118,9 +130,9 @@ def _report_check(result: "Check", folder: Path, verbose: bool, sensitive: bool,
 
 def _check_line(
     points: list[options.GridPoint], tol: float | None, tol_tension: float | None, out: Path | None, second: Any,
-    require: bool, self_test: bool, sensitive: bool,
+    extras: Extras,
 ) -> int:  # fmt: skip
-    """Check a line of several contacts, at rest or in motion; return the exit code.
+    """Check a line of several contacts, at rest or in motion, or a grid of them, and print it; return the exit code.
 
     second : the line the second solver is told, or None.
     """
@@ -133,24 +145,23 @@ def _check_line(
     tol = kind.TOL if tol is None else tol
     kind.refuse_tolerances_out_of_range(tol, tol_tension)
     kind.refuse_unlike_second_line(points, second)
-    if self_test and not line.car:
+    if extras.self_test and not line.car:
         raise store.Refused("--self-test: plants its fault in the mass of a car; must have one")
     results: list[Any] = []
 
-    def solve(x: Any, report: Any) -> Any:
-        how = {"report": report} if x.moves else {}  # at rest it takes a second
-        results.append(kind.check_line(x, tol, tol_tension, second, **how))
+    def check_one(line: Any, report: Any) -> Any:
+        how = {"report": report} if line.moves else {}  # at rest it takes a second
+        results.append(kind.check_line(line, tol, tol_tension, second, **how))
         return results[-1]
 
-    code = answer_points("check", points, out, solve, require)
-    if sensitive:
+    code = answer_points("check", points, out, check_one, extras.require_limits)
+    if extras.sensitivity:
         from validation.commands.check import sensitivity
 
         for result in results:
-            terminal.print_text(
-                f"  {sensitivity.detectable_changes_sentence(kind.smallest_detectable_changes(result))}"
-            )
-    if not self_test:
+            changes = kind.smallest_detectable_changes(result)
+            terminal.print_text(f"  {sensitivity.detectable_changes_sentence(changes)}")
+    if not extras.self_test:
         return code
     from validation.commands.check import selftest
 
@@ -159,16 +170,16 @@ def _check_line(
     return code or int(verdict.value != "disagree")
 
 
-def _grid_of_scenes(scene: Any, pairs: list[str] | None, cases: list[str] | None) -> list[options.GridPoint]:
+def _grid_of_scenes(scene: "Scene", set_pairs: list[str] | None, cases: list[str] | None) -> list[options.GridPoint]:
     """Scenes of a grid; Refused for settings of a method."""
-    points = options.grid_points_from_options(scene, pairs, cases)
+    points = options.grid_points_from_options(scene, set_pairs, cases)
     if settings := sorted({key for point in points for key in point.settings}):
         raise store.Refused(f"--set {settings[0]}: check chooses its settings; keys of the scene have a dot")
     return points
 
 
-def _read_vetted_path(file: Path, scene: Any) -> Any:
-    """Another program's path; a wrong direction or unit is refused at once."""
+def _read_vetted_path(file: Path, scene: "Scene") -> "ForeignPath":
+    """Another program's path; Refused for a wrong direction or unit, which a coarse run of our own shows."""
     from validation.core import foreign
     from validation.core.running import run
 
@@ -178,9 +189,12 @@ def _read_vetted_path(file: Path, scene: Any) -> Any:
 
 
 def _check_and_write(
-    scene: Any, third: tuple[Any, float] | None, out: Path | None, **settings: Any
+    scene: "Scene", third_party: "tuple[ForeignPath, float] | None", out: Path | None, **settings: Any
 ) -> "tuple[Check, Path]":
-    """Check a scene, write and draw everything; return the check and its folder; third : a path and its tolerance."""
+    """Check a scene, write and draw everything; return the check and its folder.
+
+    third_party : a path and its tolerance.
+    """
     from validation.commands.check import study
     from validation.core.answers import write_summary_and_profile
     from validation.core.methods import CHECKED
@@ -192,9 +206,9 @@ def _check_and_write(
         result = study.check(scene, progress=progress, **settings)
         progress("writing", 0.0)
         (folder / "with.csv").unlink(missing_ok=True)
-        if third is not None:
-            result = study.with_third_party(result, *third)
-            third[0].write(folder / "with.csv")
+        if third_party is not None:
+            result = study.with_third_party(result, *third_party)
+            third_party[0].write(folder / "with.csv")
         result.write(folder)
         progress("writing", 0.3)
         runs = result.a.finest, result.b.finest
@@ -207,21 +221,22 @@ def _check_and_write(
     return result, folder
 
 
-def _scene_of_second_solver(scene: Any, file: Path | None, pairs: list[str] | None) -> Any:
+def _scene_of_second_solver(scene: Any, file: Path | None, set_pairs: list[str] | None) -> "Scene | Line | None":
     """The scene for the second solver; None if the same."""
     name = str(file)
-    other = (
-        scene
-        if file is None
-        else options.load_line_or_none(name) or options.load_scene_or_refuse(name, needs_mass=True)
-    )
+    other = scene
+    if file is not None:
+        other = options.load_line_or_none(name) or options.load_scene_or_refuse(name, needs_mass=True)
     try:
-        points = options.grid_points_from_options(other, pairs)
+        points = options.grid_points_from_options(other, set_pairs)
     except store.Refused as error:
         raise store.Refused([fault.replace("--set", "--second-set", 1) for fault in error.faults]) from None
     if len(points) > 1 or points[0].settings:
         raise store.Refused("--second-set: one value for each key of the scene, as mass.mass=+1%")
-    return points[0].scene if file is not None or pairs else None
+    if file is None and not set_pairs:
+        return None
+    changed: Scene | Line = points[0].scene
+    return changed
 
 
 def _write_animations(folder: Path, runs: "tuple[Response, ...]") -> None:
@@ -231,8 +246,10 @@ def _write_animations(folder: Path, runs: "tuple[Response, ...]") -> None:
         paraview.write_paraview_files(run, folder / run.method)
 
 
-def _check_grid(scene: Any, points: list[options.GridPoint], out: Path | None, require: bool, **settings: Any) -> int:
-    """Check every point of a grid; 1 unless all agree."""
+def _check_grid(
+    scene: "Scene", points: list[options.GridPoint], out: Path | None, require_limits: bool, **settings: Any
+) -> int:
+    """Check every scene of a grid and write its table; return the exit code: 1 unless all agree."""
     from validation.commands.check import study
     from validation.core.limits import columns_fail
     from validation.page.answer import many
@@ -243,6 +260,6 @@ def _check_grid(scene: Any, points: list[options.GridPoint], out: Path | None, r
         return many.answer_row(point.scene, r, result.verdict.value), many.sparse_path_columns(r)
 
     rows = many.answer_and_store_grid("check", "grid-check", scene, points, out, row_and_path, many.run_table_columns)
-    if require and columns_fail(rows):
+    if require_limits and columns_fail(rows):
         return 1
     return 0 if all(row["verdict"] == "agree" for row in rows) else 1

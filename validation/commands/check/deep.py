@@ -26,11 +26,11 @@ ROUNDING = 1e-8
 HALVED = "the change from coarser runs"
 
 
-def rows_against_third_parties(scene: Scene, a: Ladder) -> Iterator[Agreement]:
-    """A row for each applicable third party; a : the estimated run of the elements."""
+def rows_against_third_parties(scene: Scene, elements: Ladder) -> Iterator[Agreement]:
+    """A row for each part that both solvers share and a third party can compute; elements : their runs."""
     for what, third in THIRD.items():
         try:
-            row = third(scene, a)
+            row = third(scene, elements)
         except (measures.NotComparable, newmark.StepFailure) as error:
             row = Agreement("deep", math.nan, no_bound(error))
         if row is not None:
@@ -41,14 +41,16 @@ def _row_with_error_bars(gap: float, *parts: BoundPart) -> Agreement:
     return Agreement("deep", gap, Bound("error bars", parts))
 
 
-def _worst_frequency_row(scene: Scene, a: Ladder) -> Agreement:
+def _worst_frequency_row(scene: Scene, elements: Ladder) -> Agreement:
+    """The method whose frequencies are farthest from the exact ones, over what is allowed."""
     return max(modes(scene).rows, key=lambda row: row.gap / row.allowed)
 
 
-def _start_against_statics_row(scene: Scene, a: Ladder) -> Agreement | None:
-    if a.finest.drive == "grip":
+def _start_against_statics_row(scene: Scene, elements: Ladder) -> Agreement | None:
+    """Compare the start of a car that rolls with the catenary of two pieces; None for a car that grips."""
+    r = elements.finest
+    if r.drive == "grip":
         return None
-    r = a.finest
     l = scene.length
     statics = (hauled_rest if r.drive == "haul" else gripped_rest)([r.s_o[0] / l], scene.groups)
     at = statics.car_point[0] * l
@@ -56,13 +58,15 @@ def _start_against_statics_row(scene: Scene, a: Ladder) -> Agreement | None:
     def distance_from_rest(x: Response) -> float:
         return math.hypot(x.x[0] - at[0], x.y[0] - at[1]) / r.max_deflection
 
-    return _row_with_error_bars(
-        distance_from_rest(r), BoundPart(r.method, a.bar(distance_from_rest), HALVED), BoundPart("rounding", ROUNDING)
-    )
+    bar = BoundPart(r.method, elements.bar(distance_from_rest), HALVED)
+    return _row_with_error_bars(distance_from_rest(r), bar, BoundPart("rounding", ROUNDING))
 
 
-def _time_driver_against_scipy_row(scene: Scene, a: Ladder) -> Agreement | None:
-    """Compare the time driver with scipy's DOP853 on the same coarse semi-discrete system, from one state."""
+def _time_driver_against_scipy_row(scene: Scene, elements: Ladder) -> Agreement | None:
+    """Compare the time driver with scipy's DOP853 on the same coarse semi-discrete system, from one state.
+
+    None where the motion has an event or an end within the compared time.
+    """
     # s_o/l of that state, and so much of the travel in so many steps
     begin = 0.1
     part = 0.05
@@ -100,7 +104,7 @@ def _time_driver_against_scipy_row(scene: Scene, a: Ladder) -> Agreement | None:
     answer = solve_ivp(rate, (t0, t1), start, "DOP853", t_eval=[t1], rtol=1e-7, atol=1e-10)
     if not answer.success:
         raise measures.NotComparable(f"scipy's integration failed: {answer.message}")
-    last = n - (a.finest.drive == "haul")  # the last unknown of a hauled car has no dynamics
+    last = n - (elements.finest.drive == "haul")  # the last unknown of a hauled car has no dynamics
     size = float(np.abs(fine.q[:last]).max())
     gap, change = (float(np.abs(q[:last] - fine.q[:last]).max()) / size for q in (answer.y[:n, -1], coarse.q))
     return _row_with_error_bars(
@@ -109,31 +113,28 @@ def _time_driver_against_scipy_row(scene: Scene, a: Ladder) -> Agreement | None:
 
 
 def _first_state_or_last(states: Iterable[State], wanted: Callable[[State], bool]) -> State:
-    """The first state that is wanted, or the last."""
-    x = None
-    for x in states:
-        if wanted(x):
+    """The first state that is wanted, or the last of all."""
+    state = None
+    for state in states:
+        if wanted(state):
             break
-    assert x is not None
-    return x
+    assert state is not None
+    return state
 
 
-def _path_against_degree_4_row(scene: Scene, a: Ladder) -> Agreement:
+def _path_against_degree_4_row(scene: Scene, elements: Ladder) -> Agreement:
     """Compare the elements' path with degree 4 in twice the steps, with its own bar.
 
     Radau's rule would damp the axial waves.
     """
-    finer = a.finest.settings | {
-        "elements": max(4, a.finest.settings["elements"] // 2),
-        "steps": 2 * a.finest.settings["steps"],
-    }
+    r = elements.finest
+    finer = r.settings | {"elements": max(4, r.settings["elements"] // 2), "steps": 2 * r.settings["steps"]}
     view = View.of_scene(scene)
     other = run_with_error_bars(scene, "following-p4", until=view.last_needed_position, **finer)
-    window = view.cut_to_valid_range(a.finest, other.finest).window
-    gap = measures.relative_path_gap(other.finest, a.finest, window).largest
-    return _row_with_error_bars(
-        gap, *(BoundPart(x.finest.method, path_bar_of_run(x.finest), HALVED) for x in (a, other))
-    )
+    window = view.cut_to_valid_range(r, other.finest).window
+    gap = measures.relative_path_gap(other.finest, r, window).largest
+    bars = [BoundPart(x.method, path_bar_of_run(x), HALVED) for x in (r, other.finest)]
+    return _row_with_error_bars(gap, *bars)
 
 
 Third = Callable[[Scene, Ladder], Agreement | None]

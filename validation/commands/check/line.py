@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -60,30 +61,38 @@ class BothAnswers:
     coarser_b: LineRest
 
     @property
-    def answers(self) -> tuple[LineRest, ...]:
+    def answers_with_coarser(self) -> tuple[LineRest, ...]:
         return self.a, self.coarser_a, self.b, self.coarser_b
 
     @property
     def positions_solved_by_all(self) -> list[int]:
         """Positions that have a rest in all of them."""
-        return [i for i in self.a.states if all(i in rest.states for rest in self.answers)]
+        return [i for i in self.a.states if all(i in rest.states for rest in self.answers_with_coarser)]
 
-    def design_numbers(self) -> list[list[Row]]:
-        """Design numbers of each, over the shared positions."""
+    def design_numbers_of_each(self) -> list[list[Row]]:
+        """Design numbers of each answer, followed by the coarser one's, over the positions that all solve."""
         shared = self.positions_solved_by_all
-        numbers = [(rest, numbers_by_position(rest)) for rest in self.answers]
-        return [extreme_rows(rest.line, [x[i] if i in shared else None for i in range(len(x))]) for rest, x in numbers]
+        designs = []
+        for rest in self.answers_with_coarser:
+            numbers = [row if i in shared else None for i, row in enumerate(numbers_by_position(rest))]
+            designs.append(extreme_rows(rest.line, numbers))
+        return designs
 
     def units_with_tolerances(self, tol: float, tol_tension: float) -> tuple[Unit, Unit]:
-        """Metres and newtons."""
+        """Metres and newtons, each with what it rounds to and the tolerance."""
         reach = float(np.ptp(self.a.empty.points[:, 0]))
         EA = self.a.empty.case.EA
         tension = max(float(np.nanmax(state.station_tensions)) for state in self.a.states.values())
         return Unit("m", ROUNDING * reach, tol), Unit("N", ROUNDING * EA, tol_tension * tension)
 
 
-def compared_values(state: LineState) -> dict[str, tuple[Array, list[str]]]:
-    """The compared values of a state, (m,) or (m, 2), and the stations that they belong to."""
+class StationValues(NamedTuple):
+    values: Array  # (m,) or (m, 2)
+    stations: list[str]  # names (m,)
+
+
+def compared_values(state: LineState) -> dict[str, StationValues]:
+    """The compared values of a state by quantity."""
     case = state.case
     n = len(state.case.stations)
     kinds = np.array([p.kind for p in case.stations])
@@ -99,24 +108,29 @@ def compared_values(state: LineState) -> dict[str, tuple[Array, list[str]]]:
         "haul": (state.haul, np.flatnonzero(kinds == "hauled")),
         "pressure": (state.pressure, np.flatnonzero(kinds == "saddle")),
     }
-    return {name: (x[k], [case.stations[i].name for i in k]) for name, (x, k) in values.items()}
+    return {name: StationValues(x[k], [case.stations[i].name for i in k]) for name, (x, k) in values.items()}
 
 
 def compare_states(both: BothAnswers, metres: Unit, newtons: Unit) -> Iterator[Agreement]:
-    """One row a quantity, of the worst station and position."""
+    """One row a quantity, of the worst station and position that all answers solve."""
     shared = both.positions_solved_by_all
     if not shared:
         return
-    states = [[compared_values(rest.states[i]) for i in shared] for rest in both.answers]
+    states = [[compared_values(rest.states[i]) for i in shared] for rest in both.answers_with_coarser]
     for quantity in states[0][0]:
-        values = [np.concatenate([x[quantity][0] for x in each]) for each in states]  # 4 of (m,) or (m, 2)
-        where = [f"{name}, position {i + 1}" for i, x in zip(shared, states[0], strict=True) for name in x[quantity][1]]
+        values = [np.concatenate([x[quantity].values for x in each]) for each in states]  # 4 of (m,) or (m, 2)
+        where = _stations_and_positions([x[quantity].stations for x in states[0]], shared)
         if where:
             yield _worst_value_row(quantity, values, where, metres if quantity in METRES else newtons)
 
 
+def _stations_and_positions(stations: Sequence[Sequence[str]], positions: Sequence[int]) -> list[str]:
+    """Texts that say where each compared value is: names of stations by position, one after another."""
+    return [f"{name}, position {i + 1}" for i, names in zip(positions, stations, strict=True) for name in names]
+
+
 def compare_design_numbers(designs: Sequence[Sequence[Row]], *units: Unit) -> Iterator[Agreement]:
-    """One row a unit, of the worst design number; designs : of both answers, each followed by the coarser one's."""
+    """One row a unit, of the worst design number; designs : as by `BothAnswers.design_numbers_of_each`."""
     values = [{d["quantity"]: d["value"] for d in design} for design in designs]
     for unit in units:
         names = [d["quantity"] for d in designs[0] if d["unit"] == unit.name]
@@ -151,7 +165,7 @@ def _solved_by_one_alone_rows(both: BothAnswers) -> Iterator[Agreement]:
 
 
 def solve_both_refining_elements(line: Line, second: Line, tol: float, tol_tension: float) -> BothAnswers:
-    """Both answers; elements are doubled until their bars are small enough, up to FINEST.
+    """Both answers, the second line's by elements, which are doubled until their bars are small enough, up to FINEST.
 
     A position that a solver refuses is not tried again by it; one that both refuse, by none.
     """
@@ -191,7 +205,7 @@ def check_line(
         second = second.replace({f"car.{car.name}.at": list(car.at or ())})
     both = solve_both_refining_elements(line, second or line, tol, tol_tension)
     units = both.units_with_tolerances(tol, tol_tension)
-    designs = both.design_numbers()
+    designs = both.design_numbers_of_each()
     result = answer_line(line, rest=both.a)
     result = replace(result, design=design_with_bars(result.design, designs[1], designs[2]))
     rows = [*compare_states(both, *units), *compare_design_numbers(designs, *units), *_solved_by_one_alone_rows(both)]
@@ -209,7 +223,7 @@ def design_with_bars(design: Sequence[Row], coarser: Sequence[Row], other: Seque
 
 
 def recheck_outputs(result: RestAnswers) -> list[Agreement]:
-    """Write files and page, and read them back."""
+    """Write files and page into a temporary folder, read them back, and hold them against the states."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         result.write(folder, 0.0)
@@ -218,19 +232,19 @@ def recheck_outputs(result: RestAnswers) -> list[Agreement]:
 
 
 def smallest_detectable_changes(result: RestAnswers) -> dict[str, float]:
-    """Smallest relative fault of each key that matters, by catenaries."""
+    """Smallest relative change of each key that this check would detect in one solver, by catenaries."""
     line = result.line
     base = line.rest(catenary_line.solve)
     exact = Unit("m", ROUNDING, 0.0), Unit("N", ROUNDING, 0.0)
 
-    def gaps(other: Line) -> sensitivities.Gaps:
-        changed = other.rest(catenary_line.solve)
+    def gaps_to(changed_line: Line) -> sensitivities.Gaps:
+        changed = changed_line.rest(catenary_line.solve)
         return {
             (row.quantity, row.law): row.gap
             for row in compare_states(BothAnswers(base, base, changed, changed), *exact)
         }
 
-    return sensitivities.detectable_changes_by_gaps(line, result.rows, gaps)
+    return sensitivities.detectable_changes_by_gaps(line, result.rows, gaps_to)
 
 
 def refuse_tolerances_out_of_range(tol: float, tol_tension: float | None) -> None:

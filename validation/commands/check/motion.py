@@ -30,10 +30,10 @@ TOL = DEFAULT_TOL
 SECOND = SINES.name  # solver that a planted fault is for
 
 
-def reference_scales(line: Line, moved: LineRun) -> Scales:
-    """Largest deflection of a car, largest tension at the start, and weights."""
-    path = largest_deflection(line, line.empty(catenary_line.solve), moved.motion)
-    tension = largest_tension_at_start(moved.motion)
+def reference_scales(line: Line, run: LineRun) -> Scales:
+    """Largest deflection of a car in the run, largest tension at its start, and weights of the cars."""
+    path = largest_deflection(line, line.empty(catenary_line.solve), run.motion)
+    tension = largest_tension_at_start(run.motion)
     weights = {car.name: car.mass * line.gravity for car in line.car}
     return Scales(path, tension, weights)
 
@@ -47,6 +47,7 @@ def compare_and_check_laws(
 
 
 def law_rows(toml: str, ladders: Sequence[Ladder[LineRun]], end: float) -> Iterator[Agreement]:
+    """A row for each law that applies to the line in the TOML and each ladder, up to the time `end`."""
     turns = any(car.turning is not None for car in ladders[0].finest.motion.cars)
     known = motion_laws.LAWS | (motion_laws.BODY_LAWS if turns else {})
     if any(motion_laws.LineTables(toml).counterweights()):
@@ -90,32 +91,35 @@ def check_line(
         if verdict is Verdict.AGREE or again or space * time >= finest:
             return answers_of_ladders(line, a, b, rows)
         before = verdict
-        in_space, in_time = _coarse_in_space_and_time(rows)
-        space *= 2 if in_space else 1
-        time *= 2 if in_time or not in_space else 1
+        space, time = _doubled_where_coarse(space, time, rows)
 
 
-def _coarse_in_space_and_time(rows: Sequence[Agreement]) -> tuple[bool, bool]:
-    """Whether space and time are too coarse: bars of both solvers over half of what is asked, or the larger one."""
+def _doubled_where_coarse(space: int, time: int, rows: Sequence[Agreement]) -> tuple[int, int]:
+    """Double space, time or both: where bars of both solvers are over half of what is asked, or the larger one."""
     coarse = [row for row in rows if row.verdict is not Verdict.AGREE and row.parts]
     excess = np.array([2.0 * np.sum(row.parts, axis=0) / (row.required or 1.0) for row in coarse] or [(0.0, 1.0)])
-    in_space, in_time = (excess.max(axis=0) >= min(1.0, excess.max())).tolist()
-    return in_space, in_time
+    largest = excess.max(axis=0)  # in space and in time
+    in_space, in_time = (largest >= min(1.0, largest.max())).tolist()
+    if in_space:
+        space *= 2
+    if in_time or not in_space:
+        time *= 2
+    return space, time
 
 
 def smallest_detectable_changes(result: MotionAnswers) -> dict[str, float]:
-    """Smallest relative fault of each key that matters, by one of the coarsest runs a key."""
+    """Smallest relative change of each key that this check would detect, by one of the coarsest runs a key."""
     line = result.line
     first = LineRuns(ELEMENTS, line)
     base = _ladder_of_one_run(first.run(1, 1))
     asked = LineTolerance(TOL, FORCES * TOL)  # decides no gap
 
-    def gaps(other: Line) -> sensitivities.Gaps:
-        changed = _ladder_of_one_run(LineRuns(ELEMENTS, other, first).run(1, 1))
+    def gaps_to(changed_line: Line) -> sensitivities.Gaps:
+        changed = _ladder_of_one_run(LineRuns(ELEMENTS, changed_line, first).run(1, 1))
         comparison = Comparison(base, changed, reference_scales(line, result.moved), asked)
         return {(row.quantity, row.law): row.gap for row in comparison.rows() if row.bound.kind == "error bars"}
 
-    return sensitivities.detectable_changes_by_gaps(line, result.rows, gaps)
+    return sensitivities.detectable_changes_by_gaps(line, result.rows, gaps_to)
 
 
 def _ladder_of_one_run(run: LineRun) -> Ladder[LineRun]:
@@ -139,4 +143,5 @@ def refuse_unlike_second_line(points: Sequence[GridPoint], second: Line | None) 
 
 
 def _names_of_contacts_and_cars(line: Line) -> list[Any]:
+    """Names of contacts and cars, after whether the line moves."""
     return [line.moves, *(x.name for x in line.contact), *(x.name for x in line.car)]

@@ -1,6 +1,7 @@
 """The page of a check: answer, certainty, sources."""
 
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from validation.page.answer.stored import read_stored_check
 from validation.page.page import VERDICTS, Section, render_sections, worst_verdict
 
 WORDS = store.shipped_toml(__package__, "words.toml")
-LINE_PAGES: dict[str, tuple[Any, Any]] = {
+LINE_PAGES: dict[str, tuple[Callable[..., list[Section]], Callable[[Path], list[Section]]]] = {
     "rest-check": (line.line_sections, line.line_grid_sections),
     "motion-check": (motion.motion_sections, motion.motion_grid_sections),
 }
@@ -21,12 +22,9 @@ COUNTED = WORDS["counted"]
 
 
 def sections(folder: Path) -> list[Section]:
-    for home, (line_sections, grid_sections) in LINE_PAGES.items():
-        if (folder / home).is_dir():
-            judged = store.read_json(folder / "agreement.json")
-            return line_sections(folder / home, judged["rows"], judged["verdict"])
-        if (folder / f"grid-{home}").is_dir():
-            return grid_sections(folder / f"grid-{home}")
+    of_line = _sections_of_line(folder)
+    if of_line:
+        return of_line
     grid = folder / "grid-check" / "grid.json"
     single = folder / "agreement.json"
     if grid.exists() and (not single.exists() or grid.stat().st_mtime > single.stat().st_mtime):
@@ -45,23 +43,38 @@ def sections(folder: Path) -> list[Section]:
     )  # fmt: skip
 
 
+def _sections_of_line(folder: Path) -> list[Section]:
+    """Sections of a line or of a grid of lines; none where another check is stored."""
+    for home, (line_sections, grid_sections) in LINE_PAGES.items():
+        if (folder / home).is_dir():
+            judged = store.read_json(folder / "agreement.json")
+            return line_sections(folder / home, judged["rows"], judged["verdict"])
+        if (folder / f"grid-{home}").is_dir():
+            return grid_sections(folder / f"grid-{home}")
+    return []
+
+
 def agreement_sentence(rows: list[dict[str, Any]]) -> str:
     """One sentence: how many asked rows agree, by kind: two solvers, laws of one answer, printed numbers."""
+    kinds = WORDS["sure"]
+    named = {name for kind in kinds.values() for name in _quantities_of_groups(kind["groups"])}
     deciding = [row for row in rows if row.get("asked", True)]
-    groups = WORDS["groups"]
-    named = {name for kind in WORDS["sure"].values() for group in kind["groups"] for name in groups[group]}
+    others = {row["quantity"] for row in deciding} - named
     parts = []
-    for kind, how in WORDS["sure"].items():
-        quantities = {name for group in how["groups"] for name in groups[group]}
-        if not quantities:  # all others
-            quantities = {row["quantity"] for row in deciding} - named
-        part = [row for row in deciding if row["quantity"] in quantities]
-        if part:
-            parts.append(_agreeing_count_text(kind, how["hold"], part))
+    for kind, how in kinds.items():
+        quantities = _quantities_of_groups(how["groups"]) or others
+        of_kind = [row for row in deciding if row["quantity"] in quantities]
+        if of_kind:
+            parts.append(_agreeing_count_text(kind, how["hold"], of_kind))
     return f"{'; '.join(parts)}." if parts else "Nothing could be compared."
 
 
+def _quantities_of_groups(groups: list[str]) -> set[str]:
+    return {name for group in groups for name in WORDS["groups"][group]}
+
+
 def _agreeing_count_text(kind: str, hold: str, rows: list[dict[str, Any]]) -> str:
+    """How many rows agree, as "3 of 4 laws hold, 1 disagrees"; kind, hold : subject and verb."""
     others = [row for row in rows if row["verdict"] != "agree"]
     agreeing = len(rows) - len(others)
     if not others:
@@ -70,6 +83,7 @@ def _agreeing_count_text(kind: str, hold: str, rows: list[dict[str, Any]]) -> st
 
 
 def _verdict_count_text(rows: list[dict[str, Any]]) -> str:
+    """How many rows have each verdict, the worst first."""
     count = Counter(row["verdict"] for row in rows)
     return ", ".join(f"{count[verdict]} {COUNTED[verdict]}" for verdict in reversed(VERDICTS) if count[verdict])
 
@@ -88,6 +102,7 @@ def third_party_verdict_and_sentence(rows: list[dict[str, Any]], name: str) -> t
 
 
 def _summary_rows_of_groups(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """One row for each of the page's groups of quantities: its worst verdict, and how many have each."""
     named = {name for names in WORDS["groups"].values() for name in names}
     groups = WORDS["groups"] | {"Other comparisons": {row["quantity"] for row in rows} - named}
     parts = {group: [row for row in rows if row["quantity"] in of] for group, of in groups.items()}

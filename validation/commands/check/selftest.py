@@ -16,7 +16,7 @@ FAULT = {"mass.mass": "+1%"}
 
 
 def verdict_with_mass_fault(result: Check) -> Verdict:
-    """The verdict on a check's first solver and its second one at half the resolution and steps, with 1 % more mass.
+    """Compare a check's first solver with its second one, run at half the resolution and steps with 1 % more mass.
 
     The judge knows the check's scene alone.
     """
@@ -33,20 +33,20 @@ def verdict_with_mass_fault(result: Check) -> Verdict:
 
 
 def line_verdict_with_mass_fault(
-    checked: Callable[..., Any], line: Line, tol: float, tol_tension: float | None
+    check_line: Callable[..., Any], line: Line, tol: float, tol_tension: float | None
 ) -> Verdict:
-    """The verdict on a line whose second solver has 1 % more mass of the first car.
+    """Check a line whose second solver has 1 % more mass of the first car.
 
-    checked : of a line at rest or in motion.
+    check_line : of a line at rest or in motion.
     """
     fault = {f"car.{line.car[0].name}.mass": FAULT["mass.mass"]}
-    verdict: Verdict = checked(line, tol, tol_tension, line.replace(fault)).verdict
+    verdict: Verdict = check_line(line, tol, tol_tension, line.replace(fault)).verdict
     return verdict
 
 
 def self_test_sentence(verdict: Verdict, method: str, tol: float) -> str:
     """What the self-test says of the verdict; method : of the second solver."""
-    of = f"self-test: 1 % more mass for {method}"
+    planted = f"self-test: 1 % more mass for {method}"
     if verdict is Verdict.DISAGREE:
-        return f"{of} is seen"
-    return f"{of} is NOT seen ({verdict.value}); at --tol {tol:g} this check would miss such a fault"
+        return f"{planted} is seen"
+    return f"{planted} is NOT seen ({verdict.value}); at --tol {tol:g} this check would miss such a fault"

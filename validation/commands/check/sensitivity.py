@@ -1,4 +1,4 @@
-"""Sensitivity of a check: the smallest fault of each key in one solver that changes a verdict."""
+"""Sensitivity of a check: the smallest change of each key in one solver that changes a verdict."""
 
 import math
 import tomllib
@@ -21,7 +21,7 @@ STEP = 0.1  # [percent] change of a key; rows are linear in it
 
 
 def keys_of_nonzero_numbers(data: Any, prefix: str = "") -> Iterator[str]:
-    """Dotted keys of all numbers of a scene; tables of a list by name, or number."""
+    """Dotted keys of all numbers of a scene but zeros; tables of a list by name, or number."""
     if isinstance(data, list):
         data = {x.get("name", i): x for i, x in enumerate(data) if isinstance(x, dict)}
     for name, value in data.items():
@@ -33,44 +33,45 @@ def keys_of_nonzero_numbers(data: Any, prefix: str = "") -> Iterator[str]:
 
 
 def smallest_detectable_changes(result: Check) -> dict[str, float]:
-    """Smallest relative fault of each key that matters.
+    """Smallest relative change of each key in one solver that this check would detect.
 
     One run a key at half the resolution: changes of rows need fewer digits.
     """
     base = (*result.a.space.runs, result.a.finest)[0]
     view = View.of_scene(result.scene).cut_to_valid_range(result.a.finest, result.b.finest)
 
-    def gaps(other: Any) -> Gaps:
-        changed = run(other, find_method(base.method), until=view.last_needed_position, **base.settings)
+    def gaps_to(changed_scene: Any) -> Gaps:
+        changed = run(changed_scene, find_method(base.method), until=view.last_needed_position, **base.settings)
         changed = replace(changed, scene_toml=base.scene_toml)
         deciding = [q for q in TABLE if q.tolerance_kind and q.concerns(view)]
         return {(q.name, q.law): _gap_or_zero(q, changed, base, view) for q in deciding}
 
-    return detectable_changes_by_gaps(result.scene, result.rows, gaps)
+    return detectable_changes_by_gaps(result.scene, result.rows, gaps_to)
 
 
-def detectable_changes_by_gaps(scene: Any, rows: Sequence[Agreement], gaps: Callable[[Any], Gaps]) -> dict[str, float]:
-    """The smallest relative fault of each key of a scene that a row notices, if less than the key itself.
+def detectable_changes_by_gaps(
+    scene: Any, rows: Sequence[Agreement], gaps_to: Callable[[Any], Gaps]
+) -> dict[str, float]:
+    """The smallest relative change of each key of a scene that a row detects, if less than the key itself.
 
-    gaps : of a changed scene to the scene, by quantity and law.
+    gaps_to : gaps of a changed scene to the scene, by quantity and law.
     """
     bars = {(row.quantity, row.law): row.allowed for row in rows if row.decides}
     out = {}
     for key in keys_of_nonzero_numbers(tomllib.loads(scene.to_toml())):
-        other = _scene_with_changed_key(scene, key)
-        if other is None:
+        changed = _scene_with_changed_key(scene, key)
+        if changed is None:
             continue
-        # the gap grows with the fault
-        noticed = [
-            FACTOR_DISAGREE * bars.get(row, math.inf) * 0.01 * STEP / gap
-            for row, gap in gaps(other).items() if gap > 0.0
-        ]  # fmt: skip
-        if noticed and min(noticed) < 1.0:
-            out[key] = min(noticed)
+        gaps = {row: gap for row, gap in gaps_to(changed).items() if gap > 0.0}
+        # the gap grows with the change
+        detected = [FACTOR_DISAGREE * bars.get(row, math.inf) * 0.01 * STEP / gap for row, gap in gaps.items()]
+        if detected and min(detected) < 1.0:
+            out[key] = min(detected)
     return dict(sorted(out.items(), key=lambda item: item[1]))
 
 
-def _scene_with_changed_key(scene: Any, key: str) -> Any:
+def _scene_with_changed_key(scene: Any, key: str) -> Any | None:
+    """The scene with a key larger by STEP, or smaller where that is refused; None where both are."""
     for sign in "+-":
         with suppress(SceneError, ValueError):
             return scene.replace({key: f"{sign}{STEP}%"})
@@ -84,10 +85,11 @@ def _gap_or_zero(quantity: Any, changed: Any, base: Any, view: View) -> float:
         return 0.0
 
 
-def detectable_changes_sentence(gaps: dict[str, float]) -> str:
-    rounding = 1e-8  # a smaller relative fault is any change of a number: its row has a bar of rounding alone
-    parts = [f"{key} {100.0 * fault:.2g} %" for key, fault in gaps.items() if fault >= rounding]
-    exact = [key for key, fault in gaps.items() if fault < rounding]
+def detectable_changes_sentence(changes: dict[str, float]) -> str:
+    """What a check would notice; changes : the smallest relative one that is detected, by key."""
+    rounding = 1e-8  # a smaller relative one is any change of a number: its row has a bar of rounding alone
+    parts = [f"{key} {100.0 * change:.2g} %" for key, change in changes.items() if change >= rounding]
+    exact = [key for key, change in changes.items() if change < rounding]
     if exact:
         parts = [f"any change of {', '.join(exact)}", *parts]
     return f"would notice: {', '.join(parts)}" if parts else "would notice no fault of a key of the scene"

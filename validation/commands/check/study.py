@@ -114,6 +114,7 @@ class Check:
         return limits.limit_rows(self.scene, self.design, self.a.finest.events)
 
     def agreement(self) -> dict[str, Any]:
+        """Content of agreement.json."""
         judged = {"limits": self.limits} if self.scene.limits else {}
         return judged | {
             "scene": self.scene.name, "verdict": self.verdict.value, "range": list(self.window),
@@ -188,7 +189,8 @@ class _MethodOnScene:
     budget: float
     ends: dict[str, Any]
 
-    def refine(self, progress: Progress) -> Ladder:
+    def refine_within_budget(self, progress: Progress) -> Ladder:
+        """Run as fine as the tolerance needs, or as the budget allows."""
         report = partial(progress, self.method.name)
         try:
             return refine_to_tolerance(
@@ -197,23 +199,24 @@ class _MethodOnScene:
         except TooCoarse as error:
             return error.ladder
 
-    def finer_settings(self, ladder: Ladder, rows: list[Agreement], larger: bool) -> Settings | None:
+    def finer_settings(self, ladder: Ladder, rows: list[Agreement], for_larger_bar: bool) -> Settings | None:
         """Finer settings after a disagreement, or if bars are too large; None: there are none within the budget.
 
-        larger : for the larger bar of a row, else for the smaller one.
+        for_larger_bar : of a row, else for the smaller one.
         """
         if overall_verdict(rows) is Verdict.DISAGREE:
             finer_by = 1.5  # factor on resolution and steps of both before they count as different
             finer = refined_settings(self.method, ladder.finest.settings, space=finer_by, time=finer_by)
             return None if exceeds_work_budget(self.method, ladder, finer, self.budget) else finer
         coarse = [row for row in rows if row.decides and row.verdict is Verdict.TOO_COARSE and row.required]
-        goals = [goal for row in coarse for goal in _goals_for_row(row, self.method.name, larger)]
+        goals = [goal for row in coarse for goal in _goals_for_row(row, self.method.name, for_larger_bar)]
         if not goals:
             return None
         worst = max(goals, key=lambda goal: goal.excess)
         return next_settings(self.method, ladder, worst, self.budget)
 
-    def rerun(self, before: Ladder, settings: Settings | None, progress: Progress) -> Ladder:
+    def rerun_unless_none(self, settings: Settings | None, before: Ladder, progress: Progress) -> Ladder:
+        """The runs with finer settings; those before where there are none."""
         if settings is None:
             return before
         report = partial(progress, self.method.name)
@@ -225,6 +228,7 @@ class _MethodOnScene:
 def _methods_with_tolerance_shares(
     scenes: tuple[Scene, Scene], methods: Sequence[str | Method], tol: float, until: float | None
 ) -> list[_MethodOnScene]:
+    """Each method with its scene, its share of the tolerance, and the budget."""
     loaded = [find_method(m) if isinstance(m, str) else m for m in methods]
     shares = [SHARES.get(m.wing, 1.0) for m in loaded]
     ends = {} if until is None else {"until": until}
@@ -242,7 +246,7 @@ def _refine_and_compare(
     progress: Progress,
 ) -> tuple[list[Ladder], list[Agreement]]:
     """Refine both ladders until they agree or cannot get closer; return them and the rows."""
-    jobs: list[Callable[[Progress], Any]] = [side.refine for side in sides]
+    jobs: list[Callable[[Progress], Any]] = [side.refine_within_budget for side in sides]
     tolerance = partial(tolerance_of, tol=tol, tol_tension=tol_tension)
     confirmed = False
     toml = scene.to_toml()
@@ -258,7 +262,10 @@ def _refine_and_compare(
         if not any(finer):
             return ladders, rows
         confirmed = overall_verdict(rows) is Verdict.DISAGREE
-        jobs = [partial(side.rerun, *each) for side, *each in zip(sides, ladders, finer, strict=True)]
+        jobs = [
+            partial(side.rerun_unless_none, settings, ladder)
+            for side, settings, ladder in zip(sides, finer, ladders, strict=True)
+        ]
 
 
 def _finer_settings_of_sides(
@@ -271,39 +278,46 @@ def _finer_settings_of_sides(
     if confirmed and overall_verdict(rows) is Verdict.DISAGREE:
         return [None for _ in sides]
     finer: list[Settings | None] = []
-    for larger in (True, False):
-        finer = [side.finer_settings(ladder, rows, larger) for side, ladder in zip(sides, ladders, strict=True)]
+    for for_larger_bar in (True, False):
+        finer = [side.finer_settings(ladder, rows, for_larger_bar) for side, ladder in zip(sides, ladders, strict=True)]
         if any(finer):
             break
     return finer
 
 
 def _compared_window(scene: Scene, a: Ladder, b: Ladder) -> measures.Window:
+    """The range of s_o/l over which both runs are valid; empty where there is none."""
     try:
         return View.of_scene(scene).cut_to_valid_range(a.finest, b.finest).window
     except measures.NotComparable:
         return measures.WINDOW[0], measures.WINDOW[0]
 
 
-def _goals_for_row(row: Agreement, method: str, larger: bool) -> Iterator[Goal]:
+def _goals_for_row(row: Agreement, method: str, for_larger_bar: bool) -> Iterator[Goal]:
     """What the bar of a method in a row should be.
 
-    larger : of a method with a row's larger bar, else with the smaller one, if the larger leaves room.
+    for_larger_bar : only where it is the row's larger one, else only where the other one is and leaves room.
     """
     assert row.required is not None
     largest = max(sum(parts) for parts in row.parts)
     for parts, of in zip(row.parts, row.bound.parts, strict=False):
         bar = sum(parts)
-        if of.name != method or (bar == largest) is not larger:
+        if of.name != method or (bar == largest) is not for_larger_bar:
             continue
-        other = row.allowed - bar if math.isfinite(row.allowed) else 0.0
-        room = row.required - other
-        if larger:
+        room = _room_for_bar(row, bar)
+        if for_larger_bar:
             room = max(room, row.required / 2.0)
         if room <= 0.0:
             continue
         falls = min(1.0, row.allowed / row.gap) if row.gap else 1.0  # a gap beyond the bars falls as they do
         yield Goal(parts, room * falls, math.inf if "path" in row.quantity else 1.0)
+
+
+def _room_for_bar(row: Agreement, bar: float) -> float:
+    """What the other bars of a row leave of its tolerance."""
+    assert row.required is not None
+    others = row.allowed - bar if math.isfinite(row.allowed) else 0.0
+    return row.required - others
 
 
 def _import_judging_modules() -> None:
@@ -366,13 +380,20 @@ def check_solver(
     name = name or str(getattr(solver, "__name__", type(solver).__name__))
     answer = solver(scene)
     if not isinstance(answer, Response):
-        free = scene.drive.mode == "free"
-        columns, counts = (("t", "x", "y"), (3,)) if free else (("s_o", "v", "u"), (2, 3))
-        if not (isinstance(answer, tuple | list) and len(answer) in counts):
-            wanted = "(t, x, y)" if free else "(s_o, v) or (s_o, v, u)"
-            got = type(answer).__name__ + (f" of {len(answer)}" if isinstance(answer, tuple | list) else "")
-            raise Refused(f"{name}: must return {wanted}, or a Response; got {got}")
-        answer = ForeignPath.of(scene, **dict(zip(columns, answer, strict=False)), name=name)
+        answer = _path_of_columns(scene, answer, name)
     ours = ours or check(scene, tol=tol, progress=progress)
     foreign.refuse_wrong_unit_or_direction(answer, ours.a.finest)
     return with_third_party(ours, answer, with_tol)
+
+
+def _path_of_columns(scene: Scene, answer: Any, name: str) -> ForeignPath:
+    """The path in what a user's solver returned; Refused unless it is the columns of one."""
+    free = scene.drive.mode == "free"
+    columns = ("t", "x", "y") if free else ("s_o", "v", "u")
+    counts = (3,) if free else (2, 3)
+    several = isinstance(answer, tuple | list)
+    if not (several and len(answer) in counts):
+        wanted = "(t, x, y)" if free else "(s_o, v) or (s_o, v, u)"
+        got = type(answer).__name__ + (f" of {len(answer)}" if several else "")
+        raise Refused(f"{name}: must return {wanted}, or a Response; got {got}")
+    return ForeignPath.of(scene, **dict(zip(columns, answer, strict=False)), name=name)

@@ -17,7 +17,7 @@ Report = Callable[[str, str], None]  # subject and verdict
 
 
 def reporting_assert_agree(report: Report) -> Callable[..., list[Agreement]]:
-    """`assert_agree` that tells."""
+    """`assert_agree` that also reports the answers' names and the worst row."""
 
     def asserted(a: Any, b: Any, **bounds: Any) -> list[Agreement]:
         """See `assert_agree`."""
@@ -35,7 +35,7 @@ def reporting_assert_agree(report: Report) -> Callable[..., list[Agreement]]:
 
 
 def asserting_check(report: Report, earlier_checks: dict[Any, Any]) -> Callable[..., Any]:
-    """`check` or `check_solver` that asserts and tells; checks are kept."""
+    """`check` or `check_solver` that asserts and reports; checks are stored in `earlier_checks` and made once."""
 
     def checked(scene: Any, solver: Any = None, *, tol: float | None = None, with_tol: float = WITH_TOL) -> Any:
         """The check of a scene or line, or of a user's solver on a scene; AssertionError unless all rows agree.
@@ -68,6 +68,7 @@ def asserting_check(report: Report, earlier_checks: dict[Any, Any]) -> Callable[
 
 
 def _check_users_solver(scene: Any, solver: Any, with_tol: float, ours: Any) -> Any:
+    """`check_solver` with a short traceback; Refused for a line."""
     __tracebackhide__ = True
     if isinstance(scene, Line):
         raise Refused(f"{scene.name}: a solver of your own is compared on one span, this is a line of contacts")
@@ -78,5 +79,6 @@ def _check_users_solver(scene: Any, solver: Any, with_tol: float, ours: Any) -> 
 
 
 def _worst_row_text(rows: Sequence[Agreement]) -> str:
+    """The row with the largest gap over what is allowed."""
     row = max(rows, key=lambda row: row.gap / row.allowed if row.allowed > 0.0 else 0.0)
     return f"{assertions.row_name(row)} {row.gap:.2g} of {row.allowed:.2g} allowed"
