@@ -188,7 +188,7 @@ def test_every_scene_of_the_plan_is_known_and_every_method_accepts_its_settings(
     assert scenes["rising"].supports.drop == -90.0
     for scene, method, settings in runs.planned_runs().values():
         assert scene in scenes
-        find_method(method).settings(settings)
+        find_method(method).complete_settings(settings)
 
 
 @pytest.mark.slow

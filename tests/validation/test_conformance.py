@@ -13,7 +13,7 @@ from validation import check, run
 from validation.commands.atlas import study as atlas
 from validation.commands.chart import study as chart
 from validation.commands.oracles import study as oracles
-from validation.core.methods import METHODS, find_method, refined_settings
+from validation.core.methods import METHODS, find_method, scaled_settings
 from validation.core.refine import TooCoarse, refine_to_tolerance
 from validation.core.sampling import stack_states
 from validation.oracles import moving_mass
@@ -33,14 +33,16 @@ def mine(monkeypatch):
 def coarse(name):
     """Settings of some milliseconds."""
     method = find_method(name)
-    settings = method.settings(refined_settings(method, method.ladder(1)[0], space=0.5)) | {"steps": 120}
-    return method.main_settings(settings)
+    settings = method.complete_settings(
+        scaled_settings(method, method.settings_from_coarse_to_fine(1)[0], space=0.5)
+    ) | {"steps": 120}
+    return method.resolution_and_steps(settings)
 
 
 def begun(name):
     """Return a solver and its first states."""
     method = find_method(name)
-    settings = method.settings(coarse(name))
+    settings = method.complete_settings(coarse(name))
     solver = method.build(SCENE.groups, settings, model="full", load="mass", law="elastic")
     steps = integrate(solver, scheme(settings["scheme"]), step_times_by_phase(solver, 60))
     return solver, [next(steps) for _ in range(4)]
@@ -121,14 +123,17 @@ def test_a_check_holds_it_against_the_other_wing(name, monkeypatch):
 @every
 def test_a_line_of_the_chart(name):
     (line,) = (x for x in chart.chart_series(SCENE.groups) if x.name == name)
-    resolutions = [find_method(name).settings(x)[find_method(name).resolution.setting] for x in line.rungs]
+    resolutions = [find_method(name).complete_settings(x)[find_method(name).resolution.setting] for x in line.rungs]
     assert len(resolutions) > 6
     assert resolutions == sorted(resolutions)
 
 
 @every
 def test_a_cell_of_the_atlas(name):
-    settings = {find_method(name).resolution.setting: find_method(name).resolution.with_unknowns(4.0), "steps": 100}
+    settings = {
+        find_method(name).resolution.setting: find_method(name).resolution.value_for_unknowns(4.0),
+        "steps": 100,
+    }
     drawn = {"name": "mine", "scene": {}, "methods": [[name, settings]]}
     (cell,) = atlas.cells_at(drawn, 100.0, 4.0)
     assert cell["class"] in ("good", "poor", "wrong")

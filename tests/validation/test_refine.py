@@ -125,7 +125,7 @@ def test_a_wrong_method_is_refused():
 
 def test_what_leaves_more_for_its_cost_is_refined():
     method = find_method("following-p2")
-    now = method.settings({"elements": 10, "steps": 300})
+    now = method.complete_settings({"elements": 10, "steps": 300})
     in_time = cheapest_settings(method, now, Goal((1e-5, 4e-3), 2e-3), 1.0)
     assert (in_time["elements"], in_time["steps"] > 400) == (10, True)
     in_space = cheapest_settings(method, now, Goal((4e-3, 1e-5), 2e-3), 1.0)

@@ -23,7 +23,7 @@ def path_over_cable(
     method = find_method(method_name)
     motion = groups.motion
     assert motion is not None
-    settings = method.settings(settings)
+    settings = method.complete_settings(settings)
     system = method.build(groups, settings, model=model, load=load, law="elastic")
     scheme = newmark.scheme(settings["scheme"], newmark_gamma=settings["newmark_gamma"], rho_inf=settings["rho_inf"])
     rest = np.zeros(system.n_dof)

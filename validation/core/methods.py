@@ -15,17 +15,18 @@ from validation.core.solver import Solver
 
 @dataclass(frozen=True, slots=True)
 class Setting:
+    """A setting of a method: its default, and what it may be."""
+
     default: Any
     allowed: tuple[Any, ...] | tuple[float, float]  # choices for names, else (smallest, largest)
     meaning: str
 
-    def check(self, name: str, value: Any) -> Any:
-        """The value in the default's type; ValueError outside the allowed range."""
+    def validated(self, name: str, value: Any) -> Any:
+        """The value in the default's type; ValueError, which gives the setting's name, if it is not allowed."""
         if isinstance(self.default, str):
             if value not in self.allowed:
-                raise ValueError(
-                    f"{name} = {short_text(value)}: unknown.{did_you_mean(str(value), map(str, self.allowed))}"
-                )
+                hint = did_you_mean(str(value), map(str, self.allowed))
+                raise ValueError(f"{name} = {short_text(value)}: unknown.{hint}")
             return value
         kind = type(self.default)
         try:
@@ -65,22 +66,26 @@ class Resolution:
     doubling: bool = False  # counts powers of two
     unknowns: Callable[[int], float] = float
 
-    def ratio(self, before: int, after: int) -> float:
-        """How many times finer `after` is than `before`."""
-        return 2.0 ** (after - before) if self.doubling else after / before
+    def refinement_ratio(self, coarse: int, fine: int) -> float:
+        """How many times finer the value `fine` is than `coarse`."""
+        return 2.0 ** (fine - coarse) if self.doubling else fine / coarse
 
-    def nearest(self, value: int, ratio: float) -> int:
-        return max(0, value + round(math.log2(ratio))) if self.doubling else max(1, round(value * ratio))
+    def scaled_to_nearest(self, value: int, ratio: float) -> int:
+        """The value nearest to `ratio` times as fine."""
+        if self.doubling:
+            return max(0, value + round(math.log2(ratio)))
+        return max(1, round(value * ratio))
 
-    def refined(self, value: int, ratio: float) -> int:
+    def scaled_at_least(self, value: int, ratio: float) -> int:
         """The smallest value at least `ratio` times as fine, up to `max_value`."""
-        return min(value + math.ceil(math.log2(ratio)) if self.doubling else math.ceil(value * ratio), self.max_value)
+        scaled = value + math.ceil(math.log2(ratio)) if self.doubling else math.ceil(value * ratio)
+        return min(scaled, self.max_value)
 
-    def cost(self, value: int, ratio: float = 1.0) -> float:
+    def relative_step_cost(self, value: int, ratio: float = 1.0) -> float:
         """Cost of a step at `ratio` times the resolution, over its fixed cost."""
-        return 1.0 + (ratio * self.ratio(self.break_even, value)) ** self.cost_exponent
+        return 1.0 + (ratio * self.refinement_ratio(self.break_even, value)) ** self.cost_exponent
 
-    def with_unknowns(self, unknowns: float) -> int:
+    def value_for_unknowns(self, unknowns: float) -> int:
         """The value with about so many unknowns in one field."""
         values = range(0 if self.doubling else 1, self.max_value + 1)
         return min(values, key=lambda value: abs(self.unknowns(value) - unknowns))
@@ -121,36 +126,39 @@ class Method:
         """Whether waves slower than the mass, and compression at a point, can be told from ripples."""
         return self.wing == "elements" and self.space_order >= 2.0
 
-    def ladder(self, rungs: int, finer: float = 1.0) -> list[dict[str, Any]]:
-        """Settings from coarse to fine, each twice as fine, with steps that keep pace.
+    def settings_from_coarse_to_fine(self, count: int, first_ratio: float = 1.0) -> list[dict[str, Any]]:
+        """Resolutions, each twice as fine, with steps that keep pace.
 
-        finer : first resolution over the coarsest.
+        first_ratio : the first over that of `coarsest_settings`.
         """
         first, steps = self.coarsest_settings
         space = self.resolution
         out = []
-        for k in range(rungs):
-            count = space.nearest(first, finer * 2.0**k)
-            more = space.unknowns(count) / space.unknowns(first)
-            out.append({space.setting: count, "steps": round(steps * more**self.steps_exponent)})
+        for k in range(count):
+            value = space.scaled_to_nearest(first, first_ratio * 2.0**k)
+            more = space.unknowns(value) / space.unknowns(first)
+            out.append({space.setting: value, "steps": round(steps * more**self.steps_exponent)})
         return out
 
     def settings_for_scene(self, groups: Groups, changes: dict[str, Any]) -> dict[str, Any]:
-        """Settings for a scene.  On free rides rules damp: force jumps ring on."""
+        """All settings for a scene, with changes.  On free rides rules damp: force jumps ring on.
+
+        Raises ValueError like `complete_settings`.
+        """
         rule: dict[str, Any] = {}
         if self.all_settings["scheme"].default == "trapezoidal" and groups.drive.mode == "free":
             rule = {"scheme": "generalized-alpha"} | self.settings_on_free_rides
-        return self.settings(rule | changes)
+        return self.complete_settings(rule | changes)
 
-    def settings(self, changes: dict[str, Any]) -> dict[str, Any]:
-        """All settings with `changes`; ValueError for unknown names and values, one line each."""
+    def complete_settings(self, changes: dict[str, Any]) -> dict[str, Any]:
+        """The defaults with `changes`; ValueError for unknown names and values, one line each."""
         out = {name: setting.default for name, setting in self.all_settings.items()}
         faults = []
         for name, value in changes.items():
             try:
                 if name not in self.all_settings:
                     raise ValueError(f"{self.name} has no setting {name!r}.{did_you_mean(name, self.all_settings)}")
-                out[name] = self.all_settings[name].check(name, value)
+                out[name] = self.all_settings[name].validated(name, value)
             except ValueError as fault:
                 faults.append(str(fault))
         if faults:
@@ -160,27 +168,31 @@ class Method:
     def resolution_value(self, settings: dict[str, Any]) -> int:
         return settings[self.resolution.setting]
 
-    def main_settings(self, settings: dict[str, Any]) -> dict[str, Any]:
-        return {k: settings[k] for k in (self.resolution.setting, "steps")}
+    def resolution_and_steps(self, settings: dict[str, Any]) -> dict[str, Any]:
+        """These two of all settings."""
+        return {name: settings[name] for name in (self.resolution.setting, "steps")}
 
 
 CHECKED = ("following-p2", "fourier-kink")  # the method of each wing that `check` runs
 # Solvers are imported when built: names load without scikit-fem.
 
 
-def _build_following(degree: int, groups: Groups, x: dict[str, Any], **options: str) -> Solver:
+def _build_following_elements(degree: int, groups: Groups, settings: dict[str, Any], **options: str) -> Solver:
     from cablefem.elements.rolling import make_following_elements
 
-    return make_following_elements(groups, degree=degree, **{k: x[k] for k in ("elements", *_MESH)}, **options)
+    mesh = {name: settings[name] for name in ("elements", *_MESH)}
+    return make_following_elements(groups, degree=degree, **mesh, **options)
 
 
-def _build_fixed(element: str, coupling: str, groups: Groups, x: dict[str, Any], **options: str) -> Solver:
+def _build_fixed_elements(
+    element: str, coupling: str, groups: Groups, settings: dict[str, Any], **options: str
+) -> Solver:
     from cablefem.elements.fixed import FixedElements
 
-    return FixedElements(groups, elements=x["elements"], element=element, coupling=coupling, **options)
+    return FixedElements(groups, elements=settings["elements"], element=element, coupling=coupling, **options)
 
 
-def _build_galerkin(family: str, kink: bool, groups: Groups, x: dict[str, Any], **options: Any) -> Solver:
+def _build_galerkin(family: str, kink: bool, groups: Groups, settings: dict[str, Any], **options: Any) -> Solver:
     from galerkin.abscissa import SystemOverPosition
     from galerkin.bases.daubechies import Daubechies
     from galerkin.bases.fourier import Fourier
@@ -190,19 +202,21 @@ def _build_galerkin(family: str, kink: bool, groups: Groups, x: dict[str, Any], 
     free = groups.drive.mode == "free"
     system = RollingSystem if groups.drive.mode != "grip" else GalerkinSystem
     if family == "wavelet":
-        solver: Any = system(groups, Daubechies(**{key: x[key] for key in _WAVELETS}), kink=kink, **options)
+        wavelets = Daubechies(**{name: settings[name] for name in _WAVELETS})
+        solver: Any = system(groups, wavelets, kink=kink, **options)
     else:
-        graded = free and kink and x["terms"] > 1  # graded sums use the second sine; waves ahead are short
-        solver = system(groups, Fourier(x["terms"], 0.8 if graded else 0.0), kink=kink, **options)
-    return SystemOverPosition(solver) if x["abscissa"] == "s" else solver
+        graded = free and kink and settings["terms"] > 1  # graded sums use the second sine; waves ahead are short
+        solver = system(groups, Fourier(settings["terms"], 0.8 if graded else 0.0), kink=kink, **options)
+    return SystemOverPosition(solver) if settings["abscissa"] == "s" else solver
 
 
-def _element_resolution(unknowns: int) -> Resolution:
-    return replace(ELEMENTS, unknowns=lambda elements: float(unknowns * elements))
+def _element_resolution(unknowns_per_element: int) -> Resolution:
+    return replace(ELEMENTS, unknowns=lambda elements: float(unknowns_per_element * elements))
 
 
-def _settings_per_side(default: int) -> dict[str, Setting]:
-    return {"elements": Setting(default, (1, 100_000), "elements on each side of the mass"), **_MESH, **TIME}
+def _settings_of_following_mesh(default_elements: int) -> dict[str, Setting]:
+    elements = Setting(default_elements, (1, 100_000), "elements on each side of the mass")
+    return {"elements": elements, **_MESH, **TIME}
 
 
 _TERMS = {"terms": Setting(30, (1, 2000), "sines")}
@@ -223,37 +237,39 @@ _DAMPED = _UNIFORM_MESH | {"scheme": Setting("newmark", _CONSTRAINED, TIME["sche
 _ALL = (
     Method(
         "following-p1", "elements", "linear elements on a mesh that follows the mass",
-        _settings_per_side(20), _element_resolution(2), 2.0, partial(_build_following, 1), (10, 400),
+        _settings_of_following_mesh(20), _element_resolution(2), 2.0, partial(_build_following_elements, 1), (10, 400),
         advise_settings=((5, 80), (9, 150), (16, 300), (30, 600), (55, 1200)),
         use="robust and simple; P2 gives more for the same time",
     ),
     Method(
         "following-p2", "elements", "quadratic elements on a mesh that follows the mass",
-        _settings_per_side(10), _element_resolution(4), 2.5, partial(_build_following, 2), (4, 200),
+        _settings_of_following_mesh(10), _element_resolution(4), 2.5, partial(_build_following_elements, 2), (4, 200),
         settings_on_free_rides={"elements": 36, "scheme": "radau"}, steps_exponent=1.25, atlas_settings=(8, 600),
         advise_settings=((4, 80), (6, 150), (9, 300), (13, 600), (20, 1200)),
         use="the default: fastest for a given error from 1e-2 to 1e-5",
     ),
     Method(
         "following-p4", "elements", "elements of degree 4 on a mesh that follows the mass",
-        _settings_per_side(5), _element_resolution(8), 2.5, partial(_build_following, 4), (2, 200),
+        _settings_of_following_mesh(5), _element_resolution(8), 2.5, partial(_build_following_elements, 4), (2, 200),
         settings_on_free_rides={"scheme": "radau"}, steps_exponent=1.25,
         use="smooth travel (from rest); wave fronts of a sudden entry take its advantage away",
     ),
     Method(
         "fixed-hermite", "elements", "C1 cubic elements, the mass moving through them",
         _UNIFORM_MESH | {"steps": _MANY_STEPS}, _element_resolution(2), 1.0,
-        partial(_build_fixed, "hermite", "chain"), (8, 800), steps_exponent=3.0,
+        partial(_build_fixed_elements, "hermite", "chain"), (8, 800), steps_exponent=3.0,
         use="first order, and N'' jumps at the nodes: wants steps like the square of the elements",
     ),
     Method(
         "fixed-p1-path", "elements", "linear elements, the mass a particle constrained to them",
-        _DAMPED, _element_resolution(1), 1.0, partial(_build_fixed, "p1", "path"), (10, 250), atlas_settings=(30, 600),
+        _DAMPED, _element_resolution(1), 1.0, partial(_build_fixed_elements, "p1", "path"), (10, 250),
+        atlas_settings=(30, 600),
         use="only with numerical damping: the undamped rule blows up",
     ),
     Method(
         "fixed-p1-naive", "elements", "linear elements with chain-rule accelerations: WRONG",
-        _UNIFORM_MESH, _element_resolution(1), 0.0, partial(_build_fixed, "p1", "naive"), (10, 250), wrong=True,
+        _UNIFORM_MESH, _element_resolution(1), 0.0, partial(_build_fixed_elements, "p1", "naive"), (10, 250),
+        wrong=True,
         use="never: the centrifugal force is lost at the nodes; on show because everybody writes it first",
     ),
     Method(
@@ -282,15 +298,15 @@ def find_method(name: str) -> Method:
     """The method of this name, ours or that of an entry point; ValueError for an unknown one."""
     if name in METHODS:
         return METHODS[name]
-    others = installed_methods()
+    others = methods_of_other_packages()
     if name not in others:
         raise ValueError(f"unknown method {name!r}.{did_you_mean(str(name), [*METHODS, *others])}")
     return others[name]
 
 
-def installed_methods() -> dict[str, Method]:
+def methods_of_other_packages() -> dict[str, Method]:
     """Methods that other packages give by entry points; ValueError for what is none."""
-    found = {}
+    methods = {}
     for point in entry_points(group=ENTRY_POINTS):
         try:
             method = point.load()
@@ -298,19 +314,19 @@ def installed_methods() -> dict[str, Method]:
             raise ValueError(f"method {point.name}: {point.value} cannot be loaded ({error})") from None
         if not isinstance(method, Method) or method.name != point.name or method.name in METHODS:
             raise ValueError(f"method {point.name}: {point.value} must be a new Method with this name")
-        found[point.name] = method
-    return found
+        methods[point.name] = method
+    return methods
 
 
-def refined_settings(
+def scaled_settings(
     method: Method, settings: dict[str, Any], *, space: float = 1.0, time: float = 1.0
 ) -> dict[str, Any]:
-    """Settings at `space` times the resolution, `time` times the steps."""
+    """Settings at `space` times the resolution, `time` times the steps; also coarser ones."""
     out = dict(settings)
-    smallest = method.all_settings[method.resolution.setting].allowed[0]
+    resolution = method.resolution
+    smallest = method.all_settings[resolution.setting].allowed[0]
     if space != 1.0:
-        out[method.resolution.setting] = max(
-            smallest, method.resolution.nearest(method.resolution_value(settings), space)
-        )
+        value = resolution.scaled_to_nearest(method.resolution_value(settings), space)
+        out[resolution.setting] = max(smallest, value)
     out["steps"] = max(2, round(settings["steps"] * time))
     return out

@@ -43,7 +43,7 @@ class TooCoarse(RuntimeError):
         run = ladder.finest
         reached = f"an error bar of {bar:.2g}" if math.isfinite(bar) else "no end of the window"
         settings = ", ".join(
-            f"{key} = {value}" for key, value in find_method(run.method).main_settings(run.settings).items()
+            f"{key} = {value}" for key, value in find_method(run.method).resolution_and_steps(run.settings).items()
         )
         super().__init__(
             f"{run.method} reaches {reached} with {settings}, not the {tol:g} asked for; loosen the tolerance or "
@@ -88,7 +88,7 @@ class RunsOfMethod:
         finest = self.run_with(settings, self.window_end)
         order = min(self.method.space_order, 1.5) if self.method.space_order > 1.0 else 1.0
         in_space = self._compute_branch(
-            settings, space.setting, self._resolutions_from_finest(settings), space.ratio, order
+            settings, space.setting, self._resolutions_from_finest(settings), space.refinement_ratio, order
         )
         order = min(2.0, scheme(settings["scheme"]).order)
         steps = settings["steps"]
@@ -193,7 +193,7 @@ def refine_to_tolerance(
             finer = next_settings(method, ladder, goal, budget, allow_half=True)
         if finer is None:
             break
-        ratio = method.resolution.ratio(method.resolution_value(settings), method.resolution_value(finer))
+        ratio = method.resolution.refinement_ratio(method.resolution_value(settings), method.resolution_value(finer))
         bar_before = in_space
         settings = finer
     ladder = runs.continued_with_error_bars(ladder)
@@ -271,12 +271,12 @@ def cheapest_settings(
         predicted = {(a, b): in_space / a**p + in_time / b**q for a, b in product(finer, shorter)}
         enough = max(target, min(predicted.values()) / AIM)
         sufficient = [factors for factors, bar in predicted.items() if bar <= enough]
-        a, b = min(sufficient, key=lambda factors: space.cost(count, factors[0]) * factors[1])
+        a, b = min(sufficient, key=lambda factors: space.relative_step_cost(count, factors[0]) * factors[1])
     else:
         a = 1.0 if math.isfinite(in_space) else 2.0
         b = 1.0 if in_time <= target else 2.0
     b = max(b, math.sqrt(a))  # shorter waves need shorter steps
-    resolution = max(count, space.refined(count, a)) if a > 1.0 else count
+    resolution = max(count, space.scaled_at_least(count, a)) if a > 1.0 else count
     return settings | {space.setting: resolution, "steps": min(math.ceil(steps * b), max(steps, MAX_STEPS))}
 
 
@@ -289,7 +289,7 @@ def exceeds_work_budget(method: Method, ladder: Ladder, finer: dict[str, Any], b
     count = method.resolution_value(finer)
     nodes = max(1, len(scheme(r.settings["scheme"]).nodes))
     iterations = r.work["newton_iterations"] * finer["steps"] / r.settings["steps"]
-    work = iterations * nodes * method.resolution.cost(count)
+    work = iterations * nodes * method.resolution.relative_step_cost(count)
     return finer["steps"] * count > MAX_SIZE or work > budget
 
 
@@ -376,5 +376,5 @@ def _first_resolution_and_steps(scene: Scene, method: Method) -> dict[str, int]:
     light = 0.1  # mass ratio mu of a car whose front the first mesh must resolve
     if scene.mu > light:
         return {space.setting: first, "steps": FIRST_STEPS}
-    fine = min(space.with_unknowns(2.0 / scene.mu), space.max_value // 2)
+    fine = min(space.value_for_unknowns(2.0 / scene.mu), space.max_value // 2)
     return {space.setting: max(first, fine), "steps": max(FIRST_STEPS, math.ceil(motion.phases[-1][1] / scene.mu))}

@@ -101,7 +101,7 @@ class Rung:
         r = self.run
         if r is not None:
             out["method"] = r.method
-            out["settings"] = find_method(r.method).main_settings(r.settings) | {"scheme": r.settings["scheme"]}
+            out["settings"] = find_method(r.method).resolution_and_steps(r.settings) | {"scheme": r.settings["scheme"]}
             if r.drive != "free":
                 v = np.interp(POSITIONS, r.s_o / r.length, r.v, right=math.nan)
                 out["v"] = [float(f"{x:.6g}") for x in v]

@@ -14,7 +14,7 @@ from cablefem.response import Response, write_json
 from cablefem.scene import Scene
 from validation.commands.atlas import catalogue
 from validation.core import measures, store
-from validation.core.methods import METHODS, find_method, refined_settings
+from validation.core.methods import METHODS, find_method, scaled_settings
 from validation.core.running import run
 from validation.core.sidebyside import Progress, no_progress
 
@@ -47,7 +47,7 @@ def settings_of_cell(m: Map, x: float, y: float, method: str, fixed: dict[str, A
     if m["name"] != "step-resolution":
         return fixed
     space = find_method(method).resolution
-    return {**fixed, "steps": round(x), space.setting: space.with_unknowns(y)}
+    return {**fixed, "steps": round(x), space.setting: space.value_for_unknowns(y)}
 
 
 def map_label(method: str, fixed: dict[str, Any]) -> str:
@@ -110,9 +110,9 @@ def _job_key(*what: Any) -> str:
 def _reference_run(toml: str) -> tuple[Response, float]:
     """The run to compare with, and its error."""
     scene = Scene.from_toml(toml)
-    settings = find_method("following-p2").settings(MAPS["reference"])
+    settings = find_method("following-p2").complete_settings(MAPS["reference"])
     fine = run(scene, "following-p2", **settings)
-    half = run(scene, "following-p2", **refined_settings(find_method("following-p2"), settings, space=0.5, time=0.5))
+    half = run(scene, "following-p2", **scaled_settings(find_method("following-p2"), settings, space=0.5, time=0.5))
     try:
         return fine, measures.relative_path_gap(
             half, fine, measures.common_window(half, fine)

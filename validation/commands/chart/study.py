@@ -33,7 +33,7 @@ from validation.commands.chart.cost import implicit_floor
 from validation.commands.chart.front import Row, fastest_methods
 from validation.core import measures, store
 from validation.core.measures import NotComparable, Window
-from validation.core.methods import METHODS, Method, refined_settings
+from validation.core.methods import METHODS, Method, scaled_settings
 from validation.core.refine import TooCoarse, refine_to_tolerance, run_with_error_bars
 from validation.core.running import Run, run
 from validation.core.sidebyside import Progress, no_progress
@@ -132,13 +132,13 @@ def settings_ladder(method: Method, shares: Sequence[float] = SETTINGS["shares"]
 
     Steps grow with the resolution, between linearly and as its square; then `shares` of them.
     """
-    settings = method.settings({})
+    settings = method.complete_settings({})
     # more steps take too long
     seen = []
     pace = min(2.0, method.steps_exponent)
     for finer in FINER:
         for share in shares:
-            x = method.main_settings(refined_settings(method, settings, space=finer, time=share * finer**pace))
+            x = method.resolution_and_steps(scaled_settings(method, settings, space=finer, time=share * finer**pace))
             if x not in seen:
                 seen.append(x)
                 yield x
@@ -301,7 +301,7 @@ def _timed_run(scene: Scene, series: Series, rung: Row, truth: _Reference) -> tu
         begin = time.process_time()
         r = refine_to_tolerance(scene, series.method, rung["tol"], until=last_position(scene)).finest
         seconds = time.process_time() - begin
-        results = {"bar": r.path_error, "chosen": METHODS[series.method].main_settings(r.settings)}
+        results = {"bar": r.path_error, "chosen": METHODS[series.method].resolution_and_steps(r.settings)}
     else:
         r = run(scene, series.method, model=series.model, until=last_position(scene), **rung)
         results = {}
@@ -346,7 +346,11 @@ def _timed_command(scene: Scene, series: Series, rung: Row, truth: _Reference) -
         except FileNotFoundError:
             raise ValueError("the command wrote no response") from None
     results = truth.status_and_errors(r.reached, r.reason, lambda: truth.run_errors(r))
-    results |= {"bar": r.path_error, "chosen": METHODS[series.method].main_settings(r.settings), "reached": r.reached}
+    results |= {
+        "bar": r.path_error,
+        "chosen": METHODS[series.method].resolution_and_steps(r.settings),
+        "reached": r.reached,
+    }
     return results, seconds
 
 

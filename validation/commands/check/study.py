@@ -26,7 +26,7 @@ from validation.core.answers import outcome_of_run
 from validation.core.design import design_gap_rows, design_numbers, widened_numbers
 from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.ladder import Goal, Ladder
-from validation.core.methods import CHECKED, Method, find_method, refined_settings
+from validation.core.methods import CHECKED, Method, find_method, scaled_settings
 from validation.core.quantities import design_row_texts, key_numbers
 from validation.core.quasi_static import quasi_static_events
 from validation.core.refine import (
@@ -206,7 +206,7 @@ class _MethodOnScene:
         """
         if overall_verdict(rows) is Verdict.DISAGREE:
             finer_by = 1.5  # factor on resolution and steps of both before they count as different
-            finer = refined_settings(self.method, ladder.finest.settings, space=finer_by, time=finer_by)
+            finer = scaled_settings(self.method, ladder.finest.settings, space=finer_by, time=finer_by)
             return None if exceeds_work_budget(self.method, ladder, finer, self.budget) else finer
         coarse = [row for row in rows if row.decides and row.verdict is Verdict.TOO_COARSE and row.required]
         goals = [goal for row in coarse for goal in _goals_for_row(row, self.method.name, for_larger_bar)]

@@ -20,10 +20,10 @@ def command(
         return _print_files()
     from cablefem.response import write_json
     from validation.core import store
-    from validation.core.methods import METHODS, installed_methods
+    from validation.core.methods import METHODS, methods_of_other_packages
 
     try:
-        methods = METHODS | installed_methods()
+        methods = METHODS | methods_of_other_packages()
     except ValueError as error:
         raise store.Refused(str(error)) from None
     if out is not None:

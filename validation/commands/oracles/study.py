@@ -198,8 +198,11 @@ class _Solvers:
         method = find_method(name)
         sharp = method.resolution.doubling and method.space_order > 1.0
         slow = finer > 1.0 or sharp or method.steps_exponent > 2.0
-        settings = method.ladder(3 if slow else 4, finer)
-        return [Rung(method.main_settings(x), method.resolution.unknowns(method.resolution_value(x))) for x in settings]
+        settings = method.settings_from_coarse_to_fine(3 if slow else 4, finer)
+        return [
+            Rung(method.resolution_and_steps(x), method.resolution.unknowns(method.resolution_value(x)))
+            for x in settings
+        ]
 
     def mass_path(self, crossing: Crossing, name: str, **settings: Any) -> MassPath:
         if crossing.scene:
@@ -237,7 +240,7 @@ class _Solvers:
         free = _build_solver(name, replace(groups, mu=0.0), "straight", settings)
         rest = solve_equilibrium(loaded)
         start = newmark.consistent_acceleration(free, 0.0, rest, np.zeros_like(rest), 0)
-        grid = np.linspace(0.0, end, 1 + find_method(name).settings(settings)["steps"])
+        grid = np.linspace(0.0, end, 1 + find_method(name).complete_settings(settings)["steps"])
         states = [start, *newmark.integrate(free, newmark.scheme("trapezoidal"), [grid], start=start)]
         history = stack_states(states)
         return history.t, free.observe(history, np.zeros(0), np.zeros(0, np.intp)).path[:, 1]

@@ -11,7 +11,7 @@ from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.core import measures, store
 from validation.core.ladder import Branch, Ladder, identity
-from validation.core.methods import find_method, refined_settings
+from validation.core.methods import find_method, scaled_settings
 from validation.core.running import run
 from validation.core.sidebyside import Progress, map_in_parallel
 
@@ -67,11 +67,11 @@ def planned_runs(quick: bool = False) -> dict[str, Job]:
     """Every run by its folder's name; quick : a quarter of the steps, an eighth of those in position."""
     name, settings = SETTINGS["fine"]
     method = find_method(name)
-    fine = method.settings(settings)
+    fine = method.complete_settings(settings)
     ladder = {"": fine}
     for word, share in (("half", 0.5), ("quarter", 0.25)):
-        ladder[f"-{word}-resolution"] = refined_settings(method, fine, space=share)
-        ladder[f"-{word}-steps"] = refined_settings(method, fine, time=share)
+        ladder[f"-{word}-resolution"] = scaled_settings(method, fine, space=share)
+        ladder[f"-{word}-steps"] = scaled_settings(method, fine, time=share)
     jobs: dict[str, Job] = {}
     for scene in SETTINGS["references"]:
         jobs |= {f"{scene}-reference{end}": (scene, name, x) for end, x in ladder.items()}
@@ -85,7 +85,7 @@ def _with_fewer_steps(job: Job) -> Job:
     scene, name, settings = job
     method = find_method(name)
     share = 1.0 / 8.0 if settings.get("abscissa") == "s" else 0.25
-    return scene, name, refined_settings(method, method.settings(settings), time=share)
+    return scene, name, scaled_settings(method, method.complete_settings(settings), time=share)
 
 
 def all_runs(out: Path, report: Progress, quick: bool = False) -> Runs:
@@ -107,7 +107,7 @@ def all_runs(out: Path, report: Progress, quick: bool = False) -> Runs:
 
 def load_or_run(folder: Path, scene: Scene, method: str, settings: dict[str, Any]) -> Response:
     """The stored run of this scene and settings, made if there is none."""
-    as_stored = json.loads(json.dumps(find_method(method).settings(settings)))
+    as_stored = json.loads(json.dumps(find_method(method).complete_settings(settings)))
     try:
         old = Response.read(folder)
         if (old.scene_toml, old.method, old.settings) == (scene.to_toml(), method, as_stored):

@@ -121,7 +121,7 @@ def run_faults(
             f"{key} and tol exclude each other: tol chooses {' and '.join(chosen)}" for key in settings if key in chosen
         ]
     try:
-        method.settings(settings)
+        method.complete_settings(settings)
         if not found:
             Run(scene, method, **options, **settings)
     except ValueError as error:

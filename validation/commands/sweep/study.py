@@ -20,7 +20,7 @@ from cablefem.scene.fields import OneLine, Part, integer_between, number_between
 from cablefem.scene.line import Line
 from validation.commands.sweep import families
 from validation.commands.sweep.axes import MAX_POINTS, Axis, grid, ranges
-from validation.core.methods import METHODS, installed_methods
+from validation.core.methods import METHODS, methods_of_other_packages
 from validation.core.store import Refused
 
 GROUPS = ("sag_ratio", "mu", "alpha", "speed_ratio")  # of `Scene.variant`
@@ -30,7 +30,7 @@ RUN_OPTIONS = ("method", "model", "load", "law", "tol")  # of the run, not of th
 
 def _known_method(method: str) -> str:
     """The name of a method that there is."""
-    names = [*METHODS, *installed_methods()]
+    names = [*METHODS, *methods_of_other_packages()]
     if method not in names:
         raise ValueError(f"unknown.{did_you_mean(method, names)}")
     return method
