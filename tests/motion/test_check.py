@@ -15,7 +15,7 @@ from tests.motion.lines import BODIES
 from validation.commands.check.motion import check_line, compare_and_check_laws
 from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, answers_of_ladders
 from validation.core import motion_laws
-from validation.core.agreement import overall_verdict
+from validation.core.agreement import worst_deciding_verdict
 from validation.core.motion_laws import read_back_line_files
 from validation.core.motion_rows import LineTolerance
 from validation.page.motion import sections
@@ -80,7 +80,7 @@ def by_sines(line):
 
 
 def verdict(*of):
-    return overall_verdict(compare_and_check_laws(*of, ASKED)).value
+    return worst_deciding_verdict(compare_and_check_laws(*of, ASKED)).value
 
 
 def changed(ladder, change):

@@ -15,7 +15,7 @@ from galerkin.lines import LineSines
 from tests.motion.lines import BODIES
 from validation.commands.check.motion import check_line, compare_and_check_laws, law_rows
 from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, answers_of_ladders, lasting_events
-from validation.core.agreement import overall_verdict
+from validation.core.agreement import worst_deciding_verdict
 from validation.core.motion_rows import LineTolerance, unbalanced_work
 from validation.core.readback import line_outcome_faults
 
@@ -93,7 +93,7 @@ def test_the_run_goes_on_past_a_rider_that_its_brake_holds(line, wing):
 
 def test_both_solvers_and_the_laws_agree_on_it(line, ladders):
     rows = compare_and_check_laws(line, *ladders, LineTolerance(2e-2, 0.1))
-    assert overall_verdict(rows).value == "agree"
+    assert worst_deciding_verdict(rows).value == "agree"
     assert FRICTION in {row.law.rpartition(",")[0] for row in rows}
     for ladder in ladders:
         assert np.abs(unbalanced_work(ladder.finest)).max() < 1e-3
@@ -101,7 +101,7 @@ def test_both_solvers_and_the_laws_agree_on_it(line, ladders):
 
 @pytest.mark.slow
 def test_a_check_agrees(line):
-    assert overall_verdict(check_line(line).rows).value == "agree"
+    assert worst_deciding_verdict(check_line(line).rows).value == "agree"
 
 
 @pytest.mark.parametrize("key", ["car.rear.drive.brake.0.force", "car.rear.mass"])
@@ -109,7 +109,7 @@ def test_another_rider_in_one_solver_is_seen(line, ladders, key):
     wrong = line.replace({key: 1.05 * (80.0 if key.endswith("mass") else 500.0)})
     other = LineRuns(SINES, wrong, LineRuns(ELEMENTS, line)).ladder(2, 2)
     rows = compare_and_check_laws(line, ladders[0], other, LineTolerance(2e-2, 0.1))
-    assert overall_verdict(rows).value == "disagree"
+    assert worst_deciding_verdict(rows).value == "disagree"
 
 
 def test_a_rider_that_stays_though_its_brake_is_too_weak_is_seen_by_the_law_of_friction(line, ladders):

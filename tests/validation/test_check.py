@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from cablefem import Scene
 from validation.commands.check import study
 from validation.commands.check.study import check
-from validation.core.agreement import FACTOR_DISAGREE, Agreement, Bound, BoundPart, Verdict, overall_verdict
+from validation.core.agreement import FACTOR_DISAGREE, Agreement, Bound, BoundPart, Verdict, worst_deciding_verdict
 from validation.core.ladder import Ladder
 from validation.core.methods import METHODS
 from validation.core.refine import run_with_error_bars
@@ -36,7 +36,7 @@ def test_a_planted_fault_turns_the_verdict(right, wing, group):
 
     wrong = run_with_error_bars(LEVEL, dataclasses.replace(method, build=build), **(SINES if wing else ELEMENTS))
     rows = compare(LEVEL, *((right[0], wrong) if wing else (wrong, right[1])))
-    assert overall_verdict(rows) is Verdict.DISAGREE
+    assert worst_deciding_verdict(rows) is Verdict.DISAGREE
     path = next(r for r in rows if r.quantity == "path_rms")
     assert path.verdict is Verdict.DISAGREE, (path.gap, path.allowed)
 
@@ -65,11 +65,11 @@ def test_the_rule_has_three_lines(gap, bars, required, verdict):
 
 def test_the_whole_is_the_first_of_disagree_too_coarse_and_agree_of_asked_rows():
     agrees, coarse, apart = row(0.0, (0.1, 0.1), 1.0), row(0.0, (5.0, 0.1), 1.0), row(9.0, (0.1, 0.1), 1.0)
-    assert overall_verdict([agrees]) is Verdict.AGREE
-    assert overall_verdict([agrees, coarse]) is Verdict.TOO_COARSE
-    assert overall_verdict([agrees, coarse, apart]) is Verdict.DISAGREE
-    assert overall_verdict([agrees, dataclasses.replace(apart, decides=False)]) is Verdict.AGREE
-    assert overall_verdict([]) is Verdict.NOT_COMPARABLE
+    assert worst_deciding_verdict([agrees]) is Verdict.AGREE
+    assert worst_deciding_verdict([agrees, coarse]) is Verdict.TOO_COARSE
+    assert worst_deciding_verdict([agrees, coarse, apart]) is Verdict.DISAGREE
+    assert worst_deciding_verdict([agrees, dataclasses.replace(apart, decides=False)]) is Verdict.AGREE
+    assert worst_deciding_verdict([]) is Verdict.NOT_COMPARABLE
 
 
 def test_a_row_says_its_bars_and_what_was_asked():

@@ -8,7 +8,7 @@ import pytest
 
 from tests.validation.pairs import LEVEL, right
 from validation.core import recomputed
-from validation.core.agreement import DEFAULT_TOL, Verdict, overall_verdict
+from validation.core.agreement import DEFAULT_TOL, Verdict, worst_deciding_verdict
 from validation.core.measures import relative_path_gap
 from validation.core.rows import ALONG, AXIAL_MEAN, check_laws, compare, compare_answers, tolerance_of
 from validation.core.running import run
@@ -88,7 +88,7 @@ def test_right_answers_agree():
         for row in found.values()
         if row.decides and row.verdict is not Verdict.AGREE
     ]
-    assert overall_verdict(list(found.values())) is Verdict.AGREE, off
+    assert worst_deciding_verdict(list(found.values())) is Verdict.AGREE, off
     assert {name for name, _ in found} == {
         "path_max", "path_rms", "path_slack", "speed", "tension", "tension_behind", "tension_ahead", "reactions",
         "contact", "displacement", "velocity", "energy", "impulse", "laws_si", "slack_onset", "tension_min",
@@ -115,7 +115,7 @@ def test_a_fault_of_one_wing_turns_its_rows_and_a_smaller_one_the_verdict(fault)
         ]
     if smaller != share:
         found = rows(*spoiled(wing, change(smaller)))
-    assert overall_verdict(list(found.values())) is Verdict.DISAGREE
+    assert worst_deciding_verdict(list(found.values())) is Verdict.DISAGREE
 
 
 def test_a_slack_onset_told_by_both_is_held_against_their_tension():
@@ -187,14 +187,14 @@ def test_a_printed_error_below_the_gap_to_the_other_solver_is_seen():
 def test_a_run_compared_with_itself_is_no_check():
     a, _ = right()
     found = compare_answers(LEVEL, a, a, TOLERANCE)
-    assert overall_verdict(found) is Verdict.NOT_COMPARABLE
+    assert worst_deciding_verdict(found) is Verdict.NOT_COMPARABLE
     assert [row.quantity for row in found].count("independence") == 2  # one wing, and the same numbers
 
 
 def test_bars_wider_than_what_is_asked_are_too_coarse():
     found = between(*right(), tol=1e-2, tol_tension=1e-4)
     assert found[("tension_ahead", AXIAL_MEAN)].verdict is Verdict.TOO_COARSE
-    assert overall_verdict(list(found.values())) is Verdict.TOO_COARSE
+    assert worst_deciding_verdict(list(found.values())) is Verdict.TOO_COARSE
     assert between(*right(), tol=1e-5)[("path_max", "")].verdict is Verdict.TOO_COARSE
 
 
@@ -245,11 +245,11 @@ OF_BOTH = {
 @pytest.mark.parametrize("fault", OF_BOTH)
 def test_a_fault_of_both_wings_turns_a_law_and_the_verdict(fault):
     found = list(check_laws(LEVEL, *(e.map(OF_BOTH[fault]) for e in right()), TOLERANCE))
-    assert overall_verdict(found) is Verdict.DISAGREE
+    assert worst_deciding_verdict(found) is Verdict.DISAGREE
 
 
 def test_velocities_along_the_cable_wrong_in_both_wings_are_shown_only():
     """Two percent turn the velocity up to the mass, a row of which nothing is asked."""
     found = rows(*(e.map(scaled("du")(0.02)) for e in right()), tol=1e-2)
     assert found[("velocity", "up to the mass")].verdict is Verdict.DISAGREE
-    assert overall_verdict(list(found.values())) is Verdict.AGREE
+    assert worst_deciding_verdict(list(found.values())) is Verdict.AGREE

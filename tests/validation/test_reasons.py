@@ -12,7 +12,7 @@ from validation.core.watch import TEXTS, make_flag
 
 def test_a_bound_is_the_sum_of_its_parts():
     bound = Bound("error bars", (BoundPart("a", 1.2e-3, "how"), BoundPart("b", 2.0e-3)), notes=("over the window",))
-    assert bound.value == 1.2e-3 + 2.0e-3
+    assert bound.sum_or_nan == 1.2e-3 + 2.0e-3
     assert str(bound) == "error bars: a 0.0012 (how) + b 0.002; over the window"
     row = json.loads(json.dumps(Agreement("path_max", math.nan, bound).to_json(), allow_nan=False))
     assert (row["notes"], row["gap"], row["bar_b"]) == (["over the window"], None, 2.0e-3)

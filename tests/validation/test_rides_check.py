@@ -10,7 +10,7 @@ from cablefem import Scene
 from cablefem.scene.statics import hauled_rest
 from tests.scene.test_ride import ZIP
 from validation import check
-from validation.core.agreement import DEFAULT_TOL, Verdict, overall_verdict
+from validation.core.agreement import DEFAULT_TOL, Verdict, worst_deciding_verdict
 from validation.core.refine import run_with_error_bars
 from validation.core.rows import AXIAL_MEAN, compare, compare_answers, events_with_bars, tolerance_of, widened_events
 
@@ -52,7 +52,7 @@ def test_sines_tell_by_how_much_they_miss_the_start_of_a_car_close_to_its_suppor
 def test_both_wings_ride_alike_and_keep_the_laws():
     found = rows(compare(RIDE, *pair()))
     asked = {key: row for key, row in found.items() if row.decides}
-    assert overall_verdict(list(found.values())) is Verdict.AGREE, [
+    assert worst_deciding_verdict(list(found.values())) is Verdict.AGREE, [
         (key, row.gap, row.allowed) for key, row in asked.items() if row.verdict is not Verdict.AGREE
     ]
     quantities = {"place", "speed", "events", "contact", "tension_behind", "laws_si", "impulse"}

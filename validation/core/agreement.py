@@ -24,18 +24,18 @@ class Verdict(enum.Enum):
     AGREE = "agree"
 
 
-def verdict_of(gap: float, bars: float, required: float) -> Verdict:
-    """Disagree beyond APART times both bars; too coarse if gap or bars exceed the tolerance; else agree."""
-    if gap > FACTOR_DISAGREE * bars:
+def verdict_of_gap(gap: float, sum_of_bars: float, tolerance: float) -> Verdict:
+    """Disagree beyond FACTOR_DISAGREE times both bars; too coarse if gap or bars exceed the tolerance; else agree."""
+    if gap > FACTOR_DISAGREE * sum_of_bars:
         return Verdict.DISAGREE
-    return Verdict.AGREE if max(gap, bars) <= required else Verdict.TOO_COARSE
+    return Verdict.AGREE if max(gap, sum_of_bars) <= tolerance else Verdict.TOO_COARSE
 
 
 @dataclass(frozen=True, slots=True)
 class BoundPart:
     """One contribution to an allowed gap."""
 
-    name: str  # its run, party or law
+    name: str  # of its run, third party or law
     value: float
     basis: str = ""  # how it came about
 
@@ -53,8 +53,8 @@ class Bound:
     notes: tuple[str, ...] = ()
 
     @property
-    def value(self) -> float:
-        """nan where there is none."""
+    def sum_or_nan(self) -> float:
+        """The allowed gap; nan where there is no bound."""
         return math.nan if self.kind == "nothing" else sum(part.value for part in self.parts)
 
     def __str__(self) -> str:
@@ -63,6 +63,7 @@ class Bound:
 
 
 def no_bound(reason: object) -> Bound:
+    """The bound of a row that cannot be compared, and why."""
     return Bound("nothing", why=str(reason))
 
 
@@ -88,7 +89,7 @@ class Agreement:
 
     @property
     def allowed(self) -> float:
-        return self.bound.value
+        return self.bound.sum_or_nan
 
     @property
     def allowed_because(self) -> str:
@@ -96,11 +97,11 @@ class Agreement:
 
     @property
     def verdict(self) -> Verdict:
-        """By `verdict_of`; without a tolerance a gap within its bound agrees."""
+        """By `verdict_of_gap`; without a tolerance a gap within its bound agrees."""
         if self.bound.kind == "nothing":
             return Verdict.NOT_COMPARABLE
         if self.required is not None:
-            return verdict_of(self.gap, self.allowed, self.required)
+            return verdict_of_gap(self.gap, self.allowed, self.required)
         if not (math.isfinite(self.gap) and math.isfinite(self.allowed)):
             return Verdict.NOT_COMPARABLE
         return Verdict.AGREE if self.gap <= self.allowed else Verdict.DISAGREE
@@ -120,8 +121,8 @@ class Agreement:
         })  # fmt: skip
 
 
-def overall_verdict(rows: list[Agreement]) -> Verdict:
-    """The first verdict, in order of precedence, of the rows that decide."""
+def worst_deciding_verdict(rows: list[Agreement]) -> Verdict:
+    """The first verdict, in order of precedence, of the rows that decide; NOT_COMPARABLE without such rows."""
     verdicts = {row.verdict for row in rows if row.decides} or {Verdict.NOT_COMPARABLE}
     return next(verdict for verdict in Verdict if verdict in verdicts)
 

@@ -9,7 +9,7 @@ import numpy as np
 from cablefem.response import Array, Response, write_csv, write_json
 from cablefem.scene import Scene
 from validation.core import limits
-from validation.core.clearances import rope_shapes
+from validation.core.clearances import rope_at_frames
 from validation.core.design import design_numbers
 from validation.core.measures import last_time_valid_in_all, position_where_mass_outruns_waves
 
@@ -17,6 +17,8 @@ STATIONS = 201  # stations of profile.csv
 
 
 class Outcome(NamedTuple):
+    """How a run ends, in one word and in a sentence."""
+
     kind: str  # breaks, arrives, stopped_by_brake, stuck, rolls_back, rolling, crossed, stopped, incomplete
     sentence: str
 
@@ -26,10 +28,10 @@ def outcome_of_run(scene: Scene, r: Response) -> Outcome:
 
     First a rope that breaks, then what is hit, then how the car's motion ends.
     """
-    decides = scene.cable.breaking_load or scene.obstacle or scene.ground
-    numbers = {row["quantity"]: row for row in r.design or design_numbers(r)} if decides else {}
+    needs_numbers = scene.cable.breaking_load or scene.obstacle or scene.ground
+    numbers = {row["quantity"]: row for row in r.design or design_numbers(r)} if needs_numbers else {}
     end = _outcome_of_motion(scene, r)
-    sentence = "; ".join([*_obstacle_hit_sentences(numbers), end.sentence])
+    sentence = "; ".join([*_hit_or_too_close_sentences(numbers), end.sentence])
     load = scene.cable.breaking_load
     safety = numbers.get("safety_factor_min")
     if load is None or safety is None:
@@ -50,9 +52,9 @@ def _range_by_bar(number: dict[str, Any]) -> tuple[float, float]:
     return number["value"] - bar, number["value"] + bar
 
 
-def _obstacle_hit_sentences(numbers: dict[str, dict[str, Any]]) -> list[str]:
+def _hit_or_too_close_sentences(numbers: dict[str, dict[str, Any]]) -> list[str]:
     """What rope or car would hit, and what is closer than its error bar."""
-    ranges: dict[str, Any] = {}  # of each obstacle: smallest and largest possible clearance
+    ranges: dict[str, Any] = {}  # of each obstacle: smallest and largest possible clearance of rope and car
     for quantity, number in numbers.items():
         kind, _, name = quantity.partition(":")
         if kind.startswith("clearance_") and number["value"] is not None:
@@ -74,11 +76,12 @@ def _outcome_of_motion(scene: Scene, r: Response) -> Outcome:
         broke = f"the computation broke at {r.s_o[-1]:.1f} m after {r.t[-1]:.1f} s: {r.reason}"
         return Outcome("incomplete", broke)
     if r.drive == "free":
-        return _outcome_of_ride(scene, r)
-    return _outcome_of_travel(scene, r)
+        return _outcome_of_free_ride(scene, r)
+    return _outcome_of_prescribed_travel(scene, r)
 
 
-def _outcome_of_travel(scene: Scene, r: Response) -> Outcome:
+def _outcome_of_prescribed_travel(scene: Scene, r: Response) -> Outcome:
+    """Whether the travel of the scene crosses, stops or is hauled, and from where on no answer is valid."""
     # past the slack onset nothing is compared
     motion = scene.groups.motion
     duration = scene.arrival
@@ -93,11 +96,11 @@ def _outcome_of_travel(scene: Scene, r: Response) -> Outcome:
         sentence = f"stops at {last:.1f} m after {duration:.1f} s"
     elif r.drive == "haul":
         sentence = f"is hauled from {r.s_o[0]:.1f} m to {last:.1f} m in {duration:.1f} s"
-    return Outcome(kind, sentence + _end_of_validity(r))
+    return Outcome(kind, sentence + _slack_or_slow_waves_clause(r))
 
 
-def _end_of_validity(r: Response) -> str:
-    """From where the cable is slack, or waves are slower than the mass; "": nowhere."""
+def _slack_or_slow_waves_clause(r: Response) -> str:
+    """From where the cable is slack, or waves are slower than the mass, to be added to a sentence; "": nowhere."""
     steep = position_where_mass_outruns_waves(r)
     if r.slack_onset is not None and r.slack_onset <= steep:
         return f"; the cable goes slack when the mass is at {r.slack_onset * r.length:.1f} m"
@@ -106,7 +109,8 @@ def _end_of_validity(r: Response) -> str:
     return ""
 
 
-def _outcome_of_ride(scene: Scene, r: Response) -> Outcome:
+def _outcome_of_free_ride(scene: Scene, r: Response) -> Outcome:
+    """Where and when a free car arrives, stops, rolls back or is when the run ends."""
     events = {e["event"]: e for e in r.events}  # the last of each kind
     ends = [events[name] for name in ("arrival", "back", "stop") if name in events]
     if not ends:
@@ -140,13 +144,13 @@ def profile_columns(r: Response) -> dict[str, Array]:
     rest = np.interp(x, f.x, f.y)
     depth = [rest]
     tension = [np.interp(x, f.x, f.T_static)]
-    for time, x_cable, y, T in zip(f.t, *rope_shapes(r), strict=True):
-        if time > end:
+    for t, x_cable, y, T in zip(f.t, *rope_at_frames(r), strict=True):
+        if t > end:
             break
         depth.append(np.interp(x, x_cable, y))
         tension.append(np.interp(x, x_cable, T))
     lowest = np.max(depth, axis=0)
-    for x_car, y_car in _rising_pieces_of_path(r, end):  # between frames the car is the lowest point nearby
+    for x_car, y_car in _path_pieces_sorted_in_x(r, end):  # between frames the car is the lowest point nearby
         inside = (x >= x_car[0]) & (x <= x_car[-1])
         lowest[inside] = np.maximum(lowest[inside], np.interp(x[inside], x_car, y_car))
     return {
@@ -158,19 +162,19 @@ def profile_columns(r: Response) -> dict[str, Array]:
 def write_summary_and_profile(folder: Path, scene: Scene, r: Response) -> None:
     """Write summary.json and profile.csv."""
     end = outcome_of_run(scene, r)
-    first: dict[str, Any] = {"outcome": end.sentence, "outcome_kind": end.kind}
+    answer: dict[str, Any] = {"outcome": end.sentence, "outcome_kind": end.kind}
     judged = limits.limit_rows(scene, r.design, r.events)
     if judged:
-        first["limits"] = judged
-    write_json(folder / "summary.json", first | r.summary())
+        answer["limits"] = judged
+    write_json(folder / "summary.json", answer | r.summary())
     columns = profile_columns(r)
     write_csv(folder / "profile.csv", ",".join(columns), np.stack(list(columns.values()), axis=1))
 
 
-def _rising_pieces_of_path(r: Response, end: float) -> list[tuple[Array, Array]]:
-    """Path of the car up to a time, in pieces on which x rises."""
-    x = r.x[r.t <= end]
-    y = r.y[r.t <= end]
+def _path_pieces_sorted_in_x(r: Response, until: float) -> list[tuple[Array, Array]]:
+    """Points x, y of the car up to a time [s], in pieces between its turns, each in order of rising x."""
+    x = r.x[r.t <= until]
+    y = r.y[r.t <= until]
     turns = np.flatnonzero(np.diff(np.sign(np.diff(x))) != 0) + 1
     pieces = zip(np.split(x, turns), np.split(y, turns), strict=True)
     return [(x, y) if x[-1] > x[0] else (x[::-1], y[::-1]) for x, y in pieces if x.size > 1]

@@ -1,6 +1,6 @@
 import math
 from collections.abc import Sequence
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -31,6 +31,13 @@ OneSpan = Response | ForeignPath
 Answer = OneSpan | LineAnswer
 
 
+class AllowedGaps(NamedTuple):
+    """Relative gaps that are allowed; tension None: not compared."""
+
+    path: float
+    tension: float | None
+
+
 def assert_agree(
     a: Answer, b: Answer, *, path: float = 1e-3, tension: float | None = None, window: Window | None = None
 ) -> list[Agreement]:
@@ -43,9 +50,9 @@ def assert_agree(
     assert_agree(run("level"), run("level", "fourier-kink"), path=3e-3)
     """
     __tracebackhide__ = True  # pytest shows the caller's line
-    names = names_of_answers(a, b)
+    names = names_of_both_methods(a, b)
     try:
-        rows = _rows_of_answers(a, b, path, tension, window)
+        rows = _compare_answers(a, b, AllowedGaps(path, tension), window)
     except NotComparable as reason:
         raise AssertionError(f"{names} cannot be compared: {reason}") from None
     if any(row.verdict is not Verdict.AGREE for row in rows):
@@ -53,8 +60,8 @@ def assert_agree(
     return rows
 
 
-def names_of_answers(a: Answer, b: Answer) -> str:
-    """Names of both methods; TypeError for what is no answer."""
+def names_of_both_methods(a: Answer, b: Answer) -> str:
+    """The sentence part "A and B" of two answers; TypeError for what is no answer."""
     for x in (a, b):
         if not hasattr(x, "method"):
             raise TypeError(f"assert_agree takes two answers, of cf.run or cf.quasi_static; got {type(x).__name__}")
@@ -68,58 +75,61 @@ def failure_text(title: str, rows: Sequence[Agreement]) -> str:
 
 
 def agreement_text(row: Agreement) -> str:
+    """Gap, what is allowed, where the gap is largest, and why."""
     where = row.where if isinstance(row.where, str) or row.where is None else f"s_o/l = {row.where:.3f}"
     at = f", largest at {where}" if where else ""
     return f"{row_name(row)}: gap {row.gap:.3g}, allowed {row.allowed:.3g}{at}; {row.allowed_because}"
 
 
 def row_name(row: Agreement) -> str:
+    """The quantity of a row, with its law or car."""
     return f"{row.quantity} of {row.law}" if row.law else row.quantity
 
 
-def _rows_of_answers(
-    a: Answer, b: Answer, path: float, tension: float | None, window: Window | None
-) -> list[Agreement]:  # fmt: skip
-    """Rows of two answers of one span, or of two of one line in motion."""
+def _compare_answers(a: Answer, b: Answer, allowed: AllowedGaps, window: Window | None) -> list[Agreement]:
+    """Rows of two answers of one span, or of two of one line in motion; NotComparable for others."""
     if isinstance(a, OneSpan) and isinstance(b, OneSpan):
-        return _rows_of_one_span(a, b, path, tension, window)
+        return _compare_one_span(a, b, allowed, window)
     if isinstance(a, OneSpan) or isinstance(b, OneSpan):
         raise NotComparable("one is of one span, the other of a line")
     if not all(isinstance(getattr(x, "moved", None), LineRun) for x in (a, b)):
         raise NotComparable("of lines at rest cf.check compares both solvers")
-    return _rows_of_lines(a, b, path, tension, window or (0.0, math.inf))
+    return _compare_lines_in_motion(a, b, allowed, window or (0.0, math.inf))
 
 
-def _rows_of_lines(
-    a: LineAnswer, b: LineAnswer, path: float, tension: float | None, window: Window
-) -> list[Agreement]:  # fmt: skip
+def _compare_lines_in_motion(a: LineAnswer, b: LineAnswer, allowed: AllowedGaps, window: Window) -> list[Agreement]:
     """Rows of the path of each car and, if asked, of the worst tension, at the steps of the coarser run."""
-    t = _common_times(a.moved, b.moved, window)
+    _refuse_other_cars_or_contacts(a.moved, b.moved)
+    t = _steps_of_coarser_run(a.moved, b.moved, window)
     over = f"from {t[0]:.4g} to {t[-1]:.4g} s"
 
-    def row(quantity: str, law: str, gap: Array, allowed: float, why: str) -> Agreement:
+    def row(quantity: str, law: str, gap: Array, allowed_gap: float, why: str) -> Agreement:
         k = int(np.argmax(gap))
-        bound = Bound("asked for", (BoundPart(quantity.partition("_")[0], allowed),), f"{why}, {over}")
+        bound = Bound("asked for", (BoundPart(quantity.partition("_")[0], allowed_gap),), f"{why}, {over}")
         return Agreement(quantity, float(gap[k]), bound, f"t = {t[k]:.4g} s", law=law)
 
     why = f"relative to the largest deflection {b.path_scale:.4g} m"
     rows = []
     for car, other in zip(a.moved.motion.cars, b.moved.motion.cars, strict=True):
-        gap = distances(_at_times(a.moved, car.point, t), _at_times(b.moved, other.point, t))
-        rows.append(row("path_max", car.name, gap / b.path_scale, path, why))
-    if tension is not None:
+        gap = distances(_spline_at_times(a.moved, car.point, t), _spline_at_times(b.moved, other.point, t))
+        rows.append(row("path_max", car.name, gap / b.path_scale, allowed.path, why))
+    if allowed.tension is not None:
         largest = largest_tension_at_start(b.moved.motion)
         why = f"mean over an axial round trip, relative to {largest:.4g} N at the start"
-        worst, gap = _worst_tension_gap(a.moved, b.moved, t)
-        rows.append(row("tension", worst, gap / largest, tension, why))
+        worst, gap = _worst_mean_tension_gap(a.moved, b.moved, t)
+        rows.append(row("tension", worst, gap / largest, allowed.tension, why))
     return rows
 
 
-def _common_times(a: LineRun, b: LineRun, window: Window) -> Array:
-    """Steps (n,) [s] of the coarser of two runs of one line in a window; NotComparable for fewer than 5."""
-    names, others = (_names_on_rope(run) for run in (a, b))
+def _refuse_other_cars_or_contacts(a: LineRun, b: LineRun) -> None:
+    """Raise NotComparable unless both runs have the same cars and contacts."""
+    names, others = (_names_of_cars_and_contacts(run) for run in (a, b))
     if names != others:
         raise NotComparable(f"one has {', '.join(names)}, the other {', '.join(others)}")
+
+
+def _steps_of_coarser_run(a: LineRun, b: LineRun, window: Window) -> Array:
+    """Steps (n,) [s] of the coarser of two runs of one line in a window; NotComparable for fewer than 5."""
     steps = np.unique(min(a.motion.t, b.motion.t, key=len))
     end = min(window[1], a.end, b.end)
     t = steps[(steps >= window[0]) & (steps <= end)]
@@ -128,20 +138,20 @@ def _common_times(a: LineRun, b: LineRun, window: Window) -> Array:
     return t
 
 
-def _names_on_rope(run: LineRun) -> list[str]:
+def _names_of_cars_and_contacts(run: LineRun) -> list[str]:
     return [car.name for car in run.motion.cars] + [contact.name for contact in run.motion.contacts]
 
 
-def _worst_tension_gap(a: LineRun, b: LineRun, t: Array) -> tuple[str, Array]:
+def _worst_mean_tension_gap(a: LineRun, b: LineRun, t: Array) -> tuple[str, Array]:
     """Where mean tensions at the times t (n,) differ most, and the gap (n,) [N] there."""
-    others = _mean_tensions(b, t)
-    gaps = {where: np.abs(N - others[where]) for where, N in _mean_tensions(a, t).items()}
+    others = _round_trip_mean_tensions(b, t)
+    gaps = {where: np.abs(N - others[where]) for where, N in _round_trip_mean_tensions(a, t).items()}
     worst = max(gaps, key=lambda where: float(gaps[where].max()))
     return worst, gaps[worst]
 
 
-def _mean_tensions(run: LineRun, t: Array) -> dict[str, Array]:
-    """Means (n,) [N] over an axial round trip at the times t (n,), by where they are."""
+def _round_trip_mean_tensions(run: LineRun, t: Array) -> dict[str, Array]:
+    """Tensions (n,) [N] at contacts and cars, means over an axial round trip at the times t (n,), by where they are."""
     motion = run.motion
     tensions = {contact.name: contact_tension(contact) for contact in motion.contacts}
     for car in motion.cars:
@@ -149,28 +159,28 @@ def _mean_tensions(run: LineRun, t: Array) -> dict[str, Array]:
             f"the rope behind {car.name}": car.tension_behind,
             f"the rope ahead of {car.name}": car.tension_ahead,
         }
-    return {where: _at_times(run, run.axial_mean(N), t) for where, N in tensions.items()}
+    return {where: _spline_at_times(run, run.axial_mean(N), t) for where, N in tensions.items()}
 
 
-def _at_times(run: LineRun, values: Array, t: Array) -> Array:
+def _spline_at_times(run: LineRun, values: Array, t: Array) -> Array:
     """Values (n, ...) of a run at times (k,), by splines."""
     once = np.append(True, np.diff(run.motion.t) > 0.0)  # at a jump of forces a time stands twice
     return np.asarray(CubicSpline(run.motion.t[once], values[once])(t))
 
 
-def _rows_of_one_span(
-    a: OneSpan, b: OneSpan, path: float, tension: float | None, window: Window | None
-) -> list[Agreement]:  # fmt: skip
+def _compare_one_span(a: OneSpan, b: OneSpan, allowed: AllowedGaps, window: Window | None) -> list[Agreement]:
+    """Rows of path and, if asked, tension; NotComparable for cables of different lengths."""
     if not np.isclose(a.length, b.length, rtol=1e-6, atol=0.0):
         raise NotComparable(f"of different cables: {a.length:.6g} m and {b.length:.6g} m long")
     cut = _comparable_window(a, b, window or measures.WINDOWS[a.drive])
-    rows = [_path_row(a, b, path, cut)]
-    if tension is not None:
-        rows.append(_tension_row(a, b, tension, cut))
+    rows = [_path_row(a, b, allowed.path, cut)]
+    if allowed.tension is not None:
+        rows.append(_tension_row(a, b, allowed.tension, cut))
     return rows
 
 
 def _comparable_window(a: OneSpan, b: OneSpan, window: Window) -> Window:
+    """A window cut where an answer begins, falls slack or ends."""
     start, end = window
     if a.drive != "free":
         start = max(start, *(float(x.s_o[0] / x.length) for x in (a, b)))
@@ -184,7 +194,7 @@ def _window_text(window: Window, a: OneSpan, b: OneSpan) -> str:
 
 
 def _path_row(a: OneSpan, b: OneSpan, allowed: float, window: Window) -> Agreement:
-    x, y = (a, b) if a.u is not None and b.u is not None else map(foreign.without_u, (a, b))
+    x, y = (a, b) if a.u is not None and b.u is not None else map(foreign.with_zero_u, (a, b))
     gap, rms, where = measures.relative_path_gap(x, y, window)
     _, positions, distances = measures.relative_path_distances(x, y, window)
     why = [f"relative to {b.path_scale_named} {b.path_scale:.4g} m"]
@@ -210,7 +220,7 @@ def _tension_row(a: OneSpan, b: OneSpan, allowed: float, window: Window) -> Agre
             if r.T_behind is None:
                 raise NotComparable(f"{r.method} brought no tension")
         H = next(r.horizontal_tension for r in (b, a) if isinstance(r, Response))
-        gap = foreign.mass_tension_gap(a, b, window, H)
+        gap = foreign.mass_tension_rms_gap(a, b, window, H)
         worst = None
         why = "rms at the mass, both sides, relative to H"
     return Agreement("tension", gap, Bound("asked for", (BoundPart("tension", allowed),), why), worst)

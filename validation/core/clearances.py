@@ -10,8 +10,16 @@ from cablefem.scene.line import Line
 from cablefem.scene.surroundings import GROUND
 
 
-def rope_shapes(r: Response) -> tuple[Array, Array, Array]:
-    """x, y [m], tension [N] of the rope with the mass at each frame, (k, m + 1) each."""
+class RopeFrames(NamedTuple):
+    """The rope with the mass at k frames: m stations and the mass, in order of s."""
+
+    x: Array  # [m] (k, m + 1)
+    y: Array
+    tension: Array  # [N]
+
+
+def rope_at_frames(r: Response) -> RopeFrames:
+    """Points and tension of the rope, at the mass the larger of both sides."""
     from scipy.interpolate import CubicSpline  # slow to load
 
     f = r.fields
@@ -23,8 +31,8 @@ def rope_shapes(r: Response) -> tuple[Array, Array, Array]:
     at_mass = np.fmax(f.T_behind, f.T_ahead)
     s = np.concatenate([np.broadcast_to(f.s, x.shape), f.s_o[:, None]], axis=1)
     order = np.argsort(s, axis=1, kind="stable")
-    parts = (np.c_[x, mass[:, 0]], np.c_[y, mass[:, 1]], np.c_[f.T, at_mass])
-    return tuple(np.take_along_axis(part, order, axis=1) for part in parts)  # type: ignore[return-value]
+    unsorted = (np.c_[x, mass[:, 0]], np.c_[y, mass[:, 1]], np.c_[f.T, at_mass])
+    return RopeFrames(*(np.take_along_axis(part, order, axis=1) for part in unsorted))
 
 
 class Track(NamedTuple):
@@ -35,13 +43,15 @@ class Track(NamedTuple):
     s: Array  # [m] on the rope
 
 
-def obstacle_profiles(scene: Scene | Line) -> dict[str, Array]:
-    """What the ride must clear, each as points [x, depth], (n, 2)."""
-    found = {o.name: np.array([[o.at, o.top]]) for o in scene.obstacle}
-    return found | ({GROUND: np.array(scene.ground, float)} if scene.ground else {})
+def obstacle_and_ground_profiles(scene: Scene | Line) -> dict[str, Array]:
+    """What the ride must clear by name, each as points [x, depth], (n, 2); an obstacle is one point."""
+    profiles = {o.name: np.array([[o.at, o.top]]) for o in scene.obstacle}
+    if scene.ground:
+        profiles[GROUND] = np.array(scene.ground, float)
+    return profiles
 
 
-Clearances = dict[tuple[str, str], Track]
+Clearances = dict[tuple[str, str], Track]  # by "rope" or "car", and by name of what is cleared
 
 
 def clearance_tracks(scene: Scene, r: Response) -> Clearances:
@@ -50,43 +60,43 @@ def clearance_tracks(scene: Scene, r: Response) -> Clearances:
     Empty where the car never passes.  An obstacle is a ground of one point.
     """
     below = 0.0 if scene.mass is None else scene.mass.below
-    rooms = {}
-    for name, ground in obstacle_profiles(scene).items():
-        at_car = _height_of_car(r, ground)
-        rooms["rope", name] = _joined_by_time(at_car, _min_height_of_rope(r, ground))
-        rooms["car", name] = at_car._replace(value=at_car.value - below)
-    return rooms
+    tracks = {}
+    for name, ground in obstacle_and_ground_profiles(scene).items():
+        at_car = _rope_height_at_car(r, ground)
+        tracks["rope", name] = _merged_in_time_order(at_car, _min_rope_height_at_frames(r, ground))
+        tracks["car", name] = at_car._replace(value=at_car.value - below)
+    return tracks
 
 
-def _joined_by_time(*parts: tuple[Array, ...]) -> Track:
-    """Join (times, heights, places) in order of time."""
+def _merged_in_time_order(*parts: tuple[Array, ...]) -> Track:
+    """One track of several of times (n,), heights (n,) and positions s (n,), in order of time."""
     t, height, s = (np.concatenate(x) for x in zip(*parts, strict=True))
     order = np.argsort(t, kind="stable")
     return Track(t[order], height[order], s[order])
 
 
-def _height_of_car(r: Response, ground: Array) -> Track:
+def _rope_height_at_car(r: Response, ground: Array) -> Track:
     """Height of the rope at the car over the ground (n, 2) [x, depth], at steps and at the ground's points."""
     over = (r.x > ground[0, 0]) & (r.x < ground[-1, 0])
     parts = [(r.t[over], np.interp(r.x[over], *ground.T) - r.y[over], r.s_o[over])]
     for x, depth in ground:
-        i = np.flatnonzero((r.x[:-1] < x) != (r.x[1:] < x))
+        i = np.flatnonzero((r.x[:-1] < x) != (r.x[1:] < x))  # steps before the car passes x
         w = (x - r.x[i]) / (r.x[i + 1] - r.x[i])
-        t, y, s_o = (of[i] + w * (of[i + 1] - of[i]) for of in (r.t, r.y, r.s_o))
+        t, y, s_o = (series[i] + w * (series[i + 1] - series[i]) for series in (r.t, r.y, r.s_o))
         parts.append((t, depth - y, s_o))
-    return _joined_by_time(*parts)
+    return _merged_in_time_order(*parts)
 
 
-def _min_height_of_rope(r: Response, ground: Array) -> Track:
-    """Least height of the rope over the ground at each frame; nan outside."""
-    at, y, _ = rope_shapes(r)
-    heights = np.full(len(at), np.nan)
-    s = np.full(len(at), np.nan)
-    for k, (a, b) in enumerate(zip(at, y, strict=True)):
-        x = np.union1d(a, ground[:, 0])
-        x = x[(x >= max(a[0], ground[0, 0])) & (x <= min(a[-1], ground[-1, 0]))]
+def _min_rope_height_at_frames(r: Response, ground: Array) -> Track:
+    """Smallest height of the rope over the ground at each frame; nan where there is no ground below it."""
+    rope = rope_at_frames(r)
+    heights = np.full(len(rope.x), np.nan)
+    s = np.full(len(rope.x), np.nan)
+    for k, (x_rope, y_rope) in enumerate(zip(rope.x, rope.y, strict=True)):
+        corners = np.union1d(x_rope, ground[:, 0])
+        x = corners[(corners >= max(x_rope[0], ground[0, 0])) & (corners <= min(x_rope[-1], ground[-1, 0]))]
         if x.size:
-            free = np.interp(x, *ground.T) - np.interp(x, a, b)
-            heights[k] = free.min()
-            s[k] = np.interp(x[free.argmin()], r.fields.x, r.fields.s)
+            height = np.interp(x, *ground.T) - np.interp(x, x_rope, y_rope)
+            heights[k] = height.min()
+            s[k] = np.interp(x[height.argmin()], r.fields.x, r.fields.s)
     return Track(r.fields.t, heights, s)

@@ -1,7 +1,7 @@
 """Path of a mass over a cable of given groups, to compare with exact solutions."""
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,11 +12,19 @@ from validation.core.methods import find_method
 from validation.core.sampling import stack_states
 
 
-def path_over_cable(
+class DimensionlessPath(NamedTuple):
+    """Time, position s_o and deflection v of the mass, each (n,)."""
+
+    t: Array
+    s_o: Array
+    v: Array
+
+
+def compute_dimensionless_path(
     groups: Groups, method_name: str, settings: dict[str, Any], *, model: str = "straight", load: str = "mass",
     until: float, starts_on_cable: bool = False,
-) -> tuple[Array, Array, Array]:  # fmt: skip
-    """Dimensionless t, s_o and v (n,) of the mass up to s_o = until; v is nan if the run failed.
+) -> DimensionlessPath:  # fmt: skip
+    """Run a method on groups up to s_o = until; v is nan if the run failed.
 
     starts_on_cable : the mass starts on the cable, not at the support.
     """
@@ -36,7 +44,7 @@ def path_over_cable(
             if motion.at(x.t, x.phase)[0] > until:
                 break
     except newmark.NewtonStalled:  # the solution diverged
-        return np.zeros(1), np.full(1, until), np.full(1, math.nan)
+        return DimensionlessPath(np.zeros(1), np.full(1, until), np.full(1, math.nan))
     history = stack_states(states)
     observed = system.observe(history, np.zeros(0), np.zeros(0, np.intp))
-    return history.t, motion.position(history.t), observed.path[:, 1]
+    return DimensionlessPath(history.t, motion.position(history.t), observed.path[:, 1])

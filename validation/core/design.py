@@ -20,7 +20,7 @@ from cablefem.scene import Scene
 from cablefem.scene.bodies import Wheels
 from cablefem.scene.cable import Rope
 from validation.core.agreement import Agreement, Bound, BoundPart
-from validation.core.clearances import Clearances, Track, clearance_tracks, obstacle_profiles
+from validation.core.clearances import Clearances, Track, clearance_tracks, obstacle_and_ground_profiles
 from validation.core.ladder import Ladder, max_distance
 from validation.core.measures import (
     last_time_valid_in_all,
@@ -140,7 +140,7 @@ def quantities_of_run(r: Response) -> dict[str, Quantity]:
         return [computed[id(r)][key]]
 
     named = dict(QUANTITIES)
-    for ground in obstacle_profiles(scene):
+    for ground in obstacle_and_ground_profiles(scene):
         for body in ("rope", "car"):
             named[f"clearance_{body}_min:{ground}"] = Quantity(
                 -1.0, partial(clearance_track, (body, ground)), anywhere=True

@@ -279,7 +279,7 @@ def refuse_wrong_unit_or_direction(path: MassPath, ours: Response) -> None:
         window = _common_window(path, measures.common_window(ours))
         off = {
             factor: measures.relative_path_gap(
-                without_u(replace(path, **{of: factor * getattr(path, of)})), without_u(ours), window
+                with_zero_u(replace(path, **{of: factor * getattr(path, of)})), with_zero_u(ours), window
             ).rms
             for unit in (1.0, 1e-3, 1e3, l, 1.0 / l)
             for factor in (unit, -unit)
@@ -295,7 +295,7 @@ def refuse_wrong_unit_or_direction(path: MassPath, ours: Response) -> None:
         )
 
 
-def without_u(r: Any) -> Any:
+def with_zero_u(r: Any) -> Any:
     """A path with zero u, to compare with one that lacks u."""
     return replace(r, u=np.zeros_like(r.v), x=np.zeros_like(r.v))
 
@@ -311,7 +311,7 @@ def _common_window(path: MassPath, window: Window) -> Window:
     return start, stop
 
 
-def mass_tension_gap(first: Any, second: Any, window: Window, H: float) -> float:
+def mass_tension_rms_gap(first: Any, second: Any, window: Window, H: float) -> float:
     """Rms gap of both tensions at the mass over the window, over H."""
     return measures.series_gap(
         first, second, window, lambda r: np.stack([r.T_behind, r.T_ahead], axis=1) / (math.sqrt(2.0) * H)
@@ -325,8 +325,8 @@ def third_party_rows(
     along, upright = ("x", "y") if ladder.finest.drive == "free" else ("u", "v")
     of_path = f"{along} and {upright}"
     if path.u is None:
-        path = without_u(path)
-        ladder = ladder.map(without_u)
+        path = with_zero_u(path)
+        ladder = ladder.map(with_zero_u)
         of_path = f"{upright} alone"
     other = path.method
     run = ladder.finest
@@ -345,7 +345,7 @@ def third_party_rows(
         )
         bound = Bound("our error bar", bars, f"of {components}")
         if short:
-            bound = no_bound(f"{other} covers {short}; there {bound.value:.2g} would be allowed")
+            bound = no_bound(f"{other} covers {short}; there {bound.sum_or_nan:.2g} would be allowed")
         rows.append(Agreement(name, distance(path, run), bound, where if name == "path_max" else None, other))
     yield from rows
 
@@ -372,7 +372,7 @@ def _distances_by_quantity(
         )
     if path.T_behind is not None and path.T_ahead is not None:
         H = run.horizontal_tension
-        distances["tension"] = lambda a, b: mass_tension_gap(a, b, part, H), "tension at the mass, both sides"
+        distances["tension"] = lambda a, b: mass_tension_rms_gap(a, b, part, H), "tension at the mass, both sides"
     return distances
 
 

@@ -19,7 +19,7 @@ from cablefem.response import Array
 from cablefem.scene.bodies import Wheels
 from cablefem.scene.line import Line, LineRope
 from validation.core.agreement import Agreement, Bound, BoundPart, no_bound
-from validation.core.clearances import obstacle_profiles
+from validation.core.clearances import obstacle_and_ground_profiles
 from validation.core.ladder import Ladder, max_distance
 from validation.core.motion_laws import sampled_steps, touching_rope
 from validation.core.wheels import neglected_wheel_load, rope_stresses_under_wheel
@@ -440,7 +440,7 @@ def rope_stresses_at_car(moved: LineRun, car: CarMotion, rope: LineRope, wheels:
 
 def clearance_series(motion: LineMotion, line: Line) -> dict[str, tuple[Array, Array]]:
     """Times [s] and free heights [m] of rope and cars over obstacles and ground, by quantity, where they pass."""
-    beneath = obstacle_profiles(line)
+    beneath = obstacle_and_ground_profiles(line)
     below = {car.name: car.below for car in line.car}
     rope = rope_points(motion) if beneath else np.empty((motion.t.size, 0, 2))
     out = {}

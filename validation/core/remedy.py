@@ -79,7 +79,9 @@ def _remedy_text(
             try:
                 changed = change.apply_to(path, scene, x)
                 if changed.u is None:
-                    return measures.relative_path_gap(foreign.without_u(changed), foreign.without_u(run), window).rms
+                    return measures.relative_path_gap(
+                        foreign.with_zero_u(changed), foreign.with_zero_u(run), window
+                    ).rms
                 return measures.relative_path_gap(changed, run, window).rms
             except (NotComparable, Refused):
                 return 1e6  # nothing can be compared; finite, for the search

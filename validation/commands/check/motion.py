@@ -20,7 +20,7 @@ from validation.commands.run.motion import (
     run_ladders,
 )
 from validation.core import motion_laws, store
-from validation.core.agreement import DEFAULT_TOL, FORCES, Agreement, Verdict, overall_verdict
+from validation.core.agreement import DEFAULT_TOL, FORCES, Agreement, Verdict, worst_deciding_verdict
 from validation.core.ladder import Branch, Ladder
 from validation.core.motion_rows import Comparison, LineRun, LineTolerance, Scales, largest_tension_at_start, law_row
 from validation.core.sidebyside import Progress, no_progress
@@ -86,7 +86,7 @@ def check_line(
         run_ladders(both, space, time, report)
         a, b = (runs.ladder(space, time) for runs in both)
         rows = compare_and_check_laws(line, a, b, asked)
-        verdict = overall_verdict(rows)
+        verdict = worst_deciding_verdict(rows)
         again = verdict is before is Verdict.DISAGREE
         if verdict is Verdict.AGREE or again or space * time >= finest:
             return answers_of_ladders(line, a, b, rows)

@@ -6,7 +6,7 @@ from typing import Any
 
 from cablefem.scene.line import Line
 from validation.commands.check.study import Check
-from validation.core.agreement import Verdict, overall_verdict
+from validation.core.agreement import Verdict, worst_deciding_verdict
 from validation.core.methods import find_method
 from validation.core.refine import run_with_error_bars
 from validation.core.rows import compare
@@ -29,7 +29,7 @@ def verdict_with_mass_fault(result: Check) -> Verdict:
     faulty = run_with_error_bars(scene.replace(FAULT), find_method(coarse.method), **ends, **settings)
     toml = scene.to_toml()
     faulty = faulty.map(lambda r: replace(r, scene_toml=toml))
-    return overall_verdict(compare(scene, result.a, faulty, tol=result.tol))
+    return worst_deciding_verdict(compare(scene, result.a, faulty, tol=result.tol))
 
 
 def line_verdict_with_mass_fault(

@@ -19,8 +19,8 @@ from validation.core.agreement import (
     TOL_LOW,
     Agreement,
     Verdict,
-    overall_verdict,
     refuse_out_of_range,
+    worst_deciding_verdict,
 )
 from validation.core.answers import outcome_of_run
 from validation.core.design import design_gap_rows, design_numbers, widened_numbers
@@ -79,12 +79,12 @@ class Check:
 
     @property
     def verdict(self) -> Verdict:
-        return overall_verdict(self.rows)
+        return worst_deciding_verdict(self.rows)
 
     @property
     def own_verdict(self) -> Verdict:
         """Of both solvers alone, without a third party."""
-        return overall_verdict([row for row in self.rows if not row.third_party])
+        return worst_deciding_verdict([row for row in self.rows if not row.third_party])
 
     @property
     def design(self) -> list[dict[str, Any]]:
@@ -204,7 +204,7 @@ class _MethodOnScene:
 
         for_larger_bar : of a row, else for the smaller one.
         """
-        if overall_verdict(rows) is Verdict.DISAGREE:
+        if worst_deciding_verdict(rows) is Verdict.DISAGREE:
             finer_by = 1.5  # factor on resolution and steps of both before they count as different
             finer = scaled_settings(self.method, ladder.finest.settings, space=finer_by, time=finer_by)
             return None if exceeds_work_budget(self.method, ladder, finer, self.budget) else finer
@@ -261,7 +261,7 @@ def _refine_and_compare(
             finer = _finer_settings_of_sides(sides, ladders, rows, confirmed)
         if not any(finer):
             return ladders, rows
-        confirmed = overall_verdict(rows) is Verdict.DISAGREE
+        confirmed = worst_deciding_verdict(rows) is Verdict.DISAGREE
         jobs = [
             partial(side.rerun_unless_none, settings, ladder)
             for side, settings, ladder in zip(sides, finer, ladders, strict=True)
@@ -275,7 +275,7 @@ def _finer_settings_of_sides(
 
     confirmed : these runs are finer after a disagreement already, so that another one counts.
     """
-    if confirmed and overall_verdict(rows) is Verdict.DISAGREE:
+    if confirmed and worst_deciding_verdict(rows) is Verdict.DISAGREE:
         return [None for _ in sides]
     finer: list[Settings | None] = []
     for for_larger_bar in (True, False):

@@ -9,7 +9,7 @@ from cablefem.scene.line import Line
 from cablefem.scene.short import scene_or_line
 from validation.commands.check.study import check_solver
 from validation.core import assertions
-from validation.core.agreement import Agreement, Verdict, overall_verdict
+from validation.core.agreement import Agreement, Verdict, worst_deciding_verdict
 from validation.core.foreign import WITH_TOL
 from validation.core.store import Refused
 
@@ -22,7 +22,7 @@ def reporting_assert_agree(report: Report) -> Callable[..., list[Agreement]]:
     def asserted(a: Any, b: Any, **bounds: Any) -> list[Agreement]:
         """See `assert_agree`."""
         __tracebackhide__ = True
-        names = assertions.names_of_answers(a, b)
+        names = assertions.names_of_both_methods(a, b)
         try:
             rows = assertions.assert_agree(a, b, **bounds)
         except AssertionError as error:
@@ -58,7 +58,7 @@ def asserting_check(report: Report, earlier_checks: dict[Any, Any]) -> Callable[
             names = theirs[-1].third_party
             # and whether a path was comparable
             rows = [row for row in result.rows if row.third_party or row.quantity == "path_max"]
-        verdict = overall_verdict(rows)
+        verdict = worst_deciding_verdict(rows)
         report(f"{scene.name}, {names}: {_worst_row_text(theirs or rows)}", verdict.value)
         if verdict is not Verdict.AGREE:
             raise AssertionError(assertions.failure_text(f"{scene.name}: {verdict.value}", rows))

@@ -24,7 +24,7 @@ from cablefem.scene.motion import rest_motion
 from validation import oracles
 from validation.commands.modes.study import scaled_cable_frequencies
 from validation.core import store
-from validation.core.crossing import path_over_cable
+from validation.core.crossing import compute_dimensionless_path
 from validation.core.methods import ELEMENTS, LEVELS, METHODS, TERMS, find_method
 from validation.core.running import run
 from validation.core.sampling import stack_states
@@ -209,7 +209,7 @@ class _Solvers:
             scene = Scene.load(crossing.scene)
             r = run(scene, name, model="string", until=crossing.until, **settings)
             return MassPath(r.t / scene.time_scale, r.s_o / r.length, r.v / r.length)
-        return MassPath(*path_over_cable(crossing.groups, name, settings, **crossing.run_arguments))
+        return MassPath(*compute_dimensionless_path(crossing.groups, name, settings, **crossing.run_arguments))
 
     def frequencies(self, name: str, groups: Groups, model: str, count: int, **settings: Any) -> Array:
         return scaled_cable_frequencies(groups, degree=2, model=model, n=count, **settings)

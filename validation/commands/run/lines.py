@@ -13,7 +13,7 @@ from cablefem.response import write_json
 from cablefem.scene import SceneError
 from cablefem.scene.line import Line
 from validation.core import limits, store
-from validation.core.agreement import Agreement, Verdict, overall_verdict
+from validation.core.agreement import Agreement, Verdict, worst_deciding_verdict
 from validation.core.answers import Outcome
 from validation.core.sidebyside import Progress, no_progress
 from validation.page import line as at_rest
@@ -41,7 +41,7 @@ class LineAnswers:
     @property
     def verdict(self) -> Verdict | None:
         """Of all rows; None if nothing was compared."""
-        return overall_verdict(self.rows) if self.rows else None
+        return worst_deciding_verdict(self.rows) if self.rows else None
 
     @property
     def limits(self) -> list[Row]:
