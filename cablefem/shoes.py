@@ -33,8 +33,8 @@ class Passage(NamedTuple):
     def __str__(self) -> str:
         return f"{self.car} {self.action} {self.saddle.name}"
 
-    def distance_ahead(self, x: float, dx: float) -> float:
-        """[m] to go from x with the velocity dx; inf: not that way."""
+    def distance_to_go(self, x: float, dx: float) -> float:
+        """[m] from x with the velocity dx to this passage; inf: not that way."""
         shoe = self.saddle.shoe or 0.0
         way = x - self.saddle.point[0]
         if self.action == "takes the rope behind":
@@ -56,31 +56,31 @@ class LineSnapshot(NamedTuple):
 
 
 def line_snapshot(
-    line: MovingLine, jets: Array, s: Array, over: dict[str, Array], rope: Callable[[float], Array]
+    line: MovingLine, points: Array, s: Array, points_off_rope: dict[str, Array], rope: Callable[[float], Array]
 ) -> LineSnapshot:
-    """From points of all contacts (3, contacts, 2), their s (3, contacts), and points of cars off the rope."""
+    """From points (3, contacts, 2) and s (3, contacts) of all contacts, and points (3, 2) of cars off the rope."""
     names = [c.name for c in line.touching]
     at, rates = (dict(zip(names, values, strict=True)) for values in s[:2].tolist())
-    points = dict(zip(names, jets.swapaxes(0, 1), strict=True))
+    by_name = dict(zip(names, points.swapaxes(0, 1), strict=True))
     at |= {car.name: at[car.rail.saddle] for car in line.over if car.rail is not None}
-    return LineSnapshot(at, rates, points | over, rope)
+    return LineSnapshot(at, rates, by_name | points_off_rope, rope)
 
 
 def possible_passages(line: MovingLine) -> tuple[Passage, ...]:
     """All that may come next."""
     by_name = {c.name: c for c in line.supports}
-    out = [passage for k in range(len(line.contacts)) for passage in _passages_on_rope(line, k, by_name)]
+    out = [passage for k in range(len(line.contacts)) for passage in _passages_of_contact(line, k, by_name)]
     out += [Passage(car.name, "takes the rope behind", by_name[car.rail.saddle]) for car in line.over if car.rail]
     return tuple(out)
 
 
-def _passages_on_rope(line: MovingLine, k: int, by_name: Mapping[str, Contact]) -> Iterator[Passage]:
-    """Passages of contact k, if it is a car; by_name : the supports."""
+def _passages_of_contact(line: MovingLine, k: int, supports: Mapping[str, Contact]) -> Iterator[Passage]:
+    """Passages of contact k, if it is a car; supports : by name."""
     car = line.contacts[k]
     if not isinstance(car, Car):
         return
     if car.rail is not None:
-        saddle = by_name[car.rail.saddle]
+        saddle = supports[car.rail.saddle]
         yield Passage(car.name, "leaves the rope at", saddle)
         yield Passage(car.name, "leaves the shoe of", saddle)
     elif car.kind != "free" and car.wheels is None:
@@ -89,72 +89,112 @@ def _passages_on_rope(line: MovingLine, k: int, by_name: Mapping[str, Contact]) 
                 yield Passage(car.name, "lands on the shoe of", neighbour)
 
 
-def may_pass(passages: Sequence[Passage], a: str, b: str) -> bool:
+def passage_exists_between(passages: Sequence[Passage], left: str, right: str) -> bool:
     """Whether one of two neighbours, by name, is a car that may pass the other, a saddle."""
-    return any({p.car, p.saddle.name} == {a, b} for p in passages)
+    return any({p.car, p.saddle.name} == {left, right} for p in passages)
 
 
-def line_after_passage(line: MovingLine, event: Passage, t: float, phase: int, snapshot: LineSnapshot) -> MovingLine:
-    """The line after an event; adds to `snapshot` the car that takes the rope."""
-    contacts, saddle = list(line.contacts), event.saddle
-    car = next(c for c in (*line.cars, *line.over) if c.name == event.car)
-    top, tip = np.array(saddle.point), TIP * (saddle.shoe or 0.0)
+def line_and_snapshot_after_passage(
+    line: MovingLine, passage: Passage, t: float, phase: int, snapshot: LineSnapshot
+) -> tuple[MovingLine, LineSnapshot]:
+    """The line after a passage, and the snapshot with the point of the rope that the car takes, if it does."""
+    car = next(c for c in (*line.cars, *line.over) if c.name == passage.car)
+    match passage.action:
+        case "lands on the shoe of":
+            return _line_after_landing(line, car, passage.saddle, t, snapshot), snapshot
+        case "leaves the rope at":
+            return _line_without_car(line, car, passage.saddle, snapshot), snapshot
+        case "leaves the shoe of":
+            return _with_car_on_rail(line, car, None), snapshot
+        case "takes the rope behind":
+            snapshot = _with_rope_point_below_car(line, car, t, phase, snapshot)
+            return _line_with_car(line, car, passage.saddle, t, snapshot), snapshot
+
+
+def _with_car_on_rail(line: MovingLine, car: Car, rail: Rail | None) -> MovingLine:
+    """The line with that car of its contacts on this rail, or on none."""
+    contacts = tuple(replace(car, rail=rail) if contact is car else contact for contact in line.contacts)
+    return replace(line, contacts=contacts)
+
+
+def _side_of_saddle(car: Car, saddle: Contact, snapshot: LineSnapshot) -> float:
+    """1 where the car is to the right of the saddle, else -1."""
+    return math.copysign(1.0, float(snapshot.points[car.name][0, 0]) - saddle.point[0])
+
+
+def _line_after_landing(line: MovingLine, car: Car, saddle: Contact, t: float, snapshot: LineSnapshot) -> MovingLine:
+    """The line with the car on a rail, from its path on the rope to the slope of the rope beside it."""
+    if any(c.rail is not None and c.rail.saddle == saddle.name for c in (*line.cars, *line.over)):
+        raise StepFailure(t, f"two cars on the shoe of {saddle.name}", "let one follow later")
     (x, y), velocity, acceleration = snapshot.points[car.name].tolist()
-    side = math.copysign(1.0, x - saddle.point[0])
     slope = velocity[1] / velocity[0]
     bend = (acceleration[1] - slope * acceleration[0]) / velocity[0] ** 2
-    if event.action == "leaves the shoe of":
-        contacts[contacts.index(car)] = replace(car, rail=None)
-    elif event.action == "lands on the shoe of":
-        if any(c.rail is not None and c.rail.saddle == saddle.name for c in (*line.cars, *line.over)):
-            raise StepFailure(t, f"two cars on the shoe of {saddle.name}", "let one follow later")
-        end = _straight_end(top, side * tip, snapshot.rope(snapshot.s[car.name] + side * BESIDE)[1])
-        rail = Rail(saddle.name, RailEnd(x, y, slope, bend), end)
-        contacts[contacts.index(car)] = replace(car, rail=rail)
-    elif event.action == "leaves the rope at":
-        end = _straight_end(top, -side * tip, snapshot.rope(snapshot.s[saddle.name] - side * BESIDE)[1])
-        stretch = float(np.hypot(*velocity)) / abs(snapshot.ds[car.name] - snapshot.ds[saddle.name])
-        rail = Rail(saddle.name, RailEnd(x, y, slope), end, snapshot.s[car.name] - snapshot.s[saddle.name], stretch)
-        contacts.remove(car)
-        return replace(line, contacts=tuple(contacts), over=(*line.over, replace(car, rail=rail)))
-    else:
-        _add_rope_point(line, car, t, phase, snapshot)
-        (x, y), (r_x, r_y) = snapshot.points[car.name][0], snapshot.rope(snapshot.s[car.name])[1]
-        rail = Rail(saddle.name, RailEnd(x, y, r_y / r_x), _load_path_end(line, car, saddle, side, t, snapshot))
-        contacts.insert(contacts.index(saddle) + (side > 0.0), replace(car, rail=rail))
-        over = tuple(c for c in line.over if c is not car)
-        return replace(line, contacts=tuple(contacts), over=over)
-    return replace(line, contacts=tuple(contacts))
+    side = _side_of_saddle(car, saddle, snapshot)
+    tangent = snapshot.rope(snapshot.s[car.name] + side * BESIDE)[1]
+    end = _straight_rail_end(saddle, side, tangent)
+    return _with_car_on_rail(line, car, Rail(saddle.name, RailEnd(x, y, slope, bend), end))
 
 
-def _straight_end(top: Array, away: float, along: Array) -> RailEnd:
-    """The point `away` from the top in x, along a slope r'."""
-    slope = along[1] / along[0]
-    return RailEnd(top[0] + away, top[1] + away * slope, slope)
+def _line_without_car(line: MovingLine, car: Car, saddle: Contact, snapshot: LineSnapshot) -> MovingLine:
+    """The line with the car over it, on a rail over the saddle to as far behind it."""
+    (x, y), velocity, _ = snapshot.points[car.name].tolist()
+    side = _side_of_saddle(car, saddle, snapshot)
+    tangent = snapshot.rope(snapshot.s[saddle.name] - side * BESIDE)[1]
+    end = _straight_rail_end(saddle, -side, tangent)
+    stretch = float(np.hypot(*velocity)) / abs(snapshot.ds[car.name] - snapshot.ds[saddle.name])
+    begin = RailEnd(x, y, velocity[1] / velocity[0])
+    rail = Rail(saddle.name, begin, end, snapshot.s[car.name] - snapshot.s[saddle.name], stretch)
+    contacts = tuple(contact for contact in line.contacts if contact is not car)
+    return replace(line, contacts=contacts, over=(*line.over, replace(car, rail=rail)))
 
 
-def _add_rope_point(line: MovingLine, car: Car, t: float, phase: int, snapshot: LineSnapshot) -> None:
-    """Put s and the point of the rope below a car off the rope into `snapshot`, with their rates."""
+def _line_with_car(line: MovingLine, car: Car, saddle: Contact, t: float, snapshot: LineSnapshot) -> MovingLine:
+    """The line with a car from over it on the rope again, on a rail to the end of the shoe."""
+    side = _side_of_saddle(car, saddle, snapshot)
+    x, y = snapshot.points[car.name][0]
+    r_x, r_y = snapshot.rope(snapshot.s[car.name])[1]
+    rail = Rail(saddle.name, RailEnd(x, y, r_y / r_x), _rail_end_on_load_path(line, car, saddle, side, t, snapshot))
+    contacts = list(line.contacts)
+    contacts.insert(contacts.index(saddle) + (side > 0.0), replace(car, rail=rail))
+    over = tuple(c for c in line.over if c is not car)
+    return replace(line, contacts=tuple(contacts), over=over)
+
+
+def _straight_rail_end(saddle: Contact, side: float, tangent: Array) -> RailEnd:
+    """The end of a rail at the tip of the shoe on a side, on a straight line of this tangent r' through the saddle."""
+    slope = tangent[1] / tangent[0]
+    away = side * TIP * (saddle.shoe or 0.0)
+    x, y = saddle.point
+    return RailEnd(x + away, y + away * slope, slope)
+
+
+def _with_rope_point_below_car(
+    line: MovingLine, car: Car, t: float, phase: int, snapshot: LineSnapshot
+) -> LineSnapshot:
+    """The snapshot with s and the point of the rope below a car off the rope, with their rates."""
     position, speed, _ = line.position(car, t, phase)
     if car.along == "s":
-        r, along, w = snapshot.rope(position)
+        s, ds = position, speed
+        r, along, w = snapshot.rope(s)
         # the grip has acted on the saddle: the rope up to the car takes the stretch of its other side
         at = snapshot.s["" if car.rail is None else car.rail.saddle]
         behind, ahead = (np.hypot(*snapshot.rope(at + side * BESIDE)[1]) for side in (-1.0, 1.0))
-        r = r + (behind - ahead) * abs(position - at) * along / np.hypot(*along)
-        snapshot.s[car.name], snapshot.ds[car.name] = position, speed
-        snapshot.points[car.name] = np.array([r, w + speed * along, 0.0 * r])
-        return
-    s = snapshot.s[car.name]
-    for _ in range(8):  # to find the rope below a car
-        r, along, w = snapshot.rope(s)
-        s += (position - r[0]) / along[0]
-    ds = (speed - w[0]) / along[0]
-    snapshot.s[car.name], snapshot.ds[car.name] = s, ds
-    snapshot.points[car.name] = np.array([[position, r[1]], w + ds * along, 0.0 * r])
+        r = r + (behind - ahead) * abs(s - at) * along / np.hypot(*along)
+    else:
+        s = snapshot.s[car.name]
+        for _ in range(8):  # to find the rope below a car
+            r, along, w = snapshot.rope(s)
+            s += (position - r[0]) / along[0]
+        ds = (speed - w[0]) / along[0]
+        r = np.array([position, r[1]])
+    return snapshot._replace(
+        s=snapshot.s | {car.name: s},
+        ds=snapshot.ds | {car.name: ds},
+        points=snapshot.points | {car.name: np.array([r, w + ds * along, 0.0 * r])},
+    )
 
 
-def _load_path_end(
+def _rail_end_on_load_path(
     line: MovingLine, car: Car, saddle: Contact, side: float, t: float, snapshot: LineSnapshot
 ) -> RailEnd:
     """The end of the shoe on the path of the car at rest, in that one span between anchors at their present s."""
@@ -179,11 +219,11 @@ def _load_path_end(
         stations = tuple(sorted([*span, car.station_at(x, line.gravity)], key=lambda p: p.x))
         cases.append(Case(stations, line.weight, line.rope.EA, length=length))
     assert line.solve is not None
-    before, y, after = (_depth_of_car(car, saddle, state, t) for state in line.solve(cases))
+    before, y, after = (_car_depth_at_rest(car, saddle, state, t) for state in line.solve(cases))
     return RailEnd(float(at[1]), y, (after - before) / (2.0 * step), (after - 2.0 * y + before) / step**2)
 
 
-def _depth_of_car(car: Car, saddle: Contact, state: LineState | NoLineAtRest, t: float) -> float:
+def _car_depth_at_rest(car: Car, saddle: Contact, state: LineState | NoLineAtRest, t: float) -> float:
     """Depth [m] of the car in a state of rest; StepFailure where there is none."""
     if not isinstance(state, LineState):
         raise StepFailure(t, f"no path of {car.name} behind {saddle.name}: {state}", "give more rope or less load")
@@ -200,22 +240,21 @@ class OffRopeState(NamedTuple):
     turning: Turning | None  # of its cabin that swings
 
 
-def off_rope_motion(
-    line: MovingLine, car: Car, states: Sequence[State], at: OffRopeState, contacts: tuple[ContactMotion, ...],
-    powers: dict[str, Array],
-) -> CarMotion:  # fmt: skip
-    """Motion of a car off the rope, driven along its rail; adds its powers."""
+def off_rope_motion_and_powers(
+    line: MovingLine, car: Car, states: Sequence[State], off_rope: OffRopeState, contacts: tuple[ContactMotion, ...]
+) -> tuple[CarMotion, dict[str, Array]]:
+    """Motion of a car off the rope, driven along its rail, and its powers, named as in `LineMotion`."""
     assert car.rail is not None
     name, near = car.name, car.rail.saddle
     saddle = next(c for c in contacts if c.name == near)
-    point, velocity, acceleration = at.points.swapaxes(0, 1)
+    point, velocity, acceleration = off_rope.points.swapaxes(0, 1)
     normal = downward_normals(car.rail, point[:, 0])
     tangent = normal[:, ::-1] * np.array([1.0, -1.0])
-    along, pressing = (np.sum(at.force * axis, axis=1) for axis in (tangent, -normal))
+    along, pressing = (np.sum(off_rope.force * axis, axis=1) for axis in (tangent, -normal))
     speed = np.sum(velocity * tangent, axis=1)
     none = np.full(len(states), np.nan)
     s, ds, stretch = saddle.s + point[:, 0] - saddle.point[:, 0], speed, 1.0
-    powers |= {f"{name} {cause}": power for cause, power in at.powers.items()}
+    powers = {f"{name} {cause}": power for cause, power in off_rope.powers.items()}
     grips = car.drive.mode == "grip"
     if grips:
         s, ds, _ = np.array([line.position(car, x.t, x.phase) for x in states]).T
@@ -223,12 +262,13 @@ def off_rope_motion(
         powers[f"{name} grip"] = stretch * along * ds
     else:
         powers |= {f"{name} haul": along * speed, f"{name} friction": 0.0 * speed}
-    return CarMotion(
+    motion = CarMotion(
         name=name, s=s, ds=ds, point=point, velocity=velocity, acceleration=acceleration,
         tension_behind=saddle.tension_behind, tension_ahead=saddle.tension_ahead, slope_behind=stretch * tangent,
         slope_ahead=stretch * tangent, haul_force=none if grips else along, grip_force=along if grips else none,
-        contact_force=pressing, shoe_force=pressing, turning=at.turning,
+        contact_force=pressing, shoe_force=pressing, turning=off_rope.turning,
     )  # fmt: skip
+    return motion, powers
 
 
 def downward_normals(rail: Rail, x: Array) -> Array:

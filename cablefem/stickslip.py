@@ -30,6 +30,16 @@ class CarForces(NamedTuple):
     across: float  # weight across it
 
 
+class EventFreeRange(NamedTuple):
+    """Bounds within which a free car has no event but lift-off."""
+
+    s_low: float
+    s_high: float
+    slip_sign: float  # 0: any
+    speed_sign: float
+    min_speed: float
+
+
 @dataclass(slots=True)
 class Mode:
     """State that events change."""
@@ -38,27 +48,28 @@ class Mode:
     heading: float = 1.0  # sign of the slip
     forward: float = 0.0  # sign of the speed, 0 at first
     brakes: int = 0  # number reached
-    y_with_rates: bool = False
+    lifted_off: bool = False
     awaits_waves: bool = False  # see `release_car`
     slow_at: float = math.inf  # where, and since when, it is slower than `Drive.rest_speed`
     slow_since: float = 0.0
 
     @property
-    def sign(self) -> float:
+    def slip_sign(self) -> float:
+        """1 or -1, or 0 while the car sticks."""
         return 0.0 if self.sticks else self.heading
 
 
 class RollingCar(System):
     """A system whose last unknown is the place s_o of a free car; of a hauled car it watches lift-off only.
 
-    Solvers call `attach` once, `reset` and `release_car` at the start.
+    Solvers call `attach_drive` once, `reset` and `release_car` at the start.
     """
 
     short_steps_after_jumps: bool  # short steps after jumps, even without friction
     hold: float  # force at the start
 
-    def attach(self, groups: Groups) -> None:
-        """Take the drive of a scene, and begin with a car that sticks."""
+    def attach_drive(self, groups: Groups) -> None:
+        """Take the drive of a scene, and `reset`."""
         self.drive = groups.drive
         self.sigma = groups.sigma
         self.free = self.drive.mode == "free"
@@ -86,32 +97,33 @@ class RollingCar(System):
 
     def release_car(self, x: State) -> State:
         """The first state of a free ride; until axial waves are back, zeros of the slip are no standstills."""
-        x = self.come_to_rest(x)
-        self.mode.awaits_waves = self.has_friction and not self.mode.sticks
+        x = self.stick_or_slip(x)
+        self.mode.awaits_waves = self.friction_or_brake_acts and not self.mode.sticks
         return x
 
     def state_at_phase_start(self, x: State) -> State:
-        return self.come_to_rest(x) if self.mode.sticks else self.solve_acceleration(x)
+        return self.stick_or_slip(x) if self.mode.sticks else self.solve_acceleration(x)
 
     @property
-    def has_friction(self) -> bool:
+    def friction_or_brake_acts(self) -> bool:
         return self.drive.mu_r > 0.0 or self.mode.brakes > 0
 
     @property
-    def brake(self) -> float:
+    def brake_force(self) -> float:
+        """Force of the brakes that the car has reached."""
         return sum([force for _, force in self.drive.brakes[: self.mode.brakes]], 0.0) if self.mode.brakes else 0.0
 
-    def max_resistance(self, normal: float) -> float:
+    def max_resistance(self, normal_force: float) -> float:
         """Largest force of friction and brakes."""
-        return self.drive.mu_r * abs(normal) + self.brake
+        return self.drive.mu_r * abs(normal_force) + self.brake_force
 
     def friction_margin(self, x: State) -> float:
         """`max_resistance` less the force that holds the car."""
         needed, normal = self.hold_and_normal_force(x)
         return self.max_resistance(normal) - abs(needed)
 
-    def come_to_rest(self, x: State) -> State:
-        """The car sticks, or slips if friction and brakes cannot hold it."""
+    def stick_or_slip(self, x: State) -> State:
+        """The state at a standstill: the car sticks, or slips if friction and brakes cannot hold it."""
         v = x.v.copy()
         v[-1] = 0.0
         self.mode.sticks = True
@@ -127,7 +139,7 @@ class RollingCar(System):
         force = needed if abs(needed) > 1e-9 * self.force_scale else self.hold
         mode.sticks = False
         mode.heading = -math.copysign(1.0, force)
-        v[-1] = mode.heading * 1e-12 if self.has_friction else 0.0  # a first slip arms the standstill event
+        v[-1] = mode.heading * 1e-12 if self.friction_or_brake_acts else 0.0  # a first slip arms the standstill event
         return self.solve_acceleration(x._replace(v=v))
 
     def begin_step(self, x: State) -> None:
@@ -140,13 +152,13 @@ class RollingCar(System):
             turned = mode.heading * self.car_forces(x).speed < -self.drive.rest_speed
             answered = x.t >= max(self.drive.start, 1.0 - self.drive.start) * self.round_trip
             if turned or (answered and mode.heading * slip > 0.0):
-                self._end_waiting(slip)
-        if self._is_drifting(x):
+                self._stop_awaiting_waves(slip)
+        if self._moves_too_far_for_rest(x):
             mode.slow_at = s_o
             mode.slow_since = x.t
             self._last_event_values = None
 
-    def _end_waiting(self, slip: float) -> None:
+    def _stop_awaiting_waves(self, slip: float) -> None:
         self.mode.awaits_waves = False
         self._last_event_values = None
         if slip != 0.0:
@@ -159,27 +171,27 @@ class RollingCar(System):
         if name in ("arrival", "back", "stop"):
             return None
         if name == "standstill":
-            return self.come_to_rest(x)
+            return self.stick_or_slip(x)
         if name == "breaking loose":
             return self._start_slipping(x)
         if name in ("brake", "brake off"):
             mode.brakes += 1 if name == "brake" else -1
-            self._end_waiting(float(x.v[-1]))  # it may stop the car
+            self._stop_awaiting_waves(float(x.v[-1]))  # it may stop the car
             return self.solve_acceleration(x)
         if name == "turn":
             mode.forward = -mode.forward
         else:
-            mode.y_with_rates = True
+            mode.lifted_off = True
         return x
 
     def event_values(self, x: State) -> tuple[float, ...]:
         if x.t <= self.events_from:
             return (1.0,) * len(self.events)
         if self._last_event_values is None or self._last_event_values[0] is not x:
-            self._last_event_values = x, self._computed_event_values(x)
+            self._last_event_values = x, self._compute_event_values(x)
         return self._last_event_values[1]
 
-    def _computed_event_values(self, x: State) -> tuple[float, ...]:
+    def _compute_event_values(self, x: State) -> tuple[float, ...]:
         mode = self.mode
         drive = self.drive
         s_o = float(x.q[-1])
@@ -187,66 +199,69 @@ class RollingCar(System):
             ends = {"arrival": drive.end_position - s_o, "back": s_o - drive.back_position}
             return tuple(ends.get(name, math.inf) for name in EVENTS)
         forces = self.car_forces(x)
-        lift_off = math.inf if mode.y_with_rates else forces.normal
+        lift_off = math.inf if mode.lifted_off else forces.normal
         if not self.free:
             return (lift_off,)
         if mode.forward == 0.0 and abs(forces.speed) > drive.rest_speed:
             mode.forward = math.copysign(1.0, forces.speed)
-        return *self._force_event_values(x, forces), *self._position_event_values(s_o), lift_off, self._time_to_stop(x)
+        by_force = self._force_event_values(x, forces)
+        by_position = self._position_event_values(s_o)
+        return *by_force, *by_position, lift_off, self._time_to_stop_event(x)
 
     def _force_event_values(self, x: State, forces: CarForces) -> tuple[float, float, float]:
         mode = self.mode
         if mode.sticks:
             return math.inf, self.friction_margin(x), math.inf
         turns = mode.forward and abs(forces.along) > self.max_resistance(forces.across)
-        slip = mode.heading * float(x.v[-1]) if self.has_friction and not mode.awaits_waves else math.inf
+        slip = mode.heading * float(x.v[-1]) if self.friction_or_brake_acts and not mode.awaits_waves else math.inf
         return slip, math.inf, mode.forward * forces.speed if turns else math.inf
 
     def _position_event_values(self, s_o: float) -> tuple[float, float, float, float]:
         drive = self.drive
         n = self.mode.brakes
         mode = self.mode
-        direction = 0.0 if mode.awaits_waves or not self.has_friction else mode.heading  # which only a standstill turns
+        turns_at_standstill_only = self.friction_or_brake_acts and not mode.awaits_waves
+        direction = mode.heading if turns_at_standstill_only else 0.0
         ahead = drive.brakes[n][0] - s_o if n < len(drive.brakes) and direction >= 0.0 else math.inf
         back = s_o - drive.brakes[n - 1][0] if n and direction <= 0.0 else math.inf
         return ahead, back, drive.end_position - s_o, s_o - drive.back_position
 
-    def _is_drifting(self, x: State) -> bool:
+    def _moves_too_far_for_rest(self, x: State) -> bool:
         mode = self.mode
         return abs(float(x.q[-1]) - mode.slow_at) > self.drive.rest_speed * max(self.round_trip, x.t - mode.slow_since)
 
-    def _time_to_stop(self, x: State) -> float:
+    def _time_to_stop_event(self, x: State) -> float:
         """Time until the car has been slow, and held, for an axial round trip of the last phase."""
         if x.phase < len(self.phases) - 1:
             return math.inf
         remaining = max(self.mode.slow_since, self.phases[-1][0]) + self.round_trip - x.t
-        rests = self.drive.is_rest_position(float(x.q[-1])) and not self._is_drifting(x)
+        rests = self.drive.is_rest_position(float(x.q[-1])) and not self._moves_too_far_for_rest(x)
         return remaining if rests else max(remaining, self.round_trip)
 
-    def step_fraction(self, x: State, since: float, ahead: float = 0.0) -> float:
-        """Fraction of the equal step that the next one may have; since : time from the last event."""
+    def step_fraction(self, x: State, since_event: float, time_ahead: float = 0.0) -> float:
+        """Fraction of the equal step that the next one may have, see `System.step_fraction`."""
         mode = self.mode
         slip = x.v.item(-1)
         holds = self.drive.has_resistance and (mode.brakes > 0 or mode.sticks)
-        after_jump = (
-            (mode.forward, since) if self.short_steps_after_jumps or self.drive.has_resistance else (0.0, math.inf)
-        )
-        return self.drive.step_fraction(
-            self.round_trip, self.sigma, x.q.item(-1) + ahead * slip, slip, *after_jump, holds
-        )
+        short_after_jumps = self.short_steps_after_jumps or self.drive.has_resistance
+        forward = mode.forward if short_after_jumps else 0.0
+        since_jump = since_event if short_after_jumps else math.inf
+        s_o = x.q.item(-1) + time_ahead * slip
+        return self.drive.step_fraction(self.round_trip, self.sigma, s_o, slip, forward, since_jump, holds)
 
     @property
-    def event_bounds_complete(self) -> bool:
-        """Whether `event_bounds` has all events."""
+    def event_free_range_known(self) -> bool:
+        """Whether `event_free_range` excludes all events."""
         mode = self.mode
         return not self.free or not (mode.sticks or mode.awaits_waves or mode.forward == 0.0)
 
-    def event_bounds(self) -> tuple[float, float, float, float, float]:
-        """Bounds of s_o, signs of slip (0: any) and speed, least speed."""
+    def event_free_range(self) -> EventFreeRange:
+        """The range of states in which no event happens but lift-off."""
         mode = self.mode
         drive = self.drive
         positions = (0.0, *(position for position, _ in drive.brakes), 1.0)
         n = mode.brakes
         low = max(drive.back_position, positions[n])
         high = min(drive.end_position, positions[n + 1])
-        return low, high, mode.heading if self.has_friction else 0.0, mode.forward, drive.rest_speed
+        slip_sign = mode.heading if self.friction_or_brake_acts else 0.0
+        return EventFreeRange(low, high, slip_sign, mode.forward, drive.rest_speed)

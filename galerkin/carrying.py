@@ -6,7 +6,7 @@ import numpy as np
 
 from cablefem.newmark import State
 from cablefem.scene.contacts import Array
-from cablefem.shoes import Passage, line_after_passage, line_snapshot
+from cablefem.shoes import Passage, line_and_snapshot_after_passage, line_snapshot
 from galerkin.lines import LineSines
 from galerkin.segments import Layout, basis_functions
 
@@ -18,7 +18,8 @@ def system_after_passage(system: LineSines, passage: Passage, x: State) -> tuple
     jets = before[:, np.stack([old.x, old.y], axis=1)]  # (3, contacts, 2)
     over = {car.name: system.car_point_and_rates(car.name, x) for car in system.line.over}
     now = line_snapshot(system.line, jets, before[:, old.s], over, lambda s: rope_at(old, before, np.array([s]))[:, 0])
-    new = LineSines(line_after_passage(system.line, passage, x.t, x.phase, now), old.functions - 2)
+    line, now = line_and_snapshot_after_passage(system.line, passage, x.t, x.phase, now)
+    new = LineSines(line, old.functions - 2)
     layout = new.layout
     Z = new.prescribed(x.t, x.phase)
     for k, contact in enumerate(new.line.touching):

@@ -11,7 +11,7 @@ from numpy.polynomial import legendre
 from cablefem.motion import CarMotion, ContactMotion, LineMotion, Turning, WheelMotion
 from cablefem.newmark import State
 from cablefem.scene.contacts import Array, Contact, MovingLine
-from cablefem.shoes import OffRopeState, add_shoe_forces, downward_normals, off_rope_motion
+from cablefem.shoes import OffRopeState, add_shoe_forces, downward_normals, off_rope_motion_and_powers
 from galerkin.bodies import Body, CarBody, ContactState, Counterweight, Friction, PointCar, length
 from galerkin.segments import Layout, Rope, basis_functions
 
@@ -62,7 +62,9 @@ def observe(system: LineSines, states: Sequence[State], s: Array) -> LineMotion:
         powers_off = {cause: power for cause, power in body.powers(at).items() if cause != body.driven}
         jets = np.stack([at.p, at.dp, at.ddp], axis=1)
         off_rope = OffRopeState(jets, body.contact_force(at), powers_off, _turning(body, at, ()))
-        cars.append(off_rope_motion(line, car, states, off_rope, tuple(contacts), powers))
+        motion, own_powers = off_rope_motion_and_powers(line, car, states, off_rope, tuple(contacts))
+        powers |= own_powers
+        cars.append(motion)
         energies += body.energies(at)
     kinetic, strain, potential = energies
     loaded = add_shoe_forces(line, tuple(cars), tuple(contacts))

@@ -21,7 +21,7 @@ from cablefem.scene.contacts import (
     lift_off_event,
     meeting_event,
 )
-from cablefem.shoes import may_pass, possible_passages
+from cablefem.shoes import passage_exists_between, possible_passages
 from galerkin.bodies import Body, CarBody, ContactState, Counterweight, Friction, PointCar, Saddle, Spring, dot
 from galerkin.equations import factorised
 from galerkin.line_observe import observe
@@ -194,7 +194,7 @@ class LineSines(System):
         touching = self.line.touching
         self.passages = possible_passages(self.line)
         pairs = [i for i in self.layout.outer if i in self.travel_contact.values() or i + 1 in self.cars]
-        self.gaps = [i for i in pairs if not may_pass(self.passages, names[i], names[i + 1])]
+        self.gaps = [i for i in pairs if not passage_exists_between(self.passages, names[i], names[i + 1])]
         meetings = [meeting_event(touching[i], touching[i + 1]) for i in self.gaps]
         self._set_stops_and_brakes()
         stops = [f"{self.cars[k].car.name} stops" for k in self.stops]
@@ -391,7 +391,7 @@ class LineSines(System):
                 of_rope = self._tension_and_pressures(N, contact_values)
                 self._loaded = x, np.concatenate([*pressing, of_rope, margins]).tolist()
             loads = self._loaded[1]
-        passing = [p.distance_ahead(*self.car_point_and_rates(p.car, x)[:2, 0].tolist()) for p in self.passages]
+        passing = [p.distance_to_go(*self.car_point_and_rates(p.car, x)[:2, 0].tolist()) for p in self.passages]
         return (*gaps, *speeds, *ahead, *loads, *passing)
 
     def _tension_and_pressures(self, N: Array, contact_values: Array) -> list[float]:

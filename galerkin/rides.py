@@ -52,7 +52,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
             raise ValueError("a car that rolls needs load = mass: without inertia it has no travel of its own")
         if not (kink and isinstance(basis, Fourier)):
             raise ValueError("a car that rolls needs sines with a hat that travels with it: take method fourier-kink")
-        self.attach(groups)
+        self.attach_drive(groups)
         super().__init__(groups, basis, kink=kink, law=law)
         self.n_dof += 1
         # rows t, p.; then t, mean p.. and its rate
@@ -80,8 +80,8 @@ class RollingSystem(RollingCar, GalerkinSystem):
 
     def _car_loads(self, t: float, phase: int) -> rolling.CarLoads:
         drive = self.drive
-        against = -self.mode.sign if self.free else -math.copysign(1.0, self.motion.at(t, phase)[1])
-        brake = against * self.brake
+        against = -self.mode.slip_sign if self.free else -math.copysign(1.0, self.motion.at(t, phase)[1])
+        brake = against * self.brake_force
         of = self.mu, self.groups.sigma, drive.k, drive.wind, self.hold_force(t), against * drive.mu_r, brake
         since, ax, ay, jx, jy = self._smooth if self.free else (t, math.nan, math.nan, 0.0, 0.0)
         return rolling.CarLoads(*of, ax + (t - since) * jx, ay + (t - since) * jy)
@@ -159,7 +159,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
 
     def _kernel_arguments(self, x: State) -> tuple[rolling.Ride, kernels.CableSines, tuple[float, float, float]]:
         kinematics = self._car_kinematics(x)
-        mode = rolling.HAULED if not self.free else rolling.FREE if self.mode.sign != 0.0 else rolling.STUCK
+        mode = rolling.HAULED if not self.free else rolling.FREE if self.mode.slip_sign != 0.0 else rolling.STUCK
         loads = self._car_loads(x.t, x.phase)
         sines = self._cable_sines(*self.sines.side_rules(kinematics[0]))
         return rolling.Ride(mode, loads, self._thrust(x)), sines, kinematics
@@ -179,7 +179,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         """Steps end at an event, where the rules change, or where a hauled car turns."""
         drive = self.drive
         s_o, ds_o = start[:2, -1].tolist()
-        if not self.event_bounds_complete or t[0] < drive.release:
+        if not self.event_free_range_known or t[0] < drive.release:
             return 0, *NO_STEPS
         ride, _, at_start = self._kernel_arguments(State(t[0], start[0], start[1], start[2], phase))
         if self.free:
@@ -197,7 +197,7 @@ class RollingSystem(RollingCar, GalerkinSystem):
         past = np.concatenate([self._past, np.empty((t.size, 3))])
         smooth = np.zeros(6)
         history = rolling.CarHistory(
-            t, thrust, past, self._window, smooth, *self.event_bounds(), self.mode.y_with_rates
+            t, thrust, past, self._window, smooth, *self.event_free_range(), self.mode.lifted_off
         )
         taken, ends, results = kernels.solve_steps(ride, history, sines, kinematics, start, rules, newton)
         if taken:

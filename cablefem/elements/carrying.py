@@ -9,7 +9,7 @@ from cablefem.elements.reference import lagrange_element, shape_polynomials
 from cablefem.elements.segments import Segments
 from cablefem.elements.system import Coordinates, LineElements
 from cablefem.newmark import Array, State, consistent_acceleration
-from cablefem.shoes import Passage, line_after_passage, line_snapshot
+from cablefem.shoes import Passage, line_and_snapshot_after_passage, line_snapshot
 
 
 def system_after_passage(system: LineElements, passage: Passage, x: State) -> tuple[LineElements, State]:
@@ -20,7 +20,7 @@ def system_after_passage(system: LineElements, passage: Passage, x: State) -> tu
     now = line_snapshot(
         system.line, jets, np.array(old)[:, system.s], over, lambda s: rope_at(system, old, np.array([s]))[:, 0]
     )
-    line = line_after_passage(system.line, passage, x.t, x.phase, now)
+    line, now = line_and_snapshot_after_passage(system.line, passage, x.t, x.phase, now)
     new = LineElements(line, elements=system.segments.elements, degree=system.segments.degree, compiled=system.compiled)
     z = new.prescribed_coordinates(x.t, x.phase)
     own, before = _slots_by_car(new), _slots_by_car(system)

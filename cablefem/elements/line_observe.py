@@ -16,7 +16,7 @@ from cablefem.elements.trolley import Trolley
 from cablefem.motion import CarMotion, ContactMotion, LineMotion, Turning, WheelMotion
 from cablefem.newmark import Array, State
 from cablefem.scene.contacts import Car, Contact
-from cablefem.shoes import OffRopeState, add_shoe_forces, downward_normals, off_rope_motion
+from cablefem.shoes import OffRopeState, add_shoe_forces, downward_normals, off_rope_motion_and_powers
 
 if TYPE_CHECKING:
     from cablefem.elements.system import LineElements
@@ -87,9 +87,10 @@ def observe(system: LineElements, states: Sequence[State], s: Array) -> LineMoti
             powers[f"{contact.name} weight"] = -force * x.v[:, slot]
     cars = _car_motions(x, powers) if system.cars else ()
     for off_rope in system.off_rope.values():
-        cars += (
-            off_rope_motion(system.line, off_rope.car, states, _state_off_rope(x, off_rope, states), contacts, powers),
-        )
+        state = _state_off_rope(x, off_rope, states)
+        motion, powers_off = off_rope_motion_and_powers(system.line, off_rope.car, states, state, contacts)
+        powers |= powers_off
+        cars += (motion,)
     for car, motion in zip((*system.line.cars, *system.line.over), cars, strict=True):
         kinetic = kinetic + _car_kinetic_energy(car, motion)
         potential = potential - car.mass * system.line.gravity * motion.point[:, 1]

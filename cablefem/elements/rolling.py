@@ -54,7 +54,7 @@ class RollingElements(RollingCar, FollowingElements):
             raise ValueError(
                 f"{subject} has no balance along the cable: a car that rolls needs the full model and a mass"
             )
-        self.attach(groups)
+        self.attach_drive(groups)
         self._air = self.drive.k, self.drive.wind, self.drive.mu_r
         self.n_dof += 1
 
@@ -95,7 +95,7 @@ class RollingElements(RollingCar, FollowingElements):
         self._assemble_with_car(self._kernel_car, self._drive_inputs(np.array(t), phase), x, r, factors)
 
     def solve_steps(self, t: Array, *steps) -> newmark.ManySteps:
-        if not self.event_bounds_complete:
+        if not self.event_free_range_known:
             return newmark.NO_STEPS
         taken = super().solve_steps(t, *steps)
         self._search_events_from_last_step(t, len(taken.ends))
@@ -130,13 +130,13 @@ class RollingElements(RollingCar, FollowingElements):
         """
         least_force = 0.1  # over weight, of a hauled car in compiled steps
         margin = 0.0 if self.free else least_force * self.inertia * self.groups.sigma
-        keeps = self.event_bounds() if self.free else (-math.inf, math.inf, 0.0, 0.0, 0.0)
-        return np.array([*keeps, -math.inf if self.mode.y_with_rates else margin])
+        keeps = self.event_free_range() if self.free else (-math.inf, math.inf, 0.0, 0.0, 0.0)
+        return np.array([*keeps, -math.inf if self.mode.lifted_off else margin])
 
     def collocate_steps(self, phase: int, steps: newmark.Steps, rule: Tableau, newton: Newton) -> Iterator[StepResult]:
         many = not self.free or rule.c[-1] == 1.0
         results = self._collocation_results(
-            phase, steps if many and self.event_bounds_complete else steps.first_steps(1), rule, newton
+            phase, steps if many and self.event_free_range_known else steps.first_steps(1), rule, newton
         )
         self._search_events_from_last_step(steps.t[1:], len(results))
         return self._step_results(results)
@@ -164,7 +164,9 @@ class RollingElements(RollingCar, FollowingElements):
         fixed = self.node, self.inertia, self.groups.sigma, *self._air
         if not self.free:
             return kernels.Car(kernels.HAUL, *fixed, 0.0, 1.0)
-        return kernels.Car(kernels.HELD if self.mode.sticks else kernels.FREE, *fixed, self.brake, self.mode.sign)
+        return kernels.Car(
+            kernels.HELD if self.mode.sticks else kernels.FREE, *fixed, self.brake_force, self.mode.slip_sign
+        )
 
     def _car_forces_at(self, x: State) -> kernels.ForcesOnCar:
         now = self._drive_inputs(np.array(x.t), x.phase)

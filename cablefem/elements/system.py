@@ -26,7 +26,7 @@ from cablefem.elements.trolley import Trolley
 from cablefem.motion import LineMotion
 from cablefem.newmark import Array, Solve, State, StepFailure, System, consistent_acceleration
 from cablefem.scene.contacts import NEAREST, Car, Contact, MovingLine, Wheel, lift_off_event, meeting_event
-from cablefem.shoes import may_pass, possible_passages
+from cablefem.shoes import passage_exists_between, possible_passages
 
 if TYPE_CHECKING:
     from cablefem.elements.segment_kernels import Kernel
@@ -142,7 +142,7 @@ class LineElements(System):
         if isinstance(first, Contact) and isinstance(second, Contact):
             return False
         names = [c.car.name if isinstance(c, Wheel) else c.name for c in (first, second)]
-        return names[0] != names[1] and not may_pass(self.passages, *names)
+        return names[0] != names[1] and not passage_exists_between(self.passages, *names)
 
     @cached_property
     def _kernel(self) -> Kernel:
@@ -476,7 +476,7 @@ class LineElements(System):
             pressing = self._pressing_forces(z, rows, loads, self.car_data(x.t, x.phase))
             margins = [self._friction_margin(i, z, rows, pressing) if self._sticks(i) else np.inf for i in self._stops]
             self._loaded = x, pressing + self._tension_and_pressures(rows, loads) + margins
-        passing = [p.distance_ahead(*self.car_point_and_rates(p.car, x)[:2, 0].tolist()) for p in self.passages]
+        passing = [p.distance_to_go(*self.car_point_and_rates(p.car, x)[:2, 0].tolist()) for p in self.passages]
         return (*gaps.tolist(), *ahead, *self._loaded[1], *passing)
 
     def car_point_and_rates(self, car: str, x: State) -> Array:

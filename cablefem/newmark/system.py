@@ -95,10 +95,10 @@ class System(Protocol):
         """Times (n,) of the mean places, weighted 1 - w and w."""
         return (1.0 - w) * t0 + w * t1
 
-    def step_fraction(self, x: State, since: float, ahead: float = 0.0) -> float:
+    def step_fraction(self, x: State, since_event: float, time_ahead: float = 0.0) -> float:
         """The fraction of a grid step to take from x.
 
-        since : time after the last event;  ahead : of the step after x, for steps planned at once.
+        since_event : time after the last event;  time_ahead : of the step after x, for steps planned at once.
         """
         return 1.0
 

@@ -79,7 +79,7 @@ class CarHistory(NamedTuple):
     sign: float  # event: ds_o loses this sign; 0: it may turn
     forward: float  # sign of the speed
     slow: float  # event: a lower speed
-    y_with_rates: bool  # else lift-off is an event
+    lifted_off: bool  # else lift-off is an event
 
 
 class Coefficients(NamedTuple):
@@ -423,7 +423,7 @@ def ride_at_time(ride, smooth, t, thrust):
 
 @inner
 def has_event(ride, history, end, car):
-    if not (history.y_with_rates or max(car.pressing, car.normal) > 0.0):
+    if not (history.lifted_off or max(car.pressing, car.normal) > 0.0):
         return True
     if ride.mode == HAULED:
         return False
