@@ -1,3 +1,6 @@
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -36,25 +39,35 @@ def command(
     points = options.grid_points_from_options(options.with_limits(loaded, limits), set_)
     if len(points) > 1 or points[0].settings:
         raise store.Refused("--set: one value for each key of the scene; --for takes several")
-    name, ends = _key_and_range(key)
+    name, ends = _parse_key_and_range(key)
 
     from validation.commands.find import condition, study
+
+    condition.parse_condition(so_that)
+    how: Any = {"so_that": so_that, "model": model, "all_of": dict(map(_parse_key_and_values, all_of or []))}
+    search: Callable[..., Any]
+    if other is None:
+        search = partial(study.find, points[0].scene, {name: ends}, check=check, **how)
+    else:
+        search = partial(study.find_curve, points[0].scene, {name: ends}, *_parse_key_and_values(other), **how)
+    return _search_and_report(
+        points[0].scene, search, ["find.json"] if other is None else ["find.csv", "find.json"], out
+    )
+
+
+def _search_and_report(scene: Any, search: Callable[..., Any], writes: list[str], out: Path | None) -> int:
+    """Search, write and print the result, read it back; return the exit code.
+
+    After Ctrl-C what was computed is written and printed, and KeyboardInterrupt raised.
+    """
+    from validation.commands.find import study
     from validation.core.readback import find_faults
     from validation.page import report
 
-    condition.parse_condition(so_that)
-    how: Any = {"so_that": so_that, "model": model, "all_of": dict(map(_key_and_values, all_of or []))}
-    loaded = points[0].scene
-    writes = ["find.json"] if other is None else ["find.csv", "find.json"]
-    with options.writing_results(out, "find", loaded, writes) as folder:
-        result: Any
+    with options.writing_results(out, "find", scene, writes) as folder:
         try:
             with terminal.progress_bars() as progress:
-                how["progress"] = progress
-                if other is None:
-                    result = study.find(loaded, {name: ends}, check=check, **how)
-                else:
-                    result = study.find_curve(loaded, {name: ends}, *_key_and_values(other), **how)
+                result = search(progress=progress)
         except study.Interrupted as stop:
             result = stop.found
         result.write(folder)
@@ -69,7 +82,8 @@ def command(
     return wrong or int(not result.changes)
 
 
-def _key_and_range(pair: str) -> tuple[str, tuple[float, float]]:
+def _parse_key_and_range(pair: str) -> tuple[str, tuple[float, float]]:
+    """Key, low and high of KEY=LOW:HIGH; Refused for anything else."""
     key, _, text = pair.partition("=")
     try:
         low, high = map(float, text.split(":"))
@@ -80,7 +94,8 @@ def _key_and_range(pair: str) -> tuple[str, tuple[float, float]]:
     return key, (low, high)
 
 
-def _key_and_values(pair: str) -> tuple[str, list[Any]]:
+def _parse_key_and_values(pair: str) -> tuple[str, list[Any]]:
+    """Key and values of KEY=VALUES; Refused for anything else."""
     from validation.core import grid
 
     try:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from cablefem.scene.errors import did_you_mean
+from validation.core.answers import Outcome
 from validation.core.limits import MET, worst_limit_columns
 from validation.core.scene_data import si_factor
 from validation.core.store import Refused
@@ -29,7 +30,10 @@ class Number:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What is known of a scene: outcome, numbers by name, worst limit; or why there is none."""
+    """What is known of a scene: its outcome in a word and a sentence, numbers by name, worst limit.
+
+    Of a scene that cannot be computed the sentence says why.
+    """
 
     kind: str
     sentence: str
@@ -37,7 +41,9 @@ class Answer:
     limits: str = ""
 
     @classmethod
-    def of(cls, outcome: Any, design: Sequence[Row], events: Sequence[Row], limits: Sequence[Row]) -> "Answer":
+    def from_rows(
+        cls, outcome: Outcome, design: Sequence[Row], events: Sequence[Row], limits: Sequence[Row]
+    ) -> "Answer":
         """Names as in summary.json with `.` for `:`, or the kind alone for the extreme of all; of events the first.
 
         Where there is one extreme, `_min` or `_max` may be left out.
@@ -48,7 +54,7 @@ class Answer:
                 number = Number(row["value"], row["bar"], row["unit"])
                 kind = row["quantity"].partition(":")[0]
                 pick = max if kind.endswith("_max") else min
-                numbers[_dotted(row["quantity"])] = number
+                numbers[_name_with_dots(row["quantity"])] = number
                 numbers[kind] = pick(number, numbers.get(kind, number), key=lambda x: x.value)
         short = [_EXTREME.sub("", name) for name in numbers]
         for name, brief in zip(list(numbers), short, strict=True):
@@ -61,7 +67,8 @@ class Answer:
         return cls(outcome.kind, outcome.sentence, numbers, worst_limit_columns(limits).get("limits_met", ""))
 
 
-def _dotted(name: str) -> str:
+def _name_with_dots(name: str) -> str:
+    """As `clearance_car.tree` for `clearance_car:tree`."""
     return name.replace(":", ".").rstrip(".")
 
 
@@ -76,33 +83,34 @@ class Clause:
     unit: str = ""
 
     @property
-    def of_event(self) -> bool:
-        """Whether it looks at events or the outcome alone."""
+    def needs_events_only(self) -> bool:
+        """Whether events or the outcome decide it, without design numbers."""
         return self.name == "outcome" or self.name.partition(".")[0] in EVENTS
 
-    def number(self, answer: Answer) -> Number | None:
+    def number_in(self, answer: Answer) -> Number | None:
+        """The number that the clause names; None: the answer has none of this name."""
         return answer.numbers.get(self.name)
 
-    def limit(self, unit: str) -> float:
+    def limit_in(self, si_unit: str) -> float:
         """The limit in an SI unit; Refused for one that does not fit."""
-        factor = si_factor(self.unit, unit)
+        factor = si_factor(self.unit, si_unit)
         if math.isnan(factor):
-            raise Refused(f"--so-that {self.text}: unit {self.unit!r}; {self.name} is in {unit or 'no unit'}")
+            raise Refused(f"--so-that {self.text}: unit {self.unit!r}; {self.name} is in {si_unit or 'no unit'}")
         return float(self.right) * factor
 
-    def observed_value(self, answer: Answer) -> float | str | None:
+    def value_in(self, answer: Answer) -> float | str | None:
         """What the clause looks at, in SI or in words; None: it is not known."""
         if self.sign:
-            number = self.number(answer)
+            number = self.number_in(answer)
             return None if number is None else number.value
         return answer.limits if self.text == LIMITS else answer.kind
 
     def margin(self, answer: Answer) -> float:
-        """By how much a condition holds; negative: it does not; nan: words that do not hold, or no number."""
+        """By how much the clause holds, in SI, 0 for words; negative: it does not; nan: words do not, or no number."""
         if not self.sign:
-            return 0.0 if self.observed_value(answer) == (MET if self.text == LIMITS else self.right) else math.nan
-        number = self.number(answer)
-        return math.nan if number is None else self.sign * (number.value - self.limit(number.unit))
+            return 0.0 if self.value_in(answer) == (MET if self.text == LIMITS else self.right) else math.nan
+        number = self.number_in(answer)
+        return math.nan if number is None else self.sign * (number.value - self.limit_in(number.unit))
 
 
 def parse_condition(condition: str) -> list[Clause]:
@@ -121,26 +129,26 @@ def _parse_clause(text: str) -> Clause:
         return Clause(text, "outcome", right=match[3])
     if match[2] == "=":
         raise Refused(f"--so-that: cannot read {text!r}; numbers are compared by <= or >=")
-    return Clause(text, _dotted(match[1]), 1.0 if match[2][0] == ">" else -1.0, match[3], match[4])
+    return Clause(text, _name_with_dots(match[1]), 1.0 if match[2][0] == ">" else -1.0, match[3], match[4])
 
 
-def refuse_unknown(clauses: Sequence[Clause], answers: Sequence[Answer]) -> None:
+def refuse_uncheckable_clauses(clauses: Sequence[Clause], answers: Sequence[Answer]) -> None:
     """Refused for a name that no answer knows and no event has, a unit that does not fit, and limits without any."""
     limited = any(answer.limits for answer in answers)
     if not limited and any(clause.text == LIMITS for clause in clauses):
         raise Refused(f"--so-that {LIMITS}: none are given; must be in [limits] or by --limits")
     for clause in clauses:
         if clause.sign:
-            _refuse_number(clause, answers)
+            _refuse_unknown_name_or_unit(clause, answers)
 
 
-def _refuse_number(clause: Clause, answers: Sequence[Answer]) -> None:
+def _refuse_unknown_name_or_unit(clause: Clause, answers: Sequence[Answer]) -> None:
     """Refused for an unknown name, and a unit that does not fit."""
     names = {name for answer in answers for name in answer.numbers}
     known = {name.partition(".")[0] for name in names} | {f"{event}.{name}" for event in EVENTS for name in UNITS}
     if names and clause.name not in names | known:
         raise Refused(f"--so-that {clause.text}: unknown name.{did_you_mean(clause.name, sorted(known))}")
     for answer in answers:
-        number = clause.number(answer)
+        number = clause.number_in(answer)
         if number is not None:
-            clause.limit(number.unit)
+            clause.limit_in(number.unit)

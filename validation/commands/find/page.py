@@ -27,6 +27,6 @@ def sections(folder: Path) -> list[Section]:
     return render_sections(__package__, found=stored, rows=rows, figure=figure)
 
 
-def _observed_text(read: float | str | None) -> str:
+def _observed_text(value: float | str | None) -> str:
     """A number or a word that a condition looks at."""
-    return f"{read:.6g}" if isinstance(read, float) else read or "–"
+    return f"{value:.6g}" if isinstance(value, float) else value or "–"

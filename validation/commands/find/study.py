@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cablefem.response import write_json
 from cablefem.scene import Scene, SceneError
@@ -18,12 +18,15 @@ from cablefem.scene.errors import short_text
 from cablefem.scene.keys import list_keys as keys_of
 from cablefem.scene.line import Line
 from cablefem.scene.short import line_or_none
-from validation.commands.find.condition import Answer, Clause, parse_condition, refuse_unknown
+from validation.commands.find.condition import Answer, Clause, parse_condition, refuse_uncheckable_clauses
 from validation.core import store
 from validation.core.quantities import with_bar
 from validation.core.sidebyside import Progress, no_progress
 from validation.core.store import Refused
 from validation.page.answer.many import write_csv_rows
+
+if TYPE_CHECKING:
+    from validation.commands.run.lines import LineAnswers
 
 BRACKETS = 8  # parts of the range that are looked at
 HALVINGS = 12  # of a part in which the condition changes, at most
@@ -134,20 +137,38 @@ class Curve:
 
 
 def find(
-    of: Scene | Line | str | Path, keys: Mapping[str, Sequence[float]], *, so_that: str,
+    scene_or_line: Scene | Line | str | Path, keys: Mapping[str, Sequence[float]], *, so_that: str,
     model: str = "quasi-static", all_of: Mapping[str, Sequence[Any]] | None = None, check: bool = True,
     progress: Progress = no_progress,
 ) -> FindResult:  # fmt: skip
     """The value of one key, from low to high, at which a condition begins or ceases to hold.
 
-    of : a scene, a line, a built-in name or a file.
+    scene_or_line : or a built-in name, or a file.
     so_that : as "outcome = arrives and clearance_car.tree >= 1.5 m"; names as in summary.json.
     model : of the search, quasi-static or full; a line has one model.  all_of : the condition must hold for each value.
     check : both solvers run at the answer; their number gives the bar of the key, else that of the least model.
     Ctrl-C raises Interrupted, whose `found` has what was computed.
     find("zipline", {"mass.mass": (40.0, 200.0)}, so_that="arrival.speed <= 16 km/h")
     """
-    scene = of if isinstance(of, Scene | Line) else line_or_none(of) or Scene.load(of)
+    scene = scene_or_line
+    if not isinstance(scene, Scene | Line):
+        scene = line_or_none(scene) or Scene.load(scene)
+    key, low, high = _one_key_and_range(keys)
+    search = _Search(scene, key, parse_condition(so_that), model, all_of or {}, progress, high - low)
+    values = [low + (high - low) * i / BRACKETS for i in range(BRACKETS + 1)]
+    changes: list[Threshold] = []
+    try:
+        search.refuse_uncheckable_condition([low, high])
+        for a, b in itertools.pairwise(values):
+            if search.condition_holds_at(a) is not search.condition_holds_at(b):
+                changes.append(search.bisect_threshold(a, b))
+        changes = [search.with_bar_and_verdict(threshold, check) for threshold in changes]
+    except KeyboardInterrupt:
+        raise Interrupted(FindResult(key, so_that, changes, search.tried_rows(), interrupted=True)) from None
+    return FindResult(key, so_that, changes, search.tried_rows())
+
+
+def _one_key_and_range(keys: Mapping[str, Sequence[float]]) -> tuple[str, float, float]:
     try:
         ((key, (low, high)),) = keys.items()
     except (AttributeError, TypeError, ValueError):
@@ -156,18 +177,7 @@ def find(
         ) from None
     if not low < high:
         raise Refused(f"{key} = {low:g}:{high:g}: LOW must be below HIGH")
-    search = _Search(scene, key, parse_condition(so_that), model, all_of or {}, progress, high - low)
-    values = [low + (high - low) * i / BRACKETS for i in range(BRACKETS + 1)]
-    changes: list[Threshold] = []
-    try:
-        search.refuse_unknown([low, high])
-        for a, b in itertools.pairwise(values):
-            if search.condition_holds(a) is not search.condition_holds(b):
-                changes.append(search.bisect_threshold(a, b))
-        changes = [search.threshold_with_bar(threshold, check) for threshold in changes]
-    except KeyboardInterrupt:
-        raise Interrupted(FindResult(key, so_that, changes, search.tried_rows(), interrupted=True)) from None
-    return FindResult(key, so_that, changes, search.tried_rows())
+    return key, low, high
 
 
 class Interrupted(KeyboardInterrupt):
@@ -180,6 +190,8 @@ class Interrupted(KeyboardInterrupt):
 
 @dataclass
 class _Search:
+    """Answers at values of one key, each computed once, and whether the condition holds there."""
+
     scene: Any
     key: str
     clauses: list[Clause]
@@ -189,18 +201,18 @@ class _Search:
     width: float  # of the range
     answers_by_value: dict[float, list[Answer]] = field(default_factory=dict)
 
-    def scenes(self, value: float) -> list[Any]:
+    def scenes_at(self, value: float) -> list[Any]:
         """Scenes at a value of the key, one for each combination of `all_of`."""
         combinations = itertools.product(*self.all_of.values())
         return [self.scene.replace({self.key: value, **dict(zip(self.all_of, x, strict=True))}) for x in combinations]
 
-    def answers_of_scenes(self, value: float) -> list[Answer]:
+    def answers_at(self, value: float) -> list[Answer]:
         """Answers at a value of the key; a scene or run that fails says why."""
         if value not in self.answers_by_value:
             try:
-                only_events = all(clause.of_event for clause in self.clauses)
+                only_events = all(clause.needs_events_only for clause in self.clauses)
                 self.answers_by_value[value] = [
-                    answer_by_model(scene, self.model, only_events) for scene in self.scenes(value)
+                    answer_by_model(scene, self.model, only_events) for scene in self.scenes_at(value)
                 ]
             except (SceneError, Refused, ArithmeticError) as error:
                 self.answers_by_value[value] = [replace(NONE, sentence=str(error).splitlines()[0])]
@@ -214,26 +226,27 @@ class _Search:
         rows = []
         for value, answers in sorted(self.answers_by_value.items()):
             sentence = "; ".join(dict.fromkeys(answer.sentence for answer in answers))
-            read = [[clause.observed_value(answer) for clause in self.clauses] for answer in answers]
-            rows.append({"value": value, "holds": self.condition_holds(value), "outcome": sentence, "read": read})
+            read = [[clause.value_in(answer) for clause in self.clauses] for answer in answers]
+            rows.append({"value": value, "holds": self.condition_holds_at(value), "outcome": sentence, "read": read})
         return rows
 
-    def refuse_unknown(self, ends: Sequence[float]) -> None:
-        answers = [answer for value in ends for answer in self.answers_of_scenes(value)]
+    def refuse_uncheckable_condition(self, ends: Sequence[float]) -> None:
+        """Refused where no end has an answer, or the condition names what their answers do not know."""
+        answers = [answer for value in ends for answer in self.answers_at(value)]
         if all(answer.kind == NONE.kind for answer in answers):
             raise Refused(f"{self.key}: {answers[0].sentence}")
-        refuse_unknown(self.clauses, answers)
+        refuse_uncheckable_clauses(self.clauses, answers)
 
-    def margins_by_answer_and_clause(self, value: float) -> list[float]:
-        """Room of each clause in each answer."""
-        return [clause.margin(answer) for answer in self.answers_of_scenes(value) for clause in self.clauses]
+    def margins_at(self, value: float) -> list[float]:
+        """Margin of each clause in each answer, see `Clause.margin`; those of an answer follow one another."""
+        return [clause.margin(answer) for answer in self.answers_at(value) for clause in self.clauses]
 
-    def condition_holds(self, value: float) -> bool:
-        return all(room >= 0.0 for room in self.margins_by_answer_and_clause(value))
+    def condition_holds_at(self, value: float) -> bool:
+        return all(room >= 0.0 for room in self.margins_at(value))
 
     def bisect_threshold(self, a: float, b: float) -> Threshold:
         """The threshold between two values, by bisection; of numbers linear in the last interval."""
-        holds_at, fails_at = (a, b) if self.condition_holds(a) else (b, a)
+        holds_at, fails_at = (a, b) if self.condition_holds_at(a) else (b, a)
         narrow = 1e-3  # of a part: numbers are linear in it
         for _ in range(HALVINGS):
             share = self._crossing_share(holds_at, fails_at)
@@ -241,7 +254,7 @@ class _Search:
                 break
             steps = [0.5] if math.isnan(share) else [share - 0.01, share + 0.01]  # on both sides of the zero of a chord
             for x in [holds_at + step * (fails_at - holds_at) for step in steps if 0.0 < step < 1.0]:
-                if self.condition_holds(x):
+                if self.condition_holds_at(x):
                     holds_at = x
                 else:
                     fails_at = x
@@ -258,38 +271,36 @@ class _Search:
 
     def _crossing_share(self, holds_at: float, fails_at: float) -> float:
         """Where the first number that fails crosses its limit, over the interval; nan where words decide."""
-        pairs = zip(
-            self.margins_by_answer_and_clause(holds_at), self.margins_by_answer_and_clause(fails_at), strict=False
-        )
+        pairs = zip(self.margins_at(holds_at), self.margins_at(fails_at), strict=False)
         return min((above / (above - below) for above, below in pairs if below < 0.0 <= above), default=math.nan)
 
     def _failure_text(self, value: float) -> str:
-        """What does not hold at a value: a number, or what happens."""
+        """What does not hold at a value: a number beyond its limit, or what happens."""
         count = len(self.clauses)
-        i = next(i for i, room in enumerate(self.margins_by_answer_and_clause(value)) if not room >= 0.0)
-        answers = self.answers_of_scenes(value)
+        i = next(i for i, room in enumerate(self.margins_at(value)) if not room >= 0.0)
+        answers = self.answers_at(value)
         answer = answers[min(i // count, len(answers) - 1)]
         clause = self.clauses[i % count]
-        if not clause.sign or clause.number(answer) is None:
+        if not clause.sign or clause.number_in(answer) is None:
             return answer.sentence
         return f"{clause.name} {'<' if clause.sign > 0.0 else '>'} {clause.right} {clause.unit}".rstrip()
 
-    def threshold_with_bar(self, threshold: Threshold, check: bool) -> Threshold:
+    def with_bar_and_verdict(self, threshold: Threshold, by_check: bool) -> Threshold:
         """The threshold with its bar: that of the number over its slope, or a range that the full model confirms.
 
-        check : by both solvers, else by the least model, which leaves words without a bar.
+        by_check : by both solvers, else by the least model, which leaves words without a bar.
         """
-        before = self.margins_by_answer_and_clause(threshold.holds_at)
-        after = self.margins_by_answer_and_clause(threshold.fails_at)
-        i, numeric = _deciding_clause(before, after)
+        before = self.margins_at(threshold.holds_at)
+        after = self.margins_at(threshold.fails_at)
+        i, numeric = _deciding_margin(before, after)
         count = len(self.clauses)
         clause = self.clauses[i % count]
-        scene = self.scenes(threshold.holds_at)[min(i // count, len(before) // count - 1)]
-        for answer, verdict in self._judged_answers(scene, check):
+        scene = self.scenes_at(threshold.holds_at)[min(i // count, len(before) // count - 1)]
+        for answer, verdict in self._answers_with_verdicts(scene, by_check):
             threshold = replace(threshold, verdict=verdict)
-            number = clause.number(answer) if numeric else None
+            number = clause.number_in(answer) if numeric else None
             if number is None:
-                return self._with_confirmed_range(threshold) if check else threshold
+                return self._with_bar_by_full_model(threshold) if by_check else threshold
             slope = abs((after[i] - before[i]) / (threshold.fails_at - threshold.holds_at))
             off = abs(clause.margin(answer) - before[i])
             bar = math.inf if number.bar is None else (off + number.bar) / slope
@@ -299,17 +310,17 @@ class _Search:
                 break
         return threshold
 
-    def _judged_answers(self, scene: Any, check: bool) -> Iterator[tuple[Answer, str]]:
+    def _answers_with_verdicts(self, scene: Any, by_check: bool) -> Iterator[tuple[Answer, str]]:
         """Answers that have bars, with the verdict: of checks, each finer, or of the least model without one."""
-        if not check:
+        if not by_check:
             yield answer_by_model(scene, self.model, bars=True), ""
             return
         tolerances = (5e-3, 1e-3)  # of the path in the check at the answer: finer if its bar is of no use
         for tol in tolerances:
             self.progress("check", 0.95)
-            yield checked_answer(scene, tol)
+            yield checked_answer_and_verdict(scene, tol)
 
-    def _with_confirmed_range(self, threshold: Threshold) -> Threshold:
+    def _with_bar_by_full_model(self, threshold: Threshold) -> Threshold:
         """The threshold with half of a range at whose ends the full model says the same, if one was found."""
         full = replace(self, model="full", answers_by_value={})
         side = math.copysign(1.0, threshold.fails_at - threshold.holds_at)
@@ -317,20 +328,17 @@ class _Search:
         for k in range(widenings):
             half = self.width / 2.0 ** (widenings - k)
             inner, outer = threshold.value - side * half, threshold.value + side * half
-            if full.condition_holds(inner) and not full.condition_holds(outer):
+            if full.condition_holds_at(inner) and not full.condition_holds_at(outer):
                 return replace(threshold, bar=half)
         return threshold
 
 
-def _deciding_clause(before: Sequence[float], after: Sequence[float]) -> tuple[int, bool]:
-    """Index of the margin that decides a change, and whether it is a number on both sides; else words decide.
-
-    before, after : margins where the condition holds, and where it fails.
-    """
-    for i, (held, failed) in enumerate(zip(before, after, strict=False)):
+def _deciding_margin(where_it_holds: Sequence[float], where_it_fails: Sequence[float]) -> tuple[int, bool]:
+    """Index of the margin that decides a change, and whether it is a number on both sides; else words decide."""
+    for i, (held, failed) in enumerate(zip(where_it_holds, where_it_fails, strict=False)):
         if failed < 0.0 <= held:
             return i, True
-    return next(i for i, failed in enumerate(after) if not failed >= 0.0), False
+    return next(i for i, failed in enumerate(where_it_fails) if not failed >= 0.0), False
 
 
 def answer_by_model(scene: Any, model: str, only_events: bool = False, bars: bool = False) -> Answer:
@@ -344,8 +352,8 @@ def answer_by_model(scene: Any, model: str, only_events: bool = False, bars: boo
     if isinstance(scene, Line):
         from validation import run_with_bars
 
-        answer: Any = run_with_bars(scene)
-        return _answer_of_line(answer)
+        of_line: Any = run_with_bars(scene)
+        return _line_answer(of_line)
     if model == "full":
         from validation import run_with_bars
 
@@ -356,43 +364,43 @@ def answer_by_model(scene: Any, model: str, only_events: bool = False, bars: boo
 
         r = quasi_static(scene)
         if only_events:
-            return Answer.of(outcome_of_run(scene, r), (), r.events, ())
+            return Answer.from_rows(outcome_of_run(scene, r), (), r.events, ())
         r = with_error_bars(scene, replace(r, design=design_numbers(r)))
-    return Answer.of(outcome_of_run(scene, r), r.design, r.events, limits.limit_rows(scene, r.design, r.events))
+    return Answer.from_rows(outcome_of_run(scene, r), r.design, r.events, limits.limit_rows(scene, r.design, r.events))
 
 
-def _answer_of_line(answer: Any) -> Answer:
+def _line_answer(numbers: LineAnswers) -> Answer:
     """The answer of a line; at rest a number without a bar is exact."""
-    rows = answer.design
-    if not answer.line.moves:
+    rows = numbers.design
+    if not numbers.line.moves:
         rows = [row | {"bar": row["bar"] or 0.0} for row in rows]
-    return Answer.of(answer.outcome, rows, (), answer.limits)
+    return Answer.from_rows(numbers.outcome, rows, (), numbers.limits)
 
 
-def checked_answer(scene: Any, tol: float) -> tuple[Answer, str]:
+def checked_answer_and_verdict(scene: Any, tol: float) -> tuple[Answer, str]:
     """The answer of both solvers, and their verdict; tol : of the path of one span."""
     from validation import check
     from validation.core.answers import outcome_of_run
 
     if isinstance(scene, Line):
-        judge: Any = check
-        answer = judge(scene)
-        return _answer_of_line(answer), answer.verdict.value
+        check_line: Any = check
+        of_line = check_line(scene)
+        return _line_answer(of_line), of_line.verdict.value
     both = check(scene, tol=tol)
     r = replace(both.a.finest, design=both.design)
-    return Answer.of(outcome_of_run(scene, r), both.design, r.events, both.limits), both.verdict.value
+    return Answer.from_rows(outcome_of_run(scene, r), both.design, r.events, both.limits), both.verdict.value
 
 
 def find_curve(
-    scene: Any, keys: Mapping[str, Sequence[float]], other: str, values: Sequence[Any], **how: Any
+    scene: Any, keys: Mapping[str, Sequence[float]], other_key: str, values: Sequence[Any], **how: Any
 ) -> Curve:  # fmt: skip
-    """One row for each value of another key, by the least model; `how` as in `find`."""
+    """Find for each value of another key, by the least model; `how` as in `find`."""
     rows: list[dict[str, Any]] = []
     (key,) = keys
     for value in values:
         try:
-            result = find(scene.replace({other: value}), keys, check=False, **how)
+            result = find(scene.replace({other_key: value}), keys, check=False, **how)
         except KeyboardInterrupt:
-            raise Interrupted(Curve(other, key, rows, interrupted=True)) from None
+            raise Interrupted(Curve(other_key, key, rows, interrupted=True)) from None
         rows.append({"at": value, "value": result.value, "answer": result.sentence})
-    return Curve(other, key, rows)
+    return Curve(other_key, key, rows)
