@@ -80,7 +80,7 @@ RIDE = moving_mass.solve_moving_mass(CROSSING.motion, mu=MU, sigma=SIGMA)
 
 def ride(t):
     """Path on the taut string, the mass heavier by 1 + V^2 from the sag's curvature."""
-    return (1.0 + V * V) * RIDE.path(t)
+    return (1.0 + V * V) * RIDE.mass_displacement(t)
 
 
 def test_the_constrained_particle_converges_with_order_one():

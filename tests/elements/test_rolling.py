@@ -136,7 +136,7 @@ def test_what_cannot_roll_says_so():
 @pytest.mark.parametrize(("stiffness", "elements"), [(1e2, 8), (1e4, 12), (1e5, 16)])
 def test_under_a_car_of_a_thousand_cables_weight_the_cable_rests_without_folds(stiffness, elements):
     """Newton's method from the empty cable's shape finds folds there, 0.1 l off."""
-    groups = ellipse.stiff_rope_scene(stiffness).groups
+    groups = ellipse.free_ride_on_stiff_rope(stiffness).groups
     groups = replace(groups, drive=replace(groups.drive, start=0.2))
     system = RollingElements(groups, elements=elements)
     q = system.start(0, None).q

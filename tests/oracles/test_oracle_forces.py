@@ -42,7 +42,9 @@ def test_a_spoiled_moving_force_is_noticed(spoil):
 
     def v(x, t):
         if spoil == "reflection":  # the free wave with the wrong sign: the string is not at rest any more
-            return P / (1.0 - V * V) * (moving_force.green_function(x, V * t) + V * moving_force.green_function(x, t))
+            still = moving_force.continued_green_function(x, V * t)
+            wave = moving_force.continued_green_function(x, t)
+            return P / (1.0 - V * V) * (still + V * wave)
         return moving_force.displacement(x, t, P=P * (1.01 if spoil == "strength" else 1.0), V=V)
 
     xi = (lambda s: 0.3 * s) if spoil == "speed" else (lambda s: V * s)

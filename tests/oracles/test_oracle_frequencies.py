@@ -47,7 +47,7 @@ def test_catenary_modes_satisfy_the_differential_equation(sigma, alpha, c):
 def test_catenary_modes_are_as_exact_as_they_say():
     """Against twice as many points; half as many (must fail) are not."""
     for sigma, alpha, c in ((SIGMA, ALPHA, None), (1.3, 500.0, 1.1)):
-        half, told, fine = (catenary_modes.solve_modes(sigma, alpha, c, n=n).omega for n in (24, 48, 96))
+        half, told, fine = (catenary_modes.solve_modes(sigma, alpha, c, degree=n).omega for n in (24, 48, 96))
         np.testing.assert_allclose(told, fine, rtol=1e-11)
         assert np.abs(half / fine - 1.0).max() > 1e-11
 
@@ -109,7 +109,7 @@ def test_parameters_outside_the_validity_are_refused():
     for call in (
         lambda: catenary_modes.solve_modes(-0.1, 500.0),
         lambda: catenary_modes.solve_modes(0.1, float("nan")),
-        lambda: catenary_modes.solve_modes(0.1, 500.0, count=40, n=48),
+        lambda: catenary_modes.solve_modes(0.1, 500.0, count=40, degree=48),
         lambda: irvine.frequencies(0.0, 3),
         lambda: irvine.irvine_parameter(0.1, 500.0, 1.2),
         lambda: irvine.frequencies(math.inf, 0),

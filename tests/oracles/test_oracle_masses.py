@@ -49,7 +49,9 @@ def test_the_path_has_the_published_digits():
     """Smith; Dyniewicz & Bajer: mu = 1, V^2 = sigma, eleven digits."""
     V, at = math.sqrt(SIGMA), np.array([0.1, 0.3, 0.5, 0.7, 0.9])
     published = [0.004134619735, 0.026411465563, 0.054525087145, 0.078275585253, 0.064301851647]
-    np.testing.assert_allclose(steady(V, mu=1.0, sigma=SIGMA).path(at / V), published, rtol=0.0, atol=1e-11)
+    np.testing.assert_allclose(
+        steady(V, mu=1.0, sigma=SIGMA).mass_displacement(at / V), published, rtol=0.0, atol=1e-11
+    )
 
 
 @pytest.mark.parametrize("name", TRAVELS)
@@ -59,11 +61,11 @@ def test_the_mass_obeys_newton_and_sits_on_the_string_that_its_force_bends(name)
     motion = travel.motion(1.0)
     ride = moving_mass.solve_moving_mass(motion, mu=mu, sigma=sigma)
     t = np.linspace(0.0, motion.time_at(0.95), 401)
-    y, size = ride.path(t), np.abs(ride.path(t)).max()
+    y, size = ride.mass_displacement(t), np.abs(ride.mass_displacement(t)).max()
 
     def impulse(t):
         """Integral of R."""
-        y, F, G = ride.fields(t)
+        y, F, G = ride.displacement_and_waves(t)
         return 2.0 * (F + G - y)
 
     def off(**spoiled):
@@ -77,7 +79,7 @@ def test_the_mass_obeys_newton_and_sits_on_the_string_that_its_force_bends(name)
     # mu y' = mu sigma t - I, by Simpson's rule: kinks of y'' within its steps
     fine = np.linspace(0.0, t[-1], 20001)
     fallen = 0.5 * sigma * fine**2 - cumulative_simpson(impulse(fine), x=fine, initial=0.0) / mu
-    assert np.abs(ride.path(fine) - fallen).max() < 1e-8 * size
+    assert np.abs(ride.mass_displacement(fine) - fallen).max() < 1e-8 * size
 
 
 # --- accelerating mass
@@ -94,7 +96,7 @@ def test_accelerating_mass_through_the_wave_speed(mu, a):
         return -0.5 * sign * sigma * mu * np.expm1(-2.0 * u / mu)
 
     def v(x, t):
-        starts, ends = accelerating_force.source_intervals(x, t, V0=0.0, a=a)
+        starts, ends = accelerating_force.heard_emission_intervals(x, t, V0=0.0, a=a)
         return 0.5 * np.sum(impulse(ends) - impulse(starts), axis=-1)
 
     def xi(s):
@@ -113,10 +115,10 @@ def test_accelerating_mass_through_the_wave_speed(mu, a):
     assert np.abs(wave_defect(v, smooth, xi, quads, 8.0, (1.0 / a,))).max() > 1e-3  # without the blow
     # the mass is on the string: y is continuous there, the kink has no height
     t = np.array([0.2, 0.7, 1.3, 1.8, 2.2]) / a
-    np.testing.assert_allclose(v(xi(t), t), accelerating_mass.path(t, **par), atol=1e-12)
+    np.testing.assert_allclose(v(xi(t), t), accelerating_mass.mass_displacement(t, **par), atol=1e-12)
     # Newton's law between t = 0, 1/a, 2/a
     h = 1e-4
-    y = accelerating_mass.path(t[:, None] + h * np.arange(-1.0, 2.0), **par)
+    y = accelerating_mass.mass_displacement(t[:, None] + h * np.arange(-1.0, 2.0), **par)
     acceleration = y @ np.array([1.0, -2.0, 1.0]) / h**2
     np.testing.assert_allclose(mu * (sigma - acceleration), (impulse(t + h) - impulse(t - h)) / (2.0 * h), atol=1e-6)
     np.testing.assert_allclose((y[:, 2] - y[:, 0]) / (2 * h), velocity(t), atol=1e-6)
@@ -138,9 +140,9 @@ def test_parameters_outside_the_validity_are_refused():
         lambda: moving_mass.solve_moving_mass(through, mu=1.2, sigma=0.2),
         lambda: steady(0.5, mu=-1.2, sigma=0.2),
         lambda: steady(0.5, mu=1.2, sigma=float("nan")),
-        lambda: ride.path(2.1),
-        lambda: accelerating_mass.path(-0.1, mu=1.0, sigma=0.2, a=0.4),
-        lambda: accelerating_mass.path(0.1, mu=0.0, sigma=0.2, a=0.4),
+        lambda: ride.mass_displacement(2.1),
+        lambda: accelerating_mass.mass_displacement(-0.1, mu=1.0, sigma=0.2, a=0.4),
+        lambda: accelerating_mass.mass_displacement(0.1, mu=0.0, sigma=0.2, a=0.4),
     ):
         with pytest.raises(ValueError, match=r"must|holds|string|wave speed|breaks|inside|t >= 0|ended"):
             call()

@@ -76,7 +76,7 @@ def test_drag_on_an_incline_obeys_newton(factor):
 def test_a_car_with_friction_and_a_brake_obeys_newton(factor):
     """mu s.. = mu g (sin - mu_r cos) - F_b [s > s_b] but at the brake; with F_b 0.3 % off (must fail) not."""
     given = {"mass": 0.31, "g": 0.7, "sin": 0.23, "rolling_friction": 0.06, "brake_force": 0.2}
-    t = np.linspace(0.0, incline.stop_by_brake(0.53, **given)[0], 4001)[1:-1]
+    t = np.linspace(0.0, incline.time_and_position_of_stop(0.53, **given)[0], 4001)[1:-1]
     s, h = incline.distance_with_brake(t, 0.53, **given), t[1] - t[0]
     a = (s[2:] - 2.0 * s[1:-1] + s[:-2]) / h**2
     away = np.abs(s[1:-1] - 0.53) > 1e-3
@@ -86,7 +86,7 @@ def test_a_car_with_friction_and_a_brake_obeys_newton(factor):
 
 def test_friction_and_brake_take_all_that_the_weight_has_given():
     mu, g, sin, mu_r, F_b, s_b = 0.31, 0.7, 0.23, 0.06, 0.2, 0.53
-    t, s = incline.stop_by_brake(s_b, mass=mu, g=g, sin=sin, rolling_friction=mu_r, brake_force=F_b)
+    t, s = incline.time_and_position_of_stop(s_b, mass=mu, g=g, sin=sin, rolling_friction=mu_r, brake_force=F_b)
     weight, cos = mu * g, math.sqrt(1.0 - sin**2)
     assert weight * sin * s == pytest.approx(mu_r * weight * cos * s + F_b * (s - s_b), rel=1e-13)
     given = {"mass": mu, "g": g, "sin": sin, "rolling_friction": mu_r, "brake_force": F_b}
@@ -98,14 +98,14 @@ def test_friction_and_brake_take_all_that_the_weight_has_given():
     assert both[1] == pytest.approx(s_b, abs=2e-6) == both[2]
     np.testing.assert_allclose([both[1] - both[0], both[3] - both[2]], 1e-6 * v_b, rtol=1e-4)
     with pytest.raises(ValueError, match="must hold"):
-        incline.stop_by_brake(s_b, mass=mu, g=g, sin=sin, rolling_friction=mu_r, brake_force=0.01)
+        incline.time_and_position_of_stop(s_b, mass=mu, g=g, sin=sin, rolling_friction=mu_r, brake_force=0.01)
 
 
 @pytest.mark.parametrize("wrong", [False, True], ids=["rocket", "gripped"])
 def test_the_rocket_s_string_carries_what_its_newton_law_needs(wrong):
     """R from the path by d'Alembert, slopes from the waves on both sides; without the thrust's lift (must fail) not."""
     mu, sigma, a, s0 = 0.37, 0.011, 0.83, 0.42
-    sled = rocket.solve_rocket(0.71, mu=mu, sigma=sigma, a=a, s0=s0)
+    sled = rocket.solve_depth_under_thrust(0.71, mu=mu, sigma=sigma, a=a, s0=s0)
     weight = mu * sigma
     t = np.linspace(0.0, 0.71, 4001)
     force = CubicSpline(t, 2.0 * sled(t)[1] + weight * (1.0 - (1.0 - 2.0 * s0) * a * t))
@@ -131,9 +131,9 @@ def test_the_rocket_s_string_carries_what_its_newton_law_needs(wrong):
         off = abs(float(force(now)) - needs) / weight
         assert (off < 1e-4) != wrong
     with pytest.raises(ValueError, match="echo"):
-        rocket.solve_rocket(1.1, mu=mu, sigma=sigma, a=0.1, s0=s0)
+        rocket.solve_depth_under_thrust(1.1, mu=mu, sigma=sigma, a=0.1, s0=s0)
     with pytest.raises(ValueError, match="a t_end < 1"):
-        rocket.solve_rocket(0.7, mu=mu, sigma=sigma, a=1.5, s0=s0)
+        rocket.solve_depth_under_thrust(0.7, mu=mu, sigma=sigma, a=1.5, s0=s0)
 
 
 def test_beside_a_car_at_rest_the_cable_slopes_alike_on_both_sides():

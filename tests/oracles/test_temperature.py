@@ -12,9 +12,9 @@ from tests.validation.ladders import alone
 from validation.core import laws
 from validation.core.running import run
 from validation.oracles.temperature import (
-    catenary_piece,
-    elastic_catenary,
+    catenary_extent,
     heated_length_and_total_weight,
+    left_end_force_of_catenary,
     unstretched_length,
 )
 
@@ -49,7 +49,7 @@ def test_the_scene_agrees_with_rte_within_the_strain(change, H):
 
 
 def sag_level(H, P, S, weight, EA):
-    return float(catenary_piece(H, P, 0.5 * S, weight / S, EA)[1])
+    return float(catenary_extent(H, P, 0.5 * S, weight / S, EA)[1])
 
 
 @pytest.mark.parametrize(
@@ -61,14 +61,14 @@ def test_code_aster_ssnl114(T, grows, sag, digits):
     A, L = 2.2783e-4, 325.0
     EA, S = 57e9 * A, L * (1.0 + 23e-6 * T)
     weight = 2844.23 * A * 9.81 * (S if grows else L)
-    H, P = elastic_catenary(L, 0.0, S, weight, EA)
+    H, P = left_end_force_of_catenary(L, 0.0, S, weight, EA)
     assert sag_level(H, P, S, weight, EA) == pytest.approx(-sag, abs=digits)
 
 
 def test_the_scene_meets_code_aster_ssnl114():
     A, L = 2.2783e-4, 325.0
     rho, EA = 2844.23 * A, 57e9 * A
-    H, P = elastic_catenary(L, 0.0, L, rho * 9.81 * L, EA)
+    H, P = left_end_force_of_catenary(L, 0.0, L, rho * 9.81 * L, EA)
     shape = f"sag = {sag_level(H, P, L, rho * 9.81 * L, EA)!r}"
     length = line(L, 0.0, rho, EA, shape).length  # stretched: the same weight on more metres
     change = ["temperature = 39.26", "reference_temperature = 0"]
@@ -94,7 +94,7 @@ def test_the_scene_meets_the_elastic_catenary(name):
     before, after = changed(name)
     span, drop, _, EA, *_ = LINES[name]
     S, weight = heated_length_and_total_weight(after, before.length, unstretched_length(before.catenary, EA))
-    H, _ = elastic_catenary(span, drop, S, weight, EA)
+    H, _ = left_end_force_of_catenary(span, drop, S, weight, EA)
     assert after.horizontal_tension == pytest.approx(H, rel=2e-6)
     assert after.horizontal_tension != pytest.approx(before.horizontal_tension, rel=0.02)
     assert after.rho * after.length * after.gravity == pytest.approx(weight, rel=1e-14)

@@ -12,11 +12,11 @@ from scipy.interpolate import CubicSpline
 
 from cablefem.scene import Scene
 from validation.core.running import run
-from validation.peers import PEERS, PeerPath, reason_if_missing
+from validation.peers import PEERS, PeerPath, import_failure_reason
 from validation.peers.path import path_until_nan
 
 # What is importable here decides which tests exist: the other codes are optional.
-INSTALLED = [name for name in PEERS if reason_if_missing(name) is None]
+INSTALLED = [name for name in PEERS if import_failure_reason(name) is None]
 
 
 # --- availability ----------------------------------------------------------------------------------------
@@ -30,7 +30,7 @@ def test_a_missing_package_is_said_to_be_not_installed(name, monkeypatch):
     for module in [m for m in sys.modules if m.split(".")[0] == PEERS[name].module.split(".")[0]]:
         monkeypatch.delitem(sys.modules, module)
     monkeypatch.setattr(sys, "meta_path", [Nowhere(), *sys.meta_path])
-    assert reason_if_missing(name) == "not installed"
+    assert import_failure_reason(name) == "not installed"
 
 
 @pytest.mark.parametrize("name", PEERS)
@@ -39,7 +39,7 @@ def test_a_package_that_imports_is_available(name, monkeypatch):
         monkeypatch,
         {module: types.ModuleType(module) for module in (PEERS[name].module.split(".")[0], PEERS[name].module)},
     )
-    assert reason_if_missing(name) is None
+    assert import_failure_reason(name) is None
 
 
 def test_a_broken_import_names_its_first_cause_in_one_line(monkeypatch):
@@ -54,7 +54,7 @@ def test_a_broken_import_names_its_first_cause_in_one_line(monkeypatch):
     for module in [m for m in sys.modules if m.startswith("openseespy")]:
         monkeypatch.delitem(sys.modules, module)
     monkeypatch.setattr(sys, "meta_path", [Broken(), *sys.meta_path])
-    assert reason_if_missing("opensees") == "libblas.so.3: cannot open shared object file"
+    assert import_failure_reason("opensees") == "libblas.so.3: cannot open shared object file"
 
 
 def test_ladders_refine_and_fit_the_runs():

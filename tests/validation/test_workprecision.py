@@ -62,7 +62,7 @@ def small(tmp_path_factory):
         patch.setattr(study, "chart_series", few)
         patch.setattr(study, "REFERENCE", ("following-p4", REFERENCE))
         patch.setattr(study, "WITNESS", ("fourier-kink", {"terms": 12, "steps": 200}))
-        patch.setattr(study, "reason_if_missing", lambda name: None if name == "echo" else "not installed")
+        patch.setattr(study, "import_failure_reason", lambda name: None if name == "echo" else "not installed")
         labels = []
         found = study.chart(LEVEL, out, lambda label, done: labels.append((label, done)), repeats=1, budget=3000.0)
         runs = []

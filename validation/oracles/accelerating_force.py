@@ -16,16 +16,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from validation.oracles.case import BEST, MU, SIGMA, Array, Crossing, level_string, refuse_unless, travel_from_inside
+from validation.oracles.case import (
+    BEST,
+    MU,
+    SIGMA,
+    Array,
+    Crossing,
+    level_string_groups,
+    refuse_unless,
+    travel_from_inside_string,
+)
 
 
 def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V0: float = 0.0, a: float) -> Array:
-    starts, ends = source_intervals(x, t, V0=V0, a=a)
+    """v(x, t) of the string, of the common shape of x and t."""
+    starts, ends = heard_emission_intervals(x, t, V0=V0, a=a)
     return 0.5 * np.sum(P * ends - P * starts, axis=-1)
 
 
-def source_intervals(x: ArrayLike, t: ArrayLike, *, V0: float, a: float) -> tuple[Array, Array]:
-    """Starts and ends (..., 5) of the intervals of s with |x - xi(s)| < t - s."""
+def heard_emission_intervals(x: ArrayLike, t: ArrayLike, *, V0: float, a: float) -> tuple[Array, Array]:
+    """Starts and ends (..., 5) of the intervals of s heard at (x, t): |x - xi(s)| < t - s."""
     x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
     refuse_unless("V0 and a finite, t >= 0", math.isfinite(V0), math.isfinite(a), t >= 0.0)
     roots = [*_quadratic_roots(-0.5 * a, 1.0 - V0, x - t), *_quadratic_roots(0.5 * a, 1.0 + V0, -x - t)]
@@ -50,13 +60,13 @@ A = 2.6
 BEGINS = 0.2
 
 
-def _exact_path(t: Array) -> Array:
+def _displacement_under_force(t: Array) -> Array:
     return displacement(0.5 * A * t * t, t, P=MU * SIGMA, a=A)
 
 
 slower = partial(
-    Crossing, name="up to 0.89 of the wave speed", groups=level_string(travel_from_inside(BEGINS, 0.0, A)),
-    start_position=BEGINS,
+    Crossing, name="up to 0.89 of the wave speed",
+    groups=level_string_groups(travel_from_inside_string(BEGINS, 0.0, A)), start_position=BEGINS,
     until=BEGINS + 0.8 / (2.0 * A), methods=("fourier", "following-p2"),
 )  # fmt: skip
 faster = partial(slower, name="through the wave speed", until=0.8, methods=("fourier",))
@@ -66,7 +76,7 @@ def cases() -> list[Crossing]:
     """Comparisons with the solvers, wrong ones among them."""
     front = "the front left behind at the wave speed has a vertical tangent"
     unstable = "none: faster than its waves, what rides with the load is unstable, the more the finer"
-    force: dict[str, Any] = {"exact": _exact_path, "load": "force"}
+    force: dict[str, Any] = {"exact": _displacement_under_force, "load": "force"}
     return [
         slower(**force, because=SUDDEN, max_order=1.0),
         faster(**force, because=front, max_order=0.7),

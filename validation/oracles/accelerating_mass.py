@@ -18,7 +18,7 @@ from validation.oracles.accelerating_force import A, faster, slower
 from validation.oracles.case import MU, SIGMA, Array, Crossing, refuse_unless
 
 
-def path(t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
+def mass_displacement(t: ArrayLike, *, mu: float, sigma: float, a: float) -> Array:
     """y(t) of the mass; its shape is that of t."""
     t = np.asarray(t, float)
     refuse_unless("mu, sigma, a > 0 and t >= 0", mu > 0.0, sigma > 0.0, a > 0.0, t >= 0.0)
@@ -30,7 +30,7 @@ def cases() -> list[Crossing]:
     """Comparisons with the solvers, wrong ones among them."""
 
     def exact(t: Array) -> Array:
-        return path(t, mu=MU, sigma=SIGMA, a=A)
+        return mass_displacement(t, mu=MU, sigma=SIGMA, a=A)
 
     blow = "none to speak of: the blow at the wave speed sends off two jumps of the string itself"
     return [slower(exact=exact), faster(exact=exact, because=blow, max_order=1.0, expected="disagree")]

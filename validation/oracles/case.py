@@ -12,6 +12,7 @@ from numpy.polynomial.chebyshev import chebint, chebpts2, chebvander
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from cablefem.response import Response
 from cablefem.scene import Cable, ConstantAcceleration, Groups, Mass, Motion, Scene, Supports
 
 Array = NDArray[np.float64]
@@ -36,11 +37,11 @@ def refuse_unless(domain: str, *conditions: Any) -> None:
         raise ValueError(f"needed: {domain}")
 
 
-def chebyshev(n: int) -> tuple[Array, Array, Array]:
-    """n + 1 Chebyshev points on [-1, 1]; values there to coefficients, and to integrals from -1."""
-    x = chebpts2(n + 1)
-    to_coef: Any = np.linalg.inv(chebvander(x, n))
-    integral: Any = chebvander(x, n + 1) @ chebint(to_coef, lbnd=-1.0)
+def chebyshev_points_and_matrices(degree: int) -> tuple[Array, Array, Array]:
+    """Chebyshev points on [-1, 1], and matrices from values there to coefficients, and to integrals from -1."""
+    x = chebpts2(degree + 1)
+    to_coef: Any = np.linalg.inv(chebvander(x, degree))
+    integral: Any = chebvander(x, degree + 1) @ chebint(to_coef, lbnd=-1.0)
     return x, to_coef, integral
 
 
@@ -62,6 +63,7 @@ class Path:
 
 
 Solvers = Any  # what a case asks of the solvers: `validation.commands.oracles.study`
+Defect = Callable[[Solvers, str, dict[str, Any]], Any]  # of solvers, method and settings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,12 +94,12 @@ class Case:
         """Relative errors of an answer, in any shape; by default the answer itself."""
         return answer
 
-    def error(self, answer: Any) -> tuple[float, float]:
+    def largest_and_rms_error(self, answer: Any) -> tuple[float, float]:
         """The largest and the rms error."""
         off = np.abs(self.relative_errors(answer))
         return float(off.max()), float(np.sqrt(np.mean(off**2)))
 
-    def gap(self, coarse: Any, fine: Any) -> float | None:
+    def relative_distance(self, coarse: Any, fine: Any) -> float | None:
         """Rms distance of two answers, the finer one's error bar."""
         return None
 
@@ -115,7 +117,7 @@ class Crossing(Case):
     orders: Mapping[str, float] = field(default_factory=dict)  # exceptions, by method
 
     @property
-    def window(self) -> tuple[float, float]:
+    def position_window(self) -> tuple[float, float]:
         return max(WINDOW[0], self.start_position), self.until
 
     @property
@@ -143,21 +145,21 @@ class Crossing(Case):
         return solvers.mass_path(self, method, **rung.settings)
 
     @property
-    def size(self) -> float:
+    def largest_exact_displacement(self) -> float:
         t = np.linspace(0.0, self.prescribed_motion.phases[-1][1], 2001)
         return float(np.abs(self.exact(t[self.prescribed_motion.position(t) <= self.until])).max())
 
     def relative_errors(self, answer: Path) -> Array:
-        return self._relative_distance(answer, self.exact)
+        return self._relative_displacement_errors(answer, self.exact)
 
-    def gap(self, coarse: Path, fine: Path) -> float:
+    def relative_distance(self, coarse: Path, fine: Path) -> float:
         if fine.t.size < 5 or not (np.isfinite(fine.v).all() and np.isfinite(coarse.v).all()):
             return math.nan
-        return float(np.sqrt(np.mean(self._relative_distance(coarse, CubicSpline(fine.t, fine.v)) ** 2)))
+        return float(np.sqrt(np.mean(self._relative_displacement_errors(coarse, CubicSpline(fine.t, fine.v)) ** 2)))
 
-    def _relative_distance(self, path: Path, v: Callable[[Array], Array]) -> Array:
-        inside = (path.s_o >= self.window[0]) & (path.s_o <= self.window[1])
-        return (path.v[inside] - v(path.t[inside])) / self.size
+    def _relative_displacement_errors(self, path: Path, exact: Callable[[Array], Array]) -> Array:
+        inside = (path.s_o >= self.position_window[0]) & (path.s_o <= self.position_window[1])
+        return (path.v[inside] - exact(path.t[inside])) / self.largest_exact_displacement
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,7 +179,7 @@ class Modes(Case):
     def relative_errors(self, answer: Array) -> Any:
         return np.abs(answer / self.exact - 1.0).max()
 
-    def gap(self, coarse: Array, fine: Array) -> float:
+    def relative_distance(self, coarse: Array, fine: Array) -> float:
         return float(np.abs(coarse / fine - 1.0).max()) + 1e-10  # rounding
 
 
@@ -185,14 +187,14 @@ class Modes(Case):
 class Law(Case):
     """A law of all runs."""
 
-    defect: Callable[[Solvers, str, dict[str, Any]], Any]  # of runs with these settings
+    defect: Defect  # of runs with these settings
 
     def answer(self, solvers: Solvers, method: str, rung: Rung) -> Any:
         return self.defect(solvers, method, rung.settings)
 
 
-def defect_of_ride(scene: Scene, defect: Callable[[Any], Any]) -> Callable:
-    """The defect of a ride."""
+def defect_of_ride(scene: Scene, defect: Callable[[Response], Any]) -> Defect:
+    """A defect of the response to this scene, as a `Law` takes it."""
     return lambda solvers, method, settings: defect(solvers.run_scene(scene, method, **settings))
 
 
@@ -218,7 +220,8 @@ SIGMA = 0.31
 BARE = Groups(mu=0.0, alpha=844.416, sigma=0.1688832, c=0.0844416, chord_cos=1.0, chord_sin=0.0, motion=None)
 
 
-def level_string(motion: Motion, mu: float = MU, sigma: float = SIGMA) -> Groups:
+def level_string_groups(motion: Motion, mu: float = MU, sigma: float = SIGMA) -> Groups:
+    """A level cable that is almost a taut string: c = sigma/2."""
     return Groups(mu=mu, alpha=323.0, sigma=sigma, c=0.5 * sigma, chord_cos=1.0, chord_sin=0.0, motion=motion)
 
 
@@ -233,6 +236,6 @@ def scene_in_units_of_cable(
     return Scene(gravity=gravity, cable=cable, supports=supports, **parts)
 
 
-def travel_from_inside(s_o: float, V: float, a: float) -> Motion:
+def travel_from_inside_string(s_o: float, V: float, a: float) -> Motion:
     """Travel from inside the string to its end."""
     return ConstantAcceleration(acceleration=a, initial_speed=V).motion(1.0 - s_o, s_o)

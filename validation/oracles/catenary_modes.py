@@ -7,7 +7,7 @@ w = 0 at both ends.  With J = int_0^s at Chebyshev points:
 
 Source: Henghold, Russell & Morgan 1977; Wu & Chen 1989
 Validity: any sag, slope and stiffness: sigma > 0, alpha > 0 or inf
-Accuracy: 1e-11 relative for ten modes at n = 48
+Accuracy: 1e-11 relative for ten modes at degree = 48
 Group: Frequencies of the bare cable
 """
 
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from validation.oracles.case import BARE, Array, chebyshev, refuse_unless
+from validation.oracles.case import BARE, Array, chebyshev_points_and_matrices, refuse_unless
 from validation.oracles.case import Modes as ModesCase
 
 
@@ -28,12 +28,12 @@ class Modes:
     v: Array
 
 
-def solve_modes(sigma: float, alpha: float, c: float | None = None, *, count: int = 10, n: int = 48) -> Modes:
-    """First modes; c = None: a level cable; alpha = inf: inextensible."""
+def solve_modes(sigma: float, alpha: float, c: float | None = None, *, count: int = 10, degree: int = 48) -> Modes:
+    """The first `count` modes; c = None: a level cable; alpha = inf: inextensible."""
     c = 0.5 * sigma if c is None else c
     refuse_unless("sigma > 0, alpha > 0, a finite c", 0.0 < sigma < math.inf, alpha > 0.0, math.isfinite(c))
-    refuse_unless("1 <= count <= n/2", 1 <= count <= n // 2)
-    points, _, integral = chebyshev(n)
+    refuse_unless("1 <= count <= degree/2", 1 <= count <= degree // 2)
+    points, _, integral = chebyshev_points_and_matrices(degree)
     s = 0.5 * (1.0 + points)
     J = 0.5 * integral
     total = J[-1]
@@ -42,7 +42,7 @@ def solve_modes(sigma: float, alpha: float, c: float | None = None, *, count: in
     ex = 1.0 / T
     ey = p / T
     d = 1.0 / alpha - 1.0 / T
-    B = np.array([[1.0 / T + d * ex * ex, d * ex * ey], [d * ex * ey, 1.0 / T + d * ey * ey]])  # A^-1, (2, 2, n+1)
+    B = np.array([[1.0 / T + d * ex * ex, d * ex * ey], [d * ex * ey, 1.0 / T + d * ey * ey]])  # A^-1, (2, 2, degree+1)
     BJ = np.block([[B[i, j][:, None] * J for j in range(2)] for i in range(2)])
     ends = np.kron(np.eye(2), total)
     n0 = np.linalg.solve(B @ total, ends @ BJ)
@@ -50,11 +50,11 @@ def solve_modes(sigma: float, alpha: float, c: float | None = None, *, count: in
     value, vector = np.linalg.eig(K)
     order = np.argsort(-value.real)[:count]
     real = np.abs(value[order].imag).max() <= 1e-9 * value[order[0]].real and value[order[-1]].real > 0.0
-    refuse_unless("more points (n), which resolve the frequencies", real)
+    refuse_unless("more points (degree), which resolve the frequencies", real)
     w = vector[:, order].real.T
     peak = np.abs(w).argmax(axis=1)
     w /= w[np.arange(count), peak][:, None]
-    return Modes(1.0 / np.sqrt(value[order].real), s, w[:, : n + 1], w[:, n + 1 :])
+    return Modes(1.0 / np.sqrt(value[order].real), s, w[:, : degree + 1], w[:, degree + 1 :])
 
 
 def cases() -> list[ModesCase]:

@@ -20,12 +20,12 @@ from scipy.linalg import solve_triangular
 from scipy.special import i0e
 
 from validation.oracles import moving_force
-from validation.oracles.case import Array, Crossing, level_string, travel_from_inside
+from validation.oracles.case import Array, Crossing, level_string_groups, travel_from_inside_string
 
 NODE, WEIGHT = np.polynomial.legendre.leggauss(3)
 
 
-def green_step_matrix(t: Array, *, V: float, s0: float, damping: float) -> Array:
+def green_integrals_over_steps(t: Array, *, V: float, s0: float, damping: float) -> Array:
     """int G dt' over each step (columns) at times t[1:] (rows), (n - 1, n - 1), lower triangular."""
     h = t[1]
     now = t[1:, None]
@@ -44,9 +44,9 @@ def green_step_matrix(t: Array, *, V: float, s0: float, damping: float) -> Array
     return np.tril(total)
 
 
-def path(t: Array, *, mu: float, P: float, V: float, s0: float, c: float) -> Array:
+def load_displacement(t: Array, *, mu: float, P: float, V: float, s0: float, c: float) -> Array:
     """y at equal steps t; mu = 0: of the force."""
-    G = green_step_matrix(t, V=V, s0=s0, damping=c)
+    G = green_integrals_over_steps(t, V=V, s0=s0, damping=c)
     F = np.full(t.size - 1, P)
     if mu > 0.0:
         own = np.tril(t[1] / mu * (t[1:, None] - t[None, :-1] - 0.5 * t[1]))
@@ -54,11 +54,11 @@ def path(t: Array, *, mu: float, P: float, V: float, s0: float, c: float) -> Arr
     return np.append(0.0, G @ F)
 
 
-def extrapolated_path(t_end: float, **of: float) -> CubicSpline:
+def extrapolated_load_displacement(t_end: float, **parameters: float) -> CubicSpline:
     """y(t): errors fall like 1/n^2."""
     t = np.linspace(0.0, t_end, 151)
-    fine = path(np.linspace(0.0, t_end, 301), **of)[::2]
-    return CubicSpline(t, (4.0 * fine - path(t, **of)) / 3.0)
+    fine = load_displacement(np.linspace(0.0, t_end, 301), **parameters)[::2]
+    return CubicSpline(t, (4.0 * fine - load_displacement(t, **parameters)) / 3.0)
 
 
 def cases() -> list[Crossing]:
@@ -71,9 +71,9 @@ def cases() -> list[Crossing]:
 
     def damped_crossing(name: str, c: float, c_exact: float, load: str = "mass", **kind: Any) -> Crossing:
         """A crossing with damping c against the exact path with damping `c_exact`."""
-        exact = extrapolated_path(1.75, mu=mu * (load == "mass"), P=mu * sigma, V=V, s0=s0, c=c_exact)
+        exact = extrapolated_load_displacement(1.75, mu=mu * (load == "mass"), P=mu * sigma, V=V, s0=s0, c=c_exact)
         return Crossing(
-            name=name, groups=replace(level_string(travel_from_inside(s0, V, 0.0), mu, sigma), damping=c),
+            name=name, groups=replace(level_string_groups(travel_from_inside_string(s0, V, 0.0), mu, sigma), damping=c),
             exact=exact, start_position=s0, until=s0 + V * end, load=load, **kind,
         )  # fmt: skip
 

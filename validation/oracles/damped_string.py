@@ -20,26 +20,26 @@ import numpy as np
 
 from cablefem.scene.motion import rest_motion
 from validation.oracles import irvine
-from validation.oracles.case import BARE, BEST, MU, SIGMA, Array, Case, Law, Modes, Solvers, level_string
-from validation.oracles.moving_force import green_function
+from validation.oracles.case import BARE, BEST, MU, SIGMA, Array, Case, Law, Modes, Solvers, level_string_groups
+from validation.oracles.moving_force import continued_green_function
 
 END = 2.5  # of the string's motion
 
 
-def complex_frequencies(W: Array, c: float) -> Any:
-    """w_n, complex."""
-    return 0.5j * c + np.sqrt(W**2 - 0.25 * c**2 + 0j)
+def damped_frequencies(undamped: Array, c: float) -> Any:
+    """w_n, complex, of the undamped frequencies W_n."""
+    return 0.5j * c + np.sqrt(undamped**2 - 0.25 * c**2 + 0j)
 
 
-def displacement_after_release(t: Array, *, P: float, p: float, c: float) -> Array:
-    """Displacement at p, of the shape of t, of a string let go."""
+def displacement_at_released_point(t: Array, *, P: float, p: float, c: float) -> Array:
+    """Displacement at p, of the shape of t, of a string that a force P has held there."""
     terms = 400
     n = np.pi * np.arange(1.0, terms + 1.0)
     w = np.sqrt(n**2 - 0.25 * c**2)
     wave = np.multiply.outer
     late = np.cos(wave(t, w)) + 0.5 * c / w * np.sin(wave(t, w)) - np.cos(wave(t, n))
     at = np.array(p)
-    undamped = 0.5 * P * (green_function(at, p + t) + green_function(at, p - t))
+    undamped = 0.5 * P * (continued_green_function(at, p + t) + continued_green_function(at, p - t))
     return np.exp(-0.5 * c * t) * (undamped + late @ (2.0 * P * np.sin(n * p) ** 2 / n**2))
 
 
@@ -51,7 +51,7 @@ def cases() -> list[Case]:
         """Frequencies and decays of a string with damping c."""
         why = "stationary values: twice the degree; sines against their own ends"
         return Modes(
-            name=name, groups=replace(BARE, damping=0.1), model="sagged", exact=complex_frequencies(W, c), order=3.0,
+            name=name, groups=replace(BARE, damping=0.1), model="sagged", exact=damped_frequencies(W, c), order=3.0,
             because=why, methods=BEST, **kind,
         )  # fmt: skip
 
@@ -63,9 +63,9 @@ def cases() -> list[Case]:
 
         def defect(solvers: Solvers, method: str, settings: dict[str, Any]) -> Array:
             t, y = solvers.release_string(
-                method, replace(level_string(rest_motion(p, END)), damping=0.8), p, END, **settings
+                method, replace(level_string_groups(rest_motion(p, END)), damping=0.8), p, END, **settings
             )
-            return (y - displacement_after_release(t, P=P, p=p, c=c_exact)) / (P * p * (1.0 - p))
+            return (y - displacement_at_released_point(t, P=P, p=p, c=c_exact)) / (P * p * (1.0 - p))
 
         return Law(name=name, defect=defect, order=1.0, because=why, **kind)
 

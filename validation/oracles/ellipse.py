@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
+from cablefem.response import Response
 from cablefem.scene import Scene
 from validation.oracles.case import RIDERS, Array, Limit, Solvers, refuse_unless, scene_in_units_of_cable
 
@@ -53,7 +54,7 @@ class Ellipse:
         r1 = np.asarray(s_o, float)
         product = r1 * (1.0 - r1)
         b = self.b
-        w = self._angle_at(r1)
+        w = self._eccentric_angle(r1)
         down = 0.5 * np.sin(w) / np.hypot(b * np.cos(w), 0.5 * np.sin(w))  # of the outward normal
         press = self.speed(r1, start) ** 2 * 0.5 * b / product**1.5 + self.g * down
         return press * np.sqrt(product) / (2.0 * b)
@@ -67,7 +68,7 @@ class Ellipse:
         """s_o(t); s_o = 1/2 + (D/2) cos(w)."""
         t = np.asarray(t, float)
         b = self.b
-        begin = [float(self._angle_at(np.array(start))), 0.0]
+        begin = [float(self._eccentric_angle(np.array(start))), 0.0]
 
         def motion(now: float, q: Array) -> list[float]:
             """Rates of angle and angular speed."""
@@ -81,7 +82,7 @@ class Ellipse:
         )
         return 0.5 + 0.5 * self.D * np.cos(run.sol(t.ravel())[0].reshape(t.shape))
 
-    def _angle_at(self, s_o: Array) -> Array:
+    def _eccentric_angle(self, s_o: Array) -> Array:
         return np.arccos(np.clip((2.0 * s_o - 1.0) / self.D, -1.0, 1.0))
 
 
@@ -94,53 +95,56 @@ MU = 1000.0
 START = 0.2
 
 
-def stiff_rope_scene(stiffness: float, mu: float = MU, start: float = START, t_end: float = 1.7) -> Scene:
+def free_ride_on_stiff_rope(stiffness: float, mu: float = MU, start: float = START, t_end: float = 1.7) -> Scene:
     """EA in weights of the car, mass mu, sudden start."""
     drive = {"mode": "free", "start": start, "end": {"time": t_end}, "rest_distance": 1e-6}
     return scene_in_units_of_cable(BEAD.g, stiffness * mu, mu, drive, span=BEAD.D, length=1.0)
 
 
-def _run_ride(solvers: Solvers, method: str, scene: Scene) -> Any:
+def _run_with_damped_scheme(solvers: Solvers, method: str, scene: Scene) -> Response:
     return solvers.run_scene(scene, method, steps=1200, **RULES[method])
 
 
-def _path_error(solvers: Solvers, method: str, stiffness: float) -> Any:
-    """Distance from the ellipse, over l."""
-    r = _run_ride(solvers, method, stiff_rope_scene(stiffness))
+def _relative_distance_from_ellipse(solvers: Solvers, method: str, stiffness: float) -> Array:
+    """Over l."""
+    r = _run_with_damped_scheme(solvers, method, free_ride_on_stiff_rope(stiffness))
     x, y = BEAD.point(r.s_o / r.length)
     return np.hypot(r.x / r.length - x, r.y / r.length - y)
 
 
-def _speed_error(solvers: Solvers, method: str, stiffness: float) -> Any:
-    r = _run_ride(solvers, method, stiff_rope_scene(stiffness))
+def _relative_speed_error(solvers: Solvers, method: str, stiffness: float) -> Array:
+    r = _run_with_damped_scheme(solvers, method, free_ride_on_stiff_rope(stiffness))
     speed = BEAD.speed(r.s_o / r.length, START)
     return (r.speed - speed) / speed.max()
 
 
-def _tension_error(solvers: Solvers, method: str, stiffness: float, averaged: bool = True) -> Any:
+def _relative_tension_error(solvers: Solvers, method: str, stiffness: float, averaged: bool = True) -> Array:
     """Error over the largest N; means over one bounce."""
-    r = _run_ride(solvers, method, stiff_rope_scene(stiffness))
+    r = _run_with_damped_scheme(solvers, method, free_ride_on_stiff_rope(stiffness))
     s_o = BEAD.position_at_time(r.t, START)
     right = BEAD.tension(s_o, START)
     bounce = BEAD.transverse_bounce_period(s_o, stiffness) if averaged else np.zeros_like(s_o)
-    sides = [_means_over(r.t, N / MU - right, bounce) for N in (r.T_behind, r.T_ahead)]
+    sides = [_moving_means(r.t, N / MU - right, bounce) for N in (r.T_behind, r.T_ahead)]
     return np.concatenate(sides) / right.max()
 
 
-def _means_over(t: Array, values: Array, over: Array) -> Array:
-    """Means over times `over` about t; over 0: the values."""
-    if not over.any():
+def _moving_means(t: Array, values: Array, durations: Array) -> Array:
+    """Means over `durations` about t, at times at which they fit into the run; over 0: the values."""
+    if not durations.any():
         return values[1:]
-    within = (t - 0.5 * over >= t[0]) & (t + 0.5 * over <= t[-1])
-    sums = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (values[1:] + values[:-1]))])
-    low, high = (t + 0.5 * over * side for side in (-1.0, 1.0))
-    return ((np.interp(high, t, sums) - np.interp(low, t, sums)) / over)[within]
+    begin = t - 0.5 * durations
+    end = t + 0.5 * durations
+    within = (begin >= t[0]) & (end <= t[-1])
+    integral = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (values[1:] + values[:-1]))])
+    means = (np.interp(end, t, integral) - np.interp(begin, t, integral)) / durations
+    return means[within]
 
 
-def _period_error(solvers: Solvers, method: str, mu: float) -> Any:
+def _relative_swing_period_error(solvers: Solvers, method: str, mu: float) -> float:
+    """Relative error of the time between two passages of the middle, in small swings."""
     start = 0.49
     omega = math.sqrt(BEAD.g * BEAD.b) / 0.5
-    r = _run_ride(solvers, method, stiff_rope_scene(1e5, mu, start, 5.5 * math.pi / omega))
+    r = _run_with_damped_scheme(solvers, method, free_ride_on_stiff_rope(1e5, mu, start, 5.5 * math.pi / omega))
     times = []
     for s_o in (r.s_o / r.length, BEAD.position_at_time(r.t, start)):
         passages = CubicSpline(r.t, s_o - 0.5).roots(extrapolate=False)
@@ -153,17 +157,19 @@ def cases() -> list[Limit]:
     stretch = "the cable stretches by M g/EA"
     bounces = "the car that is let go bounces, at a speed like sqrt(M g/EA)"
     light = "stiff light cable: "
-    raw = partial(_tension_error, averaged=False)
     four = (1e2, 1e3, 1e4, 1e5)
     stiff = partial(Limit, refined="stiffness", methods=RIDERS)
     return [
-        stiff(name=light + "distance from it over l", values=four, order=1.0, because=stretch, deviation=_path_error),
-        stiff(name=light + "speed over the largest", values=four, order=0.5, because=bounces, deviation=_speed_error),
+        stiff(name=light + "distance from it over l", values=four, order=1.0, because=stretch,
+              deviation=_relative_distance_from_ellipse),
+        stiff(name=light + "speed over the largest", values=four, order=0.5, because=bounces,
+              deviation=_relative_speed_error),
         stiff(name=light + "tension over the largest, mean over a bounce", values=four[:3], order=1.0, because=stretch,
-              deviation=_tension_error),
+              deviation=_relative_tension_error),
         stiff(name=light + "tension over the largest, at any time", values=four[:3], order=1.0,
-              because="it rings on, whatever EA", deviation=raw, expected="disagree"),
+              because="it rings on, whatever EA", deviation=partial(_relative_tension_error, averaged=False),
+              expected="disagree"),
         Limit(name="small swings on a stiff light cable: frequency", refined="mu", values=(10.0, 100.0, 1000.0),
-              order=1.0, because="the cable's own weight counts like one over the car's", deviation=_period_error,
-              methods=RIDERS),
+              order=1.0, because="the cable's own weight counts like one over the car's",
+              deviation=_relative_swing_period_error, methods=RIDERS),
     ]  # fmt: skip

@@ -27,15 +27,15 @@ def terminal_speed(*, mass: float, g: float, sin: float, drag_factor: float) -> 
 
 
 def distance_with_drag(t: ArrayLike, *, mass: float, g: float, sin: float, drag_factor: float) -> Array:
-    """s(t) with drag."""
+    """s(t) from the release, with drag."""
     x = np.asarray(t, float) * terminal_speed(mass=mass, g=g, sin=sin, drag_factor=drag_factor) * drag_factor / mass
     return mass / drag_factor * (x + np.log1p(np.exp(-2.0 * x)) - math.log(2.0))
 
 
-def stop_by_brake(
+def time_and_position_of_stop(
     brake_position: float, *, mass: float, g: float, sin: float, rolling_friction: float, brake_force: float
 ) -> tuple[float, float]:
-    """(t, s) at which the brake stops the car."""
+    """Time and position (t, s), both from the release, at which the brake stops the car."""
     a = g * (sin - rolling_friction * math.sqrt(1.0 - sin * sin))
     back = brake_force / mass - a
     refuse_unless("the car must roll, the brake must hold it", a > 0.0, back > 0.0)
@@ -53,14 +53,17 @@ def distance_with_brake(
     rolling_friction: float,
     brake_force: float,
 ) -> Array:
-    """s(t) with friction and brake."""
-    end, last = stop_by_brake(
+    """s(t) from the release, with friction and brake."""
+    t = np.asarray(t, float)
+    t_stop, s_stop = time_and_position_of_stop(
         brake_position, mass=mass, g=g, sin=sin, rolling_friction=rolling_friction, brake_force=brake_force
     )
     a = g * (sin - rolling_friction * math.sqrt(1.0 - sin * sin))
-    remaining = np.maximum(end - np.asarray(t, float), 0.0)
-    return np.where(remaining > end - math.sqrt(2.0 * brake_position / a), 0.5 * a * np.asarray(t, float) ** 2,
-                    last - 0.5 * (brake_force / mass - a) * remaining**2)  # fmt: skip
+    remaining = np.maximum(t_stop - t, 0.0)
+    rolling = 0.5 * a * t**2
+    braking = s_stop - 0.5 * (brake_force / mass - a) * remaining**2
+    before_brake = remaining > t_stop - math.sqrt(2.0 * brake_position / a)
+    return np.where(before_brake, rolling, braking)
 
 
 MU = 0.3
@@ -68,41 +71,39 @@ SIN = 0.2
 START = 0.1
 
 
-def _straight_rope_scene(sigma: float, **drive: Any) -> Scene:
+def _free_ride_on_straight_rope(sigma: float, **drive: Any) -> Scene:
     drive = {"mode": "free", "start": START} | drive
     return scene_in_units_of_cable(sigma, 500.0, MU, drive, span=math.sqrt(1.0 - SIN**2), drop=SIN)
 
 
-def _drag_deviation(solvers: Solvers, method: str, sigma: float) -> Any:
+def _deviation_with_drag(solvers: Solvers, method: str, sigma: float) -> Array:
     drag_factor = 1.5
     exact: Any = {"mass": MU, "g": sigma, "sin": SIN, "drag_factor": drag_factor}
     t_end = math.acosh(math.exp(0.7 * drag_factor / MU)) * MU / drag_factor / terminal_speed(**exact)
-    scene = _straight_rope_scene(sigma, air_density=1.0, drag_area=2.0 * drag_factor, end={"time": t_end})
+    scene = _free_ride_on_straight_rope(sigma, air_density=1.0, drag_area=2.0 * drag_factor, end={"time": t_end})
     r = solvers.run_scene(scene, method, steps=200, scheme="generalized-alpha")
     return r.s_o - START - distance_with_drag(r.t, **exact)
 
 
-def _stop_deviation(solvers: Solvers, method: str, sigma: float) -> Any:
+def _deviation_with_brake(solvers: Solvers, method: str, sigma: float) -> Array:
     shoe = 0.6
     rolling_friction = 0.04
     force = 3.0 * MU * sigma * SIN
-    scene = _straight_rope_scene(sigma, rolling_friction=rolling_friction, brake=[{"from": shoe, "force": force}])
+    brake = [{"from": shoe, "force": force}]
+    scene = _free_ride_on_straight_rope(sigma, rolling_friction=rolling_friction, brake=brake)
     r = solvers.run_scene(scene, method, steps=200, scheme="generalized-alpha")
     t = np.linspace(0.0, r.t[-1], 2001)
-    return (
-        np.interp(t, r.t, r.s_o)
-        - START
-        - distance_with_brake(
-            t, shoe - START, mass=MU, g=sigma, sin=SIN, rolling_friction=rolling_friction, brake_force=force
-        )
+    distance = distance_with_brake(
+        t, shoe - START, mass=MU, g=sigma, sin=SIN, rolling_friction=rolling_friction, brake_force=force
     )
+    return np.interp(t, r.t, r.s_o) - START - distance
 
 
 def cases() -> list[Limit]:
     """Comparisons with the solvers, wrong ones among them."""
     variants = [
-        ("drag, taut cable: place over l", (0.1, 0.01, 0.001), _drag_deviation),
-        ("friction and brake, taut cable: place over l", (0.01, 0.003, 0.0003), _stop_deviation),
+        ("drag, taut cable: place over l", (0.1, 0.01, 0.001), _deviation_with_drag),
+        ("friction and brake, taut cable: place over l", (0.01, 0.003, 0.0003), _deviation_with_brake),
     ]
     return [
         Limit(name=name, refined="sigma", values=values, order=1.0, because="the cable sags and gives way like sigma",

@@ -49,7 +49,7 @@ ASTER = """
 Numbers = Sequence[dict[str, float]]
 
 
-def _numbers_of_skyline(*tensions: float) -> Numbers:
+def _carriage_tension_tables(*tensions: float) -> Numbers:
     """Tensions with the load in each field."""
     return [{"carriage ahead": tension} for tension in tensions]
 
@@ -69,24 +69,24 @@ class AtRest(Case):
     def answer(self, solvers: Solvers, method: str, rung: Rung) -> LineRest:
         return solvers.line_at_rest(self.line, method, **rung.settings)
 
-    def gap(self, coarse: LineRest, fine: LineRest) -> float:
+    def relative_distance(self, coarse: LineRest, fine: LineRest) -> float:
         return self.digits + float(np.abs(self.relative_errors(coarse) - self.relative_errors(fine)).max())
 
     def relative_errors(self, answer: LineRest) -> np.ndarray:
         positions: Any = zip(answer.positions, self.numbers, strict=True)
         return np.array(
-            [_relative_error(state, name, right) for state, known in positions for name, right in known.items()]
+            [_relative_error(state, name, exact) for state, numbers in positions for name, exact in numbers.items()]
         )
 
 
-def _relative_error(state: LineState, name: str, right: float) -> float:
-    """Distance of a number, named by station and quantity, to the right one; over the reach or the largest tension."""
+def _relative_error(state: LineState, name: str, exact: float) -> float:
+    """Distance of a number, named by station and quantity, to the exact one; over the reach or the largest tension."""
     station, what = name.split()
     k = [p.name for p in state.case.stations].index(station)
     lengths = {"s": state.s, "y": state.points[:, 1], "middle": np.append(state.middle[:, 1], np.nan)}
     forces = {"behind": state.station_tensions[:, 0], "ahead": state.station_tensions[:, 1], "haul": state.haul}
     scale = np.ptp(state.points[:, 0]) if what in lengths else np.nanmax(state.station_tensions)
-    return ((lengths | forces)[what][k] - right) / scale
+    return ((lengths | forces)[what][k] - exact) / scale
 
 
 def cases() -> list[Case]:
@@ -113,9 +113,9 @@ def cases() -> list[Case]:
         AtRest(name="counterweight 150 m up, a gripping car", line=weighed, numbers=[in_weighed]),
         AtRest(name="tramway of one span, counterweight, a hauled car", line=tramway, numbers=[in_tramway]),
         AtRest(name="skyline, load in each field", line=skyline, digits=1e-7,
-               numbers=_numbers_of_skyline(110438.79, 119370.18, 132122.47, 122143.86, 107195.94, 84077.84)),
+               numbers=_carriage_tension_tables(110438.79, 119370.18, 132122.47, 122143.86, 107195.94, 84077.84)),
         AtRest(name="skyline, as SEILAPLAN prints it", line=skyline, digits=0.012,
-               numbers=_numbers_of_skyline(109.9e3, 119.6e3, 131.1e3, 121.5e3, 106.0e3, 83.5e3)),
+               numbers=_carriage_tension_tables(109.9e3, 119.6e3, 131.1e3, 121.5e3, 106.0e3, 83.5e3)),
         AtRest(name="rope over two pulleys, as Code_Aster prints it", line=aster, digits=6e-4,
                numbers=[{"left middle": 13.930, "one middle": 13.930}]),
         AtRest(name="a saddle with tensions 1 percent apart", line=three,

@@ -16,20 +16,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cablefem.scene import ConstantSpeed
-from validation.oracles.case import MU, SIGMA, Array, Crossing, level_string, refuse_unless
+from validation.oracles.case import MU, SIGMA, Array, Crossing, level_string_groups, refuse_unless
 
 
 def displacement(x: ArrayLike, t: ArrayLike, *, P: float, V: float) -> Array:
     """v(x, t) of the string, of the common shape of x and t."""
     x, t = np.broadcast_arrays(np.asarray(x, float), np.asarray(t, float))
     refuse_unless("0 <= x <= 1 on the string, t >= 0, speed > 0 but 1", x >= 0.0, x <= 1.0, t >= 0.0, V > 0.0, V != 1.0)
-    during = (green_function(x, V * t) - V * green_function(x, t)) / (1.0 - V * V)
-    after = V * (green_function(x, t - 1.0 / V + 1.0) - green_function(x, t)) / (1.0 - V * V)
+    during = (continued_green_function(x, V * t) - V * continued_green_function(x, t)) / (1.0 - V * V)
+    after = V * (continued_green_function(x, t - 1.0 / V + 1.0) - continued_green_function(x, t)) / (1.0 - V * V)
     return P * np.where(t * V <= 1.0, during, after)
 
 
-def green_function(x: Array, z: Array) -> Array:
-    """Go(x, z)."""
+def continued_green_function(x: Array, z: Array) -> Array:
+    """Go(x, z): G(x, z) continued beyond the supports, odd and of period 2 in z."""
     z = np.mod(z, 2.0)
     sign = np.where(z > 1.0, -1.0, 1.0)
     z = np.where(z > 1.0, 2.0 - z, z)
@@ -45,7 +45,7 @@ def cases() -> list[Crossing]:
     def crossing_at(V: float, remark: str = "") -> Crossing:
         """A crossing at speed V."""
         return Crossing(
-            name=f"speed {V:g}{remark}", groups=level_string(ConstantSpeed(speed=V).motion(1.0)), load="force",
+            name=f"speed {V:g}{remark}", groups=level_string_groups(ConstantSpeed(speed=V).motion(1.0)), load="force",
             exact=lambda t: displacement(V * t, t, P=MU * SIGMA, V=V),
             methods=("following-p1", "following-p2", "fourier", "fourier-kink"), because=FRONT, max_order=1.0,
             orders={"following-p2": 1.2, "fourier-kink": 1.5},

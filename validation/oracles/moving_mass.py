@@ -34,13 +34,13 @@ from validation.oracles.case import (
     Crossing,
     Limit,
     Solvers,
-    chebyshev,
-    level_string,
+    chebyshev_points_and_matrices,
+    level_string_groups,
     refuse_unless,
 )
 
 DEGREE = 10
-POINTS, _TO_COEF, _INTEGRAL = chebyshev(DEGREE)
+POINTS, _TO_COEF, _INTEGRAL = chebyshev_points_and_matrices(DEGREE)
 
 
 def _panels_and_interpolation_weights(t: Array, edges: Array) -> tuple[NDArray[np.intp], Array]:
@@ -61,20 +61,20 @@ def _emission_times(motion: Motion, sign: float, phase: Array, latest: Array) ->
     return high
 
 
-def _panel_edges(motion: Motion, end: float) -> Array:
+def _front_arrival_times(motion: Motion, end: float) -> Array:
     """Starts of the travel's pieces, returns of their waves by one support, and `end`."""
     starts = [piece.start for pieces in motion.pieces for piece in pieces if piece.start < end]
-    found = {*starts, end}
+    times = {*starts, end}
     for start in starts:
         for sign, turn in ((1.0, 0.0), (-1.0, 2.0)):  # by the near support, by the far one
             last = -1.0
             t = start
             while last + 1e-9 < t < end:
-                found.add(t)
+                times.add(t)
                 phase = t + sign * float(motion.position(t)) + turn
                 last = t
                 t = float(_emission_times(motion, -sign, np.array([phase]), np.array([end]))[0])
-    return np.array(sorted(found))
+    return np.array(sorted(times))
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,7 @@ class MassHistory:
     edges: Array  # of the panels
     values: Array  # y, F, G at the points of the panels (3, n, DEGREE + 1)
 
-    def fields(self, t: ArrayLike) -> tuple[Array, Array, Array]:
+    def displacement_and_waves(self, t: ArrayLike) -> tuple[Array, Array, Array]:
         """y, F, G at t, each of its shape."""
         t = np.asarray(t, float)
         refuse_unless(f"t inside [0, {self.edges[-1]}]", t >= 0.0, t <= self.edges[-1])
@@ -90,8 +90,8 @@ class MassHistory:
         y, F, G = np.einsum("fnk,nk->fn", self.values[:, k], weights).reshape(3, *t.shape)
         return y, F, G
 
-    def path(self, t: ArrayLike) -> Array:
-        return self.fields(t)[0]
+    def mass_displacement(self, t: ArrayLike) -> Array:
+        return self.displacement_and_waves(t)[0]
 
 
 def solve_moving_mass(motion: Motion, *, mu: float, sigma: float) -> MassHistory:
@@ -102,7 +102,7 @@ def solve_moving_mass(motion: Motion, *, mu: float, sigma: float) -> MassHistory
     )
     reach = 0.01  # distance to the far support at which the answer ends: fronts accumulate there
     end = motion.time_at(1.0 - reach) if motion.end > 1.0 - reach else motion.phases[-1][1]
-    marks = _panel_edges(motion, end)
+    marks = _front_arrival_times(motion, end)
     longest = min(0.05, 0.125 * mu)  # panel: the string gives way within mu/2
     parts = [np.linspace(a, b, 1 + int(np.ceil((b - a) / longest)))[:-1] for a, b in pairwise(marks)]
     edges = np.append(np.concatenate(parts), end)
@@ -146,8 +146,8 @@ def cases() -> list[Crossing | Limit]:
 
     def crossing_with_mass(name: str, motion: Motion, mu: float = MU) -> Crossing:
         """A crossing with any travel against its exact path."""
-        exact = solve_moving_mass(motion, mu=mu, sigma=SIGMA).path
-        groups = level_string(motion, mu)
+        exact = solve_moving_mass(motion, mu=mu, sigma=SIGMA).mass_displacement
+        groups = level_string_groups(motion, mu)
         finer = 3.0 if mu < 0.5 else 1.0
         return Crossing(name=name, groups=groups, exact=exact, finer=finer)
 
@@ -161,7 +161,7 @@ def cases() -> list[Crossing | Limit]:
         crossing_with_mass("from rest, acceleration 0.23", slow),
         crossing_with_mass("accelerate, cruise, brake", brake),
         *(_small_sag_limit(model) for model in ("sagged", "stretching", "full")),
-        _small_sag_limit("stretching", plain=True),
+        _small_sag_limit("stretching", plain_gravity=True),
     ]  # fmt: skip
 
 
@@ -171,24 +171,25 @@ def _paper_crossing() -> Crossing:
     sigma = groups.sigma * (1.0 + groups.motion.at(0.0, 0)[1] ** 2)
     return Crossing(
         name="the paper's mass and speed, g (1 + V²)", scene="level", groups=groups,
-        exact=solve_moving_mass(groups.motion, mu=groups.mu, sigma=sigma).path, methods=None,
+        exact=solve_moving_mass(groups.motion, mu=groups.mu, sigma=sigma).mass_displacement, methods=None,
     )  # fmt: skip
 
 
-def _small_sag_limit(model: str, *, plain: bool = False) -> Limit:
+def _small_sag_limit(model: str, *, plain_gravity: bool = False) -> Limit:
     V = 0.45
     motion = ConstantSpeed(speed=V).motion(1.0)
 
     def deviation(solvers: Solvers, method: str, sigma: float) -> Array:
         """Error of a sagging cable against the taut string."""
-        groups = level_string(motion, sigma=sigma)
-        exact = solve_moving_mass(motion, mu=groups.mu, sigma=sigma if plain else sigma * (1.0 + V * V)).path
+        groups = level_string_groups(motion, sigma=sigma)
+        weight = sigma if plain_gravity else sigma * (1.0 + V * V)
+        exact = solve_moving_mass(motion, mu=groups.mu, sigma=weight).mass_displacement
         crossing = Crossing(name="", groups=groups, exact=exact, model=model)
         return crossing.relative_errors(solvers.mass_path(crossing, method))
 
-    gravity = "plain g instead of g (1 + V²)" if plain else "g (1 + V²)"
+    gravity = "plain g instead of g (1 + V²)" if plain_gravity else "g (1 + V²)"
     return Limit(
         name=f"limit of small sag, model {model}, {gravity}", refined="sag", values=(0.02, 0.01, 0.005), order=2.0,
         because="the tension that the sag adds goes like alpha sigma²", deviation=deviation,
-        methods=("following-p2",) if plain else BEST, expected="disagree" if plain else "agree",
+        methods=("following-p2",) if plain_gravity else BEST, expected="disagree" if plain_gravity else "agree",
     )  # fmt: skip

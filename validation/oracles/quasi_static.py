@@ -16,7 +16,7 @@ import numpy as np
 
 from cablefem.scene import Scene
 from cablefem.scene.ride import LoadPath, Ride, roll_ride
-from validation.oracles.case import RIDERS, Limit, Solvers, scene_in_units_of_cable
+from validation.oracles.case import RIDERS, Array, Limit, Solvers, scene_in_units_of_cable
 from validation.oracles.rest import ZIP
 
 Curve = Callable[[Any], LoadPath]
@@ -27,14 +27,14 @@ def quasi_static_ride(scene: Scene, curve: Curve = LoadPath.loaded) -> Ride:
     return roll_ride(curve(g), g.mu, g.sigma, g.drive)
 
 
-def _deviation_with_drag(solvers: Solvers, method: str, drag: float) -> Any:
+def _deviation_with_drag(solvers: Solvers, method: str, drag: float) -> Array:
     """Distance of s_o(t) from the quasi-static ride, over l."""
     scene = Scene.from_toml(ZIP + f"start = 60.0\nrelease = 4.0\ndrag_area = {drag!r}\nend = {{place = 110.0}}")
     r = solvers.run_scene(scene, method, steps=400, scheme="generalized-alpha")
     return np.abs(r.s_o / r.length - quasi_static_ride(scene).at(r.t / scene.time_scale)[0])
 
 
-def _deviation_with_fast_waves(what: str, curve: Curve, solvers: Solvers, method: str, sigma: float) -> Any:
+def _deviation_with_fast_waves(quantity: str, curve: Curve, solvers: Solvers, method: str, sigma: float) -> Array:
     """Error of place over l, or of speed over the largest."""
     drive = {"mode": "free", "start": 0.02, "end": {"place": 0.9}}
     scene = scene_in_units_of_cable(sigma, 1200.0, 0.3, drive, span=0.96, drop=0.28, horizontal_tension=1.0)
@@ -44,7 +44,7 @@ def _deviation_with_fast_waves(what: str, curve: Curve, solvers: Solvers, method
     there = t <= other.duration
     t = np.minimum(t, other.duration)
     speed = r.speed * scene.time_scale / r.length
-    off = (other.speed(t) - speed) / speed.max() if what == "speed" else other.at(t)[0] - r.s_o / r.length
+    off = (other.speed(t) - speed) / speed.max() if quantity == "speed" else other.at(t)[0] - r.s_o / r.length
     return off[there]
 
 
@@ -60,6 +60,6 @@ def cases() -> list[Limit]:
         Limit(name="much drag: place over l", refined="drag area", values=(2.5, 10.0, 40.0), order=1.0, because=slow,
               deviation=_deviation_with_drag, methods=RIDERS),
         *(Limit(name=f"up to V/c = 0.4: {name}", refined="sigma", values=(0.32, 0.16, 0.08), order=1.6,
-                because=waves, deviation=partial(_deviation_with_fast_waves, what, curve), methods=RIDERS,
-                expected="agree" if i < 2 else "disagree") for i, (name, what, curve) in enumerate(variants)),
+                because=waves, deviation=partial(_deviation_with_fast_waves, quantity, curve), methods=RIDERS,
+                expected="agree" if i < 2 else "disagree") for i, (name, quantity, curve) in enumerate(variants)),
     ]  # fmt: skip

@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
+from cablefem.response import Response
 from cablefem.scene import Groups, Scene
 from cablefem.scene.statics import Rest, gripped_rest
-from validation.oracles.case import RIDERS, Array, Law, Solvers, defect_of_ride
+from validation.oracles.case import RIDERS, Array, Defect, Law, Solvers, defect_of_ride
 
 ZIP = """
     [cable]
@@ -38,21 +39,22 @@ TENTH = 0.1  # s_o of a held car
 
 
 def rest_position(groups: Groups, low: float = 0.05, high: float = 0.95) -> float:
+    """s_o/l in [low, high] at which a car needs no force to stay."""
     return float(brentq(lambda s: gripped_rest(s, groups).hold[0], low, high, xtol=1e-14))
 
 
-def holding_force(at: Rest) -> float:
+def holding_force_by_car_balance(rest: Rest) -> float:
     """F_hold by the car's balance, <lam> tau.C/cos(phi); 1e-6 off."""
-    mean = 0.5 * (at.slope_behind[0] + at.slope_ahead[0])
-    return float(mean @ at.jump[0] * at.stretch[0] ** 2 / (mean @ mean))
+    mean = 0.5 * (rest.slope_behind[0] + rest.slope_ahead[0])
+    return float(mean @ rest.jump[0] * rest.stretch[0] ** 2 / (mean @ mean))
 
 
 def _laws_of_held_car() -> list[Law]:
     """A held car: force at s_o = 0.1, or place of rest."""
     lines = [Scene.from_toml(ZIP + "start = 2.0").groups, Scene.load("level").groups, Scene.load("inclined").groups]
 
-    def for_each_line(of: Callable[[Groups], Any]) -> Array:
-        return np.array(list(map(of, lines)))
+    def for_each_line(quantity: Callable[[Groups], Any]) -> Array:
+        return np.array(list(map(quantity, lines)))
 
     def hold(solvers: Solvers, method: str, settings: dict[str, Any]) -> Array:
         return for_each_line(lambda g: solvers.holding_force(g, method, TENTH, **settings))
@@ -68,13 +70,13 @@ def _laws_of_held_car() -> list[Law]:
 
         return for_each_line(found)
 
-    def deviation(force: bool, exact: Array) -> Callable:
+    def deviation(force: bool, exact: Array) -> Defect:
         answer, scale = (hold, holds) if force else (position, 1.0)
         return lambda solvers, method, settings: (answer(solvers, method, settings) - exact) / scale
 
     holds = for_each_line(lambda g: gripped_rest(TENTH, g).hold[0])
     positions = for_each_line(rest_position)
-    balanced = for_each_line(lambda g: holding_force(gripped_rest(TENTH, g)))
+    balanced = for_each_line(lambda g: holding_force_by_car_balance(gripped_rest(TENTH, g)))
     # wrong on purpose: on the empty cable's shape
     weights = for_each_line(lambda g: -g.mu * g.sigma * g.tension_and_derivatives(TENTH)[2])
     lowest = for_each_line(lambda g: g.c / g.sigma)
@@ -108,7 +110,7 @@ def cases() -> list[Law]:
     N = np.array([exact.behind[0], exact.ahead[0]]) * H
     sag = y - float(scene.catenary.y(start))
 
-    def defect(r) -> Any:
+    def defect(r: Response) -> float:
         off = np.abs(np.array([r.T_behind[0], r.T_ahead[0]]) - N).max() / H
         return max(np.hypot(r.x[0] - x, r.y[0] - y) / sag, off)
 

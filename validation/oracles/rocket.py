@@ -17,11 +17,14 @@ from scipy.integrate import OdeSolution, solve_ivp
 from validation.oracles.case import Array, Limit, Solvers, refuse_unless, scene_in_units_of_cable
 
 
-def _mean_slope(speed, velocity, weight: float, s0: float):
+def _mean_slope(speed: float, velocity: float, weight: float, s0: float) -> float:
+    """<w_s> of both sides of the sled; speed : along the string, velocity : downwards."""
     return (weight * (1.0 - 2.0 * s0 - speed) - 2.0 * speed * velocity) / (2.0 * (1.0 - speed * speed))
 
 
-def solve_rocket(t_end: float, *, mu: float, sigma: float, a: float, s0: float, lift: bool = True) -> OdeSolution:
+def solve_depth_under_thrust(
+    t_end: float, *, mu: float, sigma: float, a: float, s0: float, lift: bool = True
+) -> OdeSolution:
     """w and w. at times up to t_end, (2, ...); lift = False: without mu a <w_s>."""
     refuse_unless(
         "mu, sigma > 0, 0 < s0 < 1, a t_end < 1", mu > 0.0, sigma > 0.0, 0.0 < s0 < 1.0, 0.0 <= a * t_end < 1.0
@@ -39,12 +42,12 @@ def solve_rocket(t_end: float, *, mu: float, sigma: float, a: float, s0: float, 
     return solve_ivp(rate, (0.0, t_end), begin, "DOP853", rtol=1e-12, atol=1e-15 * weight, dense_output=True).sol
 
 
-def _path_deviation(solvers: Solvers, method: str, sigma: float, lift: bool = True) -> Array:
+def _relative_depth_deviation(solvers: Solvers, method: str, sigma: float, lift: bool = True) -> Array:
     mu = 0.3
     a = 0.8
     s0 = 0.4
     t_end = 0.7
-    exact = solve_rocket(t_end * 1.001, mu=mu, sigma=sigma, a=a, s0=s0, lift=lift)
+    exact = solve_depth_under_thrust(t_end * 1.001, mu=mu, sigma=sigma, a=a, s0=s0, lift=lift)
     scene = scene_in_units_of_cable(
         sigma, 300.0, mu, {"mode": "free", "start": s0, "thrust": mu * a, "end": {"time": t_end}}
     )
@@ -64,7 +67,7 @@ def cases() -> list[Limit]:
     ]  # fmt: skip
     return [
         Limit(name="taut cable: depth over mu sigma" + more, refined="sigma", values=values, order=2.0,
-              deviation=partial(_path_deviation, lift=lift), methods=(method,), because=because,
+              deviation=partial(_relative_depth_deviation, lift=lift), methods=(method,), because=because,
               expected="agree" if lift else "disagree")
         for more, values, method, lift in variants
     ]  # fmt: skip

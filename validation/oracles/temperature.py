@@ -30,18 +30,18 @@ CHANGE = """
 START = 100.0  # [m] of the held car
 
 
-def catenary_piece(H: float, P: float, S: float, q: float, EA: float) -> np.ndarray:
+def catenary_extent(H: float, P: float, S: float, q: float, EA: float) -> np.ndarray:
     """(dx, dy), y down; P > 0: it descends."""
     P1 = P - q * S
     dx = H * S / EA + H / q * (math.asinh(P / H) - math.asinh(P1 / H))
     return np.array([dx, (P * S - 0.5 * q * S * S) / EA + (math.hypot(H, P) - math.hypot(H, P1)) / q])
 
 
-def elastic_catenary(span: float, drop: float, S: float, weight: float, EA: float) -> tuple[float, float]:
+def left_end_force_of_catenary(span: float, drop: float, S: float, weight: float, EA: float) -> tuple[float, float]:
     """(H, P) at the left support; S [m], weight [N]."""
 
     def end_gap(x: np.ndarray) -> np.ndarray:
-        return (catenary_piece(math.exp(x[0]), x[1] * weight, S, weight / S, EA) - [span, drop]) / span
+        return (catenary_extent(math.exp(x[0]), x[1] * weight, S, weight / S, EA) - [span, drop]) / span
 
     start = [math.log(weight), 0.5 + drop / span]
     found, _, ok, message = fsolve(end_gap, start, xtol=1e-14, full_output=True)
@@ -71,7 +71,7 @@ def heated_length_and_total_weight(scene: Scene, stretched: float, unstretched: 
     return unstretched * (1.0 + cable.thermal_strain), (cable.mass_per_length + ice) * scene.gravity * stretched
 
 
-def held_car_in_cold(EA: float) -> tuple[Scene, np.ndarray, np.ndarray]:
+def cold_scene_with_exact_points(EA: float) -> tuple[Scene, np.ndarray, np.ndarray]:
     """Cold iced line with a car held at START, its exact place, the empty cable's place."""
     text = ZIP.replace("EA = 1.2e7", f"EA = {EA!r}")
     reference = Scene.from_toml(text)
@@ -84,26 +84,26 @@ def held_car_in_cold(EA: float) -> tuple[Scene, np.ndarray, np.ndarray]:
     ends = np.array([span, drop])
     rest = reference.catenary
     S, weight = heated_length_and_total_weight(scene, rest.length, unstretched_length(rest, EA))
-    l = stretched_length(*elastic_catenary(span, drop, S, weight, EA), S, weight, EA)
+    l = stretched_length(*left_end_force_of_catenary(span, drop, S, weight, EA), S, weight, EA)
     # EA of the solvers refers to the hanging cable: EA less tension
     mean = Catenary(span, drop, weight / l, scene.horizontal_tension).mean_tension
     S = l * (1.0 - mean / EA)
     q = weight / l / (1.0 - mean / EA)
     EA -= mean
-    H, P = elastic_catenary(span, drop, S, weight, EA)
+    H, P = left_end_force_of_catenary(span, drop, S, weight, EA)
     at = brentq(lambda x: stretched_length(H, P, x, q * x, EA) - START, 0.5 * START, START, xtol=1e-12)
 
     def end_gap(x: np.ndarray) -> np.ndarray:
         h, p = x * weight
-        return (catenary_piece(h, p, at, q, EA) + catenary_piece(h, p - q * at - car, S - at, q, EA) - ends) / ends[0]
+        return (catenary_extent(h, p, at, q, EA) + catenary_extent(h, p - q * at - car, S - at, q, EA) - ends) / ends[0]
 
     h, p = fsolve(end_gap, [1.3 * H / weight, (P + 0.7 * car) / weight], xtol=1e-12) * weight
-    return scene, catenary_piece(h, p, at, q, EA), catenary_piece(H, P, at, q, EA)
+    return scene, catenary_extent(h, p, at, q, EA), catenary_extent(H, P, at, q, EA)
 
 
-def _position_error(solvers: Solvers, method: str, EA: float) -> float:
+def _relative_position_error(solvers: Solvers, method: str, EA: float) -> float:
     """Error of the place over the deflection."""
-    scene, point, empty = held_car_in_cold(EA)
+    scene, point, empty = cold_scene_with_exact_points(EA)
     r = solvers.run_scene(scene, method, steps=100, **({"terms": 40} if method == "fourier-kink" else {}))
     return math.hypot(r.x[0] - point[0], r.y[0] - point[1]) / math.hypot(*(point - empty))
 
@@ -113,7 +113,7 @@ def cases() -> list[Case]:
     return [
         Limit(
             name="cold and iced: place of a held car over its deflection", refined="EA", values=(2.5e5, 5e5, 1e6),
-            order=1.0, deviation=_position_error, methods=RIDERS,
+            order=1.0, deviation=_relative_position_error, methods=RIDERS,
             because="T/EA varies along the cable, and with it the mass per metre",
         )
     ]  # fmt: skip

@@ -30,7 +30,7 @@ PEERS = {
 }  # fmt: skip
 
 
-def reason_if_missing(name: str) -> str | None:
+def import_failure_reason(name: str) -> str | None:
     """Return None if the peer can be imported, else the reason."""
     module = PEERS[name].module
     try:

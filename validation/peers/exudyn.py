@@ -26,7 +26,7 @@ SPECTRAL_RADIUS = 0.5
 def run_exudyn(groups: Groups, *, elements: int, steps: int) -> PeerPath:
     """The dimensionless path of the mass by Exudyn, gripped or rolling."""
     if groups.drive.mode == "free":
-        return _run_ride(groups, elements, steps)
+        return _run_free_ride(groups, elements, steps)
     motion = groups.motion
     assert motion is not None
     import exudyn
@@ -43,7 +43,8 @@ def run_exudyn(groups: Groups, *, elements: int, steps: int) -> PeerPath:
         )
     )  # fmt: skip
     fixed, _, on_cable = _add_cable(system, groups, s, items.ALECable2D, (place_on_cable,), movingMassFactor=0.0)
-    particle, at_mass = _add_particle(system, groups, initialVelocities=[speed * float(xp), -speed * float(yp)])
+    velocity = [speed * float(xp), -speed * float(yp)]
+    particle, at_mass = _add_particle_with_weight(system, groups, initialVelocities=velocity)
     which_element = system.AddNode(items.NodeGenericData(initialCoordinates=[0], numberOfDataCoordinates=1))
     system.AddObject(
         items.ALEMovingJoint2D(
@@ -52,7 +53,7 @@ def run_exudyn(groups: Groups, *, elements: int, steps: int) -> PeerPath:
         )
     )  # fmt: skip
     driven = system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=place_on_cable, coordinate=0))
-    system.AddObject(items.CoordinateConstraint(markerNumbers=[fixed, driven], **_constraint_of_travel(motion)))
+    system.AddObject(items.CoordinateConstraint(markerNumbers=[fixed, driven], **_travel_constraint_arguments(motion)))
     sensor = system.AddSensor(
         items.SensorNode(nodeNumber=particle, storeInternal=True, outputVariableType=exudyn.OutputVariableType.Position)
     )
@@ -61,12 +62,12 @@ def run_exudyn(groups: Groups, *, elements: int, steps: int) -> PeerPath:
     on_support = motion.end >= 1.0  # omit the last instant, on the support
     settings = _solver_settings(t_end * (1.0 - 1.0 / steps) if on_support else t_end, steps - on_support)
     settings.solution.sensors.writePeriod = 1e-3 * t_end / steps
-    note, seconds = _solve_timed(system.SolveDynamic, system, settings)
+    note, seconds = _solve_and_time(system.SolveDynamic, system, settings)
     t, x, y, _ = np.array(system.GetSensorStoredData(sensor)).T
     return path_until_nan(motion.position(t), np.stack([x, -y], axis=1), t, groups, seconds, note)
 
 
-def _run_ride(groups: Groups, elements: int, steps: int) -> PeerPath:
+def _run_free_ride(groups: Groups, elements: int, steps: int) -> PeerPath:
     """Roll until the end, at most twice the quasi-static time."""
     d = groups.drive
     if d.release > 0.0 or d.thrust_table:
@@ -87,7 +88,7 @@ def _run_ride(groups: Groups, elements: int, steps: int) -> PeerPath:
     system.AddLoad(items.Force(markerNumber=held, loadVector=[0.0, -weight, 0.0]))
     settings = _solver_settings(1.0, 1)
     settings.staticSolver.numberOfLoadSteps = 20
-    note, _ = _solve_timed(system.SolveStatic, system, settings)
+    note, _ = _solve_and_time(system.SolveStatic, system, settings)
     if note:
         raise ValueError(f"no start: {note}")
     rest = np.array(system.systemData.GetODE2Coordinates()).reshape(-1, 4)
@@ -101,7 +102,7 @@ def _run_ride(groups: Groups, elements: int, steps: int) -> PeerPath:
         x, y = -d.k * math.hypot(*wind) * wind
         return [x, y - weight, 0.0]
 
-    particle, at_mass = _add_particle(system, groups, drag_and_weight, initialCoordinates=list(begin[:2]))
+    particle, at_mass = _add_particle_with_weight(system, groups, drag_and_weight, initialCoordinates=list(begin[:2]))
     where = system.AddNode(items.NodeGenericData(initialCoordinates=[first, d.start], numberOfDataCoordinates=2))
     joint = system.AddObject(
         items.SlidingJoint2D(
@@ -132,7 +133,7 @@ def _run_ride(groups: Groups, elements: int, steps: int) -> PeerPath:
 
     system.SetPreStepUserFunction(move_joint)
     t_end = min(d.end_time, 2.0 * d.nominal)
-    note, seconds = _solve_timed(system.SolveDynamic, system, _solver_settings(t_end, math.ceil(t_end / dt)))
+    note, seconds = _solve_and_time(system.SolveDynamic, system, _solver_settings(t_end, math.ceil(t_end / dt)))
     t, s_o, x, y = np.array(rows).T
     return path_until_nan(s_o, np.stack([x, y], axis=1), t, groups, seconds, note)
 
@@ -179,7 +180,7 @@ def _add_cable(
     return fixed, bodies, on_cable
 
 
-def _add_particle(system: Any, groups: Groups, load: Any = 0, **begin: list[float]) -> tuple[Any, Any]:
+def _add_particle_with_weight(system: Any, groups: Groups, load: Any = 0, **begin: list[float]) -> tuple[Any, Any]:
     from exudyn import itemInterface as items
 
     particle = system.AddNode(items.NodePoint2D(referenceCoordinates=[0.0, 0.0], **begin))
@@ -204,7 +205,7 @@ def _solver_settings(t_end: float, steps: int) -> Any:
     return settings
 
 
-def _solve_timed(solve: Any, system: Any, settings: Any) -> tuple[str, float]:
+def _solve_and_time(solve: Any, system: Any, settings: Any) -> tuple[str, float]:
     """The failure or "", and the seconds."""
     import exudyn
 
@@ -219,7 +220,7 @@ def _solve_timed(solve: Any, system: Any, settings: Any) -> tuple[str, float]:
     return note, time.perf_counter() - begin
 
 
-def _constraint_of_travel(motion: Motion) -> dict[str, Any]:
+def _travel_constraint_arguments(motion: Motion) -> dict[str, Any]:
     """s_o(t) for a constraint; a constant speed needs no calls from Exudyn's loop."""
     speeds = {speed for _, speed in motion.speeds}
     if len(speeds) == 1:

@@ -34,9 +34,9 @@ def run_opensees(groups: Groups, *, elements: int) -> PeerPath:
     last = elements if motion.end < 1.0 else elements - 1  # omit the support itself
     beyond = max(1, math.ceil((1.0 - motion.end) * elements / motion.end)) if motion.end < 1.0 else 0
     s_nodes = np.concatenate([s, np.linspace(motion.end, 1.0, beyond + 1)[1:]])
-    _add_cable(ops, groups, s_nodes)
+    _build_cable_model(ops, groups, s_nodes)
     try:
-        positions, seconds = _positions_and_wall_seconds(
+        positions, seconds = _run_travel_and_time(
             ops, groups, t[: last + 1], np.stack(groups.coordinates(s[: last + 1]), axis=1)
         )
     finally:
@@ -46,7 +46,8 @@ def run_opensees(groups: Groups, *, elements: int) -> PeerPath:
     return path_until_nan(s[:n], positions, t[:n], groups, seconds, note)
 
 
-def _add_cable(ops: Any, groups: Groups, s: Array) -> None:
+def _build_cable_model(ops: Any, groups: Groups, s: Array) -> None:
+    """Make nodes, trusses, weights and the time scheme anew."""
     x, y = groups.coordinates(s)
     dx = np.diff(x)
     dy = np.diff(y)
@@ -77,7 +78,7 @@ def _add_cable(ops: Any, groups: Groups, s: Array) -> None:
     ops.analysis("Transient")
 
 
-def _positions_and_wall_seconds(ops: Any, groups: Groups, t: Array, nodes: Array) -> tuple[Array, float]:
+def _run_travel_and_time(ops: Any, groups: Groups, t: Array, nodes: Array) -> tuple[Array, float]:
     """Run the travel: positions of the mass (n, 2), y down, and the time it took."""
     assert groups.motion is not None
     mass = groups.mu

@@ -25,9 +25,12 @@ class PeerPath:
         return float(self.s_o[-1])
 
 
-def path_until_nan(s_o: Array, path: Array, t: Array, groups: Groups, seconds: float, note: str) -> PeerPath:
-    """The path up to the first value that is not finite; path : (n, 2), y down; note : why the code gave up, or ""."""
-    w = path - np.stack(groups.coordinates(s_o), axis=1)
+def path_until_nan(s_o: Array, points: Array, t: Array, groups: Groups, seconds: float, note: str) -> PeerPath:
+    """The path up to the first value that is not finite.
+
+    points : (n, 2), y down;  note : why the code gave up, or "".
+    """
+    w = points - np.stack(groups.coordinates(s_o), axis=1)
     broken = np.flatnonzero(~np.isfinite(w).all(axis=1))
     n = int(broken[0]) if broken.size else s_o.size
     if n < s_o.size:

@@ -38,7 +38,7 @@ from validation.core.refine import TooCoarse, refine_to_tolerance, run_with_erro
 from validation.core.running import Run, run
 from validation.core.sidebyside import Progress, no_progress
 from validation.page.page import package_versions
-from validation.peers import PEERS, PeerPath, reason_if_missing
+from validation.peers import PEERS, PeerPath, import_failure_reason
 
 STOP = measures.WINDOW[1]
 SETTINGS = store.shipped_toml(__package__, "chart.toml")
@@ -238,7 +238,7 @@ def _missing_rows(
 
 def _refused_row(scene: Scene, series: Series) -> Row | None:
     """The one row of a series that cannot run the scene; None: it can."""
-    if series.kind == "peer" and (absent := reason_if_missing(series.name)):
+    if series.kind == "peer" and (absent := import_failure_reason(series.name)):
         return _chart_row(series, {}, status="not installed", reason=absent)
     if reason := _refusal(scene, series):
         return _chart_row(series, {}, status="failed", reason=reason)

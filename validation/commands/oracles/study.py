@@ -78,10 +78,10 @@ class Task:
     def _run_and_judge(self, solvers: Solvers, rungs: Sequence[Rung], p: float | None) -> dict[str, Any]:
         """Run every rung; return errors, what is allowed, and the verdict."""
         answers = [self.case.answer(solvers, self.method, rung) for rung in rungs]
-        errors = [self.case.error(answer) for answer in answers]  # largest, rms
+        errors = [self.case.largest_and_rms_error(answer) for answer in answers]  # largest, rms
         sizes = [rung.size for rung in rungs]
         rms = [error for _, error in errors]
-        allowed, why = _allowed_error(sizes[-1] / sizes[-2], p, self.case.gap(*answers[-2:]), rms[-2])
+        allowed, why = _allowed_error(sizes[-1] / sizes[-2], p, self.case.relative_distance(*answers[-2:]), rms[-2])
         if not math.isfinite(allowed):
             why = "the run broke"
         observed = observed_order(sizes, rms)
