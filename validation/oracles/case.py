@@ -12,7 +12,6 @@ from numpy.polynomial.chebyshev import chebint, chebpts2, chebvander
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from cablefem.response import Response
 from cablefem.scene import Cable, ConstantAcceleration, Groups, Mass, Motion, Scene, Supports
 
 Array = NDArray[np.float64]
@@ -193,8 +192,8 @@ class Law(Case):
         return self.defect(solvers, method, rung.settings)
 
 
-def defect_of_ride(scene: Scene, defect: Callable[[Response], Any]) -> Defect:
-    """A defect of the response to this scene, as a `Law` takes it."""
+def defect_of_ride(scene: Scene, defect: Callable[[Any], Any]) -> Defect:
+    """A defect of the response to a scene, as `Law` takes it."""
     return lambda solvers, method, settings: defect(solvers.run_scene(scene, method, **settings))
 
 

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from cablefem.response import Response
 from cablefem.scene import Groups, Scene
 from cablefem.scene.statics import Rest, gripped_rest
 from validation.oracles.case import RIDERS, Array, Defect, Law, Solvers, defect_of_ride
@@ -110,7 +109,7 @@ def cases() -> list[Law]:
     N = np.array([exact.behind[0], exact.ahead[0]]) * H
     sag = y - float(scene.catenary.y(start))
 
-    def defect(r: Response) -> float:
+    def defect(r: Any) -> float:
         off = np.abs(np.array([r.T_behind[0], r.T_ahead[0]]) - N).max() / H
         return max(np.hypot(r.x[0] - x, r.y[0] - y) / sag, off)
 
