@@ -12,6 +12,7 @@ A saddle has one tension; at a counterweight it is G. At a gripping car N t jump
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,25 +24,30 @@ STEPS = 100
 LAST = 1e-8  # step over the size of the unknowns; the remaining error is about its square
 
 
-def _vector_length(v: np.ndarray) -> np.ndarray:
-    """Length of vectors, also complex ones."""
-    return np.sqrt(v[..., 0, :] ** 2 + v[..., 1, :] ** 2)
+def _vector_lengths(vectors: np.ndarray) -> np.ndarray:
+    """Lengths (..., m) of vectors (..., 2, m), also complex ones."""
+    return np.sqrt(vectors[..., 0, :] ** 2 + vectors[..., 1, :] ** 2)
 
 
-def piece_chords(n: np.ndarray, S: np.ndarray, case: Case) -> np.ndarray:
-    """(dx, dy) of pieces (k, 2, m) with forces n (k, 2, m) at their left ends and lengths S (k, m)."""
-    end = np.stack([n[:, 0], n[:, 1] - case.weight * S], axis=1)
-    N = 0.5 * (_vector_length(n) + _vector_length(end))
-    w = 0.5 * case.weight * S / N
+def piece_chord_vectors(left_forces: np.ndarray, lengths: np.ndarray, case: Case) -> np.ndarray:
+    """(dx, dy) of pieces (k, 2, m) with forces N t (k, 2, m) at their left ends and lengths S (k, m)."""
+    right_forces = np.stack([left_forces[:, 0], left_forces[:, 1] - case.weight * lengths], axis=1)
+    N = 0.5 * (_vector_lengths(left_forces) + _vector_lengths(right_forces))
+    w = 0.5 * case.weight * lengths / N
     small = np.abs(w) < 1e-3
     ratio = np.where(small, 1.0 + w**2 / 3.0 + w**4 / 5.0, np.arctanh(w) / np.where(small, 1.0, w))
-    middle = 0.5 * (n + end)
-    return (
-        case.thermal_stretch
-        * S[:, None]
-        * middle
-        * (1.0 / case.EA + np.stack([ratio, np.ones_like(ratio)], axis=1) / N[:, None])
-    )
+    middle = 0.5 * (left_forces + right_forces)
+    compliance = 1.0 / case.EA + np.stack([ratio, np.ones_like(ratio)], axis=1) / N[:, None]
+    return case.thermal_stretch * lengths[:, None] * middle * compliance
+
+
+class _Stations(NamedTuple):
+    """Stations of a line for m sets of unknowns."""
+
+    behind: np.ndarray  # (n, 2, m) force [N]
+    ahead: np.ndarray  # (n, 2, m)
+    s: np.ndarray  # (n, m) [m]
+    points: np.ndarray  # (n, 2, m) [m]
 
 
 class _CatenaryProblem:
@@ -65,8 +71,8 @@ class _CatenaryProblem:
         self.X = np.concatenate([force.ravel(), s[self.free_s], points[self.free_points]])
         self.size = np.where(np.arange(self.X.size) < force.size, self.H, self.reach)
 
-    def forces_and_positions(self, X: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Forces behind and ahead (n, 2, m), s (n, m) and points (n, 2, m) for X (k, m)."""
+    def stations_of_unknowns(self, X: np.ndarray) -> _Stations:
+        """The stations for unknowns X (k, m)."""
         m = X.shape[1]
         k = 2 * self.count
         s = np.repeat(self.s[:, None], m, axis=1).astype(X.dtype)
@@ -77,41 +83,42 @@ class _CatenaryProblem:
         none = np.zeros((1, 2, m))
         n = X[:k].reshape(self.count, 2, m)
         end = np.stack([n[:, 0], n[:, 1] - self.case.weight * np.diff(s, axis=0)], axis=1)
-        return np.concatenate([none, end]), np.concatenate([n, none]), s, points
+        return _Stations(np.concatenate([none, end]), np.concatenate([n, none]), s, points)
 
     def residual(self, X: np.ndarray) -> np.ndarray:
         """Residual for X (k, m); lengths over the reach, forces over H."""
-        behind, ahead, s, points = self.forces_and_positions(X)
-        gaps = np.diff(points, axis=0) - piece_chords(ahead[:-1], np.diff(s, axis=0), self.case)
+        behind, ahead, s, points = self.stations_of_unknowns(X)
+        gaps = np.diff(points, axis=0) - piece_chord_vectors(ahead[:-1], np.diff(s, axis=0), self.case)
         rows = [
-            _station_equations(p, *each) / self.H
+            _station_residuals(p, *each) / self.H
             for p, *each in zip(self.case.stations, behind, ahead, points, strict=True)
         ]
         if self.case.prescribed_tension is not None:
             k, tension = self.case.prescribed_tension
             force = ahead[k] if k < self.count else behind[k]
-            rows.append((_vector_length(force) - tension)[None] / self.H)
+            rows.append((_vector_lengths(force) - tension)[None] / self.H)
         return np.concatenate([gaps.reshape(2 * self.count, -1) / self.reach, *rows])
 
     def stations_in_order(self, X: np.ndarray) -> bool:
-        return bool(np.all(np.diff(self.forces_and_positions(X[:, None])[2], axis=0) > 0.0))
+        return bool(np.all(np.diff(self.stations_of_unknowns(X[:, None]).s, axis=0) > 0.0))
 
-    def state(self, X: np.ndarray) -> LineState:
-        behind, ahead, s, points = (part[..., 0] for part in self.forces_and_positions(X[:, None]))
+    def line_state(self, X: np.ndarray) -> LineState:
+        """The line at rest for the solution X (k,)."""
+        behind, ahead, s, points = (part[..., 0] for part in self.stations_of_unknowns(X[:, None]))
         half = 0.5 * np.diff(s)[:, None]
-        middle = points[:-1] + piece_chords(ahead[:-1, :, None], half, self.case)[..., 0]
+        middle = points[:-1] + piece_chord_vectors(ahead[:-1, :, None], half, self.case)[..., 0]
         behind[0] = ahead[-1] = np.nan
         hauled = np.array([p.force if p.kind == "hauled" else np.nan for p in self.case.stations])
         haul = -hauled * _mean_tangent(behind.T, ahead.T)[1]
         return LineState(self.case, s, points, behind, ahead, haul, middle)
 
 
-def _station_equations(p: Station, behind: np.ndarray, ahead: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Equations (0 to 2, m) of a station."""
+def _station_residuals(p: Station, behind: np.ndarray, ahead: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """What the equations (0 to 2, m) of a station leave [N]."""
     if p.kind == "counterweight":  # one force is zero
-        return (_vector_length(ahead + behind) - p.force)[None]
+        return (_vector_lengths(ahead + behind) - p.force)[None]
     if p.kind == "saddle":
-        return (_vector_length(ahead) - _vector_length(behind))[None]
+        return (_vector_lengths(ahead) - _vector_lengths(behind))[None]
     if p.kind == "anchor":
         return np.empty((0, points.shape[-1]))
     jump = ahead - behind
@@ -125,10 +132,10 @@ def _station_equations(p: Station, behind: np.ndarray, ahead: np.ndarray, points
 
 
 def _mean_tangent(behind: np.ndarray, ahead: np.ndarray) -> np.ndarray:
-    return (behind + ahead) / _vector_length(behind + ahead)
+    return (behind + ahead) / _vector_lengths(behind + ahead)
 
 
-def _newton(problem: _CatenaryProblem, extra_steps: int) -> np.ndarray:
+def _solve_by_newton(problem: _CatenaryProblem, extra_steps: int) -> np.ndarray:
     """Unknowns by damped Newton steps and `extra_steps`; LineNotConverged without convergence."""
     # complex-step differentiation
     X = problem.X
@@ -146,10 +153,7 @@ def _newton(problem: _CatenaryProblem, extra_steps: int) -> np.ndarray:
         if not np.isfinite(large):
             break
         fraction = 1.0
-        while not (
-            problem.stations_in_order(X + fraction * step)
-            and (large < 1e-4 or np.linalg.norm(problem.residual((X + fraction * step)[:, None])) < np.linalg.norm(r))
-        ):
+        while not _is_progress(problem, X + fraction * step, r, near=large < 1e-4):
             fraction *= 0.5
             if fraction < smallest_factor:  # the residual falls no further
                 raise LineNotConverged("no state of rest was found")
@@ -160,10 +164,17 @@ def _newton(problem: _CatenaryProblem, extra_steps: int) -> np.ndarray:
     raise LineNotConverged("no state of rest was found")
 
 
+def _is_progress(problem: _CatenaryProblem, X: np.ndarray, residual_before: np.ndarray, near: bool) -> bool:
+    """Whether the stations are in order, and the residual is smaller than before or the solution `near`."""
+    if not problem.stations_in_order(X):
+        return False
+    return near or bool(np.linalg.norm(problem.residual(X[:, None])) < np.linalg.norm(residual_before))
+
+
 def _solve_case(case: Case, extra_steps: int) -> LineState | NoLineAtRest:
     try:
         problem = _CatenaryProblem(case)
-        return problem.state(_newton(problem, extra_steps))
+        return problem.line_state(_solve_by_newton(problem, extra_steps))
     except NoLineAtRest as error:
         return error
 
@@ -182,7 +193,7 @@ def depth_and_tension(state: LineState, x: np.ndarray) -> tuple[np.ndarray, np.n
     n = state.ahead[piece][:, :, None]
     S = (lengths * (x - start[:, 0]) / run)[:, None]
     for _ in range(STEPS):  # three steps do
-        chord = piece_chords(n, S, state.case)[..., 0]
+        chord = piece_chord_vectors(n, S, state.case)[..., 0]
         N = np.hypot(n[:, 0, 0], n[:, 1, 0] - state.case.weight * S[:, 0])
         off = (x - start[:, 0] - chord[:, 0]) / (
             state.case.thermal_stretch * n[:, 0, 0] * (1.0 / N + 1.0 / state.case.EA)
@@ -200,28 +211,28 @@ def min_tension(state: LineState) -> float:
     return float(np.hypot(n[:, 0], n[:, 1] - state.case.weight * level).min())
 
 
-def points_of_slope(state: LineState, slope: float) -> np.ndarray:
+def piece_points_nearest_to_slope(state: LineState, slope: float) -> np.ndarray:
     """Points (n - 1, 2) [m] of the pieces where the rope has a slope dy/dx, or their ends nearest to it."""
     n = state.ahead[:-1]  # (n - 1, 2)
     S = np.clip((n[:, 1] - n[:, 0] * slope) / state.case.weight, 0.0, np.diff(state.s))
-    return state.points[:-1] + piece_chords(n[:, :, None], S[:, None], state.case)[..., 0]
+    return state.points[:-1] + piece_chord_vectors(n[:, :, None], S[:, None], state.case)[..., 0]
 
 
-def sag(state: LineState, first: int, last: int) -> float:
+def sag_between_stations(state: LineState, first: int, last: int) -> float:
     """Largest vertical distance [m] of the rope below the chord of two stations."""
     dx, dy = state.points[last] - state.points[first]
-    below = points_of_slope(state, dy / dx)[first:last] - state.points[first]  # (last - first, 2)
+    below = piece_points_nearest_to_slope(state, dy / dx)[first:last] - state.points[first]  # (last - first, 2)
     return float(np.max(below[:, 1] - below[:, 0] * dy / dx))
 
 
-def clearance(state: LineState, ground: np.ndarray) -> float:
+def min_clearance(state: LineState, ground: np.ndarray) -> float:
     """Smallest height [m] of the rope over the ground (m, 2) [m] of points x, depth, linear between them.
 
     The rope sags between stations: it is nearest where it is parallel to the ground, at a corner or at an end.
     """
     x, depth = ground.T
     corners = np.concatenate([x, state.points[[0, -1], 0]])
-    nearest = [points_of_slope(state, slope)[:, 0] for slope in np.diff(depth) / np.diff(x)]
+    nearest = [piece_points_nearest_to_slope(state, slope)[:, 0] for slope in np.diff(depth) / np.diff(x)]
     at = np.concatenate([corners, *nearest])
     at = at[(at >= max(x[0], state.points[0, 0])) & (at <= min(x[-1], state.points[-1, 0]))]
     return float(np.min(np.interp(at, x, depth) - depth_and_tension(state, at)[0], initial=np.inf))

@@ -36,14 +36,14 @@ class _Cache(FunctionCache):
         rtsys.initialize(target_context)
         with self._guard_against_spurious_io_errors():
             try:
-                return self._load_shipped(sig, target_context) or self._load_overload(sig, target_context)
+                return self._load_shipped_overload(sig, target_context) or self._load_overload(sig, target_context)
             except (ImportError, AttributeError):  # another version's types
                 self._cache_file.flush()
         return None
 
-    def _load_shipped(self, sig: Any, target_context: Any) -> Any:
+    def _load_shipped_overload(self, sig: Any, target_context: Any) -> Any:
         """A function as it came with the wheel, by its types and code; None: not there, or not for this processor."""
-        if self._shipped is None or not can_run(get_host_cpu_features()):
+        if self._shipped is None or not can_run_shipped_code(get_host_cpu_features()):
             return None
         types, _, code = self._index_key(sig, target_context.codegen())
         for key in self._shipped._load_index():
@@ -52,9 +52,9 @@ class _Cache(FunctionCache):
         return None
 
 
-def can_run(features: Mapping[str, bool]) -> bool:
+def can_run_shipped_code(processor_features: Mapping[str, bool]) -> bool:
     """Whether a processor with these features can run what is compiled for `PROCESSOR`."""
-    return all(features.get(name) for name in FEATURES)
+    return all(processor_features.get(name) for name in FEATURES)
 
 
 class _Inner(CPUDispatcher):
@@ -91,13 +91,13 @@ class _InnerCompiler(Compiler):
         super().__init__(typing, target, _InnerCode(target.codegen(), "inner"), *arguments)
 
 
-def compiler(file: str, *, inner: bool = False) -> Callable[[Callable], Any]:
-    """The decorator of compiled functions in the folder of a file, and below.
+def compiling_decorator(source_file: str, *, inner: bool = False) -> Callable[[Callable], Any]:
+    """The decorator of compiled functions in the folder of a source file, and below.
 
     inner : only compiled functions call it; compiling is faster by a third.
     A change in any source file compiles all anew: numba misses changes in called functions.
     """
-    sources = sorted(Path(file).parent.rglob("*.py"))
+    sources = sorted(Path(source_file).parent.rglob("*.py"))
     stamp = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).digest()
     special: Any = {"no_cpython_wrapper": True, "pipeline_class": _InnerCompiler} if inner else {}
 

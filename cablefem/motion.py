@@ -103,29 +103,31 @@ class LineMotion:
         return self.kinetic + self.strain + self.potential
 
 
-def join_motions(parts: Sequence[LineMotion]) -> LineMotion:
+def join_motions_in_time(parts: Sequence[LineMotion]) -> LineMotion:
     """One motion of those of a line before and after each change of what the rope touches."""
     first = parts[0]
+    order = [car.name for car in first.cars]
     risen = dict.fromkeys((c.name for c in first.contacts), 0.0)
+    joined = []
     for part in parts:
-        for contact in part.contacts:
-            contact.rise[:] += risen[contact.name]
-            risen[contact.name] = contact.rise[-1]
-    at_first = [car.name for car in first.cars]
-    ordered = [replace(x, cars=tuple(sorted(x.cars, key=lambda car: at_first.index(car.name)))) for x in parts]
-    return replace(_concatenate(ordered), s=first.s)
+        contacts = tuple(replace(c, rise=c.rise + risen[c.name]) for c in part.contacts)
+        risen = {c.name: float(c.rise[-1]) for c in contacts}
+        cars = sorted(part.cars, key=lambda car: order.index(car.name))
+        joined.append(replace(part, cars=tuple(cars), contacts=contacts))
+    return replace(_concatenate_nested_arrays(joined), s=first.s)
 
 
-def _concatenate(values: Sequence[Any]) -> Any:
-    """The arrays of these one after another."""
+def _concatenate_nested_arrays(values: Sequence[Any]) -> Any:
+    """Equal structures (arrays, tuples, dicts, dataclasses) as one, with the arrays of all one after another."""
     first = values[0]
     if isinstance(first, np.ndarray):
         return np.concatenate(values)
     if isinstance(first, tuple):
-        return tuple(_concatenate(x) for x in zip(*values, strict=True))
+        return tuple(_concatenate_nested_arrays(x) for x in zip(*values, strict=True))
     if isinstance(first, dict):
-        return {name: _concatenate([x[name] for x in values]) for name in first}
+        return {name: _concatenate_nested_arrays([x[name] for x in values]) for name in first}
     if is_dataclass(first):
         kind: Any = type(first)
-        return kind(**{f.name: _concatenate([getattr(x, f.name) for x in values]) for f in fields(first)})
+        names = [f.name for f in fields(first)]
+        return kind(**{name: _concatenate_nested_arrays([getattr(x, name) for x in values]) for name in names})
     return first

@@ -21,7 +21,7 @@ def cable_scene() -> Callable[[str], Any]:
 @pytest.fixture
 def assert_agree(request: pytest.FixtureRequest) -> Callable[..., Any]:
     """`validation.assert_agree`, listed at the end of the session."""
-    return _check_testing().reporting_assert_agree(_verdict_recorder(request))
+    return _import_check_testing().reporting_assert_agree(_verdict_recorder(request))
 
 
 @pytest.fixture
@@ -31,10 +31,13 @@ def cable_check(request: pytest.FixtureRequest) -> Callable[..., Any]:
     cable_check("level", solver) holds solver(scene) -> (s_o, v) or (s_o, v, u) against both built-in solvers.
     cable_check("level") holds these against one another, of a line in motion or at rest, too.
     """
-    return _check_testing().asserting_check(_verdict_recorder(request), request.config.stash.setdefault(_CHECKS, {}))
+    return _import_check_testing().asserting_check(
+        _verdict_recorder(request), request.config.stash.setdefault(_CHECKS, {})
+    )
 
 
-def _check_testing() -> Any:
+def _import_check_testing() -> Any:
+    """The module `validation.commands.check.testing`; fails the test where another `validation` hides it."""
     try:
         return importlib.import_module("validation.commands.check.testing")
     except ModuleNotFoundError as error:

@@ -79,7 +79,8 @@ class Observation:
                 object.__setattr__(self, name, other.get(name, nan))
 
     @classmethod
-    def joined(cls, parts: Sequence[Observation]) -> Observation:
+    def concatenated(cls, parts: Sequence[Observation]) -> Observation:
+        """One observation of consecutive ones."""
         if len(parts) == 1:
             return parts[0]
         powers = {name: np.concatenate([p.powers[name] for p in parts]) for name in parts[0].powers}
@@ -141,12 +142,12 @@ class LazyValue(Generic[Value]):
         return self._value
 
 
-def _lazy_field(otherwise: Callable[[Response], Any] | None = None) -> Any:
+def _lazy_field(compute_default: Callable[[Response], Any] | None = None) -> Any:
     """A field that is computed when it is first looked at, and kept.
 
-    otherwise : computes it where neither the field nor a function for it was given.
+    compute_default : computes it where neither the field nor a function for it was given.
     """
-    lazy: cached_property[Any] = cached_property(lambda r: r._later.get(lazy.attrname, otherwise)(r))
+    lazy: cached_property[Any] = cached_property(lambda r: r._later.get(lazy.attrname, compute_default)(r))
     return lazy
 
 
@@ -182,12 +183,12 @@ class MassPath:
         return float(self.s_o[-1] / self.length)
 
     @property
-    def slack_from(self) -> float:
+    def slack_onset_or_inf(self) -> float:
         """s_o/l of the slack onset, or infinite."""
         return math.inf if self.slack_onset is None else self.slack_onset
 
     @property
-    def slack_since(self) -> float:
+    def slack_time_or_inf(self) -> float:
         """Time [s] of the slack onset, or infinite."""
         if self.slack_onset is None:
             return math.inf
@@ -196,7 +197,7 @@ class MassPath:
     @property
     def max_deflection(self) -> float:
         """Largest v [m]; of a given travel past midspan only while taut."""
-        onset = math.inf if self.drive == "free" else self.slack_from
+        onset = math.inf if self.drive == "free" else self.slack_onset_or_inf
         considered = self.v[self.s_o <= max(onset, 0.5) * self.length]
         return float(considered.max(initial=self.v[0]))
 
@@ -206,7 +207,8 @@ class MassPath:
         return 0.1 * self.length if self.drive == "free" else self.max_deflection
 
     @property
-    def path_scale_named(self: Any) -> str:
+    def path_scale_name(self: Any) -> str:
+        """What `path_scale` is, in words."""
         return "a tenth of the length" if self.drive == "free" else "the largest deflection"
 
 
@@ -272,7 +274,7 @@ class Response(MassPath):
             del values[name]
         values["_later"] = later or {}
 
-    def with_later(self, **functions: Callable[[Response], Any]) -> Response:
+    def with_lazy_fields(self, **functions: Callable[[Response], Any]) -> Response:
         """A copy with these fields computed anew when they are looked at."""
         values = {name: value for name, value in vars(self).items() if name not in functions}
         other = object.__new__(Response)
@@ -299,7 +301,7 @@ class Response(MassPath):
         return views.support_motions(self)
 
     @property
-    def jumps(self) -> list[float]:
+    def force_jump_times(self) -> list[float]:
         """Times [s] at which forces may jump."""
         return [*self.breaks, *(event["t"] for event in self.events)]
 
@@ -370,12 +372,12 @@ class Response(MassPath):
     def write(self, folder: Path | str) -> None:
         """Write path.csv, tension.csv, summary.json and response.npz."""
         folder = Path(folder)
-        self.write_tables(folder)
-        self.store(folder)
+        self.write_path_and_tension_csv(folder)
+        self.write_npz_and_summary(folder)
 
-    def write_tables(self, folder: Path) -> None:
+    def write_path_and_tension_csv(self, folder: Path) -> None:
         """Write path.csv, and tension.csv: rows of time, station and tension [N], those beside the car last."""
-        self.write_path(folder)
+        self.write_path_csv(folder)
         f = self.fields
         k, m = f.T.shape
         station = np.concatenate([np.broadcast_to(f.s, (k, m)), f.s_o[:, None], f.s_o[:, None]], axis=1)
@@ -383,11 +385,11 @@ class Response(MassPath):
         time = np.repeat(f.t, m + 2)
         write_csv(folder / "tension.csv", "t,s,T", np.stack([time, station.ravel(), tension.ravel()], axis=1))
 
-    def write_path(self, folder: Path) -> None:
+    def write_path_csv(self, folder: Path) -> None:
         path = np.stack([getattr(self, name) for name in PATH_COLUMNS], axis=1)
         write_csv(folder / "path.csv", ",".join(PATH_COLUMNS), path)
 
-    def store(self, folder: Path) -> None:
+    def write_npz_and_summary(self, folder: Path) -> None:
         """Write response.npz, with all arrays, and summary.json."""
         f = self.fields
         arrays = {n: getattr(self, n) for n in _ARRAYS} | {f"fields.{n}": getattr(f, n) for n in _FIELDS}

@@ -19,22 +19,29 @@ BLUE, GREY = "#0072B2", "#999"
 def sample_fields(r: Response, t: Any, s: Any) -> dict[str, Array]:
     """`Response.at`: between frames displacements are cubic by their velocities, tensions linear."""
     t, s = (np.atleast_1d(np.asarray(x, dtype=float)) for x in (t, s))
-    for name, asked, known in (("t", t, (r.t[0], r.t[-1])), ("s", s, (0.0, r.length))):
-        if not (np.isfinite(asked).all() and asked.min() >= known[0] and asked.max() <= known[1] * (1.0 + 1e-12)):
-            raise ValueError(f"{name}: must be from {known[0]:.6g} to {known[1]:.6g}, got {asked.tolist()}")
+    _raise_if_outside("t", t, r.t[0], r.t[-1])
+    _raise_if_outside("s", s, 0.0, r.length)
     out = {name: np.empty((t.size, s.size)) for name in ("x", "y", "u", "v", "T")}
-    rest = {name: np.interp(s, r.fields.s, getattr(r.fields, name)) for name in ("x", "y")}
-    beside = 1e-9  # of the length: a station so near the mass is under it
+    x_rest = np.interp(s, r.fields.s, r.fields.x)
+    y_rest = np.interp(s, r.fields.s, r.fields.y)
+    beside = 1e-9 * r.length  # a station so near the mass is under it
     for k, instant in enumerate(t.tolist()):
         s_o, u, v, behind, ahead = (np.interp(instant, r.t, z) for z in (r.s_o, r.u, r.v, *_tensions_at_mass(r)))
         w, T = _interpolate_frames(r, instant, s_o)
         # a station under the mass has no side; just beyond it T is that ahead
-        i, j = np.searchsorted(r.fields.s, [s_o - beside * r.length, s_o + beside * r.length]).tolist()
+        i, j = np.searchsorted(r.fields.s, [s_o - beside, s_o + beside]).tolist()
         places = np.concatenate([r.fields.s[:i], [s_o, np.nextafter(s_o, np.inf)], r.fields.s[j:]])
         for name, z, at_mass in (("u", w[0], [u, u]), ("v", w[1], [v, v]), ("T", T, [behind, ahead])):
             out[name][k] = np.interp(s, places, np.concatenate([z[:i], at_mass, z[j:]]))
-        out["x"][k], out["y"][k] = rest["x"] + out["u"][k], rest["y"] + out["v"][k]
+    out["x"] = x_rest + out["u"]
+    out["y"] = y_rest + out["v"]
     return out
+
+
+def _raise_if_outside(name: str, values: Array, low: float, high: float) -> None:
+    """ValueError unless all values are from low to high, up to rounding."""
+    if not (np.isfinite(values).all() and values.min() >= low and values.max() <= high * (1.0 + 1e-12)):
+        raise ValueError(f"{name}: must be from {low:.6g} to {high:.6g}, got {values.tolist()}")
 
 
 def _tensions_at_mass(r: Response) -> tuple[Array, Array]:
@@ -95,7 +102,7 @@ def side_view_svg(r: Response) -> str:
     return f"<p>{html.escape(repr(r))}</p>{out.getvalue()[out.getvalue().index('<svg') :]}"
 
 
-def _axes_or_new(ax: Any) -> Any:
+def _given_or_new_axes(ax: Any) -> Any:
     if ax is not None:
         return ax
     from matplotlib.figure import Figure
@@ -105,7 +112,7 @@ def _axes_or_new(ax: Any) -> Any:
 
 def plot_side_view(r: Response, ax: Any = None) -> Any:
     """Plot the rope at rest, the envelope of its motion and the path of the car; return the axes."""
-    ax = _axes_or_new(ax)
+    ax = _given_or_new_axes(ax)
     f = r.fields
     ax.plot(f.x, f.y, color=GREY, linestyle="--", label="rope at rest")
     ax.fill_between(f.x, np.min(f.y + f.v, axis=0), np.max(f.y + f.v, axis=0), color=BLUE, alpha=0.2, label="envelope")
@@ -118,7 +125,7 @@ def plot_side_view(r: Response, ax: Any = None) -> Any:
 
 def plot_tension(r: Response, ax: Any = None) -> Any:
     """Plot the tension [kN] along the rope over time; return the axes."""
-    ax = _axes_or_new(ax)
+    ax = _given_or_new_axes(ax)
     f = r.fields
     mesh = ax.pcolormesh(f.s, f.t, f.T / 1e3, shading="nearest")
     ax.plot(f.s_o, f.t, color="white", linewidth=1.0)

@@ -1,9 +1,9 @@
 """The constitutive law: tension and energy of a strain."""
 
-from cablefem.compiled import compiler
+from cablefem.compiled import compiling_decorator
 
-compiled = compiler(__file__)
-inner = compiler(__file__, inner=True)
+compiled = compiling_decorator(__file__)
+inner = compiling_decorator(__file__, inner=True)
 
 LAWS = ("elastic", "tension-only")  # a law is its index to compiled code
 

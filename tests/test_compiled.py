@@ -7,7 +7,7 @@ import pytest
 from llvmlite.binding import get_host_cpu_features
 from numba import njit
 
-from cablefem.compiled import compiler
+from cablefem.compiled import compiling_decorator
 
 USER = (
     "from {package} import compiled\nfrom {package}.law import law\n\n@compiled\ndef twice(x):\n    return 2 * law(x)\n"
@@ -29,7 +29,7 @@ def test_a_law_that_changes_is_not_missed_by_who_has_taken_it_in(tmp_path, monke
     folder = tmp_path / name
     folder.mkdir()
     decorator = (
-        "from cablefem.compiled import compiler\ncompiled = compiler(__file__)\n"
+        "from cablefem.compiled import compiling_decorator\ncompiled = compiling_decorator(__file__)\n"
         if whole
         else "from numba import njit\ncompiled = njit(cache=True)\n"
     )
@@ -49,7 +49,7 @@ def test_an_inner_function_serves_compiled_ones_and_refuses_others():
     def half(x):
         return 0.5 * x
 
-    inner, compiled = compiler(__file__, inner=True)(half), compiler(__file__)
+    inner, compiled = compiling_decorator(__file__, inner=True)(half), compiling_decorator(__file__)
     assert compiled(lambda x: inner(x) + 1.0)(3.0) == 2.5
     with pytest.raises(TypeError, match="half is for compiled functions"):
         inner(3.0)
@@ -64,6 +64,6 @@ def test_loops_round_alike_with_a_processors_own_instructions_and_without_them()
     tiny = 2.0**-30
     values = 1.0 + tiny, 1.0 - tiny, -1.0
     assert product_and_sum(*values) == 0.0
-    assert compiler(__file__)(product_and_sum)(*values) == 0.0
+    assert compiling_decorator(__file__)(product_and_sum)(*values) == 0.0
     if get_host_cpu_features().get("fma"):
         assert njit(fastmath={"contract"})(product_and_sum)(*values) == -(tiny**2)

@@ -10,9 +10,9 @@ from cablefem import compiled
 from validation import wheel
 
 LOOPS = """
-from cablefem.compiled import compiler
+from cablefem.compiled import compiling_decorator
 
-@compiler(__file__)
+@compiling_decorator(__file__)
 def total(n):
     out = 0.0
     for i in range(n):
@@ -59,5 +59,5 @@ def test_functions_of_a_wheel_are_not_compiled_again_on_another_processor(tmp_pa
 
 def test_a_processor_without_their_features_compiles():
     assert wheel.PROCESSOR == compiled.PROCESSOR
-    assert compiled.can_run(dict.fromkeys(compiled.FEATURES, True))
-    assert not compiled.can_run(dict.fromkeys(compiled.FEATURES, True) | {"avx2": False})
+    assert compiled.can_run_shipped_code(dict.fromkeys(compiled.FEATURES, True))
+    assert not compiled.can_run_shipped_code(dict.fromkeys(compiled.FEATURES, True) | {"avx2": False})

@@ -223,12 +223,12 @@ def test_other_words_and_numbers_on_the_page_are_seen(results, there, instead, s
 
 
 def test_a_file_that_is_written_wrongly_is_said_first_on_the_page_and_is_1(cablefem, monkeypatch):
-    right = Response.write_tables
+    right = Response.write_path_and_tension_csv
 
     def wrong(r, folder):
         right(replace(r, fields=replace(r.fields, T=1.01 * r.fields.T)), folder)
 
-    monkeypatch.setattr(Response, "write_tables", wrong)
+    monkeypatch.setattr(Response, "write_path_and_tension_csv", wrong)
     code, _, err = cablefem("run", "level", *QUICK, "--no-bars", "--out", "x")
     assert code == 1
     assert "not what was computed: x/following-p2/tension.csv: T is not what was computed" in err

@@ -57,10 +57,10 @@ def test_seilaplan(solve):
 
 def test_deepest_point_of_a_field():
     state = one(ASTER, catenary_line.solve)
-    assert catenary_line.sag(state, 0, 1) == pytest.approx(13.9370, abs=5e-5)
+    assert catenary_line.sag_between_stations(state, 0, 1) == pytest.approx(13.9370, abs=5e-5)
     loaded = one(TRAMWAY, catenary_line.solve)
     below = loaded.points[1, 1] + 480.0 / 1200.0 * loaded.points[1, 0]
-    assert catenary_line.sag(loaded, 0, 2) == pytest.approx(below)
+    assert catenary_line.sag_between_stations(loaded, 0, 2) == pytest.approx(below)
 
 
 HOT = "temperature = 35.0\nreference_temperature = 10.0\nexpansion = 1.2e-5\nice = 1.3"

@@ -38,7 +38,7 @@ class Track:
     def of(cls, r: Response) -> Track:
         """Passages of a run up to the slack onset, by splines over place."""
         s_o = np.round(r.s_o / r.length, 12)
-        first = (s_o > np.maximum.accumulate(np.r_[-1.0, s_o[:-1]])) & (r.t < r.slack_since)
+        first = (s_o > np.maximum.accumulate(np.r_[-1.0, s_o[:-1]])) & (r.t < r.slack_time_or_inf)
         path = np.stack([r.t, r.x, r.y, r.u, r.v], axis=1)
         t, x, y, u, v = CubicSpline(s_o[first], path[first], extrapolate=False)(PLACES).T
         what, at = (r.reason, r.reached) if r.slack_onset is None else ("slack cable", r.slack_onset)

@@ -112,7 +112,7 @@ def test_what_is_closer_than_its_bar_is_too_close_to_tell(quantity, value, words
 def test_a_profile_holds_nothing_past_the_slack_onset():
     """`level` had 7.7e6 N of noise in it, where its largest tension is 319 kN."""
     r = run(Scene.load("level"), "following-p2", elements=12, steps=600, scheme="generalized-alpha")
-    taut = r.fields.t <= r.slack_since
+    taut = r.fields.t <= r.slack_time_or_inf
     assert r.fields.T[~taut].max() > 1.5 * r.fields.T[taut].max()
     assert answers.profile_columns(r)["tension_max"].max() <= r.fields.T[taut].max() * 1.05
 
@@ -169,9 +169,9 @@ def test_a_clearance_of_what_is_never_passed_is_null(tmp_path):
 def test_a_run_that_ends_where_it_falls_slack_says_so(steps):
     """The position of the onset is rounded: some of these runs end just before it, some just past it."""
     steep = Scene.from_groups(sag_ratio=0.0164, slope=38.76, mu=0.884, alpha=6350.0, speed_ratio=0.66)
-    onset = Run(steep, "fourier-kink", terms=8, steps=steps).run_to(0.95).slack_from
+    onset = Run(steep, "fourier-kink", terms=8, steps=steps).run_to(0.95).slack_onset_or_inf
     r = Run(steep, "fourier-kink", terms=8, steps=steps).run_to(onset)
-    assert r.reached == pytest.approx(r.slack_from, abs=1e-12)
+    assert r.reached == pytest.approx(r.slack_onset_or_inf, abs=1e-12)
     said = outcome_of_run(steep, r)
     assert "goes slack" in said.sentence
     assert recomputed.check_outcome(r, None, said.kind, said.sentence).verdict is Verdict.AGREE

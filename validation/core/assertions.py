@@ -197,7 +197,7 @@ def _path_row(a: OneSpan, b: OneSpan, allowed: float, window: Window) -> Agreeme
     x, y = (a, b) if a.u is not None and b.u is not None else map(foreign.with_zero_u, (a, b))
     gap, rms, where = measures.relative_path_gap(x, y, window)
     _, positions, distances = measures.relative_path_distances(x, y, window)
-    why = [f"relative to {b.path_scale_named} {b.path_scale:.4g} m"]
+    why = [f"relative to {b.path_scale_name} {b.path_scale:.4g} m"]
     beyond = positions[distances > allowed]
     if beyond.size:
         why.append(f"they part from s_o/l = {beyond[0]:.3f} on")

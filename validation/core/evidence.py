@@ -70,7 +70,7 @@ class Evidence:
         """Without every second step; jumps and the slack onset stay."""
         r = self.r
         selected = np.arange(r.t.size) % 2 == 0
-        for jump in (*r.jumps, r.slack_since):
+        for jump in (*r.force_jump_times, r.slack_time_or_inf):
             if math.isfinite(jump):
                 i = int(np.argmin(np.abs(r.t - jump)))
                 selected[max(0, i - 1) : i + 2] = True
@@ -128,7 +128,7 @@ class Evidence:
         """Time integral of a force (n, c); nan if unknown."""
         if not np.isfinite(force[1:-1]).all():
             return np.full_like(force, math.nan)
-        return integral(self.r.t, np.nan_to_num(force), self.r.jumps)  # nan on the supports
+        return integral(self.r.t, np.nan_to_num(force), self.r.force_jump_times)  # nan on the supports
 
     def impulse_at_window_ends(self, force: Array) -> Array:
         """The same at frames, (k, c)."""

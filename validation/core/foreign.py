@@ -290,7 +290,7 @@ def refuse_wrong_unit_or_direction(path: MassPath, ours: Response) -> None:
     if off[1.0] > 0.2 and off[best] < 0.1:
         what = f"{of} points the other way" if best < 0.0 else f"{of} is in another unit"
         raise Refused(
-            f"{path.method}: {what}: it is off by {off[1.0]:.3g} times {ours.path_scale_named}, and by {off[best]:.2%} "
+            f"{path.method}: {what}: it is off by {off[1.0]:.3g} times {ours.path_scale_name}, and by {off[best]:.2%} "
             f"if multiplied by {best:.6g} (l = {l:.6g} m); {_ENDINGS}"
         )
 

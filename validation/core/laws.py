@@ -174,7 +174,7 @@ def _law_is_tension_only(r: Response, t: Array) -> NDArray[np.bool_]:
     """At which of the times t (n,) the law excludes compression."""
     if r.switched is None:
         return np.full(t.shape, r.law == "tension-only")
-    return t > r.slack_since
+    return t > r.slack_time_or_inf
 
 
 def _defect_at_rest(*values: float) -> Defect:
@@ -444,9 +444,9 @@ def slack_onset_defect(evidence: Evidence) -> Defect:
     last = int(np.flatnonzero(steps)[-1])
     end = float(r.t[last])
     steps[last : last + 3] = True
-    offset = _slack_onset_offset(r, min(r.slack_since, end), steps)
+    offset = _slack_onset_offset(r, min(r.slack_time_or_inf, end), steps)
     two_steps = 2.0 * float(np.abs(np.diff(r.s_o)).max()) / r.length
-    return _defect_at_rest(max(0.0, (abs(offset) if r.slack_since <= end else -offset) - two_steps))
+    return _defect_at_rest(max(0.0, (abs(offset) if r.slack_time_or_inf <= end else -offset) - two_steps))
 
 
 def _slack_onset_offset(r: Response, t: float, steps: NDArray[np.bool_]) -> float:
@@ -583,7 +583,7 @@ def energy_balance_defect(evidence: Evidence) -> Defect:
     work = evidence.impulse_at_window_ends(_total_power(evidence.powers)[:, None])
     conserved = evidence.kinetic_potential_strain.sum(axis=1)[:, None] - work
     defect = _defect_of_change(evidence, conserved, evidence.energy_scale)
-    return Defect(defect.s_o, np.where((evidence.t[1:] <= evidence.r.slack_since)[:, None], defect.value, 0.0))
+    return Defect(defect.s_o, np.where((evidence.t[1:] <= evidence.r.slack_time_or_inf)[:, None], defect.value, 0.0))
 
 
 @_register_law("parts of the energy", lambda evidence: bool(np.isfinite(evidence.r.kinetic).any()))

@@ -57,7 +57,7 @@ def common_window(*responses: MassPath, window: Window | None = None) -> Window:
     window : of the drive by default.  Raises NotComparable where nothing remains.
     """
     low, high = window or WINDOWS[responses[0].drive]
-    ends = [r.slack_from if r.drive == "free" else min(r.slack_from, r.reached) for r in responses]
+    ends = [r.slack_onset_or_inf if r.drive == "free" else min(r.slack_onset_or_inf, r.reached) for r in responses]
     end = min(ends)
     cut = min(high, end)
     if cut > low:
@@ -65,7 +65,7 @@ def common_window(*responses: MassPath, window: Window | None = None) -> Window:
     if not high > low:
         raise NotComparable(f"nothing to compare: from s_o/l = {high:.4f} on waves are slower than the mass")
     first = responses[ends.index(end)]
-    what = "is slack" if first.slack_from <= end else "ends"
+    what = "is slack" if first.slack_onset_or_inf <= end else "ends"
     raise NotComparable(f"nothing to compare: {first.method} {what} at s_o/l = {end:.4f}, before {low:g}")
 
 
@@ -79,7 +79,7 @@ def position_where_mass_outruns_waves(r: MassPath) -> float:
 
 def last_time_valid_in_all(*runs: Response) -> float:
     """Time [s] up to which all runs have an answer: their first end, slack onset, or waves slower than the mass."""
-    ends = [r.t[-1] for r in runs] + [r.slack_since for r in runs]
+    ends = [r.t[-1] for r in runs] + [r.slack_time_or_inf for r in runs]
     for r in runs:
         onset = position_where_mass_outruns_waves(r)
         if onset < r.reached:  # of gripped cars alone, which never turn back
@@ -292,7 +292,7 @@ def energy_defect(r: Response) -> Array:
     enters_with_speed = r.drive == "grip" and r.speed[0] > 0.0
     if enters_with_speed and scheme(r.settings["scheme"]).nodes:
         power[:1] = power[1:2]
-    return r.energy - r.energy[0] - integral(r.t, power, r.jumps)[:, 0]
+    return r.energy - r.energy[0] - integral(r.t, power, r.force_jump_times)[:, 0]
 
 
 def relative_energy_gain(r: Response, weight: float, window: Window) -> float:

@@ -365,7 +365,7 @@ def _expected_outcome_of_travel(r: Response, readings: RecomputedNumbers) -> Exp
     end = data.drive.get("end", {}).get("place", 0.99 * r.length) if hauled else r.length
     last, duration = _end_and_duration(data, r.length, start, end)
     # a law and a design number judge the onset itself; here its text is compared
-    ends = [x * r.length for x in (r.slack_from, position_where_mass_outruns_waves(r)) if math.isfinite(x)]
+    ends = [x * r.length for x in (r.slack_onset_or_inf, position_where_mass_outruns_waves(r)) if math.isfinite(x)]
     slack = [min(ends)] if ends else []
     if last < 0.999 * end:
         return ExpectedOutcome("stopped", [last, duration, *slack])
@@ -466,6 +466,6 @@ def _relative_unexplained_energy(evidence: Evidence) -> Array:
     if r.drive == "free":  # thrust acts along the path
         powers["thrust"] = evidence.thrust_force * speed[:, 0] * np.sign(evidence.travel_speed)
     power = np.sum([*powers.values()], axis=0)
-    work = np.interp(evidence.t, r.t, integral(r.t, power[:, None], r.jumps)[:, 0])
+    work = np.interp(evidence.t, r.t, integral(r.t, power[:, None], r.force_jump_times)[:, 0])
     unexplained = energy - work
     return np.asarray((unexplained - unexplained[0]) / (data.weight * max(np.ptp(r.y), r.max_deflection)))

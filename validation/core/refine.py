@@ -122,7 +122,7 @@ class RunsOfMethod:
         """The ladder with its finest run marched to the end, and bars."""
         finest = self.run_with(ladder.finest.settings, self.end)
         until = self.window_end
-        if self.view.last_needed_position is not None and finest.slack_from < SLACK_END:
+        if self.view.last_needed_position is not None and finest.slack_onset_or_inf < SLACK_END:
             until = SLACK_END if self.end is None else min(self.end, SLACK_END)
 
         def continued(run: Response) -> Response:

@@ -283,7 +283,7 @@ def _event_rows(event: str, a: Ladder, b: Ladder, required: float) -> Iterator[A
     runs = a.finest, b.finest
     both = [find_event(event, r.events) for r in runs]
     instants = [x["t"] for x in both if x is not None]
-    if not instants or min(instants) > min(r.slack_since for r in runs):
+    if not instants or min(instants) > min(r.slack_time_or_inf for r in runs):
         return
     if len(instants) < 2:
         bars = [(x.yes_no_bar(lambda r: find_event(event, r.events) is not None), 0.0) for x in (a, b)]
@@ -351,13 +351,13 @@ def _slack_onset_row(a: Ladder, b: Ladder, full: View, required: float) -> Agree
     Smallest tensions so far, over H, are falling curves over s_o/l; see `scene_data.height_along_slope`.
     """
     end = full.window[1]
-    first = min(end, a.finest.slack_from, b.finest.slack_from)
+    first = min(end, a.finest.slack_onset_or_inf, b.finest.slack_onset_or_inf)
 
     def crossing_ordinate(r: Response) -> float:
         """Ordinate at which the falling curve of a run meets the slope of 1 through the onset."""
         position = np.maximum.accumulate(r.s_o) / full.length  # (n,)
         tension = r.tension_min / full.H
-        slack = position >= r.slack_from
+        slack = position >= r.slack_onset_or_inf
         smallest = np.minimum.accumulate(np.where(slack, np.minimum(tension, 0.0), tension))
         at_end = float(np.interp(end, position, smallest))
         inside = position < end  # beyond, the curve drops to slack
@@ -373,7 +373,7 @@ def _range_rows(a: Ladder, b: Ladder, view: View, full: View, required: float) -
     runs = a.finest, b.finest
     missing = 0.0
     if not full.free:
-        missing = min(full.window[1], *(r.slack_from for r in runs)) - view.window[1]
+        missing = min(full.window[1], *(r.slack_onset_or_inf for r in runs)) - view.window[1]
     elif any(r.status != "complete" and r.slack_onset is None for r in runs):
         missing = max(0.0, 1.0 - view.until / max(float(r.t[-1]) for r in runs))
     if missing > 1e-6:
@@ -384,7 +384,7 @@ def _path_past_slack_rows(a: Ladder, b: Ladder, view: View, required: float) -> 
     """Path gap from where both are slack to where the bars exceed the tolerance."""
     from validation.core import trust  # loaded while solvers run
 
-    onset = max(a.finest.slack_from, b.finest.slack_from)
+    onset = max(a.finest.slack_onset_or_inf, b.finest.slack_onset_or_inf)
     end = min(SLACK_END, a.finest.reached, b.finest.reached)
     if view.rolls or not onset < end:
         return

@@ -309,7 +309,7 @@ def _observe_steps_and_frames(
         if n + k:
             observations.append(solver.observe(_join_states(of_steps, of_frames), s, n + np.arange(k)))
             is_step.append(np.arange(n + k) < n)
-    return Observation.joined(observations), np.concatenate(is_step)
+    return Observation.concatenated(observations), np.concatenate(is_step)
 
 
 def _join_states(a: States, b: States) -> States:

@@ -26,7 +26,7 @@ def path_distances_at(a: Response, b: Response, at: Array) -> Array:
 
 def gap_past_slack(a: Response, b: Response, stop: float) -> float:
     """Largest gap of two paths from slack onset to `stop`, which both reach; nan without slack before."""
-    onset = min(a.slack_from, b.slack_from)
+    onset = min(a.slack_onset_or_inf, b.slack_onset_or_inf)
     return float(np.nanmax(path_distances_at(a, b, np.linspace(onset, stop, 400)))) if onset < stop else math.nan
 
 

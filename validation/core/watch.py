@@ -29,7 +29,7 @@ def with_flag(r: Response, kind: str, **numbers: float | str) -> Response:
 
 def with_flags(r: Response, scene: Scene, method: Method) -> Response:
     """The response with its energy gain before slack, and its flags; both are computed when they are looked at."""
-    r = r.with_later(energy_gain=partial(_energy_gain_while_taut, scene), flags=partial(_flags, scene, method))
+    r = r.with_lazy_fields(energy_gain=partial(_energy_gain_while_taut, scene), flags=partial(_flags, scene, method))
     if r.cause is None:
         return r
     energy = next((flag for flag in r.flags if flag.kind == "energy"), None)
@@ -85,7 +85,7 @@ def _wave_flags(r: Response, scene: Scene, method: Method) -> list[Flag]:
     if not method.resolves_waves:
         return []
     before_slack = 0.03  # s_o/l from compression at a point to slack of an element; right runs 0.01
-    end = min(measures.WINDOW[1], r.reached, r.slack_from - before_slack)
+    end = min(measures.WINDOW[1], r.reached, r.slack_onset_or_inf - before_slack)
     within = measures.steps_in_window(r, (measures.WINDOW[0], end))
     N = r.tension_min
     margins = {}  # (n,), negative at fault

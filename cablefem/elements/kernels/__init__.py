@@ -4,7 +4,7 @@ Unknowns (n_dof,) are numbered dof * n_fields + field.
 numba leaves out branches for an argument that is None, if the function tests its own arguments only.
 """
 
-from cablefem.compiled import compiler
+from cablefem.compiled import compiling_decorator
 
-compiled = compiler(__file__)
-inner = compiler(__file__, inner=True)
+compiled = compiling_decorator(__file__)
+inner = compiling_decorator(__file__, inner=True)

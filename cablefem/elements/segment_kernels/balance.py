@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cablefem.compiled import compiler
+from cablefem.compiled import compiling_decorator
 from cablefem.newmark import Array
 
-compiled, inner = compiler(__file__), compiler(__file__, inner=True)
+compiled, inner = compiling_decorator(__file__), compiling_decorator(__file__, inner=True)
 INPUTS = 12  # of `car_forces`, see `bodies`
 
 

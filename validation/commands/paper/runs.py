@@ -115,7 +115,7 @@ def load_or_run(folder: Path, scene: Scene, method: str, settings: dict[str, Any
     except (OSError, ValueError, KeyError, TypeError):
         pass  # none, or of another version
     new = run(scene, method, **settings)
-    new.store(folder)
+    new.write_npz_and_summary(folder)
     return new
 
 

@@ -52,7 +52,7 @@ def _numbers_at_position(rest: LineRest, i: int) -> Row:
     for j in range(len(line.contact)):
         out |= _numbers_at_contact(rest, i, j, index)
     for a, b in itertools.pairwise(line.contact):
-        out[f"sag:{a.name} to {b.name}"] = catenary_line.sag(state, index[a.name], index[b.name])
+        out[f"sag:{a.name} to {b.name}"] = catenary_line.sag_between_stations(state, index[a.name], index[b.name])
     out["tension_max"] = float(np.nanmax(state.station_tensions))
     out["tension_min"] = catenary_line.min_tension(state)
     if line.cable.breaking_load is not None:
@@ -60,7 +60,7 @@ def _numbers_at_position(rest: LineRest, i: int) -> Row:
     for o in line.obstacle:
         out[f"clearance_rope:{o.name}"] = o.top - float(catenary_line.depth_and_tension(state, np.array([o.at]))[0][0])
     if line.ground:
-        out[f"clearance_rope:{GROUND}"] = catenary_line.clearance(state, np.array(line.ground))
+        out[f"clearance_rope:{GROUND}"] = catenary_line.min_clearance(state, np.array(line.ground))
     return {name: None if isinstance(x, float) and not math.isfinite(x) else x for name, x in out.items()}
 
 

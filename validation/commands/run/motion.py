@@ -13,7 +13,7 @@ import numpy as np
 
 from cablefem import catenary_line
 from cablefem.elements.system import LineElements
-from cablefem.motion import CarMotion, ContactMotion, LineMotion, join_motions
+from cablefem.motion import CarMotion, ContactMotion, LineMotion, join_motions_in_time
 from cablefem.newmark import State, StepFailure, Work, integrate_blocks, scheme
 from cablefem.response import Array, write_csv, write_json, write_text
 from cablefem.scene.contacts import MovingLine
@@ -245,7 +245,7 @@ class LineRuns:
             begun = part.following
             finer = begun[1].t + shortest_time_on_rail(*begun) * np.linspace(0.0, 2.0, 2 * on_rail * time + 1)
             steps = [np.union1d(t, finer[(finer > t[0]) & (finer < t[-1])]) for t in grid]
-        motion = join_motions(parts)
+        motion = join_motions_in_time(parts)
         return LineRun(
             method=self.method.name, settings={self.method.setting: n, "steps": sum(t.size - 1 for t in grid)},
             motion=with_wheel_loads(motion, self.table, self.line, run),
@@ -476,5 +476,5 @@ def at_rest_points(empty: LineState, s: Array) -> Array:
         here = k == i
         lengths = (inner[here] - empty.s[i])[None]
         pulls = np.broadcast_to(empty.ahead[i][None, :, None], (1, 2, lengths.size))
-        out[here] = empty.points[i] + catenary_line.piece_chords(pulls, lengths, empty.case)[0].T
+        out[here] = empty.points[i] + catenary_line.piece_chord_vectors(pulls, lengths, empty.case)[0].T
     return out

@@ -57,13 +57,13 @@ def run_and_answer(
 def _with_design_numbers(scene: Scene, r: Response, method: Method, bars: bool, options: dict[str, Any]) -> Response:
     """The response with its design numbers; with bars, coarser runs are made when one is looked at."""
     if not bars:
-        return r.with_later(design=design_numbers)
+        return r.with_lazy_fields(design=design_numbers)
     ladder = LazyValue(lambda: run_with_error_bars(scene, method, earlier_runs=[r], **options))
 
     def of_finest(name: str) -> Callable[[Response], Any]:
         return lambda _: getattr(ladder().finest, name)
 
-    return r.with_later(
+    return r.with_lazy_fields(
         **{name: of_finest(name) for name in ("path_error", "tension_error", "error_parts", "error_window", "flags")},
         design=lambda _: design_numbers(ladder()), events=lambda _: events_with_bars(ladder()),
     )  # fmt: skip
