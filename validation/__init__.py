@@ -50,7 +50,7 @@ __all__ = [
 _LINE = {
     "run_with_bars": ("commands.run.{}", "answer_line"),
     "check": ("commands.check.{}", "check_line"),
-    "quasi_static": ("commands.run.quasi", "quasi_static_line"),
+    "quasi_static": ("commands.run.quasi", "answer_line_quasi_statically"),
 }
 
 

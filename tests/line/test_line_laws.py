@@ -10,7 +10,7 @@ from cablefem import catenary_line
 from cablefem.elements import line as elements
 from cablefem.scene.line import Line
 from tests.line.lines import SPRUNG, THREE, TRAMWAY, WEIGHED, line
-from validation.commands.run.line import answer_line, extreme_rows
+from validation.commands.run.line import answer_line, max_and_min_rows
 from validation.core.agreement import Verdict
 from validation.core.line_laws import check_printed, check_statics
 from validation.page import line as page
@@ -100,7 +100,7 @@ def test_a_number_one_percent_off_is_seen(tmp_path, kind):
         {name: x * 1.01 if name.partition(":")[0] == kind and x is not None else x for name, x in row.items()}
         for row in result.numbers
     ]
-    seen = reread(tmp_path, replace(result, numbers=wrong, design=extreme_rows(TRAM, wrong)))
+    seen = reread(tmp_path, replace(result, numbers=wrong, design=max_and_min_rows(TRAM, wrong)))
     assert {f"positions.csv, {kind}", "design"} <= seen
 
 

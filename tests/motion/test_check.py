@@ -13,7 +13,7 @@ from cablefem.scene.line import Line
 from tests.commands.calls import lines
 from tests.motion.lines import BODIES
 from validation.commands.check.motion import check_line, compare_and_check_laws
-from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, answers_of_ladders
+from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, motion_answers
 from validation.core import motion_laws
 from validation.core.agreement import worst_deciding_verdict
 from validation.core.motion_laws import read_back_line_files
@@ -179,12 +179,12 @@ def test_a_saddle_a_counterweight_and_two_cars_agree(cablefem, tmp_path):
 
 @pytest.fixture(scope="module")
 def answer(line, by_elements):
-    return answers_of_ladders(line, by_elements, None)
+    return motion_answers(line, by_elements, None)
 
 
 def test_answers_to_a_line_are_asserted_to_agree_and_a_fault_is_told_with_its_place(line, answer, by_sines):
     def answer_with(change):
-        return answers_of_ladders(line, changed(by_sines, change), None)
+        return motion_answers(line, changed(by_sines, change), None)
 
     rows = cf.assert_agree(answer, answer_with(lambda motion: motion), path=1e-3, tension=1e-2)
     assert [row.law for row in rows[:2]] == ["up", "down"]
@@ -268,7 +268,7 @@ def test_a_rope_within_the_bar_of_its_breaking_load_is_too_close_to_tell(
     tension = answer.tension_max
     load = tension["value"] - bars_beyond * tension["bar"]
     bare = {"cable.breaking_load": load, "obstacle": []}
-    outcome = answers_of_ladders(line.replace(bare), by_elements, None).outcome
+    outcome = motion_answers(line.replace(bare), by_elements, None).outcome
     assert outcome.sentence.startswith(says)
     assert outcome.kind == kind
 
@@ -280,7 +280,7 @@ def test_a_rope_within_the_bar_of_its_breaking_load_is_too_close_to_tell(
 def test_a_car_within_the_bar_of_an_obstacle_is_too_close_to_tell(line, by_elements, answer, bars_beyond, says):
     clearance = next(d for d in answer.design if d["quantity"] == "clearance_car:up over road")
     top = -40.0 - clearance["value"] - bars_beyond * clearance["bar"]
-    outcome = answers_of_ladders(line.replace({"obstacle.road.top": top}), by_elements, None).outcome
+    outcome = motion_answers(line.replace({"obstacle.road.top": top}), by_elements, None).outcome
     assert says in outcome.sentence
 
 
@@ -394,7 +394,7 @@ def test_a_run_of_one_span_has_its_car_and_supports_as_a_line_has():
 
 def test_files_and_numbers_hold_swing_pitch_and_wheel_loads(tmp_path):
     line = Line.from_toml(BODIES)
-    result = answers_of_ladders(line, LineRuns(ELEMENTS, line).ladder(1, 1), None)
+    result = motion_answers(line, LineRuns(ELEMENTS, line).ladder(1, 1), None)
     result.write(tmp_path, 0.0)
     assert not read_back_line_files(tmp_path, result.motion, result.design, result.moved.period)
     names = {number["quantity"] for number in result.design}

@@ -14,7 +14,7 @@ from cablefem.scene.moving import line_in_motion
 from galerkin.lines import LineSines
 from tests.motion.lines import BODIES
 from validation.commands.check.motion import check_line, compare_and_check_laws, law_rows
-from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, answers_of_ladders, lasting_events
+from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, motion_answers, events_without_rattling
 from validation.core.agreement import worst_deciding_verdict
 from validation.core.motion_rows import LineTolerance, unbalanced_work
 from validation.core.readback import line_outcome_faults
@@ -150,7 +150,7 @@ def test_a_car_on_two_wheels_is_held_too():
 
 
 def test_the_outcome_says_where_a_rider_stays_and_is_read_back(line, ladders, tmp_path):
-    result = answers_of_ladders(line, *ladders)
+    result = motion_answers(line, *ladders)
     assert result.outcome.sentence.startswith("rear stops at x = 84.5 m after 9.3 s; ahead stops after 20.8 s with")
     result.write(tmp_path, 0.0)
     assert list(line_outcome_faults(tmp_path)) == []
@@ -178,7 +178,7 @@ def test_a_rattle_of_a_car_that_stays_is_no_event():
     ]
     events = list(zip(names, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0], strict=True))
     kept = (("a stops", 3.0), ("a breaks loose", 6.0), ("b brakes", 7.0), ("a stops", 8.0))
-    assert lasting_events(events, line, motion) == kept
+    assert events_without_rattling(events, line, motion) == kept
 
 
 def test_a_rider_that_a_slow_release_holds_at_first_sets_out():

@@ -9,7 +9,7 @@ import pytest
 
 from cablefem.scene.line import Line
 from tests.motion.test_check import EVERYTHING
-from validation.commands.run.motion import ELEMENTS, LineRuns, answers_of_ladders
+from validation.commands.run.motion import ELEMENTS, LineRuns, motion_answers
 from validation.core.readback import line_motion_faults
 from validation.page.motion import sections
 
@@ -18,7 +18,7 @@ from validation.page.motion import sections
 def stored(tmp_path_factory):
     """A coarse answer, its folder and its page."""
     line = Line.from_toml(EVERYTHING)
-    result = answers_of_ladders(line, LineRuns(ELEMENTS, line).ladder(1, 1), None)
+    result = motion_answers(line, LineRuns(ELEMENTS, line).ladder(1, 1), None)
     folder = tmp_path_factory.mktemp("line") / "motion-run"
     folder.mkdir()
     result.write(folder, 0.0)

@@ -14,7 +14,7 @@ from cablefem.scene.line import Line
 from cablefem.scene.moving import line_in_motion
 from tests.motion.lines import OVER
 from validation.commands.check.motion import compare_and_check_laws, law_rows
-from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, answers_of_ladders
+from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, motion_answers
 from validation.core.agreement import worst_deciding_verdict
 from validation.core.motion_rows import LineTolerance
 
@@ -82,7 +82,7 @@ def test_a_car_passes_leftwards_as_rightwards():
 def test_a_shoe_that_would_have_to_pull_a_car_down_is_said_first():
     fast = HAULED.replace({"car.car.travel.top_speed": 9.0})
     ladder = LineRuns(ELEMENTS, fast).ladder(1, 1)
-    said = answers_of_ladders(fast, ladder, None).outcome.sentence
+    said = motion_answers(fast, ladder, None).outcome.sentence
     found = re.match(r"the shoe of tower would have to pull car down by 0.\d\d M g at x = .*; about (\d+) % of", said)
     assert found is not None
     slower = fast.replace({"car.car.travel.top_speed": 9.0 * float(found[1]) / 100.0})

@@ -20,7 +20,7 @@ from tests.motion.lines import BODIES
 from tests.motion.test_bodies import tram
 from tests.motion.test_scene import SPAN
 from validation.commands.advise import bodies, page
-from validation.commands.run.motion import ELEMENTS, LineRuns, answers_of_ladders
+from validation.commands.run.motion import ELEMENTS, LineRuns, motion_answers
 from validation.core.motion_laws import read_back_line_files
 from validation.core.wheels import neglected_wheel_load, rope_stresses_under_wheel, wheel_loads_by_hand
 
@@ -88,7 +88,7 @@ POINTS = BODIES.replace("below = 0.5}", 'below = 0.5, model = "point", count = 4
 
 def test_loads_and_stresses_have_a_second_computation_that_sees_faults(tmp_path):
     line = Line.from_toml(POINTS.replace("time = 2.0", "time = 1.0"))
-    result = answers_of_ladders(line, LineRuns(ELEMENTS, line).ladder(2, 2), None)
+    result = motion_answers(line, LineRuns(ELEMENTS, line).ladder(2, 2), None)
     result.write(tmp_path, 0.0)
 
     def faults(design=result.design):

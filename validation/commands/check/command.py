@@ -138,7 +138,7 @@ def _check_line(
     """
     from validation.commands.check import line as at_rest
     from validation.commands.check import motion
-    from validation.commands.run.lines import answer_points
+    from validation.commands.run.lines import answer_and_report_lines
 
     line = points[0].scene
     kind: Any = motion if line.moves else at_rest
@@ -154,7 +154,7 @@ def _check_line(
         results.append(kind.check_line(line, tol, tol_tension, second, **how))
         return results[-1]
 
-    code = answer_points("check", points, out, check_one, extras.require_limits)
+    code = answer_and_report_lines("check", points, out, check_one, extras.require_limits)
     if extras.sensitivity:
         from validation.commands.check import sensitivity
 

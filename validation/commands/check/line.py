@@ -22,12 +22,12 @@ from validation.commands.check import sensitivity as sensitivities
 from validation.commands.run.line import (
     RestAnswers,
     answer_line,
-    extreme_rows,
-    no_position_has_rest,
+    max_and_min_rows,
+    no_rest_refusal,
     numbers_by_position,
 )
 from validation.commands.run.lines import Row
-from validation.commands.run.worst import with_worst_positions
+from validation.commands.run.worst import with_extreme_car_positions
 from validation.core import line_laws, store
 from validation.core.agreement import FACTOR_DISAGREE, Agreement, Bound, BoundPart, no_bound
 from validation.core.order import FIRST, error_bar
@@ -75,7 +75,7 @@ class BothAnswers:
         designs = []
         for rest in self.answers_with_coarser:
             numbers = [row if i in shared else None for i, row in enumerate(numbers_by_position(rest))]
-            designs.append(extreme_rows(rest.line, numbers))
+            designs.append(max_and_min_rows(rest.line, numbers))
         return designs
 
     def units_with_tolerances(self, tol: float, tol_tension: float) -> tuple[Unit, Unit]:
@@ -171,7 +171,7 @@ def solve_both_refining_elements(line: Line, second: Line, tol: float, tol_tensi
     """
     a = line.rest(partial(catenary_line.solve, extra_steps=1))
     if not a.states:
-        raise no_position_has_rest(a)
+        raise no_rest_refusal(a)
     coarser_a = line.rest(catenary_line.solve, a.refused)
     n = 4
     coarser_b = second.rest(partial(elements.solve, elements=n // 2))
@@ -199,7 +199,7 @@ def check_line(
     refuse_tolerances_out_of_range(tol, tol_tension)
     tol_tension = tol if tol_tension is None else tol_tension
     checked = line
-    line = with_worst_positions(line)
+    line = with_extreme_car_positions(line)
     if second is not None and line is not checked:
         car = line.car[0]
         second = second.replace({f"car.{car.name}.at": list(car.at or ())})

@@ -15,8 +15,8 @@ from validation.commands.run.motion import (
     SINES,
     LineRuns,
     MotionAnswers,
-    answers_of_ladders,
-    largest_deflection,
+    motion_answers,
+    largest_car_deflection,
     run_ladders,
 )
 from validation.core import motion_laws, store
@@ -32,7 +32,7 @@ SECOND = SINES.name  # solver that a planted fault is for
 
 def reference_scales(line: Line, run: LineRun) -> Scales:
     """Largest deflection of a car in the run, largest tension at its start, and weights of the cars."""
-    path = largest_deflection(line, line.empty(catenary_line.solve), run.motion)
+    path = largest_car_deflection(line, line.empty(catenary_line.solve), run.motion)
     tension = largest_tension_at_start(run.motion)
     weights = {car.name: car.mass * line.gravity for car in line.car}
     return Scales(path, tension, weights)
@@ -89,7 +89,7 @@ def check_line(
         verdict = worst_deciding_verdict(rows)
         again = verdict is before is Verdict.DISAGREE
         if verdict is Verdict.AGREE or again or space * time >= finest:
-            return answers_of_ladders(line, a, b, rows)
+            return motion_answers(line, a, b, rows)
         before = verdict
         space, time = _doubled_where_coarse(space, time, rows)
 

@@ -48,22 +48,22 @@ def command(
         others |= {"--method": method != METHOD, "--tol": tol is not None, "--no-bars": not bars}
         from validation.commands.run import line as at_rest
         from validation.commands.run import motion, quasi
-        from validation.commands.run.lines import answer_points
+        from validation.commands.run.lines import answer_and_report_lines
 
         points = options.line_points_from_options(options.with_limits(line, limits), set_, case, others)
 
         def solve(x: Any, report: Any) -> Any:
             if model == QUASI_STATIC:
-                return quasi.quasi_static_line(x)
+                return quasi.answer_line_quasi_statically(x)
             return motion.answer_line(x, report=report) if x.moves else at_rest.answer_line(x)
 
-        return answer_points("run", points, out, solve, require, at_rest=model == QUASI_STATIC)
+        return answer_and_report_lines("run", points, out, solve, require, at_rest=model == QUASI_STATIC)
     faults = [
         f"--{option} = {short_text(given)}: unknown.{did_you_mean(given, CHOICES[option])}"
         for option, given in run_options.items() if given not in CHOICES[option]
     ]  # fmt: skip
     faults += options.tolerance_faults(tol)
-    chosen = None if model == QUASI_STATIC else _find_method(method, tol, faults)
+    chosen = None if model == QUASI_STATIC else _find_method_noting_faults(method, tol, faults)
     loaded = options.with_limits(options.load_scene_or_refuse(scene, faults, needs_mass=True), limits)
     points = options.grid_points_from_options(loaded, set_, case)
     if faults := [fault for point in points for fault in _run_faults(chosen, run_options, point, tol)]:
@@ -121,7 +121,7 @@ def _write_animation(response: "Response", folder: Path) -> None:
     paraview.write_paraview_files(response, folder)
 
 
-def _find_method(name: str, tol: float | None, faults: list[str]) -> Any:
+def _find_method_noting_faults(name: str, tol: float | None, faults: list[str]) -> Any:
     from validation.core.methods import find_method
 
     try:

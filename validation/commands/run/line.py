@@ -136,7 +136,7 @@ def _car_clearance_name(car: Car, what: str) -> str:
     return f"clearance_car:{car.name} over {what}"
 
 
-def _clearances_in_passing(line: Line, rows: Sequence[Row | None]) -> list[tuple[str, int, float]]:
+def _clearances_between_positions(line: Line, rows: Sequence[Row | None]) -> list[tuple[str, int, float]]:
     """Clearances of cars over obstacles and corners of the ground that they pass, linear between two positions."""
     out = []
     tops = [(o.name, o.at, o.top) for o in line.obstacle] + [(GROUND, *point) for point in line.ground]
@@ -151,10 +151,10 @@ def _clearances_in_passing(line: Line, rows: Sequence[Row | None]) -> list[tuple
     return out
 
 
-def extreme_rows(line: Line, rows: Sequence[Row | None]) -> list[Row]:
+def max_and_min_rows(line: Line, rows: Sequence[Row | None]) -> list[Row]:
     """Largest and smallest value of each quantity, and the position of each."""
     out = []
-    for name, values in _values_with_positions(line, rows).items():
+    for name, values in _values_by_quantity(line, rows).items():
         kind = name.partition(":")[0]
         for word, pick in (("max", max), ("min", min)):
             if WORDS[kind].get("only", word) == word:
@@ -162,23 +162,23 @@ def extreme_rows(line: Line, rows: Sequence[Row | None]) -> list[Row]:
                 rounding = ROUNDING * abs(extreme)
                 value, i = next(x for x in values if abs(x[0] - extreme) <= rounding)  # the first of equal ones
                 out.append({
-                    "quantity": _extreme_name(name, word), "value": value, "bar": None, "unit": WORDS[kind]["unit"],
+                    "quantity": _name_of_extreme(name, word), "value": value, "bar": None, "unit": WORDS[kind]["unit"],
                     "position": i + 1, "at": {c.name: line.position_of(c, i) for c in line.car},
                 })  # fmt: skip
     return out
 
 
-def _values_with_positions(line: Line, rows: Sequence[Row | None]) -> dict[str, list[tuple[float, int]]]:
+def _values_by_quantity(line: Line, rows: Sequence[Row | None]) -> dict[str, list[tuple[float, int]]]:
     """Values by quantity, each with its position."""
     known = [(name, i, value) for i, row in enumerate(rows) for name, value in (row or {}).items()]
     series: dict[str, list[tuple[float, int]]] = {}
-    for name, i, value in (*known, *_clearances_in_passing(line, rows)):
+    for name, i, value in (*known, *_clearances_between_positions(line, rows)):
         if isinstance(value, float) and base_quantity(name) != "x":
             series.setdefault(name, []).append((value, i))
     return series
 
 
-def _extreme_name(name: str, word: str) -> str:
+def _name_of_extreme(name: str, word: str) -> str:
     """Name of the max or min of a quantity."""
     kind, colon, of = name.partition(":")
     quantity = kind if kind.endswith(f"_{word}") else f"{kind}_{word}"
@@ -227,7 +227,7 @@ class RestAnswers(LineAnswers):
         return sorted(clearances, key=lambda d: d["value"])
 
     @cached_property
-    def needed_tension(self) -> str:
+    def needed_tension_text(self) -> str:
         """What a counterweight must be for all positions to have a rest, as the end of a sentence."""
         return self.rest.needed_tension(catenary_line.solve)
 
@@ -239,7 +239,7 @@ class RestAnswers(LineAnswers):
         load = f"{tension['value'] / 1e3:.1f} kN"
         if self.breaks:
             strength = f"{(self.line.cable.breaking_load or 0.0) / 1e3:.1f} kN"
-            force = f"{load} in a rope of {strength}{_cars_text(tension)}"
+            force = f"{load} in a rope of {strength}{_car_positions_text(tension)}"
             parts.append(Outcome("breaks", f"the rope is loaded beyond its breaking load: {force}"))
         hits = list(map(_collision_text, self.collisions))
         if hits:
@@ -248,9 +248,9 @@ class RestAnswers(LineAnswers):
             parts.append(Outcome("collides", f"would collide: {', '.join([*hits[:most], *more])}"))
         if self.positions_without_rest:
             without = f"{len(self.positions_without_rest)} of {self.line.count} positions have no rest"
-            parts.append(Outcome("incomplete", without + self.needed_tension))
+            parts.append(Outcome("incomplete", without + self.needed_tension_text))
         if not parts:
-            carries = f"at rest at {_position_count(self.line.count)}; largest tension {load}{_cars_text(tension)}"
+            carries = f"at rest at {_position_count_text(self.line.count)}; largest tension {load}{_car_positions_text(tension)}"
             parts.append(Outcome("carries", carries))
         model = "quasi-static, without inertia, friction and drag: " if self.quasi_static else ""
         return Outcome(parts[0].kind, model + "; ".join(part.sentence for part in parts))
@@ -305,14 +305,14 @@ class RestAnswers(LineAnswers):
             terminal.print_text(
                 f"  and {len(self.positions_without_rest) - 3} more positions without rest", style="bold red"
             )
-        terminal.print_text(f"  {_position_count(self.line.count)} in {seconds:.1f} s")
+        terminal.print_text(f"  {_position_count_text(self.line.count)} in {seconds:.1f} s")
 
 
-def _position_count(count: int) -> str:
+def _position_count_text(count: int) -> str:
     return "1 position" if count == 1 else f"{count} positions"
 
 
-def _cars_text(number: Row) -> str:
+def _car_positions_text(number: Row) -> str:
     return f" with {', '.join(f'{name} at {x:.0f} m' for name, x in number['at'].items())}" if number["at"] else ""
 
 
@@ -320,10 +320,10 @@ def _collision_text(number: Row) -> str:
     kind, _, of = number["quantity"].partition(":")
     name = f"the rope over {of}" if kind.startswith("clearance_rope") else of
     who, _, what = name.partition(" over ")
-    return f"{who} hits {what} by {-number['value']:.2f} m{_cars_text(number)}"
+    return f"{who} hits {what} by {-number['value']:.2f} m{_car_positions_text(number)}"
 
 
-def no_position_has_rest(rest: LineRest) -> store.Refused:
+def no_rest_refusal(rest: LineRest) -> store.Refused:
     """The refusal of a line without any position at rest."""
     needed = rest.needed_tension(catenary_line.solve)
     return store.Refused(f"{rest.line.name}: no position has a rest; at the first {rest.positions[0]}{needed}")
@@ -335,11 +335,11 @@ def answer_line(line: Line, *, rest: LineRest | None = None) -> RestAnswers:
     rest : its solution, if there is one.
     """
     if rest is None:
-        from validation.commands.run.worst import with_worst_positions
+        from validation.commands.run.worst import with_extreme_car_positions
 
-        line = with_worst_positions(line)
+        line = with_extreme_car_positions(line)
         rest = line.rest(catenary_line.solve)
     numbers = numbers_by_position(rest)
     if not any(numbers):
-        raise no_position_has_rest(rest)
-    return RestAnswers(line=line, rest=rest, numbers=numbers, design=extreme_rows(line, numbers))
+        raise no_rest_refusal(rest)
+    return RestAnswers(line=line, rest=rest, numbers=numbers, design=max_and_min_rows(line, numbers))

@@ -100,7 +100,7 @@ class LineAnswers:
         return row | ({"verdict": self.verdict.value} if self.verdict else {})
 
 
-def answer_points(
+def answer_and_report_lines(
     command: str, points: Sequence[GridPoint], out: Path | None, solve: Solve, require: bool = False,
     at_rest: bool = False,
 ) -> int:  # fmt: skip
@@ -111,9 +111,9 @@ def answer_points(
     line: Line = points[0].scene
     moves = line.moves and not at_rest
     if len(points) > 1:
-        rows = _answer_grid(command, points, moves, out, solve)
+        rows = _answer_line_grid(command, points, moves, out, solve)
     else:
-        rows = [_answer_one(command, line, moves, out, solve)]
+        rows = [_answer_one_line(command, line, moves, out, solve)]
     if any(x.get("verdict", "agree") != "agree" or x.get("faults") for x in rows):
         return 1
     if any(x["status"] != "complete" for x in rows):
@@ -128,7 +128,7 @@ def _folder_name(command: str, moves: bool) -> str:
     return "rest-check" if command == "check" else "rest"
 
 
-def _answer_one(command: str, line: Line, moves: bool, out: Path | None, solve: Solve) -> Row:
+def _answer_one_line(command: str, line: Line, moves: bool, out: Path | None, solve: Solve) -> Row:
     from validation.core.readback import line_terminal_faults  # slow to import
 
     home = _folder_name(command, moves)
@@ -149,7 +149,7 @@ def _answer_one(command: str, line: Line, moves: bool, out: Path | None, solve: 
             terminal.print_verdict(result.verdict.value)
         result.print_answer(seconds)
         if result.rows:
-            terminal.print_text(f"  {_counts_sentence(result)}")
+            terminal.print_text(f"  {_agreement_counts_sentence(result)}")
     report.write_report_and_finish(folder, command)
     html = "".join(f"{section.summary}{section.html}" for section in report.read_stored_sections(folder, command))
     faults = [*result.faults(folder / home, html), *line_terminal_faults(printed, html, folder / home)]
@@ -158,7 +158,7 @@ def _answer_one(command: str, line: Line, moves: bool, out: Path | None, solve: 
     return result.table_row() | {"faults": len(faults)}
 
 
-def _counts_sentence(result: LineAnswers) -> str:
+def _agreement_counts_sentence(result: LineAnswers) -> str:
     """How many comparisons agree, laws hold and printed numbers are as computed, and the worst of the others."""
     rows = result.rows
     printed = [row for row in rows if row.quantity == "printed"]
@@ -176,7 +176,7 @@ def _counts_sentence(result: LineAnswers) -> str:
     return "; ".join(parts) + (f"; not so: {', '.join(wrong[:4])}" if wrong else "")
 
 
-def _answer_grid(
+def _answer_line_grid(
     command: str, points: Sequence[GridPoint], moves: bool, out: Path | None, solve: Solve
 ) -> list[Row]:  # fmt: skip
     def row_and_curve(point: GridPoint) -> tuple[Row, Any]:

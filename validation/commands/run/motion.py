@@ -71,7 +71,7 @@ def shortest_time_on_rail(system: Any, state: State) -> float:
     return float(min(times, default=0.0))
 
 
-def shoe_force_sentences(line: Line, motion: LineMotion) -> list[str]:
+def shoe_pull_down_sentences(line: Line, motion: LineMotion) -> list[str]:
     """Where a shoe would have to pull a car down, and what would do without.
 
     The share of its force that the turn of the path takes grows with the speed squared, and falls with the length.
@@ -100,7 +100,7 @@ def shoe_force_sentences(line: Line, motion: LineMotion) -> list[str]:
     return out
 
 
-def fast_car_sentences(line: Line, motion: LineMotion) -> list[str]:
+def faster_than_waves_sentences(line: Line, motion: LineMotion) -> list[str]:
     """Cars that are faster than transverse waves, of speed sqrt(N/rho), and from where on."""
     rho = line.cable.mass_per_length + line.cable.ice_per_length
     out = []
@@ -112,7 +112,7 @@ def fast_car_sentences(line: Line, motion: LineMotion) -> list[str]:
     return out
 
 
-def lasting_events(
+def events_without_rattling(
     events: Sequence[tuple[str, float]], line: MovingLine, motion: LineMotion
 ) -> tuple[tuple[str, float], ...]:
     """Events, name and time, without those of cars that stay within `rest_distance` of where they came to rest.
@@ -140,7 +140,7 @@ def lasting_events(
     return tuple(event for i, event in enumerate(events) if i not in dropped)
 
 
-def coarser_settings(space: int, time: int) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+def coarser_factors(space: int, time: int) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
     """Half and quarter of a run's resolution, and of its steps."""
     in_space = [(space // k, time) for k in (2, 4) if space >= k]
     in_time = [(space, time // k) for k in (2, 4) if time >= k]
@@ -149,7 +149,7 @@ def coarser_settings(space: int, time: int) -> tuple[list[tuple[int, int]], list
 
 def run_ladders(solvers: Sequence[LineRuns], space: int, time: int, report: Progress) -> None:
     """Make the runs of the ladders of several solvers in parallel, the finest first."""
-    in_space, in_time = coarser_settings(space, time)
+    in_space, in_time = coarser_factors(space, time)
     settings = [(space, time), *in_time, *in_space]
     missing = [(solver, x) for x in settings for solver in reversed(solvers) if x not in solver.known]
 
@@ -162,7 +162,7 @@ def run_ladders(solvers: Sequence[LineRuns], space: int, time: int, report: Prog
     map_in_parallel(lambda item: item[0].run(*item[1]), missing, keep)
 
 
-class MarchedPart(NamedTuple):
+class SystemMarch(NamedTuple):
     """States of a line while it touches the same contacts."""
 
     states: list[State]
@@ -216,7 +216,7 @@ class LineRuns:
         """The run, half and quarter in space and in time; no quarter of 2."""
         branches = []
         order = 4.0  # credited to refinement in space and time, at most
-        for settings in coarser_settings(space, time):
+        for settings in coarser_factors(space, time):
             runs: list[Any] = [self.run(*setting) for setting in settings]
             branches.append(Branch(tuple(runs), (2.0,) * len(runs), order))
         finest: Any = self.run(space, time)
@@ -237,7 +237,7 @@ class LineRuns:
         steps = grid
         on_rail = 6  # coarsest steps of a car on a rail over a shoe
         while True:
-            part = self._march_part(*begun, steps, work)
+            part = self._march_one_system(*begun, steps, work)
             parts.append(begun[0].observe(part.states, s))
             run += part.states
             if part.following is None:
@@ -249,11 +249,11 @@ class LineRuns:
         return LineRun(
             method=self.method.name, settings={self.method.setting: n, "steps": sum(t.size - 1 for t in grid)},
             motion=with_wheel_loads(motion, self.table, self.line, run),
-            events=lasting_events([(e.name, e.t) for e in work.events], self.line, motion), reason=part.reason,
+            events=events_without_rattling([(e.name, e.t) for e in work.events], self.line, motion), reason=part.reason,
             period=self.period, instants=self.instants, n_dof=n_dof, steps=work.steps,
         )  # fmt: skip
 
-    def _march_part(self, system: Any, start: State | None, steps: list[Array], work: Work) -> MarchedPart:
+    def _march_one_system(self, system: Any, start: State | None, steps: list[Array], work: Work) -> SystemMarch:
         """The run of one system from a state on; Refused where it does not begin."""
         states: list[State] = [] if start is None else [start]
         noted = len(work.events)
@@ -272,8 +272,8 @@ class LineRuns:
         except StepFailure as error:
             if len(states) < 2 and start is None:
                 raise store.Refused(f"{self.method.name}: {error}") from None
-            return MarchedPart(states, None, str(error))
-        return MarchedPart(states, following, None)
+            return SystemMarch(states, None, str(error))
+        return SystemMarch(states, following, None)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -308,7 +308,10 @@ class MotionAnswers(LineAnswers):
     def outcome(self) -> Outcome:
         """Kinds: incomplete, breaks, collides, ends, arrives; the first that holds."""
         parts = []
-        doubts = [*shoe_force_sentences(self.line, self.motion), *fast_car_sentences(self.line, self.motion)]
+        doubts = [
+            *shoe_pull_down_sentences(self.line, self.motion),
+            *faster_than_waves_sentences(self.line, self.motion),
+        ]
         if self.moved.reason is not None:
             parts.append(Outcome("incomplete", f"the run broke: {self.moved.reason}"))
         judged = [d for d in self.design if d["quantity"].startswith(("safety_factor", "clearance"))]
@@ -318,18 +321,18 @@ class MotionAnswers(LineAnswers):
             limit = TOUCHES if kind.startswith("clearance") else 1.0
             bar = d["bar"] or 0.0
             if d["value"] + bar < limit:
-                parts.append(self._failure(of, d["value"]))
+                parts.append(self._break_or_collision(of, d["value"]))
             elif d["value"] - bar < limit:
                 body, _, over = of.rpartition(" over ")
                 what = f"{body or 'the rope'} clears {over}" if of else "the rope breaks"
                 doubts.append(f"too close to tell whether {what}")
-        parts += self._outcome_of_end()
+        parts += self._end_outcomes()
         sentences = [*doubts, *(part.sentence for part in parts)]
         largest = self.tension_max
         sentences.append(f"largest tension {largest['value'] / 1e3:.1f} kN at {largest['t']:.1f} s")
         return Outcome(parts[0].kind, "; ".join(sentences))
 
-    def _failure(self, of: str, value: float) -> Outcome:
+    def _break_or_collision(self, of: str, value: float) -> Outcome:
         """That the rope breaks, or by the clearance `value` [m] of what something is hit."""
         if not of:
             strength = f"{(self.line.cable.breaking_load or 0.0) / 1e3:.1f} kN"
@@ -337,11 +340,11 @@ class MotionAnswers(LineAnswers):
         body, _, over = of.rpartition(" over ")
         return Outcome("collides", f"would collide: {body or 'the rope'} hits {over} by {-value:.2f} m")
 
-    def _outcome_of_end(self) -> list[Outcome]:
+    def _end_outcomes(self) -> list[Outcome]:
         """How the run ends; nothing of one that broke."""
         places = ", ".join(f"{car.name} at x = {car.point[-1, 0]:.1f} m" for car in self.cars)
         end = self.moved.end
-        before = "".join(f"{sentence}; " for sentence in self._stops_before_end())
+        before = "".join(f"{sentence}; " for sentence in self._earlier_stop_sentences())
         if self.moved.events and self.moved.events[-1][1] >= end * (1.0 - 1e-9):
             name, t = self.moved.events[-1]
             sentence = f"{before}{name} after {t:.1f} s with {places}"
@@ -355,7 +358,7 @@ class MotionAnswers(LineAnswers):
             return []
         return [Outcome("arrives", f"{before}ends after {end:.1f} s with {places}")]
 
-    def _stops_before_end(self) -> Iterator[str]:
+    def _earlier_stop_sentences(self) -> Iterator[str]:
         """Where and when cars that stay to the end have stopped before it."""
         t = self.t
         for car, table in zip(self.cars, self.line.car, strict=True):
@@ -374,7 +377,7 @@ class MotionAnswers(LineAnswers):
     @property
     def path_scale(self) -> float:
         """Largest deflection of a car [m]."""
-        return largest_deflection(self.line, self.empty, self.motion)
+        return largest_car_deflection(self.line, self.empty, self.motion)
 
     def write(self, folder: Path, seconds: float) -> None:
         """Write path-NAME.csv, contacts.csv, profile.csv, rope.csv, summary.json and scene.toml."""
@@ -382,7 +385,7 @@ class MotionAnswers(LineAnswers):
         motion = self.motion
         thermal_stretch = 1.0 + line.cable.thermal_strain
         for car in motion.cars:
-            w = car.point - at_rest_points(self.empty, car.s / thermal_stretch)
+            w = car.point - empty_rope_points(self.empty, car.s / thermal_stretch)
             speed = np.hypot(*car.velocity.T)
             more = turning_series(car)
             columns = (
@@ -449,10 +452,10 @@ def answer_line(line: Line, *, report: Progress = no_progress) -> MotionAnswers:
     """Run a line in motion on elements, with bars from coarser runs."""
     runs = LineRuns(ELEMENTS, line)
     run_ladders([runs], 2, 2, report)
-    return answers_of_ladders(line, runs.ladder(2, 2), None)
+    return motion_answers(line, runs.ladder(2, 2), None)
 
 
-def answers_of_ladders(line: Line, a: Ladder, b: Ladder | None, rows: Sequence[Agreement] = ()) -> MotionAnswers:
+def motion_answers(line: Line, a: Ladder, b: Ladder | None, rows: Sequence[Agreement] = ()) -> MotionAnswers:
     finest: Any = a.finest
     other: Any = None if b is None else b.finest
     design = design_with_bars(a, b, line, motion_unit)
@@ -460,14 +463,14 @@ def answers_of_ladders(line: Line, a: Ladder, b: Ladder | None, rows: Sequence[A
     return MotionAnswers(line=line, moved=finest, empty=empty, design=design, other=other, rows=list(rows))
 
 
-def largest_deflection(line: Line, empty: LineState, motion: LineMotion) -> float:
+def largest_car_deflection(line: Line, empty: LineState, motion: LineMotion) -> float:
     """Of a car from the empty rope [m]; 1 without cars."""
     thermal_stretch = 1.0 + line.cable.thermal_strain
-    away = [car.point - at_rest_points(empty, car.s / thermal_stretch) for car in motion.cars]
+    away = [car.point - empty_rope_points(empty, car.s / thermal_stretch) for car in motion.cars]
     return max((float(np.hypot(*w.T).max()) for w in away), default=1.0)
 
 
-def at_rest_points(empty: LineState, s: Array) -> Array:
+def empty_rope_points(empty: LineState, s: Array) -> Array:
     """Points (n, 2) [m] of the empty rope at s (n,) [m] of it."""
     inner = np.clip(s, empty.s[0], empty.s[-1])
     k = np.clip(np.searchsorted(empty.s, inner, side="right") - 1, 0, empty.s.size - 2)

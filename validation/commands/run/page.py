@@ -20,7 +20,7 @@ HOMES: dict[str, Callable[[Path], list[Section]]] = {
 def sections(folder: Path) -> list[Section]:
     homes = [folder / name for name in HOMES if (folder / name).is_dir()]
     if homes:
-        last = max(homes, key=_written_at)
+        last = max(homes, key=_time_written)
         return HOMES[last.name](last)
     files = [*folder.glob("*/summary.json"), *folder.glob("*/grid.json")]
     last = max(files, key=lambda file: file.stat().st_mtime)
@@ -33,6 +33,6 @@ def sections(folder: Path) -> list[Section]:
     return render_sections(__package__, **answer_page_content(x))
 
 
-def _written_at(home: Path) -> float:
+def _time_written(home: Path) -> float:
     """When the result in a folder was written."""
     return max(file.stat().st_mtime for file in [*home.glob("summary.json"), *home.glob("grid.json")])

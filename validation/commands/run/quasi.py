@@ -19,21 +19,21 @@ from validation.commands.run.line import RestAnswers, answer_line
 from validation.core import store
 
 
-def quasi_static_line(line: Line) -> RestAnswers:
+def answer_line_quasi_statically(line: Line) -> RestAnswers:
     """States of rest at the positions of the timetables; Refused for a car that rolls freely."""
     if not line.moves:
         return answer_line(line)
-    return replace(answer_line(line_at_rest(line)), quasi_static=True)
+    return replace(answer_line(line_at_timetable_positions(line)), quasi_static=True)
 
 
-def line_at_rest(line: Line) -> Line:
+def line_at_timetable_positions(line: Line) -> Line:
     """The line with its cars at rest where their timetables have them; Refused for a car that rolls freely."""
     for car in line.car:
         if car.mode == "free":
             where = "where it is follows from the motion; must be hauled or grip for --model quasi-static"
             raise store.Refused(f"car.{car.name}.drive.mode = 'free': {where}")
     moving = line_in_motion(line, catenary_line.solve)
-    positions = _positions_by_car(moving)
+    positions = _timetable_positions_by_car(moving)
     thermal_stretch = 1.0 + line.cable.thermal_strain
     along = {
         car.name: positions[car.name] / thermal_stretch for car in moving.cars if car.along == "s"
@@ -42,15 +42,15 @@ def line_at_rest(line: Line) -> Line:
     x = positions | {name: np.interp(s, empty.s, empty.points[:, 0]) for name, s in along.items()}
     exact = 1e-6  # [m] from where a car is to where its timetable has it
     for _ in range(30 if along else 0):
-        missing = _missing_rope(_with_cars_at(line, x), along)
+        missing = _x_shifts_to_reach_s(_at_rest_with_cars_at(line, x), along)
         if max(float(np.abs(shift).max()) for shift in missing.values()) < exact:
             break
         for name, shift in missing.items():
             x[name] = x[name] + shift
-    return _with_cars_at(line, x)
+    return _at_rest_with_cars_at(line, x)
 
 
-def _positions_by_car(moving: MovingLine) -> dict[str, Array]:
+def _timetable_positions_by_car(moving: MovingLine) -> dict[str, Array]:
     """Prescribed positions (n,) [m], without instants at which all cars stand."""
     ends = [end for _, end in moving.phases]
     count = 81  # instants of the timetables
@@ -65,7 +65,7 @@ def _positions_by_car(moving: MovingLine) -> dict[str, Array]:
     return dict(zip([car.name for car in moving.cars], positions[:, moves], strict=True))
 
 
-def _with_cars_at(line: Line, x: dict[str, Array]) -> Line:
+def _at_rest_with_cars_at(line: Line, x: dict[str, Array]) -> Line:
     data = tomllib.loads(line.to_toml())
     for car, table in zip(line.car, data["car"], strict=True):
         for name in ("travel", "drive", "hanger", "wheels"):
@@ -74,16 +74,16 @@ def _with_cars_at(line: Line, x: dict[str, Array]) -> Line:
     return Line(**data)
 
 
-def _missing_rope(at_rest: Line, along: dict[str, Array]) -> dict[str, Array]:
+def _x_shifts_to_reach_s(at_rest: Line, along: dict[str, Array]) -> dict[str, Array]:
     """How much farther in x (n,) [m] each car must be for s (n,) of `along`; none where there is no rest."""
     missing = {name: np.zeros(s.size) for name, s in along.items()}
     for i, state in at_rest.rest(catenary_line.solve).states.items():
         for name, s in along.items():
-            missing[name][i] = _shift_to(state, name, float(s[i]))
+            missing[name][i] = _x_shift_to_s(state, name, float(s[i]))
     return missing
 
 
-def _shift_to(state: LineState, name: str, s: float) -> float:
+def _x_shift_to_s(state: LineState, name: str, s: float) -> float:
     """Distance in x [m] along the tangent ahead of a car from where it is to s."""
     k = [station.name for station in state.case.stations].index(name)
     level, down = state.ahead[k].tolist()

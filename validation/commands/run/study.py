@@ -40,9 +40,11 @@ def run_and_answer(
     Without a method: the quasi-static ride.
     """
     if method is None:
-        return quasi_static_answer(scene), ""
+        return rechecked_quasi_static_ride(scene), ""
     if tol is None:
-        return _with_design_numbers(scene, run(scene, method, **options, progress=progress), method, bars, options), ""
+        return _with_lazy_design_numbers(
+            scene, run(scene, method, **options, progress=progress), method, bars, options
+        ), ""
     missed = ""
     try:
         ladder = refine_to_tolerance(scene, method, tol, **options, progress=progress)
@@ -54,7 +56,9 @@ def run_and_answer(
     return replace(ladder.finest, design=design_numbers(ladder), events=events_with_bars(ladder)), missed
 
 
-def _with_design_numbers(scene: Scene, r: Response, method: Method, bars: bool, options: dict[str, Any]) -> Response:
+def _with_lazy_design_numbers(
+    scene: Scene, r: Response, method: Method, bars: bool, options: dict[str, Any]
+) -> Response:
     """The response with its design numbers; with bars, coarser runs are made when one is looked at."""
     if not bars:
         return r.with_lazy_fields(design=design_numbers)
@@ -69,7 +73,7 @@ def _with_design_numbers(scene: Scene, r: Response, method: Method, bars: bool, 
     )  # fmt: skip
 
 
-def quasi_static_answer(scene: Scene) -> Response:
+def rechecked_quasi_static_ride(scene: Scene) -> Response:
     """The quasi-static ride with design numbers and bars, and a flag for each that its second computation denies."""
     r = quasi_static(scene)
     r = with_error_bars(scene, replace(r, design=design_numbers(r)))

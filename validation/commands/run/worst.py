@@ -12,23 +12,23 @@ from validation.commands.run.line import numbers_by_position
 from validation.commands.run.lines import Row
 
 
-def with_worst_positions(line: Line) -> Line:
+def with_extreme_car_positions(line: Line) -> Line:
     """The line with its car, if it has no `at`, over each span and at every place where a number is extreme."""
     car = next((car for car in line.car if car.at is None), None)
     if car is None:
         return line
-    positions = _CarPositions(line, f"car.{car.name}.at")
-    first = sorted(set(_first_positions(line)))
+    positions = _NumbersByCarPosition(line, f"car.{car.name}.at")
+    first = sorted(set(_positions_to_try_first(line)))
     positions.solve(first)
     for _ in range(6):  # of parabolas, at most
-        vertices = positions.untried_vertices()
+        vertices = positions.untried_parabola_vertices()
         if not vertices:
             break
         positions.solve(vertices)
     return positions.line_at([*first, *positions.positions_of_extreme_numbers()])
 
 
-def _first_positions(line: Line) -> Iterator[float]:
+def _positions_to_try_first(line: Line) -> Iterator[float]:
     """Places over each span, the middles of shoes, obstacles and corners of the ground."""
     low = 0.0
     high = line.contact[-1].at[0]
@@ -46,7 +46,7 @@ def _first_positions(line: Line) -> Iterator[float]:
             yield x
 
 
-class _CarPositions:
+class _NumbersByCarPosition:
     """Numbers of a line by place of its car; a place without rest has none."""
 
     def __init__(self, line: Line, key: str) -> None:
@@ -62,7 +62,7 @@ class _CarPositions:
         for x, row in zip(sorted(set(positions)), numbers_by_position(rest), strict=True):
             self.rows[x] = row or {}
 
-    def _numbers_over_positions(self) -> Iterator[tuple[np.ndarray, np.ndarray, int]]:
+    def _curves_with_extreme_index(self) -> Iterator[tuple[np.ndarray, np.ndarray, int]]:
         """Places and values (n,) of each number, and the index of its largest and of its smallest."""
         x = np.array(sorted(self.rows))
         names = {name for row in self.rows.values() for name, value in row.items() if isinstance(value, float)}
@@ -73,13 +73,13 @@ class _CarPositions:
                 yield x, y, int(np.nanargmin(y))
 
     def positions_of_extreme_numbers(self) -> list[float]:
-        return [float(x[k]) for x, _, k in self._numbers_over_positions()]
+        return [float(x[k]) for x, _, k in self._curves_with_extreme_index()]
 
-    def untried_vertices(self) -> list[float]:
+    def untried_parabola_vertices(self) -> list[float]:
         """Vertices of parabolas through each extreme and its neighbours, where nothing was solved yet."""
         out: list[float] = []
         same = 1e-6  # of the line: places that are one
-        for x, y, k in self._numbers_over_positions():
+        for x, y, k in self._curves_with_extreme_index():
             if not 0 < k < x.size - 1 or not np.isfinite(y[k - 1 : k + 2]).all():
                 continue
             a, b = np.polyfit(x[k - 1 : k + 2] - x[k], y[k - 1 : k + 2] - y[k], 2)[:2]
