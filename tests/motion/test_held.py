@@ -14,7 +14,7 @@ from cablefem.scene.moving import line_in_motion
 from galerkin.lines import LineSines
 from tests.motion.lines import BODIES
 from validation.commands.check.motion import check_line, compare_and_check_laws, law_rows
-from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, motion_answers, events_without_rattling
+from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, events_without_rattling, motion_answers
 from validation.core.agreement import worst_deciding_verdict
 from validation.core.motion_rows import LineTolerance, unbalanced_work
 from validation.core.readback import line_outcome_faults

@@ -15,8 +15,8 @@ from validation.commands.run.motion import (
     SINES,
     LineRuns,
     MotionAnswers,
-    motion_answers,
     largest_car_deflection,
+    motion_answers,
     run_ladders,
 )
 from validation.core import motion_laws, store

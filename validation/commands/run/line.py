@@ -250,7 +250,8 @@ class RestAnswers(LineAnswers):
             without = f"{len(self.positions_without_rest)} of {self.line.count} positions have no rest"
             parts.append(Outcome("incomplete", without + self.needed_tension_text))
         if not parts:
-            carries = f"at rest at {_position_count_text(self.line.count)}; largest tension {load}{_car_positions_text(tension)}"
+            count = _position_count_text(self.line.count)
+            carries = f"at rest at {count}; largest tension {load}{_car_positions_text(tension)}"
             parts.append(Outcome("carries", carries))
         model = "quasi-static, without inertia, friction and drag: " if self.quasi_static else ""
         return Outcome(parts[0].kind, model + "; ".join(part.sentence for part in parts))
