@@ -79,7 +79,5 @@ def test_a_carriage_that_does_not_feel_how_its_cabin_swings_is_seen(line, ladder
 @pytest.mark.slow
 def test_a_thrust_a_degree_off_in_one_solver_is_seen(line, ladder):
     fault = LineRuns(SINES, line.replace({"car.sled.drive.thrust.angle": 6.0}), LineRuns(SINES, line)).ladder(2, 2)
-    assert (
-        worst_deciding_verdict(compare_and_check_laws(line, ladder, fault, LineTolerance(1e-3, 1e-2))).value
-        == "disagree"
-    )
+    rows = compare_and_check_laws(line, ladder, fault, LineTolerance(1e-3, 1e-2))
+    assert worst_deciding_verdict(rows).value == "disagree"

@@ -121,10 +121,8 @@ def test_a_car_that_bends_its_path_without_force_is_seen(ladder):
 def test_a_shoe_a_tenth_longer_in_one_solver_is_seen(ladder):
     line = HAULED.replace({"contact.tower.shoe": 5.5})
     fault = LineRuns(SINES, line, runs(SINES, "hauled")).ladder(2, 2)
-    assert (
-        worst_deciding_verdict(compare_and_check_laws(HAULED, ladder, fault, LineTolerance(1e-3, 1e-2))).value
-        == "disagree"
-    )
+    rows = compare_and_check_laws(HAULED, ladder, fault, LineTolerance(1e-3, 1e-2))
+    assert worst_deciding_verdict(rows).value == "disagree"
 
 
 SECOND = OVER[OVER.index("[[car]]") :].replace('"car"', '"next"').replace("130.0, to = 170.0", "138.0, to = 178.0")

@@ -12,7 +12,7 @@ from tests.validation.ladders import ladder
 from validation.core import readback, recomputed
 from validation.core.agreement import Verdict
 from validation.core.answers import outcome_of_run
-from validation.core.design import QUANTITIES, design_gap_rows, design_numbers, widened_numbers
+from validation.core.design import QUANTITIES, design_gap_rows, design_numbers, widen_bars_to_gaps
 from validation.core.measures import energy_defect, time_span_for_extremes
 from validation.core.quasi_static import quasi_static
 from validation.core.running import run
@@ -102,7 +102,7 @@ def test_a_bar_is_no_less_than_the_gap_to_the_twin(told):
     _, found, known = told
     deeper = found.map(lambda r: replace(r, y=r.y + 1.0, v=r.v + 1.0))
     own, other = design_numbers(found, deeper), design_numbers(deeper, found)
-    after = {row["quantity"]: row["bar"] for row in widened_numbers(own, other)}
+    after = {row["quantity"]: row["bar"] for row in widen_bars_to_gaps(own, other)}
     assert {n.quantity: n for n in known}["mass_deepest"].bar < 0.1
     assert after["mass_deepest"] == pytest.approx(1.0, abs=0.02)
     ladders = [replace(x, finest=replace(x.finest, design=n)) for x, n in ((found, own), (deeper, other))]

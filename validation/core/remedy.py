@@ -78,11 +78,8 @@ def _remedy_text(
             """Rms gap of the changed path to our run; FAR where it is none."""
             try:
                 changed = change.apply_to(path, scene, x)
-                if changed.u is None:
-                    return measures.relative_path_gap(
-                        foreign.with_zero_u(changed), foreign.with_zero_u(run), window
-                    ).rms
-                return measures.relative_path_gap(changed, run, window).rms
+                pair = (changed, run) if changed.u is not None else tuple(map(foreign.with_zero_u, (changed, run)))
+                return measures.relative_path_gap(pair[0], pair[1], window).rms
             except (NotComparable, Refused):
                 return 1e6  # nothing can be compared; finite, for the search
 

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from validation.core.design import signals_of_run
+from validation.core.design import signals_over_common_time
 from validation.core.ladder import Ladder
 from validation.core.order import observed_order
 
@@ -16,7 +16,7 @@ def verification_rows(a: Ladder, b: Ladder) -> list[Row]:
     a, b : with design numbers whose bars are their own.  Values are those of the run, of half and of a quarter.
     """
     numbers = [{row["quantity"]: row for row in x.finest.design if row["bar"] is not None} for x in (a, b)]
-    computed = [signals_of_run(a.finest, b.finest), signals_of_run(b.finest, a.finest)]
+    computed = [signals_over_common_time(a.finest, b.finest), signals_over_common_time(b.finest, a.finest)]
     out = []
     for name in computed[0]:
         if not all(name in known for known in numbers):
@@ -32,7 +32,7 @@ def verification_rows(a: Ladder, b: Ladder) -> list[Row]:
         }  # fmt: skip
         for direction in ("space", "time"):
             branch = getattr((a, b)[i], direction)
-            levels = branch.finest_half_and_quarter_values((a, b)[i].finest, computed[i][name].value)
+            levels = branch.finest_half_and_quarter_values((a, b)[i].finest, computed[i][name].extreme_value_or_nan)
             row |= {
                 f"levels_{direction}": levels, f"ratios_{direction}": list(branch.ratios),
                 f"order_{direction}": observed_order(levels, branch.ratios),

@@ -23,7 +23,7 @@ from validation.core.agreement import (
     worst_deciding_verdict,
 )
 from validation.core.answers import outcome_of_run
-from validation.core.design import design_gap_rows, design_numbers, widened_numbers
+from validation.core.design import design_gap_rows, design_numbers, widen_bars_to_gaps
 from validation.core.foreign import WITH_TOL, ForeignPath
 from validation.core.ladder import Goal, Ladder
 from validation.core.methods import CHECKED, Method, find_method, scaled_settings
@@ -342,7 +342,7 @@ def _with_widened_bars(ladder: Ladder, counterpart: Ladder, rows: list[Agreement
         return None if error is None else max(error, gap.get(quantity, 0.0))
 
     run = replace(
-        ladder.finest, design=widened_numbers(ladder.finest.design, counterpart.finest.design),
+        ladder.finest, design=widen_bars_to_gaps(ladder.finest.design, counterpart.finest.design),
         events=widened_events(ladder.finest.events, counterpart.finest.events),
         path_error=at_least(ladder.finest.path_error, "path_max"),
         tension_error=at_least(ladder.finest.tension_error, "tension"),
