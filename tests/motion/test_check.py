@@ -16,9 +16,9 @@ from validation.commands.check.motion import check_line, compare_and_check_laws
 from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, motion_answers
 from validation.core import motion_laws
 from validation.core.agreement import worst_deciding_verdict
-from validation.core.motion_laws import read_back_line_files
+from validation.core.motion_laws import faults_of_line_files
 from validation.core.motion_rows import LineTolerance
-from validation.page.motion import sections
+from validation.page.motion import motion_sections
 
 EVERYTHING = """
 [cable]
@@ -217,9 +217,9 @@ def test_an_answer_to_a_line_is_not_compared_with_one_of_one_span(answer):
 def test_a_wrong_file_and_a_wrong_number_are_found(tmp_path, answer):
     folder = tmp_path / "a"
     answer.write(folder, 0.0)
-    assert not read_back_line_files(folder, answer.motion, answer.design, answer.moved.period)
+    assert not faults_of_line_files(folder, answer.motion, answer.design, answer.moved.period)
     wrong = [number | {"value": number["value"] * 1.01 + 2.0 * number["bar"]} for number in answer.design]
-    faults = read_back_line_files(folder, answer.motion, wrong, answer.moved.period)
+    faults = faults_of_line_files(folder, answer.motion, wrong, answer.moved.period)
     assert [fault.partition(" = ")[0] for fault in faults] == [number["quantity"] for number in wrong]
     file = folder / "path-up.csv"
     head, *body = file.read_text().splitlines()
@@ -228,12 +228,12 @@ def test_a_wrong_file_and_a_wrong_number_are_found(tmp_path, answer):
     for row in table:
         row[column] = str(1.001 * float(row[column]))
     file.write_text("\n".join([head, *(",".join(row) for row in table)]) + "\n")
-    faults = read_back_line_files(folder, answer.motion, [], answer.moved.period)
+    faults = faults_of_line_files(folder, answer.motion, [], answer.moved.period)
     assert faults == ["path-up.csv: y is not what was computed"]
 
 
 def page_of(folder):
-    return "".join(section.html for section in sections(folder))
+    return "".join(section.html for section in motion_sections(folder))
 
 
 @pytest.mark.parametrize("key", ["value", "bar", "t"])
@@ -375,7 +375,7 @@ def test_both_solvers_resolve_the_waves_that_a_pitching_car_sends():
     line = Line.load("rocket-trolley").replace({"car.sled.drive.end.time": 1.5})
     first = LineRuns(ELEMENTS, line)
     runs = [x.run(4, 1) for x in (first, LineRuns(SINES, line, first))]
-    one, other = (run.at_instants(run.motion.cars[0].turning.angle, 1.5) for run in runs)
+    one, other = (run.at_common_instants(run.motion.cars[0].turning.angle, 1.5) for run in runs)
     np.testing.assert_allclose(one, other, atol=1e-3 * np.ptp(one))
 
 
@@ -396,13 +396,13 @@ def test_files_and_numbers_hold_swing_pitch_and_wheel_loads(tmp_path):
     line = Line.from_toml(BODIES)
     result = motion_answers(line, LineRuns(ELEMENTS, line).ladder(1, 1), None)
     result.write(tmp_path, 0.0)
-    assert not read_back_line_files(tmp_path, result.motion, result.design, result.moved.period)
+    assert not faults_of_line_files(tmp_path, result.motion, result.design, result.moved.period)
     names = {number["quantity"] for number in result.design}
     assert {"swing_max:cabin", "pitch_min:sled", "wheel_min:sled.rear", "wheel_max:sled.front"} <= names
     for file, column in (("path-sled.csv", "pitch"), ("path-sled.csv", "wheel_rear"), ("path-cabin.csv", "swing")):
         text = (tmp_path / file).read_text()
         (tmp_path / file).write_text(text.replace(column, "gone", 1))
-        faults = read_back_line_files(tmp_path, result.motion, [], result.moved.period)
+        faults = faults_of_line_files(tmp_path, result.motion, [], result.moved.period)
         assert faults == [f"{file}: {column} is not what was computed"]
         (tmp_path / file).write_text(text)
 

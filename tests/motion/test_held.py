@@ -16,7 +16,7 @@ from tests.motion.lines import BODIES
 from validation.commands.check.motion import check_line, compare_and_check_laws, law_rows
 from validation.commands.run.motion import ELEMENTS, SINES, LineRuns, events_without_rattling, motion_answers
 from validation.core.agreement import worst_deciding_verdict
-from validation.core.motion_rows import LineTolerance, unbalanced_work
+from validation.core.motion_rows import LineTolerance, relative_unbalanced_work
 from validation.core.readback import line_outcome_faults
 
 ROPE = """
@@ -96,7 +96,7 @@ def test_both_solvers_and_the_laws_agree_on_it(line, ladders):
     assert worst_deciding_verdict(rows).value == "agree"
     assert FRICTION in {row.law.rpartition(",")[0] for row in rows}
     for ladder in ladders:
-        assert np.abs(unbalanced_work(ladder.finest)).max() < 1e-3
+        assert np.abs(relative_unbalanced_work(ladder.finest)).max() < 1e-3
 
 
 @pytest.mark.slow
@@ -145,7 +145,7 @@ def test_a_car_on_two_wheels_is_held_too():
         held = run.motion.t > run.events[-1][1]
         assert np.ptp(sled.s[held]) < 1e-3
         assert np.ptp(sled.turning.wheels[0].s[held]) < 1e-3
-        assert np.abs(unbalanced_work(run)).max() < 1e-3
+        assert np.abs(relative_unbalanced_work(run)).max() < 1e-3
     assert runs[0].events[-1][1] == pytest.approx(runs[1].events[-1][1], abs=2e-3)
 
 

@@ -11,7 +11,7 @@ from cablefem.scene.line import Line
 from tests.motion.test_check import EVERYTHING
 from validation.commands.run.motion import ELEMENTS, LineRuns, motion_answers
 from validation.core.readback import line_motion_faults
-from validation.page.motion import sections
+from validation.page.motion import motion_sections
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def stored(tmp_path_factory):
     folder = tmp_path_factory.mktemp("line") / "motion-run"
     folder.mkdir()
     result.write(folder, 0.0)
-    return result, folder, "".join(section.html for section in sections(folder))
+    return result, folder, "".join(section.html for section in motion_sections(folder))
 
 
 def test_the_side_view_has_all_cars_and_weights_in_motion(stored):

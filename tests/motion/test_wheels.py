@@ -21,7 +21,7 @@ from tests.motion.test_bodies import tram
 from tests.motion.test_scene import SPAN
 from validation.commands.advise import bodies, page
 from validation.commands.run.motion import ELEMENTS, LineRuns, motion_answers
-from validation.core.motion_laws import read_back_line_files
+from validation.core.motion_laws import faults_of_line_files
 from validation.core.wheels import neglected_wheel_load, rope_stresses_under_wheel, wheel_loads_by_hand
 
 NONE = np.array([math.nan])
@@ -92,7 +92,7 @@ def test_loads_and_stresses_have_a_second_computation_that_sees_faults(tmp_path)
     result.write(tmp_path, 0.0)
 
     def faults(design=result.design):
-        return {fault.partition(" = ")[0].partition(": the")[0] for fault in read_back_line_files(
+        return {fault.partition(" = ")[0].partition(": the")[0] for fault in faults_of_line_files(
             tmp_path, result.motion, design, result.moved.period
         )}  # fmt: skip
 

@@ -159,7 +159,7 @@ def _round_trip_mean_tensions(run: LineRun, t: Array) -> dict[str, Array]:
             f"the rope behind {car.name}": car.tension_behind,
             f"the rope ahead of {car.name}": car.tension_ahead,
         }
-    return {where: _spline_at_times(run, run.axial_mean(N), t) for where, N in tensions.items()}
+    return {where: _spline_at_times(run, run.mean_over_axial_round_trip(N), t) for where, N in tensions.items()}
 
 
 def _spline_at_times(run: LineRun, values: Array, t: Array) -> Array:

@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 from validation.core.scene_data import Array
 
 ComplexVector = NDArray[np.complex128]
+Sampled = Callable[[Array], Array]  # takes samples of values at steps
 
 
 def dot(a: ComplexVector, b: ComplexVector) -> Array:
+    """a_x b_x + a_y b_y."""
     return np.asarray((np.conj(a) * b).real)
 
 
@@ -30,49 +32,49 @@ def to_complex(points: Array) -> ComplexVector:
     return points[..., 0] + 1j * points[..., 1]
 
 
-def unit(v: ComplexVector) -> ComplexVector:
+def unit_vector(v: ComplexVector) -> ComplexVector:
     return v / np.abs(v)
 
 
-class RopeTouch:
+class RopeContact:
     """One contact with the rope; where a shoe guides it, the shoe takes a part of the load."""
 
-    def __init__(self, contact: Any, load: Array, sampled: Callable[[Array], Array]) -> None:
+    def __init__(self, contact: Any, load: Array, sampled: Sampled) -> None:
         self.load = sampled(load)
         self.ds = sampled(contact.ds)
         behind = to_complex(sampled(contact.slope_behind))
         ahead = to_complex(sampled(contact.slope_ahead))
-        self.tau = unit(behind + ahead)
+        self.tau = unit_vector(behind + ahead)
         self.stretch = 0.5 * (np.abs(behind) + np.abs(ahead))
         self.projection = 0.5 * np.abs(behind + ahead) / self.stretch
-        self.kink = sampled(contact.tension_behind) * unit(behind) - sampled(contact.tension_ahead) * unit(ahead)
+        self.kink = sampled(contact.tension_behind) * unit_vector(behind) - sampled(
+            contact.tension_ahead
+        ) * unit_vector(ahead)
         self.turn = ahead - behind
         self.along = np.zeros(self.ds.size)  # f along the rope inside the pair
         self.on_shoe = np.zeros(self.ds.size)  # of the load, normal to tau
 
-    def set_shoe(self, force: Array, velocity: ComplexVector) -> None:
-        """Set what a shoe takes of the load: a force normal to the path."""
+    def set_load_on_shoe(self, shoe_force: Array, velocity: ComplexVector) -> None:
+        """Set what a shoe takes of the load normal to tau, from its force normal to the path."""
         speed = np.abs(velocity)
         along_path = np.abs(dot(velocity, self.tau))
-        self.on_shoe = force * np.divide(along_path, speed, out=np.ones_like(speed), where=speed > 0.0)
+        self.on_shoe = shoe_force * np.divide(along_path, speed, out=np.ones_like(speed), where=speed > 0.0)
 
     @property
-    def on_rope(self) -> ComplexVector:
-        """The force on the rope."""
+    def force_on_rope(self) -> ComplexVector:
+        """By the load, without what a shoe takes, and the forces along the rope [N]."""
         return self.tau * (1j * (self.load - self.on_shoe) - self.along * self.projection)
 
-    def force_of_rope(self, rho: float) -> ComplexVector:
-        """`on_rope` by tensions and slopes of the rope."""
+    def force_from_rope_kink(self, rho: float) -> ComplexVector:
+        """`force_on_rope` by the rope's tensions, slopes and mass per length rho [N]."""
         return self.kink + rho * self.ds**2 * self.turn
 
 
 class CarBody:
     """The body of a car."""
 
-    def __init__(
-        self, data: dict[str, Any], car: Any, motion: Any, sampled: Callable[[Array], Array], gravity: float
-    ) -> None:
-        """data : of the car, from the TOML;  sampled : takes samples."""
+    def __init__(self, data: dict[str, Any], car: Any, motion: Any, sampled: Sampled, gravity: float) -> None:
+        """data : of the car, from the TOML."""
         self.g = gravity
         self.data = data
         self.t = sampled(motion.t)
@@ -85,42 +87,50 @@ class CarBody:
         point = to_complex(sampled(car.point))
         velocity = to_complex(sampled(car.velocity))
         self.arms = [0.0 * point]  # contact less c
-        self.touching = [RopeTouch(car, car.contact_force, sampled)]
-        self.touching[0].set_shoe(sampled(car.shoe_force), velocity)
+        self.touching = [RopeContact(car, car.contact_force, sampled)]
+        self.touching[0].set_load_on_shoe(sampled(car.shoe_force), velocity)
         self.e = self.touching[0].tau
         mass = data["mass"]
         contact_mass = 0.0  # mass at the contact
         if self.has_cabin:
-            hanger = data["hanger"]
-            m = hanger["mass"]
-            self.size = hanger["length"]
-            contact_mass = mass - m
-            self.inertia = m * hanger.get("gyration", 0.0) ** 2
-            stiffness = m * gravity * self.size
-            self.damping = 2.0 * hanger.get("damping", 0.0) * math.sqrt((self.inertia + m * self.size**2) * stiffness)
-            self.rate = -sampled(car.turning.rate)
-            self.arms = [-1j * self.size * np.exp(-1j * sampled(car.turning.angle))]
+            contact_mass = mass - data["hanger"]["mass"]
+            self._set_cabin(car, sampled)
         elif car.turning is not None:
-            wheels = data["wheels"]
-            self.size = wheels["base"]
-            self.inertia = wheels["inertia"]
-            self.rate = sampled(car.turning.rate)
-            rear, front = car.turning.wheels
-            self.e = unit(point - to_complex(sampled(rear.point)))
-            middle = -wheels.get("ahead", 0.0) - 1j * wheels.get("below", 0.0)
-            self.arms = [self.e * (middle + side * 0.5 * self.size) for side in (-1.0, 1.0)]
-            self.touching = [RopeTouch(x, x.load, sampled) for x in (rear, front)]
+            self._set_two_wheels(car, sampled)
         self.c = point - self.arms[-1]
         self.dc = velocity - 1j * self.rate * self.arms[-1]
         self.masses = [(contact_mass, point, velocity), (mass - contact_mass, self.c, self.dc)]
         self._set_thrust_and_drag(car, sampled)
-        self._set_force_along_rope(car, motion, sampled)
+        self._set_forces_along_rope(car, motion, sampled)
 
     @property
     def has_cabin(self) -> bool:
         return "hanger" in self.data
 
-    def _set_thrust_and_drag(self, car: Any, of: Callable[[Array], Array]) -> None:
+    def _set_cabin(self, car: Any, sampled: Sampled) -> None:
+        hanger = self.data["hanger"]
+        m = hanger["mass"]
+        self.size = hanger["length"]
+        self.inertia = m * hanger.get("gyration", 0.0) ** 2
+        stiffness = m * self.g * self.size
+        about_contact = self.inertia + m * self.size**2
+        self.damping = 2.0 * hanger.get("damping", 0.0) * math.sqrt(about_contact * stiffness)
+        self.rate = -sampled(car.turning.rate)
+        self.arms = [-1j * self.size * np.exp(-1j * sampled(car.turning.angle))]
+
+    def _set_two_wheels(self, car: Any, sampled: Sampled) -> None:
+        wheels = self.data["wheels"]
+        self.size = wheels["base"]
+        self.inertia = wheels["inertia"]
+        self.rate = sampled(car.turning.rate)
+        rear, front = car.turning.wheels
+        self.e = unit_vector(to_complex(sampled(car.point)) - to_complex(sampled(rear.point)))
+        middle = -wheels.get("ahead", 0.0) - 1j * wheels.get("below", 0.0)
+        self.arms = [self.e * (middle + side * 0.5 * self.size) for side in (-1.0, 1.0)]
+        self.touching = [RopeContact(x, x.load, sampled) for x in (rear, front)]
+
+    def _set_thrust_and_drag(self, car: Any, sampled: Sampled) -> None:
+        """Set the force and moment of thrust or haul rope, the drag, and the powers of these and of damping."""
         drive = self.data.get("drive", {})
         thrust = drive.get("thrust", 0.0)
         if not isinstance(thrust, dict):
@@ -131,7 +141,7 @@ class CarBody:
         at = thrust.get("at", (0.0, 0.0))
         angle = math.radians(thrust.get("angle", 0.0))
         if drive.get("mode") == "haul":
-            force = of(car.haul_force)
+            force = sampled(car.haul_force)
             at = drive.get("hitch", at)
             angle = 0.0
         lever = self.e * complex(*at)
@@ -146,30 +156,42 @@ class CarBody:
         self.powers = [dot(self.force, self.dc + 1j * self.rate * lever), dot(self.drag, self.dc)]
         self.powers.append(-self.damping * self.rate**2)
 
-    def _set_force_along_rope(self, car: Any, motion: Any, of: Callable[[Array], Array]) -> None:
-        """Friction, brakes, grip and hold."""
+    def _direction_of_travel(self) -> Array:
+        """Sign (n,) of the speed of the front contact; at a standstill that of the next motion."""
+        ds = self.touching[-1].ds
+        moving = np.flatnonzero(ds)
+        if not moving.size:
+            return ds
+        following = np.searchsorted(moving, np.arange(ds.size))
+        return np.sign(ds[moving[np.minimum(following, moving.size - 1)]])
+
+    def _braking_force(self, wheel: str, s: Array) -> Array:
+        """Force (n,) [N] of all brakes on the "front" or "rear" wheel of a car at s (n,)."""
+        force = np.zeros(self.t.size)
+        for row in self.data.get("drive", {}).get("brake", []):
+            both = row.get("wheel", "both") == "both"
+            share = (both or row["wheel"] == wheel) / (len(self.touching) if both else 1)
+            force += share * row["force"] * (s > row["from"])
+        return force
+
+    def _set_forces_along_rope(self, car: Any, motion: Any, sampled: Sampled) -> None:
+        """Set friction, brakes, grip and hold on each contact, and their powers."""
         drive = self.data.get("drive", {})
         front = self.touching[-1]
-        moving = np.flatnonzero(front.ds)
-        following = np.searchsorted(moving, np.arange(front.ds.size))  # at a standstill the next motion
-        sign = np.sign(front.ds[moving[np.minimum(following, moving.size - 1)]]) if moving.size else front.ds
+        direction = self._direction_of_travel()
         twice = np.diff(self.t) <= 0.0  # where a time stands twice a brake acts from the second on
-        s = of(car.s) + 1e-9 * (np.append(0.0, twice) - np.append(twice, 0.0))
-        for x, share in zip(self.touching[::-1], ("front", "rear"), strict=False):
-            brake = np.zeros(self.t.size)
-            for row in drive.get("brake", []):
-                both = row.get("wheel", "both") == "both"
-                part = (both or row["wheel"] == share) / (len(self.touching) if both else 1)
-                brake += part * row["force"] * (s > row["from"])
+        s = sampled(car.s) + 1e-9 * (np.append(0.0, twice) - np.append(twice, 0.0))
+        for x, wheel in zip(self.touching[::-1], ("front", "rear"), strict=False):
+            brake = self._braking_force(wheel, s)
             rolling = drive.get("rolling_friction", 0.0) * np.abs(x.load) * (x.on_shoe == 0.0)  # a shoe has none
             self.resistance = self.resistance + rolling + brake
-            x.along = -sign * (rolling + brake)
+            x.along = -direction * (rolling + brake)
         if drive.get("mode", "grip") == "grip":
-            front.along = of(car.grip_force)
+            front.along = sampled(car.grip_force)
         held = motion.powers.get(f"{car.name} hold")
         if held is not None:
             speed = front.stretch * front.ds
-            front.along += np.divide(of(held), speed, out=0.0 * speed, where=speed != 0.0)
+            front.along += np.divide(sampled(held), speed, out=0.0 * speed, where=speed != 0.0)
             sticks = front.ds == 0.0
             self.held_by_friction = sticks & (self.t >= drive.get("release", 0.0))
             for x in self.touching:  # held at the front wheel
@@ -179,6 +201,7 @@ class CarBody:
 
     @property
     def energy(self) -> Array:
+        """Kinetic and potential energy [J]."""
         masses = [m * (0.5 * np.abs(v) ** 2 - self.g * p.imag) for m, p, v in self.masses]
         return np.asarray(sum(masses) + 0.5 * self.inertia * self.rate**2)
 
@@ -187,8 +210,11 @@ class CarBody:
         (contact_mass, _, v), (m, _, dc) = self.masses
         return contact_mass * v + m * dc
 
-    def moment_balance(self) -> tuple[Array, Array]:
-        """Parts of the balance of moments about c that a window W takes, and that its slope takes."""
+    def moment_and_angular_momentum(self) -> tuple[Array, Array]:
+        """M [N m] and L [N m s] with int (W M + W' L) dt = 0 for a window W: both of opposite sign.
+
+        About c; of a cabin about its contact.
+        """
         m = self.masses[1][0]
         if self.has_cabin:
             arm = self.arms[0]
@@ -196,5 +222,5 @@ class CarBody:
             turned = m * cross_product(1j * self.rate * arm, self.dc)
             weights = cross_product(arm, 1j * m * self.g + self.drag)
             return turned + weights + self.damping * self.rate, pulled - self.inertia * self.rate
-        on_rope = sum(cross_product(arm, x.on_rope) for arm, x in zip(self.arms, self.touching, strict=True))
-        return on_rope - self.moment, -self.inertia * self.rate
+        moments = [cross_product(arm, x.force_on_rope) for arm, x in zip(self.arms, self.touching, strict=True)]
+        return sum(moments) - self.moment, -self.inertia * self.rate

@@ -18,7 +18,7 @@ import math
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,13 +46,14 @@ class LineTables(LineData):
                 yield e, k, self.contacts[k]
 
 
-def tension_at(x: Any) -> Array:
-    """Tension (n,) at a contact; at a saddle that behind."""
-    return np.asarray(np.where(np.isnan(x.tension_behind), x.tension_ahead, x.tension_behind))
+def tension_at_contact(contact: Any) -> Array:
+    """Tension (n,) [N]; at a saddle that behind."""
+    behind = contact.tension_behind
+    return np.asarray(np.where(np.isnan(behind), contact.tension_ahead, behind))
 
 
-def touching_rope(motion: Any) -> list[Any]:
-    """What touches the rope: contacts, cars, and of two wheels the rear one, too."""
+def contacts_cars_and_rear_wheels(motion: Any) -> list[Any]:
+    """All that touches the rope; a car of two wheels stands for its front one."""
     rear = [car.turning.wheels[0] for car in motion.cars if car.turning is not None and car.turning.wheels]
     return [*motion.contacts, *motion.cars, *rear]
 
@@ -62,12 +63,12 @@ class SampledMotion:
 
     def __init__(self, line: LineTables, motion: Any, every: int) -> None:
         self.line = line
-        self.taken = sampled_steps(motion.t, every)
+        self.taken = every_nth_step(motion.t, every)
         self.t = motion.t[self.taken]
         self.cars = list(motion.cars)
         self.contacts = list(motion.contacts)
         self.bodies = [CarBody(line.cars[car.name], car, motion, self.at_samples, line.gravity) for car in self.cars]
-        bodies = touching_rope(motion)
+        bodies = contacts_cars_and_rear_wheels(motion)
         first = self.contacts[0]
         tension = self.at_samples(motion.tension)
         here = np.isfinite(tension)
@@ -76,24 +77,25 @@ class SampledMotion:
         tension = np.where(here, tension, self.at_samples(first.tension_ahead)[:, None])
         s = np.concatenate([s, *(self.at_samples(x.s)[:, None] for x in bodies)], axis=1)
         points = np.concatenate([points, *(self.at_samples(x.point)[:, None] for x in bodies)], axis=1)
-        tension = np.concatenate([tension, *(self._tension_of_contact(x)[:, None] for x in bodies)], axis=1)
+        tension = np.concatenate([tension, *(self.mean_tension_at(x)[:, None] for x in bodies)], axis=1)
         order = np.argsort(s, axis=1, kind="stable")
         self.ds = np.diff(np.take_along_axis(s, order, axis=1), axis=1)  # (n, k - 1)
         chain = np.take_along_axis(points, order[..., None], axis=1)
         T = np.take_along_axis(tension, order, axis=1)
         self.middles = 0.5 * (chain[:, 1:] + chain[:, :-1])
         self.squares = 0.5 * (T[:, 1:] ** 2 + T[:, :-1] ** 2)
-        self.kinetic = self._kinetic_energy(motion)
+        self.kinetic = self._kinetic_energy_of_rope(motion)
 
     def at_samples(self, values: Array) -> Array:
         return np.asarray(values[self.taken])
 
-    def _tension_of_contact(self, x: Any) -> Array:
-        sides = np.array([self.at_samples(x.tension_behind), self.at_samples(x.tension_ahead)])
+    def mean_tension_at(self, contact: Any) -> Array:
+        """Mean (n,) [N] of the tensions behind and ahead, or the only one."""
+        sides = np.array([self.at_samples(contact.tension_behind), self.at_samples(contact.tension_ahead)])
         return np.asarray(np.where(np.isnan(sides), sides[::-1], sides).mean(axis=0))
 
-    def _kinetic_energy(self, motion: Any) -> Array:
-        """Kinetic energy (n,) [J] of the rope, by the velocities of its stations."""
+    def _kinetic_energy_of_rope(self, motion: Any) -> Array:
+        """By the velocities of its stations (n,) [J]."""
         once = np.concatenate([[True], np.diff(self.t) > 0.0])
         points = self.at_samples(motion.points)
         velocity = np.gradient(points[once], self.t[once], axis=0)
@@ -103,11 +105,13 @@ class SampledMotion:
         return np.asarray(0.5 * self.line.rho * (v2 @ length)[rows])
 
 
-def sampled_steps(t: Array, every: int) -> NDArray[np.intp]:
-    """Numbers of the steps to take: every so many, and both sides of each jump, where a time stands twice."""
+def every_nth_step(t: Array, n: int) -> NDArray[np.intp]:
+    """Indices of every n-th of the times t, and of both sides of each jump, where a time stands twice."""
     jumps = np.flatnonzero(np.diff(t) <= 0.0)
-    edges = zip([0, *(jumps + 1)], [*jumps, t.size - 1], strict=True)
-    return np.concatenate([np.unique(np.append(np.arange(low, high, every), high)) for low, high in edges])
+    firsts = [0, *(jumps + 1)]
+    lasts = [*jumps, t.size - 1]
+    pieces = [np.append(np.arange(first, last, n), last) for first, last in zip(firsts, lasts, strict=True)]
+    return np.concatenate([np.unique(piece) for piece in pieces])
 
 
 def _time_integral(t: Array, values: Array) -> Array:
@@ -116,8 +120,17 @@ def _time_integral(t: Array, values: Array) -> Array:
     return np.asarray((0.5 * (values[1:] + values[:-1]) * steps).sum(axis=0))
 
 
-def _smooth_windows(t: Array, end: float) -> Iterator[tuple[slice, Array, Array, Array]]:
-    """Samples of a window, W and its two derivatives there: W = (1 - cos x)^2/4."""
+class SmoothWindow(NamedTuple):
+    """W(t) = (1 - cos x)^2/4 of a stretch of time, and its derivatives, at samples `part` (k,)."""
+
+    part: slice
+    W: Array
+    W1: Array
+    W2: Array
+
+
+def _smooth_windows(t: Array, end: float) -> Iterator[SmoothWindow]:
+    """WINDOWS of them, spread over the times t up to `end`."""
     share = 0.25  # length of a window over the run's
     length = share * end
     for middle in np.linspace(0.5 * length, end - 0.5 * length, WINDOWS):
@@ -131,11 +144,11 @@ def _smooth_windows(t: Array, end: float) -> Iterator[tuple[slice, Array, Array,
         W = 0.25 * (1.0 - cos) ** 2
         W1 = 0.5 * k * (1.0 - cos) * sin
         W2 = 0.5 * k**2 * (sin**2 + (1.0 - cos) * cos)
-        yield part, W, W1, W2
+        yield SmoothWindow(part, W, W1, W2)
 
 
 def momentum_defects_by_window(toml: str, motion: Any, end: float, every: int = 1) -> Array:
-    """Defects (WINDOWS, 2) of the momentum of rope and cars, over the largest tension."""
+    """Defects (WINDOWS, 2) of the momentum of rope and cars in x and y, over the largest tension."""
     line = LineTables(toml)
     x = SampledMotion(line, motion, every)
     moment = line.rho * (x.middles * x.ds[..., None]).sum(axis=1)  # (n, 2)
@@ -154,7 +167,7 @@ def momentum_defects_by_window(toml: str, motion: Any, end: float, every: int = 
         x.at_samples(last.point) * x.at_samples(last.ds)[:, None]
         - x.at_samples(first.point) * x.at_samples(first.ds)[:, None]
     )
-    largest = max(float(np.max(x._tension_of_contact(body))) for body in (*x.contacts, *x.cars))
+    largest = max(float(np.max(x.mean_tension_at(body))) for body in (*x.contacts, *x.cars))
     out = []
     for part, W, W1, W2 in _smooth_windows(x.t, end):
         t = x.t[part]
@@ -169,13 +182,13 @@ def momentum_defects_by_window(toml: str, motion: Any, end: float, every: int = 
 def counterweight_defects_by_window(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     """Defects of the motion of a counterweight, over its force."""
     line = LineTables(toml)
-    steps = sampled_steps(motion.t, every)
+    steps = every_nth_step(motion.t, every)
     t = motion.t[steps]
     out = []
     for e, k, data in line.counterweights():
         G = data["tension"]
         contact = motion.contacts[k]
-        N = tension_at(contact)[steps]
+        N = tension_at_contact(contact)[steps]
         rate = e * (1.0 + G / line.EA) * contact.ds[steps]
         for part, W, W1, _ in _smooth_windows(t, end):
             defect = _time_integral(t[part], W * (N[part] - G) + W1 * G / line.gravity * rate[part])
@@ -187,27 +200,31 @@ def energy_defects(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     """Energy less work since the start (n,), over all work done."""
     line = LineTables(toml)
     x = SampledMotion(line, motion, every)
-    E = x.kinetic - line.q * (x.middles[..., 1] * x.ds).sum(axis=1) + (x.squares * x.ds).sum(axis=1) / (2.0 * line.EA)
+    depth = (x.middles[..., 1] * x.ds).sum(axis=1)  # integrals over the rope (n,)
+    squared_tension = (x.squares * x.ds).sum(axis=1)
+    E = x.kinetic - line.q * depth + squared_tension / (2.0 * line.EA)
     powers = []
     for body in x.bodies:
         E += body.energy
         powers += body.powers
     for contact, table in zip(x.contacts, line.contacts, strict=True):
         if table["kind"] == "spring":
-            E += 0.5 * (np.array(table["stiffness"]) * (x.at_samples(contact.point) - table["at"]) ** 2).sum(axis=1)
+            shift = x.at_samples(contact.point) - table["at"]  # (n, 2)
+            E += 0.5 * (np.array(table["stiffness"]) * shift**2).sum(axis=1)
     for e, k, table in line.counterweights():
         contact = x.contacts[k]
-        N = x._tension_of_contact(contact)
+        N = x.mean_tension_at(contact)
         ds = x.at_samples(contact.ds)
         moving = 0.5 * line.rho * (ds * (1.0 + N / line.EA)) ** 2
         powers.append(-e * ds * (N + N**2 / (2.0 * line.EA) + line.q * table["at"][1] - moving))
     steps = np.diff(x.t)
 
-    def work_done(power: Array) -> Array:
-        return np.append(0.0, np.cumsum(0.5 * (power[1:] + power[:-1]) * steps))
+    def work_since_start(power: Array) -> Array:
+        means = 0.5 * (power[1:] + power[:-1])
+        return np.append(0.0, np.cumsum(means * steps))
 
-    done = sum(float(work_done(np.abs(power))[-1]) for power in powers) or 1.0
-    return np.asarray((E - E[0] - work_done(np.sum(powers, axis=0))) / done)
+    scale = sum(float(work_since_start(np.abs(power))[-1]) for power in powers) or 1.0
+    return np.asarray((E - E[0] - work_since_start(np.sum(powers, axis=0))) / scale)
 
 
 def moment_defects_by_window(toml: str, motion: Any, end: float, every: int = 1) -> Array:
@@ -217,10 +234,10 @@ def moment_defects_by_window(toml: str, motion: Any, end: float, every: int = 1)
     for body in x.bodies:
         if body.turning is None:
             continue
-        held, turned = body.moment_balance()
+        moment, momentum = body.moment_and_angular_momentum()
         for part, W, W1, _ in _smooth_windows(x.t, end):
             t = x.t[part]
-            defect = float(_time_integral(t, W * held[part] + W1 * turned[part]))
+            defect = float(_time_integral(t, W * moment[part] + W1 * momentum[part]))
             out.append(defect / (body.masses[1][0] * body.g * body.size * float(_time_integral(t, W))))
     return np.array(out)
 
@@ -232,7 +249,7 @@ def kink_force_defects_by_window(toml: str, motion: Any, end: float, every: int 
     out = []
     for body in x.bodies:
         for touching in body.touching if body.turning is not None else ():
-            defect = touching.on_rope - touching.force_of_rope(line.rho)
+            defect = touching.force_on_rope - touching.force_from_rope_kink(line.rho)
             weight = body.data["mass"] * body.g
             for part, W, _, _ in _smooth_windows(x.t, end):
                 t = x.t[part]
@@ -244,9 +261,12 @@ def kink_force_defects_by_window(toml: str, motion: Any, end: float, every: int 
 def centre_of_mass_defects(toml: str, motion: Any, end: float, every: int = 1) -> Array:
     """Distances beyond rounding of centres of mass from where contacts and angles put them, over the body's size."""
     x = SampledMotion(LineTables(toml), motion, every)
-    turning = [body for body in x.bodies if body.turning is not None]
-    distances = np.array([np.max(np.abs(to_complex(x.at_samples(b.turning.centre)) - b.c)) / b.size for b in turning])
-    return np.asarray(np.maximum(distances - ROUNDING, 0.0))
+    distances = []
+    for body in x.bodies:
+        if body.turning is not None:
+            centre = to_complex(x.at_samples(body.turning.centre))
+            distances.append(np.max(np.abs(centre - body.c)) / body.size)
+    return np.asarray(np.maximum(np.array(distances) - ROUNDING, 0.0))
 
 
 def holding_force_excesses_by_window(toml: str, motion: Any, end: float, every: int = 1) -> Array:
@@ -261,16 +281,21 @@ def holding_force_excesses_by_window(toml: str, motion: Any, end: float, every: 
         largest = body.held_by_friction * body.resistance
         for part, W, _, _ in _smooth_windows(x.t, end):
             t = x.t[part]
-            excess = abs(float(_time_integral(t, W * held[part]))) - float(_time_integral(t, W * largest[part]))
+            needed = abs(float(_time_integral(t, W * held[part])))
+            excess = needed - float(_time_integral(t, W * largest[part]))
             weight = body.data["mass"] * body.g
             out.append(max(excess, 0.0) / (weight * float(_time_integral(t, W))))
     return np.array(out)
 
 
-def any_car_sticks(toml: str, motion: Any) -> bool:
+def any_free_car_sticks(toml: str, motion: Any) -> bool:
     """Whether friction holds a free car for a while."""
     free = [name for name, car in LineTables(toml).cars.items() if car.get("drive", {}).get("mode") == "free"]
-    return any(bool(np.any((car.ds[:-1] == 0.0) & (car.ds[1:] == 0.0))) for car in motion.cars if car.name in free)
+    for car in motion.cars:
+        stands = car.ds == 0.0
+        if car.name in free and np.any(stands[:-1] & stands[1:]):
+            return True
+    return False
 
 
 LAWS = {
@@ -286,23 +311,27 @@ BODY_LAWS = {
 }
 
 
-def read_back_line_files(folder: Path, motion: Any, design: Sequence[dict[str, Any]], period: float) -> list[str]:
-    """Faults of path-NAME.csv, contacts.csv and the design numbers, each a sentence; none where all is as computed."""
+def faults_of_line_files(folder: Path, motion: Any, design: Sequence[dict[str, Any]], period: float) -> list[str]:
+    """Faults of path-NAME.csv, contacts.csv and the design numbers, each a sentence; none where all is as computed.
+
+    period : [s] over which printed forces are means.
+    """
     files = _LineFiles(folder, motion, period)
     faults: list[str] = []
     balance = 1e-3  # of a load by hand: elements balance a car along the rope in the mean over its segments
     for car in motion.cars:
         name = f"path-{car.name}.csv"
-        faults += _column_faults(name, files.paths[car.name], _columns_of_car(car, motion))
-        faults += _column_faults(name, files.paths[car.name], _wheel_loads_by_hand(files.line, car, motion), balance)
+        path = files.paths[car.name]
+        faults += _column_faults(name, path, _expected_columns_of_car(car, motion))
+        faults += _column_faults(name, path, _wheel_loads_by_hand(files.line, car, motion), balance)
     for contact in motion.contacts:
-        faults += _column_faults("contacts.csv", files.contacts, _columns_of_contact(contact))
+        faults += _column_faults("contacts.csv", files.contacts, _expected_columns_of_contact(contact))
     for number in design:
-        faults += files.number_faults(number)
+        faults += files.faults_of_design_number(number)
     return faults
 
 
-def _columns_of_car(car: Any, motion: Any) -> dict[str, Array]:
+def _expected_columns_of_car(car: Any, motion: Any) -> dict[str, Array]:
     """Columns (n,) of a car's file."""
     path = {
         "t": motion.t, "s_o": car.s, "x": car.point[:, 0], "y": car.point[:, 1], "T_behind": car.tension_behind,
@@ -315,9 +344,13 @@ def _columns_of_car(car: Any, motion: Any) -> dict[str, Array]:
     return path
 
 
-def _columns_of_contact(x: Any) -> dict[str, Array]:
-    columns = {"s": x.s, "tension": tension_at(x), "pressure": np.hypot(*x.pressure.T), "rise": x.rise}
-    return {f"{x.name}.{name}": values for name, values in columns.items()}
+def _expected_columns_of_contact(contact: Any) -> dict[str, Array]:
+    """Columns (n,) of contacts.csv."""
+    columns = {
+        "s": contact.s, "tension": tension_at_contact(contact), "pressure": np.hypot(*contact.pressure.T),
+        "rise": contact.rise,
+    }  # fmt: skip
+    return {f"{contact.name}.{name}": values for name, values in columns.items()}
 
 
 class _LineFiles:
@@ -331,32 +364,35 @@ class _LineFiles:
         self.contacts = read_columns(folder / "contacts.csv")
         self.t = self.contacts["t"]
 
-    def number_faults(self, number: dict[str, Any]) -> Iterator[str]:
+    def faults_of_design_number(self, number: dict[str, Any]) -> Iterator[str]:
         """Faults of a design number: it is not the extreme, or not the value at its time, or its car is elsewhere."""
         name = number["quantity"]
-        values = self._extreme_and_value_then(number)
+        values = self._extreme_and_value_at_time(number)
         allowed = (number["bar"] or 0.0) + 1e-9 * abs(number["value"])
         if not all(abs(value - number["value"]) <= allowed for value in values):
             stored = ", at its time ".join(f"{value:.6g}" for value in values)
             yield f"{name} = {number['value']:.6g}: the files give {stored}"
         path = self.paths.get(name.partition(":")[2].partition(".")[0])
-        if path is not None and abs(np.interp(number["t"], self.t, path["s_o"]) - number["s_o"]) > 1e-9 * number["s_o"]:
+        if path is None:
+            return
+        distance = abs(np.interp(number["t"], self.t, path["s_o"]) - number["s_o"])
+        if distance > 1e-9 * number["s_o"]:
             yield f"{name}: the car is not at {number['s_o']:.6g} m then"
 
-    def _extreme_and_value_then(self, number: dict[str, Any]) -> list[float]:
-        """The extreme, and of a series that at the number's time."""
+    def _extreme_and_value_at_time(self, number: dict[str, Any]) -> list[float]:
+        """Of the files: the extreme of a design number, and of a series its value at the number's time."""
         kind, _, of = number["quantity"].partition(":")
         name, _, word = kind.rpartition("_")
         if name == "clearance":
             return [float(min(np.min(values) for values in self._clearances_of_body_over_obstacle(kind, of)))]
         if name == "safety_factor":
-            tensions = _with_forces_averaged("tension", self._columns_by_quantity["tension"], self.t, self.period)
+            tensions = _average_if_force("tension", self._columns_by_quantity["tension"], self.t, self.period)
             values = self.line.data["cable"]["breaking_load"] / tensions
         else:
             columns = self._columns_by_quantity[f"{name}:{of}" if of else name]
-            values = _with_forces_averaged(name, columns, self.t, self.period)
+            values = _average_if_force(name, columns, self.t, self.period)
         if name in ("grip", "contact") and "drive" not in self.line.cars[of]:
-            values = _with_forces_averaged(name, values, self.t, self.period)  # a car that grips rings: means of means
+            values = _average_if_force(name, values, self.t, self.period)  # a car that grips rings: means of means
         now = self.t == self.t[np.argmin(np.abs(self.t - number["t"]))]
         pick = np.max if word == "max" else np.min
         return [float(pick(values)), float(pick(values[:, now]))]
@@ -373,11 +409,11 @@ class _LineFiles:
         if kind == "clearance_rope":
             below = dict.fromkeys(below, 0.0)
             heights = [_min_heights_of_rope(scene, self.motion, over)]
-        passing = [x for x in below if x == (body or x)]
-        return [
-            *heights,
-            *(_heights_of_car(_ground_or_obstacle_profile(scene, over), self.paths[x]) - below[x] for x in passing),
-        ]
+        profile = _ground_or_obstacle_profile(scene, over)
+        for car in below:
+            if body in ("", car):
+                heights.append(_heights_of_car(profile, self.paths[car]) - below[car])
+        return heights
 
     @cached_property
     def _columns_by_quantity(self) -> dict[str, list[Array]]:
@@ -400,7 +436,9 @@ class _LineFiles:
         """Of the rope behind the rear and ahead of the front wheels of a car, by kind."""
         wheels = self.line.cars[name].get("wheels", {})
         out: dict[str, list[Array]] = {}
-        for side, N in (("rear", path["T_behind"]), ("front", path["T_ahead"])) if wheels else ():
+        if not wheels:
+            return out
+        for side, N in (("rear", path["T_behind"]), ("front", path["T_ahead"])):
             Q = path.get(f"wheel_{side}", 0.5 * path["F_contact"]) * 2.0 / wheels.get("count", 2)
             for kind, values in wheel_stresses(self.line.data["cable"], wheels, N, Q).items():
                 out.setdefault(kind, []).append(values)
@@ -413,7 +451,7 @@ COLUMN_OF_QUANTITY = {
 }  # fmt: skip
 
 
-def _with_forces_averaged(name: str, values: Any, t: Array, period: float) -> Array:
+def _average_if_force(name: str, values: Any, t: Array, period: float) -> Array:
     """Series (k, n) of a kind; those of forces averaged over a period, "load" as the length of its vector."""
     if name.startswith(("tension", "haul", "grip", "contact", "load", "wheel", "stress")):
         values = [_moving_mean(t, v, period) for v in values]
@@ -434,7 +472,7 @@ def _wheel_loads_by_hand(line: LineTables, car: Any, motion: Any) -> dict[str, A
 
 
 def _ground_or_obstacle_profile(scene: dict[str, Any], name: str) -> Array:
-    """Rows x and depth of an obstacle or the ground."""
+    """x and depth (2, n) [m] of an obstacle or the ground."""
     if name == "the ground":
         return np.array(scene["ground"], float).T
     return np.array([[o["at"], o["top"]] for o in scene["obstacle"] if o["name"] == name]).T
@@ -444,8 +482,10 @@ def _heights_of_car(ground: Array, table: dict[str, Array]) -> Array:
     """Heights of a car's wheels over rows x and depth of a ground, along its path and at each corner; inf beyond."""
     x, depth = ground
     path = np.stack([table["x"], table["y"]])  # (2, n)
-    begin, step = path[:, :-1, None], np.diff(path)[:, :, None]
-    w = np.where(step[0] == 0.0, -1.0, (x - begin[0]) / np.where(step[0] == 0.0, 1.0, step[0]))  # (n - 1, corners)
+    begin = path[:, :-1, None]
+    step = np.diff(path)[:, :, None]
+    upright = step[0] == 0.0
+    w = np.where(upright, -1.0, (x - begin[0]) / np.where(upright, 1.0, step[0]))  # (n - 1, corners)
     at_corners = (depth - begin[1] - w * step[1])[(w >= 0.0) & (w <= 1.0)]
     inside = (path[0] >= x[0]) & (path[0] <= x[-1])
     along = np.interp(path[0], x, depth)[inside] - path[1, inside]
@@ -459,22 +499,25 @@ def _min_heights_of_rope(scene: dict[str, Any], motion: Any, over: str) -> Array
     for i in range(motion.t.size):
         known = np.isfinite(motion.tension[i])
         rows = [np.column_stack([motion.s[known], motion.points[i, known]])]
-        rows += [np.array([[body.s[i], *body.point[i]]]) for body in touching_rope(motion)]
+        rows += [np.array([[body.s[i], *body.point[i]]]) for body in contacts_cars_and_rear_wheels(motion)]
         chain = np.concatenate(rows)
         _, at, y = chain[np.argsort(chain[:, 0], kind="stable")].T
         inside = (at >= x[0]) & (at <= x[-1])
-        free = np.concatenate([depth - np.interp(x, at, y), np.interp(at[inside], x, depth) - y[inside]])
-        lowest[i] = free.min()
+        at_corners = depth - np.interp(x, at, y)
+        at_vertices = np.interp(at[inside], x, depth) - y[inside]
+        lowest[i] = np.concatenate([at_corners, at_vertices]).min()
     return lowest
 
 
 def _column_faults(
-    file: str, table: dict[str, Array], right: dict[str, Array], rounding: float = ROUNDING
+    file: str, table: dict[str, Array], expected: dict[str, Array], rounding: float = ROUNDING
 ) -> Iterator[str]:
-    for name, values in right.items():
+    """A sentence for each expected column (n,) that the table lacks or has with other values."""
+    for name, values in expected.items():
         scale = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
-        same = name in table and table[name].shape == values.shape
-        if not (same and np.allclose(table[name], values, rtol=0.0, atol=rounding * scale + 1e-12, equal_nan=True)):
+        allowed = rounding * scale + 1e-12
+        same_shape = name in table and table[name].shape == values.shape
+        if not (same_shape and np.allclose(table[name], values, rtol=0.0, atol=allowed, equal_nan=True)):
             yield f"{file}: {name} is not what was computed"
 
 

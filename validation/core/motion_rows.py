@@ -21,7 +21,7 @@ from cablefem.scene.line import Line, LineRope
 from validation.core.agreement import Agreement, Bound, BoundPart, no_bound
 from validation.core.clearances import obstacle_and_ground_profiles
 from validation.core.ladder import Ladder, max_distance
-from validation.core.motion_laws import sampled_steps, touching_rope
+from validation.core.motion_laws import contacts_cars_and_rear_wheels, every_nth_step
 from validation.core.wheels import neglected_wheel_load, rope_stresses_under_wheel
 
 ANGLES = ("swing", "pitch")
@@ -47,15 +47,16 @@ class LineRun:
 
     @property
     def end(self) -> float:
+        """Its last time [s]."""
         return float(self.motion.t[-1])
 
-    def at_instants(self, values: Array, end: float) -> Array:
+    def at_common_instants(self, values: Array, end: float) -> Array:
         """Values (n, ...) at the common instants up to `end`; at a jump those before it."""
         at = self.instants[self.instants <= end * (1.0 + 1e-12)]
         rows = np.searchsorted(self.motion.t, at - 1e-9 * self.instants[-1])
         return values[np.minimum(rows, self.motion.t.size - 1)]
 
-    def axial_mean(self, values: Array, passes: int = 1) -> Array:
+    def mean_over_axial_round_trip(self, values: Array, passes: int = 1) -> Array:
         """Means (n, ...) of values (n, ...) over an axial round trip around each step; two passes: means of means."""
         for _ in range(passes):
             values = moving_means(self.motion.t, values, self.period)
@@ -105,11 +106,14 @@ class Scales:
 
 @dataclass(frozen=True, slots=True)
 class LineTolerance:
+    """Allowed gaps of the path, and of mean forces."""
+
     path: float
     tension: float
 
     @property
     def fields(self) -> float:
+        """Of fields along the rope."""
         return max(FIELDS, 10.0 * self.path)
 
 
@@ -123,8 +127,8 @@ def find_contact(moved: LineRun, name: str) -> ContactMotion:
 
 def distances(a: Array, b: Array) -> Array:
     """Distances (n,) of series (n,) or of points (n, 2)."""
-    apart = np.abs(a - b)
-    return apart if apart.ndim == 1 else np.linalg.norm(apart, axis=1)
+    difference = np.abs(a - b)
+    return difference if difference.ndim == 1 else np.linalg.norm(difference, axis=1)
 
 
 def contact_tension(contact: ContactMotion) -> Array:
@@ -133,27 +137,29 @@ def contact_tension(contact: ContactMotion) -> Array:
 
 
 def largest_tension_at_start(motion: LineMotion) -> float:
-    """At the contacts [N], the scale of tensions."""
+    """At the contacts [N]."""
     return max(float(contact_tension(contact)[0]) for contact in motion.contacts)
 
 
-class Comparison:
-    """Rows of two ladders of runs."""
+class LineComparison:
+    """Rows that compare two ladders of runs of a line."""
 
     def __init__(self, a: LineLadder, b: LineLadder, scales: Scales, tolerance: LineTolerance) -> None:
         self.a = a
         self.b = b
         self.scales = scales
-        self.asked = tolerance
+        self.tolerance = tolerance
         self.path = Norm(scales.path, tolerance.path)
         self.tension = Norm(scales.tension, tolerance.tension)
         self.end = min(run.end for ladder in (a, b) for run in ladder.runs)
 
     def rows(self) -> Iterator[Agreement]:
+        """All rows, or one that says that a run ends too early."""
         first = self.a.finest
-        fewest = 3  # instants that a comparison needs
-        if np.count_nonzero(first.instants <= self.end) < fewest:
-            yield Agreement("path_max", math.nan, no_bound(f"a run ends at {self.end:.4g} s"), required=self.asked.path)
+        min_instants = 3
+        if np.count_nonzero(first.instants <= self.end) < min_instants:
+            bound = no_bound(f"a run ends at {self.end:.4g} s")
+            yield Agreement("path_max", math.nan, bound, required=self.tolerance.path)
             return
         for car in first.motion.cars:
             yield from self._car_rows(car)
@@ -161,35 +167,40 @@ class Comparison:
             yield from self._contact_rows(contact)
         yield from self._rope_shape_and_tension_rows()
         yield from self._energy_balance_rows()
-        yield from self._events_rows()
+        yield from self._event_rows()
 
-    def series_row(
-        self, quantity: str, law: str, of: Series, norm: Norm, passes: int = 0, rms: bool = False
+    def _series_row(
+        self, quantity: str, law: str, series: Series, norm: Norm, passes: int = 0, rms: bool = False
     ) -> Agreement:
         """Row of the largest distance, or of its rms, of a series (n,) or (n, 2).
 
-        passes : see `LineRun.axial_mean`.
+        passes : see `LineRun.mean_over_axial_round_trip`.
         """
 
-        def at(moved: Any) -> Array:
-            values = of(moved)
-            return moved.at_instants(moved.axial_mean(values, passes), self.end)
+        def values_at_instants(moved: Any) -> Array:
+            means = moved.mean_over_axial_round_trip(series(moved), passes)
+            return moved.at_common_instants(means, self.end)
 
         def size(x: Any) -> float:
             x = np.atleast_1d(x)
             return float(np.sqrt(np.mean(x**2)) if rms else x.max()) / norm.scale
 
-        a = self.a.finest
-        gap = distances(at(a), at(self.b.finest))
-        # of the largest change, as a path's: at single instants a phase that shifts hides the order
-        parts = [ladder.bar_parts(at, lambda x, y: size(distances(x, y))) for ladder in (self.a, self.b)]
-        at_instants = a.instants[a.instants <= self.end * (1.0 + 1e-12)]
-        where = None if rms else f"t = {at_instants[int(np.argmax(gap))]:.4g} s"
-        return self._agreement(quantity, size(gap), parts, norm.required, law, where)
+        def gap_size(x: Array, y: Array) -> float:
+            return size(distances(x, y))
 
-    def _agreement(
-        self, quantity: str, gap: float, parts: Any, required: float, law: str, where: Any = None
-    ) -> Agreement:
+        a = self.a.finest
+        gap = distances(values_at_instants(a), values_at_instants(self.b.finest))
+        # of the largest change, as a path's: at single instants a phase that shifts hides the order
+        parts = [ladder.bar_parts(values_at_instants, gap_size) for ladder in (self.a, self.b)]
+        instants = a.instants[a.instants <= self.end * (1.0 + 1e-12)]
+        where = None if rms else f"t = {instants[int(np.argmax(gap))]:.4g} s"
+        return self._row_with_bars(quantity, size(gap), parts, norm.required, law, where)
+
+    def _row_with_bars(
+        self, quantity: str, gap: float, parts: list[tuple[float, float]], required: float, law: str = "",
+        where: str | None = None,
+    ) -> Agreement:  # fmt: skip
+        """parts : of both ladders' bars, in space and time."""
         names = (self.a.finest.method, self.b.finest.method)
         bars = tuple(BoundPart(name, sum(part)) for name, part in zip(names, parts, strict=True))
         bound = Bound("error bars", bars)
@@ -197,31 +208,31 @@ class Comparison:
 
     def _car_rows(self, car: CarMotion) -> Iterator[Agreement]:
         name = car.name
-        weight = Norm(self.scales.weights[name], self.asked.tension)
+        weight = Norm(self.scales.weights[name], self.tolerance.tension)
 
         def of(field: str) -> Series:
             return lambda moved: getattr(find_car(moved, name), field)
 
-        yield self.series_row("path_max", name, of("point"), self.path)
-        yield self.series_row("path_rms", name, of("point"), self.path, rms=True)
+        yield self._series_row("path_max", name, of("point"), self.path)
+        yield self._series_row("path_rms", name, of("point"), self.path, rms=True)
         for field in ("tension_behind", "tension_ahead"):
-            yield self.series_row(field, name, of(field), self.tension, passes=1)
-        passes = mean_passes(car)
-        yield self.series_row("contact_force", name, of("contact_force"), weight, passes)
+            yield self._series_row(field, name, of(field), self.tension, passes=1)
+        passes = averaging_passes(car)
+        yield self._series_row("contact_force", name, of("contact_force"), weight, passes)
         for field in ("haul_force", "grip_force", "shoe_force"):
             values = getattr(car, field)
             if np.isfinite(values).any() and (field != "shoe_force" or values.any()):
-                yield self.series_row(field, name, of(field), weight, passes)
-        for column, values in turning_series(car).items():
+                yield self._series_row(field, name, of(field), weight, passes)
+        for column, values in turning_and_wheel_load_series(car).items():
 
-            def turned(moved: Any, column: str = column) -> Array:
-                return turning_series(find_car(moved, name))[column]
+            def of_column(moved: Any, column: str = column) -> Array:
+                return turning_and_wheel_load_series(find_car(moved, name))[column]
 
             if column in ANGLES:
-                swept = Norm(float(np.ptp(values)) or 1.0, self.asked.tension)
-                yield self.series_row(column, name, turned, swept)
+                swept = Norm(float(np.ptp(values)) or 1.0, self.tolerance.tension)
+                yield self._series_row(column, name, of_column, swept)
             else:
-                yield self.series_row(column, name, turned, weight, passes=1)
+                yield self._series_row(column, name, of_column, weight, passes=1)
 
     def _contact_rows(self, contact: ContactMotion) -> Iterator[Agreement]:
         name = contact.name
@@ -229,14 +240,14 @@ class Comparison:
         def of(value: Callable[[ContactMotion], Array]) -> Series:
             return lambda moved: value(find_contact(moved, name))
 
-        yield self.series_row("tension", name, of(contact_tension), self.tension, passes=1)
-        yield self.series_row("pressure", name, of(lambda x: x.pressure), self.tension, passes=1)
+        yield self._series_row("tension", name, of(contact_tension), self.tension, passes=1)
+        yield self._series_row("pressure", name, of(lambda x: x.pressure), self.tension, passes=1)
         if contact.kind in ("saddle", "counterweight"):
-            yield self.series_row("flow", name, of(lambda x: x.s), self.path)
+            yield self._series_row("flow", name, of(lambda x: x.s), self.path)
         if contact.kind == "counterweight":
-            yield self.series_row("rise", name, of(lambda x: x.rise), self.path)
+            yield self._series_row("rise", name, of(lambda x: x.rise), self.path)
         if contact.kind == "spring":
-            yield self.series_row("shift", name, of(lambda x: x.point), self.path)
+            yield self._series_row("shift", name, of(lambda x: x.point), self.path)
 
     def _rope_shape_and_tension_rows(self) -> Iterator[Agreement]:
         """Depth and place of the rope, and its tension, as rms over all stations and instants."""
@@ -248,28 +259,35 @@ class Comparison:
             """Values (n, m) whose rms is that over stations."""
             return values[:, ~beyond]
 
-        yield self._field_row("rope", lambda moved: on_rope_in_all_runs(moved.motion.points), self.scales.path)
-        yield self._field_row(
-            "rope_tension", lambda moved: on_rope_in_all_runs(moved.motion.tension), self.scales.tension
-        )
+        def points(moved: Any) -> Array:
+            return on_rope_in_all_runs(moved.motion.points)
 
-    def _field_row(self, quantity: str, of: Series, scale: float) -> Agreement:
-        def at(moved: Any) -> Array:
-            return moved.at_instants(of(moved), self.end)
+        def tension(moved: Any) -> Array:
+            return on_rope_in_all_runs(moved.motion.tension)
+
+        yield self._rms_field_row("rope", points, self.scales.path)
+        yield self._rms_field_row("rope_tension", tension, self.scales.tension)
+
+    def _rms_field_row(self, quantity: str, field: Series, scale: float) -> Agreement:
+        """field : (n, ...) of a run."""
+
+        def values_at_instants(moved: Any) -> Array:
+            return moved.at_common_instants(field(moved), self.end)
 
         def rms(a: Array, b: Array) -> float:
             return float(np.sqrt(np.mean((a - b) ** 2))) / scale
 
-        gap = rms(at(self.a.finest), at(self.b.finest))
-        return self._agreement(quantity, gap, [x.bar_parts(at, rms) for x in (self.a, self.b)], self.asked.fields, "")
+        gap = rms(values_at_instants(self.a.finest), values_at_instants(self.b.finest))
+        parts = [ladder.bar_parts(values_at_instants, rms) for ladder in (self.a, self.b)]
+        return self._row_with_bars(quantity, gap, parts, self.tolerance.fields)
 
     def _energy_balance_rows(self) -> Iterator[Agreement]:
         """Of each method: energy less the work of its powers stays as it is."""
         for ladder in (self.a, self.b):
-            yield law_row(ladder, "energy", "work of all powers", unbalanced_work, self.end)
+            yield law_row(ladder, "energy", "work of all powers", relative_unbalanced_work, self.end)
 
-    def _events_rows(self) -> Iterator[Agreement]:
-        """Names and times of the events, if any run has one."""
+    def _event_rows(self) -> Iterator[Agreement]:
+        """A row of the names and times of the events, if any run has one."""
         ladders = (self.a, self.b)
         if not any(run.events for ladder in ladders for run in ladder.runs):
             return
@@ -281,7 +299,7 @@ class Comparison:
             gap = max_distance(event_times(a), event_times(b)) / self.end
             if a.events and not any(bars):
                 bars = [ladder.bar(lambda moved: event_times(moved) / self.end) for ladder in ladders]
-        yield self._agreement("events", gap, [(bar, 0.0) for bar in bars], self.asked.path, "")
+        yield self._row_with_bars("events", gap, [(bar, 0.0) for bar in bars], self.tolerance.path)
 
 
 def event_names(moved: LineRun) -> tuple[str, ...]:
@@ -292,23 +310,26 @@ def event_times(moved: LineRun) -> Array:
     return np.array([t for _, t in moved.events])
 
 
-def unbalanced_work(moved: LineRun, every: int = 1) -> Array:
-    """Energy less work since the start (n,), over all work done."""
+def relative_unbalanced_work(moved: LineRun, every: int = 1) -> Array:
+    """Energy less work since the start (n,), over all work done;  every : that many steps one is taken."""
     motion = moved.motion
-    steps = sampled_steps(motion.t, every)
+    steps = every_nth_step(motion.t, every)
     t = motion.t[steps]
-    powers = {name: power[steps] for name, power in motion.powers.items()}
-    energy = motion.energy[steps]
-    return (energy - energy[0] - integral(t, sum(powers.values(), np.zeros(t.size)))) / work_done(t, powers)
+    powers = [power[steps] for power in motion.powers.values()]
+    gained = motion.energy[steps] - motion.energy[steps[0]]
+    work = cumulative_integral(t, sum(powers, np.zeros(t.size)))
+    return (gained - work) / total_absolute_work(t, powers)
 
 
-def integral(t: Array, values: Array) -> Array:
+def cumulative_integral(t: Array, values: Array) -> Array:
     """Integrals (n,) from the first time."""
-    return np.append(0.0, np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(t)))
+    means = 0.5 * (values[1:] + values[:-1])
+    return np.append(0.0, np.cumsum(means * np.diff(t)))
 
 
-def work_done(t: Array, powers: dict[str, Array]) -> float:
-    return sum(float(integral(t, np.abs(power))[-1]) for power in powers.values()) or 1.0
+def total_absolute_work(t: Array, powers: Sequence[Array]) -> float:
+    """The work [J] that all powers (n,) do, each with the sign of its own; 1 if there is none."""
+    return sum(float(cumulative_integral(t, np.abs(power))[-1]) for power in powers) or 1.0
 
 
 def with_every_second_station(moved: LineRun) -> LineRun:
@@ -318,32 +339,32 @@ def with_every_second_station(moved: LineRun) -> LineRun:
     return replace(moved, motion=fewer)
 
 
-def law_row(ladder: LineLadder, quantity: str, law: str, defect: Any, end: float) -> Agreement:
+def law_row(ladder: LineLadder, quantity: str, law: str, defect: Callable[..., Array], end: float) -> Agreement:
     """A defect (k,) that is exactly zero; its bar is that of the ladder and three times those of the sampling.
 
     Sampling is in time and, apart from it, along the rope.
 
-    defect : of a run, and of every second step of it.
+    defect : of a run, and of every n-th step of it for n = 2.
     """
-    of_all_steps, of_every_second = defect(ladder.finest), defect(ladder.finest, 2)
+    of_all_steps = defect(ladder.finest)
+    of_every_second = defect(ladder.finest, 2)
     over_time = of_all_steps.size != of_every_second.size  # else over windows or bodies
 
-    def at(moved: LineRun) -> Array:
+    def comparable_defect(moved: LineRun) -> Array:
         values = defect(moved)
-        return moved.at_instants(values, end) if over_time else values
+        return moved.at_common_instants(values, end) if over_time else values
 
     def size(values: Array) -> float:
         return float(np.max(np.abs(values), initial=0.0))
 
     gap = size(of_all_steps)
-    space, time = ladder.bar_parts(at)
+    space, time = ladder.bar_parts(comparable_defect)
     sampled = of_every_second, defect(with_every_second_station(ladder.finest))
     sampling = 3.0 * sum(abs(gap - size(values)) for values in sampled)
     parts = (BoundPart("ladder", space + time), BoundPart("sampling", sampling))
     bound = Bound("law", parts)
-    return Agreement(
-        quantity, gap, bound, law=f"{law}, {ladder.finest.method}", required=FIELDS, parts=((space, time),)
-    )
+    law = f"{law}, {ladder.finest.method}"
+    return Agreement(quantity, gap, bound, law=law, required=FIELDS, parts=((space, time),))
 
 
 Extreme = tuple[float, float]  # value and time [s]
@@ -353,23 +374,25 @@ def extremes_with_times(moved: LineRun, line: Line) -> dict[str, Extreme]:
     """Extremes and their times [s] by quantity; forces are means over an axial round trip."""
     motion = moved.motion
     out: dict[str, Extreme] = {}
-    for name, values, words in (*_series_of_cars(moved, line), *_series_of_contacts(moved)):
+    for name, values, words in (*_car_series_with_extremes(moved, line), *_contact_series_with_extremes(moved)):
         if np.isfinite(values).all():
             kind, _, of = name.partition(":")
-            out |= {f"{kind}_{word}:{of}": _extreme(motion.t, values, word) for word in words}
-    tensions = [moved.axial_mean(T) for car in motion.cars for T in (car.tension_behind, car.tension_ahead)]
-    tensions += [moved.axial_mean(contact_tension(contact)) for contact in motion.contacts]
-    largest, when = _extreme(motion.t, np.max(tensions, axis=0), "max")
+            out |= {f"{kind}_{word}:{of}": _extreme_and_time(motion.t, values, word) for word in words}
+    tensions = [contact_tension(contact) for contact in motion.contacts]
+    for car in motion.cars:
+        tensions += [car.tension_behind, car.tension_ahead]
+    tensions = [moved.mean_over_axial_round_trip(T) for T in tensions]
+    largest, when = _extreme_and_time(motion.t, np.max(tensions, axis=0), "max")
     out["tension_max"] = (largest, when)
-    out["tension_min"] = _extreme(motion.t, np.min(tensions, axis=0), "min")
+    out["tension_min"] = _extreme_and_time(motion.t, np.min(tensions, axis=0), "min")
     if line.cable.breaking_load is not None:
         out["safety_factor_min"] = (line.cable.breaking_load / largest, when)
     for name, (times, heights) in clearance_series(motion, line).items():
-        out[name] = _extreme(times, heights, "min")
+        out[name] = _extreme_and_time(times, heights, "min")
     return out
 
 
-def _extreme(t: Array, values: Array, word: str) -> Extreme:
+def _extreme_and_time(t: Array, values: Array, word: str) -> Extreme:
     """The largest (word "max") or smallest of values (n,), and its time."""
     k = int(np.argmax(values) if word == "max" else np.argmin(values))
     return float(values[k]), float(t[k])
@@ -378,19 +401,19 @@ def _extreme(t: Array, values: Array, word: str) -> Extreme:
 BOTH = ("max", "min")
 
 
-def _series_of_cars(moved: LineRun, line: Line) -> Iterator[tuple[str, Array, Sequence[str]]]:
-    """Quantity, series (n,) and the extremes that count, of each car."""
+def _car_series_with_extremes(moved: LineRun, line: Line) -> Iterator[tuple[str, Array, Sequence[str]]]:
+    """Quantity, series (n,) and the extremes that count ("max", "min"), of each car."""
     wheels = {car.name: car.wheels for car in line.car}
     for car in moved.motion.cars:
-        yield f"haul:{car.name}", moved.axial_mean(car.haul_force), BOTH
-        yield f"grip:{car.name}", moved.axial_mean(car.grip_force, mean_passes(car)), BOTH
-        yield f"contact:{car.name}", moved.axial_mean(car.contact_force, mean_passes(car)), BOTH
+        yield f"haul:{car.name}", moved.mean_over_axial_round_trip(car.haul_force), BOTH
+        yield f"grip:{car.name}", moved.mean_over_axial_round_trip(car.grip_force, averaging_passes(car)), BOTH
+        yield f"contact:{car.name}", moved.mean_over_axial_round_trip(car.contact_force, averaging_passes(car)), BOTH
         yield f"speed:{car.name}", np.linalg.norm(car.velocity, axis=1), ("max",)
         yield f"depth:{car.name}", car.point[:, 1], ("max",)
-        for name, values in turning_series(car).items():
+        for name, values in turning_and_wheel_load_series(car).items():
             kind, _, wheel = name.partition("_")
             if wheel:
-                yield f"{kind}:{car.name}.{wheel}", moved.axial_mean(values), BOTH
+                yield f"{kind}:{car.name}.{wheel}", moved.mean_over_axial_round_trip(values), BOTH
             else:
                 yield f"{kind}:{car.name}", values, BOTH
         for kind, values in rope_stresses_at_car(moved, car, line.cable, wheels[car.name]).items():
@@ -398,17 +421,21 @@ def _series_of_cars(moved: LineRun, line: Line) -> Iterator[tuple[str, Array, Se
             yield f"{name}:{car.name}", values, (word,)
 
 
-def _series_of_contacts(moved: LineRun) -> Iterator[tuple[str, Array, Sequence[str]]]:
+def _contact_series_with_extremes(moved: LineRun) -> Iterator[tuple[str, Array, Sequence[str]]]:
     """Quantity, series (n,) and the extremes that count, of each contact."""
     for contact in moved.motion.contacts:
-        yield f"load:{contact.name}", np.linalg.norm(moved.axial_mean(contact.pressure), axis=1), ("max",)
+        yield (
+            f"load:{contact.name}",
+            np.linalg.norm(moved.mean_over_axial_round_trip(contact.pressure), axis=1),
+            ("max",),
+        )
         yield f"rise:{contact.name}", contact.rise, BOTH
         if contact.kind == "saddle":
             yield f"flow:{contact.name}", contact.s - contact.s[0], BOTH
 
 
-def mean_passes(car: CarMotion) -> int:
-    """Passes of the mean of forces on a car.
+def averaging_passes(car: CarMotion) -> int:
+    """How often the mean of forces on a car is taken: twice if the car grips, else once.
 
     A car that grips rings with the rope in other periods than the round trip, for its mass.  Of a ring of 0.7 round
     trips a mean leaves a fifth, the mean of means a twentieth.
@@ -416,7 +443,7 @@ def mean_passes(car: CarMotion) -> int:
     return 2 if np.isfinite(car.grip_force).any() else 1
 
 
-def turning_series(car: CarMotion) -> dict[str, Array]:
+def turning_and_wheel_load_series(car: CarMotion) -> dict[str, Array]:
     """Swing, or pitch [deg] and the loads of both wheels [N], by name; of a point by hand, or none."""
     turning = car.turning
     if turning is None:
@@ -429,13 +456,15 @@ def rope_stresses_at_car(moved: LineRun, car: CarMotion, rope: LineRope, wheels:
     """Design numbers (n,) of the rope at a car, of behind its rear wheels and ahead of its front ones the worse."""
     if wheels is None:
         return {}
-    loads = turning_series(car)
-    sides = []
+    loads = turning_and_wheel_load_series(car)
+    out: dict[str, Array] = {}
     for side, N in (("rear", car.tension_behind), ("front", car.tension_ahead)):
         load = loads.get(f"wheel_{side}", 0.5 * car.contact_force)
-        sides.append(rope_stresses_under_wheel(rope, wheels, N, load * 2.0 / wheels.count))
-    rear, front = ({kind: moved.axial_mean(values) for kind, values in side.items()} for side in sides)
-    return {kind: (np.fmin if kind.endswith("min") else np.fmax)(rear[kind], front[kind]) for kind in rear}
+        for kind, values in rope_stresses_under_wheel(rope, wheels, N, load * 2.0 / wheels.count).items():
+            worse = np.fmin if kind.endswith("min") else np.fmax
+            mean = moved.mean_over_axial_round_trip(values)
+            out[kind] = worse(out[kind], mean) if kind in out else mean
+    return out
 
 
 def clearance_series(motion: LineMotion, line: Line) -> dict[str, tuple[Array, Array]]:
@@ -451,9 +480,9 @@ def clearance_series(motion: LineMotion, line: Line) -> dict[str, tuple[Array, A
         heights = np.where((at >= x[0]) & (at <= x[-1]), np.interp(at, x, depth) - y, np.inf)
         of_rope = [(motion.t, np.minimum(corners.min(axis=1), heights.min(axis=1)))]
         for car in motion.cars:
-            times, places = _path_above(motion.t, car.point, x)
+            times, points = _times_and_points_above(motion.t, car.point, x)
             if times.size:
-                free = np.interp(places[:, 0], x, depth) - places[:, 1]
+                free = np.interp(points[:, 0], x, depth) - points[:, 1]
                 of_rope.append((times, free))
                 out[f"clearance_car:{car.name} over {name}"] = times, free - below[car.name]
         times, lowest = (np.concatenate(part) for part in zip(*of_rope, strict=True))
@@ -461,10 +490,11 @@ def clearance_series(motion: LineMotion, line: Line) -> dict[str, tuple[Array, A
     return out
 
 
-def _path_above(t: Array, path: Array, x: Array) -> tuple[Array, Array]:
+def _times_and_points_above(t: Array, path: Array, x: Array) -> tuple[Array, Array]:
     """Times and points of a path (n, 2) between the first and the last of x, and where it passes each of them."""
     over = (path[:, 0] >= x[0]) & (path[:, 0] <= x[-1])
-    times, points = [t[over]], [path[over]]
+    times = [t[over]]
+    points = [path[over]]
     for at in x:
         i = np.flatnonzero((path[:-1, 0] < at) != (path[1:, 0] < at))
         w = (at - path[i, 0]) / (path[i + 1, 0] - path[i, 0])
@@ -475,12 +505,12 @@ def _path_above(t: Array, path: Array, x: Array) -> tuple[Array, Array]:
 
 def rope_depths(points: Array, x: Array) -> Array:
     """Depths (n, k) [m] at x (k,) [m] of the rope through the points (n, m, 2) of `rope_points`."""
-    return np.array([np.interp(x, *each.T) for each in points])
+    return np.array([np.interp(x, *at_one_time.T) for at_one_time in points])
 
 
 def rope_points(motion: LineMotion) -> Array:
     """The rope as points (n, m, 2) [m]: stations, cars and contacts from left to right."""
-    bodies = touching_rope(motion)
+    bodies = contacts_cars_and_rear_wheels(motion)
     first = motion.contacts[0]
     here = ~np.isnan(motion.tension)  # (n, stations)
     s = np.where(here, motion.s, first.s[:, None])
@@ -491,17 +521,20 @@ def rope_points(motion: LineMotion) -> Array:
     return np.take_along_axis(points, order[..., None], axis=1)
 
 
-def bars_by_hand(line: Line, moved: LineRun, numbers: dict[str, tuple[float, float]]) -> dict[str, float]:
-    """Bars for what loads by hand leave out: of the loads of wheels, and of what follows from the largest one."""
+def bars_of_hand_wheel_loads(line: Line, moved: LineRun, numbers: dict[str, Extreme]) -> dict[str, float]:
+    """Bars for what wheel loads by hand leave out, by design number: of loads, and of what follows from the largest.
+
+    numbers : the design numbers of the run.
+    """
     bars: dict[str, float] = {}
     for car in line.car:
         x = find_car(moved, car.name)
         if car.wheels is None or x.wheel_loads is None:
             continue
-        left = neglected_wheel_load(car.wheels, car.mass, line.gravity, moved.motion.t, x)
+        neglected = neglected_wheel_load(car.wheels, car.mass, line.gravity, moved.motion.t, x)
         loads = [f"wheel_{word}:{car.name}.{side}" for word in ("max", "min") for side in ("rear", "front")]
-        bars |= dict.fromkeys(loads, left)
-        share = left / max(numbers[name][0] for name in loads)
+        bars |= dict.fromkeys(loads, neglected)
+        share = neglected / max(numbers[name][0] for name in loads)
         bending = f"stress_bending_max:{car.name}"
         ratio = f"tension_over_wheel_min:{car.name}"
         for name, of in {ratio: ratio, bending: bending, f"stress_max:{car.name}": bending}.items():
@@ -509,12 +542,14 @@ def bars_by_hand(line: Line, moved: LineRun, numbers: dict[str, tuple[float, flo
     return bars
 
 
-def design_with_bars(a: LineLadder, b: LineLadder | None, line: Line, units: Any) -> list[Any]:
-    """Design numbers of `a` with bars: from coarser runs, and at least the gap to `b`."""
+def design_with_bars(
+    a: LineLadder, b: LineLadder | None, line: Line, unit_of: Callable[[str], str]
+) -> list[dict[str, Any]]:
+    """Design numbers of `a` with bars: from coarser runs, and at least the gap to `b`;  unit_of : a design number."""
     ladders = [a] if b is None else [a, b]
     known = {id(run): extremes_with_times(run, line) for ladder in ladders for run in ladder.runs}
     numbers = known[id(a.finest)]
-    by_hand = bars_by_hand(line, a.finest, numbers)
+    by_hand = bars_of_hand_wheel_loads(line, a.finest, numbers)
     position = {car.name: car.s for car in a.finest.motion.cars}
     out = []
     for name, (value, t) in numbers.items():
@@ -529,5 +564,5 @@ def design_with_bars(a: LineLadder, b: LineLadder | None, line: Line, units: Any
         car = name.partition(":")[2].partition(".")[0]
         s_o = float(np.interp(t, a.finest.motion.t, position[car])) if car in position else None
         finite_bar = bar if math.isfinite(bar) else None
-        out.append({"quantity": name, "value": value, "bar": finite_bar, "unit": units(name), "t": t, "s_o": s_o})
+        out.append({"quantity": name, "value": value, "bar": finite_bar, "unit": unit_of(name), "t": t, "s_o": s_o})
     return out

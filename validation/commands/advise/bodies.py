@@ -22,7 +22,7 @@ from validation.commands.check.motion import reference_scales
 from validation.commands.run.motion import ELEMENTS, LineRuns
 from validation.core import store
 from validation.core.agreement import FORCES
-from validation.core.motion_rows import LineRun, turning_series
+from validation.core.motion_rows import LineRun, turning_and_wheel_load_series
 from validation.core.sidebyside import Progress, no_progress
 from validation.core.wheels import neglected_wheel_load, pitch_period
 
@@ -112,14 +112,19 @@ def _distances_of_runs(body: LineRun, a: CarMotion, point: LineRun, b: CarMotion
     assert a.turning is not None
     end = min(body.end, point.end)
     place = np.mean([wheel.point for wheel in a.turning.wheels] or [a.point], axis=0)  # (n, 2)
-    apart = body.at_instants(place, end) - point.at_instants(b.point, end)
-    along = point.at_instants(b.slope_behind + b.slope_ahead, end)
+    apart = body.at_common_instants(place, end) - point.at_common_instants(b.point, end)
+    along = point.at_common_instants(b.slope_behind + b.slope_ahead, end)
     across = along[:, 0] * apart[:, 1] - along[:, 1] * apart[:, 0]
     yield "path", float(np.max(np.abs(across) / np.linalg.norm(along, axis=1)))
     forces = [("tension", a.tension_ahead, b.tension_ahead), ("haul force", a.haul_force, b.haul_force)]
-    loads = turning_series(b)
-    forces += [(name, values, loads[name]) for name, values in turning_series(a).items() if name in loads]
+    loads = turning_and_wheel_load_series(b)
+    forces += [
+        (name, values, loads[name]) for name, values in turning_and_wheel_load_series(a).items() if name in loads
+    ]
     for need, of_body, of_point in forces:
         if np.isfinite(of_body).all():
-            means = [x.at_instants(x.axial_mean(values), end) for x, values in ((body, of_body), (point, of_point))]
+            means = [
+                x.at_common_instants(x.mean_over_axial_round_trip(values), end)
+                for x, values in ((body, of_body), (point, of_point))
+            ]
             yield need, float(np.max(np.abs(means[0] - means[1])))

@@ -22,7 +22,14 @@ from validation.commands.run.motion import (
 from validation.core import motion_laws, store
 from validation.core.agreement import DEFAULT_TOL, FORCES, Agreement, Verdict, worst_deciding_verdict
 from validation.core.ladder import Branch, Ladder
-from validation.core.motion_rows import Comparison, LineRun, LineTolerance, Scales, largest_tension_at_start, law_row
+from validation.core.motion_rows import (
+    LineComparison,
+    LineRun,
+    LineTolerance,
+    Scales,
+    largest_tension_at_start,
+    law_row,
+)
 from validation.core.sidebyside import Progress, no_progress
 from validation.page.options import GridPoint, tolerance_faults
 
@@ -42,7 +49,7 @@ def compare_and_check_laws(
     line: Line, a: Ladder[LineRun], b: Ladder[LineRun], tolerance: LineTolerance
 ) -> list[Agreement]:
     """All rows of two ladders of runs: comparisons, and laws of both from the TOML."""
-    comparison = Comparison(a, b, reference_scales(line, a.finest), tolerance)
+    comparison = LineComparison(a, b, reference_scales(line, a.finest), tolerance)
     return [*comparison.rows(), *law_rows(line.to_toml(), (a, b), comparison.end)]
 
 
@@ -52,7 +59,7 @@ def law_rows(toml: str, ladders: Sequence[Ladder[LineRun]], end: float) -> Itera
     known = motion_laws.LAWS | (motion_laws.BODY_LAWS if turns else {})
     if any(motion_laws.LineTables(toml).counterweights()):
         known = known | motion_laws.COUNTERWEIGHT_LAWS
-    if any(motion_laws.any_car_sticks(toml, ladder.finest.motion) for ladder in ladders):
+    if any(motion_laws.any_free_car_sticks(toml, ladder.finest.motion) for ladder in ladders):
         known = known | motion_laws.FRICTION_LAWS
     for ladder in ladders:
         for name, law in known.items():
@@ -116,7 +123,7 @@ def smallest_detectable_changes(result: MotionAnswers) -> dict[str, float]:
 
     def gaps_to(changed_line: Line) -> sensitivities.Gaps:
         changed = _ladder_of_one_run(LineRuns(ELEMENTS, changed_line, first).run(1, 1))
-        comparison = Comparison(base, changed, reference_scales(line, result.moved), asked)
+        comparison = LineComparison(base, changed, reference_scales(line, result.moved), asked)
         return {(row.quantity, row.law): row.gap for row in comparison.rows() if row.bound.kind == "error bars"}
 
     return sensitivities.detectable_changes_by_gaps(line, result.rows, gaps_to)

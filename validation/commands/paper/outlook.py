@@ -9,7 +9,7 @@ from cablefem.response import Array
 from cablefem.scene.line import Line
 from validation.commands.run.motion import ELEMENTS, LineRuns
 from validation.core.ladder import Ladder
-from validation.core.motion_rows import design_with_bars, turning_series
+from validation.core.motion_rows import design_with_bars, turning_and_wheel_load_series
 from validation.page.motion import motion_unit
 
 ANGLES = ("0", "5", "15")  # [deg] of the thrust above the line of the wheels
@@ -33,7 +33,9 @@ def _ride_numbers(ladder: Ladder, point: Ladder, line: Line) -> Row:
     """Design numbers; besides where the ride ends, how far its path is from the point mass's, and series over x."""
     at_point = _depths_at_positions(point.finest)
     x = _first_car(ladder.finest).point[:, 0]
-    loads = {name: of for name, of in turning_series(_first_car(ladder.finest)).items() if name != "pitch"}
+    loads = {
+        name: of for name, of in turning_and_wheel_load_series(_first_car(ladder.finest)).items() if name != "pitch"
+    }
     weight = line.car[0].mass * line.gravity
 
     def distance_from_point(run: Any) -> float:

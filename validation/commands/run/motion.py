@@ -31,7 +31,7 @@ from validation.core.motion_rows import (
     design_with_bars,
     rope_depths,
     rope_points,
-    turning_series,
+    turning_and_wheel_load_series,
 )
 from validation.core.readback import (
     limit_faults,
@@ -46,7 +46,8 @@ from validation.page import terminal
 from validation.page.line import print_line_summary
 from validation.page.motion import TABLE_QUANTITIES, comparison_words, design_number_rows, motion_unit
 
-PATH = "t,s_o,x,y,u,v,T_behind,T_ahead,speed,F_haul,F_contact"  # columns of path-NAME.csv; see `turning_series`
+# columns of path-NAME.csv, beside those of `turning_and_wheel_load_series`
+PATH = "t,s_o,x,y,u,v,T_behind,T_ahead,speed,F_haul,F_contact"
 
 
 @dataclass(frozen=True, slots=True)
@@ -387,7 +388,7 @@ class MotionAnswers(LineAnswers):
         for car in motion.cars:
             w = car.point - empty_rope_points(self.empty, car.s / thermal_stretch)
             speed = np.hypot(*car.velocity.T)
-            more = turning_series(car)
+            more = turning_and_wheel_load_series(car)
             columns = (
                 motion.t, car.s, *car.point.T, *w.T, car.tension_behind, car.tension_ahead, speed, car.haul_force,
                 car.contact_force, *more.values(),
@@ -429,7 +430,7 @@ class MotionAnswers(LineAnswers):
 
     def faults(self, folder: Path, html: str) -> list[str]:
         return [
-            *motion_laws.read_back_line_files(folder, self.motion, self.design, self.moved.period),
+            *motion_laws.faults_of_line_files(folder, self.motion, self.design, self.moved.period),
             *limit_faults(self.limits, tomllib.loads(self.line.to_toml()), self.design, ()),
             *limit_table_faults(html, self.limits),
             *line_design_number_faults(html, self.design),

@@ -130,7 +130,7 @@ def _expected_end_sentences(folder: Path, scene: Row, events: Sequence[Row]) -> 
         name = file.stem.removeprefix("path-")
         path = read_columns(file)
         yield f"{name} at x = {path['x'][-1]:.1f} m"
-        drive = next(car for car in scene["car"] if car["name"] == name)["drive"]
+        drive = next(car for car in scene["car"] if car["name"] == name).get("drive", {})
         stop = _last_stop_time(path, [x["t"] for x in events if x["event"] == f"{name} stops"], drive)
         if stop is not None:
             yield f"{name} stops at x = {np.interp(stop, path['t'], path['x']):.1f} m after {stop:.1f} s"
