@@ -13,9 +13,9 @@ _CHECKS: pytest.StashKey[dict[Any, Any]] = pytest.StashKey()
 @pytest.fixture(scope="session")
 def cable_scene() -> Callable[[str], Any]:
     """cable_scene("level") is a built-in scene or line, or that of a TOML file."""
-    from cablefem.scene.short import scene_or_line
+    from cablefem.scene.short import load_scene_or_line
 
-    return scene_or_line
+    return load_scene_or_line
 
 
 @pytest.fixture

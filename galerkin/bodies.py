@@ -240,7 +240,7 @@ class PointCar(CarBody):
         self.turns = hanger is not None
         if hanger is not None:
             self.unknown = "t" + self.unknown
-            self.m, self.h, self.damping = hanger.mass, hanger.length, hanger.moment_per_rate(line.gravity)
+            self.m, self.h, self.damping = hanger.mass, hanger.length, hanger.damping_moment_per_rate(line.gravity)
             self.about_hanger = hanger.inertia + self.m * self.h**2
 
     @staticmethod

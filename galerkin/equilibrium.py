@@ -110,7 +110,7 @@ def force_and_energy_integrals(of: Measures) -> tuple[Array, Array]:
 
 
 def static_force(cable: FullCable, s: Array) -> Array:
-    T, xp, yp, _, _ = cable.groups.tension_and_derivatives(s)
+    T, xp, yp, _, _ = cable.groups.tension_and_shape_derivatives(s)
     return np.stack([T * xp, T * yp], axis=1)
 
 

@@ -36,7 +36,7 @@ class FullCable:
 
     def tables_at(self, basis: Any, s_o: float) -> kernels.Points:
         s, weights, phi = basis.slopes(s_o)
-        T, xp, yp, _, _ = self.groups.tension_and_derivatives(s)
+        T, xp, yp, _, _ = self.groups.tension_and_shape_derivatives(s)
         return kernels.Points(s, phi, weights, T, np.array([xp, yp]))
 
     def _weighted_force_energy_and_tangent(self, points: kernels.Points, Q: Array) -> Array:
@@ -64,7 +64,7 @@ class FullCable:
 
     def static_slope_and_curvature(self, s: Any) -> tuple[Array, Array]:
         """r' and r'' at rest."""
-        _, xp, yp, xpp, ypp = self.groups.tension_and_derivatives(s)
+        _, xp, yp, xpp, ypp = self.groups.tension_and_shape_derivatives(s)
         return np.array([xp, yp]).T, np.array([xpp, ypp]).T
 
     def depth_at_rest(self, s: Array) -> Array:
@@ -73,7 +73,7 @@ class FullCable:
 
     def force_energy_and_tangent_rows(self, s: Array, slope: Array) -> Array:
         """Rows of `kernels.force_energy_and_tangent` at s (m,) for displacements with `slope` (2, m)."""
-        T, xp, yp, _, _ = self.groups.tension_and_derivatives(s)
+        T, xp, yp, _, _ = self.groups.tension_and_shape_derivatives(s)
         return kernels.force_energy_and_tangent(
             T, np.array([xp, yp]), np.ascontiguousarray(slope), self.alpha, self.law
         )
@@ -103,7 +103,7 @@ class ChordCable:
         self.curvature = 0.0 if model == "straight" else -self.weight[0] / self.T_chord  # y_n''
         # h is the same along the cable
         self.min_tension_at = min(1.0, max(0.0, groups.c / groups.sigma))
-        self.static_min_tension = float(groups.tension_and_derivatives(self.min_tension_at)[0])
+        self.static_min_tension = float(groups.tension_and_shape_derivatives(self.min_tension_at)[0])
 
     def tables_at(self, basis: Any, s_o: float) -> tuple[Array, Array]:
         return basis.stiffness(s_o), -self.curvature * basis.integral()

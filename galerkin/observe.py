@@ -149,7 +149,7 @@ def observe(system: GalerkinSystem, states: States, s: Array, frames: Array) -> 
         sunk = x.depth_integral()
     else:
         forces = _chord_tensions_and_strain_energy(cable, x, s, frames)
-    _, xp, yp, xpp, ypp = groups.tension_and_derivatives(x.s_o)
+    _, xp, yp, xpp, ypp = groups.tension_and_shape_derivatives(x.s_o)
     static = np.stack([xp, yp], axis=1)
     curvature = np.stack([xpp, ypp], axis=1)
     ds_o = x.ds_o[:, None]
@@ -181,7 +181,7 @@ def _full_cable_tensions_slopes_and_material_force(
     cable: FullCable, x: Measures, slopes: Array, w_s: Array, s: Array, frames: Array
 ) -> tuple[dict[str, Array], Array, Array]:
     """Forces by fields of `Observation`, r' at the mass, and the material force <N t> . [r'] - [W]."""
-    T_o = cable.groups.tension_and_derivatives(x.s_o)[0]
+    T_o = cable.groups.tension_and_shape_derivatives(x.s_o)[0]
     static_o = cable.static_slope_and_curvature(x.s_o)[0]
     static = cable.static_slope_and_curvature(s)[0]
     balanced = tension_from_equilibrium(x, s, frames)
@@ -216,9 +216,9 @@ def _chord_tensions_and_strain_energy(cable: ChordCable, x: Measures, s: Array, 
     strain, h = np.array(
         [cable.strain_energy_and_tension_increment(cable.tables_at(basis, s_o), Q) for s_o, Q in rows]
     ).T
-    T = cable.groups.tension_and_derivatives(x.s_o)[0] + h
+    T = cable.groups.tension_and_shape_derivatives(x.s_o)[0] + h
     return {
         "T_behind": np.where(x.s_o > 0.0, T, np.nan), "T_ahead": np.where(x.s_o < 1.0, T, np.nan),
-        "T": cable.groups.tension_and_derivatives(s)[0] + h[frames, None], "strain": strain,
+        "T": cable.groups.tension_and_shape_derivatives(s)[0] + h[frames, None], "strain": strain,
         "tension_min": cable.static_min_tension + h, "tension_min_at": np.full(h.shape, cable.min_tension_at),
     }  # fmt: skip

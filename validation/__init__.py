@@ -82,11 +82,11 @@ def accepting_names(function: Callable[Concatenate[Any, P], Result]) -> Callable
         """See the function that is wrapped."""
         from cablefem.scene import Scene
         from cablefem.scene.line import Line
-        from cablefem.scene.short import line_or_none
+        from cablefem.scene.short import load_line_or_none
 
         if isinstance(of, str | Path):
             kind = Scene if first == "scene" else _import_name("commands.sweep.study", "Study")
-            of = (function.__name__ in _LINE and line_or_none(of)) or kind.load(of)
+            of = (function.__name__ in _LINE and load_line_or_none(of)) or kind.load(of)
         if isinstance(of, Line):
             return cast(Result, _solver_of_line(function.__name__, of, args, kwargs)(of, *args, **kwargs))
         if first == "scene" and not isinstance(of, Scene):

@@ -66,7 +66,7 @@ def cabin_data(car: Car, gravity: float) -> tuple[float, float, float, float]:
     if cabin is None:
         return 0.0, 0.0, 0.0, 0.0
     lever = cabin.mass * cabin.length
-    return lever, cabin.length, cabin.inertia + lever * cabin.length, cabin.moment_per_rate(gravity)
+    return lever, cabin.length, cabin.inertia + lever * cabin.length, cabin.damping_moment_per_rate(gravity)
 
 
 def vector_length(x: Array) -> Array:

@@ -323,7 +323,7 @@ class CableElements(System):
         """Position, slope and curvature (..., fields) of the static shape; the parabola for one field."""
         s_o = np.asarray(s_o)
         if self.fields == 2:
-            _, xp, yp, xpp, ypp = self.groups.tension_and_derivatives(s_o)
+            _, xp, yp, xpp, ypp = self.groups.tension_and_shape_derivatives(s_o)
             return np.stack(self.groups.coordinates(s_o), -1), np.stack([xp, yp], -1), np.stack([xpp, ypp], -1)
         bend = -self._law[2] * np.ones_like(s_o)
         depth = -0.5 * (bend * s_o * (1.0 - s_o))

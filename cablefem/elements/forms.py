@@ -116,7 +116,7 @@ def assemble_residual(system: FollowingElements, x: Array, t: float, phase: int)
     q, v, a = (basis.interpolate(y) for y in unknowns)
     r = inertia_and_damping.assemble(basis, q=q, v=v, a=a, c=ds * chi, c_s=ds * chi_s, c_t=dds * chi, c_d=g.damping)
 
-    T, *slope = g.tension_and_derivatives(np.asarray(basis_of_forces.global_coordinates())[0])[:3]
+    T, *slope = g.tension_and_shape_derivatives(np.asarray(basis_of_forces.global_coordinates())[0])[:3]
     w_s = basis_of_forces.interpolate(unknowns[0]).grad[:, 0]
     law = float(system.law == "tension-only")
     r += internal_force.assemble(basis_of_forces, T=T, X_s=np.stack(slope), w_s=w_s, alpha=g.alpha, law=law)

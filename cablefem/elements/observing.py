@@ -43,7 +43,7 @@ def observe(system: CableElements, states: States, s: Array, frames: NDArray[np.
     kinetic = cable.kinetic + 0.5 * system.inertia * np.sum(velocity**2, axis=0)
     potential = cable.potential - system.weight @ (position + w)
 
-    T, xp, yp, xpp, ypp = g.tension_and_derivatives(s_o)
+    T, xp, yp, xpp, ypp = g.tension_and_shape_derivatives(s_o)
     static = np.stack([xp, yp])
     bend = np.stack([xpp, ypp])
     direction = system.direction.T
@@ -162,7 +162,7 @@ def strain_energy(system: CableElements, mesh_at: Array, q: Array) -> StrainStat
     weight = points.weights * h
     w_s = np.moveaxis(_multiply(points.slopes, q), 1, 0) / length  # (fields, p, n)
     if system.fields == 2:
-        T, *slope = system.groups.tension_and_derivatives(s)[:3]
+        T, *slope = system.groups.tension_and_shape_derivatives(s)[:3]
         X_s = np.array(slope)
         x = section_forces(X_s, T, w_s, system._law[0], system._law[3])
         f = x.force
@@ -231,7 +231,7 @@ def _station_fields(system: CableElements, along: StationFields, s: Array, rise:
         x if system.fields == 2 else np.tensordot(direction, x, 1) for x in (along.w, along.rate, along.slope)
     )  # (2, k, m)
     fields = {"u": w[0], "v": w[1], "du": rate[0], "dv": rate[1]}
-    T, *static = g.tension_and_derivatives(s)[:3]
+    T, *static = g.tension_and_shape_derivatives(s)[:3]
     if system.fields == 1:
         fields["T"] = T + rise[:, None]
         fields["T_pointwise"] = fields["T"]
@@ -257,7 +257,7 @@ def _tensions_at_mass(
     at_behind, at_ahead = (section_forces(static, T, slope - static, alpha, law) for slope in (behind, ahead))
     mean = 0.5 * (at_behind.force + at_ahead.force) + T * static  # <N t>
     kink = np.sum(mean * (ahead - behind), axis=0) - (at_ahead.energy - at_behind.energy)
-    T_ends, x_ends, y_ends = system.groups.tension_and_derivatives(np.array([0.0, 1.0]))[:3]
+    T_ends, x_ends, y_ends = system.groups.tension_and_shape_derivatives(np.array([0.0, 1.0]))[:3]
     static_ends = np.stack([T_ends * x_ends, T_ends * y_ends])  # (2 fields, 2 ends)
     return {
         "T_behind": _tension_from_momentum(system, ends[1], c, (static, T, behind)),

@@ -23,7 +23,7 @@ class Hanger(Part):
         """J [kg m2] about the cabin's centre of mass."""
         return self.mass * self.gyration**2
 
-    def moment_per_rate(self, gravity: float) -> float:
+    def damping_moment_per_rate(self, gravity: float) -> float:
         """c [N m s] of the moment - c dphi/dt."""
         about_hinge = self.inertia + self.mass * self.length**2
         return 2.0 * self.damping * math.sqrt(about_hinge * self.mass * gravity * self.length)
@@ -44,7 +44,7 @@ class Wheels(Part):
         "[m] of a wheel, whose groove bounds how far the rope bends; with cable.wire", None
     )
 
-    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
+    def cross_field_faults(self, written_values: Mapping[str, Any]) -> list[str]:
         """Faults between fields, one line each."""
         faults = []
         if self.model == "rigid":
@@ -62,26 +62,30 @@ def body_faults(mass: float | None, hanger: Hanger | None, wheels: Wheels | None
     if hanger is not None and mass is not None and hanger.mass >= mass:
         return [f"hanger.mass = {hanger.mass!r}: must be < {mass:.6g} kg, the mass of the car with it"]
     rigid = wheels is not None and wheels.model == "rigid"
-    return [] if drive is None or rigid else _lever_faults(wheels, drive)
+    return [] if drive is None or rigid else _two_wheel_key_faults(wheels, drive)
 
 
-def _lever_faults(wheels: Wheels | None, drive: Driving) -> list[str]:
+def _two_wheel_key_faults(wheels: Wheels | None, drive: Driving) -> list[str]:
     """Faults of keys of two wheels in the drive of a point car."""
-    thrust = drive.thrust if isinstance(drive.thrust, Thrust) else None
-    written = {
-        "hitch": drive.hitch is not None,
-        "thrust.angle": thrust is not None and bool(thrust.angle),
-        "thrust.at": thrust is not None and thrust.at is not None,
-        "brake.wheel": any(brake.wheel != "both" for brake in drive.brake or ()),
-    }
+    written = _two_wheel_keys(drive)
     if wheels is not None and wheels.base:  # levers count in loads by hand
-        return ["drive.thrust.angle: must be 0 with wheels.model = 'point'"] if written["thrust.angle"] else []
-    present = [name for name, is_written in written.items() if is_written]
-    return [f"drive.{name}: of a car on two wheels; must be given with wheels" for name in present]
+        return ["drive.thrust.angle: must be 0 with wheels.model = 'point'"] if "thrust.angle" in written else []
+    return [f"drive.{name}: of a car on two wheels; must be given with wheels" for name in written]
 
 
-def groove_faults(wire: float | None, wheels: Wheels | None) -> list[str]:
+def _two_wheel_keys(drive: Driving) -> list[str]:
+    """Keys that only a car on two wheels has, as far as they are written."""
+    written = ["hitch"] if drive.hitch is not None else []
+    if isinstance(drive.thrust, Thrust):
+        written += ["thrust.angle"] if drive.thrust.angle else []
+        written += ["thrust.at"] if drive.thrust.at is not None else []
+    if any(brake.wheel != "both" for brake in drive.brake or ()):
+        written.append("brake.wheel")
+    return written
+
+
+def missing_wire_faults(wire_diameter: float | None, wheels: Wheels | None) -> list[str]:
     """Fault of a radius of wheels on a rope whose wires are unknown."""
-    if wire is not None or wheels is None or wheels.radius is None:
+    if wire_diameter is not None or wheels is None or wheels.radius is None:
         return []
     return [f"cable.wire: missing; must be given with wheels.radius = {wheels.radius!r}"]

@@ -17,9 +17,9 @@ from cablefem.scene.fields import (
     Positive,
     Real,
     described_field,
+    exactly_one_faults,
     number_between,
-    number_or_table,
-    one_of_faults,
+    number_or_table_type,
 )
 
 SHAPES = ("length", "sag", "horizontal_tension")
@@ -52,13 +52,13 @@ class Rope(Part):
     expansion: Annotated[float, number_between(-1e-3, 1e-3)] | None = described_field(
         "[1/K] thermal expansion; steel 1.2e-5", None
     )
-    ice: number_or_table(POSITIVE, Ice) | None = described_field(  # type: ignore[valid-type]
+    ice: number_or_table_type(POSITIVE, Ice) | None = described_field(  # type: ignore[valid-type]
         "[kg/m] of the cable at the reference temperature", None
     )
 
     @model_validator(mode="before")
     @classmethod
-    def _stiffness(cls, data: Any) -> Any:
+    def _fill_EA_from_section(cls, data: Any) -> Any:
         """EA from E and section; a negative one is a fault of its own."""
         values = data if isinstance(data, dict) else {}
         E, section = values.get("E"), values.get("section")
@@ -66,29 +66,31 @@ class Rope(Part):
             return {"EA": abs(E * section), **data}
         return data
 
-    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
+    def cross_field_faults(self, written_values: Mapping[str, Any]) -> list[str]:
         """Faults of stiffness, ice and heat, one line each."""
-        faults = self._stiffness_faults(values)
+        faults = self._stiffness_faults(written_values)
         if self.temperature is not None:
-            needs = [name for name in ("reference_temperature", "expansion") if values.get(name) is None]
+            needs = [name for name in ("reference_temperature", "expansion") if written_values.get(name) is None]
             faults += [f"{name}: missing; must be given with temperature" for name in needs]
-        if isinstance(self.ice, Ice) and values.get("diameter") is None:
+        if isinstance(self.ice, Ice) and written_values.get("diameter") is None:
             faults.append("diameter: missing; must be given with the thickness of ice")
         return faults
 
-    def _stiffness_faults(self, values: Mapping[str, Any]) -> list[str]:
-        missing = [name for name in ("E", "section") if values.get(name) is None]
+    def _stiffness_faults(self, written_values: Mapping[str, Any]) -> list[str]:
+        missing = [name for name in ("E", "section") if written_values.get(name) is None]
         if len(missing) == 1:
             other = "section" if missing == ["E"] else "E"
             return [f"{missing[0]}: missing; must be given with {other}"]
         of_section = (self.E or 0.0) * (self.section or 0.0)
-        if self.EA and of_section and abs(self.EA / of_section - 1.0) > SAME_STIFFNESS:
+        both_given = bool(self.EA and of_section)
+        if both_given and abs(self.EA / of_section - 1.0) > SAME_STIFFNESS:
             must = f"must be E section = {of_section:.6g} N within {SAME_STIFFNESS:.0%}, or left out"
             return [f"EA = {self.EA!r}: {must}"]
         return []
 
     @property
-    def differs_from_reference(self) -> bool:
+    def has_heat_or_ice(self) -> bool:
+        """Whether it differs from the rope as described."""
         return self.thermal_strain != 0.0 or self.ice is not None
 
     @property
@@ -99,7 +101,7 @@ class Rope(Part):
         return self.expansion * (self.temperature - self.reference_temperature)
 
     @property
-    def ice_per_length(self) -> float:
+    def ice_mass_per_length(self) -> float:
         """Mass of the ice [kg/m] at the reference; r pi e (d + e) for a layer."""
         if isinstance(self.ice, Ice):
             assert self.diameter is not None
@@ -123,15 +125,15 @@ RATIO = Admits("a ratio of critical from 0 to 1 (0.01 is 1 %)", ge=0.0, le=1.0)
 class Cable(Rope):
     """The cable of one span; exactly one of length, sag and horizontal_tension."""
 
-    damping: number_or_table(RATIO, Damping) = described_field(  # type: ignore[valid-type]
+    damping: number_or_table_type(RATIO, Damping) = described_field(  # type: ignore[valid-type]
         "[-] ratio of critical in the first mode of the empty cable", 0.0
     )
     length: Positive | None = described_field("[m] stretched arc length at rest", None)
     sag: Positive | None = described_field("[m] largest vertical distance below the chord at rest", None)
     horizontal_tension: Positive | None = described_field("[N] horizontal part of the tension at rest", None)
 
-    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
-        return one_of_faults(SHAPES, values) + super().faults_between(values)
+    def cross_field_faults(self, written_values: Mapping[str, Any]) -> list[str]:
+        return exactly_one_faults(SHAPES, written_values) + super().cross_field_faults(written_values)
 
 
 class Supports(Part):
@@ -141,15 +143,15 @@ class Supports(Part):
     drop: Real = described_field("[m] right support below the left one: positive", 0.0)
 
 
-def hanging_catenary(gravity: float, cable: Cable, supports: Supports) -> Catenary:
-    """The catenary with heat and ice; ValueError where `hanging_fault` finds one."""
+def catenary_with_heat_and_ice(gravity: float, cable: Cable, supports: Supports) -> Catenary:
+    """The catenary with heat and ice; ValueError where `no_catenary_fault` finds one."""
     cold = reference_catenary(gravity, cable, supports)
-    if not cable.differs_from_reference:
+    if not cable.has_heat_or_ice:
         return cold
     l = cold.length
     T = cold.mean_tension
     thermal_strain = cable.thermal_strain
-    weight = (cable.mass_per_length + cable.ice_per_length) * gravity * l
+    weight = (cable.mass_per_length + cable.ice_mass_per_length) * gravity * l
 
     def catenary_at(z: float) -> Catenary:
         l_2 = Catenary.from_sag_parameter(supports.span, supports.drop, 1.0, z).length
@@ -159,7 +161,7 @@ def hanging_catenary(gravity: float, cable: Cable, supports: Supports) -> Catena
         """l_2 minus that of rule 2, from l - chord: a taut cable keeps digits."""
         now = catenary_at(z)
         stretch = thermal_strain + (1.0 + thermal_strain) * (now.mean_tension - T) / (cable.EA + T)
-        return now.slack - cold.slack - l * stretch
+        return now.excess_over_chord - cold.excess_over_chord - l * stretch
 
     return catenary_at(bisect_zero(excess_length, Z_MIN, Z_MAX))
 
@@ -175,7 +177,7 @@ def reference_catenary(gravity: float, cable: Cable, supports: Supports) -> Cate
     return Catenary(supports.span, supports.drop, weight, cable.horizontal_tension)
 
 
-def hanging_fault(gravity: float, cable: Cable, supports: Supports) -> str:
+def no_catenary_fault(gravity: float, cable: Cable, supports: Supports) -> str:
     """Why there is no catenary."""
     span = supports.span
     drop = supports.drop
@@ -194,7 +196,7 @@ def hanging_fault(gravity: float, cable: Cable, supports: Supports) -> str:
         smallest = f"{low!r}"  # a length counts by its excess over the chord
     if low <= value <= high:
         try:
-            hanging_catenary(gravity, cable, supports)
+            catenary_with_heat_and_ice(gravity, cable, supports)
         except ValueError:  # `bisect_zero` found no root
             name = "temperature" if cable.ice is None else "ice"
             return (
@@ -211,7 +213,8 @@ def hanging_fault(gravity: float, cable: Cable, supports: Supports) -> str:
 
 def stretch_fault(gravity: float, cable: Cable, supports: Supports) -> str:
     """Whether the cable is longer than twice its unstretched length."""
-    largest = max(state(gravity, cable, supports).max_tension for state in (reference_catenary, hanging_catenary))
+    catenaries = [f(gravity, cable, supports) for f in (reference_catenary, catenary_with_heat_and_ice)]
+    largest = max(catenary.max_tension for catenary in catenaries)
     if largest < cable.EA:
         return ""
     shape = next(f"cable.{name} = {value!r}" for name in SHAPES if (value := getattr(cable, name)) is not None)

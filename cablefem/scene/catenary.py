@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -20,14 +21,14 @@ Z_MAX = 5.0
 _BRACKET = Z_MIN * (1.0 - 1e-6), Z_MAX * (1.0 + 1e-6)  # with the ends themselves
 
 
-def static_tension(s, sigma: float, c: float) -> np.ndarray:
+def static_tension(s: Any, sigma: float, c: float) -> np.ndarray:
     """T/H at s in [0, 1]."""
     p = c - sigma * np.asarray(s, dtype=float)
     return np.sqrt(1.0 + p * p)
 
 
-def tension_and_derivatives(
-    s, sigma: float, c: float
+def tension_and_shape_derivatives(
+    s: Any, sigma: float, c: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """(T, x', y', x'', y'') at s in [0, 1]."""
     p = c - sigma * np.asarray(s, dtype=float)
@@ -37,7 +38,7 @@ def tension_and_derivatives(
     return T, xp, p * xp, -p * ypp, ypp
 
 
-def coordinates(s, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray]:
+def coordinates(s: Any, sigma: float, c: float) -> tuple[np.ndarray, np.ndarray]:
     """(x, y) at s: x = (asinh p_0 - asinh p)/sigma, y = (T_0 - T)/sigma = s m, m = (p_0 + p)/(T_0 + T)."""
     s = np.asarray(s, dtype=float)
     p = c - sigma * s
@@ -79,7 +80,7 @@ class Catenary:
     @classmethod
     def from_sag(cls, span: float, drop: float, weight: float, sag: float) -> Catenary:
         """ValueError if no z in [Z_MIN, Z_MAX] has this sag."""
-        z = bisect_zero(lambda z: math.log(_sag_of(span, drop, z) / sag), *_BRACKET)
+        z = bisect_zero(lambda z: math.log(_sag_at_parameter(span, drop, z) / sag), *_BRACKET)
         return cls.from_sag_parameter(span, drop, weight, z)
 
     @property
@@ -93,7 +94,7 @@ class Catenary:
         return math.hypot(self.span, self.drop)
 
     @cached_property
-    def slack(self) -> float:
+    def excess_over_chord(self) -> float:
         """l - chord [m]: l^2 - chord^2 = b^2 (S^2 - 1), S = sinh(z)/z."""
         s1 = _sinhc_minus_1(self.sag_parameter)
         square = self.span**2 * s1 * (s1 + 2.0)
@@ -102,7 +103,7 @@ class Catenary:
     @cached_property
     def length(self) -> float:
         """Stretched arc length l [m]."""
-        return self.chord + self.slack
+        return self.chord + self.excess_over_chord
 
     @cached_property
     def sigma(self) -> float:
@@ -117,7 +118,7 @@ class Catenary:
     @cached_property
     def sag(self) -> float:
         """Largest vertical distance below the chord [m]."""
-        return _sag_of(self.span, self.drop, self.sag_parameter)
+        return _sag_at_parameter(self.span, self.drop, self.sag_parameter)
 
     @property
     def max_tension(self) -> float:
@@ -139,15 +140,15 @@ class Catenary:
         """L^2 = sigma^2 alpha cos^5(slope) [-], Irvine, Cable Structures (1981), 2.4."""
         return self.sigma**2 * EA / self.horizontal_tension * (self.span / self.chord) ** 5
 
-    def x(self, s) -> np.ndarray:
+    def x(self, s: Any) -> np.ndarray:
         """Horizontal position [m] at s [m]."""
         return self.length * coordinates(np.asarray(s) / self.length, self.sigma, self.c)[0]
 
-    def y(self, s) -> np.ndarray:
+    def y(self, s: Any) -> np.ndarray:
         """Depth below the left support [m] at s [m]."""
         return self.length * coordinates(np.asarray(s) / self.length, self.sigma, self.c)[1]
 
-    def tension(self, s) -> np.ndarray:
+    def tension(self, s: Any) -> np.ndarray:
         """Tension [N] at s [m]."""
         return self.horizontal_tension * static_tension(np.asarray(s) / self.length, self.sigma, self.c)
 
@@ -168,7 +169,7 @@ def _mean_asinh_slope(span: float, drop: float, z: float) -> float:
     return math.asinh(drop / span / (1.0 + _sinhc_minus_1(z)))
 
 
-def _sag_of(span: float, drop: float, z: float) -> float:
+def _sag_at_parameter(span: float, drop: float, z: float) -> float:
     """Sag [m]: (b/2z) [cosh(tm) (cosh z - cosh eta) + sinh(tm) (sinh eta - eta sinh(z)/z)], eta = tm - asinh(h/b)."""
     tm = _mean_asinh_slope(span, drop, z)
     eta = tm - math.asinh(drop / span)

@@ -96,9 +96,9 @@ class Described(Part):
 
     def to_toml(self) -> str:
         """A file that reads back as this."""
-        return tomli_w.dumps(self._tables())
+        return tomli_w.dumps(self._toml_tables())
 
-    def _tables(self, replaced_keys: Container[str] = ()) -> dict[str, Any]:
+    def _toml_tables(self, replaced_keys: Container[str] = ()) -> dict[str, Any]:
         """Its TOML tables, without what new values of the dotted keys `replaced_keys` replace."""
         return {"name": self.name, **self.model_dump(exclude_none=True, exclude_defaults=True)}
 
@@ -111,7 +111,7 @@ class Described(Part):
         """
         if not isinstance(changes, Mapping):
             raise TypeError(f"changes must be a mapping of dotted keys to values, got {changes!r}")
-        data = self._tables(changes)
+        data = self._toml_tables(changes)
         cable = data["cable"]
         product = cable.get("E", 0.0) * cable.get("section", 0.0)
         if {"cable.E", "cable.section"} & changes.keys() and cable["EA"] == product:
@@ -131,26 +131,36 @@ def set_dotted_key(data: dict[str, Any], key: str, value: Any) -> None:
     before, _, last = key.rpartition(".")
     table: Any = data
     for name in before.split(".") if before else ():
-        table = table.setdefault(name, {}) if isinstance(table, dict) else _list_entry(table, name, key)
-    if isinstance(table, list | tuple) and table and not isinstance(table[0], dict):
-        raise ValueError(f"{key}: {before} is a list; write all of it, as {before}={short_text(list(table))}")
-    if isinstance(table, list | tuple) and table:
-        raise ValueError(f"{key}: {before} is a list; write {before}.0.{last}, or its name for the 0")
+        table = table.setdefault(name, {}) if isinstance(table, dict) else _find_list_entry(table, name, key)
     if not isinstance(table, dict):
-        raise ValueError(f"{key}: {before} is no table")
-    if isinstance(value, str) and RELATIVE.fullmatch(value):
-        now = table.get(last)
-        if not isinstance(now, int | float):
-            given = [name for name, number in table.items() if isinstance(number, int | float)]
-            what = f"relative to a number, which the scene does not give.{did_you_mean(last, given)}"
-            raise ValueError(f"{key} = {value}: {what}")
-        value = now * (1.0 + float(value[:-1]) / 100.0)
-    table[last] = value
+        raise ValueError(f"{key}: {_why_no_table(table, before, last)}")
+    relative = isinstance(value, str) and RELATIVE.fullmatch(value)
+    table[last] = _relative_value(table, last, key, value) if relative else value
 
 
-def _list_entry(tables: Any, name: str, key: str) -> Any:
+def _find_list_entry(tables: Any, name: str, key: str) -> Any:
+    """The table of that name or number in a list of tables; ValueError if there is none."""
     if isinstance(tables, list | tuple):
         for i, table in enumerate(tables):
             if isinstance(table, dict) and name in (table.get("name"), str(i)):
                 return table
     raise ValueError(f"{key}: the scene has no such entry")
+
+
+def _why_no_table(content: Any, name: str, last: str) -> str:
+    """Why the content of a key is no table with a key `last`, and what to write instead."""
+    if not isinstance(content, list | tuple) or not content:
+        return f"{name} is no table"
+    if isinstance(content[0], dict):
+        return f"{name} is a list; write {name}.0.{last}, or its name for the 0"
+    return f"{name} is a list; write all of it, as {name}={short_text(list(content))}"
+
+
+def _relative_value(table: dict[str, Any], name: str, key: str, percent: str) -> float:
+    """The number of that name, changed by "+1%"; ValueError if it is not given."""
+    now = table.get(name)
+    if not isinstance(now, int | float):
+        given = [name for name, number in table.items() if isinstance(number, int | float)]
+        what = f"relative to a number, which the scene does not give.{did_you_mean(name, given)}"
+        raise ValueError(f"{key} = {percent}: {what}")
+    return now * (1.0 + float(percent[:-1]) / 100.0)

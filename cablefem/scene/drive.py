@@ -23,12 +23,12 @@ from cablefem.scene.fields import (
     Real,
     Reals,
     described_field,
-    length_faults,
+    exactly_one_faults,
+    list_of_tables_like,
+    not_rising_faults,
     number_between,
-    number_or_table,
-    one_of_faults,
-    rising_faults,
-    tables_like,
+    number_or_table_type,
+    unequal_length_faults,
 )
 
 # [l] range of a rolling car: forces grow like one over the distance to a support
@@ -56,8 +56,8 @@ class Thrust(Part):
     )
     at: Pair | None = described_field("[m] of two wheels: where it acts, ahead of and below the centre of mass", None)
 
-    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
-        return length_faults(self.times, "forces", self.forces) + rising_faults("times", self.times)
+    def cross_field_faults(self, written_values: Mapping[str, Any]) -> list[str]:
+        return unequal_length_faults(self.times, "forces", self.forces) + not_rising_faults("times", self.times)
 
 
 class Brake(Part):
@@ -81,15 +81,16 @@ class End(Part):
     time: Positive | None = described_field("[s] at which the ride ends", None)
     place: Positive | None = described_field("[m] position along the cable that counts as arrival", None)
 
-    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
-        return one_of_faults(("time", "place"), values)
+    def cross_field_faults(self, written_values: Mapping[str, Any]) -> list[str]:
+        return exactly_one_faults(("time", "place"), written_values)
 
 
 def drive_keys_of_mode(mode: str) -> tuple[str, ...]:
     """Names of the table [drive] with a meaning in a mode."""
     if mode == "grip":
         return ("mode",)
-    return tuple(name for name in Driving.field_names() if mode not in UNUSED_KEYS or ONLY.get(name, mode) == mode)
+    names = Driving.written_field_names()
+    return tuple(name for name in names if mode not in UNUSED_KEYS or ONLY.get(name, mode) == mode)
 
 
 class Driving(Part):
@@ -104,8 +105,8 @@ class Driving(Part):
     drag_area: NonNegative = described_field("[m2] drag coefficient times area of the car", 0.0)
     air_density: Positive = described_field("[kg/m3] density of the air", 1.2)
     wind: Real = described_field("[m/s] along x on the car alone; negative is a headwind", 0.0)
-    thrust: number_or_table(REAL, Thrust) = described_field("[N] force along the cable", 0.0)  # type: ignore[valid-type]
-    brake: Annotated[tuple[Brake, ...], tables_like("{from = ..., force = ...}")] = described_field(
+    thrust: number_or_table_type(REAL, Thrust) = described_field("[N] force along the cable", 0.0)  # type: ignore[valid-type]
+    brake: Annotated[tuple[Brake, ...], list_of_tables_like("{from = ..., force = ...}")] = described_field(
         "[-] brakes, in order", ()
     )
     end: End | None = described_field("[-] where or when the ride is over", None)
@@ -117,15 +118,15 @@ class Driving(Part):
         "[m] from its static position of rest in which a slow car is at rest", 0.01
     )
 
-    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
+    def cross_field_faults(self, written_values: Mapping[str, Any]) -> list[str]:
         """Faults of keys without meaning in the mode, one line each."""
         meaningful = drive_keys_of_mode(self.mode)
         written: dict[str, str] = {}  # all that is not the default
         faults = []
         for name, field in type(self).model_fields.items():
-            if name == "mode" or values.get(name) in (None, field.default):
+            if name == "mode" or written_values.get(name) in (None, field.default):
                 continue
-            written[name] = f"{name} = {short_text(values[name])}"
+            written[name] = f"{name} = {short_text(written_values[name])}"
             if name not in meaningful:
                 faults.append(f"{written[name]}: has no meaning with mode = {self.mode!r}, {UNUSED_KEYS[self.mode]}")
         if "drag_area" not in written and self.mode != "grip":

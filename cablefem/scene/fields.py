@@ -43,7 +43,8 @@ def _is_inner_error(item: Any) -> bool:
     return any(isinstance(x, int) for x in item["loc"]) or isinstance(item.get("ctx", {}).get("error"), SceneError)
 
 
-def _zero_if_tiny(x: float) -> float:
+def _reject_tiny(x: float) -> float:
+    """The number; ValueError if it is positive but vanishes in products."""
     if 0.0 < x < SMALL:
         raise ValueError("vanishes in products")
     return x
@@ -56,7 +57,7 @@ _SEVERAL = Admits("a list of at least two numbers", min_length=2, strict=False)
 
 Positive = Annotated[float, POSITIVE]
 NonNegative = Annotated[
-    float, Field(ge=0.0, le=LARGE), AfterValidator(_zero_if_tiny), Admits(f"a number >= 0: 0, or from {_RANGE}")
+    float, Field(ge=0.0, le=LARGE), AfterValidator(_reject_tiny), Admits(f"a number >= 0: 0, or from {_RANGE}")
 ]
 Real = Annotated[float, REAL]
 Switch = Annotated[bool, Admits("true or false")]
@@ -81,27 +82,27 @@ def integer_between(low: int, high: int) -> Admits:
     return Admits(f"a whole number from {low} to {high}", ge=low, le=high)
 
 
-def tables_like(like: str) -> Admits:
-    return Admits(f"a list of tables {like}", strict=False)
+def list_of_tables_like(example: str) -> Admits:
+    return Admits(f"a list of tables {example}", strict=False)
 
 
-def length_faults(times: Sequence[float] | None, name: str, column: Sequence[float] | None) -> list[str]:
+def unequal_length_faults(times: Sequence[float] | None, name: str, column: Sequence[float] | None) -> list[str]:
     """Fault of a column that is not as long as the times; None: faulty by itself."""
     if times is None or column is None or len(column) == len(times):
         return []
     return [f"{name}: {len(column)} values; must be {len(times)}, as times"]
 
 
-def one_of_faults(names: Sequence[str], values: Mapping[str, Any]) -> list[str]:
+def exactly_one_faults(names: Sequence[str], written_values: Mapping[str, Any]) -> list[str]:
     """Faults unless exactly one of these fields is given."""
-    present = [f"{name} = {short_text(values[name])}" for name in names if values.get(name) is not None]
+    present = [f"{name} = {short_text(written_values[name])}" for name in names if written_values.get(name) is not None]
     must = f"exactly one of {', '.join(names)} must be given"
     if not present:
         return [f"{names[0]}: missing; {must}"]
     return [f"{extra}: too much beside {present[0]}; {must}" for extra in present[1:]]
 
 
-def rising_faults(name: str, column: Sequence[float] | None, sign: str = ">") -> list[str]:
+def not_rising_faults(name: str, column: Sequence[float] | None, sign: str = ">") -> list[str]:
     """Fault at the first row where a column falls, or with '>' where it does not rise."""
     for i, (before, after) in enumerate(pairwise(column or ()), start=1):
         if after < before or (sign == ">" and after == before):
@@ -124,9 +125,9 @@ class Part(BaseModel):
         try:
             self.__pydantic_validator__.validate_python(data, self_instance=self, context=sound)
         except ValidationError as error:
-            faults = [line for item in error.errors(include_url=False) for line in self._fault_lines(item)]
+            faults = [line for item in error.errors(include_url=False) for line in self._faults_of_error(item)]
         admissible = {name: sound.get(name) for name in type(self).model_fields}
-        faults += self.model_construct(**admissible).faults_between(data)
+        faults += self.model_construct(**admissible).cross_field_faults(data)
         if faults:
             raise SceneError(faults)
 
@@ -142,73 +143,75 @@ class Part(BaseModel):
         values = {name: getattr(self, name) for name in part.model_fields} | dict(update or {})
         return part(**{_written_name(part, name): value for name, value in values.items()})
 
-    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
-        """Faults between fields, of which faulty ones and missing ones are None; `values` as written."""
+    def cross_field_faults(self, written_values: Mapping[str, Any]) -> list[str]:
+        """Faults between fields, of which faulty ones and missing ones are None; written_values : as in a file."""
         return []
 
     @classmethod
-    def field_names(cls) -> list[str]:
+    def written_field_names(cls) -> list[str]:
         """Names as written, inherited ones last."""
         own = sorted(cls.model_fields, key=lambda name: name not in cls.__annotations__)
         return [_written_name(cls, name) for name in own]
 
     @classmethod
-    def _fault_lines(cls, item: Any) -> list[str]:
+    def _faults_of_error(cls, error: Any) -> list[str]:
         """Lines 'field = value: what is admissible' from one error of pydantic."""
-        name, *inner = item["loc"]
-        cause = item.get("ctx", {}).get("error")
+        name, *inner = error["loc"]
+        cause = error.get("ctx", {}).get("error")
         written = str(name) if str(name).isprintable() else repr(name)  # a fault is one line
         where = written + "".join(f"[{i}]" for i in inner if isinstance(i, int))
         if isinstance(cause, SceneError):  # of a part inside this one
             return [f"{where}.{fault}" for fault in cause.faults]
-        if item["type"] == "too_short":  # beside the faults of its items
+        if error["type"] == "too_short":  # beside the faults of its items
             return []
-        if item["type"] == "missing":
-            return [f"{where}: missing; must be {cls._admissible(name)}"]
-        return [cls._value_fault(where, str(name), item, cause)]
+        if error["type"] == "missing":
+            return [f"{where}: missing; must be {cls._admissible_text(name)}"]
+        return [cls._value_fault(where, str(name), error, cause)]
 
     @classmethod
-    def _value_fault(cls, where: str, name: str, item: Any, cause: Any) -> str:
+    def _value_fault(cls, where: str, name: str, error: Any, cause: Any) -> str:
         """Fault of a value that is there."""
-        raw = item["input"]
+        raw = error["input"]
         value = f"{where} = {short_text(raw)}"
-        match item["type"]:
+        match error["type"]:
             case "extra_forbidden" if where in cls.not_modelled:
                 return f"{where}: not modelled: {cls.not_modelled[where]}"
             case "extra_forbidden":
-                return f"{value}: unknown key.{did_you_mean(where, cls.field_names())}"
+                return f"{value}: unknown key.{did_you_mean(where, cls.written_field_names())}"
             case "literal_error":
                 return (
                     f"{value}: unknown.{did_you_mean(str(raw), _admissible_words(cls.model_fields[name].annotation))}"
                 )
             case "union_tag_invalid" | "union_tag_not_found":
-                return _kind_fault(where, raw, _admissible_words(cls.model_fields[name].annotation))
+                return _missing_or_unknown_kind_fault(where, raw, _admissible_words(cls.model_fields[name].annotation))
         if where == "mass" and isinstance(raw, list | tuple):
             cause = f"not modelled: {NOT_MODELLED['masses']}"
         # pydantic's own error without a cause: the field must be a part
         return f"{value}: {cause or f'must be a table [{where}]'}"
 
     @classmethod
-    def _admissible(cls, name: str) -> str:
+    def _admissible_text(cls, name: str) -> str:
+        """What a field that is missing admits."""
         missing = next(x for key, x in cls.model_fields.items() if name in (key, x.alias))
         if words := _admissible_words(missing.annotation):
             return f"one of {', '.join(words)}"
         return next((m.words for m in missing.metadata if isinstance(m, Admits)), f"a table [{name}]")
 
 
-def number_or_table(number: Admits, table: type[Part]) -> Any:
-    """A number, or a table in its place."""
+def number_or_table_type(number: Admits, table: type[Part]) -> Any:
+    """The type of a number, or of a table in its place."""
     kind = Discriminator(lambda x: "table" if isinstance(x, dict | table) else "number")
     either = Annotated[Annotated[float, number], Tag("number")] | Annotated[table, Tag("table")]  # type: ignore[valid-type]
-    return Annotated[either, kind, Admits(f"{number.words}, or a table {{{', '.join(table.field_names())}}}")]
+    return Annotated[either, kind, Admits(f"{number.words}, or a table {{{', '.join(table.written_field_names())}}}")]
 
 
 def _written_name(part: type[Part], name: str) -> str:
+    """The name of a field in a file: its alias, if it has one."""
     field = part.model_fields.get(name)
     return name if field is None else field.alias or name
 
 
-def _kind_fault(where: str, table: object, kinds: list[str]) -> str:
+def _missing_or_unknown_kind_fault(where: str, table: object, kinds: list[str]) -> str:
     kind = table.get("kind") if isinstance(table, dict) else None
     if kind is None:
         return f"{where}.kind: missing; must be one of {', '.join(kinds)}"

@@ -23,7 +23,7 @@ class Key:
     kind: str = ""  # of its table, if only that kind has it
 
     @property
-    def brief(self) -> str:
+    def short_admits(self) -> str:
         """Admissible values, but for the widest range."""
         if self.admits == REAL.words:
             return "any number"
@@ -61,7 +61,7 @@ def list_keys(part: type[Part]) -> Iterator[Key]:
     return _table_keys(content, content["$defs"], "")
 
 
-def _table_keys(table: dict[str, Any], definitions: dict[str, Any], before: str) -> Iterator[Key]:
+def _table_keys(table: dict[str, Any], definitions: dict[str, Any], prefix: str) -> Iterator[Key]:
     for name, rule in table["properties"].items():
         options = _alternative_rules(rule, definitions)
         tables = [x for x in options if "properties" in x]
@@ -70,12 +70,12 @@ def _table_keys(table: dict[str, Any], definitions: dict[str, Any], before: str)
             unit, meaning = re.fullmatch(r"\[(.*?)\] ?(.*)", rule["description"]).groups()  # type: ignore[union-attr]
             default = "required" if name in table.get("required", ()) else str(rule.get("default", "-"))
             words = numbers[0].get("$comment") or f"one of {', '.join(numbers[0].get('enum', ()))}"
-            yield Key(before + name, unit, meaning, default, words)
+            yield Key(prefix + name, unit, meaning, default, words)
         if len(tables) > 1:
-            yield from _keys_of_kinds(tables, definitions, before + name)
+            yield from _keys_of_kinds(tables, definitions, prefix + name)
         elif tables:
             index = ".0" if "items" in rule else ""
-            yield from _table_keys(tables[0], definitions, f"{before}{name}{index}.")
+            yield from _table_keys(tables[0], definitions, f"{prefix}{name}{index}.")
 
 
 def _alternative_rules(rule: dict[str, Any], definitions: dict[str, Any]) -> list[dict[str, Any]]:

@@ -40,7 +40,7 @@ class Limits(Part):
     deceleration: Positive | None = described_field("[m/s2] most of the timetable", None)
     speed: Positive | None = described_field("[m/s] most", None)
 
-    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
+    def cross_field_faults(self, written_values: Mapping[str, Any]) -> list[str]:
         faults = [
             f"use = {name!r}: unknown.{did_you_mean(name, TEXTS)}" for name in self.use or () if name not in TEXTS
         ]
@@ -49,19 +49,21 @@ class Limits(Part):
         unknown = [name for name in self.when or () if name not in CIRCUMSTANCES]
         return faults + [f"when = {name!r}: unknown.{did_you_mean(name, CIRCUMSTANCES)}" for name in unknown]
 
-    def rules(self, span: float) -> Iterator[Rule]:
+    def applicable_rules(self, span: float) -> Iterator[Rule]:
         """Rules that apply to a span [m], of each demand and kind the one for what is given in `when`."""
         for name in self.use:
             text = TEXTS[name]
-            special = {(x["demand"], x.get("kind")) for x in text["limit"] if x.get("when") in self.when}
             for rule in text["limit"]:
-                if "when" in rule:
-                    applies = rule["when"] in self.when
-                else:
-                    applies = (rule["demand"], rule.get("kind")) not in special
-                if applies and span > rule.get("span_above", 0.0):
+                if self._applies(rule, text["limit"]) and span > rule.get("span_above", 0.0):
                     yield rule | {"text": name, "source": f"{text['source']}, {rule['clause']}"}
         for demand in DEMANDS:
             limit = getattr(self, demand, None)
             if limit is not None:
                 yield {"demand": demand, "limit": limit, "text": "", "source": "the scene"}
+
+    def _applies(self, rule: Rule, rules: list[Rule]) -> bool:
+        """Whether the circumstance of a rule is given; of one without, whether no special one takes its place."""
+        if "when" in rule:
+            return rule["when"] in self.when
+        special = {(x["demand"], x.get("kind")) for x in rules if x.get("when") in self.when}
+        return (rule["demand"], rule.get("kind")) not in special

@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from cablefem.scene.bisection import bisect_zero
-from cablefem.scene.bodies import Hanger, Wheels, body_faults, groove_faults
+from cablefem.scene.bodies import Hanger, Wheels, body_faults, missing_wire_faults
 from cablefem.scene.cable import STEEPEST, Rope
 from cablefem.scene.described import LINES, Described
 from cablefem.scene.drive import Driving
@@ -33,9 +33,9 @@ from cablefem.scene.fields import (
     Word,
     described_field,
     integer_between,
-    tables_like,
+    list_of_tables_like,
 )
-from cablefem.scene.surroundings import Ground, Obstacles, surroundings_faults
+from cablefem.scene.surroundings import Ground, Obstacles, obstacle_faults
 from cablefem.scene.travel import Travel
 
 OWNED = {"tension": "counterweight", "stiffness": "spring", "shoe": "saddle"}  # of one kind of contact
@@ -79,13 +79,14 @@ class Contact(Part):
         "[m] to either side of a saddle: a car within rests on it, or runs over it", None
     )
 
-    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
+    def cross_field_faults(self, written_values: Mapping[str, Any]) -> list[str]:
         """Faults between fields, one line each."""
         faults = []
         for key, owner in OWNED.items():
-            missing = values.get(key) is None
+            missing = written_values.get(key) is None
             if not missing and self.kind not in (None, owner):
-                faults.append(f"{key} = {short_text(values[key])}: only a {owner} has it; this is kind = {self.kind!r}")
+                written = f"{key} = {short_text(written_values[key])}"
+                faults.append(f"{written}: only a {owner} has it; this is kind = {self.kind!r}")
             elif missing and self.kind == owner and key != "shoe":
                 faults.append(f"{key}: missing; must be given for a {owner}")
         return faults
@@ -124,19 +125,19 @@ class Car(Part):
     def mode(self) -> str:
         return "grip" if self.drive is None else self.drive.mode
 
-    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
+    def cross_field_faults(self, written_values: Mapping[str, Any]) -> list[str]:
         """Faults between fields, one line each."""
-        at_rest = values.get("at") is not None
-        present = [name for name in ("travel", "drive", "hanger", "wheels") if values.get(name) is not None]
-        if at_rest:
-            if present:
-                return [f"{' and '.join(present)}: too much beside at, of a car at rest"]
-            return ["hauled: missing; must be true or false for a car at rest"] if values.get("hauled") is None else []
+        at_rest = written_values.get("at") is not None
+        hauled_given = written_values.get("hauled") is not None
+        present = [name for name in ("travel", "drive", "hanger", "wheels") if written_values.get(name) is not None]
+        if at_rest and present:
+            return [f"{' and '.join(present)}: too much beside at, of a car at rest"]
         if not present:
-            if values.get("hauled") is not None:
+            if hauled_given:
                 return []
-            return ["hauled: missing; must be true or false for a car at rest; one in motion has travel or drive"]
-        if values.get("hauled") is not None:
+            missing = "hauled: missing; must be true or false for a car at rest"
+            return [missing if at_rest else f"{missing}; one in motion has travel or drive"]
+        if hauled_given:
             return [f"hauled: of a car at rest, which has no {' and no '.join(present)}; in motion drive.mode says it"]
         if "drive" in present and self.drive is None:
             return []  # its own faults are reported
@@ -306,12 +307,12 @@ class Line(Described):
     not_modelled: ClassVar = NOT_MODELLED | dict.fromkeys(("supports", "mass", "travel", "drive"), ONE_SPAN)
 
     cable: LineRope
-    contact: Annotated[tuple[Contact, ...], tables_like("[[contact]]")]
-    car: Annotated[tuple[Car, ...], tables_like("[[car]]")] = described_field("[-] cars from left to right", ())
+    contact: Annotated[tuple[Contact, ...], list_of_tables_like("[[contact]]")]
+    car: Annotated[tuple[Car, ...], list_of_tables_like("[[car]]")] = described_field("[-] cars from left to right", ())
     obstacle: Obstacles = ()
     ground: Ground = ()
 
-    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
+    def cross_field_faults(self, written_values: Mapping[str, Any]) -> list[str]:
         """Faults between fields, one line each."""
         rope = self.cable
         contacts = self.contact
@@ -324,16 +325,16 @@ class Line(Described):
         if faults:
             return faults
         faults = _rope_faults(rope, contacts) + _car_faults(cars, contacts)
-        faults += [fault for car in cars for fault in groove_faults(rope.wire, car.wheels)]
-        return faults + surroundings_faults(self.obstacle or (), contacts[-1].at[0])
+        faults += [fault for car in cars for fault in missing_wire_faults(rope.wire, car.wheels)]
+        return faults + obstacle_faults(self.obstacle or (), contacts[-1].at[0])
 
     @property
     def count(self) -> int:
         """Number of positions of the cars."""
         return max((len(car.x_at_rest) for car in self.car), default=1)
 
-    def _tables(self, replaced_keys: Container[str] = ()) -> dict[str, Any]:
-        data = super()._tables(replaced_keys)
+    def _toml_tables(self, replaced_keys: Container[str] = ()) -> dict[str, Any]:
+        data = super()._toml_tables(replaced_keys)
         for table, car in zip(data.get("car", ()), self.car, strict=True):
             if car.travel is not None:
                 table["travel"]["kind"] = car.travel.kind
@@ -373,7 +374,7 @@ class Line(Described):
             if car.name in positions:
                 stations.append(self._station_of(car, positions[car.name]))
         stations.sort(key=lambda p: p.x)
-        weight = (rope.mass_per_length + rope.ice_per_length) * self.gravity
+        weight = (rope.mass_per_length + rope.ice_mass_per_length) * self.gravity
         return Case(tuple(stations), weight, rope.EA, 1.0 + rope.thermal_strain, length)
 
     def _station_of(self, car: Car, x: float) -> Station:

@@ -74,7 +74,7 @@ def _rope_at_temperature(line: Line, length: float, thermal_stretch: float) -> E
     """The hot rope with ice; length : [m] of the empty line."""
     rope = line.cable
     fixed = line.contact[-1].kind != "counterweight"
-    mass = (rope.mass_per_length + rope.ice_per_length) / thermal_stretch
+    mass = (rope.mass_per_length + rope.ice_mass_per_length) / thermal_stretch
     return Elastic(mass_per_length=mass, EA=rope.EA, length=length if fixed else None)
 
 

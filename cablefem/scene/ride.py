@@ -68,7 +68,7 @@ class LoadPath:
     def empty(cls, groups: Groups) -> LoadPath:
         """The path along the empty cable's shape."""
         s = load_path_nodes(groups.sigma)
-        _, xp, yp, xpp, ypp = groups.tension_and_derivatives(s)
+        _, xp, yp, xpp, ypp = groups.tension_and_shape_derivatives(s)
         points = np.stack(groups.coordinates(s), -1)
         hold = -groups.mu * groups.sigma * yp
         return cls(s, points, np.stack([xp, yp], -1), np.stack([xpp, ypp], -1), hold, np.ones_like(s))

@@ -12,18 +12,18 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from cablefem.scene import catenary as _catenary
-from cablefem.scene.bodies import Wheels, body_faults, groove_faults
+from cablefem.scene.bodies import Wheels, body_faults, missing_wire_faults
 from cablefem.scene.cable import (
     SHAPES,
     Cable,
     Supports,
-    hanging_catenary,
-    hanging_fault,
+    catenary_with_heat_and_ice,
+    no_catenary_fault,
     reference_catenary,
     stretch_fault,
 )
 from cablefem.scene.catenary import Catenary
-from cablefem.scene.damping import Wind, damping_fault, damping_rates, first_frequency
+from cablefem.scene.damping import Wind, first_angular_frequency, overdamping_fault, own_and_wind_damping_rates
 from cablefem.scene.described import LIBRARY, OF_ONE_SPAN, Described, library_text, parse_toml
 from cablefem.scene.drive import GRIP, NEAREST_START, Drive, Driving
 from cablefem.scene.errors import NOT_MODELLED, SceneError
@@ -31,7 +31,7 @@ from cablefem.scene.fields import LARGE, NonNegative, Part, Positive, described_
 from cablefem.scene.motion import Motion
 from cablefem.scene.ride import Ride, quasi_static
 from cablefem.scene.statics import NoRest
-from cablefem.scene.surroundings import Ground, Obstacles, surroundings_faults
+from cablefem.scene.surroundings import Ground, Obstacles, obstacle_faults
 from cablefem.scene.travel import Table, Travel
 
 OF_LINES = "run and check alone take it, from a file"  # a scene with it is a line, see `short.py`
@@ -47,7 +47,7 @@ class Mass(Part):
     below: NonNegative = described_field("[m] how far the lowest part of the car or rider hangs below the cable", 0.0)
     wheels: Wheels | None = described_field("[-] wheels of the car; without base it stays a point of one span", None)
 
-    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
+    def cross_field_faults(self, written_values: Mapping[str, Any]) -> list[str]:
         """Fault of wheels that make a scene a line."""
         two = self.wheels is not None and (self.wheels.base or self.wheels.model == "rigid")
         return [f"wheels: not modelled: {OF_LINES}"] if two else []
@@ -67,9 +67,9 @@ class Groups:
     drive: Drive = GRIP
     damping: float = 0.0  # c_d: the force on the cable is -c_d times its momentum
 
-    def tension_and_derivatives(self, s) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def tension_and_shape_derivatives(self, s) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """(T, x', y', x'', y'') at s in [0, 1]."""
-        return _catenary.tension_and_derivatives(s, self.sigma, self.c)
+        return _catenary.tension_and_shape_derivatives(s, self.sigma, self.c)
 
     def coordinates(self, s) -> tuple[np.ndarray, np.ndarray]:
         """(x, y) at s in [0, 1]; y down."""
@@ -94,17 +94,17 @@ class Scene(Described):
     obstacle: Obstacles = ()
     ground: Ground = ()
 
-    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
+    def cross_field_faults(self, written_values: Mapping[str, Any]) -> list[str]:
         """Faults between fields, one line each."""
-        present = [name for name in ("mass", "travel") if values.get(name) is not None]
+        present = [name for name in ("mass", "travel") if written_values.get(name) is not None]
         faults = [] if self.drive is None else _presence_faults(self.drive.mode, present)
         faults += body_faults(None, None, None, self.drive)
         hung = (self.gravity, self.cable, self.supports)
         if None in hung:
             return faults
-        faults += surroundings_faults(self.obstacle or (), self.supports.span)
-        faults += groove_faults(self.cable.wire, None if self.mass is None else self.mass.wheels)
-        if hanging := hanging_fault(*hung):
+        faults += obstacle_faults(self.obstacle or (), self.supports.span)
+        faults += missing_wire_faults(self.cable.wire, None if self.mass is None else self.mass.wheels)
+        if hanging := no_catenary_fault(*hung):
             return [*faults, hanging]
         return [*faults, *filter(None, self._dynamic_faults(self.drive or Driving()))]
 
@@ -112,7 +112,7 @@ class Scene(Described):
         """Faults of stretch, damping, travel and drive on a cable that hangs; "" where there is none."""
         faults = [
             stretch_fault(self.gravity, self.cable, self.supports),
-            damping_fault(*self._damping_arguments),
+            overdamping_fault(*self._damping_arguments),
         ]
         rolling = [f"drive.{fault}" for fault in drive.faults(self.length)]
         if self.travel is not None and drive.mode != "free" and not rolling:
@@ -130,7 +130,7 @@ class Scene(Described):
             raise SceneError([OF_ONE_SPAN])
         return super().from_toml(text, name=name, folder=folder)
 
-    def _tables(self, replaced_keys: Container[str] = ()) -> dict[str, Any]:
+    def _toml_tables(self, replaced_keys: Container[str] = ()) -> dict[str, Any]:
         brief = {"mass", "drive", "wind", "obstacle", "ground", "limits"}
         data = self.model_dump(exclude_none=True, exclude=brief)
         data |= self.model_dump(exclude_none=True, exclude_defaults=True, include=brief)
@@ -175,7 +175,7 @@ class Scene(Described):
         A cable with temperature or ice is then described by its horizontal tension.
         """
         scene = self
-        if self.cable.differs_from_reference and (sag_ratio, mu, alpha) != (None, None, None):
+        if self.cable.has_heat_or_ice and (sag_ratio, mu, alpha) != (None, None, None):
             scene = scene._with_shape(horizontal_tension=scene.horizontal_tension)
         if sag_ratio is not None:
             scene = scene._with_shape(sag=sag_ratio * scene.supports.span)
@@ -204,10 +204,10 @@ class Scene(Described):
     @cached_property
     def catenary(self) -> Catenary:
         """The static cable, eqs (9)-(12)."""
-        return hanging_catenary(self.gravity, self.cable, self.supports)
+        return catenary_with_heat_and_ice(self.gravity, self.cable, self.supports)
 
     @property
-    def reference(self) -> Catenary:
+    def reference_catenary(self) -> Catenary:
         """The static cable without heat and ice."""
         return reference_catenary(self.gravity, self.cable, self.supports)
 
@@ -231,7 +231,7 @@ class Scene(Described):
     @property
     def rho(self) -> float:
         """Mass per stretched static length [kg/m], with ice and temperature."""
-        return self.catenary.weight / self.gravity if self.cable.differs_from_reference else self.cable.mass_per_length
+        return self.catenary.weight / self.gravity if self.cable.has_heat_or_ice else self.cable.mass_per_length
 
     @property
     def length(self) -> float:
@@ -286,19 +286,19 @@ class Scene(Described):
     @property
     def damping(self) -> float:
         """c_d [1/s]: `cable.damping` and a crosswind's part."""
-        return sum(damping_rates(*self._damping_arguments))
+        return sum(own_and_wind_damping_rates(*self._damping_arguments))
 
     @property
     def damping_ratio(self) -> float:
         """c_d over critical damping of the first mode of the empty cable [-]."""
-        return 0.5 * self.damping / first_frequency(self.catenary, self.cable.EA, self.gravity)
+        return 0.5 * self.damping / first_angular_frequency(self.catenary, self.cable.EA, self.gravity)
 
     @property
     def wind_tilt(self) -> float | None:
         """Tilt [deg] of the empty cable's plane by a steady crosswind, or None."""
         if self.wind is None:
             return None
-        return math.degrees(math.atan(self.wind.force(self.cable.diameter_with_ice) / self.catenary.weight))
+        return math.degrees(math.atan(self.wind.force_per_length(self.cable.diameter_with_ice) / self.catenary.weight))
 
     @property
     def wave_speed(self) -> float:

@@ -14,7 +14,7 @@ from cablefem.scene.line import Line
 from cablefem.scene.scene import Scene
 
 
-def line_or_none(name_or_path: str | Path) -> Line | None:
+def load_line_or_none(name_or_path: str | Path) -> Line | None:
     """The line of that name or TOML file; None for a scene of one span, or where it cannot be read."""
     try:
         text, name = scene_text_and_name(name_or_path)
@@ -29,23 +29,23 @@ def line_or_none(name_or_path: str | Path) -> Line | None:
     wheels = mass.get("wheels", {})
     point = isinstance(wheels, dict) and wheels.get("model") == "point" and not wheels.get("base")
     if "hanger" in mass or ("wheels" in mass and not point):
-        return Line.from_toml(tomli_w.dumps(line_tables(data)), name=name, folder=folder)
+        return Line.from_toml(tomli_w.dumps(line_tables_of_scene(data)), name=name, folder=folder)
     return None
 
 
-def scene_or_line(name_or_path: str | Path) -> Scene | Line:
+def load_scene_or_line(name_or_path: str | Path) -> Scene | Line:
     """The scene of one span, or the line, of that name or TOML file."""
-    return line_or_none(name_or_path) or Scene.load(name_or_path)
+    return load_line_or_none(name_or_path) or Scene.load(name_or_path)
 
 
-def line_tables(data: dict[str, Any]) -> dict[str, Any]:
+def line_tables_of_scene(data: dict[str, Any]) -> dict[str, Any]:
     """Tables of the line of two anchors and one car; SceneError where the cable does not hang.
 
     Its rope is the same by unstretched length: a strain of it is 1 + T/EA of one at rest, with the mean T.
     """
     described = {key: data[key] for key in ("name", "gravity", "cable", "supports") if key in data}
     scene = Scene(**described)
-    at_rest = scene.reference
+    at_rest = scene.reference_catenary
     shorter = 1.0 - at_rest.mean_tension / scene.cable.EA
     rope = {key: value for key, value in data["cable"].items() if key not in SHAPES}
     rope |= {

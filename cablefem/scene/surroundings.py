@@ -11,7 +11,16 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Field
 
 from cablefem.scene.errors import SceneError, did_you_mean, short_text
-from cablefem.scene.fields import Admits, Pair, Part, Real, Word, described_field, rising_faults, tables_like
+from cablefem.scene.fields import (
+    Admits,
+    Pair,
+    Part,
+    Real,
+    Word,
+    described_field,
+    list_of_tables_like,
+    not_rising_faults,
+)
 from cablefem.scene.limits import KINDS
 
 GROUND = "the ground"  # its name beside those of obstacles
@@ -23,28 +32,29 @@ class Obstacle(Part):
     top: Real = described_field("[m] depth of its top below the left support")
     kind: Word | None = described_field(f"[-] for limits: {', '.join(KINDS)}", None)
 
-    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
+    def cross_field_faults(self, written_values: Mapping[str, Any]) -> list[str]:
         if self.kind is None or self.kind in KINDS:
             return []
         return [f"kind = {self.kind!r}: unknown.{did_you_mean(self.kind, KINDS)}"]
 
 
-def _check_profile(points: tuple[Pair, ...]) -> tuple[Pair, ...]:
-    if len(points) == 1 or rising_faults("x", [x for x, _ in points]):
+def _require_profile(points: tuple[Pair, ...]) -> tuple[Pair, ...]:
+    """The points; ValueError unless they are two or more with rising x."""
+    if len(points) == 1 or not_rising_faults("x", [x for x, _ in points]):
         raise ValueError("no profile")
     return points
 
 
 _WORDS = "a list of at least two points [x, depth], x strictly increasing, or the name of a CSV file of them"
 Ground = Annotated[
-    tuple[Pair, ...], Field(strict=False), AfterValidator(_check_profile), Admits(_WORDS),
+    tuple[Pair, ...], Field(strict=False), AfterValidator(_require_profile), Admits(_WORDS),
     Field(
         description="[m] points [x, depth below the left support], linear between them, or a CSV file",
         json_schema_extra={"type": ["array", "string"]},
     ),
 ]  # fmt: skip
 Obstacles = Annotated[
-    tuple[Obstacle, ...], tables_like("{name = ..., at = ..., top = ...}"),
+    tuple[Obstacle, ...], list_of_tables_like("{name = ..., at = ..., top = ...}"),
     Field(description="[-] what the rope and the cars must clear"),
 ]  # fmt: skip
 
@@ -70,7 +80,7 @@ def read_ground(name: str, folder: Path) -> list[list[float]]:
     return points
 
 
-def surroundings_faults(obstacles: tuple[Obstacle, ...], span: float) -> list[str]:
+def obstacle_faults(obstacles: tuple[Obstacle, ...], span: float) -> list[str]:
     """Faults of obstacles between supports with this span [m]."""
     faults: list[str] = []
     names = [x.name for x in obstacles]

@@ -18,8 +18,8 @@ from cablefem.scene.fields import (
     Positive,
     Real,
     described_field,
-    length_faults,
-    rising_faults,
+    not_rising_faults,
+    unequal_length_faults,
 )
 from cablefem.scene.motion import Motion, Piece
 
@@ -273,14 +273,14 @@ class Table(Law):
         f"[m] distance from the start, {ALONG}: from 0, never decreasing; equal ones are a standstill"
     )
 
-    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
+    def cross_field_faults(self, written_values: Mapping[str, Any]) -> list[str]:
         """Faults between fields, one line each."""
-        faults = length_faults(self.times, "positions", self.positions)
+        faults = unequal_length_faults(self.times, "positions", self.positions)
         for name, sign in (("times", ">"), ("positions", ">=")):
             column = getattr(self, name)
             if column and column[0] > 0.0:
                 faults.append(f"{name}[0] = {column[0]!r}: must be 0, the start")
-            faults += rising_faults(name, column, sign)
+            faults += not_rising_faults(name, column, sign)
         return faults
 
     def fields_fault(self, distance: float) -> str:

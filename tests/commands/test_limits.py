@@ -80,9 +80,9 @@ def test_what_is_not_computed_says_why():
 
 def test_circumstances_choose_between_numbers_of_a_text():
     scene = TRAMWAY.replace({"limits.when": ["more than two persons", "rare use"]})
-    rules = [rule["limit"] for rule in scene.limits.rules(700.0) if rule["demand"] == "tension_over_wheel"]
+    rules = [rule["limit"] for rule in scene.limits.applicable_rules(700.0) if rule["demand"] == "tension_over_wheel"]
     assert rules == [20.0, 50.0]
-    short = [rule["limit"] for rule in scene.limits.rules(90.0) if rule["demand"] == "sag_growth"]
+    short = [rule["limit"] for rule in scene.limits.applicable_rules(90.0) if rule["demand"] == "sag_growth"]
     assert short == [0.15]  # the other text asks it of spans over 100 m
 
 
@@ -182,7 +182,7 @@ def test_a_grid_has_the_worst_limit_of_each_scene(cablefem):
 @pytest.mark.parametrize(("case", "pressure"), [("wind", 300.0), ("storm", 0.7 * 1000.0)])
 def test_a_wind_case_is_a_pressure_on_the_face_of_the_rope(case, pressure):
     scene = Scene.load("zipline").replace({"cable.diameter": 0.016, **CASES[case]["set"]})
-    assert scene.wind.force(0.016) == pytest.approx(0.016 * pressure)
+    assert scene.wind.force_per_length(0.016) == pytest.approx(0.016 * pressure)
 
 
 def test_load_cases_make_a_grid_and_say_what_is_missing(cablefem):

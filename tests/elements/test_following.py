@@ -32,7 +32,7 @@ def test_the_hanging_cable_feels_the_mass_alone(model):
     zero = np.zeros(system.n_dof)
     r = system.residual(1.07, zero, zero, zero, 0).reshape(-1, system.fields)
     ds, s_o = 0.45, 0.45 * 1.07
-    *_, xpp, ypp = STEEP.tension_and_derivatives(s_o)
+    *_, xpp, ypp = STEEP.tension_and_shape_derivatives(s_o)
     weight = np.array([0.0, STEEP.mu * STEEP.sigma])
     if model == "full":
         expected = STEEP.mu * ds**2 * np.array([xpp, ypp]) - weight
@@ -149,7 +149,7 @@ def test_fields_paths_and_their_rates_belong_together(model):
         np.testing.assert_allclose(velocity[50:-5], o.path_velocity[50:-5], rtol=0.0, atol=2e-4)
     # the rate of the mass is that of the cable under it, carried along the slope: v. + ds_o (y' + v') (1)
     slope = np.array([o.slope_behind[i], o.slope_ahead[i]])
-    T = STEEP.tension_and_derivatives(s_o[i])[0]
+    T = STEEP.tension_and_shape_derivatives(s_o[i])[0]
     carried = np.array([o.du[2, 2], o.dv[2, 2]]) + 0.45 * slope[0]
     np.testing.assert_allclose(carried, o.path_velocity[i], rtol=0.0, atol=1e-12)
     if model == "full":

@@ -38,7 +38,7 @@ def strong_form(t, side, xi):
     k = ds * chi / h  # mesh velocity over h: d xi/dt at fixed s is -k
     w_tt = 2.0 * g - 4.0 * t * k * g1 + t * t * ((2.0 * e * ds**2 / h - dds) * chi / h * g1 + k**2 * g2)
     s = s_o * xi if side == 0 else s_o + h * xi
-    T, xp, yp, xpp, ypp = G.tension_and_derivatives(s)
+    T, xp, yp, xpp, ypp = G.tension_and_shape_derivatives(s)
     r1, r2 = np.array([xp, yp]) + t * t / h * g1, np.array([xpp, ypp]) + t * t / h**2 * g2
     stretch = np.hypot(*r1)
     tangent = r1 / stretch
@@ -74,7 +74,7 @@ class Forced(FollowingElements):
             np.add.at(F, dofs, value[:, :, None] * body.T)
             ends.append([x[:, 0] for x in strong_form(t, side, np.array([1.0 - 1e-15 if side == 0 else 0.0]))[1:]])
         (pull_behind, behind), (pull_ahead, ahead) = ends
-        _, xp, yp, xpp, ypp = G.tension_and_derivatives(s_o)
+        _, xp, yp, xpp, ypp = G.tension_and_shape_derivatives(s_o)
         p_tt = 2.0 * chosen(0, np.ones(1))[0, :, 0] + dds * np.array([xp, yp]) + ds**2 * np.array([xpp, ypp])
         jump = pull_ahead - pull_behind - (1.0 - self.wrong) * ds**2 * (ahead - behind)
         F[self.node] += G.mu * (p_tt - np.array([0.0, G.sigma])) - jump

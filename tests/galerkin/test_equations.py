@@ -55,7 +55,7 @@ def static(system, s):
     """X, X' as the model's load sees them, (fields, ...)."""
     g = system.groups
     if system.fields == 2:
-        return np.array(g.coordinates(s)), np.array(g.tension_and_derivatives(s)[1:3])
+        return np.array(g.coordinates(s)), np.array(g.tension_and_shape_derivatives(s)[1:3])
     k = g.sigma * g.chord_cos**2  # the parabola's curvature, tau = 1/chord_cos
     return np.array([0.5 * k * s * (1.0 - s)]), np.array([k * (0.5 - s)])
 
@@ -158,7 +158,7 @@ def printed_force(system, s_o, q):
     """(25)-(26) term by term, gravity included, (2, n)."""
     g = system.groups
     s, w = halves(s_o)
-    T, xp, yp, _, _ = g.tension_and_derivatives(s)
+    T, xp, yp, _, _ = g.tension_and_shape_derivatives(s)
     phi, slope, _ = shapes(system, s, s_o)
     rx, ry = q_of(system, q) @ slope.T + np.array([xp, yp])
     eps = np.hypot(rx, ry) - 1.0
@@ -192,7 +192,7 @@ def test_hanging_cable_is_an_exact_equilibrium(model, kink, basis):
     force, pull = system.cable.internal_force_and_tensions(place, np.zeros((system.fields, system.n)))
     least, where = system.cable.min_tension(system.basis, place, pull)
     assert np.abs(force).max() == 0.0
-    assert abs(least - STEEP.tension_and_derivatives(where)[0]) < 1e-15
+    assert abs(least - STEEP.tension_and_shape_derivatives(where)[0]) < 1e-15
 
 
 def test_a_straight_cable_bends_at_the_hat_alone():
@@ -227,7 +227,7 @@ def test_one_field_force_by_quadrature(model, kink):
     force, pull = system.cable.internal_force_and_tensions(place, q[None])
     least, _ = system.cable.min_tension(system.basis, place, pull)
     np.testing.assert_allclose(force[0], (w * (tau * w_s + h * (y_s + kap * w_s))) @ slope, rtol=0.0, atol=1e-11)
-    assert abs(least - (STEEP.tension_and_derivatives(np.linspace(0.0, 1.0, 20001))[0].min() + h)) < 1e-8
+    assert abs(least - (STEEP.tension_and_shape_derivatives(np.linspace(0.0, 1.0, 20001))[0].min() + h)) < 1e-8
 
 
 def test_ripples_are_not_slack():

@@ -7,7 +7,7 @@ from cablefem.elements.line import solve
 from cablefem.scene import Scene, SceneError
 from cablefem.scene.line import Line
 from cablefem.scene.moving import line_in_motion
-from cablefem.scene.short import line_or_none
+from cablefem.scene.short import load_line_or_none
 from tests.motion.lines import LEFT, RIGHT, ROPE, car, line
 
 TEXT = """
@@ -67,7 +67,7 @@ def test_two_wheels_and_a_cabin_from_a_file():
     # c = 2 zeta omega (J + m h^2), omega^2 = m g h/(J + m h^2)
     about = 5000.0 * (1.3**2 + 5.5**2)
     omega = (5000.0 * 9.81 * 5.5 / about) ** 0.5
-    assert down.hanger.moment_per_rate(9.81) == pytest.approx(0.1 * omega * about)
+    assert down.hanger.damping_moment_per_rate(9.81) == pytest.approx(0.1 * omega * about)
 
 
 @pytest.mark.parametrize(
@@ -153,7 +153,7 @@ hitch = [0.0, -2.0]
 
 def test_one_span_whose_car_has_two_wheels_is_a_line_with_the_same_cable(tmp_path):
     (tmp_path / "span.toml").write_text(SPAN)
-    found = line_or_none(tmp_path / "span.toml")
+    found = load_line_or_none(tmp_path / "span.toml")
     point = SPAN.replace("wheels", "#").replace("hitch", "#")
     empty, same = found.empty(solve), Scene.from_toml(point)
     assert empty.s[-1] * found.cable.mass_per_length == pytest.approx(13.3 * same.length)
@@ -163,7 +163,7 @@ def test_one_span_whose_car_has_two_wheels_is_a_line_with_the_same_cable(tmp_pat
     with pytest.raises(SceneError, match=r"begins with its front wheel at 4.5 m; must be >= 5.\d+ m"):
         line_in_motion(on_platform, solve)
     (tmp_path / "span.toml").write_text(point)
-    assert line_or_none(tmp_path / "span.toml") is None
+    assert load_line_or_none(tmp_path / "span.toml") is None
 
 
 def test_what_takes_no_line_says_so():

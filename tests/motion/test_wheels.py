@@ -14,7 +14,7 @@ from cablefem.scene.bodies import Wheels
 from cablefem.scene.contacts import Car
 from cablefem.scene.drive import Drive
 from cablefem.scene.line import Line
-from cablefem.scene.short import line_or_none
+from cablefem.scene.short import load_line_or_none
 from tests.commands.test_files import unknown
 from tests.motion.lines import BODIES
 from tests.motion.test_bodies import tram
@@ -174,7 +174,7 @@ def advice(folder, *changes):
     for old, new in changes:
         text = text.replace(old, new)
     (folder / "span.toml").write_text(text)
-    found = bodies.advise(line_or_none(folder / "span.toml"), 1e-2, folder)
+    found = bodies.advise(load_line_or_none(folder / "span.toml"), 1e-2, folder)
     assert not unknown(folder / "advice.json")
     return {row["need"]: row for row in found["bodies"]}, *found["periods"], page.sections(folder)[0].summary
 

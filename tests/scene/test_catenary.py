@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.polynomial.chebyshev import Chebyshev
 
-from cablefem.scene.catenary import Z_MAX, Z_MIN, Catenary, coordinates, tension_and_derivatives
+from cablefem.scene.catenary import Z_MAX, Z_MIN, Catenary, coordinates, tension_and_shape_derivatives
 
 SPANS = st.floats(3.0, 5000.0)
 SLOPES = st.floats(-60.0, 60.0)  # degrees
@@ -73,7 +73,7 @@ def test_the_catenary_ends_at_its_supports(cable):
 def test_static_and_shape_belong_together(cable, places):
     """T x' = 1, T y' = c - sigma s, unit tangent, and the second derivatives are those of the first ones."""
     s = np.array(places)
-    T, xp, yp, xpp, ypp = tension_and_derivatives(s, cable.sigma, cable.c)
+    T, xp, yp, xpp, ypp = tension_and_shape_derivatives(s, cable.sigma, cable.c)
     np.testing.assert_allclose(T * xp, 1.0, rtol=1e-14)
     np.testing.assert_allclose(T * yp, cable.c - cable.sigma * s, rtol=1e-14, atol=1e-14)
     np.testing.assert_allclose(np.hypot(xp, yp), 1.0, rtol=1e-14)
@@ -95,7 +95,7 @@ def test_length_sag_and_tension_lead_to_the_same_cable(cable):
     assert by_tension.sag == pytest.approx(cable.sag, rel=1e-13)
     by_length = Catenary.from_length(cable.span, cable.drop, cable.weight, cable.length)
     # a length is known to rounding; l - chord, which alone fixes H (H ~ slack^-1/2), loses the factor l/slack
-    tolerance = 1e-14 + 4.0 * np.finfo(float).eps * cable.length / cable.slack
+    tolerance = 1e-14 + 4.0 * np.finfo(float).eps * cable.length / cable.excess_over_chord
     assert by_length.horizontal_tension == pytest.approx(cable.horizontal_tension, rel=tolerance)
     assert by_length.sag == pytest.approx(cable.sag, rel=tolerance)
 
@@ -118,7 +118,8 @@ def test_every_digit_of_a_taut_and_of_a_deep_cable(slope, z):
     span, weight = 1234.5, 6.7
     cable = Catenary(span, span * math.tan(math.radians(slope)), weight, weight * span / (2.0 * z))
     slack, c, sag = exactly(cable.span, cable.drop, cable.weight, cable.horizontal_tension)
-    assert cable.slack == pytest.approx(slack, rel=1e-14)  # of a taut cable length - chord would keep few digits
+    # of a taut cable length - chord would keep few digits
+    assert cable.excess_over_chord == pytest.approx(slack, rel=1e-14)
     # c is a difference on a steeply rising cable: sinh(theta_m + z) with theta_m = -3 at 84 degrees
     assert cable.c == pytest.approx(c, rel=1e-14, abs=1e-15)
     assert cable.sag == pytest.approx(sag, rel=2e-13)

@@ -32,7 +32,7 @@ def test_keys_are_those_that_scenes_read():
     assert (found["cable.damping.rate"].unit, found["cable.damping.rate"].default) == ("1/s", "required")
     assert found["travel.jerk"].unit == "m/s3"
     assert found["travel.jerk"].kind == "trapezoid"
-    assert found["travel.from"].brief == "> 0"
+    assert found["travel.from"].short_admits == "> 0"
     assert {"drive.brake.0.from", "drive.thrust.times", "obstacle.0.top", "ground", "travel.stop.time"} <= found.keys()
     assert not any("place" in name and "end" not in name for name in found), "keys are as they are written"
 

@@ -36,7 +36,7 @@ class Sines(System):
         if not self.full:
             y1, y2 = self.groups.sigma * (0.5 - s), -self.groups.sigma + 0.0 * s
             return 1.0 + 0.0 * s, np.stack([1.0 + 0.0 * s, y1], -1), np.stack([0.0 * s, y2], -1)
-        T, x1, y1, x2, y2 = self.groups.tension_and_derivatives(s)
+        T, x1, y1, x2, y2 = self.groups.tension_and_shape_derivatives(s)
         return T, np.stack([x1, y1], -1), np.stack([x2, y2], -1)
 
     def stress(self, s, w1):

@@ -121,12 +121,12 @@ def test_a_wrong_unit_of_time_is_seen(monkeypatch):
 
 def test_a_wrong_curvature_of_the_shared_catenary_is_seen(monkeypatch):
     """Both wings have one of their own in their equations; what they observe goes by this one."""
-    static = catenary.tension_and_derivatives
+    static = catenary.tension_and_shape_derivatives
 
     def bent(*at):
         return (*static(*at)[:3], *(1.02 * bend for bend in static(*at)[3:]))
 
-    monkeypatch.setattr(catenary, "tension_and_derivatives", bent)
+    monkeypatch.setattr(catenary, "tension_and_shape_derivatives", bent)
     assert "momentum of the mass" in broken(ladder(LEVEL.variant()))
 
 

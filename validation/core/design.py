@@ -165,7 +165,7 @@ def demands_of_limits(scene: Scene) -> set[str]:
     """Names of the numbers that the limits of a scene ask for."""
     if scene.limits is None:
         return set()
-    return {rule["demand"] for rule in scene.limits.rules(scene.supports.span)}
+    return {rule["demand"] for rule in scene.limits.applicable_rules(scene.supports.span)}
 
 
 def _car_sag_tracks(r: Response) -> list[Track]:

@@ -44,7 +44,7 @@ def limit_rows(scene: Scene | Line, design: Sequence[Row], events: Sequence[Row]
     values = _DemandedValues(scene, scene.limits, design, events)
     out: list[Row] = []
     open_rows = set()  # of each text one row for what cannot be judged
-    for rule in scene.limits.rules(values.span):
+    for rule in scene.limits.applicable_rules(values.span):
         words, side, unit, _ = DEMANDS[rule["demand"]]
         for value in values.values_for_rule(rule):
             row = {

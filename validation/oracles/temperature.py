@@ -67,7 +67,7 @@ def unstretched_length(rest: Catenary, EA: float) -> float:
 def heated_length_and_total_weight(scene: Scene, stretched: float, unstretched: float) -> tuple[float, float]:
     """S [m] and weight [N], hot or cold, with ice; lengths [m] : at the reference temperature."""
     cable = scene.cable
-    ice = cable.ice_per_length
+    ice = cable.ice_mass_per_length
     return unstretched * (1.0 + cable.thermal_strain), (cable.mass_per_length + ice) * scene.gravity * stretched
 
 

@@ -64,10 +64,10 @@ def load_scene_or_refuse(name: str, earlier_faults: Sequence[str] = (), *, needs
 def load_line_or_none(name: str) -> Line | None:
     """The line of that name; None if it is a scene of one span; Refused with its faults."""
     from cablefem.scene import SceneError
-    from cablefem.scene.short import line_or_none
+    from cablefem.scene.short import load_line_or_none
 
     try:
-        return line_or_none(name)
+        return load_line_or_none(name)
     except SceneError as error:
         raise store.Refused([f"{name}: {fault}" for fault in error.faults]) from None
 

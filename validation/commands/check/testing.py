@@ -6,7 +6,7 @@ from typing import Any
 import validation
 from cablefem.scene import Scene
 from cablefem.scene.line import Line
-from cablefem.scene.short import scene_or_line
+from cablefem.scene.short import load_scene_or_line
 from validation.commands.check.study import check_solver
 from validation.core import assertions
 from validation.core.agreement import Agreement, Verdict, worst_deciding_verdict
@@ -43,7 +43,7 @@ def asserting_check(report: Report, earlier_checks: dict[Any, Any]) -> Callable[
         tol : that of `cablefem check` by default.
         """
         __tracebackhide__ = True
-        scene = scene if isinstance(scene, Scene | Line) else scene_or_line(scene)
+        scene = scene if isinstance(scene, Scene | Line) else load_scene_or_line(scene)
         key = (scene.to_toml(), tol)
         if key not in earlier_checks:
             tolerance: dict[str, Any] = {} if tol is None else {"tol": tol}

@@ -17,7 +17,7 @@ from cablefem.scene import Scene, SceneError
 from cablefem.scene.errors import short_text
 from cablefem.scene.keys import list_keys as keys_of
 from cablefem.scene.line import Line
-from cablefem.scene.short import line_or_none
+from cablefem.scene.short import load_line_or_none
 from validation.commands.find.condition import Answer, Clause, parse_condition, refuse_uncheckable_clauses
 from validation.core import store
 from validation.core.quantities import with_bar
@@ -152,7 +152,7 @@ def find(
     """
     scene = scene_or_line
     if not isinstance(scene, Scene | Line):
-        scene = line_or_none(scene) or Scene.load(scene)
+        scene = load_line_or_none(scene) or Scene.load(scene)
     key, low, high = _one_key_and_range(keys)
     search = _Search(scene, key, parse_condition(so_that), model, all_of or {}, progress, high - low)
     values = [low + (high - low) * i / BRACKETS for i in range(BRACKETS + 1)]

@@ -103,7 +103,7 @@ def shoe_pull_down_sentences(line: Line, motion: LineMotion) -> list[str]:
 
 def faster_than_waves_sentences(line: Line, motion: LineMotion) -> list[str]:
     """Cars that are faster than transverse waves, of speed sqrt(N/rho), and from where on."""
-    rho = line.cable.mass_per_length + line.cable.ice_per_length
+    rho = line.cable.mass_per_length + line.cable.ice_mass_per_length
     out = []
     for car in motion.cars:
         fast = np.flatnonzero(rho * car.ds**2 > np.fmin(car.tension_behind, car.tension_ahead))

@@ -92,7 +92,13 @@ def _print_keys() -> int:
     for title, part in (("one span, in motion", Scene), ("a line of several contacts, at rest or in motion", Line)):
         terminal.print_text(f"{title}:")
         rows = [
-            [key.name, key.unit, f"{key.kind}: {key.meaning}" if key.kind else key.meaning, key.default, key.brief]
+            [
+                key.name,
+                key.unit,
+                f"{key.kind}: {key.meaning}" if key.kind else key.meaning,
+                key.default,
+                key.short_admits,
+            ]
             for key in list_keys(part)
         ]
         terminal.print_table(["key", "unit", "meaning", "default", "range"], rows)

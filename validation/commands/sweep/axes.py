@@ -40,7 +40,7 @@ class Range(Part):
     numeric: ClassVar[bool] = True
     values: ClassVar[tuple[Any, ...]] = ()
 
-    def faults_between(self, values: Mapping[str, Any]) -> list[str]:
+    def cross_field_faults(self, written_values: Mapping[str, Any]) -> list[str]:
         """A range rises, and a logarithmic one is positive."""
         if None in (self.low, self.high):
             return []

@@ -122,7 +122,7 @@ class Study(Part):
         if self.job == "power":
             names.add("case")
         part, dot, _ = name.partition(".")
-        if name not in names and not (dot and part in Scene.field_names()):
+        if name not in names and not (dot and part in Scene.written_field_names()):
             near = did_you_mean(name, names)
             return [f"{name}: must be a field of the scene file (cable.sag) or one of them.{near}"]
         try:
